@@ -1,0 +1,53 @@
+"""Errors a user can cause, each one sentence: what, where, the value, what is allowed, the nearest match."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class UserError(Exception):
+    """Base of every error that a command line answers with one sentence and exit code 2."""
+
+
+class RecordError(UserError, ValueError):
+    """A loop record that cannot be read or judged at all."""
+
+
+class ParameterError(UserError, ValueError):
+    """A parameter outside what its owner allows."""
+
+
+class UnknownName(UserError, LookupError):
+    """A name that no plug-in, grid or figure answers to."""
+
+    def __init__(self, kind: str, name: str, known: Iterable[str], where: str = "") -> None:
+        place = f" in {where}" if where else ""
+        super().__init__(f"unknown {kind} {name!r}{place}: {nearest(name, known)}")
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Say which known names come closest to a wrong one.
+
+    Parameters
+    ----------
+    name : str
+        What the user wrote.
+    known : iterable of str
+        What would have been understood.
+
+    Returns
+    -------
+    str
+        ``did you mean 'horch'?`` or the list of everything known.
+
+    Examples
+    --------
+    >>> nearest("horhc", ["horch", "he"])
+    "did you mean 'horch'?"
+    """
+    names = sorted(known)
+    close = get_close_matches(name.lower(), names, n=3, cutoff=0.55)
+    if close:
+        return "did you mean " + " or ".join(repr(c) for c in close) + "?"
+    return "known: " + ", ".join(names)

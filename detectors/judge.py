@@ -1,0 +1,148 @@
+"""Judge one record by one or several methods: applicability, fitness of the record, oscillation, then the method itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from types import ModuleType
+
+import numpy as np
+
+from detectors.errors import ParameterError, nearest
+from detectors.method import Method
+from detectors.prepared import Prepared
+from detectors.record import LoopRecord
+from detectors.registry import methods as registry
+from detectors.verdict import NO_DECISION, NO_STICTION, Verdict
+
+# A record with one of these flags says nothing about its valve, whatever the method.
+UNFIT = ("dead_op", "dead_pv", "manual", "saturated")
+
+
+def judge(
+    record: LoopRecord,
+    methods: Iterable[str],
+    *,
+    raw: bool = False,
+    thresholds: Mapping[str, Mapping[str, float]] | None = None,
+) -> list[Verdict]:
+    """Judge one record by several methods, sharing what they have in common.
+
+    Parameters
+    ----------
+    record : LoopRecord
+        The record; MV and meta are hidden from methods that do not declare that they need MV.
+    methods : iterable of str
+        Method ids.
+    raw : bool
+        Skip the common oscillation front end.
+    thresholds : dict of method id to dict of threshold name to value, optional
+        Other thresholds than the methods' own.
+
+    Returns
+    -------
+    list of Verdict
+        One per method, in the order asked for.
+
+    Raises
+    ------
+    UnknownName
+        For a method that does not exist.
+    ParameterError
+        For a threshold that a method does not have or that is out of its range.
+
+    Examples
+    --------
+    >>> t = np.arange(600.0)
+    >>> judge(LoopRecord(op=np.sin(t / 8), pv=-np.sin(t / 8), Ts=1.0), ["horch"])[0].verdict
+    'no_stiction'
+    """
+    blind = Prepared(record.blind())
+    sighted = blind if record.mv is None else Prepared(replace(record, meta={}))
+    verdicts = []
+    for name in methods:
+        module = registry.load(name)
+        prepared = sighted if module.METHOD.needs_mv else blind
+        chosen = check_thresholds(name, module.METHOD, (thresholds or {}).get(name, {}))
+        verdicts.append(_judge_one(name, module, prepared, raw, chosen))
+    return verdicts
+
+
+def check_thresholds(name: str, method: Method, chosen: Mapping[str, float]) -> dict[str, float]:
+    """Return the method's thresholds with the chosen ones in their place.
+
+    Parameters
+    ----------
+    name : str
+        Method id, for messages.
+    method : Method
+        Its description.
+    chosen : dict of str to float
+        What the user set.
+
+    Returns
+    -------
+    dict of str to float
+
+    Raises
+    ------
+    ParameterError
+        For an unknown threshold or a value outside its range.
+    """
+    values = method.defaults()
+    for key, value in chosen.items():
+        if key not in values:
+            raise ParameterError(f"method {name!r} has no threshold {key!r}: {nearest(key, values)}")
+        rule = method.thresholds[key]
+        if not rule.low <= value <= rule.high:
+            raise ParameterError(f"method {name!r}: {key} = {value} {rule.unit}; allowed: {rule.low} to {rule.high}")
+        values[key] = float(value)
+    return values
+
+
+def _judge_one(name: str, module: ModuleType, prepared: Prepared, raw: bool, thresholds: dict[str, float]) -> Verdict:
+    method: Method = module.METHOD
+    record = prepared.record
+
+    def answer(verdict: str, reason: str, applicable: bool | None = True) -> Verdict:
+        return Verdict(name, verdict, S_unit=record.S_unit, applicable=applicable, reason=reason)
+
+    if record.process is not None and record.process not in method.process:
+        return answer(NO_DECISION, f"made for {' and '.join(method.process)} processes; this one is {record.process}", False)
+    if record.n < method.min_samples:
+        return answer(NO_DECISION, f"too short: {record.n} samples; at least {method.min_samples} are needed")
+    for flag in (*UNFIT, *method.cannot_cope):
+        if flag in prepared.flags:
+            return answer(NO_DECISION, f"record unfit: {prepared.flags[flag].evidence} (flag {flag})")
+    applicable: bool | None = True
+    notes = []
+    if record.process is None:
+        applicable = None
+        notes.append("process type unknown, judged as self-regulating")
+    if method.needs_mv:
+        signal, fits, note = prepared.valve_position()
+        if signal is None:
+            return answer(NO_DECISION, note, False)
+        if fits is None:
+            applicable = None
+            notes.append(note)
+    found = _front_end(method, prepared, raw, answer)
+    verdict = found or module.detect(prepared, **thresholds)
+    reason = "; ".join([verdict.reason, *notes])
+    joined = applicable if verdict.applicable is True else verdict.applicable
+    return replace(verdict, method=name, applicable=joined, reason=reason, S_unit=record.S_unit)
+
+
+def _front_end(method: Method, prepared: Prepared, raw: bool, answer) -> Verdict | None:
+    if not method.front_end:
+        return None
+    oscillation = prepared.oscillation
+    if not raw and not oscillation.sustained:
+        verdict = answer(NO_STICTION, f"no sustained oscillation (r = {oscillation.regularity:.2f})")
+        return replace(verdict, score=0.0, indices={"regularity": oscillation.regularity})
+    periods = prepared.record.duration / oscillation.period_s if np.isfinite(oscillation.period_s) else 0.0
+    if periods < method.min_periods:
+        if raw and not np.isfinite(oscillation.period_s):
+            return answer(NO_DECISION, "no period found in OP or PV")
+        return answer(NO_DECISION, f"too short: {periods:.1f} periods; at least {method.min_periods:g} are needed")
+    return None

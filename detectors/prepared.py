@@ -1,0 +1,79 @@
+"""Prepared: a record with what several methods need of it, each piece computed once, when first asked for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from detectors.quality import Flag, inspect
+from detectors.record import LoopRecord
+from detectors.signal.oscillation import Oscillation, find_oscillation
+
+
+@dataclass
+class Prepared:
+    """A record made ready for judging.
+
+    Parameters
+    ----------
+    record : LoopRecord
+        The record, blinded unless the method needs MV.
+    shared : dict
+        Intermediate results that methods on the same record share, by name; `share` fills it.
+
+    Examples
+    --------
+    >>> t = np.arange(600.0)
+    >>> p = Prepared(LoopRecord(op=np.sin(t / 8), pv=np.cos(t / 8), Ts=1.0))
+    >>> p.oscillation.sustained
+    True
+    """
+
+    record: LoopRecord
+    shared: dict = field(default_factory=dict)
+
+    @cached_property
+    def flags(self) -> dict[str, Flag]:
+        """Data-quality flags by name."""
+        return inspect(self.record)
+
+    @cached_property
+    def oscillation(self) -> Oscillation:
+        """The common front end's finding on OP and PV."""
+        return find_oscillation(self.record.op, self.record.pv, self.record.Ts)
+
+    @property
+    def integrating(self) -> bool:
+        """Whether the loop is judged as integrating; an unknown process counts as self-regulating."""
+        return self.record.process == "integrating"
+
+    def valve_position(self) -> tuple[np.ndarray | None, bool | None, str]:
+        """Return the signal that stands for MV, whether it may, and why.
+
+        Returns
+        -------
+        signal : ndarray, shape (n,), or None
+            MV where it was recorded, else PV of a flow loop or of a loop of unknown kind, else None.
+        applicable : bool or None
+            False when there is no such signal, None when PV of unknown kind stands in.
+        note : str
+            What was used, or why nothing can be.
+        """
+        record = self.record
+        if record.mv is not None:
+            return record.mv, True, "MV"
+        if record.process == "integrating":
+            return None, False, "no MV recorded, and PV of an integrating process is no measure of the valve's position"
+        if record.kind == "flow":
+            return record.pv, True, "PV of a flow loop as MV"
+        if record.kind is None:
+            return record.pv, None, "PV as MV, kind of loop unknown"
+        return None, False, f"no MV recorded, and PV of a {record.kind} loop is no measure of the valve's position"
+
+    def share(self, name: str, compute):
+        """Return what `compute()` gives, computed once per record under `name`."""
+        if name not in self.shared:
+            self.shared[name] = compute()
+        return self.shared[name]

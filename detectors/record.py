@@ -1,0 +1,231 @@
+"""LoopRecord: the one time-series type of a control loop."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from detectors.errors import RecordError, nearest
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+PROCESSES = ("self-regulating", "integrating")
+KINDS = ("flow", "level", "pressure", "temperature", "analyser")
+KIND_ALIASES = {"diff-pressure": "pressure", "differential-pressure": "pressure", "analyzer": "analyser"}
+
+
+@dataclass(frozen=True, eq=False)
+class LoopRecord:
+    """What was recorded of one control loop, checked once and read-only from then on.
+
+    Parameters
+    ----------
+    op : array_like, shape (n,)
+        Controller output; % of valve travel unless `op_span` says otherwise.
+    pv : array_like, shape (n,)
+        Process variable, in its own units.
+    Ts : float
+        Sampling period (s), > 0.
+    sp : array_like, shape (n,), optional
+        Set point, in units of PV; None = not recorded.
+    mv : array_like, shape (n,), optional
+        Valve position (%); None = not recorded.
+    process : {"self-regulating", "integrating"}, optional
+        None = unknown.
+    kind : {"flow", "level", "pressure", "temperature", "analyser"}, optional
+        What the loop controls; None = unknown.
+    op_span, pv_span : (lo, hi), optional
+        The values that mean 0 % and 100 %.
+    tag : str
+        Name of the loop.
+    meta : dict
+        Anything else that came with the record; hidden from detectors.
+
+    Raises
+    ------
+    RecordError
+        When a signal is not one-dimensional, not finite, of another length than PV, or shorter than 3 samples.
+
+    Notes
+    -----
+    Not for records with holes: `detectors.io` bridges or cuts these first.
+
+    Examples
+    --------
+    >>> r = LoopRecord(op=[50, 51, 52], pv=[1.0, 1.1, 1.2], Ts=2.0)
+    >>> r.n, r.duration
+    (3, 6.0)
+    """
+
+    op: np.ndarray
+    pv: np.ndarray
+    Ts: float
+    sp: np.ndarray | None = None
+    mv: np.ndarray | None = None
+    process: str | None = None
+    kind: str | None = None
+    op_span: tuple[float, float] | None = None
+    pv_span: tuple[float, float] | None = None
+    tag: str = ""
+    meta: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check every field once, so that no later code has to."""
+        where = f"record {self.tag!r}" if self.tag else "record"
+        n = np.size(self.pv)
+        for name in ("op", "pv", "sp", "mv"):
+            value = getattr(self, name)
+            if value is not None:
+                object.__setattr__(self, name, _signal(value, name, n, where))
+        if n < 3:
+            raise RecordError(f"{where}: {n} samples; at least 3 are needed")
+        Ts = float(self.Ts)
+        if not (np.isfinite(Ts) and Ts > 0):
+            raise RecordError(f"{where}: Ts = {self.Ts} s; the sampling period must be a number above 0")
+        object.__setattr__(self, "Ts", Ts)
+        object.__setattr__(self, "process", _word(self.process, "process", PROCESSES, {}, where))
+        object.__setattr__(self, "kind", _word(self.kind, "kind", KINDS, KIND_ALIASES, where))
+        for name in ("op_span", "pv_span"):
+            object.__setattr__(self, name, _span(getattr(self, name), name, where))
+
+    @property
+    def n(self) -> int:
+        """Number of samples."""
+        return self.pv.size
+
+    @property
+    def duration(self) -> float:
+        """Length of the record in seconds, n Ts."""
+        return self.n * self.Ts
+
+    @property
+    def t(self) -> np.ndarray:
+        """Time of each sample (s), shape (n,), starting at 0."""
+        return np.arange(self.n) * self.Ts
+
+    @property
+    def e(self) -> np.ndarray:
+        """Control error SP - PV, shape (n,); the mean of PV stands in for a set point that was not recorded."""
+        return (self.pv.mean() if self.sp is None else self.sp) - self.pv
+
+    @property
+    def op_percent(self) -> np.ndarray | None:
+        """OP in % of valve travel, shape (n,), or None when neither the span nor the values tell the unit."""
+        if self.op_span is not None:
+            lo, hi = self.op_span
+            return (self.op - lo) * (100.0 / (hi - lo))
+        if self.op.min() >= 0.0 and self.op.max() <= 100.0:
+            return self.op
+        return None
+
+    @property
+    def S_unit(self) -> str:
+        """Unit of S and J estimated from this record."""
+        return "% of travel" if self.op_percent is not None else "OP units"
+
+    def blind(self) -> LoopRecord:
+        """Return the record as a detector may see it: without `mv` and `meta`."""
+        return replace(self, mv=None, meta={})
+
+    def window(self, start: int, stop: int) -> LoopRecord:
+        """Return samples start..stop-1 as a record of their own.
+
+        Parameters
+        ----------
+        start, stop : int
+            Sample indices as in a slice.
+
+        Returns
+        -------
+        LoopRecord
+
+        Raises
+        ------
+        RecordError
+            When fewer than 3 samples are left.
+        """
+        cut = {f.name: getattr(self, f.name) for f in fields(self)}
+        for name in ("op", "pv", "sp", "mv"):
+            if cut[name] is not None:
+                cut[name] = cut[name][start:stop]
+        return LoopRecord(**cut)
+
+    @classmethod
+    def from_frame(cls, frame: pd.DataFrame, Ts: float | None = None, **about: Any) -> LoopRecord:
+        """Build a record from a table with columns op, pv and optionally sp, mv, t or t_s (any case).
+
+        Parameters
+        ----------
+        frame : pandas.DataFrame
+            One row per sample, no holes; `detectors.io` treats holes.
+        Ts : float, optional
+            Sampling period (s); taken from the time column when absent.
+        **about
+            Other fields of the record: process, kind, spans, tag, meta.
+
+        Returns
+        -------
+        LoopRecord
+
+        Raises
+        ------
+        RecordError
+            When a column or the sampling period is missing.
+
+        Examples
+        --------
+        >>> import pandas as pd
+        >>> LoopRecord.from_frame(pd.DataFrame({"t": [0, 2, 4], "OP": [1, 2, 3], "PV": [4, 5, 6]})).Ts
+        2.0
+        """
+        columns = {str(c).strip().lower(): c for c in frame.columns}
+        for name in ("op", "pv"):
+            if name not in columns:
+                raise RecordError(f"no {name.upper()} column; columns are: {', '.join(map(str, frame.columns))}")
+        time = columns.get("t_s", columns.get("t"))
+        if Ts is None:
+            if time is None:
+                raise RecordError("no time column (t or t_s) and no sampling period Ts given")
+            if len(frame) < 3:
+                raise RecordError(f"{len(frame)} samples; at least 3 are needed")
+            Ts = float(np.median(np.diff(frame[time].to_numpy(dtype=float))))
+        signals = {s: frame[columns[s]].to_numpy(dtype=float) for s in ("op", "pv", "sp", "mv") if s in columns}
+        return cls(Ts=Ts, **signals, **about)
+
+
+def _signal(value: Any, name: str, n: int, where: str) -> np.ndarray:
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise RecordError(f"{where}: {name.upper()} holds something that is no number") from None
+    if array.ndim != 1:
+        raise RecordError(f"{where}: {name.upper()} has shape {array.shape}; one dimension is needed")
+    if array.size != n:
+        raise RecordError(f"{where}: {name.upper()} has {array.size} samples, PV has {n}")
+    bad = np.flatnonzero(~np.isfinite(array))
+    if bad.size:
+        raise RecordError(f"{where}: {name.upper()} is {array[bad[0]]} at sample {bad[0]}; finite numbers are needed")
+    array.flags.writeable = False
+    return array
+
+
+def _word(value: str | None, name: str, allowed: tuple[str, ...], aliases: dict[str, str], where: str) -> str | None:
+    if value is None or value == "":
+        return None
+    word = str(value).strip().lower().replace("_", "-").replace(" ", "-")
+    word = aliases.get(word, word)
+    if word not in allowed:
+        raise RecordError(f"{where}: {name} {value!r} is unknown, {nearest(word, allowed)}")
+    return word
+
+
+def _span(value: Any, name: str, where: str) -> tuple[float, float] | None:
+    if value is None:
+        return None
+    lo, hi = (float(x) for x in value)
+    if not (np.isfinite(lo) and np.isfinite(hi) and lo < hi):
+        raise RecordError(f"{where}: {name} = ({lo}, {hi}); two finite numbers lo < hi are needed")
+    return lo, hi

@@ -1,0 +1,121 @@
+"""Plug-ins by name: the files of a folder, entry points of other distributions, and single files a user points at."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import pkgutil
+from importlib.metadata import entry_points
+from pathlib import Path
+from types import ModuleType
+
+from detectors.errors import ParameterError, UnknownName
+
+
+class PluginFolder:
+    """The plug-ins of one kind; a plug-in is a module, its name is its file name.
+
+    Parameters
+    ----------
+    kind : str
+        Word used in messages, e.g. "detector".
+    package : str
+        Import path of the folder whose modules are the built-in plug-ins.
+    group : str
+        Entry-point group by which other distributions add theirs.
+    required : tuple of str
+        Attributes every plug-in must have.
+
+    Examples
+    --------
+    >>> folder = PluginFolder("detector", "detectors.methods", "simbench.detectors", ("METHOD", "detect"))
+    >>> "horch" in folder.names()
+    True
+    """
+
+    def __init__(self, kind: str, package: str, group: str, required: tuple[str, ...]) -> None:
+        self.kind = kind
+        self.package = package
+        self.group = group
+        self.required = required
+        self._files: dict[str, ModuleType] = {}
+
+    def names(self) -> list[str]:
+        """Return every known name, sorted; nothing is imported."""
+        package = importlib.import_module(self.package)
+        own = {m.name for m in pkgutil.iter_modules(package.__path__) if not m.name.startswith("_")}
+        return sorted(own | set(self._entry_points()) | set(self._files))
+
+    def load(self, name: str) -> ModuleType:
+        """Import one plug-in.
+
+        Parameters
+        ----------
+        name : str
+            Its id.
+
+        Returns
+        -------
+        module
+
+        Raises
+        ------
+        UnknownName
+            With the nearest known names.
+        ParameterError
+            When the module lacks a required attribute.
+        """
+        if name in self._files:
+            return self._files[name]
+        if name not in self.names():
+            raise UnknownName(self.kind, name, self.names())
+        outside = self._entry_points()
+        module = outside[name].load() if name in outside else importlib.import_module(f"{self.package}.{name}")
+        return self._checked(module, name)
+
+    def add_file(self, path: str | Path) -> str:
+        """Register a plug-in from one Python file outside the package.
+
+        Parameters
+        ----------
+        path : str or Path
+            The file; its stem becomes the plug-in's name.
+
+        Returns
+        -------
+        str
+            The name.
+
+        Raises
+        ------
+        ParameterError
+            When the file is missing, cannot be imported, lacks a required attribute, or takes a built-in name.
+        """
+        path = Path(path)
+        name = path.stem
+        if not path.is_file():
+            raise ParameterError(f"{self.kind} file {path} does not exist")
+        if name in self.names() and name not in self._files:
+            raise ParameterError(f"{self.kind} file {path}: the name {name!r} is taken; rename the file")
+        spec = importlib.util.spec_from_file_location(f"plugin_{name}", path)
+        if spec is None or spec.loader is None:
+            raise ParameterError(f"{self.kind} file {path} is no Python file")
+        module = importlib.util.module_from_spec(spec)
+        try:
+            spec.loader.exec_module(module)
+        except Exception as error:  # a plug-in may fail in any way; the user needs the file's name
+            raise ParameterError(f"{self.kind} file {path} cannot be imported: {error!r}") from error
+        self._files[name] = self._checked(module, name)
+        return name
+
+    def _entry_points(self) -> dict:
+        return {e.name: e for e in entry_points(group=self.group)}
+
+    def _checked(self, module: ModuleType, name: str) -> ModuleType:
+        missing = [a for a in self.required if not hasattr(module, a)]
+        if missing:
+            raise ParameterError(f"{self.kind} {name!r} ({module.__file__}) lacks {', '.join(missing)}")
+        return module
+
+
+methods = PluginFolder("detector", "detectors.methods", "simbench.detectors", ("METHOD", "detect"))

@@ -1,0 +1,81 @@
+"""Verdict: the one answer type of every detector."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+STICTION = "stiction"
+NO_STICTION = "no_stiction"
+NO_DECISION = "no_decision"
+VERDICTS = (STICTION, NO_STICTION, NO_DECISION)
+
+Level = float | tuple[float, float] | None
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What one method says about one record.
+
+    Parameters
+    ----------
+    method : str
+        Method id.
+    verdict : {"stiction", "no_stiction", "no_decision"}
+        The answer; "no_decision" is one too.
+    score : float
+        Larger means stickier, for every method; NaN when nothing could be computed.
+    indices : dict of str to float
+        The numbers behind the answer, by the names of the literature.
+    S, J : float, (lo, hi) or None
+        Stick band and slip jump in `S_unit`; an interval where the record does not fix the number.
+    S_unit : str
+        "% of travel" or "OP units".
+    applicable : bool or None
+        Whether the method's assumptions hold for this record; None = the record does not tell.
+    reason : str
+        One sentence; always given.
+
+    Raises
+    ------
+    ValueError
+        When the verdict is no known word or the reason is missing.
+
+    Examples
+    --------
+    >>> Verdict("horch", "no_decision", reason="20 samples; at least 60 are needed").verdict
+    'no_decision'
+    """
+
+    method: str
+    verdict: str
+    score: float = math.nan
+    indices: dict[str, float] = field(default_factory=dict)
+    S: Level = None
+    J: Level = None
+    S_unit: str = "% of travel"
+    applicable: bool | None = True
+    reason: str = ""
+
+    def __post_init__(self) -> None:
+        """Refuse a verdict that is no known word, or one without a reason."""
+        if self.verdict not in VERDICTS:
+            raise ValueError(f"{self.method}: verdict {self.verdict!r}; allowed: {', '.join(VERDICTS)}")
+        if not self.reason:
+            raise ValueError(f"{self.method}: a verdict without a reason")
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the verdict as a dictionary of JSON types; NaN and infinities become null."""
+        return _plain(asdict(self))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(v) for v in value]
+    if isinstance(value, bool) or value is None or isinstance(value, str):
+        return value
+    number = float(value)
+    return number if math.isfinite(number) else None
