@@ -1,0 +1,362 @@
+"""The schema of one loop and of one labelled scenario: pure numbers and names, checked when read."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from scenarios.errors import SpecError, suggestion
+
+MAX_SAMPLES = 20_000_000  # a run holds about ten arrays of n doubles: 1.6 GB here
+M = TypeVar("M", bound=BaseModel)
+Value = float | int | str | bool | list[Any]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Plant(_Table):
+    """G(s) between valve and PV: K e^(-Td s)/(T s + 1), or K e^(-Td s)/s; K in PV units per % (integrating: per % and s), T and Td in s."""
+
+    type: Literal["foptd", "integrating"]
+    K: Finite
+    T: Positive | None = None
+    Td: NonNegative = 0.0
+
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        if self.K == 0:
+            raise ValueError("K = 0; the valve must act on PV")
+        if self.type == "foptd" and self.T is None:
+            raise ValueError("T is missing; foptd needs a time constant above 0 s")
+        if self.type == "integrating" and self.T is not None:
+            raise ValueError(f"T = {self.T}; an integrating plant has no time constant")
+        return self
+
+
+class Controller(_Table):
+    """PI or P: Kc in % per PV unit, Ti in s; "reverse" raises OP when PV falls."""
+
+    type: Literal["PI", "P"]
+    Kc: Positive
+    Ti: Positive | None = None
+    direction: Literal["reverse", "direct"] = "reverse"
+
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        if self.type == "PI" and self.Ti is None:
+            raise ValueError("Ti is missing; a PI controller needs an integral time above 0 s")
+        if self.type == "P" and self.Ti is not None:
+            raise ValueError(f"Ti = {self.Ti}; a P controller has none")
+        return self
+
+    @property
+    def sign(self) -> float:
+        """+1 for "reverse", -1 for "direct"."""
+        return 1.0 if self.direction == "reverse" else -1.0
+
+
+class OperatingPoint(_Table):
+    """Where the run rests before it starts: OP in %, PV in its units (None: the set point's start value)."""
+
+    op0: Annotated[float, Field(ge=0, le=100)] = 50.0
+    pv0: Finite | None = None
+
+
+class Sampling(_Table):
+    """Ts in s; n samples."""
+
+    Ts: Positive
+    n: Annotated[int, Field(ge=3, le=MAX_SAMPLES)] = 4000
+
+
+class Noise(_Table):
+    """White measurement noise on PV; standard deviation in PV units."""
+
+    std: NonNegative = 0.0
+
+
+class SetPoint(_Table):
+    """Start value and later steps [[t in s, new value], ...]."""
+
+    value: Finite = 50.0
+    steps: tuple[tuple[NonNegative, Finite], ...] = ()
+
+
+class Part(BaseModel):
+    """A plug-in (valve, disturbance, effect) as its name and its table of numbers; its own file checks the numbers."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    name: str
+    parameters: dict[str, Value] = Field(default_factory=dict)
+
+    def merged(self, **changes: Value) -> Part:
+        """Return the part with some parameters changed."""
+        return Part(name=self.name, parameters={**self.parameters, **changes})
+
+
+# The key that names the plug-in in each table of a loop file.
+NAME_KEY = {"valve": "model", "disturbance": "type", "effect": "name"}
+
+
+class Loop(_Table):
+    """One control loop, complete: a run is a function of this and a seed.
+
+    Examples
+    --------
+    >>> loop = Loop.from_table({
+    ...     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
+    ...     "controller": {"type": "PI", "Kc": 1, "Ti": 10},
+    ...     "valve": {"model": "choudhury", "S": 5, "J": 2},
+    ...     "sampling": {"Ts": 1}})
+    >>> loop.with_("valve.S", 3.0).valve.parameters["S"]
+    3.0
+    """
+
+    plant: Plant
+    controller: Controller
+    sampling: Sampling
+    operating_point: OperatingPoint = OperatingPoint()
+    valve: Part = Part(name="ideal")
+    noise: Noise = Noise()
+    setpoint: SetPoint = SetPoint()
+    disturbance: tuple[Part, ...] = ()
+    effect: tuple[Part, ...] = ()
+
+    @model_validator(mode="after")
+    def _negative_feedback(self) -> Self:
+        if self.controller.sign * self.plant.K < 0:
+            raise ValueError(
+                f"positive feedback: plant K = {self.plant.K} needs controller direction "
+                f"{'direct' if self.plant.K < 0 else 'reverse'!r}, not {self.controller.direction!r}"
+            )
+        return self
+
+    @property
+    def pv0(self) -> float:
+        """PV at rest, in its units."""
+        pv0 = self.operating_point.pv0
+        return self.setpoint.value if pv0 is None else pv0
+
+    @classmethod
+    def from_table(cls, table: dict[str, Any], where: str = "loop") -> Loop:
+        """Check a nested table, as TOML gives it, and return the loop.
+
+        Parameters
+        ----------
+        table : dict
+            Keys of the loop file.
+        where : str
+            File name for messages.
+
+        Returns
+        -------
+        Loop
+
+        Raises
+        ------
+        SpecError
+            One sentence: the key, its value, what is allowed, the nearest known key.
+        """
+        table = dict(table)
+        for section, key in NAME_KEY.items():
+            if section in table:
+                many = section != "valve"
+                parts = table[section] if many else [table[section]]
+                if not isinstance(parts, (list, tuple)):
+                    raise SpecError(f"{where}: [{section}] must be written [[{section}]]")
+                named = [_part(p, section, key, where) for p in parts]
+                table[section] = named if many else named[0]
+        return checked(cls, table, where)
+
+    def to_table(self) -> dict[str, Any]:
+        """Return the loop as the nested table that `from_table` reads."""
+        table = self.model_dump(exclude_none=True)
+        for section, key in NAME_KEY.items():
+            parts = [{key: p.name, **p.parameters} for p in _parts(getattr(self, section))]
+            table[section] = parts[0] if section == "valve" else parts
+        return table
+
+    def to_toml(self) -> str:
+        """Return the loop as the text of a loop file."""
+        lines = []
+        for section, content in self.to_table().items():
+            for part in content if isinstance(content, list) else [content]:
+                lines.append(f"[[{section}]]" if isinstance(content, list) else f"[{section}]")
+                lines += [f"{key} = {toml_value(value)}" for key, value in part.items()]
+                lines.append("")
+        return "\n".join(lines)
+
+    def with_(self, key: str, value: Any) -> Loop:
+        """Return the loop with one dotted key changed, e.g. "controller.Kc" or "valve.S".
+
+        Parameters
+        ----------
+        key : str
+            section.name.
+        value
+            The new value.
+
+        Returns
+        -------
+        Loop
+
+        Raises
+        ------
+        SpecError
+            For a key that the loop file does not have, or a value it does not allow.
+        """
+        section, _, name = key.partition(".")
+        table = self.to_table()
+        if section not in Loop.model_fields or not name:
+            raise SpecError(f"key {key!r} is not section.name: {suggestion(section, Loop.model_fields)}")
+        if isinstance(table.get(section), list):
+            raise SpecError(f"key {key!r}: [[{section}]] is a list and cannot be set by name")
+        table.setdefault(section, {})[name] = value
+        return Loop.from_table(table, f"with {key} = {value}")
+
+
+class Scenario(_Table):
+    """A loop, a seed, and tags that place it in its grid."""
+
+    loop: Loop
+    seed: Annotated[int, Field(ge=0)] = 0
+    tags: dict[str, float | int | str | None] = Field(default_factory=dict)
+
+    @property
+    def id(self) -> str:
+        """Hash of the canonical form: the join key of every table."""
+        return content_hash({"loop": self.loop.to_table(), "seed": self.seed, "tags": self.tags})
+
+
+def load_loop(path: str | Path) -> Loop:
+    """Read a loop file.
+
+    Parameters
+    ----------
+    path : str or Path
+        TOML as in the contract, section 3.
+
+    Returns
+    -------
+    Loop
+
+    Raises
+    ------
+    SpecError
+        When the file is missing, is no TOML (with the line), or asks for something impossible.
+    """
+    return Loop.from_table(read_toml(path), str(path))
+
+
+def read_toml(path: str | Path) -> dict[str, Any]:
+    """Read a TOML file or say in one sentence why not."""
+    try:
+        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise SpecError(f"{path}: no such file") from None
+    except IsADirectoryError:
+        raise SpecError(f"{path} is a folder; a TOML file is needed") from None
+    except UnicodeDecodeError:
+        raise SpecError(f"{path} is no UTF-8 text; a TOML file is needed") from None
+    except OSError as error:
+        raise SpecError(f"{path} cannot be read: {error.strerror}") from None
+    except tomllib.TOMLDecodeError as error:
+        raise SpecError(f"{path} is no valid TOML: {error}") from None
+
+
+def checked(model: type[M], table: dict[str, Any], where: str) -> M:
+    """Validate a table against a model; the first complaint becomes one sentence."""
+    try:
+        return model.model_validate(table)
+    except ValidationError as error:
+        raise SpecError(f"{where}: {_sentence(model, error.errors()[0])}") from None
+
+
+def content_hash(content: Any) -> str:
+    """Return 16 hex digits that identify a nested table of numbers and names.
+
+    Parameters
+    ----------
+    content
+        JSON types; whole floats and integers of the same value hash alike.
+
+    Returns
+    -------
+    str
+    """
+    text = json.dumps(_canonical(content), sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def toml_value(value: Any) -> str:
+    """Write one value in TOML."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(map(toml_value, value)) + "]"
+    if isinstance(value, float) and math.isinf(value):
+        return "inf" if value > 0 else "-inf"
+    return repr(value)
+
+
+def _canonical(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(k): _canonical(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_canonical(v) for v in value]
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        return repr(float(value))
+    return value
+
+
+def _parts(value: Part | tuple[Part, ...]) -> tuple[Part, ...]:
+    return (value,) if isinstance(value, Part) else value
+
+
+def _part(table: Any, section: str, key: str, where: str) -> dict[str, Any]:
+    if isinstance(table, Part):
+        return table.model_dump()
+    if not isinstance(table, dict) or key not in table:
+        have = sorted(table) if isinstance(table, dict) else []
+        wrong = f" (found {', '.join(have)})" if have else ""
+        raise SpecError(f"{where}: [{section}] lacks the key {key!r}{wrong}")
+    parameters = {k: v for k, v in table.items() if k != key}
+    return {"name": table[key], "parameters": parameters}
+
+
+def _sentence(model: type[BaseModel], error: Any) -> str:
+    path = [p for p in error["loc"] if isinstance(p, (str, int))]
+    place = ".".join(str(p) for p in path)
+    kind, value = error["type"], error.get("input")
+    if kind == "extra_forbidden":
+        return f"unknown key {place!r}: {suggestion(str(path[-1]), _fields(model, path[:-1]))}"
+    if kind == "missing":
+        return f"{'key' if len(path) > 1 else 'section'} {place!r} is missing"
+    message = str(error["msg"]).removeprefix("Value error, ")
+    if kind == "value_error":
+        return f"[{place}] {message}" if place else message
+    if kind == "literal_error":
+        allowed = [w.strip(" '") for w in str(error["ctx"]["expected"]).replace(" or ", ",").split(",")]
+        return f"{place} = {value!r} is unknown; {suggestion(str(value), allowed)}"
+    return f"{place} = {value!r}; {message[0].lower()}{message[1:]}"
+
+
+def _fields(model: type[BaseModel], path: list[Any]) -> list[str]:
+    for step in path:
+        field = model.model_fields.get(str(step))
+        if field is not None and isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
+            model = field.annotation
+    return list(model.model_fields)
