@@ -1,0 +1,211 @@
+"""What a plug-in part (valve, stage, disturbance, effect) may be told: its numbers with unit and bounds, checked once."""
+
+from __future__ import annotations
+
+import math
+from collections import namedtuple
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from types import ModuleType
+from typing import Any
+
+from detectors.errors import ParameterError, UnknownName, nearest
+from detectors.registry import PluginFolder
+
+VALVES = PluginFolder(
+    "valve", "simbench.loop.valves", "simbench.valves", ("SOURCE", "FRICTION", "PARAMETERS", "start", "step")
+)
+
+FOLLOWS = math.nan
+"""Default of a number that follows from the others when it is not given (the plug-in's `complete` fills it)."""
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number with unit and bounds.
+
+    Parameters
+    ----------
+    unit : str
+        E.g. "% of travel", "s", "N"; "" for a ratio.
+    low, high : float
+        Smallest and largest allowed value.
+    default : float or None
+        None: it must be given. `FOLLOWS`: the plug-in's `complete` computes it from the others.
+    says : str
+        What it is, in a few words.
+    positive : bool
+        Refuse `low` itself: the value must be larger.
+
+    Examples
+    --------
+    >>> Number("%", low=0.0, high=100.0).read(5, "S", "valve 'choudhury'")
+    5.0
+    """
+
+    unit: str
+    low: float = -math.inf
+    high: float = math.inf
+    default: float | None = None
+    says: str = ""
+    positive: bool = False
+
+    def read(self, value: Any, name: str, where: str) -> float:
+        """Return `value` as a float, or raise `ParameterError` with what is allowed."""
+        unit = f" ({self.unit})" if self.unit else ""
+        if isinstance(value, bool) or not hasattr(value, "__float__"):
+            raise ParameterError(f"{where}: {name} = {value!r} is no number{unit}")
+        number = float(value)
+        if not math.isfinite(number):
+            raise ParameterError(f"{where}: {name} = {number} is not finite{unit}")
+        if number < self.low or number > self.high or (self.positive and number == self.low):
+            raise ParameterError(f"{where}: {name} = {number:g} is out of range, it must be {self._allowed()}{unit}")
+        return number
+
+    def _allowed(self) -> str:
+        if math.isinf(self.high):
+            return f"{'>' if self.positive else '>='} {self.low:g}"
+        if math.isinf(self.low):
+            return f"<= {self.high:g}"
+        return f"in {self.low:g}..{self.high:g}" + (f", not {self.low:g}" if self.positive else "")
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One of a few words; it arrives in the time step as its index, a float.
+
+    Parameters
+    ----------
+    names : tuple of str
+        The allowed words, in the order of their index.
+    default : str or None
+        None: it must be given.
+    says : str
+        What is chosen.
+
+    Examples
+    --------
+    >>> Choice(("linear", "quick")).read("quick", "type", "valve 'characteristic'")
+    1.0
+    """
+
+    names: tuple[str, ...]
+    default: str | None = None
+    says: str = ""
+
+    def read(self, value: Any, name: str, where: str) -> float:
+        """Return the index of the word `value`, or raise `ParameterError` with the nearest word."""
+        if value not in self.names:
+            raise ParameterError(f"{where}: {name} = {value!r} is unknown: {nearest(str(value), self.names)}")
+        return float(self.names.index(value))
+
+
+Schema = Mapping[str, Number | Choice]
+
+
+def resolve(
+    schema: Schema,
+    table: Mapping[str, Any],
+    where: str,
+    complete: Callable[[dict[str, float], str], dict[str, float]] | None = None,
+    **extra: float,
+) -> Any:
+    """Check a table of numbers against a plug-in's schema.
+
+    Parameters
+    ----------
+    schema : mapping of str to Number or Choice
+        The plug-in's PARAMETERS.
+    table : mapping of str to number or str
+        What the user wrote; missing keys take their default.
+    where : str
+        Begins every message, e.g. "valve 'choudhury'".
+    complete : callable, optional
+        `complete(values, where) -> values` fills the numbers that follow from the others (they arrive as NaN).
+    **extra : float
+        Appended as they are, e.g. ``Ts`` in s.
+
+    Returns
+    -------
+    namedtuple of float
+        The fields of `schema` in order, then those of `extra`.
+
+    Raises
+    ------
+    UnknownName
+        A key the schema lacks; the nearest is named.
+    ParameterError
+        A value that is missing, no number, not finite, or out of range.
+
+    Examples
+    --------
+    >>> p = resolve({"S": Number("%", low=0.0), "J": Number("%", low=0.0, default=0.0)}, {"S": 5}, "valve", Ts=1.0)
+    >>> p.S, p.J, p.Ts
+    (5.0, 0.0, 1.0)
+    """
+    for name in table:
+        if name not in schema:
+            raise UnknownName("parameter", name, schema, where)
+    values: dict[str, float] = {}
+    for name, rule in schema.items():
+        if name in table:
+            values[name] = rule.read(table[name], name, where)
+        elif rule.default is None:
+            unit = f" ({rule.unit})" if isinstance(rule, Number) and rule.unit else ""
+            raise ParameterError(f"{where} needs {name}{unit}: {rule.says}")
+        elif isinstance(rule, Choice):
+            values[name] = rule.read(rule.default, name, where)
+        else:
+            values[name] = float(rule.default)
+    if complete is not None:
+        values = complete(values, where)
+    values.update(extra)
+    return parameter_class(tuple(values))(**values)
+
+
+def valve_parameters(module: ModuleType, table: Mapping[str, Any], Ts: float) -> Any:
+    """Resolve the parameters of one valve model or valve stage.
+
+    Parameters
+    ----------
+    module : module
+        A file of simbench/loop/valves, or an outsider's with the same names.
+    table : mapping
+        What the user wrote.
+    Ts : float
+        Sampling period, s.
+
+    Returns
+    -------
+    namedtuple of float
+        The model's PARAMETERS in order, then ``Ts``; what its `start` and `step` take as ``p``.
+
+    Raises
+    ------
+    ParameterError, UnknownName
+        As `resolve`, or what the model's own `check` refuses.
+
+    Examples
+    --------
+    >>> valve_parameters(VALVES.load("deadband"), {"S": 5.0}, Ts=1.0).S
+    5.0
+    """
+    where = f"valve {module.__name__.rpartition('.')[2]!r}"
+    p = resolve(module.PARAMETERS, table, where, getattr(module, "complete", None), Ts=float(Ts))
+    if hasattr(module, "check"):
+        module.check(p)
+    return p
+
+
+@cache
+def parameter_class(fields: tuple[str, ...]) -> type:
+    """Return the one namedtuple class with these fields; its name spells them, so that pickle finds it again."""
+    return namedtuple("P__" + "__".join(fields), fields, module=__name__)
+
+
+def __getattr__(name: str) -> type:
+    # pickle and numba's disk cache look parameter classes up by name in this module
+    if name.startswith("P__"):
+        return parameter_class(tuple(name[3:].split("__")))
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
