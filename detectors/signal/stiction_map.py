@@ -1,0 +1,135 @@
+"""Stiction map: OP in, valve position out, by the two-parameter (S, J) automaton; plain Python, compiled on demand."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from types import FunctionType
+
+import numpy as np
+
+from detectors.errors import ParameterError
+
+State = tuple[float, float, float, float]  # v, d (last direction of motion: -1, 0, 1), moving (0 or 1), u_prev
+
+
+def start(u0, lo=0.0, hi=100.0):
+    """Return the state of a valve at rest in mid-band under OP `u0`, limits as in `step`."""
+    x = min(max(u0, lo), hi)
+    return (x, 0.0, 0.0, x)
+
+
+def step(u, state, S, J, lo=0.0, hi=100.0):
+    """Move the valve by one sample.
+
+    Parameters
+    ----------
+    u : float
+        OP of this sample (% of travel, or any unit together with infinite limits).
+    state : tuple of 4 floats
+        (v, d, moving, u_prev): position, last direction of motion, 1.0 while moving, previous OP.
+    S, J : float
+        Dead band plus stick band, and slip jump, both >= 0, in the unit of `u`.
+    lo, hi : float
+        Ends of travel; OP and position are limited to them.
+
+    Returns
+    -------
+    tuple of 4 floats
+        The new state; its first entry is the valve position.
+
+    Notes
+    -----
+    Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13, 641, in residual form: a valve at rest breaks
+    away when |u - v| exceeds fs = (S + J)/2 and moves at the distance fd = (S - J)/2 behind OP until OP turns or
+    stands still. Where the published flow chart is ambiguous, the place of rest is remembered until the valve moves again.
+    Not for noisy OP on a valve with inertia: every reversal of OP stops this valve.
+
+    Examples
+    --------
+    >>> step(53.6, start(50.0), 5.0, 2.0)
+    (52.1, 1.0, 1.0, 53.6)
+    """
+    v, d, moving, u_prev = state
+    x = min(max(u, lo), hi)
+    stuck = moving == 0.0 or (x - u_prev) * d <= 0.0
+    if stuck:
+        moving = 0.0
+        if x - v > 0.5 * (S + J):
+            d = 1.0
+            moving = 1.0
+        elif x - v < -0.5 * (S + J):
+            d = -1.0
+            moving = 1.0
+    if moving == 1.0:
+        v = min(max(x - d * 0.5 * (S - J), lo), hi)
+    return (v, d, moving, x)
+
+
+def trace(op, S, J, state, lo, hi, v):
+    """Fill `v` with the valve position under every sample of `op`, from `state` on; `step` in a loop."""
+    for k in range(op.size):
+        state = step(op[k], state, S, J, lo, hi)
+        v[k] = state[0]
+
+
+def valve_position(op, S: float, J: float, state: State | None = None, limits=(0.0, 100.0)) -> np.ndarray:
+    """Return the position of an (S, J) valve driven by a recorded OP.
+
+    Parameters
+    ----------
+    op : array_like, shape (n,)
+        Controller output, in % of travel with the default limits.
+    S, J : float
+        Dead band plus stick band, and slip jump, >= 0, in the unit of `op`.
+    state : tuple of 4 floats, optional
+        State before the first sample, see `step`; at rest in mid-band under op[0] when absent.
+    limits : (float, float)
+        Ends of travel; (-inf, inf) for OP in unknown units.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Valve position, in the unit of `op`.
+
+    Raises
+    ------
+    ParameterError
+        When S or J is negative or no number.
+
+    Notes
+    -----
+    Compiled at the first call (then read from numba's disk cache); bit-equal to calling `step` sample by sample.
+
+    Examples
+    --------
+    >>> valve_position([50.0, 52.0, 54.0, 56.0, 55.0], S=5.0, J=2.0)
+    array([50. , 50. , 52.5, 54.5, 54.5])
+    """
+    for name, value in (("S", S), ("J", J)):
+        if not 0.0 <= value < np.inf:
+            raise ParameterError(f"valve_position: {name} = {value}; a finite number >= 0 is needed")
+    op = np.ascontiguousarray(op, dtype=np.float64)
+    v = np.empty(op.size)
+    if op.size:
+        lo, hi = (float(x) for x in limits)
+        first = start(float(op[0]), lo, hi) if state is None else tuple(float(x) for x in state)
+        compiled("trace")(op, float(S), float(J), first, lo, hi, v)
+    return v
+
+
+@lru_cache
+def compiled(name: str):
+    """Return a function of this file compiled by numba, with the functions of this file that it calls.
+
+    Notes
+    -----
+    numba's disk cache looks at one file only. Every kernel that calls `step` therefore stands in this file, and calls its
+    compiled twin through a copy of its globals, so that `step` itself stays plain Python and numba is not imported here.
+    """
+    from numba import njit
+
+    kernel = globals()[name]
+    called = {n: compiled(n) for n in kernel.__code__.co_names if n != name and n in ("start", "step", "trace")}
+    copy = FunctionType(kernel.__code__, {**globals(), **called}, name, kernel.__defaults__)
+    copy.__module__, copy.__qualname__ = __name__, name
+    return njit(copy, cache=True)

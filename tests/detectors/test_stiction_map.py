@@ -1,0 +1,131 @@
+"""The (S, J) automaton: golden sequences, the published x_ss reading as slow twin, and what must hold for every OP."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from detectors.errors import ParameterError
+from detectors.signal.stiction_map import start, step, valve_position
+
+U = [50, 52, 54, 56, 58, 60, 59, 58, 57, 56, 55, 54, 53, 52, 51, 50, 50, 51, 52, 53, 54, 55, 56, 57, 58, 58, 58, 59, 60, 61, 62, 63]
+# Position (% of travel) under U for S = 5 and each J, from an independent implementation of the flow chart.
+GOLDEN = {
+    0: "50 50 51.5 53.5 55.5 57.5 57.5 57.5 57.5 57.5 57.5 56.5 55.5 54.5 53.5 52.5 52.5 52.5 52.5 52.5 52.5 52.5 53.5 54.5 "
+    "55.5 55.5 55.5 56.5 57.5 58.5 59.5 60.5",
+    2: "50 50 52.5 54.5 56.5 58.5 58.5 58.5 58.5 58.5 58.5 55.5 54.5 53.5 52.5 51.5 51.5 51.5 51.5 51.5 51.5 51.5 54.5 55.5 "
+    "56.5 56.5 56.5 56.5 56.5 59.5 60.5 61.5",
+    5: "50 50 50 56 58 60 60 60 60 60 60 54 53 52 51 50 50 50 50 50 50 50 56 57 58 58 58 58 58 58 58 58",
+    7: "50 50 50 50 59 61 61 61 61 61 61 53 52 51 50 49 49 49 49 49 49 49 57 58 59 59 59 59 59 59 59 59",
+}
+
+
+def naive(op, S, J):
+    """The flow chart in its x_ss form (OP at which motion ended): other variables, same valve."""
+    v = [float(np.clip(op[0], 0, 100))]
+    moving, d = False, 0
+    x_prev = v[0]
+    rest = None  # OP that would hold the present position in mid-band
+    for u in op:
+        x = float(np.clip(u, 0, 100))
+        if moving and (x - x_prev) * d <= 0:
+            moving = False
+        if rest is None:
+            rest = x
+        if not moving:
+            up, down = ((S + J) / 2, (S + J) / 2) if d == 0 else ((J, S) if d > 0 else (S, J))
+            if x - rest > up + 1e-12:
+                moving, d = True, 1
+            elif rest - x > down + 1e-12:
+                moving, d = True, -1
+        if moving:
+            rest = x
+            v.append(float(np.clip(x - d * (S - J) / 2, 0, 100)))
+        else:
+            v.append(v[-1])
+        x_prev = x
+    return np.array(v[1:])
+
+
+@pytest.mark.parametrize("J", sorted(GOLDEN))
+def test_golden_sequence_holds_exactly(J):
+    expected = np.array([float(x) for x in GOLDEN[J].split()])
+    assert np.array_equal(valve_position(U, 5.0, float(J)), expected)
+
+
+@pytest.mark.parametrize(("S", "J"), [(5, 0), (5, 2), (5, 5), (5, 7), (0.5, 0.2)])
+def test_flow_chart_in_its_published_variables_gives_the_same_valve(S, J):
+    rng = np.random.default_rng(3)
+    op = 50 + 5 * np.sin(np.arange(2000) / 20) + np.repeat(rng.normal(0, 3, 200), 10)
+    assert np.max(np.abs(valve_position(op, S, J) - naive(op, S, J))) < 1e-9
+
+
+def test_compiled_trace_is_bit_equal_to_the_plain_steps():
+    rng = np.random.default_rng(1)
+    op = np.clip(50 + np.cumsum(rng.normal(0, 4, 3000)), -20, 120)
+    state, plain = start(op[0]), []
+    for u in op:
+        state = step(u, state, 4.0, 1.5)
+        plain.append(state[0])
+    assert np.array_equal(valve_position(op, 4.0, 1.5), plain)
+
+
+def test_J_zero_is_the_play_operator():
+    rng = np.random.default_rng(2)
+    op = 50 + np.cumsum(rng.normal(0, 1, 4000)) * 0.3
+    v, play = op[0], []
+    for u in op:
+        v = max(u - 2.5, min(u + 2.5, v))
+        play.append(v)
+    assert np.max(np.abs(valve_position(op, 5.0, 0.0) - play)) < 1e-9
+
+
+def test_valve_continues_from_a_given_state():
+    op = 50 + 6 * np.sin(np.arange(300) / 9)
+    state = start(op[0])
+    for u in op[:100]:
+        state = step(u, state, 5.0, 2.0)
+    assert np.array_equal(valve_position(op[100:], 5.0, 2.0, state), valve_position(op, 5.0, 2.0)[100:])
+
+
+def test_without_limits_the_valve_moves_in_any_unit():
+    op = 50 + 6 * np.sin(np.arange(300) / 9)
+    free = valve_position(op * 10 - 2000, 50.0, 20.0, limits=(-np.inf, np.inf))
+    assert np.allclose(free, valve_position(op, 5.0, 2.0) * 10 - 2000)
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.lists(st.floats(-50, 150), min_size=1, max_size=60), st.floats(0, 30), st.floats(0, 30))
+def test_position_stays_in_travel_and_within_the_band_of_op(op, S, J):
+    v = valve_position(op, S, J)
+    assert v.min() >= 0 and v.max() <= 100
+    assert np.max(np.abs(np.clip(op, 0, 100) - v)) <= max(S + J, abs(S - J)) / 2 + 1e-9
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.lists(st.floats(0, 100), min_size=1, max_size=60))
+def test_without_friction_the_valve_follows_op(op):
+    assert np.array_equal(valve_position(op, 0.0, 0.0), op)
+
+
+@pytest.mark.parametrize(("S", "J"), [(-1, 0), (1, -2), (float("nan"), 0), (1, float("inf"))])
+def test_impossible_parameter_is_refused_in_one_sentence(S, J):
+    with pytest.raises(ParameterError, match="valve_position: [SJ] = "):
+        valve_position([50.0, 51.0], S, J)
+
+
+def test_numba_is_not_imported_with_the_module():
+    code = "import sys, detectors.signal.stiction_map; print('numba' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "False"
+
+
+def test_a_second_process_finds_the_compiled_kernel_on_disk():
+    valve_position([50.0, 51.0], 1.0, 0.0)
+    code = (
+        "from detectors.signal.stiction_map import *; valve_position([50.0, 51.0], 1.0, 0.0); "
+        "print(sum(compiled('trace').stats.cache_hits.values()))"
+    )
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "1"
