@@ -1,0 +1,96 @@
+"""He 2007: behind a sticky valve the first integrating signal is a triangle wave; behind anything else it is closer to a sine.
+
+Needs: OP of a self-regulating process (the controller integrates), PV of an integrating one; three periods.
+Parameters: `eta_low`, `eta_high` (-), published.
+Indices: eta in 0..1 (triangle with free apex and zero ends; decides), eta_two_line in 0..1 (the chapter's two straight lines,
+which have four free parameters against the sine's two and lean to "triangle" in noise).
+Rule: eta = MSE_sine / (MSE_sine + MSE_triangle), averaged over half cycles; >= 0.6 stiction, <= 0.4 no stiction (Eq 11.13).
+Not for: flow loops with a strong P part (OP is nearly a square and scores 0.34); noise beyond a fifth of the signal, where both
+misfits are noise and eta goes to 0.5.
+Source: Q.P. He, J. Wang, M. Pottmann, S.J. Qin (2007), Ind. Eng. Chem. Res. 46, 4549-4560; Jelali (2013), Eqs 11.10 to 11.13.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from detectors.method import Method, Threshold
+from detectors.prepared import Prepared
+from detectors.signal.conditioning import band
+from detectors.signal.half_cycles import misfit, sines, split, triangles, two_line_misfit
+from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
+
+METHOD = Method(
+    title="triangle against sine, half cycle by half cycle",
+    source="He et al. 2007, Eqs 11.10-11.13",
+    thresholds={
+        "eta_low": Threshold(0.4, "-", 0.0, 1.0, "He 2007", "at or below: sine, no stiction"),
+        "eta_high": Threshold(0.6, "-", 0.0, 1.0, "He 2007", "at or above: triangle, stiction"),
+    },
+)
+
+
+def triangle_indices(humps: np.ndarray) -> tuple[float, float]:
+    """Return eta and eta_two_line of a set of half cycles.
+
+    Parameters
+    ----------
+    humps : ndarray, shape (m, points)
+        Half cycles as positive humps.
+
+    Returns
+    -------
+    eta, eta_two_line : float
+        0.5 when sine and triangle fit equally well.
+
+    Notes
+    -----
+    Not for one or two half cycles: their shape says little.
+
+    Examples
+    --------
+    >>> [round(x, 2) for x in triangle_indices(triangles()[30:50])]
+    [1.0, 1.0]
+    """
+    sine = misfit(humps, sines()).mean()
+    parts = [misfit(humps, triangles()).mean(), two_line_misfit(humps).mean()]
+    return tuple(float(sine / (sine + other)) if sine + other > 0 else 0.5 for other in parts)
+
+
+def detect(prepared: Prepared, *, eta_low: float, eta_high: float) -> Verdict:
+    """Judge a record by the shape of OP (self-regulating) or PV (integrating).
+
+    Parameters
+    ----------
+    prepared : Prepared
+        The record.
+    eta_low, eta_high : float
+        Bounds of eta (-).
+
+    Returns
+    -------
+    Verdict
+        `score` is eta.
+
+    Examples
+    --------
+    >>> from detectors.record import LoopRecord
+    >>> t = np.arange(2000) / 10
+    >>> detect(Prepared(LoopRecord(np.arcsin(np.sin(t)), np.cos(t), 0.1)), **METHOD.defaults()).verdict
+    'stiction'
+    """
+    record = prepared.record
+    name, x = ("PV", record.pv) if prepared.integrating else ("OP", record.op)
+    period = prepared.oscillation.period_s / record.Ts
+    humps = split(band(x, period, 7), period)
+    if len(humps) < 4:
+        return Verdict("he", NO_DECISION, reason=f"{len(humps)} half cycles in {name}; at least 4 are needed")
+    eta, two_line = triangle_indices(humps)
+    if eta >= eta_high:
+        verdict, said = STICTION, "triangular"
+    elif eta <= eta_low:
+        verdict, said = NO_STICTION, "sinusoidal"
+    else:
+        verdict, said = NO_DECISION, "between triangle and sine"
+    reason = f"{name} is {said}: eta = {eta:.2f} over {len(humps)} half cycles"
+    return Verdict("he", verdict, eta, {"eta": eta, "eta_two_line": two_line}, reason=reason)

@@ -1,0 +1,122 @@
+"""Yamashita 2006: a sticky valve stands still while OP moves, and then catches up.
+
+Needs: OP with the valve position, or with PV of a flow loop; three periods.
+Parameters: `step` (samples) over which a movement is counted, 1 as published, more for records sampled much faster than the process;
+`rho3_min` (-), published.
+Indices: rho1 in 0..1 (share of movements with OP moving and the valve not), rho2 and rho3 in 0..1 (the same, only where the valve follows
+afterwards, and without what has nothing to do with stiction).
+Rule: stiction when rho3 > 0.25 (Eq 11.5). rho1 decides nothing: two independent noises have rho1 = 0.41, rho3 = 0.13.
+Not for: PV in place of the valve position behind a slow process; noise or sampling so fast that differences are noise; a valve that
+never stands still.
+Source: Y. Yamashita (2006), Control Engineering Practice 14, 503-510; Jelali (2013), Eqs 11.3 to 11.5 with the denominator
+tau_total - tau_SS, which alone reproduces the printed values of loop PAP2.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from detectors.method import Method, Threshold
+from detectors.prepared import Prepared
+from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
+
+METHOD = Method(
+    title="valve stands still while OP moves",
+    source="Yamashita 2006, Eqs 11.3-11.5",
+    needs_mv=True,
+    thresholds={
+        "rho3_min": Threshold(0.25, "-", 0.0, 1.0, "Yamashita 2006", "above: stiction"),
+        "step": Threshold(1, "samples", 1, 1000, "Yamashita 2006", "differences are taken over this many samples"),
+    },
+)
+
+# a pair of symbols (OP, valve) as 3 OP + valve with D = 0, S = 1, I = 2
+IS, DS, SS = 7, 1, 4
+FOLLOWS = {IS: (8, 5), DS: (0, 3)}  # II, SI and DD, SD: the valve catches up
+UNRELATED = {IS: (0, 2, 3, 6, 1), DS: (2, 5, 6, 8, 7)}  # W of Eq 11.5: DD DI SD ID DS and DI SI ID II IS
+
+
+def movement_indices(op: np.ndarray, mv: np.ndarray, step: int = 1) -> tuple[float, float, float]:
+    """Return rho1, rho2 and rho3 of Eqs 11.3 to 11.5.
+
+    Parameters
+    ----------
+    op, mv : ndarray, shape (n,)
+        Controller output and valve position, any units.
+    step : int
+        Differences are taken over this many samples.
+
+    Returns
+    -------
+    rho1, rho2, rho3 : float
+        NaN when nothing moves by more than its own standard deviation.
+
+    Notes
+    -----
+    Not for signals that are constant: they have no standard deviation to count by.
+
+    Examples
+    --------
+    >>> op = np.sin(np.arange(1000) / 20)
+    >>> rho1, rho2, rho3 = movement_indices(op, np.round(op))
+    >>> 0 <= rho2 <= rho3 <= rho1 <= 1
+    True
+    """
+    pair = 3 * _symbols(op, step) + _symbols(mv, step)
+    pair = pair[pair != SS]
+    if pair.size == 0:
+        return float("nan"), float("nan"), float("nan")
+    start = np.flatnonzero(np.concatenate([[True], pair[1:] != pair[:-1]]))
+    length = np.diff(np.append(start, pair.size))
+    run, follower = pair[start], np.append(pair[start][1:], -1)
+    stuck = followed = unrelated = 0
+    for kind in (IS, DS):
+        here = run == kind
+        stuck += length[here].sum()
+        followed += length[here & np.isin(follower, FOLLOWS[kind])].sum()
+        unrelated += length[here & np.isin(follower, UNRELATED[kind])].sum()
+    return float(stuck / pair.size), float(followed / pair.size), float((stuck - unrelated) / pair.size)
+
+
+def detect(prepared: Prepared, *, rho3_min: float, step: float) -> Verdict:
+    """Judge a record by how OP and the valve move together.
+
+    Parameters
+    ----------
+    prepared : Prepared
+        The record.
+    rho3_min : float
+        Bound of rho3 (-).
+    step : float
+        Samples over which a movement is counted.
+
+    Returns
+    -------
+    Verdict
+        `score` is rho3.
+
+    Examples
+    --------
+    >>> from detectors.record import LoopRecord
+    >>> op = 50 + np.arcsin(np.sin(np.arange(1000) / 20))
+    >>> mv = np.round(op)
+    >>> detect(Prepared(LoopRecord(op, mv, 1.0, kind="flow")), rho3_min=0.25, step=8).verdict
+    'stiction'
+    """
+    signal, _, note = prepared.valve_position()
+    if signal is None:
+        return Verdict("yamashita", NO_DECISION, applicable=False, reason=note)
+    rho1, rho2, rho3 = movement_indices(prepared.record.op, signal, round(step))
+    if not np.isfinite(rho3):
+        return Verdict("yamashita", NO_DECISION, reason="OP or valve position does not move")
+    verdict = STICTION if rho3 > rho3_min else NO_STICTION
+    said = "stands still while OP moves, then follows" if rho3 > rho3_min else "follows OP"
+    reason = f"the valve {said}: rho3 = {rho3:.2f} ({note})"
+    return Verdict("yamashita", verdict, rho3, {"rho1": rho1, "rho2": rho2, "rho3": rho3}, reason=reason)
+
+
+def _symbols(x: np.ndarray, step: int) -> np.ndarray:
+    """0, 1, 2 for decreasing, steady, increasing."""
+    d = x[step:] - x[:-step]
+    z = (d - d.mean()) / d.std() if d.std() > 0 else np.zeros(d.size)
+    return 1 + (z > 1).astype(int) - (z < -1)

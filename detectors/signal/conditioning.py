@@ -1,0 +1,112 @@
+"""Conditioning: take slow drift and fast noise off an oscillating signal without shifting it in time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def band(x: np.ndarray, period: float, harmonics: float) -> np.ndarray:
+    """Return the oscillation alone: drift slower than its period removed, noise above a harmonic of it removed.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Signal, any units.
+    period : float
+        Period of the oscillation in samples.
+    harmonics : float
+        Highest harmonic that is kept.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+
+    Notes
+    -----
+    Not for records of less than three periods: what stands for drift then is a guess.
+
+    Examples
+    --------
+    >>> t = np.arange(1000)
+    >>> rest = band(np.sin(t / 8) + t / 100, 16 * np.pi, 5) - np.sin(t / 8)
+    >>> bool(np.abs(rest[100:-100]).max() < 0.02)
+    True
+    """
+    return smooth(x - drift(x, period), period / harmonics)
+
+
+def drift(x: np.ndarray, period: float) -> np.ndarray:
+    """Return the mean over one period around each sample, which holds no oscillation of that period.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Signal.
+    period : float
+        Period in samples; whole periods are averaged, with a fractional weight at both ends of the window.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        In the first and last half period, where the window is cut, the line through the two nearest whole windows half a period apart.
+
+    Examples
+    --------
+    >>> t = np.arange(400)
+    >>> float(np.abs(drift(np.sin(2 * np.pi * t / 40) + 0.1 * t, 40) - 0.1 * t).max()) < 1e-9
+    True
+    """
+    n = x.size
+    half = min(period / 2.0, (n - 1) / 2.0)
+    # integral of the linearly interpolated signal, read at fractional places
+    total = np.concatenate([[0.0], np.cumsum(0.5 * (x[1:] + x[:-1]))])
+    inner = np.arange(int(np.ceil(half)), int(np.floor(n - 1 - half)) + 1)
+    if inner.size == 0:
+        return np.full(n, x.mean())
+    mean = (_integral(total, x, inner + half) - _integral(total, x, inner - half)) / (2.0 * half)
+    out = np.empty(n)
+    out[inner] = mean
+    reach = min(max(round(half), 1), mean.size - 1)
+    slopes = ((mean[reach] - mean[0]) / reach, (mean[-1] - mean[-1 - reach]) / reach) if reach > 0 else (0.0, 0.0)
+    left, right = inner[0], inner[-1]
+    out[:left] = mean[0] + slopes[0] * np.arange(-left, 0)
+    out[right + 1 :] = mean[-1] + slopes[1] * np.arange(1, n - right)
+    return out
+
+
+def smooth(x: np.ndarray, shortest: float) -> np.ndarray:
+    """Return the signal without what is faster than a period, zero-phase, its ends continued by their point reflection.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Signal.
+    shortest : float
+        Shortest period kept, in samples; below 2 nothing is removed. The gain falls from 1 to 0 as a cosine over the next third of the band.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+
+    Examples
+    --------
+    >>> t = np.arange(500)
+    >>> bool(np.abs(smooth(np.sin(t / 20) + (-1.0) ** t, 20) - np.sin(t / 20)).max() < 0.05)
+    True
+    """
+    if shortest <= 2.0:
+        return x
+    n = x.size
+    line = x[0] + (x[-1] - x[0]) * (np.arange(n) / (n - 1))
+    rest = x - line
+    odd = np.concatenate([rest, -rest[-2:0:-1]])  # continues value and slope, so no ringing starts at the ends
+    f = np.arange(n) / odd.size
+    ramp = np.clip((f * shortest - 1.0) * 3.0, 0.0, 1.0)
+    return line + np.fft.irfft(np.fft.rfft(odd) * (0.5 + 0.5 * np.cos(np.pi * ramp)), odd.size)[:n]
+
+
+def _integral(total: np.ndarray, x: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Integral of the linearly interpolated signal from sample 0 to fractional places."""
+    k = np.minimum(at.astype(int), x.size - 2)
+    part = at - k
+    return total[k] + part * x[k] + 0.5 * part**2 * (x[k + 1] - x[k])

@@ -1,0 +1,153 @@
+"""Half cycles: an oscillation cut at its zero crossings, each piece brought to one length, and shapes fitted to all of them at once."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from detectors.signal.oscillation import zero_crossings
+
+POINTS = 40  # samples per resampled half cycle
+GUARD = 0.25  # a crossing counts when the signal then passes this many standard deviations
+
+
+def split(x: np.ndarray, period: float, points: int = POINTS) -> np.ndarray:
+    """Cut an oscillation into its significant half cycles.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Oscillation without drift.
+    period : float
+        Its period in samples.
+    points : int
+        Samples per half cycle after resampling, at the middles of equal parts.
+
+    Returns
+    -------
+    ndarray, shape (m, points)
+        Every half cycle as a positive hump; those shorter than a quarter or longer than twice half a period are left out.
+
+    Examples
+    --------
+    >>> split(np.sin(2 * np.pi * np.arange(400) / 40), 40.0).shape
+    (18, 40)
+    """
+    at = zero_crossings(x, GUARD * float(x.std()))
+    start, length = at[:-1], np.diff(at)
+    fit = (length > 0.125 * period) & (length < period)
+    start, length = start[fit], length[fit]
+    place = start[:, None] + length[:, None] * ((np.arange(points) + 0.5) / points)
+    k = np.minimum(place.astype(int), x.size - 2)
+    humps = x[k] + (place - k) * (x[k + 1] - x[k])
+    return humps * np.sign(humps.sum(axis=1, keepdims=True))
+
+
+def misfit(humps: np.ndarray, shapes: np.ndarray) -> np.ndarray:
+    """Return the least mean squared error of each half cycle over a family of shapes, each with its best height.
+
+    Parameters
+    ----------
+    humps : ndarray, shape (m, points)
+        Half cycles.
+    shapes : ndarray, shape (family, points)
+        Candidate shapes, each of unit length (sum of squares 1).
+
+    Returns
+    -------
+    ndarray, shape (m,)
+
+    Examples
+    --------
+    >>> float(misfit(3.0 * triangles()[:1], triangles())[0]) < 1e-12
+    True
+    """
+    height = (humps @ shapes.T).max(axis=1)
+    return np.maximum((humps**2).sum(axis=1) - height**2, 0.0) / humps.shape[1]
+
+
+@lru_cache(maxsize=8)
+def sines(points: int = POINTS) -> np.ndarray:
+    """Return sines that start at the crossing, with frequencies around pi / length.
+
+    Parameters
+    ----------
+    points : int
+        Samples per half cycle.
+
+    Returns
+    -------
+    ndarray, shape (41, points)
+        w from 0.8 to 1.2 pi per half cycle.
+
+    Examples
+    --------
+    >>> sines().shape
+    (41, 40)
+    """
+    t = (np.arange(points) + 0.5) / points
+    return _unit(np.sin(np.pi * np.linspace(0.8, 1.2, 41)[:, None] * t))
+
+
+@lru_cache(maxsize=8)
+def triangles(points: int = POINTS) -> np.ndarray:
+    """Return triangles with zero ends and the apex anywhere.
+
+    Parameters
+    ----------
+    points : int
+        Samples per half cycle.
+
+    Returns
+    -------
+    ndarray, shape (81, points)
+
+    Examples
+    --------
+    >>> triangles().shape
+    (81, 40)
+    """
+    t = (np.arange(points) + 0.5) / points
+    apex = np.linspace(0.02, 0.98, 81)[:, None]
+    return _unit(np.minimum(t / apex, (1.0 - t) / (1.0 - apex)))
+
+
+def two_line_misfit(humps: np.ndarray) -> np.ndarray:
+    """Return the mean squared error of two free straight lines per half cycle, split at its largest sample.
+
+    Parameters
+    ----------
+    humps : ndarray, shape (m, points)
+        Half cycles.
+
+    Returns
+    -------
+    ndarray, shape (m,)
+
+    Examples
+    --------
+    >>> float(two_line_misfit(triangles()[40:41])[0]) < 1e-5
+    True
+    """
+    top = np.clip(humps.argmax(axis=1), 1, humps.shape[1] - 3)
+    return (
+        _line_errors(humps)[np.arange(len(humps)), top]
+        + _line_errors(humps[:, ::-1])[np.arange(len(humps)), humps.shape[1] - 2 - top]
+    ) / humps.shape[1]
+
+
+def _line_errors(y: np.ndarray) -> np.ndarray:
+    """Squared error of the least-squares line through samples 0..k, for every k."""
+    t = np.arange(y.shape[1], dtype=float)
+    n = t + 1.0
+    sy, sty, syy = np.cumsum(y, axis=1), np.cumsum(t * y, axis=1), np.cumsum(y * y, axis=1)
+    st, stt = np.cumsum(t), np.cumsum(t * t)
+    spread = np.maximum(stt - st**2 / n, 1e-12)
+    return np.maximum(syy - sy**2 / n - (sty - st * sy / n) ** 2 / spread, 0.0)
+
+
+def _unit(shapes: np.ndarray) -> np.ndarray:
+    shapes = shapes / np.sqrt((shapes**2).sum(axis=1, keepdims=True))
+    shapes.flags.writeable = False
+    return shapes
