@@ -14,7 +14,12 @@ if TYPE_CHECKING:
 
 PROCESSES = ("self-regulating", "integrating")
 KINDS = ("flow", "level", "pressure", "temperature", "analyser")
-KIND_ALIASES = {"diff-pressure": "pressure", "differential-pressure": "pressure", "analyzer": "analyser"}
+KIND_ALIASES = {
+    "diff-pressure": "pressure",
+    "differential-pressure": "pressure",
+    "analyzer": "analyser",
+    "concentration": "analyser",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +48,8 @@ class LoopRecord:
         Name of the loop.
     meta : dict
         Anything else that came with the record; hidden from detectors.
+    notes : tuple of str
+        What the loader had to do to the data, as "flag: evidence"; data quality reports it.
 
     Raises
     ------
@@ -71,6 +78,7 @@ class LoopRecord:
     pv_span: tuple[float, float] | None = None
     tag: str = ""
     meta: dict[str, Any] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Check every field once, so that no later code has to."""
