@@ -17,6 +17,10 @@ VALVES = PluginFolder(
     "valve", "simbench.loop.valves", "simbench.valves", ("SOURCE", "FRICTION", "PARAMETERS", "start", "step")
 )
 
+EFFECTS = PluginFolder(
+    "effect", "simbench.gap.effects", "simbench.effects", ("SOURCE", "BLOCK", "PARAMETERS", "CONFUSABLE_WITH", "ACTS", "apply")
+)
+
 FOLLOWS = math.nan
 """Default of a number that follows from the others when it is not given (the plug-in's `complete` fills it)."""
 

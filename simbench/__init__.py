@@ -1,0 +1,1 @@
+"""simbench: a closed-loop simulation testbench for valve-stiction detectors."""

@@ -1,0 +1,138 @@
+"""Loads from outside the loop: sine, steps, ramp, random walk, and the oscillation of another sticky loop."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from scipy.signal import lfilter
+
+from detectors.errors import ParameterError, UnknownName
+from scenarios.spec import Loop, Part
+from simbench.loop.parameters import Choice, Number, resolve
+
+AT = ("input", "output")
+_PLACE = Choice(AT, default="input", says="input: in % of travel, between MV and plant; output: in PV units, on PV")
+_AMPLITUDE = Number("% or PV units", low=0.0, says="size of the load")
+_START = Number("s", low=0.0, default=0.0, says="when it begins")
+
+
+def sine(t, Ts, p, rng):
+    """Return amplitude sin(2 pi (t - start)/period + phase)."""
+    return p.amplitude * np.sin(2 * np.pi * t / p.period + p.phase)
+
+
+def steps(t, Ts, p, rng):
+    """Return a load that jumps every `period` to a new level, drawn evenly from -amplitude..amplitude."""
+    index = np.floor_divide(t, p.period).astype(int)
+    levels = rng.uniform(-p.amplitude, p.amplitude, size=max(int(index[-1]), 0) + 1)
+    return levels[np.maximum(index, 0)]
+
+
+def ramp(t, Ts, p, rng):
+    """Return a load that grows evenly to `amplitude` within `period` and stays there."""
+    return p.amplitude * np.clip(t / p.period, 0.0, 1.0)
+
+
+def random_walk(t, Ts, p, rng):
+    """Return a random walk whose standard deviation is `amplitude` after `period`."""
+    return np.cumsum(p.amplitude * np.sqrt(Ts / p.period) * rng.standard_normal(t.size))
+
+
+def propagated(t, Ts, p, rng):
+    """Return the PV of another sticky loop behind a first-order lag, scaled to half peak-to-peak `amplitude`.
+
+    The other loop is a FOPTD plant under PI with Ti = T and Td/T = 0.2; its time constant is chosen so that the exact
+    cycle of equations.md 2.3 has the wanted period. The shape of its waves, not their cause, reaches our loop.
+    """
+    from simbench.loop.simulate import simulate
+
+    # P = 2S/(k p) + 2 Td + k Td^2 with p = J/(2 - k Td) and k Td = 0.2, solved for k
+    k = (2 * p.S * 1.8 / p.J + 0.44) / p.period
+    warm_up = int(np.ceil(12 * p.period / Ts))
+    other = Loop.from_table(
+        {
+            "plant": {"type": "foptd", "K": 1.0, "T": 1.0 / k, "Td": 0.2 / k},
+            "controller": {"type": "PI", "Kc": 1.0, "Ti": 1.0 / k},
+            "valve": {"model": "choudhury", "S": p.S, "J": p.J},
+            "sampling": {"Ts": Ts, "n": t.size + warm_up},
+            "noise": {"std": p.noise * p.J},
+            "setpoint": {"value": 50.0, "steps": [[0.0, 50.0 + p.S]]},
+        }
+    )
+    wave = simulate(other, seed=int(rng.integers(2**31))).record.pv - (50.0 + p.S)
+    wave = lfilter([1 - np.exp(-Ts / p.lag)], [1, -np.exp(-Ts / p.lag)], wave) if p.lag > 0 else wave
+    tail = wave[warm_up // 2 :]
+    half_swing = np.ptp(tail) / 2
+    if not half_swing > 0.05 * p.J:
+        raise ParameterError(f"disturbance 'propagated': the other loop (S = {p.S}, J = {p.J}) does not cycle; choose J nearer to S")
+    return p.amplitude * (wave[warm_up:] - tail.mean()) / half_swing
+
+
+_PERIOD = {
+    "sine": "of the sine",
+    "steps": "between jumps",
+    "ramp": "of the rise",
+    "random_walk": "after which the standard deviation is `amplitude`",
+    "propagated": "of the other loop's cycle",
+}
+_MORE: dict[str, dict[str, Any]] = {
+    "sine": {"phase": Number("rad", default=0.0, says="phase at the start")},
+    "propagated": {
+        "S": Number("% of travel", low=0.0, high=100.0, default=5.0, says="the other valve's band", positive=True),
+        "J": Number("% of travel", low=0.0, high=100.0, default=2.0, says="the other valve's jump", positive=True),
+        "lag": Number("s", low=0.0, default=0.0, says="first-order lag on the way"),
+        "noise": Number("-", low=0.0, default=0.0, says="noise of the other loop over its J"),
+    },
+}
+KINDS: dict[str, Callable[..., np.ndarray]] = {f.__name__: f for f in (sine, steps, ramp, random_walk, propagated)}
+PARAMETERS = {
+    kind: {
+        "amplitude": _AMPLITUDE,
+        "period": Number("s", low=0.0, positive=True, says=f"time {_PERIOD[kind]}"),
+        "at": _PLACE,
+        "start": _START,
+        **_MORE.get(kind, {}),
+    }
+    for kind in KINDS
+}
+
+
+def disturbance_signal(part: Part, total: int, Ts: float, rng: np.random.Generator) -> tuple[str, np.ndarray]:
+    """Return where a disturbance acts and its signal.
+
+    Parameters
+    ----------
+    part : Part
+        Type and parameters as in [[disturbance]].
+    total : int
+        Number of samples.
+    Ts : float
+        Sampling period (s).
+    rng : numpy.random.Generator
+        Stream of its own.
+
+    Returns
+    -------
+    at : {"input", "output"}
+    signal : ndarray, shape (total,)
+        In % of travel at the input, in PV units at the output; 0 before `start`.
+
+    Raises
+    ------
+    UnknownName, ParameterError
+        For an unknown type or parameter, or a value out of range.
+
+    Examples
+    --------
+    >>> part = Part(name="ramp", parameters={"amplitude": 2.0, "period": 2.0, "at": "output"})
+    >>> disturbance_signal(part, 4, 1.0, np.random.default_rng(0))
+    ('output', array([0., 1., 2., 2.]))
+    """
+    if part.name not in KINDS:
+        raise UnknownName("disturbance", part.name, KINDS)
+    p = resolve(PARAMETERS[part.name], part.parameters, f"disturbance {part.name!r}")
+    t = np.arange(total) * Ts - p.start
+    signal = np.where(t >= 0, KINDS[part.name](t, Ts, p, rng), 0.0)
+    return AT[int(p.at)], signal

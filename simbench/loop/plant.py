@@ -1,0 +1,194 @@
+"""Plants: control.TransferFunction in, exact zero-order-hold sampling with whole and fractional dead time out."""
+
+from __future__ import annotations
+
+from collections import namedtuple
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import expm
+
+from detectors.errors import ParameterError
+
+# First-order plants, by far the most common, keep their state in a register; all others in an array.
+FirstOrder = namedtuple("FirstOrder", "a b_old b_new pv0")
+General = namedtuple("General", "A B_old B_new C pv0")
+
+
+@dataclass(frozen=True)
+class SampledPlant:
+    """x(k+1) = A x(k) + B_old w(k-delay-1) + B_new w(k-delay), PV(k) = C x(k), with w held over each sample.
+
+    Two taps make a fractional dead time exact: the older input acts during the first part of the sample.
+    """
+
+    A: np.ndarray
+    B_old: np.ndarray
+    B_new: np.ndarray
+    C: np.ndarray
+    delay: int
+
+    @property
+    def order(self) -> int:
+        """Number of states."""
+        return len(self.A)
+
+
+def transfer_function(plant):
+    """Return the delay-free part of a loop file's plant.
+
+    Parameters
+    ----------
+    plant : scenarios.spec.Plant
+        K in PV units per % (integrating: per % and s), T in s.
+
+    Returns
+    -------
+    control.TransferFunction
+        K/(T s + 1) or K/s.
+
+    Examples
+    --------
+    >>> from scenarios.spec import Plant
+    >>> transfer_function(Plant(type="foptd", K=2, T=10)).den[0][0].tolist()
+    [10.0, 1.0]
+    """
+    import control
+
+    return control.tf(*polynomials(plant))
+
+
+def polynomials(plant) -> tuple[np.ndarray, np.ndarray]:
+    """Return numerator and denominator (highest power first) of a loop file's plant without its dead time."""
+    den = [1.0, 0.0] if plant.type == "integrating" else [float(plant.T), 1.0]
+    return np.array([float(plant.K)]), np.array(den)
+
+
+def checked_polynomials(tf) -> tuple[np.ndarray, np.ndarray]:
+    """Accept a user's transfer function, or say why not.
+
+    Parameters
+    ----------
+    tf : control.TransferFunction
+        Continuous, single input and output, strictly proper, stable but for at most one pole at 0.
+
+    Returns
+    -------
+    num, den : ndarray
+        Coefficients, highest power of s first.
+
+    Raises
+    ------
+    ParameterError
+        For anything else: a discrete, multivariable, biproper or unstable plant.
+    """
+    if tf.ninputs != 1 or tf.noutputs != 1:
+        raise ParameterError(f"plant has {tf.ninputs} inputs and {tf.noutputs} outputs; one of each is needed")
+    if tf.dt not in (0, None):
+        raise ParameterError(f"plant is discrete (dt = {tf.dt}); a continuous transfer function is needed")
+    num, den = np.trim_zeros(tf.num[0][0], "f"), np.trim_zeros(tf.den[0][0], "f")
+    if num.size == 0:
+        raise ParameterError("plant is 0; the valve must act on PV")
+    if num.size >= den.size:
+        raise ParameterError("plant acts without any lag (not strictly proper); add the valve's or the sensor's time constant")
+    poles = np.roots(den)
+    scale = max(1.0, np.abs(poles).max())
+    at_zero = np.abs(poles) < 1e-9 * scale
+    unstable = poles[~at_zero & (poles.real >= 0)]
+    if unstable.size or at_zero.sum() > 1:
+        worst = unstable[np.argmax(unstable.real)] if unstable.size else 0.0
+        raise ParameterError(f"unstable plant: pole at {worst:.4g}; only stable plants, or with one integrator, are simulated")
+    return num / den[0], den / den[0]
+
+
+def sample(num: np.ndarray, den: np.ndarray, Td: float, Ts: float) -> SampledPlant:
+    """Sample a plant exactly for an input that is constant over each sampling period.
+
+    Parameters
+    ----------
+    num, den : ndarray
+        Strictly proper transfer function, highest power of s first.
+    Td : float
+        Dead time (s), >= 0, any fraction of Ts.
+    Ts : float
+        Sampling period (s), > 0.
+
+    Returns
+    -------
+    SampledPlant
+
+    Raises
+    ------
+    ParameterError
+        When Td or Ts is out of range.
+
+    Notes
+    -----
+    Astrom and Wittenmark (1997), Computer-Controlled Systems, section 2.3: sampling a system with a fractional delay.
+
+    Examples
+    --------
+    >>> sample(np.array([1.0]), np.array([10.0, 1.0]), Td=2.5, Ts=1.0).delay
+    2
+    """
+    if not (np.isfinite(Td) and Td >= 0):
+        raise ParameterError(f"plant: Td = {Td} s; a number >= 0 is needed")
+    if not (np.isfinite(Ts) and Ts > 0):
+        raise ParameterError(f"sampling: Ts = {Ts} s; a number above 0 is needed")
+    A, B, C = _state_space(num, den)
+    delay = int(np.floor(Td / Ts + 1e-9))
+    old = max(Td - delay * Ts, 0.0)  # length of the older input's part of the sample
+    old = 0.0 if old < 1e-9 * Ts else old
+    whole, _ = _hold(A, B, Ts)
+    late, B_new = _hold(A, B, Ts - old)
+    _, early = _hold(A, B, old)
+    return SampledPlant(whole, late @ early, B_new, C, delay)
+
+
+def _state_space(num: np.ndarray, den: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    # Controllable canonical form; a first-order plant is scaled so that its state is PV itself.
+    den, num = den / den[0], np.concatenate([np.zeros(den.size - 1 - num.size), num / den[0]])
+    order = den.size - 1
+    if order == 1:
+        return np.array([[-den[1]]]), num.copy(), np.array([1.0])
+    A = np.eye(order, k=-1)
+    A[0] = -den[1:]
+    return A, np.eye(order)[0], num
+
+
+def _hold(A: np.ndarray, B: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
+    order = len(A)
+    joint = np.zeros((order + 1, order + 1))
+    joint[:order, :order], joint[:order, order] = A, B
+    out = expm(joint * h)
+    return out[:order, :order], out[:order, order]
+
+
+def first_order_step(w_old, w_new, x, p):
+    """One sample of a first-order plant; its state (deviation of PV, ) is a tuple."""
+    return (p.a * x[0] + p.b_old * w_old + p.b_new * w_new,)
+
+
+def first_order_output(x, p):
+    """PV of a first-order plant before load and noise."""
+    return p.pv0 + x[0]
+
+
+def general_step(w_old, w_new, x, p):
+    """One sample of a plant of any order; its state array is changed in place."""
+    order = x.shape[0] // 2
+    for i in range(order):
+        x[order + i] = p.B_old[i] * w_old + p.B_new[i] * w_new
+        for j in range(order):
+            x[order + i] += p.A[i, j] * x[j]
+    for i in range(order):
+        x[i] = x[order + i]
+    return x
+
+
+def general_output(x, p):
+    """PV of a plant of any order before load and noise."""
+    y = p.pv0
+    for i in range(x.shape[0] // 2):
+        y += p.C[i] * x[i]
+    return y

@@ -1,0 +1,198 @@
+"""Setup: a loop file resolved to numbers and arrays, which effects may change before the run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from types import FunctionType, ModuleType
+from typing import Any
+
+import numpy as np
+
+from detectors.errors import ParameterError
+from simbench.loop import controller, plant, sensor
+from simbench.loop.disturbance import disturbance_signal
+from simbench.loop.parameters import EFFECTS, VALVES, resolve, valve_parameters
+from scenarios.spec import Loop
+
+# Independent random streams of one run: changing one part's numbers leaves the others' alone.
+NOISE, DISTURBANCE, EFFECT = 0, 100, 200
+
+
+@dataclass
+class Setup:
+    """Everything the compiled loop needs, still open to change.
+
+    Signals have n + tail samples; loads are in % at the plant's input and in PV units at its output; `pv_add` is
+    measured with PV (noise included). `valves` is the chain OP passes, each a plug-in with its resolved parameters.
+    `recorders` turn the PV the controller saw into the PV that is archived.
+    """
+
+    loop: Loop
+    seed: int
+    tail: int
+    num: np.ndarray
+    den: np.ndarray
+    Td: float
+    Kc: float
+    Ti: float | None
+    op0: float
+    pv0: float
+    sp: np.ndarray
+    load_in: np.ndarray
+    load_out: np.ndarray
+    noise_std: float
+    pv_add: np.ndarray
+    valves: list[tuple[ModuleType, Any]]
+    op_lo: float = 0.0
+    op_hi: float = 100.0
+    error_deadband: float = 0.0
+    op_quantum: float = 0.0
+    sensor_lag: float = 0.0
+    pv_quantum: float = 0.0
+    recorders: list[Callable[[np.ndarray], np.ndarray]] = field(default_factory=list)
+
+    @property
+    def Ts(self) -> float:
+        """Sampling period (s)."""
+        return self.loop.sampling.Ts
+
+    @property
+    def n(self) -> int:
+        """Samples of the record, without the tail."""
+        return self.loop.sampling.n
+
+    @property
+    def sign(self) -> float:
+        """+1 for a reverse, -1 for a direct acting controller; effects change `Kc` without it."""
+        return self.loop.controller.sign
+
+    def add_valve(self, model: str, parameters: Mapping[str, Any], *, first: bool = False) -> None:
+        """Put one more stage behind (or in front of) the valves that are there."""
+        module = VALVES.load(model)
+        stage = (module, valve_parameters(module, parameters, self.Ts))
+        self.valves.insert(0, stage) if first else self.valves.append(stage)
+
+    @property
+    def sticky(self) -> bool:
+        """Whether any stage of the valve has friction."""
+        return any(module.FRICTION and _acts(p) for module, p in self.valves)
+
+    def hold(self, signal: np.ndarray) -> np.ndarray:
+        """Freeze a signal at its last value over the tail."""
+        signal[self.n :] = signal[self.n - 1]
+        return signal
+
+
+def resolve_loop(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
+    """Turn a loop into a setup: plug-ins looked up and checked, signals drawn, effects applied.
+
+    Parameters
+    ----------
+    loop : Loop
+        What to run.
+    seed : int
+        Root of every random stream of the run.
+    tail : int
+        Further samples over which set point and disturbances are frozen.
+    tf : control.TransferFunction, optional
+        Takes the place of the loop's plant (its dead time stays).
+
+    Returns
+    -------
+    Setup
+
+    Raises
+    ------
+    UnknownName, ParameterError
+        For a plug-in that does not exist, numbers it does not allow, or an unstable plant.
+    """
+    total = loop.sampling.n + tail
+    num, den = plant.polynomials(loop.plant) if tf is None else plant.checked_polynomials(tf)
+    if loop.controller.sign * num[0] / den[den != 0][-1] < 0:
+        raise ParameterError("positive feedback: the plant's gain and the controller's direction have opposite signs")
+    module = VALVES.load(loop.valve.name)
+    setup = Setup(
+        loop=loop,
+        seed=seed,
+        tail=tail,
+        num=num,
+        den=den,
+        Td=loop.plant.Td,
+        Kc=loop.controller.Kc,
+        Ti=loop.controller.Ti,
+        op0=loop.operating_point.op0,
+        pv0=loop.pv0,
+        sp=np.full(total, loop.setpoint.value),
+        load_in=np.zeros(total),
+        load_out=np.zeros(total),
+        noise_std=loop.noise.std,
+        pv_add=np.zeros(total),
+        valves=[(module, valve_parameters(module, loop.valve.parameters, loop.sampling.Ts))],
+    )
+    for t, value in sorted(loop.setpoint.steps):
+        setup.sp[int(np.ceil(t / setup.Ts - 1e-9)) :] = value
+    setup.hold(setup.sp)
+    for i, part in enumerate(loop.disturbance):
+        where, signal = disturbance_signal(part, total, setup.Ts, np.random.default_rng([seed, DISTURBANCE + i]))
+        load = setup.load_in if where == "input" else setup.load_out
+        load += setup.hold(signal)
+    for i, part in enumerate(loop.effect):
+        effect = EFFECTS.load(part.name)
+        p = resolve(effect.PARAMETERS, part.parameters, f"effect {part.name!r}")
+        effect.apply(setup, p, np.random.default_rng([seed, EFFECT + i]))
+    # drawn last, from a stream of its own: effects may have changed its strength, and a longer tail only appends
+    if setup.noise_std > 0:
+        setup.pv_add += setup.noise_std * np.random.default_rng([seed, NOISE]).standard_normal(total)
+    return setup
+
+
+def compiled_parts(setup: Setup) -> tuple[dict[str, FunctionType], tuple[FunctionType, ...], tuple]:
+    """Choose the steps a setup needs, and resolve their parameters.
+
+    Parameters
+    ----------
+    setup : Setup
+        The resolved loop.
+
+    Returns
+    -------
+    steps : dict of functions
+        For `simbench.loop.kernel`.
+    stages : tuple of functions
+        The valve's stages.
+    numbers : tuple
+        (sampled plant, plant, controller, gap, valve and sensor parameters).
+    """
+    sampled = plant.sample(setup.num, setup.den, setup.Td, setup.Ts)
+    first_order = sampled.order == 1
+    if first_order:
+        plant_p = plant.FirstOrder(float(sampled.A[0, 0]), float(sampled.B_old[0]), float(sampled.B_new[0]), setup.pv0)
+    else:
+        plant_p = plant.General(sampled.A, sampled.B_old, sampled.B_new, sampled.C, setup.pv0)
+    gain = setup.sign * setup.Kc
+    if setup.Ti is None:
+        control_p = controller.P(gain, setup.op0, setup.op_lo, setup.op_hi)
+    else:
+        control_p = controller.PI(gain, gain * setup.Ts / setup.Ti, setup.op_lo, setup.op_hi)
+    full_control = setup.error_deadband > 0 or setup.op_quantum > 0
+    full_sensor = setup.sensor_lag > 0 or setup.pv_quantum > 0
+    follow = 1.0 - np.exp(-setup.Ts / setup.sensor_lag) if setup.sensor_lag > 0 else 1.0
+    steps = {
+        "error_step": controller.dead_error if full_control else controller.plain_error,
+        "controller_step": controller.p_step if setup.Ti is None else controller.pi_step,
+        "output_step": controller.coarse_output if full_control else controller.plain_output,
+        "plant_step": plant.first_order_step if first_order else plant.general_step,
+        "plant_output": plant.first_order_output if first_order else plant.general_output,
+        "sensor_step": sensor.full_step if full_sensor else sensor.plain_step,
+    }
+    gap_p = controller.Full(setup.error_deadband / 2, setup.op_quantum) if full_control else controller.Plain(0.0)
+    sensor_p = sensor.Full(float(follow), setup.pv_quantum) if full_sensor else sensor.Plain(0.0)
+    valve_p = tuple(p for _, p in setup.valves)
+    return steps, tuple(m.step for m, _ in setup.valves), (sampled, plant_p, control_p, gap_p, valve_p, sensor_p)
+
+
+def _acts(p: Any) -> bool:
+    # S = J = 0 turns an S/J valve into an ideal one, whatever it is called
+    sizes = [getattr(p, name) for name in ("S", "J") if hasattr(p, name)]
+    return not sizes or any(size > 0 for size in sizes)
