@@ -21,7 +21,12 @@ JITTER = 0.01  # deviation from Ts, as a share of it, above which time has a gap
 
 
 def read_record(
-    path: str | Path, *, columns: Mapping[str, str] | None = None, loop: str | None = None, Ts: float | None = None, **about: Any
+    path: str | Path,
+    *,
+    columns: Mapping[str, str] | None = None,
+    loop: str | None = None,
+    Ts: float | None = None,
+    **about: Any,
 ) -> LoopRecord:
     """Read one loop record from a file.
 
@@ -72,7 +77,10 @@ def read_record(
 
 
 def read_folder(
-    path: str | Path, names: Iterable[str] | None = None, each: Mapping[str, Mapping[str, Any]] | None = None, **about: Any
+    path: str | Path,
+    names: Iterable[str] | None = None,
+    each: Mapping[str, Mapping[str, Any]] | None = None,
+    **about: Any,
 ) -> tuple[dict[str, LoopRecord], dict[str, str]]:
     """Read every loop record of a folder, or every loop of an ISDB .mat file.
 
@@ -147,7 +155,8 @@ def read_labels(path: str | Path) -> dict[str, dict[str, str]]:
     rows = {str(k).strip().lower(): v for k, v in raw.items()}
     key = next((k for k in ("id", "record") if k in rows), None)
     if key is None or "label" not in rows:
-        raise RecordError(f"{path}: a table of labels needs the columns id (or record) and label; it has {', '.join(rows)}")
+        has = ", ".join(rows)
+        raise RecordError(f"{path}: a table of labels needs the columns id (or record) and label; it has {has}")
     table = {}
     for i, name in enumerate(rows[key]):
         row = {k: str(v[i]).strip() for k, v in rows.items()}
@@ -215,7 +224,8 @@ def _whole(t: np.ndarray, signals: dict[str, np.ndarray | None], Ts: float, wher
     if bridged:
         notes.insert(0, f"gaps: {bridged} of {grid.size} samples missing, bridged by straight lines")
     if grid.size < size:
-        notes.insert(0, f"gaps: judged samples {lo} to {hi} of {size}, the longest part without a hole of more than {BRIDGED}")
+        part = f"the longest part without a hole of more than {BRIDGED}"
+        notes.insert(0, f"gaps: judged samples {lo} to {hi} of {size}, {part}")
     if uneven:
         notes.append(f"gaps: {uneven} of {dt.size} time steps differ from Ts = {Ts:g} s by more than {JITTER:.0%}")
     return grid * Ts, out, tuple(notes)
@@ -243,7 +253,8 @@ def _roles(names: list[str], chosen: Mapping[str, str], where: str) -> dict[str,
             roles[role] = (exact or loose)[0]
     for role in ("pv", "op"):
         if role not in roles:
-            raise RecordError(f"{where}: no {role.upper()} column; columns are: {', '.join(map(str, names))}")
+            shown = ", ".join(map(str, names[:12])) + (", ..." if len(names) > 12 else "")
+            raise RecordError(f"{where}: no {role.upper()} column; columns are: {shown}")
     return roles
 
 

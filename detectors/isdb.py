@@ -83,7 +83,8 @@ def read_loop(path: Path, loop: str | None) -> tuple[Columns, dict[str, Any]]:
     loops = read_loops(path)
     if loop is None:
         if len(loops) != 1:
-            raise RecordError(f"file {path} holds {len(loops)} loops; name one of them, like {next(iter(loops), 'chemicals.loop1')}")
+            like = next(iter(loops), "chemicals.loop1")
+            raise RecordError(f"file {path} holds {len(loops)} loops; name one of them, like {like}")
         loop = next(iter(loops))
     if loop not in loops:
         raise RecordError(f"file {path}: no loop {loop!r}, {nearest(loop, loops)}")

@@ -1,4 +1,4 @@
-"""Tables: a CSV, parquet or Excel file becomes named columns, and a column becomes numbers or seconds, or one clear sentence."""
+"""Tables: a CSV, parquet or Excel file becomes named columns, and a column becomes numbers or seconds."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from detectors.errors import RecordError
 TIME_FORMATS = ("%d.%m.%Y %H:%M:%S", "%d/%m/%Y %H:%M:%S", "%m/%d/%Y %H:%M:%S", "%Y/%m/%d %H:%M:%S", "%d-%b-%Y %H:%M:%S")
 
 Columns = dict[str, list | np.ndarray]
+NEEDED = "a number, or nothing for unknown, is needed"
 
 
 def read_table(path: Path) -> Columns:
@@ -131,7 +132,7 @@ def numbers(values: list | np.ndarray, name: str, where: str) -> np.ndarray:
             array = np.array([_number(v, i, name, where) if v else np.nan for i, v in enumerate(texts)])
     infinite = np.flatnonzero(np.isinf(array))
     if infinite.size:
-        raise RecordError(f"{where}, line {infinite[0] + 2}: {name} is infinite; a number, or nothing for unknown, is needed")
+        raise RecordError(f"{where}, line {infinite[0] + 2}: {name} is infinite; {NEEDED}")
     return array
 
 
@@ -139,7 +140,7 @@ def _number(text: str, row: int, name: str, where: str) -> float:
     try:
         return float(text.replace(",", "."))  # decimal comma of semicolon files
     except ValueError:
-        raise RecordError(f"{where}, line {row + 2}: {name} is {text!r}; a number, or nothing for unknown, is needed") from None
+        raise RecordError(f"{where}, line {row + 2}: {name} is {text!r}; {NEEDED}") from None
 
 
 def seconds(values: list | np.ndarray, name: str, where: str) -> np.ndarray:
@@ -184,7 +185,8 @@ def seconds(values: list | np.ndarray, name: str, where: str) -> np.ndarray:
         raise RecordError(f"{where}, line {bad[0] + 2}: {name} is unknown; every sample needs its time")
     back = np.flatnonzero(np.diff(t) <= 0)
     if back.size:
-        raise RecordError(f"{where}, line {back[0] + 3}: {name} does not rise ({values[back[0]]}, then {values[back[0] + 1]})")
+        was, now = values[back[0]], values[back[0] + 1]
+        raise RecordError(f"{where}, line {back[0] + 3}: {name} does not rise ({was}, then {now})")
     return t
 
 
@@ -195,7 +197,8 @@ def _stamps(texts: list[str], name: str, where: str) -> np.ndarray:
         if None not in t:
             return np.array(t, dtype=float)
     row = next((i for i, text in enumerate(texts) if _stamp(text, None) is None), 0)
-    raise RecordError(f"{where}, line {row + 2}: {name} is {texts[row]!r}; seconds or a timestamp like 2024-05-31 14:05:00 is needed")
+    needed = "seconds, or a timestamp like 2024-05-31 14:05:00, is needed"
+    raise RecordError(f"{where}, line {row + 2}: {name} is {texts[row]!r}; {needed}")
 
 
 def _stamp(text: str, form: str | None) -> float | None:

@@ -1,0 +1,56 @@
+"""Judge records from the command line: `python -m detectors REC.csv --method all --kind flow --json`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+
+from detectors.errors import UserError
+from detectors.record import KINDS, PROCESSES
+from detectors.report import judge_files, table
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line and return its exit code: 0 done, 2 wrong usage or file.
+
+    Parameters
+    ----------
+    arguments : list of str, optional
+        In place of sys.argv.
+
+    Returns
+    -------
+    int
+    """
+    parser = argparse.ArgumentParser(prog="python -m detectors", description="Does this control valve stick?")
+    parser.add_argument("path", help="record (CSV, parquet, Excel), folder of records, or ISDB .mat")
+    parser.add_argument("--method", action="append", help="method id, or all, fast, full; repeatable (default: all)")
+    parser.add_argument("--process", choices=PROCESSES)
+    parser.add_argument("--kind", help=f"what the loop controls: {', '.join(KINDS)}")
+    parser.add_argument("--op-span", nargs=2, type=float, metavar=("LO", "HI"), help="OP that means 0 and 100 %%")
+    parser.add_argument("--pv-span", nargs=2, type=float, metavar=("LO", "HI"))
+    parser.add_argument("--labels", help="table with id and label: judge and score its records")
+    parser.add_argument("--raw", action="store_true", help="without the oscillation front end")
+    parser.add_argument("--plugin", action="append", default=[], help="file of a further detector")
+    parser.add_argument("--json", action="store_true", help="JSON, and nothing else, on stdout")
+    chosen = vars(parser.parse_args(arguments))
+    as_json, methods = chosen.pop("json"), chosen.pop("method") or ["all"]
+    try:
+        report = judge_files(chosen.pop("path"), methods, plugins=chosen.pop("plugin"), **chosen)
+    except UserError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    for name, sentence in report.refused.items():
+        print(f"left out {name}: {sentence}", file=sys.stderr)
+    if as_json:
+        print(json.dumps(report.as_json(), indent=1))
+        if report.scores:
+            print("\n".join(["score by unit:", *table(report.scores)]), file=sys.stderr)
+    else:
+        print(report.as_text())
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,220 @@
+"""Report: files in, verdicts out, as text, JSON objects and a score table; one code for every command line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from detectors.errors import ParameterError
+from detectors.io import read_folder, read_labels, read_record
+from detectors.judge import judge
+from detectors.registry import methods as registry
+from detectors.verdict import NO_DECISION, STICTION, Verdict
+
+SETS = ("all", "fast", "full")
+
+
+@dataclass(frozen=True)
+class Report:
+    """What was judged and what came out.
+
+    Parameters
+    ----------
+    verdicts : list of (str or None, Verdict)
+        Record name (None for a single file) and verdict, records and methods in order.
+    refused : dict of str to str
+        Files of a folder that are no records, each with its sentence.
+    scores : list of dict
+        One row per method, when labels were given.
+    """
+
+    verdicts: list[tuple[str | None, Verdict]]
+    refused: dict[str, str] = field(default_factory=dict)
+    scores: list[dict[str, Any]] = field(default_factory=list)
+
+    def as_json(self) -> list[dict[str, Any]]:
+        """Return one object per verdict; `record` is its first key for a folder."""
+        return [{**({} if name is None else {"record": name}), **v.as_json()} for name, v in self.verdicts]
+
+    def as_text(self) -> str:
+        """Return one line per verdict and the score table, for people."""
+        lines = []
+        for name, v in self.verdicts:
+            where = "" if name is None else f"{name}: "
+            score = "" if np.isnan(v.score) else f" (score {v.score:.3g})"
+            level = "" if v.S is None else f" S = {_level(v.S)}, J = {_level(v.J)} {v.S_unit}."
+            lines.append(f"{where}{v.method}: {v.verdict.replace('_', ' ')}{score}. {v.reason}.{level}")
+        if self.scores:
+            lines += ["", *table(self.scores)]
+        return "\n".join(lines)
+
+
+def judge_files(
+    path: str | Path,
+    methods: Iterable[str] = ("all",),
+    *,
+    process: str | None = None,
+    kind: str | None = None,
+    op_span: tuple[float, float] | None = None,
+    pv_span: tuple[float, float] | None = None,
+    columns: Mapping[str, str] | None = None,
+    labels: str | Path | None = None,
+    raw: bool = False,
+    plugins: Iterable[str | Path] = (),
+    thresholds: Mapping[str, Mapping[str, float]] | None = None,
+) -> Report:
+    """Judge a record file, a folder of them, or an ISDB .mat file.
+
+    Parameters
+    ----------
+    path : str or Path
+        What to judge.
+    methods : iterable of str
+        Method ids, or "all", "fast", "full" (fast and slow ones, the same as all); commas inside are understood.
+    process, kind, op_span, pv_span : optional
+        What is known of every record, see LoopRecord; goes before what labels say.
+    columns : dict of role to column name, optional
+        See `detectors.io.read_record`.
+    labels : str or Path, optional
+        Table of labels; its records alone are judged, with its kind and process, and scored.
+    raw : bool
+        Without the oscillation front end.
+    plugins : iterable of str or Path
+        Detector files outside the package; they are judged too, in addition to `methods`.
+    thresholds : dict of method id to dict of str to float, optional
+        Other thresholds than the methods' own.
+
+    Returns
+    -------
+    Report
+
+    Raises
+    ------
+    UserError
+        For anything the user can put right: files, methods, thresholds.
+    """
+    added = [registry.add_file(p) for p in plugins]
+    names = choose_methods(methods)
+    names += [a for a in added if a not in names]
+    about = {"process": process, "kind": kind, "op_span": op_span, "pv_span": pv_span, "columns": columns}
+    if not Path(path).is_dir() and (Path(path).suffix.lower() != ".mat" or not Path(path).exists()):
+        if labels is not None:
+            raise ParameterError(f"labels score a folder of records; {path} is no folder")
+        record = read_record(path, **about)
+        return Report([(None, v) for v in judge(record, names, raw=raw, thresholds=thresholds)])
+    known = {} if labels is None else read_labels(labels)
+    each = {name: {"kind": row["kind"], "process": row["process"]} for name, row in known.items()}
+    records, refused = read_folder(path, names=known or None, each=each, **about)
+    verdicts = [
+        (name, verdict)
+        for name, record in records.items()
+        for verdict in judge(record, names, raw=raw, thresholds=thresholds)
+    ]
+    return Report(verdicts, refused, score_units(verdicts, known) if known else [])
+
+
+def choose_methods(names: Iterable[str]) -> list[str]:
+    """Return method ids for names that may be sets of methods.
+
+    Parameters
+    ----------
+    names : iterable of str
+        Ids, "all", "fast" or "full"; "horch,he" counts as two.
+
+    Returns
+    -------
+    list of str
+        Without repetition, in the order asked for.
+
+    Raises
+    ------
+    UnknownName
+        With the nearest method.
+
+    Examples
+    --------
+    >>> choose_methods(["horch,he", "he"])
+    ['horch', 'he']
+    """
+    chosen: list[str] = []
+    for name in (part.strip() for text in names for part in text.split(",")):
+        if name in SETS:
+            some = [m for m in registry.names() if name != "fast" or registry.load(m).METHOD.budget == "fast"]
+        else:
+            registry.load(name)
+            some = [name]
+        chosen += [m for m in some if m not in chosen]
+    return chosen
+
+
+def score_units(
+    verdicts: Iterable[tuple[str | None, Verdict]], labels: Mapping[str, Mapping[str, str]]
+) -> list[dict[str, Any]]:
+    """Score verdicts against labels, counted by unit: the records of one loop, or of loops that share an oscillation.
+
+    Parameters
+    ----------
+    verdicts : iterable of (str, Verdict)
+        Record name and verdict.
+    labels : dict of str to dict
+        As `detectors.io.read_labels` gives it; label "stiction" is a positive, "" and "unknown" are left out.
+
+    Returns
+    -------
+    list of dict
+        Per method: n_stiction, found, n_other, false_alarms, undecided, auc. A unit counts as stiction when most of
+        its decided records say so.
+    """
+    units: dict[str, dict[tuple[str, str], list[Verdict]]] = {}
+    for name, verdict in verdicts:
+        row = labels.get(str(name))
+        if row is not None and row["label"] not in ("", "unknown"):
+            units.setdefault(verdict.method, {}).setdefault((row["unit_group"], row["label"]), []).append(verdict)
+    rows = []
+    for method, groups in units.items():
+        votes = {True: [], False: []}
+        scores = {True: [], False: []}
+        for (_, label), found in groups.items():
+            decided = [v.verdict == STICTION for v in found if v.verdict != NO_DECISION]
+            votes[label == STICTION].append(None if not decided else float(np.mean(decided)) > 0.5)
+            known = [v.score for v in found if np.isfinite(v.score)]
+            if known:
+                scores[label == STICTION].append(float(np.median(known)))
+        rows.append(
+            {
+                "method": method,
+                "n_stiction": len(votes[True]),
+                "found": sum(v is True for v in votes[True]),
+                "n_other": len(votes[False]),
+                "false_alarms": sum(v is True for v in votes[False]),
+                "undecided": sum(v is None for v in votes[True] + votes[False]),
+                "auc": _auc(scores[True], scores[False]),
+            }
+        )
+    return rows
+
+
+def table(rows: list[dict[str, Any]]) -> list[str]:
+    """Return rows as lines of equal columns, the head first."""
+    head = list(rows[0])
+    cells = [head] + [[f"{v:.2f}" if isinstance(v, float) else str(v) for v in row.values()] for row in rows]
+    width = [max(len(line[i]) for line in cells) for i in range(len(head))]
+    return ["  ".join(c.ljust(w) for c, w in zip(line, width, strict=True)).rstrip() for line in cells]
+
+
+def _auc(positive: list[float], negative: list[float]) -> float:
+    """Return the probability that a positive scores above a negative (ties count half)."""
+    if not positive or not negative:
+        return float("nan")
+    difference = np.subtract.outer(positive, negative)
+    return float(np.mean((difference > 0) + 0.5 * (difference == 0)))
+
+
+def _level(value) -> str:
+    if value is None:
+        return "not identifiable"
+    return f"{value:.3g}" if isinstance(value, float) else "{:.3g} to {:.3g}".format(*value)
