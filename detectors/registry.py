@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import pkgutil
+from functools import cached_property
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
@@ -39,12 +40,11 @@ class PluginFolder:
         self.group = group
         self.required = required
         self._files: dict[str, ModuleType] = {}
+        self._loaded: dict[str, ModuleType] = {}
 
     def names(self) -> list[str]:
         """Return every known name, sorted; nothing is imported."""
-        package = importlib.import_module(self.package)
-        own = {m.name for m in pkgutil.iter_modules(package.__path__) if not m.name.startswith("_")}
-        return sorted(own | set(self._entry_points()) | set(self._files))
+        return sorted(self._own | set(self._entry_points) | set(self._files))
 
     def load(self, name: str) -> ModuleType:
         """Import one plug-in.
@@ -67,11 +67,13 @@ class PluginFolder:
         """
         if name in self._files:
             return self._files[name]
-        if name not in self.names():
-            raise UnknownName(self.kind, name, self.names())
-        outside = self._entry_points()
-        module = outside[name].load() if name in outside else importlib.import_module(f"{self.package}.{name}")
-        return self._checked(module, name)
+        if name not in self._loaded:
+            if name not in self.names():
+                raise UnknownName(self.kind, name, self.names())
+            outside = self._entry_points
+            module = outside[name].load() if name in outside else importlib.import_module(f"{self.package}.{name}")
+            self._loaded[name] = self._checked(module, name)
+        return self._loaded[name]
 
     def add_file(self, path: str | Path) -> str:
         """Register a plug-in from one Python file outside the package.
@@ -108,8 +110,15 @@ class PluginFolder:
         self._files[name] = self._checked(module, name)
         return name
 
+    @cached_property
     def _entry_points(self) -> dict:
+        # reads the metadata of every installed distribution: once is enough
         return {e.name: e for e in entry_points(group=self.group)}
+
+    @cached_property
+    def _own(self) -> frozenset[str]:
+        package = importlib.import_module(self.package)
+        return frozenset(m.name for m in pkgutil.iter_modules(package.__path__) if not m.name.startswith("_"))
 
     def _checked(self, module: ModuleType, name: str) -> ModuleType:
         missing = [a for a in self.required if not hasattr(module, a)]

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections import namedtuple
 
+# numba tells named tuples apart by their names: no two in the loop may share one
 PI = namedtuple("PI", "Kc Ki lo hi")
 P = namedtuple("P", "Kc op0 lo hi")
-Plain = namedtuple("Plain", "unused")
-Full = namedtuple("Full", "half_band quantum")
+NoGap = namedtuple("NoGap", "unused")
+Gap = namedtuple("Gap", "half_band quantum")
 
 
 def pi_start(op0, e0):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections import namedtuple
 
-Plain = namedtuple("Plain", "unused")
-Full = namedtuple("Full", "follow quantum")
+Bare = namedtuple("Bare", "unused")
+Transmitter = namedtuple("Transmitter", "follow quantum")
 
 
 def plain_start(pv0):

@@ -186,8 +186,8 @@ def compiled_parts(setup: Setup) -> tuple[dict[str, FunctionType], tuple[Functio
         "plant_output": plant.first_order_output if first_order else plant.general_output,
         "sensor_step": sensor.full_step if full_sensor else sensor.plain_step,
     }
-    gap_p = controller.Full(setup.error_deadband / 2, setup.op_quantum) if full_control else controller.Plain(0.0)
-    sensor_p = sensor.Full(float(follow), setup.pv_quantum) if full_sensor else sensor.Plain(0.0)
+    gap_p = controller.Gap(setup.error_deadband / 2, setup.op_quantum) if full_control else controller.NoGap(0.0)
+    sensor_p = sensor.Transmitter(float(follow), setup.pv_quantum) if full_sensor else sensor.Bare(0.0)
     valve_p = tuple(p for _, p in setup.valves)
     return steps, tuple(m.step for m, _ in setup.valves), (sampled, plant_p, control_p, gap_p, valve_p, sensor_p)
 
