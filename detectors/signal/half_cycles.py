@@ -1,4 +1,5 @@
-"""Half cycles: an oscillation cut at its zero crossings, each piece brought to one length, and shapes fitted to all of them at once."""
+"""Half cycles: an oscillation cut at its zero crossings, each piece brought to one length, and shapes fitted to all
+of them at once."""
 
 from __future__ import annotations
 
@@ -27,7 +28,8 @@ def split(x: np.ndarray, period: float, points: int = POINTS) -> np.ndarray:
     Returns
     -------
     ndarray, shape (m, points)
-        Every half cycle as a positive hump; those shorter than a quarter or longer than twice half a period are left out.
+        Every half cycle as a positive hump; those shorter than a quarter or longer than twice half a period are left
+        out.
 
     Examples
     --------

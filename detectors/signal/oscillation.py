@@ -1,7 +1,8 @@
 """Oscillation: is there a sustained one, how regular is it, what is its period, and where is it most regular?
 
-Three published measures on one autocorrelation function (ACF): the regularity of its zero crossings (Thornhill, Huang & Zhang 2003),
-its decay ratio (Miao & Seborg 1999) and, apart from it, the integrated absolute error between crossings (Hagglund 1995).
+Published measures: the regularity of the zero crossings of the autocorrelation function, ACF (Thornhill, Huang &
+Zhang 2003), the decay ratio of the ACF (Miao & Seborg 1999) and the integrated absolute error between crossings
+(Hagglund 1995).
 """
 
 from __future__ import annotations
@@ -14,6 +15,8 @@ CROSSINGS = 11  # Thornhill 2003: the first 11 zero crossings of the ACF, 10 int
 REGULAR = 1.0  # r > 1: the spread of the intervals is below a third of their mean
 DECAY = 0.5  # R > 0.5: the ACF loses less than half of its swing per half period (Miao & Seborg 1999)
 LASTING = 1.0 / 3.0  # amplitude of the last third over that of the first: below it, a transient has died out
+HIGH_PASS = (np.inf, 1 / 6, 1 / 18, 1 / 54)  # moving means removed before a further look, as shares of the record
+SHORTEST_MEAN = 20  # samples; a shorter moving mean would leave nothing but noise
 
 
 @dataclass(frozen=True)
@@ -29,9 +32,10 @@ class Oscillation:
     period_s : float
         Mean period (s); NaN when none was found.
     signal : {"op", "pv", ""}
-        On which of the two signals it is more regular.
+        The one of the two signals in which it is more regular.
     decay_ratio : float
-        R of Miao & Seborg, in 0..1; NaN when the ACF has fewer than two minima.
+        R of Miao & Seborg, about d when the ACF shrinks by d per half period; NaN when the ACF has fewer than two
+        minima.
     lasting : float
         Amplitude in the last third of the record over that in the first third.
     """
@@ -47,8 +51,8 @@ class Oscillation:
 NOTHING = Oscillation(False, 0.0, float("nan"))
 
 
-def find_oscillation(op: np.ndarray, pv: np.ndarray, Ts: float, sp: np.ndarray | None = None) -> Oscillation:
-    """Find the sustained oscillation of a loop in OP or PV, whichever shows it more clearly.
+def find_oscillation(op: np.ndarray, pv: np.ndarray, Ts: float) -> Oscillation:
+    """Find the sustained oscillation of a loop in OP or PV, whichever shows it more regularly.
 
     Parameters
     ----------
@@ -56,18 +60,15 @@ def find_oscillation(op: np.ndarray, pv: np.ndarray, Ts: float, sp: np.ndarray |
         Controller output and process variable, any units, either sign.
     Ts : float
         Sampling period (s).
-    sp : ndarray, shape (n,), optional
-        Set point; its steps are taken out of PV.
 
     Returns
     -------
     Oscillation
-        `sustained` needs r > 1, R > 0.5 and an amplitude that lasts.
+        `sustained` needs r > 1, R > 0.5 and an amplitude that lasts, all in the same signal.
 
     Notes
     -----
-    Source: Thornhill, Huang & Zhang (2003), J. Process Control 13, 91-100; Miao & Seborg (1999), Proc. IEEE CCA, for R.
-    Not for records with several oscillations of like strength: band-pass first.
+    Source: as `oscillation_of`. Not for loops with two oscillations of like strength: band-pass the record first.
 
     Examples
     --------
@@ -76,10 +77,8 @@ def find_oscillation(op: np.ndarray, pv: np.ndarray, Ts: float, sp: np.ndarray |
     >>> found.sustained, round(found.period_s, 1)
     (True, 50.3)
     """
-    found = [
-        replace(oscillation_of(x, Ts), signal=name) for name, x in (("op", op), ("pv", pv if sp is None else pv - sp))
-    ]
-    return max(found, key=lambda o: (o.sustained, np.isfinite(o.decay_ratio), o.regularity))
+    found = [replace(oscillation_of(x, Ts), signal=name) for name, x in (("op", op), ("pv", pv))]
+    return max(found, key=lambda o: (o.sustained, o.regularity))
 
 
 def oscillation_of(x: np.ndarray, Ts: float = 1.0) -> Oscillation:
@@ -88,13 +87,21 @@ def oscillation_of(x: np.ndarray, Ts: float = 1.0) -> Oscillation:
     Parameters
     ----------
     x : ndarray, shape (n,)
-        Any signal; a linear trend is removed.
+        Any signal; a straight line and, where needed, ever shorter moving means are removed, until an oscillation
+        shows.
     Ts : float
         Sampling period (s).
 
     Returns
     -------
     Oscillation
+        The first sustained one, else the most regular candidate.
+
+    Notes
+    -----
+    Source: Thornhill, Huang & Zhang (2003), J. Process Control 13, 91-100, for r; Miao & Seborg (1999), Proc. IEEE
+    CCA, for R. Own: a lobe of the ACF counts when it leaves the 95 % band of Bartlett (1946) for a signal with this
+    ACF's first lobe, and the list of crossings ends where the ACF dies out. Not for fewer than three periods.
 
     Examples
     --------
@@ -102,10 +109,35 @@ def oscillation_of(x: np.ndarray, Ts: float = 1.0) -> Oscillation:
     False
     """
     x = detrend(x)
-    if x.size < 8 or not x.any():
+    n = x.size
+    best = NOTHING
+    if n < 8 or not x.any():
+        return best
+    size = fast_size(n + n // 2)
+    power = np.abs(np.fft.rfft(x, size)) ** 2
+    f = np.arange(power.size) / size
+    for share in HIGH_PASS:
+        window = share * n
+        if window < SHORTEST_MEAN:
+            break
+        left = power if share == np.inf else power * (1.0 - np.sinc(f * window)) ** 2
+        rho = np.fft.irfft(left, size)[: n // 2]
+        found = _judge_acf(x, rho / rho[0], Ts)
+        if found.sustained:
+            return found
+        best = max(best, found, key=lambda o: o.regularity)
+    return best
+
+
+def _judge_acf(x: np.ndarray, rho: np.ndarray, Ts: float) -> Oscillation:
+    first = int(np.argmax(rho < 0.0))
+    band = 1.96 * np.sqrt((1.0 + 2.0 * float(rho[1:first] @ rho[1:first])) / x.size)
+    at = zero_crossings(rho, band)[:CROSSINGS]
+    lobes = np.diff(at)
+    if lobes.size < 3:
         return NOTHING
-    rho = acf(x)
-    at = zero_crossings(rho, 1.96 / np.sqrt(x.size))[:CROSSINGS]
+    died = np.flatnonzero(lobes > 2.0 * np.median(lobes[:3]))
+    at = at[: died[0] + 1] if died.size else at
     if at.size < 4:
         return NOTHING
     Tp = 2.0 * np.diff(at)
@@ -141,8 +173,28 @@ def detrend(x: np.ndarray) -> np.ndarray:
     return flat / std if std > 1e-10 * np.abs(x).max() else np.zeros(x.size)
 
 
+def fast_size(n: int) -> int:
+    """Return a length >= n for which the FFT is fast: 2, 3 or 5 times a power of two.
+
+    Parameters
+    ----------
+    n : int
+        Smallest length.
+
+    Returns
+    -------
+    int
+
+    Examples
+    --------
+    >>> fast_size(6000), fast_size(1025)
+    (6144, 1280)
+    """
+    return min(m << max((-(-n // m) - 1).bit_length(), 0) for m in (2, 3, 5))
+
+
 def acf(x: np.ndarray) -> np.ndarray:
-    """Return the biased autocorrelation of a mean-free signal for lags 0..n/2, by FFT.
+    """Return the biased autocorrelation of a mean-free signal for lags below half its length, by FFT.
 
     Parameters
     ----------
@@ -151,17 +203,16 @@ def acf(x: np.ndarray) -> np.ndarray:
 
     Returns
     -------
-    ndarray, shape (n // 2 + 1,)
+    ndarray, shape (n // 2,)
         1 at lag 0.
 
     Examples
     --------
     >>> acf(np.array([1.0, -1.0, 1.0, -1.0]))
-    array([ 1.  , -0.75,  0.5 ])
+    array([ 1.  , -0.75])
     """
-    lags = x.size // 2 + 1
-    size = 1 << (x.size + lags - 1).bit_length()
-    c = np.fft.irfft(np.abs(np.fft.rfft(x, size)) ** 2, size)[:lags]
+    size = fast_size(x.size + x.size // 2)
+    c = np.fft.irfft(np.abs(np.fft.rfft(x, size)) ** 2, size)[: x.size // 2]
     return c / c[0]
 
 
@@ -209,7 +260,8 @@ def decay_ratio(rho: np.ndarray, at: np.ndarray) -> float:
     Returns
     -------
     float
-        a = height of the first maximum above the line through the first two minima, b = depth of the first minimum below the line from
+        a = height of the first maximum above the line through the first two minima, b = depth of the first minimum
+        below the line from
         (0, 1) to that maximum. An ACF that shrinks by d per half period gives R = d.
 
     Examples
@@ -240,8 +292,8 @@ def lasting(x: np.ndarray, period: float) -> float:
     Returns
     -------
     float
-        0 when the last third does not oscillate at this period. The squared amplitude is the mean of x(k) [x(k-P) - x(k-P/2)]: white noise
-        and slow drift cancel in it.
+        0 when the last third does not oscillate at this period. The squared amplitude is the mean of x(k) [x(k-P) -
+        x(k-P/2)]: white noise and slow drift cancel in it.
 
     Examples
     --------
@@ -256,3 +308,91 @@ def lasting(x: np.ndarray, period: float) -> float:
         return 0.0
     first, last = max(power[:third].mean(), 0.0), max(power[-third:].mean(), 0.0)
     return float(np.sqrt(last / first)) if first > 0 else float(last > 0)
+
+
+def regular_segment(x: np.ndarray, period: float, length: int) -> tuple[int, int]:
+    """Return the stretch of a signal in which it repeats itself best after one period.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Signal.
+    period : float
+        Period in samples.
+    length : int
+        Samples wanted; the whole signal is returned when it is shorter.
+
+    Returns
+    -------
+    start, stop : int
+        As in a slice.
+
+    Notes
+    -----
+    Source: step 3 of Choudhury, Shah, Thornhill & Shook (2006), which compares r over a few segments; here the
+    normalised correlation with the signal one period later is compared over every start, in one pass. Not for length
+    below two periods: nothing to compare.
+
+    Examples
+    --------
+    >>> t = np.arange(600)
+    >>> x = np.sin(t / 5) + (t < 300) * np.random.default_rng(0).standard_normal(600)
+    >>> regular_segment(x, 10 * np.pi, 200)[0] > 250
+    True
+    """
+    n, lag = x.size, round(period)
+    room = length - lag
+    if length >= n or room < 1:
+        return 0, n
+    x = detrend(x)
+    total = np.concatenate(
+        [np.zeros((3, 1)), np.cumsum([x[lag:] * x[:-lag], x[lag:] ** 2, x[:-lag] ** 2], axis=1)], axis=1
+    )
+    both, late, early = total[:, room:] - total[:, :-room]
+    start = int(np.argmax(both / np.sqrt(np.maximum(late * early, 1e-12 * room**2))))
+    return start, start + length
+
+
+def iae_loads(e: np.ndarray, Ts: float, amplitude: float, period_s: float, gamma: float | None = None) -> float:
+    """Return how many load disturbances Hagglund's detector holds in memory at its fullest; above 10 = oscillation.
+
+    Parameters
+    ----------
+    e : ndarray, shape (n,)
+        Control error; its mean is removed, so that an offset does not hide it.
+    Ts : float
+        Sampling period (s).
+    amplitude : float
+        Smallest amplitude that matters, in units of e; 1 % of the span of PV as published.
+    period_s : float
+        2 pi / w_i: the integral time of the controller, or the ultimate period (s).
+    gamma : float, optional
+        Forgetting factor per sample; published: 1 - Ts / T_sup with T_sup = 5 periods.
+
+    Returns
+    -------
+    float
+        Largest value of x(k) = gamma x(k-1) + load(k), where a load is a half cycle with integral |e| above 2 a / w.
+
+    Notes
+    -----
+    Source: T. Hagglund (1995), Control Engineering Practice 3, 1543-1551. Not for noisy or very slow errors: many
+    short or few long half cycles never fill the memory.
+
+    Examples
+    --------
+    >>> t = np.arange(2000) / 10
+    >>> [round(iae_loads(a * np.sin(2 * np.pi * t / 10), 0.1, 0.5, 10.0)) for a in (0.1, 1.0)]
+    [0, 0]
+    """
+    e = e - e.mean()
+    edges = np.concatenate([[0], np.flatnonzero((e[1:] > 0) != (e[:-1] > 0)) + 1])
+    iae = np.add.reduceat(np.abs(e), edges) * Ts
+    loads = np.append(edges[1:], e.size)[iae > amplitude * period_s / np.pi]
+    gamma = 1.0 - Ts / (5.0 * period_s) if gamma is None else gamma
+    held = top = 0.0
+    before = 0
+    for k in loads:
+        held = held * gamma ** (k - before) + 1.0
+        top, before = max(top, held), k
+    return top
