@@ -182,6 +182,8 @@ def _record(raw: Columns, columns: Mapping[str, str], Ts: float | None, about: d
             raise RecordError(f"{where}: no time column ({', '.join(TIME_NAMES)}) and no sampling period Ts given")
         t = seconds(raw[roles["t"]], roles["t"], where)
         Ts = float(np.median(np.diff(t)))
+    elif not 0 < Ts < np.inf:
+        raise RecordError(f"{where}: Ts = {Ts} s; the sampling period must be a number above 0")
     else:
         t = np.arange(n) * float(Ts)
     t, signals, notes = _whole(t, signals, Ts, where)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from datetime import UTC, datetime
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -175,11 +176,7 @@ def seconds(values: list | np.ndarray, name: str, where: str) -> np.ndarray:
     elif isinstance(values, np.ndarray) and values.dtype.kind in "fiu":
         t = values.astype(np.float64)
     else:
-        texts = [str(v).strip() for v in values]
-        try:
-            t = np.array([float(v.replace(",", ".")) for v in texts])
-        except ValueError:
-            t = _stamps(texts, name, where)
+        t = _read_times([str(v).strip() for v in values], name, where)
     bad = np.flatnonzero(~np.isfinite(t))
     if bad.size:
         raise RecordError(f"{where}, line {bad[0] + 2}: {name} is unknown; every sample needs its time")
@@ -190,20 +187,23 @@ def seconds(values: list | np.ndarray, name: str, where: str) -> np.ndarray:
     return t
 
 
-def _stamps(texts: list[str], name: str, where: str) -> np.ndarray:
-    # The whole column decides between day first and month first: the first format that reads every stamp.
-    for form in (None, *TIME_FORMATS, *(f.replace(":%S", "") for f in TIME_FORMATS)):
-        t = [_stamp(text, form) for text in texts]
-        if None not in t:
+def _read_times(texts: list[str], name: str, where: str) -> np.ndarray:
+    # The whole column decides between numbers, day first and month first: the reading that gets furthest.
+    furthest = 0
+    for form in ("number", "iso", *TIME_FORMATS, *(f.replace(":%S", "") for f in TIME_FORMATS)):
+        t = list(takewhile(lambda x: x is not None, (_time(text, form) for text in texts)))
+        if len(t) == len(texts):
             return np.array(t, dtype=float)
-    row = next((i for i, text in enumerate(texts) if _stamp(text, None) is None), 0)
+        furthest = max(furthest, len(t))
     needed = "seconds, or a timestamp like 2024-05-31 14:05:00, is needed"
-    raise RecordError(f"{where}, line {row + 2}: {name} is {texts[row]!r}; {needed}")
+    raise RecordError(f"{where}, line {furthest + 2}: {name} is {texts[furthest]!r}; {needed}")
 
 
-def _stamp(text: str, form: str | None) -> float | None:
+def _time(text: str, form: str) -> float | None:
     try:
-        stamp = datetime.fromisoformat(text) if form is None else datetime.strptime(text, form)
+        if form == "number":
+            return float(text.replace(",", "."))
+        stamp = datetime.fromisoformat(text) if form == "iso" else datetime.strptime(text, form)
     except ValueError:
         return None
     return (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp()

@@ -39,9 +39,9 @@ def step(u, state, S, J, lo=0.0, hi=100.0):
 
     Notes
     -----
-    Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13, 641, in residual form: a valve at rest breaks
-    away when |u - v| exceeds fs = (S + J)/2 and moves at the distance fd = (S - J)/2 behind OP until OP turns or
-    stands still. Where the published flow chart is ambiguous, the place of rest is remembered until the valve moves again.
+    Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13, 641, in residual form: a valve at rest
+    breaks away when |u - v| exceeds fs = (S + J)/2 and moves at the distance fd = (S - J)/2 behind OP until OP turns
+    or stands still. Where the published flow chart is ambiguous, the place of rest is remembered until the valve moves.
     Not for noisy OP on a valve with inertia: every reversal of OP stops this valve.
 
     Examples
@@ -123,8 +123,8 @@ def compiled(name: str):
 
     Notes
     -----
-    numba's disk cache looks at one file only. Every kernel that calls `step` therefore stands in this file, and calls its
-    compiled twin through a copy of its globals, so that `step` itself stays plain Python and numba is not imported here.
+    numba's disk cache looks at one file only. Every kernel that calls `step` therefore stands in this file, and calls
+    its compiled twin through a copy of its globals, so that `step` stays plain Python and numba is not imported here.
     """
     from numba import njit
 
