@@ -1,0 +1,46 @@
+"""What there is: detectors, valves, grids, effects and figures, one line and source each."""
+
+from __future__ import annotations
+
+from types import ModuleType
+
+from detectors.registry import PluginFolder, methods
+from simbench.loop.parameters import EFFECTS, VALVES
+
+FIGURES = PluginFolder("figure", "simbench.figures", "simbench.figures", ("SOURCE", "data", "draw"))
+KINDS = ("detectors", "valves", "grids", "effects", "figures")
+
+
+def catalogue(what: str) -> list[dict[str, str]]:
+    """List the plug-ins of one kind.
+
+    Parameters
+    ----------
+    what : {"detectors", "valves", "grids", "effects", "figures"}
+        The kind.
+
+    Returns
+    -------
+    list of dict
+        name, says (one line), source.
+
+    Examples
+    --------
+    >>> [row["name"] for row in catalogue("valves") if row["name"] == "choudhury"]
+    ['choudhury']
+    """
+    if what == "grids":
+        from scenarios.grid import grid_names, load_grid
+
+        return [{"name": n, "says": (g := load_grid(n)).title, "source": g.source} for n in grid_names()]
+    folder = {"detectors": methods, "valves": VALVES, "effects": EFFECTS, "figures": FIGURES}[what]
+    rows = []
+    for name in folder.names():
+        module = folder.load(name)
+        source = module.METHOD.source if what == "detectors" else module.SOURCE
+        rows.append({"name": name, "says": _first_line(module), "source": source})
+    return rows
+
+
+def _first_line(module: ModuleType) -> str:
+    return (module.__doc__ or "").strip().split("\n")[0].rstrip(".")

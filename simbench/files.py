@@ -1,0 +1,101 @@
+"""Files written whole or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO
+
+from detectors.errors import UserError
+from detectors.record import LoopRecord
+
+
+class FileError(UserError, OSError):
+    """A file or folder that cannot be written."""
+
+
+@contextlib.contextmanager
+def whole_file(path: str | Path, mode: str = "w") -> Iterator[IO]:
+    """Open a file for writing that appears under its name only when all of it is on disk.
+
+    Parameters
+    ----------
+    path : str or Path
+        Where it shall stand; a device or pipe is written directly.
+    mode : {"w", "wb"}
+        Text (UTF-8) or bytes.
+
+    Yields
+    ------
+    file
+
+    Raises
+    ------
+    FileError
+        When the folder is missing or not writable, or the disk is full; an older file of that name then stays as it was.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> target = Path(tempfile.mkdtemp()) / "a.txt"
+    >>> with whole_file(target) as f: _ = f.write("all of it")
+    >>> target.read_text()
+    'all of it'
+    """
+    path = Path(path)
+    special = path.exists() and not path.is_file()
+    temporary = path if special else path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        if path.is_dir():
+            raise IsADirectoryError(21, "it is a folder")
+        with open(temporary, mode, encoding=None if "b" in mode else "utf-8", newline=None if "b" in mode else "") as f:
+            yield f
+            f.flush()
+            if not special:
+                os.fsync(f.fileno())
+        if not special:
+            temporary.replace(path)
+    except OSError as error:
+        raise FileError(f"{path} cannot be written: {(error.strerror or str(error)).lower()}") from error
+    finally:
+        if not special:
+            with contextlib.suppress(OSError):
+                temporary.unlink()
+
+
+def folder(path: str | Path) -> Path:
+    """Make a folder, or say in one sentence why it cannot be made."""
+    path = Path(path)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(f"folder {path} cannot be made: {(error.strerror or str(error)).lower()}") from None
+    if not os.access(path, os.W_OK):
+        raise FileError(f"folder {path} cannot be written: permission denied")
+    return path
+
+
+def write_record(record: LoopRecord, path: str | Path) -> None:
+    """Write a record as CSV with columns t_s, sp, op, pv, mv; every number reads back to the same bits.
+
+    Parameters
+    ----------
+    record : LoopRecord
+        What to write; signals that are None are left out.
+    path : str or Path
+        Where to.
+
+    Raises
+    ------
+    FileError
+        When it cannot be written.
+    """
+    columns = {"t_s": record.t, "sp": record.sp, "op": record.op, "pv": record.pv, "mv": record.mv}
+    there = {name: signal.tolist() for name, signal in columns.items() if signal is not None}
+    with whole_file(path) as f:
+        writer = csv.writer(f, lineterminator="\n")
+        writer.writerow(there)
+        writer.writerows(zip(*there.values()))
