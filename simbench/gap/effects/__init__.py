@@ -1,0 +1,1 @@
+"""One effect per file: what it does to a loop, or to the record of it, and with what it is confused."""

@@ -1,0 +1,20 @@
+"""Dead-zone: MV rests while OP is within D/2 of c; no memory.
+
+When it is the answer: split ranges that do not meet, an overlapped spool. While OP never meets the zone it is a mere offset.
+"""
+
+from math import isnan
+
+from simbench.gap.schema import parameters
+
+SOURCE = "ISA-51.1 (1979), dead zone"
+BLOCK = "valve"
+PARAMETERS = parameters("deadzone", "D", follows=("c",))
+CONFUSABLE_WITH = ("valve_characteristic", "gain_mismatch")
+ACTS = "loop"
+
+
+def apply(setup, p, rng):
+    """Put the zone in front of the valve; its centre is the operating point unless given."""
+    if p.D > 0.0:
+        setup.add_valve("deadzone", {"D": p.D, "c": setup.op0 if isnan(p.c) else p.c}, first=True)

@@ -1,0 +1,25 @@
+"""Quantisation: PV stands on a lattice.
+
+When it is the answer: a transmitter of few bits (the controller sees the steps), or an archive that rounds.
+A lattice finer than the noise changes nothing but the last digits.
+"""
+
+import numpy as np
+
+from simbench.gap.schema import parameters
+
+SOURCE = "Widrow and Kollar (2008), Quantization Noise, ch. 1"
+BLOCK = "sensor"
+PARAMETERS = parameters("quantisation", "step")
+CONFUSABLE_WITH = ()
+ACTS = "loop"
+
+
+def apply(setup, p, rng):
+    """Round PV in the transmitter, or in the archive alone."""
+    if p.step == 0.0:
+        return
+    if PARAMETERS["at"].names[int(p.at)] == "loop":
+        setup.pv_quantum = p.step
+    else:
+        setup.recorders.append(lambda pv: p.step * np.round(pv / p.step))

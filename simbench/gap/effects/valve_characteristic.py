@@ -1,0 +1,18 @@
+"""Valve characteristic: the gain from OP to MV changes along the travel.
+
+When it is the answer: the loop is lively at one end and sluggish at the other. At one operating point it is only another gain.
+"""
+
+from simbench.gap.schema import parameters
+
+SOURCE = "IEC 60534-2-4 (2009), inherent characteristics; MV = 100 (R^(OP/100) - 1)/(R - 1)"
+BLOCK = "valve"
+PARAMETERS = parameters("valve_characteristic", "R")
+CONFUSABLE_WITH = ("deadzone", "gain_mismatch")
+ACTS = "loop"
+
+
+def apply(setup, p, rng):
+    """Put the curve behind the valve."""
+    if p.R != 1.0:
+        setup.add_valve("characteristic", {"R": p.R})
