@@ -37,7 +37,7 @@ class Prepared:
     @cached_property
     def flags(self) -> dict[str, Flag]:
         """Data-quality flags by name."""
-        return inspect(self.record)
+        return inspect(self.record, self.oscillation)
 
     @cached_property
     def oscillation(self) -> Oscillation:

@@ -1,10 +1,22 @@
-"""Data quality: is the record fit to be judged, and what would mislead a method? Flags with their evidence."""
+"""Data quality: is the record fit to be judged, and what in it would mislead a method? Flags with their evidence."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
+
 from detectors.record import LoopRecord
+from detectors.signal.oscillation import Oscillation, find_oscillation
+
+SATURATED = 0.05  # share of samples at a limit
+OPERATOR = 0.01  # changes of OP per sample, below which a person and not a controller moves it
+QUANTUM = 0.1  # steps of the values over the std of the signal
+COLLINEAR = 0.1  # share of moving samples that lie on the straight line through their neighbours
+UNDERSAMPLED = 8.0  # samples per period
+FROZEN = 0.05  # longest stand-still, as a share of the record
+SPIKES = 0.002  # share of isolated outliers
 
 
 @dataclass(frozen=True)
@@ -15,6 +27,270 @@ class Flag:
     evidence: str
 
 
-def inspect(record: LoopRecord) -> dict[str, Flag]:
-    """Return the flags that a record raises, by name."""
-    return {}
+def inspect(record: LoopRecord, oscillation: Oscillation | None = None) -> dict[str, Flag]:
+    """Return the flags that a record raises, by name.
+
+    Parameters
+    ----------
+    record : LoopRecord
+        The record.
+    oscillation : Oscillation, optional
+        What the front end found in it; found here when absent.
+
+    Returns
+    -------
+    dict of str to Flag
+        `dead_op`, `dead_pv`: it never changes. `manual`: OP changes too seldom for a controller. `saturated`: OP
+        stands at a limit.
+        `gaps`: as the loader says. `quantised_op`, `quantised_pv`: values on a coarse grid. `compressed`: straight
+        lines between kept samples. `frozen`: PV stands still for once while OP moves. `undersampled`: less than 8
+        samples per period. `moving_sp`,
+        `off_setpoint`: the set point changes, or PV stays away from it. `spikes`: isolated outliers in PV.
+
+    Notes
+    -----
+    Own rules; their limits stand at the head of the file. What a flag is worth depends on the method:
+    `detectors.judge.UNFIT` names those under which all methods abstain. Not a test of the sensor: a wrong but lively
+    PV raises no flag.
+
+    Examples
+    --------
+    >>> t = np.arange(500.0)
+    >>> sorted(inspect(LoopRecord(op=np.full(500, 40.0), pv=np.sin(t), Ts=1.0)))
+    ['dead_op', 'undersampled']
+    """
+    oscillation = find_oscillation(record.op, record.pv, record.Ts) if oscillation is None else oscillation
+    return {flag.name: flag for flag in _findings(record, oscillation)}
+
+
+def _findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]:
+    n = record.n
+    alive = {name: not still(x) for name, x in (("op", record.op), ("pv", record.pv))}
+    for name in alive:
+        if not alive[name]:
+            yield Flag(f"dead_{name}", f"{name.upper()} never changes")
+    for note in record.notes:
+        if note.startswith("gaps"):
+            yield Flag("gaps", note)
+    if alive["op"]:
+        changes = int(np.count_nonzero(np.diff(record.op)))
+        if changes < max(3.0, OPERATOR * n):
+            yield Flag("manual", f"OP changes {changes} times in {n} samples")
+        share, limit = saturation(record.op, record.pv, record.op_percent)
+        if share > SATURATED:
+            yield Flag("saturated", f"OP stands at {limit:g} in {share:.0%} of the samples")
+        q = quantum(record.op)
+        if q > QUANTUM * record.op.std():
+            yield Flag("quantised_op", f"OP moves in steps of {q:.3g}, {q / record.op.std():.0%} of its std")
+    if alive["pv"]:
+        yield from _pv_findings(record, oscillation)
+    if oscillation.sustained and oscillation.period_s < UNDERSAMPLED * record.Ts:
+        yield Flag("undersampled", f"{oscillation.period_s / record.Ts:.1f} samples per period of the oscillation")
+
+
+def _pv_findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]:
+    pv, n, std = record.pv, record.n, float(record.pv.std())
+    q = quantum(pv)
+    if q > QUANTUM * std:
+        yield Flag("quantised_pv", f"PV moves in steps of {q:.3g}, {q / std:.0%} of its std")
+    share, lines = straight(pv, q)
+    periods = record.duration / oscillation.period_s if oscillation.sustained else 0.0
+    # an integrating process draws two straight lines per cycle by itself
+    if share > COLLINEAR and lines > max(4.0 * periods, n / 50.0):
+        yield Flag("compressed", f"{share:.0%} of PV's moving samples lie on straight lines between others")
+    runs = holds(pv)
+    k = int(runs.argmax())
+    longest, usual = int(runs[k]), float(np.sort(runs)[-4:-1].mean()) if runs.size > 3 else 1.0
+    if longest > max(20.0, FROZEN * n) and longest > 3.0 * usual:
+        start = int(runs[:k].sum())
+        # at rest OP stands still as well
+        if record.op[start : start + longest].std() > 0.1 * record.op.std():
+            yield Flag("frozen", f"PV stands still for {longest} samples while OP moves, else for {usual:.0f} at most")
+    if record.sp is not None:
+        changed = int(np.count_nonzero(np.diff(record.sp)))
+        if np.ptp(record.sp) > 0.1 * std:
+            yield Flag("moving_sp", f"SP moves in {changed} of {n} samples, by {np.ptp(record.sp) / std:.1f} std of PV")
+        off, spread = abs(float(record.e.mean())), float(record.e.std())
+        if off > 3.0 * spread:
+            yield Flag("off_setpoint", f"PV stays {off:.3g} away from SP and moves by {spread:.3g} only")
+    isolated = outliers(pv)
+    if isolated > SPIKES * n:
+        yield Flag("spikes", f"{isolated} isolated outliers in PV")
+
+
+def still(x: np.ndarray) -> bool:
+    """Return whether a signal never changes by more than rounding.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Signal.
+
+    Returns
+    -------
+    bool
+
+    Examples
+    --------
+    >>> still(np.array([1e6, 1e6 + 1e-7, 1e6])), still(np.array([1.0, 1.1]))
+    (True, False)
+    """
+    return bool(np.ptp(x) <= 1e-9 * np.abs(x).max())
+
+
+def saturation(op: np.ndarray, pv: np.ndarray, percent: np.ndarray | None = None) -> tuple[float, float]:
+    """Return how much of the time OP stands at a limit, and at which.
+
+    Parameters
+    ----------
+    op, pv : ndarray, shape (n,)
+        Controller output and process variable, any units.
+    percent : ndarray, shape (n,), optional
+        The same in % of span, where that is known; 0 and 100 then are limits for certain.
+
+    Returns
+    -------
+    share : float
+        0..1; 0 when OP has no limit.
+    limit : float
+        In units of `op`.
+
+    Notes
+    -----
+    Without a span an extreme value counts as a limit when OP stands there for 3 samples or more at a time, over three
+    times as long as anywhere else (the crest of a coarsely quantised triangle is no limit), while PV moves on (at
+    rest there is no limit either).
+    Not for an OP that grazes its limit once.
+
+    Examples
+    --------
+    >>> t = np.arange(1000) / 20
+    >>> [round(x, 2) for x in saturation(np.clip(60 * np.sin(t), -40, 40), np.cos(t))]
+    [0.27, -40.0]
+    """
+    best = (0.0, float("nan"))
+    length = holds(op)
+    value = op[np.cumsum(length) - 1]
+    for extreme, certain in (
+        (op.min(), percent is not None and percent.min() <= 1e-6),
+        (op.max(), percent is not None and percent.max() >= 100.0 - 1e-6),
+    ):
+        at = value == extreme
+        elsewhere = length[~at].mean() if (~at).any() else 1.0
+        stays = length[at] if certain else length[at][length[at] >= 3]
+        share = stays.sum() / op.size
+        if share <= best[0]:
+            continue
+        if certain or (stays.mean() > 3.0 * elsewhere and pv[op == extreme].std() > 0.1 * pv.std()):
+            best = (float(share), float(extreme))
+    return best
+
+
+def holds(x: np.ndarray) -> np.ndarray:
+    """Return the lengths of the runs of equal samples, in order.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Signal.
+
+    Returns
+    -------
+    ndarray of int, shape (m,)
+        They add up to n.
+
+    Examples
+    --------
+    >>> holds(np.array([1, 1, 2, 3, 3, 3]))
+    array([2, 1, 3])
+    """
+    edges = np.flatnonzero(np.diff(x)) + 1
+    return np.diff(np.concatenate([[0], edges, [x.size]]))
+
+
+def quantum(x: np.ndarray) -> float:
+    """Return the step of a signal whose values lie on an even grid, else 0.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Signal.
+
+    Returns
+    -------
+    float
+        In units of x; 0 for fewer than four levels, which may be the two or three positions of a valve.
+
+    Examples
+    --------
+    >>> x = 5 * np.sin(np.arange(300) / 9)
+    >>> quantum(np.round(x * 2) / 2), quantum(x)
+    (0.5, 0.0)
+    """
+    levels = np.unique(x)
+    if levels.size < 4:
+        return 0.0
+    steps = np.diff(levels)
+    q = float(steps.min())
+    off = steps / q - np.round(steps / q)
+    return q if np.abs(off).max() < 0.05 else 0.0
+
+
+def straight(x: np.ndarray, resolution: float = 0.0) -> tuple[float, int]:
+    """Return how much of a signal's movement runs on straight lines between kept samples, and on how many.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Signal.
+    resolution : float
+        Step of its values, 0 for none.
+
+    Returns
+    -------
+    share : float
+        Moving interior samples on the line through their neighbours over all moving ones, 0..1.
+    lines : int
+        Straight pieces of three samples or more.
+
+    Examples
+    --------
+    >>> kept = np.random.default_rng(0).standard_normal(101)
+    >>> share, lines = straight(np.interp(np.arange(1001), np.arange(0, 1001, 10), kept))
+    >>> round(share, 2), lines
+    (0.9, 96)
+    """
+    step = np.diff(x)
+    size = np.abs(step)
+    usual = float(np.median(size[size > 0])) if size.any() else 0.0
+    rounding = max(1e-3 * usual, 2.0 * resolution)
+    moves = size > max(0.1 * usual, 50.0 * rounding)
+    moving = moves[1:] & moves[:-1]
+    on = moving & (np.abs(np.diff(step)) <= rounding)
+    lines = int(on[0]) + int(np.count_nonzero(on[1:] & ~on[:-1]))
+    return float(on.sum() / max(int(moving.sum()), 1)), lines
+
+
+def outliers(x: np.ndarray) -> int:
+    """Return the number of samples that jump away from both neighbours and back, far beyond the usual.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Signal.
+
+    Returns
+    -------
+    int
+
+    Examples
+    --------
+    >>> x = np.sin(np.arange(300) / 9)
+    >>> x[[50, 120]] += 3
+    >>> outliers(x)
+    2
+    """
+    before, after = x[1:-1] - x[:-2], x[1:-1] - x[2:]
+    jump = np.where(before * after > 0, np.minimum(np.abs(before), np.abs(after)), 0.0)
+    usual = np.median(np.abs(np.diff(x)))
+    return int(np.count_nonzero(jump > max(8.0 * usual, float(x.std()))))
