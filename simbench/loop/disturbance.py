@@ -63,11 +63,12 @@ def propagated(t, Ts, p, rng):
     )
     wave = simulate(other, seed=int(rng.integers(2**31))).record.pv - (50.0 + p.S)
     wave = lfilter([1 - np.exp(-Ts / p.lag)], [1, -np.exp(-Ts / p.lag)], wave) if p.lag > 0 else wave
-    tail = wave[warm_up // 2 :]
-    half_swing = np.ptp(tail) / 2
+    # scaled on the warm-up alone: a longer run must begin with the same bits
+    warm = wave[warm_up // 2 : warm_up]
+    half_swing = np.ptp(warm) / 2
     if not half_swing > 0.05 * p.J:
         raise ParameterError(f"disturbance 'propagated': the other loop (S = {p.S}, J = {p.J}) does not cycle; choose J nearer to S")
-    return p.amplitude * (wave[warm_up:] - tail.mean()) / half_swing
+    return p.amplitude * (wave[warm_up:] - warm.mean()) / half_swing
 
 
 _PERIOD = {
