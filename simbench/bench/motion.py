@@ -1,0 +1,133 @@
+"""How a valve moves: its reversals, swings and period, and the largest sine in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Reversals of a valve position.
+
+    Parameters
+    ----------
+    at : ndarray, shape (m,)
+        Sample indices of the reversals: the last sample before the valve turns back.
+    positions : ndarray, shape (m,)
+        Position (%) there.
+    n : int
+        Samples looked at.
+    """
+
+    at: np.ndarray
+    positions: np.ndarray
+    n: int
+
+    @property
+    def reversals(self) -> int:
+        """Number of reversals."""
+        return self.at.size
+
+    @property
+    def swings(self) -> np.ndarray:
+        """Distances (%) between consecutive reversals, shape (m - 1,)."""
+        return np.abs(np.diff(self.positions))
+
+    @property
+    def swing(self) -> float:
+        """Median swing (%); 0 without two reversals."""
+        return float(np.median(self.swings)) if self.at.size > 1 else 0.0
+
+    @property
+    def period(self) -> float:
+        """Mean time of two swings, in samples; NaN with fewer than three reversals."""
+        return 2.0 * float(self.at[-1] - self.at[0]) / (self.at.size - 1) if self.at.size > 2 else float("nan")
+
+    @property
+    def lasting(self) -> float:
+        """Median swing in the last third over that in the first; 0 when the last third is still."""
+        middle = 0.5 * (self.at[1:] + self.at[:-1])
+        first, last = self.swings[middle < self.n / 3], self.swings[middle >= 2 * self.n / 3]
+        if last.size == 0:
+            return 0.0
+        return float(np.median(last) / np.median(first)) if first.size else float("inf")
+
+
+def motion(mv: np.ndarray, least: float) -> Motion:
+    """Find where a valve turns back by more than `least`.
+
+    Parameters
+    ----------
+    mv : ndarray, shape (n,)
+        Valve position (%).
+    least : float
+        Smaller movements back (%) are no reversal, >= 0.
+
+    Returns
+    -------
+    Motion
+
+    Notes
+    -----
+    Not for noisy position sensors with `least` below their noise: every sample then is a reversal.
+
+    Examples
+    --------
+    >>> motion(np.array([0.0, 2.0, 2.0, 1.9, 3.0, 0.0, 0.0, 3.0]), 0.5).at.tolist()
+    [4, 6]
+    """
+    v = np.asarray(mv, dtype=float)
+    moves = np.flatnonzero(v[1:] != v[:-1])
+    # the only candidates: last samples of a stay between a move up and a move down
+    up = v[moves + 1] > v[moves]
+    turn = np.flatnonzero(up[1:] != up[:-1]) + 1
+    at, value = moves[turn].tolist(), v[moves[turn]].tolist()
+    at.append(v.size - 1)
+    value.append(float(v[-1]))
+    best, high, low = 0, float(v[0]), float(v[0])
+    direction, found = 0, []
+    for i, x in zip(at, value):
+        if direction == 0:
+            high, low = max(high, x), min(low, x)
+            if x - low > least or high - x > least:
+                direction = 1 if x - low > least else -1
+                best, high, low = i, x, x
+        elif (x - high) * direction >= 0:
+            best, high = i, x
+        elif (high - x) * direction > least:
+            found.append((best, high))
+            direction, best, high = -direction, i, x
+    places = np.array([i for i, _ in found], dtype=int)
+    return Motion(places, v[places], v.size)
+
+
+def largest_sine(x: np.ndarray, period: float, factor: float = 3.0) -> float:
+    """Return the largest amplitude of a sine in a signal, over periods within a factor of the given one.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Signal.
+    period : float
+        In samples.
+    factor : float
+        Periods from period/factor to period*factor are tried.
+
+    Returns
+    -------
+    float
+        In units of x.
+
+    Examples
+    --------
+    >>> round(largest_sine(3 * np.sin(np.arange(1000) / 10), 100.0), 1)
+    3.0
+    """
+    x = np.asarray(x, dtype=float) - np.mean(x)
+    size = 4 << (x.size - 1).bit_length()  # zero-padded fourfold: a sine between two bins loses 3 % at most
+    amplitude = np.abs(np.fft.rfft(x, size)) * (2.0 / x.size)
+    lo = max(int(np.floor(size / (period * factor))), 1)
+    hi = min(int(np.ceil(size * factor / period)), amplitude.size - 1)
+    return float(amplitude[lo : hi + 1].max()) if lo <= hi else 0.0
