@@ -1,0 +1,147 @@
+"""Bicoherence: do pairs of frequencies in a signal drive their sum? The nonlinearity indices NGI and NLI from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+SEGMENT = 128  # samples per segment, half overlapping
+FLOOR = 1e-4  # of the mean power: frequencies below it are rounding or leakage, not signal
+# Mean and spread of mean(bic2) for a linear Gaussian signal, in units of what m independent values would have: window
+# and overlap make neighbours alike. Monte Carlo, 300 records each of white noise and AR(2), K = 14 to 124.
+MEAN, SPREAD = 1.02, 1.55
+SAMPLES_PER_PERIOD = 32  # so that a segment holds four periods
+
+
+@dataclass(frozen=True)
+class Bicoherence:
+    """Squared bicoherence over the principal triangle and what follows from it.
+
+    Parameters
+    ----------
+    bic2 : ndarray, shape (m,)
+        Squared bicoherence, 0..1.
+    f1, f2 : ndarray, shape (m,)
+        Its two frequencies, cycles per sample, f2 <= f1, f1 + f2 < 1/2.
+    segments : int
+        Number of segments K averaged; a linear Gaussian signal gives bic2 of about 1/K.
+    ngi : float
+        Non-Gaussianity index: mean bic2 less its 95 % bound for a linear Gaussian signal; above 0 = non-Gaussian.
+    nli : float
+        Nonlinearity index: largest bic2 less (mean + 2 std); large when a few frequency pairs stand out.
+    nli_bound : float
+        Value that the nli of a linear Gaussian signal exceeds in 5 % of cases, for this K and m.
+    """
+
+    bic2: np.ndarray
+    f1: np.ndarray
+    f2: np.ndarray
+    segments: int
+    ngi: float
+    nli: float
+    nli_bound: float
+
+    @property
+    def peak(self) -> tuple[float, float]:
+        """Frequencies (f1, f2) of the largest squared bicoherence, cycles per sample."""
+        k = int(np.argmax(self.bic2))
+        return float(self.f1[k]), float(self.f2[k])
+
+
+def bicoherence(x: np.ndarray, segment: int = SEGMENT) -> Bicoherence:
+    """Estimate the squared bicoherence of a signal by averaging over half-overlapping segments.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,), n >= 4 segment
+        Signal, any unit; segments are made mean-free and weighted by a Hann window.
+    segment : int
+        Samples per segment; it should hold 3 or 4 periods of the slowest oscillation.
+
+    Returns
+    -------
+    Bicoherence
+
+    Notes
+    -----
+    Source: Choudhury, Shah & Thornhill (2004), Automatica 40, 1719-1728: bic2 = |E X1 X2 X12*|^2 / (E|X1 X2|^2
+    E|X12|^2). For a linear Gaussian signal 2 K bic2 is chi-squared with 2 degrees of freedom: mean 1/K, std 1/K, the
+    largest of m values about ln(m)/K. The published fixed limits (NGI 0.001, NLI 0.01) flag plain noise in records of
+    this length, so both indices are judged against the spread of that distribution.
+    Not for symmetric cycles: half-wave symmetry leaves odd harmonics only, whose sums are even, and nothing shows.
+
+    Examples
+    --------
+    >>> noise = np.random.default_rng(0).standard_normal(4096)
+    >>> bool(bicoherence(noise).ngi < 0 < bicoherence(noise**2).ngi)
+    True
+    """
+    i, j = _triangle(segment)
+    hop = segment // 2
+    pieces = np.lib.stride_tricks.sliding_window_view(x, segment)[::hop]
+    pieces = (pieces - pieces.mean(axis=1, keepdims=True)) * _hann(segment)
+    X = np.fft.rfft(pieces, axis=1).T
+    K = X.shape[1]
+    product = X[i] * X[j]
+    joint = np.einsum("mk,mk->m", product, X[i + j].conj())
+    power = np.einsum("mk,mk->m", product.real, product.real) + np.einsum("mk,mk->m", product.imag, product.imag)
+    single = (X.real**2 + X.imag**2).sum(axis=1)
+    floor = FLOOR * single.mean()
+    bic2 = np.abs(joint) ** 2 / np.maximum((power + floor**2 / K) * (single[i + j] + floor), 1e-300)
+    m = bic2.size
+    mean = float(bic2.mean())
+    ngi = mean - (MEAN + 1.645 * SPREAD / np.sqrt(m)) / K
+    nli = float(bic2.max()) - mean - 2.0 * float(bic2.std())
+    return Bicoherence(bic2, i / segment, j / segment, K, float(ngi), nli, float(np.log(m) + 2.97 - 3.0) / K)
+
+
+def error_bicoherence(e: np.ndarray, period: float) -> Bicoherence | None:
+    """Estimate the bicoherence of a control error, thinned out so that a segment holds four periods.
+
+    Parameters
+    ----------
+    e : ndarray, shape (n,)
+        Control error SP - PV, any unit.
+    period : float
+        Period of its oscillation in samples; NaN when there is none.
+
+    Returns
+    -------
+    Bicoherence or None
+        None when fewer than four segments of 64 samples are left. Frequencies refer to the samples of `e`.
+
+    Notes
+    -----
+    Source: Jelali (2013), section 11.7: the FFT length should hold at least 3 or 4 cycles. Not for signals whose
+    nonlinearity shows above the frequency that averaging leaves.
+
+    Examples
+    --------
+    >>> t = np.arange(20000)
+    >>> saw = (t % 200) / 200 + 0.1 * np.random.default_rng(0).standard_normal(20000)
+    >>> found = error_bicoherence(saw, 200.0)
+    >>> found.nli > found.nli_bound
+    True
+    """
+    step = max(1, round(period / SAMPLES_PER_PERIOD)) if np.isfinite(period) else 1
+    x = e[: e.size // step * step].reshape(-1, step).mean(axis=1)
+    segment = SEGMENT if x.size >= 8 * SEGMENT else SEGMENT // 2
+    if x.size < 4 * segment:
+        return None
+    found = bicoherence(x, segment)
+    return replace(found, f1=found.f1 / step, f2=found.f2 / step)
+
+
+@lru_cache(maxsize=4)
+def _triangle(segment: int) -> tuple[np.ndarray, np.ndarray]:
+    """Frequency bins (i, j) of the principal triangle, 0 < j <= i, i + j < segment / 2."""
+    i, j = np.meshgrid(np.arange(1, segment // 2), np.arange(1, segment // 2), indexing="ij")
+    inside = (j <= i) & (i + j < segment // 2)
+    return i[inside], j[inside]
+
+
+@lru_cache(maxsize=4)
+def _hann(segment: int) -> np.ndarray:
+    return 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(segment) / segment)
