@@ -1,4 +1,4 @@
-"""Truth: does the valve stick, and does the loop cycle because of it? Columns that are stored side by side, never mixed."""
+"""Truth: does the valve stick, and does the loop cycle because of it? Stored side by side, never mixed."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from detectors.record import LoopRecord
 from scenarios.spec import Loop, Part
 from simbench.bench.motion import Motion, largest_sine, motion
 from simbench.loop.parameters import VALVES, valve_parameters
@@ -58,9 +59,9 @@ def simulate_with_truth(loop: Loop, seed: int = 0, *, period: float | None = Non
     run : Run
         Its record is that of `simulate(loop, seed)`, bit for bit.
     cycled : Cycled
-        yes: over 20 more periods MV reverses at least 6 times, by J/2 or more in the median (J = 0: S/20), does not fade (last
-        third at least 0.8 of the first), and its largest sine at any period within a factor 3 is more than twice that of
-        the twin with an ideal valve.
+        yes: over 20 more periods MV reverses at least 6 times, by J/2 or more in the median (J = 0: S/20), does not
+        fade (last third at least 0.8 of the first), and its largest sine at any period within a factor 3 is more than
+        twice that of the twin with an ideal valve.
 
     Notes
     -----
@@ -72,7 +73,7 @@ def simulate_with_truth(loop: Loop, seed: int = 0, *, period: float | None = Non
     ...     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
     ...     "controller": {"type": "PI", "Kc": 1, "Ti": 10},
     ...     "valve": {"model": "choudhury", "S": 5, "J": 2},
-    ...     "sampling": {"Ts": 2, "n": 800},
+    ...     "sampling": {"Ts": 1, "n": 2000},
     ...     "setpoint": {"value": 50, "steps": [[10, 55]]}})
     >>> run, cycled = simulate_with_truth(loop)
     >>> cycled.answer, round(cycled.period / 94, 1)
@@ -84,20 +85,19 @@ def simulate_with_truth(loop: Loop, seed: int = 0, *, period: float | None = Non
     bar = least_swing(loop)
     if period is None:
         first = simulate(loop, seed)
-        half = np.asarray(first.record.mv)[first.record.n // 2 :]
-        period = motion(half, bar / 4).period * Ts
+        period = motion(_mv(first.record)[first.record.n // 2 :], bar / 4).period * Ts
         period = period if math.isfinite(period) else first.record.duration / TAIL_PERIODS
     samples = _samples(period / Ts)
     while True:
         run = simulate(loop, seed, tail=samples)
-        assert run.tail is not None
-        moved = motion(run.tail.mv, bar / 4)
+        tail = _mv(run.tail)
+        moved = motion(tail, bar / 4)
         wanted = _samples(moved.period if moved.reversals > 2 else 2.0 * samples / TAIL_PERIODS)
         # a cycle that is slower than expected needs a longer tail; a valve that stands still does not
-        if np.ptp(run.tail.mv[samples // 2 :]) < bar or wanted <= 1.25 * samples or samples >= MAX_TAIL:
+        if np.ptp(tail[samples // 2 :]) < bar or wanted <= 1.25 * samples or samples >= MAX_TAIL:
             break
         samples = wanted
-    return run, _answer(loop, seed, run, moved, bar, samples)
+    return run, _answer(loop, seed, run, moved, bar)
 
 
 def least_swing(loop: Loop) -> float:
@@ -142,25 +142,31 @@ def _friction_effects(loop: Loop) -> list[tuple[str, dict]]:
 
 
 def _samples(period: float) -> int:
-    return min(max(int(math.ceil(TAIL_PERIODS * period)), 3 * TAIL_PERIODS), MAX_TAIL)
+    return min(max(math.ceil(TAIL_PERIODS * period), 3 * TAIL_PERIODS), MAX_TAIL)
 
 
-def _answer(loop: Loop, seed: int, run: Run, moved: Motion, bar: float, samples: int) -> Cycled:
-    assert run.tail is not None
+def _mv(record: LoopRecord | None) -> np.ndarray:
+    assert record is not None
+    assert record.mv is not None
+    return record.mv
+
+
+def _answer(loop: Loop, seed: int, run: Run, moved: Motion, bar: float) -> Cycled:
+    tail = _mv(run.tail)
     swings = moved.reversals >= MIN_REVERSALS and moved.swing >= bar
-    found = Cycled(NO, moved.period * loop.sampling.Ts, moved.swing)
+
+    def said(answer: str) -> Cycled:
+        return Cycled(answer, moved.period * loop.sampling.Ts, moved.swing)
+
     if swings and moved.lasting >= FADING:
-        twin = simulate(healthy_twin(loop), seed, tail=samples)
-        assert twin.tail is not None
-        own = TWIN * largest_sine(run.tail.mv, moved.period) > largest_sine(twin.tail.mv, moved.period)
+        twin = _mv(simulate(healthy_twin(loop), seed, tail=tail.size).tail)
+        own = TWIN * largest_sine(tail, moved.period) > largest_sine(twin, moved.period)
         if own and moved.lasting >= LASTING:
-            return Cycled(YES, found.period, found.swing)
-        if run.sticky:
-            return Cycled(UNCLEAR, found.period, found.swing)
-        return found
-    if run.sticky and not swings and 0 < moved.reversals and np.ptp(run.tail.mv[-samples // 3 :]) >= bar:
-        return Cycled(UNCLEAR, found.period, found.swing)  # too slow for the longest tail, or its swings too small and rare
-    driven = np.asarray(run.record.mv)[run.record.n // 2 :]
-    if run.sticky and loop.disturbance and np.ptp(driven) >= bar:
-        return Cycled(ENTRAINED, found.period, found.swing)
-    return found
+            return said(YES)
+        return said(UNCLEAR if run.sticky else NO)
+    # still moving at the end, but too slowly for the longest tail
+    if run.sticky and 0 < moved.reversals < MIN_REVERSALS and np.ptp(tail[-(tail.size // 3) :]) >= bar:
+        return said(UNCLEAR)
+    if run.sticky and loop.disturbance and np.ptp(_mv(run.record)[run.record.n // 2 :]) >= bar:
+        return said(ENTRAINED)
+    return said(NO)

@@ -112,7 +112,10 @@ def test_a_dead_zone_is_not_friction():
 
 
 def test_the_record_is_the_one_without_a_tail_bit_for_bit():
-    disturbance = [{"type": "propagated", "amplitude": 2.0, "period": 70.0, "at": "output"}, {"type": "random_walk", "amplitude": 1.0, "period": 100.0}]
+    disturbance = [
+        {"type": "propagated", "amplitude": 2.0, "period": 70.0, "at": "output"},
+        {"type": "random_walk", "amplitude": 1.0, "period": 100.0},
+    ]
     chosen = loop(STICKY, noise=0.1, disturbance=disturbance, n=900)
     with_truth, alone = simulate_with_truth(chosen, 7)[0].record, simulate(chosen, 7).record
     for signal in ("op", "pv", "sp", "mv"):
@@ -156,4 +159,5 @@ def test_a_constant_signal_never_turns():
 
 def test_the_largest_sine_ignores_periods_far_away():
     t = np.arange(4000)
-    assert largest_sine(np.sin(2 * np.pi * t / 100) + 9 * np.sin(2 * np.pi * t / 1000), 100.0) == pytest.approx(1.0, abs=0.05)
+    wave = np.sin(2 * np.pi * t / 100) + 9 * np.sin(2 * np.pi * t / 1000)
+    assert largest_sine(wave, 100.0) == pytest.approx(1.0, abs=0.05)
