@@ -51,18 +51,12 @@ def step(u, state, S, J, lo=0.0, hi=100.0):
     """
     v, d, moving, u_prev = state
     x = min(max(u, lo), hi)
-    stuck = moving == 0.0 or (x - u_prev) * d <= 0.0
-    if stuck:
-        moving = 0.0
-        if x - v > 0.5 * (S + J):
-            d = 1.0
-            moving = 1.0
-        elif x - v < -0.5 * (S + J):
-            d = -1.0
-            moving = 1.0
-    if moving == 1.0:
-        v = min(max(x - d * 0.5 * (S - J), lo), hi)
-    return (v, d, moving, x)
+    # standing still, or OP turned or stopped: only the stick band sets the valve moving (again)
+    if moving == 0.0 or (x - u_prev) * d <= 0.0:
+        if abs(x - v) <= 0.5 * (S + J):
+            return (v, d, 0.0, x)
+        d = 1.0 if x > v else -1.0
+    return (min(max(x - d * 0.5 * (S - J), lo), hi), d, 1.0, x)
 
 
 def trace(op, S, J, state, lo, hi, v):

@@ -13,16 +13,18 @@ from pathlib import Path
 from types import FunctionType, ModuleType
 
 # Bound by `bind` (plain Python, the slow twin) or by a generated module (compiled).
-error_step = controller_step = output_step = valve_step = plant_step = plant_output = sensor_step = None
+error_step = controller_step = output_step = valve_step = plant_step = plant_output = sensor_step = named = None
 
 
-def closed_loop(sp, load_in, load_out, noise, kick, op0, w, x, c, v, s, plant, controller, gap, valve, sensor, op, pv, mv):
-    """Run the loop; all signals are arrays of n samples, states and parameters are tuples.
+def closed_loop(sp, load_in, load_out, noise, kick, op0, w, x, c, v, s, numbers, op, pv, mv):
+    """Run the loop; all signals are arrays of n samples, states are tuples, `numbers` are the parameters as bare tuples.
 
     `w` (n + delay + 1,) is the plant's input as deviation from op0, its first delay + 1 entries the past; `kick` (%) is added
     to OP at sample 0. Fills `op`, `pv`, `mv`.
     """
+    plant, controller, gap, sensor, valve = named(numbers)
     lag = w.shape[0] - sp.shape[0]
+    w_now, w_new = w[lag:], w[1:]
     for k in range(sp.shape[0]):
         s = sensor_step(plant_output(x, plant) + load_out[k], noise[k], s, sensor)
         c = controller_step(error_step(sp[k] - s[0], gap), c, controller)
@@ -30,8 +32,8 @@ def closed_loop(sp, load_in, load_out, noise, kick, op0, w, x, c, v, s, plant, c
             c = (min(max(c[0] + kick, controller.lo), controller.hi), c[1])
         u = output_step(c[0], gap)
         v = valve_step(u, v, valve)
-        w[k + lag] = v[-1][0] - op0 + load_in[k]
-        x = plant_step(w[k], w[k + 1], x, plant)
+        w_now[k] = v[-1][0] - op0 + load_in[k]
+        x = plant_step(w[k], w_new[k], x, plant)
         pv[k] = s[0]
         op[k] = u
         mv[k] = v[-1][0]
@@ -46,7 +48,18 @@ def valve_chain(stages):
     return "\n".join(lines) + "\n"
 
 
-def bind(steps: dict[str, FunctionType], stages: tuple[FunctionType, ...]) -> FunctionType:
+def naming(classes):
+    """Return the text of a function that gives bare tuples of parameters their names again.
+
+    numba takes bare tuples of numbers at the speed of C, named ones ten times slower.
+    """
+    *fixed, stages = classes
+    parts = [f"class{i}(*n[{i}])" for i in range(len(fixed))]
+    valve = "".join(f"stage_class{i}(*n[{len(fixed)}][{i}]), " for i in range(len(stages)))
+    return f"def named(n):\n    return {', '.join(parts)}, ({valve})\n"
+
+
+def bind(steps: dict[str, FunctionType], stages: tuple[FunctionType, ...], classes: tuple) -> FunctionType:
     """Return `closed_loop` in plain Python for the given steps: the slow, obvious twin of `compiled`.
 
     Parameters
@@ -55,17 +68,19 @@ def bind(steps: dict[str, FunctionType], stages: tuple[FunctionType, ...]) -> Fu
         error_step, controller_step, output_step, plant_step, plant_output, sensor_step.
     stages : tuple of functions
         The valve's stages.
+    classes : tuple
+        Named-tuple classes of the parameters: plant, controller, gap, sensor, and a tuple for the stages.
 
     Returns
     -------
     function
     """
-    chain: dict = {f"stage{i}": f for i, f in enumerate(stages)}
-    exec(valve_chain(len(stages)), chain)
-    return FunctionType(closed_loop.__code__, {**globals(), **steps, "valve_step": chain["valve_step"]})
+    scope = _scope(stages, classes)
+    exec(naming(classes) + valve_chain(len(stages)), scope)
+    return FunctionType(closed_loop.__code__, {**globals(), **steps, **scope})
 
 
-def compiled(steps: dict[str, FunctionType], stages: tuple[FunctionType, ...]) -> FunctionType:
+def compiled(steps: dict[str, FunctionType], stages: tuple[FunctionType, ...], classes: tuple) -> FunctionType:
     """Return `closed_loop` compiled for the given steps, from the disk cache when it is there.
 
     Parameters, returns
@@ -76,27 +91,35 @@ def compiled(steps: dict[str, FunctionType], stages: tuple[FunctionType, ...]) -
     numba's disk cache only watches the file a function stands in. So each combination is written to a module of its own
     whose name carries the hash of every source that takes part: an edited valve never meets an old kernel.
     """
-    return _compiled(tuple(sorted(steps.items())), stages)
+    return _compiled(tuple(sorted(steps.items())), stages, classes)
 
 
 @lru_cache(maxsize=256)
-def _compiled(steps, stages):
-    parts = {**dict(steps), **{f"stage{i}": f for i, f in enumerate(stages)}}
-    return cached_module(
-        "loop",
-        parts,
-        valve_chain(len(stages)) + "valve_step = njit(valve_step)\n\n\n@njit(cache=True)\n" + inspect.getsource(closed_loop),
-    ).closed_loop
+def _compiled(steps, stages, classes):
+    text = (
+        f"@njit\n{naming(classes)}\n\n@njit\n{valve_chain(len(stages))}\n\n"
+        f"@njit(cache=True)\n{inspect.getsource(closed_loop)}"
+    )
+    return cached_module("loop", {**dict(steps), **_scope(stages, classes)}, text).closed_loop
 
 
-def cached_module(kind: str, parts: dict[str, FunctionType], text: str) -> ModuleType:
-    """Write `text` to a module in which the names of `parts` are compiled functions, and import it.
+def _scope(stages, classes) -> dict:
+    *fixed, of_stages = classes
+    return {
+        **{f"stage{i}": f for i, f in enumerate(stages)},
+        **{f"class{i}": c for i, c in enumerate(fixed)},
+        **{f"stage_class{i}": c for i, c in enumerate(of_stages)},
+    }
+
+
+def cached_module(kind: str, parts: dict, text: str) -> ModuleType:
+    """Write `text` to a module in which the names of `parts` are known, functions compiled, and import it.
 
     Parameters
     ----------
     kind : str
         Begins the module's name.
-    parts : dict of str to plain Python function
+    parts : dict of str to plain Python function or named-tuple class
         What the text calls.
     text : str
         Source that uses `njit` and the names of `parts`.
@@ -106,8 +129,9 @@ def cached_module(kind: str, parts: dict[str, FunctionType], text: str) -> Modul
     module
         It is found again on disk as long as no source changes.
     """
-    sources = {p for f in parts.values() for p in _files(f)}
-    digest = hashlib.sha256(f"{sys.version}{_numba_version()}{text}{sorted((n, f.__module__, f.__qualname__) for n, f in parts.items())}".encode())
+    sources = {p for f in parts.values() if isinstance(f, FunctionType) for p in _files(f)}
+    names = sorted((n, f.__module__, f.__qualname__, getattr(f, "_fields", ())) for n, f in parts.items())
+    digest = hashlib.sha256(f"{sys.version}{_numba_version()}{text}{names}".encode())
     for path in sorted(sources):
         digest.update(Path(path).read_bytes())
     name = f"simbench_{kind}_{digest.hexdigest()[:20]}"
@@ -125,7 +149,7 @@ def cached_module(kind: str, parts: dict[str, FunctionType], text: str) -> Modul
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     for part, function in parts.items():
-        setattr(module, part, jitted(function))
+        setattr(module, part, jitted(function) if isinstance(function, FunctionType) else function)
     spec.loader.exec_module(module)
     return module
 

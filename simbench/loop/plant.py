@@ -166,7 +166,8 @@ def _hold(A: np.ndarray, B: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarra
 
 def first_order_step(w_old, w_new, x, p):
     """One sample of a first-order plant; its state (deviation of PV, ) is a tuple."""
-    return (p.a * x[0] + p.b_old * w_old + p.b_new * w_new,)
+    # inputs first: only one product and one sum then wait for the previous sample
+    return (p.a * x[0] + (p.b_old * w_old + p.b_new * w_new),)
 
 
 def first_order_output(x, p):

@@ -147,23 +147,34 @@ def resolve_loop(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
     return setup
 
 
-def compiled_parts(setup: Setup) -> tuple[dict[str, FunctionType], tuple[FunctionType, ...], tuple]:
-    """Choose the steps a setup needs, and resolve their parameters.
+@dataclass(frozen=True)
+class Parts:
+    """The pieces of one run, as `simbench.loop.kernel` takes them.
 
-    Parameters
-    ----------
-    setup : Setup
-        The resolved loop.
-
-    Returns
-    -------
-    steps : dict of functions
-        For `simbench.loop.kernel`.
-    stages : tuple of functions
-        The valve's stages.
-    numbers : tuple
-        (sampled plant, plant, controller, gap, valve and sensor parameters).
+    `steps` and `stages` are functions, `numbers` their parameters as named tuples: plant, controller, gap, sensor, and a tuple
+    for the valve's stages.
     """
+
+    sampled: plant.SampledPlant
+    steps: dict[str, FunctionType]
+    stages: tuple[FunctionType, ...]
+    numbers: tuple
+
+    @property
+    def classes(self) -> tuple:
+        """The named-tuple classes of `numbers`."""
+        *fixed, stages = self.numbers
+        return (*(type(p) for p in fixed), tuple(type(p) for p in stages))
+
+    @property
+    def bare(self) -> tuple:
+        """`numbers` without their names."""
+        *fixed, stages = self.numbers
+        return (*(tuple(p) for p in fixed), tuple(tuple(p) for p in stages))
+
+
+def parts_of(setup: Setup) -> Parts:
+    """Choose the steps a setup needs, and resolve their parameters."""
     sampled = plant.sample(setup.num, setup.den, setup.Td, setup.Ts)
     first_order = sampled.order == 1
     if first_order:
@@ -188,8 +199,10 @@ def compiled_parts(setup: Setup) -> tuple[dict[str, FunctionType], tuple[Functio
     }
     gap_p = controller.Gap(setup.error_deadband / 2, setup.op_quantum) if full_control else controller.NoGap(0.0)
     sensor_p = sensor.Transmitter(float(follow), setup.pv_quantum) if full_sensor else sensor.Bare(0.0)
+    sensor_p = sensor.Transmitter(float(follow), setup.pv_quantum) if full_sensor else sensor.Bare(0.0)
     valve_p = tuple(p for _, p in setup.valves)
-    return steps, tuple(m.step for m, _ in setup.valves), (sampled, plant_p, control_p, gap_p, valve_p, sensor_p)
+    stages = tuple(module.step for module, _ in setup.valves)
+    return Parts(sampled, steps, stages, (plant_p, control_p, gap_p, sensor_p, valve_p))
 
 
 def _acts(p: Any) -> bool:

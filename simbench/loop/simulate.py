@@ -10,7 +10,7 @@ import numpy as np
 from detectors.record import LoopRecord
 from scenarios.spec import Loop
 from simbench.loop import controller, kernel, sensor
-from simbench.loop.setup import Setup, compiled_parts, resolve_loop
+from simbench.loop.setup import Setup, parts_of, resolve_loop
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ def simulate(
     ...     "controller": {"type": "PI", "Kc": 1, "Ti": 10},
     ...     "valve": {"model": "choudhury", "S": 5, "J": 2},
     ...     "sampling": {"Ts": 1, "n": 2000},
-    ...     "setpoint": {"value": 50, "steps": [[10, 54]]}})
+    ...     "setpoint": {"value": 50, "steps": [[10, 55]]}})
     >>> bool(np.ptp(simulate(loop).record.mv[-200:]) > 1.5)
     True
     """
@@ -115,7 +115,8 @@ def simulate(
 
 def run_setup(setup: Setup, *, kick: float = 0.0, start: Start | None = None, plain: bool = False) -> Run:
     """Run a resolved loop, compiled or (`plain`) in Python sample by sample; both give the same bits."""
-    steps, stages, (sampled, plant_p, control_p, gap_p, valve_p, sensor_p) = compiled_parts(setup)
+    parts = parts_of(setup)
+    sampled = parts.sampled
     total = setup.sp.size
     w = np.zeros(total + sampled.delay + 1)
     pv = setup.pv0
@@ -138,12 +139,12 @@ def run_setup(setup: Setup, *, kick: float = 0.0, start: Start | None = None, pl
         x: Any = (float(pv - setup.pv0),)
     else:
         x = np.zeros(2 * sampled.order)
-    s = sensor.full_start(pv) if steps["sensor_step"] is sensor.full_step else sensor.plain_start(pv)
+    s = sensor.full_start(pv) if parts.steps["sensor_step"] is sensor.full_step else sensor.plain_start(pv)
     op, measured, mv = np.empty(total), np.empty(total), np.empty(total)
     make = kernel.bind if plain else kernel.compiled
-    make(steps, stages)(
-        setup.sp, setup.load_in, setup.load_out, setup.pv_add, float(kick), setup.op0, w, x, c, tuple(v), s,
-        plant_p, control_p, gap_p, valve_p, sensor_p, op, measured, mv,
+    make(parts.steps, parts.stages, parts.classes)(
+        setup.sp, setup.load_in, setup.load_out, setup.pv_add, float(kick), setup.op0, w, x, c, tuple(v), s, parts.bare,
+        op, measured, mv,
     )  # fmt: skip
     archived = measured
     for recorder in setup.recorders:

@@ -1,0 +1,259 @@
+"""The loop: what the contract says of one sample, one run, and its random numbers."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from detectors.errors import ParameterError, UnknownName
+from scenarios.errors import SpecError
+from scenarios.spec import Loop, Plant
+from simbench.loop import plant
+from simbench.loop.controller import transfer_function as controller_tf
+from simbench.loop.setup import resolve_loop
+from simbench.loop.simulate import run_setup, simulate
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "reference"))
+
+BASE = {
+    "plant": {"type": "foptd", "K": 1.0, "T": 10.0, "Td": 2.5},
+    "controller": {"type": "PI", "Kc": 1.0, "Ti": 10.0},
+    "valve": {"model": "choudhury", "S": 5.0, "J": 2.0},
+    "sampling": {"Ts": 1.0, "n": 600},
+}
+
+
+def loop(**changes) -> Loop:
+    table = {k: dict(v) for k, v in BASE.items()}
+    for section, values in changes.items():
+        if isinstance(values, dict) and section in table and section != "valve":
+            table[section].update(values)
+        else:
+            table[section] = values
+    return Loop.from_table(table)
+
+
+OPEN = {"controller": {"type": "P", "Kc": 1e-12, "Ti": None}}
+
+
+def step_response(num, den, Td, Ts, n, size=1.0):
+    """Feed a step at sample 0 to the sampled plant."""
+    p = plant.sample(np.atleast_1d(num).astype(float), np.asarray(den, dtype=float), Td, Ts)
+    x, y = np.zeros(p.order), []
+    w = np.concatenate([np.zeros(p.delay + 1), np.full(n, size)])
+    for k in range(n):
+        y.append(p.C @ x)
+        x = p.A @ x + p.B_old * w[k] + p.B_new * w[k + 1]
+    return np.array(y)
+
+
+@pytest.mark.parametrize(("num", "den"), [([2.0], [10.0, 1.0]), ([0.3], [1.0, 0.0]), ([1.0, 2.0], [3.0, 4.0, 1.5]), ([1.0], [5.0, 1.0, 0.0])])
+@pytest.mark.parametrize("Td", [0.0, 3.0, 2.5, 0.7, 0.2])
+def test_step_response_equals_python_control(num, den, Td):
+    Ts, n = 0.5, 120
+    ours = step_response(num, den, Td, Ts, n)
+    t = np.arange(n) * Ts
+    # python-control has no dead time: its response at t - Td, asked for on a grid that holds these times exactly
+    late = t[t >= Td - 1e-12] - Td
+    grid = np.union1d(late.round(10), [0.0])
+    fine = np.arange(0, grid[-1] + 0.05, 0.1)
+    theirs = control.step_response(control.tf(num, den), T=fine).outputs
+    expected = np.concatenate([np.zeros(t.size - late.size), theirs[np.round(late / 0.1).astype(int)]])
+    np.testing.assert_allclose(ours, expected, rtol=0, atol=1e-10)
+
+
+def test_plant_is_python_controls_transfer_function():
+    tf = plant.transfer_function(Plant(type="integrating", K=0.2))
+    assert tf.den[0][0].tolist() == [1.0, 0.0]
+    assert tf.num[0][0].tolist() == [0.2]
+
+
+def test_a_users_transfer_function_takes_the_plants_place():
+    own = simulate(loop()).record
+    same = simulate(loop(), plant=control.tf([1.0], [10.0, 1.0])).record
+    np.testing.assert_array_equal(own.pv, same.pv)
+    second = simulate(loop(sampling={"Ts": 1.0, "n": 300}, valve={"model": "ideal"}, setpoint={"value": 50.0, "steps": [[0, 51.0]]}),
+                      plant=control.tf([1.0], [20.0, 12.0, 1.0])).record  # fmt: skip
+    assert abs(second.pv[-1] - 51.0) < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("tf", "word"),
+    [
+        (control.tf([1], [1, -1]), "unstable"),
+        (control.tf([1], [1, 0, 0]), "unstable"),
+        (control.tf([1, 1], [1, 2]), "strictly proper"),
+        (control.tf([1], [1, 1], 0.1), "discrete"),
+        (control.tf([-1], [1, 1]), "positive feedback"),
+    ],
+)
+def test_impossible_plants_are_refused(tf, word):
+    with pytest.raises(ParameterError, match=word):
+        simulate(loop(), plant=tf)
+
+
+def test_pi_is_the_backward_euler_integral_of_the_error_seen():
+    r = simulate(loop(noise={"std": 0.2}, sampling={"n": 300})).record
+    e = r.sp - r.pv
+    expected = 50.0 + 1.0 * (e + np.cumsum(e) * 1.0 / 10.0)
+    assert ((expected > 0) & (expected < 100)).all()
+    np.testing.assert_allclose(r.op, expected, atol=1e-9)
+
+
+def test_p_controller_is_op0_plus_Kc_times_error():
+    r = simulate(loop(controller={"type": "P", "Kc": 2.0, "Ti": None}, noise={"std": 0.2})).record
+    np.testing.assert_allclose(r.op, 50.0 + 2.0 * (r.sp - r.pv), atol=1e-12)
+
+
+def test_direct_action_with_negative_gain_mirrors_the_loop():
+    up = simulate(loop(noise={"std": 0.1}), seed=3).record
+    down = simulate(loop(plant={"K": -1.0}, controller={"direction": "direct"}, noise={"std": 0.1}), seed=3).record
+    assert np.ptp(down.op) > 0
+    # the same noise moves OP the other way
+    assert np.sign(up.op[0] - 50) == -np.sign(down.op[0] - 50)
+
+
+def test_positive_feedback_is_refused():
+    with pytest.raises(SpecError, match="positive feedback"):
+        loop(plant={"K": -1.0})
+
+
+def test_a_quiet_loop_rests_where_it_starts():
+    for valve in ("ideal", "choudhury", "deadband"):
+        parameters = {} if valve == "ideal" else {"S": 5.0} | ({"J": 2.0} if valve == "choudhury" else {})
+        r = simulate(loop(valve={"model": valve, **parameters}, operating_point={"op0": 30.0, "pv0": 7.0}, setpoint={"value": 7.0})).record
+        assert (r.op == 30.0).all()
+        assert (r.pv == 7.0).all()
+        assert (r.mv == 30.0).all()
+
+
+def test_set_point_away_from_pv0_is_a_step_at_sample_zero():
+    r = simulate(loop(operating_point={"op0": 50.0, "pv0": 40.0}, setpoint={"value": 42.0}, valve={"model": "ideal"})).record
+    assert r.pv[0] == 40.0
+    assert r.op[0] == pytest.approx(50 + 2.0 * (1 + 1 / 10))
+
+
+def test_mv_acts_after_its_sample_and_after_the_dead_time():
+    r = simulate(loop(plant={"Td": 0.0}, valve={"model": "ideal"}, setpoint={"value": 50.0, "steps": [[5.0, 51.0]]})).record
+    assert r.mv[5] == r.op[5] > 50.0
+    assert r.pv[5] == 50.0 < r.pv[6]
+    late = simulate(loop(plant={"Td": 3.0}, valve={"model": "ideal"}, setpoint={"value": 50.0, "steps": [[5.0, 51.0]]})).record
+    assert late.pv[8] == 50.0 < late.pv[9]
+
+
+def test_op_stays_within_its_limits_and_leaves_them_at_once():
+    r = simulate(loop(valve={"model": "ideal"}, setpoint={"value": 50.0, "steps": [[10.0, 150.0], [200.0, 50.0]]}, sampling={"n": 260})).record
+    assert r.op.max() == 100.0
+    assert r.op[200] < 100.0  # no wound-up integral holds it there
+
+
+def test_input_load_acts_between_valve_and_plant_and_output_load_on_pv():
+    quiet = loop(valve={"model": "ideal"}, **OPEN)
+    at_input = Loop.from_table({**quiet.to_table(), "disturbance": [{"type": "ramp", "amplitude": 2.0, "period": 1.0, "at": "input"}]})
+    run = simulate(at_input)
+    assert np.ptp(run.record.mv) < 1e-9
+    assert run.record.pv[-1] == pytest.approx(52.0, abs=1e-6)
+    at_output = Loop.from_table({**quiet.to_table(), "disturbance": [{"type": "ramp", "amplitude": 2.0, "period": 1.0, "at": "output"}]})
+    assert simulate(at_output).record.pv[1] == 52.0
+
+
+@pytest.mark.parametrize("kind", ["sine", "steps", "ramp", "random_walk", "propagated"])
+@pytest.mark.parametrize("at", ["input", "output"])
+def test_every_disturbance_reaches_pv(kind, at):
+    l = Loop.from_table({**BASE, "disturbance": [{"type": kind, "amplitude": 3.0, "period": 60.0, "at": at}]})
+    run = simulate(l, seed=5)
+    load = run.load_in if at == "input" else run.load_out
+    assert np.ptp(load) > 1.0
+    assert np.ptp(run.record.pv) > 0.5
+
+
+def test_propagated_load_has_the_wanted_period_and_amplitude():
+    l = Loop.from_table({**BASE, "sampling": {"Ts": 1.0, "n": 2000}, "disturbance": [{"type": "propagated", "amplitude": 3.0, "period": 80.0, "at": "output"}]})
+    load = simulate(l, seed=5).load_out
+    spectrum = np.abs(np.fft.rfft(load - load.mean()))
+    assert 2000 / np.argmax(spectrum) == pytest.approx(80.0, rel=0.15)
+    assert np.ptp(load) / 2 == pytest.approx(3.0, rel=0.1)
+
+
+def test_same_loop_and_seed_give_the_same_bits_and_another_seed_others():
+    l = Loop.from_table({**BASE, "noise": {"std": 0.3}, "disturbance": [{"type": "random_walk", "amplitude": 1.0, "period": 50.0}]})
+    a, b, c = simulate(l, 7).record, simulate(l, 7).record, simulate(l, 8).record
+    np.testing.assert_array_equal(a.pv, b.pv)
+    assert (a.pv != c.pv).any()
+
+
+def test_a_tail_leaves_the_record_as_it_was():
+    l = Loop.from_table({**BASE, "noise": {"std": 0.3}, "disturbance": [{"type": "sine", "amplitude": 1.0, "period": 50.0}]})
+    short, long = simulate(l, 7), simulate(l, 7, tail=500)
+    np.testing.assert_array_equal(short.record.pv, long.record.pv)
+    assert long.tail.n == 500
+    assert np.ptp(long.load_in[600:]) == 0.0
+    assert np.ptp(long.tail.pv) > 0.0
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    K=st.floats(0.1, 5), T=st.floats(0.5, 50), Td=st.floats(0, 20), Kc=st.floats(0.05, 5), Ti=st.floats(1, 100), S=st.floats(0, 10),
+    J=st.floats(0, 10), std=st.floats(0, 1), kick=st.floats(-10, 10), integrating=st.booleans(), P=st.booleans(),
+)  # fmt: skip
+def test_compiled_and_plain_loop_give_the_same_bits(K, T, Td, Kc, Ti, S, J, std, kick, integrating, P):
+    table = {
+        "plant": {"type": "integrating", "K": K / 20, "Td": Td} if integrating else {"type": "foptd", "K": K, "T": T, "Td": Td},
+        "controller": {"type": "P", "Kc": Kc} if P else {"type": "PI", "Kc": Kc, "Ti": Ti},
+        "valve": {"model": "choudhury", "S": S, "J": J},
+        "sampling": {"Ts": 1.0, "n": 200},
+        "noise": {"std": std},
+    }
+    setup = resolve_loop(Loop.from_table(table), 1)
+    fast, slow = run_setup(setup, kick=kick), run_setup(setup, kick=kick, plain=True)
+    for name in ("op", "pv", "mv"):
+        np.testing.assert_array_equal(getattr(fast.record, name), getattr(slow.record, name))
+
+
+def test_compiled_and_plain_loop_of_higher_order_give_the_same_bits():
+    setup = resolve_loop(loop(noise={"std": 0.1}), 1, tf=control.tf([1.0], [20.0, 12.0, 1.0]))
+    np.testing.assert_array_equal(run_setup(setup).record.pv, run_setup(setup, plain=True).record.pv)
+
+
+def test_compiled_loop_equals_c_bit_for_bit():
+    perf = pytest.importorskip("perf")
+    case = perf.Case()
+    if case.in_c is None:
+        pytest.skip("no gcc on this machine")
+    theirs = [a.copy() for a in case.run_c()]
+    for a, b in zip(theirs, case.run(case.compiled), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_loop_equals_python_control_over_the_first_300_samples():
+    perf = pytest.importorskip("perf")
+    case, theirs = perf.python_control(300)
+    np.testing.assert_allclose(theirs(), np.array(case.run(case.compiled)[:2]), atol=1e-9)
+
+
+def test_controller_as_transfer_function_has_the_sign_of_its_direction():
+    c = loop(plant={"K": -1.0}, controller={"direction": "direct"}).controller
+    assert controller_tf(c).num[0][0].tolist() == [-10.0, -1.0]
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "words"),
+    [
+        ({"valve": {"model": "chodhury"}}, UnknownName, "choudhury"),
+        ({"valve": {"model": "choudhury", "S": -1, "J": 0}}, ParameterError, "S = -1"),
+        ({"valve": {"model": "choudhury", "S": 1, "J": -2}}, ParameterError, "J = -2"),
+        ({"valve": {"model": "deadband"}}, ParameterError, "needs S"),
+        ({"disturbance": [{"type": "sin", "amplitude": 1, "period": 5}]}, UnknownName, "sine"),
+        ({"disturbance": [{"type": "sine", "amplitude": 1, "period": 0}]}, ParameterError, "period"),
+        ({"disturbance": [{"type": "sine", "amplitude": 1, "period": 9, "at": "inlet"}]}, ParameterError, "input"),
+    ],
+)
+def test_wrong_plugins_and_numbers_end_in_one_sentence(changes, error, words):
+    with pytest.raises(error, match=words):
+        simulate(loop(**changes))
