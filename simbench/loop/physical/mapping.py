@@ -1,0 +1,82 @@
+"""Friction as a band S, J (% of travel) and as two forces, break-away and sliding friction: one from the other."""
+
+from __future__ import annotations
+
+import math
+
+from detectors.errors import ParameterError
+
+
+def complete_band(
+    values: dict[str, float],
+    where: str,
+    forces: tuple[str, str],
+    percent: float,
+    defaults: tuple[float, float] | None = None,
+    overshoot: bool = False,
+) -> dict[str, float]:
+    """Fill the pair that was not given from the pair that was.
+
+    Parameters
+    ----------
+    values : dict of str to float
+        Holds S, J and both `forces`; NaN where not given.
+    where : str
+        Begins every message.
+    forces : (str, str)
+        Names of the break-away and of the sliding friction, e.g. ("Fs", "Fc").
+    percent : float
+        % of travel per unit of force: 100/(k stroke) for forces in N.
+    defaults : (float, float), optional
+        Forces taken when not given.
+    overshoot : bool
+        Allow J > S, which no friction force can cause.
+
+    Returns
+    -------
+    dict of str to float
+        `values` with all four numbers.
+
+    Raises
+    ------
+    ParameterError
+        Half a pair, both pairs, J > S, or a sliding friction above the break-away friction.
+
+    Notes
+    -----
+    S = percent (Fs + Fc), J = percent (Fs - Fc): force balance of the valve at rest and in slow motion, Choudhury,
+    Thornhill and Shah (2005), Sect. 3. Not for an underdamped actuator, whose jump passes the balance.
+
+    Examples
+    --------
+    >>> nan = float("nan")
+    >>> complete_band({"S": 5.0, "J": 2.0, "fs": nan, "fd": nan}, "valve 'he'", ("fs", "fd"), 1.0)
+    {'S': 5.0, 'J': 2.0, 'fs': 3.5, 'fd': 1.5}
+    """
+    high, low = forces
+    S, J, Fs, Fc = values["S"], values["J"], values[high], values[low]
+    band = [not math.isnan(S), not math.isnan(J)]
+    pair = [not math.isnan(Fs), not math.isnan(Fc)]
+    if any(band) and any(pair):
+        raise ParameterError(f"{where}: give S and J or {high} and {low}, not some of both; either pair sets the other")
+    if any(band):
+        if not all(band):
+            raise ParameterError(f"{where} needs S and J together, only {'S' if band[0] else 'J'} is given")
+        if J > S and not overshoot:
+            raise ParameterError(
+                f"{where}: J = {J:g} exceeds S = {S:g}, which needs a negative {low}: friction alone cannot overshoot, "
+                "only the inertia of an underdamped valve (large m, small Fv) or the map of model 'choudhury' can"
+            )
+        return {**values, high: 0.5 * (S + J) / percent, low: 0.5 * (S - J) / percent}
+    if defaults is not None:
+        Fs = Fs if pair[0] else defaults[0]
+        Fc = Fc if pair[1] else defaults[1]
+    elif not all(pair):
+        raise ParameterError(f"{where} needs S and J, or {high} and {low}")
+    if Fs < Fc:
+        raise ParameterError(
+            f"{where}: {high} = {Fs:g} is below {low} = {Fc:g}; a valve at rest holds at least as hard as a moving one"
+        )
+    if Fs + Fc < 0.0:
+        raise ParameterError(f"{where}: {high} + {low} = {Fs + Fc:g} is negative; the sum is the band S and cannot be")
+    return {**values, high: Fs, low: Fc, "S": percent * (Fs + Fc), "J": percent * (Fs - Fc)}
