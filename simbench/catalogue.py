@@ -38,7 +38,9 @@ def catalogue(what: str) -> list[dict[str, str]]:
     for name in folder.names():
         module = folder.load(name)
         source = module.METHOD.source if what == "detectors" else module.SOURCE
-        rows.append({"name": name, "says": _first_line(module), "source": source})
+        # a figure's public id is its file name with hyphens
+        shown = name.replace("_", "-") if what == "figures" else name
+        rows.append({"name": shown, "says": _first_line(module), "source": source})
     return rows
 
 

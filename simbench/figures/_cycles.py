@@ -1,0 +1,96 @@
+"""Limit cycles for the figures: simulate a sticky loop until it cycles, cut whole periods, draw them in five rows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from detectors.signal.oscillation import zero_crossings
+from scenarios.spec import Loop
+from simbench.figures._style import SIGNAL, label, panels
+from simbench.loop.simulate import simulate
+
+STEPS = (3.0, 5.0, 7.0)  # set-point steps tried, as changes of OP at rest (integrating: over one dead time), in %
+
+
+def sustained_cycle(loop: Loop, periods: int) -> pd.DataFrame:
+    """Return whole periods of a sticky loop's own cycle, begun where OP crosses its mean upwards.
+
+    Parameters
+    ----------
+    loop : Loop
+        Noise-free, with a valve that has S and J.
+    periods : int
+        Wanted; at least as many go before.
+
+    Returns
+    -------
+    DataFrame
+        period (s), t (s), OP (%), MV (%), PV (deviation from SP).
+
+    Raises
+    ------
+    RuntimeError
+        When none of the starts ends in a cycle.
+    """
+    Ts = loop.sampling.Ts
+    integrating = loop.plant.type == "integrating"
+    for change in STEPS:
+        size = change * abs(loop.plant.K) * (loop.plant.Td if integrating else 1.0)
+        begun = loop.with_("setpoint.steps", [[0.0, loop.setpoint.value + size]])
+        for length in (4000, 16000, 64000):
+            record = simulate(begun.with_("sampling.n", length)).record
+            op, mv, pv = (x[length // 2 :] for x in (record.op, record.mv, record.pv - record.sp))
+            if np.ptp(mv[-length // 4 :]) < 0.5 * loop.valve.parameters["J"]:
+                break  # stuck: another start
+            at = zero_crossings(op - op.mean(), 0.25 * float(op.std()))
+            up = at[op[np.minimum(at.astype(int) + 1, op.size - 1)] > op.mean()]
+            if up.size <= 2 * periods:
+                continue  # too slow for this length
+            start, stop = round(up[-periods - 1]), round(up[-1])
+            return pd.DataFrame(
+                {
+                    "period (s)": (up[-1] - up[-periods - 1]) / periods * Ts,
+                    "t (s)": np.arange(stop - start) * Ts,
+                    "OP (%)": op[start:stop],
+                    "MV (%)": mv[start:stop],
+                    "PV": pv[start:stop],
+                }
+            )
+    raise RuntimeError(f"no start ends in a cycle: {loop.plant}, {loop.controller}, {loop.valve}")
+
+
+def draw_cycles(data: pd.DataFrame, keys: Sequence[str], titles: Sequence[str], pv_label: str) -> Figure:
+    """Draw OP, MV and PV over time, MV over OP and PV over OP, one column per loop.
+
+    Parameters
+    ----------
+    data : DataFrame
+        Rows of `sustained_cycle` with the columns `keys` that tell the loops apart.
+    keys, titles : sequence of str
+        Columns, and one title per loop in order.
+    pv_label : str
+        Quantity and unit of PV.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    figure, axes = panels(5, len(titles), 11.0, 9.0)
+    for j, (title, (_, cycle)) in enumerate(zip(titles, data.groupby(list(keys), sort=False))):
+        t, op, mv, pv = (cycle[c].to_numpy() for c in ("t (s)", "OP (%)", "MV (%)", "PV"))
+        for i, (signal, values) in enumerate((("OP", op), ("MV", mv), ("PV", pv))):
+            axes[i, j].plot(t, values, color=SIGNAL[signal])
+            label(axes[i, j], "time (s)", {"OP": "OP (%)", "MV": "MV (%)", "PV": pv_label}[signal] if j == 0 else "")
+        # close the loop: the last sample is followed by the first
+        ring = np.append(np.arange(op.size), 0)
+        axes[3, j].plot(op[ring], mv[ring], color=SIGNAL["MV"])
+        axes[4, j].plot(op[ring], pv[ring], color=SIGNAL["PV"])
+        label(axes[3, j], "OP (%)", "MV (%)" if j == 0 else "")
+        label(axes[4, j], "OP (%)", pv_label if j == 0 else "")
+        axes[0, j].set_title(title)
+    figure.align_ylabels()
+    return figure

@@ -1,0 +1,129 @@
+"""Draw figures by id and write each as SVG, PNG and CSV."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from detectors.errors import RecordError, UnknownName
+from simbench.figures._records import NeedsRecord
+from simbench.files import folder, whole_file
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+DPI = 110
+NEEDS = {"isdb": "ISDB", "run": "--run"}
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """What became of one figure.
+
+    Parameters
+    ----------
+    id : str
+        Public id.
+    files : tuple of Path
+        SVG, PNG and CSV; empty when it was left out.
+    left_out : str
+        Why it was not drawn; "" when it was.
+    """
+
+    id: str
+    files: tuple[Path, ...] = ()
+    left_out: str = ""
+
+
+def figure_ids() -> list[str]:
+    """Return the ids of all figures, in the order of the chapter."""
+    from simbench.catalogue import FIGURES
+
+    def place(name: str) -> tuple:
+        parts = name.split("-")
+        return (parts[0] not in ("fig", "table"), parts[0], [int(p) if p.isdigit() else 0 for p in parts[1:3]], name)
+
+    return sorted((n.replace("_", "-") for n in FIGURES.names()), key=place)
+
+
+def make_figures(
+    ids: Iterable[str], out: str | Path, run: str | Path | None = None, isdb: str | Path | None = None
+) -> list[Drawn]:
+    """Draw figures and write ID.svg, ID.png and ID.csv for each.
+
+    Parameters
+    ----------
+    ids : iterable of str
+        Figure ids, or "all".
+    out : str or Path
+        Folder; made when absent.
+    run : str or Path, optional
+        Folder of a run, for the figures that show one.
+    isdb : str or Path, optional
+        ISDB .mat file or folder of real records, for the figures of real loops.
+
+    Returns
+    -------
+    list of Drawn
+        One per figure, in the order asked for; a figure whose data are not there is left out and says so.
+
+    Raises
+    ------
+    UnknownName
+        For an id that does not exist; the nearest is named.
+    RecordError
+        When `isdb` does not exist.
+    FileError
+        When the folder cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> [f.suffix for f in make_figures(["table-11-4"], tempfile.mkdtemp())[0].files]
+    ['.svg', '.png', '.csv']
+    >>> make_figures(["fig-11-12"], tempfile.mkdtemp())[0].left_out
+    'needs ISDB'
+    """
+    known = figure_ids()
+    wanted: list[str] = []
+    for name in ids:
+        name = name.replace("_", "-")
+        if name != "all" and name not in known:
+            raise UnknownName("figure", name, [*known, "all"])
+        wanted += [n for n in (known if name == "all" else [name]) if n not in wanted]
+    if isdb is not None and not Path(isdb).exists():
+        raise RecordError(f"{isdb} does not exist; an ISDB .mat file or a folder of records is needed")
+    target = folder(out)
+    return [_one(name, target, {"run": run, "isdb": isdb}) for name in wanted]
+
+
+def _one(name: str, target: Path, given: dict[str, str | Path | None]) -> Drawn:
+    from simbench.catalogue import FIGURES
+
+    figure = FIGURES.load(name.replace("-", "_"))
+    wants = [p for p in inspect.signature(figure.data).parameters if p in NEEDS]
+    for need in wants:
+        if given[need] is None:
+            return Drawn(name, left_out=f"needs {NEEDS[need]}")
+    try:
+        numbers = figure.data(**{need: given[need] for need in wants})
+    except NeedsRecord as error:
+        return Drawn(name, left_out=str(error))
+    files = tuple(target / f"{name}{suffix}" for suffix in (".svg", ".png", ".csv"))
+    picture = figure.draw(numbers)
+    _save(picture, files[0], "svg")
+    _save(picture, files[1], "png")
+    with whole_file(files[2]) as f:
+        numbers.to_csv(f, index=False, float_format="%.6g", lineterminator="\n")
+    return Drawn(name, files)
+
+
+def _save(picture: Figure, path: Path, kind: str) -> None:
+    import matplotlib
+
+    # the same numbers give the same bytes: no date, and ids from a fixed salt
+    with matplotlib.rc_context({"svg.hashsalt": path.stem, "path.simplify_threshold": 0.3}), whole_file(path, "wb") as f:
+        picture.savefig(f, format=kind, dpi=DPI, metadata={"Date": None} if kind == "svg" else {"Software": None})

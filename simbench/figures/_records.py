@@ -1,0 +1,53 @@
+"""Real loops by the chapter's names (CHEM1, PAP2, ...), from an ISDB file or from a folder of records."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from detectors.errors import UserError
+from detectors.io import read_record
+from detectors.isdb import read_loops
+from detectors.record import LoopRecord
+
+# ISDB's sectors by the letters that the chapter's loop names begin with
+SECTORS = {"CHEM": "chemicals", "PAP": "pulpPapers", "POW": "power", "MIN": "mining", "MET": "metals", "BAS": "buildings"}
+
+
+class NeedsRecord(UserError):
+    """A real loop that a figure shows and that the given data do not hold."""
+
+
+def real_loop(isdb: str | Path, name: str, **about: str) -> LoopRecord:
+    """Read one real loop.
+
+    Parameters
+    ----------
+    isdb : str or Path
+        ISDB .mat file, or folder with a file NAME.csv or ISDB_NAME.csv.
+    name : str
+        E.g. "CHEM1"; in a folder, any record's name.
+    **about
+        What the chapter says of it: kind, process.
+
+    Returns
+    -------
+    LoopRecord
+
+    Raises
+    ------
+    NeedsRecord
+        When it is not there.
+    """
+    path = Path(isdb)
+    if path.is_dir():
+        for stem in (name, f"ISDB_{name}"):
+            found = [f for f in sorted(path.glob(f"{stem}.*")) if f.suffix in (".csv", ".txt", ".parquet", ".xlsx")]
+            if found:
+                return read_record(found[0], tag=name, **about)
+    else:
+        letters = name.rstrip("0123456789")
+        wanted = f"{SECTORS.get(letters, letters)}.loop{name[len(letters) :]}".lower()
+        found = [loop for loop in read_loops(path) if loop.lower() == wanted]
+        if found:
+            return read_record(path, loop=found[0], tag=name, **about)
+    raise NeedsRecord(f"needs ISDB loop {name}; {path} does not hold it")

@@ -1,0 +1,130 @@
+"""One look for every figure: Okabe and Ito's colours, sizes for print, axes with quantity and unit."""
+
+from __future__ import annotations
+
+import functools
+import textwrap
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import matplotlib
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+# Okabe and Ito (2008), safe for colour-blind readers
+BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, RED, PINK = (
+    "#000000", "#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00", "#CC79A7",
+)  # fmt: skip
+GREY = "#6E6E6E"
+SIGNAL = {"OP": BLUE, "MV": GREEN, "PV": RED, "SP": GREY}
+VERDICT = {"stiction": "stiction", "no_stiction": "no stiction", "no_decision": "no decision"}
+PLAIN = {"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
+
+RC = {
+    "font.family": "DejaVu Sans",
+    "font.size": 8.5,
+    "axes.titlesize": 9,
+    "axes.labelsize": 8.5,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "legend.fontsize": 8,
+    "legend.frameon": False,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.8,
+    "axes.axisbelow": True,
+    "axes.titlelocation": "left",
+    "lines.linewidth": 1.2,
+    "lines.markersize": 4,
+    "xtick.major.width": 0.8,
+    "ytick.major.width": 0.8,
+    "figure.facecolor": "white",
+}
+
+
+def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
+    """Make a `draw` function use the common look."""
+
+    @functools.wraps(draw)
+    def wrapped(*args: Any) -> Figure:
+        with matplotlib.rc_context(RC):
+            return draw(*args)
+
+    return wrapped
+
+
+def panels(rows: int, columns: int, width: float, height: float, **more: Any) -> tuple[Figure, np.ndarray]:
+    """Return a figure of `rows` x `columns` axes, `width` x `height` inches; the axes as a 2-D array."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False, **more)
+
+
+def label(axes: Axes, x: str, y: str, title: str = "") -> None:
+    """Name both axes and the panel."""
+    axes.set_xlabel(x)
+    axes.set_ylabel(y)
+    if title:
+        axes.set_title(title)
+
+
+def note(axes: Axes, text: str, x: float = 0.02, y: float = 0.98, ha: str = "left", va: str = "top") -> None:
+    """Write a remark inside a panel, at a place given as shares of its width and height."""
+    axes.text(x, y, text, transform=axes.transAxes, ha=ha, va=va, fontsize=7.5, bbox=PLAIN, zorder=5)
+
+
+def span(axes: Axes, start: tuple[float, float], end: tuple[float, float], text: str, gap: tuple[float, float]) -> None:
+    """Draw a two-headed arrow between two points and its name beside the middle, `gap` points away."""
+    axes.annotate("", end, start, arrowprops={"arrowstyle": "<->", "linewidth": 0.9, "shrinkA": 0, "shrinkB": 0})
+    middle = (np.add(start, end) / 2.0).tolist()
+    axes.annotate(text, middle, gap, textcoords="offset points", ha="center", va="center", fontsize=8, bbox=PLAIN)
+
+
+def table(frame: pd.DataFrame, widths: Sequence[int], framed: set[tuple[int, int]] = frozenset(), foot: str = "") -> Figure:  # type: ignore[assignment]
+    """Draw a table of texts.
+
+    Parameters
+    ----------
+    frame : DataFrame
+        Its texts; a newline breaks a line.
+    widths : sequence of int
+        Characters per column; longer texts are wrapped.
+    framed : set of (row, column)
+        Cells that get a frame.
+    foot : str
+        A remark below.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    head = [_wrap(str(c), w) for c, w in zip(frame.columns, widths)]
+    body = [[_wrap(str(v), w) for v, w in zip(row, widths)] for row in frame.itertuples(index=False)]
+    heights = [max(c.count("\n") + 1 for c in row) * 0.155 + 0.11 for row in [head, *body]]
+    below = _wrap(foot, int(sum(widths) * 1.05))
+    bottom = (below.count("\n") + 1) * 0.15 + 0.12 if foot else 0.05
+    width = sum(widths) * 0.072 + 0.2 * len(widths)
+    figure = Figure(figsize=(width, sum(heights) + bottom + 0.1))
+    axes = figure.add_axes((0, 0, 1, 1))
+    axes.set_axis_off()
+    axes.set_xlim(0, width)
+    axes.set_ylim(-bottom - 0.05, sum(heights) + 0.05)
+    left = np.concatenate([[0.0], np.cumsum([w * 0.072 + 0.2 for w in widths])])
+    top = sum(heights)
+    for i, (row, height) in enumerate(zip([head, *body], heights)):
+        if i < 2:
+            axes.axhline(top, color=BLACK, linewidth=1.2 if i == 0 else 0.8, xmin=0.1 / width, xmax=1 - 0.1 / width)
+        for j, text in enumerate(row):
+            axes.text(left[j] + 0.12, top - height / 2, text, va="center", fontweight="bold" if i == 0 else "normal")
+            if (i - 1, j) in framed:
+                cell = (left[j] + 0.04, top - height + 0.03, left[j + 1] - left[j] - 0.08, height - 0.06)
+                axes.add_patch(matplotlib.patches.Rectangle(cell[:2], *cell[2:], fill=False, edgecolor=RED, linewidth=1.4))
+        top -= height
+    axes.axhline(top, color=BLACK, linewidth=1.2, xmin=0.1 / width, xmax=1 - 0.1 / width)
+    axes.text(0.12, top - 0.08, below, va="top", fontsize=7.5, color=GREY)
+    return figure
+
+
+def _wrap(text: str, width: int) -> str:
+    return "\n".join(textwrap.fill(part, max(width, 4)) for part in text.split("\n"))

@@ -1,0 +1,55 @@
+"""Figure 11.9: OP, MV, PV and their plots against each other in a sticky self-regulating loop, over Td/T and over S/2J.
+
+PV turns from a square through a sine to a triangle as Td/T or S/2J falls; OP stays a triangle and MV keeps its jumps.
+"""
+
+from __future__ import annotations
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from scenarios.spec import Loop
+from simbench.figures._cycles import draw_cycles, sustained_cycle
+from simbench.figures._style import styled
+
+SOURCE = "Jelali (2013), Fig. 11.9a and b (Ts = 2; S = 5), after Rossi & Scali (2005)"
+Ts, S, Td, K = 2.0, 5.0, 20.0, 1.0
+PANELS = [("a", 5.0, 1.25), ("a", 0.5, 1.25), ("a", 0.05, 1.25), ("b", 0.1, 12.5), ("b", 0.1, 2.5), ("b", 0.1, 0.5)]
+
+
+def loop(Td_over_T: float, S_over_2J: float) -> Loop:
+    """Return the loop of one panel: FOPTD, PI with Ti = T and half the gain at which Kc K Td / T = 1."""
+    T = Td / Td_over_T
+    return Loop.from_table(
+        {
+            "plant": {"type": "foptd", "K": K, "T": T, "Td": Td},
+            "controller": {"type": "PI", "Kc": 0.5 * T / (K * Td), "Ti": T},
+            "valve": {"model": "choudhury", "S": S, "J": S / (2 * S_over_2J)},
+            "sampling": {"Ts": Ts, "n": 4000},
+        }
+    )
+
+
+def data() -> pd.DataFrame:
+    """Simulate six loops until they cycle and keep three periods.
+
+    Returns
+    -------
+    DataFrame
+        panel, Td_over_T, S_over_2J, period (s), t (s), OP (%), MV (%), PV (deviation from SP, % as K = 1).
+    """
+    rows = []
+    for panel, Td_over_T, S_over_2J in PANELS:
+        cycle = sustained_cycle(loop(Td_over_T, S_over_2J), periods=3)
+        cycle.insert(0, "S_over_2J", S_over_2J)
+        cycle.insert(0, "Td_over_T", Td_over_T)
+        cycle.insert(0, "panel", panel)
+        rows.append(cycle)
+    return pd.concat(rows, ignore_index=True)
+
+
+@styled
+def draw(data: pd.DataFrame) -> Figure:
+    """Draw five rows (OP, MV, PV, MV-OP, PV-OP) by six loops."""
+    titles = [f"({p}) $T_d/T$ = {r:g}\n$S/2J$ = {q:g}" for p, r, q in PANELS]
+    return draw_cycles(data, ["panel", "Td_over_T", "S_over_2J"], titles, "PV - SP (%)")

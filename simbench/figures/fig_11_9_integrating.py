@@ -1,0 +1,54 @@
+"""Figure 11.9, integrating: the same five views for an integrating process under PI, over Td/Ti and over S/2J.
+
+Here PV is the triangle (the square MV integrated once) and OP, which integrates it again, is rounded.
+"""
+
+from __future__ import annotations
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from scenarios.spec import Loop
+from simbench.figures._cycles import draw_cycles, sustained_cycle
+from simbench.figures._style import styled
+
+SOURCE = "Jelali (2013), Sect. 11.3.4: 'similar analysis can be carried out for integrating processes'; not drawn there"
+Ts, S, Td, K = 2.0, 5.0, 20.0, 0.01
+PANELS = [("a", 0.2, 1.25), ("a", 0.1, 1.25), ("a", 0.05, 1.25), ("b", 0.1, 12.5), ("b", 0.1, 2.5), ("b", 0.1, 0.5)]
+
+
+def loop(Td_over_Ti: float, S_over_2J: float) -> Loop:
+    """Return the loop of one panel: K e^(-Td s)/s with Kc K Td = 0.3."""
+    return Loop.from_table(
+        {
+            "plant": {"type": "integrating", "K": K, "Td": Td},
+            "controller": {"type": "PI", "Kc": 0.3 / (K * Td), "Ti": Td / Td_over_Ti},
+            "valve": {"model": "choudhury", "S": S, "J": S / (2 * S_over_2J)},
+            "sampling": {"Ts": Ts, "n": 4000},
+        }
+    )
+
+
+def data() -> pd.DataFrame:
+    """Simulate six loops until they cycle and keep three periods.
+
+    Returns
+    -------
+    DataFrame
+        panel, Td_over_Ti, S_over_2J, period (s), t (s), OP (%), MV (%), PV (deviation from SP, PV units).
+    """
+    rows = []
+    for panel, Td_over_Ti, S_over_2J in PANELS:
+        cycle = sustained_cycle(loop(Td_over_Ti, S_over_2J), periods=3)
+        cycle.insert(0, "S_over_2J", S_over_2J)
+        cycle.insert(0, "Td_over_Ti", Td_over_Ti)
+        cycle.insert(0, "panel", panel)
+        rows.append(cycle)
+    return pd.concat(rows, ignore_index=True)
+
+
+@styled
+def draw(data: pd.DataFrame) -> Figure:
+    """Draw five rows (OP, MV, PV, MV-OP, PV-OP) by six loops."""
+    titles = [f"({p}) $T_d/T_i$ = {r:g}\n$S/2J$ = {q:g}" for p, r, q in PANELS]
+    return draw_cycles(data, ["panel", "Td_over_Ti", "S_over_2J"], titles, "PV - SP (PV units)")
