@@ -1,4 +1,4 @@
-"""Judge one record by one or several methods: applicability, fitness of the record, oscillation, then the method itself."""
+"""Judge one record by one or several methods: does it apply, is the record fit, does it oscillate, then the method."""
 
 from __future__ import annotations
 
@@ -108,7 +108,8 @@ def _judge_one(name: str, module: ModuleType, prepared: Prepared, raw: bool, thr
         return Verdict(name, verdict, S_unit=record.S_unit, applicable=applicable, reason=reason)
 
     if record.process is not None and record.process not in method.process:
-        return answer(NO_DECISION, f"made for {' and '.join(method.process)} processes; this one is {record.process}", False)
+        made_for = " and ".join(method.process)
+        return answer(NO_DECISION, f"made for {made_for} processes; this one is {record.process}", False)
     if record.n < method.min_samples:
         return answer(NO_DECISION, f"too short: {record.n} samples; at least {method.min_samples} are needed")
     for flag in (*UNFIT, *method.cannot_cope):

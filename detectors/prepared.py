@@ -9,6 +9,7 @@ import numpy as np
 
 from detectors.quality import Flag, inspect
 from detectors.record import LoopRecord
+from detectors.signal.conditioning import loop_sign
 from detectors.signal.oscillation import Oscillation, find_oscillation
 
 
@@ -55,7 +56,8 @@ class Prepared:
         Returns
         -------
         signal : ndarray, shape (n,), or None
-            MV where it was recorded, else PV of a flow loop or of a loop of unknown kind, else None.
+            MV where it was recorded, else PV of a flow loop or of a loop of unknown kind, turned so that it rises with the
+            valve's opening, else None.
         applicable : bool or None
             False when there is no such signal, None when PV of unknown kind stands in.
         note : str
@@ -67,10 +69,13 @@ class Prepared:
         if record.process == "integrating":
             return None, False, "no MV recorded, and PV of an integrating process is no measure of the valve's position"
         if record.kind == "flow":
-            return record.pv, True, "PV of a flow loop as MV"
+            return self._turned_pv(), True, "PV of a flow loop as MV"
         if record.kind is None:
-            return record.pv, None, "PV as MV, kind of loop unknown"
+            return self._turned_pv(), None, "PV as MV, kind of loop unknown"
         return None, False, f"no MV recorded, and PV of a {record.kind} loop is no measure of the valve's position"
+
+    def _turned_pv(self) -> np.ndarray:
+        return self.record.pv * loop_sign(self.record.op, self.record.pv)
 
     def share(self, name: str, compute):
         """Return what `compute()` gives, computed once per record under `name`."""

@@ -26,7 +26,10 @@ class _Table(BaseModel):
 
 
 class Plant(_Table):
-    """G(s) between valve and PV: K e^(-Td s)/(T s + 1), or K e^(-Td s)/s; K in PV units per % (integrating: per % and s), T and Td in s."""
+    """G(s) between valve and PV: K e^(-Td s)/(T s + 1), or K e^(-Td s)/s.
+
+    K in PV units per % (integrating: per % and s), T and Td in s.
+    """
 
     type: Literal["foptd", "integrating"]
     K: Finite

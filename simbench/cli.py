@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import Annotated, Any, Optional
+from typing import Annotated, Any
 
 import typer
 
@@ -13,13 +13,12 @@ from detectors.errors import ParameterError, UserError, nearest
 from scenarios.errors import SpecError
 
 # typer has carried its own copy of click since 0.2x; its public error leads to the classes of whichever it uses
-UsageError = typer.BadParameter.__mro__[1]
-CommandError = UsageError.__mro__[1]
+CommandError: Any = typer.BadParameter.__mro__[2]
 
 Json = Annotated[bool, typer.Option("--json", help="JSON, and nothing else, on stdout.")]
 Jobs = Annotated[int, typer.Option("-j", "--jobs", help="Worker processes; -1 = all cores.")]
-Plugin = Annotated[Optional[list[Path]], typer.Option("--plugin", help="File of a further detector; repeatable.")]
-Span = Annotated[Optional[tuple[float, float]], typer.Option(metavar="LO HI", help="Values that mean 0 and 100 %.")]
+Plugin = Annotated[list[Path] | None, typer.Option("--plugin", help="File of a further detector; repeatable.")]
+Span = Annotated[tuple[float, float] | None, typer.Option(metavar="LO HI", help="Values that mean 0 and 100 %.")]
 
 _bare = {"add_completion": False, "no_args_is_help": True, "rich_markup_mode": None, "pretty_exceptions_enable": False}
 app = typer.Typer(help="A closed-loop testbench for valve-stiction detectors.", **_bare)
@@ -33,12 +32,12 @@ gap_app.add_typer(withheld_app, name="withheld")
 
 @app.command()
 def simulate(
-    loop: Annotated[Optional[Path], typer.Argument(metavar="LOOP.toml", help="Loop file.")] = None,
-    out: Annotated[Optional[Path], typer.Option("-o", "--out", help="Record to write (CSV).")] = None,
+    loop: Annotated[Path | None, typer.Argument(metavar="LOOP.toml", help="Loop file.")] = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="Record to write (CSV).")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Root of all random numbers.")] = 0,
     kick: Annotated[float, typer.Option(help="Offset of OP at sample 0 (%).")] = 0.0,
-    from_run: Annotated[Optional[Path], typer.Option("--from", metavar="RUN", help="Folder of a run.")] = None,
-    scenario: Annotated[Optional[str], typer.Option("--id", help="Scenario of that run.")] = None,
+    from_run: Annotated[Path | None, typer.Option("--from", metavar="RUN", help="Folder of a run.")] = None,
+    scenario: Annotated[str | None, typer.Option("--id", help="Scenario of that run.")] = None,
 ) -> None:
     """Run one closed loop and write its record."""
     from simbench.files import write_record
@@ -67,7 +66,7 @@ def valve(
     source: Annotated[Path, typer.Argument(metavar="IN.csv", help="Table with a column op.")],
     model: Annotated[str, typer.Option(help="Valve model.")],
     out: Annotated[Path, typer.Option("-o", "--out", help="Table to write, with a column mv.")],
-    param: Annotated[Optional[list[str]], typer.Option("--param", metavar="NAME=VALUE", help="Repeatable.")] = None,
+    param: Annotated[list[str] | None, typer.Option("--param", metavar="NAME=VALUE", help="Repeatable.")] = None,
 ) -> None:
     """Send a column `op` through one valve model."""
     from simbench.loop.response import valve_file
@@ -92,12 +91,12 @@ def predict(
 @app.command()
 def detect(
     path: Annotated[Path, typer.Argument(metavar="REC.csv|DIR", help="Record, or folder of records.")],
-    method: Annotated[Optional[list[str]], typer.Option(help="Method ids, all, fast or full; repeatable.")] = None,
-    process: Annotated[Optional[str], typer.Option(help="self-regulating or integrating.")] = None,
-    kind: Annotated[Optional[str], typer.Option(help="flow, level, pressure, temperature or analyser.")] = None,
+    method: Annotated[list[str] | None, typer.Option(help="Method ids, all, fast or full; repeatable.")] = None,
+    process: Annotated[str | None, typer.Option(help="self-regulating or integrating.")] = None,
+    kind: Annotated[str | None, typer.Option(help="flow, level, pressure, temperature or analyser.")] = None,
     op_span: Span = None,
     pv_span: Span = None,
-    labels: Annotated[Optional[Path], typer.Option(help="Table with id and label: judge and score its records.")] = None,
+    labels: Annotated[Path | None, typer.Option(help="Table with id and label: judge and score its records.")] = None,
     raw: Annotated[bool, typer.Option("--raw", help="Without the oscillation front end.")] = False,
     plugin: Plugin = None,
     as_json: Json = False,

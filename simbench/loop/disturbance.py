@@ -1,4 +1,4 @@
-"""Loads from outside the loop: sine, steps, ramp, random walk, and the oscillation of another sticky loop."""
+"""Loads from outside the loop: sine, steps, ramp, random walk, coloured noise, and the oscillation of another sticky loop."""
 
 from __future__ import annotations
 
@@ -40,6 +40,14 @@ def random_walk(t, Ts, p, rng):
     return np.cumsum(p.amplitude * np.sqrt(Ts / p.period) * rng.standard_normal(t.size))
 
 
+def coloured(t, Ts, p, rng):
+    """Return first-order coloured noise of standard deviation `amplitude` and correlation time `period`."""
+    a = np.exp(-Ts / p.period)
+    white = rng.standard_normal(t.size)
+    white[1:] *= np.sqrt(1 - a**2)
+    return p.amplitude * lfilter([1.0], [1.0, -a], white)
+
+
 def propagated(t, Ts, p, rng):
     """Return the PV of another sticky loop behind a first-order lag, scaled to half peak-to-peak `amplitude`.
 
@@ -62,12 +70,15 @@ def propagated(t, Ts, p, rng):
         }
     )
     wave = simulate(other, seed=int(rng.integers(2**31))).record.pv - (50.0 + p.S)
-    wave = lfilter([1 - np.exp(-Ts / p.lag)], [1, -np.exp(-Ts / p.lag)], wave) if p.lag > 0 else wave
+    if p.lag > 0:
+        wave = np.asarray(lfilter([1 - np.exp(-Ts / p.lag)], [1, -np.exp(-Ts / p.lag)], wave))
     # scaled on the warm-up alone: a longer run must begin with the same bits
     warm = wave[warm_up // 2 : warm_up]
     half_swing = np.ptp(warm) / 2
     if not half_swing > 0.05 * p.J:
-        raise ParameterError(f"disturbance 'propagated': the other loop (S = {p.S}, J = {p.J}) does not cycle; choose J nearer to S")
+        raise ParameterError(
+            f"disturbance 'propagated': the other loop (S = {p.S}, J = {p.J}) does not cycle; choose J nearer to S"
+        )
     return p.amplitude * (wave[warm_up:] - warm.mean()) / half_swing
 
 
@@ -76,6 +87,7 @@ _PERIOD = {
     "steps": "between jumps",
     "ramp": "of the rise",
     "random_walk": "after which the standard deviation is `amplitude`",
+    "coloured": "over which it forgets (correlation time)",
     "propagated": "of the other loop's cycle",
 }
 _MORE: dict[str, dict[str, Any]] = {
@@ -87,7 +99,7 @@ _MORE: dict[str, dict[str, Any]] = {
         "noise": Number("-", low=0.0, default=0.0, says="noise of the other loop over its J"),
     },
 }
-KINDS: dict[str, Callable[..., np.ndarray]] = {f.__name__: f for f in (sine, steps, ramp, random_walk, propagated)}
+KINDS: dict[str, Callable[..., np.ndarray]] = {f.__name__: f for f in (sine, steps, ramp, random_walk, coloured, propagated)}
 PARAMETERS = {
     kind: {
         "amplitude": _AMPLITUDE,

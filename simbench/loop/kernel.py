@@ -8,12 +8,20 @@ import inspect
 import os
 import sys
 import tempfile
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from types import FunctionType, ModuleType
+from typing import Any
 
 # Bound by `bind` (plain Python, the slow twin) or by a generated module (compiled).
-error_step = controller_step = output_step = valve_step = plant_step = plant_output = sensor_step = named = None
+error_step: Any = None
+controller_step: Any = None
+output_step: Any = None
+valve_step: Any = None
+plant_step: Any = None
+plant_output: Any = None
+sensor_step: Any = None
+named: Any = None
 
 
 def closed_loop(sp, load_in, load_out, noise, kick, op0, w, x, c, v, s, numbers, op, pv, mv):
@@ -97,8 +105,7 @@ def compiled(steps: dict[str, FunctionType], stages: tuple[FunctionType, ...], c
 @lru_cache(maxsize=256)
 def _compiled(steps, stages, classes):
     text = (
-        f"@njit\n{naming(classes)}\n\n@njit\n{valve_chain(len(stages))}\n\n"
-        f"@njit(cache=True)\n{inspect.getsource(closed_loop)}"
+        f"@njit\n{naming(classes)}\n\n@njit\n{valve_chain(len(stages))}\n\n@njit(cache=True)\n{inspect.getsource(closed_loop)}"
     )
     return cached_module("loop", {**dict(steps), **_scope(stages, classes)}, text).closed_loop
 
@@ -145,7 +152,8 @@ def cached_module(kind: str, parts: dict, text: str) -> ModuleType:
         temporary.write_text(head + text)
         temporary.replace(path)
     spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None and spec.loader is not None
+    assert spec is not None
+    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     for part, function in parts.items():
@@ -154,7 +162,7 @@ def cached_module(kind: str, parts: dict, text: str) -> ModuleType:
     return module
 
 
-@lru_cache(maxsize=None)
+@cache
 def jitted(function: FunctionType):
     """Return a plain Python function compiled together with the plain functions of its module that it calls."""
     from numba import njit

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from detectors.errors import ParameterError
+from scenarios.spec import Loop
 from simbench.loop import controller, plant, sensor
 from simbench.loop.disturbance import disturbance_signal
 from simbench.loop.parameters import EFFECTS, VALVES, resolve, valve_parameters
-from scenarios.spec import Loop
 
 # Independent random streams of one run: changing one part's numbers leaves the others' alone.
 NOISE, DISTURBANCE, EFFECT = 0, 100, 200

@@ -158,10 +158,14 @@ def _run(setup: Setup, op: np.ndarray, measured: np.ndarray, archived: np.ndarra
 
     def part(cut: slice) -> LoopRecord:
         return LoopRecord(
-            op=op[cut], pv=archived[cut], sp=setup.sp[cut], mv=mv[cut], Ts=setup.Ts, process=process, op_span=(0.0, 100.0)
+            op=op[cut],
+            pv=archived[cut],
+            sp=setup.sp[cut],
+            mv=mv[cut],
+            Ts=setup.Ts,
+            process=process,
+            op_span=(0.0, 100.0),
         )
 
     tail = part(slice(n, None)) if setup.tail >= 3 else None
     return Run(part(slice(0, n)), measured - setup.pv_add, setup.load_in, setup.load_out, tail, setup.sticky)
-
-

@@ -45,7 +45,12 @@ class Case:
         self.v = tuple(tuple(map(float, m.start(self.setup.op0, p))) for m, p in self.setup.valves)
         steps = self.parts.steps, self.parts.stages, self.parts.classes
         self.compiled, self.plain = kernel.compiled(*steps), kernel.bind(*steps)
-        self.start = controller.pi_start(self.setup.op0, 0.0), self.v, sensor.plain_start(self.setup.pv0), self.parts.bare
+        self.start = (
+            controller.pi_start(self.setup.op0, 0.0),
+            self.v,
+            sensor.plain_start(self.setup.pv0),
+            self.parts.bare,
+        )
         self.in_c = build()
         plant, control, _, _, ((S, J, _),) = self.parts.numbers
         s = self.setup

@@ -53,7 +53,9 @@ def step_response(num, den, Td, Ts, n, size=1.0):
     return np.array(y)
 
 
-@pytest.mark.parametrize(("num", "den"), [([2.0], [10.0, 1.0]), ([0.3], [1.0, 0.0]), ([1.0, 2.0], [3.0, 4.0, 1.5]), ([1.0], [5.0, 1.0, 0.0])])
+@pytest.mark.parametrize(
+    ("num", "den"), [([2.0], [10.0, 1.0]), ([0.3], [1.0, 0.0]), ([1.0, 2.0], [3.0, 4.0, 1.5]), ([1.0], [5.0, 1.0, 0.0])]
+)
 @pytest.mark.parametrize("Td", [0.0, 3.0, 2.5, 0.7, 0.2])
 def test_step_response_equals_python_control(num, den, Td):
     Ts, n = 0.5, 120
@@ -78,7 +80,8 @@ def test_a_users_transfer_function_takes_the_plants_place():
     own = simulate(loop()).record
     same = simulate(loop(), plant=control.tf([1.0], [10.0, 1.0])).record
     np.testing.assert_array_equal(own.pv, same.pv)
-    second = simulate(loop(sampling={"Ts": 1.0, "n": 300}, valve={"model": "ideal"}, setpoint={"value": 50.0, "steps": [[0, 51.0]]}),
+    up = {"value": 50.0, "steps": [[0, 51.0]]}
+    second = simulate(loop(sampling={"n": 300}, valve={"model": "ideal"}, setpoint=up),
                       plant=control.tf([1.0], [20.0, 12.0, 1.0])).record  # fmt: skip
     assert abs(second.pv[-1] - 51.0) < 1e-3
 
@@ -127,7 +130,9 @@ def test_positive_feedback_is_refused():
 def test_a_quiet_loop_rests_where_it_starts():
     for valve in ("ideal", "choudhury", "deadband"):
         parameters = {} if valve == "ideal" else {"S": 5.0} | ({"J": 2.0} if valve == "choudhury" else {})
-        r = simulate(loop(valve={"model": valve, **parameters}, operating_point={"op0": 30.0, "pv0": 7.0}, setpoint={"value": 7.0})).record
+        r = simulate(
+            loop(valve={"model": valve, **parameters}, operating_point={"op0": 30.0, "pv0": 7.0}, setpoint={"value": 7.0})
+        ).record
         assert (r.op == 30.0).all()
         assert (r.pv == 7.0).all()
         assert (r.mv == 30.0).all()
@@ -148,49 +153,67 @@ def test_mv_acts_after_its_sample_and_after_the_dead_time():
 
 
 def test_op_stays_within_its_limits_and_leaves_them_at_once():
-    r = simulate(loop(valve={"model": "ideal"}, setpoint={"value": 50.0, "steps": [[10.0, 150.0], [200.0, 50.0]]}, sampling={"n": 260})).record
+    r = simulate(
+        loop(
+            valve={"model": "ideal"},
+            setpoint={"value": 50.0, "steps": [[10.0, 150.0], [200.0, 50.0]]},
+            sampling={"n": 260},
+        )
+    ).record
     assert r.op.max() == 100.0
     assert r.op[200] < 100.0  # no wound-up integral holds it there
 
 
 def test_input_load_acts_between_valve_and_plant_and_output_load_on_pv():
     quiet = loop(valve={"model": "ideal"}, **OPEN)
-    at_input = Loop.from_table({**quiet.to_table(), "disturbance": [{"type": "ramp", "amplitude": 2.0, "period": 1.0, "at": "input"}]})
+    at_input = Loop.from_table(
+        {**quiet.to_table(), "disturbance": [{"type": "ramp", "amplitude": 2.0, "period": 1.0, "at": "input"}]}
+    )
     run = simulate(at_input)
     assert np.ptp(run.record.mv) < 1e-9
     assert run.record.pv[-1] == pytest.approx(52.0, abs=1e-6)
-    at_output = Loop.from_table({**quiet.to_table(), "disturbance": [{"type": "ramp", "amplitude": 2.0, "period": 1.0, "at": "output"}]})
+    at_output = Loop.from_table(
+        {**quiet.to_table(), "disturbance": [{"type": "ramp", "amplitude": 2.0, "period": 1.0, "at": "output"}]}
+    )
     assert simulate(at_output).record.pv[1] == 52.0
 
 
 @pytest.mark.parametrize("kind", ["sine", "steps", "ramp", "random_walk", "propagated"])
 @pytest.mark.parametrize("at", ["input", "output"])
 def test_every_disturbance_reaches_pv(kind, at):
-    l = Loop.from_table({**BASE, "disturbance": [{"type": kind, "amplitude": 3.0, "period": 60.0, "at": at}]})
-    run = simulate(l, seed=5)
+    one = Loop.from_table({**BASE, "disturbance": [{"type": kind, "amplitude": 3.0, "period": 60.0, "at": at}]})
+    run = simulate(one, seed=5)
     load = run.load_in if at == "input" else run.load_out
     assert np.ptp(load) > 1.0
     assert np.ptp(run.record.pv) > 0.5
 
 
 def test_propagated_load_has_the_wanted_period_and_amplitude():
-    l = Loop.from_table({**BASE, "sampling": {"Ts": 1.0, "n": 2000}, "disturbance": [{"type": "propagated", "amplitude": 3.0, "period": 80.0, "at": "output"}]})
-    load = simulate(l, seed=5).load_out
+    one = Loop.from_table(
+        {
+            **BASE,
+            "sampling": {"Ts": 1.0, "n": 2000},
+            "disturbance": [{"type": "propagated", "amplitude": 3.0, "period": 80.0, "at": "output"}],
+        }
+    )
+    load = simulate(one, seed=5).load_out
     spectrum = np.abs(np.fft.rfft(load - load.mean()))
     assert 2000 / np.argmax(spectrum) == pytest.approx(80.0, rel=0.15)
     assert np.ptp(load) / 2 == pytest.approx(3.0, rel=0.1)
 
 
 def test_same_loop_and_seed_give_the_same_bits_and_another_seed_others():
-    l = Loop.from_table({**BASE, "noise": {"std": 0.3}, "disturbance": [{"type": "random_walk", "amplitude": 1.0, "period": 50.0}]})
-    a, b, c = simulate(l, 7).record, simulate(l, 7).record, simulate(l, 8).record
+    one = Loop.from_table(
+        {**BASE, "noise": {"std": 0.3}, "disturbance": [{"type": "random_walk", "amplitude": 1.0, "period": 50.0}]}
+    )
+    a, b, c = simulate(one, 7).record, simulate(one, 7).record, simulate(one, 8).record
     np.testing.assert_array_equal(a.pv, b.pv)
     assert (a.pv != c.pv).any()
 
 
 def test_a_tail_leaves_the_record_as_it_was():
-    l = Loop.from_table({**BASE, "noise": {"std": 0.3}, "disturbance": [{"type": "sine", "amplitude": 1.0, "period": 50.0}]})
-    short, long = simulate(l, 7), simulate(l, 7, tail=500)
+    one = Loop.from_table({**BASE, "noise": {"std": 0.3}, "disturbance": [{"type": "sine", "amplitude": 1.0, "period": 50.0}]})
+    short, long = simulate(one, 7), simulate(one, 7, tail=500)
     np.testing.assert_array_equal(short.record.pv, long.record.pv)
     assert long.tail.n == 500
     assert np.ptp(long.load_in[600:]) == 0.0
@@ -199,8 +222,8 @@ def test_a_tail_leaves_the_record_as_it_was():
 
 @settings(max_examples=40, deadline=None)
 @given(
-    K=st.floats(0.1, 5), T=st.floats(0.5, 50), Td=st.floats(0, 20), Kc=st.floats(0.05, 5), Ti=st.floats(1, 100), S=st.floats(0, 10),
-    J=st.floats(0, 10), std=st.floats(0, 1), kick=st.floats(-10, 10), integrating=st.booleans(), P=st.booleans(),
+    K=st.floats(0.1, 5), T=st.floats(0.5, 50), Td=st.floats(0, 20), Kc=st.floats(0.05, 5), Ti=st.floats(1, 100),
+    S=st.floats(0, 10), J=st.floats(0, 10), std=st.floats(0, 1), kick=st.floats(-10, 10), integrating=st.booleans(), P=st.booleans(),
 )  # fmt: skip
 def test_compiled_and_plain_loop_give_the_same_bits(K, T, Td, Kc, Ti, S, J, std, kick, integrating, P):
     table = {

@@ -1,0 +1,32 @@
+# Everything a newcomer needs, from nothing but Python 3.11 and make.
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+export OMP_NUM_THREADS := 1
+export OPENBLAS_NUM_THREADS := 1
+
+.PHONY: bench test lint perf leak figures baseline clean
+
+bench: $(READY)            ## the main job: simulate a labelled grid, run the detectors, score them
+	$(BIN)/simbench run chapter -o runs/bench --method fast -j 2 --resume
+	$(BIN)/simbench score runs/bench --report runs/bench/report.html
+
+test: $(READY) lint        ## every test, and the rules of the house
+	$(BIN)/python -m pytest -n 2 --dist worksteal
+
+lint: $(READY)
+	$(BIN)/ruff check .
+	$(BIN)/lint-imports
+	$(BIN)/pyright
+
+perf: $(READY)             ## ratios of medians of interleaved runs
+	$(BIN)/python tests/reference/perf.py
+
+$(READY): pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test]'
+	touch $@
+
+clean:
+	rm -rf $(VENV) build runs *.egg-info
