@@ -15,4 +15,4 @@ ACTS = "loop"
 def apply(setup, p, rng):
     """Put the curve behind the valve."""
     if p.R != 1.0:
-        setup.add_valve("characteristic", {"R": p.R})
+        setup.add_valve("gain_ratio", {"R": p.R})

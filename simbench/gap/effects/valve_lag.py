@@ -15,4 +15,4 @@ ACTS = "loop"
 def apply(setup, p, rng):
     """Put the lag behind the valve."""
     if p.tau > 0.0:
-        setup.add_valve("lag", {"tau": p.tau})
+        setup.add_valve("lag", {"T": p.tau})

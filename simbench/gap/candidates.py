@@ -1,0 +1,271 @@
+"""The candidates of the engine: each effect between OP and PV as a fit on top of what is fitted so far."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from simbench.gap import innovations as kernels
+from simbench.gap.fit import Data, Engine, Fit, Spec, with_start
+
+SMOOTH = ("load_time", "load", "noise")
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A fitted effect: `gain` in nats over the base, already penalised for its own numbers; `parameters` as a loop file has them."""
+
+    effect: str
+    fit: Fit
+    gain: float
+    parameters: dict[str, float]
+
+
+def size_penalty(n: int, count: float) -> float:
+    """Return the price of `count` fitted numbers (Schwarz 1978)."""
+    return 0.5 * count * np.log(n)
+
+
+def free_plant(effect: str, name: str) -> Callable[[Engine, Fit], tuple[Fit, float]]:
+    """Return the fit in which one plant parameter is released."""
+
+    def run(engine: Engine, base: Fit) -> tuple[Fit, float]:
+        spec = base.spec.join(Spec(free=frozenset({name})))
+        best = engine.fit(spec, base.theta)
+        if name in ("T", "Td"):
+            d = engine.data
+            value = d.T if name == "T" else d.Td
+            step = (0.5, 2.0) if name == "T" else (-min(0.7 * d.Td, d.Td), 0.5 * d.Td + 1.0, d.Td + 3.0)
+            trials = [value * s if name == "T" else value + s for s in step]
+            start = max(trials, key=lambda v: engine.evaluate(spec, {**base.theta, name: v})[0])
+            best = max(best, engine.fit(spec, {**base.theta, name: start}), key=lambda f: f.loglik)
+        return best, 1.0
+
+    return run
+
+
+def gain_mismatch(engine: Engine, base: Fit) -> tuple[Fit, float]:
+    """Release K."""
+    return engine.fit(base.spec.join(Spec(free=frozenset({"K"}))), base.theta), 1.0
+
+
+def noise(engine: Engine, base: Fit) -> tuple[Fit, float]:
+    """Release the noise level."""
+    spec = base.spec.join(Spec(free=frozenset({"noise"})))
+    stated = engine.data.noise
+    best = engine.fit(spec, base.theta)
+    if stated > 0:
+        best = max(best, engine.fit(spec, {**base.theta, "noise": 2.0 * stated}), key=lambda f: f.loglik)
+    return best, 1.0
+
+
+def pole(kind: str) -> Callable[[Engine, Fit], tuple[Fit, float]]:
+    """Return the fit with one more series pole in the valve, the plant or the sensor."""
+
+    def run(engine: Engine, base: Fit) -> tuple[Fit, float]:
+        spec = base.spec.join(Spec(pole=kind))
+        scale = engine.data.T or 3.0 * engine.data.Td + 3.0
+        lags = np.geomspace(0.3, 2.0 * scale, 7)
+        best = engine.grid(spec, base.theta, [{"lag": float(x)} for x in lags])
+        return engine.fit(spec, best.theta), 1.0
+
+    return run
+
+
+def deadband(engine: Engine, base: Fit) -> tuple[Fit, float]:
+    """Search the band on a grid, then refine it alone and with the nuisances."""
+    spec = base.spec.join(Spec(valve=kernels.PLAY))
+    sizes = band_sizes(engine.data)
+    best = engine.grid(spec, base.theta, [{"S": s} for s in sizes])
+    return refine(engine, best, ("S",)), 1.0
+
+
+def deadzone(engine: Engine, base: Fit) -> tuple[Fit, float]:
+    """Search width and centre on a grid, then refine."""
+    spec = base.spec.join(Spec(valve=kernels.ZONE))
+    u = engine.data.u
+    centres = np.quantile(u, [0.1, 0.3, 0.5, 0.7, 0.9])
+    points = [{"D": s, "c": float(c)} for s in band_sizes(engine.data)[1::2] for c in centres]
+    best = engine.grid(spec, base.theta, points)
+    return refine(engine, best, ("D", "c", "D")), 2.0
+
+
+def valve_characteristic(engine: Engine, base: Fit) -> tuple[Fit, float]:
+    """Search the ratio of gains on both sides of 1, then refine."""
+    spec = base.spec.join(Spec(valve=kernels.CURVE))
+    best = engine.grid(spec, base.theta, [{"R": r} for r in (0.03, 0.1, 0.25, 0.5, 2.0, 4.0, 10.0, 30.0)])
+    return engine.fit(spec, best.theta), 1.0
+
+
+def stiction(engine: Engine, base: Fit) -> tuple[Fit, float]:
+    """Search S and J/S on a grid under two valve models, then refine the better one; a local search misses narrow peaks."""
+    sizes = band_sizes(engine.data)
+    fits = []
+    for model in (kernels.STICK, kernels.CREEP):
+        spec = base.spec.join(Spec(valve=model))
+        points = [{"S": s, "J": s * share} for s in sizes for share in (0.1, 0.3, 0.6, 1.0)]
+        best = engine.grid(spec, base.theta, points)
+        if best.loglik > base.loglik - 20.0:
+            fits.append(best)
+    if not fits:
+        return best, 2.5
+    best = refine(engine, max(fits, key=lambda f: f.loglik), ("S", "J", "S", "J"))
+    return best, 2.5
+
+
+def band_sizes(data: Data) -> list[float]:
+    """Return widths to try, from below OP's jitter to its range."""
+    span = float(np.quantile(data.u, 0.995) - np.quantile(data.u, 0.005)) or 1.0
+    low = max(0.02 * span, 0.05)
+    return [float(x) for x in np.geomspace(low, max(1.2 * span, 2 * low), 12)]
+
+
+def refine(engine: Engine, fit: Fit, rough: tuple[str, ...]) -> Fit:
+    """Alternate smooth fits with line searches in the numbers on which the likelihood is rough; try other starts in the band."""
+    best = engine.fit(fit.spec, fit.theta, search=SMOOTH)
+    for name in rough:
+        x = best.theta[name]
+        wide = max(0.25 * best.theta.get("S", best.theta.get("D", 1.0)), 0.02)
+        best = engine.line(best, name, max(x - wide, 0.0), x + wide)
+    if best.spec.valve in (kernels.PLAY, kernels.STICK, kernels.CREEP):
+        for begin in (-1.0, 1.0):
+            best = max(best, engine.at(with_start(best, begin), best.theta), key=lambda f: f.loglik)
+    smooth = tuple(m for m in best.spec.names if m not in ("S", "J", "D", "c"))
+    better = engine.fit(best.spec, best.theta, search=smooth)
+    best = better if better.loglik > best.loglik else best
+    for name in rough[:2]:
+        x = best.theta[name]
+        wide = max(0.06 * best.theta.get("S", best.theta.get("D", 1.0)), 0.01)
+        best = engine.line(best, name, max(x - wide, 0.0), x + wide)
+    return best
+
+
+def oscillation(engine: Engine, base: Fit) -> tuple[Fit, float]:
+    """Find the sharpest peak of the innovations' periodogram, refine its frequency, add the sine."""
+    d = engine.data
+    n = d.n
+    white = np.asarray(base.residual) - np.mean(base.residual)
+    power = np.abs(np.fft.rfft(white, 4 * n)) ** 2
+    lowest = 12  # three whole periods in the record
+    peak = lowest + int(np.argmax(power[lowest:-4]))
+    t = np.arange(n)
+
+    def at(bin_: float) -> Spec:
+        w = 2 * np.pi * bin_ / (4 * n)
+        return base.spec.join(Spec(channels=(np.sin(w * t), np.cos(w * t))))
+
+    best_bin, best_value = float(peak), -np.inf
+    for step in (1.0, 0.3):
+        for shift in (-2, -1, 0, 1, 2):
+            trial = best_bin + shift * step
+            value = engine.evaluate(at(trial), base.theta)[0]
+            if value > best_value:
+                best_value, keep = value, trial
+        best_bin = keep
+    fit = engine.fit(at(best_bin), {**base.theta, "load": 0.5 * base.theta["load"]}, search=SMOOTH)
+    fit.theta["period"] = 4 * n / best_bin
+    # the peak was picked out of n/2 others
+    return fit, 2.0 + 2.0
+
+
+def load_ramp(engine: Engine, base: Fit) -> tuple[Fit, float]:
+    """Let the load be slow: a walk without end, with a ramp on top."""
+    spec = base.spec.join(Spec(slow_load=True, channels=_load_shapes(engine, base, 1)))
+    longer = {**base.theta, "load_time": 3.0 * engine.data.n, "load": base.theta["load"] * 2.0}
+    fits = [engine.fit(spec, longer), engine.fit(spec, base.theta)]
+    return max(fits, key=lambda f: f.loglik), 2.0
+
+
+def drift(engine: Engine, base: Fit) -> tuple[Fit, float]:
+    """Let the measurement walk, with a ramp on top."""
+    n = engine.data.n
+    ramp = np.arange(n) / n
+    spec = base.spec.join(Spec(walk=True, channels=(ramp,) if engine.data.T > 0 else (np.ones(n),)))
+    size = float(np.std(engine.data.y)) / np.sqrt(n)
+    best = engine.grid(spec, base.theta, [{"walk": size * f} for f in (0.1, 0.5, 2.0)])
+    return engine.fit(spec, best.theta), 2.0
+
+
+def load_steps(engine: Engine, base: Fit) -> tuple[Fit, float]:
+    """Add load jumps one by one, where the whitened step response fits the innovations best."""
+    d = engine.data
+    n = d.n
+    fit, count = base, 0
+    channels: tuple[np.ndarray, ...] = ()
+    times: list[int] = []
+    for _ in range(MOST_STEPS):
+        response = _step_response(fit, d)
+        white = kernels.whiten(
+            np.vstack([response, response]), fit.theta["T"] if d.T > 0 else 0.0, 0.0, fit.theta["load_time"], fit.theta["load"],
+            0.0, fit.theta["noise"], engine.spread,
+        )[0][0]  # fmt: skip
+        residual = np.asarray(fit.residual).copy()
+        residual[: kernels.SKIP] = 0.0
+        size = 2 * n
+        cross = np.fft.irfft(np.fft.rfft(residual, size) * np.conj(np.fft.rfft(white, size)), size)[:n]
+        energy = np.cumsum(white**2)[::-1]
+        score = cross**2 / np.maximum(energy, 1e-3 * energy[0])
+        score[: max(3, int(0.005 * n))] = 0.0
+        score[-5:] = 0.0
+        k = int(np.argmax(score))
+        shape = np.zeros(n)
+        shape[k:] = response[: n - k]
+        trial = channels + (shape,)
+        spec = base.spec.join(Spec(channels=trial))
+        lower = max(0.7, 0.3 if count == 0 else 0.7)
+        better = engine.fit(spec, {**fit.theta, "load": lower * fit.theta["load"]}, search=SMOOTH, steps=8)
+        if better.loglik - fit.loglik < size_penalty(n, 1.0) + np.log(n) * 0.5:
+            break
+        fit, channels, count = better, trial, count + 1
+        times.append(k)
+    if count == 0:
+        return base, 2.0
+    fit.theta["steps"] = float(count)
+    return fit, 2.0 * count
+
+
+MOST_STEPS = 12
+
+
+def _step_response(fit: Fit, d: Data) -> np.ndarray:
+    unit = np.ones(d.n)
+    unit[0] = 0.0
+    g = kernels.plant(unit, fit.theta["T"] if d.T > 0 else 0.0, 0.0, 0.0)
+    return np.append(g[1:], g[-1])
+
+
+def _load_shapes(engine: Engine, base: Fit, order: int) -> tuple[np.ndarray, ...]:
+    d = engine.data
+    x = np.linspace(0.0, 1.0, d.n)
+    return tuple(kernels.plant(x ** (i + 1), base.theta["T"] if d.T > 0 else 0.0, 0.0, 0.0) for i in range(order))
+
+
+ENGINE: dict[str, Callable[[Engine, Fit], tuple[Fit, float]]] = {
+    "stiction": stiction,
+    "deadband": deadband,
+    "deadzone": deadzone,
+    "valve_lag": pole("valve"),
+    "valve_characteristic": valve_characteristic,
+    "gain_mismatch": gain_mismatch,
+    "time_constant_mismatch": free_plant("time_constant_mismatch", "T"),
+    "dead_time_mismatch": free_plant("dead_time_mismatch", "Td"),
+    "extra_lag": pole("extra"),
+    "noise": noise,
+    "sensor_lag": pole("sensor"),
+    "drift": drift,
+    "oscillation": oscillation,
+    "load_steps": load_steps,
+    "load_drift": load_ramp,
+}
+
+
+def fit_candidates(engine: Engine, base: Fit, effects: list[str]) -> dict[str, Candidate]:
+    """Fit each effect on top of a base and return it with its penalised gain in nats."""
+    out = {}
+    for effect in effects:
+        fit, count = ENGINE[effect](engine, base)
+        gain = fit.loglik - base.loglik - size_penalty(engine.data.n, count)
+        out[effect] = Candidate(effect, fit, gain, {})
+    return out

@@ -1,0 +1,299 @@
+"""One engine for all effects between OP and PV: the likelihood of the innovations, its nuisances fitted, its effects switchable.
+
+PV = plant(valve(OP)) + load + noise. The plant's gain, the bias and every additive regressor are linear in the innovations and
+solved by least squares; only T, Td, the load's colour and level, the noise level and the effect's own numbers are searched.
+Time unit is one sample, PV in its own units.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.optimize import minimize, minimize_scalar
+
+from simbench.gap import innovations as kernels
+
+NOMINAL = 0.10  # a baseline is trusted within +-10 %: the prior is flat there ...
+EDGE = 0.02  # ... and falls off with this standard deviation outside
+ABSENT = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Data:
+    """What the engine needs of a record and its baseline.
+
+    Parameters
+    ----------
+    u, y : ndarray, shape (n,)
+        Input of the plant (OP or MV, %) and PV.
+    K, T, Td : float
+        Baseline; T and Td in samples, T = 0 for an integrating plant (then K is per sample).
+    noise : float
+        Stated noise std (PV units), 0 = none stated.
+    resolution : float
+        Smallest step PV is written in; bounds the noise from below.
+    trusted : bool
+        False: K, T, Td are mere starting values, free in every candidate.
+    """
+
+    u: np.ndarray
+    y: np.ndarray
+    K: float
+    T: float
+    Td: float
+    noise: float
+    resolution: float = 0.0
+    trusted: bool = True
+
+    @property
+    def n(self) -> int:
+        """Samples."""
+        return self.y.size
+
+    @property
+    def floor(self) -> float:
+        """Smallest noise std that is believed."""
+        return max(self.resolution / np.sqrt(12.0), 1e-6 * float(np.ptp(self.y)), ABSENT)
+
+
+@dataclass(frozen=True)
+class Spec:
+    """Which effects are switched on in the engine."""
+
+    free: frozenset[str] = frozenset()
+    valve: int = kernels.IDEAL
+    pole: str = ""
+    walk: bool = False
+    slow_load: bool = False
+    channels: tuple[np.ndarray, ...] = ()
+    start: float = 0.0
+
+    def join(self, other: Spec) -> Spec:
+        """Return both specs together; of two valve maps or poles the second wins."""
+        return Spec(
+            self.free | other.free,
+            other.valve or self.valve,
+            other.pole or self.pole,
+            self.walk or other.walk,
+            self.slow_load or other.slow_load,
+            self.channels + other.channels,
+            other.start or self.start,
+        )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Nonlinear parameters searched, nuisances first."""
+        own = {kernels.PLAY: ("S",), kernels.ZONE: ("D", "c"), kernels.CURVE: ("R",)}.get(self.valve, ())
+        if self.valve in (kernels.STICK, kernels.CREEP):
+            own = ("S", "J")
+        return ("T", "Td", "load_time", "load", "noise", *own, *(("lag",) if self.pole else ()), *(("walk",) if self.walk else ()))
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """One candidate, fitted.
+
+    `loglik` holds the prior's penalties; `theta` the nonlinear parameters, `beta` the linear ones (plant gain first);
+    `residual` the standardised innovations.
+    """
+
+    spec: Spec
+    loglik: float
+    theta: dict[str, float]
+    beta: np.ndarray = field(repr=False)
+    residual: np.ndarray = field(repr=False)
+
+    @property
+    def K(self) -> float:
+        """Plant gain."""
+        return float(self.beta[0])
+
+
+LOGS = {"T", "load_time", "load", "noise", "R", "lag", "walk"}
+
+
+class Engine:
+    """Evaluates and maximises the likelihood for one record."""
+
+    def __init__(self, data: Data, longest_load: float) -> None:
+        self.data = data
+        self.longest_load = longest_load
+        n = data.n
+        k = np.arange(n) / n
+        self.base_channels = (np.ones(n),) if data.T > 0 else (k,)
+        self.spread = 10.0 * float(np.std(data.y)) + data.floor
+        self.evaluations = 0
+
+    def start(self) -> dict[str, float]:
+        """Return the nuisance parameters from which the first fit starts."""
+        d = self.data
+        rough = float(np.std(np.diff(d.y, 2))) / np.sqrt(6.0)
+        noise = d.noise if d.noise > 0 else max(rough, d.floor)
+        load = max(float(np.std(d.y)), noise) if d.T > 0 else max(float(np.std(np.diff(d.y))), 0.1 * noise)
+        return {"T": d.T, "Td": d.Td, "load_time": 0.3 * self.longest_load, "load": 0.5 * load, "noise": max(noise, d.floor)}
+
+    def bounds(self, spec: Spec, name: str) -> tuple[float, float]:
+        """Return the search interval of one parameter."""
+        d = self.data
+        size = float(np.std(d.y)) + d.floor
+        span = max(float(np.ptp(d.u)), 1e-3)
+        if name == "T":
+            wide = 20.0 if "T" in spec.free or not d.trusted else 1.25
+            return d.T / wide, d.T * wide
+        if name == "Td":
+            wide = 5.0 + max(3.0 * d.Td, 2.0 * d.T) if "Td" in spec.free or not d.trusted else 0.25 * d.Td + 0.5
+            return max(d.Td - wide, 0.0), min(d.Td + wide, d.n / 4)
+        if name == "load_time":
+            return 0.3, (10.0 * d.n if spec.slow_load else self.longest_load)
+        if name == "noise":
+            return d.floor, 10.0 * size
+        if name == "load":
+            return 1e-4 * size, 100.0 * size
+        if name in ("S", "D"):
+            return 0.0, 2.0 * span if name == "D" else 1.5 * span
+        if name == "J":
+            return 0.0, span
+        if name == "c":
+            return float(d.u.min()), float(d.u.max())
+        if name == "R":
+            return 0.01, 100.0
+        if name == "lag":
+            return 0.05, d.n / 5
+        return 1e-6 * size, size  # walk
+
+    def evaluate(self, spec: Spec, theta: Mapping[str, float]) -> tuple[float, np.ndarray, np.ndarray]:
+        """Return penalised log-likelihood, linear coefficients and standardised innovations."""
+        d = self.data
+        self.evaluations += 1
+        T = theta["T"] if d.T > 0 else 0.0
+        y, jacobian = d.y, 0.0
+        lag = theta.get("lag", 0.0) if spec.pole else 0.0
+        if spec.pole == "sensor":
+            follow = -np.expm1(-1.0 / lag)
+            y = np.concatenate([y[:1], (y[1:] - (1.0 - follow) * y[:-1]) / follow])
+            jacobian = (d.n - kernels.SKIP) * np.log(follow)
+        moved = valve_of(spec, theta, d.u)
+        series = 0.0 if spec.pole == "sensor" else lag
+        g = kernels.plant(moved, T, theta["Td"], series)
+        channels = np.vstack([y - d.y[0], g, *self.base_channels, *spec.channels])
+        white, log_var = kernels.whiten(
+            channels, T, lag if spec.pole == "extra" else 0.0, theta["load_time"], theta["load"],
+            theta["walk"] if spec.walk else 0.0, theta["noise"], self.spread,
+        )  # fmt: skip
+        used = white[:, kernels.SKIP :]
+        N = used @ used.T
+        rss, beta = self._linear(spec, N)
+        loglik = -0.5 * (rss + log_var + used.shape[1] * np.log(2 * np.pi)) - jacobian - self._penalty(spec, theta)
+        return loglik, beta, white[0] - beta @ white[1:]
+
+    def _linear(self, spec: Spec, N: np.ndarray) -> tuple[float, np.ndarray]:
+        A, b = N[1:, 1:].copy(), N[1:, 0].copy()
+        A[np.diag_indices_from(A)] += 1e-9 * np.trace(A) / len(A) * 1e-3 + 1e-300
+        beta = np.linalg.solve(A, b)
+        K = self.data.K
+        low, high = sorted((K * (1 - NOMINAL), K * (1 + NOMINAL)))
+        if "K" in spec.free or not self.data.trusted or low <= beta[0] <= high:
+            return float(N[0, 0] - b @ beta), beta
+        edge = low if beta[0] < low else high
+        weight = 1.0 / (EDGE * K) ** 2
+        A[0, 0] += weight
+        b[0] += weight * edge
+        beta = np.linalg.solve(A, b)
+        return float(N[0, 0] + weight * edge**2 - b @ beta), beta
+
+    def _penalty(self, spec: Spec, theta: Mapping[str, float]) -> float:
+        d = self.data
+        total = 0.0
+        if d.trusted:
+            if d.T > 0 and "T" not in spec.free:
+                total += _box(np.log(theta["T"] / d.T), np.log1p(NOMINAL), EDGE)
+            if "Td" not in spec.free:
+                total += _box(theta["Td"] - d.Td, NOMINAL * d.Td + 0.05, EDGE * d.Td + 0.03)
+        if d.noise > 0 and "noise" not in spec.free:
+            # what rounding adds to the stated noise is no effect
+            stated = np.hypot(d.noise, d.resolution / np.sqrt(12.0))
+            total += _box(np.log(theta["noise"] / stated), np.log1p(0.05), EDGE)
+        return total
+
+    def fit(self, spec: Spec, start: Mapping[str, float], search: tuple[str, ...] | None = None, steps: int = 25) -> Fit:
+        """Maximise over the smooth parameters named in `search` (all of the spec's when None), from `start`."""
+        names = tuple(m for m in (search or spec.names) if m != "T" or self.data.T > 0)
+        theta = {m: start[m] for m in spec.names if m in start or m in names}
+        box = []
+        for m in names:
+            low, high = self.bounds(spec, m)
+            theta[m] = min(max(theta[m], low), high)
+            box.append((np.log(low), np.log(high)) if m in LOGS else (low, high))
+
+        def unpack(x: np.ndarray) -> dict[str, float]:
+            return {**theta, **{m: float(np.exp(v)) if m in LOGS else float(v) for m, v in zip(names, x)}}
+
+        x0 = np.array([np.log(theta[m]) if m in LOGS else theta[m] for m in names])
+        best = minimize(
+            lambda x: -self.evaluate(spec, unpack(x))[0], x0, method="L-BFGS-B", bounds=box,
+            options={"maxiter": steps, "eps": 1e-4, "ftol": 1e-8, "maxfun": 400},
+        )  # fmt: skip
+        return self.at(spec, unpack(best.x))
+
+    def at(self, spec: Spec, theta: Mapping[str, float]) -> Fit:
+        """Return the fit at given nonlinear parameters."""
+        loglik, beta, residual = self.evaluate(spec, theta)
+        return Fit(spec, loglik, dict(theta), beta, residual)
+
+    def line(self, fit: Fit, name: str, low: float, high: float, tries: int = 18) -> Fit:
+        """Improve one parameter, rough or not, by a bounded search on its own."""
+        found = minimize_scalar(
+            lambda x: -self.evaluate(fit.spec, {**fit.theta, name: float(x)})[0], bounds=(low, high), method="bounded",
+            options={"maxiter": tries, "xatol": 1e-3 * (high - low)},
+        )  # fmt: skip
+        better = {**fit.theta, name: float(found.x)}
+        return self.at(fit.spec, better) if -found.fun > fit.loglik else fit
+
+    def grid(self, spec: Spec, theta: Mapping[str, float], points: list[dict[str, float]]) -> Fit:
+        """Return the best of some points, each with two levels of the load: the one "none" needed may hide a narrow peak."""
+        best: tuple[float, dict[str, float]] = (-np.inf, dict(theta))
+        for share in (1.0, 0.3):
+            for point in points:
+                trial = {**theta, **point, "load": theta["load"] * share}
+                value = self.evaluate(spec, trial)[0]
+                if value > best[0]:
+                    best = (value, trial)
+        return self.at(spec, best[1])
+
+
+def valve_of(spec: Spec, theta: Mapping[str, float], u: np.ndarray) -> np.ndarray:
+    """Return MV of OP `u` under the spec's valve map."""
+    kind = spec.valve
+    if kind == kernels.IDEAL:
+        return u
+    if kind == kernels.PLAY:
+        return kernels.valve(u, kind, theta["S"], spec.start * theta["S"] / 2, 0.0)
+    if kind == kernels.ZONE:
+        return kernels.valve(u, kind, theta["D"], theta["c"], 0.0)
+    if kind == kernels.CURVE:
+        return kernels.valve(u, kind, theta["R"], 0.0, 0.0)
+    return kernels.valve(u, kind, theta["S"], theta["J"], spec.start * theta["S"] / 2)
+
+
+def _box(x: float, width: float, edge: float) -> float:
+    over = max(abs(x) - width, 0.0)
+    return 0.5 * (over / edge) ** 2
+
+
+Candidate = Callable[["Engine", Fit], Fit]
+
+
+def fit_smooth(spec: Spec, **start: float) -> Candidate:
+    """Return a candidate that starts from the fit so far with one spec joined."""
+
+    def run(engine: Engine, base: Fit) -> Fit:
+        return engine.fit(base.spec.join(spec), {**base.theta, **start})
+
+    return run
+
+
+def with_start(fit: Fit, start: float) -> Spec:
+    """Return the fit's spec with the valve begun elsewhere in its band."""
+    return replace(fit.spec, start=start)

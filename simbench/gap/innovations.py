@@ -1,0 +1,196 @@
+"""Compiled kernels of the diagnosis: valve maps, plant response, and the Kalman filter that whitens every channel at once.
+
+Self-contained, because numba's disk cache only watches this file. Time unit is one sample throughout.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+IDEAL, PLAY, ZONE, STICK, CREEP, CURVE = range(6)
+SKIP = 4  # first samples, which only settle the filter's unknown start
+
+
+@njit(cache=True)
+def valve(u, kind, p0, p1, p2):
+    """Return MV (n,) for OP `u` (n,) through one valve map.
+
+    Parameters: PLAY S, start; ZONE D, c; STICK (Choudhury) and CREEP (He) S, J, start; CURVE R. `start` is the offset of
+    MV from OP before the first sample.
+    """
+    n = u.size
+    v = np.empty(n)
+    if kind == IDEAL:
+        v[:] = u
+    elif kind == PLAY:
+        half = 0.5 * p0
+        x = u[0] + p1
+        for k in range(n):
+            x = max(u[k] - half, min(u[k] + half, x))
+            v[k] = x
+    elif kind == ZONE:
+        half = 0.5 * p0
+        for k in range(n):
+            v[k] = u[k] - half if u[k] > p1 + half else (u[k] + half if u[k] < p1 - half else p1)
+    elif kind == STICK:
+        fs, fd = 0.5 * (p0 + p1), 0.5 * (p0 - p1)
+        x, d, moving, last = u[0] + p2, 0.0, False, u[0]
+        for k in range(n):
+            if moving and (u[k] - last) * d <= 0.0:
+                moving = False
+            if moving:
+                x = u[k] - d * fd
+            elif u[k] - x > fs:
+                d, moving, x = 1.0, True, u[k] - fd
+            elif u[k] - x < -fs:
+                d, moving, x = -1.0, True, u[k] + fd
+            last = u[k]
+            v[k] = x
+    elif kind == CREEP:
+        fs, fd = 0.5 * (p0 + p1), 0.5 * (p0 - p1)
+        x = u[0] + p2
+        for k in range(n):
+            r = u[k] - x
+            if r > fs:
+                x = u[k] - fd
+            elif r < -fs:
+                x = u[k] + fd
+            v[k] = x
+    else:
+        log_r = math.log(p0)
+        if abs(log_r) < 1e-6:
+            v[:] = u
+        else:
+            for k in range(n):
+                v[k] = 100.0 * math.expm1(log_r * min(max(u[k], 0.0), 100.0) / 100.0) / math.expm1(log_r)
+    return v
+
+
+@njit(cache=True)
+def respond(v, T, Td, out, weight):
+    """Add `weight` times the answer of e^(-Td s)/(T s + 1) (T <= 0: e^(-Td s)/s) to `v` - v[0], held over each sample."""
+    delay = int(math.floor(Td + 1e-9))
+    late = max(Td - delay, 0.0)
+    if T > 0.0:
+        a = math.exp(-1.0 / T)
+        rest = math.exp(-(1.0 - late) / T)
+        b_new, b_old = 1.0 - rest, rest - a
+    else:
+        a, b_new, b_old = 1.0, 1.0 - late, late
+    x, n = 0.0, v.size
+    for k in range(n):
+        out[k] += weight * x
+        new = v[k - delay] - v[0] if k >= delay else 0.0
+        old = v[k - delay - 1] - v[0] if k > delay else 0.0
+        x = a * x + b_old * old + b_new * new
+
+
+@njit(cache=True)
+def plant(v, T, Td, lag):
+    """Return the unit plant's answer to MV `v` (n,) as deviation from its start; `lag` > 0 is one more series pole."""
+    out = np.zeros(v.size)
+    if lag <= 1e-3:
+        respond(v, T, Td, out, 1.0)
+    elif T > 0.0:
+        if abs(lag - T) < 1e-3 * T:
+            lag = T * 1.002
+        respond(v, T, Td, out, T / (T - lag))
+        respond(v, lag, Td, out, -lag / (T - lag))
+    else:
+        respond(v, 0.0, Td, out, 1.0)
+        respond(v, lag, Td, out, -lag)
+    return out
+
+
+@njit(cache=True)
+def whiten(channels, T, lag, load_time, load, walk, noise, spread):
+    """Return innovations over their standard deviation (m, n) of all channels, and the sum of log variances.
+
+    The stochastic part of PV is a load, AR(1) with time constant `load_time` and steady effect `load` (std, PV units), through
+    the plant's pole (and `lag`), a random walk of `walk` per sample on PV, and white noise. One steady-state gain serves all
+    channels. `spread` is the std of PV's unknown start.
+    """
+    m, n = channels.shape
+    s = 2 + (1 if lag > 1e-3 else 0) + (1 if walk > 0.0 else 0)
+    F, Q, P, h = np.zeros((s, s)), np.zeros((s, s)), np.zeros((s, s)), np.zeros(s)
+    phi = math.exp(-1.0 / load_time)
+    a = math.exp(-1.0 / T) if T > 0.0 else 1.0
+    F[0, 0], F[1, 1], F[1, 0] = phi, a, (1.0 - a if T > 0.0 else 1.0)
+    Q[0, 0] = load * load * (1.0 - phi * phi)
+    P[0, 0], P[1, 1] = load * load, spread * spread
+    seen = 1
+    if lag > 1e-3:
+        seen = 2
+        b = math.exp(-1.0 / lag)
+        F[2, 2], F[2, 1] = b, 1.0 - b
+        P[2, 2] = spread * spread
+    h[seen] = 1.0
+    if walk > 0.0:
+        F[s - 1, s - 1], Q[s - 1, s - 1], h[s - 1] = 1.0, walk * walk, 1.0
+    r = noise * noise
+    out = np.empty((m, n))
+    x, x_new = np.zeros((m, s)), np.zeros(s)
+    gain, Ph, FP, P_new = np.zeros(s), np.zeros(s), np.zeros((s, s)), np.zeros((s, s))
+    log_var, S, frozen, sum_log, root = 0.0, 1.0, False, 0.0, 1.0
+    for k in range(n):
+        if not frozen:
+            S_old, S = S, r
+            for i in range(s):
+                Ph[i] = 0.0
+                for j in range(s):
+                    Ph[i] += P[i, j] * h[j]
+                S += h[i] * Ph[i]
+            change = abs(S - S_old)
+            for i in range(s):
+                g = 0.0
+                for j in range(s):
+                    g += F[i, j] * Ph[j]
+                gain[i] = g / S
+            for i in range(s):
+                for j in range(s):
+                    t = 0.0
+                    for q in range(s):
+                        t += F[i, q] * P[q, j]
+                    FP[i, j] = t
+            for i in range(s):
+                for j in range(s):
+                    t = Q[i, j] - gain[i] * gain[j] * S
+                    for q in range(s):
+                        t += FP[i, q] * F[j, q]
+                    P_new[i, j] = t
+            P[:, :] = P_new
+            root, log_var = math.sqrt(S), math.log(S)
+            frozen = k > 20 and change < 1e-8 * S
+        if k >= SKIP:
+            sum_log += log_var
+        for c in range(m):
+            nu = channels[c, k]
+            for i in range(s):
+                nu -= h[i] * x[c, i]
+            for i in range(s):
+                t = gain[i] * nu
+                for j in range(s):
+                    t += F[i, j] * x[c, j]
+                x_new[i] = t
+            for i in range(s):
+                x[c, i] = x_new[i]
+            out[c, k] = nu / root
+    return out, sum_log
+
+
+@njit(cache=True)
+def normal_matrix(white):
+    """Return the inner products (m, m) of the whitened channels, without their first SKIP samples."""
+    m, n = white.shape
+    N = np.zeros((m, m))
+    for i in range(m):
+        for j in range(i, m):
+            t = 0.0
+            for k in range(SKIP, n):
+                t += white[i, k] * white[j, k]
+            N[i, j] = t
+            N[j, i] = t
+    return N

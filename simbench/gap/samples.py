@@ -1,0 +1,128 @@
+"""What single samples tell of the sensor and the archive: lattices, straight lines, spikes, holds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+SPIKE = 6.0  # robust standard deviations from which an isolated point is a spike
+STRAIGHT = 0.25  # share of second differences at 0 from which PV was rebuilt by straight lines
+HELD = 20  # samples that PV stands exactly still, while it moves otherwise, before it counts as frozen
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Sample-level findings on PV.
+
+    `resolution` is the decimal unit PV is written in (0 = full precision), `step` a lattice coarser than that (0 = none),
+    `straight` the share of samples on a straight line with both neighbours, `spikes` the indices of isolated points,
+    `heights` how far off they are, `held` the longest exact standstill in samples.
+    """
+
+    resolution: float
+    step: float
+    straight: float
+    spikes: np.ndarray
+    heights: np.ndarray
+    held: int
+
+
+def inspect_samples(pv: np.ndarray) -> Samples:
+    """Look at PV sample by sample.
+
+    Parameters
+    ----------
+    pv : ndarray, shape (n,)
+        As recorded.
+
+    Returns
+    -------
+    Samples
+
+    Examples
+    --------
+    >>> found = inspect_samples(np.round(np.random.default_rng(0).standard_normal(500) / 0.3) * 0.3)
+    >>> round(found.step, 6)
+    0.3
+    """
+    unit = resolution(pv)
+    step = lattice(pv, unit)
+    spikes, heights = isolated(pv, max(unit, step))
+    return Samples(unit, step, straight(pv, unit) if step == 0.0 else 0.0, spikes, heights, longest_hold(pv))
+
+
+def resolution(x: np.ndarray) -> float:
+    """Return the largest power of ten of which every value is a multiple, 0 when the numbers are not rounded."""
+    for digits in range(-3, 10):
+        unit = 10.0**-digits
+        scaled = x / unit
+        if np.all(np.abs(scaled - np.round(scaled)) < 1e-6 * np.maximum(1.0, np.abs(scaled) * 1e-6)):
+            return unit
+    return 0.0
+
+
+def lattice(x: np.ndarray, unit: float) -> float:
+    """Return the spacing of the lattice through 0 on which all values stand, 0 when there is none coarser than `unit`."""
+    levels = np.unique(x)
+    size = float(np.abs(levels).max()) or 1.0
+    gaps = np.diff(levels)
+    gaps = gaps[gaps > max(1.5 * unit, 1e-9 * size)]
+    if levels.size < 2 or gaps.size == 0 or levels.size > 0.5 * x.size:
+        return 0.0
+    step = float(gaps.min())
+    if unit > 0 and step < 2.5 * unit:
+        return 0.0
+    # the spacing sharpens as it is carried from near gaps to the far ends
+    for values in (gaps[gaps < 3.5 * step], gaps, levels - levels[0], levels):
+        count = np.round(values / step)
+        if count.any():
+            step = float(values @ count / (count @ count))
+    off = np.abs(levels - step * np.round(levels / step))
+    return step if off.max() <= 0.55 * unit + 1e-7 * size + 1e-4 * step else 0.0
+
+
+def straight(x: np.ndarray, unit: float) -> float:
+    """Return the share of samples, moving at all, that lie on a line through their neighbours."""
+    first, second = np.diff(x), np.diff(x, 2)
+    moving = (np.abs(first[1:]) > 2 * unit) | (np.abs(first[:-1]) > 2 * unit)
+    typical = 1.4826 * float(np.median(np.abs(first)))
+    tolerance = max(2.1 * unit, 1e-6 * (float(np.ptp(x)) or 1.0))
+    if tolerance > 0.2 * typical:
+        return 0.0
+    return float(np.mean(moving & (np.abs(second) <= tolerance)))
+
+
+def isolated(x: np.ndarray, unit: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return indices and signed heights of isolated one-sample spikes."""
+    if x.size < 20:
+        return np.empty(0, dtype=int), np.empty(0)
+    padded = np.pad(x, 2, mode="reflect")
+    around = np.stack([padded[:-4], padded[1:-3], padded[3:-1], padded[4:]])
+    off = x - np.median(around, axis=0)
+    # the spread of the four neighbours tells a spike from a steep slope
+    near = np.ptp(around, axis=0)
+    scale = max(1.4826 * float(np.median(np.abs(off))), 0.5 * unit, 1e-12)
+    hit = (np.abs(off) > SPIKE * scale) & (np.abs(off) > 1.5 * np.minimum(near, np.abs(off)))
+    alone = hit.copy()
+    quiet = np.abs(off) < 0.5 * np.abs(np.pad(off, (1, 0))[:-1])
+    alone[1:] &= ~(hit[:-1] & quiet[1:])
+    places = np.flatnonzero(alone)
+    return places, off[places]
+
+
+def longest_hold(x: np.ndarray) -> int:
+    """Return the longest run of exactly equal samples."""
+    change = np.flatnonzero(np.diff(x) != 0.0)
+    edges = np.concatenate([[-1], change, [x.size - 1]])
+    return int(np.diff(edges).max())
+
+
+def cleaned(x: np.ndarray, spikes: np.ndarray) -> np.ndarray:
+    """Return the signal with the spikes replaced by the line between their neighbours."""
+    if spikes.size == 0:
+        return x
+    keep = np.ones(x.size, dtype=bool)
+    keep[spikes] = False
+    at = np.arange(x.size)
+    return np.interp(at, at[keep], x[keep])
