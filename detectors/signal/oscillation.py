@@ -383,7 +383,7 @@ def iae_loads(e: np.ndarray, Ts: float, amplitude: float, period_s: float, gamma
     --------
     >>> t = np.arange(2000) / 10
     >>> [round(iae_loads(a * np.sin(2 * np.pi * t / 10), 0.1, 0.5, 10.0)) for a in (0.1, 1.0)]
-    [0, 0]
+    [0, 10]
     """
     e = e - e.mean()
     edges = np.concatenate([[0], np.flatnonzero((e[1:] > 0) != (e[:-1] > 0)) + 1])

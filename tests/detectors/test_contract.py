@@ -13,7 +13,7 @@ from detectors.record import LoopRecord
 from detectors.registry import methods
 
 NAMES = methods.names()
-CASES = ("obvious_stiction", "healthy_loop", "opposite_sine", "white_noise", "constant", "short")
+CASES = ("stiction", "healthy", "sine", "noise", "constant", "short")
 STICKY = {
     # integral action on a fast process: OP a triangle, PV nearly a square
     "self-regulating": {"T": 2.0, "Td": 1.0, "Kc": 0.3, "Ti": 3.0, "noise": 0.1, "n": 2000, "kind": "flow"},
@@ -31,15 +31,15 @@ def records(loop):
     def build(case, process):
         t = np.arange(2000.0)
         about = {"process": process, "kind": "flow" if process == "self-regulating" else "level", "Ts": 1.0}
-        if case == "obvious_stiction":
+        if case == "stiction":
             return loop(**STICKY[process])
-        if case == "healthy_loop":
+        if case == "healthy":
             load = np.cumsum(rng.standard_normal(2000)) * 0.2
             return loop(**{**STICKY[process], "S": 0.0, "J": 0.0, "load": load})
-        if case == "opposite_sine":
+        if case == "sine":
             op = 50.0 + 5.0 * np.sin(2 * np.pi * t / 50.3)
             return LoopRecord(op=op, pv=100.0 - op, mv=op, **about)
-        if case == "white_noise":
+        if case == "noise":
             op, pv, mv = 50.0 + rng.standard_normal((3, 2000))
             return LoopRecord(op=op, pv=pv, mv=mv, **about)
         if case == "constant":
@@ -66,7 +66,7 @@ def test_verdict_on_the_six_plain_cases(name, process, case, records):
     if case in exempt:
         pytest.skip(exempt[case])
     verdict = judge(records(case, process), [name])[0]
-    if case == "obvious_stiction":
+    if case == "stiction":
         assert verdict.verdict == "stiction", verdict
     else:
         assert verdict.verdict != "stiction", verdict
@@ -83,7 +83,7 @@ def test_exempt_cases_are_cases_of_this_contract_and_have_a_reason(name):
 
 @pytest.mark.parametrize(("name", "process"), pairs())
 def test_input_is_unchanged_and_the_answer_repeats_itself(name, process, records):
-    record = records("obvious_stiction", process)
+    record = records("stiction", process)
     before = {s: getattr(record, s).copy() for s in ("op", "pv", "mv")}
     first, second = (judge(record, [name])[0].as_json() for _ in range(2))
     assert first == second
@@ -93,10 +93,10 @@ def test_input_is_unchanged_and_the_answer_repeats_itself(name, process, records
 
 @pytest.mark.parametrize(("name", "process"), pairs())
 def test_obvious_stiction_scores_higher_than_every_case_without(name, process, records):
-    if "obvious_stiction" in methods.load(name).METHOD.exempt:
-        pytest.skip(methods.load(name).METHOD.exempt["obvious_stiction"])
-    top = judge(records("obvious_stiction", process), [name])[0].score
-    for case in ("healthy_loop", "opposite_sine", "white_noise"):
+    if "stiction" in methods.load(name).METHOD.exempt:
+        pytest.skip(methods.load(name).METHOD.exempt["stiction"])
+    top = judge(records("stiction", process), [name])[0].score
+    for case in ("healthy", "sine", "noise"):
         verdict = judge(records(case, process), [name])[0]
         assert np.isnan(verdict.score) or verdict.score < top, (case, verdict)
 
@@ -124,9 +124,9 @@ def test_docstring_says_needs_rule_limits_and_source(name):
 @pytest.mark.parametrize(("name", "process"), pairs())
 def test_verdict_does_not_change_when_pv_is_scaled_and_shifted(name, process, records):
     fast = methods.load(name).METHOD.budget == "fast"
-    kept = [replace(records(case, process), mv=None) for case in ("obvious_stiction", "healthy_loop", "opposite_sine")]
+    kept = [replace(records(case, process), mv=None) for case in ("stiction", "healthy", "sine")]
     if methods.load(name).METHOD.needs_mv and process == "integrating":
-        kept = [replace(records(case, process)) for case in ("obvious_stiction", "healthy_loop")]
+        kept = [replace(records(case, process)) for case in ("stiction", "healthy")]
     expected = [judge(record, [name])[0].verdict for record in kept]
 
     @settings(max_examples=8 if fast else 2, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
@@ -142,7 +142,7 @@ def test_verdict_does_not_change_when_pv_is_scaled_and_shifted(name, process, re
 @pytest.mark.parametrize(("name", "process"), pairs())
 def test_verdict_does_not_change_when_op_and_its_span_are_scaled_and_shifted(name, process, records):
     fast = methods.load(name).METHOD.budget == "fast"
-    kept = [records(case, process) for case in ("obvious_stiction", "healthy_loop", "opposite_sine")]
+    kept = [records(case, process) for case in ("stiction", "healthy", "sine")]
     kept = [replace(record, op_span=(0.0, 100.0)) for record in kept]
     expected = [judge(record, [name])[0].verdict for record in kept]
 

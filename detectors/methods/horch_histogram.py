@@ -1,0 +1,137 @@
+"""Horch 2006: behind a sticky valve the slope of a level jumps and rests, behind a sine it swings as a sine does; its
+histogram tells.
+
+Needs: PV, three periods of a sustained oscillation; made for integrating processes (second difference of PV), works
+on self-regulating ones (first difference) in the author's own extension.
+Parameters: `low`, `high` (-), bounds of the score around 0.5; the paper takes the smaller error without a zone between.
+Indices: mse_camel, mse_gauss >= 0, errors of the two fitted densities.
+Rule: the histogram of the filtered difference is fitted by a Gaussian (kinks in PV leave a central peak: stiction)
+and by the density of
+A cos(phi) plus Gaussian noise (a camel: no stiction); score = mse_camel / (mse_camel + mse_gauss). The camel's A is
+at least one std of the data, because with A = 0 it is a Gaussian and a free fit ties.
+Not for: noisy PV of a fast process: twice differenced noise is Gaussian too, and the filter's cut-off then decides.
+Source: A. Horch (2006), Control Engineering Practice 14; Jelali (2013), Sect 11.5.
+
+>>> from detectors.judge import judge
+>>> from detectors.record import LoopRecord
+>>> import numpy as np
+>>> t = np.arange(2000) / 10
+>>> judge(LoopRecord(np.cos(t), np.arcsin(np.sin(t)), 0.1, process="integrating"), ["horch_histogram"])[0].verdict
+'stiction'
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from detectors.method import Method, Threshold
+from detectors.prepared import Prepared
+from detectors.signal.conditioning import band, noise_variance
+from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
+
+METHOD = Method(
+    title="histogram of PV's second difference: Gaussian or camel",
+    source="Horch 2006",
+    cannot_cope=("undersampled",),
+    thresholds={
+        "low": Threshold(0.45, "-", 0.0, 1.0, "own zone about the published 0.5", "at or below: camel, no stiction"),
+        "high": Threshold(0.55, "-", 0.0, 1.0, "own zone about the published 0.5", "at or above: Gaussian, stiction"),
+    },
+)
+
+BINS = np.linspace(-3.5, 3.5, 31)  # in std of the data
+
+
+def density_errors(d: np.ndarray) -> tuple[float, float]:
+    """Return the errors of the best bounded camel and the best Gaussian density.
+
+    Parameters
+    ----------
+    d : ndarray, shape (n,)
+        Differenced signal, not constant.
+
+    Returns
+    -------
+    mse_camel, mse_gauss : float
+        Mean squared error of the density of d in units of its std.
+
+    Notes
+    -----
+    Not for fewer than some hundred samples: the histogram is then noise.
+
+    Examples
+    --------
+    >>> camel, gauss = density_errors(np.sin(np.arange(3000) / 7.3))
+    >>> camel < gauss
+    True
+    """
+    z = (d - d.mean()) / d.std()
+    found = np.histogram(z, BINS)[0] / (z.size * (BINS[1] - BINS[0]))
+    gaussians, camels = _densities()
+    return tuple(float(((family - found) ** 2).mean(axis=1).min()) for family in (camels, gaussians))
+
+
+def detect(prepared: Prepared, *, low: float, high: float) -> Verdict:
+    """Judge a record by the histogram of the differences of PV.
+
+    Parameters
+    ----------
+    prepared : Prepared
+        The record.
+    low, high : float
+        Bounds of the score (-).
+
+    Returns
+    -------
+    Verdict
+
+    Examples
+    --------
+    >>> from detectors.record import LoopRecord
+    >>> t = np.arange(2000) / 10
+    >>> record = LoopRecord(np.cos(t), np.sin(t), 0.1, process="integrating")
+    >>> detect(Prepared(record), **METHOD.defaults()).verdict
+    'no_stiction'
+    """
+    pv = prepared.record.pv
+    period = prepared.oscillation.period_s / prepared.record.Ts
+    order = 2 if prepared.integrating else 1
+    # the highest harmonic at which differenced noise still is a tenth of what a differenced sine has
+    power = 2 * order + 1
+    clear = 0.05 * power * period * float(pv.var()) / max(noise_variance(pv), 1e-300)
+    d = np.diff(band(pv, period, float(np.clip(clear ** (1.0 / power), 3.0, 10.0))), order)
+    edge = round(period / 2)
+    d = d[edge:-edge]
+    if d.size < 60 or d.std() == 0.0:
+        return Verdict("horch_histogram", NO_DECISION, reason=f"{d.size} differences; at least 60 are needed")
+    camel, gauss = density_errors(d)
+    score = camel / (camel + gauss) if camel + gauss > 0 else 0.5
+    if score >= high:
+        verdict, said = STICTION, "a central peak"
+    elif score <= low:
+        verdict, said = NO_STICTION, "two humps"
+    else:
+        verdict, said = NO_DECISION, "neither one peak nor two humps"
+    reason = f"differences of PV have {said}: mse_camel = {camel:.3g}, mse_gauss = {gauss:.3g}"
+    return Verdict("horch_histogram", verdict, score, {"mse_camel": camel, "mse_gauss": gauss}, reason=reason)
+
+
+@lru_cache(maxsize=1)
+def _densities() -> tuple[np.ndarray, np.ndarray]:
+    """Gaussians of std 0.15..1.5 and camels of A 1..1.6, std 0.1..1, as mean densities of the bins."""
+    edge = BINS[None]
+    width = BINS[1] - BINS[0]
+    gaussians = np.diff(_normal(edge / np.geomspace(0.15, 1.5, 30)[:, None]), axis=1) / width
+    phase = (np.arange(60) + 0.5) * (np.pi / 60)
+    A, sigma = (g.reshape(-1, 1, 1) for g in np.meshgrid(np.linspace(1.0, 1.6, 13), np.geomspace(0.1, 1.0, 10)))
+    camels = np.diff(_normal((BINS - A * np.cos(phase)[:, None]) / sigma).mean(axis=1), axis=1) / width
+    return gaussians, camels
+
+
+def _normal(x: np.ndarray) -> np.ndarray:
+    """Cumulative normal distribution."""
+    from scipy.special import ndtr
+
+    return ndtr(x)

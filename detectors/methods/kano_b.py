@@ -1,0 +1,139 @@
+"""Kano 2004, method B: plotted against its command a sticky valve runs round a parallelogram, whose long sides lie
+apart by the friction.
+
+Needs: OP with the valve position, or with PV of a flow loop; three periods of a sustained oscillation.
+Parameters: `width_min` (-), least distance of the sides as a share of OP's swing; `still_min` (-), least share of
+time on the flat sides.
+The paper has process-specific values and gives no universal ones; these are own.
+Indices: width, distance of the two sides along OP over the swing of OP, 0..1; still, share of time in which the valve
+does not move, 0..1.
+Rule: lines through the samples in which the valve moves up and those in which it moves down, with one slope; their
+distance along OP is
+S - J. Stiction when width > width_min and still > still_min: a lag alone draws an ellipse, which is wide but has no
+flat sides.
+Not for: J near S, whose parallelogram has no width (no decision when the valve stands still all the same); noisy valve
+positions; PV of a slow process in their place.
+Source: M. Kano, H. Maruta, H. Kugemoto, K. Shimizu (2004), IFAC DYCOPS, method B; bounds own.
+
+>>> from detectors.judge import judge
+>>> from detectors.record import LoopRecord
+>>> import numpy as np
+>>> op = 50 + 4 * np.sin(np.arange(2000) / 20)
+>>> mv = [50.0]
+>>> for u in op[1:]:
+...     mv.append(max(u - 2.0, min(u + 2.0, mv[-1])))
+>>> judge(LoopRecord(op, mv, 1.0, kind="flow"), ["kano_b"])[0].S > 3.5
+True
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from detectors.method import Method, Threshold
+from detectors.prepared import Prepared
+from detectors.signal.conditioning import clear_harmonics, drift, smooth
+from detectors.signal.standstill import steady_valve
+from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
+
+METHOD = Method(
+    title="width of the parallelogram of valve position over OP",
+    source="Kano et al. 2004, method B",
+    needs_mv=True,
+    cannot_cope=("undersampled",),
+    thresholds={
+        "width_min": Threshold(0.25, "-", 0.0, 1.0, "own; the paper has none", "above, with flat sides: stiction"),
+        "still_min": Threshold(0.35, "-", 0.0, 1.0, "own; the paper has none", "above: the sides are flat"),
+    },
+)
+
+
+def side_distance(op: np.ndarray, mv: np.ndarray, moving: np.ndarray) -> float:
+    """Return the distance along OP of the lines of upward and downward movement.
+
+    Parameters
+    ----------
+    op, mv : ndarray, shape (n,)
+        Controller output and valve position without noise; the position rises with OP.
+    moving : ndarray of bool, shape (n,)
+        Where the valve moves.
+
+    Returns
+    -------
+    float
+        S - J in units of OP; NaN when the valve moves in one direction only.
+
+    Notes
+    -----
+    The lines OP = a MV + b_up and a MV + b_down share the slope of the geometric mean regression within both groups.
+    Not for sides of a few samples.
+
+    Examples
+    --------
+    >>> op = np.array([2.0, 3.0, 4.0, 5.0, 2.0, 1.0, 0.0])
+    >>> side_distance(op, op + [-1, -1, -1, -1, 1, 1, 1], np.ones(7, dtype=bool))
+    2.0
+    """
+    step = np.diff(mv, prepend=mv[0])
+    sides = [moving & (step > 0), moving & (step < 0)]
+    if min(side.sum() for side in sides) < 3:
+        return float("nan")
+    means = [(op[side].mean(), mv[side].mean()) for side in sides]
+    u = np.concatenate([op[side] - mean[0] for side, mean in zip(sides, means, strict=True)])
+    v = np.concatenate([mv[side] - mean[1] for side, mean in zip(sides, means, strict=True)])
+    slope = float(u.std() / v.std()) if v.std() > 0 else 0.0
+    (up_u, up_v), (down_u, down_v) = means
+    return float((up_u - slope * up_v) - (down_u - slope * down_v))
+
+
+def detect(prepared: Prepared, *, width_min: float, still_min: float) -> Verdict:
+    """Judge a record by the parallelogram of valve position over OP.
+
+    Parameters
+    ----------
+    prepared : Prepared
+        The record.
+    width_min : float
+        Least width as a share of OP's swing (-).
+    still_min : float
+        Least share of time on the flat sides (-).
+
+    Returns
+    -------
+    Verdict
+        `score` is the width times the share of time on flat sides, root taken; S is S - J, the jump being neglected.
+
+    Examples
+    --------
+    >>> from detectors.record import LoopRecord
+    >>> op = 50 + np.sin(np.arange(2000) / 20)
+    >>> record = LoopRecord(op, op, 1.0, kind="flow")
+    >>> detect(Prepared(record), **METHOD.defaults()).verdict
+    'no_stiction'
+    """
+    signal, _, note = prepared.valve_position()
+    if signal is None:
+        return Verdict("kano_b", NO_DECISION, applicable=False, reason=note)
+    record = prepared.record
+    period = prepared.oscillation.period_s / record.Ts
+    op = smooth(record.op, period / clear_harmonics(record.op, period))
+    swing = float(np.subtract(*np.percentile(op - drift(op, period), [98, 2])))
+    clean, still, clear = steady_valve(signal, period)
+    if not clear:
+        return Verdict("kano_b", NO_DECISION, reason=f"noise hides whether the valve stands still ({note})")
+    distance = side_distance(op, clean, ~still)
+    if not np.isfinite(distance) or swing == 0.0:
+        return Verdict("kano_b", NO_DECISION, reason="the valve does not move both ways")
+    width, flat = float(np.clip(distance / swing, 0.0, 1.0)), float(still.mean())
+    score = float(np.sqrt(width * flat))
+    indices = {"width": width, "still": flat}
+    S = None
+    if width > width_min and flat > still_min:
+        verdict, said = STICTION, "a parallelogram"
+        S = distance if record.op_span is None else distance * 100.0 / (record.op_span[1] - record.op_span[0])
+    elif flat > still_min:
+        verdict, said = NO_DECISION, "flat sides that lie together (J near S, or no stiction)"
+    else:
+        verdict, said = NO_STICTION, "no flat sides"
+    reason = f"valve position over OP has {said}: width {width:.2f} of the swing, still in {flat:.0%} ({note})"
+    return Verdict("kano_b", verdict, score, indices, S=S, reason=reason)

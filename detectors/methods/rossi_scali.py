@@ -1,0 +1,106 @@
+"""Rossi & Scali 2005: behind a sticky valve PV is what a relay would make of the process, not a sine.
+
+Needs: PV, three periods of a sustained oscillation; both process types (behind an integrator the relay's answer is a
+triangle).
+Parameters: `bound` (-), half width of the uncertain zone, published.
+Indices: eta_rossi in -1..1, from sine to relay.
+Rule: eta_rossi = (E_sine - E_relay) / (E_sine + E_relay), errors averaged over half cycles of PV (Eq 11.14), E_relay
+the least over the square-wave answers of all first-order lags, from square to triangle; above 0.21 stiction, below
+-0.21 no stiction, between no decision.
+Not for: PV of a slow process, whose lags leave a sine of any relay; oscillations that come in from another sticky
+loop; it is known for false alarms on distorted waves of any origin.
+Source: M. Rossi, C. Scali (2005), Journal of Process Control 15, 505-514; Jelali (2013), Eq 11.14.
+
+>>> from detectors.judge import judge
+>>> from detectors.record import LoopRecord
+>>> import numpy as np
+>>> t = np.arange(2000) / 10
+>>> judge(LoopRecord(np.cos(t), np.arcsin(np.sin(t)), 0.1), ["rossi_scali"])[0].verdict
+'stiction'
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from detectors.method import Method, Threshold
+from detectors.prepared import Prepared
+from detectors.signal.conditioning import band, clear_harmonics
+from detectors.signal.half_cycles import misfit, relays, sines, split
+from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
+
+METHOD = Method(
+    title="relay answer against sine, in PV",
+    source="Rossi & Scali 2005, Eq 11.14",
+    cannot_cope=("undersampled",),
+    thresholds={
+        "bound": Threshold(0.21, "-", 0.0, 1.0, "Rossi & Scali 2005", "above: stiction; below its negative: no stiction")
+    },
+)
+
+
+def relay_index(humps: np.ndarray) -> float:
+    """Return eta_rossi of a set of half cycles.
+
+    Parameters
+    ----------
+    humps : ndarray, shape (m, points)
+        Half cycles as positive humps.
+
+    Returns
+    -------
+    float
+        -1 for sines, +1 for triangles, squares and what lies between; 0 when both fit equally well.
+
+    Notes
+    -----
+    The published triangle is the limit of the relay's answers for a slow process, so it needs no error of its own.
+    Not for one or two half cycles.
+
+    Examples
+    --------
+    >>> relay_index(relays()[20:40]) > 0.99
+    True
+    """
+    points = humps.shape[1]
+    sine = misfit(humps, sines(points)[24:25]).mean()
+    relay = misfit(humps, relays(points)).mean()
+    return float((sine - relay) / (sine + relay)) if sine + relay > 0 else 0.0
+
+
+def detect(prepared: Prepared, *, bound: float) -> Verdict:
+    """Judge a record by the shape of PV.
+
+    Parameters
+    ----------
+    prepared : Prepared
+        The record.
+    bound : float
+        Half width of the uncertain zone (-).
+
+    Returns
+    -------
+    Verdict
+        `score` is (1 + eta_rossi) / 2.
+
+    Examples
+    --------
+    >>> from detectors.record import LoopRecord
+    >>> t = np.arange(2000) / 10
+    >>> detect(Prepared(LoopRecord(np.cos(t), np.sin(t), 0.1)), bound=0.21).verdict
+    'no_stiction'
+    """
+    pv = prepared.record.pv
+    period = prepared.oscillation.period_s / prepared.record.Ts
+    humps = split(band(pv, period, clear_harmonics(pv, period)), period)
+    if len(humps) < 4:
+        return Verdict("rossi_scali", NO_DECISION, reason=f"{len(humps)} half cycles in PV; at least 4 are needed")
+    index = relay_index(humps)
+    if index > bound:
+        verdict, said = STICTION, "like a relay's answer"
+    elif index < -bound:
+        verdict, said = NO_STICTION, "like a sine"
+    else:
+        verdict, said = NO_DECISION, "between sine and relay's answer"
+    reason = f"PV is {said}: eta_rossi = {index:.2f} over {len(humps)} half cycles"
+    return Verdict("rossi_scali", verdict, 0.5 + 0.5 * index, {"eta_rossi": index}, reason=reason)

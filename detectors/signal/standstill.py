@@ -1,0 +1,91 @@
+"""Standstill: the stretches of time in which a valve does not move while its command does."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from detectors.signal.conditioning import clear_harmonics, drift, noise_variance, smooth
+
+STILL = 0.1  # movement over a twentieth of the period, in std of the valve's position, below which the valve stands still
+LEAST = 0.05  # shortest standstill, as a share of the period
+NOISY = 0.3  # bound over std at which a valve that follows a sine would seem to stand still in most places
+
+
+def steady_valve(mv: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray, bool]:
+    """Return the valve position without its noise, and where it stands still.
+
+    Parameters
+    ----------
+    mv : ndarray, shape (n,)
+        Valve position, any units.
+    period : float
+        Period of the oscillation in samples.
+
+    Returns
+    -------
+    clean : ndarray, shape (n,)
+        Smoothed position.
+    still : ndarray of bool, shape (n,)
+        Where it moves by less than a tenth of its std, or than the noise that is left, in a twentieth of the period.
+    clear : bool
+        False where noise hides whether the valve moves.
+
+    Notes
+    -----
+    Own. Not for drift faster than the oscillation.
+
+    Examples
+    --------
+    >>> t = np.arange(1000)
+    >>> still = steady_valve(np.round(np.sin(t / 20)), 40 * np.pi)[1]
+    >>> bool(0.8 < still.mean() < 1.0)
+    True
+    """
+    harmonics = clear_harmonics(mv, period)
+    clean = smooth(mv, period / harmonics)
+    reach = max(round(0.05 * period), 1)
+    left = 2.0 * noise_variance(mv) * min(2.0 * harmonics / period, 1.0)
+    spread = float((clean - drift(clean, period)).std())
+    bound = max(STILL * spread, 3.0 * left**0.5)
+    moved = np.abs(clean[reach:] - clean[:-reach])
+    ends = np.concatenate([np.full(reach // 2, np.inf), moved, np.full(reach - reach // 2, np.inf)])
+    return clean, ends <= bound, bound < NOISY * spread
+
+
+def stuck_intervals(op: np.ndarray, still: np.ndarray, period: float, least_op: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the intervals in which the valve stands still while OP moves.
+
+    Parameters
+    ----------
+    op : ndarray, shape (n,)
+        Controller output without noise.
+    still : ndarray of bool, shape (n,)
+        Where the valve stands still.
+    period : float
+        Period in samples; intervals shorter than a twentieth of it do not count.
+    least_op : float
+        Intervals in which OP moves by less do not count, in units of OP.
+
+    Returns
+    -------
+    length : ndarray of int, shape (m,)
+        In samples.
+    moved : ndarray, shape (m,)
+        Range of OP in each, in units of OP.
+
+    Examples
+    --------
+    >>> op = np.concatenate([np.arange(10.0), np.full(10, 9.0)])
+    >>> still = np.arange(20) % 10 < 8
+    >>> [x.tolist() for x in stuck_intervals(op, still, 40.0, 2.0)]
+    [[8], [7.0]]
+    """
+    padded = np.concatenate([[False], still, [False]])
+    edges = np.flatnonzero(padded[1:] != padded[:-1])
+    start, stop = edges[::2], edges[1::2]
+    if start.size == 0:
+        return np.zeros(0, dtype=int), np.zeros(0)
+    cuts = np.minimum(edges, op.size - 1)
+    moved = (np.maximum.reduceat(op, cuts) - np.minimum.reduceat(op, cuts))[::2]
+    counts = (stop - start >= LEAST * period) & (moved >= least_op)
+    return (stop - start)[counts], moved[counts]
