@@ -13,7 +13,7 @@ from scenarios.spec import Loop
 from simbench.figures._style import SIGNAL, label, panels
 from simbench.loop.simulate import simulate
 
-STEPS = (3.0, 5.0, 7.0)  # set-point steps tried, as changes of OP at rest (integrating: over one dead time), in %
+STEPS = (3.0, 5.0, 7.0, 4.0, 6.0, 2.0, 2.5, 3.5, 4.5, 8.0)  # set-point steps tried, as % of OP at rest (integrating: over Td)
 
 
 def sustained_cycle(loop: Loop, periods: int) -> pd.DataFrame:

@@ -61,6 +61,12 @@ def panels(rows: int, columns: int, width: float, height: float, **more: Any) ->
     return figure, figure.subplots(rows, columns, squeeze=False, **more)
 
 
+def mosaic(layout: list[list[str]], width: float, height: float, **more: Any) -> tuple[Figure, dict[str, Axes]]:
+    """Return a figure whose axes lie as their names in `layout` do, `width` x `height` inches; the axes by name."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    return figure, figure.subplot_mosaic(layout, **more)
+
+
 def label(axes: Axes, x: str, y: str, title: str = "") -> None:
     """Name both axes and the panel."""
     axes.set_xlabel(x)

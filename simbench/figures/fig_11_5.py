@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from simbench.figures._style import BLUE, GREEN, GREY, ORANGE, RED, label, panels, span, styled
+from simbench.figures._style import BLUE, GREY, ORANGE, RED, label, panels, span, styled
 from simbench.loop.response import valve_response
 
 SOURCE = "Jelali (2013), Fig. 11.5, after Choudhury et al. (2005) and Rossi & Scali (2005)"

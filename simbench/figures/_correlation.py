@@ -1,0 +1,83 @@
+"""The cross-correlation of OP and PV near lag 0, with Horch's points on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+
+from detectors.methods.horch import correlation_indices
+from simbench.figures._style import BLUE, GREY, label
+
+
+@dataclass(frozen=True)
+class Marks:
+    """Zero crossings (s, both positive), values at lag 0 and at the peak between them (-), and the two indices (-)."""
+
+    tau_l: float
+    tau_r: float
+    phi_0: float
+    phi_max: float
+    dtau: float
+    drho: float
+
+
+def correlation(op: np.ndarray, pv: np.ndarray, Ts: float, reach: float) -> pd.DataFrame:
+    """Return the cross-correlation Phi(tau) = sum (PV(t + tau) - mean)(OP(t) - mean), scaled to -1..1.
+
+    Parameters
+    ----------
+    op, pv : ndarray, shape (n,)
+        Signals without drift.
+    Ts : float
+        Sampling period (s).
+    reach : float
+        Largest lag (s).
+
+    Returns
+    -------
+    DataFrame
+        lag (s), Phi (-), dtau (-), drho (-).
+
+    Notes
+    -----
+    Horch (1999), Eqs 11.6 to 11.8 of the chapter; summed directly here, by FFT in the detector. Not for long records.
+    """
+    u, y = op - op.mean(), pv - pv.mean()
+    lags = np.arange(-round(reach / Ts), round(reach / Ts) + 1)
+    n = u.size
+    phi = [float(y[max(k, 0) : n + min(k, 0)] @ u[max(-k, 0) : n - max(k, 0)]) for k in lags]
+    dtau, drho = correlation_indices(op, pv)
+    scale = n * u.std() * y.std()
+    return pd.DataFrame({"lag (s)": lags * Ts, "Phi (-)": np.array(phi) / scale, "dtau (-)": dtau, "drho (-)": drho})
+
+
+def marks(table: pd.DataFrame) -> Marks:
+    """Find Horch's points on a drawn cross-correlation."""
+    lag, phi = table["lag (s)"].to_numpy(), table["Phi (-)"].to_numpy()
+    zero = int(np.argmin(np.abs(lag)))
+    crossing = []
+    for side in (-1, 1):
+        k = zero
+        while phi[k] * phi[k + side] > 0:
+            k += side
+        crossing.append(abs(lag[k] + (lag[k + side] - lag[k]) * phi[k] / (phi[k] - phi[k + side])))
+    near = phi[(lag >= -crossing[0]) & (lag <= crossing[1])]
+    top = float(np.sign(phi[zero]) * np.abs(near).max())
+    tau_l, tau_r = map(float, crossing)
+    now = float(phi[zero])
+    return Marks(tau_l, tau_r, now, top, abs(tau_l - tau_r) / (tau_l + tau_r), abs(now - top) / abs(now + top))
+
+
+def draw_correlation(axes: Axes, table: pd.DataFrame, title: str) -> Marks:
+    """Draw a cross-correlation with its zero crossings and its values at lag 0 and at the peak."""
+    found = marks(table)
+    axes.axhline(0, color=GREY, linewidth=0.6)
+    axes.axvline(0, color=GREY, linewidth=0.6)
+    axes.plot(table["lag (s)"], table["Phi (-)"], color=BLUE)
+    axes.plot([-found.tau_l, found.tau_r], [0, 0], "o", color="black", markerfacecolor="white", zorder=4)
+    axes.plot([0], [found.phi_0], "ko", zorder=4)
+    label(axes, "lag τ (s)", "cross-correlation Φ (-)", title)
+    return found

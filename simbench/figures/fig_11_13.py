@@ -1,0 +1,64 @@
+"""Figure 11.13: trends and cross-correlation of OP and PV, even without stiction (left), odd with stiction (right).
+
+Left: a linear loop under an external sine whose controller is slow against it (w Ti = 10). Right: a sticky flow-like loop.
+"""
+
+from __future__ import annotations
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from scenarios.spec import Loop
+from simbench.figures._correlation import correlation, draw_correlation
+from simbench.figures._cycles import sustained_cycle
+from simbench.figures._style import SIGNAL, label, note, panels, styled
+from simbench.loop.simulate import simulate
+
+SOURCE = "Jelali (2013), Fig. 11.13, after Horch (1999)"
+PERIOD = 100.0  # s, of the sine; about that of the sticky loop's own cycle
+HEALTHY = {
+    "plant": {"type": "foptd", "K": 1.0, "T": 10.0, "Td": 2.0},
+    "controller": {"type": "PI", "Kc": 0.5, "Ti": 160.0},
+    "sampling": {"Ts": 0.5, "n": 4000},
+    "disturbance": [{"type": "sine", "amplitude": 3.0, "period": PERIOD, "at": "output"}],
+}
+STICKY = {
+    "plant": {"type": "foptd", "K": 1.0, "T": 3.0, "Td": 2.0},
+    "controller": {"type": "PI", "Kc": 0.3, "Ti": 3.0},
+    "valve": {"model": "choudhury", "S": 5.0, "J": 2.0},
+    "sampling": {"Ts": 0.5, "n": 4000},
+}
+
+
+def data() -> pd.DataFrame:
+    """Simulate both loops and correlate their second halves.
+
+    Returns
+    -------
+    DataFrame
+        panel, part ("trend" or "correlation"), t (s), OP (%), PV (deviation, PV units), lag (s), Phi (-), dtau (-), drho (-).
+    """
+    rows = []
+    record = simulate(Loop.from_table(HEALTHY)).record.window(2000, 4000)
+    healthy = pd.DataFrame({"t (s)": record.t, "OP (%)": record.op, "PV": record.pv - record.sp})
+    sticky = sustained_cycle(Loop.from_table(STICKY), periods=12)[["t (s)", "OP (%)", "PV"]]
+    for panel, trend in (("no stiction", healthy), ("stiction", sticky)):
+        phi = correlation(trend["OP (%)"].to_numpy(), trend["PV"].to_numpy(), record.Ts, 120.0)
+        rows += [trend.iloc[:800].assign(panel=panel, part="trend"), phi.assign(panel=panel, part="correlation")]
+    return pd.concat(rows, ignore_index=True)
+
+
+@styled
+def draw(data: pd.DataFrame) -> Figure:
+    """Draw OP and PV above their cross-correlation, for both loops."""
+    figure, axes = panels(3, 2, 7.2, 6.0, height_ratios=[1, 1, 1.6])
+    for j, (panel, part) in enumerate(data.groupby("panel", sort=False)):
+        trend = part[part.part == "trend"]
+        for i, (signal, column) in enumerate((("OP", "OP (%)"), ("PV", "PV"))):
+            axes[i, j].plot(trend["t (s)"], trend[column], color=SIGNAL[signal])
+            label(axes[i, j], "time (s)", {"OP": "OP (%)", "PV": "PV - SP (PV units)"}[signal], str(panel) if i == 0 else "")
+        found = draw_correlation(axes[2, j], part[part.part == "correlation"], "")
+        note(axes[2, j], f"Δτ = {found.dtau:.2f}, Δρ = {found.drho:.2f}")
+        axes[2, j].set_ylim(-1.15, 1.5)
+    figure.align_ylabels()
+    return figure

@@ -1,0 +1,49 @@
+"""Figure 11.15: cross-correlation of loops CHEM1 (stiction) and PAP4 (no stiction) (needs ISDB)."""
+
+from __future__ import annotations
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from detectors.signal.conditioning import band
+from detectors.signal.oscillation import find_oscillation
+from simbench.figures._correlation import correlation, draw_correlation
+from simbench.figures._records import real_loop
+from simbench.figures._style import note, panels, styled
+
+SOURCE = "Jelali (2013), Fig. 11.15 and Example 11.2; data: ISDB loops CHEM1, PAP4"
+PRINTED = {"CHEM1": (0.73, 0.40), "PAP4": (0.13, 0.0)}
+
+
+def data(isdb: str) -> pd.DataFrame:
+    """Correlate OP and PV of both loops, conditioned as the detector does.
+
+    Parameters
+    ----------
+    isdb : str or Path
+        ISDB file or folder of records.
+
+    Returns
+    -------
+    DataFrame
+        loop, lag (s), Phi (-), dtau (-), drho (-).
+    """
+    rows = []
+    for name in PRINTED:
+        record = real_loop(isdb, name, process="self-regulating")
+        period = find_oscillation(record.op, record.pv, record.Ts).period_s
+        op, pv = (band(x, period / record.Ts, 3) for x in (record.op, record.pv))
+        rows.append(correlation(op, pv, record.Ts, 2 * period).assign(loop=name))
+    return pd.concat(rows, ignore_index=True)
+
+
+@styled
+def draw(data: pd.DataFrame) -> Figure:
+    """Draw both functions with their indices and the printed ones."""
+    figure, axes = panels(1, 2, 7.2, 3.2)
+    for place, (name, part) in zip(axes[0], data.groupby("loop", sort=False)):
+        found = draw_correlation(place, part, str(name))
+        printed = PRINTED[str(name)]
+        note(place, f"Δτ = {found.dtau:.2f}, Δρ = {found.drho:.2f}\n(printed: {printed[0]:.2f}, {printed[1]:.2f})")
+        place.set_ylim(-1.15, 1.7)
+    return figure

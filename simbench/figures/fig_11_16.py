@@ -1,0 +1,61 @@
+"""Figure 11.16: three tunings of e^-s/(3s + 1) without stiction give three kinds of cross-correlation (Example 11.3).
+
+In a linear PI loop OP answers PV alone, so the phase is fixed by w Ti. The chapter prints the three verdicts in the order opposite
+to its own Eq. 11.9: phase pi is "no stiction", pi/2 is "stiction".
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from detectors.judge import judge
+from scenarios.spec import Loop
+from simbench.figures._correlation import correlation, draw_correlation
+from simbench.figures._style import VERDICT, note, panels, styled
+from simbench.loop.simulate import simulate
+
+SOURCE = "Jelali (2013), Fig. 11.16 and Example 11.3, verdicts in the order of Eq. 11.9"
+PERIOD = 60.0  # s
+CASES = {10.0: ("π", 2.0), 1.0: ("3π/4", 1.0), 0.1: ("π/2", 0.15)}  # w Ti: phase shift, Kc
+
+
+def loop(w_Ti: float, Kc: float) -> Loop:
+    """Return the healthy loop of one tuning, driven by a sine at the plant's output."""
+    return Loop.from_table(
+        {
+            "plant": {"type": "foptd", "K": 1.0, "T": 3.0, "Td": 1.0},
+            "controller": {"type": "PI", "Kc": Kc, "Ti": w_Ti * PERIOD / (2 * np.pi)},
+            "sampling": {"Ts": 0.5, "n": 4800},
+            "disturbance": [{"type": "sine", "amplitude": 2.0, "period": PERIOD, "at": "output"}],
+        }
+    )
+
+
+def data() -> pd.DataFrame:
+    """Simulate the three tunings, judge each by Horch's method and correlate its last 20 periods.
+
+    Returns
+    -------
+    DataFrame
+        w_Ti, Kc, verdict, lag (s), Phi (-), dtau (-), drho (-).
+    """
+    rows = []
+    for w_Ti, (_, Kc) in CASES.items():
+        record = simulate(loop(w_Ti, Kc)).record.window(2400, 4800)
+        verdict = judge(record, ["horch"])[0].verdict
+        rows.append(correlation(record.op, record.pv, record.Ts, 75.0).assign(w_Ti=w_Ti, Kc=Kc, verdict=verdict))
+    return pd.concat(rows, ignore_index=True)
+
+
+@styled
+def draw(data: pd.DataFrame) -> Figure:
+    """Draw the three cross-correlations with their verdicts."""
+    figure, axes = panels(1, 3, 8.4, 3.1, sharey=True)
+    for place, (w_Ti, part) in zip(axes[0], data.groupby("w_Ti", sort=False)):
+        found = draw_correlation(place, part, f"phase shift {CASES[float(str(w_Ti))][0]}  ($ωT_i$ = {w_Ti:g})")
+        note(place, f"Δτ = {found.dtau:.2f}, Δρ = {found.drho:.2f}\nHorch: {VERDICT[part.verdict.iloc[0]]}")
+        place.set_ylim(-1.15, 1.7)
+        place.label_outer()
+    return figure
