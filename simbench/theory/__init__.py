@@ -1,0 +1,1 @@
+"""What should happen? Describing functions, the exact cycle of the sampled loop, the chapter's tables."""

@@ -1,0 +1,95 @@
+"""Which kicks start the limit cycle: scan, then bisection."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from simbench.theory.cycle import ExactCycle, at_rest
+from simbench.theory.march import reversals
+from simbench.theory.sampled import SampledLoop
+
+RATIO = 1.02  # of neighbouring kicks in the scan
+ROUNDS = 14  # blocks of half cycles a kick may take to settle
+BLOCK = 30
+
+
+def starts_cycle(loop: SampledLoop, cycle: ExactCycle, kick: float) -> bool:
+    """Whether a loop at rest ends in its limit cycle when OP is offset by `kick` at sample 0.
+
+    Parameters
+    ----------
+    loop : SampledLoop
+        Plant, controller and valve.
+    cycle : ExactCycle
+        The cycle in question.
+    kick : float
+        Offset of OP (%); a PI controller keeps it as its integral, a P controller forgets it after one sample.
+
+    Returns
+    -------
+    bool
+
+    Examples
+    --------
+    >>> from scenarios.spec import Loop
+    >>> from simbench.theory.cycle import exact_cycle
+    >>> from simbench.theory.sampled import sampled_loop
+    >>> loop = sampled_loop(Loop.from_table({
+    ...     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
+    ...     "controller": {"type": "PI", "Kc": 1, "Ti": 10},
+    ...     "valve": {"model": "choudhury", "S": 5, "J": 2},
+    ...     "sampling": {"Ts": 0.5}}))
+    >>> cycle = exact_cycle(loop)
+    >>> starts_cycle(loop, cycle, 3.4), starts_cycle(loop, cycle, 3.9)
+    (False, True)
+    """
+    state = at_rest(loop, kick)
+    if state[1][4] == 0.0:
+        return False  # the valve does not even move
+    near = 0
+    for _ in range(ROUNDS):
+        run = reversals(loop, *state, BLOCK)
+        if run.stalled or run.count < BLOCK:
+            return False
+        half = (run.sample[-1] - run.sample[0]) / (run.count - 1) * loop.Ts
+        swing = np.abs(np.diff(run.stop)).mean()
+        near = near + 1 if abs(2 * half / cycle.period - 1) < 0.15 and abs(swing / cycle.swing - 1) < 0.25 else 0
+        if near == 2:
+            return True
+    return False
+
+
+def kick_min(loop: SampledLoop, cycle: ExactCycle) -> float | None:
+    """Return the smallest kick (%) that starts the limit cycle from rest, or None when none within the limits of OP does.
+
+    Parameters
+    ----------
+    loop : SampledLoop
+        Plant, controller and valve.
+    cycle : ExactCycle
+        Its limit cycle.
+
+    Returns
+    -------
+    float or None
+
+    Notes
+    -----
+    The scan grows by 2 % from the break-away S/2 + J/2, below which nothing moves. A start counts when the next kick of the
+    scan starts the cycle too: the basin of an irregular cycle has fringes of isolated kicks, which no one could apply
+    on purpose. Larger kicks may fail again.
+    """
+    if not 0 < loop.fs < loop.hi:
+        return None
+    scan = loop.fs * 1.0005 * RATIO ** np.arange(int(np.log(loop.hi / loop.fs) / np.log(RATIO)) + 1)
+    before = False
+    for i, kick in enumerate(scan):
+        now = starts_cycle(loop, cycle, kick)
+        if now and before:
+            low, high = (scan[i - 2] if i > 1 else loop.fs), scan[i - 1]
+            while high - low > 1e-3 * high:
+                middle = 0.5 * (low + high)
+                low, high = (low, middle) if starts_cycle(loop, cycle, middle) else (middle, high)
+            return float(high)
+        before = now
+    return None

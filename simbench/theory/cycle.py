@@ -1,0 +1,195 @@
+"""The exact limit cycle of the sampled loop: found by its switching times, averaged by marching from there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from detectors.errors import ParameterError
+from scenarios.spec import Loop
+from simbench.loop.parameters import VALVES, valve_parameters
+from simbench.loop.simulate import Start
+from simbench.theory.half_cycle import HalfCycle, half_cycles
+from simbench.theory.march import reversals
+from simbench.theory.sampled import SampledLoop, sampled_loop
+
+BLOCK = 100  # half cycles averaged at a time; two blocks must agree
+STEADY = 0.005  # relative difference of two blocks that counts as agreement
+BLOCKS = 16
+
+# Why marching at all: inside one pattern (m, n) of whole samples the return map expands by about S/p (p the half swing of
+# the valve), because a later break-away makes a larger jump. The cycle of the sampled loop is therefore irregular when
+# S > J, wandering around the mean cycle of `half_cycle` by about one sample; its period is an average.
+
+
+@dataclass(frozen=True, eq=False)
+class ExactCycle:
+    """The sustained oscillation of a sampled loop without noise and disturbance.
+
+    Parameters
+    ----------
+    period : float
+        Mean time (s) between every second reversal of the valve.
+    amplitude : float
+        Mean half peak-to-peak of OP over a cycle (%).
+    swing : float
+        Mean distance (%) between the valve's turning points.
+    irregularity : float
+        Standard deviation of the half period over its mean.
+    multiplier : float or None
+        Growth of a deviation per half cycle, of the mean cycle; None when it was found by marching alone.
+    state : tuple
+        (x, s, past) as `simbench.theory.march` takes it, on the cycle.
+    """
+
+    period: float
+    amplitude: float
+    swing: float
+    irregularity: float
+    multiplier: float | None
+    state: tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+def exact_cycle(loop: SampledLoop) -> ExactCycle | None:
+    """Return the limit cycle of a sampled loop, or None when nothing keeps cycling.
+
+    Parameters
+    ----------
+    loop : SampledLoop
+        Plant, controller, limits and valve in deviations from rest.
+
+    Returns
+    -------
+    ExactCycle or None
+
+    Notes
+    -----
+    The march starts on the symmetric cycles that reproduce themselves (`half_cycles`), the attracting ones first; when
+    none persists, from a ladder of load steps. A cycle between the limits of OP is found in the same way. Not for loops
+    whose valve moves differently from the two-parameter map in its moving phase (He's, a Stribeck valve on slow ramps):
+    there it is an approximation.
+
+    Examples
+    --------
+    >>> loop = Loop.from_table({
+    ...     "plant": {"type": "integrating", "K": 0.1, "Td": 2},
+    ...     "controller": {"type": "P", "Kc": 2},
+    ...     "valve": {"model": "choudhury", "S": 5, "J": 5},
+    ...     "sampling": {"Ts": 0.02}})
+    >>> cycle = exact_cycle(sampled_loop(loop))
+    >>> round(cycle.period, 1), round(cycle.amplitude, 2)
+    (20.8, 3.13)
+    """
+    if loop.fs == 0:
+        return None
+    halves = sorted(half_cycles(loop), key=lambda h: h.multiplier)
+    for half in halves:
+        cycle = settled(loop, on_half_cycle(loop, half), half.multiplier)
+        if cycle is not None:
+            return cycle
+    for state in _load_steps(loop):
+        cycle = settled(loop, state, None)
+        if cycle is not None:
+            return cycle
+    return None
+
+
+def on_half_cycle(loop: SampledLoop, half: HalfCycle) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the state one sample before the valve of a symmetric cycle breaks away downwards."""
+    s = np.array([half.op, loop.C @ half.x, half.mv, 1.0, 0.0])
+    return half.x.copy(), s, np.full(loop.delay + 2, half.mv)
+
+
+def at_rest(loop: SampledLoop, kick: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the state at sample 0 of a loop at rest in mid-band whose OP is offset by `kick` (%)."""
+    op = min(max(kick, loop.lo), loop.hi)
+    side = np.sign(op) if abs(op) > loop.fs else 0.0
+    mv = op - side * loop.fd if side else 0.0
+    past = np.zeros(loop.delay + 2)
+    past[-1] = mv
+    return np.zeros(loop.order), np.array([op, 0.0, mv, side, abs(side)]), past
+
+
+def settled(loop: SampledLoop, state: tuple, multiplier: float | None) -> ExactCycle | None:
+    """March from a state until two blocks of half cycles agree; None when the valve comes to rest or its swing dies."""
+    x, s, past = (a.copy() for a in state)
+    means: list[np.ndarray] = []
+    for _ in range(BLOCKS):
+        run = reversals(loop, x, s, past, BLOCK)
+        if run.count < BLOCK:
+            return None
+        halves, swing = np.diff(run.sample), float(np.abs(np.diff(run.stop)).mean())
+        if swing < max(loop.J / 2, loop.S / 20):
+            return None
+        means.append(np.array([halves.mean(), np.abs(np.diff(run.extreme)).mean() / 2, swing]))
+        # the first block is the transient
+        if len(means) > 2 and np.all(np.abs(means[-1] / means[-2] - 1) < STEADY):
+            break
+    else:
+        if loop.J == 0 and means[-1][2] < means[-2][2]:
+            return None  # without a slip jump nothing stops the swing from fading away
+    half, amplitude, swing = (float(value) for value in (means[-1] + means[-2]) / 2)
+    irregularity = float(halves.std() / halves.mean())
+    return ExactCycle(2 * half * loop.Ts, amplitude, swing, irregularity, multiplier, (x, s, past))
+
+
+def _load_steps(loop: SampledLoop) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    # valve and OP away from the balance by the size of a load step, PV still where it was
+    values, vectors = np.linalg.eig(loop.A)
+    slow = np.real(vectors[:, np.argmax(np.abs(values))])
+    for size in (0.4, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0):
+        v = size * loop.fs
+        w = 0.0 if loop.integral else -v
+        yield slow * (w / (loop.C @ slow)), np.array([v, w, v, 0.0, 0.0]), np.full(loop.delay + 2, v)
+
+
+def cycle_start(loop: Loop) -> Start:
+    """Return where a simulation must begin to be on the loop's limit cycle: the valve has just stopped.
+
+    Parameters
+    ----------
+    loop : Loop
+        First-order or integrating plant, one valve with a mapped (S, J).
+
+    Returns
+    -------
+    Start
+        For `simbench.loop.simulate.simulate`.
+
+    Raises
+    ------
+    ParameterError
+        When the loop has no cycle, or a plant or valve of more than one stage.
+
+    Examples
+    --------
+    >>> loop = Loop.from_table({
+    ...     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
+    ...     "controller": {"type": "PI", "Kc": 1, "Ti": 10},
+    ...     "valve": {"model": "choudhury", "S": 5, "J": 2},
+    ...     "sampling": {"Ts": 0.5}})
+    >>> abs(cycle_start(loop).op - 50.0) < 3.0
+    True
+    """
+    sampled = sampled_loop(loop)
+    cycle = exact_cycle(sampled)
+    if cycle is None:
+        raise ParameterError("cycle_start: this loop has no limit cycle to start on")
+    if sampled.order != 1 or loop.effect:
+        raise ParameterError("cycle_start: only a first-order or integrating plant without effects can start there")
+    x, s, past = (a.copy() for a in cycle.state)
+    while s[4] == 1.0:  # the march ends where the valve breaks away: let it come to its stop
+        reversals(sampled, x, s, past, 1, most=1)
+    op0, op, w, mv = loop.operating_point.op0, *(float(value) for value in s[:3])
+    module = VALVES.load(loop.valve.name)
+    p = valve_parameters(module, loop.valve.parameters, sampled.Ts)
+    ahead = sampled.A @ x + sampled.B_old * past[0] + sampled.B_new * past[1]
+    return Start(
+        op=op0 + op,
+        error=loop.setpoint.value - loop.pv0 - w / sampled.gain,
+        pv=loop.pv0 + float(sampled.C @ ahead) / sampled.gain,
+        valve=module.step(op0 + op, module.start(op0 + mv, p), p),
+        mv=tuple(op0 + past[1:]),
+    )

@@ -1,0 +1,283 @@
+"""Describing functions of the valve maps, their -1/N curves, and where these meet the loop's Nyquist curve."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import PchipInterpolator
+from scipy.optimize import root
+
+from detectors.errors import ParameterError
+from simbench.loop.response import valve_response
+from simbench.theory.sampled import SampledLoop
+
+
+@dataclass(frozen=True, eq=False)
+class DescribingFunction:
+    """Gain of a valve map for the fundamental of a sine of amplitude A (%), from `low` to `high`.
+
+    Parameters
+    ----------
+    N : callable
+        A (%) -> complex gain.
+    low, high : float
+        Amplitudes (%) between which N is known and not 0.
+    """
+
+    N: Callable[[np.ndarray], np.ndarray]
+    low: float
+    high: float
+
+    def critical(self, A: ArrayLike) -> np.ndarray:
+        """Return -1/N(A), the curve that the Nyquist curve must meet for a limit cycle."""
+        return -1 / self.N(np.asarray(A, dtype=float))
+
+
+@dataclass(frozen=True)
+class Intersection:
+    """A limit cycle predicted by the describing function.
+
+    Parameters
+    ----------
+    period : float
+        s.
+    amplitude : float
+        Of the fundamental of OP (%).
+    stable : bool
+        Whether a small change of the amplitude dies out.
+    """
+
+    period: float
+    amplitude: float
+    stable: bool
+
+
+def stiction(S: float, J: float) -> DescribingFunction:
+    """Describing function of the two-parameter stiction map; J = 0 is the dead-band.
+
+    Parameters
+    ----------
+    S, J : float
+        Dead-band plus stick band, and slip jump (%), S > 0.
+
+    Returns
+    -------
+    DescribingFunction
+        For A >= S/2; a smaller sine does not move the valve in its cycle.
+
+    Notes
+    -----
+    Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13, 641, whose form is N = -(P_re - j P_im)/(pi A)
+    (the chapter's Eqs. 11.1 and 11.2 lost the signs). Not for other maps with the same S and J: He's valve, which stops at
+    every sample, or one that stops on its way.
+
+    Examples
+    --------
+    >>> print(f"{stiction(5.0, 2.5).N(5.0):.4f}")
+    0.8183-0.3183j
+    """
+    if not (S > 0 and J >= 0):
+        raise ParameterError(f"describing function: S = {S}, J = {J}; S > 0 and J >= 0 are needed")
+    fd = 0.5 * (S - J)
+
+    # u = A sin(t). Past its top at t = pi/2 the valve stands at v = A - fd, until u has come down by S: t = pi - phi with
+    # sin(phi) = (A - S)/A. Then it moves with v = A sin(t) + fd down to t = 3 pi/2, and the other half mirrors this one:
+    #   b = 2/pi int v sin = 2/pi [(A - 2 fd) cos(phi) + A/2 (pi/2 + phi - sin(phi) cos(phi))]
+    #   a = 2/pi int v cos = 2/pi [A (sin(phi) - 1) - 2 fd sin(phi) + A/2 cos(phi)^2],     N = (b + j a)/A
+    def N(A):
+        sin = np.clip((A - S) / A, -1.0, 1.0)
+        phi, cos = np.arcsin(sin), np.sqrt(1 - sin**2)
+        b = (A - 2 * fd) * cos + 0.5 * A * (np.pi / 2 + phi - sin * cos)
+        a = A * (sin - 1) - 2 * fd * sin + 0.5 * A * cos**2
+        return 2 / np.pi * (b + 1j * a) / A
+
+    return DescribingFunction(N, 0.5 * S, np.inf)
+
+
+def deadzone(D: float) -> DescribingFunction:
+    """Describing function of a dead-zone around the operating point.
+
+    Parameters
+    ----------
+    D : float
+        Width (%), > 0.
+
+    Returns
+    -------
+    DescribingFunction
+        Real and below 1, for A > D/2.
+
+    Notes
+    -----
+    Gelb and Vander Velde (1968), Multiple-Input Describing Functions, table B. -1/N runs along the real axis left of -1, so
+    that a stable loop never meets it. Not for a zone away from the operating point.
+
+    Examples
+    --------
+    >>> print(f"{deadzone(2.0).N(2.0).real:.4f}")
+    0.3910
+    """
+    if not D > 0:
+        raise ParameterError(f"describing function: D = {D}; a width above 0 is needed")
+
+    # v = A sin(t) - D/2 where A sin(t) > D/2 = A sin(t1), so N = 4/(pi A) int_t1^{pi/2} (A sin t - D/2) sin t dt
+    def N(A):
+        x = np.minimum(0.5 * D / A, 1.0)
+        return (1 - 2 / np.pi * (np.arcsin(x) + x * np.sqrt(1 - x**2))).astype(complex)
+
+    return DescribingFunction(N, 0.5 * D, np.inf)
+
+
+def first_harmonic(
+    model: str, parameters: Mapping[str, Any], A: ArrayLike, *, period: float = 100.0, samples: int = 1000, centre: float = 50.0
+) -> np.ndarray:
+    """Measure the describing function of any valve model: the fundamental of MV under a sine of OP.
+
+    Parameters
+    ----------
+    model : str
+        Valve model.
+    parameters : mapping
+        Its parameters.
+    A : array_like, shape (n,)
+        Amplitudes (%), below the distance of `centre` from the ends of travel.
+    period : float
+        Of the sine (s); matters for models with time of their own.
+    samples : int
+        Samples per period; matters for models that stop at every sample (He, Stenman).
+    centre : float
+        Mean of OP (%).
+
+    Returns
+    -------
+    ndarray, shape (n,), complex
+        MV's fundamental over OP's.
+
+    Notes
+    -----
+    A sine between S/2 and S/2 + J/2 has two steady answers, rest and full cycle; a first period with a larger amplitude
+    selects the cycle. Error about 0.2 times J over A per 1000 samples at the jumps.
+
+    Examples
+    --------
+    >>> N = first_harmonic("deadband", {"S": 5.0}, [5.0])
+    >>> bool(abs(N - stiction(5.0, 0.0).N(5.0)) < 1e-3)
+    True
+    """
+    A = np.atleast_1d(np.asarray(A, dtype=float))
+    t = 2 * np.pi * np.arange(4 * samples) / samples
+    wave = np.exp(-1j * t[-samples:])
+    out = np.empty(A.size, dtype=complex)
+    for i, a in enumerate(A):
+        large = min(2 * a + 10, min(centre, 100 - centre))
+        # the amplitude comes down over the second period, without a jump of OP
+        size = a + (large - a) * np.clip(2 - t / (2 * np.pi), 0, 1)
+        mv = valve_response(model, centre + size * np.sin(t), parameters, period / samples)
+        out[i] = 2j / a * np.mean((mv[-samples:] - centre) * wave)
+    return out
+
+
+def measured(model: str, parameters: Mapping[str, Any], **settings: Any) -> DescribingFunction:
+    """Describing function of any valve model, measured at 80 amplitudes and interpolated.
+
+    Parameters
+    ----------
+    model : str
+        Valve model.
+    parameters : mapping
+        Its parameters.
+    **settings
+        For `first_harmonic`.
+
+    Returns
+    -------
+    DescribingFunction
+        From the smallest amplitude that moves the valve up to 49 %.
+
+    Examples
+    --------
+    >>> bool(abs(measured("stenman", {"d": 3.0}).N(10.0)) > 0.9)
+    True
+    """
+    A = np.geomspace(0.05, 49.0, 80)
+    N = first_harmonic(model, parameters, A, **settings)
+    moves = np.nonzero(np.abs(N) < 1e-6)[0]
+    first = moves[-1] + 1 if moves.size else 0
+    if first > A.size - 2:
+        raise ParameterError(f"describing function: valve {model!r} does not move under a sine of {A[-1]:g} %")
+    x, re, im = np.log(A[first:]), N.real[first:], N.imag[first:]
+    real, imag = PchipInterpolator(x, re), PchipInterpolator(x, im)
+    return DescribingFunction(lambda a: real(np.log(a)) + 1j * imag(np.log(a)), float(A[first]), float(A[-1]))
+
+
+def intersections(loop: SampledLoop, valve: DescribingFunction) -> list[Intersection]:
+    """Find all limit cycles that the describing function predicts: L(e^(j w Ts)) N(A) = -1.
+
+    Parameters
+    ----------
+    loop : SampledLoop
+        Its frequency response includes dead time, hold and sampled controller.
+    valve : DescribingFunction
+        Of its valve.
+
+    Returns
+    -------
+    list of Intersection
+        Shortest period first.
+
+    Notes
+    -----
+    Real and imaginary part of L N + 1 change sign in a cell of a grid in log frequency and log(A/low - 1); from there
+    Newton's method. Qualitative: OP is a triangle rather than a sine, periods are off by -22 to +38 %, and cycles exist
+    (PI with Ti > T + Td) where the curves do not meet. For numbers see `simbench.theory.cycle`.
+
+    Examples
+    --------
+    >>> from scenarios.spec import Loop
+    >>> from simbench.theory.sampled import sampled_loop
+    >>> loop = sampled_loop(Loop.from_table({
+    ...     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
+    ...     "controller": {"type": "PI", "Kc": 1, "Ti": 10},
+    ...     "valve": {"model": "choudhury", "S": 5, "J": 2},
+    ...     "sampling": {"Ts": 0.02}}))
+    >>> [found] = intersections(loop, stiction(5.0, 2.0))
+    >>> round(found.period, 1), round(found.amplitude, 3), found.stable
+    (122.9, 2.507, True)
+    """
+    w = np.geomspace(1e-5 / loop.time, 0.999 * np.pi / loop.Ts, 500)
+    top = min(1e3, valve.high / valve.low - 1)
+    a = np.geomspace(1e-6, top, 240)
+    F = 1 + loop.response(w)[:, None] * valve.N(valve.low * (1 + a))[None, :]
+
+    def brackets(part):
+        corners = np.stack([part[:-1, :-1], part[1:, :-1], part[:-1, 1:], part[1:, 1:]])
+        return (corners.min(axis=0) <= 0) & (corners.max(axis=0) >= 0)
+
+    def gap(x):
+        F = 1 + loop.response(np.exp(x[0])) * valve.N(np.asarray(valve.low * (1 + np.exp(x[1]))))
+        return [float(F.real), float(F.imag)]
+
+    found: list[Intersection] = []
+    for i, j in zip(*np.nonzero(brackets(F.real) & brackets(F.imag))):
+        start = [0.5 * np.log(w[i] * w[i + 1]), 0.5 * np.log(a[j] * a[j + 1])]
+        solved = root(gap, start)
+        near = np.abs(solved.x - start) < [1.0, 1.5]
+        if not (solved.success and near.all() and max(map(abs, solved.fun)) < 1e-8):
+            continue
+        period, A = 2 * np.pi / np.exp(solved.x[0]), valve.low * (1 + np.exp(solved.x[1]))
+        if all(abs(np.log(period / f.period)) > 1e-6 for f in found):
+            found.append(Intersection(float(period), float(A), _attracts(loop, valve, 2 * np.pi / period, float(A))))
+    return sorted(found, key=lambda f: f.period)
+
+
+def _attracts(loop: SampledLoop, valve: DescribingFunction, w: float, A: float) -> bool:
+    # Loeb: 1 + N(A) L(s) = 0 stays true when A grows by dA if s moves by ds = -(dN/dA L)/(N dL/ds) dA, with dL/ds = -j dL/dw;
+    # the cycle attracts when a larger amplitude decays, Re ds < 0
+    h = 1e-5
+    dN = (valve.N(np.asarray(A * (1 + h))) - valve.N(np.asarray(A * (1 - h)))) / (2 * A * h)
+    dL = (loop.response(w * (1 + h)) - loop.response(w * (1 - h))) / (2 * w * h)
+    return bool((-(dN * loop.response(w)) / (valve.N(np.asarray(A)) * -1j * dL)).real < 0)

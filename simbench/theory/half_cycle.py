@@ -1,0 +1,220 @@
+"""The symmetric half cycle of the sampled loop: switching times that reproduce themselves, and their stability."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from simbench.theory.march import reversals
+from simbench.theory.sampled import SampledLoop
+
+# Derivation. The valve breaks away downwards, moves for m samples and then stands for n samples until it breaks away
+# upwards. Between these instants the loop is linear, so the state z = (x, OP, v) one sample before a break-away goes to
+# the next one by an affine map Y(m, n), and a symmetric cycle is z -> -z. While the valve stands and the dead time has
+# passed, one sample is a fixed matrix T, so that n enters as the power T^q, q = n - delay - 2.
+# A sampled valve breaks away at the first sample beyond the threshold, half a sample late on average: in the mean cycle
+# the OPs just before and just after the break-away lie on average at the distance fs from v. This makes n a real number
+# (states between two samples by interpolation). For J = S the map has no constant term and only the threshold fixes the
+# size of the cycle; so the threshold takes the place of the row of v in z -> -z, and that row is the residual whose
+# zeros in n are sought. m follows from OP, which must turn after m samples: iterated until it does.
+
+
+@dataclass(frozen=True, eq=False)
+class HalfCycle:
+    """A symmetric cycle: the valve moves for `m` samples, stands for `n`, and all repeats with the opposite sign.
+
+    Parameters
+    ----------
+    n, m : float, int
+        Samples the valve stands and moves.
+    x : ndarray
+        Plant state one sample before the valve breaks away downwards.
+    op, mv : float
+        OP and MV (%, deviations) at that sample.
+    amplitude : float
+        Half peak-to-peak of OP (%).
+    multiplier : float
+        Factor by which a small deviation grows over one half cycle, averaged over where in the sample the switching falls.
+    """
+
+    n: float
+    m: int
+    x: np.ndarray
+    op: float
+    mv: float
+    amplitude: float
+    multiplier: float
+
+    @property
+    def samples(self) -> float:
+        """Length of the half cycle in samples."""
+        return float(self.n + self.m)
+
+    @property
+    def stable(self) -> bool:
+        """Whether the cycle attracts."""
+        return self.multiplier < 1.0
+
+
+def half_cycles(loop: SampledLoop) -> list[HalfCycle]:
+    """Find the symmetric cycles of a loop, shortest first.
+
+    Parameters
+    ----------
+    loop : SampledLoop
+        Plant, controller and valve in deviations from rest.
+
+    Returns
+    -------
+    list of HalfCycle
+        Empty when there is none. Cycles that reach a limit of OP, whose valve stops on its way, or whose valve stands for
+        less than the dead time are not of this form; `simbench.theory.cycle` finds them by marching.
+
+    Notes
+    -----
+    For L(s) = k e^(-Td s)/s and Ts -> 0 this gives P = 2 S/(k p) + 2 Td + k Td^2 and half peak-to-peak S/2 + k p Td/2 of OP,
+    with p = J/(2 - k Td).
+
+    Examples
+    --------
+    >>> from scenarios.spec import Loop
+    >>> from simbench.theory.sampled import sampled_loop
+    >>> loop = Loop.from_table({
+    ...     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
+    ...     "controller": {"type": "PI", "Kc": 1, "Ti": 10},
+    ...     "valve": {"model": "choudhury", "S": 5, "J": 2},
+    ...     "sampling": {"Ts": 0.02}})
+    >>> [half] = half_cycles(sampled_loop(loop))
+    >>> round(2 * half.samples * 0.02, 1), round(half.amplitude, 2), half.stable
+    (94.3, 2.61, True)
+    """
+    found: list[HalfCycle] = []
+    tried: set[int] = set()
+    m = loop.delay + 1  # OP turns when the dead time has passed, or later in a slow loop
+    while loop.fs > 0 and m not in tried and m < loop.patience:
+        tried.add(m)
+        turns = []
+        for half in _with_moving_samples(loop, m):
+            length, turn, top = _one_half(loop, half)
+            turns.append(turn)
+            if abs(turn - m) <= 1 and abs(length - half.samples) <= 2:
+                known = any(abs(h.samples - half.samples) <= 3 for h in found)
+                found += [] if known else [HalfCycle(half.n, m, half.x, half.op, half.mv, top, half.multiplier)]
+        m = next((t for t in turns if t not in tried), m)
+    return sorted(found, key=lambda h: h.samples)
+
+
+def _with_moving_samples(loop: SampledLoop, m: int) -> Iterator[HalfCycle]:
+    c = loop.order + 2
+    head = np.zeros((c, c + 1))  # of z one sample before break-away and of 1: state after the move and the dead time
+    _move(loop.A, loop.B_old, loop.B_new, loop.C, loop.integral, loop.beta, loop.fd, loop.delay, m, head)
+    T = standing(loop)
+    waits = np.unique(np.geomspace(1, loop.patience, 160).astype(np.int64)) - 1
+    powers = [T]
+    while 2 ** len(powers) <= 2 * waits[-1] + 4:
+        powers.append(powers[-1] @ powers[-1])
+
+    def solve(q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the residual, z and Y for whole numbers `q` of samples after the head."""
+        Y = np.repeat(head[None], len(q), axis=0)
+        for bit, power in enumerate(powers):
+            on = (q >> bit) & 1 == 1
+            Y[on] = power @ Y[on]
+        mirrored = Y + np.eye(c, c + 1)
+        threshold = -0.5 * (Y[:, -2] + (T @ Y)[:, -2])  # mean OP around the break-away that began the half cycle
+        threshold[:, -2] -= 1.0
+        threshold[:, -1] += loop.fs
+        rows = np.concatenate([mirrored[:, :-1], threshold[:, None]], axis=1)
+        rows[np.linalg.det(rows[:, :, :-1]) == 0] = np.nan  # no cycle of this length
+        z = np.linalg.solve(rows[:, :, :-1], -rows[:, :, -1:])[:, :, 0]
+        return (mirrored[:, -1, :-1] * z).sum(axis=1) + mirrored[:, -1, -1], z, Y
+
+    residual = solve(waits)[0]
+    for i in np.nonzero(residual[:-1] * residual[1:] < 0)[0]:
+        low, high = int(waits[i]), int(waits[i + 1])
+        while high - low > 1:
+            middle = (low + high) // 2
+            same = solve(np.array([middle]))[0][0] * residual[i] > 0
+            low, high = (middle, high) if same else (low, middle)
+        at, z, Y = solve(np.array([low, low + 1]))
+        part = at[0] / (at[0] - at[1])
+        state = z[0] + part * (z[1] - z[0])
+        n = float(loop.delay + 2 + low + part)
+        multiplier = _multiplier(Y[0] + part * (Y[1] - Y[0]), T, state)
+        yield HalfCycle(n, m, state[:-2], float(state[-2]), float(state[-1]), np.nan, multiplier)
+
+
+def _multiplier(Y: np.ndarray, T: np.ndarray, z: np.ndarray) -> float:
+    # a deviation of z moves the next break-away in time: dn/dz from the threshold there, then the total derivative
+    growth = T @ Y - Y
+    threshold = 0.5 * (Y[-2] + (T @ Y)[-2]) - Y[-1]
+    rise = 0.5 * (growth[-2] + (T @ growth)[-2])
+    speed = rise[:-1] @ z + rise[-1]
+    later = -threshold[:-1] / speed if speed != 0 else np.full(z.size, np.inf)
+    total = Y[:, :-1] + np.outer(growth[:, :-1] @ z + growth[:, -1], later)
+    return float(np.abs(np.linalg.eigvals(total)).max()) if np.isfinite(total).all() else np.inf
+
+
+def standing(loop: SampledLoop) -> np.ndarray:
+    """Return the matrix that advances (x, OP, v) by one sample while the valve stands at v."""
+    order = loop.order
+    T = np.zeros((order + 2, order + 2))
+    T[:order, :order] = loop.A
+    T[:order, -1] = loop.B_old + loop.B_new
+    T[-1, -1] = 1.0
+    w = loop.C @ T[:order]
+    T[-2] = -w
+    if loop.integral:
+        T[-2] -= loop.beta * w
+        T[-2, :order] += loop.C
+        T[-2, -2] = 1.0
+    return T
+
+
+def _one_half(loop: SampledLoop, half: HalfCycle) -> tuple[int, int, float]:
+    """Run the sampled loop through the half cycle: its samples, moving samples and extreme of OP (0, 0 when it rests)."""
+    s = np.array([half.op, loop.C @ half.x, half.mv, 1.0, 0.0])
+    past = np.full(loop.delay + 2, half.mv)
+    run = reversals(loop, half.x.copy(), s, past, 2, most=int(4 * half.samples) + 100)
+    if run.count < 2 or run.sample[0] > 2:
+        return 0, loop.delay + 1, np.nan
+    return int(run.sample[1] - run.sample[0]), int(run.moved[1]), -float(run.extreme[1])
+
+
+@njit(cache=True)
+def _move(A, B_old, B_new, C, integral, beta, fd, delay, m, out):
+    """Fill `out` with the state m + delay + 2 samples after z, as rows over the columns of z and 1."""
+    order, columns = A.shape[0], out.shape[1]
+    x, fresh, v = np.zeros(order), np.zeros(order), np.zeros(m + 1)
+    for column in range(columns):
+        x[:] = 0.0
+        u = v[0] = w = 0.0
+        if column < order:
+            x[column] = 1.0
+            w = C[column]
+        elif column == order:
+            u = 1.0
+        elif column == order + 1:
+            v[0] = 1.0
+        constant = fd if column == columns - 1 else 0.0
+        for k in range(1, m + delay + 3):
+            new = v[min(max(k - 1 - delay, 0), m)]
+            old = v[min(max(k - 2 - delay, 0), m)]
+            y = 0.0
+            for i in range(order):
+                fresh[i] = B_old[i] * old + B_new[i] * new
+                for j in range(order):
+                    fresh[i] += A[i, j] * x[j]
+                y += C[i] * fresh[i]
+            for i in range(order):
+                x[i] = fresh[i]
+            u = u - (y - w) - beta * y if integral else -y
+            w = y
+            if k <= m:
+                v[k] = u + constant
+        out[:order, column] = x
+        out[order, column] = u
+        out[order + 1, column] = v[m]

@@ -1,0 +1,139 @@
+"""The sampled loop without noise, marched from one reversal of the valve to the next; compiled."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+ENDED, STALLED, SPENT = 0, 1, 2
+
+
+@njit(cache=True)
+def march(plant, control, valve, x, s, past, n_max, stall, samples, extreme, stop, moved):
+    """Advance the loop in place until `samples` is full of reversals, the valve stalls, or `n_max` samples are spent.
+
+    `plant` = (A, B_old, B_new, C), scaled so that C x is what the controller subtracts from OP; `control` = (integral, beta,
+    lo, hi); `valve` = (fs, fd). `s` = [OP, C x, v, direction, moving]; `past` = the last delay + 2 valve positions, newest
+    last. Per reversal: the sample of the break-away, and of the half cycle that it ends the extreme of OP, the position where
+    the valve stopped, and the number of samples from break-away to the last stop.
+    All positions are deviations from rest in %. Returns (reversals, samples, how it ended).
+    """
+    A, B_old, B_new, C = plant
+    integral, beta, lo, hi = control
+    fs, fd = valve
+    order = x.shape[0]
+    depth = past.shape[0]
+    fresh = x.copy()
+    u, w, v, direction, moving = s[0], s[1], s[2], s[3], s[4]
+    top = bottom = u
+    found, last, newest = 0, 0, depth - 1
+    k, how, stood = 0, SPENT, 0
+    while k < n_max:
+        k += 1
+        new = past[(newest + 2) % depth]
+        old = past[(newest + 1) % depth]
+        y = 0.0
+        for i in range(order):
+            fresh[i] = B_old[i] * old + B_new[i] * new
+            for j in range(order):
+                fresh[i] += A[i, j] * x[j]
+            y += C[i] * fresh[i]
+        for i in range(order):
+            x[i] = fresh[i]
+        before = u
+        u = u - (y - w) - beta * y if integral else -y
+        u = min(max(u, lo), hi)
+        w = y
+        if moving == 1.0 and (u - before) * direction <= 0.0:
+            moving = 0.0
+            stood = k
+        if moving == 0.0 and abs(u - v) > fs:
+            side = 1.0 if u > v else -1.0
+            moving = 1.0
+            if side != direction:
+                samples[found] = k
+                extreme[found] = top if side < 0.0 else bottom
+                stop[found] = v
+                moved[found] = stood - last
+                found += 1
+                last = k
+                direction = side
+                top = bottom = before
+        if moving == 1.0:
+            v = min(max(u - direction * fd, lo), hi)
+        top = max(top, u)
+        bottom = min(bottom, u)
+        newest = (newest + 1) % depth
+        past[newest] = v
+        if found == samples.shape[0]:
+            how = ENDED
+            break
+        if k - last > stall:
+            how = STALLED
+            break
+    s[0], s[1], s[2], s[3], s[4] = u, w, v, direction, moving
+    turned = past.copy()
+    for i in range(depth):
+        past[i] = turned[(newest + 1 + i) % depth]
+    return found, k, how
+
+
+@dataclass(frozen=True, eq=False)
+class Reversals:
+    """Where the valve turned in a marched loop; arrays over the `count` half cycles that ended.
+
+    Parameters
+    ----------
+    sample : ndarray
+        Sample of the break-away into the other direction.
+    extreme : ndarray
+        Largest (moving up) or smallest OP (%) of the half cycle that ended there.
+    stop : ndarray
+        Position (%) where the valve had stopped.
+    moved : ndarray
+        Samples from the half cycle's own break-away to its last stop.
+    samples : int
+        Length of the march.
+    stalled : bool
+        Whether the valve stopped reversing.
+    """
+
+    sample: np.ndarray
+    extreme: np.ndarray
+    stop: np.ndarray
+    moved: np.ndarray
+    samples: int
+    stalled: bool
+
+    @property
+    def count(self) -> int:
+        """Number of reversals."""
+        return len(self.sample)
+
+
+def reversals(loop, x: np.ndarray, s: np.ndarray, past: np.ndarray, count: int, most: int = 2**62) -> Reversals:
+    """March a loop until its valve has reversed `count` times.
+
+    Parameters
+    ----------
+    loop : SampledLoop
+        Plant, controller and valve.
+    x, s, past : ndarray
+        State as `march` takes it; advanced in place.
+    count : int
+        Reversals wanted.
+    most : int
+        Samples after which to give up.
+
+    Returns
+    -------
+    Reversals
+    """
+    arrays = np.zeros((4, count))
+    found, samples, how = march(
+        (loop.A, loop.B_old, loop.B_new, loop.C), (loop.integral, loop.beta, loop.lo, loop.hi), (loop.fs, loop.fd),
+        x, s, past, most, loop.patience, arrays[0], arrays[1], arrays[2], arrays[3],
+    )  # fmt: skip
+    return Reversals(*arrays[:, :found], samples=samples, stalled=how == STALLED)

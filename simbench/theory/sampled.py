@@ -1,0 +1,180 @@
+"""The sampled loop as the theory sees it: plant and controller in deviations from rest, valve as (S, J)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from detectors.errors import ParameterError
+from scenarios.spec import Loop
+from simbench.loop import plant as plants
+from simbench.loop.setup import Setup, resolve_loop
+
+
+@dataclass(frozen=True, eq=False)
+class SampledLoop:
+    """A loop without noise and disturbance, in deviations from rest; OP, MV and w in % of travel.
+
+    Per sample: x(k+1) = A x(k) + B_old v(k-delay-1) + B_new v(k-delay), w = C x = s Kc (PV - pv0), and
+    OP(k) = OP(k-1) - (w(k) - w(k-1)) - beta w(k) (PI) or -w(k) (P), within lo..hi.
+
+    Parameters
+    ----------
+    A, B_old, B_new, C : ndarray
+        The sampled plant, scaled by the controller's signed gain.
+    delay : int
+        Whole samples of dead time.
+    Ts : float
+        Sampling period (s).
+    integral : bool
+        PI (True) or P.
+    beta : float
+        Ts/Ti; 0 for P.
+    S, J : float
+        Dead-band plus stick band, and slip jump (%).
+    lo, hi : float
+        Limits of OP and MV (%).
+    gain : float
+        s Kc, % per PV unit.
+    time : float
+        Longest of the loop's time constants (s).
+    """
+
+    A: np.ndarray
+    B_old: np.ndarray
+    B_new: np.ndarray
+    C: np.ndarray
+    delay: int
+    Ts: float
+    integral: bool
+    beta: float
+    S: float
+    J: float
+    lo: float
+    hi: float
+    gain: float
+    time: float
+
+    @property
+    def fs(self) -> float:
+        """Distance |OP - MV| (%) beyond which a valve at rest breaks away."""
+        return 0.5 * (self.S + self.J)
+
+    @property
+    def fd(self) -> float:
+        """Distance (%) by which a moving valve lags OP."""
+        return 0.5 * (self.S - self.J)
+
+    @property
+    def order(self) -> int:
+        """Number of plant states."""
+        return len(self.A)
+
+    @property
+    def integrating(self) -> bool:
+        """Whether the plant has a pole at z = 1."""
+        return bool(np.isinf(self.static_gain))
+
+    @cached_property
+    def static_gain(self) -> float:
+        """Gain (-) of plant times Kc at rest; inf for an integrating plant."""
+        gap = np.eye(self.order) - self.A
+        if abs(np.linalg.det(gap)) < 1e-12:
+            return np.inf
+        return float(self.C @ np.linalg.solve(gap, self.B_old + self.B_new))
+
+    def response(self, w) -> np.ndarray:
+        """Return L(e^(j w Ts)), plant with its hold and dead time times controller, at the frequencies `w` (rad/s)."""
+        w = np.asarray(w, dtype=float)
+        z = np.exp(1j * w * self.Ts)[..., None]
+        poles, V = np.linalg.eig(self.A)
+        left, new, old = self.C @ V, np.linalg.solve(V, self.B_new), np.linalg.solve(V, self.B_old)
+        G = (left * (new + old / z) / (z - poles)).sum(axis=-1) * z[..., 0] ** -self.delay
+        return G * (1 + self.beta / (1 - 1 / z[..., 0])) if self.integral else G
+
+    @cached_property
+    def patience(self) -> int:
+        """Samples without a reversal after which the loop is taken to rest: ten times the slowest half period there is."""
+        swing = 0.5 * max(self.J, self.S / 10, 1e-12)  # the smallest half swing of the valve that counts as cycling
+        if self.integrating:
+            slope = float(abs(self.C @ (self.B_old + self.B_new))) / self.Ts * swing  # of OP, % per s
+        elif self.integral:
+            slope = abs(self.static_gain) * swing * self.beta / self.Ts
+        else:
+            slope = np.inf
+        return 100 + int(min(10 * (self.S / max(slope, 1e-300) + 5 * self.time) / self.Ts, 1e8))
+
+
+def sampled_loop(loop: Loop) -> SampledLoop:
+    """Reduce a loop file to what decides about its limit cycle.
+
+    Parameters
+    ----------
+    loop : Loop
+        Noise, disturbances and set-point steps are left out; effects are applied.
+
+    Returns
+    -------
+    SampledLoop
+
+    Raises
+    ------
+    ParameterError
+        When the loop holds something the (S, J) theory does not describe: a valve without mapped (S, J), two stages with
+        friction, a further valve stage, or a controller or sensor with more than P or PI action.
+
+    Examples
+    --------
+    >>> loop = sampled_loop(Loop.from_table({
+    ...     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
+    ...     "controller": {"type": "PI", "Kc": 1, "Ti": 10},
+    ...     "valve": {"model": "choudhury", "S": 5, "J": 2},
+    ...     "sampling": {"Ts": 0.5}}))
+    >>> loop.delay, loop.fs, loop.integrating
+    (4, 3.5, False)
+    """
+    setup = resolve_loop(loop.model_copy(update={"disturbance": ()}), seed=0)
+    return reduced(setup, *mapped_valve(setup))
+
+
+def reduced(setup: Setup, S: float, J: float) -> SampledLoop:
+    """Reduce a resolved loop with the valve (S, J) in %; as `sampled_loop`."""
+    for name, says in (("error_deadband", "an error dead-band"), ("op_quantum", "a rounded OP")):
+        if getattr(setup, name) > 0:
+            raise ParameterError(f"theory: the controller has {says}; the cycle is known for plain P and PI only")
+    if setup.sensor_lag > 0 or setup.pv_quantum > 0:
+        raise ParameterError("theory: the sensor has a lag or rounds PV; the cycle is known for a plain sensor only")
+    flat = np.ascontiguousarray  # one memory layout, one compiled march
+    sampled = plants.sample(setup.num, setup.den, setup.Td, setup.Ts)
+    gain = setup.sign * setup.Kc
+    poles = np.roots(setup.den)
+    lags = [1 / abs(p) for p in poles if abs(p) > 1e-12]
+    return SampledLoop(
+        A=flat(sampled.A), B_old=flat(sampled.B_old), B_new=flat(sampled.B_new), C=flat(gain * sampled.C),
+        delay=sampled.delay, Ts=setup.Ts, integral=setup.Ti is not None,
+        beta=setup.Ts / setup.Ti if setup.Ti else 0.0, S=S, J=J, gain=gain,
+        lo=setup.op_lo - setup.op0, hi=setup.op_hi - setup.op0, time=max([setup.Td, setup.Ti or 0.0, setup.Ts, *lags]),
+    )  # fmt: skip
+
+
+def mapped_valve(setup: Setup) -> tuple[float, float]:
+    """Return (S, J) in % of the one valve stage that has friction; (0, 0) for a healthy valve."""
+    found: list[tuple[float, float]] = []
+    for module, p in setup.valves:
+        if not hasattr(module, "mapped_SJ"):
+            name = module.__name__.rpartition(".")[2]
+            raise ParameterError(f"theory: valve {name!r} has no (S, J); tables and exact cycle do not describe it")
+        S, J = _numbers(module.mapped_SJ(p))
+        if S > 0 or J > 0:
+            found.append((S, J))
+    if len(found) > 1:
+        raise ParameterError(f"theory: {len(found)} valve stages have friction; tables and exact cycle describe one")
+    return found[0] if found else (0.0, 0.0)
+
+
+def _numbers(pair: Any) -> tuple[float, float]:
+    S, J = pair
+    return float(S), float(J)

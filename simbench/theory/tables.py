@@ -1,0 +1,208 @@
+"""Tables 11.2 and 11.3 as data, the existence conditions that refine Table 11.3, and the truth columns they give."""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+from typing import Any
+
+from detectors.errors import ParameterError
+from scenarios.spec import Loop
+from simbench.loop.setup import Setup, resolve_loop
+from simbench.theory.basin import kick_min
+from simbench.theory.cycle import ExactCycle, exact_cycle
+from simbench.theory.describing import deadzone, intersections, measured, stiction
+from simbench.theory.sampled import SampledLoop, mapped_valve, reduced
+
+TABLE_11_2_SOURCE = "Forsman (2000); Srinivasan et al. (2005a): the chapter's Table 11.2"
+TABLE_11_2 = MappingProxyType(
+    {
+        # (process, what dominates) -> (OP, PV)
+        ("fast (flow)", "I"): ("triangular (sharp)", "square"),
+        ("fast (flow)", "P"): ("rectangular", "rectangular"),
+        ("slow (pressure, temperature)", ""): ("triangular (smooth)", "sinusoidal"),
+        ("integrating (level)", "P"): ("triangular (sharp)", "triangular (sharp)"),
+        # the printed order of this cell is lost; by physics PV, the integral of a square MV, is the triangle
+        ("integrating (level)", "PI"): ("parabolic", "triangular (sharp)"),
+    }
+)
+"""Typical shapes (OP, PV) of a loop with a sticky valve."""
+
+TABLE_11_3_SOURCE = "Choudhury, Shah and Thornhill (2008), Diagnosis of Process Nonlinearities and Valve Stiction: Table 11.3"
+DEAD_BAND, STICK_SLIP = "dead-band", "stick-slip"
+TABLE_11_3 = MappingProxyType(
+    {
+        # (process, controller, nonlinearity) -> does a limit cycle occur?
+        ("self-regulating", "P", DEAD_BAND): False,
+        ("self-regulating", "P", STICK_SLIP): False,
+        ("self-regulating", "PI", DEAD_BAND): False,
+        ("self-regulating", "PI", STICK_SLIP): True,
+        ("integrating", "P", DEAD_BAND): False,
+        ("integrating", "P", STICK_SLIP): True,
+        ("integrating", "PI", DEAD_BAND): True,
+        ("integrating", "PI", STICK_SLIP): True,
+    }
+)
+"""Occurrence of limit cycles."""
+
+CONDITIONS = MappingProxyType(
+    {
+        ("self-regulating", "P", STICK_SLIP): "a cycle exists if and only if K Kc J > S",
+        ("self-regulating", "PI", DEAD_BAND): "tight tuning (Ti below T, Kc near its limit) keeps a dead-band cycling",
+    }
+)
+"""Where the table is too coarse, and what decides instead."""
+
+
+def cell(loop: SampledLoop) -> tuple[str, str, str] | None:
+    """Return the loop's (process, controller, nonlinearity) in Table 11.3; None for a valve without friction."""
+    if loop.fs == 0:
+        return None
+    process = "integrating" if loop.integrating else "self-regulating"
+    return process, "PI" if loop.integral else "P", STICK_SLIP if loop.J > 0 else DEAD_BAND
+
+
+def table_11_3(loop: SampledLoop) -> bool:
+    """Return what Table 11.3 says of a loop; a valve without friction has no limit cycle.
+
+    Parameters
+    ----------
+    loop : SampledLoop
+        Friction models enter by their mapped (S, J).
+
+    Returns
+    -------
+    bool
+    """
+    place = cell(loop)
+    return place is not None and TABLE_11_3[place]
+
+
+def refined(loop: SampledLoop, cycle: ExactCycle | None) -> bool:
+    """Return Table 11.3's answer with the existence conditions of its two coarse cells.
+
+    Parameters
+    ----------
+    loop : SampledLoop
+        The loop.
+    cycle : ExactCycle or None
+        What `exact_cycle` found for it.
+
+    Returns
+    -------
+    bool
+        Whether a limit cycle exists; reaching it needs a start away from rest.
+
+    Notes
+    -----
+    Self-regulating P with stick-slip: OP settles at r0 - K Kc v for a valve at v, and leaves both of two positions v and
+    v + J if and only if (r0 + fs)/(1 + g) - J < v < (r0 - fs)/(1 + g), fs = (S + J)/2, g = K Kc: there is room when
+    g J > S. Self-regulating PI with dead-band: the cycle itself decides.
+
+    Examples
+    --------
+    >>> from simbench.theory.sampled import sampled_loop
+    >>> loop = sampled_loop(Loop.from_table({
+    ...     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
+    ...     "controller": {"type": "P", "Kc": 3},
+    ...     "valve": {"model": "choudhury", "S": 5, "J": 2},
+    ...     "sampling": {"Ts": 0.5}}))
+    >>> table_11_3(loop), refined(loop, exact_cycle(loop))
+    (False, True)
+    """
+    place = cell(loop)
+    if place == ("self-regulating", "P", STICK_SLIP):
+        return loop.static_gain * loop.J > loop.S
+    if place == ("self-regulating", "PI", DEAD_BAND):
+        return cycle is not None
+    return table_11_3(loop)
+
+
+def truth_columns(loop: Loop, *, kick: bool = False) -> tuple[bool | None, bool | None, dict[str, Any]]:
+    """Return the theory's truth columns of one scenario.
+
+    Parameters
+    ----------
+    loop : Loop
+        Noise, disturbances and set-point steps are left out.
+    kick : bool
+        Compute `kick_min` too, which takes longer than all the rest.
+
+    Returns
+    -------
+    predicted, refined : bool or None
+        Table 11.3 as printed, and with its existence conditions; None where it has no cell.
+    theory : dict
+        exists (bool or None), by ("exact", "describing function" or None), period (s), amplitude (% of OP, half
+        peak-to-peak), multiplier, irregularity, kick_min, describing_function (list of Intersection), reason (str).
+
+    Raises
+    ------
+    UnknownName, ParameterError
+        For a plug-in that does not exist, or numbers it does not allow.
+
+    Examples
+    --------
+    >>> predicted, exists, theory = truth_columns(Loop.from_table({
+    ...     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
+    ...     "controller": {"type": "PI", "Kc": 1, "Ti": 10},
+    ...     "valve": {"model": "choudhury", "S": 5, "J": 2},
+    ...     "sampling": {"Ts": 0.02}}))
+    >>> predicted, exists, theory["by"], round(theory["period"], 1)
+    (True, True, 'exact', 94.3)
+    """
+    theory: dict[str, Any] = dict.fromkeys(("exists", "by", "period", "amplitude", "multiplier", "irregularity", "kick_min"))
+    theory.update(describing_function=[], reason="")
+    setup = resolve_loop(loop.model_copy(update={"disturbance": ()}), seed=0)
+    try:
+        S, J = mapped_valve(setup)
+    except ParameterError as error:
+        theory["reason"] = str(error)
+        _without_mapping(setup, theory)
+        return None, None, theory
+    try:
+        sampled = reduced(setup, S, J)
+    except ParameterError as error:
+        theory["reason"] = str(error)
+        return None, None, theory
+    if sampled.fs == 0:
+        theory.update(exists=False, by="exact", reason="the valve has no friction")
+        return False, False, theory
+    theory["describing_function"] = intersections(sampled, stiction(S, J)) if S > 0 else []
+    cycle = exact_cycle(sampled)
+    theory.update(exists=cycle is not None, by="exact", reason=_reason(sampled, cycle))
+    if cycle is not None:
+        theory.update({k: getattr(cycle, k) for k in ("period", "amplitude", "multiplier", "irregularity")})
+        theory["kick_min"] = kick_min(sampled, cycle) if kick else None
+    return table_11_3(sampled), refined(sampled, cycle), theory
+
+
+def _without_mapping(setup: Setup, theory: dict[str, Any]) -> None:
+    # a single valve that no (S, J) describes still has a describing function
+    if len(setup.valves) != 1:
+        return
+    part = setup.loop.valve
+    if part.name == "deadzone":
+        valve = deadzone(setup.valves[0][1].D)
+    else:
+        valve = measured(part.name, part.parameters, centre=setup.op0)
+    found = intersections(reduced(setup, 0.0, 0.0), valve)
+    theory["describing_function"] = found
+    theory.update(exists=any(f.stable for f in found), by="describing function")
+    for best in [f for f in found if f.stable][:1]:
+        theory.update(period=best.period, amplitude=best.amplitude)
+
+
+def _reason(loop: SampledLoop, cycle: ExactCycle | None) -> str:
+    place = cell(loop)
+    assert place is not None
+    said = []
+    if cycle is None:
+        said.append("no cycle keeps itself going" + (f": {CONDITIONS[place]}" if place in CONDITIONS else ""))
+    else:
+        if place in CONDITIONS and not TABLE_11_3[place]:
+            said.append(f"the table is too coarse here: {CONDITIONS[place]}")
+        if max(abs(cycle.state[1][0]), cycle.amplitude) >= 0.98 * min(loop.hi, -loop.lo):
+            said.append("OP reaches its limits in the cycle")
+        if cycle.irregularity > 0.01:
+            said.append(f"half periods vary by {100 * cycle.irregularity:.0f} % (switching between samples)")
+    return "; ".join(said)
