@@ -28,9 +28,7 @@ def complete(values, where):
         if values[f"{name}_end"] != values[f"{name}_end"]:
             values[f"{name}_end"] = values[name]
     if values["t_end"] <= values["t_begin"]:
-        raise ParameterError(
-            f"{where}: t_end = {values['t_end']:g} s must come after t_begin = {values['t_begin']:g} s"
-        )
+        raise ParameterError(f"{where}: t_end = {values['t_end']:g} s must come after t_begin = {values['t_begin']:g} s")
     return values
 
 

@@ -1,0 +1,85 @@
+"""What holds for every valve model and stage; a new file in valves/ is found here by itself."""
+
+import numpy as np
+import pytest
+
+from detectors.errors import ParameterError, UnknownName
+from simbench.loop.parameters import VALVES, Number, valve_parameters
+from simbench.loop.response import valve_response
+
+
+def example(name):
+    """Return some allowed value for each number that has no default, and a common band where one may be given."""
+    schema = VALVES.load(name).PARAMETERS
+    table = {"S": 4.0, "J": 2.0} if {"S", "J"} <= set(schema) else {}
+    for key, rule in schema.items():
+        if rule.default is None and key not in table:
+            table[key] = rule.names[-1] if not isinstance(rule, Number) else 4.0 if rule.high == 100.0 else rule.low + 10.0
+    return table
+
+
+@pytest.fixture(params=VALVES.names())
+def name(request):
+    return request.param
+
+
+def test_the_docstring_says_when_to_choose_it_and_when_not(name):
+    module = VALVES.load(name)
+    assert "When to choose it:" in module.__doc__
+    assert "When not:" in module.__doc__
+    assert len(module.SOURCE) > 15
+    assert all(isinstance(rule.says, str) and rule.says for rule in module.PARAMETERS.values())
+
+
+def test_compiled_equals_plain_python_bit_for_bit(name, wandering_op):
+    for Ts, op in ((1.0, wandering_op[:60]), (0.01, wandering_op[:100])):
+        fast = valve_response(name, op, example(name), Ts)
+        slow = valve_response(name, op, example(name), Ts, plain=True)
+        np.testing.assert_array_equal(fast, slow)
+
+
+def test_position_stays_inside_its_travel_and_op_is_left_alone(name, wandering_op):
+    before = wandering_op.copy()
+    mv = valve_response(name, wandering_op, example(name), 0.5)
+    assert mv.min() >= 0.0
+    assert mv.max() <= 100.0
+    np.testing.assert_array_equal(wandering_op, before)
+
+
+def test_a_valve_at_rest_stays_there(name):
+    mv = valve_response(name, np.full(50, 37.5), example(name))
+    np.testing.assert_array_equal(mv, mv[0])
+
+
+def test_the_state_keeps_its_shape_and_holds_floats(name):
+    module = VALVES.load(name)
+    p = valve_parameters(module, example(name), 1.0)
+    state = module.start(40.0, p)
+    for u in (40.0, 60.0, 55.0, 120.0, -5.0):
+        new = module.step(u, state, p)
+        assert len(new) == len(state)
+        assert all(type(number) is float for number in new)
+        state = new
+
+
+def test_mapped_band_is_two_numbers_within_the_travel(name):
+    module = VALVES.load(name)
+    if not hasattr(module, "mapped_SJ"):
+        assert not module.FRICTION
+        return
+    S, J = module.mapped_SJ(valve_parameters(module, example(name), 1.0))
+    assert 0.0 <= S <= 100.0
+    assert J >= 0.0
+    assert (S > 0.0) == module.FRICTION
+
+
+def test_response_refuses_what_it_cannot_mean():
+    with pytest.raises(UnknownName, match="did you mean 'choudhury'"):
+        valve_response("chudhury", [50.0])
+    with pytest.raises(ParameterError, match="OP is not finite at sample 1"):
+        valve_response("ideal", [50.0, float("nan")])
+    with pytest.raises(ParameterError, match="Ts = 0 s must be"):
+        valve_response("ideal", [50.0], Ts=0)
+    with pytest.raises(ParameterError, match=r"shape \(2, 1\)"):
+        valve_response("ideal", [[50.0], [51.0]])
+    assert valve_response("ideal", []).size == 0

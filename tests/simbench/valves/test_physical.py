@@ -1,0 +1,294 @@
+"""The friction models against fixed steps, against other solvers, and against the maps they are meant to be."""
+
+import math
+import time
+
+import numba
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from detectors.errors import ParameterError
+from simbench.loop.parameters import VALVES, valve_parameters
+from simbench.loop.physical.actuator import overshoot
+from simbench.loop.response import valve_response
+
+SJ = {"S": 5.0, "J": 2.0}
+PUBLISHED = {}
+CRITICAL = 2.0 * np.sqrt(52538.0 * 1.36)
+
+
+@numba.njit
+def _steps(op, Fs, Fc, Fv, vs, m, k, stroke, dv, n, h, mv):
+    x, v = op[0] / 100.0 * stroke, 0.0
+    for i in range(op.size):
+        F = op[i] / 100.0 * k * stroke
+        for _ in range(n):
+            net = F - k * x
+            if v == 0.0 and abs(net) <= Fs:
+                continue
+            sign = math.copysign(1.0, net if v == 0.0 else v)
+            friction = Fc + ((Fs - Fc) * math.exp(-((v / vs) ** 2)) if vs > 0.0 else 0.0)
+            new = v + h * (net - sign * friction - Fv * v) / m
+            if sign * new <= dv:
+                new = 0.0
+            v = new
+            x += h * v
+        mv[i] = 100.0 * x / stroke
+
+
+def friction_in_steps(op, p, h, vs=0.0):
+    """Karnopp's discrete rule, semi-implicit Euler, `h` s per step; op (n,) in %, returns MV (n,) in %."""
+    mv = np.empty(op.size)
+    n = round(p.Ts / h)
+    _steps(op, p.Fs, p.Fc, p.Fv, vs, p.m, p.k, p.stroke, getattr(p, "dv", 1e-9), n, p.Ts / n, mv)
+    return mv
+
+
+def parameters(model, table, Ts):
+    return valve_parameters(VALVES.load(model), table, Ts)
+
+
+def rms(x):
+    return float(np.sqrt(np.mean(np.square(x))))
+
+
+def count_jumps(mv):
+    fast = np.diff(mv) > 0.3
+    return int(np.sum(fast[1:] & ~fast[:-1]))
+
+
+def sine(period, Ts=0.01):
+    return 50.0 + 45.0 * np.sin(2.0 * np.pi * np.arange(0.0, period, Ts) / period)
+
+
+def held_op(n=400, seed=0):
+    return np.clip(50.0 + np.cumsum(np.random.default_rng(seed).normal(0.0, 2.0, n)), 0.0, 100.0)
+
+
+def test_published_actuator_and_its_band():
+    p = parameters("coulomb", PUBLISHED, 1.0)
+    assert p.k * p.stroke == pytest.approx(5337.86, abs=0.01)
+    assert p.Fv / (2.0 * np.sqrt(p.k * p.m)) == pytest.approx(1.14476, abs=1e-5)
+    assert pytest.approx(58.63772243742288) == p.S
+    assert pytest.approx(5.320483441606421) == p.J
+
+
+@pytest.mark.parametrize("model", ["coulomb", "karnopp", "stribeck", "lugre"])
+def test_band_and_forces_map_both_ways(model):
+    from_band = parameters(model, SJ, 1.0)
+    from_forces = parameters(model, {"Fs": from_band.Fs, "Fc": from_band.Fc}, 1.0)
+    assert pytest.approx(5.0) == from_forces.S
+    assert pytest.approx(2.0) == from_forces.J
+    assert VALVES.load(model).mapped_SJ(from_forces) == pytest.approx((5.0, 2.0))
+
+
+@pytest.mark.parametrize(
+    ("h", "largest", "mean_square"),
+    [(2e-3, 0.3783, 0.003839), (1e-3, 0.2077, 0.002108), (5e-4, 0.1076, 0.0010926), (1e-4, 0.02204, 0.00022403)],
+)
+def test_fixed_steps_miss_the_exact_valve_by_the_published_amounts(h, largest, mean_square):
+    # reference sheet 1.8: Karnopp's rule against the exact solution, OP sine of 45 %, 200 s
+    p = parameters("coulomb", PUBLISHED, 0.01)
+    op = sine(200.0)
+    error = friction_in_steps(op, p, h) - valve_response("coulomb", op, PUBLISHED, 0.01)
+    assert np.abs(error).max() == pytest.approx(largest, rel=2e-3)
+    assert rms(error) == pytest.approx(mean_square, rel=3e-3)
+
+
+@pytest.mark.parametrize("table", [SJ, PUBLISHED])
+def test_exact_valve_is_the_limit_of_substeps_and_halving_the_step_halves_the_error(table):
+    op = sine(200.0)
+    exact = valve_response("coulomb", op, table, 0.01)
+    error = [rms(valve_response("coulomb", op, {**table, "substep": h}, 0.01) - exact) for h in (2e-4, 1e-4, 5e-5)]
+    assert error[1] <= 2e-4
+    assert error[0] / error[1] == pytest.approx(2.0, abs=0.1)
+    assert error[1] / error[2] == pytest.approx(2.0, abs=0.1)
+
+
+@pytest.mark.parametrize("table", [SJ, {"S": 5, "J": 0}, {"S": 0.5, "J": 0.2}, {"S": 5, "J": 5}, PUBLISHED])
+def test_with_op_held_for_a_second_exact_and_substeps_end_in_the_same_place(table):
+    for op in (held_op(), sine(200.0, 1.0)):
+        exact = valve_response("coulomb", op, table, 1.0)
+        steps = valve_response("coulomb", op, {**table, "substep": 1e-4}, 1.0)
+        assert np.ptp(exact) > 3.0
+        assert np.abs(exact - steps).max() <= 1e-5
+        naive = friction_in_steps(op, parameters("coulomb", table, 1.0), 1e-4)
+        assert np.abs(exact - naive).max() <= 1e-5
+
+
+def test_exact_valve_is_a_hundred_times_faster_than_substeps():
+    op = held_op(2000)
+
+    def seconds(table):
+        valve_response("coulomb", op[:2], table, 1.0)
+        begin = time.perf_counter()
+        valve_response("coulomb", op, table, 1.0)
+        return time.perf_counter() - begin
+
+    steps = seconds({**SJ, "substep": 1e-4})
+    assert steps / min(seconds(SJ) for _ in range(5)) >= 100.0
+
+
+@pytest.mark.parametrize("table", [SJ, {"S": 3, "J": 1}, {"S": 8, "J": 0}, PUBLISHED])
+def test_smoothly_driven_valve_is_the_stiction_map(table):
+    op = sine(200.0)
+    p = parameters("coulomb", table, 0.01)
+    mapped = valve_response("choudhury", op, {"S": p.S, "J": p.J})
+    for model in ("coulomb", "karnopp"):
+        assert rms(valve_response(model, op, table, 0.01) - mapped) <= 0.1
+
+
+def test_lugre_with_stiff_bristles_is_stribeck():
+    op = sine(20.0)
+    stribeck = valve_response("stribeck", op, SJ, 0.01)
+    soft, stiff = (rms(valve_response("lugre", op, {**SJ, "s0": s0}, 0.01) - stribeck) for s0 in (1e7, 1e9))
+    assert stiff <= 0.06
+    assert stiff < soft < 0.3
+
+
+def test_lugre_valve_gives_before_it_breaks_away():
+    p = parameters("lugre", SJ, 0.01)
+    op = 50.0 + np.minimum(0.5 * np.arange(0, 4, 0.01), 1.0)
+    # well below break-away the bristles are a second spring beside the actuator's
+    assert valve_response("lugre", op, SJ, 0.01)[-1] - 50.0 == pytest.approx(p.k / (p.k + p.s0), rel=0.2)
+
+
+def test_valve_that_comes_to_rest_in_every_sample_is_hes_map():
+    op = held_op(1000)
+    for table in (SJ, {"S": 4, "J": 4}, {"S": 4, "J": 0}):
+        np.testing.assert_allclose(valve_response("coulomb", op, table, 1.0), valve_response("he", op, table), atol=1e-7)
+
+
+def test_overshooting_actuator_is_hes_map_with_the_gain_of_its_overshoot():
+    table = {"S": 6, "J": 2, "Fv": 120}
+    over = overshoot(parameters("coulomb", table, 1.0))
+    assert 0.3 < over < 0.7
+    triangle = np.concatenate([np.arange(20, 80, 0.25), np.arange(80, 20, -0.25)])
+    op = np.concatenate([triangle, triangle])
+    # OP overshoots break-away by a step's fraction, which the gain multiplies in both
+    valve = valve_response("coulomb", op, table, 1.0)
+    np.testing.assert_allclose(valve, valve_response("he", op, {"S": 6, "J": 2, "K": 1 + over}), atol=1e-6)
+    S, J = VALVES.load("coulomb").mapped_SJ(parameters("coulomb", table, 1.0))
+    assert pytest.approx((6 - 2 * over, 2 + 2 * over)) == (S, J)
+
+
+@pytest.mark.parametrize("Fv", [0.0, 20.0, 200.0, 0.9999 * CRITICAL, CRITICAL, 1.0001 * CRITICAL, 5000.0])
+def test_any_damping_is_solved_like_fine_steps(Fv):
+    table = {**SJ, "Fv": Fv}
+    op = np.repeat(50.0 + 25.0 * np.sin(np.arange(40) * 0.7), 2)
+    exact = valve_response("coulomb", op, table, 0.02)
+    p = parameters("coulomb", table, 0.02)
+    coarse, fine = (np.abs(friction_in_steps(op, p, h) - exact).max() for h in (4e-6, 1e-7))
+    assert np.ptp(exact) > 20
+    assert fine < 1e-3
+    assert fine < 0.2 * coarse
+
+
+def test_critical_damping_is_continuous_with_its_neighbours():
+    op = held_op(200)
+    middle = valve_response("coulomb", op, {**SJ, "Fv": CRITICAL}, 0.01)
+    for share in (1 - 1e-9, 1 + 1e-9):
+        np.testing.assert_allclose(valve_response("coulomb", op, {**SJ, "Fv": CRITICAL * share}, 0.01), middle, atol=1e-6)
+
+
+def test_undamped_valve_swings_through_half_a_period_and_sticks():
+    # 50 -> 54 with fs = 3.5, fd = 1.5: swings about 52.5 from 50 to 55, where |54 - 55| holds it
+    np.testing.assert_allclose(valve_response("coulomb", [50, 54, 54], {**SJ, "Fv": 0}, 1.0), [50, 55, 55], atol=1e-9)
+
+
+def test_underdamped_valve_hits_its_stop_and_stays():
+    mv = valve_response("coulomb", [50, 99, 99, 99], {"S": 1, "J": 0.5, "Fv": 10}, 0.05)
+    assert mv.max() <= 100.0
+    assert valve_response("coulomb", [50, 100, *[100] * 20], {"S": 30, "J": 10, "Fv": 10}, 0.005)[-1] == 100.0
+
+
+def test_karnopp_valve_creeps_only_above_its_band():
+    slow = 30.0 + 0.02 * np.arange(0, 400, 0.01)
+    assert count_jumps(valve_response("coulomb", slow, SJ, 0.01)) == 1
+    # break-away at 33.5, then every J = 2 up to 38
+    assert count_jumps(valve_response("karnopp", slow, SJ, 0.01)) == 3
+    fast = 30.0 + 0.1 * np.arange(0, 400, 0.01)
+    np.testing.assert_allclose(valve_response("karnopp", fast, SJ, 0.01), valve_response("coulomb", fast, SJ, 0.01), atol=1e-6)
+
+
+def test_coulomb_viscous_is_coulomb_with_equal_forces():
+    op = held_op(300)
+    np.testing.assert_array_equal(
+        valve_response("coulomb_viscous", op, {"S": 5}, 0.01), valve_response("coulomb", op, {"S": 5, "J": 0}, 0.01)
+    )
+    p = parameters("coulomb_viscous", {"Fc": 100.0}, 1.0)
+    assert pytest.approx(200.0 * 100.0 / (p.k * p.stroke)) == p.S
+
+
+@pytest.mark.parametrize(("table", "bound"), [(SJ, 1e-4), (PUBLISHED, 1e-4)])
+def test_stribeck_solver_equals_extrapolated_substeps(table, bound):
+    op = sine(20.0)
+    exact = valve_response("stribeck", op, table, 0.01)
+    coarse, fine = (valve_response("stribeck", op, {**table, "substep": h}, 0.01) for h in (2e-6, 1e-6))
+    assert np.abs(2 * fine - coarse - exact).max() <= bound
+
+
+def test_stribeck_valve_jumps_along_a_slow_ramp_where_coulomb_slides():
+    for rate, jumps in ((0.1, 6), (0.25, 6)):
+        # after break-away, 32 % of OP in which the published valve can jump 6 times by 5.32 %
+        op = 20.0 + rate * np.arange(0, (32.1 + 32.0) / rate, 0.01)
+        mv = valve_response("stribeck", op, PUBLISHED, 0.01)
+        assert count_jumps(mv) in (jumps, jumps + 1)
+        assert count_jumps(valve_response("coulomb", op, PUBLISHED, 0.01)) == 1
+
+
+def test_stribeck_without_excess_force_is_coulomb():
+    op = held_op(300)
+    table = {"S": 5, "J": 0}
+    np.testing.assert_allclose(
+        valve_response("stribeck", op, table, 0.01), valve_response("coulomb", op, table, 0.01), atol=1e-7
+    )
+
+
+def test_lugre_equals_a_stiff_solver():
+    Ts = 0.02
+    p = parameters("lugre", SJ, Ts)
+    op = 50.0 + np.concatenate([np.linspace(0, 8, 40), np.full(15, 8.0), np.linspace(8, -4, 40)])
+
+    def slopes(t, y, before, now):
+        x, v, z = y
+        slip = v - abs(v) * z * p.s0 / (p.Fc + (p.Fs - p.Fc) * np.exp(-((v / p.vs) ** 2)))
+        force = (before + (now - before) * t / Ts) / 100 * p.k * p.stroke
+        return [v, (force - p.k * x - p.s0 * z - p.s1 * slip - p.Fv * v) / p.m, slip]
+
+    y, before, reference = [p.stroke / 2, 0.0, 0.0], op[0], []
+    for now in op:
+        y = solve_ivp(slopes, (0, Ts), y, args=(before, now), method="LSODA", rtol=1e-9, atol=1e-13).y[:, -1]
+        before = now
+        reference.append(100 * y[0] / p.stroke)
+    assert np.abs(valve_response("lugre", op, SJ, Ts) - reference).max() < 1e-3
+
+
+@pytest.mark.parametrize("model", ["coulomb", "karnopp", "stribeck", "lugre"])
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ({"S": 5, "J": 7}, "friction alone cannot overshoot"),
+        ({"Fs": 100, "Fc": 200}, "a valve at rest holds at least as hard"),
+        ({"k": 0}, "k = 0 is out of range, it must be > 0"),
+        ({"m": 0}, "m = 0 is out of range"),
+        ({"stroke": 0}, "stroke = 0 is out of range"),
+        ({"Fv": -1}, "Fv = -1 is out of range"),
+        ({"S": 5, "J": 2, "Fs": 100}, "give S and J or Fs and Fc, not some of both"),
+        ({"S": 5}, "needs S and J together, only S is given"),
+    ],
+)
+def test_impossible_physics_is_refused_with_the_reason(model, table, words):
+    with pytest.raises(ParameterError, match=words):
+        valve_response(model, [50.0], table)
+
+
+def test_too_large_a_substep_and_missing_coulomb_friction_are_refused():
+    for model in ("coulomb", "coulomb_viscous", "karnopp", "stribeck"):
+        with pytest.raises(ParameterError, match=r"substep = 0.005 s is too large; above 0.00299 s"):
+            valve_response(model, [50.0], {"substep": 5e-3})
+    with pytest.raises(ParameterError, match="needs Fc > 0"):
+        valve_response("lugre", [50.0], {"S": 5, "J": 5})
+    with pytest.raises(ParameterError, match="give S or Fc"):
+        valve_response("coulomb_viscous", [50.0], {"S": 5, "Fc": 5})
