@@ -58,11 +58,10 @@ def judge(
     'no_stiction'
     """
     blind = Prepared(record.blind())
-    sighted = blind if record.mv is None else Prepared(replace(record, meta={}))
     verdicts = []
     for name in methods:
         module = registry.load(name)
-        prepared = sighted if module.METHOD.needs_mv else blind
+        prepared = blind.sighted(replace(record, meta={})) if module.METHOD.needs_mv else blind
         chosen = check_thresholds(name, module.METHOD, (thresholds or {}).get(name, {}))
         verdicts.append(_judge_one(name, module, prepared, raw, chosen))
     return verdicts

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from detectors.quality import Flag, inspect
 from detectors.record import LoopRecord
-from detectors.signal.conditioning import loop_sign
+from detectors.signal.conditioning import band, clear_harmonics, loop_sign
+from detectors.signal.half_cycles import split
 from detectors.signal.oscillation import Oscillation, find_oscillation
 
 
@@ -73,6 +74,24 @@ class Prepared:
         if record.kind is None:
             return self._turned_pv(), None, "PV as MV, kind of loop unknown"
         return None, False, f"no MV recorded, and PV of a {record.kind} loop is no measure of the valve's position"
+
+    def clean(self, name: str) -> np.ndarray:
+        """Return the oscillation in "op" or "pv", shape (n,), without drift and without noise beyond its clear harmonics."""
+        x = getattr(self.record, name)
+        period = self.oscillation.period_s / self.record.Ts
+        return self.share(f"clean {name}", lambda: band(x, period, clear_harmonics(x, period)))
+
+    def half_cycles(self, name: str) -> np.ndarray:
+        """Return the half cycles of "op" or "pv" as positive humps of one length, shape (m, points)."""
+        period = self.oscillation.period_s / self.record.Ts
+        return self.share(f"half cycles {name}", lambda: split(self.clean(name), period))
+
+    def sighted(self, record: LoopRecord) -> Prepared:
+        """Return the same for the same record with MV; what was found without MV is kept."""
+        other = replace(self, record=record, shared=dict(self.shared))
+        for name in ("oscillation", "flags"):
+            other.__dict__[name] = getattr(self, name)
+        return other
 
     def _turned_pv(self) -> np.ndarray:
         period = self.oscillation.period_s / self.record.Ts

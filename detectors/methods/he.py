@@ -19,13 +19,13 @@ import numpy as np
 
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
-from detectors.signal.conditioning import band, clear_harmonics
-from detectors.signal.half_cycles import misfit, sines, split, triangles, two_line_misfit
+from detectors.signal.half_cycles import misfit, sines, triangles, two_line_misfit
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 METHOD = Method(
     title="triangle against sine, half cycle by half cycle",
     source="He et al. 2007, Eqs 11.10-11.13",
+    cannot_cope=("undersampled",),
     thresholds={
         "eta_low": Threshold(0.4, "-", 0.0, 1.0, "He 2007", "at or below: sine, no stiction"),
         "eta_high": Threshold(0.6, "-", 0.0, 1.0, "He 2007", "at or above: triangle, stiction"),
@@ -82,10 +82,8 @@ def detect(prepared: Prepared, *, eta_low: float, eta_high: float) -> Verdict:
     >>> detect(Prepared(LoopRecord(np.arcsin(np.sin(t)), np.cos(t), 0.1)), **METHOD.defaults()).verdict
     'stiction'
     """
-    record = prepared.record
-    name, x = ("PV", record.pv) if prepared.integrating else ("OP", record.op)
-    period = prepared.oscillation.period_s / record.Ts
-    humps = split(band(x, period, clear_harmonics(x, period)), period)
+    name = "PV" if prepared.integrating else "OP"
+    humps = prepared.half_cycles(name.lower())
     if len(humps) < 4:
         return Verdict("he", NO_DECISION, reason=f"{len(humps)} half cycles in {name}; at least 4 are needed")
     eta, two_line = triangle_indices(humps)

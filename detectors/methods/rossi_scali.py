@@ -25,8 +25,7 @@ import numpy as np
 
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
-from detectors.signal.conditioning import band, clear_harmonics
-from detectors.signal.half_cycles import misfit, relays, sines, split
+from detectors.signal.half_cycles import half_sine, misfit, relays
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 METHOD = Method(
@@ -63,7 +62,7 @@ def relay_index(humps: np.ndarray) -> float:
     True
     """
     points = humps.shape[1]
-    sine = misfit(humps, sines(points)[24:25]).mean()
+    sine = misfit(humps, half_sine(points)).mean()
     relay = misfit(humps, relays(points)).mean()
     return float((sine - relay) / (sine + relay)) if sine + relay > 0 else 0.0
 
@@ -90,9 +89,7 @@ def detect(prepared: Prepared, *, bound: float) -> Verdict:
     >>> detect(Prepared(LoopRecord(np.cos(t), np.sin(t), 0.1)), bound=0.21).verdict
     'no_stiction'
     """
-    pv = prepared.record.pv
-    period = prepared.oscillation.period_s / prepared.record.Ts
-    humps = split(band(pv, period, clear_harmonics(pv, period)), period)
+    humps = prepared.half_cycles("pv")
     if len(humps) < 4:
         return Verdict("rossi_scali", NO_DECISION, reason=f"{len(humps)} half cycles in PV; at least 4 are needed")
     index = relay_index(humps)

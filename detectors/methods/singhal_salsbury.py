@@ -24,8 +24,7 @@ import numpy as np
 
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
-from detectors.signal.conditioning import band, clear_harmonics
-from detectors.signal.half_cycles import peak_areas, split
+from detectors.signal.half_cycles import peak_areas
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 METHOD = Method(
@@ -90,9 +89,7 @@ def detect(prepared: Prepared, *, margin: float) -> Verdict:
     >>> detect(Prepared(LoopRecord(np.cos(t), np.sin(t), 0.1)), margin=0.25).verdict
     'no_stiction'
     """
-    pv = prepared.record.pv
-    period = prepared.oscillation.period_s / prepared.record.Ts
-    humps = split(band(pv, period, clear_harmonics(pv, period)), period)
+    humps = prepared.half_cycles("pv")
     if len(humps) < 4:
         return Verdict("singhal_salsbury", NO_DECISION, reason=f"{len(humps)} half cycles; at least 4 are needed")
     R, noise = area_ratio(humps)

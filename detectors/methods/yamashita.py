@@ -63,7 +63,32 @@ def movement_indices(op: np.ndarray, mv: np.ndarray, step: int = 1) -> tuple[flo
     >>> 0 <= rho2 <= rho3 <= rho1 <= 1
     True
     """
-    pair = 3 * _symbols(op, step) + _symbols(mv, step)
+    return pattern_indices(3 * _symbols(op, step) + _symbols(mv, step))
+
+
+def pattern_indices(pair: np.ndarray) -> tuple[float, float, float]:
+    """Return rho1, rho2 and rho3 of a sequence of pairs of symbols.
+
+    Parameters
+    ----------
+    pair : ndarray of int, shape (n,)
+        3 OP + valve, each 0 for decreasing, 1 for steady, 2 for increasing.
+
+    Returns
+    -------
+    rho1, rho2, rho3 : float
+        NaN when all pairs are SS.
+
+    Notes
+    -----
+    Source: Yamashita (2006), Eqs 11.3 to 11.5. Not for raw signals: `movement_indices` makes the symbols.
+
+    Examples
+    --------
+    >>> IS, DD, II = 7, 0, 8
+    >>> [round(7 * x) for x in pattern_indices(np.array([IS, IS, IS, DD, IS, IS, II]))]
+    [5, 2, 2]
+    """
     pair = pair[pair != SS]
     if pair.size == 0:
         return float("nan"), float("nan"), float("nan")

@@ -147,19 +147,19 @@ def drift(x: np.ndarray, period: float) -> np.ndarray:
     """
     n = x.size
     half = min(period / 2.0, (n - 1) / 2.0)
-    # integral of the linearly interpolated signal, read at fractional places
-    total = np.concatenate([[0.0], np.cumsum(0.5 * (x[1:] + x[:-1]))])
-    inner = np.arange(int(np.ceil(half)), int(np.floor(n - 1 - half)) + 1)
-    if inner.size == 0:
+    first, last = int(np.ceil(half)), int(np.floor(n - 1 - half))
+    if last < first:
         return np.full(n, x.mean())
-    mean = (_integral(total, x, inner + half) - _integral(total, x, inner - half)) / (2.0 * half)
+    # running integral of the linearly interpolated signal, read half a period ahead and behind
+    total = np.concatenate([[0.0], np.cumsum(0.5 * (x[1:] + x[:-1]))])
+    inner = np.arange(first, last + 1)
+    mean = (_integral(total, x, first + half, inner.size) - _integral(total, x, first - half, inner.size)) / (2.0 * half)
     out = np.empty(n)
     out[inner] = mean
     reach = min(max(round(half), 1), mean.size - 1)
     slopes = ((mean[reach] - mean[0]) / reach, (mean[-1] - mean[-1 - reach]) / reach) if reach > 0 else (0.0, 0.0)
-    left, right = inner[0], inner[-1]
-    out[:left] = mean[0] + slopes[0] * np.arange(-left, 0)
-    out[right + 1 :] = mean[-1] + slopes[1] * np.arange(1, n - right)
+    out[:first] = mean[0] + slopes[0] * np.arange(-first, 0)
+    out[last + 1 :] = mean[-1] + slopes[1] * np.arange(1, n - last)
     return out
 
 
@@ -192,8 +192,11 @@ def smooth(x: np.ndarray, shortest: float) -> np.ndarray:
     return np.fft.irfft(np.fft.rfft(mirrored) * (0.5 + 0.5 * np.cos(np.pi * ramp)), mirrored.size)[: x.size]
 
 
-def _integral(total: np.ndarray, x: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Integral of the linearly interpolated signal from sample 0 to fractional places."""
-    k = np.minimum(at.astype(int), x.size - 2)
-    part = at - k
-    return total[k] + part * x[k] + 0.5 * part**2 * (x[k + 1] - x[k])
+def _integral(total: np.ndarray, x: np.ndarray, start: float, count: int) -> np.ndarray:
+    """Integral from sample 0 to the places start, start + 1, ..., which may be fractional."""
+    k = min(int(start), x.size - 1 - count) if start > int(start) else int(start)
+    part = start - k
+    here = x[k : k + count]
+    if part == 0.0:
+        return total[k : k + count]
+    return total[k : k + count] + part * here + 0.5 * part**2 * (x[k + 1 : k + 1 + count] - here)

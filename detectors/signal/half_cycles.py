@@ -80,16 +80,37 @@ def sines(points: int = POINTS) -> np.ndarray:
 
     Returns
     -------
-    ndarray, shape (41, points)
-        w from 0.4 to 1.4 pi per half cycle.
+    ndarray, shape (113, points)
+        w from 0.2 to 1.6 pi per half cycle.
 
     Examples
     --------
     >>> sines().shape
-    (41, 40)
+    (113, 40)
     """
     t = (np.arange(points) + 0.5) / points
-    return _unit(np.sin(np.pi * np.linspace(0.4, 1.4, 41)[:, None] * t))
+    return _unit(np.sin(np.pi * np.linspace(0.2, 1.6, 113)[:, None] * t))
+
+
+@lru_cache(maxsize=8)
+def half_sine(points: int = POINTS) -> np.ndarray:
+    """Return the one sine that is zero at both ends.
+
+    Parameters
+    ----------
+    points : int
+        Samples per half cycle.
+
+    Returns
+    -------
+    ndarray, shape (1, points)
+
+    Examples
+    --------
+    >>> half_sine().shape
+    (1, 40)
+    """
+    return _unit(np.sin(np.pi * (np.arange(points) + 0.5) / points)[None])
 
 
 @lru_cache(maxsize=8)
@@ -116,7 +137,7 @@ def triangles(points: int = POINTS) -> np.ndarray:
 
 
 def two_line_misfit(humps: np.ndarray) -> np.ndarray:
-    """Return the mean squared error of two free straight lines per half cycle, split at its largest sample.
+    """Return the mean squared error of two free straight lines per half cycle, which share its largest sample.
 
     Parameters
     ----------
@@ -129,14 +150,13 @@ def two_line_misfit(humps: np.ndarray) -> np.ndarray:
 
     Examples
     --------
-    >>> float(two_line_misfit(triangles()[40:41])[0]) < 1e-5
+    >>> float(two_line_misfit(triangles(41)[40:41])[0]) < 1e-12
     True
     """
-    top = np.clip(humps.argmax(axis=1), 1, humps.shape[1] - 3)
-    return (
-        _line_errors(humps)[np.arange(len(humps)), top]
-        + _line_errors(humps[:, ::-1])[np.arange(len(humps)), humps.shape[1] - 2 - top]
-    ) / humps.shape[1]
+    points = humps.shape[1]
+    top, row = np.clip(humps.argmax(axis=1), 1, points - 2), np.arange(len(humps))
+    left, right = _line_errors(humps)[row, top], _line_errors(humps[:, ::-1])[row, points - 1 - top]
+    return (left + right) / points
 
 
 def _line_errors(y: np.ndarray) -> np.ndarray:

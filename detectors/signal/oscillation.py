@@ -395,4 +395,4 @@ def iae_loads(e: np.ndarray, Ts: float, amplitude: float, period_s: float, gamma
     for k in loads:
         held = held * gamma ** (k - before) + 1.0
         top, before = max(top, held), k
-    return top
+    return float(top)

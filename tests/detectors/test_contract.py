@@ -15,8 +15,8 @@ from detectors.registry import methods
 NAMES = methods.names()
 CASES = ("stiction", "healthy", "sine", "noise", "constant", "short")
 STICKY = {
-    # integral action on a fast process: OP a triangle, PV nearly a square
-    "self-regulating": {"T": 2.0, "Td": 1.0, "Kc": 0.3, "Ti": 3.0, "noise": 0.1, "n": 2000, "kind": "flow"},
+    # OP a triangle, PV a rounded square, the two together close to an ellipse
+    "self-regulating": {"T": 6.0, "Td": 6.0, "Kc": 0.25, "Ti": 5.0, "noise": 0.1, "n": 2500, "kind": "flow"},
     # a level: PV a triangle
     "integrating": {"process": "integrating", "K": 0.1, "Td": 1.0, "Kc": 1.5, "Ti": 30.0, "noise": 0.05, "n": 2000},
 }
@@ -34,7 +34,7 @@ def records(loop):
         if case == "stiction":
             return loop(**STICKY[process])
         if case == "healthy":
-            load = np.cumsum(rng.standard_normal(2000)) * 0.2
+            load = np.cumsum(rng.standard_normal(2500)) * 0.2
             return loop(**{**STICKY[process], "S": 0.0, "J": 0.0, "load": load})
         if case == "sine":
             op = 50.0 + 5.0 * np.sin(2 * np.pi * t / 50.3)

@@ -1,0 +1,110 @@
+"""Half cycles and the shapes fitted to them, against fits done one by one."""
+
+import numpy as np
+import pytest
+from scipy.optimize import curve_fit, minimize_scalar
+
+from detectors.signal import half_cycles as h
+
+RNG = np.random.default_rng(21)
+POINT = (np.arange(h.POINTS) + 0.5) / h.POINTS
+SINE, TRIANGLE, SQUARE = np.sin(np.pi * POINT), np.minimum(POINT, 1 - POINT), np.ones(h.POINTS)
+
+
+def naive_sine(hump):
+    """Non-linear least squares as in the paper, started at the peak and at one half period."""
+
+    def sine(t, A, w):
+        return A * np.sin(w * t)
+
+    best, _ = curve_fit(sine, POINT, hump, p0=(hump.max(), np.pi))
+    return float(((hump - sine(POINT, *best)) ** 2).mean())
+
+
+def naive_triangle(hump):
+    def error(apex):
+        shape = np.minimum(POINT / apex, (1 - POINT) / (1 - apex))
+        return float(((hump - shape * (shape @ hump) / (shape @ shape)) ** 2).mean())
+
+    grid = np.linspace(0.02, 0.98, 200)
+    start = min(grid, key=error)
+    return minimize_scalar(error, bounds=(max(start - 0.01, 0.02), min(start + 0.01, 0.98)), method="bounded").fun
+
+
+def naive_two_lines(hump):
+    top, error = int(hump.argmax()), 0.0
+    for part in (slice(0, top + 1), slice(top, None)):
+        line = np.polyval(np.polyfit(POINT[part], hump[part], 1), POINT[part])
+        error += ((hump[part] - line) ** 2).sum()
+    return error / hump.size
+
+
+def humps(count=12):
+    """Between sine, triangle and square, leaning, and noisy."""
+    mixed = [a * SINE + b * 2 * TRIANGLE + 0.3 * c * SQUARE for a, b, c in RNG.random((count, 3))]
+    return np.array([x * (1 + 0.5 * (POINT - 0.5)) + 0.02 * RNG.standard_normal(h.POINTS) for x in mixed])
+
+
+def test_sine_misfit_equals_the_nonlinear_fit():
+    data = humps()
+    for one, hump in zip(h.misfit(data, h.sines()), data, strict=True):
+        assert one == pytest.approx(naive_sine(hump), rel=0.05, abs=2e-5)
+
+
+def test_triangle_misfit_equals_the_scan_of_the_apex():
+    data = humps()
+    for one, hump in zip(h.misfit(data, h.triangles()), data, strict=True):
+        assert one == pytest.approx(naive_triangle(hump), rel=0.05, abs=2e-5)
+
+
+def test_two_line_misfit_equals_two_straight_fits():
+    data = humps()
+    assert np.allclose(h.two_line_misfit(data), [naive_two_lines(x) for x in data], rtol=1e-6)
+
+
+def test_relay_shapes_are_what_a_lag_makes_of_a_square_wave():
+    tau = np.geomspace(0.02, 20.0, 60)
+    for k in (10, 30, 50):
+        fine = 4000
+        y, wave = 0.0, []
+        for i in range(int(60 * fine)):  # half periods of length 1
+            u = 1.0 if (i // fine) % 2 == 0 else -1.0
+            y += (u - y) / (tau[k] * fine)
+            wave.append(y)
+        tail = np.array(wave[-3 * fine :])
+        crossing = int(np.flatnonzero((tail[:-1] < 0) & (tail[1:] >= 0))[0])
+        hump = np.interp(POINT, np.arange(fine) / fine, tail[crossing : crossing + fine])
+        assert h.misfit(hump[None], h.relays()[k : k + 1])[0] < 1e-4 * (hump**2).mean()
+
+
+def test_relays_run_from_square_to_triangle():
+    assert h.misfit(SQUARE[None], h.relays())[0] < 0.02
+    assert h.misfit(TRIANGLE[None], h.relays())[0] < 1e-4
+
+
+def test_split_finds_every_whole_half_cycle_of_a_sine_upright():
+    found = h.split(np.sin(2 * np.pi * np.arange(1000) / 40 + 1.0), 40.0)
+    assert 47 <= len(found) <= 49
+    assert np.abs(found - SINE).max() < 0.01
+
+
+def test_noise_at_the_crossings_makes_no_half_cycles_of_its_own():
+    x = np.sin(2 * np.pi * np.arange(4000) / 200) + 0.05 * RNG.standard_normal(4000)
+    assert abs(len(h.split(x, 200.0)) - 39) <= 1
+
+
+def test_flipped_signal_has_the_same_half_cycles():
+    x = np.sin(np.arange(500) / 9) + 0.1 * RNG.standard_normal(500)
+    assert np.array_equal(h.split(x, 56.5), h.split(-x, 56.5))
+
+
+def test_peak_areas_are_the_areas():
+    for apex in (0.2, 0.37, 0.5, 0.83):
+        hump = np.minimum(POINT / apex, (1 - POINT) / (1 - apex))
+        before, after = h.peak_areas(hump[None])
+        assert before[0] == pytest.approx(0.5 * apex, abs=0.7 / h.POINTS)
+        assert before[0] + after[0] == pytest.approx(0.5, abs=1e-3)
+    for w in (0.8, 1.0, 1.2):
+        before, _ = h.peak_areas(np.sin(w * np.pi * POINT)[None])
+        peak = min(0.5 / w, 1.0)
+        assert before[0] == pytest.approx((1 - np.cos(w * np.pi * peak)) / (w * np.pi), rel=2e-3)
