@@ -115,6 +115,258 @@ def detect(
     _print(report.as_json() if as_json else report.as_text(), as_json)
 
 
+@app.command()
+def diagnose(
+    path: Annotated[Path, typer.Argument(metavar="REC.csv")],
+    process: Annotated[Optional[str], typer.Option(help="self-regulating or integrating.")] = None,
+    kind: Annotated[Optional[str], typer.Option(help="flow, level, pressure, temperature or analyser.")] = None,
+    op_span: Span = None,
+    pv_span: Span = None,
+    picture: Annotated[Optional[Path], typer.Option(help="Picture of the path taken (SVG or PNG).")] = None,
+    as_json: Json = False,
+) -> None:
+    """Take one record through the chapter's whole diagnosis, step by step."""
+    from detectors.io import read_record
+    from detectors.procedure import diagnose as procedure
+
+    diagnosis = procedure(read_record(path, process=process, kind=kind, op_span=op_span, pv_span=pv_span))
+    if picture is not None:
+        from simbench.figures import draw_path
+
+        draw_path(diagnosis, picture)
+    _print(diagnosis.as_json() if as_json else diagnosis.as_text(), as_json)
+
+
+@app.command()
+def run(
+    grid: Annotated[str, typer.Argument(help="Name of a grid, or a TOML file.")],
+    out: Annotated[Optional[Path], typer.Option("-o", "--out", help="Folder of the run [runs/GRID].")] = None,
+    jobs: Jobs = 1,
+    method: Annotated[Optional[list[str]], typer.Option(help="Method ids, fast or full; repeatable.")] = None,
+    raw: Annotated[bool, typer.Option("--raw", help="Only without the oscillation front end.")] = False,
+    plugin: Plugin = None,
+    backend: Annotated[str, typer.Option(help="loky, dask or ray.")] = "loky",
+    address: Annotated[Optional[str], typer.Option(metavar="URL", help="Of a running scheduler.")] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on where an earlier run stopped.")] = False,
+    until_width: Annotated[
+        Optional[float], typer.Option(metavar="W", help="Add seeds until accuracy's interval is this narrow.")
+    ] = None,
+    sets: Annotated[Optional[list[str]], typer.Option("--set", metavar="K=V", help="Repeatable.")] = None,
+    axis: Annotated[Optional[list[str]], typer.Option(metavar="K=a,b,c", help="Other values of an axis; repeatable.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Simulate a grid of scenarios, judge every record by every method, and score."""
+    from simbench.bench.run import run_grid
+    from simbench.bench.score import score_run
+
+    axes = {k: [_number(v) for v in str(values).split(",")] for k, values in _pairs(axis or [], "--axis", text=True).items()}
+    folder = run_grid(
+        grid, out or Path("runs") / Path(grid).stem, tuple(method or ["fast"]), jobs, raw=raw, plugins=plugin or [],
+        backend=backend, address=address, resume=resume, until_width=until_width, sets=_pairs(sets or [], "--set"), axes=axes,
+    )  # fmt: skip
+    scores = score_run(folder)
+    _print({"run": str(folder), **scores.as_json()} if as_json else f"{scores.as_text()}\n\nrun: {folder}", as_json)
+
+
+@app.command()
+def score(
+    folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
+    raw: Annotated[bool, typer.Option("--raw", help="Verdicts without the oscillation front end.")] = False,
+    report: Annotated[Optional[Path], typer.Option(metavar="FILE.html", help="Report with pictures to write.")] = None,
+    against: Annotated[Optional[Path], typer.Option("--compare", metavar="RUN", help="A second run, paired.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Score a run: accuracy, no-decision rate, AUC, with intervals, by grid axis."""
+    from simbench.bench.score import score_run
+
+    scores = score_run(folder, raw=raw)
+    content: Any = scores.as_json() if as_json else scores.as_text()
+    if against is not None:
+        from simbench.bench.compare import compare
+
+        comparison = compare(folder, against)
+        content = {**content, "comparison": comparison.as_json()} if as_json else f"{content}\n\n{comparison.as_text()}"
+    _print(content, as_json)
+    if report is not None:
+        from simbench.report import write_report
+
+        write_report(folder, report)
+        print(f"report: {report.resolve()}", file=sys.stderr if as_json else sys.stdout)
+
+
+@app.command()
+def check(
+    folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
+    against: Annotated[Path, typer.Option(metavar="DIR", help="Baseline.")],
+    junit: Annotated[Optional[Path], typer.Option(metavar="FILE.xml", help="JUnit summary to write.")] = None,
+    markdown: Annotated[Optional[Path], typer.Option(metavar="FILE.md", help="Markdown summary to write.")] = None,
+    update: Annotated[bool, typer.Option("--update", help="Make this run the baseline, and show the difference.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Compare a run with a baseline; exit 1 when accuracy regressed."""
+    from simbench.bench.check import check_run, update_baseline
+    from simbench.files import whole_file
+
+    if update:
+        print(update_baseline(folder, against))
+        return
+    result = check_run(folder, against)
+    for path, text in ((junit, result.as_junit()), (markdown, result.as_markdown())):
+        if path is not None:
+            with whole_file(path) as f:
+                f.write(text)
+    _print(result.as_json() if as_json else result.as_text(), as_json)
+    if result.failed:
+        raise typer.Exit(1)
+
+
+@app.command()
+def calibrate(
+    grid: Annotated[str, typer.Argument(help="Name of a grid, or a TOML file.")],
+    false_alarm: Annotated[float, typer.Option(help="Wanted share of healthy loops called sticky.")] = 0.05,
+    method: Annotated[Optional[list[str]], typer.Option(help="Method ids, fast or full; repeatable.")] = None,
+    jobs: Jobs = 1,
+    out: Annotated[Optional[Path], typer.Option("-o", "--out", help="Folder for thresholds and ROC curves.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Find each method's threshold for a wanted false-alarm rate."""
+    from simbench.bench.calibrate import calibrate as run_calibration
+
+    found = run_calibration(grid, false_alarm, tuple(method or ["fast"]), jobs, out=out)
+    _print(found.as_json() if as_json else found.as_text(), as_json)
+
+
+@app.command()
+def worst(
+    method: Annotated[str, typer.Argument(help="Method id.")],
+    out: Annotated[Optional[Path], typer.Option("-o", "--out", help="Loop file to write.")] = None,
+    budget: Annotated[int, typer.Option(min=1, help="Loops to try.")] = 2000,
+    seed: Annotated[int, typer.Option(min=0)] = 0,
+    as_json: Json = False,
+) -> None:
+    """Search the healthy loop on which a method is most confidently wrong."""
+    from simbench.bench.worst import worst as search
+    from simbench.files import whole_file
+
+    found = search(method, budget=budget, seed=seed)
+    if out is not None:
+        with whole_file(out) as f:
+            f.write(found.to_toml())
+    _print(found.as_json() if as_json else found.as_text(), as_json)
+
+
+@app.command()
+def figure(
+    ids: Annotated[list[str], typer.Argument(metavar="ID|all", help="Figure ids.")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder to write to.")],
+    run_folder: Annotated[
+        Optional[Path], typer.Option("--run", metavar="RUN", help="Run for the figures that show one.")
+    ] = None,
+    isdb: Annotated[Optional[Path], typer.Option(metavar="FILE|DIR", help="Real records.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Draw the chapter's figures and tables, each with the numbers drawn beside it."""
+    from simbench.figures import make_figures
+
+    drawn = make_figures(ids, out, run=run_folder, isdb=isdb)
+    rows = [{"id": d.name, "files": [str(f) for f in d.files], "left_out": d.left_out} for d in drawn]
+    _print(rows if as_json else "\n".join(f"{r['id']}: {r['left_out'] or ', '.join(r['files'])}" for r in rows), as_json)
+
+
+@confirm_app.command("gain-change")
+def gain_change(
+    loop: Annotated[Path, typer.Argument(metavar="LOOP.toml")],
+    picture: Annotated[Optional[Path], typer.Option(help="Picture to write (SVG or PNG).")] = None,
+    as_json: Json = False,
+) -> None:
+    """Does the period follow the controller gain?"""
+    from scenarios.spec import load_loop
+    from simbench.confirm.gain_change import gain_change as test
+
+    _confirmed(test(load_loop(loop)), picture, as_json)
+
+
+@confirm_app.command()
+def travel(
+    loop: Annotated[Path, typer.Argument(metavar="LOOP.toml")],
+    picture: Annotated[Optional[Path], typer.Option(help="Picture to write (SVG or PNG).")] = None,
+    as_json: Json = False,
+) -> None:
+    """Valve travel test: small steps of OP until PV moves, same direction and reversed."""
+    from scenarios.spec import load_loop
+    from simbench.confirm.travel import travel_test
+
+    _confirmed(travel_test(load_loop(loop)), picture, as_json)
+
+
+@gap_app.command("diagnose")
+def gap_diagnose(
+    records: Annotated[list[Path], typer.Argument(metavar="REC.csv ...")],
+    baseline: Annotated[Optional[Path], typer.Option(metavar="LOOP.toml", help="The simulation that does not fit.")] = None,
+    identify: Annotated[bool, typer.Option("--identify", help="No baseline: estimate one from the record.")] = False,
+    jobs: Jobs = 1,
+    no_bootstrap: Annotated[bool, typer.Option("--no-bootstrap", help="Faster; none and unknown less sure.")] = False,
+    html: Annotated[Optional[Path], typer.Option(metavar="FILE.html", help="Report to write.")] = None,
+    write_loop: Annotated[Optional[Path], typer.Option(metavar="FIXED.toml", help="Loop file with the effect in it.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Say where record and simulation differ, which effect explains it, and how far it shrinks."""
+    from simbench.gap.command import diagnose_files
+
+    if (baseline is None) == (not identify):
+        raise ParameterError("gap diagnose needs either --baseline LOOP.toml or --identify")
+    answers = diagnose_files(
+        records, baseline, jobs=jobs, bootstrap=not no_bootstrap, html=html, write_loop=write_loop
+    )  # fmt: skip
+    single = len(answers) == 1
+    content: Any = [{"record": str(r), **a.as_json()} for r, a in zip(records, answers)]
+    if as_json:
+        _print(answers[0].as_json() if single else content, True)
+    else:
+        _print("\n\n".join((f"{r}\n" if not single else "") + a.as_text() for r, a in zip(records, answers)), False)
+
+
+@withheld_app.command()
+def make(
+    out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the check.")],
+    key: Annotated[Path, typer.Option(help="File for the key to the answers, outside DIR.")],
+    seed: Annotated[int, typer.Option(min=0)],
+    n: Annotated[int, typer.Option(min=100, help="Records.")] = 600,
+    jobs: Jobs = 1,
+) -> None:
+    """Write shuffled records with hidden effects, and seal the answers."""
+    from simbench.gap.withheld import make as write
+
+    print(write(out, key, seed, n=n, jobs=jobs))
+
+
+@withheld_app.command()
+def answer(
+    out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the check.")],
+    jobs: Jobs = 1,
+    no_bootstrap: Annotated[bool, typer.Option("--no-bootstrap")] = False,
+) -> None:
+    """Diagnose every record, without sight of the answers; resumes where it stopped."""
+    from simbench.gap import command
+    from simbench.gap.withheld import answer as diagnose_all
+
+    print(f"{diagnose_all(out, command.one_file_quick if no_bootstrap else command.one_file, jobs)} records diagnosed")
+
+
+@withheld_app.command("open")
+def open_sealed(
+    out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the check.")],
+    key: Annotated[Optional[Path], typer.Option(help="Key file; not needed where answers.csv lies open.")] = None,
+    scores: Annotated[Optional[Path], typer.Option("--scores", metavar="DIR", help="Where the scores go.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Score the answers against the truth."""
+    from simbench.gap.withheld import open_ as score_answers
+
+    found = score_answers(out, key, scores)
+    _print({k: v for k, v in found.items() if k != "markdown"} if as_json else found["markdown"], as_json)
+
+
 @app.command("list")
 def list_(
     what: Annotated[str, typer.Argument(help="detectors, valves, grids, effects or figures.")],
@@ -158,8 +410,8 @@ def main(arguments: list[str] | None = None) -> int:
         return 0
     except OSError as error:
         return _complain(f"{error.filename or 'output'}: {(error.strerror or str(error)).lower()}")
-    except (KeyboardInterrupt, typer.Abort):
-        print("interrupted", file=sys.stderr)
+    except (KeyboardInterrupt, typer.Abort) as error:
+        print(str(error) or "interrupted", file=sys.stderr)
         return 130
 
 
@@ -187,13 +439,22 @@ def _verbs(context: Any) -> list[str]:
     return [] if context is None else context.command.list_commands(context)
 
 
-def _pairs(words: list[str], option: str) -> dict[str, Any]:
+def _confirmed(result: Any, picture: Path | None, as_json: bool) -> None:
+    if picture is not None:
+        from simbench.files import whole_file
+
+        with whole_file(picture, "wb") as f:
+            result.plot().savefig(f, format=picture.suffix.lstrip(".") or "svg")
+    _print(result.as_json() if as_json else result.as_text(), as_json)
+
+
+def _pairs(words: list[str], option: str, text: bool = False) -> dict[str, Any]:
     pairs = {}
     for word in words:
         name, equals, value = word.partition("=")
         if not equals or not name:
             raise ParameterError(f"{option} {word!r}: NAME=VALUE is needed")
-        pairs[name] = _number(value)
+        pairs[name] = value if text else _number(value)
     return pairs
 
 
