@@ -118,16 +118,17 @@ def detect(
 @app.command()
 def diagnose(
     path: Annotated[Path, typer.Argument(metavar="REC.csv")],
-    process: Annotated[Optional[str], typer.Option(help="self-regulating or integrating.")] = None,
-    kind: Annotated[Optional[str], typer.Option(help="flow, level, pressure, temperature or analyser.")] = None,
+    process: Annotated[str | None, typer.Option(help="self-regulating or integrating.")] = None,
+    kind: Annotated[str | None, typer.Option(help="flow, level, pressure, temperature or analyser.")] = None,
     op_span: Span = None,
     pv_span: Span = None,
-    picture: Annotated[Optional[Path], typer.Option(help="Picture of the path taken (SVG or PNG).")] = None,
+    picture: Annotated[Path | None, typer.Option(help="Picture of the path taken (SVG or PNG).")] = None,
     as_json: Json = False,
 ) -> None:
     """Take one record through the chapter's whole diagnosis, step by step."""
-    from detectors.io import read_record
     from detectors.procedure import diagnose as procedure
+
+    from detectors.io import read_record
 
     diagnosis = procedure(read_record(path, process=process, kind=kind, op_span=op_span, pv_span=pv_span))
     if picture is not None:
@@ -140,19 +141,19 @@ def diagnose(
 @app.command()
 def run(
     grid: Annotated[str, typer.Argument(help="Name of a grid, or a TOML file.")],
-    out: Annotated[Optional[Path], typer.Option("-o", "--out", help="Folder of the run [runs/GRID].")] = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="Folder of the run [runs/GRID].")] = None,
     jobs: Jobs = 1,
-    method: Annotated[Optional[list[str]], typer.Option(help="Method ids, fast or full; repeatable.")] = None,
+    method: Annotated[list[str] | None, typer.Option(help="Method ids, fast or full; repeatable.")] = None,
     raw: Annotated[bool, typer.Option("--raw", help="Only without the oscillation front end.")] = False,
     plugin: Plugin = None,
     backend: Annotated[str, typer.Option(help="loky, dask or ray.")] = "loky",
-    address: Annotated[Optional[str], typer.Option(metavar="URL", help="Of a running scheduler.")] = None,
+    address: Annotated[str | None, typer.Option(metavar="URL", help="Of a running scheduler.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on where an earlier run stopped.")] = False,
     until_width: Annotated[
-        Optional[float], typer.Option(metavar="W", help="Add seeds until accuracy's interval is this narrow.")
+        float | None, typer.Option(metavar="W", help="Add seeds until accuracy's interval is this narrow.")
     ] = None,
-    sets: Annotated[Optional[list[str]], typer.Option("--set", metavar="K=V", help="Repeatable.")] = None,
-    axis: Annotated[Optional[list[str]], typer.Option(metavar="K=a,b,c", help="Other values of an axis; repeatable.")] = None,
+    sets: Annotated[list[str] | None, typer.Option("--set", metavar="K=V", help="Repeatable.")] = None,
+    axis: Annotated[list[str] | None, typer.Option(metavar="K=a,b,c", help="Other values of an axis; repeatable.")] = None,
     as_json: Json = False,
 ) -> None:
     """Simulate a grid of scenarios, judge every record by every method, and score."""
@@ -172,8 +173,8 @@ def run(
 def score(
     folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
     raw: Annotated[bool, typer.Option("--raw", help="Verdicts without the oscillation front end.")] = False,
-    report: Annotated[Optional[Path], typer.Option(metavar="FILE.html", help="Report with pictures to write.")] = None,
-    against: Annotated[Optional[Path], typer.Option("--compare", metavar="RUN", help="A second run, paired.")] = None,
+    report: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Report with pictures to write.")] = None,
+    against: Annotated[Path | None, typer.Option("--compare", metavar="RUN", help="A second run, paired.")] = None,
     as_json: Json = False,
 ) -> None:
     """Score a run: accuracy, no-decision rate, AUC, with intervals, by grid axis."""
@@ -198,8 +199,8 @@ def score(
 def check(
     folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
     against: Annotated[Path, typer.Option(metavar="DIR", help="Baseline.")],
-    junit: Annotated[Optional[Path], typer.Option(metavar="FILE.xml", help="JUnit summary to write.")] = None,
-    markdown: Annotated[Optional[Path], typer.Option(metavar="FILE.md", help="Markdown summary to write.")] = None,
+    junit: Annotated[Path | None, typer.Option(metavar="FILE.xml", help="JUnit summary to write.")] = None,
+    markdown: Annotated[Path | None, typer.Option(metavar="FILE.md", help="Markdown summary to write.")] = None,
     update: Annotated[bool, typer.Option("--update", help="Make this run the baseline, and show the difference.")] = False,
     as_json: Json = False,
 ) -> None:
@@ -224,9 +225,9 @@ def check(
 def calibrate(
     grid: Annotated[str, typer.Argument(help="Name of a grid, or a TOML file.")],
     false_alarm: Annotated[float, typer.Option(help="Wanted share of healthy loops called sticky.")] = 0.05,
-    method: Annotated[Optional[list[str]], typer.Option(help="Method ids, fast or full; repeatable.")] = None,
+    method: Annotated[list[str] | None, typer.Option(help="Method ids, fast or full; repeatable.")] = None,
     jobs: Jobs = 1,
-    out: Annotated[Optional[Path], typer.Option("-o", "--out", help="Folder for thresholds and ROC curves.")] = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="Folder for thresholds and ROC curves.")] = None,
     as_json: Json = False,
 ) -> None:
     """Find each method's threshold for a wanted false-alarm rate."""
@@ -239,7 +240,7 @@ def calibrate(
 @app.command()
 def worst(
     method: Annotated[str, typer.Argument(help="Method id.")],
-    out: Annotated[Optional[Path], typer.Option("-o", "--out", help="Loop file to write.")] = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="Loop file to write.")] = None,
     budget: Annotated[int, typer.Option(min=1, help="Loops to try.")] = 2000,
     seed: Annotated[int, typer.Option(min=0)] = 0,
     as_json: Json = False,
@@ -259,10 +260,8 @@ def worst(
 def figure(
     ids: Annotated[list[str], typer.Argument(metavar="ID|all", help="Figure ids.")],
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder to write to.")],
-    run_folder: Annotated[
-        Optional[Path], typer.Option("--run", metavar="RUN", help="Run for the figures that show one.")
-    ] = None,
-    isdb: Annotated[Optional[Path], typer.Option(metavar="FILE|DIR", help="Real records.")] = None,
+    run_folder: Annotated[Path | None, typer.Option("--run", metavar="RUN", help="Run for the figures that show one.")] = None,
+    isdb: Annotated[Path | None, typer.Option(metavar="FILE|DIR", help="Real records.")] = None,
     as_json: Json = False,
 ) -> None:
     """Draw the chapter's figures and tables, each with the numbers drawn beside it."""
@@ -276,7 +275,7 @@ def figure(
 @confirm_app.command("gain-change")
 def gain_change(
     loop: Annotated[Path, typer.Argument(metavar="LOOP.toml")],
-    picture: Annotated[Optional[Path], typer.Option(help="Picture to write (SVG or PNG).")] = None,
+    picture: Annotated[Path | None, typer.Option(help="Picture to write (SVG or PNG).")] = None,
     as_json: Json = False,
 ) -> None:
     """Does the period follow the controller gain?"""
@@ -289,7 +288,7 @@ def gain_change(
 @confirm_app.command()
 def travel(
     loop: Annotated[Path, typer.Argument(metavar="LOOP.toml")],
-    picture: Annotated[Optional[Path], typer.Option(help="Picture to write (SVG or PNG).")] = None,
+    picture: Annotated[Path | None, typer.Option(help="Picture to write (SVG or PNG).")] = None,
     as_json: Json = False,
 ) -> None:
     """Valve travel test: small steps of OP until PV moves, same direction and reversed."""
@@ -302,12 +301,12 @@ def travel(
 @gap_app.command("diagnose")
 def gap_diagnose(
     records: Annotated[list[Path], typer.Argument(metavar="REC.csv ...")],
-    baseline: Annotated[Optional[Path], typer.Option(metavar="LOOP.toml", help="The simulation that does not fit.")] = None,
+    baseline: Annotated[Path | None, typer.Option(metavar="LOOP.toml", help="The simulation that does not fit.")] = None,
     identify: Annotated[bool, typer.Option("--identify", help="No baseline: estimate one from the record.")] = False,
     jobs: Jobs = 1,
     no_bootstrap: Annotated[bool, typer.Option("--no-bootstrap", help="Faster; none and unknown less sure.")] = False,
-    html: Annotated[Optional[Path], typer.Option(metavar="FILE.html", help="Report to write.")] = None,
-    write_loop: Annotated[Optional[Path], typer.Option(metavar="FIXED.toml", help="Loop file with the effect in it.")] = None,
+    html: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Report to write.")] = None,
+    write_loop: Annotated[Path | None, typer.Option(metavar="FIXED.toml", help="Loop file with the effect in it.")] = None,
     as_json: Json = False,
 ) -> None:
     """Say where record and simulation differ, which effect explains it, and how far it shrinks."""
@@ -356,8 +355,8 @@ def answer(
 @withheld_app.command("open")
 def open_sealed(
     out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the check.")],
-    key: Annotated[Optional[Path], typer.Option(help="Key file; not needed where answers.csv lies open.")] = None,
-    scores: Annotated[Optional[Path], typer.Option("--scores", metavar="DIR", help="Where the scores go.")] = None,
+    key: Annotated[Path | None, typer.Option(help="Key file; not needed where answers.csv lies open.")] = None,
+    scores: Annotated[Path | None, typer.Option("--scores", metavar="DIR", help="Where the scores go.")] = None,
     as_json: Json = False,
 ) -> None:
     """Score the answers against the truth."""
