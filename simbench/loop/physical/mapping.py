@@ -45,7 +45,7 @@ def complete_band(
     Notes
     -----
     S = percent (Fs + Fc), J = percent (Fs - Fc): force balance of the valve at rest and in slow motion, Choudhury,
-    Thornhill and Shah (2005), Sect. 3. Not for an underdamped actuator, whose jump passes the balance.
+    Thornhill and Shah (2005). Not for an underdamped actuator, whose jump passes the balance.
 
     Examples
     --------

@@ -13,7 +13,7 @@ direction. `choudhury_literal` takes the other reading.
 from detectors.signal.stiction_map import step as stiction_step
 from simbench.loop.parameters import Number
 
-SOURCE = "Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13, 641-658, Fig. 7"
+SOURCE = "Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13, 641-658, data-driven model"
 FRICTION = True
 PARAMETERS = {
     "S": Number("% of travel", low=0.0, high=100.0, says="dead-band plus stick band"),

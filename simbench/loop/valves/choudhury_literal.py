@@ -10,7 +10,7 @@ The chart has no word for a valve at rest in mid-band: here it starts with the b
 
 from simbench.loop.parameters import Number
 
-SOURCE = "Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13, 641-658, Fig. 7, read literally"
+SOURCE = "Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13, 641-658, flow chart of the data-driven model"
 FRICTION = True
 PARAMETERS = {
     "S": Number("% of travel", low=0.0, high=100.0, says="dead-band plus stick band"),

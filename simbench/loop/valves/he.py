@@ -13,7 +13,7 @@ The published form has no limits; here OP and MV stay within 0..100.
 from simbench.loop.parameters import FOLLOWS, Number
 from simbench.loop.physical.mapping import complete_band
 
-SOURCE = "He, Wang, Pottmann and Qin (2007), Ind. Eng. Chem. Res. 46, 4549-4560; K: He and Wang (2010)"
+SOURCE = "He, Wang, Pottmann and Qin (2007), Ind. Eng. Chem. Res. 46, 4549-4560; K: He and Wang (2010), ACC"
 FRICTION = True
 PARAMETERS = {
     "S": Number("% of travel", low=0.0, high=100.0, default=FOLLOWS, says="dead-band plus stick band, fs + fd"),

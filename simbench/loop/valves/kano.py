@@ -17,31 +17,32 @@ PARAMETERS = {
 
 
 def start(u0, p):
-    """Return the state (v, u_s, d, stuck, u_prev, du_prev) at rest in mid-band under OP `u0` (%)."""
+    """Return the state (v, rest, d, stuck, u_prev, du_prev) at rest in mid-band under OP `u0` (%)."""
     x = min(max(u0, 0.0), 100.0)
-    return x, x + 0.5 * (p.S - p.J), 1.0, 1.0, x, 0.0
+    return x, x, 1.0, 1.0, x, 0.0
 
 
 def step(u, state, p):
-    """One sample: OP `u` (%) in, state (v, u_s, d, stuck, u_prev, du_prev) out, v = MV (%).
+    """One sample: OP `u` (%) in, state (v, rest, d, stuck, u_prev, du_prev) out, v = MV (%).
 
-    u_s is OP where the valve stopped, d the direction in which friction was last overcome (+1 opening).
+    rest is where the valve stopped, before any end of travel; d the last direction of motion (+1 opening).
     """
-    v, u_s, d, stuck, u_prev, du_prev = state
+    v, rest, d, stuck, u_prev, du_prev = state
     x = min(max(u, 0.0), 100.0)
     du = x - u_prev
     if stuck == 0.0 and du * du_prev <= 0.0:
-        u_s = u_prev
+        rest = u_prev - d * 0.5 * (p.S - p.J)
         stuck = 1.0
     if stuck == 1.0:
-        if -d * (x - u_s) > p.S:
+        # -d (u - u_s) > S and d (u - u_s) > J with u_s = rest + d (S - J)/2 put in: ties then round as in `choudhury`
+        if -d * (x - rest) > 0.5 * (p.S + p.J):
             d = -d
             stuck = 0.0
-        elif d * (x - u_s) > p.J:
+        elif d * (x - rest) > 0.5 * (p.S + p.J):
             stuck = 0.0
     if stuck == 0.0:
         v = min(max(x - d * 0.5 * (p.S - p.J), 0.0), 100.0)
-    return v, u_s, d, stuck, x, du
+    return v, rest, d, stuck, x, du
 
 
 def mapped_SJ(p):

@@ -55,6 +55,14 @@ def test_kano_equals_choudhury_with_holds_and_saturation(wandering_op, S, J):
     np.testing.assert_array_equal(valve_response("kano", wandering_op, p), valve_response("choudhury", wandering_op, p))
 
 
+@pytest.mark.parametrize("quantum", [0.01, 0.1, 0.3])
+def test_kano_equals_choudhury_when_op_lands_on_the_thresholds(wandering_op, quantum):
+    op = np.round(wandering_op / quantum) * quantum
+    for S, J in ((5, 2), (3.3, 0.3), (1.2, 1.2), (6, 0)):
+        p = {"S": S, "J": J}
+        np.testing.assert_array_equal(valve_response("kano", op, p), valve_response("choudhury", op, p))
+
+
 @pytest.mark.parametrize(("S", "J"), [(5, 7), (1, 6), (0, 3)])
 def test_kano_equals_choudhury_for_overshoot_away_from_the_stops(wandering_op, S, J):
     op = 20.0 + 0.6 * np.clip(wandering_op, 0, 100)
