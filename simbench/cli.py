@@ -268,7 +268,7 @@ def figure(
     from simbench.figures import make_figures
 
     drawn = make_figures(ids, out, run=run_folder, isdb=isdb)
-    rows = [{"id": d.name, "files": [str(f) for f in d.files], "left_out": d.left_out} for d in drawn]
+    rows = [{"id": d.id, "files": [str(f) for f in d.files], "left_out": d.left_out} for d in drawn]
     _print(rows if as_json else "\n".join(f"{r['id']}: {r['left_out'] or ', '.join(r['files'])}" for r in rows), as_json)
 
 

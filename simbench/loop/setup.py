@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from detectors.errors import ParameterError
-from scenarios.spec import Loop
+from scenarios.spec import Loop, Part
 from simbench.loop import controller, plant, sensor
 from simbench.loop.disturbance import disturbance_signal
 from simbench.loop.parameters import EFFECTS, VALVES, resolve, valve_parameters
@@ -111,7 +111,6 @@ def resolve_loop(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
     num, den = plant.polynomials(loop.plant) if tf is None else plant.checked_polynomials(tf)
     if loop.controller.sign * num[0] / den[den != 0][-1] < 0:
         raise ParameterError("positive feedback: the plant's gain and the controller's direction have opposite signs")
-    module = VALVES.load(loop.valve.name)
     setup = Setup(
         loop=loop,
         seed=seed,
@@ -128,7 +127,7 @@ def resolve_loop(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
         load_out=np.zeros(total),
         noise_std=loop.noise.std,
         pv_add=np.zeros(total),
-        valves=[(module, valve_parameters(module, loop.valve.parameters, loop.sampling.Ts))],
+        valves=_valves(loop.valve, loop.sampling.Ts),
     )
     for t, value in sorted(loop.setpoint.steps):
         setup.sp[int(np.ceil(t / setup.Ts - 1e-9)) :] = value
@@ -203,6 +202,21 @@ def parts_of(setup: Setup) -> Parts:
     valve_p = tuple(p for _, p in setup.valves)
     stages = tuple(module.step for module, _ in setup.valves)
     return Parts(sampled, steps, stages, (plant_p, control_p, gap_p, sensor_p, valve_p))
+
+
+def _valves(part: Part, Ts: float) -> list[tuple[ModuleType, Any]]:
+    # `before` and `behind` are stages OP passes on its way: [{ model = "lag", T = 2.0 }, ...]
+    own = {k: v for k, v in part.parameters.items() if k not in ("before", "behind")}
+    chain = [*_stages(part, "before"), (part.name, own), *_stages(part, "behind")]
+    modules = [(VALVES.load(name), parameters) for name, parameters in chain]
+    return [(module, valve_parameters(module, parameters, Ts)) for module, parameters in modules]
+
+
+def _stages(part: Part, place: str) -> list[tuple[str, dict[str, Any]]]:
+    stages = part.parameters.get(place, [])
+    if not isinstance(stages, list) or not all(isinstance(s, dict) and "model" in s for s in stages):
+        raise ParameterError(f"valve {part.name!r}: {place} = {stages!r}; a list of tables with a key model is needed")
+    return [(s["model"], {k: v for k, v in s.items() if k != "model"}) for s in stages]
 
 
 def _acts(p: Any) -> bool:

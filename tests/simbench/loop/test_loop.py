@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import tomllib
 from pathlib import Path
 
 import control
@@ -280,3 +281,14 @@ def test_controller_as_transfer_function_has_the_sign_of_its_direction():
 def test_wrong_plugins_and_numbers_end_in_one_sentence(changes, error, words):
     with pytest.raises(error, match=words):
         simulate(loop(**changes))
+
+
+def test_stages_stand_before_and_behind_any_friction_model():
+    valve = {"model": "choudhury", "S": 5.0, "J": 2.0, "behind": [{"model": "limits", "low": 0.0, "high": 52.0}]}
+    one = loop(valve=valve, setpoint={"value": 50.0, "steps": [[10.0, 55.0]]})
+    assert Loop.from_table(tomllib.loads(one.to_toml())) == one
+    assert simulate(one).record.mv.max() == 52.0
+    with pytest.raises(ParameterError, match="key model"):
+        simulate(loop(valve={**valve, "behind": [{"low": 1.0}]}))
+    with pytest.raises(UnknownName, match="limits"):
+        simulate(loop(valve={**valve, "before": [{"model": "limit"}]}))
