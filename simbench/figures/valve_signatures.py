@@ -16,7 +16,7 @@ WANTED = {
     **{"S": 20.0, "J": 8.0, "S_up": 24.0, "J_up": 8.0, "S_down": 12.0, "J_down": 4.0, "D": 20.0, "d": 8.0, "H": 10.0},
     **{"R": 20.0, "T": 10.0, "low": 20.0, "high": 80.0, "period": 300.0, "on": 150.0, "S_end": 4.0, "J_end": 1.0, "t_end": 700.0},
 }  # fmt: skip
-Ts = 0.5  # s
+Ts = 1.25  # s
 
 
 def data() -> pd.DataFrame:
@@ -28,7 +28,7 @@ def data() -> pd.DataFrame:
         model, t (s), OP (%), MV (%).
     """
     corners = [50, 85, 15, 80, 25, 70, 40, 60]
-    op = np.interp(np.arange(1400), np.arange(len(corners)) * 200.0, corners)
+    op = np.interp(np.arange(560), np.arange(len(corners)) * 80.0, corners)
     rows = []
     for model in VALVES.names():
         mv = valve_response(model, op, _parameters(model), Ts)
