@@ -1,0 +1,58 @@
+"""PV-OP plots with the ellipse fitted to them, its 10 % limits and its width along OP."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+
+from detectors.signal.ellipse import TOLERANCE, Ellipse
+from simbench.figures._style import BLUE, GREY, ORANGE, RED, label
+
+
+def ellipse_points(found: Ellipse, size: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    """Return x and y of the ellipse, or of a concentric one of another size."""
+    angle = np.linspace(0, 2 * np.pi, 181)
+    direction = np.array([np.cos(angle), np.sin(angle)])
+    reach = size / found.size(found.x0 + direction[0], found.y0 + direction[1])
+    return found.x0 + reach * direction[0], found.y0 + reach * direction[1]
+
+
+def ellipse_table(op: np.ndarray, pv: np.ndarray, found: Ellipse) -> pd.DataFrame:
+    """Return the plotted points and the ellipse with its two limits, in long form.
+
+    Parameters
+    ----------
+    op, pv : ndarray, shape (n,)
+        Points of the plot.
+    found : Ellipse
+        Fitted to them.
+
+    Returns
+    -------
+    DataFrame
+        curve ("data", "ellipse", "inner limit", "outer limit"), OP, PV, fitness (-), S_apparent (in units of OP).
+    """
+    curves = {"data": (op, pv)}
+    for name, size in (("ellipse", 1.0), ("inner limit", 1.0 - TOLERANCE), ("outer limit", 1.0 + TOLERANCE)):
+        curves[name] = ellipse_points(found, size)
+    frames = [pd.DataFrame({"curve": name, "OP": x, "PV": y}) for name, (x, y) in curves.items()]
+    return pd.concat(frames, ignore_index=True).assign(
+        **{"fitness (-)": found.fitness(op, pv), "S_apparent": found.apparent_stiction}
+    )
+
+
+def draw_ellipse(axes: Axes, data: pd.DataFrame, op_label: str, pv_label: str, title: str = "", limits: bool = True) -> None:
+    """Draw the points, the ellipse, its limits and the chord along OP through the centre."""
+    points, ring = data[data.curve == "data"], data[data.curve == "ellipse"]
+    axes.plot(points["OP"], points["PV"], ".", color=GREY, markersize=2, label="filtered data")
+    axes.plot(ring["OP"], ring["PV"], color=RED, linewidth=1.6, label="ellipse")
+    if limits:
+        for name in ("inner limit", "outer limit"):
+            curve = data[data.curve == name]
+            axes.plot(curve["OP"], curve["PV"], color=BLUE, linestyle="--", linewidth=0.9, label="±10 %" if name[0] == "i" else None)
+    half = float(data["S_apparent"].iloc[0]) / 2
+    x0, y0 = (float(ring[c].max() + ring[c].min()) / 2 for c in ("OP", "PV"))
+    arrow = {"arrowstyle": "<->", "color": ORANGE, "linewidth": 1.6, "shrinkA": 0, "shrinkB": 0}
+    axes.annotate("", (x0 + half, y0), (x0 - half, y0), arrowprops=arrow)
+    label(axes, op_label, pv_label, title)

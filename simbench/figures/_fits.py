@@ -1,0 +1,67 @@
+"""Half-cycle fits for drawing: the sine and the triangle that the detector fits, on the record's own time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+
+from detectors.signal.half_cycles import GUARD, POINTS, sines, triangles
+from detectors.signal.oscillation import zero_crossings
+from simbench.figures._style import BLACK, BLUE, RED, label
+
+
+def half_cycle_fits(x: np.ndarray, period: float) -> pd.DataFrame:
+    """Fit a sine and a triangle to every significant half cycle.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Oscillation without drift.
+    period : float
+        Its period (samples).
+
+    Returns
+    -------
+    DataFrame
+        half (number), sample (fractional index), signal, sine, triangle (all in units of x).
+
+    Notes
+    -----
+    The same cut, families and least squares as `detectors.signal.half_cycles`, kept in place and sign.
+    """
+    at = zero_crossings(x, GUARD * float(x.std()))
+    rows = []
+    for half, (start, length) in enumerate(zip(at[:-1], np.diff(at))):
+        if not 0.125 * period < length < period:
+            continue
+        sample = start + length * (np.arange(POINTS) + 0.5) / POINTS
+        hump = np.interp(sample, np.arange(x.size), x)
+        fits = {}
+        for name, family in (("sine", sines()), ("triangle", triangles())):
+            heights = family @ hump
+            best = int(np.argmax(np.abs(heights)))
+            fits[name] = heights[best] * family[best]
+        rows.append(pd.DataFrame({"half": half, "sample": sample, "signal": hump, **fits}))
+    return pd.concat(rows, ignore_index=True)
+
+
+def eta(fits: pd.DataFrame) -> float:
+    """Return He's index of drawn fits, MSE_sine / (MSE_sine + MSE_triangle)."""
+    sine, triangle = (((fits["signal"] - fits[name]) ** 2).mean() for name in ("sine", "triangle"))
+    return float(sine / (sine + triangle))
+
+
+def draw_fits(axes: Axes, fits: pd.DataFrame, Ts: float, name: str, unit: str, title: str) -> None:
+    """Draw a signal with both fits, half cycle by half cycle, against time in seconds."""
+    start = fits["sample"].min()
+    for half, part in fits.groupby("half"):
+        t = (part["sample"] - start) * Ts
+        first = half == fits["half"].min()
+        axes.plot(t, part["signal"], ".", color=BLACK, markersize=2.5, label=name if first else None)
+        axes.plot(t, part["sine"], color=BLUE, linestyle="--", label="sine" if first else None)
+        axes.plot(t, part["triangle"], color=RED, label="triangle" if first else None)
+    low, high = fits["signal"].min(), fits["signal"].max()
+    axes.set_ylim(low - 0.08 * (high - low), high + 0.42 * (high - low))
+    axes.legend(ncols=3, loc="upper left")
+    label(axes, "time (s)", unit, title)

@@ -1,0 +1,58 @@
+"""Figure 11.17: how a sine and a triangle are fitted to each half cycle between two zero crossings.
+
+The half cycles are OP of a simulated sticky loop with measurement noise.
+"""
+
+from __future__ import annotations
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from detectors.signal.conditioning import band
+from scenarios.spec import Loop
+from simbench.figures._fits import eta, half_cycle_fits
+from simbench.figures._style import BLACK, BLUE, GREY, RED, label, note, panels, styled
+from simbench.loop.simulate import simulate
+
+SOURCE = "Jelali (2013), Fig. 11.17, after He et al. (2007)"
+LOOP = {
+    "plant": {"type": "foptd", "K": 1.0, "T": 10.0, "Td": 5.0},
+    "controller": {"type": "PI", "Kc": 1.0, "Ti": 10.0},
+    "valve": {"model": "choudhury", "S": 5.0, "J": 3.0},
+    "sampling": {"Ts": 1.0, "n": 1200},
+    "noise": {"std": 0.08},
+    "setpoint": {"value": 50.0, "steps": [[0.0, 54.0]]},
+}
+PERIOD = 62.5  # s, of the exact cycle
+
+
+def data() -> pd.DataFrame:
+    """Simulate the loop and fit two periods of OP.
+
+    Returns
+    -------
+    DataFrame
+        half (number), sample (= s), signal, sine, triangle (% of travel, mean removed).
+    """
+    op = band(simulate(Loop.from_table(LOOP), seed=1).record.op[600:], PERIOD, 7)
+    fits = half_cycle_fits(op, PERIOD)
+    return fits[(fits.half >= 4) & (fits.half < 8)].reset_index(drop=True)
+
+
+@styled
+def draw(data: pd.DataFrame) -> Figure:
+    """Draw the sine fits above the triangle fits."""
+    figure, axes = panels(2, 1, 6.2, 4.8, sharex=True)
+    start = data["sample"].min()
+    for place, (name, colour) in zip(axes[:, 0], (("sine", BLUE), ("triangle", RED))):
+        for _, part in data.groupby("half"):
+            t = part["sample"] - start
+            place.plot(t, part["signal"], ".", color=BLACK, markersize=3)
+            place.plot(t, part[name], color=colour, linewidth=1.5)
+            place.axvline(t.iloc[0], color=GREY, linewidth=0.6, linestyle=":")
+        place.axhline(0, color=GREY, linewidth=0.6)
+        mse = float(((data["signal"] - data[name]) ** 2).mean())
+        label(place, "time (s)", "OP - mean (%)", f"({'a' if name == 'sine' else 'b'}) {name} fit: mean squared error {mse:.3f} %²")
+        place.label_outer()
+    note(axes[1, 0], f"η = {eta(data):.2f}", 0.98, 0.98, "right")
+    return figure

@@ -1,0 +1,69 @@
+"""Figure 11.20: an ellipse fitted to the filtered PV-OP plot, its axes, its limits, and the apparent stiction along OP.
+
+The loop is simulated, with S = 5 %: the apparent stiction is a mark of the loop, not the valve's S.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from detectors.signal.conditioning import band
+from detectors.signal.ellipse import fit_ellipse
+from scenarios.spec import Loop
+from simbench.figures._cycles import sustained_cycle
+from simbench.figures._ellipses import draw_ellipse, ellipse_table
+from simbench.figures._style import BLACK, note, panels, styled
+
+SOURCE = "Jelali (2013), Fig. 11.20 and Eq. 11.15 (square root restored), after Choudhury et al. (2006)"
+LOOP = {
+    "plant": {"type": "foptd", "K": 1.0, "T": 20.0, "Td": 10.0},
+    "controller": {"type": "PI", "Kc": 1.0, "Ti": 20.0},
+    "valve": {"model": "choudhury", "S": 5.0, "J": 2.0},
+    "sampling": {"Ts": 1.0},
+}
+
+
+def data() -> pd.DataFrame:
+    """Simulate four periods, add measurement noise, filter, and fit.
+
+    Returns
+    -------
+    DataFrame
+        curve, OP (%), PV (%), fitness (-), S_apparent (%), and the ellipse's a, b (%) and alpha (rad).
+    """
+    cycle = sustained_cycle(Loop.from_table(LOOP), periods=10)
+    period = cycle["period (s)"].iloc[0]
+    noise = np.random.default_rng(0).normal(0.0, 0.1, (2, len(cycle)))
+    op, pv = (band(cycle[c].to_numpy() + e, period, 3)[: round(4 * period)] for c, e in (("OP (%)", noise[0]), ("PV", noise[1])))
+    found = fit_ellipse(op, pv)
+    assert found is not None
+    a, b, alpha = found.axes
+    return ellipse_table(op, pv, found).assign(**{"a (%)": a, "b (%)": b, "alpha (rad)": alpha})
+
+
+@styled
+def draw(data: pd.DataFrame) -> Figure:
+    """Draw the plot with the ellipse's semi-axes and its angle."""
+    figure, ((place,),) = panels(1, 1, 6.0, 4.4)
+    draw_ellipse(place, data, "$OP_f$ - mean (%)", "$PV_f$ - mean (%)")
+    a, b, alpha = (float(data[c].iloc[0]) for c in ("a (%)", "b (%)", "alpha (rad)"))
+    ring = data[data.curve == "ellipse"]
+    x0, y0 = (float(ring[c].max() + ring[c].min()) / 2 for c in ("OP", "PV"))
+    for length, angle, name in ((a, alpha, "a"), (b, alpha + np.pi / 2, "b")):
+        end = (x0 + length * np.cos(angle), y0 + length * np.sin(angle))
+        place.plot([x0, end[0]], [y0, end[1]], color=BLACK, linewidth=1.1)
+        at = ((x0 + end[0]) / 2, (y0 + end[1]) / 2)
+        place.annotate(name, at, (5, 5), textcoords="offset points", fontweight="bold")
+    place.plot([x0, x0 + 0.5 * a], [y0, y0], color=BLACK, linestyle=":")
+    arc = np.linspace(0.0, alpha, 20)
+    place.plot(x0 + 0.9 * np.cos(arc), y0 + 0.9 * np.sin(arc), color=BLACK, linewidth=0.8)
+    place.annotate("α", (x0 + 1.0, y0 + 0.5 * np.sin(alpha)), (0, 0), textcoords="offset points", va="center")
+    place.set_aspect("equal")
+    place.set_ylim(-2.4, 2.2)
+    place.legend(loc="upper right", ncols=3, markerscale=3)
+    S, fitness = float(data["S_apparent"].iloc[0]), float(data["fitness (-)"].iloc[0])
+    said = f"apparent stiction (arrow) {S:.2f} %, the valve's S is 5 %\nα = {np.degrees(alpha):.0f}°, {fitness:.0%} of the points within ±10 %"
+    note(place, said, 0.02, 0.02, va="bottom")
+    return figure

@@ -1,0 +1,49 @@
+"""Figure 11.23: ellipse fitted to level loop POW2 with its 10 % limits and the share of points between them (needs ISDB)."""
+
+from __future__ import annotations
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from detectors.signal.conditioning import band
+from detectors.signal.ellipse import fit_ellipse
+from detectors.signal.oscillation import find_oscillation
+from simbench.figures._ellipses import draw_ellipse, ellipse_table
+from simbench.figures._records import NeedsRecord, real_loop
+from simbench.figures._style import note, panels, styled
+
+SOURCE = "Jelali (2013), Fig. 11.23 and Example 11.6 (fitness 93.5 %); data: ISDB loop POW2"
+
+
+def data(isdb: str) -> pd.DataFrame:
+    """Filter the first 1000 samples of POW2 and fit an ellipse.
+
+    Parameters
+    ----------
+    isdb : str or Path
+        ISDB file or folder of records.
+
+    Returns
+    -------
+    DataFrame
+        curve, OP, PV (record's units), fitness (-), S_apparent (units of OP).
+    """
+    record = real_loop(isdb, "POW2", kind="level")
+    record = record.window(0, min(1000, record.n))
+    period = find_oscillation(record.op, record.pv, record.Ts).period_s / record.Ts
+    op, pv = band(record.op, period, 3), band(record.pv, period, 3)
+    found = fit_ellipse(op, pv)
+    if found is None:
+        raise NeedsRecord("needs ISDB loop POW2; no ellipse can be fitted to the one given")
+    return ellipse_table(op, pv, found)
+
+
+@styled
+def draw(data: pd.DataFrame) -> Figure:
+    """Draw points, ellipse and limits."""
+    figure, ((place,),) = panels(1, 1, 5.6, 4.4)
+    draw_ellipse(place, data, "$OP_f$ - drift (record's units)", "$PV_f$ - drift (record's units)", "POW2")
+    place.legend(loc="upper right", markerscale=3)
+    fitness, S = float(data["fitness (-)"].iloc[0]), float(data["S_apparent"].iloc[0])
+    note(place, f"{fitness:.1%} within ±10 % (printed: 93.5 %)\napparent stiction {S:.2g}", 0.02, 0.02, va="bottom")
+    return figure

@@ -1,0 +1,112 @@
+"""Table 11.3: which loops a sticky valve keeps cycling, as printed and as counted in simulations.
+
+Each cell is a grid of tunings and valves; a loop counts when any of six starts leaves the valve cycling. Where count and table differ
+the table is too coarse: a self-regulating P loop cycles if K Kc J > S, and a dead-band cycles under tight PI.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from scenarios.spec import Loop, Part
+from simbench.figures._style import styled, table
+from simbench.loop.simulate import simulate
+from simbench.theory.tables import DEAD_BAND, STICK_SLIP, TABLE_11_3
+
+SOURCE = "Jelali (2013), Table 11.3, after Choudhury et al. (2008)"
+S, T, Ts = 5.0, 10.0, 0.5
+DELAYS, SHARES, INTEGRALS, JUMPS = (2.0, 5.0, 20.0), (0.2, 0.5, 0.8), (0.5, 1.0, 2.0), (0.2, 0.5, 1.0, 1.5)
+LOADS, STEPS = (4.0, 2.0, 7.5, 5.5), (8.0, 3.0)  # load steps (%), and set-point steps that move OP by about so many %
+
+
+def ultimate_gain(plant: dict, Ti: float | None) -> float:
+    """Return the Kc (% per PV unit) at which the loop with the continuous plant would oscillate without a valve's help."""
+    w = np.geomspace(1e-3, 1e2, 20001)
+    s = 1j * w
+    lag = s if plant["type"] == "integrating" else plant["T"] * s + 1
+    L = plant["K"] * np.exp(-plant["Td"] * s) / lag * (1.0 if Ti is None else 1 + 1 / (Ti * s))
+    phase = np.unwrap(np.angle(L))
+    past = np.flatnonzero((phase[:-1] > -np.pi) & (phase[1:] <= -np.pi))
+    return float(1 / np.abs(L[past[-1]])) if past.size else np.nan
+
+
+def loops(process: str, controller: str, nonlinearity: str) -> list[Loop]:
+    """Return the grid of one cell."""
+    found = []
+    ratios = (0.0,) if nonlinearity == DEAD_BAND else JUMPS
+    for Td, share, integral, ratio in product(DELAYS, SHARES, INTEGRALS if controller == "PI" else (None,), ratios):
+        plant = {"type": "foptd", "K": 1.0, "T": T, "Td": Td} if process == "self-regulating" else {"type": "integrating", "K": 0.1, "Td": Td}
+        # integral time over T, or for the integrating plant over ten dead times
+        Ti = None if integral is None else integral * (T if process == "self-regulating" else 10 * Td)
+        Kc = share * ultimate_gain(plant, Ti)
+        if not np.isfinite(Kc):
+            continue
+        found.append(
+            Loop.from_table(
+                {
+                    "plant": plant,
+                    "controller": {"type": controller, "Kc": Kc, **({} if Ti is None else {"Ti": Ti})},
+                    "valve": {"model": "choudhury", "S": S, "J": ratio * S},
+                    "sampling": {"Ts": Ts, "n": 24000},
+                }
+            )
+        )
+    return found
+
+
+def cycles(loop: Loop) -> bool:
+    """Whether any start leaves the valve moving to and fro at the end, without decay."""
+    n = loop.sampling.n
+    least = 0.5 * loop.valve.parameters["J"] or 0.05 * S
+    per_percent = abs(loop.plant.K) * (1.0 if loop.plant.type == "foptd" else loop.plant.Td)
+    begun = [loop.model_copy(update={"disturbance": (load_step(size),)}) for size in LOADS]
+    begun += [loop.with_("setpoint.steps", [[0.0, loop.setpoint.value + size * per_percent]]) for size in STEPS]
+    for start in begun:
+        mv = simulate(start).record.mv
+        early, late = np.ptp(mv[n // 2 : 3 * n // 4]), np.ptp(mv[3 * n // 4 :])
+        moves = np.diff(mv[3 * n // 4 :])
+        turns = np.count_nonzero(np.diff(np.sign(moves[moves != 0])))
+        if late > least and late > 0.8 * early and turns >= 2:
+            return True
+    return False
+
+
+def load_step(size: float) -> Part:
+    """Return a load at the plant's input that steps to `size` (%) and stays."""
+    return Part(name="ramp", parameters={"amplitude": size, "period": Ts, "at": "input"})
+
+
+def data() -> pd.DataFrame:
+    """Count the cycling loops of every cell.
+
+    Returns
+    -------
+    DataFrame
+        process, controller, nonlinearity, table ("limit cycles" or "no limit cycles"), cycling, loops (counts).
+    """
+    rows = []
+    for (process, controller, nonlinearity), answer in TABLE_11_3.items():
+        grid = loops(process, controller, nonlinearity)
+        count = sum(cycles(loop) for loop in grid)
+        said = "limit cycles" if answer else "no limit cycles"
+        rows.append([process, controller, nonlinearity, said, count, len(grid)])
+    return pd.DataFrame(rows, columns=["process", "controller", "nonlinearity", "table", "cycling", "loops"])
+
+
+@styled
+def draw(data: pd.DataFrame) -> Figure:
+    """Draw the table with a count in every cell."""
+    rows = []
+    for (process, controller), part in data.groupby(["process", "controller"], sort=False):
+        cells = {r["nonlinearity"]: f"{r['table']}\n{r['cycling']} of {r['loops']} cycled" for r in part.to_dict("records")}
+        rows.append([process, controller, cells[DEAD_BAND], cells[STICK_SLIP]])
+    frame = pd.DataFrame(rows, columns=["process", "controller", "dead-band (J = 0)", "stick-slip (J > 0)"])
+    foot = (
+        "First line: the table. Second: simulated loops that cycle from at least one of six starts. Self-regulating P with stick-slip "
+        "cycles if and only if K Kc J > S; a dead-band under PI only where Kc is near its limit."
+    )
+    return table(frame, [16, 11, 24, 24], foot=foot)
