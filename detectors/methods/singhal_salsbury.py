@@ -5,7 +5,7 @@ Parameters: `margin` (-), how far R must exceed 1 in a clean record; own value, 
 samples per period.
 Indices: r_area > 0, mean of the areas before over the areas after the peak of the half cycles of the error.
 Rule: R = mean(A1 / A2); stiction when R > 1 + delta, else no stiction. delta is the margin or, in noise, what noise
-does to R: noise lifts mean(A2 / A1) as much as R, so delta = max(margin, mean(A2 / A1) - 1 + 2 standard errors of R).
+does to R: noise lifts mean(A2 / A1) as much as R, so delta = max(margin, mean(A2 / A1) - 1 + 2 standard errors of both).
 Not for: integrating processes (R = 1 with stiction); processes with a long dead time; errors in which noise moves the
 peak.
 Source: A. Singhal, T.I. Salsbury (2005), Journal of Process Control 15, 371-382 (R > 1 against R <= 1); delta is own.
@@ -47,7 +47,7 @@ def area_ratio(humps: np.ndarray) -> tuple[float, float]:
     Returns
     -------
     R, noise : float
-        mean(A1 / A2); mean(A2 / A1) - 1 + 2 standard errors of R.
+        mean(A1 / A2); mean(A2 / A1) - 1 and 2 standard errors of both means.
 
     Notes
     -----
@@ -62,9 +62,9 @@ def area_ratio(humps: np.ndarray) -> tuple[float, float]:
     before, after = peak_areas(humps)
     floor = 1e-3 * (before + after)
     before, after = np.maximum(before, floor), np.maximum(after, floor)
-    ratio = before / after
-    error = float(ratio.std()) / np.sqrt(max(len(ratio) - 1, 1))
-    return float(ratio.mean()), max(float((after / before).mean()) - 1.0, 0.0) + 2.0 * error
+    R, reverse = before / after, after / before
+    error = float(R.std() + reverse.std()) / max(len(R) - 1, 1) ** 0.5
+    return float(R.mean()), max(float(reverse.mean()) - 1.0, 0.0) + 2.0 * error
 
 
 def detect(prepared: Prepared, *, margin: float) -> Verdict:

@@ -186,16 +186,16 @@ def relays(points: int = POINTS) -> np.ndarray:
 
     Returns
     -------
-    ndarray, shape (60, points)
-        Time constants from 0.02 (a square) to 20 half periods (a triangle with its apex in the middle).
+    ndarray, shape (80, points)
+        Time constants from 0.02 (a square) to 200 half periods (a triangle with its apex in the middle).
 
     Examples
     --------
     >>> relays().shape
-    (60, 40)
+    (80, 40)
     """
     t = (np.arange(points) + 0.5) / points
-    tau = np.geomspace(0.02, 20.0, 60)[:, None]
+    tau = np.geomspace(0.02, 200.0, 80)[:, None]
     peak = (1.0 - np.exp(-1.0 / tau)) / (1.0 + np.exp(-1.0 / tau))
     switch = 1.0 - tau * np.log1p(peak)  # the only switching time for which the half cycle starts at zero
     rising = 1.0 - (1.0 + peak) * np.exp(-(t - switch + 1.0) / tau)

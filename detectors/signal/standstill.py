@@ -85,7 +85,7 @@ def stuck_intervals(op: np.ndarray, still: np.ndarray, period: float, least_op: 
     start, stop = edges[::2], edges[1::2]
     if start.size == 0:
         return np.zeros(0, dtype=int), np.zeros(0)
-    cuts = np.minimum(edges, op.size - 1)
-    moved = (np.maximum.reduceat(op, cuts) - np.minimum.reduceat(op, cuts))[::2]
+    padded_op = np.append(op, op[-1])  # so that the last interval may end with the record
+    moved = (np.maximum.reduceat(padded_op, edges) - np.minimum.reduceat(padded_op, edges))[::2]
     counts = (stop - start >= LEAST * period) & (moved >= least_op)
     return (stop - start)[counts], moved[counts]

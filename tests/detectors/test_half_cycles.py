@@ -63,7 +63,7 @@ def test_two_line_misfit_equals_two_straight_fits():
 
 
 def test_relay_shapes_are_what_a_lag_makes_of_a_square_wave():
-    tau = np.geomspace(0.02, 20.0, 60)
+    tau = np.geomspace(0.02, 200.0, 80)
     for k in (10, 30, 50):
         fine = 4000
         y, wave = 0.0, []

@@ -1,0 +1,66 @@
+"""He 2007: triangle against sine."""
+
+import numpy as np
+import pytest
+
+from detectors.judge import judge
+from detectors.methods.he import triangle_indices
+from detectors.record import LoopRecord
+from detectors.signal.half_cycles import POINTS
+
+POINT = (np.arange(POINTS) + 0.5) / POINTS
+T = np.arange(4000) / 20
+
+
+@pytest.mark.parametrize(
+    ("hump", "eta", "two_line"),
+    [
+        (np.sin(np.pi * POINT), 0.0, 0.0),
+        (np.minimum(POINT, 1 - POINT), 1.0, 0.99),
+        (np.ones(POINTS), 0.340, 1.0),
+    ],
+)
+def test_indices_of_the_three_waves(hump, eta, two_line):
+    found = triangle_indices(np.repeat(hump[None], 4, axis=0))
+    assert found[0] == pytest.approx(eta, abs=0.006)
+    assert found[1] == pytest.approx(two_line, abs=0.01)
+
+
+def test_noise_pulls_both_indices_to_one_half_and_the_two_lines_towards_triangle():
+    noise = np.random.default_rng(0).standard_normal((400, POINTS))
+    eta, two_line = triangle_indices(np.sin(np.pi * POINT) + 0.3 * noise)
+    assert 0.3 < eta < 0.5
+    assert two_line > eta
+
+
+@pytest.mark.parametrize(("noise", "least"), [(0.0, 0.95), (0.08, 0.9), (0.16, 0.8)])
+def test_op_of_a_sticky_self_regulating_loop_is_a_triangle(loop, noise, least):
+    record = loop(T=3.0, Td=6.0, Kc=0.25, Ti=3.0, Ts=0.5, n=4000, noise=noise, seed=2)
+    verdict = judge(record, ["he"])[0]
+    assert verdict.verdict == "stiction"
+    assert verdict.indices["eta"] > least
+
+
+@pytest.mark.parametrize("J", [0.0, 2.0, 5.0])
+def test_pv_of_a_sticky_integrating_loop_is_a_triangle(loop, J):
+    record = loop(process="integrating", K=0.1, Td=1.0, Kc=1.5, Ti=30.0, n=4000, J=J, noise=0.02, kick=6.0)
+    verdict = judge(record, ["he"])[0]
+    assert verdict.verdict == "stiction"
+    assert verdict.reason.startswith("PV")
+
+
+@pytest.mark.parametrize("process", ["self-regulating", "integrating"])
+def test_sine_with_a_tenth_of_noise_is_no_stiction(process):
+    rng = np.random.default_rng(1)
+    op, pv = np.sin(T), np.cos(T)
+    record = LoopRecord(op + 0.07 * rng.standard_normal(4000), pv + 0.07 * rng.standard_normal(4000), 0.05, process=process)
+    assert judge(record, ["he"])[0].verdict == "no_stiction"
+
+
+def test_score_is_eta_and_orders_sine_mixture_triangle():
+    triangle = np.arcsin(np.sin(T)) / (np.pi / 2)
+    waves = [(1 - share) * np.sin(T) + share * triangle for share in (0.0, 0.3, 0.5, 0.8, 1.0)]
+    found = [judge(LoopRecord(wave, np.cos(T), 0.05), ["he"])[0] for wave in waves]
+    assert [v.score for v in found] == sorted(v.score for v in found)
+    assert all(v.score == v.indices["eta"] for v in found)
+    assert [found[0].verdict, found[-1].verdict] == ["no_stiction", "stiction"]

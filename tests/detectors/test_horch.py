@@ -1,0 +1,107 @@
+"""Horch 1999: what the two indices measure, and that they measure w Ti."""
+
+import numpy as np
+import pytest
+
+from detectors.judge import judge
+from detectors.methods.horch import correlation_indices
+from detectors.record import LoopRecord
+
+T = np.arange(4000) / 20
+
+
+def naive_indices(op, pv):
+    """Eqs 11.6 and 11.7 with the cross-correlation summed lag by lag."""
+    u, y = op - op.mean(), pv - pv.mean()
+
+    def phi(lag):
+        return u[: u.size - lag] @ y[lag:] if lag >= 0 else u[-lag:] @ y[: u.size + lag]
+
+    def crossing(way):
+        k = 0
+        while (phi(way * k) > 0) == (phi(way * (k + 1)) > 0):
+            k += 1
+        return k + phi(way * k) / (phi(way * k) - phi(way * (k + 1)))
+
+    tau_r, tau_l = crossing(1), crossing(-1)
+    top = max(abs(phi(k)) for k in range(-int(tau_l), int(tau_r) + 1))
+    top = np.copysign(top, phi(0))
+    return abs(tau_l - tau_r) / (tau_l + tau_r), abs(phi(0) - top) / abs(phi(0) + top)
+
+
+@pytest.mark.parametrize("delta", np.linspace(0.05, 1.5, 13))
+def test_indices_of_sinusoids_are_functions_of_their_phase(delta):
+    dtau, drho = correlation_indices(np.sin(T), -np.sin(T - delta))
+    assert dtau == pytest.approx(delta / (np.pi / 2), abs=0.01)
+    assert drho == pytest.approx((1 - np.cos(delta)) / (1 + np.cos(delta)), abs=0.02)
+
+
+def test_indices_equal_the_lag_by_lag_sums():
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        k = np.arange(600)
+        op = np.sin(k / 8) + 0.2 * rng.standard_normal(600)
+        pv = np.cos(k / 8 + rng.random()) + 0.2 * rng.standard_normal(600)
+        assert correlation_indices(op, pv) == pytest.approx(naive_indices(op, pv), abs=1e-9)
+
+
+def test_indices_do_not_depend_on_the_sign_of_pv():
+    op, pv = np.sin(T), np.sin(T - 0.8)
+    assert correlation_indices(op, pv) == pytest.approx(correlation_indices(op, -pv))
+
+
+def linear_loop_under_a_sine(loop, w_Ti, Kc):
+    w, Ts, n = 2 * np.pi / 60.0, 0.5, 4000
+    load = 2.0 * np.sin(w * Ts * np.arange(n))
+    return loop(S=0.0, J=0.0, T=3.0, Td=1.0, Kc=Kc, Ti=w_Ti / w, Ts=Ts, n=n, load=load, kick=0.0)
+
+
+@pytest.mark.parametrize(
+    ("w_Ti", "Kc", "verdict"), [(10.0, 0.3, "no_stiction"), (1.0, 0.3, "no_decision"), (0.1, 0.1, "stiction")]
+)
+def test_verdict_on_a_healthy_loop_under_a_sine_follows_w_Ti_alone(loop, w_Ti, Kc, verdict):
+    found = judge(linear_loop_under_a_sine(loop, w_Ti, Kc), ["horch"])[0]
+    assert found.verdict == verdict
+    assert found.indices["dtau"] == pytest.approx(2 / np.pi * np.arctan(1 / w_Ti), abs=0.03)
+
+
+@pytest.mark.parametrize(("turn", "low", "high"), [(1.73, "no_stiction", "no_decision"), (0.577, "no_decision", "stiction")])
+def test_verdict_switches_at_the_w_Ti_of_the_two_margins(loop, turn, low, high):
+    assert judge(linear_loop_under_a_sine(loop, 1.1 * turn, 0.3), ["horch"])[0].verdict == low
+    assert judge(linear_loop_under_a_sine(loop, 0.9 * turn, 0.3), ["horch"])[0].verdict == high
+
+
+@pytest.mark.parametrize(
+    ("plant", "dtau", "drho"),
+    [
+        ({"T": 10.0, "Td": 2.0, "Kc": 1.0, "Ti": 10.0, "Ts": 0.2, "kick": 3.0}, 0.64, 0.26),
+        ({"T": 3.0, "Td": 6.0, "Kc": 0.25, "Ti": 3.0, "Ts": 0.5, "kick": 3.0}, 0.88, 0.63),
+    ],
+)
+def test_indices_of_published_sticky_loops(loop, plant, dtau, drho):
+    n = 6000
+    record = loop(n=n, load=np.where(np.arange(n) > n // 20, 1.5, 0.0), **plant)
+    found = judge(record, ["horch"])[0].indices
+    assert found["dtau"] == pytest.approx(dtau, abs=0.03)
+    assert found["drho"] == pytest.approx(drho, abs=0.03)
+
+
+def test_integrating_process_is_refused_and_an_unknown_one_judged_with_a_note():
+    about = {"op": np.sin(T), "pv": np.cos(T), "Ts": 0.05}
+    refused = judge(LoopRecord(**about, process="integrating"), ["horch"])[0]
+    assert (refused.verdict, refused.applicable) == ("no_decision", False)
+    unknown = judge(LoopRecord(**about), ["horch"])[0]
+    assert (unknown.verdict, unknown.applicable) == ("stiction", None)
+    assert "process type unknown" in unknown.reason
+
+
+def test_disagreeing_indices_are_no_decision():
+    record = LoopRecord(op=np.sin(T), pv=-np.sin(T - 0.95), Ts=0.05)
+    verdict = judge(record, ["horch"], thresholds={"horch": {"dtau_high": 0.5, "drho_high": 0.9}})[0]
+    assert verdict.verdict == "no_decision"
+    assert judge(record, ["horch"], thresholds={"horch": {"dtau_high": 0.5, "drho_high": 0.2}})[0].verdict == "stiction"
+
+
+def test_score_rises_with_the_phase():
+    scores = [judge(LoopRecord(np.sin(T), -np.sin(T - d), 0.05), ["horch"])[0].score for d in np.linspace(0.1, 1.5, 8)]
+    assert scores == sorted(scores)

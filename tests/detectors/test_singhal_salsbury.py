@@ -1,0 +1,48 @@
+"""Singhal & Salsbury 2005: area before the peak over area after it."""
+
+import numpy as np
+import pytest
+
+from detectors.judge import judge
+from detectors.methods.singhal_salsbury import area_ratio
+from detectors.record import LoopRecord
+from detectors.signal.half_cycles import POINTS
+
+POINT = (np.arange(POINTS) + 0.5) / POINTS
+T = np.arange(4000) / 20
+
+
+def test_ratio_of_a_sine_is_one():
+    assert area_ratio(np.sin(np.pi * POINT)[None].repeat(4, axis=0)) == pytest.approx((1.0, 0.0), abs=0.005)
+
+
+def test_ratio_is_the_geometric_one():
+    late = np.minimum(POINT / 0.75, (1 - POINT) / 0.25)[None].repeat(4, axis=0)
+    assert area_ratio(late)[0] == pytest.approx(3.0, rel=0.15)
+    assert area_ratio(late[:, ::-1])[0] == pytest.approx(1 / 3, rel=0.15)
+
+
+def test_noise_alone_lifts_the_ratio_no_further_than_its_own_margin():
+    for seed in range(20):
+        noise = np.random.default_rng(seed).standard_normal((60, POINTS))
+        R, margin = area_ratio(np.sin(np.pi * POINT) + 0.3 * noise)
+        assert R < 1.0 + margin
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.05])
+@pytest.mark.parametrize("Td", [4.0, 6.0])
+def test_error_behind_a_sticky_valve_peaks_late(loop, noise, Td):
+    verdict = judge(loop(T=3.0, Td=Td, Kc=0.25, Ti=3.0, Ts=0.5, n=4000, noise=noise), ["singhal_salsbury"])[0]
+    assert verdict.verdict == "stiction"
+    assert verdict.indices["r_area"] > 2.0
+
+
+def test_verdict_and_score_agree_about_one_half():
+    for lean in np.linspace(-0.8, 0.8, 9):
+        pv = np.sin(T + lean * np.sin(T) ** 2 * np.sign(np.sin(T)))
+        verdict = judge(LoopRecord(np.cos(T), pv, 0.05), ["singhal_salsbury"])[0]
+        assert (verdict.score > 0.5) == (verdict.verdict == "stiction")
+
+
+def test_integrating_process_is_refused():
+    assert judge(LoopRecord(np.sin(T), np.cos(T), 0.05, process="integrating"), ["singhal_salsbury"])[0].applicable is False

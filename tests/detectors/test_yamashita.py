@@ -1,0 +1,94 @@
+"""Yamashita 2006: movements of OP and valve as symbols."""
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from detectors.judge import judge
+from detectors.methods.yamashita import movement_indices
+from detectors.record import LoopRecord
+
+UNRELATED = {
+    "IS": {"DD", "DI", "SD", "ID", "DS"},
+    "DS": {"DI", "SI", "ID", "II", "IS"},
+}
+FOLLOWS = {"IS": {"II", "SI"}, "DS": {"DD", "SD"}}
+
+
+def naive_indices(op, mv, step):
+    def symbols(x):
+        d = x[step:] - x[:-step]
+        z = (d - d.mean()) / d.std()
+        return ["I" if v > 1 else "D" if v < -1 else "S" for v in z]
+
+    pairs = [a + b for a, b in zip(symbols(op), symbols(mv), strict=True) if a + b != "SS"]
+    runs = []
+    for pair in pairs:
+        if runs and runs[-1][0] == pair:
+            runs[-1][1] += 1
+        else:
+            runs.append([pair, 1])
+    rho1 = sum(pair in ("IS", "DS") for pair in pairs)
+    rho2 = rho3 = 0
+    for i, (pair, length) in enumerate(runs):
+        if pair in ("IS", "DS"):
+            after = runs[i + 1][0] if i + 1 < len(runs) else None
+            rho2 += length * (after in FOLLOWS[pair])
+            rho3 += length * (after not in UNRELATED[pair])
+    return rho1 / len(pairs), rho2 / len(pairs), rho3 / len(pairs)
+
+
+@pytest.mark.parametrize("step", [1, 3])
+def test_indices_equal_those_counted_pair_by_pair(step):
+    for seed in range(10):
+        op, mv = np.cumsum(np.random.default_rng(seed).standard_normal((2, 300)), axis=1)
+        assert movement_indices(op, mv, step) == pytest.approx(naive_indices(op, mv, step), abs=1e-12)
+
+
+def test_two_independent_noises_have_a_large_rho1_and_a_small_rho3():
+    op, mv = np.cumsum(np.random.default_rng(1).standard_normal((2, 200_000)), axis=1)
+    p, s = norm.sf(1.0), 1 - 2 * norm.sf(1.0)
+    rho1, _, rho3 = movement_indices(op, mv)
+    assert rho1 == pytest.approx(2 * p * s / (1 - s**2), abs=0.005)  # 0.406
+    assert rho3 == pytest.approx(0.127, abs=0.005)
+
+
+def test_valve_that_never_moves_is_stuck_in_rho3_and_not_in_rho2():
+    op = np.sin(np.arange(1000) / 20) ** 3
+    rho1, rho2, rho3 = movement_indices(op, np.full(1000, 50.0))
+    assert (rho1, rho2) == (1.0, 0.0)
+    # between an OP that rises and one that falls the published rule still takes IS followed by DS out
+    assert rho3 == pytest.approx(0.0, abs=0.1)
+
+
+def test_step_finds_stiction_that_fast_sampling_hides(loop):
+    record = loop(T=3.0, Td=6.0, Kc=0.25, Ti=3.0, Ts=0.2, n=8000, noise=0.1, kind="flow", seed=2)
+    record = LoopRecord(record.op, record.pv, record.Ts, kind="flow", process="self-regulating")
+    fine, coarse = (judge(record, ["yamashita"], thresholds={"yamashita": {"step": s}})[0].score for s in (1, 10))
+    assert coarse > fine + 0.1
+
+
+def test_pv_of_a_level_or_of_an_integrating_process_is_no_valve_position():
+    op, pv = np.sin(np.arange(1000) / 8), np.cos(np.arange(1000) / 8)
+    for about in ({"kind": "level"}, {"kind": "flow", "process": "integrating"}):
+        verdict = judge(LoopRecord(op, pv, 1.0, **about), ["yamashita"])[0]
+        assert (verdict.verdict, verdict.applicable) == ("no_decision", False)
+    unknown = judge(LoopRecord(op, pv, 1.0), ["yamashita"])[0]
+    assert unknown.applicable is None
+    assert "kind of loop unknown" in unknown.reason
+
+
+def test_recorded_valve_position_is_used_even_behind_an_integrating_process(loop):
+    record = loop(process="integrating", K=0.1, Td=1.0, Kc=1.5, Ti=30.0, n=2500, kind="level")
+    verdict = judge(record, ["yamashita"])[0]
+    assert (verdict.verdict, verdict.applicable) == ("stiction", True)
+
+
+def test_air_to_close_valve_is_judged_like_air_to_open(loop):
+    record = loop(T=3.0, Td=6.0, Kc=0.25, Ti=3.0, n=2500, noise=0.05)
+    scores = []
+    for sign in (1.0, -1.0):
+        flow = LoopRecord(record.op, sign * record.pv, 1.0, kind="flow")
+        scores.append(judge(flow, ["yamashita"], thresholds={"yamashita": {"step": 10}})[0].score)
+    assert scores[0] == pytest.approx(scores[1])
+    assert scores[0] > 0.25
