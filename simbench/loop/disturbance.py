@@ -54,10 +54,11 @@ def propagated(t, Ts, p, rng):
     The other loop is a FOPTD plant under PI with Ti = T and Td/T = 0.2; its time constant is chosen so that the exact
     cycle of equations.md 2.3 has the wanted period. The shape of its waves, not their cause, reaches our loop.
     """
-    from simbench.loop.simulate import simulate
+    from simbench.loop.simulate import Start, simulate
 
-    # P = 2S/(k p) + 2 Td + k Td^2 with p = J/(2 - k Td) and k Td = 0.2, solved for k
-    k = (2 * p.S * 1.8 / p.J + 0.44) / p.period
+    # P = 2S/(k j) + 2 Td + k Td^2 with j = J/(2 - k Td) and k Td = 0.2, solved for k
+    j = p.J / 1.8
+    k = (2 * p.S / j + 0.44) / p.period
     warm_up = int(np.ceil(12 * p.period / Ts))
     other = Loop.from_table(
         {
@@ -66,10 +67,12 @@ def propagated(t, Ts, p, rng):
             "valve": {"model": "choudhury", "S": p.S, "J": p.J},
             "sampling": {"Ts": Ts, "n": t.size + warm_up},
             "noise": {"std": p.noise * p.J},
-            "setpoint": {"value": 50.0, "steps": [[0.0, 50.0 + p.S]]},
         }
     )
-    wave = simulate(other, seed=int(rng.integers(2**31))).record.pv - (50.0 + p.S)
+    # it starts on its cycle, which from rest it might never reach: the valve has just stopped at +j, OP at its maximum
+    top, pv = 50.0 + p.S / 2 + 0.1 * j, 50.0 - j * float(np.tanh(k * p.period / 4))
+    begin = Start(op=top, error=50.0 - pv, pv=pv, valve=(50.0 + j, 1.0, 1.0, top), mv=(50.0 + j,))
+    wave = simulate(other, seed=int(rng.integers(2**31)), start=begin).record.pv - 50.0
     if p.lag > 0:
         wave = np.asarray(lfilter([1 - np.exp(-Ts / p.lag)], [1, -np.exp(-Ts / p.lag)], wave))
     # scaled on the warm-up alone: a longer run must begin with the same bits
