@@ -15,12 +15,12 @@ SMOOTH = ("load_time", "load", "noise")
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A fitted effect: `gain` in nats over the base, already penalised for its own numbers; `parameters` as a loop file has them."""
+    """A fitted effect: `gain` in nats over the base, already penalised for its own numbers; `used` False when nothing was switched on."""
 
     effect: str
     fit: Fit
     gain: float
-    parameters: dict[str, float]
+    used: bool = True
 
 
 def size_penalty(n: int, count: float) -> float:
@@ -227,6 +227,7 @@ def load_steps(engine: Engine, base: Fit) -> tuple[Fit, float]:
 
 
 MOST_STEPS = 12
+LOAD_FIRST = 3  # linear coefficients before the effect's own: gain, bias or ramp, onset
 
 
 def _step_response(fit: Fit, d: Data) -> np.ndarray:
@@ -267,5 +268,5 @@ def fit_candidates(engine: Engine, base: Fit, effects: list[str]) -> dict[str, C
     for effect in effects:
         fit, count = ENGINE[effect](engine, base)
         gain = fit.loglik - base.loglik - size_penalty(engine.data.n, count)
-        out[effect] = Candidate(effect, fit, gain, {})
+        out[effect] = Candidate(effect, fit, gain, fit is not base)
     return out

@@ -123,6 +123,8 @@ class Engine:
         n = data.n
         k = np.arange(n) / n
         self.base_channels = (np.ones(n),) if data.T > 0 else (k,)
+        self.onset = np.ones(n)
+        self.onset[0] = 0.0
         self.spread = 10.0 * float(np.std(data.y)) + data.floor
         self.evaluations = 0
 
@@ -177,7 +179,9 @@ class Engine:
         moved = valve_of(spec, theta, d.u)
         series = 0.0 if spec.pole == "sensor" else lag
         g = kernels.plant(moved, T, theta["Td"], series)
-        channels = np.vstack([y - d.y[0], g, *self.base_channels, *spec.channels])
+        # the input before the record may have stood elsewhere
+        begin = kernels.plant(self.onset, T, theta["Td"], series)
+        channels = np.vstack([y - d.y[0], g, *self.base_channels, begin, *spec.channels])
         white, log_var = kernels.whiten(
             channels, T, lag if spec.pole == "extra" else 0.0, theta["load_time"], theta["load"],
             theta["walk"] if spec.walk else 0.0, theta["noise"], self.spread,

@@ -1,0 +1,191 @@
+"""The check stage: is the record fit, does the baseline belong to it, and what can be judged at all?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from detectors.errors import RecordError
+from detectors.quality import inspect
+from detectors.record import LoopRecord
+from scenarios.spec import Loop
+from simbench.gap.fit import Data
+from simbench.gap.law import Law, examine_law
+from simbench.gap.samples import Samples, cleaned, inspect_samples, isolated
+
+FEWEST = 100  # samples; below this the spread of every statistic swallows the gap
+SAME_TS = 0.01
+OTHER_LOOP = 10.0  # factor in Kc from which the baseline is another loop's
+
+
+@dataclass(frozen=True, eq=False)
+class Situation:
+    """A record beside its baseline, checked, with what single blocks show before anything is fitted.
+
+    `plant_pv` is the PV the plant gave the controller, as far as it can be recovered; `data` the engine's input; `hard` the effects
+    that the controller's law or single samples show without doubt, with their parameters; `notes` what the reader must know.
+    """
+
+    record: LoopRecord
+    baseline: Loop
+    trusted: bool
+    op: np.ndarray
+    sp: np.ndarray
+    law: Law
+    samples: Samples
+    plant_pv: np.ndarray
+    data: Data
+    hard: dict[str, dict[str, float | str]]
+    notes: list[str] = field(default_factory=list)
+    frozen: bool = False
+
+    @property
+    def integrating(self) -> bool:
+        """Whether the plant integrates."""
+        return self.baseline.plant.type == "integrating"
+
+
+def check(record: LoopRecord, baseline: Loop, trusted: bool = True) -> Situation:
+    """Refuse what cannot be compared, and settle what needs no fit.
+
+    Parameters
+    ----------
+    record : LoopRecord
+        SP (or None), OP, PV and, where known, MV.
+    baseline : Loop
+        The simulation's loop; set point, operating point and length are ignored.
+    trusted : bool
+        False when the baseline was identified from this very record.
+
+    Returns
+    -------
+    Situation
+
+    Raises
+    ------
+    RecordError
+        Too short, constant OP or PV, another sampling period, MV or OP in other units, the baseline of another loop.
+    """
+    where = f"record {record.tag!r}" if record.tag else "record"
+    op = _percent(record, where, trusted)
+    _refuse_dead(record, where)
+    Ts = baseline.sampling.Ts
+    if abs(record.Ts / Ts - 1.0) > SAME_TS:
+        raise RecordError(f"{where}: Ts = {record.Ts:g} s by its time column, but the baseline says Ts = {Ts:g} s; they must agree within 1 %")
+    if record.mv is not None:
+        _refuse_units(record.mv, op, where)
+    notes = [f"data quality: {flag.name}: {flag.evidence}" for flag in inspect(record).values()]
+    sp = record.sp
+    if sp is None:
+        notes.append("no set point recorded: the mean of PV stands for it")
+    plant, control = baseline.plant, baseline.controller
+    law = examine_law(op, record.pv, sp, record.Ts, control.sign * control.Kc, control.Ti, trusted)
+    if trusted:
+        _refuse_other_loop(law, control.sign * control.Kc, where)
+    samples = inspect_samples(record.pv)
+    hard, plant_pv, more = _without_doubt(record, law, samples, baseline.noise.std)
+    notes += more
+    integrating = plant.type == "integrating"
+    u = op if record.mv is None else np.asarray(record.mv)
+    data = Data(
+        u=np.ascontiguousarray(u, dtype=float),
+        y=np.ascontiguousarray(plant_pv, dtype=float),
+        K=plant.K * (record.Ts if integrating else 1.0),
+        T=0.0 if integrating else float(plant.T or 0.0) / record.Ts,
+        Td=plant.Td / record.Ts,
+        noise=baseline.noise.std if trusted else 0.0,
+        resolution=_rounding(hard, samples),
+        trusted=trusted,
+    )
+    frozen = samples.held > max(20, 0.02 * record.n) and "quantisation" not in hard and "compression" not in hard
+    setpoint = np.full(record.n, record.pv.mean()) if sp is None else np.asarray(sp)
+    return Situation(record, baseline, trusted, op, setpoint, law, samples, plant_pv, data, hard, notes, frozen)
+
+
+def _percent(record: LoopRecord, where: str, trusted: bool) -> np.ndarray:
+    percent = record.op_percent
+    if percent is None:
+        if trusted:
+            raise RecordError(
+                f"{where}: OP runs from {record.op.min():g} to {record.op.max():g}, which is not % of travel; "
+                "give --op-span, the values that mean 0 and 100 %"
+            )
+        return np.asarray(record.op)
+    return np.asarray(percent)
+
+
+def _refuse_dead(record: LoopRecord, where: str) -> None:
+    if record.n < FEWEST:
+        raise RecordError(f"{where}: {record.n} samples; a gap needs at least {FEWEST} to show")
+    for name, x in (("OP", record.op), ("PV", record.pv)):
+        if np.ptp(x) <= 1e-9 * max(1.0, float(np.abs(x).max())):
+            raise RecordError(f"{where}: {name} is constant ({x[0]:g}); nothing moved, so nothing can be told")
+
+
+def _refuse_units(mv: np.ndarray, op: np.ndarray, where: str) -> None:
+    low, high = float(mv.min()), float(mv.max())
+    wrong = ""
+    if low < -5.0 or high > 105.0:
+        wrong = f"MV runs from {low:g} to {high:g}"
+    elif high <= 1.5 and op.mean() > 5.0:
+        wrong = f"MV runs from {low:g} to {high:g}, a share of 1"
+    elif low >= 3.8 and high <= 20.2 and abs(np.mean(mv - (4.0 + 0.16 * op))) < 0.5 < abs(np.mean(mv - op)):
+        wrong = f"MV runs from {low:g} to {high:g}, which is OP in mA"
+    if wrong:
+        raise RecordError(f"{where}: {wrong}; it must be in % of travel, 0..100, as OP is")
+
+
+def _refuse_other_loop(law: Law, Kc: float, where: str) -> None:
+    if law.residual < 0.03 and not law.reason:
+        ratio = law.Kc / Kc
+        if ratio < 1.0 / OTHER_LOOP or ratio > OTHER_LOOP:
+            raise RecordError(
+                f"{where}: its controller has Kc = {law.Kc:.3g}, the baseline's Kc = {Kc:.3g} (signs included); "
+                "this is the baseline of another loop"
+            )
+
+
+def _rounding(hard: dict, samples: Samples) -> float:
+    lattice = hard.get("quantisation", {})
+    return float(lattice["step"]) if lattice.get("at") == "loop" else samples.resolution
+
+
+def _without_doubt(
+    record: LoopRecord, law: Law, samples: Samples, noise: float
+) -> tuple[dict[str, dict[str, float | str]], np.ndarray, list[str]]:
+    """Return the effects that need no fit, the PV the controller saw, and notes."""
+    hard: dict[str, dict[str, float | str]] = {e: dict(p) for e, p in law.found.items()}
+    pv = np.asarray(record.pv)
+    seen, notes = law.seen, []
+    apart = seen is not None and bool(law.reason)  # the archive is not what the controller saw
+    if samples.step > 0.0:
+        hard["quantisation"] = {"step": samples.step, "at": "record" if apart else "loop"}
+        if apart:
+            pv = seen
+    elif samples.straight > 0.25:
+        size = float(np.abs(record.pv - seen).max()) if seen is not None else 0.0
+        hard["compression"] = {"band": size or 0.5 * float(np.std(np.diff(record.pv)))}
+        if apart:
+            pv = seen
+    elif samples.resolution > 0.0 and noise > 0.0 and samples.resolution > 1.5 * noise:
+        hard["quantisation"] = {"step": samples.resolution, "at": "record" if apart else "loop"}
+        if apart:
+            pv = seen
+    spikes, heights, place = samples.spikes, samples.heights, "loop"
+    if seen is not None:
+        off = record.pv - seen
+        only, sizes = isolated(off, 0.0)
+        # where the law is exact everywhere else, what is left of PV is the spikes alone
+        strong = np.abs(sizes) > 1e-3 * float(np.std(record.pv))
+        only, sizes = only[strong], sizes[strong]
+        if only.size >= 2 and samples.step == 0.0 and "compression" not in hard:
+            spikes, heights, place = only, sizes, "record"
+            pv = seen
+    if spikes.size >= 3 and "compression" not in hard:
+        hard["outliers"] = {"rate": spikes.size / record.n, "size": float(np.mean(np.abs(heights))), "at": place}
+        if place == "loop" or seen is None:
+            pv = cleaned(pv, spikes)
+    if law.reason and not apart:
+        notes.append(f"controller: cannot tell, {law.reason}")
+    return hard, pv, notes

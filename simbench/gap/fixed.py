@@ -1,0 +1,145 @@
+"""From a fit back to a loop file: the baseline with the effect, the identified load and the record's set point in it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from scenarios.spec import Loop
+from simbench.gap import innovations as kernels
+from simbench.gap.candidates import LOAD_FIRST
+from simbench.gap.check import Situation
+from simbench.gap.fit import Fit, valve_of
+
+
+def effect_parameters(effect: str, fit: Fit, situation: Situation) -> dict[str, float | str]:
+    """Return an engine effect's numbers in the units of the loop file.
+
+    Parameters
+    ----------
+    effect : str
+        One that the fit has switched on.
+    fit : Fit
+    situation : Situation
+
+    Returns
+    -------
+    dict
+    """
+    d, th, Ts = situation.data, fit.theta, situation.record.Ts
+    n = d.n
+    if effect == "gain_mismatch":
+        return {"factor": _clip(fit.K / d.K, 0.05, 20.0)}
+    if effect == "time_constant_mismatch":
+        return {"factor": _clip(th["T"] / d.T, 0.05, 20.0)}
+    if effect == "dead_time_mismatch":
+        return {"extra": (th["Td"] - d.Td) * Ts}
+    if effect in ("valve_lag", "extra_lag", "sensor_lag"):
+        return {"tau": th["lag"] * Ts}
+    if effect == "noise":
+        return {"factor": th["noise"] / d.noise} if d.noise > 0 else {"std": th["noise"]}
+    if effect == "deadband":
+        return {"S": _clip(th["S"], 0.0, 100.0)}
+    if effect == "stiction":
+        return {"S": _clip(th["S"], 0.0, 100.0), "J": _clip(th["J"], 0.0, 100.0)}
+    if effect == "deadzone":
+        return {"D": _clip(th["D"], 0.0, 100.0), "c": _clip(th["c"], 0.0, 100.0)}
+    if effect == "valve_characteristic":
+        return {"R": _clip(th["R"], 0.01, 100.0)}
+    linear = fit.beta[LOAD_FIRST:]
+    if effect == "drift":
+        rate = linear[-1] / (n * Ts) if d.T > 0 else 0.0
+        return {"rate": float(rate), "walk": th["walk"] / np.sqrt(Ts)}
+    gain = abs(fit.K)
+    if effect == "load_drift":
+        walk = th["load"] * np.sqrt(2.0 / th["load_time"]) / gain if th["load_time"] > 0.3 * n else 0.0
+        return {"rate": float(linear[-1] / fit.K / (n * Ts)), "walk": float(walk / np.sqrt(Ts))}
+    if effect == "load_steps":
+        count = int(th["steps"])
+        times = [int(np.argmax(c != 0.0)) for c in fit.spec.channels[-count:]]
+        levels = np.concatenate([[0.0], np.cumsum((linear[-count:] / fit.K)[np.argsort(times)])])
+        size = float(np.std(levels)) * np.sqrt(levels.size / max(levels.size - 1, 1))
+        return {"rate": float(th["steps"]) / (n * Ts), "size": _clip(size, 0.0, 100.0)}
+    w = 2 * np.pi / th["period"]
+    pole = abs(1.0 / (1j * w * th.get("T", 1.0) + 1.0)) if d.T > 0 else 1.0 / w
+    return {"amplitude": _clip(float(np.hypot(*linear[-2:])) / (gain * pole), 0.0, 100.0), "period": th["period"] * Ts}
+
+
+def fixed_loop(
+    situation: Situation,
+    fit: Fit,
+    effects: dict[str, dict[str, float | str]],
+    *,
+    plant: str = "fitted",
+    load: Fit | None = None,
+) -> Loop:
+    """Return a loop file that simulates like the record.
+
+    Parameters
+    ----------
+    situation : Situation
+        Record and baseline.
+    fit : Fit
+        Its plant (within the baseline's trust unless released), bias and valve set the operating point.
+    effects : dict of str to dict
+        Effects to switch on.
+    plant : {"fitted", "baseline"}
+        Whether K, T and Td are taken from the fit or left as the baseline has them; a mismatch effect always stands on the baseline's.
+    load : Fit, optional
+        Whose load to use; that of `fit` when absent.
+
+    Returns
+    -------
+    Loop
+    """
+    record, d, base = situation.record, situation.data, situation.baseline
+    Ts, n = record.Ts, record.n
+    table: dict[str, Any] = base.to_table()
+    if plant == "fitted":
+        per = Ts if situation.integrating else 1.0
+        if "gain_mismatch" not in effects:
+            table["plant"]["K"] = fit.K / per if fit.K * d.K > 0 else base.plant.K
+        if "time_constant_mismatch" not in effects and d.T > 0:
+            table["plant"]["T"] = fit.theta["T"] * Ts
+        if "dead_time_mismatch" not in effects:
+            table["plant"]["Td"] = fit.theta["Td"] * Ts
+    sp = situation.sp
+    changes = np.flatnonzero(np.diff(sp)) + 1
+    table["setpoint"] = {"value": float(sp[0]), "steps": [[float(k * Ts), float(sp[k])] for k in changes]}
+    table["sampling"] = {"Ts": base.sampling.Ts, "n": n}
+    if not situation.trusted:
+        table["noise"] = {"std": fit.theta["noise"]}
+    source = load or fit
+    K = abs(table["plant"]["K"]) * (Ts if situation.integrating else 1.0)
+    amplitude = source.theta["load"] / K
+    table["disturbance"] = []
+    if "load_drift" not in effects or source.theta["load_time"] < 0.3 * n:
+        table["disturbance"].append({"type": "coloured", "amplitude": amplitude, "period": source.theta["load_time"] * Ts})
+    u_rest, v_rest = _rest(situation, fit)
+    table["operating_point"] = {"op0": u_rest, "pv0": float(sp[0])}
+    if abs(u_rest - v_rest) > 1e-6 and fit.spec.valve in (kernels.ZONE, kernels.CURVE) and any(
+        e in effects for e in ("deadzone", "valve_characteristic")
+    ):
+        # a constant load keeps the operating point one of equilibrium behind a bent valve
+        table["disturbance"].append({"type": "ramp", "amplitude": abs(u_rest - v_rest), "period": 1e-3 * Ts})
+        if u_rest < v_rest:
+            table["disturbance"][-1] = {"type": "sine", "amplitude": v_rest - u_rest, "period": 1e9 * n * Ts, "phase": -np.pi / 2}
+    table["effect"] = [*table.get("effect", []), *({"name": e, **p} for e, p in effects.items())]
+    return Loop.from_table(table, "fixed loop")
+
+
+def _rest(situation: Situation, fit: Fit) -> tuple[float, float]:
+    """Return OP and MV at which PV rests on the first set point, mean load included."""
+    d, sp = situation.data, situation.sp
+    v = valve_of(fit.spec, fit.theta, d.u)
+    per = fit.K if fit.K != 0 else d.K
+    ahead = (float(np.mean(d.y)) - sp[0]) / per if d.T > 0 else (d.y[-1] - d.y[0]) / (per * d.n)
+    v_rest = _clip(float(np.mean(v)) - ahead, 1.0, 99.0)
+    slope = np.polyfit(v, d.u, 1)[0] if np.ptp(v) > 0 else 1.0
+    u_rest = _clip(float(np.mean(situation.op)) - ahead * slope, 1.0, 99.0)
+    return u_rest, v_rest
+
+
+def _clip(x: float, low: float, high: float) -> float:
+    return float(min(max(x, low), high))

@@ -1,0 +1,151 @@
+"""GapReport: the answer of a diagnosis as one data object, as text and as JSON."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from simbench.gap.names import BLOCKS, NONE, UNKNOWN, block_of
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """One line of the ranking."""
+
+    effect: str
+    block: str
+    probability: float
+    gap_before: float | None
+    gap_after: float | None
+    parameters: dict[str, float | str]
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Mean distance of the record's features from the simulation's, in seed-to-seed standard deviations, on the held-out part."""
+
+    before: float
+    recalibrated: float
+    after: float
+    floor: float
+    resolvable: bool
+
+
+@dataclass(frozen=True, eq=False)
+class GapReport:
+    """Where the gap lies, which effect causes it, how far it shrinks.
+
+    Parameters
+    ----------
+    block : str
+        Block of the first effect; "none", or for "unknown" the block whose teacher-forced residual fails.
+    effect : str
+        Effect id, "none" or "unknown".
+    effects : tuple of dict
+        One or two: block, effect, parameters, probability.
+    group : tuple of str
+        Effects that cannot be told from the first one with these signals.
+    ranking : tuple of Ranked
+        All candidates, `none` and `unknown`, most probable first; probabilities sum to 1.
+    gap : Gap
+    shrinkage : dict or None
+        value, lo, hi; None without a resolvable gap.
+    blocks : dict
+        Share of each block; sums to 1, or all 0 when there is no gap.
+    next_test : str
+        The measurement or test that separates the remaining candidates best.
+    notes : tuple of str
+    details : dict
+        What only the page and the text use: smallest detectable sizes, features, curves.
+    """
+
+    block: str
+    effect: str
+    effects: tuple[dict[str, Any], ...]
+    group: tuple[str, ...]
+    ranking: tuple[Ranked, ...]
+    gap: Gap
+    shrinkage: dict[str, float] | None
+    blocks: dict[str, float]
+    next_test: str
+    notes: tuple[str, ...] = ()
+    details: dict[str, Any] = field(default_factory=dict, repr=False)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the report as nested dicts and lists of JSON types, keys as the contract has them."""
+        return {
+            "block": self.block,
+            "effect": self.effect,
+            "effects": [dict(e) for e in self.effects],
+            "group": list(self.group),
+            "ranking": [
+                {
+                    "effect": r.effect,
+                    "block": r.block,
+                    "probability": r.probability,
+                    "gap_before": r.gap_before,
+                    "gap_after": r.gap_after,
+                    "parameters": dict(r.parameters),
+                }
+                for r in self.ranking
+            ],
+            "gap": {
+                "before": self.gap.before,
+                "recalibrated": self.gap.recalibrated,
+                "after": self.gap.after,
+                "floor": self.gap.floor,
+                "resolvable": self.gap.resolvable,
+            },
+            "shrinkage": None if self.shrinkage is None else dict(self.shrinkage),
+            "blocks": dict(self.blocks),
+            "next_test": self.next_test,
+            "notes": list(self.notes),
+        }
+
+    def sentence(self) -> str:
+        """Return the answer in one sentence."""
+        if self.effect == NONE:
+            return "No unmodelled effect is needed: the simulation explains the record within its seed-to-seed spread."
+        p = self.effects[0]["probability"]
+        if self.effect == UNKNOWN:
+            near = next((r.effect for r in self.ranking if r.effect not in (NONE, UNKNOWN)), NONE)
+            return f"Something is missing in the {self.block} block that no known effect explains (probability {p:.2f}); closest: {words(near)}."
+        names = " and ".join(f"{words(e['effect'])} ({e['block']}{numbers(e['parameters'])})" for e in self.effects)
+        size = f"; adding it closes {100 * self.shrinkage['value']:.0f} % of the gap" if self.shrinkage else ""
+        return f"The simulation lacks {names}, probability {p:.2f}{size}."
+
+    def as_text(self) -> str:
+        """Return the report for a terminal."""
+        lines = [self.sentence(), ""]
+        if len(self.group) > 1:
+            lines.append("cannot be told apart here: " + ", ".join(self.group))
+        if any(self.blocks.values()):
+            lines.append("where: " + ", ".join(f"{b} {100 * self.blocks[b]:.0f} %" for b in BLOCKS if self.blocks[b] >= 0.005))
+        g = self.gap
+        lines.append(
+            f"gap: before {g.before:.2f}, recalibrated {g.recalibrated:.2f}, after {g.after:.2f}, floor {g.floor:.2f}"
+            + ("" if g.resolvable else " (not resolvable)")
+        )
+        if self.shrinkage:
+            s = self.shrinkage
+            lines.append(f"shrinkage: {s['value']:.2f} [{s['lo']:.2f}, {s['hi']:.2f}]")
+        lines.append("")
+        lines += [f"{r.probability:6.3f}  {r.effect:24s}{numbers(r.parameters, '')}" for r in self.ranking[:6]]
+        lines += ["", f"next: {self.next_test}"] + [f"note: {n}" for n in self.notes]
+        return "\n".join(lines)
+
+
+def words(effect: str) -> str:
+    """Return an id as words."""
+    return effect.replace("_", " ")
+
+
+def numbers(parameters: dict[str, float | str], begin: str = ", ") -> str:
+    """Return parameters as `S = 2.1, J = 0.4`."""
+    text = ", ".join(f"{k} = {v:.3g}" if isinstance(v, (int, float)) else f"{k} = {v}" for k, v in parameters.items())
+    return begin + text if text else ""
+
+
+def failing_block(effect: str, fallback: str) -> str:
+    """Return the block to report for an effect; `unknown` takes the fallback."""
+    return fallback if effect == UNKNOWN else block_of(effect)

@@ -1,0 +1,134 @@
+"""How far the gap shrinks: whole closed loops simulated on the held-out part of the record, before and after."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from detectors.errors import UserError
+from scenarios.spec import Loop
+from simbench.gap.check import Situation
+from simbench.gap.features import as_matrix, distance, features, floor_of, seed_spread
+from simbench.loop.simulate import simulate
+
+HELD_OUT = 0.35  # last share of the record, on which nothing is fitted
+SEEDS = 10
+RESOLVABLE = 1.5  # gap before over floor from which there is something to close
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """One loop, simulated with several seeds: features of the held-out part, and one run to draw."""
+
+    loop: Loop
+    features: np.ndarray
+    op: np.ndarray
+    pv: np.ndarray
+
+
+def simulate_arm(situation: Situation, loop: Loop, seed: int, kick: float = 0.0, seeds: int = SEEDS) -> Arm | None:
+    """Simulate the record's whole length with several seeds and keep the held-out part's features.
+
+    The part before is the warm-up: a sticky loop started at rest does not cycle at once.
+
+    Parameters
+    ----------
+    situation : Situation
+    loop : Loop
+    seed : int
+        First seed.
+    kick : float
+        Offset of OP (%) at the start.
+    seeds : int
+
+    Returns
+    -------
+    Arm or None
+        None when the loop cannot be simulated or runs away.
+    """
+    start = held_out(situation)
+    found, best = [], None
+    for i in range(seeds):
+        try:
+            record = simulate(loop, seed=seed + i, kick=kick).record
+        except UserError:
+            return None
+        if not (np.all(np.isfinite(record.pv)) and np.abs(record.pv).max() < 1e9):
+            return None
+        found.append(features(record.op[start:], record.pv[start:], situation.sp[start:]))
+        if best is None:
+            best = record
+    assert best is not None
+    return Arm(loop, as_matrix(found), np.asarray(best.op), np.asarray(best.pv))
+
+
+def held_out(situation: Situation) -> int:
+    """Return the first sample of the held-out part."""
+    return int((1.0 - HELD_OUT) * situation.record.n)
+
+
+@dataclass(frozen=True, eq=False)
+class Shrinkage:
+    """Distances of three arms from the record, their floor, and the share of the gap that closes, with an interval."""
+
+    before: float
+    recalibrated: float
+    after: float
+    floor: float
+    resolvable: bool
+    value: float | None
+    lo: float
+    hi: float
+    per_feature: dict[str, tuple[float, float]]
+
+
+def measure(situation: Situation, before: Arm, recalibrated: Arm, after: Arm, seed: int = 0) -> Shrinkage:
+    """Compare three arms with the record on the held-out part.
+
+    Parameters
+    ----------
+    situation : Situation
+    before, recalibrated, after : Arm
+    seed : int
+        Of the interval's resampling.
+
+    Returns
+    -------
+    Shrinkage
+    """
+    start = held_out(situation)
+    named = features(situation.op[start:], np.asarray(situation.record.pv)[start:], situation.sp[start:])
+    real = np.array(list(named.values()))
+    arms = [a.features for a in (before, recalibrated, after)]
+
+    def figures(rows: list[np.ndarray], keep: np.ndarray) -> tuple[float, float, float, float]:
+        # one ruler for all arms, or a noisier arm would look nearer
+        spread = np.sqrt(np.mean([seed_spread(r) ** 2 for r in rows], axis=0))[keep]
+        far = [distance(real[keep], r[:, keep], spread) for r in rows]
+        return far[0], far[1], far[2], floor_of(rows[2][:, keep], spread)
+
+    every = np.arange(real.size)
+    b, r, a, f = figures(arms, every)
+    resolvable = b >= RESOLVABLE * f
+    spread = np.sqrt(np.mean([seed_spread(x) ** 2 for x in arms], axis=0))
+    per = {
+        name: (float(abs(real[i] - arms[0][:, i].mean()) / spread[i]), float(abs(real[i] - arms[2][:, i].mean()) / spread[i]))
+        for i, name in enumerate(named)
+    }
+    if not resolvable:
+        return Shrinkage(b, r, a, f, False, None, 0.0, 0.0, per)
+    rng = np.random.default_rng([seed, 41])
+    draws = []
+    for _ in range(40):
+        seeds = [rng.integers(0, len(x), len(x)) for x in arms]
+        bb, _, aa, _ = figures([np.unique(x[s], axis=0) if len(np.unique(s)) > 2 else x for x, s in zip(arms, seeds)],
+                               rng.integers(0, real.size, real.size))  # fmt: skip
+        draws.append(closed(bb, aa, f))
+    lo, hi = np.quantile(draws, [0.05, 0.95])
+    return Shrinkage(b, r, a, f, True, closed(b, a, f), float(lo), float(hi), per)
+
+
+def closed(before: float, after: float, floor: float) -> float:
+    """Return the share of the gap above its floor that is gone, from -1 to 1."""
+    return float(np.clip(1.0 - max(after - floor, 0.0) / max(before - floor, 1e-6), -1.0, 1.0))

@@ -1,0 +1,59 @@
+"""From scores to probabilities of every effect, of none and of unknown; and the share of each block."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from simbench.gap.assess import Assessment
+from simbench.gap.names import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Probabilities: of being the first answer, of each named effect, and what stands behind `unknown`."""
+
+    probability: dict[str, float]
+    named: dict[str, float]
+    blocks: dict[str, float]
+    unknown_block: str
+
+
+TEMPERATURE = 0.35
+NONE_SCORE = 4.0
+UNKNOWN_SCORE = -6.0
+
+
+def weigh(found: Assessment) -> Weights:
+    """Turn one record's scores into probabilities.
+
+    Parameters
+    ----------
+    found : Assessment
+
+    Returns
+    -------
+    Weights
+    """
+    scores = {e: compressed(found.gains[e]) for e in EFFECTS}
+    scores[NONE] = NONE_SCORE
+    scores[UNKNOWN] = UNKNOWN_SCORE
+    if found.situation.law.foreign or found.situation.frozen:
+        scores[UNKNOWN] = 60.0
+    x = np.array(list(scores.values())) * TEMPERATURE
+    p = np.exp(x - x.max())
+    p /= p.sum()
+    probability = {e: float(v) for e, v in zip(scores, p)}
+    named = dict(probability)
+    for e in found.chosen:
+        named[e] = max(named[e], 0.9)
+    excess = {b: max([compressed(found.gains[e]) - NONE_SCORE for e in EFFECTS if block_of(e) == b and (e in found.chosen)] + [0.0]) for b in BLOCKS}
+    total = sum(excess.values())
+    blocks = {b: (v / total if total > 0 else 0.0) for b, v in excess.items()}
+    return Weights(probability, named, blocks, "process")
+
+
+def compressed(gain: float) -> float:
+    """Return a gain with its far end squeezed: beyond some tens of nats more evidence is not more certainty."""
+    return gain if gain < 30.0 else 30.0 + 10.0 * np.log(gain / 30.0)
