@@ -1,0 +1,74 @@
+"""Bicoherence test: in a loop with a nonlinear element pairs of frequencies drive their sum; in a linear one they do not.
+
+Needs: the control error (mean PV stands in for a set point that was not recorded), either process type, 256 samples.
+Parameters: `ngi_low` (-), `nli_low` (-); the published 0.001 and 0.01 flag plain noise, so both count from the 95 % bound
+of a linear Gaussian signal of the same length.
+Indices: ngi (mean squared bicoherence above that bound; > 0 non-Gaussian), nli (its peak above mean + 2 std, 0..1).
+Rule: ngi > ngi_low and nli > nli_low times its own bound: nonlinear, written as "stiction" although the test does not say
+which element it is; else linear.
+Not for: symmetric cycles. A cycle with half-wave symmetry has odd harmonics only and looks like noise; a verdict "linear"
+rules nothing out.
+Source: M.A.A.S. Choudhury, S.L. Shah, N.F. Thornhill (2004), Automatica 40, 1719-1728.
+"""
+
+from __future__ import annotations
+
+from detectors.method import Method, Threshold
+from detectors.prepared import Prepared
+from detectors.signal.bicoherence import error_bicoherence
+from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
+
+METHOD = Method(
+    title="quadratic phase coupling in the control error",
+    source="Choudhury et al. 2004",
+    role="nonlinearity",
+    min_samples=256,
+    thresholds={
+        "ngi_low": Threshold(0.0, "-", -1.0, 1.0, "own, 5 % of linear signals", "above: non-Gaussian"),
+        "nli_low": Threshold(1.0, "-", 0.0, 20.0, "own, 5 % of linear signals", "above, times the bound: nonlinear"),
+    },
+    exempt={"stiction": "a symmetric cycle has no even harmonics, and quadratic coupling cannot show"},
+)
+
+
+def detect(prepared: Prepared, *, ngi_low: float, nli_low: float) -> Verdict:
+    """Judge whether the loop contains a nonlinearity.
+
+    Parameters
+    ----------
+    prepared : Prepared
+        The record.
+    ngi_low : float
+        Bound of ngi (-).
+    nli_low : float
+        Bound of nli, as a multiple of what 5 % of linear signals exceed (-).
+
+    Returns
+    -------
+    Verdict
+        `score` is nli over its bound.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from detectors.record import LoopRecord
+    >>> t = np.arange(6000)
+    >>> saw = (t % 40) / 40 + 0.1 * np.random.default_rng(0).standard_normal(6000)
+    >>> detect(Prepared(LoopRecord(op=saw, pv=saw, Ts=1.0)), **METHOD.defaults()).verdict
+    'stiction'
+    """
+    record = prepared.record
+    period = prepared.oscillation.period_s / record.Ts
+    found = prepared.share("bicoherence", lambda: error_bicoherence(record.e, period))
+    if found is None:
+        return Verdict("bicoherence", NO_DECISION, reason="too short: fewer than four segments of 64 samples")
+    nonlinear = found.ngi > ngi_low and found.nli > nli_low * found.nli_bound
+    numbers = f"NGI = {found.ngi:.3f}, NLI = {found.nli:.3f} (linear: below {nli_low * found.nli_bound:.3f})"
+    said = "nonlinear" if nonlinear else "no nonlinearity seen, which a symmetric cycle would not show either"
+    return Verdict(
+        "bicoherence",
+        STICTION if nonlinear else NO_STICTION,
+        found.nli / found.nli_bound,
+        {"ngi": found.ngi, "nli": found.nli},
+        reason=f"{said}: {numbers}",
+    )

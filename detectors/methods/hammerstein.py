@@ -1,0 +1,93 @@
+"""Hammerstein: the sticky valve and the linear plant that best turn OP into PV; without stiction a straight valve does as well.
+
+Needs: OP and PV, either process type, four periods of at least 8 samples. OP in % (or a span) for S and J in % of travel.
+Parameters: `score_low`, `score_high` (-), own, from simulated loops; `S_low` (% of travel), the chapter's 0.5 %.
+Indices: gain (error a sticky valve takes off that of a straight one, 0..1), share ((S + J) over the swing of OP: a cycle of
+the valve's own swings by no more than about S + J), error (unexplained share of the variance of PV), S_hat, J_hat, T_s, Td_s.
+Rule: score = gain min(share, 1); >= 0.3 and S >= 0.5 %: stiction; <= 0.15 or S below it: none. S and J are numbers where
+the record fixes them, else the interval of all values that fit as well.
+Not for: loops whose PV is moved from outside more than by the valve (error above one half: no decision); J, wherever the
+valve only toggles between two positions: J and the gain of the plant then trade off.
+Source: R. Srinivasan, R. Rengaswamy, S. Narasimhan, R. Miller (2005), Ind. Eng. Chem. Res. 44, 6719-6728; M. Jelali (2008), J.
+Process Control 18, 632-642. Own: an output-error linear part, and the two ratios that make a verdict of the fit.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from detectors.method import Method, Threshold
+from detectors.prepared import Prepared
+from detectors.signal.hammerstein import fit_hammerstein, swing
+from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Level, Verdict
+
+METHOD = Method(
+    title="sticky valve and linear plant fitted to OP and PV",
+    source="Srinivasan et al. 2005b, Jelali 2008",
+    min_periods=4.0,
+    thresholds={
+        "score_low": Threshold(0.15, "-", 0.0, 1.0, "own, simulated loops", "at or below: a straight valve fits as well"),
+        "score_high": Threshold(0.3, "-", 0.0, 1.0, "own, simulated loops", "at or above: only a sticky valve fits"),
+        "S_low": Threshold(0.5, "% of travel", 0.0, 100.0, "chapter, section 11.1", "below: negligible"),
+    },
+)
+
+
+def interval(best: float, span: tuple[float, float], width: float) -> Level:
+    """Return a number where its span is narrower than `width`, else the span."""
+    return best if span[1] - span[0] <= width else span
+
+
+def detect(prepared: Prepared, *, score_low: float, score_high: float, S_low: float) -> Verdict:
+    """Judge a record by whether a sticky valve explains PV better than a straight one.
+
+    Parameters
+    ----------
+    prepared : Prepared
+        The record.
+    score_low, score_high : float
+        Bounds of the score (-).
+    S_low : float
+        Smallest S that counts (% of travel; not applied to OP in unknown units).
+
+    Returns
+    -------
+    Verdict
+        `score` is gain times share (at most 1).
+
+    Examples
+    --------
+    >>> from detectors.record import LoopRecord
+    >>> from detectors.signal.stiction_map import valve_position
+    >>> op = 50 + 3 * np.abs((np.arange(1500) % 60) / 15 - 2)
+    >>> pv = np.convolve(valve_position(op, 4.0, 1.5) - 50, 0.1 * 0.9 ** np.arange(80))[:1500]
+    >>> detect(Prepared(LoopRecord(op, -pv, 1.0)), **METHOD.defaults()).verdict
+    'stiction'
+    """
+    record = prepared.record
+    period = prepared.oscillation.period_s / record.Ts
+    if period < 8:
+        return Verdict("hammerstein", NO_DECISION, reason=f"{period:.1f} samples per cycle; at least 8 are needed")
+    op, limits = record.op_percent, (0.0, 100.0)
+    if op is None:
+        op, limits = record.op, (-np.inf, np.inf)
+    found = prepared.share(
+        "hammerstein", lambda: fit_hammerstein(op, record.pv, period, prepared.integrating, limits, record.Ts)
+    )
+    gain = max(1.0 - found.error / max(found.error_linear, 1e-12), 0.0) if found.error_linear > 1e-6 else 0.0
+    share = (found.S + found.J) / max(swing(op, period), 1e-300)
+    score = gain * min(share, 1.0)
+    indices = {"gain": gain, "share": share, "error": found.error, "S_hat": found.S, "J_hat": found.J}
+    indices |= {"T_s": found.T_s, "Td_s": found.Td_s}
+    if found.error > 0.5:
+        reason = f"valve and plant explain only {1 - found.error:.0%} of PV: it is moved from outside"
+        return Verdict("hammerstein", NO_DECISION, score, indices, reason=reason)
+    fit = f"a sticky valve takes {gain:.0%} off the error of a straight one, S + J = {share:.2g} of OP's swing"
+    if record.op_percent is not None and found.S < S_low:
+        return Verdict("hammerstein", NO_STICTION, score, indices, reason=f"S = {found.S:.2g} % is negligible; {fit}")
+    S = interval(found.S, found.S_range, 0.4 * found.S)
+    J = interval(found.J, found.J_range, 0.3 * found.S)
+    if score >= score_high:
+        return Verdict("hammerstein", STICTION, score, indices, S=S, J=J, reason=fit)
+    verdict = NO_STICTION if score <= score_low else NO_DECISION
+    return Verdict("hammerstein", verdict, score, indices, reason=fit)

@@ -1,0 +1,152 @@
+"""Srinivasan 2005: every cycle of OP and PV is matched with a square, a triangle, a saw-tooth and a sine; the pair decides.
+
+Needs: OP and PV, six cycles of at least 8 samples.
+Parameters: `share_low` (-): share of the cycles that must carry the winning label, own.
+Indices: triangle_op, square_pv ... share of the cycles of either signal with each label (0..1), under the keys op_square,
+op_triangle, op_sawtooth, op_sine, pv_...
+Rule: (OP, PV) found in Table 11.2: stiction; sine and sine: none; any other pair: no decision. Shapes of the chapter's table:
+triangle-square and square-square (flow), triangle-sine (pressure, temperature), triangle-triangle and parabola-triangle
+(level; a parabola is labelled sine). Saw-teeth count as triangles: J > 0 tilts them.
+Not for: fewer than 8 samples per cycle; noise of the size of the cycle, which makes every label a sine.
+Source: R. Srinivasan, R. Rengaswamy, R. Miller (2005), Ind. Eng. Chem. Res. 44, 6708-6718; Forsman (2000), Table 11.2. Dynamic
+time warping by dtaidistance, band a tenth of the cycle.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from detectors.method import Method, Threshold
+from detectors.prepared import Prepared
+from detectors.signal.conditioning import band
+from detectors.signal.oscillation import zero_crossings
+from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
+
+POINTS = 40  # samples per resampled cycle
+CYCLES = 40  # at most, spread over the record
+HARMONICS = 9.0
+GUARD = 0.25  # a crossing counts when the signal then passes this many standard deviations
+LABELS = ("square", "triangle", "sawtooth", "sine")
+# Table 11.2 (OP, PV); a level loop's parabolic OP is nearest to the sine
+STICKY = {
+    "self-regulating": {("triangle", "square"), ("square", "square"), ("triangle", "sine"), ("triangle", "triangle")},
+    "integrating": {("triangle", "triangle"), ("sine", "triangle")},
+}
+
+METHOD = Method(
+    title="shape of every cycle by dynamic time warping",
+    source="Srinivasan et al. 2005, Table 11.2",
+    min_periods=6.0,
+    thresholds={
+        "share_low": Threshold(0.5, "-", 0.25, 1.0, "own", "share of cycles with the winning label; below: no decision")
+    },
+)
+
+
+def cycles(x: np.ndarray, period: float) -> np.ndarray:
+    """Cut an oscillation at its upward zero crossings into cycles of one length, mean 0 and std 1.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Oscillation without drift.
+    period : float
+        Its period in samples.
+
+    Returns
+    -------
+    ndarray, shape (m, POINTS)
+        At most `CYCLES` of them; those shorter than half or longer than one and a half periods are left out.
+
+    Examples
+    --------
+    >>> cycles(np.sin(2 * np.pi * np.arange(400) / 40), 40.0).shape
+    (8, 40)
+    """
+    at = zero_crossings(x, GUARD * float(x.std()))
+    at = at[x[np.minimum(at.astype(int) + 1, x.size - 1)] > 0]
+    length = np.diff(at)
+    fit = np.flatnonzero((length > 0.5 * period) & (length < 1.5 * period))
+    fit = fit[np.linspace(0, fit.size - 1, min(fit.size, CYCLES)).astype(int)] if fit.size else fit
+    place = at[fit, None] + length[fit, None] * ((np.arange(POINTS) + 0.5) / POINTS)
+    k = np.minimum(place.astype(int), x.size - 2)
+    y = x[k] + (place - k) * (x[k + 1] - x[k])
+    y -= y.mean(axis=1, keepdims=True)
+    return y / np.maximum(y.std(axis=1, keepdims=True), 1e-300)
+
+
+@lru_cache(maxsize=1)
+def templates() -> tuple[np.ndarray, np.ndarray]:
+    """Return the templates, shape (5, POINTS), mean 0 and std 1, and the index of each one's label in LABELS."""
+    t = (np.arange(POINTS) + 0.5) / POINTS
+    triangle = np.interp(t, [0, 0.25, 0.75, 1], [0, 1, -1, 0])
+    rising = np.interp(t, [0, 0.5, 0.5001, 1], [0, 1, -1, 0])
+    falling = np.interp(t, [0, 0.0001, 0.9999, 1], [0, 1, -1, 0])
+    shapes = np.array([np.sign(0.5 - t), triangle, rising, falling, np.sin(2 * np.pi * t)])
+    return shapes / shapes.std(axis=1, keepdims=True), np.array([0, 1, 2, 2, 3])
+
+
+def label_shares(found: np.ndarray) -> np.ndarray:
+    """Return the share of cycles nearest to each label, shape (4,), in the order of LABELS."""
+    from dtaidistance import dtw
+
+    shapes, label = templates()
+    m = len(found)
+    distance = dtw.distance_matrix_fast(
+        np.vstack([found, shapes]),
+        window=POINTS // 10,
+        block=((0, m), (m, m + len(shapes))),
+        compact=True,
+        parallel=False,
+    )
+    nearest = label[np.reshape(np.asarray(distance), (m, len(shapes))).argmin(axis=1)]
+    return np.bincount(nearest, minlength=len(LABELS)) / m
+
+
+def detect(prepared: Prepared, *, share_low: float) -> Verdict:
+    """Judge a record by the pair of shapes of OP and PV.
+
+    Parameters
+    ----------
+    prepared : Prepared
+        The record.
+    share_low : float
+        Least share of cycles that carry the winning label (-).
+
+    Returns
+    -------
+    Verdict
+        `score` is the share of sharp cycles in OP (integrating: in PV), 1 less the share of sines.
+
+    Examples
+    --------
+    >>> from detectors.record import LoopRecord
+    >>> t = np.arange(3000) / 10
+    >>> detect(Prepared(LoopRecord(np.arcsin(np.sin(t)), np.sign(np.cos(t)), 0.1)), **METHOD.defaults()).verdict
+    'stiction'
+    """
+    record = prepared.record
+    period = prepared.oscillation.period_s / record.Ts
+    if period < 8:
+        return Verdict("srinivasan", NO_DECISION, reason=f"{period:.1f} samples per cycle; at least 8 are needed")
+    shares, indices = {}, {}
+    for name, x in (("OP", record.op), ("PV", record.pv)):
+        found = cycles(band(x, period, HARMONICS), period)
+        if len(found) < 3:
+            return Verdict("srinivasan", NO_DECISION, reason=f"{len(found)} whole cycles in {name}; at least 3 are needed")
+        shares[name] = label_shares(found)
+        indices |= {f"{name.lower()}_{label}": float(s) for label, s in zip(LABELS, shares[name], strict=True)}
+    decisive = "PV" if prepared.integrating else "OP"
+    score = 1.0 - float(shares[decisive][LABELS.index("sine")])
+    seen = {name: LABELS[int(np.argmax(s))] for name, s in shares.items()}
+    pair = tuple("triangle" if seen[n] == "sawtooth" else seen[n] for n in ("OP", "PV"))
+    said = f"OP looks like a {seen['OP']} ({shares['OP'].max():.0%} of the cycles), PV like a {seen['PV']} ({shares['PV'].max():.0%})"
+    if min(s.max() for s in shares.values()) < share_low:
+        return Verdict("srinivasan", NO_DECISION, score, indices, reason=f"{said}: too mixed")
+    if pair in STICKY["integrating" if prepared.integrating else "self-regulating"]:
+        return Verdict("srinivasan", STICTION, score, indices, reason=f"{said}: a pair of Table 11.2")
+    if pair == ("sine", "sine"):
+        return Verdict("srinivasan", NO_STICTION, score, indices, reason=said)
+    return Verdict("srinivasan", NO_DECISION, score, indices, reason=f"{said}: no pair of Table 11.2")

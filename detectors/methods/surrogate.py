@@ -1,0 +1,67 @@
+"""Surrogate test: a nonlinear cycle predicts itself better than signals with its spectrum but random phases do.
+
+Needs: the control error, 12 cycles of at least 7 samples.
+Parameters: `npi_low` (-), published.
+Indices: npi, (mean surrogate error - error) / (3 std); above 1 nonlinear.
+Rule: npi > 1: nonlinear, written as "stiction" although the test does not say which element it is; else linear.
+Not for: strict cycles, whose harmonics every surrogate keeps: squares and triangles reach 0.2 to 0.6 here. A verdict
+"linear" rules nothing out.
+Source: N.F. Thornhill (2005), IEEE Trans. Control Systems Technology 13, 434-443; surrogates by Schreiber & Schmitz (1996).
+"""
+
+from __future__ import annotations
+
+from detectors.method import Method, Threshold
+from detectors.prepared import Prepared
+from detectors.signal.conditioning import drift
+from detectors.signal.surrogates import nonlinearity_index
+from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
+
+METHOD = Method(
+    title="predictability of the control error against surrogates",
+    source="Thornhill 2005",
+    role="nonlinearity",
+    budget="full",
+    min_periods=12.0,
+    thresholds={"npi_low": Threshold(1.0, "-", -5.0, 20.0, "Thornhill 2005", "above: nonlinear")},
+    exempt={"stiction": "every surrogate of a strict cycle keeps its harmonics and with them its predictability"},
+)
+
+
+def detect(prepared: Prepared, *, npi_low: float) -> Verdict:
+    """Judge whether the loop contains a nonlinearity.
+
+    Parameters
+    ----------
+    prepared : Prepared
+        The record.
+    npi_low : float
+        Bound of npi (-).
+
+    Returns
+    -------
+    Verdict
+        `score` is npi.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from detectors.record import LoopRecord
+    >>> t = np.arange(3000) / 5
+    >>> detect(Prepared(LoopRecord(op=np.sin(t), pv=np.cos(t), Ts=1.0)), **METHOD.defaults()).verdict
+    'no_stiction'
+    """
+    record = prepared.record
+    period = prepared.oscillation.period_s / record.Ts
+    if period < 7:
+        return Verdict("surrogate", NO_DECISION, reason=f"{period:.1f} samples per cycle; at least 7 are needed")
+    found = nonlinearity_index(record.e - drift(record.e, period), period)
+    nonlinear = found.npi > npi_low
+    said = "nonlinear" if nonlinear else "no nonlinearity seen, which a strict cycle would not show either"
+    return Verdict(
+        "surrogate",
+        STICTION if nonlinear else NO_STICTION,
+        found.npi,
+        {"npi": found.npi},
+        reason=f"{said}: NPI = {found.npi:.2f} over {found.cycles:.0f} cycles",
+    )

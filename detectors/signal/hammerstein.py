@@ -1,0 +1,426 @@
+"""Hammerstein identification: the (S, J) valve and the linear plant behind it that best turn OP into PV."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from hashlib import sha1
+from pathlib import Path
+from types import FunctionType
+
+import numpy as np
+
+from detectors.signal import stiction_map
+from detectors.signal.oscillation import detrend
+from detectors.signal.stiction_map import trace
+
+SAMPLES = 40  # per period, of valve position and PV after averaging (up to twice as many)
+CYCLES = (8, 24)  # periods looked at: the search wants few, since one missed jump spoils all that follow; the end, many
+LENGTH = 1000  # averaged samples at most
+TIMES = np.array([0.01, 0.04, 0.1, 0.25, 0.7])  # time constants tried, in periods; an integrator besides
+S_SHARES = np.concatenate([np.geomspace(0.04, 0.55, 6), np.linspace(0.64, 1.0, 10)])  # of the swing of OP
+J_SHARES = np.array([0.05, 0.35, 0.8, 1.3])  # of S
+S_FINE = np.concatenate([np.geomspace(0.04, 0.45, 8), np.linspace(0.48, 1.0, 27)])
+J_FINE = np.array([0.03, 0.15, 0.25, 0.35, 0.45, 0.6, 0.75, 0.9, 1.05, 1.25])
+S_PROFILE = np.array([0.8, 0.87, 0.93, 0.97, 1.0, 1.03, 1.08, 1.15])  # of the best S
+J_PROFILE = np.array([0.0, 0.15, 0.35, 0.6, 0.85, 1.1, 1.5])  # of S
+ENOUGH = 2e-4  # share of the variance of PV below which errors say nothing: sampling, rounding
+STARTS = (0.0, -0.5, 0.5)  # rest positions tried, as shares of the break-away band
+AROUND = np.array([1.0, 0.5, 0.63, 0.79, 1.0, 1.26, 1.59, 2.0])  # times the inverse of a time constant
+MOVING = 2.0  # start of a valve that has just been moving up
+
+
+@dataclass(frozen=True)
+class Hammerstein:
+    """A sticky valve and a first-order or integrating plant that turn OP into PV.
+
+    Parameters
+    ----------
+    S, J : float
+        Of the best model, in the unit of OP.
+    S_range, J_range : (float, float)
+        Values whose best error is within the tolerance of the smallest one.
+    error, error_linear : float
+        Mean squared error over the variance of PV, with the best valve and with S = J = 0; drift left out of both.
+    sign : float
+        Of the plant's gain, +1 or -1.
+    T_s, Td_s : float
+        Time constant (s; inf = integrating) and dead time (s) of the best model.
+    """
+
+    S: float
+    J: float
+    S_range: tuple[float, float]
+    J_range: tuple[float, float]
+    error: float
+    error_linear: float
+    sign: float
+    T_s: float
+    Td_s: float
+
+
+def objective(op, y, q, half, first, sign, lo, hi, S, J, start, poles, delays):
+    """Return the least squared error of PV for one valve, over poles and delays, with the index of both.
+
+    The valve turns `op` into v, which is averaged over `q` samples and freed of its mean over `half` averages on either
+    side, as `y` is already: h. The plant is x(k) = a x(k-1) + (1 - a) h(k) (a = 1: x(k-1) + h(k)), and PV is
+    K0 x(k-d) + K1 x(k-d-1) + c, both gains of the given sign. The error is relative to the variance of y from sample
+    `first` on, the last `half` samples left out.
+    """
+    u = min(max(op[0], lo), hi)
+    if start == MOVING:
+        state = (u - 0.5 * (S - J), 1.0, 1.0, u - 1e-9)
+    else:
+        state = (u - start * 0.5 * (S + J), 0.0, 0.0, u)
+    v = np.empty(op.size)
+    trace(op, S, J, state, lo, hi, v)
+    n = y.size
+    h = np.empty(n)
+    x = np.empty(n)
+    for k in range(n):
+        total = 0.0
+        for j in range(k * q, k * q + q):
+            total += v[j]
+        x[k] = total / q
+    total = 0.0
+    left = right = 0
+    for k in range(n):
+        while right < n and right <= k + half:
+            total += x[right]
+            right += 1
+        while left < k - half:
+            total -= x[left]
+            left += 1
+        h[k] = x[k] - total / (right - left)
+    last = n - half
+    ys = y[first:last]
+    m = ys.size
+    sy = syy = 0.0
+    for j in range(m):
+        sy += ys[j]
+        syy += ys[j] * ys[j]
+    syy -= sy * sy / m
+    best, best_pole, best_delay = 1.0, 0, 0
+    for p in range(poles.size):
+        a = poles[p]
+        b = 1.0 if a == 1.0 else 1.0 - a
+        x[0] = 0.0
+        for k in range(1, n):
+            x[k] = a * x[k - 1] + b * h[k]
+        for i in range(delays.size):
+            xs = x[first - delays[i] : last - delays[i]]
+            zs = x[first - delays[i] - 1 : last - delays[i] - 1]
+            sx = sxx = sxy = sxz = szy = 0.0
+            for j in range(m):
+                sx += xs[j]
+                sxx += xs[j] * xs[j]
+                sxy += xs[j] * ys[j]
+                sxz += xs[j] * zs[j]
+                szy += zs[j] * ys[j]
+            # the sums of zs are those of xs one sample earlier
+            sz = sx + zs[0] - xs[m - 1]
+            szz = sxx + zs[0] * zs[0] - xs[m - 1] * xs[m - 1]
+            sxx -= sx * sx / m
+            szz -= sz * sz / m
+            sxz -= sx * sz / m
+            sxy = sign * (sxy - sx * sy / m)
+            szy = sign * (szy - sz * sy / m)
+            det = sxx * szz - sxz * sxz
+            explained = 0.0
+            if det > 1e-9 * sxx * szz:
+                k0 = (szz * sxy - sxz * szy) / det
+                k1 = (sxx * szy - sxz * sxy) / det
+                if k0 >= 0.0 and k1 >= 0.0:
+                    explained = k0 * sxy + k1 * szy
+            if explained == 0.0 and sxy > 0.0 and sxx > 0.0:
+                explained = sxy * sxy / sxx
+            error = 1.0 - explained / syy
+            if error < best:
+                best, best_pole, best_delay = error, p, i
+    return best, best_pole, best_delay
+
+
+def scan(op, y, q, half, first, sign, lo, hi, S, J, start, poles, delays, out):
+    """Fill out[i] with (error, pole index, delay index) of the valve S[i], J[i]."""
+    for i in range(S.size):
+        e, p, d = objective(op, y, q, half, first, sign, lo, hi, S[i], J[i], start, poles, delays)
+        out[i, 0], out[i, 1], out[i, 2] = e, p, d
+
+
+def descend(op, y, q, half, first, sign, lo, hi, S, J, start, poles, delays, width, least):
+    """Pattern search over S and J from one point, the step halved when none of six neighbours is better."""
+    error, _, _ = objective(op, y, q, half, first, sign, lo, hi, S, J, start, poles, delays)
+    while width > least:
+        best, best_S, best_J = error, S, J
+        for i in range(6):
+            a = 1.0 if i in (0, 4) else (-1.0 if i in (1, 5) else 0.0)
+            b = 1.0 if i in (2, 4) else (-1.0 if i in (3, 5) else 0.0)
+            s, j = S + a * width, J + b * width
+            if s <= 0.0 or j < 0.0 or j > 1.5 * s:
+                continue
+            e, _, _ = objective(op, y, q, half, first, sign, lo, hi, s, j, start, poles, delays)
+            if e < best:
+                best, best_S, best_J = e, s, j
+        if best < error:
+            error, S, J = best, best_S, best_J
+        else:
+            width *= 0.5
+    return error, S, J
+
+
+class _Search:
+    """One record made ready, and the kernels with its arguments filled in."""
+
+    def __init__(self, op: np.ndarray, pv: np.ndarray, period: float, limits: tuple[float, float], cycles: int) -> None:
+        self.q = q = max(1, int(period / SAMPLES))
+        self.period = period / q
+        start, stop = strongest_segment(op, period, min(op.size, LENGTH * q, int(cycles * period)))
+        # from the highest OP of the first cycle on: there a cycling valve has just been moving up
+        start += int(np.argmax(op[start : start + max(min(round(period), (stop - start) // 4), 1)]))
+        n = (stop - start) // q
+        self.op = np.ascontiguousarray(op[start : start + n * q])
+        y = pv[start : start + n * q].reshape(n, q).mean(axis=1)
+        half = max(round(self.period / 2), 1)
+        # the valve of one sample acts on PV in the next; after averaging, within the same
+        least = 1 if q == 1 else 0
+        self.delays = np.arange(least, least + max(round(0.6 * self.period), 2))
+        first = min(round(0.3 * n), round(2.5 * self.period)) + int(self.delays[-1]) + 1
+        # a controller lowers OP when PV rises if the plant's gain is positive
+        self.sign = 1.0 if np.diff(op[start:stop]) @ np.diff(pv[start:stop]) < 0 else -1.0
+        self.swing = swing(self.op, period)
+        self.cycles = (n - first - half) / self.period
+        self.common = (self.op, y - moving_mean(y, half), q, half, first, self.sign, *(float(x) for x in limits))
+
+    def poles(self, times: np.ndarray) -> np.ndarray:
+        """Poles of time constants given in periods."""
+        return np.exp(-1.0 / np.maximum(times * self.period, 1e-3))
+
+    def scan(self, S, J, start: float, poles: np.ndarray, delays: np.ndarray) -> np.ndarray:
+        """Error, pole index and delay index of every valve, shape (m, 3)."""
+        out = np.empty((len(S), 3))
+        S, J = np.asarray(S, dtype=float), np.asarray(J, dtype=float)
+        compiled("scan")(*self.common, S, J, start, poles, delays, out)
+        return out
+
+    def descend(self, S: float, J: float, start: float, poles: np.ndarray, delays: np.ndarray, width: float, least: float):
+        """Error, S and J at the bottom of the valley that (S, J) lies in."""
+        return compiled("descend")(*self.common, S, J, start, poles, delays, width * self.swing, least * self.swing)
+
+
+def fit_hammerstein(
+    op: np.ndarray, pv: np.ndarray, period: float, integrating: bool = False, limits=(0.0, 100.0), Ts: float = 1.0
+) -> Hammerstein:
+    """Find the valve's S and J and the plant behind it from OP and PV.
+
+    Parameters
+    ----------
+    op : ndarray, shape (n,)
+        Controller output, % of travel with the default limits.
+    pv : ndarray, shape (n,)
+        Process variable, any unit.
+    period : float
+        Period of the oscillation in samples.
+    integrating : bool
+        Whether the plant integrates; else time constants and, for slow plants, an integrator are tried.
+    limits : (float, float)
+        Ends of travel.
+    Ts : float
+        Sampling period (s).
+
+    Returns
+    -------
+    Hammerstein
+
+    Notes
+    -----
+    Source: Srinivasan, Rengaswamy, Narasimhan & Miller (2005), Ind. Eng. Chem. Res. 44, 6719-6728, and Jelali (2008), J.
+    Process Control 18, 632-642: for every (S, J) of a grid the valve model turns OP into MV, the linear part is fitted in
+    closed form, and the smallest error wins. Here the linear part is an output-error model (time constant and dead time
+    from a grid, gain by least squares): its error is not blurred by noise on PV as that of an ARX model is. The unknown
+    state of the valve at the start is searched with the rest. In the regime where the valve only toggles between two
+    positions J and the plant's gain trade off: `J_range` is then wide.
+    Not for loops whose PV is moved by disturbances more than by the valve: `error` is then large.
+
+    Examples
+    --------
+    >>> x, integral, valve, op, pv, mv = 0.0, 4.0, stiction_map.start(50.0), [], [], [50.0, 50.0]
+    >>> for _ in range(1500):
+    ...     integral -= 0.1 * x
+    ...     op.append(50 + integral - x)
+    ...     pv.append(x)
+    ...     valve = stiction_map.step(op[-1], valve, 5.0, 2.0)
+    ...     mv.append(valve[0])
+    ...     x += 0.1 * (mv[-3] - 50 - x)
+    >>> round(fit_hammerstein(np.array(op), np.array(pv), 90.0).S, 1)
+    5.0
+    """
+    short, full = (_Search(op, pv, period, limits, cycles) for cycles in CYCLES)
+    delays = full.delays
+    poles = np.array([1.0]) if integrating else np.append(full.poles(TIMES), 1.0)
+    linear = float(full.scan([0.0], [0.0], MOVING, poles, delays)[0, 0])
+    S, J = _grid(S_SHARES * full.swing, J_SHARES)
+    some = delays[:: max(1, delays.size // 8)]
+    tried = short.scan(S, J, MOVING, poles, some)
+    ends = []
+    for i in _distinct(tried[:, 0], S, J, 4):
+        d = int(np.searchsorted(delays, some[int(tried[i, 2])]))
+        ends.append(_plant(short, S[i], J[i], MOVING, poles[int(tried[i, 1])], d, integrating))
+    error, _, _, _, pole, d = min(ends)
+    # noise on OP cuts valleys of 1 % of S: a dense grid with this plant finds them, a descent does not
+    S, J = _grid(S_FINE * full.swing, J_FINE)
+    tried = short.scan(S, J, MOVING, np.array([pole]), delays[max(d - 1, 0) : d + 2])
+    ends += [(float(tried[i, 0]), S[i], J[i], MOVING, pole, d) for i in _distinct(tried[:, 0], S, J, 4)]
+    ends = [_settle(short, end, integrating, (0.006,)) for end in sorted(ends)[:5]]
+    ends = sorted(_plant(full, *_start(full, end), integrating) for end in ends)[:2]
+    error, S_hat, J_hat, start, pole, d = min(_settle(full, end, integrating, (0.004, 0.001)) for end in ends)
+    search = full
+    S_range, J_range = _ranges(search, error, S_hat, J_hat, start, pole, d)
+    T = np.inf if pole == 1.0 else -search.q * Ts / np.log(pole)
+    dead = (delays[d] - delays[0]) * search.q * Ts
+    return Hammerstein(S_hat, J_hat, S_range, J_range, error, linear, search.sign, float(T), float(dead))
+
+
+def _grid(S: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """S and J of every combination."""
+    return np.repeat(S, shares.size), (S[:, None] * shares).ravel()
+
+
+def _distinct(errors: np.ndarray, S: np.ndarray, J: np.ndarray, count: int) -> list[int]:
+    """Indices of the best candidates that are not next to a better one."""
+    kept: list[int] = []
+    for i in np.argsort(errors):
+        if all(abs(np.log(S[i] / S[k])) > 0.1 or abs(J[i] / S[i] - J[k] / S[k]) > 0.4 for k in kept):
+            kept.append(int(i))
+        if len(kept) == count:
+            break
+    return kept
+
+
+def _plant(search: _Search, S: float, J: float, start: float, pole: float, d: int, integrating: bool):
+    """Improve the plant behind one valve; returns (error, S, J, start, pole, delay index)."""
+    fine = np.array([pole])
+    if not integrating:  # time constants around the present one
+        fine = np.exp(np.log(min(max(pole, 1e-9), 0.9999)) * AROUND)
+        fine[0] = pole
+    found = search.scan([S], [J], start, fine, search.delays)[0]
+    return float(found[0]), S, J, start, float(fine[int(found[1])]), int(found[2])
+
+
+def _start(search: _Search, point: tuple):
+    """The point's (S, J, start, pole, delay index) with the start state that suits this stretch best."""
+    _, S, J, _, pole, d = point
+    near = search.delays[max(d - 1, 0) : d + 2]
+    tried = [(float(search.scan([S], [J], r, np.array([pole]), near)[0, 0]), r) for r in (MOVING, *STARTS)]
+    return S, J, min(tried)[1], pole, d
+
+
+def _settle(search: _Search, point: tuple, integrating: bool, steps: tuple[float, ...]):
+    """Improve plant, valve and start state in turn, from one point on."""
+    error, S, J, start, pole, d = point
+    for least in steps:
+        error, S, J, start, pole, d = _plant(search, S, J, start, pole, d, integrating)
+        few, near = np.array([pole]), search.delays[max(d - 2, 0) : d + 3]
+        error, S, J = search.descend(S, J, start, few, near, 4.0 * least, least)
+        if start == MOVING:
+            rest = [(float(search.scan([S], [J], r, few, near)[0, 0]), r) for r in STARTS]
+            if min(rest)[0] < error:
+                error, start = min(rest)
+    return float(error), float(S), float(J), start, pole, d
+
+
+def _ranges(search: _Search, error: float, S: float, J: float, start: float, pole: float, d: int):
+    """S and J that fit about as well, the plant free to make up for them."""
+    near = search.delays[max(d - 4, 0) : d + 5]
+    poles = np.array([pole, pole ** (1 / 0.8), pole**0.8]) if pole < 1.0 else np.array([pole])
+    s, j = _grid(S * S_PROFILE, J_PROFILE)
+    found = search.scan(s, j, start, poles, near)[:, 0]
+    # every half cycle counts as one independent piece of evidence
+    inside = found <= error * (1.0 + 3.84 / max(2.0 * search.cycles, 4.0)) + ENOUGH
+    s, j = np.append(s[inside], S), np.append(j[inside], J)
+    return (float(s.min()), float(s.max())), (float(j.min()), float(j.max()))
+
+
+def strongest_segment(x: np.ndarray, period: float, length: int) -> tuple[int, int]:
+    """Return the stretch of a signal with the largest covariance with itself one period later: large and regular.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Signal.
+    period : float
+        Period in samples.
+    length : int
+        Samples wanted.
+
+    Returns
+    -------
+    start, stop : int
+        As in a slice.
+
+    Examples
+    --------
+    >>> t = np.arange(600)
+    >>> strongest_segment(np.sin(t / 5) * (1 + (t > 300)), 10 * np.pi, 200)[0] > 250
+    True
+    """
+    lag = round(period)
+    room = length - lag
+    if length >= x.size or room < 1:
+        return 0, x.size
+    x = detrend(x)
+    total = np.concatenate([[0.0], np.cumsum(x[lag:] * x[:-lag])])
+    start = int(np.argmax(total[room:] - total[:-room]))
+    return start, start + length
+
+
+def swing(op: np.ndarray, period: float) -> float:
+    """Return the usual peak-to-peak of OP within a period, in its unit.
+
+    Parameters
+    ----------
+    op : ndarray, shape (n,)
+        Controller output.
+    period : float
+        Period in samples.
+
+    Returns
+    -------
+    float
+        Median over the whole cycles of the record.
+
+    Examples
+    --------
+    >>> round(swing(np.sin(np.arange(1000) / 5), 10 * np.pi), 1)
+    2.0
+    """
+    size = min(max(round(period), 2), op.size)
+    cycles = op[: op.size // size * size].reshape(-1, size)
+    return float(np.median(np.ptp(cycles, axis=1)))
+
+
+def moving_mean(x: np.ndarray, half: int) -> np.ndarray:
+    """Return the mean over `half` samples on either side of each sample, the window cut at the ends, shape (n,)."""
+    total = np.concatenate([[0.0], np.cumsum(x)])
+    k = np.arange(x.size)
+    lo, hi = np.maximum(k - half, 0), np.minimum(k + half + 1, x.size)
+    return (total[hi] - total[lo]) / (hi - lo)
+
+
+@lru_cache
+def compiled(name: str):
+    """Return a kernel of this file compiled; sums may be reordered, so it equals the plain one to rounding only.
+
+    Notes
+    -----
+    numba's disk cache watches this file alone. The valve stands in another one, so its hash is part of the kernel's name
+    in the cache.
+    """
+    from numba import njit
+
+    kernel = globals()[name]
+    called = {"trace": stiction_map.compiled("trace")}
+    called |= {n: compiled(n) for n in ("objective",) if n in kernel.__code__.co_names}
+    copy = FunctionType(kernel.__code__, {**globals(), **called}, name)
+    valve = sha1(Path(stiction_map.__file__).read_bytes()).hexdigest()[:8]
+    copy.__module__, copy.__qualname__ = __name__, f"{name}_{valve}"
+    return njit(copy, cache=True, fastmath={"reassoc", "nsz"})
