@@ -1,4 +1,4 @@
-"""Effects that SP, OP and PV cannot tell apart, with the conditions under which this holds, computed from the configuration alone."""
+"""Effects that SP, OP and PV cannot tell apart, and when: conditions computed from the configuration alone."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Facts:
     mv : bool
         The valve position is recorded.
     noise_shows : bool
-        The stated noise makes up at least `NOISE_SHOWS` of the variance of PV's sample-to-sample change, so that a filter on it can be seen.
+        The stated noise makes up at least `NOISE_SHOWS` of the variance of PV's sample-to-sample change.
     op_jitter : float
         Median-based standard deviation of OP's sample-to-sample change (%).
     J : float or None
@@ -54,9 +54,10 @@ class Facts:
 def indistinguishable(effect: str, facts: Facts) -> frozenset[str]:
     """Return the effects that give the same SP, OP and PV (and MV where recorded) as `effect` here, itself included.
 
-    The groups: one more series pole (MV separates a valve's lag; noise smoothed by the filter a sensor's); slow loads and sensor drift on a
-    self-regulating plant; stiction and dead-band when OP jitters by more than J and MV is not recorded; dead-zone, valve characteristic and
-    gain while SP stands still and MV is not recorded; gain and time constant while SP stands still on a self-regulating plant (only K/T shows).
+    The groups: one more series pole (MV separates a valve's lag; noise smoothed by the filter a sensor's); slow loads and
+    sensor drift on a self-regulating plant; stiction and dead-band when OP jitters by more than J and MV is not recorded;
+    dead-zone, valve characteristic and gain while SP stands still and MV is not recorded; gain and time constant while SP
+    stands still on a self-regulating plant (only K/T shows).
 
     Parameters
     ----------

@@ -1,0 +1,104 @@
+"""Diagnose a withheld folder in processes that can open nothing of it but the records."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import os
+import sys
+import time
+from collections.abc import Callable
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from detectors.errors import ParameterError
+
+Diagnose = Callable[[Path, Path], dict[str, Any]]
+COST = "cost.csv"
+
+
+def answer(folder: str | Path, diagnose: Diagnose, jobs: int = 1) -> int:
+    """Write answers/ID.json for every record that has none yet.
+
+    Parameters
+    ----------
+    folder : path
+        Holds records/ID.csv and records/ID.toml.
+    diagnose : function (record file, baseline file) -> dict
+        Returns the JSON of `gap diagnose`; importable by name, as it runs in other processes.
+    jobs : int
+        Processes; -1 = all cores.
+
+    Returns
+    -------
+    int
+        Number of records diagnosed now. One that failed is kept as {"error": ...}, counts as wrong, and is tried again next
+        time. CPU-seconds per record are appended to cost.csv.
+
+    Raises
+    ------
+    ParameterError
+        When the folder holds no records, or a record has no baseline.
+    """
+    folder = Path(folder).resolve()
+    records = sorted((folder / "records").glob("*.csv"))
+    if not records:
+        raise ParameterError(f"withheld: no records/*.csv in {folder}")
+    bare = [r.name for r in records if not r.with_suffix(".toml").exists()]
+    if bare:
+        raise ParameterError(f"withheld: {bare[0]} has no baseline {Path(bare[0]).with_suffix('.toml')} beside it")
+    place = folder / "answers"
+    place.mkdir(exist_ok=True)
+    todo = [r for r in records if not _answered(place / f"{r.stem}.json")]
+    cost = folder / COST
+    if not cost.exists():
+        cost.write_text("id,cpu_s\n", encoding="utf-8")
+    workers = (os.cpu_count() or 1) if jobs < 0 else max(1, jobs)
+    context = multiprocessing.get_context("spawn")  # nothing of this process, which may know more, is inherited
+    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_blindfold, initargs=(str(folder),))
+    bar = tqdm(total=len(records), initial=len(records) - len(todo), desc="diagnosed", file=sys.stderr, delay=1.0)
+    with pool, bar:
+        jobs_of: dict[Future, str] = {pool.submit(_one, diagnose, str(r)): r.stem for r in todo}
+        for done in as_completed(jobs_of):
+            name = jobs_of[done]
+            found, cpu = done.result()
+            partial = place / f".{name}.tmp"
+            partial.write_text(json.dumps(found, indent=1), encoding="utf-8")
+            partial.replace(place / f"{name}.json")  # whole or not at all: a run that is cut off can be resumed
+            with cost.open("a", encoding="utf-8") as lines:
+                lines.write(f"{name},{cpu:.3f}\n")
+            bar.update()
+    return len(todo)
+
+
+def _answered(path: Path) -> bool:
+    try:
+        return "error" not in json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+
+
+def _one(diagnose: Diagnose, record: str) -> tuple[dict[str, Any], float]:
+    start = time.process_time()
+    try:
+        found = diagnose(Path(record), Path(record).with_suffix(".toml"))
+    except Exception as error:  # one bad record must not cost the others
+        found = {"error": f"{type(error).__name__}: {error}"}
+    return found, time.process_time() - start
+
+
+def _blindfold(folder: str) -> None:
+    """Make this process unable to open anything of the folder but its records."""
+    allowed = os.path.join(folder, "records")
+    root = folder + os.sep
+
+    def watch(event: str, args: tuple[Any, ...]) -> None:
+        if event == "open" and isinstance(args[0], (str, bytes, os.PathLike)):
+            path = os.path.realpath(os.fsdecode(args[0]))
+            if path.startswith(root) and not path.startswith(allowed + os.sep):
+                raise PermissionError(f"withheld: {path} must not be read while answering")
+
+    sys.addaudithook(watch)

@@ -1,0 +1,131 @@
+"""Answers under seal: a commitment that binds them, and a key without which they cannot be read."""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import json
+import secrets
+from dataclasses import dataclass
+from pathlib import Path
+
+from detectors.errors import ParameterError
+
+SEALED, COMMITMENT = "answers.sealed", "commitment.txt"
+
+
+@dataclass(frozen=True)
+class Sealed:
+    """Sealed bytes with the key that opens them.
+
+    Parameters
+    ----------
+    content : bytes
+        Ciphertext.
+    key, salt : bytes
+        32 random bytes each.
+    commitment : str
+        SHA-256 (hex) of salt followed by the plain text.
+    """
+
+    content: bytes
+    key: bytes
+    salt: bytes
+    commitment: str
+
+
+def seal(text: str) -> Sealed:
+    """Seal a text under a fresh random key.
+
+    The cipher is a one-time key stream: SHAKE-256 of the key, which is never used again.
+
+    Parameters
+    ----------
+    text : str
+
+    Returns
+    -------
+    Sealed
+
+    Examples
+    --------
+    >>> s = seal("id,effect")
+    >>> unseal(s.content, s.key, s.salt, s.commitment)
+    'id,effect'
+    """
+    key, salt, plain = secrets.token_bytes(32), secrets.token_bytes(32), text.encode()
+    return Sealed(_mix(plain, key), key, salt, _commit(plain, salt))
+
+
+def unseal(content: bytes, key: bytes, salt: bytes, commitment: str) -> str:
+    """Open sealed bytes and check them against the commitment.
+
+    Parameters
+    ----------
+    content, key, salt : bytes
+    commitment : str
+        As printed when the set was made.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    ParameterError
+        When key, answers or commitment do not belong together.
+    """
+    plain = _mix(content, key)
+    if not hmac.compare_digest(_commit(plain, salt), commitment):
+        raise ParameterError("withheld: the answers do not match the commitment; they, the key or the commitment were changed")
+    return plain.decode()
+
+
+def write(sealed: Sealed, folder: Path, key: Path) -> None:
+    """Write sealed answers and commitment into the folder, and the key into its own file readable by its owner only."""
+    (folder / SEALED).write_bytes(sealed.content)
+    (folder / COMMITMENT).write_text(sealed.commitment + "\n", encoding="utf-8")
+    key.parent.mkdir(parents=True, exist_ok=True)
+    key.touch(mode=0o600)
+    key.write_text(
+        json.dumps({"key": sealed.key.hex(), "salt": sealed.salt.hex(), "commitment": sealed.commitment}), encoding="utf-8"
+    )
+
+
+def read(folder: Path, key: Path) -> str:
+    """Return the text of answers.csv from a sealed folder and its key.
+
+    Parameters
+    ----------
+    folder, key : Path
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    ParameterError
+        When a file is missing or the commitment does not hold.
+    """
+    try:
+        parts = json.loads(key.read_text(encoding="utf-8"))
+        content = (folder / SEALED).read_bytes()
+        published = (folder / COMMITMENT).read_text(encoding="utf-8").strip()
+        secret, salt = bytes.fromhex(parts["key"]), bytes.fromhex(parts["salt"])
+    except OSError as error:
+        raise ParameterError(f"withheld: {error.filename} cannot be read: {error.strerror}") from None
+    except (ValueError, KeyError, TypeError):
+        raise ParameterError(f"withheld: {key} is no key file") from None
+    if published != parts.get("commitment"):
+        raise ParameterError(f"withheld: the commitment in {folder} is not the one of the key {key}")
+    return unseal(content, secret, salt, published)
+
+
+def _mix(data: bytes, key: bytes) -> bytes:
+    stream = hashlib.shake_256(b"answers" + key).digest(len(data))
+    return bytes(a ^ b for a, b in zip(data, stream, strict=True))
+
+
+def _commit(plain: bytes, salt: bytes) -> str:
+    return hashlib.sha256(salt + plain).hexdigest()
