@@ -1,16 +1,21 @@
-"""One OP series through one valve: the position a valve model takes, sample by sample."""
+"""One OP series through one valve: the position a valve model takes, sample by sample; from arrays or from a file."""
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Callable, Mapping
 from functools import cache
+from pathlib import Path
 from types import FunctionType
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from detectors.errors import ParameterError
+from detectors.errors import ParameterError, RecordError
+from detectors.io import JITTER, TIME_NAMES
+from detectors.tables import numbers, read_table, seconds
+from simbench.files import whole_file
 from simbench.loop import kernel
 from simbench.loop.parameters import VALVES, valve_parameters
 
@@ -81,6 +86,65 @@ def valve_response(
             "a valve with less mass or more viscous friction does"
         )
     return mv
+
+
+def valve_file(source: str | Path, out: str | Path, model: str, parameters: Mapping[str, Any] | None = None) -> None:
+    """Send the column `op` of a table through one valve model.
+
+    Parameters
+    ----------
+    source : str or Path
+        Table (CSV, .parquet or .xlsx) with a column `op` (% of travel), names in any case. The sampling period is the
+        median step of a time column (`t_s`, `t` or a timestamp); without one it is 1 s.
+    out : str or Path
+        CSV to write: the columns of `source` as they stand, and `mv` (% of travel), in place of one that was there.
+    model, parameters
+        As `valve_response`.
+
+    Raises
+    ------
+    RecordError
+        A file that cannot be read, no column `op`, an empty OP cell, or uneven time.
+    FileError
+        When `out` cannot be written.
+    UnknownName, ParameterError
+        As `valve_response`.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> _ = (folder / "in.csv").write_text("t_s,OP\\n0,50\\n1,54\\n2,55\\n")
+    >>> valve_file(folder / "in.csv", folder / "out.csv", "choudhury", {"S": 5, "J": 2})
+    >>> print((folder / "out.csv").read_text().strip())
+    t_s,OP,mv
+    0,50,50.0
+    1,54,52.5
+    2,55,53.5
+    """
+    table = read_table(Path(source))
+    names = {name.lower(): name for name in table}
+    if "op" not in names:
+        raise RecordError(f"{source}: no column op; columns are: {', '.join(table)}")
+    op = numbers(table[names["op"]], names["op"], str(source))
+    empty = np.flatnonzero(np.isnan(op))
+    if empty.size:
+        raise RecordError(f"{source}, line {empty[0] + 2}: {names['op']} is empty; a valve needs OP at every sample")
+    Ts = 1.0
+    time = next((names[name] for name in TIME_NAMES if name in names), None)
+    if time is not None and op.size > 1:
+        step = np.diff(seconds(table[time], time, str(source)))
+        Ts = float(np.median(step))
+        uneven = np.flatnonzero(np.abs(step - Ts) > JITTER * Ts)
+        if uneven.size:
+            at, dt = uneven[0] + 3, step[uneven[0]]
+            raise RecordError(f"{source}, line {at}: a time step of {dt:g} s among steps of {Ts:g} s; even steps are needed")
+    columns = {name: cells for name, cells in table.items() if name.lower() != "mv"}
+    columns["mv"] = valve_response(model, op, parameters, Ts).tolist()
+    with whole_file(out) as f:
+        writer = csv.writer(f, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows(zip(*columns.values()))
 
 
 @cache

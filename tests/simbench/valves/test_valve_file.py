@@ -1,0 +1,42 @@
+import numpy as np
+import pytest
+
+from detectors.errors import ParameterError, RecordError, UnknownName
+from simbench.loop.response import valve_file, valve_response
+
+
+def test_every_position_reads_back_to_the_same_bits_and_other_columns_stay(tmp_path):
+    op = 50 + 10 * np.sin(np.arange(200) / 7)
+    rows = "".join(f"{0.25 * k!r};{u!r};FIC{k}\n" for k, u in enumerate(op.tolist()))
+    (tmp_path / "in.csv").write_text("T_s;OP;tag\n" + rows)
+    valve_file(tmp_path / "in.csv", tmp_path / "out.csv", "coulomb", {"S": 5, "J": 2})
+    lines = (tmp_path / "out.csv").read_text().splitlines()
+    assert lines[0] == "T_s,OP,tag,mv"
+    assert lines[8].startswith("1.75,")
+    assert lines[8].split(",")[2] == "FIC7"
+    mv = [float(line.split(",")[-1]) for line in lines[1:]]
+    np.testing.assert_array_equal(mv, valve_response("coulomb", op, {"S": 5, "J": 2}, Ts=0.25))
+
+
+def test_an_old_position_is_replaced_and_without_time_the_period_is_a_second(tmp_path):
+    (tmp_path / "in.csv").write_text("mv,op\n1,20\n1,80\n1,80\n")
+    valve_file(tmp_path / "in.csv", tmp_path / "out.csv", "lag", {"rate": 6})
+    assert (tmp_path / "out.csv").read_text() == "op,mv\n20,20.0\n80,26.0\n80,32.0\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "model", "error", "words"),
+    [
+        ("t,pv\n0,1\n", "ideal", RecordError, "no column op; columns are: t, pv"),
+        ("op\n50\n\n", "idael", UnknownName, "did you mean 'ideal'"),
+        ("t,op\n0,50\n1,\n", "ideal", RecordError, "line 3: op is empty"),
+        ("t,op\n0,50\n1,hot\n", "ideal", RecordError, "line 3: op is 'hot'"),
+        ("t,op\n0,50\n1,51\n2,52\n5,53\n", "ideal", RecordError, "line 5: a time step of 3 s among steps of 1 s"),
+        ("op\n50\n", "deadband", ParameterError, "needs S"),
+    ],
+)
+def test_a_bad_table_is_refused_and_nothing_is_written(tmp_path, text, model, error, words):
+    (tmp_path / "in.csv").write_text(text)
+    with pytest.raises(error, match=words):
+        valve_file(tmp_path / "in.csv", tmp_path / "out.csv", model)
+    assert [p.name for p in tmp_path.iterdir()] == ["in.csv"]
