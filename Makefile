@@ -22,6 +22,7 @@ lint: $(READY)
 
 perf: $(READY)             ## ratios of medians of interleaved runs
 	$(BIN)/python tests/reference/perf.py
+	$(BIN)/python tests/reference/perf_detectors.py
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
