@@ -40,9 +40,9 @@ def catalogue(what: str) -> list[dict[str, str]]:
         source = module.METHOD.source if what == "detectors" else module.SOURCE
         # a figure's public id is its file name with hyphens
         shown = name.replace("_", "-") if what == "figures" else name
-        rows.append({"name": shown, "says": _first_line(module), "source": source})
+        rows.append({"name": shown, "says": _first_sentence(module), "source": source})
     return rows
 
 
-def _first_line(module: ModuleType) -> str:
-    return (module.__doc__ or "").strip().split("\n")[0].rstrip(".")
+def _first_sentence(module: ModuleType) -> str:
+    return " ".join((module.__doc__ or "").strip().split("\n\n")[0].split()).rstrip(".")
