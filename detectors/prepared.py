@@ -82,9 +82,13 @@ class Prepared:
         return self.share(f"clean {name}", lambda: band(x, period, clear_harmonics(x, period)))
 
     def half_cycles(self, name: str) -> np.ndarray:
-        """Return the half cycles of "op" or "pv" as positive humps of one length, shape (m, points)."""
+        """Return the half cycles of "op" or "pv" as positive humps of one length, shape (m, points).
+
+        Those in the first and last half period are left out: drift is only guessed there.
+        """
         period = self.oscillation.period_s / self.record.Ts
-        return self.share(f"half cycles {name}", lambda: split(self.clean(name), period))
+        inner = slice(round(period / 2), -round(period / 2))
+        return self.share(f"half cycles {name}", lambda: split(self.clean(name)[inner], period))
 
     def sighted(self, record: LoopRecord) -> Prepared:
         """Return the same for the same record with MV; what was found without MV is kept."""

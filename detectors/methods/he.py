@@ -5,8 +5,8 @@ Needs: OP of a self-regulating process (the controller integrates), PV of an int
 Parameters: `eta_low`, `eta_high` (-), published.
 Indices: eta in 0..1 (triangle with free apex and zero ends; decides), eta_two_line in 0..1 (the chapter's two
 straight lines, which have four free parameters against the sine's two and lean to "triangle" in noise).
-Rule: eta = MSE_sine / (MSE_sine + MSE_triangle), averaged over half cycles; >= 0.6 stiction, <= 0.4 no stiction (Eq
-11.13).
+Rule: eta = MSE_sine / (MSE_sine + MSE_triangle), averaged over the typical nine tenths of the half cycles;
+>= 0.6 stiction, <= 0.4 no stiction (Eq 11.13).
 Not for: flow loops with a strong P part (OP is nearly a square and scores 0.34); noise beyond a fifth of the signal,
 where both misfits are noise and eta goes to 0.5.
 Source: Q.P. He, J. Wang, M. Pottmann, S.J. Qin (2007), Ind. Eng. Chem. Res. 46, 4549-4560; Jelali (2013), Eqs 11.10
@@ -19,7 +19,7 @@ import numpy as np
 
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
-from detectors.signal.half_cycles import misfit, sines, triangles, two_line_misfit
+from detectors.signal.half_cycles import misfit, sines, triangles, two_line_misfit, typical_means
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 METHOD = Method(
@@ -55,9 +55,11 @@ def triangle_indices(humps: np.ndarray) -> tuple[float, float]:
     >>> [round(x, 2) for x in triangle_indices(triangles()[30:50])]
     [1.0, 1.0]
     """
-    sine = misfit(humps, sines()).mean()
-    parts = [misfit(humps, triangles()).mean(), two_line_misfit(humps).mean()]
-    return tuple(float(sine / (sine + other)) if sine + other > 0 else 0.5 for other in parts)
+    points = humps.shape[1]
+    errors = misfit(humps, sines(points)), misfit(humps, triangles(points)), two_line_misfit(humps)
+    sine, *others = typical_means(*errors)
+    eta, two_line = (sine / (sine + other) if sine + other > 0 else 0.5 for other in others)
+    return eta, two_line
 
 
 def detect(prepared: Prepared, *, eta_low: float, eta_high: float) -> Verdict:

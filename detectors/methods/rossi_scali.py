@@ -4,9 +4,9 @@ Needs: PV, three periods of a sustained oscillation; both process types (behind 
 triangle).
 Parameters: `bound` (-), half width of the uncertain zone, published.
 Indices: eta_rossi in -1..1, from sine to relay.
-Rule: eta_rossi = (E_sine - E_relay) / (E_sine + E_relay), errors averaged over half cycles of PV (Eq 11.14), E_relay
-the least over the square-wave answers of all first-order lags, from square to triangle; above 0.21 stiction, below
--0.21 no stiction, between no decision.
+Rule: eta_rossi = (E_sine - E_relay) / (E_sine + E_relay), errors averaged over the typical nine tenths of PV's half
+cycles (Eq 11.14), E_relay the least over the square-wave answers of all first-order lags, from square to triangle;
+above 0.21 stiction, below -0.21 no stiction, between no decision.
 Not for: PV of a slow process, whose lags leave a sine of any relay; oscillations that come in from another sticky
 loop; it is known for false alarms on distorted waves of any origin.
 Source: M. Rossi, C. Scali (2005), Journal of Process Control 15, 505-514; Jelali (2013), Eq 11.14.
@@ -25,7 +25,7 @@ import numpy as np
 
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
-from detectors.signal.half_cycles import half_sine, misfit, relays
+from detectors.signal.half_cycles import half_sine, misfit, relays, typical_means
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 METHOD = Method(
@@ -62,9 +62,8 @@ def relay_index(humps: np.ndarray) -> float:
     True
     """
     points = humps.shape[1]
-    sine = misfit(humps, half_sine(points)).mean()
-    relay = misfit(humps, relays(points)).mean()
-    return float((sine - relay) / (sine + relay)) if sine + relay > 0 else 0.0
+    sine, relay = typical_means(misfit(humps, half_sine(points)), misfit(humps, relays(points)))
+    return (sine - relay) / (sine + relay) if sine + relay > 0 else 0.0
 
 
 def detect(prepared: Prepared, *, bound: float) -> Verdict:

@@ -69,6 +69,29 @@ def misfit(humps: np.ndarray, shapes: np.ndarray) -> np.ndarray:
     return np.maximum((humps**2).sum(axis=1) - height**2, 0.0) / humps.shape[1]
 
 
+def typical_means(*errors: np.ndarray) -> list[float]:
+    """Return the mean of each kind of misfit over the half cycles that are like the others.
+
+    Parameters
+    ----------
+    *errors : ndarray, shape (m,)
+        Misfits of the same half cycles by different shapes.
+
+    Returns
+    -------
+    list of float
+        The tenth of the half cycles that all shapes together fit worst is left out: a load or set-point step went through them.
+
+    Examples
+    --------
+    >>> typical_means(np.array([1.0] * 9 + [50.0]), np.array([2.0] * 9 + [70.0]))
+    [1.0, 2.0]
+    """
+    total = np.sum(errors, axis=0)
+    kept = np.argsort(total, kind="stable")[: total.size - total.size // 10]
+    return [float(error[kept].mean()) for error in errors]
+
+
 @lru_cache(maxsize=8)
 def sines(points: int = POINTS) -> np.ndarray:
     """Return sines that start at the crossing, with frequencies around pi / length.
