@@ -1,4 +1,4 @@
-"""Limit cycles for the figures: simulate a sticky loop until it cycles, cut whole periods, draw them in five rows."""
+"""Limit cycles for the figures: simulate a sticky loop on its cycle, cut whole periods, draw them in five rows."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from detectors.signal.oscillation import zero_crossings
 from scenarios.spec import Loop
 from simbench.figures._style import SIGNAL, label, panels
 from simbench.loop.simulate import simulate
-
-STEPS = (3.0, 5.0, 7.0, 4.0, 6.0, 2.0, 2.5, 3.5, 4.5, 8.0)  # set-point steps tried, as % of OP at rest (integrating: over Td)
+from simbench.theory.cycle import cycle_start, exact_cycle
+from simbench.theory.sampled import sampled_loop
 
 
 def sustained_cycle(loop: Loop, periods: int) -> pd.DataFrame:
@@ -33,34 +33,26 @@ def sustained_cycle(loop: Loop, periods: int) -> pd.DataFrame:
 
     Raises
     ------
-    RuntimeError
-        When none of the starts ends in a cycle.
+    ParameterError
+        When the loop has no cycle.
     """
     Ts = loop.sampling.Ts
-    integrating = loop.plant.type == "integrating"
-    for change in STEPS:
-        size = change * abs(loop.plant.K) * (loop.plant.Td if integrating else 1.0)
-        begun = loop.with_("setpoint.steps", [[0.0, loop.setpoint.value + size]])
-        for length in (4000, 16000, 64000):
-            record = simulate(begun.with_("sampling.n", length)).record
-            op, mv, pv = (x[length // 2 :] for x in (record.op, record.mv, record.pv - record.sp))
-            if np.ptp(mv[-length // 4 :]) < 0.5 * loop.valve.parameters["J"]:
-                break  # stuck: another start
-            at = zero_crossings(op - op.mean(), 0.25 * float(op.std()))
-            up = at[op[np.minimum(at.astype(int) + 1, op.size - 1)] > op.mean()]
-            if up.size <= 2 * periods:
-                continue  # too slow for this length
-            start, stop = round(up[-periods - 1]), round(up[-1])
-            return pd.DataFrame(
-                {
-                    "period (s)": (up[-1] - up[-periods - 1]) / periods * Ts,
-                    "t (s)": np.arange(stop - start) * Ts,
-                    "OP (%)": op[start:stop],
-                    "MV (%)": mv[start:stop],
-                    "PV": pv[start:stop],
-                }
-            )
-    raise RuntimeError(f"no start ends in a cycle: {loop.plant}, {loop.controller}, {loop.valve}")
+    found = exact_cycle(sampled_loop(loop))
+    length = 1000 if found is None else round((2 * periods + 2) * found.period / Ts)
+    record = simulate(loop.with_("sampling.n", length), start=cycle_start(loop)).record
+    op, mv, pv = record.op, record.mv, record.pv - record.sp
+    at = zero_crossings(op - op.mean(), 0.25 * float(op.std()))
+    up = at[op[np.minimum(at.astype(int) + 1, op.size - 1)] > op.mean()]
+    start, stop = round(up[-periods - 1]), round(up[-1])
+    return pd.DataFrame(
+        {
+            "period (s)": (up[-1] - up[-periods - 1]) / periods * Ts,
+            "t (s)": np.arange(stop - start) * Ts,
+            "OP (%)": op[start:stop],
+            "MV (%)": mv[start:stop],
+            "PV": pv[start:stop],
+        }
+    )
 
 
 def draw_cycles(data: pd.DataFrame, keys: Sequence[str], titles: Sequence[str], pv_label: str) -> Figure:
@@ -85,10 +77,8 @@ def draw_cycles(data: pd.DataFrame, keys: Sequence[str], titles: Sequence[str], 
         for i, (signal, values) in enumerate((("OP", op), ("MV", mv), ("PV", pv))):
             axes[i, j].plot(t, values, color=SIGNAL[signal])
             label(axes[i, j], "time (s)", {"OP": "OP (%)", "MV": "MV (%)", "PV": pv_label}[signal] if j == 0 else "")
-        # close the loop: the last sample is followed by the first
-        ring = np.append(np.arange(op.size), 0)
-        axes[3, j].plot(op[ring], mv[ring], color=SIGNAL["MV"])
-        axes[4, j].plot(op[ring], pv[ring], color=SIGNAL["PV"])
+        axes[3, j].plot(op, mv, color=SIGNAL["MV"])
+        axes[4, j].plot(op, pv, color=SIGNAL["PV"])
         label(axes[3, j], "OP (%)", "MV (%)" if j == 0 else "")
         label(axes[4, j], "OP (%)", pv_label if j == 0 else "")
         axes[0, j].set_title(title)

@@ -13,9 +13,10 @@ from simbench.figures._style import BLUE, GREY, ORANGE, RED, label
 def ellipse_points(found: Ellipse, size: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
     """Return x and y of the ellipse, or of a concentric one of another size."""
     angle = np.linspace(0, 2 * np.pi, 181)
-    direction = np.array([np.cos(angle), np.sin(angle)])
-    reach = size / found.size(found.x0 + direction[0], found.y0 + direction[1])
-    return found.x0 + reach * direction[0], found.y0 + reach * direction[1]
+    # d' M d = |L' d|^2 with M = L L', so that L' d runs round a circle
+    L = np.linalg.cholesky([[found.A, found.B / 2], [found.B / 2, found.C]])
+    dx, dy = np.linalg.solve(L.T, size * np.array([np.cos(angle), np.sin(angle)]))
+    return found.x0 + dx, found.y0 + dy
 
 
 def ellipse_table(op: np.ndarray, pv: np.ndarray, found: Ellipse) -> pd.DataFrame:

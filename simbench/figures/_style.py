@@ -108,7 +108,7 @@ def table(frame: pd.DataFrame, widths: Sequence[int], framed: set[tuple[int, int
     head = [_wrap(str(c), w) for c, w in zip(frame.columns, widths)]
     body = [[_wrap(str(v), w) for v, w in zip(row, widths)] for row in frame.itertuples(index=False)]
     heights = [max(c.count("\n") + 1 for c in row) * 0.155 + 0.11 for row in [head, *body]]
-    below = _wrap(foot, int(sum(widths) * 1.05))
+    below = _wrap(foot, int(sum(widths) * 1.35))
     bottom = (below.count("\n") + 1) * 0.15 + 0.12 if foot else 0.05
     width = sum(widths) * 0.072 + 0.2 * len(widths)
     figure = Figure(figsize=(width, sum(heights) + bottom + 0.1))

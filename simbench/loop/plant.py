@@ -158,6 +158,9 @@ def _state_space(num: np.ndarray, den: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 def _hold(A: np.ndarray, B: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
     order = len(A)
+    if order == 1:  # in closed form: expm of a tiny matrix waits for BLAS threads, many milliseconds on a busy machine
+        a = float(A[0, 0])
+        return np.exp(A * h), B * (np.expm1(a * h) / a if a != 0 else h)
     joint = np.zeros((order + 1, order + 1))
     joint[:order, :order], joint[:order, order] = A, B
     out = expm(joint * h)

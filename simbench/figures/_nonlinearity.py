@@ -1,0 +1,91 @@
+"""Control error, its bicoherence and the PV-OP plot of one real loop, with and without filtering."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from detectors.errors import RecordError
+from detectors.record import LoopRecord
+from detectors.signal.bicoherence import bicoherence
+from detectors.signal.ellipse import fit_ellipse
+from simbench.figures._ellipses import ellipse_points
+from simbench.figures._style import BLUE, GREY, RED, label, mosaic, note
+
+SEGMENT = 64
+
+
+def nonlinearity(record: LoopRecord, op: np.ndarray, pv: np.ndarray) -> pd.DataFrame:
+    """Return trend, bicoherence, PV-OP plot and fitted ellipse in long form.
+
+    Parameters
+    ----------
+    record : LoopRecord
+        For its time and set point.
+    op, pv : ndarray, shape (n,)
+        Signals to draw, filtered or not.
+
+    Returns
+    -------
+    DataFrame
+        part ("error", "bicoherence", "data" or "ellipse"), t (s), e, f1, f2 (cycles/sample), bic2 (-), OP, PV, NGI (-), NLI (-),
+        fitness (-), S_apparent.
+
+    Raises
+    ------
+    RecordError
+        When the record is too short for a bicoherence.
+    """
+    if record.n < 4 * SEGMENT:
+        raise RecordError(f"{record.tag}: {record.n} samples; at least {4 * SEGMENT} are needed for a bicoherence")
+    e = -pv if record.sp is None else record.sp - pv
+    higher = bicoherence(e, SEGMENT)
+    rows = [
+        pd.DataFrame({"part": "error", "t (s)": record.t, "e": e}),
+        pd.DataFrame({"part": "bicoherence", "f1": higher.f1, "f2": higher.f2, "bic2 (-)": higher.bic2}),
+        pd.DataFrame({"part": "data", "OP": op, "PV": pv}),
+    ]
+    found = fit_ellipse(op, pv)
+    about = {"NGI (-)": higher.ngi, "NLI (-)": higher.nli}
+    if found is not None:
+        x, y = ellipse_points(found)
+        rows.append(pd.DataFrame({"part": "ellipse", "OP": x, "PV": y}))
+        about |= {"fitness (-)": found.fitness(op, pv), "S_apparent": found.apparent_stiction}
+    return pd.concat(rows, ignore_index=True).assign(**about)
+
+
+def draw_nonlinearity(data: pd.DataFrame, ellipse: bool, printed: str) -> Figure:
+    """Draw the three views side by side.
+
+    Parameters
+    ----------
+    data : DataFrame
+        From `nonlinearity`.
+    ellipse : bool
+        Draw the fitted ellipse as well.
+    printed : str
+        The chapter's numbers.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    figure, axes = mosaic([["error", "bic", "xy"]], 9.0, 3.2)
+    error, higher, points = (data[data.part == name] for name in ("error", "bicoherence", "data"))
+    axes["error"].plot(error["t (s)"], error["e"], color=BLUE, linewidth=0.7)
+    label(axes["error"], "time (s)", "SP - PV (record's units)", "control error")
+    shades = axes["bic"].scatter(higher["f1"], higher["f2"], c=higher["bic2 (-)"], s=13, marker="s", cmap="cividis", vmin=0, vmax=1)
+    figure.colorbar(shades, ax=axes["bic"], label="squared bicoherence (-)")
+    label(axes["bic"], "f1 (cycles/sample)", "f2 (cycles/sample)", "nonlinearity")
+    axes["bic"].set_ylim(0, 0.31)
+    axes["xy"].margins(y=0.22)
+    first = data.iloc[0]
+    note(axes["bic"], f"NGI = {first['NGI (-)']:.3f}, NLI = {first['NLI (-)']:.2f}\n{printed}")
+    axes["xy"].plot(points["OP"], points["PV"], color=GREY, linewidth=0.4, marker=".", markersize=2)
+    if ellipse and (data.part == "ellipse").any():
+        ring = data[data.part == "ellipse"]
+        axes["xy"].plot(ring["OP"], ring["PV"], color=RED, linewidth=1.6)
+        note(axes["xy"], f"apparent stiction {first['S_apparent']:.2g}\nfitness {first['fitness (-)']:.0%}")
+    label(axes["xy"], "OP (record's units)", "PV (record's units)", "PV-OP plot")
+    return figure

@@ -1,0 +1,40 @@
+"""Figure 11.22: the same views of CHEM30 after filtering, with the fitted ellipse and the apparent stiction (needs ISDB)."""
+
+from __future__ import annotations
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from detectors.signal.conditioning import band
+from detectors.signal.oscillation import find_oscillation, regular_segment
+from simbench.figures._nonlinearity import draw_nonlinearity, nonlinearity
+from simbench.figures._records import real_loop
+from simbench.figures._style import styled
+
+SOURCE = "Jelali (2013), Fig. 11.22 and Example 11.5 (apparent stiction 0.43 %); data: ISDB loop CHEM30"
+
+
+def data(isdb: str) -> pd.DataFrame:
+    """Filter CHEM30 around its oscillation and compute bicoherence and ellipse of its most regular stretch.
+
+    Parameters
+    ----------
+    isdb : str or Path
+        ISDB file or folder of records.
+
+    Returns
+    -------
+    DataFrame
+        As `simbench.figures._nonlinearity.nonlinearity`.
+    """
+    record = real_loop(isdb, "CHEM30", kind="flow")
+    period = find_oscillation(record.op, record.pv, record.Ts).period_s / record.Ts
+    op, pv = band(record.op, period, 3), band(record.pv, period, 3)
+    start, stop = regular_segment(op, period, min(1000, record.n))
+    return nonlinearity(record.window(start, stop), op[start:stop], pv[start:stop])
+
+
+@styled
+def draw(data: pd.DataFrame) -> Figure:
+    """Draw error, bicoherence and PV-OP plot with its ellipse."""
+    return draw_nonlinearity(data, ellipse=True, printed="(printed: 0.04, 0.57)")

@@ -1,0 +1,86 @@
+"""Table 11.2: typical shapes of OP and PV behind a sticky valve, checked by the shape classifier on simulated cycles.
+
+Four loops per cell, J/S from 0.2 to 1; every cycle gets one of four labels (square, triangle, saw-tooth, sine) by dynamic time
+warping. A saw-tooth counts as a triangle, and a parabola, whose label does not exist, as a sine.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from detectors.methods.srinivasan import LABELS, cycles, label_shares
+from scenarios.spec import Loop
+from simbench.figures._cycles import sustained_cycle
+from simbench.figures._style import SIGNAL, label, panels, styled
+from simbench.theory.tables import TABLE_11_2
+
+SOURCE = "Jelali (2013), Table 11.2, after Forsman (2000) and Srinivasan et al. (2005a)"
+S = 5.0
+PHASE = np.linspace(0.0, 2.0, 201)  # where the drawn waves are read, in periods
+FAST, SLOW = {"type": "foptd", "K": 1.0, "T": 1.0, "Td": 0.5}, {"type": "foptd", "K": 1.0, "T": 60.0, "Td": 12.0}
+LEVEL = {"type": "integrating", "K": 0.01, "Td": 10.0}
+# plant, controller, Ts (s), and J (%) of the four valves
+LOOPS = {
+    ("fast (flow)", "I"): (FAST, {"type": "PI", "Kc": 0.05, "Ti": 0.5}, 0.25, (1.0, 2.0, 3.5, 5.0)),
+    ("fast (flow)", "P"): (FAST, {"type": "PI", "Kc": 0.8, "Ti": 100.0}, 0.25, (4.4, 4.6, 4.8, 5.0)),
+    ("slow (pressure, temperature)", ""): (SLOW, {"type": "PI", "Kc": 2.0, "Ti": 60.0}, 2.0, (1.0, 1.5, 2.0, 2.5)),
+    ("integrating (level)", "P"): (LEVEL, {"type": "P", "Kc": 5.0}, 1.0, (2.0, 3.0, 4.0, 5.0)),
+    ("integrating (level)", "PI"): (LEVEL, {"type": "PI", "Kc": 3.0, "Ti": 60.0}, 1.0, (1.0, 2.0, 3.5, 5.0)),
+}
+COUNTS_AS = {
+    "square": {"square"}, "rectangular": {"square"}, "sinusoidal": {"sine"}, "parabolic": {"sine"},
+    "triangular (sharp)": {"triangle", "sawtooth"}, "triangular (smooth)": {"triangle"},
+}  # fmt: skip
+
+
+def data() -> pd.DataFrame:
+    """Simulate four loops per cell, label their cycles and keep two periods of the second loop for the picture.
+
+    Returns
+    -------
+    DataFrame
+        process, action, signal, table (shape), agreement (-, share of the cycles with the table's label), cycles, t/P (-),
+        value (mean removed, largest 1).
+    """
+    rows = []
+    for (process, action), shapes in TABLE_11_2.items():
+        plant, controller, Ts, jumps = LOOPS[process, action]
+        sampling = {"Ts": Ts}
+        found = {"OP": [], "PV": []}
+        wave = {}
+        for J in jumps:
+            valve = {"model": "choudhury", "S": S, "J": J}
+            table = {"plant": plant, "controller": controller, "valve": valve, "sampling": sampling}
+            cycle = sustained_cycle(Loop.from_table(table), periods=12)
+            period = cycle["period (s)"].iloc[0] / Ts
+            for signal, column in (("OP", "OP (%)"), ("PV", "PV")):
+                x = cycle[column].to_numpy() - cycle[column].mean()
+                found[signal].append(cycles(x, period))
+                if J == jumps[1]:
+                    wave[signal] = np.interp(PHASE * period, np.arange(x.size), x / np.abs(x).max())
+        for signal, shape in zip(("OP", "PV"), shapes):
+            every = np.concatenate(found[signal])
+            agreement = sum(share for name, share in zip(LABELS, label_shares(every)) if name in COUNTS_AS[shape])
+            frame = pd.DataFrame({"t/P (-)": PHASE, "value (-)": wave[signal]})
+            about = {"process": process, "action": action, "signal": signal, "table": shape}
+            rows.append(frame.assign(**about, agreement=agreement, cycles=len(every)))
+    return pd.concat(rows, ignore_index=True)
+
+
+@styled
+def draw(data: pd.DataFrame) -> Figure:
+    """Draw one waveform per cell with the table's word and the agreement."""
+    figure, axes = panels(2, len(TABLE_11_2), 10.4, 4.0, sharex=True, sharey=True)
+    for j, ((process, action), part) in enumerate(data.groupby(["process", "action"], sort=False)):
+        for i, (signal, wave) in enumerate(part.groupby("signal", sort=False)):
+            place = axes[i, j]
+            place.plot(wave["t/P (-)"], wave["value (-)"], color=SIGNAL[str(signal)])
+            word = f"{signal}: {wave['table'].iloc[0]}\n{wave['agreement'].iloc[0]:.0%} of {wave['cycles'].iloc[0]} cycles"
+            place.set_title(word, fontsize=8)
+            place.set_ylim(-1.15, 1.15)
+            label(place, "time / period" if i else "", f"{signal} (scaled)" if j == 0 else "")
+        head = str(process).replace(" (", "\n(") + (f", {action} action" if action else "")
+        axes[0, j].text(0.0, 1.5, head, transform=axes[0, j].transAxes, fontweight="bold", va="bottom", fontsize=8.5)
+    return figure
