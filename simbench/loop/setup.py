@@ -220,6 +220,6 @@ def _stages(part: Part, place: str) -> list[tuple[str, dict[str, Any]]]:
 
 
 def _acts(p: Any) -> bool:
-    # S = J = 0 turns an S/J valve into an ideal one, whatever it is called
-    sizes = [getattr(p, name) for name in ("S", "J") if hasattr(p, name)]
+    # bands of 0 turn a sticky valve into an ideal one, whatever it is called
+    sizes = [value for name, value in zip(p._fields, p) if name.partition("_")[0] in ("S", "J", "H", "d")]
     return not sizes or any(size > 0 for size in sizes)
