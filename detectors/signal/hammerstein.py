@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
-from hashlib import sha1
-from pathlib import Path
-from types import FunctionType
 
 import numpy as np
 
-from detectors.signal import stiction_map
+from detectors.signal.hammerstein_kernels import MOVING_UP, compiled
 from detectors.signal.oscillation import detrend
-from detectors.signal.stiction_map import trace
 
 SAMPLES = 40  # per period, of valve position and PV after averaging (up to twice as many)
 CYCLES = (8, 24)  # periods looked at: the search wants few, since one missed jump spoils all that follow; the end, many
@@ -27,7 +22,6 @@ J_PROFILE = np.array([0.0, 0.15, 0.35, 0.6, 0.85, 1.1, 1.5])  # of S
 ENOUGH = 2e-4  # share of the variance of PV below which errors say nothing: sampling, rounding
 STARTS = (0.0, -0.5, 0.5)  # rest positions tried, as shares of the break-away band
 AROUND = np.array([1.0, 0.5, 0.63, 0.79, 1.0, 1.26, 1.59, 2.0])  # times the inverse of a time constant
-MOVING = 2.0  # start of a valve that has just been moving up
 
 
 @dataclass(frozen=True)
@@ -59,115 +53,6 @@ class Hammerstein:
     Td_s: float
 
 
-def objective(op, y, q, half, first, sign, lo, hi, S, J, start, poles, delays):
-    """Return the least squared error of PV for one valve, over poles and delays, with the index of both.
-
-    The valve turns `op` into v, which is averaged over `q` samples and freed of its mean over `half` averages on either
-    side, as `y` is already: h. The plant is x(k) = a x(k-1) + (1 - a) h(k) (a = 1: x(k-1) + h(k)), and PV is
-    K0 x(k-d) + K1 x(k-d-1) + c, both gains of the given sign. The error is relative to the variance of y from sample
-    `first` on, the last `half` samples left out.
-    """
-    u = min(max(op[0], lo), hi)
-    if start == MOVING:
-        state = (u - 0.5 * (S - J), 1.0, 1.0, u - 1e-9)
-    else:
-        state = (u - start * 0.5 * (S + J), 0.0, 0.0, u)
-    v = np.empty(op.size)
-    trace(op, S, J, state, lo, hi, v)
-    n = y.size
-    h = np.empty(n)
-    x = np.empty(n)
-    for k in range(n):
-        total = 0.0
-        for j in range(k * q, k * q + q):
-            total += v[j]
-        x[k] = total / q
-    total = 0.0
-    left = right = 0
-    for k in range(n):
-        while right < n and right <= k + half:
-            total += x[right]
-            right += 1
-        while left < k - half:
-            total -= x[left]
-            left += 1
-        h[k] = x[k] - total / (right - left)
-    last = n - half
-    ys = y[first:last]
-    m = ys.size
-    sy = syy = 0.0
-    for j in range(m):
-        sy += ys[j]
-        syy += ys[j] * ys[j]
-    syy -= sy * sy / m
-    best, best_pole, best_delay = 1.0, 0, 0
-    for p in range(poles.size):
-        a = poles[p]
-        b = 1.0 if a == 1.0 else 1.0 - a
-        x[0] = 0.0
-        for k in range(1, n):
-            x[k] = a * x[k - 1] + b * h[k]
-        for i in range(delays.size):
-            xs = x[first - delays[i] : last - delays[i]]
-            zs = x[first - delays[i] - 1 : last - delays[i] - 1]
-            sx = sxx = sxy = sxz = szy = 0.0
-            for j in range(m):
-                sx += xs[j]
-                sxx += xs[j] * xs[j]
-                sxy += xs[j] * ys[j]
-                sxz += xs[j] * zs[j]
-                szy += zs[j] * ys[j]
-            # the sums of zs are those of xs one sample earlier
-            sz = sx + zs[0] - xs[m - 1]
-            szz = sxx + zs[0] * zs[0] - xs[m - 1] * xs[m - 1]
-            sxx -= sx * sx / m
-            szz -= sz * sz / m
-            sxz -= sx * sz / m
-            sxy = sign * (sxy - sx * sy / m)
-            szy = sign * (szy - sz * sy / m)
-            det = sxx * szz - sxz * sxz
-            explained = 0.0
-            if det > 1e-9 * sxx * szz:
-                k0 = (szz * sxy - sxz * szy) / det
-                k1 = (sxx * szy - sxz * sxy) / det
-                if k0 >= 0.0 and k1 >= 0.0:
-                    explained = k0 * sxy + k1 * szy
-            if explained == 0.0 and sxy > 0.0 and sxx > 0.0:
-                explained = sxy * sxy / sxx
-            error = 1.0 - explained / syy
-            if error < best:
-                best, best_pole, best_delay = error, p, i
-    return best, best_pole, best_delay
-
-
-def scan(op, y, q, half, first, sign, lo, hi, S, J, start, poles, delays, out):
-    """Fill out[i] with (error, pole index, delay index) of the valve S[i], J[i]."""
-    for i in range(S.size):
-        e, p, d = objective(op, y, q, half, first, sign, lo, hi, S[i], J[i], start, poles, delays)
-        out[i, 0], out[i, 1], out[i, 2] = e, p, d
-
-
-def descend(op, y, q, half, first, sign, lo, hi, S, J, start, poles, delays, width, least):
-    """Pattern search over S and J from one point, the step halved when none of six neighbours is better."""
-    error, _, _ = objective(op, y, q, half, first, sign, lo, hi, S, J, start, poles, delays)
-    while width > least:
-        best, best_S, best_J = error, S, J
-        for i in range(6):
-            a = 1.0 if i in (0, 4) else (-1.0 if i in (1, 5) else 0.0)
-            b = 1.0 if i in (2, 4) else (-1.0 if i in (3, 5) else 0.0)
-            s, j = S + a * width, J + b * width
-            if s <= 0.0 or j < 0.0 or j > 1.5 * s:
-                continue
-            e, _, _ = objective(op, y, q, half, first, sign, lo, hi, s, j, start, poles, delays)
-            if e < best:
-                best, best_S, best_J = e, s, j
-        if best < error:
-            error, S, J = best, best_S, best_J
-        else:
-            width *= 0.5
-    return error, S, J
-
-
 class _Search:
     """One record made ready, and the kernels with its arguments filled in."""
 
@@ -189,7 +74,7 @@ class _Search:
         self.sign = 1.0 if np.diff(op[start:stop]) @ np.diff(pv[start:stop]) < 0 else -1.0
         self.swing = swing(self.op, period)
         self.cycles = (n - first - half) / self.period
-        self.common = (self.op, y - moving_mean(y, half), q, half, first, self.sign, *(float(x) for x in limits))
+        self.common = (self.op, y - moving_mean(y, half), q, half, first, n - half, self.sign, *(float(x) for x in limits))
 
     def poles(self, times: np.ndarray) -> np.ndarray:
         """Poles of time constants given in periods."""
@@ -243,6 +128,7 @@ def fit_hammerstein(
 
     Examples
     --------
+    >>> from detectors.signal import stiction_map
     >>> x, integral, valve, op, pv, mv = 0.0, 4.0, stiction_map.start(50.0), [], [], [50.0, 50.0]
     >>> for _ in range(1500):
     ...     integral -= 0.1 * x
@@ -257,19 +143,19 @@ def fit_hammerstein(
     short, full = (_Search(op, pv, period, limits, cycles) for cycles in CYCLES)
     delays = full.delays
     poles = np.array([1.0]) if integrating else np.append(full.poles(TIMES), 1.0)
-    linear = float(full.scan([0.0], [0.0], MOVING, poles, delays)[0, 0])
+    linear = float(full.scan([0.0], [0.0], MOVING_UP, poles, delays)[0, 0])
     S, J = _grid(S_SHARES * full.swing, J_SHARES)
     some = delays[:: max(1, delays.size // 8)]
-    tried = short.scan(S, J, MOVING, poles, some)
+    tried = short.scan(S, J, MOVING_UP, poles, some)
     ends = []
     for i in _distinct(tried[:, 0], S, J, 4):
         d = int(np.searchsorted(delays, some[int(tried[i, 2])]))
-        ends.append(_plant(short, S[i], J[i], MOVING, poles[int(tried[i, 1])], d, integrating))
+        ends.append(_plant(short, S[i], J[i], MOVING_UP, poles[int(tried[i, 1])], d, integrating))
     error, _, _, _, pole, d = min(ends)
     # noise on OP cuts valleys of 1 % of S: a dense grid with this plant finds them, a descent does not
     S, J = _grid(S_FINE * full.swing, J_FINE)
-    tried = short.scan(S, J, MOVING, np.array([pole]), delays[max(d - 1, 0) : d + 2])
-    ends += [(float(tried[i, 0]), S[i], J[i], MOVING, pole, d) for i in _distinct(tried[:, 0], S, J, 4)]
+    tried = short.scan(S, J, MOVING_UP, np.array([pole]), delays[max(d - 1, 0) : d + 2])
+    ends += [(float(tried[i, 0]), S[i], J[i], MOVING_UP, pole, d) for i in _distinct(tried[:, 0], S, J, 4)]
     ends = [_settle(short, end, integrating, (0.006,)) for end in sorted(ends)[:5]]
     ends = sorted(_plant(full, *_start(full, end), integrating) for end in ends)[:2]
     error, S_hat, J_hat, start, pole, d = min(_settle(full, end, integrating, (0.004, 0.001)) for end in ends)
@@ -310,7 +196,7 @@ def _start(search: _Search, point: tuple):
     """The point's (S, J, start, pole, delay index) with the start state that suits this stretch best."""
     _, S, J, _, pole, d = point
     near = search.delays[max(d - 1, 0) : d + 2]
-    tried = [(float(search.scan([S], [J], r, np.array([pole]), near)[0, 0]), r) for r in (MOVING, *STARTS)]
+    tried = [(float(search.scan([S], [J], r, np.array([pole]), near)[0, 0]), r) for r in (MOVING_UP, *STARTS)]
     return S, J, min(tried)[1], pole, d
 
 
@@ -321,7 +207,7 @@ def _settle(search: _Search, point: tuple, integrating: bool, steps: tuple[float
         error, S, J, start, pole, d = _plant(search, S, J, start, pole, d, integrating)
         few, near = np.array([pole]), search.delays[max(d - 2, 0) : d + 3]
         error, S, J = search.descend(S, J, start, few, near, 4.0 * least, least)
-        if start == MOVING:
+        if start == MOVING_UP:
             rest = [(float(search.scan([S], [J], r, few, near)[0, 0]), r) for r in STARTS]
             if min(rest)[0] < error:
                 error, start = min(rest)
@@ -404,23 +290,3 @@ def moving_mean(x: np.ndarray, half: int) -> np.ndarray:
     k = np.arange(x.size)
     lo, hi = np.maximum(k - half, 0), np.minimum(k + half + 1, x.size)
     return (total[hi] - total[lo]) / (hi - lo)
-
-
-@lru_cache
-def compiled(name: str):
-    """Return a kernel of this file compiled; sums may be reordered, so it equals the plain one to rounding only.
-
-    Notes
-    -----
-    numba's disk cache watches this file alone. The valve stands in another one, so its hash is part of the kernel's name
-    in the cache.
-    """
-    from numba import njit
-
-    kernel = globals()[name]
-    called = {"trace": stiction_map.compiled("trace")}
-    called |= {n: compiled(n) for n in ("objective",) if n in kernel.__code__.co_names}
-    copy = FunctionType(kernel.__code__, {**globals(), **called}, name)
-    valve = sha1(Path(stiction_map.__file__).read_bytes()).hexdigest()[:8]
-    copy.__module__, copy.__qualname__ = __name__, f"{name}_{valve}"
-    return njit(copy, cache=True, fastmath={"reassoc", "nsz"})

@@ -1,0 +1,149 @@
+"""Kernels of the Hammerstein identification: the error of PV for one valve and many plants, over a grid or down a valley.
+
+The functions are plain Python, their own slow twins; `compiled` gives them at full speed.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from hashlib import sha1
+from pathlib import Path
+from types import FunctionType
+
+import numpy as np
+
+from detectors.signal import stiction_map
+from detectors.signal.stiction_map import trace
+
+MOVING_UP, MOVING_DOWN = 2.0, -2.0  # start of a valve that has just been moving; else a rest position
+
+
+def objective(op, y, q, half, first, last, sign, lo, hi, S, J, start, poles, delays):
+    """Return the least squared error of PV for one valve, over poles and delays, with the index of both.
+
+    The valve turns `op` into v, which is averaged over `q` samples and freed of its mean over `half` averages on either
+    side, as `y` is already: h. The plant is x(k) = a x(k-1) + (1 - a) h(k) (a = 1: x(k-1) + h(k)), and PV is
+    K0 x(k-d) + K1 x(k-d-1) + c, both gains of the given sign. The error is relative to the variance of y, both over
+    the samples from `first` to before `last`. `start` is a rest position as a share of the break-away band below OP, or
+    MOVING_UP, MOVING_DOWN.
+    """
+    u = min(max(op[0], lo), hi)
+    if start == MOVING_UP:
+        state = (u - 0.5 * (S - J), 1.0, 1.0, u - 1e-9)
+    elif start == MOVING_DOWN:
+        state = (u + 0.5 * (S - J), -1.0, 1.0, u + 1e-9)
+    else:
+        state = (u - start * 0.5 * (S + J), 0.0, 0.0, u)
+    v = np.empty(op.size)
+    trace(op, S, J, state, lo, hi, v)
+    n = y.size
+    h = np.empty(n)
+    x = np.empty(n)
+    for k in range(n):
+        total = 0.0
+        for j in range(k * q, k * q + q):
+            total += v[j]
+        x[k] = total / q
+    total = 0.0
+    left = right = 0
+    for k in range(n):
+        while right < n and right <= k + half:
+            total += x[right]
+            right += 1
+        while left < k - half:
+            total -= x[left]
+            left += 1
+        h[k] = x[k] - total / (right - left)
+    ys = y[first:last]
+    m = ys.size
+    sy = syy = 0.0
+    for j in range(m):
+        sy += ys[j]
+        syy += ys[j] * ys[j]
+    syy -= sy * sy / m
+    best, best_pole, best_delay = 1.0, 0, 0
+    for p in range(poles.size):
+        a = poles[p]
+        b = 1.0 if a == 1.0 else 1.0 - a
+        x[0] = 0.0
+        for k in range(1, n):
+            x[k] = a * x[k - 1] + b * h[k]
+        for i in range(delays.size):
+            xs = x[first - delays[i] : last - delays[i]]
+            zs = x[first - delays[i] - 1 : last - delays[i] - 1]
+            sx = sxx = sxy = sxz = szy = 0.0
+            for j in range(m):
+                sx += xs[j]
+                sxx += xs[j] * xs[j]
+                sxy += xs[j] * ys[j]
+                sxz += xs[j] * zs[j]
+                szy += zs[j] * ys[j]
+            # the sums of zs are those of xs one sample earlier
+            sz = sx + zs[0] - xs[m - 1]
+            szz = sxx + zs[0] * zs[0] - xs[m - 1] * xs[m - 1]
+            sxx -= sx * sx / m
+            szz -= sz * sz / m
+            sxz -= sx * sz / m
+            sxy = sign * (sxy - sx * sy / m)
+            szy = sign * (szy - sz * sy / m)
+            det = sxx * szz - sxz * sxz
+            explained = 0.0
+            if det > 1e-9 * sxx * szz:
+                k0 = (szz * sxy - sxz * szy) / det
+                k1 = (sxx * szy - sxz * sxy) / det
+                if k0 >= 0.0 and k1 >= 0.0:
+                    explained = k0 * sxy + k1 * szy
+            if explained == 0.0 and sxy > 0.0 and sxx > 0.0:
+                explained = sxy * sxy / sxx
+            error = 1.0 - explained / syy
+            if error < best:
+                best, best_pole, best_delay = error, p, i
+    return best, best_pole, best_delay
+
+
+def scan(op, y, q, half, first, last, sign, lo, hi, S, J, start, poles, delays, out):
+    """Fill out[i] with (error, pole index, delay index) of the valve S[i], J[i]."""
+    for i in range(S.size):
+        e, p, d = objective(op, y, q, half, first, last, sign, lo, hi, S[i], J[i], start, poles, delays)
+        out[i, 0], out[i, 1], out[i, 2] = e, p, d
+
+
+def descend(op, y, q, half, first, last, sign, lo, hi, S, J, start, poles, delays, width, least):
+    """Pattern search over S and J from one point, the step halved when none of six neighbours is better."""
+    error, _, _ = objective(op, y, q, half, first, last, sign, lo, hi, S, J, start, poles, delays)
+    while width > least:
+        best, best_S, best_J = error, S, J
+        for i in range(6):
+            a = 1.0 if i in (0, 4) else (-1.0 if i in (1, 5) else 0.0)
+            b = 1.0 if i in (2, 4) else (-1.0 if i in (3, 5) else 0.0)
+            s, j = S + a * width, J + b * width
+            if s <= 0.0 or j < 0.0 or j > 1.5 * s:
+                continue
+            e, _, _ = objective(op, y, q, half, first, last, sign, lo, hi, s, j, start, poles, delays)
+            if e < best:
+                best, best_S, best_J = e, s, j
+        if best < error:
+            error, S, J = best, best_S, best_J
+        else:
+            width *= 0.5
+    return error, S, J
+
+
+@lru_cache
+def compiled(name: str):
+    """Return a kernel of this file compiled; sums may be reordered, so it equals the plain one to rounding only.
+
+    Notes
+    -----
+    numba's disk cache watches this file alone. The valve stands in another one, so its hash is part of the kernel's name
+    in the cache.
+    """
+    from numba import njit
+
+    kernel = globals()[name]
+    called = {"trace": stiction_map.compiled("trace")}
+    called |= {n: compiled(n) for n in ("objective",) if n in kernel.__code__.co_names}
+    copy = FunctionType(kernel.__code__, {**globals(), **called}, name)
+    valve = sha1(Path(stiction_map.__file__).read_bytes()).hexdigest()[:8]
+    copy.__module__, copy.__qualname__ = __name__, f"{name}_{valve}"
+    return njit(copy, cache=True, fastmath={"reassoc", "nsz"})
