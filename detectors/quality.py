@@ -17,6 +17,7 @@ COLLINEAR = 0.1  # share of moving samples that lie on the straight line through
 UNDERSAMPLED = 8.0  # samples per period
 FROZEN = 0.05  # longest stand-still, as a share of the record
 SPIKES = 0.002  # share of isolated outliers
+HELD = 0.15  # share of samples in which OP and PV both repeat themselves
 
 
 @dataclass(frozen=True)
@@ -41,11 +42,10 @@ def inspect(record: LoopRecord, oscillation: Oscillation | None = None) -> dict[
     -------
     dict of str to Flag
         `dead_op`, `dead_pv`: it never changes. `manual`: OP changes too seldom for a controller. `saturated`: OP
-        stands at a limit.
-        `gaps`: as the loader says. `quantised_op`, `quantised_pv`: values on a coarse grid. `compressed`: straight
-        lines between kept samples. `frozen`: PV stands still for once while OP moves. `undersampled`: less than 8
-        samples per period. `moving_sp`,
-        `off_setpoint`: the set point changes, or PV stays away from it. `spikes`: isolated outliers in PV.
+        stands at a limit. `gaps`: as the loader says. `quantised_op`, `quantised_pv`: values on a coarse grid.
+        `compressed`: straight lines between kept samples. `held`: OP and PV stand still together, over and over.
+        `frozen`: PV stands still for once while OP moves. `undersampled`: less than 8 samples per period.
+        `moving_sp`, `off_setpoint`: the set point changes, or PV stays away from it. `spikes`: isolated outliers in PV.
 
     Notes
     -----
@@ -84,6 +84,12 @@ def _findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]:
             yield Flag("quantised_op", f"OP moves in steps of {q:.3g}, {q / record.op.std():.0%} of its std")
     if alive["pv"]:
         yield from _pv_findings(record, oscillation)
+        step = np.abs(np.diff(record.pv))
+        same = (step == 0.0) & (np.diff(record.op) == 0.0)
+        often = np.count_nonzero(same[1:] & ~same[:-1]) > n / 50.0
+        # a loop that comes to rest creeps by its last digit; a historian that stores changes only moves by visible ones
+        if same.mean() > HELD and often and np.median(step[step > 0.0]) > 0.01 * record.pv.std():
+            yield Flag("held", f"OP and PV repeat themselves together in {same.mean():.0%} of the samples")
     if oscillation.sustained and oscillation.period_s < UNDERSAMPLED * record.Ts:
         yield Flag("undersampled", f"{oscillation.period_s / record.Ts:.1f} samples per period of the oscillation")
 
@@ -158,9 +164,8 @@ def saturation(op: np.ndarray, pv: np.ndarray, percent: np.ndarray | None = None
     Notes
     -----
     Without a span an extreme value counts as a limit when OP stands there for 3 samples or more at a time, over three
-    times as long as anywhere else (the crest of a coarsely quantised triangle is no limit), while PV moves on (at
-    rest there is no limit either).
-    Not for an OP that grazes its limit once.
+    times as long as anywhere else (the crest of a coarsely quantised triangle is no limit), twice or for a quarter of
+    the record, while PV moves on (at rest there is no limit either). Not for an OP that grazes its limit once.
 
     Examples
     --------
@@ -181,7 +186,8 @@ def saturation(op: np.ndarray, pv: np.ndarray, percent: np.ndarray | None = None
         share = stays.sum() / op.size
         if share <= best[0]:
             continue
-        if certain or (stays.mean() > 3.0 * elsewhere and pv[op == extreme].std() > 0.1 * pv.std()):
+        again = stays.size > 1 or share > 0.25
+        if certain or (again and stays.mean() > 3.0 * elsewhere and pv[op == extreme].std() > 0.1 * pv.std()):
             best = (float(share), float(extreme))
     return best
 

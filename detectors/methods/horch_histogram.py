@@ -70,7 +70,8 @@ def density_errors(d: np.ndarray) -> tuple[float, float]:
     z = (d - d.mean()) / d.std()
     found = np.histogram(z, BINS)[0] / (z.size * (BINS[1] - BINS[0]))
     gaussians, camels = _densities()
-    return tuple(float(((family - found) ** 2).mean(axis=1).min()) for family in (camels, gaussians))
+    camel, gauss = (float(((family - found) ** 2).mean(axis=1).min()) for family in (camels, gaussians))
+    return camel, gauss
 
 
 def detect(prepared: Prepared, *, low: float, high: float) -> Verdict:

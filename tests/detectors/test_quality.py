@@ -48,6 +48,7 @@ def faults():
         "quantised_op": noisy(op=np.round(op)),
         "quantised_pv": noisy(pv=np.round(pv * 4) / 4),
         "compressed": noisy(pv=swinging_door(pv, 0.15)),
+        "held": noisy(op=np.repeat(op[::5], 5), pv=np.repeat(pv[::5], 5)),
         "frozen": noisy(pv=frozen),
         "undersampled": noisy(op=np.sin(T * 2.0), pv=np.cos(T * 2.0)),
         "moving_sp": noisy(sp=np.where(T < 900, 20.0, 22.0)),
@@ -106,6 +107,11 @@ def test_saturation_at_the_ends_of_the_span_is_seen_through_noise():
     share, limit = saturation(op, np.cos(T / 8), op)
     assert share == pytest.approx((op == 100).mean())
     assert limit == 100.0
+
+
+def test_one_short_stay_at_the_lowest_value_is_no_limit():
+    op = np.concatenate([np.full(70, 5.0), 5.0 + np.cumsum(np.random.default_rng(0).random(700))])
+    assert saturation(op, np.random.default_rng(1).random(770))[0] == 0.0
 
 
 def test_crest_of_a_coarse_triangle_is_no_limit():
