@@ -265,19 +265,20 @@ def swinging_door(x: np.ndarray, band: float) -> np.ndarray:
     -------
     ndarray, shape (n,)
     """
-    n = x.size
     out = x.copy()
     start, steep, flat = 0, np.inf, -np.inf
-    for k in range(1, n):
-        run = k - start
-        up = (x[k] + band - x[start]) / run
-        down = (x[k] - band - x[start]) / run
-        steep, flat = min(steep, up), max(flat, down)
-        if flat > steep or k == n - 1:
-            end = k if k == n - 1 and flat <= steep else k - 1
-            for i in range(start + 1, end):
-                out[i] = x[start] + (x[end] - x[start]) * (i - start) / (end - start)
-            start = end
-            if end < k:
-                steep, flat = x[k] + band - x[end], x[k] - band - x[end]
+    for k in range(1, x.size):
+        slope = (x[k] - x[start]) / (k - start)
+        if slope > steep or slope < flat:  # the line to this point would leave the door of an earlier one
+            _draw(out, start, k - 1)
+            start, steep, flat = k - 1, np.inf, -np.inf
+        steep = min(steep, (x[k] + band - x[start]) / (k - start))
+        flat = max(flat, (x[k] - band - x[start]) / (k - start))
+    _draw(out, start, x.size - 1)
     return out
+
+
+@nb.njit(cache=True)
+def _draw(x, a, b):
+    for i in range(a + 1, b):
+        x[i] = x[a] + (x[b] - x[a]) * (i - a) / (b - a)

@@ -16,7 +16,7 @@ from tqdm import tqdm
 from detectors.errors import ParameterError
 from scenarios.spec import read_toml
 from simbench.gap.withheld import seal
-from simbench.gap.withheld.answer import COST
+from simbench.gap.withheld.answering import COST
 from simbench.gap.withheld.claims import true_shrinkages
 from simbench.gap.withheld.levels import Figure, Share, by_effect, levels
 from simbench.gap.withheld.picture import confusion, draw
