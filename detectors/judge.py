@@ -104,33 +104,40 @@ def _judge_one(name: str, module: ModuleType, prepared: Prepared, raw: bool, thr
     record = prepared.record
 
     def answer(verdict: str, reason: str, applicable: bool | None = True) -> Verdict:
-        return Verdict(name, verdict, S_unit=record.S_unit, applicable=applicable, reason=reason)
+        return Verdict(name, verdict, applicable=applicable, reason=reason)
 
-    if record.process is not None and record.process not in method.process:
-        made_for = " and ".join(method.process)
-        return answer(NO_DECISION, f"made for {made_for} processes; this one is {record.process}", False)
-    if record.n < method.min_samples:
-        return answer(NO_DECISION, f"too short: {record.n} samples; at least {method.min_samples} are needed")
-    for flag in (*UNFIT, *method.cannot_cope):
-        if flag in prepared.flags:
-            return answer(NO_DECISION, f"record unfit: {prepared.flags[flag].evidence} (flag {flag})")
+    def finished(verdict: Verdict) -> Verdict:
+        joined = applicable if verdict.applicable is True else verdict.applicable
+        reason = "; ".join([verdict.reason, *notes])
+        return replace(verdict, method=name, applicable=joined, reason=reason, S_unit=record.S_unit)
+
     applicable: bool | None = True
     notes = []
     if record.process is None:
         applicable = None
         notes.append("process type unknown, judged as self-regulating")
+    elif record.process not in method.process:
+        made_for = " and ".join(method.process)
+        return finished(answer(NO_DECISION, f"made for {made_for} processes; this one is {record.process}", False))
+    if record.n < method.min_samples:
+        reason = f"too short: {record.n} samples; at least {method.min_samples} are needed"
+        return finished(answer(NO_DECISION, reason))
+    for flag in (*UNFIT, *method.cannot_cope):
+        if flag in prepared.flags:
+            return finished(answer(NO_DECISION, f"record unfit: {prepared.flags[flag].evidence} (flag {flag})"))
     if method.needs_mv:
         signal, fits, note = prepared.valve_position()
         if signal is None:
-            return answer(NO_DECISION, note, False)
+            return finished(answer(NO_DECISION, note, False))
         if fits is None:
             applicable = None
             notes.append(note)
-    found = _front_end(method, prepared, raw, answer)
-    verdict = found or module.detect(prepared, **thresholds)
-    reason = "; ".join([verdict.reason, *notes])
-    joined = applicable if verdict.applicable is True else verdict.applicable
-    return replace(verdict, method=name, applicable=joined, reason=reason, S_unit=record.S_unit)
+    verdict = _front_end(method, prepared, raw, answer) or module.detect(prepared, **thresholds)
+    if method.front_end:
+        oscillation = prepared.oscillation
+        found = {"regularity": oscillation.regularity, "period_s": oscillation.period_s}
+        verdict = replace(verdict, indices={**verdict.indices, **found})
+    return finished(verdict)
 
 
 def _front_end(method: Method, prepared: Prepared, raw: bool, answer) -> Verdict | None:
@@ -139,7 +146,7 @@ def _front_end(method: Method, prepared: Prepared, raw: bool, answer) -> Verdict
     oscillation = prepared.oscillation
     if not raw and not oscillation.sustained:
         verdict = answer(NO_STICTION, f"no sustained oscillation (r = {oscillation.regularity:.2f})")
-        return replace(verdict, score=0.0, indices={"regularity": oscillation.regularity})
+        return replace(verdict, score=0.0)
     periods = prepared.record.duration / oscillation.period_s if np.isfinite(oscillation.period_s) else 0.0
     if periods < method.min_periods:
         if raw and not np.isfinite(oscillation.period_s):

@@ -71,3 +71,18 @@ def test_verdict_does_not_depend_on_which_methods_ran_before(loop):
 def test_unit_of_S_is_said_for_every_record():
     assert judge(LoopRecord(op=50 + SINE["op"], pv=SINE["pv"], Ts=1.0), ["he"])[0].S_unit == "% of travel"
     assert judge(LoopRecord(**SINE), ["he"])[0].S_unit == "OP units"
+
+
+def test_every_answer_of_the_front_end_carries_regularity_and_period():
+    for record in (LoopRecord(**SINE), LoopRecord(**NOISE)):
+        found = Prepared(record).oscillation
+        indices = judge(record, ["he"])[0].indices
+        assert indices["regularity"] == found.regularity
+        assert indices["period_s"] == pytest.approx(found.period_s, nan_ok=True)
+
+
+def test_unknown_process_is_said_even_where_the_record_is_unfit():
+    verdict = judge(LoopRecord(op=np.full(500, 5.0), pv=np.sin(T[:500] / 8), Ts=1.0), ["he"])[0]
+    assert (verdict.verdict, verdict.applicable) == ("no_decision", None)
+    assert "OP never changes" in verdict.reason
+    assert "process type unknown" in verdict.reason
