@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from detectors.signal.oscillation import zero_crossings
+from detectors.signal.autocorrelation import zero_crossings
 
 POINTS = 40  # samples per resampled half cycle
 GUARD = 0.25  # a crossing counts when the signal then passes this many standard deviations
