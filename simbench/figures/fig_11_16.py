@@ -27,7 +27,7 @@ def loop(w_Ti: float, Kc: float) -> Loop:
         {
             "plant": {"type": "foptd", "K": 1.0, "T": 3.0, "Td": 1.0},
             "controller": {"type": "PI", "Kc": Kc, "Ti": w_Ti * PERIOD / (2 * np.pi)},
-            "sampling": {"Ts": 0.5, "n": 4800},
+            "sampling": {"Ts": 0.2, "n": 12000},
             "disturbance": [{"type": "sine", "amplitude": 2.0, "period": PERIOD, "at": "output"}],
         }
     )
@@ -43,7 +43,7 @@ def data() -> pd.DataFrame:
     """
     rows = []
     for w_Ti, (_, Kc) in CASES.items():
-        record = simulate(loop(w_Ti, Kc)).record.window(2400, 4800)
+        record = simulate(loop(w_Ti, Kc)).record.window(6000, 12000)
         verdict = judge(record, ["horch"])[0].verdict
         rows.append(correlation(record.op, record.pv, record.Ts, 75.0).assign(w_Ti=w_Ti, Kc=Kc, verdict=verdict))
     return pd.concat(rows, ignore_index=True)

@@ -1,0 +1,177 @@
+"""Figures as files: what is written, what is left out and why, and that no text is cut off or covers another."""
+
+from __future__ import annotations
+
+import ast
+import functools
+import inspect
+import os
+from pathlib import Path
+
+import matplotlib
+import pandas as pd
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.text import Text
+
+from detectors.errors import RecordError, UnknownName
+from simbench.catalogue import FIGURES, catalogue
+from simbench.figures import make_figures
+from simbench.figures._make import figure_ids
+from simbench.files import FileError
+
+FOLDER = Path(inspect.getfile(make_figures)).parent
+REAL = Path(__file__).parents[4] / "shared" / "data" / "real"
+NAMES = FIGURES.names()
+needs_real = pytest.mark.skipif(not REAL.is_dir(), reason="the folder of real records ../shared/data/real is absent")
+
+
+def needs(name: str) -> list[str]:
+    return list(inspect.signature(FIGURES.load(name).data).parameters)
+
+
+FREE = [name for name in NAMES if not needs(name)]
+OF_REAL_LOOPS = [name for name in NAMES if needs(name) == ["isdb"]]
+
+
+@functools.cache
+def numbers(name: str) -> pd.DataFrame:
+    return FIGURES.load(name).data(*([REAL] if needs(name) else []))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_figure_says_what_it_is_where_it_comes_from_and_leans_on_no_sibling(name):
+    module = FIGURES.load(name)
+    assert module.SOURCE
+    assert module.__doc__
+    assert needs(name) in ([], ["isdb"], ["run"])
+    for node in ast.walk(ast.parse(Path(module.__file__).read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("simbench.figures"):
+            assert node.module.rpartition(".")[2].startswith("_"), f"{name} imports {node.module}"
+
+
+def test_every_figure_and_table_of_the_chapter_has_an_id_in_its_order():
+    ids = figure_ids()
+    wanted = [4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 20, 21, 22, 23]
+    assert [i for i in ids if i in {f"fig-11-{n}" for n in wanted}] == [f"fig-11-{n}" for n in wanted]
+    assert {f"table-11-{n}" for n in (2, 3, 4)} <= set(ids)
+
+
+def test_the_catalogue_lists_figures_by_their_public_id():
+    assert {row["name"] for row in catalogue("figures")} == set(figure_ids())
+
+
+@pytest.mark.parametrize("name", FREE)
+def test_no_text_is_cut_off_or_covers_another(name):
+    _check_texts(FIGURES.load(name).draw(numbers(name)))
+
+
+@needs_real
+@pytest.mark.parametrize("name", OF_REAL_LOOPS)
+def test_no_text_is_cut_off_or_covers_another_with_real_loops(name):
+    made = make_figures([], "/tmp", isdb=REAL)  # the folder itself is accepted
+    assert made == []
+    try:
+        data = numbers(name)
+    except Exception as error:
+        assert type(error).__name__ == "NeedsRecord", error
+        pytest.skip(str(error))
+    _check_texts(FIGURES.load(name).draw(data))
+
+
+def _check_texts(figure) -> None:
+    figure.set_dpi(110)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    renderer = canvas.get_renderer()
+    page = figure.bbox.padded(1.0)
+    axes = [axis for a in figure.axes for axis in (a.xaxis, a.yaxis)]
+    not_drawn = {t for axis in axes for t in axis.get_ticklabels(which="both")}
+    for axis in axes:
+        if axis.axes.axison:
+            low, high = sorted(axis.get_view_interval())
+            ticks = zip(axis.get_majorticklocs(), axis.get_majorticklabels())
+            not_drawn -= {t for at, t in ticks if low - 1e-9 <= at <= high + 1e-9}
+    boxes = []
+    for text in figure.findobj(Text):
+        if not (text.get_visible() and text.get_text().strip()) or text in not_drawn:
+            continue
+        box = text.get_window_extent(renderer)
+        assert page.x0 <= box.x0 and box.x1 <= page.x1, f"cut off at a side: {text.get_text()!r}"
+        assert page.y0 <= box.y0 and box.y1 <= page.y1, f"cut off above or below: {text.get_text()!r}"
+        boxes.append((box.padded(-1.5), text.get_text()))
+    for i, (a, said) in enumerate(boxes):
+        for b, other in boxes[i + 1 :]:
+            assert not a.overlaps(b), f"{said!r} covers {other!r}"
+
+
+@pytest.mark.parametrize("name", FREE)
+def test_axes_have_quantity_and_unit(name):
+    figure = FIGURES.load(name).draw(numbers(name))
+    for axes in figure.axes:
+        if axes.axison and axes.get_xticks().size and axes.get_label() != "<colorbar>":
+            for label in (axes.get_xlabel(), axes.get_ylabel()):
+                assert not label or "(" in label or "/" in label, f"{label!r} has no unit"
+
+
+def test_each_figure_is_written_as_svg_png_and_csv(tmp_path):
+    made = make_figures(["fig-11-5", "table_11_4"], tmp_path)
+    assert [m.id for m in made] == ["fig-11-5", "table-11-4"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted(
+        f"{i}.{kind}" for i in ("fig-11-5", "table-11-4") for kind in ("csv", "png", "svg")
+    )
+    assert (tmp_path / "fig-11-5.png").read_bytes().startswith(b"\x89PNG")
+    assert b"</svg>" in (tmp_path / "fig-11-5.svg").read_bytes()
+    frame = pd.read_csv(tmp_path / "fig-11-5.csv")
+    pd.testing.assert_frame_equal(frame, FIGURES.load("fig_11_5").data(), rtol=1e-5)
+
+
+def test_the_same_figure_gives_the_same_bytes(tmp_path):
+    first, second = (make_figures(["fig-11-14"], tmp_path / folder)[0].files for folder in "ab")
+    for a, b in zip(first, second):
+        assert a.read_bytes() == b.read_bytes()
+
+
+def test_a_figure_of_real_loops_is_listed_as_needing_them_without_failing(tmp_path):
+    [made] = make_figures(["fig-11-12"], tmp_path)
+    assert (made.left_out, made.files) == ("needs ISDB", ())
+
+
+def test_a_loop_that_the_folder_does_not_hold_is_named(tmp_path):
+    (tmp_path / "records").mkdir()
+    [made] = make_figures(["fig-11-23"], tmp_path, isdb=tmp_path / "records")
+    assert "POW2" in made.left_out
+
+
+@needs_real
+def test_real_loops_give_the_printed_yamashita_indices(tmp_path):
+    d = numbers("fig_11_12")
+    assert d["rho1 (-)"].iloc[0] == pytest.approx(0.48, abs=0.01)
+    assert d["rho3 (-)"].iloc[0] == pytest.approx(0.41, abs=0.01)
+    assert [f.suffix for f in make_figures(["fig-11-12"], tmp_path, isdb=REAL)[0].files] == [".svg", ".png", ".csv"]
+
+
+def test_an_unknown_figure_names_the_nearest(tmp_path):
+    with pytest.raises(UnknownName, match="fig-11-9"):
+        make_figures(["fig-11-99"], tmp_path)
+
+
+def test_missing_isdb_is_one_sentence(tmp_path):
+    with pytest.raises(RecordError, match="does not exist"):
+        make_figures(["fig-11-12"], tmp_path, isdb=tmp_path / "nothing.mat")
+
+
+def test_a_folder_that_cannot_be_written_is_one_sentence(tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(FileError, match="cannot be made"):
+        make_figures(["table-11-4"], tmp_path / "file" / "out")
+    if os.geteuid() != 0:
+        tmp_path.chmod(0o500)
+        with pytest.raises(FileError, match="cannot be written"):
+            make_figures(["table-11-4"], tmp_path)
+
+
+def test_drawing_leaves_the_users_settings_alone():
+    before = dict(matplotlib.rcParams)
+    FIGURES.load("table_11_4").draw(numbers("table_11_4"))
+    assert dict(matplotlib.rcParams) == before
