@@ -111,7 +111,7 @@ def facts_of(
     Parameters
     ----------
     baseline : mapping
-        Tables of the loop file: [plant] type, K, T, Td and [noise] std are used.
+        Tables of the loop file: [plant] type, K, T, Td and [noise] std are used; what it lacks makes no group.
     sp, op, pv, mv : ndarray, shape (n,)
         Recorded signals; PV and SP in PV units, OP and MV in %. None = not recorded.
     effect : str
@@ -130,7 +130,7 @@ def facts_of(
     >>> facts_of(table, np.zeros(500), 50 + x, x, None, "stiction", {"S": 3, "J": 0.5}).noise_shows
     True
     """
-    plant, p = baseline["plant"], dict(parameters or {})
+    plant, p = baseline.get("plant", {}), dict(parameters or {})
     noise = float(baseline.get("noise", {}).get("std", 0.0))
     change, jitter = np.diff(pv), np.diff(op)
     J: float | None = None
@@ -139,7 +139,7 @@ def facts_of(
     elif effect == "stiction" and "J" in p:
         J = float(p["J"])
     return Facts(
-        integrating=plant["type"] == "integrating",
+        integrating=plant.get("type") == "integrating",
         sp_moves=sp is not None and bool(np.ptp(sp) > 2 * noise),
         mv=mv is not None,
         noise_shows=bool(2 * noise**2 >= NOISE_SHOWS * change.var()) and noise > 0,
@@ -150,7 +150,7 @@ def facts_of(
 
 
 def _slow(effect: str, p: dict[str, Any], plant: Mapping[str, Any], noise: float) -> bool:
-    if effect not in SLOW or plant["type"] == "integrating":
+    if effect not in SLOW or plant.get("type") == "integrating" or not {"K", "T"} <= set(plant):
         return False
     per_load = abs(float(plant["K"])) if EFFECTS[effect].block == "disturbance" else 1.0
     if effect == "load_steps":

@@ -86,7 +86,7 @@ class Plan:
             {
                 "kind": "foreign",
                 "effect": kinds[i % len(kinds)],
-                "strength": ("weak", "medium", "strong", "strong")[i // len(kinds) % 4],
+                "strength": ("medium", "strong", "weak")[i // len(kinds) % 3],
                 "mv": i % 2 == 0,
             }
             for i in range(self.foreign)

@@ -161,7 +161,11 @@ def _record(folder: Path, name: str) -> tuple[pd.DataFrame, Mapping[str, Any]]:
     except OSError as error:
         raise ParameterError(f"withheld: {path} cannot be read: {error.strerror}") from None
     frame.columns = [str(c).strip().lower() for c in frame.columns]
-    return frame.ffill().bfill(), read_toml(path.with_suffix(".toml"))
+    frame = frame.dropna(axis="columns", how="all").ffill().bfill()
+    missing = [c for c in ("op", "pv") if c not in frame]
+    if missing:
+        raise ParameterError(f"withheld: {path} has no {missing[0].upper()}; its columns are {', '.join(frame.columns)}")
+    return frame, read_toml(path.with_suffix(".toml"))
 
 
 def _answer(path: Path) -> dict[str, Any] | None:
