@@ -1,0 +1,60 @@
+"""The tutorial does what it says, block by block."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from detectors.judge import judge
+from detectors.signal.half_cycles import split
+
+PAGE = Path(__file__).parents[3] / "docs" / "tutorial.md"
+BLOCKS = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.S)
+
+
+@pytest.fixture(scope="module")
+def after(tmp_path_factory):
+    """Run every block in one namespace, in a folder of its own."""
+    folder = tmp_path_factory.mktemp("tutorial")
+    space: dict = {}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        for i, block in enumerate(BLOCKS):
+            exec(compile(block, f"tutorial block {i + 1}", "exec"), space)
+    return space, folder
+
+
+def test_it_takes_twenty_lines():
+    lines = [line for line in BLOCKS[0].splitlines() if line.strip()]
+    assert len(lines) <= 20
+
+
+def test_every_block_runs_and_leaves_the_picture(after):
+    _, folder = after
+    assert (folder / "fig-11-9.svg").read_text(encoding="utf-8").rstrip().endswith("</svg>")
+    assert {p.suffix for p in (folder / "figures").iterdir()} == {".svg", ".png", ".csv"}
+
+
+def test_pv_turns_from_square_to_triangle_as_the_page_says(after):
+    alike = []
+    for record in after[0]["records"]:
+        humps = split(record.pv - record.pv.mean(), 172.0)  # period of the exact cycle, in samples
+        alike.append(np.mean(humps.sum(axis=1) / np.linalg.norm(humps, axis=1)) / np.sqrt(humps.shape[1]))
+    assert alike[0] > 0.98, "nearly a square"
+    assert alike[0] > alike[1] > alike[2]
+    assert alike[2] == pytest.approx(np.sqrt(3) / 2, abs=0.01), "a triangle's likeness to a square"
+
+
+def test_he_is_convinced_and_horch_answers_three_ways(after):
+    verdicts = [[v.verdict for v in judge(record, ["he", "horch"])] for record in after[0]["records"]]
+    assert [he for he, _ in verdicts] == ["stiction"] * 3
+    assert [horch for _, horch in verdicts] == ["stiction", "no_decision", "no_stiction"]
+
+
+def test_the_describing_function_is_as_far_off_as_said(after):
+    expected = after[0]["expected"]
+    [wave] = expected["describing_function"]
+    assert 1.2 < wave["period"] / expected["exact"]["period"] < 1.4
