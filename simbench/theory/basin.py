@@ -43,17 +43,19 @@ def starts_cycle(loop: SampledLoop, cycle: ExactCycle, kick: float) -> bool:
     >>> starts_cycle(loop, cycle, 3.4), starts_cycle(loop, cycle, 3.9)
     (False, True)
     """
-    state = at_rest(loop, kick)
-    if state[1][4] == 0.0:
-        return False  # the valve does not even move
+    return reaches_cycle(loop, cycle, at_rest(loop, kick))
+
+
+def reaches_cycle(loop: SampledLoop, cycle: ExactCycle, state: tuple) -> bool:
+    """Whether the march from a state (x, s, past) ends in the limit cycle; the state is used up."""
     near = 0
     for _ in range(ROUNDS):
         run = reversals(loop, *state, BLOCK)
-        if run.stalled or run.count < BLOCK:
+        if run.count < BLOCK:
             return False
-        half = (run.sample[-1] - run.sample[0]) / (run.count - 1) * loop.Ts
+        period = 2 * np.diff(run.sample).mean() * loop.Ts
         swing = np.abs(np.diff(run.stop)).mean()
-        near = near + 1 if abs(2 * half / cycle.period - 1) < 0.15 and abs(swing / cycle.swing - 1) < 0.25 else 0
+        near = near + 1 if abs(period / cycle.period - 1) < 0.15 and abs(swing / cycle.swing - 1) < 0.25 else 0
         if near == 2:
             return True
     return False

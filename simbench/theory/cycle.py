@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +17,7 @@ from simbench.theory.sampled import SampledLoop, sampled_loop
 BLOCK = 100  # half cycles averaged at a time; two blocks must agree
 STEADY = 0.005  # relative difference of two blocks that counts as agreement
 BLOCKS = 16
+LOAD_STEPS = (0.4, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0)  # tried in turn, in multiples of the break-away
 
 # Why marching at all: inside one pattern (m, n) of whole samples the return map expands by about S/p (p the half swing of
 # the valve), because a later break-away makes a larger jump. The cycle of the sampled loop is therefore irregular when
@@ -89,8 +89,8 @@ def exact_cycle(loop: SampledLoop) -> ExactCycle | None:
         cycle = settled(loop, on_half_cycle(loop, half), half.multiplier)
         if cycle is not None:
             return cycle
-    for state in _load_steps(loop):
-        cycle = settled(loop, state, None)
+    for size in LOAD_STEPS:
+        cycle = settled(loop, after_load_step(loop, size * loop.fs), None)
         if cycle is not None:
             return cycle
     return None
@@ -121,7 +121,7 @@ def settled(loop: SampledLoop, state: tuple, multiplier: float | None) -> ExactC
         if run.count < BLOCK:
             return None
         halves, swing = np.diff(run.sample), float(np.abs(np.diff(run.stop)).mean())
-        if swing < max(loop.J / 2, loop.S / 20):
+        if swing < loop.least_swing:
             return None
         means.append(np.array([halves.mean(), np.abs(np.diff(run.extreme)).mean() / 2, swing]))
         # the first block is the transient
@@ -135,14 +135,18 @@ def settled(loop: SampledLoop, state: tuple, multiplier: float | None) -> ExactC
     return ExactCycle(2 * half * loop.Ts, amplitude, swing, irregularity, multiplier, (x, s, past))
 
 
-def _load_steps(loop: SampledLoop) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    # valve and OP away from the balance by the size of a load step, PV still where it was
+def after_load_step(loop: SampledLoop, load: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the state of a loop at rest in mid-band when the load at the plant's input changes by -`load` (%).
+
+    Seen from the new balance, valve and OP are off by `load` (P on a self-regulating plant: by g/(1 + g) of it), and PV is
+    where it was.
+    """
+    g = loop.static_gain
+    v = load if loop.integral or np.isinf(g) else load * g / (1 + g)
+    w = 0.0 if loop.integral else -v
     values, vectors = np.linalg.eig(loop.A)
     slow = np.real(vectors[:, np.argmax(np.abs(values))])
-    for size in (0.4, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0):
-        v = size * loop.fs
-        w = 0.0 if loop.integral else -v
-        yield slow * (w / (loop.C @ slow)), np.array([v, w, v, 0.0, 0.0]), np.full(loop.delay + 2, v)
+    return slow * (w / (loop.C @ slow)), np.array([v, w, v, 0.0, 0.0]), np.full(loop.delay + 2, v)
 
 
 def cycle_start(loop: Loop) -> Start:

@@ -69,6 +69,11 @@ class SampledLoop:
         return 0.5 * (self.S - self.J)
 
     @property
+    def least_swing(self) -> float:
+        """Smallest swing of the valve (%) that is a cycle rather than the end of a fading one."""
+        return 0.5 * self.J if self.J > 0 else self.S / 200
+
+    @property
     def order(self) -> int:
         """Number of plant states."""
         return len(self.A)

@@ -1,0 +1,167 @@
+"""Table 11.3 against theory: in each of its eight cells, how many loops have a cycle, and how often a load step reaches it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from scenarios.spec import Loop
+from simbench.theory.basin import reaches_cycle
+from simbench.theory.cycle import after_load_step, exact_cycle
+from simbench.theory.sampled import SampledLoop, sampled_loop
+from simbench.theory.tables import CONDITIONS, DEAD_BAND, TABLE_11_3, refined
+from simbench.theory.verify import ultimate_gain
+
+S = 5.0
+SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)  # of the ultimate gain
+UNLIMITED = 8.0  # K Kc (integrating: K Kc T) in its place without dead time
+JUMPS = (0.2, 0.5, 1.0, 1.5)  # J/S
+LARGEST_LOAD = 6.0  # %
+
+
+@dataclass(frozen=True)
+class CellCheck:
+    """One cell of Table 11.3 against theory.
+
+    Parameters
+    ----------
+    process, controller, nonlinearity : str
+        The cell.
+    table : bool
+        Whether the table says limit cycle.
+    loops : int
+        Tunings, dead times and jumps tried.
+    exist : int
+        Loops with a limit cycle (exact theory).
+    conditions_right : int
+        Loops of which the refined condition says so rightly.
+    reached : int
+        Loops that at least one of the random load steps brought into the cycle.
+    steps_reached : float
+        Share of load steps that reached the cycle, of the loops that have one; NaN without any.
+    cycled : (int, int) or None
+        Loops that cycled, and loops, of this cell in a grid run.
+    disagreements : dict of str to int
+        Condition -> loops on which theory contradicts the table's word.
+    """
+
+    process: str
+    controller: str
+    nonlinearity: str
+    table: bool
+    loops: int
+    exist: int
+    conditions_right: int
+    reached: int
+    steps_reached: float
+    cycled: tuple[int, int] | None
+    disagreements: dict[str, int]
+
+
+def check_table_11_3(
+    cycled: Mapping[tuple[str, str, str], tuple[int, int]] | None = None, *, load_steps: int = 25, seed: int = 0, every: int = 1
+) -> list[CellCheck]:
+    """Verify the eight cells of Table 11.3.
+
+    Parameters
+    ----------
+    cycled : mapping, optional
+        (process, controller, nonlinearity) -> (loops that cycled, loops) of a grid run.
+    load_steps : int
+        Random load steps per loop, evenly in -6..6 %.
+    seed : int
+        Of the load steps.
+    every : int
+        Take only every n-th loop.
+
+    Returns
+    -------
+    list of CellCheck
+        In the table's order.
+
+    Notes
+    -----
+    600 loops: three dead times (one of them 0), five gains of 0.1..0.9 of the ultimate gain, three integral times, four J/S;
+    S = 5 %. Load steps act on a loop at rest in mid-band, without noise.
+
+    Examples
+    --------
+    >>> checks = check_table_11_3(load_steps=2, every=29)
+    >>> len(checks), checks[0].exist
+    (8, 0)
+    """
+    rng = np.random.default_rng(seed)
+    checks = []
+    for key, table in TABLE_11_3.items():
+        exist = right = reached = hits = 0
+        differ: Counter[str] = Counter()
+        loops = list(_loops(*key))[::every]
+        for loop in loops:
+            cycle = exact_cycle(loop)
+            right += refined(loop, cycle) == (cycle is not None)
+            if (cycle is not None) != table:
+                differ[_condition(key, cycle is not None)] += 1
+            if cycle is None:
+                continue
+            exist += 1
+            steps = rng.uniform(-LARGEST_LOAD, LARGEST_LOAD, load_steps)
+            found = sum(reaches_cycle(loop, cycle, after_load_step(loop, step)) for step in steps)
+            hits += found
+            reached += found > 0
+        share = hits / (exist * load_steps) if exist else float("nan")
+        checks.append(CellCheck(*key, table, len(loops), exist, right, reached, share, (cycled or {}).get(key), dict(differ)))
+    return checks
+
+
+def _condition(key: tuple[str, str, str], exists: bool) -> str:
+    if key in CONDITIONS:
+        return CONDITIONS[key]
+    return "a cycle exists against the table" if exists else "no start kept cycling"
+
+
+def _loops(process: str, controller: str, nonlinearity: str) -> Iterator[SampledLoop]:
+    integrating = process == "integrating"
+    plant: dict[str, Any] = {"type": "integrating", "K": 0.1} if integrating else {"type": "foptd", "K": 1.0, "T": 10.0}
+    for Td in (0.0, 1.0, 4.0) if integrating else (0.0, 2.0, 10.0):
+        for Ti in ((10.0, 20.0, 40.0) if integrating else (5.0, 10.0, 20.0)) if controller == "PI" else (None,):
+            table: dict[str, Any] = {
+                "plant": {**plant, "Td": Td},
+                "controller": {"type": "P", "Kc": 1.0} if Ti is None else {"type": "PI", "Kc": 1.0, "Ti": Ti},
+                "valve": {"model": "choudhury", "S": S, "J": 0.0},
+                "sampling": {"Ts": 0.1},
+            }
+            limit = ultimate_gain(sampled_loop(Loop.from_table(table))) if Td else None
+            for share in SHARES:
+                for jump in (0.0,) if nonlinearity == DEAD_BAND else JUMPS:
+                    table["controller"]["Kc"] = share * (limit or UNLIMITED)
+                    table["valve"]["J"] = jump * S
+                    yield sampled_loop(Loop.from_table(table))
+
+
+def as_text(checks: list[CellCheck]) -> str:
+    """Write the checked table.
+
+    Parameters
+    ----------
+    checks : list of CellCheck
+        As `check_table_11_3` returns it.
+
+    Returns
+    -------
+    str
+    """
+    head = f"{'process':<16}{'control':<8}{'valve':<12}{'table':<7}{'exists':>9}{'reached':>9}{'steps':>7}{'grid':>9}"
+    lines = [f"{head}  disagrees because"]
+    for c in checks:
+        grid = "-" if c.cycled is None else f"{c.cycled[0]}/{c.cycled[1]}"
+        steps = "-" if np.isnan(c.steps_reached) else f"{100 * c.steps_reached:.0f} %"
+        why = "; ".join(f"{says} ({count})" for says, count in c.disagreements.items())
+        lines.append(
+            f"{c.process:<16}{c.controller:<8}{c.nonlinearity:<12}{'yes' if c.table else 'no':<7}"
+            f"{f'{c.exist}/{c.loops}':>9}{f'{c.reached}/{c.loops}':>9}{steps:>7}{grid:>9}  {why}".rstrip()
+        )
+    return "\n".join(lines)
