@@ -63,7 +63,7 @@ def judge(
         module = registry.load(name)
         prepared = blind.sighted(replace(record, meta={})) if module.METHOD.needs_mv else blind
         chosen = check_thresholds(name, module.METHOD, (thresholds or {}).get(name, {}))
-        verdicts.append(_judge_one(name, module, prepared, raw, chosen))
+        verdicts.append(judge_one(name, module, prepared, raw, chosen))
     return verdicts
 
 
@@ -99,7 +99,26 @@ def check_thresholds(name: str, method: Method, chosen: Mapping[str, float]) -> 
     return values
 
 
-def _judge_one(name: str, module: ModuleType, prepared: Prepared, raw: bool, thresholds: dict[str, float]) -> Verdict:
+def judge_one(name: str, module: ModuleType, prepared: Prepared, raw: bool, thresholds: dict[str, float]) -> Verdict:
+    """Judge a prepared record by one method, with everything that comes before the method itself.
+
+    Parameters
+    ----------
+    name : str
+        Method id.
+    module : module
+        Its plug-in.
+    prepared : Prepared
+        The record, blinded unless the method needs MV.
+    raw : bool
+        Skip the common oscillation front end.
+    thresholds : dict of str to float
+        All thresholds of the method.
+
+    Returns
+    -------
+    Verdict
+    """
     method: Method = module.METHOD
     record = prepared.record
 

@@ -18,22 +18,25 @@ from detectors.signal.stiction_map import trace
 MOVING_UP, MOVING_DOWN = 2.0, -2.0  # start of a valve that has just been moving; else a rest position
 
 
+def state_before(u, S, J, start, lo, hi):
+    """Return the valve's state before OP `u`: at rest at a share of the break-away band below it, or moving past it."""
+    u = min(max(u, lo), hi)
+    if start == MOVING_UP:
+        return (u - 0.5 * (S - J), 1.0, 1.0, u - 1e-9)
+    if start == MOVING_DOWN:
+        return (u + 0.5 * (S - J), -1.0, 1.0, u + 1e-9)
+    return (u - start * 0.5 * (S + J), 0.0, 0.0, u)
+
+
 def objective(op, y, q, half, first, last, sign, lo, hi, S, J, start, poles, delays):
     """Return the least squared error of PV for one valve, over poles and delays, with the index of both.
 
     The valve turns `op` into v, which is averaged over `q` samples and freed of its mean over `half` averages on either
     side, as `y` is already: h. The plant is x(k) = a x(k-1) + (1 - a) h(k) (a = 1: x(k-1) + h(k)), and PV is
     K0 x(k-d) + K1 x(k-d-1) + c, both gains of the given sign. The error is relative to the variance of y, both over
-    the samples from `first` to before `last`. `start` is a rest position as a share of the break-away band below OP, or
-    MOVING_UP, MOVING_DOWN.
+    the samples from `first` to before `last`. `start` as in `state_before`.
     """
-    u = min(max(op[0], lo), hi)
-    if start == MOVING_UP:
-        state = (u - 0.5 * (S - J), 1.0, 1.0, u - 1e-9)
-    elif start == MOVING_DOWN:
-        state = (u + 0.5 * (S - J), -1.0, 1.0, u + 1e-9)
-    else:
-        state = (u - start * 0.5 * (S + J), 0.0, 0.0, u)
+    state = state_before(op[0], S, J, start, lo, hi)
     v = np.empty(op.size)
     trace(op, S, J, state, lo, hi, v)
     n = y.size
@@ -140,9 +143,10 @@ def compiled(name: str):
     """
     from numba import njit
 
+    if name == "trace":
+        return stiction_map.compiled(name)
     kernel = globals()[name]
-    called = {"trace": stiction_map.compiled("trace")}
-    called |= {n: compiled(n) for n in ("objective",) if n in kernel.__code__.co_names}
+    called = {n: compiled(n) for n in ("state_before", "trace", "objective") if n in kernel.__code__.co_names}
     copy = FunctionType(kernel.__code__, {**globals(), **called}, name)
     valve = sha1(Path(stiction_map.__file__).read_bytes()).hexdigest()[:8]
     copy.__module__, copy.__qualname__ = __name__, f"{name}_{valve}"
