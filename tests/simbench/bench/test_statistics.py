@@ -1,0 +1,125 @@
+"""Statistics against scipy, scikit-learn, hand numbers and simulation."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+from sklearn.metrics import roc_auc_score
+
+from simbench.bench.statistics import auc, auc_drop, holm, mcnemar, mean_ranks, rate, rate_drop, wilson
+
+
+@given(n=st.integers(1, 500), share=st.floats(0, 1))
+def test_wilson_is_scipys(n, share):
+    k = round(share * n)
+    theirs = stats.binomtest(k, n).proportion_ci(method="wilson")
+    lo, hi = wilson(k, n)
+    assert lo == pytest.approx(theirs.low, abs=1e-12)
+    assert hi == pytest.approx(theirs.high, abs=1e-12)
+
+
+def test_wilson_takes_arrays_and_no_trials_say_nothing():
+    lo, hi = wilson([0, 5, 0], [10, 10, 0])
+    assert (lo[2], hi[2]) == (0.0, 1.0)
+    assert lo[0] == 0.0
+    assert math.isnan(rate(0, 0).value)
+
+
+@pytest.mark.parametrize(("lost", "won", "p"), [(0, 0, 1.0), (6, 0, 2 / 64), (1, 5, 14 / 64), (3, 3, 1.0)])
+def test_mcnemar_by_hand(lost, won, p):
+    assert mcnemar(lost, won) == pytest.approx(p)
+
+
+def test_one_sided_mcnemar_sees_only_losses():
+    assert mcnemar(8, 0, worse=True) == pytest.approx(1 / 256)
+    assert mcnemar(0, 8, worse=True) == 1.0
+
+
+def naive_holm(p):
+    rejected_at = []
+    order = sorted(range(len(p)), key=lambda i: p[i])
+    worst = 0.0
+    corrected = [0.0] * len(p)
+    for place, i in enumerate(order):
+        worst = max(worst, (len(p) - place) * p[i])
+        corrected[i] = min(worst, 1.0)
+        rejected_at.append(worst)
+    return corrected
+
+
+@given(st.lists(st.floats(0, 1), max_size=12))
+def test_holm_is_its_definition(p):
+    assert holm(p).tolist() == pytest.approx(naive_holm(p))
+    assert np.all(holm(p) >= np.array(p))
+
+
+def test_holm_by_hand():
+    assert holm([0.005, 0.011, 0.02, 0.04]).tolist() == pytest.approx([0.02, 0.033, 0.04, 0.04])
+
+
+def test_a_drop_of_exactly_the_margin_alarms_no_more_often_than_promised():
+    rng = np.random.default_rng(1)
+    before, now = rng.binomial(1000, 0.8, 4000), rng.binomial(1000, 0.78, 4000)
+    alarms = np.mean([rate_drop(b, 1000, a, 1000, margin=0.02) < 0.05 for b, a in zip(before, now)])
+    assert 0.035 < alarms < 0.065
+
+
+def test_rates_of_zero_and_one_are_tested_too():
+    assert rate_drop(50, 50, 50, 50) == pytest.approx(0.5)
+    assert rate_drop(50, 50, 0, 50, margin=0.02) < 1e-6
+    assert rate_drop(0, 0, 3, 5) == 1.0
+
+
+@given(st.integers(0, 2**31))
+def test_auc_is_sklearns_ties_included(seed):
+    rng = np.random.default_rng(seed)
+    score, truth = rng.integers(0, 6, 40).astype(float), rng.random(40) < 0.4
+    if truth.any() and not truth.all():
+        assert auc(score, truth).value == pytest.approx(roc_auc_score(truth, score))
+
+
+def test_delongs_interval_covers_as_promised():
+    rng = np.random.default_rng(2)
+    true = stats.norm.cdf(1 / np.sqrt(2))
+    truth = np.arange(120) < 50
+    inside = [auc(rng.standard_normal(120) + truth, truth) for _ in range(800)]
+    assert 0.92 < np.mean([a.lo <= true <= a.hi for a in inside]) < 0.98
+
+
+def test_auc_of_perfect_and_empty_classes_and_missing_scores():
+    perfect = auc([0, 0, 0, 1, 1, 1], [False] * 3 + [True] * 3)
+    assert perfect.value == 1.0
+    assert perfect.lo < 0.7
+    assert math.isnan(auc([1.0, 2.0], [True, True]).value)
+    assert auc([math.nan, 0.0, 1.0, -math.inf], [False, True, True, False]).value == 1.0
+
+
+def test_paired_auc_test_sees_a_fall_and_holds_its_level():
+    rng = np.random.default_rng(3)
+    truth = np.arange(300) < 140
+    signal = rng.standard_normal(300) + 1.5 * truth
+    assert auc_drop(signal, signal, truth) == 1.0
+    assert auc_drop(signal, rng.standard_normal(300), truth) < 1e-4
+    assert auc_drop(rng.standard_normal(300), signal, truth) > 0.99
+    alike = []
+    for _ in range(600):
+        hidden = rng.standard_normal(300) + truth
+        alike.append(auc_drop(*(hidden + 0.5 * rng.standard_normal((2, 300))), truth) < 0.05)
+    assert 0.025 < np.mean(alike) < 0.08
+
+
+def test_mean_ranks_of_a_published_example():
+    # Demsar (2006), section 3.2.2: k = 4 methods on N = 14 sets, CD = 2.569 sqrt(4*5/(6*14)) = 1.25 at 5 %
+    rng = np.random.default_rng(4)
+    assert mean_ranks(rng.random((14, 4))).critical_difference == pytest.approx(1.25, abs=0.005)
+
+
+def test_methods_that_always_answer_alike_cannot_be_told_apart():
+    found = mean_ranks(np.ones((30, 4)))
+    assert found.p == 1.0
+    assert found.mean_rank.tolist() == [2.5] * 4
+    with pytest.raises(ValueError, match="3 methods"):
+        mean_ranks(np.ones((30, 2)))
