@@ -1,0 +1,55 @@
+"""Matplotlib figures as inline SVG that follows the page's colours and width."""
+
+from __future__ import annotations
+
+import io
+import re
+from html import escape
+
+import matplotlib
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+
+def inline_svg(figure: Figure, name: str, says: str) -> Markup:
+    """Return a figure as an <svg> element for an HTML page.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        What to show.
+    name : str
+        Unique on the page; keeps the element ids of two pictures apart.
+    says : str
+        What a reader who cannot see it is told.
+
+    Returns
+    -------
+    markupsafe.Markup
+
+    Examples
+    --------
+    >>> figure = Figure(figsize=(1, 1))
+    >>> str(inline_svg(figure, "empty", "nothing"))[:5]
+    '<svg '
+    """
+    figure.patch.set_alpha(0.0)
+    for axes in figure.axes:
+        axes.patch.set_alpha(0.0)
+    buffer = io.StringIO()
+    with matplotlib.rc_context({"svg.hashsalt": name, "svg.fonttype": "path"}):
+        figure.savefig(buffer, format="svg", metadata={"Date": None})
+    text = re.sub(r"\s+", " ", buffer.getvalue()).replace("> <", "><")
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>", "", text)
+    # black follows the page's text colour, so that one picture serves light and dark
+    text = re.sub(r"(stroke|fill): #000000", r"\1: currentColor", text)
+    # ids are unique within one picture only
+    text = re.sub(r'\bid="', f'id="{name}-', text)
+    text = re.sub(r'(href="#|url\(#)', rf"\g<1>{name}-", text)
+    width = re.search(r'viewBox="0 0 ([\d.]+)', text)
+    wide = float(width.group(1)) if width else 400.0
+    head = f'<svg role="img" aria-label="{escape(says, quote=True)}" style="max-width:{wide * 1.5:.0f}px" '
+    text = re.sub(r'<svg ([^>]*?)(width|height)="[^"]*"', r"<svg \1", text, count=1)
+    text = re.sub(r'<svg ([^>]*?)(width|height)="[^"]*"', r"<svg \1", text, count=1)
+    return Markup(text.replace("<svg ", head, 1))
