@@ -167,6 +167,8 @@ def _answer(loop: Loop, seed: int, run: Run, moved: Motion, bar: float) -> Cycle
     # still moving at the end, but too slowly for the longest tail
     if run.sticky and 0 < moved.reversals < MIN_REVERSALS and np.ptp(tail[-(tail.size // 3) :]) >= bar:
         return said(UNCLEAR)
-    if run.sticky and loop.disturbance and np.ptp(_mv(run.record)[run.record.n // 2 :]) >= bar:
+    late = slice(run.record.n // 2, run.record.n)
+    driven = np.ptp(run.load_in[late]) > 0 or np.ptp(run.load_out[late]) > 0
+    if run.sticky and driven and np.ptp(_mv(run.record)[late]) >= bar:
         return said(ENTRAINED)
     return said(NO)

@@ -1,0 +1,278 @@
+"""One cell of a ruled grid: settings without dimension become a sticky loop, its siblings, and the rules left to settle."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar
+
+from scenarios.errors import SpecError, suggestion
+from scenarios.spec import Loop, Value
+
+SETTINGS = {
+    "process": "foptd or integrating",
+    "controller": "PI or P",
+    "Td_over_T": "dead time over time constant (foptd)",
+    "Td_over_Ti": "dead time over integral time (integrating)",
+    "S_over_2J": "S/(2J): 0.5 = J as large as S, inf = dead-band",
+    "noise_ratio": "noise std over the PV std of the sticky twin without noise",
+    "disturbance": "none, or a name of [disturbances]",
+    "tuning": "slow, medium, tight, aggressive or saturating",
+    "samples_per_period": "samples per period of the sticky twin",
+    "periods": "length of the record in periods of the sticky twin",
+    "K": "plant gain (PV units per %; integrating: per % and T)",
+    "T": "time scale (s): T of foptd, Ti of an integrating loop",
+    "S": "stick band plus dead-band (% of travel)",
+    "step": "size of the excitation that starts the cycle, in S",
+    "speed": "factor on the tuning's speed",
+    "excitation": "setpoint, load or both, at time 0",
+    "w_Ti": "2 pi Ti over the period of the cycle; Ti is chosen for it",
+}
+# closed-loop time constant over dead time (foptd), gain over that of double poles (integrating), share of the ultimate gain (P)
+FOPTD_LAG = {"slow": 3.0, "medium": 1.5, "tight": 0.8}
+INTEGRATING_GAIN = {"slow": 0.6, "medium": 1.0, "tight": 1.5}
+P_SHARE = {"slow": 0.15, "medium": 0.35, "tight": 0.6}
+# of a healthy loop that oscillates by its own tuning: gain over the ultimate gain of the sampled loop
+ULTIMATE = {"aggressive": 0.9, "saturating": 1.5}
+SAME = "same"
+EXCITATIONS = ("setpoint", "load", "both")
+REST = 50.0  # SP, PV and OP before the excitation
+
+
+@dataclass(frozen=True)
+class Rules:
+    """What one noise-free run of the sticky twin settles; None = the loop's own numbers stand.
+
+    Parameters
+    ----------
+    samples_per_period, periods : float or None
+        Sampling of the whole group.
+    noise_ratio : float or None
+        Noise std over the twin's PV std.
+    w_Ti : float or None
+        Wanted 2 pi Ti / period.
+    """
+
+    samples_per_period: float | None = None
+    periods: float | None = None
+    noise_ratio: float | None = None
+    w_Ti: float | None = None
+    FIELDS: ClassVar[tuple[str, ...]] = ("samples_per_period", "periods", "noise_ratio", "w_Ti")
+
+    @property
+    def empty(self) -> bool:
+        """Whether nothing is left to settle."""
+        return all(getattr(self, f.name) is None for f in fields(self))
+
+
+@dataclass(frozen=True)
+class Draft:
+    """One scenario before its rules are settled.
+
+    Parameters
+    ----------
+    loop : Loop
+        Sampling, noise and (where `ultimate` says so) gain are first guesses.
+    tags : dict
+        Its place in the grid.
+    loads : tuple of dict
+        Disturbances, amplitude in PV std of the twin (at "input": in its S), times in its periods.
+    ultimate : float or None
+        Gain over the ultimate gain of the sampled loop.
+    overrides : dict
+        Dotted loop keys that have the last word.
+    """
+
+    loop: Loop
+    tags: dict[str, float | int | str | None]
+    loads: tuple[dict[str, Any], ...] = ()
+    ultimate: float | None = None
+    overrides: Mapping[str, Value] | None = None
+
+
+def cell_group(
+    settings: Mapping[str, Any],
+    members: Iterable[tuple[str, Mapping[str, Any], tuple[dict[str, Any], ...]]],
+    tags: Mapping[str, Any],
+    overrides: Mapping[str, Value],
+    where: str,
+) -> tuple[Loop, Rules, tuple[Draft, ...]]:
+    """Build the sticky twin of a cell and the drafts of its members.
+
+    Parameters
+    ----------
+    settings : mapping
+        Axis values and drawn values, keys of `SETTINGS`.
+    members : iterable of (name, settings, loads)
+        `settings` of the member with its valve model; loads as in `Draft`.
+    tags : mapping
+        Common tags.
+    overrides : mapping
+        Dotted loop keys set from outside.
+    where : str
+        For messages.
+
+    Returns
+    -------
+    twin : Loop
+    rules : Rules
+    drafts : tuple of Draft
+
+    Raises
+    ------
+    SpecError
+        When a setting is missing or makes no loop.
+    """
+    settings = {"speed": 1.0, "step": 0.0, "excitation": "setpoint", "tuning": "medium", **settings}
+    table = _loop_table(settings, where)
+    rules = Rules(**{name: settings.get(name) for name in Rules.FIELDS})
+    if rules.samples_per_period is None or rules.periods is None:
+        raise SpecError(f"{where}: samples_per_period and periods are needed, as axis or draw")
+    twin_valve = _valve("choudhury", settings, where)
+    twin = _overridden(Loop.from_table({**table, "valve": twin_valve}, where), overrides)
+    names = ("Td_over_T", "Td_over_Ti", "S_over_2J", "noise_ratio", "disturbance", "tuning", "samples_per_period")
+    drafts = []
+    for name, own, loads in members:
+        tuning = settings["tuning"] if own.get("tuning", SAME) == SAME else own["tuning"]
+        if tuning not in (*FOPTD_LAG, *ULTIMATE):
+            raise SpecError(f"{where}: tuning {tuning!r} is unknown, {suggestion(str(tuning), (*FOPTD_LAG, *ULTIMATE))}")
+        valve = _valve(own["valve"], settings, where)
+        loop = _overridden(Loop.from_table({**table, "valve": valve}, where), overrides)
+        found = {key: own.get(key) for key in names}
+        found.update(
+            member=name,
+            process=settings["process"],
+            controller=settings["controller"],
+            valve=valve["model"],
+            tuning=tuning,
+            S_over_2J=0.0 if valve["model"] == "ideal" else settings["S_over_2J"],
+            disturbance=own.get("disturbance", "none"),
+            samples_per_period=10.0 * round(float(rules.samples_per_period) / 10.0),
+            S=0.0 if valve["model"] == "ideal" else settings["S"],
+        )
+        drafts.append(Draft(loop, {**tags, **found}, loads, ULTIMATE.get(tuning), overrides))
+    return twin, rules, tuple(drafts)
+
+
+def loop_axes(loop: Loop) -> dict[str, float | int | str | None]:
+    """Return the grid axes that a whole loop shows by itself.
+
+    Parameters
+    ----------
+    loop : Loop
+        Any loop.
+
+    Returns
+    -------
+    dict
+        Td_over_T or Td_over_Ti, S_over_2J, disturbance; what the loop does not have is None.
+
+    Examples
+    --------
+    >>> loop_axes(Loop.from_table({"plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
+    ...     "controller": {"type": "P", "Kc": 1}, "sampling": {"Ts": 1}}))["Td_over_T"]
+    0.2
+    """
+    plant, Ti = loop.plant, loop.controller.Ti
+    S, J = loop.valve.parameters.get("S"), loop.valve.parameters.get("J")
+    ratio = None
+    if loop.valve.name == "ideal":
+        ratio = 0.0
+    elif isinstance(S, (int, float)) and S > 0:
+        ratio = S / (2 * J) if isinstance(J, (int, float)) and J > 0 else math.inf
+    return {
+        "Td_over_T": plant.Td / plant.T if plant.T else None,
+        "Td_over_Ti": plant.Td / Ti if plant.type == "integrating" and Ti else None,
+        "S_over_2J": ratio,
+        "disturbance": "+".join(d.name for d in loop.disturbance) or "none",
+        "process": plant.type,
+        "controller": loop.controller.type,
+        "valve": loop.valve.name,
+    }
+
+
+def ultimate_gain(Td_over_T: float) -> float:
+    """Return the ultimate K Kc of a first-order plant with dead time under P control.
+
+    Parameters
+    ----------
+    Td_over_T : float
+        Above 0.
+
+    Returns
+    -------
+    float
+        sqrt(1 + (w T)^2) at w Td + atan(w T) = pi.
+
+    Examples
+    --------
+    >>> round(ultimate_gain(1.0), 2)
+    2.26
+    """
+    lo, hi = 1e-9, math.pi / Td_over_T
+    for _ in range(60):
+        w = 0.5 * (lo + hi)
+        lo, hi = (w, hi) if w * Td_over_T + math.atan(w) < math.pi else (lo, w)
+    return math.sqrt(1.0 + lo * lo)
+
+
+def _loop_table(s: Mapping[str, Any], where: str) -> dict[str, Any]:
+    for key in ("K", "T", "S", "S_over_2J", "Td_over_T" if s["process"] == "foptd" else "Td_over_Ti"):
+        if key not in s:
+            raise SpecError(f"{where}: {key} is needed, as axis or draw ({SETTINGS[key]})")
+    if s["tuning"] not in FOPTD_LAG:
+        raise SpecError(f"{where}: tuning {s['tuning']!r} of the sticky twin, {suggestion(str(s['tuning']), FOPTD_LAG)}")
+    if s["excitation"] not in EXCITATIONS:
+        raise SpecError(f"{where}: excitation {s['excitation']!r}, {suggestion(str(s['excitation']), EXCITATIONS)}")
+    K, T, speed = float(s["K"]), float(s["T"]), float(s["speed"])
+    if s["process"] == "foptd":
+        ratio = float(s["Td_over_T"])
+        Td = ratio * T
+        plant = {"type": "foptd", "K": K, "T": T, "Td": Td}
+        lag = FOPTD_LAG[s["tuning"]] / speed * max(Td, 0.1 * T)
+        Kc, Ti = T / (K * (lag + Td)), min(T, 4.0 * (lag + Td))
+        if s["controller"] == "P":
+            Kc = P_SHARE[s["tuning"]] * speed * ultimate_gain(max(ratio, 0.01)) / K
+        size = K * s["S"]
+    elif s["process"] == "integrating":
+        Ti, Td = T, float(s["Td_over_Ti"]) * T
+        plant = {"type": "integrating", "K": K / T, "Td": Td}
+        Kc = INTEGRATING_GAIN[s["tuning"]] * speed * 4.0 / K
+        size = s["S"] / Kc
+    else:
+        raise SpecError(f"{where}: process {s['process']!r}, {suggestion(str(s['process']), ('foptd', 'integrating'))}")
+    controller = {"type": s["controller"], "Kc": Kc} | ({"Ti": Ti} if s["controller"] == "PI" else {})
+    table: dict[str, Any] = {
+        "plant": plant,
+        "controller": controller,
+        "sampling": {"Ts": max(Td, 0.1 * T) / 10.0, "n": 1000},
+        "setpoint": {"value": REST},
+    }
+    if s["excitation"] != "load" and s["step"] != 0.0:
+        # against the load the set point goes the other way: more loops reach their cycle
+        step = s["step"] if s["excitation"] == "setpoint" else -abs(s["step"])
+        table["setpoint"]["steps"] = [[0.0, REST + step * size]]
+    if s["excitation"] != "setpoint":
+        # a load that is there from the first sample on: a ramp that takes no time
+        table["disturbance"] = [{"type": "ramp", "amplitude": abs(s["step"]) * s["S"], "period": 1e-3 * T, "at": "input"}]
+    return table
+
+
+def _valve(model: str, s: Mapping[str, Any], where: str) -> dict[str, Any]:
+    if model == "ideal":
+        return {"model": "ideal"}
+    S, ratio = float(s["S"]), float(s["S_over_2J"])
+    if not ratio > 0:
+        raise SpecError(f"{where}: S_over_2J = {ratio}; the sticky twin needs a number above 0, or inf")
+    if math.isinf(ratio):
+        return {"model": "deadband", "S": S}
+    return {"model": model, "S": S, "J": S / (2.0 * ratio)}
+
+
+def _overridden(loop: Loop, overrides: Mapping[str, Value]) -> Loop:
+    for key, value in overrides.items():
+        # a healthy sibling has no S to set
+        if not (key.startswith("valve.") and loop.valve.name == "ideal"):
+            loop = loop.with_(key, value)
+    return loop

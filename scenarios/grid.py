@@ -1,0 +1,400 @@
+"""Grids: a TOML file becomes groups of scenario drafts, one group at a time; what needs a simulation stays a rule."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated, Any, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from scenarios.cell import SETTINGS, Draft, Rules, cell_group, loop_axes
+from scenarios.errors import SpecError, suggestion
+from scenarios.spec import Loop, Value, _Table, checked, content_hash, read_toml
+
+Range = float | tuple[float, float]
+Names = str | tuple[str, ...]
+GRID_KEYS = ("seed", "repeats")
+
+
+class Disturbance(_Table):
+    """A load by its size against the sticky twin: amplitude in its PV std (at "input": its S), times in its periods."""
+
+    type: str
+    at: str = "output"
+    amplitude: Range
+    period: Range
+    parameters: dict[str, Range] = Field(default_factory=dict)
+
+
+class Member(_Table):
+    """One of the scenarios that share a cell: a valve, and what else sets it apart from its siblings."""
+
+    name: str
+    valve: Names
+    tuning: Names | None = None
+    disturbance: Names | None = None
+    where: dict[str, tuple[Value, ...]] = Field(default_factory=dict)
+
+
+class Block(_Table):
+    """A product of axes; `draw` ranges are drawn evenly in logarithm, once per group."""
+
+    name: str
+    says: str = ""
+    process: str = "foptd"
+    controller: str = "PI"
+    axes: dict[str, tuple[Value, ...]] = Field(default_factory=dict)
+    draw: dict[str, Range | Names] = Field(default_factory=dict)
+    member: tuple[Member, ...] = ()
+
+
+class GridFile(_Table):
+    """What a grid file holds: blocks of ruled cells, or one whole loop with axes of dotted keys."""
+
+    title: str
+    source: str = "own"
+    expected: int | None = None
+    seed: Annotated[int, Field(ge=0)] = 0
+    repeats: Annotated[int, Field(ge=1)] = 1
+    draw: dict[str, Range | Names] = Field(default_factory=dict)
+    disturbances: dict[str, Disturbance] = Field(default_factory=dict)
+    block: tuple[Block, ...] = ()
+    loop: dict[str, Any] | None = None
+    axes: dict[str, tuple[Value, ...]] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _one_form(self) -> Self:
+        if bool(self.block) == (self.loop is not None):
+            raise ValueError("a grid has either [[block]] tables or one [loop] with [axes]")
+        for block in self.block:
+            for key in (*self.draw, *block.axes, *block.draw):
+                if key not in SETTINGS and "." not in key:
+                    raise ValueError(f"block {block.name!r}: unknown axis {key!r}, {suggestion(key, SETTINGS)}")
+            for member in block.member:
+                for key in member.where:
+                    if key not in block.axes:
+                        raise ValueError(f"block {block.name!r}: where asks for {key!r}, which is none of its axes")
+        return self
+
+
+@dataclass(frozen=True)
+class Group:
+    """The scenarios of one cell and one repeat: they share plant, sampling, noise, set point and seed.
+
+    Parameters
+    ----------
+    index : int
+        Place in the grid.
+    twin : Loop
+        The cell's sticky loop without noise and disturbance; its sampling is a first guess.
+    rules : Rules
+        What is settled by running the twin.
+    drafts : tuple of Draft
+        The members.
+    seed : int
+        Of all members.
+    """
+
+    index: int
+    twin: Loop
+    rules: Rules
+    drafts: tuple[Draft, ...]
+    seed: int
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A grid, ready to be expanded group by group; nothing is kept in memory.
+
+    Parameters
+    ----------
+    name : str
+        Its name or file.
+    content : GridFile
+        The checked file, overrides applied.
+    overrides : dict
+        Dotted loop keys set from outside.
+
+    Examples
+    --------
+    >>> grid = load_grid("smoke")
+    >>> sum(len(group.drafts) for group in grid.groups()) == len(grid) == grid.content.expected
+    True
+    """
+
+    name: str
+    content: GridFile
+    overrides: dict[str, Value] = field(default_factory=dict)
+
+    @property
+    def title(self) -> str:
+        """What the grid is for, in one line."""
+        return self.content.title
+
+    @property
+    def source(self) -> str:
+        """Where its design comes from."""
+        return self.content.source
+
+    @property
+    def hash(self) -> str:
+        """16 hex digits that change with anything that changes the list of scenarios."""
+        kept = {k: v for k, v in self.content.model_dump().items() if k not in ("title", "source", "expected")}
+        return content_hash({"content": kept, "overrides": self.overrides})
+
+    @cached_property
+    def _cells(self) -> list[tuple[int, int]]:
+        # (first cell, number of cells) of each block
+        sizes = [math.prod(len(v) for v in axes.values()) for axes in self._axes]
+        return [(sum(sizes[:i]), size) for i, size in enumerate(sizes)]
+
+    @property
+    def _axes(self) -> list[dict[str, tuple[Value, ...]]]:
+        return [b.axes for b in self.content.block] if self.content.block else [self.content.axes]
+
+    @property
+    def cells(self) -> int:
+        """Number of cells: combinations of axis values, over all blocks."""
+        return sum(size for _, size in self._cells)
+
+    @property
+    def group_count(self) -> int:
+        """Number of groups: cells times repeats."""
+        return self.cells * self.content.repeats
+
+    @cached_property
+    def _members(self) -> int:
+        return sum(len(self._present(*self._place(cell))) for cell in range(self.cells))
+
+    def __len__(self) -> int:
+        """Number of scenarios."""
+        return self._members * self.content.repeats
+
+    def groups(self, start: int = 0, stop: int | None = None) -> Iterator[Group]:
+        """Yield groups start..stop-1; repeats come last, so more of them only append."""
+        for index in range(start, self.group_count if stop is None else stop):
+            yield self.group(index)
+
+    def size(self, index: int) -> int:
+        """Return the number of scenarios of a group without building it."""
+        return len(self._present(*self._place(index % self.cells)))
+
+    def group(self, index: int) -> Group:
+        """Build one group.
+
+        Parameters
+        ----------
+        index : int
+            0 .. ; indices beyond `group_count` are further repeats.
+
+        Returns
+        -------
+        Group
+
+        Raises
+        ------
+        SpecError
+            When the cell asks for an impossible loop.
+        """
+        repeat, cell = divmod(index, self.cells)
+        number, values = self._place(cell)
+        # cells that differ in the disturbance alone share plant, sampling and noise: no setting tells them apart
+        shared = np.random.default_rng([self.content.seed, repeat, number, *self._without(number, values, "disturbance")])
+        rng = np.random.default_rng([self.content.seed, repeat, number, cell, 1])
+        tags: dict[str, float | int | str | None] = {"grid": self.name, "cell": cell, "repeat": repeat}
+        if self.content.loop is not None:
+            return self._plain(index, values, rng, tags)
+        block = self.content.block[number]
+        settings: dict[str, Any] = {"process": block.process, "controller": block.controller}
+        ranges = {**self.content.draw, **block.draw}
+        # every setting is drawn, also those an axis replaces: one axis more must not shift the other draws
+        settings.update({key: draw(ranges[key], shared) for key in sorted(ranges)})
+        settings.update(values)
+        settings["step"] = float(settings.get("step", 0.0)) * (1.0 if shared.random() < 0.5 else -1.0)
+        seed = int(rng.integers(2**31))
+        members = []
+        for member in self._present(number, values):
+            own = dict(settings, valve=pick(member.valve, rng))
+            for key in ("tuning", "disturbance"):
+                if getattr(member, key) is not None:
+                    own[key] = pick(getattr(member, key), rng)
+            loads = self._disturbance(own.get("disturbance", "none"), rng)
+            members.append((member.name, own, loads))
+        tags["block"] = block.name
+        twin, rules, drafts = cell_group(settings, members, tags, self.overrides, f"{self.name}, block {block.name!r}")
+        return Group(index, twin, rules, drafts, seed)
+
+    def _plain(self, index: int, values: Mapping[str, Value], rng: np.random.Generator, tags: dict) -> Group:
+        assert self.content.loop is not None
+        loop = Loop.from_table(self.content.loop, self.name)
+        rules: dict[str, Any] = {}
+        for key, value in {**values, **self.overrides}.items():
+            if key in Rules.FIELDS:
+                rules[key] = value
+            else:
+                loop = loop.with_(key, value)
+        seed = int(rng.integers(2**31))
+        tags = {**tags, "block": "loop", "member": "loop", **loop_axes(loop), **values}
+        twin = loop.model_copy(update={"noise": type(loop.noise)(), "disturbance": ()})
+        return Group(index, twin, Rules(**rules), (Draft(loop, tags),), seed)
+
+    def _disturbance(self, name: Value, rng: np.random.Generator) -> tuple[dict[str, Any], ...]:
+        if name == "none":
+            return ()
+        if name not in self.content.disturbances:
+            known = ("none", *self.content.disturbances)
+            raise SpecError(f"{self.name}: disturbance {name!r} is unknown, {suggestion(str(name), known)}")
+        d = self.content.disturbances[str(name)]
+        more = {key: draw(value, rng) for key, value in sorted(d.parameters.items())}
+        return ({"type": d.type, "at": d.at, "amplitude": draw(d.amplitude, rng), "period": draw(d.period, rng), **more},)
+
+    def _place(self, cell: int) -> tuple[int, dict[str, Value]]:
+        number = next(i for i, (first, size) in enumerate(self._cells) if cell < first + size)
+        index, values = cell - self._cells[number][0], {}
+        for key, choices in reversed(list(self._axes[number].items())):
+            index, place = divmod(index, len(choices))
+            values[key] = choices[place]
+        return number, dict(reversed(values.items()))
+
+    def _without(self, number: int, values: Mapping[str, Value], left_out: str) -> list[int]:
+        return [choices.index(values[key]) for key, choices in self._axes[number].items() if key != left_out]
+
+    def _present(self, number: int, values: Mapping[str, Value]) -> Sequence[Member]:
+        if not self.content.block:
+            return [Member(name="loop", valve="")]
+        members = self.content.block[number].member
+        return [m for m in members if all(values[key] in allowed for key, allowed in m.where.items())]
+
+
+def draw(allowed: Range | Names, rng: np.random.Generator) -> float | str:
+    """Return a fixed value as it is, one of several names, or a value drawn evenly in logarithm from (lo, hi)."""
+    if not isinstance(allowed, tuple):
+        return allowed
+    if isinstance(allowed[0], str):
+        return pick(allowed, rng)
+    lo, hi = allowed
+    return float(np.exp(rng.uniform(math.log(lo), math.log(hi))))
+
+
+def pick(names: Names, rng: np.random.Generator) -> str:
+    """Return one of several names, each as likely."""
+    return names if isinstance(names, str) else names[int(rng.integers(len(names)))]
+
+
+def grid_names() -> list[str]:
+    """Return the names of the grids that come with the package."""
+    return sorted(f.name[:-5] for f in (files("scenarios") / "grids").iterdir() if f.name.endswith(".toml"))
+
+
+def load_grid(
+    name: str | Path, sets: Mapping[str, Value] | None = None, axes: Mapping[str, Sequence[Value]] | None = None
+) -> Grid:
+    """Read a grid by name or from a file.
+
+    Parameters
+    ----------
+    name : str or Path
+        "smoke", "table-11-3", "chapter", "own-ground", "ci", or the path of a TOML file.
+    sets : dict, optional
+        Overrides: "seed", "repeats", an axis or drawn setting (then fixed), or a dotted loop key.
+    axes : dict, optional
+        Axes in place of the file's: an axis name, or a dotted loop key of a grid with [loop].
+
+    Returns
+    -------
+    Grid
+
+    Raises
+    ------
+    SpecError
+        When there is no such grid, it cannot be read, or its count is not the expected one.
+
+    Examples
+    --------
+    >>> len(load_grid("smoke", {"repeats": 3})) == 3 * len(load_grid("smoke"))
+    True
+    """
+    if str(name) in grid_names():
+        label, table = str(name), read_toml(Path(str(files("scenarios") / "grids" / f"{name}.toml")))
+    elif Path(name).suffix == ".toml" or Path(name).exists():
+        label, table = Path(name).stem, read_toml(name)
+    else:
+        raise SpecError(f"unknown grid {str(name)!r}: {suggestion(str(name), grid_names())}")
+    return make_grid(table, label, sets, axes)
+
+
+def make_grid(
+    table: dict[str, Any],
+    name: str = "grid",
+    sets: Mapping[str, Value] | None = None,
+    axes: Mapping[str, Sequence[Value]] | None = None,
+) -> Grid:
+    """Build a grid from the table that its TOML file would give; arguments and errors as `load_grid`."""
+    table = dict(table)
+    overrides: dict[str, Value] = {}
+    changed: dict[str, tuple[Value, ...]] = {key: tuple(values) for key, values in (axes or {}).items()}
+    for key, value in (sets or {}).items():
+        if key in GRID_KEYS:
+            table[key] = int(value) if isinstance(value, float) and value.is_integer() else value
+        elif key in SETTINGS and "block" in table:
+            changed[key] = (value,)
+        elif "." in key or "loop" in table:
+            overrides[key] = value
+        else:
+            raise SpecError(f"{name}: cannot set {key!r}, {suggestion(key, (*GRID_KEYS, *SETTINGS))}")
+    content = checked(GridFile, table, name)
+    if changed:
+        content = _with_axes(content, changed, name)
+    for key in overrides:
+        if key not in Rules.FIELDS and (key.partition(".")[0] not in Loop.model_fields or "." not in key):
+            raise SpecError(f"{name}: cannot set {key!r}, {suggestion(key, (*GRID_KEYS, *SETTINGS))}")
+    grid = Grid(name, content, overrides)
+    untouched = not changed and not overrides
+    per_repeat = content.expected and content.expected * content.repeats // int(table.get("repeats", 1))
+    if untouched and content.expected is not None and "repeats" not in (sets or {}) and len(grid) != per_repeat:
+        raise SpecError(f"{name}: {len(grid)} scenarios, but expected = {content.expected}")
+    return grid
+
+
+def _with_axes(content: GridFile, axes: dict[str, tuple[Value, ...]], name: str) -> GridFile:
+    for key, values in axes.items():
+        if not values:
+            raise SpecError(f"{name}: axis {key!r} has no value")
+    if content.loop is not None:
+        return content.model_copy(update={"axes": {**content.axes, **axes}})
+    for key in axes:
+        if key not in SETTINGS:
+            raise SpecError(f"{name}: unknown axis {key!r}, {suggestion(key, SETTINGS)}")
+    blocks = []
+    for block in content.block:
+        # Td/T has no meaning on an integrating block, nor Td/Ti on the other
+        fitting = {k: v for k, v in axes.items() if k != ("Td_over_T" if block.process == "integrating" else "Td_over_Ti")}
+        members = tuple(m.model_copy(update={"where": _narrowed(m.where, fitting)}) for m in block.member)
+        blocks.append(block.model_copy(update={"axes": {**block.axes, **fitting}, "member": members}))
+    return content.model_copy(update={"block": tuple(blocks)})
+
+
+def _narrowed(where: dict[str, tuple[Value, ...]], axes: Mapping[str, tuple[Value, ...]]) -> dict[str, tuple[Value, ...]]:
+    # a member kept to a few values of an axis stays with those that the new axis still has
+    return {key: tuple(v for v in allowed if key not in axes or v in axes[key]) for key, allowed in where.items()}
+
+
+def chunks(grid: Grid, most: int = 80) -> Iterator[tuple[int, int]]:
+    """Yield (first group, last group + 1) of pieces of up to `most` scenarios; they depend on the grid alone."""
+    # a small grid is cut finer, so that several workers find work
+    most = min(most, max(len(grid) // 16, 4))
+    start, held = 0, 0
+    for index in range(grid.group_count):
+        size = grid.size(index)
+        if held and held + size > most:
+            yield start, index
+            start, held = index, 0
+        held += size
+    if held:
+        yield start, grid.group_count

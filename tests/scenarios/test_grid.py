@@ -1,0 +1,188 @@
+"""Grids: counts, order, overrides, and one sentence for every grid that cannot be."""
+
+import math
+
+import pytest
+
+from scenarios.cell import SETTINGS, loop_axes, ultimate_gain
+from scenarios.errors import SpecError
+from scenarios.grid import chunks, grid_names, load_grid, make_grid
+from scenarios.spec import Loop
+
+PLAIN = {
+    "title": "one loop",
+    "loop": {
+        "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
+        "controller": {"type": "PI", "Kc": 1, "Ti": 10},
+        "valve": {"model": "choudhury", "S": 5, "J": 2},
+        "sampling": {"Ts": 1, "n": 500},
+    },
+    "axes": {"valve.J": [1, 2, 5], "noise.std": [0.0, 0.1]},
+}
+
+
+def ruled(**changes):
+    block = {
+        "name": "b",
+        "axes": {"Td_over_T": [0.2, 1.0], "S_over_2J": [0.5, math.inf], "noise_ratio": [0.0], "disturbance": ["none", "sine"]},
+        "draw": {"K": [0.5, 2], "T": [5, 50], "S": 5, "samples_per_period": 40, "periods": 20},
+        "member": [{"name": "sticky", "valve": "choudhury"}, {"name": "healthy", "valve": "ideal"}],
+        **changes,
+    }
+    return {"title": "t", "disturbances": {"sine": {"type": "sine", "amplitude": 1, "period": [0.5, 2]}}, "block": [block]}
+
+
+@pytest.mark.parametrize("name", ["smoke", "table-11-3", "chapter", "ci"])
+def test_every_grid_has_the_count_it_promises(name):
+    grid = load_grid(name)
+    assert len(grid) == grid.content.expected == sum(grid.size(i) for i in range(grid.group_count))
+    assert grid.title
+    assert grid.source
+
+
+def test_ci_is_large_enough():
+    assert len(load_grid("ci")) >= 2000
+
+
+def test_table_11_3_has_all_eight_cells():
+    blocks = load_grid("table-11-3").content.block
+    cells = {(b.process, b.controller, math.inf in b.axes["S_over_2J"]) for b in blocks}
+    assert len(cells) == 8
+
+
+def test_the_chapter_grid_has_every_kind_of_healthy_loop():
+    grid = load_grid("chapter")
+    healthy = [d.tags for g in grid.groups(0, grid.cells) for d in g.drafts if d.tags["valve"] == "ideal"]
+    assert {t["disturbance"] for t in healthy} == {"none", "sine", "propagated", "steps", "random_walk"}
+    assert {"aggressive", "saturating"} <= {t["tuning"] for t in healthy}
+    assert {(t["process"], t["controller"]) for t in healthy} >= {("foptd", "PI"), ("integrating", "PI"), ("integrating", "P")}
+
+
+def test_groups_are_the_product_of_the_axes_with_the_last_axis_running_fastest():
+    grid = make_grid(ruled())
+    seen = [(d.tags["Td_over_T"], g.drafts[0].tags["S_over_2J"], d.tags["disturbance"]) for g in grid.groups() for d in g.drafts[:1]]
+    assert seen == [(r, s, d) for r in (0.2, 1.0) for s in (0.5, math.inf) for d in ("none", "sine")]
+
+
+def test_siblings_share_plant_sampling_set_point_and_seed():
+    for group in make_grid(ruled()).groups():
+        sticky, healthy = (d.loop for d in group.drafts)
+        assert (sticky.plant, sticky.sampling, sticky.setpoint) == (healthy.plant, healthy.sampling, healthy.setpoint)
+        assert group.twin.plant == sticky.plant
+
+
+def test_cells_that_differ_in_the_disturbance_alone_share_their_draws():
+    calm, driven = make_grid(ruled()).groups(0, 2)
+    assert calm.twin == driven.twin
+    assert calm.rules == driven.rules
+    assert calm.seed != driven.seed
+
+
+def test_more_repeats_only_append():
+    once, twice = make_grid(ruled()), make_grid(ruled(), sets={"repeats": 2})
+    assert len(twice) == 2 * len(once)
+    assert all(once.group(i) == twice.group(i) for i in range(once.group_count))
+    assert twice.group(once.group_count) != once.group(0)
+
+
+def test_another_seed_gives_another_plant():
+    assert make_grid(ruled(), sets={"seed": 1}).group(0).twin != make_grid(ruled()).group(0).twin
+
+
+def test_infinity_means_dead_band_and_zero_none():
+    group = make_grid(ruled()).group(2)
+    assert [d.loop.valve.name for d in group.drafts] == ["deadband", "ideal"]
+    assert [d.tags["S_over_2J"] for d in group.drafts] == [math.inf, 0.0]
+
+
+def test_an_axis_can_be_replaced_and_fixed_from_outside():
+    grid = make_grid(ruled(), sets={"noise_ratio": 0.3}, axes={"Td_over_T": [0.5]})
+    assert {d.tags["Td_over_T"] for g in grid.groups() for d in g.drafts} == {0.5}
+    assert {g.rules.noise_ratio for g in grid.groups()} == {0.3}
+    assert len(grid) == len(make_grid(ruled())) // 2
+
+
+def test_a_dotted_key_is_set_in_every_loop_that_has_it():
+    grid = make_grid(ruled(), sets={"valve.S": 3.0, "controller.Kc": 0.5})
+    for group in grid.groups():
+        assert group.twin.valve.parameters["S"] == 3.0
+        assert {d.loop.controller.Kc for d in group.drafts} == {0.5}
+
+
+def test_a_whole_loop_with_dotted_axes_is_a_grid_too():
+    grid = make_grid(PLAIN)
+    loops = [g.drafts[0].loop for g in grid.groups()]
+    assert [(x.valve.parameters["J"], x.noise.std) for x in loops] == [(j, s) for j in (1, 2, 5) for s in (0.0, 0.1)]
+    assert grid.group(0).drafts[0].tags["S_over_2J"] == 2.5
+
+
+def test_the_hash_follows_what_is_simulated_and_nothing_else():
+    grid = make_grid(ruled())
+    assert make_grid({**ruled(), "title": "another"}).hash == grid.hash
+    for sets in ({"seed": 4}, {"repeats": 3}, {"noise_ratio": 0.5}, {"controller.Kc": 2.0}):
+        assert make_grid(ruled(), sets=sets).hash != grid.hash
+
+
+def test_chunks_cover_every_group_once_and_hold_50_to_100_scenarios():
+    grid = load_grid("chapter")
+    pieces = list(chunks(grid))
+    assert [start for start, _ in pieces] == [0] + [stop for _, stop in pieces[:-1]]
+    assert pieces[-1][1] == grid.group_count
+    sizes = [sum(grid.size(i) for i in range(*piece)) for piece in pieces]
+    assert min(sizes[:-1]) >= 50
+    assert max(sizes) <= 100
+
+
+@pytest.mark.parametrize(
+    ("table", "sets", "axes", "words"),
+    [
+        (ruled(axes={"Td_over_TT": [1]}), {}, {}, "Td_over_T"),
+        (ruled(member=[{"name": "x", "valv": "ideal"}]), {}, {}, "valve"),
+        (ruled(tuning="slow"), {}, {}, "tuning"),
+        (ruled(member=[{"name": "x", "valve": "ideal", "where": {"S": [1]}}]), {}, {}, "none of its axes"),
+        (ruled(), {"noise_rato": 1}, {}, "noise_ratio"),
+        (ruled(), {"valv.S": 1}, {}, "valv.S"),
+        (ruled(), {}, {"tunin": ["slow"]}, "tuning"),
+        (ruled(), {}, {"tuning": []}, "no value"),
+        ({**ruled(), "expected": 99}, {}, {}, "expected = 99"),
+        ({"title": "neither"}, {}, {}, "either"),
+        (PLAIN, {"repeats": 0}, {}, "repeats"),
+    ],
+)
+def test_a_wrong_grid_is_one_sentence(table, sets, axes, words):
+    with pytest.raises(SpecError, match=words) as error:
+        make_grid(table, "g", sets, axes)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("axes", "words"),
+    [
+        ({"Td_over_T": [1.0], "S_over_2J": [0.0], "noise_ratio": [0]}, "above 0, or inf"),
+        ({"Td_over_T": [1.0], "S_over_2J": [1.0], "disturbance": ["sin"]}, "sine"),
+        ({"Td_over_T": [1.0], "S_over_2J": [1.0], "tuning": ["tihgt"]}, "tight"),
+        ({"Td_over_T": [1.0], "S_over_2J": [1.0], "excitation": ["kick"]}, "excitation"),
+        ({"S_over_2J": [1.0]}, "Td_over_T is needed"),
+    ],
+)
+def test_an_impossible_cell_is_one_sentence(axes, words):
+    with pytest.raises(SpecError, match=words):
+        make_grid(ruled(axes=axes)).group(0)
+
+
+def test_an_unknown_grid_names_the_nearest():
+    with pytest.raises(SpecError, match="chapter"):
+        load_grid("chaptr")
+    assert set(grid_names()) >= {"smoke", "table-11-3", "chapter", "ci"}
+
+
+def test_the_ultimate_gain_of_a_pure_delay_like_plant():
+    assert ultimate_gain(1.0) == pytest.approx(2.2618, abs=1e-3)
+    assert ultimate_gain(100.0) == pytest.approx(1.0, abs=0.01)
+
+
+def test_axes_of_a_whole_loop():
+    loop = Loop.from_table({**PLAIN["loop"], "plant": {"type": "integrating", "K": 0.1, "Td": 2}})
+    assert loop_axes(loop)["Td_over_Ti"] == 0.2
+    assert loop_axes(loop)["Td_over_T"] is None
+    assert set(SETTINGS) >= {"Td_over_T", "Td_over_Ti", "S_over_2J", "noise_ratio", "disturbance", "tuning", "samples_per_period"}
