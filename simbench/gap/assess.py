@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,7 +13,8 @@ from simbench.gap.fit import Engine, Fit, Spec
 from simbench.gap.fixed import effect_parameters
 from simbench.gap.names import EFFECTS, block_of
 
-SURE = 200.0  # nats that stand for evidence needing no statistics
+SURE = 1000.0  # nats that stand for evidence needing no statistics
+HEALTHY = 1.0  # % of travel: dead-band that a healthy valve may have; friction below it is no effect
 SECOND = 12.0  # nats a second effect must bring on top of the first
 LOAD_MEMORY = 0.1  # longest correlation time of an ordinary load, as a share of the record
 
@@ -36,6 +37,7 @@ class Assessment:
     final: Fit
     tests: dict[str, float] = field(default_factory=dict)
     second_gains: dict[str, float] = field(default_factory=dict)
+    stranger: bool = False
 
 
 def assess(situation: Situation) -> Assessment:
@@ -52,36 +54,87 @@ def assess(situation: Situation) -> Assessment:
     engine = Engine(situation.data, max(LOAD_MEMORY * situation.data.n, 20.0))
     base = engine.fit(Spec(), engine.start(), steps=60)
     candidates = fit_candidates(engine, base, possible_effects(situation))
-    gains = {e: float(c.gain) for e, c in candidates.items()}
+    gains = {e: min(float(c.gain), 0.9 * SURE) for e, c in candidates.items()}
     parameters: dict[str, dict[str, float | str]] = {e: effect_parameters(e, c.fit, situation) for e, c in candidates.items() if c.used}
     for effect in EFFECTS:
         gains.setdefault(effect, -10.0)
     for effect, p in situation.hard.items():
         gains[effect] = SURE
         parameters[effect] = p
+    stranger = False
     if situation.record.mv is not None:
-        _valve_by_mv(situation, gains, parameters)
+        stranger = _valve_by_mv(situation, gains, parameters)
+    for effect in ("stiction", "deadband"):
+        if effect in candidates and gains[effect] > 0:
+            gains[effect] *= beyond_healthy(candidates[effect].fit.theta["S"])
+    _spikes_by_innovations(situation, base, gains, parameters)
     if "quantisation" in situation.hard or "compression" in situation.hard:
         gains["noise"] = min(gains["noise"], 0.0)
-    chosen = [e for e in sorted(situation.hard, key=lambda e: -gains[e])][:2]
-    free = [e for e in gains if e in candidates and block_of(e) not in {block_of(c) for c in chosen}]
-    best = max(free, key=lambda e: gains[e], default=None)
+    chosen = sorted(situation.hard, key=lambda e: -gains[e])[:2]
+    order = sorted((e for e in gains if e not in situation.hard), key=lambda e: -gains[e])
     final, second_gains = base, {}
-    if best is not None and gains[best] > (0.0 if not chosen else SECOND):
-        final = candidates[best].fit
-        if len(chosen) < 2:
+    if len(chosen) < 2:
+        best = next((e for e in order if block_of(e) not in {block_of(c) for c in chosen}), None)
+        if best is not None and gains[best] > (0.0 if not chosen else SECOND):
             chosen.append(best)
-        if len(chosen) < 2:
-            others = [e for e in free if block_of(e) != block_of(best) and gains[e] > -5.0]
-            second = fit_candidates(engine, final, others)
-            second_gains = {e: float(c.gain) for e, c in second.items()}
-            runner = max(second_gains, key=lambda e: second_gains[e], default=None)
-            if runner is not None and second_gains[runner] > SECOND:
-                chosen.append(runner)
-                final = second[runner].fit
+            final = candidates[best].fit if best in candidates else base
+    if len(chosen) < 2:
+        taken = {block_of(c) for c in chosen}
+        others = [e for e in order if block_of(e) not in taken and e in candidates and gains[e] > -5.0]
+        second_gains = {e: float(c.gain) for e, c in fit_second(situation, engine, final, others, parameters).items()}
+        # what the engine does not see stands by itself
+        second_gains |= {e: gains[e] for e in order if e not in candidates and block_of(e) not in taken}
+        runner = max(second_gains, key=lambda e: second_gains[e], default=None)
+        if chosen and runner is not None and second_gains[runner] > SECOND:
+            chosen.append(runner)
+            if runner in candidates:
+                second = fit_candidates(engine, final, [runner])[runner]
+                final = second.fit
                 parameters[runner] = effect_parameters(runner, final, situation)
     tests = residual_tests(final, situation)
-    return Assessment(situation, base, candidates, gains, parameters, chosen, final, tests, second_gains)
+    return Assessment(situation, base, candidates, gains, parameters, chosen, final, tests, second_gains, stranger)
+
+
+def beyond_healthy(S: float) -> float:
+    """Return how far a band exceeds what a healthy valve may have, from 0 to 1."""
+    return float(np.clip((S - HEALTHY) / (0.5 * HEALTHY), 0.0, 1.0))
+
+
+def fit_second(
+    situation: Situation, engine: Engine, first: Fit, others: list[str], parameters: dict[str, dict[str, float | str]]
+) -> dict[str, Candidate]:
+    """Fit further effects on top of the first, friction within a healthy valve's allowance discounted."""
+    found = fit_candidates(engine, first, others)
+    for effect in {"stiction", "deadband"} & set(found):
+        c = found[effect]
+        if c.gain > 0:
+            found[effect] = replace(c, gain=c.gain * beyond_healthy(c.fit.theta["S"]))
+    return found
+
+
+def _spikes_by_innovations(
+    situation: Situation, base: Fit, gains: dict[str, float], parameters: dict[str, dict[str, float | str]]
+) -> None:
+    """Score outliers by single innovations that no Gaussian gives, where the samples themselves were not conclusive."""
+    if "outliers" in situation.hard:
+        return
+    x = np.asarray(base.residual)[kernels.SKIP :]
+    scale = 1.4826 * float(np.median(np.abs(x))) or 1.0
+    z = np.abs(x) / scale
+    far = np.flatnonzero(z > 4.0)
+    # a spike leaves one large innovation; a step or a slip leaves several of one sign
+    alone = [k for k in far if z[max(k - 2, 0) : k].max(initial=0) < 0.7 * z[k] and z[k + 1 : k + 3].max(initial=0) < 0.7 * z[k]]
+    if len(alone) < 3 or len(alone) < 0.6 * len(far):
+        gains["outliers"] = min(gains["outliers"], -3.0)
+        return
+    heights = z[alone] * scale
+    rate = len(alone) / x.size
+    wide = float(np.std(heights)) + float(np.mean(heights))
+    mixture = np.log((1 - rate) * np.exp(-0.5 * (x / scale) ** 2) / scale + rate * np.exp(-0.5 * (x / wide) ** 2) / wide)
+    plain = -0.5 * (x / float(np.std(x))) ** 2 - np.log(float(np.std(x)))
+    gains["outliers"] = float(np.sum(mixture - plain)) - size_penalty(x.size, 2.0)
+    noise = base.theta["noise"]
+    parameters["outliers"] = {"rate": rate, "size": float(np.mean(heights)) * noise, "at": "loop" if situation.law.known else "record"}
 
 
 def possible_effects(situation: Situation) -> list[str]:
@@ -96,12 +149,19 @@ def possible_effects(situation: Situation) -> list[str]:
     return [e for e in ENGINE if e not in skip]
 
 
-def _valve_by_mv(situation: Situation, gains: dict[str, float], parameters: dict[str, dict[str, float | str]]) -> None:
-    """Score the valve's effects by MV given OP alone."""
-    for effect, (gain, p) in valve_against_mv(situation.op, np.asarray(situation.record.mv), situation.record.Ts).items():
-        gains[effect] = gain
-        if p:
-            parameters[effect] = p
+def _valve_by_mv(situation: Situation, gains: dict[str, float], parameters: dict[str, dict[str, float | str]]) -> bool:
+    """Score the valve's effects by MV given OP alone; return whether MV strays from OP in a way that no map explains."""
+    op, mv = situation.op, np.asarray(situation.record.mv)
+    scored = valve_against_mv(op, mv, situation.record.Ts)
+    for effect, (gain, p) in scored.items():
+        gains[effect] = min(gain, 0.9 * SURE + 0.01 * gain)
+        if effect in ("stiction", "deadband") and gain > 0:
+            gains[effect] *= beyond_healthy(float(p["S"]))
+        parameters[effect] = p
+    best = max(gain for gain, _ in scored.values())
+    healthy = float(np.exp(_healthy_level(op, mv) / op.size))
+    left = healthy * float(np.exp(-max(best, 0.0) / op.size))
+    return left > 0.85 * healthy and left > max(0.3, 0.05 * float(np.std(op)))
 
 
 def valve_against_mv(op: np.ndarray, mv: np.ndarray, Ts: float) -> dict[str, tuple[float, dict[str, float | str]]]:
@@ -125,13 +185,13 @@ def valve_against_mv(op: np.ndarray, mv: np.ndarray, Ts: float) -> dict[str, tup
     def level(v: np.ndarray) -> float:
         return 0.5 * n * np.log(float(np.mean((mv - v) ** 2)) + fine)
 
-    ideal = level(np.clip(op, 0.0, 100.0))
+    ideal = _healthy_level(op, mv)
     sizes = np.geomspace(0.02 * span, 1.5 * span, 40)
     out: dict[str, tuple[float, dict[str, float | str]]] = {}
 
     def best(trials: list[tuple[float, dict[str, float | str]]], count: float) -> tuple[float, dict[str, float | str]]:
         value, p = min(trials, key=lambda t: t[0])
-        return float(np.clip(ideal - value - size_penalty(n, count), -20.0, SURE)), p
+        return max(float(ideal - value - size_penalty(n, count)), -20.0), p
 
     def maps(kind: int, p0: float, p1: float) -> np.ndarray:
         first = mv[0] - op[0] if kind in (kernels.PLAY, kernels.STICK, kernels.CREEP) else 0.0
@@ -162,6 +222,14 @@ def valve_against_mv(op: np.ndarray, mv: np.ndarray, Ts: float) -> dict[str, tup
     lags = [(level(_lagged(op, tau)), {"tau": float(tau * Ts)}) for tau in np.geomspace(0.2, n / 10, 120)]
     out["valve_lag"] = best(lags, 1.0)
     return out
+
+
+def _healthy_level(op: np.ndarray, mv: np.ndarray) -> float:
+    """Return n log(rms of MV less its model) for a valve without effect: ideal, or with a healthy valve's play."""
+    fine = (1e-3 * (float(np.ptp(op)) or 1.0)) ** 2
+    tries = [np.clip(op, 0.0, 100.0)]
+    tries += [kernels.valve(op, kernels.PLAY, s, mv[0] - op[0], 0.0) for s in np.linspace(0.05, 1.0, 20) * HEALTHY]
+    return min(0.5 * op.size * float(np.log(np.mean((mv - v) ** 2) + fine)) for v in tries)
 
 
 def _lagged(op: np.ndarray, tau: float) -> np.ndarray:

@@ -10,7 +10,8 @@ import numpy as np
 from simbench.gap import innovations as kernels
 from simbench.gap.fit import Data, Engine, Fit, Spec, with_start
 
-SMOOTH = ("load_time", "load", "noise")
+SMOOTH = ("load_time", "load", "noise", "colour")
+HOPELESS = 4.0  # nats below the base from which a grid's best point is not worth refining
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +70,7 @@ def pole(kind: str) -> Callable[[Engine, Fit], tuple[Fit, float]]:
         scale = engine.data.T or 3.0 * engine.data.Td + 3.0
         lags = np.geomspace(0.3, 2.0 * scale, 7)
         best = engine.grid(spec, base.theta, [{"lag": float(x)} for x in lags])
-        return engine.fit(spec, best.theta), 1.0
+        return (engine.fit(spec, best.theta) if promising(best, base) else best), 1.0
 
     return run
 
@@ -79,7 +80,7 @@ def deadband(engine: Engine, base: Fit) -> tuple[Fit, float]:
     spec = base.spec.join(Spec(valve=kernels.PLAY))
     sizes = band_sizes(engine.data)
     best = engine.grid(spec, base.theta, [{"S": s} for s in sizes])
-    return refine(engine, best, ("S",)), 1.0
+    return (refine(engine, best, ("S",)) if promising(best, base) else best), 1.0
 
 
 def deadzone(engine: Engine, base: Fit) -> tuple[Fit, float]:
@@ -89,7 +90,7 @@ def deadzone(engine: Engine, base: Fit) -> tuple[Fit, float]:
     centres = np.quantile(u, [0.1, 0.3, 0.5, 0.7, 0.9])
     points = [{"D": s, "c": float(c)} for s in band_sizes(engine.data)[1::2] for c in centres]
     best = engine.grid(spec, base.theta, points)
-    return refine(engine, best, ("D", "c", "D")), 2.0
+    return (refine(engine, best, ("D", "c", "D")) if promising(best, base) else best), 2.0
 
 
 def valve_characteristic(engine: Engine, base: Fit) -> tuple[Fit, float]:
@@ -107,12 +108,17 @@ def stiction(engine: Engine, base: Fit) -> tuple[Fit, float]:
         spec = base.spec.join(Spec(valve=model))
         points = [{"S": s, "J": s * share} for s in sizes for share in (0.1, 0.3, 0.6, 1.0)]
         best = engine.grid(spec, base.theta, points)
-        if best.loglik > base.loglik - 20.0:
+        if promising(best, base):
             fits.append(best)
     if not fits:
         return best, 2.5
     best = refine(engine, max(fits, key=lambda f: f.loglik), ("S", "J", "S", "J"))
     return best, 2.5
+
+
+def promising(fit: Fit, base: Fit) -> bool:
+    """Return whether a grid's best point may still beat the base."""
+    return fit.loglik > base.loglik - HOPELESS
 
 
 def band_sizes(data: Data) -> list[float]:
@@ -170,22 +176,24 @@ def oscillation(engine: Engine, base: Fit) -> tuple[Fit, float]:
     return fit, 2.0 + 2.0
 
 
-def load_ramp(engine: Engine, base: Fit) -> tuple[Fit, float]:
-    """Let the load be slow: a walk without end, with a ramp on top."""
-    spec = base.spec.join(Spec(slow_load=True, channels=_load_shapes(engine, base, 1)))
-    longer = {**base.theta, "load_time": 3.0 * engine.data.n, "load": base.theta["load"] * 2.0}
-    fits = [engine.fit(spec, longer), engine.fit(spec, base.theta)]
-    return max(fits, key=lambda f: f.loglik), 2.0
+def load_drift(engine: Engine, base: Fit) -> tuple[Fit, float]:
+    """Let the load walk without end beside its ordinary self, with a ramp on top."""
+    d = engine.data
+    ramp = kernels.plant(np.linspace(0.0, 1.0, d.n), base.theta["T"] if d.T > 0 else 0.0, 0.0, 0.0)
+    spec = base.spec.join(Spec(load_walk=True, channels=(ramp,)))
+    size = float(np.std(d.y)) if d.T > 0 else float(np.std(np.diff(d.y)))
+    best = engine.grid(spec, base.theta, [{"load_walk": size * f / np.sqrt(d.n)} for f in (1e-3, 0.03, 0.3, 1.0)])
+    return engine.fit(spec, best.theta), 2.0
 
 
 def drift(engine: Engine, base: Fit) -> tuple[Fit, float]:
     """Let the measurement walk, with a ramp on top."""
     n = engine.data.n
-    ramp = np.arange(n) / n
-    spec = base.spec.join(Spec(walk=True, channels=(ramp,) if engine.data.T > 0 else (np.ones(n),)))
+    ramp = np.linspace(0.0, 1.0, n)
+    spec = base.spec.join(Spec(walk=True, channels=(ramp,) if engine.data.T > 0 else ()))
     size = float(np.std(engine.data.y)) / np.sqrt(n)
-    best = engine.grid(spec, base.theta, [{"walk": size * f} for f in (0.1, 0.5, 2.0)])
-    return engine.fit(spec, best.theta), 2.0
+    best = engine.grid(spec, base.theta, [{"walk": size * f} for f in (0.01, 0.1, 0.5, 2.0)])
+    return engine.fit(spec, best.theta), 2.0 if engine.data.T > 0 else 1.0
 
 
 def load_steps(engine: Engine, base: Fit) -> tuple[Fit, float]:
@@ -199,7 +207,7 @@ def load_steps(engine: Engine, base: Fit) -> tuple[Fit, float]:
         response = _step_response(fit, d)
         white = kernels.whiten(
             np.vstack([response, response]), fit.theta["T"] if d.T > 0 else 0.0, 0.0, fit.theta["load_time"], fit.theta["load"],
-            0.0, fit.theta["noise"], engine.spread,
+            0.0, 0.0, fit.theta["noise"], fit.theta["colour"], engine.spread,
         )[0][0]  # fmt: skip
         residual = np.asarray(fit.residual).copy()
         residual[: kernels.SKIP] = 0.0
@@ -237,12 +245,6 @@ def _step_response(fit: Fit, d: Data) -> np.ndarray:
     return np.append(g[1:], g[-1])
 
 
-def _load_shapes(engine: Engine, base: Fit, order: int) -> tuple[np.ndarray, ...]:
-    d = engine.data
-    x = np.linspace(0.0, 1.0, d.n)
-    return tuple(kernels.plant(x ** (i + 1), base.theta["T"] if d.T > 0 else 0.0, 0.0, 0.0) for i in range(order))
-
-
 ENGINE: dict[str, Callable[[Engine, Fit], tuple[Fit, float]]] = {
     "stiction": stiction,
     "deadband": deadband,
@@ -258,7 +260,7 @@ ENGINE: dict[str, Callable[[Engine, Fit], tuple[Fit, float]]] = {
     "drift": drift,
     "oscillation": oscillation,
     "load_steps": load_steps,
-    "load_drift": load_ramp,
+    "load_drift": load_drift,
 }
 
 

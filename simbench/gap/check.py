@@ -83,7 +83,7 @@ def check(record: LoopRecord, baseline: Loop, trusted: bool = True) -> Situation
     law = examine_law(op, record.pv, sp, record.Ts, control.sign * control.Kc, control.Ti, trusted)
     if trusted:
         _refuse_other_loop(law, control.sign * control.Kc, where)
-    samples = inspect_samples(record.pv)
+    samples = inspect_samples(record.pv, record.op)
     hard, plant_pv, more = _without_doubt(record, law, samples, baseline.noise.std)
     notes += more
     integrating = plant.type == "integrating"
@@ -97,6 +97,7 @@ def check(record: LoopRecord, baseline: Loop, trusted: bool = True) -> Situation
         noise=baseline.noise.std if trusted else 0.0,
         resolution=_rounding(hard, samples),
         trusted=trusted,
+        late=law.lag,
     )
     frozen = samples.held > max(20, 0.02 * record.n) and "quantisation" not in hard and "compression" not in hard
     setpoint = np.full(record.n, record.pv.mean()) if sp is None else np.asarray(sp)
@@ -137,7 +138,7 @@ def _refuse_units(mv: np.ndarray, op: np.ndarray, where: str) -> None:
 
 
 def _refuse_other_loop(law: Law, Kc: float, where: str) -> None:
-    if law.residual < 0.03 and not law.reason:
+    if law.known and law.residual < 0.03 and np.isfinite(law.Kc) and law.Kc != 0.0 and "error_deadband" not in law.found:
         ratio = law.Kc / Kc
         if ratio < 1.0 / OTHER_LOOP or ratio > OTHER_LOOP:
             raise RecordError(
@@ -164,7 +165,7 @@ def _without_doubt(
         if apart:
             pv = seen
     elif samples.straight > 0.25:
-        size = float(np.abs(record.pv - seen).max()) if seen is not None else 0.0
+        size = float(np.quantile(np.abs(record.pv - seen), 0.98)) if seen is not None else 0.0
         hard["compression"] = {"band": size or 0.5 * float(np.std(np.diff(record.pv)))}
         if apart:
             pv = seen
@@ -173,7 +174,7 @@ def _without_doubt(
         if apart:
             pv = seen
     spikes, heights, place = samples.spikes, samples.heights, "loop"
-    if seen is not None:
+    if seen is not None and not law.foreign:
         off = record.pv - seen
         only, sizes = isolated(off, 0.0)
         # where the law is exact everywhere else, what is left of PV is the spikes alone

@@ -34,6 +34,8 @@ class Data:
         Stated noise std (PV units), 0 = none stated.
     resolution : float
         Smallest step PV is written in; bounds the noise from below.
+    late : int
+        Samples by which OP answers PV late in the archive.
     trusted : bool
         False: K, T, Td are mere starting values, free in every candidate.
     """
@@ -46,6 +48,7 @@ class Data:
     noise: float
     resolution: float = 0.0
     trusted: bool = True
+    late: int = 0
 
     @property
     def n(self) -> int:
@@ -66,7 +69,7 @@ class Spec:
     valve: int = kernels.IDEAL
     pole: str = ""
     walk: bool = False
-    slow_load: bool = False
+    load_walk: bool = False
     channels: tuple[np.ndarray, ...] = ()
     start: float = 0.0
 
@@ -77,7 +80,7 @@ class Spec:
             other.valve or self.valve,
             other.pole or self.pole,
             self.walk or other.walk,
-            self.slow_load or other.slow_load,
+            self.load_walk or other.load_walk,
             self.channels + other.channels,
             other.start or self.start,
         )
@@ -88,7 +91,8 @@ class Spec:
         own = {kernels.PLAY: ("S",), kernels.ZONE: ("D", "c"), kernels.CURVE: ("R",)}.get(self.valve, ())
         if self.valve in (kernels.STICK, kernels.CREEP):
             own = ("S", "J")
-        return ("T", "Td", "load_time", "load", "noise", *own, *(("lag",) if self.pole else ()), *(("walk",) if self.walk else ()))
+        more = (("lag", self.pole), ("walk", self.walk), ("load_walk", self.load_walk))
+        return (*NUISANCES, *own, *(name for name, on in more if on))
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +115,9 @@ class Fit:
         return float(self.beta[0])
 
 
-LOGS = {"T", "load_time", "load", "noise", "R", "lag", "walk"}
+NUISANCES = ("T", "Td", "load_time", "load", "noise", "colour")
+LOGS = {"T", "load_time", "load", "noise", "R", "lag", "walk", "load_walk"}
+COLOURED = 0.25  # std of the prior on the noise's correlation from sample to sample
 
 
 class Engine:
@@ -134,7 +140,7 @@ class Engine:
         rough = float(np.std(np.diff(d.y, 2))) / np.sqrt(6.0)
         noise = d.noise if d.noise > 0 else max(rough, d.floor)
         load = max(float(np.std(d.y)), noise) if d.T > 0 else max(float(np.std(np.diff(d.y))), 0.1 * noise)
-        return {"T": d.T, "Td": d.Td, "load_time": 0.3 * self.longest_load, "load": 0.5 * load, "noise": max(noise, d.floor)}
+        return {"T": d.T, "Td": d.Td, "load_time": 0.3 * self.longest_load, "load": 0.5 * load, "noise": max(noise, d.floor), "colour": 0.1}
 
     def bounds(self, spec: Spec, name: str) -> tuple[float, float]:
         """Return the search interval of one parameter."""
@@ -145,14 +151,16 @@ class Engine:
             wide = 20.0 if "T" in spec.free or not d.trusted else 1.25
             return d.T / wide, d.T * wide
         if name == "Td":
-            wide = 5.0 + max(3.0 * d.Td, 2.0 * d.T) if "Td" in spec.free or not d.trusted else 0.25 * d.Td + 0.5
+            wide = 5.0 + max(3.0 * d.Td, 2.0 * d.T) if "Td" in spec.free or not d.trusted else 0.25 * d.Td + 0.5 + d.late
             return max(d.Td - wide, 0.0), min(d.Td + wide, d.n / 4)
         if name == "load_time":
-            return 0.3, (10.0 * d.n if spec.slow_load else self.longest_load)
+            return 0.3, self.longest_load
         if name == "noise":
             return d.floor, 10.0 * size
         if name == "load":
-            return 1e-4 * size, 100.0 * size
+            return 1e-3 * d.floor if d.T > 0 else 1e-8 * size, 100.0 * size
+        if name == "colour":
+            return 0.0, 0.8
         if name in ("S", "D"):
             return 0.0, 2.0 * span if name == "D" else 1.5 * span
         if name == "J":
@@ -163,7 +171,7 @@ class Engine:
             return 0.01, 100.0
         if name == "lag":
             return 0.05, d.n / 5
-        return 1e-6 * size, size  # walk
+        return 1e-8 * size, size  # walk, load_walk
 
     def evaluate(self, spec: Spec, theta: Mapping[str, float]) -> tuple[float, np.ndarray, np.ndarray]:
         """Return penalised log-likelihood, linear coefficients and standardised innovations."""
@@ -184,7 +192,8 @@ class Engine:
         channels = np.vstack([y - d.y[0], g, *self.base_channels, begin, *spec.channels])
         white, log_var = kernels.whiten(
             channels, T, lag if spec.pole == "extra" else 0.0, theta["load_time"], theta["load"],
-            theta["walk"] if spec.walk else 0.0, theta["noise"], self.spread,
+            theta["load_walk"] if spec.load_walk else 0.0, theta["walk"] if spec.walk else 0.0, theta["noise"], theta["colour"],
+            self.spread,
         )  # fmt: skip
         used = white[:, kernels.SKIP :]
         N = used @ used.T
@@ -209,12 +218,13 @@ class Engine:
 
     def _penalty(self, spec: Spec, theta: Mapping[str, float]) -> float:
         d = self.data
-        total = 0.0
+        total = 0.5 * (theta["colour"] / COLOURED) ** 2
         if d.trusted:
             if d.T > 0 and "T" not in spec.free:
                 total += _box(np.log(theta["T"] / d.T), np.log1p(NOMINAL), EDGE)
             if "Td" not in spec.free:
-                total += _box(theta["Td"] - d.Td, NOMINAL * d.Td + 0.05, EDGE * d.Td + 0.03)
+                # an archive that lags by a sample hides one sample of dead time
+                total += _box(theta["Td"] - d.Td + d.late / 2, NOMINAL * d.Td + d.late / 2 + 0.05, EDGE * d.Td + 0.03)
         if d.noise > 0 and "noise" not in spec.free:
             # what rounding adds to the stated noise is no effect
             stated = np.hypot(d.noise, d.resolution / np.sqrt(12.0))
@@ -237,7 +247,7 @@ class Engine:
         x0 = np.array([np.log(theta[m]) if m in LOGS else theta[m] for m in names])
         best = minimize(
             lambda x: -self.evaluate(spec, unpack(x))[0], x0, method="L-BFGS-B", bounds=box,
-            options={"maxiter": steps, "eps": 1e-4, "ftol": 1e-8, "maxfun": 400},
+            options={"maxiter": steps, "eps": 1e-4, "ftol": 3e-6, "maxfun": 400},
         )  # fmt: skip
         return self.at(spec, unpack(best.x))
 

@@ -50,11 +50,10 @@ def effect_parameters(effect: str, fit: Fit, situation: Situation) -> dict[str, 
     linear = fit.beta[LOAD_FIRST:]
     if effect == "drift":
         rate = linear[-1] / (n * Ts) if d.T > 0 else 0.0
-        return {"rate": float(rate), "walk": th["walk"] / np.sqrt(Ts)}
+        return {"rate": float(rate), "walk": float(th["walk"] / np.sqrt(Ts))}
     gain = abs(fit.K)
     if effect == "load_drift":
-        walk = th["load"] * np.sqrt(2.0 / th["load_time"]) / gain if th["load_time"] > 0.3 * n else 0.0
-        return {"rate": float(linear[-1] / fit.K / (n * Ts)), "walk": float(walk / np.sqrt(Ts))}
+        return {"rate": float(linear[-1] / fit.K / (n * Ts)), "walk": float(th["load_walk"] / gain / np.sqrt(Ts))}
     if effect == "load_steps":
         count = int(th["steps"])
         times = [int(np.argmax(c != 0.0)) for c in fit.spec.channels[-count:]]
@@ -113,9 +112,7 @@ def fixed_loop(
     source = load or fit
     K = abs(table["plant"]["K"]) * (Ts if situation.integrating else 1.0)
     amplitude = source.theta["load"] / K
-    table["disturbance"] = []
-    if "load_drift" not in effects or source.theta["load_time"] < 0.3 * n:
-        table["disturbance"].append({"type": "coloured", "amplitude": amplitude, "period": source.theta["load_time"] * Ts})
+    table["disturbance"] = [{"type": "coloured", "amplitude": amplitude, "period": source.theta["load_time"] * Ts}]
     u_rest, v_rest = _rest(situation, fit)
     table["operating_point"] = {"op0": u_rest, "pv0": float(sp[0])}
     if abs(u_rest - v_rest) > 1e-6 and fit.spec.valve in (kernels.ZONE, kernels.CURVE) and any(

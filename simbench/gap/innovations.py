@@ -106,31 +106,42 @@ def plant(v, T, Td, lag):
 
 
 @njit(cache=True)
-def whiten(channels, T, lag, load_time, load, walk, noise, spread):
+def whiten(channels, T, lag, load_time, load, load_walk, walk, noise, colour, spread):
     """Return innovations over their standard deviation (m, n) of all channels, and the sum of log variances.
 
-    The stochastic part of PV is a load, AR(1) with time constant `load_time` and steady effect `load` (std, PV units), through
-    the plant's pole (and `lag`), a random walk of `walk` per sample on PV, and white noise. One steady-state gain serves all
-    channels. `spread` is the std of PV's unknown start.
+    The stochastic part of PV is a load, AR(1) with time constant `load_time` and steady effect `load` (std, PV units), plus a
+    random walk of `load_walk` per sample, both through the plant's pole (and `lag`); a random walk of `walk` per sample on PV
+    itself; and noise of std `noise` whose successive samples correlate by `colour`. One steady-state gain serves all channels.
+    `spread` is the std of PV's unknown start.
     """
     m, n = channels.shape
-    s = 2 + (1 if lag > 1e-3 else 0) + (1 if walk > 0.0 else 0)
+    has_lag, has_load_walk, has_walk, coloured = lag > 1e-3, load_walk > 0.0, walk > 0.0, colour > 0.01
+    s = 2 + has_lag + has_load_walk + has_walk + coloured
     F, Q, P, h = np.zeros((s, s)), np.zeros((s, s)), np.zeros((s, s)), np.zeros(s)
     phi = math.exp(-1.0 / load_time)
     a = math.exp(-1.0 / T) if T > 0.0 else 1.0
-    F[0, 0], F[1, 1], F[1, 0] = phi, a, (1.0 - a if T > 0.0 else 1.0)
+    enters = 1.0 - a if T > 0.0 else 1.0
+    F[0, 0], F[1, 1], F[1, 0] = phi, a, enters
     Q[0, 0] = load * load * (1.0 - phi * phi)
     P[0, 0], P[1, 1] = load * load, spread * spread
-    seen = 1
-    if lag > 1e-3:
-        seen = 2
+    seen, top = 1, 2
+    if has_lag:
+        seen = top
         b = math.exp(-1.0 / lag)
-        F[2, 2], F[2, 1] = b, 1.0 - b
-        P[2, 2] = spread * spread
+        F[top, top], F[top, 1] = b, 1.0 - b
+        P[top, top] = spread * spread
+        top += 1
     h[seen] = 1.0
-    if walk > 0.0:
-        F[s - 1, s - 1], Q[s - 1, s - 1], h[s - 1] = 1.0, walk * walk, 1.0
+    if has_load_walk:
+        F[top, top], F[1, top], Q[top, top] = 1.0, enters, load_walk * load_walk
+        top += 1
+    if has_walk:
+        F[top, top], Q[top, top], h[top] = 1.0, walk * walk, 1.0
+        top += 1
     r = noise * noise
+    if coloured:
+        F[top, top], Q[top, top], P[top, top], h[top] = colour, r * (1.0 - colour * colour), r, 1.0
+        r = 1e-6 * r
     out = np.empty((m, n))
     x, x_new = np.zeros((m, s)), np.zeros(s)
     gain, Ph, FP, P_new = np.zeros(s), np.zeros(s), np.zeros((s, s)), np.zeros((s, s))

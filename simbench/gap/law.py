@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.signal import lfilter
 
-from simbench.gap.samples import isolated, lattice, resolution
+from simbench.gap.samples import lattice, written_unit
 
 EXACT = 0.03  # residual of dOP, relative to dOP, below which the law is taken as known
 RETUNED = 0.13  # |ln ratio| of Kc or Ti from which the tuning is another one
@@ -19,7 +20,8 @@ class Law:
 
     `residual` is the robust size of what the best law leaves of dOP, relative to dOP; `found` maps effects to their parameters
     and `doubt` effects to a weight below 1 where the evidence is soft. `seen` is the PV the controller must have seen (None when it
-    cannot be recovered), `reason` says why the block cannot be judged, `foreign` why it is no PI at all.
+    cannot be recovered), `reason` says why the block cannot be judged, `foreign` why it is no PI at all, `lag` by how many samples OP answers late,
+    `strays` the samples that an otherwise exact law does not explain.
     """
 
     residual: float
@@ -31,6 +33,13 @@ class Law:
     seen: np.ndarray | None = None
     reason: str = ""
     foreign: str = ""
+    lag: int = 0
+    strays: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
+
+    @property
+    def known(self) -> bool:
+        """Whether a PI law turns the recorded error into OP."""
+        return not (self.reason or self.foreign)
 
 
 def examine_law(
@@ -57,9 +66,30 @@ def examine_law(
     -------
     Law
     """
+    law = _examine(op, pv, sp, Ts, Kc, Ti, trusted)
+    if law.known:
+        return law
+    # an archive that stores PV before, or OP after, the controller ran
+    late = np.append(pv[0], pv[:-1])
+    tries = [law]
+    for sp_late in (sp,) if sp is None else (sp, np.append(sp[0], sp[:-1])):
+        other = _examine(op, late, sp_late, Ts, Kc, Ti, trusted)
+        seen = None if other.seen is None else np.append(other.seen[1:], pv[-1])
+        tries.append(replace(other, seen=seen, lag=1))
+    known = [t for t in tries if t.known]
+    if known:
+        return min(known, key=lambda t: t.strays.size)
+    # no law is exact: the archive's PV then lies nearest to the PV recovered under the right alignment
+    recovered = [t for t in tries if t.seen is not None]
+    return min(recovered, key=lambda t: float(np.std(pv - t.seen))) if recovered else law
+
+
+def _examine(
+    op: np.ndarray, pv: np.ndarray, sp: np.ndarray | None, Ts: float, Kc: float, Ti: float | None, trusted: bool
+) -> Law:
     e = (pv.mean() if sp is None else sp) - pv
     Ki = Kc * Ts / Ti if Ti else 0.0
-    unit = resolution(op)
+    unit = written_unit(op, pv)
     step = lattice(op, unit)
     found: dict[str, dict[str, float]] = {}
     doubt: dict[str, float] = {}
@@ -68,14 +98,14 @@ def examine_law(
     if size == 0.0:
         size = float(np.std(du)) or 1.0
     lo, hi = float(op.min()), float(op.max())
-    limit = _limits(op, e, Kc, Ki, step, unit)
+    limit = _limits(op, e, Kc, Ki, step, unit, Ti is None)
     found_limits = {k: v for k, v in limit.items() if (k == "hi" and v < 99.99) or (k == "lo" and v > 0.01)}
     inside = np.ones(op.size, dtype=bool)
     if "lo" in limit:
         inside &= op > lo
     if "hi" in limit:
         inside &= op < hi
-    rows = inside[1:]
+    rows = inside[1:] & inside[:-1] if Ti is None else inside[1:]
     if rows.sum() < 20:
         return Law(1.0, 1.0, Kc, Ti or np.inf, reason="OP stands at its limits nearly all the time")
 
@@ -83,7 +113,11 @@ def examine_law(
     if width > 0.0:
         e = np.where(np.abs(e) <= width / 2, 0.0, e)
         found["error_deadband"] = {"width": width}
-    relevant = step > 0.0 and step > 0.02 * float(np.std(op)) and (step > 3 * unit or step > 0.5 * size)
+        if (rows & (du != 0.0)).sum() > 20:
+            rows = rows & (du != 0.0)
+            size = _robust_zero(du[rows])
+    strays = np.empty(0, dtype=int)
+    relevant = step > 0.0 and step > max(0.001 * float(np.std(op)), 5.0 * unit)
     if found_limits:
         found["saturation"] = {"lo": 0.0, "hi": 100.0, **found_limits}
 
@@ -94,7 +128,7 @@ def examine_law(
         base = left[0]
         residual = left[1]
     else:
-        a, b, residual, base = _regression(du, e, rows, Kc, Ki, size, with_sp_offset=sp is None)
+        a, b, residual, base, strays = _regression(du, e, rows, Kc, Ki, size, with_sp_offset=sp is None)
     form = _nearest_form(a, b, Kc, Ki, Ts, Ti)
     kc, ti = form
     law_exact = residual < max(EXACT, 3 * tolerance)
@@ -103,25 +137,36 @@ def examine_law(
         reason = "" if law_exact else "the recorded PV does not explain OP through a PI law"
         return Law(residual, residual, kc, ti, found, doubt, None, reason)
     seen, reason, foreign = None, "", ""
-    if base_exact:
+    plain = not relevant and width == 0.0
+    if law_exact and plain:
+        seen = _seen(op, e, pv, inside, a, b, Ti is None)
+    if base_exact and not law_exact:
         kc, ti = Kc, Ti or np.inf
-        if not relevant and width == 0.0:
-            seen = _seen(op, e, pv, inside, Kc, Ki)
     elif law_exact:
         shift = max(abs(np.log(max(kc / Kc, 1e-6))), abs(np.log(ti / Ti)) if Ti and np.isfinite(ti) else 0.0)
         if shift > RETUNED:
             found["detuning"] = {"Kc_factor": kc / Kc, "Ti_factor": ti / Ti if Ti and np.isfinite(ti) else 1.0}
     else:
         third = _third(du, e, rows, size)
-        if third < residual / 5 and third < 0.1:
+        if third < residual / 3 and third < 0.15:
             foreign = "a third term explains OP five times better: the controller is no PI"
         else:
-            candidate = _seen(op, e, pv, inside, Kc, Ki) if not relevant and width == 0.0 else None
+            candidate = _seen(op, e, pv, inside, Kc + Ki, -Kc, Ti is None) if plain else None
             if candidate is not None and np.std(pv - candidate) < 0.7 * np.std(e) + 1e-12:
                 seen = candidate
                 residual = base
             reason = "the recorded PV is not the PV the controller saw, or it was archived at another rate"
-    return Law(float(residual), float(base), float(kc), float(ti), found, doubt, seen, reason, foreign)
+    if law_exact and strays.size >= 3 and sp is not None:
+        moved = np.flatnonzero(np.diff(sp) != 0.0) + 1
+        near_sp = np.isin(strays, np.concatenate([moved, moved + 1]))
+        held = np.isin(strays, np.flatnonzero(du == 0.0) + 1)
+        if near_sp.mean() > 0.7 and near_sp.sum() > 0.5 * moved.size:
+            foreign = "OP answers a set-point step otherwise than it answers PV"
+        elif held.mean() > 0.3 and held.sum() >= 5 and width == 0.0 and not relevant:
+            foreign = "OP stands still where the law would move it: the controller skips scans"
+    return Law(
+        float(residual), float(base), float(kc), float(ti), found, doubt, seen, reason, foreign, strays=strays
+    )
 
 
 def _robust(x: np.ndarray) -> float:
@@ -130,13 +175,17 @@ def _robust(x: np.ndarray) -> float:
 
 def _regression(
     du: np.ndarray, e: np.ndarray, rows: np.ndarray, Kc: float, Ki: float, size: float, with_sp_offset: bool
-) -> tuple[float, float, float, float]:
-    """Fit dOP = a e_k + b e_{k-1} (+ c) robustly; return a, b, residual of the fit and of the baseline, relative to dOP."""
+) -> tuple[float, float, float, float, np.ndarray]:
+    """Fit dOP = a e_k + b e_{k-1} (+ c) robustly; return a, b, residual of fit and baseline relative to dOP, and stray samples."""
     X = np.column_stack([e[1:], e[:-1]] + ([np.ones(e.size - 1)] if with_sp_offset else []))[rows]
     y = du[rows]
-    keep = np.ones(y.size, dtype=bool)
+    off = np.abs(y - X[:, :2] @ np.array([Kc + Ki, -Kc]))
+    plain = np.linalg.lstsq(X, y, rcond=None)[0]
+    # begin with the rows the better of two first guesses explains: spikes and limits leave at once
+    guess = min((off, np.abs(y - X @ plain)), key=np.median)
+    keep = guess <= np.quantile(guess, 0.6)
     beta = np.zeros(X.shape[1])
-    for _ in range(6):
+    for _ in range(8):
         beta = np.linalg.lstsq(X[keep], y[keep], rcond=None)[0]
         off = np.abs(y - X @ beta)
         # trimming, not weighting: where the law holds it holds exactly
@@ -148,7 +197,9 @@ def _regression(
     base = y - X[:, :2] @ np.array([Kc + Ki, -Kc])
     if with_sp_offset:
         base = base - np.median(base)
-    return float(beta[0]), float(beta[1]), _robust_zero(off) / size, _robust_zero(base) / size
+    left = _robust_zero(off) / size
+    strays = np.flatnonzero(rows)[np.abs(off) > max(0.1, 20 * left) * size] + 1
+    return float(beta[0]), float(beta[1]), left, _robust_zero(base) / size, strays
 
 
 def _robust_zero(x: np.ndarray) -> float:
@@ -192,10 +243,12 @@ def _integrated(
     return float(beta[0] + beta[1]), float(-beta[0]), (left[0], left[1])
 
 
-def _limits(op: np.ndarray, e: np.ndarray, Kc: float, Ki: float, step: float, unit: float) -> dict[str, float]:
+def _limits(
+    op: np.ndarray, e: np.ndarray, Kc: float, Ki: float, step: float, unit: float, memoryless: bool
+) -> dict[str, float]:
     """Return the extremes at which OP stands while the controller pushes outward."""
     out = {}
-    want = op[:-1] + (Kc + Ki) * e[1:] - Kc * e[:-1]
+    want = np.median(op - Kc * e) + Kc * e[1:] if memoryless else op[:-1] + (Kc + Ki) * e[1:] - Kc * e[:-1]
     margin = max(0.6 * step, 3.0 * unit, 1e-6 * float(np.ptp(op)))
     for name, edge, sign in (("hi", float(op.max()), 1.0), ("lo", float(op.min()), -1.0)):
         at = np.abs(op[1:] - edge) < 1e-9 * max(abs(edge), 1.0)
@@ -227,17 +280,25 @@ def _error_gap(op: np.ndarray, e: np.ndarray, rows: np.ndarray, unit: float) -> 
     return 2.0 * float(edge) if agree > 0.85 else 0.0
 
 
-def _seen(op: np.ndarray, e: np.ndarray, pv: np.ndarray, inside: np.ndarray, Kc: float, Ki: float) -> np.ndarray:
-    """Invert the law: the PV that makes the controller write this OP; recorded PV where OP stood at a limit."""
+def _seen(
+    op: np.ndarray, e: np.ndarray, pv: np.ndarray, inside: np.ndarray, a: float, b: float, memoryless: bool
+) -> np.ndarray | None:
+    """Invert dOP = a e_k + b e_{k-1}: the PV that makes the controller write this OP; recorded PV where OP stood at a limit."""
+    if memoryless:
+        gain = 0.5 * (a - b)
+        return pv + e - np.where(inside, (op - np.median(op - gain * e)) / gain, e)
+    forget = -b / a
+    if not 0.0 <= forget < 0.9999:
+        return None
+    drive = np.append(e[0], np.diff(op) / a)
     out = np.empty(e.size)
-    out[0] = e[0]
-    du = np.diff(op)
-    forget = Kc / (Kc + Ki)
-    for k in range(1, e.size):
-        out[k] = du[k - 1] / (Kc + Ki) + forget * out[k - 1] if inside[k] else e[k]
+    begin = 0
+    # between limits the inversion is a first-order filter
+    for k in [*np.flatnonzero(~inside), e.size]:
+        if k > begin:
+            first = drive[begin] if begin == 0 else drive[begin] + forget * e[begin - 1]
+            out[begin:k] = lfilter([1.0], [1.0, -forget], np.append(first, drive[begin + 1 : k]))
+        if k < e.size:
+            out[k] = e[k]
+        begin = k + 1
     return pv + e - out
-
-
-def record_spikes(pv: np.ndarray, seen: np.ndarray, unit: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the spikes that stand in the archive only."""
-    return isolated(pv - seen, unit)

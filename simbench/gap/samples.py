@@ -28,13 +28,15 @@ class Samples:
     held: int
 
 
-def inspect_samples(pv: np.ndarray) -> Samples:
+def inspect_samples(pv: np.ndarray, *others: np.ndarray) -> Samples:
     """Look at PV sample by sample.
 
     Parameters
     ----------
     pv : ndarray, shape (n,)
         As recorded.
+    *others : ndarray
+        Further columns of the same file; they show with how many digits it was written.
 
     Returns
     -------
@@ -46,7 +48,7 @@ def inspect_samples(pv: np.ndarray) -> Samples:
     >>> round(found.step, 6)
     0.3
     """
-    unit = resolution(pv)
+    unit = written_unit(pv, *others)
     step = lattice(pv, unit)
     spikes, heights = isolated(pv, max(unit, step))
     return Samples(unit, step, straight(pv, unit) if step == 0.0 else 0.0, spikes, heights, longest_hold(pv))
@@ -62,16 +64,48 @@ def resolution(x: np.ndarray) -> float:
     return 0.0
 
 
+def written_unit(x: np.ndarray, *others: np.ndarray) -> float:
+    """Return the decimal unit a column is written in; one far coarser than its neighbours' digits is the signal's own lattice.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+    *others : ndarray
+        Other columns of the same file.
+
+    Returns
+    -------
+    float
+        0 when the numbers are not rounded.
+    """
+    unit = resolution(x)
+    places = _places(x)
+    finest = max([_digits(o) for o in others], default=0.0)
+    if unit > 0.0 and finest >= places - np.log10(unit) + 2.0:
+        return 10.0 ** (places - finest) if finest < 15.0 else 0.0
+    return unit
+
+
+def _places(x: np.ndarray) -> float:
+    return float(np.floor(np.log10(max(float(np.abs(x).max()), 1e-12)))) + 1.0
+
+
+def _digits(x: np.ndarray) -> float:
+    unit = resolution(x)
+    return _places(x) - float(np.log10(unit)) if unit > 0.0 else 16.0
+
+
 def lattice(x: np.ndarray, unit: float) -> float:
     """Return the spacing of the lattice through 0 on which all values stand, 0 when there is none coarser than `unit`."""
     levels = np.unique(x)
     size = float(np.abs(levels).max()) or 1.0
     gaps = np.diff(levels)
     gaps = gaps[gaps > max(1.5 * unit, 1e-9 * size)]
-    if levels.size < 2 or gaps.size == 0 or levels.size > 0.5 * x.size:
+    if levels.size < 2 or gaps.size == 0:
         return 0.0
     step = float(gaps.min())
-    if unit > 0 and step < 2.5 * unit:
+    # a lattice hardly coarser than the digits is found in any numbers
+    if step < 20.0 * (unit + 1e-8 * size):
         return 0.0
     # the spacing sharpens as it is carried from near gaps to the far ends
     for values in (gaps[gaps < 3.5 * step], gaps, levels - levels[0], levels):
@@ -79,7 +113,7 @@ def lattice(x: np.ndarray, unit: float) -> float:
         if count.any():
             step = float(values @ count / (count @ count))
     off = np.abs(levels - step * np.round(levels / step))
-    return step if off.max() <= 0.55 * unit + 1e-7 * size + 1e-4 * step else 0.0
+    return step if off.max() <= 0.6 * unit + 1e-8 * size + 1e-4 * step else 0.0
 
 
 def straight(x: np.ndarray, unit: float) -> float:

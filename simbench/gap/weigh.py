@@ -39,8 +39,8 @@ def weigh(found: Assessment) -> Weights:
     scores = {e: compressed(found.gains[e]) for e in EFFECTS}
     scores[NONE] = NONE_SCORE
     scores[UNKNOWN] = UNKNOWN_SCORE
-    if found.situation.law.foreign or found.situation.frozen:
-        scores[UNKNOWN] = 60.0
+    if found.situation.law.foreign or found.situation.frozen or found.stranger:
+        scores[UNKNOWN] = 120.0
     x = np.array(list(scores.values())) * TEMPERATURE
     p = np.exp(x - x.max())
     p /= p.sum()
@@ -56,4 +56,4 @@ def weigh(found: Assessment) -> Weights:
 
 def compressed(gain: float) -> float:
     """Return a gain with its far end squeezed: beyond some tens of nats more evidence is not more certainty."""
-    return gain if gain < 30.0 else 30.0 + 10.0 * np.log(gain / 30.0)
+    return gain if gain < 30.0 else 30.0 + 15.0 * float(np.log(gain / 30.0))
