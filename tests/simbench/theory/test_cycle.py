@@ -1,0 +1,161 @@
+"""Exact cycles: closed forms, golden simulations, stability, and what sampling does to them."""
+
+import numpy as np
+import pytest
+
+from detectors.errors import ParameterError
+from simbench.loop.simulate import simulate
+from simbench.theory.cycle import after_load_step, cycle_start, exact_cycle, on_half_cycle, settled
+from simbench.theory.half_cycle import half_cycles, standing
+from simbench.theory.march import reversals
+from simbench.theory.sampled import reduced, sampled_loop
+from simbench.theory.verify import simulated_cycle
+
+
+def closed_form(k, Td, S, J):
+    """Period and half peak-to-peak of OP for L(s) = k e^(-Td s)/s."""
+    p = J / (2 - k * Td)
+    return 2 * S / (k * p) + 2 * Td + k * Td**2, S / 2 + k * p * Td / 2
+
+
+@pytest.mark.parametrize("J", [0.5, 2, 5, 7])
+@pytest.mark.parametrize("Kc", [0.5, 1, 2])
+def test_switching_times_give_the_closed_form_when_sampling_is_fast(loop, J, Kc):
+    [half] = half_cycles(sampled_loop(loop(Kc=Kc, J=J, Ts=0.005)))
+    period, amplitude = closed_form(Kc / 10, 2, 5, J)
+    assert 2 * half.samples * 0.005 == pytest.approx(period, rel=1e-3)
+    assert half.amplitude == pytest.approx(amplitude, rel=1e-3)
+    # the valve's next swing is J - (1 - k Td) p
+    assert half.multiplier == pytest.approx(1 - Kc / 10 * 2, abs=2e-3)
+
+
+def test_integrating_p_loop_gives_the_closed_form(loop):
+    cycle = exact_cycle(sampled_loop(loop("integrating", K=0.1, Kc=2, Ti=None, J=5, Ts=0.005)))
+    assert (cycle.period, cycle.amplitude) == pytest.approx(closed_form(0.2, 2, 5, 5), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("settings", "period", "amplitude"),
+    [
+        ({"Td": 0.5, "Kc": 2, "Ti": 8, "J": 1}, 83.7867, 2.5352),
+        ({"T": 3, "Td": 6, "Kc": 0.25, "Ti": 3}, 104.969, 2.8344),
+        ({"T": 3, "Td": 1, "Ti": 3}, 27.3021, 2.7048),
+        ({"Kc": 2.5, "Ti": 7}, 31.7312, 2.9659),
+        ({"K": 2, "Kc": 0.4, "Ti": 20, "J": 3}, 124.244, 2.5804),
+        ({"kind": "integrating", "K": 0.1, "Td": 1, "Kc": 1.5, "Ti": 30}, 62.4696, 2.6305),
+        ({"kind": "integrating", "K": 0.1, "Td": 1, "Kc": 1.5, "Ti": 30, "J": 0}, 162.252, 2.9685),
+        ({"kind": "integrating", "K": 0.1, "Td": 1, "Kc": 2, "Ti": 15, "J": 0}, 85.0839, 3.2175),
+        ({"kind": "integrating", "K": 0.1, "Td": 1, "Kc": 1.5, "Ti": 30, "J": 5}, 26.8850, 2.7540),
+    ],
+)
+def test_exact_cycle_equals_the_golden_simulations(loop, settings, period, amplitude):
+    cycle = exact_cycle(sampled_loop(loop(**settings, Ts=0.01)))
+    assert cycle.period == pytest.approx(period, rel=3e-3)
+    # the golden amplitude is the largest of a tail, which settles slowly where the multiplier is near 1
+    assert cycle.amplitude == pytest.approx(amplitude, rel=8e-3)
+    assert cycle.multiplier < 1
+
+
+@pytest.mark.parametrize("settings", [{"J": 0}, {"Ti": None, "Kc": 2}, {"Ti": None, "Kc": 3, "J": 0}, {"S": 0, "J": 0}])
+def test_loops_that_do_not_cycle_have_no_cycle(loop, settings):
+    assert exact_cycle(sampled_loop(loop(**settings, Ts=0.2))) is None
+
+
+@pytest.mark.parametrize("Ts", [0.1, 0.5, 1.0])
+@pytest.mark.parametrize("J", [2, 5, 7])
+def test_sampling_shortens_the_period_and_widens_op_as_predicted(loop, Ts, J):
+    asked = loop(J=J, Ts=Ts)
+    cycle = exact_cycle(sampled_loop(asked))
+    period, amplitude = simulated_cycle(asked, start=cycle_start(asked))
+    assert cycle.period == pytest.approx(period, rel=5e-3)
+    assert cycle.amplitude == pytest.approx(amplitude, rel=1e-2)
+    slow = closed_form(0.1, 2, 5, J)
+    assert cycle.period < slow[0] * (1 - 0.02 * Ts)
+    assert cycle.amplitude > slow[1] * (1 + 0.01 * Ts)
+
+
+def test_state_of_a_half_cycle_returns_with_the_opposite_sign(loop):
+    sampled = sampled_loop(loop(Ts=0.02))
+    [half] = half_cycles(sampled)
+    x, s, past = on_half_cycle(sampled, half)
+    before = np.array([*x, s[0], s[2]])
+    reversals(sampled, x, s, past, 10, most=round(half.samples))
+    # within one sample's motion: the mean cycle switches between samples
+    assert np.abs(np.array([*x, s[0], s[2]]) + before).max() < 0.01
+
+
+def test_standing_matrix_is_one_sample_of_the_march(loop):
+    sampled = sampled_loop(loop(Td=0.3, Ts=0.7))
+    x, s, past = after_load_step(sampled, 2.0)
+    expected = standing(sampled) @ np.array([*x, s[0], s[2]])
+    reversals(sampled, x, s, past, 5, most=1)
+    assert np.array([*x, s[0], s[2]]) == pytest.approx(expected)
+
+
+def test_multiplier_predicts_how_fast_a_deviation_dies(loop):
+    # integrating PI, J = 0: no jump, hence regular; swings approach the cycle by the multiplier per half cycle
+    sampled = sampled_loop(loop("integrating", K=0.1, Td=1, Kc=0.5, Ti=30, J=0, Ts=0.02))
+    [half] = half_cycles(sampled)
+    x, s, past = on_half_cycle(sampled, half)
+    run = reversals(sampled, x, s, past, 200)
+    cycle = np.abs(run.stop[-20:]).mean()
+    x, s, past = on_half_cycle(sampled, half)
+    for part in (x, s[:3], past):
+        part *= 1.2
+    run = reversals(sampled, x, s, past, 12)
+    off = np.abs(np.abs(run.stop) - cycle)
+    assert off[5] < 0.2 * cycle
+    assert off[-1] < 0.05 * cycle
+    assert half.stable
+
+
+def test_cycle_of_an_unstable_loop_runs_between_the_limits(loop):
+    cycle = exact_cycle(sampled_loop(loop("integrating", K=0.1, Td=12, Kc=2, Ti=10, Ts=1)))
+    assert cycle.amplitude == pytest.approx(50)
+    assert cycle.multiplier is None
+
+
+def test_period_and_amplitude_do_not_change_when_pv_is_scaled(loop):
+    one, other = (exact_cycle(sampled_loop(loop(K=K, Kc=1 / K, Ts=0.5))) for K in (1.0, 4.0))
+    assert (one.period, one.amplitude) == (other.period, other.amplitude)
+
+
+def test_amplitude_scales_with_the_valve_and_the_period_does_not(loop):
+    one, other = (exact_cycle(sampled_loop(loop(S=2.0 * f, J=1.0 * f, Ts=0.5))) for f in (1, 4))
+    assert one.period == other.period
+    assert 4 * one.amplitude == pytest.approx(other.amplitude)
+
+
+def test_plants_of_higher_order_have_a_cycle_too(loop):
+    import control
+
+    from simbench.loop.setup import resolve_loop
+
+    asked = loop(Ts=0.1)
+    # two lags of 10 and 0.01 s are nearly one
+    setup = resolve_loop(asked, 0, 0, control.tf([1], np.polymul([10, 1], [0.01, 1])))
+    sampled = reduced(setup, 5.0, 2.0)
+    assert sampled.order == 2
+    assert exact_cycle(sampled).period == pytest.approx(exact_cycle(sampled_loop(asked)).period, rel=0.01)
+
+
+def test_settled_rejects_a_swing_that_fades(loop):
+    sampled = sampled_loop(loop(J=0, Ti=5, Ts=0.5))
+    assert settled(sampled, after_load_step(sampled, 20.0), None) is None
+
+
+@pytest.mark.parametrize(
+    "valve", [{"model": "choudhury", "S": 5, "J": 2}, {"model": "kano", "S": 5, "J": 2}, {"model": "stenman", "d": 4}]
+)
+def test_a_run_that_starts_on_the_cycle_cycles_at_once(loop, valve):
+    asked = loop(Ts=0.5, n=4000, valve=valve, setpoint={"value": 30}, operating_point={"op0": 40})
+    record = simulate(asked, start=cycle_start(asked)).record
+    assert np.ptp(record.mv[:400]) == pytest.approx(np.ptp(record.mv[-400:]), rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("settings", "says"), [({"J": 0}, "no limit cycle"), ({"effect": [{"name": "gain_mismatch", "factor": 1.1}]}, "effects")]
+)
+def test_cycle_start_says_why_it_cannot(loop, settings, says):
+    with pytest.raises(ParameterError, match=says):
+        cycle_start(loop(Ts=0.5, **settings))

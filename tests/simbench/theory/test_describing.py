@@ -1,0 +1,137 @@
+"""Describing functions against published numbers, quadrature and the valves themselves; intersections against golden ones."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import quad
+
+from detectors.errors import ParameterError
+from simbench.theory.describing import deadzone, first_harmonic, intersections, measured, stiction
+from simbench.theory.sampled import sampled_loop
+
+sizes = st.floats(0.5, 20)
+
+
+def printed(A, S, J):
+    """Eqs. 11.1 and 11.2 with their signs restored."""
+    phi = np.arcsin((A - S) / A)
+    re = A / 2 * np.sin(2 * phi) - 2 * A * np.cos(phi) - A * (np.pi / 2 + phi) + 2 * (S - J) * np.cos(phi)
+    im = -3 * A / 2 + A / 2 * np.cos(2 * phi) + 2 * A * np.sin(phi) - 2 * (S - J) * np.sin(phi)
+    return -(re - 1j * im) / (np.pi * A)
+
+
+@given(S=sizes, ratio=st.floats(0, 2), above=st.floats(1.001, 50))
+def test_stiction_equals_the_published_equation(S, ratio, above):
+    A = above * S / 2
+    assert abs(stiction(S, ratio * S).N(A) - printed(A, S, ratio * S)) < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("A", "S", "J", "re", "im"),
+    [
+        (2.525, 5, 0, 0.001667525926306042, -0.012481516956525478),
+        (3.75, 5, 1, 0.45184763977441456, -0.3395305452627101),
+        (5.0, 5, 2.5, 0.8183098861837907, -0.3183098861837907),
+        (12.5, 5, 5, 1.061339837224979, -0.05092958178940651),
+        (50.0, 5, 7.5, 1.022931382063903, 0.025464790894703253),
+    ],
+)
+def test_stiction_gives_the_golden_numbers(A, S, J, re, im):
+    assert stiction(S, J).N(A) == pytest.approx(re + 1j * im, abs=1e-12)
+
+
+@given(D=sizes, above=st.floats(1.01, 30))
+def test_deadzone_equals_its_fourier_integral(D, above):
+    A = above * D / 2
+    t1 = np.arcsin(D / 2 / A)
+    N = 4 / (np.pi * A) * quad(lambda t: (A * np.sin(t) - D / 2) * np.sin(t), t1, np.pi / 2)[0]
+    assert abs(deadzone(D).N(A) - N) < 1e-9
+
+
+@pytest.mark.parametrize("J", [0.0, 1.0, 5.0, 7.5])
+def test_measured_first_harmonic_of_the_valve_equals_the_formula(J):
+    A = np.array([2.6, 3.0, 5.0, 12.0, 40.0])
+    assert np.abs(first_harmonic("choudhury", {"S": 5, "J": J}, A, samples=4000) - stiction(5, J).N(A)).max() < 1e-3
+    if J == 0:
+        assert np.abs(first_harmonic("deadband", {"S": 5}, A) - stiction(5, 0).N(A)).max() < 1e-3
+        assert np.abs(first_harmonic("deadzone", {"D": 5}, A[1:]) - deadzone(5).N(A[1:])).max() < 1e-3
+
+
+def test_curve_of_minus_one_over_N_runs_from_the_negative_imaginary_axis_to_minus_one():
+    valve = stiction(5.0, 2.0)
+    assert valve.critical(valve.low) == pytest.approx(-1j * np.pi * 5 / (4 * 2))
+    assert valve.critical(1e6) == pytest.approx(-1, abs=1e-4)
+    assert abs(stiction(5.0, 0.0).critical(2.5 * 1.000001)) > 1e3
+    assert (stiction(5.0, 2.0).N(np.geomspace(2.51, 1e3, 50)).imag < 0).all()
+
+
+@pytest.mark.parametrize(
+    ("settings", "expected"),
+    [
+        ({}, [(122.89, 2.507)]),
+        ({"J": 7}, [(35.58, 2.581)]),
+        ({"Td": 0.5, "Kc": 2, "Ti": 8, "J": 1}, [(102.34, 2.51)]),
+        ({"T": 3, "Td": 6, "Kc": 0.25, "Ti": 3}, [(144.3, 2.544)]),
+        ({"Kc": 2.5, "Ti": 7}, [(39.65, 2.672)]),
+        ({"K": 2, "Kc": 0.4, "Ti": 20, "J": 3}, []),
+        ({"kind": "integrating", "K": 0.1, "Td": 1, "Kc": 1.5, "Ti": 30, "J": 0}, [(127.01, 3.208)]),
+        ({"kind": "integrating", "K": 0.1, "Td": 1, "Kc": 2, "Ti": None}, [(61.44, 2.507)]),
+        ({"J": 0}, []),
+    ],
+)
+def test_intersections_give_the_golden_cycles(loop, settings, expected):
+    sampled = sampled_loop(loop(**settings, Ts=0.01))
+    found = intersections(sampled, stiction(sampled.S, sampled.J))
+    assert [f.stable for f in found] == [True] * len(expected)
+    for f, (period, amplitude) in zip(found, expected, strict=True):
+        assert f.period == pytest.approx(period, rel=1e-3)
+        assert f.amplitude == pytest.approx(amplitude, abs=2e-3)
+
+
+def test_every_intersection_solves_the_harmonic_balance(loop):
+    sampled = sampled_loop(loop(kind="integrating", K=0.1, Td=2, Kc=2, Ti=15, J=0.5, Ts=0.5))
+    valve = stiction(5.0, 0.5)
+    found = intersections(sampled, valve)
+    assert found
+    for f in found:
+        assert sampled.response(2 * np.pi / f.period) * valve.N(f.amplitude) == pytest.approx(-1, abs=1e-6)
+
+
+def test_deadzone_makes_an_unstable_loop_jump_but_no_stable_loop_cycle(loop):
+    # K Kc = 12 is beyond the ultimate gain 8.5: the zone lowers the gain at small amplitudes, so the cycle repels
+    [found] = intersections(sampled_loop(loop(Ti=None, Kc=12)), deadzone(4.0))
+    assert not found.stable
+    assert intersections(sampled_loop(loop(Ti=None, Kc=4)), deadzone(4.0)) == []
+
+
+def test_sampled_frequency_response_approaches_the_continuous_one(loop):
+    w = np.array([0.05, 0.3, 1.0])
+    L = (1 + 1 / (10j * w)) * np.exp(-2j * w) / (10j * w + 1)
+    assert np.abs(sampled_loop(loop(Ts=1e-3)).response(w) / L - 1).max() < 1e-3
+
+
+def test_sampled_frequency_response_is_that_of_the_stepped_loop(loop):
+    sampled = sampled_loop(loop(Td=2.3, Ts=0.7))
+    k, w = np.arange(4000), 0.4
+    v, y, x, integral = np.exp(1j * w * 0.7 * k), [], np.zeros(1, complex), 0.0
+    for i in k:
+        y.append((sampled.C @ x)[()])
+        new, old = (v[i - d] if i >= d else 0 for d in (sampled.delay, sampled.delay + 1))
+        x = sampled.A @ x + sampled.B_new * new + sampled.B_old * old
+    integral = sampled.beta / (1 - np.exp(-1j * w * 0.7))
+    assert y[-1] * (1 + integral) / v[-1] == pytest.approx(complex(sampled.response(w)), rel=1e-6)
+
+
+def test_describing_function_of_a_valve_that_stops_at_every_sample_follows_its_stop():
+    valve = measured("stenman", {"d": 4.0})
+    assert 3.5 < valve.low < 5
+    assert abs(valve.N(np.array(40.0))) == pytest.approx(1, abs=0.05)
+
+
+@pytest.mark.parametrize("make", [lambda: stiction(0.0, 0.0), lambda: stiction(5.0, -1.0), lambda: deadzone(0.0)])
+def test_impossible_sizes_are_refused(make):
+    with pytest.raises(ParameterError, match="describing function"):
+        make()
+    with pytest.raises(ParameterError, match="does not move"):
+        measured("deadband", {"S": 99.0})

@@ -1,0 +1,124 @@
+"""The compiled march against an obvious loop of the project's own valve and plant, and against the simulator."""
+
+import numpy as np
+import pytest
+
+from simbench.loop.parameters import valve_parameters
+from simbench.loop.simulate import simulate
+from simbench.loop.valves import choudhury
+from simbench.theory.cycle import after_load_step, at_rest
+from simbench.theory.march import march, reversals
+from simbench.theory.sampled import sampled_loop
+
+
+def slow_march(sampled, kick, n):
+    """OP and MV of the first n samples after a kick, every signal kept, the valve from its own file around 50 %."""
+    p = valve_parameters(choudhury, {"S": sampled.S, "J": sampled.J}, sampled.Ts)
+    op, mv, y = [], [], []
+    x, valve = np.zeros(sampled.order), choudhury.start(50.0, p)
+    for k in range(n):
+        y.append(float(sampled.C @ x))
+        if k == 0:
+            u = kick
+        elif sampled.integral:
+            u = op[-1] - (y[k] - y[k - 1]) - sampled.beta * y[k]
+        else:
+            u = -y[k]
+        u = min(max(u, sampled.lo), sampled.hi)
+        valve = choudhury.step(50.0 + u, valve, p)
+        op.append(u)
+        mv.append(valve[0] - 50.0)
+        new, old = (mv[k - d] if k >= d else 0.0 for d in (sampled.delay, sampled.delay + 1))
+        x = sampled.A @ x + sampled.B_new * new + sampled.B_old * old
+    return np.array(op), np.array(mv)
+
+
+def marched(sampled, kick, n):
+    """The same by `march`, one sample at a time."""
+    state = at_rest(sampled, kick)
+    op, mv = [state[1][0]], [state[1][2]]
+    for _ in range(n - 1):
+        reversals(sampled, *state, 2, most=1)
+        op.append(state[1][0])
+        mv.append(state[1][2])
+    return np.array(op), np.array(mv)
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        {},
+        {"Td": 0.0, "J": 5.0},
+        {"Td": 2.3, "J": 7.0},
+        {"Td": 0.4, "J": 0.0, "Ti": 4.0, "Kc": 6.0},
+        {"Ti": None, "Kc": 4.0},
+        {"kind": "integrating", "K": 0.1, "Ti": 30.0, "Kc": 1.5, "J": 0.0},
+        {"kind": "integrating", "K": 0.3, "Ti": 2.0, "Kc": 3.0},  # unstable: runs into the limits
+    ],
+)
+def test_march_equals_the_obvious_loop(loop, case):
+    sampled = sampled_loop(loop(Ts=0.7, **case))
+    for kick in (1.01 * sampled.fs, 2 * sampled.fs):
+        for fast, slow in zip(marched(sampled, kick, 300), slow_march(sampled, kick, 300), strict=True):
+            assert np.abs(fast - slow).max() < 1e-6  # rounding grows from cycle to cycle
+
+
+@pytest.mark.parametrize("direction", ["reverse", "direct"])
+def test_march_equals_the_simulator_before_chaos_sets_in(loop, direction):
+    sign = 1 if direction == "reverse" else -1
+    asked = loop(
+        K=2.0 * sign, Kc=0.5, Td=2.3, Ts=0.5, n=300, controller={"type": "PI", "Kc": 0.5, "Ti": 10, "direction": direction}
+    )
+    record = simulate(asked, kick=4.0).record
+    op, mv = marched(sampled_loop(asked), 4.0, 300)
+    assert np.abs(record.op - 50 - op).max() < 1e-8
+    assert np.abs(record.mv - 50 - mv).max() < 1e-8
+
+
+@pytest.mark.parametrize("case", [{}, {"Ti": None, "Kc": 4.0}, {"kind": "integrating", "K": 0.1, "Ti": None, "Kc": 2.0}])
+def test_load_step_of_the_march_equals_that_of_the_simulator(loop, case):
+    asked = loop(**case, Ts=0.5, n=200, disturbance=[{"type": "ramp", "amplitude": 6.0, "period": 0.5, "at": "input"}])
+    record = simulate(asked).record
+    sampled = sampled_loop(asked)
+    state = after_load_step(sampled, 6.0)
+    balance = 50 - state[1][0]
+    op = [state[1][0]]
+    for _ in range(150):
+        reversals(sampled, *state, 2, most=1)
+        op.append(state[1][0])
+    # the load acts from sample 1 on, and is seen after the dead time
+    seen = 1 + sampled.delay
+    assert np.abs(record.op[seen : seen + 151] - balance - op).max() < 1e-8
+
+
+def test_reversals_are_where_the_valve_turns(loop):
+    sampled = sampled_loop(loop(Ts=0.5))
+    run = reversals(sampled, *at_rest(sampled, 4.0), 30)
+    op, mv = slow_march(sampled, 4.0, int(run.sample[12]) + 200)  # chaos shifts later turns by a sample
+    for i in range(1, 12):
+        a, b = int(run.sample[i - 1]), int(run.sample[i])
+        up = mv[a] > mv[a - 1]
+        assert (mv[b] < mv[b - 1]) == up
+        assert run.extreme[i] == pytest.approx(op[a - 1 : b].max() if up else op[a - 1 : b].min(), abs=1e-6)
+        assert run.stop[i] == pytest.approx(mv[b - 1], abs=1e-6)
+
+
+def test_march_says_when_the_valve_rests(loop):
+    sampled = sampled_loop(loop(Kc=0.5, Ti=None, Ts=0.5))
+    run = reversals(sampled, *at_rest(sampled, 5.0), 50)
+    assert run.stalled
+    assert run.count < 50
+    assert run.samples > sampled.patience
+
+
+def test_plain_and_compiled_march_agree(loop):
+    sampled = sampled_loop(loop(Ts=0.5))
+    ends = []
+    for function in (march, march.py_func):
+        x, s, past = at_rest(sampled, 4.0)
+        arrays = np.zeros((4, 8))
+        plant = (sampled.A, sampled.B_old, sampled.B_new, sampled.C)
+        control = (sampled.integral, sampled.beta, sampled.lo, sampled.hi)
+        function(plant, control, (sampled.fs, sampled.fd), x, s, past, 400, 400, *arrays)
+        ends.append(np.concatenate([x, s, past, arrays.ravel()]))
+    assert np.abs(ends[0] - ends[1]).max() < 1e-9
