@@ -5,6 +5,20 @@ A file here is a figure: its name with hyphens for underscores is the id. `SOURC
 Files that begin with an underscore are shared by the figures and are no figures themselves.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 from simbench.figures._make import Drawn, make_figures
 
-__all__ = ["Drawn", "make_figures"]
+if TYPE_CHECKING:
+    from detectors.procedure import Diagnosis
+
+__all__ = ["Drawn", "draw_path", "make_figures"]
+
+
+def draw_path(diagnosis: Diagnosis, path) -> None:
+    """Write a picture of the diagnosis procedure with the path one diagnosis took; see `simbench.figures._chart`."""
+    from simbench.figures._chart import draw_path as write
+
+    write(diagnosis, path)

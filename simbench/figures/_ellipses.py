@@ -51,7 +51,9 @@ def draw_ellipse(axes: Axes, data: pd.DataFrame, op_label: str, pv_label: str, t
     if limits:
         for name in ("inner limit", "outer limit"):
             curve = data[data.curve == name]
-            axes.plot(curve["OP"], curve["PV"], color=BLUE, linestyle="--", linewidth=0.9, label="±10 %" if name[0] == "i" else None)
+            axes.plot(
+                curve["OP"], curve["PV"], color=BLUE, linestyle="--", linewidth=0.9, label="±10 %" if name[0] == "i" else None
+            )
     half = float(data["S_apparent"].iloc[0]) / 2
     x0, y0 = (float(ring[c].max() + ring[c].min()) / 2 for c in ("OP", "PV"))
     arrow = {"arrowstyle": "<->", "color": ORANGE, "linewidth": 1.6, "shrinkA": 0, "shrinkB": 0}

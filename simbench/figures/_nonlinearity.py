@@ -29,8 +29,8 @@ def nonlinearity(record: LoopRecord, op: np.ndarray, pv: np.ndarray) -> pd.DataF
     Returns
     -------
     DataFrame
-        part ("error", "bicoherence", "data" or "ellipse"), t (s), e, f1, f2 (cycles/sample), bic2 (-), OP, PV, NGI (-), NLI (-),
-        fitness (-), S_apparent.
+        part ("error", "bicoherence", "data" or "ellipse"), t (s), e, f1, f2 (cycles/sample), bic2 (-), OP, PV, NGI (-),
+        NLI (-), fitness (-), S_apparent.
 
     Raises
     ------
@@ -75,7 +75,9 @@ def draw_nonlinearity(data: pd.DataFrame, ellipse: bool, printed: str) -> Figure
     error, higher, points = (data[data.part == name] for name in ("error", "bicoherence", "data"))
     axes["error"].plot(error["t (s)"], error["e"], color=BLUE, linewidth=0.7)
     label(axes["error"], "time (s)", "SP - PV (record's units)", "control error")
-    shades = axes["bic"].scatter(higher["f1"], higher["f2"], c=higher["bic2 (-)"], s=13, marker="s", cmap="cividis", vmin=0, vmax=1)
+    shades = axes["bic"].scatter(
+        higher["f1"], higher["f2"], c=higher["bic2 (-)"], s=13, marker="s", cmap="cividis", vmin=0, vmax=1
+    )
     figure.colorbar(shades, ax=axes["bic"], label="squared bicoherence (-)")
     label(axes["bic"], "f1 (cycles/sample)", "f2 (cycles/sample)", "nonlinearity")
     axes["bic"].set_ylim(0, 0.31)

@@ -1,8 +1,8 @@
 """Figure 11.11: qualitative shapes of a sticky valve's OP-MV plot, and what Yamashita's indices make of them.
 
-(a) IS II and DS DD: the valve catches up along with OP. (b) IS SI and DS SD: it jumps while OP rests. (c) IS DI and DS ID: the
-move comes when OP has already turned; rho3 takes it out. The text does not say which shape its panel (c) holds; ours is what PV of
-a fast flow loop under PI draws, the case the chapter calls common in industry and missed by the method.
+(a) IS II and DS DD: the valve catches up along with OP. (b) IS SI and DS SD: it jumps while OP rests. (c) IS DI and DS ID:
+the move comes when OP has already turned; rho3 takes it out. The text does not say which shape its panel (c) holds; ours is
+what PV of a fast flow loop under PI draws, the case the chapter calls common in industry and missed by the method.
 """
 
 from __future__ import annotations

@@ -52,7 +52,12 @@ def draw(data: pd.DataFrame) -> Figure:
             place.axvline(t.iloc[0], color=GREY, linewidth=0.6, linestyle=":")
         place.axhline(0, color=GREY, linewidth=0.6)
         mse = float(((data["signal"] - data[name]) ** 2).mean())
-        label(place, "time (s)", "OP - mean (%)", f"({'a' if name == 'sine' else 'b'}) {name} fit: mean squared error {mse:.3f} %²")
+        label(
+            place,
+            "time (s)",
+            "OP - mean (%)",
+            f"({'a' if name == 'sine' else 'b'}) {name} fit: mean squared error {mse:.3f} %²",
+        )
         place.label_outer()
     note(axes[1, 0], f"η = {eta(data):.2f}", 0.98, 0.98, "right")
     return figure

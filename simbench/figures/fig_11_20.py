@@ -36,7 +36,9 @@ def data() -> pd.DataFrame:
     cycle = sustained_cycle(Loop.from_table(LOOP), periods=10)
     period = cycle["period (s)"].iloc[0]
     noise = np.random.default_rng(0).normal(0.0, 0.1, (2, len(cycle)))
-    op, pv = (band(cycle[c].to_numpy() + e, period, 3)[: round(4 * period)] for c, e in (("OP (%)", noise[0]), ("PV", noise[1])))
+    op, pv = (
+        band(cycle[c].to_numpy() + e, period, 3)[: round(4 * period)] for c, e in (("OP (%)", noise[0]), ("PV", noise[1]))
+    )
     found = fit_ellipse(op, pv)
     assert found is not None
     a, b, alpha = found.axes
@@ -64,6 +66,7 @@ def draw(data: pd.DataFrame) -> Figure:
     place.set_ylim(-2.4, 2.2)
     place.legend(loc="upper right", ncols=3, markerscale=3)
     S, fitness = float(data["S_apparent"].iloc[0]), float(data["fitness (-)"].iloc[0])
-    said = f"apparent stiction (arrow) {S:.2f} %, the valve's S is 5 %\nα = {np.degrees(alpha):.0f}°, {fitness:.0%} of the points within ±10 %"
+    said = f"apparent stiction (arrow) {S:.2f} %, the valve's S is 5 %\n"
+    said += f"α = {np.degrees(alpha):.0f}°, {fitness:.0%} of the points within ±10 %"
     note(place, said, 0.02, 0.02, va="bottom")
     return figure

@@ -62,7 +62,9 @@ def draw(data: pd.DataFrame) -> Figure:
     span(axes[0, 1], (low, 25), (high, 25), f"S = {high - low:.0f} %", (50, 0))
     span(axes[1, 1], (50 - D / 2, 50), (50 + D / 2, 50), f"D = {D:.0f} %", (0, 9))
     note(axes[0, 0], f"hysteresis\n= separation = {H:.0f} %", 0.98, 0.04, "right", "bottom")
-    note(axes[1, 0], f"hysteresis\n= separation - dead-band\n= {H + S:.0f} - {S:.0f} = {H:.0f} %", 0.98, 0.04, "right", "bottom")
+    note(
+        axes[1, 0], f"hysteresis\n= separation - dead-band\n= {H + S:.0f} - {S:.0f} = {H:.0f} %", 0.98, 0.04, "right", "bottom"
+    )
     axes[0, 0].legend(loc="upper left")
     return figure
 

@@ -14,7 +14,8 @@ from simbench.figures._style import BLUE, label, panels, styled
 
 SOURCE = "Jelali (2013), Fig. 11.6; data: ISDB (Jelali & Huang 2010), StictionGPT"
 LOOPS = (
-    "CHEM1", "CHEM23", "PAP2", "CHEM11", "CHEM12", "CHEM18", "SGPT_2411FIC20102_0609-0957", "SGPT_2-CDU-7040-311-FIC31102_0628-0002",
+    "CHEM1", "CHEM23", "PAP2", "CHEM11", "CHEM12", "CHEM18",
+    "SGPT_2411FIC20102_0609-0957", "SGPT_2-CDU-7040-311-FIC31102_0628-0002",
 )  # fmt: skip
 
 

@@ -1,7 +1,7 @@
 """Table 11.3: which loops a sticky valve keeps cycling, as printed and as counted in simulations.
 
-Each cell is a grid of tunings and valves; a loop counts when any of six starts leaves the valve cycling. Where count and table differ
-the table is too coarse: a self-regulating P loop cycles if K Kc J > S, and a dead-band cycles under tight PI.
+Each cell is a grid of tunings and valves; a loop counts when any of six starts leaves the valve cycling. Where count and
+table differ the table is too coarse: a self-regulating P loop cycles if K Kc J > S, and a dead-band cycles under tight PI.
 """
 
 from __future__ import annotations
@@ -39,7 +39,11 @@ def loops(process: str, controller: str, nonlinearity: str) -> list[Loop]:
     found = []
     ratios = (0.0,) if nonlinearity == DEAD_BAND else JUMPS
     for Td, share, integral, ratio in product(DELAYS, SHARES, INTEGRALS if controller == "PI" else (None,), ratios):
-        plant = {"type": "foptd", "K": 1.0, "T": T, "Td": Td} if process == "self-regulating" else {"type": "integrating", "K": 0.1, "Td": Td}
+        plant = (
+            {"type": "foptd", "K": 1.0, "T": T, "Td": Td}
+            if process == "self-regulating"
+            else {"type": "integrating", "K": 0.1, "Td": Td}
+        )
         # integral time over T, or for the integrating plant over ten dead times
         Ti = None if integral is None else integral * (T if process == "self-regulating" else 10 * Td)
         Kc = share * ultimate_gain(plant, Ti)
@@ -106,7 +110,7 @@ def draw(data: pd.DataFrame) -> Figure:
         rows.append([process, controller, cells[DEAD_BAND], cells[STICK_SLIP]])
     frame = pd.DataFrame(rows, columns=["process", "controller", "dead-band (J = 0)", "stick-slip (J > 0)"])
     foot = (
-        "First line: the table. Second: simulated loops that cycle from at least one of six starts. Self-regulating P with stick-slip "
-        "cycles if and only if K Kc J > S; a dead-band under PI only where Kc is near its limit."
+        "First line: the table. Second: simulated loops that cycle from at least one of six starts. Self-regulating P with "
+        "stick-slip cycles if and only if K Kc J > S; a dead-band under PI only where Kc is near its limit."
     )
     return table(frame, [16, 11, 24, 24], foot=foot)

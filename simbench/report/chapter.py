@@ -90,7 +90,8 @@ def _describing(_) -> Iterator[Row]:
     cases = [(S, J, A) for S in (1.0, 5.0, 10.0) for J in (0.0, 0.4 * S, S, 1.5 * S) for A in (0.6 * S, S, 3 * S)]
     # 4000 samples per period: what is left is the sampling of the jump
     worst = max(
-        abs(first_harmonic("choudhury", {"S": S, "J": J}, A, samples=4000)[0] - stiction(S, J).N(np.asarray(A))) for S, J, A in cases
+        abs(first_harmonic("choudhury", {"S": S, "J": J}, A, samples=4000)[0] - stiction(S, J).N(np.asarray(A)))
+        for S, J, A in cases
     )
     why = (
         "the extraction lost the leading minus and several signs and fractions; the restored form meets the simulated valve's first "
@@ -111,7 +112,14 @@ def _describing(_) -> Iterator[Row]:
         "PI with Ti > T + Td leads enough at low frequency to stay in the fourth quadrant: no intersection, though the simulated loop "
         "cycles (K = 2, T = 10, Td = 2, Kc = 0.4, Ti = 20, S = 5, J = 3)"
     )
-    yield Row("Sect. 11.3.3", "self-regulating PI with J > 0 always intersects -1/N", "guaranteed", "not always", _slow_loop_meets(), why)
+    yield Row(
+        "Sect. 11.3.3",
+        "self-regulating PI with J > 0 always intersects -1/N",
+        "guaranteed",
+        "not always",
+        _slow_loop_meets(),
+        why,
+    )
 
 
 def _slow_loop_meets() -> bool:
@@ -148,13 +156,29 @@ def _waves(_) -> Iterator[Row]:
         yield Row(f"Fig. 11.9{panel}", what, "square to triangle, closer to a sine", ", ".join(found), good, why)
     found = [best(c, "OP (%)") for c in cycles]
     good = all(f.startswith("triangle") for f in found)
-    yield Row("Fig. 11.9", "OP", "always triangular", found[0].split()[0] + " in all six", good, "least correlation " + min(f[-6:-1] for f in found))
-    even = [float((p := np.abs(np.fft.rfft(c["OP (%)"] - c["OP (%)"].mean())) ** 2)[6:60:6].sum() / p[3:60:6].sum()) for c in cycles]
+    yield Row(
+        "Fig. 11.9",
+        "OP",
+        "always triangular",
+        found[0].split()[0] + " in all six",
+        good,
+        "least correlation " + min(f[-6:-1] for f in found),
+    )
+    even = [
+        float((p := np.abs(np.fft.rfft(c["OP (%)"] - c["OP (%)"].mean())) ** 2)[6:60:6].sum() / p[3:60:6].sum()) for c in cycles
+    ]
     why = (
         "the cycles of a loop without bias are symmetric and have odd harmonics only; 'usually asymmetric, with even and odd' (same page) "
         "needs a bias or a bent valve characteristic, which simulated loops have only where asked for"
     )
-    yield Row("Sect. 11.3.4", "even over odd harmonic power of OP", "odd only (symmetric)", f"at most {max(even):.4f}", max(even) < 0.01, why)
+    yield Row(
+        "Sect. 11.3.4",
+        "even over odd harmonic power of OP",
+        "odd only (symmetric)",
+        f"at most {max(even):.4f}",
+        max(even) < 0.01,
+        why,
+    )
 
 
 def _table_11_2(_) -> Iterator[Row]:
@@ -210,7 +234,9 @@ def _correlation(isdb) -> Iterator[Row]:
     low, high = ((1 - np.cos(x)) / (1 + np.cos(x)) for x in (np.pi / 6, np.pi / 3))
     why = "(1 - cos d)/(1 + cos d) at the margin d = pi/6; the extraction lost the number, the literature prints 0.072"
     yield Row("Eq. 11.9", "limit of drho, no stiction", "lost", f"{low:.4f}", True, why)
-    yield number("Eq. 11.9", "limit of drho, stiction", 1 / 3, high, 1e-9, "the same at d = pi/3; dtau = d/(pi/2) gives 1/3 and 2/3", 3)
+    yield number(
+        "Eq. 11.9", "limit of drho, stiction", 1 / 3, high, 1e-9, "the same at d = pi/3; dtau = d/(pi/2) gives 1/3 and 2/3", 3
+    )
     whys = {
         ("CHEM1", "dtau"): "not reproduced; without conditioning {raw:.2f}; the verdict is the same",
         ("CHEM1", "drho"): "not reproduced; without conditioning {raw:.2f}; the verdict is the same",
@@ -228,7 +254,14 @@ def _correlation(isdb) -> Iterator[Row]:
         for index, value in (("dtau", dtau), ("drho", drho)):
             why = whys[name, index].format(raw=raw[index])
             yield number("Example 11.2", f"{name} {index}", value, found.indices[index], 0.02, why)
-        yield Row("Example 11.2", f"{name} verdict", verdict.replace("_", " "), found.verdict.replace("_", " "), found.verdict == verdict, "")
+        yield Row(
+            "Example 11.2",
+            f"{name} verdict",
+            verdict.replace("_", " "),
+            found.verdict.replace("_", " "),
+            found.verdict == verdict,
+            "",
+        )
 
 
 def _tunings(_) -> Iterator[Row]:
@@ -237,7 +270,11 @@ def _tunings(_) -> Iterator[Row]:
     for w_Ti, (shift, said) in printed.items():
         ours = str(verdicts[w_Ti]).replace("_", " ")
         same = ours == said or (ours == "no decision" and said == "undetermined")
-        why = "" if same else "the example prints the verdicts in the order opposite to Eq. 11.9, where pi is no stiction and pi/2 is stiction"
+        why = (
+            ""
+            if same
+            else "the example prints the verdicts in the order opposite to Eq. 11.9, where pi is no stiction and pi/2 is stiction"
+        )
         yield Row("Example 11.3", f"phase shift {shift} (w Ti = {w_Ti:g}), healthy valve", said, ours, same, why)
 
 
@@ -261,7 +298,10 @@ def _relay(_) -> Iterator[Row]:
 def _ellipse(isdb) -> Iterator[Row]:
     t = np.linspace(0, 2 * np.pi, 400, endpoint=False)
     a, b, alpha = 3.0, 1.0, 0.6
-    x, y = a * np.cos(t) * np.cos(alpha) - b * np.sin(t) * np.sin(alpha), a * np.cos(t) * np.sin(alpha) + b * np.sin(t) * np.cos(alpha)
+    x, y = (
+        a * np.cos(t) * np.cos(alpha) - b * np.sin(t) * np.sin(alpha),
+        a * np.cos(t) * np.sin(alpha) + b * np.sin(t) * np.cos(alpha),
+    )
     found = fit_ellipse(x, y)
     assert found is not None
     chord = 2 * a * b / np.hypot(a * np.sin(alpha), b * np.cos(alpha))
@@ -269,8 +309,14 @@ def _ellipse(isdb) -> Iterator[Row]:
         f"chord through the centre along OP, a = 3, b = 1, alpha = 0.6: fitted {found.apparent_stiction:.4f}, geometry {chord:.4f}; "
         "the square root is lost in the extraction (1.69 without it), and a must be the axis at angle alpha (2.36 when a and b are swapped)"
     )
-    yield Row("Eq. 11.15", "apparent stiction", "formula", "square root restored", abs(found.apparent_stiction - chord) < 1e-9, why)
-    for what, printed in (("NGI, NLI unfiltered", "0.03, 0.58"), ("NGI, NLI filtered", "0.04, 0.57"), ("apparent stiction (%)", "0.43")):
+    yield Row(
+        "Eq. 11.15", "apparent stiction", "formula", "square root restored", abs(found.apparent_stiction - chord) < 1e-9, why
+    )
+    for what, printed in (
+        ("NGI, NLI unfiltered", "0.03, 0.58"),
+        ("NGI, NLI filtered", "0.04, 0.57"),
+        ("apparent stiction (%)", "0.43"),
+    ):
         record = _loop(isdb, "CHEM30", kind="flow")
         if record is None:
             yield _missing("Example 11.5", f"CHEM30 {what}", printed, "CHEM30")
@@ -283,7 +329,9 @@ def _ellipse(isdb) -> Iterator[Row]:
         yield _missing("Example 11.6", "POW2 ellipse fitness", "93.5 %", "POW2")
     else:
         share = float(FIGURES.load("fig_11_23").data(isdb)["fitness (-)"].iloc[0])
-        yield Row("Example 11.6", "POW2 ellipse fitness", "93.5 %", f"{share:.1%}", abs(share - 0.935) < 0.02, "first 1000 samples")
+        yield Row(
+            "Example 11.6", "POW2 ellipse fitness", "93.5 %", f"{share:.1%}", abs(share - 0.935) < 0.02, "first 1000 samples"
+        )
 
 
 def _confirmation(_) -> Iterator[Row]:
@@ -308,7 +356,9 @@ def page(found: list[Row]) -> str:
     | Eq. 1 | S | 0.43 | 0.43 | yes |  |
     """
     word = {True: "yes", False: "**no**", None: "not tried"}
-    counts = {w: sum(r.agrees is a for r in found) for a, w in ((True, "reproduce"), (False, "do not"), (None, "could not be tried"))}
+    counts = {
+        w: sum(r.agrees is a for r in found) for a, w in ((True, "reproduce"), (False, "do not"), (None, "could not be tried"))
+    }
     lines = [
         "# Chapter against code",
         "",
@@ -327,7 +377,9 @@ def page(found: list[Row]) -> str:
 
 def main(arguments: list[str] | None = None) -> int:
     """Write the page; exit code 2 with one sentence when something the user gave is wrong."""
-    parser = argparse.ArgumentParser(prog="python -m simbench.report.chapter", description="Write the page 'chapter against code'.")
+    parser = argparse.ArgumentParser(
+        prog="python -m simbench.report.chapter", description="Write the page 'chapter against code'."
+    )
     parser.add_argument("--isdb", help="ISDB file or folder of real records")
     parser.add_argument("-o", "--out", default="docs/chapter_against_code.md")
     given = parser.parse_args(arguments)

@@ -14,14 +14,14 @@ from simbench.files import whole_file
 
 HEAD = """# Gallery
 
-Every figure and table of the chapter (M. Jelali, Control Performance Management in Industrial Automation, Springer 2013, chapter 11),
-drawn from this code. Beside each picture lies a CSV with the numbers drawn. `simbench figure all -o results/figures` draws them,
-`simbench figure ID -o DIR` one of them, and `python -m simbench.report.gallery` writes this page. How every published number
-compares stands in [chapter against code](chapter_against_code.md).
+Every figure and table of the chapter (M. Jelali, Control Performance Management in Industrial Automation, Springer 2013,
+chapter 11), drawn from this code. Beside each picture lies a CSV with the numbers drawn. `simbench figure all -o
+results/figures` draws them, `simbench figure ID -o DIR` one of them, and `python -m simbench.report.gallery` writes this page.
+How every published number compares stands in [chapter against code](chapter_against_code.md).
 
 The chapter's text lost its figure numbers; they are those of its captions, counted. Figures 11.1 to 11.3 (block diagram, tank,
-valve drawing) and 11.19 (flow chart of Procedure 11.3, which `detectors/methods/choudhury.py` states) hold no numbers and are not
-redrawn.
+valve drawing) and 11.19 (flow chart of Procedure 11.3, which `detectors/methods/choudhury.py` states) hold no numbers and are
+not redrawn.
 """
 
 

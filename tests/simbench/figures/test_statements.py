@@ -159,7 +159,10 @@ def test_marked_intersections_lie_on_both_curves():
     d = drawn("fig_11_8")
     for mark in d[d.curve == "intersection"].to_dict("records"):
         at = complex(mark["Re"], mark["Im"])
-        for curve in (d[(d.panel == mark["panel"]) & (d.curve == "L")], d[(d.panel == mark["panel"]) & (d["J (%)"] == mark["J (%)"])]):
+        for curve in (
+            d[(d.panel == mark["panel"]) & (d.curve == "L")],
+            d[(d.panel == mark["panel"]) & (d["J (%)"] == mark["J (%)"])],
+        ):
             distance = np.abs(curve["Re"] + 1j * curve["Im"] - at)
             assert distance.nsmallest(2).iloc[-1] < 0.05 * abs(at)
 
@@ -244,7 +247,10 @@ def test_most_points_of_the_ellipse_figure_lie_between_its_limits():
         return np.angle(z), np.abs(z)
 
     at, radius = angle_radius("data")
-    inner, outer = (np.interp(at, *map(np.asarray, zip(*sorted(zip(*angle_radius(n))))), period=2 * np.pi) for n in ("inner limit", "outer limit"))
+    inner, outer = (
+        np.interp(at, *map(np.asarray, zip(*sorted(zip(*angle_radius(n))))), period=2 * np.pi)
+        for n in ("inner limit", "outer limit")
+    )
     assert np.mean((radius >= inner) & (radius <= outer)) == pytest.approx(share, abs=0.01)
 
 
@@ -281,3 +287,25 @@ def test_the_cycles_drawn_are_called_stiction_where_the_chapter_says_so():
     figure = FIGURES.load("fig_11_17")
     record = simulate(figure.Loop.from_table(figure.LOOP), seed=1).record
     assert judge(record, ["he"])[0].verdict == "stiction"
+
+
+def test_the_flow_chart_is_the_procedure():
+    from detectors.procedure import CONCLUSIONS, flow_chart
+
+    d = drawn("fig_11_27")
+    _, edges = flow_chart()
+    assert list(zip(d.source, d.answer, d.target)) == [(e["source"], e["answer"], e["target"]) for e in edges]
+    assert set(d[d.verdict != ""].target) == set(CONCLUSIONS)
+
+
+def test_the_path_of_a_diagnosis_is_drawn(tmp_path):
+    from detectors.errors import ParameterError
+    from detectors.procedure import diagnose
+    from simbench.figures import draw_path
+
+    figure = FIGURES.load("fig_11_17")
+    found = diagnose(simulate(figure.Loop.from_table(figure.LOOP), seed=1).record)
+    draw_path(found, tmp_path / "path.svg")
+    assert (tmp_path / "path.svg").read_text(encoding="utf-8").rstrip().endswith("</svg>")
+    with pytest.raises(ParameterError, match=r"\.svg, \.png or \.pdf"):
+        draw_path(found, tmp_path / "path.docx")

@@ -1,0 +1,154 @@
+"""The diagnosis procedure as a flow chart, laid out from its own steps, with the path of one diagnosis marked on it."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Collection
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from detectors.errors import ParameterError
+from detectors.procedure import CONCLUSIONS, FLOW
+from simbench.figures._style import BLACK, BLUE, GREY, RED, styled
+from simbench.files import whole_file
+
+if TYPE_CHECKING:
+    from detectors.procedure import Diagnosis
+
+BOX, GAP, LINE, PAD = 2.9, 1.35, 0.155, 0.12  # inches: width of a question, room for an answer, height of a line, inner margin
+WORDS = {"stiction": "stiction", "no_stiction": "no stiction", "no_decision": "no decision"}
+
+
+def flow_table() -> pd.DataFrame:
+    """Return the procedure as one row per answer: source, question, answer, target, verdict, next."""
+    rows = []
+    for source, (question, answers) in FLOW.items():
+        for answer, target in answers.items():
+            verdict, following = CONCLUSIONS.get(target, ("", ""))
+            rows.append([source, question, answer, target, WORDS.get(verdict, ""), following])
+    return pd.DataFrame(rows, columns=["source", "question", "answer", "target", "verdict", "next"])
+
+
+@styled
+def draw_flow(table: pd.DataFrame, taken: Collection[tuple[str, str]] = ()) -> Figure:
+    """Draw questions downwards and conclusions beside the question that leads to them.
+
+    Parameters
+    ----------
+    table : DataFrame
+        From `flow_table`; every answer leads to a later question or to a conclusion.
+    taken : collection of (source, answer)
+        Answers to mark.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    questions = list(dict.fromkeys(table["source"]))
+    texts = {q: textwrap.fill(part["question"].iloc[0], 36) for q, part in table.groupby("source", sort=False)}
+    ends: dict[str, list[str]] = {q: [] for q in questions}
+    says = {}
+    for row in table[table["verdict"] != ""].to_dict("records"):
+        if row["target"] not in says:
+            ends[row["source"]].append(row["target"])
+            says[row["target"]] = row["verdict"] + "\n" + textwrap.fill(row["next"], 52)
+    # rows from the top, as high as what stands in them
+    heights = {name: (text.count("\n") + 1) * LINE + 2 * PAD for name, text in {**texts, **says}.items()}
+    top, middle = 0.0, {}
+    for q in questions:
+        beside = sum(heights[c] + 0.14 for c in ends[q]) - (0.14 if ends[q] else 0.0)
+        tall = max(heights[q], beside)
+        middle[q] = top - tall / 2
+        at = top - tall / 2 + beside / 2
+        for c in ends[q]:
+            middle[c] = at - heights[c] / 2
+            at -= heights[c] + 0.14
+        top -= tall + 0.34
+    place = {q: i for i, q in enumerate(questions)}
+    skips = [(s, t) for s, t in zip(table["source"], table["target"]) if place.get(t, 0) > place[s] + 1]
+    left = 0.3 + 0.42 * len(skips)
+    wide = left + BOX + GAP + 4.1
+    figure = Figure(figsize=(wide, -top - 0.34 + 0.2))
+    axes = figure.add_axes((0, 0, 1, 1))
+    axes.set(xlim=(0, wide), ylim=(top + 0.34 - 0.1, 0.1))
+    axes.set_axis_off()
+
+    for q in questions:
+        _box(axes, left, middle[q], BOX, heights[q], texts[q], BLUE, q in {s for s, _ in taken})
+    for (source, target), part in table.groupby(["source", "target"], sort=False):
+        # of several answers with one target only the one taken is named
+        told = [a for a in part["answer"] if (source, a) in taken] or list(part["answer"])
+        answers = " / ".join(told)
+        ink = RED if (source, told[0]) in taken else BLACK
+        y, z = middle[source], middle[target]
+        if target in says:
+            x, bend = left + BOX + GAP, left + BOX + 0.2
+            straight = len(ends[str(source)]) < 2
+            _arrow(axes, [(left + BOX, y), (x, z)] if straight else [(left + BOX, y), (bend, y), (bend, z), (x, z)], ink)
+            axes.text(bend + 0.05, z + 0.04, textwrap.fill(answers, 17), fontsize=7.5, va="bottom", color=ink)
+        elif place[str(target)] == place[str(source)] + 1:
+            x = left + BOX / 2
+            _arrow(axes, [(x, y - heights[source] / 2), (x, z + heights[target] / 2)], ink)
+            axes.text(x + 0.07, y - heights[source] / 2 - 0.05, answers, fontsize=7.5, va="top", color=ink)
+        else:
+            lane = left - 0.3 - 0.42 * skips.index((str(source), str(target)))
+            _arrow(axes, [(left, y), (lane, y), (lane, z), (left, z)], ink)
+            axes.text(lane + 0.04, y + 0.04, answers, fontsize=7.5, va="bottom", color=ink)
+    for c, text in says.items():
+        pairs = table[table["target"] == c][["source", "answer"]].itertuples(index=False, name=None)
+        reached = any(p in taken for p in pairs)
+        _box(axes, left + BOX + GAP, middle[c], 3.95, heights[c], text, GREY, reached, bold=True)
+    return figure
+
+
+def draw_path(diagnosis: Diagnosis, path: str | Path) -> None:
+    """Write a picture of the procedure with the path one diagnosis took.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        From `detectors.procedure.diagnose`.
+    path : str or Path
+        .svg, .png or .pdf file.
+
+    Raises
+    ------
+    ParameterError
+        For another kind of file.
+    FileError
+        When it cannot be written.
+    """
+    kind = Path(path).suffix.lower().lstrip(".")
+    if kind not in ("svg", "png", "pdf"):
+        raise ParameterError(f"picture {path}: .svg, .png or .pdf is needed")
+    figure = draw_flow(flow_table(), {(s.step, s.answer) for s in diagnosis.steps})
+    with whole_file(path, "wb") as f:
+        figure.savefig(f, format=kind, dpi=110)
+
+
+def _box(
+    axes: Axes, x: float, y: float, width: float, height: float, text: str, edge: str, marked: bool, bold: bool = False
+) -> None:
+    from matplotlib.patches import FancyBboxPatch
+
+    style = "round,pad=0,rounding_size=0.06"
+    face = "#FBE9DF" if marked else "white"
+    ink = RED if marked else edge
+    axes.add_patch(FancyBboxPatch((x, y - height / 2), width, height, style, facecolor=face, edgecolor=ink, linewidth=1.1))
+    if not bold:
+        axes.text(x + width / 2, y, text, ha="center", va="center", fontsize=8.5)
+        return
+    head, _, rest = text.partition("\n")
+    top = y + height / 2 - PAD
+    axes.text(x + 0.1, top, head, va="top", fontsize=8.5, fontweight="bold")
+    axes.text(x + 0.1, top - LINE, rest, va="top", fontsize=8)
+
+
+def _arrow(axes: Axes, points: list[tuple[float, float]], colour: str) -> None:
+    axes.plot(*zip(*points[:-1]), color=colour, linewidth=1.0, solid_joinstyle="miter")
+    arrow = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.0, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 9}
+    axes.annotate("", points[-1], points[-2], arrowprops=arrow)
