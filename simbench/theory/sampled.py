@@ -39,8 +39,12 @@ class SampledLoop:
         Limits of OP and MV (%).
     gain : float
         s Kc, % per PV unit.
-    time : float
-        Longest of the loop's time constants (s).
+    num, den : ndarray
+        w/v without dead time as a continuous transfer function, highest power of s first.
+    Td : float
+        Dead time (s).
+    times : tuple of float
+        The loop's time constants and dead time above 0 (s).
     """
 
     A: np.ndarray
@@ -56,7 +60,10 @@ class SampledLoop:
     lo: float
     hi: float
     gain: float
-    time: float
+    num: np.ndarray
+    den: np.ndarray
+    Td: float
+    times: tuple[float, ...]
 
     @property
     def fs(self) -> float:
@@ -92,9 +99,14 @@ class SampledLoop:
         return float(self.C @ np.linalg.solve(gap, self.B_old + self.B_new))
 
     def response(self, w) -> np.ndarray:
-        """Return L(e^(j w Ts)), plant with its hold and dead time times controller, at the frequencies `w` (rad/s)."""
-        w = np.asarray(w, dtype=float)
-        z = np.exp(1j * w * self.Ts)[..., None]
+        """Return L(j w), continuous plant with dead time times continuous controller, at the frequencies `w` (rad/s)."""
+        s = 1j * np.asarray(w, dtype=float)
+        G = np.polyval(self.num, s) / np.polyval(self.den, s) * np.exp(-s * self.Td)
+        return G * (1 + self.beta / self.Ts / s)
+
+    def sampled_response(self, w) -> np.ndarray:
+        """Return L(e^(j w Ts)), which has the hold and the sampled controller in it, at the frequencies `w` (rad/s)."""
+        z = np.exp(1j * np.asarray(w, dtype=float) * self.Ts)[..., None]
         poles, V = np.linalg.eig(self.A)
         left, new, old = self.C @ V, np.linalg.solve(V, self.B_new), np.linalg.solve(V, self.B_old)
         G = (left * (new + old / z) / (z - poles)).sum(axis=-1) * z[..., 0] ** -self.delay
@@ -110,7 +122,7 @@ class SampledLoop:
             slope = abs(self.static_gain) * swing * self.beta / self.Ts
         else:
             slope = np.inf
-        return 100 + int(min(10 * (self.S / max(slope, 1e-300) + 5 * self.time) / self.Ts, 1e8))
+        return 100 + int(min(10 * (self.S / max(slope, 1e-300) + 5 * max(self.times)) / self.Ts, 1e8))
 
 
 def sampled_loop(loop: Loop) -> SampledLoop:
@@ -156,12 +168,13 @@ def reduced(setup: Setup, S: float, J: float) -> SampledLoop:
     sampled = plants.sample(setup.num, setup.den, setup.Td, setup.Ts)
     gain = setup.sign * setup.Kc
     poles = np.roots(setup.den)
-    lags = [1 / abs(p) for p in poles if abs(p) > 1e-12]
+    times = [setup.Td, setup.Ti or 0.0, setup.Ts, *(1 / abs(p) for p in poles if abs(p) > 1e-12)]
     return SampledLoop(
         A=flat(sampled.A), B_old=flat(sampled.B_old), B_new=flat(sampled.B_new), C=flat(gain * sampled.C),
         delay=sampled.delay, Ts=setup.Ts, integral=setup.Ti is not None,
         beta=setup.Ts / setup.Ti if setup.Ti else 0.0, S=S, J=J, gain=gain,
-        lo=setup.op_lo - setup.op0, hi=setup.op_hi - setup.op0, time=max([setup.Td, setup.Ti or 0.0, setup.Ts, *lags]),
+        lo=setup.op_lo - setup.op0, hi=setup.op_hi - setup.op0,
+        num=gain * setup.num, den=setup.den, Td=setup.Td, times=tuple(t for t in times if t > 0),
     )  # fmt: skip
 
 

@@ -95,8 +95,8 @@ def tuned(integrating: bool, Td: float, Ti: float | None, share: float, J_over_S
 
 def ultimate_gain(loop: SampledLoop) -> float | None:
     """Return the factor on Kc at which the linear loop begins to oscillate; None when it is unstable at any gain."""
-    w = np.geomspace(1e-4 / loop.time, np.pi / loop.Ts, 20_000)
-    L = loop.response(w)
+    w = np.geomspace(1e-4 / max(loop.times), np.pi / loop.Ts, 20_000)
+    L = loop.sampled_response(w)
     phase = np.unwrap(np.angle(L))
     crossing = np.nonzero((phase[:-1] > -np.pi) & (phase[1:] <= -np.pi))[0]
     return float(1 / abs(L[crossing[0]])) if crossing.size else None
