@@ -1,0 +1,287 @@
+"""Worst case: the healthy loop on which a method is most confidently wrong, found by random search and refinement."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+import time
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from detectors.errors import UserError
+from detectors.judge import judge
+from detectors.registry import methods as registry
+from detectors.verdict import STICTION, Verdict
+from scenarios.spec import Loop, load_loop
+from simbench.bench.resolve import sampled_ultimate_gain, significant
+from simbench.files import whole_file
+from simbench.loop.simulate import simulate
+
+CASES = Path(__file__).parent / "hard_negatives"
+EXPLORED = 0.6  # share of the budget spent far and wide, the rest around the best
+ELITE = 6
+TIME = 540.0  # s; a slow method on a slow machine stops here
+DISTURBANCES = ("none", "sine", "propagated", "coloured", "steps", "random_walk")
+OSCILLATING = ("sine", "propagated")
+# every entry: lowest and highest value, drawn evenly in logarithm; periods in dead times + lags, sizes in the load's
+RANGES = {
+    "Td_over_T": (0.03, 3.0),  # integrating: over Ti
+    "Ti": (0.3, 4.0),  # over T
+    "gain": (0.05, 1.5),  # over the ultimate gain
+    "period": (0.5, 20.0),
+    "amplitude": (0.3, 10.0),  # PV units, or % at the input
+    "samples_per_period": (20.0, 60.0),
+    "periods": (15.0, 40.0),
+    "J_over_S": (0.25, 1.0),
+    "lag": (0.005, 0.3),  # over the period
+    "other_noise": (0.003, 0.1),
+    "noise": (0.003, 0.3),
+    "quantum": (0.01, 1.0),
+    "limit": (0.3, 30.0),  # %, from rest to the end of OP's range
+    "rangeability": (1.5, 50.0),
+    "step": (0.1, 10.0),  # of the set point, PV units
+}
+# switches: share of loops that have it
+SHARES = {"P": 0.15, "input": 0.3, "noisy": 0.7, "coarse": 0.25, "limited": 0.2, "curved": 0.2, "stepped": 0.3}
+KEYS = ("process", "disturbance", *RANGES, *SHARES)
+
+
+@dataclass(frozen=True)
+class Worst:
+    """A healthy loop and what a method says about it.
+
+    Parameters
+    ----------
+    method : str
+        Method id.
+    loop : Loop
+        Its valve has no friction.
+    seed : int
+        Of its run.
+    verdict : Verdict
+        The method's answer.
+    tried, fooled : int
+        Loops simulated, and on how many of those drawn far and wide the method said stiction, of `drawn`.
+    drawn : int
+        Loops drawn far and wide.
+    """
+
+    method: str
+    loop: Loop
+    seed: int
+    verdict: Verdict
+    tried: int
+    drawn: int
+    fooled: int
+
+    @property
+    def score(self) -> float:
+        """The method's score, larger = stickier."""
+        return self.verdict.score
+
+    def as_text(self) -> str:
+        """Return the finding in a few lines, then the loop."""
+        wrong = "is most confidently wrong" if self.verdict.verdict == STICTION else "comes nearest to being wrong"
+        return (
+            f"{self.method} {wrong} on this healthy loop: {self.verdict.verdict}, score {self.score:.4g}\n"
+            f"reason: {self.verdict.reason}\n"
+            f"{self.tried} healthy loops tried; of {self.drawn} drawn at random it called {self.fooled} sticky\n\n"
+            f"{self.to_toml()}"
+        )
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the finding as JSON types."""
+        found = {"method": self.method, "seed": self.seed, "tried": self.tried, "drawn": self.drawn, "fooled": self.fooled}
+        return {**found, "verdict": self.verdict.as_json(), "loop": self.loop.to_table()}
+
+    def to_toml(self) -> str:
+        """Return the loop file, with seed and answer in comments that `read_case` understands."""
+        head = [
+            "# A healthy loop that this method calls sticky." if self.verdict.verdict == STICTION else "# A healthy loop.",
+            f'# method = "{self.method}"',
+            f"# seed = {self.seed}",
+            f'# verdict = "{self.verdict.verdict}"',
+            f"# score = {self.score:.6g}",
+        ]
+        return "\n".join(head) + "\n\n" + self.loop.to_toml()
+
+
+def worst(method: str, budget: int = 2000, seed: int = 0) -> Worst:
+    """Search the healthy loop on which a method is most confidently wrong.
+
+    Parameters
+    ----------
+    method : str
+        Method id.
+    budget : int
+        Loops to simulate, at least 1; the search stops after 9 minutes in any case.
+    seed : int
+        Of the search.
+
+    Returns
+    -------
+    Worst
+        Largest score among the loops called sticky; where there is none, the largest score.
+
+    Raises
+    ------
+    UnknownName
+        For a method that does not exist.
+    UserError
+        For an empty budget.
+
+    Notes
+    -----
+    First-order and integrating plants under loads (sine, the oscillation of another sticky loop, coloured noise, steps,
+    random walk), aggressive tuning, limits of OP, quantised PV and a valve characteristic: drawn evenly, then the best ones
+    are changed a little (an evolution strategy with shrinking steps). Not a false-alarm rate: loops are not drawn as plants
+    have them.
+
+    Examples
+    --------
+    >>> found = worst("horch", budget=30)
+    >>> found.tried, simulate(found.loop, found.seed).sticky
+    (30, False)
+    """
+    from tqdm import tqdm
+
+    process = registry.load(method).METHOD.process
+    if budget < 1:
+        raise UserError(f"worst: budget = {budget}; at least 1 loop must be tried")
+    rng = np.random.default_rng(seed)
+    begun = time.monotonic()
+    elite: list[tuple[tuple[bool, float], np.ndarray, Worst]] = []
+    drawn = fooled = tried = 0
+    explore = math.ceil(EXPLORED * budget)
+    for number in tqdm(range(budget), desc=f"worst {method}", unit="loop", file=sys.stderr, disable=None):
+        if time.monotonic() - begun > TIME:
+            break
+        if number < explore or not elite:
+            point, run_seed = rng.random(len(KEYS)), int(rng.integers(2**31))
+            drawn += 1
+        else:
+            parent = elite[int(rng.integers(len(elite)))]
+            spread = 0.25 * 0.02 ** ((number - explore) / max(budget - explore, 1))
+            changed = rng.random(len(KEYS)) < 0.4
+            point, run_seed = np.abs(parent[1] + changed * spread * rng.standard_normal(len(KEYS))), parent[2].seed
+            point = np.minimum(1 - np.abs(1 - point), 1 - 1e-9)
+        tried += 1
+        loop = healthy_loop(dict(zip(KEYS, point)), process)
+        verdict = judge(simulate(loop, run_seed).record, [method])[0]
+        wrong = verdict.verdict == STICTION
+        fooled += wrong and number < explore
+        rank = (wrong, verdict.score if math.isfinite(verdict.score) else -math.inf)
+        elite.append((rank, point, Worst(method, loop, run_seed, verdict, 0, 0, 0)))
+        elite = sorted(elite, key=lambda e: e[0], reverse=True)[:ELITE]
+    best = elite[0][2]
+    return Worst(method, best.loop, best.seed, best.verdict, tried, drawn, fooled)
+
+
+def healthy_loop(at: dict[str, float], process: tuple[str, ...]) -> Loop:
+    """Turn a point of the unit cube into a loop whose valve has no friction.
+
+    Parameters
+    ----------
+    at : dict of str to float
+        `KEYS`, each within 0..1.
+    process : tuple of str
+        Process types to choose from.
+
+    Returns
+    -------
+    Loop
+    """
+    x = {k: significant(math.exp(math.log(lo) + at[k] * (math.log(hi) - math.log(lo)))) for k, (lo, hi) in RANGES.items()}
+    on = {k: at[k] < share for k, share in SHARES.items()}
+    integrating = process[int(at["process"] * len(process))] == "integrating"
+    kind = DISTURBANCES[int(at["disturbance"] * len(DISTURBANCES))]
+    T = 10.0
+    Td = significant(x["Td_over_T"] * T)
+    plant = {"type": "integrating", "K": 1 / T, "Td": Td} if integrating else {"type": "foptd", "K": 1.0, "T": T, "Td": Td}
+    # without an oscillation from outside, the loop's own sets the pace: about four dead times and lags
+    period = x["period"] * (T + 2 * Td) if kind in OSCILLATING else 4 * Td + T
+    table: dict[str, Any] = {
+        "plant": plant,
+        "controller": {"type": "P", "Kc": 1.0} if on["P"] else {"type": "PI", "Kc": 1.0, "Ti": significant(x["Ti"] * T)},
+        "sampling": {
+            "Ts": significant(period / x["samples_per_period"]),
+            "n": round(x["samples_per_period"] * x["periods"]),
+        },
+        "noise": {"std": significant(x["noise"] * x["amplitude"]) if on["noisy"] else 0.0},
+        "valve": {"model": "gain_ratio", "R": x["rangeability"]} if on["curved"] else {"model": "ideal"},
+        "effect": [],
+    }
+    if on["stepped"] or kind == "none":
+        table["setpoint"] = {"value": 50.0, "steps": [[0.0, 50.0 + x["step"]]]}
+    if kind != "none":
+        load = {"type": kind, "amplitude": x["amplitude"], "period": significant(period)}
+        load["at"] = "input" if on["input"] else "output"
+        if kind == "propagated":
+            load.update(S=5.0, J=significant(5.0 * x["J_over_S"]), lag=significant(x["lag"] * period), noise=x["other_noise"])
+        table["disturbance"] = [load]
+    if on["coarse"]:
+        table["effect"].append({"name": "quantisation", "step": significant(x["quantum"] * x["amplitude"])})
+    if on["limited"]:
+        table["effect"].append({"name": "saturation", "lo": 50.0 - x["limit"], "hi": 50.0 + x["limit"]})
+    loop = Loop.from_table(table)
+    return loop.with_("controller.Kc", significant(x["gain"] * sampled_ultimate_gain(loop)))
+
+
+def read_case(path: str | Path) -> Worst:
+    """Read a loop file that `Worst.to_toml` wrote, and judge it again.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Returns
+    -------
+    Worst
+        With the method's answer of today.
+
+    Raises
+    ------
+    UserError, SpecError
+        When it is no such file.
+    """
+    loop, head = load_loop(path), recorded(path)
+    verdict = judge(simulate(loop, head["seed"]).record, [head["method"]])[0]
+    return Worst(head["method"], loop, head["seed"], verdict, 1, 0, 0)
+
+
+def recorded(path: str | Path) -> dict[str, Any]:
+    """Return what the comments of a case say: method, seed, verdict, score."""
+    lines = Path(path).read_text(encoding="utf-8").splitlines()
+    said = tomllib.loads("\n".join(line[2:] for line in lines if line.startswith("# ") and " = " in line))
+    missing = [k for k in ("method", "seed", "verdict", "score") if k not in said]
+    if missing:
+        raise UserError(f"{path}: no comment says {' and '.join(missing)}; write such files with `simbench worst`")
+    return said
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Search and write one case per method, or judge the written ones again."""
+    parser = argparse.ArgumentParser(prog="python -m simbench.bench.worst", description=__doc__)
+    parser.add_argument("methods", nargs="*", metavar="METHOD", help="method ids")
+    parser.add_argument("--all", action="store_true", help="every method")
+    parser.add_argument("--rejudge", action="store_true", help="keep the loops, write today's answers")
+    parser.add_argument("--budget", type=int, default=2000, help="loops to try for each method")
+    parser.add_argument("--seed", type=int, default=0)
+    chosen = parser.parse_args(arguments)
+    for name in registry.names() if chosen.all else chosen.methods:
+        path = CASES / f"{name}.toml"
+        found = read_case(path) if chosen.rejudge else worst(name, chosen.budget, chosen.seed)
+        with whole_file(path) as f:
+            f.write(found.to_toml())
+        print(found.as_text().partition("\n\n")[0] + "\n", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
