@@ -50,3 +50,19 @@ def test_public_functions_describe_their_parameters(path):
             arguments = node.args.posonlyargs + node.args.args + node.args.kwonlyargs
             missing = [a.arg for a in arguments if a.arg not in section]
             assert not missing, f"{node.name}: the docstring does not speak of {missing}"
+
+
+PLUGINS = ["detectors/methods", "simbench/loop/valves", "simbench/gap/effects", "simbench/figures"]
+
+
+@pytest.mark.parametrize("folder", PLUGINS)
+def test_plugins_never_import_their_siblings(folder):
+    package = folder.replace("/", ".")
+    files = [p for p in (ROOT / folder).glob("*.py") if not p.stem.startswith("_")]
+    assert files
+    for path in files:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
+            names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            siblings = [n for n in names if n.startswith(package + ".") and not n.removeprefix(package + ".").startswith("_")]
+            assert not siblings, f"{path.name} imports {siblings}"
