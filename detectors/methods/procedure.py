@@ -1,0 +1,58 @@
+"""The chapter's diagnosis procedure as a method of its own: quality, oscillation, saturation, then the detectors together.
+
+Needs: OP and PV; where the loop does not oscillate, MV or the PV of a flow loop.
+Parameters: `odds_low`, `odds_high` (log-odds), own: probabilities 0.4 and 0.6; `follow_min` (-), own, from simulated loops.
+Indices: log_odds (stiction against none, from the weighted indices of the detectors), follow (0..1, a dead band between OP
+and the valve seen without an oscillation), ngi, nli, regularity, period_s.
+Rule: log_odds >= odds_high stiction, <= odds_low none. Without a sustained oscillation: stiction where the valve is seen to
+stand still, else none. Saturation of OP: no decision.
+Not for: replacing the confirmation tests; `simbench diagnose` says which comes next.
+Source: Jelali (2013), section 11.9; the weights are fitted to simulated loops.
+"""
+
+from __future__ import annotations
+
+from detectors.method import Method, Threshold
+from detectors.prepared import Prepared
+from detectors.procedure import FOLLOW_MIN, ODDS_HIGH, ODDS_LOW, walk
+from detectors.verdict import Verdict
+
+METHOD = Method(
+    title="the diagnosis procedure as a whole",
+    source="Jelali 2013, section 11.9",
+    front_end=False,
+    thresholds={
+        "odds_low": Threshold(ODDS_LOW, "log-odds", -20.0, 20.0, "own", "at or below: no stiction"),
+        "odds_high": Threshold(ODDS_HIGH, "log-odds", -20.0, 20.0, "own", "at or above: stiction"),
+        "follow_min": Threshold(FOLLOW_MIN, "-", 0.0, 1.0, "own, simulated loops", "at or above: the valve stands still"),
+    },
+)
+
+
+def detect(prepared: Prepared, *, odds_low: float, odds_high: float, follow_min: float) -> Verdict:
+    """Judge a record by the procedure.
+
+    Parameters
+    ----------
+    prepared : Prepared
+        The record.
+    odds_low, odds_high : float
+        Bounds of the log-odds.
+    follow_min : float
+        Bound of the score of a valve seen directly (-).
+
+    Returns
+    -------
+    Verdict
+        `score` is the log-odds.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from detectors.record import LoopRecord
+    >>> t = np.arange(3000) / 10
+    >>> detect(Prepared(LoopRecord(np.sin(t), -np.sin(t), 1.0)), **METHOD.defaults()).verdict
+    'no_stiction'
+    """
+    found = walk(prepared, odds_low, odds_high, follow_min)
+    return Verdict("procedure", found.verdict, found.score, found.indices, S=found.S, J=found.J, reason=found.reason)
