@@ -1,0 +1,143 @@
+"""A run's manifest: what was run, on which versions and code, and whether old and new pieces may stand together."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+from collections.abc import Mapping
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from detectors.errors import UserError
+from simbench.bench.tables import FORMAT
+from simbench.files import whole_file
+
+MANIFEST = "manifest.json"
+# what must be the same before old and new pieces may stand in one table
+BINDING = ("format", "grid_hash", "methods", "thresholds", "plugins", "until_width", "code", "versions")
+LIBRARIES = ("stiction-simbench", "numpy", "scipy", "numba", "scikit-learn", "dtaidistance")
+
+
+class RunError(UserError):
+    """A run's folder that cannot be used as asked."""
+
+
+def describe(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a manifest: the settings of a run with the versions and the code it runs on.
+
+    Parameters
+    ----------
+    settings : mapping
+        Grid, its hash, seeds, methods, command and the like.
+
+    Returns
+    -------
+    dict
+        JSON types.
+    """
+    return {
+        "format": FORMAT,
+        **settings,
+        "code": code_hash(),
+        "commit": _commit(),
+        "versions": {"python": platform.python_version(), **{name: _version(name) for name in LIBRARIES}},
+        "machine": f"{platform.system()} {platform.machine()}",
+        "complete": False,
+    }
+
+
+def read_manifest(path: str | Path) -> dict[str, Any]:
+    """Return the manifest of a run.
+
+    Parameters
+    ----------
+    path : str or Path
+        Folder of the run.
+
+    Returns
+    -------
+    dict
+
+    Raises
+    ------
+    RunError
+        When there is no run, or one of another format version.
+    """
+    file = Path(path) / MANIFEST
+    try:
+        manifest = json.loads(file.read_text(encoding="utf-8"))
+        found = manifest["format"]
+    except (FileNotFoundError, NotADirectoryError):
+        raise RunError(f"{path} holds no run: {MANIFEST} is missing") from None
+    except (ValueError, KeyError, TypeError):
+        raise RunError(f"{file} is damaged; it must be JSON with a format version") from None
+    if found != FORMAT:
+        raise RunError(f"{path} was written in format version {found}, this simbench reads version {FORMAT}; run it again")
+    return manifest
+
+
+def write_manifest(where: Path, manifest: Mapping[str, Any]) -> None:
+    """Write the manifest whole."""
+    with whole_file(where / MANIFEST) as f:
+        json.dump(manifest, f, indent=1)
+
+
+def refuse_to_mix(where: Path, manifest: Mapping[str, Any]) -> None:
+    """Raise RunError, with what differs, when a run on disk is not the one about to go on.
+
+    Parameters
+    ----------
+    where : Path
+        Folder of the run on disk.
+    manifest : mapping
+        Of the run about to go on.
+    """
+    old = read_manifest(where)
+    for key in BINDING:
+        if old.get(key) != manifest[key]:
+            raise RunError(f"{where} cannot be resumed: {_difference(key, old.get(key), manifest[key])}")
+
+
+def code_hash() -> str:
+    """Return 16 hex digits of all sources that decide what a run's tables hold."""
+    import detectors
+    import scenarios
+    import simbench
+
+    digest = hashlib.sha256()
+    rooms = [Path(detectors.__path__[0]), Path(scenarios.__path__[0])]
+    rooms += [Path(simbench.__path__[0]) / room for room in ("loop", "theory", "bench", "gap/effects")]
+    for room in rooms:
+        for file in sorted(room.rglob("*.py")):
+            digest.update(file.relative_to(room.parent).as_posix().encode())
+            digest.update(file.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _difference(key: str, old: Any, new: Any) -> str:
+    if isinstance(old, dict) and isinstance(new, dict):
+        keys = [k for k in {**old, **new} if old.get(k) != new.get(k)]
+        return f"{key} differs: {', '.join(f'{k} was {old.get(k)}, is {new.get(k)}' for k in keys[:3])}"
+    names = {"grid_hash": "the grid", "code": "the code"}
+    return f"{names.get(key, key)} differs (was {old}, is {new})"
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "absent"
+
+
+@cache
+def _commit() -> str | None:
+    """Return the commit of the checkout that this file stands in, read without git."""
+    git = Path(__file__).resolve().parents[2] / ".git"
+    try:
+        head = (git / "HEAD").read_text().strip()
+        return (git / head[5:]).read_text().strip() if head.startswith("ref: ") else head
+    except OSError:
+        return None

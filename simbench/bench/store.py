@@ -1,0 +1,276 @@
+"""A run's folder: finished pieces, the two final tables, and reading them back."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from detectors.errors import nearest
+from detectors.verdict import NO_DECISION, NO_STICTION, STICTION
+from scenarios.spec import Loop, Scenario
+from simbench.bench.manifest import MANIFEST, RunError, read_manifest, refuse_to_mix, write_manifest
+from simbench.bench.tables import AXES, FORMAT
+from simbench.bench.work import Piece
+from simbench.files import folder as make_folder
+from simbench.files import whole_file, write_record
+
+PARTS = "parts"
+KINDS = ("verdicts", "scenarios")  # in the order in which a piece is written: the last one makes it whole
+TRUTHS = ("sticky", "predicted", "cycled")
+CODES = {NO_STICTION: 0, STICTION: 1, NO_DECISION: 2}
+
+
+def open_run(path: str | Path, manifest: dict[str, Any], resume: bool) -> Path:
+    """Make or reopen a run's folder.
+
+    Parameters
+    ----------
+    path : str or Path
+        The folder.
+    manifest : dict
+        What is about to run.
+    resume : bool
+        Go on with what is there.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    RunError
+        When the folder holds something else, or a run that differs (and in what).
+    """
+    where = make_folder(path)
+    if not any(where.iterdir()):
+        write_manifest(where, manifest)
+    elif not (where / MANIFEST).exists():
+        raise RunError(f"folder {where} is not empty and holds no run; choose another")
+    elif not resume:
+        raise RunError(f"folder {where} already holds a run; continue it with --resume, or choose another folder")
+    else:
+        refuse_to_mix(where, manifest)
+    make_folder(where / PARTS)
+    return where
+
+
+def write_piece(where: Path, piece: Piece) -> None:
+    """Put a finished piece on disk; it counts from the moment its last file stands under its name."""
+    for ident, record in piece.kept:
+        write_record(record, make_folder(where / "records") / f"{ident}.csv")
+    for kind in KINDS:
+        with whole_file(part_file(where, piece.number, kind), "wb") as f:
+            f.write(getattr(piece, kind))
+
+
+def is_whole(where: Path, number: int) -> bool:
+    """Whether a piece stands on disk, readable, in all its files."""
+    try:
+        for kind in KINDS:
+            metadata = pq.read_schema(part_file(where, number, kind)).metadata or {}
+            if metadata.get(b"piece") != str(number).encode():
+                return False
+    except (OSError, pa.ArrowInvalid):
+        return False
+    return True
+
+
+def finish(where: Path, pieces: int, manifest: dict[str, Any]) -> None:
+    """Join the pieces to the final tables, one piece in memory at a time, and say in the manifest that the run is whole."""
+    records, counts = hashlib.sha256(), {"scenarios": 0, "verdicts": 0, "errors": 0}
+    for kind in KINDS:
+        with whole_file(where / f"{kind}.parquet", "wb") as f:
+            writer = None
+            for number in range(pieces):
+                table = pq.read_table(part_file(where, number, kind))
+                writer = writer or pq.ParquetWriter(f, table.schema.with_metadata({"format": str(FORMAT)}), compression="zstd")
+                writer.write_table(table.replace_schema_metadata({"format": str(FORMAT)}))
+                counts[kind] += table.num_rows
+                counts["errors"] += table.num_rows - table.column("error").null_count
+                if kind == "scenarios":
+                    records.update("".join(h or "-" for h in table.column("record_hash").to_pylist()).encode())
+            if writer is not None:
+                writer.close()
+    write_manifest(where, {**manifest, "complete": True, "counts": counts, "records_hash": records.hexdigest()[:16]})
+    shutil.rmtree(where / PARTS)
+
+
+def read_scenario(path: str | Path, scenario_id: str) -> Scenario:
+    """Return one scenario of a run, from which its record can be simulated again.
+
+    Parameters
+    ----------
+    path : str or Path
+        Folder of a finished run.
+    scenario_id : str
+        Its id.
+
+    Returns
+    -------
+    Scenario
+
+    Raises
+    ------
+    RunError
+        When the run has no such scenario; the nearest id is named.
+    """
+    file = _table(path, "scenarios")
+    found = pq.read_table(file, columns=["loop", "seed", "tags"], filters=[("scenario_id", "=", scenario_id)]).to_pylist()
+    if not found:
+        known = pq.read_table(file, columns=["scenario_id"]).column(0).to_pylist()
+        close = nearest(scenario_id, known) if len(known) < 50 else f"it has {len(known)} others, see scenarios.parquet"
+        raise RunError(f"{path} has no scenario {scenario_id!r}: {close}")
+    row = found[0]
+    return Scenario(loop=Loop.from_table(json.loads(row["loop"])), seed=row["seed"], tags=json.loads(row["tags"]))
+
+
+@dataclass(frozen=True, eq=False)
+class Book:
+    """A run's tables as arrays: n scenarios, m methods.
+
+    Parameters
+    ----------
+    manifest : dict
+        Of the run.
+    ids : ndarray of bytes, shape (n,)
+        Scenario ids.
+    hashes : ndarray of bytes, shape (n,)
+        Of the records.
+    axes : dict of str to ndarray, shape (n,)
+        Grid axes and other tags: numbers (NaN where there is none) or words.
+    truth : dict of str to ndarray of int8, shape (n,)
+        sticky, predicted, cycled: 1 positive, 0 negative, -1 left out; `cycled_word` holds the four words.
+    oscillating : ndarray of bool, shape (n,)
+        What the common front end said.
+    methods : tuple of str
+        Method ids.
+    verdict, verdict_raw : ndarray of int8, shape (m, n)
+        0 no_stiction, 1 stiction, 2 no_decision; with and without front end.
+    score, score_raw : ndarray of float32, shape (m, n)
+        NaN where there is none; with the front end, -inf where it found no oscillation.
+    failed : ndarray of bool, shape (m, n)
+        Whether the detector raised an error.
+    runtime : ndarray of float32, shape (m, n)
+        Seconds.
+    """
+
+    manifest: dict[str, Any]
+    ids: np.ndarray
+    hashes: np.ndarray
+    axes: dict[str, np.ndarray]
+    truth: dict[str, np.ndarray]
+    oscillating: np.ndarray
+    methods: tuple[str, ...]
+    verdict: np.ndarray
+    verdict_raw: np.ndarray
+    score: np.ndarray
+    score_raw: np.ndarray
+    failed: np.ndarray
+    runtime: np.ndarray
+
+    @classmethod
+    def read(cls, path: str | Path) -> Book:
+        """Read a finished run.
+
+        Parameters
+        ----------
+        path : str or Path
+            Its folder.
+
+        Returns
+        -------
+        Book
+
+        Raises
+        ------
+        RunError
+            When there is no finished run of this format version.
+        """
+        manifest = read_manifest(path)
+        methods = tuple(manifest["methods"])
+        scenarios, verdicts = _table(path, "scenarios"), _table(path, "verdicts")
+        words = ("block", "member", "process", "controller", "valve", "disturbance", "tuning")
+        numbers = tuple(a for a in AXES if a not in words)
+        columns = ["scenario_id", "record_hash", *words, *numbers, "sticky", "predicted", "cycled", "oscillating"]
+        table = pq.read_table(scenarios, columns=columns)
+        ids = np.array(table.column("scenario_id").to_pylist(), dtype="S16")
+        hashes = np.array([h or "" for h in table.column("record_hash").to_pylist()], dtype="S16")
+        axes: dict[str, np.ndarray] = {w: _words(table.column(w)) for w in words}
+        axes.update({a: table.column(a).to_numpy(zero_copy_only=False).astype(float) for a in numbers})
+        cycled = _words(table.column("cycled"))
+        truth = {t: _flags(table.column(t)) for t in ("sticky", "predicted")}
+        truth["cycled"] = np.select([cycled == "yes", cycled == "no"], [1, 0], -1).astype(np.int8)
+        oscillating = _flags(table.column("oscillating")) == 1
+        n, m = ids.size, len(methods)
+        kinds = {"verdict": np.int8, "verdict_raw": np.int8, "score": np.float32, "score_raw": np.float32}
+        out = {name: np.empty((n, m), dtype=kind) for name, kind in kinds.items()}
+        failed, runtime = np.empty((n, m), dtype=bool), np.empty((n, m), dtype=np.float32)
+        row = 0
+        for batch in _batches(verdicts, ["scenario_id", "method", *kinds, "error", "runtime_s"]):
+            stop = row + batch.num_rows // max(m, 1)
+            _check_order(batch, ids[row:stop], methods, path)
+            for name in ("verdict", "verdict_raw"):
+                out[name][row:stop] = _codes(batch.column(name)).reshape(-1, m)
+            for name in ("score", "score_raw"):
+                out[name][row:stop] = batch.column(name).to_numpy(zero_copy_only=False).reshape(-1, m)
+            failed[row:stop] = batch.column("error").is_valid().to_numpy(zero_copy_only=False).reshape(-1, m)
+            runtime[row:stop] = batch.column("runtime_s").to_numpy(zero_copy_only=False).reshape(-1, m)
+            row = stop
+        for i, method in enumerate(methods):
+            if manifest["methods"][method]["front_end"]:
+                # below every score: scales differ between methods, some go below 0
+                out["score"][~oscillating & (out["verdict"][:, i] != CODES[NO_DECISION]), i] = -np.inf
+        parts = {name: np.ascontiguousarray(values.T) for name, values in out.items()}
+        truth["cycled_word"] = cycled
+        return cls(manifest, ids, hashes, axes, truth, oscillating, methods, **parts, failed=failed.T, runtime=runtime.T)
+
+
+def part_file(where: Path, number: int, kind: str) -> Path:
+    """Return where one table of a piece stands."""
+    return where / PARTS / f"{number:06d}.{kind}.parquet"
+
+
+def _table(path: str | Path, kind: str) -> Path:
+    file = Path(path) / f"{kind}.parquet"
+    if not file.exists():
+        read_manifest(path)
+        raise RunError(f"{path} is not finished: {file.name} is missing; continue the run with --resume")
+    return file
+
+
+def _batches(file: Path, columns: list[str]) -> Iterator[pa.Table]:
+    # whole row groups: a row group holds whole scenarios
+    source = pq.ParquetFile(file)
+    for i in range(source.num_row_groups):
+        yield source.read_row_group(i, columns=columns)
+
+
+def _check_order(batch: pa.Table, ids: np.ndarray, methods: Iterable[str], path: str | Path) -> None:
+    found = np.array(batch.column("scenario_id").to_pylist(), dtype="S16").reshape(-1, len(tuple(methods)))
+    names = batch.column("method").to_pylist()
+    if not np.array_equal(found, np.repeat(ids[:, None], found.shape[1], axis=1)) or names != list(methods) * len(found):
+        raise RunError(f"{path} is damaged: verdicts and scenarios do not match; run it again")
+
+
+def _words(column: pa.ChunkedArray) -> np.ndarray:
+    coded = column.dictionary_encode().unify_dictionaries().combine_chunks()
+    coded = coded.chunk(0) if isinstance(coded, pa.ChunkedArray) else coded
+    names = np.array([*coded.dictionary.to_pylist(), ""], dtype="U")
+    return names[coded.indices.fill_null(len(names) - 1).to_numpy(zero_copy_only=False)]
+
+
+def _codes(column: pa.ChunkedArray) -> np.ndarray:
+    return np.array([CODES[v] for v in column.to_pylist()], dtype=np.int8)
+
+
+def _flags(column: pa.ChunkedArray) -> np.ndarray:
+    return column.cast(pa.int8()).fill_null(-1).to_numpy(zero_copy_only=False).astype(np.int8)

@@ -1,0 +1,95 @@
+"""The two tables of a run: their columns, and how a piece of them becomes a parquet file."""
+
+from __future__ import annotations
+
+import io
+import math
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+FORMAT = 1
+TEXT = pa.string()
+NUMBER = pa.float64()
+AXES = ("Td_over_T", "Td_over_Ti", "S_over_2J", "noise_ratio", "disturbance", "tuning", "samples_per_period")
+_WORDS = ("block", "member", "process", "controller", "valve", "disturbance", "tuning")
+_COUNTS = ("cell", "repeat")
+TAGS = (*_COUNTS, "block", "member", "process", "controller", "valve", *AXES)
+
+SCENARIOS = pa.schema(
+    [
+        ("scenario_id", TEXT),
+        ("group", pa.int64()),
+        *((name, pa.int64() if name in _COUNTS else TEXT if name in _WORDS else NUMBER) for name in TAGS),
+        ("seed", pa.int64()),
+        ("sticky", pa.bool_()),
+        ("predicted", pa.bool_()),
+        ("refined", pa.bool_()),
+        ("theory", pa.bool_()),
+        ("theory_period", NUMBER),
+        ("theory_amplitude", NUMBER),
+        ("cycled", TEXT),
+        ("cycle_period", NUMBER),
+        ("cycle_swing", NUMBER),
+        ("Ts", NUMBER),
+        ("n", pa.int64()),
+        ("noise_std", NUMBER),
+        ("oscillating", pa.bool_()),
+        ("regularity", NUMBER),
+        ("period_s", NUMBER),
+        ("flags", TEXT),
+        ("record_hash", TEXT),
+        ("loop", TEXT),
+        ("tags", TEXT),
+        ("error", TEXT),
+    ]
+)
+VERDICTS = pa.schema(
+    [
+        ("scenario_id", TEXT),
+        ("method", TEXT),
+        ("verdict", TEXT),
+        ("score", NUMBER),
+        ("verdict_raw", TEXT),
+        ("score_raw", NUMBER),
+        ("applicable", pa.bool_()),
+        ("reason", TEXT),
+        ("reason_raw", TEXT),
+        ("indices", TEXT),
+        ("S_lo", NUMBER),
+        ("S_hi", NUMBER),
+        ("J_lo", NUMBER),
+        ("J_hi", NUMBER),
+        ("S_unit", TEXT),
+        ("error", TEXT),
+        ("runtime_s", NUMBER),
+    ]
+)
+
+
+def encode(columns: dict[str, list[Any]], schema: pa.Schema, number: int) -> bytes:
+    """Return columns as the bytes of a parquet file (zstd) that knows its number.
+
+    Parameters
+    ----------
+    columns : dict of str to list
+        All columns of the schema, of one length; None and NaN are null.
+    schema : pyarrow.Schema
+        `SCENARIOS` or `VERDICTS`.
+    number : int
+        Of the piece.
+
+    Returns
+    -------
+    bytes
+    """
+    arrays = [pa.array(_nulls(columns[f.name]), type=f.type) for f in schema]
+    table = pa.Table.from_arrays(arrays, schema=schema.with_metadata({"format": str(FORMAT), "piece": str(number)}))
+    out = io.BytesIO()
+    pq.write_table(table, out, compression="zstd")
+    return out.getvalue()
+
+
+def _nulls(values: list[Any]) -> list[Any]:
+    return [None if isinstance(v, float) and math.isnan(v) else v for v in values]

@@ -1,0 +1,281 @@
+"""One piece of a run: groups of scenarios simulated, labelled and judged; what every worker does."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from detectors.errors import UserError
+from detectors.judge import check_thresholds, judge_one
+from detectors.prepared import Prepared
+from detectors.record import LoopRecord
+from detectors.registry import methods as registry
+from detectors.verdict import NO_DECISION, Verdict
+from scenarios.errors import SpecError
+from scenarios.grid import Grid
+from scenarios.spec import Loop, Noise, Scenario, SetPoint
+from simbench.bench import tables
+from simbench.bench.resolve import resolve
+from simbench.bench.truth import Cycled, simulate_with_truth
+from simbench.loop.simulate import Run
+from simbench.theory.tables import truth_columns
+
+Thresholds = Mapping[str, Mapping[str, float]]
+
+
+@dataclass
+class Piece:
+    """What a worker hands back.
+
+    Parameters
+    ----------
+    number : int
+        Which piece of the run.
+    scenarios, verdicts : bytes
+        Parquet files.
+    count, failures : int
+        Scenarios, and verdicts or simulations that ended in an error.
+    simulating, judging, total : float
+        Seconds spent on simulation with its truth, on detectors, and altogether.
+    kept : list of (str, LoopRecord)
+        Records asked for, by scenario id.
+    """
+
+    number: int
+    scenarios: bytes
+    verdicts: bytes
+    count: int
+    failures: int
+    simulating: float
+    judging: float
+    total: float
+    kept: list[tuple[str, LoopRecord]] = field(default_factory=list)
+
+
+def work(
+    grid: Grid,
+    number: int,
+    groups: Sequence[int],
+    methods: Sequence[str],
+    plugins: Iterable[str],
+    thresholds: Thresholds,
+    keep: int,
+) -> Piece:
+    """Simulate, label and judge some groups of a grid.
+
+    Parameters
+    ----------
+    grid : Grid
+        The grid.
+    number : int
+        Of the piece.
+    groups : sequence of int
+        Which groups.
+    methods : sequence of str
+        Method ids.
+    plugins : iterable of str
+        Detector files outside the package.
+    thresholds : mapping
+        Other thresholds than the methods' own, by method id.
+    keep : int
+        Records to hand back, from the first on.
+
+    Returns
+    -------
+    Piece
+        A function of the arguments alone, but for its times.
+    """
+    began = time.perf_counter()
+    for path in plugins:
+        registry.add_file(path)
+    chosen = {m: check_thresholds(m, registry.load(m).METHOD, (thresholds or {}).get(m, {})) for m in methods}
+    rows: dict[str, list] = {name: [] for name in tables.SCENARIOS.names}
+    verdicts: dict[str, list] = {name: [] for name in tables.VERDICTS.names}
+    piece = Piece(number, b"", b"", 0, 0, 0.0, 0.0, 0.0)
+    # one thread per worker: with more, sums in linear algebra come out in another order
+    with threadpool_limits(1):
+        for index in groups:
+            since = time.perf_counter()
+            scenarios = resolve(grid.group(index))
+            piece.simulating += time.perf_counter() - since
+            for scenario in scenarios:
+                _one(scenario, index, chosen, rows, verdicts, piece, keep)
+    piece.scenarios, piece.verdicts = (
+        tables.encode(rows, tables.SCENARIOS, number),
+        tables.encode(verdicts, tables.VERDICTS, number),
+    )
+    piece.total = time.perf_counter() - began
+    return piece
+
+
+def judge_both(record: LoopRecord, chosen: Thresholds) -> tuple[Prepared, list[tuple[Verdict, Verdict, str | None, float]]]:
+    """Judge a record by several methods, with and without the common oscillation front end.
+
+    Parameters
+    ----------
+    record : LoopRecord
+        With MV; methods that do not declare that they need it do not see it.
+    chosen : mapping
+        All thresholds of every method, by method id.
+
+    Returns
+    -------
+    prepared : Prepared
+        The blinded record and what was found in it.
+    list of (Verdict, Verdict, str or None, float)
+        Per method: with front end, without, the error if it raised one, and its seconds.
+    """
+    since = time.perf_counter()
+    blind = Prepared(record.blind())
+    sustained = blind.oscillation.sustained
+    blind.flags  # noqa: B018  found once, for all methods
+    shared = (time.perf_counter() - since) / max(len(chosen), 1)
+    found = []
+    for name, values in chosen.items():
+        module = registry.load(name)
+        since, error = time.perf_counter(), None
+        try:
+            prepared = blind.sighted(record) if module.METHOD.needs_mv else blind
+            raw = judge_one(name, module, prepared, True, dict(values))
+            # with an oscillation the front end lets everything pass
+            front = raw
+            if module.METHOD.front_end and not sustained:
+                front = judge_one(name, module, prepared, False, dict(values))
+        except Exception as wrong:  # a detector may fail in any way; the run must not
+            error = f"{type(wrong).__name__}: {wrong}".splitlines()[0]
+            front = raw = Verdict(name, NO_DECISION, reason=f"failed: {error}")
+        found.append((front, raw, error, shared + time.perf_counter() - since))
+    return blind, found
+
+
+def _one(scenario: Scenario, group: int, chosen: Thresholds, rows: dict, verdicts: dict, piece: Piece, keep: int) -> None:
+    since = time.perf_counter()
+    error, run, cycled = None, None, Cycled("unclear")
+    try:
+        run, cycled = simulate_with_truth(scenario.loop, scenario.seed)
+        theory = _theory(_at_rest(scenario.loop))
+    except (UserError, SpecError) as wrong:
+        error, theory = f"{type(wrong).__name__}: {wrong}".splitlines()[0], (None, None, None, None, None)
+    ident = scenario.id
+    then = time.perf_counter()
+    piece.simulating += then - since
+    if run is None:
+        prepared, found = (
+            None,
+            [(v, v, error, 0.0) for v in (Verdict(m, NO_DECISION, reason=f"failed: {error}") for m in chosen)],
+        )
+    else:
+        prepared, found = judge_both(run.record, chosen)
+    piece.judging += time.perf_counter() - then
+    _add(rows, _scenario_row(scenario, ident, group, run, cycled, theory, prepared, error))
+    for front, raw, failed, seconds in found:
+        _add(verdicts, _verdict_row(ident, front, raw, failed, seconds))
+    piece.count += 1
+    piece.failures += sum(failed is not None for _, _, failed, _ in found) or int(error is not None)
+    if run is not None and len(piece.kept) < keep:
+        piece.kept.append((ident, run.record))
+
+
+def _scenario_row(
+    scenario: Scenario,
+    ident: str,
+    group: int,
+    run: Run | None,
+    cycled: Cycled,
+    theory: tuple,
+    prepared: Prepared | None,
+    error: str | None,
+) -> dict[str, Any]:
+    loop, tags = scenario.loop, scenario.tags
+    row: dict[str, Any] = {name: tags.get(name) for name in tables.TAGS}
+    row.update(
+        scenario_id=ident,
+        group=group,
+        seed=scenario.seed,
+        cycled=cycled.answer,
+        cycle_period=cycled.period,
+        cycle_swing=cycled.swing,
+        Ts=loop.sampling.Ts,
+        n=loop.sampling.n,
+        noise_std=loop.noise.std,
+        loop=json.dumps(loop.to_table()),
+        tags=json.dumps(tags),
+        error=error,
+    )
+    row.update(zip(("predicted", "refined", "theory", "theory_period", "theory_amplitude"), theory))
+    if run is not None and prepared is not None:
+        found = prepared.oscillation
+        row.update(
+            sticky=run.sticky,
+            oscillating=found.sustained,
+            regularity=found.regularity,
+            period_s=found.period_s,
+            flags=",".join(sorted(prepared.flags)),
+            record_hash=record_hash(run.record),
+        )
+    return row
+
+
+def _verdict_row(ident: str, front: Verdict, raw: Verdict, error: str | None, seconds: float) -> dict[str, Any]:
+    (S_lo, S_hi), (J_lo, J_hi) = _ends(front.S), _ends(front.J)
+    plain = front.as_json()
+    return {
+        "scenario_id": ident,
+        "method": front.method,
+        "verdict": front.verdict,
+        "score": front.score,
+        "verdict_raw": raw.verdict,
+        "score_raw": raw.score,
+        "applicable": front.applicable,
+        "reason": front.reason,
+        "reason_raw": None if raw.reason == front.reason else raw.reason,
+        "indices": json.dumps(plain["indices"]),
+        "S_lo": S_lo,
+        "S_hi": S_hi,
+        "J_lo": J_lo,
+        "J_hi": J_hi,
+        "S_unit": front.S_unit,
+        "error": error,
+        "runtime_s": seconds,
+    }
+
+
+def record_hash(record: LoopRecord) -> str:
+    """Return 16 hex digits of a record's signals, bit for bit."""
+    digest = hashlib.sha256()
+    for signal in (record.sp, record.op, record.pv, record.mv):
+        if signal is not None:
+            digest.update(np.ascontiguousarray(signal).tobytes())
+    return digest.hexdigest()[:16]
+
+
+def _at_rest(loop: Loop) -> str:
+    # theory knows neither noise nor loads nor the set point: siblings share its answer
+    return loop.model_copy(update={"noise": Noise(), "disturbance": (), "setpoint": SetPoint(value=loop.pv0)}).model_dump_json()
+
+
+@lru_cache(maxsize=256)
+def _theory(text: str) -> tuple[bool | None, bool | None, bool | None, float | None, float | None]:
+    with np.errstate(all="ignore"):  # candidate cycles that grow without bound
+        predicted, refined, theory = truth_columns(Loop.model_validate_json(text))
+    return predicted, refined, theory["exists"], theory["period"], theory["amplitude"]
+
+
+def _ends(level: float | tuple[float, float] | None) -> tuple[float, float]:
+    if level is None:
+        return math.nan, math.nan
+    return (float(level[0]), float(level[1])) if isinstance(level, tuple) else (float(level), float(level))
+
+
+def _add(columns: dict[str, list], row: Mapping[str, Any]) -> None:
+    for name, column in columns.items():
+        column.append(row.get(name))
