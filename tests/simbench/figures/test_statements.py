@@ -309,3 +309,25 @@ def test_the_path_of_a_diagnosis_is_drawn(tmp_path):
     assert (tmp_path / "path.svg").read_text(encoding="utf-8").rstrip().endswith("</svg>")
     with pytest.raises(ParameterError, match=r"\.svg, \.png or \.pdf"):
         draw_path(found, tmp_path / "path.docx")
+
+
+def test_a_lower_gain_slows_a_stiction_cycle_and_keeps_its_amplitude():
+    d = drawn("fig_11_24").groupby("Kc")[["period (s)", "amplitude (%)", "verdict"]].first()
+    assert d["period (s)"][0.6] / d["period (s)"][1.0] > 1.5
+    assert d["amplitude (%)"][0.6] == pytest.approx(d["amplitude (%)"][1.0], rel=0.1)
+    assert d["verdict"][1.0] == "stiction"
+
+
+def test_a_lower_gain_leaves_the_period_of_an_outside_oscillation():
+    d = drawn("fig_11_25").groupby("Kc")[["period (s)", "amplitude (%)", "verdict"]].first()
+    assert d["period (s)"][0.6] == pytest.approx(d["period (s)"][1.0], rel=0.01)
+    assert d["amplitude (%)"][0.6] < 0.8 * d["amplitude (%)"][1.0]
+    assert d["verdict"][1.0] == "no_stiction"
+
+
+@pytest.mark.parametrize("name", ["fig_11_24", "fig_11_25"])
+def test_periods_told_beside_the_gain_change_are_those_drawn(name):
+    for _, part in drawn(name).groupby("Kc"):
+        op = part["OP (%)"].to_numpy()[len(part) // 6 :]
+        up = np.flatnonzero((op[:-1] < op.mean()) & (op[1:] >= op.mean()))
+        assert np.diff(up).mean() == pytest.approx(part["period (s)"].iloc[0], rel=0.03)  # Ts = 1 s

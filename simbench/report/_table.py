@@ -1,0 +1,81 @@
+"""Data frames as tables that the page can sort."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection
+from typing import Any
+
+import pandas as pd
+
+Format = Callable[[Any], str]
+
+
+def sortable(
+    frame: pd.DataFrame, caption: str = "", formats: dict[str, Format] | None = None, long: Collection[str] = ()
+) -> dict[str, Any]:
+    """Return what the `sortable` macro of parts.html draws.
+
+    Parameters
+    ----------
+    frame : DataFrame
+        Its texts and numbers; missing values become empty cells.
+    caption : str
+        Above the table.
+    formats : dict of column to function, optional
+        How numbers are written; three significant digits otherwise. Sorting uses the full number.
+    long : collection of str
+        Columns with sentences, which may wrap.
+
+    Returns
+    -------
+    dict
+
+    Examples
+    --------
+    >>> table = sortable(pd.DataFrame({"a": [0.12345]}))
+    >>> table["rows"][0][0]["text"], table["columns"][0]["number"]
+    ('0.123', True)
+    """
+    formats = formats or {}
+    numbers = {c for c in frame.columns if pd.api.types.is_numeric_dtype(frame[c]) and frame[c].dtype != bool}
+    columns = [{"name": str(c), "number": c in numbers} for c in frame.columns]
+    rows = []
+    for record in frame.itertuples(index=False, name=None):
+        row = []
+        for name, value in zip(frame.columns, record):
+            kind = "n" if name in numbers else "long" if name in long else ""
+            row.append({"text": _text(value, formats.get(name)), "kind": kind, "value": _key(value, name in numbers)})
+        rows.append(row)
+    return {"caption": caption, "columns": columns, "rows": rows}
+
+
+def percent(value: float) -> str:
+    """Write a share in %, one decimal.
+
+    Parameters
+    ----------
+    value : float
+        0..1.
+
+    Returns
+    -------
+    str
+    """
+    return f"{100 * value:.1f} %"
+
+
+def _text(value: Any, how: Format | None) -> str:
+    if value is None or value is pd.NA or (isinstance(value, float) and math.isnan(value)):
+        return ""
+    if how is not None:
+        return how(value)
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return str(value)
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
+
+
+def _key(value: Any, number: bool) -> str | None:
+    if not number:
+        return None
+    return "" if value is None or pd.isna(value) else repr(float(value))

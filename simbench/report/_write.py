@@ -1,0 +1,41 @@
+"""Write the report of a run as one HTML file that asks for nothing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from simbench.files import whole_file
+from simbench.report import axes, disagreement, failures, maps, provenance, roc, slowest, summary
+from simbench.report.data import RunData
+from simbench.report.page import render
+
+SECTIONS = (summary, maps, roc, axes, disagreement, slowest, failures, provenance)
+
+
+def write_report(run_folder: str | Path, path: str | Path) -> None:
+    """Write a run's report: one self-contained HTML file, readable in light and dark and on a phone.
+
+    Parameters
+    ----------
+    run_folder : str or Path
+        A finished run.
+    path : str or Path
+        The file.
+
+    Raises
+    ------
+    RunError
+        When there is no finished run.
+    FileError
+        When the file cannot be written.
+    """
+    run = RunData.read(run_folder)
+    manifest = run.book.manifest
+    commit = str(manifest.get("commit") or "unknown")[:12]
+    origin = f"commit {commit}, grid {manifest['grid']} ({manifest['grid_hash']}), records {manifest.get('records_hash', '-')}"
+    sections = [{"id": s.__name__.rpartition(".")[2], "title": s.TITLE, "body": s.section(run)} for s in SECTIONS]
+    text = render(
+        "page.html", title=f"Stiction detectors on {manifest['grid']}", subtitle=origin, sections=sections, footer=f"Every number: {origin}."
+    )
+    with whole_file(path) as f:
+        f.write(text)

@@ -1,0 +1,96 @@
+"""What the sections of a report are made of: a run's arrays and tables, read once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+
+from detectors.verdict import NO_DECISION
+from simbench.bench.score import Scores, score_run
+from simbench.bench.store import CODES, Book
+
+TRUTHS = ("sticky", "predicted", "refined", "theory", "cycled")
+
+
+@dataclass(frozen=True, eq=False)
+class RunData:
+    """One run as the report sees it.
+
+    Parameters
+    ----------
+    folder : Path
+        Where it lies.
+    book : Book
+        Its tables as arrays.
+    scores : Scores
+        Behind the oscillation front end.
+    """
+
+    folder: Path
+    book: Book
+    scores: Scores
+
+    @classmethod
+    def read(cls, folder: str | Path) -> RunData:
+        """Read a finished run; raises `RunError` when there is none."""
+        return cls(Path(folder), Book.read(folder), score_run(folder))
+
+    def of(self, method: str) -> pd.DataFrame:
+        """Return one row per scenario whose cycling is clear.
+
+        Parameters
+        ----------
+        method : str
+            Method id.
+
+        Returns
+        -------
+        DataFrame
+            score, called (stiction), positive (cycled), right (no decision is wrong), and the grid's axes.
+        """
+        book = self.book
+        i = book.methods.index(method)
+        clear = book.truth["cycled"] >= 0
+        called = book.verdict[i] == CODES["stiction"]
+        positive = book.truth["cycled"] == 1
+        right = (called == positive) & (book.verdict[i] != CODES[NO_DECISION])
+        columns = {"score": book.score[i].astype(float), "called": called, "positive": positive, "right": right, **book.axes}
+        return pd.DataFrame({name: values[clear] for name, values in columns.items()})
+
+    def role(self, method: str) -> str:
+        """Return what a method is for, as the manifest has it."""
+        return str(self.book.manifest["methods"][method].get("role", "stiction"))
+
+    @cached_property
+    def truths(self) -> pd.DataFrame:
+        """The five truths of every scenario."""
+        return pq.read_table(self.folder / "scenarios.parquet", columns=list(TRUTHS)).to_pandas()
+
+    @cached_property
+    def errors(self) -> pd.DataFrame:
+        """Detectors that raised and scenarios that could not be run: method, scenario, error."""
+        names = {"scenario_id": "scenario"}
+        filled = [("error", "!=", "")]
+        raised = pq.read_table(self.folder / "verdicts.parquet", columns=["method", "scenario_id", "error"], filters=filled)
+        unrun = pq.read_table(self.folder / "scenarios.parquet", columns=["scenario_id", "error"], filters=filled)
+        found = unrun.to_pandas().assign(method="(simulation)")[["method", "scenario_id", "error"]]
+        return pd.concat([found, raised.to_pandas()], ignore_index=True).rename(columns=names)
+
+    @cached_property
+    def abstentions(self) -> pd.DataFrame:
+        """Verdicts "no decision" of methods that did not fail: method, reason."""
+        columns = ["method", "reason", "error"]
+        only = [("verdict", "=", NO_DECISION)]
+        found = pq.read_table(self.folder / "verdicts.parquet", columns=columns, filters=only).to_pandas()
+        return found[found["error"].isna()].drop(columns="error")
+
+    @cached_property
+    def times(self) -> pd.DataFrame:
+        """Milliseconds of every method (columns) on every scenario (rows)."""
+        ids = np.char.decode(self.book.ids, "ascii")
+        return pd.DataFrame(1000.0 * self.book.runtime.T, index=ids, columns=list(self.book.methods))

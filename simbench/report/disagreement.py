@@ -1,0 +1,33 @@
+"""Section: scenarios on which the truths disagree."""
+
+from __future__ import annotations
+
+from markupsafe import Markup
+
+from simbench.report._table import sortable
+from simbench.report.data import TRUTHS, RunData
+from simbench.report.page import render
+
+TITLE = "Where the labels disagree"
+
+
+def section(run: RunData) -> Markup:
+    """Count the combinations of sticky, predicted, refined, theory and cycled.
+
+    Parameters
+    ----------
+    run : RunData
+        The run.
+
+    Returns
+    -------
+    markupsafe.Markup
+    """
+    names = list(TRUTHS)
+    words = run.truths.astype(object).where(run.truths.notna(), "-").astype(str)
+    words = words.replace({"True": "yes", "False": "no"})
+    counted = words.groupby(names).size().rename("scenarios").reset_index().sort_values("scenarios", ascending=False)
+    agree = counted[names].nunique(axis=1) == 1
+    counted.insert(0, "all agree", agree.map({True: "yes", False: "no"}))
+    share = counted.loc[~agree, "scenarios"].sum() / max(len(words), 1)
+    return render("disagreement.html", table=sortable(counted), share=share)

@@ -1,0 +1,58 @@
+"""Section: detectors that raised, scenarios that could not be run, and why methods abstained."""
+
+from __future__ import annotations
+
+import re
+
+from markupsafe import Markup
+
+from simbench.report._table import sortable
+from simbench.report.data import RunData
+from simbench.report.page import render
+
+TITLE = "Failures and abstentions"
+MOST = 50  # rows shown
+
+
+def section(run: RunData) -> Markup:
+    """List errors, and count the reasons of "no decision" with their numbers taken out.
+
+    Parameters
+    ----------
+    run : RunData
+        The run.
+
+    Returns
+    -------
+    markupsafe.Markup
+    """
+    errors = run.errors
+    reasons = run.abstentions.assign(why=run.abstentions["reason"].map(pattern))
+    why = reasons.groupby(["method", "why"]).size().rename("verdicts").reset_index()
+    why = why.sort_values("verdicts", ascending=False).head(MOST)
+    return render(
+        "failures.html",
+        count=len(errors),
+        errors=sortable(errors.head(MOST), long=["error"]),
+        why=sortable(why, long=["why"]),
+    )
+
+
+def pattern(reason: str) -> str:
+    """Return a reason with its numbers as `#`, so that like reasons count together.
+
+    Parameters
+    ----------
+    reason : str
+        One verdict's.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> pattern("too short: 2.4 periods; at least 3 are needed")
+    'too short: # periods; at least # are needed'
+    """
+    return re.sub(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?", "#", reason)

@@ -1,0 +1,66 @@
+"""Section: where every number comes from, and how to get it again."""
+
+from __future__ import annotations
+
+import shlex
+from typing import Any
+
+import pandas as pd
+from markupsafe import Markup
+
+from simbench.report._table import sortable
+from simbench.report.data import RunData
+from simbench.report.page import render
+
+TITLE = "Provenance"
+SHOWN = {
+    "grid": "grid", "grid_hash": "hash of the grid", "records_hash": "hash of the simulated records", "seed": "seed of the grid",
+    "scenarios": "scenarios planned", "commit": "commit", "code": "hash of the code", "machine": "machine", "command": "command",
+}  # fmt: skip
+
+
+def section(run: RunData) -> Markup:
+    """Show the manifest and the commands that repeat the run.
+
+    Parameters
+    ----------
+    run : RunData
+        The run.
+
+    Returns
+    -------
+    markupsafe.Markup
+    """
+    manifest = run.book.manifest
+    rows = [(says, manifest.get(key)) for key, says in SHOWN.items()]
+    rows += [(f"version of {name}", value) for name, value in manifest.get("versions", {}).items()]
+    rows += [(f"threshold {m}.{k}", v) for m, chosen in manifest.get("thresholds", {}).items() for k, v in chosen.items()]
+    frame = pd.DataFrame([(name, "" if value is None else str(value)) for name, value in rows], columns=["what", "value"])
+    return render("provenance.html", table=sortable(frame, long=["value"]), commands=reproduce(manifest), folder=run.folder)
+
+
+def reproduce(manifest: dict[str, Any]) -> list[str]:
+    """Return the commands that give the same tables from a checkout of the same commit.
+
+    Parameters
+    ----------
+    manifest : dict
+        Of the run.
+
+    Returns
+    -------
+    list of str
+
+    Examples
+    --------
+    >>> reproduce({"grid": "smoke", "commit": "0123", "methods": {"he": {}}, "overrides": {"sets": {"seed": 3}}})
+    ['git checkout 0123', 'simbench run smoke -o again --set seed=3 --method he', 'simbench score again']
+    """
+    words = ["simbench", "run", str(manifest["grid"]), "-o", "again"]
+    overrides = manifest.get("overrides") or {}
+    words += [w for k, v in (overrides.get("sets") or {}).items() for w in ("--set", f"{k}={v}")]
+    words += [w for k, v in (overrides.get("axes") or {}).items() for w in ("--axis", f"{k}={','.join(map(str, v))}")]
+    words += [w for m in manifest["methods"] for w in ("--method", m)]
+    words += ["--until-width", str(manifest["until_width"])] if manifest.get("until_width") else []
+    lines = [f"git checkout {manifest['commit']}"] if manifest.get("commit") else []
+    return [*lines, shlex.join(words), "simbench score again"]

@@ -1,0 +1,128 @@
+"""A headless Chromium for tests: load one page, see what it asks for and complains about, evaluate JavaScript in it."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import shutil
+import subprocess
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from urllib.request import urlopen
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
+FLAGS = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--remote-debugging-port=0",
+    "--remote-allow-origins=*",
+)
+
+
+def executable() -> str | None:
+    """Path of the browser, or None."""
+    return next((path for name in NAMES if (path := shutil.which(name))), None)
+
+
+class Page:
+    """One loaded page."""
+
+    def __init__(self, socket: Any) -> None:
+        self._socket = socket
+        self._count = 0
+        self.errors: list[str] = []
+        self.requests: list[str] = []
+
+    def call(self, method: str, **parameters: Any) -> dict[str, Any]:
+        """Send one command and note what happens meanwhile."""
+        self._count += 1
+        self._socket.send(json.dumps({"id": self._count, "method": method, "params": parameters}))
+        while True:
+            message = json.loads(self._socket.recv())
+            if message.get("id") == self._count:
+                assert "error" not in message, message
+                return message["result"]
+            self._note(message)
+
+    def wait_for(self, event: str, seconds: float = 30.0) -> None:
+        """Read until an event has come."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            message = json.loads(self._socket.recv())
+            self._note(message)
+            if message.get("method") == event:
+                return
+        raise TimeoutError(event)
+
+    def evaluate(self, expression: str) -> Any:
+        """Return the value of a JavaScript expression."""
+        found = self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
+        assert "exceptionDetails" not in found, found["exceptionDetails"]
+        return found["result"].get("value")
+
+    def _note(self, message: dict[str, Any]) -> None:
+        method, given = message.get("method"), message.get("params", {})
+        if method == "Network.requestWillBeSent":
+            self.requests.append(given["request"]["url"])
+        elif method == "Runtime.exceptionThrown":
+            self.errors.append(str(given["exceptionDetails"]))
+        elif method == "Runtime.consoleAPICalled" and given["type"] in ("error", "warning", "assert"):
+            self.errors.append(str(given["args"]))
+        elif method == "Log.entryAdded" and given["entry"]["level"] in ("error", "warning"):
+            self.errors.append(given["entry"]["text"])
+
+
+@contextlib.contextmanager
+def opened(file: Path, width: int = 1200, dark: bool = False) -> Iterator[Page]:
+    """Load a file in a browser of its own."""
+    import websocket
+
+    browser = executable()
+    assert browser is not None
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
+        process = subprocess.Popen(
+            [browser, *FLAGS, f"--user-data-dir={profile}", f"--window-size={width},900", "about:blank"],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            env={**os.environ, "HOME": profile},
+        )
+        try:
+            port = _port(Path(profile) / "DevToolsActivePort", process)
+            with urlopen(f"http://127.0.0.1:{port}/json/list", timeout=30) as answer:
+                target = next(t for t in json.load(answer) if t["type"] == "page")
+            socket = websocket.create_connection(target["webSocketDebuggerUrl"], timeout=60)
+            try:
+                page = Page(socket)
+                for domain in ("Page", "Runtime", "Network", "Log"):
+                    page.call(f"{domain}.enable")
+                page.call("Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=False)
+                scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
+                page.call("Emulation.setEmulatedMedia", features=[scheme])
+                page.call("Page.navigate", url=file.resolve().as_uri())
+                page.wait_for("Page.loadEventFired")
+                yield page
+            finally:
+                socket.close()
+        finally:
+            process.terminate()
+            process.wait(timeout=30)
+
+
+def _port(file: Path, process: subprocess.Popen) -> int:
+    end = time.monotonic() + 60
+    while time.monotonic() < end:
+        if file.is_file() and file.read_text().strip():
+            return int(file.read_text().split()[0])
+        assert process.poll() is None, "the browser did not start"
+        time.sleep(0.05)
+    raise TimeoutError("the browser gave no port")
