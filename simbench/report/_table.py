@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
 import pandas as pd
@@ -12,7 +12,10 @@ Format = Callable[[Any], str]
 
 
 def sortable(
-    frame: pd.DataFrame, caption: str = "", formats: dict[str, Format] | None = None, long: Collection[str] = ()
+    frame: pd.DataFrame,
+    formats: dict[str, Format] | None = None,
+    long: Collection[str] = (),
+    beside: dict[str, Sequence[str]] | None = None,
 ) -> dict[str, Any]:
     """Return what the `sortable` macro of parts.html draws.
 
@@ -20,12 +23,12 @@ def sortable(
     ----------
     frame : DataFrame
         Its texts and numbers; missing values become empty cells.
-    caption : str
-        Above the table.
     formats : dict of column to function, optional
         How numbers are written; three significant digits otherwise. Sorting uses the full number.
     long : collection of str
         Columns with sentences, which may wrap.
+    beside : dict of column to texts, optional
+        Written small after each value, e.g. its interval.
 
     Returns
     -------
@@ -41,13 +44,15 @@ def sortable(
     numbers = {c for c in frame.columns if pd.api.types.is_numeric_dtype(frame[c]) and frame[c].dtype != bool}
     columns = [{"name": str(c), "number": c in numbers} for c in frame.columns]
     rows = []
-    for record in frame.itertuples(index=False, name=None):
+    for i, record in enumerate(frame.itertuples(index=False, name=None)):
         row = []
         for name, value in zip(frame.columns, record):
             kind = "n" if name in numbers else "long" if name in long else ""
-            row.append({"text": _text(value, formats.get(name)), "kind": kind, "value": _key(value, name in numbers)})
+            small = beside[name][i] if beside and name in beside else ""
+            text = _text(value, formats.get(name))
+            row.append({"text": text, "small": small, "kind": kind, "value": _key(value, name in numbers)})
         rows.append(row)
-    return {"caption": caption, "columns": columns, "rows": rows}
+    return {"columns": columns, "rows": rows}
 
 
 def percent(value: float) -> str:

@@ -35,7 +35,11 @@ def write_report(run_folder: str | Path, path: str | Path) -> None:
     origin = f"commit {commit}, grid {manifest['grid']} ({manifest['grid_hash']}), records {manifest.get('records_hash', '-')}"
     sections = [{"id": s.__name__.rpartition(".")[2], "title": s.TITLE, "body": s.section(run)} for s in SECTIONS]
     text = render(
-        "page.html", title=f"Stiction detectors on {manifest['grid']}", subtitle=origin, sections=sections, footer=f"Every number: {origin}."
+        "page.html",
+        title=f"Stiction detectors on {manifest['grid']}",
+        subtitle=origin,
+        sections=sections,
+        footer=f"Every number: {origin}.",
     )
     with whole_file(path) as f:
         f.write(text)

@@ -25,7 +25,9 @@ def section(run: RunData) -> Markup:
     """
     every = run.scores.by_axis
     here = every[every["mode"] == run.scores.first]
-    table = here[["axis", "value", "method", "n", "accuracy", "accuracy_lo", "accuracy_hi", "false_alarm", "miss", "no_decision"]]
+    table = here[
+        ["axis", "value", "method", "n", "accuracy", "accuracy_lo", "accuracy_hi", "false_alarm", "miss", "no_decision"]
+    ]
     names = {"method": "detector", "accuracy": "right", "accuracy_lo": "from", "accuracy_hi": "to", "n": "scenarios"}
     names |= {"false_alarm": "false alarms", "miss": "misses", "no_decision": "undecided"}
     digits = dict.fromkeys(["right", "from", "to", "false alarms", "misses", "undecided"], "{:.3f}".format)

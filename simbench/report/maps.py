@@ -80,16 +80,26 @@ def _draw(method: str, grids: dict[str, pd.DataFrame]) -> Figure:
     axes = figure.subplots(len(grids), 1, squeeze=False, height_ratios=rows)[:, 0]
     for place, (name, grid) in zip(axes, grids.items()):
         shares = grid.to_numpy(dtype=float)
-        place.imshow(shares, vmin=0, vmax=1, cmap="cividis", aspect="auto", origin="lower")
+        # one rectangle per cell, no embedded image
+        place.pcolormesh(
+            np.arange(grid.shape[1] + 1) - 0.5, np.arange(grid.shape[0] + 1) - 0.5, shares, vmin=0, vmax=1, cmap="cividis"
+        )
         for i, j in np.ndindex(shares.shape):
             if np.isfinite(shares[i, j]):
-                place.text(j, i, f"{100 * shares[i, j]:.0f}", ha="center", va="center", color="white" if shares[i, j] < 0.6 else "#000001")
+                place.text(
+                    j,
+                    i,
+                    f"{100 * shares[i, j]:.0f}",
+                    ha="center",
+                    va="center",
+                    color="white" if shares[i, j] < 0.6 else "#000001",
+                )
         place.set_xticks(range(grid.shape[1]), [_level_name(c) for c in grid.columns])
         place.set_yticks(range(grid.shape[0]), [f"{r:.2g}" for r in grid.index])
-        place.set_xlabel("S / 2J (0: healthy)")
         place.set_ylabel(name)
         for side in place.spines.values():
             side.set_visible(False)
+    axes[-1].set_xlabel("S / 2J (0: healthy valve)")
     axes[0].set_title(f"{method}: right verdicts (%)")
     return figure
 

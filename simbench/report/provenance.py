@@ -14,9 +14,16 @@ from simbench.report.page import render
 
 TITLE = "Provenance"
 SHOWN = {
-    "grid": "grid", "grid_hash": "hash of the grid", "records_hash": "hash of the simulated records", "seed": "seed of the grid",
-    "scenarios": "scenarios planned", "commit": "commit", "code": "hash of the code", "machine": "machine", "command": "command",
-}  # fmt: skip
+    "grid": "grid",
+    "grid_hash": "hash of the grid",
+    "records_hash": "hash of the simulated records",
+    "seed": "seed of the grid",
+    "scenarios": "scenarios planned",
+    "commit": "commit",
+    "code": "hash of the code",
+    "machine": "machine",
+    "command": "command",
+}
 
 
 def section(run: RunData) -> Markup:

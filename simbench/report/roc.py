@@ -30,13 +30,15 @@ def section(run: RunData) -> Markup:
     """
     items = []
     for method in run.book.methods:
-        mine = run.of(method)
+        mine = run.of(method).dropna(subset=["score"])
         if run.role(method) != "stiction" or mine["positive"].nunique() < 2:
             continue
         area = auc(mine["score"].to_numpy(dtype=float), mine["positive"].to_numpy())
         point = tuple(mine.loc[mine["positive"] == truth, "called"].mean() for truth in (False, True))
         says = f"ROC curve of {method}, AUC {area.value:.2f}"
-        items.append({"svg": inline_svg(_draw(method, roc_curve(mine), point), f"roc-{method}", says), "caption": f"AUC {area}"})
+        items.append(
+            {"svg": inline_svg(_draw(method, roc_curve(mine), point), f"roc-{method}", says), "caption": f"AUC {area}"}
+        )
     return render("roc.html", items=items)
 
 
@@ -46,7 +48,7 @@ def roc_curve(judged: pd.DataFrame) -> pd.DataFrame:
     Parameters
     ----------
     judged : DataFrame
-        Columns score (NaN ranks last) and positive.
+        Columns score (no NaN) and positive.
 
     Returns
     -------
@@ -59,9 +61,8 @@ def roc_curve(judged: pd.DataFrame) -> pd.DataFrame:
     >>> curve["detections"].tolist()
     [0.0, 0.5, 0.5, 1.0]
     """
-    score = judged["score"].to_numpy(dtype=float)
-    order = np.argsort(-np.nan_to_num(score, nan=-np.inf), kind="stable")
-    score, positive = np.nan_to_num(score[order], nan=-np.inf), judged["positive"].to_numpy()[order]
+    order = np.argsort(-judged["score"].to_numpy(dtype=float), kind="stable")
+    score, positive = judged["score"].to_numpy()[order], judged["positive"].to_numpy()[order]
     last = np.append(score[1:] != score[:-1], True)  # equal scores are passed together
     hits, alarms = np.cumsum(positive)[last], np.cumsum(~positive)[last]
     return pd.DataFrame({"false_alarms": np.append(0.0, alarms / alarms[-1]), "detections": np.append(0.0, hits / hits[-1])})
@@ -74,6 +75,8 @@ def _draw(method: str, curve: pd.DataFrame, point: tuple[float, ...]) -> Figure:
     axes.plot([0, 1], [0, 1], color=GREY, linestyle=":", linewidth=0.9)
     axes.plot(curve["false_alarms"], curve["detections"], color=BLUE, linewidth=1.6)
     axes.plot(*point, "o", color=RED)
-    axes.set(xlim=(-0.02, 1.02), ylim=(-0.02, 1.02), xlabel="false alarms (share of healthy)", ylabel="detections (share of cycling)")
+    axes.set(
+        xlim=(-0.02, 1.02), ylim=(-0.02, 1.02), xlabel="false alarms (share of healthy)", ylabel="detections (share of cycling)"
+    )
     axes.set_title(method)
     return figure

@@ -1,0 +1,224 @@
+"""The report of a run: one file that asks for nothing, whose pictures are seen and whose tables sort."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.metrics import roc_auc_score
+from sklearn.metrics import roc_curve as reference_roc
+
+from simbench.bench.run import run_grid
+from simbench.files import FileError
+from simbench.report import write_report
+from simbench.report._table import sortable
+from simbench.report.data import RunData
+from simbench.report.maps import accuracy_map
+from simbench.report.roc import roc_curve
+
+HERE = Path(__file__).parent
+BROKEN = '''"""A detector that fails on every third record."""
+from detectors.method import Method
+from detectors.verdict import Verdict
+
+METHOD = Method(title="fails", source="a test")
+
+
+def detect(prepared):
+    """Raise, or say no."""
+    if prepared.record.n % 3 == 0:
+        raise ZeroDivisionError("on purpose <b>bold</b>")
+    return Verdict("broken", "no_stiction", score=0.0, reason="never <i>sure</i>")
+'''
+
+
+def _chromium():
+    spec = importlib.util.spec_from_file_location("chromium_for_tests", HERE / "chromium.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+chromium = _chromium()
+needs_browser = pytest.mark.skipif(chromium.executable() is None, reason="no Chromium here: the page is checked as text only")
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("run")
+    (folder / "broken.py").write_text(BROKEN)
+    return run_grid("smoke", folder / "smoke", ("he", "horch", "yamashita"), plugins=[folder / "broken.py"], progress=False)
+
+
+@pytest.fixture(scope="module")
+def report(run, tmp_path_factory):
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    write_report(run, path)
+    return path
+
+
+def test_it_is_one_file_without_a_link_to_anywhere(report):
+    text = report.read_text(encoding="utf-8")
+    assert [p.name for p in report.parent.iterdir()] == ["report.html"]
+    assert "<script src" not in text
+    assert "@import" not in text
+    for target in re.findall(r'(?:src|href|action)="([^"]*)"', text) + re.findall(r"url\(([^)]*)\)", text):
+        assert target.startswith(("#", "data:")), target
+
+
+def test_ids_are_unique_and_every_reference_hits(report):
+    text = report.read_text(encoding="utf-8")
+    ids = re.findall(r'\bid="([^"]+)"', text)
+    assert len(ids) == len(set(ids))
+    for target in re.findall(r'href="#([^"]+)"', text) + re.findall(r"url\(#([^)]+)\)", text):
+        assert target in ids
+
+
+def test_sections_come_summary_first_and_provenance_last(report):
+    titles = re.findall(r"<h2>(.*?)</h2>", report.read_text(encoding="utf-8"))
+    assert titles == [
+        "Summary",
+        "Maps",
+        "ROC",
+        "By axis",
+        "Where the labels disagree",
+        "Slowest detectors",
+        "Failures and abstentions",
+        "Provenance",
+    ]
+
+
+def test_commit_grid_hash_and_the_way_back_are_told(run, report):
+    text = report.read_text(encoding="utf-8")
+    manifest = RunData.read(run).book.manifest
+    for told in (manifest["grid_hash"], manifest["records_hash"], str(manifest["commit"]), "simbench run smoke"):
+        assert told in text
+
+
+def test_no_text_of_a_detector_becomes_markup(report):
+    text = report.read_text(encoding="utf-8")
+    assert "on purpose &lt;b&gt;bold&lt;/b&gt;" in text
+    assert "<b>bold</b>" not in text
+
+
+def test_numbers_in_the_summary_are_those_of_score(run, report):
+    scores = RunData.read(run).scores
+    text = report.read_text(encoding="utf-8")
+    for row in scores.ranking().itertuples():
+        assert re.search(rf'<td>{row.method}</td>.*?data-v="{re.escape(repr(float(row.accuracy)))}">{row.accuracy:.3f}', text)
+
+
+def test_failures_are_all_counted(run, report):
+    errors = RunData.read(run).errors
+    assert len(errors) > 0
+    assert set(errors["method"]) == {"broken"}
+    assert f"{len(errors)} failures." in report.read_text(encoding="utf-8")
+
+
+def test_a_folder_without_a_run_is_one_sentence(tmp_path):
+    from detectors.errors import UserError
+
+    with pytest.raises(UserError, match="no run"):
+        write_report(tmp_path, tmp_path / "report.html")
+
+
+def test_a_place_that_cannot_be_written_is_one_sentence_and_leaves_nothing(run, tmp_path):
+    with pytest.raises(FileError, match="cannot be written"):
+        write_report(run, tmp_path / "absent" / "report.html")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_roc_curve_is_sklearns_and_its_area_the_auc():
+    rng = np.random.default_rng(0)
+    positive = rng.random(300) < 0.4
+    score = np.round(rng.normal(positive, 1.0), 1)  # ties
+    score[:5] = -np.inf
+    curve = roc_curve(pd.DataFrame({"score": score, "positive": positive}))
+    finite = np.where(np.isinf(score), -1e9, score)
+    alarms, hits, _ = reference_roc(positive, finite, drop_intermediate=False)
+    assert np.allclose(curve, np.column_stack([alarms, hits]))
+    assert np.trapezoid(curve["detections"], curve["false_alarms"]) == pytest.approx(roc_auc_score(positive, finite))
+
+
+def test_maps_hold_the_share_of_right_verdicts_and_keep_healthy_and_dead_band_apart():
+    rng = np.random.default_rng(1)
+    frame = pd.DataFrame({"Td_over_T": rng.choice([0.1, 1.0], 400), "S_over_2J": rng.choice([0.0, 0.5, 2.0, np.inf], 400)})
+    frame["right"] = rng.random(400) < 0.7
+    grid = accuracy_map(frame, "Td_over_T")
+    assert list(grid.columns) == [0.0, 0.5, 2.0, np.inf]
+    here = frame[(frame["Td_over_T"] == 0.1) & (frame["S_over_2J"] == 2.0)]
+    assert grid.loc[0.1, 2.0] == pytest.approx(here["right"].mean())
+    drawn = frame.assign(S_over_2J=np.where(frame["S_over_2J"] == 2.0, rng.uniform(0.3, 9, 400), frame["S_over_2J"]))
+    many = accuracy_map(drawn, "Td_over_T")
+    assert {0.0, np.inf} <= set(many.columns)
+    assert len(many.columns) <= 10
+
+
+def test_missing_values_are_empty_cells():
+    table = sortable(pd.DataFrame({"a": [1.5, np.nan], "b": ["x", None]}))
+    assert [[c["text"] for c in row] for row in table["rows"]] == [["1.5", "x"], ["", ""]]
+    assert table["rows"][1][0]["value"] == ""
+
+
+VISIBLE = """[...document.querySelectorAll("svg")].map(s => { const r = s.getBoundingClientRect(), b = s.getBBox();
+  return [r.width, r.height, r.left, r.right, b.width, b.height, getComputedStyle(s).visibility, getComputedStyle(s).display]; })"""
+
+
+@needs_browser
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+@pytest.mark.parametrize("width", [1200, 400])
+def test_in_a_browser_nothing_fails_nothing_is_asked_for_and_every_picture_is_seen(report, width, dark):
+    with chromium.opened(report, width, dark) as page:
+        pictures = page.evaluate(VISIBLE)
+        over = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
+        ink, ground = page.evaluate("(s => [s.color, s.backgroundColor])(getComputedStyle(document.body))")
+        lines = page.evaluate('getComputedStyle(document.querySelector("svg")).fill')
+        assert page.errors == []
+        assert page.requests == [report.resolve().as_uri()]
+    assert over <= 0, "the page itself never scrolls sideways"
+    assert len(pictures) == 4 + 4  # a map and a ROC curve per detector
+    for w, h, left, right, inner_w, inner_h, visibility, display in pictures:
+        assert min(w, h) > 100
+        assert -1 <= left < right <= width + 1
+        assert min(inner_w, inner_h) > 0
+        assert (visibility, display) == ("visible", "block")
+    bright = [sum(int(x) for x in re.findall(r"\d+", c)[:3]) for c in (ink, ground)]
+    assert (bright[0] > bright[1]) == dark
+    assert lines == ink, "pictures follow the page's ink"
+
+
+@needs_browser
+def test_in_a_browser_every_column_of_every_table_sorts_both_ways(report):
+    code = """[...document.querySelectorAll("table.sortable")].map(t => [...t.tHead.rows[0].cells].map((h, j) => [1, 2].map(() => {
+      h.querySelector("button").click();
+      return [h.getAttribute("aria-sort"), h.classList.contains("n"),
+              [...t.tBodies[0].rows].map(r => r.cells[j].dataset.v ?? r.cells[j].textContent.trim())]; })))"""
+    with chromium.opened(report) as page:
+        tables = page.evaluate(code)
+        assert page.errors == []
+    assert len(tables) >= 7
+    for table in tables:
+        for clicks in table:
+            assert {direction for direction, _, _ in clicks} == {"ascending", "descending"}
+            for direction, number, cells in clicks:
+                if number:
+                    values = [float(c) for c in cells if c != ""]
+                    assert values == sorted(values, reverse=direction == "descending")
+                    assert all(c == "" for c in cells[len(values) :]), "empty cells stay last"
+            if not clicks[0][1]:
+                assert sorted(clicks[0][2]) == sorted(clicks[1][2])
+
+
+@needs_browser
+def test_in_a_browser_the_page_is_readable_without_scripts(report, tmp_path):
+    plain = tmp_path / "plain.html"
+    plain.write_text(re.sub(r"<script>.*?</script>", "", report.read_text(encoding="utf-8"), flags=re.S), encoding="utf-8")
+    with chromium.opened(plain, 400) as page:
+        assert "Summary" in page.evaluate("document.body.innerText")
+        assert page.errors == []
