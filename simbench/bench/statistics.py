@@ -213,9 +213,7 @@ def auc(score: ArrayLike, positive: ArrayLike, level: float = LEVEL) -> Estimate
     m, n = int(positive.sum()), int((~positive).sum())
     if min(m, n) == 0:
         return Estimate(float("nan"), 0.0, 1.0)
-    of_positive, of_negative = _placements(_ranked(score), positive)
-    value = float(of_positive.mean())
-    variance = (np.var(of_positive, ddof=1) / m if m > 1 else 0.0) + (np.var(of_negative, ddof=1) / n if n > 1 else 0.0)
+    value, variance = _auc_variance(score, positive)
     if variance == 0.0 or value in (0.0, 1.0):
         return Estimate(value, *(float(x) for x in wilson(value * min(m, n), min(m, n), level)))
     centre, slope = np.log(value / (1 - value)), 1 / (value * (1 - value))
@@ -257,6 +255,42 @@ def auc_drop(before: ArrayLike, now: ArrayLike, positive: ArrayLike) -> float:
     if variance == 0.0:
         return 0.0 if drop > 0 else 1.0
     return float(stats.norm.sf(drop / np.sqrt(variance)))
+
+
+def auc_drop_unpaired(
+    before: ArrayLike, positive_before: ArrayLike, now: ArrayLike, positive_now: ArrayLike, margin: float = 0.0
+) -> float:
+    """Return the p-value of "the AUC fell by no more than the margin", from two independent samples.
+
+    Parameters
+    ----------
+    before, now : array_like, shapes (n1,) and (n2,)
+        Scores, larger = more positive.
+    positive_before, positive_now : array_like of bool, same shapes
+        The truth.
+    margin : float
+        A drop up to this is allowed.
+
+    Returns
+    -------
+    float
+        1 when a sample has one class only.
+
+    Notes
+    -----
+    Normal test with DeLong's variances (see `auc`).
+
+    Examples
+    --------
+    >>> auc_drop_unpaired([1, 2, 3, 4], [0, 0, 1, 1], [1, 2, 3, 4], [0, 0, 1, 1], margin=0.02)
+    1.0
+    """
+    truths = [np.asarray(t, dtype=bool) for t in (positive_before, positive_now)]
+    if any(min(t.sum(), (~t).sum()) < 2 for t in truths):
+        return 1.0
+    (one, v1), (two, v2) = (_auc_variance(s, t) for s, t in zip((before, now), truths))
+    excess = one - two - margin
+    return float(stats.norm.sf(excess / np.sqrt(v1 + v2))) if v1 + v2 > 0 else float(excess <= 0)
 
 
 class Ranking(NamedTuple):
@@ -312,6 +346,12 @@ def mean_ranks(results: ArrayLike, level: float = LEVEL) -> Ranking:
 def _ranked(score: ArrayLike) -> np.ndarray:
     s = np.asarray(score, dtype=float)
     return np.where(np.isnan(s), -np.inf, s)
+
+
+def _auc_variance(score: ArrayLike, positive: np.ndarray) -> tuple[float, float]:
+    of_positive, of_negative = _placements(_ranked(score), positive)
+    parts = (np.var(p, ddof=1) / p.size if p.size > 1 else 0.0 for p in (of_positive, of_negative))
+    return float(of_positive.mean()), float(sum(parts))
 
 
 def _placements(score: np.ndarray, positive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy import stats
 from sklearn.metrics import roc_auc_score
 
-from simbench.bench.statistics import auc, auc_drop, holm, mcnemar, mean_ranks, rate, rate_drop, wilson
+from simbench.bench.statistics import auc, auc_drop, auc_drop_unpaired, holm, mcnemar, mean_ranks, rate, rate_drop, wilson
 
 
 @given(n=st.integers(1, 500), share=st.floats(0, 1))
@@ -108,6 +108,18 @@ def test_paired_auc_test_sees_a_fall_and_holds_its_level():
     for _ in range(600):
         hidden = rng.standard_normal(300) + truth
         alike.append(auc_drop(*(hidden + 0.5 * rng.standard_normal((2, 300))), truth) < 0.05)
+    assert 0.025 < np.mean(alike) < 0.08
+
+
+def test_unpaired_auc_test_sees_a_fall_beyond_its_margin_only():
+    rng = np.random.default_rng(5)
+    truth = np.arange(400) < 200
+    good, poor = (rng.standard_normal(400) + shift * truth for shift in (2.0, 1.0))
+    assert auc_drop_unpaired(good, truth, poor, truth, margin=0.02) < 0.001
+    assert auc_drop_unpaired(poor, truth, good, truth, margin=0.02) > 0.999
+    alike = [
+        auc_drop_unpaired(*(x for _ in range(2) for x in (rng.standard_normal(400) + truth, truth))) < 0.05 for _ in range(600)
+    ]
     assert 0.025 < np.mean(alike) < 0.08
 
 

@@ -1,0 +1,94 @@
+"""A baseline: a run's folder without what no comparison needs, small enough to commit."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from simbench.bench.score import FRONT, score_run
+from simbench.bench.store import Book, RunError, read_manifest, write_manifest
+from simbench.files import folder as make_folder
+from simbench.files import whole_file
+
+EMPTY = {
+    "scenarios": ("loop", "tags", "flags"),
+    "verdicts": ("score_raw", "reason", "reason_raw", "indices", "S_lo", "S_hi", "J_lo", "J_hi", "S_unit", "runtime_s"),
+}
+KEPT = (
+    "format", "grid", "grid_hash", "seed", "overrides", "scenarios", "methods", "thresholds", "plugins", "command",
+    "code", "commit", "versions", "machine", "complete", "counts", "records_hash",
+)  # fmt: skip
+COLUMNS = ("method", "truth", "n", "positives", "accuracy", "decided", "no_decision", "false_alarm", "miss", "auc", "errors")
+
+
+def write_baseline(run: str | Path, baseline: str | Path) -> None:
+    """Write a run as a baseline; its manifest comes last.
+
+    Parameters
+    ----------
+    run : str or Path
+        Folder of a finished run.
+    baseline : str or Path
+        Made when absent; an older baseline in it is replaced.
+
+    Notes
+    -----
+    The tables keep their columns, those that no check needs are empty; scores keep 24 bits. scores.csv is there for the
+    eye: its difference in version control reads as accuracy gained and lost.
+    """
+    run, baseline = Path(run), make_folder(baseline)
+    manifest = {k: v for k, v in read_manifest(run).items() if k in KEPT}
+    digests = {}
+    for kind, empty in EMPTY.items():
+        table = pq.read_table(run / f"{kind}.parquet")
+        for name in empty:
+            column = table.schema.get_field_index(name)
+            table = table.set_column(column, table.schema.field(name), pa.nulls(table.num_rows, table.schema.field(name).type))
+        if kind == "verdicts":
+            at = table.schema.get_field_index("score")
+            rounded = table.column("score").to_numpy(zero_copy_only=False).astype(np.float32).astype(float)
+            table = table.set_column(at, table.schema.field(at), pa.array(rounded, from_pandas=True))
+        out = io.BytesIO()
+        # whole scenarios in every row group
+        pq.write_table(table, out, compression="zstd", row_group_size=500 * max(len(manifest["methods"]), 1))
+        digests[kind] = hashlib.sha256(out.getvalue()).hexdigest()[:16]
+        with whole_file(baseline / f"{kind}.parquet", "wb") as f:
+            f.write(out.getvalue())
+    write_manifest(baseline, {**manifest, "tables": digests})
+    table = score_run(baseline).table
+    with whole_file(baseline / "scores.csv") as f:
+        rows = table.loc[table["mode"] == FRONT, list(COLUMNS)]
+        rows.to_csv(f, index=False, float_format="%.4f", lineterminator="\n")
+
+
+def read_book(folder: str | Path) -> Book:
+    """Read a run or a baseline.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Either.
+
+    Returns
+    -------
+    Book
+
+    Raises
+    ------
+    RunError
+        When it is neither, not finished, of another format, or a table is not the one its manifest speaks of.
+    """
+    folder = Path(folder)
+    try:
+        book = Book.read(folder)
+    except (pa.ArrowException, KeyError) as error:
+        raise RunError(f"{folder} is damaged: {str(error).splitlines()[0]}") from None
+    for kind, digest in book.manifest.get("tables", {}).items():
+        if hashlib.sha256((folder / f"{kind}.parquet").read_bytes()).hexdigest()[:16] != digest:
+            raise RunError(f"{folder / kind}.parquet is not the table its manifest speaks of; write the baseline again")
+    return book
