@@ -4,7 +4,7 @@ Needs: OP and PV, either process type, four periods of at least 8 samples. OP in
 Parameters: `score_low`, `score_high` (-), own, from simulated loops; `S_low` (% of travel), the chapter's 0.5 %.
 Indices: gain (error a sticky valve takes off that of a straight one, 0..1), share ((S + J) over the swing of OP: a cycle of
 the valve's own swings by no more than about S + J), error (unexplained share of the variance of PV), S_hat, J_hat, T_s, Td_s.
-Rule: score = gain min(share, 1); >= 0.3 and S >= 0.5 %: stiction; <= 0.15 or S below it: none. S and J are numbers where
+Rule: score = gain min(share, 1); >= 0.2 and S >= 0.5 %: stiction; <= 0.08 or S below it: none. S and J are numbers where
 the record fixes them, else the interval of all values that fit as well.
 Not for: loops whose PV is moved from outside more than by the valve (error above one half: no decision); J, wherever the
 valve only toggles between two positions: J and the gain of the plant then trade off.
@@ -26,8 +26,8 @@ METHOD = Method(
     source="Srinivasan et al. 2005b, Jelali 2008",
     min_periods=4.0,
     thresholds={
-        "score_low": Threshold(0.15, "-", 0.0, 1.0, "own, simulated loops", "at or below: a straight valve fits as well"),
-        "score_high": Threshold(0.3, "-", 0.0, 1.0, "own, simulated loops", "at or above: only a sticky valve fits"),
+        "score_low": Threshold(0.08, "-", 0.0, 1.0, "own, simulated loops", "at or below: a straight valve fits as well"),
+        "score_high": Threshold(0.2, "-", 0.0, 1.0, "own, simulated loops", "at or above: only a sticky valve fits"),
         "S_low": Threshold(0.5, "% of travel", 0.0, 100.0, "chapter, section 11.1", "below: negligible"),
     },
 )

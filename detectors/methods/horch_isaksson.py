@@ -1,0 +1,183 @@
+"""Horch & Isaksson 1998: one model of a valve that stands still beside one of a valve that follows OP; which explains PV?
+
+Needs: OP and PV, either process type, four periods of at least 8 samples.
+Parameters: `score_low`, `score_high` (-), own, from simulated loops.
+Indices: stuck_share (mean probability that the valve stands still, 0..1), evidence (log-likelihood the two models together
+gain on the following valve alone, per sample).
+Rule: score = stuck_share (1 - exp(-2 evidence)); >= score_high stiction, <= score_low none.
+A bank of two Kalman filters (standing: v(k) = v(k-1); following: v(k) = u(k)) behind one first-order plant, mixed at every
+sample as an interacting multiple model. The paper has a known plant; here it comes from the Hammerstein fit.
+Not for: records from which no plant can be identified; PV moved from outside, which the filter takes for the valve.
+Source: A. Horch, A.J. Isaksson (1998), IFAC Workshop on On-line Fault Detection and Supervision, Lyon; mixing by Blom &
+Bar-Shalom (1988), IEEE Trans. Automatic Control 33, 780-783.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from detectors.method import Method, Threshold
+from detectors.prepared import Prepared
+from detectors.signal.hammerstein import fit_hammerstein, moving_mean, strongest_segment, swing
+from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
+
+SAMPLES = 30  # per period at least, after averaging
+LENGTH = 500  # averaged samples
+STAY = 0.95  # probability that the valve goes on doing what it did
+LOOSE = 0.02  # std of the valve's position about its model, shares of OP's swing per sample
+
+METHOD = Method(
+    title="probability that the valve stands still, by two Kalman filters",
+    source="Horch & Isaksson 1998",
+    budget="full",
+    min_periods=4.0,
+    thresholds={
+        "score_low": Threshold(0.1, "-", 0.0, 1.0, "own, simulated loops", "at or below: a following valve fits as well"),
+        "score_high": Threshold(0.35, "-", 0.0, 1.0, "own, simulated loops", "at or above: the valve stands still for long"),
+    },
+)
+
+
+def two_models(u: np.ndarray, y: np.ndarray, a: float, b: float, noise: float, stay: float = STAY) -> tuple[np.ndarray, float]:
+    """Run both filters over a record.
+
+    Parameters
+    ----------
+    u : ndarray, shape (n,)
+        Where the following valve would be.
+    y : ndarray, shape (n,)
+        Measured output of z(k+1) = a z(k) + b v(k).
+    a, b : float
+        Plant.
+    noise : float
+        Std of the measurement noise.
+    stay : float
+        Probability of keeping the mode; 1 with a start in "following" is a plain Kalman filter.
+
+    Returns
+    -------
+    standing : ndarray, shape (n,)
+        Probability of the standing valve.
+    log_likelihood : float
+        Of the whole record.
+
+    Examples
+    --------
+    >>> u = np.sin(np.arange(200) / 10)
+    >>> standing, _ = two_models(u, 0 * u + 0.01 * np.cos(np.arange(200)), 0.5, 0.5, 0.02)
+    >>> bool(standing[50:].mean() > 0.8)
+    True
+    """
+    q, r = LOOSE**2, noise**2
+    # state of each filter: z, v and the covariances zz, zv, vv; standing first
+    filters = [[float(y[0]), float(u[0]), r, 0.0, 1.0], [float(y[0]), float(u[0]), r, 0.0, q]]
+    p = [1.0 - stay, stay]
+    standing, total = np.empty(u.size), 0.0
+    for k in range(u.size):
+        likelihood = [0.0, 0.0]
+        for i in (0, 1):  # measurement
+            z, v, zz, zv, vv = filters[i]
+            s = zz + r
+            e = float(y[k]) - z
+            filters[i] = [z + zz / s * e, v + zv / s * e, zz * r / s, zv * r / s, vv - zv * zv / s]
+            likelihood[i] = math.exp(max(-0.5 * e * e / s, -300.0)) / math.sqrt(2.0 * math.pi * s)
+        joint = [p[0] * likelihood[0], p[1] * likelihood[1]]
+        total += math.log(joint[0] + joint[1])
+        p = [j / (joint[0] + joint[1]) for j in joint]
+        standing[k] = p[0]
+        ahead = [p[0] * stay + p[1] * (1.0 - stay), p[1] * stay + p[0] * (1.0 - stay)]
+        mixed = []
+        for i in (0, 1):  # what each mode inherits from both
+            w = p[i] * stay / max(ahead[i], 1e-300)
+            mixed.append(_mix(filters[i], filters[1 - i], w))
+        for i in (0, 1):  # valve, then plant
+            z, v, zz, zv, vv = mixed[i]
+            if i == 1:
+                v, zv, vv = float(u[k]), 0.0, 0.0
+            vv += q
+            filters[i] = [a * z + b * v, v, a * a * zz + 2 * a * b * zv + b * b * vv, a * zv + b * vv, vv]
+        p = ahead
+    return standing, total
+
+
+def _mix(one: list[float], other: list[float], w: float) -> list[float]:
+    z, v = w * one[0] + (1 - w) * other[0], w * one[1] + (1 - w) * other[1]
+    spread = [0.0, 0.0, 0.0]
+    for f, share in ((one, w), (other, 1 - w)):
+        dz, dv = f[0] - z, f[1] - v
+        spread[0] += share * (f[2] + dz * dz)
+        spread[1] += share * (f[3] + dz * dv)
+        spread[2] += share * (f[4] + dv * dv)
+    return [z, v, *spread]
+
+
+def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdict:
+    """Judge a record by how probable it is that the valve stands still.
+
+    Parameters
+    ----------
+    prepared : Prepared
+        The record.
+    score_low, score_high : float
+        Bounds of the score (-).
+
+    Returns
+    -------
+    Verdict
+        `score` is stuck_share times the weight of the evidence.
+
+    Examples
+    --------
+    >>> from detectors.record import LoopRecord
+    >>> t = np.arange(900) / 8
+    >>> noise = 0.02 * np.random.default_rng(0).standard_normal(900)
+    >>> op, pv = 50 + np.sin(t), np.sin(t - 2.0) + noise
+    >>> detect(Prepared(LoopRecord(op, pv, 1.0)), **METHOD.defaults()).verdict
+    'no_stiction'
+    """
+    record = prepared.record
+    period = prepared.oscillation.period_s / record.Ts
+    if period < 8:
+        return Verdict("horch_isaksson", NO_DECISION, reason=f"{period:.1f} samples per cycle; at least 8 are needed")
+    op, limits = record.op_percent, (0.0, 100.0)
+    if op is None:
+        op, limits = record.op, (-np.inf, np.inf)
+    scale = swing(op, period)
+    if scale <= 0:
+        return Verdict("horch_isaksson", NO_DECISION, reason="OP stands still in most cycles")
+    plant = prepared.share(
+        "hammerstein", lambda: fit_hammerstein(op, record.pv, period, prepared.integrating, limits, record.Ts)
+    )
+    q = max(1, int(period / SAMPLES))
+    start, stop = strongest_segment(op, period, min(record.n, LENGTH * q))
+    n = (stop - start) // q
+    u, y = (x[start : start + n * q].reshape(n, q).mean(axis=1) for x in (op, record.pv))
+    half = max(round(period / q / 2), 1)
+    u = (u - moving_mean(u, half)) / scale
+    y = y - moving_mean(y, half)
+    y = y / max(float(y.std()), 1e-300)
+    a = 1.0 if np.isinf(plant.T_s) else math.exp(-q * record.Ts / max(plant.T_s, 1e-3 * record.Ts))
+    # the fit gives the dead time to within a sample
+    late = round(plant.Td_s / record.Ts / q)
+    _, b, u = min((_aligned(np.roll(u, d), y, a, half, plant.sign) for d in (late, late + 1)), key=lambda f: f[0])
+    noise = max(math.sqrt(max(plant.error, 1e-4)), 0.02)
+    standing, both = two_models(u, y, a, b, noise)
+    following = two_models(u, y, a, b, noise, 1.0)[1]
+    evidence = (both - following) / n
+    share = float(standing.mean())
+    score = share * (1.0 - math.exp(-2.0 * max(evidence, 0.0)))
+    reason = f"the valve stands still {share:.0%} of the time; two models gain {evidence:.2g} per sample on a following valve"
+    verdict = STICTION if score >= score_high else NO_STICTION if score <= score_low else NO_DECISION
+    return Verdict("horch_isaksson", verdict, score, {"stuck_share": share, "evidence": evidence}, reason=reason)
+
+
+def _aligned(u: np.ndarray, y: np.ndarray, a: float, half: int, sign: float) -> tuple[float, float, np.ndarray]:
+    """Squared misfit of a plant with pole `a` whose answer to u has the size of y, its input gain, and u."""
+    x = np.zeros(u.size)
+    for k in range(1, u.size):
+        x[k] = a * x[k - 1] + u[k - 1]
+    x -= moving_mean(x, half)
+    b = sign * float(y.std() / max(x.std(), 1e-300))
+    return float(np.mean((y - b * x) ** 2)), b, u

@@ -1,0 +1,168 @@
+"""Stenman 2003: the valve either keeps its place or jumps to where OP is; find the jumps that explain PV best.
+
+Needs: OP and PV, either process type, four periods of at least 8 samples.
+Parameters: `score_low`, `score_high` (-), own, from simulated loops; the paper judges the jumps by eye.
+Indices: gain (error of one-step predictions of PV that the jumps take off, each jump paid for, 0..1), stuck_share (share of
+samples without a jump, 0..1), jumps_per_period.
+Rule: score = gain stuck_share; >= score_high stiction, <= score_low none. The valve is x(k) = (1 - d(k)) x(k-1) + d(k) u(k)
+with d = 0 or 1, the plant y(k) = a y(k-1) + b x(k-1-nd) + c; plant and jumps are estimated in turn, the jumps of each turn
+exactly, by dynamic programming, with the penalty s^2 ln(n) / 2 per jump in place of the paper's prior and pruned search.
+Not for: valves that slide for long, whose every sample costs a jump; noise on PV beyond a fifth of it; PV moved from outside.
+Source: A. Stenman, F. Gustafsson, K. Forsman (2003), Int. J. Adaptive Control and Signal Processing 17, 625-634.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from detectors.method import Method, Threshold
+from detectors.prepared import Prepared
+from detectors.signal.hammerstein import moving_mean, strongest_segment, swing
+from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
+
+SAMPLES = 30  # per period at least, after averaging
+LENGTH = 500  # averaged samples
+ROUNDS = 3
+PRICE = 0.5  # of a jump, in ln(n) times the error variance; own, simulated loops
+STARTS = (0.0, 0.3, 0.45)  # half widths of the dead band that gives the first guess of the valve, shares of OP's swing
+
+METHOD = Method(
+    title="jumps of the valve by segmentation",
+    source="Stenman et al. 2003",
+    budget="full",
+    min_periods=4.0,
+    thresholds={
+        "score_low": Threshold(0.03, "-", 0.0, 1.0, "own, simulated loops", "at or below: a moving valve fits as well"),
+        "score_high": Threshold(0.1, "-", 0.0, 1.0, "own, simulated loops", "at or above: the valve sticks and jumps"),
+    },
+)
+
+
+def best_jumps(u: np.ndarray, r: np.ndarray, penalty: float) -> np.ndarray:
+    """Return the valve that keeps its place or jumps to OP and lies closest to its noisy measurement.
+
+    Parameters
+    ----------
+    u : ndarray, shape (n,)
+        OP.
+    r : ndarray, shape (n,)
+        Measurement of the valve position, in the unit of `u`.
+    penalty : float
+        Price of a jump, in squared units.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Position x minimising sum (r - x)^2 + penalty jumps, with x(k) = x(k-1) or u(k); exact.
+
+    Examples
+    --------
+    >>> best_jumps(np.array([0.0, 1.0, 2.0, 3.0]), np.array([0.0, 0.0, 2.0, 2.0]), 0.5)
+    array([0., 0., 2., 2.])
+    """
+    n = u.size
+    R1, R2 = np.concatenate([[0.0], np.cumsum(r)]), np.concatenate([[0.0], np.cumsum(r * r)])
+    # total[j]: cheapest course with a jump at j, without the samples from j on; kept less what j's line adds
+    base = np.empty(n)
+    origin = np.empty(n, dtype=int)
+    cheapest, last = 0.0, 0
+    k = np.arange(n + 1)
+    for j in range(n):
+        base[j] = cheapest - R2[j] + 2.0 * u[j] * R1[j] - j * u[j] ** 2
+        origin[j] = last
+        # cheapest course up to sample j + 1, over the place of its last jump
+        ends = base[: j + 1] - 2.0 * u[: j + 1] * R1[j + 1] + k[j + 1] * u[: j + 1] ** 2
+        last = int(np.argmin(ends))
+        cheapest = float(ends[last]) + R2[j + 1] + penalty
+    x = np.empty(n)
+    stop = n
+    while stop > 0:
+        x[last:stop] = u[last]
+        stop, last = last, origin[last]
+    return x
+
+
+def fit_plant(x: np.ndarray, y: np.ndarray, delays: range) -> tuple[float, float, float, int, float]:
+    """Return (a, b, c, delay, mean squared error) of y(k) = a y(k-1) + b x(k-1-delay) + c, the best delay of several."""
+    first = delays[-1] + 1
+    best = (0.0, 0.0, 0.0, 0, np.inf)
+    target, before = y[first:], y[first - 1 : -1]
+    for d in delays:
+        A = np.column_stack([before, x[first - 1 - d : x.size - 1 - d], np.ones(target.size)])
+        theta = np.linalg.lstsq(A, target, rcond=None)[0]
+        error = float(np.mean((target - A @ theta) ** 2))
+        if error < best[4]:
+            best = (*(float(t) for t in theta), d, error)
+    return best
+
+
+def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdict:
+    """Judge a record by the jumps that explain PV.
+
+    Parameters
+    ----------
+    prepared : Prepared
+        The record.
+    score_low, score_high : float
+        Bounds of the score (-).
+
+    Returns
+    -------
+    Verdict
+        `score` is gain times stuck_share.
+
+    Examples
+    --------
+    >>> from detectors.record import LoopRecord
+    >>> op = 50 + 3 * np.abs((np.arange(900) % 60) / 15 - 2)
+    >>> mv = np.repeat(op[::30], 30)
+    >>> pv = np.convolve(mv - 53, 0.1 * 0.9 ** np.arange(80))[:900]
+    >>> detect(Prepared(LoopRecord(op, pv, 1.0)), **METHOD.defaults()).verdict
+    'stiction'
+    """
+    record = prepared.record
+    period = prepared.oscillation.period_s / record.Ts
+    if period < 8:
+        return Verdict("stenman", NO_DECISION, reason=f"{period:.1f} samples per cycle; at least 8 are needed")
+    q = max(1, int(period / SAMPLES))
+    start, stop = strongest_segment(record.op, period, min(record.n, LENGTH * q))
+    n = (stop - start) // q
+    op, pv = (x[start : start + n * q].reshape(n, q).mean(axis=1) for x in (record.op, record.pv))
+    period /= q
+    y = pv - moving_mean(pv, max(round(period / 2), 1))
+    scale = swing(op, period)
+    if not (scale > 0 and y.any()):
+        return Verdict("stenman", NO_DECISION, reason="OP or PV stands still in most cycles")
+    u = (op - op.mean()) / scale
+    y = y / y.std()
+    delays = range(max(2, round(0.5 * period)))
+    linear = fit_plant(u, y, delays)
+    found = min((_alternate(u, y, band, delays) for band in STARTS), key=lambda f: f[0])
+    cost, x = found
+    jumps = int(np.count_nonzero(np.diff(x)))
+    gain = max(1.0 - cost / linear[4], 0.0)
+    stuck = 1.0 - jumps / (n - 1)
+    score = gain * stuck
+    indices = {"gain": gain, "stuck_share": stuck, "jumps_per_period": jumps * period / n}
+    reason = f"{jumps} jumps in {n / period:.0f} periods take {gain:.0%} off the error; the valve rests {stuck:.0%} of the time"
+    if score >= score_high:
+        return Verdict("stenman", STICTION, score, indices, reason=reason)
+    return Verdict("stenman", NO_STICTION if score <= score_low else NO_DECISION, score, indices, reason=reason)
+
+
+def _alternate(u: np.ndarray, y: np.ndarray, band: float, delays: range) -> tuple[float, np.ndarray]:
+    """Estimate plant and jumps in turn; returns the error with the jumps' price, and the valve."""
+    x = u.copy()
+    for k in range(1, u.size):  # Stenman's valve with one parameter
+        x[k] = u[k] if abs(u[k] - x[k - 1]) > band else x[k - 1]
+    best = (np.inf, x)
+    for _ in range(ROUNDS):
+        a, b, c, d, error = fit_plant(x, y, delays)
+        price = PRICE * error * np.log(u.size)
+        cost = error + price * np.count_nonzero(np.diff(x)) / u.size
+        best = min(best, (cost, x), key=lambda f: f[0])
+        if abs(b) < 1e-6:
+            break
+        r = (y[1:] - a * y[:-1] - c) / b
+        x = np.concatenate([best_jumps(u[: u.size - 1 - d], r[d:], price / b**2), u[u.size - 1 - d :]])
+    return best
