@@ -9,14 +9,14 @@ import numpy as np
 from simbench.gap import innovations as kernels
 from simbench.gap.candidates import ENGINE, Candidate, fit_candidates, size_penalty
 from simbench.gap.check import Situation
-from simbench.gap.fit import Engine, Fit, Spec
+from simbench.gap.fit import Engine, Fit
 from simbench.gap.fixed import effect_parameters
 from simbench.gap.names import EFFECTS, block_of
 
 SURE = 1000.0  # nats that stand for evidence needing no statistics
 HEALTHY = 1.0  # % of travel: dead-band that a healthy valve may have; friction below it is no effect
 SECOND = 12.0  # nats a second effect must bring on top of the first
-LOAD_MEMORY = 0.1  # longest correlation time of an ordinary load, as a share of the record
+LOAD_MEMORY = 4.0  # longest correlation time of an ordinary load, in time scales of the loop; a slower one drifts
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +51,8 @@ def assess(situation: Situation) -> Assessment:
     -------
     Assessment
     """
-    engine = Engine(situation.data, max(LOAD_MEMORY * situation.data.n, 20.0))
-    base = engine.fit(Spec(), engine.start(), steps=60)
+    engine = Engine(situation.data, load_memory(situation))
+    base = engine.base()
     candidates = fit_candidates(engine, base, possible_effects(situation))
     gains = {e: min(float(c.gain), 0.9 * SURE) for e, c in candidates.items()}
     parameters: dict[str, dict[str, float | str]] = {e: effect_parameters(e, c.fit, situation) for e, c in candidates.items() if c.used}
@@ -135,6 +135,16 @@ def _spikes_by_innovations(
     gains["outliers"] = float(np.sum(mixture - plain)) - size_penalty(x.size, 2.0)
     noise = base.theta["noise"]
     parameters["outliers"] = {"rate": rate, "size": float(np.mean(heights)) * noise, "at": "loop" if situation.law.known else "record"}
+
+
+def load_memory(situation: Situation) -> float:
+    """Return the longest correlation time (samples) of a load that is still taken for ordinary."""
+    d, control = situation.data, situation.baseline.controller
+    pace = d.T + d.Td
+    if situation.integrating:
+        # an integrating plant has no time constant of its own; its loop has
+        pace = d.Td + 1.0 / max(abs(d.K * control.Kc), 1e-9)
+    return float(np.clip(LOAD_MEMORY * pace, 5.0, 0.2 * d.n))
 
 
 def possible_effects(situation: Situation) -> list[str]:

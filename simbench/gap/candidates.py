@@ -10,7 +10,8 @@ import numpy as np
 from simbench.gap import innovations as kernels
 from simbench.gap.fit import Data, Engine, Fit, Spec, with_start
 
-SMOOTH = ("load_time", "load", "noise", "colour")
+SMOOTH = ("load_time", "load_lag", "load", "noise", "colour")
+QUIETER = 4.0  # numbers that a noise below the stated level is priced at
 HOPELESS = 4.0  # nats below the base from which a grid's best point is not worth refining
 
 
@@ -35,14 +36,15 @@ def free_plant(effect: str, name: str) -> Callable[[Engine, Fit], tuple[Fit, flo
     def run(engine: Engine, base: Fit) -> tuple[Fit, float]:
         spec = base.spec.join(Spec(free=frozenset({name})))
         best = engine.fit(spec, base.theta)
-        if name in ("T", "Td"):
-            d = engine.data
-            value = d.T if name == "T" else d.Td
-            step = (0.5, 2.0) if name == "T" else (-min(0.7 * d.Td, d.Td), 0.5 * d.Td + 1.0, d.Td + 3.0)
-            trials = [value * s if name == "T" else value + s for s in step]
-            start = max(trials, key=lambda v: engine.evaluate(spec, {**base.theta, name: v})[0])
-            best = max(best, engine.fit(spec, {**base.theta, name: start}), key=lambda f: f.loglik)
-        return best, 1.0
+        d = engine.data
+        if name == "T":
+            trials = [d.T * s for s in (0.3, 0.5, 0.7, 1.5, 2.0, 3.0)]
+        elif name == "Td":
+            trials = [*np.linspace(0.0, d.Td, 5)[:-1], *(d.Td + np.linspace(0.25, 3.0, 12) * max(d.Td, 0.3 * d.T, 2.0))]
+        else:
+            return best, 1.0
+        start = max(trials, key=lambda v: engine.evaluate(spec, {**base.theta, name: v})[0])
+        return max(best, engine.fit(spec, {**base.theta, name: start}), key=lambda f: f.loglik), 1.0
 
     return run
 
@@ -58,8 +60,9 @@ def noise(engine: Engine, base: Fit) -> tuple[Fit, float]:
     stated = engine.data.noise
     best = engine.fit(spec, base.theta)
     if stated > 0:
-        best = max(best, engine.fit(spec, {**base.theta, "noise": 2.0 * stated}), key=lambda f: f.loglik)
-    return best, 1.0
+        best = max(best, engine.fit(spec, {**base.theta, "noise": 2.0 * stated, "colour": 0.05}), key=lambda f: f.loglik)
+    # less noise than stated is seldom less noise: something smooths it
+    return best, 1.0 if best.theta["noise"] >= stated else QUIETER
 
 
 def pole(kind: str) -> Callable[[Engine, Fit], tuple[Fit, float]]:
@@ -68,8 +71,12 @@ def pole(kind: str) -> Callable[[Engine, Fit], tuple[Fit, float]]:
     def run(engine: Engine, base: Fit) -> tuple[Fit, float]:
         spec = base.spec.join(Spec(pole=kind))
         scale = engine.data.T or 3.0 * engine.data.Td + 3.0
-        lags = np.geomspace(0.3, 2.0 * scale, 7)
-        best = engine.grid(spec, base.theta, [{"lag": float(x)} for x in lags])
+        lags = np.geomspace(0.3, 2.0 * scale, 8)
+        theta = dict(base.theta)
+        if kind == "sensor" and engine.data.noise > 0:
+            # what the base took for quiet, coloured noise is the filter's work
+            theta |= {"noise": engine.data.noise, "colour": 0.0}
+        best = engine.grid(spec, theta, [{"lag": float(x)} for x in lags])
         return (engine.fit(spec, best.theta) if promising(best, base) else best), 1.0
 
     return run
@@ -206,8 +213,8 @@ def load_steps(engine: Engine, base: Fit) -> tuple[Fit, float]:
     for _ in range(MOST_STEPS):
         response = _step_response(fit, d)
         white = kernels.whiten(
-            np.vstack([response, response]), fit.theta["T"] if d.T > 0 else 0.0, 0.0, fit.theta["load_time"], fit.theta["load"],
-            0.0, 0.0, fit.theta["noise"], fit.theta["colour"], engine.spread,
+            np.vstack([response, response]), fit.theta["T"] if d.T > 0 else 0.0, 0.0, fit.theta["load_time"], fit.theta["load_lag"],
+            fit.theta["load"],            0.0, 0.0, fit.theta["noise"], fit.theta["colour"], engine.spread,
         )[0][0]  # fmt: skip
         residual = np.asarray(fit.residual).copy()
         residual[: kernels.SKIP] = 0.0

@@ -115,8 +115,8 @@ class Fit:
         return float(self.beta[0])
 
 
-NUISANCES = ("T", "Td", "load_time", "load", "noise", "colour")
-LOGS = {"T", "load_time", "load", "noise", "R", "lag", "walk", "load_walk"}
+NUISANCES = ("T", "Td", "load_time", "load_lag", "load", "noise", "colour")
+LOGS = {"T", "load_time", "load_lag", "load", "noise", "R", "lag", "walk", "load_walk"}
 COLOURED = 0.25  # std of the prior on the noise's correlation from sample to sample
 
 
@@ -140,7 +140,14 @@ class Engine:
         rough = float(np.std(np.diff(d.y, 2))) / np.sqrt(6.0)
         noise = d.noise if d.noise > 0 else max(rough, d.floor)
         load = max(float(np.std(d.y)), noise) if d.T > 0 else max(float(np.std(np.diff(d.y))), 0.1 * noise)
-        return {"T": d.T, "Td": d.Td, "load_time": 0.3 * self.longest_load, "load": 0.5 * load, "noise": max(noise, d.floor), "colour": 0.1}
+        return {"T": d.T, "Td": d.Td, "load_time": 0.3 * self.longest_load,
+                "load_lag": 0.2, "load": 0.5 * load, "noise": max(noise, d.floor), "colour": 0.1}
+
+    def base(self) -> Fit:
+        """Return the fit without effect, from a first-order and from a smooth load."""
+        first = self.fit(Spec(), self.start(), steps=40)
+        smooth = {**first.theta, "load_lag": max(0.5 * first.theta["load_time"], 0.5)}
+        return max(first, self.fit(Spec(), smooth, steps=40), key=lambda f: f.loglik)
 
     def bounds(self, spec: Spec, name: str) -> tuple[float, float]:
         """Return the search interval of one parameter."""
@@ -155,6 +162,8 @@ class Engine:
             return max(d.Td - wide, 0.0), min(d.Td + wide, d.n / 4)
         if name == "load_time":
             return 0.3, self.longest_load
+        if name == "load_lag":
+            return 0.05, self.longest_load
         if name == "noise":
             return d.floor, 10.0 * size
         if name == "load":
@@ -191,7 +200,7 @@ class Engine:
         begin = kernels.plant(self.onset, T, theta["Td"], series)
         channels = np.vstack([y - d.y[0], g, *self.base_channels, begin, *spec.channels])
         white, log_var = kernels.whiten(
-            channels, T, lag if spec.pole == "extra" else 0.0, theta["load_time"], theta["load"],
+            channels, T, lag if spec.pole == "extra" else 0.0, theta["load_time"], theta["load_lag"], theta["load"],
             theta["load_walk"] if spec.load_walk else 0.0, theta["walk"] if spec.walk else 0.0, theta["noise"], theta["colour"],
             self.spread,
         )  # fmt: skip

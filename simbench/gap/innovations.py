@@ -106,25 +106,35 @@ def plant(v, T, Td, lag):
 
 
 @njit(cache=True)
-def whiten(channels, T, lag, load_time, load, load_walk, walk, noise, colour, spread):
+def whiten(channels, T, lag, load_time, load_lag, load, load_walk, walk, noise, colour, spread):
     """Return innovations over their standard deviation (m, n) of all channels, and the sum of log variances.
 
-    The stochastic part of PV is a load, AR(1) with time constant `load_time` and steady effect `load` (std, PV units), plus a
+    The stochastic part of PV is a load of time constants `load_time` and `load_lag` (0: first order) with steady effect `load`
+    (std of its first stage, PV units), plus a
     random walk of `load_walk` per sample, both through the plant's pole (and `lag`); a random walk of `walk` per sample on PV
     itself; and noise of std `noise` whose successive samples correlate by `colour`. One steady-state gain serves all channels.
     `spread` is the std of PV's unknown start.
     """
     m, n = channels.shape
+    smooth = load_lag > 0.1
     has_lag, has_load_walk, has_walk, coloured = lag > 1e-3, load_walk > 0.0, walk > 0.0, colour > 0.01
-    s = 2 + has_lag + has_load_walk + has_walk + coloured
+    s = 2 + smooth + has_lag + has_load_walk + has_walk + coloured
     F, Q, P, h = np.zeros((s, s)), np.zeros((s, s)), np.zeros((s, s)), np.zeros(s)
     phi = math.exp(-1.0 / load_time)
     a = math.exp(-1.0 / T) if T > 0.0 else 1.0
     enters = 1.0 - a if T > 0.0 else 1.0
-    F[0, 0], F[1, 1], F[1, 0] = phi, a, enters
+    F[0, 0], F[1, 1] = phi, a
+    top = 2
+    if smooth:
+        b = math.exp(-1.0 / load_lag)
+        F[2, 2], F[2, 0], F[1, 2] = b, 1.0 - b, enters
+        P[2, 2] = load * load
+        top = 3
+    else:
+        F[1, 0] = enters
     Q[0, 0] = load * load * (1.0 - phi * phi)
     P[0, 0], P[1, 1] = load * load, spread * spread
-    seen, top = 1, 2
+    seen = 1
     if has_lag:
         seen = top
         b = math.exp(-1.0 / lag)
