@@ -1,0 +1,54 @@
+"""Critical difference: mean ranks of the detectors over a run's scenarios; bars that overlap cannot be told apart."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from detectors.errors import ParameterError
+from simbench.figures._style import BLUE, GREY, label, panels, styled
+
+SOURCE = "Demsar (2006), J. Mach. Learn. Res. 7, 1, figure 1, drawn with one bar per method"
+
+
+def data(run) -> pd.DataFrame:
+    """Rank the detectors of a run.
+
+    Parameters
+    ----------
+    run : str or Path
+        Folder of a finished run with at least three stiction detectors.
+
+    Returns
+    -------
+    DataFrame
+        method, mean_rank (1 = best, ties shared), half_width (half the critical difference), accuracy, lo, hi, cases.
+    """
+    from simbench.bench.compare import compare
+
+    found = compare(run)
+    if np.isnan(found.critical_difference):
+        raise ParameterError(f"{run}: ranks need at least 3 stiction detectors and 2 scenarios with a label")
+    ranked = found.ranking.dropna(subset=["mean_rank"]).sort_values("mean_rank", ignore_index=True)
+    ranked.insert(2, "half_width", found.critical_difference / 2)
+    return ranked.assign(cases=found.cases)[["method", "mean_rank", "half_width", "accuracy", "lo", "hi", "cases"]]
+
+
+@styled
+def draw(data: pd.DataFrame) -> Figure:
+    """Draw the ranks, and accuracy with its interval beside them."""
+    place = -np.arange(len(data))
+    figure, ((left, right),) = panels(1, 2, 7.0, 0.9 + 0.24 * len(data), sharey=True)
+    left.errorbar(data["mean_rank"], place, xerr=data["half_width"], fmt="o", color=BLUE, elinewidth=2.2)
+    best = data.iloc[0]
+    left.axvline(best["mean_rank"] + best["half_width"], color=GREY, linewidth=0.8, linestyle="--")
+    label(left, "mean rank, bar = critical difference", "", "bars that overlap: not told apart")
+    left.set_yticks(place, data["method"])
+    reach = [data["accuracy"] - data["lo"], data["hi"] - data["accuracy"]]
+    right.errorbar(data["accuracy"], place, xerr=reach, fmt="o", color=BLUE, elinewidth=1.2)
+    label(right, "accuracy against cycled, 95 %", "", f"{int(best['cases'])} scenarios")
+    right.set_xlim(0, 1)
+    for axes in (left, right):
+        axes.grid(axis="x", linewidth=0.4, alpha=0.6)
+    return figure
