@@ -26,7 +26,8 @@ def gain_table(loop: Loop, factor: float) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        t (s, 0 = change), OP (%), PV (deviation from SP), Kc, period (s) and half peak-to-peak of OP (%) on its side of the change, verdict.
+        t (s, 0 = change), OP (%), PV (deviation from SP), verdict, and of its side of the change Kc, period (s) and half
+        peak-to-peak of OP (%).
     """
     found = gain_change(loop, factor)
     t = (np.arange(found.trace.op.size) - found.changed) * found.Ts

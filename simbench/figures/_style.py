@@ -124,7 +124,7 @@ def table(frame: pd.DataFrame, widths: Sequence[int], framed: set[tuple[int, int
         for j, text in enumerate(row):
             axes.text(left[j] + 0.12, top - height / 2, text, va="center", fontweight="bold" if i == 0 else "normal")
             if (i - 1, j) in framed:
-                cell = (left[j] + 0.04, top - height + 0.03, left[j + 1] - left[j] - 0.08, height - 0.06)
+                cell = (left[j] + 0.04, top - height + 0.03, left[j + 1] - left[j] - 0.14, height - 0.06)
                 axes.add_patch(matplotlib.patches.Rectangle(cell[:2], *cell[2:], fill=False, edgecolor=RED, linewidth=1.4))
         top -= height
     axes.axhline(top, color=BLACK, linewidth=1.2, xmin=0.1 / width, xmax=1 - 0.1 / width)

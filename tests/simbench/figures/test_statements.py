@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import functools
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -15,11 +13,6 @@ from simbench.figures._correlation import marks
 from simbench.figures._fits import eta, half_cycle_fits
 from simbench.loop.simulate import simulate
 from simbench.theory.predict import predict
-
-
-@functools.cache
-def drawn(name: str) -> pd.DataFrame:
-    return FIGURES.load(name).data()
 
 
 def wave_likeness(x: np.ndarray, period: float) -> dict[str, float]:
@@ -41,7 +34,7 @@ PANELS = {name: FIGURES.load(name).PANELS for name in ("fig_11_9", "fig_11_9_int
 COLUMNS = {"fig_11_9": "Td_over_T", "fig_11_9_integrating": "Td_over_Ti"}
 
 
-def cycle(name: str, i: int) -> pd.DataFrame:
+def cycle(drawn, name: str, i: int) -> pd.DataFrame:
     panel, ratio, jump = PANELS[name][i]
     d = drawn(name)
     return d[(d.panel == panel) & (d[COLUMNS[name]] == ratio) & (d.S_over_2J == jump)]
@@ -52,32 +45,32 @@ def samples_per_period(c: pd.DataFrame) -> float:
 
 
 @pytest.mark.parametrize("panel", ["a", "b"])
-def test_pv_turns_from_square_over_sine_to_triangle_as_the_ratio_falls(panel):
+def test_pv_turns_from_square_over_sine_to_triangle_as_the_ratio_falls(drawn, panel):
     wanted = [i for i, p in enumerate(PANELS["fig_11_9"]) if p[0] == panel]
-    alike = [wave_likeness((c := cycle("fig_11_9", i))["PV"].to_numpy(), samples_per_period(c)) for i in wanted]
+    alike = [wave_likeness((c := cycle(drawn, "fig_11_9", i))["PV"].to_numpy(), samples_per_period(c)) for i in wanted]
     assert [max(a, key=a.__getitem__) for a in alike] == ["square", "sine", "triangle"]
     assert alike[0]["square"] > alike[1]["square"] > alike[2]["square"]
     assert alike[0]["triangle"] < alike[1]["triangle"] < alike[2]["triangle"]
 
 
 @pytest.mark.parametrize("i", range(6))
-def test_op_of_a_self_regulating_loop_is_most_like_a_triangle(i):
-    c = cycle("fig_11_9", i)
+def test_op_of_a_self_regulating_loop_is_most_like_a_triangle(drawn, i):
+    c = cycle(drawn, "fig_11_9", i)
     alike = wave_likeness(c["OP (%)"].to_numpy(), samples_per_period(c))
     assert max(alike, key=alike.__getitem__) == "triangle"
 
 
 @pytest.mark.parametrize("i", range(6))
-def test_pv_of_an_integrating_loop_is_most_like_a_triangle(i):
-    c = cycle("fig_11_9_integrating", i)
+def test_pv_of_an_integrating_loop_is_most_like_a_triangle(drawn, i):
+    c = cycle(drawn, "fig_11_9_integrating", i)
     alike = wave_likeness(c["PV"].to_numpy(), samples_per_period(c))
     assert max(alike, key=alike.__getitem__) == "triangle"
 
 
 @pytest.mark.parametrize("name", PANELS)
 @pytest.mark.parametrize("i", range(6))
-def test_mv_keeps_its_jumps(name, i):
-    c = cycle(name, i)
+def test_mv_keeps_its_jumps(drawn, name, i):
+    c = cycle(drawn, name, i)
     J = 5.0 / (2 * PANELS[name][i][2])
     jumps = np.abs(np.diff(c["MV (%)"]))
     assert np.count_nonzero(jumps > 0.9 * J) == 6, "three periods hold six slip jumps"
@@ -86,13 +79,13 @@ def test_mv_keeps_its_jumps(name, i):
 @pytest.mark.parametrize("name", PANELS)
 @pytest.mark.parametrize("i", range(6))
 @pytest.mark.parametrize("signal", ["OP (%)", "PV"])
-def test_a_symmetric_cycle_has_odd_harmonics_only(name, i, signal):
-    power = harmonics(cycle(name, i)[signal].to_numpy(), periods=3)
+def test_a_symmetric_cycle_has_odd_harmonics_only(drawn, name, i, signal):
+    power = harmonics(cycle(drawn, name, i)[signal].to_numpy(), periods=3)
     even, odd = power[1::2].sum(), power[0::2].sum()
     assert even / odd < 0.01
 
 
-def test_a_sine_disturbance_leaves_no_harmonics():
+def test_a_sine_disturbance_leaves_no_harmonics(drawn):
     d = drawn("fig_11_13")
     trend = d[(d.panel == "no stiction") & (d.part == "trend")]
     for signal in ("OP (%)", "PV"):
@@ -100,7 +93,7 @@ def test_a_sine_disturbance_leaves_no_harmonics():
         assert power[1:].sum() / power[0] < 0.01
 
 
-def test_example_11_3_verdicts_follow_w_Ti_though_no_valve_sticks():
+def test_example_11_3_verdicts_follow_w_Ti_though_no_valve_sticks(drawn):
     verdicts = drawn("fig_11_16").groupby("w_Ti").verdict.first()
     assert verdicts.to_dict() == {10.0: "no_stiction", 1.0: "no_decision", 0.1: "stiction"}
 
@@ -116,7 +109,7 @@ def test_example_11_3_has_the_phase_shifts_of_the_text():
 
 
 @pytest.mark.parametrize("name", ["fig_11_13", "fig_11_14", "fig_11_16"])
-def test_indices_read_off_the_drawn_correlation_are_the_detectors(name):
+def test_indices_read_off_the_drawn_correlation_are_the_detectors(drawn, name):
     d = drawn(name)
     for column in ("panel", "w_Ti"):
         if column in d:
@@ -130,7 +123,7 @@ def test_indices_read_off_the_drawn_correlation_are_the_detectors(name):
         assert found.drho == pytest.approx(part["drho (-)"].iloc[0], abs=1e-6)
 
 
-def test_even_correlation_without_and_odd_correlation_with_stiction():
+def test_even_correlation_without_and_odd_correlation_with_stiction(drawn):
     d = drawn("fig_11_13").dropna(subset=["dtau (-)"]).groupby("panel")[["dtau (-)", "drho (-)"]].first()
     assert d.loc["no stiction", "dtau (-)"] < 1 / 3
     assert d.loc["no stiction", "drho (-)"] < 0.072
@@ -140,7 +133,7 @@ def test_even_correlation_without_and_odd_correlation_with_stiction():
 
 @pytest.mark.parametrize("panel", ["(a) self-regulating", "(b) integrating"])
 @pytest.mark.parametrize("J", [5.0, 2.0, 0.0])
-def test_marked_intersections_are_what_predict_says(panel, J):
+def test_marked_intersections_are_what_predict_says(drawn, panel, J):
     figure, d = FIGURES.load("fig_11_8"), drawn("fig_11_8")
     marked = d[(d.panel == panel) & (d.curve == "intersection") & (d["J (%)"] == J)]
     said = predict(figure.loop(panel, J))["describing_function"]
@@ -150,12 +143,12 @@ def test_marked_intersections_are_what_predict_says(panel, J):
         assert mark["A (%)"] == pytest.approx(one["amplitude"], rel=1e-6)
 
 
-def test_a_dead_band_meets_the_integrating_loop_only():
+def test_a_dead_band_meets_the_integrating_loop_only(drawn):
     marks_ = drawn("fig_11_8").query("curve == 'intersection' and `J (%)` == 0")
     assert marks_.panel.tolist() == ["(b) integrating"]
 
 
-def test_marked_intersections_lie_on_both_curves():
+def test_marked_intersections_lie_on_both_curves(drawn):
     d = drawn("fig_11_8")
     for mark in d[d.curve == "intersection"].to_dict("records"):
         at = complex(mark["Re"], mark["Im"])
@@ -167,7 +160,7 @@ def test_marked_intersections_lie_on_both_curves():
             assert distance.nsmallest(2).iloc[-1] < 0.05 * abs(at)
 
 
-def test_hysteresis_is_measured_on_mv_and_dead_band_on_op():
+def test_hysteresis_is_measured_on_mv_and_dead_band_on_op(drawn):
     figure, d = FIGURES.load("fig_11_4"), drawn("fig_11_4")
     full = d[d.part == "full traverse"]
     for panel, expected in (("(a) hysteresis", 15.0), ("(c) hysteresis + dead-band", 35.0)):
@@ -177,21 +170,21 @@ def test_hysteresis_is_measured_on_mv_and_dead_band_on_op():
     assert high - low == pytest.approx(20.0)
 
 
-def test_dead_zone_has_no_memory_and_the_others_have():
+def test_dead_zone_has_no_memory_and_the_others_have(drawn):
     d = drawn("fig_11_4")
     for panel, part in d[d.part == "full traverse"].groupby("panel"):
         spread = part.groupby("OP (%)")["MV (%)"].agg(np.ptp)
         assert (spread.max() > 10) == (panel != "(d) dead-zone")
 
 
-def test_a_sticky_valve_runs_through_the_three_phases_in_order():
+def test_a_sticky_valve_runs_through_the_three_phases_in_order(drawn):
     phase = drawn("fig_11_5").phase
     order = phase[phase != phase.shift()].tolist()
     # up: stick, jump, move, pause at D, jump, move; back: stick, jump, move; and the first reversal again
     assert order == ["sticking", "jump", "motion"] * 3 + ["sticking"]
 
 
-def test_stick_band_after_a_pause_is_J_and_after_a_reversal_S():
+def test_stick_band_after_a_pause_is_J_and_after_a_reversal_S(drawn):
     d = drawn("fig_11_5")
     jumps = d.index[d.phase == "jump"]
     waits = [d[:i][(d.phase[:i] == "motion")].index.max() if (d.phase[:i] == "motion").any() else 0 for i in jumps]
@@ -200,7 +193,7 @@ def test_stick_band_after_a_pause_is_J_and_after_a_reversal_S():
     assert np.allclose(widths, [figure.S, figure.J, figure.S], atol=0.3)
 
 
-def test_only_stiction_and_stribeck_hold_harder_at_rest_than_in_motion():
+def test_only_stiction_and_stribeck_hold_harder_at_rest_than_in_motion(drawn):
     d = drawn("fig_11_7")
     for panel, part in d.groupby("panel"):
         rest = part[part["velocity (mm/s)"] == 0]["friction (N)"].max()
@@ -209,19 +202,19 @@ def test_only_stiction_and_stribeck_hold_harder_at_rest_than_in_motion():
         assert np.allclose(part["friction (N)"].to_numpy(), -part["friction (N)"].to_numpy()[::-1])
 
 
-def test_symbols_are_those_of_the_ramps_and_holds():
+def test_symbols_are_those_of_the_ramps_and_holds(drawn):
     d = drawn("fig_11_10")
     expected = {1: "I", 0: "S", -1: "D"}
     assert [expected[int(s)] for s in np.sign(np.diff(d["x (%)"]))] == d.symbol[1:].tolist()
 
 
-def test_rho3_sees_the_first_two_shapes_and_misses_the_third():
+def test_rho3_sees_the_first_two_shapes_and_misses_the_third(drawn):
     rho = drawn("fig_11_11").groupby("panel")[["rho1 (-)", "rho3 (-)"]].first()
     assert (rho["rho1 (-)"] > 0.25).all()
     assert (rho["rho3 (-)"] > 0.25).tolist() == [True, True, False]
 
 
-def test_triangle_fits_a_sticky_loops_op_better_than_a_sine():
+def test_triangle_fits_a_sticky_loops_op_better_than_a_sine(drawn):
     d = drawn("fig_11_17")
     sine, triangle = (((d["signal"] - d[fit]) ** 2).mean() for fit in ("sine", "triangle"))
     assert triangle < sine / 2
@@ -234,7 +227,7 @@ def test_drawn_fits_give_the_detectors_eta_on_pure_waves(wave, expected):
     assert eta(half_cycle_fits(x, 80.0)) == pytest.approx(expected, abs=0.02)
 
 
-def test_most_points_of_the_ellipse_figure_lie_between_its_limits():
+def test_most_points_of_the_ellipse_figure_lie_between_its_limits(drawn):
     d = drawn("fig_11_20")
     share = d["fitness (-)"].iloc[0]
     assert share >= 0.6
@@ -254,7 +247,7 @@ def test_most_points_of_the_ellipse_figure_lie_between_its_limits():
     assert np.mean((radius >= inner) & (radius <= outer)) == pytest.approx(share, abs=0.01)
 
 
-def test_apparent_stiction_is_the_chord_through_the_centre_along_op():
+def test_apparent_stiction_is_the_chord_through_the_centre_along_op(drawn):
     d = drawn("fig_11_20")
     ring = d[d.curve == "ellipse"]
     x0, y0 = (0.5 * (ring[c].max() + ring[c].min()) for c in ("OP", "PV"))
@@ -265,13 +258,13 @@ def test_apparent_stiction_is_the_chord_through_the_centre_along_op():
     assert np.ptp(at) == pytest.approx(2 * a * b / np.hypot(a * np.sin(alpha), b * np.cos(alpha)), rel=1e-3)  # Eq 11.15
 
 
-def test_table_11_2_shapes_are_what_the_classifier_sees():
+def test_table_11_2_shapes_are_what_the_classifier_sees(drawn):
     agreement = drawn("table_11_2").groupby(["process", "action", "signal"]).agreement.first()
     assert (agreement >= 0.75).all()
     assert agreement.mean() > 0.95
 
 
-def test_table_11_3_holds_but_for_the_two_cells_it_is_too_coarse_for():
+def test_table_11_3_holds_but_for_the_two_cells_it_is_too_coarse_for(drawn):
     d = drawn("table_11_3").set_index(["process", "controller", "nonlinearity"])
     for cell, row in d.iterrows():
         share = row.cycling / row.loops
@@ -289,7 +282,7 @@ def test_the_cycles_drawn_are_called_stiction_where_the_chapter_says_so():
     assert judge(record, ["he"])[0].verdict == "stiction"
 
 
-def test_the_flow_chart_is_the_procedure():
+def test_the_flow_chart_is_the_procedure(drawn):
     from detectors.procedure import CONCLUSIONS, flow_chart
 
     d = drawn("fig_11_27")
@@ -298,7 +291,7 @@ def test_the_flow_chart_is_the_procedure():
     assert set(d[d.verdict != ""].target) == set(CONCLUSIONS)
 
 
-def test_the_path_of_a_diagnosis_is_drawn(tmp_path):
+def test_the_path_of_a_diagnosis_is_drawn(drawn, tmp_path):
     from detectors.errors import ParameterError
     from detectors.procedure import diagnose
     from simbench.figures import draw_path
@@ -311,14 +304,14 @@ def test_the_path_of_a_diagnosis_is_drawn(tmp_path):
         draw_path(found, tmp_path / "path.docx")
 
 
-def test_a_lower_gain_slows_a_stiction_cycle_and_keeps_its_amplitude():
+def test_a_lower_gain_slows_a_stiction_cycle_and_keeps_its_amplitude(drawn):
     d = drawn("fig_11_24").groupby("Kc")[["period (s)", "amplitude (%)", "verdict"]].first()
     assert d["period (s)"][0.6] / d["period (s)"][1.0] > 1.5
     assert d["amplitude (%)"][0.6] == pytest.approx(d["amplitude (%)"][1.0], rel=0.1)
     assert d["verdict"][1.0] == "stiction"
 
 
-def test_a_lower_gain_leaves_the_period_of_an_outside_oscillation():
+def test_a_lower_gain_leaves_the_period_of_an_outside_oscillation(drawn):
     d = drawn("fig_11_25").groupby("Kc")[["period (s)", "amplitude (%)", "verdict"]].first()
     assert d["period (s)"][0.6] == pytest.approx(d["period (s)"][1.0], rel=0.01)
     assert d["amplitude (%)"][0.6] < 0.8 * d["amplitude (%)"][1.0]
@@ -326,8 +319,28 @@ def test_a_lower_gain_leaves_the_period_of_an_outside_oscillation():
 
 
 @pytest.mark.parametrize("name", ["fig_11_24", "fig_11_25"])
-def test_periods_told_beside_the_gain_change_are_those_drawn(name):
+def test_periods_told_beside_the_gain_change_are_those_drawn(drawn, name):
     for _, part in drawn(name).groupby("Kc"):
         op = part["OP (%)"].to_numpy()[len(part) // 6 :]
         up = np.flatnonzero((op[:-1] < op.mean()) & (op[1:] >= op.mean()))
         assert np.diff(up).mean() == pytest.approx(part["period (s)"].iloc[0], rel=0.03)  # Ts = 1 s
+
+
+def test_travel_test_finds_J_in_the_same_direction_and_S_reversed(drawn):
+    d = drawn("fig_11_26")
+    valve = FIGURES.load("fig_11_26").LOOP["valve"]
+    assert valve["J"] <= d["J measured (%)"].iloc[0] <= valve["J"] + 0.2
+    assert valve["S"] <= d["S measured (%)"].iloc[0] + 1e-9 <= valve["S"] + 0.2
+    # the sums are those of the drawn steps
+    for phase, name in ((1, "J"), (2, "S")):
+        op = d["OP (%)"][(d.phase == phase) | (d.phase.shift(-1) == phase)]
+        assert abs(op.iloc[-1] - op.iloc[0]) == pytest.approx(d[f"{name} measured (%)"].iloc[0])
+
+
+def test_table_11_1_marks_what_is_wrong_with_each_valve(drawn):
+    d = drawn("table_11_1").set_index("parameter")
+    figure = FIGURES.load("table_11_1")
+    wrong = {name: [p.split(" (")[0] for p in d.index if not d.loc[p, f"{name}: ok"]] for name in figure.VALVES}
+    assert wrong == {"good valve": [], "worn linkage": ["hysteresis"], "sticky, oversized": ["process gain", "stiction"]}
+    assert d.loc["hysteresis (%)", "worn linkage"] == pytest.approx(4.5, abs=0.3)
+    assert d.loc["noise band (%)", "good valve"] == pytest.approx(0.2, rel=0.3)

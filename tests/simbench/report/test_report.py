@@ -167,7 +167,8 @@ def test_missing_values_are_empty_cells():
 
 
 VISIBLE = """[...document.querySelectorAll("svg")].map(s => { const r = s.getBoundingClientRect(), b = s.getBBox();
-  return [r.width, r.height, r.left, r.right, b.width, b.height, getComputedStyle(s).visibility, getComputedStyle(s).display]; })"""
+  const style = getComputedStyle(s);
+  return [r.width, r.height, r.left, r.right, b.width, b.height, style.visibility, style.display]; })"""
 
 
 @needs_browser
@@ -195,7 +196,8 @@ def test_in_a_browser_nothing_fails_nothing_is_asked_for_and_every_picture_is_se
 
 @needs_browser
 def test_in_a_browser_every_column_of_every_table_sorts_both_ways(report):
-    code = """[...document.querySelectorAll("table.sortable")].map(t => [...t.tHead.rows[0].cells].map((h, j) => [1, 2].map(() => {
+    code = """[...document.querySelectorAll("table.sortable")].map(t =>
+      [...t.tHead.rows[0].cells].map((h, j) => [1, 2].map(() => {
       h.querySelector("button").click();
       return [h.getAttribute("aria-sort"), h.classList.contains("n"),
               [...t.tBodies[0].rows].map(r => r.cells[j].dataset.v ?? r.cells[j].textContent.trim())]; })))"""

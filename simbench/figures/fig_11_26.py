@@ -1,0 +1,63 @@
+"""Figure 11.26: valve travel test: small steps of OP in manual until PV moves, in the same direction and reversed.
+
+In the same direction, as the procedure prints it, the sum of the steps is the slip jump J; against it, the whole band S.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from scenarios.spec import Loop
+from simbench.confirm.travel import travel_test
+from simbench.figures._style import GREY, SIGNAL, label, note, panels, styled
+
+SOURCE = "Jelali (2013), Fig. 11.26 and Procedure 11.4, after Gerry & Ruel (2001)"
+LOOP = {
+    "plant": {"type": "foptd", "K": 1.0, "T": 5.0, "Td": 1.0},
+    "controller": {"type": "PI", "Kc": 0.5, "Ti": 5.0},
+    "valve": {"model": "choudhury", "S": 3.0, "J": 1.1},
+    "sampling": {"Ts": 1.0},
+    "noise": {"std": 0.02},
+}
+
+
+def data() -> pd.DataFrame:
+    """Run the test on a simulated flow loop with S = 3 % and J = 1.1 %.
+
+    Returns
+    -------
+    DataFrame
+        t (s), OP (%), MV (%), PV (%), phase (0 big steps, 1 same direction, 2 reversed), S measured (%), J measured (%).
+    """
+    found = travel_test(Loop.from_table(LOOP))
+    trace = found.trace
+    t = np.arange(trace.op.size) * found.Ts
+    table = pd.DataFrame({"t (s)": t, "OP (%)": trace.op, "MV (%)": trace.mv, "PV (%)": trace.pv, "phase": found.phase})
+    return table.assign(**{"S measured (%)": found.S, "J measured (%)": found.J})
+
+
+@styled
+def draw(data: pd.DataFrame) -> Figure:
+    """Draw OP and PV with the two bands marked."""
+    figure, axes = panels(2, 1, 7.2, 4.8, sharex=True)
+    t = data["t (s)"]
+    for place, name in ((axes[0, 0], "OP"), (axes[1, 0], "PV")):
+        place.plot(t, data[f"{name} (%)"], color=SIGNAL[name], linewidth=1.0)
+        low, high = data[f"{name} (%)"].min(), data[f"{name} (%)"].max()
+        place.set_ylim(low - 0.08 * (high - low), high + 0.3 * (high - low))
+        label(place, "time (s)", f"{name} (%)")
+        place.label_outer()
+        for phase in (1, 2):
+            place.axvline(t[data["phase"] == phase].iloc[0], color=GREY, linestyle="--", linewidth=0.9)
+    says = (
+        "big steps",
+        f"same direction:\nJ = {data['J measured (%)'].iloc[0]:.1f} %",
+        f"reversed:\nS = {data['S measured (%)'].iloc[0]:.1f} %",
+    )
+    for phase, text in enumerate(says):
+        part = t[data["phase"] == phase]
+        x = (part.mean() - axes[0, 0].get_xlim()[0]) / np.ptp(axes[0, 0].get_xlim())
+        note(axes[0, 0], text, float(x), 0.99, "center")
+    return figure
