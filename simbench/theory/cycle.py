@@ -8,7 +8,7 @@ import numpy as np
 
 from detectors.errors import ParameterError
 from scenarios.spec import Loop
-from simbench.loop.parameters import VALVES, valve_parameters
+from simbench.loop.setup import resolve_loop
 from simbench.loop.simulate import Start
 from simbench.theory.half_cycle import HalfCycle, half_cycles
 from simbench.theory.march import reversals
@@ -178,17 +178,16 @@ def cycle_start(loop: Loop) -> Start:
     True
     """
     sampled = sampled_loop(loop)
+    [*stages, (module, p)] = resolve_loop(loop.model_copy(update={"disturbance": ()}), seed=0).valves
     cycle = exact_cycle(sampled)
     if cycle is None:
         raise ParameterError("cycle_start: this loop has no limit cycle to start on")
-    if sampled.order != 1 or loop.effect:
-        raise ParameterError("cycle_start: only a first-order or integrating plant without effects can start there")
+    if sampled.order != 1 or loop.effect or stages:
+        raise ParameterError("cycle_start: only a first-order or integrating plant with one valve and no effect starts there")
     x, s, past = (a.copy() for a in cycle.state)
     while s[4] == 1.0:  # the march ends where the valve breaks away: let it come to its stop
         reversals(sampled, x, s, past, 1, most=1)
     op0, op, w, mv = loop.operating_point.op0, *(float(value) for value in s[:3])
-    module = VALVES.load(loop.valve.name)
-    p = valve_parameters(module, loop.valve.parameters, sampled.Ts)
     ahead = sampled.A @ x + sampled.B_old * past[0] + sampled.B_new * past[1]
     return Start(
         op=op0 + op,

@@ -1,0 +1,230 @@
+"""Controller gain change: the period of a stiction cycle follows Kc, that of an oscillation from outside does not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from detectors.errors import ParameterError
+from detectors.signal.oscillation import oscillation_of
+from scenarios.spec import Loop
+from simbench.confirm.rig import Trace, run_rig
+from simbench.loop.setup import Setup, resolve_loop
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SHIFT = 0.10  # change of the period that confirms stiction, for a gain change of 30 to 50 % (Choudhury et al. 2005)
+KEPT = 2.0  # factor within which stiction keeps the amplitude of OP; an oscillation near the stability limit dies
+PERIODS = 12  # wanted before the change and after it
+LONGEST = 100_000  # samples of one run
+NUDGES = (0.0, 3.0, 0.5, 1.0, 1.5, 2.0, 5.0, 8.0)  # load steps (%) tried in turn when a loop rests
+
+
+@dataclass(frozen=True, eq=False)
+class Phase:
+    """An oscillation before or after the change of gain.
+
+    Parameters
+    ----------
+    Kc : float
+        Controller gain (% per PV unit).
+    period : float
+        s; NaN when there is no sustained oscillation.
+    amplitude : float
+        Of OP (%), as sqrt(2) times its standard deviation.
+    saturated : bool
+        Whether OP spends more than 2 % of the time at one value, its lowest or highest.
+    """
+
+    Kc: float
+    period: float
+    amplitude: float
+    saturated: bool
+
+
+@dataclass(frozen=True, eq=False)
+class GainChange:
+    """Outcome of a controller gain change.
+
+    Parameters
+    ----------
+    verdict : {"stiction", "no_stiction", "no_decision"}
+        Confirmed, excluded, or cannot tell.
+    reason : str
+        Why, in one sentence.
+    before, after : Phase
+        The oscillation with the old gain and the new one.
+    shift : float
+        |P2/P1 - 1|; NaN when one of the periods is missing.
+    nudge : float
+        Load step (%) that was needed to set the loop moving; 0 = it oscillated by itself.
+    Ts : float
+        Sampling period (s).
+    changed : int
+        Sample at which the gain changed.
+    trace : Trace
+        OP, PV and MV of the run.
+    """
+
+    verdict: str
+    reason: str
+    before: Phase
+    after: Phase
+    shift: float
+    nudge: float
+    Ts: float
+    changed: int
+    trace: Trace
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the outcome without its signals; None where a number is missing."""
+        phases = {name: _plain(vars(phase)) for name, phase in (("before", self.before), ("after", self.after))}
+        return {"verdict": self.verdict, **_plain({"shift": self.shift}), "nudge": self.nudge, **phases, "reason": self.reason}
+
+    def as_text(self) -> str:
+        """Return the outcome in three lines."""
+        lines = [f"{self.verdict}: {self.reason}"]
+        for name, phase in (("before", self.before), ("after", self.after)):
+            seen = "no oscillation" if np.isnan(phase.period) else f"period {phase.period:.4g} s, OP +-{phase.amplitude:.3g} %"
+            lines.append(f"{name:<7} Kc {phase.Kc:.4g}: {seen}")
+        return "\n".join(lines)
+
+    def plot(self) -> Figure:
+        """Draw OP and PV around the change of gain."""
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(7.5, 4.2), layout="constrained")
+        t = np.arange(self.trace.op.size) * self.Ts
+        for axes, name, values in zip(figure.subplots(2, 1, sharex=True), ("OP (%)", "PV"), (self.trace.op, self.trace.pv)):
+            axes.plot(t, values, linewidth=1.0)
+            axes.axvline(self.changed * self.Ts, color="0.4", linestyle="--", linewidth=0.8)
+            axes.set_ylabel(name)
+        figure.axes[0].set_title(f"{self.verdict}: {self.reason}", fontsize=8, loc="left", wrap=True)
+        figure.axes[1].set_xlabel("time (s)")
+        return figure
+
+
+def gain_change(loop: Loop, factor: float = 0.6, seed: int = 0) -> GainChange:
+    """Change the controller gain of an oscillating loop and see whether the period follows.
+
+    Parameters
+    ----------
+    loop : Loop
+        With its noise, disturbances and set point; its n is the least length before the change.
+    factor : float
+        New Kc over old, 0.5..0.7 (or up to 1.5); smaller is safer for the plant.
+    seed : int
+        Of noise and disturbances.
+
+    Returns
+    -------
+    GainChange
+
+    Raises
+    ------
+    ParameterError
+        When the gain changes by less than 20 % or more than threefold.
+
+    Notes
+    -----
+    Stiction when the period shifts by more than 10 % and OP keeps its amplitude, which the valve's band sets. Near the
+    stability limit of a healthy loop the period moves too: there the oscillation dies or collapses with the gain, and the
+    answer is no decision. A loop at rest is nudged by load steps, since it is the oscillation that is under test; when it
+    rests all the same there is nothing to confirm. Choudhury, Thornhill and Shah (2005); Thornhill, Cox and Paulonis (2003).
+    Not for loops whose oscillation the operator cannot let run for two dozen periods.
+
+    Examples
+    --------
+    >>> result = gain_change(Loop.from_table({
+    ...     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
+    ...     "controller": {"type": "PI", "Kc": 1, "Ti": 10},
+    ...     "valve": {"model": "choudhury", "S": 5, "J": 2},
+    ...     "sampling": {"Ts": 1, "n": 1500}}))
+    >>> result.verdict, round(result.before.period), round(result.after.period)
+    ('stiction', 91, 158)
+    """
+    if not (1 / 3 <= factor <= 3 and abs(factor - 1) >= 0.2):
+        raise ParameterError(f"gain change: factor = {factor}; at least 20 % more or less is needed, and at most threefold")
+    result = None
+    for nudge in NUDGES:
+        found = _with_nudge(loop, factor, seed, nudge)
+        if result is None or not np.isnan(found.shift):
+            result = found
+        if not np.isnan(found.shift):
+            break
+    assert result is not None
+    return result
+
+
+def measure(op: np.ndarray, Ts: float, Kc: float) -> Phase:
+    """Return period and amplitude of an oscillating OP; the period is NaN when it is not sustained."""
+    found = oscillation_of(op, Ts)
+    at_ends = np.mean(op == op.min()), np.mean(op == op.max())
+    return Phase(
+        Kc,
+        found.period_s if found.sustained else np.nan,
+        float(np.sqrt(2) * op.std()),
+        bool(op.std() > 0 and max(at_ends) > 0.02),
+    )
+
+
+def resolved(loop: Loop, seed: int, samples: int, nudge: float) -> Setup:
+    """Resolve a loop with another length and a load step of `nudge` % from the second sample on."""
+    setup = resolve_loop(loop.with_("sampling.n", samples), seed)
+    setup.load_in[1:] += nudge
+    return setup
+
+
+def stepped(samples: int, changed: int, factor: float) -> np.ndarray:
+    """Return the factor on Kc at every sample: 1, from `changed` on `factor`."""
+    return np.where(np.arange(samples) < changed, 1.0, factor)
+
+
+def settled_parts(x: np.ndarray, changed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return a signal before and after the change, each without its first third, the transient."""
+    return x[changed // 3 : changed], x[changed + (x.size - changed) // 3 :]
+
+
+def _with_nudge(loop: Loop, factor: float, seed: int, nudge: float) -> GainChange:
+    changed = max(loop.sampling.n, 300)
+    while True:
+        n = int((1 + 1 / min(factor, 1.0)) * changed)  # a slower cycle needs more time
+        [trace] = run_rig([resolved(loop, seed, n, nudge)], gain=[stepped(n, changed, factor)])
+        parts = settled_parts(trace.op, changed)
+        phases = [measure(op, loop.sampling.Ts, loop.controller.Kc * f) for op, f in zip(parts, (1.0, factor))]
+        short = any(op.size * loop.sampling.Ts < PERIODS * p.period for op, p in zip(parts, phases))
+        if not short or 2 * n > LONGEST:
+            break
+        changed *= 2
+    verdict, reason, shift = judge(*phases)
+    return GainChange(verdict, reason, *phases, shift, nudge, loop.sampling.Ts, changed, trace)
+
+
+def judge(before: Phase, after: Phase) -> tuple[str, str, float]:
+    """Return verdict, reason and |P2/P1 - 1| of two phases."""
+    change = 100 * (after.Kc / before.Kc - 1)
+    if np.isnan(before.period):
+        return "no_decision", "the loop has no sustained oscillation to confirm", np.nan
+    if np.isnan(after.period):
+        return (
+            "no_decision",
+            f"the oscillation did not go on when Kc changed by {change:+.0f} %: tuning, or too little kick",
+            np.nan,
+        )
+    shift = abs(after.period / before.period - 1)
+    if before.saturated or after.saturated:
+        return "no_decision", "OP runs into its limits, where the gain does not act", shift
+    says = f"Kc changed by {change:+.0f} % and the period by {100 * (after.period / before.period - 1):+.1f} %"
+    if shift <= SHIFT:
+        return "no_stiction", f"{says}: the oscillation comes from outside this loop", shift
+    ratio = after.amplitude / before.amplitude
+    if not 1 / KEPT <= ratio <= KEPT:
+        return "no_decision", f"{says}, but OP's amplitude changed {ratio:.2g}-fold: a loop near its stability limit", shift
+    return "stiction", f"{says} while OP kept its amplitude", shift
+
+
+def _plain(values: dict[str, Any]) -> dict[str, Any]:
+    return {k: None if isinstance(v, float) and np.isnan(v) else v for k, v in values.items()}

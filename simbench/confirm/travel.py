@@ -1,0 +1,233 @@
+"""Valve travel test: OP by hand in small steps until PV moves; in the same direction it measures J, reversed it measures S."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from detectors.errors import ParameterError
+from scenarios.spec import Loop
+from simbench.confirm.rig import LiveLoop, Trace
+from simbench.loop.setup import resolve_loop
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+BIG_STEP = 10.0  # %, to overcome the band (Gerry and Ruel 2001: 5 to 10 %)
+SMALL_STEP = 0.2  # %
+CYCLES_ABOVE = 0.2  # %, stiction that will usually cycle (Gerry and Ruel 2001)
+SIGMAS = 5.0  # PV has moved when it changed by more than this many standard errors ...
+SHARE = 0.2  # ... and by more than this share of what one small step does to it
+SETTLED = 8.0  # lags waited after a step: e^-8 of the big step is left
+LONGEST_WINDOW = 1000  # samples of PV averaged, once it has settled
+
+
+@dataclass(frozen=True, eq=False)
+class TravelTest:
+    """Outcome of a valve travel test.
+
+    Parameters
+    ----------
+    same_direction : float or None
+        Sum of the small steps (%) in the direction of the big one until PV moved: the slip jump J, and the stiction of the
+        printed procedure. None when the end of travel came first.
+    reversed : float or None
+        Sum of the small steps (%) against it until PV moved: dead-band plus stick band, S.
+    increment : float
+        Size of a small step (%); both sums may be too large by one.
+    wait : float
+        Time (s) given to every step.
+    sticky : bool or None
+        Whether S exceeds two small steps; None when it was not found.
+    reason : str
+        One sentence.
+    Ts : float
+        Sampling period (s).
+    phase : ndarray of int, shape (n,)
+        0 big steps, 1 small steps in the same direction, 2 reversed.
+    trace : Trace
+        OP (%), PV and MV (%) of the test.
+    """
+
+    same_direction: float | None
+    reversed: float | None
+    increment: float
+    wait: float
+    sticky: bool | None
+    reason: str
+    Ts: float
+    phase: np.ndarray
+    trace: Trace
+
+    @property
+    def J(self) -> float | None:
+        """Slip jump (%), up to one small step too large."""
+        return self.same_direction
+
+    @property
+    def S(self) -> float | None:
+        """Dead-band plus stick band (%), up to one small step too large."""
+        return self.reversed
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the outcome without its signals."""
+        return {
+            "S": self.S, "J": self.J, "S_minus_J": None if self.S is None or self.J is None else self.S - self.J,
+            "increment": self.increment, "wait": self.wait, "sticky": self.sticky, "reason": self.reason,
+        }  # fmt: skip
+
+    def as_text(self) -> str:
+        """Return the outcome in three lines."""
+
+        def size(x: float | None) -> str:
+            return "not found" if x is None else f"{x:.3g} % (+0/-{self.increment:g})"
+
+        return f"{self.reason}\nsame direction (slip jump J)  {size(self.J)}\nreversed (whole band S)       {size(self.S)}"
+
+    def plot(self) -> Figure:
+        """Draw OP and PV over the test, with the three phases marked."""
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(7.5, 4.2), layout="constrained")
+        t = np.arange(self.trace.op.size) * self.Ts
+        names = ("OP and MV (%)", "PV")
+        above, below = figure.subplots(2, 1, sharex=True)
+        above.plot(t, self.trace.op, linewidth=1.0, label="OP")
+        above.plot(t, self.trace.mv, linewidth=1.0, label="MV")
+        above.legend(fontsize=7)
+        below.plot(t, self.trace.pv, linewidth=1.0)
+        for axes, name in zip((above, below), names):
+            axes.set_ylabel(name)
+            for start in np.nonzero(np.diff(self.phase))[0] + 1:
+                axes.axvline(t[start], color="0.4", linestyle="--", linewidth=0.8)
+        above.set_title(self.reason, fontsize=8, loc="left", wrap=True)
+        below.set_xlabel("time (s)")
+        return figure
+
+
+def travel_test(loop: Loop, increment: float = SMALL_STEP, big_step: float = BIG_STEP, seed: int = 0) -> TravelTest:
+    """Put a loop in manual and step its valve until PV moves.
+
+    Parameters
+    ----------
+    loop : Loop
+        Its valve, plant and noise count; controller, set-point steps and disturbances do not.
+    increment : float
+        Small step (%).
+    big_step : float
+        First step (%), repeated until PV moves.
+    seed : int
+        Of the noise.
+
+    Returns
+    -------
+    TravelTest
+
+    Raises
+    ------
+    ParameterError
+        When the steps are not 0 < increment < big_step <= 50.
+
+    Notes
+    -----
+    Procedure 11.4 (Gerry and Ruel 2001) takes the small steps in the direction of the big one. On a two-parameter valve that
+    measures the slip jump J, since the dead-band is already crossed; small steps in the opposite direction measure the
+    whole band S. PV has moved when its settled mean (integrating plants: its slope) changed by five standard errors, and
+    by a fifth of what a small step of a moving valve does. Not for a plant that may not be disturbed: an integrating one
+    drifts all the time.
+
+    Examples
+    --------
+    >>> result = travel_test(Loop.from_table({
+    ...     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
+    ...     "controller": {"type": "PI", "Kc": 1, "Ti": 10},
+    ...     "valve": {"model": "choudhury", "S": 3.1, "J": 1.1},
+    ...     "sampling": {"Ts": 1}}))
+    >>> round(result.J, 1), round(result.S, 1)
+    (1.2, 3.2)
+    """
+    if not 0 < increment < big_step <= 50:
+        raise ParameterError(
+            f"travel test: increment {increment} % and big step {big_step} %; 0 < increment < big step <= 50 is needed"
+        )
+    manual = _Manual(loop, increment, big_step, seed)
+    side = 1.0 if manual.op <= 50 else -1.0
+    same = back = None
+    if manual.steps_until_moved(side * big_step, phase=0) is not None:
+        manual.learn_answer()
+        same = manual.steps_until_moved(side * increment, phase=1)
+        back = manual.steps_until_moved(-side * increment, phase=2)
+    return manual.outcome(same, back)
+
+
+class _Manual:
+    """A loop in manual: OP goes in steps, and PV is looked at after each wait."""
+
+    def __init__(self, loop: Loop, increment: float, big_step: float, seed: int) -> None:
+        quiet = loop.model_copy(update={"disturbance": ()})
+        setup = resolve_loop(quiet, seed)
+        lags = [1 / abs(p) for p in np.roots(setup.den) if abs(p) > 1e-12]
+        self.integrating = setup.den[-1] == 0
+        self.increment, self.Ts, self.op, self.k = increment, setup.Ts, setup.op0, 0
+        settle = int(np.ceil((setup.Td + SETTLED * sum(lags)) / self.Ts))
+        # an engineer waits until half a small step would show in the noise
+        answer = abs(setup.num[-1] / setup.den[setup.den != 0][-1]) * increment / 2
+        self.window = 10
+        while self.window < LONGEST_WINDOW and SIGMAS * np.sqrt(2) * self._error(setup.noise_std) > answer:
+            self.window *= 2
+        self.wait = settle + self.window
+        steps = int(200 / increment + 100 / big_step) + 4
+        self.live = LiveLoop(resolve_loop(quiet.with_("sampling.n", steps * self.wait), seed))
+        self.phase: list[int] = []
+        self.first_op, self.seen, self.least_answer = self.op, self._hold(0), 0.0
+        self.rest = self.seen
+        self.error = self._error(float(self.live.pv[settle : self.wait].std()))
+
+    def _error(self, sigma: float) -> float:
+        """Return the standard error of a reading (`_hold`) for white noise on PV of that size."""
+        n = self.window
+        return sigma * np.sqrt(12 / n) / (n * self.Ts) if self.integrating else sigma / np.sqrt(n)
+
+    def _hold(self, phase: int) -> float:
+        """Hold OP for one wait and return PV's mean (integrating: slope per s) over its end."""
+        for _ in range(self.wait):
+            self.live.control(self.k, by_hand=self.op)
+            self.live.advance(self.k)
+            self.k += 1
+        self.phase += [phase] * self.wait
+        late = self.live.pv[self.k - self.window : self.k]
+        return float(np.polyfit(np.arange(late.size) * self.Ts, late, 1)[0] if self.integrating else late.mean())
+
+    def steps_until_moved(self, step: float, phase: int) -> float | None:
+        """Step OP until PV has moved and return the sum of the steps (%); None when OP's limit comes first."""
+        before, count = self.seen, 0
+        bar = max(SIGMAS * np.sqrt(2) * self.error, SHARE * self.least_answer, 1e-12)
+        while 0 <= self.op + step <= 100:
+            self.op += step
+            count += 1
+            self.seen = self._hold(phase)
+            if abs(self.seen - before) > bar:
+                return round(count * abs(step), 9)
+        return None
+
+    def learn_answer(self) -> None:
+        """Take what the big steps did to PV, per % of them, as the least that a moving valve does."""
+        self.least_answer = self.increment * abs(self.seen - self.rest) / abs(self.op - self.first_op)
+
+    def outcome(self, same: float | None, back: float | None) -> TravelTest:
+        """Put the findings into words."""
+        k, wait = self.k, self.wait * self.Ts
+        trace = Trace(self.live.op[:k], self.live.pv[:k], self.live.mv[:k])
+        sticky = None if back is None else back > 2 * self.increment + 1e-9
+        if same is None and back is None:
+            reason = "PV did not answer before OP reached its limit: no travel, or noise that hides it"
+        elif same is None or back is None:
+            reason = "OP reached its limit before PV moved again: start further from the ends of travel"
+        elif not sticky:
+            reason = "PV follows small steps both ways: no stiction"
+        else:
+            cycles = "" if same <= CYCLES_ABOVE + 1e-9 else ", enough to cycle under PI control"
+            reason = f"band S {back:.3g} %, of which slip jump J {same:.3g} %{cycles}"
+        return TravelTest(same, back, self.increment, wait, sticky, reason, self.Ts, np.array(self.phase), trace)

@@ -1,0 +1,82 @@
+"""Valve travel test: S and J of known valves within one small step."""
+
+import json
+
+import numpy as np
+import pytest
+
+from detectors.errors import ParameterError
+from simbench.confirm.travel import travel_test
+
+PLANTS = [{}, {"kind": "integrating", "K": 0.1}, {"K": -2.0, "noise": 0.1}, {"kind": "integrating", "K": 0.1, "noise": 0.05}]
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+@pytest.mark.parametrize(("S", "J"), [(5, 2), (3, 1), (1.3, 1.1), (4, 0), (5, 7), (60, 3)])
+def test_sums_of_small_steps_are_J_and_S_within_one_step(loop, plant, S, J):
+    found = travel_test(loop(S=S, J=J, **plant))
+    assert J - 1e-9 <= found.J <= J + 0.2 + 1e-9
+    assert S - 1e-9 <= found.S <= S + 0.2 + 1e-9
+    assert found.sticky
+
+
+@pytest.mark.parametrize(
+    ("valve", "S", "J"),
+    [
+        ({"model": "kano", "S": 5, "J": 2}, 5, 2),
+        ({"model": "he", "S": 5, "J": 2}, 5, 2),
+        ({"model": "coulomb", "S": 5, "J": 2}, 5, 2),
+        ({"model": "stenman", "d": 3}, 3, 3),
+    ],
+)
+def test_other_friction_models_show_their_mapped_numbers(loop, valve, S, J):
+    found = travel_test(loop(valve=valve))
+    assert found.J == pytest.approx(J, abs=0.21)
+    assert found.S == pytest.approx(S, abs=0.21)
+
+
+@pytest.mark.parametrize("valve", [{"model": "ideal"}, {"model": "deadzone", "D": 4.0}])
+def test_a_valve_that_follows_small_steps_is_not_sticky(loop, valve):
+    found = travel_test(loop(valve=valve))
+    assert not found.sticky
+    assert (found.J, found.S) == (0.2, 0.2)
+
+
+def test_smaller_steps_measure_more_finely(loop):
+    found = travel_test(loop(S=1.33, J=0.57), increment=0.05)
+    assert 0.57 <= found.J <= 0.62 + 1e-9
+    assert 1.33 <= found.S <= 1.38 + 1e-9
+
+
+def test_disturbances_and_set_point_do_not_act_in_manual(loop):
+    more = {"disturbance": [{"type": "sine", "amplitude": 3, "period": 60}], "setpoint": {"value": 50, "steps": [[50, 60]]}}
+    assert travel_test(loop(**more)).as_json() == travel_test(loop()).as_json()
+
+
+def test_a_stuck_valve_is_said_to_be_stuck(loop):
+    found = travel_test(loop(S=100.0, J=50.0))
+    assert found.as_json()["S"] is None
+    assert found.sticky is None
+    assert "did not answer" in found.reason
+
+
+def test_a_valve_that_needs_more_travel_than_there_is(loop):
+    found = travel_test(loop(S=95.0, J=3.0))
+    assert found.J is None
+    assert "limit" in found.reason
+
+
+def test_outcome_is_json_text_and_picture(loop):
+    found = travel_test(loop())
+    assert set(json.loads(json.dumps(found.as_json()))) == {"S", "J", "S_minus_J", "increment", "wait", "sticky", "reason"}
+    assert "slip jump" in found.as_text()
+    assert len(found.plot().axes) == 2
+    assert found.phase.size == found.trace.op.size
+    assert np.all(np.diff(found.phase) >= 0)
+    assert "not found" in travel_test(loop(S=100.0, J=50.0)).as_text()
+
+
+@pytest.mark.parametrize(("increment", "big"), [(0.0, 10), (5, 5), (0.2, 60), (float("nan"), 10)])
+def test_impossible_steps_are_refused(loop, increment, big):
+    with pytest.raises(ParameterError, match="increment"):
+        travel_test(loop(), increment, big)
