@@ -63,7 +63,7 @@ def draw(rng: np.random.Generator, *, plant: str | None = None, sp_moves: bool |
         n=n,
         steps=(),
         noise_std=_round(unit * load_std * _log(rng, 0.03, 0.5)),
-        noise_colour=str(rng.choice(["white", "reddish"], p=[0.8, 0.2])),
+        noise_colour=str(rng.choice(["white", "flicker", "bluish", "heavy"], p=[0.7, 0.1, 0.1, 0.1])),
         load_std=load_std,
         load_colour=load,
         load_tau=speed * rng.uniform(0.5, 4.0),

@@ -132,7 +132,7 @@ def by_effect(table: pd.DataFrame) -> pd.DataFrame:
         Long form: effect, strength, measure, k, n, value, lo, hi.
     """
     rows = []
-    what = table.effect.where(table.kind != "foreign", "foreign: " + table.foreign)
+    what = table.effect.where(table.kind != "foreign", "foreign: " + table.foreign).where(table.kind != "two", "two effects")
     for cell, part in table.groupby([table.kind, what, table.strength.replace("", "all")]):
         kind, effect, strength = cell  # type: ignore[misc]
         for measure in ("first", "in_group", "top3", "block_right", "called_unknown", "called_none", "both_top3"):

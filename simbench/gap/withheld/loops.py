@@ -221,9 +221,11 @@ def coloured(colour: str, n: int, tau: float, rng: np.random.Generator) -> np.nd
 
     Parameters
     ----------
-    colour : {"none", "white", "ou", "ar2", "pink", "reddish"}
-        ou: Ornstein-Uhlenbeck with correlation time `tau`; ar2: a damped resonance of about that time scale; pink: power 1/f
-        above one cycle in 20 `tau`; reddish: white with a little memory.
+    colour : {"none", "white", "ou", "ar2", "pink", "flicker", "bluish", "heavy"}
+        Of loads, ou: Ornstein-Uhlenbeck with correlation time `tau`; ar2: a damped resonance of that time scale; pink: power
+        1/f above one cycle in 20 `tau`. Of sensors, flicker: white with a fifth of pink; bluish: neighbours slightly opposed;
+        heavy: white with Student's t on 8 degrees of freedom. Noise with a memory of its own kind is left out: first-order
+        smoothed noise is what a lagging sensor makes of white noise, and would have no true answer.
     n : int
     tau : float
         In samples.
@@ -249,5 +251,11 @@ def coloured(colour: str, n: int, tau: float, rng: np.random.Generator) -> np.nd
         a1, a2 = -2.0 * radius * math.cos(angle), radius**2
         variance = (1.0 + a2) / ((1.0 - a2) * ((1.0 + a2) ** 2 - a1**2))
         return np.asarray(lfilter([1.0], [1.0, a1, a2], white))[500:] / math.sqrt(variance)
-    phi = math.exp(-1.0 / tau) if colour == "ou" else 0.3
+    if colour == "flicker":
+        return math.sqrt(0.8) * white[:n] + math.sqrt(0.2) * coloured("pink", n, tau, rng)
+    if colour == "bluish":
+        return (white[1 : n + 1] - 0.2 * white[:n]) / math.sqrt(1.04)
+    if colour == "heavy":
+        return rng.standard_t(8, n) / math.sqrt(8 / 6)
+    phi = math.exp(-1.0 / tau)
     return np.asarray(lfilter([math.sqrt(1.0 - phi**2)], [1.0, -phi], white))[500:]

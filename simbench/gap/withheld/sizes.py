@@ -94,7 +94,8 @@ def scale(name: str, case: Case, habit: Habit, rng: np.random.Generator) -> Scal
                 return lambda x: {"rate": way * float(f"{total(x) / case.duration:.4g}"), "walk": 0.0}
             return lambda x: {"rate": 0.0, "walk": float(f"{total(x) / math.sqrt(case.duration):.4g}")}
         case "oscillation":
-            return one("amplitude", 0.1, 12, period=float(f"{case.speed * 10 ** (0.2 + u[0]):.4g}"))
+            period = min(case.speed * 10 ** (0.2 + u[0]), case.duration / 15)  # fewer periods would be a wandering load
+            return one("amplitude", 0.1, 12, period=float(f"{period:.4g}"))
         case "load_steps":
             return one("size", 0.2, 15, rate=float(f"{(4 + 20 * u[0]) / case.duration:.4g}"))
         case "saturation":

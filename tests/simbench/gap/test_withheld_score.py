@@ -13,7 +13,7 @@ from simbench.gap.withheld import open_
 from simbench.gap.withheld.claims import true_shrinkages
 from simbench.gap.withheld.drawing import baseline_table
 from simbench.gap.withheld.items import draw_item
-from simbench.gap.withheld.levels import Share, calibration, levels
+from simbench.gap.withheld.levels import Share, by_effect, calibration, levels
 from simbench.gap.withheld.score import claimed_shrinkage, first_three, judge_record
 
 FACTS = Facts(integrating=False, sp_moves=True, mv=False)
@@ -112,6 +112,14 @@ def test_answers_that_are_all_wrong_hold_none():
     assert found["first answer right"].value == 0.0
     assert found["expected calibration error"].value > 0.9
     assert found["effect named where there is none"].value == 1.0
+
+
+def test_two_effects_and_foreign_kinds_have_rows_of_their_own():
+    cells = by_effect(table_of(lambda row: says("stiction")))
+    first = cells[cells.measure == "first"].set_index(["effect", "strength"])
+    assert (first.loc[("stiction", "strong"), "k"], first.loc[("stiction", "strong"), "n"]) == (1, 1)
+    assert first.loc[("two effects", "strong"), "n"] == 1
+    assert first.loc[("foreign: frozen", "weak"), "k"] == 0
 
 
 def test_no_answer_is_wrong():
