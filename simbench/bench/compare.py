@@ -20,7 +20,7 @@ from simbench.bench.tables import AXES
 
 LEVEL = 0.05
 ENOUGH = 0.8  # accuracy below this counts as broken down
-ALONE = ("nonlinearity", "quantification")  # roles that are compared, but not ranked
+ALONE = ("nonlinearity", "quantification", "oracle")  # roles that are compared, but not ranked
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,8 @@ class Comparison:
         differ = self.pairs[self.pairs["differ"]].drop(columns="differ")
         alike = len(self.pairs) - len(differ)
         lines += ["", f"{len(differ)} pairs differ (exact McNemar, Holm-corrected p < {LEVEL:g}), {alike} do not"]
-        best = self.ranking["method"].iloc[0]
+        ranked = self.ranking.dropna(subset=["mean_rank"])
+        best = (ranked if len(ranked) else self.ranking)["method"].iloc[0]
         shown = differ[differ["first"].eq(best) | differ["second"].eq(best) | ~differ["second"].isin(self.ranking["method"])]
         lines += [_text(shown)] if len(shown) else []
         if len(self.breakdown):

@@ -18,6 +18,7 @@ from detectors.report import choose_methods
 from scenarios.grid import Grid, chunks, load_grid
 from simbench.bench import adaptive, store
 from simbench.bench.manifest import RunError, describe, read_manifest
+from simbench.bench.oracle import ORACLE
 from simbench.bench.resolve import resolve
 from simbench.bench.work import Piece, Thresholds, work
 
@@ -56,7 +57,7 @@ def run_grid(
     out : str or Path, optional
         Folder of the run; runs/GRID when absent.
     methods : iterable of str
-        Method ids, "all", "fast" or "full".
+        Method ids, "all", "fast" or "full"; "oracle" adds what a test that knows plant and load says.
     jobs : int
         Worker processes; -1 = all cores.
     raw : bool
@@ -107,8 +108,10 @@ def run_grid(
     plan = grid if isinstance(grid, Grid) else load_grid(grid, sets, axes)
     files = [str(Path(p).resolve()) for p in plugins]
     added = [registry.add_file(p) for p in files]
-    names = choose_methods(methods)
+    asked = [part.strip() for text in methods for part in text.split(",")]
+    names = choose_methods(m for m in asked if m != ORACLE)
     names += [a for a in added if a not in names]
+    names += [ORACLE] * (ORACLE in asked)  # last, as it is judged last
     resolve(plan.group(0))  # a grid that cannot be simulated is refused before the folder is made
     manifest = describe(
         {
@@ -293,10 +296,13 @@ class _Bar:
         self._bar.update(piece.count)
 
     def more(self, scenarios: int) -> None:
-        self._bar.total = (self._bar.total or 0) + scenarios
+        if not self._bar.disable:
+            self._bar.total = (self._bar.total or 0) + scenarios
 
     def skip(self, scenarios: int) -> None:
         """Count what is on disk already as done, without letting it flatter the rate."""
+        if self._bar.disable:  # then it lacks even these fields
+            return
         self._bar.initial += scenarios
         self._bar.n += scenarios
         self._bar.refresh()
@@ -306,6 +312,8 @@ class _Bar:
 
 
 def _about(name: str) -> dict[str, Any]:
+    if name == ORACLE:
+        return {"front_end": False, "needs_mv": False, "role": ORACLE, "budget": "full"}
     method = registry.load(name).METHOD
     return {"front_end": method.front_end, "needs_mv": method.needs_mv, "role": method.role, "budget": method.budget}
 

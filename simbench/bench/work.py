@@ -24,6 +24,7 @@ from scenarios.errors import SpecError
 from scenarios.grid import Grid
 from scenarios.spec import Loop, Noise, Scenario, SetPoint
 from simbench.bench import tables
+from simbench.bench.oracle import ORACLE, judge_oracle
 from simbench.bench.resolve import resolve
 from simbench.bench.truth import Cycled, simulate_with_truth
 from simbench.loop.simulate import Run
@@ -97,7 +98,8 @@ def work(
     began = time.perf_counter()
     for path in plugins:
         registry.add_file(path)
-    chosen = {m: check_thresholds(m, registry.load(m).METHOD, (thresholds or {}).get(m, {})) for m in methods}
+    own = [m for m in methods if m != ORACLE]
+    chosen = {m: check_thresholds(m, registry.load(m).METHOD, (thresholds or {}).get(m, {})) for m in own}
     rows: dict[str, list] = {name: [] for name in tables.SCENARIOS.names}
     verdicts: dict[str, list] = {name: [] for name in tables.VERDICTS.names}
     piece = Piece(number, b"", b"", 0, 0, 0.0, 0.0, 0.0)
@@ -108,7 +110,7 @@ def work(
             scenarios = resolve(grid.group(index))
             piece.simulating += time.perf_counter() - since
             for scenario in scenarios:
-                _one(scenario, index, chosen, rows, verdicts, piece, keep)
+                _one(scenario, index, chosen, ORACLE in methods, rows, verdicts, piece, keep)
     piece.scenarios, piece.verdicts = (
         tables.encode(rows, tables.SCENARIOS, number),
         tables.encode(verdicts, tables.VERDICTS, number),
@@ -157,7 +159,9 @@ def judge_both(record: LoopRecord, chosen: Thresholds) -> tuple[Prepared, list[t
     return blind, found
 
 
-def _one(scenario: Scenario, group: int, chosen: Thresholds, rows: dict, verdicts: dict, piece: Piece, keep: int) -> None:
+def _one(
+    scenario: Scenario, group: int, chosen: Thresholds, oracle: bool, rows: dict, verdicts: dict, piece: Piece, keep: int
+) -> None:
     since = time.perf_counter()
     error, run, cycled = None, None, Cycled("unclear")
     try:
@@ -169,18 +173,20 @@ def _one(scenario: Scenario, group: int, chosen: Thresholds, rows: dict, verdict
     then = time.perf_counter()
     piece.simulating += then - since
     if run is None:
-        prepared, found = (
-            None,
-            [(v, v, error, 0.0) for v in (Verdict(m, NO_DECISION, reason=f"failed: {error}") for m in chosen)],
-        )
+        failed = [Verdict(m, NO_DECISION, reason=f"failed: {error}") for m in (*chosen, *[ORACLE] * oracle)]
+        prepared, found = None, [(v, v, error, 0.0) for v in failed]
     else:
         prepared, found = judge_both(run.record, chosen)
+        if oracle:
+            since = time.perf_counter()
+            said = judge_oracle(scenario, run)
+            found.append((said, said, None, time.perf_counter() - since))
     piece.judging += time.perf_counter() - then
     _add(rows, _scenario_row(scenario, ident, group, run, cycled, theory, prepared, error))
-    for front, raw, failed, seconds in found:
-        _add(verdicts, _verdict_row(ident, front, raw, failed, seconds))
+    for front, raw, raised, seconds in found:
+        _add(verdicts, _verdict_row(ident, front, raw, raised, seconds))
     piece.count += 1
-    piece.failures += sum(failed is not None for _, _, failed, _ in found) or int(error is not None)
+    piece.failures += sum(raised is not None for _, _, raised, _ in found) or int(error is not None)
     if run is not None and len(piece.kept) < keep:
         piece.kept.append((ident, run.record))
 

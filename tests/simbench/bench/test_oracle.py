@@ -5,6 +5,8 @@ import pytest
 
 from scenarios.spec import Loop, Scenario
 from simbench.bench.oracle import judge_oracle
+from simbench.bench.run import run_grid
+from simbench.bench.store import Book
 from simbench.loop.setup import resolve_loop
 from simbench.loop.simulate import simulate
 
@@ -83,3 +85,11 @@ def test_false_alarms_under_noise_are_rare():
     # the two fitted numbers cost ln n: chance alone seldom earns that
     wrong = [said(loop({"model": "ideal"}, noise=0.5, n=300), seed).verdict == "stiction" for seed in range(40)]
     assert sum(wrong) <= 2
+
+
+def test_a_run_has_an_oracle_row_when_asked_and_no_detector_is_better(tmp_path):
+    book = Book.read(run_grid("smoke", tmp_path / "run", ["he", "oracle", "yamashita"], progress=False))
+    assert book.methods == ("he", "yamashita", "oracle")
+    right = (book.verdict == book.truth["sticky"]).mean(axis=1)
+    assert right[2] >= 0.98
+    assert right[2] >= right.max()
