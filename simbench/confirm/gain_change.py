@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 SHIFT = 0.10  # change of the period that confirms stiction, for a gain change of 30 to 50 % (Choudhury et al. 2005)
 KEPT = 2.0  # factor within which stiction keeps the amplitude of OP; an oscillation near the stability limit dies
 PERIODS = 12  # wanted before the change and after it
+SMALLEST = 0.01  # amplitude of OP (%) below which there is nothing to see
 LONGEST = 100_000  # samples of one run
 NUDGES = (0.0, 3.0, 0.5, 1.0, 1.5, 2.0, 5.0, 8.0)  # load steps (%) tried in turn when a loop rests
 
@@ -162,13 +163,10 @@ def gain_change(loop: Loop, factor: float = 0.6, seed: int = 0) -> GainChange:
 def measure(op: np.ndarray, Ts: float, Kc: float) -> Phase:
     """Return period and amplitude of an oscillating OP; the period is NaN when it is not sustained."""
     found = oscillation_of(op, Ts)
-    at_ends = np.mean(op == op.min()), np.mean(op == op.max())
-    return Phase(
-        Kc,
-        found.period_s if found.sustained else np.nan,
-        float(np.sqrt(2) * op.std()),
-        bool(op.std() > 0 and max(at_ends) > 0.02),
-    )
+    amplitude = float(np.sqrt(2) * op.std())
+    seen = found.sustained and amplitude > SMALLEST
+    at_ends = max(np.mean(op == op.min()), np.mean(op == op.max()))
+    return Phase(Kc, found.period_s if seen else np.nan, amplitude, bool(amplitude > SMALLEST and at_ends > 0.02))
 
 
 def resolved(loop: Loop, seed: int, samples: int, nudge: float) -> Setup:
