@@ -114,7 +114,10 @@ def scan(op, y, q, half, first, last, sign, lo, hi, S, J, start, poles, delays, 
 def descend(op, y, q, half, first, last, sign, lo, hi, S, J, start, poles, delays, width, least):
     """Pattern search over S and J from one point, the step halved when none of six neighbours is better."""
     error, _, _ = objective(op, y, q, half, first, last, sign, lo, hi, S, J, start, poles, delays)
-    while width > least:
+    moves = 0
+    # an oscillation that died out leaves a valley without end, down which ever smaller steps would walk for minutes
+    while width > least and moves < 300:
+        moves += 1
         best, best_S, best_J = error, S, J
         for i in range(6):
             a = 1.0 if i in (0, 4) else (-1.0 if i in (1, 5) else 0.0)
