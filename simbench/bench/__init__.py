@@ -9,7 +9,7 @@ What the command line and the report call (paths are str or Path; each raises `U
 - `score.score_run(folder, raw=False) -> Scores`: `.table`, `.by_axis`, `.disagreement` (DataFrames), `.as_text()`,
   `.as_json()`.
 - `check.check_run(folder, against) -> Check`: `.failed` (exit 1), `.as_text()`, `.as_markdown()`, `.as_junit()`,
-  `.write(folder)`; `check.update_baseline(folder, baseline) -> str`: the readable difference.
+  `.as_json()`; `check.update_baseline(folder, baseline) -> str`: the readable difference.
 - `compare.compare(folder, other=None) -> Comparison`: paired tests between detectors, or between two runs.
 - `calibrate.calibrate(grid, false_alarm, methods=("fast",), jobs=1, out=None) -> Calibration`: `.as_text()`,
   `.as_json()`, `.roc`.

@@ -60,12 +60,6 @@ class Study:
     scenarios: int
 
     @property
-    def thresholds(self) -> pd.DataFrame:
-        """One row per threshold that decides anything: whether a move of 20 % up or down fails."""
-        moved = self.table[(self.table["kind"] == "threshold") & (self.table["flips"] > 0)]
-        return moved.groupby(["method", "what"], as_index=False)[["failed"]].any()
-
-    @property
     def holds(self) -> dict[str, bool]:
         """Each promise, and whether it held; the main threshold of a method is the one whose moves change most verdicts."""
         t = self.table

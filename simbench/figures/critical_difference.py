@@ -32,7 +32,8 @@ def data(run) -> pd.DataFrame:
         raise ParameterError(f"{run}: ranks need at least 3 stiction detectors and 2 scenarios with a label")
     ranked = found.ranking.dropna(subset=["mean_rank"]).sort_values("mean_rank", ignore_index=True)
     ranked.insert(2, "half_width", found.critical_difference / 2)
-    return ranked.assign(cases=found.cases)[["method", "mean_rank", "half_width", "accuracy", "lo", "hi", "cases"]]
+    columns = ["method", "mean_rank", "half_width", "accuracy", "lo", "hi", "cases"]
+    return ranked.assign(cases=found.cases).reindex(columns=columns)
 
 
 @styled
