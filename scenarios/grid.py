@@ -176,6 +176,10 @@ class Grid:
         """Number of scenarios."""
         return self._members * self.content.repeats
 
+    def samples(self, most: int = 200) -> list[int]:
+        """Return a few groups that show every kind of cell: the first of each block, or most cells of a single loop."""
+        return [first for first, _ in self._cells] if self.content.block else list(range(min(self.cells, most)))
+
     def groups(self, start: int = 0, stop: int | None = None) -> Iterator[Group]:
         """Yield groups start..stop-1; repeats come last, so more of them only append."""
         for index in range(start, self.group_count if stop is None else stop):

@@ -21,6 +21,7 @@ from simbench.bench.manifest import RunError, describe, read_manifest
 from simbench.bench.oracle import ORACLE
 from simbench.bench.resolve import resolve
 from simbench.bench.work import Piece, Thresholds, work
+from simbench.loop.setup import resolve_loop
 
 BACKENDS = ("loky", "dask", "ray")
 LIVES = 3  # how often dead workers are replaced before the run gives up
@@ -84,7 +85,7 @@ def run_grid(
     Returns
     -------
     Path
-        The folder: manifest.json, verdicts.parquet, scenarios.parquet, scores.csv.
+        The folder: manifest.json, verdicts.parquet, scenarios.parquet, scores.csv, scores_by_axis.csv.
 
     Raises
     ------
@@ -98,7 +99,7 @@ def run_grid(
     >>> import tempfile
     >>> folder = run_grid("smoke", tempfile.mkdtemp(), ["horch"], sets={"disturbance": "none"})
     >>> sorted(f.name for f in folder.iterdir())
-    ['manifest.json', 'scenarios.parquet', 'scores.csv', 'verdicts.parquet']
+    ['manifest.json', 'scenarios.parquet', 'scores.csv', 'scores_by_axis.csv', 'verdicts.parquet']
     """
     began = time.perf_counter()
     if backend not in BACKENDS:
@@ -112,7 +113,7 @@ def run_grid(
     names = choose_methods(m for m in asked if m != ORACLE)
     names += [a for a in added if a not in names]
     names += [ORACLE] * (ORACLE in asked)  # last, as it is judged last
-    resolve(plan.group(0))  # a grid that cannot be simulated is refused before the folder is made
+    _try_out(plan)
     manifest = describe(
         {
             "grid": plan.name,
@@ -309,6 +310,13 @@ class _Bar:
 
     def times(self, wall: float) -> dict[str, float]:
         return {**{k: round(v, 3) for k, v in self._seconds.items()}, "wall": round(wall, 3)}
+
+
+def _try_out(plan: Grid) -> None:
+    """Refuse a grid that cannot be simulated before a folder is made: a cell of each block, or those of a single loop."""
+    for index in plan.samples():
+        for scenario in resolve(plan.group(index)):
+            resolve_loop(scenario.loop, scenario.seed)
 
 
 def _about(name: str) -> dict[str, Any]:

@@ -50,9 +50,9 @@ class Scores:
     first: str = FRONT
 
     def ranking(self, truth: str = "cycled", mode: str | None = None) -> pd.DataFrame:
-        """Return the rows of one truth and mode, best accuracy first, nonlinearity tests last."""
+        """Return the rows of one truth and mode, best accuracy first, nonlinearity tests and the oracle last."""
         rows = self.table[(self.table.truth == truth) & (self.table["mode"] == (mode or self.first))]
-        apart = rows.role == "nonlinearity"
+        apart = rows.role.isin(["nonlinearity", "oracle"])
         return rows.assign(apart=apart).sort_values(["apart", "accuracy"], ascending=[True, False]).drop(columns="apart")
 
     def as_text(self) -> str:

@@ -1,0 +1,311 @@
+"""Calibrate thresholds: cuts on every method's score from one set of seeds, measured on another, beside the published ones."""
+
+from __future__ import annotations
+
+import json
+import math
+import tempfile
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from detectors.errors import ParameterError
+from scenarios.grid import load_grid
+from simbench.bench.run import run_grid
+from simbench.bench.statistics import auc, wilson
+from simbench.bench.store import Book
+from simbench.files import folder, whole_file
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+OTHER_SEEDS = 104_729  # added to the grid's seed for the set that thresholds are taken from
+ROC_POINTS = 200
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """Cuts found on seeds A and what they do on seeds B.
+
+    Parameters
+    ----------
+    false_alarm : float
+        Wanted share of healthy loops called sticky; also the wanted share of wrong answers among the decided.
+    table : DataFrame
+        Per method, against `cycled`, with the front end, on seeds B: published_false_alarm, published_detection; cut (score
+        above = stiction), false_alarm, detection, auc, each with interval; informative (AUC's interval leaves out 0.5);
+        no_stiction_below and stiction_above of the calibrated abstention, its coverage and wrong_decided.
+    roc : DataFrame
+        Columns method, threshold, false_alarm, detection; seeds B.
+    about : dict
+        Grid, its hash, seeds A and B.
+    """
+
+    false_alarm: float
+    table: pd.DataFrame
+    roc: pd.DataFrame
+    about: dict[str, Any]
+
+    @property
+    def thresholds(self) -> dict[str, dict[str, float]]:
+        """What `judge` and `run_grid` take as thresholds: the cuts for the wanted false alarms."""
+        return {r.method: {"stiction_above": float(r.cut)} for r in self.table.itertuples() if math.isfinite(r.cut)}
+
+    @property
+    def abstaining(self) -> dict[str, dict[str, float]]:
+        """The same with a band in which a method abstains."""
+        return {
+            r.method: {"stiction_above": float(r.stiction_above), "no_stiction_below": float(r.no_stiction_below)}
+            for r in self.table.itertuples()
+            if math.isfinite(r.stiction_above) and math.isfinite(r.no_stiction_below)
+        }
+
+    def as_text(self) -> str:
+        """Return one line per method."""
+        a = self.about
+        lines = [
+            f"grid {a['grid']}: cuts from seed {a['seed_a']}, measured on seed {a['seed_b']} "
+            f"({a['positives']} cycling, {a['negatives']} not), wanted false alarms {self.false_alarm:g}",
+            f"{'method':17s}{'cut':>9s}{'false al.':>11s}{'95 %':>15s}{'found':>8s}{'AUC':>7s}{'95 %':>15s}"
+            f"{'published':>15s}{'abstaining: decided, wrong':>29s}",
+        ]
+        for r in self.table.itertuples():
+            note = "" if r.informative else "  not informative here"
+            lines.append(
+                f"{r.method:17s}{r.cut:9.3g}{r.false_alarm:11.3f}{_range(r.false_alarm_lo, r.false_alarm_hi):>15s}"
+                f"{r.detection:8.3f}{r.auc:7.3f}{_range(r.auc_lo, r.auc_hi):>15s}"
+                f"{f'{r.published_false_alarm:.3f}, {r.published_detection:.3f}':>15s}"
+                f"{f'{r.coverage:.3f}, {r.wrong_decided:.3f}':>29s}{note}"
+            )
+        return "\n".join(lines)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return cuts and measurements as JSON types; NaN and infinity become null."""
+        return {
+            **self.about,
+            "false_alarm": self.false_alarm,
+            "thresholds": self.thresholds,
+            "abstaining": self.abstaining,
+            "methods": json.loads(self.table.to_json(orient="records", double_precision=6)),
+        }
+
+    def write(self, path: str | Path) -> None:
+        """Write thresholds.json, calibration.csv and roc.csv to a folder."""
+        where = folder(path)
+        with whole_file(where / "thresholds.json") as f:
+            json.dump(self.as_json(), f, indent=1)
+        for name, frame in (("calibration", self.table), ("roc", self.roc)):
+            with whole_file(where / f"{name}.csv") as f:
+                frame.to_csv(f, index=False, float_format="%.6g", lineterminator="\n")
+
+
+def calibrate(
+    grid: str | Path,
+    false_alarm: float = 0.05,
+    methods: Iterable[str] = ("fast",),
+    jobs: int = 1,
+    out: str | Path | None = None,
+    **settings: Any,
+) -> Calibration:
+    """Find each method's cut for a wanted false-alarm rate on seeds A, and measure it on seeds B.
+
+    Parameters
+    ----------
+    grid : str or Path
+        Name or file; its own seed is B.
+    false_alarm : float
+        Wanted share, between 0 and 1.
+    methods : iterable of str
+        Method ids, "fast" or "full".
+    jobs : int
+        Worker processes.
+    out : str or Path, optional
+        Folder for both runs and the results; finished runs in it are used again.
+    **settings
+        Further arguments of `run_grid`, such as sets.
+
+    Returns
+    -------
+    Calibration
+
+    Raises
+    ------
+    ParameterError
+        For a false-alarm rate out of range.
+
+    Examples
+    --------
+    >>> found = calibrate("smoke", 0.1, ["he"])
+    >>> sorted(found.thresholds["he"])
+    ['stiction_above']
+    """
+    if not 0.0 < false_alarm < 1.0:
+        raise ParameterError(f"false_alarm = {false_alarm}; a share between 0 and 1 is needed")
+    sets = dict(settings.pop("sets", None) or {})
+    seed_b = load_grid(grid, sets).content.seed
+    seed_a = seed_b + OTHER_SEEDS
+    with tempfile.TemporaryDirectory() as temporary:
+        where = Path(temporary) if out is None else folder(out)
+        books = [
+            Book.read(run_grid(grid, where / name, methods, jobs, resume=True, sets={**sets, "seed": seed}, **settings))
+            for name, seed in (("seeds-a", seed_a), ("seeds-b", seed_b))
+        ]
+    found = calibrate_books(*books, false_alarm)
+    if out is not None:
+        found.write(out)
+    return found
+
+
+def calibrate_books(a: Book, b: Book, false_alarm: float) -> Calibration:
+    """Take cuts from run `a` and measure them on run `b`; see `calibrate`."""
+    import pandas as pd
+
+    rows, curves = [], []
+    positive = _labels(b)
+    for i, method in enumerate(b.methods):
+        score_a, score_b = _scores(a, i), _scores(b, i)
+        cut = cut_for(score_a[~_labels(a)], false_alarm)
+        low, high = abstention(score_a, _labels(a), false_alarm)
+        said = b.verdict[i, b.truth["cycled"] >= 0]
+        with np.errstate(invalid="ignore"):
+            above, decided = score_b > cut, (score_b > high) | (score_b <= low)
+            wrong = ((score_b > high) & ~positive) | ((score_b <= low) & positive)
+        known = ~np.isnan(score_b)
+        area = auc(score_b[known], positive[known])
+        row: dict[str, Any] = {"method": method, "cut": cut}
+        row.update(_rate("false_alarm", above[~positive]), **_rate("detection", above[positive]))
+        row.update(auc=area.value, auc_lo=area.lo, auc_hi=area.hi, informative=not area.lo <= 0.5 <= area.hi)
+        row.update(
+            published_false_alarm=float((said[~positive] == 1).mean()),
+            published_detection=float((said[positive] == 1).mean()),
+            no_stiction_below=low,
+            stiction_above=high,
+            coverage=float(decided.mean()),
+            wrong_decided=float(wrong.sum() / max(decided.sum(), 1)),
+        )
+        rows.append(row)
+        curves.append(roc(score_b, positive).assign(method=method))
+    about = {
+        "grid": b.manifest["grid"],
+        "grid_hash": b.manifest["grid_hash"],
+        "seed_a": a.manifest["seed"],
+        "seed_b": b.manifest["seed"],
+        "positives": int(positive.sum()),
+        "negatives": int((~positive).sum()),
+    }
+    return Calibration(false_alarm, pd.DataFrame(rows), pd.concat(curves, ignore_index=True), about)
+
+
+def cut_for(healthy: np.ndarray, false_alarm: float) -> float:
+    """Return the lowest cut that no more than the wanted share of healthy loops' scores exceed.
+
+    Parameters
+    ----------
+    healthy : ndarray, shape (n,)
+        Scores; NaN and -inf never exceed a cut.
+    false_alarm : float
+        Wanted share.
+
+    Returns
+    -------
+    float
+        One of the scores; -inf when fewer than the wanted share have a score at all.
+
+    Examples
+    --------
+    >>> cut_for(np.arange(100.0), 0.05)
+    94.0
+    """
+    ranked = np.sort(np.where(np.isnan(healthy), -np.inf, healthy))
+    return float(ranked[max(math.ceil((1.0 - false_alarm) * ranked.size) - 1, 0)]) if ranked.size else math.nan
+
+
+def abstention(score: np.ndarray, positive: np.ndarray, wrong: float) -> tuple[float, float]:
+    """Return the band of scores in which to abstain so that few of the decided are wrong and most are decided.
+
+    Parameters
+    ----------
+    score : ndarray, shape (n,)
+        NaN is never decided.
+    positive : ndarray of bool, shape (n,)
+        The truth.
+    wrong : float
+        Wanted share of wrong answers among the decided; one more wrong answer is assumed than was seen.
+
+    Returns
+    -------
+    low, high : float
+        No stiction at or below low, stiction above high; (-inf, inf) abstains from everything that has a finite score.
+
+    Examples
+    --------
+    >>> score = np.array([0.0, 1, 2, 3, 4, 5, 6, 7] * 10)
+    >>> abstention(score, np.array([0, 0, 0, 1, 0, 1, 1, 1] * 10, dtype=bool), 0.05)
+    (2.0, 4.0)
+    """
+    known = ~np.isnan(score)
+    score, positive = score[known], positive[known]
+    if score.size == 0:
+        return -math.inf, math.inf
+    # the smallest score is a candidate too: below it lies nothing
+    cuts = np.unique(np.quantile(score, np.linspace(0, 1, ROC_POINTS + 1), method="inverted_cdf"))
+    cuts = np.unique(np.concatenate([[-np.inf], cuts]))
+    below = np.array([[(score <= c).sum(), (positive & (score <= c)).sum()] for c in cuts])
+    above = np.array([[(score > c).sum(), (~positive & (score > c)).sum()] for c in cuts])
+    decided = below[:, None, 0] + above[None, :, 0]
+    mistakes = below[:, None, 1] + above[None, :, 1]
+    allowed = (cuts[:, None] <= cuts[None, :]) & (mistakes + 1 <= wrong * (decided + 1))
+    if not allowed.any():
+        return -math.inf, math.inf
+    low, high = np.unravel_index(int(np.argmax(np.where(allowed, decided, -1))), decided.shape)
+    return float(cuts[low]), float(cuts[high])
+
+
+def roc(score: np.ndarray, positive: np.ndarray) -> pd.DataFrame:
+    """Return points of the ROC curve: threshold, false_alarm, detection.
+
+    Parameters
+    ----------
+    score : ndarray, shape (n,)
+        NaN never exceeds a threshold.
+    positive : ndarray of bool, shape (n,)
+        The truth.
+
+    Returns
+    -------
+    DataFrame
+        At most `ROC_POINTS` + 2 rows, from (1, 1) or what has a score at all, to (0, 0).
+
+    Examples
+    --------
+    >>> roc(np.array([1.0, 2.0]), np.array([False, True])).detection.tolist()
+    [1.0, 1.0, 0.0]
+    """
+    import pandas as pd
+
+    finite = np.where(np.isnan(score), -np.inf, score)
+    cuts = np.unique(np.quantile(finite, np.linspace(0, 1, ROC_POINTS + 1), method="inverted_cdf"))
+    cuts = np.unique(np.concatenate([[-np.inf], cuts]))
+    rates = [[c, (finite[~positive] > c).mean(), (finite[positive] > c).mean()] for c in cuts]
+    return pd.DataFrame(rates, columns=["threshold", "false_alarm", "detection"])
+
+
+def _labels(book: Book) -> np.ndarray:
+    cycled = book.truth["cycled"]
+    return cycled[cycled >= 0] == 1
+
+
+def _scores(book: Book, method: int) -> np.ndarray:
+    return book.score[method, book.truth["cycled"] >= 0].astype(float)
+
+
+def _rate(name: str, hits: np.ndarray) -> dict[str, float]:
+    lo, hi = wilson(int(hits.sum()), hits.size)
+    return {name: float(hits.mean()) if hits.size else math.nan, f"{name}_lo": float(lo), f"{name}_hi": float(hi)}
+
+
+def _range(lo: float, hi: float) -> str:
+    return f"{lo:.3f}-{hi:.3f}"
