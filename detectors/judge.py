@@ -151,7 +151,11 @@ def judge_one(name: str, module: ModuleType, prepared: Prepared, raw: bool, thre
         if fits is None:
             applicable = None
             notes.append(note)
-    verdict = _front_end(method, prepared, raw, answer) or module.detect(prepared, **thresholds)
+    # the procedure asks the same methods about the same record
+    key = f"verdict {name} {record.mv is None} {thresholds}"
+    verdict = _front_end(method, prepared, raw, answer) or prepared.share(
+        key, lambda: module.detect(prepared, **thresholds)
+    )
     if method.front_end:
         oscillation = prepared.oscillation
         found = {"regularity": oscillation.regularity, "period_s": oscillation.period_s}

@@ -21,10 +21,10 @@ from detectors.signal.hammerstein import moving_mean, strongest_segment, swing
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 SAMPLES = 30  # per period at least, after averaging
-LENGTH = 500  # averaged samples
+LENGTH = 400  # averaged samples
 ROUNDS = 3
 PRICE = 0.5  # of a jump, in ln(n) times the error variance; own, simulated loops
-STARTS = (0.0, 0.3, 0.45)  # half widths of the dead band that gives the first guess of the valve, shares of OP's swing
+STARTS = (0.0, 0.4)  # half widths of the dead band that gives the first guess of the valve, shares of OP's swing
 
 METHOD = Method(
     title="jumps of the valve by segmentation",
