@@ -67,9 +67,9 @@ def exact_cycle(loop: SampledLoop) -> ExactCycle | None:
     Notes
     -----
     The march starts on the symmetric cycles that reproduce themselves (`half_cycles`), the attracting ones first; when
-    none persists, from a ladder of load steps. A cycle between the limits of OP is found in the same way. Not for loops
-    whose valve moves differently from the two-parameter map in its moving phase (He's, a Stribeck valve on slow ramps):
-    there it is an approximation.
+    none persists, from a ladder of load steps. A cycle between the limits of OP is found in the same way. Valves that stick
+    again after every sample (He's; physical friction under a sampled OP) are marched as such. Not for valves that are no
+    (S, J) map at all (`SampledLoop.misfit`): asymmetric ones, hysteresis, pre-sliding; there it is an approximation.
 
     Examples
     --------

@@ -19,7 +19,8 @@ from simbench.theory.sampled import SampledLoop
 # the OPs just before and just after the break-away lie on average at the distance fs from v. This makes n a real number
 # (states between two samples by interpolation). For J = S the map has no constant term and only the threshold fixes the
 # size of the cycle; so the threshold takes the place of the row of v in z -> -z, and that row is the residual whose
-# zeros in n are sought. m follows from OP, which must turn after m samples: iterated until it does.
+# zeros in n are sought. m follows from OP, which must turn after m samples: iterated until it does. A valve that sticks
+# again after every sample has m = 1.
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +94,8 @@ def half_cycles(loop: SampledLoop) -> list[HalfCycle]:
     """
     found: list[HalfCycle] = []
     tried: set[int] = set()
-    m = loop.delay + 1  # OP turns when the dead time has passed, or later in a slow loop
+    # OP turns when the dead time has passed, or later in a slow loop
+    m = 1 if loop.resticks else loop.delay + 1
     while loop.fs > 0 and m not in tried and m < loop.patience:
         tried.add(m)
         turns = []
@@ -180,7 +182,7 @@ def _one_half(loop: SampledLoop, half: HalfCycle) -> tuple[int, int, float]:
     past = np.full(loop.delay + 2, half.mv)
     run = reversals(loop, half.x.copy(), s, past, 2, most=int(4 * half.samples) + 100)
     if run.count < 2 or run.sample[0] > 2:
-        return 0, loop.delay + 1, np.nan
+        return 0, half.m, np.nan
     return int(run.sample[1] - run.sample[0]), int(run.moved[1]), -float(run.extreme[1])
 
 

@@ -15,14 +15,14 @@ def march(plant, control, valve, x, s, past, n_max, stall, samples, extreme, sto
     """Advance the loop in place until `samples` is full of reversals, the valve stalls, or `n_max` samples are spent.
 
     `plant` = (A, B_old, B_new, C), scaled so that C x is what the controller subtracts from OP; `control` = (integral, beta,
-    lo, hi); `valve` = (fs, fd). `s` = [OP, C x, v, direction, moving]; `past` = the last delay + 2 valve positions, newest
-    last. Per reversal: the sample of the break-away, and of the half cycle that it ends the extreme of OP, the position where
-    the valve stopped, and the number of samples from break-away to the last stop.
-    All positions are deviations from rest in %. Returns (reversals, samples, how it ended).
+    lo, hi); `valve` = (fs, fd, whether it sticks again after every sample). `s` = [OP, C x, v, direction, moving]; `past` =
+    the last delay + 2 valve positions, newest last. Per reversal: the sample of the break-away, and of the half cycle that
+    it ends the extreme of OP, the position where the valve stopped, and the number of samples from break-away to the last
+    stop. All positions are deviations from rest in %. Returns (reversals, samples, how it ended).
     """
     A, B_old, B_new, C = plant
     integral, beta, lo, hi = control
-    fs, fd = valve
+    fs, fd, resticks = valve
     order = x.shape[0]
     depth = past.shape[0]
     fresh = x.copy()
@@ -46,7 +46,7 @@ def march(plant, control, valve, x, s, past, n_max, stall, samples, extreme, sto
         u = u - (y - w) - beta * y if integral else -y
         u = min(max(u, lo), hi)
         w = y
-        if moving == 1.0 and (u - before) * direction <= 0.0:
+        if moving == 1.0 and (resticks or (u - before) * direction <= 0.0):
             moving = 0.0
             stood = k
         if moving == 0.0 and abs(u - v) > fs:
@@ -132,8 +132,7 @@ def reversals(loop, x: np.ndarray, s: np.ndarray, past: np.ndarray, count: int, 
     Reversals
     """
     arrays = np.zeros((4, count))
-    found, samples, how = march(
-        (loop.A, loop.B_old, loop.B_new, loop.C), (loop.integral, loop.beta, loop.lo, loop.hi), (loop.fs, loop.fd),
-        x, s, past, most, loop.patience, arrays[0], arrays[1], arrays[2], arrays[3],
-    )  # fmt: skip
+    plant, control = (loop.A, loop.B_old, loop.B_new, loop.C), (loop.integral, loop.beta, loop.lo, loop.hi)
+    valve = loop.fs, loop.fd, loop.resticks
+    found, samples, how = march(plant, control, valve, x, s, past, most, loop.patience, *arrays)
     return Reversals(*arrays[:, :found], samples=samples, stalled=how == STALLED)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 
 from detectors.errors import ParameterError
+from detectors.signal import stiction_map
 from scenarios.spec import Loop
 from simbench.loop import plant as plants
 from simbench.loop.setup import Setup, resolve_loop
@@ -35,6 +36,11 @@ class SampledLoop:
         Ts/Ti; 0 for P.
     S, J : float
         Dead-band plus stick band, and slip jump (%).
+    resticks : bool
+        Whether the valve sticks again after every sample (He's, and physical friction under a sampled OP) or follows OP
+        until it turns.
+    misfit : float
+        How far the valve model is from that (S, J) map: rms difference over a test wave, in units of its jump.
     lo, hi : float
         Limits of OP and MV (%).
     gain : float
@@ -57,6 +63,8 @@ class SampledLoop:
     beta: float
     S: float
     J: float
+    resticks: bool
+    misfit: float
     lo: float
     hi: float
     gain: float
@@ -159,6 +167,7 @@ def sampled_loop(loop: Loop) -> SampledLoop:
 
 def reduced(setup: Setup, S: float, J: float) -> SampledLoop:
     """Reduce a resolved loop with the valve (S, J) in %; as `sampled_loop`."""
+    resticks, misfit = nearest_map(tuple(setup.valves), S, J)
     for name, says in (("error_deadband", "an error dead-band"), ("op_quantum", "a rounded OP")):
         if getattr(setup, name) > 0:
             raise ParameterError(f"theory: the controller has {says}; the cycle is known for plain P and PI only")
@@ -172,7 +181,7 @@ def reduced(setup: Setup, S: float, J: float) -> SampledLoop:
     return SampledLoop(
         A=flat(sampled.A), B_old=flat(sampled.B_old), B_new=flat(sampled.B_new), C=flat(gain * sampled.C),
         delay=sampled.delay, Ts=setup.Ts, integral=setup.Ti is not None,
-        beta=setup.Ts / setup.Ti if setup.Ti else 0.0, S=S, J=J, gain=gain,
+        beta=setup.Ts / setup.Ti if setup.Ti else 0.0, S=S, J=J, resticks=resticks, misfit=misfit, gain=gain,
         lo=setup.op_lo - setup.op0, hi=setup.op_hi - setup.op0,
         num=gain * setup.num, den=setup.den, Td=setup.Td, times=tuple(t for t in times if t > 0),
     )  # fmt: skip
@@ -196,3 +205,41 @@ def mapped_valve(setup: Setup) -> tuple[float, float]:
 def _numbers(pair: Any) -> tuple[float, float]:
     S, J = pair
     return float(S), float(J)
+
+
+@lru_cache(maxsize=1024)
+def nearest_map(stages: tuple, S: float, J: float) -> tuple[bool, float]:
+    """Say whether a valve follows OP or sticks again after every sample, and how far it is from the better (S, J) map.
+
+    Parameters
+    ----------
+    stages : tuple of (module, parameters)
+        What OP passes on its way to MV.
+    S, J : float
+        Mapped numbers (%).
+
+    Returns
+    -------
+    resticks : bool
+    misfit : float
+        rms difference over a triangular OP of one and a half break-aways, in units of J (at least S/10); 0 for S = J = 0.
+    """
+    reach = min(0.75 * (S + J), 50.0)
+    if reach == 0:
+        return False, 0.0
+    slope = np.arange(-40, 40) / 40
+    wave = 50.0 + reach * np.concatenate([slope[40:], -slope, slope, -slope, slope])
+    states = [tuple(float(x) for x in module.start(50.0, p)) for module, p in stages]
+    driven, follows, sticks = np.empty((3, wave.size))
+    v = 50.0
+    for k, u in enumerate(wave.tolist()):
+        if abs(u - v) > 0.5 * (S + J):
+            v = u - np.sign(u - v) * 0.5 * (S - J)
+        sticks[k] = v
+        for i, (module, p) in enumerate(stages):
+            states[i] = module.step(u, states[i], p)
+            u = states[i][0]
+        driven[k] = u
+    stiction_map.trace(wave, S, J, stiction_map.start(50.0), 0.0, 100.0, follows)
+    errors = [float(np.sqrt(np.mean((driven - ours) ** 2))) / max(J, S / 10) for ours in (follows, sticks)]
+    return errors[1] < errors[0], min(errors)

@@ -53,6 +53,9 @@ CONDITIONS = MappingProxyType(
 """Where the table is too coarse, and what decides instead."""
 
 
+MISFIT = 0.05  # rms difference, in jumps, between a valve and its (S, J) map that is worth a word
+
+
 def cell(loop: SampledLoop) -> tuple[str, str, str] | None:
     """Return the loop's (process, controller, nonlinearity) in Table 11.3; None for a valve without friction."""
     if loop.fs == 0:
@@ -203,6 +206,8 @@ def _reason(loop: SampledLoop, cycle: ExactCycle | None) -> str:
             said.append(f"the table is too coarse here: {CONDITIONS[place]}")
         if max(abs(cycle.state[1][0]), cycle.amplitude) >= 0.98 * min(loop.hi, -loop.lo):
             said.append("OP reaches its limits in the cycle")
+        if loop.misfit > MISFIT:
+            said.append("the valve moves otherwise than its (S, J): period and amplitude are those of the nearest (S, J) map")
         if cycle.irregularity > 0.01:
             said.append(f"half periods vary by {100 * cycle.irregularity:.0f} % (switching between samples)")
     return "; ".join(said)

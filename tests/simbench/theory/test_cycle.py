@@ -109,6 +109,35 @@ def test_multiplier_predicts_how_fast_a_deviation_dies(loop):
     assert half.stable
 
 
+@pytest.mark.parametrize(
+    "valve",
+    [
+        {"model": "kano", "S": 5, "J": 2},
+        {"model": "he", "S": 5, "J": 2},
+        {"model": "stenman", "d": 3},
+        {"model": "coulomb", "S": 5, "J": 2},
+        {"model": "stribeck", "S": 5, "J": 2},
+    ],
+)
+@pytest.mark.parametrize("plant", [{}, {"kind": "integrating", "K": 0.1, "Td": 1, "Kc": 1.5, "Ti": 30}])
+def test_cycles_of_other_valve_models_are_those_of_the_simulator(loop, valve, plant):
+    asked = loop(**plant, Ts=0.5, valve=valve)
+    sampled = sampled_loop(asked)
+    assert sampled.resticks == (valve["model"] != "kano")
+    assert sampled.misfit < 0.01
+    cycle = exact_cycle(sampled)
+    period, amplitude = simulated_cycle(asked, start=cycle_start(asked))
+    assert cycle.period == pytest.approx(period, rel=0.015)
+    assert cycle.amplitude == pytest.approx(amplitude, rel=0.015)
+
+
+@pytest.mark.parametrize(
+    "valve", [{"model": "hysteresis", "S": 2, "H": 3}, {"model": "asymmetric", "S_up": 5, "S_down": 4, "J_up": 2, "J_down": 1}]
+)
+def test_valves_that_are_no_map_are_known_as_such(loop, valve):
+    assert sampled_loop(loop(Ts=0.5, valve=valve)).misfit > 0.1
+
+
 def test_cycle_of_an_unstable_loop_runs_between_the_limits(loop):
     cycle = exact_cycle(sampled_loop(loop("integrating", K=0.1, Td=12, Kc=2, Ti=10, Ts=1)))
     assert cycle.amplitude == pytest.approx(50)
@@ -154,7 +183,7 @@ def test_a_run_that_starts_on_the_cycle_cycles_at_once(loop, valve):
 
 
 @pytest.mark.parametrize(
-    ("settings", "says"), [({"J": 0}, "no limit cycle"), ({"effect": [{"name": "gain_mismatch", "factor": 1.1}]}, "effects")]
+    ("settings", "says"), [({"J": 0}, "no limit cycle"), ({"effect": [{"name": "gain_mismatch", "factor": 1.1}]}, "no effect")]
 )
 def test_cycle_start_says_why_it_cannot(loop, settings, says):
     with pytest.raises(ParameterError, match=says):

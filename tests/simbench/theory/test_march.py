@@ -5,17 +5,17 @@ import pytest
 
 from simbench.loop.parameters import valve_parameters
 from simbench.loop.simulate import simulate
-from simbench.loop.valves import choudhury
+from simbench.loop.valves import choudhury, he
 from simbench.theory.cycle import after_load_step, at_rest
 from simbench.theory.march import march, reversals
 from simbench.theory.sampled import sampled_loop
 
 
-def slow_march(sampled, kick, n):
+def slow_march(sampled, kick, n, model=choudhury):
     """OP and MV of the first n samples after a kick, every signal kept, the valve from its own file around 50 %."""
-    p = valve_parameters(choudhury, {"S": sampled.S, "J": sampled.J}, sampled.Ts)
+    p = valve_parameters(model, {"S": sampled.S, "J": sampled.J}, sampled.Ts)
     op, mv, y = [], [], []
-    x, valve = np.zeros(sampled.order), choudhury.start(50.0, p)
+    x, valve = np.zeros(sampled.order), model.start(50.0, p)
     for k in range(n):
         y.append(float(sampled.C @ x))
         if k == 0:
@@ -25,7 +25,7 @@ def slow_march(sampled, kick, n):
         else:
             u = -y[k]
         u = min(max(u, sampled.lo), sampled.hi)
-        valve = choudhury.step(50.0 + u, valve, p)
+        valve = model.step(50.0 + u, valve, p)
         op.append(u)
         mv.append(valve[0] - 50.0)
         new, old = (mv[k - d] if k >= d else 0.0 for d in (sampled.delay, sampled.delay + 1))
@@ -61,6 +61,15 @@ def test_march_equals_the_obvious_loop(loop, case):
     for kick in (1.01 * sampled.fs, 2 * sampled.fs):
         for fast, slow in zip(marched(sampled, kick, 300), slow_march(sampled, kick, 300), strict=True):
             assert np.abs(fast - slow).max() < 1e-6  # rounding grows from cycle to cycle
+
+
+@pytest.mark.parametrize("case", [{}, {"Td": 2.3, "J": 4.0}, {"Ti": None, "Kc": 4.0}])
+def test_march_of_a_valve_that_sticks_again_equals_the_obvious_loop(loop, case):
+    J = case.get("J", 2.0)
+    sampled = sampled_loop(loop(Ts=0.7, **case, valve={"model": "he", "S": 5.0, "J": J}))
+    assert sampled.resticks
+    for fast, slow in zip(marched(sampled, 5.0, 300), slow_march(sampled, 5.0, 300, he), strict=True):
+        assert np.abs(fast - slow).max() < 1e-6
 
 
 @pytest.mark.parametrize("direction", ["reverse", "direct"])
@@ -119,6 +128,6 @@ def test_plain_and_compiled_march_agree(loop):
         arrays = np.zeros((4, 8))
         plant = (sampled.A, sampled.B_old, sampled.B_new, sampled.C)
         control = (sampled.integral, sampled.beta, sampled.lo, sampled.hi)
-        function(plant, control, (sampled.fs, sampled.fd), x, s, past, 400, 400, *arrays)
+        function(plant, control, (sampled.fs, sampled.fd, False), x, s, past, 400, 400, *arrays)
         ends.append(np.concatenate([x, s, past, arrays.ravel()]))
     assert np.abs(ends[0] - ends[1]).max() < 1e-9
