@@ -114,7 +114,8 @@ class Check:
         suite.set("tests", str(len(cases)))
         suite.set("failures", str(sum(bool(wrong) for _, wrong in cases)))
         ElementTree.indent(suite)
-        return ElementTree.tostring(suite, encoding="unicode", xml_declaration=True) + "\n"
+        # the declaration by hand: ElementTree would name the machine's locale
+        return f'<?xml version="1.0" encoding="utf-8"?>\n{ElementTree.tostring(suite, encoding="unicode")}\n'
 
     def _moved(self) -> pd.DataFrame:
         changed = self.tests[self.tests["before"] != self.tests["now"]]

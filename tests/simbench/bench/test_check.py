@@ -148,7 +148,8 @@ def test_texts_carry_the_verdict(base, with_answers):
     check = compare_books(with_answers(base, "m1", 1 - base.verdict[1]), base)
     assert check.as_text().startswith("check FAILED")
     assert "m1: detection" in check.as_markdown()
-    suite = ET.fromstring(check.as_junit())
+    assert check.as_junit().startswith('<?xml version="1.0" encoding="utf-8"?>')
+    suite = ET.fromstring(check.as_junit().encode())
     assert suite.get("tests") == "4"
     assert [c.get("name") for c in suite if c.find("failure") is not None] == ["m1"]
     content = json.loads(json.dumps(check.as_json(), allow_nan=False))
