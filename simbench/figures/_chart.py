@@ -79,7 +79,8 @@ def draw_flow(table: pd.DataFrame, taken: Collection[tuple[str, str]] = ()) -> F
 
     for q in questions:
         _box(axes, left, middle[q], BOX, heights[q], texts[q], BLUE, q in {s for s, _ in taken})
-    for (source, target), part in table.groupby(["source", "target"], sort=False):
+    for source, target in dict.fromkeys(zip(table["source"], table["target"])):
+        part = table[(table["source"] == source) & (table["target"] == target)]
         # of several answers with one target only the one taken is named
         told = [a for a in part["answer"] if (source, a) in taken] or list(part["answer"])
         answers = " / ".join(told)

@@ -36,7 +36,7 @@ def data() -> pd.DataFrame:
     """
     op = band(simulate(Loop.from_table(LOOP), seed=1).record.op[600:], PERIOD, 7)
     fits = half_cycle_fits(op, PERIOD)
-    return fits[(fits.half >= 4) & (fits.half < 8)].reset_index(drop=True)
+    return fits.query("4 <= half < 8").reset_index(drop=True)
 
 
 @styled

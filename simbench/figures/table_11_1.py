@@ -85,7 +85,7 @@ def draw(data: pd.DataFrame) -> Figure:
         shown[name] = [f"{x:.2g}" for x in data[name]]
         framed |= {(i, 3 + j) for i, ok in enumerate(data[f"{name}: ok"]) if not ok}
     foot = (
-        "Measured on simulated loops in manual: stiction by the travel test in the same direction (+0/-0.2 %), hysteresis over a "
-        "full traverse less the dead-band. Framed: to be checked."
+        "Measured on simulated loops in manual: stiction by the travel test in the same direction (+0/-0.2 %), hysteresis over "
+        "a full traverse less the dead-band. Framed: to be checked."
     )
     return table(shown, [19, 6, 34, 12, 13, 18], framed=framed, foot=foot)

@@ -73,7 +73,8 @@ def data() -> pd.DataFrame:
 def draw(data: pd.DataFrame) -> Figure:
     """Draw one waveform per cell with the table's word and the agreement."""
     figure, axes = panels(2, len(TABLE_11_2), 10.4, 4.0, sharex=True, sharey=True)
-    for j, ((process, action), part) in enumerate(data.groupby(["process", "action"], sort=False)):
+    for j, (process, action) in enumerate(TABLE_11_2):
+        part = data[(data["process"] == process) & (data["action"] == action)]
         for i, (signal, wave) in enumerate(part.groupby("signal", sort=False)):
             place = axes[i, j]
             place.plot(wave["t/P (-)"], wave["value (-)"], color=SIGNAL[str(signal)])
@@ -81,6 +82,6 @@ def draw(data: pd.DataFrame) -> Figure:
             place.set_title(word, fontsize=8)
             place.set_ylim(-1.15, 1.15)
             label(place, "time / period" if i else "", f"{signal} (scaled)" if j == 0 else "")
-        head = str(process).replace(" (", "\n(") + (f", {action} action" if action else "")
+        head = process.replace(" (", "\n(") + (f", {action} action" if action else "")
         axes[0, j].text(0.0, 1.5, head, transform=axes[0, j].transAxes, fontweight="bold", va="bottom", fontsize=8.5)
     return figure

@@ -65,7 +65,7 @@ def loops(process: str, controller: str, nonlinearity: str) -> list[Loop]:
 def cycles(loop: Loop) -> bool:
     """Whether any start leaves the valve moving to and fro at the end, without decay."""
     n = loop.sampling.n
-    least = 0.5 * loop.valve.parameters["J"] or 0.05 * S
+    least = 0.5 * float(str(loop.valve.parameters["J"])) or 0.05 * S
     per_percent = abs(loop.plant.K) * (1.0 if loop.plant.type == "foptd" else loop.plant.Td)
     begun = [loop.model_copy(update={"disturbance": (load_step(size),)}) for size in LOADS]
     begun += [loop.with_("setpoint.steps", [[0.0, loop.setpoint.value + size * per_percent]]) for size in STEPS]
@@ -105,7 +105,8 @@ def data() -> pd.DataFrame:
 def draw(data: pd.DataFrame) -> Figure:
     """Draw the table with a count in every cell."""
     rows = []
-    for (process, controller), part in data.groupby(["process", "controller"], sort=False):
+    for process, controller in dict.fromkeys(zip(data["process"], data["controller"])):
+        part = data[(data["process"] == process) & (data["controller"] == controller)]
         cells = {r["nonlinearity"]: f"{r['table']}\n{r['cycling']} of {r['loops']} cycled" for r in part.to_dict("records")}
         rows.append([process, controller, cells[DEAD_BAND], cells[STICK_SLIP]])
     frame = pd.DataFrame(rows, columns=["process", "controller", "dead-band (J = 0)", "stick-slip (J > 0)"])

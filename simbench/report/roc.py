@@ -31,7 +31,7 @@ def section(run: RunData) -> Markup:
     items = []
     for method in run.book.methods:
         mine = run.of(method).dropna(subset=["score"])
-        if run.role(method) != "stiction" or mine["positive"].nunique() < 2:
+        if run.role(method) != "stiction" or len(set(mine["positive"])) < 2:
             continue
         area = auc(mine["score"].to_numpy(dtype=float), mine["positive"].to_numpy())
         point = tuple(mine.loc[mine["positive"] == truth, "called"].mean() for truth in (False, True))

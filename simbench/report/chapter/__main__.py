@@ -1,0 +1,30 @@
+"""Command that writes docs/chapter_against_code.md."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from detectors.errors import UserError
+from simbench.files import whole_file
+from simbench.report.chapter import page, rows
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Write the page; exit code 2 with one sentence when something the user gave is wrong."""
+    parser = argparse.ArgumentParser(prog="python -m simbench.report.chapter", description="Write 'chapter against code'.")
+    parser.add_argument("--isdb", help="ISDB file or folder of real records")
+    parser.add_argument("-o", "--out", default="docs/chapter_against_code.md")
+    given = parser.parse_args(arguments)
+    try:
+        text = page(rows(given.isdb))
+        with whole_file(given.out) as f:
+            f.write(text)
+    except UserError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
