@@ -300,13 +300,15 @@ def travel(
 
 @gap_app.command("diagnose")
 def gap_diagnose(
-    records: Annotated[list[Path], typer.Argument(metavar="REC.csv ...")],
+    records: Annotated[list[Path], typer.Argument(metavar="REC.csv ...", help="Records of one loop, judged together.")],
     baseline: Annotated[Path | None, typer.Option(metavar="LOOP.toml", help="The simulation that does not fit.")] = None,
     identify: Annotated[bool, typer.Option("--identify", help="No baseline: estimate one from the record.")] = False,
     jobs: Jobs = 1,
     no_bootstrap: Annotated[bool, typer.Option("--no-bootstrap", help="Faster; none and unknown less sure.")] = False,
     html: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Report to write.")] = None,
     write_loop: Annotated[Path | None, typer.Option(metavar="FIXED.toml", help="Loop file with the effect in it.")] = None,
+    process: Annotated[str | None, typer.Option(help="self-regulating or integrating; for --identify.")] = None,
+    op_span: Span = None,
     as_json: Json = False,
 ) -> None:
     """Say where record and simulation differ, which effect explains it, and how far it shrinks."""
@@ -314,15 +316,10 @@ def gap_diagnose(
 
     if (baseline is None) == (not identify):
         raise ParameterError("gap diagnose needs either --baseline LOOP.toml or --identify")
-    answers = diagnose_files(
-        records, baseline, jobs=jobs, bootstrap=not no_bootstrap, html=html, write_loop=write_loop
+    report = diagnose_files(
+        records, baseline, jobs=jobs, bootstrap=not no_bootstrap, html=html, write_loop=write_loop, process=process, op_span=op_span,
     )  # fmt: skip
-    single = len(answers) == 1
-    content: Any = [{"record": str(r), **a.as_json()} for r, a in zip(records, answers)]
-    if as_json:
-        _print(answers[0].as_json() if single else content, True)
-    else:
-        _print("\n\n".join((f"{r}\n" if not single else "") + a.as_text() for r, a in zip(records, answers)), False)
+    _print(report.as_json() if as_json else report.as_text(), as_json)
 
 
 @withheld_app.command()

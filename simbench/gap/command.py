@@ -1,0 +1,115 @@
+"""The gap diagnosis on files: records and a loop file in; the report, its page and the fixed loop file out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from detectors.errors import ParameterError
+from detectors.io import read_record
+from scenarios.spec import Loop, load_loop
+from simbench.files import whole_file
+from simbench.gap.diagnosis import diagnose
+from simbench.gap.names import EFFECTS
+from simbench.gap.result import GapReport
+
+
+def diagnose_files(
+    records: Sequence[str | Path],
+    baseline: str | Path | None,
+    *,
+    jobs: int = 1,
+    bootstrap: bool = True,
+    html: str | Path | None = None,
+    write_loop: str | Path | None = None,
+    **about: Any,
+) -> GapReport:
+    """Diagnose the records of one loop beside its loop file.
+
+    Parameters
+    ----------
+    records : sequence of paths
+        Record files of the same loop; they are judged together.
+    baseline : path or None
+        Loop file of the simulation; None identifies plant and tuning from the records.
+    jobs : int
+        Processes for the bootstrap; -1 = all cores.
+    bootstrap : bool
+        Calibrate `none` and `unknown` on records simulated for this very loop.
+    html : path, optional
+        Page to write.
+    write_loop : path, optional
+        Loop file to write: the baseline with the effect in it.
+    **about
+        What the files do not say of the records: process, kind, op_span, pv_span.
+
+    Returns
+    -------
+    GapReport
+
+    Raises
+    ------
+    detectors.errors.UserError, scenarios.errors.SpecError
+        In one sentence, when a file cannot be read, or record and baseline cannot be compared.
+    FileError
+        When page or loop file cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> from simbench.files import write_record
+    >>> from simbench.gap.study import random_case
+    >>> case, place = random_case(3, ("detuning",)), pathlib.Path(tempfile.mkdtemp())
+    >>> write_record(case.record, place / "FIC101.csv")
+    >>> _ = (place / "loop.toml").write_text(case.baseline.to_toml())
+    >>> diagnose_files([place / "FIC101.csv"], place / "loop.toml", bootstrap=False).block
+    'controller'
+    """
+    if not records:
+        raise ParameterError("gap diagnose needs at least one record")
+    loop = None if baseline is None else load_loop(baseline)
+    read = [read_record(path, **about) for path in records]
+    report = diagnose(read if len(read) > 1 else read[0], loop, bootstrap=bootstrap, jobs=jobs)
+    if write_loop is not None:
+        with whole_file(write_loop) as f:
+            f.write(_loop_text(report, [str(p) for p in records], baseline))
+    if html is not None:
+        from simbench.gap.page import write_page
+
+        write_page(report, html, records=read, files=[str(p) for p in records], baseline=None if baseline is None else str(baseline))
+    return report
+
+
+def one_file(record: Path, baseline: Path) -> dict[str, Any]:
+    """Return the JSON of `gap diagnose` for one record and its baseline, as the blind check's processes call it."""
+    return diagnose_files([record], baseline).as_json()
+
+
+def one_file_quick(record: Path, baseline: Path) -> dict[str, Any]:
+    """Return the same without the bootstrap."""
+    return diagnose_files([record], baseline, bootstrap=False).as_json()
+
+
+def fixed(report: GapReport) -> Loop:
+    """Return the baseline with the named effects, the identified load and the record's set point in it.
+
+    Parameters
+    ----------
+    report : GapReport
+        Of `diagnose`. Without an effect (`none`, `unknown`) the loop is recalibrated and nothing is added.
+
+    Returns
+    -------
+    Loop
+    """
+    return report.details["arms"].loop([e["effect"] for e in report.effects if e["effect"] in EFFECTS])
+
+
+def _loop_text(report: GapReport, records: list[str], baseline: str | Path | None) -> str:
+    kick = next((e["parameters"].get("S", 0.0) for e in report.effects if e["effect"] == "stiction"), 0.0)
+    start = f"simulate it with --kick {kick:.3g}: a sticky loop started at rest may stay there\n# " if kick else ""
+    return (
+        f"# {report.sentence()}\n# records: {', '.join(records)}; baseline: {baseline or 'identified'}\n"
+        f"# {start}set point and length are the record's, load and operating point fitted to it\n\n{fixed(report).to_toml()}"
+    )
