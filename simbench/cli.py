@@ -317,7 +317,8 @@ def gap_diagnose(
     if (baseline is None) == (not identify):
         raise ParameterError("gap diagnose needs either --baseline LOOP.toml or --identify")
     report = diagnose_files(
-        records, baseline, jobs=jobs, bootstrap=not no_bootstrap, html=html, write_loop=write_loop, process=process, op_span=op_span,
+        records, baseline, jobs=jobs, bootstrap=not no_bootstrap, html=html, write_loop=write_loop,
+        process=process, op_span=op_span,
     )  # fmt: skip
     _print(report.as_json() if as_json else report.as_text(), as_json)
 

@@ -77,7 +77,9 @@ def diagnose_files(
     if html is not None:
         from simbench.gap.page import write_page
 
-        write_page(report, html, records=read, files=[str(p) for p in records], baseline=None if baseline is None else str(baseline))
+        write_page(
+            report, html, records=read, files=[str(p) for p in records], baseline=None if baseline is None else str(baseline)
+        )
     return report
 
 

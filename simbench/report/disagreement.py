@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from markupsafe import Markup
 
-from simbench.report._table import sortable
+from simbench.html.table import sortable
 from simbench.report.data import TRUTHS, RunData
 from simbench.report.page import render
 

@@ -6,7 +6,7 @@ import re
 
 from markupsafe import Markup
 
-from simbench.report._table import sortable
+from simbench.html.table import sortable
 from simbench.report.data import RunData
 from simbench.report.page import render
 

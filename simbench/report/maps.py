@@ -8,7 +8,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from simbench.figures._style import styled
-from simbench.report._svg import inline_svg
+from simbench.html.svg import inline_svg
 from simbench.report.data import RunData
 from simbench.report.page import render
 

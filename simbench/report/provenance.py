@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 from markupsafe import Markup
 
-from simbench.report._table import sortable
+from simbench.html.table import sortable
 from simbench.report.data import RunData
 from simbench.report.page import render
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from simbench.bench.statistics import auc
 from simbench.figures._style import BLUE, GREY, RED, styled
-from simbench.report._svg import inline_svg
+from simbench.html.svg import inline_svg
 from simbench.report.data import RunData
 from simbench.report.page import render
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pandas as pd
 from markupsafe import Markup
 
-from simbench.report._table import percent, sortable
+from simbench.html.table import percent, sortable
 from simbench.report.data import RunData
 from simbench.report.page import render
 

@@ -8,7 +8,7 @@ import pandas as pd
 from markupsafe import Markup
 
 from simbench.bench.score import FRONT, RAW, Scores
-from simbench.report._table import percent, sortable
+from simbench.html.table import percent, sortable
 from simbench.report.data import RunData
 from simbench.report.page import render
 

@@ -15,8 +15,8 @@ from sklearn.metrics import roc_curve as reference_roc
 
 from simbench.bench.run import run_grid
 from simbench.files import FileError
+from simbench.html.table import sortable
 from simbench.report import write_report
-from simbench.report._table import sortable
 from simbench.report.data import RunData
 from simbench.report.maps import accuracy_map
 from simbench.report.roc import roc_curve

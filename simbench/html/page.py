@@ -1,0 +1,35 @@
+"""Templates of the pages: a room's own, and those all pages share."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+
+@cache
+def environment(room: str) -> Environment:
+    """Return a room's templates and the shared ones; every text is escaped, a missing value is an error."""
+    loader = ChoiceLoader([PackageLoader(room, "templates"), PackageLoader("simbench.html", "templates")])
+    return Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+
+
+def render(room: str, template: str, **values: Any) -> Markup:
+    """Fill one template.
+
+    Parameters
+    ----------
+    room : str
+        Package whose folder `templates` is looked at first, e.g. "simbench.report".
+    template : str
+        File in it or in simbench/html/templates.
+    **values
+        What it speaks of.
+
+    Returns
+    -------
+    markupsafe.Markup
+    """
+    return Markup(environment(room).get_template(template).render(**values))
