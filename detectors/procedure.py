@@ -342,8 +342,8 @@ class _Course:
         if found is None:
             return "not seen", "too short for the bicoherence", "Go on: the detectors look at the waves themselves."
         self.indices |= {"ngi": found.ngi, "nli": found.nli}
-        numbers = f"NGI = {found.ngi:.3f}, NLI = {found.nli:.3f} (bound {found.nli_bound:.3f})"
-        if found.ngi > 0.0 and found.nli > found.nli_bound:
+        numbers = f"NGI = {found.ngi:.3f}, NLI = {found.nli:.3f} (peak {found.height:.2f} times its bound)"
+        if found.ngi > 0.0 and found.height > 1.0:
             return "yes", numbers, "The oscillation is born or bent inside a nonlinear element."
         return "not seen", numbers, "This rules nothing out: a symmetric cycle hides from the bicoherence."
 

@@ -1,11 +1,12 @@
 """Bicoherence test: in a loop with a nonlinear element pairs of frequencies drive their sum; in a linear one they do not.
 
 Needs: the control error (mean PV stands in for a set point that was not recorded), either process type, 256 samples.
-Parameters: `ngi_low` (-), `nli_low` (-); the published 0.001 and 0.01 flag plain noise, so both count from the 95 % bound
-of a linear Gaussian signal of the same length.
-Indices: ngi (mean squared bicoherence above that bound; > 0 non-Gaussian), nli (its peak above mean + 2 std, 0..1).
-Rule: ngi > ngi_low and nli > nli_low times its own bound: nonlinear, written as "stiction" although the test does not say
-which element it is; else linear.
+Parameters: `ngi_low` (-), `height_low` (-); the published bounds, NGI 0.001 and NLI 0.01, flag plain noise, so both count
+from what 5 % of linear Gaussian signals of the same length exceed.
+Indices: ngi (mean squared bicoherence above that; > 0 non-Gaussian), nli (its peak above mean + 2 std), height (its peak over
+the bound).
+Rule: ngi > ngi_low and height > height_low: nonlinear, written as "stiction" although the test does not say which element it
+is; else linear. NLI itself does not decide: it falls to 0 when nearly all pairs of frequencies are coupled.
 Not for: symmetric cycles. A cycle with half-wave symmetry has odd harmonics only and looks like noise; a verdict "linear"
 rules nothing out.
 Source: M.A.A.S. Choudhury, S.L. Shah, N.F. Thornhill (2004), Automatica 40, 1719-1728.
@@ -25,13 +26,13 @@ METHOD = Method(
     min_samples=256,
     thresholds={
         "ngi_low": Threshold(0.0, "-", -1.0, 1.0, "own, 5 % of linear signals", "above: non-Gaussian"),
-        "nli_low": Threshold(1.0, "-", 0.0, 20.0, "own, 5 % of linear signals", "above, times the bound: nonlinear"),
+        "height_low": Threshold(1.0, "-", 0.0, 20.0, "own, 5 % of linear signals", "above: a pair stands out"),
     },
     exempt={"stiction": "a symmetric cycle has no even harmonics, and quadratic coupling cannot show"},
 )
 
 
-def detect(prepared: Prepared, *, ngi_low: float, nli_low: float) -> Verdict:
+def detect(prepared: Prepared, *, ngi_low: float, height_low: float) -> Verdict:
     """Judge whether the loop contains a nonlinearity.
 
     Parameters
@@ -40,13 +41,13 @@ def detect(prepared: Prepared, *, ngi_low: float, nli_low: float) -> Verdict:
         The record.
     ngi_low : float
         Bound of ngi (-).
-    nli_low : float
-        Bound of nli, as a multiple of what 5 % of linear signals exceed (-).
+    height_low : float
+        Bound of the peak, as a multiple of what 5 % of linear signals exceed (-).
 
     Returns
     -------
     Verdict
-        `score` is nli over its bound.
+        `score` is the height of the peak.
 
     Examples
     --------
@@ -62,13 +63,13 @@ def detect(prepared: Prepared, *, ngi_low: float, nli_low: float) -> Verdict:
     found = prepared.share("bicoherence", lambda: error_bicoherence(record.e, period))
     if found is None:
         return Verdict("bicoherence", NO_DECISION, reason="too short: fewer than four segments of 64 samples")
-    nonlinear = found.ngi > ngi_low and found.nli > nli_low * found.nli_bound
-    numbers = f"NGI = {found.ngi:.3f}, NLI = {found.nli:.3f} (linear: below {nli_low * found.nli_bound:.3f})"
+    nonlinear = found.ngi > ngi_low and found.height > height_low
+    numbers = f"NGI = {found.ngi:.3f}, NLI = {found.nli:.3f}, peak {found.height:.2f} times its bound"
     said = "nonlinear" if nonlinear else "no nonlinearity seen, which a symmetric cycle would not show either"
     return Verdict(
         "bicoherence",
         STICTION if nonlinear else NO_STICTION,
-        found.nli / found.nli_bound,
-        {"ngi": found.ngi, "nli": found.nli},
+        found.height,
+        {"ngi": found.ngi, "nli": found.nli, "height": found.height},
         reason=f"{said}: {numbers}",
     )

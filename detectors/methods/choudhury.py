@@ -1,7 +1,7 @@
 """Choudhury 2006, the whole Procedure 11.3: first a nonlinearity in the control error, then an ellipse of PV over OP.
 
 Needs: PV and OP (SP where it moves), either process type, 256 samples.
-Parameters: `ngi_low`, `nli_low` as in bicoherence; `fitness_low` (-), published; `width_low` (-), own.
+Parameters: `ngi_low`, `height_low` as in bicoherence; `fitness_low` (-), published; `width_low` (-), own.
 Indices: ngi, nli, fitness, S_apparent.
 Rule: step 1, bicoherence says linear: no stiction (tuning or an outside oscillation); step 2, zero-phase band-pass around
 the bicoherence peak; step 3, the four most regular cycles; step 4, an ellipse with fitness >= 0.6: stiction, and the
@@ -33,7 +33,7 @@ METHOD = Method(
     min_samples=256,
     thresholds={
         "ngi_low": Threshold(0.0, "-", -1.0, 1.0, "own, 5 % of linear signals", "above: non-Gaussian"),
-        "nli_low": Threshold(1.0, "-", 0.0, 20.0, "own, 5 % of linear signals", "above, times the bound: nonlinear"),
+        "height_low": Threshold(1.0, "-", 0.0, 20.0, "own, 5 % of linear signals", "above: a pair stands out"),
         "fitness_low": Threshold(0.6, "-", 0.0, 1.0, "Choudhury 2006", "at or above: the points form an ellipse"),
         "width_low": Threshold(0.1, "-", 0.0, 1.0, "own", "chord over OP range; below: a line"),
     },
@@ -41,14 +41,14 @@ METHOD = Method(
 )
 
 
-def detect(prepared: Prepared, *, ngi_low: float, nli_low: float, fitness_low: float, width_low: float) -> Verdict:
+def detect(prepared: Prepared, *, ngi_low: float, height_low: float, fitness_low: float, width_low: float) -> Verdict:
     """Judge a record by Procedure 11.3.
 
     Parameters
     ----------
     prepared : Prepared
         The record.
-    ngi_low, nli_low : float
+    ngi_low, height_low : float
         Bounds of step 1 (-).
     fitness_low, width_low : float
         Bounds of step 4 (-).
@@ -56,7 +56,7 @@ def detect(prepared: Prepared, *, ngi_low: float, nli_low: float, fitness_low: f
     Returns
     -------
     Verdict
-        `score` is the fitness times nli over its bound (at most 1); S is the apparent stiction.
+        `score` is the fitness times the height of the bicoherence peak (at most 1); S is the apparent stiction.
 
     Examples
     --------
@@ -81,8 +81,8 @@ def detect(prepared: Prepared, *, ngi_low: float, nli_low: float, fitness_low: f
     if found is not None and found.apparent_stiction >= width_low * float(np.ptp(op[cut])):
         fitness, S = found.fitness(op[cut], pv[cut]), found.apparent_stiction
         indices |= {"fitness": fitness, "S_apparent": S}
-    score = fitness * min(higher.nli / higher.nli_bound, 1.0)
-    if not (higher.ngi > ngi_low and higher.nli > nli_low * higher.nli_bound):
+    score = fitness * min(higher.height, 1.0)
+    if not (higher.ngi > ngi_low and higher.height > height_low):
         reason = f"no nonlinearity seen (NGI = {higher.ngi:.3f}, NLI = {higher.nli:.3f}): tuning or an outside oscillation"
         return Verdict("choudhury", NO_STICTION, score, indices, reason=reason)
     if fitness < fitness_low:

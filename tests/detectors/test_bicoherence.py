@@ -1,0 +1,91 @@
+"""Bicoherence: the fast triangle against its definition, what noise gives, and what it can and cannot see."""
+
+import numpy as np
+import pytest
+
+from detectors.judge import judge
+from detectors.record import LoopRecord
+from detectors.signal.bicoherence import bicoherence, error_bicoherence
+
+
+def naive(x, L):
+    """Squared bicoherence by its definition, one pair of frequencies and one segment at a time."""
+    hann = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(L) / L)
+    spectra = []
+    for start in range(0, len(x) - L + 1, L // 2):
+        piece = x[start : start + L]
+        spectra.append(np.fft.fft((piece - piece.mean()) * hann))
+    out = {}
+    for i in range(1, L // 2):
+        for j in range(1, i + 1):
+            if i + j < L // 2:
+                joint = sum(X[i] * X[j] * np.conj(X[i + j]) for X in spectra)
+                both = sum(abs(X[i] * X[j]) ** 2 for X in spectra)
+                single = sum(abs(X[i + j]) ** 2 for X in spectra)
+                out[i, j] = abs(joint) ** 2 / (both * single)
+    return out
+
+
+def test_fast_triangle_equals_the_definition():
+    x = np.random.default_rng(0).standard_normal(600)
+    found = bicoherence(x, 64)
+    slow = naive(x, 64)
+    assert found.segments == 17
+    assert found.bic2.size == len(slow)
+    for value, f1, f2 in zip(found.bic2, found.f1, found.f2, strict=True):
+        assert value == pytest.approx(slow[round(f1 * 64), round(f2 * 64)], rel=2e-3)
+
+
+def test_noise_is_called_nonlinear_in_about_five_percent():
+    rng = np.random.default_rng(1)
+    found = [bicoherence(rng.standard_normal(4096)) for _ in range(200)]
+    assert np.mean([f.ngi > 0 for f in found]) < 0.12
+    assert np.mean([f.height > 1 for f in found]) < 0.10
+    assert np.mean([f.bic2.mean() * f.segments for f in found]) == pytest.approx(1.02, abs=0.02)
+    assert np.mean([np.mean(f.bic2 > 3.0 / f.segments) for f in found]) == pytest.approx(0.05, abs=0.005)
+
+
+def test_peak_lies_at_the_coupled_pair():
+    rng = np.random.default_rng(2)
+    t = np.arange(8192)
+    # phases that wander, so that only the coupling is common to all segments
+    a, b = (2 * np.pi * f * t + np.cumsum(0.05 * rng.standard_normal(t.size)) for f in (0.20, 0.11))
+    x = np.cos(a) + np.cos(b) + np.cos(a + b) + 0.3 * rng.standard_normal(t.size)
+    found = bicoherence(x)
+    assert found.height > 1
+    assert found.peak == pytest.approx((0.20, 0.11), abs=0.012)
+    free = np.cos(a) + np.cos(b) + np.cos(a + b + np.cumsum(0.2 * rng.standard_normal(t.size)))
+    assert bicoherence(free + 0.3 * rng.standard_normal(t.size)).height < found.height / 3
+
+
+@pytest.mark.parametrize(("shape", "seen"), [("saw", True), ("square", False)])
+def test_only_asymmetric_cycles_are_seen(shape, seen):
+    t = np.arange(8000)
+    wave = (t % 40) / 40 if shape == "saw" else np.sign(np.sin(2 * np.pi * (t + 0.5) / 40))
+    x = wave + 0.2 * wave.std() * np.random.default_rng(3).standard_normal(t.size)
+    found = error_bicoherence(x, 40.0)
+    assert (found.ngi > 0 and found.height > 1) == seen
+
+
+def test_slow_cycles_are_thinned_out_and_keep_their_frequency():
+    t = np.arange(40_000)
+    x = (t % 400) / 400 + 0.05 * np.random.default_rng(4).standard_normal(t.size)
+    found = error_bicoherence(x, 400.0)
+    assert found.height > 1
+    assert max(found.f1) < 0.5 / 12
+
+
+def test_short_record_is_no_decision():
+    t = np.arange(300)
+    verdict = judge(LoopRecord(np.sin(t), np.cos(t), 1.0), ["bicoherence"], raw=True)[0]
+    assert verdict.verdict == "no_stiction"
+    t = np.arange(4096) * 0.05  # a period of 125 samples leaves too few averaged ones
+    verdict = judge(LoopRecord(np.sin(t[:600]), np.cos(t[:600]), 1.0), ["bicoherence"])[0]
+    assert verdict.verdict == "no_decision"
+    assert "too short" in verdict.reason
+
+
+def test_linear_answer_says_that_it_rules_nothing_out(loop):
+    verdict = judge(loop(n=3000, noise=0.05), ["bicoherence"])[0]
+    assert verdict.verdict == "no_stiction"
+    assert "symmetric cycle would not show" in verdict.reason

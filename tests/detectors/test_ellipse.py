@@ -1,0 +1,107 @@
+"""Ellipse fit: width against geometry, an independent library, and the verdicts of methods ellipse and choudhury."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from ellipse import LsqEllipse
+
+from detectors.judge import judge
+from detectors.record import LoopRecord
+from detectors.signal.ellipse import fit_ellipse
+
+RNG = np.random.default_rng(0)
+
+
+def points(a, b, alpha, x0=0.0, y0=0.0, n=60):
+    t = RNG.uniform(0, 2 * np.pi, n)
+    x, y = a * np.cos(t), b * np.sin(t)
+    return x0 + x * np.cos(alpha) - y * np.sin(alpha), y0 + x * np.sin(alpha) + y * np.cos(alpha)
+
+
+def test_width_equals_geometry_on_200_random_ellipses():
+    for _ in range(200):
+        b, a = np.sort(RNG.uniform(0.2, 5.0, 2))
+        alpha = RNG.uniform(-np.pi / 2, np.pi / 2)
+        found = fit_ellipse(*points(a, b, alpha, *RNG.normal(0, 30, 2)))
+        width = 2 * a * b / np.sqrt((a * np.sin(alpha)) ** 2 + (b * np.cos(alpha)) ** 2)
+        assert found.apparent_stiction == pytest.approx(width, abs=1e-9)
+        assert found.axes[:2] == pytest.approx((a, b), abs=1e-9)
+        assert np.sin(found.axes[2] - alpha) == pytest.approx(0, abs=1e-6)
+
+
+def test_width_is_the_published_formula_with_its_root():
+    assert fit_ellipse(*points(3.0, 1.0, 0.6)).apparent_stiction == pytest.approx(3.184214187, abs=1e-8)
+
+
+def test_noisy_fit_equals_an_independent_library():
+    for _ in range(20):
+        x, y = points(3.0, 1.5, 0.4, 10.0, -4.0)
+        x, y = x + RNG.normal(0, 0.1, x.size), y + RNG.normal(0, 0.1, x.size)
+        # the direct fit is not invariant to scale: give the library what ours fits, standard scores
+        u, v = (x - x.mean()) / x.std(), (y - y.mean()) / y.std()
+        A, B, C, D, E, F = np.ravel(LsqEllipse().fit(np.column_stack([u, v])).coefficients)
+        ours = fit_ellipse(u, v)
+        centre = np.linalg.solve([[2 * A, B], [B, 2 * C]], [-D, -E])
+        level = -(F + 0.5 * (D * centre[0] + E * centre[1]))
+        assert (ours.x0, ours.y0) == pytest.approx(tuple(centre), abs=1e-8)
+        assert (ours.A, ours.B, ours.C) == pytest.approx((A / level, B / level, C / level), rel=1e-7)
+
+
+def test_width_scales_with_op_alone():
+    x, y = points(3.0, 1.0, 0.6)
+    x, y = x + RNG.normal(0, 0.05, x.size), y + RNG.normal(0, 0.05, x.size)
+    plain, scaled = fit_ellipse(x, y), fit_ellipse(7 * x + 3, -40 * y + 9)
+    assert scaled.apparent_stiction == pytest.approx(7 * plain.apparent_stiction, rel=1e-9)
+    assert scaled.fitness(7 * x + 3, -40 * y + 9) == plain.fitness(x, y)
+
+
+@pytest.mark.parametrize("slope", [1.0, -2.0, 0.0])
+def test_points_on_a_line_are_no_ellipse(slope):
+    x = np.linspace(0, 1, 50)
+    assert fit_ellipse(x, slope * x + 3) is None
+
+
+def test_fitness_is_the_share_of_points_between_the_limits():
+    found = fit_ellipse(*points(2.0, 1.0, 0.3, n=400))
+    t = np.linspace(0, 2 * np.pi, 400, endpoint=False)
+    rings = np.repeat([0.85, 0.95, 1.05, 1.15], 100)
+    x, y = 2 * rings * np.cos(t), rings * np.sin(t)
+    turned = x * np.cos(0.3) - y * np.sin(0.3), x * np.sin(0.3) + y * np.cos(0.3)
+    assert found.fitness(*turned) == 0.5
+
+
+def cycle(phase, harmonic=0.0, n=6000, noise=0.02):
+    t = 2 * np.pi * np.arange(n) / 40 + 0.02 * np.cumsum(np.random.default_rng(1).standard_normal(n))
+    rng = np.random.default_rng(2)
+    op = np.sin(t) + harmonic * np.cos(2 * t)
+    pv = np.sin(t - phase) + harmonic * np.sin(2 * (t - phase)) + noise * rng.standard_normal(n)
+    return LoopRecord(50 + op, pv, 1.0, process="self-regulating")
+
+
+def test_round_plot_is_an_ellipse_and_a_thin_one_is_a_line():
+    assert judge(cycle(np.pi / 2), ["ellipse"])[0].verdict == "stiction"
+    thin = judge(cycle(np.pi, noise=0.001), ["ellipse"])[0]
+    assert thin.verdict == "no_stiction"
+    assert judge(cycle(np.pi / 2), ["ellipse"])[0].indices["S_apparent"] == pytest.approx(2.0, rel=0.05)
+
+
+def test_choudhury_needs_both_nonlinearity_and_ellipse():
+    linear = judge(cycle(np.pi / 2), ["choudhury"])[0]
+    assert linear.verdict == "no_stiction"
+    assert "no nonlinearity" in linear.reason
+    both = judge(cycle(np.pi / 2, harmonic=0.06), ["choudhury"])[0]
+    assert both.verdict == "stiction"
+    assert both.S == pytest.approx(2.0, rel=0.3)
+    assert {"ngi", "nli", "fitness", "S_apparent"} <= set(both.indices)
+    neither = judge(cycle(np.pi, harmonic=0.5), ["choudhury"])[0]
+    assert neither.verdict == "no_stiction"
+    assert "no ellipse" in neither.reason
+
+
+def test_choudhury_warns_when_op_moves_over_a_quarter_of_its_span():
+    record = cycle(np.pi / 2, harmonic=0.06)
+    wide = judge(replace(record, op=20 * (record.op - 50) + 50), ["choudhury"])[0]
+    assert wide.verdict == "stiction"
+    assert "look at the valve's characteristic" in wide.reason
+    assert "characteristic" not in judge(record, ["choudhury"])[0].reason

@@ -1,0 +1,72 @@
+"""Surrogates: what they keep, the prediction error against its plain twin, and where the index stays."""
+
+import numpy as np
+import pytest
+
+from detectors.judge import judge
+from detectors.record import LoopRecord
+from detectors.signal.surrogates import end_matched, iaaft, nonlinearity_index, prediction_error
+
+
+def test_values_are_kept_exactly_and_the_spectrum_nearly():
+    x = np.sin(np.arange(400) / 5) + 0.3 * np.random.default_rng(0).standard_normal(400)
+    wanted = np.abs(np.fft.rfft(x - x.mean()))
+    for y in iaaft(x, 5, np.random.default_rng(1)):
+        assert np.array_equal(np.sort(y), np.sort(x))
+        assert np.linalg.norm(np.abs(np.fft.rfft(y - y.mean())) - wanted) < 0.1 * np.linalg.norm(wanted)
+        assert abs(np.corrcoef(x, y)[0, 1]) < 0.999
+
+
+def test_surrogates_repeat_with_their_seed():
+    x = np.random.default_rng(0).standard_normal(100)
+    assert np.array_equal(iaaft(x, 2, np.random.default_rng(5)), iaaft(x, 2, np.random.default_rng(5)))
+    assert nonlinearity_index(np.tile(x, 4), 20.0).npi == nonlinearity_index(np.tile(x, 4), 20.0).npi
+
+
+def naive(x, E, H, k):
+    m = len(x) - H - E + 1
+    total = 0.0
+    for i in range(m):
+        far = [j for j in range(m) if abs(i - j) >= E]
+        far.sort(key=lambda j: np.linalg.norm(x[i : i + E] - x[j : j + E]))
+        guess = np.mean([x[j + E - 1 + H] for j in far[:k]])
+        total += (x[i + E - 1 + H] - guess) ** 2
+    return total
+
+
+def test_prediction_error_equals_its_plain_twin():
+    x = np.sin(np.arange(120) / 3) + 0.2 * np.random.default_rng(2).standard_normal(120)
+    assert prediction_error(x, 7, 5, 4) == pytest.approx(naive(x, 7, 5, 4), rel=1e-9)
+
+
+@pytest.mark.parametrize("period", [20, 33])
+def test_end_runs_into_the_beginning_also_in_noise(period):
+    t = np.arange(40 * period + 7)
+    x = np.sin(2 * np.pi * t / period) + 0.3 * np.random.default_rng(3).standard_normal(t.size)
+    cut = end_matched(x, period)
+    assert min(cut.size % period, -cut.size % period) <= 2
+    assert cut.size >= x.size - 3 * period
+
+
+def test_a_noisy_sine_is_not_called_nonlinear():
+    t = np.arange(4000)
+    for seed in range(5):
+        x = np.sin(2 * np.pi * t / 37.3) + 0.2 * np.random.default_rng(seed).standard_normal(t.size)
+        assert nonlinearity_index(x, 37.3).npi < 1
+
+
+def test_a_chaotic_map_is_called_nonlinear():
+    x = np.empty(700)
+    x[0] = 0.3
+    for k in range(699):
+        x[k + 1] = 3.9 * x[k] * (1 - x[k])
+    own = prediction_error((x - x.mean()) / x.std(), 3, 1)
+    others = [prediction_error((y - y.mean()) / y.std(), 3, 1) for y in iaaft(x, 10, np.random.default_rng(0))]
+    assert own < 0.2 * min(others)
+
+
+def test_few_samples_per_cycle_are_no_decision():
+    t = np.arange(1000)
+    verdict = judge(LoopRecord(np.sin(t * 1.1), np.cos(t * 1.1), 1.0), ["surrogate"])[0]
+    assert verdict.verdict == "no_decision"
+    assert "samples per cycle" in verdict.reason
