@@ -40,9 +40,9 @@ def data() -> pd.DataFrame:
 def draw(data: pd.DataFrame) -> Figure:
     """Draw one OP-MV plot per model."""
     models = list(dict.fromkeys(data.model))
-    columns = 5
+    columns = 7
     rows = -(-len(models) // columns)
-    figure, axes = panels(rows, columns, 9.5, 1.9 * rows + 0.4, sharex=True, sharey=True)
+    figure, axes = panels(rows, columns, 11.0, 1.65 * rows + 0.4, sharex=True, sharey=True)
     for place, model in zip(axes.flat, models):
         one = data[data.model == model]
         place.plot([0, 100], [0, 100], color=GREY, linestyle=":", linewidth=0.8)

@@ -344,3 +344,24 @@ def test_table_11_1_marks_what_is_wrong_with_each_valve(drawn):
     assert wrong == {"good valve": [], "worn linkage": ["hysteresis"], "sticky, oversized": ["process gain", "stiction"]}
     assert d.loc["hysteresis (%)", "worn linkage"] == pytest.approx(4.5, abs=0.3)
     assert d.loc["noise band (%)", "good valve"] == pytest.approx(0.2, rel=0.3)
+
+
+@pytest.mark.parametrize("valve", ["healthy", "sticky"])
+def test_horchs_verdict_switches_at_the_same_w_Ti_with_and_without_stiction(drawn, valve):
+    d = drawn("horch_phase")
+    d = d[d.valve == valve].sort_values("w_Ti (-)")
+    x = np.log(d["w_Ti (-)"].to_numpy())
+
+    def crossing(index: str, level: float) -> float:
+        return float(np.exp(np.interp(-level, -d[index].to_numpy(), x)))
+
+    # stiction needs both indices, and so does no stiction
+    leaves = min(crossing("dtau (-)", 2 / 3), crossing("drho (-)", 1 / 3))
+    arrives = max(crossing("dtau (-)", 1 / 3), crossing("drho (-)", 0.0718))
+    assert leaves == pytest.approx(1 / np.sqrt(3), rel=0.1)
+    assert arrives == pytest.approx(np.sqrt(3), rel=0.1)
+    said = d.verdict.to_numpy()
+    assert (said[d["w_Ti (-)"] < leaves] == "stiction").all()
+    assert (said[d["w_Ti (-)"] > arrives] == "no_stiction").all()
+    law = 2 / np.pi * np.arctan(1 / d["w_Ti (-)"])
+    assert np.abs(d["dtau (-)"] - law).max() < 0.03
