@@ -20,6 +20,9 @@ MANIFEST = "manifest.json"
 BINDING = ("format", "grid_hash", "methods", "thresholds", "plugins", "until_width", "code", "versions")
 LIBRARIES = ("stiction-simbench", "numpy", "scipy", "numba", "scikit-learn", "dtaidistance")
 
+# files of this folder that decide what the tables hold
+DECISIVE = ("motion", "oracle", "resolve", "tables", "truth", "work")
+
 
 class RunError(UserError):
     """A run's folder that cannot be used as asked."""
@@ -101,19 +104,20 @@ def refuse_to_mix(where: Path, manifest: Mapping[str, Any]) -> None:
             raise RunError(f"{where} cannot be resumed: {_difference(key, old.get(key), manifest[key])}")
 
 
+@cache
 def code_hash() -> str:
-    """Return 16 hex digits of all sources that decide what a run's tables hold."""
+    """Return 16 hex digits of all sources that decide what a run's tables hold, as they were when first asked."""
     import detectors
     import scenarios
     import simbench
 
     digest = hashlib.sha256()
-    rooms = [Path(detectors.__path__[0]), Path(scenarios.__path__[0])]
-    rooms += [Path(simbench.__path__[0]) / room for room in ("loop", "theory", "bench", "gap/effects")]
-    for room in rooms:
-        for file in sorted(room.rglob("*.py")):
-            digest.update(file.relative_to(room.parent).as_posix().encode())
-            digest.update(file.read_bytes())
+    ours = Path(simbench.__path__[0])
+    rooms = [Path(detectors.__path__[0]), Path(scenarios.__path__[0]), ours / "loop", ours / "theory", ours / "gap" / "effects"]
+    files = [file for room in rooms for file in sorted(room.rglob("*.py"))]
+    for file in files + [ours / "bench" / f"{name}.py" for name in DECISIVE]:
+        digest.update(file.name.encode())
+        digest.update(file.read_bytes())
     return digest.hexdigest()[:16]
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from detectors.errors import UserError, nearest
+from detectors.judge import check_thresholds
 from detectors.registry import methods as registry
 from detectors.report import choose_methods
 from scenarios.grid import Grid, chunks, load_grid
@@ -25,6 +26,7 @@ from simbench.loop.setup import resolve_loop
 
 BACKENDS = ("loky", "dask", "ray")
 LIVES = 3  # how often dead workers are replaced before the run gives up
+PATIENCE = 10  # s, for a dask scheduler to answer
 
 
 class Interrupted(KeyboardInterrupt):
@@ -113,6 +115,7 @@ def run_grid(
     names = choose_methods(m for m in asked if m != ORACLE)
     names += [a for a in added if a not in names]
     names += [ORACLE] * (ORACLE in asked)  # last, as it is judged last
+    _check_settings(names, thresholds or {})
     _try_out(plan)
     manifest = describe(
         {
@@ -130,20 +133,20 @@ def run_grid(
             "command": " ".join(sys.argv),
         }
     )
-    where = store.open_run(Path("runs") / plan.name if out is None else out, manifest, resume)
-    if read_manifest(where)["complete"]:
-        _tidy(where)
-        return where
     task = _Task(plan, tuple(names), tuple(files), dict(thresholds or {}), keep)
-    with _Bar(progress, len(plan)) as bar, _stoppable():
-        try:
-            with _parallel(backend, address, jobs) as run:
+    with _parallel(backend, address, jobs) as run:
+        where = store.open_run(Path("runs") / plan.name if out is None else out, manifest, resume)
+        if read_manifest(where)["complete"]:
+            _tidy(where)
+            return where
+        with _Bar(progress, len(plan)) as bar, _stoppable():
+            try:
                 done = _all_pieces(plan, where, task, run, bar, until_width, names)
-            store.finish(where, done, {**manifest, "times": bar.times(time.perf_counter() - began), **bar.extra})
-        except KeyboardInterrupt:
-            raise Interrupted(f"interrupted: {_standing(where)}") from None
-        except UserError as error:
-            raise RunError(f"{error}; {_standing(where)}") from error
+                store.finish(where, done, {**manifest, "times": bar.times(time.perf_counter() - began), **bar.extra})
+            except KeyboardInterrupt:
+                raise Interrupted(f"interrupted: {_standing(where)}") from None
+            except UserError as error:
+                raise RunError(f"{error}; {_standing(where)}") from error
     from simbench.bench.score import score_run
 
     score_run(where).write(where)
@@ -238,7 +241,7 @@ def _dask_client(address: str | None) -> Any:
     except ImportError:
         raise RunError("backend dask needs the package distributed; install stiction-simbench[dask]") from None
     try:
-        return Client(address, timeout=10, set_as_default=False)
+        return Client(address, timeout=PATIENCE, set_as_default=False)
     except OSError as error:
         raise RunError(f"no dask scheduler answers at {address}: {error}") from None
 
@@ -310,6 +313,13 @@ class _Bar:
 
     def times(self, wall: float) -> dict[str, float]:
         return {**{k: round(v, 3) for k, v in self._seconds.items()}, "wall": round(wall, 3)}
+
+
+def _check_settings(names: Sequence[str], thresholds: Thresholds) -> None:
+    for method, values in thresholds.items():
+        if method not in names:
+            raise RunError(f"thresholds are given for {method!r}, which is not among the methods: {', '.join(names)}")
+        check_thresholds(method, registry.load(method).METHOD, values)
 
 
 def _try_out(plan: Grid) -> None:

@@ -100,7 +100,7 @@ class Sweep:
         verdict, score = ("verdict_raw", "score_raw") if raw else ("verdict", "score")
         rows = []
         frame = self.verdicts(detectors, jobs, **settings)
-        for key, part in frame.groupby(["cell", "method"], sort=False):
+        for (_, method), part in frame.groupby(["cell", "method"], sort=False):  # pyright: ignore[reportGeneralTypeIssues]
             clear = part.cycled.isin(["yes", "no"])
             right = (part[verdict] == "stiction") == (part.cycled == "yes")
             right &= (part[verdict] != "no_decision") & clear
@@ -108,7 +108,7 @@ class Sweep:
             rows.append(
                 {
                     **{axis: part[axis].iloc[0] for axis in axes},
-                    "method": key[1],
+                    "method": method,
                     "n": len(part),
                     "cycling": float((part.cycled == "yes").mean()),
                     "stiction": float((part[verdict] == "stiction").mean()),

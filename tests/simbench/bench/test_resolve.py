@@ -96,7 +96,8 @@ def test_aggressive_rings_out_and_saturating_grows(tuning, grows):
 
 
 def test_the_ultimate_gain_knows_the_sampling():
-    slow = {"plant": {"type": "foptd", "K": 1, "T": 10, "Td": 10}, "controller": {"type": "P", "Kc": 1}, "sampling": {"Ts": 0.01}}
+    plant, controller = {"type": "foptd", "K": 1, "T": 10, "Td": 10}, {"type": "P", "Kc": 1}
+    slow = {"plant": plant, "controller": controller, "sampling": {"Ts": 0.01}}
     fine = sampled_ultimate_gain(Loop.from_table(slow))
     coarse = sampled_ultimate_gain(Loop.from_table({**slow, "sampling": {"Ts": 5.0}}))
     assert fine == pytest.approx(2.26, abs=0.01)

@@ -1,0 +1,418 @@
+"""Runs: the same bits however they are worked through, nothing finished is lost, nothing different is mixed."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from detectors.errors import UserError
+from detectors.judge import judge
+from scenarios.grid import make_grid
+from simbench.bench import manifest as manifest_module
+from simbench.bench import run as run_module
+from simbench.bench import store
+from simbench.bench.manifest import RunError, read_manifest
+from simbench.bench.run import Interrupted, run_grid
+from simbench.bench.store import Book, read_scenario
+from simbench.bench.work import record_hash
+from simbench.files import FileError
+from simbench.loop.simulate import simulate
+
+METHODS = ["he", "yamashita"]
+
+
+def tables(folder):
+    verdicts = pd.read_parquet(folder / "verdicts.parquet").drop(columns="runtime_s")
+    return verdicts, pd.read_parquet(folder / "scenarios.parquet")
+
+
+def assert_same(a, b):
+    for x, y in zip(tables(a), tables(b)):
+        pd.testing.assert_frame_equal(x, y, check_exact=True)
+
+
+def plugin(tmp_path, body):
+    """A detector file whose `detect` runs `body` first."""
+    file = tmp_path / "mine.py"
+    file.write_text(
+        "import os, pathlib, signal\n"
+        "from detectors.method import Method\nfrom detectors.verdict import Verdict\n"
+        'METHOD = Method(title="mine", source="own", front_end=False)\n'
+        "def detect(prepared):\n"
+        + textwrap.indent(textwrap.dedent(body), "    ")
+        + '\n    return Verdict("mine", "no_decision", reason="nothing to say")\n'
+    )
+    return file
+
+
+def test_both_tables_are_keyed_by_scenario_and_method(finished):
+    verdicts, scenarios = tables(finished)
+    assert len(scenarios) == 32
+    assert scenarios.scenario_id.is_unique
+    assert not verdicts.duplicated(["scenario_id", "method"]).any()
+    assert set(verdicts.scenario_id) == set(scenarios.scenario_id)
+    assert sorted(f.name for f in finished.iterdir()) == [
+        "manifest.json",
+        "scenarios.parquet",
+        "scores.csv",
+        "scores_by_axis.csv",
+        "verdicts.parquet",
+    ]
+
+
+def test_two_workers_give_the_same_bits_as_one(small, finished, tmp_path):
+    assert_same(run_grid(small, tmp_path / "two", METHODS, 2), finished)
+
+
+def test_dask_gives_the_same_bits(small, finished, tmp_path):
+    distributed = pytest.importorskip("distributed")
+    settings = {"n_workers": 1, "threads_per_worker": 2, "processes": False, "dashboard_address": "127.0.0.1:0"}
+    with distributed.LocalCluster(**settings) as cluster:
+        run = run_grid(small, tmp_path / "dask", METHODS, backend="dask", address=cluster.scheduler_address)
+    assert_same(run, finished)
+
+
+def test_verdicts_are_those_of_judge_with_and_without_front_end(finished):
+    verdicts, scenarios = tables(finished)
+    assert not scenarios.oscillating.all()
+    for ident in scenarios.scenario_id:
+        scenario = read_scenario(finished, ident)
+        record = simulate(scenario.loop, scenario.seed).record
+        rows = verdicts[verdicts.scenario_id == ident].set_index("method")
+        for front, raw in zip(judge(record, METHODS), judge(record, METHODS, raw=True)):
+            row = rows.loc[front.method]
+            assert (row.verdict, row.verdict_raw) == (front.verdict, raw.verdict)
+            assert row.reason == front.reason
+            assert np.array_equal([row.score, row.score_raw], [front.score, raw.score], equal_nan=True)
+
+
+def test_a_record_is_simulated_again_from_its_id(finished):
+    _, scenarios = tables(finished)
+    for row in scenarios.iloc[::5].itertuples():
+        scenario = read_scenario(finished, row.scenario_id)
+        assert scenario.id == row.scenario_id
+        assert record_hash(simulate(scenario.loop, scenario.seed).record) == row.record_hash
+
+
+def test_an_unknown_id_names_the_run(finished):
+    with pytest.raises(RunError, match="no scenario 'nonsense'"):
+        read_scenario(finished, "nonsense")
+
+
+def test_a_detector_that_raises_is_a_row_with_its_error(small, tmp_path):
+    file = plugin(tmp_path, 'raise ZeroDivisionError("by design")')
+    run = run_grid(small, tmp_path / "run", ["he"], plugins=[file])
+    verdicts, _ = tables(run)
+    mine, others = verdicts[verdicts.method == "mine"], verdicts[verdicts.method == "he"]
+    assert set(mine.verdict) == {"no_decision"}
+    assert mine.error.str.contains("ZeroDivisionError: by design").all()
+    assert others.error.isna().all()
+    assert read_manifest(run)["counts"]["errors"] == len(mine)
+
+
+def child(tmp_path, jobs, file):
+    """Run the small grid in a process of its own."""
+    code = f"""
+        import sys
+        from simbench.bench.run import Interrupted, run_grid
+        from scenarios.grid import make_grid
+        sys.path.insert(0, {str(os.path.dirname(__file__))!r})
+        from conftest import SMALL
+        if __name__ == "__main__":
+            try:
+                run_grid(make_grid(SMALL, "small", {{"repeats": 2}}), {str(tmp_path / "run")!r}, ["he"], {jobs},
+                         plugins=[{str(file)!r}], resume=True)
+            except Interrupted as stop:
+                print(stop)
+                sys.exit(130)
+    """
+    script = tmp_path / "child.py"
+    script.write_text(textwrap.dedent(code))
+    return subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def killing(tmp_path, how):
+    """A detector that kills its process at the 20th record, once."""
+    return plugin(
+        tmp_path,
+        f"""
+        seen = pathlib.Path({str(tmp_path)!r}) / "seen"
+        with seen.open("a") as f:
+            f.write("x")
+        if seen.stat().st_size == 20:
+            os.kill({how}, signal.SIGKILL)
+        """,
+    )
+
+
+def test_a_killed_run_is_resumed_without_repeating_or_losing_anything(small, tmp_path):
+    file = killing(tmp_path, "os.getpid()")
+    process = child(tmp_path, 1, file)
+    process.communicate(timeout=120)
+    assert process.returncode == -signal.SIGKILL
+    run = tmp_path / "run"
+    whole = {f.name: f.stat().st_mtime_ns for f in (run / "parts").glob("*.scenarios.parquet")}
+    assert 0 < len(whole) < 8
+    run_grid(small, run, ["he"], plugins=[file], resume=True)
+    judged = (tmp_path / "seen").stat().st_size
+    pieces = 32 - 4 * len(whole)
+    assert judged == 20 + pieces  # the pieces that were whole were not judged again
+    undisturbed = run_grid(small, tmp_path / "other", ["he"], plugins=[file])
+    assert_same(run, undisturbed)
+
+
+def test_a_worker_that_dies_is_replaced(small, tmp_path):
+    file = killing(tmp_path, "os.getpid()")
+    process = child(tmp_path, 2, file)
+    _, err = process.communicate(timeout=120)
+    assert process.returncode == 0, err
+    assert_same(tmp_path / "run", run_grid(small, tmp_path / "other", ["he"], plugins=[file]))
+
+
+def test_workers_that_keep_dying_end_the_run_with_advice(small, tmp_path, monkeypatch):
+    class BrokenProcessPool(Exception):
+        pass
+
+    tries = []
+
+    def dying(*_):
+        tries.append(1)
+        raise BrokenProcessPool("a worker was killed")
+
+    monkeypatch.setattr(run_module, "work", dying)
+    with pytest.raises(RunError, match=r"keep dying .*--resume"):
+        run_grid(small, tmp_path / "run", ["he"])
+    assert len(tries) == run_module.LIVES
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_ctrl_c_ends_within_two_seconds_and_says_how_to_resume(tmp_path, jobs):
+    file = plugin(tmp_path, "import time; time.sleep(0.3)")
+    process = child(tmp_path, jobs, file)
+    deadline = time.monotonic() + 60
+    while not list((tmp_path / "run" / "parts").glob("*.scenarios.parquet")):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    since = time.monotonic()
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=30)
+    took = time.monotonic() - since
+    assert process.returncode == 130, err
+    assert "continue with --resume" in out
+    assert "Traceback" not in err
+    # the bar is 2 s on a free machine; here others may be at work
+    assert took < 4.0
+
+
+def test_a_full_disk_keeps_what_is_whole_and_says_how_to_go_on(small, finished, tmp_path, monkeypatch):
+    write, left = store.write_piece, [3]
+
+    def full(where, piece):
+        if not left[0]:
+            raise FileError("verdicts.parquet cannot be written: no space left on device")
+        left[0] -= 1
+        write(where, piece)
+
+    monkeypatch.setattr(store, "write_piece", full)
+    with pytest.raises(RunError, match=r"no space left on device; 3 pieces are whole .* continue with --resume"):
+        run_grid(small, tmp_path / "run", METHODS)
+    monkeypatch.undo()
+    assert_same(run_grid(small, tmp_path / "run", METHODS, resume=True), finished)
+
+
+def test_a_torn_piece_is_done_again(small, finished, tmp_path):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(store, "finish", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+        with pytest.raises(Interrupted):
+            run_grid(small, tmp_path / "run", METHODS)
+    parts = tmp_path / "run" / "parts"
+    torn = parts / "000002.verdicts.parquet"
+    torn.write_bytes(torn.read_bytes()[:100])
+    shutil.copy(parts / "000003.scenarios.parquet", parts / "000004.scenarios.parquet")
+    assert_same(run_grid(small, tmp_path / "run", METHODS, resume=True), finished)
+
+
+def test_resuming_a_finished_run_changes_nothing(small, finished):
+    before = {f.name: f.stat().st_mtime_ns for f in finished.iterdir()}
+    run_grid(small, finished, METHODS, resume=True)
+    assert before == {f.name: f.stat().st_mtime_ns for f in finished.iterdir()}
+
+
+def test_resume_on_an_absent_or_empty_folder_starts_afresh(small, finished, tmp_path):
+    (tmp_path / "empty").mkdir()
+    assert_same(run_grid(small, tmp_path / "empty", METHODS, resume=True), finished)
+
+
+def test_a_run_is_not_written_over(small, finished):
+    with pytest.raises(RunError, match="already holds a run"):
+        run_grid(small, finished, METHODS)
+
+
+def test_a_folder_with_something_else_in_it_is_left_alone(small, tmp_path):
+    (tmp_path / "letter.txt").write_text("dear")
+    with pytest.raises(RunError, match="not empty"):
+        run_grid(small, tmp_path, METHODS, resume=True)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"grid": {"noise_ratio": 0.2}}, "the grid differs"),
+        ({"methods": ["he"]}, "methods differs: yamashita"),
+        ({"thresholds": {"he": {"eta_high": 0.7}}}, "thresholds differs"),
+        ({"code": "0" * 16}, "the code differs"),
+        ({"numpy": "1.0"}, "versions differs: numpy was 1.0"),
+    ],
+)
+def test_a_run_that_differs_is_not_mixed_with_the_old_one(small, finished, tmp_path, change, words, monkeypatch):
+    run = tmp_path / "run"
+    shutil.copytree(finished, run)
+    content = json.loads((run / "manifest.json").read_text())
+    if "numpy" in change:
+        content["versions"]["numpy"] = change["numpy"]
+    if "code" in change:
+        monkeypatch.setattr(manifest_module, "code_hash", lambda: change["code"])
+    (run / "manifest.json").write_text(json.dumps({**content, "complete": False}))
+    grid = make_grid(small.content.model_dump(), "small", change.get("grid"))
+    with pytest.raises(RunError, match=words):
+        run_grid(grid, run, change.get("methods", METHODS), thresholds=change.get("thresholds"), resume=True)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [('{"format": 0}', "format version 0"), ("{", "damaged"), ("[]", "damaged"), ('{"other": 1}', "damaged")],
+)
+def test_an_older_or_damaged_folder_is_refused_with_a_sentence(tmp_path, text, words):
+    (tmp_path / "manifest.json").write_text(text)
+    with pytest.raises(RunError, match=words):
+        Book.read(tmp_path)
+
+
+def test_tables_that_do_not_belong_together_are_refused(finished, tmp_path):
+    shutil.copytree(finished, tmp_path / "run")
+    frame = pd.read_parquet(finished / "verdicts.parquet")
+    frame.iloc[::-1].to_parquet(tmp_path / "run" / "verdicts.parquet", index=False)
+    with pytest.raises(RunError, match="do not match"):
+        Book.read(tmp_path / "run")
+
+
+def test_an_unfinished_run_is_not_scored(small, tmp_path):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(store, "finish", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+        with pytest.raises(Interrupted, match="8 pieces are whole"):
+            run_grid(small, tmp_path / "run", ["yamashita"])
+    with pytest.raises(RunError, match="not finished"):
+        Book.read(tmp_path / "run")
+
+
+def test_a_kill_between_the_last_two_steps_is_tidied_up(small, finished, tmp_path):
+    shutil.copytree(finished, tmp_path / "run")
+    (tmp_path / "run" / "parts").mkdir()
+    (tmp_path / "run" / "scores.csv").unlink()
+    assert sorted(f.name for f in run_grid(small, tmp_path / "run", METHODS, resume=True).iterdir()) == sorted(
+        f.name for f in finished.iterdir()
+    )
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"backend": "dusk"}, "did you mean 'dask'"),
+        ({"backend": "dask"}, "needs --address"),
+        ({"backend": "dask", "address": "tcp://127.0.0.1:1"}, "no dask scheduler"),
+        ({"methods": ["hee"]}, "he"),
+        ({"until_width": 2.0}, "between 0 and 1"),
+        ({"thresholds": {"he": {"eta_hihg": 1}}}, "eta_high"),
+        ({"thresholds": {"yamashita": {"rho3_min": 1}}}, "not among the methods"),
+        ({"plugins": ["absent.py"]}, "does not exist"),
+    ],
+)
+def test_wrong_settings_are_one_sentence(small, tmp_path, settings, words, monkeypatch):
+    monkeypatch.setattr(run_module, "PATIENCE", 1)
+    methods = settings.pop("methods", ["he"])
+    with pytest.raises(UserError, match=words) as error:
+        run_grid(small, tmp_path / "run", methods, **settings)
+    assert "\n" not in str(error.value)
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_loop_that_cannot_be_simulated_is_refused_before_a_folder_is_made(tmp_path):
+    loop = {
+        "plant": {"type": "foptd", "K": 1, "T": 10},
+        "controller": {"type": "PI", "Kc": 1, "Ti": 10},
+        "valve": {"model": "choudhury", "S": 5, "J": 2},
+        "sampling": {"Ts": 1, "n": 300},
+    }
+    for axes, words in (({"valve.S": [5, -1]}, "S = -1"), ({"valve.Q": [1]}, "'Q'"), ({"valve.model": ["nono"]}, "nono")):
+        with pytest.raises((UserError, ValueError), match=words):
+            run_grid(make_grid({"title": "t", "loop": loop, "axes": axes}), tmp_path / "run", ["he"])
+    assert not (tmp_path / "run").exists()
+
+
+def test_nothing_is_printed_where_stderr_is_no_terminal(small, tmp_path, capfd):
+    run_grid(small, tmp_path / "run", ["yamashita"])
+    out, err = capfd.readouterr()
+    assert (out, err) == ("", "")
+
+
+def test_the_bar_shows_rate_remaining_time_and_failures_when_asked(small, tmp_path, capfd):
+    run_grid(small, tmp_path / "run", ["yamashita"], progress=True)
+    err = capfd.readouterr().err
+    assert "32/32" in err
+    assert "scenarios/s" in err
+    assert "failures=0" in err
+
+
+def test_a_sample_of_the_records_is_kept(small, tmp_path):
+    run = run_grid(small, tmp_path / "run", ["yamashita"], keep=1)
+    kept = sorted((run / "records").glob("*.csv"))
+    assert len(kept) == 8
+    scenario = read_scenario(run, kept[0].stem)
+    record = simulate(scenario.loop, scenario.seed).record
+    assert np.array_equal(pd.read_csv(kept[0]).pv, record.pv)
+
+
+def test_the_manifest_says_what_was_run(finished):
+    content = read_manifest(finished)
+    assert content["complete"]
+    assert content["counts"] == {"scenarios": 32, "verdicts": 64, "errors": 0}
+    assert set(content["methods"]) == set(METHODS)
+    assert {"grid_hash", "seed", "records_hash", "versions", "code", "commit", "command", "times"} <= set(content)
+
+
+def test_adaptive_runs_add_seeds_only_where_accuracy_is_vague(small, tmp_path):
+    once = make_grid(small.content.model_dump(), "small", {"repeats": 1})
+    run = run_grid(once, tmp_path / "run", ["yamashita"], until_width=0.35)
+    scenarios = pd.read_parquet(run / "scenarios.parquet")
+    seeds = scenarios.groupby("cell").repeat.nunique()
+    told = read_manifest(run)["adaptive"]
+    assert seeds.min() < seeds.max()
+    assert told["widest"] <= 0.35
+    assert told["scenarios"] == len(scenarios) < told["full_product"]
+    assert scenarios.scenario_id.is_unique
+
+
+def test_an_adaptive_run_is_resumed_to_the_same_end(small, tmp_path):
+    once = make_grid(small.content.model_dump(), "small", {"repeats": 1})
+    undisturbed = run_grid(once, tmp_path / "a", ["yamashita"], until_width=0.4)
+    write, left = store.write_piece, [5]
+
+    def stopping(where, piece):
+        if not left[0]:
+            raise KeyboardInterrupt
+        left[0] -= 1
+        write(where, piece)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(store, "write_piece", stopping)
+        with pytest.raises(Interrupted):
+            run_grid(once, tmp_path / "b", ["yamashita"], until_width=0.4)
+    assert_same(run_grid(once, tmp_path / "b", ["yamashita"], until_width=0.4, resume=True), undisturbed)
