@@ -6,10 +6,11 @@ READY := $(VENV)/.ready
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: bench test lint perf leak figures baseline clean
+.PHONY: bench test lint perf docs clean
 
 bench: $(READY)            ## the main job: simulate a labelled grid, run the detectors, score them
-	$(BIN)/simbench run chapter -o runs/bench --method fast -j 2 --resume
+	rm -rf runs/bench
+	$(BIN)/simbench run chapter -o runs/bench --method fast -j 2
 	$(BIN)/simbench score runs/bench --report runs/bench/report.html
 
 test: $(READY) lint        ## every test, and the rules of the house
@@ -23,6 +24,11 @@ lint: $(READY)
 perf: $(READY)             ## ratios of medians of interleaved runs
 	$(BIN)/python tests/reference/perf.py
 	$(BIN)/python tests/reference/perf_detectors.py
+
+docs: $(READY)             ## the gallery, and every published number beside ours
+	$(BIN)/simbench figure all -o results/figures
+	$(BIN)/python -m simbench.report.chapter --isdb ../shared/data/real
+	$(BIN)/python -m simbench.report.gallery
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
