@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from detectors.errors import ParameterError
 from detectors.io import read_record
-from scenarios.spec import Loop, load_loop
+from scenarios.spec import load_loop
 from simbench.files import whole_file
 from simbench.gap.diagnosis import diagnose
-from simbench.gap.names import EFFECTS
 from simbench.gap.result import GapReport
+from simbench.gap.runs import fixed_loop_of, kick_of
 
 
 def diagnose_files(
@@ -77,9 +78,7 @@ def diagnose_files(
     if html is not None:
         from simbench.gap.page import write_page
 
-        write_page(
-            report, html, records=read, files=[str(p) for p in records], baseline=None if baseline is None else str(baseline)
-        )
+        write_page(report, html, _again(report, records, baseline, bootstrap, about))
     return report
 
 
@@ -93,25 +92,28 @@ def one_file_quick(record: Path, baseline: Path) -> dict[str, Any]:
     return diagnose_files([record], baseline, bootstrap=False).as_json()
 
 
-def fixed(report: GapReport) -> Loop:
-    """Return the baseline with the named effects, the identified load and the record's set point in it.
-
-    Parameters
-    ----------
-    report : GapReport
-        Of `diagnose`. Without an effect (`none`, `unknown`) the loop is recalibrated and nothing is added.
-
-    Returns
-    -------
-    Loop
-    """
-    return report.details["arms"].loop([e["effect"] for e in report.effects if e["effect"] in EFFECTS])
-
-
 def _loop_text(report: GapReport, records: list[str], baseline: str | Path | None) -> str:
-    kick = next((e["parameters"].get("S", 0.0) for e in report.effects if e["effect"] == "stiction"), 0.0)
-    start = f"simulate it with --kick {kick:.3g}: a sticky loop started at rest may stay there\n# " if kick else ""
-    return (
-        f"# {report.sentence()}\n# records: {', '.join(records)}; baseline: {baseline or 'identified'}\n"
-        f"# {start}set point and length are the record's, load and operating point fitted to it\n\n{fixed(report).to_toml()}"
-    )
+    kick = kick_of(report)
+    lines = [
+        report.sentence(),
+        f"records: {', '.join(records)}; baseline: {baseline or 'identified'}",
+        "set point and length are the record's, load and operating point fitted to it",
+    ]
+    if kick:
+        lines.append(f"simulate it with --kick {kick:.3g}: a sticky loop started at rest may stay there")
+    # a name may hold a line break, which would end the comment
+    return "".join(f"# {' '.join(line.split())}\n" for line in lines) + "\n" + fixed_loop_of(report).to_toml()
+
+
+def _again(
+    report: GapReport, records: Sequence[str | Path], baseline: str | Path | None, bootstrap: bool, about: dict[str, Any]
+) -> list[str]:
+    """Return the commands that repeat a diagnosis and simulate the fixed loop."""
+    words = ["simbench", "gap", "diagnose", *map(str, records)]
+    words += ["--identify"] if baseline is None else ["--baseline", str(baseline)]
+    for name, value in about.items():
+        if value is not None:
+            words += [f"--{name.replace('_', '-')}", *map(str, value if isinstance(value, tuple) else [value])]
+    words += ["--write-loop", "fixed.toml"] + ([] if bootstrap else ["--no-bootstrap"])
+    kick = kick_of(report)
+    return [shlex.join(words), "simbench simulate fixed.toml -o fixed.csv" + (f" --kick {kick:.3g}" if kick else "")]
