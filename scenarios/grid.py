@@ -358,6 +358,9 @@ def make_grid(
     for key in overrides:
         if key not in Rules.FIELDS and (key.partition(".")[0] not in Loop.model_fields or "." not in key):
             raise SpecError(f"{name}: cannot set {key!r}, {suggestion(key, (*GRID_KEYS, *SETTINGS))}")
+    for key, values in (pair for axes_of in (content.axes, *(b.axes for b in content.block)) for pair in axes_of.items()):
+        if not values:
+            raise SpecError(f"{name}: axis {key!r} has no value")
     grid = Grid(name, content, overrides)
     untouched = not changed and not overrides
     per_repeat = content.expected and content.expected * content.repeats // int(table.get("repeats", 1))
@@ -367,9 +370,6 @@ def make_grid(
 
 
 def _with_axes(content: GridFile, axes: dict[str, tuple[Value, ...]], name: str) -> GridFile:
-    for key, values in axes.items():
-        if not values:
-            raise SpecError(f"{name}: axis {key!r} has no value")
     if content.loop is not None:
         return content.model_copy(update={"axes": {**content.axes, **axes}})
     for key in axes:

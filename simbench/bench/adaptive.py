@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
+from scipy.optimize import brentq
 
 from scenarios.grid import Grid
 from simbench.bench.statistics import wilson
@@ -91,10 +92,14 @@ def trials(share: np.ndarray, tried: int, width: float) -> int:
     >>> trials(np.array([0.5]), 100, 0.1) > trials(np.array([0.95]), 100, 0.1)
     True
     """
-    z2 = 1.96**2
     p = (np.asarray(share) * tried + 1.0) / (tried + 2.0)
-    spread = float((p * (1 - p)).max())
-    return math.ceil(z2 * (4.0 * spread + 0.5 * width) / width**2)
+    hardest = float(p[np.argmin(np.abs(p - 0.5))])
+
+    def excess(n: float) -> float:
+        lo, hi = wilson(hardest * n, n)
+        return float(hi - lo) - width
+
+    return math.ceil(brentq(excess, 1e-3, 1e9))
 
 
 def _widths(right: np.ndarray, known: np.ndarray) -> np.ndarray:

@@ -1,0 +1,224 @@
+"""Scores, calibration and sweeps against slow recounts and hand-made cases."""
+
+import json
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from detectors.errors import ParameterError
+from detectors.verdict import NO_DECISION, STICTION
+from scenarios.errors import SpecError
+from scenarios.spec import Loop
+from simbench.bench.adaptive import trials
+from simbench.bench.calibrate import abstention, calibrate, calibrate_books, cut_for, roc
+from simbench.bench.run import run_grid
+from simbench.bench.score import FRONT, RAW, score_run
+from simbench.bench.statistics import wilson
+from simbench.bench.store import Book
+from simbench.bench.sweep import sweep
+
+LOOP = Loop.from_table(
+    {
+        "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
+        "controller": {"type": "PI", "Kc": 1, "Ti": 10},
+        "valve": {"model": "choudhury", "S": 5, "J": 2},
+        "sampling": {"Ts": 2, "n": 1000},
+        "setpoint": {"value": 50, "steps": [[10, 53]]},
+    }
+)
+
+
+@pytest.fixture(scope="module")
+def joined(finished):
+    verdicts, scenarios = (pd.read_parquet(finished / f"{t}.parquet") for t in ("verdicts", "scenarios"))
+    return verdicts.merge(scenarios, on="scenario_id", suffixes=("", "_s"))
+
+
+@pytest.fixture(scope="module")
+def scores(finished):
+    return score_run(finished)
+
+
+@pytest.mark.parametrize("mode", [FRONT, RAW])
+@pytest.mark.parametrize("truth", ["sticky", "predicted", "cycled"])
+def test_the_table_is_a_plain_count(scores, joined, mode, truth):
+    verdict = joined.verdict if mode == FRONT else joined.verdict_raw
+    positive = joined.cycled == "yes" if truth == "cycled" else joined[truth].astype(bool)
+    known = joined.cycled.isin(["yes", "no"]) if truth == "cycled" else joined[truth].notna()
+    for method in ("he", "yamashita"):
+        use = known & (joined.method == method)
+        row = scores.table.query("method == @method and truth == @truth and mode == @mode").iloc[0]
+        said, true = verdict[use], positive[use]
+        right = (said == STICTION) == true
+        right &= said != NO_DECISION
+        assert row.n == use.sum()
+        assert row.accuracy == pytest.approx(right.mean())
+        assert row.decided == pytest.approx(right[said != NO_DECISION].mean())
+        assert row.no_decision == pytest.approx((said == NO_DECISION).mean())
+        assert row.false_alarm == pytest.approx((said[~true] == STICTION).mean())
+        assert row.miss == pytest.approx((said[true] == "no_stiction").mean())
+        assert row.accuracy_lo <= row.accuracy <= row.accuracy_hi
+
+
+def test_auc_is_sklearns_and_ranks_loops_without_oscillation_lowest(scores, joined):
+    from sklearn.metrics import roc_auc_score
+
+    use = (joined.method == "he") & joined.cycled.isin(["yes", "no"])
+    for mode in (FRONT, RAW):
+        score = joined.score_raw if mode == RAW else joined.score.where(joined.oscillating, -100.0)
+        known = use & score.notna()
+        if mode == FRONT:
+            known &= joined.verdict.ne(NO_DECISION) | joined.score.notna()
+        row = scores.table.query("method == 'he' and truth == 'cycled' and mode == @mode").iloc[0]
+        assert row.scored == known.sum()
+        assert row.auc == pytest.approx(roc_auc_score(joined.cycled[known] == "yes", score[known]))
+
+
+def test_axis_rows_add_up_to_the_whole(scores):
+    for axis in ("disturbance", "S_over_2J", "noise_ratio"):
+        rows = scores.by_axis.query("axis == @axis and method == 'he' and mode == 'front end'")
+        whole = scores.table.query("method == 'he' and truth == 'cycled' and mode == 'front end'").iloc[0]
+        assert rows.n.sum() == whole.n
+        assert (rows.accuracy * rows.n).sum() == pytest.approx(whole.accuracy * whole.n)
+
+
+def test_entrained_and_unclear_are_counted_but_not_scored(scores, joined):
+    one = joined[joined.method == "he"]
+    assert scores.disagreement.scenarios.sum() == len(one)
+    left_out = one.cycled.isin(["entrained", "unclear"]).sum()
+    row = scores.table.query("method == 'he' and truth == 'cycled' and mode == 'front end'").iloc[0]
+    assert row.n == len(one) - left_out
+
+
+def test_both_tables_are_printed_and_raw_can_come_first(finished, scores):
+    text = scores.as_text()
+    assert text.index("with the oscillation") < text.index("without the oscillation")
+    raw = score_run(finished, raw=True).as_text()
+    assert raw.index("without the oscillation") < raw.index("with the oscillation")
+    assert "labels that disagree" in text
+    assert "yamashita*" in text
+    assert max(map(len, text.splitlines())) <= 130
+
+
+def test_json_has_no_nan(scores):
+    json.dumps(scores.as_json(), allow_nan=False)
+
+
+def test_the_csv_is_small_and_readable(finished, scores):
+    file = finished / "scores.csv"
+    assert file.stat().st_size < 20_000
+    frame = pd.read_csv(file)
+    assert len(frame) == len(scores.table) == 2 * 3 * 2
+
+
+def test_median_runtimes_are_there(scores):
+    assert (scores.table.median_ms > 0).all()
+
+
+def test_wilson_narrows_as_trials_says():
+    for share in (0.5, 0.8, 1.0):
+        n = trials(np.array([share]), 10_000, 0.1)
+        lo, hi = wilson(round(share * n), n)
+        assert 0.07 < hi - lo <= 0.101
+
+
+def test_a_cut_lets_no_more_than_the_wanted_share_through():
+    rng = np.random.default_rng(1)
+    for scores in (rng.normal(size=500), np.round(rng.normal(size=500), 1), np.r_[np.full(300, np.nan), rng.normal(size=200)]):
+        cut = cut_for(scores, 0.05)
+        assert np.mean(scores > cut) <= 0.05
+        lower = scores[scores < cut]
+        if lower.size:
+            assert np.mean(scores > lower.max()) > 0.05
+
+
+def test_few_scores_leave_nothing_to_cut():
+    assert cut_for(np.r_[np.full(99, np.nan), 1.0], 0.05) == -math.inf
+
+
+def test_abstention_is_the_best_of_all_bands():
+    rng = np.random.default_rng(2)
+    positive = rng.random(120) < 0.5
+    score = np.round(rng.normal(size=120) + 1.2 * positive, 1)
+    low, high = abstention(score, positive, 0.1)
+
+    def decided_and_wrong(low, high):
+        above, below = score > high, score <= low
+        return (above | below).sum(), (above & ~positive).sum() + (below & positive).sum()
+
+    cuts = [-math.inf, *np.unique(score)]
+    bands = [decided_and_wrong(a, b) for a in cuts for b in cuts if a <= b]
+    best = max(decided for decided, wrong in bands if wrong + 1 <= 0.1 * (decided + 1))
+    assert decided_and_wrong(low, high)[0] == best > 0
+
+
+def test_the_roc_runs_from_corner_to_corner():
+    curve = roc(np.array([1.0, 2.0, 3.0, 4.0]), np.array([False, True, False, True]))
+    assert (curve.false_alarm.iloc[0], curve.detection.iloc[0]) == (1.0, 1.0)
+    assert (curve.false_alarm.iloc[-1], curve.detection.iloc[-1]) == (0.0, 0.0)
+    assert curve.false_alarm.is_monotonic_decreasing
+
+
+def test_calibration_takes_cuts_from_other_seeds_than_it_measures_on(tmp_path):
+    found = calibrate("smoke", 0.2, ["he", "yamashita"], out=tmp_path, sets={"disturbance": "sine"})
+    a, b = Book.read(tmp_path / "seeds-a"), Book.read(tmp_path / "seeds-b")
+    assert found.about["seed_a"] != found.about["seed_b"]
+    assert not set(a.ids) & set(b.ids)
+    again = calibrate_books(a, b, 0.2)
+    assert again.thresholds == found.thresholds
+    row = found.table.set_index("method").loc["he"]
+    negative = b.truth["cycled"] == 0
+    assert row.false_alarm == pytest.approx(np.mean(b.score[list(b.methods).index("he"), negative] > row.cut))
+    assert {f.name for f in tmp_path.iterdir()} >= {"thresholds.json", "calibration.csv", "roc.csv"}
+    assert "he" in found.as_text()
+    json.dumps(found.as_json(), allow_nan=False)
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0, -0.1, math.nan])
+def test_an_impossible_false_alarm_rate_is_refused(share):
+    with pytest.raises(ParameterError, match="between 0 and 1"):
+        calibrate("smoke", share)
+
+
+def test_a_sweep_scores_every_combination():
+    found = sweep(LOOP, {"valve.J": [0, 2], "noise.std": [0.02, 0.1]}, seeds=3).score(["he", "horch"])
+    assert len(found) == 2 * 2 * 2
+    assert set(found.n) == {3}
+    assert found.groupby("valve.J").cycling.mean().to_dict() == {0: 0.0, 2: 1.0}
+    assert found.accuracy.between(0, 1).all()
+
+
+def test_seeds_of_a_sweep_differ_and_are_the_same_again():
+    one, two = (sweep(LOOP, {"noise.std": [0.1]}, seeds=2).verdicts("he") for _ in range(2))
+    assert one.record_hash.nunique() == 2
+    assert one.drop(columns="runtime_s").equals(two.drop(columns="runtime_s"))
+    assert sweep(LOOP, {"noise.std": [0.1]}, seed=9).verdicts("he").record_hash.iloc[0] not in set(one.record_hash)
+
+
+def test_a_sweep_may_leave_sampling_and_noise_to_rules():
+    found = sweep(LOOP, {"noise_ratio": [0.0, 0.2], "samples_per_period": [30], "periods": [20]}).verdicts("he")
+    assert set(found.n) == {600}
+    assert found.noise_std.tolist()[0] == 0.0
+    assert found.noise_std.tolist()[1] > 0.0
+
+
+@pytest.mark.parametrize(("axes", "words"), [({"valv.J": [1]}, "valv"), ({"plant.Q": [1]}, "Q"), ({"valve.J": []}, "no value")])
+def test_a_wrong_sweep_is_one_sentence(axes, words):
+    with pytest.raises(SpecError, match=words):
+        sweep(LOOP, axes).score("he")
+
+
+def test_a_books_scores_are_the_runs(finished, joined):
+    book = Book.read(finished)
+    assert book.methods == ("he", "yamashita")
+    assert [i.decode() for i in book.ids] == joined[joined.method == "he"].scenario_id.tolist()
+    he = joined[joined.method == "he"]
+    assert np.allclose(book.score_raw[0], he.score_raw.astype(float), equal_nan=True, rtol=1e-6)
+    assert set(book.truth["cycled_word"]) <= {"yes", "no", "entrained", "unclear"}
+
+
+def test_the_oracle_stands_apart(tmp_path):
+    run = run_grid("smoke", tmp_path / "run", ["he", "oracle"], sets={"disturbance": "sine"})
+    assert score_run(run).ranking().method.tolist()[-1] == "oracle"
