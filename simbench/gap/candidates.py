@@ -77,7 +77,9 @@ def pole(kind: str) -> Callable[[Engine, Fit], tuple[Fit, float]]:
             # what the base took for quiet, coloured noise is the filter's work
             theta |= {"noise": engine.data.noise, "colour": 0.0}
         best = engine.grid(spec, theta, [{"lag": float(x)} for x in lags])
-        return (engine.fit(spec, best.theta) if promising(best, base) else best), 1.0
+        # the filter trades places with the noise's colour, which a grid over it alone does not see
+        go = kind == "sensor" or promising(best, base)
+        return (engine.fit(spec, best.theta) if go else best), 1.0
 
     return run
 
@@ -94,8 +96,9 @@ def deadzone(engine: Engine, base: Fit) -> tuple[Fit, float]:
     """Search width and centre on a grid, then refine."""
     spec = base.spec.join(Spec(valve=kernels.ZONE))
     u = engine.data.u
-    centres = np.quantile(u, [0.1, 0.3, 0.5, 0.7, 0.9])
-    points = [{"D": s, "c": float(c)} for s in band_sizes(engine.data)[1::2] for c in centres]
+    # OP jumps across the zone: its middle is where OP seldom is
+    centres = np.linspace(*np.quantile(u, [0.03, 0.97]), 7)
+    points = [{"D": s, "c": float(c)} for s in band_sizes(engine.data)[3:] for c in centres]
     best = engine.grid(spec, base.theta, points)
     return (refine(engine, best, ("D", "c", "D")) if promising(best, base) else best), 2.0
 

@@ -24,7 +24,8 @@ class Situation:
     """A record beside its baseline, checked, with what single blocks show before anything is fitted.
 
     `plant_pv` is the PV the plant gave the controller, as far as it can be recovered; `data` the engine's input; `hard` the effects
-    that the controller's law or single samples show without doubt, with their parameters; `notes` what the reader must know.
+    that the controller's law or single samples show without doubt, with their parameters; `notes` what the reader must know;
+    `strange_law` why the controller is none of the known ones.
     """
 
     record: LoopRecord
@@ -39,6 +40,7 @@ class Situation:
     hard: dict[str, dict[str, float | str]]
     notes: list[str] = field(default_factory=list)
     frozen: bool = False
+    strange_law: str = ""
 
     @property
     def integrating(self) -> bool:
@@ -84,7 +86,7 @@ def check(record: LoopRecord, baseline: Loop, trusted: bool = True) -> Situation
     if trusted:
         _refuse_other_loop(law, control.sign * control.Kc, where)
     samples = inspect_samples(record.pv, record.op)
-    hard, plant_pv, more = _without_doubt(record, law, samples, baseline.noise.std)
+    hard, plant_pv, more, strange = _without_doubt(record, law, samples, baseline.noise.std)
     notes += more
     integrating = plant.type == "integrating"
     u = op if record.mv is None else np.asarray(record.mv)
@@ -101,7 +103,7 @@ def check(record: LoopRecord, baseline: Loop, trusted: bool = True) -> Situation
     )
     frozen = samples.held > max(20, 0.02 * record.n) and "quantisation" not in hard and "compression" not in hard
     setpoint = np.full(record.n, record.pv.mean()) if sp is None else np.asarray(sp)
-    return Situation(record, baseline, trusted, op, setpoint, law, samples, plant_pv, data, hard, notes, frozen)
+    return Situation(record, baseline, trusted, op, setpoint, law, samples, plant_pv, data, hard, notes, frozen, strange)
 
 
 def _percent(record: LoopRecord, where: str, trusted: bool) -> np.ndarray:
@@ -154,11 +156,11 @@ def _rounding(hard: dict, samples: Samples) -> float:
 
 def _without_doubt(
     record: LoopRecord, law: Law, samples: Samples, noise: float
-) -> tuple[dict[str, dict[str, float | str]], np.ndarray, list[str]]:
-    """Return the effects that need no fit, the PV the controller saw, and notes."""
+) -> tuple[dict[str, dict[str, float | str]], np.ndarray, list[str], str]:
+    """Return the effects that need no fit, the PV the controller saw, notes, and why the controller is a stranger."""
     hard: dict[str, dict[str, float | str]] = {e: dict(p) for e, p in law.found.items()}
     pv = np.asarray(record.pv)
-    seen, notes = law.seen, []
+    seen, notes, strange = law.seen, [], ""
     apart = seen is not None and bool(law.reason)  # the archive is not what the controller saw
     if samples.step > 0.0:
         hard["quantisation"] = {"step": samples.step, "at": "record" if apart else "loop"}
@@ -180,6 +182,9 @@ def _without_doubt(
         # where the law is exact everywhere else, what is left of PV is the spikes alone
         strong = np.abs(sizes) > 1e-3 * float(np.std(record.pv))
         only, sizes = only[strong], sizes[strong]
+        if only.size >= 2 and "compression" not in hard and samples.step == 0.0 and not stands_out(np.asarray(record.pv), only, sizes):
+            strange = "OP moves as no PV on record makes it move"
+            only = only[:0]
         if only.size >= 2 and samples.step == 0.0 and "compression" not in hard:
             spikes, heights, place = only, sizes, "record"
             pv = seen
@@ -189,4 +194,16 @@ def _without_doubt(
             pv = cleaned(pv, spikes)
     if law.reason and not apart:
         notes.append(f"controller: cannot tell, {law.reason}")
-    return hard, pv, notes
+    if {"quantisation", "compression", "outliers", "error_deadband"} & set(hard):
+        return hard, pv, notes, strange
+    return hard, pv, notes, strange or law.foreign or law.reason
+
+
+def stands_out(pv: np.ndarray, places: np.ndarray, heights: np.ndarray) -> bool:
+    """Return whether spikes that the controller did not see stand out of their neighbours in PV by just their height."""
+    inner = (places > 0) & (places < pv.size - 1)
+    k, h = places[inner], heights[inner]
+    if k.size < 2:
+        return False
+    off = pv[k] - 0.5 * (pv[k - 1] + pv[k + 1])
+    return float(np.median(np.abs(off - h))) < 0.5 * float(np.median(np.abs(h)))

@@ -117,6 +117,7 @@ class Fit:
 
 NUISANCES = ("T", "Td", "load_time", "load_lag", "load", "noise", "colour")
 LOGS = {"T", "load_time", "load_lag", "load", "noise", "R", "lag", "walk", "load_walk"}
+REDDEST = 0.5  # noise of more memory than this has passed a filter
 COLOURED = 0.25  # std of the prior on the noise's correlation from sample to sample
 
 
@@ -169,7 +170,7 @@ class Engine:
         if name == "load":
             return 1e-3 * d.floor if d.T > 0 else 1e-8 * size, 100.0 * size
         if name == "colour":
-            return 0.0, 0.8
+            return 0.0, REDDEST
         if name in ("S", "D"):
             return 0.0, 2.0 * span if name == "D" else 1.5 * span
         if name == "J":
@@ -215,8 +216,9 @@ class Engine:
         A[np.diag_indices_from(A)] += 1e-9 * np.trace(A) / len(A) * 1e-3 + 1e-300
         beta = np.linalg.solve(A, b)
         K = self.data.K
-        low, high = sorted((K * (1 - NOMINAL), K * (1 + NOMINAL)))
-        if "K" in spec.free or not self.data.trusted or low <= beta[0] <= high:
+        trust = (0.05, 20.0) if "K" in spec.free else (1 - NOMINAL, 1 + NOMINAL)
+        low, high = sorted((K * trust[0], K * trust[1]))
+        if not self.data.trusted or low <= beta[0] <= high:
             return float(N[0, 0] - b @ beta), beta
         edge = low if beta[0] < low else high
         weight = 1.0 / (EDGE * K) ** 2

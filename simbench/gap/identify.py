@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from detectors.record import LoopRecord
 from scenarios.spec import Loop
+from simbench.gap.assess import Assessment
 from simbench.gap.fit import Data, Engine, Fit, Spec
 from simbench.gap.law import examine_law
+from simbench.gap.names import block_of
 from simbench.gap.samples import cleaned, inspect_samples
 
 
@@ -76,6 +80,63 @@ def fit_plant(op: np.ndarray, pv: np.ndarray, integrating: bool, resolution: flo
                 best, winner = fit, engine
     assert best is not None
     return winner.fit(Spec(), best.theta, steps=40)
+
+
+# without a trusted baseline nothing that only its numbers define can be missing
+MEANINGFUL = {
+    "stiction", "deadband", "quantisation", "compression", "outliers", "drift", "oscillation", "load_steps", "load_drift", "saturation",
+    "error_deadband", "op_quantisation",
+}  # fmt: skip
+SHARE = 0.15  # of the OP range that a band must span to count as friction
+
+
+def plausible(found: Assessment) -> Assessment:
+    """Keep of an assessment without trusted baseline what the record alone can carry.
+
+    Parameters
+    ----------
+    found : Assessment
+
+    Returns
+    -------
+    Assessment
+        Effects that compare with a baseline are dropped; friction must span a share of the OP range and be found in both
+        halves of the record.
+    """
+    s = found.situation
+    gains = {e: (g if e in MEANINGFUL else min(g, -10.0)) for e, g in found.gains.items()}
+    span = float(np.quantile(s.op, 0.99) - np.quantile(s.op, 0.01))
+    for effect in ("stiction", "deadband"):
+        if gains[effect] > 0:
+            S = float(found.parameters.get(effect, {}).get("S", 0.0))
+            if S < SHARE * span or not _in_both_halves(found, effect):
+                gains[effect] = -5.0
+    order = sorted((e for e in gains if gains[e] > 0 and e not in s.hard), key=lambda e: -gains[e])
+    chosen = [e for e in found.chosen if e in s.hard and e in MEANINGFUL][:2]
+    for e in order:
+        if len(chosen) < 2 and block_of(e) not in {block_of(c) for c in chosen}:
+            chosen.append(e)
+    fits = [e for e in chosen if e in found.candidates]
+    final = found.candidates[fits[0]].fit if fits else found.base
+    # a residual test asks whether a trusted model is whole; an identified one never is
+    return replace(found, gains=gains, chosen=chosen, final=final, strange={k: v for k, v in found.strange.items() if k == "sensor"})
+
+
+def _in_both_halves(found: Assessment, effect: str) -> bool:
+    d = found.situation.data
+    fit = found.candidates[effect].fit if effect in found.candidates else None
+    if fit is None:
+        return False
+    half = d.n // 2
+    for cut in (slice(0, half), slice(half, d.n)):
+        part = replace(d, u=np.ascontiguousarray(d.u[cut]), y=np.ascontiguousarray(d.y[cut]))
+        engine = Engine(part, max(0.1 * half, 5.0))
+        theta = {k: v for k, v in fit.theta.items()}
+        with_it = engine.fit(replace(fit.spec, channels=()), theta, steps=6)
+        without = engine.fit(Spec(), {k: theta[k] for k in found.base.theta}, steps=6)
+        if with_it.loglik < without.loglik:
+            return False
+    return True
 
 
 def _rough_gain(op: np.ndarray, pv: np.ndarray) -> float:

@@ -140,7 +140,7 @@ def _examine(
     plain = not relevant and width == 0.0
     if law_exact and plain:
         seen = _seen(op, e, pv, inside, a, b, Ti is None)
-    if base_exact and not law_exact:
+    if base_exact and (relevant or not law_exact):
         kc, ti = Kc, Ti or np.inf
     elif law_exact:
         shift = max(abs(np.log(max(kc / Kc, 1e-6))), abs(np.log(ti / Ti)) if Ti and np.isfinite(ti) else 0.0)
@@ -207,9 +207,14 @@ def _robust_zero(x: np.ndarray) -> float:
 
 
 def _third(du: np.ndarray, e: np.ndarray, rows: np.ndarray, size: float) -> float:
-    X = np.column_stack([e[2:], e[1:-1], e[:-2], du[:-1]])[rows[1:]]
-    y = du[1:][rows[1:]]
+    """Return what a law with filtered derivative leaves of dOP."""
+    X = np.column_stack([e[3:], e[2:-1], e[1:-2], e[:-3], du[1:-1], du[:-2]])[rows[2:]]
+    y = du[2:][rows[2:]]
     beta = np.linalg.lstsq(X, y, rcond=None)[0]
+    for _ in range(4):
+        off = np.abs(y - X @ beta)
+        keep = off <= np.quantile(off, 0.8)
+        beta = np.linalg.lstsq(X[keep], y[keep], rcond=None)[0]
     return _robust_zero(y - X @ beta) / size
 
 

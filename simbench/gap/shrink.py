@@ -13,7 +13,7 @@ from simbench.gap.features import as_matrix, distance, features, floor_of, seed_
 from simbench.loop.simulate import simulate
 
 HELD_OUT = 0.35  # last share of the record, on which nothing is fitted
-SEEDS = 10
+SEEDS = 8
 RESOLVABLE = 1.5  # gap before over floor from which there is something to close
 
 

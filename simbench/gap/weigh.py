@@ -20,38 +20,42 @@ class Weights:
     unknown_block: str
 
 
-TEMPERATURE = 0.35
-NONE_SCORE = 4.0
+TEMPERATURE = 0.35  # probabilities grow slower than likelihoods: the load is never the AR(2) it is taken for
+NONE_SCORE = 5.0  # nats an effect must bring to be as probable as none; the bootstrap sets it per record
 UNKNOWN_SCORE = -6.0
+STRANGE = 0.9  # probability of "unknown" once a residual test fails
 
 
-def weigh(found: Assessment) -> Weights:
+def weigh(found: Assessment, none_score: float = NONE_SCORE) -> Weights:
     """Turn one record's scores into probabilities.
 
     Parameters
     ----------
     found : Assessment
+    none_score : float
+        Nats that chance alone brings the best effect on this loop.
 
     Returns
     -------
     Weights
     """
     scores = {e: compressed(found.gains[e]) for e in EFFECTS}
-    scores[NONE] = NONE_SCORE
+    scores[NONE] = none_score
     scores[UNKNOWN] = UNKNOWN_SCORE
-    if found.situation.law.foreign or found.situation.frozen or found.stranger:
-        scores[UNKNOWN] = 120.0
     x = np.array(list(scores.values())) * TEMPERATURE
     p = np.exp(x - x.max())
     p /= p.sum()
+    if found.strange:
+        p *= (1.0 - STRANGE) / (1.0 - p[-1])
+        p[-1] = STRANGE
     probability = {e: float(v) for e, v in zip(scores, p)}
     named = dict(probability)
     for e in found.chosen:
         named[e] = max(named[e], 0.9)
-    excess = {b: max([compressed(found.gains[e]) - NONE_SCORE for e in EFFECTS if block_of(e) == b and (e in found.chosen)] + [0.0]) for b in BLOCKS}
+    excess = {b: max([compressed(found.gains[e]) for e in EFFECTS if block_of(e) == b and (e in found.chosen)] + [0.0]) for b in BLOCKS}
     total = sum(excess.values())
     blocks = {b: (v / total if total > 0 else 0.0) for b, v in excess.items()}
-    return Weights(probability, named, blocks, "process")
+    return Weights(probability, named, blocks, next(iter(found.strange), "process"))
 
 
 def compressed(gain: float) -> float:

@@ -1,0 +1,79 @@
+"""What chance alone does on this loop: records without effect, simulated and diagnosed like the real one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from joblib import Parallel, delayed
+
+from detectors.errors import UserError
+from detectors.record import LoopRecord
+from scenarios.spec import Loop
+from simbench.gap.assess import LIMITS, Assessment, assess
+from simbench.gap.check import check
+from simbench.gap.fit import NOMINAL
+from simbench.gap.fixed import fixed_loop
+from simbench.loop.simulate import simulate
+
+TRIALS = 12
+
+
+@dataclass(frozen=True)
+class Chance:
+    """The gain that the best wrong effect reaches on 95 % of records without effect, and what residual tests leave there."""
+
+    gain: float
+    tests: dict[str, float]
+    trials: int
+
+
+def chance(found: Assessment, seed: int = 0, jobs: int = 1, trials: int = TRIALS) -> Chance | None:
+    """Simulate and assess records without effect.
+
+    Parameters
+    ----------
+    found : Assessment
+        Of the real record: its set point, length, fitted load and noise are used; the nominal plant is drawn within +-10 %.
+    seed : int
+        Root of every random stream.
+    jobs : int
+        Processes.
+    trials : int
+        Records.
+
+    Returns
+    -------
+    Chance or None
+        None when the loop without effect cannot be simulated.
+    """
+    s = found.situation
+    loop = fixed_loop(s, found.base, {}, plant="fitted", load=found.base)
+    one = delayed(_trial)
+    with Parallel(n_jobs=jobs) as parallel:
+        results = [r for r in parallel(one(loop, s.record, s.baseline, s.trusted, [seed, 977, i]) for i in range(trials)) if r]
+    if len(results) < 3:
+        return None
+    gains = np.array([g for g, _ in results])
+    # a Gumbel tail through mean and spread: fewer trials than its own 95 % point would need
+    spread = float(np.std(gains, ddof=1))
+    high = float(np.mean(gains)) + 1.87 * spread
+    usual = {name: float(np.max([t[name] for _, t in results])) for name in LIMITS}
+    return Chance(high, usual, len(results))
+
+
+def _trial(
+    loop: Loop, record: LoopRecord, baseline: Loop, trusted: bool, seed: list[int]
+) -> tuple[float, dict[str, float]] | None:
+    rng = np.random.default_rng(seed)
+    table = loop.to_table()
+    names = ("K", "Td", "T") if loop.plant.T is not None else ("K", "Td")
+    for name in names:
+        table["plant"][name] = getattr(baseline.plant, name) * float(rng.uniform(1 - NOMINAL, 1 + NOMINAL))
+    try:
+        run = simulate(Loop.from_table(table), seed=int(rng.integers(2**31))).record
+        twin = replace(record, op=run.op, pv=run.pv, sp=run.sp, mv=None if record.mv is None else run.mv, op_span=(0.0, 100.0), notes=())
+        trial = assess(check(twin, baseline, trusted))
+    except UserError:
+        return None
+    return trial.best_gain, trial.tests
