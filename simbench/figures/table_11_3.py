@@ -1,7 +1,8 @@
-"""Table 11.3: which loops a sticky valve keeps cycling, as printed and as counted in simulations.
+"""Table 11.3: which loops a sticky valve keeps cycling: as printed, by theory, reached by load steps, and in simulations.
 
-Each cell is a grid of tunings and valves; a loop counts when any of six starts leaves the valve cycling. Where count and
-table differ the table is too coarse: a self-regulating P loop cycles if K Kc J > S, and a dead-band cycles under tight PI.
+Each cell is a grid of tunings and valves; a simulated loop counts when any of six starts leaves the valve cycling. Where
+count and table differ the table is too coarse: a self-regulating P loop cycles if K Kc J > S, and a dead-band cycles under
+tight PI.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from matplotlib.figure import Figure
 from scenarios.spec import Loop, Part
 from simbench.figures._style import styled, table
 from simbench.loop.simulate import simulate
+from simbench.theory.table_check import check_table_11_3
 from simbench.theory.tables import DEAD_BAND, STICK_SLIP, TABLE_11_3
 
 SOURCE = "Jelali (2013), Table 11.3, after Choudhury et al. (2008)"
@@ -90,15 +92,19 @@ def data() -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        process, controller, nonlinearity, table ("limit cycles" or "no limit cycles"), cycling, loops (counts).
+        process, controller, nonlinearity, table ("limit cycles" or "no limit cycles"); on the grid of the theory: loops,
+        exist, reached (by any of 25 random load steps), disagreements (against the table, each with its condition); on this
+        figure's own grid of simulations: cycled, simulated.
     """
     rows = []
-    for (process, controller, nonlinearity), answer in TABLE_11_3.items():
-        grid = loops(process, controller, nonlinearity)
-        count = sum(cycles(loop) for loop in grid)
-        said = "limit cycles" if answer else "no limit cycles"
-        rows.append([process, controller, nonlinearity, said, count, len(grid)])
-    return pd.DataFrame(rows, columns=["process", "controller", "nonlinearity", "table", "cycling", "loops"])
+    for check in check_table_11_3():
+        key = check.process, check.controller, check.nonlinearity
+        grid = loops(*key)
+        said = "limit cycles" if TABLE_11_3[key] else "no limit cycles"
+        why = "; ".join(f"{n} x {condition}" for condition, n in check.disagreements.items())
+        rows.append([*key, said, check.loops, check.exist, check.reached, why, sum(map(cycles, grid)), len(grid)])
+    names = ["process", "controller", "nonlinearity", "table", "loops", "exist", "reached", "disagreements", "cycled", "simulated"]
+    return pd.DataFrame(rows, columns=names)
 
 
 @styled
@@ -107,11 +113,19 @@ def draw(data: pd.DataFrame) -> Figure:
     rows = []
     for process, controller in dict.fromkeys(zip(data["process"], data["controller"])):
         part = data[(data["process"] == process) & (data["controller"] == controller)]
-        cells = {r["nonlinearity"]: f"{r['table']}\n{r['cycling']} of {r['loops']} cycled" for r in part.to_dict("records")}
+        cells = {r["nonlinearity"]: _cell(r) for r in part.to_dict("records")}
         rows.append([process, controller, cells[DEAD_BAND], cells[STICK_SLIP]])
     frame = pd.DataFrame(rows, columns=["process", "controller", "dead-band (J = 0)", "stick-slip (J > 0)"])
     foot = (
-        "First line: the table. Second: simulated loops that cycle from at least one of six starts. Self-regulating P with "
-        "stick-slip cycles if and only if K Kc J > S; a dead-band under PI only where Kc is near its limit."
+        "First line: the table. Then: loops in which the exact cycle exists; those that any of 25 random load steps reaches; "
+        "simulated loops that cycle from at least one of six starts. Self-regulating P with stick-slip cycles if and only if "
+        "K Kc J > S; a dead-band under PI only where Kc is near its limit."
     )
-    return table(frame, [16, 11, 24, 24], foot=foot)
+    return table(frame, [16, 11, 26, 26], foot=foot)
+
+
+def _cell(row: dict) -> str:
+    return (
+        f"{row['table']}\nexists in {row['exist']} of {row['loops']}\nreached in {row['reached']} of {row['loops']}\n"
+        f"cycled in {row['cycled']} of {row['simulated']}"
+    )

@@ -267,7 +267,7 @@ def test_table_11_2_shapes_are_what_the_classifier_sees(drawn):
 def test_table_11_3_holds_but_for_the_two_cells_it_is_too_coarse_for(drawn):
     d = drawn("table_11_3").set_index(["process", "controller", "nonlinearity"])
     for cell, row in d.iterrows():
-        share = row.cycling / row.loops
+        share = row.cycled / row.simulated
         if cell == ("self-regulating", "P", "stick-slip"):
             assert 0.2 < share < 0.8
         elif cell == ("self-regulating", "PI", "dead-band"):
