@@ -78,7 +78,7 @@ def test_auc_is_sklearns_and_ranks_loops_without_oscillation_lowest(scores, join
 
 def test_axis_rows_add_up_to_the_whole(scores):
     for axis in ("disturbance", "S_over_2J", "noise_ratio"):
-        rows = scores.by_axis.query("axis == @axis and method == 'he' and mode == 'front end'")
+        rows = scores.by_axis[scores.by_axis.axis == axis].query("method == 'he' and mode == 'front end'")
         whole = scores.table.query("method == 'he' and truth == 'cycled' and mode == 'front end'").iloc[0]
         assert rows.n.sum() == whole.n
         assert (rows.accuracy * rows.n).sum() == pytest.approx(whole.accuracy * whole.n)
