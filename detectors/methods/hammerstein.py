@@ -71,11 +71,14 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float, S_low: fl
     op, limits = record.op_percent, (0.0, 100.0)
     if op is None:
         op, limits = record.op, (-np.inf, np.inf)
+    usual = swing(op, period)
+    if usual <= 0.0:
+        return Verdict("hammerstein", NO_DECISION, reason="OP stands still in most cycles")
     found = prepared.share(
         "hammerstein", lambda: fit_hammerstein(op, record.pv, period, prepared.integrating, limits, record.Ts)
     )
     gain = max(1.0 - found.error / max(found.error_linear, 1e-12), 0.0) if found.error_linear > 1e-6 else 0.0
-    share = (found.S + found.J) / max(swing(op, period), 1e-300)
+    share = (found.S + found.J) / usual
     score = gain * min(share, 1.0)
     indices = {"gain": gain, "share": share, "error": found.error, "S_hat": found.S, "J_hat": found.J}
     indices |= {"T_s": found.T_s, "Td_s": found.Td_s}

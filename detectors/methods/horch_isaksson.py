@@ -34,7 +34,7 @@ METHOD = Method(
     budget="full",
     min_periods=4.0,
     thresholds={
-        "score_low": Threshold(0.1, "-", 0.0, 1.0, "own, simulated loops", "at or below: a following valve fits as well"),
+        "score_low": Threshold(0.2, "-", 0.0, 1.0, "own, simulated loops", "at or below: a following valve fits as well"),
         "score_high": Threshold(0.35, "-", 0.0, 1.0, "own, simulated loops", "at or above: the valve stands still for long"),
     },
 )

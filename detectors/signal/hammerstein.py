@@ -9,17 +9,17 @@ import numpy as np
 from detectors.signal.hammerstein_kernels import MOVING_UP, compiled
 from detectors.signal.oscillation import detrend
 
-SAMPLES = 40  # per period, of valve position and PV after averaging (up to twice as many)
-CYCLES = (8, 24)  # periods looked at: the search wants few, since one missed jump spoils all that follow; the end, many
-LENGTH = 1000  # averaged samples at most
+SAMPLES = 50  # per period at least, of valve position and PV after averaging
+# Periods and averaged samples looked at: the search wants few, since one missed jump spoils all that follow; the end, many.
+SHORT, FULL = (8, 360), (24, 700)
 TIMES = np.array([0.01, 0.04, 0.1, 0.25, 0.7])  # time constants tried, in periods; an integrator besides
 S_SHARES = np.concatenate([np.geomspace(0.04, 0.55, 6), np.linspace(0.64, 1.0, 10)])  # of the swing of OP
 J_SHARES = np.array([0.05, 0.35, 0.8, 1.3])  # of S
 S_FINE = np.concatenate([np.geomspace(0.04, 0.45, 8), np.linspace(0.48, 1.0, 27)])
-J_FINE = np.array([0.03, 0.15, 0.25, 0.35, 0.45, 0.6, 0.75, 0.9, 1.05, 1.25])
-S_PROFILE = np.array([0.8, 0.87, 0.93, 0.97, 1.0, 1.03, 1.08, 1.15])  # of the best S
-J_PROFILE = np.array([0.0, 0.15, 0.35, 0.6, 0.85, 1.1, 1.5])  # of S
+J_FINE = np.array([0.03, 0.15, 0.25, 0.35, 0.45, 0.6, 0.75, 0.9, 1.0, 1.1, 1.25, 1.4])
+J_PROFILE = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.25)  # of S
 ENOUGH = 2e-4  # share of the variance of PV below which errors say nothing: sampling, rounding
+PASSES, TOP = 2, 4  # of the dense grid, each with the best plant so far; candidates kept
 STARTS = (0.0, -0.5, 0.5)  # rest positions tried, as shares of the break-away band
 AROUND = np.array([1.0, 0.5, 0.63, 0.79, 1.0, 1.26, 1.59, 2.0])  # times the inverse of a time constant
 
@@ -56,10 +56,12 @@ class Hammerstein:
 class _Search:
     """One record made ready, and the kernels with its arguments filled in."""
 
-    def __init__(self, op: np.ndarray, pv: np.ndarray, period: float, limits: tuple[float, float], cycles: int) -> None:
+    def __init__(
+        self, op: np.ndarray, pv: np.ndarray, period: float, limits: tuple[float, float], reach: tuple[int, int]
+    ) -> None:
         self.q = q = max(1, int(period / SAMPLES))
         self.period = period / q
-        start, stop = strongest_segment(op, period, min(op.size, LENGTH * q, int(cycles * period)))
+        start, stop = strongest_segment(op, period, min(op.size, int(reach[0] * period), reach[1] * q))
         # from the highest OP of the first cycle on: there a cycling valve has just been moving up
         start += int(np.argmax(op[start : start + max(min(round(period), (stop - start) // 4), 1)]))
         n = (stop - start) // q
@@ -72,7 +74,7 @@ class _Search:
         first = min(round(0.3 * n), round(2.5 * self.period)) + int(self.delays[-1]) + 1
         # a controller lowers OP when PV rises if the plant's gain is positive
         self.sign = 1.0 if np.diff(op[start:stop]) @ np.diff(pv[start:stop]) < 0 else -1.0
-        self.swing = swing(self.op, period)
+        self.swing = swing(self.op, period) or float(np.ptp(self.op)) or 1.0
         self.cycles = (n - first - half) / self.period
         self.common = (self.op, y - moving_mean(y, half), q, half, first, n - half, self.sign, *(float(x) for x in limits))
 
@@ -87,9 +89,12 @@ class _Search:
         compiled("scan")(*self.common, S, J, start, poles, delays, out)
         return out
 
-    def descend(self, S: float, J: float, start: float, poles: np.ndarray, delays: np.ndarray, width: float, least: float):
-        """Error, S and J at the bottom of the valley that (S, J) lies in."""
-        return compiled("descend")(*self.common, S, J, start, poles, delays, width * self.swing, least * self.swing)
+    def descend(self, S, J, pole, start: float, delays: np.ndarray, width: float, least: float, fixed_J: bool = False):
+        """Error, S, J and pole at the bottom of the valley, steps from `width` down to `least` shares of the swing."""
+        point = np.array([S, J, np.log(-np.log(pole)) if 0.0 < pole < 1.0 else -np.inf])
+        steps = width * np.array([self.swing, 0.0 if fixed_J else self.swing, 2.0 if np.isfinite(point[2]) else 0.0])
+        error = compiled("descend")(*self.common, point, start, delays, steps, least / width)
+        return float(error), float(point[0]), float(point[1]), float(np.exp(-np.exp(point[2])))
 
 
 def fit_hammerstein(
@@ -140,7 +145,7 @@ def fit_hammerstein(
     >>> round(fit_hammerstein(np.array(op), np.array(pv), 90.0).S, 1)
     5.0
     """
-    short, full = (_Search(op, pv, period, limits, cycles) for cycles in CYCLES)
+    short, full = (_Search(op, pv, period, limits, reach) for reach in (SHORT, FULL))
     delays = full.delays
     poles = np.array([1.0]) if integrating else np.append(full.poles(TIMES), 1.0)
     linear = float(full.scan([0.0], [0.0], MOVING_UP, poles, delays)[0, 0])
@@ -151,19 +156,19 @@ def fit_hammerstein(
     for i in _distinct(tried[:, 0], S, J, 4):
         d = int(np.searchsorted(delays, some[int(tried[i, 2])]))
         ends.append(_plant(short, S[i], J[i], MOVING_UP, poles[int(tried[i, 1])], d, integrating))
-    error, _, _, _, pole, d = min(ends)
-    # noise on OP cuts valleys of 1 % of S: a dense grid with this plant finds them, a descent does not
+    # noise on OP cuts valleys of 1 % of S: a dense grid with a good plant finds them, a descent does not
     S, J = _grid(S_FINE * full.swing, J_FINE)
-    tried = short.scan(S, J, MOVING_UP, np.array([pole]), delays[max(d - 1, 0) : d + 2])
-    ends += [(float(tried[i, 0]), S[i], J[i], MOVING_UP, pole, d) for i in _distinct(tried[:, 0], S, J, 4)]
-    ends = [_settle(short, end, integrating, (0.006,)) for end in sorted(ends)[:5]]
+    for _ in range(PASSES):
+        _, _, _, _, pole, d = min(ends)
+        tried = short.scan(S, J, MOVING_UP, np.array([pole]), delays[max(d - 1, 0) : d + 2])
+        more = [(float(tried[i, 0]), S[i], J[i], MOVING_UP, pole, d) for i in _distinct(tried[:, 0], S, J, 4)]
+        ends = [_settle(short, end, integrating, (0.006,)) for end in sorted(ends + more)[:TOP]]
     ends = sorted(_plant(full, *_start(full, end), integrating) for end in ends)[:2]
     error, S_hat, J_hat, start, pole, d = min(_settle(full, end, integrating, (0.004, 0.001)) for end in ends)
-    search = full
-    S_range, J_range = _ranges(search, error, S_hat, J_hat, start, pole, d)
-    T = np.inf if pole == 1.0 else -search.q * Ts / np.log(pole)
-    dead = (delays[d] - delays[0]) * search.q * Ts
-    return Hammerstein(S_hat, J_hat, S_range, J_range, error, linear, search.sign, float(T), float(dead))
+    S_range, J_range = _ranges(short, (error, S_hat, J_hat, start, pole, d))
+    T = np.inf if pole == 1.0 else -full.q * Ts / np.log(pole)
+    dead = (delays[d] - delays[0]) * full.q * Ts
+    return Hammerstein(S_hat, J_hat, S_range, J_range, error, linear, full.sign, float(T), float(dead))
 
 
 def _grid(S: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -205,25 +210,28 @@ def _settle(search: _Search, point: tuple, integrating: bool, steps: tuple[float
     error, S, J, start, pole, d = point
     for least in steps:
         error, S, J, start, pole, d = _plant(search, S, J, start, pole, d, integrating)
-        few, near = np.array([pole]), search.delays[max(d - 2, 0) : d + 3]
-        error, S, J = search.descend(S, J, start, few, near, 4.0 * least, least)
+        near = search.delays[max(d - 2, 0) : d + 3]
+        error, S, J, pole = search.descend(S, J, pole, start, near, 4.0 * least, least)
         if start == MOVING_UP:
-            rest = [(float(search.scan([S], [J], r, few, near)[0, 0]), r) for r in STARTS]
+            rest = [(float(search.scan([S], [J], r, np.array([pole]), near)[0, 0]), r) for r in STARTS]
             if min(rest)[0] < error:
                 error, start = min(rest)
     return float(error), float(S), float(J), start, pole, d
 
 
-def _ranges(search: _Search, error: float, S: float, J: float, start: float, pole: float, d: int):
-    """S and J that fit about as well, the plant free to make up for them."""
-    near = search.delays[max(d - 4, 0) : d + 5]
-    poles = np.array([pole, pole ** (1 / 0.8), pole**0.8]) if pole < 1.0 else np.array([pole])
-    s, j = _grid(S * S_PROFILE, J_PROFILE)
-    found = search.scan(s, j, start, poles, near)[:, 0]
+def _ranges(search: _Search, point: tuple):
+    """S and J that fit about as well: for each J of a list, S and the plant are free to make up for it."""
+    S, J, start, pole, d = _start(search, point)
+    near = search.delays[max(d - 3, 0) : d + 4]
+    best, S_best, J_best, _ = search.descend(S, J, pole, start, near, 0.02, 0.005)
+    tried = [(best, S_best, J_best), (best, S, J)]
+    for share in J_PROFILE:
+        error, s, j, _ = search.descend(S, share * S, pole, start, near, 0.05, 0.012, fixed_J=True)
+        tried.append((error, s, j))
     # every half cycle counts as one independent piece of evidence
-    inside = found <= error * (1.0 + 3.84 / max(2.0 * search.cycles, 4.0)) + ENOUGH
-    s, j = np.append(s[inside], S), np.append(j[inside], J)
-    return (float(s.min()), float(s.max())), (float(j.min()), float(j.max()))
+    least = min(t[0] for t in tried) * (1.0 + 3.84 / max(2.0 * search.cycles, 4.0)) + ENOUGH
+    inside = [(s, j) for error, s, j in tried if error <= least]
+    return tuple((min(x), max(x)) for x in zip(*inside, strict=True))
 
 
 def strongest_segment(x: np.ndarray, period: float, length: int) -> tuple[int, int]:

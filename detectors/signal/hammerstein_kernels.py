@@ -15,6 +15,7 @@ import numpy as np
 from detectors.signal import stiction_map
 from detectors.signal.stiction_map import trace
 
+MOST_ROUNDS = 60  # of the pattern search
 MOVING_UP, MOVING_DOWN = 2.0, -2.0  # start of a valve that has just been moving; else a rest position
 
 
@@ -111,28 +112,59 @@ def scan(op, y, q, half, first, last, sign, lo, hi, S, J, start, poles, delays, 
         out[i, 0], out[i, 1], out[i, 2] = e, p, d
 
 
-def descend(op, y, q, half, first, last, sign, lo, hi, S, J, start, poles, delays, width, least):
-    """Pattern search over S and J from one point, the step halved when none of six neighbours is better."""
-    error, _, _ = objective(op, y, q, half, first, last, sign, lo, hi, S, J, start, poles, delays)
-    moves = 0
+def at_point(op, y, q, half, first, last, sign, lo, hi, point, start, delays, pole):
+    """Return the error at (S, J, log of the pole's rate); 2 outside 0 < S, 0 <= J <= 1.5 S. A rate of -inf integrates."""
+    S, J = point[0], point[1]
+    if S <= 0.0 or J < 0.0 or J > 1.5 * S:
+        return 2.0
+    pole[0] = np.exp(-np.exp(point[2]))
+    return objective(op, y, q, half, first, last, sign, lo, hi, S, J, start, pole, delays)[0]
+
+
+def descend(op, y, q, half, first, last, sign, lo, hi, point, start, delays, steps, least):
+    """Go down from `point` (S, J, log rate) by pattern search, in place; return the error.
+
+    Hooke & Jeeves (1961): after a round of single steps in S, J, both together and log rate, the whole move is repeated
+    as long as it pays, which follows the valleys in which S, J and the plant trade off; then the steps are halved.
+    """
+    pole = np.empty(1)
+    base, trial, best = point.copy(), point.copy(), point.copy()
+    error = at_point(op, y, q, half, first, last, sign, lo, hi, base, start, delays, pole)
+    width = 1.0
+    rounds = 0
     # an oscillation that died out leaves a valley without end, down which ever smaller steps would walk for minutes
-    while width > least and moves < 300:
-        moves += 1
-        best, best_S, best_J = error, S, J
-        for i in range(6):
-            a = 1.0 if i in (0, 4) else (-1.0 if i in (1, 5) else 0.0)
-            b = 1.0 if i in (2, 4) else (-1.0 if i in (3, 5) else 0.0)
-            s, j = S + a * width, J + b * width
-            if s <= 0.0 or j < 0.0 or j > 1.5 * s:
-                continue
-            e, _, _ = objective(op, y, q, half, first, last, sign, lo, hi, s, j, start, poles, delays)
-            if e < best:
-                best, best_S, best_J = e, s, j
-        if best < error:
-            error, S, J = best, best_S, best_J
-        else:
-            width *= 0.5
-    return error, S, J
+    while width > least and rounds < MOST_ROUNDS:
+        best[:] = base
+        top = error
+        moved = True
+        while moved and rounds < MOST_ROUNDS:
+            rounds += 1
+            for i in range(8):
+                a = width if i % 2 == 0 else -width
+                trial[:] = best
+                trial[0] += a * steps[0] if i < 2 or 4 <= i < 6 else 0.0
+                trial[1] += a * steps[1] if 2 <= i < 6 else 0.0
+                trial[2] += a * steps[2] if i >= 6 else 0.0
+                if i >= 6 and steps[2] == 0.0:
+                    continue
+                e = at_point(op, y, q, half, first, last, sign, lo, hi, trial, start, delays, pole)
+                if e < top:
+                    top = e
+                    best[:] = trial
+            moved = top < error
+            if moved:
+                # on from where the same move once more would lead, if that is better still
+                for c in range(3):
+                    trial[c] = 2.0 * best[c] - base[c] if steps[c] > 0.0 else best[c]
+                base[:] = best
+                error = top
+                e = at_point(op, y, q, half, first, last, sign, lo, hi, trial, start, delays, pole)
+                if e < top:
+                    top = e
+                    best[:] = trial
+        width *= 0.5
+    point[:] = base
+    return error
 
 
 @lru_cache
@@ -149,7 +181,7 @@ def compiled(name: str):
     if name == "trace":
         return stiction_map.compiled(name)
     kernel = globals()[name]
-    called = {n: compiled(n) for n in ("state_before", "trace", "objective") if n in kernel.__code__.co_names}
+    called = {n: compiled(n) for n in ("state_before", "trace", "objective", "at_point") if n in kernel.__code__.co_names}
     copy = FunctionType(kernel.__code__, {**globals(), **called}, name)
     valve = sha1(Path(stiction_map.__file__).read_bytes()).hexdigest()[:8]
     copy.__module__, copy.__qualname__ = __name__, f"{name}_{valve}"

@@ -1,0 +1,182 @@
+"""Hammerstein identification: the kernels against their plain twins, S on loops whose S is known, J where it can be known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from detectors.judge import judge
+from detectors.signal import hammerstein_kernels as kernels
+from detectors.signal.hammerstein import fit_hammerstein, moving_mean, strongest_segment, swing
+from detectors.signal.oscillation import find_oscillation
+from detectors.signal.stiction_map import valve_position
+
+POLES = np.array([0.3, 0.9, 1.0])
+DELAYS = np.array([1, 2, 4])
+
+
+def case(q=1, n=400):
+    rng = np.random.default_rng(0)
+    op = 50 + 3 * np.abs((np.arange(n * q) % (40 * q)) / (10 * q) - 2) + 0.1 * rng.standard_normal(n * q)
+    y = np.cumsum(rng.standard_normal(n)) * 0.01 + np.sin(np.arange(n) * 2 * np.pi / 40 + 1.0)
+    return (op, y - moving_mean(y, 20), q, 20, 60, n - 20, 1.0, 0.0, 100.0)
+
+
+def naive(op, y, q, half, first, last, sign, lo, hi, S, J, start, poles, delays):
+    """The same error from its definition, by least squares over stacked columns."""
+    u = op[0]
+    state = {2.0: (u - (S - J) / 2, 1.0, 1.0, u - 1e-9), -2.0: (u + (S - J) / 2, -1.0, 1.0, u + 1e-9)}
+    state = state.get(start, (u - start * (S + J) / 2, 0.0, 0.0, u))
+    v = valve_position(op, S, J, state).reshape(-1, q).mean(axis=1)
+    h = v - np.array([v[max(k - half, 0) : k + half + 1].mean() for k in range(v.size)])
+    target = y[first:last] - y[first:last].mean()
+    best = (1.0, 0, 0)
+    for p, a in enumerate(poles):
+        x = np.zeros(v.size)
+        for k in range(1, v.size):
+            x[k] = a * x[k - 1] + (1.0 if a == 1.0 else 1.0 - a) * h[k]
+        for i, d in enumerate(delays):
+            columns = [x[first - d - e : last - d - e] for e in (0, 1)]
+            columns = [sign * (c - c.mean()) for c in columns]
+            for used in (columns, columns[:1]):
+                gains = np.linalg.lstsq(np.column_stack(used), target, rcond=None)[0]
+                if np.all(gains >= 0):
+                    left = target - np.column_stack(used) @ gains
+                    best = min(best, (float(left @ left / (target @ target)), p, i))
+                    break
+    return best
+
+
+@pytest.mark.parametrize("q", [1, 3])
+@pytest.mark.parametrize(("S", "J", "start"), [(4.0, 1.5, 2.0), (3.0, 3.0, 0.5), (0.0, 0.0, 0.0), (5.0, 0.0, -2.0)])
+def test_error_equals_least_squares_by_definition(q, S, J, start):
+    given = (*case(q), S, J, start, POLES, DELAYS)
+    error, pole, delay = kernels.compiled("objective")(*given)
+    slow = naive(*given)
+    assert error == pytest.approx(slow[0], abs=1e-9)
+    assert (pole, delay) == slow[1:]
+
+
+def test_plain_kernels_equal_the_compiled_ones():
+    given = case()
+    S, J = np.array([2.0, 4.0]), np.array([0.5, 4.0])
+    plain, fast = np.empty((2, 3)), np.empty((2, 3))
+    kernels.scan(*given, S, J, 2.0, POLES, DELAYS, plain)
+    kernels.compiled("scan")(*given, S, J, 2.0, POLES, DELAYS, fast)
+    assert np.allclose(plain, fast, atol=1e-10)
+    ends = []
+    for descend in (kernels.descend, kernels.compiled("descend")):
+        point = np.array([4.0, 1.0, -2.0])
+        ends.append((descend(*given, point, 2.0, DELAYS, np.array([0.2, 0.2, 0.1]), 0.3), *point))
+    assert np.allclose(*ends, atol=1e-9)
+    assert ends[0][0] < kernels.objective(*given, 4.0, 1.0, 2.0, np.array([np.exp(-np.exp(-2.0))]), DELAYS)[0]
+
+
+def fitted(record):
+    period = find_oscillation(record.op, record.pv, record.Ts).period_s / record.Ts
+    return fit_hammerstein(record.op, record.pv, period, record.process == "integrating", Ts=record.Ts)
+
+
+LOOPS = {
+    "lag": {"n": 3000},
+    "lag, J = S": {"J": 5.0, "kick": 6.0, "n": 2000},
+    "lag, J > S": {"J": 7.0, "kick": 8.0, "n": 2000},
+    "small S": {"S": 1.0, "J": 0.4, "kick": 0.7, "n": 3000},
+    "delay": {"T": 3.0, "Td": 6.0, "Kc": 0.25, "Ti": 3.0, "n": 3000},
+    "level": {"process": "integrating", "K": 0.1, "Td": 1.0, "Kc": 1.5, "Ti": 30.0, "n": 2000},
+    "level, dead band": {"process": "integrating", "K": 0.1, "Td": 1.0, "Kc": 1.5, "Ti": 30.0, "J": 0.0, "n": 3000},
+}
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_S_is_found_within_half_a_percent_of_span(name, loop):
+    S = LOOPS[name].get("S", 5.0)
+    found = fitted(loop(**LOOPS[name]))
+    # a delay-dominant loop toggles its valve between two positions: S and dead time trade off there
+    assert abs(found.S - S) <= (1.5 if name == "delay" else 0.5)
+
+
+def test_S_is_found_in_nine_of_ten_noisy_loops(loop):
+    rng = np.random.default_rng(0)
+    right = []
+    while len(right) < 30:
+        S = float(rng.uniform(2, 8))
+        about = {"S": S, "J": S * float(rng.choice([0.3, 0.5, 0.8, 1.0])), "Td": float(rng.choice([1, 2, 4])), "n": 1500}
+        about |= {"Kc": float(rng.uniform(0.7, 1.5)), "seed": int(rng.integers(1000))}
+        about["kick"] = (S + about["J"]) / 2 * float(rng.uniform(1.02, 1.3))
+        clean = loop(**about)
+        if np.ptp(clean.mv[-300:]) < 0.5 * about["J"]:
+            continue  # this kick did not start the cycle
+        noise = float(rng.choice([0.02, 0.1, 0.2])) * float(clean.pv[750:].std())
+        record = loop(**about, noise=noise)
+        if np.ptp(record.mv[-300:]) > 0.5 * about["J"] and find_oscillation(record.op, record.pv, 1.0).sustained:
+            right.append(abs(fitted(record).S - S) <= 0.5)
+    assert np.mean(right) >= 0.9
+
+
+def test_J_that_the_record_fixes_is_a_number_and_another_an_interval(loop):
+    fixed = judge(loop(**LOOPS["level, dead band"], noise=0.1), ["hammerstein"])[0]
+    assert isinstance(fixed.J, float)
+    assert fixed.J == pytest.approx(0.0, abs=0.3)
+    for noise in (0.0, 0.02):
+        loose = judge(loop(n=3000, noise=noise), ["hammerstein"])[0]
+        assert isinstance(loose.S, float)
+        assert not isinstance(loose.J, float)
+        assert loose.J[0] <= 2.0 <= loose.J[1]
+
+
+def test_plant_is_found_as_well(loop):
+    found = fitted(loop(n=3000))
+    assert found.T_s == pytest.approx(10.0, rel=0.15)
+    assert found.Td_s == pytest.approx(2.0, abs=2.0)  # two samples are averaged into one here
+    assert found.sign == 1.0
+    assert fitted(loop(**LOOPS["level"])).T_s == np.inf
+
+
+def test_direct_acting_loop_gives_the_same_valve(loop):
+    record = loop(n=3000)
+    turned = replace(record, pv=-record.pv)
+    assert fitted(turned).sign == -1.0
+    assert fitted(turned).S == pytest.approx(fitted(record).S, abs=1e-9)
+
+
+def test_start_of_the_record_does_not_matter(loop):
+    record = loop(n=3000, noise=0.05)
+    for start in (100, 137, 171):
+        assert fitted(record.window(start, 2500)).S == pytest.approx(5.0, abs=0.5)
+
+
+def test_a_sine_from_outside_is_no_stiction(loop):
+    load = 3 * np.sin(2 * np.pi * np.arange(3000) / 60)
+    verdict = judge(loop(S=0.0, J=0.0, load=load, noise=0.1, n=3000), ["hammerstein"])[0]
+    assert verdict.verdict == "no_stiction"
+    assert verdict.S is None
+
+
+def test_negligible_stiction_is_said(loop):
+    verdict = judge(loop(S=0.3, J=0.12, kick=0.21, n=3000), ["hammerstein"])[0]
+    assert verdict.verdict == "no_stiction"
+    assert "negligible" in verdict.reason
+
+
+def test_op_in_unknown_units_gives_S_in_those(loop):
+    record = loop(n=3000)
+    verdict = judge(replace(record, op=record.op * 10, op_span=None), ["hammerstein"])[0]
+    assert verdict.verdict == "stiction"
+    assert verdict.S == pytest.approx(50.0, abs=5.0)
+    assert verdict.S_unit == "OP units"
+
+
+def test_op_that_stands_still_in_most_cycles_is_no_decision(loop):
+    record = loop(n=3000)
+    op = np.where(np.arange(3000) < 300, record.op, 50.0)
+    verdict = judge(replace(record, op=op), ["hammerstein"], raw=True)[0]
+    assert verdict.verdict == "no_decision"
+
+
+def test_strongest_segment_prefers_large_regular_swings():
+    t = np.arange(1000)
+    x = np.sin(t / 5) * np.where(t < 500, 0.2, 1.0)
+    assert strongest_segment(x, 10 * np.pi, 300)[0] >= 450
+    assert strongest_segment(x, 10 * np.pi, 2000) == (0, 1000)
+    assert swing(np.tile([0.0, 1.0, 2.0, 1.0], 30), 4.0) == 2.0

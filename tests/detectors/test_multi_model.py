@@ -1,0 +1,74 @@
+"""The two multi-model methods: jumps against every possible course, filters against the exact likelihood."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from detectors.judge import judge
+from detectors.methods.horch_isaksson import LOOSE, two_models
+from detectors.methods.stenman import best_jumps, fit_plant
+
+
+def test_jumps_are_the_cheapest_of_all_courses():
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        u, r = rng.standard_normal((2, 9))
+        penalty = rng.uniform(0.05, 1.0)
+
+        def price(course, u=u, r=r, penalty=penalty):
+            x = np.empty(9)
+            for k in range(9):
+                x[k] = u[k] if k == 0 or course[k - 1] else x[k - 1]
+            return float(np.sum((r - x) ** 2) + penalty * sum(course)), x
+
+        cheapest = min((price(c) for c in itertools.product((0, 1), repeat=8)), key=lambda f: f[0])
+        assert np.allclose(best_jumps(u, r, penalty), cheapest[1])
+
+
+def test_plant_and_delay_are_found():
+    rng = np.random.default_rng(1)
+    x = rng.standard_normal(300)
+    y = np.zeros(300)
+    for k in range(4, 300):
+        y[k] = 0.8 * y[k - 1] + 0.5 * x[k - 4] + 0.1
+    a, b, c, delay, error = fit_plant(x, y, range(6))
+    assert (a, b, c, delay) == pytest.approx((0.8, 0.5, 0.1, 3), abs=1e-6)
+    assert error < 1e-12
+
+
+def test_following_valve_alone_has_the_exact_likelihood():
+    rng = np.random.default_rng(2)
+    n, a, b, noise = 12, 0.7, 0.4, 0.3
+    u, y = rng.standard_normal((2, n))
+    # y is Gaussian: z(0) = y(0) + r-noise, v(0) = u(0) + q, then v(k+1) = u(k) + q, z(k+1) = a z(k) + b v(k+1)
+    mean, jac = np.empty(n), np.zeros((n, n + 1))
+    z, row = y[0], np.zeros(n + 1)
+    row[0] = noise
+    for k in range(n):
+        mean[k], jac[k] = z, row
+        row = a * row
+        row[k + 1] = b * LOOSE
+        z = a * z + b * u[k]
+    C = jac @ jac.T + noise**2 * np.eye(n)
+    left = y - mean
+    exact = -0.5 * (left @ np.linalg.solve(C, left) + np.linalg.slogdet(2 * np.pi * C)[1])
+    assert two_models(u, y, a, b, noise, 1.0)[1] == pytest.approx(exact, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", ["stenman", "horch_isaksson"])
+def test_sticky_loop_scores_far_above_a_sine_from_outside(name, loop):
+    sticky = judge(loop(J=5.0, kick=6.0, n=2000, noise=0.05), [name])[0]
+    load = 3 * np.sin(2 * np.pi * np.arange(2000) / 60)
+    healthy = judge(loop(S=0.0, J=0.0, load=load, n=2000, noise=0.05), [name])[0]
+    assert sticky.verdict == "stiction"
+    assert healthy.verdict != "stiction"
+    assert sticky.score > healthy.score + 0.1
+
+
+@pytest.mark.parametrize("name", ["stenman", "horch_isaksson", "srinivasan", "hammerstein"])
+def test_few_samples_per_cycle_are_no_decision(name, loop):
+    record = loop(J=5.0, kick=6.0, n=2000)
+    thin = record.window(0, 2000)
+    thin = type(record)(op=thin.op[::7], pv=thin.pv[::7], Ts=7.0, process=record.process)
+    assert judge(thin, [name], raw=True)[0].verdict == "no_decision"
