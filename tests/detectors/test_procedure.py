@@ -1,0 +1,154 @@
+"""The diagnosis procedure: the flow chart is the program, every branch is reached, and each answer has its reason."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from detectors.io import read_folder, read_labels
+from detectors.judge import judge
+from detectors.methods.procedure import METHOD
+from detectors.procedure import CONCLUSIONS, FLOW, diagnose, flow_chart
+from detectors.record import LoopRecord
+from detectors.report import score_units
+from detectors.verdict import VERDICTS
+
+REAL = Path(__file__).parents[2].parent / "shared" / "data" / "real"
+LEVEL = {"process": "integrating", "K": 0.1, "Td": 1.0, "Kc": 1.5, "Ti": 30.0, "n": 2000}
+
+
+def path(found):
+    return [(s.step, s.answer) for s in found.steps]
+
+
+def test_flow_chart_is_the_program_and_leads_somewhere_from_everywhere():
+    nodes, edges = flow_chart()
+    ids = {n["id"] for n in nodes}
+    assert ids == set(FLOW) | set(CONCLUSIONS)
+    assert {e["target"] for e in edges} | {"quality"} == ids
+    assert all(verdict in VERDICTS and test for verdict, test in CONCLUSIONS.values())
+    depth = dict.fromkeys(CONCLUSIONS, 0)
+    for _ in FLOW:
+        for key, (_, answers) in FLOW.items():
+            if all(to in depth for to in answers.values()):
+                depth[key] = 1 + max(depth[to] for to in answers.values())
+    assert set(FLOW) <= set(depth)
+
+
+@pytest.mark.parametrize("settings", [{"n": 3000, "noise": 0.05}, {**LEVEL, "noise": 0.05}])
+def test_sticky_loop_goes_all_the_way(loop, settings):
+    found = diagnose(loop(**settings))
+    assert [s for s, _ in path(found)] == ["quality", "oscillation", "saturation", "nonlinearity", "stiction", "level"]
+    assert found.verdict == "stiction"
+    assert found.conclusion == "sticky"
+    assert found.S == pytest.approx(5.0, abs=0.6)
+    assert "gain change" in found.next_test
+    assert all(s.question and s.evidence and s.reason for s in found.steps)
+
+
+def test_a_nonlinearity_that_is_not_seen_does_not_end_the_search(loop):
+    found = diagnose(loop(n=3000, noise=0.05))
+    assert ("nonlinearity", "not seen") in path(found)
+    assert found.verdict == "stiction"
+
+
+def test_negligible_level_needs_no_test_now(loop):
+    found = diagnose(loop(S=0.3, J=0.12, kick=0.21, n=3000))
+    assert found.conclusion in ("slight", "sticky")
+    assert ("level", "no") not in path(found) or "watch" in found.next_test
+
+
+def test_oscillation_from_outside_is_none(loop):
+    load = 3 * np.sin(2 * np.pi * np.arange(3000) / 60)
+    found = diagnose(loop(S=0.0, J=0.0, load=load, noise=0.1, n=3000))
+    assert path(found)[-1] == ("stiction", "no stiction")
+    assert found.verdict == "no_stiction"
+    assert found.S is None
+
+
+def test_loop_at_rest_ends_at_the_oscillation(loop):
+    found = diagnose(replace(loop(S=0.0, J=0.0, noise=0.2, n=2000), mv=None, kind="level"))
+    assert path(found)[1:] == [("oscillation", "no"), ("valve", "cannot tell")]
+    assert found.verdict == "no_stiction"
+    assert found.reason.startswith("no sustained oscillation (r = ")
+
+
+def roaming(S):
+    """A slow flow loop whose set point steps make OP turn a few times, but never cycle."""
+    op = 50 + np.cumsum(np.repeat([0.02, -0.02, 0.025, -0.02, 0.02, -0.025], 150))
+    v, mv = op[0], []
+    for u in op:
+        v = max(u - S / 2, min(u + S / 2, v))
+        mv.append(v)
+    pv = 3 * np.array(mv) + 0.1 * np.random.default_rng(0).standard_normal(op.size)
+    noise = 0.02 * np.random.default_rng(1).standard_normal(op.size)
+    return LoopRecord(op + noise - 0.03 * (pv - pv.mean()), pv, 1.0, process="self-regulating", kind="flow")
+
+
+@pytest.mark.parametrize(("S", "expected"), [(2.4, "stiction"), (0.0, "no_stiction")])
+def test_flow_that_stands_still_shows_the_valve_without_an_oscillation(S, expected):
+    record = roaming(S)
+    found = diagnose(record)
+    assert ("oscillation", "no") in path(found)
+    assert found.verdict == expected
+    assert diagnose(replace(record, kind="level")).verdict == "no_stiction"
+    assert "dead band explains" in found.reason
+
+
+def test_dead_record_is_unfit():
+    found = diagnose(LoopRecord(np.full(500, 50.0), np.sin(np.arange(500.0)), 1.0))
+    assert path(found) == [("quality", "no")]
+    assert found.verdict == "no_decision"
+    assert np.isnan(found.score)
+
+
+def test_saturated_loop_is_sent_to_its_limits(loop):
+    record = loop(n=3000)
+    op = np.clip(50 + 30 * np.sin(np.arange(3000) / 10), 40, 100)
+    found = diagnose(replace(record, op=op, pv=-np.sin((np.arange(3000) - 5) / 10), op_span=(40, 100)))
+    assert path(found)[-1] == ("saturation", "yes")
+    assert found.conclusion == "saturated"
+
+
+def test_unknown_units_leave_the_level_open(loop):
+    record = replace(loop(n=3000), mv=None, op_span=None)
+    found = diagnose(replace(record, op=record.op * 10))
+    assert path(found)[-1] == ("level", "cannot tell")
+    assert found.S_unit == "OP units"
+
+
+def test_json_and_text_carry_the_whole_path(loop):
+    found = diagnose(loop(n=3000))
+    data = json.loads(json.dumps(found.as_json(), allow_nan=False))
+    assert [s["step"] for s in data["steps"]] == [s.step for s in found.steps]
+    assert {"verdict", "score", "S", "J", "next_test", "reason", "steps", "verdicts", "conclusion"} <= set(data)
+    text = found.as_text()
+    assert text.count("\n") >= 2 * len(found.steps)
+    assert f"Next: {found.next_test}" in text
+
+
+def test_method_gives_the_same_verdict_as_the_procedure(loop):
+    record = replace(loop(n=3000, noise=0.05), mv=None)
+    verdict, found = judge(record, ["procedure"])[0], diagnose(record)
+    assert (verdict.verdict, verdict.score, verdict.S) == (found.verdict, found.score, found.S)
+    strict = judge(record, ["procedure"], thresholds={"procedure": {"odds_high": 15.0}})[0]
+    assert strict.verdict == "no_decision"
+    assert METHOD.defaults()["odds_low"] < METHOD.defaults()["odds_high"]
+
+
+@pytest.mark.skipif(not REAL.is_dir(), reason=f"real records are not here ({REAL})")
+def test_real_loops_no_false_alarm_and_most_credible_stiction_found():
+    labels = read_labels(REAL / "records.csv")
+    each = {name: {"kind": row["kind"], "process": row["process"]} for name, row in labels.items()}
+    records, _ = read_folder(REAL, names=labels, each=each)
+    verdicts = [(name, judge(record, ["procedure"])[0]) for name, record in records.items()]
+    assert all(v.reason for _, v in verdicts)
+    credible = {name: row for name, row in labels.items() if row["usable"] == "1" and not row["label_doubt"]}
+    row = score_units(verdicts, credible)[0]
+    assert row["n_stiction"] == 5
+    assert row["found"] >= 4
+    assert score_units(verdicts, labels)[0]["false_alarms"] <= 0.07 * score_units(verdicts, labels)[0]["n_other"]
+    dead = [v for name, v in verdicts if "FIC10112" in name]
+    assert all(v.verdict == "no_decision" for v in dead)
