@@ -137,7 +137,7 @@ def _shrinkage(report: GapReport) -> Markup:
         sizes["after"] = g.after
     sizes["floor"] = g.floor
     says = "gap: " + ", ".join(f"{name} {size:.2f}" for name, size in sizes.items())
-    per = getattr(report.details.get("main"), "per_feature", {})
+    per = report.details["main"].per_feature
     features = pd.DataFrame([{"feature": k, "before": b, "after": a} for k, (b, a) in per.items()])
     if len(features):
         features = features.sort_values("before", ascending=False)
@@ -150,7 +150,7 @@ def _shrinkage(report: GapReport) -> Markup:
 
 
 def _open(report: GapReport) -> Markup:
-    sizes = report.details.get("detectable") or {}
+    sizes = report.details["detectable"]
     rows = [
         {"effect": words(e), "block": EFFECTS[e].block, "smallest size": size, "unit": unit or "-"}
         for e, (size, unit) in sizes.items()
@@ -158,6 +158,9 @@ def _open(report: GapReport) -> Markup:
     ]
     hidden = [words(e) for e, (size, _) in sizes.items() if not math.isfinite(size)]
     answers = {e["effect"] for e in report.effects}
+    separation = report.details["separation"]
+    tests = pd.DataFrame({"test": list(separation), "separation": list(separation.values())})
+    tests = tests.sort_values("separation", ascending=False)
     return render(
         "open.html",
         group=[words(e) for e in report.group] if len(report.group) > 1 else [],
@@ -167,6 +170,7 @@ def _open(report: GapReport) -> Markup:
         next_test=report.next_test,
         notes=report.notes,
         resolvable=report.gap.resolvable,
+        tests=sortable(tests) if len(tests) else None,
         table=sortable(pd.DataFrame(rows)) if rows else None,
         hidden=hidden,
     )
