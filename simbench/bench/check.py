@@ -118,7 +118,8 @@ class Check:
         return f'<?xml version="1.0" encoding="utf-8"?>\n{ElementTree.tostring(suite, encoding="unicode")}\n'
 
     def _moved(self) -> pd.DataFrame:
-        changed = self.tests[self.tests["before"] != self.tests["now"]]
+        same = (self.tests["before"] == self.tests["now"]) | self.tests[["before", "now"]].isna().all(axis=1)
+        changed = self.tests[~same]
         return changed.drop(columns=[] if self.paired else ["lost", "won"]).sort_values("p", kind="stable").head(2 * SHOWN)
 
     def _worst_first(self) -> pd.DataFrame:
