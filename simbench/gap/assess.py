@@ -71,7 +71,7 @@ def assess(situation: Situation) -> Assessment:
     if situation.record.mv is not None:
         stranger = _valve_by_mv(situation, gains, parameters)
     for effect in ("stiction", "deadband"):
-        if effect in candidates and gains[effect] > 0:
+        if effect in candidates and gains[effect] > 0 and situation.trusted:
             gains[effect] *= beyond_healthy(candidates[effect].fit.theta["S"])
     _spikes_by_innovations(situation, base, gains, parameters)
     if "quantisation" in situation.hard or "compression" in situation.hard:
@@ -172,7 +172,7 @@ def fit_second(
     found = fit_candidates(engine, first, others)
     for effect in {"stiction", "deadband"} & set(found):
         c = found[effect]
-        if c.gain > 0:
+        if c.gain > 0 and situation.trusted:
             found[effect] = replace(c, gain=c.gain * beyond_healthy(c.fit.theta["S"]))
     return found
 

@@ -249,6 +249,7 @@ class Engine:
         box = []
         for m in names:
             low, high = self.bounds(spec, m)
+            high = max(low, high)
             theta[m] = min(max(theta[m], low), high)
             box.append((np.log(low), np.log(high)) if m in LOGS else (low, high))
 

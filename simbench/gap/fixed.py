@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from scenarios.spec import Loop
-from simbench.gap import innovations as kernels
 from simbench.gap.candidates import LOAD_FIRST
 from simbench.gap.check import Situation
 from simbench.gap.fit import Fit, valve_of
@@ -113,29 +112,19 @@ def fixed_loop(
     K = abs(table["plant"]["K"]) * (Ts if situation.integrating else 1.0)
     amplitude = source.theta["load"] / K
     table["disturbance"] = [{"type": "coloured", "amplitude": amplitude, "period": source.theta["load_time"] * Ts}]
-    u_rest, v_rest = _rest(situation, fit)
-    table["operating_point"] = {"op0": u_rest, "pv0": float(sp[0])}
-    if abs(u_rest - v_rest) > 1e-6 and fit.spec.valve in (kernels.ZONE, kernels.CURVE) and any(
-        e in effects for e in ("deadzone", "valve_characteristic")
-    ):
-        # a constant load keeps the operating point one of equilibrium behind a bent valve
-        table["disturbance"].append({"type": "ramp", "amplitude": abs(u_rest - v_rest), "period": 1e-3 * Ts})
-        if u_rest < v_rest:
-            table["disturbance"][-1] = {"type": "sine", "amplitude": v_rest - u_rest, "period": 1e9 * n * Ts, "phase": -np.pi / 2}
+    table["operating_point"] = {"op0": _rest(situation, fit), "pv0": float(sp[0])}
     table["effect"] = [*table.get("effect", []), *({"name": e, **p} for e, p in effects.items())]
     return Loop.from_table(table, "fixed loop")
 
 
-def _rest(situation: Situation, fit: Fit) -> tuple[float, float]:
-    """Return OP and MV at which PV rests on the first set point, mean load included."""
+def _rest(situation: Situation, fit: Fit) -> float:
+    """Return OP at which PV rests on the first set point, mean load included."""
     d, sp = situation.data, situation.sp
     v = valve_of(fit.spec, fit.theta, d.u)
-    per = fit.K if fit.K != 0 else d.K
-    ahead = (float(np.mean(d.y)) - sp[0]) / per if d.T > 0 else (d.y[-1] - d.y[0]) / (per * d.n)
-    v_rest = _clip(float(np.mean(v)) - ahead, 1.0, 99.0)
-    slope = np.polyfit(v, d.u, 1)[0] if np.ptp(v) > 0 else 1.0
-    u_rest = _clip(float(np.mean(situation.op)) - ahead * slope, 1.0, 99.0)
-    return u_rest, v_rest
+    gain = fit.K if fit.K != 0 else d.K
+    ahead = (float(np.mean(d.y)) - sp[0]) / gain if d.T > 0 else (d.y[-1] - d.y[0]) / (gain * d.n)
+    slope = float(np.polyfit(v, situation.op, 1)[0]) if np.ptp(v) > 0 else 1.0
+    return _clip(float(np.mean(situation.op)) - ahead * slope, 1.0, 99.0)
 
 
 def _clip(x: float, low: float, high: float) -> float:

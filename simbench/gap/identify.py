@@ -119,7 +119,7 @@ def plausible(found: Assessment) -> Assessment:
     fits = [e for e in chosen if e in found.candidates]
     final = found.candidates[fits[0]].fit if fits else found.base
     # a residual test asks whether a trusted model is whole; an identified one never is
-    return replace(found, gains=gains, chosen=chosen, final=final, strange={k: v for k, v in found.strange.items() if k == "sensor"})
+    return replace(found, gains=gains, chosen=chosen, final=final, strange=found.strange if s.frozen else {})
 
 
 def _in_both_halves(found: Assessment, effect: str) -> bool:

@@ -74,6 +74,14 @@ class Setup:
         self.valves.insert(0, stage) if first else self.valves.append(stage)
 
     @property
+    def resting_mv(self) -> float:
+        """MV (%) at rest under OP = op0: what the chain of valves makes of it."""
+        v = self.op0
+        for module, p in self.valves:
+            v = float(module.start(v, p)[0])
+        return v
+
+    @property
     def sticky(self) -> bool:
         """Whether any stage of the valve has friction."""
         return any(module.FRICTION and _acts(p) for module, p in self.valves)

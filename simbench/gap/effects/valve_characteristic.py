@@ -13,6 +13,8 @@ ACTS = "loop"
 
 
 def apply(setup, p, rng):
-    """Put the curve behind the valve."""
+    """Put the curve behind the valve; a constant load keeps op0 the operating point of rest."""
     if p.R != 1.0:
+        straight = setup.resting_mv
         setup.add_valve("gain_ratio", {"R": p.R})
+        setup.load_in += straight - setup.resting_mv
