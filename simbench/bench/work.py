@@ -67,9 +67,9 @@ def work(
     number: int,
     groups: Sequence[int],
     methods: Sequence[str],
-    plugins: Iterable[str],
-    thresholds: Thresholds,
-    keep: int,
+    plugins: Iterable[str] = (),
+    thresholds: Thresholds | None = None,
+    keep: int = 0,
 ) -> Piece:
     """Simulate, label and judge some groups of a grid.
 
@@ -111,10 +111,8 @@ def work(
             piece.simulating += time.perf_counter() - since
             for scenario in scenarios:
                 _one(scenario, index, chosen, ORACLE in methods, rows, verdicts, piece, keep)
-    piece.scenarios, piece.verdicts = (
-        tables.encode(rows, tables.SCENARIOS, number),
-        tables.encode(verdicts, tables.VERDICTS, number),
-    )
+    piece.scenarios = tables.encode(rows, tables.SCENARIOS, number)
+    piece.verdicts = tables.encode(verdicts, tables.VERDICTS, number)
     piece.total = time.perf_counter() - began
     return piece
 
@@ -233,7 +231,6 @@ def _scenario_row(
 
 def _verdict_row(ident: str, front: Verdict, raw: Verdict, error: str | None, seconds: float) -> dict[str, Any]:
     (S_lo, S_hi), (J_lo, J_hi) = _ends(front.S), _ends(front.J)
-    plain = front.as_json()
     return {
         "scenario_id": ident,
         "method": front.method,
@@ -244,7 +241,7 @@ def _verdict_row(ident: str, front: Verdict, raw: Verdict, error: str | None, se
         "applicable": front.applicable,
         "reason": front.reason,
         "reason_raw": None if raw.reason == front.reason else raw.reason,
-        "indices": json.dumps(plain["indices"]),
+        "indices": json.dumps({k: float(v) if math.isfinite(v) else None for k, v in front.indices.items()}),
         "S_lo": S_lo,
         "S_hi": S_hi,
         "J_lo": J_lo,
