@@ -121,4 +121,4 @@ def _table_11_3() -> Iterator[Row]:
         share = row["cycled"] / row["simulated"]
         agrees = share == 0 if row["table"].startswith("no") else share > 0.9
         why = notes.get(cell, "the others were not excited far enough by six starts" if 0 < share < 1 else "")
-        yield Row("Table 11.3", ", ".join(cell), row["table"], f"{row["cycled"]} of {row["simulated"]} cycle", agrees, why)
+        yield Row("Table 11.3", ", ".join(cell), row["table"], f"{row['cycled']} of {row['simulated']} cycle", agrees, why)
