@@ -375,7 +375,7 @@ class _Course:
     def level(self) -> tuple[str, str, str]:
         if self.S is None or self.prepared.record.op_percent is None:
             return "cannot tell", "S is not known in % of travel", "Confirm before any work on the valve."
-        lo, hi = (self.S, self.S) if isinstance(self.S, float) else self.S
+        lo, hi = self.S if isinstance(self.S, tuple) else (self.S, self.S)
         said = f"S = {lo:.2g} %" if lo == hi else f"S = {lo:.2g} to {hi:.2g} %"
         if hi < S_SMALL:
             return "no", said, "Stiction of this size does little harm."

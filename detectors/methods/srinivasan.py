@@ -142,7 +142,7 @@ def detect(prepared: Prepared, *, share_low: float) -> Verdict:
     score = 1.0 - float(shares[decisive][LABELS.index("sine")])
     seen = {name: LABELS[int(np.argmax(s))] for name, s in shares.items()}
     pair = tuple("triangle" if seen[n] == "sawtooth" else seen[n] for n in ("OP", "PV"))
-    said = f"OP looks like a {seen['OP']} ({shares['OP'].max():.0%} of the cycles), PV like a {seen['PV']} ({shares['PV'].max():.0%})"
+    said = ", ".join(f"{n} looks like a {seen[n]} ({shares[n].max():.0%} of the cycles)" for n in ("OP", "PV"))
     if min(s.max() for s in shares.values()) < share_low:
         return Verdict("srinivasan", NO_DECISION, score, indices, reason=f"{said}: too mixed")
     if pair in STICKY["integrating" if prepared.integrating else "self-regulating"]:

@@ -89,10 +89,10 @@ def fit_plant(x: np.ndarray, y: np.ndarray, delays: range) -> tuple[float, float
     target, before = y[first:], y[first - 1 : -1]
     for d in delays:
         A = np.column_stack([before, x[first - 1 - d : x.size - 1 - d], np.ones(target.size)])
-        theta = np.linalg.lstsq(A, target, rcond=None)[0]
-        error = float(np.mean((target - A @ theta) ** 2))
+        a, b, c = np.linalg.lstsq(A, target, rcond=None)[0]
+        error = float(np.mean((target - A @ (a, b, c)) ** 2))
         if error < best[4]:
-            best = (*(float(t) for t in theta), d, error)
+            best = (float(a), float(b), float(c), d, error)
     return best
 
 
