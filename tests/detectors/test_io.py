@@ -74,9 +74,7 @@ def isdb(folder):
     loop = {"SP": 10.0, "PV": PV, "OP": OP, "Ts": 2, "Type": 1, "Comments": "Level control; no stiction"}
     other = {"SP": np.full(N, 3.0), "PV": PV, "OP": OP, "Ts": 5.0, "Type": "Flow", "Comments": ["FC145", "stiction"]}
     file = folder / "isdb10.mat"
-    savemat(
-        file, {"cdata": {"chemicals": {"loop1": loop, "loop2": other}, "mining": {"loop1": {**other, "OP": OP[:3]}}}}
-    )
+    savemat(file, {"cdata": {"chemicals": {"loop1": loop, "loop2": other}, "mining": {"loop1": {**other, "OP": OP[:3]}}}})
     return file
 
 
@@ -246,9 +244,7 @@ def test_folder_keeps_good_records_and_names_the_others(tmp_path):
 
 
 def test_labels_read_with_underscores_as_hyphens(tmp_path):
-    file = write(
-        tmp_path, ["a,stiction,diff_pressure,self_regulating", "b,no_stiction,none,"], "id,label,type,dynamics"
-    )
+    file = write(tmp_path, ["a,stiction,diff_pressure,self_regulating", "b,no_stiction,none,"], "id,label,type,dynamics")
     table = read_labels(file)
     assert (table["a"]["kind"], table["a"]["process"], table["a"]["unit_group"]) == (
         "diff-pressure",

@@ -11,9 +11,7 @@ from hypothesis import strategies as st
 from detectors.errors import ParameterError
 from detectors.signal.stiction_map import start, step, valve_position
 
-U = np.concatenate(
-    [np.arange(50, 61, 2), np.arange(59, 49, -1), np.arange(50, 59), [58, 58], np.arange(59, 64)]
-).astype(float)
+U = np.concatenate([np.arange(50, 61, 2), np.arange(59, 49, -1), np.arange(50, 59), [58, 58], np.arange(59, 64)]).astype(float)
 # Position (% of travel) under U for S = 5 and each J, from an independent implementation of the flow chart.
 GOLDEN = {
     0: "50 50 51.5 53.5 55.5 57.5 57.5 57.5 57.5 57.5 57.5 56.5 55.5 54.5 53.5 52.5 52.5 52.5 52.5 52.5 52.5 52.5 "
@@ -122,10 +120,7 @@ def test_impossible_parameter_is_refused_in_one_sentence(S, J):
 
 def test_numba_is_not_imported_with_the_module():
     code = "import sys, detectors.signal.stiction_map; print('numba' in sys.modules)"
-    assert (
-        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip()
-        == "False"
-    )
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "False"
 
 
 def test_a_second_process_finds_the_compiled_kernel_on_disk():
@@ -134,6 +129,4 @@ def test_a_second_process_finds_the_compiled_kernel_on_disk():
         "from detectors.signal.stiction_map import *; valve_position([50.0, 51.0], 1.0, 0.0); "
         "print(sum(compiled('trace').stats.cache_hits.values()))"
     )
-    assert (
-        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "1"
-    )
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "1"
