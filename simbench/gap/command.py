@@ -13,7 +13,7 @@ from scenarios.spec import load_loop
 from simbench.files import whole_file
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.result import GapReport
-from simbench.gap.runs import fixed_loop_of, kick_of
+from simbench.gap.runs import fixed_loop_of, kick_of, named
 
 
 def diagnose_files(
@@ -93,7 +93,7 @@ def one_file_quick(record: Path, baseline: Path) -> dict[str, Any]:
 
 
 def _loop_text(report: GapReport, records: list[str], baseline: str | Path | None) -> str:
-    kick = kick_of(report)
+    kick = kick_of(report, named(report))
     lines = [
         report.sentence(),
         f"records: {', '.join(records)}; baseline: {baseline or 'identified'}",
@@ -115,5 +115,5 @@ def _again(
         if value is not None:
             words += [f"--{name.replace('_', '-')}", *map(str, value if isinstance(value, tuple) else [value])]
     words += ["--write-loop", "fixed.toml"] + ([] if bootstrap else ["--no-bootstrap"])
-    kick = kick_of(report)
+    kick = kick_of(report, named(report))
     return [shlex.join(words), "simbench simulate fixed.toml -o fixed.csv" + (f" --kick {kick:.3g}" if kick else "")]

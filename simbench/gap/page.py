@@ -55,7 +55,7 @@ def write_page(report: GapReport, path: str | Path, command: Sequence[str] = ())
     ]
     text = render(
         "page.html",
-        title=f"Why the simulation is unlike {tag or 'the record'}",
+        title=f"{tag or 'Record'} against its simulation",
         subtitle="Sim-to-real gap of one control loop",
         sections=[{"id": i, "title": title, "body": body} for i, title, body in parts],
         footer=f"simbench {version('stiction-simbench')}",
@@ -108,7 +108,12 @@ def _look(report: GapReport) -> Markup:
     if record.mv is not None:
         items.append((lambda: pictures.draw_loops("MV", *part), "mv-op", "MV over OP: record and simulations"))
     drawn = [{"svg": _picture(draw, name, says), "caption": says + "."} for draw, name, says in items]
-    return render("look.html", items=drawn, fixed=runs.FIXED in simulated, absent=runs.BASELINE not in simulated)
+    return render(
+        "look.html",
+        items=drawn,
+        added=next((n for n in (runs.FIXED, runs.NEAREST) if n in simulated), ""),
+        absent=runs.BASELINE not in simulated,
+    )
 
 
 def _which(report: GapReport) -> Markup:
@@ -121,13 +126,14 @@ def _which(report: GapReport) -> Markup:
             "gap before": _column(r.gap_before for r in report.ranking),
             "gap after": _column(r.gap_after for r in report.ranking),
             "parameters": [numbers(r.parameters, "") for r in report.ranking],
-            "meaning": [_meaning(r.effect) for r in report.ranking],
         }
     )
+    meaning = [(words(r.effect), _meaning(r.effect)) for r in report.ranking]
     chances = [r.probability for r in top]
     says = "probabilities: " + ", ".join(f"{words(r.effect)} {r.probability:.2f}" for r in top)
     svg = _picture(lambda: pictures.draw_ranking([words(r.effect) for r in top], chances), "ranking", says)
-    return render("which.html", svg=svg, table=sortable(frame, {"probability": "{:.3f}".format}, long=("meaning",)))
+    table = sortable(frame, {"probability": "{:.3f}".format}, long=("parameters",))
+    return render("which.html", svg=svg, table=table, meaning=meaning)
 
 
 def _shrinkage(report: GapReport) -> Markup:
@@ -135,17 +141,21 @@ def _shrinkage(report: GapReport) -> Markup:
     sizes = {"before": g.before, "recalibrated": g.recalibrated}
     if runs.named(report):
         sizes["after"] = g.after
+    for r in report.ranking:
+        if r.effect in runs.nearest(report) and r.gap_after is not None:
+            sizes["nearest effect"] = r.gap_after
     sizes["floor"] = g.floor
     says = "gap: " + ", ".join(f"{name} {size:.2f}" for name, size in sizes.items())
     per = report.details["main"].per_feature
-    features = pd.DataFrame([{"feature": k, "before": b, "after": a} for k, (b, a) in per.items()])
+    last = "after" if runs.named(report) else "recalibrated"
+    features = pd.DataFrame([{"feature": k, "before": b, last: a} for k, (b, a) in per.items()])
     if len(features):
         features = features.sort_values("before", ascending=False)
     return render(
         "shrinkage.html",
         svg=_picture(lambda: pictures.draw_gap(sizes), "gap", says),
         resolvable=g.resolvable,
-        features=sortable(features, dict.fromkeys(("before", "after"), "{:.2f}".format)) if len(features) else None,
+        features=sortable(features, dict.fromkeys(("before", last), "{:.2f}".format)) if len(features) else None,
     )
 
 

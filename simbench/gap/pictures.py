@@ -11,11 +11,11 @@ from matplotlib.patches import Circle, FancyBboxPatch
 from scipy.signal import welch
 
 from simbench.figures._style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, label, panels, styled
-from simbench.gap.runs import BASELINE, FIXED, TUNED, Trace
+from simbench.gap.runs import BASELINE, FIXED, NEAREST, TUNED, Trace
 
 WIDTH = 4.6  # inches; no wider, or the letters are too small on a phone
 RECORD = "record"
-LOOK = {RECORD: (BLACK, "-"), BASELINE: (BLUE, "--"), TUNED: (GREEN, "-."), FIXED: (RED, "-")}
+LOOK = {RECORD: (BLACK, "-"), BASELINE: (BLUE, "--"), TUNED: (GREEN, "-."), FIXED: (RED, "-"), NEAREST: (ORANGE, "-")}
 BEYOND = 0.75  # share of the record's range that a runaway simulation may be drawn beyond it
 
 _BOXES = {
@@ -213,7 +213,7 @@ def draw_gap(sizes: Mapping[str, float]) -> Figure:
     Parameters
     ----------
     sizes : mapping of name to float
-        Seed-to-seed standard deviations; with a key "floor".
+        Seed-to-seed standard deviations; names are before, recalibrated, after, nearest effect and, always, floor.
 
     Returns
     -------
@@ -221,8 +221,8 @@ def draw_gap(sizes: Mapping[str, float]) -> Figure:
     """
     figure, grid = panels(1, 1, WIDTH, 0.65 + 0.34 * len(sizes))
     axes = grid[0, 0]
-    colours = {"before": BLUE, "recalibrated": GREEN, "after": RED, "floor": GREY}
-    _bars(axes, list(sizes), list(sizes.values()), [colours.get(n, ORANGE) for n in sizes], "{:.2f}")
+    colours = {"before": BLUE, "recalibrated": GREEN, "after": RED, "nearest effect": ORANGE, "floor": GREY}
+    _bars(axes, list(sizes), list(sizes.values()), [colours[n] for n in sizes], "{:.2f}")
     axes.axvline(sizes["floor"], color=GREY, linestyle=":", linewidth=1.0)
     axes.set(xlim=(0, 1.15 * max(sizes.values())), xlabel="distance from the record (seed-to-seed standard deviations)")
     return figure

@@ -9,12 +9,12 @@ import numpy as np
 from detectors.errors import UserError
 from detectors.record import LoopRecord
 from scenarios.spec import Loop
-from simbench.gap.names import EFFECTS, NONE
+from simbench.gap.names import EFFECTS, UNKNOWN
 from simbench.gap.result import GapReport
 from simbench.gap.shrink import held_out
 from simbench.loop.simulate import simulate
 
-BASELINE, TUNED, FIXED = "baseline", "recalibrated", "with the effect"
+BASELINE, TUNED, FIXED, NEAREST = "baseline", "recalibrated", "with the effect", "with the nearest effect"
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +38,12 @@ def named(report: GapReport) -> list[str]:
     return [e["effect"] for e in report.effects if e["effect"] in EFFECTS]
 
 
+def nearest(report: GapReport) -> list[str]:
+    """Return the known effect closest to an unknown one, in a list; empty where the answer is known or nothing comes close."""
+    fitted = [r.effect for r in report.ranking if r.effect in EFFECTS and r.gap_after is not None]
+    return fitted[:1] if report.effect == UNKNOWN else []
+
+
 def fixed_loop_of(report: GapReport) -> Loop:
     """Return the baseline with the named effects, the identified load and the record's set point in it.
 
@@ -53,9 +59,10 @@ def fixed_loop_of(report: GapReport) -> Loop:
     return report.details["arms"].loop(named(report))
 
 
-def kick_of(report: GapReport) -> float:
-    """Return the offset of OP (%) that starts the fixed loop's cycle: a sticky loop left at rest may stay there."""
-    return float(next((e["parameters"].get("S", 0.0) for e in report.effects if e["effect"] == "stiction"), 0.0))
+def kick_of(report: GapReport, effects: list[str]) -> float:
+    """Return the offset of OP (%) that starts a cycle under these effects: a sticky loop left at rest may stay there."""
+    sticky = [r.parameters for r in report.ranking if r.effect == "stiction" and r.effect in effects]
+    return float(sticky[0].get("S", 0.0)) if sticky else 0.0
 
 
 def recorded(report: GapReport) -> Trace:
@@ -66,7 +73,7 @@ def recorded(report: GapReport) -> Trace:
 
 
 def simulated(report: GapReport, seed: int = 0) -> dict[str, Trace]:
-    """Simulate the record's length with the baseline, the recalibrated and, where an effect is named, the fixed loop.
+    """Simulate the record's length with the baseline, the recalibrated loop and the loop with the named (or nearest) effect.
 
     Parameters
     ----------
@@ -80,16 +87,18 @@ def simulated(report: GapReport, seed: int = 0) -> dict[str, Trace]:
     dict of str to Trace
         By name; a loop that cannot be simulated or runs away is left out.
     """
-    arms, effects = report.details["arms"], named(report)
+    arms, effects, close = report.details["arms"], named(report), nearest(report)
     arms.shrink(effects)
     before, tuned, _ = arms.kept[tuple(effects)]
-    loops = {BASELINE: before.loop, TUNED: tuned.loop}
-    if report.effect != NONE and effects:
-        loops[FIXED] = fixed_loop_of(report)
+    loops = {BASELINE: (before.loop, 0.0), TUNED: (tuned.loop, 0.0)}
+    if effects:
+        loops[FIXED] = (fixed_loop_of(report), kick_of(report, effects))
+    elif close:
+        loops[NEAREST] = (arms.loop(close), kick_of(report, close))
     found = {}
-    for name, loop in loops.items():
+    for name, (loop, kick) in loops.items():
         try:
-            record = simulate(loop, seed=seed, kick=kick_of(report) if name == FIXED else 0.0).record
+            record = simulate(loop, seed=seed, kick=kick).record
         except UserError:
             continue
         if np.all(np.isfinite(record.pv)):

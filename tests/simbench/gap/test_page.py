@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import re
 import sys
+from dataclasses import replace
 from html import unescape
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from simbench.files import FileError
 from simbench.gap import diagnose
 from simbench.gap.page import write_page
 from simbench.gap.pictures import spectrum
-from simbench.gap.runs import BASELINE, FIXED, TUNED, recorded, simulated, window
+from simbench.gap.runs import BASELINE, FIXED, NEAREST, TUNED, recorded, simulated, window
 from simbench.gap.study import random_case
 from simbench.loop.simulate import simulate
 
@@ -129,6 +130,17 @@ def test_pictures_show_the_record_and_three_simulations_of_its_length(sticky, cl
     assert window(sticky, 400) == (1100, 1500)
     assert window(sticky) == (975, 1500)
     assert FIXED not in simulated(clean)
+
+
+def test_for_an_unknown_effect_the_nearest_known_one_is_drawn_and_said_to_be_that(sticky, tmp_path):
+    answer = {"block": "valve", "effect": "unknown", "parameters": {}, "probability": 0.9}
+    unknown = replace(sticky, effect="unknown", effects=(answer,), shrinkage=None)
+    assert list(simulated(unknown)) == [BASELINE, TUNED, NEAREST]
+    write_page(unknown, tmp_path / "page.html")
+    said = text_of(tmp_path / "page.html")
+    assert unknown.sentence() in said
+    assert "with the nearest effect added" in said
+    assert "Still possible in place of the answer: stiction" in said
 
 
 def test_the_spectrum_of_a_sine_peaks_at_its_frequency_and_holds_its_power():
