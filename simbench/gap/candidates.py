@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -85,10 +85,16 @@ def pole(kind: str) -> Callable[[Engine, Fit], tuple[Fit, float]]:
 
 
 def deadband(engine: Engine, base: Fit) -> tuple[Fit, float]:
-    """Search the band on a grid, then refine it alone and with the nuisances."""
+    """Scan the band finely, then refine it alone and with the nuisances."""
     spec = base.spec.join(Spec(valve=kernels.PLAY))
-    sizes = band_sizes(engine.data)
-    best = engine.grid(spec, base.theta, [{"S": s} for s in sizes])
+    sizes = np.geomspace(band_sizes(engine.data)[0], band_sizes(engine.data)[-1], 40)
+    points = np.array([(s, start * s / 2, 0.0) for s in sizes for start in (-1.0, 0.0, 1.0)])
+    fits = []
+    for level in (1.0, 0.35):
+        theta = {**base.theta, "load": base.theta["load"] * level}
+        S, offset, _ = points[int(np.argmax(engine.scan(base.spec, theta, kernels.PLAY, points)))]
+        fits.append(engine.at(replace(spec, start=float(np.sign(offset))), {**theta, "S": float(S)}))
+    best = max(fits, key=lambda f: f.loglik)
     return (refine(engine, best, ("S",)) if promising(best, base) else best), 1.0
 
 
@@ -111,19 +117,39 @@ def valve_characteristic(engine: Engine, base: Fit) -> tuple[Fit, float]:
 
 
 def stiction(engine: Engine, base: Fit) -> tuple[Fit, float]:
-    """Search S and J/S on a grid under two valve models, then refine the better one; a local search misses narrow peaks."""
-    sizes = band_sizes(engine.data)
+    """Scan S and J/S finely under two valve models and refine the best peaks: they are narrow, a local search misses them."""
     fits = []
     for model in (kernels.STICK, kernels.CREEP):
         spec = base.spec.join(Spec(valve=model))
-        points = [{"S": s, "J": s * share} for s in sizes for share in (0.1, 0.3, 0.6, 1.0)]
-        best = engine.grid(spec, base.theta, points)
-        if promising(best, base):
-            fits.append(best)
-    if not fits:
-        return best, 2.5
-    best = refine(engine, max(fits, key=lambda f: f.loglik), ("S", "J", "S", "J"))
-    return best, 2.5
+        for S, J, start, load in peaks(engine, base, model):
+            theta = {**base.theta, "S": S, "J": J, "load": load}
+            fits.append(engine.at(replace(spec, start=start), theta))
+    fits.sort(key=lambda f: -f.loglik)
+    if not promising(fits[0], base):
+        return fits[0], 2.5
+    best = [refine(engine, f, ("S", "J")) for f in fits[:2]]
+    return max(best, key=lambda f: f.loglik), 2.5
+
+
+def peaks(engine: Engine, base: Fit, model: int) -> list[tuple[float, float, float, float]]:
+    """Return the best (S, J, start, load level) of a fine scan, at the base's load and at a fraction of it."""
+    span = float(np.quantile(engine.data.u, 0.995) - np.quantile(engine.data.u, 0.005)) or 1.0
+    sizes = np.geomspace(max(0.03 * span, 0.05), max(1.3 * span, 0.1), 36)
+    shares = np.array([0.05, 0.15, 0.3, 0.45, 0.6, 0.8, 1.0])
+    coarse = np.array([(s, s * j, 0.0) for s in sizes for j in shares])
+    found = []
+    for level in (1.0, 0.35):
+        load = base.theta["load"] * level
+        theta = {**base.theta, "load": load}
+        S, J, _ = coarse[int(np.argmax(engine.scan(base.spec, theta, model, coarse)))]
+        for share in (0.06, 0.02):
+            near = np.array([
+                (S * (1 + a * share), J * (1 + 2 * b * share), S * start / 2)
+                for a in (-1.0, -0.5, 0.0, 0.5, 1.0) for b in (-1.0, 0.0, 1.0) for start in (-1.0, 0.0, 1.0)
+            ])  # fmt: skip
+            S, J, offset = near[int(np.argmax(engine.scan(base.spec, theta, model, near)))]
+        found.append((float(S), float(J), float(np.sign(offset)), load))
+    return found
 
 
 def promising(fit: Fit, base: Fit) -> bool:
@@ -143,17 +169,17 @@ def refine(engine: Engine, fit: Fit, rough: tuple[str, ...]) -> Fit:
     best = engine.fit(fit.spec, fit.theta, search=SMOOTH)
     for name in rough:
         x = best.theta[name]
-        wide = max(0.25 * best.theta.get("S", best.theta.get("D", 1.0)), 0.02)
+        wide = max(0.06 * best.theta.get("S", best.theta.get("D", 1.0)), 0.02)
         best = engine.line(best, name, max(x - wide, 0.0), x + wide)
     if best.spec.valve in (kernels.PLAY, kernels.STICK, kernels.CREEP):
-        for begin in (-1.0, 1.0):
+        for begin in (-1.0, 0.0, 1.0):
             best = max(best, engine.at(with_start(best, begin), best.theta), key=lambda f: f.loglik)
     smooth = tuple(m for m in best.spec.names if m not in ("S", "J", "D", "c"))
     better = engine.fit(best.spec, best.theta, search=smooth)
     best = better if better.loglik > best.loglik else best
     for name in rough[:2]:
         x = best.theta[name]
-        wide = max(0.06 * best.theta.get("S", best.theta.get("D", 1.0)), 0.01)
+        wide = max(0.03 * best.theta.get("S", best.theta.get("D", 1.0)), 0.01)
         best = engine.line(best, name, max(x - wide, 0.0), x + wide)
     return best
 

@@ -268,6 +268,38 @@ class Engine:
         loglik, beta, residual = self.evaluate(spec, theta)
         return Fit(spec, loglik, dict(theta), beta, residual)
 
+    def scan(self, spec: Spec, theta: Mapping[str, float], kind: int, points: np.ndarray) -> np.ndarray:
+        """Return the log-likelihood, up to a constant, of many valve maps with all else held; a fine grid costs little.
+
+        Parameters
+        ----------
+        spec : Spec
+            What is switched on besides the valve; no sensor pole.
+        theta : mapping
+            Nuisance parameters.
+        kind : int
+            Valve map.
+        points : ndarray, shape (p, 3)
+            Its numbers, as `innovations.valve` takes them.
+
+        Returns
+        -------
+        ndarray, shape (p,)
+        """
+        d = self.data
+        T, Td = (theta["T"] if d.T > 0 else 0.0), theta["Td"]
+        model = (theta["load_time"], theta["load_lag"], theta["load"])
+        onset = kernels.plant(self.onset, T, Td, 0.0)
+        channels = np.vstack([d.y - d.y[0], *self.base_channels, onset, *spec.channels])
+        white = kernels.whiten(channels, T, 0.0, *model, 0.0, 0.0, theta["noise"], theta["colour"], self.spread)[0]
+        white[:, : kernels.SKIP] = 0.0
+        basis = np.ascontiguousarray(np.linalg.qr(white[1:].T)[0].T)
+        trust = (0.05, 20.0) if "K" in spec.free or not d.trusted else (1 - NOMINAL, 1 + NOMINAL)
+        low, high = sorted((d.K * trust[0], d.K * trust[1]))
+        return kernels.scan(
+            d.u, kind, points, T, Td, 0.0, *model, theta["noise"], theta["colour"], self.spread, white[0], basis, low, high
+        )
+
     def line(self, fit: Fit, name: str, low: float, high: float, tries: int = 18) -> Fit:
         """Improve one parameter, rough or not, by a bounded search on its own."""
         found = minimize_scalar(

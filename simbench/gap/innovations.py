@@ -215,3 +215,31 @@ def normal_matrix(white):
             N[i, j] = t
             N[j, i] = t
     return N
+
+
+@njit(cache=True)
+def scan(u, kind, points, T, Td, lag, load_time, load_lag, load, noise, colour, spread, rest, basis, low, high):
+    """Return the log-likelihood (up to a constant) of many valve maps (points, 3) at one noise model.
+
+    `rest` is the whitened PV and `basis` (m, n) the whitened other channels, orthonormal; only the plant's answer is filtered
+    anew for each point, and its gain kept within low..high.
+    """
+    out = np.empty(points.shape[0])
+    one = np.empty((1, u.size))
+    for i in range(points.shape[0]):
+        one[0] = plant(valve(u, kind, points[i, 0], points[i, 1], points[i, 2]), T, Td, lag)
+        g = whiten(one, T, 0.0, load_time, load_lag, load, 0.0, 0.0, noise, colour, spread)[0][0]
+        gg, gy = 0.0, 0.0
+        for k in range(SKIP, u.size):
+            gg += g[k] * g[k]
+            gy += g[k] * rest[k]
+        for j in range(basis.shape[0]):
+            c, d = 0.0, 0.0
+            for k in range(SKIP, u.size):
+                c += g[k] * basis[j, k]
+                d += rest[k] * basis[j, k]
+            gg -= c * c
+            gy -= c * d
+        K = min(max(gy / gg, low), high) if gg > 1e-12 else 0.0
+        out[i] = K * gy - 0.5 * K * K * gg
+    return out

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from scenarios.spec import Loop
 from simbench.gap.names import BLOCKS, NONE, UNKNOWN, block_of
 
 
@@ -101,6 +102,10 @@ class GapReport:
             "next_test": self.next_test,
             "notes": list(self.notes),
         }
+
+    def fixed_loop(self) -> Loop:
+        """Return the loop file with the named effects in it; simulated, it looks like the record."""
+        return self.details["arms"].loop(self.details["named"])
 
     def sentence(self) -> str:
         """Return the answer in one sentence."""

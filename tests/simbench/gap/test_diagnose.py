@@ -1,0 +1,192 @@
+"""diagnose() as a whole: the contract's keys, plain cases answered right, wrong files refused in one sentence."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from detectors.errors import RecordError
+from scenarios.spec import Loop
+from simbench.gap import GapReport, diagnose
+from simbench.gap.names import BLOCKS, EFFECTS, NONE, UNKNOWN
+from simbench.gap.study import random_case
+from simbench.loop.simulate import simulate
+
+BASE = Loop.from_table({
+    "plant": {"type": "foptd", "K": 1.5, "T": 20, "Td": 3.5},
+    "controller": {"type": "PI", "Kc": 0.6, "Ti": 18},
+    "sampling": {"Ts": 1.0, "n": 1500},
+    "noise": {"std": 0.1},
+    "setpoint": {"value": 50, "steps": [[60, 56], [400, 47], [700, 54], [1100, 45]]},
+    "disturbance": [{"type": "coloured", "amplitude": 0.5, "period": 30.0}],
+})  # fmt: skip
+BARE = Loop.from_table({**BASE.to_table(), "disturbance": []})
+
+
+def record(*effects, seed=2, loop=BASE):
+    return simulate(Loop.from_table({**loop.to_table(), "effect": [{"name": n, **p} for n, p in effects]}), seed=seed).record
+
+
+def blind(r):
+    return replace(r, mv=None)
+
+
+def ask(r, **options):
+    return diagnose(r, BARE, bootstrap=False, **options)
+
+
+@pytest.fixture(scope="module")
+def sticky() -> GapReport:
+    return ask(blind(record(("stiction", {"S": 6.0, "J": 3.0}))))
+
+
+def test_json_has_the_contracts_keys_and_no_others(sticky):
+    found = sticky.as_json()
+    assert json.loads(json.dumps(found)) == found
+    assert set(found) == {
+        "block", "effect", "effects", "group", "ranking", "gap", "shrinkage", "blocks", "next_test", "notes",
+    }  # fmt: skip
+    assert set(found["effects"][0]) == {"block", "effect", "parameters", "probability"}
+    assert set(found["ranking"][0]) == {"effect", "block", "probability", "gap_before", "gap_after", "parameters"}
+    assert set(found["gap"]) == {"before", "recalibrated", "after", "floor", "resolvable"}
+    assert set(found["blocks"]) == set(BLOCKS)
+
+
+def test_probabilities_and_shares_sum_to_one(sticky):
+    assert sum(r.probability for r in sticky.ranking) == pytest.approx(1.0)
+    assert {r.effect for r in sticky.ranking} == {*EFFECTS, NONE, UNKNOWN}
+    assert sum(sticky.blocks.values()) == pytest.approx(1.0)
+    assert [r.probability for r in sticky.ranking] == sorted((r.probability for r in sticky.ranking), reverse=True)
+
+
+@pytest.mark.parametrize(("effect", "parameters"), [
+    ("stiction", {"S": 6.0, "J": 3.0}), ("deadband", {"S": 5.0}), ("gain_mismatch", {"factor": 1.7}),
+    ("time_constant_mismatch", {"factor": 2.0}), ("dead_time_mismatch", {"extra": 6.0}), ("noise", {"factor": 2.5}),
+    ("quantisation", {"step": 0.4, "at": "loop"}), ("compression", {"band": 0.4}), ("outliers", {"rate": 0.01, "size": 2.0}),
+    ("oscillation", {"amplitude": 3.0, "period": 77.0}), ("saturation", {"lo": 48.5, "hi": 100.0}),
+    ("detuning", {"Kc_factor": 1.6, "Ti_factor": 1.0}), ("error_deadband", {"width": 0.4}), ("op_quantisation", {"step": 0.5}),
+    ("sensor_lag", {"tau": 5.0}), ("valve_characteristic", {"R": 60.0}),
+])  # fmt: skip
+def test_a_plain_effect_is_named_with_its_size(effect, parameters):
+    found = ask(blind(record((effect, parameters))))
+    assert found.effect == effect
+    assert found.block == EFFECTS[effect].block
+    for key, value in parameters.items():
+        if isinstance(value, float) and key not in ("J", "rate", "Ti_factor", "R"):
+            assert found.effects[0]["parameters"][key] == pytest.approx(value, rel=0.25), key
+
+
+def test_one_more_series_pole_is_named_as_a_group():
+    found = ask(blind(record(("extra_lag", {"tau": 12.0}))))
+    assert found.effect in found.group
+    assert {"extra_lag", "valve_lag"} <= set(found.group)
+    assert found.next_test
+
+
+def test_mv_tells_the_valves_lag_from_the_plants():
+    assert ask(record(("valve_lag", {"tau": 12.0}))).effect == "valve_lag"
+    assert ask(record(("extra_lag", {"tau": 12.0}))).effect == "extra_lag"
+
+
+def test_nothing_missing_is_none_and_claims_no_shrinkage():
+    found = ask(blind(record()))
+    assert found.effect == NONE
+    assert found.block == "none"
+    assert found.shrinkage is None
+    assert not any(found.blocks.values())
+
+
+def test_two_effects_of_different_blocks_are_both_named():
+    found = ask(blind(record(("stiction", {"S": 6.0, "J": 3.0}), ("quantisation", {"step": 0.3, "at": "record"}))))
+    assert {e["effect"] for e in found.effects} == {"stiction", "quantisation"}
+
+
+def test_a_controller_that_skips_scans_is_unknown_in_the_controller():
+    r = blind(record())
+    e, op = r.sp - r.pv, [float(r.op[0])]
+    for k in range(1, r.n):
+        op.append(op[-1] if k % 7 in (0, 1) else op[-1] + 0.6 * (e[k] - e[k - 1]) + 0.6 / 18 * e[k])
+    found = ask(replace(r, op=np.clip(op, 0, 100)))
+    assert (found.effect, found.block) == (UNKNOWN, "controller")
+
+
+def test_adding_the_effect_closes_the_gap_and_the_file_says_so(sticky):
+    assert sticky.gap.resolvable
+    assert sticky.shrinkage["value"] > 0.6
+    assert sticky.shrinkage["lo"] <= sticky.shrinkage["value"] <= sticky.shrinkage["hi"]
+    fixed = sticky.fixed_loop()
+    again = Loop.from_table(__import__("tomllib").loads(fixed.to_toml()))
+    assert again == fixed
+    assert again.effect[0].name == "stiction"
+    real, sim = record(("stiction", {"S": 6.0, "J": 3.0})), simulate(again, seed=9).record
+    assert np.std(sim.op) == pytest.approx(np.std(real.op), rel=0.4)
+
+
+def test_the_same_seed_gives_the_same_answer(sticky):
+    again = ask(blind(record(("stiction", {"S": 6.0, "J": 3.0}))))
+    assert again.as_json() == sticky.as_json()
+
+
+def test_another_unit_of_pv_changes_no_verdict():
+    r = blind(record(("deadband", {"S": 5.0})))
+    table = BARE.to_table()
+    table["plant"]["K"] *= 10
+    table["controller"]["Kc"] /= 10
+    table["noise"]["std"] *= 10
+    table["setpoint"] = {"value": 600.0}
+    found = diagnose(replace(r, pv=10 * r.pv + 100, sp=10 * r.sp + 100), Loop.from_table(table), bootstrap=False)
+    assert found.effect == "deadband"
+    assert found.effects[0]["parameters"]["S"] == pytest.approx(5.0, rel=0.25)
+
+
+def test_several_records_add_their_evidence():
+    one, two = (blind(record(("deadband", {"S": 3.0}), seed=s)) for s in (4, 5))
+    both = ask([one, two])
+    assert both.effect == "deadband"
+    assert any("2 records" in n for n in both.notes)
+
+
+def test_bootstrap_sets_what_chance_brings():
+    found = diagnose(blind(record()), BARE, seed=3)
+    assert found.effect == NONE
+    assert any("simulated records without effect" in n for n in found.notes)
+
+
+def test_without_a_baseline_friction_is_still_found():
+    loop = BASE.with_("controller.Kc", 1.2)
+    found = diagnose(blind(record(("stiction", {"S": 8.0, "J": 5.0}), loop=loop)), None, bootstrap=False)
+    assert "stiction" in [e["effect"] for e in found.effects]
+
+
+def test_the_text_holds_the_answer(sticky):
+    text = sticky.as_text()
+    assert "stiction" in text
+    assert "next:" in text
+
+
+@pytest.mark.parametrize(("change", "sentence"), [
+    (lambda r: replace(r, Ts=2.0), "the baseline says Ts = 1 s"),
+    (lambda r: replace(r, op=np.full(r.n, 52.3)), "OP is constant"),
+    (lambda r: replace(r, pv=np.full(r.n, 1.0)), "PV is constant"),
+    (lambda r: replace(r, mv=r.mv / 100), "share of 1"),
+    (lambda r: replace(r, mv=4 + 0.16 * r.mv), "OP in mA"),
+    (lambda r: replace(r, mv=r.mv * 3), "must be in % of travel"),
+    (lambda r: replace(r, op=r.op * 5, op_span=None), "give --op-span"),
+    (lambda r: r.window(0, 50), "at least 100"),
+])  # fmt: skip
+def test_a_wrong_file_ends_in_one_sentence(change, sentence):
+    with pytest.raises(RecordError, match=sentence):
+        ask(change(record()))
+
+
+def test_the_baseline_of_another_loop_is_refused():
+    other = Loop.from_table({**BARE.to_table(), "controller": {"type": "PI", "Kc": 0.01, "Ti": 18}})
+    with pytest.raises(RecordError, match="another loop"):
+        diagnose(record(), other, bootstrap=False)
+
+
+@pytest.mark.parametrize("name", ["detuning", "quantisation"])
+def test_our_own_random_cases_are_answered(name):
+    case = random_case(11, (name,))
+    assert diagnose(case.record, case.baseline, bootstrap=False).effect == name
