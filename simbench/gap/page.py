@@ -42,6 +42,16 @@ def write_page(report: GapReport, path: str | Path, command: Sequence[str] = ())
     ------
     FileError
         When the file cannot be written.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> from simbench.gap import diagnose
+    >>> from simbench.gap.study import random_case
+    >>> case, file = random_case(3, ("detuning",)), pathlib.Path(tempfile.mkdtemp()) / "page.html"
+    >>> write_page(diagnose(case.record, case.baseline, bootstrap=False), file)
+    >>> "The simulation lacks detuning" in file.read_text(encoding="utf-8")
+    True
     """
     tag = report.details["found"].situation.record.tag
     parts: list[tuple[str, str, Markup]] = [

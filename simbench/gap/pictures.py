@@ -180,6 +180,12 @@ def spectrum(x: np.ndarray, Ts: float) -> tuple[np.ndarray, np.ndarray]:
     -------
     f, power : ndarray
         Without frequency 0; powers that are exactly 0 are raised to the smallest number above.
+
+    Examples
+    --------
+    >>> f, power = spectrum(np.sin(np.arange(400) * 2 * np.pi / 20), 1.0)
+    >>> float(f[np.argmax(power)])
+    0.05
     """
     f, power = welch(x, 1.0 / Ts, nperseg=max(32, min(1024, x.size // 4)))
     return f[1:], np.maximum(power[1:], np.finfo(float).tiny)
