@@ -375,10 +375,14 @@ def _with_axes(content: GridFile, axes: dict[str, tuple[Value, ...]], name: str)
     for key in axes:
         if key not in SETTINGS:
             raise SpecError(f"{name}: unknown axis {key!r}, {suggestion(key, SETTINGS)}")
+    # an axis that some blocks have is changed there; one that none has is added to all
+    known = {key for block in content.block for key in (*block.axes, *block.draw, *content.draw)}
     blocks = []
     for block in content.block:
+        own = {*block.axes, *block.draw, *content.draw}
         # Td/T has no meaning on an integrating block, nor Td/Ti on the other
-        fitting = {k: v for k, v in axes.items() if k != ("Td_over_T" if block.process == "integrating" else "Td_over_Ti")}
+        alien = "Td_over_T" if block.process == "integrating" else "Td_over_Ti"
+        fitting = {k: v for k, v in axes.items() if k != alien and (k in own or k not in known)}
         members = tuple(m.model_copy(update={"where": _narrowed(m.where, fitting)}) for m in block.member)
         blocks.append(block.model_copy(update={"axes": {**block.axes, **fitting}, "member": members}))
     return content.model_copy(update={"block": tuple(blocks)})

@@ -212,13 +212,16 @@ def _sampled(loop: Loop, Ts: float, n: int) -> Loop:
 
 
 def _with_w_Ti(twin: Loop, cycle: Cycle, wanted: float) -> tuple[Loop, Cycle]:
-    # Ti moves the period, the period asks for another Ti: a damped fixed point in logarithms
-    for _ in range(12):
-        Ti = twin.controller.Ti or 1.0
+    # Ti moves the period, the period asks for another Ti: a damped fixed point in logarithms. Below its tuned value Ti takes
+    # Kc down with it, so that the loop stays stable.
+    Kc, tuned = twin.controller.Kc, twin.controller.Ti or 1.0
+    Ti = tuned
+    for _ in range(15):
         ratio = wanted * cycle.period / (2.0 * math.pi) / Ti
-        if abs(math.log(ratio)) < 0.02:
+        if abs(math.log(ratio)) < 0.01:
             break
-        twin = twin.with_("controller.Ti", Ti * ratio**0.7)
+        Ti *= ratio**0.7
+        twin = twin.with_("controller.Ti", Ti).with_("controller.Kc", Kc * min(1.0, Ti / tuned))
         cycle = measure_cycle(twin)
     return twin, cycle
 
@@ -226,7 +229,7 @@ def _with_w_Ti(twin: Loop, cycle: Cycle, wanted: float) -> tuple[Loop, Cycle]:
 def _settled(draft: Draft, rules: Rules, twin: Loop, cycle: Cycle) -> Loop:
     table = draft.loop.to_table()
     if rules.w_Ti is not None:
-        table["controller"]["Ti"] = significant(twin.controller.Ti or 1.0)
+        table["controller"].update(Ti=significant(twin.controller.Ti or 1.0), Kc=significant(twin.controller.Kc))
     if rules.samples_per_period is not None:
         per = float(rules.samples_per_period)
         table["sampling"] = {"Ts": significant(cycle.period / per), "n": round(per * float(rules.periods or FIRST))}

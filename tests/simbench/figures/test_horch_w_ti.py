@@ -1,0 +1,56 @@
+"""Horch's verdict follows w Ti, whatever the valve does."""
+
+import numpy as np
+import pytest
+
+from detectors.errors import UserError
+from simbench.bench.own_ground import BARS, sections
+from simbench.bench.run import run_grid
+from simbench.figures.horch_w_ti import data, draw, switches
+
+W_TI = [0.2, 0.45, 0.54, 0.62, 0.7, 1.0, 1.4, 1.6, 1.85, 2.1, 4.0]
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("own") / "run"
+    few = {"repeats": 1, "Td_over_T": 0.3, "Td_over_Ti": 0.05, "S_over_2J": 0.5, "tuning": "slow"}
+    return run_grid("own-ground", folder, ["horch", "he"], sets=few, axes={"w_Ti": W_TI})
+
+
+@pytest.fixture(scope="module")
+def horch(run):
+    return data(run)
+
+
+def test_the_index_is_the_law_of_a_linear_loop_for_both_valves(horch):
+    law = 2 / np.pi * np.arctan(1 / horch.w_Ti)
+    assert {True, False} == set(horch.sticky)
+    assert np.abs(horch.dtau - law).max() < 0.05
+
+
+def test_the_verdict_switches_where_the_bounds_say(horch):
+    found = switches(horch)
+    assert len(found) == 4
+    assert np.all(np.abs(np.log(found.w_Ti / found.expected)) < 0.15)
+
+
+def test_both_valves_are_in_one_picture(horch):
+    names = [t.get_text() for t in draw(horch).axes[0].get_legend().get_texts()]
+    assert sum("valve" in name for name in names) == 2
+
+
+def test_sections_are_scored_by_the_method_they_are_named_after(run):
+    found = sections(run)
+    assert set(found.section) == {"he", "he, integrating", "horch"}
+    assert (found.method == found.section.str.split(",").str[0]).all()
+    assert set(found.bar.dropna()) == set(BARS.values())
+    whole = found[found.noise_ratio == "all"].set_index("section")
+    parts = found[found.noise_ratio != "all"].groupby("section").n.sum()
+    assert (whole.n == parts).all()
+
+
+def test_a_run_without_the_section_is_one_sentence(tmp_path):
+    folder = run_grid("smoke", tmp_path / "run", ["horch"], sets={"disturbance": "none"})
+    with pytest.raises(UserError, match="own-ground"):
+        data(folder)
