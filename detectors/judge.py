@@ -132,6 +132,8 @@ def judge_one(name: str, module: ModuleType, prepared: Prepared, raw: bool, thre
 
     applicable: bool | None = True
     notes = []
+    if record.op_span is None:
+        notes.append("OP taken as 0..100 %" if record.op_percent is not None else "unit of OP unknown, S and J in OP units")
     if record.process is None:
         applicable = None
         notes.append("process type unknown, judged as self-regulating")

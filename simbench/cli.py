@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from pathlib import Path
 from typing import Annotated, Any
+
+# before numpy is imported: on records of this size BLAS threads only wait for each other
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import typer
 
@@ -126,9 +131,8 @@ def diagnose(
     as_json: Json = False,
 ) -> None:
     """Take one record through the chapter's whole diagnosis, step by step."""
-    from detectors.procedure import diagnose as procedure
-
     from detectors.io import read_record
+    from detectors.procedure import diagnose as procedure
 
     diagnosis = procedure(read_record(path, process=process, kind=kind, op_span=op_span, pv_span=pv_span))
     if picture is not None:
@@ -157,14 +161,19 @@ def run(
     as_json: Json = False,
 ) -> None:
     """Simulate a grid of scenarios, judge every record by every method, and score."""
-    from simbench.bench.run import run_grid
+    from simbench.bench.run import Interrupted, run_grid
     from simbench.bench.score import score_run
 
     axes = {k: [_number(v) for v in str(values).split(",")] for k, values in _pairs(axis or [], "--axis", text=True).items()}
-    folder = run_grid(
-        grid, out or Path("runs") / Path(grid).stem, tuple(method or ["fast"]), jobs, raw=raw, plugins=plugin or [],
-        backend=backend, address=address, resume=resume, until_width=until_width, sets=_pairs(sets or [], "--set"), axes=axes,
-    )  # fmt: skip
+    try:
+        folder = run_grid(
+            grid, out or Path("runs") / Path(grid).stem, tuple(method or ["fast"]), jobs, raw=raw, plugins=plugin or [],
+            backend=backend, address=address, resume=resume, until_width=until_width, sets=_pairs(sets or [], "--set"),
+            axes=axes,
+        )  # fmt: skip
+    except Interrupted as stop:  # said here: the command-line library turns Ctrl-C into a bare exit code
+        print(stop, file=sys.stderr)
+        raise typer.Exit(130) from None
     scores = score_run(folder)
     _print({"run": str(folder), **scores.as_json()} if as_json else f"{scores.as_text()}\n\nrun: {folder}", as_json)
 

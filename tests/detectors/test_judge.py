@@ -86,3 +86,11 @@ def test_unknown_process_is_said_even_where_the_record_is_unfit():
     assert (verdict.verdict, verdict.applicable) == ("no_decision", None)
     assert "OP never changes" in verdict.reason
     assert "process type unknown" in verdict.reason
+
+
+def test_what_was_assumed_of_the_unit_of_op_is_said():
+    inside = {**SINE, "op": 50 + SINE["op"]}
+    assert "OP taken as 0..100 %" in judge(LoopRecord(**inside), ["horch"])[0].reason
+    assert "unit of OP unknown" in judge(LoopRecord(**SINE), ["horch"])[0].reason
+    spanned = judge(LoopRecord(**inside, op_span=(0, 100)), ["horch"])[0]
+    assert "OP taken" not in spanned.reason
