@@ -174,7 +174,7 @@ def run(
     except Interrupted as stop:  # said here: the command-line library turns Ctrl-C into a bare exit code
         print(stop, file=sys.stderr)
         raise typer.Exit(130) from None
-    scores = score_run(folder)
+    scores = score_run(folder, raw=raw)
     _print({"run": str(folder), **scores.as_json()} if as_json else f"{scores.as_text()}\n\nrun: {folder}", as_json)
 
 
