@@ -13,10 +13,16 @@ from detectors.method import Method
 from detectors.prepared import Prepared
 from detectors.record import LoopRecord
 from detectors.registry import methods as registry
-from detectors.verdict import NO_DECISION, NO_STICTION, Verdict
+from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 # A record with one of these flags says nothing about its valve, whatever the method.
 UNFIT = ("dead_op", "dead_pv", "manual", "saturated")
+# Thresholds that every method has: cuts on its score in place of its own rule.
+CUTS = ("stiction_above", "no_stiction_below")
+
+
+# Cuts on the score that every method understands; `simbench calibrate` finds them for a wanted share of errors.
+CUTS = ("stiction_above", "no_stiction_below")
 
 
 def judge(
@@ -37,7 +43,8 @@ def judge(
     raw : bool
         Skip the common oscillation front end.
     thresholds : dict of method id to dict of threshold name to value, optional
-        Other thresholds than the methods' own.
+        Other thresholds than the methods' own; every method also takes `stiction_above` and `no_stiction_below`, cuts on
+        its score that overrule its own rule (between them: no decision), as a calibration finds them.
 
     Returns
     -------
@@ -90,8 +97,11 @@ def check_thresholds(name: str, method: Method, chosen: Mapping[str, float]) -> 
     """
     values = method.defaults()
     for key, value in chosen.items():
+        if key in CUTS:
+            values[key] = float(value)
+            continue
         if key not in values:
-            raise ParameterError(f"method {name!r} has no threshold {key!r}: {nearest(key, values)}")
+            raise ParameterError(f"method {name!r} has no threshold {key!r}: {nearest(key, (*values, *CUTS))}")
         rule = method.thresholds[key]
         if not rule.low <= value <= rule.high:
             raise ParameterError(f"method {name!r}: {key} = {value} {rule.unit}; allowed: {rule.low} to {rule.high}")
@@ -113,7 +123,7 @@ def judge_one(name: str, module: ModuleType, prepared: Prepared, raw: bool, thre
     raw : bool
         Skip the common oscillation front end.
     thresholds : dict of str to float
-        All thresholds of the method.
+        All thresholds of the method, and cuts on its score.
 
     Returns
     -------
@@ -121,6 +131,8 @@ def judge_one(name: str, module: ModuleType, prepared: Prepared, raw: bool, thre
     """
     method: Method = module.METHOD
     record = prepared.record
+    cuts = {key: value for key, value in thresholds.items() if key in CUTS}
+    thresholds = {key: value for key, value in thresholds.items() if key not in CUTS}
 
     def answer(verdict: str, reason: str, applicable: bool | None = True) -> Verdict:
         return Verdict(name, verdict, applicable=applicable, reason=reason)
@@ -155,14 +167,32 @@ def judge_one(name: str, module: ModuleType, prepared: Prepared, raw: bool, thre
             notes.append(note)
     # the procedure asks the same methods about the same record
     key = f"verdict {name} {record.mv is None} {thresholds}"
-    verdict = _front_end(method, prepared, raw, answer) or prepared.share(
-        key, lambda: module.detect(prepared, **thresholds)
+    own = {k: v for k, v in thresholds.items() if k not in CUTS}
+    verdict = _front_end(method, prepared, raw, answer) or _cut(
+        prepared.share(key, lambda: module.detect(prepared, **own)), thresholds
     )
     if method.front_end:
         oscillation = prepared.oscillation
         found = {"regularity": oscillation.regularity, "period_s": oscillation.period_s}
         verdict = replace(verdict, indices={**verdict.indices, **found})
-    return finished(verdict)
+    return finished(_cut(verdict, **cuts) if cuts and np.isfinite(verdict.score) else verdict)
+
+
+def _cut(verdict: Verdict, stiction_above: float, no_stiction_below: float | None = None) -> Verdict:
+    low = stiction_above if no_stiction_below is None else no_stiction_below
+    said = STICTION if verdict.score > stiction_above else NO_STICTION if verdict.score <= low else NO_DECISION
+    reason = f"{verdict.reason}; score {verdict.score:.3g} against calibrated cuts {low:.3g} and {stiction_above:.3g}"
+    return replace(verdict, verdict=said, reason=reason)
+
+
+def _cut(verdict: Verdict, thresholds: Mapping[str, float]) -> Verdict:
+    if not any(key in thresholds for key in CUTS) or not np.isfinite(verdict.score):
+        return verdict
+    above = thresholds.get("stiction_above", np.inf)
+    below = thresholds.get("no_stiction_below", above)
+    word = STICTION if verdict.score > above else NO_STICTION if verdict.score <= below else NO_DECISION
+    cuts = f"{above:.3g}" if above == below else f"{below:.3g} and {above:.3g}"
+    return replace(verdict, verdict=word, reason=f"{verdict.reason}; score {verdict.score:.3g} cut at {cuts}")
 
 
 def _front_end(method: Method, prepared: Prepared, raw: bool, answer) -> Verdict | None:

@@ -23,6 +23,9 @@ CommandError: Any = typer.BadParameter.__mro__[2]
 Json = Annotated[bool, typer.Option("--json", help="JSON, and nothing else, on stdout.")]
 Jobs = Annotated[int, typer.Option("-j", "--jobs", help="Worker processes; -1 = all cores.")]
 Plugin = Annotated[list[Path] | None, typer.Option("--plugin", help="File of a further detector; repeatable.")]
+Thresholds = Annotated[
+    Path | None, typer.Option(metavar="FILE.json", help="Other thresholds than the published ones, as calibrate writes them.")
+]
 Span = Annotated[tuple[float, float] | None, typer.Option(metavar="LO HI", help="Values that mean 0 and 100 %.")]
 
 _bare = {"add_completion": False, "no_args_is_help": True, "rich_markup_mode": None, "pretty_exceptions_enable": False}
@@ -104,6 +107,7 @@ def detect(
     labels: Annotated[Path | None, typer.Option(help="Table with id and label: judge and score its records.")] = None,
     raw: Annotated[bool, typer.Option("--raw", help="Without the oscillation front end.")] = False,
     plugin: Plugin = None,
+    thresholds: Thresholds = None,
     as_json: Json = False,
 ) -> None:
     """Judge a record, or a folder of records, by one or all detectors."""
@@ -111,7 +115,7 @@ def detect(
 
     report = judge_files(
         path, method or ["all"], process=process, kind=kind, op_span=op_span, pv_span=pv_span, labels=labels, raw=raw,
-        plugins=plugin or [],
+        plugins=plugin or [], thresholds=_threshold_file(thresholds),
     )  # fmt: skip
     for name, sentence in report.refused.items():
         print(f"left out {name}: {sentence}", file=sys.stderr)
@@ -158,6 +162,7 @@ def run(
     ] = None,
     sets: Annotated[list[str] | None, typer.Option("--set", metavar="K=V", help="Repeatable.")] = None,
     axis: Annotated[list[str] | None, typer.Option(metavar="K=a,b,c", help="Other values of an axis; repeatable.")] = None,
+    thresholds: Thresholds = None,
     as_json: Json = False,
 ) -> None:
     """Simulate a grid of scenarios, judge every record by every method, and score."""
@@ -169,7 +174,7 @@ def run(
         folder = run_grid(
             grid, out or Path("runs") / Path(grid).stem, tuple(method or ["fast"]), jobs, raw=raw, plugins=plugin or [],
             backend=backend, address=address, resume=resume, until_width=until_width, sets=_pairs(sets or [], "--set"),
-            axes=axes,
+            axes=axes, thresholds=_threshold_file(thresholds),
         )  # fmt: skip
     except Interrupted as stop:  # said here: the command-line library turns Ctrl-C into a bare exit code
         print(stop, file=sys.stderr)
@@ -183,7 +188,8 @@ def score(
     folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
     raw: Annotated[bool, typer.Option("--raw", help="Verdicts without the oscillation front end.")] = False,
     report: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Report with pictures to write.")] = None,
-    against: Annotated[Path | None, typer.Option("--compare", metavar="RUN", help="A second run, paired.")] = None,
+    against: Annotated[Path | None, typer.Option("--compare", metavar="RUN", help="A second run, paired by scenario.")] = None,
+    paired: Annotated[bool, typer.Option("--paired", help="Compare this run's methods with each other, paired.")] = False,
     as_json: Json = False,
 ) -> None:
     """Score a run: accuracy, no-decision rate, AUC, with intervals, by grid axis."""
@@ -191,10 +197,10 @@ def score(
 
     scores = score_run(folder, raw=raw)
     content: Any = scores.as_json() if as_json else scores.as_text()
-    if against is not None:
+    if against is not None or paired:
         from simbench.bench.compare import compare
 
-        comparison = compare(folder, against)
+        comparison = compare(folder, against, raw=raw)
         content = {**content, "comparison": comparison.as_json()} if as_json else f"{content}\n\n{comparison.as_text()}"
     _print(content, as_json)
     if report is not None:
@@ -452,6 +458,18 @@ def _confirmed(result: Any, picture: Path | None, as_json: bool) -> None:
         with whole_file(picture, "wb") as f:
             result.plot().savefig(f, format=picture.suffix.lstrip(".") or "svg")
     _print(result.as_json() if as_json else result.as_text(), as_json)
+
+
+def _threshold_file(path: Path | None) -> dict[str, dict[str, float]]:
+    if path is None:
+        return {}
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ParameterError(f"thresholds {path} cannot be read: {error}") from None
+    if not isinstance(found, dict) or not all(isinstance(v, dict) for v in found.values()):
+        raise ParameterError(f"thresholds {path}: a table of method ids to tables of numbers is needed")
+    return found
 
 
 def _pairs(words: list[str], option: str, text: bool = False) -> dict[str, Any]:
