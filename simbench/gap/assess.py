@@ -23,9 +23,10 @@ LOAD_MEMORY = 4.0  # longest correlation time of an ordinary load, in time scale
 class Assessment:
     """Scores of one record.
 
-    `gains` are nats over "no effect" for every effect that could be tried; `candidates` the engine's fits; `base` the fit without effect;
-    `chosen` the effects named (none, one or two, strongest first) before `none` and `unknown` are weighed; `final` the fit with all
-    engine effects among them; `tests` the residual statistics of `final` and `base`.
+    `gains` are nats over "no effect" for every effect that could be tried; `candidates` the engine's fits; `base` the fit
+    without effect; `chosen` the effects named (none, one or two, strongest first) before `none` and `unknown` are weighed;
+    `final` the fit with all engine effects among them; `tests` its residual statistics; `strange` the blocks in which
+    something no known effect explains, with the reason; `stranger` whether MV is what strays.
     """
 
     situation: Situation
@@ -61,7 +62,9 @@ def assess(situation: Situation) -> Assessment:
     base = engine.base()
     candidates = fit_candidates(engine, base, possible_effects(situation))
     gains = {e: capped(float(c.gain)) for e, c in candidates.items()}
-    parameters: dict[str, dict[str, float | str]] = {e: effect_parameters(e, c.fit, situation) for e, c in candidates.items() if c.used}
+    parameters: dict[str, dict[str, float | str]] = {
+        e: effect_parameters(e, c.fit, situation) for e, c in candidates.items() if c.used
+    }
     for effect in EFFECTS:
         gains.setdefault(effect, -10.0)
     for effect, p in situation.hard.items():
@@ -113,7 +116,9 @@ LIMITS = {
     "aging nats": (3.0, "process"),
     "level nats": (4.0, "process"),
 }
-LENIENT = 4.0  # factor on the limits where samples were quantised, compressed or hit by spikes: the engine's PV is not the plant's
+LENIENT = (
+    4.0  # factor on the limits where samples were quantised, compressed or hit by spikes: the engine's PV is not the plant's
+)
 
 
 def strangers(
@@ -150,7 +155,10 @@ def strangers(
         # more jumps than the search adds leave tails of their own
         loose = rough or (name in ("bursts", "tails") and "load_steps" in chosen)
         if tests[name] > limit * (LENIENT if loose else 1.0):
-            out.setdefault(block, f"the best model leaves something behind ({name.removesuffix(' nats')}: {tests[name]:.0f}, limit {limit:.0f})")
+            out.setdefault(
+                block,
+                f"the best model leaves something behind ({name.removesuffix(' nats')}: {tests[name]:.0f}, limit {limit:.0f})",
+            )
     return out
 
 
@@ -188,7 +196,9 @@ def _spikes_by_innovations(
     z = np.abs(x) / scale
     far = np.flatnonzero(z > 4.0)
     # a spike leaves one large innovation; a step or a slip leaves several of one sign
-    alone = [k for k in far if z[max(k - 2, 0) : k].max(initial=0) < 0.7 * z[k] and z[k + 1 : k + 3].max(initial=0) < 0.7 * z[k]]
+    alone = [
+        k for k in far if z[max(k - 2, 0) : k].max(initial=0) < 0.7 * z[k] and z[k + 1 : k + 3].max(initial=0) < 0.7 * z[k]
+    ]
     if len(alone) < 3 or len(alone) < 0.6 * len(far):
         gains["outliers"] = min(gains["outliers"], -3.0)
         return
@@ -199,7 +209,11 @@ def _spikes_by_innovations(
     plain = -0.5 * (x / float(np.std(x))) ** 2 - np.log(float(np.std(x)))
     gains["outliers"] = float(np.sum(mixture - plain)) - size_penalty(x.size, 2.0)
     noise = base.theta["noise"]
-    parameters["outliers"] = {"rate": rate, "size": float(np.mean(heights)) * noise, "at": "loop" if situation.law.known else "record"}
+    parameters["outliers"] = {
+        "rate": rate,
+        "size": float(np.mean(heights)) * noise,
+        "at": "loop" if situation.law.known else "record",
+    }
 
 
 def load_memory(situation: Situation) -> float:
@@ -277,11 +291,17 @@ def valve_against_mv(op: np.ndarray, mv: np.ndarray, Ts: float) -> dict[str, tup
             return kernels.valve(op, kind, p0, first, 0.0)
         return kernels.valve(op, kind, p0, p1, first)
 
-    def zoom(kind: int, names: tuple[str, str], grid: list[tuple[float, float]], count: float) -> tuple[float, dict[str, float | str]]:
+    def zoom(
+        kind: int, names: tuple[str, str], grid: list[tuple[float, float]], count: float
+    ) -> tuple[float, dict[str, float | str]]:
         trials = [(level(maps(kind, a, b)), a, b) for a, b in grid]
         for share in (0.3, 0.1, 0.03, 0.01):
             _, a, b = min(trials)
-            near = [(a * (1 + i * share / 2), b * (1 + j * share / 2)) for i in (-2, -1, 0, 1, 2) for j in ((-2, -1, 0, 1, 2) if b else (0,))]
+            near = [
+                (a * (1 + i * share / 2), b * (1 + j * share / 2))
+                for i in (-2, -1, 0, 1, 2)
+                for j in ((-2, -1, 0, 1, 2) if b else (0,))
+            ]
             trials = [(level(maps(kind, x, y)), x, y) for x, y in near]
         value, a, b = min(trials)
         p: dict[str, float | str] = {names[0]: float(a)}
@@ -290,13 +310,15 @@ def valve_against_mv(op: np.ndarray, mv: np.ndarray, Ts: float) -> dict[str, tup
         return best([(value, p)], count)
 
     grid = [(s, s * j) for s in sizes for j in (0.05, 0.15, 0.3, 0.5, 0.7, 1.0)]
-    stick = max(
-        (zoom(k, ("S", "J"), grid, 2.0) for k in (kernels.STICK, kernels.CREEP)), key=lambda t: t[0]
-    )
+    stick = max((zoom(k, ("S", "J"), grid, 2.0) for k in (kernels.STICK, kernels.CREEP)), key=lambda t: t[0])
     out["stiction"] = stick
     out["deadband"] = zoom(kernels.PLAY, ("S", ""), [(s, 0.0) for s in sizes], 1.0)
-    out["deadzone"] = zoom(kernels.ZONE, ("D", "c"), [(s, c) for s in sizes for c in np.quantile(op, np.linspace(0.05, 0.95, 13))], 2.0)
-    out["valve_characteristic"] = zoom(kernels.CURVE, ("R", ""), [(r, 0.0) for r in (*np.geomspace(0.01, 0.8, 12), *np.geomspace(1.25, 100, 12))], 1.0)
+    out["deadzone"] = zoom(
+        kernels.ZONE, ("D", "c"), [(s, c) for s in sizes for c in np.quantile(op, np.linspace(0.05, 0.95, 13))], 2.0
+    )
+    out["valve_characteristic"] = zoom(
+        kernels.CURVE, ("R", ""), [(r, 0.0) for r in (*np.geomspace(0.01, 0.8, 12), *np.geomspace(1.25, 100, 12))], 1.0
+    )
     lags = [(level(_lagged(op, tau)), {"tau": float(tau * Ts)}) for tau in np.geomspace(0.2, n / 10, 120)]
     out["valve_lag"] = best(lags, 1.0)
     return out
@@ -320,8 +342,8 @@ def _lagged(op: np.ndarray, tau: float) -> np.ndarray:
 def unexplained(engine: Engine, fit: Fit) -> dict[str, float]:
     """Return nats that generic directions, which no effect of the vocabulary owns, would still bring to a fit.
 
-    `dynamics`: other time scales between MV and PV; `shape`: a bent static curve; `aging`: a gain that changes along the record;
-    `level`: a gain that changes with PV.
+    `dynamics`: other time scales between MV and PV; `shape`: a bent static curve; `aging`: a gain that changes along the
+    record; `level`: a gain that changes with PV.
     """
     d = engine.data
     T, Td = (fit.theta["T"] if d.T > 0 else 0.0), fit.theta["Td"]
@@ -349,8 +371,8 @@ def unexplained(engine: Engine, fit: Fit) -> dict[str, float]:
 def residual_tests(fit: Fit, situation: Situation) -> dict[str, float]:
     """Return what is left in the innovations of a fit; each is near 0 (in standard deviations) when the model is whole.
 
-    `memory`: correlation over 25 lags; `input`: correlation with past OP; `bursts`: variance that changes along the record; `tails`:
-    kurtosis; `level`: variance against what the model says.
+    `memory`: correlation over 25 lags; `input`: correlation with past OP; `bursts`: variance that changes along the record;
+    `tails`: kurtosis; `level`: variance against what the model says.
     """
     x = np.asarray(fit.residual)[kernels.SKIP :]
     x = np.clip(x, -6.0, 6.0) - np.mean(x)

@@ -72,7 +72,9 @@ def _trial(
         table["plant"][name] = getattr(baseline.plant, name) * float(rng.uniform(1 - NOMINAL, 1 + NOMINAL))
     try:
         run = simulate(Loop.from_table(table), seed=int(rng.integers(2**31))).record
-        twin = replace(record, op=run.op, pv=run.pv, sp=run.sp, mv=None if record.mv is None else run.mv, op_span=(0.0, 100.0), notes=())
+        twin = replace(
+            record, op=run.op, pv=run.pv, sp=run.sp, mv=None if record.mv is None else run.mv, op_span=(0.0, 100.0), notes=()
+        )
         trial = assess(check(twin, baseline, trusted))
     except UserError:
         return None

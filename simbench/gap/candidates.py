@@ -17,7 +17,7 @@ HOPELESS = 4.0  # nats below the base from which a grid's best point is not wort
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A fitted effect: `gain` in nats over the base, already penalised for its own numbers; `used` False when nothing was switched on."""
+    """A fitted effect: `gain` in nats over the base, its own numbers paid for; `used` False when nothing was switched on."""
 
     effect: str
     fit: Fit
@@ -165,7 +165,7 @@ def band_sizes(data: Data) -> list[float]:
 
 
 def refine(engine: Engine, fit: Fit, rough: tuple[str, ...]) -> Fit:
-    """Alternate smooth fits with line searches in the numbers on which the likelihood is rough; try other starts in the band."""
+    """Alternate smooth fits with line searches where the likelihood is rough; try other starts in the band."""
     best = engine.fit(fit.spec, fit.theta, search=SMOOTH)
     for name in rough:
         x = best.theta[name]
@@ -242,8 +242,8 @@ def load_steps(engine: Engine, base: Fit) -> tuple[Fit, float]:
     for _ in range(MOST_STEPS):
         response = _step_response(fit, d)
         white = kernels.whiten(
-            np.vstack([response, response]), fit.theta["T"] if d.T > 0 else 0.0, 0.0, fit.theta["load_time"], fit.theta["load_lag"],
-            fit.theta["load"],            0.0, 0.0, fit.theta["noise"], fit.theta["colour"], engine.spread,
+            response[None, :], fit.theta["T"] if d.T > 0 else 0.0, 0.0, fit.theta["load_time"], fit.theta["load_lag"],
+            fit.theta["load"], 0.0, 0.0, fit.theta["noise"], fit.theta["colour"], engine.spread,
         )[0][0]  # fmt: skip
         residual = np.asarray(fit.residual).copy()
         residual[: kernels.SKIP] = 0.0
@@ -256,10 +256,9 @@ def load_steps(engine: Engine, base: Fit) -> tuple[Fit, float]:
         k = int(np.argmax(score))
         shape = np.zeros(n)
         shape[k:] = response[: n - k]
-        trial = channels + (shape,)
+        trial = (*channels, shape)
         spec = base.spec.join(Spec(channels=trial))
-        lower = max(0.7, 0.3 if count == 0 else 0.7)
-        better = engine.fit(spec, {**fit.theta, "load": lower * fit.theta["load"]}, search=SMOOTH, steps=8)
+        better = engine.fit(spec, {**fit.theta, "load": 0.7 * fit.theta["load"]}, search=SMOOTH, steps=8)
         if better.loglik - fit.loglik < size_penalty(n, 1.0) + np.log(n) * 0.5:
             break
         fit, channels, count = better, trial, count + 1

@@ -23,8 +23,8 @@ OTHER_LOOP = 10.0  # factor in Kc from which the baseline is another loop's
 class Situation:
     """A record beside its baseline, checked, with what single blocks show before anything is fitted.
 
-    `plant_pv` is the PV the plant gave the controller, as far as it can be recovered; `data` the engine's input; `hard` the effects
-    that the controller's law or single samples show without doubt, with their parameters; `notes` what the reader must know;
+    `plant_pv` is the PV the plant gave the controller, as far as it can be recovered; `data` the engine's input; `hard` the
+    effects that the controller's law or single samples show without doubt; `notes` what the reader must know; `frozen` and
     `strange_law` why the controller is none of the known ones.
     """
 
@@ -74,7 +74,9 @@ def check(record: LoopRecord, baseline: Loop, trusted: bool = True) -> Situation
     _refuse_dead(record, where)
     Ts = baseline.sampling.Ts
     if abs(record.Ts / Ts - 1.0) > SAME_TS:
-        raise RecordError(f"{where}: Ts = {record.Ts:g} s by its time column, but the baseline says Ts = {Ts:g} s; they must agree within 1 %")
+        raise RecordError(
+            f"{where}: Ts = {record.Ts:g} s by its time column, but the baseline says Ts = {Ts:g} s; they must agree within 1 %"
+        )
     if record.mv is not None:
         _refuse_units(record.mv, op, where)
     notes = [f"data quality: {flag.name}: {flag.evidence}" for flag in inspect(record).values()]
@@ -165,16 +167,16 @@ def _without_doubt(
     if samples.step > 0.0:
         hard["quantisation"] = {"step": samples.step, "at": "record" if apart else "loop"}
         if apart:
-            pv = seen
+            pv = np.asarray(seen)
     elif samples.straight > 0.25:
         size = float(np.quantile(np.abs(record.pv - seen), 0.98)) if seen is not None else 0.0
         hard["compression"] = {"band": size or 0.5 * float(np.std(np.diff(record.pv)))}
         if apart:
-            pv = seen
+            pv = np.asarray(seen)
     elif samples.resolution > 0.0 and noise > 0.0 and samples.resolution > 1.5 * noise:
         hard["quantisation"] = {"step": samples.resolution, "at": "record" if apart else "loop"}
         if apart:
-            pv = seen
+            pv = np.asarray(seen)
     spikes, heights, place = samples.spikes, samples.heights, "loop"
     if seen is not None and not law.foreign:
         off = record.pv - seen
@@ -182,12 +184,17 @@ def _without_doubt(
         # where the law is exact everywhere else, what is left of PV is the spikes alone
         strong = np.abs(sizes) > 1e-3 * float(np.std(record.pv))
         only, sizes = only[strong], sizes[strong]
-        if only.size >= 2 and "compression" not in hard and samples.step == 0.0 and not stands_out(np.asarray(record.pv), only, sizes):
+        if (
+            only.size >= 2
+            and "compression" not in hard
+            and samples.step == 0.0
+            and not stands_out(np.asarray(record.pv), only, sizes)
+        ):
             strange = "OP moves as no PV on record makes it move"
             only = only[:0]
         if only.size >= 2 and samples.step == 0.0 and "compression" not in hard:
             spikes, heights, place = only, sizes, "record"
-            pv = seen
+            pv = np.asarray(seen)
     if spikes.size >= 3 and "compression" not in hard:
         hard["outliers"] = {"rate": spikes.size / record.n, "size": float(np.mean(np.abs(heights))), "at": place}
         if place == "loop" or seen is None:

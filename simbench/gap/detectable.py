@@ -39,8 +39,8 @@ def smallest_detectable(situation: Situation, base: Fit, longest_load: float) ->
     Returns
     -------
     dict of str to (float, str)
-        By what forcing the effect on costs in likelihood with everything else held; re-fitted nuisances would hide a little more,
-        so read it as "about". Infinite where no size up to the largest tried would show.
+        By what forcing the effect on costs in likelihood with everything else held; re-fitted nuisances would hide a
+        little more, so read it as "about". Infinite where no size up to the largest tried would show.
     """
     engine = Engine(situation.data, longest_load)
     d, Ts = situation.data, situation.record.Ts

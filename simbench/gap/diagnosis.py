@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-
 from dataclasses import replace
 
 import numpy as np
@@ -92,7 +91,7 @@ def _assess_all(records: list[LoopRecord], baseline: Loop | None) -> tuple[Asses
         return main, []
     gains = {e: capped(float(sum(f.gains[e] for f in every))) for e in main.gains}
     hard = [e for e in main.gains if any(e in f.situation.hard for f in every)]
-    gains |= {e: SURE for e in hard}
+    gains |= dict.fromkeys(hard, SURE)
     parameters = {e: p for f in [*every, main] for e, p in f.parameters.items()}
     chosen = main.chosen or max((f.chosen for f in every), key=len)
     strange = {b: why for f in every for b, why in f.strange.items()}
@@ -100,9 +99,7 @@ def _assess_all(records: list[LoopRecord], baseline: Loop | None) -> tuple[Asses
     return replace(main, gains=gains, parameters=parameters, chosen=chosen, strange=strange), [said]
 
 
-def report(
-    found: Assessment, weights: Weights, seed: int, more: Sequence[str] = (), lucky: Chance | None = None
-) -> GapReport:
+def report(found: Assessment, weights: Weights, seed: int, more: Sequence[str] = (), lucky: Chance | None = None) -> GapReport:
     """Turn scores and probabilities into the answer.
 
     Parameters
@@ -135,32 +132,41 @@ def report(
     lines = []
     for e, p in ranking:
         after = shown[e].after if e in shown else main.before if e == NONE else None
-        lines.append(Ranked(e, _block(e, weights), float(p), main.before if after is not None else None, after, found.parameters.get(e, {})))
+        lines.append(
+            Ranked(
+                e, _block(e, weights), float(p), main.before if after is not None else None, after, found.parameters.get(e, {})
+            )
+        )
     gap = Gap(main.before, main.recalibrated, main.after, main.floor, main.resolvable)
     shrinkage = None
     if main.value is not None and effects:
         shrinkage = {"value": main.value, "lo": min(main.lo, main.value), "hi": max(main.hi, main.value)}
     answers = tuple(
-        {"block": _block(e, weights), "effect": e, "parameters": found.parameters.get(e, {}), "probability": float(weights.named[e])}
+        {
+            "block": _block(e, weights),
+            "effect": e,
+            "parameters": found.parameters.get(e, {}),
+            "probability": float(weights.named[e]),
+        }
         for e in named
     )
     advice, separation = _advice(found, arms, ranking, seed)
     notes = [*situation.notes, *more, *(f"{block}: {why}" for block, why in found.strange.items())]
     if lucky is not None:
-        notes.append(f"on {lucky.trials} simulated records without effect, the best effect reached {lucky.gain:.1f} nats in 95 % of cases")
+        notes.append(
+            f"on {lucky.trials} simulated records without effect, chance brought the best effect {lucky.gain:.1f} nats (95 %)"
+        )
     if not main.resolvable:
         notes.append(f"the gap ({main.before:.2f}) does not stand out of its floor ({main.floor:.2f}): no shrinkage is claimed")
     sizes = smallest_detectable(situation, found.base, load_memory(situation))
     return GapReport(
-        block=_block(first, weights), effect=first, effects=answers, group=partners(first, found), ranking=tuple(lines), gap=gap,
-        shrinkage=shrinkage, blocks=weights.blocks, next_test=advice, notes=tuple(notes),
+        block=_block(first, weights), effect=first, effects=answers, group=partners(first, found), ranking=tuple(lines),
+        gap=gap, shrinkage=shrinkage, blocks=weights.blocks, next_test=advice, notes=tuple(notes),
         details={"found": found, "arms": arms, "main": main, "named": effects, "detectable": sizes, "separation": separation},
     )  # fmt: skip
 
 
-def _advice(
-    found: Assessment, arms: Arms, ranking: list[tuple[str, float]], seed: int
-) -> tuple[str, dict[str, float]]:
+def _advice(found: Assessment, arms: Arms, ranking: list[tuple[str, float]], seed: int) -> tuple[str, dict[str, float]]:
     """Return the next test for the candidates still in play, and the separation under each test."""
     s = found.situation
     alive = [(e, p) for e, p in ranking if (e in found.parameters or e == NONE) and p > 0.02][:3]
@@ -234,4 +240,3 @@ class Arms:
             self.kept[key] = (before, again or before, after or before)
             self.done[key] = measure(s, *self.kept[key], seed=self.seed)
         return self.done[key]
-

@@ -1,6 +1,8 @@
-"""What a record looks like, in numbers that do not depend on its phase: two runs of one loop agree in them, seed spread aside."""
+"""What a record looks like, in numbers that do not depend on its phase: two runs of one loop agree but for the seed."""
 
 from __future__ import annotations
+
+from itertools import pairwise
 
 import numpy as np
 
@@ -36,7 +38,7 @@ def features(op: np.ndarray, pv: np.ndarray, sp: np.ndarray) -> dict[str, float]
         out[f"{name} at limit"] = np.log(0.01 + float(np.mean((x == x.max()) | (x == x.min()))))
         power = np.abs(np.fft.rfft(x * np.hanning(x.size))) ** 2
         edges = np.unique(np.geomspace(2, power.size, BANDS + 1).astype(int))
-        for i, (a, b) in enumerate(zip(edges[:-1], edges[1:])):
+        for i, (a, b) in enumerate(pairwise(edges)):
             out[f"{name} band {i + 1}"] = np.log(float(power[a:b].sum()) / x.size + 1e-12)
         top = np.sort(power[2:])[-3:].sum() / (power[2:].sum() + 1e-12)
         out[f"{name} sharpness"] = np.log(0.001 + float(top))

@@ -1,4 +1,4 @@
-"""One engine for all effects between OP and PV: the likelihood of the innovations, its nuisances fitted, its effects switchable.
+"""One engine for all effects between OP and PV: the innovations' likelihood, nuisances fitted, effects switchable.
 
 PV = plant(valve(OP)) + load + noise. The plant's gain, the bias and every additive regressor are linear in the innovations and
 solved by least squares; only T, Td, the load's colour and level, the noise level and the effect's own numbers are searched.
@@ -141,8 +141,15 @@ class Engine:
         rough = float(np.std(np.diff(d.y, 2))) / np.sqrt(6.0)
         noise = d.noise if d.noise > 0 else max(rough, d.floor)
         load = max(float(np.std(d.y)), noise) if d.T > 0 else max(float(np.std(np.diff(d.y))), 0.1 * noise)
-        return {"T": d.T, "Td": d.Td, "load_time": 0.3 * self.longest_load,
-                "load_lag": 0.2, "load": 0.5 * load, "noise": max(noise, d.floor), "colour": 0.1}
+        return {
+            "T": d.T,
+            "Td": d.Td,
+            "load_time": 0.3 * self.longest_load,
+            "load_lag": 0.2,
+            "load": 0.5 * load,
+            "noise": max(noise, d.floor),
+            "colour": 0.1,
+        }
 
     def base(self) -> Fit:
         """Return the fit without effect, from a first-order and from a smooth load."""
@@ -213,7 +220,8 @@ class Engine:
 
     def _linear(self, spec: Spec, N: np.ndarray) -> tuple[float, np.ndarray]:
         A, b = N[1:, 1:].copy(), N[1:, 0].copy()
-        A[np.diag_indices_from(A)] += 1e-9 * np.trace(A) / len(A) * 1e-3 + 1e-300
+        # a channel that does nothing (no step yet, a zone never met) must not make it singular
+        A.flat[:: len(A) + 1] += 1e-12 * float(np.trace(A)) + 1e-300
         beta = np.linalg.solve(A, b)
         K = self.data.K
         trust = (0.05, 20.0) if "K" in spec.free else (1 - NOMINAL, 1 + NOMINAL)

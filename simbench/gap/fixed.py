@@ -83,7 +83,8 @@ def fixed_loop(
     effects : dict of str to dict
         Effects to switch on.
     plant : {"fitted", "baseline"}
-        Whether K, T and Td are taken from the fit or left as the baseline has them; a mismatch effect always stands on the baseline's.
+        Whether K, T and Td are taken from the fit or left as the baseline has them; a mismatch effect always stands on
+        the baseline's.
     load : Fit, optional
         Whose load to use; that of `fit` when absent.
 

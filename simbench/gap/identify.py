@@ -42,7 +42,11 @@ def identify(record: LoopRecord) -> Loop:
     law = examine_law(op, np.asarray(record.pv), record.sp, Ts, sign * _rough_gain(op, pv), 20.0 * Ts, trusted=False)
     Kc = abs(law.Kc) if np.isfinite(law.Kc) and law.Kc != 0 else _rough_gain(op, pv)
     Ti = law.Ti if np.isfinite(law.Ti) and law.Ti > 0 else 20.0 * Ts
-    plant = {"type": "integrating" if integrating else "foptd", "K": fit.K / (Ts if integrating else 1.0), "Td": fit.theta["Td"] * Ts}
+    plant = {
+        "type": "integrating" if integrating else "foptd",
+        "K": fit.K / (Ts if integrating else 1.0),
+        "Td": fit.theta["Td"] * Ts,
+    }
     if not integrating:
         plant["T"] = fit.theta["T"] * Ts
     return Loop.from_table({
@@ -84,7 +88,8 @@ def fit_plant(op: np.ndarray, pv: np.ndarray, integrating: bool, resolution: flo
 
 # without a trusted baseline nothing that only its numbers define can be missing
 MEANINGFUL = {
-    "stiction", "deadband", "quantisation", "compression", "outliers", "drift", "oscillation", "load_steps", "load_drift", "saturation",
+    "stiction", "deadband", "quantisation", "compression", "outliers", "drift", "oscillation", "load_steps", "load_drift",
+    "saturation",
     "error_deadband", "op_quantisation",
 }  # fmt: skip
 SHARE = 0.15  # of the OP range that a band must span to count as friction
@@ -131,7 +136,7 @@ def _in_both_halves(found: Assessment, effect: str) -> bool:
     for cut in (slice(0, half), slice(half, d.n)):
         part = replace(d, u=np.ascontiguousarray(d.u[cut]), y=np.ascontiguousarray(d.y[cut]))
         engine = Engine(part, max(0.1 * half, 5.0))
-        theta = {k: v for k, v in fit.theta.items()}
+        theta = dict(fit.theta)
         with_it = engine.fit(replace(fit.spec, channels=()), theta, steps=6)
         without = engine.fit(Spec(), {k: theta[k] for k in found.base.theta}, steps=6)
         if with_it.loglik < without.loglik:

@@ -72,7 +72,7 @@ def valve(u, kind, p0, p1, p2):
 @njit(cache=True)
 def respond(v, T, Td, out, weight):
     """Add `weight` times the answer of e^(-Td s)/(T s + 1) (T <= 0: e^(-Td s)/s) to `v` - v[0], held over each sample."""
-    delay = int(math.floor(Td + 1e-9))
+    delay = math.floor(Td + 1e-9)
     late = max(Td - delay, 0.0)
     if T > 0.0:
         a = math.exp(-1.0 / T)

@@ -18,9 +18,9 @@ ZEROS = 0.04  # share of samples with OP exactly at rest from which a gap in the
 class Law:
     """What the controller regression found.
 
-    `residual` is the robust size of what the best law leaves of dOP, relative to dOP; `found` maps effects to their parameters
-    and `doubt` effects to a weight below 1 where the evidence is soft. `seen` is the PV the controller must have seen (None when it
-    cannot be recovered), `reason` says why the block cannot be judged, `foreign` why it is no PI at all, `lag` by how many samples OP answers late,
+    `residual` is the robust size of what the best law leaves of dOP, relative to dOP (`baseline_residual`: of the baseline's).
+    `found` maps effects to their parameters. `seen` is the PV the controller must have seen (None when it cannot be recovered).
+    `reason` says why the block cannot be judged, `foreign` why it is no PI at all, `lag` by how many samples OP answers late,
     `strays` the samples that an otherwise exact law does not explain.
     """
 
@@ -29,7 +29,6 @@ class Law:
     Kc: float
     Ti: float
     found: dict[str, dict[str, float]] = field(default_factory=dict)
-    doubt: dict[str, float] = field(default_factory=dict)
     seen: np.ndarray | None = None
     reason: str = ""
     foreign: str = ""
@@ -92,7 +91,6 @@ def _examine(
     unit = written_unit(op, pv)
     step = lattice(op, unit)
     found: dict[str, dict[str, float]] = {}
-    doubt: dict[str, float] = {}
     du = np.diff(op)
     size = _robust(du)
     if size == 0.0:
@@ -135,7 +133,7 @@ def _examine(
     base_exact = base < max(EXACT, 3 * tolerance)
     if not trusted:
         reason = "" if law_exact else "the recorded PV does not explain OP through a PI law"
-        return Law(residual, residual, kc, ti, found, doubt, None, reason)
+        return Law(residual, residual, kc, ti, found, None, reason)
     seen, reason, foreign = None, "", ""
     plain = not relevant and width == 0.0
     if law_exact and plain:
@@ -164,9 +162,7 @@ def _examine(
             foreign = "OP answers a set-point step otherwise than it answers PV"
         elif held.mean() > 0.3 and held.sum() >= 5 and width == 0.0 and not relevant:
             foreign = "OP stands still where the law would move it: the controller skips scans"
-    return Law(
-        float(residual), float(base), float(kc), float(ti), found, doubt, seen, reason, foreign, strays=strays
-    )
+    return Law(float(residual), float(base), float(kc), float(ti), found, seen, reason, foreign, strays=strays)
 
 
 def _robust(x: np.ndarray) -> float:
@@ -176,7 +172,7 @@ def _robust(x: np.ndarray) -> float:
 def _regression(
     du: np.ndarray, e: np.ndarray, rows: np.ndarray, Kc: float, Ki: float, size: float, with_sp_offset: bool
 ) -> tuple[float, float, float, float, np.ndarray]:
-    """Fit dOP = a e_k + b e_{k-1} (+ c) robustly; return a, b, residual of fit and baseline relative to dOP, and stray samples."""
+    """Fit dOP = a e_k + b e_{k-1} (+ c) robustly; return a, b, residuals of fit and baseline, stray samples."""
     X = np.column_stack([e[1:], e[:-1]] + ([np.ones(e.size - 1)] if with_sp_offset else []))[rows]
     y = du[rows]
     off = np.abs(y - X[:, :2] @ np.array([Kc + Ki, -Kc]))

@@ -1,4 +1,4 @@
-"""Which measurement or test would settle it: the remaining candidates simulated under each, the largest expected separation wins."""
+"""Which measurement or test would settle it: remaining candidates simulated under each, the largest separation wins."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ class Ranked:
 
 @dataclass(frozen=True)
 class Gap:
-    """Mean distance of the record's features from the simulation's, in seed-to-seed standard deviations, on the held-out part."""
+    """Mean distance of the held-out part's features from the simulation's, in seed-to-seed standard deviations."""
 
     before: float
     recalibrated: float
@@ -114,7 +114,8 @@ class GapReport:
         p = self.effects[0]["probability"]
         if self.effect == UNKNOWN:
             near = next((r.effect for r in self.ranking if r.effect not in (NONE, UNKNOWN)), NONE)
-            return f"Something is missing in the {self.block} block that no known effect explains (probability {p:.2f}); closest: {words(near)}."
+            said = f"Something is missing in the {self.block} block that no known effect explains (probability {p:.2f})"
+            return f"{said}; closest: {words(near)}."
         names = " and ".join(f"{words(e['effect'])} ({e['block']}{numbers(e['parameters'])})" for e in self.effects)
         size = f"; adding it closes {100 * self.shrinkage['value']:.0f} % of the gap" if self.shrinkage else ""
         return f"The simulation lacks {names}, probability {p:.2f}{size}."

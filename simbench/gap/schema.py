@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from math import isinf
-
 from simbench.gap import names
 from simbench.loop.parameters import FOLLOWS, Choice, Number
 
@@ -36,6 +34,5 @@ def parameters(effect: str, *required: str, follows: tuple[str, ...] = ()) -> di
             continue
         default = None if name in required else FOLLOWS if name in follows else q.identity
         unit = "" if q.unit == "-" else q.unit
-        assert not isinf(q.low) and not isinf(q.high)
         schema[name] = Number(unit, q.low, q.high, default, q.says)
     return schema

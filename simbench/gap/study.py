@@ -89,12 +89,13 @@ def random_effect(name: str, loop: Loop, rng: np.random.Generator) -> dict[str, 
         T = (loop.controller.Ti or 100.0) / 4
         K = K * T
     quick = float(rng.choice([-1, 1]))
-    noise = loop.noise.std
     plain = simulate(loop, seed=1).record
     spread = 1.48 * float(np.median(np.abs(plain.pv - plain.sp)))
     op_low, op_high = (float(q) for q in np.quantile(plain.op, [0.0, 1.0]))
     op_mid, op_half = (op_low + op_high) / 2, (op_high - op_low) / 2 + 0.05
-    S = log(1.0, 8.0)
+    S, reach = log(1.0, 8.0), op_half * float(rng.uniform(0.1, 0.6))
+    later = Td < 2 * Ts or quick > 0
+    extra = max(Td * float(rng.uniform(0.4, 1.5)), Ts) if later else -Td * float(rng.uniform(0.4, 1.0))
     table: dict[str, dict[str, float | str]] = {
         "stiction": {"S": S, "J": S * float(rng.uniform(0.2, 1.0))},
         "deadband": {"S": S},
@@ -103,7 +104,7 @@ def random_effect(name: str, loop: Loop, rng: np.random.Generator) -> dict[str, 
         "valve_characteristic": {"R": log(3.0, 40.0) ** quick},
         "gain_mismatch": {"factor": log(1.3, 2.0) ** quick},
         "time_constant_mismatch": {"factor": log(1.35, 2.5) ** quick},
-        "dead_time_mismatch": {"extra": max(Td * float(rng.uniform(0.4, 1.5)), Ts) if Td < 2 * Ts or quick > 0 else -Td * float(rng.uniform(0.4, 1.0))},
+        "dead_time_mismatch": {"extra": extra},
         "extra_lag": {"tau": T * float(rng.uniform(0.2, 0.8))},
         "noise": {"factor": log(1.4, 4.0)},
         "quantisation": {"step": spread * log(0.5, 4.0), "at": str(rng.choice(["loop", "record"]))},
@@ -114,7 +115,7 @@ def random_effect(name: str, loop: Loop, rng: np.random.Generator) -> dict[str, 
         "oscillation": {"amplitude": log(0.5, 5.0), "period": (T + Td) * log(1.0, 10.0)},
         "load_steps": {"rate": float(rng.uniform(4, 15)) / (n * Ts), "size": log(1.5, 8.0)},
         "load_drift": {"rate": quick * log(2.0, 15.0) / (n * Ts), "walk": log(1.0, 10.0) / np.sqrt(n * Ts)},
-        "saturation": dict(zip(("lo", "hi"), (0.0, op_mid + op_half * float(rng.uniform(0.1, 0.6))) if quick > 0 else (op_mid - op_half * float(rng.uniform(0.1, 0.6)), 100.0))),
+        "saturation": {"lo": 0.0, "hi": op_mid + reach} if quick > 0 else {"lo": op_mid - reach, "hi": 100.0},
         "detuning": {"Kc_factor": log(1.3, 2.5) ** quick, "Ti_factor": log(1.0, 2.0) ** float(rng.choice([-1, 1]))},
         "error_deadband": {"width": spread * float(rng.uniform(1.0, 4.0))},
         "op_quantisation": {"step": float(np.std(plain.op)) * log(0.3, 2.0)},
@@ -166,7 +167,7 @@ def random_case(seed: int, names: tuple[str, ...] = (), mv: bool = False) -> Cas
 def spread_over_effects(count: int, first_seed: int, none: float = 0.25) -> list[tuple[int, tuple[str, ...]]]:
     """Return (seed, effects) of a balanced set: every effect in turn, and a share without."""
     names = list(EFFECTS)
-    quiet = int(round(none * count))
+    quiet = round(none * count)
     plans = [(first_seed + i, (names[i % len(names)],)) for i in range(count - quiet)]
     return plans + [(first_seed + count - quiet + i, ()) for i in range(quiet)]
 

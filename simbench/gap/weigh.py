@@ -52,7 +52,10 @@ def weigh(found: Assessment, none_score: float = NONE_SCORE) -> Weights:
     named = dict(probability)
     for e in found.chosen:
         named[e] = max(named[e], 0.9)
-    excess = {b: max([compressed(found.gains[e]) for e in EFFECTS if block_of(e) == b and (e in found.chosen)] + [0.0]) for b in BLOCKS}
+    excess = {
+        b: max([compressed(found.gains[e]) for e in EFFECTS if block_of(e) == b and (e in found.chosen)] + [0.0])
+        for b in BLOCKS
+    }
     total = sum(excess.values())
     blocks = {b: (v / total if total > 0 else 0.0) for b, v in excess.items()}
     return Weights(probability, named, blocks, next(iter(found.strange), "process"))

@@ -15,7 +15,7 @@ ACTS = "loop"
 
 
 def apply(setup, p, rng):
-    """Put the zone in front of the valve, centred on the operating point unless `c` is given; a constant load keeps op0 at rest."""
+    """Put the zone in front of the valve, centred on op0 unless `c` is given; a constant load keeps op0 at rest."""
     if p.D > 0.0:
         before = setup.resting_mv
         setup.add_valve("deadzone", {"D": p.D, "c": setup.op0 if isnan(p.c) else p.c}, first=True)

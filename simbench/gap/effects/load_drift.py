@@ -1,6 +1,7 @@
 """Load drift: a slowly moving load at the plant's input.
 
-When it is the answer: ambient temperature, a feed that changes over a shift. Slow ones look like steps or like a drifting sensor.
+When it is the answer: ambient temperature, a feed that changes over a shift. Slow ones
+look like steps or like a drifting sensor.
 """
 
 import numpy as np

@@ -1,6 +1,7 @@
 """Valve lag: MV follows OP through a first-order lag, after any friction.
 
-When it is the answer: a large actuator on a small positioner. From SP, OP and PV alone it is one more series pole; MV tells it from the others.
+When it is the answer: a large actuator on a small positioner. From SP, OP and PV alone
+it is one more series pole; MV tells it from the others.
 """
 
 from simbench.gap.schema import parameters

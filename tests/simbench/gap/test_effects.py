@@ -26,7 +26,8 @@ STRONG = {
     "dead_time_mismatch": {"extra": 2.5}, "extra_lag": {"tau": 8.0}, "noise": {"factor": 3.0}, "quantisation": {"step": 0.5},
     "sensor_lag": {"tau": 5.0}, "compression": {"band": 0.4}, "outliers": {"rate": 0.02, "size": 3.0},
     "drift": {"rate": 0.01, "walk": 0.05}, "oscillation": {"amplitude": 3.0, "period": 60.0},
-    "load_steps": {"rate": 0.01, "size": 4.0}, "load_drift": {"rate": 0.01, "walk": 0.2}, "saturation": {"lo": 49.0, "hi": 51.0},
+    "load_steps": {"rate": 0.01, "size": 4.0}, "load_drift": {"rate": 0.01, "walk": 0.2},
+    "saturation": {"lo": 49.0, "hi": 51.0},
     "detuning": {"Kc_factor": 1.8, "Ti_factor": 0.6}, "error_deadband": {"width": 0.5}, "op_quantisation": {"step": 0.5},
 }  # fmt: skip
 
@@ -77,9 +78,7 @@ def test_strength_one_changes_the_record_where_the_effect_says(name):
 
 
 def test_two_effects_act_together():
-    both = simulate(
-        with_effects(("stiction", STRONG["stiction"]), ("quantisation", STRONG["quantisation"])), seed=3
-    ).record
+    both = simulate(with_effects(("stiction", STRONG["stiction"]), ("quantisation", STRONG["quantisation"])), seed=3).record
     assert np.allclose(both.pv % 0.5, 0.0)
     assert np.count_nonzero(np.diff(both.mv) == 0) > both.n / 2
 
