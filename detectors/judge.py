@@ -17,8 +17,6 @@ from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 # A record with one of these flags says nothing about its valve, whatever the method.
 UNFIT = ("dead_op", "dead_pv", "manual", "saturated")
-# Thresholds that every method has: cuts on its score in place of its own rule.
-CUTS = ("stiction_above", "no_stiction_below")
 
 
 # Cuts on the score that every method understands; `simbench calibrate` finds them for a wanted share of errors.
@@ -167,15 +165,14 @@ def judge_one(name: str, module: ModuleType, prepared: Prepared, raw: bool, thre
             notes.append(note)
     # the procedure asks the same methods about the same record
     key = f"verdict {name} {record.mv is None} {thresholds}"
-    own = {k: v for k, v in thresholds.items() if k not in CUTS}
-    verdict = _front_end(method, prepared, raw, answer) or _cut(
-        prepared.share(key, lambda: module.detect(prepared, **own)), thresholds
-    )
+    stopped = _front_end(method, prepared, raw, answer)
+    verdict = stopped or prepared.share(key, lambda: module.detect(prepared, **thresholds))
     if method.front_end:
         oscillation = prepared.oscillation
         found = {"regularity": oscillation.regularity, "period_s": oscillation.period_s}
         verdict = replace(verdict, indices={**verdict.indices, **found})
-    return finished(_cut(verdict, **cuts) if cuts and np.isfinite(verdict.score) else verdict)
+    # a record that does not oscillate has no score to cut
+    return finished(_cut(verdict, **cuts) if cuts and stopped is None and np.isfinite(verdict.score) else verdict)
 
 
 def _cut(verdict: Verdict, stiction_above: float, no_stiction_below: float | None = None) -> Verdict:
@@ -183,16 +180,6 @@ def _cut(verdict: Verdict, stiction_above: float, no_stiction_below: float | Non
     said = STICTION if verdict.score > stiction_above else NO_STICTION if verdict.score <= low else NO_DECISION
     reason = f"{verdict.reason}; score {verdict.score:.3g} against calibrated cuts {low:.3g} and {stiction_above:.3g}"
     return replace(verdict, verdict=said, reason=reason)
-
-
-def _cut(verdict: Verdict, thresholds: Mapping[str, float]) -> Verdict:
-    if not any(key in thresholds for key in CUTS) or not np.isfinite(verdict.score):
-        return verdict
-    above = thresholds.get("stiction_above", np.inf)
-    below = thresholds.get("no_stiction_below", above)
-    word = STICTION if verdict.score > above else NO_STICTION if verdict.score <= below else NO_DECISION
-    cuts = f"{above:.3g}" if above == below else f"{below:.3g} and {above:.3g}"
-    return replace(verdict, verdict=word, reason=f"{verdict.reason}; score {verdict.score:.3g} cut at {cuts}")
 
 
 def _front_end(method: Method, prepared: Prepared, raw: bool, answer) -> Verdict | None:

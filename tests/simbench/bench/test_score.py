@@ -176,6 +176,17 @@ def test_calibration_takes_cuts_from_other_seeds_than_it_measures_on(tmp_path):
     json.dumps(found.as_json(), allow_nan=False)
 
 
+def test_calibrated_cuts_do_in_a_run_what_the_calibration_says(tmp_path):
+    found = calibrate("smoke", 0.2, ["he", "srinivasan"], out=tmp_path, sets={"disturbance": "sine"})
+    run = run_grid("smoke", tmp_path / "cut", ["he", "srinivasan"], sets={"disturbance": "sine"}, thresholds=found.thresholds)
+    table = score_run(run).ranking().set_index("method")
+    for row in found.table.itertuples():
+        assert table.loc[row.method].false_alarm == pytest.approx(row.false_alarm)
+    band = run_grid("smoke", tmp_path / "band", ["he"], sets={"disturbance": "sine"}, thresholds={"he": found.abstaining["he"]})
+    decided = 1 - score_run(band).ranking().no_decision.iloc[0]
+    assert decided == pytest.approx(found.table.set_index("method").loc["he"].coverage)
+
+
 @pytest.mark.parametrize("share", [0.0, 1.0, -0.1, math.nan])
 def test_an_impossible_false_alarm_rate_is_refused(share):
     with pytest.raises(ParameterError, match="between 0 and 1"):
