@@ -81,8 +81,11 @@ def _answer(report: GapReport) -> Markup:
     )
     tiles = [(f"{report.effects[0]['probability']:.2f}", f"probability {what}")]
     if s is not None:
-        limits = f"{100 * s['lo']:.0f} to {100 * s['hi']:.0f} %"
-        tiles.append((f"{100 * s['value']:.0f} %", f"of the gap closes (90 % interval {limits})"))
+        value, lo, hi = (round(100 * s[k]) for k in ("value", "lo", "hi"))
+        if value >= 0:
+            tiles.append((f"{value} %", f"of the gap closes (90 % interval {lo} to {hi} %)"))
+        else:
+            tiles.append((f"{-value} %", f"by which the gap grows (90 % interval {-hi} to {-lo} %)"))
     tiles.append((f"{g.before:.2f}", "gap before" + ("" if g.resolvable else ", not resolvable")))
     if report.effect not in (NONE, UNKNOWN):
         tiles.append((f"{g.after:.2f}", "gap with the effect added"))
@@ -123,6 +126,7 @@ def _look(report: GapReport) -> Markup:
         items=drawn,
         added=next((n for n in (runs.FIXED, runs.NEAREST) if n in simulated), ""),
         absent=runs.BASELINE not in simulated,
+        given=report.details["found"].situation.trusted,
     )
 
 

@@ -97,7 +97,10 @@ def draw_traces(signal: str, record: Trace, runs: Mapping[str, Trace], start: in
             axes.plot(seconds, part.sp, color=GREY, linestyle=":", linewidth=1.0)
         axes.plot(seconds, _signal(part, signal), color=LOOK[name][0], linewidth=0.9)
         label(axes, "", signal + (" (%)" if signal == "OP" else ""), name)
-    grid[0, 0].set_ylim(*_limits([_signal(t.part(start, stop), signal) for t in every.values()]))
+    limits = _limits([_signal(t.part(start, stop), signal) for t in every.values()])
+    grid[0, 0].set_ylim(*limits)
+    for axes, trace in zip(grid[:, 0], every.values()):
+        _say_beyond(axes, _signal(trace.part(start, stop), signal), limits)
     grid[-1, 0].set_xlabel("time (s)")
     return figure
 
@@ -132,7 +135,10 @@ def draw_loops(across: str, record: Trace, runs: Mapping[str, Trace], start: int
         lowest = grid[-1, j] if grid[-1, j].axison else grid[-2, j]
         lowest.set_xlabel("OP (%)")
         lowest.tick_params(labelbottom=True)
-    grid[0, 0].set(xlim=_limits([p.op for p in parts.values()]), ylim=_limits([_signal(p, across) for p in parts.values()]))
+    sideways = _limits([p.op for p in parts.values()])
+    grid[0, 0].set(xlim=sideways, ylim=_limits([_signal(p, across) for p in parts.values()]))
+    for axes, part in zip(grid.flat, parts.values()):
+        _say_beyond(axes, part.op, sideways)
     return figure
 
 
@@ -256,6 +262,12 @@ def _limits(signals: Sequence[np.ndarray]) -> tuple[float, float]:
     low = max(min(float(s.min()) for s in signals), lo - BEYOND * wide)
     high = min(max(float(s.max()) for s in signals), hi + BEYOND * wide)
     return low - 0.04 * wide, high + 0.04 * wide
+
+
+def _say_beyond(axes: Axes, x: np.ndarray, limits: tuple[float, float]) -> None:
+    if np.mean((x < limits[0]) | (x > limits[1])) > 0.5:
+        says = f"runs beyond these axes,\nto {x.min() if x.mean() < limits[0] else x.max():.3g}"
+        axes.text(0.5, 0.5, says, transform=axes.transAxes, ha="center", va="center")
 
 
 def _arrow(axes: Axes, points: Sequence[tuple[float, float]]) -> None:

@@ -17,7 +17,7 @@ from scenarios.spec import Loop
 from simbench.files import FileError
 from simbench.gap import diagnose
 from simbench.gap.page import write_page
-from simbench.gap.pictures import spectrum
+from simbench.gap.pictures import draw_loops, draw_traces, spectrum
 from simbench.gap.runs import BASELINE, FIXED, NEAREST, TUNED, recorded, simulated, window
 from simbench.gap.study import random_case
 from simbench.loop.simulate import simulate
@@ -141,6 +141,21 @@ def test_for_an_unknown_effect_the_nearest_known_one_is_drawn_and_said_to_be_tha
     assert unknown.sentence() in said
     assert "with the nearest effect added" in said
     assert "Still possible in place of the answer: stiction" in said
+
+
+def test_a_gap_that_grows_is_not_said_to_close(sticky, tmp_path):
+    write_page(replace(sticky, shrinkage={"value": -0.08, "lo": -0.25, "hi": 0.001}), tmp_path / "page.html")
+    assert "8 % by which the gap grows (90 % interval 0 to 25 %)" in text_of(tmp_path / "page.html")
+
+
+def test_a_simulation_far_off_the_records_range_is_said_to_be_there(sticky):
+    record = recorded(sticky)
+    away = {BASELINE: replace(record, op=record.op + 500.0)}
+    for figure in (draw_traces("OP", record, away, 0, 1500), draw_loops("PV", record, away, 0, 1500)):
+        first, second = figure.axes[:2]
+        assert [t.get_text() for t in first.texts] == []
+        assert "beyond these axes" in second.texts[0].get_text()
+        assert first.get_ylim() == second.get_ylim()
 
 
 def test_the_spectrum_of_a_sine_peaks_at_its_frequency_and_holds_its_power():
