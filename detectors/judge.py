@@ -94,6 +94,8 @@ def check_thresholds(name: str, method: Method, chosen: Mapping[str, float]) -> 
         For an unknown threshold or a value outside its range.
     """
     values = method.defaults()
+    if "no_stiction_below" in chosen and "stiction_above" not in chosen:
+        raise ParameterError(f"method {name!r}: no_stiction_below needs stiction_above beside it")
     for key, value in chosen.items():
         if key in CUTS:
             values[key] = float(value)
