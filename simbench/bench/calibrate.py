@@ -37,7 +37,8 @@ class Calibration:
     table : DataFrame
         Per method, against `cycled`, with the front end, on seeds B: published_false_alarm, published_detection; cut (score
         above = stiction), false_alarm, detection, auc, each with interval; informative (AUC's interval leaves out 0.5);
-        no_stiction_below and stiction_above of the calibrated abstention, its coverage and wrong_decided.
+        no_stiction_below and stiction_above of the calibrated abstention, its coverage and wrong_decided, all three without
+        the front end.
     roc : DataFrame
         Columns method, threshold, false_alarm, detection; seeds B.
     about : dict
@@ -56,7 +57,7 @@ class Calibration:
 
     @property
     def abstaining(self) -> dict[str, dict[str, float]]:
-        """The same with a band in which a method abstains."""
+        """The same with a band in which a method abstains; for runs without the front end (raw)."""
         return {
             r.method: {"stiction_above": float(r.stiction_above), "no_stiction_below": float(r.no_stiction_below)}
             for r in self.table.itertuples()
@@ -166,13 +167,14 @@ def calibrate_books(a: Book, b: Book, false_alarm: float) -> Calibration:
     rows, curves = [], []
     positive = _labels(b)
     for i, method in enumerate(b.methods):
-        score_a, score_b = _scores(a, i), _scores(b, i)
+        score_a, score_b = _scores(a.score, a, i), _scores(b.score, b, i)
         cut = cut_for(score_a[~_labels(a)], false_alarm)
-        low, high = abstention(score_a, _labels(a), false_alarm)
+        # without the front end: it says "no" to more cycling loops than a small share of wrong answers allows
+        low, high = abstention(_scores(a.score_raw, a, i), _labels(a), false_alarm)
+        raw_b = _scores(b.score_raw, b, i)
         said = b.verdict[i, b.truth["cycled"] >= 0]
-        with np.errstate(invalid="ignore"):
-            above, decided = score_b > cut, (score_b > high) | (score_b <= low)
-            wrong = ((score_b > high) & ~positive) | ((score_b <= low) & positive)
+        above, decided = score_b > cut, (raw_b > high) | (raw_b <= low)
+        wrong = ((raw_b > high) & ~positive) | ((raw_b <= low) & positive)
         known = ~np.isnan(score_b)
         area = auc(score_b[known], positive[known])
         row: dict[str, Any] = {"method": method, "cut": cut}
@@ -298,8 +300,8 @@ def _labels(book: Book) -> np.ndarray:
     return cycled[cycled >= 0] == 1
 
 
-def _scores(book: Book, method: int) -> np.ndarray:
-    return book.score[method, book.truth["cycled"] >= 0].astype(float)
+def _scores(scores: np.ndarray, book: Book, method: int) -> np.ndarray:
+    return scores[method, book.truth["cycled"] >= 0].astype(float)
 
 
 def _rate(name: str, hits: np.ndarray) -> dict[str, float]:

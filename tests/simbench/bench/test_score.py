@@ -183,7 +183,7 @@ def test_calibrated_cuts_do_in_a_run_what_the_calibration_says(tmp_path):
     for row in found.table.itertuples():
         assert table.loc[row.method].false_alarm == pytest.approx(row.false_alarm)
     band = run_grid("smoke", tmp_path / "band", ["he"], sets={"disturbance": "sine"}, thresholds={"he": found.abstaining["he"]})
-    decided = 1 - score_run(band).ranking().no_decision.iloc[0]
+    decided = 1 - score_run(band, raw=True).ranking().no_decision.iloc[0]
     assert decided == pytest.approx(found.table.set_index("method").loc["he"].coverage)
 
 
