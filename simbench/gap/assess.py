@@ -109,7 +109,7 @@ def assess(situation: Situation) -> Assessment:
 LIMITS = {
     "memory": (8.0, "disturbance"),
     "input": (6.0, "process"),
-    "bursts": (8.0, "sensor"),
+    "bursts": (14.0, "sensor"),
     "tails": (16.0, "disturbance"),
     "dynamics nats": (3.0, "process"),
     "shape nats": (3.0, "valve"),

@@ -170,7 +170,7 @@ def refine(engine: Engine, fit: Fit, rough: tuple[str, ...]) -> Fit:
     for name in rough:
         x = best.theta[name]
         wide = max(0.06 * best.theta.get("S", best.theta.get("D", 1.0)), 0.02)
-        best = engine.line(best, name, max(x - wide, 0.0), x + wide)
+        best = engine.line(best, name, x - wide if name == "c" else max(x - wide, 0.0), x + wide)
     if best.spec.valve in (kernels.PLAY, kernels.STICK, kernels.CREEP):
         for begin in (-1.0, 0.0, 1.0):
             best = max(best, engine.at(with_start(best, begin), best.theta), key=lambda f: f.loglik)
@@ -180,7 +180,7 @@ def refine(engine: Engine, fit: Fit, rough: tuple[str, ...]) -> Fit:
     for name in rough[:2]:
         x = best.theta[name]
         wide = max(0.03 * best.theta.get("S", best.theta.get("D", 1.0)), 0.01)
-        best = engine.line(best, name, max(x - wide, 0.0), x + wide)
+        best = engine.line(best, name, x - wide if name == "c" else max(x - wide, 0.0), x + wide)
     return best
 
 

@@ -21,8 +21,9 @@ class Weights:
 
 
 TEMPERATURE = 0.35  # probabilities grow slower than likelihoods: the load is never the AR(2) it is taken for
-NONE_SCORE = 5.0  # nats an effect must bring to be as probable as none; the bootstrap sets it per record
+NONE_SCORE = 4.0  # nats an effect must bring to be as probable as none; the bootstrap sets it per record
 UNKNOWN_SCORE = -6.0
+BEHIND = 6.0  # score by which a second named effect follows the first
 STRANGE = 0.9  # probability of "unknown" once a residual test fails
 
 
@@ -40,6 +41,10 @@ def weigh(found: Assessment, none_score: float = NONE_SCORE) -> Weights:
     Weights
     """
     scores = {e: compressed(found.gains[e]) for e in EFFECTS}
+    if len(found.chosen) == 2:
+        # its own evidence came on top of the first effect's, which the single scores do not show
+        first, second = found.chosen
+        scores[second] = max(scores[second], scores[first] - BEHIND)
     scores[NONE] = none_score
     scores[UNKNOWN] = UNKNOWN_SCORE
     x = np.array(list(scores.values())) * TEMPERATURE
