@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -121,26 +122,28 @@ def stiction(engine: Engine, base: Fit) -> tuple[Fit, float]:
     fits = []
     for model in (kernels.STICK, kernels.CREEP):
         spec = base.spec.join(Spec(valve=model))
-        for S, J, start, load in peaks(engine, base, model):
-            theta = {**base.theta, "S": S, "J": J, "load": load}
+        for theta, start in peaks(engine, base, model):
             fits.append(engine.at(replace(spec, start=start), theta))
     fits.sort(key=lambda f: -f.loglik)
-    if not promising(fits[0], base):
+    if engine.data.trusted and not promising(fits[0], base):
         return fits[0], 2.5
-    best = [refine(engine, f, ("S", "J")) for f in fits[:2]]
+    best = [refine(engine, f, ("S", "J")) for f in fits[: 2 if engine.data.trusted else 4]]
     return max(best, key=lambda f: f.loglik), 2.5
 
 
-def peaks(engine: Engine, base: Fit, model: int) -> list[tuple[float, float, float, float]]:
-    """Return the best (S, J, start, load level) of a fine scan, at the base's load and at a fraction of it."""
+def peaks(engine: Engine, base: Fit, model: int) -> list[tuple[dict[str, float], float]]:
+    """Return the best points (parameters, start in the band) of a fine scan, at the base's load and at a fraction of it."""
     span = float(np.quantile(engine.data.u, 0.995) - np.quantile(engine.data.u, 0.005)) or 1.0
     sizes = np.geomspace(max(0.03 * span, 0.05), max(1.3 * span, 0.1), 36)
     shares = np.array([0.05, 0.15, 0.3, 0.45, 0.6, 0.8, 1.0])
     coarse = np.array([(s, s * j, 0.0) for s in sizes for j in shares])
     found = []
-    for level in (1.0, 0.35):
-        load = base.theta["load"] * level
-        theta = {**base.theta, "load": load}
+    plants: list[dict[str, float]] = [{}]
+    if not engine.data.trusted:
+        # a free plant without friction has bent itself around it
+        plants += [{"T": engine.data.T, "Td": engine.data.Td}, {"T": engine.data.T / 2, "Td": engine.data.Td / 2}]
+    for level, plant in product((1.0, 0.35), plants):
+        theta = {**base.theta, **plant, "load": base.theta["load"] * level}
         S, J, _ = coarse[int(np.argmax(engine.scan(base.spec, theta, model, coarse)))]
         for share in (0.06, 0.02):
             near = np.array([
@@ -148,7 +151,7 @@ def peaks(engine: Engine, base: Fit, model: int) -> list[tuple[float, float, flo
                 for a in (-1.0, -0.5, 0.0, 0.5, 1.0) for b in (-1.0, 0.0, 1.0) for start in (-1.0, 0.0, 1.0)
             ])  # fmt: skip
             S, J, offset = near[int(np.argmax(engine.scan(base.spec, theta, model, near)))]
-        found.append((float(S), float(J), float(np.sign(offset)), load))
+        found.append(({**theta, "S": float(S), "J": float(J)}, float(np.sign(offset))))
     return found
 
 
