@@ -264,7 +264,8 @@ def _check_order(batch: pa.Table, ids: np.ndarray, methods: Iterable[str], path:
 def _words(column: pa.ChunkedArray) -> np.ndarray:
     coded = column.dictionary_encode().unify_dictionaries().combine_chunks()
     coded = coded.chunk(0) if isinstance(coded, pa.ChunkedArray) else coded
-    names = np.array([*coded.dictionary.to_pylist(), ""], dtype="U")
+    # objects: all rows share a few strings
+    names = np.array([*coded.dictionary.to_pylist(), ""], dtype=object)
     return names[coded.indices.fill_null(len(names) - 1).to_numpy(zero_copy_only=False)]
 
 
