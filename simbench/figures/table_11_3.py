@@ -103,7 +103,8 @@ def data() -> pd.DataFrame:
         said = "limit cycles" if TABLE_11_3[key] else "no limit cycles"
         why = "; ".join(f"{n} x {condition}" for condition, n in check.disagreements.items())
         rows.append([*key, said, check.loops, check.exist, check.reached, why, sum(map(cycles, grid)), len(grid)])
-    names = ["process", "controller", "nonlinearity", "table", "loops", "exist", "reached", "disagreements", "cycled", "simulated"]
+    names = ["process", "controller", "nonlinearity", "table", "loops", "exist", "reached", "disagreements"]
+    names += ["cycled", "simulated"]
     return pd.DataFrame(rows, columns=names)
 
 

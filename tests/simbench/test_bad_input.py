@@ -131,8 +131,8 @@ def test_a_full_disk_leaves_nothing_behind_and_the_old_file_as_it_was(tmp_path, 
     # compiled first: the size limit would hit numba's cache too
     assert main(["simulate", str(loop), "-o", str(tmp_path / "warm.csv")]) == 0
     done = subprocess.run(
-        [sys.executable, "-c", code, "simulate", str(loop), "-o", str(out)], preexec_fn=small_files, capture_output=True, text=True,
-        env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
+        [sys.executable, "-c", code, "simulate", str(loop), "-o", str(out)], preexec_fn=small_files,
+        capture_output=True, text=True, env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
     )  # fmt: skip
     assert done.returncode == 2
     assert "too large" in done.stderr

@@ -224,7 +224,8 @@ def test_a_tail_leaves_the_record_as_it_was():
 @settings(max_examples=40, deadline=None)
 @given(
     K=st.floats(0.1, 5), T=st.floats(0.5, 50), Td=st.floats(0, 20), Kc=st.floats(0.05, 5), Ti=st.floats(1, 100),
-    S=st.floats(0, 10), J=st.floats(0, 10), std=st.floats(0, 1), kick=st.floats(-10, 10), integrating=st.booleans(), P=st.booleans(),
+    S=st.floats(0, 10), J=st.floats(0, 10), std=st.floats(0, 1), kick=st.floats(-10, 10),
+    integrating=st.booleans(), P=st.booleans(),
 )  # fmt: skip
 def test_compiled_and_plain_loop_give_the_same_bits(K, T, Td, Kc, Ti, S, J, std, kick, integrating, P):
     table = {
