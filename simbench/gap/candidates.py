@@ -61,7 +61,10 @@ def noise(engine: Engine, base: Fit) -> tuple[Fit, float]:
     stated = engine.data.noise
     best = engine.fit(spec, base.theta)
     if stated > 0:
-        best = max(best, engine.fit(spec, {**base.theta, "noise": 2.0 * stated, "colour": 0.05}), key=lambda f: f.loglik)
+        # where the noise was held down, the load had taken its place: begin anew as well
+        fresh = {**base.theta, **engine.start(), "noise": 2.0 * stated}
+        tries = [engine.fit(spec, {**base.theta, "noise": 2.0 * stated, "colour": 0.05}), engine.fit(spec, fresh)]
+        best = max([best, *tries], key=lambda f: f.loglik)
     # less noise than stated is seldom less noise: something smooths it
     return best, 1.0 if best.theta["noise"] >= stated else QUIETER
 

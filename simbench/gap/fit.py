@@ -180,7 +180,7 @@ class Engine:
         if name == "load":
             return 1e-3 * d.floor if d.T > 0 else 1e-8 * size, 100.0 * size
         if name == "colour":
-            return 0.0, REDDEST
+            return -REDDEST, REDDEST
         if name in ("S", "D"):
             return 0.0, 2.0 * span if name == "D" else 1.5 * span
         if name == "J":

@@ -117,7 +117,7 @@ def whiten(channels, T, lag, load_time, load_lag, load, load_walk, walk, noise, 
     """
     m, n = channels.shape
     smooth = load_lag > 0.1
-    has_lag, has_load_walk, has_walk, coloured = lag > 1e-3, load_walk > 0.0, walk > 0.0, colour > 0.01
+    has_lag, has_load_walk, has_walk, coloured = lag > 1e-3, load_walk > 0.0, walk > 0.0, abs(colour) > 0.01
     s = 2 + smooth + has_lag + has_load_walk + has_walk + coloured
     F, Q, P, h = np.zeros((s, s)), np.zeros((s, s)), np.zeros((s, s)), np.zeros(s)
     phi = math.exp(-1.0 / load_time)
