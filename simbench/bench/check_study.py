@@ -127,6 +127,7 @@ def study(grid: str = "ci", repeats: int = 20, half: bool = False, methods=("fas
         rows = [_row("same", "all", "nothing", base, base)]
         rows += [_row("broken", m, how, _broken(base, m, how), base) for m in base.methods for how in BROKEN]
         rows += _varied(base, base_folder)
+        print(Study(pd.DataFrame(rows), base.ids.size).as_text(), file=sys.stderr)
         for i in range(repeats):
             other = run_grid(grid, Path(home) / f"seed{i}", methods, jobs, sets={**fresh, "seed": first + i})
             rows.append(_row("fresh seed", "all", f"seed {first + i}", Book.read(other), base))
