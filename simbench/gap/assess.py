@@ -152,8 +152,8 @@ def strangers(
     rough = {"quantisation", "compression", "outliers", "error_deadband"} & set(situation.hard)
     for name, (limit, block) in LIMITS.items():
         limit = max(limit, 1.5 * (usual or {}).get(name, 0.0))
-        # more jumps than the search adds leave tails of their own
-        loose = rough or (name in ("bursts", "tails") and "load_steps" in chosen)
+        # jumps beyond those the search adds, spikes, and friction that is no two-parameter map leave traces of their own
+        loose = rough or (name in ("bursts", "tails", "memory") and {"load_steps", "outliers", "stiction"} & set(chosen))
         if tests[name] > limit * (LENIENT if loose else 1.0):
             out.setdefault(
                 block,
@@ -207,7 +207,7 @@ def _spikes_by_innovations(
     wide = float(np.std(heights)) + float(np.mean(heights))
     mixture = np.log((1 - rate) * np.exp(-0.5 * (x / scale) ** 2) / scale + rate * np.exp(-0.5 * (x / wide) ** 2) / wide)
     plain = -0.5 * (x / float(np.std(x))) ** 2 - np.log(float(np.std(x)))
-    gains["outliers"] = float(np.sum(mixture - plain)) - size_penalty(x.size, 2.0)
+    gains["outliers"] = float(np.sum(mixture - plain) - size_penalty(x.size, 2.0))
     noise = base.theta["noise"]
     parameters["outliers"] = {
         "rate": rate,
