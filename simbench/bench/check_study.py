@@ -61,16 +61,17 @@ class Study:
 
     @property
     def holds(self) -> dict[str, bool]:
-        """Each promise, and whether it held; the main threshold of a method is the one whose moves change most verdicts."""
+        """Each promise, and whether it held; a promise that was not tried is left out."""
         t = self.table
-        moved = t[t["kind"] == "threshold"]
-        main = moved.sort_values("flips", ascending=False).groupby("method").head(1)
+        moved, alarms = t[t["kind"] == "threshold"], t.loc[t["kind"] == "fresh seed", "failed"]
+        seen = moved.groupby("method")["failed"].any()
+        unseen = ", ".join(seen.index[~seen]) or "none"
         return {
             "the same records pass": not t.loc[t["kind"] == "same", "failed"].any(),
             "records perturbed by 1e-12 pass": not t.loc[t["kind"] == "perturbed", "failed"].any(),
-            f"fresh seeds: at most {ALARMS} alarm in 20": int(t.loc[t["kind"] == "fresh seed", "failed"].sum()) <= ALARMS,
-            "each method's main threshold moved by 20 % fails": bool(main["failed"].all()),
+            f"every method has a threshold whose move by 20 % fails (without: {unseen})": bool(seen.all()),
             "a broken detector fails": bool(t.loc[t["kind"] == "broken", "failed"].all()),
+            **({f"fresh seeds: at most {ALARMS} alarm in 20": int(alarms.sum()) <= ALARMS} if len(alarms) else {}),
         }
 
     def as_text(self) -> str:
