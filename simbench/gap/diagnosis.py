@@ -146,7 +146,7 @@ def report(found: Assessment, weights: Weights, seed: int, more: Sequence[str] =
             "block": _block(e, weights),
             "effect": e,
             "parameters": found.parameters.get(e, {}),
-            "probability": float(weights.named[e]),
+            "probability": float(weights.probability[e]),
         }
         for e in named
     )

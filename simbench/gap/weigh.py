@@ -12,10 +12,9 @@ from simbench.gap.names import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 
 @dataclass(frozen=True)
 class Weights:
-    """Probabilities: of being the first answer, of each named effect, and what stands behind `unknown`."""
+    """Probabilities of every answer, and what stands behind `unknown`."""
 
     probability: dict[str, float]
-    named: dict[str, float]
     blocks: dict[str, float]
     unknown_block: str
 
@@ -54,16 +53,13 @@ def weigh(found: Assessment, none_score: float = NONE_SCORE) -> Weights:
         p *= (1.0 - STRANGE) / (1.0 - p[-1])
         p[-1] = STRANGE
     probability = {e: float(v) for e, v in zip(scores, p)}
-    named = dict(probability)
-    for e in found.chosen:
-        named[e] = max(named[e], 0.9)
     excess = {
         b: max([compressed(found.gains[e]) for e in EFFECTS if block_of(e) == b and (e in found.chosen)] + [0.0])
         for b in BLOCKS
     }
     total = sum(excess.values())
     blocks = {b: (v / total if total > 0 else 0.0) for b, v in excess.items()}
-    return Weights(probability, named, blocks, next(iter(found.strange), "process"))
+    return Weights(probability, blocks, next(iter(found.strange), "process"))
 
 
 def compressed(gain: float) -> float:
