@@ -20,7 +20,7 @@ SEPARATED = 1.0  # mean distance, in seed-to-seed standard deviations, from whic
 
 
 @dataclass(frozen=True)
-class Test:
+class PlantTest:
     """A test as a person would do it, and how to simulate it: (loop, size of OP's and SP's movement, seed) -> features."""
 
     name: str
@@ -75,11 +75,11 @@ def _faster(loop: Loop, du: float, dsp: float, seed: int) -> dict[str, float]:
 
 
 TESTS = (
-    Test("record MV", "record the valve position (MV) beside SP, OP and PV", _with_mv),
-    Test("set-point step", "step the set point up and down by {dsp:.3g} PV units", _sp_step),
-    Test("gain-change", "halve Kc for a while and compare period and amplitude (gain-change test)", _gain_change),
-    Test("bump test", "in manual, bump OP by {du:.3g} % and watch PV settle", _bump),
-    Test("faster sampling", "sample four times faster", _faster),
+    PlantTest("record MV", "record the valve position (MV) beside SP, OP and PV", _with_mv),
+    PlantTest("set-point step", "step the set point up and down by {dsp:.3g} PV units", _sp_step),
+    PlantTest("gain-change", "halve Kc for a while and compare period and amplitude (gain-change test)", _gain_change),
+    PlantTest("bump test", "in manual, bump OP by {du:.3g} % and watch PV settle", _bump),
+    PlantTest("faster sampling", "sample four times faster", _faster),
 )
 
 

@@ -44,9 +44,9 @@ def inspect_samples(pv: np.ndarray, *others: np.ndarray) -> Samples:
 
     Examples
     --------
-    >>> found = inspect_samples(np.round(np.random.default_rng(0).standard_normal(500) / 0.3) * 0.3)
+    >>> found = inspect_samples(np.round(np.random.default_rng(0).standard_normal(500) / 0.3137) * 0.3137)
     >>> round(found.step, 6)
-    0.3
+    0.3137
     """
     unit = written_unit(pv, *others)
     step = lattice(pv, unit)

@@ -1,6 +1,8 @@
 """Hard negatives: healthy by construction, found again from their files, and the committed ones replayed."""
 
 import math
+from importlib import import_module
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -60,7 +62,10 @@ def test_wrong_requests_are_refused():
 
 
 def test_every_method_has_its_case():
-    assert sorted(p.stem for p in CASES.glob("*.toml")) == methods.names()
+    # the files of the folder: another test may have registered a detector of its own
+    folder = Path(import_module(methods.package).__path__[0])
+    own = sorted(p.stem for p in folder.glob("*.py") if not p.stem.startswith("_"))
+    assert sorted(p.stem for p in CASES.glob("*.toml")) == own
 
 
 @pytest.mark.parametrize("path", sorted(CASES.glob("*.toml")), ids=lambda p: p.stem)
