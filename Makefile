@@ -6,7 +6,7 @@ READY := $(VENV)/.ready
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: bench test lint perf docs clean
+.PHONY: bench check real test lint perf docs clean
 
 bench: $(READY)            ## the main job: simulate a labelled grid, run the detectors, score them
 	rm -rf runs/bench
@@ -20,6 +20,14 @@ lint: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports
 	$(BIN)/pyright
+
+check: $(READY)            ## has any detector's accuracy regressed against the committed baseline?
+	rm -rf runs/ci
+	$(BIN)/simbench run ci -o runs/ci -j 2 >/dev/null
+	$(BIN)/simbench check runs/ci --against results/baseline
+
+real: $(READY)             ## every record of real loops, every method, scored by unit
+	$(BIN)/simbench detect ../shared/data/real --labels ../shared/data/real/records.csv > results/real_records.txt
 
 perf: $(READY)             ## ratios of medians of interleaved runs
 	$(BIN)/python tests/reference/perf.py
