@@ -343,7 +343,7 @@ def make(
     out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the check.")],
     key: Annotated[Path, typer.Option(help="File for the key to the answers, outside DIR.")],
     seed: Annotated[int, typer.Option(min=0)],
-    n: Annotated[int, typer.Option(min=100, help="Records.")] = 600,
+    n: Annotated[int, typer.Option("-n", "--records", min=100, help="About how many records.")] = 600,
     jobs: Jobs = 1,
 ) -> None:
     """Write shuffled records with hidden effects, and seal the answers."""
