@@ -6,7 +6,7 @@ READY := $(VENV)/.ready
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: bench check real test lint perf docs clean
+.PHONY: bench check leak real test lint perf docs clean
 
 bench: $(READY)            ## the main job: simulate a labelled grid, run the detectors, score them
 	rm -rf runs/bench
@@ -28,6 +28,9 @@ check: $(READY)            ## has any detector's accuracy regressed against the 
 
 real: $(READY)             ## every record of real loops, every method, scored by unit
 	$(BIN)/simbench detect ../shared/data/real --labels ../shared/data/real/records.csv > results/real_records.txt
+
+leak: $(READY)             ## can a scenario's settings alone predict its label? They must not
+	$(BIN)/python -m simbench.bench.leak
 
 perf: $(READY)             ## ratios of medians of interleaved runs
 	$(BIN)/python tests/reference/perf.py
