@@ -156,7 +156,8 @@ def _multiplier(Y: np.ndarray, T: np.ndarray, z: np.ndarray) -> float:
     rise = 0.5 * (growth[-2] + (T @ growth)[-2])
     speed = rise[:-1] @ z + rise[-1]
     later = -threshold[:-1] / speed if speed != 0 else np.full(z.size, np.inf)
-    total = Y[:, :-1] + np.outer(growth[:, :-1] @ z + growth[:, -1], later)
+    with np.errstate(over="ignore", invalid="ignore"):  # a candidate may grow without bound; it is dropped below
+        total = Y[:, :-1] + np.outer(growth[:, :-1] @ z + growth[:, -1], later)
     return float(np.abs(np.linalg.eigvals(total)).max()) if np.isfinite(total).all() else np.inf
 
 
