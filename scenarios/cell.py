@@ -29,6 +29,7 @@ SETTINGS = {
     "excitation": "setpoint, load or both, at time 0",
     "w_Ti": "2 pi Ti over the period of the cycle; Ti is chosen for it",
 }
+WORDS = ("process", "controller", "disturbance", "tuning", "excitation")  # settings that are words; all others are numbers
 # closed-loop time constant over dead time (foptd), gain over that of double poles (integrating), share of the ultimate gain (P)
 FOPTD_LAG = {"slow": 3.0, "medium": 1.5, "tight": 0.8}
 INTEGRATING_GAIN = {"slow": 0.6, "medium": 1.0, "tight": 1.5}

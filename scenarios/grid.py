@@ -13,7 +13,7 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from scenarios.cell import SETTINGS, Draft, Rules, cell_group, loop_axes
+from scenarios.cell import SETTINGS, WORDS, Draft, Rules, cell_group, loop_axes
 from scenarios.errors import SpecError, suggestion
 from scenarios.spec import Loop, Value, _Table, checked, content_hash, read_toml
 
@@ -361,6 +361,10 @@ def make_grid(
     for key, values in (pair for axes_of in (content.axes, *(b.axes for b in content.block)) for pair in axes_of.items()):
         if not values:
             raise SpecError(f"{name}: axis {key!r} has no value")
+        wrong = [v for v in values if key in SETTINGS and isinstance(v, str) == (key not in WORDS)]
+        if wrong:
+            needed = "words" if key in WORDS else "numbers"
+            raise SpecError(f"{name}: axis {key!r} has the value {wrong[0]!r}; {needed} are needed")
     grid = Grid(name, content, overrides)
     untouched = not changed and not overrides
     per_repeat = content.expected and content.expected * content.repeats // int(table.get("repeats", 1))

@@ -195,3 +195,10 @@ def test_axes_of_a_whole_loop():
     assert loop_axes(loop)["Td_over_T"] is None
     fixed = {"Td_over_T", "Td_over_Ti", "S_over_2J", "noise_ratio", "disturbance", "tuning", "samples_per_period"}
     assert set(SETTINGS) >= fixed
+
+
+def test_a_word_on_an_axis_of_numbers_is_refused():
+    with pytest.raises(SpecError, match="'a'; numbers are needed"):
+        load_grid("smoke", axes={"S_over_2J": ["a"]})
+    with pytest.raises(SpecError, match="words are needed"):
+        load_grid("smoke", axes={"tuning": [1.0]})
