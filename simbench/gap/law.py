@@ -129,7 +129,9 @@ def _examine(
         a, b, residual, base, strays = _regression(du, e, rows, Kc, Ki, size, with_sp_offset=sp is None)
     form = _nearest_form(a, b, Kc, Ki, Ts, Ti)
     kc, ti = form
-    law_exact = residual < max(EXACT, 3 * tolerance)
+    # OP that mostly stands still fits "no control at all" exactly
+    collapsed = abs(a) < 0.02 * abs(Kc + Ki)
+    law_exact = residual < max(EXACT, 3 * tolerance) and not collapsed
     base_exact = base < max(EXACT, 3 * tolerance)
     if not trusted:
         reason = "" if law_exact else "the recorded PV does not explain OP through a PI law"
@@ -154,6 +156,8 @@ def _examine(
                 seen = candidate
                 residual = base
             reason = "the recorded PV is not the PV the controller saw, or it was archived at another rate"
+    if collapsed:
+        foreign = "OP stands still in most samples: the controller skips scans, or a dead-band holds it"
     if law_exact and strays.size >= 3 and sp is not None:
         moved = np.flatnonzero(np.diff(sp) != 0.0) + 1
         near_sp = np.isin(strays, np.concatenate([moved, moved + 1]))
@@ -285,6 +289,8 @@ def _seen(
     op: np.ndarray, e: np.ndarray, pv: np.ndarray, inside: np.ndarray, a: float, b: float, memoryless: bool
 ) -> np.ndarray | None:
     """Invert dOP = a e_k + b e_{k-1}: the PV that makes the controller write this OP; recorded PV where OP stood at a limit."""
+    if a == 0.0:  # OP tells nothing of the error
+        return None
     if memoryless:
         gain = 0.5 * (a - b)
         return pv + e - np.where(inside, (op - np.median(op - gain * e)) / gain, e)
