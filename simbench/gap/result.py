@@ -110,6 +110,11 @@ class GapReport:
     def sentence(self) -> str:
         """Return the answer in one sentence."""
         if self.effect == NONE:
+            if self.gap.resolvable and self.gap.recalibrated > 1.5 * self.gap.floor:
+                return (
+                    f"No known effect is called for, but the simulation still differs from the record: gap "
+                    f"{self.gap.recalibrated:.2f} against a floor of {self.gap.floor:.2f}."
+                )
             return "No unmodelled effect is needed: the simulation explains the record within its seed-to-seed spread."
         p = self.effects[0]["probability"]
         if self.effect == UNKNOWN:
@@ -117,7 +122,9 @@ class GapReport:
             said = f"Something is missing in the {self.block} block that no known effect explains (probability {p:.2f})"
             return f"{said}; closest: {words(near)}."
         names = " and ".join(f"{words(e['effect'])} ({e['block']}{numbers(e['parameters'])})" for e in self.effects)
-        size = f"; adding it closes {100 * self.shrinkage['value']:.0f} % of the gap" if self.shrinkage else ""
+        share = 100 * self.shrinkage["value"] if self.shrinkage else 0.0
+        verb = "closes" if share >= 0 else "does not close the gap but widens it, by"
+        size = f"; adding it {verb} {abs(share):.0f} %{' of the gap' if share >= 0 else ''}" if self.shrinkage else ""
         return f"The simulation lacks {names}, probability {p:.2f}{size}."
 
     def as_text(self) -> str:
