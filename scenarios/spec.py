@@ -103,10 +103,6 @@ class Part(BaseModel):
     name: str
     parameters: dict[str, Value] = Field(default_factory=dict)
 
-    def merged(self, **changes: Value) -> Part:
-        """Return the part with some parameters changed."""
-        return Part(name=self.name, parameters={**self.parameters, **changes})
-
 
 # The key that names the plug-in in each table of a loop file.
 NAME_KEY = {"valve": "model", "disturbance": "type", "effect": "name"}

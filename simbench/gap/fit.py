@@ -354,15 +354,6 @@ def _box(x: float, width: float, edge: float) -> float:
 Candidate = Callable[["Engine", Fit], Fit]
 
 
-def fit_smooth(spec: Spec, **start: float) -> Candidate:
-    """Return a candidate that starts from the fit so far with one spec joined."""
-
-    def run(engine: Engine, base: Fit) -> Fit:
-        return engine.fit(base.spec.join(spec), {**base.theta, **start})
-
-    return run
-
-
 def with_start(fit: Fit, start: float) -> Spec:
     """Return the fit's spec with the valve begun elsewhere in its band."""
     return replace(fit.spec, start=start)

@@ -203,21 +203,6 @@ def whiten(channels, T, lag, load_time, load_lag, load, load_walk, walk, noise, 
 
 
 @njit(cache=True)
-def normal_matrix(white):
-    """Return the inner products (m, m) of the whitened channels, without their first SKIP samples."""
-    m, n = white.shape
-    N = np.zeros((m, m))
-    for i in range(m):
-        for j in range(i, m):
-            t = 0.0
-            for k in range(SKIP, n):
-                t += white[i, k] * white[j, k]
-            N[i, j] = t
-            N[j, i] = t
-    return N
-
-
-@njit(cache=True)
 def scan(u, kind, points, T, Td, lag, load_time, load_lag, load, noise, colour, spread, rest, basis, low, high):
     """Return the log-likelihood (up to a constant) of many valve maps (points, 3) at one noise model.
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from scenarios.spec import Loop
-from simbench.gap.names import BLOCKS, NONE, UNKNOWN, block_of
+from simbench.gap.names import BLOCKS, NONE, UNKNOWN
 
 
 @dataclass(frozen=True)
@@ -157,8 +157,3 @@ def numbers(parameters: dict[str, float | str], begin: str = ", ") -> str:
     """Return parameters as `S = 2.1, J = 0.4`."""
     text = ", ".join(f"{k} = {v:.3g}" if isinstance(v, (int, float)) else f"{k} = {v}" for k, v in parameters.items())
     return begin + text if text else ""
-
-
-def failing_block(effect: str, fallback: str) -> str:
-    """Return the block to report for an effect; `unknown` takes the fallback."""
-    return fallback if effect == UNKNOWN else block_of(effect)

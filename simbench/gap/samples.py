@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 SPIKE = 6.0  # robust standard deviations from which an isolated point is a spike
-STRAIGHT = 0.25  # share of second differences at 0 from which PV was rebuilt by straight lines
 HELD = 20  # samples that PV stands exactly still, while it moves otherwise, before it counts as frozen
 
 

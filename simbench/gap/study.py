@@ -8,7 +8,6 @@ import numpy as np
 
 from detectors.record import LoopRecord
 from scenarios.spec import Loop
-from simbench.gap.names import EFFECTS, NONE, block_of
 from simbench.loop.simulate import simulate
 
 
@@ -162,16 +161,3 @@ def random_case(seed: int, names: tuple[str, ...] = (), mv: bool = False) -> Cas
     if loop.plant.T is not None:
         table["plant"]["T"] *= off[2]
     return Case(record, Loop.from_table(table), truth, names)
-
-
-def spread_over_effects(count: int, first_seed: int, none: float = 0.25) -> list[tuple[int, tuple[str, ...]]]:
-    """Return (seed, effects) of a balanced set: every effect in turn, and a share without."""
-    names = list(EFFECTS)
-    quiet = round(none * count)
-    plans = [(first_seed + i, (names[i % len(names)],)) for i in range(count - quiet)]
-    return plans + [(first_seed + count - quiet + i, ()) for i in range(quiet)]
-
-
-def expected_block(case: Case) -> str:
-    """Return the block of the case's first effect."""
-    return block_of(case.effects[0]) if case.effects else NONE
