@@ -90,7 +90,9 @@ def draw(data: pd.DataFrame) -> Figure:
         axes.axvline(at, color=GREY, linewidth=0.8, linestyle=":")
         note(axes, verdict.replace("_", " "), 0.99, 0.95 if verdict == "stiction" else 0.06, "right")
     axes.set_xscale("log")
+    axes.set_xticks([0.2, 0.5, 1.0, 2.0, 5.0], ["0.2", "0.5", "1", "2", "5"])
+    axes.set_xticks([], minor=True)
     axes.set_ylim(0, 1.02)
-    axes.legend(loc="lower left")
+    axes.legend(loc="lower left", frameon=True, edgecolor="none")
     label(axes, "ω Ti (-)", "Δτ (-)", "Horch's index follows ω Ti, sticky or not")
     return figure
