@@ -9,9 +9,10 @@ from itertools import product
 import numpy as np
 
 from simbench.gap import innovations as kernels
-from simbench.gap.fit import Data, Engine, Fit, Spec, with_start
+from simbench.gap.fit import Data, Engine, Fit, Spec, lag_of, with_start
 
-SMOOTH = ("load_time", "load_lag", "load", "noise", "colour")
+SMOOTH = ("load_time", "load_lag", "load", "noise", "colour")  # searched beside a valve
+ROUGH = ("S", "J", "D", "c")  # in which the likelihood has corners
 QUIETER = 4.0  # numbers that a noise below the stated level is priced at
 HOPELESS = 4.0  # nats below the base from which a grid's best point is not worth refining
 
@@ -180,7 +181,7 @@ def refine(engine: Engine, fit: Fit, rough: tuple[str, ...]) -> Fit:
     if best.spec.valve in (kernels.PLAY, kernels.STICK, kernels.CREEP):
         for begin in (-1.0, 0.0, 1.0):
             best = max(best, engine.at(with_start(best, begin), best.theta), key=lambda f: f.loglik)
-    smooth = tuple(m for m in best.spec.names if m not in ("S", "J", "D", "c"))
+    smooth = tuple(m for m in best.spec.names if m not in ROUGH)
     better = engine.fit(best.spec, best.theta, search=smooth)
     best = better if better.loglik > best.loglik else best
     for name in rough[:2]:
@@ -248,7 +249,7 @@ def load_steps(engine: Engine, base: Fit) -> tuple[Fit, float]:
     for _ in range(MOST_STEPS):
         response = _step_response(fit, d)
         white = kernels.whiten(
-            response[None, :], fit.theta["T"] if d.T > 0 else 0.0, 0.0, fit.theta["load_time"], fit.theta["load_lag"],
+            response[None, :], fit.theta["T"] if d.T > 0 else 0.0, 0.0, fit.theta["load_time"], lag_of(fit.theta),
             fit.theta["load"], 0.0, 0.0, fit.theta["noise"], fit.theta["colour"], engine.spread,
         )[0][0]  # fmt: skip
         residual = np.asarray(fit.residual).copy()
@@ -305,11 +306,34 @@ ENGINE: dict[str, Callable[[Engine, Fit], tuple[Fit, float]]] = {
 }
 
 
+def reshaped(engine: Engine, fit: Fit) -> Fit:
+    """Return the fit under the other shape of load (1/f, or first and second order) where that is more likely.
+
+    The base's shape was chosen without the effect, and may have been bent around it.
+    """
+    kept = {k: v for k, v in fit.theta.items() if k not in fit.spec.names}
+    spec = replace(fit.spec, pink=not fit.spec.pink)
+    if spec.pink:
+        theta = {**fit.theta, "load_time": 0.7 * engine.longest_load}
+        theta.pop("load_lag")
+    else:
+        theta = {**fit.theta, "load_time": 0.3 * fit.theta["load_time"], "load_lag": 0.1 * fit.theta["load_time"]}
+    other = engine.fit(spec, theta, search=SMOOTH, steps=6)
+    if other.loglik > fit.loglik - HOPELESS:
+        other = engine.fit(spec, other.theta, search=tuple(m for m in spec.names if m not in ROUGH), steps=6)
+    if other.loglik <= fit.loglik:
+        return fit
+    other.theta.update(kept)
+    return other
+
+
 def fit_candidates(engine: Engine, base: Fit, effects: list[str]) -> dict[str, Candidate]:
     """Fit each effect on top of a base and return it with its penalised gain in nats."""
     out = {}
     for effect in effects:
         fit, count = ENGINE[effect](engine, base)
+        if fit is not base and promising(fit, base):
+            fit = reshaped(engine, fit)
         gain = fit.loglik - base.loglik - size_penalty(engine.data.n, count)
         out[effect] = Candidate(effect, fit, gain, fit is not base)
     return out

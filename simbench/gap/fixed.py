@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from scenarios.spec import Loop
+from simbench.gap import innovations as kernels
 from simbench.gap.candidates import LOAD_FIRST
 from simbench.gap.check import Situation
-from simbench.gap.fit import Fit, valve_of
+from simbench.gap.fit import Fit, lag_of, valve_of
 
 
 def effect_parameters(effect: str, fit: Fit, situation: Situation) -> dict[str, float | str]:
@@ -111,11 +113,24 @@ def fixed_loop(
         table["noise"] = {"std": fit.theta["noise"]}
     source = load or fit
     K = abs(table["plant"]["K"]) * (Ts if situation.integrating else 1.0)
-    amplitude = source.theta["load"] / K
-    table["disturbance"] = [{"type": "coloured", "amplitude": amplitude, "period": source.theta["load_time"] * Ts}]
+    table["disturbance"] = [
+        {"type": "coloured", "amplitude": std / K, "period": period * Ts, **({"lag": lag * Ts} if lag > 0.0 else {})}
+        for std, period, lag in load_parts(source.theta)
+    ]
     table["operating_point"] = {"op0": _rest(situation, fit), "pv0": float(sp[0])}
     table["effect"] = [*table.get("effect", []), *({"name": e, **p} for e, p in effects.items())]
     return Loop.from_table(table, "fixed loop")
+
+
+def load_parts(theta: Mapping[str, float]) -> list[tuple[float, float, float]]:
+    """Return the parts of a fitted load: std of its steady effect on PV, correlation time, second time constant (samples)."""
+    std, period, lag = theta["load"], theta["load_time"], lag_of(theta)
+    if lag == kernels.PINK:
+        return [(std / np.sqrt(3.0), period / kernels.FRACTION**i, 0.0) for i in range(3)]
+    if lag <= 0.1:
+        return [(std, period, 0.0)]
+    a, b = np.exp(-1.0 / period), np.exp(-1.0 / lag)
+    return [(std * float(np.sqrt((1 - b) / (1 + b) * (1 + a * b) / (1 - a * b))), period, lag)]
 
 
 def _rest(situation: Situation, fit: Fit) -> float:

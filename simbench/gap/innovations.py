@@ -11,6 +11,8 @@ import numpy as np
 from numba import njit
 
 IDEAL, PLAY, ZONE, STICK, CREEP, CURVE = range(6)
+PINK = -1.0  # as `load_lag`: a load of power 1/f
+FRACTION = 5.0  # ratio of the time constants that add up to 1/f
 SKIP = 4  # first samples, which only settle the filter's unknown start
 
 
@@ -110,15 +112,15 @@ def whiten(channels, T, lag, load_time, load_lag, load, load_walk, walk, noise, 
     """Return innovations over their standard deviation (m, n) of all channels, and the sum of log variances.
 
     The stochastic part of PV is a load of time constants `load_time` and `load_lag` (0: first order) with steady effect `load`
-    (std of its first stage, PV units), plus a
-    random walk of `load_walk` per sample, both through the plant's pole (and `lag`); a random walk of `walk` per sample on PV
-    itself; and noise of std `noise` whose successive samples correlate by `colour`. One steady-state gain serves all channels.
-    `spread` is the std of PV's unknown start.
+    (std of its first stage, PV units), plus a random walk of `load_walk` per sample, both through the plant's pole (and `lag`);
+    a random walk of `walk` per sample on PV itself; and noise of std `noise` whose successive samples correlate by `colour`.
+    With `load_lag` = PINK the load is 1/f noise: first-order parts of equal variance, `load_time`, a fifth and a 25th of it
+    (van der Ziel 1950). One steady-state gain serves all channels. `spread` is the std of PV's unknown start.
     """
     m, n = channels.shape
-    smooth = load_lag > 0.1
+    smooth, parts = load_lag > 0.1, 3 if load_lag == PINK else 1
     has_lag, has_load_walk, has_walk, coloured = lag > 1e-3, load_walk > 0.0, walk > 0.0, abs(colour) > 0.01
-    s = 2 + smooth + has_lag + has_load_walk + has_walk + coloured
+    s = 1 + parts + smooth + has_lag + has_load_walk + has_walk + coloured
     F, Q, P, h = np.zeros((s, s)), np.zeros((s, s)), np.zeros((s, s)), np.zeros(s)
     phi = math.exp(-1.0 / load_time)
     a = math.exp(-1.0 / T) if T > 0.0 else 1.0
@@ -132,8 +134,13 @@ def whiten(channels, T, lag, load_time, load_lag, load, load_walk, walk, noise, 
         top = 3
     else:
         F[1, 0] = enters
-    Q[0, 0] = load * load * (1.0 - phi * phi)
-    P[0, 0], P[1, 1] = load * load, spread * spread
+    share = load * load / parts
+    Q[0, 0] = share * (1.0 - phi * phi)
+    P[0, 0], P[1, 1] = share, spread * spread
+    for i in range(1, parts):
+        phi = math.exp(-(FRACTION**i) / load_time)
+        F[top, top], F[1, top], Q[top, top], P[top, top] = phi, enters, share * (1.0 - phi * phi), share
+        top += 1
     seen = 1
     if has_lag:
         seen = top

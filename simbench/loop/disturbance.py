@@ -41,11 +41,17 @@ def random_walk(t, Ts, p, rng):
 
 
 def coloured(t, Ts, p, rng):
-    """Return first-order coloured noise of standard deviation `amplitude` and correlation time `period`."""
+    """Return coloured noise of standard deviation `amplitude` and correlation time `period`, smoothed by `lag` where given."""
     a = np.exp(-Ts / p.period)
     white = rng.standard_normal(t.size)
     white[1:] *= np.sqrt(1 - a**2)
-    return p.amplitude * lfilter([1.0], [1.0, -a], white)
+    signal = lfilter([1.0], [1.0, -a], white)
+    if p.lag == 0.0:
+        return p.amplitude * signal
+    b = np.exp(-Ts / p.lag)
+    # what the second filter takes from the variance of the first one's output
+    left = (1 - b) / (1 + b) * (1 + a * b) / (1 - a * b)
+    return p.amplitude / np.sqrt(left) * lfilter([1 - b], [1.0, -b], signal)
 
 
 def propagated(t, Ts, p, rng):
@@ -95,6 +101,7 @@ _PERIOD = {
 }
 _MORE: dict[str, dict[str, Any]] = {
     "sine": {"phase": Number("rad", default=0.0, says="phase at the start")},
+    "coloured": {"lag": Number("s", low=0.0, default=0.0, says="second time constant, 0 = first order")},
     "propagated": {
         "S": Number("% of travel", low=0.0, high=100.0, default=5.0, says="the other valve's band", positive=True),
         "J": Number("% of travel", low=0.0, high=100.0, default=2.0, says="the other valve's jump", positive=True),
