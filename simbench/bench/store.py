@@ -27,6 +27,8 @@ PARTS = "parts"
 KINDS = ("verdicts", "scenarios")  # in the order in which a piece is written: the last one makes it whole
 TRUTHS = ("sticky", "predicted", "cycled")
 CODES = {NO_STICTION: 0, STICTION: 1, NO_DECISION: 2}
+# uncompressed bytes of a row group: it waits in memory, but so does what parquet notes of every row group already written
+ROW_GROUP = 4_000_000
 
 
 def open_run(path: str | Path, manifest: dict[str, Any], resume: bool) -> Path:
@@ -85,15 +87,19 @@ def is_whole(where: Path, number: int) -> bool:
 
 
 def finish(where: Path, pieces: int, manifest: dict[str, Any]) -> None:
-    """Join the pieces to the final tables, one piece in memory at a time, and say in the manifest that the run is whole."""
+    """Join the pieces to the final tables, one row group in memory at a time, and say in the manifest that the run is whole."""
     records, counts = hashlib.sha256(), {"scenarios": 0, "verdicts": 0, "errors": 0}
     for kind in KINDS:
         with whole_file(where / f"{kind}.parquet", "wb") as f:
-            writer = None
+            writer, held, size = None, [], 0
             for number in range(pieces):
-                table = pq.read_table(part_file(where, number, kind))
-                writer = writer or pq.ParquetWriter(f, table.schema.with_metadata({"format": str(FORMAT)}), compression="zstd")
-                writer.write_table(table.replace_schema_metadata({"format": str(FORMAT)}))
+                table = pq.read_table(part_file(where, number, kind)).replace_schema_metadata({"format": str(FORMAT)})
+                writer = writer or pq.ParquetWriter(f, table.schema, compression="zstd")
+                held.append(table)
+                size += table.nbytes
+                if number == pieces - 1 or size >= ROW_GROUP:
+                    writer.write_table(pa.concat_tables(held))
+                    held, size = [], 0
                 counts[kind] += table.num_rows
                 counts["errors"] += table.num_rows - table.column("error").null_count
                 if kind == "scenarios":
@@ -201,37 +207,44 @@ class Book:
         words = ("block", "member", "process", "controller", "valve", "disturbance", "tuning")
         numbers = tuple(a for a in AXES if a not in words)
         columns = ["scenario_id", "record_hash", *words, *numbers, "sticky", "predicted", "cycled", "oscillating"]
-        table = pq.read_table(scenarios, columns=columns)
-        ids = np.array(table.column("scenario_id").to_pylist(), dtype="S16")
-        hashes = np.array([h or "" for h in table.column("record_hash").to_pylist()], dtype="S16")
-        axes: dict[str, np.ndarray] = {w: _words(table.column(w)) for w in words}
-        axes.update({a: table.column(a).to_numpy(zero_copy_only=False).astype(float) for a in numbers})
-        cycled = _words(table.column("cycled"))
-        truth = {t: _flags(table.column(t)) for t in ("sticky", "predicted")}
-        truth["cycled"] = np.select([cycled == "yes", cycled == "no"], [1, 0], -1).astype(np.int8)
-        oscillating = _flags(table.column("oscillating")) == 1
-        n, m = ids.size, len(methods)
+        n, m = pq.read_metadata(scenarios).num_rows, len(methods)
+        ids, hashes, cycled = np.empty(n, dtype="S16"), np.empty(n, dtype="S16"), np.empty(n, dtype=object)
+        axes: dict[str, np.ndarray] = {a: np.empty(n, dtype=object if a in words else float) for a in (*words, *numbers)}
+        truth = {t: np.empty(n, dtype=np.int8) for t in ("sticky", "predicted", "cycled")}
+        oscillating = np.empty(n, dtype=bool)
+        row = 0
+        for batch in _batches(scenarios, columns):
+            part = slice(row, row := row + batch.num_rows)
+            ids[part] = batch.column("scenario_id").to_pylist()
+            hashes[part] = [h or "" for h in batch.column("record_hash").to_pylist()]
+            for name in words:
+                axes[name][part] = _words(batch.column(name))
+            for name in numbers:
+                axes[name][part] = batch.column(name).to_numpy(zero_copy_only=False)
+            for name in ("sticky", "predicted"):
+                truth[name][part] = _flags(batch.column(name))
+            cycled[part] = _words(batch.column("cycled"))
+            oscillating[part] = _flags(batch.column("oscillating")) == 1
+        truth["cycled"][:] = np.select([cycled == "yes", cycled == "no"], [1, 0], -1)
         kinds = {"verdict": np.int8, "verdict_raw": np.int8, "score": np.float32, "score_raw": np.float32}
-        out = {name: np.empty((n, m), dtype=kind) for name, kind in kinds.items()}
-        failed, runtime = np.empty((n, m), dtype=bool), np.empty((n, m), dtype=np.float32)
+        out = {name: np.empty((m, n), dtype=kind) for name, kind in kinds.items()}
+        failed, runtime = np.empty((m, n), dtype=bool), np.empty((m, n), dtype=np.float32)
         row = 0
         for batch in _batches(verdicts, ["scenario_id", "method", *kinds, "error", "runtime_s"]):
-            stop = row + batch.num_rows // max(m, 1)
-            _check_order(batch, ids[row:stop], methods, path)
+            part = slice(row, row := row + batch.num_rows // max(m, 1))
+            _check_order(batch, ids[part], methods, path)
             for name in ("verdict", "verdict_raw"):
-                out[name][row:stop] = _codes(batch.column(name)).reshape(-1, m)
+                out[name][:, part] = _codes(batch.column(name)).reshape(-1, m).T
             for name in ("score", "score_raw"):
-                out[name][row:stop] = batch.column(name).to_numpy(zero_copy_only=False).reshape(-1, m)
-            failed[row:stop] = batch.column("error").is_valid().to_numpy(zero_copy_only=False).reshape(-1, m)
-            runtime[row:stop] = batch.column("runtime_s").to_numpy(zero_copy_only=False).reshape(-1, m)
-            row = stop
+                out[name][:, part] = batch.column(name).to_numpy(zero_copy_only=False).reshape(-1, m).T
+            failed[:, part] = batch.column("error").is_valid().to_numpy(zero_copy_only=False).reshape(-1, m).T
+            runtime[:, part] = batch.column("runtime_s").to_numpy(zero_copy_only=False).reshape(-1, m).T
         for i, method in enumerate(methods):
             if manifest["methods"][method]["front_end"]:
                 # below every score: scales differ between methods, some go below 0
-                out["score"][~oscillating & (out["verdict"][:, i] != CODES[NO_DECISION]), i] = -np.inf
-        parts = {name: np.ascontiguousarray(values.T) for name, values in out.items()}
+                out["score"][i, ~oscillating & (out["verdict"][i] != CODES[NO_DECISION])] = -np.inf
         truth["cycled_word"] = cycled
-        return cls(manifest, ids, hashes, axes, truth, oscillating, methods, **parts, failed=failed.T, runtime=runtime.T)
+        return cls(manifest, ids, hashes, axes, truth, oscillating, methods, **out, failed=failed, runtime=runtime)
 
 
 def part_file(where: Path, number: int, kind: str) -> Path:

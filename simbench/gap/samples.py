@@ -5,8 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d, median_filter
 
 SPIKE = 6.0  # robust standard deviations from which an isolated point is a spike
+FURTHER = 4.5  # the same where three spikes are sure: 2 in 100 000 by chance
+ALONE = 2.0  # times the spread of its neighbours about their line; a corner has 1.5, a step 1.25
 HELD = 20  # samples that PV stands exactly still, while it moves otherwise, before it counts as frozen
 
 
@@ -50,7 +53,7 @@ def inspect_samples(pv: np.ndarray, *others: np.ndarray) -> Samples:
     unit = written_unit(pv, *others)
     step = lattice(pv, unit)
     spikes, heights = isolated(pv, max(unit, step))
-    return Samples(unit, step, straight(pv, unit) if step == 0.0 else 0.0, spikes, heights, longest_hold(pv))
+    return Samples(unit, step, float(np.mean(on_line(pv, unit))) if step == 0.0 else 0.0, spikes, heights, longest_hold(pv))
 
 
 def resolution(x: np.ndarray) -> float:
@@ -115,33 +118,74 @@ def lattice(x: np.ndarray, unit: float) -> float:
     return step if off.max() <= 0.6 * unit + 1e-8 * size + 1e-4 * step else 0.0
 
 
-def straight(x: np.ndarray, unit: float) -> float:
-    """Return the share of samples, moving at all, that lie on a line through their neighbours."""
+def on_line(x: np.ndarray, unit: float) -> np.ndarray:
+    """Return which samples, moving at all, lie on a line through their neighbours."""
+    out = np.zeros(x.size, dtype=bool)
     first, second = np.diff(x), np.diff(x, 2)
     moving = (np.abs(first[1:]) > 2 * unit) | (np.abs(first[:-1]) > 2 * unit)
     typical = 1.4826 * float(np.median(np.abs(first)))
     tolerance = max(2.1 * unit, 1e-6 * (float(np.ptp(x)) or 1.0))
-    if tolerance > 0.2 * typical:
-        return 0.0
-    return float(np.mean(moving & (np.abs(second) <= tolerance)))
+    if tolerance <= 0.2 * typical:
+        out[1:-1] = moving & (np.abs(second) <= tolerance)
+    return out
 
 
 def isolated(x: np.ndarray, unit: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return indices and signed heights of isolated one-sample spikes."""
+    """Return indices and signed heights of isolated one-sample spikes.
+
+    A spike stands off the line through its four neighbours by far more than they stand off it themselves (a corner, a step
+    and a bend do not), and by far more than samples do at this time (those of a burst of noise do not). The largest are taken
+    out first, so that one does not hide the next; where three are sure, smaller ones are believed as well.
+    """
     if x.size < 20:
         return np.empty(0, dtype=int), np.empty(0)
-    padded = np.pad(x, 2, mode="reflect")
+    found: dict[int, float] = {}
+    clean = np.asarray(x, dtype=float).copy()
+    usual = np.abs(_off_line(clean)[0])
+    scale = np.maximum(1.4826 * np.maximum(median_filter(usual, 31, mode="reflect"), np.median(usual)), max(0.5 * unit, 1e-12))
+    for _ in range(10):
+        off, near = _off_line(clean)
+        size = np.abs(off)
+        hit = (size > (SPIKE if len(found) < 3 else FURTHER) * scale) & (size > ALONE * near)
+        # of spikes that touch, only the larger is sure
+        new = {int(k): float(off[k]) for k in np.flatnonzero(hit & (size >= maximum_filter1d(size, 5)))}
+        if not new and len(found) >= 3:
+            new = _touching(clean, FURTHER * scale)
+        if not new:
+            break
+        for k, height in new.items():
+            found[k] = found.get(k, 0.0) + height
+            clean[k] -= height
+    order = sorted(found)
+    return np.array(order, dtype=int), np.array([found[k] for k in order])
+
+
+def _touching(x: np.ndarray, least: np.ndarray) -> dict[int, float]:
+    """Return the heights of two spikes, one or two samples apart, each of which hides the other; empty when there are none."""
+    off = np.abs(_off_line(x)[0])
+    out: dict[int, float] = {}
+    for k in np.flatnonzero(off > least):
+        for apart in (1, 2):
+            both = np.array([k, k + apart])
+            at = np.setdiff1d(np.arange(k - 2, k + apart + 3), both)
+            if at[0] < 0 or at[-1] >= x.size or any(j in out for j in at) or any(j in out for j in both):
+                continue
+            line = np.polyfit(at - k, x[at], 1)
+            heights = x[both] - np.polyval(line, both - k)
+            spread = float(np.ptp(x[at] - np.polyval(line, at - k)))
+            if np.all(np.abs(heights) > np.maximum(least[both], ALONE * spread)):
+                out |= dict(zip(both.tolist(), heights.tolist(), strict=True))
+    return out
+
+
+def _off_line(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return how far each sample is off the line through its four neighbours, and how far these spread about it."""
+    # reflected oddly, a slope goes on straight beyond the ends
+    padded = np.pad(x, 2, mode="reflect", reflect_type="odd")
     around = np.stack([padded[:-4], padded[1:-3], padded[3:-1], padded[4:]])
-    off = x - np.median(around, axis=0)
-    # the spread of the four neighbours tells a spike from a steep slope
-    near = np.ptp(around, axis=0)
-    scale = max(1.4826 * float(np.median(np.abs(off))), 0.5 * unit, 1e-12)
-    hit = (np.abs(off) > SPIKE * scale) & (np.abs(off) > 1.5 * np.minimum(near, np.abs(off)))
-    alone = hit.copy()
-    quiet = np.abs(off) < 0.5 * np.abs(np.pad(off, (1, 0))[:-1])
-    alone[1:] &= ~(hit[:-1] & quiet[1:])
-    places = np.flatnonzero(alone)
-    return places, off[places]
+    at = np.array([-2.0, -1.0, 1.0, 2.0])[:, None]
+    middle, slope = around.mean(axis=0), (at * around).sum(axis=0) / 10.0
+    return x - middle, np.ptp(around - middle - slope * at, axis=0)
 
 
 def longest_hold(x: np.ndarray) -> int:

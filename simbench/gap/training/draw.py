@@ -26,6 +26,7 @@ RUNS = 8  # of the loop without effect, that give the floor
 TRIES = 12  # sizes of one effect in one loop before another loop is drawn
 LOOPS = 200  # loops before giving up
 STOPPED = 0.01  # largest share of samples that OP of a healthy loop may spend at 0 or 100 %
+MOVES = 10  # fewest samples of a record at which PV changes, and OP
 RUNAWAY = 0.1  # the same with an effect: beyond, the record shows a tripped loop
 FAMILY = 20_731  # root of all seeds here, so that no other study draws the same loops
 
@@ -38,7 +39,7 @@ class Case:
 
     `block` is that of the foreign kind ("" without); `strength` is none, weak, medium or strong, of two effects the weaker
     one's alone; `ratio` is gap over floor of the whole record; `parameters` maps effect or foreign kind to its numbers;
-    `loops` counts the loops drawn until one fitted.
+    `bench` is the loop without them, and `loops` counts the loops drawn until one fitted.
     """
 
     record: LoopRecord
@@ -49,6 +50,7 @@ class Case:
     strength: str
     ratio: float
     parameters: dict[str, dict[str, Any]]
+    bench: Bench
     seed: int
     loops: int
 
@@ -139,6 +141,7 @@ def draw_case(seed: int, effects: Sequence[str] = (), foreign: str = "", mv: boo
             strength=grade,
             ratio=ratio,
             parameters=parameters,
+            bench=bench,
             seed=seed,
             loops=loops,
         )
@@ -248,7 +251,16 @@ def _apply(setup: Setup, effect: str, table: dict[str, Any], rng: np.random.Gene
 
 
 def _judged(record: LoopRecord, cloud: Cloud, parameters: dict[str, dict[str, Any]]) -> Measured | None:
-    return (cloud.ratio(record), record, parameters) if _stopped(record) <= RUNAWAY else None
+    # None: the loop has tripped or stands still, which is too much of the effect
+    return (cloud.ratio(record), record, parameters) if _stopped(record) <= RUNAWAY and _alive(record) else None
+
+
+def _alive(record: LoopRecord) -> bool:
+    # PV and OP change, and the valve turns round: a record of a seized valve tells nothing
+    assert record.mv is not None
+    move = np.diff(record.mv)
+    turns = np.count_nonzero(np.diff(np.sign(move[np.abs(move) > 1e-6])))
+    return bool(turns >= 2) and all(np.count_nonzero(np.diff(x)) >= MOVES for x in (record.pv, record.op))
 
 
 def _stopped(record: LoopRecord) -> float:

@@ -93,7 +93,7 @@ def _deadband(s: Scales, rng: np.random.Generator) -> Size:
 
 def _deadzone(s: Scales, rng: np.random.Generator) -> Size:
     c = float(np.clip(s.record.op.mean() + s.op * rng.normal(), 5, 95))
-    return lambda x: {"D": min(between(x, 0.2 * s.op, 15 * s.op), 30.0), "c": c}
+    return lambda x: {"D": min(between(x, 0.2 * s.op, 15 * s.op), 20.0), "c": c}
 
 
 def _lag(s: Scales, rng: np.random.Generator) -> Size:

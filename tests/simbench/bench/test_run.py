@@ -11,6 +11,7 @@ import time
 
 import numpy as np
 import pandas as pd
+import pyarrow.parquet as pq
 import pytest
 
 from detectors.errors import UserError
@@ -70,6 +71,38 @@ def test_both_tables_are_keyed_by_scenario_and_method(finished):
 
 def test_two_workers_give_the_same_bits_as_one(small, finished, tmp_path):
     assert_same(run_grid(small, tmp_path / "two", METHODS, 2), finished)
+
+
+def test_pieces_share_row_groups_and_the_size_of_these_changes_no_value(small, finished, tmp_path, monkeypatch):
+    monkeypatch.setattr(store, "ROW_GROUP", 1)
+    apart = run_grid(small, tmp_path / "apart", METHODS)
+    for kind in ("scenarios", "verdicts"):
+        # memory grows with row groups: eight small pieces make one
+        assert [pq.read_metadata(run / f"{kind}.parquet").num_row_groups for run in (finished, apart)] == [1, 8]
+    assert_same(apart, finished)
+    one, other = Book.read(finished), Book.read(apart)
+    for name in ("ids", "hashes", "oscillating", "verdict", "verdict_raw", "score", "score_raw", "failed"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    for a, b in ((one.axes, other.axes), (one.truth, other.truth)):
+        assert a.keys() == b.keys()
+        for name in a:
+            np.testing.assert_array_equal(a[name], b[name])
+
+
+def test_a_book_holds_what_the_tables_say(finished):
+    verdicts, scenarios = tables(finished)
+    book = Book.read(finished)
+    assert book.ids.astype(str).tolist() == scenarios.scenario_id.tolist()
+    assert book.hashes.astype(str).tolist() == scenarios.record_hash.tolist()
+    assert book.oscillating.tolist() == scenarios.oscillating.tolist()
+    for name in ("block", "disturbance"):
+        assert book.axes[name].tolist() == scenarios[name].fillna("").tolist()
+    np.testing.assert_array_equal(book.axes["noise_ratio"], scenarios.noise_ratio)
+    assert book.truth["cycled"].tolist() == scenarios.cycled.map({"yes": 1, "no": 0}).fillna(-1).tolist()
+    wide = verdicts.pivot(index="scenario_id", columns="method").loc[scenarios.scenario_id]
+    for i, method in enumerate(book.methods):
+        assert [list(store.CODES)[c] for c in book.verdict[i]] == wide["verdict"][method].tolist()
+        np.testing.assert_array_equal(book.score_raw[i], wide["score_raw"][method].astype(np.float32))
 
 
 def test_dask_gives_the_same_bits(small, finished, tmp_path):
