@@ -9,9 +9,11 @@ from itertools import product
 import numpy as np
 
 from simbench.gap import innovations as kernels
-from simbench.gap.fit import Data, Engine, Fit, Spec, lag_of, with_start
+from simbench.gap.fit import Data, Engine, Fit, Spec, lag_of
 
 SMOOTH = ("load_time", "load_lag", "load", "noise", "colour")  # searched beside a valve
+STARTS = (-1.0, 0.0, 1.0)  # of MV within its band, in halves of it
+APART = 0.08  # logarithm of the ratio of two sizes that count as different peaks
 ROUGH = ("S", "J", "D", "c")  # in which the likelihood has corners
 QUIETER = 4.0  # numbers that a noise below the stated level is priced at
 HOPELESS = 4.0  # nats below the base from which a grid's best point is not worth refining
@@ -37,16 +39,15 @@ def free_plant(effect: str, name: str) -> Callable[[Engine, Fit], tuple[Fit, flo
 
     def run(engine: Engine, base: Fit) -> tuple[Fit, float]:
         spec = base.spec.join(Spec(free=frozenset({name})))
-        best = engine.fit(spec, base.theta)
         d = engine.data
         if name == "T":
             trials = [d.T * s for s in (0.3, 0.5, 0.7, 1.5, 2.0, 3.0)]
-        elif name == "Td":
-            trials = [*np.linspace(0.0, d.Td, 5)[:-1], *(d.Td + np.linspace(0.25, 3.0, 12) * max(d.Td, 0.3 * d.T, 2.0))]
         else:
-            return best, 1.0
-        start = max(trials, key=lambda v: engine.evaluate(spec, {**base.theta, name: v})[0])
-        return max(best, engine.fit(spec, {**base.theta, name: start}), key=lambda f: f.loglik), 1.0
+            trials = [*np.linspace(0.0, d.Td, 5)[:-1], *(d.Td + np.geomspace(0.25, 6.0, 12) * max(d.Td, 0.3 * d.T, 2.0))]
+        # the load that hid the mismatch must give way before a trial shows its worth
+        tries = [engine.fit(spec, {**base.theta, name: v}, search=("load_time", "load"), steps=2) for v in trials]
+        tries.sort(key=lambda f: -f.loglik)
+        return max((engine.fit(spec, t.theta) for t in (base, *tries[:2])), key=lambda f: f.loglik), 1.0
 
     return run
 
@@ -74,121 +75,168 @@ def pole(kind: str) -> Callable[[Engine, Fit], tuple[Fit, float]]:
     """Return the fit with one more series pole in the valve, the plant or the sensor."""
 
     def run(engine: Engine, base: Fit) -> tuple[Fit, float]:
+        d = engine.data
         spec = base.spec.join(Spec(pole=kind))
-        scale = engine.data.T or 3.0 * engine.data.Td + 3.0
-        lags = np.geomspace(0.3, 2.0 * scale, 8)
+        lags = np.geomspace(0.3, max(1.5 * engine.longest_load, 3.0 * d.T), 10)
         theta = dict(base.theta)
-        if kind == "sensor" and engine.data.noise > 0:
+        if kind == "sensor" and d.noise > 0:
             # what the base took for quiet, coloured noise is the filter's work
-            theta |= {"noise": engine.data.noise, "colour": 0.0}
-        best = engine.grid(spec, theta, [{"lag": float(x)} for x in lags])
-        # the filter trades places with the noise's colour, which a grid over it alone does not see
-        go = kind == "sensor" or promising(best, base)
-        return (engine.fit(spec, best.theta) if go else best), 1.0
+            theta |= {"noise": d.noise, "colour": 0.0}
+        shortest = engine.bounds(spec, "Td")[0]
+        # without the pole the base has lengthened Td and T in its stead
+        points = [
+            {**plant, "lag": float(x), "Td": td}
+            for x in lags for plant in plants(engine, base) for td in {plant.get("Td", theta["Td"]), shortest}
+        ]  # fmt: skip
+        tries = engine.grid(spec, theta, points, keep=2)
+        return max((engine.fit(spec, t.theta) for t in tries), key=lambda f: f.loglik), 1.0
 
     return run
 
 
+def plants(engine: Engine, base: Fit) -> list[dict[str, float]]:
+    """Return the plants from which an effect is looked for: the base's, which has bent itself around it, and the baseline's."""
+    d = engine.data
+    out = [{"T": base.theta.get("T", 0.0), "Td": base.theta["Td"]}, {"T": d.T, "Td": d.Td}]
+    return out if d.trusted else [*out, {"T": d.T / 2, "Td": d.Td / 2}]
+
+
 def deadband(engine: Engine, base: Fit) -> tuple[Fit, float]:
-    """Scan the band finely, then refine it alone and with the nuisances."""
-    spec = base.spec.join(Spec(valve=kernels.PLAY))
-    sizes = np.geomspace(band_sizes(engine.data)[0], band_sizes(engine.data)[-1], 40)
-    points = np.array([(s, start * s / 2, 0.0) for s in sizes for start in (-1.0, 0.0, 1.0)])
-    fits = []
-    for level in (1.0, 0.35):
-        theta = {**base.theta, "load": base.theta["load"] * level}
-        S, offset, _ = points[int(np.argmax(engine.scan(base.spec, theta, kernels.PLAY, points)))]
-        fits.append(engine.at(replace(spec, start=float(np.sign(offset))), {**theta, "S": float(S)}))
-    best = max(fits, key=lambda f: f.loglik)
-    return (refine(engine, best, ("S",)) if promising(best, base) else best), 1.0
+    """Scan the band finely, then refine it with the nuisances."""
+    coarse = np.array([(s, start * s / 2, 0.0) for s in band_sizes(engine.data, 40) for start in STARTS])
+    return hunt(engine, base, kernels.PLAY, coarse), 1.0
 
 
 def deadzone(engine: Engine, base: Fit) -> tuple[Fit, float]:
-    """Search width and centre on a grid, then refine."""
-    spec = base.spec.join(Spec(valve=kernels.ZONE))
-    u = engine.data.u
+    """Scan width and centre, then refine."""
     # OP jumps across the zone: its middle is where OP seldom is
-    centres = np.linspace(*np.quantile(u, [0.03, 0.97]), 7)
-    points = [{"D": s, "c": float(c)} for s in band_sizes(engine.data)[3:] for c in centres]
-    best = engine.grid(spec, base.theta, points)
-    return (refine(engine, best, ("D", "c", "D")) if promising(best, base) else best), 2.0
+    centres = np.linspace(*np.quantile(engine.data.u, [0.01, 0.99]), 15)
+    return hunt(engine, base, kernels.ZONE, np.array([(s, c, 0.0) for s in band_sizes(engine.data, 15) for c in centres])), 2.0
 
 
 def valve_characteristic(engine: Engine, base: Fit) -> tuple[Fit, float]:
     """Search the ratio of gains on both sides of 1, then refine."""
     spec = base.spec.join(Spec(valve=kernels.CURVE))
-    best = engine.grid(spec, base.theta, [{"R": r} for r in (0.03, 0.1, 0.25, 0.5, 2.0, 4.0, 10.0, 30.0)])
+    best = engine.grid(spec, base.theta, [{"R": r} for r in (0.03, 0.1, 0.25, 0.5, 2.0, 4.0, 10.0, 30.0)])[0]
     return engine.fit(spec, best.theta), 1.0
 
 
 def stiction(engine: Engine, base: Fit) -> tuple[Fit, float]:
-    """Scan S and J/S finely under two valve models and refine the best peaks: they are narrow, a local search misses them."""
-    fits = []
-    for model in (kernels.STICK, kernels.CREEP):
-        spec = base.spec.join(Spec(valve=model))
-        for theta, start in peaks(engine, base, model):
-            fits.append(engine.at(replace(spec, start=start), theta))
-    fits.sort(key=lambda f: -f.loglik)
-    if engine.data.trusted and not promising(fits[0], base):
-        return fits[0], 2.5
-    best = [refine(engine, f, ("S", "J")) for f in fits[: 2 if engine.data.trusted else 4]]
-    return max(best, key=lambda f: f.loglik), 2.5
+    """Scan S and J/S finely and refine the best peaks under two valve models: they are narrow, a local search misses them."""
+    sizes = band_sizes(engine.data, 30)
+    coarse = np.array([(s, s * j, s * b / 2) for s in sizes for j in (0.05, 0.2, 0.4, 0.65, 0.95) for b in STARTS])
+    best = hunt(engine, base, kernels.STICK, coarse)
+    if promising(best, base):
+        # the two models differ while OP turns; what fits one nearly fits the other
+        other = replace(best, spec=replace(best.spec, valve=kernels.CREEP))
+        best = max(best, narrow(engine, engine.at(other.spec, best.theta)), key=lambda f: f.loglik)
+    return best, 2.5
 
 
-def peaks(engine: Engine, base: Fit, model: int) -> list[tuple[dict[str, float], float]]:
-    """Return the best points (parameters, start in the band) of a fine scan, at the base's load and at a fraction of it."""
-    span = float(np.quantile(engine.data.u, 0.995) - np.quantile(engine.data.u, 0.005)) or 1.0
-    sizes = np.geomspace(max(0.03 * span, 0.05), max(1.3 * span, 0.1), 36)
-    shares = np.array([0.05, 0.15, 0.3, 0.45, 0.6, 0.8, 1.0])
-    coarse = np.array([(s, s * j, 0.0) for s in sizes for j in shares])
-    found = []
-    plants: list[dict[str, float]] = [{}]
-    if not engine.data.trusted:
-        # a free plant without friction has bent itself around it
-        plants += [{"T": engine.data.T, "Td": engine.data.Td}, {"T": engine.data.T / 2, "Td": engine.data.Td / 2}]
-    for level, plant in product((1.0, 0.35), plants):
+def hunt(engine: Engine, base: Fit, kind: int, coarse: np.ndarray) -> Fit:
+    """Find a valve map's numbers, in which the likelihood is rough: scan, let the nuisances settle, scan again, narrow down.
+
+    Parameters
+    ----------
+    engine : Engine
+    base : Fit
+        Without this map.
+    kind : int
+        Valve map.
+    coarse : ndarray, shape (p, 3)
+        Points to scan, as `innovations.valve` takes them.
+
+    Returns
+    -------
+    Fit
+    """
+    best = None
+    # at the load that "no effect" needed, peaks look flat: try quieter ones
+    for level, plant in [*product((1.0, 0.3), plants(engine, base)), (0.1, {})]:
         theta = {**base.theta, **plant, "load": base.theta["load"] * level}
-        S, J, _ = coarse[int(np.argmax(engine.scan(base.spec, theta, model, coarse)))]
-        for share in (0.06, 0.02):
-            near = np.array([
-                (S * (1 + a * share), J * (1 + 2 * b * share), S * start / 2)
-                for a in (-1.0, -0.5, 0.0, 0.5, 1.0) for b in (-1.0, 0.0, 1.0) for start in (-1.0, 0.0, 1.0)
-            ])  # fmt: skip
-            S, J, offset = near[int(np.argmax(engine.scan(base.spec, theta, model, near)))]
-        found.append(({**theta, "S": float(S), "J": float(J)}, float(np.sign(offset))))
-    return found
+        best = better(best, settle(engine, scanned(engine, base.spec, theta, kind, coarse)))
+    assert best is not None
+    for _ in range(2):
+        again = settle(engine, scanned(engine, base.spec, best.theta, kind, coarse))
+        if again.loglik > best.loglik + 0.1:
+            best = again
+        if not promising(best, base):
+            break
+        before = best.loglik
+        best = narrow(engine, best)
+        if best.loglik < before + 2.0:
+            break
+    return best
+
+
+def better(one: Fit | None, other: Fit) -> Fit:
+    """Return the likelier fit."""
+    return other if one is None or other.loglik > one.loglik else one
+
+
+def scanned(engine: Engine, spec: Spec, theta: dict[str, float], kind: int, points: np.ndarray) -> Fit:
+    """Return the fit at the best point of a valve map, looked for around the best three of a coarse set."""
+    values = engine.scan(spec, theta, kind, points)
+    tops: list[int] = []
+    for i in np.argsort(-values):
+        if all(abs(np.log(points[i, 0] / points[j, 0])) > APART for j in tops):
+            tops.append(int(i))
+        if len(tops) == 3:
+            break
+    near = np.vstack([around(kind, points[i], 0.5 * APART) for i in tops])
+    return mapped(engine, spec, theta, kind, near[int(np.argmax(engine.scan(spec, theta, kind, near)))])
+
+
+def around(kind: int, point: np.ndarray, share: float) -> np.ndarray:
+    """Return points about one of a valve map: sizes within a share of it, the other number, and starts within the band."""
+    a, b, _ = point
+    sizes = a * (1 + share * np.linspace(-1.0, 1.0, 5))
+    if kind == kernels.ZONE:
+        return np.array([(x, b + shift * share * a, 0.0) for x in sizes for shift in (-1.0, -0.5, 0.0, 0.5, 1.0)])
+    if kind == kernels.PLAY:
+        return np.array([(x, begin * x / 2, 0.0) for x in sizes for begin in STARTS])
+    return np.array([(x, b * (1 + 2 * y * share), begin * x / 2) for x in sizes for y in (-1.0, 0.0, 1.0) for begin in STARTS])
+
+
+def mapped(engine: Engine, spec: Spec, theta: dict[str, float], kind: int, point: np.ndarray) -> Fit:
+    """Return the fit with a valve map at a point."""
+    a, b, c = (float(x) for x in point)
+    if kind == kernels.ZONE:
+        return engine.at(replace(spec, valve=kind), {**theta, "D": a, "c": b})
+    begin = 2 * (b if kind == kernels.PLAY else c) / a
+    own = {"S": a} if kind == kernels.PLAY else {"S": a, "J": b}
+    return engine.at(replace(spec, valve=kind, start=begin), {**theta, **own})
+
+
+def settle(engine: Engine, fit: Fit, steps: int = 3) -> Fit:
+    """Return the fit after a few steps in everything but the valve's numbers."""
+    return engine.fit(fit.spec, fit.theta, search=tuple(m for m in fit.spec.names if m not in ROUGH), steps=steps)
+
+
+def narrow(engine: Engine, fit: Fit) -> Fit:
+    """Alternate ever finer scans around a valve map's numbers with steps in all others."""
+    best, kind = fit, fit.spec.valve
+    bare = replace(fit.spec, valve=kernels.IDEAL, start=0.0)
+    for share in (0.06, 0.02, 0.007, 0.002):
+        th = best.theta
+        first, second = ("D", "c") if kind == kernels.ZONE else ("S", "J")
+        points = around(kind, np.array([th[first], th.get(second, 0.0), 0.0]), share)
+        point = points[int(np.argmax(engine.scan(bare, th, kind, points)))]
+        best = better(best, mapped(engine, bare, th, kind, point))
+        best = better(best, settle(engine, best))
+    return best
 
 
 def promising(fit: Fit, base: Fit) -> bool:
-    """Return whether a grid's best point may still beat the base."""
+    """Return whether a search's best point may still beat the base."""
     return fit.loglik > base.loglik - HOPELESS
 
 
-def band_sizes(data: Data) -> list[float]:
+def band_sizes(data: Data, count: int) -> np.ndarray:
     """Return widths to try, from below OP's jitter to its range."""
     span = float(np.quantile(data.u, 0.995) - np.quantile(data.u, 0.005)) or 1.0
     low = max(0.02 * span, 0.05)
-    return [float(x) for x in np.geomspace(low, max(1.2 * span, 2 * low), 12)]
-
-
-def refine(engine: Engine, fit: Fit, rough: tuple[str, ...]) -> Fit:
-    """Alternate smooth fits with line searches where the likelihood is rough; try other starts in the band."""
-    best = engine.fit(fit.spec, fit.theta, search=SMOOTH)
-    for name in rough:
-        x = best.theta[name]
-        wide = max(0.06 * best.theta.get("S", best.theta.get("D", 1.0)), 0.02)
-        best = engine.line(best, name, x - wide if name == "c" else max(x - wide, 0.0), x + wide)
-    if best.spec.valve in (kernels.PLAY, kernels.STICK, kernels.CREEP):
-        for begin in (-1.0, 0.0, 1.0):
-            best = max(best, engine.at(with_start(best, begin), best.theta), key=lambda f: f.loglik)
-    smooth = tuple(m for m in best.spec.names if m not in ROUGH)
-    better = engine.fit(best.spec, best.theta, search=smooth)
-    best = better if better.loglik > best.loglik else best
-    for name in rough[:2]:
-        x = best.theta[name]
-        wide = max(0.03 * best.theta.get("S", best.theta.get("D", 1.0)), 0.01)
-        best = engine.line(best, name, x - wide if name == "c" else max(x - wide, 0.0), x + wide)
-    return best
+    return np.geomspace(low, max(1.2 * span, 2 * low), count)
 
 
 def oscillation(engine: Engine, base: Fit) -> tuple[Fit, float]:
@@ -225,7 +273,7 @@ def load_drift(engine: Engine, base: Fit) -> tuple[Fit, float]:
     ramp = kernels.plant(np.linspace(0.0, 1.0, d.n), base.theta["T"] if d.T > 0 else 0.0, 0.0, 0.0)
     spec = base.spec.join(Spec(load_walk=True, channels=(ramp,)))
     size = float(np.std(d.y)) if d.T > 0 else float(np.std(np.diff(d.y)))
-    best = engine.grid(spec, base.theta, [{"load_walk": size * f / np.sqrt(d.n)} for f in (1e-3, 0.03, 0.3, 1.0)])
+    best = engine.grid(spec, base.theta, [{"load_walk": size * f / np.sqrt(d.n)} for f in (1e-3, 0.03, 0.3, 1.0)])[0]
     return engine.fit(spec, best.theta), 2.0
 
 
@@ -235,7 +283,7 @@ def drift(engine: Engine, base: Fit) -> tuple[Fit, float]:
     ramp = np.linspace(0.0, 1.0, n)
     spec = base.spec.join(Spec(walk=True, channels=(ramp,) if engine.data.T > 0 else ()))
     size = float(np.std(engine.data.y)) / np.sqrt(n)
-    best = engine.grid(spec, base.theta, [{"walk": size * f} for f in (0.01, 0.1, 0.5, 2.0)])
+    best = engine.grid(spec, base.theta, [{"walk": size * f} for f in (0.01, 0.1, 0.5, 2.0)])[0]
     return engine.fit(spec, best.theta), 2.0 if engine.data.T > 0 else 1.0
 
 

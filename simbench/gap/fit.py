@@ -7,11 +7,10 @@ Time unit is one sample, PV in its own units.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from simbench.gap import innovations as kernels
 
@@ -368,25 +367,11 @@ class Engine:
             d.u, kind, points, T, Td, 0.0, *model, theta["noise"], theta["colour"], self.spread, white[0], basis, low, high
         )
 
-    def line(self, fit: Fit, name: str, low: float, high: float, tries: int = 18) -> Fit:
-        """Improve one parameter, rough or not, by a bounded search on its own."""
-        found = minimize_scalar(
-            lambda x: -self.evaluate(fit.spec, {**fit.theta, name: float(x)})[0], bounds=(low, high), method="bounded",
-            options={"maxiter": tries, "xatol": 1e-3 * (high - low)},
-        )  # fmt: skip
-        better = {**fit.theta, name: float(found.x)}
-        return self.at(fit.spec, better) if -found.fun > fit.loglik else fit
-
-    def grid(self, spec: Spec, theta: Mapping[str, float], points: list[dict[str, float]]) -> Fit:
+    def grid(self, spec: Spec, theta: Mapping[str, float], points: list[dict[str, float]], keep: int = 1) -> list[Fit]:
         """Return the best of some points, each with two levels of the load: the one "none" needed may hide a narrow peak."""
-        best: tuple[float, dict[str, float]] = (-np.inf, dict(theta))
-        for share in (1.0, 0.3):
-            for point in points:
-                trial = {**theta, **point, "load": theta["load"] * share}
-                value = self.evaluate(spec, trial)[0]
-                if value > best[0]:
-                    best = (value, trial)
-        return self.at(spec, best[1])
+        trials = [{**theta, **point, "load": theta["load"] * share} for share in (1.0, 0.3) for point in points]
+        trials.sort(key=lambda trial: -self.evaluate(spec, trial)[0])
+        return [self.at(spec, trial) for trial in trials[:keep]]
 
 
 def lag_of(theta: Mapping[str, float]) -> float:
@@ -410,11 +395,3 @@ def valve_of(spec: Spec, theta: Mapping[str, float], u: np.ndarray) -> np.ndarra
 
 def _over(x: float, width: float, edge: float) -> float:
     return max(abs(x) - width, 0.0) / edge
-
-
-Candidate = Callable[["Engine", Fit], Fit]
-
-
-def with_start(fit: Fit, start: float) -> Spec:
-    """Return the fit's spec with the valve begun elsewhere in its band."""
-    return replace(fit.spec, start=start)
