@@ -13,6 +13,7 @@ from simbench.gap.fit import Data, Engine, Fit, Spec, lag_of
 
 SMOOTH = ("load_time", "load_lag", "load", "noise", "colour")  # searched beside a valve
 STARTS = (-1.0, 0.0, 1.0)  # of MV within its band, in halves of it
+JUMPS = (-4.0, -1.5, 0.0, 1.5, 4.0)  # shares by which J is varied beside S, whose peak is narrower
 APART = 0.08  # logarithm of the ratio of two sizes that count as different peaks
 ROUGH = ("S", "J", "D", "c")  # in which the likelihood has corners
 QUIETER = 4.0  # numbers that a noise below the stated level is priced at
@@ -89,6 +90,9 @@ def pole(kind: str) -> Callable[[Engine, Fit], tuple[Fit, float]]:
             for x in lags for plant in plants(engine, base) for td in {plant.get("Td", theta["Td"]), shortest}
         ]  # fmt: skip
         tries = engine.grid(spec, theta, points, keep=2)
+        # a long lag shows its worth only once the load has given way
+        long = [engine.fit(spec, {**theta, **plants(engine, base)[1], "lag": float(x)}, steps=3) for x in lags[4::2]]
+        tries.append(max(long, key=lambda f: f.loglik))
         return max((engine.fit(spec, t.theta) for t in tries), key=lambda f: f.loglik), 1.0
 
     return run
@@ -195,7 +199,7 @@ def around(kind: int, point: np.ndarray, share: float) -> np.ndarray:
         return np.array([(x, b + shift * share * a, 0.0) for x in sizes for shift in (-1.0, -0.5, 0.0, 0.5, 1.0)])
     if kind == kernels.PLAY:
         return np.array([(x, begin * x / 2, 0.0) for x in sizes for begin in STARTS])
-    return np.array([(x, b * (1 + 2 * y * share), begin * x / 2) for x in sizes for y in (-1.0, 0.0, 1.0) for begin in STARTS])
+    return np.array([(x, b * (1 + y * share), begin * x / 2) for x in sizes for y in JUMPS for begin in STARTS])
 
 
 def mapped(engine: Engine, spec: Spec, theta: dict[str, float], kind: int, point: np.ndarray) -> Fit:
@@ -217,13 +221,16 @@ def narrow(engine: Engine, fit: Fit) -> Fit:
     """Alternate ever finer scans around a valve map's numbers with steps in all others."""
     best, kind = fit, fit.spec.valve
     bare = replace(fit.spec, valve=kernels.IDEAL, start=0.0)
+    first, second = ("D", "c") if kind == kernels.ZONE else ("S", "J")
     for share in (0.06, 0.02, 0.007, 0.002):
-        th = best.theta
-        first, second = ("D", "c") if kind == kernels.ZONE else ("S", "J")
-        points = around(kind, np.array([th[first], th.get(second, 0.0), 0.0]), share)
-        point = points[int(np.argmax(engine.scan(bare, th, kind, points)))]
-        best = better(best, mapped(engine, bare, th, kind, point))
-        best = better(best, settle(engine, best))
+        for _ in range(3):
+            th, before = best.theta, best.loglik
+            points = around(kind, np.array([th[first], th.get(second, 0.0), 0.0]), share)
+            point = points[int(np.argmax(engine.scan(bare, th, kind, points)))]
+            best = better(best, mapped(engine, bare, th, kind, point))
+            best = better(best, settle(engine, best))
+            if best.loglik < before + 2.0:
+                break
     return best
 
 

@@ -7,7 +7,7 @@ Time unit is one sample, PV in its own units.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -119,6 +119,7 @@ class Fit:
 
 NUISANCES = ("T", "Td", "load_time", "load_lag", "load", "noise", "colour")
 LOGS = {"T", "load_time", "load_lag", "load", "noise", "R", "lag", "walk", "load_walk"}
+SHAPING = {"T", "Td", "lag", "S", "J", "D", "c", "R"}  # parameters that change signals, not only the noise model
 REDDEST = 0.5  # noise of more memory than this has passed a filter
 QUICK = 0.08  # of the longest memory a load may have: below it the prior ...
 QUICKER = 0.7  # ... falls off with this standard deviation of the logarithm
@@ -204,40 +205,50 @@ class Engine:
 
     def evaluate(self, spec: Spec, theta: Mapping[str, float]) -> tuple[float, np.ndarray, np.ndarray]:
         """Return penalised log-likelihood, linear coefficients and standardised innovations."""
-        left, level, beta, residual = self._terms(spec, theta)
-        return -0.5 * float(left @ left) - level, beta, residual
+        left, level, beta, white, _ = self._terms(spec, theta)
+        return -0.5 * float(left @ left) - level, beta, white[0] - beta @ white[1:]
 
-    def _terms(self, spec: Spec, theta: Mapping[str, float]) -> tuple[np.ndarray, float, np.ndarray, np.ndarray]:
+    def _terms(self, spec: Spec, theta: Mapping[str, float]) -> tuple[np.ndarray, float, np.ndarray, np.ndarray, np.ndarray]:
         """Return what the likelihood is made of: -log-likelihood = |left|^2 / 2 + level.
 
-        `left` holds the innovations, then the priors' residuals; `level` the log variances; further the linear coefficients
-        and the innovations from the first sample on.
+        `left` holds the innovations, then the priors' residuals; `level` the log variances; further the linear coefficients,
+        the whitened and the raw channels (PV first).
         """
-        d = self.data
         self.evaluations += 1
+        channels = self._channels(spec, theta)
+        white, level = self._whiten(spec, theta, channels)
+        used = white[:, kernels.SKIP :]
+        beta, surprise = self._linear(spec, used @ used.T)
+        residual = used[0] - beta @ used[1:]
+        left = np.concatenate([residual, [surprise], self._surprises(spec, theta)])
+        return left, level, beta, white, channels
+
+    def _channels(self, spec: Spec, theta: Mapping[str, float]) -> np.ndarray:
+        """Return PV as deviation from its start, the plant's answer to MV, and every other signal that enters linearly."""
+        d = self.data
         T = theta["T"] if d.T > 0 else 0.0
-        y, jacobian = d.y, 0.0
-        lag = theta.get("lag", 0.0) if spec.pole else 0.0
+        y, lag = d.y, theta.get("lag", 0.0) if spec.pole else 0.0
         if spec.pole == "sensor":
             follow = -np.expm1(-1.0 / lag)
             y = np.concatenate([y[:1], (y[1:] - (1.0 - follow) * y[:-1]) / follow])
-            jacobian = (d.n - kernels.SKIP) * np.log(follow)
-        moved = valve_of(spec, theta, d.u)
-        series = 0.0 if spec.pole == "sensor" else lag
-        g = kernels.plant(moved, T, theta["Td"], series)
+            lag = 0.0
+        g = kernels.plant(valve_of(spec, theta, d.u), T, theta["Td"], lag)
         # the input before the record may have stood elsewhere
-        begin = kernels.plant(self.onset, T, theta["Td"], series)
-        channels = np.vstack([y - d.y[0], g, *self.base_channels, begin, *spec.channels])
+        begin = kernels.plant(self.onset, T, theta["Td"], lag)
+        return np.vstack([y - d.y[0], g, *self.base_channels, begin, *spec.channels])
+
+    def _whiten(self, spec: Spec, theta: Mapping[str, float], channels: np.ndarray) -> tuple[np.ndarray, float]:
+        """Return the channels' innovations over their standard deviation, and the part of -log-likelihood that is no square."""
+        d = self.data
+        lag = theta.get("lag", 0.0)
         white, log_var = kernels.whiten(
-            channels, T, lag if spec.pole == "extra" else 0.0, theta["load_time"], lag_of(theta), theta["load"],
-            theta["load_walk"] if spec.load_walk else 0.0, theta["walk"] if spec.walk else 0.0, theta["noise"], theta["colour"],
-            self.spread,
+            channels, theta["T"] if d.T > 0 else 0.0, lag if spec.pole == "extra" else 0.0, theta["load_time"], lag_of(theta),
+            theta["load"], theta["load_walk"] if spec.load_walk else 0.0, theta["walk"] if spec.walk else 0.0, theta["noise"],
+            theta["colour"], self.spread,
         )  # fmt: skip
-        used = white[:, kernels.SKIP :]
-        beta, surprise = self._linear(spec, used @ used.T)
-        residual = white[0] - beta @ white[1:]
-        left = np.concatenate([residual[kernels.SKIP :], [surprise], self._surprises(spec, theta)])
-        return left, 0.5 * (log_var + used.shape[1] * np.log(2 * np.pi)) + jacobian, beta, residual
+        count = d.n - kernels.SKIP
+        jacobian = count * np.log(-np.expm1(-1.0 / lag)) if spec.pole == "sensor" else 0.0
+        return white, 0.5 * (log_var + count * np.log(2 * np.pi)) + jacobian
 
     def _linear(self, spec: Spec, N: np.ndarray) -> tuple[np.ndarray, float]:
         """Return the linear coefficients and how far, in standard deviations, the gain lies outside its prior."""
@@ -297,17 +308,12 @@ class Engine:
         x = np.array([theta.get(m, 0.0) for m in names])
         x[logs] = np.log(np.maximum(x[logs], 1e-300))
         x = np.clip(x, box[:, 0], box[:, 1])
-        left, level, *_ = self._terms(spec, unpack(x))
-        value, damping = 0.5 * float(left @ left) + level, 1e-2
+        now = self._terms(spec, unpack(x))
+        value, damping = 0.5 * float(now[0] @ now[0]) + now[1], 1e-2
         for _ in range(steps):
-            J, slope = np.empty((left.size, x.size)), np.empty(x.size)
-            for i in range(x.size):
-                h = STEP if x[i] + STEP <= box[i, 1] else -STEP
-                moved = x.copy()
-                moved[i] += h
-                other, higher, *_ = self._terms(spec, unpack(moved))
-                J[:, i], slope[i] = (other - left) / h, (higher - level) / h
-            gradient = J.T @ left + slope
+            J, slope = self._derivatives(spec, names, x, box, unpack, now)
+            gradient = J.T @ now[0] + slope
+            J = self._beside_linear(spec, now, J)
             curvature = J.T @ J + (2.0 / self.data.n) * np.outer(slope, slope)
             free = ~(((x <= box[:, 0]) & (gradient > 0)) | ((x >= box[:, 1]) & (gradient < 0)))
             gained = 0.0
@@ -319,16 +325,50 @@ class Engine:
                 trial = x.copy()
                 trial[free] -= np.clip(np.linalg.solve(H, gradient[free]), -LONGEST, LONGEST)
                 trial = np.clip(trial, box[:, 0], box[:, 1])
-                new_left, new_level, *_ = self._terms(spec, unpack(trial))
-                new = 0.5 * float(new_left @ new_left) + new_level
+                then = self._terms(spec, unpack(trial))
+                new = 0.5 * float(then[0] @ then[0]) + then[1]
                 if new < value:
-                    gained, x, value, left, level = value - new, trial, new, new_left, new_level
+                    gained, x, value, now = value - new, trial, new, then
                     damping = max(0.1 * damping, 1e-6)
                     break
                 damping *= 10.0
             if gained < ENOUGH:
                 break
         return self.at(spec, unpack(x))
+
+    def _derivatives(
+        self, spec: Spec, names: tuple[str, ...], x: np.ndarray, box: np.ndarray, unpack: Callable, now: tuple
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the derivatives of `left` and `level` (see `_terms`) with the linear coefficients held."""
+        left, level, beta, _, channels = now
+        error = channels[0] - beta @ channels[1:]
+        J, slope = np.empty((left.size, x.size)), np.empty(x.size)
+        surprise = left[self.data.n - kernels.SKIP]
+        for i, name in enumerate(names):
+            h = STEP if x[i] + STEP <= box[i, 1] else -STEP
+            moved = x.copy()
+            moved[i] += h
+            theta = unpack(moved)
+            changed = error
+            if name in SHAPING:
+                signals = self._channels(spec, theta)
+                changed = signals[0] - beta @ signals[1:]
+            white, higher = self._whiten(spec, theta, changed[None, :])
+            other = np.concatenate([white[0, kernels.SKIP :], [surprise], self._surprises(spec, theta)])
+            J[:, i], slope[i] = (other - left) / h, (higher - level) / h
+        return J, slope
+
+    def _beside_linear(self, spec: Spec, now: tuple, J: np.ndarray) -> np.ndarray:
+        """Return derivatives less what the linear coefficients, fitted anew, would take back (Golub & Pereyra 1973)."""
+        left, _, _, white, _ = now
+        X = np.zeros((left.size, white.shape[0] - 1))
+        count = white.shape[1] - kernels.SKIP
+        X[:count] = white[1:, kernels.SKIP :].T
+        if left[count] != 0.0:
+            # the gain stands at the edge of its prior, which holds it
+            X[count, 0] = -1.0 / (EDGE * self.data.K)
+        Q = np.linalg.qr(X)[0]
+        return J - Q @ (Q.T @ J)
 
     def at(self, spec: Spec, theta: Mapping[str, float]) -> Fit:
         """Return the fit at given nonlinear parameters."""
@@ -361,10 +401,11 @@ class Engine:
         white = kernels.whiten(channels, T, 0.0, *model, 0.0, 0.0, theta["noise"], theta["colour"], self.spread)[0]
         white[:, : kernels.SKIP] = 0.0
         basis = np.ascontiguousarray(np.linalg.qr(white[1:].T)[0].T)
+        rest = white[0] - basis.T @ (basis @ white[0])
         trust = (0.05, 20.0) if "K" in spec.free or not d.trusted else (1 - NOMINAL, 1 + NOMINAL)
         low, high = sorted((d.K * trust[0], d.K * trust[1]))
         return kernels.scan(
-            d.u, kind, points, T, Td, 0.0, *model, theta["noise"], theta["colour"], self.spread, white[0], basis, low, high
+            d.u, kind, points, T, Td, 0.0, *model, theta["noise"], theta["colour"], self.spread, rest, basis, low, high
         )
 
     def grid(self, spec: Spec, theta: Mapping[str, float], points: list[dict[str, float]], keep: int = 1) -> list[Fit]:

@@ -13,6 +13,7 @@ from numba import njit
 IDEAL, PLAY, ZONE, STICK, CREEP, CURVE = range(6)
 PINK = -1.0  # as `load_lag`: a load of power 1/f
 FRACTION = 5.0  # ratio of the time constants that add up to 1/f
+BATCH = 16  # valve maps filtered together: one waits while another computes
 SKIP = 4  # first samples, which only settle the filter's unknown start
 
 
@@ -161,8 +162,18 @@ def whiten(channels, T, lag, load_time, load_lag, load, load_walk, walk, noise, 
         r = 1e-6 * r
     out = np.empty((m, n))
     x, x_new = np.zeros((m, s)), np.zeros(s)
+    shows, shown = np.zeros(s, np.int64), 0
+    to, come, weight, couplings = np.zeros(s * s, np.int64), np.zeros(s * s, np.int64), np.zeros(s * s), 0
+    for i in range(s):
+        if h[i] != 0.0:
+            shows[shown] = i
+            shown += 1
+        for j in range(s):
+            if i != j and F[i, j] != 0.0:
+                to[couplings], come[couplings], weight[couplings] = i, j, F[i, j]
+                couplings += 1
     gain, Ph, FP, P_new = np.zeros(s), np.zeros(s), np.zeros((s, s)), np.zeros((s, s))
-    log_var, S, frozen, sum_log, root = 0.0, 1.0, False, 0.0, 1.0
+    log_var, S, frozen, sum_log, scale = 0.0, 1.0, False, 0.0, 1.0
     for k in range(n):
         if not frozen:
             S_old, S = S, r
@@ -190,22 +201,22 @@ def whiten(channels, T, lag, load_time, load_lag, load, load_walk, walk, noise, 
                         t += FP[i, q] * F[j, q]
                     P_new[i, j] = t
             P[:, :] = P_new
-            root, log_var = math.sqrt(S), math.log(S)
-            frozen = k > 20 and change < 1e-8 * S
+            scale, log_var = 1.0 / math.sqrt(S), math.log(S)
+            frozen = k > 20 and change < 1e-7 * S
         if k >= SKIP:
             sum_log += log_var
         for c in range(m):
             nu = channels[c, k]
+            for q in range(shown):
+                nu -= x[c, shows[q]]
+            # F is a diagonal with a few couplings
             for i in range(s):
-                nu -= h[i] * x[c, i]
-            for i in range(s):
-                t = gain[i] * nu
-                for j in range(s):
-                    t += F[i, j] * x[c, j]
-                x_new[i] = t
+                x_new[i] = gain[i] * nu + F[i, i] * x[c, i]
+            for q in range(couplings):
+                x_new[to[q]] += weight[q] * x[c, come[q]]
             for i in range(s):
                 x[c, i] = x_new[i]
-            out[c, k] = nu / root
+            out[c, k] = nu * scale
     return out, sum_log
 
 
@@ -213,25 +224,24 @@ def whiten(channels, T, lag, load_time, load_lag, load, load_walk, walk, noise, 
 def scan(u, kind, points, T, Td, lag, load_time, load_lag, load, noise, colour, spread, rest, basis, low, high):
     """Return the log-likelihood (up to a constant) of many valve maps (points, 3) at one noise model.
 
-    `rest` is the whitened PV and `basis` (m, n) the whitened other channels, orthonormal; only the plant's answer is filtered
-    anew for each point, and its gain kept within low..high.
+    `basis` (m, n) holds the whitened other channels, orthonormal, and `rest` the whitened PV less its part along them, both 0
+    in the first SKIP samples; only the plant's answer is filtered anew for each point, and its gain kept within low..high.
     """
-    out = np.empty(points.shape[0])
-    one = np.empty((1, u.size))
-    for i in range(points.shape[0]):
-        one[0] = plant(valve(u, kind, points[i, 0], points[i, 1], points[i, 2]), T, Td, lag)
-        g = whiten(one, T, 0.0, load_time, load_lag, load, 0.0, 0.0, noise, colour, spread)[0][0]
-        gg, gy = 0.0, 0.0
-        for k in range(SKIP, u.size):
-            gg += g[k] * g[k]
-            gy += g[k] * rest[k]
-        for j in range(basis.shape[0]):
-            c, d = 0.0, 0.0
-            for k in range(SKIP, u.size):
-                c += g[k] * basis[j, k]
-                d += rest[k] * basis[j, k]
-            gg -= c * c
-            gy -= c * d
-        K = min(max(gy / gg, low), high) if gg > 1e-12 else 0.0
-        out[i] = K * gy - 0.5 * K * K * gg
+    total, n = points.shape[0], u.size
+    out = np.empty(total)
+    batch = np.empty((BATCH, n))
+    for first in range(0, total, BATCH):
+        many = min(BATCH, total - first)
+        for i in range(many):
+            p = points[first + i]
+            batch[i] = plant(valve(u, kind, p[0], p[1], p[2]), T, Td, lag)
+        white = whiten(batch[:many], T, 0.0, load_time, load_lag, load, 0.0, 0.0, noise, colour, spread)[0]
+        white[:, :SKIP] = 0.0
+        along, gy = np.dot(white, basis.T), np.dot(white, rest)
+        for i in range(many):
+            gg = np.dot(white[i], white[i])
+            for j in range(basis.shape[0]):
+                gg -= along[i, j] * along[i, j]
+            K = min(max(gy[i] / gg, low), high) if gg > 1e-12 else 0.0
+            out[first + i] = K * gy[i] - 0.5 * K * K * gg
     return out
