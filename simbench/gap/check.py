@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from detectors.errors import RecordError
 from detectors.quality import inspect
 from detectors.record import LoopRecord
-from scenarios.spec import Loop
+from scenarios.spec import Loop, Part
 from simbench.gap.fit import Data
 from simbench.gap.law import Law, examine_law
 from simbench.gap.refuse import refuse_mv_units, refuse_op_units, refuse_other_controller, refuse_other_plant
 from simbench.gap.samples import Samples, cleaned, inspect_samples, isolated, on_line
+from simbench.loop.response import valve_response
 
 FEWEST = 100  # samples; below this the spread of every statistic swallows the gap
 SAME_TS = 0.01
@@ -94,7 +96,7 @@ def check(record: LoopRecord, baseline: Loop, trusted: bool = True) -> Situation
     hard, plant_pv, more, strange = _without_doubt(record, law, samples, baseline.noise.std)
     notes += more
     integrating = plant.type == "integrating"
-    u = op if record.mv is None else np.asarray(record.mv)
+    u = _through_valve(op, baseline.valve, record.Ts) if record.mv is None else np.asarray(record.mv)
     data = Data(
         u=np.ascontiguousarray(u, dtype=float),
         y=np.ascontiguousarray(plant_pv, dtype=float),
@@ -132,6 +134,17 @@ def _refuse_dead(record: LoopRecord, where: str) -> None:
     for name, x in (("OP", record.op), ("PV", record.pv)):
         if np.ptp(x) <= 1e-9 * max(1.0, float(np.abs(x).max())):
             raise RecordError(f"{where}: {name} is constant ({x[0]:g}); nothing moved, so nothing can be told")
+
+
+def _through_valve(op: np.ndarray, valve: Part, Ts: float) -> np.ndarray:
+    """Return OP as the baseline's own valve passes it on: a band that the simulation has is no gap."""
+    if valve.name == "ideal":
+        return op
+    own: dict[str, Any] = dict(valve.parameters)
+    before, behind = own.pop("before", []), own.pop("behind", [])
+    for stage in [*before, {"model": valve.name, **own}, *behind]:
+        op = valve_response(stage["model"], op, {k: v for k, v in stage.items() if k != "model"}, Ts)
+    return op
 
 
 def _rounding(hard: dict, samples: Samples) -> float:

@@ -56,7 +56,7 @@ def test_mv_on_another_scale_is_refused(valve, change, words):
 ], ids=lambda e: f"{e['name']} {list(e.values())[1]:g}")  # fmt: skip
 def test_a_faulty_valve_is_no_other_unit(effect):
     r = run(effect=[effect])
-    noisy = replace(r, mv=r.mv + 0.05 * np.random.default_rng(0).standard_normal(r.n))
+    noisy = replace(r, mv=np.asarray(r.mv) + 0.05 * np.random.default_rng(0).standard_normal(r.n))
     assert check(r, loop()).record.mv is not None
     assert check(noisy, loop()).record.mv is not None
 
@@ -64,7 +64,7 @@ def test_a_faulty_valve_is_no_other_unit(effect):
 def test_the_slope_is_that_of_the_sliding_valve():
     r = run(**STICKY)
     assert moving_slope(r.op, r.mv) == pytest.approx(1.0, abs=1e-6)
-    assert moving_slope(r.op, 0.4 * r.mv) == pytest.approx(0.4, abs=1e-6)
+    assert moving_slope(r.op, 0.4 * np.asarray(r.mv)) == pytest.approx(0.4, abs=1e-6)
     assert moving_slope(np.full(500, 50.0), r.mv[:500]) is None
 
 
@@ -156,3 +156,13 @@ def test_a_lightly_thinned_archive_is_compression_and_no_spikes():
     situation = check(r, loop())
     assert 0.0 < situation.samples.straight < 0.5
     assert set(situation.hard) == {"compression"}
+
+
+@pytest.mark.parametrize("valve", [
+    {"model": "deadband", "S": 2.0}, {"model": "choudhury", "S": 6.0, "J": 2.0},
+    {"model": "deadband", "S": 2.0, "behind": [{"model": "lag", "T": 3.0}]},
+], ids=["play", "sticky", "play and lag"])  # fmt: skip
+def test_what_the_baselines_valve_does_to_op_is_no_gap(valve):
+    r = run(valve=valve)
+    found = check(replace(r, mv=None), loop(valve=valve))
+    assert np.abs(found.data.u - r.mv)[100:].max() < 0.05
