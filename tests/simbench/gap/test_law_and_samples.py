@@ -203,3 +203,12 @@ def test_bursts_of_noise_are_no_spikes():
     for k in range(100, 3000, 300):
         noise[k : k + 60] *= 6.0
     assert inspect_samples(noise).spikes.size == 0
+
+
+def test_a_dozen_kept_samples_are_enough_to_believe_op():
+    r = record()
+    kept = np.arange(0, r.n, 125)
+    archived = np.interp(np.arange(r.n), kept, r.pv[kept])
+    seen = law(replace(r, pv=archived)).seen
+    assert seen is not None
+    assert np.abs(seen - r.pv)[: kept[-1]].max() < 1e-6
