@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from detectors.errors import RecordError
 from detectors.quality import inspect
 from detectors.record import LoopRecord
-from scenarios.spec import Loop
+from scenarios.spec import Loop, Part
 from simbench.gap.fit import Data
 from simbench.gap.law import Law, examine_law
-from simbench.gap.samples import Samples, cleaned, inspect_samples, isolated
+from simbench.gap.refuse import refuse_mv_units, refuse_op_units, refuse_other_controller, refuse_other_plant
+from simbench.gap.samples import Samples, cleaned, inspect_samples, isolated, on_line
+from simbench.loop.response import valve_response
 
 FEWEST = 100  # samples; below this the spread of every statistic swallows the gap
 SAME_TS = 0.01
-OTHER_LOOP = 10.0  # factor in Kc from which the baseline is another loop's
+FINE = 0.1  # spacing of PV's lattice, in stated noise std, below which it is rounding that nobody notices
+STUCK = 0.01  # share of samples in standstills that no chance brings
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +82,7 @@ def check(record: LoopRecord, baseline: Loop, trusted: bool = True) -> Situation
             f"{where}: Ts = {record.Ts:g} s by its time column, but the baseline says Ts = {Ts:g} s; they must agree within 1 %"
         )
     if record.mv is not None:
-        _refuse_units(record.mv, op, where)
+        refuse_mv_units(np.asarray(record.mv), op, where)
     notes = [f"data quality: {flag.name}: {flag.evidence}" for flag in inspect(record).values()]
     sp = record.sp
     if sp is None:
@@ -86,12 +90,13 @@ def check(record: LoopRecord, baseline: Loop, trusted: bool = True) -> Situation
     plant, control = baseline.plant, baseline.controller
     law = examine_law(op, record.pv, sp, record.Ts, control.sign * control.Kc, control.Ti, trusted)
     if trusted:
-        _refuse_other_loop(law, control.sign * control.Kc, where)
+        refuse_op_units(np.asarray(record.op), law, control.sign * control.Kc, control.Ti, where)
+        refuse_other_controller(law, control.sign * control.Kc, where)
     samples = inspect_samples(record.pv, record.op)
     hard, plant_pv, more, strange = _without_doubt(record, law, samples, baseline.noise.std)
     notes += more
     integrating = plant.type == "integrating"
-    u = op if record.mv is None else np.asarray(record.mv)
+    u = _through_valve(op, baseline.valve, record.Ts) if record.mv is None else np.asarray(record.mv)
     data = Data(
         u=np.ascontiguousarray(u, dtype=float),
         y=np.ascontiguousarray(plant_pv, dtype=float),
@@ -103,7 +108,10 @@ def check(record: LoopRecord, baseline: Loop, trusted: bool = True) -> Situation
         trusted=trusted,
         late=law.lag,
     )
-    frozen = samples.held > max(20, 0.02 * record.n) and "quantisation" not in hard and "compression" not in hard
+    if trusted:
+        refuse_other_plant(data, law, control.sign * control.Kc, control.Ti, record.Ts, where)
+    frozen = samples.held > max(20, 0.02 * record.n) or (trusted and samples.stuck > STUCK)
+    frozen = frozen and "quantisation" not in hard and "compression" not in hard
     setpoint = np.full(record.n, record.pv.mean()) if sp is None else np.asarray(sp)
     return Situation(record, baseline, trusted, op, setpoint, law, samples, plant_pv, data, hard, notes, frozen, strange)
 
@@ -128,32 +136,22 @@ def _refuse_dead(record: LoopRecord, where: str) -> None:
             raise RecordError(f"{where}: {name} is constant ({x[0]:g}); nothing moved, so nothing can be told")
 
 
-def _refuse_units(mv: np.ndarray, op: np.ndarray, where: str) -> None:
-    low, high = float(mv.min()), float(mv.max())
-    wrong = ""
-    if low < -5.0 or high > 105.0:
-        wrong = f"MV runs from {low:g} to {high:g}"
-    elif high <= 1.5 and op.mean() > 5.0:
-        wrong = f"MV runs from {low:g} to {high:g}, a share of 1"
-    elif low >= 3.8 and high <= 20.2 and abs(np.mean(mv - (4.0 + 0.16 * op))) < 0.5 < abs(np.mean(mv - op)):
-        wrong = f"MV runs from {low:g} to {high:g}, which is OP in mA"
-    if wrong:
-        raise RecordError(f"{where}: {wrong}; it must be in % of travel, 0..100, as OP is")
-
-
-def _refuse_other_loop(law: Law, Kc: float, where: str) -> None:
-    if law.known and law.residual < 0.03 and np.isfinite(law.Kc) and law.Kc != 0.0 and "error_deadband" not in law.found:
-        ratio = law.Kc / Kc
-        if ratio < 1.0 / OTHER_LOOP or ratio > OTHER_LOOP:
-            raise RecordError(
-                f"{where}: its controller has Kc = {law.Kc:.3g}, the baseline's Kc = {Kc:.3g} (signs included); "
-                "this is the baseline of another loop"
-            )
+def _through_valve(op: np.ndarray, valve: Part, Ts: float) -> np.ndarray:
+    """Return OP as the baseline's own valve passes it on: a band that the simulation has is no gap."""
+    if valve.name == "ideal":
+        return op
+    own: dict[str, Any] = dict(valve.parameters)
+    before, behind = own.pop("before", []), own.pop("behind", [])
+    for stage in [*before, {"model": valve.name, **own}, *behind]:
+        op = valve_response(stage["model"], op, {k: v for k, v in stage.items() if k != "model"}, Ts)
+    return op
 
 
 def _rounding(hard: dict, samples: Samples) -> float:
-    lattice = hard.get("quantisation", {})
-    return float(lattice["step"]) if lattice.get("at") == "loop" else samples.resolution
+    if "quantisation" not in hard:
+        return max(samples.resolution, samples.step)
+    lattice = hard["quantisation"]
+    return float(lattice["step"]) if lattice["at"] == "loop" else samples.resolution
 
 
 def _without_doubt(
@@ -164,11 +162,11 @@ def _without_doubt(
     pv = np.asarray(record.pv)
     seen, notes, strange = law.seen, [], ""
     apart = seen is not None and bool(law.reason)  # the archive is not what the controller saw
-    if samples.step > 0.0:
+    if samples.step > FINE * noise:
         hard["quantisation"] = {"step": samples.step, "at": "record" if apart else "loop"}
         if apart:
             pv = np.asarray(seen)
-    elif samples.straight > 0.25:
+    elif samples.straight > 0.25 or _lines_where_apart(np.asarray(record.pv), seen, samples):
         size = float(np.quantile(np.abs(record.pv - seen), 0.98)) if seen is not None else 0.0
         hard["compression"] = {"band": size or 0.5 * float(np.std(np.diff(record.pv)))}
         if apart:
@@ -195,6 +193,8 @@ def _without_doubt(
         if only.size >= 2 and samples.step == 0.0 and "compression" not in hard:
             spikes, heights, place = only, sizes, "record"
             pv = np.asarray(seen)
+    elif spikes.size >= 3 and seen is None and not _answered(record, law, spikes, heights):
+        place = "record"
     if spikes.size >= 3 and "compression" not in hard:
         hard["outliers"] = {"rate": spikes.size / record.n, "size": float(np.mean(np.abs(heights))), "at": place}
         if place == "loop" or seen is None:
@@ -204,6 +204,21 @@ def _without_doubt(
     if {"quantisation", "compression", "outliers", "error_deadband"} & set(hard):
         return hard, pv, notes, strange
     return hard, pv, notes, strange or law.foreign or law.reason
+
+
+def _lines_where_apart(pv: np.ndarray, seen: np.ndarray | None, samples: Samples) -> bool:
+    """Return whether PV lies on straight lines wherever it is not what the controller saw: an archive thinned a little."""
+    if seen is None:
+        return False
+    apart = np.abs(pv - seen) > max(3.0 * samples.resolution, 1e-3 * float(np.std(pv)))
+    return bool(apart.sum() >= 10 and on_line(pv, samples.resolution)[apart].mean() > 0.9)
+
+
+def _answered(record: LoopRecord, law: Law, spikes: np.ndarray, heights: np.ndarray) -> bool:
+    """Return whether OP jumps with the spikes of PV as the controller's gain says."""
+    du = np.append(np.diff(record.op), 0.0)[np.clip(spikes - 1 + law.lag, 0, record.n - 1)]
+    asked = -law.Kc * heights
+    return float(du @ asked) > 0.5 * float(asked @ asked)
 
 
 def stands_out(pv: np.ndarray, places: np.ndarray, heights: np.ndarray) -> bool:

@@ -1,4 +1,4 @@
-"""A baseline from the record itself: tuning by regression, plant by the innovations' likelihood."""
+"""A baseline from the record itself: tuning by regression, plant by the innovations' likelihood; what then can be said."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ import numpy as np
 from detectors.record import LoopRecord
 from scenarios.spec import Loop
 from simbench.gap.assess import Assessment
-from simbench.gap.candidates import SMOOTH
+from simbench.gap.candidates import SMOOTH, fit_candidates, size_penalty
+from simbench.gap.check import Situation
 from simbench.gap.fit import Data, Engine, Fit, Spec
 from simbench.gap.law import examine_law
-from simbench.gap.names import block_of
-from simbench.gap.samples import cleaned, inspect_samples
+from simbench.gap.names import EFFECTS, block_of
+from simbench.gap.samples import cleaned, inspect_samples, resolution
 
 
 def identify(record: LoopRecord) -> Loop:
@@ -22,7 +23,8 @@ def identify(record: LoopRecord) -> Loop:
     Parameters
     ----------
     record : LoopRecord
-        OP, PV, and SP where recorded; `process` decides between foptd and integrating, foptd when unknown.
+        OP, PV, and SP and MV where recorded; MV, if there, drives the plant. `process` decides between foptd and
+        integrating; where it is unknown the likelier of the two.
 
     Returns
     -------
@@ -36,8 +38,8 @@ def identify(record: LoopRecord) -> Loop:
     pv = np.asarray(record.pv)
     samples = inspect_samples(pv, record.op)
     pv = cleaned(pv, samples.spikes)
-    integrating = record.process == "integrating"
-    fit = fit_plant(np.ascontiguousarray(op), pv, integrating, max(samples.resolution, samples.step))
+    u = np.ascontiguousarray(op if record.mv is None else record.mv, dtype=float)
+    integrating, fit = _plant(record, u, pv, max(samples.resolution, samples.step))
     Ts = record.Ts
     sign = 1.0 if fit.K >= 0 else -1.0
     law = examine_law(op, np.asarray(record.pv), record.sp, Ts, sign * _rough_gain(op, pv), 20.0 * Ts, trusted=False)
@@ -56,6 +58,26 @@ def identify(record: LoopRecord) -> Loop:
         "sampling": {"Ts": Ts, "n": record.n},
         "noise": {"std": fit.theta["noise"]},
     }, "identified loop")  # fmt: skip
+
+
+def _plant(record: LoopRecord, u: np.ndarray, pv: np.ndarray, resolution: float) -> tuple[bool, Fit]:
+    """Return whether the plant integrates, and its fit; an unknown process is the likelier one, friction allowed to both."""
+    if record.process is not None:
+        integrating = record.process == "integrating"
+        return integrating, fit_plant(u, pv, integrating, resolution)
+    fits, score = {}, {}
+    for integrating in (False, True):
+        fit = fits[integrating] = fit_plant(u, pv, integrating, resolution)
+        # a time constant is one number more to fit
+        score[integrating] = fit.loglik - (0.0 if integrating else size_penalty(record.n, 1.0))
+        if record.mv is None:
+            # behind a valve that rests between its slips any plant looks as if it integrated
+            T = 0.0 if integrating else fit.theta["T"]
+            engine = Engine(Data(u, pv, fit.K, T, fit.theta["Td"], 0.0, resolution, trusted=False), max(0.1 * record.n, 20.0))
+            sticky = fit_candidates(engine, fit, ["stiction", "deadband"])
+            score[integrating] += max(0.0, *(c.gain for c in sticky.values()))
+    integrating = score[True] > score[False]
+    return integrating, fits[integrating]
 
 
 def fit_plant(op: np.ndarray, pv: np.ndarray, integrating: bool, resolution: float) -> Fit:
@@ -94,6 +116,7 @@ MEANINGFUL = {
     "error_deadband", "op_quantisation",
 }  # fmt: skip
 SHARE = 0.15  # of the OP range that a band must span to count as friction
+IMMATERIAL = 0.01  # of the variance of the moves; rounding that adds less is not what a simulation lacks
 
 
 def plausible(found: Assessment) -> Assessment:
@@ -107,25 +130,119 @@ def plausible(found: Assessment) -> Assessment:
     -------
     Assessment
         Effects that compare with a baseline are dropped; friction must span a share of the OP range and be found in both
-        halves of the record.
+        halves of the record. What MV shows of the valve needs no baseline and stays. Notes say what the samples show.
     """
     s = found.situation
-    gains = {e: (g if e in MEANINGFUL else min(g, -10.0)) for e, g in found.gains.items()}
+    seen = s.record.mv is not None  # MV given OP is the valve, whatever the plant
+    kept = MEANINGFUL | {e for e in EFFECTS if seen and block_of(e) == "valve"}
+    gains = {e: (g if e in kept else min(g, -10.0)) for e, g in found.gains.items()}
     span = float(np.quantile(s.op, 0.99) - np.quantile(s.op, 0.01))
     for effect in ("stiction", "deadband"):
-        if gains[effect] > 0:
+        if gains[effect] > 0 and not seen:
             S = float(found.parameters.get(effect, {}).get("S", 0.0))
             if S < SHARE * span or not _in_both_halves(found, effect):
                 gains[effect] = -5.0
+    for effect, x in (("op_quantisation", s.op), ("quantisation", np.asarray(s.record.pv))):
+        # a transmitter's lattice is a fact; a file's decimals, and an output card's, must hide something
+        if effect in s.hard and not (effect == "quantisation" and s.samples.step > 0.0):
+            step = float(s.hard[effect]["step"])
+            if step**2 / 12.0 < IMMATERIAL * float(np.var(np.diff(x))):
+                gains[effect] = -5.0
     order = sorted((e for e in gains if gains[e] > 0 and e not in s.hard), key=lambda e: -gains[e])
-    chosen = [e for e in found.chosen if e in s.hard and e in MEANINGFUL][:2]
+    chosen = [e for e in found.chosen if e in s.hard and gains[e] > 0][:2]
     for e in order:
         if len(chosen) < 2 and block_of(e) not in {block_of(c) for c in chosen}:
             chosen.append(e)
     fits = [e for e in chosen if e in found.candidates]
     final = found.candidates[fits[0]].fit if fits else found.base
-    # a residual test asks whether a trusted model is whole; an identified one never is
-    return replace(found, gains=gains, chosen=chosen, final=final, strange={})
+    # a residual test asks whether a trusted model is whole; an identified one never is, a valve with MV is
+    strange = {"valve": found.strange["valve"]} if found.stranger else {}
+    said = replace(s, notes=[*s.notes, *remarks(s)])
+    return replace(found, situation=said, gains=gains, chosen=chosen, final=final, strange=strange)
+
+
+def remarks(situation: Situation) -> list[str]:
+    """Return, as "name: evidence", what record and samples show beside the effects.
+
+    Parameters
+    ----------
+    situation : Situation
+
+    Returns
+    -------
+    list of str
+        `process`: which plant type was assumed; `set-point steps`, `quantisation`, `op_quantisation`, `outliers`: how many,
+        how large.
+    """
+    record, pv = situation.record, np.asarray(situation.record.pv)
+    out = []
+    if record.process is None:
+        kind = "integrating" if situation.integrating else "self-regulating"
+        out.append(f"process: not given; judged as {kind}, the likelier of the two")
+    if record.sp is not None:
+        moves = int(np.count_nonzero(np.diff(record.sp)))
+        if 0 < moves < STEPS * record.n:
+            largest = float(np.abs(np.diff(record.sp)).max())
+            out.append(f"set-point steps: SP moves in {moves} step{'s' * (moves > 1)}, the largest {largest:.3g}")
+    for name, x in (("quantisation", pv), ("op_quantisation", np.asarray(record.op))):
+        step, levels = spacing(x)
+        if step > 0.0:
+            share = step / float(x.std())
+            out.append(f"{name}: {x.size} samples on {levels} levels, {step:.3g} apart ({share:.1%} of the standard deviation)")
+    spikes = situation.samples.spikes
+    if spikes.size:
+        out.append(f"outliers: {spikes.size} isolated, the first {spikes[0] * record.Ts:g} s after the start")
+    return out
+
+
+STEPS = 0.1  # share of samples; a set point that moves more often is another controller's output
+FEWEST_LEVELS = 10  # gaps; fewer lie evenly by chance
+ON_LATTICE = 0.9  # mean length of the phases; ten values that lie anywhere reach it three times in 10 000
+
+
+def spacing(x: np.ndarray) -> tuple[float, int]:
+    """Return the spacing of the lattice, wherever it begins, on which a signal stands, and how many of its levels are met.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+
+    Returns
+    -------
+    step : float
+        In units of x, at its mean for the square-root lattice; 0 when the levels lie anywhere.
+    levels : int
+
+    Notes
+    -----
+    A transmitter counts from the lower end of its range, so its lattice need not hold 0; a flow is the square root of the
+    differential pressure that was digitised, so its lattice may lie in PV^2. The levels' phases over one step are put on a
+    circle (Rayleigh's test): for values that lie anywhere their mean is about 1/sqrt(levels) long, on a lattice 1. Not for
+    a file's own decimals: a transmitter of the same step could not be told from them.
+
+    Examples
+    --------
+    >>> x = 3.3 + 0.25 * np.round(np.random.default_rng(0).standard_normal(400) * 5)
+    >>> round(spacing(x)[0], 6)
+    0.25
+    """
+    levels = np.unique(x)
+    # files keep digits, not decimals: the largest values are the coarsest
+    size = np.abs(levels)
+    unit = resolution(levels[size >= 10.0 ** np.floor(np.log10(max(float(size.max()), 1e-300)))])
+    for y, slope in ((levels, 1.0), (levels * np.abs(levels), 2.0 * float(np.abs(levels).mean()))):
+        gaps = np.diff(y)
+        gaps = gaps[gaps > 1.5 * unit * slope]
+        if gaps.size < FEWEST_LEVELS:
+            break
+        step = float(np.median(gaps[gaps <= 1.5 * np.quantile(gaps, 0.05)]))
+        for reach in (4.0, 40.0, np.inf):
+            near = gaps[gaps < reach * step]
+            step = float(near.sum() / np.round(near / step).sum())
+        phase = abs(np.mean(np.exp(2j * np.pi * (y - y[0]) / step)))
+        if phase > ON_LATTICE and step > 2.0 * unit * slope:
+            return step / slope, levels.size
+    return 0.0, levels.size
 
 
 def _in_both_halves(found: Assessment, effect: str) -> bool:

@@ -13,6 +13,7 @@ from simbench.gap.standstill import error_gap, limits_of, skips_scans
 
 EXACT = 0.03  # residual of dOP, relative to dOP, below which the law is taken as known
 RETUNED = 0.13  # |ln ratio| of Kc or Ti from which the tuning is another one
+FEW = 6  # samples kept by an archive from which it can be compared with what OP says of PV
 THINNED = 0.25  # share of PV on straight lines from which the archive is known to have been thinned
 
 
@@ -178,7 +179,11 @@ def _examine(
             if candidate is not None:
                 off = pv - candidate
                 exact = float(np.std(off[~line]))
-                kept = hidden is not None and exact < (ROUNDED * grid if grid > 0.0 else FAITHFUL * float(np.std(off[line])))
+                kept = (
+                    rough
+                    and (~line).sum() >= FEW
+                    and exact < (ROUNDED * grid if grid > 0.0 else FAITHFUL * float(np.std(off[line])))
+                )
                 if kept or np.std(off) < 0.7 * np.std(e) + 1e-12:
                     seen, residual = candidate, fit.base
                 if kept and a != Kc + Ki:

@@ -103,9 +103,16 @@ def _answer(report: GapReport) -> Markup:
 
 
 def _where(report: GapReport) -> Markup:
-    shares = report.blocks
+    shares, placed = report.blocks, report.where
+    intervals = {b: (s.lo, s.hi) for b, s in placed.items()} if any(shares.values()) else {}
     says = "control loop; share of the gap: " + ", ".join(f"{b} {100 * p:.0f} %" for b, p in shares.items())
-    return render("where.html", svg=_picture(lambda: pictures.draw_blocks(shares), "blocks", says), any=any(shares.values()))
+    return render(
+        "where.html",
+        svg=_picture(lambda: pictures.draw_blocks(shares, intervals), "blocks", says),
+        any=any(shares.values()),
+        intervals=bool(intervals),
+        findings=[(b, s.says) for b, s in placed.items()],
+    )
 
 
 def _look(report: GapReport) -> Markup:

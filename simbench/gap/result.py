@@ -7,6 +7,7 @@ from typing import Any
 
 from scenarios.spec import Loop
 from simbench.gap.names import BLOCKS, NONE, UNKNOWN
+from simbench.gap.where import Share
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ class GapReport:
         The measurement or test that separates the remaining candidates best.
     notes : tuple of str
     details : dict
-        What only the page and the text use: smallest detectable sizes, features, curves.
+        What only the page and the text use: smallest detectable sizes, features, curves, `where` with the shares' intervals.
     """
 
     block: str
@@ -103,6 +104,17 @@ class GapReport:
             "notes": list(self.notes),
         }
 
+    @property
+    def where(self) -> dict[str, Share]:
+        """Share of every block with its interval and what was found there; empty where nothing has been placed."""
+        placed = self.details.get("where")
+        return placed.blocks if placed is not None else {}
+
+    def _placed(self, block: str) -> str:
+        share = f"{block} {100 * self.blocks[block]:.0f} %"
+        s = self.where.get(block)
+        return share if s is None else f"{share} [{100 * s.lo:.0f}, {100 * s.hi:.0f}]"
+
     def fixed_loop(self) -> Loop:
         """Return the loop file with the named effects in it; simulated, it looks like the record."""
         return self.details["arms"].loop(self.details["named"])
@@ -133,7 +145,7 @@ class GapReport:
         if len(self.group) > 1:
             lines.append("cannot be told apart here: " + ", ".join(self.group))
         if any(self.blocks.values()):
-            lines.append("where: " + ", ".join(f"{b} {100 * self.blocks[b]:.0f} %" for b in BLOCKS if self.blocks[b] >= 0.005))
+            lines.append("where: " + ", ".join(self._placed(b) for b in BLOCKS if self.blocks[b] >= 0.005))
         g = self.gap
         lines.append(
             f"gap: before {g.before:.2f}, recalibrated {g.recalibrated:.2f}, after {g.after:.2f}, floor {g.floor:.2f}"

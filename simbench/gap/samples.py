@@ -10,7 +10,7 @@ from scipy.ndimage import maximum_filter1d, median_filter
 SPIKE = 6.0  # robust standard deviations from which an isolated point is a spike
 FURTHER = 4.5  # the same where three spikes are sure: 2 in 100 000 by chance
 ALONE = 2.0  # times the spread of its neighbours about their line; a corner has 1.5, a step 1.25
-HELD = 20  # samples that PV stands exactly still, while it moves otherwise, before it counts as frozen
+SELDOM = 1e-3  # standstills of a length that a record of noise has by chance; longer ones are none
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,7 +19,8 @@ class Samples:
 
     `resolution` is the decimal unit PV is written in (0 = full precision), `step` a lattice coarser than that (0 = none),
     `straight` the share of samples on a straight line with both neighbours, `spikes` the indices of isolated points,
-    `heights` how far off they are, `held` the longest exact standstill in samples.
+    `heights` how far off they are, `held` the longest exact standstill in samples, `stuck` the share of samples in standstills
+    longer than rounding and noise explain.
     """
 
     resolution: float
@@ -28,6 +29,7 @@ class Samples:
     spikes: np.ndarray
     heights: np.ndarray
     held: int
+    stuck: float
 
 
 def inspect_samples(pv: np.ndarray, *others: np.ndarray) -> Samples:
@@ -53,7 +55,15 @@ def inspect_samples(pv: np.ndarray, *others: np.ndarray) -> Samples:
     unit = written_unit(pv, *others)
     step = lattice(pv, unit)
     spikes, heights = isolated(pv, max(unit, step))
-    return Samples(unit, step, float(np.mean(on_line(pv, unit))) if step == 0.0 else 0.0, spikes, heights, longest_hold(pv))
+    return Samples(
+        unit,
+        step,
+        float(np.mean(on_line(pv, unit))) if step == 0.0 else 0.0,
+        spikes,
+        heights,
+        longest_hold(pv),
+        stuck(pv, unit),
+    )
 
 
 def resolution(x: np.ndarray) -> float:
@@ -193,6 +203,23 @@ def longest_hold(x: np.ndarray) -> int:
     change = np.flatnonzero(np.diff(x) != 0.0)
     edges = np.concatenate([[-1], change, [x.size - 1]])
     return int(np.diff(edges).max())
+
+
+def stuck(x: np.ndarray, unit: float) -> float:
+    """Return the share of samples in exact standstills longer than noise, rounded to `unit`, has by chance."""
+    change = np.diff(x)
+    blocks = [b[b != 0.0] for b in np.array_split(change, max(x.size // 50, 1))]
+    moving = [1.4826 * float(np.median(np.abs(b))) for b in blocks if b.size >= 10]
+    if len(moving) < 0.7 * len(blocks):
+        return 0.0
+    # the quietest tenth of the record says how often two neighbours agree
+    agree = unit / (2.5 * float(np.quantile(moving, 0.1)))
+    if agree > 0.5:
+        return 0.0
+    longest = 1.0 + np.log(SELDOM / x.size) / np.log(max(agree, 1e-9))
+    edges = np.concatenate([[-1], np.flatnonzero(change != 0.0), [x.size - 1]])
+    runs = np.diff(edges)
+    return float(runs[runs > max(longest, 4.0)].sum() / x.size)
 
 
 def cleaned(x: np.ndarray, spikes: np.ndarray) -> np.ndarray:

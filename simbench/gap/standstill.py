@@ -7,6 +7,7 @@ import numpy as np
 from simbench.gap.pi_fit import about_zero, by_steps
 
 OBEYED = 0.03  # residual of a move, relative to the moves, below which it follows a PI law
+LEANT = 3.0  # steps of a coarse OP asked for during one stay at its extreme, from which that is a limit
 STILL = 0.005  # share of samples with OP exactly at rest from which a gap in the error is looked for
 
 
@@ -21,6 +22,7 @@ def limits_of(
     if memoryless and free.any():
         gain = 0.5 * (a - b)
         want = np.median((op - gain * e)[free]) + gain * e[1:]
+    asked = a * e[1:] + b * e[:-1]
     margin = max(0.6 * step, 3.0 * unit, 1e-6 * float(np.ptp(op)))
     for name, edge, sign in (("hi", hi, 1.0), ("lo", lo, -1.0)):
         at = np.abs(op[1:] - edge) < 1e-9 * max(abs(edge), 1.0)
@@ -28,9 +30,16 @@ def limits_of(
         # standing twice at the very same extreme does not happen to an unlimited OP
         repeated = at[1:] & at[:-1]
         plain = pushed.sum() >= 2 if step == 0.0 else repeated.sum() >= 2 and pushed.sum() >= 4
-        if plain and pushed.sum() >= 0.7 * at.sum():
+        if (plain and pushed.sum() >= 0.7 * at.sum()) or (step > 0.0 and _leant_on(at, sign * asked) > LEANT * step):
             out[name] = edge
     return out
+
+
+def _leant_on(at: np.ndarray, asked: np.ndarray) -> float:
+    """Return the most that the controller asked for, summed up, during one stay: a coarse OP stays for less than a step."""
+    begins = np.flatnonzero(at & ~np.append(False, at[:-1]))
+    ends = np.flatnonzero(at & ~np.append(at[1:], False)) + 1
+    return max((float(asked[i + 1 : j].sum()) for i, j in zip(begins, ends, strict=True) if j - i > 3), default=0.0)
 
 
 def error_gap(op: np.ndarray, e: np.ndarray, rows: np.ndarray, least: float) -> float:

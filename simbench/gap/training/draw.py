@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 
@@ -24,6 +25,7 @@ STRENGTHS = {"weak": (1.3, 2.0), "medium": (2.0, 4.0), "strong": (4.0, 12.0)}
 SHARES = {"weak": 0.2, "medium": 0.4, "strong": 0.4}
 RUNS = 8  # of the loop without effect, that give the floor
 TRIES = 12  # sizes of one effect in one loop before another loop is drawn
+PATIENCE = 15  # loops for which direction and strength stay as drawn
 LOOPS = 200  # loops before giving up
 STOPPED = 0.01  # largest share of samples that OP of a healthy loop may spend at 0 or 100 %
 MOVES = 10  # fewest samples of a record at which PV changes, and OP
@@ -109,8 +111,10 @@ def draw_case(seed: int, effects: Sequence[str] = (), foreign: str = "", mv: boo
     effects = tuple(effects)
     _check(effects, foreign, strength)
     rng = np.random.default_rng([FAMILY, seed])
-    recorded = bool(rng.random() < 0.5) if mv is None else mv
+    chance = bool(rng.random() < 0.5)  # drawn in any case: with and without MV it is the same loop
+    recorded = chance if mv is None else mv
     kind = FOREIGN.get(foreign)
+    what = crc32(" ".join((*effects, foreign)).encode())
     for loops in range(1, LOOPS + 1):
         bench = draw_bench(
             rng,
@@ -119,13 +123,15 @@ def draw_case(seed: int, effects: Sequence[str] = (), foreign: str = "", mv: boo
             play=kind is None and "stiction" not in effects,
         )
         streams = (FAMILY, seed, loops)
+        # what was drawn of strength and direction waits some loops for one it fits: easy ones must not crowd out the others
+        luck = np.random.default_rng([FAMILY, seed, what, loops // PATIENCE])
         cloud = _cloud(bench, streams)
         if cloud is None:
             continue
         if foreign:
-            found = _foreign(bench, streams, foreign, cloud, strength, rng)
+            found = _foreign(bench, streams, foreign, cloud, strength, luck)
         elif effects:
-            found = _known(bench, streams, effects, cloud, strength, rng)
+            found = _known(bench, streams, effects, cloud, strength, luck)
         else:
             record = bench.run(bench.finish(bench.setup(streams), streams))
             found = ("none", (cloud.ratio(record), record, {})) if _stopped(record) <= STOPPED else None
@@ -179,24 +185,23 @@ def _cloud(bench: Bench, streams: tuple[int, ...]) -> Cloud | None:
     return Cloud(features, spread, floor_of(features, spread))
 
 
-def _known(bench: Bench, streams: tuple, effects: tuple[str, ...], cloud: Cloud, strength: str, rng: np.random.Generator):
+def _known(bench: Bench, streams: tuple, effects: tuple[str, ...], cloud: Cloud, strength: str, luck: np.random.Generator):
     scales = Scales(bench, bench.run(bench.finish(bench.setup(streams), streams)))
-    sizes, x, grades = [size_of(e, scales, rng) for e in effects], [], []
+    grades = [strength or _grade(luck, at_least_medium=len(effects) > 1) for _ in effects]
+    sizes, x = [size_of(e, scales, luck) for e in effects], []
     last: Measured | None = None
-    for effect, size in zip(effects, sizes):
-        grade = strength or _grade(rng, at_least_medium=len(effects) > 1)
-        hit = _search(lambda x, e=effect, s=size: _measure(bench, streams, (e,), (s,), (x,), cloud), scales, grade, cloud, rng)
+    for effect, size, grade in zip(effects, sizes, grades):
+        hit = _search(lambda x, e=effect, s=size: _measure(bench, streams, (e,), (s,), (x,), cloud), scales, grade, cloud, luck)
         if hit is None:
             return None
         x.append(hit[0])
-        grades.append(grade)
         last = hit[1]
     if len(effects) > 1:
         last = _measure(bench, streams, effects, sizes, x, cloud)
     return None if last is None else (min(grades, key=list(STRENGTHS).index), last)
 
 
-def _foreign(bench: Bench, streams: tuple, kind: str, cloud: Cloud, strength: str, rng: np.random.Generator):
+def _foreign(bench: Bench, streams: tuple, kind: str, cloud: Cloud, strength: str, luck: np.random.Generator):
     scales = Scales(bench, bench.run(bench.finish(bench.setup(streams), streams)))
 
     def measure(x: float) -> Measured | None:
@@ -204,8 +209,8 @@ def _foreign(bench: Bench, streams: tuple, kind: str, cloud: Cloud, strength: st
         record, numbers = run_foreign(kind, setup, scales, x, np.random.default_rng([*streams, 3]))
         return _judged(record, cloud, {kind: numbers})
 
-    grade = strength or _grade(rng)
-    hit = _search(measure, scales, grade, cloud, rng)
+    grade = strength or _grade(luck)
+    hit = _search(measure, scales, grade, cloud, luck)
     return None if hit is None else (grade, hit[1])
 
 
@@ -215,10 +220,10 @@ def _search(
     low, high = STRENGTHS[grade]
     if cloud.ratio(scales.record) >= 0.92 * low:
         return None  # chance alone would pass for the effect
-    a, b, reached = 0.0, 1.0, False
+    a, b = 0.0, 1.0
     for _ in range(TRIES):
-        x = a + (b - a) * float(rng.uniform(0.3, 0.7)) if a == 0.0 or reached or b < 1.0 else 1.0
-        reached |= x == 1.0
+        # halved at random, so that sizes do not gather at the marks of a grid; a loop that shows too little is given up soon
+        x = a + (b - a) * float(rng.uniform(0.3, 0.7) if a == 0.0 or b < 1.0 else rng.uniform(0.6, 1.0))
         found = measure(x)
         if found is None or found[0] > high:
             b = x
@@ -226,7 +231,7 @@ def _search(
             return x, found
         else:
             a = x
-        if b - a < 0.002:
+        if b - a < 0.002 or a > 0.95:
             return None
     return None
 

@@ -1,5 +1,7 @@
 """The controller's law and the samples: what needs no likelihood."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -102,3 +104,111 @@ def test_spikes_are_counted_and_steps_are_not():
 def test_straight_lines_are_seen_in_a_compressed_archive_only():
     assert inspect_samples(np.asarray(record(("compression", {"band": 0.3})).pv)).straight > 0.3
     assert inspect_samples(np.asarray(record().pv)).straight == 0.0
+
+
+def soft_gap_record(width):
+    """A velocity-form PI whose dead-band takes its half width off larger errors, on a first-order plant."""
+    rng, n, Kc, Ti = np.random.default_rng(5), 2000, 1.2, 12.0
+    op, pv, sp = np.full(n, 50.0), np.full(n, 20.0), np.full(n, 20.0)
+    before = x = load = 0.0
+    for k in range(n):
+        load = 0.98 * load + 0.2 * rng.standard_normal()
+        x += (0.8 * (op[k - 3] - 50.0 + load) - x) / 15.0 if k > 3 else 0.0
+        pv[k] = 20.0 + x + 0.05 * rng.standard_normal()
+        e = sp[k] - pv[k]
+        e = np.sign(e) * max(abs(e) - width / 2, 0.0)
+        op[k] = (op[k - 1] if k else 50.0) + Kc * (e - before + e / Ti)
+        before = e
+    return np.round(op, 6), np.round(pv, 6), sp
+
+
+def test_a_dead_band_that_starts_from_zero_at_its_edge_is_one_too():
+    found = examine_law(*soft_gap_record(0.5), 1.0, 1.2, 12.0)
+    assert found.known
+    assert set(found.found) == {"error_deadband"}
+    assert found.found["error_deadband"]["width"] == pytest.approx(0.5, rel=0.02)
+
+
+@pytest.mark.parametrize("form", ["trapezoid", "forward"])
+def test_how_the_integral_is_taken_is_no_new_tuning(form):
+    r = record()
+    e = r.sp - r.pv
+    old = np.append(e[0], e[:-1])
+    op = 50 + np.cumsum(0.6 * (e - old) + 0.6 / 6.0 * (0.5 * (e + old) if form == "trapezoid" else old))
+    found = law(replace(r, op=op), Ti=6.0)
+    assert found.known
+    assert not found.found
+    assert found.baseline_residual < 1e-6
+
+
+@pytest.mark.parametrize("share", [0.1, 0.4, 0.75])
+def test_missed_scans_are_told_by_the_law_between_the_moves(share):
+    r = record()
+    e, op = r.sp - r.pv, np.full(r.n, 50.0)
+    skip, last = np.random.default_rng(4).random(r.n) < share, 0
+    for k in range(1, r.n):
+        op[k] = op[k - 1]
+        if not skip[k]:
+            op[k] += 0.6 * (e[k] - e[last]) + 0.6 / 18 * e[k]
+            last = k
+    assert "skips scans" in law(replace(r, op=op)).foreign
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_a_set_point_logged_a_sample_off_is_no_other_controller(late):
+    r = record()
+    sp = np.append(r.sp[0], r.sp[:-1]) if late else np.append(r.sp[1:], r.sp[-1])
+    found = law(replace(r, sp=sp))
+    assert found.known
+    assert not found.found
+
+
+@pytest.mark.parametrize("archive", [("compression", {"band": 0.6}), ("quantisation", {"step": 0.5, "at": "record"})])
+@pytest.mark.parametrize("tuning", [{}, {"Kc_factor": 0.5, "Ti_factor": 1.8}], ids=["as stated", "retuned"])
+def test_tuning_is_read_through_a_poor_archive(archive, tuning):
+    effects = [("detuning", tuning)] if tuning else []
+    clean = record(*effects)
+    found = law(record(*effects, archive))
+    assert found.seen is not None
+    assert np.abs(found.seen - clean.pv)[100:].max() < 0.1 * archive[1].get("band", 0.5)
+    if tuning:
+        assert found.found["detuning"]["Kc_factor"] == pytest.approx(0.5, rel=0.03)
+        assert found.found["detuning"]["Ti_factor"] == pytest.approx(1.8, rel=0.03)
+    else:
+        assert not found.found
+
+
+def test_limits_are_seen_under_another_tuning_and_a_coarse_output():
+    retuned = law(record(("detuning", {"Kc_factor": 0.4, "Ti_factor": 1.5}), ("saturation", {"lo": 0.0, "hi": 51.0})))
+    assert set(retuned.found) == {"detuning", "saturation"}
+    assert retuned.found["saturation"]["hi"] == pytest.approx(51.0)
+    coarse = law(record(("op_quantisation", {"step": 0.4}), ("saturation", {"lo": 0.0, "hi": 51.2})))
+    assert set(coarse.found) == {"op_quantisation", "saturation"}
+
+
+def test_spikes_on_a_slope_and_side_by_side_are_found_and_corners_are_not():
+    rng = np.random.default_rng(3)
+    t = np.arange(1200.0)
+    smooth = np.interp(t, [0, 300, 400, 800, 830, 1200], [0, 0, 30, 30, 5, 5])
+    pv = smooth + 0.02 * rng.standard_normal(t.size)
+    assert inspect_samples(pv).spikes.size == 0
+    places = np.array([100, 320, 350, 351, 600, 602, 815, 1000])
+    pv[places] += 2.0 * rng.choice([-1.0, 1.0], places.size)
+    assert inspect_samples(pv).spikes.tolist() == places.tolist()
+
+
+def test_bursts_of_noise_are_no_spikes():
+    rng = np.random.default_rng(6)
+    noise = rng.standard_normal(3000)
+    for k in range(100, 3000, 300):
+        noise[k : k + 60] *= 6.0
+    assert inspect_samples(noise).spikes.size == 0
+
+
+def test_a_dozen_kept_samples_are_enough_to_believe_op():
+    r = record()
+    kept = np.arange(0, r.n, 125)
+    archived = np.interp(np.arange(r.n), kept, r.pv[kept])
+    seen = law(replace(r, pv=archived)).seen
+    assert seen is not None
+    assert np.abs(seen - r.pv)[: kept[-1]].max() < 1e-6

@@ -86,6 +86,13 @@ def test_same_seed_gives_the_same_bits():
             assert np.array_equal(getattr(a.record, name), getattr(b.record, name))
 
 
+def test_recording_mv_changes_nothing_else():
+    a, b = draw_case(21, ("drift",), mv=True), draw_case(21, ("drift",), mv=False)
+    assert b.record.mv is None
+    assert a.baseline.plant.type == b.baseline.plant.type
+    assert np.array_equal(a.record.pv, b.record.pv)
+
+
 def test_other_seeds_give_other_loops():
     assert len({draw_case(s).baseline.plant.K for s in range(5)}) == 5
 
