@@ -12,6 +12,7 @@ from simbench.gap.names import EFFECTS
 
 LAGS = frozenset({"valve_lag", "extra_lag", "sensor_lag"})
 SLOW = frozenset({"drift", "load_drift", "load_steps"})
+RAMPS = frozenset({"drift", "load_drift"})
 FRICTION = frozenset({"stiction", "deadband"})
 LOCAL_GAIN = frozenset({"deadzone", "valve_characteristic", "gain_mismatch"})
 GAIN_OR_TIME = frozenset({"gain_mismatch", "time_constant_mismatch"})
@@ -40,6 +41,9 @@ class Facts:
         Slip-jump of the valve in question (%); None = unknown, which never counts as alike.
     slow : bool
         The slow signal in question moves PV by less than the noise within one open-loop settling time scale T + Td.
+    ramp : bool
+        The slow signal in question is a ramp: what wanders beside it stays below the noise within T + Td. A ramp at the input
+        of a self-regulating plant is a ramp on PV less a constant, which the unknown operating point takes.
     """
 
     integrating: bool
@@ -49,13 +53,14 @@ class Facts:
     op_jitter: float = 0.0
     J: float | None = None
     slow: bool = False
+    ramp: bool = False
 
 
 def indistinguishable(effect: str, facts: Facts) -> frozenset[str]:
     """Return the effects that give the same SP, OP and PV (and MV where recorded) as `effect` here, itself included.
 
     The groups: one more series pole (MV separates a valve's lag; noise smoothed by the filter a sensor's); slow loads and
-    sensor drift on a self-regulating plant; stiction and dead-band when OP jitters by more than J and MV is not recorded;
+    sensor drift, and ramps of any size of either, on a self-regulating plant; stiction and dead-band when OP jitters by more than J and MV is not recorded;
     dead-zone, valve characteristic and gain while SP stands still and MV is not recorded; gain and time constant while SP
     stands still on a self-regulating plant (only K/T shows).
 
@@ -88,6 +93,8 @@ def _groups(facts: Facts) -> list[frozenset[str]]:
     groups = [LAGS - ({"valve_lag"} if facts.mv else set()) - ({"sensor_lag"} if facts.noise_shows else set())]
     if facts.slow and not facts.integrating:
         groups.append(SLOW)
+    if facts.ramp and not facts.integrating:
+        groups.append(RAMPS)
     if facts.J is not None and facts.op_jitter > facts.J and not facts.mv:
         groups.append(FRICTION)
     if not facts.sp_moves and not facts.mv:
@@ -146,6 +153,7 @@ def facts_of(
         op_jitter=float(1.4826 * np.median(np.abs(jitter - np.median(jitter)))),
         J=J,
         slow=_slow(effect, p, plant, noise),
+        ramp=effect in RAMPS and float(p.get("rate", 0.0)) != 0.0 and _slow(effect, {**p, "rate": 0.0}, plant, noise),
     )
 
 

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from simbench.gap.groups import Facts, facts_of, indistinguishable
+from simbench.gap.innovations import plant
 from simbench.gap.names import BLOCKS, EFFECTS, Choice, block_of
 
 BARE = Facts(integrating=False, sp_moves=True, mv=False, noise_shows=False, op_jitter=0.0, J=None, slow=False)
@@ -64,7 +65,7 @@ def test_local_gain_needs_a_moving_set_point():
 
 @given(
     st.sampled_from(sorted(EFFECTS)), st.sampled_from(sorted(EFFECTS)),
-    st.builds(Facts, *[st.booleans()] * 4, op_jitter=st.floats(0, 5), J=st.none() | st.floats(0, 5), slow=st.booleans()),
+    st.builds(Facts, *[st.booleans()] * 4, op_jitter=st.floats(0, 5), J=st.none() | st.floats(0, 5), slow=st.booleans(), ramp=st.booleans()),
 )  # fmt: skip
 def test_looking_alike_is_mutual_and_includes_oneself(a, b, facts):
     assert a in indistinguishable(a, facts)
@@ -86,6 +87,22 @@ def test_facts_come_from_baseline_and_record():
     assert facts_of(table, stepped, noise, noise, noise).mv
     assert not facts_of(table, flat, noise, 20 * walk, None).noise_shows
     assert not facts_of(table, None, noise, noise, None).sp_moves
+
+
+def test_ramps_of_any_size_at_either_end_of_a_self_regulating_plant_look_alike():
+    assert alike("drift", ramp=True) == alike("load_drift", ramp=True) == {"drift", "load_drift"}
+    assert alike("load_steps", ramp=True) == {"load_steps"}
+    assert alike("drift", ramp=True, integrating=True) == {"drift"}
+    ramp = np.linspace(0.0, 100.0, 400)
+    left = plant(ramp, 12.0, 3.0, 0.0) - ramp
+    np.testing.assert_allclose(left[250:], left[-1], atol=1e-6)
+
+
+@pytest.mark.parametrize(("walk", "ramp"), [(0.0, True), (1e-4, True), (1.0, False)])
+def test_a_ramp_is_one_as_long_as_its_walk_hides_in_the_noise(walk, ramp):
+    table = {"plant": {"type": "foptd", "K": 1.0, "T": 10.0, "Td": 2.0}, "noise": {"std": 0.1}}
+    x = np.random.default_rng(0).standard_normal(300)
+    assert facts_of(table, None, x, x, None, "drift", {"rate": 5.0, "walk": walk}).ramp is ramp
 
 
 @pytest.mark.parametrize(
