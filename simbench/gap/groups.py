@@ -60,7 +60,8 @@ def indistinguishable(effect: str, facts: Facts) -> frozenset[str]:
     """Return the effects that give the same SP, OP and PV (and MV where recorded) as `effect` here, itself included.
 
     The groups: one more series pole (MV separates a valve's lag; noise smoothed by the filter a sensor's); slow loads and
-    sensor drift, and ramps of any size of either, on a self-regulating plant; stiction and dead-band when OP jitters by more than J and MV is not recorded;
+    sensor drift, and ramps of any size of either, on a self-regulating plant; stiction and dead-band when OP jitters by more
+    than J and MV is not recorded;
     dead-zone, valve characteristic and gain while SP stands still and MV is not recorded; gain and time constant while SP
     stands still on a self-regulating plant (only K/T shows).
 

@@ -65,7 +65,10 @@ def test_local_gain_needs_a_moving_set_point():
 
 @given(
     st.sampled_from(sorted(EFFECTS)), st.sampled_from(sorted(EFFECTS)),
-    st.builds(Facts, *[st.booleans()] * 4, op_jitter=st.floats(0, 5), J=st.none() | st.floats(0, 5), slow=st.booleans(), ramp=st.booleans()),
+    st.builds(
+        Facts, *[st.booleans()] * 4, op_jitter=st.floats(0, 5), J=st.none() | st.floats(0, 5), slow=st.booleans(),
+        ramp=st.booleans(),
+    ),
 )  # fmt: skip
 def test_looking_alike_is_mutual_and_includes_oneself(a, b, facts):
     assert a in indistinguishable(a, facts)
