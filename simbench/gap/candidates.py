@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import product
 
 import numpy as np
@@ -46,7 +47,10 @@ def free_plant(effect: str, name: str) -> Callable[[Engine, Fit], tuple[Fit, flo
         else:
             trials = [*np.linspace(0.0, d.Td, 5)[:-1], *(d.Td + np.geomspace(0.25, 6.0, 12) * max(d.Td, 0.3 * d.T, 2.0))]
         # the load that hid the mismatch must give way before a trial shows its worth
-        tries = [engine.fit(spec, {**base.theta, name: v}, search=("load_time", "load"), steps=2) for v in trials]
+        tries = [
+            engine.fit(spec, {**theta, name: v}, search=("load_time", "load"), steps=2)
+            for v in trials for theta in (base.theta, idle(engine, base))
+        ]  # fmt: skip
         tries.sort(key=lambda f: -f.loglik)
         return max((engine.fit(spec, t.theta) for t in (base, *tries[:2])), key=lambda f: f.loglik), 1.0
 
@@ -55,7 +59,8 @@ def free_plant(effect: str, name: str) -> Callable[[Engine, Fit], tuple[Fit, flo
 
 def gain_mismatch(engine: Engine, base: Fit) -> tuple[Fit, float]:
     """Release K."""
-    return engine.fit(base.spec.join(Spec(free=frozenset({"K"}))), base.theta), 1.0
+    spec = base.spec.join(Spec(free=frozenset({"K"})))
+    return max((engine.fit(spec, theta) for theta in (base.theta, idle(engine, base))), key=lambda f: f.loglik), 1.0
 
 
 def noise(engine: Engine, base: Fit) -> tuple[Fit, float]:
@@ -121,8 +126,9 @@ def deadzone(engine: Engine, base: Fit) -> tuple[Fit, float]:
 def valve_characteristic(engine: Engine, base: Fit) -> tuple[Fit, float]:
     """Search the ratio of gains on both sides of 1, then refine."""
     spec = base.spec.join(Spec(valve=kernels.CURVE))
-    best = engine.grid(spec, base.theta, [{"R": r} for r in (0.03, 0.1, 0.25, 0.5, 2.0, 4.0, 10.0, 30.0)])[0]
-    return engine.fit(spec, best.theta), 1.0
+    ratios = [{"R": r} for r in (0.02, 0.05, 0.1, 0.25, 0.5, 2.0, 4.0, 10.0, 20.0, 50.0)]
+    tries = [engine.grid(spec, theta, ratios)[0] for theta in (base.theta, idle(engine, base))]
+    return max((engine.fit(spec, t.theta) for t in tries), key=lambda f: f.loglik), 1.0
 
 
 def stiction(engine: Engine, base: Fit) -> tuple[Fit, float]:
@@ -156,8 +162,11 @@ def hunt(engine: Engine, base: Fit, kind: int, coarse: np.ndarray) -> Fit:
     """
     best = None
     # at the load that "no effect" needed, peaks look flat: try quieter ones
-    for level, plant in [*product((1.0, 0.3), plants(engine, base)), (0.1, {})]:
-        theta = {**base.theta, **plant, "load": base.theta["load"] * level}
+    starts = [
+        {**base.theta, **plant, "load": base.theta["load"] * level}
+        for level, plant in [*product((1.0, 0.3), plants(engine, base)), (0.1, {})]
+    ]
+    for theta in [*starts, idle(engine, base)]:
         best = better(best, settle(engine, scanned(engine, base.spec, theta, kind, coarse)))
     assert best is not None
     for _ in range(2):
@@ -171,6 +180,15 @@ def hunt(engine: Engine, base: Fit, kind: int, coarse: np.ndarray) -> Fit:
         if best.loglik < before + 2.0:
             break
     return best
+
+
+@lru_cache(maxsize=4)
+def idle(engine: Engine, base: Fit) -> dict[str, float]:
+    """Return the base's parameters with the load that would be needed if the valve never moved."""
+    beyond = 1.5 * float(np.ptp(engine.data.u))
+    stuck = mapped(engine, replace(base.spec, pole=""), base.theta, kernels.PLAY, np.array([beyond, 0.0, 0.0]))
+    alone = settle(engine, stuck, steps=10).theta
+    return {**base.theta, **{m: alone[m] for m in SMOOTH if m in alone}}
 
 
 def better(one: Fit | None, other: Fit) -> Fit:

@@ -22,6 +22,7 @@ from simbench.gap.next_test import choose
 from simbench.gap.result import Gap, GapReport, Ranked
 from simbench.gap.shrink import Arm, Shrinkage, measure, simulate_arm
 from simbench.gap.weigh import NONE_SCORE, Weights, weigh
+from simbench.gap.where import where
 
 
 def diagnose(
@@ -76,7 +77,7 @@ def diagnose(
             strange = strangers(found.situation, found.tests, found.stranger, found.chosen, lucky.tests)
             found = replace(found, strange=strange)
         level = NONE_SCORE if lucky is None else float(np.clip(lucky.gain, 0.6 * NONE_SCORE, 3.0 * NONE_SCORE))
-        return report(found, weigh(found, level), seed, more, lucky)
+        return report(found, weigh(found, level), seed, more, lucky, level)
 
 
 def _assess_all(records: list[LoopRecord], baseline: Loop | None) -> tuple[Assessment, list[str]]:
@@ -99,7 +100,14 @@ def _assess_all(records: list[LoopRecord], baseline: Loop | None) -> tuple[Asses
     return replace(main, gains=gains, parameters=parameters, chosen=chosen, strange=strange), [said]
 
 
-def report(found: Assessment, weights: Weights, seed: int, more: Sequence[str] = (), lucky: Chance | None = None) -> GapReport:
+def report(
+    found: Assessment,
+    weights: Weights,
+    seed: int,
+    more: Sequence[str] = (),
+    lucky: Chance | None = None,
+    level: float = NONE_SCORE,
+) -> GapReport:
     """Turn scores and probabilities into the answer.
 
     Parameters
@@ -112,6 +120,8 @@ def report(found: Assessment, weights: Weights, seed: int, more: Sequence[str] =
         Further notes.
     lucky : Chance, optional
         What the bootstrap found.
+    level : float
+        Nats that chance alone brings the best effect.
 
     Returns
     -------
@@ -131,12 +141,9 @@ def report(found: Assessment, weights: Weights, seed: int, more: Sequence[str] =
         shown[first] = main
     lines = []
     for e, p in ranking:
-        after = shown[e].after if e in shown else main.before if e == NONE else None
-        lines.append(
-            Ranked(
-                e, _block(e, weights), float(p), main.before if after is not None else None, after, found.parameters.get(e, {})
-            )
-        )
+        # the load that a candidate was fitted with stands in both of its arms
+        before, after = (shown[e].before, shown[e].after) if e in shown else (main.before,) * 2 if e == NONE else (None, None)
+        lines.append(Ranked(e, _block(e, weights), float(p), before, after, found.parameters.get(e, {})))
     gap = Gap(main.before, main.recalibrated, main.after, main.floor, main.resolvable)
     shrinkage = None
     if main.value is not None and effects:
@@ -158,11 +165,15 @@ def report(found: Assessment, weights: Weights, seed: int, more: Sequence[str] =
         )
     if not main.resolvable:
         notes.append(f"the gap ({main.before:.2f}) does not stand out of its floor ({main.floor:.2f}): no shrinkage is claimed")
+    placed = where(found, level, seed)
     sizes = smallest_detectable(situation, found.base, load_memory(situation))
     return GapReport(
         block=_block(first, weights), effect=first, effects=answers, group=partners(first, found), ranking=tuple(lines),
-        gap=gap, shrinkage=shrinkage, blocks=weights.blocks, next_test=advice, notes=tuple(notes),
-        details={"found": found, "arms": arms, "main": main, "named": effects, "detectable": sizes, "separation": separation},
+        gap=gap, shrinkage=shrinkage, blocks=placed.shares, next_test=advice, notes=tuple(notes),
+        details={
+            "found": found, "arms": arms, "main": main, "named": effects, "detectable": sizes, "separation": separation,
+            "where": placed,
+        },
     )  # fmt: skip
 
 

@@ -122,8 +122,8 @@ def measure(situation: Situation, before: Arm, recalibrated: Arm, after: Arm, se
     draws = []
     for _ in range(40):
         seeds = [rng.integers(0, len(x), len(x)) for x in arms]
-        bb, _, aa, _ = figures([np.unique(x[s], axis=0) if len(np.unique(s)) > 2 else x for x, s in zip(arms, seeds)],
-                               rng.integers(0, real.size, real.size))  # fmt: skip
+        drawn = [x[np.unique(s)] if len(np.unique(s)) > 2 else x for x, s in zip(arms, seeds)]
+        bb, _, aa, _ = figures(drawn, rng.integers(0, real.size, real.size))
         draws.append(closed(bb, aa, f))
     lo, hi = np.quantile(draws, [0.05, 0.95])
     return Shrinkage(b, r, a, f, True, closed(b, a, f), float(lo), float(hi), per)
