@@ -80,7 +80,9 @@ def examine_law(
         tries.append(replace(other, seen=seen, lag=1))
     if sp is not None:
         tries += [_examine(op, pv, s, Ts, Kc, Ti, trusted) for s in (np.append(sp[0], sp[:-1]), np.append(sp[1:], sp[-1]))]
-    known = [t for t in tries if t.known]
+    # a law that is exact but for the set point's steps is only mended by what explains these
+    most = law.strays.size / 2 if law.foreign and law.residual < EXACT else op.size
+    known = [t for t in tries if t.known and t.strays.size <= most]
     if known:
         return min(known, key=lambda t: t.strays.size)
     foreign = [t for t in tries if t.foreign]
@@ -120,6 +122,8 @@ def _examine(
     relevant = step > 0.0 and step > max(0.001 * float(np.std(op)), 5.0 * unit)
     grid = lattice(pv, written_unit(pv, op))
     line = on_line(pv, written_unit(pv, op)) if grid == 0.0 else np.zeros(pv.size, dtype=bool)
+    moving = np.diff(pv) != 0.0
+    exact = ~line & (np.append(True, moving) | np.append(moving, True) | (grid > 0.0))
     rough = bool(line.mean() > THINNED) or grid > 0.0
     fit, width = None, error_gap(op, e, rows, 0.5 if rough else 0.85)
     if width > 0.0:
@@ -166,7 +170,7 @@ def _examine(
         kc, ti = Kc, Ti or np.inf
     else:
         third = with_derivative(du, e, rows, size)
-        hidden = hidden_law(op, e, Kc, Ki, ~line) if rough and plain and not limits and (~line).sum() > 20 else None
+        hidden = hidden_law(op, e, Kc, Ki, exact) if rough and plain and not limits and exact.sum() > 20 else None
         if third < residual / 3 and third < 0.15:
             foreign = "a third term explains OP five times better: the controller is no PI"
         elif collapsed and not width:
@@ -178,11 +182,11 @@ def _examine(
             candidate = seen_pv(op, e, pv, inside, a, b, Ti is None)
             if candidate is not None:
                 off = pv - candidate
-                exact = float(np.std(off[~line]))
+                left = float(np.std(off[exact]))
                 kept = (
                     rough
-                    and (~line).sum() >= FEW
-                    and exact < (ROUNDED * grid if grid > 0.0 else FAITHFUL * float(np.std(off[line])))
+                    and exact.sum() >= FEW
+                    and left < (ROUNDED * grid if grid > 0.0 else FAITHFUL * float(np.std(off[line])))
                 )
                 if kept or np.std(off) < 0.7 * np.std(e) + 1e-12:
                     seen, residual = candidate, fit.base

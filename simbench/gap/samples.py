@@ -152,15 +152,20 @@ def isolated(x: np.ndarray, unit: float) -> tuple[np.ndarray, np.ndarray]:
     found: dict[int, float] = {}
     clean = np.asarray(x, dtype=float).copy()
     usual = np.abs(_off_line(clean)[0])
-    scale = np.maximum(1.4826 * np.maximum(median_filter(usual, 31, mode="reflect"), np.median(usual)), max(0.5 * unit, 1e-12))
+    floor = max(0.5 * unit, 1e-12)
+    overall = max(1.4826 * float(np.median(usual)), floor)
+    # beyond what is usual now, at the edge of a burst of noise too
+    now = maximum_filter1d(median_filter(usual, 31, mode="reflect"), 31)
+    local = FURTHER * np.maximum(1.4826 * now, floor)
     for _ in range(10):
         off, near = _off_line(clean)
         size = np.abs(off)
-        hit = (size > (SPIKE if len(found) < 3 else FURTHER) * scale) & (size > ALONE * near)
+        least = np.maximum((SPIKE if len(found) < 3 else FURTHER) * overall, local)
+        hit = (size > least) & (size > ALONE * near)
         # of spikes that touch, only the larger is sure
         new = {int(k): float(off[k]) for k in np.flatnonzero(hit & (size >= maximum_filter1d(size, 5)))}
         if not new and len(found) >= 3:
-            new = _touching(clean, FURTHER * scale)
+            new = _touching(clean, least)
         if not new:
             break
         for k, height in new.items():

@@ -207,8 +207,17 @@ def test_bursts_of_noise_are_no_spikes():
 
 def test_a_dozen_kept_samples_are_enough_to_believe_op():
     r = record()
-    kept = np.arange(0, r.n, 125)
+    kept = np.append(np.arange(0, r.n - 1, 125), r.n - 1)
     archived = np.interp(np.arange(r.n), kept, r.pv[kept])
     seen = law(replace(r, pv=archived)).seen
     assert seen is not None
-    assert np.abs(seen - r.pv)[: kept[-1]].max() < 1e-6
+    assert np.abs(seen - r.pv).max() < 1e-6
+
+
+@pytest.mark.parametrize("weight", [0.0, 0.6])
+def test_a_weighted_set_point_is_no_late_set_point(weight):
+    r = record(setpoint={"value": 50, "steps": [[60, 53], [400, 50], [700, 48], [1100, 52]]})
+    e = r.sp - r.pv
+    pushed = e - (1.0 - weight) * (r.sp - r.sp[0])
+    op = 50 + 0.6 * pushed + 0.6 / 18 * np.cumsum(e)
+    assert "set-point" in law(replace(r, op=op)).foreign
