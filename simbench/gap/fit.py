@@ -119,6 +119,7 @@ class Fit:
 
 NUISANCES = ("T", "Td", "load_time", "load_lag", "load", "noise", "colour")
 LOGS = {"T", "load_time", "load_lag", "load", "noise", "R", "lag", "walk", "load_walk"}
+HOLDING = (kernels.PLAY, kernels.STICK, kernels.CREEP)
 SHAPING = {"T", "Td", "lag", "S", "J", "D", "c", "R"}  # parameters that change signals, not only the noise model
 REDDEST = 0.5  # noise of more memory than this has passed a filter
 QUICK = 0.08  # of the longest memory a load may have: below it the prior ...
@@ -232,10 +233,14 @@ class Engine:
             follow = -np.expm1(-1.0 / lag)
             y = np.concatenate([y[:1], (y[1:] - (1.0 - follow) * y[:-1]) / follow])
             lag = 0.0
-        g = kernels.plant(valve_of(spec, theta, d.u), T, theta["Td"], lag)
+        moved = valve_of(spec, theta, d.u)
+        g = kernels.plant(moved, T, theta["Td"], lag)
         # the input before the record may have stood elsewhere
-        begin = kernels.plant(self.onset, T, theta["Td"], lag)
-        return np.vstack([y - d.y[0], g, *self.base_channels, begin, *spec.channels])
+        begin = [kernels.plant(self.onset, T, theta["Td"], lag)]
+        if spec.valve in HOLDING:
+            # and a valve that holds may stand anywhere in its band until it first moves
+            begin.append(kernels.plant((moved == moved[0]).cumprod().astype(float), T, theta["Td"], lag))
+        return np.vstack([y - d.y[0], g, *self.base_channels, *begin, *spec.channels])
 
     def _whiten(self, spec: Spec, theta: Mapping[str, float], channels: np.ndarray) -> tuple[np.ndarray, float]:
         """Return the channels' innovations over their standard deviation, and the part of -log-likelihood that is no square."""
