@@ -47,10 +47,10 @@ def free_plant(effect: str, name: str) -> Callable[[Engine, Fit], tuple[Fit, flo
         else:
             trials = [*np.linspace(0.0, d.Td, 5)[:-1], *(d.Td + np.geomspace(0.25, 6.0, 12) * max(d.Td, 0.3 * d.T, 2.0))]
         # the load that hid the mismatch must give way before a trial shows its worth
-        tries = [
-            engine.fit(spec, {**theta, name: v}, search=("load_time", "load"), steps=2)
-            for v in trials for theta in (base.theta, idle(engine, base))
-        ]  # fmt: skip
+        few = ("load_time", "load")
+        tries = [engine.fit(spec, {**base.theta, name: v}, search=few, steps=2) for v in trials]
+        tries.sort(key=lambda f: -f.loglik)
+        tries += [engine.fit(spec, {**idle(engine, base), name: t.theta[name]}, search=few, steps=2) for t in tries[:3]]
         tries.sort(key=lambda f: -f.loglik)
         return max((engine.fit(spec, t.theta) for t in (base, *tries[:2])), key=lambda f: f.loglik), 1.0
 
@@ -60,7 +60,8 @@ def free_plant(effect: str, name: str) -> Callable[[Engine, Fit], tuple[Fit, flo
 def gain_mismatch(engine: Engine, base: Fit) -> tuple[Fit, float]:
     """Release K."""
     spec = base.spec.join(Spec(free=frozenset({"K"})))
-    return max((engine.fit(spec, theta) for theta in (base.theta, idle(engine, base))), key=lambda f: f.loglik), 1.0
+    quiet = {**base.theta, "load": 0.3 * base.theta["load"]}
+    return max((engine.fit(spec, theta) for theta in (base.theta, quiet, idle(engine, base))), key=lambda f: f.loglik), 1.0
 
 
 def noise(engine: Engine, base: Fit) -> tuple[Fit, float]:
@@ -92,13 +93,14 @@ def pole(kind: str) -> Callable[[Engine, Fit], tuple[Fit, float]]:
         # without the pole the base has lengthened Td and T in its stead
         points = [
             {**plant, "lag": float(x), "Td": td}
-            for x in lags for plant in plants(engine, base) for td in {plant.get("Td", theta["Td"]), shortest}
+            for x in lags for plant in plants(engine, base) for td in {plant["Td"], shortest}
         ]  # fmt: skip
-        tries = engine.grid(spec, theta, points, keep=2)
+        tries = engine.grid(spec, theta, points)
         # a long lag shows its worth only once the load has given way
-        long = [engine.fit(spec, {**theta, **plants(engine, base)[1], "lag": float(x)}, steps=3) for x in lags[4::2]]
-        tries.append(max(long, key=lambda f: f.loglik))
-        return max((engine.fit(spec, t.theta) for t in tries), key=lambda f: f.loglik), 1.0
+        own = plants(engine, base)[1]
+        tries += [engine.fit(spec, {**theta, **own, "lag": float(x)}, steps=2) for x in lags[4::2]]
+        tries.sort(key=lambda f: -f.loglik)
+        return max((engine.fit(spec, t.theta) for t in tries[:2]), key=lambda f: f.loglik), 1.0
 
     return run
 
@@ -112,15 +114,15 @@ def plants(engine: Engine, base: Fit) -> list[dict[str, float]]:
 
 def deadband(engine: Engine, base: Fit) -> tuple[Fit, float]:
     """Scan the band finely, then refine it with the nuisances."""
-    coarse = np.array([(s, start * s / 2, 0.0) for s in band_sizes(engine.data, 40) for start in STARTS])
+    coarse = np.array([(s, start * s / 2, 0.0) for s in band_sizes(engine.data, 32) for start in STARTS])
     return hunt(engine, base, kernels.PLAY, coarse), 1.0
 
 
 def deadzone(engine: Engine, base: Fit) -> tuple[Fit, float]:
     """Scan width and centre, then refine."""
     # OP jumps across the zone: its middle is where OP seldom is
-    centres = np.linspace(*np.quantile(engine.data.u, [0.01, 0.99]), 15)
-    return hunt(engine, base, kernels.ZONE, np.array([(s, c, 0.0) for s in band_sizes(engine.data, 15) for c in centres])), 2.0
+    centres = np.linspace(*np.quantile(engine.data.u, [0.01, 0.99]), 13)
+    return hunt(engine, base, kernels.ZONE, np.array([(s, c, 0.0) for s in band_sizes(engine.data, 12) for c in centres])), 2.0
 
 
 def valve_characteristic(engine: Engine, base: Fit) -> tuple[Fit, float]:
@@ -133,8 +135,8 @@ def valve_characteristic(engine: Engine, base: Fit) -> tuple[Fit, float]:
 
 def stiction(engine: Engine, base: Fit) -> tuple[Fit, float]:
     """Scan S and J/S finely and refine the best peaks under two valve models: they are narrow, a local search misses them."""
-    sizes = band_sizes(engine.data, 30)
-    coarse = np.array([(s, s * j, s * b / 2) for s in sizes for j in (0.05, 0.2, 0.4, 0.65, 0.95) for b in STARTS])
+    sizes = band_sizes(engine.data, 28)
+    coarse = np.array([(s, s * j, s * b / 2) for s in sizes for j in (0.06, 0.2, 0.4, 0.65, 0.95) for b in STARTS])
     best = hunt(engine, base, kernels.STICK, coarse)
     if promising(best, base):
         # the two models differ while OP turns; what fits one nearly fits the other
@@ -164,7 +166,7 @@ def hunt(engine: Engine, base: Fit, kind: int, coarse: np.ndarray) -> Fit:
     # at the load that "no effect" needed, peaks look flat: try quieter ones
     starts = [
         {**base.theta, **plant, "load": base.theta["load"] * level}
-        for level, plant in [*product((1.0, 0.3), plants(engine, base)), (0.1, {})]
+        for level, plant in [*product((1.0,), plants(engine, base)), (0.3, {}), (0.1, {})]
     ]
     for theta in [*starts, idle(engine, base)]:
         best = better(best, settle(engine, scanned(engine, base.spec, theta, kind, coarse)))
@@ -197,13 +199,13 @@ def better(one: Fit | None, other: Fit) -> Fit:
 
 
 def scanned(engine: Engine, spec: Spec, theta: dict[str, float], kind: int, points: np.ndarray) -> Fit:
-    """Return the fit at the best point of a valve map, looked for around the best three of a coarse set."""
+    """Return the fit at the best point of a valve map, looked for around the best of a coarse set."""
     values = engine.scan(spec, theta, kind, points)
     tops: list[int] = []
     for i in np.argsort(-values):
         if all(abs(np.log(points[i, 0] / points[j, 0])) > APART for j in tops):
             tops.append(int(i))
-        if len(tops) == 3:
+        if len(tops) == (3 if kind == kernels.STICK else 2):
             break
     near = np.vstack([around(kind, points[i], 0.5 * APART) for i in tops])
     return mapped(engine, spec, theta, kind, near[int(np.argmax(engine.scan(spec, theta, kind, near)))])
