@@ -16,6 +16,7 @@ from simbench.gap.names import EFFECTS, block_of
 SURE = 1000.0  # nats that stand for evidence needing no statistics
 HEALTHY = 1.0  # % of travel: dead-band that a healthy valve may have; friction below it is no effect
 SECOND = 12.0  # nats a second effect must bring on top of the first
+PEAKS = 4  # of the best points of a grid over valve maps that are refined
 LOAD_MEMORY = 4.0  # longest correlation time of an ordinary load, in time scales of the loop; a slower one drifts
 
 
@@ -278,7 +279,7 @@ def valve_against_mv(op: np.ndarray, mv: np.ndarray, Ts: float) -> dict[str, tup
         return 0.5 * n * np.log(float(np.mean((mv - v) ** 2)) + fine)
 
     ideal = _healthy_level(op, mv)
-    sizes = np.geomspace(0.02 * span, 1.5 * span, 40)
+    sizes = np.geomspace(0.02 * span, 1.5 * span, 50)
     out: dict[str, tuple[float, dict[str, float | str]]] = {}
 
     def best(trials: list[tuple[float, dict[str, float | str]]], count: float) -> tuple[float, dict[str, float | str]]:
@@ -294,22 +295,28 @@ def valve_against_mv(op: np.ndarray, mv: np.ndarray, Ts: float) -> dict[str, tup
     def zoom(
         kind: int, names: tuple[str, str], grid: list[tuple[float, float]], count: float
     ) -> tuple[float, dict[str, float | str]]:
-        trials = [(level(maps(kind, a, b)), a, b) for a, b in grid]
-        for share in (0.3, 0.1, 0.03, 0.01):
-            _, a, b = min(trials)
-            near = [
-                (a * (1 + i * share / 2), b * (1 + j * share / 2))
-                for i in (-2, -1, 0, 1, 2)
-                for j in ((-2, -1, 0, 1, 2) if b else (0,))
-            ]
-            trials = [(level(maps(kind, x, y)), x, y) for x, y in near]
-        value, a, b = min(trials)
+        def tried(points: list[tuple[float, float]]) -> list[tuple[float, float, float]]:
+            return sorted((level(maps(kind, a, b)), a, b) for a, b in points)
+
+        found = []
+        # peaks are narrow and of several depths: follow the best few down
+        for _, a, b in tried(grid)[:PEAKS]:
+            for share in (0.1, 0.05, 0.02, 0.01, 0.004, 0.001):
+                wide = a if kind == kernels.ZONE else b
+                near = [
+                    (a * (1 + i * share / 2), b + j * share * wide)
+                    for i in (-2, -1, 0, 1, 2)
+                    for j in ((-2, -1, 0, 1, 2) if b else (0,))
+                ]
+                value, a, b = tried(near)[0]
+            found.append((value, a, b))
+        value, a, b = min(found)
         p: dict[str, float | str] = {names[0]: float(a)}
         if names[1]:
             p[names[1]] = float(b)
         return best([(value, p)], count)
 
-    grid = [(s, s * j) for s in sizes for j in (0.05, 0.15, 0.3, 0.5, 0.7, 1.0)]
+    grid = [(s, s * j) for s in sizes for j in (0.05, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.0)]
     stick = max((zoom(k, ("S", "J"), grid, 2.0) for k in (kernels.STICK, kernels.CREEP)), key=lambda t: t[0])
     out["stiction"] = stick
     out["deadband"] = zoom(kernels.PLAY, ("S", ""), [(s, 0.0) for s in sizes], 1.0)
@@ -343,7 +350,7 @@ def unexplained(engine: Engine, fit: Fit) -> dict[str, float]:
     """Return nats that generic directions, which no effect of the vocabulary owns, would still bring to a fit.
 
     `dynamics`: other time scales between MV and PV; `shape`: a bent static curve; `aging`: a gain that changes along the
-    record; `level`: a gain that changes with PV.
+    record; `level`: a gain that changes with PV; `speed`: a valve that moves otherwise when it moves fast, or one way.
     """
     d = engine.data
     T, Td = (fit.theta["T"] if d.T > 0 else 0.0), fit.theta["Td"]
@@ -353,12 +360,14 @@ def unexplained(engine: Engine, fit: Fit) -> dict[str, float]:
     pace = T + Td + 1.0
     t = np.linspace(-1.0, 1.0, d.n)
     lags = [_lagged(v, pace * s) for s in (0.25, 0.7, 2.0)]
+    fast = v - _lagged(v, 0.5 * pace)
     slow = _lagged(d.y - d.y.mean(), pace) / (float(np.std(d.y)) or 1.0)
     groups = {
         "dynamics": [kernels.plant(x, T, Td, 0.0) for x in lags] + [kernels.plant(v, T, 0.5 * Td, 0.0)],
         "shape": [kernels.plant(size * (v / size) ** 2, T, Td, 0.0), kernels.plant(size * (v / size) ** 3, T, Td, 0.0)],
         "aging": [kernels.plant(v * t, T, Td, 0.0), kernels.plant(v * t**2, T, Td, 0.0)],
         "level": [kernels.plant(v * slow, T, Td, 0.0)],
+        "speed": [kernels.plant(np.abs(fast), T, Td, 0.0), kernels.plant(fast * np.abs(fast) / size, T, Td, 0.0)],
     }
     out = {}
     for name, channels in groups.items():
@@ -372,7 +381,8 @@ def residual_tests(fit: Fit, situation: Situation) -> dict[str, float]:
     """Return what is left in the innovations of a fit; each is near 0 (in standard deviations) when the model is whole.
 
     `memory`: correlation over 25 lags; `input`: correlation with past OP; `bursts`: variance that changes along the record;
-    `tails`: kurtosis; `level`: variance against what the model says.
+    `tails`: kurtosis; `level`: variance against what the model says; `tone`: the highest peak of the spectrum; `jump`: the
+    largest step in the mean, both in nats over what chance gives.
     """
     x = np.asarray(fit.residual)[kernels.SKIP :]
     x = np.clip(x, -6.0, 6.0) - np.mean(x)
@@ -385,10 +395,15 @@ def residual_tests(fit: Fit, situation: Situation) -> dict[str, float]:
     cross = np.array([float(np.mean(x[k:] * du[: n - k])) / np.sqrt(power) for k in range(1, lags + 1)])
     parts = np.array([float(np.mean(p**2)) for p in np.array_split(x, 10)]) / power
     kurtosis = float(np.mean(x**4)) / power**2
+    tones = np.abs(np.fft.rfft(x))[3:] ** 2
+    k = np.arange(10, n - 10)
+    steps = np.cumsum(x)[k] * np.sqrt(n / (k * (n - k)))
     return {
         "memory": float((n * np.sum(rho**2) - lags) / np.sqrt(2 * lags)),
         "input": float((n * np.sum(cross**2) - lags) / np.sqrt(2 * lags)),
         "bursts": float((np.sum((parts - 1) ** 2) * n / 20 - 9) / np.sqrt(18)),
         "tails": float((kurtosis - 3) / np.sqrt(24 / n)),
         "level": float((power - 1) / np.sqrt(2 / n)),
+        "tone": float(tones.max() / tones.mean() - np.log(n / 2)),
+        "jump": float(0.5 * np.max(steps**2) / power - np.log(n)),
     }
