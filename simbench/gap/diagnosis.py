@@ -21,8 +21,8 @@ from simbench.gap.names import EFFECTS, NONE, UNKNOWN, block_of
 from simbench.gap.next_test import choose
 from simbench.gap.result import Gap, GapReport, Ranked
 from simbench.gap.shrink import Arm, Shrinkage, measure, simulate_arm
-from simbench.gap.weigh import NONE_SCORE, Weights, weigh
-from simbench.gap.where import where
+from simbench.gap.weigh import Weights, weigh
+from simbench.gap.where import FAINT, where
 
 
 def diagnose(
@@ -76,8 +76,7 @@ def diagnose(
         if lucky is not None:
             strange = strangers(found.situation, found.tests, found.stranger, found.chosen, lucky.tests)
             found = replace(found, strange=strange)
-        level = NONE_SCORE if lucky is None else float(np.clip(lucky.gain, 0.6 * NONE_SCORE, 3.0 * NONE_SCORE))
-        return report(found, weigh(found, level), seed, more, lucky, level)
+        return report(found, weigh(found, lucky.shift if lucky else None), seed, more, lucky)
 
 
 def _assess_all(records: list[LoopRecord], baseline: Loop | None) -> tuple[Assessment, list[str]]:
@@ -100,14 +99,7 @@ def _assess_all(records: list[LoopRecord], baseline: Loop | None) -> tuple[Asses
     return replace(main, gains=gains, parameters=parameters, chosen=chosen, strange=strange), [said]
 
 
-def report(
-    found: Assessment,
-    weights: Weights,
-    seed: int,
-    more: Sequence[str] = (),
-    lucky: Chance | None = None,
-    level: float = NONE_SCORE,
-) -> GapReport:
+def report(found: Assessment, weights: Weights, seed: int, more: Sequence[str] = (), lucky: Chance | None = None) -> GapReport:
     """Turn scores and probabilities into the answer.
 
     Parameters
@@ -120,8 +112,6 @@ def report(
         Further notes.
     lucky : Chance, optional
         What the bootstrap found.
-    level : float
-        Nats that chance alone brings the best effect.
 
     Returns
     -------
@@ -165,7 +155,8 @@ def report(
         )
     if not main.resolvable:
         notes.append(f"the gap ({main.before:.2f}) does not stand out of its floor ({main.floor:.2f}): no shrinkage is claimed")
-    placed = where(found, level, seed)
+    # the shares answer the same question as the ranking: none lies nowhere, and what is named lies somewhere
+    placed = where(found, np.inf if first == NONE else min(FAINT, max(found.gains.values()) - 0.1), seed)
     sizes = smallest_detectable(situation, found.base, load_memory(situation))
     return GapReport(
         block=_block(first, weights), effect=first, effects=answers, group=partners(first, found), ranking=tuple(lines),
