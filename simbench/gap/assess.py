@@ -9,14 +9,14 @@ import numpy as np
 from simbench.gap import innovations as kernels
 from simbench.gap.candidates import ENGINE, Candidate, fit_candidates, size_penalty
 from simbench.gap.check import Situation
-from simbench.gap.fit import Engine, Fit, Spec, valve_of
+from simbench.gap.fit import Engine, Fit
 from simbench.gap.fixed import effect_parameters
+from simbench.gap.leftover import predictable, residual_tests, unexplained
 from simbench.gap.names import EFFECTS, block_of
+from simbench.gap.valve_map import HEALTHY, healthy_level, valve_against_mv
 
 SURE = 1000.0  # nats that stand for evidence needing no statistics
-HEALTHY = 1.0  # % of travel: dead-band that a healthy valve may have; friction below it is no effect
 SECOND = 12.0  # nats a second effect must bring on top of the first
-PEAKS = 4  # of the best points of a grid over valve maps that are refined
 LOAD_MEMORY = 4.0  # longest correlation time of an ordinary load, in time scales of the loop; a slower one drifts
 
 
@@ -101,7 +101,7 @@ def assess(situation: Situation) -> Assessment:
                 second = fit_candidates(engine, final, [runner])[runner]
                 final = second.fit
                 parameters[runner] = effect_parameters(runner, final, situation)
-    tests = residual_tests(final, situation) | unexplained(engine, final)
+    tests = residual_tests(final, situation) | unexplained(engine, final) | predictable(final, situation)
     strange = strangers(situation, tests, stranger, chosen)
     return Assessment(situation, base, candidates, gains, parameters, chosen, final, tests, second_gains, strange, stranger)
 
@@ -249,161 +249,9 @@ def _valve_by_mv(situation: Situation, gains: dict[str, float], parameters: dict
             gains[effect] *= beyond_healthy(float(p["S"]))
         parameters[effect] = p
     best = max(gain for gain, _ in scored.values())
-    healthy = float(np.exp(_healthy_level(op, mv) / op.size))
+    healthy = float(np.exp(healthy_level(op, mv) / op.size))
     left = healthy * float(np.exp(-max(best, 0.0) / op.size))
     # friction is only known up to its model; the other maps are exact
     winner = max(scored, key=lambda e: scored[e][0])
     most = 0.85 if winner == "stiction" else 0.3
     return left > most * healthy and left > max(0.15, 0.03 * float(np.std(op)))
-
-
-def valve_against_mv(op: np.ndarray, mv: np.ndarray, Ts: float) -> dict[str, tuple[float, dict[str, float | str]]]:
-    """Return nats over an ideal valve, and parameters, of each valve effect as a map from OP to MV.
-
-    Parameters
-    ----------
-    op, mv : ndarray, shape (n,)
-        In %.
-    Ts : float
-        Sampling period (s).
-
-    Returns
-    -------
-    dict of str to (float, dict)
-    """
-    n = op.size
-    span = float(np.ptp(op)) or 1.0
-    fine = (1e-3 * span) ** 2  # below a thousandth of the range nobody's valve is known
-
-    def level(v: np.ndarray) -> float:
-        return 0.5 * n * np.log(float(np.mean((mv - v) ** 2)) + fine)
-
-    ideal = _healthy_level(op, mv)
-    sizes = np.geomspace(0.02 * span, 1.5 * span, 50)
-    out: dict[str, tuple[float, dict[str, float | str]]] = {}
-
-    def best(trials: list[tuple[float, dict[str, float | str]]], count: float) -> tuple[float, dict[str, float | str]]:
-        value, p = min(trials, key=lambda t: t[0])
-        return max(float(ideal - value - size_penalty(n, count)), -20.0), p
-
-    def maps(kind: int, p0: float, p1: float) -> np.ndarray:
-        first = mv[0] - op[0] if kind in (kernels.PLAY, kernels.STICK, kernels.CREEP) else 0.0
-        if kind == kernels.PLAY:
-            return kernels.valve(op, kind, p0, first, 0.0)
-        return kernels.valve(op, kind, p0, p1, first)
-
-    def zoom(
-        kind: int, names: tuple[str, str], grid: list[tuple[float, float]], count: float
-    ) -> tuple[float, dict[str, float | str]]:
-        def tried(points: list[tuple[float, float]]) -> list[tuple[float, float, float]]:
-            return sorted((level(maps(kind, a, b)), a, b) for a, b in points)
-
-        found = []
-        # peaks are narrow and of several depths: follow the best few down
-        for _, a, b in tried(grid)[:PEAKS]:
-            for share in (0.1, 0.05, 0.02, 0.01, 0.004, 0.001):
-                wide = a if kind == kernels.ZONE else b
-                near = [
-                    (a * (1 + i * share / 2), b + j * share * wide)
-                    for i in (-2, -1, 0, 1, 2)
-                    for j in ((-2, -1, 0, 1, 2) if b else (0,))
-                ]
-                value, a, b = tried(near)[0]
-            found.append((value, a, b))
-        value, a, b = min(found)
-        p: dict[str, float | str] = {names[0]: float(a)}
-        if names[1]:
-            p[names[1]] = float(b)
-        return best([(value, p)], count)
-
-    grid = [(s, s * j) for s in sizes for j in (0.05, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.0)]
-    stick = max((zoom(k, ("S", "J"), grid, 2.0) for k in (kernels.STICK, kernels.CREEP)), key=lambda t: t[0])
-    out["stiction"] = stick
-    out["deadband"] = zoom(kernels.PLAY, ("S", ""), [(s, 0.0) for s in sizes], 1.0)
-    out["deadzone"] = zoom(
-        kernels.ZONE, ("D", "c"), [(s, c) for s in sizes for c in np.quantile(op, np.linspace(0.05, 0.95, 13))], 2.0
-    )
-    out["valve_characteristic"] = zoom(
-        kernels.CURVE, ("R", ""), [(r, 0.0) for r in (*np.geomspace(0.01, 0.8, 12), *np.geomspace(1.25, 100, 12))], 1.0
-    )
-    lags = [(level(_lagged(op, tau)), {"tau": float(tau * Ts)}) for tau in np.geomspace(0.2, n / 10, 120)]
-    out["valve_lag"] = best(lags, 1.0)
-    return out
-
-
-def _healthy_level(op: np.ndarray, mv: np.ndarray) -> float:
-    """Return n log(rms of MV less its model) for a valve without effect: ideal, or with a healthy valve's play."""
-    fine = (1e-3 * (float(np.ptp(op)) or 1.0)) ** 2
-    tries = [np.clip(op, 0.0, 100.0)]
-    tries += [kernels.valve(op, kernels.PLAY, s, mv[0] - op[0], 0.0) for s in np.linspace(0.05, 1.0, 20) * HEALTHY]
-    return min(0.5 * op.size * float(np.log(np.mean((mv - v) ** 2) + fine)) for v in tries)
-
-
-def _lagged(op: np.ndarray, tau: float) -> np.ndarray:
-    from scipy.signal import lfilter
-
-    a = np.exp(-1.0 / tau)
-    return op[0] + lfilter([1.0 - a], [1.0, -a], op - op[0])
-
-
-def unexplained(engine: Engine, fit: Fit) -> dict[str, float]:
-    """Return nats that generic directions, which no effect of the vocabulary owns, would still bring to a fit.
-
-    `dynamics`: other time scales between MV and PV; `shape`: a bent static curve; `aging`: a gain that changes along the
-    record; `level`: a gain that changes with PV; `speed`: a valve that moves otherwise when it moves fast, or one way.
-    """
-    d = engine.data
-    T, Td = (fit.theta["T"] if d.T > 0 else 0.0), fit.theta["Td"]
-    v = valve_of(fit.spec, fit.theta, d.u)
-    v = v - v.mean()
-    size = float(np.std(v)) or 1.0
-    pace = T + Td + 1.0
-    t = np.linspace(-1.0, 1.0, d.n)
-    lags = [_lagged(v, pace * s) for s in (0.25, 0.7, 2.0)]
-    fast = v - _lagged(v, 0.5 * pace)
-    slow = _lagged(d.y - d.y.mean(), pace) / (float(np.std(d.y)) or 1.0)
-    groups = {
-        "dynamics": [kernels.plant(x, T, Td, 0.0) for x in lags] + [kernels.plant(v, T, 0.5 * Td, 0.0)],
-        "shape": [kernels.plant(size * (v / size) ** 2, T, Td, 0.0), kernels.plant(size * (v / size) ** 3, T, Td, 0.0)],
-        "aging": [kernels.plant(v * t, T, Td, 0.0), kernels.plant(v * t**2, T, Td, 0.0)],
-        "level": [kernels.plant(v * slow, T, Td, 0.0)],
-        "speed": [kernels.plant(np.abs(fast), T, Td, 0.0), kernels.plant(fast * np.abs(fast) / size, T, Td, 0.0)],
-    }
-    out = {}
-    for name, channels in groups.items():
-        spec = fit.spec.join(Spec(channels=tuple(channels)))
-        gain = engine.evaluate(spec, fit.theta)[0] - fit.loglik
-        out[f"{name} nats"] = float(gain - size_penalty(d.n, len(channels)))
-    return out
-
-
-def residual_tests(fit: Fit, situation: Situation) -> dict[str, float]:
-    """Return what is left in the innovations of a fit; each is near 0 (in standard deviations) when the model is whole.
-
-    `memory`: correlation over 25 lags; `input`: correlation with past OP; `bursts`: variance that changes along the record;
-    `tails`: kurtosis; `level`: variance against what the model says; `tone`: the highest peak of the spectrum; `jump`: the
-    largest step in the mean, both in nats over what chance gives.
-    """
-    x = np.asarray(fit.residual)[kernels.SKIP :]
-    x = np.clip(x, -6.0, 6.0) - np.mean(x)
-    n = x.size
-    power = float(np.mean(x**2)) or 1.0
-    lags = min(25, n // 4)
-    rho = np.array([float(np.mean(x[k:] * x[:-k])) / power for k in range(1, lags + 1)])
-    du = np.diff(situation.data.u)[kernels.SKIP - 1 :]
-    du = (du - du.mean()) / (float(np.std(du)) or 1.0)
-    cross = np.array([float(np.mean(x[k:] * du[: n - k])) / np.sqrt(power) for k in range(1, lags + 1)])
-    parts = np.array([float(np.mean(p**2)) for p in np.array_split(x, 10)]) / power
-    kurtosis = float(np.mean(x**4)) / power**2
-    tones = np.abs(np.fft.rfft(x))[3:] ** 2
-    k = np.arange(10, n - 10)
-    steps = np.cumsum(x)[k] * np.sqrt(n / (k * (n - k)))
-    return {
-        "memory": float((n * np.sum(rho**2) - lags) / np.sqrt(2 * lags)),
-        "input": float((n * np.sum(cross**2) - lags) / np.sqrt(2 * lags)),
-        "bursts": float((np.sum((parts - 1) ** 2) * n / 20 - 9) / np.sqrt(18)),
-        "tails": float((kurtosis - 3) / np.sqrt(24 / n)),
-        "level": float((power - 1) / np.sqrt(2 / n)),
-        "tone": float(tones.max() / tones.mean() - np.log(n / 2)),
-        "jump": float(0.5 * np.max(steps**2) / power - np.log(n)),
-    }

@@ -11,16 +11,15 @@ from detectors.errors import RecordError
 from detectors.record import LoopRecord
 from scenarios.spec import Loop
 from simbench.gap import groups
+from simbench.gap.arms import Arms
 from simbench.gap.assess import SURE, Assessment, assess, capped, load_memory, strangers
 from simbench.gap.bootstrap import Chance, chance
 from simbench.gap.check import check
 from simbench.gap.detectable import smallest_detectable
-from simbench.gap.fixed import fixed_loop
 from simbench.gap.identify import identify, plausible
 from simbench.gap.names import EFFECTS, NONE, UNKNOWN, block_of
 from simbench.gap.next_test import choose
 from simbench.gap.result import Gap, GapReport, Ranked
-from simbench.gap.shrink import Arm, Shrinkage, measure, simulate_arm
 from simbench.gap.weigh import Weights, weigh
 from simbench.gap.where import FAINT, where
 
@@ -76,7 +75,8 @@ def diagnose(
         if lucky is not None:
             strange = strangers(found.situation, found.tests, found.stranger, found.chosen, lucky.tests)
             found = replace(found, strange=strange)
-        return report(found, weigh(found, lucky.shift if lucky else None), seed, more, lucky)
+        arms = Arms(found, seed)
+        return report(found, weigh(found, lucky.shift if lucky else None, arms), arms, more, lucky)
 
 
 def _assess_all(records: list[LoopRecord], baseline: Loop | None) -> tuple[Assessment, list[str]]:
@@ -99,15 +99,17 @@ def _assess_all(records: list[LoopRecord], baseline: Loop | None) -> tuple[Asses
     return replace(main, gains=gains, parameters=parameters, chosen=chosen, strange=strange), [said]
 
 
-def report(found: Assessment, weights: Weights, seed: int, more: Sequence[str] = (), lucky: Chance | None = None) -> GapReport:
+def report(
+    found: Assessment, weights: Weights, arms: Arms, more: Sequence[str] = (), lucky: Chance | None = None
+) -> GapReport:
     """Turn scores and probabilities into the answer.
 
     Parameters
     ----------
     found : Assessment
     weights : Weights
-    seed : int
-        First seed of the simulated arms.
+    arms : Arms
+        Simulated loops of this assessment.
     more : sequence of str
         Further notes.
     lucky : Chance, optional
@@ -123,7 +125,6 @@ def report(found: Assessment, weights: Weights, seed: int, more: Sequence[str] =
     named = [first]
     if first in EFFECTS:
         named += [e for e in found.chosen if e != first and block_of(e) != block_of(first)][:1] if first in found.chosen else []
-    arms = Arms(found, seed)
     effects = [e for e in named if e in EFFECTS]
     main = arms.shrink(effects)
     shown = {e: arms.shrink([e]) for e, _ in ranking[:3] if e in EFFECTS and e in found.parameters}
@@ -147,7 +148,7 @@ def report(found: Assessment, weights: Weights, seed: int, more: Sequence[str] =
         }
         for e in named
     )
-    advice, separation = _advice(found, arms, ranking, seed)
+    advice, separation = _advice(found, arms, ranking)
     notes = [*situation.notes, *more, *(f"{block}: {why}" for block, why in found.strange.items())]
     if lucky is not None:
         notes.append(
@@ -156,7 +157,7 @@ def report(found: Assessment, weights: Weights, seed: int, more: Sequence[str] =
     if not main.resolvable:
         notes.append(f"the gap ({main.before:.2f}) does not stand out of its floor ({main.floor:.2f}): no shrinkage is claimed")
     # the shares answer the same question as the ranking: none lies nowhere, and what is named lies somewhere
-    placed = where(found, np.inf if first == NONE else min(FAINT, max(found.gains.values()) - 0.1), seed)
+    placed = where(found, np.inf if first == NONE else min(FAINT, max(found.gains.values()) - 0.1), arms.seed)
     sizes = smallest_detectable(situation, found.base, load_memory(situation))
     return GapReport(
         block=_block(first, weights), effect=first, effects=answers, group=partners(first, found), ranking=tuple(lines),
@@ -168,7 +169,7 @@ def report(found: Assessment, weights: Weights, seed: int, more: Sequence[str] =
     )  # fmt: skip
 
 
-def _advice(found: Assessment, arms: Arms, ranking: list[tuple[str, float]], seed: int) -> tuple[str, dict[str, float]]:
+def _advice(found: Assessment, arms: Arms, ranking: list[tuple[str, float]]) -> tuple[str, dict[str, float]]:
     """Return the next test for the candidates still in play, and the separation under each test."""
     s = found.situation
     alive = [(e, p) for e, p in ranking if (e in found.parameters or e == NONE) and p > 0.02][:3]
@@ -180,7 +181,7 @@ def _advice(found: Assessment, arms: Arms, ranking: list[tuple[str, float]], see
     du = float(np.clip(np.ptp(s.op) / 2, 1.0, 10.0))
     dsp = abs(s.data.K) * du if not s.integrating else max(float(np.std(s.record.pv)), 3.0 * found.base.theta["noise"])
     known = s.law.known or bool({"quantisation", "compression", "outliers"} & set(s.hard)) is False
-    return choose(loops, weights, mv=s.record.mv is not None, law_known=known, du=du, dsp=dsp, seed=seed)
+    return choose(loops, weights, mv=s.record.mv is not None, law_known=known, du=du, dsp=dsp, seed=arms.seed)
 
 
 def partners(effect: str, found: Assessment) -> tuple[str, ...]:
@@ -196,49 +197,3 @@ def partners(effect: str, found: Assessment) -> tuple[str, ...]:
 
 def _block(effect: str, weights: Weights) -> str:
     return weights.unknown_block if effect == UNKNOWN else block_of(effect)
-
-
-class Arms:
-    """Simulated loops of one diagnosis, each run once."""
-
-    def __init__(self, found: Assessment, seed: int) -> None:
-        self.found, self.seed = found, seed
-        self.done: dict[tuple[str, ...], Shrinkage] = {}
-        self.kept: dict[tuple[str, ...], tuple[Arm, Arm, Arm]] = {}
-        self.shared: dict[tuple[str, int], Arm | None] = {}
-
-    def loop(self, effects: Sequence[str], plant: str = "fitted") -> Loop:
-        """Return the baseline with some effects in it."""
-        f = self.found
-        fit = self._fit(effects)
-        return fixed_loop(f.situation, fit, {e: f.parameters[e] for e in effects if e in f.parameters}, plant=plant, load=fit)
-
-    def _fit(self, effects: Sequence[str]):
-        f = self.found
-        if list(effects) == f.chosen:
-            return f.final
-        engine = [e for e in effects if e in f.candidates]
-        return f.candidates[engine[0]].fit if engine else f.base
-
-    def _arm(self, key: tuple[str, int], loop: Loop) -> Arm | None:
-        if key not in self.shared:
-            self.shared[key] = simulate_arm(self.found.situation, loop, self.seed)
-        return self.shared[key]
-
-    def shrink(self, effects: Sequence[str]) -> Shrinkage:
-        """Return gap before, recalibrated, after and floor for some effects."""
-        key = tuple(effects)
-        if key not in self.done:
-            f, s = self.found, self.found.situation
-            fit = self._fit(effects)
-            kick = float(f.parameters.get("stiction", {}).get("S", 0.0)) if "stiction" in key else 0.0
-            bare = fixed_loop(s, f.base, {}, plant="baseline", load=fit)
-            tuned = fixed_loop(s, f.base, {}, plant="fitted", load=fit)
-            before = self._arm(("bare", id(fit)), bare)
-            again = self._arm(("tuned", id(fit)), tuned) or before
-            after = simulate_arm(s, self.loop(effects), self.seed, kick) if key else again
-            if before is None:
-                raise RecordError("the baseline cannot be simulated with this record's set point: it runs away")
-            self.kept[key] = (before, again or before, after or before)
-            self.done[key] = measure(s, *self.kept[key], seed=self.seed)
-        return self.done[key]

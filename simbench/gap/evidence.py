@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from detectors.errors import RecordError
 from simbench.gap import innovations as kernels
+from simbench.gap.arms import Arms
 from simbench.gap.assess import Assessment, load_memory
 from simbench.gap.fit import Fit
 from simbench.gap.names import EFFECTS, block_of
@@ -12,12 +14,17 @@ from simbench.gap.names import EFFECTS, block_of
 Row = dict[str, float]
 
 
-def evidence(found: Assessment) -> dict[str, Row]:
+TRIED = 2  # strongest effects whose loops are closed and simulated
+
+
+def evidence(found: Assessment, arms: Arms | None = None) -> dict[str, Row]:
     """Return the numbers on which the probabilities of an answer rest.
 
     Parameters
     ----------
     found : Assessment
+    arms : Arms, optional
+        Simulated loops of this assessment, to be shared with a report.
 
     Returns
     -------
@@ -29,7 +36,25 @@ def evidence(found: Assessment) -> dict[str, Row]:
     rows = {"record": _record(found, gains)}
     for effect in EFFECTS:
         rows[effect] = _effect(effect, found, gains)
+    arms = arms or Arms(found, 0)
+    rows["record"] |= _closed([], arms, "gap")
+    strongest = sorted(gains, key=lambda e: -gains[e])[:TRIED]
+    for effect in strongest:
+        if effect in found.parameters and gains[effect] > 0.0:
+            rows[effect] |= _closed([effect], arms, "gap")
+    if found.chosen:
+        rows["record"] |= _closed(found.chosen, arms, "all chosen")
     return rows
+
+
+def _closed(effects: list[str], arms: Arms, name: str) -> Row:
+    """Return how far whole simulated loops are from the record, over what chance gives: before, and with some effects in."""
+    try:
+        gap = arms.shrink(effects)
+    except RecordError:
+        return {}
+    floor = max(gap.floor, 1e-3)
+    return {f"{name} before": float(np.log(gap.before / floor)), f"{name} after": float(np.log(gap.after / floor))}
 
 
 def squashed(nats: float) -> float:

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from simbench.gap.arms import Arms
 from simbench.gap.assess import LIMITS, Assessment
 from simbench.gap.evidence import Row, evidence
 from simbench.gap.names import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
@@ -42,7 +43,7 @@ class Shift:
     unknown: float = 0.0
 
 
-def weigh(found: Assessment, shift: Shift | None = None) -> Weights:
+def weigh(found: Assessment, shift: Shift | None = None, arms: Arms | None = None) -> Weights:
     """Turn one record's scores into probabilities.
 
     Parameters
@@ -50,6 +51,8 @@ def weigh(found: Assessment, shift: Shift | None = None) -> Weights:
     found : Assessment
     shift : Shift, optional
         From records of this loop without effect, where they were simulated.
+    arms : Arms, optional
+        Simulated loops of this assessment, to be shared with a report.
 
     Returns
     -------
@@ -71,7 +74,7 @@ def weigh(found: Assessment, shift: Shift | None = None) -> Weights:
     (True, 1.0)
     """
     shift = shift or Shift()
-    p = probabilities([evidence(found)])[0] if found.situation.trusted else by_gain(found)
+    p = probabilities([evidence(found, arms)])[0] if found.situation.trusted else by_gain(found)
     p[-2] *= np.exp(shift.none)
     p[-1] *= np.exp(-shift.unknown)
     p /= p.sum()

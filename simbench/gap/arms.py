@@ -1,0 +1,57 @@
+"""Simulated loops of one diagnosis, before and after an effect is added, each run once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from detectors.errors import RecordError
+from scenarios.spec import Loop
+from simbench.gap.assess import Assessment
+from simbench.gap.fixed import fixed_loop
+from simbench.gap.shrink import Arm, Shrinkage, measure, simulate_arm
+
+
+class Arms:
+    """Simulated loops of one diagnosis, each run once."""
+
+    def __init__(self, found: Assessment, seed: int) -> None:
+        self.found, self.seed = found, seed
+        self.done: dict[tuple[str, ...], Shrinkage] = {}
+        self.kept: dict[tuple[str, ...], tuple[Arm, Arm, Arm]] = {}
+        self.shared: dict[tuple[str, int], Arm | None] = {}
+
+    def loop(self, effects: Sequence[str], plant: str = "fitted") -> Loop:
+        """Return the baseline with some effects in it."""
+        f = self.found
+        fit = self._fit(effects)
+        return fixed_loop(f.situation, fit, {e: f.parameters[e] for e in effects if e in f.parameters}, plant=plant, load=fit)
+
+    def _fit(self, effects: Sequence[str]):
+        f = self.found
+        if list(effects) == f.chosen:
+            return f.final
+        engine = [e for e in effects if e in f.candidates]
+        return f.candidates[engine[0]].fit if engine else f.base
+
+    def _arm(self, key: tuple[str, int], loop: Loop) -> Arm | None:
+        if key not in self.shared:
+            self.shared[key] = simulate_arm(self.found.situation, loop, self.seed)
+        return self.shared[key]
+
+    def shrink(self, effects: Sequence[str]) -> Shrinkage:
+        """Return gap before, recalibrated, after and floor for some effects."""
+        key = tuple(effects)
+        if key not in self.done:
+            f, s = self.found, self.found.situation
+            fit = self._fit(effects)
+            kick = float(f.parameters.get("stiction", {}).get("S", 0.0)) if "stiction" in key else 0.0
+            bare = fixed_loop(s, f.base, {}, plant="baseline", load=fit)
+            tuned = fixed_loop(s, f.base, {}, plant="fitted", load=fit)
+            before = self._arm(("bare", id(fit)), bare)
+            again = self._arm(("tuned", id(fit)), tuned) or before
+            after = simulate_arm(s, self.loop(effects), self.seed, kick) if key else again
+            if before is None:
+                raise RecordError("the baseline cannot be simulated with this record's set point: it runs away")
+            self.kept[key] = (before, again or before, after or before)
+            self.done[key] = measure(s, *self.kept[key], seed=self.seed)
+        return self.done[key]
