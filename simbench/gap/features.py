@@ -10,52 +10,57 @@ BANDS = 6  # octave-like bands of the spectra
 LAGS = (1, 3, 10, 30)
 
 
-def features(op: np.ndarray, pv: np.ndarray, sp: np.ndarray) -> dict[str, float]:
-    """Return the features of one (part of a) record.
+def features(op: np.ndarray, pv: np.ndarray, sp: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the features of one (part of a) record, or of several at once.
 
     Parameters
     ----------
-    op, pv, sp : ndarray, shape (n,)
+    op, pv, sp : ndarray, shape (..., n)
         In % and PV units.
 
     Returns
     -------
-    dict of str to float
+    dict of str to ndarray, shape (...)
         Logarithms of sizes and of band powers, correlations, and shares; no feature has a unit that a gap could hide in.
     """
     e = pv - sp
-    out: dict[str, float] = {}
+    out: dict[str, np.ndarray] = {}
     for name, x in (("pv", e), ("op", op)):
-        x = x - x.mean()
+        x = x - x.mean(axis=-1, keepdims=True)
         d = np.diff(x)
-        size, step = float(np.std(x)) + 1e-9, float(np.std(d)) + 1e-9
+        variance = np.mean(x * x, axis=-1)
+        size, step = np.sqrt(variance) + 1e-9, np.std(d, axis=-1) + 1e-9
         out[f"{name} size"] = np.log(size)
         out[f"{name} change"] = np.log(step)
-        out[f"{name} kurtosis"] = np.log1p(float(np.mean(x**4)) / size**4)
-        out[f"{name} change kurtosis"] = np.log1p(float(np.mean(d**4)) / step**4)
-        out[f"{name} at rest"] = np.log(0.01 + float(np.mean(np.abs(d) < 1e-9 * size)))
-        out[f"{name} straight"] = np.log(0.01 + float(np.mean(np.abs(np.diff(d)) < 1e-6 * size)))
-        out[f"{name} at limit"] = np.log(0.01 + float(np.mean((x == x.max()) | (x == x.min()))))
-        power = np.abs(np.fft.rfft(x * np.hanning(x.size))) ** 2
-        edges = np.unique(np.geomspace(2, power.size, BANDS + 1).astype(int))
+        out[f"{name} kurtosis"] = np.log1p(np.mean((x * x) ** 2, axis=-1) / size**4)
+        out[f"{name} change kurtosis"] = np.log1p(np.mean((d * d) ** 2, axis=-1) / step**4)
+        near = size[..., None]
+        out[f"{name} at rest"] = np.log(0.01 + np.mean(np.abs(d) < 1e-9 * near, axis=-1))
+        out[f"{name} straight"] = np.log(0.01 + np.mean(np.abs(np.diff(d)) < 1e-6 * near, axis=-1))
+        ends = (x == x.max(axis=-1, keepdims=True)) | (x == x.min(axis=-1, keepdims=True))
+        out[f"{name} at limit"] = np.log(0.01 + np.mean(ends, axis=-1))
+        n = x.shape[-1]
+        power = np.abs(np.fft.rfft(x * np.hanning(n))) ** 2
+        edges = np.unique(np.geomspace(2, power.shape[-1], BANDS + 1).astype(int))
         for i, (a, b) in enumerate(pairwise(edges)):
-            out[f"{name} band {i + 1}"] = np.log(float(power[a:b].sum()) / x.size + 1e-12)
-        top = np.sort(power[2:])[-3:].sum() / (power[2:].sum() + 1e-12)
-        out[f"{name} sharpness"] = np.log(0.001 + float(top))
+            out[f"{name} band {i + 1}"] = np.log(power[..., a:b].sum(axis=-1) / n + 1e-12)
+        top = np.sort(power[..., 2:], axis=-1)[..., -3:].sum(axis=-1) / (power[..., 2:].sum(axis=-1) + 1e-12)
+        out[f"{name} sharpness"] = np.log(0.001 + top)
         for lag in LAGS:
-            out[f"{name} memory {lag}"] = float(np.mean(x[lag:] * x[:-lag])) / size**2
-        slow = np.array_split(x, 5)
-        out[f"{name} wander"] = float(np.std([s.mean() for s in slow])) / size
+            out[f"{name} memory {lag}"] = np.mean(x[..., lag:] * x[..., :-lag], axis=-1) / size**2
+        slow = np.array([part.mean(axis=-1) for part in np.array_split(x, 5, axis=-1)])
+        out[f"{name} wander"] = np.std(slow, axis=0) / size
     de, du = np.diff(e), np.diff(op)
-    scale = (np.std(de) * np.std(du)) + 1e-12
+    m = de.shape[-1]
+    scale = np.std(de, axis=-1) * np.std(du, axis=-1) + 1e-12
     for lag in (0, 1, 3):
-        out[f"op after pv {lag}"] = float(np.mean(de[: de.size - lag] * du[lag:])) / scale
+        out[f"op after pv {lag}"] = np.mean(de[..., : m - lag] * du[..., lag:], axis=-1) / scale
     for lag in (2, 6):
-        out[f"pv after op {lag}"] = float(np.mean(du[: du.size - lag] * de[lag:])) / scale
+        out[f"pv after op {lag}"] = np.mean(du[..., : m - lag] * de[..., lag:], axis=-1) / scale
     return out
 
 
-def as_matrix(many: list[dict[str, float]]) -> np.ndarray:
+def as_matrix(many: list[dict[str, np.ndarray]]) -> np.ndarray:
     """Return features of several runs as (runs, features)."""
     return np.array([list(f.values()) for f in many])
 
@@ -86,4 +91,5 @@ def seed_spread(sims: np.ndarray) -> np.ndarray:
 
 def floor_of(sims: np.ndarray, spread: np.ndarray) -> float:
     """Return the mean distance of each seed from the others: what chance alone gives."""
-    return float(np.mean([distance(sims[i], np.delete(sims, i, axis=0), spread) for i in range(len(sims))]))
+    others = (sims.sum(axis=0) - sims) / (len(sims) - 1)
+    return float(np.minimum(np.abs(sims - others) / spread, CAP).mean())

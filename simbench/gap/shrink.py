@@ -9,7 +9,7 @@ import numpy as np
 from detectors.errors import UserError
 from scenarios.spec import Loop
 from simbench.gap.check import Situation
-from simbench.gap.features import as_matrix, distance, features, floor_of, seed_spread
+from simbench.gap.features import CAP, distance, features, floor_of, seed_spread
 from simbench.loop.simulate import simulate
 
 HELD_OUT = 0.35  # last share of the record, on which nothing is fitted
@@ -48,7 +48,7 @@ def simulate_arm(situation: Situation, loop: Loop, seed: int, kick: float = 0.0,
         None when the loop cannot be simulated or runs away.
     """
     start = held_out(situation)
-    found, best = [], None
+    op, pv, best = [], [], None
     for i in range(seeds):
         try:
             record = simulate(loop, seed=seed + i, kick=kick).record
@@ -56,11 +56,13 @@ def simulate_arm(situation: Situation, loop: Loop, seed: int, kick: float = 0.0,
             return None
         if not (np.all(np.isfinite(record.pv)) and np.abs(record.pv).max() < 1e9):
             return None
-        found.append(features(record.op[start:], record.pv[start:], situation.sp[start:]))
+        op.append(record.op[start:])
+        pv.append(record.pv[start:])
         if best is None:
             best = record
     assert best is not None
-    return Arm(loop, as_matrix(found), np.asarray(best.op), np.asarray(best.pv))
+    found = features(np.array(op), np.array(pv), situation.sp[start:])
+    return Arm(loop, np.array(list(found.values())).T, np.asarray(best.op), np.asarray(best.pv))
 
 
 def held_out(situation: Situation) -> int:
@@ -102,16 +104,11 @@ def measure(situation: Situation, before: Arm, recalibrated: Arm, after: Arm, se
     real = np.array(list(named.values()))
     arms = [a.features for a in (before, recalibrated, after)]
 
-    def figures(rows: list[np.ndarray], keep: np.ndarray) -> tuple[float, float, float, float]:
-        # one ruler for all arms, or a noisier arm would look nearer
-        spread = np.sqrt(np.mean([seed_spread(r) ** 2 for r in rows], axis=0))[keep]
-        far = [distance(real[keep], r[:, keep], spread) for r in rows]
-        return far[0], far[1], far[2], floor_of(rows[2][:, keep], spread)
-
-    every = np.arange(real.size)
-    b, r, a, f = figures(arms, every)
-    resolvable = b >= RESOLVABLE * f
+    # one ruler for all arms, or a noisier arm would look nearer
     spread = np.sqrt(np.mean([seed_spread(x) ** 2 for x in arms], axis=0))
+    b, r, a = (distance(real, x, spread) for x in arms)
+    f = floor_of(arms[2], spread)
+    resolvable = b >= RESOLVABLE * f
     per = {
         name: (float(abs(real[i] - arms[0][:, i].mean()) / spread[i]), float(abs(real[i] - arms[2][:, i].mean()) / spread[i]))
         for i, name in enumerate(named)
@@ -121,10 +118,12 @@ def measure(situation: Situation, before: Arm, recalibrated: Arm, after: Arm, se
     rng = np.random.default_rng([seed, 41])
     draws = []
     for _ in range(40):
-        seeds = [rng.integers(0, len(x), len(x)) for x in arms]
-        drawn = [x[np.unique(s)] if len(np.unique(s)) > 2 else x for x, s in zip(arms, seeds)]
-        bb, _, aa, _ = figures(drawn, rng.integers(0, real.size, real.size))
-        draws.append(closed(bb, aa, f))
+        rows = [x[np.unique(rng.integers(0, len(x), len(x)))] for x in (arms[0], arms[2])]
+        before_, after_ = (x if len(x) > 2 else y for x, y in zip(rows, (arms[0], arms[2])))
+        keep = rng.integers(0, real.size, real.size)
+        ruler = np.sqrt(np.mean([seed_spread(x) ** 2 for x in (before_, arms[1], after_)], axis=0))
+        far = np.minimum(np.abs(np.array([real - x.mean(axis=0) for x in (before_, after_)])) / ruler, CAP)[:, keep]
+        draws.append(closed(float(far[0].mean()), float(far[1].mean()), f))
     lo, hi = np.quantile(draws, [0.05, 0.95])
     return Shrinkage(b, r, a, f, True, closed(b, a, f), float(lo), float(hi), per)
 
