@@ -9,9 +9,10 @@ import numpy as np
 from simbench.gap import innovations as kernels
 from simbench.gap.candidates import ENGINE, Candidate, fit_candidates, size_penalty
 from simbench.gap.check import Situation
-from simbench.gap.fit import Engine, Fit
+from simbench.gap.fit import Engine
 from simbench.gap.fixed import effect_parameters
 from simbench.gap.leftover import predictable, residual_tests, unexplained
+from simbench.gap.model import Fit
 from simbench.gap.names import EFFECTS, block_of
 from simbench.gap.valve_map import HEALTHY, healthy_level, valve_against_mv
 

@@ -11,8 +11,8 @@ from detectors.errors import RecordError
 from detectors.quality import inspect
 from detectors.record import LoopRecord
 from scenarios.spec import Loop, Part
-from simbench.gap.fit import Data
 from simbench.gap.law import Law, examine_law
+from simbench.gap.model import Data
 from simbench.gap.refuse import refuse_mv_units, refuse_op_units, refuse_other_controller, refuse_other_plant
 from simbench.gap.samples import Samples, cleaned, inspect_samples, isolated, on_line
 from simbench.loop.response import valve_response

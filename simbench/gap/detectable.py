@@ -6,7 +6,8 @@ import numpy as np
 
 from simbench.gap import innovations as kernels
 from simbench.gap.check import Situation
-from simbench.gap.fit import Engine, Fit, Spec
+from simbench.gap.fit import Engine
+from simbench.gap.model import Fit, Spec
 
 NATS = 9.0  # what an effect of the stated size would bring: the price of a number and a clear lead over "none"
 

@@ -8,7 +8,7 @@ from detectors.errors import RecordError
 from simbench.gap import innovations as kernels
 from simbench.gap.arms import Arms
 from simbench.gap.assess import Assessment, load_memory
-from simbench.gap.fit import Fit
+from simbench.gap.model import Fit
 from simbench.gap.names import EFFECTS, block_of
 
 Row = dict[str, float]

@@ -11,7 +11,7 @@ from scenarios.spec import Loop
 from simbench.gap import innovations as kernels
 from simbench.gap.candidates import LOAD_FIRST
 from simbench.gap.check import Situation
-from simbench.gap.fit import Fit, lag_of, valve_of
+from simbench.gap.model import Fit, lag_of, valve_of
 
 
 def effect_parameters(effect: str, fit: Fit, situation: Situation) -> dict[str, float | str]:

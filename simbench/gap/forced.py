@@ -9,7 +9,7 @@ import numpy as np
 from simbench.gap import innovations as kernels
 from simbench.gap.assess import Assessment
 from simbench.gap.check import Situation
-from simbench.gap.fit import Fit
+from simbench.gap.model import Fit
 
 
 def law_residuals(s: Situation) -> tuple[np.ndarray, np.ndarray, float]:

@@ -7,7 +7,8 @@ import numpy as np
 from simbench.gap import innovations as kernels
 from simbench.gap.candidates import size_penalty
 from simbench.gap.check import Situation
-from simbench.gap.fit import Engine, Fit, Spec, valve_of
+from simbench.gap.fit import Engine
+from simbench.gap.model import Fit, Spec, valve_of
 from simbench.gap.valve_map import lagged
 
 WINDOWS = (10.0, 50.0)  # samples over which a spell of loud innovations is felt

@@ -8,8 +8,9 @@ import numpy as np
 
 from detectors.errors import RecordError
 from simbench.gap.candidates import fit_candidates, size_penalty
-from simbench.gap.fit import Data, Engine
+from simbench.gap.fit import Engine
 from simbench.gap.law import Law
+from simbench.gap.model import Data
 
 OTHER_LOOP = 10.0  # factor in Kc from which the baseline is another loop's, whatever the plant
 APART = 1.5  # factor in Kc and Ti from which the plant is asked whether it is the baseline's, and in K and time when it is not

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from simbench.gap.assess import LIMITS, LOAD_MEMORY, SECOND, Assessment, beyond_healthy, load_memory
-from simbench.gap.fit import Fit
 from simbench.gap.forced import law_residuals, loglik, mv_residuals, sample_misfit, spikes, spread_to
+from simbench.gap.model import Fit
 from simbench.gap.names import BLOCKS, EFFECTS, block_of
 
 SOURCE = (
