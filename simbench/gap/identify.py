@@ -9,9 +9,10 @@ import numpy as np
 from detectors.record import LoopRecord
 from scenarios.spec import Loop
 from simbench.gap.assess import Assessment
+from simbench.gap.candidates import fit_candidates, size_penalty
 from simbench.gap.check import Situation
 from simbench.gap.fit import Engine
-from simbench.gap.hunt import SMOOTH, fit_candidates, size_penalty
+from simbench.gap.hunt import SMOOTH
 from simbench.gap.law import examine_law
 from simbench.gap.model import Data, Fit, Spec
 from simbench.gap.names import EFFECTS, block_of
