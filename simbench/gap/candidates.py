@@ -16,7 +16,6 @@ from simbench.gap.hunt import (
     band_sizes,
     hunt,
     idle,
-    narrow,
     plants,
     promising,
 )  # fmt: skip
@@ -131,15 +130,11 @@ def valve_characteristic(engine: Engine, base: Fit) -> tuple[Fit, float]:
 
 
 def stiction(engine: Engine, base: Fit) -> tuple[Fit, float]:
-    """Scan S and J/S finely and refine the best peaks under two valve models: they are narrow, a local search misses them."""
-    sizes = band_sizes(engine.data, 28)
-    coarse = np.array([(s, s * j, s * b / 2) for s in sizes for j in (0.06, 0.2, 0.4, 0.65, 0.95) for b in STARTS])
-    best = hunt(engine, base, kernels.STICK, coarse)
-    if promising(best, base):
-        # the two models differ while OP turns; what fits one nearly fits the other
-        other = replace(best, spec=replace(best.spec, valve=kernels.CREEP))
-        best = max(best, narrow(engine, engine.at(other.spec, best.theta)), key=lambda f: f.loglik)
-    return best, 2.5
+    """Scan S and J/S finely under two valve models: peaks are a percent or two wide, a local search misses them."""
+    sizes = band_sizes(engine.data, 90)
+    coarse = np.array([(s, s * j, 0.0) for s in sizes for j in (0.06, 0.15, 0.27, 0.42, 0.6, 0.78, 0.95)])
+    tries = [hunt(engine, base, kind, coarse, few=True) for kind in (kernels.STICK, kernels.CREEP)]
+    return max(tries, key=lambda f: f.loglik), 2.5
 
 
 def oscillation(engine: Engine, base: Fit) -> tuple[Fit, float]:

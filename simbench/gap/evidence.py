@@ -10,6 +10,7 @@ from simbench.gap.arms import Arms
 from simbench.gap.assess import Assessment, load_memory
 from simbench.gap.model import Fit
 from simbench.gap.names import EFFECTS, block_of
+from simbench.gap.valve_map import HEALTHY
 
 Row = dict[str, float]
 
@@ -169,6 +170,8 @@ def _sizes(effect: str, found: Assessment) -> Row:
     for name, value in number.items():
         if name in ("S", "D", "amplitude"):
             scaled["size"] = float(np.log(value / span + 1e-4))
+            if name == "S":
+                scaled["beyond healthy"] = float(np.log(max(value, 1e-3) / HEALTHY))
         elif name == "J":
             scaled["jump"] = value / max(number.get("S", 1.0), 1e-6)
         elif name == "c":

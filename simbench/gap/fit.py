@@ -23,6 +23,7 @@ QUICK = 0.08  # of the longest memory a load may have: below it the prior ...
 QUICKER = 0.7  # ... falls off with this standard deviation of the logarithm
 STEP = 1e-4  # of a parameter or its logarithm, for derivatives
 LONGEST = 1.5  # of a parameter or its logarithm in one step
+IDLE = 1e-3  # curvature added to every parameter
 ENOUGH = 0.01  # nats below which a step is the last
 COLOURED = 0.25  # std of the prior on the noise's correlation from sample to sample
 
@@ -223,7 +224,8 @@ class Engine:
                 if not free.any():
                     break
                 H = curvature[np.ix_(free, free)]
-                H = H + damping * np.diag(np.diag(H) + 1e-6)
+                # the last term holds a parameter that does nothing here, lest rounding drives it
+                H = H + damping * np.diag(np.diag(H)) + IDLE * np.eye(len(H))
                 trial = x.copy()
                 trial[free] -= np.clip(np.linalg.solve(H, gradient[free]), -LONGEST, LONGEST)
                 trial = np.clip(trial, box[:, 0], box[:, 1])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
-from itertools import product
 
 import numpy as np
 
@@ -20,7 +19,7 @@ ROUGH = ("S", "J", "D", "c")  # in which the likelihood has corners
 HOPELESS = 4.0  # nats below the base from which a grid's best point is not worth refining
 
 
-def hunt(engine: Engine, base: Fit, kind: int, coarse: np.ndarray) -> Fit:
+def hunt(engine: Engine, base: Fit, kind: int, coarse: np.ndarray, few: bool = False) -> Fit:
     """Find a valve map's numbers, in which the likelihood is rough: scan, let the nuisances settle, scan again, narrow down.
 
     Parameters
@@ -32,6 +31,8 @@ def hunt(engine: Engine, base: Fit, kind: int, coarse: np.ndarray) -> Fit:
         Valve map.
     coarse : ndarray, shape (p, 3)
         Points to scan, as `innovations.valve` takes them.
+    few : bool
+        Scan from fewer nuisances, where the points are many.
 
     Returns
     -------
@@ -39,10 +40,9 @@ def hunt(engine: Engine, base: Fit, kind: int, coarse: np.ndarray) -> Fit:
     """
     best = None
     # at the load that "no effect" needed, peaks look flat: try quieter ones
-    starts = [
-        {**base.theta, **plant, "load": base.theta["load"] * level}
-        for level, plant in [*product((1.0,), plants(engine, base)), (0.3, {}), (0.1, {})]
-    ]
+    own, nominal = plants(engine, base)[:2]
+    tries = [(1.0, own), (0.3, own)] if few else [(1.0, own), (1.0, nominal), (0.3, own), (0.1, own)]
+    starts = [{**base.theta, **plant, "load": base.theta["load"] * level} for level, plant in tries]
     for theta in [*starts, idle(engine, base)]:
         best = better(best, settle(engine, scanned(engine, base.spec, theta, kind, coarse)))
     assert best is not None

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.special import expit
 
 from simbench.gap.arms import Arms
 from simbench.gap.assess import LIMITS, Assessment
@@ -141,7 +142,7 @@ def combined(z: np.ndarray, u: np.ndarray, temperature: float, slope: float, off
     z = z / temperature
     p = np.exp(z - z.max(axis=1, keepdims=True))
     p /= p.sum(axis=1, keepdims=True)
-    q = 1.0 / (1.0 + np.exp(-(slope * u + offset)))
+    q = expit(slope * u + offset)
     return np.hstack([p * (1.0 - q)[:, None], q[:, None]])
 
 
