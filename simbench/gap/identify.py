@@ -294,7 +294,7 @@ def in_both_halves(found: Assessment, effect: str) -> bool:
         spec = replace(fit.spec, channels=())
         # where in its band the valve stands at the cut is anybody's guess
         tries = [engine.fit(replace(spec, start=begin), theta, search=SMOOTH, steps=8) for begin in (-1.0, 0.0, 1.0)]
-        without = engine.fit(replace(found.base.spec, channels=()), {k: theta[k] for k in found.base.theta}, steps=8)
+        without = engine.fit(replace(found.base.spec, channels=()), {**found.base.theta, **theta}, steps=8)
         if max(t.loglik for t in tries) < without.loglik:
             return False
     return True
