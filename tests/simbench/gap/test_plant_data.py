@@ -16,8 +16,9 @@ from simbench.gap.candidates import fit_candidates
 from simbench.gap.check import check
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.fit import Engine, Spec
-from simbench.gap.identify import identify, in_both_halves, plausible, remarks, spacing
+from simbench.gap.identify import identify, in_both_halves, plausible, remarks
 from simbench.gap.plant_data import by_flag, by_unit_group, diagnose_folder
+from simbench.gap.spacing import spacing
 from simbench.loop.simulate import simulate
 
 REAL = Path(__file__).parents[4] / "shared" / "data" / "real"
