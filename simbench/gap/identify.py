@@ -9,9 +9,9 @@ import numpy as np
 from detectors.record import LoopRecord
 from scenarios.spec import Controller, Loop, Noise, Plant, Sampling
 from simbench.gap.assess import Assessment
-from simbench.gap.candidates import SMOOTH, fit_candidates, size_penalty
+from simbench.gap.candidates import fit_candidates, size_penalty
 from simbench.gap.check import Situation
-from simbench.gap.fit import Data, Engine, Fit, Spec
+from simbench.gap.fit import NUISANCES, Data, Engine, Fit, Spec
 from simbench.gap.law import examine_law
 from simbench.gap.names import EFFECTS, block_of
 from simbench.gap.samples import cleaned, inspect_samples
@@ -245,7 +245,8 @@ def in_both_halves(found: Assessment, effect: str) -> bool:
         theta = dict(fit.theta)
         spec = replace(fit.spec, channels=())
         # where in its band the valve stands at the cut is anybody's guess
-        tries = [engine.fit(replace(spec, start=begin), theta, search=SMOOTH, steps=8) for begin in (-1.0, 0.0, 1.0)]
+        tries = [engine.fit(replace(spec, start=begin), theta, search=NUISANCES, steps=8) for begin in (-1.0, 0.0, 1.0)]
+        # the same plant and load are free on both sides
         without = engine.fit(replace(found.base.spec, channels=()), {**found.base.theta, **theta}, steps=8)
         if max(t.loglik for t in tries) < without.loglik:
             return False
