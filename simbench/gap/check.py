@@ -20,6 +20,7 @@ from simbench.loop.response import valve_response
 FEWEST = 100  # samples; below this the spread of every statistic swallows the gap
 SAME_TS = 0.01
 FINE = 0.1  # spacing of PV's lattice, in stated noise std, below which it is rounding that nobody notices
+STEPS = 0.1  # share of samples; a set point that moves more often is another controller's output
 STUCK = 0.01  # share of samples in standstills that no chance brings
 
 
@@ -29,12 +30,14 @@ class Situation:
 
     `plant_pv` is the PV the plant gave the controller, as far as it can be recovered; `data` the engine's input; `hard` the
     effects that the controller's law or single samples show without doubt; `notes` what the reader must know; `frozen` and
-    `strange_law` why the controller is none of the known ones.
+    `strange_law` why the controller is none of the known ones. `trusted`: the baseline's plant is its author's, not identified;
+    `tuned`: its controller is.
     """
 
     record: LoopRecord
     baseline: Loop
     trusted: bool
+    tuned: bool
     op: np.ndarray
     sp: np.ndarray
     law: Law
@@ -52,7 +55,7 @@ class Situation:
         return self.baseline.plant.type == "integrating"
 
 
-def check(record: LoopRecord, baseline: Loop, trusted: bool = True) -> Situation:
+def check(record: LoopRecord, baseline: Loop, trusted: bool = True, tuned: bool | None = None) -> Situation:
     """Refuse what cannot be compared, and settle what needs no fit.
 
     Parameters
@@ -62,7 +65,9 @@ def check(record: LoopRecord, baseline: Loop, trusted: bool = True) -> Situation
     baseline : Loop
         The simulation's loop; set point, operating point and length are ignored.
     trusted : bool
-        False when the baseline was identified from this very record.
+        False when the baseline's plant was identified from this very record.
+    tuned : bool, optional
+        False when its controller was; as `trusted` when absent.
 
     Returns
     -------
@@ -74,7 +79,8 @@ def check(record: LoopRecord, baseline: Loop, trusted: bool = True) -> Situation
         Too short, constant OP or PV, another sampling period, MV or OP in other units, the baseline of another loop.
     """
     where = f"record {record.tag!r}" if record.tag else "record"
-    op = _percent(record, where, trusted)
+    tuned = trusted if tuned is None else tuned
+    op = _percent(record, where, trusted or tuned)
     _refuse_dead(record, where)
     Ts = baseline.sampling.Ts
     if abs(record.Ts / Ts - 1.0) > SAME_TS:
@@ -87,14 +93,18 @@ def check(record: LoopRecord, baseline: Loop, trusted: bool = True) -> Situation
     sp = record.sp
     if sp is None:
         notes.append("no set point recorded: the mean of PV stands for it")
+    else:
+        notes += _moves_of(sp)
     plant, control = baseline.plant, baseline.controller
-    law = examine_law(op, record.pv, sp, record.Ts, control.sign * control.Kc, control.Ti, trusted)
-    if trusted:
+    law = examine_law(op, record.pv, sp, record.Ts, control.sign * control.Kc, control.Ti, tuned)
+    if tuned:
         refuse_op_units(np.asarray(record.op), law, control.sign * control.Kc, control.Ti, where)
         refuse_other_controller(law, control.sign * control.Kc, where)
     samples = inspect_samples(record.pv, record.op)
     hard, plant_pv, more, strange = _without_doubt(record, law, samples, baseline.noise.std)
     notes += more
+    if not tuned:
+        strange = ""  # a controller of which nothing was said cannot be another one
     integrating = plant.type == "integrating"
     u = _through_valve(op, baseline.valve, record.Ts) if record.mv is None else np.asarray(record.mv)
     data = Data(
@@ -108,18 +118,28 @@ def check(record: LoopRecord, baseline: Loop, trusted: bool = True) -> Situation
         trusted=trusted,
         late=law.lag,
     )
-    if trusted:
+    if trusted and tuned:
         refuse_other_plant(data, law, control.sign * control.Kc, control.Ti, record.Ts, where)
     frozen = samples.held > max(20, 0.02 * record.n) or (trusted and samples.stuck > STUCK)
     frozen = frozen and "quantisation" not in hard and "compression" not in hard
     setpoint = np.full(record.n, record.pv.mean()) if sp is None else np.asarray(sp)
-    return Situation(record, baseline, trusted, op, setpoint, law, samples, plant_pv, data, hard, notes, frozen, strange)
+    return Situation(
+        record, baseline, trusted, tuned, op, setpoint, law, samples, plant_pv, data, hard, notes, frozen, strange
+    )  # fmt: skip
 
 
-def _percent(record: LoopRecord, where: str, trusted: bool) -> np.ndarray:
+def _moves_of(sp: np.ndarray) -> list[str]:
+    moves = np.abs(np.diff(sp))
+    count = int(np.count_nonzero(moves))
+    if not 0 < count < STEPS * sp.size:
+        return []
+    return [f"set-point steps: SP moves in {count} step{'s' * (count > 1)}, the largest {float(moves.max()):.3g}"]
+
+
+def _percent(record: LoopRecord, where: str, needed: bool) -> np.ndarray:
     percent = record.op_percent
     if percent is None:
-        if trusted:
+        if needed:
             raise RecordError(
                 f"{where}: OP runs from {record.op.min():g} to {record.op.max():g}, which is not % of travel; "
                 "give --op-span, the values that mean 0 and 100 %"

@@ -9,9 +9,9 @@ from typing import Any
 
 from detectors.errors import ParameterError
 from detectors.io import read_record
-from scenarios.spec import load_loop
 from simbench.files import whole_file
 from simbench.gap.diagnosis import diagnose
+from simbench.gap.partial import read_baseline
 from simbench.gap.result import GapReport
 from simbench.gap.runs import fixed_loop_of, kick_of, named
 
@@ -33,7 +33,8 @@ def diagnose_files(
     records : sequence of paths
         Record files of the same loop; they are judged together.
     baseline : path or None
-        Loop file of the simulation; None identifies plant and tuning from the records.
+        Loop file of the simulation; what it lacks of plant, controller and sampling is identified from the records, and so is
+        everything where it is None.
     jobs : int
         Processes for the bootstrap; -1 = all cores.
     bootstrap : bool
@@ -69,7 +70,7 @@ def diagnose_files(
     """
     if not records:
         raise ParameterError("gap diagnose needs at least one record")
-    loop = None if baseline is None else load_loop(baseline)
+    loop = None if baseline is None else read_baseline(baseline)
     read = [read_record(path, **about) for path in records]
     report = diagnose(read if len(read) > 1 else read[0], loop, bootstrap=bootstrap, jobs=jobs)
     if write_loop is not None:

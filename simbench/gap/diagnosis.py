@@ -16,9 +16,10 @@ from simbench.gap.assess import SURE, Assessment, assess, capped, load_memory, s
 from simbench.gap.bootstrap import Chance, chance
 from simbench.gap.check import check
 from simbench.gap.detectable import smallest_detectable
-from simbench.gap.identify import identify, plausible
+from simbench.gap.identify import plausible
 from simbench.gap.names import EFFECTS, NONE, UNKNOWN, block_of
 from simbench.gap.next_test import choose
+from simbench.gap.partial import Partial, completed
 from simbench.gap.result import Gap, GapReport, Ranked
 from simbench.gap.weigh import Weights, weigh
 from simbench.gap.where import FAINT, where
@@ -26,7 +27,7 @@ from simbench.gap.where import FAINT, where
 
 def diagnose(
     record: LoopRecord | Sequence[LoopRecord],
-    baseline: Loop | None,
+    baseline: Loop | Partial | None,
     *,
     bootstrap: bool = True,
     jobs: int = 1,
@@ -38,8 +39,8 @@ def diagnose(
     ----------
     record : LoopRecord or sequence of them
         SP, OP, PV and, where recorded, MV. Several records of one loop are judged together.
-    baseline : Loop or None
-        The simulation; None identifies plant and tuning from the record.
+    baseline : Loop, Partial or None
+        The simulation; None identifies plant and tuning from the record, a partial one what it does not say.
     bootstrap : bool
         Calibrate "no effect" and "unknown" on records simulated for this very loop.
     jobs : int
@@ -79,13 +80,14 @@ def diagnose(
         return report(found, weigh(found, lucky.shift if lucky else None, arms), arms, more, lucky)
 
 
-def _assess_all(records: list[LoopRecord], baseline: Loop | None) -> tuple[Assessment, list[str]]:
+def _assess_all(records: list[LoopRecord], baseline: Loop | Partial | None) -> tuple[Assessment, list[str]]:
     """Assess every record; evidence adds up, and the longest record carries the fits, the parameters and the gap."""
     every = []
     for r in records:
-        loop = identify(r) if baseline is None else baseline
-        found = assess(check(r, loop, trusted=baseline is not None))
-        every.append(found if baseline is not None else plausible(found))
+        loop, given, said = completed(r, baseline)
+        situation = check(r, loop, trusted="plant" in given, tuned="controller" in given)
+        found = assess(replace(situation, notes=[*situation.notes, *said]))
+        every.append(found if situation.trusted else plausible(found))
     main = max(every, key=lambda f: f.situation.record.n)
     if len(every) == 1:
         return main, []

@@ -7,19 +7,19 @@ from dataclasses import replace
 import numpy as np
 
 from detectors.record import LoopRecord
-from scenarios.spec import Loop
+from scenarios.spec import Controller, Loop, Noise, Plant, Sampling
 from simbench.gap.assess import Assessment
 from simbench.gap.candidates import fit_candidates, size_penalty
 from simbench.gap.check import Situation
 from simbench.gap.fit import Engine
-from simbench.gap.hunt import SMOOTH
 from simbench.gap.law import examine_law
-from simbench.gap.model import Data, Fit, Spec
+from simbench.gap.model import NUISANCES, Data, Fit, Spec
 from simbench.gap.names import EFFECTS, block_of
-from simbench.gap.samples import cleaned, inspect_samples, resolution
+from simbench.gap.samples import cleaned, inspect_samples
+from simbench.gap.spacing import spacing
 
 
-def identify(record: LoopRecord) -> Loop:
+def identify(record: LoopRecord, plant: Plant | None = None, controller: Controller | None = None) -> Loop:
     """Return a loop file that fits the record, without any effect in it.
 
     Parameters
@@ -27,6 +27,8 @@ def identify(record: LoopRecord) -> Loop:
     record : LoopRecord
         OP, PV, and SP and MV where recorded; MV, if there, drives the plant. `process` decides between foptd and
         integrating; where it is unknown the likelier of the two.
+    plant, controller : optional
+        What is known already; only the rest is identified.
 
     Returns
     -------
@@ -37,29 +39,37 @@ def identify(record: LoopRecord) -> Loop:
     Not a model to design a controller with: in closed loop and without excitation K and T are known only as K/T.
     """
     op = record.op if record.op_percent is None else record.op_percent
-    pv = np.asarray(record.pv)
-    samples = inspect_samples(pv, record.op)
-    pv = cleaned(pv, samples.spikes)
+    noise = 0.0
+    if plant is None:
+        plant, noise = _identified_plant(record, op, controller)
+    if controller is None:
+        controller = _identified_controller(record, op, 1.0 if plant.K > 0 else -1.0)
+    return Loop(plant=plant, controller=controller, sampling=Sampling(Ts=record.Ts, n=record.n), noise=Noise(std=noise))
+
+
+def _identified_plant(record: LoopRecord, op: np.ndarray, controller: Controller | None) -> tuple[Plant, float]:
+    """Return the plant and the standard deviation of the noise."""
+    samples = inspect_samples(record.pv, record.op)
+    pv = cleaned(np.asarray(record.pv), samples.spikes)
     u = np.ascontiguousarray(op if record.mv is None else record.mv, dtype=float)
     integrating, fit = _plant(record, u, pv, max(samples.resolution, samples.step))
-    Ts = record.Ts
-    sign = 1.0 if fit.K >= 0 else -1.0
-    law = examine_law(op, np.asarray(record.pv), record.sp, Ts, sign * _rough_gain(op, pv), 20.0 * Ts, trusted=False)
-    Kc = abs(law.Kc) if np.isfinite(law.Kc) and law.Kc != 0 else _rough_gain(op, pv)
-    Ti = law.Ti if np.isfinite(law.Ti) and law.Ti > 0 else 20.0 * Ts
-    plant = {
-        "type": "integrating" if integrating else "foptd",
-        "K": fit.K / (Ts if integrating else 1.0),
-        "Td": fit.theta["Td"] * Ts,
-    }
-    if not integrating:
-        plant["T"] = fit.theta["T"] * Ts
-    return Loop.from_table({
-        "plant": plant,
-        "controller": {"type": "PI", "Kc": Kc, "Ti": Ti, "direction": "reverse" if sign > 0 else "direct"},
-        "sampling": {"Ts": Ts, "n": record.n},
-        "noise": {"std": fit.theta["noise"]},
-    }, "identified loop")  # fmt: skip
+    # feedback alone may turn the sign; the controller's direction tells it
+    K = fit.K if controller is None else controller.sign * abs(fit.K)
+    dead, noise = fit.theta["Td"] * record.Ts, fit.theta["noise"]
+    if integrating:
+        return Plant(type="integrating", K=K / record.Ts, Td=dead), noise
+    return Plant(type="foptd", K=K, T=fit.theta["T"] * record.Ts, Td=dead), noise
+
+
+def _identified_controller(record: LoopRecord, op: np.ndarray, sign: float) -> Controller:
+    rough, slow = _rough_gain(op, np.asarray(record.pv)), 20.0 * record.Ts
+    law = examine_law(op, np.asarray(record.pv), record.sp, record.Ts, sign * rough, slow, trusted=False)
+    return Controller(
+        type="PI",
+        Kc=abs(law.Kc) if np.isfinite(law.Kc) and law.Kc != 0 else rough,
+        Ti=law.Ti if np.isfinite(law.Ti) and law.Ti > 0 else slow,
+        direction="reverse" if sign > 0 else "direct",
+    )
 
 
 def _plant(record: LoopRecord, u: np.ndarray, pv: np.ndarray, resolution: float) -> tuple[bool, Fit]:
@@ -117,6 +127,25 @@ MEANINGFUL = {
     "saturation",
     "error_deadband", "op_quantisation",
 }  # fmt: skip
+
+
+def meaningful(mv: bool, tuned: bool) -> set[str]:
+    """Return the effects that can be judged without a trusted plant.
+
+    Parameters
+    ----------
+    mv : bool
+        MV is recorded; MV given OP is the valve, whatever the plant.
+    tuned : bool
+        The controller's tuning was given.
+
+    Returns
+    -------
+    set of str
+    """
+    return MEANINGFUL | {e for e in EFFECTS if mv and block_of(e) == "valve"} | ({"detuning"} if tuned else set())
+
+
 SHARE = 0.15  # of the OP range that a band must span to count as friction
 IMMATERIAL = 0.01  # of the variance of the moves; rounding that adds less is not what a simulation lacks
 
@@ -131,18 +160,19 @@ def plausible(found: Assessment) -> Assessment:
     Returns
     -------
     Assessment
-        Effects that compare with a baseline are dropped; friction must span a share of the OP range and be found in both
-        halves of the record. What MV shows of the valve needs no baseline and stays. Notes say what the samples show.
+        Effects that compare with a plant are dropped, and with a tuning, unless that was given; friction must span a share of
+        the OP range and be found in both halves of the record. What MV shows of the valve needs no baseline and stays. Notes
+        say what the samples show.
     """
     s = found.situation
-    seen = s.record.mv is not None  # MV given OP is the valve, whatever the plant
-    kept = MEANINGFUL | {e for e in EFFECTS if seen and block_of(e) == "valve"}
+    seen = s.record.mv is not None
+    kept = meaningful(seen, s.tuned)
     gains = {e: (g if e in kept else min(g, -10.0)) for e, g in found.gains.items()}
     span = float(np.quantile(s.op, 0.99) - np.quantile(s.op, 0.01))
     for effect in ("stiction", "deadband"):
         if gains[effect] > 0 and not seen:
             S = float(found.parameters.get(effect, {}).get("S", 0.0))
-            if S < SHARE * span or not _in_both_halves(found, effect):
+            if S < SHARE * span or not in_both_halves(found, effect):
                 gains[effect] = -5.0
     for effect, x in (("op_quantisation", s.op), ("quantisation", np.asarray(s.record.pv))):
         # a transmitter's lattice is a fact; a file's decimals, and an output card's, must hide something
@@ -158,7 +188,8 @@ def plausible(found: Assessment) -> Assessment:
     fits = [e for e in chosen if e in found.candidates]
     final = found.candidates[fits[0]].fit if fits else found.base
     # a residual test asks whether a trusted model is whole; an identified one never is, a valve with MV is
-    strange = {"valve": found.strange["valve"]} if found.stranger else {}
+    sound = {"valve": found.stranger, "controller": bool(s.strange_law)}
+    strange = {block: why for block, why in found.strange.items() if sound.get(block)}
     said = replace(s, notes=[*s.notes, *remarks(s)])
     return replace(found, situation=said, gains=gains, chosen=chosen, final=final, strange=strange)
 
@@ -173,19 +204,13 @@ def remarks(situation: Situation) -> list[str]:
     Returns
     -------
     list of str
-        `process`: which plant type was assumed; `set-point steps`, `quantisation`, `op_quantisation`, `outliers`: how many,
-        how large.
+        `process`: which plant type was assumed; `quantisation`, `op_quantisation`, `outliers`: how many, how large.
     """
     record, pv = situation.record, np.asarray(situation.record.pv)
     out = []
     if record.process is None:
         kind = "integrating" if situation.integrating else "self-regulating"
         out.append(f"process: not given; judged as {kind}, the likelier of the two")
-    if record.sp is not None:
-        moves = int(np.count_nonzero(np.diff(record.sp)))
-        if 0 < moves < STEPS * record.n:
-            largest = float(np.abs(np.diff(record.sp)).max())
-            out.append(f"set-point steps: SP moves in {moves} step{'s' * (moves > 1)}, the largest {largest:.3g}")
     for name, x in (("quantisation", pv), ("op_quantisation", np.asarray(record.op))):
         step, levels = spacing(x)
         if step > 0.0:
@@ -197,57 +222,19 @@ def remarks(situation: Situation) -> list[str]:
     return out
 
 
-STEPS = 0.1  # share of samples; a set point that moves more often is another controller's output
-FEWEST_LEVELS = 10  # gaps; fewer lie evenly by chance
-ON_LATTICE = 0.9  # mean length of the phases; ten values that lie anywhere reach it three times in 10 000
-
-
-def spacing(x: np.ndarray) -> tuple[float, int]:
-    """Return the spacing of the lattice, wherever it begins, on which a signal stands, and how many of its levels are met.
+def in_both_halves(found: Assessment, effect: str) -> bool:
+    """Return whether friction explains each half of the record better than none, its numbers held.
 
     Parameters
     ----------
-    x : ndarray, shape (n,)
+    found : Assessment
+    effect : str
+        Stiction or dead-band.
 
     Returns
     -------
-    step : float
-        In units of x, at its mean for the square-root lattice; 0 when the levels lie anywhere.
-    levels : int
-
-    Notes
-    -----
-    A transmitter counts from the lower end of its range, so its lattice need not hold 0; a flow is the square root of the
-    differential pressure that was digitised, so its lattice may lie in PV^2. The levels' phases over one step are put on a
-    circle (Rayleigh's test): for values that lie anywhere their mean is about 1/sqrt(levels) long, on a lattice 1. Not for
-    a file's own decimals: a transmitter of the same step could not be told from them.
-
-    Examples
-    --------
-    >>> x = 3.3 + 0.25 * np.round(np.random.default_rng(0).standard_normal(400) * 5)
-    >>> round(spacing(x)[0], 6)
-    0.25
+    bool
     """
-    levels = np.unique(x)
-    # files keep digits, not decimals: the largest values are the coarsest
-    size = np.abs(levels)
-    unit = resolution(levels[size >= 10.0 ** np.floor(np.log10(max(float(size.max()), 1e-300)))])
-    for y, slope in ((levels, 1.0), (levels * np.abs(levels), 2.0 * float(np.abs(levels).mean()))):
-        gaps = np.diff(y)
-        gaps = gaps[gaps > 1.5 * unit * slope]
-        if gaps.size < FEWEST_LEVELS:
-            break
-        step = float(np.median(gaps[gaps <= 1.5 * np.quantile(gaps, 0.05)]))
-        for reach in (4.0, 40.0, np.inf):
-            near = gaps[gaps < reach * step]
-            step = float(near.sum() / np.round(near / step).sum())
-        phase = abs(np.mean(np.exp(2j * np.pi * (y - y[0]) / step)))
-        if phase > ON_LATTICE and step > 2.0 * unit * slope:
-            return step / slope, levels.size
-    return 0.0, levels.size
-
-
-def _in_both_halves(found: Assessment, effect: str) -> bool:
     d = found.situation.data
     fit = found.candidates[effect].fit if effect in found.candidates else None
     if fit is None:
@@ -259,8 +246,9 @@ def _in_both_halves(found: Assessment, effect: str) -> bool:
         theta = dict(fit.theta)
         spec = replace(fit.spec, channels=())
         # where in its band the valve stands at the cut is anybody's guess
-        tries = [engine.fit(replace(spec, start=begin), theta, search=SMOOTH, steps=8) for begin in (-1.0, 0.0, 1.0)]
-        without = engine.fit(replace(found.base.spec, channels=()), {k: theta[k] for k in found.base.theta}, steps=8)
+        tries = [engine.fit(replace(spec, start=begin), theta, search=NUISANCES, steps=8) for begin in (-1.0, 0.0, 1.0)]
+        # the same plant and load are free on both sides
+        without = engine.fit(replace(found.base.spec, channels=()), {**found.base.theta, **theta}, steps=8)
         if max(t.loglik for t in tries) < without.loglik:
             return False
     return True

@@ -198,6 +198,73 @@ def test_a_baseline_is_named_or_identified_but_not_both(place, capsys):
     refused(capsys, place, ["FIC101.csv", "--baseline", "loop.toml", "--identify"], "--baseline", "--identify")
 
 
+def partial(place, name, *sections):
+    """Write a loop file of the healthy loop with these sections only."""
+    text = Loop.from_table(HEALTHY).to_toml().split("\n\n")
+    (place / name).write_text("\n\n".join(p for p in text if p.strip("[ \n").split("]")[0] in sections))
+    return place / name
+
+
+def said_without(place, capsys, record, *sections):
+    """The verb's answer to a record beside a loop file of these sections only."""
+    words = [str(place / record), "--baseline", str(partial(place, "part.toml", *sections)), "--no-bootstrap", "--json"]
+    assert main(["gap", "diagnose", *words]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_without_a_plant_the_tuning_is_still_judged_and_what_is_left_open_is_said(place, capsys):
+    retuned = Loop.from_table(HEALTHY | {"controller": {"type": "PI", "Kc": 0.75, "Ti": 12.0}})
+    write_record(replace(simulate(retuned, seed=3).record, mv=None), place / "retuned.csv")
+    answer = said_without(place, capsys, "retuned.csv", "controller", "sampling", "noise")
+    assert answer["effect"] == "detuning"
+    assert answer["effects"][0]["parameters"]["Kc_factor"] == pytest.approx(0.5, rel=0.05)
+    assert answer["effects"][0]["parameters"]["Ti_factor"] == pytest.approx(0.6, rel=0.05)
+    notes = " ".join(answer["notes"])
+    assert "no [plant] given, identified from the record: foptd, K = " in notes
+    assert "gain_mismatch" in notes
+    assert "[controller]" not in notes
+
+
+def test_without_a_plant_an_agreeing_tuning_is_no_effect(place, capsys):
+    write_record(replace(simulate(Loop.from_table(HEALTHY), seed=3).record, mv=None), place / "healthy.csv")
+    assert said_without(place, capsys, "healthy.csv", "controller")["effect"] == "none"
+
+
+def test_without_a_controller_the_plant_is_still_compared(place, capsys):
+    weaker = Loop.from_table(HEALTHY | {"plant": HEALTHY["plant"] | {"K": 0.6}})
+    write_record(replace(simulate(weaker, seed=3).record, mv=None), place / "weaker.csv")
+    answer = said_without(place, capsys, "weaker.csv", "plant", "sampling", "noise")
+    assert answer["effect"] == "gain_mismatch"
+    assert answer["effects"][0]["parameters"]["factor"] == pytest.approx(0.5, rel=0.1)
+    notes = " ".join(answer["notes"])
+    assert "no [controller] given, identified from the record: PI, Kc = 1.5, Ti = 20" in notes
+    assert "detuning cannot be judged" in notes
+
+
+def test_sampling_may_be_left_to_the_record_alone(place, capsys):
+    answer = said_without(place, capsys, "FIC101.csv", "plant", "controller", "noise")
+    assert answer["effect"] == "stiction"
+    assert "baseline: no [sampling] given, identified from the record: Ts = 1" in answer["notes"]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[noise]\nstd = 0.1\n", ["neither [plant] nor [controller]", "--identify"]),
+        ("", ["neither [plant] nor [controller]"]),
+        ("[plnt]\nK = 1.2\n[controller]\ntype = 'PI'\nKc = 1.5\nTi = 20.0\n", ["plnt", "plant"]),
+        ("[controller]\ntype = 'PI'\nKc = -1.5\nTi = 20.0\n", ["controller.Kc"]),
+        ("[controller]\ntype = 'PI'\nKc = 1.5\nTi = 20.0\ndirection = 'up'\n", ["controller.direction"]),
+        ("[plant]\ntype = 'foptd'\nK = 'big'\nT = 1.0\n", ["plant.K"]),
+        ("plant = 3\n", ["plant"]),
+    ],
+    ids=["noise only", "empty", "misspelt", "negative gain", "unknown direction", "gain in words", "no section"],
+)
+def test_a_partial_baseline_that_says_something_wrong_is_refused(text, words, place, capsys):
+    (place / "bad.toml").write_text(text)
+    refused(capsys, place, ["FIC101.csv", "--baseline", "bad.toml"], *words)
+
+
 def test_missing_files_are_refused_by_name(place, capsys):
     refused(capsys, place, ["absent.csv", "--baseline", "loop.toml"], "absent.csv")
     refused(capsys, place, ["FIC101.csv", "--baseline", "absent.toml"], "absent.toml")

@@ -49,12 +49,14 @@ def test_the_plant_answers_as_the_simulators(T, lag):
     assert np.allclose(kernels.plant(OP, T, 3.4, lag), out, atol=1e-7)
 
 
-def naive_whiten(y, T, load_time, load, noise, spread):
-    """The textbook Kalman filter, states (load, plant), full matrices, no frozen gain."""
-    phi, a = np.exp(-1 / load_time), np.exp(-1 / T)
-    F = np.array([[phi, 0.0], [1 - a, a]])
-    Q = np.diag([load**2 * (1 - phi**2), 0.0])
-    P, x, h = np.diag([load**2, spread**2]), np.zeros(2), np.array([0.0, 1.0])
+def naive_whiten(y, T, loads, noise, spread):
+    """The textbook Kalman filter, states (plant, loads by time constant and std), full matrices, no frozen gain."""
+    a, phi = np.exp(-1 / T), np.exp(-1 / np.array([time for time, _ in loads]))
+    variance = np.array([std**2 for _, std in loads])
+    F = np.diag([a, *phi])
+    F[0, 1:] = 1 - a
+    Q = np.diag([0.0, *variance * (1 - phi**2)])
+    P, x, h = np.diag([spread**2, *variance]), np.zeros(len(F)), np.eye(len(F))[0]
     out, logs = [], 0.0
     for k, value in enumerate(y):
         S = h @ P @ h + noise**2
@@ -67,10 +69,14 @@ def naive_whiten(y, T, load_time, load, noise, spread):
     return np.array(out), logs
 
 
-def test_whitening_is_the_textbook_filter():
+@pytest.mark.parametrize(("lag", "loads"), [
+    (0.0, [(15.0, 1.3)]),
+    (kernels.PINK, [(15.0, 1.3 / np.sqrt(3)), (3.0, 1.3 / np.sqrt(3)), (0.6, 1.3 / np.sqrt(3))]),
+])  # fmt: skip
+def test_whitening_is_the_textbook_filter(lag, loads):
     y = RNG.standard_normal(400)
-    white, logs = kernels.whiten(y[None, :], 8.0, 0.0, 15.0, 0.0, 1.3, 0.0, 0.0, 0.4, 0.0, 5.0)
-    slow, slow_logs = naive_whiten(y, 8.0, 15.0, 1.3, 0.4, 5.0)
+    white, logs = kernels.whiten(y[None, :], 8.0, 0.0, 15.0, lag, 1.3, 0.0, 0.0, 0.4, 0.0, 5.0)
+    slow, slow_logs = naive_whiten(y, 8.0, loads, 0.4, 5.0)
     assert np.allclose(white[0], slow, atol=1e-5)
     assert logs == pytest.approx(slow_logs, abs=1e-3)
 

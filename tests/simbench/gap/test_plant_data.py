@@ -11,11 +11,14 @@ import pytest
 
 from detectors.io import read_record
 from scenarios.spec import Loop
-from simbench.gap.assess import assess
+from simbench.gap.assess import Assessment, assess, load_memory
+from simbench.gap.candidates import fit_candidates
 from simbench.gap.check import check
 from simbench.gap.diagnosis import diagnose
-from simbench.gap.identify import identify, plausible, remarks, spacing
+from simbench.gap.fit import Engine, Spec
+from simbench.gap.identify import identify, in_both_halves, plausible, remarks
 from simbench.gap.plant_data import by_flag, by_unit_group, diagnose_folder
+from simbench.gap.spacing import spacing
 from simbench.loop.simulate import simulate
 
 REAL = Path(__file__).parents[4] / "shared" / "data" / "real"
@@ -51,6 +54,10 @@ def without_baseline(record):
 
 def remarks_on(record):
     return remarks(check(record, identify(record), trusted=False))
+
+
+def notes_on(record):
+    return check(record, identify(record), trusted=False).notes
 
 
 def test_friction_that_mv_shows_is_named_without_a_baseline():
@@ -115,7 +122,22 @@ def test_decimals_that_hide_nothing_are_no_effect():
 def test_a_set_point_that_never_rests_does_not_move_in_steps():
     record = record_of(FLOW, "self-regulating")
     slave = replace(record, sp=50.0 + 0.01 * np.sin(np.arange(record.n)))
-    assert not any(n.startswith("set-point steps") for n in remarks_on(slave))
+    assert not any(n.startswith("set-point steps") for n in notes_on(slave))
+
+
+def test_set_point_steps_are_said_beside_a_baseline_too():
+    notes = check(record_of(FLOW, "self-regulating"), Loop.from_table(FLOW)).notes
+    assert "set-point steps: SP moves in 2 steps, the largest 5" in notes
+
+
+def test_friction_in_both_halves_is_asked_of_a_record_with_1_over_f_load_too():
+    record = record_of(FLOW | STICKY, "self-regulating", kick=6.0)
+    situation = check(record, identify(record), trusted=False)
+    engine = Engine(situation.data, load_memory(situation))
+    base = engine.fit(Spec(pink=True), engine.start())
+    friction = fit_candidates(engine, base, ["stiction"])
+    found = Assessment(situation, base, friction, {}, {}, [], base)
+    assert in_both_halves(found, "stiction")
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.1234, -31.4])
@@ -200,4 +222,4 @@ def test_pv_of_plants_that_repeats_its_values_stands_on_a_lattice(name):
 @on_plant_data
 def test_set_point_steps_of_a_plant_record_are_said():
     record = read_record(REAL / "SGPT_2411FIC20102_1107-0006.csv", process="self-regulating")
-    assert any(n.startswith("set-point steps: SP moves in 2 steps") for n in remarks_on(record))
+    assert any(n.startswith("set-point steps: SP moves in 2 steps") for n in notes_on(record))

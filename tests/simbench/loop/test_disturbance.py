@@ -1,0 +1,42 @@
+"""Coloured loads: the size and the memory that the loop file states."""
+
+import numpy as np
+import pytest
+from scipy.signal import welch
+
+from scenarios.spec import Part
+from simbench.loop.disturbance import disturbance_signal
+
+
+def coloured(n=200_000, Ts=1.0, seed=0, **parameters):
+    return disturbance_signal(Part(name="coloured", parameters=parameters), n, Ts, np.random.default_rng(seed))[1]
+
+
+@pytest.mark.parametrize(("period", "lag"), [(20.0, 0.0), (20.0, 5.0), (12.0, 12.0), (4.0, 15.0), (20.0, 0.1)])
+@pytest.mark.parametrize("Ts", [1.0, 0.25])
+def test_standard_deviation_is_the_amplitude_with_and_without_lag(period, lag, Ts):
+    assert np.std(coloured(Ts=Ts, amplitude=2.0, period=period, lag=lag)) == pytest.approx(2.0, rel=0.06)
+
+
+def test_a_vanishing_lag_changes_nothing():
+    assert np.allclose(coloured(n=500, amplitude=2.0, period=20.0, lag=1e-3), coloured(n=500, amplitude=2.0, period=20.0))
+
+
+def test_without_lag_the_memory_is_the_period():
+    x = coloured(amplitude=1.0, period=20.0)
+    assert np.mean(x[20:] * x[:-20]) == pytest.approx(np.exp(-1), abs=0.05)
+
+
+@pytest.mark.parametrize(("lag", "power"), [(0.0, 2.0), (10.0, 4.0)])
+def test_power_falls_with_the_second_power_of_frequency_or_with_lag_the_fourth(lag, power):
+    # corners at 1/(2 pi 10 s) and 1/(2 pi 20 s): beyond both and far below the sampling's end
+    f, p = welch(coloured(Ts=0.2, amplitude=1.0, period=20.0, lag=lag), fs=5.0, nperseg=4096)
+    band = (f > 0.08) & (f < 0.4)
+    assert -np.polyfit(np.log(f[band]), np.log(p[band]), 1)[0] == pytest.approx(power, abs=0.25)
+    low = (f > 0) & (f < 0.003)
+    assert p[low].mean() > 20 * p[band].mean()
+
+
+def test_a_longer_signal_begins_with_the_same_bits():
+    short, long = (coloured(n=n, amplitude=1.0, period=20.0, lag=5.0) for n in (300, 900))
+    assert np.array_equal(short, long[:300])
