@@ -25,6 +25,7 @@ TEMPERATURE = 0.35  # of the softmax where the baseline was identified: such lik
 NONE_GAIN = 4.0  # nats an effect must bring there to be as probable as none
 BEHIND = 6.0  # nats by which a second effect follows the first there
 STRANGE = 0.9  # probability of "unknown" there once a test fails
+NUMBERS = ("temperature", "slope", "offset", "caution")
 KNOWN = (*EFFECTS, NONE)  # what the first model ranks; the second decides whether it is none of these
 
 
@@ -134,12 +135,30 @@ def probabilities(rows: Sequence[Mapping[str, Row]]) -> np.ndarray:
     X = [candidate_rows(r, c["record"], c["effect"]) for r in rows]
     z = ranks.predict(np.vstack(X), raw_score=True).reshape(len(rows), len(KNOWN))
     u = stranger.predict(np.array([record_row(r, c["record"], c["effect"]) for r in rows]), raw_score=True)
-    return combined(z, u, c["temperature"], c["slope"], c["offset"])
+    return combined(z, u, *(c[name] for name in NUMBERS))
 
 
-def combined(z: np.ndarray, u: np.ndarray, temperature: float, slope: float, offset: float) -> np.ndarray:
-    """Return probabilities from the scores of the known answers (records, 23) and of `unknown` (records,)."""
+def combined(
+    z: np.ndarray, u: np.ndarray, temperature: float, slope: float, offset: float, caution: float = 0.0
+) -> np.ndarray:
+    """Return probabilities from the scores of the known answers (records, 23) and of `unknown` (records,).
+
+    Parameters
+    ----------
+    z, u : ndarray, shapes (records, 23) and (records,)
+    temperature : float
+        Of the softmax over the known answers.
+    slope, offset : float
+        Of the logit of unknown.
+    caution : float
+        Logit added to none, so that an effect is seldom named where there is none.
+
+    Returns
+    -------
+    ndarray, shape (records, 24)
+    """
     z = z / temperature
+    z[:, -1] += caution
     p = np.exp(z - z.max(axis=1, keepdims=True))
     p /= p.sum(axis=1, keepdims=True)
     q = expit(slope * u + offset)

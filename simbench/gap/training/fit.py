@@ -1,7 +1,8 @@
 """Grow the trees that weigh evidence: `python -m simbench.gap.training.fit DIR`, DIR from `simbench.gap.training.make`.
 
 Two models: one ranks the 22 effects and none against each other, one says whether something unknown is there. Their scores
-become probabilities by a temperature, a slope and an offset fitted on cases that the trees did not see.
+become probabilities by a temperature, a slope and an offset fitted on cases that the trees did not see, and by the caution
+that keeps false alarms rare on them.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from simbench.gap.training.make import load
 from simbench.gap.weigh import KNOWN, LEARNED, candidate_rows, combined, record_row
 
 FOLDS = 5
+FALSE_ALARMS = 0.05  # share of records without effect on which one may be named
 ANSWERS = (*KNOWN, UNKNOWN)
 COMMON = {
     "learning_rate": 0.06, "lambda_l2": 3.0, "feature_fraction": 0.3, "bagging_fraction": 0.8, "bagging_freq": 1,
@@ -57,7 +59,7 @@ def fit(examples: Sequence[Mapping[str, Any]]) -> tuple[Any, Any, dict[str, Any]
     -------
     known, unknown : lightgbm.Booster
     calibration : dict
-        Names of the columns, the three numbers of `weigh.combined`, and what cross-validation found.
+        Names of the columns, the four numbers of `weigh.combined`, and what cross-validation found.
 
     Notes
     -----
@@ -83,9 +85,30 @@ def fit(examples: Sequence[Mapping[str, Any]]) -> tuple[Any, Any, dict[str, Any]
 
     best = minimize(surprise, [0.0, 1.0, 0.0], method="Nelder-Mead")
     numbers = {"temperature": float(np.exp(best.x[0])), "slope": float(best.x[1]), "offset": float(best.x[2])}
+    none = np.array([t == (NONE,) for t in right])
+    numbers["caution"] = caution(combined(z, u, **numbers)[none]) if none.any() else 0.0
     p = combined(z, u, **numbers)
     known, unknown = _grow(X, R, Y)
     return known, unknown, {**numbers, "record": record, "effect": effect, "found": _found(examples, right, p)}
+
+
+def caution(p: np.ndarray) -> float:
+    """Return the logit by which none must be favoured for an effect to be named on so few records without one.
+
+    Parameters
+    ----------
+    p : ndarray, shape (records, 24)
+        Probabilities on records without effect.
+
+    Returns
+    -------
+    float
+        Not below 0.
+    """
+    lead = np.log(p[:, : len(EFFECTS)].max(axis=1)) - np.log(p[:, len(EFFECTS)])
+    # where unknown wins, no effect is named
+    lead = np.where(p[:, -1] > p[:, :-1].max(axis=1), -np.inf, lead)
+    return max(0.0, float(np.quantile(lead, 1.0 - FALSE_ALARMS, method="higher")))
 
 
 def _grow(X: np.ndarray, R: np.ndarray, Y: np.ndarray) -> tuple[Any, Any]:

@@ -21,7 +21,7 @@ CASES = {
 }
 
 
-TOLERANCE = 0.05
+TOLERANCE = 1e-3
 
 
 def rescaled(case: Case, pv: float = 1.0, Ts: float = 1.0) -> tuple:
