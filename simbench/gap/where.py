@@ -290,6 +290,10 @@ def _sentence(block: str, found: Assessment, says: list[str], share: float) -> s
         return f"Single samples of PV show: {what or 'a standstill'}."
     driver = "OP" if s.record.mv is None else "MV"
     own = next((e for e in says if e in found.candidates or e == "outliers"), "")
+    beside = next((e for e in found.chosen if block_of(e) == block and e in found.second_gains), "")
+    if not own and beside and share > 0.0:
+        gain, first = found.second_gains[beside], _words(e for e in found.chosen if e != beside)
+        return f"Driven with {driver}, {_words([beside])} makes PV {gain:.0f} nats likelier once {first} is in."
     if not own:
         return f"Driven with {driver}, nothing freed in it predicts PV better{'; ' + what if what else ''}."
     gain = found.candidates[own].gain if own in found.candidates else found.gains[own]
