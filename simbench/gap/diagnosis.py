@@ -22,7 +22,7 @@ from simbench.gap.next_test import choose
 from simbench.gap.partial import Partial, completed
 from simbench.gap.result import Gap, GapReport, Ranked
 from simbench.gap.shrink import Arm, Shrinkage, measure, simulate_arm
-from simbench.gap.weigh import Weights, weigh
+from simbench.gap.weigh import Shift, Weights, weigh
 from simbench.gap.where import FAINT, where
 
 
@@ -77,7 +77,11 @@ def diagnose(
         if lucky is not None:
             strange = strangers(found.situation, found.tests, found.stranger, found.chosen, lucky.tests)
             found = replace(found, strange=strange)
-        return report(found, weigh(found, lucky.shift if lucky else None), seed, more, lucky)
+        shift = lucky.shift if lucky else Shift()
+        if not found.situation.trusted:
+            # "unknown" has no probability there that kind luck could raise
+            shift = Shift(max(shift.none, 0.0), max(shift.unknown, 0.0))
+        return report(found, weigh(found, shift), seed, more, lucky)
 
 
 def _assess_all(records: list[LoopRecord], baseline: Loop | Partial | None) -> tuple[Assessment, list[str]]:
