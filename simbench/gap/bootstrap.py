@@ -60,7 +60,7 @@ def chance(found: Assessment, seed: int = 0, jobs: int = 1, trials: int = TRIALS
         return None
     gain, none, unknown = (_high([r[i] for r in results]) for i in range(3))
     # the trees know what chance does on most loops; this loop may be kinder or crueller, within reason
-    shift = Shift(float(np.clip(none, *KINDER)), float(np.clip(unknown, *KINDER)))
+    shift = Shift(float(np.clip(none, *KINDER)), float(np.clip(unknown, 0.0, KINDER[1])))
     usual = {name: max(r[3][name] for r in results) for name in LIMITS}
     return Chance(gain, usual, shift, len(results))
 

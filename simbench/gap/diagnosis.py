@@ -21,7 +21,7 @@ from simbench.gap.names import EFFECTS, NONE, UNKNOWN, block_of
 from simbench.gap.next_test import choose
 from simbench.gap.partial import Partial, completed
 from simbench.gap.result import Gap, GapReport, Ranked
-from simbench.gap.weigh import Weights, weigh
+from simbench.gap.weigh import Shift, Weights, weigh
 from simbench.gap.where import FAINT, where
 
 
@@ -76,8 +76,12 @@ def diagnose(
         if lucky is not None:
             strange = strangers(found.situation, found.tests, found.stranger, found.chosen, lucky.tests)
             found = replace(found, strange=strange)
+        shift = lucky.shift if lucky else Shift()
+        if not found.situation.trusted:
+            # "unknown" has no probability there that kind luck could raise
+            shift = Shift(max(shift.none, 0.0), shift.unknown)
         arms = Arms(found, seed)
-        return report(found, weigh(found, lucky.shift if lucky else None, arms), arms, more, lucky)
+        return report(found, weigh(found, shift, arms), arms, more, lucky)
 
 
 def _assess_all(records: list[LoopRecord], baseline: Loop | Partial | None) -> tuple[Assessment, list[str]]:

@@ -64,12 +64,12 @@ def _identified_plant(record: LoopRecord, op: np.ndarray, controller: Controller
 def _identified_controller(record: LoopRecord, op: np.ndarray, sign: float) -> Controller:
     rough, slow = _rough_gain(op, np.asarray(record.pv)), 20.0 * record.Ts
     law = examine_law(op, np.asarray(record.pv), record.sp, record.Ts, sign * rough, slow, trusted=False)
-    return Controller(
-        type="PI",
-        Kc=abs(law.Kc) if np.isfinite(law.Kc) and law.Kc != 0 else rough,
-        Ti=law.Ti if np.isfinite(law.Ti) and law.Ti > 0 else slow,
-        direction="reverse" if sign > 0 else "direct",
-    )
+    Kc = abs(law.Kc) if np.isfinite(law.Kc) and law.Kc != 0 else rough
+    direction = "reverse" if sign > 0 else "direct"
+    if law.known and np.isinf(law.Ti):
+        return Controller(type="P", Kc=Kc, direction=direction)
+    Ti = law.Ti if np.isfinite(law.Ti) and law.Ti > 0 else slow
+    return Controller(type="PI", Kc=Kc, Ti=Ti, direction=direction)
 
 
 def _plant(record: LoopRecord, u: np.ndarray, pv: np.ndarray, resolution: float) -> tuple[bool, Fit]:

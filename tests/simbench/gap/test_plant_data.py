@@ -95,6 +95,13 @@ def test_a_given_plant_type_is_kept():
     assert identify(record_of(FLOW, "integrating")).plant.type == "integrating"
 
 
+def test_tuning_is_found_proportional_alone_too():
+    P = {"type": "P", "Kc": 1.5}
+    assert identify(record_of(SHORT | {"controller": P}, "self-regulating")).controller.type == "P"
+    found = identify(record_of(SHORT, "self-regulating")).controller
+    assert (found.type, found.Kc, found.Ti) == ("PI", pytest.approx(1.5, rel=1e-3), pytest.approx(20.0, rel=1e-3))
+
+
 def test_a_sticky_level_loop_of_unknown_process_names_friction_and_says_what_was_assumed():
     found = without_baseline(record_of(LEVEL | STICKY, kick=6.0))
     assert {"stiction", "deadband"} & set(found.chosen)
@@ -111,6 +118,11 @@ def test_a_quantised_healthy_record_names_quantisation_and_its_set_point_steps()
     assert report.effect == "quantisation"
     assert any(n.startswith("quantisation: ") and ", 0.37 apart" in n for n in report.notes)
     assert "set-point steps: SP moves in 2 steps, the largest 5" in report.notes
+
+
+def test_a_healthy_record_without_a_baseline_is_none_also_where_luck_is_kind():
+    report = diagnose(record_of(FLOW | {"sampling": {"Ts": 1.0, "n": 400}}, "self-regulating"), None)
+    assert report.effect == "none"
 
 
 def test_decimals_that_hide_nothing_are_no_effect():
