@@ -316,7 +316,10 @@ def travel(
 @gap_app.command("diagnose")
 def gap_diagnose(
     records: Annotated[list[Path], typer.Argument(metavar="REC.csv ...", help="Records of one loop, judged together.")],
-    baseline: Annotated[Path | None, typer.Option(metavar="LOOP.toml", help="The simulation that does not fit.")] = None,
+    baseline: Annotated[
+        Path | None,
+        typer.Option(metavar="LOOP.toml", help="The simulation that does not fit; [plant] or [controller] may be missing."),
+    ] = None,
     identify: Annotated[bool, typer.Option("--identify", help="No baseline: estimate one from the record.")] = False,
     jobs: Jobs = 1,
     no_bootstrap: Annotated[bool, typer.Option("--no-bootstrap", help="Faster; none and unknown less sure.")] = False,
