@@ -32,7 +32,7 @@ real: $(READY)             ## every record of real loops, every method, scored b
 leak: $(READY)             ## can a scenario's settings alone predict its label? They must not
 	$(BIN)/python -m simbench.bench.leak
 
-learn: $(READY)            ## grow the trees that give the gap diagnosis its probabilities; hours, can be resumed
+learn: $(READY)            ## grow the trees that give the gap diagnosis its probabilities; half an hour, can be resumed
 	$(BIN)/python -m simbench.gap.training.make runs/gap-training -n 3000 -j 2
 	$(BIN)/python -m simbench.gap.training.fit runs/gap-training
 
