@@ -9,7 +9,7 @@ import numpy as np
 from detectors.errors import UserError
 from scenarios.spec import Loop
 from simbench.gap.check import Situation
-from simbench.gap.features import CAP, distance, features, floor_of, seed_spread
+from simbench.gap.features import CAP, chance_of, distance, features, floor_of, seed_spread
 from simbench.loop.simulate import simulate
 
 HELD_OUT = 0.35  # last share of the record, on which nothing is fitted
@@ -117,13 +117,16 @@ def measure(situation: Situation, before: Arm, recalibrated: Arm, after: Arm, se
         return Shrinkage(b, r, a, f, False, None, 0.0, 0.0, per)
     rng = np.random.default_rng([seed, 41])
     draws = []
+    # features move together from record to record, which drawing them one by one would average away
+    chance = [chance_of(arms[0], spread), chance_of(arms[2], spread)]
     for _ in range(40):
         rows = [x[np.unique(rng.integers(0, len(x), len(x)))] for x in (arms[0], arms[2])]
         before_, after_ = (x if len(x) > 2 else y for x, y in zip(rows, (arms[0], arms[2])))
         keep = rng.integers(0, real.size, real.size)
         ruler = np.sqrt(np.mean([seed_spread(x) ** 2 for x in (before_, arms[1], after_)], axis=0))
         far = np.minimum(np.abs(np.array([real - x.mean(axis=0) for x in (before_, after_)])) / ruler, CAP)[:, keep]
-        draws.append(closed(float(far[0].mean()), float(far[1].mean()), f))
+        before_d, after_d = (float(x.mean() + rng.choice(c)) for x, c in zip(far, chance))
+        draws.append(closed(before_d, after_d, f))
     lo, hi = np.quantile(draws, [0.05, 0.95])
     return Shrinkage(b, r, a, f, True, closed(b, a, f), float(lo), float(hi), per)
 

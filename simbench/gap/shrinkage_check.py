@@ -296,23 +296,24 @@ def draw(found: Study, path: Path) -> None:
     path : Path
         PNG.
     """
+    from matplotlib import colormaps
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     t = found.pairs[found.pairs.resolvable.astype(bool)]
-    figure = Figure(figsize=(6.4, 5.6), layout="constrained")
+    figure = Figure(figsize=(7.4, 5.6), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
     axes.plot([-1, 1], [-1, 1], color="0.7", lw=1)
     rng = np.random.default_rng(0)
-    for (way, part), shade in zip(t[t.way.notna()].groupby("way"), np.linspace(0.0, 0.9, len(WAYS))):
-        colour = (shade, 0.45, 1.0 - shade)
-        axes.scatter(part.true + rng.normal(0, 0.006, len(part)), part.claimed, s=14, color=colour, alpha=0.6, label=f"{way:g}")
+    colours = colormaps["viridis"](np.linspace(0.0, 0.95, len(WAYS)))
+    for (way, part), colour in zip(t[t.way.notna()].groupby("way"), colours):
+        axes.scatter(part.true + rng.normal(0, 0.006, len(part)), part.claimed, s=14, color=colour, alpha=0.7, label=f"{way:g}")
     wrong = t[t.way.isna()]
-    axes.scatter(wrong.true, wrong.claimed, s=18, marker="x", color="0.2", alpha=0.7, label="wrong effect")
+    axes.scatter(wrong.true, wrong.claimed, s=18, marker="x", color="crimson", alpha=0.8, label="wrong effect")
     axes.set_xlabel("true share closed (independent simulator)")
     axes.set_ylabel("claimed share closed")
-    axes.legend(title="share of the true\nparameters", fontsize=8, title_fontsize=8, loc="lower right")
+    figure.legend(title="share of the true\nparameters", fontsize=8, title_fontsize=8, loc="outside right upper")
     axes.set_title(f"{t.record.nunique()} records, parameters known", fontsize=10)
     figure.savefig(path, dpi=130)
 
