@@ -55,3 +55,13 @@ class Arms:
             self.kept[key] = (before, again or before, after or before)
             self.done[key] = measure(s, *self.kept[key], seed=self.seed)
         return self.done[key]
+
+    def rival(self, effects: Sequence[str], named: Sequence[str]) -> Shrinkage | None:
+        """Return what other effects close under the load of the named ones; None where that loop cannot be simulated."""
+        f, s = self.found, self.found.situation
+        self.shrink(named)
+        before, again, _ = self.kept[tuple(named)]
+        own = {e: f.parameters[e] for e in effects if e in f.parameters}
+        loop = fixed_loop(s, self._fit(effects), own, plant="fitted", load=self._fit(named))
+        after = simulate_arm(s, loop, self.seed, float(own.get("stiction", {}).get("S", 0.0)))
+        return None if after is None else measure(s, before, again, after, seed=self.seed)

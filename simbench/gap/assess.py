@@ -170,6 +170,12 @@ def capped(gain: float) -> float:
     return gain if gain <= most else most + 0.09 * SURE * (1.0 - most / gain)
 
 
+def uncapped(gain: float) -> float:
+    """Return the nats that `capped` made a gain of; what single samples prove stays as it is."""
+    most = 0.9 * SURE
+    return gain if gain <= most or gain >= SURE - 1.0 else most / (1.0 - (gain - most) / (0.09 * SURE))
+
+
 def beyond_healthy(S: float) -> float:
     """Return how far a band exceeds what a healthy valve may have, from 0 to 1."""
     return float(np.clip((S - HEALTHY) / (0.5 * HEALTHY), 0.0, 1.0))

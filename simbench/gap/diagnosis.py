@@ -133,12 +133,12 @@ def report(
         named += [e for e in found.chosen if e != first and block_of(e) != block_of(first)][:1] if first in found.chosen else []
     effects = [e for e in named if e in EFFECTS]
     main = arms.shrink(effects)
-    shown = {e: arms.shrink([e]) for e, _ in ranking[:3] if e in EFFECTS and e in found.parameters}
-    if first in shown and effects == [first]:
+    rivals = {e: arms.rival([e], effects) for e, _ in ranking[:3] if e in found.parameters and [e] != effects}
+    shown = {e: gap for e, gap in rivals.items() if gap is not None}
+    if len(effects) == 1:
         shown[first] = main
     lines = []
     for e, p in ranking:
-        # the load that a candidate was fitted with stands in both of its arms
         before, after = (shown[e].before, shown[e].after) if e in shown else (main.before,) * 2 if e == NONE else (None, None)
         lines.append(Ranked(e, _block(e, weights), float(p), before, after, found.parameters.get(e, {})))
     gap = Gap(main.before, main.recalibrated, main.after, main.floor, main.resolvable)

@@ -7,7 +7,7 @@ import numpy as np
 from detectors.errors import RecordError
 from simbench.gap import innovations as kernels
 from simbench.gap.arms import Arms
-from simbench.gap.assess import Assessment, load_memory
+from simbench.gap.assess import Assessment, load_memory, uncapped
 from simbench.gap.model import Fit
 from simbench.gap.names import EFFECTS, block_of
 from simbench.gap.valve_map import HEALTHY
@@ -122,8 +122,10 @@ def _load(fit: Fit, found: Assessment) -> Row:
 def _effect(effect: str, found: Assessment, gains: dict[str, float]) -> Row:
     s, mine = found.situation, gains[effect]
     block = block_of(effect)
+    rivals = [uncapped(g) for e, g in found.gains.items() if e != effect and block_of(e) == block]
     row = {
         "gain": mine,
+        "nats ahead in block": squashed(uncapped(found.gains[effect]) - max(rivals)),
         "hard": float(effect in s.hard),
         "lead": mine - max(g for e, g in gains.items() if e != effect),
         "lead in block": mine - max((g for e, g in gains.items() if e != effect and block_of(e) == block), default=-3.0),

@@ -112,12 +112,18 @@ def fixed_loop(
     if not situation.trusted:
         table["noise"] = {"std": fit.theta["noise"]}
     source = load or fit
-    K = abs(table["plant"]["K"]) * (Ts if situation.integrating else 1.0)
+    # a load was fitted as what it does to PV, through the gain of that fit; at the input it is the same in every arm
+    K = max(abs(source.K), 0.02 * abs(d.K))
     table["disturbance"] = [
         {"type": "coloured", "amplitude": std / K, "period": period * Ts, **({"lag": lag * Ts} if lag > 0.0 else {})}
         for std, period, lag in load_parts(source.theta)
     ]
-    table["operating_point"] = {"op0": _rest(situation, fit), "pv0": float(sp[0])}
+    # a ramp begins at 0: OP's mean lies half of it away from where the record began
+    half = 0.5 * n * Ts
+    led = float(effects.get("load_drift", {}).get("rate", 0.0)) * half
+    if d.T > 0:
+        led += float(effects.get("drift", {}).get("rate", 0.0)) * half / table["plant"]["K"]
+    table["operating_point"] = {"op0": _clip(_rest(situation, fit) + led, 1.0, 99.0), "pv0": float(sp[0])}
     table["effect"] = [*table.get("effect", []), *({"name": e, **p} for e, p in effects.items())]
     return Loop.from_table(table, "fixed loop")
 

@@ -62,7 +62,7 @@ def hunt(engine: Engine, base: Fit, kind: int, coarse: np.ndarray, few: bool = F
 @lru_cache(maxsize=4)
 def idle(engine: Engine, base: Fit) -> dict[str, float]:
     """Return the base's parameters with the load that would be needed if the valve never moved."""
-    beyond = 1.5 * float(np.ptp(engine.data.u))
+    beyond = 1.5 * float(np.ptp(engine.data.u)) or 1.0
     stuck = mapped(engine, replace(base.spec, pole=""), base.theta, kernels.PLAY, np.array([beyond, 0.0, 0.0]))
     alone = settle(engine, stuck, steps=10).theta
     return {**base.theta, **{m: alone[m] for m in SMOOTH if m in alone}}

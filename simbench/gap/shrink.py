@@ -47,7 +47,7 @@ def simulate_arm(situation: Situation, loop: Loop, seed: int, kick: float = 0.0,
     Arm or None
         None when the loop cannot be simulated or runs away.
     """
-    start = held_out(situation)
+    start, late = held_out(situation), situation.law.lag
     op, pv, best = [], [], None
     for i in range(seeds):
         try:
@@ -56,7 +56,8 @@ def simulate_arm(situation: Situation, loop: Loop, seed: int, kick: float = 0.0,
             return None
         if not (np.all(np.isfinite(record.pv)) and np.abs(record.pv).max() < 1e9):
             return None
-        op.append(record.op[start:])
+        # an archive that logs OP a scan late does so whatever the loop
+        op.append(record.op[start - late : record.n - late])
         pv.append(record.pv[start:])
         if best is None:
             best = record
