@@ -14,6 +14,7 @@ from simbench.gap.standstill import error_gap, limits_of, skips_scans
 EXACT = 0.03  # residual of dOP, relative to dOP, below which the law is taken as known
 RETUNED = 0.13  # |ln ratio| of Kc or Ti from which the tuning is another one
 FEW = 6  # samples kept by an archive from which it can be compared with what OP says of PV
+FINER = 0.02  # of OP's lattice, to which rounding never brings a law
 THINNED = 0.25  # share of PV on straight lines from which the archive is known to have been thinned
 
 
@@ -120,6 +121,11 @@ def _examine(
         found["saturation"] = {"lo": 0.0, "hi": 100.0, **limits}
 
     relevant = step > 0.0 and step > max(0.001 * float(np.std(op)), 5.0 * unit)
+    if relevant:
+        bare = by_steps(du, e, rows, Kc, Ki, size, sp is None)
+        off = du - bare.a * e[1:] - bare.b * e[:-1]
+        # a law that meets OP far within its lattice leaves nothing for rounding: the lattice is PV's, handed on
+        relevant = float(np.quantile(np.abs(off[rows] - np.median(off[rows])), 0.9)) > FINER * step
     grid = lattice(pv, written_unit(pv, op))
     line = on_line(pv, written_unit(pv, op)) if grid == 0.0 else np.zeros(pv.size, dtype=bool)
     moving = np.diff(pv) != 0.0

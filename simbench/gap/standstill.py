@@ -53,6 +53,8 @@ def error_gap(op: np.ndarray, e: np.ndarray, rows: np.ndarray, least: float) -> 
     # still exactly when this error and the one before are inside the band
     reach = np.maximum(np.abs(e[1:]), np.abs(e[:-1]))[rows]
     still = still[rows]
+    if np.median(reach[still]) <= 1e-9 * max(float(np.abs(e).max()), 1e-12):
+        return 0.0  # an error of exactly 0, as a coarse PV has it, moves no OP anyway
     order = np.argsort(reach)
     hits = np.cumsum(np.where(still[order], 1, -1))
     split = int(np.argmax(hits))
