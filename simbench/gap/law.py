@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from simbench.gap.names import EFFECTS
 from simbench.gap.pi_fit import FORMS, about_zero, by_steps, by_sums, spread, with_derivative
 from simbench.gap.samples import lattice, on_line, written_unit
 from simbench.gap.seen import FAITHFUL, ROUNDED, hidden_law, seen_pv
@@ -204,7 +205,10 @@ def _examine(
 
 
 def _retuned(Kc_factor: float, Ti_factor: float) -> dict[str, dict[str, float]]:
-    """Return the effect of a tuning that differs from the baseline's, nothing when it hardly does."""
+    """Return the effect of a tuning that differs from the baseline's, nothing when it hardly does or no tuning could."""
+    bounds = EFFECTS["detuning"].parameters["Kc_factor"]
+    if not bounds.low <= Kc_factor <= bounds.high:
+        return {}
     shift = max(abs(np.log(max(Kc_factor, 1e-6))), abs(np.log(Ti_factor)))
     return {"detuning": {"Kc_factor": Kc_factor, "Ti_factor": Ti_factor}} if shift > RETUNED else {}
 
