@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
 BANDS = 6  # octave-like bands of the spectra
 LAGS = (1, 3, 10, 30)
 
+Features = dict[str, Any]  # numbers, or arrays of them where several runs are looked at together
 
-def features(op: np.ndarray, pv: np.ndarray, sp: np.ndarray) -> dict[str, np.ndarray]:
+
+def features(op: np.ndarray, pv: np.ndarray, sp: np.ndarray) -> Features:
     """Return the features of one (part of a) record, or of several at once.
 
     Parameters
@@ -24,7 +27,7 @@ def features(op: np.ndarray, pv: np.ndarray, sp: np.ndarray) -> dict[str, np.nda
         Logarithms of sizes and of band powers, correlations, and shares; no feature has a unit that a gap could hide in.
     """
     e = pv - sp
-    out: dict[str, np.ndarray] = {}
+    out: Features = {}
     for name, x in (("pv", e), ("op", op)):
         x = x - x.mean(axis=-1, keepdims=True)
         d = np.diff(x)
@@ -60,7 +63,7 @@ def features(op: np.ndarray, pv: np.ndarray, sp: np.ndarray) -> dict[str, np.nda
     return out
 
 
-def as_matrix(many: list[dict[str, np.ndarray]]) -> np.ndarray:
+def as_matrix(many: list[Features]) -> np.ndarray:
     """Return features of several runs as (runs, features)."""
     return np.array([list(f.values()) for f in many])
 

@@ -10,7 +10,7 @@ import numpy as np
 from detectors.errors import UserError
 from detectors.record import LoopRecord
 from scenarios.spec import Loop
-from simbench.gap.features import features
+from simbench.gap.features import Features, features
 from simbench.loop.setup import resolve_loop
 from simbench.loop.simulate import run_setup
 
@@ -25,14 +25,14 @@ class PlantTest:
 
     name: str
     says: str
-    run: Callable[[Loop, float, float, int], dict[str, float]]
+    run: Callable[[Loop, float, float, int], Features]
 
 
 def _plain(loop: Loop, du: float, dsp: float, seed: int) -> LoopRecord:
     return run_setup(resolve_loop(_short(loop), seed)).record
 
 
-def _with_mv(loop: Loop, du: float, dsp: float, seed: int) -> dict[str, float]:
+def _with_mv(loop: Loop, du: float, dsp: float, seed: int) -> Features:
     record = _plain(loop, du, dsp, seed)
     assert record.mv is not None
     off = record.mv - record.op
@@ -40,7 +40,7 @@ def _with_mv(loop: Loop, du: float, dsp: float, seed: int) -> dict[str, float]:
     return {**seen, "mv off": np.log(float(np.std(off)) + 1e-3), "mv mean": float(np.mean(off))}
 
 
-def _sp_step(loop: Loop, du: float, dsp: float, seed: int) -> dict[str, float]:
+def _sp_step(loop: Loop, du: float, dsp: float, seed: int) -> Features:
     span = loop.sampling.Ts * SAMPLES
     start = loop.setpoint.value
     steps = [[0.2 * span, start + dsp], [0.5 * span, start - dsp], [0.8 * span, start]]
@@ -51,14 +51,14 @@ def _sp_step(loop: Loop, du: float, dsp: float, seed: int) -> dict[str, float]:
     return features(record.op, record.pv, record.sp)
 
 
-def _gain_change(loop: Loop, du: float, dsp: float, seed: int) -> dict[str, float]:
+def _gain_change(loop: Loop, du: float, dsp: float, seed: int) -> Features:
     short = _short(loop)
     r = run_setup(resolve_loop(short.with_("controller.Kc", 0.5 * loop.controller.Kc), seed)).record
     assert r.sp is not None
     return features(r.op, r.pv, r.sp)
 
 
-def _bump(loop: Loop, du: float, dsp: float, seed: int) -> dict[str, float]:
+def _bump(loop: Loop, du: float, dsp: float, seed: int) -> Features:
     setup = resolve_loop(_short(loop, SAMPLES // 3), seed)
     # in manual: a controller without gain keeps the bump
     setup.Kc = 1e-12
@@ -68,7 +68,7 @@ def _bump(loop: Loop, du: float, dsp: float, seed: int) -> dict[str, float]:
     return {**shape, "bump noise": np.log(float(np.std(np.diff(moved))) + 1e-9)}
 
 
-def _faster(loop: Loop, du: float, dsp: float, seed: int) -> dict[str, float]:
+def _faster(loop: Loop, du: float, dsp: float, seed: int) -> Features:
     record = _plain(loop.with_("sampling.Ts", loop.sampling.Ts / 4), du, dsp, seed)
     assert record.sp is not None
     return features(record.op, record.pv, record.sp)

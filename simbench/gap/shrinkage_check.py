@@ -115,7 +115,7 @@ def study(n: int, seed: int, jobs: int = 1) -> Study:
     """
     with Parallel(n_jobs=jobs, return_as="generator") as parallel:
         found = parallel(delayed(_one)(seed, i) for i in range(n))
-        done = list(tqdm(found, total=n, desc="records", file=sys.stderr, delay=1.0))
+        done: list[Any] = list(tqdm(found, total=n, desc="records", file=sys.stderr, delay=1.0))
     rows = [row for rows, _ in done for row in rows]
     why = [reason for _, reason in done if reason]
     return Study(pd.DataFrame(rows, columns=COLUMNS), {reason: why.count(reason) for reason in sorted(set(why))})

@@ -9,7 +9,7 @@ from scipy.fft import next_fast_len
 
 from detectors.record import LoopRecord
 from scenarios.spec import Loop
-from simbench.gap.features import features
+from simbench.gap.features import Features, features
 from simbench.loop.parameters import VALVES, valve_parameters
 from simbench.loop.setup import Setup, resolve_loop
 from simbench.loop.simulate import run_setup
@@ -227,7 +227,7 @@ def written(x: np.ndarray, digits: int) -> np.ndarray:
     return np.round(x, digits - 1 - int(np.floor(np.log10(max(float(np.abs(x).max()), 1e-12)))))
 
 
-def look(record: LoopRecord) -> dict[str, float]:
+def look(record: LoopRecord) -> Features:
     """Return the features of the whole record."""
     assert record.sp is not None
     return features(record.op, record.pv, record.sp)
