@@ -18,7 +18,7 @@ from simbench.gap.names import NONE, UNKNOWN
 from simbench.gap.weigh import Shift, weigh
 from simbench.loop.simulate import simulate
 
-TRIALS = 10
+TRIALS = 8
 KINDER = (-1.0, 4.0)  # logits
 
 
