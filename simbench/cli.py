@@ -14,8 +14,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import typer
 
-from detectors.errors import ParameterError, UserError, nearest
-from scenarios.errors import SpecError
+from detectors.errors import ParameterError, nearest
+from simbench.usage import complain, exit_code
 
 # typer has carried its own copy of click since 0.2x; its public error leads to the classes of whichever it uses
 CommandError: Any = typer.BadParameter.__mro__[2]
@@ -412,20 +412,10 @@ def main(arguments: list[str] | None = None) -> int:
     """
     command = typer.main.get_command(app)
     try:
-        code = command.main(args=arguments, prog_name="simbench", standalone_mode=False)
-        return int(code or 0)
+        return exit_code(lambda: command.main(args=arguments, prog_name="simbench", standalone_mode=False))
     except CommandError as error:
-        return _complain(_usage(error))
-    except (UserError, SpecError) as error:
-        return _complain(str(error))
-    except MemoryError:
-        return _complain("not enough memory for this; ask for fewer samples or scenarios")
-    except BrokenPipeError:
-        sys.stderr.close()
-        return 0
-    except OSError as error:
-        return _complain(f"{error.filename or 'output'}: {(error.strerror or str(error)).lower()}")
-    except (KeyboardInterrupt, typer.Abort) as error:
+        return complain(_usage(error))
+    except typer.Abort as error:
         print(str(error) or "interrupted", file=sys.stderr)
         return 130
 
@@ -433,11 +423,6 @@ def main(arguments: list[str] | None = None) -> int:
 def entry() -> None:
     """Console script."""
     sys.exit(main())
-
-
-def _complain(sentence: str) -> int:
-    print(f"error: {' '.join(sentence.split())}", file=sys.stderr)
-    return 2
 
 
 def _usage(error: Any) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 
 from simbench.bench.statistics import wilson
 from simbench.bench.store import Book
+from simbench.usage import exit_code
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -86,4 +87,4 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(exit_code(main))

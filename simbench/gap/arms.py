@@ -8,6 +8,7 @@ from detectors.errors import RecordError
 from scenarios.spec import Loop
 from simbench.gap.assess import Assessment
 from simbench.gap.fixed import fixed_loop
+from simbench.gap.model import Fit
 from simbench.gap.shrink import Arm, Shrinkage, measure, simulate_arm
 
 
@@ -20,13 +21,14 @@ class Arms:
         self.kept: dict[tuple[str, ...], tuple[Arm, Arm, Arm]] = {}
         self.shared: dict[tuple[str, int], Arm | None] = {}
 
-    def loop(self, effects: Sequence[str], plant: str = "fitted") -> Loop:
-        """Return the baseline with some effects in it."""
+    def loop(self, effects: Sequence[str], load: Fit | None = None) -> Loop:
+        """Return the baseline with some effects in it, under their own fit's load or another one."""
         f = self.found
         fit = self._fit(effects)
-        return fixed_loop(f.situation, fit, {e: f.parameters[e] for e in effects if e in f.parameters}, plant=plant, load=fit)
+        own = {e: f.parameters[e] for e in effects if e in f.parameters}
+        return fixed_loop(f.situation, fit, own, plant="fitted", load=load or fit)
 
-    def _fit(self, effects: Sequence[str]):
+    def _fit(self, effects: Sequence[str]) -> Fit:
         f = self.found
         if list(effects) == f.chosen:
             return f.final
@@ -38,18 +40,22 @@ class Arms:
             self.shared[key] = simulate_arm(self.found.situation, loop, self.seed)
         return self.shared[key]
 
+    def _after(self, effects: Sequence[str], load: Fit) -> Arm | None:
+        # a sticky loop left at rest may stay there
+        kick = float(self.found.parameters.get("stiction", {}).get("S", 0.0)) if "stiction" in effects else 0.0
+        return simulate_arm(self.found.situation, self.loop(effects, load), self.seed, kick)
+
     def shrink(self, effects: Sequence[str]) -> Shrinkage:
         """Return gap before, recalibrated, after and floor for some effects."""
         key = tuple(effects)
         if key not in self.done:
             f, s = self.found, self.found.situation
             fit = self._fit(effects)
-            kick = float(f.parameters.get("stiction", {}).get("S", 0.0)) if "stiction" in key else 0.0
             bare = fixed_loop(s, f.base, {}, plant="baseline", load=fit)
             tuned = fixed_loop(s, f.base, {}, plant="fitted", load=fit)
             before = self._arm(("bare", id(fit)), bare)
             again = self._arm(("tuned", id(fit)), tuned) or before
-            after = simulate_arm(s, self.loop(effects), self.seed, kick) if key else again
+            after = self._after(effects, fit) if key else again
             if before is None:
                 raise RecordError("the baseline cannot be simulated with this record's set point: it runs away")
             self.kept[key] = (before, again or before, after or before)
@@ -58,10 +64,7 @@ class Arms:
 
     def rival(self, effects: Sequence[str], named: Sequence[str]) -> Shrinkage | None:
         """Return what other effects close under the load of the named ones; None where that loop cannot be simulated."""
-        f, s = self.found, self.found.situation
         self.shrink(named)
         before, again, _ = self.kept[tuple(named)]
-        own = {e: f.parameters[e] for e in effects if e in f.parameters}
-        loop = fixed_loop(s, self._fit(effects), own, plant="fitted", load=self._fit(named))
-        after = simulate_arm(s, loop, self.seed, float(own.get("stiction", {}).get("S", 0.0)))
-        return None if after is None else measure(s, before, again, after, seed=self.seed)
+        after = self._after(effects, self._fit(named))
+        return None if after is None else measure(self.found.situation, before, again, after, seed=self.seed)

@@ -10,7 +10,6 @@ import numpy as np
 from simbench.gap import innovations as kernels
 from simbench.gap.fit import Engine
 from simbench.gap.hunt import (
-    ROUGH,
     SMOOTH,
     STARTS,
     band_sizes,
@@ -18,6 +17,7 @@ from simbench.gap.hunt import (
     idle,
     plants,
     promising,
+    settle,
 )  # fmt: skip
 from simbench.gap.model import Data, Fit, Spec, lag_of
 
@@ -266,7 +266,7 @@ def reshaped(engine: Engine, fit: Fit) -> Fit:
         theta = {**fit.theta, "load_time": 0.3 * fit.theta["load_time"], "load_lag": 0.1 * fit.theta["load_time"]}
     other = engine.fit(spec, theta, search=SMOOTH, steps=6)
     if promising(other, fit):
-        other = engine.fit(spec, other.theta, search=tuple(m for m in spec.names if m not in ROUGH), steps=6)
+        other = settle(engine, other, steps=6)
     if other.loglik <= fit.loglik:
         return fit
     other.theta.update(kept)

@@ -7,7 +7,7 @@ import numpy as np
 from detectors.errors import RecordError
 from simbench.gap import innovations as kernels
 from simbench.gap.arms import Arms
-from simbench.gap.assess import Assessment, load_memory, uncapped
+from simbench.gap.assess import LOAD_MEMORY, Assessment, load_memory, uncapped
 from simbench.gap.model import Fit
 from simbench.gap.names import EFFECTS, block_of
 from simbench.gap.valve_map import HEALTHY
@@ -100,7 +100,7 @@ def _record(found: Assessment, gains: dict[str, float]) -> Row:
 
 
 def _pace(found: Assessment) -> float:
-    return load_memory(found.situation) / 4.0
+    return load_memory(found.situation) / LOAD_MEMORY
 
 
 def _load(fit: Fit, found: Assessment) -> Row:

@@ -13,6 +13,7 @@ from detectors.errors import UserError
 from detectors.io import read_record
 from detectors.record import PROCESSES
 from simbench.gap.diagnosis import diagnose
+from simbench.usage import exit_code
 
 FRICTION = {"stiction", "deadband"}
 
@@ -133,4 +134,4 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(exit_code(main))

@@ -20,7 +20,7 @@ from joblib import Parallel, delayed
 from scipy.stats import rankdata
 from tqdm import tqdm
 
-from detectors.errors import UserError
+from detectors.errors import ParameterError, UserError
 from detectors.record import LoopRecord
 from scenarios.spec import Loop
 from simbench.gap.arms import Arms
@@ -36,6 +36,7 @@ from simbench.gap.withheld.faults import NEEDS_PLANT, Parameters, fault
 from simbench.gap.withheld.items import Item, draw_item
 from simbench.gap.withheld.loops import Case
 from simbench.gap.withheld.making import PLANTS
+from simbench.usage import exit_code
 
 WAYS = (0.0, 0.25, 0.5, 0.75, 1.0, 1.5)  # of the way from "does nothing" to the truth
 HELD = {"c", "period", "at"} | {"outliers rate", "load_steps rate"}  # what an effect keeps however weak it is
@@ -336,6 +337,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("-j", "--jobs", type=int, default=1)
     parser.add_argument("-o", "--out", type=Path, required=True)
     given = parser.parse_args(arguments)
+    if given.n < 1:
+        raise ParameterError(f"shrinkage check: n = {given.n}; at least 1 record is needed")
     found = study(given.n, given.seed, given.jobs)
     told = summary(found)
     given.out.mkdir(parents=True, exist_ok=True)
@@ -347,4 +350,4 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(exit_code(main))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.signal import lfilter
 
 from simbench.gap import innovations as kernels
 from simbench.gap.candidates import size_penalty
@@ -116,7 +117,5 @@ def lagged(op: np.ndarray, tau: float) -> np.ndarray:
     -------
     ndarray, shape (n,)
     """
-    from scipy.signal import lfilter
-
     a = np.exp(-1.0 / tau)
     return op[0] + lfilter([1.0 - a], [1.0, -a], op - op[0])

@@ -16,9 +16,11 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize
 
+from simbench.gap.calibration import calibration_error
 from simbench.gap.names import EFFECTS, NONE, UNKNOWN
 from simbench.gap.training.make import load
 from simbench.gap.weigh import KNOWN, LEARNED, candidate_rows, combined, record_row
+from simbench.usage import exit_code
 
 FOLDS = 5
 FALSE_ALARMS = 0.05  # share of records without effect on which one may be named
@@ -157,15 +159,13 @@ def _found(examples: Sequence[Mapping[str, Any]], right: Sequence[tuple[str, ...
     plain = np.array([e["strength"] in ("medium", "strong") for e in examples])
     none, alien = (np.array([t == (a,) for t in right]) for a in (NONE, UNKNOWN))
     sure, said = p.max(axis=1), np.array(first)
-    place = np.minimum((sure * 10).astype(int), 9)
-    error = sum(abs(hit[place == b].mean() - sure[place == b].mean()) * np.mean(place == b) for b in np.unique(place))
     return {
         "cases": len(examples),
         "one effect, medium or strong: named": float(hit[one & plain].mean()),
         "one effect, medium or strong: called unknown": float((said[one & plain] == UNKNOWN).mean()),
         "none: an effect named": float(((said[none] != NONE) & (said[none] != UNKNOWN)).mean()),
         "foreign: called unknown": float(hit[alien].mean()),
-        "expected calibration error": float(error),
+        "expected calibration error": calibration_error(sure, hit),
     }
 
 
@@ -186,4 +186,4 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(exit_code(main))

@@ -14,13 +14,15 @@ from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
-from detectors.errors import UserError
+from detectors.errors import ParameterError, UserError
+from simbench.files import whole_file
 from simbench.gap.assess import assess
 from simbench.gap.check import check
 from simbench.gap.evidence import evidence
 from simbench.gap.names import EFFECTS, block_of
 from simbench.gap.training.draw import draw_case
 from simbench.gap.training.foreign import FOREIGN
+from simbench.usage import exit_code
 
 PIECE = 20  # cases per file
 MIX = ("single",) * 11 + ("none",) * 4 + ("two",) * 2 + ("foreign",) * 3  # what each 20 cases in turn hold
@@ -100,7 +102,14 @@ def make(folder: str | Path, n: int, jobs: int = 1, seed: int = 0) -> int:
     -------
     int
         Pieces written now.
+
+    Raises
+    ------
+    ParameterError
+        For less than one case.
     """
+    if n < 1:
+        raise ParameterError(f"training: n = {n}; at least 1 case is needed")
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     missing = [k for k in range(-(-n // PIECE)) if not _piece(folder, k).exists()]
@@ -112,8 +121,11 @@ def make(folder: str | Path, n: int, jobs: int = 1, seed: int = 0) -> int:
 
 
 def load(folder: str | Path) -> list[dict[str, Any]]:
-    """Return all examples of a folder, in the order of the plan."""
-    return [json.loads(line) for piece in sorted(Path(folder).glob("*.jsonl")) for line in piece.read_text().splitlines()]
+    """Return all examples of a folder, in the order of the plan; ParameterError where there are none."""
+    found = [json.loads(line) for piece in sorted(Path(folder).glob("*.jsonl")) for line in piece.read_text().splitlines()]
+    if not found:
+        raise ParameterError(f"training: no examples (*.jsonl) in {folder}; `python -m simbench.gap.training.make` writes them")
+    return found
 
 
 def _piece(folder: Path, k: int) -> Path:
@@ -122,9 +134,8 @@ def _piece(folder: Path, k: int) -> Path:
 
 def _write(folder: Path, k: int, n: int, seed: int) -> None:
     found = [example(i, seed) for i in range(k * PIECE, min((k + 1) * PIECE, n))]
-    partial = folder / f".{k:05d}.tmp"
-    partial.write_text("".join(json.dumps(e) + "\n" for e in found if e is not None))
-    partial.replace(_piece(folder, k))
+    with whole_file(_piece(folder, k)) as piece:
+        piece.writelines(json.dumps(e) + "\n" for e in found if e is not None)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -140,4 +151,4 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(exit_code(main))

@@ -6,9 +6,10 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
 
-import numpy as np
 import pandas as pd
 from scipy import stats
+
+from simbench.gap.calibration import calibration_error
 
 SAMPLE_LEVEL = frozenset({"noise", "quantisation", "compression", "outliers"})
 COUNTED = ("medium", "strong")
@@ -162,13 +163,8 @@ def calibration(table: pd.DataFrame, bins: int = 10) -> Figure:
     Figure
     """
     part = table[table.answered & (table.kind != "two")]
-    place = np.minimum((part.probability.to_numpy(float) * bins).astype(int), bins - 1)
-    error = sum(
-        abs(part["first"].to_numpy(float)[place == b].mean() - part.probability.to_numpy(float)[place == b].mean())
-        * np.mean(place == b)
-        for b in np.unique(place)
-    )
-    return Figure("expected calibration error", float(error) if len(part) else None, len(part), 0.05, at_most=True)
+    error = calibration_error(part.probability.to_numpy(float), part["first"].to_numpy(float), bins) if len(part) else None
+    return Figure("expected calibration error", error, len(part), 0.05, at_most=True)
 
 
 def _median(name: str, values: pd.Series, level: float, at_most: bool = False) -> Figure:
