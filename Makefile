@@ -13,7 +13,7 @@ export NPY_DISABLE_CPU_FEATURES := X86_V4 AVX512_ICL AVX512_SPR
 
 bench: $(READY)            ## the main job: simulate a labelled grid, run the detectors, score them
 	rm -rf runs/bench
-	$(BIN)/simbench run chapter -o runs/bench --method fast -j 2
+	$(BIN)/simbench run chapter -o runs/bench --method fast,oracle -j 2
 	$(BIN)/simbench score runs/bench --report runs/bench/report.html
 
 test: $(READY) lint        ## every test, and the rules of the house

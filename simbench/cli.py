@@ -151,7 +151,7 @@ def run(
     grid: Annotated[str, typer.Argument(help="Name of a grid, or a TOML file.")],
     out: Annotated[Path | None, typer.Option("-o", "--out", help="Folder of the run [runs/GRID].")] = None,
     jobs: Jobs = 1,
-    method: Annotated[list[str] | None, typer.Option(help="Method ids, fast or full; repeatable.")] = None,
+    method: Annotated[list[str] | None, typer.Option(help="Method ids, fast, full, oracle; repeatable [fast, oracle].")] = None,
     raw: Annotated[bool, typer.Option("--raw", help="Only without the oscillation front end.")] = False,
     plugin: Plugin = None,
     backend: Annotated[str, typer.Option(help="loky, dask or ray.")] = "loky",
@@ -166,13 +166,14 @@ def run(
     as_json: Json = False,
 ) -> None:
     """Simulate a grid of scenarios, judge every record by every method, and score."""
+    from simbench.bench.oracle import ORACLE
     from simbench.bench.run import Interrupted, run_grid
     from simbench.bench.score import score_run
 
     axes = {k: [_number(v) for v in str(values).split(",")] for k, values in _pairs(axis or [], "--axis", text=True).items()}
     try:
         folder = run_grid(
-            grid, out or Path("runs") / Path(grid).stem, tuple(method or ["fast"]), jobs, raw=raw, plugins=plugin or [],
+            grid, out or Path("runs") / Path(grid).stem, tuple(method or ["fast", ORACLE]), jobs, raw=raw, plugins=plugin or [],
             backend=backend, address=address, resume=resume, until_width=until_width, sets=_pairs(sets or [], "--set"),
             axes=axes, thresholds=_threshold_file(thresholds),
         )  # fmt: skip

@@ -92,7 +92,7 @@ class Setup:
         return signal
 
 
-def resolve_loop(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
+def resolve_loop(loop: Loop, seed: int, tail: int = 0, tf: Any = None, quiet: int | None = None) -> Setup:
     """Turn a loop into a setup: plug-ins looked up and checked, signals drawn, effects applied.
 
     Parameters
@@ -105,6 +105,8 @@ def resolve_loop(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
         Further samples over which set point and disturbances are frozen.
     tf : control.TransferFunction, optional
         Takes the place of the loop's plant (its dead time stays).
+    quiet : int, optional
+        First sample without measurement noise.
 
     Returns
     -------
@@ -150,7 +152,7 @@ def resolve_loop(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
         effect.apply(setup, p, np.random.default_rng([seed, EFFECT + i]))
     # drawn last, from a stream of its own: effects may have changed its strength, and a longer tail only appends
     if setup.noise_std > 0:
-        setup.pv_add += setup.noise_std * np.random.default_rng([seed, NOISE]).standard_normal(total)
+        setup.pv_add[:quiet] += setup.noise_std * np.random.default_rng([seed, NOISE]).standard_normal(total)[:quiet]
     return setup
 
 

@@ -65,7 +65,14 @@ class Run:
 
 
 def simulate(
-    loop: Loop, seed: int = 0, *, kick: float = 0.0, tail: int = 0, start: Start | None = None, plant: Any = None
+    loop: Loop,
+    seed: int = 0,
+    *,
+    kick: float = 0.0,
+    tail: int = 0,
+    start: Start | None = None,
+    plant: Any = None,
+    quiet: int | None = None,
 ) -> Run:
     """Run a closed loop from rest.
 
@@ -83,6 +90,8 @@ def simulate(
         Begin elsewhere than in equilibrium.
     plant : control.TransferFunction, optional
         Any stable or integrating SISO plant in place of the loop's own; `loop.plant.Td` stays its dead time.
+    quiet : int, optional
+        First sample without measurement noise.
 
     Returns
     -------
@@ -109,7 +118,7 @@ def simulate(
     >>> bool(np.ptp(simulate(loop).record.mv[-200:]) > 1.5)
     True
     """
-    setup = resolve_loop(loop, seed, tail, plant)
+    setup = resolve_loop(loop, seed, tail, plant, quiet)
     return run_setup(setup, kick=kick, start=start)
 
 
