@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 
@@ -163,7 +165,7 @@ def drift(x: np.ndarray, period: float) -> np.ndarray:
     return out
 
 
-def smooth(x: np.ndarray, shortest: float) -> np.ndarray:
+def smooth(x: np.ndarray, shortest: float, waves: Callable[[], np.ndarray] | None = None) -> np.ndarray:
     """Return the signal without what is faster than a period, zero-phase, its ends continued by their mirror image.
 
     Parameters
@@ -173,6 +175,8 @@ def smooth(x: np.ndarray, shortest: float) -> np.ndarray:
     shortest : float
         Shortest period kept, in samples; below 2 nothing is removed. The gain falls from 1 to 0 as a cosine over the
         next third of the band.
+    waves : callable, optional
+        Returns `cosines(x)`, where that is at hand.
 
     Returns
     -------
@@ -186,10 +190,35 @@ def smooth(x: np.ndarray, shortest: float) -> np.ndarray:
     """
     if shortest <= 2.0:
         return x
-    mirrored = np.concatenate([x, x[::-1]])
-    f = np.arange(x.size + 1) / mirrored.size
+    from scipy.fft import idct
+
+    f = np.arange(x.size) / (2.0 * x.size)
     ramp = np.clip((f * shortest - 1.0) * 3.0, 0.0, 1.0)
-    return np.fft.irfft(np.fft.rfft(mirrored) * (0.5 + 0.5 * np.cos(np.pi * ramp)), mirrored.size)[: x.size]
+    return np.asarray(idct((cosines(x) if waves is None else waves()) * (0.5 + 0.5 * np.cos(np.pi * ramp))))
+
+
+def cosines(x: np.ndarray) -> np.ndarray:
+    """Return the cosine transform of a signal: the Fourier transform of it and its mirror image, at half the length.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Signal.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        At k / (2 n) cycles per sample.
+
+    Examples
+    --------
+    >>> x = np.random.default_rng(0).standard_normal(50)
+    >>> bool(np.allclose(cosines(x), np.abs(np.fft.fft(np.append(x, x[::-1]))[:50]) * np.sign(cosines(x))))
+    True
+    """
+    from scipy.fft import dct
+
+    return np.asarray(dct(x))
 
 
 def _integral(total: np.ndarray, x: np.ndarray, start: float, count: int) -> np.ndarray:
