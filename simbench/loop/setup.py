@@ -16,7 +16,7 @@ from simbench.loop.disturbance import disturbance_signal
 from simbench.loop.parameters import EFFECTS, VALVES, resolve, valve_parameters
 
 # Independent random streams of one run: changing one part's numbers leaves the others' alone.
-NOISE, DISTURBANCE, EFFECT = 0, 100, 200
+NOISE, MV_NOISE, DISTURBANCE, EFFECT = 0, 1, 100, 200
 
 
 @dataclass

@@ -10,7 +10,7 @@ import numpy as np
 from detectors.record import LoopRecord
 from scenarios.spec import Loop
 from simbench.loop import controller, kernel, sensor
-from simbench.loop.setup import Setup, parts_of, resolve_loop
+from simbench.loop.setup import MV_NOISE, Setup, parts_of, resolve_loop
 
 
 @dataclass(frozen=True)
@@ -54,6 +54,8 @@ class Run:
         The continued run after the record, with set point and disturbances frozen.
     sticky : bool
         Whether the valve has friction.
+    mv : ndarray, shape (n + tail,)
+        Valve position (%) as it is; the record's may carry noise.
     """
 
     record: LoopRecord
@@ -62,6 +64,7 @@ class Run:
     load_out: np.ndarray
     tail: LoopRecord | None
     sticky: bool
+    mv: np.ndarray
 
 
 def simulate(
@@ -164,17 +167,20 @@ def run_setup(setup: Setup, *, kick: float = 0.0, start: Start | None = None, pl
 def _run(setup: Setup, op: np.ndarray, measured: np.ndarray, archived: np.ndarray, mv: np.ndarray) -> Run:
     n = setup.n
     process = "integrating" if setup.den[-1] == 0 else "self-regulating"
+    recorded, mv_std = mv, setup.loop.noise.mv_std
+    if mv_std > 0:
+        recorded = mv + mv_std * np.random.default_rng([setup.seed, MV_NOISE]).standard_normal(mv.size)
 
     def part(cut: slice) -> LoopRecord:
         return LoopRecord(
             op=op[cut],
             pv=archived[cut],
             sp=setup.sp[cut],
-            mv=mv[cut],
+            mv=recorded[cut],
             Ts=setup.Ts,
             process=process,
             op_span=(0.0, 100.0),
         )
 
     tail = part(slice(n, None)) if setup.tail >= 3 else None
-    return Run(part(slice(0, n)), measured - setup.pv_add, setup.load_in, setup.load_out, tail, setup.sticky)
+    return Run(part(slice(0, n)), measured - setup.pv_add, setup.load_in, setup.load_out, tail, setup.sticky, mv)
