@@ -52,7 +52,7 @@ def test_public_functions_describe_their_parameters(path):
             assert not missing, f"{node.name}: the docstring does not speak of {missing}"
 
 
-PLUGINS = ["detectors/methods", "simbench/loop/valves", "simbench/gap/effects", "simbench/figures"]
+PLUGINS = ["detectors/methods", "simbench/loop/valves", "simbench/loop/effects", "simbench/figures"]
 
 
 @pytest.mark.parametrize("folder", PLUGINS)

@@ -13,8 +13,8 @@ from simbench.gap.fit import Engine
 from simbench.gap.fixed import effect_parameters
 from simbench.gap.leftover import predictable, residual_tests, unexplained
 from simbench.gap.model import Fit
-from simbench.gap.names import EFFECTS, block_of
 from simbench.gap.valve_map import HEALTHY, healthy_level, valve_against_mv
+from simbench.loop.effects import EFFECTS, block_of
 
 SURE = 1000.0  # nats that stand for evidence needing no statistics
 SECOND = 12.0  # nats a second effect must bring on top of the first

@@ -14,8 +14,8 @@ from simbench.gap.assess import LIMITS, Assessment, assess
 from simbench.gap.check import check
 from simbench.gap.fit import NOMINAL
 from simbench.gap.fixed import fixed_loop
-from simbench.gap.names import NONE, UNKNOWN
 from simbench.gap.weigh import Shift, weigh
+from simbench.loop.effects import NONE, UNKNOWN
 from simbench.loop.simulate import simulate
 
 TRIALS = 8

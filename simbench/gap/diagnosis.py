@@ -17,12 +17,12 @@ from simbench.gap.bootstrap import Chance, chance
 from simbench.gap.check import check
 from simbench.gap.detectable import smallest_detectable
 from simbench.gap.identify import plausible
-from simbench.gap.names import EFFECTS, NONE, UNKNOWN, block_of
 from simbench.gap.next_test import choose
 from simbench.gap.partial import Partial, completed
 from simbench.gap.result import Gap, GapReport, Ranked
 from simbench.gap.weigh import Shift, Weights, weigh
 from simbench.gap.where import FAINT, where
+from simbench.loop.effects import EFFECTS, NONE, UNKNOWN, block_of
 
 
 def diagnose(

@@ -9,8 +9,8 @@ from simbench.gap import innovations as kernels
 from simbench.gap.arms import Arms
 from simbench.gap.assess import LOAD_MEMORY, Assessment, load_memory, uncapped
 from simbench.gap.model import Fit
-from simbench.gap.names import EFFECTS, block_of
 from simbench.gap.valve_map import HEALTHY
+from simbench.loop.effects import EFFECTS, block_of
 
 Row = dict[str, float]
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from simbench.gap.names import EFFECTS
+from simbench.loop.effects import EFFECTS
 
 LAGS = frozenset({"valve_lag", "extra_lag", "sensor_lag"})
 SLOW = frozenset({"drift", "load_drift", "load_steps"})
@@ -125,7 +125,7 @@ def facts_of(
     effect : str
         Effect id whose partners are asked for.
     parameters : mapping, optional
-        Its parameters (`simbench.gap.names`), true or fitted.
+        Its parameters (`simbench.loop.effects`), true or fitted.
 
     Returns
     -------

@@ -14,9 +14,9 @@ from simbench.gap.check import Situation
 from simbench.gap.fit import Engine
 from simbench.gap.law import examine_law
 from simbench.gap.model import NUISANCES, Data, Fit, Spec
-from simbench.gap.names import EFFECTS, block_of
 from simbench.gap.samples import cleaned, inspect_samples
 from simbench.gap.spacing import spacing
+from simbench.loop.effects import EFFECTS, block_of
 
 
 def identify(record: LoopRecord, plant: Plant | None = None, controller: Controller | None = None) -> Loop:

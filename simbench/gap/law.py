@@ -6,11 +6,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from simbench.gap.names import EFFECTS
 from simbench.gap.pi_fit import FORMS, about_zero, by_steps, by_sums, spread, with_derivative
 from simbench.gap.samples import lattice, on_line, written_unit
 from simbench.gap.seen import FAITHFUL, ROUNDED, hidden_law, seen_pv
 from simbench.gap.standstill import error_gap, limits_of, skips_scans
+from simbench.loop.effects import EFFECTS
 
 EXACT = 0.03  # residual of dOP, relative to dOP, below which the law is taken as known
 RETUNED = 0.13  # |ln ratio| of Kc or Ti from which the tuning is another one

@@ -14,11 +14,11 @@ from markupsafe import Markup
 
 from simbench.files import whole_file
 from simbench.gap import pictures, runs
-from simbench.gap.names import EFFECTS, NONE, UNKNOWN
 from simbench.gap.result import GapReport, numbers, words
 from simbench.html.page import render as render_in
 from simbench.html.svg import inline_svg
 from simbench.html.table import sortable
+from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
 
 render = partial(render_in, "simbench.gap")
 SHOWN = 6  # candidates drawn as bars; the table holds all

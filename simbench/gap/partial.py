@@ -9,7 +9,7 @@ from detectors.record import LoopRecord
 from scenarios.errors import SpecError
 from scenarios.spec import Loop, read_toml
 from simbench.gap.identify import identify, meaningful
-from simbench.gap.names import EFFECTS
+from simbench.loop.effects import EFFECTS
 
 NEEDED = ("plant", "controller", "sampling")
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from scenarios.spec import Loop
-from simbench.gap.names import BLOCKS, NONE, UNKNOWN
 from simbench.gap.where import Share
+from simbench.loop.effects import BLOCKS, NONE, UNKNOWN
 
 
 @dataclass(frozen=True)

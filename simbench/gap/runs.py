@@ -9,9 +9,9 @@ import numpy as np
 from detectors.errors import UserError
 from detectors.record import LoopRecord
 from scenarios.spec import Loop
-from simbench.gap.names import EFFECTS, UNKNOWN
 from simbench.gap.result import GapReport
 from simbench.gap.shrink import held_out
+from simbench.loop.effects import EFFECTS, UNKNOWN
 from simbench.loop.simulate import simulate
 
 BASELINE, TUNED, FIXED, NEAREST = "baseline", "recalibrated", "with the effect", "with the nearest effect"

@@ -28,7 +28,6 @@ from simbench.gap.assess import Assessment, load_memory, possible_effects
 from simbench.gap.candidates import fit_candidates
 from simbench.gap.check import check
 from simbench.gap.fit import Engine
-from simbench.gap.names import EFFECTS, Quantity
 from simbench.gap.withheld import loops, oracle, sizes
 from simbench.gap.withheld.distance import Cloud, cloud, features
 from simbench.gap.withheld.drawing import baseline_table
@@ -36,6 +35,8 @@ from simbench.gap.withheld.faults import NEEDS_PLANT, Parameters, fault
 from simbench.gap.withheld.items import Item, draw_item
 from simbench.gap.withheld.loops import Case
 from simbench.gap.withheld.making import PLANTS
+from simbench.loop.effects import EFFECTS
+from simbench.loop.parameters import Number
 from simbench.usage import exit_code
 
 WAYS = (0.0, 0.25, 0.5, 0.75, 1.0, 1.5)  # of the way from "does nothing" to the truth
@@ -83,7 +84,7 @@ def on_the_way(effect: str, truth: Parameters, way: float, op_range: tuple[float
     out: Parameters = {}
     for name, value in truth.items():
         quantity = EFFECTS[effect].parameters[name]
-        if not isinstance(quantity, Quantity) or isinstance(value, str) or name in HELD or f"{effect} {name}" in HELD:
+        if not isinstance(quantity, Number) or isinstance(value, str) or name in HELD or f"{effect} {name}" in HELD:
             out[name] = value
             continue
         zero = quantity.identity

@@ -18,7 +18,7 @@ from scipy.special import expit
 from simbench.gap.arms import Arms
 from simbench.gap.assess import LIMITS, Assessment
 from simbench.gap.evidence import Row, evidence
-from simbench.gap.names import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
+from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 
 LEARNED = Path(__file__).parent / "learned"
 TEMPERATURE = 0.35  # of the softmax where the baseline was identified: such likelihoods overstate

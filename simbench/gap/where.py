@@ -10,7 +10,7 @@ import numpy as np
 from simbench.gap.assess import LIMITS, LOAD_MEMORY, SECOND, Assessment, beyond_healthy, load_memory
 from simbench.gap.forced import law_residuals, loglik, mv_residuals, sample_misfit, spikes, spread_to
 from simbench.gap.model import Fit
-from simbench.gap.names import BLOCKS, EFFECTS, block_of
+from simbench.loop.effects import BLOCKS, EFFECTS, block_of
 
 SOURCE = (
     "Kunsch (1989), Ann. Statist. 17, 1217: moving blocks; Shapley (1953): what two effects explain alike is halved; "

@@ -13,7 +13,8 @@ from detectors.errors import ParameterError
 from scenarios.spec import Loop, Part
 from simbench.loop import controller, plant, sensor
 from simbench.loop.disturbance import disturbance_signal
-from simbench.loop.parameters import EFFECTS, VALVES, resolve, valve_parameters
+from simbench.loop.effects import PLUGINS
+from simbench.loop.parameters import VALVES, resolve, valve_parameters
 
 # Independent random streams of one run: changing one part's numbers leaves the others' alone.
 NOISE, DISTURBANCE, EFFECT = 0, 100, 200
@@ -145,7 +146,7 @@ def resolve_loop(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
         load = setup.load_in if where == "input" else setup.load_out
         load += setup.hold(signal)
     for i, part in enumerate(loop.effect):
-        effect = EFFECTS.load(part.name)
+        effect = PLUGINS.load(part.name)
         p = resolve(effect.PARAMETERS, part.parameters, f"effect {part.name!r}")
         effect.apply(setup, p, np.random.default_rng([seed, EFFECT + i]))
     # drawn last, from a stream of its own: effects may have changed its strength, and a longer tail only appends

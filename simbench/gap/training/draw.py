@@ -12,12 +12,12 @@ import numpy as np
 from detectors.errors import ParameterError, UnknownName
 from detectors.record import LoopRecord
 from scenarios.spec import Loop
-from simbench.gap import names
 from simbench.gap.features import as_matrix, distance, floor_of, seed_spread
 from simbench.gap.training.bench import Bench, draw_bench, look
 from simbench.gap.training.foreign import FOREIGN, run_foreign
 from simbench.gap.training.sizes import Scales, Size, size_of
-from simbench.loop.parameters import EFFECTS, resolve
+from simbench.loop.effects import EFFECTS, PLUGINS
+from simbench.loop.parameters import resolve
 from simbench.loop.setup import Setup
 
 # The gap that the loop without the effect leaves, over the floor of chance alone: the classes of the blind check's rules.
@@ -156,8 +156,8 @@ def draw_case(seed: int, effects: Sequence[str] = (), foreign: str = "", mv: boo
 
 def _check(effects: tuple[str, ...], foreign: str, strength: str) -> None:
     for effect in effects:
-        if effect not in names.EFFECTS:
-            raise UnknownName("effect", effect, names.EFFECTS)
+        if effect not in EFFECTS:
+            raise UnknownName("effect", effect, EFFECTS)
     if foreign and foreign not in FOREIGN:
         raise UnknownName("foreign kind", foreign, FOREIGN)
     if strength and strength not in STRENGTHS:
@@ -251,7 +251,7 @@ def _apply(setup: Setup, effect: str, table: dict[str, Any], rng: np.random.Gene
     if effect == "stiction":  # the effect is the (S, J) map; a real valve sticks by laws of its own
         setup.add_valve(table["model"], {"S": table["S"], "J": table["J"]}, first=True)
         return
-    plugin = EFFECTS.load(effect)
+    plugin = PLUGINS.load(effect)
     plugin.apply(setup, resolve(plugin.PARAMETERS, table, f"effect {effect!r}"), rng)
 
 

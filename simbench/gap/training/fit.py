@@ -17,9 +17,9 @@ import numpy as np
 from scipy.optimize import minimize
 
 from simbench.gap.calibration import calibration_error
-from simbench.gap.names import EFFECTS, NONE, UNKNOWN
 from simbench.gap.training.make import load
 from simbench.gap.weigh import KNOWN, LEARNED, candidate_rows, combined, record_row
+from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
 from simbench.usage import exit_code
 
 FOLDS = 5

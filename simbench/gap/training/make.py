@@ -19,9 +19,9 @@ from simbench.files import whole_file
 from simbench.gap.assess import assess
 from simbench.gap.check import check
 from simbench.gap.evidence import evidence
-from simbench.gap.names import EFFECTS, block_of
 from simbench.gap.training.draw import draw_case
 from simbench.gap.training.foreign import FOREIGN
+from simbench.loop.effects import EFFECTS, block_of
 from simbench.usage import exit_code
 
 PIECE = 20  # cases per file

@@ -10,12 +10,13 @@ import numpy as np
 import pandas as pd
 
 from simbench.gap.groups import Facts, indistinguishable
-from simbench.gap.names import EFFECTS, Choice
 from simbench.gap.withheld.distance import cloud, features
 from simbench.gap.withheld.faults import fault
 from simbench.gap.withheld.loops import Case, Signals, simulate
 from simbench.gap.withheld.oracle import RESOLVABLE
 from simbench.gap.withheld.score import claimed_shrinkage
+from simbench.loop.effects import EFFECTS
+from simbench.loop.parameters import Choice
 
 SEEDS = 10
 CANDIDATES = 5
@@ -74,8 +75,8 @@ def _inside(effect: str, parameters: Mapping[str, Any]) -> dict[str, Any]:
     whole: dict[str, Any] = {}
     for name, quantity in EFFECTS[effect].parameters.items():
         if isinstance(quantity, Choice):
-            word = parameters.get(name, quantity.words[0])
-            whole[name] = word if word in quantity.words else quantity.words[0]
+            word = parameters.get(name, quantity.names[0])
+            whole[name] = word if word in quantity.names else quantity.names[0]
         elif name in parameters or name != "c":
             value = parameters.get(name)
             whole[name] = float(np.clip(quantity.identity if value is None else float(value), quantity.low, quantity.high))

@@ -23,7 +23,7 @@ def fault(name: str, p: Parameters) -> Fault:
     name : str
         An effect id or a foreign kind.
     p : dict
-        Its parameters; names and units of `simbench.gap.names` for effect ids.
+        Its parameters; names and units of `simbench.loop.effects` for effect ids.
 
     Returns
     -------

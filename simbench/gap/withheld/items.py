@@ -10,9 +10,9 @@ import numpy as np
 
 from detectors.errors import ParameterError
 from simbench.gap.groups import LAGS, SLOW
-from simbench.gap.names import EFFECTS, NONE, UNKNOWN
 from simbench.gap.withheld import drawing, faults, loops, oracle, sizes
 from simbench.gap.withheld.loops import Case, Fault, Signals
+from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
 
 COLUMNS = (
     "id", "kind", "block", "effect", "block2", "effect2", "strength", "ratio", "shrinkage", "gap_before", "gap_after", "floor",

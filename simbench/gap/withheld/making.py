@@ -17,9 +17,9 @@ from tqdm import tqdm
 
 from detectors.errors import ParameterError
 from scenarios.spec import Loop
-from simbench.gap.names import EFFECTS
 from simbench.gap.withheld import drawing, faults, oracle, seal
 from simbench.gap.withheld.items import COLUMNS, Item, draw_item
+from simbench.loop.effects import EFFECTS
 
 PLANTS = ("foptd", "foptd", "integrating")
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from simbench.gap.names import BLOCKS, EFFECTS, NONE, UNKNOWN
+from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN
 
 
 def confusion(table: pd.DataFrame) -> pd.DataFrame:

@@ -9,8 +9,9 @@ from typing import Any
 import pandas as pd
 
 from simbench.gap.groups import Facts, facts_of, indistinguishable
-from simbench.gap.names import EFFECTS, NONE, UNKNOWN, Quantity
 from simbench.gap.withheld.oracle import RESOLVABLE
+from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
+from simbench.loop.parameters import Number
 
 
 def judge_record(truth: Mapping[str, Any], found: Mapping[str, Any] | None, facts: Facts) -> dict[str, Any]:
@@ -134,7 +135,7 @@ def _parameter_error(effect: str, truth: Any, found: Mapping[str, Any]) -> float
     errors = []
     for name, quantity in EFFECTS[effect].parameters.items():
         true, got = _number(truth.get(name)), _number(mine.get(name))
-        if not isinstance(quantity, Quantity) or name in ("J", "c") or true is None or true == quantity.identity:
+        if not isinstance(quantity, Number) or name in ("J", "c") or true is None or true == quantity.identity:
             continue
         got = quantity.identity if got is None else got
         if name == "R":

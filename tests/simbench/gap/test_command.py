@@ -19,7 +19,7 @@ from scenarios.spec import Loop, load_loop
 from simbench.cli import main
 from simbench.files import write_record
 from simbench.gap import command
-from simbench.gap.names import BLOCKS, EFFECTS
+from simbench.loop.effects import BLOCKS, EFFECTS
 from simbench.loop.simulate import simulate
 
 HEALTHY = {

@@ -9,8 +9,8 @@ import pytest
 from detectors.errors import RecordError
 from scenarios.spec import Loop
 from simbench.gap import GapReport, diagnose
-from simbench.gap.names import BLOCKS, EFFECTS, NONE, UNKNOWN
 from simbench.gap.study import random_case
+from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN
 from simbench.loop.simulate import simulate
 
 BASE = Loop.from_table({

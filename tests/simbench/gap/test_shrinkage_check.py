@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 from simbench.gap import shrinkage_check
-from simbench.gap.names import EFFECTS
 from simbench.gap.shrinkage_check import WAYS, Study, main, on_the_way, study, summary
+from simbench.loop.effects import EFFECTS
 
 SEED, RECORDS = 101, 3
 

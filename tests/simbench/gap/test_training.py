@@ -8,11 +8,11 @@ import pytest
 from joblib import parallel_config
 
 from simbench.gap import weigh
-from simbench.gap.names import EFFECTS, NONE, UNKNOWN, block_of
 from simbench.gap.training import FOREIGN
 from simbench.gap.training import fit as training
 from simbench.gap.training import make as making
 from simbench.gap.training.make import MIX, example, load, make, plan
+from simbench.loop.effects import EFFECTS, NONE, UNKNOWN, block_of
 
 WHOLE = [plan(i) for i in range(len(MIX) * 22)]
 

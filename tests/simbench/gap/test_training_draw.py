@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from detectors.errors import ParameterError, UnknownName
-from simbench.gap.names import BLOCKS, EFFECTS
 from simbench.gap.training import FOREIGN, draw_case
 from simbench.gap.training import foreign as foreign_kinds
 from simbench.gap.training.bench import LOADS, NOISES, _colour, draw_bench, noise, shaped
 from simbench.gap.training.draw import STRENGTHS, _apply, _cloud
 from simbench.gap.training.foreign import Oddity, foreign_loop
 from simbench.gap.training.sizes import Scales
+from simbench.loop.effects import BLOCKS, EFFECTS
 
 
 def believable(case):

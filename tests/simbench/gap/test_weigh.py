@@ -11,9 +11,9 @@ from simbench.gap import weigh as module
 from simbench.gap.assess import Assessment, assess
 from simbench.gap.check import check
 from simbench.gap.evidence import Row, evidence, squashed
-from simbench.gap.names import EFFECTS, NONE, UNKNOWN
 from simbench.gap.study import Case, random_case
 from simbench.gap.weigh import KNOWN, Shift, by_gain, candidate_rows, combined, probabilities, record_row, weigh
+from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
 
 CASES = {
     name: replace(case, record=case.record.window(0, 800))

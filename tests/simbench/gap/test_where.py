@@ -14,9 +14,9 @@ from simbench.gap import diagnose
 from simbench.gap.assess import Assessment, assess
 from simbench.gap.check import Situation, check
 from simbench.gap.forced import law_residuals, loglik, mv_residuals, sample_misfit
-from simbench.gap.names import BLOCKS, EFFECTS, block_of
 from simbench.gap.page import write_page
 from simbench.gap.where import DRAWS, Share, Where, _Resampling, where
+from simbench.loop.effects import BLOCKS, EFFECTS, block_of
 from simbench.loop.simulate import simulate
 
 BASE = {

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from detectors.errors import ParameterError
-from simbench.gap.names import BLOCKS, EFFECTS
 from simbench.gap.withheld import drawing, faults, items, loops, oracle, sizes
 from simbench.gap.withheld import simulator as sim
 from simbench.gap.withheld.distance import cloud, features
 from simbench.gap.withheld.making import Plan
+from simbench.loop.effects import BLOCKS, EFFECTS
 
 RNG = np.random.default_rng
 

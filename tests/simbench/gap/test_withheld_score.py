@@ -8,13 +8,13 @@ import pytest
 
 from detectors.errors import ParameterError
 from simbench.gap.groups import Facts
-from simbench.gap.names import EFFECTS
 from simbench.gap.withheld import open_
 from simbench.gap.withheld.claims import true_shrinkages
 from simbench.gap.withheld.drawing import baseline_table
 from simbench.gap.withheld.items import draw_item
 from simbench.gap.withheld.levels import Share, by_effect, calibration, levels
 from simbench.gap.withheld.score import claimed_shrinkage, first_three, judge_record
+from simbench.loop.effects import EFFECTS
 
 FACTS = Facts(integrating=False, sp_moves=True, mv=False)
 GAP = {"before": 3.0, "recalibrated": 2.5, "after": 1.0, "floor": 1.0, "resolvable": True}

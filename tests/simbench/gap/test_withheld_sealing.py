@@ -11,8 +11,8 @@ import pytest
 
 from detectors.errors import ParameterError
 from scenarios.spec import Loop
-from simbench.gap.names import EFFECTS
 from simbench.gap.withheld import Plan, answer, make, open_, seal
+from simbench.loop.effects import EFFECTS
 
 PLAN = Plan(per_cell=1, none=2, two=0, foreign=1, effects=("noise", "op_quantisation", "gain_mismatch"), strengths=("medium",))
 

@@ -5,11 +5,13 @@ loop does not cycle by it alone.
 When not: MV jumps as it breaks away (`stiction`).
 """
 
-from simbench.gap.schema import parameters
+from simbench.loop.parameters import Number
 
 SOURCE = "ISA-51.1 (1979), dead band"
 BLOCK = "valve"
-PARAMETERS = parameters("deadband", "S")
+PARAMETERS = {
+    "S": Number("% of travel", low=0.0, high=100.0, identity=0.0, says="width of the band (offset while moving is S/2)"),
+}
 CONFUSABLE_WITH = ("stiction",)
 ACTS = "loop"
 

@@ -4,11 +4,14 @@ When it is the answer: OP stands exactly at one value while the controller still
 """
 
 from detectors.errors import ParameterError
-from simbench.gap.schema import parameters
+from simbench.loop.parameters import Number
 
 SOURCE = "definition: OP limited to lo..hi inside the controller, whose integral does not wind up"
 BLOCK = "controller"
-PARAMETERS = parameters("saturation")
+PARAMETERS = {
+    "lo": Number("%", low=0.0, high=100.0, default=0.0, says="lower limit"),
+    "hi": Number("%", low=0.0, high=100.0, default=100.0, says="upper limit"),
+}
 CONFUSABLE_WITH = ()
 ACTS = "loop"
 

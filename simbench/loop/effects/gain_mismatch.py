@@ -3,11 +3,13 @@
 When it is the answer: another throughput than the one the model was taken at. Standing still, only K/T shows.
 """
 
-from simbench.gap.schema import parameters
+from simbench.loop.parameters import Number
 
 SOURCE = "definition: K of the plant = factor x K of the baseline"
 BLOCK = "process"
-PARAMETERS = parameters("gain_mismatch", "factor")
+PARAMETERS = {
+    "factor": Number("", low=0.05, high=20.0, identity=1.0, says="K of the plant / K of the baseline"),
+}
 CONFUSABLE_WITH = ("time_constant_mismatch", "valve_characteristic", "deadzone")
 ACTS = "loop"
 

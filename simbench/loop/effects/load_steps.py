@@ -5,11 +5,14 @@ When it is the answer: units switched on and off upstream. Slow ones look like d
 
 import numpy as np
 
-from simbench.gap.schema import parameters
+from simbench.loop.parameters import Number
 
 SOURCE = "definition: jumps of a Poisson process, levels normal with std `size` about the mean load"
 BLOCK = "disturbance"
-PARAMETERS = parameters("load_steps", "rate", "size")
+PARAMETERS = {
+    "rate": Number("1/s", low=0.0, identity=0.0, says="mean number of jumps per second"),
+    "size": Number("%", low=0.0, high=100.0, identity=0.0, says="std of the levels about the mean load"),
+}
 CONFUSABLE_WITH = ("load_drift", "drift")
 ACTS = "loop"
 

@@ -6,11 +6,16 @@ A lattice finer than the noise changes nothing but the last digits.
 
 import numpy as np
 
-from simbench.gap.schema import parameters
+from simbench.loop.parameters import Choice, Number
 
 SOURCE = "Widrow and Kollar (2008), Quantization Noise, ch. 1"
 BLOCK = "sensor"
-PARAMETERS = parameters("quantisation", "step")
+PARAMETERS = {
+    "step": Number("PV units", low=0.0, identity=0.0, says="lattice spacing; 0 = none"),
+    "at": Choice(
+        ("loop", "record"), default="loop", says="loop: the transmitter, the controller sees it; record: the archive only"
+    ),
+}
 CONFUSABLE_WITH = ()
 ACTS = "loop"
 

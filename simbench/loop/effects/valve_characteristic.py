@@ -3,11 +3,13 @@
 When it is the answer: the loop is lively at one end and sluggish at the other. At one operating point it is only another gain.
 """
 
-from simbench.gap.schema import parameters
+from simbench.loop.parameters import Number
 
 SOURCE = "IEC 60534-2-4 (2009), inherent characteristics; MV = 100 (R^(OP/100) - 1)/(R - 1)"
 BLOCK = "valve"
-PARAMETERS = parameters("valve_characteristic", "R")
+PARAMETERS = {
+    "R": Number("", low=0.01, high=100.0, identity=1.0, says="ratio of the local gains at OP = 100 and OP = 0"),
+}
 CONFUSABLE_WITH = ("deadzone", "gain_mismatch")
 ACTS = "loop"
 

@@ -3,11 +3,13 @@
 When it is the answer: a damped transmitter. Its mark is noise that has lost its fast part.
 """
 
-from simbench.gap.schema import parameters
+from simbench.loop.parameters import Number
 
 SOURCE = "definition: z(k) = z(k-1) + (1 - exp(-Ts/tau)) (PV + noise - z(k-1))"
 BLOCK = "sensor"
-PARAMETERS = parameters("sensor_lag", "tau")
+PARAMETERS = {
+    "tau": Number("s", low=0.0, identity=0.0, says="time constant"),
+}
 CONFUSABLE_WITH = ("valve_lag", "extra_lag")
 ACTS = "loop"
 

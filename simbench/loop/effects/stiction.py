@@ -5,11 +5,16 @@ It takes the place of an ideal valve's missing friction; a valve that already ha
 """
 
 from detectors.errors import ParameterError
-from simbench.gap.schema import parameters
+from simbench.loop.parameters import Number
 
 SOURCE = "Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13, 641-658"
 BLOCK = "valve"
-PARAMETERS = parameters("stiction", "S", "J")
+PARAMETERS = {
+    "S": Number(
+        "% of travel", low=0.0, high=100.0, identity=0.0, says="dead-band plus stick-band: OP travel needed to reverse MV"
+    ),
+    "J": Number("% of travel", low=0.0, high=100.0, identity=0.0, says="slip-jump"),
+}
 CONFUSABLE_WITH = ("deadband",)
 ACTS = "loop"
 

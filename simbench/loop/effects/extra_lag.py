@@ -5,11 +5,13 @@ When it is the answer: a thermowell, a vessel the model left out. From SP, OP an
 
 import numpy as np
 
-from simbench.gap.schema import parameters
+from simbench.loop.parameters import Number
 
 SOURCE = "definition: G(s)/(tau s + 1)"
 BLOCK = "process"
-PARAMETERS = parameters("extra_lag", "tau")
+PARAMETERS = {
+    "tau": Number("s", low=0.0, identity=0.0, says="time constant"),
+}
 CONFUSABLE_WITH = ("valve_lag", "sensor_lag")
 ACTS = "loop"
 

@@ -6,11 +6,14 @@ When it is the answer: PV and OP are sines of one sharp frequency that the loop 
 import numpy as np
 
 from detectors.errors import ParameterError
-from simbench.gap.schema import parameters
+from simbench.loop.parameters import Number
 
 SOURCE = "definition: amplitude sin(2 pi t/period + phase), phase at random"
 BLOCK = "disturbance"
-PARAMETERS = parameters("oscillation", "amplitude", "period")
+PARAMETERS = {
+    "amplitude": Number("%", low=0.0, high=100.0, identity=0.0, says="half peak-to-peak"),
+    "period": Number("s", low=0.0, identity=100.0, says="period"),
+}
 CONFUSABLE_WITH = ()
 ACTS = "loop"
 

@@ -5,11 +5,13 @@ When it is the answer: PV is piecewise straight, while OP shows that the control
 
 import numpy as np
 
-from simbench.gap.schema import parameters
+from simbench.loop.parameters import Number
 
 SOURCE = "Bristol (1990), Swinging door trending, ISA"
 BLOCK = "sensor"
-PARAMETERS = parameters("compression", "band")
+PARAMETERS = {
+    "band": Number("PV units", low=0.0, identity=0.0, says="half width of the door: the largest error"),
+}
 CONFUSABLE_WITH = ()
 ACTS = "record"
 

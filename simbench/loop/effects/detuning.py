@@ -3,11 +3,14 @@
 When it is the answer: someone changed Kc or Ti. The controller's law is exact, so SP, PV and OP show it without doubt.
 """
 
-from simbench.gap.schema import parameters
+from simbench.loop.parameters import Number
 
 SOURCE = "definition: Kc and Ti of the plant's controller = factors x the baseline's"
 BLOCK = "controller"
-PARAMETERS = parameters("detuning")
+PARAMETERS = {
+    "Kc_factor": Number("", low=0.02, high=50.0, default=1.0, says="Kc of the plant / Kc of the baseline"),
+    "Ti_factor": Number("", low=0.02, high=50.0, default=1.0, says="Ti of the plant / Ti of the baseline (PI only)"),
+}
 CONFUSABLE_WITH = ()
 ACTS = "loop"
 

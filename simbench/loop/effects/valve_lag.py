@@ -4,11 +4,13 @@ When it is the answer: a large actuator on a small positioner. From SP, OP and P
 it is one more series pole; MV tells it from the others.
 """
 
-from simbench.gap.schema import parameters
+from simbench.loop.parameters import Number
 
 SOURCE = "definition: tau dMV/dt + MV = position asked for"
 BLOCK = "valve"
-PARAMETERS = parameters("valve_lag", "tau")
+PARAMETERS = {
+    "tau": Number("s", low=0.0, identity=0.0, says="time constant"),
+}
 CONFUSABLE_WITH = ("extra_lag", "sensor_lag")
 ACTS = "loop"
 

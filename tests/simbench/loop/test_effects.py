@@ -1,14 +1,16 @@
 """Every effect: the vocabulary's words, nothing at strength zero, something at strength one, where it says it acts."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
 from detectors.errors import ParameterError
 from scenarios.spec import Loop
-from simbench.gap.effects.compression import swinging_door
-from simbench.gap.names import EFFECTS as NAMES
-from simbench.gap.names import Choice as Word
-from simbench.loop.parameters import EFFECTS, Choice
+from simbench.loop.effects import BLOCKS, EFFECTS, ORDER, PLUGINS
+from simbench.loop.effects.compression import swinging_door
+from simbench.loop.parameters import Number
 from simbench.loop.simulate import simulate
 
 LOOP = Loop.from_table({
@@ -40,41 +42,47 @@ def same(a, b):
     return all(np.array_equal(getattr(a, s), getattr(b, s)) for s in ("op", "pv", "mv", "sp"))
 
 
-def test_there_is_one_file_for_each_word_of_the_vocabulary():
-    assert set(EFFECTS.names()) == set(NAMES) == set(STRONG)
+def test_there_is_one_file_for_each_effect_and_each_is_tried_here():
+    assert PLUGINS.names() == sorted(EFFECTS) == sorted(STRONG) == sorted(ORDER)
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_an_effect_uses_the_vocabulary(name):
-    effect = EFFECTS.load(name)
-    assert effect.BLOCK == NAMES[name].block
-    assert list(effect.PARAMETERS) == list(NAMES[name].parameters)
+@pytest.mark.parametrize("name", EFFECTS)
+def test_an_effect_says_where_it_acts_and_where_it_comes_from(name):
+    effect = PLUGINS.load(name)
+    assert effect.BLOCK in BLOCKS
     assert effect.ACTS in ("loop", "record")
     assert effect.SOURCE
-    assert set(effect.CONFUSABLE_WITH) <= set(NAMES)
-    for key, word in NAMES[name].parameters.items():
-        if isinstance(word, Word):
-            assert isinstance(effect.PARAMETERS[key], Choice)
-            assert effect.PARAMETERS[key].names == word.words
+    assert set(effect.CONFUSABLE_WITH) <= set(EFFECTS)
+    for key, number in EFFECTS[name].parameters.items():
+        if isinstance(number, Number):
+            assert number.low <= number.identity <= number.high, key
+
+
+def test_the_vocabulary_is_data_and_loads_no_model():
+    code = "import sys; from simbench.loop.effects import EFFECTS; len(EFFECTS); print(','.join(sys.modules))"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip().split(",")
+    own = {name for name in loaded if name.startswith("simbench.") and not name.startswith("simbench.loop.effects")}
+    assert own == {"simbench.loop", "simbench.loop.parameters"}
+    assert not {"numba", "scipy", "control", "pandas"} & set(loaded)
 
 
 def test_confusion_is_mutual():
-    for name in NAMES:
-        for other in EFFECTS.load(name).CONFUSABLE_WITH:
-            assert name in EFFECTS.load(other).CONFUSABLE_WITH, (name, other)
+    for name in EFFECTS:
+        for other in PLUGINS.load(name).CONFUSABLE_WITH:
+            assert name in PLUGINS.load(other).CONFUSABLE_WITH, (name, other)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", EFFECTS)
 def test_strength_zero_changes_no_bit(name):
-    effect = with_effects((name, NAMES[name].identity))
+    effect = with_effects((name, EFFECTS[name].identity))
     assert same(simulate(effect, seed=3).record, simulate(LOOP, seed=3).record)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", EFFECTS)
 def test_strength_one_changes_the_record_where_the_effect_says(name):
     plain, changed = simulate(LOOP, seed=3).record, simulate(with_effects((name, STRONG[name])), seed=3).record
     assert not np.array_equal(plain.pv, changed.pv)
-    assert np.array_equal(plain.op, changed.op) == (EFFECTS.load(name).ACTS == "record")
+    assert np.array_equal(plain.op, changed.op) == (PLUGINS.load(name).ACTS == "record")
 
 
 def test_two_effects_act_together():

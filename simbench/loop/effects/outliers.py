@@ -5,11 +5,15 @@ When it is the answer: radio interference, a bubble in the line. In the archive 
 
 import numpy as np
 
-from simbench.gap.schema import parameters
+from simbench.loop.parameters import Choice, Number
 
 SOURCE = "definition: a sample is hit with probability `rate`, by +- size (0.5 to 1.5 times, evenly)"
 BLOCK = "sensor"
-PARAMETERS = parameters("outliers", "rate", "size")
+PARAMETERS = {
+    "rate": Number("1/sample", low=0.0, high=0.5, identity=0.0, says="share of samples hit"),
+    "size": Number("PV units", low=0.0, identity=0.0, says="mean height; sign at random"),
+    "at": Choice(("record", "loop"), default="record", says="record: the archive only; loop: the controller sees them too"),
+}
 CONFUSABLE_WITH = ()
 ACTS = "record"
 

@@ -6,11 +6,14 @@ look like steps or like a drifting sensor.
 
 import numpy as np
 
-from simbench.gap.schema import parameters
+from simbench.loop.parameters import Number
 
 SOURCE = "definition: ramp plus random walk on the load"
 BLOCK = "disturbance"
-PARAMETERS = parameters("load_drift")
+PARAMETERS = {
+    "rate": Number("%/s", default=0.0, says="ramp"),
+    "walk": Number("%/sqrt(s)", low=0.0, default=0.0, says="random walk beside it"),
+}
 CONFUSABLE_WITH = ("load_steps", "drift")
 ACTS = "loop"
 

@@ -5,11 +5,16 @@ When it is the answer: a turbulent orifice, a failing transmitter. The controlle
 
 from math import hypot
 
-from simbench.gap.schema import parameters
+from simbench.loop.parameters import Number
 
 SOURCE = "definition: std^2 = (factor std of the baseline)^2 + std^2"
 BLOCK = "sensor"
-PARAMETERS = parameters("noise")
+PARAMETERS = {
+    "factor": Number(
+        "", low=0.0, high=1000.0, default=1.0, says="times the baseline's noise std; use it where that is above 0"
+    ),
+    "std": Number("PV units", low=0.0, default=0.0, says="std added in quadrature; use it where the baseline has no noise"),
+}
 CONFUSABLE_WITH = ()
 ACTS = "loop"
 

@@ -3,11 +3,13 @@
 When it is the answer: OP stands still while PV wanders within a band about SP, then both move at once.
 """
 
-from simbench.gap.schema import parameters
+from simbench.loop.parameters import Number
 
 SOURCE = "definition: error = 0 while |SP - PV| <= width/2, unchanged outside (no offset)"
 BLOCK = "controller"
-PARAMETERS = parameters("error_deadband", "width")
+PARAMETERS = {
+    "width": Number("PV units", low=0.0, identity=0.0, says="full width"),
+}
 CONFUSABLE_WITH = ()
 ACTS = "loop"
 

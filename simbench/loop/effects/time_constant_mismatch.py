@@ -6,11 +6,13 @@ When it is the answer: another hold-up than the one the model was taken at. Stan
 import numpy as np
 
 from detectors.errors import ParameterError
-from simbench.gap.schema import parameters
+from simbench.loop.parameters import Number
 
 SOURCE = "definition: T of the plant = factor x T of the baseline"
 BLOCK = "process"
-PARAMETERS = parameters("time_constant_mismatch", "factor")
+PARAMETERS = {
+    "factor": Number("", low=0.05, high=20.0, identity=1.0, says="T of the plant / T of the baseline"),
+}
 CONFUSABLE_WITH = ("gain_mismatch",)
 ACTS = "loop"
 

@@ -5,11 +5,16 @@ When it is the answer: split ranges that do not meet, an overlapped spool. While
 
 from math import isnan
 
-from simbench.gap.schema import parameters
+from simbench.loop.parameters import FOLLOWS, Number
 
 SOURCE = "ISA-51.1 (1979), dead zone"
 BLOCK = "valve"
-PARAMETERS = parameters("deadzone", "D", follows=("c",))
+PARAMETERS = {
+    "D": Number("% of travel", low=0.0, high=100.0, identity=0.0, says="full width of the zone"),
+    "c": Number(
+        "% of travel", low=0.0, high=100.0, default=FOLLOWS, identity=50.0, says="centre; absent = op0 of the operating point"
+    ),
+}
 CONFUSABLE_WITH = ("valve_characteristic", "gain_mismatch")
 ACTS = "loop"
 

@@ -5,11 +5,14 @@ When it is the answer: a fouled probe. PV stays on SP while OP wanders; on a sel
 
 import numpy as np
 
-from simbench.gap.schema import parameters
+from simbench.loop.parameters import Number
 
 SOURCE = "definition: ramp plus random walk on the measured PV"
 BLOCK = "sensor"
-PARAMETERS = parameters("drift")
+PARAMETERS = {
+    "rate": Number("PV units/s", default=0.0, says="ramp"),
+    "walk": Number("PV units/sqrt(s)", low=0.0, default=0.0, says="random walk beside it"),
+}
 CONFUSABLE_WITH = ("load_drift", "load_steps")
 ACTS = "loop"
 

@@ -3,11 +3,13 @@
 When it is the answer: an output card of few bits, a controller that moves only by whole steps. Its integral stays fine.
 """
 
-from simbench.gap.schema import parameters
+from simbench.loop.parameters import Number
 
 SOURCE = "definition: OP = step round(OP/step), behind the controller's memory"
 BLOCK = "controller"
-PARAMETERS = parameters("op_quantisation", "step")
+PARAMETERS = {
+    "step": Number("%", low=0.0, high=100.0, identity=0.0, says="lattice spacing; 0 = none"),
+}
 CONFUSABLE_WITH = ()
 ACTS = "loop"
 

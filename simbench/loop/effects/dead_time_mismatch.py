@@ -3,11 +3,13 @@
 When it is the answer: a longer line, a moved sampling point, a controller that waits one scan more.
 """
 
-from simbench.gap.schema import parameters
+from simbench.loop.parameters import Number
 
 SOURCE = "definition: Td of the plant = max(Td of the baseline + extra, 0)"
 BLOCK = "process"
-PARAMETERS = parameters("dead_time_mismatch", "extra")
+PARAMETERS = {
+    "extra": Number("s", identity=0.0, says="Td of the plant - Td of the baseline; the sum is cut at 0"),
+}
 CONFUSABLE_WITH = ()
 ACTS = "loop"
 
