@@ -350,7 +350,7 @@ def make(
     jobs: Jobs = 1,
 ) -> None:
     """Write shuffled records with hidden effects, and seal the answers."""
-    from simbench.gap.withheld import make as write
+    from simbench.blind.making import make as write
 
     print(write(out, key, seed, n=n, jobs=jobs))
 
@@ -362,8 +362,8 @@ def answer(
     no_bootstrap: Annotated[bool, typer.Option("--no-bootstrap")] = False,
 ) -> None:
     """Diagnose every record, without sight of the answers; resumes where it stopped."""
+    from simbench.blind.answering import answer as diagnose_all
     from simbench.gap import command
-    from simbench.gap.withheld import answer as diagnose_all
 
     print(f"{diagnose_all(out, command.one_file_quick if no_bootstrap else command.one_file, jobs)} records diagnosed")
 
@@ -376,7 +376,7 @@ def open_sealed(
     as_json: Json = False,
 ) -> None:
     """Score the answers against the truth."""
-    from simbench.gap.withheld import open_ as score_answers
+    from simbench.blind.opening import open_ as score_answers
 
     found = score_answers(out, key, scores)
     _print({k: v for k, v in found.items() if k != "markdown"} if as_json else found["markdown"], as_json)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize
 
-from simbench.gap.calibration import calibration_error
+from simbench.calibration import calibration_error
 from simbench.gap.training.make import load
 from simbench.gap.weigh import KNOWN, LEARNED, candidate_rows, combined, record_row
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN

@@ -13,6 +13,8 @@ from functools import cached_property
 from detectors.registry import PluginFolder
 from simbench.loop.parameters import Choice, Number
 
+__all__ = ["BLOCKS", "EFFECTS", "NONE", "PLUGINS", "UNKNOWN", "Choice", "Effect", "Number", "Vocabulary", "block_of"]
+
 BLOCKS = ("controller", "valve", "process", "sensor", "disturbance")
 NONE, UNKNOWN = "none", "unknown"
 PLUGINS = PluginFolder(

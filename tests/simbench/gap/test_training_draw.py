@@ -199,7 +199,7 @@ def test_impossible_wishes_are_refused(wrong, error):
 def test_training_does_not_know_the_blind_checks_generator():
     code = (
         "import sys; from simbench.gap.training import draw_case; draw_case(1, ('noise',));"
-        "print([m for m in sys.modules if m.startswith('simbench.gap.withheld')])"
+        "print([m for m in sys.modules if m.startswith('simbench.blind')])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

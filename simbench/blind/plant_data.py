@@ -1,4 +1,4 @@
-"""The diagnosis on labelled plant records without a baseline: `python -m simbench.gap.plant_data FOLDER`."""
+"""The diagnosis on labelled plant records without a baseline: `python -m simbench.blind.plant_data FOLDER`."""
 
 from __future__ import annotations
 

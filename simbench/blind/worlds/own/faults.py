@@ -9,8 +9,8 @@ from functools import partial
 import numba as nb
 import numpy as np
 
-from simbench.gap.withheld import simulator as sim
-from simbench.gap.withheld.loops import Fault, Setup
+from simbench.blind.worlds.own import simulator as sim
+from simbench.blind.worlds.own.loops import Fault, Setup
 
 Parameters = dict[str, float | str]
 

@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 from scipy import stats
 
-from simbench.gap.calibration import calibration_error
+from simbench.calibration import calibration_error
 
 SAMPLE_LEVEL = frozenset({"noise", "quantisation", "compression", "outliers"})
 COUNTED = ("medium", "strong")

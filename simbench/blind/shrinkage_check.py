@@ -23,20 +23,19 @@ from tqdm import tqdm
 from detectors.errors import ParameterError, UserError
 from detectors.record import LoopRecord
 from scenarios.spec import Loop
+from simbench.blind.making import PLANTS
+from simbench.blind.worlds.own import loops, oracle, sizes
+from simbench.blind.worlds.own.distance import Cloud, cloud, features
+from simbench.blind.worlds.own.drawing import baseline_table
+from simbench.blind.worlds.own.faults import NEEDS_PLANT, Parameters, fault
+from simbench.blind.worlds.own.items import Item, draw_item
+from simbench.blind.worlds.own.loops import Case
 from simbench.gap.arms import Arms
 from simbench.gap.assess import Assessment, load_memory, possible_effects
 from simbench.gap.candidates import fit_candidates
 from simbench.gap.check import check
 from simbench.gap.fit import Engine
-from simbench.gap.withheld import loops, oracle, sizes
-from simbench.gap.withheld.distance import Cloud, cloud, features
-from simbench.gap.withheld.drawing import baseline_table
-from simbench.gap.withheld.faults import NEEDS_PLANT, Parameters, fault
-from simbench.gap.withheld.items import Item, draw_item
-from simbench.gap.withheld.loops import Case
-from simbench.gap.withheld.making import PLANTS
-from simbench.loop.effects import EFFECTS
-from simbench.loop.parameters import Number
+from simbench.loop.effects import EFFECTS, Number
 from simbench.usage import exit_code
 
 WAYS = (0.0, 0.25, 0.5, 0.75, 1.0, 1.5)  # of the way from "does nothing" to the truth
@@ -332,7 +331,7 @@ def main(arguments: list[str] | None = None) -> int:
     -------
     int
     """
-    parser = argparse.ArgumentParser(prog="python -m simbench.gap.shrinkage_check", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m simbench.blind.shrinkage_check", description=__doc__)
     parser.add_argument("-n", type=int, default=120, help="records")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("-j", "--jobs", type=int, default=1)

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simbench.gap.withheld.distance import Cloud, cloud, features
-from simbench.gap.withheld.loops import Case, Fault, Signals, simulate
-from simbench.gap.withheld.sizes import Habit
+from simbench.blind.worlds.own.distance import Cloud, cloud, features
+from simbench.blind.worlds.own.loops import Case, Fault, Signals, simulate
+from simbench.blind.worlds.own.sizes import Habit
 
 STRENGTHS: dict[str, tuple[float, float]] = {"weak": (1.3, 2.0), "medium": (2.0, 4.0), "strong": (4.0, 12.0)}
 """Ratio gap(true loop without the fault) / floor. Strong has no upper end by definition; the generator stops at 12."""

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from detectors.errors import ParameterError
-from simbench.gap.groups import LAGS, SLOW
-from simbench.gap.withheld import drawing, faults, loops, oracle, sizes
-from simbench.gap.withheld.loops import Case, Fault, Signals
+from simbench.blind.alike import LAGS, SLOW
+from simbench.blind.worlds.own import drawing, faults, loops, oracle, sizes
+from simbench.blind.worlds.own.loops import Case, Fault, Signals
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
 
 COLUMNS = (

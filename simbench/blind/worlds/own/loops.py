@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import lfilter
 
-from simbench.gap.withheld import simulator as sim
+from simbench.blind.worlds.own import simulator as sim
 
 
 @dataclass(frozen=True)

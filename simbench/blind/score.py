@@ -8,10 +8,9 @@ from typing import Any
 
 import pandas as pd
 
-from simbench.gap.groups import Facts, facts_of, indistinguishable
-from simbench.gap.withheld.oracle import RESOLVABLE
-from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
-from simbench.loop.parameters import Number
+from simbench.blind.alike import Facts, facts_of, indistinguishable
+from simbench.blind.worlds.own.oracle import RESOLVABLE
+from simbench.loop.effects import EFFECTS, NONE, UNKNOWN, Number
 
 
 def judge_record(truth: Mapping[str, Any], found: Mapping[str, Any] | None, facts: Facts) -> dict[str, Any]:

@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from simbench.gap.withheld import simulator as sim
-from simbench.gap.withheld.loops import Case
+from simbench.blind.worlds.own import simulator as sim
+from simbench.blind.worlds.own.loops import Case
 
 
 def draw(rng: np.random.Generator, *, plant: str | None = None, sp_moves: bool | None = None, mv: bool | None = None) -> Case:

@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from simbench.gap.groups import Facts, indistinguishable
-from simbench.gap.withheld.distance import cloud, features
-from simbench.gap.withheld.faults import fault
-from simbench.gap.withheld.loops import Case, Signals, simulate
-from simbench.gap.withheld.oracle import RESOLVABLE
-from simbench.gap.withheld.score import claimed_shrinkage
-from simbench.loop.effects import EFFECTS
-from simbench.loop.parameters import Choice
+from simbench.blind.alike import Facts, indistinguishable
+from simbench.blind.score import claimed_shrinkage
+from simbench.blind.worlds.own.distance import cloud, features
+from simbench.blind.worlds.own.faults import fault
+from simbench.blind.worlds.own.loops import Case, Signals, simulate
+from simbench.blind.worlds.own.oracle import RESOLVABLE
+from simbench.loop.effects import EFFECTS, Choice
 
 SEEDS = 10
 CANDIDATES = 5

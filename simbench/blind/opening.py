@@ -15,12 +15,12 @@ from tqdm import tqdm
 
 from detectors.errors import ParameterError
 from scenarios.spec import read_toml
-from simbench.gap.withheld import seal
-from simbench.gap.withheld.answering import COST
-from simbench.gap.withheld.claims import true_shrinkages
-from simbench.gap.withheld.levels import Figure, Share, by_effect, levels
-from simbench.gap.withheld.picture import confusion, draw
-from simbench.gap.withheld.score import group_facts, judge_record
+from simbench.blind import seal
+from simbench.blind.answering import COST
+from simbench.blind.claims import true_shrinkages
+from simbench.blind.levels import Figure, Share, by_effect, levels
+from simbench.blind.picture import confusion, draw
+from simbench.blind.score import group_facts, judge_record
 
 PLAIN = "answers.csv"
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from detectors.errors import ParameterError
-from simbench.gap.withheld import drawing, faults, items, loops, oracle, sizes
-from simbench.gap.withheld import simulator as sim
-from simbench.gap.withheld.distance import cloud, features
-from simbench.gap.withheld.making import Plan
+from simbench.blind.making import Plan
+from simbench.blind.worlds.own import drawing, faults, items, loops, oracle, sizes
+from simbench.blind.worlds.own import simulator as sim
+from simbench.blind.worlds.own.distance import cloud, features
 from simbench.loop.effects import BLOCKS, EFFECTS
 
 RNG = np.random.default_rng

@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from simbench.gap import shrinkage_check
-from simbench.gap.shrinkage_check import WAYS, Study, main, on_the_way, study, summary
+from simbench.blind import shrinkage_check
+from simbench.blind.shrinkage_check import WAYS, Study, main, on_the_way, study, summary
 from simbench.loop.effects import EFFECTS
 
 SEED, RECORDS = 101, 3

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simbench.gap.withheld.faults import Parameters
-from simbench.gap.withheld.loops import Case
+from simbench.blind.worlds.own.faults import Parameters
+from simbench.blind.worlds.own.loops import Case
 
 Scale = Callable[[float], Parameters]
 

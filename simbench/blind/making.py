@@ -17,8 +17,9 @@ from tqdm import tqdm
 
 from detectors.errors import ParameterError
 from scenarios.spec import Loop
-from simbench.gap.withheld import drawing, faults, oracle, seal
-from simbench.gap.withheld.items import COLUMNS, Item, draw_item
+from simbench.blind import seal
+from simbench.blind.worlds.own import drawing, faults, oracle
+from simbench.blind.worlds.own.items import COLUMNS, Item, draw_item
 from simbench.loop.effects import EFFECTS
 
 PLANTS = ("foptd", "foptd", "integrating")

@@ -7,13 +7,13 @@ import pandas as pd
 import pytest
 
 from detectors.errors import ParameterError
-from simbench.gap.groups import Facts
-from simbench.gap.withheld import open_
-from simbench.gap.withheld.claims import true_shrinkages
-from simbench.gap.withheld.drawing import baseline_table
-from simbench.gap.withheld.items import draw_item
-from simbench.gap.withheld.levels import Share, by_effect, calibration, levels
-from simbench.gap.withheld.score import claimed_shrinkage, first_three, judge_record
+from simbench.blind.alike import Facts
+from simbench.blind.claims import true_shrinkages
+from simbench.blind.levels import Share, by_effect, calibration, levels
+from simbench.blind.opening import open_
+from simbench.blind.score import claimed_shrinkage, first_three, judge_record
+from simbench.blind.worlds.own.drawing import baseline_table
+from simbench.blind.worlds.own.items import draw_item
 from simbench.loop.effects import EFFECTS
 
 FACTS = Facts(integrating=False, sp_moves=True, mv=False)

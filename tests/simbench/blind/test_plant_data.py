@@ -11,13 +11,13 @@ import pytest
 
 from detectors.io import read_record
 from scenarios.spec import Loop
+from simbench.blind.plant_data import by_flag, by_unit_group, diagnose_folder
 from simbench.gap.assess import Assessment, assess, load_memory
 from simbench.gap.candidates import fit_candidates
 from simbench.gap.check import check
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.fit import Engine, Spec
 from simbench.gap.identify import identify, in_both_halves, plausible, remarks
-from simbench.gap.plant_data import by_flag, by_unit_group, diagnose_folder
 from simbench.gap.spacing import spacing
 from simbench.loop.simulate import simulate
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import welch
 
-from simbench.gap.withheld.loops import Case, Signals
+from simbench.blind.worlds.own.loops import Case, Signals
 
 CAP = 40.0  # seed spreads a single feature can add: a share that is exactly 0 in the simulation must not decide alone
 LEAST_FLOOR = 0.3  # a loop that hardly varies from seed to seed must not turn differences that mean nothing into a gap

@@ -11,7 +11,10 @@ import pytest
 
 from detectors.errors import ParameterError
 from scenarios.spec import Loop
-from simbench.gap.withheld import Plan, answer, make, open_, seal
+from simbench.blind import seal
+from simbench.blind.answering import answer
+from simbench.blind.making import Plan, make
+from simbench.blind.opening import open_
 from simbench.loop.effects import EFFECTS
 
 PLAN = Plan(per_cell=1, none=2, two=0, foreign=1, effects=("noise", "op_quantisation", "gain_mismatch"), strengths=("medium",))
