@@ -28,6 +28,8 @@ Thresholds = Annotated[
 ]
 Span = Annotated[tuple[float, float] | None, typer.Option(metavar="LO HI", help="Values that mean 0 and 100 %.")]
 
+World = Annotated[str, typer.Option(metavar="NAME", help="Independent simulator that draws the records.")]
+
 _bare = {"add_completion": False, "no_args_is_help": True, "rich_markup_mode": None, "pretty_exceptions_enable": False}
 app = typer.Typer(help="A closed-loop testbench for valve-stiction detectors.", **_bare)
 confirm_app = typer.Typer(help="Is it the valve? The chapter's confirmation tests on a simulated loop.", **_bare)
@@ -348,11 +350,12 @@ def make(
     seed: Annotated[int, typer.Option(min=0)],
     n: Annotated[int, typer.Option("-n", "--records", min=100, help="About how many records.")] = 600,
     jobs: Jobs = 1,
+    world: World = "own",
 ) -> None:
     """Write shuffled records with hidden effects, and seal the answers."""
     from simbench.blind.making import make as write
 
-    print(write(out, key, seed, n=n, jobs=jobs))
+    print(write(out, key, seed, n=n, jobs=jobs, world=world))
 
 
 @withheld_app.command()
@@ -360,8 +363,9 @@ def answer(
     out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the check.")],
     jobs: Jobs = 1,
     no_bootstrap: Annotated[bool, typer.Option("--no-bootstrap")] = False,
+    world: World = "own",
 ) -> None:
-    """Diagnose every record, without sight of the answers; resumes where it stopped."""
+    """Diagnose every record, without sight of the answers and whatever the world; resumes where it stopped."""
     from simbench.blind.answering import answer as diagnose_all
     from simbench.gap import command
 
@@ -373,12 +377,13 @@ def open_sealed(
     out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the check.")],
     key: Annotated[Path | None, typer.Option(help="Key file; not needed where answers.csv lies open.")] = None,
     scores: Annotated[Path | None, typer.Option("--scores", metavar="DIR", help="Where the scores go.")] = None,
+    world: World = "own",
     as_json: Json = False,
 ) -> None:
     """Score the answers against the truth."""
     from simbench.blind.opening import open_ as score_answers
 
-    found = score_answers(out, key, scores)
+    found = score_answers(out, key, scores, world)
     _print({k: v for k, v in found.items() if k != "markdown"} if as_json else found["markdown"], as_json)
 
 

@@ -21,11 +21,14 @@ from simbench.blind.claims import true_shrinkages
 from simbench.blind.levels import Figure, Share, by_effect, levels
 from simbench.blind.picture import confusion, draw
 from simbench.blind.score import group_facts, judge_record
+from simbench.blind.world import OWN
 
 PLAIN = "answers.csv"
 
 
-def open_(folder: str | Path, key: str | Path | None = None, out: str | Path | None = None) -> dict[str, Any]:
+def open_(
+    folder: str | Path, key: str | Path | None = None, out: str | Path | None = None, world: str = OWN
+) -> dict[str, Any]:
     """Score answers/ID.json of a folder against its sealed answers, or against a plain answers.csv of someone else.
 
     Parameters
@@ -36,6 +39,8 @@ def open_(folder: str | Path, key: str | Path | None = None, out: str | Path | N
         Needed where the answers are sealed.
     out : path, optional
         Where score.json, score.csv, by_effect.csv, records.csv, answers.csv and confusion.png/.svg go; absent: `folder`/score.
+    world : str
+        Which one drew the records, where the answers do not say it themselves.
 
     Returns
     -------
@@ -58,7 +63,10 @@ def open_(folder: str | Path, key: str | Path | None = None, out: str | Path | N
         found = _answer(folder / "answers" / f"{row['id']}.json")
         judged.append(judge_record(row, found, facts))
         if judged[-1]["kind"] == "single" and row.get("case") and found is not None:
-            claims += [{"id": row["id"], **c} for c in true_shrinkages(row, found, record, facts)]
+            claims += [
+                {"id": row["id"], **c}
+                for c in true_shrinkages(row, found, record, baseline, facts, row.get("world") or world)
+            ]
     table = pd.DataFrame(judged)
     figures = levels(table) + _claim_figures(pd.DataFrame(claims)) + _cost(folder)
     effects = by_effect(table)

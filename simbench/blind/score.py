@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 
 from simbench.blind.alike import Facts, facts_of, indistinguishable
-from simbench.blind.worlds.own.oracle import RESOLVABLE
+from simbench.blind.distance import RESOLVABLE
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN, Number
 
 

@@ -23,12 +23,12 @@ from tqdm import tqdm
 from detectors.errors import ParameterError, UserError
 from detectors.record import LoopRecord
 from scenarios.spec import Loop
-from simbench.blind.making import PLANTS
+from simbench.blind.distance import RESOLVABLE, Cloud, cloud, features
+from simbench.blind.making import PLANNED, PLANTS
 from simbench.blind.worlds.own import loops, oracle, sizes
-from simbench.blind.worlds.own.distance import Cloud, cloud, features
 from simbench.blind.worlds.own.drawing import baseline_table
 from simbench.blind.worlds.own.faults import NEEDS_PLANT, Parameters, fault
-from simbench.blind.worlds.own.items import Item, draw_item
+from simbench.blind.worlds.own.items import Drawn, draw_item
 from simbench.blind.worlds.own.loops import Case
 from simbench.gap.arms import Arms
 from simbench.gap.assess import Assessment, load_memory, possible_effects
@@ -123,7 +123,7 @@ def study(n: int, seed: int, jobs: int = 1) -> Study:
 
 
 def _entry(i: int) -> dict[str, Any]:
-    k, effects = i // len(EFFECTS), list(EFFECTS)
+    k, effects = i // len(PLANNED), PLANNED
     return {
         "kind": "single",
         "effect": effects[i % len(effects)],
@@ -139,7 +139,7 @@ def _one(seed: int, index: int) -> tuple[list[dict[str, Any]], str]:
     return compare(item, index, np.random.default_rng([seed, index, 1]))
 
 
-def compare(item: Item, index: int, rng: np.random.Generator) -> tuple[list[dict[str, Any]], str]:
+def compare(item: Drawn, index: int, rng: np.random.Generator) -> tuple[list[dict[str, Any]], str]:
     """Return claimed and true shrinkage of one record's candidates.
 
     Plant and load are those the diagnosis fits under the candidate; the candidate's own numbers are the known ones. The true
@@ -147,7 +147,7 @@ def compare(item: Item, index: int, rng: np.random.Generator) -> tuple[list[dict
 
     Parameters
     ----------
-    item : Item
+    item : Drawn
     index : int
     rng : numpy.random.Generator
         Draws the wrong candidate.
@@ -161,8 +161,8 @@ def compare(item: Item, index: int, rng: np.random.Generator) -> tuple[list[dict
     """
     case, seed, effect = item.case, int(item.answer["seed"]), str(item.answer["effect"])
     truth = oracle.reference(case, seed)
-    values = features(item.signals, case)[0]
-    if truth.cloud.distance(values) < oracle.RESOLVABLE * truth.cloud.floor:
+    values = features(item.signals, case.scale)[0]
+    if truth.cloud.distance(values) < RESOLVABLE * truth.cloud.floor:
         return [], "no resolvable gap in the generator"
     wrong = _wrong(effect, case, rng)
     clean = loops.simulate(case, seed).op
@@ -185,12 +185,12 @@ def compare(item: Item, index: int, rng: np.random.Generator) -> tuple[list[dict
     return rows, ""
 
 
-def claimer(item: Item, effects: list[str]) -> Callable[[str, Parameters], Any]:
+def claimer(item: Drawn, effects: list[str]) -> Callable[[str, Parameters], Any]:
     """Return the diagnosis's measuring of one record: effect and known parameters to a `shrink.Shrinkage`.
 
     Parameters
     ----------
-    item : Item
+    item : Drawn
     effects : list of str
         That will be asked for.
 
@@ -235,7 +235,7 @@ def true_share(case: Case, seed: int, values: np.ndarray, before: Cloud, effect:
     float
     """
     act = fault(effect, parameters)
-    after = cloud([loops.simulate(case, seed + 5000 + i, (act,)) for i in range(SEEDS)], case)
+    after = cloud([loops.simulate(case, seed + 5000 + i, (act,)) for i in range(SEEDS)], case.scale)
     # one yardstick for both arms, the candidate's own
     start, floor = after._replace(mean=before.mean).distance(values), after.floor
     share = 1.0 - max(after.distance(values) - floor, 0.0) / (start - floor) if start > floor else 0.0
@@ -246,7 +246,7 @@ def _wrong(effect: str, case: Case, rng: np.random.Generator) -> str:
     """Return an effect of another block that this loop can have."""
     # one band is enough for a valve
     barred = {EFFECTS[effect].block, "valve" if case.play > 0.0 else ""}
-    others = [e for e, about in EFFECTS.items() if about.block not in barred]
+    others = [e for e in PLANNED if EFFECTS[e].block not in barred]
     return str(rng.choice([e for e in others if NEEDS_PLANT.get(e, case.plant) == case.plant]))
 
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from detectors.registry import PluginFolder
-from simbench.loop.parameters import Choice, Number
+from simbench.loop.parameters import FOLLOWS, Choice, Number
 
-__all__ = ["BLOCKS", "EFFECTS", "NONE", "PLUGINS", "UNKNOWN", "Choice", "Effect", "Number", "Vocabulary", "block_of"]
+__all__ = ["BLOCKS", "EFFECTS", "FOLLOWS", "NONE", "PLUGINS", "UNKNOWN", "Choice", "Effect", "Number", "Vocabulary", "block_of"]
 
 BLOCKS = ("controller", "valve", "process", "sensor", "disturbance")
 NONE, UNKNOWN = "none", "unknown"

@@ -12,8 +12,7 @@ from simbench.blind.claims import true_shrinkages
 from simbench.blind.levels import Share, by_effect, calibration, levels
 from simbench.blind.opening import open_
 from simbench.blind.score import claimed_shrinkage, first_three, judge_record
-from simbench.blind.worlds.own.drawing import baseline_table
-from simbench.blind.worlds.own.items import draw_item
+from simbench.blind.worlds import own
 from simbench.loop.effects import EFFECTS
 
 FACTS = Facts(integrating=False, sp_moves=True, mv=False)
@@ -246,21 +245,20 @@ def test_unreadable_folders_end_in_one_sentence(theirs):
 
 
 def test_a_true_claim_closes_the_gap_when_simulated_again_and_a_false_one_does_not():
-    item = draw_item(8, 0, {"kind": "single", "effect": "gain_mismatch", "strength": "strong", "mv": False, "plant": "foptd"})
-    s = item.signals
-    record = pd.DataFrame({"sp": s.sp, "op": s.op, "pv": s.pv})
+    item = own.draw(8, 0, {"kind": "single", "effect": "gain_mismatch", "strength": "strong", "mv": False, "plant": "foptd"})
+    record = pd.DataFrame(item.columns)
     found = says("gain_mismatch", parameters=item.answer["parameters"])
     false = {
         "effect": "compression",
         "probability": 0.1,
         "gap_before": 3.0,
         "gap_after": 1.0,
-        "parameters": {"band": 1e-3 * item.case.unit},
+        "parameters": {"band": 1e-3 * item.answer["case"]["unit"]},
     }
     found["ranking"].append(false)
-    rows = true_shrinkages(item.answer, found, record, FACTS)
+    rows = true_shrinkages(item.answer, found, record, item.baseline, FACTS, "own")
     assert {r["effect"]: r["right"] for r in rows} == {"gain_mismatch": True, "compression": False}
     true = {r["effect"]: r["true"] for r in rows}
     assert true["gain_mismatch"] > 0.7
     assert true["compression"] < 0.3
-    assert baseline_table(item.case)["plant"]["K"] == item.case.nominal[0]
+    assert item.baseline["plant"]["K"] == item.answer["case"]["nominal"][0]

@@ -245,6 +245,7 @@ FOREIGN: dict[str, str] = {
     "sp_weight": "controller",
 }
 """Foreign kinds and the block in which each lies."""
+KNOWN = tuple(name for name in _ACT if name not in FOREIGN)
 
 NEEDS_SP_STEPS = frozenset({"sp_weight", "level_gain"})
 NEEDS_PLANT = {"time_constant_mismatch": "foptd", "level_gain": "integrating"}

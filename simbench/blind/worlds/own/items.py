@@ -10,20 +10,17 @@ import numpy as np
 
 from detectors.errors import ParameterError
 from simbench.blind.alike import LAGS, SLOW
+from simbench.blind.distance import RESOLVABLE, cloud
 from simbench.blind.worlds.own import drawing, faults, loops, oracle, sizes
 from simbench.blind.worlds.own.loops import Case, Fault, Signals
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
 
-COLUMNS = (
-    "id", "kind", "block", "effect", "block2", "effect2", "strength", "ratio", "shrinkage", "gap_before", "gap_after", "floor",
-    "parameters", "parameters2", "foreign", "mv", "plant", "controller", "sp_moves", "case", "seed",
-)  # fmt: skip
 LOOPS_TO_TRY = 200
 TWO_BAND = (2.2, 6.0)  # ratio of each of two effects alone
 
 
 @dataclass(frozen=True)
-class Item:
+class Drawn:
     """One finished record with its answer."""
 
     case: Case
@@ -31,7 +28,7 @@ class Item:
     answer: dict[str, Any]
 
 
-def draw_item(seed: int, index: int, entry: dict[str, Any]) -> Item:
+def draw_item(seed: int, index: int, entry: dict[str, Any]) -> Drawn:
     """Draw loops until one can hold what the entry asks for.
 
     Parameters
@@ -45,7 +42,7 @@ def draw_item(seed: int, index: int, entry: dict[str, Any]) -> Item:
 
     Returns
     -------
-    Item
+    Drawn
 
     Raises
     ------
@@ -53,7 +50,7 @@ def draw_item(seed: int, index: int, entry: dict[str, Any]) -> Item:
         When no loop out of `LOOPS_TO_TRY` can.
     """
     rng = np.random.default_rng([seed, index])
-    build: Callable[..., Item | None] = {"none": _none, "two": _two}.get(entry["kind"], _one)
+    build: Callable[..., Drawn | None] = {"none": _none, "two": _two}.get(entry["kind"], _one)
     effect = entry.get("effect", "")
     moves = True if effect in faults.NEEDS_SP_STEPS else None
     for i in range(LOOPS_TO_TRY):
@@ -67,7 +64,7 @@ def draw_item(seed: int, index: int, entry: dict[str, Any]) -> Item:
 
 def _answer(case: Case, seed: int, **more: Any) -> dict[str, Any]:
     about = {key: getattr(case, key) for key in ("mv", "plant", "controller", "sp_moves")}
-    return dict.fromkeys(COLUMNS, "") | about | {"case": case.to_dict(), "seed": seed} | more
+    return dict.fromkeys(("effect2", "block2", "foreign"), "") | about | {"case": case.to_dict(), "seed": seed} | more
 
 
 def _named(case: Case, names: tuple[str, ...]) -> Case:
@@ -81,15 +78,15 @@ def _named(case: Case, names: tuple[str, ...]) -> Case:
     return replace(case, nominal=nominal)
 
 
-def _none(case: Case, seed: int, entry: dict[str, Any], rng: np.random.Generator) -> Item | None:
+def _none(case: Case, seed: int, entry: dict[str, Any], rng: np.random.Generator) -> Drawn | None:
     found = oracle.ratio(case, seed, (), oracle.reference(case, seed).cloud)
     if found is None:
         return None
     answer = _answer(case, seed, kind="none", block=NONE, effect=NONE, strength="none", ratio=round(found.expected, 3))
-    return Item(case, loops.simulate(case, seed), answer)
+    return Drawn(case, loops.simulate(case, seed), answer)
 
 
-def _one(case: Case, seed: int, entry: dict[str, Any], rng: np.random.Generator) -> Item | None:
+def _one(case: Case, seed: int, entry: dict[str, Any], rng: np.random.Generator) -> Drawn | None:
     name, foreign = entry["effect"], entry["kind"] == "foreign"
     case = _named(case, (name,))
     found = _sized(case, seed, name, oracle.STRENGTHS[entry["strength"]], oracle.reference(case, seed), rng)
@@ -103,11 +100,11 @@ def _one(case: Case, seed: int, entry: dict[str, Any], rng: np.random.Generator)
     else:
         known = {"block": EFFECTS[name].block, "effect": name, **_shrinkage(case, seed, signals, acts)}
     about = {"kind": entry["kind"], "strength": entry["strength"], "ratio": round(ratio.expected, 3), "parameters": parameters}
-    return Item(case, signals, _answer(case, seed, **about, **known))
+    return Drawn(case, signals, _answer(case, seed, **about, **known))
 
 
-def _two(case: Case, seed: int, entry: dict[str, Any], rng: np.random.Generator) -> Item | None:
-    names = tuple(str(x) for x in rng.choice([e for e in EFFECTS if _possible(e, case)], 2, replace=False))
+def _two(case: Case, seed: int, entry: dict[str, Any], rng: np.random.Generator) -> Drawn | None:
+    names = tuple(str(x) for x in rng.choice([e for e in faults.KNOWN if _possible(e, case)], 2, replace=False))
     if EFFECTS[names[0]].block == EFFECTS[names[1]].block or any(set(names) <= group for group in (LAGS, SLOW)):
         return None
     case = _named(case, names)
@@ -121,7 +118,7 @@ def _two(case: Case, seed: int, entry: dict[str, Any], rng: np.random.Generator)
     if both is None or not all(_adds(case, seed, acts, left_out) for left_out in range(2)):
         return None
     signals = loops.simulate(case, seed, acts)
-    return Item(
+    return Drawn(
         case,
         signals,
         _answer(
@@ -156,9 +153,9 @@ def _sized(
 def _adds(case: Case, seed: int, acts: tuple[Fault, ...], left_out: int) -> bool:
     """Whether a fault is still visible beside the other: one that the other drowns is no second effect."""
     kept = (acts[1 - left_out],)
-    alone = oracle.cloud([loops.simulate(case, seed + 500 + i, kept) for i in range(oracle.CLOUD)], case)
+    alone = cloud([loops.simulate(case, seed + 500 + i, kept) for i in range(oracle.CLOUD)], case.scale)
     found = oracle.ratio(case, seed, acts, alone)
-    return found is not None and found.expected >= oracle.RESOLVABLE
+    return found is not None and found.expected >= RESOLVABLE
 
 
 def _shrinkage(case: Case, seed: int, signals: Signals, acts: tuple[Fault, ...]) -> dict[str, Any]:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 from scipy.signal import lfilter
 
+from simbench.blind.distance import Scale, Signals
 from simbench.blind.worlds.own import simulator as sim
 
 
@@ -65,6 +65,12 @@ class Case:
         """Whether the set point steps within the record."""
         return bool(self.steps)
 
+    @property
+    def scale(self) -> Scale:
+        """What records of this loop are measured in."""
+        step_unit = self.K if self.plant == "foptd" else 1.0 / self.Kc
+        return Scale(self.Ts, self.speed, self.unit, self.noise_std, step_unit, self.sp_moves)
+
     def to_dict(self) -> dict:
         """Return the fields as JSON types."""
         return asdict(self)
@@ -110,15 +116,6 @@ class Setup:
     def size(self) -> int:
         """Samples of warm-up and record together."""
         return self.sp.size
-
-
-class Signals(NamedTuple):
-    """What the historian shows, shape (n,) each."""
-
-    sp: np.ndarray
-    op: np.ndarray
-    pv: np.ndarray
-    mv: np.ndarray
 
 
 Fault = Callable[[Setup, np.random.Generator], None]

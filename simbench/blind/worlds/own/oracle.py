@@ -7,14 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simbench.blind.worlds.own.distance import Cloud, cloud, features
+from simbench.blind.distance import RESOLVABLE, Cloud, cloud, features
 from simbench.blind.worlds.own.loops import Case, Fault, Signals, simulate
 from simbench.blind.worlds.own.sizes import Habit
 
 STRENGTHS: dict[str, tuple[float, float]] = {"weak": (1.3, 2.0), "medium": (2.0, 4.0), "strong": (4.0, 12.0)}
 """Ratio gap(true loop without the fault) / floor. Strong has no upper end by definition; the generator stops at 12."""
-RESOLVABLE = 1.5
-"""Ratio from which a gap counts as resolvable."""
 CLOUD, REAL = 16, 4
 _OFFSET = 1000  # seeds of the simulated cloud start here above the record's own
 
@@ -89,7 +87,7 @@ def reference(case: Case, seed: int) -> Reference:
         op_std=float(np.mean([r.op.std() for r in runs])),
         e_std=float(np.mean([(r.pv - r.sp).std() for r in runs])),
     )
-    return Reference(cloud(runs, case), habit)
+    return Reference(cloud(runs, case.scale), habit)
 
 
 def sane(record: Signals) -> bool:
@@ -115,7 +113,7 @@ def ratio(case: Case, seed: int, faults: tuple[Fault, ...], true: Cloud) -> Rati
     runs = [simulate(case, seed + i, faults) for i in range(REAL)]
     if not all(map(sane, runs)):
         return None
-    gaps = [true.distance(features(r, case)[0]) / true.floor for r in runs]
+    gaps = [true.distance(features(r, case.scale)[0]) / true.floor for r in runs]
     return Ratio(float(np.mean(gaps)), gaps[0])
 
 
@@ -181,8 +179,8 @@ def shrinkage(case: Case, seed: int, record: Signals, faults: tuple[Fault, ...])
     Shrinkage
     """
     nominal, seeds = case.as_nominal(), [seed + 2 * _OFFSET + i for i in range(12)]
-    values = features(record, case)[0]
-    before = cloud([simulate(nominal, s) for s in seeds], case)
-    after = cloud([simulate(nominal, s, faults) for s in seeds], case)
+    values = features(record, case.scale)[0]
+    before = cloud([simulate(nominal, s) for s in seeds], case.scale)
+    after = cloud([simulate(nominal, s, faults) for s in seeds], case.scale)
     # one yardstick for both: the spreads of the arm that holds the fault, as the floor's
     return Shrinkage(after._replace(mean=before.mean).distance(values), after.distance(values), after.floor)

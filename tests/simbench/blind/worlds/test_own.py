@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from detectors.errors import ParameterError
+from simbench.blind.distance import cloud, features
 from simbench.blind.making import Plan
 from simbench.blind.worlds.own import drawing, faults, items, loops, oracle, sizes
 from simbench.blind.worlds.own import simulator as sim
-from simbench.blind.worlds.own.distance import cloud, features
 from simbench.loop.effects import BLOCKS, EFFECTS
 
 RNG = np.random.default_rng
@@ -157,21 +157,21 @@ def test_the_swinging_door_keeps_its_promise():
 def test_features_do_not_see_the_operating_point_or_the_unit_of_pv():
     case = drawing.draw(RNG(2), plant="foptd", sp_moves=True)
     run = loops.simulate(case, 1)
-    values, _ = features(run, case)
+    values, _ = features(run, case.scale)
     moved = loops.Signals(run.sp + 7.0 * case.unit, run.op + 3.0, run.pv + 7.0 * case.unit, run.mv)
-    np.testing.assert_allclose(features(moved, case)[0], values, atol=1e-6)
+    np.testing.assert_allclose(features(moved, case.scale)[0], values, atol=1e-6)
     scaled = replace(case, unit=10 * case.unit, noise_std=10 * case.noise_std, K=10 * case.K)
     tenfold = loops.Signals(10 * run.sp, run.op, 10 * run.pv, run.mv)
-    np.testing.assert_allclose(features(tenfold, scaled)[0], values, atol=1e-6)
+    np.testing.assert_allclose(features(tenfold, scaled.scale)[0], values, atol=1e-6)
 
 
 def test_a_run_of_the_same_loop_is_as_far_as_the_floor_and_a_changed_one_farther():
     case = drawing.draw(RNG(2), plant="foptd", sp_moves=True)
-    own = cloud([loops.simulate(case, 100 + i) for i in range(16)], case)
-    same = np.mean([own.distance(features(loops.simulate(case, i), case)[0]) for i in range(12)])
+    own = cloud([loops.simulate(case, 100 + i) for i in range(16)], case.scale)
+    same = np.mean([own.distance(features(loops.simulate(case, i), case.scale)[0]) for i in range(12)])
     assert same == pytest.approx(own.floor, rel=0.35)
     gain = faults.fault("gain_mismatch", {"factor": 2.0})
-    assert own.distance(features(loops.simulate(case, 0, (gain,)), case)[0]) > 2 * same
+    assert own.distance(features(loops.simulate(case, 0, (gain,)), case.scale)[0]) > 2 * same
 
 
 @pytest.mark.parametrize(
@@ -214,7 +214,7 @@ def test_the_nominal_plant_is_within_ten_percent_and_a_mismatch_counts_from_it_e
 
 
 def test_the_usual_plan_holds_what_the_levels_need():
-    entries = Plan.of(600).entries()
+    entries = Plan.of(600).entries(list(faults.FOREIGN))
     single = [e for e in entries if e["kind"] == "single"]
     assert len(entries) == 600
     assert len(single) >= 300

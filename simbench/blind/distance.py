@@ -9,14 +9,46 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import welch
 
-from simbench.blind.worlds.own.loops import Case, Signals
-
+RESOLVABLE = 1.5  # gap over floor from which a gap counts as resolvable
 CAP = 40.0  # seed spreads a single feature can add: a share that is exactly 0 in the simulation must not decide alone
 LEAST_FLOOR = 0.3  # a loop that hardly varies from seed to seed must not turn differences that mean nothing into a gap
 BANDS = 6
 
 
-def features(s: Signals, case: Case) -> tuple[np.ndarray, np.ndarray]:
+class Signals(NamedTuple):
+    """What a historian shows: SP and PV in PV units, OP and MV in %, each of shape (n,)."""
+
+    sp: np.ndarray
+    op: np.ndarray
+    pv: np.ndarray
+    mv: np.ndarray
+
+
+class Scale(NamedTuple):
+    """What the features are measured in.
+
+    Parameters
+    ----------
+    Ts, speed : float
+        Sampling period and closed-loop time scale (s).
+    unit : float
+        PV units per %.
+    noise_std : float
+        Measurement noise (PV units).
+    step_unit : float
+        PV units per % of OP's answer to a set-point step.
+    sp_moves : bool
+    """
+
+    Ts: float
+    speed: float
+    unit: float
+    noise_std: float
+    step_unit: float
+    sp_moves: bool
+
+
+def features(s: Signals, scale: Scale) -> tuple[np.ndarray, np.ndarray]:
     """Return what the record looks like regardless of phase, and the difference below which each number means nothing.
 
     Means are left out: operating point and mean load are never an effect.
@@ -24,15 +56,14 @@ def features(s: Signals, case: Case) -> tuple[np.ndarray, np.ndarray]:
     Parameters
     ----------
     s : Signals
-    case : Case
-        Its noise, PV unit, closed-loop time scale and set-point steps scale the features.
+    scale : Scale
 
     Returns
     -------
     values, meaningless : ndarray, shape (f,)
     """
-    pv, op = (s.pv - s.sp) / case.unit, s.op
-    tiny = 1e-3 * case.noise_std / case.unit
+    pv, op = (s.pv - s.sp) / scale.unit, s.op
+    tiny = 1e-3 * scale.noise_std / scale.unit
     rows: list[tuple[float, float]] = []
 
     def log(x: float, blur: float = 0.05) -> None:
@@ -41,7 +72,7 @@ def features(s: Signals, case: Case) -> tuple[np.ndarray, np.ndarray]:
     def share(x: float, blur: float = 0.02) -> None:
         rows.append((float(x), blur))
 
-    dpv, dop = np.diff(s.pv) / case.unit, np.diff(op)
+    dpv, dop = np.diff(s.pv) / scale.unit, np.diff(op)
     for x in (pv, op, dpv, dop):
         log(x.std() + tiny)
     log((np.diff(dpv).std() + tiny) / (dpv.std() + tiny))
@@ -59,18 +90,18 @@ def features(s: Signals, case: Case) -> tuple[np.ndarray, np.ndarray]:
     share(np.mean(np.abs(dop) < 1e-9))
     share(np.mean(np.abs(np.diff(dpv)) < 30 * tiny))
     share(np.mean(op > op.max() - 1e-6) + np.mean(op < op.min() + 1e-6))
-    for x in (s.pv / case.unit, op):
+    for x in (s.pv / scale.unit, op):
         share(np.unique(np.round(x / (1e-3 * tiny))).size / x.size, 0.15)
         block = x[: x.size // 10 * 10].reshape(10, -1).mean(1)
         log(block.std() + 10 * tiny)
-    lag = max(1, round(case.speed / case.Ts))
+    lag = max(1, round(scale.speed / scale.Ts))
     for k in (0, lag, -lag):
         share(_correlation(pv, op, k), 0.03)
     share(_loop_area(pv, op), 0.03)
     for x in (pv, op):
         share(_regularity(x), 0.03)
-    if case.sp_moves:
-        rows.extend((value, 0.03) for value in _answer_to_steps(s, case, lag))
+    if scale.sp_moves:
+        rows.extend((value, 0.03) for value in _answer_to_steps(s, scale, lag))
     values, meaningless = np.array(rows).T
     return values, meaningless
 
@@ -99,13 +130,13 @@ def _regularity(x: np.ndarray) -> float:
     return float(acf[below[0] :].max() / acf[0]) if below.size else 0.0
 
 
-def _answer_to_steps(s: Signals, case: Case, lag: int) -> list[float]:
+def _answer_to_steps(s: Signals, scale: Scale, lag: int) -> list[float]:
     """Mean course of PV and OP after the set-point steps, per unit of step, in four windows of about one time scale."""
     times = np.flatnonzero(np.diff(s.sp)) + 1
     size = s.sp[times] - s.sp[times - 1]
     edges = [0, max(lag // 2, 1), lag + 1, 2 * lag + 2, 3 * lag + 3]
     out = []
-    for x, unit in ((s.pv, 1.0), (s.op, case.K if case.plant == "foptd" else 1.0 / case.Kc)):
+    for x, unit in ((s.pv, 1.0), (s.op, scale.step_unit)):
         for a, b in pairwise(edges):
             moved = [x[t + a : t + b].mean() - x[max(t - lag, 0) : t].mean() if t + a < x.size else 0.0 for t in times]
             out.append(float(np.dot(moved, size) / np.dot(size, size) * unit))
@@ -124,21 +155,21 @@ class Cloud(NamedTuple):
         return float(np.minimum(np.abs(values - self.mean) / self.spread, CAP).mean())
 
 
-def cloud(runs: Iterable[Signals], case: Case) -> Cloud:
+def cloud(runs: Iterable[Signals], scale: Scale) -> Cloud:
     """Return centre, spread and floor of a set of runs that differ in their seeds only.
 
     Parameters
     ----------
     runs : iterable of Signals
         At least 3.
-    case : Case
+    scale : Scale
 
     Returns
     -------
     Cloud
         `floor` is the mean distance of each run from the cloud of all others, but at least `LEAST_FLOOR`.
     """
-    pairs = [features(run, case) for run in runs]
+    pairs = [features(run, scale) for run in runs]
     table = np.array([values for values, _ in pairs])
     blur = np.median([b for _, b in pairs], axis=0)
     left_out = []
