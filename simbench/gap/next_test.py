@@ -11,8 +11,8 @@ from detectors.errors import UserError
 from detectors.record import LoopRecord
 from scenarios.spec import Loop
 from simbench.gap.features import Features, features
-from simbench.loop.setup import resolve_loop
-from simbench.loop.simulate import run_setup
+from simbench.loop.resolve import resolve_loop
+from simbench.loop.run import run_setup
 
 SEEDS = 3
 SAMPLES = 1500  # length of a simulated test; longer ones separate no better, only slower

@@ -12,12 +12,9 @@ import numpy as np
 from detectors.errors import ParameterError
 from scenarios.spec import Loop, Part
 from simbench.loop import controller, plant, sensor
-from simbench.loop.disturbance import disturbance_signal
-from simbench.loop.effects import PLUGINS
-from simbench.loop.parameters import VALVES, resolve, valve_parameters
+from simbench.loop.parameters import VALVES, valve_parameters
 
-# Independent random streams of one run: changing one part's numbers leaves the others' alone.
-NOISE, DISTURBANCE, EFFECT = 0, 100, 200
+NOISE = 0  # random stream of its own
 
 
 @dataclass
@@ -87,14 +84,21 @@ class Setup:
         """Whether any stage of the valve has friction."""
         return any(module.FRICTION and _acts(p) for module, p in self.valves)
 
+    def draw_noise(self) -> None:
+        """Draw the noise and add it to what is measured with PV; done last, as effects may have changed its strength."""
+        if self.noise_std > 0:
+            # from a stream of its own: a longer tail only appends
+            white = np.random.default_rng([self.seed, NOISE]).standard_normal(self.sp.size)
+            self.pv_add += self.noise_std * white
+
     def hold(self, signal: np.ndarray) -> np.ndarray:
         """Freeze a signal at its last value over the tail."""
         signal[self.n :] = signal[self.n - 1]
         return signal
 
 
-def resolve_loop(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
-    """Turn a loop into a setup: plug-ins looked up and checked, signals drawn, effects applied.
+def plain_setup(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
+    """Turn a loop into a setup without disturbances, effects and noise.
 
     Parameters
     ----------
@@ -114,7 +118,7 @@ def resolve_loop(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
     Raises
     ------
     UnknownName, ParameterError
-        For a plug-in that does not exist, numbers it does not allow, or an unstable plant.
+        For a valve that does not exist, numbers it does not allow, or an unstable plant.
     """
     total = loop.sampling.n + tail
     num, den = plant.polynomials(loop.plant) if tf is None else plant.checked_polynomials(tf)
@@ -141,17 +145,6 @@ def resolve_loop(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
     for t, value in sorted(loop.setpoint.steps):
         setup.sp[int(np.ceil(t / setup.Ts - 1e-9)) :] = value
     setup.hold(setup.sp)
-    for i, part in enumerate(loop.disturbance):
-        where, signal = disturbance_signal(part, total, setup.Ts, np.random.default_rng([seed, DISTURBANCE + i]))
-        load = setup.load_in if where == "input" else setup.load_out
-        load += setup.hold(signal)
-    for i, part in enumerate(loop.effect):
-        effect = PLUGINS.load(part.name)
-        p = resolve(effect.PARAMETERS, part.parameters, f"effect {part.name!r}")
-        effect.apply(setup, p, np.random.default_rng([seed, EFFECT + i]))
-    # drawn last, from a stream of its own: effects may have changed its strength, and a longer tail only appends
-    if setup.noise_std > 0:
-        setup.pv_add += setup.noise_std * np.random.default_rng([seed, NOISE]).standard_normal(total)
     return setup
 
 

@@ -12,7 +12,8 @@ from detectors.errors import ParameterError
 from detectors.signal import stiction_map
 from scenarios.spec import Loop
 from simbench.loop import plant as plants
-from simbench.loop.setup import Setup, resolve_loop
+from simbench.loop.resolve import resolve_loop
+from simbench.loop.setup import Setup
 
 
 @dataclass(frozen=True, eq=False)

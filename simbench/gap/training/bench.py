@@ -11,8 +11,9 @@ from detectors.record import LoopRecord
 from scenarios.spec import Loop
 from simbench.gap.features import Features, features
 from simbench.loop.parameters import VALVES, valve_parameters
-from simbench.loop.setup import Setup, resolve_loop
-from simbench.loop.simulate import run_setup
+from simbench.loop.resolve import resolve_loop
+from simbench.loop.run import run_setup
+from simbench.loop.setup import Setup
 
 LOADS = {"none": 0.1, "first order": 0.25, "smooth": 0.2, "resonant": 0.15, "1/f": 0.15, "slow and white": 0.15}
 NOISES = {"white": 0.55, "moving average": 0.15, "heavy tails": 0.15, "white and 1/f": 0.15}
