@@ -30,11 +30,12 @@ from simbench.blind.worlds.own.drawing import baseline_table
 from simbench.blind.worlds.own.faults import NEEDS_PLANT, Parameters, fault
 from simbench.blind.worlds.own.items import Drawn, draw_item
 from simbench.blind.worlds.own.loops import Case
-from simbench.gap.arms import Arms
-from simbench.gap.assess import Assessment, load_memory, possible_effects
-from simbench.gap.candidates import fit_candidates
-from simbench.gap.check import check
-from simbench.gap.fit import Engine
+from simbench.gap.closed_loop.runs import Arms
+from simbench.gap.decide.assess import possible_effects
+from simbench.gap.effects._candidates import Fitted, fit_candidates
+from simbench.gap.intake.check import check
+from simbench.gap.likelihood.engine import Engine
+from simbench.gap.situation import load_memory
 from simbench.loop.effects import EFFECTS, Number
 from simbench.usage import exit_code
 
@@ -204,7 +205,7 @@ def claimer(item: Drawn, effects: list[str]) -> Callable[[str, Parameters], Any]
     engine = Engine(situation.data, load_memory(situation))
     base = engine.base()
     fits = fit_candidates(engine, base, [e for e in effects if e in possible_effects(situation)])
-    found = Assessment(situation, base, fits, {}, {}, [], base)
+    found = Fitted(situation, base, fits, {}, [], base)
     shared: dict = {}
 
     def claim(effect: str, parameters: Parameters):

@@ -11,9 +11,9 @@ from detectors.errors import ParameterError
 from detectors.io import read_record
 from simbench.files import whole_file
 from simbench.gap.diagnosis import diagnose
-from simbench.gap.partial import read_baseline
-from simbench.gap.result import GapReport
-from simbench.gap.runs import fixed_loop_of, kick_of, named
+from simbench.gap.intake.partial import read_baseline
+from simbench.gap.report.result import GapReport
+from simbench.gap.report.traces import fixed_loop_of, kick_of, named
 
 
 def diagnose_files(
@@ -61,7 +61,7 @@ def diagnose_files(
     --------
     >>> import tempfile, pathlib
     >>> from simbench.files import write_record
-    >>> from simbench.gap.study import random_case
+    >>> from simbench.gap.random_case import random_case
     >>> case, place = random_case(3, ("detuning",)), pathlib.Path(tempfile.mkdtemp())
     >>> write_record(case.record, place / "FIC101.csv")
     >>> _ = (place / "loop.toml").write_text(case.baseline.to_toml())
@@ -77,7 +77,7 @@ def diagnose_files(
         with whole_file(write_loop) as f:
             f.write(_loop_text(report, [str(p) for p in records], baseline))
     if html is not None:
-        from simbench.gap.page import write_page
+        from simbench.gap.report.page import write_page
 
         write_page(report, html, _again(report, records, baseline, bootstrap, about))
     return report

@@ -10,18 +10,19 @@ import numpy as np
 from detectors.errors import RecordError
 from detectors.record import LoopRecord
 from scenarios.spec import Loop
-from simbench.gap import groups
-from simbench.gap.arms import Arms
-from simbench.gap.assess import SURE, Assessment, assess, capped, load_memory, strangers
-from simbench.gap.bootstrap import Chance, chance
-from simbench.gap.check import check
-from simbench.gap.detectable import smallest_detectable
-from simbench.gap.identify import plausible
-from simbench.gap.next_test import choose
-from simbench.gap.partial import Partial, completed
-from simbench.gap.result import Gap, GapReport, Ranked
-from simbench.gap.weigh import Shift, Weights, weigh
-from simbench.gap.where import FAINT, where
+from simbench.gap.closed_loop.next_test import choose
+from simbench.gap.closed_loop.runs import Arms
+from simbench.gap.decide.assess import SURE, Assessment, assess, capped, strangers
+from simbench.gap.decide.bootstrap import Chance, chance
+from simbench.gap.decide.classify import Shift, Weights, weigh
+from simbench.gap.decide.identified import plausible
+from simbench.gap.decide.where import FAINT, where
+from simbench.gap.effects import _alike as groups
+from simbench.gap.effects._detectable import smallest_detectable
+from simbench.gap.intake.check import check
+from simbench.gap.intake.partial import Partial, completed
+from simbench.gap.report.result import Gap, GapReport, Ranked
+from simbench.gap.situation import load_memory
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN, block_of
 
 
@@ -59,7 +60,7 @@ def diagnose(
 
     Examples
     --------
-    >>> from simbench.gap.study import random_case
+    >>> from simbench.gap.random_case import random_case
     >>> case = random_case(3, ("detuning",))
     >>> diagnose(case.record, case.baseline, bootstrap=False).effect
     'detuning'

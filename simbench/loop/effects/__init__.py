@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from types import ModuleType
 
 from detectors.registry import PluginFolder
 from simbench.loop.parameters import FOLLOWS, Choice, Number
@@ -30,10 +31,11 @@ ORDER = (
 
 @dataclass(frozen=True)
 class Effect:
-    """An effect's block and its parameters."""
+    """An effect's block, its parameters, and its meaning in one line."""
 
     block: str
     parameters: Mapping[str, Number | Choice]
+    says: str
 
     @property
     def identity(self) -> dict[str, float | str]:
@@ -56,11 +58,16 @@ class Vocabulary(Mapping[str, Effect]):
     @cached_property
     def _all(self) -> dict[str, Effect]:
         names = [*ORDER, *(name for name in PLUGINS.names() if name not in ORDER)]
-        modules = {name: PLUGINS.load(name) for name in names}
-        return {name: Effect(module.BLOCK, module.PARAMETERS) for name, module in modules.items()}
+        return {name: _described(PLUGINS.load(name)) for name in names}
 
 
 EFFECTS = Vocabulary()
+
+
+def _described(module: ModuleType) -> Effect:
+    first = (module.__doc__ or "").strip().partition("\n\n")[0]
+    # "Dead-band: backlash between OP and MV." says what the effect is behind its name
+    return Effect(module.BLOCK, module.PARAMETERS, " ".join(first.partition(": ")[2].split()).rstrip("."))
 
 
 def block_of(effect: str) -> str:

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from simbench.blind.alike import Facts, facts_of, indistinguishable
-from simbench.gap.innovations import plant
+from simbench.gap.likelihood.kernels import plant
 from simbench.loop.effects import BLOCKS, EFFECTS, Choice, block_of
 
 BARE = Facts(integrating=False, sp_moves=True, mv=False, noise_shows=False, op_jitter=0.0, J=None, slow=False)

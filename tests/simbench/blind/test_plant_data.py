@@ -12,13 +12,16 @@ import pytest
 from detectors.io import read_record
 from scenarios.spec import Loop
 from simbench.blind.plant_data import by_flag, by_unit_group, diagnose_folder
-from simbench.gap.assess import Assessment, assess, load_memory
-from simbench.gap.candidates import fit_candidates
-from simbench.gap.check import check
+from simbench.gap.decide.assess import Assessment, assess
+from simbench.gap.decide.identified import in_both_halves, plausible, remarks
 from simbench.gap.diagnosis import diagnose
-from simbench.gap.fit import Engine, Spec
-from simbench.gap.identify import identify, in_both_halves, plausible, remarks
-from simbench.gap.spacing import spacing
+from simbench.gap.effects._candidates import fit_candidates
+from simbench.gap.intake.check import check
+from simbench.gap.intake.identify import identify
+from simbench.gap.likelihood.engine import Engine
+from simbench.gap.likelihood.model import Spec
+from simbench.gap.sensor.spacing import spacing
+from simbench.gap.situation import load_memory
 from simbench.loop.simulate import simulate
 
 REAL = Path(__file__).parents[4] / "shared" / "data" / "real"
@@ -148,7 +151,7 @@ def test_friction_in_both_halves_is_asked_of_a_record_with_1_over_f_load_too():
     engine = Engine(situation.data, load_memory(situation))
     base = engine.fit(Spec(pink=True), engine.start())
     friction = fit_candidates(engine, base, ["stiction"])
-    found = Assessment(situation, base, friction, {}, {}, [], base)
+    found = Assessment(situation, base, friction, {}, [], base)
     assert in_both_halves(found, "stiction")
 
 

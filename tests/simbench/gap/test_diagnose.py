@@ -8,8 +8,9 @@ import pytest
 
 from detectors.errors import RecordError
 from scenarios.spec import Loop
-from simbench.gap import GapReport, diagnose
-from simbench.gap.study import random_case
+from simbench.gap.diagnosis import diagnose
+from simbench.gap.random_case import random_case
+from simbench.gap.report.result import GapReport
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN
 from simbench.loop.simulate import simulate
 

@@ -52,6 +52,7 @@ def test_an_effect_says_where_it_acts_and_where_it_comes_from(name):
     assert effect.BLOCK in BLOCKS
     assert effect.ACTS in ("loop", "record")
     assert effect.SOURCE
+    assert len(EFFECTS[name].says) > 20
     assert set(effect.CONFUSABLE_WITH) <= set(EFFECTS)
     for key, number in EFFECTS[name].parameters.items():
         if isinstance(number, Number):
