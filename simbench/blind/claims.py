@@ -73,7 +73,7 @@ def true_shrinkages(
             after = cloud(runs([{"effect": effect, "parameters": _inside(effect, candidate["parameters"])}]), scale)
         except ParameterError:
             continue
-        # one yardstick for both arms, the claimed arm's own
+        # one yardstick for both, the claimed loop's own
         start, floor = after._replace(mean=before.mean).distance(values), after.floor
         true = 1.0 - max(after.distance(values) - floor, 0.0) / (start - floor) if start > floor else 0.0
         rows.append({"effect": effect, "right": effect in group, "claimed": claimed, "true": float(np.clip(true, -1.0, 1.0))})

@@ -92,7 +92,7 @@ class Plan:
             for k, s in enumerate(self.strengths)
             for i in range(self.per_cell)
         ]
-        strange = [
+        unexplained = [
             {
                 "kind": "foreign",
                 "effect": foreign[i % len(foreign)],
@@ -102,7 +102,7 @@ class Plan:
             for i in range(self.foreign)
         ]
         others = [{"kind": kind, "mv": i % 2 == 0} for kind in ("none", "two") for i in range(getattr(self, kind))]
-        return single + others + strange
+        return single + others + unexplained
 
 
 def answers_csv(answers: list[dict[str, Any]]) -> str:

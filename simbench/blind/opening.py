@@ -26,9 +26,7 @@ from simbench.blind.world import OWN
 PLAIN = "answers.csv"
 
 
-def open_(
-    folder: str | Path, key: str | Path | None = None, out: str | Path | None = None, world: str = OWN
-) -> dict[str, Any]:
+def open_(folder: str | Path, key: str | Path | None = None, out: str | Path | None = None, world: str = OWN) -> dict[str, Any]:
     """Score answers/ID.json of a folder against its sealed answers, or against a plain answers.csv of someone else.
 
     Parameters
@@ -64,8 +62,7 @@ def open_(
         judged.append(judge_record(row, found, facts))
         if judged[-1]["kind"] == "single" and row.get("case") and found is not None:
             claims += [
-                {"id": row["id"], **c}
-                for c in true_shrinkages(row, found, record, baseline, facts, row.get("world") or world)
+                {"id": row["id"], **c} for c in true_shrinkages(row, found, record, baseline, facts, row.get("world") or world)
             ]
     table = pd.DataFrame(judged)
     figures = levels(table) + _claim_figures(pd.DataFrame(claims)) + _cost(folder)

@@ -28,9 +28,9 @@ from simbench.blind.making import PLANNED, PLANTS
 from simbench.blind.worlds.own import loops, oracle, sizes
 from simbench.blind.worlds.own.drawing import baseline_table
 from simbench.blind.worlds.own.faults import NEEDS_PLANT, Parameters, fault
-from simbench.blind.worlds.own.items import Drawn, draw_item
-from simbench.blind.worlds.own.loops import Case
-from simbench.gap.closed_loop.runs import Arms
+from simbench.blind.worlds.own.items import DrawnRecord, draw_item
+from simbench.blind.worlds.own.loops import TrueLoop
+from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import possible_effects
 from simbench.gap.effects._candidates import Fitted, fit_candidates
 from simbench.gap.intake.check import check
@@ -50,7 +50,7 @@ COLUMNS = ["record", "effect", "plant", "strength", "candidate", "way", "claimed
 
 
 @dataclass(frozen=True, eq=False)
-class Study:
+class ShrinkageStudy:
     """Pairs of claimed and true shrinkage, one row per record and candidate, and why other records have none."""
 
     pairs: pd.DataFrame
@@ -99,7 +99,7 @@ def on_the_way(effect: str, truth: Parameters, way: float, op_range: tuple[float
     return out
 
 
-def study(n: int, seed: int, jobs: int = 1) -> Study:
+def study(n: int, seed: int, jobs: int = 1) -> ShrinkageStudy:
     """Draw records with single effects and compare claimed with true shrinkage of known candidates.
 
     Parameters
@@ -113,14 +113,14 @@ def study(n: int, seed: int, jobs: int = 1) -> Study:
 
     Returns
     -------
-    Study
+    ShrinkageStudy
     """
     with Parallel(n_jobs=jobs, return_as="generator") as parallel:
         found = parallel(delayed(_one)(seed, i) for i in range(n))
         done: list[Any] = list(tqdm(found, total=n, desc="records", file=sys.stderr, delay=1.0))
     rows = [row for rows, _ in done for row in rows]
     why = [reason for _, reason in done if reason]
-    return Study(pd.DataFrame(rows, columns=COLUMNS), {reason: why.count(reason) for reason in sorted(set(why))})
+    return ShrinkageStudy(pd.DataFrame(rows, columns=COLUMNS), {reason: why.count(reason) for reason in sorted(set(why))})
 
 
 def _entry(i: int) -> dict[str, Any]:
@@ -140,7 +140,7 @@ def _one(seed: int, index: int) -> tuple[list[dict[str, Any]], str]:
     return compare(item, index, np.random.default_rng([seed, index, 1]))
 
 
-def compare(item: Drawn, index: int, rng: np.random.Generator) -> tuple[list[dict[str, Any]], str]:
+def compare(item: DrawnRecord, index: int, rng: np.random.Generator) -> tuple[list[dict[str, Any]], str]:
     """Return claimed and true shrinkage of one record's candidates.
 
     Plant and load are those the diagnosis fits under the candidate; the candidate's own numbers are the known ones. The true
@@ -148,7 +148,7 @@ def compare(item: Drawn, index: int, rng: np.random.Generator) -> tuple[list[dic
 
     Parameters
     ----------
-    item : Drawn
+    item : DrawnRecord
     index : int
     rng : numpy.random.Generator
         Draws the wrong candidate.
@@ -186,12 +186,12 @@ def compare(item: Drawn, index: int, rng: np.random.Generator) -> tuple[list[dic
     return rows, ""
 
 
-def claimer(item: Drawn, effects: list[str]) -> Callable[[str, Parameters], Any]:
+def claimer(item: DrawnRecord, effects: list[str]) -> Callable[[str, Parameters], Any]:
     """Return the diagnosis's measuring of one record: effect and known parameters to a `shrink.Shrinkage`.
 
     Parameters
     ----------
-    item : Drawn
+    item : DrawnRecord
     effects : list of str
         That will be asked for.
 
@@ -209,19 +209,19 @@ def claimer(item: Drawn, effects: list[str]) -> Callable[[str, Parameters], Any]
     shared: dict = {}
 
     def claim(effect: str, parameters: Parameters):
-        arms = Arms(replace(found, parameters={effect: dict(parameters)}), 0)
-        arms.shared = shared  # the arms without the effect are the same for all its parameters
-        return arms.shrink([effect])
+        runs = ClosedLoops(replace(found, parameters={effect: dict(parameters)}), 0)
+        runs.shared = shared  # the arms without the effect are the same for all its parameters
+        return runs.shrink([effect])
 
     return claim
 
 
-def true_share(case: Case, seed: int, values: np.ndarray, before: Cloud, effect: str, parameters: Parameters) -> float:
+def true_share(case: TrueLoop, seed: int, values: np.ndarray, before: Cloud, effect: str, parameters: Parameters) -> float:
     """Return the share of the record's gap to the faultless loop that a candidate closes in the generator, from -1 to 1.
 
     Parameters
     ----------
-    case : Case
+    case : TrueLoop
     seed : int
         The record's own.
     values : ndarray, shape (f,)
@@ -237,13 +237,13 @@ def true_share(case: Case, seed: int, values: np.ndarray, before: Cloud, effect:
     """
     act = fault(effect, parameters)
     after = cloud([loops.simulate(case, seed + 5000 + i, (act,)) for i in range(SEEDS)], case.scale)
-    # one yardstick for both arms, the candidate's own
+    # one yardstick for both, the candidate's own
     start, floor = after._replace(mean=before.mean).distance(values), after.floor
     share = 1.0 - max(after.distance(values) - floor, 0.0) / (start - floor) if start > floor else 0.0
     return float(np.clip(share, -1.0, 1.0))
 
 
-def _wrong(effect: str, case: Case, rng: np.random.Generator) -> str:
+def _wrong(effect: str, case: TrueLoop, rng: np.random.Generator) -> str:
     """Return an effect of another block that this loop can have."""
     # one band is enough for a valve
     barred = {EFFECTS[effect].block, "valve" if case.play > 0.0 else ""}
@@ -251,12 +251,12 @@ def _wrong(effect: str, case: Case, rng: np.random.Generator) -> str:
     return str(rng.choice([e for e in others if NEEDS_PLANT.get(e, case.plant) == case.plant]))
 
 
-def summary(found: Study) -> dict[str, Any]:
+def summary(found: ShrinkageStudy) -> dict[str, Any]:
     """Return rank correlations of claimed with true shrinkage, with 95 % intervals over records, and medians along the way.
 
     Parameters
     ----------
-    found : Study
+    found : ShrinkageStudy
 
     Returns
     -------
@@ -289,12 +289,12 @@ def _spearman(pairs: np.ndarray) -> float:
     return float(np.corrcoef(x, y)[0, 1]) if np.ptp(x) > 0 and np.ptp(y) > 0 else 0.0
 
 
-def draw(found: Study, path: Path) -> None:
+def draw(found: ShrinkageStudy, path: Path) -> None:
     """Draw claimed against true shrinkage.
 
     Parameters
     ----------
-    found : Study
+    found : ShrinkageStudy
     path : Path
         PNG.
     """

@@ -11,10 +11,10 @@ from detectors.errors import RecordError
 from detectors.record import LoopRecord
 from scenarios.spec import Loop
 from simbench.gap.closed_loop.next_test import choose
-from simbench.gap.closed_loop.runs import Arms
-from simbench.gap.decide.assess import SURE, Assessment, assess, capped, strangers
+from simbench.gap.closed_loop.runs import ClosedLoops
+from simbench.gap.decide.assess import SURE, Assessment, assess, capped, unexplained_blocks
 from simbench.gap.decide.bootstrap import Chance, chance
-from simbench.gap.decide.classify import Shift, Weights, weigh
+from simbench.gap.decide.classify import Classified, Shift, classify
 from simbench.gap.decide.identified import plausible
 from simbench.gap.decide.where import FAINT, where
 from simbench.gap.effects import _alike as groups
@@ -75,14 +75,14 @@ def diagnose(
         found, more = _assess_all(records, baseline)
         lucky = chance(found, seed, jobs) if bootstrap else None
         if lucky is not None:
-            strange = strangers(found.situation, found.tests, found.stranger, found.chosen, lucky.tests)
-            found = replace(found, strange=strange)
+            unexplained = unexplained_blocks(found.situation, found.tests, found.mv_unexplained, found.chosen, lucky.tests)
+            found = replace(found, unexplained=unexplained)
         shift = lucky.shift if lucky else Shift()
         if not found.situation.trusted:
             # "unknown" has no probability there that kind luck could raise
             shift = Shift(max(shift.none, 0.0), shift.unknown)
-        arms = Arms(found, seed)
-        return report(found, weigh(found, shift, arms), arms, more, lucky)
+        runs = ClosedLoops(found, seed)
+        return report(found, classify(found, shift, runs), runs, more, lucky)
 
 
 def _assess_all(records: list[LoopRecord], baseline: Loop | Partial | None) -> tuple[Assessment, list[str]]:
@@ -96,26 +96,26 @@ def _assess_all(records: list[LoopRecord], baseline: Loop | Partial | None) -> t
     main = max(every, key=lambda f: f.situation.record.n)
     if len(every) == 1:
         return main, []
-    gains = {e: capped(float(sum(f.gains[e] for f in every))) for e in main.gains}
-    hard = [e for e in main.gains if any(e in f.situation.hard for f in every)]
-    gains |= dict.fromkeys(hard, SURE)
+    gains = {e: capped(float(sum(f.log_likelihood_gains[e] for f in every))) for e in main.log_likelihood_gains}
+    proven = [e for e in main.log_likelihood_gains if any(e in f.situation.proven for f in every)]
+    gains |= dict.fromkeys(proven, SURE)
     parameters = {e: p for f in [*every, main] for e, p in f.parameters.items()}
     chosen = main.chosen or max((f.chosen for f in every), key=len)
-    strange = {b: why for f in every for b, why in f.strange.items()}
+    unexplained = {b: why for f in every for b, why in f.unexplained.items()}
     said = f"{len(every)} records judged together; gap and parameters are those of {main.situation.record.tag or 'the longest'}"
-    return replace(main, gains=gains, parameters=parameters, chosen=chosen, strange=strange), [said]
+    return replace(main, log_likelihood_gains=gains, parameters=parameters, chosen=chosen, unexplained=unexplained), [said]
 
 
 def report(
-    found: Assessment, weights: Weights, arms: Arms, more: Sequence[str] = (), lucky: Chance | None = None
+    found: Assessment, weights: Classified, runs: ClosedLoops, more: Sequence[str] = (), lucky: Chance | None = None
 ) -> GapReport:
     """Turn scores and probabilities into the answer.
 
     Parameters
     ----------
     found : Assessment
-    weights : Weights
-    arms : Arms
+    weights : Classified
+    runs : ClosedLoops
         Simulated loops of this assessment.
     more : sequence of str
         Further notes.
@@ -133,8 +133,8 @@ def report(
     if first in EFFECTS:
         named += [e for e in found.chosen if e != first and block_of(e) != block_of(first)][:1] if first in found.chosen else []
     effects = [e for e in named if e in EFFECTS]
-    main = arms.shrink(effects)
-    rivals = {e: arms.rival([e], effects) for e, _ in ranking[:3] if e in found.parameters and [e] != effects}
+    main = runs.shrink(effects)
+    rivals = {e: runs.rival([e], effects) for e, _ in ranking[:3] if e in found.parameters and [e] != effects}
     shown = {e: gap for e, gap in rivals.items() if gap is not None}
     if len(effects) == 1:
         shown[first] = main
@@ -155,8 +155,8 @@ def report(
         }
         for e in named
     )
-    advice, separation = _advice(found, arms, ranking)
-    notes = [*situation.notes, *more, *(f"{block}: {why}" for block, why in found.strange.items())]
+    advice, separation = _advice(found, runs, ranking)
+    notes = [*situation.notes, *more, *(f"{block}: {why}" for block, why in found.unexplained.items())]
     if lucky is not None:
         notes.append(
             f"on {lucky.trials} simulated records without effect, chance brought the best effect {lucky.gain:.1f} nats (95 %)"
@@ -164,31 +164,31 @@ def report(
     if not main.resolvable:
         notes.append(f"the gap ({main.before:.2f}) does not stand out of its floor ({main.floor:.2f}): no shrinkage is claimed")
     # the shares answer the same question as the ranking: none lies nowhere, and what is named lies somewhere
-    placed = where(found, np.inf if first == NONE else min(FAINT, max(found.gains.values()) - 0.1), arms.seed)
+    placed = where(found, np.inf if first == NONE else min(FAINT, max(found.log_likelihood_gains.values()) - 0.1), runs.seed)
     sizes = smallest_detectable(situation, found.base, load_memory(situation))
     return GapReport(
         block=_block(first, weights), effect=first, effects=answers, group=partners(first, found), ranking=tuple(lines),
         gap=gap, shrinkage=shrinkage, blocks=placed.shares, next_test=advice, notes=tuple(notes),
         details={
-            "found": found, "arms": arms, "main": main, "named": effects, "detectable": sizes, "separation": separation,
+            "found": found, "runs": runs, "main": main, "named": effects, "detectable": sizes, "separation": separation,
             "where": placed,
         },
     )  # fmt: skip
 
 
-def _advice(found: Assessment, arms: Arms, ranking: list[tuple[str, float]]) -> tuple[str, dict[str, float]]:
+def _advice(found: Assessment, runs: ClosedLoops, ranking: list[tuple[str, float]]) -> tuple[str, dict[str, float]]:
     """Return the next test for the candidates still in play, and the separation under each test."""
     s = found.situation
     alive = [(e, p) for e, p in ranking if (e in found.parameters or e == NONE) and p > 0.02][:3]
     if len(alive) < 2:
         spare = [(e, p) for e, p in ranking if (e in found.parameters or e == NONE) and (e, p) not in alive]
         alive += spare[: 2 - len(alive)]
-    loops = {e: arms.loop([] if e == NONE else [e]) for e, _ in alive}
+    loops = {e: runs.loop([] if e == NONE else [e]) for e, _ in alive}
     weights = {e: max(p, 0.02) for e, p in alive}
     du = float(np.clip(np.ptp(s.op) / 2, 1.0, 10.0))
     dsp = abs(s.data.K) * du if not s.integrating else max(float(np.std(s.record.pv)), 3.0 * found.base.theta["noise"])
-    known = s.law.known or bool({"quantisation", "compression", "outliers"} & set(s.hard)) is False
-    return choose(loops, weights, mv=s.record.mv is not None, law_known=known, du=du, dsp=dsp, seed=arms.seed)
+    known = s.law.known or bool({"quantisation", "compression", "outliers"} & set(s.proven)) is False
+    return choose(loops, weights, mv=s.record.mv is not None, law_known=known, du=du, dsp=dsp, seed=runs.seed)
 
 
 def partners(effect: str, found: Assessment) -> tuple[str, ...]:
@@ -202,5 +202,5 @@ def partners(effect: str, found: Assessment) -> tuple[str, ...]:
     return tuple(sorted(groups.indistinguishable(effect, facts)))
 
 
-def _block(effect: str, weights: Weights) -> str:
+def _block(effect: str, weights: Classified) -> str:
     return weights.unknown_block if effect == UNKNOWN else block_of(effect)

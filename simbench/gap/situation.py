@@ -21,8 +21,8 @@ class Situation:
 
     `plant_pv` is the PV the plant gave the controller, as far as it can be recovered; `data` the engine's input; `hard` the
     effects that the controller's law or single samples show without doubt; `notes` what the reader must know; `frozen` and
-    `strange_law` why the controller is none of the known ones. `trusted`: the baseline's plant is its author's, not identified;
-    `tuned`: its controller is.
+    `unexplained_law` why the controller is none of the known ones. `trusted`: the baseline's plant is its author's, not
+    identified; `tuned`: its controller is.
     """
 
     record: LoopRecord
@@ -35,10 +35,10 @@ class Situation:
     samples: Samples
     plant_pv: np.ndarray
     data: Data
-    hard: dict[str, dict[str, float | str]]
+    proven: dict[str, dict[str, float | str]]
     notes: list[str] = field(default_factory=list)
     frozen: bool = False
-    strange_law: str = ""
+    unexplained_law: str = ""
 
     @property
     def integrating(self) -> bool:

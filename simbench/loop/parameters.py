@@ -13,9 +13,7 @@ from typing import Any
 from detectors.errors import ParameterError, UnknownName, nearest
 from detectors.registry import PluginFolder
 
-VALVES = PluginFolder(
-    "valve", "simbench.loop.valves", "simbench.valves", ("SOURCE", "FRICTION", "PARAMETERS", "start", "step")
-)
+VALVES = PluginFolder("valve", "simbench.loop.valves", "simbench.valves", ("SOURCE", "FRICTION", "PARAMETERS", "start", "step"))
 
 FOLLOWS = math.nan
 """Default of a number that follows from the others when it is not given (the plug-in's `complete` fills it)."""

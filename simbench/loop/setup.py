@@ -45,9 +45,9 @@ class Setup:
     op_lo: float = 0.0
     op_hi: float = 100.0
     error_deadband: float = 0.0
-    op_quantum: float = 0.0
-    sensor_lag: float = 0.0
-    pv_quantum: float = 0.0
+    op_step: float = 0.0
+    sensor_tau: float = 0.0
+    pv_step: float = 0.0
     recorders: list[Callable[[np.ndarray], np.ndarray]] = field(default_factory=list)
 
     @property
@@ -187,9 +187,9 @@ def parts_of(setup: Setup) -> Parts:
         control_p = controller.P(gain, setup.op0, setup.op_lo, setup.op_hi)
     else:
         control_p = controller.PI(gain, gain * setup.Ts / setup.Ti, setup.op_lo, setup.op_hi)
-    full_control = setup.error_deadband > 0 or setup.op_quantum > 0
-    full_sensor = setup.sensor_lag > 0 or setup.pv_quantum > 0
-    follow = 1.0 - np.exp(-setup.Ts / setup.sensor_lag) if setup.sensor_lag > 0 else 1.0
+    full_control = setup.error_deadband > 0 or setup.op_step > 0
+    full_sensor = setup.sensor_tau > 0 or setup.pv_step > 0
+    follow = 1.0 - np.exp(-setup.Ts / setup.sensor_tau) if setup.sensor_tau > 0 else 1.0
     steps = {
         "error_step": controller.dead_error if full_control else controller.plain_error,
         "controller_step": controller.p_step if setup.Ti is None else controller.pi_step,
@@ -198,9 +198,8 @@ def parts_of(setup: Setup) -> Parts:
         "plant_output": plant.first_order_output if first_order else plant.general_output,
         "sensor_step": sensor.full_step if full_sensor else sensor.plain_step,
     }
-    gap_p = controller.Gap(setup.error_deadband / 2, setup.op_quantum) if full_control else controller.NoGap(0.0)
-    sensor_p = sensor.Transmitter(float(follow), setup.pv_quantum) if full_sensor else sensor.Bare(0.0)
-    sensor_p = sensor.Transmitter(float(follow), setup.pv_quantum) if full_sensor else sensor.Bare(0.0)
+    gap_p = controller.Gap(setup.error_deadband / 2, setup.op_step) if full_control else controller.NoGap(0.0)
+    sensor_p = sensor.Transmitter(float(follow), setup.pv_step) if full_sensor else sensor.Bare(0.0)
     valve_p = tuple(p for _, p in setup.valves)
     stages = tuple(module.step for module, _ in setup.valves)
     return Parts(sampled, steps, stages, (plant_p, control_p, gap_p, sensor_p, valve_p))

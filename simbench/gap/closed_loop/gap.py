@@ -18,7 +18,7 @@ RESOLVABLE = 1.5  # gap before over floor from which there is something to close
 
 
 @dataclass(frozen=True, eq=False)
-class Arm:
+class Runs:
     """One loop, simulated with several seeds: features of the held-out part, and one run to draw."""
 
     loop: Loop
@@ -27,7 +27,7 @@ class Arm:
     pv: np.ndarray
 
 
-def simulate_arm(situation: Situation, loop: Loop, seed: int, kick: float = 0.0, seeds: int = SEEDS) -> Arm | None:
+def simulate_runs(situation: Situation, loop: Loop, seed: int, kick: float = 0.0, seeds: int = SEEDS) -> Runs | None:
     """Simulate the record's whole length with several seeds and keep the held-out part's features.
 
     The part before is the warm-up: a sticky loop started at rest does not cycle at once.
@@ -47,7 +47,7 @@ def simulate_arm(situation: Situation, loop: Loop, seed: int, kick: float = 0.0,
     Arm or None
         None when the loop cannot be simulated or runs away.
     """
-    start, late = held_out(situation), situation.law.lag
+    start, late = held_out(situation), situation.law.late
     op, pv, best = [], [], None
     for i in range(seeds):
         try:
@@ -63,7 +63,7 @@ def simulate_arm(situation: Situation, loop: Loop, seed: int, kick: float = 0.0,
             best = record
     assert best is not None
     found = features(np.array(op), np.array(pv), situation.sp[start:])
-    return Arm(loop, np.array(list(found.values())).T, np.asarray(best.op), np.asarray(best.pv))
+    return Runs(loop, np.array(list(found.values())).T, np.asarray(best.op), np.asarray(best.pv))
 
 
 def held_out(situation: Situation) -> int:
@@ -73,7 +73,7 @@ def held_out(situation: Situation) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Shrinkage:
-    """Distances of three arms from the record, their floor, and the share of the gap that closes, with an interval."""
+    """Distances of three sets of runs from the record, their floor, and the share of the gap that closes, with an interval."""
 
     before: float
     recalibrated: float
@@ -86,8 +86,8 @@ class Shrinkage:
     per_feature: dict[str, tuple[float, float]]
 
 
-def measure(situation: Situation, before: Arm, recalibrated: Arm, after: Arm, seed: int = 0) -> Shrinkage:
-    """Compare three arms with the record on the held-out part.
+def measure(situation: Situation, before: Runs, recalibrated: Runs, after: Runs, seed: int = 0) -> Shrinkage:
+    """Compare three sets of runs with the record on the held-out part.
 
     Parameters
     ----------
@@ -103,15 +103,15 @@ def measure(situation: Situation, before: Arm, recalibrated: Arm, after: Arm, se
     start = held_out(situation)
     named = features(situation.op[start:], np.asarray(situation.record.pv)[start:], situation.sp[start:])
     real = np.array(list(named.values()))
-    arms = [a.features for a in (before, recalibrated, after)]
+    runs = [a.features for a in (before, recalibrated, after)]
 
-    # one ruler for all arms, or a noisier arm would look nearer
-    spread = np.sqrt(np.mean([seed_spread(x) ** 2 for x in arms], axis=0))
-    b, r, a = (distance(real, x, spread) for x in arms)
-    f = floor_of(arms[2], spread)
+    # one ruler for all, or a noisier loop would look nearer
+    spread = np.sqrt(np.mean([seed_spread(x) ** 2 for x in runs], axis=0))
+    b, r, a = (distance(real, x, spread) for x in runs)
+    f = floor_of(runs[2], spread)
     resolvable = b >= RESOLVABLE * f
     per = {
-        name: (float(abs(real[i] - arms[0][:, i].mean()) / spread[i]), float(abs(real[i] - arms[2][:, i].mean()) / spread[i]))
+        name: (float(abs(real[i] - runs[0][:, i].mean()) / spread[i]), float(abs(real[i] - runs[2][:, i].mean()) / spread[i]))
         for i, name in enumerate(named)
     }
     if not resolvable:
@@ -119,12 +119,12 @@ def measure(situation: Situation, before: Arm, recalibrated: Arm, after: Arm, se
     rng = np.random.default_rng([seed, 41])
     draws = []
     # features move together from record to record, which drawing them one by one would average away
-    chance = [chance_of(arms[0], spread), chance_of(arms[2], spread)]
+    chance = [chance_of(runs[0], spread), chance_of(runs[2], spread)]
     for _ in range(40):
-        rows = [x[np.unique(rng.integers(0, len(x), len(x)))] for x in (arms[0], arms[2])]
-        before_, after_ = (x if len(x) > 2 else y for x, y in zip(rows, (arms[0], arms[2])))
+        rows = [x[np.unique(rng.integers(0, len(x), len(x)))] for x in (runs[0], runs[2])]
+        before_, after_ = (x if len(x) > 2 else y for x, y in zip(rows, (runs[0], runs[2])))
         keep = rng.integers(0, real.size, real.size)
-        ruler = np.sqrt(np.mean([seed_spread(x) ** 2 for x in (before_, arms[1], after_)], axis=0))
+        ruler = np.sqrt(np.mean([seed_spread(x) ** 2 for x in (before_, runs[1], after_)], axis=0))
         far = np.minimum(np.abs(np.array([real - x.mean(axis=0) for x in (before_, after_)])) / ruler, CAP)[:, keep]
         before_d, after_d = (float(x.mean() + rng.choice(c)) for x, c in zip(far, chance))
         draws.append(closed(before_d, after_d, f))

@@ -6,20 +6,20 @@ from collections.abc import Sequence
 
 from detectors.errors import RecordError
 from scenarios.spec import Loop
-from simbench.gap.closed_loop.gap import Arm, Shrinkage, measure, simulate_arm
+from simbench.gap.closed_loop.gap import Runs, Shrinkage, measure, simulate_runs
 from simbench.gap.closed_loop.loop_from_fit import fixed_loop
 from simbench.gap.effects._candidates import Fitted
 from simbench.gap.likelihood.model import Fit
 
 
-class Arms:
+class ClosedLoops:
     """Simulated loops of one diagnosis, each run once."""
 
     def __init__(self, found: Fitted, seed: int) -> None:
         self.found, self.seed = found, seed
         self.done: dict[tuple[str, ...], Shrinkage] = {}
-        self.kept: dict[tuple[str, ...], tuple[Arm, Arm, Arm]] = {}
-        self.shared: dict[tuple[str, int], Arm | None] = {}
+        self.kept: dict[tuple[str, ...], tuple[Runs, Runs, Runs]] = {}
+        self.shared: dict[tuple[str, int], Runs | None] = {}
 
     def loop(self, effects: Sequence[str], load: Fit | None = None) -> Loop:
         """Return the baseline with some effects in it, under their own fit's load or another one."""
@@ -35,15 +35,15 @@ class Arms:
         engine = [e for e in effects if e in f.candidates]
         return f.candidates[engine[0]].fit if engine else f.base
 
-    def _arm(self, key: tuple[str, int], loop: Loop) -> Arm | None:
+    def _runs(self, key: tuple[str, int], loop: Loop) -> Runs | None:
         if key not in self.shared:
-            self.shared[key] = simulate_arm(self.found.situation, loop, self.seed)
+            self.shared[key] = simulate_runs(self.found.situation, loop, self.seed)
         return self.shared[key]
 
-    def _after(self, effects: Sequence[str], load: Fit) -> Arm | None:
+    def _after(self, effects: Sequence[str], load: Fit) -> Runs | None:
         # a sticky loop left at rest may stay there
         kick = float(self.found.parameters.get("stiction", {}).get("S", 0.0)) if "stiction" in effects else 0.0
-        return simulate_arm(self.found.situation, self.loop(effects, load), self.seed, kick)
+        return simulate_runs(self.found.situation, self.loop(effects, load), self.seed, kick)
 
     def shrink(self, effects: Sequence[str]) -> Shrinkage:
         """Return gap before, recalibrated, after and floor for some effects."""
@@ -53,8 +53,8 @@ class Arms:
             fit = self._fit(effects)
             bare = fixed_loop(s, f.base, {}, plant="baseline", load=fit)
             tuned = fixed_loop(s, f.base, {}, plant="fitted", load=fit)
-            before = self._arm(("bare", id(fit)), bare)
-            again = self._arm(("tuned", id(fit)), tuned) or before
+            before = self._runs(("bare", id(fit)), bare)
+            again = self._runs(("tuned", id(fit)), tuned) or before
             after = self._after(effects, fit) if key else again
             if before is None:
                 raise RecordError("the baseline cannot be simulated with this record's set point: it runs away")

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from simbench.gap.controller.recovered_pv import FAITHFUL, ROUNDED, hidden_law, seen_pv
+from simbench.gap.controller.recovered_pv import FAITHFUL, ROUNDED, hidden_law, recover_pv
 from simbench.gap.controller.regression import FORMS, about_zero, by_steps, by_sums, spread, with_derivative
 from simbench.gap.controller.standstill import error_gap, limits_of, skips_scans
 from simbench.gap.sensor.samples import lattice, on_line, written_unit
@@ -24,8 +24,9 @@ class Law:
     """What the controller regression found.
 
     `residual` is the robust size of what the best law leaves of dOP, relative to dOP (`baseline_residual`: of the baseline's).
-    `found` maps effects to their parameters. `seen` is the PV the controller must have seen (None when it cannot be recovered).
-    `reason` says why the block cannot be judged, `foreign` why it is no PI at all, `lag` by how many samples OP answers late,
+    `found` maps effects to their parameters. `recovered_pv` is the PV the controller must have seen (None when it cannot be
+    recovered).
+    `reason` says why the block cannot be judged, `foreign` why it is no PI at all, `late` by how many samples OP answers late,
     `strays` the samples that an otherwise exact law does not explain.
     """
 
@@ -34,10 +35,10 @@ class Law:
     Kc: float
     Ti: float
     found: dict[str, dict[str, float]] = field(default_factory=dict)
-    seen: np.ndarray | None = None
+    recovered_pv: np.ndarray | None = None
     reason: str = ""
     foreign: str = ""
-    lag: int = 0
+    late: int = 0
     strays: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
 
     @property
@@ -78,8 +79,8 @@ def examine_law(
     tries = [law]
     for sp_late in (sp,) if sp is None else (sp, np.append(sp[0], sp[:-1])):
         other = _examine(op, late, sp_late, Ts, Kc, Ti, trusted)
-        seen = None if other.seen is None else np.append(other.seen[1:], pv[-1])
-        tries.append(replace(other, seen=seen, lag=1))
+        recovered_pv = None if other.recovered_pv is None else np.append(other.recovered_pv[1:], pv[-1])
+        tries.append(replace(other, recovered_pv=recovered_pv, late=1))
     if sp is not None:
         tries += [_examine(op, pv, s, Ts, Kc, Ti, trusted) for s in (np.append(sp[0], sp[:-1]), np.append(sp[1:], sp[-1]))]
     # a law that is exact but for the set point's steps is only mended by what explains these
@@ -91,8 +92,8 @@ def examine_law(
     if foreign:
         return min(foreign, key=lambda t: t.residual)
     # no law is exact: the archive's PV then lies nearest to the PV recovered under the right alignment
-    recovered = [t for t in tries if t.seen is not None]
-    return min(recovered, key=lambda t: float(np.std(pv - t.seen))) if recovered else law
+    recovered = [t for t in tries if t.recovered_pv is not None]
+    return min(recovered, key=lambda t: float(np.std(pv - t.recovered_pv))) if recovered else law
 
 
 def _examine(
@@ -156,13 +157,13 @@ def _examine(
     if not trusted:
         reason = "" if law_exact else "the recorded PV does not explain OP through a PI law"
         return Law(fit.residual, fit.residual, kc, ti, found, None, reason)
-    seen, reason, foreign, residual = None, "", "", fit.residual
+    recovered_pv, reason, foreign, residual = None, "", "", fit.residual
     plain = not relevant and width == 0.0
     if plain and skips_scans(op, e, inside, size, unit):
         foreign = "OP stands still where the law would move it: the controller skips scans"
     elif law_exact:
         if plain:
-            seen = seen_pv(op, e, pv, inside, fit.a, fit.b, Ti is None)
+            recovered_pv = recover_pv(op, e, pv, inside, fit.a, fit.b, Ti is None)
         # a baseline that explains OP as well is the simpler truth
         if (base_exact and relevant) or fit.base < 1.5 * fit.residual:
             kc, ti = Kc, Ti or np.inf
@@ -186,7 +187,7 @@ def _examine(
             a, b = Kc + Ki, -Kc
             if hidden is not None and hidden.base > 1.5 * hidden.misfit and np.isfinite(hidden.a):
                 a, b = hidden.a, hidden.b
-            candidate = seen_pv(op, e, pv, inside, a, b, Ti is None)
+            candidate = recover_pv(op, e, pv, inside, a, b, Ti is None)
             if candidate is not None:
                 off = pv - candidate
                 left = float(np.std(off[exact]))
@@ -196,12 +197,12 @@ def _examine(
                     and left < (ROUNDED * grid if grid > 0.0 else FAITHFUL * float(np.std(off[line])))
                 )
                 if kept or np.std(off) < 0.7 * np.std(e) + 1e-12:
-                    seen, residual = candidate, fit.base
+                    recovered_pv, residual = candidate, fit.base
                 if kept and a != Kc + Ki:
                     kc, ti = _nearest_form(a, b, Kc, Ki, Ts, Ti)
                     found |= _retuned(kc / Kc, ti / Ti if Ti and np.isfinite(ti) else 1.0)
         reason = "the recorded PV is not the PV the controller saw, or it was archived at another rate"
-    return Law(float(residual), float(fit.base), float(kc), float(ti), found, seen, reason, foreign, strays=fit.strays)
+    return Law(float(residual), float(fit.base), float(kc), float(ti), found, recovered_pv, reason, foreign, strays=fit.strays)
 
 
 def _retuned(Kc_factor: float, Ti_factor: float) -> dict[str, dict[str, float]]:

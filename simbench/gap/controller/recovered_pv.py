@@ -26,7 +26,7 @@ class Hidden:
     base: float
 
 
-def seen_pv(
+def recover_pv(
     op: np.ndarray, e: np.ndarray, pv: np.ndarray, inside: np.ndarray, a: float, b: float, memoryless: bool
 ) -> np.ndarray | None:
     """Return the PV that makes the controller write this OP.

@@ -9,7 +9,7 @@ import numpy as np
 FORMS = (1.0, 0.5, 0.0)  # share of the newest error in the integral: backward, trapezoid, forward
 
 
-class Fit(NamedTuple):
+class LawFit(NamedTuple):
     """dOP = a e_k + b e_{k-1}, what it and the baseline leave of dOP, and the samples an exact law does not explain."""
 
     a: float
@@ -29,7 +29,9 @@ def about_zero(x: np.ndarray) -> float:
     return 1.4826 * float(np.median(np.abs(x)))
 
 
-def by_steps(du: np.ndarray, e: np.ndarray, rows: np.ndarray, Kc: float, Ki: float, size: float, with_sp_offset: bool) -> Fit:
+def by_steps(
+    du: np.ndarray, e: np.ndarray, rows: np.ndarray, Kc: float, Ki: float, size: float, with_sp_offset: bool
+) -> LawFit:
     """Fit dOP = a e_k + b e_{k-1} (+ c) robustly; the baseline's residual is that of its best form."""
     X = np.column_stack([e[1:], e[:-1]] + ([np.ones(e.size - 1)] if with_sp_offset else []))[rows]
     y = du[rows]
@@ -53,10 +55,10 @@ def by_steps(du: np.ndarray, e: np.ndarray, rows: np.ndarray, Kc: float, Ki: flo
     off = y - X @ beta
     left = about_zero(off) / size
     strays = np.flatnonzero(rows)[np.abs(off) > max(0.1, 20 * left) * size] + 1
-    return Fit(float(beta[0]), float(beta[1]), left, about_zero(base) / size, strays)
+    return LawFit(float(beta[0]), float(beta[1]), left, about_zero(base) / size, strays)
 
 
-def by_sums(op: np.ndarray, e: np.ndarray, inside: np.ndarray, Kc: float, Ki: float, step: float) -> Fit:
+def by_sums(op: np.ndarray, e: np.ndarray, inside: np.ndarray, Kc: float, Ki: float, step: float) -> LawFit:
     """Fit OP = c + Kc e + Ki sum(e): the law behind a coarse output, whose error does not add up.
 
     After each stay at a limit the sum begins anew: c is another one.
@@ -76,7 +78,7 @@ def by_sums(op: np.ndarray, e: np.ndarray, inside: np.ndarray, Kc: float, Ki: fl
     # rounding leaves +-step/2: what exceeds it is not explained
     base, left = (max(float(np.quantile(np.abs(r), 0.98)) / (0.5 * step) - 1.1, 0.0) for r in (
         min(bases, key=about_zero), out - X @ beta))  # fmt: skip
-    return Fit(float(beta[0] + beta[1]), float(-beta[0]), left, base, np.empty(0, dtype=int))
+    return LawFit(float(beta[0] + beta[1]), float(-beta[0]), left, base, np.empty(0, dtype=int))
 
 
 def with_derivative(du: np.ndarray, e: np.ndarray, rows: np.ndarray, size: float) -> float:

@@ -11,7 +11,7 @@ from simbench.gap.effects._parameters import effect_parameters
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, size_penalty
-from simbench.gap.likelihood.residual_tests import predictable, residual_tests, unexplained
+from simbench.gap.likelihood.residual_tests import generic_directions, predictable, residual_tests
 from simbench.gap.likelihood.valve_map import HEALTHY, healthy_level, valve_against_mv
 from simbench.gap.situation import Situation, load_memory
 from simbench.loop.effects import EFFECTS, block_of
@@ -24,21 +24,21 @@ SECOND = 12.0  # nats a second effect must bring on top of the first
 class Assessment(Fitted):
     """Scores of one record.
 
-    `gains` are nats over "no effect" for every effect that could be tried; `chosen` stands before `none` and `unknown` are
-    weighed; `tests` are the residual statistics of `final`; `strange` the blocks in which something no known effect explains,
-    with the reason; `stranger` whether MV is what strays.
+    `log_likelihood_gains` are nats over "no effect" for every effect that could be tried; `chosen` stands before `none`
+    and `unknown` are weighed; `tests` are the residual statistics of `final`; `unexplained` the blocks in which something no
+    known effect explains, with the reason; `mv_unexplained` whether MV is what strays.
     """
 
-    gains: dict[str, float] = field(default_factory=dict)
+    log_likelihood_gains: dict[str, float] = field(default_factory=dict)
     tests: dict[str, float] = field(default_factory=dict)
-    second_gains: dict[str, float] = field(default_factory=dict)
-    strange: dict[str, str] = field(default_factory=dict)
-    stranger: bool = False
+    log_likelihood_gains_on_top: dict[str, float] = field(default_factory=dict)
+    unexplained: dict[str, str] = field(default_factory=dict)
+    mv_unexplained: bool = False
 
     @property
-    def best_gain(self) -> float:
+    def best_log_likelihood_gain(self) -> float:
         """Largest gain of an effect that needed a likelihood."""
-        return max(self.gains[e] for e in self.candidates)
+        return max(self.log_likelihood_gains[e] for e in self.candidates)
 
 
 def assess(situation: Situation) -> Assessment:
@@ -55,27 +55,27 @@ def assess(situation: Situation) -> Assessment:
     engine = Engine(situation.data, load_memory(situation))
     base = engine.base()
     candidates = fit_candidates(engine, base, possible_effects(situation))
-    gains = {e: capped(float(c.gain)) for e, c in candidates.items()}
+    gains = {e: capped(float(c.log_likelihood_gain)) for e, c in candidates.items()}
     parameters: dict[str, dict[str, float | str]] = {
         e: effect_parameters(e, c.fit, situation) for e, c in candidates.items() if c.used
     }
     for effect in EFFECTS:
         gains.setdefault(effect, -10.0)
-    for effect, p in situation.hard.items():
+    for effect, p in situation.proven.items():
         gains[effect] = SURE
         parameters[effect] = p
-    stranger = False
+    mv_unexplained = False
     if situation.record.mv is not None:
-        stranger = _valve_by_mv(situation, gains, parameters)
+        mv_unexplained = _valve_by_mv(situation, gains, parameters)
     for effect in ("stiction", "deadband"):
         if effect in candidates and gains[effect] > 0 and situation.trusted:
             gains[effect] *= beyond_healthy(candidates[effect].fit.theta["S"])
     _spikes_by_innovations(situation, base, gains, parameters)
-    if "quantisation" in situation.hard or "compression" in situation.hard:
+    if "quantisation" in situation.proven or "compression" in situation.proven:
         gains["noise"] = min(gains["noise"], 0.0)
-    chosen = sorted(situation.hard, key=lambda e: -gains[e])[:2]
-    order = sorted((e for e in gains if e not in situation.hard), key=lambda e: -gains[e])
-    final, second_gains = base, {}
+    chosen = sorted(situation.proven, key=lambda e: -gains[e])[:2]
+    order = sorted((e for e in gains if e not in situation.proven), key=lambda e: -gains[e])
+    final, log_likelihood_gains_on_top = base, {}
     if len(chosen) < 2:
         best = next((e for e in order if block_of(e) not in {block_of(c) for c in chosen}), None)
         if best is not None and gains[best] > (0.0 if not chosen else SECOND):
@@ -84,21 +84,23 @@ def assess(situation: Situation) -> Assessment:
     if len(chosen) < 2:
         taken = {block_of(c) for c in chosen}
         others = [e for e in order if block_of(e) not in taken and e in candidates and gains[e] > -5.0]
-        second_gains = {e: float(c.gain) for e, c in fit_second(situation, engine, final, others, parameters).items()}
+        log_likelihood_gains_on_top = {
+            e: float(c.log_likelihood_gain) for e, c in fit_second(situation, engine, final, others, parameters).items()
+        }
         # what the engine does not see stands by itself
-        second_gains |= {e: gains[e] for e in order if e not in candidates and block_of(e) not in taken}
-        runner = max(second_gains, key=lambda e: second_gains[e], default=None)
-        if chosen and runner is not None and second_gains[runner] > SECOND:
+        log_likelihood_gains_on_top |= {e: gains[e] for e in order if e not in candidates and block_of(e) not in taken}
+        runner = max(log_likelihood_gains_on_top, key=lambda e: log_likelihood_gains_on_top[e], default=None)
+        if chosen and runner is not None and log_likelihood_gains_on_top[runner] > SECOND:
             chosen.append(runner)
             if runner in candidates:
                 second = fit_candidates(engine, final, [runner])[runner]
                 final = second.fit
                 parameters[runner] = effect_parameters(runner, final, situation)
-    tests = residual_tests(final, situation.data) | unexplained(engine, final)
+    tests = residual_tests(final, situation.data) | generic_directions(engine, final)
     tests |= predictable(final, situation.data, situation.sp)
-    strange = strangers(situation, tests, stranger, chosen)
+    unexplained = unexplained_blocks(situation, tests, mv_unexplained, chosen)
     fitted = (situation, base, candidates, parameters, chosen, final)
-    return Assessment(*fitted, gains, tests, second_gains, strange, stranger)
+    return Assessment(*fitted, gains, tests, log_likelihood_gains_on_top, unexplained, mv_unexplained)
 
 
 # what the residual tests of whole models do not exceed (99 % of development records), and the block that fails beyond
@@ -117,7 +119,7 @@ LENIENT = (
 )
 
 
-def strangers(
+def unexplained_blocks(
     situation: Situation, tests: dict[str, float], valve: bool, chosen: list[str], usual: dict[str, float] | None = None
 ) -> dict[str, str]:
     """Return the blocks in which something no known effect explains, each with its reason.
@@ -139,13 +141,13 @@ def strangers(
     dict of str to str
     """
     out: dict[str, str] = {}
-    if situation.strange_law:
-        out["controller"] = situation.strange_law
+    if situation.unexplained_law:
+        out["controller"] = situation.unexplained_law
     if situation.frozen:
         out["sensor"] = f"PV stands exactly still for {situation.samples.held} samples"
     if valve:
         out["valve"] = "MV strays from OP as no known valve makes it"
-    rough = {"quantisation", "compression", "outliers", "error_deadband"} & set(situation.hard)
+    rough = {"quantisation", "compression", "outliers", "error_deadband"} & set(situation.proven)
     for name, (limit, block) in LIMITS.items():
         limit = max(limit, 1.5 * (usual or {}).get(name, 0.0))
         # jumps beyond those the search adds, spikes, and friction that is no two-parameter map leave traces of their own
@@ -182,8 +184,8 @@ def fit_second(
     found = fit_candidates(engine, first, others)
     for effect in {"stiction", "deadband"} & set(found):
         c = found[effect]
-        if c.gain > 0 and situation.trusted:
-            found[effect] = replace(c, gain=c.gain * beyond_healthy(c.fit.theta["S"]))
+        if c.log_likelihood_gain > 0 and situation.trusted:
+            found[effect] = replace(c, log_likelihood_gain=c.log_likelihood_gain * beyond_healthy(c.fit.theta["S"]))
     return found
 
 
@@ -191,7 +193,7 @@ def _spikes_by_innovations(
     situation: Situation, base: Fit, gains: dict[str, float], parameters: dict[str, dict[str, float | str]]
 ) -> None:
     """Score outliers by single innovations that no Gaussian gives, where the samples themselves were not conclusive."""
-    if "outliers" in situation.hard:
+    if "outliers" in situation.proven:
         return
     x = np.asarray(base.residual)[kernels.SKIP :]
     scale = 1.4826 * float(np.median(np.abs(x))) or 1.0

@@ -27,7 +27,7 @@ def law_residuals(s: Situation) -> tuple[np.ndarray, np.ndarray, float]:
         Power of `bare` over that of OP's changes.
     """
     control, law = s.baseline.controller, s.law
-    pv = np.asarray(s.record.pv if law.seen is None else law.seen)
+    pv = np.asarray(s.record.pv if law.recovered_pv is None else law.recovered_pv)
     Ts, Kc, Ti = s.record.Ts, control.sign * control.Kc, control.Ti or np.inf
     du = np.diff(s.op, prepend=s.op[0])
 
@@ -49,8 +49,8 @@ def law_residuals(s: Situation) -> tuple[np.ndarray, np.ndarray, float]:
     kc, ti = (law.Kc, law.Ti) if "detuning" in law.found else (Kc, Ti)
     ends = {"lo": min(0.0, float(s.op.min())), "hi": max(100.0, float(s.op.max()))}
     results = []
-    for late in (0, 1) if law.lag else (0,):
-        y = np.append(pv[: law.lag], pv[: pv.size - law.lag])
+    for late in (0, 1) if law.late else (0,):
+        y = np.append(pv[: law.late], pv[: pv.size - law.late])
         r = np.append(s.sp[:late], s.sp[: s.sp.size - late])
         e = r - y
         held = np.where(np.abs(e) <= width / 2, 0.0, e) if width > 0.0 else e
@@ -111,11 +111,11 @@ def sample_misfit(s: Situation) -> np.ndarray:
     pv = np.asarray(s.record.pv)
     off = pv - s.plant_pv
     power = np.diff(off, prepend=off[0]) ** 2
-    if "quantisation" in s.hard and not off.any():
+    if "quantisation" in s.proven and not off.any():
         # rounding errors of two samples, each of variance step^2/12
-        power = power + float(s.hard["quantisation"]["step"]) ** 2 / 6.0
-    if "compression" in s.hard and not off.any():
-        power = power + float(s.hard["compression"]["band"]) ** 2 / 3.0
+        power = power + float(s.proven["quantisation"]["step"]) ** 2 / 6.0
+    if "compression" in s.proven and not off.any():
+        power = power + float(s.proven["compression"]["band"]) ** 2 / 3.0
     if s.frozen:
         power = power + (np.diff(pv, prepend=np.inf) == 0.0) * float(np.mean(np.diff(pv) ** 2))
     return power

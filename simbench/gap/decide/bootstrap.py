@@ -12,7 +12,7 @@ from detectors.record import LoopRecord
 from scenarios.spec import Loop
 from simbench.gap.closed_loop.loop_from_fit import fixed_loop
 from simbench.gap.decide.assess import LIMITS, Assessment, assess
-from simbench.gap.decide.classify import Shift, weigh
+from simbench.gap.decide.classify import Shift, classify
 from simbench.gap.intake.check import check
 from simbench.gap.likelihood.engine import NOMINAL
 from simbench.loop.effects import NONE, UNKNOWN
@@ -87,7 +87,7 @@ def _trial(
         trial = assess(check(twin, baseline, trusted))
     except UserError:
         return None
-    p = weigh(trial).probability
+    p = classify(trial).probability
     none, unknown = p[NONE], min(p[UNKNOWN], 1.0 - 1e-9)
     wrong = max(v for e, v in p.items() if e not in (NONE, UNKNOWN))
-    return trial.best_gain, float(np.log(wrong / none)), float(np.log(unknown / (1.0 - unknown))), trial.tests
+    return trial.best_log_likelihood_gain, float(np.log(wrong / none)), float(np.log(unknown / (1.0 - unknown))), trial.tests

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.special import expit
 
-from simbench.gap.closed_loop.runs import Arms
+from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import LIMITS, Assessment
 from simbench.gap.decide.evidence import Row, evidence
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
@@ -24,13 +24,13 @@ LEARNED = Path(__file__).parent / "learned"
 TEMPERATURE = 0.35  # of the softmax where the baseline was identified: such likelihoods overstate
 NONE_GAIN = 4.0  # nats an effect must bring there to be as probable as none
 BEHIND = 6.0  # nats by which a second effect follows the first there
-STRANGE = 0.9  # probability of "unknown" there once a test fails
-NUMBERS = ("temperature", "slope", "offset", "caution")
+UNEXPLAINED = 0.9  # probability of "unknown" there once a test fails
+NUMBERS = ("temperature", "slope", "offset", "none_bias")
 KNOWN = (*EFFECTS, NONE)  # what the first model ranks; the second decides whether it is none of these
 
 
 @dataclass(frozen=True)
-class Weights:
+class Classified:
     """Probabilities of every answer, and the block that stands behind `unknown`."""
 
     probability: dict[str, float]
@@ -45,7 +45,7 @@ class Shift:
     unknown: float = 0.0
 
 
-def weigh(found: Assessment, shift: Shift | None = None, arms: Arms | None = None) -> Weights:
+def classify(found: Assessment, shift: Shift | None = None, runs: ClosedLoops | None = None) -> Classified:
     """Turn one record's scores into probabilities.
 
     Parameters
@@ -53,12 +53,12 @@ def weigh(found: Assessment, shift: Shift | None = None, arms: Arms | None = Non
     found : Assessment
     shift : Shift, optional
         From records of this loop without effect, where they were simulated.
-    arms : Arms, optional
+    runs : ClosedLoops, optional
         Simulated loops of this assessment, to be shared with a report.
 
     Returns
     -------
-    Weights
+    Classified
 
     Notes
     -----
@@ -71,16 +71,16 @@ def weigh(found: Assessment, shift: Shift | None = None, arms: Arms | None = Non
     >>> from simbench.gap.intake.check import check
     >>> from simbench.gap.random_case import random_case
     >>> case = random_case(3, ("detuning",))
-    >>> weights = weigh(assess(check(case.record, case.baseline)))
+    >>> weights = classify(assess(check(case.record, case.baseline)))
     >>> weights.probability["detuning"] > 0.9, round(sum(weights.probability.values()), 6)
     (True, 1.0)
     """
     shift = shift or Shift()
-    p = probabilities([evidence(found, arms)])[0] if found.situation.trusted else by_gain(found)
+    p = probabilities([evidence(found, runs)])[0] if found.situation.trusted else by_gain(found)
     p[-2] *= np.exp(shift.none)
     p[-1] *= np.exp(-shift.unknown)
     p /= p.sum()
-    return Weights({e: float(v) for e, v in zip((*KNOWN, UNKNOWN), p)}, _stranger(found))
+    return Classified({e: float(v) for e, v in zip((*KNOWN, UNKNOWN), p)}, _unexplained_block(found))
 
 
 def by_gain(found: Assessment) -> np.ndarray:
@@ -95,7 +95,7 @@ def by_gain(found: Assessment) -> np.ndarray:
     ndarray, shape (24,)
         As `probabilities`.
     """
-    gains = np.array([found.gains[e] for e in EFFECTS])
+    gains = np.array([found.log_likelihood_gains[e] for e in EFFECTS])
     # beyond some tens of nats more evidence is not more certainty
     gains = np.where(gains < 30.0, gains, 30.0 + 15.0 * np.log(np.maximum(gains, 30.0) / 30.0))
     if len(found.chosen) == 2:
@@ -104,14 +104,14 @@ def by_gain(found: Assessment) -> np.ndarray:
         gains[second] = max(gains[second], gains[first] - BEHIND)
     x = TEMPERATURE * np.append(gains, NONE_GAIN)
     p = np.exp(x - x.max())
-    q = STRANGE if found.strange else 1.0 - STRANGE
+    q = UNEXPLAINED if found.unexplained else 1.0 - UNEXPLAINED
     return np.append((1.0 - q) * p / p.sum(), q)
 
 
-def _stranger(found: Assessment) -> str:
+def _unexplained_block(found: Assessment) -> str:
     """Return the block in which the best model fails most."""
-    if found.strange:
-        return next(iter(found.strange))
+    if found.unexplained:
+        return next(iter(found.unexplained))
     worst = max(LIMITS, key=lambda name: found.tests[name] / LIMITS[name][0])
     if found.tests[worst] > 0.5 * LIMITS[worst][0]:
         return LIMITS[worst][1]
@@ -131,15 +131,15 @@ def probabilities(rows: Sequence[Mapping[str, Row]]) -> np.ndarray:
     ndarray, shape (records, 24)
         In the order of `EFFECTS`, then none, then unknown; each row sums to 1.
     """
-    ranks, stranger, c = _models()
+    ranks, outside, c = _models()
     X = [candidate_rows(r, c["record"], c["effect"]) for r in rows]
     z = ranks.predict(np.vstack(X), raw_score=True).reshape(len(rows), len(KNOWN))
-    u = stranger.predict(np.array([record_row(r, c["record"], c["effect"]) for r in rows]), raw_score=True)
+    u = outside.predict(np.array([record_row(r, c["record"], c["effect"]) for r in rows]), raw_score=True)
     return combined(z, u, *(c[name] for name in NUMBERS))
 
 
 def combined(
-    z: np.ndarray, u: np.ndarray, temperature: float, slope: float, offset: float, caution: float = 0.0
+    z: np.ndarray, u: np.ndarray, temperature: float, slope: float, offset: float, none_bias: float = 0.0
 ) -> np.ndarray:
     """Return probabilities from the scores of the known answers (records, 23) and of `unknown` (records,).
 
@@ -150,7 +150,7 @@ def combined(
         Of the softmax over the known answers.
     slope, offset : float
         Of the logit of unknown.
-    caution : float
+    none_bias : float
         Logit added to none, so that an effect is seldom named where there is none.
 
     Returns
@@ -158,7 +158,7 @@ def combined(
     ndarray, shape (records, 24)
     """
     z = z / temperature
-    z[:, -1] += caution
+    z[:, -1] += none_bias
     p = np.exp(z - z.max(axis=1, keepdims=True))
     p /= p.sum(axis=1, keepdims=True)
     q = expit(slope * u + offset)
@@ -188,5 +188,5 @@ def record_row(rows: Mapping[str, Row], record: Sequence[str], effect: Sequence[
 def _models() -> tuple[Any, Any, dict[str, Any]]:
     import lightgbm
 
-    ranks, stranger = (lightgbm.Booster(model_file=str(LEARNED / f"{name}.txt")) for name in ("known", "unknown"))
-    return ranks, stranger, json.loads((LEARNED / "calibration.json").read_text(encoding="utf-8"))
+    ranks, outside = (lightgbm.Booster(model_file=str(LEARNED / f"{name}.txt")) for name in ("known", "unknown"))
+    return ranks, outside, json.loads((LEARNED / "calibration.json").read_text(encoding="utf-8"))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from detectors.errors import RecordError
-from simbench.gap.closed_loop.runs import Arms
+from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment, uncapped
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import Fit
@@ -19,13 +19,13 @@ Row = dict[str, float]
 TRIED = 2  # strongest effects whose loops are closed and simulated
 
 
-def evidence(found: Assessment, arms: Arms | None = None) -> dict[str, Row]:
+def evidence(found: Assessment, runs: ClosedLoops | None = None) -> dict[str, Row]:
     """Return the numbers on which the probabilities of an answer rest.
 
     Parameters
     ----------
     found : Assessment
-    arms : Arms, optional
+    runs : ClosedLoops, optional
         Simulated loops of this assessment, to be shared with a report.
 
     Returns
@@ -34,25 +34,25 @@ def evidence(found: Assessment, arms: Arms | None = None) -> dict[str, Row]:
         Key "record" holds what concerns every answer, an effect id what speaks for that effect. A number that does not apply
         is missing. Scaling PV, OP's offset or the sampling period changes nothing.
     """
-    gains = {e: squashed(g) for e, g in found.gains.items()}
+    gains = {e: squashed(g) for e, g in found.log_likelihood_gains.items()}
     rows = {"record": _record(found, gains)}
     for effect in EFFECTS:
         rows[effect] = _effect(effect, found, gains)
-    arms = arms or Arms(found, 0)
-    rows["record"] |= _closed([], arms, "gap")
+    runs = runs or ClosedLoops(found, 0)
+    rows["record"] |= _closed([], runs, "gap")
     strongest = sorted(gains, key=lambda e: -gains[e])[:TRIED]
     for effect in strongest:
         if effect in found.parameters and gains[effect] > 0.0:
-            rows[effect] |= _closed([effect], arms, "gap")
+            rows[effect] |= _closed([effect], runs, "gap")
     if found.chosen:
-        rows["record"] |= _closed(found.chosen, arms, "all chosen")
+        rows["record"] |= _closed(found.chosen, runs, "all chosen")
     return rows
 
 
-def _closed(effects: list[str], arms: Arms, name: str) -> Row:
+def _closed(effects: list[str], runs: ClosedLoops, name: str) -> Row:
     """Return how far whole simulated loops are from the record, over what chance gives: before, and with some effects in."""
     try:
-        gap = arms.shrink(effects)
+        gap = runs.shrink(effects)
     except RecordError:
         return {}
     floor = max(gap.floor, 1e-3)
@@ -88,12 +88,12 @@ def _record(found: Assessment, gains: dict[str, float]) -> Row:
         "law known": float(law.known),
         "law foreign": float(bool(law.foreign)),
         "law strays": float(law.strays.size / d.n),
-        "strange law": float(bool(s.strange_law)),
+        "strange law": float(bool(s.unexplained_law)),
         "frozen": float(s.frozen),
         "held": float(np.log(s.samples.held)),
         "straight": s.samples.straight,
-        "strange valve": float(found.stranger),
-        "hard": float(len(s.hard)),
+        "strange valve": float(found.mv_unexplained),
+        "hard": float(len(s.proven)),
         **_load(base, found),
     }
     row |= {f"left {name}": squashed(value) for name, value in found.tests.items()}
@@ -123,18 +123,18 @@ def _load(fit: Fit, found: Assessment) -> Row:
 def _effect(effect: str, found: Assessment, gains: dict[str, float]) -> Row:
     s, mine = found.situation, gains[effect]
     block = block_of(effect)
-    rivals = [uncapped(g) for e, g in found.gains.items() if e != effect and block_of(e) == block]
+    rivals = [uncapped(g) for e, g in found.log_likelihood_gains.items() if e != effect and block_of(e) == block]
     row = {
         "gain": mine,
-        "nats ahead in block": squashed(uncapped(found.gains[effect]) - max(rivals)),
-        "hard": float(effect in s.hard),
+        "nats ahead in block": squashed(uncapped(found.log_likelihood_gains[effect]) - max(rivals)),
+        "hard": float(effect in s.proven),
         "lead": mine - max(g for e, g in gains.items() if e != effect),
         "lead in block": mine - max((g for e, g in gains.items() if e != effect and block_of(e) == block), default=-3.0),
         "lead outside": mine - max(g for e, g in gains.items() if block_of(e) != block),
         "chosen": float(1 + found.chosen.index(effect)) if effect in found.chosen else 0.0,
     }
-    if effect in found.second_gains:
-        row["as second"] = squashed(found.second_gains[effect])
+    if effect in found.log_likelihood_gains_on_top:
+        row["as second"] = squashed(found.log_likelihood_gains_on_top[effect])
     if effect in found.parameters:
         row |= _sizes(effect, found)
     if effect in found.candidates and found.candidates[effect].used:

@@ -35,7 +35,7 @@ def plausible(found: Assessment) -> Assessment:
     s = found.situation
     seen = s.record.mv is not None
     kept = meaningful(seen, s.tuned)
-    gains = {e: (g if e in kept else min(g, -10.0)) for e, g in found.gains.items()}
+    gains = {e: (g if e in kept else min(g, -10.0)) for e, g in found.log_likelihood_gains.items()}
     span = float(np.quantile(s.op, 0.99) - np.quantile(s.op, 0.01))
     for effect in ("stiction", "deadband"):
         if gains[effect] > 0 and not seen:
@@ -44,22 +44,22 @@ def plausible(found: Assessment) -> Assessment:
                 gains[effect] = -5.0
     for effect, x in (("op_quantisation", s.op), ("quantisation", np.asarray(s.record.pv))):
         # a transmitter's lattice is a fact; a file's decimals, and an output card's, must hide something
-        if effect in s.hard and not (effect == "quantisation" and s.samples.step > 0.0):
-            step = float(s.hard[effect]["step"])
+        if effect in s.proven and not (effect == "quantisation" and s.samples.step > 0.0):
+            step = float(s.proven[effect]["step"])
             if step**2 / 12.0 < IMMATERIAL * float(np.var(np.diff(x))):
                 gains[effect] = -5.0
-    order = sorted((e for e in gains if gains[e] > 0 and e not in s.hard), key=lambda e: -gains[e])
-    chosen = [e for e in found.chosen if e in s.hard and gains[e] > 0][:2]
+    order = sorted((e for e in gains if gains[e] > 0 and e not in s.proven), key=lambda e: -gains[e])
+    chosen = [e for e in found.chosen if e in s.proven and gains[e] > 0][:2]
     for e in order:
         if len(chosen) < 2 and block_of(e) not in {block_of(c) for c in chosen}:
             chosen.append(e)
     fits = [e for e in chosen if e in found.candidates]
     final = found.candidates[fits[0]].fit if fits else found.base
     # a residual test asks whether a trusted model is whole; an identified one never is, a valve with MV is
-    sound = {"valve": found.stranger, "controller": bool(s.strange_law)}
-    strange = {block: why for block, why in found.strange.items() if sound.get(block)}
+    sound = {"valve": found.mv_unexplained, "controller": bool(s.unexplained_law)}
+    unexplained = {block: why for block, why in found.unexplained.items() if sound.get(block)}
     said = replace(s, notes=[*s.notes, *remarks(s)])
-    return replace(found, situation=said, gains=gains, chosen=chosen, final=final, strange=strange)
+    return replace(found, situation=said, log_likelihood_gains=gains, chosen=chosen, final=final, unexplained=unexplained)
 
 
 def remarks(situation: Situation) -> list[str]:

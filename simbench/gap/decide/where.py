@@ -24,7 +24,7 @@ DEGREES = {"memory": 25, "input": 25, "bursts": 9, "tails": 1}  # degrees of fre
 
 
 @dataclass(frozen=True)
-class Share:
+class BlockShare:
     """One block's part of the gap: `share`, 5 to 95 % interval `lo`..`hi` (all 0..1), and what was found, in one sentence."""
 
     share: float
@@ -37,7 +37,7 @@ class Share:
 class Where:
     """Every block's part of the gap; shares sum to 1, or all are 0 when nothing beats "no effect"."""
 
-    blocks: dict[str, Share]
+    blocks: dict[str, BlockShare]
 
     @property
     def shares(self) -> dict[str, float]:
@@ -100,25 +100,28 @@ def where(found: Assessment, level: float = FAINT, seed: int = 0) -> Where:
     rng = np.random.default_rng([seed, 53])
     pick = _Resampling(s.record.n, load_memory(s) / LOAD_MEMORY * MEMORY, rng)
     told = _Told(np.zeros((len(BLOCKS) + 1, DRAWS + 1)))
-    sure = {block_of(e) for e in s.hard} | ({"controller"} if s.strange_law else set())
-    answered = bool(sure or found.strange or max(found.gains.values()) > level)
+    sure = {block_of(e) for e in s.proven} | ({"controller"} if s.unexplained_law else set())
+    answered = bool(sure or found.unexplained or max(found.log_likelihood_gains.values()) > level)
     if answered:
         _controller(found, pick, told)
         _sensor(found, pick, told)
         _valve(found, pick, told, level)
-        _plant(found, pick, told, max(level, SECOND) if s.hard else level)
+        _plant(found, pick, told, max(level, SECOND) if s.proven else level)
         _strange(found, rng, told)
     nats, total = told.draws[:-1], told.draws.sum(axis=0)
     if answered and nats[:, 0].sum() <= 0.0:
         # the evidence is another record's, or too faint in this one to be placed
-        block = next(iter([*(block_of(e) for e in found.chosen), *found.strange]), max(EFFECTS, key=lambda e: found.gains[e]))
+        block = next(
+            iter([*(block_of(e) for e in found.chosen), *found.unexplained]),
+            max(EFFECTS, key=lambda e: found.log_likelihood_gains[e]),
+        )
         return _unplaced(block if block in BLOCKS else block_of(block), found)
     parts = nats / np.where(total > 0.0, total, 1.0)
     mean = parts[:, 1:].sum(axis=1)
     mean /= mean.sum() or 1.0
     lo, hi = np.quantile(parts[:, 1:], [0.05, 0.95], axis=1)
     return Where({
-        b: Share(float(m), float(min(q, m)), float(max(p, m)), _sentence(b, found, told.says[b], float(m)))
+        b: BlockShare(float(m), float(min(q, m)), float(max(p, m)), _sentence(b, found, told.says[b], float(m)))
         for b, m, q, p in zip(BLOCKS, mean, lo, hi)
     })  # fmt: skip
 
@@ -149,18 +152,18 @@ def _controller(found: Assessment, pick: _Resampling, told: _Told) -> None:
     s = found.situation
     du = np.diff(s.op, prepend=s.op[0])
     bare, freed, _ = law_residuals(s)
-    own = [e for e in s.hard if block_of(e) == "controller"]
-    if not own and not s.strange_law:
+    own = [e for e in s.proven if block_of(e) == "controller"]
+    if not own and not s.unexplained_law:
         return
-    rest = np.zeros_like(freed) if s.strange_law else freed
+    rest = np.zeros_like(freed) if s.unexplained_law else freed
     nats = pick.nats(bare**2 - rest**2, du**2)
-    told.add("controller", nats, s.strange_law or _words(own))
+    told.add("controller", nats, s.unexplained_law or _words(own))
 
 
 def _sensor(found: Assessment, pick: _Resampling, told: _Told) -> None:
     """Count what single samples of PV show, beside the changes of the PV that the plant gave."""
     s = found.situation
-    own = [e for e in s.hard if block_of(e) == "sensor"]
+    own = [e for e in s.proven if block_of(e) == "sensor"]
     if own or s.frozen:
         told.add("sensor", pick.nats(sample_misfit(s), np.diff(s.plant_pv, prepend=s.plant_pv[0]) ** 2), _words(own))
 
@@ -169,12 +172,12 @@ def _valve(found: Assessment, pick: _Resampling, told: _Told, level: float) -> N
     """Count what an ideal valve, driven with OP, leaves of the recorded MV, beside OP's own movement."""
     s = found.situation
     own = [e for e in EFFECTS if block_of(e) == "valve" and s.record.mv is not None]
-    best = max(own, key=lambda e: found.gains[e], default="")
-    if not best or (found.gains[best] <= level and "valve" not in found.strange):
+    best = max(own, key=lambda e: found.log_likelihood_gains[e], default="")
+    if not best or (found.log_likelihood_gains[best] <= level and "valve" not in found.unexplained):
         return
     bare, freed = mv_residuals(s, best, found.parameters[best])
     healthy = beyond_healthy(float(found.parameters[best]["S"])) if best in ("stiction", "deadband") else 1.0
-    if "valve" in found.strange:
+    if "valve" in found.unexplained:
         freed, healthy = np.zeros_like(freed), 1.0
     told.add("valve", healthy * pick.nats(bare**2 - freed**2, (s.op - s.op.mean()) ** 2), best)
 
@@ -182,13 +185,13 @@ def _valve(found: Assessment, pick: _Resampling, told: _Told, level: float) -> N
 def _plant(found: Assessment, pick: _Resampling, told: _Told, level: float) -> None:
     """Share the innovations' likelihood among the blocks that explain them, likelier ones first, two named ones together."""
     s = found.situation
-    if sum(e in s.hard for e in found.chosen) == 2:
+    if sum(e in s.proven for e in found.chosen) == 2:
         return
-    settled = {block_of(e) for e in s.hard}
-    gains = {e: _allowed(found, e, c.fit) * c.gain for e, c in found.candidates.items() if c.used}
+    settled = {block_of(e) for e in s.proven}
+    gains = {e: _allowed(found, e, c.fit) * c.log_likelihood_gain for e, c in found.candidates.items() if c.used}
     values = {e: spread_to(loglik(found.candidates[e].fit) - loglik(found.base), g) for e, g in gains.items()}
-    if "outliers" not in s.hard and found.gains["outliers"] > 0.0:
-        gains["outliers"] = found.gains["outliers"]
+    if "outliers" not in s.proven and found.log_likelihood_gains["outliers"] > 0.0:
+        gains["outliers"] = found.log_likelihood_gains["outliers"]
         values["outliers"] = spread_to(spikes(found), gains["outliers"])
     best = {}
     for e in sorted(gains, key=lambda e: gains[e]):
@@ -228,23 +231,27 @@ def _pairs(
     fitted = first in found.candidates and second in found.candidates
     joint = loglik(found.final) - loglik(found.base) if fitted else values[first] + values[second]
     rivals = {}
-    for e, gain in sorted(found.second_gains.items(), key=lambda t: t[1]):
+    for e, gain in sorted(found.log_likelihood_gains_on_top.items(), key=lambda t: t[1]):
         if gain > SECOND and e in values and block_of(e) not in settled | {block_of(first), block_of(second)}:
             rivals[block_of(e)] = e
     for e in (second, *rivals.values()):
         # a rival was fitted beside the first, but only its sum was kept
-        yield first, e, spread_to(joint + values[e] - values[second], gains[first] + found.second_gains.get(e, gains[e]))
+        yield (
+            first,
+            e,
+            spread_to(joint + values[e] - values[second], gains[first] + found.log_likelihood_gains_on_top.get(e, gains[e])),
+        )
 
 
 def _allowed(found: Assessment, effect: str, fit: Fit) -> float:
     """Return the factor by which friction that a healthy valve may have is discounted."""
     friction = effect in ("stiction", "deadband") and found.situation.trusted
-    return beyond_healthy(fit.theta["S"]) if friction and found.candidates[effect].gain > 0.0 else 1.0
+    return beyond_healthy(fit.theta["S"]) if friction and found.candidates[effect].log_likelihood_gain > 0.0 else 1.0
 
 
 def _strange(found: Assessment, rng: np.random.Generator, told: _Told) -> None:
     """Count what the best model's residual tests leave in a block, a chi-square in excess of its degrees of freedom."""
-    for block in found.strange:
+    for block in found.unexplained:
         nats, degrees = 0.0, 0
         for name, (_, owner) in LIMITS.items():
             if owner == block and name in found.tests:
@@ -257,7 +264,7 @@ def _strange(found: Assessment, rng: np.random.Generator, told: _Told) -> None:
 
 
 def _unplaced(block: str, found: Assessment) -> Where:
-    return Where({b: Share(float(b == block), 0.0, 1.0, _sentence(b, found, [], 0.0)) for b in BLOCKS})
+    return Where({b: BlockShare(float(b == block), 0.0, 1.0, _sentence(b, found, [], 0.0)) for b in BLOCKS})
 
 
 def _words(effects: Iterable[str]) -> str:
@@ -268,11 +275,11 @@ def _sentence(block: str, found: Assessment, says: list[str], share: float) -> s
     """Return what the block shows when it is driven with the recorded signal in front of it."""
     s = found.situation
     what = _words(dict.fromkeys(says))
-    if block in found.strange:
-        what = f"{what}; {found.strange[block]}" if what else found.strange[block]
+    if block in found.unexplained:
+        what = f"{what}; {found.unexplained[block]}" if what else found.unexplained[block]
     if block == "controller":
-        if s.strange_law:
-            return f"Driven with the recorded error: {s.strange_law}."
+        if s.unexplained_law:
+            return f"Driven with the recorded error: {s.unexplained_law}."
         if s.law.reason and not what:
             return f"Driven with the recorded error it cannot be judged: {s.law.reason}."
         missed = 100.0 * np.sqrt(min(law_residuals(s)[2], 1.0))
@@ -287,17 +294,17 @@ def _sentence(block: str, found: Assessment, says: list[str], share: float) -> s
         if not own:
             return f"{left}."
         return f"{left}; {_words([own])} leaves {np.std(mv_residuals(s, own, found.parameters[own])[1]):.2g} %."
-    if block == "sensor" and (s.frozen or any(block_of(e) == "sensor" for e in s.hard)):
+    if block == "sensor" and (s.frozen or any(block_of(e) == "sensor" for e in s.proven)):
         return f"Single samples of PV show: {what or 'a standstill'}."
     driver = "OP" if s.record.mv is None else "MV"
     own = next((e for e in says if e in found.candidates or e == "outliers"), "")
-    beside = next((e for e in found.chosen if block_of(e) == block and e in found.second_gains), "")
+    beside = next((e for e in found.chosen if block_of(e) == block and e in found.log_likelihood_gains_on_top), "")
     if not own and beside and share > 0.0:
-        gain, first = found.second_gains[beside], _words(e for e in found.chosen if e != beside)
+        gain, first = found.log_likelihood_gains_on_top[beside], _words(e for e in found.chosen if e != beside)
         return f"Driven with {driver}, {_words([beside])} makes PV {gain:.0f} nats likelier once {first} is in."
     if not own:
         return f"Driven with {driver}, nothing freed in it predicts PV better{'; ' + what if what else ''}."
-    gain = found.candidates[own].gain if own in found.candidates else found.gains[own]
+    gain = found.candidates[own].log_likelihood_gain if own in found.candidates else found.log_likelihood_gains[own]
     smaller = 100.0 * (1.0 - np.exp(-max(gain, 0.0) / s.record.n))
     better = f"makes PV {gain:.0f} nats likelier, as a one-step error {smaller:.2g} % smaller would"
     elsewhere = "; another block explains the same better" if share < 0.05 and gain > FAINT else ""

@@ -22,7 +22,7 @@ NOISE_SHOWS = 0.25
 
 
 @dataclass(frozen=True)
-class Facts:
+class Likeness:
     """What of the configuration decides which effects look alike.
 
     Parameters
@@ -56,7 +56,7 @@ class Facts:
     ramp: bool = False
 
 
-def indistinguishable(effect: str, facts: Facts) -> frozenset[str]:
+def indistinguishable(effect: str, facts: Likeness) -> frozenset[str]:
     """Return the effects that give the same SP, OP and PV (and MV where recorded) as `effect` here, itself included.
 
     The groups: one more series pole (MV separates a valve's lag; noise smoothed by the filter a sensor's); slow loads and
@@ -69,7 +69,7 @@ def indistinguishable(effect: str, facts: Facts) -> frozenset[str]:
     ----------
     effect : str
         An effect id; anything else (`none`, `unknown`) is alone.
-    facts : Facts
+    facts : Likeness
 
     Returns
     -------
@@ -77,7 +77,7 @@ def indistinguishable(effect: str, facts: Facts) -> frozenset[str]:
 
     Examples
     --------
-    >>> facts = Facts(integrating=False, sp_moves=False, mv=True)
+    >>> facts = Likeness(integrating=False, sp_moves=False, mv=True)
     >>> sorted(indistinguishable("extra_lag", facts))
     ['extra_lag', 'sensor_lag']
     >>> sorted(indistinguishable("noise", facts))
@@ -90,7 +90,7 @@ def indistinguishable(effect: str, facts: Facts) -> frozenset[str]:
     return frozenset(alike)
 
 
-def _groups(facts: Facts) -> list[frozenset[str]]:
+def _groups(facts: Likeness) -> list[frozenset[str]]:
     groups = [LAGS - ({"valve_lag"} if facts.mv else set()) - ({"sensor_lag"} if facts.noise_shows else set())]
     if facts.slow and not facts.integrating:
         groups.append(SLOW)
@@ -113,7 +113,7 @@ def facts_of(
     mv: np.ndarray | None,
     effect: str = "none",
     parameters: Mapping[str, Any] | None = None,
-) -> Facts:
+) -> Likeness:
     """Compute the facts from a baseline's tables, the recorded signals and the effect in question.
 
     Parameters
@@ -129,7 +129,7 @@ def facts_of(
 
     Returns
     -------
-    Facts
+    Likeness
 
     Examples
     --------
@@ -146,7 +146,7 @@ def facts_of(
         J = 0.0
     elif effect == "stiction" and "J" in p:
         J = float(p["J"])
-    return Facts(
+    return Likeness(
         integrating=plant.get("type") == "integrating",
         sp_moves=sp is not None and bool(np.ptp(sp) > 2 * noise),
         mv=mv is not None,

@@ -10,7 +10,7 @@ import numpy as np
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, Spec, lag_of, size_penalty
-from simbench.gap.likelihood.search import SMOOTH, STARTS, band_sizes, hunt, idle, plants, promising, settle
+from simbench.gap.likelihood.search import SMOOTH, STARTS, band_sizes, idle, plants, promising, search_map, settle
 from simbench.gap.situation import Situation
 
 QUIETER = 4.0  # numbers that a noise below the stated level is priced at
@@ -18,11 +18,11 @@ QUIETER = 4.0  # numbers that a noise below the stated level is priced at
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A fitted effect: `gain` in nats over the base, its own numbers paid for; `used` False when nothing was switched on."""
+    """A fitted effect: its gain (nats) over the base, its own numbers paid for; `used` False when nothing was switched on."""
 
     effect: str
     fit: Fit
-    gain: float
+    log_likelihood_gain: float
     used: bool = True
 
 
@@ -98,13 +98,13 @@ def pole(kind: str) -> Callable[[Engine, Fit], tuple[Fit, float]]:
         shortest = engine.bounds(spec, "Td")[0]
         # without the pole the base has lengthened Td and T in its stead
         points = [
-            {**plant, "lag": float(x), "Td": td}
+            {**plant, "tau": float(x), "Td": td}
             for x in lags for plant in plants(engine, base) for td in {plant["Td"], shortest}
         ]  # fmt: skip
         tries = engine.grid(spec, theta, points)
         # a long lag shows its worth only once the load has given way
         own = plants(engine, base)[1]
-        tries += [engine.fit(spec, {**theta, **own, "lag": float(x)}, steps=2) for x in lags[4::2]]
+        tries += [engine.fit(spec, {**theta, **own, "tau": float(x)}, steps=2) for x in lags[4::2]]
         tries.sort(key=lambda f: -f.loglik)
         return max((engine.fit(spec, t.theta) for t in tries[:2]), key=lambda f: f.loglik), 1.0
 
@@ -114,14 +114,16 @@ def pole(kind: str) -> Callable[[Engine, Fit], tuple[Fit, float]]:
 def deadband(engine: Engine, base: Fit) -> tuple[Fit, float]:
     """Scan the band finely, then refine it with the nuisances."""
     coarse = np.array([(s, start * s / 2, 0.0) for s in band_sizes(engine.data, 32) for start in STARTS])
-    return hunt(engine, base, kernels.PLAY, coarse), 1.0
+    return search_map(engine, base, kernels.PLAY, coarse), 1.0
 
 
 def deadzone(engine: Engine, base: Fit) -> tuple[Fit, float]:
     """Scan width and centre, then refine."""
     # OP jumps across the zone: its middle is where OP seldom is
     centres = np.linspace(*np.quantile(engine.data.u, [0.01, 0.99]), 13)
-    return hunt(engine, base, kernels.ZONE, np.array([(s, c, 0.0) for s in band_sizes(engine.data, 12) for c in centres])), 2.0
+    return search_map(
+        engine, base, kernels.ZONE, np.array([(s, c, 0.0) for s in band_sizes(engine.data, 12) for c in centres])
+    ), 2.0
 
 
 def valve_characteristic(engine: Engine, base: Fit) -> tuple[Fit, float]:
@@ -136,7 +138,7 @@ def stiction(engine: Engine, base: Fit) -> tuple[Fit, float]:
     """Scan S and J/S finely under two valve models: peaks are a percent or two wide, a local search misses them."""
     sizes = band_sizes(engine.data, 90)
     coarse = np.array([(s, s * j, 0.0) for s in sizes for j in (0.06, 0.15, 0.27, 0.42, 0.6, 0.78, 0.95)])
-    tries = [hunt(engine, base, kind, coarse, few=True) for kind in (kernels.STICK, kernels.CREEP)]
+    tries = [search_map(engine, base, kind, coarse, few=True) for kind in (kernels.STICK, kernels.CREEP)]
     return max(tries, key=lambda f: f.loglik), 2.5
 
 

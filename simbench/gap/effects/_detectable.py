@@ -15,9 +15,9 @@ NATS = 9.0  # what an effect of the stated size would bring: the price of a numb
 _SIZES: dict[str, tuple[Spec, str, str]] = {
     "deadband": (Spec(valve=kernels.PLAY), "S", "%"),
     "stiction": (Spec(valve=kernels.STICK), "S", "%"),
-    "valve_lag": (Spec(pole="valve"), "lag", "s"),
-    "extra_lag": (Spec(pole="extra"), "lag", "s"),
-    "sensor_lag": (Spec(pole="sensor"), "lag", "s"),
+    "valve_lag": (Spec(pole="valve"), "tau", "s"),
+    "extra_lag": (Spec(pole="extra"), "tau", "s"),
+    "sensor_lag": (Spec(pole="sensor"), "tau", "s"),
     "valve_characteristic": (Spec(valve=kernels.CURVE), "R", ""),
     "time_constant_mismatch": (Spec(free=frozenset({"T"})), "T", ""),
     "dead_time_mismatch": (Spec(free=frozenset({"Td"})), "Td", "s"),
@@ -54,7 +54,7 @@ def smallest_detectable(situation: Situation, base: Fit, longest_load: float) ->
         joined = base.spec.join(spec)
         found = np.inf
         for step in np.geomspace(0.02, 2.0, 14):
-            theta = {**base.theta, "J": 0.5 * step * span, "S": step * span, "lag": step * 5.0 * (d.T or d.Td + 1.0)}
+            theta = {**base.theta, "J": 0.5 * step * span, "S": step * span, "tau": step * 5.0 * (d.T or d.Td + 1.0)}
             theta |= {"R": float(np.exp(3.0 * step)), "walk": step * float(np.std(d.y)) / np.sqrt(d.n)}
             if name in ("T", "noise"):
                 theta[name] = base.theta[name] * (1.0 + step)
@@ -62,7 +62,7 @@ def smallest_detectable(situation: Situation, base: Fit, longest_load: float) ->
                 theta[name] = base.theta["Td"] + step * 5.0
             if level - engine.evaluate(joined, theta)[0] > NATS:
                 found = {
-                    "T": 1.0 + step, "noise": 1.0 + step, "Td": step * 5.0 * Ts, "lag": theta["lag"] * Ts, "R": theta["R"],
+                    "T": 1.0 + step, "noise": 1.0 + step, "Td": step * 5.0 * Ts, "tau": theta["tau"] * Ts, "R": theta["R"],
                     "S": theta["S"], "walk": step * float(np.std(d.y)),
                 }[name]  # fmt: skip
                 break

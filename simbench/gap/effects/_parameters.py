@@ -33,7 +33,7 @@ def effect_parameters(effect: str, fit: Fit, situation: Situation) -> dict[str, 
     if effect == "dead_time_mismatch":
         return {"extra": (th["Td"] - d.Td) * Ts}
     if effect in ("valve_lag", "extra_lag", "sensor_lag"):
-        return {"tau": th["lag"] * Ts}
+        return {"tau": th["tau"] * Ts}
     if effect == "noise":
         return {"factor": th["noise"] / d.noise} if d.noise > 0 else {"std": th["noise"]}
     if effect == "deadband":

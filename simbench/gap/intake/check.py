@@ -73,10 +73,10 @@ def check(record: LoopRecord, baseline: Loop, trusted: bool = True, tuned: bool 
     if tuned and samples.step == 0.0:
         # what a coarse PV makes of an error can look like any gain
         refuse_other_controller(law, control.sign * control.Kc, where)
-    hard, plant_pv, more, strange = _without_doubt(record, law, samples, baseline.noise.std)
+    proven, plant_pv, more, unexplained = _without_doubt(record, law, samples, baseline.noise.std)
     notes += more
     if not tuned:
-        strange = ""  # a controller of which nothing was said cannot be another one
+        unexplained = ""  # a controller of which nothing was said cannot be another one
     integrating = plant.type == "integrating"
     u = _through_valve(op, baseline.valve, record.Ts) if record.mv is None else np.asarray(record.mv)
     data = Data(
@@ -86,17 +86,17 @@ def check(record: LoopRecord, baseline: Loop, trusted: bool = True, tuned: bool 
         T=0.0 if integrating else float(plant.T or 0.0) / record.Ts,
         Td=plant.Td / record.Ts,
         noise=baseline.noise.std if trusted else 0.0,
-        resolution=_rounding(hard, samples),
+        resolution=_rounding(proven, samples),
         trusted=trusted,
-        late=law.lag,
+        late=law.late,
     )
     if trusted and tuned:
         refuse_other_plant(data, law, control.sign * control.Kc, control.Ti, record.Ts, where)
     frozen = samples.held > max(20, 0.02 * record.n) or (trusted and samples.stuck > STUCK)
-    frozen = frozen and "quantisation" not in hard and "compression" not in hard
+    frozen = frozen and "quantisation" not in proven and "compression" not in proven
     setpoint = np.full(record.n, record.pv.mean()) if sp is None else np.asarray(sp)
     return Situation(
-        record, baseline, trusted, tuned, op, setpoint, law, samples, plant_pv, data, hard, notes, frozen, strange
+        record, baseline, trusted, tuned, op, setpoint, law, samples, plant_pv, data, proven, notes, frozen, unexplained
     )  # fmt: skip
 
 
@@ -139,10 +139,10 @@ def _through_valve(op: np.ndarray, valve: Part, Ts: float) -> np.ndarray:
     return op
 
 
-def _rounding(hard: dict, samples: Samples) -> float:
-    if "quantisation" not in hard:
+def _rounding(proven: dict, samples: Samples) -> float:
+    if "quantisation" not in proven:
         return max(samples.resolution, samples.step)
-    lattice = hard["quantisation"]
+    lattice = proven["quantisation"]
     return float(lattice["step"]) if lattice["at"] == "loop" else samples.resolution
 
 
@@ -150,65 +150,65 @@ def _without_doubt(
     record: LoopRecord, law: Law, samples: Samples, noise: float
 ) -> tuple[dict[str, dict[str, float | str]], np.ndarray, list[str], str]:
     """Return the effects that need no fit, the PV the controller saw, notes, and why the controller is a stranger."""
-    hard: dict[str, dict[str, float | str]] = {e: dict(p) for e, p in law.found.items()}
+    proven: dict[str, dict[str, float | str]] = {e: dict(p) for e, p in law.found.items()}
     pv = np.asarray(record.pv)
-    seen, notes, strange = law.seen, [], ""
-    apart = seen is not None and bool(law.reason)  # the archive is not what the controller saw
+    recovered_pv, notes, unexplained = law.recovered_pv, [], ""
+    apart = recovered_pv is not None and bool(law.reason)  # the archive is not what the controller saw
     if samples.step > FINE * noise:
-        hard["quantisation"] = {"step": samples.step, "at": "record" if apart else "loop"}
+        proven["quantisation"] = {"step": samples.step, "at": "record" if apart else "loop"}
         if apart:
-            pv = np.asarray(seen)
-    elif samples.straight > 0.25 or _lines_where_apart(np.asarray(record.pv), seen, samples):
-        size = float(np.quantile(np.abs(record.pv - seen), 0.98)) if seen is not None else 0.0
-        hard["compression"] = {"band": size or 0.5 * float(np.std(np.diff(record.pv)))}
+            pv = np.asarray(recovered_pv)
+    elif samples.straight > 0.25 or _lines_where_apart(np.asarray(record.pv), recovered_pv, samples):
+        size = float(np.quantile(np.abs(record.pv - recovered_pv), 0.98)) if recovered_pv is not None else 0.0
+        proven["compression"] = {"band": size or 0.5 * float(np.std(np.diff(record.pv)))}
         if apart:
-            pv = np.asarray(seen)
+            pv = np.asarray(recovered_pv)
     elif samples.resolution > 0.0 and noise > 0.0 and samples.resolution > 1.5 * noise:
-        hard["quantisation"] = {"step": samples.resolution, "at": "record" if apart else "loop"}
+        proven["quantisation"] = {"step": samples.resolution, "at": "record" if apart else "loop"}
         if apart:
-            pv = np.asarray(seen)
+            pv = np.asarray(recovered_pv)
     spikes, heights, place = samples.spikes, samples.heights, "loop"
-    if seen is not None and not law.foreign:
-        off = record.pv - seen
+    if recovered_pv is not None and not law.foreign:
+        off = record.pv - recovered_pv
         only, sizes = isolated(off, 0.0)
         # where the law is exact everywhere else, what is left of PV is the spikes alone
         strong = np.abs(sizes) > 1e-3 * float(np.std(record.pv))
         only, sizes = only[strong], sizes[strong]
         if (
             only.size >= 2
-            and "compression" not in hard
+            and "compression" not in proven
             and samples.step == 0.0
             and not stands_out(np.asarray(record.pv), only, sizes)
         ):
-            strange = "OP moves as no PV on record makes it move"
+            unexplained = "OP moves as no PV on record makes it move"
             only = only[:0]
-        if only.size >= 2 and samples.step == 0.0 and "compression" not in hard:
+        if only.size >= 2 and samples.step == 0.0 and "compression" not in proven:
             spikes, heights, place = only, sizes, "record"
-            pv = np.asarray(seen)
-    elif spikes.size >= 3 and seen is None and not _answered(record, law, spikes, heights):
+            pv = np.asarray(recovered_pv)
+    elif spikes.size >= 3 and recovered_pv is None and not _answered(record, law, spikes, heights):
         place = "record"
-    if spikes.size >= 3 and "compression" not in hard:
-        hard["outliers"] = {"rate": spikes.size / record.n, "size": float(np.mean(np.abs(heights))), "at": place}
-        if place == "loop" or seen is None:
+    if spikes.size >= 3 and "compression" not in proven:
+        proven["outliers"] = {"rate": spikes.size / record.n, "size": float(np.mean(np.abs(heights))), "at": place}
+        if place == "loop" or recovered_pv is None:
             pv = cleaned(pv, spikes)
     if law.reason and not apart:
         notes.append(f"controller: cannot tell, {law.reason}")
-    if {"quantisation", "compression", "outliers", "error_deadband"} & set(hard):
-        return hard, pv, notes, strange
-    return hard, pv, notes, strange or law.foreign or law.reason
+    if {"quantisation", "compression", "outliers", "error_deadband"} & set(proven):
+        return proven, pv, notes, unexplained
+    return proven, pv, notes, unexplained or law.foreign or law.reason
 
 
-def _lines_where_apart(pv: np.ndarray, seen: np.ndarray | None, samples: Samples) -> bool:
+def _lines_where_apart(pv: np.ndarray, recovered_pv: np.ndarray | None, samples: Samples) -> bool:
     """Return whether PV lies on straight lines wherever it is not what the controller saw: an archive thinned a little."""
-    if seen is None:
+    if recovered_pv is None:
         return False
-    apart = np.abs(pv - seen) > max(3.0 * samples.resolution, 1e-3 * float(np.std(pv)))
+    apart = np.abs(pv - recovered_pv) > max(3.0 * samples.resolution, 1e-3 * float(np.std(pv)))
     return bool(apart.sum() >= 10 and on_line(pv, samples.resolution)[apart].mean() > 0.9)
 
 
 def _answered(record: LoopRecord, law: Law, spikes: np.ndarray, heights: np.ndarray) -> bool:
     """Return whether OP jumps with the spikes of PV as the controller's gain says."""
-    du = np.append(np.diff(record.op), 0.0)[np.clip(spikes - 1 + law.lag, 0, record.n - 1)]
+    du = np.append(np.diff(record.op), 0.0)[np.clip(spikes - 1 + law.late, 0, record.n - 1)]
     asked = -law.Kc * heights
     return float(du @ asked) > 0.5 * float(asked @ asked)
 

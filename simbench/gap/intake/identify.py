@@ -82,7 +82,7 @@ def _plant(record: LoopRecord, u: np.ndarray, pv: np.ndarray, resolution: float)
             T = 0.0 if integrating else fit.theta["T"]
             engine = Engine(Data(u, pv, fit.K, T, fit.theta["Td"], 0.0, resolution, trusted=False), max(0.1 * record.n, 20.0))
             sticky = fit_candidates(engine, fit, ["stiction", "deadband"])
-            score[integrating] += max(0.0, *(c.gain for c in sticky.values()))
+            score[integrating] += max(0.0, *(c.log_likelihood_gain for c in sticky.values()))
     integrating = score[True] > score[False]
     return integrating, fits[integrating]
 

@@ -85,7 +85,7 @@ def refuse_other_plant(data: Data, law: Law, Kc: float, Ti: float | None, Ts: fl
     effects += ["time_constant_mismatch"] if data.T > 0 else []
     # one effect that does nearly as well is enough, and most are cheap
     for effect in effects:
-        if base.loglik + fit_candidates(engine, base, [effect])[effect].gain >= to_beat:
+        if base.loglik + fit_candidates(engine, base, [effect])[effect].log_likelihood_gain >= to_beat:
             return
     raise RecordError(
         f"{where}: its controller has Kc = {law.Kc:.3g} and Ti = {law.Ti:.3g} s, and PV answers OP with a gain of "

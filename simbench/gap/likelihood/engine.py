@@ -16,8 +16,8 @@ from simbench.gap.likelihood.model import HOLDING, Data, Fit, Spec, lag_of, valv
 
 NOMINAL = 0.10  # a baseline is trusted within +-10 %: the prior is flat there ...
 EDGE = 0.02  # ... and falls off with this standard deviation outside
-LOGS = {"T", "load_time", "load_lag", "load", "noise", "R", "lag", "walk", "load_walk"}
-SHAPING = {"T", "Td", "lag", "S", "J", "D", "c", "R"}  # parameters that change signals, not only the noise model
+LOGS = {"T", "load_time", "load_lag", "load", "noise", "R", "tau", "walk", "load_walk"}
+SHAPING = {"T", "Td", "tau", "S", "J", "D", "c", "R"}  # parameters that change signals, not only the noise model
 REDDEST = 0.5  # noise of more memory than this has passed a filter
 QUICK = 0.08  # of the longest memory a load may have: below it the prior ...
 QUICKER = 0.7  # ... falls off with this standard deviation of the logarithm
@@ -98,7 +98,7 @@ class Engine:
             return float(d.u.min()), float(d.u.max())
         if name == "R":
             return 0.01, 100.0
-        if name == "lag":
+        if name == "tau":
             return 0.05, d.n / 5
         return 1e-8 * size, size  # walk, load_walk
 
@@ -126,31 +126,31 @@ class Engine:
         """Return PV as deviation from its start, the plant's answer to MV, and every other signal that enters linearly."""
         d = self.data
         T = theta["T"] if d.T > 0 else 0.0
-        y, lag = d.y, theta.get("lag", 0.0) if spec.pole else 0.0
+        y, tau = d.y, theta.get("tau", 0.0) if spec.pole else 0.0
         if spec.pole == "sensor":
-            follow = -np.expm1(-1.0 / lag)
+            follow = -np.expm1(-1.0 / tau)
             y = np.concatenate([y[:1], (y[1:] - (1.0 - follow) * y[:-1]) / follow])
-            lag = 0.0
+            tau = 0.0
         moved = valve_of(spec, theta, d.u)
-        g = kernels.plant(moved, T, theta["Td"], lag)
+        g = kernels.plant(moved, T, theta["Td"], tau)
         # the input before the record may have stood elsewhere
-        begin = [kernels.plant(self.onset, T, theta["Td"], lag)]
+        begin = [kernels.plant(self.onset, T, theta["Td"], tau)]
         if spec.valve in HOLDING:
             # and a valve that holds may stand anywhere in its band until it first moves
-            begin.append(kernels.plant((moved == moved[0]).cumprod().astype(float), T, theta["Td"], lag))
+            begin.append(kernels.plant((moved == moved[0]).cumprod().astype(float), T, theta["Td"], tau))
         return np.vstack([y - d.y[0], g, *self.base_channels, *begin, *spec.channels])
 
     def _whiten(self, spec: Spec, theta: Mapping[str, float], channels: np.ndarray) -> tuple[np.ndarray, float]:
         """Return the channels' innovations over their standard deviation, and the part of -log-likelihood that is no square."""
         d = self.data
-        lag = theta.get("lag", 0.0)
+        tau = theta.get("tau", 0.0)
         white, log_var = kernels.whiten(
-            channels, theta["T"] if d.T > 0 else 0.0, lag if spec.pole == "extra" else 0.0, theta["load_time"], lag_of(theta),
+            channels, theta["T"] if d.T > 0 else 0.0, tau if spec.pole == "extra" else 0.0, theta["load_time"], lag_of(theta),
             theta["load"], theta["load_walk"] if spec.load_walk else 0.0, theta["walk"] if spec.walk else 0.0, theta["noise"],
             theta["colour"], self.spread,
         )  # fmt: skip
         count = d.n - kernels.SKIP
-        jacobian = count * np.log(-np.expm1(-1.0 / lag)) if spec.pole == "sensor" else 0.0
+        jacobian = count * np.log(-np.expm1(-1.0 / tau)) if spec.pole == "sensor" else 0.0
         return white, 0.5 * (log_var + count * np.log(2 * np.pi)) + jacobian
 
     def _linear(self, spec: Spec, N: np.ndarray) -> tuple[np.ndarray, float]:

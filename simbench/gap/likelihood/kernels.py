@@ -92,36 +92,36 @@ def respond(v, T, Td, out, weight):
 
 
 @njit(cache=True)
-def plant(v, T, Td, lag):
-    """Return the unit plant's answer to MV `v` (n,) as deviation from its start; `lag` > 0 is one more series pole."""
+def plant(v, T, Td, tau):
+    """Return the unit plant's answer to MV `v` (n,) as deviation from its start; `tau` > 0 is one more series pole."""
     out = np.zeros(v.size)
-    if lag <= 1e-3:
+    if tau <= 1e-3:
         respond(v, T, Td, out, 1.0)
     elif T > 0.0:
-        if abs(lag - T) < 1e-3 * T:
-            lag = T * 1.002
-        respond(v, T, Td, out, T / (T - lag))
-        respond(v, lag, Td, out, -lag / (T - lag))
+        if abs(tau - T) < 1e-3 * T:
+            tau = T * 1.002
+        respond(v, T, Td, out, T / (T - tau))
+        respond(v, tau, Td, out, -tau / (T - tau))
     else:
         respond(v, 0.0, Td, out, 1.0)
-        respond(v, lag, Td, out, -lag)
+        respond(v, tau, Td, out, -tau)
     return out
 
 
 @njit(cache=True)
-def whiten(channels, T, lag, load_time, load_lag, load, load_walk, walk, noise, colour, spread):
+def whiten(channels, T, tau, load_time, load_lag, load, load_walk, walk, noise, colour, spread):
     """Return innovations over their standard deviation (m, n) of all channels, and the sum of log variances.
 
     The stochastic part of PV is a load of time constants `load_time` and `load_lag` (0: first order) with steady effect `load`
-    (std of its first stage, PV units), plus a random walk of `load_walk` per sample, both through the plant's pole (and `lag`);
+    (std of its first stage, PV units), plus a random walk of `load_walk` per sample, both through the plant's pole (and `tau`);
     a random walk of `walk` per sample on PV itself; and noise of std `noise` whose successive samples correlate by `colour`.
     With `load_lag` = PINK the load is 1/f noise: first-order parts of equal variance, `load_time`, a fifth and a 25th of it
     (van der Ziel 1950). One steady-state gain serves all channels. `spread` is the std of PV's unknown start.
     """
     m, n = channels.shape
     smooth, parts = load_lag > 0.1, 3 if load_lag == PINK else 1
-    has_lag, has_load_walk, has_walk, coloured = lag > 1e-3, load_walk > 0.0, walk > 0.0, abs(colour) > 0.01
-    s = 1 + parts + smooth + has_lag + has_load_walk + has_walk + coloured
+    has_tau, has_load_walk, has_walk, coloured = tau > 1e-3, load_walk > 0.0, walk > 0.0, abs(colour) > 0.01
+    s = 1 + parts + smooth + has_tau + has_load_walk + has_walk + coloured
     F, Q, P, h = np.zeros((s, s)), np.zeros((s, s)), np.zeros((s, s)), np.zeros(s)
     phi = math.exp(-1.0 / load_time)
     a = math.exp(-1.0 / T) if T > 0.0 else 1.0
@@ -143,9 +143,9 @@ def whiten(channels, T, lag, load_time, load_lag, load, load_walk, walk, noise, 
         F[top, top], F[1, top], Q[top, top], P[top, top] = phi, enters, share * (1.0 - phi * phi), share
         top += 1
     seen = 1
-    if has_lag:
+    if has_tau:
         seen = top
-        b = math.exp(-1.0 / lag)
+        b = math.exp(-1.0 / tau)
         F[top, top], F[top, 1] = b, 1.0 - b
         P[top, top] = spread * spread
         top += 1
@@ -221,7 +221,7 @@ def whiten(channels, T, lag, load_time, load_lag, load, load_walk, walk, noise, 
 
 
 @njit(cache=True)
-def scan(u, kind, points, T, Td, lag, load_time, load_lag, load, noise, colour, spread, rest, basis, low, high):
+def scan(u, kind, points, T, Td, tau, load_time, load_lag, load, noise, colour, spread, rest, basis, low, high):
     """Return the log-likelihood (up to a constant) of many valve maps (points, 3) at one noise model.
 
     `basis` (m, n) holds the whitened other channels, orthonormal, and `rest` the whitened PV less its part along them, both 0
@@ -234,7 +234,7 @@ def scan(u, kind, points, T, Td, lag, load_time, load_lag, load, noise, colour, 
         many = min(BATCH, total - first)
         for i in range(many):
             p = points[first + i]
-            batch[i] = plant(valve(u, kind, p[0], p[1], p[2]), T, Td, lag)
+            batch[i] = plant(valve(u, kind, p[0], p[1], p[2]), T, Td, tau)
         white = whiten(batch[:many], T, 0.0, load_time, load_lag, load, 0.0, 0.0, noise, colour, spread)[0]
         white[:, :SKIP] = 0.0
         along, gy = np.dot(white, basis.T), np.dot(white, rest)

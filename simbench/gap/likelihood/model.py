@@ -87,7 +87,7 @@ class Spec:
         own = {kernels.PLAY: ("S",), kernels.ZONE: ("D", "c"), kernels.CURVE: ("R",)}.get(self.valve, ())
         if self.valve in (kernels.STICK, kernels.CREEP):
             own = ("S", "J")
-        more = (("lag", self.pole), ("walk", self.walk), ("load_walk", self.load_walk))
+        more = (("tau", self.pole), ("walk", self.walk), ("load_walk", self.load_walk))
         load = tuple(m for m in NUISANCES if m != "load_lag" or not self.pink)
         return (*load, *own, *(name for name, on in more if on))
 

@@ -12,7 +12,7 @@ from simbench.gap.likelihood.valve_map import lagged
 WINDOWS = (10.0, 50.0)  # samples over which a spell of loud innovations is felt
 
 
-def unexplained(engine: Engine, fit: Fit) -> dict[str, float]:
+def generic_directions(engine: Engine, fit: Fit) -> dict[str, float]:
     """Return nats that generic directions, which no effect of the vocabulary owns, would still bring to a fit.
 
     `dynamics`: other time scales between MV and PV; `shape`: a bent static curve; `aging`: a gain that changes along the

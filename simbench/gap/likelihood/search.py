@@ -19,7 +19,7 @@ ROUGH = ("S", "J", "D", "c")  # in which the likelihood has corners
 HOPELESS = 4.0  # nats below the base from which a grid's best point is not worth refining
 
 
-def hunt(engine: Engine, base: Fit, kind: int, coarse: np.ndarray, few: bool = False) -> Fit:
+def search_map(engine: Engine, base: Fit, kind: int, coarse: np.ndarray, few: bool = False) -> Fit:
     """Find a valve map's numbers, in which the likelihood is rough: scan, let the nuisances settle, scan again, narrow down.
 
     Parameters

@@ -11,7 +11,7 @@ from matplotlib.patches import Circle, FancyBboxPatch
 from scipy.signal import welch
 
 from simbench.figures._style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, label, panels, styled
-from simbench.gap.report.traces import BASELINE, FIXED, NEAREST, TUNED, Trace
+from simbench.gap.report.traces import BASELINE, FIXED, NEAREST, TUNED, Traces
 
 WIDTH = 4.6  # inches; no wider, or the letters are too small on a phone
 RECORD = "record"
@@ -77,16 +77,16 @@ def draw_blocks(shares: Mapping[str, float], intervals: Mapping[str, tuple[float
 
 
 @styled
-def draw_traces(signal: str, record: Trace, runs: Mapping[str, Trace], start: int, stop: int) -> Figure:
+def draw_traces(signal: str, record: Traces, runs: Mapping[str, Traces], start: int, stop: int) -> Figure:
     """Draw one signal over time: the record on top, a panel per simulation below, all on the same axes.
 
     Parameters
     ----------
     signal : {"PV", "OP"}
         Which.
-    record : Trace
+    record : Traces
         The plant's.
-    runs : mapping of name to Trace
+    runs : mapping of name to Traces
         Simulations.
     start, stop : int
         Samples drawn.
@@ -113,7 +113,7 @@ def draw_traces(signal: str, record: Trace, runs: Mapping[str, Trace], start: in
 
 
 @styled
-def draw_loops(across: str, record: Trace, runs: Mapping[str, Trace], start: int, stop: int) -> Figure:
+def draw_loops(across: str, record: Traces, runs: Mapping[str, Traces], start: int, stop: int) -> Figure:
     """Draw PV (or MV) over OP, a panel each for the record and every simulation, all on the same axes.
 
     Parameters
@@ -150,14 +150,14 @@ def draw_loops(across: str, record: Trace, runs: Mapping[str, Trace], start: int
 
 
 @styled
-def draw_spectra(record: Trace, runs: Mapping[str, Trace]) -> Figure:
+def draw_spectra(record: Traces, runs: Mapping[str, Traces]) -> Figure:
     """Draw the power spectra of PV and OP over the whole length, record and simulations in one panel each.
 
     Parameters
     ----------
-    record : Trace
+    record : Traces
         The plant's.
-    runs : mapping of name to Trace
+    runs : mapping of name to Traces
         Simulations.
 
     Returns
@@ -256,7 +256,7 @@ def _bars(axes: Axes, names: Sequence[str], values: Sequence[float], colours: Se
         axes.annotate(how.format(value), (value, y), (4, 0), textcoords="offset points", va="center", fontsize=8)
 
 
-def _signal(trace: Trace, name: str) -> np.ndarray:
+def _signal(trace: Traces, name: str) -> np.ndarray:
     x = {"OP": trace.op, "PV": trace.pv, "MV": trace.mv}[name]
     assert x is not None
     return x

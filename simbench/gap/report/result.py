@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from scenarios.spec import Loop
-from simbench.gap.decide.where import Share
+from simbench.gap.decide.where import BlockShare
 from simbench.loop.effects import BLOCKS, NONE, UNKNOWN
 
 
@@ -105,7 +105,7 @@ class GapReport:
         }
 
     @property
-    def where(self) -> dict[str, Share]:
+    def where(self) -> dict[str, BlockShare]:
         """Share of every block with its interval and what was found there; empty where nothing has been placed."""
         placed = self.details.get("where")
         return placed.blocks if placed is not None else {}
@@ -117,7 +117,7 @@ class GapReport:
 
     def fixed_loop(self) -> Loop:
         """Return the loop file with the named effects in it; simulated, it looks like the record."""
-        return self.details["arms"].loop(self.details["named"])
+        return self.details["runs"].loop(self.details["named"])
 
     def sentence(self) -> str:
         """Return the answer in one sentence."""

@@ -18,7 +18,7 @@ BASELINE, TUNED, FIXED, NEAREST = "baseline", "recalibrated", "with the effect",
 
 
 @dataclass(frozen=True, eq=False)
-class Trace:
+class Traces:
     """Signals to draw: OP in %, PV and SP in PV units, MV in % or None, each of shape (n,), every `Ts` s."""
 
     op: np.ndarray
@@ -27,10 +27,10 @@ class Trace:
     mv: np.ndarray | None
     Ts: float
 
-    def part(self, start: int, stop: int) -> Trace:
+    def part(self, start: int, stop: int) -> Traces:
         """Return samples start to stop."""
         mv = None if self.mv is None else self.mv[start:stop]
-        return Trace(self.op[start:stop], self.pv[start:stop], self.sp[start:stop], mv, self.Ts)
+        return Traces(self.op[start:stop], self.pv[start:stop], self.sp[start:stop], mv, self.Ts)
 
 
 def named(report: GapReport) -> list[str]:
@@ -56,7 +56,7 @@ def fixed_loop_of(report: GapReport) -> Loop:
     -------
     Loop
     """
-    return report.details["arms"].loop(named(report))
+    return report.details["runs"].loop(named(report))
 
 
 def kick_of(report: GapReport, effects: list[str]) -> float:
@@ -65,14 +65,14 @@ def kick_of(report: GapReport, effects: list[str]) -> float:
     return float(sticky[0].get("S", 0.0)) if sticky else 0.0
 
 
-def recorded(report: GapReport) -> Trace:
+def recorded(report: GapReport) -> Traces:
     """Return the record as the diagnosis saw it."""
     s = report.details["found"].situation
     mv = None if s.record.mv is None else np.asarray(s.record.mv)
-    return Trace(np.asarray(s.op), np.asarray(s.record.pv), np.asarray(s.sp), mv, s.record.Ts)
+    return Traces(np.asarray(s.op), np.asarray(s.record.pv), np.asarray(s.sp), mv, s.record.Ts)
 
 
-def simulated(report: GapReport, seed: int = 0) -> dict[str, Trace]:
+def simulated(report: GapReport, seed: int = 0) -> dict[str, Traces]:
     """Simulate the record's length with the baseline, the recalibrated loop and the loop with the named (or nearest) effect.
 
     Parameters
@@ -84,17 +84,17 @@ def simulated(report: GapReport, seed: int = 0) -> dict[str, Trace]:
 
     Returns
     -------
-    dict of str to Trace
+    dict of str to Traces
         By name; a loop that cannot be simulated or runs away is left out.
     """
-    arms, effects, close = report.details["arms"], named(report), nearest(report)
-    arms.shrink(effects)
-    before, tuned, _ = arms.kept[tuple(effects)]
+    runs, effects, close = report.details["runs"], named(report), nearest(report)
+    runs.shrink(effects)
+    before, tuned, _ = runs.kept[tuple(effects)]
     loops = {BASELINE: (before.loop, 0.0), TUNED: (tuned.loop, 0.0)}
     if effects:
         loops[FIXED] = (fixed_loop_of(report), kick_of(report, effects))
     elif close:
-        loops[NEAREST] = (arms.loop(close), kick_of(report, close))
+        loops[NEAREST] = (runs.loop(close), kick_of(report, close))
     found = {}
     for name, (loop, kick) in loops.items():
         try:
@@ -113,7 +113,7 @@ def window(report: GapReport, most: int = 1200) -> tuple[int, int]:
     return max(held_out(situation), n - most), n
 
 
-def _trace(record: LoopRecord) -> Trace:
+def _trace(record: LoopRecord) -> Traces:
     assert record.sp is not None
     mv = None if record.mv is None else np.asarray(record.mv)
-    return Trace(np.asarray(record.op), np.asarray(record.pv), np.asarray(record.sp), mv, record.Ts)
+    return Traces(np.asarray(record.op), np.asarray(record.pv), np.asarray(record.sp), mv, record.Ts)

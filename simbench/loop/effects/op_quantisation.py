@@ -17,4 +17,4 @@ ACTS = "loop"
 def apply(setup, p, rng):
     """Set the lattice of the output."""
     if p.step > 0.0:
-        setup.op_quantum = p.step
+        setup.op_step = p.step

@@ -25,6 +25,6 @@ def apply(setup, p, rng):
     if p.step == 0.0:
         return
     if PARAMETERS["at"].names[int(p.at)] == "loop":
-        setup.pv_quantum = p.step
+        setup.pv_step = p.step
     else:
         setup.recorders.append(lambda pv: p.step * np.round(pv / p.step))

@@ -16,4 +16,4 @@ ACTS = "loop"
 
 def apply(setup, p, rng):
     """Set the sensor's filter; on a filter that is there already, the time constants add."""
-    setup.sensor_lag += p.tau
+    setup.sensor_tau += p.tau

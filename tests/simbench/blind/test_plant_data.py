@@ -77,14 +77,14 @@ def test_a_valve_lag_that_mv_shows_is_named_without_a_baseline():
 def test_nothing_is_said_of_a_valve_that_mv_shows_healthy():
     found = without_baseline(record_of(SHORT, "self-regulating", mv=True))
     assert not {"stiction", "deadband", "deadzone", "valve_lag", "valve_characteristic"} & set(found.chosen)
-    assert not found.strange
+    assert not found.unexplained
 
 
 def test_a_valve_no_map_explains_is_strange_without_a_baseline_too():
     record = record_of(SHORT, "self-regulating", mv=True)
     assert record.mv is not None
     wandering = record.mv + 3.0 * np.sin(np.arange(record.n) / 7.0)
-    assert list(without_baseline(replace(record, mv=wandering)).strange) == ["valve"]
+    assert list(without_baseline(replace(record, mv=wandering)).unexplained) == ["valve"]
 
 
 @pytest.mark.parametrize("table", [FLOW | STICKY, LEVEL])

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from simbench.blind import shrinkage_check
-from simbench.blind.shrinkage_check import WAYS, Study, main, on_the_way, study, summary
+from simbench.blind.shrinkage_check import WAYS, ShrinkageStudy, main, on_the_way, study, summary
 from simbench.loop.effects import EFFECTS
 
 SEED, RECORDS = 101, 3
@@ -61,7 +61,7 @@ def pairs(claimed, true):
         for r in (0, 1)
         for i in range(n)
     ]
-    return Study(pd.DataFrame(rows, columns=shrinkage_check.COLUMNS), {})
+    return ShrinkageStudy(pd.DataFrame(rows, columns=shrinkage_check.COLUMNS), {})
 
 
 def test_rank_correlation_of_a_monotone_claim_is_one_and_of_a_reversed_one_minus_one():

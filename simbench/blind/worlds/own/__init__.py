@@ -13,7 +13,7 @@ from simbench.blind.worlds.own import loops
 from simbench.blind.worlds.own.drawing import baseline_table
 from simbench.blind.worlds.own.faults import FOREIGN, NEEDS_PLANT, fault
 from simbench.blind.worlds.own.items import draw_item
-from simbench.blind.worlds.own.loops import Case
+from simbench.blind.worlds.own.loops import TrueLoop
 
 __all__ = ["FOREIGN", "TITLE", "Item", "draw", "simulate"]
 
@@ -78,7 +78,7 @@ def simulate(
     ParameterError
         When an effect cannot act in this loop.
     """
-    case = Case.from_dict(dict(answer["case"]))
+    case = TrueLoop.from_dict(dict(answer["case"]))
     case = case.as_nominal() if nominal else case
     for each in effects:
         plant = NEEDS_PLANT.get(each["effect"], case.plant)
@@ -89,12 +89,12 @@ def simulate(
     return _columns(case, loops.simulate(case, seed, acts))
 
 
-def _columns(case: Case, s: loops.Signals) -> dict[str, np.ndarray]:
+def _columns(case: TrueLoop, s: loops.Signals) -> dict[str, np.ndarray]:
     columns = {"t": np.arange(case.n) * case.Ts, "sp": s.sp, "op": s.op, "pv": s.pv}
     return columns | ({"mv": s.mv} if case.mv else {})
 
 
-def _from_baseline(case: Case, effect: str) -> Case:
+def _from_baseline(case: TrueLoop, effect: str) -> TrueLoop:
     K, T, Td = case.nominal
     if effect == "gain_mismatch":
         return replace(case, K=K)

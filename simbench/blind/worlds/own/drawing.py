@@ -9,10 +9,12 @@ from dataclasses import replace
 import numpy as np
 
 from simbench.blind.worlds.own import simulator as sim
-from simbench.blind.worlds.own.loops import Case
+from simbench.blind.worlds.own.loops import TrueLoop
 
 
-def draw(rng: np.random.Generator, *, plant: str | None = None, sp_moves: bool | None = None, mv: bool | None = None) -> Case:
+def draw(
+    rng: np.random.Generator, *, plant: str | None = None, sp_moves: bool | None = None, mv: bool | None = None
+) -> TrueLoop:
     """Draw a loop a plant could have.
 
     Parameters
@@ -24,7 +26,7 @@ def draw(rng: np.random.Generator, *, plant: str | None = None, sp_moves: bool |
 
     Returns
     -------
-    Case
+    TrueLoop
     """
     plant = plant or ("foptd" if rng.random() < 0.65 else "integrating")
     moves = bool(rng.random() < 0.55) if sp_moves is None else sp_moves
@@ -48,7 +50,7 @@ def draw(rng: np.random.Generator, *, plant: str | None = None, sp_moves: bool |
     load_std = _log(rng, 0.3, 3.0)
     late = bool(rng.random() < 0.25 and Td >= 2 * Ts)
     K, T, Td, Kc, Ti = (_round(x) for x in (K, T, Td, Kc, Ti))
-    case = Case(
+    case = TrueLoop(
         plant=plant,
         K=K,
         T=T,
@@ -84,7 +86,7 @@ def draw(rng: np.random.Generator, *, plant: str | None = None, sp_moves: bool |
     return replace(case, steps=_steps(rng, case) if moves else ())
 
 
-def _steps(rng: np.random.Generator, case: Case) -> tuple[tuple[float, float], ...]:
+def _steps(rng: np.random.Generator, case: TrueLoop) -> tuple[tuple[float, float], ...]:
     """Set-point steps: 3 to 10 of them, at least three closed-loop time scales apart, OP kept well inside its range."""
     largest = min(10.0 * case.unit, 15.0 / case.Kc)
     count = int(min(rng.integers(3, 11), max(2, case.duration / (4 * case.speed))))
@@ -98,12 +100,12 @@ def _steps(rng: np.random.Generator, case: Case) -> tuple[tuple[float, float], .
     return tuple(steps)
 
 
-def baseline_table(case: Case, noise_std: float | None = None) -> dict:
+def baseline_table(case: TrueLoop, noise_std: float | None = None) -> dict:
     """Return the loop file handed out with the record: the nominal plant, and no word about faults, loads or log.
 
     Parameters
     ----------
-    case : Case
+    case : TrueLoop
     noise_std : float, optional
         Noise the author believes in (PV units); the case's own when absent.
 

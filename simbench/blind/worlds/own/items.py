@@ -12,7 +12,7 @@ from detectors.errors import ParameterError
 from simbench.blind.alike import LAGS, SLOW
 from simbench.blind.distance import RESOLVABLE, cloud
 from simbench.blind.worlds.own import drawing, faults, loops, oracle, sizes
-from simbench.blind.worlds.own.loops import Case, Fault, Signals
+from simbench.blind.worlds.own.loops import Fault, Signals, TrueLoop
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
 
 LOOPS_TO_TRY = 200
@@ -20,15 +20,15 @@ TWO_BAND = (2.2, 6.0)  # ratio of each of two effects alone
 
 
 @dataclass(frozen=True)
-class Drawn:
+class DrawnRecord:
     """One finished record with its answer."""
 
-    case: Case
+    case: TrueLoop
     signals: Signals
     answer: dict[str, Any]
 
 
-def draw_item(seed: int, index: int, entry: dict[str, Any]) -> Drawn:
+def draw_item(seed: int, index: int, entry: dict[str, Any]) -> DrawnRecord:
     """Draw loops until one can hold what the entry asks for.
 
     Parameters
@@ -42,7 +42,7 @@ def draw_item(seed: int, index: int, entry: dict[str, Any]) -> Drawn:
 
     Returns
     -------
-    Drawn
+    DrawnRecord
 
     Raises
     ------
@@ -50,7 +50,7 @@ def draw_item(seed: int, index: int, entry: dict[str, Any]) -> Drawn:
         When no loop out of `LOOPS_TO_TRY` can.
     """
     rng = np.random.default_rng([seed, index])
-    build: Callable[..., Drawn | None] = {"none": _none, "two": _two}.get(entry["kind"], _one)
+    build: Callable[..., DrawnRecord | None] = {"none": _none, "two": _two}.get(entry["kind"], _one)
     effect = entry.get("effect", "")
     moves = True if effect in faults.NEEDS_SP_STEPS else None
     for i in range(LOOPS_TO_TRY):
@@ -62,12 +62,12 @@ def draw_item(seed: int, index: int, entry: dict[str, Any]) -> Drawn:
     raise ParameterError(f"withheld: no loop found that holds {entry} within {LOOPS_TO_TRY} tries")
 
 
-def _answer(case: Case, seed: int, **more: Any) -> dict[str, Any]:
+def _answer(case: TrueLoop, seed: int, **more: Any) -> dict[str, Any]:
     about = {key: getattr(case, key) for key in ("mv", "plant", "controller", "sp_moves")}
     return dict.fromkeys(("effect2", "block2", "foreign"), "") | about | {"case": case.to_dict(), "seed": seed} | more
 
 
-def _named(case: Case, names: tuple[str, ...]) -> Case:
+def _named(case: TrueLoop, names: tuple[str, ...]) -> TrueLoop:
     """Return the case as the named faults need it: no known dead-band beside another valve fault, mismatches exact."""
     blocks = {faults.FOREIGN[name] if name in faults.FOREIGN else EFFECTS[name].block for name in names}
     if "valve" in blocks:
@@ -78,15 +78,15 @@ def _named(case: Case, names: tuple[str, ...]) -> Case:
     return replace(case, nominal=nominal)
 
 
-def _none(case: Case, seed: int, entry: dict[str, Any], rng: np.random.Generator) -> Drawn | None:
+def _none(case: TrueLoop, seed: int, entry: dict[str, Any], rng: np.random.Generator) -> DrawnRecord | None:
     found = oracle.ratio(case, seed, (), oracle.reference(case, seed).cloud)
     if found is None:
         return None
     answer = _answer(case, seed, kind="none", block=NONE, effect=NONE, strength="none", ratio=round(found.expected, 3))
-    return Drawn(case, loops.simulate(case, seed), answer)
+    return DrawnRecord(case, loops.simulate(case, seed), answer)
 
 
-def _one(case: Case, seed: int, entry: dict[str, Any], rng: np.random.Generator) -> Drawn | None:
+def _one(case: TrueLoop, seed: int, entry: dict[str, Any], rng: np.random.Generator) -> DrawnRecord | None:
     name, foreign = entry["effect"], entry["kind"] == "foreign"
     case = _named(case, (name,))
     found = _sized(case, seed, name, oracle.STRENGTHS[entry["strength"]], oracle.reference(case, seed), rng)
@@ -100,10 +100,10 @@ def _one(case: Case, seed: int, entry: dict[str, Any], rng: np.random.Generator)
     else:
         known = {"block": EFFECTS[name].block, "effect": name, **_shrinkage(case, seed, signals, acts)}
     about = {"kind": entry["kind"], "strength": entry["strength"], "ratio": round(ratio.expected, 3), "parameters": parameters}
-    return Drawn(case, signals, _answer(case, seed, **about, **known))
+    return DrawnRecord(case, signals, _answer(case, seed, **about, **known))
 
 
-def _two(case: Case, seed: int, entry: dict[str, Any], rng: np.random.Generator) -> Drawn | None:
+def _two(case: TrueLoop, seed: int, entry: dict[str, Any], rng: np.random.Generator) -> DrawnRecord | None:
     names = tuple(str(x) for x in rng.choice([e for e in faults.KNOWN if _possible(e, case)], 2, replace=False))
     if EFFECTS[names[0]].block == EFFECTS[names[1]].block or any(set(names) <= group for group in (LAGS, SLOW)):
         return None
@@ -118,7 +118,7 @@ def _two(case: Case, seed: int, entry: dict[str, Any], rng: np.random.Generator)
     if both is None or not all(_adds(case, seed, acts, left_out) for left_out in range(2)):
         return None
     signals = loops.simulate(case, seed, acts)
-    return Drawn(
+    return DrawnRecord(
         case,
         signals,
         _answer(
@@ -138,19 +138,19 @@ def _two(case: Case, seed: int, entry: dict[str, Any], rng: np.random.Generator)
     )
 
 
-def _possible(effect: str, case: Case) -> bool:
+def _possible(effect: str, case: TrueLoop) -> bool:
     return effect != "time_constant_mismatch" or case.plant == "foptd"
 
 
 def _sized(
-    case: Case, seed: int, name: str, band: tuple[float, float], true: oracle.Reference, rng: np.random.Generator
+    case: TrueLoop, seed: int, name: str, band: tuple[float, float], true: oracle.Reference, rng: np.random.Generator
 ) -> tuple[faults.Parameters, oracle.Ratio] | None:
     size = sizes.scale(name, case, true.habit, rng)
     found = oracle.find_strength(lambda x: oracle.ratio(case, seed, (faults.fault(name, size(x)),), true.cloud), band, rng)
     return None if found is None else (size(found[0]), found[1])
 
 
-def _adds(case: Case, seed: int, acts: tuple[Fault, ...], left_out: int) -> bool:
+def _adds(case: TrueLoop, seed: int, acts: tuple[Fault, ...], left_out: int) -> bool:
     """Whether a fault is still visible beside the other: one that the other drowns is no second effect."""
     kept = (acts[1 - left_out],)
     alone = cloud([loops.simulate(case, seed + 500 + i, kept) for i in range(oracle.CLOUD)], case.scale)
@@ -158,7 +158,7 @@ def _adds(case: Case, seed: int, acts: tuple[Fault, ...], left_out: int) -> bool
     return found is not None and found.expected >= RESOLVABLE
 
 
-def _shrinkage(case: Case, seed: int, signals: Signals, acts: tuple[Fault, ...]) -> dict[str, Any]:
+def _shrinkage(case: TrueLoop, seed: int, signals: Signals, acts: tuple[Fault, ...]) -> dict[str, Any]:
     s = oracle.shrinkage(case, seed, signals, acts)
     about = {"gap_before": round(s.before, 4), "gap_after": round(s.after, 4), "floor": round(s.floor, 4)}
     return about | {"shrinkage": "" if s.value is None else round(s.value, 4)}

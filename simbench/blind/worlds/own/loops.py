@@ -14,7 +14,7 @@ from simbench.blind.worlds.own import simulator as sim
 
 
 @dataclass(frozen=True)
-class Case:
+class TrueLoop:
     """One loop as it really is; plain numbers, so that it can be sealed as JSON and simulated again.
 
     Times in s, OP and load in %, PV in `unit` PV units per %.
@@ -76,24 +76,24 @@ class Case:
         return asdict(self)
 
     @classmethod
-    def from_dict(cls, table: dict) -> Case:
+    def from_dict(cls, table: dict) -> TrueLoop:
         """Build the case from what `to_dict` wrote."""
         table = dict(table)
         table["steps"] = tuple(tuple(s) for s in table["steps"])
         table["nominal"] = tuple(table["nominal"])
         return cls(**table)
 
-    def as_nominal(self) -> Case:
+    def as_nominal(self) -> TrueLoop:
         """Return the loop with the baseline's plant in place of the true one."""
         K, T, Td = self.nominal
         return replace(self, K=K, T=T, Td=Td + self.Ts * self.log_is_late)
 
 
 @dataclass
-class Setup:
+class Prepared:
     """One run before it starts: numbers of the physics and arrays over warm-up and record, which faults may change."""
 
-    case: Case
+    case: TrueLoop
     physics: dict[str, float]
     sp: np.ndarray
     noise: np.ndarray
@@ -118,7 +118,7 @@ class Setup:
         return self.sp.size
 
 
-Fault = Callable[[Setup, np.random.Generator], None]
+Fault = Callable[[Prepared, np.random.Generator], None]
 NOISE, LOAD, FAULT, LOG = range(4)
 
 
@@ -127,18 +127,18 @@ def stream(seed: int, purpose: int) -> np.random.Generator:
     return np.random.default_rng([seed, purpose])
 
 
-def prepare(case: Case, seed: int) -> Setup:
+def prepare(case: TrueLoop, seed: int) -> Prepared:
     """Return the run of `case` without any fault.
 
     Parameters
     ----------
-    case : Case
+    case : TrueLoop
     seed : int
         Of load and noise.
 
     Returns
     -------
-    Setup
+    Prepared
     """
     n = case.warm_up + case.n
     sp = np.full(n, case.pv0)
@@ -151,7 +151,7 @@ def prepare(case: Case, seed: int) -> Setup:
     }
     physics = same | {"integrating": float(case.plant == "integrating"), "bias": case.op0}
     zeros = np.zeros(n)
-    return Setup(
+    return Prepared(
         case=case,
         physics=physics,
         sp=sp,
@@ -167,12 +167,12 @@ def prepare(case: Case, seed: int) -> Setup:
     )
 
 
-def simulate(case: Case, seed: int, faults: tuple[Fault, ...] = ()) -> Signals:
+def simulate(case: TrueLoop, seed: int, faults: tuple[Fault, ...] = ()) -> Signals:
     """Run one loop and return what its historian would show.
 
     Parameters
     ----------
-    case : Case
+    case : TrueLoop
     seed : int
     faults : tuple of functions (setup, rng) -> None
         Applied in order; each gets a random stream of its own.

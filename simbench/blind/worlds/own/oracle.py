@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from simbench.blind.distance import RESOLVABLE, Cloud, cloud, features
-from simbench.blind.worlds.own.loops import Case, Fault, Signals, simulate
+from simbench.blind.worlds.own.loops import Fault, Signals, TrueLoop, simulate
 from simbench.blind.worlds.own.sizes import Habit
 
 STRENGTHS: dict[str, tuple[float, float]] = {"weak": (1.3, 2.0), "medium": (2.0, 4.0), "strong": (4.0, 12.0)}
@@ -31,7 +31,7 @@ class Ratio(NamedTuple):
     own: float
 
 
-class Shrinkage(NamedTuple):
+class TrueShrinkage(NamedTuple):
     """Gap of a record to the baseline without and with the fault, and the floor, all in seed spreads."""
 
     before: float
@@ -65,12 +65,12 @@ def strength_of(ratio: float) -> str:
     return next((name for name in ("strong", "medium", "weak") if ratio >= STRENGTHS[name][0]), "none")
 
 
-def reference(case: Case, seed: int) -> Reference:
+def reference(case: TrueLoop, seed: int) -> Reference:
     """Simulate the loop without any fault.
 
     Parameters
     ----------
-    case : Case
+    case : TrueLoop
     seed : int
         The record's own; the cloud uses others.
 
@@ -95,12 +95,12 @@ def sane(record: Signals) -> bool:
     return bool(np.mean((record.op < 1.0) | (record.op > 99.0)) < 0.01)
 
 
-def ratio(case: Case, seed: int, faults: tuple[Fault, ...], true: Cloud) -> Ratio | None:
+def ratio(case: TrueLoop, seed: int, faults: tuple[Fault, ...], true: Cloud) -> Ratio | None:
     """Return gap / floor of the faulty loop against the true loop without the fault.
 
     Parameters
     ----------
-    case : Case
+    case : TrueLoop
     seed : int
     faults : tuple of Fault
     true : Cloud
@@ -162,14 +162,14 @@ def _if_own_fits(x: float, found: Ratio, band: tuple[float, float]) -> tuple[flo
     return (x, found) if 0.85 * band[0] <= found.own < 1.15 * band[1] else None
 
 
-def shrinkage(case: Case, seed: int, record: Signals, faults: tuple[Fault, ...]) -> Shrinkage:
+def shrinkage(case: TrueLoop, seed: int, record: Signals, faults: tuple[Fault, ...]) -> TrueShrinkage:
     """Return how far the record's gap to the baseline handed out shrinks when faults are added to it.
 
-    The load's and noise's statistics are the true ones in both arms; the plant is the nominal one in both.
+    The load's and noise's statistics are the true ones in both; the plant is the nominal one in both.
 
     Parameters
     ----------
-    case : Case
+    case : TrueLoop
     seed : int
     record : Signals
     faults : tuple of Fault
@@ -183,4 +183,4 @@ def shrinkage(case: Case, seed: int, record: Signals, faults: tuple[Fault, ...])
     before = cloud([simulate(nominal, s) for s in seeds], case.scale)
     after = cloud([simulate(nominal, s, faults) for s in seeds], case.scale)
     # one yardstick for both: the spreads of the arm that holds the fault, as the floor's
-    return Shrinkage(after._replace(mean=before.mean).distance(values), after.distance(values), after.floor)
+    return TrueShrinkage(after._replace(mean=before.mean).distance(values), after.distance(values), after.floor)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from simbench.blind.worlds.own.faults import Parameters
-from simbench.blind.worlds.own.loops import Case
+from simbench.blind.worlds.own.loops import TrueLoop
 
 Scale = Callable[[float], Parameters]
 
@@ -24,14 +24,14 @@ class Habit:
     e_std: float
 
 
-def scale(name: str, case: Case, habit: Habit, rng: np.random.Generator) -> Scale:
+def scale(name: str, case: TrueLoop, habit: Habit, rng: np.random.Generator) -> Scale:
     """Return the parameters of a fault as a function of one strength in 0..1, from barely to grossly present.
 
     Parameters
     ----------
     name : str
         Effect id or foreign kind.
-    case : Case
+    case : TrueLoop
     habit : Habit
     rng : numpy.random.Generator
         Draws what strength does not decide: direction, shape, J/S, where it acts.

@@ -271,5 +271,5 @@ def _one_chain(setup: Setup) -> None:
         module = VALVES.load(name)
         chain.append(own or (module, valve_parameters(module, idle, setup.Ts)))
     setup.valves = chain
-    setup.sensor_lag = max(setup.sensor_lag, 1e-6 * setup.Ts)
+    setup.sensor_tau = max(setup.sensor_tau, 1e-6 * setup.Ts)
     setup.error_deadband = max(setup.error_deadband, 1e-300)

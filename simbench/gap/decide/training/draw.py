@@ -36,7 +36,7 @@ Measured = tuple[float, LoopRecord, dict[str, Any]]
 
 
 @dataclass(frozen=True, eq=False)
-class Case:
+class TrainingCase:
     """A record, the baseline a diagnosis is given, and the truth.
 
     `block` is that of the foreign kind ("" without); `strength` is none, weak, medium or strong, of two effects the weaker
@@ -58,7 +58,7 @@ class Case:
 
 
 @dataclass(frozen=True, eq=False)
-class Cloud:
+class Faultless:
     """What chance alone makes of a loop: features of faultless runs, their spread and their distance from each other."""
 
     features: np.ndarray
@@ -71,7 +71,9 @@ class Cloud:
         return distance(real, self.features, self.spread) / self.floor
 
 
-def draw_case(seed: int, effects: Sequence[str] = (), foreign: str = "", mv: bool | None = None, strength: str = "") -> Case:
+def draw_case(
+    seed: int, effects: Sequence[str] = (), foreign: str = "", mv: bool | None = None, strength: str = ""
+) -> TrainingCase:
     """Draw one case; the same arguments give the same bits.
 
     Parameters
@@ -89,7 +91,7 @@ def draw_case(seed: int, effects: Sequence[str] = (), foreign: str = "", mv: boo
 
     Returns
     -------
-    Case
+    TrainingCase
 
     Raises
     ------
@@ -138,7 +140,7 @@ def draw_case(seed: int, effects: Sequence[str] = (), foreign: str = "", mv: boo
         if found is None:
             continue
         grade, (ratio, record, parameters) = found
-        return Case(
+        return TrainingCase(
             record=_with_mv(record, recorded, rng),
             baseline=bench.baseline(rng),
             effects=effects,
@@ -172,7 +174,7 @@ def _check(effects: tuple[str, ...], foreign: str, strength: str) -> None:
         raise ParameterError("training: stiction and deadband together; a valve has one friction")
 
 
-def _cloud(bench: Bench, streams: tuple[int, ...]) -> Cloud | None:
+def _cloud(bench: Bench, streams: tuple[int, ...]) -> Faultless | None:
     runs = []
     for i in range(RUNS):
         seeds = (*streams, 1000 + i)
@@ -182,10 +184,10 @@ def _cloud(bench: Bench, streams: tuple[int, ...]) -> Cloud | None:
         runs.append(look(record))
     features = as_matrix(runs)
     spread = seed_spread(features)
-    return Cloud(features, spread, floor_of(features, spread))
+    return Faultless(features, spread, floor_of(features, spread))
 
 
-def _known(bench: Bench, streams: tuple, effects: tuple[str, ...], cloud: Cloud, strength: str, luck: np.random.Generator):
+def _known(bench: Bench, streams: tuple, effects: tuple[str, ...], cloud: Faultless, strength: str, luck: np.random.Generator):
     scales = Scales(bench, bench.run(bench.finish(bench.setup(streams), streams)))
     grades = [strength or _grade(luck, at_least_medium=len(effects) > 1) for _ in effects]
     sizes, x = [size_of(e, scales, luck) for e in effects], []
@@ -201,7 +203,7 @@ def _known(bench: Bench, streams: tuple, effects: tuple[str, ...], cloud: Cloud,
     return None if last is None else (min(grades, key=list(STRENGTHS).index), last)
 
 
-def _foreign(bench: Bench, streams: tuple, kind: str, cloud: Cloud, strength: str, luck: np.random.Generator):
+def _foreign(bench: Bench, streams: tuple, kind: str, cloud: Faultless, strength: str, luck: np.random.Generator):
     scales = Scales(bench, bench.run(bench.finish(bench.setup(streams), streams)))
 
     def measure(x: float) -> Measured | None:
@@ -215,7 +217,7 @@ def _foreign(bench: Bench, streams: tuple, kind: str, cloud: Cloud, strength: st
 
 
 def _search(
-    measure: Callable[[float], Measured | None], scales: Scales, grade: str, cloud: Cloud, rng: np.random.Generator
+    measure: Callable[[float], Measured | None], scales: Scales, grade: str, cloud: Faultless, rng: np.random.Generator
 ) -> tuple[float, Measured] | None:
     low, high = STRENGTHS[grade]
     if cloud.ratio(scales.record) >= 0.92 * low:
@@ -237,7 +239,7 @@ def _search(
 
 
 def _measure(
-    bench: Bench, streams: tuple, effects: Sequence[str], sizes: Sequence[Size], x: Sequence[float], cloud: Cloud
+    bench: Bench, streams: tuple, effects: Sequence[str], sizes: Sequence[Size], x: Sequence[float], cloud: Faultless
 ) -> Measured | None:
     setup = bench.setup(streams)
     tables = {effect: size(at) for effect, size, at in zip(effects, sizes, x)}
@@ -255,7 +257,7 @@ def _apply(setup: Setup, effect: str, table: dict[str, Any], rng: np.random.Gene
     plugin.apply(setup, resolve(plugin.PARAMETERS, table, f"effect {effect!r}"), rng)
 
 
-def _judged(record: LoopRecord, cloud: Cloud, parameters: dict[str, dict[str, Any]]) -> Measured | None:
+def _judged(record: LoopRecord, cloud: Faultless, parameters: dict[str, dict[str, Any]]) -> Measured | None:
     # None: the loop has tripped or stands still, which is too much of the effect
     return (cloud.ratio(record), record, parameters) if _stopped(record) <= RUNAWAY and _alive(record) else None
 

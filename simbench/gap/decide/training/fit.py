@@ -1,8 +1,8 @@
 """Grow the trees that weigh evidence: `python -m simbench.gap.decide.training.fit DIR`, DIR from `make`.
 
 Two models: one ranks the 22 effects and none against each other, one says whether something unknown is there. Their scores
-become probabilities by a temperature, a slope and an offset fitted on cases that the trees did not see, and by the caution
-that keeps false alarms rare on them.
+become probabilities by a temperature, a slope and an offset fitted on cases that the trees did not see, and by the bias
+towards none that keeps false alarms rare on them.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ COMMON = {
     "num_threads": 1, "deterministic": True, "force_row_wise": True, "seed": 0, "verbose": -1,
 }  # fmt: skip
 RANKING = {**COMMON, "num_leaves": 12, "min_data_in_leaf": 30, "max_cat_to_onehot": 30}
-STRANGER = {**COMMON, "num_leaves": 8, "min_data_in_leaf": 12, "objective": "binary"}
+OUTSIDE = {**COMMON, "num_leaves": 8, "min_data_in_leaf": 12, "objective": "binary"}
 ROUNDS = {"known": 300, "unknown": 150}
 
 
@@ -61,7 +61,7 @@ def fit(examples: Sequence[Mapping[str, Any]]) -> tuple[Any, Any, dict[str, Any]
     -------
     known, unknown : lightgbm.Booster
     calibration : dict
-        Names of the columns, the four numbers of `weigh.combined`, and what cross-validation found.
+        Names of the columns, the four numbers of `classify.combined`, and what cross-validation found.
 
     Notes
     -----
@@ -88,13 +88,13 @@ def fit(examples: Sequence[Mapping[str, Any]]) -> tuple[Any, Any, dict[str, Any]
     best = minimize(surprise, [0.0, 1.0, 0.0], method="Nelder-Mead")
     numbers = {"temperature": float(np.exp(best.x[0])), "slope": float(best.x[1]), "offset": float(best.x[2])}
     none = np.array([t == (NONE,) for t in right])
-    numbers["caution"] = caution(combined(z, u, **numbers)[none]) if none.any() else 0.0
+    numbers["none_bias"] = none_bias(combined(z, u, **numbers)[none]) if none.any() else 0.0
     p = combined(z, u, **numbers)
     known, unknown = _grow(X, R, Y)
     return known, unknown, {**numbers, "record": record, "effect": effect, "found": _found(examples, right, p)}
 
 
-def caution(p: np.ndarray) -> float:
+def none_bias(p: np.ndarray) -> float:
     """Return the logit by which none must be favoured for an effect to be named on so few records without one.
 
     Parameters
@@ -121,7 +121,7 @@ def _grow(X: np.ndarray, R: np.ndarray, Y: np.ndarray) -> tuple[Any, Any]:
     lines = lightgbm.Dataset(X.reshape(-1, X.shape[2]), label=Y.ravel(), categorical_feature=[0, 1])
     known = lightgbm.train({**RANKING, "objective": listwise(Y)}, lines, num_boost_round=ROUNDS["known"])
     strange = lightgbm.Dataset(R, label=alien.astype(float), categorical_feature=[0])
-    return known, lightgbm.train(STRANGER, strange, num_boost_round=ROUNDS["unknown"])
+    return known, lightgbm.train(OUTSIDE, strange, num_boost_round=ROUNDS["unknown"])
 
 
 def listwise(Y: np.ndarray) -> Callable:

@@ -187,7 +187,7 @@ def test_the_drawn_record_lies_in_its_band_and_the_oracle_can_be_asked_again(eff
     item = items.draw_item(3, 0, {"kind": "single", "effect": effect, "strength": strength, "mv": True})
     lo, hi = oracle.STRENGTHS[strength]
     assert lo <= item.answer["ratio"] <= hi
-    case, seed = loops.Case.from_dict(item.answer["case"]), item.answer["seed"]
+    case, seed = loops.TrueLoop.from_dict(item.answer["case"]), item.answer["seed"]
     acts = (faults.fault(effect, item.answer["parameters"]),)
     again = oracle.ratio(case, seed, acts, oracle.reference(case, seed).cloud)
     assert again.expected == pytest.approx(item.answer["ratio"], abs=1e-3)

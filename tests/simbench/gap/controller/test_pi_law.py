@@ -55,20 +55,20 @@ def test_a_late_archive_is_no_new_tuning():
     r = record()
     found = examine_law(r.op[1:], r.pv[:-1], r.sp[:-1], r.Ts, 0.6, 18.0)
     early = examine_law(r.op[:-1], r.pv[1:], r.sp[1:], r.Ts, 0.6, 18.0)
-    assert {found.lag, early.lag} <= {0, 1}
+    assert {found.late, early.late} <= {0, 1}
     assert early.known is False or not early.found
     late = examine_law(np.append(r.op[0], r.op[:-1]), r.pv, r.sp, r.Ts, 0.6, 18.0)
     assert late.known
-    assert late.lag == 1
+    assert late.late == 1
     assert not late.found
 
 
 def test_the_pv_behind_a_compressed_archive_is_recovered():
     raw, archived = record(), record(("compression", {"band": 0.3}))
-    seen = law(archived).seen
-    assert seen is not None
+    recovered_pv = law(archived).recovered_pv
+    assert recovered_pv is not None
     inner = slice(100, None)
-    assert np.abs(seen - raw.pv)[inner].max() < 0.05 * np.abs(archived.pv - raw.pv)[inner].max()
+    assert np.abs(recovered_pv - raw.pv)[inner].max() < 0.05 * np.abs(archived.pv - raw.pv)[inner].max()
 
 
 def test_a_controller_with_derivative_action_is_foreign():
@@ -169,8 +169,8 @@ def test_tuning_is_read_through_a_poor_archive(archive, tuning):
     effects = [("detuning", tuning)] if tuning else []
     clean = record(*effects)
     found = law(record(*effects, archive))
-    assert found.seen is not None
-    assert np.abs(found.seen - clean.pv)[100:].max() < 0.1 * archive[1].get("band", 0.5)
+    assert found.recovered_pv is not None
+    assert np.abs(found.recovered_pv - clean.pv)[100:].max() < 0.1 * archive[1].get("band", 0.5)
     if tuning:
         assert found.found["detuning"]["Kc_factor"] == pytest.approx(0.5, rel=0.03)
         assert found.found["detuning"]["Ti_factor"] == pytest.approx(1.8, rel=0.03)
@@ -209,9 +209,9 @@ def test_a_dozen_kept_samples_are_enough_to_believe_op():
     r = record()
     kept = np.append(np.arange(0, r.n - 1, 125), r.n - 1)
     archived = np.interp(np.arange(r.n), kept, r.pv[kept])
-    seen = law(replace(r, pv=archived)).seen
-    assert seen is not None
-    assert np.abs(seen - r.pv).max() < 1e-6
+    recovered_pv = law(replace(r, pv=archived)).recovered_pv
+    assert recovered_pv is not None
+    assert np.abs(recovered_pv - r.pv).max() < 1e-6
 
 
 @pytest.mark.parametrize("weight", [0.0, 0.6])

@@ -9,7 +9,7 @@ import pytest
 from scenarios.spec import Loop
 from simbench.gap.decide import classify as module
 from simbench.gap.decide.assess import Assessment, assess
-from simbench.gap.decide.classify import KNOWN, Shift, by_gain, candidate_rows, combined, probabilities, record_row, weigh
+from simbench.gap.decide.classify import KNOWN, Shift, by_gain, candidate_rows, classify, combined, probabilities, record_row
 from simbench.gap.decide.evidence import Row, evidence, squashed
 from simbench.gap.intake.check import check
 from simbench.gap.random_case import Case, random_case
@@ -56,7 +56,7 @@ def rows(found) -> dict[str, Row]:
 
 
 def test_probabilities_are_in_the_contracts_order_and_sum_to_one(found, rows):
-    p = weigh(found).probability
+    p = classify(found).probability
     assert list(p) == [*EFFECTS, NONE, UNKNOWN]
     assert sum(p.values()) == pytest.approx(1.0)
     assert min(p.values()) > 0.0
@@ -72,9 +72,9 @@ def test_records_are_weighed_apart_from_each_other(rows):
 
 
 def test_shifts_move_only_none_and_unknown_in_logits_against_the_rest(found):
-    plain = weigh(found).probability
+    plain = classify(found).probability
     for shift, moved, by in ((Shift(none=2.0), NONE, 2.0), (Shift(unknown=1.5), UNKNOWN, -1.5)):
-        p = weigh(found, shift).probability
+        p = classify(found, shift).probability
         assert sum(p.values()) == pytest.approx(1.0)
         rest = [a for a in plain if a != moved]
         ratio = np.array([p[a] / plain[a] for a in rest])
@@ -135,32 +135,32 @@ def test_nats_are_squashed_evenly_on_both_sides():
 
 
 def test_where_the_baseline_was_identified_gains_decide(found, monkeypatch):
-    loose = replace(found, situation=replace(found.situation, trusted=False), strange={})
+    loose = replace(found, situation=replace(found.situation, trusted=False), unexplained={})
     monkeypatch.setattr(module, "_models", None)  # the trees are not asked
     quiet = dict.fromkeys(EFFECTS, -3.0)
-    p = weigh(replace(loose, gains={**quiet, "noise": 12.0}, chosen=["noise"])).probability
+    p = classify(replace(loose, log_likelihood_gains={**quiet, "noise": 12.0}, chosen=["noise"])).probability
     assert max(p, key=lambda a: p[a]) == "noise"
-    p = weigh(replace(loose, gains=quiet, chosen=[])).probability
+    p = classify(replace(loose, log_likelihood_gains=quiet, chosen=[])).probability
     assert max(p, key=lambda a: p[a]) == NONE
-    p = weigh(replace(loose, gains={**quiet, "noise": 12.0}, strange={"valve": "MV strays"})).probability
+    p = classify(replace(loose, log_likelihood_gains={**quiet, "noise": 12.0}, unexplained={"valve": "MV strays"})).probability
     assert max(p, key=lambda a: p[a]) == UNKNOWN
     # an effect as probable as none needs just the gain that stands for none
-    q = by_gain(replace(loose, gains={**quiet, "drift": module.NONE_GAIN}, chosen=[]))
+    q = by_gain(replace(loose, log_likelihood_gains={**quiet, "drift": module.NONE_GAIN}, chosen=[]))
     assert q[list(EFFECTS).index("drift")] == pytest.approx(q[-2])
     assert q.sum() == pytest.approx(1.0)
 
 
 def test_where_the_baseline_was_identified_a_second_effect_counts_though_alone_it_does_not(found):
-    loose = replace(found, situation=replace(found.situation, trusted=False), strange={})
+    loose = replace(found, situation=replace(found.situation, trusted=False), unexplained={})
     gains = {**dict.fromkeys(EFFECTS, -3.0), "noise": 25.0, "drift": -2.0}
     at = list(EFFECTS).index("drift")
-    one, two = (by_gain(replace(loose, gains=gains, chosen=c)) for c in (["noise"], ["noise", "drift"]))
+    one, two = (by_gain(replace(loose, log_likelihood_gains=gains, chosen=c)) for c in (["noise"], ["noise", "drift"]))
     assert two[at] > 100 * one[at]
     assert np.argmax(two) == list(EFFECTS).index("noise")
 
 
 def test_unknown_stands_in_the_block_that_fails(found):
-    assert weigh(replace(found, strange={"valve": "MV strays", "sensor": "frozen"})).unknown_block == "valve"
+    assert classify(replace(found, unexplained={"valve": "MV strays", "sensor": "frozen"})).unknown_block == "valve"
     quiet = dict.fromkeys(found.tests, 0.0)
-    assert weigh(replace(found, strange={}, tests={**quiet, "bursts": 13.0})).unknown_block == "sensor"
-    assert weigh(replace(found, strange={}, tests=quiet, chosen=["drift"])).unknown_block == EFFECTS["drift"].block
+    assert classify(replace(found, unexplained={}, tests={**quiet, "bursts": 13.0})).unknown_block == "sensor"
+    assert classify(replace(found, unexplained={}, tests=quiet, chosen=["drift"])).unknown_block == EFFECTS["drift"].block

@@ -12,7 +12,7 @@ from detectors.record import LoopRecord
 from scenarios.spec import Loop
 from simbench.gap.decide.assess import Assessment, assess
 from simbench.gap.decide.block_residuals import law_residuals, loglik, mv_residuals, sample_misfit
-from simbench.gap.decide.where import DRAWS, Share, Where, _Resampling, where
+from simbench.gap.decide.where import DRAWS, BlockShare, Where, _Resampling, where
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.intake.check import check
 from simbench.gap.report.page import write_page
@@ -103,8 +103,8 @@ def test_two_explanations_that_fit_alike_share_alike():
     found = assessed("extra_lag")
     c = found.candidates["extra_lag"]
     twins = {e: replace(c, effect=e) for e in ("valve_lag", "extra_lag", "sensor_lag")}
-    gains = dict.fromkeys(EFFECTS, -10.0) | dict.fromkeys(twins, c.gain)
-    placed = where(replace(found, candidates=twins, gains=gains, chosen=["extra_lag"], strange={}))
+    gains = dict.fromkeys(EFFECTS, -10.0) | dict.fromkeys(twins, c.log_likelihood_gain)
+    placed = where(replace(found, candidates=twins, log_likelihood_gains=gains, chosen=["extra_lag"], unexplained={}))
     for block in ("valve", "process", "sensor"):
         assert placed.blocks[block].share == pytest.approx(1 / 3, abs=1e-9)
 
@@ -113,8 +113,8 @@ def test_what_two_named_effects_explain_alike_is_not_counted_twice():
     found = assessed("noise", "oscillation")
     a, b = found.chosen
     assert {block_of(a), block_of(b)} == {"sensor", "disturbance"}
-    alone, other = found.candidates[a].gain, found.candidates[b].gain
-    joint = alone + found.second_gains[b]
+    alone, other = found.candidates[a].log_likelihood_gain, found.candidates[b].log_likelihood_gain
+    joint = alone + found.log_likelihood_gains_on_top[b]
     other = max(other, 0.0)
     placed = where(found)
     assert placed.shares[block_of(b)] == pytest.approx(0.5 * (other + joint - alone) / joint, abs=0.05)
@@ -201,7 +201,7 @@ def report():
 
 
 def test_text_and_page_show_the_interval_where_one_was_found_and_do_without(report, tmp_path):
-    placed = Where({b: Share(0.8 if b == "valve" else 0.05, 0.03, 0.88, f"Seen in the {b}.") for b in BLOCKS})
+    placed = Where({b: BlockShare(0.8 if b == "valve" else 0.05, 0.03, 0.88, f"Seen in the {b}.") for b in BLOCKS})
     shown = replace(report, blocks=placed.shares, details={**report.details, "where": placed})
     assert "where: controller 5 % [3, 88], valve 80 % [3, 88], process" in shown.as_text()
     bare = replace(shown, details={k: v for k, v in report.details.items() if k != "where"})

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from simbench.gap.effects._alike import Facts, facts_of, indistinguishable
+from simbench.gap.effects._alike import Likeness, facts_of, indistinguishable
 from simbench.gap.likelihood.kernels import plant
 from simbench.loop.effects import BLOCKS, EFFECTS, Choice, block_of
 
-BARE = Facts(integrating=False, sp_moves=True, mv=False, noise_shows=False, op_jitter=0.0, J=None, slow=False)
+BARE = Likeness(integrating=False, sp_moves=True, mv=False, noise_shows=False, op_jitter=0.0, J=None, slow=False)
 
 
 def alike(effect, **facts):
@@ -66,7 +66,7 @@ def test_local_gain_needs_a_moving_set_point():
 @given(
     st.sampled_from(sorted(EFFECTS)), st.sampled_from(sorted(EFFECTS)),
     st.builds(
-        Facts, *[st.booleans()] * 4, op_jitter=st.floats(0, 5), J=st.none() | st.floats(0, 5), slow=st.booleans(),
+        Likeness, *[st.booleans()] * 4, op_jitter=st.floats(0, 5), J=st.none() | st.floats(0, 5), slow=st.booleans(),
         ramp=st.booleans(),
     ),
 )  # fmt: skip

@@ -72,7 +72,7 @@ def test_op_in_ma_or_as_a_share_is_refused_and_its_span_settles_it():
     r = run()
     refused(replace(r, op=4.0 + 0.16 * r.op, mv=None), loop(), "OP runs from", "mA", "--op-span")
     refused(replace(r, op=r.op / 100.0, mv=None), loop(), "share of 1", "--op-span")
-    assert not check(replace(r, op=4.0 + 0.16 * r.op, op_span=(4.0, 20.0)), loop()).hard
+    assert not check(replace(r, op=4.0 + 0.16 * r.op, op_span=(4.0, 20.0)), loop()).proven
 
 
 OTHERS = {
@@ -103,7 +103,7 @@ SLACK = {"controller": {"type": "PI", "Kc": 0.5, "Ti": 60.0}}
 ], ids=["alone", "with another gain", "with another time constant"])  # fmt: skip
 @pytest.mark.parametrize("valve", [{}, STICKY], ids=["ideal", "sticky"])
 def test_other_tuning_is_an_effect_and_no_other_loop(other, valve):
-    found = check(replace(run(**LOADED, **valve), mv=None), loop(**other)).hard["detuning"]
+    found = check(replace(run(**LOADED, **valve), mv=None), loop(**other)).proven["detuning"]
     assert found["Kc_factor"] == pytest.approx(3.0, rel=1e-3)
     assert found["Ti_factor"] == pytest.approx(1.0 / 3.0, rel=1e-3)
 
@@ -115,7 +115,7 @@ def test_retuned_vessels_are_not_taken_for_other_plants():
         "disturbance": [{"type": "coloured", "amplitude": 1.0, "period": 100.0}],
     }
     effect = [{"name": "detuning", "Kc_factor": 0.5, "Ti_factor": 2.0}]
-    assert "detuning" in check(replace(run(**table, effect=effect), mv=None), loop(**table)).hard
+    assert "detuning" in check(replace(run(**table, effect=effect), mv=None), loop(**table)).proven
 
 
 def held(pv, every, length):
@@ -127,7 +127,7 @@ def held(pv, every, length):
 
 def test_digits_far_below_the_noise_are_no_quantisation():
     r = run(**LOADED)
-    assert not check(replace(r, pv=np.round(r.pv, 3)), loop()).hard
+    assert not check(replace(r, pv=np.round(r.pv, 3)), loop()).proven
 
 
 @pytest.mark.parametrize("digits", [3, 4, 9])
@@ -148,14 +148,14 @@ def test_pv_that_comes_to_rest_without_noise_is_not_frozen():
 @pytest.mark.parametrize("other", [{}, {"name": "op_quantisation", "step": 0.5}], ids=["fine", "coarse OP"])
 def test_op_says_whether_the_controller_saw_the_spikes(at, other):
     effects = [{"name": "outliers", "rate": 0.01, "size": 3.0, "at": at}, *([other] if other else [])]
-    assert check(run(**LOADED, effect=effects), loop()).hard["outliers"]["at"] == at
+    assert check(run(**LOADED, effect=effects), loop()).proven["outliers"]["at"] == at
 
 
 def test_a_lightly_thinned_archive_is_compression_and_no_spikes():
     r = run(**LOADED, effect=[{"name": "compression", "band": 0.1}])
     situation = check(r, loop())
     assert 0.0 < situation.samples.straight < 0.5
-    assert set(situation.hard) == {"compression"}
+    assert set(situation.proven) == {"compression"}
 
 
 @pytest.mark.parametrize("valve", [

@@ -50,11 +50,11 @@ PINK = {k: v for k, v in THETA.items() if k != "load_lag"}
     (engine(), Spec(), {**THETA, "T": 18.0, "Td": 6.8, "noise": 0.6, "load_time": 1.5, "load_lag": 0.3}),  # outside its priors
     (engine(gain=0.6), Spec(), THETA),  # the gain held by its prior
     (engine(trusted=False), Spec(pink=True), PINK),
-    (engine(), Spec(pole="sensor"), {**THETA, "lag": 2.0}),
-    (engine(), Spec(pole="extra", walk=True), {**THETA, "lag": 3.0, "walk": 0.02}),
+    (engine(), Spec(pole="sensor"), {**THETA, "tau": 2.0}),
+    (engine(), Spec(pole="extra", walk=True), {**THETA, "tau": 3.0, "walk": 0.02}),
     (engine(), Spec(load_walk=True, channels=(RAMP,)), {**THETA, "load_walk": 0.05}),
     (engine(), Spec(valve=kernels.CURVE, free=frozenset({"K"})), {**THETA, "R": 2.0}),
-    (engine(integrating=True), Spec(pole="valve"), {**THETA, "lag": 3.0, "load": 0.05}),
+    (engine(integrating=True), Spec(pole="valve"), {**THETA, "tau": 3.0, "load": 0.05}),
 ])  # fmt: skip
 def test_derivatives_are_those_of_the_profile_likelihood(e, spec, theta):
     names = tuple(m for m in spec.names if m in theta and (m != "T" or e.data.T > 0))

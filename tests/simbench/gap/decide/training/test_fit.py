@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from joblib import parallel_config
 
-from simbench.gap.decide import classify as weigh
+from simbench.gap.decide import classify as classify
 from simbench.gap.decide.training import fit as training
 from simbench.gap.decide.training import make as making
 from simbench.gap.decide.training.foreign import FOREIGN
@@ -108,15 +108,15 @@ def learned(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(training, "ROUNDS", {"known": 60, "unknown": 40})
         assert training.main([str(folder), "-o", str(folder / "out")]) == 0
-        patch.setattr(weigh, "LEARNED", folder / "out")
-        weigh._models.cache_clear()
+        patch.setattr(classify, "LEARNED", folder / "out")
+        classify._models.cache_clear()
         yield json.loads((folder / "out" / "calibration.json").read_text())
-    weigh._models.cache_clear()
+    classify._models.cache_clear()
 
 
 def test_trees_learn_the_rule(learned):
     fresh = synthetic(400, lies=0.0, seed=1)
-    p = weigh.probabilities([e["evidence"] for e in fresh])
+    p = classify.probabilities([e["evidence"] for e in fresh])
     said = [training.ANSWERS[i] for i in p.argmax(axis=1)]
     right = np.array([a in training.truth(e) for a, e in zip(said, fresh)])
     for what in ("single", "none", "two", "foreign"):
@@ -128,7 +128,7 @@ def test_trees_learn_the_rule(learned):
 def test_probabilities_are_as_sure_as_the_labels_are_true(learned):
     fresh = synthetic(2000, lies=0.3, seed=2)
     single = [e for e in fresh if len(e["effects"]) == 1]
-    p = weigh.probabilities([e["evidence"] for e in single])
+    p = classify.probabilities([e["evidence"] for e in single])
     said = [training.ANSWERS[i] for i in p.argmax(axis=1)]
     right = np.mean([a in training.truth(e) for a, e in zip(said, single)])
     assert 0.65 < right < 0.8
