@@ -324,7 +324,7 @@ def gap_diagnose(
     ] = None,
     identify: Annotated[bool, typer.Option("--identify", help="No baseline: estimate one from the record.")] = False,
     jobs: Jobs = 1,
-    no_bootstrap: Annotated[bool, typer.Option("--no-bootstrap", help="Faster; none and unknown less sure.")] = False,
+    no_bootstrap: Annotated[bool, typer.Option("--no-bootstrap", help="Without effect: there is none any more.")] = False,
     html: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Report to write.")] = None,
     write_loop: Annotated[Path | None, typer.Option(metavar="FIXED.toml", help="Loop file with the effect in it.")] = None,
     process: Annotated[str | None, typer.Option(help="self-regulating or integrating; for --identify.")] = None,
@@ -337,7 +337,7 @@ def gap_diagnose(
     if (baseline is None) == (not identify):
         raise ParameterError("gap diagnose needs either --baseline LOOP.toml or --identify")
     report = diagnose_files(
-        records, baseline, jobs=jobs, bootstrap=not no_bootstrap, html=html, write_loop=write_loop,
+        records, baseline, jobs=jobs, html=html, write_loop=write_loop,
         process=process, op_span=op_span,
     )  # fmt: skip
     _print(report.as_json() if as_json else report.as_text(), as_json)
@@ -362,14 +362,14 @@ def make(
 def answer(
     out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the check.")],
     jobs: Jobs = 1,
-    no_bootstrap: Annotated[bool, typer.Option("--no-bootstrap")] = False,
+    no_bootstrap: Annotated[bool, typer.Option("--no-bootstrap", help="Without effect: there is none any more.")] = False,
     world: World = "own",
 ) -> None:
     """Diagnose every record, without sight of the answers and whatever the world; resumes where it stopped."""
     from simbench.blind.answering import answer as diagnose_all
-    from simbench.gap import command
+    from simbench.gap.command import one_file
 
-    print(f"{diagnose_all(out, command.one_file_quick if no_bootstrap else command.one_file, jobs)} records diagnosed")
+    print(f"{diagnose_all(out, one_file, jobs)} records diagnosed")
 
 
 @withheld_app.command("open")

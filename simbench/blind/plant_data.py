@@ -51,7 +51,7 @@ def diagnose_folder(folder: str | Path, blind: bool = False) -> pd.DataFrame:
         effects, said, error, kind = [], set(), "", ""
         try:
             known = {"process": process} if process in PROCESSES and not blind else {}
-            report = diagnose(read_record(Path(folder) / f"{m.id}.csv", **known), None, bootstrap=False)
+            report = diagnose(read_record(Path(folder) / f"{m.id}.csv", **known), None)
             effects = [e["effect"] for e in report.effects]
             said = {
                 *effects,

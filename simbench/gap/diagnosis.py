@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from joblib import Parallel, delayed
 
 from detectors.errors import RecordError
 from detectors.record import LoopRecord
 from scenarios.spec import Loop
 from simbench.gap.closed_loop.next_test import choose
 from simbench.gap.closed_loop.runs import ClosedLoops
-from simbench.gap.decide.assess import SURE, Assessment, assess, capped, unexplained_blocks
-from simbench.gap.decide.bootstrap import Chance, chance
-from simbench.gap.decide.classify import Classified, Shift, classify
+from simbench.gap.decide.assess import SURE, Assessment, assess, capped
+from simbench.gap.decide.classify import Classified, classify
 from simbench.gap.decide.identified import plausible
 from simbench.gap.decide.where import FAINT, where
 from simbench.gap.effects import _alike as groups
@@ -30,7 +31,6 @@ def diagnose(
     record: LoopRecord | Sequence[LoopRecord],
     baseline: Loop | Partial | None,
     *,
-    bootstrap: bool = True,
     jobs: int = 1,
     seed: int = 0,
 ) -> GapReport:
@@ -42,10 +42,8 @@ def diagnose(
         SP, OP, PV and, where recorded, MV. Several records of one loop are judged together.
     baseline : Loop, Partial or None
         The simulation; None identifies plant and tuning from the record, a partial one what it does not say.
-    bootstrap : bool
-        Calibrate "no effect" and "unknown" on records simulated for this very loop.
     jobs : int
-        Processes for the bootstrap; -1 uses all cores.
+        Processes, where there are several records; -1 uses all cores.
     seed : int
         Root of every random stream.
 
@@ -62,7 +60,7 @@ def diagnose(
     --------
     >>> from simbench.gap.random_case import random_case
     >>> case = random_case(3, ("detuning",))
-    >>> diagnose(case.record, case.baseline, bootstrap=False).effect
+    >>> diagnose(case.record, case.baseline).effect
     'detuning'
     """
     from threadpoolctl import threadpool_limits
@@ -72,27 +70,22 @@ def diagnose(
         raise RecordError("no record to diagnose")
     # thousands of tiny matrices: threads would only wait for each other
     with threadpool_limits(limits=1):
-        found, more = _assess_all(records, baseline)
-        lucky = chance(found, seed, jobs) if bootstrap else None
-        if lucky is not None:
-            unexplained = unexplained_blocks(found.situation, found.tests, found.mv_unexplained, found.chosen, lucky.tests)
-            found = replace(found, unexplained=unexplained)
-        shift = lucky.shift if lucky else Shift()
-        if not found.situation.trusted:
-            # "unknown" has no probability there that kind luck could raise
-            shift = Shift(max(shift.none, 0.0), shift.unknown)
+        found, more = _assess_all(records, baseline, jobs)
         runs = ClosedLoops(found, seed)
-        return report(found, classify(found, shift, runs), runs, more, lucky)
+        return report(found, classify(found, runs), runs, more)
 
 
-def _assess_all(records: list[LoopRecord], baseline: Loop | Partial | None) -> tuple[Assessment, list[str]]:
+def _assess_one(record: LoopRecord, baseline: Loop | Partial | None) -> Assessment:
+    loop, given, said = completed(record, baseline)
+    situation = check(record, loop, trusted="plant" in given, tuned="controller" in given)
+    found = assess(replace(situation, notes=[*situation.notes, *said]))
+    return found if situation.trusted else plausible(found)
+
+
+def _assess_all(records: list[LoopRecord], baseline: Loop | Partial | None, jobs: int) -> tuple[Assessment, list[str]]:
     """Assess every record; evidence adds up, and the longest record carries the fits, the parameters and the gap."""
-    every = []
-    for r in records:
-        loop, given, said = completed(r, baseline)
-        situation = check(r, loop, trusted="plant" in given, tuned="controller" in given)
-        found = assess(replace(situation, notes=[*situation.notes, *said]))
-        every.append(found if situation.trusted else plausible(found))
+    with Parallel(n_jobs=jobs if len(records) > 1 else 1) as parallel:
+        every: list[Any] = list(parallel(delayed(_assess_one)(r, baseline) for r in records))
     main = max(every, key=lambda f: f.situation.record.n)
     if len(every) == 1:
         return main, []
@@ -106,9 +99,7 @@ def _assess_all(records: list[LoopRecord], baseline: Loop | Partial | None) -> t
     return replace(main, log_likelihood_gains=gains, parameters=parameters, chosen=chosen, unexplained=unexplained), [said]
 
 
-def report(
-    found: Assessment, weights: Classified, runs: ClosedLoops, more: Sequence[str] = (), lucky: Chance | None = None
-) -> GapReport:
+def report(found: Assessment, weights: Classified, runs: ClosedLoops, more: Sequence[str] = ()) -> GapReport:
     """Turn scores and probabilities into the answer.
 
     Parameters
@@ -119,8 +110,6 @@ def report(
         Simulated loops of this assessment.
     more : sequence of str
         Further notes.
-    lucky : Chance, optional
-        What the bootstrap found.
 
     Returns
     -------
@@ -157,10 +146,6 @@ def report(
     )
     advice, separation = _advice(found, runs, ranking)
     notes = [*situation.notes, *more, *(f"{block}: {why}" for block, why in found.unexplained.items())]
-    if lucky is not None:
-        notes.append(
-            f"on {lucky.trials} simulated records without effect, chance brought the best effect {lucky.gain:.1f} nats (95 %)"
-        )
     if not main.resolvable:
         notes.append(f"the gap ({main.before:.2f}) does not stand out of its floor ({main.floor:.2f}): no shrinkage is claimed")
     # the shares answer the same question as the ranking: none lies nowhere, and what is named lies somewhere

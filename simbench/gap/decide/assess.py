@@ -35,11 +35,6 @@ class Assessment(Fitted):
     unexplained: dict[str, str] = field(default_factory=dict)
     mv_unexplained: bool = False
 
-    @property
-    def best_log_likelihood_gain(self) -> float:
-        """Largest gain of an effect that needed a likelihood."""
-        return max(self.log_likelihood_gains[e] for e in self.candidates)
-
 
 def assess(situation: Situation) -> Assessment:
     """Fit and score every effect.
@@ -119,9 +114,7 @@ LENIENT = (
 )
 
 
-def unexplained_blocks(
-    situation: Situation, tests: dict[str, float], valve: bool, chosen: list[str], usual: dict[str, float] | None = None
-) -> dict[str, str]:
+def unexplained_blocks(situation: Situation, tests: dict[str, float], valve: bool, chosen: list[str]) -> dict[str, str]:
     """Return the blocks in which something no known effect explains, each with its reason.
 
     Parameters
@@ -133,8 +126,6 @@ def unexplained_blocks(
         MV strays from OP as no map makes it.
     chosen : list of str
         Effects in the model.
-    usual : dict of str to float, optional
-        What whole models of this very loop leave (from the bootstrap); raises the limits, never lowers them.
 
     Returns
     -------
@@ -149,7 +140,6 @@ def unexplained_blocks(
         out["valve"] = "MV strays from OP as no known valve makes it"
     rough = {"quantisation", "compression", "outliers", "error_deadband"} & set(situation.proven)
     for name, (limit, block) in LIMITS.items():
-        limit = max(limit, 1.5 * (usual or {}).get(name, 0.0))
         # jumps beyond those the search adds, spikes, and friction that is no two-parameter map leave traces of their own
         loose = rough or (name in ("bursts", "tails", "memory") and {"load_steps", "outliers", "stiction"} & set(chosen))
         if tests[name] > limit * (LENIENT if loose else 1.0):

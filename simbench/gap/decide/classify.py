@@ -37,22 +37,12 @@ class Classified:
     unknown_block: str
 
 
-@dataclass(frozen=True)
-class Shift:
-    """What chance does on this very loop, in logits: added to `none`, taken from `unknown`."""
-
-    none: float = 0.0
-    unknown: float = 0.0
-
-
-def classify(found: Assessment, shift: Shift | None = None, runs: ClosedLoops | None = None) -> Classified:
+def classify(found: Assessment, runs: ClosedLoops | None = None) -> Classified:
     """Turn one record's scores into probabilities.
 
     Parameters
     ----------
     found : Assessment
-    shift : Shift, optional
-        From records of this loop without effect, where they were simulated.
     runs : ClosedLoops, optional
         Simulated loops of this assessment, to be shared with a report.
 
@@ -75,10 +65,7 @@ def classify(found: Assessment, shift: Shift | None = None, runs: ClosedLoops | 
     >>> weights.probability["detuning"] > 0.9, round(sum(weights.probability.values()), 6)
     (True, 1.0)
     """
-    shift = shift or Shift()
     p = probabilities([evidence(found, runs)])[0] if found.situation.trusted else by_gain(found)
-    p[-2] *= np.exp(shift.none)
-    p[-1] *= np.exp(-shift.unknown)
     p /= p.sum()
     return Classified({e: float(v) for e, v in zip((*KNOWN, UNKNOWN), p)}, _unexplained_block(found))
 

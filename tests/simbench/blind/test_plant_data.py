@@ -64,7 +64,7 @@ def notes_on(record):
 
 
 def test_friction_that_mv_shows_is_named_without_a_baseline():
-    report = diagnose(record_of(FLOW | STICKY, "self-regulating", mv=True, kick=6.0), None, bootstrap=False)
+    report = diagnose(record_of(FLOW | STICKY, "self-regulating", mv=True, kick=6.0), None)
     assert report.block == "valve"
     assert report.effect == "stiction"
 
@@ -117,7 +117,7 @@ def test_a_given_process_is_no_assumption_to_report():
 
 def test_a_quantised_healthy_record_names_quantisation_and_its_set_point_steps():
     table = FLOW | {"effect": [{"name": "quantisation", "step": 0.37, "at": "loop"}]}
-    report = diagnose(record_of(table, "self-regulating"), None, bootstrap=False)
+    report = diagnose(record_of(table, "self-regulating"), None)
     assert report.effect == "quantisation"
     assert any(n.startswith("quantisation: ") and ", 0.37 apart" in n for n in report.notes)
     assert "set-point steps: SP moves in 2 steps, the largest 5" in report.notes

@@ -123,7 +123,7 @@ def test_the_loop_file_it_writes_simulates_like_the_record(answer, place):
 
 
 def test_the_blind_checks_function_is_importable_by_name_and_gives_json(place, answer):
-    found = pickle.loads(pickle.dumps(command.one_file_quick))(place / "FIC101.csv", place / "loop.toml")
+    found = pickle.loads(pickle.dumps(command.one_file))(place / "FIC101.csv", place / "loop.toml")
     assert json.loads(json.dumps(found)) == answer
     assert pickle.loads(pickle.dumps(command.one_file)) is command.one_file
 

@@ -9,7 +9,7 @@ import pytest
 from scenarios.spec import Loop
 from simbench.gap.decide import classify as module
 from simbench.gap.decide.assess import Assessment, assess
-from simbench.gap.decide.classify import KNOWN, Shift, by_gain, candidate_rows, classify, combined, probabilities, record_row
+from simbench.gap.decide.classify import KNOWN, by_gain, candidate_rows, classify, combined, probabilities, record_row
 from simbench.gap.decide.evidence import Row, evidence, squashed
 from simbench.gap.intake.check import check
 from simbench.gap.random_case import Case, random_case
@@ -69,17 +69,6 @@ def test_records_are_weighed_apart_from_each_other(rows):
     assert both.shape == (2, 24)
     assert np.allclose(both[0], probabilities([rows])[0])
     assert np.allclose(both[1], probabilities([other])[0])
-
-
-def test_shifts_move_only_none_and_unknown_in_logits_against_the_rest(found):
-    plain = classify(found).probability
-    for shift, moved, by in ((Shift(none=2.0), NONE, 2.0), (Shift(unknown=1.5), UNKNOWN, -1.5)):
-        p = classify(found, shift).probability
-        assert sum(p.values()) == pytest.approx(1.0)
-        rest = [a for a in plain if a != moved]
-        ratio = np.array([p[a] / plain[a] for a in rest])
-        assert np.allclose(ratio, ratio[0])
-        assert np.log(p[moved] / plain[moved] / ratio[0]) == pytest.approx(by)
 
 
 @pytest.mark.parametrize(("name", "units"), [("mv", {"pv": 64.0}), ("mv", {"Ts": 4.0}), ("blind", {"pv": 0.25, "Ts": 0.5})])

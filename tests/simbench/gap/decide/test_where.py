@@ -197,7 +197,7 @@ def test_rounding_counts_with_the_power_of_its_errors():
 @pytest.fixture(scope="module")
 def report():
     truth = Loop.from_table({**BASE, "effect": [{"name": "deadband", **STRONG["deadband"]}]})
-    return diagnose(simulate(truth, seed=2).record, Loop.from_table({**BASE, "disturbance": []}), bootstrap=False)
+    return diagnose(simulate(truth, seed=2).record, Loop.from_table({**BASE, "disturbance": []}))
 
 
 def test_text_and_page_show_the_interval_where_one_was_found_and_do_without(report, tmp_path):

@@ -54,14 +54,14 @@ def sticky():
     """Report on a sticky loop with MV, whose simulation has a healthy valve."""
     record = simulate(Loop.from_table(STICKY), seed=3, kick=6.0).record
     record = LoopRecord(op=record.op, pv=record.pv, sp=record.sp, mv=record.mv, Ts=record.Ts, op_span=(0.0, 100.0), tag=TAG)
-    return diagnose(record, Loop.from_table(HEALTHY), bootstrap=False)
+    return diagnose(record, Loop.from_table(HEALTHY))
 
 
 @pytest.fixture(scope="module")
 def clean():
     """Report on a record to which nothing is missing."""
     case = random_case(4, ())
-    return diagnose(case.record, case.baseline, bootstrap=False)
+    return diagnose(case.record, case.baseline)
 
 
 @pytest.fixture(scope="module")
