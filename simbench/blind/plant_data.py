@@ -57,7 +57,7 @@ def diagnose_folder(folder: str | Path, blind: bool = False) -> pd.DataFrame:
                 *effects,
                 *(word for words in FLAGS.values() for word in words if any(n.startswith(f"{word}: ") for n in report.notes)),
             }
-            kind = report.details["found"].situation.baseline.plant.type
+            kind = report.behind.found.situation.baseline.plant.type
         except UserError as problem:
             error = str(problem)
         row = {

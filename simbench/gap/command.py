@@ -13,7 +13,7 @@ from simbench.files import whole_file
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.intake.partial import read_baseline
 from simbench.gap.report.result import GapReport
-from simbench.gap.report.traces import fixed_loop_of, kick_of, named
+from simbench.gap.report.traces import kick_of
 
 
 def diagnose_files(
@@ -86,7 +86,7 @@ def one_file(record: Path, baseline: Path) -> dict[str, Any]:
 
 
 def _loop_text(report: GapReport, records: list[str], baseline: str | Path | None) -> str:
-    kick = kick_of(report, named(report))
+    kick = kick_of(report, report.named)
     lines = [
         report.sentence(),
         f"records: {', '.join(records)}; baseline: {baseline or 'identified'}",
@@ -95,7 +95,7 @@ def _loop_text(report: GapReport, records: list[str], baseline: str | Path | Non
     if kick:
         lines.append(f"simulate it with --kick {kick:.3g}: a sticky loop started at rest may stay there")
     # a name may hold a line break, which would end the comment
-    return "".join(f"# {' '.join(line.split())}\n" for line in lines) + "\n" + fixed_loop_of(report).to_toml()
+    return "".join(f"# {' '.join(line.split())}\n" for line in lines) + "\n" + report.fixed_loop().to_toml()
 
 
 def _again(report: GapReport, records: Sequence[str | Path], baseline: str | Path | None, about: dict[str, Any]) -> list[str]:
@@ -106,5 +106,5 @@ def _again(report: GapReport, records: Sequence[str | Path], baseline: str | Pat
         if value is not None:
             words += [f"--{name.replace('_', '-')}", *map(str, value if isinstance(value, tuple) else [value])]
     words += ["--write-loop", "fixed.toml"]
-    kick = kick_of(report, named(report))
+    kick = kick_of(report, report.named)
     return [shlex.join(words), "simbench simulate fixed.toml -o fixed.csv" + (f" --kick {kick:.3g}" if kick else "")]

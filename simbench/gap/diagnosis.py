@@ -17,14 +17,13 @@ from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import SURE, Assessment, assess, capped
 from simbench.gap.decide.classify import Classified, classify
 from simbench.gap.decide.identified import plausible
-from simbench.gap.decide.where import FAINT, where
 from simbench.gap.effects import _alike as groups
 from simbench.gap.effects._detectable import smallest_detectable
 from simbench.gap.intake.check import check
 from simbench.gap.intake.partial import Partial, completed
-from simbench.gap.report.result import Gap, GapReport, Ranked
+from simbench.gap.report.result import Behind, Gap, GapReport, Ranked
 from simbench.gap.situation import load_memory
-from simbench.loop.effects import EFFECTS, NONE, UNKNOWN, block_of
+from simbench.loop.effects import EFFECTS, NONE, block_of
 
 
 def diagnose(
@@ -130,14 +129,14 @@ def report(found: Assessment, weights: Classified, runs: ClosedLoops, more: Sequ
     lines = []
     for e, p in ranking:
         before, after = (shown[e].before, shown[e].after) if e in shown else (main.before,) * 2 if e == NONE else (None, None)
-        lines.append(Ranked(e, _block(e, weights), float(p), before, after, found.parameters.get(e, {})))
+        lines.append(Ranked(e, weights.block(e), float(p), before, after, found.parameters.get(e, {})))
     gap = Gap(main.before, main.recalibrated, main.after, main.floor, main.resolvable)
     shrinkage = None
     if main.value is not None and effects:
         shrinkage = {"value": main.value, "lo": min(main.lo, main.value), "hi": max(main.hi, main.value)}
     answers = tuple(
         {
-            "block": _block(e, weights),
+            "block": weights.block(e),
             "effect": e,
             "parameters": found.parameters.get(e, {}),
             "probability": float(weights.probability[e]),
@@ -148,16 +147,11 @@ def report(found: Assessment, weights: Classified, runs: ClosedLoops, more: Sequ
     notes = [*situation.notes, *more, *(f"{block}: {why}" for block, why in found.unexplained.items())]
     if not main.resolvable:
         notes.append(f"the gap ({main.before:.2f}) does not stand out of its floor ({main.floor:.2f}): no shrinkage is claimed")
-    # the shares answer the same question as the ranking: none lies nowhere, and what is named lies somewhere
-    placed = where(found, np.inf if first == NONE else min(FAINT, max(found.log_likelihood_gains.values()) - 0.1), runs.seed)
     sizes = smallest_detectable(situation, found.base, load_memory(situation))
     return GapReport(
-        block=_block(first, weights), effect=first, effects=answers, group=partners(first, found), ranking=tuple(lines),
-        gap=gap, shrinkage=shrinkage, blocks=placed.shares, next_test=advice, notes=tuple(notes),
-        details={
-            "found": found, "runs": runs, "main": main, "named": effects, "detectable": sizes, "separation": separation,
-            "where": placed,
-        },
+        block=weights.block(first), effect=first, effects=answers, group=partners(first, found), ranking=tuple(lines),
+        gap=gap, shrinkage=shrinkage, blocks=weights.shares, next_test=advice, notes=tuple(notes),
+        behind=Behind(found, runs, main, sizes, separation),
     )  # fmt: skip
 
 
@@ -185,7 +179,3 @@ def partners(effect: str, found: Assessment) -> tuple[str, ...]:
         s.baseline.to_table(), s.record.sp, s.op, np.asarray(s.record.pv), s.record.mv, effect, found.parameters.get(effect)
     )
     return tuple(sorted(groups.indistinguishable(effect, facts)))
-
-
-def _block(effect: str, weights: Classified) -> str:
-    return weights.unknown_block if effect == UNKNOWN else block_of(effect)

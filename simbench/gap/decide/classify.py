@@ -36,6 +36,20 @@ class Classified:
     probability: dict[str, float]
     unknown_block: str
 
+    @property
+    def shares(self) -> dict[str, float]:
+        """Summed probability of what lies in each block, none left out; all 0 where none is the answer."""
+        p = self.probability
+        if max(p, key=lambda e: p[e]) == NONE:
+            return dict.fromkeys(BLOCKS, 0.0)
+        sums = {b: sum(v for e, v in p.items() if self.block(e) == b) for b in BLOCKS}
+        whole = sum(sums.values())
+        return {b: v / whole for b, v in sums.items()}
+
+    def block(self, answer: str) -> str:
+        """Return the block of an answer; that of `unknown` is the one that fails."""
+        return self.unknown_block if answer == UNKNOWN else block_of(answer)
+
 
 def classify(found: Assessment, runs: ClosedLoops | None = None) -> Classified:
     """Turn one record's scores into probabilities.

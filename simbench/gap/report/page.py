@@ -23,6 +23,7 @@ from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
 
 render = partial(render_in, "simbench.gap.report")
 SHOWN = 6  # candidates drawn as bars; the table holds all
+SEEN = 0.005  # probability that is not rounded to 0
 POSSIBLE = 0.05  # probability from which a candidate is called still possible
 MEANING = {NONE: "the simulation lacks nothing", UNKNOWN: "something that no known effect explains"}
 
@@ -54,7 +55,7 @@ def write_page(report: GapReport, path: str | Path, command: Sequence[str] = ())
     >>> "The simulation lacks detuning" in file.read_text(encoding="utf-8")
     True
     """
-    tag = report.details["found"].situation.record.tag
+    tag = report.behind.found.situation.record.tag
     parts: list[tuple[str, str, Markup]] = [
         ("answer", "The answer", _answer(report)),
         ("where", "Where the gap lies", _where(report)),
@@ -100,19 +101,18 @@ def _answer(report: GapReport) -> Markup:
         }
         for e in report.effects
     ]
-    return render("answer.html", sentence=report.sentence(), tiles=tiles, named=named if runs.named(report) else [])
+    return render("answer.html", sentence=report.sentence(), tiles=tiles, named=named if report.named else [])
 
 
 def _where(report: GapReport) -> Markup:
-    shares, placed = report.blocks, report.where
-    intervals = {b: (s.lo, s.hi) for b, s in placed.items()} if any(shares.values()) else {}
+    shares = report.blocks
     says = "control loop; share of the gap: " + ", ".join(f"{b} {100 * p:.0f} %" for b, p in shares.items())
+    behind = {b: [r for r in report.ranking if r.block == b and r.probability >= SEEN] for b in shares}
     return render(
         "where.html",
-        svg=_picture(lambda: pictures.draw_blocks(shares, intervals), "blocks", says),
+        svg=_picture(lambda: pictures.draw_blocks(shares), "blocks", says),
         any=any(shares.values()),
-        intervals=bool(intervals),
-        findings=[(b, s.says) for b, s in placed.items()],
+        findings=[(b, ", ".join(f"{words(r.effect)} {r.probability:.2f}" for r in rows)) for b, rows in behind.items() if rows],
     )
 
 
@@ -134,12 +134,12 @@ def _look(report: GapReport) -> Markup:
         items=drawn,
         added=next((n for n in (runs.FIXED, runs.NEAREST) if n in simulated), ""),
         absent=runs.BASELINE not in simulated,
-        given=report.details["found"].situation.trusted,
+        given=report.behind.found.situation.trusted,
     )
 
 
 def _which(report: GapReport) -> Markup:
-    top = [r for r in report.ranking[:SHOWN] if r.probability >= 0.005] or list(report.ranking[:1])
+    top = [r for r in report.ranking[:SHOWN] if r.probability >= SEEN] or list(report.ranking[:1])
     frame = pd.DataFrame(
         {
             "effect": [words(r.effect) for r in report.ranking],
@@ -161,15 +161,15 @@ def _which(report: GapReport) -> Markup:
 def _shrinkage(report: GapReport) -> Markup:
     g = report.gap
     sizes = {"before": g.before, "recalibrated": g.recalibrated}
-    if runs.named(report):
+    if report.named:
         sizes["after"] = g.after
     for r in report.ranking:
         if r.effect in runs.nearest(report) and r.gap_after is not None:
             sizes["nearest effect"] = r.gap_after
     sizes["floor"] = g.floor
     says = "gap: " + ", ".join(f"{name} {size:.2f}" for name, size in sizes.items())
-    per = report.details["main"].per_feature
-    last = "after" if runs.named(report) else "recalibrated"
+    per = report.behind.shrinkage.per_feature
+    last = "after" if report.named else "recalibrated"
     features = pd.DataFrame([{"feature": k, "before": b, last: a} for k, (b, a) in per.items()])
     if len(features):
         features = features.sort_values("before", ascending=False)
@@ -182,7 +182,7 @@ def _shrinkage(report: GapReport) -> Markup:
 
 
 def _open(report: GapReport) -> Markup:
-    sizes = report.details["detectable"]
+    sizes = report.behind.detectable
     rows = [
         {"effect": words(e), "block": EFFECTS[e].block, "smallest size": size, "unit": unit or "-"}
         for e, (size, unit) in sizes.items()
@@ -190,7 +190,7 @@ def _open(report: GapReport) -> Markup:
     ]
     hidden = [words(e) for e, (size, _) in sizes.items() if not math.isfinite(size)]
     answers = {e["effect"] for e in report.effects}
-    separation = report.details["separation"]
+    separation = report.behind.separation
     tests = pd.DataFrame({"test": list(separation), "separation": list(separation.values())})
     tests = tests.sort_values("separation", ascending=False)
     return render(
@@ -209,7 +209,7 @@ def _open(report: GapReport) -> Markup:
 
 
 def _reproduce(report: GapReport, command: Sequence[str]) -> Markup:
-    return render("reproduce.html", command=list(command), loop=runs.fixed_loop_of(report).to_toml().strip())
+    return render("reproduce.html", command=list(command), loop=report.fixed_loop().to_toml().strip())
 
 
 def _picture(draw: Callable[[], Any], name: str, says: str) -> Markup:

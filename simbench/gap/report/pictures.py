@@ -29,15 +29,13 @@ _HIGH = 0.62
 
 
 @styled
-def draw_blocks(shares: Mapping[str, float], intervals: Mapping[str, tuple[float, float]] | None = None) -> Figure:
+def draw_blocks(shares: Mapping[str, float]) -> Figure:
     """Draw the control loop, every block the redder the more of the gap lies in it.
 
     Parameters
     ----------
     shares : mapping of block to float
         0..1.
-    intervals : mapping of block to (lo, hi), optional
-        0..1, written under the share where hi does not round to 0 %.
 
     Returns
     -------
@@ -66,10 +64,7 @@ def draw_blocks(shares: Mapping[str, float], intervals: Mapping[str, tuple[float
         style = "round,pad=0,rounding_size=0.05"
         face = (*_rgb(RED), 0.7 * share)
         axes.add_patch(FancyBboxPatch((left, lower), wide, _HIGH, style, facecolor=face, edgecolor=BLACK, linewidth=1.0))
-        lo, hi = (intervals or {}).get(block, (0.0, 0.0))
         inside = [(block, "normal"), (f"{100 * share:.0f} %", "bold")]
-        if hi >= 0.005:
-            inside.append((f"[{100 * lo:.0f}, {100 * hi:.0f}]", "normal"))
         step = _HIGH / (len(inside) + 0.4)
         for i, (text, weight) in enumerate(inside):
             axes.text(left + wide / 2, lower + _HIGH - step * (i + 0.7), text, ha="center", va="center", fontweight=weight)

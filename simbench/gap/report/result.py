@@ -6,7 +6,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from scenarios.spec import Loop
-from simbench.gap.decide.where import BlockShare
+from simbench.gap.closed_loop.gap import Shrinkage
+from simbench.gap.closed_loop.runs import ClosedLoops
+from simbench.gap.decide.assess import Assessment
 from simbench.loop.effects import BLOCKS, NONE, UNKNOWN
 
 
@@ -34,6 +36,21 @@ class Gap:
 
 
 @dataclass(frozen=True, eq=False)
+class Behind:
+    """What stands behind an answer, for text, page and loop file.
+
+    `detectable` holds, per effect, the smallest size that would have shown, with its unit; `separation`, per test, how far
+    apart the remaining candidates would be.
+    """
+
+    found: Assessment
+    loops: ClosedLoops
+    shrinkage: Shrinkage
+    detectable: dict[str, tuple[float, str]]
+    separation: dict[str, float]
+
+
+@dataclass(frozen=True, eq=False)
 class GapReport:
     """Where the gap lies, which effect causes it, how far it shrinks.
 
@@ -53,12 +70,11 @@ class GapReport:
     shrinkage : dict or None
         value, lo, hi; None without a resolvable gap.
     blocks : dict
-        Share of each block; sums to 1, or all 0 when there is no gap.
+        Summed probability of what lies in each block; sums to 1, or all 0 when nothing is lacking.
     next_test : str
         The measurement or test that separates the remaining candidates best.
     notes : tuple of str
-    details : dict
-        What only the page and the text use: smallest detectable sizes, features, curves, `where` with the shares' intervals.
+    behind : Behind
     """
 
     block: str
@@ -70,8 +86,8 @@ class GapReport:
     shrinkage: dict[str, float] | None
     blocks: dict[str, float]
     next_test: str
-    notes: tuple[str, ...] = ()
-    details: dict[str, Any] = field(default_factory=dict, repr=False)
+    notes: tuple[str, ...]
+    behind: Behind = field(repr=False)
 
     def as_json(self) -> dict[str, Any]:
         """Return the report as nested dicts and lists of JSON types, keys as the contract has them."""
@@ -105,19 +121,16 @@ class GapReport:
         }
 
     @property
-    def where(self) -> dict[str, BlockShare]:
-        """Share of every block with its interval and what was found there; empty where nothing has been placed."""
-        placed = self.details.get("where")
-        return placed.blocks if placed is not None else {}
-
-    def _placed(self, block: str) -> str:
-        share = f"{block} {100 * self.blocks[block]:.0f} %"
-        s = self.where.get(block)
-        return share if s is None else f"{share} [{100 * s.lo:.0f}, {100 * s.hi:.0f}]"
+    def named(self) -> list[str]:
+        """Effects that the answer adds to the baseline: none, one or two."""
+        return [e["effect"] for e in self.effects if e["effect"] not in (NONE, UNKNOWN)]
 
     def fixed_loop(self) -> Loop:
-        """Return the loop file with the named effects in it; simulated, it looks like the record."""
-        return self.details["runs"].loop(self.details["named"])
+        """Return the baseline with the named effects, the identified load and the record's set point in it.
+
+        Where no known effect is named, the loop is recalibrated and nothing is added.
+        """
+        return self.behind.loops.loop(self.named)
 
     def sentence(self) -> str:
         """Return the answer in one sentence."""
@@ -145,7 +158,7 @@ class GapReport:
         if len(self.group) > 1:
             lines.append("cannot be told apart here: " + ", ".join(self.group))
         if any(self.blocks.values()):
-            lines.append("where: " + ", ".join(self._placed(b) for b in BLOCKS if self.blocks[b] >= 0.005))
+            lines.append("where: " + ", ".join(f"{b} {100 * self.blocks[b]:.0f} %" for b in BLOCKS if self.blocks[b] >= 0.005))
         g = self.gap
         lines.append(
             f"gap: before {g.before:.2f}, recalibrated {g.recalibrated:.2f}, after {g.after:.2f}, floor {g.floor:.2f}"

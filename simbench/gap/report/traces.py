@@ -8,7 +8,6 @@ import numpy as np
 
 from detectors.errors import UserError
 from detectors.record import LoopRecord
-from scenarios.spec import Loop
 from simbench.gap.closed_loop.gap import held_out
 from simbench.gap.report.result import GapReport
 from simbench.loop.effects import EFFECTS, UNKNOWN
@@ -33,30 +32,10 @@ class Traces:
         return Traces(self.op[start:stop], self.pv[start:stop], self.sp[start:stop], mv, self.Ts)
 
 
-def named(report: GapReport) -> list[str]:
-    """Return the effects that the answer adds to the baseline: none, one or two."""
-    return [e["effect"] for e in report.effects if e["effect"] in EFFECTS]
-
-
 def nearest(report: GapReport) -> list[str]:
     """Return the known effect closest to an unknown one, in a list; empty where the answer is known or nothing comes close."""
     fitted = [r.effect for r in report.ranking if r.effect in EFFECTS and r.gap_after is not None]
     return fitted[:1] if report.effect == UNKNOWN else []
-
-
-def fixed_loop_of(report: GapReport) -> Loop:
-    """Return the baseline with the named effects, the identified load and the record's set point in it.
-
-    Parameters
-    ----------
-    report : GapReport
-        Of `diagnose`. Where no known effect is named, the loop is recalibrated and nothing is added.
-
-    Returns
-    -------
-    Loop
-    """
-    return report.details["runs"].loop(named(report))
 
 
 def kick_of(report: GapReport, effects: list[str]) -> float:
@@ -67,7 +46,7 @@ def kick_of(report: GapReport, effects: list[str]) -> float:
 
 def recorded(report: GapReport) -> Traces:
     """Return the record as the diagnosis saw it."""
-    s = report.details["found"].situation
+    s = report.behind.found.situation
     mv = None if s.record.mv is None else np.asarray(s.record.mv)
     return Traces(np.asarray(s.op), np.asarray(s.record.pv), np.asarray(s.sp), mv, s.record.Ts)
 
@@ -87,12 +66,12 @@ def simulated(report: GapReport, seed: int = 0) -> dict[str, Traces]:
     dict of str to Traces
         By name; a loop that cannot be simulated or runs away is left out.
     """
-    runs, effects, close = report.details["runs"], named(report), nearest(report)
+    runs, effects, close = report.behind.loops, report.named, nearest(report)
     runs.shrink(effects)
     before, tuned, _ = runs.kept[tuple(effects)]
     loops = {BASELINE: (before.loop, 0.0), TUNED: (tuned.loop, 0.0)}
     if effects:
-        loops[FIXED] = (fixed_loop_of(report), kick_of(report, effects))
+        loops[FIXED] = (report.fixed_loop(), kick_of(report, effects))
     elif close:
         loops[NEAREST] = (runs.loop(close), kick_of(report, close))
     found = {}
@@ -108,7 +87,7 @@ def simulated(report: GapReport, seed: int = 0) -> dict[str, Traces]:
 
 def window(report: GapReport, most: int = 1200) -> tuple[int, int]:
     """Return first and last sample of the end of the held-out part, at most so many samples."""
-    situation = report.details["found"].situation
+    situation = report.behind.found.situation
     n = situation.record.n
     return max(held_out(situation), n - most), n
 

@@ -9,7 +9,16 @@ import pytest
 from scenarios.spec import Loop
 from simbench.gap.decide import classify as module
 from simbench.gap.decide.assess import Assessment, assess
-from simbench.gap.decide.classify import KNOWN, by_gain, candidate_rows, classify, combined, probabilities, record_row
+from simbench.gap.decide.classify import (
+    KNOWN,
+    Classified,
+    by_gain,
+    candidate_rows,
+    classify,
+    combined,
+    probabilities,
+    record_row,
+)
 from simbench.gap.decide.evidence import Row, evidence, squashed
 from simbench.gap.intake.check import check
 from simbench.gap.random_case import Case, random_case
@@ -153,3 +162,20 @@ def test_unknown_stands_in_the_block_that_fails(found):
     quiet = dict.fromkeys(found.tests, 0.0)
     assert classify(replace(found, unexplained={}, tests={**quiet, "bursts": 13.0})).unknown_block == "sensor"
     assert classify(replace(found, unexplained={}, tests=quiet, chosen=["drift"])).unknown_block == EFFECTS["drift"].block
+
+
+def test_a_blocks_share_is_the_summed_probability_of_what_lies_in_it():
+    p = dict.fromkeys((*EFFECTS, NONE, UNKNOWN), 0.0) | {
+        "stiction": 0.3,
+        "deadband": 0.2,
+        "noise": 0.1,
+        UNKNOWN: 0.2,
+        NONE: 0.2,
+    }
+    shares = Classified(p, "process").shares
+    assert shares == pytest.approx({"controller": 0.0, "valve": 0.625, "process": 0.25, "sensor": 0.125, "disturbance": 0.0})
+
+
+def test_where_none_is_the_answer_no_block_has_a_share():
+    p = dict.fromkeys((*EFFECTS, NONE, UNKNOWN), 0.0) | {"stiction": 0.4, NONE: 0.6}
+    assert set(Classified(p, "process").shares.values()) == {0.0}
