@@ -10,8 +10,9 @@ import numpy as np
 from scenarios.spec import Loop, Part
 from simbench.bench.motion import Motion, largest_sine, motion
 from simbench.loop.parameters import VALVES, valve_parameters
-from simbench.loop.setup import resolve_loop
-from simbench.loop.simulate import Run, simulate
+from simbench.loop.resolve import resolve_loop
+from simbench.loop.run import Run
+from simbench.loop.simulate import simulate
 
 TAIL_PERIODS = 20
 MIN_REVERSALS = 6

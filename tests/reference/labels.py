@@ -9,8 +9,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from simbench.loop.setup import resolve_loop
-from simbench.loop.simulate import run_setup
+from simbench.loop.resolve import resolve_loop
+from simbench.loop.run import run_setup
 
 PERIODS = 20  # of the tail
 LONGEST = 20_000  # samples of it
