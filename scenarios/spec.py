@@ -87,7 +87,7 @@ class Noise(_Table):
     """White measurement noise: std on PV (PV units), which the controller sees, mv_std on the recorded MV alone (%)."""
 
     std: NonNegative = 0.0
-    mv_std: NonNegative = 0.0
+    mv_std: NonNegative | None = None
 
 
 class SetPoint(_Table):

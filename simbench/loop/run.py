@@ -108,7 +108,7 @@ def run_setup(setup: Setup, *, kick: float = 0.0, start: Start | None = None, pl
 def _run(setup: Setup, op: np.ndarray, measured: np.ndarray, archived: np.ndarray, mv: np.ndarray) -> Run:
     n = setup.n
     process = "integrating" if setup.den[-1] == 0 else "self-regulating"
-    recorded, mv_std = mv, setup.loop.noise.mv_std
+    recorded, mv_std = mv, setup.loop.noise.mv_std or 0.0
     if mv_std > 0:
         recorded = mv + mv_std * np.random.default_rng([setup.seed, MV_NOISE]).standard_normal(mv.size)
 

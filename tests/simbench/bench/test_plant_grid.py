@@ -110,7 +110,7 @@ def test_the_grid_keeps_its_promises():
     per = [s.tags["samples_per_period"] for s in scenarios]
     assert (min(per), max(per)) == (10.0, 200.0)
     assert {e.name for s in scenarios for e in s.loop.effect} == set(grid.content.effects)
-    assert all(s.loop.noise.mv_std > 0 for s in scenarios)
+    assert all((s.loop.noise.mv_std or 0.0) > 0 for s in scenarios)
     assert 0.3 < np.mean([len(s.loop.setpoint.steps) > 1 for s in scenarios]) < 0.7
     buried = [s for s in scenarios if s.tags["disturbance"] == "buried" and s.tags["S"]]
     assert buried
