@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from detectors.record import LoopRecord
 from scenarios.spec import Loop, Part
 from simbench.bench.motion import Motion, largest_sine, motion
 from simbench.loop.parameters import VALVES, valve_parameters
-from simbench.loop.setup import resolve_loop
-from simbench.loop.simulate import Run, simulate
+from simbench.loop.resolve import resolve_loop
+from simbench.loop.run import Run
+from simbench.loop.simulate import simulate
 
 TAIL_PERIODS = 20
 MIN_REVERSALS = 6
@@ -88,7 +88,7 @@ def simulate_with_truth(loop: Loop, seed: int = 0, *, period: float | None = Non
     if not run.sticky:
         return run, Cycled(NO)
     Ts, bar = loop.sampling.Ts, least_swing(loop)
-    late = motion(_mv(run.record)[run.record.n // 2 :], bar / 4)
+    late = motion(run.mv[run.record.n // 2 :], bar / 4)
     if period is None:
         period = late.period * Ts
         period = period if math.isfinite(period) else run.record.duration / TAIL_PERIODS
@@ -106,7 +106,7 @@ def simulate_with_truth(loop: Loop, seed: int = 0, *, period: float | None = Non
     said, moved = found
     if said == NO and _moves(run, late, loop, seed, period / Ts, bar):
         said = UNCLEAR
-    if said == NO and _driven(run) and np.ptp(_mv(run.record)[run.record.n // 2 :]) >= bar:
+    if said == NO and _driven(run) and np.ptp(run.mv[run.record.n // 2 :]) >= bar:
         said = ENTRAINED
     return run, Cycled(said, moved.period * Ts, moved.swing)
 
@@ -158,12 +158,6 @@ def _samples(period: float) -> int:
     return min(max(math.ceil(TAIL_PERIODS * period), 3 * TAIL_PERIODS), MAX_TAIL)
 
 
-def _mv(record: LoopRecord | None) -> np.ndarray:
-    assert record is not None
-    assert record.mv is not None
-    return record.mv
-
-
 def _quiet_from(loop: Loop, period: float) -> list[int]:
     # the noise of the loop file and of its effects; without any the four moments are one
     n = loop.sampling.n
@@ -175,7 +169,7 @@ def _quiet_from(loop: Loop, period: float) -> list[int]:
 def _tail(loop: Loop, seed: int, period: float, bar: float, quiet: int | None) -> tuple[np.ndarray, Motion]:
     samples = _samples(period)
     while True:
-        tail = _mv(simulate(loop, seed, tail=samples, quiet=quiet).tail)
+        tail = simulate(loop, seed, tail=samples, quiet=quiet).mv[loop.sampling.n :]
         moved = motion(tail, bar / 4)
         wanted = _samples(moved.period if moved.reversals > 2 else 2.0 * samples / TAIL_PERIODS)
         # a cycle that is slower than expected needs a longer tail; a valve that stands still does not
@@ -187,7 +181,7 @@ def _tail(loop: Loop, seed: int, period: float, bar: float, quiet: int | None) -
 def _alone(loop: Loop, seed: int, tail: np.ndarray, moved: Motion, bar: float, quiet: int) -> str:
     """Say whether the valve goes on moving in one noise-free tail, and by itself."""
     if _swings(moved, bar) and moved.lasting >= FADING:
-        twin = _mv(simulate(healthy_twin(loop), seed, tail=tail.size, quiet=quiet).tail)
+        twin = simulate(healthy_twin(loop), seed, tail=tail.size, quiet=quiet).mv[loop.sampling.n :]
         own = TWIN * largest_sine(tail, moved.period) > largest_sine(twin, moved.period)
         return YES if own and moved.lasting >= LASTING else UNCLEAR
     # still moving at the end, but too slowly for the longest tail

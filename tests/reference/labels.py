@@ -9,8 +9,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from simbench.loop.setup import resolve_loop
-from simbench.loop.simulate import run_setup
+from simbench.loop.resolve import resolve_loop
+from simbench.loop.run import run_setup
 
 PERIODS = 20  # of the tail
 LONGEST = 20_000  # samples of it
@@ -133,7 +133,7 @@ def cycled(loop, seed, plain=False):
     swing = J / 2.0 if J > 0.0 else S / 20.0
     n = loop.sampling.n
     setup = resolve_loop(loop, seed)
-    record = run_setup(setup, plain=plain).record.mv
+    record = run_setup(setup, plain=plain).mv
     late = slice(n // 2, n)
     turns = turning_points(record[late], swing / 4.0)
     P = period_of(turns) if len(turns) >= 3 else (n - 1) / PERIODS
@@ -194,4 +194,4 @@ def behind(loop, seed, off, size, plain):
     setup = resolve_loop(loop, seed, size)
     if off is not None:
         setup.pv_add[off:] = 0.0
-    return run_setup(setup, plain=plain).tail.mv
+    return run_setup(setup, plain=plain).mv[loop.sampling.n :]

@@ -1,0 +1,1 @@
+"""Independent simulators that judge the diagnosis: one world per package."""
