@@ -9,7 +9,7 @@ import numpy as np
 
 from detectors.quality import Flag, inspect
 from detectors.record import LoopRecord
-from detectors.signal.conditioning import clear_harmonics, cosines, drift, loop_sign, smooth
+from detectors.signal.conditioning import clear_harmonics, drift, loop_sign, mirrored_spectrum, smooth
 from detectors.signal.half_cycles import split
 from detectors.signal.oscillation import Oscillation, find_oscillation
 from detectors.signal.standstill import steady_valve
@@ -100,7 +100,7 @@ class Prepared:
         if name == "travel" and self.record.op_span in (None, (0.0, 100.0)):
             name = "op"  # the same numbers
         level = self.share(f"level {name}", lambda: self.signal(name) - drift(self.signal(name), self.period))
-        return smooth(level, shortest, lambda: self.share(f"cosines {name}", lambda: cosines(level)))
+        return smooth(level, shortest, lambda: self.share(f"spectrum {name}", lambda: mirrored_spectrum(level)))
 
     def smooth_op(self) -> np.ndarray:
         """Return OP without noise beyond its clear harmonics, shape (n,)."""
