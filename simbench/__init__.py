@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-__all__ = ["simulate", "sweep"]
+__all__ = ["simulate", "simulate_batch", "sweep"]
 
 
 def __getattr__(name: str) -> Any:
@@ -17,4 +17,8 @@ def __getattr__(name: str) -> Any:
         from simbench.loop.simulate import simulate
 
         return simulate
+    if name == "simulate_batch":
+        from simbench.loop.batch import simulate_batch
+
+        return simulate_batch
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -99,14 +99,15 @@ def run_setup(setup: Setup, *, kick: float = 0.0, start: Start | None = None, pl
         setup.sp, setup.load_in, setup.load_out, setup.pv_add, float(kick), setup.op0, w, x, c, tuple(v), s, parts.bare,
         op, measured, mv,
     )  # fmt: skip
+    return finished_run(setup, op, measured, mv)
+
+
+def finished_run(setup: Setup, op: np.ndarray, measured: np.ndarray, mv: np.ndarray) -> Run:
+    """Return the run that gave these signals, each of shape (n + tail,); PV and MV are recorded as the setup says."""
+    n = setup.n
     archived = measured
     for recorder in setup.recorders:
         archived = recorder(archived)
-    return _run(setup, op, measured, archived, mv)
-
-
-def _run(setup: Setup, op: np.ndarray, measured: np.ndarray, archived: np.ndarray, mv: np.ndarray) -> Run:
-    n = setup.n
     process = "integrating" if setup.den[-1] == 0 else "self-regulating"
     recorded, mv_std = mv, setup.loop.noise.mv_std or 0.0
     if mv_std > 0:
