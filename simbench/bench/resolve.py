@@ -162,7 +162,7 @@ def band(loop: Loop) -> tuple[float, float]:
     from simbench.loop.parameters import VALVES, valve_parameters
 
     module = VALVES.load(loop.valve.name)
-    if not module.FRICTION or not hasattr(module, "mapped_SJ"):
+    if not hasattr(module, "mapped_SJ"):
         return 1.0, 1.0
     S, J = module.mapped_SJ(valve_parameters(module, loop.valve.parameters, loop.sampling.Ts))
     return (S, J) if S > 0 else (1.0, 1.0)
