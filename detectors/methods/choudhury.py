@@ -20,7 +20,6 @@ import numpy as np
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
 from detectors.signal.bicoherence import error_bicoherence
-from detectors.signal.conditioning import drift, smooth
 from detectors.signal.ellipse import fit_ellipse
 from detectors.signal.oscillation import regular_segment
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
@@ -71,9 +70,8 @@ def detect(prepared: Prepared, *, ngi_low: float, height_low: float, fitness_low
     higher = prepared.share("bicoherence", lambda: error_bicoherence(record.e, period))
     if higher is None:
         return Verdict("choudhury", NO_DECISION, reason="too short: fewer than four segments of 64 samples")
-    op = record.op if record.op_percent is None else record.op_percent
     shortest = 1.0 / min(0.5, max(*higher.peak, 1.0 / period) + 0.05)
-    op, pv = (smooth(x - drift(x, period), shortest) for x in (op, record.pv))
+    op, pv = (prepared.band(name, shortest) for name in ("travel", "pv"))
     cut = slice(*regular_segment(op, period, round(4 * period)))
     found = fit_ellipse(op[cut], pv[cut])
     indices = {"ngi": higher.ngi, "nli": higher.nli}
