@@ -18,6 +18,7 @@ import math
 
 import numpy as np
 
+from detectors.compiled import compiled
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
 from detectors.signal.hammerstein import fit_hammerstein, moving_mean, strongest_segment, swing
@@ -70,47 +71,59 @@ def two_models(u: np.ndarray, y: np.ndarray, a: float, b: float, noise: float, s
     >>> bool(standing[50:].mean() > 0.8)
     True
     """
+    standing = np.empty(u.size)
+    total = compiled(_filtered)(*(np.ascontiguousarray(x, dtype=float) for x in (u, y)), a, b, noise, stay, standing)
+    return standing, float(total)
+
+
+def _filtered(u, y, a, b, noise, stay, standing):
+    """Fill `standing` with the probability of the standing valve; return the log-likelihood of the record."""
     q, r = LOOSE**2, noise**2
-    # state of each filter: z, v and the covariances zz, zv, vv; standing first
-    filters = [[float(y[0]), float(u[0]), r, 0.0, 1.0], [float(y[0]), float(u[0]), r, 0.0, q]]
-    p = [1.0 - stay, stay]
-    standing, total = np.empty(u.size), 0.0
+    # each filter: z, v and the covariances zz, zv, vv; the standing one, then the following one
+    one = (y[0], u[0], r, 0.0, 1.0)
+    two = (y[0], u[0], r, 0.0, q)
+    p_one, p_two, total = 1.0 - stay, stay, 0.0
     for k in range(u.size):
-        likelihood = [0.0, 0.0]
-        for i in (0, 1):  # measurement
-            z, v, zz, zv, vv = filters[i]
-            s = zz + r
-            e = float(y[k]) - z
-            filters[i] = [z + zz / s * e, v + zv / s * e, zz * r / s, zv * r / s, vv - zv * zv / s]
-            likelihood[i] = math.exp(max(-0.5 * e * e / s, -300.0)) / math.sqrt(2.0 * math.pi * s)
-        joint = [p[0] * likelihood[0], p[1] * likelihood[1]]
-        total += math.log(joint[0] + joint[1])
-        p = [j / (joint[0] + joint[1]) for j in joint]
-        standing[k] = p[0]
-        ahead = [p[0] * stay + p[1] * (1.0 - stay), p[1] * stay + p[0] * (1.0 - stay)]
-        mixed = []
-        for i in (0, 1):  # what each mode inherits from both
-            w = p[i] * stay / max(ahead[i], 1e-300)
-            mixed.append(_mix(filters[i], filters[1 - i], w))
-        for i in (0, 1):  # valve, then plant
-            z, v, zz, zv, vv = mixed[i]
-            if i == 1:
-                v, zv, vv = float(u[k]), 0.0, 0.0
-            vv += q
-            filters[i] = [a * z + b * v, v, a * a * zz + 2 * a * b * zv + b * b * vv, a * zv + b * vv, vv]
-        p = ahead
-    return standing, total
+        one, like_one = _measured(one, y[k], r)
+        two, like_two = _measured(two, y[k], r)
+        joint_one, joint_two = p_one * like_one, p_two * like_two
+        total += math.log(joint_one + joint_two)
+        p_one, p_two = joint_one / (joint_one + joint_two), joint_two / (joint_one + joint_two)
+        standing[k] = p_one
+        ahead_one = p_one * stay + p_two * (1.0 - stay)
+        ahead_two = p_two * stay + p_one * (1.0 - stay)
+        # what each mode inherits from both
+        mixed_one = _mix(one, two, p_one * stay / max(ahead_one, 1e-300))
+        mixed_two = _mix(two, one, p_two * stay / max(ahead_two, 1e-300))
+        one = _moved(mixed_one, a, b, q)
+        two = _moved((mixed_two[0], u[k], mixed_two[2], 0.0, 0.0), a, b, q)
+        p_one, p_two = ahead_one, ahead_two
+    return total
 
 
-def _mix(one: list[float], other: list[float], w: float) -> list[float]:
+def _measured(f, y, r):
+    """One filter after a measurement, and the likelihood of that."""
+    z, v, zz, zv, vv = f
+    s = zz + r
+    e = y - z
+    likelihood = math.exp(max(-0.5 * e * e / s, -300.0)) / math.sqrt(2.0 * math.pi * s)
+    return (z + zz / s * e, v + zv / s * e, zz * r / s, zv * r / s, vv - zv * zv / s), likelihood
+
+
+def _moved(f, a, b, q):
+    """One filter after the valve's own wandering and a step of the plant."""
+    z, v, zz, zv, vv = f
+    vv = vv + q
+    return (a * z + b * v, v, a * a * zz + 2 * a * b * zv + b * b * vv, a * zv + b * vv, vv)
+
+
+def _mix(one, other, w):
+    """Two filters as one, the first with weight w."""
     z, v = w * one[0] + (1 - w) * other[0], w * one[1] + (1 - w) * other[1]
-    spread = [0.0, 0.0, 0.0]
-    for f, share in ((one, w), (other, 1 - w)):
-        dz, dv = f[0] - z, f[1] - v
-        spread[0] += share * (f[2] + dz * dz)
-        spread[1] += share * (f[3] + dz * dv)
-        spread[2] += share * (f[4] + dv * dv)
-    return [z, v, *spread]
+    dz, dv, ez, ev = one[0] - z, one[1] - v, other[0] - z, other[1] - v
+    zz = w * (one[2] + dz * dz) + (1 - w) * (other[2] + ez * ez)
+    zv = w * (one[3] + dz * dv) + (1 - w) * (other[3] + ez * ev)
+    return (z, v, zz, zv, w * (one[4] + dv * dv) + (1 - w) * (other[4] + ev * ev))
 
 
 def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdict:
@@ -175,9 +188,15 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
 
 def _aligned(u: np.ndarray, y: np.ndarray, a: float, half: int, sign: float) -> tuple[float, float, np.ndarray]:
     """Squared misfit of a plant with pole `a` whose answer to u has the size of y, its input gain, and u."""
-    x = np.zeros(u.size)
-    for k in range(1, u.size):
-        x[k] = a * x[k - 1] + u[k - 1]
+    x = np.empty(u.size)
+    compiled(_lagged)(u, a, x)
     x -= moving_mean(x, half)
     b = sign * float(y.std() / max(x.std(), 1e-300))
     return float(np.mean((y - b * x) ** 2)), b, u
+
+
+def _lagged(u, a, x):
+    """Fill `x` with a first-order lag's answer to `u`."""
+    x[0] = 0.0
+    for k in range(1, u.size):
+        x[k] = a * x[k - 1] + u[k - 1]

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from detectors.compiled import LANES, compiled, lanes
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
 from detectors.signal.hammerstein import moving_mean, strongest_segment, swing
@@ -24,6 +25,7 @@ SAMPLES = 30  # per period at least, after averaging
 LENGTH = 400  # averaged samples
 ROUNDS = 3
 PRICE = 0.5  # of a jump, in ln(n) times the error variance; own, simulated loops
+ILL = 1e-10  # share of a sum of squares; what is left of it below this is rounding
 STARTS = (0.0, 0.4)  # half widths of the dead band that gives the first guess of the valve, shares of OP's swing
 
 METHOD = Method(
@@ -60,30 +62,59 @@ def best_jumps(u: np.ndarray, r: np.ndarray, penalty: float) -> np.ndarray:
     >>> best_jumps(np.array([0.0, 1.0, 2.0, 3.0]), np.array([0.0, 0.0, 2.0, 2.0]), 0.5)
     array([0., 0., 2., 2.])
     """
+    x = np.empty(u.size)
+    compiled(_jumps)(np.ascontiguousarray(u), np.ascontiguousarray(r), float(penalty), x)
+    return x
+
+
+def _jumps(u, r, penalty, x):
+    """Fill `x` with the best course; places are compared `LANES` at a time, of equal ones the first wins."""
     n = u.size
-    R1, R2 = np.concatenate([[0.0], np.cumsum(r)]), np.concatenate([[0.0], np.cumsum(r * r)])
-    # total[j]: cheapest course with a jump at j, without the samples from j on; kept less what j's line adds
-    base = np.empty(n)
-    origin = np.empty(n, dtype=int)
+    room = (n + LANES - 1) // LANES * LANES
+    base, twice, square = np.full(room, np.inf), np.zeros(room), np.zeros(room)
+    origin = np.empty(n, dtype=np.int64)
+    least, place = lanes(), lanes()
     cheapest, last = 0.0, 0
-    k = np.arange(n + 1)
+    R1 = R2 = 0.0
     for j in range(n):
-        base[j] = cheapest - R2[j] + 2.0 * u[j] * R1[j] - j * u[j] ** 2
+        # cheapest course with a jump at j, without the samples from j on; kept less what j's line adds
+        base[j] = cheapest - R2 + 2.0 * u[j] * R1 - j * (u[j] * u[j])
+        twice[j], square[j] = 2.0 * u[j], u[j] * u[j]
         origin[j] = last
+        R1 += r[j]
+        R2 += r[j] * r[j]
         # cheapest course up to sample j + 1, over the place of its last jump
-        ends = base[: j + 1] - 2.0 * u[: j + 1] * R1[j + 1] + k[j + 1] * u[: j + 1] ** 2
-        last = int(np.argmin(ends))
-        cheapest = float(ends[last]) + R2[j + 1] + penalty
-    x = np.empty(n)
+        for c in range(LANES):
+            least[c], place[c] = np.inf, 0.0
+        for first in range(0, j + 1, LANES):
+            for c in range(LANES):
+                i = np.uintp(first + c)
+                end = base[i] - twice[i] * R1 + (j + 1.0) * square[i]
+                place[c] = first + c if end < least[c] else place[c]
+                least[c] = end if end < least[c] else least[c]
+        lowest, at = least[0], place[0]
+        for c in range(1, LANES):
+            if least[c] < lowest or (least[c] == lowest and place[c] < at):
+                lowest, at = least[c], place[c]
+        last = int(at)
+        cheapest = lowest + R2 + penalty
     stop = n
     while stop > 0:
-        x[last:stop] = u[last]
+        for k in range(last, stop):
+            x[k] = u[last]
         stop, last = last, origin[last]
-    return x
 
 
 def fit_plant(x: np.ndarray, y: np.ndarray, delays: range) -> tuple[float, float, float, int, float]:
     """Return (a, b, c, delay, mean squared error) of y(k) = a y(k-1) + b x(k-1-delay) + c, the best delay of several."""
+    found = np.empty(5)
+    if compiled(_plant)(np.ascontiguousarray(x), np.ascontiguousarray(y), delays[0], delays[-1] + 1, found):
+        return (*found[:3].tolist(), int(found[3]), float(found[4]))
+    return fit_plant_by_columns(x, y, delays)
+
+
+def fit_plant_by_columns(x: np.ndarray, y: np.ndarray, delays: range) -> tuple[float, float, float, int, float]:
+    """Do the same by stacked columns: slow, but also for a valve that hardly moves, whose column is nearly that of the ones."""
     first = delays[-1] + 1
     best = (0.0, 0.0, 0.0, 0, np.inf)
     target, before = y[first:], y[first - 1 : -1]
@@ -94,6 +125,50 @@ def fit_plant(x: np.ndarray, y: np.ndarray, delays: range) -> tuple[float, float
         if error < best[4]:
             best = (float(a), float(b), float(c), d, error)
     return best
+
+
+def _plant(x, y, least, most, found):
+    """Fill `found` with (a, b, c, delay, error) by the normal equations; return whether these were well conditioned."""
+    first, n = most, y.size
+    m = n - first
+    found[4] = np.inf
+    mean_z = mean_y = 0.0
+    for k in range(first, n):
+        mean_z += y[k - 1] / m
+        mean_y += y[k] / m
+    zz = zy = 0.0
+    for k in range(first, n):
+        zz += (y[k - 1] - mean_z) * (y[k - 1] - mean_z)
+        zy += (y[k - 1] - mean_z) * (y[k] - mean_y)
+    for d in range(least, most):
+        mean_x = 0.0
+        for k in range(first, n):
+            mean_x += x[k - 1 - d] / m
+        xx = xy = xz = 0.0
+        for k in range(first, n):
+            v = x[k - 1 - d] - mean_x
+            xx += v * v
+            xy += v * (y[k] - mean_y)
+            xz += v * (y[k - 1] - mean_z)
+        det = zz * xx - xz * xz
+        if not det > ILL * zz * xx or xx <= ILL * m * mean_x * mean_x:
+            return False
+        a, b = (zy * xx - xy * xz) / det, (xy * zz - zy * xz) / det
+        c = mean_y - a * mean_z - b * mean_x
+        error = 0.0
+        for k in range(first, n):
+            left = y[k] - (a * y[k - 1] + b * x[k - 1 - d] + c)
+            error += left * left / m
+        if error < found[4]:
+            found[0], found[1], found[2], found[3], found[4] = a, b, c, d, error
+    return True
+
+
+def _first_guess(u, band, x):
+    """Fill `x` with Stenman's valve with one parameter."""
+    x[0] = u[0]
+    for k in range(1, u.size):
+        x[k] = u[k] if abs(u[k] - x[k - 1]) > band else x[k - 1]
 
 
 def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdict:
@@ -152,9 +227,8 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
 
 def _alternate(u: np.ndarray, y: np.ndarray, band: float, delays: range) -> tuple[float, np.ndarray]:
     """Estimate plant and jumps in turn; returns the error with the jumps' price, and the valve."""
-    x = u.copy()
-    for k in range(1, u.size):  # Stenman's valve with one parameter
-        x[k] = u[k] if abs(u[k] - x[k - 1]) > band else x[k - 1]
+    x = np.empty(u.size)
+    compiled(_first_guess)(u, band, x)
     best = (np.inf, x)
     for _ in range(ROUNDS):
         a, b, c, d, error = fit_plant(x, y, delays)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from detectors.signal.hammerstein_kernels import MOVING_UP, compiled
+from detectors.compiled import compiled
+from detectors.signal.hammerstein_kernels import GROUP, MOVING_UP, descend, errors
 from detectors.signal.oscillation import detrend
 
 SAMPLES = 50  # per period at least, of valve position and PV after averaging
@@ -82,19 +84,38 @@ class _Search:
         """Poles of time constants given in periods."""
         return np.exp(-1.0 / np.maximum(times * self.period, 1e-3))
 
-    def scan(self, S, J, start: float, poles: np.ndarray, delays: np.ndarray) -> np.ndarray:
-        """Error, pole index and delay index of every valve, shape (m, 3)."""
-        out = np.empty((len(S), 3))
-        S, J = np.asarray(S, dtype=float), np.asarray(J, dtype=float)
-        compiled("scan")(*self.common, S, J, start, poles, delays, out)
-        return out
+    def scan(self, S, J, start, pole, low, count, stride: int = 1) -> tuple[np.ndarray, np.ndarray]:
+        """Return error and delay index of every valve with its pole, best of delays low, low + stride ...; arrays broadcast."""
+        shape = np.broadcast(S, J, start, pole).shape
+        valves, windows = np.empty((4, *shape)), np.empty((2, *shape), dtype=np.int64)
+        for room, parts in ((valves, (S, J, start, pole)), (windows, (low, count))):
+            for i, values in enumerate(parts):
+                room[i] = values
+        size = valves[0].size
+        out = np.empty((size, 2))
+        first, counts = self.delays[0] + windows[0].ravel(), windows[1].ravel()
+        compiled(errors)(*self.common, *valves.reshape(4, size), first, counts, stride, out)
+        return out[:, 0].reshape(shape), windows[0] + out[:, 1].reshape(shape).astype(np.int64) * stride
 
-    def descend(self, S, J, pole, start: float, delays: np.ndarray, width: float, least: float, fixed_J: bool = False):
-        """Error, S, J and pole at the bottom of the valley, steps from `width` down to `least` shares of the swing."""
-        point = np.array([S, J, np.log(-np.log(pole)) if 0.0 < pole < 1.0 else -np.inf])
-        steps = width * np.array([self.swing, 0.0 if fixed_J else self.swing, 2.0 if np.isfinite(point[2]) else 0.0])
-        error = compiled("descend")(*self.common, point, start, delays, steps, least / width)
-        return float(error), float(point[0]), float(point[1]), float(np.exp(-np.exp(point[2])))
+    def window(self, d: np.ndarray, reach: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return first index and number of the delays within `reach` of those with index `d`."""
+        low = np.maximum(d - reach, 0)
+        return low, np.minimum(d + reach + 1, self.delays.size) - low
+
+    def descend(self, ends: _Ends, width, least, reach: int, fixed_J=False) -> _Ends:
+        """Return the bottoms of the valleys, steps from `width` down to `least` shares of the swing; starts and delays stay."""
+        m = ends.d.size
+        points, steps = np.full((m, 3), -np.inf), np.empty((m, 3))
+        points[:, 0], points[:, 1] = ends.S, ends.J
+        finite = (ends.pole > 0.0) & (ends.pole < 1.0)
+        points[finite, 2] = np.log(-np.log(ends.pole[finite]))
+        steps[:, 0] = width * self.swing
+        steps[:, 1] = np.where(fixed_J, 0.0, steps[:, 0])
+        steps[:, 2] = np.where(finite, 2.0 * width, 0.0)
+        low, count = self.window(ends.d, reach)
+        share, error = np.broadcast_to(np.divide(least, width), m).copy(), np.empty(m)
+        compiled(descend)(*self.common, points, ends.start.copy(), self.delays[low], count, steps, share, error)
+        return ends._replace(error=error, S=points[:, 0], J=points[:, 1], pole=np.exp(-np.exp(points[:, 2])))
 
 
 def fit_hammerstein(
@@ -146,29 +167,61 @@ def fit_hammerstein(
     5.0
     """
     short, full = (_Search(op, pv, period, limits, reach) for reach in (SHORT, FULL))
-    delays = full.delays
     poles = np.array([1.0]) if integrating else np.append(full.poles(TIMES), 1.0)
-    linear = float(full.scan([0.0], [0.0], MOVING_UP, poles, delays)[0, 0])
+    everywhere = full.delays.size
+    linear = float(full.scan(0.0, 0.0, MOVING_UP, poles, 0, everywhere)[0].min())
     S, J = _grid(S_SHARES * full.swing, J_SHARES)
-    some = delays[:: max(1, delays.size // 8)]
-    tried = short.scan(S, J, MOVING_UP, poles, some)
-    ends = []
-    for i in _distinct(tried[:, 0], S, J, 4):
-        d = int(np.searchsorted(delays, some[int(tried[i, 2])]))
-        ends.append(_plant(short, S[i], J[i], MOVING_UP, poles[int(tried[i, 1])], d, integrating))
+    stride = max(1, everywhere // 8)
+    tried, at = short.scan(S, J, MOVING_UP, poles[:, None], 0, -(-everywhere // stride), stride)
+    which = tried.argmin(axis=0)
+    tried, at = tried.min(axis=0), at[which, np.arange(S.size)]
+    found = _distinct(tried, S, J, 4)
+    ends = _plants(short, _Ends.at(tried[found], S[found], J[found], poles[which[found]], at[found]), integrating)
     # noise on OP cuts valleys of 1 % of S: a dense grid with a good plant finds them, a descent does not
     S, J = _grid(S_FINE * full.swing, J_FINE)
     for _ in range(PASSES):
-        _, _, _, _, pole, d = min(ends)
-        tried = short.scan(S, J, MOVING_UP, np.array([pole]), delays[max(d - 1, 0) : d + 2])
-        more = [(float(tried[i, 0]), S[i], J[i], MOVING_UP, pole, d) for i in _distinct(tried[:, 0], S, J, 4)]
-        ends = [_settle(short, end, integrating, (0.006,)) for end in sorted(ends + more)[:TOP]]
-    ends = sorted(_plant(full, *_start(full, end), integrating) for end in ends)[:2]
-    error, S_hat, J_hat, start, pole, d = min(_settle(full, end, integrating, (0.004, 0.001)) for end in ends)
-    S_range, J_range = _ranges(short, (error, S_hat, J_hat, start, pole, d))
+        best = ends.best(1)
+        low, count = short.window(best.d, 1)
+        tried, _ = short.scan(S, J, MOVING_UP, best.pole, low, count)
+        found = _distinct(tried, S, J, 4)
+        more = _Ends.at(tried[found], S[found], J[found], np.repeat(best.pole, len(found)), np.repeat(best.d, len(found)))
+        ends = _settle(short, ends.and_(more).best(TOP), integrating, (0.006,))
+    ends = _plants(full, _restarted(full, ends), integrating).best(2)
+    ends = _settle(full, ends, integrating, (0.004, 0.001)).best(1)
+    S_range, J_range = _ranges(short, ends)
+    error, S_hat, J_hat, _, pole, d = (float(x[0]) for x in ends)
     T = np.inf if pole == 1.0 else -full.q * Ts / np.log(pole)
-    dead = (delays[d] - delays[0]) * full.q * Ts
+    dead = d * full.q * Ts
     return Hammerstein(S_hat, J_hat, S_range, J_range, error, linear, full.sign, float(T), float(dead))
+
+
+class _Ends(NamedTuple):
+    """Candidates, arrays of one length: error, valve (S, J), its start, the plant's pole and the index of its delay."""
+
+    error: np.ndarray
+    S: np.ndarray
+    J: np.ndarray
+    start: np.ndarray
+    pole: np.ndarray
+    d: np.ndarray
+
+    @classmethod
+    def at(cls, error, S, J, pole, d) -> _Ends:
+        """Candidates whose valve has been moving up."""
+        return cls(error, S, J, np.full(S.shape, MOVING_UP), pole, d)
+
+    def and_(self, other: _Ends) -> _Ends:
+        """These candidates and others."""
+        return _Ends(*(np.concatenate(pair) for pair in zip(self, other, strict=True)))
+
+    def best(self, count: int) -> _Ends:
+        """The best of them."""
+        kept = np.argsort(self.error, kind="stable")[:count]
+        return _Ends(*(x[kept] for x in self))
+
+    def better(self, other: _Ends) -> _Ends:
+        """The better of every pair of candidates."""
+        return _Ends(*(np.where(other.error < self.error, new, old) for old, new in zip(self, other, strict=True)))
 
 
 def _grid(S: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -179,59 +232,61 @@ def _grid(S: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _distinct(errors: np.ndarray, S: np.ndarray, J: np.ndarray, count: int) -> list[int]:
     """Indices of the best candidates that are not next to a better one."""
     kept: list[int] = []
-    for i in np.argsort(errors):
-        if all(abs(np.log(S[i] / S[k])) > 0.1 or abs(J[i] / S[i] - J[k] / S[k]) > 0.4 for k in kept):
-            kept.append(int(i))
-        if len(kept) == count:
-            break
+    size, share = np.log(S), J / S
+    order = np.argsort(errors, kind="stable")
+    while order.size and len(kept) < count:
+        k = order[0]
+        kept.append(int(k))
+        order = order[(np.abs(size[order] - size[k]) > 0.1) | (np.abs(share[order] - share[k]) > 0.4)]
     return kept
 
 
-def _plant(search: _Search, S: float, J: float, start: float, pole: float, d: int, integrating: bool):
-    """Improve the plant behind one valve; returns (error, S, J, start, pole, delay index)."""
-    fine = np.array([pole])
-    if not integrating:  # time constants around the present one
-        fine = np.exp(np.log(min(max(pole, 1e-9), 0.9999)) * AROUND)
-        fine[0] = pole
-    found = search.scan([S], [J], start, fine, search.delays)[0]
-    return float(found[0]), S, J, start, float(fine[int(found[1])]), int(found[2])
+def _plants(search: _Search, ends: _Ends, integrating: bool) -> _Ends:
+    """Improve the plants behind the valves: time constants around the present ones, any delay."""
+    fine = ends.pole[:, None]
+    if not integrating:
+        fine = np.exp(np.log(np.clip(fine, 1e-9, 0.9999)) * AROUND)
+        fine[:, 0] = ends.pole
+    error, d = search.scan(ends.S[:, None], ends.J[:, None], ends.start[:, None], fine, 0, search.delays.size)
+    row, k = np.arange(ends.d.size), error.argmin(axis=1)
+    return ends._replace(error=error[row, k], pole=fine[row, k], d=d[row, k])
 
 
-def _start(search: _Search, point: tuple):
-    """The point's (S, J, start, pole, delay index) with the start state that suits this stretch best."""
-    _, S, J, _, pole, d = point
-    near = search.delays[max(d - 1, 0) : d + 2]
-    tried = [(float(search.scan([S], [J], r, np.array([pole]), near)[0, 0]), r) for r in (MOVING_UP, *STARTS)]
-    return S, J, min(tried)[1], pole, d
+def _restarted(search: _Search, ends: _Ends, starts: tuple[float, ...] = (MOVING_UP, *STARTS), reach: int = 1) -> _Ends:
+    """The candidates with those start states that suit this stretch best."""
+    tried = np.resize(starts, (ends.d.size, GROUP))  # a whole group shares its window of delays
+    low, count = search.window(ends.d, reach)
+    error, _ = search.scan(ends.S[:, None], ends.J[:, None], tried, ends.pole[:, None], low[:, None], count[:, None])
+    row, k = np.arange(ends.d.size), error.argmin(axis=1)
+    return ends._replace(error=error[row, k], start=tried[row, k])
 
 
-def _settle(search: _Search, point: tuple, integrating: bool, steps: tuple[float, ...]):
-    """Improve plant, valve and start state in turn, from one point on."""
-    error, S, J, start, pole, d = point
+def _settle(search: _Search, ends: _Ends, integrating: bool, steps: tuple[float, ...]) -> _Ends:
+    """Improve plants, valves and start states in turn."""
     for least in steps:
-        error, S, J, start, pole, d = _plant(search, S, J, start, pole, d, integrating)
-        near = search.delays[max(d - 2, 0) : d + 3]
-        error, S, J, pole = search.descend(S, J, pole, start, near, 4.0 * least, least)
-        if start == MOVING_UP:
-            rest = [(float(search.scan([S], [J], r, np.array([pole]), near)[0, 0]), r) for r in STARTS]
-            if min(rest)[0] < error:
-                error, start = min(rest)
-    return float(error), float(S), float(J), start, pole, d
+        ends = _plants(search, ends, integrating)
+        ends = search.descend(ends, 4.0 * least, least, 2)
+        rest = _restarted(search, ends, STARTS, 2)
+        moving = ends.start == MOVING_UP
+        ends = ends.better(rest._replace(error=np.where(moving, rest.error, np.inf)))
+    return ends
 
 
-def _ranges(search: _Search, point: tuple):
+def _ranges(search: _Search, best: _Ends):
     """S and J that fit about as well: for each J of a list, S and the plant are free to make up for it."""
-    S, J, start, pole, d = _start(search, point)
-    near = search.delays[max(d - 3, 0) : d + 4]
-    best, S_best, J_best, _ = search.descend(S, J, pole, start, near, 0.02, 0.005)
-    tried = [(best, S_best, J_best), (best, S, J)]
-    for share in J_PROFILE:
-        error, s, j, _ = search.descend(S, share * S, pole, start, near, 0.05, 0.012, fixed_J=True)
-        tried.append((error, s, j))
+    start = _restarted(search, best)
+    # first the valley itself, then one for every J
+    ends = _Ends(*(np.repeat(x, 1 + len(J_PROFILE)) for x in start))
+    ends.J[1:] = np.array(J_PROFILE) * ends.S[1:]
+    fixed = np.arange(ends.d.size) > 0
+    tried = search.descend(ends, np.where(fixed, 0.05, 0.02), np.where(fixed, 0.012, 0.005), 3, fixed)
     # every half cycle counts as one independent piece of evidence
-    least = min(t[0] for t in tried) * (1.0 + 3.84 / max(2.0 * search.cycles, 4.0)) + ENOUGH
-    inside = [(s, j) for error, s, j in tried if error <= least]
-    return tuple((min(x), max(x)) for x in zip(*inside, strict=True))
+    least = tried.error.min() * (1.0 + 3.84 / max(2.0 * search.cycles, 4.0)) + ENOUGH
+    inside = tried.error <= least
+    S, J = tried.S[inside], tried.J[inside]
+    if inside[0]:
+        S, J = np.append(S, best.S), np.append(J, best.J)
+    return (float(S.min()), float(S.max())), (float(J.min()), float(J.max()))
 
 
 def strongest_segment(x: np.ndarray, period: float, length: int) -> tuple[int, int]:

@@ -1,22 +1,20 @@
-"""Kernels of the Hammerstein identification: the error of PV for one valve and many plants, over a grid or down a valley.
+"""Kernels of the Hammerstein identification: the error of PV for many valves, each with its plant, and the way down a valley.
 
-The functions are plain Python, their own slow twins; `compiled` gives them at full speed.
+Plain Python, their own slow twins; `detectors.compiled.compiled` gives them at full speed. `LANES` valves stand side by side.
+Every kernel takes the record as (op, y, q, half, first, last, sign, lo, hi): OP, PV averaged over `q` samples and freed of its
+mean over `half` averages on either side, the averages that count, the sign of the plant's gain and the ends of travel.
 """
 
 from __future__ import annotations
 
-from functools import lru_cache
-from hashlib import sha1
-from pathlib import Path
-from types import FunctionType
-
 import numpy as np
 
-from detectors.signal import stiction_map
-from detectors.signal.stiction_map import trace
+from detectors.compiled import LANES, lanes, rows
 
 MOST_ROUNDS = 60  # of the pattern search
+TIE = 1e-12  # errors that differ by less are equal: rounding shall not choose the way
 MOVING_UP, MOVING_DOWN = 2.0, -2.0  # start of a valve that has just been moving; else a rest position
+GROUP = 8  # valves that share a window of delays: the trials of one point of `descend`
 
 
 def state_before(u, S, J, start, lo, hi):
@@ -29,160 +27,262 @@ def state_before(u, S, J, start, lo, hi):
     return (u - start * 0.5 * (S + J), 0.0, 0.0, u)
 
 
-def objective(op, y, q, half, first, last, sign, lo, hi, S, J, start, poles, delays):
-    """Return the least squared error of PV for one valve, over poles and delays, with the index of both.
+def errors(op, y, q, half, first, last, sign, lo, hi, S, J, start, pole, delay, count, stride, out):
+    """Fill out[i] with the least squared error of PV for valve and pole i over its delays, and which of them.
 
-    The valve turns `op` into v, which is averaged over `q` samples and freed of its mean over `half` averages on either
-    side, as `y` is already: h. The plant is x(k) = a x(k-1) + (1 - a) h(k) (a = 1: x(k-1) + h(k)), and PV is
-    K0 x(k-d) + K1 x(k-d-1) + c, both gains of the given sign. The error is relative to the variance of y, both over
-    the samples from `first` to before `last`. `start` as in `state_before`.
+    The valve (S[i], J[i], start[i] as in `state_before`) turns `op` into v, averaged and freed of its mean as `y` is: h. The
+    plant is x(k) = a x(k-1) + (1 - a) h(k) with a = pole[i] (a = 1: x(k-1) + h(k)), and PV is K0 x(k-d) + K1 x(k-d-1) + c,
+    both gains of the given sign, d = delay[i] + stride (0, 1 ... count[i] - 1). The error is relative to the variance of y,
+    both over the averages from `first` to before `last`. `delay` is the same within every `GROUP` of valves.
     """
-    state = state_before(op[0], S, J, start, lo, hi)
-    v = np.empty(op.size)
-    trace(op, S, J, state, lo, hi, v)
     n = y.size
-    h = np.empty(n)
-    x = np.empty(n)
-    for k in range(n):
-        total = 0.0
+    v, total = rows(n), rows(n + 1)
+    for block in range(0, S.size, LANES):
+        low, high = delay[block], delay[block]
+        for i in range(block, min(block + LANES, S.size), GROUP):
+            low, high = min(low, delay[i]), max(high, delay[i])
+        x = rows(n + high - low)
+        moves(op, q, lo, hi, S, J, start, block, v, total)
+        answers(half, pole, delay, low, block, v, total, x)
+        misfits(y, first, last, sign, low, count, stride, block, x, out)
+
+
+def moves(op, q, lo, hi, S, J, start, block, v, total):
+    """Fill `v` with the averaged positions of a block of valves less the first OP, and `total` with their running sums.
+
+    The map of `detectors.signal.stiction_map`; `m` is the direction of a moving valve, 0 for one at rest.
+    """
+    position, m, fs, fd, mean, run = lanes(), lanes(), lanes(), lanes(), lanes(), lanes()
+    before = base = min(max(op[0], lo), hi)
+    for c in range(LANES):
+        i = min(block + c, S.size - 1)
+        fs[c], fd[c] = 0.5 * (S[i] + J[i]), 0.5 * (S[i] - J[i])
+        m[c] = 1.0 if start[i] == MOVING_UP else -1.0 if start[i] == MOVING_DOWN else 0.0
+        position[c] = base - start[i] * fs[c]
+        run[c] = 0.0
+        total[c] = 0.0
+    first, share = True, 1.0 / q
+    for k in range(total.size // LANES - 1):
+        for c in range(LANES):
+            mean[c] = 0.0
         for j in range(k * q, k * q + q):
-            total += v[j]
-        x[k] = total / q
-    total = 0.0
-    left = right = 0
+            u = min(max(op[j], lo), hi)
+            side = 1.0 if u > before else -1.0 if u < before else 0.0
+            before = u
+            for c in range(LANES):
+                breaks = 1.0 if u - position[c] > fs[c] else -1.0 if position[c] - u > fs[c] else 0.0
+                m[c] = m[c] if m[c] != 0.0 and (m[c] == side or first) else breaks
+                above, below = min(max(u - fd[c], lo), hi), min(max(u + fd[c], lo), hi)
+                position[c] = above if m[c] > 0.0 else below if m[c] < 0.0 else position[c]
+                mean[c] += position[c]
+            first = False
+        for c in range(LANES):
+            mean[c] = mean[c] * share - base
+            run[c] += mean[c]
+        # unsigned places: LLVM looks up those that might be negative one by one
+        row = np.uintp(k * LANES)
+        for c in range(LANES):
+            v[row + np.uintp(c)] = mean[c]
+        for c in range(LANES):
+            total[row + np.uintp(LANES + c)] = run[c]
+
+
+def answers(half, pole, delay, low, block, v, total, x):
+    """Fill `x` with the lags' answers to positions `v` with running sums `total`, each group late by its delay less `low`."""
+    a, gain, now = lanes(), lanes(), lanes()
+    n = v.size // LANES
+    for c in range(LANES):
+        a[c] = pole[min(block + c, pole.size - 1)]
+        gain[c] = 1.0 if a[c] == 1.0 else 1.0 - a[c]
+        now[c] = 0.0
     for k in range(n):
-        while right < n and right <= k + half:
-            total += x[right]
-            right += 1
-        while left < k - half:
-            total -= x[left]
-            left += 1
-        h[k] = x[k] - total / (right - left)
-    ys = y[first:last]
-    m = ys.size
+        left, right = max(k - half, 0), min(k + half + 1, n)
+        share = 1.0 / (right - left)
+        row, start, stop = np.uintp(k * LANES), np.uintp(left * LANES), np.uintp(right * LANES)
+        for c in range(LANES):
+            i = np.uintp(c)
+            h = v[row + i] - (total[stop + i] - total[start + i]) * share
+            now[c] = a[c] * now[c] + gain[c] * h if k > 0 else 0.0
+        for group in range(0, LANES, GROUP):
+            late = delay[min(block + group, pole.size - 1)] - low
+            place = np.uintp((k + late) * LANES + group)
+            for c in range(GROUP):
+                x[place + np.uintp(c)] = now[group + c]
+
+
+def misfits(y, first, last, sign, low, count, stride, block, x, out):
+    """Fill `out` for a block of valves from their plants' answers; PV's two gains come from the normal equations."""
+    m = last - first
     sy = syy = 0.0
-    for j in range(m):
-        sy += ys[j]
-        syy += ys[j] * ys[j]
+    for j in range(first, last):
+        sy += y[j]
+        syy += y[j] * y[j]
     syy -= sy * sy / m
-    best, best_pole, best_delay = 1.0, 0, 0
-    for p in range(poles.size):
-        a = poles[p]
-        b = 1.0 if a == 1.0 else 1.0 - a
-        x[0] = 0.0
-        for k in range(1, n):
-            x[k] = a * x[k - 1] + b * h[k]
-        for i in range(delays.size):
-            xs = x[first - delays[i] : last - delays[i]]
-            zs = x[first - delays[i] - 1 : last - delays[i] - 1]
-            sx = sxx = sxy = sxz = szy = 0.0
-            for j in range(m):
-                sx += xs[j]
-                sxx += xs[j] * xs[j]
-                sxy += xs[j] * ys[j]
-                sxz += xs[j] * zs[j]
-                szy += zs[j] * ys[j]
-            # the sums of zs are those of xs one sample earlier
-            sz = sx + zs[0] - xs[m - 1]
-            szz = sxx + zs[0] * zs[0] - xs[m - 1] * xs[m - 1]
-            sxx -= sx * sx / m
-            szz -= sz * sz / m
-            sxz -= sx * sz / m
-            sxy = sign * (sxy - sx * sy / m)
-            szy = sign * (szy - sz * sy / m)
-            det = sxx * szz - sxz * sxz
-            explained = 0.0
-            if det > 1e-9 * sxx * szz:
-                k0 = (szz * sxy - sxz * szy) / det
-                k1 = (sxx * szy - sxz * sxy) / det
-                if k0 >= 0.0 and k1 >= 0.0:
-                    explained = k0 * sxy + k1 * szy
-            if explained == 0.0 and sxy > 0.0 and sxx > 0.0:
-                explained = sxy * sxy / sxx
-            error = 1.0 - explained / syy
-            if error < best:
-                best, best_pole, best_delay = error, p, i
-    return best, best_pole, best_delay
+    best, at, wanted, sx, sxx, sxz, sxy, szy = lanes(), lanes(), lanes(), lanes(), lanes(), lanes(), lanes(), lanes()
+    most = 0
+    for c in range(LANES):
+        best[c] = 1.0
+        at[c] = 0.0
+        wanted[c] = count[min(block + c, count.size - 1)]
+        most = max(most, count[min(block + c, count.size - 1)])
+    moments(y, first, m, first - low, x, sx, sxx, sxz, sxy)
+    for i in range(most):
+        top = first - low - i * stride
+        if i > 0 and stride > 1:
+            product(y, first, m, top, x, sxy)
+        product(y, first, m, top - 1, x, szy)
+        ahead, end = np.uintp((top - 1) * LANES), np.uintp((top + m - 1) * LANES)
+        for c in range(LANES):
+            new, old = x[ahead + np.uintp(c)], x[end + np.uintp(c)]
+            # the sums of x one sample earlier
+            sz, szz = sx[c] + new - old, sxx[c] + new * new - old * old
+            qxx, qzz, qxz = sxx[c] - sx[c] * sx[c] / m, szz - sz * sz / m, sxz[c] - sx[c] * sz / m
+            qxy, qzy = sign * (sxy[c] - sx[c] * sy / m), sign * (szy[c] - sz * sy / m)
+            det = qxx * qzz - qxz * qxz
+            k0, k1 = (qzz * qxy - qxz * qzy) / det, (qxx * qzy - qxz * qxy) / det
+            both = det > 1e-9 * qxx * qzz and k0 >= 0.0 and k1 >= 0.0
+            alone = qxy * qxy / qxx if qxy > 0.0 and qxx > 0.0 else 0.0
+            error = 1.0 - (k0 * qxy + k1 * qzy if both else alone) / syy
+            better = error < best[c] and i < wanted[c]
+            at[c] = i if better else at[c]
+            best[c] = error if better else best[c]
+            sxy[c] = szy[c]
+        # on to the next delay: the window moves by `stride` samples
+        for late in range(stride if i + 1 < most else 0):
+            p, r = np.uintp((top - late - 2) * LANES), np.uintp((top - late + m - 2) * LANES)
+            for c in range(LANES):
+                j = np.uintp(c)
+                new, old = x[p + np.uintp(LANES) + j], x[r + np.uintp(LANES) + j]
+                sx[c] += new - old
+                sxx[c] += new * new - old * old
+                sxz[c] += new * x[p + j] - old * x[r + j]
+    for c in range(min(LANES, out.shape[0] - block)):
+        out[block + c, 0], out[block + c, 1] = best[c], at[c]
 
 
-def scan(op, y, q, half, first, last, sign, lo, hi, S, J, start, poles, delays, out):
-    """Fill out[i] with (error, pole index, delay index) of the valve S[i], J[i]."""
-    for i in range(S.size):
-        e, p, d = objective(op, y, q, half, first, last, sign, lo, hi, S[i], J[i], start, poles, delays)
-        out[i, 0], out[i, 1], out[i, 2] = e, p, d
+def moments(y, first, m, top, x, sx, sxx, sxz, sxy):
+    """Sums of x, its square, its product with itself one sample earlier and with y, over the `m` samples from `top` on."""
+    for c in range(LANES):
+        sx[c] = sxx[c] = sxz[c] = sxy[c] = 0.0
+    for j in range(m):
+        row, t = np.uintp((top + j) * LANES), y[first + j]
+        for c in range(LANES):
+            now = x[row + np.uintp(c)]
+            sx[c] += now
+            sxx[c] += now * now
+            sxz[c] += now * x[row + np.uintp(c) - np.uintp(LANES)]
+            sxy[c] += now * t
 
 
-def at_point(op, y, q, half, first, last, sign, lo, hi, point, start, delays, pole):
-    """Return the error at (S, J, log of the pole's rate); 2 outside 0 < S, 0 <= J <= 1.5 S. A rate of -inf integrates."""
-    S, J = point[0], point[1]
-    if S <= 0.0 or J < 0.0 or J > 1.5 * S:
-        return 2.0
-    pole[0] = np.exp(-np.exp(point[2]))
-    return objective(op, y, q, half, first, last, sign, lo, hi, S, J, start, pole, delays)[0]
+def product(y, first, m, top, x, sxy):
+    """Sums of the products of y and x over the `m` samples from `top` on."""
+    for c in range(LANES):
+        sxy[c] = 0.0
+    # four samples a turn: LLVM unrolls a shorter loop over the lanes before it could become instructions for many
+    whole = m - m % 4
+    for j in range(0, whole, 4):
+        row, next_row = np.uintp((top + j) * LANES), np.uintp((top + j + 1) * LANES)
+        third_row, last_row = np.uintp((top + j + 2) * LANES), np.uintp((top + j + 3) * LANES)
+        t, next_t, third_t, last_t = y[first + j], y[first + j + 1], y[first + j + 2], y[first + j + 3]
+        for c in range(LANES):
+            i = np.uintp(c)
+            now = sxy[c] + x[row + i] * t + x[next_row + i] * next_t
+            sxy[c] = now + x[third_row + i] * third_t + x[last_row + i] * last_t
+    for j in range(whole, m):
+        row, t = np.uintp((top + j) * LANES), y[first + j]
+        for c in range(LANES):
+            sxy[c] += x[row + np.uintp(c)] * t
 
 
-def descend(op, y, q, half, first, last, sign, lo, hi, point, start, delays, steps, least):
-    """Go down from `point` (S, J, log rate) by pattern search, in place; return the error.
+def descend(op, y, q, half, first, last, sign, lo, hi, points, start, delay, count, steps, least, error):
+    """Go down from every row (S, J, log of the pole's rate) of `points`, in place; fill `error`. A rate of -inf integrates.
 
-    Hooke & Jeeves (1961): after a round of single steps in S, J, both together and log rate, the whole move is repeated
-    as long as it pays, which follows the valleys in which S, J and the plant trade off; then the steps are halved.
+    Pattern search (Hooke and Jeeves, 1961): after a round of single steps in S, J, both together and log rate, the whole move
+    is repeated as long as it pays, which follows the valleys in which S, J and the plant trade off; then the steps are halved,
+    from steps[i] down to the share least[i] of them. All points go abreast, and the next trials of each are computed together
+    on the bet that none pays; those behind one that does are thrown away. So the way is that of one trial after another.
     """
-    pole = np.empty(1)
-    base, trial, best = point.copy(), point.copy(), point.copy()
-    error = at_point(op, y, q, half, first, last, sign, lo, hi, base, start, delays, pole)
-    width = 1.0
-    rounds = 0
+    m = len(points)
+    search, ahead = np.zeros((m, TRIAL + 3)), np.empty(TRIAL + 3)
+    for p in range(m):
+        search[p, AT], search[p, WIDTH] = FIRST, 1.0
+        search[p, BASE : BASE + 3] = search[p, BEST : BEST + 3] = search[p, TRIAL : TRIAL + 3] = points[p]
+    room = max(m * GROUP, LANES)
+    S, J, pole, out = np.empty(room), np.empty(room), np.empty(room), np.empty((room, 2))
+    starts, delays, counts = np.empty(room), np.empty(room, dtype=np.int64), np.empty(room, dtype=np.int64)
+    active = np.arange(m)
+    while active.size > 0:
+        # the fewer points, the further ahead
+        each = GROUP * max(1, LANES // (GROUP * active.size))
+        for g in range(active.size):
+            p = active[g]
+            ahead[:] = search[p]
+            for t in range(g * each, (g + 1) * each):
+                S[t], J[t], pole[t] = ahead[TRIAL], ahead[TRIAL + 1], np.exp(-np.exp(ahead[TRIAL + 2]))
+                starts[t], delays[t], counts[t] = start[p], delay[p], count[p]
+                advance(ahead, steps[p], least[p], np.inf)
+        n = active.size * each
+        valves = S[:n], J[:n], starts[:n], pole[:n], delays[:n], counts[:n]
+        errors(op, y, q, half, first, last, sign, lo, hi, *valves, 1, out[:n])
+        going = 0
+        for g in range(active.size):
+            p = active[g]
+            for t in range(g * each, (g + 1) * each):
+                e = out[t, 0] if 0.0 < S[t] and 0.0 <= J[t] <= 1.5 * S[t] else 2.0
+                lost = search[p, AT] != FIRST and e < search[p, TOP] - TIE
+                advance(search[p], steps[p], least[p], e)
+                if lost or search[p, AT] == DONE:
+                    break
+            if search[p, AT] != DONE:
+                active[going] = p
+                going += 1
+        active = active[:going]
+    for p in range(m):
+        points[p], error[p] = search[p, BASE : BASE + 3], search[p, ERROR]
+
+
+# one pattern search, an array: what is tried now (a step, or one of these), the width of the steps, rounds, the errors of the
+# base and of the best point of this round, these two points, and the point that is tried
+FIRST, AGAIN, DONE = -2.0, -1.0, 9.0
+AT, WIDTH, ROUNDS, ERROR, TOP, BASE, BEST, TRIAL = 0, 1, 2, 3, 4, 5, 8, 11
+
+
+def advance(search, steps, least, e):
+    """Take the error `e` of the point that was tried into a pattern search, and say there what to try next."""
+    if search[AT] == DONE:
+        return
+    if search[AT] == FIRST:
+        search[ERROR] = search[TOP] = e
+    elif e < search[TOP] - TIE:
+        search[TOP] = e
+        search[BEST : BEST + 3] = search[TRIAL : TRIAL + 3]
+    if search[AT] < 0.0:
+        search[AT] = 0.0
+        search[ROUNDS] += 1.0
+    else:
+        search[AT] += 1.0
+    if search[AT] == 8.0 or (search[AT] == 6.0 and steps[2] == 0.0):
+        if search[TOP] < search[ERROR]:
+            for c in range(3):
+                was, now = search[BASE + c], search[BEST + c]
+                search[TRIAL + c] = 2.0 * now - was if steps[c] > 0.0 else now
+                search[BASE + c] = now
+            search[ERROR], search[AT] = search[TOP], AGAIN
+            return
+        search[WIDTH] *= 0.5
+        search[BEST : BEST + 3] = search[BASE : BASE + 3]
+        search[AT] = 0.0
+        search[ROUNDS] += 1.0
     # an oscillation that died out leaves a valley without end, down which ever smaller steps would walk for minutes
-    while width > least and rounds < MOST_ROUNDS:
-        best[:] = base
-        top = error
-        moved = True
-        while moved and rounds < MOST_ROUNDS:
-            rounds += 1
-            for i in range(8):
-                a = width if i % 2 == 0 else -width
-                trial[:] = best
-                trial[0] += a * steps[0] if i < 2 or 4 <= i < 6 else 0.0
-                trial[1] += a * steps[1] if 2 <= i < 6 else 0.0
-                trial[2] += a * steps[2] if i >= 6 else 0.0
-                if i >= 6 and steps[2] == 0.0:
-                    continue
-                e = at_point(op, y, q, half, first, last, sign, lo, hi, trial, start, delays, pole)
-                if e < top:
-                    top = e
-                    best[:] = trial
-            moved = top < error
-            if moved:
-                # on from where the same move once more would lead, if that is better still
-                for c in range(3):
-                    trial[c] = 2.0 * best[c] - base[c] if steps[c] > 0.0 else best[c]
-                base[:] = best
-                error = top
-                e = at_point(op, y, q, half, first, last, sign, lo, hi, trial, start, delays, pole)
-                if e < top:
-                    top = e
-                    best[:] = trial
-        width *= 0.5
-    point[:] = base
-    return error
-
-
-@lru_cache
-def compiled(name: str):
-    """Return a kernel of this file compiled; sums may be reordered, so it equals the plain one to rounding only.
-
-    Notes
-    -----
-    numba's disk cache watches this file alone. The valve stands in another one, so its hash is part of the kernel's name
-    in the cache.
-    """
-    from numba import njit
-
-    if name == "trace":
-        return stiction_map.compiled(name)
-    kernel = globals()[name]
-    called = {n: compiled(n) for n in ("state_before", "trace", "objective", "at_point") if n in kernel.__code__.co_names}
-    copy = FunctionType(kernel.__code__, {**globals(), **called}, name)
-    valve = sha1(Path(stiction_map.__file__).read_bytes()).hexdigest()[:8]
-    copy.__module__, copy.__qualname__ = __name__, f"{name}_{valve}"
-    return njit(copy, cache=True, fastmath={"reassoc", "nsz"})
+    if search[WIDTH] <= least or search[ROUNDS] > MOST_ROUNDS:
+        search[AT] = DONE
+        return
+    i = int(search[AT])
+    way = search[WIDTH] if i % 2 == 0 else -search[WIDTH]
+    search[TRIAL : TRIAL + 3] = search[BEST : BEST + 3]
+    if i < 2 or 4 <= i < 6:
+        search[TRIAL] += way * steps[0]
+    if 2 <= i < 6:
+        search[TRIAL + 1] += way * steps[1]
+    if i >= 6:
+        search[TRIAL + 2] += way * steps[2]

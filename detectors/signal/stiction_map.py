@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-from types import FunctionType
-
 import numpy as np
 
+from detectors.compiled import compiled
 from detectors.errors import ParameterError
 
 State = tuple[float, float, float, float]  # v, d (last direction of motion: -1, 0, 1), moving (0 or 1), u_prev
@@ -107,23 +105,6 @@ def valve_position(op, S: float, J: float, state: State | None = None, limits=(0
     if op.size:
         lo, hi = (float(x) for x in limits)
         first = start(float(op[0]), lo, hi) if state is None else tuple(float(x) for x in state)
-        compiled("trace")(op, float(S), float(J), first, lo, hi, v)
+        compiled(trace)(op, float(S), float(J), first, lo, hi, v)
     return v
 
-
-@lru_cache
-def compiled(name: str):
-    """Return a function of this file compiled by numba, with the functions of this file that it calls.
-
-    Notes
-    -----
-    numba's disk cache looks at one file only. Every kernel that calls `step` therefore stands in this file, and calls
-    its compiled twin through a copy of its globals, so that `step` stays plain Python and numba is not imported here.
-    """
-    from numba import njit
-
-    kernel = globals()[name]
-    called = {n: compiled(n) for n in kernel.__code__.co_names if n != name and n in ("start", "step", "trace")}
-    copy = FunctionType(kernel.__code__, {**globals(), **called}, name, kernel.__defaults__)
-    copy.__module__, copy.__qualname__ = __name__, name
-    return njit(copy, cache=True)

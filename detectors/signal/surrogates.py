@@ -6,6 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from detectors.compiled import compiled
+from detectors.errors import ParameterError
+from detectors.signal.look_alikes import MOST, predicted
+
 ITERATIONS = 10
 SAMPLES_PER_CYCLE = 10  # Thornhill 2005: 7 to 25
 CYCLES = 20  # at most; at least 12
@@ -82,14 +86,13 @@ def iaaft(x: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
     amplitude = np.abs(np.fft.rfft(x))
     phases = np.exp(2j * np.pi * rng.random((count, amplitude.size)))
     y = np.fft.irfft(np.fft.rfft(x) * phases, x.size, axis=1)
-    rank = np.empty(y.shape, dtype=np.intp)
-    place = np.arange(x.size)
+    ranked, row = np.empty_like(y), np.arange(count)[:, None]
     for _ in range(ITERATIONS):
-        np.put_along_axis(rank, np.argsort(y, axis=1), place[None, :].repeat(count, axis=0), axis=1)
-        spectrum = np.fft.rfft(values[rank], axis=1)
+        ranked[row, np.argsort(y, axis=1)] = values
+        spectrum = np.fft.rfft(ranked, axis=1)
         size = np.abs(spectrum)
         y = np.fft.irfft(spectrum * (amplitude / np.where(size > 0.0, size, 1.0)), x.size, axis=1)
-    return values[rank]
+    return ranked
 
 
 def prediction_error(x: np.ndarray, embedding: int, horizon: int, neighbours: int = NEIGHBOURS) -> float:
@@ -104,12 +107,17 @@ def prediction_error(x: np.ndarray, embedding: int, horizon: int, neighbours: in
     horizon : int
         Samples looked ahead.
     neighbours : int
-        Look-alikes averaged; those closer in time than one embedding are no look-alikes but the same piece.
+        Look-alikes averaged, 1 to 8; those closer in time than one embedding are no look-alikes but the same piece.
 
     Returns
     -------
     float
         Sum over the record.
+
+    Raises
+    ------
+    ParameterError
+        For another number of neighbours.
 
     Notes
     -----
@@ -120,20 +128,9 @@ def prediction_error(x: np.ndarray, embedding: int, horizon: int, neighbours: in
     >>> prediction_error(np.tile([0.0, 1.0, 0.0, -1.0], 30), 4, 4) < 1e-9
     True
     """
-    from scipy.spatial import cKDTree
-
-    pieces = np.lib.stride_tricks.sliding_window_view(x[:-horizon], embedding)
-    future = x[embedding - 1 + horizon :]
-    m = len(pieces)
-    # a piece has at most 2 embedding - 1 neighbours that overlap it, itself included
-    wanted = min(neighbours + 2 * embedding - 1, m)
-    _, near = cKDTree(pieces).query(pieces, k=wanted)
-    apart = np.abs(near - np.arange(m)[:, None]) >= embedding
-    first = apart & (np.cumsum(apart, axis=1) <= neighbours)
-    found = first.sum(axis=1)
-    guess = np.where(first, future[near], 0.0).sum(axis=1)
-    known = found > 0
-    return float(np.sum((future[known] - guess[known] / found[known]) ** 2))
+    if not 1 <= neighbours <= MOST:
+        raise ParameterError(f"prediction_error: neighbours = {neighbours}; 1 to {MOST} are possible")
+    return float(compiled(predicted)(np.ascontiguousarray(x), embedding, horizon, neighbours))
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from detectors.signal.hammerstein_kernels import MOVING_DOWN, MOVING_UP, compiled
+from detectors.compiled import compiled
+from detectors.signal.hammerstein_kernels import MOVING_DOWN, MOVING_UP, errors, state_before
+from detectors.signal.stiction_map import valve_position
 
 SAMPLES = 800  # at most, after averaging
 TIMES = np.array([1e-3, 2.0, 8.0])  # lags between valve and its measurement tried, in averaged samples
@@ -76,32 +78,29 @@ def valve_follow(op: np.ndarray, position: np.ndarray, limits=(0.0, 100.0)) -> F
     n = op.size // q
     op = np.ascontiguousarray(op[: n * q], dtype=np.float64)
     y = position[: n * q].reshape(n, q).mean(axis=1)
-    least = 0 if q > 1 else 1
-    delays = np.arange(least, least + DELAYS)
     common = (op, y - y.mean(), q, n, DELAYS + 2, n, 1.0, *(float(x) for x in limits))
-    poles = np.exp(-1.0 / TIMES)
-
-    def scan(S: np.ndarray, J: np.ndarray, start: float) -> np.ndarray:
-        out = np.empty((S.size, 3))
-        compiled("scan")(*common, S, J, start, poles, delays, out)
-        return out[:, 0]
-
-    linear = float(scan(np.zeros(1), np.zeros(1), 0.0)[0])
-    S = np.repeat(S_SHARES * np.ptp(op), J_SHARES.size)
-    J = S * np.tile(J_SHARES, S_SHARES.size)
+    S = np.append(0.0, np.repeat(S_SHARES * np.ptp(op), J_SHARES.size))
+    J = np.append(0.0, S[1:] * np.tile(J_SHARES, S_SHARES.size))
+    # every valve with every start and lag
+    starts, shape = np.array([MOVING_UP, MOVING_DOWN, 0.0]), (3, TIMES.size, S.size)
+    valves = (S, J, starts[:, None, None], np.exp(-1.0 / TIMES)[:, None])
+    valves = (np.broadcast_to(x, shape).ravel() for x in valves)
+    out = np.empty((3 * TIMES.size * S.size, 2))
+    low, count = np.full(len(out), 0 if q > 1 else 1), np.full(len(out), DELAYS)
+    compiled(errors)(*common, *valves, low, count, 1, out)
+    error = out[:, 0].reshape(shape).min(axis=1)
+    linear = float(error[2, 0])
     best = (linear, 0.0, 0.0, 0.0)
-    for start in (MOVING_UP, MOVING_DOWN, 0.0):
-        errors = scan(S, J, start)
-        k = int(np.argmin(errors))
-        best = min(best, (float(errors[k]), float(S[k]), float(J[k]), start))
+    for start, row in zip(starts.tolist(), error, strict=True):
+        k = 1 + int(np.argmin(row[1:]))
+        best = min(best, (float(row[k]), float(S[k]), float(J[k]), start))
     error, S_hat, J_hat, start = best
     return Follow(S_hat, J_hat, error, linear, _reversals(op, S_hat, J_hat, start, limits))
 
 
 def _reversals(op: np.ndarray, S: float, J: float, start: float, limits) -> int:
-    v = np.empty(op.size)
-    state = compiled("state_before")(op[0], S, J, start, *(float(x) for x in limits))
-    compiled("trace")(op, S, J, state, *(float(x) for x in limits), v)
+    lo, hi = (float(x) for x in limits)
+    v = valve_position(op, S, J, state_before(op[0], S, J, start, lo, hi), (lo, hi))
     moves = np.sign(np.diff(v))
     moves = moves[moves != 0]
     return int(np.count_nonzero(moves[1:] != moves[:-1]))

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from detectors.compiled import cached_module
 from detectors.errors import ParameterError, RecordError
 from detectors.io import JITTER, TIME_NAMES
 from detectors.tables import numbers, read_table, seconds
 from simbench.files import whole_file
-from simbench.loop import kernel
 from simbench.loop.parameters import VALVES, valve_parameters
 
 _TRACE = '''
@@ -149,4 +149,4 @@ def valve_file(source: str | Path, out: str | Path, model: str, parameters: Mapp
 
 @cache
 def _compiled_trace(step: FunctionType) -> Callable[..., None]:
-    return kernel.cached_module("valve", {"step": step}, _TRACE).trace
+    return cached_module("valve", {"step": step}, _TRACE).trace

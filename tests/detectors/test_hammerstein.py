@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from detectors.compiled import compiled
 from detectors.judge import judge
 from detectors.signal import hammerstein_kernels as kernels
 from detectors.signal.hammerstein import fit_hammerstein, moving_mean, strongest_segment, swing
@@ -12,7 +13,6 @@ from detectors.signal.oscillation import find_oscillation
 from detectors.signal.stiction_map import valve_position
 
 POLES = np.array([0.3, 0.9, 1.0])
-DELAYS = np.array([1, 2, 4])
 
 
 def case(q=1, n=400):
@@ -47,29 +47,83 @@ def naive(op, y, q, half, first, last, sign, lo, hi, S, J, start, poles, delays)
     return best
 
 
+def errors(given, S, J, start, poles, delays, stride=1):
+    """The kernel over valves given as lists, all with the same window of delays."""
+    n = len(S)
+    out = np.empty((n, 2))
+    low, count = np.full(n, delays[0]), np.full(n, len(delays))
+    valves = (np.array(x, dtype=float) for x in (S, J, start, poles))
+    compiled(kernels.errors)(*given, *valves, low, count, stride, out)
+    return out
+
+
 @pytest.mark.parametrize("q", [1, 3])
+@pytest.mark.parametrize("stride", [1, 3])
 @pytest.mark.parametrize(("S", "J", "start"), [(4.0, 1.5, 2.0), (3.0, 3.0, 0.5), (0.0, 0.0, 0.0), (5.0, 0.0, -2.0)])
-def test_error_equals_least_squares_by_definition(q, S, J, start):
-    given = (*case(q), S, J, start, POLES, DELAYS)
-    error, pole, delay = kernels.compiled("objective")(*given)
-    slow = naive(*given)
-    assert error == pytest.approx(slow[0], abs=1e-9)
-    assert (pole, delay) == slow[1:]
+def test_error_equals_least_squares_by_definition(q, stride, S, J, start):
+    delays = 1 + stride * np.arange(3)
+    found = errors(case(q), [S] * 3, [J] * 3, [start] * 3, POLES, delays, stride)
+    for (error, delay), pole in zip(found, POLES):
+        slow = naive(*case(q), S, J, start, [pole], delays)
+        assert error == pytest.approx(slow[0], abs=1e-9)
+        assert delay == slow[2]
 
 
-def test_plain_kernels_equal_the_compiled_ones():
+def test_plain_kernel_equals_the_compiled_one_bit_for_bit():
+    given = case(n=120)
+    rng = np.random.default_rng(1)
+    n = 35  # more than one block
+    S, J, start, poles = rng.uniform(1, 5, n), rng.uniform(0, 5, n), rng.choice([2.0, 0.4, -2.0], n), rng.uniform(0.5, 1, n)
+    poles[3] = 1.0
+    low, count = np.repeat(rng.integers(1, 4, 5), 8)[:n], np.repeat(rng.integers(1, 4, 5), 8)[:n]
+    plain, fast = np.empty((n, 2)), np.empty((n, 2))
+    with np.errstate(all="ignore"):
+        kernels.errors(*given, S, J, start, poles, low, count, 1, plain)
+    compiled(kernels.errors)(*given, S, J, start, poles, low, count, 1, fast)
+    assert np.array_equal(plain, fast)
+
+
+def one_after_another(given, point, start, delays, steps, least):
+    """Hooke and Jeeves's pattern search, trial after trial."""
+
+    def error(p):
+        if p[0] <= 0 or p[1] < 0 or p[1] > 1.5 * p[0]:
+            return 2.0
+        return errors(given, [p[0]], [p[1]], [start], [np.exp(-np.exp(p[2]))], delays)[0, 0]
+
+    base, width, lowest = point, 1.0, error(point)
+    while width > least:
+        best, top, moved = base, lowest, True
+        while moved:
+            for i in range(8):
+                if i >= 6 and steps[2] == 0.0:
+                    continue
+                way = width if i % 2 == 0 else -width
+                trial = best + way * steps * np.array([i < 2 or 4 <= i < 6, 2 <= i < 6, i >= 6])
+                if error(trial) < top - kernels.TIE:
+                    top, best = error(trial), trial
+            moved = top < lowest
+            if moved:
+                trial = np.where(steps > 0, 2 * best - base, best)
+                base, lowest = best, top
+                if error(trial) < top - kernels.TIE:
+                    top, best = error(trial), trial
+        width *= 0.5
+    return lowest, base
+
+
+def test_many_points_go_down_together_as_each_does_alone():
     given = case()
-    S, J = np.array([2.0, 4.0]), np.array([0.5, 4.0])
-    plain, fast = np.empty((2, 3)), np.empty((2, 3))
-    kernels.scan(*given, S, J, 2.0, POLES, DELAYS, plain)
-    kernels.compiled("scan")(*given, S, J, 2.0, POLES, DELAYS, fast)
-    assert np.allclose(plain, fast, atol=1e-10)
-    ends = []
-    for descend in (kernels.descend, kernels.compiled("descend")):
-        point = np.array([4.0, 1.0, -2.0])
-        ends.append((descend(*given, point, 2.0, DELAYS, np.array([0.2, 0.2, 0.1]), 0.3), *point))
-    assert np.allclose(*ends, atol=1e-9)
-    assert ends[0][0] < kernels.objective(*given, 4.0, 1.0, 2.0, np.array([np.exp(-np.exp(-2.0))]), DELAYS)[0]
+    points = np.array([[4.0, 1.0, -2.0], [2.0, 2.0, -1.0], [5.5, 0.5, -3.0], [3.0, 1.0, -np.inf], [1.0, 0.2, -2.0]])
+    steps = np.array([[0.2, 0.2, 0.1]] * 3 + [[0.2, 0.2, 0.0], [0.3, 0.0, 0.2]])
+    starts, low, count = np.array([2.0, 0.5, -2.0, 2.0, 2.0]), np.array([1, 2, 1, 3, 1]), np.array([4, 2, 3, 1, 4])
+    least, error, went = np.full(5, 0.2), np.empty(5), points.copy()
+    compiled(kernels.descend)(*given, went, starts, low, count, steps, least, error)
+    for k in range(5):
+        delays = low[k] + np.arange(count[k])
+        lowest, end = one_after_another(given, points[k], starts[k], delays, steps[k], least[k])
+        assert error[k] == lowest
+        assert np.array_equal(went[k], end)
 
 
 def fitted(record):

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from detectors.judge import judge
+from detectors.methods import horch_isaksson, stenman
 from detectors.methods.horch_isaksson import LOOSE, two_models
-from detectors.methods.stenman import best_jumps, fit_plant
+from detectors.methods.stenman import best_jumps, fit_plant, fit_plant_by_columns
 
 
 def test_jumps_are_the_cheapest_of_all_courses():
@@ -35,6 +36,38 @@ def test_plant_and_delay_are_found():
     a, b, c, delay, error = fit_plant(x, y, range(6))
     assert (a, b, c, delay) == pytest.approx((0.8, 0.5, 0.1, 3), abs=1e-6)
     assert error < 1e-12
+
+
+def test_jumps_of_a_long_record_equal_the_plain_kernel_bit_for_bit():
+    rng = np.random.default_rng(5)
+    u = np.cumsum(rng.standard_normal(90))
+    r = np.repeat(u[::9], 9) + 0.3 * rng.standard_normal(90)
+    plain = np.empty(90)
+    stenman._jumps(u, r, 0.4, plain)
+    assert np.array_equal(best_jumps(u, r, 0.4), plain)
+
+
+@pytest.mark.parametrize("hold", [1, 7])
+def test_plant_by_normal_equations_equals_that_by_columns(hold):
+    rng = np.random.default_rng(hold)
+    x = np.repeat(rng.standard_normal(400 // hold), hold)
+    y = np.cumsum(rng.standard_normal(x.size)) * 0.1 + x
+    assert fit_plant(x, y, range(9)) == pytest.approx(fit_plant_by_columns(x, y, range(9)), rel=1e-9)
+
+
+def test_a_valve_that_stands_still_has_the_plant_of_the_columns():
+    y = np.random.default_rng(6).standard_normal(200)
+    for x in (np.full(200, 0.7), np.full(200, 1e8)):
+        assert fit_plant(x, y, range(4)) == fit_plant_by_columns(x, y, range(4))
+
+
+def test_filters_equal_the_plain_kernel_bit_for_bit():
+    u, y = np.random.default_rng(7).standard_normal((2, 150))
+    plain = np.empty(150)
+    total = horch_isaksson._filtered(u, y, 0.8, 0.3, 0.2, 0.95, plain)
+    standing, likelihood = two_models(u, y, 0.8, 0.3, 0.2)
+    assert np.array_equal(standing, plain)
+    assert likelihood == total
 
 
 def test_following_valve_alone_has_the_exact_likelihood():

@@ -127,6 +127,6 @@ def test_a_second_process_finds_the_compiled_kernel_on_disk():
     valve_position([50.0, 51.0], 1.0, 0.0)
     code = (
         "from detectors.signal.stiction_map import *; valve_position([50.0, 51.0], 1.0, 0.0); "
-        "print(sum(compiled('trace').stats.cache_hits.values()))"
+        "print(sum(compiled(trace).stats.cache_hits.values()))"
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "1"

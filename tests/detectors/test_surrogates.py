@@ -2,9 +2,12 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
+from detectors.errors import ParameterError
 from detectors.judge import judge
 from detectors.record import LoopRecord
+from detectors.signal import look_alikes
 from detectors.signal.surrogates import end_matched, iaaft, nonlinearity_index, prediction_error
 
 
@@ -37,6 +40,35 @@ def naive(x, E, H, k):
 def test_prediction_error_equals_its_plain_twin():
     x = np.sin(np.arange(120) / 3) + 0.2 * np.random.default_rng(2).standard_normal(120)
     assert prediction_error(x, 7, 5, 4) == pytest.approx(naive(x, 7, 5, 4), rel=1e-9)
+
+
+def by_tree(x, E, H, k):
+    """The same by a k-d tree, which reaches far enough to leave overlapping pieces out."""
+    pieces = np.lib.stride_tricks.sliding_window_view(x[:-H], E)
+    future, m = x[E - 1 + H :], len(pieces)
+    _, near = cKDTree(pieces).query(pieces, k=min(k + 2 * E - 1, m))
+    apart = np.abs(near - np.arange(m)[:, None]) >= E
+    first = apart & (np.cumsum(apart, axis=1) <= k)
+    found, guess = first.sum(axis=1), np.where(first, future[near], 0.0).sum(axis=1)
+    return float(np.sum((future - guess / found)[found > 0] ** 2))
+
+
+@pytest.mark.parametrize(("n", "E", "H", "k"), [(200, 10, 10, 8), (151, 7, 3, 1), (97, 12, 20, 5), (40, 8, 8, 8)])
+def test_prediction_error_equals_that_of_a_tree(n, E, H, k):
+    x = np.sin(np.arange(n) / 3) + 0.2 * np.random.default_rng(n).standard_normal(n)
+    assert prediction_error(x, E, H, k) == pytest.approx(by_tree(x, E, H, k), rel=1e-12)
+
+
+def test_plain_kernel_equals_the_compiled_one_bit_for_bit():
+    x = np.random.default_rng(4).standard_normal(70)
+    assert look_alikes.predicted(x, 5, 3, 4) == prediction_error(x, 5, 3, 4)
+
+
+def test_look_alikes_equally_far_all_count():
+    x = np.tile([0.0, 1.0, 0.0, -1.0], 30)
+    assert prediction_error(x, 4, 4) == 0.0
+    with pytest.raises(ParameterError, match="1 to 8"):
+        prediction_error(x, 4, 4, 9)
 
 
 @pytest.mark.parametrize("period", [20, 33])

@@ -1,0 +1,60 @@
+"""Compiled kernels: read from disk by the next process, compiled anew when anything they rest on changes."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+
+from detectors.compiled import LANES, compiled, lanes, rows
+
+HELPER = "FACTOR = {factor}\ndef scaled(x):\n    return FACTOR * x\n"
+KERNEL = "from helper import scaled\ndef kernel(x):\n    return scaled(x) + 1.0\n"
+RUN = "from detectors.compiled import compiled\nfrom kernel import kernel\nf = compiled(kernel)\n"
+RUN += "print(f(2.0), sum(f.stats.cache_hits.values()))"
+
+
+def run(folder):
+    environment = {**os.environ, "XDG_CACHE_HOME": str(folder / "cache"), "PYTHONDONTWRITEBYTECODE": "1"}
+    done = subprocess.run(
+        [sys.executable, "-c", RUN], cwd=folder, env=environment, capture_output=True, text=True, check=True
+    )
+    value, hits = done.stdout.split()
+    return float(value), int(hits)
+
+
+def test_next_process_reads_a_kernel_from_disk_and_an_edited_helper_in_another_file_makes_a_new_one(tmp_path):
+    (tmp_path / "kernel.py").write_text(KERNEL)
+    (tmp_path / "helper.py").write_text(HELPER.format(factor=3.0))
+    assert run(tmp_path) == (7.0, 0)
+    assert run(tmp_path) == (7.0, 1)
+    (tmp_path / "helper.py").write_text(HELPER.format(factor=5.0))
+    assert run(tmp_path) == (11.0, 0)
+
+
+def test_a_constant_from_a_file_without_kernels_counts_as_well(tmp_path):
+    (tmp_path / "numbers_.py").write_text("FACTOR = 3.0\n")
+    (tmp_path / "helper.py").write_text("from numbers_ import FACTOR\ndef scaled(x):\n    return FACTOR * x\n")
+    (tmp_path / "kernel.py").write_text(KERNEL)
+    assert run(tmp_path) == (7.0, 0)
+    (tmp_path / "numbers_.py").write_text("FACTOR = 4.0\n")
+    assert run(tmp_path) == (9.0, 0)
+
+
+def running_sums(x):
+    total, out = lanes(), rows(x.size)
+    for c in range(LANES):
+        total[c] = c
+    for k in range(x.size):
+        for c in range(LANES):
+            total[c] = 0.5 * total[c] + x[k]
+        for c in range(LANES):
+            out[k * LANES + c] = total[c]
+    return out
+
+
+def test_lanes_give_the_plain_functions_bits():
+    x = np.random.default_rng(0).standard_normal(50)
+    fast = compiled(running_sums)(x)
+    assert np.array_equal(fast, running_sums(x))
+    assert fast.ctypes.data % 64 == 0
