@@ -228,14 +228,20 @@ def draw_case(
 
 
 def _friction(rng: np.random.Generator, Ts: float) -> dict:
-    """The stem's own friction law, used when friction is asked for; an actuator travels fast against the scan."""
+    """The stem's own friction law, used when friction is asked for; an actuator travels fast against the scan.
+
+    LuGre slips near its break-away force only with short bristles and a Stribeck speed well above the bristles' and well
+    below the slip's; else the stem creeps.
+    """
+    model = pick(rng, ("choudhury", "he", "karnopp", "stribeck", "lugre"))
     return {
-        "model": pick(rng, ("choudhury", "he", "karnopp", "stribeck", "lugre")),
+        "model": model,
         "ratio": float(rng.uniform(0.15, 0.9)),  # J/S: Choudhury 2005 found .1 to 1 in plant data
         "travel_time": Ts * log_uniform(rng, 0.02, 0.2),
-        "stribeck": float(rng.uniform(0.02, 0.15)),  # Stribeck speed over the speed of the slip
+        # Stribeck speed over the speed of the slip
+        "stribeck": log_uniform(rng, 0.03, 0.12) * (0.1 if model == "lugre" else 1.0),
         "slip_end": float(rng.uniform(0.005, 0.03)),
-        "bristle": float(rng.uniform(0.02, 0.08)),
+        "bristle": log_uniform(rng, 0.001, 0.003),
     }
 
 

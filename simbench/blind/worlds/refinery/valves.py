@@ -133,9 +133,12 @@ def slide(u, h, state, v):
 
 @numba.njit
 def bristles(u, h, state, v):
-    """LuGre (Canudas de Wit 1995) without inertia, implicit step: the speed solves one quadratic equation."""
+    """LuGre (Canudas de Wit 1995) without inertia, implicit step: the speed solves one quadratic equation.
+
+    Friction falls as exp(-|v|/vs) (Tustin 1947): with the square of v a slow stem would creep and never slip.
+    """
     stiff = v.fs / v.bristle
-    limit = (v.fd + (v.fs - v.fd) * math.exp(-((state[SPEED] / v.stribeck_speed) ** 2))) / stiff
+    limit = (v.fd + (v.fs - v.fd) * math.exp(-abs(state[SPEED]) / v.stribeck_speed)) / stiff
     z, damping = state[BRISTLE], 0.2 * stiff * v.travel_time
     grip = stiff + damping / h
     pull = u - state[STEM] + damping * z / h
