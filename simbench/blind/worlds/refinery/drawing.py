@@ -101,9 +101,12 @@ def _try(entry: dict, names: tuple[str, ...], classes: dict, rng: np.random.Gene
         found, ratio = search.one(names[0], oracle.BANDS[entry["strength"]], case, seeds[:-1], rng)
     elif names:
         found, ratio = search.two((names[0], names[1]), case, seeds[:-1], rng)
+    else:
+        # the same sieve as for a loop with an effect: a dozen runs that all behave
+        search.Bench(case, [], seeds[:-1])
     answer = _answer(entry, case, found, ratio, int(seeds[-1]))
     record = run(prepared(answer["case"], found), answer["case"], answer["seed"])
-    if not healthy(record, case, "saturation" in names):
+    if not healthy(record, case, found):
         raise Misfit
     return Item(_recorded(record, case), answer["case"]["baseline"], answer)
 

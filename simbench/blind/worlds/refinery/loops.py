@@ -99,7 +99,7 @@ def _plants(rng: np.random.Generator, classes: dict, span: float, exact: frozens
     sign = 1.0 if classes["direction"] == "reverse" else -1.0
     integrating = classes["plant"] == "integrating"
     time = classes["Ts"] * log_uniform(rng, 3.0, 40.0)
-    # a valve of ordinary size moves a third to all of the span of a temperature, up to 2.5 spans of a flow
+    # the full stroke of an ordinary valve is worth 0.4 (a tray temperature) to 2.5 spans (a flow)
     K = sign * span / 100.0 * log_uniform(rng, 0.4, 2.5)
     true = {"type": classes["plant"], "K": K / time * rng.uniform(0.2, 1.0) if integrating else K}
     true["T"] = None if integrating else time

@@ -7,7 +7,8 @@ import math
 import numpy as np
 
 from detectors.errors import UnknownName
-from simbench.blind.worlds.refinery import effects, foreign, oracle
+from simbench.blind.worlds.refinery import foreign, oracle
+from simbench.blind.worlds.refinery.effects import APPLY, complete
 from simbench.blind.worlds.refinery.simulation import Setup, build, run
 from simbench.blind.worlds.refinery.sizes import FOREIGN_SIZES, SIZES, Size
 from simbench.gap.names import EFFECTS
@@ -34,7 +35,7 @@ def prepared(case: dict, wanted: list[dict], nominal: bool = False) -> Setup:
     for item in wanted:
         name, parameters = item["effect"], dict(item.get("parameters", {}))
         if name in EFFECTS:
-            effects.APPLY[name](setup, effects.complete(name, parameters, case), case)
+            APPLY[name](setup, complete(name, parameters, case), case)
         elif name in foreign.FOREIGN:
             foreign.APPLY[name](setup, foreign.check(name, parameters), case)
         else:
@@ -42,11 +43,12 @@ def prepared(case: dict, wanted: list[dict], nominal: bool = False) -> Setup:
     return setup
 
 
-def healthy(record: dict[str, np.ndarray], case: dict, limited: bool) -> bool:
+def healthy(record: dict[str, np.ndarray], case: dict, effects: list[dict]) -> bool:
     """Whether the loop works: OP off its limits (unless they are the effect), PV near SP, both alive, the valve moving."""
     op, e = record["op"], record["sp"] - record["pv"]
     if not (np.all(np.isfinite(op)) and np.all(np.isfinite(e))):
         return False
+    limited = any(item["effect"] == "saturation" for item in effects)
     if not limited and float(np.mean((op <= 0.05) | (op >= 99.95))) > 0.01:
         return False
     moved = float(np.mean(np.abs(np.diff(record["mv"])) > 1e-3))
@@ -71,17 +73,18 @@ class Bench:
         One for each realisation of the cloud, then one for each shown.
     """
 
-    def __init__(self, case: dict, base: list[dict], seeds: np.ndarray, limited: bool) -> None:
-        self._case, self._base, self._limited = case, base, limited
+    def __init__(self, case: dict, base: list[dict], seeds: np.ndarray) -> None:
+        self._case, self._base = case, base
         self._seeds, self._time = seeds, case["time"] / case["Ts"]
         self.first: dict[str, np.ndarray] = {}
         self._cloud = oracle.Cloud(self._measure([], seeds[:CLOUD]))
 
     def _measure(self, extra: list[dict], seeds: np.ndarray) -> list[list[np.ndarray]]:
-        setup, many = prepared(self._case, [*self._base, *extra]), []
+        effects, many = [*self._base, *extra], []
+        setup = prepared(self._case, effects)
         for seed in seeds:
             record = run(setup, self._case, int(seed))
-            if not healthy(record, self._case, self._limited):
+            if not healthy(record, self._case, effects):
                 raise Misfit
             self.first = self.first or record
             many.append(oracle.features(record, self._time))
@@ -128,7 +131,7 @@ def one(
     name: str, band: tuple[float, float], case: dict, seeds: np.ndarray, rng: np.random.Generator
 ) -> tuple[list[dict], float]:
     """Return one effect whose ratio on this loop lies in `band`, and the ratio; Misfit where there is none."""
-    bench = Bench(case, [], seeds, name == "saturation")
+    bench = Bench(case, [], seeds)
     size = SIZES[name] if name in SIZES else FOREIGN_SIZES[name]
     shape = size.shape(rng, case, bench.first)
     item, ratio = sized(bench, name, size, shape, case, band, rng)
@@ -137,14 +140,13 @@ def one(
 
 def two(names: tuple[str, str], case: dict, seeds: np.ndarray, rng: np.random.Generator) -> tuple[list[dict], float]:
     """Return two effects, each visible alone and beside the other, and the smaller ratio; Misfit where there are none."""
-    limited = "saturation" in names
-    bench = Bench(case, [], seeds, limited)
+    bench = Bench(case, [], seeds)
     found = []
     for name in names:
         shape = SIZES[name].shape(rng, case, bench.first)
         found.append(sized(bench, name, SIZES[name], shape, case, TWO, rng))
     (first, r1), (second, r2) = found
     for base, extra in ((first, second), (second, first)):
-        if not BESIDE <= Bench(case, [base], seeds, limited).ratio([extra]) < math.inf:
+        if not BESIDE <= Bench(case, [base], seeds).ratio([extra]) < math.inf:
             raise Misfit
     return [first, second], min(r1, r2)

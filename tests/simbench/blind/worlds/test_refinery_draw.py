@@ -156,7 +156,7 @@ def test_ratio_lies_in_its_band_when_measured_again():
     for entry, item in drawn()[::7]:
         if entry["kind"] == "single":
             case = item.answer["case"]
-            bench = search.Bench(case, [], np.arange(100, 100 + search.CLOUD + search.SHOWN), entry["effect"] == "saturation")
+            bench = search.Bench(case, [], np.arange(100, 100 + search.CLOUD + search.SHOWN))
             ratio = bench.ratio(truth(item.answer))
             assert 0.5 * item.answer["ratio"] < ratio < 2.0 * item.answer["ratio"], named(item)
 
