@@ -75,10 +75,14 @@ def draw_classes(rng: np.random.Generator, plant: str | None = None) -> dict:
     integrating = bool(rng.random() < 1 / 3)
     fit = [s for s in SERVICES if s.integrating == (integrating if plant is None else plant == "integrating")]
     service = fit[int(rng.integers(len(fit)))]
+    Ts = pick(rng, service.periods)
     return {
         "service": service.name,
         "plant": "integrating" if service.integrating else "foptd",
-        "Ts": pick(rng, service.periods),
+        "Ts": Ts,
+        # T, or the time in which a tank reacts: from a scan that is too slow to one of forty in T
+        "time": Ts * log_uniform(rng, 3.0, 40.0),
+        "Td_share": log_uniform(rng, 0.05, 1.0 if service.integrating else 1.5),
         "controller": pick(rng, ("PI", "P"), (85, 15)),
         "direction": pick(rng, ("reverse", "direct")),
         "sp": pick(rng, setpoint.PATTERNS, (50, 20, 12, 18)),
@@ -90,20 +94,20 @@ def draw_classes(rng: np.random.Generator, plant: str | None = None) -> dict:
         "exceptions": bool(rng.random() < 0.15),
         "style": pick(rng, archive.STYLES),
         "higher_order": bool(rng.random() < 0.4),
-        "known_play": bool(rng.random() < 0.12),
+        "known_play": bool(rng.random() < 0.08),
     }
 
 
-def _plants(rng: np.random.Generator, classes: dict, span: float, exact: frozenset) -> tuple[dict, dict, float]:
-    """Return the true plant, the baseline's, and the plant's time (T; of a tank the time in which it reacts)."""
+def _plants(rng: np.random.Generator, classes: dict, span: float, exact: frozenset) -> tuple[dict, dict]:
+    """Return the true plant and the baseline's."""
     sign = 1.0 if classes["direction"] == "reverse" else -1.0
     integrating = classes["plant"] == "integrating"
-    time = classes["Ts"] * log_uniform(rng, 3.0, 40.0)
+    time = classes["time"]
     # the full stroke of an ordinary valve is worth 0.4 (a tray temperature) to 2.5 spans (a flow)
     K = sign * span / 100.0 * log_uniform(rng, 0.4, 2.5)
     true = {"type": classes["plant"], "K": K / time * rng.uniform(0.2, 1.0) if integrating else K}
     true["T"] = None if integrating else time
-    true["Td"] = time * log_uniform(rng, 0.05, 1.0 if integrating else 1.5)
+    true["Td"] = time * classes["Td_share"]
     true["lag1"] = true["lag2"] = 0.0
     if classes["higher_order"] and "T" not in exact:
         true["lag1"] = time * rng.uniform(0.05, 0.15)
@@ -118,7 +122,7 @@ def _plants(rng: np.random.Generator, classes: dict, span: float, exact: frozens
             base[name] = rounded(base[name])
         else:
             base[name] = rounded(base[name] * rng.uniform(0.91, 1.09))
-    return true, {k: v for k, v in base.items() if v is not None}, time
+    return true, {k: v for k, v in base.items() if v is not None}
 
 
 def _tuning(rng: np.random.Generator, classes: dict, base: dict, time: float) -> tuple[float, float | None]:
@@ -192,7 +196,8 @@ def draw_case(
     # transmitters are ranged to the service: a span of 40 to 100 % of the tag's customary one
     span = (service.high - service.low) * rng.uniform(0.4, 1.0)
     value = rounded(service.low + (service.high - service.low) * rng.uniform(0.35, 0.7))
-    true, base, time = _plants(rng, classes, span, exact)
+    time = classes["time"]
+    true, base = _plants(rng, classes, span, exact)
     Kc, Ti = _tuning(rng, classes, base, time)
     n, Ts = classes["n"], classes["Ts"]
     own = {
