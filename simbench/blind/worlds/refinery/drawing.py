@@ -95,16 +95,16 @@ def _try(entry: dict, names: tuple[str, ...], classes: dict, rng: np.random.Gene
     if case is None:
         raise Misfit
     case["mv"] = bool(entry.get("mv", False))
-    seeds = rng.integers(2**31, size=search.CLOUD + search.SHOWN + 1)
+    seeds = rng.integers(2**31, size=search.CLOUD + search.SHOWN)
     found, ratio = [], 1.0
     if len(names) == 1:
-        found, ratio = search.one(names[0], oracle.BANDS[entry["strength"]], case, seeds[:-1], rng)
+        found, ratio = search.one(names[0], oracle.BANDS[entry["strength"]], case, seeds, rng)
     elif names:
-        found, ratio = search.two((names[0], names[1]), case, seeds[:-1], rng)
+        found, ratio = search.two((names[0], names[1]), case, seeds, rng)
     else:
         # the same sieve as for a loop with an effect: a dozen runs that all behave
-        search.Bench(case, [], seeds[:-1])
-    answer = _answer(entry, case, found, ratio, int(seeds[-1]))
+        search.Bench(case, [], seeds)
+    answer = _answer(entry, case, found, ratio, int(seeds[search.CLOUD]))
     record = run(prepared(answer["case"], found), answer["case"], answer["seed"])
     if not healthy(record, case, found):
         raise Misfit

@@ -13,7 +13,7 @@ from simbench.blind.worlds.refinery.simulation import Setup, build, run
 from simbench.blind.worlds.refinery.sizes import FOREIGN_SIZES, SIZES, Size
 from simbench.gap.names import EFFECTS
 
-CLOUD, SHOWN = 12, 4  # realisations without and with the effect that make a ratio
+CLOUD, SHOWN = 12, 6  # realisations without and with the effect that make a ratio; the first shown is the record's own
 STEPS = 10  # sizes tried on one loop
 TWO = (2.0, 8.0)  # ratio of each of two effects alone
 BESIDE = 1.3  # ratio of each against the loop that has the other already
