@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar
 
 from scenarios.errors import SpecError, suggestion
@@ -28,8 +28,13 @@ SETTINGS = {
     "speed": "factor on the tuning's speed",
     "excitation": "setpoint, load or both, at time 0",
     "w_Ti": "2 pi Ti over the period of the cycle; Ti is chosen for it",
+    "effect": "none, or a name of [effects]: what happens to the loop or its record besides",
+    "mv_noise": "noise std on the recorded MV, in S",
+    "moves": "set-point steps over the record, a number",
+    "move": "largest level of these steps about the first, in PV std of the sticky twin",
 }
-WORDS = ("process", "controller", "disturbance", "tuning", "excitation")  # settings that are words; all others are numbers
+# settings that are words; all others are numbers
+WORDS = ("process", "controller", "disturbance", "tuning", "excitation", "effect")
 # closed-loop time constant over dead time (foptd), gain over that of double poles (integrating), share of the ultimate gain (P)
 FOPTD_LAG = {"slow": 3.0, "medium": 1.5, "tight": 0.8}
 INTEGRATING_GAIN = {"slow": 0.6, "medium": 1.0, "tight": 1.5}
@@ -68,6 +73,15 @@ class Rules:
 
 
 @dataclass(frozen=True)
+class Scaled:
+    """A valve or effect whose parameters wait for the cell's scale: "S", "J", "period" or "pv" by name; others stand."""
+
+    name: str
+    parameters: dict[str, Value] = field(default_factory=dict)
+    scale: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class Draft:
     """One scenario before its rules are settled.
 
@@ -83,6 +97,14 @@ class Draft:
         Gain over the ultimate gain of the sampled loop.
     overrides : dict
         Dotted loop keys that have the last word.
+    valve : Scaled
+        Parameters beyond (S, J); a friction model takes the cell's (S, J) through its own mapping.
+    effects : tuple of Scaled
+        Of the loop file.
+    mv_noise : float
+        Std on the recorded MV, in S.
+    moves : tuple of (time in periods, level in PV std)
+        Set-point steps.
     """
 
     loop: Loop
@@ -90,6 +112,10 @@ class Draft:
     loads: tuple[dict[str, Any], ...] = ()
     ultimate: float | None = None
     overrides: Mapping[str, Value] | None = None
+    valve: Scaled = Scaled("ideal")
+    effects: tuple[Scaled, ...] = ()
+    mv_noise: float = 0.0
+    moves: tuple[tuple[float, float], ...] = ()
 
 
 def cell_group(
@@ -106,7 +132,7 @@ def cell_group(
     settings : mapping
         Axis values and drawn values, keys of `SETTINGS`.
     members : iterable of (name, settings, loads)
-        `settings` of the member with its valve model; loads as in `Draft`.
+        `settings` of the member with its valve (`Scaled`); loads as in `Draft`.
     tags : mapping
         Common tags.
     overrides : mapping
@@ -138,7 +164,7 @@ def cell_group(
         tuning = settings["tuning"] if own.get("tuning", SAME) == SAME else own["tuning"]
         if tuning not in (*FOPTD_LAG, *ULTIMATE):
             raise SpecError(f"{where}: tuning {tuning!r} is unknown, {suggestion(str(tuning), (*FOPTD_LAG, *ULTIMATE))}")
-        valve = _valve(own["valve"], settings, where)
+        valve = _valve(own["valve"].name, settings, where)
         loop = _overridden(Loop.from_table({**table, "valve": valve}, where), overrides)
         found = {key: own.get(key) for key in names}
         found.update(
@@ -152,7 +178,8 @@ def cell_group(
             samples_per_period=10.0 * round(float(rules.samples_per_period) / 10.0),
             S=0.0 if valve["model"] == "ideal" else settings["S"],
         )
-        drafts.append(Draft(loop, {**tags, **found}, loads, ULTIMATE.get(tuning), overrides))
+        more = (own["valve"], settings.get("effects", ()), float(settings.get("mv_noise", 0.0)), settings.get("sp_moves", ()))
+        drafts.append(Draft(loop, {**tags, **found}, loads, ULTIMATE.get(tuning), overrides, *more))
     return twin, rules, tuple(drafts)
 
 
@@ -267,7 +294,7 @@ def _valve(model: str, s: Mapping[str, Any], where: str) -> dict[str, Any]:
     if not ratio > 0:
         raise SpecError(f"{where}: S_over_2J = {ratio}; the sticky twin needs a number above 0, or inf")
     if math.isinf(ratio):
-        return {"model": "deadband", "S": S}
+        return {"model": "deadband", "S": S} if model == "choudhury" else {"model": model, "S": S, "J": 0.0}
     return {"model": model, "S": S, "J": S / (2.0 * ratio)}
 
 

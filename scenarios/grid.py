@@ -8,17 +8,18 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from importlib.resources import files
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from scenarios.cell import SETTINGS, WORDS, Draft, Rules, cell_group, loop_axes
+from scenarios.cell import SETTINGS, WORDS, Draft, Rules, Scaled, cell_group, loop_axes
 from scenarios.errors import SpecError, suggestion
 from scenarios.spec import Loop, Value, _Table, checked, content_hash, read_toml
 
 Range = float | tuple[float, float]
 Names = str | tuple[str, ...]
+Scale = Literal["S", "J", "period", "pv"]
 GRID_KEYS = ("seed", "repeats")
 
 
@@ -30,6 +31,29 @@ class Disturbance(_Table):
     amplitude: Range
     period: Range
     parameters: dict[str, Range] = Field(default_factory=dict)
+
+
+class More(_Table):
+    """Parameters of a valve or an effect beyond the cell's (S, J): drawn, then multiplied by what `scale` names.
+
+    S, J: of the cell (% of travel); period, pv: of the sticky twin's cycle (s), PV std of it (PV units).
+    """
+
+    name: str | None = None
+    parameters: dict[str, Range | Names] = Field(default_factory=dict)
+    scale: dict[str, Scale] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _known(self) -> Self:
+        for key in self.scale:
+            if key not in self.parameters:
+                raise ValueError(f"scale asks for {key!r}, which is none of the parameters")
+        return self
+
+    def drawn(self, name: str, rng: np.random.Generator) -> Scaled:
+        """Return the part with its parameters drawn; `name` is that of the table."""
+        values = {key: draw(value, rng) for key, value in sorted(self.parameters.items())}
+        return Scaled(self.name or name, values, dict(self.scale))
 
 
 class Member(_Table):
@@ -64,6 +88,8 @@ class GridFile(_Table):
     repeats: Annotated[int, Field(ge=1)] = 1
     draw: dict[str, Range | Names] = Field(default_factory=dict)
     disturbances: dict[str, Disturbance] = Field(default_factory=dict)
+    valves: dict[str, More] = Field(default_factory=dict)
+    effects: dict[str, More] = Field(default_factory=dict)
     block: tuple[Block, ...] = ()
     loop: dict[str, Any] | None = None
     axes: dict[str, tuple[Value, ...]] = Field(default_factory=dict)
@@ -221,6 +247,9 @@ class Grid:
         settings.update({key: draw(ranges[key], shared) for key in sorted(ranges)})
         settings.update(values)
         settings["step"] = float(settings.get("step", 0.0)) * (1.0 if shared.random() < 0.5 else -1.0)
+        # what stands in the record beside valve and load is shared as well: it must not tell siblings apart
+        settings["effects"] = self._effects(settings.get("effect", "none"), shared)
+        settings["sp_moves"] = _moves(settings, shared)
         seed = int(rng.integers(2**31))
         members = []
         for member in self._present(number, values):
@@ -229,6 +258,8 @@ class Grid:
                 if getattr(member, key) is not None:
                     own[key] = pick(getattr(member, key), rng)
             loads = self._disturbance(own.get("disturbance", "none"), rng)
+            name = str(own["valve"])
+            own["valve"] = self.content.valves.get(name, More()).drawn(name, rng)
             members.append((member.name, own, loads))
         tags["block"] = block.name
         twin, rules, drafts = cell_group(settings, members, tags, self.overrides, f"{self.name}, block {block.name!r}")
@@ -257,6 +288,14 @@ class Grid:
         d = self.content.disturbances[str(name)]
         more = {key: draw(value, rng) for key, value in sorted(d.parameters.items())}
         return ({"type": d.type, "at": d.at, "amplitude": draw(d.amplitude, rng), "period": draw(d.period, rng), **more},)
+
+    def _effects(self, name: Value, rng: np.random.Generator) -> tuple[Scaled, ...]:
+        if name == "none":
+            return ()
+        if name not in self.content.effects:
+            known = ("none", *self.content.effects)
+            raise SpecError(f"{self.name}: effect {name!r} is unknown, {suggestion(str(name), known)}")
+        return (self.content.effects[str(name)].drawn(str(name), rng),)
 
     def _place(self, cell: int) -> tuple[int, dict[str, Value]]:
         number = next(i for i, (first, size) in enumerate(self._cells) if cell < first + size)
@@ -291,6 +330,15 @@ def pick(names: Names, rng: np.random.Generator) -> str:
     return names if isinstance(names, str) else names[int(rng.integers(len(names)))]
 
 
+def _moves(settings: Mapping[str, Any], rng: np.random.Generator) -> tuple[tuple[float, float], ...]:
+    """Draw (time in periods, level in PV std) of the set-point steps, spread evenly over the record."""
+    count = round(float(settings.get("moves", 0.0)))
+    if count == 0:
+        return ()
+    times = np.sort(rng.uniform(0.0, float(settings["periods"]), count))
+    return tuple(zip(times.tolist(), (float(settings["move"]) * rng.uniform(-1.0, 1.0, count)).tolist(), strict=True))
+
+
 def grid_names() -> list[str]:
     """Return the names of the grids that come with the package."""
     return sorted(f.name[:-5] for f in (files("scenarios") / "grids").iterdir() if f.name.endswith(".toml"))
@@ -304,7 +352,7 @@ def load_grid(
     Parameters
     ----------
     name : str or Path
-        "smoke", "table-11-3", "chapter", "own-ground", "ci", or the path of a TOML file.
+        "smoke", "table-11-3", "chapter", "own-ground", "ci", "plant", or the path of a TOML file.
     sets : dict, optional
         Overrides: "seed", "repeats", an axis or drawn setting (then fixed), or a dotted loop key.
     axes : dict, optional

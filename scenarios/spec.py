@@ -84,9 +84,10 @@ class Sampling(_Table):
 
 
 class Noise(_Table):
-    """White measurement noise on PV; standard deviation in PV units."""
+    """White measurement noise: std on PV (PV units), which the controller sees, mv_std on the recorded MV alone (%)."""
 
     std: NonNegative = 0.0
+    mv_std: NonNegative | None = None
 
 
 class SetPoint(_Table):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -10,12 +11,13 @@ from typing import Any
 import numpy as np
 
 from detectors.errors import ParameterError
-from scenarios.cell import Draft, Rules
+from scenarios.cell import Draft, Rules, Scaled
 from scenarios.grid import Group
 from scenarios.spec import Loop, Noise, Sampling, Scenario, SetPoint
 from simbench.bench.motion import motion
 from simbench.bench.truth import least_swing
 from simbench.loop import plant
+from simbench.loop.parameters import VALVES, valve_parameters
 from simbench.loop.simulate import simulate
 from simbench.theory.cycle import cycle_start
 
@@ -61,7 +63,8 @@ def resolve(group: Group) -> list[Scenario]:
     twin, cycle = group.twin, measure_cycle(group.twin)
     if group.rules.w_Ti is not None:
         twin, cycle = _with_w_Ti(twin, cycle, float(group.rules.w_Ti))
-    return [Scenario(loop=_settled(d, group.rules, twin, cycle), seed=group.seed, tags=d.tags) for d in group.drafts]
+    loops = [_settled(d, group.rules, twin, cycle) for d in group.drafts]
+    return [Scenario(loop=loop, seed=group.seed, tags=_tags(d, loop)) for d, loop in zip(group.drafts, loops, strict=True)]
 
 
 def measure_cycle(twin: Loop) -> Cycle:
@@ -159,8 +162,6 @@ def first_guess(loop: Loop) -> float:
 
 def band(loop: Loop) -> tuple[float, float]:
     """Return (S, J) in % of a loop's valve; (1, 1) for a valve without friction, which gives sampling a scale."""
-    from simbench.loop.parameters import VALVES, valve_parameters
-
     module = VALVES.load(loop.valve.name)
     if not module.FRICTION or not hasattr(module, "mapped_SJ"):
         return 1.0, 1.0
@@ -235,7 +236,16 @@ def _settled(draft: Draft, rules: Rules, twin: Loop, cycle: Cycle) -> Loop:
         table["sampling"] = {"Ts": significant(cycle.period / per), "n": round(per * float(rules.periods or FIRST))}
     if rules.noise_ratio is not None:
         table["noise"] = {"std": significant(rules.noise_ratio * cycle.pv_std)}
-    S, _ = band(twin)
+    S, J = band(twin)
+    unit = {"S": S, "J": J, "period": cycle.period, "pv": cycle.pv_std}
+    if draft.loop.valve.name != "ideal":
+        more = _scaled(draft.valve, unit)
+        table["valve"] = valve_table(draft.loop.valve.name, table["valve"], cycle.period, more)
+    table.setdefault("effect", []).extend({"name": e.name, **_scaled(e, unit)} for e in draft.effects)
+    if draft.mv_noise > 0:
+        table["noise"]["mv_std"] = significant(draft.mv_noise * S)
+    if draft.moves:
+        _move_setpoint(table["setpoint"], draft.moves, unit)
     for load in draft.loads:
         size = cycle.pv_std if load["at"] == "output" else S
         table.setdefault("disturbance", []).append(_absolute(load, size, cycle.period))
@@ -246,6 +256,70 @@ def _settled(draft: Draft, rules: Rules, twin: Loop, cycle: Cycle) -> Loop:
         if not (key.startswith("valve.") and loop.valve.name == "ideal"):
             loop = loop.with_(key, value)
     return loop
+
+
+def valve_table(name: str, cell: Mapping[str, Any], period: float, more: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the table of any valve file that has the (S, J) a cell asks for.
+
+    Parameters
+    ----------
+    name : str
+        A valve model or stage.
+    cell : mapping
+        S and J (% of travel; J = 0 when absent).
+    period : float
+        Of the cell's cycle (s): valves that change with time take their times from it.
+    more : mapping
+        Parameters that have the last word.
+
+    Returns
+    -------
+    dict
+        The [valve] table of a loop file.
+
+    Raises
+    ------
+    ParameterError
+        When no parameters of this valve have the (S, J) asked for.
+
+    Examples
+    --------
+    >>> valve_table("stenman", {"S": 5.0, "J": 5.0}, 100.0, {})
+    {'model': 'stenman', 'd': 5.0}
+    >>> valve_table("lag", {"S": 5.0, "J": 5.0}, 100.0, {"T": 2.0})
+    {'model': 'lag', 'T': 2.0}
+    """
+    module = VALVES.load(name)
+    S, J = float(cell["S"]), float(cell.get("J", 0.0))
+    own: dict[str, Any] = {}
+    if hasattr(module, "for_SJ"):
+        own = module.for_SJ(S, J, significant(period))
+    elif module.FRICTION:
+        own = {key: value for key, value in (("S", S), ("J", J)) if key in module.PARAMETERS}
+    table = {**own, **more}
+    if module.FRICTION and hasattr(module, "mapped_SJ"):
+        found = module.mapped_SJ(valve_parameters(module, own, 1.0))
+        if not np.allclose(found, (S, J), rtol=1e-6, atol=1e-9):
+            can = f"nearest is S = {found[0]:g} %, J = {found[1]:g} %"
+            raise ParameterError(f"valve {name!r} cannot have S = {S:g} %, J = {J:g} %: {can}")
+    return {"model": name, **table}
+
+
+def _scaled(part: Scaled, unit: Mapping[str, float]) -> dict[str, Any]:
+    scale = part.scale
+    return {k: significant(v * unit[scale[k]]) if k in scale else v for k, v in part.parameters.items()}  # type: ignore[operator]
+
+
+def _move_setpoint(table: dict[str, Any], moves: Sequence[tuple[float, float]], unit: Mapping[str, float]) -> None:
+    steps = list(table.get("steps", []))
+    rest = steps[-1][1] if steps else table["value"]
+    steps += [[significant(t * unit["period"]), rest + significant(level * unit["pv"])] for t, level in moves]
+    table["steps"] = steps
+
+
+def _tags(draft: Draft, loop: Loop) -> dict[str, Any]:
+    # a valve without friction has no place on the axis of stick bands
+    return draft.tags if VALVES.load(loop.valve.name).FRICTION else {**draft.tags, "S_over_2J": 0.0, "S": 0.0}
 
 
 def _absolute(load: dict[str, Any], size: float, period: float) -> dict[str, Any]:

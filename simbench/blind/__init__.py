@@ -1,1 +1,1 @@
-"""The blind checks: records of simulators that share the vocabulary of the gap and nothing else with what judges them."""
+"""Blind checks of the gap diagnosis: records with hidden effects from independent simulators, sealed answers, their scoring."""

@@ -32,7 +32,7 @@ def ruled(**changes):
     return {"title": "t", "disturbances": {"sine": {"type": "sine", "amplitude": 1, "period": [0.5, 2]}}, "block": [block]}
 
 
-@pytest.mark.parametrize("name", ["smoke", "table-11-3", "chapter", "own-ground", "ci"])
+@pytest.mark.parametrize("name", ["smoke", "table-11-3", "chapter", "own-ground", "ci", "plant"])
 def test_every_grid_has_the_count_it_promises(name):
     grid = load_grid(name)
     assert len(grid) == grid.content.expected == sum(grid.size(i) for i in range(grid.group_count))
@@ -181,7 +181,7 @@ def test_an_impossible_cell_is_one_sentence(axes, words):
 def test_an_unknown_grid_names_the_nearest():
     with pytest.raises(SpecError, match="chapter"):
         load_grid("chaptr")
-    assert set(grid_names()) == {"smoke", "table-11-3", "chapter", "own-ground", "ci"}
+    assert set(grid_names()) == {"smoke", "table-11-3", "chapter", "own-ground", "ci", "plant"}
 
 
 def test_the_ultimate_gain_of_a_pure_delay_like_plant():

@@ -1,1 +1,1 @@
-"""One independent simulator a folder: each writes records of loops with one hidden effect, and the truth beside them."""
+"""Independent simulators that judge the diagnosis: one world per package."""

@@ -48,3 +48,8 @@ def step(u, state, p):
 def mapped_SJ(p):
     """Return (S, J) in % of travel: the means of both directions, exact for the width of the cycle."""
     return 0.5 * (p.S_up + p.S_down), 0.5 * (p.J_up + p.J_down)
+
+
+def for_SJ(S, J, period):
+    """Return the parameters with these means, opening with 1.3 and closing with 0.7 of them."""
+    return {"S_up": 1.3 * S, "J_up": 1.3 * J, "S_down": 0.7 * S, "J_down": 0.7 * J}

@@ -57,3 +57,8 @@ def play(x, half, v):
 def mapped_SJ(p):
     """Return (S, J) in % of travel: the dead-band of the same separation over a full traverse."""
     return p.S + p.H, 0.0
+
+
+def for_SJ(S, J, period):
+    """Return the parameters of this separation, half of it dead-band; it has no slip jump."""
+    return {"S": 0.5 * S, "H": 0.5 * S}

@@ -53,3 +53,8 @@ def step(u, state, p):
 def mapped_SJ(p):
     """Return (S, J) in % of travel of a sticking spell."""
     return p.S, p.J
+
+
+def for_SJ(S, J, period):
+    """Return the parameters that stick with (S, J) for 20 of every 30 periods of `period` (s), with 0.4 of them in between."""
+    return {"S": S, "J": J, "S_off": 0.4 * S, "J_off": 0.4 * J, "period": 30.0 * period, "on": 20.0 * period}

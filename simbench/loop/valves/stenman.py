@@ -28,3 +28,8 @@ def step(u, state, p):
 def mapped_SJ(p):
     """Return (S, J) in % of travel: the stick band is the whole band."""
     return p.d, p.d
+
+
+def for_SJ(S, J, period):
+    """Return the parameters that stick for S; J cannot be chosen."""
+    return {"d": S}

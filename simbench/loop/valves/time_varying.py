@@ -53,3 +53,8 @@ def step(u, state, p):
 def mapped_SJ(p):
     """Return (S, J) in % of travel at the end of the change, where the valve stays."""
     return p.S_end, p.J_end
+
+
+def for_SJ(S, J, period):
+    """Return the parameters that arrive at (S, J) from half of it within ten periods of `period` (s)."""
+    return {"S": 0.5 * S, "J": 0.5 * J, "S_end": S, "J_end": J, "t_end": 10.0 * period}

@@ -11,7 +11,7 @@ from detectors.errors import ParameterError, UnknownName
 from simbench.blind.worlds.refinery import foreign, loops, oracle, search
 from simbench.blind.worlds.refinery.search import Misfit, healthy, prepared
 from simbench.blind.worlds.refinery.simulation import run
-from simbench.gap.names import EFFECTS, NONE, UNKNOWN
+from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
 
 LOOPS = 200  # loops drawn before an entry is given up
 KEPT = 12  # loops drawn in the same classes before the classes themselves are drawn anew
@@ -42,7 +42,7 @@ def _pair(rng: np.random.Generator) -> tuple[str, str]:
     blocks = sorted({e.block for e in EFFECTS.values()})
     while True:
         chosen = rng.choice(len(blocks), 2, replace=False)
-        a, b = (loops.pick(rng, tuple(n for n, e in EFFECTS.items() if e.block == blocks[i])) for i in chosen)
+        a, b = (loops.pick(rng, tuple(n for n in sorted(EFFECTS) if EFFECTS[n].block == blocks[i])) for i in chosen)
         if not any(a in s and b in s for s in SAME):
             return a, b
 

@@ -14,7 +14,7 @@ import numpy as np
 from detectors.errors import ParameterError
 from simbench.blind.worlds.refinery import loads, valves
 from simbench.blind.worlds.refinery.simulation import Setup
-from simbench.gap.names import EFFECTS, Choice
+from simbench.loop.effects import EFFECTS, Choice
 
 Apply = Callable[[Setup, dict, dict], None]
 
@@ -35,8 +35,8 @@ def complete(effect: str, parameters: dict, case: dict) -> dict:
     for name, value in full.items():
         rule = known[name]
         if isinstance(rule, Choice):
-            if value not in rule.words:
-                raise ParameterError(f"{effect}: {name} = {value!r}; allowed: {', '.join(rule.words)}")
+            if value not in rule.names:
+                raise ParameterError(f"{effect}: {name} = {value!r}; allowed: {', '.join(rule.names)}")
         elif not rule.low <= value <= rule.high:
             raise ParameterError(f"{effect}: {name} = {value!r} is outside {rule.low:g}..{rule.high:g} {rule.unit}")
     return full

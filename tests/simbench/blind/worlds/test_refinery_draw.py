@@ -15,7 +15,7 @@ from detectors.errors import ParameterError
 from scenarios.spec import Loop
 from simbench.blind.worlds import refinery
 from simbench.blind.worlds.refinery import drawing, foreign, loops, oracle, search, simulation
-from simbench.gap.names import BLOCKS, EFFECTS, Choice
+from simbench.loop.effects import BLOCKS, EFFECTS, Choice
 
 STRENGTHS = ("weak", "medium", "strong")
 SINGLES = [{"kind": "single", "effect": e, "strength": STRENGTHS[i % 3], "mv": i % 2 == 0} for i, e in enumerate(EFFECTS)]
@@ -77,7 +77,7 @@ def test_nothing_of_the_project_is_imported_but_the_shared_words():
             for name in names:
                 if name.split(".")[0] in ("simbench", "scenarios", "detectors"):
                     own = name.startswith("simbench.blind.worlds.refinery")
-                    assert own or name in ("simbench.gap.names", "detectors.errors"), f"{path.name} imports {name}"
+                    assert own or name in ("simbench.loop.effects", "detectors.errors"), f"{path.name} imports {name}"
 
 
 def test_same_bits_twice_and_in_any_order():
@@ -135,7 +135,7 @@ def test_every_answer_is_in_the_vocabulary_and_its_bounds():
             assert block == EFFECTS[effect].block
             for name, value in parameters.items():
                 rule = EFFECTS[effect].parameters[name]
-                assert value in rule.words if isinstance(rule, Choice) else rule.low <= value <= rule.high, (effect, name)
+                assert value in rule.names if isinstance(rule, Choice) else rule.low <= value <= rule.high, (effect, name)
             if effect == "stiction":
                 assert parameters["S"] >= 0.3
         if entry["kind"] == "two":

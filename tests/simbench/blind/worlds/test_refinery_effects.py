@@ -8,7 +8,7 @@ import pytest
 from simbench.blind.worlds import refinery
 from simbench.blind.worlds.refinery import loops, simulation
 from simbench.blind.worlds.refinery.search import prepared
-from simbench.gap.names import EFFECTS
+from simbench.loop.effects import EFFECTS
 
 
 @pytest.fixture(scope="module")
