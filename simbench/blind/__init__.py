@@ -1,0 +1,1 @@
+"""The blind checks: simulators that judge a diagnosis they have never seen."""

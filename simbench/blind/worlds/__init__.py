@@ -1,0 +1,1 @@
+"""Independent simulators, one package each, written from the contract alone."""
