@@ -48,22 +48,22 @@ def family(effect: str, rng: np.random.Generator, s: Scales) -> Family:
     return Family(low, high, within)
 
 
-# --- valve: S from .3 %, the least a positioner test shows, to 15 % and more, a valve that should have been repaired
+# --- valve: S from .3 %, the least a positioner test shows, to 15 % (backlash and dead-zone 20 %), a valve that should have been repaired
 
 
 def _stiction(rng, s):
     top = 1.0 if s.case["friction"] in ("choudhury", "he") else 0.6  # a stem with sliding friction slips less than its band
     share = rng.uniform(0.1, top)
-    return 0.3, 25.0, lambda x: {"S": x, "J": share * x}
+    return 0.3, 15.0, lambda x: {"S": x, "J": share * x}
 
 
 def _deadband(rng, s):
-    return 0.3, 30.0, lambda x: {"S": x}
+    return 0.3, 20.0, lambda x: {"S": x}
 
 
 def _deadzone(rng, s):
     aside = rng.uniform(-0.4, 0.4)  # the balance lies within the zone, not always at its centre
-    return 0.3, 30.0, lambda x: {"D": x, "c": s.case["op0"] + aside * x}
+    return 0.3, 20.0, lambda x: {"D": x, "c": s.case["op0"] + aside * x}
 
 
 def _valve_lag(rng, s):
