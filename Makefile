@@ -13,7 +13,7 @@ export NPY_DISABLE_CPU_FEATURES := X86_V4 AVX512_ICL AVX512_SPR
 
 bench: $(READY)            ## the main job: simulate a labelled grid, run the detectors, score them
 	rm -rf runs/bench
-	$(BIN)/simbench run chapter -o runs/bench --method fast -j 2
+	$(BIN)/simbench run chapter -o runs/bench --method fast,oracle -j 2
 	$(BIN)/simbench score runs/bench --report runs/bench/report.html
 
 test: $(READY) lint        ## every test, and the rules of the house
@@ -36,8 +36,8 @@ leak: $(READY)             ## can a scenario's settings alone predict its label?
 	$(BIN)/python -m simbench.bench.leak
 
 learn: $(READY)            ## grow the trees that give the gap diagnosis its probabilities; half an hour, can be resumed
-	$(BIN)/python -m simbench.gap.training.make runs/gap-training -n 3000 -j 2
-	$(BIN)/python -m simbench.gap.training.fit runs/gap-training
+	$(BIN)/python -m simbench.gap.decide.training.make runs/gap-training -n 3000 -j 2
+	$(BIN)/python -m simbench.gap.decide.training.fit runs/gap-training
 
 perf: $(READY)             ## ratios of medians of interleaved runs
 	$(BIN)/python tests/reference/perf.py

@@ -190,7 +190,8 @@ def _front_end(method: Method, prepared: Prepared, raw: bool, answer) -> Verdict
     oscillation = prepared.oscillation
     if not raw and not oscillation.sustained:
         verdict = answer(NO_STICTION, f"no sustained oscillation (r = {oscillation.regularity:.2f})")
-        return replace(verdict, score=0.0)
+        # below every score: scales differ between methods, some go below 0
+        return replace(verdict, score=-np.inf)
     periods = prepared.record.duration / oscillation.period_s if np.isfinite(oscillation.period_s) else 0.0
     if periods < method.min_periods:
         if raw and not np.isfinite(oscillation.period_s):

@@ -45,7 +45,7 @@ class Report:
         lines = []
         for name, v in self.verdicts:
             where = "" if name is None else f"{name}: "
-            score = "" if np.isnan(v.score) else f" (score {v.score:.3g})"
+            score = f" (score {v.score:.3g})" if np.isfinite(v.score) else ""
             level = "" if v.S is None else f" S = {_level(v.S)}, J = {_level(v.J)} {v.S_unit}."
             lines.append(f"{where}{v.method}: {v.verdict.replace('_', ' ')}{score}. {v.reason}.{level}")
         if self.scores:
@@ -166,8 +166,8 @@ def score_units(
     Returns
     -------
     list of dict
-        Per method: n_stiction, found, n_other, false_alarms, undecided, auc. A unit counts as stiction when most of
-        its decided records say so.
+        Per method: n_stiction, found, n_other, false_alarms, undecided, not_applicable, auc. A unit counts as stiction when
+        most of its decided records say so; one that the method is not made for counts in not_applicable alone.
     """
     units: dict[str, dict[tuple[str, str], list[Verdict]]] = {}
     for name, verdict in verdicts:
@@ -176,9 +176,10 @@ def score_units(
             units.setdefault(verdict.method, {}).setdefault((row["unit_group"], row["label"]), []).append(verdict)
     rows = []
     for method, groups in units.items():
-        votes = {True: [], False: []}
+        votes: dict[bool, list[bool | None]] = {True: [], False: []}
         scores = {True: [], False: []}
-        for (_, label), found in groups.items():
+        covered = {key: found for key, found in groups.items() if any(v.applicable is not False for v in found)}
+        for (_, label), found in covered.items():
             decided = [v.verdict == STICTION for v in found if v.verdict != NO_DECISION]
             votes[label == STICTION].append(None if not decided else float(np.mean(decided)) > 0.5)
             known = [v.score for v in found if np.isfinite(v.score)]
@@ -192,6 +193,7 @@ def score_units(
                 "n_other": len(votes[False]),
                 "false_alarms": sum(v is True for v in votes[False]),
                 "undecided": sum(v is None for v in votes[True] + votes[False]),
+                "not_applicable": len(groups) - len(covered),
                 "auc": _auc(scores[True], scores[False]),
             }
         )

@@ -5,7 +5,8 @@ from __future__ import annotations
 from types import ModuleType
 
 from detectors.registry import PluginFolder, methods
-from simbench.loop.parameters import EFFECTS, VALVES
+from simbench.loop.effects import PLUGINS
+from simbench.loop.parameters import VALVES
 
 FIGURES = PluginFolder("figure", "simbench.figures", "simbench.figures", ("SOURCE", "data", "draw"))
 KINDS = ("detectors", "valves", "grids", "effects", "figures")
@@ -33,7 +34,7 @@ def catalogue(what: str) -> list[dict[str, str]]:
         from scenarios.grid import grid_names, load_grid
 
         return [{"name": n, "says": (g := load_grid(n)).title, "source": g.source} for n in grid_names()]
-    folder = {"detectors": methods, "valves": VALVES, "effects": EFFECTS, "figures": FIGURES}[what]
+    folder = {"detectors": methods, "valves": VALVES, "effects": PLUGINS, "figures": FIGURES}[what]
     rows = []
     for name in folder.names():
         module = folder.load(name)

@@ -28,6 +28,8 @@ Thresholds = Annotated[
 ]
 Span = Annotated[tuple[float, float] | None, typer.Option(metavar="LO HI", help="Values that mean 0 and 100 %.")]
 
+World = Annotated[str, typer.Option(metavar="NAME", help="Independent simulator that draws the records.")]
+
 _bare = {"add_completion": False, "no_args_is_help": True, "rich_markup_mode": None, "pretty_exceptions_enable": False}
 app = typer.Typer(help="A closed-loop testbench for valve-stiction detectors.", **_bare)
 confirm_app = typer.Typer(help="Is it the valve? The chapter's confirmation tests on a simulated loop.", **_bare)
@@ -151,7 +153,7 @@ def run(
     grid: Annotated[str, typer.Argument(help="Name of a grid, or a TOML file.")],
     out: Annotated[Path | None, typer.Option("-o", "--out", help="Folder of the run [runs/GRID].")] = None,
     jobs: Jobs = 1,
-    method: Annotated[list[str] | None, typer.Option(help="Method ids, fast or full; repeatable.")] = None,
+    method: Annotated[list[str] | None, typer.Option(help="Method ids, fast, full, oracle; repeatable [fast, oracle].")] = None,
     raw: Annotated[bool, typer.Option("--raw", help="Only without the oscillation front end.")] = False,
     plugin: Plugin = None,
     backend: Annotated[str, typer.Option(help="loky, dask or ray.")] = "loky",
@@ -166,13 +168,14 @@ def run(
     as_json: Json = False,
 ) -> None:
     """Simulate a grid of scenarios, judge every record by every method, and score."""
+    from simbench.bench.oracle import ORACLE
     from simbench.bench.run import Interrupted, run_grid
     from simbench.bench.score import score_run
 
     axes = {k: [_number(v) for v in str(values).split(",")] for k, values in _pairs(axis or [], "--axis", text=True).items()}
     try:
         folder = run_grid(
-            grid, out or Path("runs") / Path(grid).stem, tuple(method or ["fast"]), jobs, raw=raw, plugins=plugin or [],
+            grid, out or Path("runs") / Path(grid).stem, tuple(method or ["fast", ORACLE]), jobs, raw=raw, plugins=plugin or [],
             backend=backend, address=address, resume=resume, until_width=until_width, sets=_pairs(sets or [], "--set"),
             axes=axes, thresholds=_threshold_file(thresholds),
         )  # fmt: skip
@@ -322,7 +325,7 @@ def gap_diagnose(
     ] = None,
     identify: Annotated[bool, typer.Option("--identify", help="No baseline: estimate one from the record.")] = False,
     jobs: Jobs = 1,
-    no_bootstrap: Annotated[bool, typer.Option("--no-bootstrap", help="Faster; none and unknown less sure.")] = False,
+    no_bootstrap: Annotated[bool, typer.Option("--no-bootstrap", help="Without effect: there is none any more.")] = False,
     html: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Report to write.")] = None,
     write_loop: Annotated[Path | None, typer.Option(metavar="FIXED.toml", help="Loop file with the effect in it.")] = None,
     process: Annotated[str | None, typer.Option(help="self-regulating or integrating; for --identify.")] = None,
@@ -335,7 +338,7 @@ def gap_diagnose(
     if (baseline is None) == (not identify):
         raise ParameterError("gap diagnose needs either --baseline LOOP.toml or --identify")
     report = diagnose_files(
-        records, baseline, jobs=jobs, bootstrap=not no_bootstrap, html=html, write_loop=write_loop,
+        records, baseline, jobs=jobs, html=html, write_loop=write_loop,
         process=process, op_span=op_span,
     )  # fmt: skip
     _print(report.as_json() if as_json else report.as_text(), as_json)
@@ -348,24 +351,26 @@ def make(
     seed: Annotated[int, typer.Option(min=0)],
     n: Annotated[int, typer.Option("-n", "--records", min=100, help="About how many records.")] = 600,
     jobs: Jobs = 1,
+    world: World = "own",
 ) -> None:
     """Write shuffled records with hidden effects, and seal the answers."""
-    from simbench.gap.withheld import make as write
+    from simbench.blind.making import make as write
 
-    print(write(out, key, seed, n=n, jobs=jobs))
+    print(write(out, key, seed, n=n, jobs=jobs, world=world))
 
 
 @withheld_app.command()
 def answer(
     out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the check.")],
     jobs: Jobs = 1,
-    no_bootstrap: Annotated[bool, typer.Option("--no-bootstrap")] = False,
+    no_bootstrap: Annotated[bool, typer.Option("--no-bootstrap", help="Without effect: there is none any more.")] = False,
+    world: World = "own",
 ) -> None:
-    """Diagnose every record, without sight of the answers; resumes where it stopped."""
-    from simbench.gap import command
-    from simbench.gap.withheld import answer as diagnose_all
+    """Diagnose every record, without sight of the answers and whatever the world; resumes where it stopped."""
+    from simbench.blind.answering import answer as diagnose_all
+    from simbench.gap.command import one_file
 
-    print(f"{diagnose_all(out, command.one_file_quick if no_bootstrap else command.one_file, jobs)} records diagnosed")
+    print(f"{diagnose_all(out, one_file, jobs)} records diagnosed")
 
 
 @withheld_app.command("open")
@@ -373,12 +378,13 @@ def open_sealed(
     out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the check.")],
     key: Annotated[Path | None, typer.Option(help="Key file; not needed where answers.csv lies open.")] = None,
     scores: Annotated[Path | None, typer.Option("--scores", metavar="DIR", help="Where the scores go.")] = None,
+    world: World = "own",
     as_json: Json = False,
 ) -> None:
     """Score the answers against the truth."""
-    from simbench.gap.withheld import open_ as score_answers
+    from simbench.blind.opening import open_ as score_answers
 
-    found = score_answers(out, key, scores)
+    found = score_answers(out, key, scores, world)
     _print({k: v for k, v in found.items() if k != "markdown"} if as_json else found["markdown"], as_json)
 
 

@@ -52,7 +52,7 @@ def test_public_functions_describe_their_parameters(path):
             assert not missing, f"{node.name}: the docstring does not speak of {missing}"
 
 
-PLUGINS = ["detectors/methods", "simbench/loop/valves", "simbench/gap/effects", "simbench/figures"]
+PLUGINS = ["detectors/methods", "simbench/loop/valves", "simbench/loop/effects", "simbench/figures"]
 
 
 @pytest.mark.parametrize("folder", PLUGINS)
@@ -66,3 +66,14 @@ def test_plugins_never_import_their_siblings(folder):
             names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             siblings = [n for n in names if n.startswith(package + ".") and not n.removeprefix(package + ".").startswith("_")]
             assert not siblings, f"{path.name} imports {siblings}"
+
+
+def test_a_class_has_a_name_of_its_own():
+    homes: dict[str, list[str]] = {}
+    for path, name in zip(FILES, NAMES):
+        # worlds are written without sight of the rest
+        if "simbench/blind/worlds/" not in name:
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.ClassDef):
+                    homes.setdefault(node.name, []).append(name)
+    assert {name: places for name, places in homes.items() if len(places) > 1} == {}

@@ -23,7 +23,10 @@ KEPT = (
     "format", "grid", "grid_hash", "seed", "overrides", "scenarios", "methods", "thresholds", "plugins", "command",
     "code", "commit", "versions", "machine", "complete", "counts", "records_hash",
 )  # fmt: skip
-COLUMNS = ("method", "truth", "n", "positives", "accuracy", "decided", "no_decision", "false_alarm", "miss", "auc", "errors")
+COLUMNS = (
+    "method", "truth", "process", "n", "positives", "applicable", "accuracy_applicable", "accuracy_decided", "no_decision",
+    "found", "false_alarms", "accuracy_all", "auc", "rank", "errors",
+)  # fmt: skip
 
 
 def write_baseline(run: str | Path, baseline: str | Path) -> None:

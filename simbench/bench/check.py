@@ -239,7 +239,8 @@ def update_baseline(folder: str | Path, baseline: str | Path) -> str:
 
 
 def _answers(book: Book, method: int, label: str, at: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    truth, verdict, score = book.truth[label], book.verdict[method], book.score[method]
+    # a baseline keeps 24 bits of a score
+    truth, verdict, score = book.truth[label], book.verdict[method], book.score[method].astype(np.float32)
     if at is not None:
         truth, verdict, score = truth[at], verdict[at], score[at]
     known = truth >= 0

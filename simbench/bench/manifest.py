@@ -141,7 +141,12 @@ def _commit() -> str | None:
     """Return the commit of the checkout that this file stands in, read without git."""
     git = Path(__file__).resolve().parents[2] / ".git"
     try:
+        if git.is_file():  # a linked working tree: its HEAD lies apart from the branches
+            git = Path(git.read_text().removeprefix("gitdir:").strip())
         head = (git / "HEAD").read_text().strip()
-        return (git / head[5:]).read_text().strip() if head.startswith("ref: ") else head
+        if not head.startswith("ref: "):
+            return head
+        shared = git / "commondir"
+        return ((git / shared.read_text().strip() if shared.exists() else git) / head[5:]).read_text().strip()
     except OSError:
         return None

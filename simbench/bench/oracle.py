@@ -13,8 +13,9 @@ from detectors.signal.stiction_map import start, valve_position
 from detectors.verdict import NO_STICTION, STICTION, Verdict
 from scenarios.spec import Scenario
 from simbench.loop import plant
-from simbench.loop.setup import Setup, resolve_loop
-from simbench.loop.simulate import Run
+from simbench.loop.resolve import resolve_loop
+from simbench.loop.run import Run
+from simbench.loop.setup import Setup
 
 ORACLE = "oracle"
 SOURCE = "generalised likelihood ratio, Kay (1998), Detection Theory, section 6.4.2; penalty of Schwarz (1978)"

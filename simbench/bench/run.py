@@ -22,7 +22,7 @@ from simbench.bench.manifest import RunError, describe, read_manifest
 from simbench.bench.oracle import ORACLE
 from simbench.bench.resolve import resolve
 from simbench.bench.work import Piece, Thresholds, work
-from simbench.loop.setup import resolve_loop
+from simbench.loop.resolve import resolve_loop
 
 BACKENDS = ("loky", "dask", "ray")
 LIVES = 3  # how often dead workers are replaced before the run gives up

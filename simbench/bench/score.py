@@ -1,18 +1,19 @@
-"""Score a run: every detector against sticky, predicted and cycled, over all and by axis, with and without front end."""
+"""Score a run: every detector where it applies, by truth, front end and process type, and by axis; yardsticks beside it."""
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from simbench.bench import score_text
+from simbench.bench.ranks import Ranks, rank_methods
 from simbench.bench.statistics import auc, wilson
-from simbench.bench.store import TRUTHS, Book
+from simbench.bench.store import CODES, TRUTHS, Book
 from simbench.bench.tables import AXES
 from simbench.files import whole_file
 
@@ -20,7 +21,13 @@ if TYPE_CHECKING:
     import pandas as pd
 
 FRONT, RAW = "front end", "raw"
-RATES = ("accuracy", "decided", "no_decision", "false_alarm", "miss")
+ALL = "all"
+PROCESSES = {ALL: None, "self-regulating": "foptd", "integrating": "integrating"}
+# rates with Wilson intervals, in the order they are shown
+RATES = ("accuracy_applicable", "accuracy_decided", "no_decision", "found", "false_alarms", "accuracy_all")
+YARDSTICKS = {"always no": CODES["no_stiction"], "always yes": CODES["stiction"]}
+ROLE_YARDSTICK = "yardstick"
+COVERED = 0.95  # of a block's loops: a method made for fewer has no rank there
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,13 +37,18 @@ class Scores:
     Parameters
     ----------
     table : DataFrame
-        One row per method, truth and mode ("front end" or "raw"): n, positives, and with Wilson intervals (NAME_lo, NAME_hi)
-        accuracy over all, accuracy over decided, no_decision, false_alarm (of negatives), miss (of positives); auc over
-        records with a score, with DeLong's interval; errors; median runtime in ms.
+        One row per method, truth, mode ("front end" or "raw") and process ("all", "self-regulating", "integrating"): n
+        scenarios with a truth, positives; applicable: on how many the method's source covers the loop; over those, with
+        Wilson intervals (NAME_lo, NAME_hi), accuracy_applicable (no decision is wrong), accuracy_decided, no_decision, found
+        (of positives, no decision is not found), false_alarms (of negatives), auc over records with a score, with DeLong's
+        interval; accuracy_all over everything; rank among its kind (none where it covers less than 95 % of the loops); errors;
+        median runtime in ms.
     by_axis : DataFrame
-        The same against `cycled` by axis and value, without AUC's interval.
+        The same against `cycled` by axis and value, without AUC's interval and rank.
     disagreement : DataFrame
         How often sticky, predicted and cycled say what together.
+    standing : dict of (truth, mode, process) to Ranks
+        What the run can resolve, among methods that see OP and PV only.
     manifest : dict
         Of the run.
     first : str
@@ -46,36 +58,31 @@ class Scores:
     table: pd.DataFrame
     by_axis: pd.DataFrame
     disagreement: pd.DataFrame
+    standing: dict[tuple[str, str, str], Ranks]
     manifest: dict[str, Any]
     first: str = FRONT
 
-    def ranking(self, truth: str = "cycled", mode: str | None = None) -> pd.DataFrame:
-        """Return the rows of one truth and mode, best accuracy first, nonlinearity tests and the oracle last."""
-        rows = self.table[(self.table.truth == truth) & (self.table["mode"] == (mode or self.first))]
-        apart = rows.role.isin(["nonlinearity", "oracle"])
-        return rows.assign(apart=apart).sort_values(["apart", "accuracy"], ascending=[True, False]).drop(columns="apart")
+    @property
+    def resolution(self) -> float:
+        """Smallest difference of accuracy against `cycled` that the run resolves, all loops, the mode shown first."""
+        return self.standing["cycled", self.first, ALL].resolution
+
+    def ranking(self, truth: str = "cycled", mode: str | None = None, process: str = ALL) -> pd.DataFrame:
+        """Return the rows of one block, best first: methods that see OP and PV, those that see MV, yardsticks, other tests."""
+        t = self.table
+        rows = t[(t.truth == truth) & (t["mode"] == (mode or self.first)) & (t.process == process)]
+        kind = [kind_of(role, mv) for role, mv in zip(rows.role, rows.sees_mv)]
+        keys = {"kind": kind, "partial": rows["rank"].isna()}
+        order = ["kind", "partial", "accuracy_applicable"]
+        return rows.assign(**keys).sort_values(order, ascending=[True, True, False], kind="stable")
 
     def as_text(self) -> str:
         """Return the tables for a terminal."""
-        m = self.manifest
-        lines = [f"grid {m['grid']} ({m['grid_hash']}), {int(self.table.n_all.max() if len(self.table) else 0)} scenarios"]
-        for mode in (self.first, RAW if self.first == FRONT else FRONT):
-            lines += ["", f"against cycled, {'with' if mode == FRONT else 'without'} the oscillation front end"]
-            lines += _text(self.ranking("cycled", mode), self.table[self.table["mode"] == mode])
-        if self.table.needs_mv.any() or (self.table.role == "nonlinearity").any():
-            lines += ["", "* sees the valve position MV    ~ nonlinearity test, not ranked"]
-        lines += ["", *self._dead_band(), "", "labels that disagree", *_plain(self.disagreement)]
-        return "\n".join(lines)
+        return score_text.as_text(self)
 
     def as_json(self) -> dict[str, Any]:
-        """Return everything as JSON types; NaN and infinity become null and "inf"."""
-        return {
-            "grid": self.manifest["grid"],
-            "grid_hash": self.manifest["grid_hash"],
-            "scores": _records(self.table),
-            "by_axis": _records(self.by_axis),
-            "disagreement": _records(self.disagreement),
-        }
+        """Return rows, resolution and what stands beside them as JSON types; NaN and infinity become null."""
+        return score_text.as_json(self)
 
     def write(self, folder: str | Path) -> None:
         """Write scores.csv and scores_by_axis.csv."""
@@ -83,13 +90,31 @@ class Scores:
             with whole_file(Path(folder) / f"{name}.csv") as f:
                 frame.to_csv(f, index=False, float_format="%.5g", lineterminator="\n")
 
-    def _dead_band(self) -> list[str]:
-        rows = self.by_axis[(self.by_axis.axis == "S_over_2J") & (self.by_axis["mode"] == self.first)]
-        rows = rows[(rows.value == "inf") & (rows.positives > 0)]
-        if rows.empty:
-            return ["no dead-band cell cycles here"]
-        found = ", ".join(f"{r.method} {1 - r.miss - r.missing:.2f}" for r in rows.itertuples())
-        return [f"dead-band alone ({int(rows.positives.iloc[0])} cycling): found by {found}"]
+
+class Answers(NamedTuple):
+    """What one method said on all n scenarios of a run."""
+
+    method: str
+    role: str
+    sees_mv: bool
+    said: np.ndarray
+    score: np.ndarray
+    applies: np.ndarray
+    failed: np.ndarray
+    runtime: np.ndarray
+
+
+def kind_of(role: str, sees_mv: bool) -> int:
+    """Return 0 for a stiction method on OP and PV, 1 for one that sees MV, 2 for yardsticks and the oracle, 3 for other tests.
+
+    Examples
+    --------
+    >>> kind_of("stiction", False), kind_of("quantification", True), kind_of("oracle", False), kind_of("nonlinearity", False)
+    (0, 1, 2, 3)
+    """
+    if role in ("oracle", ROLE_YARDSTICK):
+        return 2
+    return 3 if role == "nonlinearity" else int(sees_mv)
 
 
 def score_run(folder: str | Path, raw: bool = False) -> Scores:
@@ -118,15 +143,49 @@ def score_book(book: Book, raw: bool = False) -> Scores:
     """Score a run that is in memory; see `score_run`."""
     import pandas as pd
 
-    rows, by_axis = [], []
+    rows, by_axis, standing = [], [], {}
     for mode in (FRONT, RAW):
+        everyone = list(answers_of(book, mode))
         for truth in TRUTHS:
-            rows += _rows(book, mode, truth, np.ones(book.ids.size, dtype=bool), interval=True)
+            for process, name in PROCESSES.items():
+                here = np.ones(book.ids.size, dtype=bool) if name is None else book.axes["process"] == name
+                place = {"truth": truth, "mode": mode, "front_end": mode == FRONT, "process": process}
+                block = [_row(book, a, truth, here, place) for a in everyone]
+                standing[truth, mode, process] = _rank(book, everyone, truth, here, block)
+                rows += block
         for axis in AXES:
             for value, chosen in axis_values(book, axis):
-                for row in _rows(book, mode, "cycled", chosen, interval=False):
-                    by_axis.append({"axis": axis, "value": value, **row})
-    return Scores(pd.DataFrame(rows), pd.DataFrame(by_axis), _disagreement(book), book.manifest, RAW if raw else FRONT)
+                place = {"axis": axis, "value": value, "truth": "cycled", "mode": mode, "front_end": mode == FRONT}
+                by_axis += [_row(book, a, "cycled", chosen, place, interval=False) for a in everyone]
+    frames = [pd.DataFrame([r for r in part if r["n"]]) for part in (rows, by_axis)]
+    return Scores(*frames, _disagreement(book), standing, book.manifest, RAW if raw else FRONT)
+
+
+def answers_of(book: Book, mode: str = FRONT) -> Iterator[Answers]:
+    """Yield what every method of a run said, and two yardsticks that always say the same.
+
+    Parameters
+    ----------
+    book : Book
+        The run.
+    mode : {"front end", "raw"}
+        Behind the oscillation front end or without it.
+
+    Yields
+    ------
+    Answers
+    """
+    verdicts, scores = (book.verdict, book.score) if mode == FRONT else (book.verdict_raw, book.score_raw)
+    for i, method in enumerate(book.methods):
+        about = book.manifest["methods"][method]
+        applies = book.applicable[i] != 0
+        yield Answers(
+            method, about["role"], about["needs_mv"], verdicts[i], scores[i], applies, book.failed[i], book.runtime[i]
+        )
+    nothing = np.zeros(book.ids.size)
+    for name, code in YARDSTICKS.items():
+        said = np.full(book.ids.size, code)
+        yield Answers(name, ROLE_YARDSTICK, False, said, nothing, nothing == 0, nothing != 0, nothing)
 
 
 def axis_values(book: Book, axis: str) -> Iterator[tuple[str, np.ndarray]]:
@@ -140,44 +199,51 @@ def axis_values(book: Book, axis: str) -> Iterator[tuple[str, np.ndarray]]:
             yield str(value), values == value
 
 
-def _rows(book: Book, mode: str, truth: str, chosen: np.ndarray, interval: bool) -> Iterator[dict[str, Any]]:
+def _row(
+    book: Book, a: Answers, truth: str, chosen: np.ndarray, place: dict[str, Any], interval: bool = True
+) -> dict[str, Any]:
+    use = chosen & (book.truth[truth] >= 0)
+    here = use & a.applies
+    said, positive = a.said[here], book.truth[truth][here] == 1
+    n, m, p, right = int(use.sum()), said.size, int(positive.sum()), int((said == positive).sum())
+    undecided = int((said == CODES["no_decision"]).sum())
+    found, false_alarms = (int((said[part] == CODES["stiction"]).sum()) for part in (positive, ~positive))
+    # where a method does not apply it does not decide: nothing right is added
+    of = ((right, m), (right, m - undecided), (undecided, m), (found, p), (false_alarms, m - p), (right, n))
+    row: dict[str, Any] = {"method": a.method, **place, "role": a.role, "sees_mv": a.sees_mv}
+    row.update(n=n, n_all=int(chosen.sum()), positives=int((book.truth[truth][use] == 1).sum()), applicable=m)
+    for name, (hits, trials) in zip(RATES, of, strict=True):
+        lo, hi = wilson(hits, trials)
+        row[name] = hits / trials if trials else math.nan
+        row[f"{name}_lo"], row[f"{name}_hi"] = float(lo), float(hi)
+    score = a.score[here]
+    known = ~np.isnan(score)
+    row["scored"] = int(known.sum())
+    if interval:
+        row["auc"], row["auc_lo"], row["auc_hi"] = auc(score[known], positive[known])
+    else:
+        row["auc"] = _area(score[known], positive[known])
+    row["errors"] = int(a.failed[use].sum())
+    row["median_ms"] = round(1e3 * float(np.median(a.runtime[use])), 4) if n else math.nan
+    return row
+
+
+def _rank(book: Book, everyone: list[Answers], truth: str, chosen: np.ndarray, block: list[dict[str, Any]]) -> Ranks:
+    """Write a rank into each row of a block: methods that see MV among themselves, yardsticks and partial ones not at all."""
     use = chosen & (book.truth[truth] >= 0)
     positive = book.truth[truth][use] == 1
-    verdicts, scores = (book.verdict, book.score) if mode == FRONT else (book.verdict_raw, book.score_raw)
-    n, p = int(use.sum()), int(positive.sum())
-    if n == 0:
-        return
-    for i, method in enumerate(book.methods):
-        said = verdicts[i, use]
-        right, undecided = int((said == positive).sum()), int((said == 2).sum())
-        false_alarms, misses = int((said[~positive] == 1).sum()), int((said[positive] == 0).sum())
-        counts = ((right, n), (right, n - undecided), (undecided, n), (false_alarms, n - p), (misses, p))
-        about = book.manifest["methods"][method]
-        row: dict[str, Any] = {
-            "method": method,
-            "truth": truth,
-            "mode": mode,
-            "role": about["role"],
-            "needs_mv": about["needs_mv"],
-            "n": n,
-            "n_all": int(chosen.sum()),
-            "positives": p,
-        }
-        for name, (hits, of) in zip(RATES, counts):
-            lo, hi = wilson(hits, of)
-            row[name] = hits / of if of else math.nan
-            row[f"{name}_lo"], row[f"{name}_hi"] = float(lo), float(hi)
-        row["missing"] = float((said[positive] == 2).mean()) if p else math.nan  # positives without a decision
-        score = scores[i, use]
-        known = ~np.isnan(score)
-        row["scored"] = int(known.sum())
-        if interval:
-            row["auc"], row["auc_lo"], row["auc_hi"] = auc(score[known], positive[known])
-        else:
-            row["auc"] = _area(score[known], positive[known])
-        row["errors"] = int(book.failed[i, use].sum())
-        row["median_ms"] = round(1e3 * float(np.median(book.runtime[i, use])), 4)
-        yield row
+    standing = []
+    for row in block:
+        row["rank"] = None
+    for kind in (0, 1):
+        mine = [k for k, a in enumerate(everyone) if kind_of(a.role, a.sees_mv) == kind]
+        # a rank compares methods on the same loops
+        members = [k for k in mine if block[k]["applicable"] >= COVERED * max(block[k]["n"], 1)]
+        right = np.array([(everyone[k].said[use] == positive) & everyone[k].applies[use] for k in members], dtype=bool)
+        standing.append(rank_methods(right.reshape(len(members), int(use.sum()))))
+        for k, rank in zip(members, standing[-1].rank, strict=True):
+            block[k]["rank"] = int(rank)
+    return standing[0] if standing[0].rank.size else standing[1]
 
 
 def _area(score: np.ndarray, positive: np.ndarray) -> float:
@@ -199,41 +265,3 @@ def _disagreement(book: Book) -> pd.DataFrame:
     frame = pd.DataFrame({**said, "cycled": book.truth["cycled_word"]})
     counts = frame.value_counts(sort=False).rename("scenarios").reset_index()
     return counts.sort_values(["sticky", "predicted", "cycled"], ascending=False, ignore_index=True)
-
-
-def _text(ranking: pd.DataFrame, all_truths: pd.DataFrame) -> list[str]:
-    other = {(r.method, r.truth): r.accuracy for r in all_truths.itertuples()}
-    head = ("method", "accuracy", "95 %", "decided", "undecided", "false al.", "miss", "AUC", "sticky", "predicted", "ms")
-    lines = [head]
-    for r in ranking.itertuples():
-        mark = ("*" if r.needs_mv else "") + ("~" if r.role == "nonlinearity" else "")
-        # the last two columns: accuracy against the other truths
-        lines.append(
-            (
-                f"{r.method}{mark}",
-                f"{r.accuracy:.3f}",
-                f"{r.accuracy_lo:.3f}-{r.accuracy_hi:.3f}",
-                *(_short(x) for x in (r.decided, r.no_decision, r.false_alarm, r.miss, r.auc)),
-                _short(other.get((r.method, "sticky"), math.nan)),
-                _short(other.get((r.method, "predicted"), math.nan)),
-                f"{r.median_ms:.2f}",
-            )
-        )
-    return _columns(lines)
-
-
-def _short(x: float) -> str:
-    return "-" if math.isnan(x) else f"{x:.3f}"
-
-
-def _plain(frame: pd.DataFrame) -> list[str]:
-    return _columns([tuple(frame.columns), *(tuple(map(str, row)) for row in frame.itertuples(index=False))])
-
-
-def _columns(lines: list[tuple[str, ...]]) -> list[str]:
-    widths = [max(len(line[i]) for line in lines) for i in range(len(lines[0]))]
-    return ["  ".join(cell.ljust(w) for cell, w in zip(line, widths)).rstrip() for line in lines]
-
-
-def _records(frame: pd.DataFrame) -> list[dict[str, Any]]:
-    return json.loads(frame.to_json(orient="records", double_precision=6))

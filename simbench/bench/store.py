@@ -161,8 +161,10 @@ class Book:
         Method ids.
     verdict, verdict_raw : ndarray of int8, shape (m, n)
         0 no_stiction, 1 stiction, 2 no_decision; with and without front end.
-    score, score_raw : ndarray of float32, shape (m, n)
+    score, score_raw : ndarray, shape (m, n)
         NaN where there is none; with the front end, -inf where it found no oscillation.
+    applicable : ndarray of int8, shape (m, n)
+        Whether the method's source covers the loop: 1 yes, 0 no, -1 the record does not tell.
     failed : ndarray of bool, shape (m, n)
         Whether the detector raised an error.
     runtime : ndarray of float32, shape (m, n)
@@ -180,6 +182,7 @@ class Book:
     verdict_raw: np.ndarray
     score: np.ndarray
     score_raw: np.ndarray
+    applicable: np.ndarray
     failed: np.ndarray
     runtime: np.ndarray
 
@@ -226,7 +229,7 @@ class Book:
             cycled[part] = _words(batch.column("cycled"))
             oscillating[part] = _flags(batch.column("oscillating")) == 1
         truth["cycled"][:] = np.select([cycled == "yes", cycled == "no"], [1, 0], -1)
-        kinds = {"verdict": np.int8, "verdict_raw": np.int8, "score": np.float32, "score_raw": np.float32}
+        kinds = {"verdict": np.int8, "verdict_raw": np.int8, "score": float, "score_raw": float, "applicable": np.int8}
         out = {name: np.empty((m, n), dtype=kind) for name, kind in kinds.items()}
         failed, runtime = np.empty((m, n), dtype=bool), np.empty((m, n), dtype=np.float32)
         row = 0
@@ -237,12 +240,9 @@ class Book:
                 out[name][:, part] = _codes(batch.column(name)).reshape(-1, m).T
             for name in ("score", "score_raw"):
                 out[name][:, part] = batch.column(name).to_numpy(zero_copy_only=False).reshape(-1, m).T
+            out["applicable"][:, part] = _flags(batch.column("applicable")).reshape(-1, m).T
             failed[:, part] = batch.column("error").is_valid().to_numpy(zero_copy_only=False).reshape(-1, m).T
             runtime[:, part] = batch.column("runtime_s").to_numpy(zero_copy_only=False).reshape(-1, m).T
-        for i, method in enumerate(methods):
-            if manifest["methods"][method]["front_end"]:
-                # below every score: scales differ between methods, some go below 0
-                out["score"][i, ~oscillating & (out["verdict"][i] != CODES[NO_DECISION])] = -np.inf
         truth["cycled_word"] = cycled
         return cls(manifest, ids, hashes, axes, truth, oscillating, methods, **out, failed=failed, runtime=runtime)
 

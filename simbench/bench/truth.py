@@ -11,12 +11,15 @@ from detectors.record import LoopRecord
 from scenarios.spec import Loop, Part
 from simbench.bench.motion import Motion, largest_sine, motion
 from simbench.loop.parameters import VALVES, valve_parameters
-from simbench.loop.simulate import Run, simulate
+from simbench.loop.resolve import resolve_loop
+from simbench.loop.run import Run
+from simbench.loop.simulate import simulate
 
 TAIL_PERIODS = 20
 MIN_REVERSALS = 6
 LASTING = 0.8  # last third of the tail over the first
 TWIN = 0.5  # a twin with an ideal valve that moves this much of it moves for another reason
+MOMENTS = (0.0, 0.25, 0.5, 0.75)  # of the record's last period, from its end back, at which the noise goes off
 FADING = 0.5  # below this the motion dies out; between this and LASTING it is not clear
 MAX_TAIL = 20_000  # samples
 YES, NO, ENTRAINED, UNCLEAR = "yes", "no", "entrained", "unclear"
@@ -43,7 +46,7 @@ class Cycled:
 
 
 def simulate_with_truth(loop: Loop, seed: int = 0, *, period: float | None = None) -> tuple[Run, Cycled]:
-    """Run a loop, go on with disturbances and set point frozen, and say whether it cycles.
+    """Run a loop, let it go on without noise under frozen disturbances and set point, and say whether it cycles.
 
     Parameters
     ----------
@@ -59,13 +62,16 @@ def simulate_with_truth(loop: Loop, seed: int = 0, *, period: float | None = Non
     run : Run
         Its record is that of `simulate(loop, seed)`, bit for bit.
     cycled : Cycled
-        yes: over 20 more periods MV reverses at least 6 times, by J/2 or more in the median (J = 0: S/20), does not
-        fade (last third at least 0.8 of the first), and its largest sine at any period within a factor 3 is more than
-        twice that of the twin with an ideal valve.
+        yes: over the 20 periods behind the record MV reverses at least 6 times, by J/2 or more in the median (J = 0:
+        S/20), does not fade (last third at least 0.8 of the first), and its largest sine at any period within a factor 3
+        is more than twice that of the twin with an ideal valve. Set point and disturbances are frozen at the record's end;
+        the noise goes off there, or a quarter, half or three quarters of a period earlier: a state of rest may coexist with
+        the cycle, so that one of the four that goes on is enough. unclear: it moves on with the noise alone, or fades
+        slowly, or its twin moves as much.
 
     Notes
     -----
-    A valve without friction that follows OP exactly is its own twin: never "yes". Not for loops that drift without end.
+    A valve without friction is its own twin: never "yes". Not for loops that drift without end.
 
     Examples
     --------
@@ -79,25 +85,31 @@ def simulate_with_truth(loop: Loop, seed: int = 0, *, period: float | None = Non
     >>> cycled.answer, round(cycled.period / 94, 1)
     ('yes', 1.0)
     """
-    if loop.valve.name == "ideal" and not loop.effect:
-        return simulate(loop, seed), Cycled(NO)
-    Ts = loop.sampling.Ts
-    bar = least_swing(loop)
+    run = simulate(loop, seed)
+    if not run.sticky:
+        return run, Cycled(NO)
+    Ts, bar = loop.sampling.Ts, least_swing(loop)
+    late = motion(_mv(run.record)[run.record.n // 2 :], bar / 4)
     if period is None:
-        first = simulate(loop, seed)
-        period = motion(_mv(first.record)[first.record.n // 2 :], bar / 4).period * Ts
-        period = period if math.isfinite(period) else first.record.duration / TAIL_PERIODS
-    samples = _samples(period / Ts)
-    while True:
-        run = simulate(loop, seed, tail=samples)
-        tail = _mv(run.tail)
-        moved = motion(tail, bar / 4)
-        wanted = _samples(moved.period if moved.reversals > 2 else 2.0 * samples / TAIL_PERIODS)
-        # a cycle that is slower than expected needs a longer tail; a valve that stands still does not
-        if np.ptp(tail[samples // 2 :]) < bar or wanted <= 1.25 * samples or samples >= MAX_TAIL:
-            break
-        samples = wanted
-    return run, _answer(loop, seed, run, moved, bar)
+        period = late.period * Ts
+        period = period if math.isfinite(period) else run.record.duration / TAIL_PERIODS
+    found = None
+    for quiet in _quiet_from(loop, period / Ts):
+        tail, moved = _tail(loop, seed, period / Ts, bar, quiet)
+        said = _alone(loop, seed, tail, moved, bar, quiet)
+        if said == YES:
+            return run, Cycled(YES, moved.period * Ts, moved.swing)
+        # what the loop does from the record's end on counts first; earlier ends only make it unclear
+        found = found or (said, moved)
+        if said == UNCLEAR:
+            found = (UNCLEAR, found[1])
+    assert found is not None
+    said, moved = found
+    if said == NO and _moves(run, late, loop, seed, period / Ts, bar):
+        said = UNCLEAR
+    if said == NO and _driven(run) and np.ptp(_mv(run.record)[run.record.n // 2 :]) >= bar:
+        said = ENTRAINED
+    return run, Cycled(said, moved.period * Ts, moved.swing)
 
 
 def least_swing(loop: Loop) -> float:
@@ -129,7 +141,9 @@ def least_swing(loop: Loop) -> float:
 
 
 def healthy_twin(loop: Loop) -> Loop:
-    """Return the loop with an ideal valve in place of its friction, all else equal."""
+    """Return the loop with an ideal valve in place of its friction, all else equal; a stage without friction stays."""
+    if not VALVES.load(loop.valve.name).FRICTION:
+        return loop.model_copy(update={"effect": tuple(e for e in loop.effect if e.name not in _FRICTION)})
     kept = tuple(e for e in loop.effect if e.name not in _FRICTION)
     return loop.model_copy(update={"valve": Part(name="ideal"), "effect": kept})
 
@@ -151,24 +165,52 @@ def _mv(record: LoopRecord | None) -> np.ndarray:
     return record.mv
 
 
-def _answer(loop: Loop, seed: int, run: Run, moved: Motion, bar: float) -> Cycled:
-    tail = _mv(run.tail)
-    swings = moved.reversals >= MIN_REVERSALS and moved.swing >= bar
+def _quiet_from(loop: Loop, period: float) -> list[int]:
+    # the noise of the loop file and of its effects; without any the four moments are one
+    n = loop.sampling.n
+    if resolve_loop(loop, 0).noise_std == 0:
+        return [n]
+    return sorted({max(n - round(share * period), 0) for share in MOMENTS}, reverse=True)
 
-    def said(answer: str) -> Cycled:
-        return Cycled(answer, moved.period * loop.sampling.Ts, moved.swing)
 
-    if swings and moved.lasting >= FADING:
-        twin = _mv(simulate(healthy_twin(loop), seed, tail=tail.size).tail)
+def _tail(loop: Loop, seed: int, period: float, bar: float, quiet: int | None) -> tuple[np.ndarray, Motion]:
+    samples = _samples(period)
+    while True:
+        tail = _mv(simulate(loop, seed, tail=samples, quiet=quiet).tail)
+        moved = motion(tail, bar / 4)
+        wanted = _samples(moved.period if moved.reversals > 2 else 2.0 * samples / TAIL_PERIODS)
+        # a cycle that is slower than expected needs a longer tail; a valve that stands still does not
+        if np.ptp(tail[samples // 2 :]) < bar or wanted <= 1.25 * samples or samples >= MAX_TAIL:
+            return tail, moved
+        samples = wanted
+
+
+def _alone(loop: Loop, seed: int, tail: np.ndarray, moved: Motion, bar: float, quiet: int) -> str:
+    """Say whether the valve goes on moving in one noise-free tail, and by itself."""
+    if _swings(moved, bar) and moved.lasting >= FADING:
+        twin = _mv(simulate(healthy_twin(loop), seed, tail=tail.size, quiet=quiet).tail)
         own = TWIN * largest_sine(tail, moved.period) > largest_sine(twin, moved.period)
-        if own and moved.lasting >= LASTING:
-            return said(YES)
-        return said(UNCLEAR if run.sticky else NO)
+        return YES if own and moved.lasting >= LASTING else UNCLEAR
     # still moving at the end, but too slowly for the longest tail
-    if run.sticky and 0 < moved.reversals < MIN_REVERSALS and np.ptp(tail[-(tail.size // 3) :]) >= bar:
-        return said(UNCLEAR)
+    if 0 < moved.reversals < MIN_REVERSALS and np.ptp(tail[-(tail.size // 3) :]) >= bar:
+        return UNCLEAR
+    return NO
+
+
+def _moves(run: Run, late: Motion, loop: Loop, seed: int, period: float, bar: float) -> bool:
+    """Whether the valve moves steadily all the same: undisturbed in the record, or as long as the noise goes on."""
+    if not _driven(run) and _swings(late, bar) and late.lasting >= LASTING:
+        return True
+    if resolve_loop(loop, 0).noise_std == 0:
+        return False
+    _, moved = _tail(loop, seed, period, bar, None)
+    return _swings(moved, bar) and moved.lasting >= FADING
+
+
+def _swings(moved: Motion, bar: float) -> bool:
+    return moved.reversals >= MIN_REVERSALS and moved.swing >= bar
+
+
+def _driven(run: Run) -> bool:
     late = slice(run.record.n // 2, run.record.n)
-    driven = np.ptp(run.load_in[late]) > 0 or np.ptp(run.load_out[late]) > 0
-    if run.sticky and driven and np.ptp(_mv(run.record)[late]) >= bar:
-        return said(ENTRAINED)
-    return said(NO)
+    return any(np.ptp(signal[late]) > 0 for signal in (run.load_in, run.load_out, run.record.sp))

@@ -27,7 +27,7 @@ from simbench.bench import tables
 from simbench.bench.oracle import ORACLE, judge_oracle
 from simbench.bench.resolve import resolve
 from simbench.bench.truth import Cycled, simulate_with_truth
-from simbench.loop.simulate import Run
+from simbench.loop.run import Run
 from simbench.theory.tables import truth_columns
 
 Thresholds = Mapping[str, Mapping[str, float]]

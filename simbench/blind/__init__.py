@@ -1,1 +1,1 @@
-"""The blind checks: simulators that judge a diagnosis they have never seen."""
+"""Blind checks of the gap diagnosis: records with hidden effects from independent simulators, sealed answers, their scoring."""

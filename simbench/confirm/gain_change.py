@@ -11,7 +11,8 @@ from detectors.errors import ParameterError
 from detectors.signal.oscillation import oscillation_of
 from scenarios.spec import Loop
 from simbench.confirm.rig import Trace, run_rig
-from simbench.loop.setup import Setup, resolve_loop
+from simbench.loop.resolve import resolve_loop
+from simbench.loop.setup import Setup
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

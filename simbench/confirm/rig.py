@@ -66,7 +66,7 @@ def run_rig(
     Examples
     --------
     >>> from scenarios.spec import Loop
-    >>> from simbench.loop.setup import resolve_loop
+    >>> from simbench.loop.resolve import resolve_loop
     >>> loop = Loop.from_table({
     ...     "plant": {"type": "foptd", "K": 2, "T": 10, "Td": 2},
     ...     "controller": {"type": "PI", "Kc": 1, "Ti": 10},

@@ -10,7 +10,7 @@ import numpy as np
 from detectors.errors import ParameterError
 from scenarios.spec import Loop
 from simbench.confirm.rig import LiveLoop, Trace
-from simbench.loop.setup import resolve_loop
+from simbench.loop.resolve import resolve_loop
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -1,4 +1,8 @@
-"""Score map: how often each detector is right, over dead time and the shape of stiction, plants drawn apart."""
+"""Score map: how often each detector is right, over dead time and the shape of stiction, plants drawn apart.
+
+The row "none" holds healthy valves: what is missing there to 1 is false alarms and abstentions together. Hatched: the method is
+not made for such a process.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +13,15 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from simbench.bench.store import Book
+from simbench.bench.score import answers_of
+from simbench.bench.store import CODES, Book
+from simbench.figures._score import SHARES, hatch
 from simbench.figures._style import panels, styled
 
 SOURCE = "own; the grids of Choudhury et al. (2008), Fig. 9, and Jelali (2013), Table 11.3, as axes"
 PLANTS = {"self-regulating": ("foptd", "Td_over_T", "Td/T"), "integrating": ("integrating", "Td_over_Ti", "Td/Ti")}
 PER_ROW = 2  # methods side by side
+MOST = 8  # levels of an axis; more are put into so many groups of like size
 
 
 def data(run: str | Path) -> pd.DataFrame:
@@ -28,24 +35,49 @@ def data(run: str | Path) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        method, plant, ratio (Td/T, or Td/Ti of integrating loops), S_over_2J (0 healthy, inf dead-band), n, right (share of
-        all), no_decision (share of all).
+        method, plant, ratio (Td/T, or Td/Ti of integrating loops), S_over_2J (0 healthy, inf dead-band), n, applicable (of
+        n), right and no_decision (shares of the applicable; NaN where there are none).
     """
-    book = Book.read(run)
-    known = book.truth["cycled"] >= 0
-    positive = book.truth["cycled"] == 1
+    return cells(Book.read(run))
+
+
+def cells(book: Book) -> pd.DataFrame:
+    """Count right answers of a run in memory; see `data`."""
+    known, positive = book.truth["cycled"] >= 0, book.truth["cycled"] == 1
+    everyone = [a for a in answers_of(book) if a.method in book.methods]
     rows = []
     for plant, (process, axis, _) in PLANTS.items():
         here = known & (book.axes["process"] == process) & ~np.isnan(book.axes[axis]) & ~np.isnan(book.axes["S_over_2J"])
-        for ratio in np.unique(book.axes[axis][here]):
-            for shape in np.unique(book.axes["S_over_2J"][here]):
-                cell = here & (book.axes[axis] == ratio) & (book.axes["S_over_2J"] == shape)
-                for i, method in enumerate(book.methods if cell.any() else ()):
-                    said = book.verdict[i, cell]
-                    right, undecided = float((said == positive[cell]).mean()), float((said == 2).mean())
-                    rows.append((method, plant, ratio, shape, int(cell.sum()), right, undecided))
-    columns = ["method", "plant", "ratio", "S_over_2J", "n", "right", "no_decision"]
+        ratios, shapes = np.full((2, here.size), np.nan)
+        if here.any():
+            ratios[here], shapes[here] = levels(book.axes[axis][here]), levels(book.axes["S_over_2J"][here])
+        for ratio in np.unique(ratios[here]):
+            for shape in np.unique(shapes[here]):
+                cell = here & (ratios == ratio) & (shapes == shape)
+                for a in everyone if cell.any() else ():
+                    said = a.said[cell & a.applies]
+                    right, undecided = said == positive[cell & a.applies], said == CODES["no_decision"]
+                    shares = [float(x.mean()) if said.size else np.nan for x in (right, undecided)]
+                    rows.append((a.method, plant, ratio, shape, int(cell.sum()), said.size, *shares))
+    columns = ["method", "plant", "ratio", "S_over_2J", "n", "applicable", "right", "no_decision"]
     return pd.DataFrame(rows, columns=columns).sort_values("method", kind="stable", ignore_index=True)
+
+
+def levels(values: np.ndarray) -> np.ndarray:
+    """Return values as they are, or put into few groups, each named by its middle; 0 and inf keep a level of their own.
+
+    Examples
+    --------
+    >>> levels(np.array([0.0, 0.1, 0.1, np.inf])).tolist()
+    [0.0, 0.1, 0.1, inf]
+    """
+    if np.unique(values).size <= MOST:
+        return values
+    plain = np.isfinite(values) & (values > 0)
+    edges = np.quantile(values[plain], np.linspace(0, 1, MOST - 1))
+    middle = np.sqrt(edges[1:] * edges[:-1])
+    group = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, middle.size - 1)
+    return np.where(plain, [float(f"{m:.2g}") for m in middle[group]], values)
 
 
 @styled
@@ -64,20 +96,24 @@ def draw(data: pd.DataFrame) -> Figure:
             place.set_title(f"{method}\n{plant}" if j == 0 else f"\n{plant}")
     for place in axes.ravel()[len(methods) * len(plants) :]:
         place.set_axis_off()
-    if image is not None:
+    if image is not None and len(methods) > 1:  # one map's numbers stand in its cells
         bar = figure.colorbar(image, ax=axes, location="right", shrink=0.5, aspect=40)
-        bar.set_label("share of right answers (no decision counts as wrong)")
+        bar.set_label("share of right answers (no decision counts as wrong)\nhatched: does not apply")
     return figure
 
 
 def _map(axes: Axes, part: pd.DataFrame, name: str):
     table = part.pivot(index="S_over_2J", columns="ratio", values="right").sort_index()
-    image = axes.imshow(table.to_numpy(), vmin=0, vmax=1, cmap="cividis", origin="lower", aspect="auto")
-    axes.set_xticks(range(table.shape[1]), [f"{r:g}" for r in table.columns])
-    axes.set_yticks(range(table.shape[0]), [{0.0: "none", np.inf: "∞"}.get(s, f"{s:g}") for s in table.index])
+    applies = part.pivot(index="S_over_2J", columns="ratio", values="applicable").sort_index()
+    edges = [np.arange(k + 1) - 0.5 for k in table.shape]
+    image = axes.pcolormesh(edges[1], edges[0], table.to_numpy(), **SHARES)
+    axes.set_xticks(range(table.shape[1]), [f"{r:.2g}" for r in table.columns])
+    axes.set_yticks(range(table.shape[0]), [{0.0: "none", np.inf: "∞"}.get(s, f"{s:.2g}") for s in table.index])
     for (i, j), value in np.ndenumerate(table.to_numpy()):
-        if not np.isnan(value):
-            axes.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=7, color="white" if value < 0.55 else "black")
+        if applies.to_numpy()[i, j] == 0:
+            hatch(axes, j, i)
+        elif not np.isnan(value):
+            axes.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=7, color="white" if value < 0.55 else "#000001")
     axes.set_xlabel(name)
     axes.set_ylabel("S/2J")
     axes.spines[:].set_visible(False)

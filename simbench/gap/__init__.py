@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from simbench.gap.diagnosis import diagnose
-    from simbench.gap.result import GapReport
+    from simbench.gap.report.result import GapReport
 
 __all__ = ["GapReport", "diagnose"]
 
@@ -18,7 +18,7 @@ def __getattr__(name: str) -> Any:
 
         return diagnose
     if name == "GapReport":
-        from simbench.gap.result import GapReport
+        from simbench.gap.report.result import GapReport
 
         return GapReport
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

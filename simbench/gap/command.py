@@ -11,9 +11,9 @@ from detectors.errors import ParameterError
 from detectors.io import read_record
 from simbench.files import whole_file
 from simbench.gap.diagnosis import diagnose
-from simbench.gap.partial import read_baseline
-from simbench.gap.result import GapReport
-from simbench.gap.runs import fixed_loop_of, kick_of, named
+from simbench.gap.intake.partial import read_baseline
+from simbench.gap.report.result import GapReport
+from simbench.gap.report.traces import kick_of
 
 
 def diagnose_files(
@@ -21,7 +21,6 @@ def diagnose_files(
     baseline: str | Path | None,
     *,
     jobs: int = 1,
-    bootstrap: bool = True,
     html: str | Path | None = None,
     write_loop: str | Path | None = None,
     **about: Any,
@@ -36,9 +35,7 @@ def diagnose_files(
         Loop file of the simulation; what it lacks of plant, controller and sampling is identified from the records, and so is
         everything where it is None.
     jobs : int
-        Processes for the bootstrap; -1 = all cores.
-    bootstrap : bool
-        Calibrate `none` and `unknown` on records simulated for this very loop.
+        Processes, where there are several records; -1 = all cores.
     html : path, optional
         Page to write.
     write_loop : path, optional
@@ -61,25 +58,25 @@ def diagnose_files(
     --------
     >>> import tempfile, pathlib
     >>> from simbench.files import write_record
-    >>> from simbench.gap.study import random_case
+    >>> from simbench.gap.random_case import random_case
     >>> case, place = random_case(3, ("detuning",)), pathlib.Path(tempfile.mkdtemp())
     >>> write_record(case.record, place / "FIC101.csv")
     >>> _ = (place / "loop.toml").write_text(case.baseline.to_toml())
-    >>> diagnose_files([place / "FIC101.csv"], place / "loop.toml", bootstrap=False).block
+    >>> diagnose_files([place / "FIC101.csv"], place / "loop.toml").block
     'controller'
     """
     if not records:
         raise ParameterError("gap diagnose needs at least one record")
     loop = None if baseline is None else read_baseline(baseline)
     read = [read_record(path, **about) for path in records]
-    report = diagnose(read if len(read) > 1 else read[0], loop, bootstrap=bootstrap, jobs=jobs)
+    report = diagnose(read if len(read) > 1 else read[0], loop, jobs=jobs)
     if write_loop is not None:
         with whole_file(write_loop) as f:
             f.write(_loop_text(report, [str(p) for p in records], baseline))
     if html is not None:
-        from simbench.gap.page import write_page
+        from simbench.gap.report.page import write_page
 
-        write_page(report, html, _again(report, records, baseline, bootstrap, about))
+        write_page(report, html, _again(report, records, baseline, about))
     return report
 
 
@@ -88,13 +85,8 @@ def one_file(record: Path, baseline: Path) -> dict[str, Any]:
     return diagnose_files([record], baseline).as_json()
 
 
-def one_file_quick(record: Path, baseline: Path) -> dict[str, Any]:
-    """Return the same without the bootstrap."""
-    return diagnose_files([record], baseline, bootstrap=False).as_json()
-
-
 def _loop_text(report: GapReport, records: list[str], baseline: str | Path | None) -> str:
-    kick = kick_of(report, named(report))
+    kick = kick_of(report, report.named)
     lines = [
         report.sentence(),
         f"records: {', '.join(records)}; baseline: {baseline or 'identified'}",
@@ -103,18 +95,16 @@ def _loop_text(report: GapReport, records: list[str], baseline: str | Path | Non
     if kick:
         lines.append(f"simulate it with --kick {kick:.3g}: a sticky loop started at rest may stay there")
     # a name may hold a line break, which would end the comment
-    return "".join(f"# {' '.join(line.split())}\n" for line in lines) + "\n" + fixed_loop_of(report).to_toml()
+    return "".join(f"# {' '.join(line.split())}\n" for line in lines) + "\n" + report.fixed_loop().to_toml()
 
 
-def _again(
-    report: GapReport, records: Sequence[str | Path], baseline: str | Path | None, bootstrap: bool, about: dict[str, Any]
-) -> list[str]:
+def _again(report: GapReport, records: Sequence[str | Path], baseline: str | Path | None, about: dict[str, Any]) -> list[str]:
     """Return the commands that repeat a diagnosis and simulate the fixed loop."""
     words = ["simbench", "gap", "diagnose", *map(str, records)]
     words += ["--identify"] if baseline is None else ["--baseline", str(baseline)]
     for name, value in about.items():
         if value is not None:
             words += [f"--{name.replace('_', '-')}", *map(str, value if isinstance(value, tuple) else [value])]
-    words += ["--write-loop", "fixed.toml"] + ([] if bootstrap else ["--no-bootstrap"])
-    kick = kick_of(report, named(report))
+    words += ["--write-loop", "fixed.toml"]
+    kick = kick_of(report, report.named)
     return [shlex.join(words), "simbench simulate fixed.toml -o fixed.csv" + (f" --kick {kick:.3g}" if kick else "")]

@@ -4,32 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from joblib import Parallel, delayed
 
 from detectors.errors import RecordError
 from detectors.record import LoopRecord
 from scenarios.spec import Loop
-from simbench.gap import groups
-from simbench.gap.arms import Arms
-from simbench.gap.assess import SURE, Assessment, assess, capped, load_memory, strangers
-from simbench.gap.bootstrap import Chance, chance
-from simbench.gap.check import check
-from simbench.gap.detectable import smallest_detectable
-from simbench.gap.identify import plausible
-from simbench.gap.names import EFFECTS, NONE, UNKNOWN, block_of
-from simbench.gap.next_test import choose
-from simbench.gap.partial import Partial, completed
-from simbench.gap.result import Gap, GapReport, Ranked
-from simbench.gap.weigh import Shift, Weights, weigh
-from simbench.gap.where import FAINT, where
+from simbench.gap.closed_loop.next_test import choose
+from simbench.gap.closed_loop.runs import ClosedLoops
+from simbench.gap.decide.assess import SURE, Assessment, assess, capped
+from simbench.gap.decide.classify import Classified, classify
+from simbench.gap.decide.identified import plausible
+from simbench.gap.effects import _alike as groups
+from simbench.gap.effects._detectable import smallest_detectable
+from simbench.gap.intake.check import check
+from simbench.gap.intake.partial import Partial, completed
+from simbench.gap.report.result import Behind, Gap, GapReport, Ranked
+from simbench.gap.situation import load_memory
+from simbench.loop.effects import EFFECTS, NONE, block_of
 
 
 def diagnose(
     record: LoopRecord | Sequence[LoopRecord],
     baseline: Loop | Partial | None,
     *,
-    bootstrap: bool = True,
     jobs: int = 1,
     seed: int = 0,
 ) -> GapReport:
@@ -41,10 +41,8 @@ def diagnose(
         SP, OP, PV and, where recorded, MV. Several records of one loop are judged together.
     baseline : Loop, Partial or None
         The simulation; None identifies plant and tuning from the record, a partial one what it does not say.
-    bootstrap : bool
-        Calibrate "no effect" and "unknown" on records simulated for this very loop.
     jobs : int
-        Processes for the bootstrap; -1 uses all cores.
+        Processes, where there are several records; -1 uses all cores.
     seed : int
         Root of every random stream.
 
@@ -59,9 +57,9 @@ def diagnose(
 
     Examples
     --------
-    >>> from simbench.gap.study import random_case
+    >>> from simbench.gap.random_case import random_case
     >>> case = random_case(3, ("detuning",))
-    >>> diagnose(case.record, case.baseline, bootstrap=False).effect
+    >>> diagnose(case.record, case.baseline).effect
     'detuning'
     """
     from threadpoolctl import threadpool_limits
@@ -71,55 +69,46 @@ def diagnose(
         raise RecordError("no record to diagnose")
     # thousands of tiny matrices: threads would only wait for each other
     with threadpool_limits(limits=1):
-        found, more = _assess_all(records, baseline)
-        lucky = chance(found, seed, jobs) if bootstrap else None
-        if lucky is not None:
-            strange = strangers(found.situation, found.tests, found.stranger, found.chosen, lucky.tests)
-            found = replace(found, strange=strange)
-        shift = lucky.shift if lucky else Shift()
-        if not found.situation.trusted:
-            # "unknown" has no probability there that kind luck could raise
-            shift = Shift(max(shift.none, 0.0), shift.unknown)
-        arms = Arms(found, seed)
-        return report(found, weigh(found, shift, arms), arms, more, lucky)
+        found, more = _assess_all(records, baseline, jobs)
+        runs = ClosedLoops(found, seed)
+        return report(found, classify(found, runs), runs, more)
 
 
-def _assess_all(records: list[LoopRecord], baseline: Loop | Partial | None) -> tuple[Assessment, list[str]]:
+def _assess_one(record: LoopRecord, baseline: Loop | Partial | None) -> Assessment:
+    loop, given, said = completed(record, baseline)
+    situation = check(record, loop, trusted="plant" in given, tuned="controller" in given)
+    found = assess(replace(situation, notes=[*situation.notes, *said]))
+    return found if situation.trusted else plausible(found)
+
+
+def _assess_all(records: list[LoopRecord], baseline: Loop | Partial | None, jobs: int) -> tuple[Assessment, list[str]]:
     """Assess every record; evidence adds up, and the longest record carries the fits, the parameters and the gap."""
-    every = []
-    for r in records:
-        loop, given, said = completed(r, baseline)
-        situation = check(r, loop, trusted="plant" in given, tuned="controller" in given)
-        found = assess(replace(situation, notes=[*situation.notes, *said]))
-        every.append(found if situation.trusted else plausible(found))
+    with Parallel(n_jobs=jobs if len(records) > 1 else 1) as parallel:
+        every: list[Any] = list(parallel(delayed(_assess_one)(r, baseline) for r in records))
     main = max(every, key=lambda f: f.situation.record.n)
     if len(every) == 1:
         return main, []
-    gains = {e: capped(float(sum(f.gains[e] for f in every))) for e in main.gains}
-    hard = [e for e in main.gains if any(e in f.situation.hard for f in every)]
-    gains |= dict.fromkeys(hard, SURE)
+    gains = {e: capped(float(sum(f.log_likelihood_gains[e] for f in every))) for e in main.log_likelihood_gains}
+    proven = [e for e in main.log_likelihood_gains if any(e in f.situation.proven for f in every)]
+    gains |= dict.fromkeys(proven, SURE)
     parameters = {e: p for f in [*every, main] for e, p in f.parameters.items()}
     chosen = main.chosen or max((f.chosen for f in every), key=len)
-    strange = {b: why for f in every for b, why in f.strange.items()}
+    unexplained = {b: why for f in every for b, why in f.unexplained.items()}
     said = f"{len(every)} records judged together; gap and parameters are those of {main.situation.record.tag or 'the longest'}"
-    return replace(main, gains=gains, parameters=parameters, chosen=chosen, strange=strange), [said]
+    return replace(main, log_likelihood_gains=gains, parameters=parameters, chosen=chosen, unexplained=unexplained), [said]
 
 
-def report(
-    found: Assessment, weights: Weights, arms: Arms, more: Sequence[str] = (), lucky: Chance | None = None
-) -> GapReport:
+def report(found: Assessment, weights: Classified, runs: ClosedLoops, more: Sequence[str] = ()) -> GapReport:
     """Turn scores and probabilities into the answer.
 
     Parameters
     ----------
     found : Assessment
-    weights : Weights
-    arms : Arms
+    weights : Classified
+    runs : ClosedLoops
         Simulated loops of this assessment.
     more : sequence of str
         Further notes.
-    lucky : Chance, optional
-        What the bootstrap found.
 
     Returns
     -------
@@ -132,62 +121,53 @@ def report(
     if first in EFFECTS:
         named += [e for e in found.chosen if e != first and block_of(e) != block_of(first)][:1] if first in found.chosen else []
     effects = [e for e in named if e in EFFECTS]
-    main = arms.shrink(effects)
-    rivals = {e: arms.rival([e], effects) for e, _ in ranking[:3] if e in found.parameters and [e] != effects}
+    main = runs.shrink(effects)
+    rivals = {e: runs.rival([e], effects) for e, _ in ranking[:3] if e in found.parameters and [e] != effects}
     shown = {e: gap for e, gap in rivals.items() if gap is not None}
     if len(effects) == 1:
         shown[first] = main
     lines = []
     for e, p in ranking:
         before, after = (shown[e].before, shown[e].after) if e in shown else (main.before,) * 2 if e == NONE else (None, None)
-        lines.append(Ranked(e, _block(e, weights), float(p), before, after, found.parameters.get(e, {})))
+        lines.append(Ranked(e, weights.block(e), float(p), before, after, found.parameters.get(e, {})))
     gap = Gap(main.before, main.recalibrated, main.after, main.floor, main.resolvable)
     shrinkage = None
     if main.value is not None and effects:
         shrinkage = {"value": main.value, "lo": min(main.lo, main.value), "hi": max(main.hi, main.value)}
     answers = tuple(
         {
-            "block": _block(e, weights),
+            "block": weights.block(e),
             "effect": e,
             "parameters": found.parameters.get(e, {}),
             "probability": float(weights.probability[e]),
         }
         for e in named
     )
-    advice, separation = _advice(found, arms, ranking)
-    notes = [*situation.notes, *more, *(f"{block}: {why}" for block, why in found.strange.items())]
-    if lucky is not None:
-        notes.append(
-            f"on {lucky.trials} simulated records without effect, chance brought the best effect {lucky.gain:.1f} nats (95 %)"
-        )
+    advice, separation = _advice(found, runs, ranking)
+    notes = [*situation.notes, *more, *(f"{block}: {why}" for block, why in found.unexplained.items())]
     if not main.resolvable:
         notes.append(f"the gap ({main.before:.2f}) does not stand out of its floor ({main.floor:.2f}): no shrinkage is claimed")
-    # the shares answer the same question as the ranking: none lies nowhere, and what is named lies somewhere
-    placed = where(found, np.inf if first == NONE else min(FAINT, max(found.gains.values()) - 0.1), arms.seed)
     sizes = smallest_detectable(situation, found.base, load_memory(situation))
     return GapReport(
-        block=_block(first, weights), effect=first, effects=answers, group=partners(first, found), ranking=tuple(lines),
-        gap=gap, shrinkage=shrinkage, blocks=placed.shares, next_test=advice, notes=tuple(notes),
-        details={
-            "found": found, "arms": arms, "main": main, "named": effects, "detectable": sizes, "separation": separation,
-            "where": placed,
-        },
+        block=weights.block(first), effect=first, effects=answers, group=partners(first, found), ranking=tuple(lines),
+        gap=gap, shrinkage=shrinkage, blocks=weights.shares, next_test=advice, notes=tuple(notes),
+        behind=Behind(found, runs, main, sizes, separation),
     )  # fmt: skip
 
 
-def _advice(found: Assessment, arms: Arms, ranking: list[tuple[str, float]]) -> tuple[str, dict[str, float]]:
+def _advice(found: Assessment, runs: ClosedLoops, ranking: list[tuple[str, float]]) -> tuple[str, dict[str, float]]:
     """Return the next test for the candidates still in play, and the separation under each test."""
     s = found.situation
     alive = [(e, p) for e, p in ranking if (e in found.parameters or e == NONE) and p > 0.02][:3]
     if len(alive) < 2:
         spare = [(e, p) for e, p in ranking if (e in found.parameters or e == NONE) and (e, p) not in alive]
         alive += spare[: 2 - len(alive)]
-    loops = {e: arms.loop([] if e == NONE else [e]) for e, _ in alive}
+    loops = {e: runs.loop([] if e == NONE else [e]) for e, _ in alive}
     weights = {e: max(p, 0.02) for e, p in alive}
     du = float(np.clip(np.ptp(s.op) / 2, 1.0, 10.0))
     dsp = abs(s.data.K) * du if not s.integrating else max(float(np.std(s.record.pv)), 3.0 * found.base.theta["noise"])
-    known = s.law.known or bool({"quantisation", "compression", "outliers"} & set(s.hard)) is False
-    return choose(loops, weights, mv=s.record.mv is not None, law_known=known, du=du, dsp=dsp, seed=arms.seed)
+    known = s.law.known or bool({"quantisation", "compression", "outliers"} & set(s.proven)) is False
+    return choose(loops, weights, mv=s.record.mv is not None, law_known=known, du=du, dsp=dsp, seed=runs.seed)
 
 
 def partners(effect: str, found: Assessment) -> tuple[str, ...]:
@@ -199,7 +179,3 @@ def partners(effect: str, found: Assessment) -> tuple[str, ...]:
         s.baseline.to_table(), s.record.sp, s.op, np.asarray(s.record.pv), s.record.mv, effect, found.parameters.get(effect)
     )
     return tuple(sorted(groups.indistinguishable(effect, facts)))
-
-
-def _block(effect: str, weights: Weights) -> str:
-    return weights.unknown_block if effect == UNKNOWN else block_of(effect)

@@ -8,7 +8,7 @@ from collections import namedtuple
 PI = namedtuple("PI", "Kc Ki lo hi")
 P = namedtuple("P", "Kc op0 lo hi")
 NoGap = namedtuple("NoGap", "unused")
-Gap = namedtuple("Gap", "half_band quantum")
+Gap = namedtuple("Gap", "half_band step")
 
 
 def pi_start(op0, e0):
@@ -53,7 +53,7 @@ def plain_output(u, p):
 
 def coarse_output(u, p):
     """Return OP rounded to the lattice of the output card."""
-    return p.quantum * float(round(u / p.quantum)) if p.quantum > 0.0 else u
+    return p.step * float(round(u / p.step)) if p.step > 0.0 else u
 
 
 def transfer_function(controller):

@@ -11,6 +11,8 @@ from scipy.signal import lfilter
 from detectors.errors import ParameterError, UnknownName
 from scenarios.spec import Loop, Part
 from simbench.loop.parameters import Choice, Number, resolve
+from simbench.loop.run import Start, run_setup
+from simbench.loop.setup import plain_setup
 
 AT = ("input", "output")
 _PLACE = Choice(AT, default="input", says="input: in % of travel, between MV and plant; output: in PV units, on PV")
@@ -60,8 +62,6 @@ def propagated(t, Ts, p, rng):
     The other loop is a FOPTD plant under PI with Ti = T and Td/T = 0.2; its time constant is chosen so that the exact
     cycle of equations.md 2.3 has the wanted period. The shape of its waves, not their cause, reaches our loop.
     """
-    from simbench.loop.simulate import Start, simulate
-
     # P = 2S/(k j) + 2 Td + k Td^2 with j = J/(2 - k Td) and k Td = 0.2, solved for k
     j = p.J / 1.8
     k = (2 * p.S / j + 0.44) / p.period
@@ -78,7 +78,9 @@ def propagated(t, Ts, p, rng):
     # it starts on its cycle, which from rest it might never reach: the valve has just stopped at +j, OP at its maximum
     top, pv = 50.0 + p.S / 2 + 0.1 * j, 50.0 - j * float(np.tanh(k * p.period / 4))
     begin = Start(op=top, error=50.0 - pv, pv=pv, valve=(50.0 + j, 1.0, 1.0, top), mv=(50.0 + j,))
-    wave = simulate(other, seed=int(rng.integers(2**31)), start=begin).record.pv - 50.0
+    setup = plain_setup(other, int(rng.integers(2**31)))
+    setup.draw_noise()
+    wave = run_setup(setup, start=begin).record.pv - 50.0
     if p.lag > 0:
         wave = np.asarray(lfilter([1 - np.exp(-Ts / p.lag)], [1, -np.exp(-Ts / p.lag)], wave))
     # scaled on the warm-up alone: a longer run must begin with the same bits

@@ -13,13 +13,7 @@ from typing import Any
 from detectors.errors import ParameterError, UnknownName, nearest
 from detectors.registry import PluginFolder
 
-VALVES = PluginFolder(
-    "valve", "simbench.loop.valves", "simbench.valves", ("SOURCE", "FRICTION", "PARAMETERS", "start", "step")
-)
-
-EFFECTS = PluginFolder(
-    "effect", "simbench.gap.effects", "simbench.effects", ("SOURCE", "BLOCK", "PARAMETERS", "CONFUSABLE_WITH", "ACTS", "apply")
-)
+VALVES = PluginFolder("valve", "simbench.loop.valves", "simbench.valves", ("SOURCE", "FRICTION", "PARAMETERS", "start", "step"))
 
 FOLLOWS = math.nan
 """Default of a number that follows from the others when it is not given (the plug-in's `complete` fills it)."""
@@ -41,6 +35,8 @@ class Number:
         What it is, in a few words.
     positive : bool
         Refuse `low` itself: the value must be larger.
+    identity : float
+        Value at which an effect does nothing; the default where it is not given.
 
     Examples
     --------
@@ -54,6 +50,11 @@ class Number:
     default: float | None = None
     says: str = ""
     positive: bool = False
+    identity: float = math.nan
+
+    def __post_init__(self) -> None:
+        if math.isnan(self.identity) and self.default is not None:
+            object.__setattr__(self, "identity", self.default)
 
     def read(self, value: Any, name: str, where: str) -> float:
         """Return `value` as a float, or raise `ParameterError` with what is allowed."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import namedtuple
 
 Bare = namedtuple("Bare", "unused")
-Transmitter = namedtuple("Transmitter", "follow quantum")
+Transmitter = namedtuple("Transmitter", "follow step")
 
 
 def plain_start(pv0):
@@ -26,6 +26,6 @@ def full_start(pv0):
 def full_step(y, noise, state, p):
     """One sample of noise, first-order filter and rounding, in this order: the filter smooths the noise too."""
     z = state[1] + p.follow * (y + noise - state[1])
-    if p.quantum > 0.0:
-        return p.quantum * float(round(z / p.quantum)), z
+    if p.step > 0.0:
+        return p.step * float(round(z / p.step)), z
     return z, z

@@ -12,11 +12,9 @@ import numpy as np
 from detectors.errors import ParameterError
 from scenarios.spec import Loop, Part
 from simbench.loop import controller, plant, sensor
-from simbench.loop.disturbance import disturbance_signal
-from simbench.loop.parameters import EFFECTS, VALVES, resolve, valve_parameters
+from simbench.loop.parameters import VALVES, valve_parameters
 
-# Independent random streams of one run: changing one part's numbers leaves the others' alone.
-NOISE, DISTURBANCE, EFFECT = 0, 100, 200
+NOISE = 0  # random stream of its own
 
 
 @dataclass
@@ -47,9 +45,9 @@ class Setup:
     op_lo: float = 0.0
     op_hi: float = 100.0
     error_deadband: float = 0.0
-    op_quantum: float = 0.0
-    sensor_lag: float = 0.0
-    pv_quantum: float = 0.0
+    op_step: float = 0.0
+    sensor_tau: float = 0.0
+    pv_step: float = 0.0
     recorders: list[Callable[[np.ndarray], np.ndarray]] = field(default_factory=list)
 
     @property
@@ -86,14 +84,21 @@ class Setup:
         """Whether any stage of the valve has friction."""
         return any(module.FRICTION and _acts(p) for module, p in self.valves)
 
+    def draw_noise(self, quiet: int | None = None) -> None:
+        """Draw the noise and add it to what is measured with PV, before sample `quiet`; last: effects change its strength."""
+        if self.noise_std > 0:
+            # from a stream of its own: a longer tail only appends
+            white = np.random.default_rng([self.seed, NOISE]).standard_normal(self.sp.size)
+            self.pv_add[:quiet] += self.noise_std * white[:quiet]
+
     def hold(self, signal: np.ndarray) -> np.ndarray:
         """Freeze a signal at its last value over the tail."""
         signal[self.n :] = signal[self.n - 1]
         return signal
 
 
-def resolve_loop(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
-    """Turn a loop into a setup: plug-ins looked up and checked, signals drawn, effects applied.
+def plain_setup(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
+    """Turn a loop into a setup without disturbances, effects and noise.
 
     Parameters
     ----------
@@ -113,7 +118,7 @@ def resolve_loop(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
     Raises
     ------
     UnknownName, ParameterError
-        For a plug-in that does not exist, numbers it does not allow, or an unstable plant.
+        For a valve that does not exist, numbers it does not allow, or an unstable plant.
     """
     total = loop.sampling.n + tail
     num, den = plant.polynomials(loop.plant) if tf is None else plant.checked_polynomials(tf)
@@ -140,17 +145,6 @@ def resolve_loop(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
     for t, value in sorted(loop.setpoint.steps):
         setup.sp[int(np.ceil(t / setup.Ts - 1e-9)) :] = value
     setup.hold(setup.sp)
-    for i, part in enumerate(loop.disturbance):
-        where, signal = disturbance_signal(part, total, setup.Ts, np.random.default_rng([seed, DISTURBANCE + i]))
-        load = setup.load_in if where == "input" else setup.load_out
-        load += setup.hold(signal)
-    for i, part in enumerate(loop.effect):
-        effect = EFFECTS.load(part.name)
-        p = resolve(effect.PARAMETERS, part.parameters, f"effect {part.name!r}")
-        effect.apply(setup, p, np.random.default_rng([seed, EFFECT + i]))
-    # drawn last, from a stream of its own: effects may have changed its strength, and a longer tail only appends
-    if setup.noise_std > 0:
-        setup.pv_add += setup.noise_std * np.random.default_rng([seed, NOISE]).standard_normal(total)
     return setup
 
 
@@ -193,9 +187,9 @@ def parts_of(setup: Setup) -> Parts:
         control_p = controller.P(gain, setup.op0, setup.op_lo, setup.op_hi)
     else:
         control_p = controller.PI(gain, gain * setup.Ts / setup.Ti, setup.op_lo, setup.op_hi)
-    full_control = setup.error_deadband > 0 or setup.op_quantum > 0
-    full_sensor = setup.sensor_lag > 0 or setup.pv_quantum > 0
-    follow = 1.0 - np.exp(-setup.Ts / setup.sensor_lag) if setup.sensor_lag > 0 else 1.0
+    full_control = setup.error_deadband > 0 or setup.op_step > 0
+    full_sensor = setup.sensor_tau > 0 or setup.pv_step > 0
+    follow = 1.0 - np.exp(-setup.Ts / setup.sensor_tau) if setup.sensor_tau > 0 else 1.0
     steps = {
         "error_step": controller.dead_error if full_control else controller.plain_error,
         "controller_step": controller.p_step if setup.Ti is None else controller.pi_step,
@@ -204,9 +198,8 @@ def parts_of(setup: Setup) -> Parts:
         "plant_output": plant.first_order_output if first_order else plant.general_output,
         "sensor_step": sensor.full_step if full_sensor else sensor.plain_step,
     }
-    gap_p = controller.Gap(setup.error_deadband / 2, setup.op_quantum) if full_control else controller.NoGap(0.0)
-    sensor_p = sensor.Transmitter(float(follow), setup.pv_quantum) if full_sensor else sensor.Bare(0.0)
-    sensor_p = sensor.Transmitter(float(follow), setup.pv_quantum) if full_sensor else sensor.Bare(0.0)
+    gap_p = controller.Gap(setup.error_deadband / 2, setup.op_step) if full_control else controller.NoGap(0.0)
+    sensor_p = sensor.Transmitter(float(follow), setup.pv_step) if full_sensor else sensor.Bare(0.0)
     valve_p = tuple(p for _, p in setup.valves)
     stages = tuple(module.step for module, _ in setup.valves)
     return Parts(sampled, steps, stages, (plant_p, control_p, gap_p, sensor_p, valve_p))

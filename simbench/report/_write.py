@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from simbench.files import whole_file
-from simbench.report import axes, disagreement, failures, maps, provenance, roc, slowest, summary
+from simbench.report import axes, disagreement, failures, maps, overview, provenance, roc, slowest, summary
 from simbench.report.data import RunData
 from simbench.report.page import render
 
-SECTIONS = (summary, maps, roc, axes, disagreement, slowest, failures, provenance)
+SECTIONS = (summary, overview, maps, roc, axes, disagreement, slowest, failures, provenance)
 
 
 def write_report(run_folder: str | Path, path: str | Path) -> None:

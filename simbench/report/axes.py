@@ -25,10 +25,11 @@ def section(run: RunData) -> Markup:
     """
     every = run.scores.by_axis
     here = every[every["mode"] == run.scores.first]
-    table = here[
-        ["axis", "value", "method", "n", "accuracy", "accuracy_lo", "accuracy_hi", "false_alarm", "miss", "no_decision"]
-    ]
-    names = {"method": "detector", "accuracy": "right", "accuracy_lo": "from", "accuracy_hi": "to", "n": "scenarios"}
-    names |= {"false_alarm": "false alarms", "miss": "misses", "no_decision": "undecided"}
-    digits = dict.fromkeys(["right", "from", "to", "false alarms", "misses", "undecided"], "{:.3f}".format)
-    return render("axes.html", table=sortable(table.rename(columns=names), formats=digits))
+    here = here[here["role"] != "yardstick"]
+    names = {
+        "axis": "axis", "value": "value", "method": "detector", "n": "scenarios", "applicable": "applicable",
+        "accuracy_applicable": "accuracy", "accuracy_applicable_lo": "from", "accuracy_applicable_hi": "to",
+        "found": "found", "false_alarms": "false alarms", "no_decision": "undecided",
+    }  # fmt: skip
+    digits = dict.fromkeys(["accuracy", "from", "to", "found", "false alarms", "undecided"], "{:.3f}".format)
+    return render("axes.html", table=sortable(here[list(names)].rename(columns=names), formats=digits))

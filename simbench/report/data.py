@@ -51,11 +51,12 @@ class RunData:
         Returns
         -------
         DataFrame
-            score, called (stiction), positive (cycled), right (no decision is wrong), and the grid's axes.
+            score, called (stiction), positive (cycled), right (no decision is wrong), and the grid's axes; loops that the
+            method is not made for are left out.
         """
         book = self.book
         i = book.methods.index(method)
-        clear = book.truth["cycled"] >= 0
+        clear = (book.truth["cycled"] >= 0) & (book.applicable[i] != 0)
         called = book.verdict[i] == CODES["stiction"]
         positive = book.truth["cycled"] == 1
         right = (called == positive) & (book.verdict[i] != CODES[NO_DECISION])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import pandas as pd
@@ -14,15 +15,17 @@ from simbench.report.page import render
 
 TITLE = "Summary"
 COLUMNS = {
-    "right": "accuracy",
-    "right of decided": "decided",
+    "accuracy": "accuracy_applicable",
+    "of decided": "accuracy_decided",
     "undecided": "no_decision",
-    "false alarms": "false_alarm",
-    "misses": "miss",
+    "found": "found",
+    "false alarms": "false_alarms",
     "AUC": "auc",
 }
-FORMATS = dict.fromkeys([*COLUMNS, "right by sticky", "right by predicted"], "{:.3f}".format)
-WORDS = {FRONT: "With the oscillation front end", RAW: "Without it"}
+SHARES = (*COLUMNS, "by sticky", "by predicted", "of all", "applies")
+FORMATS = dict.fromkeys(SHARES, "{:.3f}".format) | {"rank": "{:.0f}".format}
+FRONTS = {FRONT: "with the oscillation front end", RAW: "without it"}
+LOOPS = {"all": "All loops", "self-regulating": "Self-regulating loops", "integrating": "Integrating loops"}
 
 
 def section(run: RunData) -> Markup:
@@ -45,18 +48,22 @@ def section(run: RunData) -> Markup:
         (f"{len(book.methods)}", "detectors"),
     ]
     ranking = run.scores.ranking()
-    fair = ranking[(ranking["role"] == "stiction") & ~ranking["needs_mv"]]
+    fair = ranking[ranking["rank"].notna() & ~ranking["sees_mv"]]
     if len(fair):
         best = fair.iloc[0]
-        limits = f"{percent(best['accuracy_lo'])} to {percent(best['accuracy_hi'])}"
-        tiles.append((percent(best["accuracy"]), f"right by {best['method']}, the best that sees OP and PV only ({limits})"))
+        limits = f"{percent(best['accuracy_applicable_lo'])} to {percent(best['accuracy_applicable_hi'])}"
+        tiles.append((percent(best["accuracy_applicable"]), f"right by {best['method']}, the best on OP and PV ({limits})"))
+    if not math.isnan(run.scores.resolution):
+        tiles.append((f"{run.scores.resolution:.3f}", "smallest difference of accuracy that this run resolves"))
     tiles.append((str(len(run.errors)), "failures"))
     other = next(m for m in (FRONT, RAW) if m != mode)
-    return render("summary.html", tiles=tiles, tables=[(WORDS[m], readable(run.scores, m)) for m in (mode, other)])
+    blocks = [(mode, process) for process in LOOPS] + [(other, "all")]
+    tables = [(f"{LOOPS[p]}, {FRONTS[m]}", readable(run.scores, m, p)) for m, p in blocks]
+    return render("summary.html", tiles=tiles, tables=[(says, table) for says, table in tables if table is not None])
 
 
-def readable(scores: Scores, mode: str) -> dict[str, Any]:
-    """Return one row per detector with the columns a reader compares.
+def readable(scores: Scores, mode: str, process: str = "all") -> dict[str, Any] | None:
+    """Return one row per detector with the columns a reader compares; None when there are no such loops.
 
     Parameters
     ----------
@@ -64,20 +71,26 @@ def readable(scores: Scores, mode: str) -> dict[str, Any]:
         Of the run.
     mode : str
         With or without the oscillation front end.
+    process : str
+        "all", "self-regulating" or "integrating".
 
     Returns
     -------
-    dict
+    dict or None
         For the `sortable` macro; intervals stand small beside their value.
     """
-    ranking = scores.ranking("cycled", mode)
-    uses = [f"{role}, sees MV" if mv else role for role, mv in zip(ranking["role"], ranking["needs_mv"])]
-    table = pd.DataFrame({"detector": ranking["method"], "for": uses})
+    ranking = scores.ranking("cycled", mode, process)
+    if ranking.empty:
+        return None
+    uses = [f"{role}, sees MV" if mv else role for role, mv in zip(ranking["role"], ranking["sees_mv"])]
+    table = pd.DataFrame({"rank": ranking["rank"].astype(float), "detector": ranking["method"], "for": uses})
+    table["applies"] = ranking["applicable"] / ranking["n"]
     beside = {}
     for name, column in COLUMNS.items():
         table[name] = ranking[column]
         beside[name] = [f"{lo:.2f}-{hi:.2f}" for lo, hi in zip(ranking[f"{column}_lo"], ranking[f"{column}_hi"])]
     for truth in ("sticky", "predicted"):
-        against = scores.ranking(truth, mode).set_index("method")["accuracy"]
-        table[f"right by {truth}"] = ranking["method"].map(against)
+        against = scores.ranking(truth, mode, process).set_index("method")["accuracy_applicable"]
+        table[f"by {truth}"] = ranking["method"].map(against)
+    table["of all"] = ranking["accuracy_all"]
     return sortable(table.assign(**{"median (ms)": ranking["median_ms"]}), formats=FORMATS, beside=beside)

@@ -8,8 +8,8 @@ import numpy as np
 
 from detectors.errors import ParameterError
 from scenarios.spec import Loop
-from simbench.loop.setup import resolve_loop
-from simbench.loop.simulate import Start
+from simbench.loop.resolve import resolve_loop
+from simbench.loop.run import Start
 from simbench.theory.half_cycle import HalfCycle, half_cycles
 from simbench.theory.march import reversals
 from simbench.theory.sampled import SampledLoop, sampled_loop

@@ -12,7 +12,8 @@ from detectors.errors import ParameterError
 from detectors.signal import stiction_map
 from scenarios.spec import Loop
 from simbench.loop import plant as plants
-from simbench.loop.setup import Setup, resolve_loop
+from simbench.loop.resolve import resolve_loop
+from simbench.loop.setup import Setup
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,10 +169,10 @@ def sampled_loop(loop: Loop) -> SampledLoop:
 def reduced(setup: Setup, S: float, J: float) -> SampledLoop:
     """Reduce a resolved loop with the valve (S, J) in %; as `sampled_loop`."""
     resticks, misfit = nearest_map(tuple(setup.valves), S, J)
-    for name, says in (("error_deadband", "an error dead-band"), ("op_quantum", "a rounded OP")):
+    for name, says in (("error_deadband", "an error dead-band"), ("op_step", "a rounded OP")):
         if getattr(setup, name) > 0:
             raise ParameterError(f"theory: the controller has {says}; the cycle is known for plain P and PI only")
-    if setup.sensor_lag > 0 or setup.pv_quantum > 0:
+    if setup.sensor_tau > 0 or setup.pv_step > 0:
         raise ParameterError("theory: the sensor has a lag or rounds PV; the cycle is known for a plain sensor only")
     flat = np.ascontiguousarray  # one memory layout, one compiled march
     sampled = plants.sample(setup.num, setup.den, setup.Td, setup.Ts)

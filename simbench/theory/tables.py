@@ -7,7 +7,8 @@ from typing import Any
 
 from detectors.errors import ParameterError
 from scenarios.spec import Loop
-from simbench.loop.setup import Setup, resolve_loop
+from simbench.loop.resolve import resolve_loop
+from simbench.loop.setup import Setup
 from simbench.theory.basin import kick_min
 from simbench.theory.cycle import ExactCycle, exact_cycle
 from simbench.theory.describing import deadzone, intersections, measured, stiction

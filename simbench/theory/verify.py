@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from scenarios.spec import Loop
-from simbench.loop.simulate import Start, simulate
+from simbench.loop.run import Start
+from simbench.loop.simulate import simulate
 from simbench.theory.basin import kick_min
 from simbench.theory.cycle import exact_cycle
 from simbench.theory.half_cycle import half_cycles

@@ -19,7 +19,8 @@ def test_without_a_sustained_oscillation_the_answer_is_no_stiction_with_its_regu
     verdict = judge(LoopRecord(**NOISE), ["he"])[0]
     assert verdict.verdict == "no_stiction"
     assert verdict.reason.startswith("no sustained oscillation (r = ")
-    assert verdict.score == 0.0
+    assert verdict.score == -np.inf
+    assert verdict.as_json()["score"] is None
     assert verdict.indices["regularity"] == pytest.approx(Prepared(LoopRecord(**NOISE)).oscillation.regularity)
 
 

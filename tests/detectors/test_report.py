@@ -49,7 +49,8 @@ def test_labels_pick_the_records_give_their_kind_and_score(folder):
     report = judge_files(folder, ["he", "hammerstein"], labels=folder / "labels.csv")
     by_method = {row["method"]: row for row in report.scores}
     assert by_method["hammerstein"] == {
-        "method": "hammerstein", "n_stiction": 1, "found": 1, "n_other": 1, "false_alarms": 0, "undecided": 0, "auc": 1.0,
+        "method": "hammerstein", "n_stiction": 1, "found": 1, "n_other": 1, "false_alarms": 0, "undecided": 0,
+        "not_applicable": 0, "auc": 1.0,
     }  # fmt: skip
     assert all("unknown" not in v.reason for _, v in report.verdicts)
     assert "n_stiction" in report.as_text()
@@ -66,6 +67,11 @@ def test_sets_of_methods():
     assert set(everything) - set(fast) == {"horch_isaksson", "stenman", "surrogate"}
     with pytest.raises(UnknownName, match="did you mean 'horch'"):
         choose_methods(["horhc"])
+
+
+def test_a_unit_that_a_method_is_not_made_for_is_not_undecided(folder):
+    horch = judge_files(folder, ["horch"], labels=folder / "labels.csv", process="integrating").scores[0]
+    assert (horch["n_stiction"], horch["n_other"], horch["undecided"], horch["not_applicable"]) == (0, 0, 0, 2)
 
 
 def test_units_count_once_and_undecided_records_do_not_vote():

@@ -14,7 +14,8 @@ from c_loop import build
 
 from scenarios.spec import Loop
 from simbench.loop import controller, kernel, sensor
-from simbench.loop.setup import parts_of, resolve_loop
+from simbench.loop.resolve import resolve_loop
+from simbench.loop.setup import parts_of
 
 N = 5000
 ROUNDS = 9

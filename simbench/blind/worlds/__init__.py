@@ -1,1 +1,1 @@
-"""Independent simulators, one package each, written from the contract alone."""
+"""Independent simulators that judge the diagnosis: one world per package."""

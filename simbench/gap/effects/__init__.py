@@ -1,1 +1,1 @@
-"""One effect per file: what it does to a loop, or to the record of it, and with what it is confused."""
+"""How an effect is recognised: each fitted on top of a base, with its numbers, its size and what it is confused with."""

@@ -67,6 +67,7 @@ def make_book(verdict, truth, score=None, methods=None, ids=None, hashes=None, a
         verdict_raw=verdict,
         score=score,
         score_raw=score,
+        applicable=np.ones((m, n), dtype=np.int8),
         failed=np.zeros((m, n), dtype=bool),
         runtime=np.zeros((m, n), dtype=np.float32),
     )

@@ -7,7 +7,7 @@ from scenarios.spec import Loop, Scenario
 from simbench.bench.oracle import judge_oracle
 from simbench.bench.run import run_grid
 from simbench.bench.store import Book
-from simbench.loop.setup import resolve_loop
+from simbench.loop.resolve import resolve_loop
 from simbench.loop.simulate import simulate
 
 FOPTD = {"type": "foptd", "K": 1.5, "T": 10, "Td": 2.3}

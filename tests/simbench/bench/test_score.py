@@ -14,7 +14,7 @@ from scenarios.spec import Loop
 from simbench.bench.adaptive import trials
 from simbench.bench.calibrate import abstention, calibrate, calibrate_books, cut_for, roc
 from simbench.bench.run import run_grid
-from simbench.bench.score import FRONT, RAW, score_run
+from simbench.bench.score import FRONT, RAW, score_book, score_run
 from simbench.bench.statistics import wilson
 from simbench.bench.store import Book
 from simbench.bench.sweep import sweep
@@ -31,6 +31,12 @@ LOOP = Loop.from_table(
 
 
 @pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """One run of three methods: of either kind of process, of self-regulating ones alone, with MV."""
+    return run_grid("smoke", tmp_path_factory.mktemp("run") / "done", ["he", "horch", "yamashita"])
+
+
+@pytest.fixture(scope="module")
 def joined(finished):
     verdicts, scenarios = (pd.read_parquet(finished / f"{t}.parquet") for t in ("verdicts", "scenarios"))
     return verdicts.merge(scenarios, on="scenario_id", suffixes=("", "_s"))
@@ -41,54 +47,92 @@ def scores(finished):
     return score_run(finished)
 
 
+@pytest.mark.parametrize("process", ["all", "self-regulating", "integrating"])
 @pytest.mark.parametrize("mode", [FRONT, RAW])
 @pytest.mark.parametrize("truth", ["sticky", "predicted", "cycled"])
-def test_the_table_is_a_plain_count(scores, joined, mode, truth):
+def test_the_table_is_a_plain_count(scores, joined, mode, truth, process):
     verdict = joined.verdict if mode == FRONT else joined.verdict_raw
     positive = joined.cycled == "yes" if truth == "cycled" else joined[truth].astype(bool)
     known = joined.cycled.isin(["yes", "no"]) if truth == "cycled" else joined[truth].notna()
-    for method in ("he", "yamashita"):
+    if process != "all":
+        known &= joined.process == {"self-regulating": "foptd", "integrating": "integrating"}[process]
+    for method in ("he", "horch", "yamashita"):
         use = known & (joined.method == method)
-        row = scores.table.query("method == @method and truth == @truth and mode == @mode").iloc[0]
-        said, true = verdict[use], positive[use]
+        row = scores.table.query("method == @method and truth == @truth and mode == @mode and process == @process").iloc[0]
+        # horch is made for self-regulating loops alone
+        covered = use & ((joined.process == "foptd") | (method != "horch"))
+        said, true = verdict[covered], positive[covered]
         right = (said == STICTION) == true
         right &= said != NO_DECISION
-        assert row.n == use.sum()
-        assert row.accuracy == pytest.approx(right.mean())
-        assert row.decided == pytest.approx(right[said != NO_DECISION].mean())
+        assert (row.n, row.applicable) == (use.sum(), covered.sum())
+        assert row.accuracy_all == pytest.approx(right.sum() / use.sum())
+        if not covered.any():
+            assert np.isnan([row.accuracy_applicable, row.accuracy_decided, row.no_decision, row.found, row.auc]).all()
+            assert row["rank"] is None or np.isnan(row["rank"])
+            continue
+        assert row.accuracy_applicable == pytest.approx(right.mean())
+        assert row.accuracy_decided == pytest.approx(right[said != NO_DECISION].mean())
         assert row.no_decision == pytest.approx((said == NO_DECISION).mean())
-        assert row.false_alarm == pytest.approx((said[~true] == STICTION).mean())
-        assert row.miss == pytest.approx((said[true] == "no_stiction").mean())
-        assert row.accuracy_lo <= row.accuracy <= row.accuracy_hi
+        assert row.found == pytest.approx((said[true] == STICTION).mean())
+        assert row.false_alarms == pytest.approx((said[~true] == STICTION).mean())
+        assert row.accuracy_applicable_lo <= row.accuracy_applicable <= row.accuracy_applicable_hi
 
 
-def test_auc_is_sklearns_and_ranks_loops_without_oscillation_lowest(scores, joined):
+def test_auc_is_sklearns_on_the_very_scores_of_the_tables(scores, joined):
     from sklearn.metrics import roc_auc_score
 
     use = (joined.method == "he") & joined.cycled.isin(["yes", "no"])
-    for mode in (FRONT, RAW):
-        score = joined.score_raw if mode == RAW else joined.score.where(joined.oscillating, -100.0)
+    assert (joined.score[use & ~joined.oscillating] == -np.inf).all()
+    for mode, score in ((FRONT, joined.score), (RAW, joined.score_raw)):
         known = use & score.notna()
-        if mode == FRONT:
-            known &= joined.verdict.ne(NO_DECISION) | joined.score.notna()
-        row = scores.table.query("method == 'he' and truth == 'cycled' and mode == @mode").iloc[0]
+        block = scores.table[scores.table["mode"] == mode]
+        row = block.query("method == 'he' and truth == 'cycled' and process == 'all'").iloc[0]
         assert row.scored == known.sum()
-        assert row.auc == pytest.approx(roc_auc_score(joined.cycled[known] == "yes", score[known]))
+        assert row.auc == pytest.approx(roc_auc_score(joined.cycled[known] == "yes", score[known].clip(-1e9)))
+
+
+def test_yardsticks_say_always_the_same(scores):
+    block = scores.ranking().set_index("method")
+    no, yes = block.loc["always no"], block.loc["always yes"]
+    assert (no.found, no.false_alarms, yes.found, yes.false_alarms) == (0.0, 0.0, 1.0, 1.0)
+    assert no.accuracy_all + yes.accuracy_all == pytest.approx(1.0)
+    assert no.auc == yes.auc == 0.5
+    assert block.loc[["always no", "always yes"], "rank"].isna().all()
+
+
+def test_methods_that_see_mv_are_ranked_apart_and_partial_ones_where_they_apply(scores):
+    everywhere, here = scores.ranking(), scores.ranking(process="self-regulating")
+    assert everywhere.set_index("method").loc[["he", "yamashita"], "rank"].tolist() == [1, 1]
+    assert here.set_index("method").loc[["he", "horch"], "rank"].notna().all()
+    assert everywhere.method.tolist() == ["he", "horch", "yamashita", *everywhere.method.tolist()[3:]]
+
+
+def test_a_method_that_does_not_apply_is_not_undecided(book):
+    truth = np.tile([1, 0], 20)
+    said = np.array([truth, np.where(np.arange(40) < 20, truth, 2)])
+    processes = np.array(["foptd"] * 20 + ["integrating"] * 20)
+    run = book(said, truth, axes={"process": processes})
+    run.applicable[1, 20:] = 0
+    shown = ["applicable", "accuracy_applicable", "no_decision", "found", "accuracy_all"]
+    partial = score_book(run).ranking().set_index("method")
+    assert partial.loc["m1", shown].tolist() == [20, 1, 0, 1, 0.5]
+    undecided = score_book(book(said, truth, axes={"process": processes})).ranking().set_index("method")
+    assert undecided.loc["m1", shown].tolist() == [40, 0.5, 0.5, 0.5, 0.5]
 
 
 def test_axis_rows_add_up_to_the_whole(scores):
     for axis in ("disturbance", "S_over_2J", "noise_ratio"):
         rows = scores.by_axis[scores.by_axis.axis == axis].query("method == 'he' and mode == 'front end'")
-        whole = scores.table.query("method == 'he' and truth == 'cycled' and mode == 'front end'").iloc[0]
+        whole = scores.table.query("method == 'he' and truth == 'cycled' and mode == 'front end' and process == 'all'").iloc[0]
         assert rows.n.sum() == whole.n
-        assert (rows.accuracy * rows.n).sum() == pytest.approx(whole.accuracy * whole.n)
+        assert (rows.accuracy_all * rows.n).sum() == pytest.approx(whole.accuracy_all * whole.n)
 
 
 def test_entrained_and_unclear_are_counted_but_not_scored(scores, joined):
     one = joined[joined.method == "he"]
     assert scores.disagreement.scenarios.sum() == len(one)
     left_out = one.cycled.isin(["entrained", "unclear"]).sum()
-    row = scores.table.query("method == 'he' and truth == 'cycled' and mode == 'front end'").iloc[0]
+    row = scores.table.query("method == 'he' and truth == 'cycled' and mode == 'front end' and process == 'all'").iloc[0]
     assert row.n == len(one) - left_out
 
 
@@ -98,23 +142,33 @@ def test_both_tables_are_printed_and_raw_can_come_first(finished, scores):
     raw = score_run(finished, raw=True).as_text()
     assert raw.index("without the oscillation") < raw.index("with the oscillation")
     assert "labels that disagree" in text
-    assert "yamashita*" in text
-    assert max(map(len, text.splitlines())) <= 130
+    assert text.index("he ") < text.index("see the valve position MV") < text.index("yamashita")
+    assert "always yes" in text
+    assert "share a rank" in text
+    assert max(map(len, text.splitlines())) <= 132
 
 
-def test_json_has_no_nan(scores):
-    json.dumps(scores.as_json(), allow_nan=False)
+def test_json_is_the_contracts(scores):
+    found = json.loads(json.dumps(scores.as_json(), allow_nan=False))
+    keys = "method,truth,front_end,process,n,applicable,accuracy_applicable,accuracy_decided,no_decision,found,false_alarms"
+    assert {",".join(row) for row in found["rows"]} == {f"{keys},accuracy_all,auc,lo,hi,sees_mv,rank"}
+    assert {row["process"] for row in found["rows"]} == {"all", "self-regulating", "integrating"}
+    assert {row["front_end"] for row in found["rows"]} == {True, False}
+    assert 0 < found["resolution"] < 1
+    horch = next(r for r in found["rows"] if (r["method"], r["process"]) == ("horch", "integrating"))
+    assert (horch["applicable"], horch["accuracy_applicable"], horch["rank"], horch["accuracy_all"]) == (0, None, None, 0.0)
 
 
 def test_the_csv_is_small_and_readable(finished, scores):
     file = finished / "scores.csv"
-    assert file.stat().st_size < 20_000
+    assert file.stat().st_size < 60_000
     frame = pd.read_csv(file)
-    assert len(frame) == len(scores.table) == 2 * 3 * 2
+    # modes, truths, processes; three methods and two yardsticks
+    assert len(frame) == len(scores.table) == 2 * 3 * 3 * 5
 
 
 def test_median_runtimes_are_there(scores):
-    assert (scores.table.median_ms > 0).all()
+    assert (scores.table.query("role != 'yardstick'").median_ms > 0).all()
 
 
 def test_wilson_narrows_as_trials_says():
@@ -181,9 +235,9 @@ def test_calibrated_cuts_do_in_a_run_what_the_calibration_says(tmp_path):
     run = run_grid("smoke", tmp_path / "cut", ["he", "srinivasan"], sets={"disturbance": "sine"}, thresholds=found.thresholds)
     table = score_run(run).ranking().set_index("method")
     for row in found.table.itertuples():
-        assert table.loc[row.method].false_alarm == pytest.approx(row.false_alarm)
+        assert table.loc[row.method].false_alarms == pytest.approx(row.false_alarm)
     band = run_grid("smoke", tmp_path / "band", ["he"], sets={"disturbance": "sine"}, thresholds={"he": found.abstaining["he"]})
-    decided = 1 - score_run(band, raw=True).ranking().no_decision.iloc[0]
+    decided = 1 - score_run(band, raw=True).ranking().set_index("method").no_decision["he"]
     assert decided == pytest.approx(found.table.set_index("method").loc["he"].coverage)
 
 
@@ -223,13 +277,15 @@ def test_a_wrong_sweep_is_one_sentence(axes, words):
 
 def test_a_books_scores_are_the_runs(finished, joined):
     book = Book.read(finished)
-    assert book.methods == ("he", "yamashita")
+    assert book.methods == ("he", "horch", "yamashita")
     assert [i.decode() for i in book.ids] == joined[joined.method == "he"].scenario_id.tolist()
     he = joined[joined.method == "he"]
-    assert np.allclose(book.score_raw[0], he.score_raw.astype(float), equal_nan=True, rtol=1e-6)
+    assert np.allclose(book.score_raw[0], he.score_raw.astype(float), equal_nan=True, rtol=0)
     assert set(book.truth["cycled_word"]) <= {"yes", "no", "entrained", "unclear"}
 
 
 def test_the_oracle_stands_apart(tmp_path):
     run = run_grid("smoke", tmp_path / "run", ["he", "oracle"], sets={"disturbance": "sine"})
-    assert score_run(run).ranking().method.tolist()[-1] == "oracle"
+    block = score_run(run).ranking()
+    assert block.method.tolist()[0] == "he"
+    assert np.isnan(block.set_index("method")["rank"]["oracle"])

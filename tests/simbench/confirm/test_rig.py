@@ -5,7 +5,7 @@ import pytest
 
 from detectors.errors import ParameterError
 from simbench.confirm.rig import run_rig
-from simbench.loop.setup import resolve_loop
+from simbench.loop.resolve import resolve_loop
 from simbench.loop.simulate import simulate
 
 CASES = [

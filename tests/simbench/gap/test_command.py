@@ -19,7 +19,7 @@ from scenarios.spec import Loop, load_loop
 from simbench.cli import main
 from simbench.files import write_record
 from simbench.gap import command
-from simbench.gap.names import BLOCKS, EFFECTS
+from simbench.loop.effects import BLOCKS, EFFECTS
 from simbench.loop.simulate import simulate
 
 HEALTHY = {
@@ -123,7 +123,7 @@ def test_the_loop_file_it_writes_simulates_like_the_record(answer, place):
 
 
 def test_the_blind_checks_function_is_importable_by_name_and_gives_json(place, answer):
-    found = pickle.loads(pickle.dumps(command.one_file_quick))(place / "FIC101.csv", place / "loop.toml")
+    found = pickle.loads(pickle.dumps(command.one_file))(place / "FIC101.csv", place / "loop.toml")
     assert json.loads(json.dumps(found)) == answer
     assert pickle.loads(pickle.dumps(command.one_file)) is command.one_file
 

@@ -17,8 +17,9 @@ from scenarios.errors import SpecError
 from scenarios.spec import Loop, Plant
 from simbench.loop import plant
 from simbench.loop.controller import transfer_function as controller_tf
-from simbench.loop.setup import resolve_loop
-from simbench.loop.simulate import run_setup, simulate
+from simbench.loop.resolve import resolve_loop
+from simbench.loop.run import run_setup
+from simbench.loop.simulate import simulate
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "reference"))
 

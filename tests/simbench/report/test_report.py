@@ -18,7 +18,6 @@ from simbench.files import FileError
 from simbench.html.table import sortable
 from simbench.report import write_report
 from simbench.report.data import RunData
-from simbench.report.maps import accuracy_map
 from simbench.report.roc import roc_curve
 
 HERE = Path(__file__).parent
@@ -84,6 +83,7 @@ def test_sections_come_summary_first_and_provenance_last(report):
     titles = re.findall(r"<h2>(.*?)</h2>", report.read_text(encoding="utf-8"))
     assert titles == [
         "Summary",
+        "Overview",
         "Maps",
         "ROC",
         "By axis",
@@ -111,7 +111,8 @@ def test_numbers_in_the_summary_are_those_of_score(run, report):
     scores = RunData.read(run).scores
     text = report.read_text(encoding="utf-8")
     for row in scores.ranking().itertuples():
-        assert re.search(rf'<td>{row.method}</td>.*?data-v="{re.escape(repr(float(row.accuracy)))}">{row.accuracy:.3f}', text)
+        value, shown = re.escape(repr(float(row.accuracy_applicable))), f"{row.accuracy_applicable:.3f}"
+        assert re.search(rf'<td>{row.method}</td>.*?data-v="{value}">{shown}', text)
 
 
 def test_failures_are_all_counted(run, report):
@@ -146,20 +147,6 @@ def test_roc_curve_is_sklearns_and_its_area_the_auc():
     assert np.trapezoid(curve["detections"], curve["false_alarms"]) == pytest.approx(roc_auc_score(positive, finite))
 
 
-def test_maps_hold_the_share_of_right_verdicts_and_keep_healthy_and_dead_band_apart():
-    rng = np.random.default_rng(1)
-    frame = pd.DataFrame({"Td_over_T": rng.choice([0.1, 1.0], 400), "S_over_2J": rng.choice([0.0, 0.5, 2.0, np.inf], 400)})
-    frame["right"] = rng.random(400) < 0.7
-    grid = accuracy_map(frame, "Td_over_T")
-    assert list(grid.columns) == [0.0, 0.5, 2.0, np.inf]
-    here = frame[(frame["Td_over_T"] == 0.1) & (frame["S_over_2J"] == 2.0)]
-    assert grid.loc[0.1, 2.0] == pytest.approx(here["right"].mean())
-    drawn = frame.assign(S_over_2J=np.where(frame["S_over_2J"] == 2.0, rng.uniform(0.3, 9, 400), frame["S_over_2J"]))
-    many = accuracy_map(drawn, "Td_over_T")
-    assert {0.0, np.inf} <= set(many.columns)
-    assert len(many.columns) <= 10
-
-
 def test_missing_values_are_empty_cells():
     table = sortable(pd.DataFrame({"a": [1.5, np.nan], "b": ["x", None]}))
     assert [[c["text"] for c in row] for row in table["rows"]] == [["1.5", "x"], ["", ""]]
@@ -183,7 +170,7 @@ def test_in_a_browser_nothing_fails_nothing_is_asked_for_and_every_picture_is_se
         assert page.errors == []
         assert page.requests == [report.resolve().as_uri()]
     assert over <= 0, "the page itself never scrolls sideways"
-    assert len(pictures) == 4 + 4  # a map and a ROC curve per detector
+    assert len(pictures) == 1 + 4 + 4  # the overview, a map and a ROC curve per detector
     for w, h, left, right, inner_w, inner_h, visibility, display in pictures:
         assert min(w, h) > 100
         assert -1 <= left < right <= width + 1

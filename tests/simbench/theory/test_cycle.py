@@ -158,7 +158,7 @@ def test_amplitude_scales_with_the_valve_and_the_period_does_not(loop):
 def test_plants_of_higher_order_have_a_cycle_too(loop):
     import control
 
-    from simbench.loop.setup import resolve_loop
+    from simbench.loop.resolve import resolve_loop
 
     asked = loop(Ts=0.1)
     # two lags of 10 and 0.01 s are nearly one

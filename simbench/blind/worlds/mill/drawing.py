@@ -16,7 +16,7 @@ from simbench.blind.worlds.mill.rig import Case
 from simbench.blind.worlds.mill.scales import Scales
 from simbench.blind.worlds.mill.sizes import family
 from simbench.blind.worlds.mill.statistics import Record
-from simbench.gap.names import EFFECTS, NONE, UNKNOWN
+from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
 
 LOOPS, VARIANTS = 200, 2  # loops drawn for one entry; directions, periods and seeds tried on each
 # effects that these signals cannot tell apart, or nearly: no record holds two of one row
@@ -178,12 +178,12 @@ def _search(
 ) -> Found | None:
     """Bisect the logarithm of an effect's size until its ratio is within a tenth of the target, or at least within the band."""
     sizes = family(effect, rng, scales)
-    low, high, best = np.log(sizes.low), np.log(sizes.high), None
-    ends = {"low": low, "high": high}
+    lowest, highest = np.log(sizes.low), np.log(sizes.high)
+    low, high, best = lowest, highest, None
     for step in range(9):
         at = 0.5 * (low + high)
         if step == 3 and best is None:  # always too large, or always too small: is there room at all?
-            at = ends["low"] if low == ends["low"] else ends["high"] if high == ends["high"] else at
+            at = lowest if low == lowest else highest if high == highest else at
         found, good = _found(case, effect, sizes.at(float(np.exp(at))), seeds, healthy)
         if good and band[0] <= found.ratio < band[1]:
             if best is None or abs(np.log(found.ratio / target)) < abs(np.log(best.ratio / target)):

@@ -14,7 +14,7 @@ from simbench.blind.worlds.mill.archive import spikes
 from simbench.blind.worlds.mill.foreign import KINDS
 from simbench.blind.worlds.mill.nature import levels
 from simbench.blind.worlds.mill.rig import Case, Rig, keep
-from simbench.gap.names import EFFECTS, Choice
+from simbench.loop.effects import EFFECTS, Choice
 
 Parameters = dict[str, Any]
 
@@ -82,9 +82,9 @@ def checked(effect: str, parameters: Parameters) -> Parameters:
             raise UnknownName("parameter", key, known, f"effect {effect!r}")
         rule = known[key]
         if isinstance(rule, Choice):
-            if value not in rule.words:
-                raise ParameterError(f"{effect}.{key} = {value!r}; allowed: {', '.join(rule.words)}")
-        elif not rule.low <= value <= rule.high:
+            if value not in rule.names:
+                raise ParameterError(f"{effect}.{key} = {value!r}; allowed: {', '.join(rule.names)}")
+        elif not (math.isfinite(value) and rule.low <= value <= rule.high):
             raise ParameterError(f"{effect}.{key} = {value}; allowed: {rule.low:g} to {rule.high:g} {rule.unit}")
         full[key] = value
     return full

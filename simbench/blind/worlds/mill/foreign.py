@@ -13,10 +13,19 @@ from scipy.signal import lfilter
 from detectors.errors import ParameterError
 from simbench.blind.worlds.mill.nature import spells
 from simbench.blind.worlds.mill.rig import Rig
-from simbench.gap.names import Quantity
 
 Parameters = dict[str, Any]
 _BIG = 1e9
+
+
+class Quantity(NamedTuple):
+    """One number of a fault: unit, bounds, the value at which it does nothing, its meaning."""
+
+    unit: str
+    low: float
+    high: float
+    identity: float
+    says: str
 
 
 class Kind(NamedTuple):

@@ -11,7 +11,7 @@ from simbench.blind.worlds.mill import foreign_sizes
 from simbench.blind.worlds.mill.foreign import KINDS
 from simbench.blind.worlds.mill.loops import either, logu, signif
 from simbench.blind.worlds.mill.scales import Family, Parameters, Scales, limits
-from simbench.gap.names import EFFECTS, Quantity
+from simbench.loop.effects import EFFECTS, Choice
 
 
 def family(effect: str, rng: np.random.Generator, s: Scales) -> Family:
@@ -37,7 +37,7 @@ def family(effect: str, rng: np.random.Generator, s: Scales) -> Family:
     """
     low, high, at = _FAMILIES[effect](rng, s)
     rules = EFFECTS[effect].parameters if effect in EFFECTS else KINDS[effect].parameters
-    ranges = {k: q for k, q in rules.items() if isinstance(q, Quantity)}
+    ranges = {k: q for k, q in rules.items() if not isinstance(q, Choice)}
 
     def within(size: float) -> Parameters:
         values = {k: signif(v, 6) + 0.0 if k in ranges else v for k, v in at(size).items()}
@@ -48,7 +48,7 @@ def family(effect: str, rng: np.random.Generator, s: Scales) -> Family:
     return Family(low, high, within)
 
 
-# --- valve: S from .3 %, the least a positioner test shows, to 15 % (backlash and dead-zone 20 %), a valve that should have been repaired
+# --- valve: S from .3 %, the least a positioner test shows, to 15 % (backlash, dead-zone: 20 %), a valve due for repair
 
 
 def _stiction(rng, s):
@@ -78,19 +78,19 @@ def _valve_characteristic(rng, s):
 # --- process: at least a quarter off, where the baseline itself may be off by a tenth
 
 
-def _factor(rng, s):
+def _gain_mismatch(rng, s):
     sign = either(rng)
     return np.log(1.25), np.log(10.0), lambda x: {"factor": float(np.exp(sign * x))}
 
 
-def _time_constant(rng, s):
+def _time_constant_mismatch(rng, s):
     if s.case["plant"]["type"] == "integrating":
         raise ParameterError("time_constant_mismatch needs a foptd plant")
     sign = either(rng)
     return np.log(1.3), np.log(12.0), lambda x: {"factor": float(np.exp(sign * x))}
 
 
-def _dead_time(rng, s):
+def _dead_time_mismatch(rng, s):
     Td, Ts = s.case["plant"]["Td"], s.case["Ts"]
     least = max(0.6 * Ts, 0.25 * Td)
     if rng.random() < 0.3:
@@ -179,28 +179,4 @@ def _op_quantisation(rng, s):
     return max(0.6 * s.move, 0.01), 20.0, lambda x: {"step": x}
 
 
-_FAMILIES: dict[str, Callable] = {
-    "stiction": _stiction,
-    "deadband": _deadband,
-    "deadzone": _deadzone,
-    "valve_lag": _valve_lag,
-    "valve_characteristic": _valve_characteristic,
-    "gain_mismatch": _factor,
-    "time_constant_mismatch": _time_constant,
-    "dead_time_mismatch": _dead_time,
-    "extra_lag": _extra_lag,
-    "noise": _noise,
-    "quantisation": _quantisation,
-    "sensor_lag": _sensor_lag,
-    "compression": _compression,
-    "outliers": _outliers,
-    "drift": _drift,
-    "oscillation": _oscillation,
-    "load_steps": _load_steps,
-    "load_drift": _load_drift,
-    "saturation": _saturation,
-    "detuning": _detuning,
-    "error_deadband": _error_deadband,
-    "op_quantisation": _op_quantisation,
-    **foreign_sizes.FAMILIES,
-}
+_FAMILIES: dict[str, Callable] = {name: globals()["_" + name] for name in EFFECTS} | foreign_sizes.FAMILIES

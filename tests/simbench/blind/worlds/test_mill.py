@@ -18,7 +18,7 @@ from simbench.blind.worlds.mill.drawing import ALIKE, sound
 from simbench.blind.worlds.mill.loops import baseline, draw_loop
 from simbench.blind.worlds.mill.oracle import BANDS, cloud, ratio, strength_of
 from simbench.blind.worlds.mill.statistics import floors, measure, names
-from simbench.gap.names import BLOCKS, EFFECTS, Choice
+from simbench.loop.effects import BLOCKS, EFFECTS, Choice
 
 KEYS = {
     "kind", "block", "effect", "effect2", "block2", "strength", "ratio", "parameters", "parameters2", "foreign", "mv", "plant",
@@ -51,7 +51,7 @@ def within_vocabulary(effect, parameters):
     assert set(parameters) == set(rules)
     for key, value in parameters.items():
         rule = rules[key]
-        assert value in rule.words if isinstance(rule, Choice) else rule.low <= value <= rule.high
+        assert value in rule.names if isinstance(rule, Choice) else rule.low <= value <= rule.high
 
 
 @pytest.mark.parametrize("number", range(len(ENTRIES)), ids=[f"{e['kind']}-{e.get('effect', '')}" for e in ENTRIES])
@@ -207,7 +207,7 @@ def test_statistics_are_phase_free_and_free_of_units_but_for_sizes():
 
 
 def test_the_world_imports_nothing_that_it_judges():
-    allowed = ("simbench.blind.worlds.mill", "simbench.gap.names", "scenarios.spec", "detectors.errors")
+    allowed = ("simbench.blind.worlds.mill", "simbench.loop.effects", "scenarios.spec", "detectors.errors")
     for path in Path(mill.__file__).parent.glob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             modules = [a.name for a in node.names] if isinstance(node, ast.Import) else []

@@ -20,7 +20,7 @@ from simbench.blind.worlds.mill.effects import build
 from simbench.blind.worlds.mill.foreign import KINDS
 from simbench.blind.worlds.mill.loops import draw_loop
 from simbench.blind.worlds.mill.plant import discretise
-from simbench.gap.names import EFFECTS
+from simbench.loop.effects import EFFECTS
 
 TWIN = runpy.run_path(str(Path(__file__).with_name("mill_twin.py")))
 FAMILY = {
@@ -149,6 +149,7 @@ def test_at_identity_an_effect_changes_no_bit(name):
         (a_case(), [("stiktion", {})], UnknownName, "stiction"),
         (a_case(), [("stiction", {"Q": 1.0})], UnknownName, "Q"),
         (a_case(), [("stiction", {"S": -1.0})], ParameterError, "0 to 100 % of travel"),
+        (a_case(), [("valve_lag", {"tau": math.inf})], ParameterError, "tau = inf"),
         (a_case(), [("quantisation", {"step": 1.0, "at": "plant"})], ParameterError, "loop, record"),
         (a_case(), [("stiction", {"S": 1.0}), ("stiction", {"S": 2.0})], ParameterError, "twice"),
         (a_case(), [("stiction", {"S": 1.0}), ("deadzone", {"D": 2.0})], ParameterError, "another friction"),

@@ -1,0 +1,120 @@
+"""Re-simulate what an answer claims: the world's loop with the claimed effect and parameters in place of the true ones."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from detectors.errors import ParameterError
+from simbench.blind.alike import Facts, indistinguishable
+from simbench.blind.distance import RESOLVABLE, Scale, Signals, cloud, features
+from simbench.blind.score import claimed_shrinkage
+from simbench.blind.world import WORLDS
+from simbench.loop.effects import EFFECTS, FOLLOWS, Choice
+
+SEEDS = 10
+CANDIDATES = 5
+
+
+def true_shrinkages(
+    truth: Mapping[str, Any],
+    found: Mapping[str, Any],
+    record: pd.DataFrame,
+    baseline: Mapping[str, Any],
+    facts: Facts,
+    world: str,
+) -> list[dict[str, Any]]:
+    """Return claimed and true shrinkage of the answer's best candidates.
+
+    Before: the true loop without its effect. After: the same with the claimed one.
+
+    Parameters
+    ----------
+    truth : mapping
+        A row of answers.csv with `case`, `seed` and `effect`, as the world wrote it.
+    found : mapping
+        The answer's JSON.
+    record : pandas.DataFrame
+        The record's columns sp, op, pv.
+    baseline : mapping
+        Tables of the loop file.
+    facts : Facts
+    world : str
+        Which one drew the record.
+
+    Returns
+    -------
+    list of dict
+        One per candidate that can act in this loop: effect, right (in the true effect's group), claimed, true. Empty without
+        a resolvable gap.
+    """
+    simulate, scale = WORLDS.load(world).simulate, scale_of(baseline, bool(np.ptp(record["sp"]) > 0.0))
+    seeds = [int(truth["seed"]) + 5000 + i for i in range(SEEDS)]
+
+    def runs(effects: list[dict[str, Any]]) -> list[Signals]:
+        return [_signals(simulate(truth, effects, s)) for s in seeds]
+
+    values = features(_signals(record), scale)[0]
+    before = cloud(runs([]), scale)
+    if before.distance(values) < RESOLVABLE * before.floor:
+        return []
+    ranked = sorted(found.get("ranking") or [], key=lambda r: -(r.get("probability") or 0.0))
+    group = indistinguishable(str(truth["effect"]), facts)
+    rows = []
+    for candidate in [r for r in ranked if r["effect"] in EFFECTS and r.get("parameters")][:CANDIDATES]:
+        claimed = claimed_shrinkage(candidate, found)
+        if claimed is None:
+            continue
+        effect = str(candidate["effect"])
+        try:
+            after = cloud(runs([{"effect": effect, "parameters": _inside(effect, candidate["parameters"])}]), scale)
+        except ParameterError:
+            continue
+        # one yardstick for both, the claimed loop's own
+        start, floor = after._replace(mean=before.mean).distance(values), after.floor
+        true = 1.0 - max(after.distance(values) - floor, 0.0) / (start - floor) if start > floor else 0.0
+        rows.append({"effect": effect, "right": effect in group, "claimed": claimed, "true": float(np.clip(true, -1.0, 1.0))})
+    return rows
+
+
+def scale_of(baseline: Mapping[str, Any], sp_moves: bool) -> Scale:
+    """Return what the records of a loop are measured in, by its baseline.
+
+    Parameters
+    ----------
+    baseline : mapping
+        Tables of the loop file.
+    sp_moves : bool
+
+    Returns
+    -------
+    Scale
+    """
+    plant, control = baseline["plant"], baseline["controller"]
+    K, Kc, Ts = abs(float(plant["K"])), float(control["Kc"]), float(baseline["sampling"]["Ts"])
+    # lambda tuning: the gain that was chosen says how fast the loop was meant to be
+    speed = float(plant.get("T", 1.0)) / (K * Kc)
+    noise = float(baseline.get("noise", {}).get("std", 0.0))
+    step_unit = float(plant["K"]) if "T" in plant else 1.0 / Kc
+    return Scale(Ts, max(speed, Ts), K if "T" in plant else 1.0 / Kc, noise, step_unit, sp_moves)
+
+
+def _signals(columns: Mapping[str, Any] | pd.DataFrame) -> Signals:
+    sp, op, pv = (np.asarray(columns[name], dtype=float) for name in ("sp", "op", "pv"))
+    return Signals(sp, op, pv, op)
+
+
+def _inside(effect: str, parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """The claimed parameters, cut to their bounds, the missing ones at their identity."""
+    whole: dict[str, Any] = {}
+    for name, quantity in EFFECTS[effect].parameters.items():
+        if isinstance(quantity, Choice):
+            word = parameters.get(name, quantity.names[0])
+            whole[name] = word if word in quantity.names else quantity.names[0]
+        elif name in parameters or quantity.default is not FOLLOWS:
+            value = parameters.get(name)
+            whole[name] = float(np.clip(quantity.identity if value is None else float(value), quantity.low, quantity.high))
+    return whole

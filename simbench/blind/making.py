@@ -1,0 +1,180 @@
+"""Draw records for the blind check, write them under neutral names, seal the answers."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from joblib import Parallel, delayed
+from tqdm import tqdm
+
+from detectors.errors import ParameterError
+from scenarios.spec import Loop
+from simbench.blind import seal
+from simbench.blind.world import OWN, WORLDS
+
+PLANTS = ("foptd", "foptd", "integrating")
+STRENGTHS = ("weak", "medium", "strong")
+# in this order since the first set was sealed: a seed means the same records for ever
+PLANNED = (
+    "stiction", "deadband", "deadzone", "valve_lag", "valve_characteristic", "gain_mismatch", "time_constant_mismatch",
+    "dead_time_mismatch", "extra_lag", "noise", "quantisation", "sensor_lag", "compression", "outliers", "drift",
+    "oscillation", "load_steps", "load_drift", "saturation", "detuning", "error_deadband", "op_quantisation",
+)  # fmt: skip
+COLUMNS = (
+    "id", "world", "kind", "block", "effect", "block2", "effect2", "strength", "ratio", "shrinkage", "gap_before", "gap_after",
+    "floor", "parameters", "parameters2", "foreign", "mv", "plant", "controller", "sp_moves", "case", "seed",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How many records of each kind.
+
+    Parameters
+    ----------
+    per_cell : int
+        Single-effect records per effect and strength.
+    none, two, foreign : int
+        Records without effect, with two effects from different blocks, with a foreign fault.
+    effects, strengths : tuple of str
+        Restrict the cells.
+    """
+
+    per_cell: int = 5
+    none: int = 120
+    two: int = 75
+    foreign: int = 75
+    effects: tuple[str, ...] = PLANNED
+    strengths: tuple[str, ...] = STRENGTHS
+
+    @classmethod
+    def of(cls, n: int) -> Plan:
+        """Return the usual shares for about `n` records: 55 % single effects, 20 % none, the rest two effects and foreign.
+
+        Parameters
+        ----------
+        n : int
+            At least 100, so that every cell has a record.
+
+        Returns
+        -------
+        Plan
+
+        Raises
+        ------
+        ParameterError
+            When `n` is too small.
+        """
+        if n < 100:
+            raise ParameterError(
+                f"withheld: {n} records asked for; at least 100 are needed for one of each effect and strength"
+            )
+        per_cell = max(1, round(0.55 * n / (len(PLANNED) * len(STRENGTHS))))
+        rest = n - per_cell * len(PLANNED) * len(STRENGTHS)
+        none = round(rest * 0.45)
+        two = (rest - none) // 2
+        return cls(per_cell=per_cell, none=none, two=two, foreign=rest - none - two)
+
+    def entries(self, foreign: Sequence[str]) -> list[dict[str, Any]]:
+        """Return one entry per record, in order: what it must hold; `foreign` are the world's foreign kinds."""
+        single = [
+            {"kind": "single", "effect": e, "strength": s, "mv": (i + j + k) % 2 == 0, "plant": PLANTS[(i + j + 2 * k) % 3]}
+            for j, e in enumerate(self.effects)
+            for k, s in enumerate(self.strengths)
+            for i in range(self.per_cell)
+        ]
+        unexplained = [
+            {
+                "kind": "foreign",
+                "effect": foreign[i % len(foreign)],
+                "strength": ("medium", "strong", "weak")[i // len(foreign) % 3],
+                "mv": i % 2 == 0,
+            }
+            for i in range(self.foreign)
+        ]
+        others = [{"kind": kind, "mv": i % 2 == 0} for kind in ("none", "two") for i in range(getattr(self, kind))]
+        return single + others + unexplained
+
+
+def answers_csv(answers: list[dict[str, Any]]) -> str:
+    """Return the answers as the text of answers.csv; tables inside a cell are JSON."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, COLUMNS, restval="", lineterminator="\n")
+    writer.writeheader()
+    for row in answers:
+        writer.writerow({k: json.dumps(v, sort_keys=True) if isinstance(v, dict) else v for k, v in row.items()})
+    return text.getvalue()
+
+
+def record_csv(columns: Mapping[str, np.ndarray]) -> str:
+    """Return a record as the text of records/ID.csv."""
+    rows = zip(*(c.tolist() for c in columns.values()), strict=True)
+    return "\n".join([",".join(columns), *(",".join(f"{x:.8g}" for x in row) for row in rows)]) + "\n"
+
+
+def make(
+    out: str | Path, key: str | Path, seed: int, n: int = 600, plan: Plan | None = None, jobs: int = 1, world: str = OWN
+) -> str:
+    """Write a withheld folder and, elsewhere, the key to its answers.
+
+    Parameters
+    ----------
+    out : path
+        Folder to write: records/ID.csv, records/ID.toml, answers.sealed, commitment.txt. It must not hold records yet.
+    key : path
+        File for the key; it must not lie inside `out`.
+    seed : int
+        Decides records and answers entirely (not the key).
+    n : int
+        About how many records; ignored when a plan is given.
+    plan : Plan, optional
+    jobs : int
+        Processes.
+    world : str
+        Which simulator draws the records.
+
+    Returns
+    -------
+    str
+        The commitment: SHA-256 of salt and answers, also printed to stderr before any record is written.
+
+    Raises
+    ------
+    ParameterError
+        When `out` holds records already, the key would lie inside it, there is no such world, or a cell of the plan cannot be
+        filled.
+    """
+    out, key = Path(out), Path(key)
+    if out.resolve() in key.resolve().parents:
+        raise ParameterError(f"withheld: the key {key} would lie inside {out}; keep it apart")
+    if (out / "records").exists():
+        raise ParameterError(f"withheld: {out} holds records already; choose a new folder")
+    if key.exists():
+        raise ParameterError(f"withheld: {key} exists already; choose a new file")
+    drawn_by = WORLDS.load(world)
+    entries = (plan or Plan.of(n)).entries(list(drawn_by.FOREIGN))
+    with Parallel(n_jobs=jobs, return_as="generator") as parallel:
+        found = parallel(delayed(drawn_by.draw)(seed, i, entry) for i, entry in enumerate(entries))
+        items = list(tqdm(found, total=len(entries), desc="records", file=sys.stderr, delay=1.0))
+    order = np.random.default_rng([seed, len(entries)]).permutation(len(items))
+    items = [items[i] for i in order]
+    names = [f"r{i:0{max(4, int(math.log10(len(items))) + 1)}d}" for i in range(1, len(items) + 1)]
+    text = answers_csv([item.answer | {"id": name, "world": world} for name, item in zip(names, items, strict=True)])
+    sealed = seal.seal(text)
+    print(f"commitment {sealed.commitment}", file=sys.stderr, flush=True)
+    (out / "records").mkdir(parents=True)
+    for name, item in zip(names, items, strict=True):
+        (out / "records" / f"{name}.csv").write_text(record_csv(item.columns), encoding="utf-8")
+        loop = Loop.from_table(item.baseline, name)
+        (out / "records" / f"{name}.toml").write_text(loop.to_toml(), encoding="utf-8")
+    seal.write(sealed, out, key)
+    return sealed.commitment

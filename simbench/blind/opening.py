@@ -1,0 +1,221 @@
+"""Open a withheld folder: check the commitment, score the answers, write tables and the confusion picture."""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from scipy import stats
+from tqdm import tqdm
+
+from detectors.errors import ParameterError
+from scenarios.spec import read_toml
+from simbench.blind import seal
+from simbench.blind.answering import COST
+from simbench.blind.claims import true_shrinkages
+from simbench.blind.levels import Figure, Share, by_effect, levels
+from simbench.blind.picture import confusion, draw
+from simbench.blind.score import group_facts, judge_record
+from simbench.blind.world import OWN
+
+PLAIN = "answers.csv"
+
+
+def open_(folder: str | Path, key: str | Path | None = None, out: str | Path | None = None, world: str = OWN) -> dict[str, Any]:
+    """Score answers/ID.json of a folder against its sealed answers, or against a plain answers.csv of someone else.
+
+    Parameters
+    ----------
+    folder : path
+        records/ID.csv, records/ID.toml, answers/ID.json, and answers.sealed or answers.csv (at least id, block, effect).
+    key : path, optional
+        Needed where the answers are sealed.
+    out : path, optional
+        Where score.json, score.csv, by_effect.csv, records.csv, answers.csv and confusion.png/.svg go; absent: `folder`/score.
+    world : str
+        Which one drew the records, where the answers do not say it themselves.
+
+    Returns
+    -------
+    dict
+        What score.json holds, and "markdown": the same as text, for printing.
+
+    Raises
+    ------
+    ParameterError
+        When the commitment does not hold, answers.csv lacks a column, or a record is missing.
+    """
+    folder = Path(folder)
+    out = Path(out) if out is not None else folder / "score"
+    text, commitment = _truth(folder, Path(key) if key is not None else None)
+    truth = read_answers(text)
+    judged, claims = [], []
+    for row in tqdm(truth, desc="scored", file=sys.stderr, delay=1.0):
+        record, baseline = _record(folder, row["id"])
+        facts = group_facts(row, baseline, record)
+        found = _answer(folder / "answers" / f"{row['id']}.json")
+        judged.append(judge_record(row, found, facts))
+        if judged[-1]["kind"] == "single" and row.get("case") and found is not None:
+            claims += [
+                {"id": row["id"], **c} for c in true_shrinkages(row, found, record, baseline, facts, row.get("world") or world)
+            ]
+    table = pd.DataFrame(judged)
+    figures = levels(table) + _claim_figures(pd.DataFrame(claims)) + _cost(folder)
+    effects = by_effect(table)
+    score = {
+        "commitment": commitment,
+        "records": len(table),
+        "answered": int(table.answered.sum()),
+        "kinds": {str(k): int(n) for k, n in table.kind.value_counts().items()},
+        "figures": [f.row() for f in figures],
+        "by_effect": json.loads(effects.to_json(orient="records")),
+    }
+    out.mkdir(parents=True, exist_ok=True)
+    (out / PLAIN).write_text(text, encoding="utf-8")
+    (out / "score.json").write_text(json.dumps(score, indent=1), encoding="utf-8")
+    pd.DataFrame(score["figures"]).to_csv(out / "score.csv", index=False)
+    effects.to_csv(out / "by_effect.csv", index=False)
+    table.to_csv(out / "records.csv", index=False)
+    draw(confusion(table), out)
+    return score | {"markdown": markdown(figures, effects)}
+
+
+def read_answers(text: str) -> list[dict[str, Any]]:
+    """Return the rows of answers.csv; cells that hold JSON tables are read.
+
+    Parameters
+    ----------
+    text : str
+
+    Returns
+    -------
+    list of dict
+
+    Raises
+    ------
+    ParameterError
+        When id, block or effect is missing.
+    """
+    frame = pd.read_csv(io.StringIO(text), dtype=str, keep_default_na=False)
+    frame.columns = [c.strip().lower() for c in frame.columns]
+    missing = [c for c in ("id", "block", "effect") if c not in frame]
+    if missing:
+        raise ParameterError(f"withheld: answers.csv lacks the column {missing[0]!r}; it has {', '.join(frame.columns)}")
+    return [{str(k): _cell(v) for k, v in row.items()} for row in frame.to_dict("records")]
+
+
+def markdown(figures: list[Share | Figure], effects: pd.DataFrame) -> str:
+    """Return the score as markdown tables.
+
+    Parameters
+    ----------
+    figures : list of Share or Figure
+    effects : pandas.DataFrame
+        From `levels.by_effect`.
+
+    Returns
+    -------
+    str
+    """
+    lines = ["| figure (medium and strong) | value | 95 % interval | n | level | holds |", "|---|---|---|---|---|---|"]
+    for f in figures:
+        value = "-" if f.value is None else f"{f.value:.3f}"
+        interval = "[{:.2f}, {:.2f}]".format(*f.interval) if isinstance(f, Share) and f.n else ""
+        level = "" if f.level is None else f"{'<=' if f.at_most else '>='} {f.level:g}"
+        lines.append(f"| {f.name} | {value} | {interval} | {f.n} | {level} | {_yes(f.holds)} |")
+    for measure, title in (
+        ("first", "first answer right"),
+        ("in_group", "right within its group"),
+        ("block_right", "block right"),
+    ):
+        part = effects[effects.measure == measure]
+        order = [s for s in ("weak", "medium", "strong") if s in set(part.strength)]
+        order += sorted(set(part.strength) - set(order))
+        lines += ["", f"| {title} | " + " | ".join(order) + " |", "|---" * (len(order) + 1) + "|"]
+        for effect, rows in part.groupby("effect", sort=False):
+            cells = {r["strength"]: f"{r['k']}/{r['n']} [{r['lo']:.2f}, {r['hi']:.2f}]" for r in rows.to_dict("records")}
+            lines.append(f"| {effect} | " + " | ".join(cells.get(s, "") for s in order) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def _yes(holds: bool | None) -> str:
+    return "" if holds is None else "yes" if holds else "NO"
+
+
+def _truth(folder: Path, key: Path | None) -> tuple[str, str | None]:
+    if (folder / seal.SEALED).exists():
+        if key is None:
+            raise ParameterError(f"withheld: the answers in {folder} are sealed; a key is needed")
+        text = seal.read(folder, key)
+        return text, (folder / seal.COMMITMENT).read_text(encoding="utf-8").strip()
+    try:
+        return (folder / PLAIN).read_text(encoding="utf-8"), None
+    except OSError as error:
+        raise ParameterError(f"withheld: {folder} has neither {seal.SEALED} nor a readable {PLAIN}: {error.strerror}") from None
+
+
+def _record(folder: Path, name: str) -> tuple[pd.DataFrame, Mapping[str, Any]]:
+    path = folder / "records" / f"{name}.csv"
+    try:
+        frame = pd.read_csv(path)
+    except OSError as error:
+        raise ParameterError(f"withheld: {path} cannot be read: {error.strerror}") from None
+    frame.columns = [str(c).strip().lower() for c in frame.columns]
+    frame = frame.dropna(axis="columns", how="all").ffill().bfill()
+    missing = [c for c in ("op", "pv") if c not in frame]
+    if missing:
+        raise ParameterError(f"withheld: {path} has no {missing[0].upper()}; its columns are {', '.join(frame.columns)}")
+    return frame, read_toml(path.with_suffix(".toml"))
+
+
+def _answer(path: Path) -> dict[str, Any] | None:
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
+    except ValueError:
+        raise ParameterError(f"withheld: {path} is no JSON; delete it and answer again") from None
+    return found if isinstance(found, dict) else None
+
+
+def _cell(value: str) -> Any:
+    if value.startswith("{"):
+        try:
+            return json.loads(value)
+        except ValueError:
+            return value
+    return value
+
+
+def _claim_figures(claims: pd.DataFrame) -> list[Figure]:
+    if len(claims) < 3:
+        return []
+    right, wrong = claims[claims.right], claims[~claims.right]
+    best_wrong = wrong.groupby("id").true.max()
+    return [
+        Figure(
+            "re-simulated shrinkage of candidates: rank correlation with claimed",
+            float(stats.spearmanr(claims.claimed, claims.true).statistic),
+            len(claims),
+            0.8,
+        ),
+        Figure("re-simulated shrinkage of the true group, median", _middle(right.groupby("id").true.max()), right.id.nunique()),
+        Figure("re-simulated shrinkage of the best wrong group, median", _middle(best_wrong), len(best_wrong)),
+    ]
+
+
+def _middle(values: pd.Series) -> float | None:
+    return float(values.median()) if len(values) else None
+
+
+def _cost(folder: Path) -> list[Figure]:
+    path = folder / COST
+    if not path.exists():
+        return []
+    cost = pd.read_csv(path)
+    return [Figure("CPU-seconds per record, mean", float(cost.cpu_s.mean()), len(cost))] if len(cost) else []

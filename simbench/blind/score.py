@@ -1,0 +1,181 @@
+"""Judge one answer against the truth."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import pandas as pd
+
+from simbench.blind.alike import Facts, facts_of, indistinguishable
+from simbench.blind.distance import RESOLVABLE
+from simbench.loop.effects import EFFECTS, NONE, UNKNOWN, Number
+
+
+def judge_record(truth: Mapping[str, Any], found: Mapping[str, Any] | None, facts: Facts) -> dict[str, Any]:
+    """Compare one answer with the truth.
+
+    Parameters
+    ----------
+    truth : mapping
+        One row of answers.csv: effect, block and, where known, effect2, block2, strength, ratio, shrinkage, parameters.
+        An effect id that is not in the vocabulary is foreign.
+    found : mapping or None
+        The JSON of `gap diagnose`; None = not answered, which is wrong.
+    facts : Facts
+        Of the record, for the group of the true effect.
+
+    Returns
+    -------
+    dict
+        One row of the judged table.
+    """
+    effect, second = _text(truth.get("effect")) or NONE, _text(truth.get("effect2"))
+    foreign = effect not in EFFECTS and effect != NONE
+    kind = "none" if effect == NONE else "foreign" if foreign else "two" if second else "single"
+    answered = found is not None and "effect" in found
+    found = found if found is not None and answered else {"effect": "", "block": "", "ranking": []}
+    named, order = str(found["effect"]), first_three(found)
+    block = _text(truth.get("block")) or (EFFECTS[effect].block if effect in EFFECTS else effect)
+    group = indistinguishable(effect, facts) if not foreign else frozenset({UNKNOWN})
+    wanted = UNKNOWN if foreign else effect
+    probability = {str(r["effect"]): r.get("probability") or 0.0 for r in found.get("ranking", [])}
+    ratio = _number(truth.get("ratio"))
+    in_group = named in group
+    accepted = {effect, second} if kind == "two" else group
+    return {
+        "id": truth.get("id"),
+        "kind": kind,
+        "effect": wanted,
+        "block": block,
+        "effect2": second,
+        "foreign": (_text(truth.get("foreign")) or effect) if foreign else "",
+        "strength": _text(truth.get("strength")),
+        "ratio": ratio,
+        "mv": facts.mv,
+        "answered": answered,
+        "named": named,
+        "named_block": str(found.get("block", "")),
+        "probability": probability.get(named, 0.0),
+        "probability_of_group": sum(p for e, p in probability.items() if e in indistinguishable(named, facts)),
+        "first": named == wanted,
+        "in_group": in_group,
+        "top3": wanted in order,
+        "top3_group": bool(group & set(order)),
+        "block_right": in_group or str(found.get("block", "")) == block,
+        "one_of_two": named in accepted,
+        "both_top3": kind == "two" and {effect, second} <= set(order),
+        "both_named": kind == "two" and {effect, second} == {str(x["effect"]) for x in found.get("effects") or []},
+        "called_unknown": named == UNKNOWN,
+        "called_none": named == NONE,
+        "resolvable": ratio is None or ratio >= RESOLVABLE,
+        "shrinkage_true": _number(truth.get("shrinkage")),
+        "shrinkage_claimed": _number((found.get("shrinkage") or {}).get("value")),
+        **_claims(found, group, kind),
+        "parameter_error": _parameter_error(effect, truth.get("parameters"), found)
+        if named == effect and kind == "single"
+        else None,
+    }
+
+
+def first_three(found: Mapping[str, Any]) -> list[str]:
+    """Return an answer's first three candidates: those it names, then its ranking, `none` and `unknown` included.
+
+    Parameters
+    ----------
+    found : mapping
+        The JSON of `gap diagnose`.
+
+    Returns
+    -------
+    list of str
+    """
+    ranked = sorted(found.get("ranking") or [], key=lambda r: -(r.get("probability") or 0.0))
+    named = [str(x["effect"]) for x in found.get("effects") or []] or [str(found["effect"])]
+    return list(dict.fromkeys(named + [str(r["effect"]) for r in ranked]))[:3]
+
+
+def claimed_shrinkage(candidate: Mapping[str, Any], found: Mapping[str, Any]) -> float | None:
+    """Return the share of the gap a ranked candidate says it closes, None where the answer has no resolvable gap.
+
+    Parameters
+    ----------
+    candidate : mapping
+        An entry of the ranking.
+    found : mapping
+        The whole answer.
+
+    Returns
+    -------
+    float or None
+    """
+    gap = found.get("gap") or {}
+    before, after, floor = (_number(x) for x in (candidate.get("gap_before"), candidate.get("gap_after"), gap.get("floor")))
+    if before is None or after is None or floor is None or not gap.get("resolvable") or before <= floor:
+        return None
+    return 1.0 - max(after - floor, 0.0) / (before - floor)
+
+
+def _claims(found: Mapping[str, Any], group: frozenset[str], kind: str) -> dict[str, float | None]:
+    shares = {str(r["effect"]): claimed_shrinkage(r, found) for r in found.get("ranking") or []}
+    effects = {e: s for e, s in shares.items() if e in EFFECTS and s is not None}
+    if kind != "single":
+        return {"claim_right": None, "claim_wrong": None}
+    right, wrong = ([s for e, s in effects.items() if (e in group) is inside] for inside in (True, False))
+    return {"claim_right": max(right, default=None), "claim_wrong": max(wrong, default=None)}
+
+
+def _parameter_error(effect: str, truth: Any, found: Mapping[str, Any]) -> float | None:
+    """Largest relative error over the effect's numbers that are not at their identity; J excepted, R by its logarithm."""
+    mine = next((x.get("parameters") or {} for x in found.get("effects") or [] if x.get("effect") == effect), None)
+    if not isinstance(truth, Mapping) or mine is None:
+        return None
+    errors = []
+    for name, quantity in EFFECTS[effect].parameters.items():
+        true, got = _number(truth.get(name)), _number(mine.get(name))
+        if not isinstance(quantity, Number) or name in ("J", "c") or true is None or true == quantity.identity:
+            continue
+        got = quantity.identity if got is None else got
+        if name == "R":
+            true, got = math.log(true), math.log(max(got, 1e-9))
+        errors.append(abs(got - true) / abs(true))
+    return max(errors, default=None)
+
+
+def group_facts(truth: Mapping[str, Any], baseline: Mapping[str, Any], record: pd.DataFrame) -> Facts:
+    """Return the facts that decide the true effect's group, from baseline, record and true parameters.
+
+    Parameters
+    ----------
+    truth : mapping
+        One row of answers.csv.
+    baseline : mapping
+        Tables of the loop file.
+    record : pandas.DataFrame
+        Columns op, pv, optionally sp and mv.
+
+    Returns
+    -------
+    Facts
+    """
+    signal = {c: record[c].to_numpy(float) if c in record else None for c in ("sp", "op", "pv", "mv")}
+    parameters = truth.get("parameters")
+    return facts_of(
+        baseline,
+        **signal,
+        effect=_text(truth.get("effect")),
+        parameters=parameters if isinstance(parameters, Mapping) else None,
+    )
+
+
+def _text(value: Any) -> str:
+    return "" if value is None or (isinstance(value, float) and math.isnan(value)) else str(value).strip()
+
+
+def _number(value: Any) -> float | None:
+    try:
+        x = float(value)
+    except (TypeError, ValueError):
+        return None
+    return x if math.isfinite(x) else None

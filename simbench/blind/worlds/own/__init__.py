@@ -1,0 +1,103 @@
+"""The first independent simulator of the blind check: its own valve physics, controllers, historian, faults and oracle."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from detectors.errors import ParameterError
+from simbench.blind.worlds.own import loops
+from simbench.blind.worlds.own.drawing import baseline_table
+from simbench.blind.worlds.own.faults import FOREIGN, NEEDS_PLANT, fault
+from simbench.blind.worlds.own.items import draw_item
+from simbench.blind.worlds.own.loops import TrueLoop
+
+__all__ = ["FOREIGN", "TITLE", "Item", "draw", "simulate"]
+
+TITLE = "loops of a plant: stems with friction by force balance, velocity and position PI, a historian"
+
+
+class Item(NamedTuple):
+    """One record (columns t, sp, op, pv and mv where recorded), the baseline handed out with it, and the truth."""
+
+    columns: dict[str, np.ndarray]
+    baseline: dict[str, Any]
+    answer: dict[str, Any]
+
+
+def draw(seed: int, index: int, entry: dict[str, Any]) -> Item:
+    """Draw a record that holds what the entry asks for.
+
+    Parameters
+    ----------
+    seed : int
+        Of the whole set.
+    index : int
+        Of the record in the plan.
+    entry : dict
+        kind, mv, and where they apply effect, strength, plant.
+
+    Returns
+    -------
+    Item
+
+    Raises
+    ------
+    ParameterError
+        When no loop that was drawn can hold it.
+    """
+    drawn = draw_item(seed, index, entry)
+    return Item(_columns(drawn.case, drawn.signals), baseline_table(drawn.case), drawn.answer)
+
+
+def simulate(
+    answer: Mapping[str, Any], effects: Sequence[Mapping[str, Any]], seed: int, nominal: bool = False
+) -> dict[str, np.ndarray]:
+    """Run the loop of an answer again with other effects in place of the true one.
+
+    Parameters
+    ----------
+    answer : mapping
+        Of `draw`.
+    effects : sequence of mappings
+        effect, parameters; a mismatch counts from the baseline's value. Empty: the loop without any.
+    seed : int
+        Of load and noise.
+    nominal : bool
+        With the baseline's plant instead of the true one.
+
+    Returns
+    -------
+    dict of str to ndarray
+
+    Raises
+    ------
+    ParameterError
+        When an effect cannot act in this loop.
+    """
+    case = TrueLoop.from_dict(dict(answer["case"]))
+    case = case.as_nominal() if nominal else case
+    for each in effects:
+        plant = NEEDS_PLANT.get(each["effect"], case.plant)
+        if plant != case.plant:
+            raise ParameterError(f"withheld: {each['effect']} acts on a {plant} plant only; this one is {case.plant}")
+        case = _from_baseline(case, each["effect"])
+    acts = tuple(fault(each["effect"], each["parameters"]) for each in effects)
+    return _columns(case, loops.simulate(case, seed, acts))
+
+
+def _columns(case: TrueLoop, s: loops.Signals) -> dict[str, np.ndarray]:
+    columns = {"t": np.arange(case.n) * case.Ts, "sp": s.sp, "op": s.op, "pv": s.pv}
+    return columns | ({"mv": s.mv} if case.mv else {})
+
+
+def _from_baseline(case: TrueLoop, effect: str) -> TrueLoop:
+    K, T, Td = case.nominal
+    if effect == "gain_mismatch":
+        return replace(case, K=K)
+    if effect == "time_constant_mismatch":
+        return replace(case, T=T)
+    return replace(case, Td=Td + case.Ts * case.log_is_late) if effect == "dead_time_mismatch" else case

@@ -1,0 +1,258 @@
+"""One loop as it really is, made ready for a run, and what its historian shows; load and noise in several colours."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field, replace
+
+import numpy as np
+from scipy.signal import lfilter
+
+from simbench.blind.distance import Scale, Signals
+from simbench.blind.worlds.own import simulator as sim
+
+
+@dataclass(frozen=True)
+class TrueLoop:
+    """One loop as it really is; plain numbers, so that it can be sealed as JSON and simulated again.
+
+    Times in s, OP and load in %, PV in `unit` PV units per %.
+    """
+
+    plant: str
+    K: float
+    T: float
+    Td: float
+    controller: str
+    Kc: float
+    Ti: float
+    sign: float
+    op0: float
+    pv0: float
+    Ts: float
+    n: int
+    steps: tuple[tuple[float, float], ...]
+    noise_std: float
+    noise_colour: str
+    load_std: float
+    load_colour: str
+    load_tau: float
+    unit: float
+    speed: float  # s; closed-loop time scale
+    play: float
+    form: int
+    integral: int
+    log_is_late: bool
+    friction: int
+    smooth_gap: bool
+    mv: bool
+    mv_noise: float
+    nominal: tuple[float, float, float]  # K, T, and Td as it appears between logged OP and logged PV
+
+    @property
+    def warm_up(self) -> int:
+        """Samples simulated and thrown away, so that the record starts in the middle of the loop's life."""
+        return int(min(max(10 * (self.speed + self.Ti) / self.Ts, 200), 900))
+
+    @property
+    def duration(self) -> float:
+        """Length of the record in s."""
+        return self.n * self.Ts
+
+    @property
+    def sp_moves(self) -> bool:
+        """Whether the set point steps within the record."""
+        return bool(self.steps)
+
+    @property
+    def scale(self) -> Scale:
+        """What records of this loop are measured in."""
+        step_unit = self.K if self.plant == "foptd" else 1.0 / self.Kc
+        return Scale(self.Ts, self.speed, self.unit, self.noise_std, step_unit, self.sp_moves)
+
+    def to_dict(self) -> dict:
+        """Return the fields as JSON types."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, table: dict) -> TrueLoop:
+        """Build the case from what `to_dict` wrote."""
+        table = dict(table)
+        table["steps"] = tuple(tuple(s) for s in table["steps"])
+        table["nominal"] = tuple(table["nominal"])
+        return cls(**table)
+
+    def as_nominal(self) -> TrueLoop:
+        """Return the loop with the baseline's plant in place of the true one."""
+        K, T, Td = self.nominal
+        return replace(self, K=K, T=T, Td=Td + self.Ts * self.log_is_late)
+
+
+@dataclass
+class Prepared:
+    """One run before it starts: numbers of the physics and arrays over warm-up and record, which faults may change."""
+
+    case: TrueLoop
+    physics: dict[str, float]
+    sp: np.ndarray
+    noise: np.ndarray
+    load: np.ndarray
+    sensor: np.ndarray
+    skip: np.ndarray
+    hold: np.ndarray
+    asleep: np.ndarray
+    op_add: np.ndarray
+    valve_add: np.ndarray
+    gain: np.ndarray
+    archive: list[Callable[[np.ndarray], np.ndarray]] = field(default_factory=list)
+
+    @property
+    def start(self) -> int:
+        """Index of the record's first sample."""
+        return self.case.warm_up
+
+    @property
+    def size(self) -> int:
+        """Samples of warm-up and record together."""
+        return self.sp.size
+
+
+Fault = Callable[[Prepared, np.random.Generator], None]
+NOISE, LOAD, FAULT, LOG = range(4)
+
+
+def stream(seed: int, purpose: int) -> np.random.Generator:
+    """Return an own random stream per purpose, so that a fault's strength does not shift anybody else's numbers."""
+    return np.random.default_rng([seed, purpose])
+
+
+def prepare(case: TrueLoop, seed: int) -> Prepared:
+    """Return the run of `case` without any fault.
+
+    Parameters
+    ----------
+    case : TrueLoop
+    seed : int
+        Of load and noise.
+
+    Returns
+    -------
+    Prepared
+    """
+    n = case.warm_up + case.n
+    sp = np.full(n, case.pv0)
+    for t, value in case.steps:
+        sp[case.warm_up + round(t / case.Ts) :] = value
+    sp[: case.warm_up // 4] += 3.0 * case.unit * case.sign * np.sign(case.K)  # wakes a valve that would rest for ever
+    same = {
+        key: float(getattr(case, key))
+        for key in ["K", "T", "Td", "sign", "Kc", "Ti", "op0", "form", "integral", "play", "pv0", "Ts"]
+    }
+    physics = same | {"integrating": float(case.plant == "integrating"), "bias": case.op0}
+    zeros = np.zeros(n)
+    return Prepared(
+        case=case,
+        physics=physics,
+        sp=sp,
+        noise=case.noise_std * coloured(case.noise_colour, n, 2.0, stream(seed, NOISE)),
+        load=case.load_std * coloured(case.load_colour, n, case.load_tau / case.Ts, stream(seed, LOAD)),
+        sensor=zeros.copy(),
+        skip=zeros.copy(),
+        hold=zeros.copy(),
+        asleep=zeros.copy(),
+        op_add=zeros.copy(),
+        valve_add=zeros.copy(),
+        gain=np.ones(n),
+    )
+
+
+def simulate(case: TrueLoop, seed: int, faults: tuple[Fault, ...] = ()) -> Signals:
+    """Run one loop and return what its historian would show.
+
+    Parameters
+    ----------
+    case : TrueLoop
+    seed : int
+    faults : tuple of functions (setup, rng) -> None
+        Applied in order; each gets a random stream of its own.
+
+    Returns
+    -------
+    Signals
+    """
+    setup = prepare(case, seed)
+    for i, fault in enumerate(faults):
+        fault(setup, stream(seed, FAULT + 10 * i))
+    n = setup.size
+    op, pv, true, mv = (np.empty(n) for _ in range(4))
+    sim.run(
+        sim.Physics(**setup.physics),
+        setup.sp,
+        setup.noise,
+        setup.load,
+        setup.sensor,
+        setup.skip,
+        setup.hold,
+        setup.asleep,
+        setup.op_add,
+        setup.valve_add,
+        setup.gain,
+        op,
+        pv,
+        true,
+        mv,
+    )
+    mv += case.mv_noise * stream(seed, LOG).standard_normal(n)
+    late = int(case.log_is_late)
+    rows = slice(setup.start, n)
+    before = slice(setup.start - late, n - late)  # the scan logs OP before the controller has computed the new one
+    archived = pv[rows].copy()
+    for record in setup.archive:
+        archived = record(archived)
+    return Signals(sp=setup.sp[rows].copy(), op=op[before].copy(), pv=archived, mv=mv[before].copy())
+
+
+def coloured(colour: str, n: int, tau: float, rng: np.random.Generator) -> np.ndarray:
+    """Return stationary noise of unit variance.
+
+    Parameters
+    ----------
+    colour : {"none", "white", "ou", "ar2", "pink", "flicker", "bluish", "heavy"}
+        Of loads, ou: Ornstein-Uhlenbeck with correlation time `tau`; ar2: a damped resonance of that time scale; pink: power
+        1/f above one cycle in 20 `tau`. Of sensors, flicker: white with a fifth of pink; bluish: neighbours slightly opposed;
+        heavy: white with Student's t on 8 degrees of freedom. Noise with a memory of its own kind is left out: first-order
+        smoothed noise is what a lagging sensor makes of white noise, and would have no true answer.
+    n : int
+    tau : float
+        In samples.
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    """
+    white = rng.standard_normal(n + 500)
+    if colour == "none":
+        return np.zeros(n)
+    if colour == "white":
+        return white[:n]
+    if colour == "pink":
+        f = np.fft.rfftfreq(n + 500)
+        shape = 1.0 / np.sqrt(np.maximum(f, 0.05 / tau))
+        shape[0] = 0.0
+        x = np.fft.irfft(np.fft.rfft(white) * shape, n + 500)[:n]
+        return x / math.sqrt(np.mean(shape**2))
+    if colour == "ar2":
+        radius, angle = math.exp(-1.0 / tau), 1.0 / tau  # damping 0.7
+        a1, a2 = -2.0 * radius * math.cos(angle), radius**2
+        variance = (1.0 + a2) / ((1.0 - a2) * ((1.0 + a2) ** 2 - a1**2))
+        return np.asarray(lfilter([1.0], [1.0, a1, a2], white))[500:] / math.sqrt(variance)
+    if colour == "flicker":
+        return math.sqrt(0.8) * white[:n] + math.sqrt(0.2) * coloured("pink", n, tau, rng)
+    if colour == "bluish":
+        return (white[1 : n + 1] - 0.2 * white[:n]) / math.sqrt(1.04)
+    if colour == "heavy":
+        return rng.standard_t(8, n) / math.sqrt(8 / 6)
+    phi = math.exp(-1.0 / tau)
+    return np.asarray(lfilter([math.sqrt(1.0 - phi**2)], [1.0, -phi], white))[500:]

@@ -1,0 +1,186 @@
+"""What the generator alone knows: how visible a fault is, and how far its gap shrinks once the fault is added."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from simbench.blind.distance import RESOLVABLE, Cloud, cloud, features
+from simbench.blind.worlds.own.loops import Fault, Signals, TrueLoop, simulate
+from simbench.blind.worlds.own.sizes import Habit
+
+STRENGTHS: dict[str, tuple[float, float]] = {"weak": (1.3, 2.0), "medium": (2.0, 4.0), "strong": (4.0, 12.0)}
+"""Ratio gap(true loop without the fault) / floor. Strong has no upper end by definition; the generator stops at 12."""
+CLOUD, REAL = 16, 4
+_OFFSET = 1000  # seeds of the simulated cloud start here above the record's own
+
+
+class Reference(NamedTuple):
+    """The faultless loop over many seeds: its cloud, and its habits as yardstick."""
+
+    cloud: Cloud
+    habit: Habit
+
+
+class Ratio(NamedTuple):
+    """Gap over floor: expected over realisations, and of the very record."""
+
+    expected: float
+    own: float
+
+
+class TrueShrinkage(NamedTuple):
+    """Gap of a record to the baseline without and with the fault, and the floor, all in seed spreads."""
+
+    before: float
+    after: float
+    floor: float
+
+    @property
+    def value(self) -> float | None:
+        """Share of the resolvable gap that is closed; None when there is none."""
+        if self.before < RESOLVABLE * self.floor:
+            return None
+        return 1.0 - max(self.after - self.floor, 0.0) / (self.before - self.floor)
+
+
+def strength_of(ratio: float) -> str:
+    """Return the strength's name: "none" below 1.3, then weak, medium, strong.
+
+    Parameters
+    ----------
+    ratio : float
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> strength_of(1.9), strength_of(2.0), strength_of(50.0)
+    ('weak', 'medium', 'strong')
+    """
+    return next((name for name in ("strong", "medium", "weak") if ratio >= STRENGTHS[name][0]), "none")
+
+
+def reference(case: TrueLoop, seed: int) -> Reference:
+    """Simulate the loop without any fault.
+
+    Parameters
+    ----------
+    case : TrueLoop
+    seed : int
+        The record's own; the cloud uses others.
+
+    Returns
+    -------
+    Reference
+    """
+    runs = [simulate(case, seed + _OFFSET + i) for i in range(CLOUD)]
+    op = np.concatenate([r.op for r in runs])
+    lo, hi = np.quantile(op, (0.001, 0.999))
+    habit = Habit(
+        op_lo=float(lo),
+        op_hi=float(hi),
+        op_std=float(np.mean([r.op.std() for r in runs])),
+        e_std=float(np.mean([(r.pv - r.sp).std() for r in runs])),
+    )
+    return Reference(cloud(runs, case.scale), habit)
+
+
+def sane(record: Signals) -> bool:
+    """Return whether OP stays off the ends of its range: a loop that swings from stop to stop says nothing about its fault."""
+    return bool(np.mean((record.op < 1.0) | (record.op > 99.0)) < 0.01)
+
+
+def ratio(case: TrueLoop, seed: int, faults: tuple[Fault, ...], true: Cloud) -> Ratio | None:
+    """Return gap / floor of the faulty loop against the true loop without the fault.
+
+    Parameters
+    ----------
+    case : TrueLoop
+    seed : int
+    faults : tuple of Fault
+    true : Cloud
+
+    Returns
+    -------
+    Ratio or None
+        None when the fault drives the loop into its stops.
+    """
+    runs = [simulate(case, seed + i, faults) for i in range(REAL)]
+    if not all(map(sane, runs)):
+        return None
+    gaps = [true.distance(features(r, case.scale)[0]) / true.floor for r in runs]
+    return Ratio(float(np.mean(gaps)), gaps[0])
+
+
+def find_strength(
+    rate: Callable[[float], Ratio | None], band: tuple[float, float], rng: np.random.Generator, tries: int = 9
+) -> tuple[float, Ratio] | None:
+    """Search the strength in 0..1 at which the ratio falls into a band.
+
+    Parameters
+    ----------
+    rate : function strength -> Ratio or None
+        None = too strong. It need not be monotone; the search then may fail.
+    band : (lo, hi)
+    rng : numpy.random.Generator
+        Draws the target within the band.
+    tries : int
+        Bisections.
+
+    Returns
+    -------
+    (strength, Ratio) or None
+        The record's own ratio is within 15 % of the band, too. None when the band cannot be reached with this loop.
+    """
+    lo, hi = band
+    target = float(np.exp(rng.uniform(np.log(lo * 1.05), np.log(hi * 0.95))))
+    a, b = 0.0, 1.0
+    least, most = rate(a), rate(b)
+    if least is None or least.expected > hi or (most is not None and most.expected < lo):
+        return None
+    for x, found in ((a, least), (b, most)):
+        if found is not None and lo <= found.expected < hi and abs(np.log(found.expected / target)) < 0.1:
+            return _if_own_fits(x, found, band)
+    for _ in range(tries):
+        x = (a + b) / 2
+        found = rate(x)
+        if found is not None and lo <= found.expected < hi and abs(np.log(found.expected / target)) < 0.15:
+            return _if_own_fits(x, found, band)
+        if found is None or found.expected > target:
+            b = x
+        else:
+            a = x
+    return None
+
+
+def _if_own_fits(x: float, found: Ratio, band: tuple[float, float]) -> tuple[float, Ratio] | None:
+    return (x, found) if 0.85 * band[0] <= found.own < 1.15 * band[1] else None
+
+
+def shrinkage(case: TrueLoop, seed: int, record: Signals, faults: tuple[Fault, ...]) -> TrueShrinkage:
+    """Return how far the record's gap to the baseline handed out shrinks when faults are added to it.
+
+    The load's and noise's statistics are the true ones in both; the plant is the nominal one in both.
+
+    Parameters
+    ----------
+    case : TrueLoop
+    seed : int
+    record : Signals
+    faults : tuple of Fault
+
+    Returns
+    -------
+    Shrinkage
+    """
+    nominal, seeds = case.as_nominal(), [seed + 2 * _OFFSET + i for i in range(12)]
+    values = features(record, case.scale)[0]
+    before = cloud([simulate(nominal, s) for s in seeds], case.scale)
+    after = cloud([simulate(nominal, s, faults) for s in seeds], case.scale)
+    # one yardstick for both: the spreads of the arm that holds the fault, as the floor's
+    return TrueShrinkage(after._replace(mean=before.mean).distance(values), after.distance(values), after.floor)

@@ -1,0 +1,115 @@
+"""Score overview: all detectors on one sheet, best first, healthy and sticky loops apart.
+
+One row per method, sorted by accuracy where it applies; methods that see MV, yardsticks and nonlinearity tests stand apart.
+A share under "healthy" or "sticky, at rest" is that of the answer no stiction, under "cycling" that of the answer stiction.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from simbench.bench.score import answers_of, score_book
+from simbench.bench.store import CODES, Book
+from simbench.figures._score import SHARES, hatch
+from simbench.figures._style import panels, styled
+
+SOURCE = "own"
+PROCESSES = {"self-regulating": "foptd", "integrating": "integrating"}
+LOOPS = ("healthy", "healthy, disturbed", "sticky, at rest", "cycling, stick-slip", "cycling, dead-band")
+KINDS = ("OP and PV", "see MV", "yardsticks", "other tests")
+
+
+def data(run: str | Path) -> pd.DataFrame:
+    """Count right answers against `cycled`, with the oscillation front end, by kind of loop.
+
+    Parameters
+    ----------
+    run : str or Path
+        Folder of a finished run.
+
+    Returns
+    -------
+    DataFrame
+        method, kind, rank, accuracy (where it applies), process, loops, n, applicable, right (share of the applicable); best
+        method first.
+    """
+    return overview(Book.read(run))
+
+
+def overview(book: Book) -> pd.DataFrame:
+    """Count for a run in memory; see `data`."""
+    healthy, still = book.truth["sticky"] == 0, book.axes["disturbance"] == "none"
+    cycles, rests = book.truth["cycled"] == 1, book.truth["cycled"] == 0
+    band = np.isinf(book.axes["S_over_2J"])
+    parts = (healthy & rests & still, healthy & rests & ~still, ~healthy & rests, cycles & ~band, cycles & band)
+    answers = {a.method: a for a in answers_of(book)}
+    rows = []
+    for r in score_book(book).ranking().itertuples():
+        a = answers[str(r.method)]
+        for process, name in PROCESSES.items():
+            for loops, part in zip(LOOPS, parts, strict=True):
+                here = part & (book.axes["process"] == name)
+                said = a.said[here & a.applies]
+                wanted = CODES["stiction" if loops.startswith("cycling") else "no_stiction"]
+                share = float((said == wanted).mean()) if said.size else np.nan
+                place = (r.method, KINDS[int(r.kind)], r.rank, r.accuracy_applicable, process, loops)
+                rows.append((*place, int(here.sum()), said.size, share))
+    columns = ["method", "kind", "rank", "accuracy", "process", "loops", "n", "applicable", "right"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+@styled
+def draw(data: pd.DataFrame) -> Figure:
+    """Draw one table of shares per process, and accuracy at its left."""
+    methods = data.drop_duplicates("method")
+    size = len(methods)
+    there = data[data.n > 0]
+    columns = {process: [x for x in LOOPS if x in set(there.loops[there.process == process])] for process in PROCESSES}
+    columns = {process: loops for process, loops in columns.items() if loops}
+    wide = sum(map(len, columns.values()))
+    ratios = [1.0, *(float(len(loops)) for loops in columns.values())]
+    figure, axes = panels(1, len(ratios), 2.7 + 0.66 * (wide + 1), 0.27 * size + 1.75, sharey=True, width_ratios=ratios)
+    names = [f"{m.method}  {m.rank:.0f}" if m.rank == m.rank else f"{m.method}   " for m in methods.itertuples()]
+    whole = methods["accuracy"].to_numpy(dtype=float)[:, None]
+    image = _cells(axes[0, 0], whole, np.ones_like(whole))
+    axes[0, 0].set(xticks=[0], yticks=range(size))
+    axes[0, 0].set_xticklabels(["accuracy"], rotation=35, ha="right")
+    axes[0, 0].set_yticklabels(names)
+    axes[0, 0].set_title("all")
+    for place, (process, loops) in zip(axes[0, 1:], columns.items(), strict=True):
+        part = data[data.process == process]
+        shares, n, applies = (
+            part.pivot(index="method", columns="loops", values=v).reindex(index=methods.method, columns=loops)
+            for v in ("right", "n", "applicable")
+        )
+        _cells(place, shares.to_numpy(dtype=float), applies.to_numpy())
+        place.set(xticks=range(len(loops)))
+        place.set_xticklabels([f"{x} ({n[x].max()})" for x in loops], rotation=35, ha="right")
+        place.set_title(f"{process}: right answers")
+        place.axvline(sum(not x.startswith("cycling") for x in loops) - 0.5, color="white", linewidth=3)
+    for place in axes[0]:
+        for k in range(1, size):
+            if methods.kind.iloc[k] != methods.kind.iloc[k - 1]:
+                place.axhline(k - 0.5, color="white", linewidth=3)
+    bar = figure.colorbar(image, ax=axes, location="right", shrink=0.7, aspect=30)
+    about = "number beside a name: rank; hatched: does not apply"
+    bar.set_label(f"share right where it applies (no decision is not right)\n{about}")
+    return figure
+
+
+def _cells(axes, shares: np.ndarray, applies: np.ndarray):
+    edges = [np.arange(k + 1) - 0.5 for k in shares.shape]
+    image = axes.pcolormesh(edges[1], edges[0], shares, **SHARES)
+    for (i, j), value in np.ndenumerate(shares):
+        if not applies[i, j]:
+            hatch(axes, j, i)
+        elif not np.isnan(value):
+            axes.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=7, color="white" if value < 0.55 else "#000001")
+    axes.set_ylim(shares.shape[0] - 0.5, -0.5)
+    axes.spines[:].set_visible(False)
+    axes.tick_params(length=0)
+    return image

@@ -1,0 +1,1 @@
+"""What does the simulated loop do, before and after an effect is added?"""

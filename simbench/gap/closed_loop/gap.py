@@ -1,0 +1,137 @@
+"""How far the gap shrinks: whole closed loops simulated on the held-out part of the record, before and after."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from detectors.errors import UserError
+from scenarios.spec import Loop
+from simbench.gap.closed_loop.summary_features import CAP, chance_of, distance, features, floor_of, seed_spread
+from simbench.gap.situation import Situation
+from simbench.loop.simulate import simulate
+
+HELD_OUT = 0.35  # last share of the record, on which nothing is fitted
+SEEDS = 8
+RESOLVABLE = 1.5  # gap before over floor from which there is something to close
+
+
+@dataclass(frozen=True, eq=False)
+class Runs:
+    """One loop, simulated with several seeds: features of the held-out part, and one run to draw."""
+
+    loop: Loop
+    features: np.ndarray
+    op: np.ndarray
+    pv: np.ndarray
+
+
+def simulate_runs(situation: Situation, loop: Loop, seed: int, kick: float = 0.0, seeds: int = SEEDS) -> Runs | None:
+    """Simulate the record's whole length with several seeds and keep the held-out part's features.
+
+    The part before is the warm-up: a sticky loop started at rest does not cycle at once.
+
+    Parameters
+    ----------
+    situation : Situation
+    loop : Loop
+    seed : int
+        First seed.
+    kick : float
+        Offset of OP (%) at the start.
+    seeds : int
+
+    Returns
+    -------
+    Arm or None
+        None when the loop cannot be simulated or runs away.
+    """
+    start, late = held_out(situation), situation.law.late
+    op, pv, best = [], [], None
+    for i in range(seeds):
+        try:
+            record = simulate(loop, seed=seed + i, kick=kick).record
+        except UserError:
+            return None
+        if not (np.all(np.isfinite(record.pv)) and np.abs(record.pv).max() < 1e9):
+            return None
+        # an archive that logs OP a scan late does so whatever the loop
+        op.append(record.op[start - late : record.n - late])
+        pv.append(record.pv[start:])
+        if best is None:
+            best = record
+    assert best is not None
+    found = features(np.array(op), np.array(pv), situation.sp[start:])
+    return Runs(loop, np.array(list(found.values())).T, np.asarray(best.op), np.asarray(best.pv))
+
+
+def held_out(situation: Situation) -> int:
+    """Return the first sample of the held-out part."""
+    return int((1.0 - HELD_OUT) * situation.record.n)
+
+
+@dataclass(frozen=True, eq=False)
+class Shrinkage:
+    """Distances of three sets of runs from the record, their floor, and the share of the gap that closes, with an interval."""
+
+    before: float
+    recalibrated: float
+    after: float
+    floor: float
+    resolvable: bool
+    value: float | None
+    lo: float
+    hi: float
+    per_feature: dict[str, tuple[float, float]]
+
+
+def measure(situation: Situation, before: Runs, recalibrated: Runs, after: Runs, seed: int = 0) -> Shrinkage:
+    """Compare three sets of runs with the record on the held-out part.
+
+    Parameters
+    ----------
+    situation : Situation
+    before, recalibrated, after : Arm
+    seed : int
+        Of the interval's resampling.
+
+    Returns
+    -------
+    Shrinkage
+    """
+    start = held_out(situation)
+    named = features(situation.op[start:], np.asarray(situation.record.pv)[start:], situation.sp[start:])
+    real = np.array(list(named.values()))
+    runs = [a.features for a in (before, recalibrated, after)]
+
+    # one ruler for all, or a noisier loop would look nearer
+    spread = np.sqrt(np.mean([seed_spread(x) ** 2 for x in runs], axis=0))
+    b, r, a = (distance(real, x, spread) for x in runs)
+    f = floor_of(runs[2], spread)
+    resolvable = b >= RESOLVABLE * f
+    per = {
+        name: (float(abs(real[i] - runs[0][:, i].mean()) / spread[i]), float(abs(real[i] - runs[2][:, i].mean()) / spread[i]))
+        for i, name in enumerate(named)
+    }
+    if not resolvable:
+        return Shrinkage(b, r, a, f, False, None, 0.0, 0.0, per)
+    rng = np.random.default_rng([seed, 41])
+    draws = []
+    # features move together from record to record, which drawing them one by one would average away
+    chance = [chance_of(runs[0], spread), chance_of(runs[2], spread)]
+    for _ in range(40):
+        rows = [x[np.unique(rng.integers(0, len(x), len(x)))] for x in (runs[0], runs[2])]
+        before_, after_ = (x if len(x) > 2 else y for x, y in zip(rows, (runs[0], runs[2])))
+        keep = rng.integers(0, real.size, real.size)
+        ruler = np.sqrt(np.mean([seed_spread(x) ** 2 for x in (before_, runs[1], after_)], axis=0))
+        far = np.minimum(np.abs(np.array([real - x.mean(axis=0) for x in (before_, after_)])) / ruler, CAP)[:, keep]
+        before_d, after_d = (float(x.mean() + rng.choice(c)) for x, c in zip(far, chance))
+        draws.append(closed(before_d, after_d, f))
+    lo, hi = np.quantile(draws, [0.05, 0.95])
+    return Shrinkage(b, r, a, f, True, closed(b, a, f), float(lo), float(hi), per)
+
+
+def closed(before: float, after: float, floor: float) -> float:
+    """Return the share of the gap above its floor that is gone, from -1 to 1."""
+    return float(np.clip(1.0 - max(after - floor, 0.0) / max(before - floor, 1e-6), -1.0, 1.0))

@@ -1,0 +1,100 @@
+"""From a fit back to a loop file: the baseline with the effect, the identified load and the record's set point in it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from scenarios.spec import Loop
+from simbench.gap.likelihood import kernels
+from simbench.gap.likelihood.model import Fit, lag_of, valve_of
+from simbench.gap.situation import Situation
+
+
+def fixed_loop(
+    situation: Situation,
+    fit: Fit,
+    effects: dict[str, dict[str, float | str]],
+    *,
+    plant: str = "fitted",
+    load: Fit | None = None,
+) -> Loop:
+    """Return a loop file that simulates like the record.
+
+    Parameters
+    ----------
+    situation : Situation
+        Record and baseline.
+    fit : Fit
+        Its plant (within the baseline's trust unless released), bias and valve set the operating point.
+    effects : dict of str to dict
+        Effects to switch on.
+    plant : {"fitted", "baseline"}
+        Whether K, T and Td are taken from the fit or left as the baseline has them; a mismatch effect always stands on
+        the baseline's.
+    load : Fit, optional
+        Whose load to use; that of `fit` when absent.
+
+    Returns
+    -------
+    Loop
+    """
+    record, d, base = situation.record, situation.data, situation.baseline
+    Ts, n = record.Ts, record.n
+    table: dict[str, Any] = base.to_table()
+    if plant == "fitted":
+        per = Ts if situation.integrating else 1.0
+        if "gain_mismatch" not in effects:
+            table["plant"]["K"] = fit.K / per if fit.K * d.K > 0 else base.plant.K
+        if "time_constant_mismatch" not in effects and d.T > 0:
+            table["plant"]["T"] = fit.theta["T"] * Ts
+        if "dead_time_mismatch" not in effects:
+            table["plant"]["Td"] = fit.theta["Td"] * Ts
+    sp = situation.sp
+    changes = np.flatnonzero(np.diff(sp)) + 1
+    table["setpoint"] = {"value": float(sp[0]), "steps": [[float(k * Ts), float(sp[k])] for k in changes]}
+    table["sampling"] = {"Ts": base.sampling.Ts, "n": n}
+    if not situation.trusted:
+        table["noise"] = {"std": fit.theta["noise"]}
+    source = load or fit
+    # a load was fitted as what it does to PV, through the gain of that fit; at the input it is the same in every arm
+    K = max(abs(source.K), 0.02 * abs(d.K))
+    table["disturbance"] = [
+        {"type": "coloured", "amplitude": std / K, "period": period * Ts, **({"lag": lag * Ts} if lag > 0.0 else {})}
+        for std, period, lag in load_parts(source.theta)
+    ]
+    # a ramp begins at 0: OP's mean lies half of it away from where the record began
+    half = 0.5 * n * Ts
+    led = float(effects.get("load_drift", {}).get("rate", 0.0)) * half
+    if d.T > 0:
+        led += float(effects.get("drift", {}).get("rate", 0.0)) * half / table["plant"]["K"]
+    table["operating_point"] = {"op0": _clip(_rest(situation, fit) + led, 1.0, 99.0), "pv0": float(sp[0])}
+    table["effect"] = [*table.get("effect", []), *({"name": e, **p} for e, p in effects.items())]
+    return Loop.from_table(table, "fixed loop")
+
+
+def load_parts(theta: Mapping[str, float]) -> list[tuple[float, float, float]]:
+    """Return the parts of a fitted load: std of its steady effect on PV, correlation time, second time constant (samples)."""
+    std, period, lag = theta["load"], theta["load_time"], lag_of(theta)
+    if lag == kernels.PINK:
+        return [(std / np.sqrt(3.0), period / kernels.FRACTION**i, 0.0) for i in range(3)]
+    if lag <= 0.1:
+        return [(std, period, 0.0)]
+    a, b = np.exp(-1.0 / period), np.exp(-1.0 / lag)
+    return [(std * float(np.sqrt((1 - b) / (1 + b) * (1 + a * b) / (1 - a * b))), period, lag)]
+
+
+def _rest(situation: Situation, fit: Fit) -> float:
+    """Return OP at which PV rests on the first set point, mean load included."""
+    d, sp = situation.data, situation.sp
+    v = valve_of(fit.spec, fit.theta, d.u)
+    gain = fit.K if fit.K != 0 else d.K
+    ahead = (float(np.mean(d.y)) - sp[0]) / gain if d.T > 0 else (d.y[-1] - d.y[0]) / (gain * d.n)
+    slope = float(np.polyfit(v, situation.op, 1)[0]) if np.ptp(v) > 0 else 1.0
+    return _clip(float(np.mean(situation.op)) - ahead * slope, 1.0, 99.0)
+
+
+def _clip(x: float, low: float, high: float) -> float:
+    return float(min(max(x, low), high))

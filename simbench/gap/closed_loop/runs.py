@@ -1,0 +1,70 @@
+"""Simulated loops of one diagnosis, before and after an effect is added, each run once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from detectors.errors import RecordError
+from scenarios.spec import Loop
+from simbench.gap.closed_loop.gap import Runs, Shrinkage, measure, simulate_runs
+from simbench.gap.closed_loop.loop_from_fit import fixed_loop
+from simbench.gap.effects._candidates import Fitted
+from simbench.gap.likelihood.model import Fit
+
+
+class ClosedLoops:
+    """Simulated loops of one diagnosis, each run once."""
+
+    def __init__(self, found: Fitted, seed: int) -> None:
+        self.found, self.seed = found, seed
+        self.done: dict[tuple[str, ...], Shrinkage] = {}
+        self.kept: dict[tuple[str, ...], tuple[Runs, Runs, Runs]] = {}
+        self.shared: dict[tuple[str, int], Runs | None] = {}
+
+    def loop(self, effects: Sequence[str], load: Fit | None = None) -> Loop:
+        """Return the baseline with some effects in it, under their own fit's load or another one."""
+        f = self.found
+        fit = self._fit(effects)
+        own = {e: f.parameters[e] for e in effects if e in f.parameters}
+        return fixed_loop(f.situation, fit, own, plant="fitted", load=load or fit)
+
+    def _fit(self, effects: Sequence[str]) -> Fit:
+        f = self.found
+        if list(effects) == f.chosen:
+            return f.final
+        engine = [e for e in effects if e in f.candidates]
+        return f.candidates[engine[0]].fit if engine else f.base
+
+    def _runs(self, key: tuple[str, int], loop: Loop) -> Runs | None:
+        if key not in self.shared:
+            self.shared[key] = simulate_runs(self.found.situation, loop, self.seed)
+        return self.shared[key]
+
+    def _after(self, effects: Sequence[str], load: Fit) -> Runs | None:
+        # a sticky loop left at rest may stay there
+        kick = float(self.found.parameters.get("stiction", {}).get("S", 0.0)) if "stiction" in effects else 0.0
+        return simulate_runs(self.found.situation, self.loop(effects, load), self.seed, kick)
+
+    def shrink(self, effects: Sequence[str]) -> Shrinkage:
+        """Return gap before, recalibrated, after and floor for some effects."""
+        key = tuple(effects)
+        if key not in self.done:
+            f, s = self.found, self.found.situation
+            fit = self._fit(effects)
+            bare = fixed_loop(s, f.base, {}, plant="baseline", load=fit)
+            tuned = fixed_loop(s, f.base, {}, plant="fitted", load=fit)
+            before = self._runs(("bare", id(fit)), bare)
+            again = self._runs(("tuned", id(fit)), tuned) or before
+            after = self._after(effects, fit) if key else again
+            if before is None:
+                raise RecordError("the baseline cannot be simulated with this record's set point: it runs away")
+            self.kept[key] = (before, again or before, after or before)
+            self.done[key] = measure(s, *self.kept[key], seed=self.seed)
+        return self.done[key]
+
+    def rival(self, effects: Sequence[str], named: Sequence[str]) -> Shrinkage | None:
+        """Return what other effects close under the load of the named ones; None where that loop cannot be simulated."""
+        self.shrink(named)
+        before, again, _ = self.kept[tuple(named)]
+        after = self._after(effects, self._fit(named))
+        return None if after is None else measure(self.found.situation, before, again, after, seed=self.seed)

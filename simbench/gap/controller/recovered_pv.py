@@ -1,0 +1,121 @@
+"""The error the controller acted on, recovered from OP: OP is written exactly even where the archive of PV is not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+from scipy.signal import lfilter
+
+FAITHFUL = 0.2  # misfit where the archive keeps PV exactly, relative to the misfit elsewhere, below which OP is believed
+ROUNDED = 0.35  # rms error of a rounded archive, in its steps, below which OP is believed; rounding alone gives 0.29
+GRID = 60  # integral times tried, from a twentieth to twenty times the baseline's
+
+
+@dataclass(frozen=True, eq=False)
+class Hidden:
+    """A PI law found through a poor archive: `a`, `b` of dOP = a e_k + b e_{k-1}, and its rms misfit to the recorded error.
+
+    `base` is the rms misfit of the baseline's tuning.
+    """
+
+    a: float
+    b: float
+    misfit: float
+    base: float
+
+
+def recover_pv(
+    op: np.ndarray, e: np.ndarray, pv: np.ndarray, inside: np.ndarray, a: float, b: float, memoryless: bool
+) -> np.ndarray | None:
+    """Return the PV that makes the controller write this OP.
+
+    Parameters
+    ----------
+    op, e, pv : ndarray, shape (n,)
+        OP (%), recorded error and recorded PV (PV units).
+    inside : ndarray of bool, shape (n,)
+        Where OP is off its limits; elsewhere OP tells nothing and PV stays as recorded.
+    a, b : float
+        Of dOP = a e_k + b e_{k-1}.
+    memoryless : bool
+        Whether the controller is a P controller.
+
+    Returns
+    -------
+    ndarray or None
+        None where the law cannot be inverted.
+    """
+    if a == 0.0:  # OP tells nothing of the error
+        return None
+    if memoryless:
+        gain = 0.5 * (a - b)
+        return pv + e - np.where(inside, (op - np.median(op - gain * e)) / gain, e)
+    forget = -b / a
+    if not 0.0 <= forget < 0.9999:
+        return None
+    drive = np.append(e[0], np.diff(op) / a)
+    out = np.empty(e.size)
+    begin = 0
+    # between limits the inversion is a first-order filter
+    for k in [*np.flatnonzero(~inside), e.size]:
+        if k > begin:
+            first = drive[begin] if begin == 0 else drive[begin] + forget * e[begin - 1]
+            out[begin:k] = lfilter([1.0], [1.0, -forget], np.append(first, drive[begin + 1 : k]))
+        if k < e.size:
+            out[k] = e[k]
+        begin = k + 1
+    return pv + e - out
+
+
+def hidden_law(op: np.ndarray, e: np.ndarray, Kc: float, Ki: float, exact: np.ndarray) -> Hidden:
+    """Fit the law by the error it implies, compared with the recorded one only where the archive kept it.
+
+    A regression of OP on the recorded error would be biased by the archive's own error; here the error is the output.
+
+    Parameters
+    ----------
+    op, e : ndarray, shape (n,)
+        OP off its limits (%), and the recorded error (PV units).
+    Kc, Ki : float
+        Baseline's gain and gain times Ts/Ti (% per PV unit); Ki = 0 for a P controller.
+    exact : ndarray of bool, shape (n,)
+        Samples the archive kept.
+
+    Returns
+    -------
+    Hidden
+    """
+    y = e[exact]
+    if Ki == 0.0:
+        X = np.column_stack([op, np.ones(op.size)])[exact]
+        beta = np.linalg.lstsq(X, y, rcond=None)[0]
+        base = y - op[exact] / Kc
+        a = 1.0 / beta[0] if beta[0] != 0.0 else np.inf
+        return Hidden(a, -a, float(np.std(y - X @ beta)), float(np.std(base)))
+    drive = np.append(0.0, np.diff(op))
+    unit = np.zeros(op.size)
+    unit[0] = 1.0
+
+    def channels(wait: float) -> tuple[np.ndarray, float]:
+        forget = wait / (1.0 + wait)  # wait = Ti/Ts
+        return np.column_stack([lfilter([1.0], [1.0, -forget], x) for x in (drive, unit)])[exact], forget
+
+    def misfit(log_wait: float) -> float:
+        X, _ = channels(float(np.exp(log_wait)))
+        return float(np.std(y - X @ np.linalg.lstsq(X, y, rcond=None)[0]))
+
+    centre = np.log(Kc / Ki)
+    grid = np.linspace(centre - 3.0, centre + 3.0, GRID)
+    best = grid[int(np.argmin([misfit(x) for x in grid]))]
+    width = grid[1] - grid[0]
+    found = minimize_scalar(misfit, bounds=(best - width, best + width), method="bounded", options={"xatol": 1e-6})
+    X, forget = channels(float(np.exp(found.x)))
+    beta = np.linalg.lstsq(X, y, rcond=None)[0]
+    X0, _ = channels(Kc / Ki)
+    left = y - X0[:, 0] / (Kc + Ki)
+    start = X0[:, 1]
+    left = left - start * (start @ left) / max(float(start @ start), 1e-300)
+    a = 1.0 / beta[0] if beta[0] != 0.0 else np.inf
+    return Hidden(float(a), float(-forget * a), float(found.fun), float(np.std(left)))

@@ -1,0 +1,93 @@
+"""Regressions behind the controller's law: OP by its changes, by its sums, and with a derivative."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+FORMS = (1.0, 0.5, 0.0)  # share of the newest error in the integral: backward, trapezoid, forward
+
+
+class LawFit(NamedTuple):
+    """dOP = a e_k + b e_{k-1}, what it and the baseline leave of dOP, and the samples an exact law does not explain."""
+
+    a: float
+    b: float
+    residual: float
+    base: float
+    strays: np.ndarray
+
+
+def spread(x: np.ndarray) -> float:
+    """Return the standard deviation by the median distance from the median, 0 of nothing."""
+    return 1.4826 * float(np.median(np.abs(x - np.median(x)))) if x.size else 0.0
+
+
+def about_zero(x: np.ndarray) -> float:
+    """Return the standard deviation about 0 by the median size."""
+    return 1.4826 * float(np.median(np.abs(x)))
+
+
+def by_steps(
+    du: np.ndarray, e: np.ndarray, rows: np.ndarray, Kc: float, Ki: float, size: float, with_sp_offset: bool
+) -> LawFit:
+    """Fit dOP = a e_k + b e_{k-1} (+ c) robustly; the baseline's residual is that of its best form."""
+    X = np.column_stack([e[1:], e[:-1]] + ([np.ones(e.size - 1)] if with_sp_offset else []))[rows]
+    y = du[rows]
+    bases = [y - X[:, :2] @ np.array([Kc + s * Ki, (1.0 - s) * Ki - Kc]) for s in FORMS]
+    if with_sp_offset:
+        bases = [b - np.median(b) for b in bases]
+    base = min(bases, key=about_zero)
+    plain = np.linalg.lstsq(X, y, rcond=None)[0]
+    # begin with the rows the better of two first guesses explains: spikes and limits leave at once
+    guess = min((np.abs(base), np.abs(y - X @ plain)), key=np.median)
+    keep = guess <= np.quantile(guess, 0.6)
+    beta = np.zeros(X.shape[1])
+    for _ in range(8):
+        beta = np.linalg.lstsq(X[keep], y[keep], rcond=None)[0]
+        off = np.abs(y - X @ beta)
+        # trimming, not weighting: where the law holds it holds exactly
+        new = off <= max(float(np.quantile(off, 0.7)) * 2.0, 1e-12)
+        if np.array_equal(new, keep):
+            break
+        keep = new
+    off = y - X @ beta
+    left = about_zero(off) / size
+    strays = np.flatnonzero(rows)[np.abs(off) > max(0.1, 20 * left) * size] + 1
+    return LawFit(float(beta[0]), float(beta[1]), left, about_zero(base) / size, strays)
+
+
+def by_sums(op: np.ndarray, e: np.ndarray, inside: np.ndarray, Kc: float, Ki: float, step: float) -> LawFit:
+    """Fit OP = c + Kc e + Ki sum(e): the law behind a coarse output, whose error does not add up.
+
+    After each stay at a limit the sum begins anew: c is another one.
+    """
+    part = np.cumsum(~inside)
+    rows = inside & (np.bincount(part, inside)[part] >= 5)
+    part = part[rows]
+
+    def centred(x: np.ndarray) -> np.ndarray:
+        count = np.bincount(part)
+        return x - (np.bincount(part, x) / np.maximum(count, 1))[part]
+
+    total, now, out = centred(np.cumsum(e)[rows]), centred(e[rows]), centred(op[rows])
+    X = np.column_stack([now, total])
+    beta = np.linalg.lstsq(X, out, rcond=None)[0]
+    bases = [out - X @ np.array([Kc - (1.0 - s) * Ki, Ki]) for s in FORMS]
+    # rounding leaves +-step/2: what exceeds it is not explained
+    base, left = (max(float(np.quantile(np.abs(r), 0.98)) / (0.5 * step) - 1.1, 0.0) for r in (
+        min(bases, key=about_zero), out - X @ beta))  # fmt: skip
+    return LawFit(float(beta[0] + beta[1]), float(-beta[0]), left, base, np.empty(0, dtype=int))
+
+
+def with_derivative(du: np.ndarray, e: np.ndarray, rows: np.ndarray, size: float) -> float:
+    """Return what a law with filtered derivative leaves of dOP."""
+    X = np.column_stack([e[3:], e[2:-1], e[1:-2], e[:-3], du[1:-1], du[:-2]])[rows[2:]]
+    y = du[2:][rows[2:]]
+    beta = np.linalg.lstsq(X, y, rcond=None)[0]
+    for _ in range(4):
+        off = np.abs(y - X @ beta)
+        keep = off <= np.quantile(off, 0.8)
+        beta = np.linalg.lstsq(X[keep], y[keep], rcond=None)[0]
+    return about_zero(y - X @ beta) / size

@@ -1,0 +1,92 @@
+"""Why OP stands exactly still: at a limit, in a dead-band of the error, or because the controller missed its turn."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from simbench.gap.controller.regression import about_zero, by_steps
+
+OBEYED = 0.03  # residual of a move, relative to the moves, below which it follows a PI law
+LEANT = 3.0  # steps of a coarse OP asked for during one stay at its extreme, from which that is a limit
+STILL = 0.005  # share of samples with OP exactly at rest from which a gap in the error is looked for
+
+
+def limits_of(
+    op: np.ndarray, e: np.ndarray, a: float, b: float, step: float, unit: float, memoryless: bool
+) -> dict[str, float]:
+    """Return the extremes at which OP stands while the controller pushes outward."""
+    out = {}
+    lo, hi = float(op.min()), float(op.max())
+    free = (op > lo) & (op < hi)
+    want = op[:-1] + a * e[1:] + b * e[:-1]
+    if memoryless and free.any():
+        gain = 0.5 * (a - b)
+        want = np.median((op - gain * e)[free]) + gain * e[1:]
+    asked = a * e[1:] + b * e[:-1]
+    margin = max(0.6 * step, 3.0 * unit, 1e-6 * float(np.ptp(op)))
+    for name, edge, sign in (("hi", hi, 1.0), ("lo", lo, -1.0)):
+        at = np.abs(op[1:] - edge) < 1e-9 * max(abs(edge), 1.0)
+        pushed = at & (sign * (want - edge) > margin)
+        # standing twice at the very same extreme does not happen to an unlimited OP
+        repeated = at[1:] & at[:-1]
+        plain = pushed.sum() >= 2 if step == 0.0 else repeated.sum() >= 2 and pushed.sum() >= 4
+        if (plain and pushed.sum() >= 0.7 * at.sum()) or (step > 0.0 and _leant_on(at, sign * asked) > LEANT * step):
+            out[name] = edge
+    return out
+
+
+def _leant_on(at: np.ndarray, asked: np.ndarray) -> float:
+    """Return the most that the controller asked for, summed up, during one stay: a coarse OP stays for less than a step."""
+    begins = np.flatnonzero(at & ~np.append(False, at[:-1]))
+    ends = np.flatnonzero(at & ~np.append(at[1:], False)) + 1
+    return max((float(asked[i + 1 : j].sum()) for i, j in zip(begins, ends, strict=True) if j - i > 3), default=0.0)
+
+
+def error_gap(op: np.ndarray, e: np.ndarray, rows: np.ndarray, least: float) -> float:
+    """Return the width of the band of |e| within which OP stands exactly still, 0 when there is none.
+
+    `least` is the share of the rarer kind of samples, standing or moving, that the band must tell from the other.
+    """
+    still = np.abs(np.diff(op)) <= 1e-9 * max(float(np.abs(op).max()), 1.0)
+    if still[rows].sum() < max(STILL * rows.sum(), 8.0):
+        return 0.0
+    # still exactly when this error and the one before are inside the band
+    reach = np.maximum(np.abs(e[1:]), np.abs(e[:-1]))[rows]
+    still = still[rows]
+    if np.median(reach[still]) <= 1e-9 * max(float(np.abs(e).max()), 1e-12):
+        return 0.0  # an error of exactly 0, as a coarse PV has it, moves no OP anyway
+    order = np.argsort(reach)
+    hits = np.cumsum(np.where(still[order], 1, -1))
+    split = int(np.argmax(hits))
+    if split + 1 >= reach.size:
+        return 0.0
+    edge = 0.5 * (reach[order[split]] + reach[order[split + 1]])
+    wrong = np.count_nonzero(still != (reach <= edge))
+    agree = 1.0 - wrong / max(min(still.sum(), (~still).sum()), 1)
+    return 2.0 * float(edge) if agree > least else 0.0
+
+
+def skips_scans(op: np.ndarray, e: np.ndarray, inside: np.ndarray, size: float, unit: float) -> bool:
+    """Return whether OP stands exactly still in scans of its own choice and obeys a PI law from one move to the next."""
+    still = np.diff(op) == 0.0
+    free = inside[1:] & inside[:-1]
+    by_chance = min(unit / (2.5 * size), 1.0)  # that a rounded OP repeats itself
+    if (still & free).sum() < max(5.0, 3.0 * by_chance * free.sum()):
+        return False
+    moves = np.append(0, np.flatnonzero(~still) + 1)
+    if moves.size < 30:
+        return False
+    du, now, before = np.diff(op[moves]), e[moves[1:]], e[moves[:-1]]
+    rows = inside[moves[1:]] & inside[moves[:-1]]
+    every = by_steps(np.diff(op), e, free, 1.0, 0.0, size, False)
+    X, y = np.column_stack([now, before])[rows], du[rows]
+    beta = np.linalg.lstsq(X, y, rcond=None)[0]
+    for _ in range(4):
+        off = np.abs(y - X @ beta)
+        keep = off <= np.quantile(off, 0.8)
+        beta = np.linalg.lstsq(X[keep], y[keep], rcond=None)[0]
+    scale = about_zero(y) or 1.0
+    off = np.abs(y - X @ beta) / scale
+    # nearly every move obeys; over all samples the standstills stay unexplained
+    unexplained = np.isin(every.strays, np.flatnonzero(still) + 1).sum() >= 0.5 * (still & free).sum()
+    return bool(np.quantile(off, 0.8) < OBEYED and (every.residual > OBEYED or unexplained))

@@ -1,0 +1,1 @@
+"""From evidence to an answer: which effect, or none, or something unknown."""

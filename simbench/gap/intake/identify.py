@@ -1,0 +1,146 @@
+"""A baseline from the record itself: tuning by regression, plant by the innovations' likelihood; what then can be said."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from detectors.record import LoopRecord
+from scenarios.spec import Controller, Loop, Noise, Plant, Sampling
+from simbench.gap.controller.pi_law import examine_law
+from simbench.gap.effects._candidates import fit_candidates
+from simbench.gap.likelihood.engine import Engine
+from simbench.gap.likelihood.model import Data, Fit, Spec, size_penalty
+from simbench.gap.sensor.samples import cleaned, inspect_samples
+from simbench.loop.effects import EFFECTS, block_of
+
+
+def identify(record: LoopRecord, plant: Plant | None = None, controller: Controller | None = None) -> Loop:
+    """Return a loop file that fits the record, without any effect in it.
+
+    Parameters
+    ----------
+    record : LoopRecord
+        OP, PV, and SP and MV where recorded; MV, if there, drives the plant. `process` decides between foptd and
+        integrating; where it is unknown the likelier of the two.
+    plant, controller : optional
+        What is known already; only the rest is identified.
+
+    Returns
+    -------
+    Loop
+
+    Notes
+    -----
+    Not a model to design a controller with: in closed loop and without excitation K and T are known only as K/T.
+    """
+    op = record.op if record.op_percent is None else record.op_percent
+    noise = 0.0
+    if plant is None:
+        plant, noise = _identified_plant(record, op, controller)
+    if controller is None:
+        controller = _identified_controller(record, op, 1.0 if plant.K > 0 else -1.0)
+    return Loop(plant=plant, controller=controller, sampling=Sampling(Ts=record.Ts, n=record.n), noise=Noise(std=noise))
+
+
+def _identified_plant(record: LoopRecord, op: np.ndarray, controller: Controller | None) -> tuple[Plant, float]:
+    """Return the plant and the standard deviation of the noise."""
+    samples = inspect_samples(record.pv, record.op)
+    pv = cleaned(np.asarray(record.pv), samples.spikes)
+    u = np.ascontiguousarray(op if record.mv is None else record.mv, dtype=float)
+    integrating, fit = _plant(record, u, pv, max(samples.resolution, samples.step))
+    # feedback alone may turn the sign; the controller's direction tells it
+    K = fit.K if controller is None else controller.sign * abs(fit.K)
+    dead, noise = fit.theta["Td"] * record.Ts, fit.theta["noise"]
+    if integrating:
+        return Plant(type="integrating", K=K / record.Ts, Td=dead), noise
+    return Plant(type="foptd", K=K, T=fit.theta["T"] * record.Ts, Td=dead), noise
+
+
+def _identified_controller(record: LoopRecord, op: np.ndarray, sign: float) -> Controller:
+    rough, slow = _rough_gain(op, np.asarray(record.pv)), 20.0 * record.Ts
+    law = examine_law(op, np.asarray(record.pv), record.sp, record.Ts, sign * rough, slow, trusted=False)
+    Kc = abs(law.Kc) if np.isfinite(law.Kc) and law.Kc != 0 else rough
+    direction = "reverse" if sign > 0 else "direct"
+    if law.known and np.isinf(law.Ti):
+        return Controller(type="P", Kc=Kc, direction=direction)
+    Ti = law.Ti if np.isfinite(law.Ti) and law.Ti > 0 else slow
+    return Controller(type="PI", Kc=Kc, Ti=Ti, direction=direction)
+
+
+def _plant(record: LoopRecord, u: np.ndarray, pv: np.ndarray, resolution: float) -> tuple[bool, Fit]:
+    """Return whether the plant integrates, and its fit; an unknown process is the likelier one, friction allowed to both."""
+    if record.process is not None:
+        integrating = record.process == "integrating"
+        return integrating, fit_plant(u, pv, integrating, resolution)
+    fits, score = {}, {}
+    for integrating in (False, True):
+        fit = fits[integrating] = fit_plant(u, pv, integrating, resolution)
+        # a time constant is one number more to fit
+        score[integrating] = fit.loglik - (0.0 if integrating else size_penalty(record.n, 1.0))
+        if record.mv is None:
+            # behind a valve that rests between its slips any plant looks as if it integrated
+            T = 0.0 if integrating else fit.theta["T"]
+            engine = Engine(Data(u, pv, fit.K, T, fit.theta["Td"], 0.0, resolution, trusted=False), max(0.1 * record.n, 20.0))
+            sticky = fit_candidates(engine, fit, ["stiction", "deadband"])
+            score[integrating] += max(0.0, *(c.log_likelihood_gain for c in sticky.values()))
+    integrating = score[True] > score[False]
+    return integrating, fits[integrating]
+
+
+def fit_plant(op: np.ndarray, pv: np.ndarray, integrating: bool, resolution: float) -> Fit:
+    """Return the best first-order (or integrating) plant from OP to PV; a coarse grid, then a joint fit of its best point.
+
+    Parameters
+    ----------
+    op, pv : ndarray, shape (n,)
+    integrating : bool
+    resolution : float
+        Smallest step of PV.
+
+    Returns
+    -------
+    Fit
+    """
+    n = op.size
+    gain = float(np.std(pv)) / (float(np.std(op)) or 1.0)
+    slow = (0.0,) if integrating else (0.5, 1.5, 4.0, 10.0, 30.0)
+    best: Fit | None = None
+    for T in slow:
+        for Td in (0.0, 1.0, 3.0, 8.0):
+            data = Data(op, pv, gain, T, Td, 0.0, resolution, trusted=False)
+            engine = Engine(data, max(0.1 * n, 20.0))
+            fit = engine.at(Spec(), engine.start())
+            if best is None or fit.loglik > best.loglik:
+                best, winner = fit, engine
+    assert best is not None
+    return winner.fit(Spec(), best.theta, steps=40)
+
+
+# without a trusted baseline nothing that only its numbers define can be missing
+MEANINGFUL = {
+    "stiction", "deadband", "quantisation", "compression", "outliers", "drift", "oscillation", "load_steps", "load_drift",
+    "saturation",
+    "error_deadband", "op_quantisation",
+}  # fmt: skip
+
+
+def meaningful(mv: bool, tuned: bool) -> set[str]:
+    """Return the effects that can be judged without a trusted plant.
+
+    Parameters
+    ----------
+    mv : bool
+        MV is recorded; MV given OP is the valve, whatever the plant.
+    tuned : bool
+        The controller's tuning was given.
+
+    Returns
+    -------
+    set of str
+    """
+    return MEANINGFUL | {e for e in EFFECTS if mv and block_of(e) == "valve"} | ({"detuning"} if tuned else set())
+
+
+def _rough_gain(op: np.ndarray, pv: np.ndarray) -> float:
+    change = float(np.std(np.diff(pv)))
+    return float(np.std(np.diff(op))) / change if change > 0 else 1.0

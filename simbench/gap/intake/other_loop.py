@@ -1,0 +1,108 @@
+"""The baseline of another loop: what cannot be compared because neither controller nor plant is the record's."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from detectors.errors import RecordError
+from simbench.gap.controller.pi_law import Law
+from simbench.gap.effects._candidates import fit_candidates
+from simbench.gap.likelihood.engine import Engine
+from simbench.gap.likelihood.model import Data, Fit, Spec, size_penalty
+
+OTHER_LOOP = 10.0  # factor in Kc from which the baseline is another loop's, whatever the plant
+APART = 1.5  # factor in Kc and Ti from which the plant is asked whether it is the baseline's, and in K and time when it is not
+PROOF = 30.0  # nats by which another plant must beat every single effect on the baseline's
+
+
+def refuse_other_controller(law: Law, Kc: float, where: str) -> None:
+    """Refuse a baseline whose controller acts the other way, or ten times as much.
+
+    Parameters
+    ----------
+    law : Law
+    Kc : float
+        Baseline's gain with its sign (% per PV unit).
+    where : str
+        Names the record.
+
+    Raises
+    ------
+    RecordError
+    """
+    if law.known and law.residual < 0.03 and np.isfinite(law.Kc) and law.Kc != 0.0 and "error_deadband" not in law.found:
+        ratio = law.Kc / Kc
+        if ratio < 1.0 / OTHER_LOOP or ratio > OTHER_LOOP:
+            raise RecordError(
+                f"{where}: its controller has Kc = {law.Kc:.3g}, the baseline's Kc = {Kc:.3g} (signs included); "
+                "this is the baseline of another loop"
+            )
+
+
+def refuse_other_plant(data: Data, law: Law, Kc: float, Ti: float | None, Ts: float, where: str) -> None:
+    """Refuse a baseline that neither the controller nor the plant of the record agrees with.
+
+    Other tuning is an effect, and so is another gain, or other friction. Where the tuning is another one, another plant, in
+    gain and in time, must explain PV better than every single effect on the baseline's plant before the loop is called another.
+
+    Parameters
+    ----------
+    data : Data
+        The engine's input.
+    law : Law
+    Kc, Ti : float
+        Baseline's gain with its sign (% per PV unit) and integral time (s); None for a P controller.
+    Ts : float
+        Sampling period (s).
+    where : str
+        Names the record.
+
+    Raises
+    ------
+    RecordError
+    """
+    tuned = law.found.get("detuning")
+    if tuned is None or not _apart(tuned["Kc_factor"]) or (Ti and not _apart(tuned["Ti_factor"])):
+        return
+    own, other = _own_plant(data, law, Ts)
+    if other.K * law.Kc <= 0.0:
+        return
+    gain, lag, wait = other.K, other.theta["T"], other.theta["Td"]
+    pace, known = lag + wait, data.T + data.Td
+    if data.T > 0 and not (_apart(gain / data.K) and _apart(pace / known)):
+        return
+    # an integrating plant has a slope and a dead time; one that settles late in the record may well be one
+    if data.T == 0 and not (lag < data.n / 30 and (_apart(gain / lag / data.K) or _apart((wait + 1.0) / (data.Td + 1.0)))):
+        return
+    to_beat = max(other.loglik, own.base().loglik) - size_penalty(data.n, 3.0) - PROOF
+    engine = Engine(data, 4.0 * (known + 1.0))
+    base = engine.base()
+    if base.loglik >= to_beat:
+        return
+    effects = ["gain_mismatch", "dead_time_mismatch", "load_drift", "load_steps", "deadband", "stiction"]
+    effects += ["time_constant_mismatch"] if data.T > 0 else []
+    # one effect that does nearly as well is enough, and most are cheap
+    for effect in effects:
+        if base.loglik + fit_candidates(engine, base, [effect])[effect].log_likelihood_gain >= to_beat:
+            return
+    raise RecordError(
+        f"{where}: its controller has Kc = {law.Kc:.3g} and Ti = {law.Ti:.3g} s, and PV answers OP with a gain of "
+        f"{gain:.3g} after {pace * Ts:.3g} s, the baseline's Kc = {Kc:.3g}, Ti = {Ti or np.inf:.3g} s, "
+        f"K = {data.K:.3g} and {known * Ts:.3g} s; this is the baseline of another loop"
+    )
+
+
+def _apart(ratio: float) -> bool:
+    return not 1.0 / APART < ratio < APART
+
+
+def _own_plant(data: Data, law: Law, Ts: float) -> tuple[Engine, Fit]:
+    """Return the record's own plant, gain, time constant and dead time free, and the engine that found it."""
+    tries = []
+    for lag in (law.Ti / Ts if np.isfinite(law.Ti) else 20.0, max(data.T, 5.0), 8.0):
+        own = replace(data, trusted=False, noise=0.0, T=float(np.clip(lag, 2.0, data.n / 16.0)), Td=0.2 * lag)
+        engine = Engine(own, 4.0 * (own.T + own.Td))
+        tries.append((engine, engine.fit(Spec(), engine.start())))
+    return max(tries, key=lambda t: t[1].loglik)

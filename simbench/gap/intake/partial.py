@@ -1,0 +1,124 @@
+"""A loop file that leaves plant, controller or sampling to the record: what it says, what is identified, what stays open."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from detectors.record import LoopRecord
+from scenarios.errors import SpecError
+from scenarios.spec import Loop, read_toml
+from simbench.gap.intake.identify import identify, meaningful
+from simbench.loop.effects import EFFECTS
+
+NEEDED = ("plant", "controller", "sampling")
+
+
+@dataclass(frozen=True)
+class Partial:
+    """A baseline that is not whole.
+
+    Parameters
+    ----------
+    loop : Loop
+        Placeholders stand for what is missing.
+    missing : frozenset of str
+        Sections, of plant, controller and sampling, that the record must give; never both plant and controller.
+    """
+
+    loop: Loop
+    missing: frozenset[str]
+
+
+def read_baseline(path: str | Path) -> Loop | Partial:
+    """Read a loop file in which [plant] or [controller], and [sampling], may be missing.
+
+    Parameters
+    ----------
+    path : path
+
+    Returns
+    -------
+    Loop or Partial
+
+    Raises
+    ------
+    SpecError
+        In one sentence, when there is no such file, what it says is not allowed, or it says nothing of the loop.
+    """
+    table = read_toml(path)
+    missing = frozenset(NEEDED) - set(table)
+    if not missing:
+        return Loop.from_table(table, str(path))
+    # what is said must be right by itself before the rest is looked for
+    loop = Loop.from_table(_stand_ins(table) | table, str(path))
+    if {"plant", "controller"} <= missing:
+        raise SpecError(f"{path}: has neither [plant] nor [controller]; with --identify no loop file is needed")
+    return Partial(loop, missing)
+
+
+def _stand_ins(table: dict) -> dict:
+    """Return sections that agree with whatever the table holds."""
+    plant, control = table.get("plant"), table.get("controller")
+    K = plant.get("K") if isinstance(plant, dict) else None
+    direct = isinstance(control, dict) and control.get("direction") == "direct"
+    falls = isinstance(K, (int, float)) and K < 0
+    return {
+        "plant": {"type": "foptd", "K": -1.0 if direct else 1.0, "T": 1.0},
+        "controller": {"type": "PI", "Kc": 1.0, "Ti": 1.0, "direction": "direct" if falls else "reverse"},
+        "sampling": {"Ts": 1.0},
+    }
+
+
+def completed(record: LoopRecord, baseline: Loop | Partial | None) -> tuple[Loop, frozenset[str], list[str]]:
+    """Return a whole baseline: what is known of it, and from the record what is not.
+
+    Parameters
+    ----------
+    record : LoopRecord
+    baseline : Loop, Partial or None
+        None: nothing is known.
+
+    Returns
+    -------
+    loop : Loop
+    given : frozenset of str
+        "plant", "controller", or both, or none: what the baseline's author said.
+    notes : list of str
+        What a partial baseline took from the record, and which effects therefore cannot be judged.
+
+    Examples
+    --------
+    >>> from simbench.gap.random_case import random_case
+    >>> case = random_case(3, ("detuning",))
+    >>> sorted(completed(case.record, case.baseline)[1]), sorted(completed(case.record, None)[1])
+    (['controller', 'plant'], [])
+    """
+    both = frozenset({"plant", "controller"})
+    if baseline is None:
+        return identify(record), frozenset(), []
+    if isinstance(baseline, Loop):
+        return baseline, both, []
+    known, missing = baseline.loop, baseline.missing
+    found = identify(
+        record, None if "plant" in missing else known.plant, None if "controller" in missing else known.controller
+    )  # fmt: skip
+    taken = {name: getattr(found, name) for name in missing}
+    if "plant" in missing and "noise" not in known.model_fields_set:
+        taken["noise"] = found.noise
+    loop = known.model_copy(update=taken)
+    notes = [
+        f"baseline: no [{name}] given, identified from the record{_numbers(found, name)}" for name in NEEDED if name in missing
+    ]
+    given = both - missing
+    if "plant" in missing:
+        lost = [e for e in EFFECTS if e not in meaningful(record.mv is not None, tuned=True)]
+        notes.append(f"baseline: without a plant to compare with, {', '.join(lost)} cannot be judged")
+    if "controller" in missing:
+        notes.append("baseline: without a controller to compare with, detuning cannot be judged")
+    return loop, given, notes
+
+
+def _numbers(loop: Loop, section: str) -> str:
+    said = getattr(loop, section).model_dump(exclude_none=True, exclude={"n", "direction"})
+    return ": " + ", ".join(f"{k} = {v:.3g}" if isinstance(v, float) else str(v) for k, v in said.items())

@@ -1,0 +1,116 @@
+"""What cannot be compared: signals in other units, and the baseline of another loop; each refusal says what it rests on."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from detectors.errors import RecordError
+from simbench.gap.controller.pi_law import Law
+
+LEVEL = 0.15  # agreement of MV's slope and level, relative, from which both are one factor
+SCALES = {0.16: (3.8, 20.5, "mA"), 0.01: (0.0, 1.0, "a share of 1")}  # of OP, beside %
+
+
+def refuse_mv_units(mv: np.ndarray, op: np.ndarray, where: str) -> None:
+    """Refuse MV that is OP on another scale.
+
+    A valve of any characteristic runs through (0, 0) and (100, 100): where its level is low its slope is not, and no valve
+    moves against OP. One factor in both is a unit.
+
+    Parameters
+    ----------
+    mv, op : ndarray, shape (n,)
+        As recorded, and in %.
+    where : str
+        Names the record.
+
+    Raises
+    ------
+    RecordError
+    """
+    low, high = float(mv.min()), float(mv.max())
+    span = f"MV runs from {low:g} to {high:g}"
+    slope, level = moving_slope(op, mv), float(mv.mean() / op.mean()) if op.mean() > 0.0 else 1.0
+    ahead = float(np.corrcoef(op, mv)[0, 1]) if np.ptp(mv) > 0.0 and np.ptp(op) > 0.0 else 0.0
+    wrong = ""
+    if low < -5.0 or high > 105.0:
+        wrong = span
+    elif high <= 1.5 and op.mean() > 5.0:
+        wrong = f"{span}, a share of 1"
+    elif low >= 3.8 and high <= 20.2 and abs(np.mean(mv - (4.0 + 0.16 * op))) < 0.5 < abs(np.mean(mv - op)):
+        wrong = f"{span}, which is OP in mA"
+    elif ahead < -0.9 or (ahead < -0.5 and slope is None and moving_slope(op, -mv) is not None):
+        wrong = f"MV falls where OP rises (correlation {ahead:.2f})"
+    elif slope is not None and not 0.7 < level < 1.4 and abs(slope / level - 1.0) < LEVEL:
+        wrong = f"{span} and is {level:.3g} times OP in level and in slope"
+    elif ahead > 0.999 and _affine(mv, op):
+        gain, offset = np.polyfit(op, mv, 1)
+        wrong = f"{span} and is {gain:.3g} OP {offset:+.3g} (correlation {ahead:.4f})"
+    if wrong:
+        raise RecordError(f"{where}: {wrong}; it must be in % of travel, 0..100, as OP is")
+
+
+def moving_slope(op: np.ndarray, mv: np.ndarray) -> float | None:
+    """Return how far MV moves per % of OP while it moves, friction or not; None where it seldom does.
+
+    Parameters
+    ----------
+    op, mv : ndarray, shape (n,)
+
+    Returns
+    -------
+    float or None
+
+    Examples
+    --------
+    >>> op = 50 + 5 * np.sin(np.arange(500) / 20)
+    >>> round(moving_slope(op, 0.4 * op), 3)
+    0.4
+    """
+    du, dv = np.diff(op), np.diff(mv)
+    least = 0.3 * float(np.std(du))
+    # a slip is one step; between two steps of one direction the valve slides with OP
+    slides = (dv[1:-1] * du[1:-1] > 0) & (dv[:-2] * dv[1:-1] > 0) & (dv[2:] * dv[1:-1] > 0) & (np.abs(du[1:-1]) > least)
+    if slides.sum() < 20:
+        return None
+    return float(np.median(dv[1:-1][slides] / du[1:-1][slides]))
+
+
+def _affine(mv: np.ndarray, op: np.ndarray) -> bool:
+    """Return whether a straight line far from MV = OP fits and no characteristic does nearly as well."""
+    gain, offset = np.polyfit(op, mv, 1)
+    left = float(np.std(mv - gain * op - offset))
+    if 0.8 < gain < 1.25:
+        return False
+    ratios = np.exp(np.linspace(np.log(0.01), np.log(100.0), 400))
+    ratios = ratios[np.abs(ratios - 1.0) > 1e-3]
+    best = min(float(np.sqrt(np.mean((mv - 100.0 * (R ** (op / 100.0) - 1.0) / (R - 1.0)) ** 2))) for R in ratios)
+    return best > max(10.0 * left, 1.0)
+
+
+def refuse_op_units(op: np.ndarray, law: Law, Kc: float, Ti: float | None, where: str) -> None:
+    """Refuse OP on another scale: the law is the baseline's but for the scale's factor, and OP lies within the scale.
+
+    Parameters
+    ----------
+    op : ndarray, shape (n,)
+        As recorded.
+    law : Law
+        What turned the error into OP.
+    Kc, Ti : float
+        Baseline's gain with its sign (% per PV unit) and integral time (s); None for a P controller.
+    where : str
+        Names the record.
+
+    Raises
+    ------
+    RecordError
+    """
+    if not law.known or (Ti and abs(law.Ti / Ti - 1.0) > 0.05):
+        return
+    for factor, (low, high, unit) in SCALES.items():
+        if low <= op.min() and op.max() <= high and abs(law.Kc / Kc / factor - 1.0) < 0.03:
+            raise RecordError(
+                f"{where}: OP runs from {op.min():g} to {op.max():g} and answers PV with {factor:g} times the baseline's Kc: "
+                f"it is in {unit}; give --op-span, the values that mean 0 and 100 %"
+            )

@@ -1,0 +1,1 @@
+"""How likely is PV, given OP (or MV)?"""

@@ -1,0 +1,323 @@
+"""One engine for all effects between OP and PV: the innovations' likelihood, nuisances fitted, effects switchable.
+
+PV = plant(valve(OP)) + load + noise. The plant's gain, the bias and every additive regressor are linear in the innovations and
+solved by least squares; only T, Td, the load's colour and level, the noise level and the effect's own numbers are searched.
+Time unit is one sample, PV in its own units.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from simbench.gap.likelihood import kernels
+from simbench.gap.likelihood.model import HOLDING, Data, Fit, Spec, lag_of, valve_of
+
+NOMINAL = 0.10  # a baseline is trusted within +-10 %: the prior is flat there ...
+EDGE = 0.02  # ... and falls off with this standard deviation outside
+LOGS = {"T", "load_time", "load_lag", "load", "noise", "R", "tau", "walk", "load_walk"}
+SHAPING = {"T", "Td", "tau", "S", "J", "D", "c", "R"}  # parameters that change signals, not only the noise model
+REDDEST = 0.5  # noise of more memory than this has passed a filter
+QUICK = 0.08  # of the longest memory a load may have: below it the prior ...
+QUICKER = 0.7  # ... falls off with this standard deviation of the logarithm
+STEP = 1e-4  # of a parameter or its logarithm, for derivatives
+LONGEST = 1.5  # of a parameter or its logarithm in one step
+IDLE = 1e-3  # curvature added to every parameter
+ENOUGH = 0.01  # nats below which a step is the last
+COLOURED = 0.25  # std of the prior on the noise's correlation from sample to sample
+
+
+class Engine:
+    """Evaluates and maximises the likelihood for one record."""
+
+    def __init__(self, data: Data, longest_load: float) -> None:
+        self.data = data
+        self.longest_load = longest_load
+        n = data.n
+        k = np.arange(n) / n
+        self.base_channels = (np.ones(n),) if data.T > 0 else (k,)
+        self.onset = np.ones(n)
+        self.onset[0] = 0.0
+        self.spread = 10.0 * float(np.std(data.y)) + data.floor
+        self.evaluations = 0
+
+    def start(self) -> dict[str, float]:
+        """Return the nuisance parameters from which the first fit starts."""
+        d = self.data
+        rough = float(np.std(np.diff(d.y, 2))) / np.sqrt(6.0)
+        noise = d.noise if d.noise > 0 else max(rough, d.floor)
+        load = max(float(np.std(d.y)), noise) if d.T > 0 else max(float(np.std(np.diff(d.y))), 0.1 * noise)
+        return {
+            "T": d.T,
+            "Td": d.Td,
+            "load_time": 0.3 * self.longest_load,
+            "load_lag": 0.2,
+            "load": 0.5 * load,
+            "noise": max(noise, d.floor),
+            "colour": 0.1,
+        }
+
+    def base(self) -> Fit:
+        """Return the fit without effect: with a first-order, a smooth, or a 1/f load."""
+        first = self.fit(Spec(), self.start(), steps=20)
+        smooth = {**first.theta, "load_lag": max(0.5 * first.theta["load_time"], 0.5)}
+        pink = {**first.theta, "load_time": 0.7 * self.longest_load}
+        tries = [first, self.fit(Spec(), smooth, steps=20), self.fit(Spec(pink=True), pink, steps=20)]
+        return max(tries, key=lambda f: f.loglik)
+
+    def bounds(self, spec: Spec, name: str) -> tuple[float, float]:
+        """Return the search interval of one parameter."""
+        d = self.data
+        size = float(np.std(d.y)) + d.floor
+        span = max(float(np.ptp(d.u)), 1e-3)
+        if name == "T" and not d.trusted:
+            # a plant slower than the record shows is an integrator, and was not asked for
+            return 0.05, max(d.n / 15.0, d.T)
+        if name == "T":
+            wide = 20.0 if "T" in spec.free else 1.25
+            return d.T / wide, d.T * wide
+        if name == "Td":
+            wide = 5.0 + max(3.0 * d.Td, 2.0 * d.T) if "Td" in spec.free or not d.trusted else 0.25 * d.Td + 0.5 + d.late
+            return max(d.Td - wide, 0.0), min(d.Td + wide, d.n / 4)
+        if name == "load_time":
+            return 0.3, self.longest_load
+        if name == "load_lag":
+            return 0.05, self.longest_load
+        if name == "noise":
+            return d.floor, 10.0 * size
+        if name == "load":
+            return 1e-3 * d.floor if d.T > 0 else 1e-8 * size, 100.0 * size
+        if name == "colour":
+            return -REDDEST, REDDEST
+        if name in ("S", "D"):
+            return 0.0, 2.0 * span if name == "D" else 1.5 * span
+        if name == "J":
+            return 0.0, span
+        if name == "c":
+            return float(d.u.min()), float(d.u.max())
+        if name == "R":
+            return 0.01, 100.0
+        if name == "tau":
+            return 0.05, d.n / 5
+        return 1e-8 * size, size  # walk, load_walk
+
+    def evaluate(self, spec: Spec, theta: Mapping[str, float]) -> tuple[float, np.ndarray, np.ndarray]:
+        """Return penalised log-likelihood, linear coefficients and standardised innovations."""
+        left, level, beta, white, _ = self._terms(spec, theta)
+        return -0.5 * float(left @ left) - level, beta, white[0] - beta @ white[1:]
+
+    def _terms(self, spec: Spec, theta: Mapping[str, float]) -> tuple[np.ndarray, float, np.ndarray, np.ndarray, np.ndarray]:
+        """Return what the likelihood is made of: -log-likelihood = |left|^2 / 2 + level.
+
+        `left` holds the innovations, then the priors' residuals; `level` the log variances; further the linear coefficients,
+        the whitened and the raw channels (PV first).
+        """
+        self.evaluations += 1
+        channels = self._channels(spec, theta)
+        white, level = self._whiten(spec, theta, channels)
+        used = white[:, kernels.SKIP :]
+        beta, surprise = self._linear(spec, used @ used.T)
+        residual = used[0] - beta @ used[1:]
+        left = np.concatenate([residual, [surprise], self._surprises(spec, theta)])
+        return left, level, beta, white, channels
+
+    def _channels(self, spec: Spec, theta: Mapping[str, float]) -> np.ndarray:
+        """Return PV as deviation from its start, the plant's answer to MV, and every other signal that enters linearly."""
+        d = self.data
+        T = theta["T"] if d.T > 0 else 0.0
+        y, tau = d.y, theta.get("tau", 0.0) if spec.pole else 0.0
+        if spec.pole == "sensor":
+            follow = -np.expm1(-1.0 / tau)
+            y = np.concatenate([y[:1], (y[1:] - (1.0 - follow) * y[:-1]) / follow])
+            tau = 0.0
+        moved = valve_of(spec, theta, d.u)
+        g = kernels.plant(moved, T, theta["Td"], tau)
+        # the input before the record may have stood elsewhere
+        begin = [kernels.plant(self.onset, T, theta["Td"], tau)]
+        if spec.valve in HOLDING:
+            # and a valve that holds may stand anywhere in its band until it first moves
+            begin.append(kernels.plant((moved == moved[0]).cumprod().astype(float), T, theta["Td"], tau))
+        return np.vstack([y - d.y[0], g, *self.base_channels, *begin, *spec.channels])
+
+    def _whiten(self, spec: Spec, theta: Mapping[str, float], channels: np.ndarray) -> tuple[np.ndarray, float]:
+        """Return the channels' innovations over their standard deviation, and the part of -log-likelihood that is no square."""
+        d = self.data
+        tau = theta.get("tau", 0.0)
+        white, log_var = kernels.whiten(
+            channels, theta["T"] if d.T > 0 else 0.0, tau if spec.pole == "extra" else 0.0, theta["load_time"], lag_of(theta),
+            theta["load"], theta["load_walk"] if spec.load_walk else 0.0, theta["walk"] if spec.walk else 0.0, theta["noise"],
+            theta["colour"], self.spread,
+        )  # fmt: skip
+        count = d.n - kernels.SKIP
+        jacobian = count * np.log(-np.expm1(-1.0 / tau)) if spec.pole == "sensor" else 0.0
+        return white, 0.5 * (log_var + count * np.log(2 * np.pi)) + jacobian
+
+    def _linear(self, spec: Spec, N: np.ndarray) -> tuple[np.ndarray, float]:
+        """Return the linear coefficients and how far, in standard deviations, the gain lies outside its prior."""
+        A, b = N[1:, 1:].copy(), N[1:, 0].copy()
+        # a channel that does nothing (no step yet, a zone never met) must not make it singular
+        A.flat[:: len(A) + 1] += 1e-12 * float(np.trace(A)) + 1e-300
+        beta = np.linalg.solve(A, b)
+        K = self.data.K
+        trust = (0.05, 20.0) if "K" in spec.free else (1 - NOMINAL, 1 + NOMINAL)
+        low, high = sorted((K * trust[0], K * trust[1]))
+        if not self.data.trusted or low <= beta[0] <= high:
+            return beta, 0.0
+        edge = low if beta[0] < low else high
+        weight = 1.0 / (EDGE * K) ** 2
+        A[0, 0] += weight
+        b[0] += weight * edge
+        beta = np.linalg.solve(A, b)
+        return beta, float((beta[0] - edge) / (EDGE * K))
+
+    def _surprises(self, spec: Spec, theta: Mapping[str, float]) -> list[float]:
+        """Return how far, in standard deviations, each parameter lies outside its prior."""
+        d = self.data
+        out = [theta["colour"] / COLOURED]
+        if d.trusted:
+            # what moves much quicker than the loop never gets through the plant: such a "load" is something else
+            memory = theta["load_time"] + theta.get("load_lag", 0.0)
+            out.append(min(np.log(memory / (QUICK * self.longest_load)), 0.0) / QUICKER)
+            if d.T > 0 and "T" not in spec.free:
+                out.append(_over(np.log(theta["T"] / d.T), np.log1p(NOMINAL), EDGE))
+            if "Td" not in spec.free:
+                # an archive that lags by a sample hides one sample of dead time
+                wide = NOMINAL * d.Td + d.late / 2 + 0.05
+                out.append(_over(theta["Td"] - d.Td + d.late / 2, wide, EDGE * d.Td + 0.03))
+        if d.noise > 0 and "noise" not in spec.free:
+            # what rounding adds to the stated noise is no effect
+            stated = np.hypot(d.noise, d.resolution / np.sqrt(12.0))
+            out.append(_over(np.log(theta["noise"] / stated), np.log1p(0.05), EDGE))
+        return out
+
+    def fit(self, spec: Spec, start: Mapping[str, float], search: tuple[str, ...] | None = None, steps: int = 10) -> Fit:
+        """Maximise over the smooth parameters named in `search` (all of the spec's when None), from `start`.
+
+        Fisher scoring (Gupta & Mehra 1974) with Levenberg's damping: the innovations' own derivatives give the curvature, so
+        a handful of steps does what a general optimiser needs dozens for.
+        """
+        wanted = [m for m in (search or spec.names) if m in spec.names]
+        names = tuple(m for m in wanted if m != "T" or self.data.T > 0)
+        theta = {m: start[m] for m in spec.names if m in start or m in names}
+        box = np.array([self.bounds(spec, m) for m in names])
+        box[:, 1] = np.maximum(box[:, 0], box[:, 1])
+        logs = np.array([m in LOGS for m in names])
+        box[logs] = np.log(box[logs])
+
+        def unpack(x: np.ndarray) -> dict[str, float]:
+            return {**theta, **{m: float(v) for m, v in zip(names, np.where(logs, np.exp(x), x))}}
+
+        x = np.array([theta.get(m, 0.0) for m in names])
+        x[logs] = np.log(np.maximum(x[logs], 1e-300))
+        x = np.clip(x, box[:, 0], box[:, 1])
+        now = self._terms(spec, unpack(x))
+        value, damping = 0.5 * float(now[0] @ now[0]) + now[1], 1e-2
+        for _ in range(steps):
+            J, slope = self._derivatives(spec, names, x, box, unpack, now)
+            gradient = J.T @ now[0] + slope
+            J = self._beside_linear(spec, now, J)
+            curvature = J.T @ J + (2.0 / self.data.n) * np.outer(slope, slope)
+            free = ~(((x <= box[:, 0]) & (gradient > 0)) | ((x >= box[:, 1]) & (gradient < 0)))
+            gained = 0.0
+            for _ in range(6):
+                if not free.any():
+                    break
+                H = curvature[np.ix_(free, free)]
+                # the last term holds a parameter that does nothing here, lest rounding drives it
+                H = H + damping * np.diag(np.diag(H)) + IDLE * np.eye(len(H))
+                trial = x.copy()
+                trial[free] -= np.clip(np.linalg.solve(H, gradient[free]), -LONGEST, LONGEST)
+                trial = np.clip(trial, box[:, 0], box[:, 1])
+                then = self._terms(spec, unpack(trial))
+                new = 0.5 * float(then[0] @ then[0]) + then[1]
+                if new < value:
+                    gained, x, value, now = value - new, trial, new, then
+                    damping = max(0.1 * damping, 1e-6)
+                    break
+                damping *= 10.0
+            if gained < ENOUGH:
+                break
+        return self.at(spec, unpack(x))
+
+    def _derivatives(
+        self, spec: Spec, names: tuple[str, ...], x: np.ndarray, box: np.ndarray, unpack: Callable, now: tuple
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the derivatives of `left` and `level` (see `_terms`) with the linear coefficients held."""
+        left, level, beta, _, channels = now
+        error = channels[0] - beta @ channels[1:]
+        J, slope = np.empty((left.size, x.size)), np.empty(x.size)
+        surprise = left[self.data.n - kernels.SKIP]
+        for i, name in enumerate(names):
+            h = STEP if x[i] + STEP <= box[i, 1] else -STEP
+            moved = x.copy()
+            moved[i] += h
+            theta = unpack(moved)
+            changed = error
+            if name in SHAPING:
+                signals = self._channels(spec, theta)
+                changed = signals[0] - beta @ signals[1:]
+            white, higher = self._whiten(spec, theta, changed[None, :])
+            other = np.concatenate([white[0, kernels.SKIP :], [surprise], self._surprises(spec, theta)])
+            J[:, i], slope[i] = (other - left) / h, (higher - level) / h
+        return J, slope
+
+    def _beside_linear(self, spec: Spec, now: tuple, J: np.ndarray) -> np.ndarray:
+        """Return derivatives less what the linear coefficients, fitted anew, would take back (Golub & Pereyra 1973)."""
+        left, _, _, white, _ = now
+        X = np.zeros((left.size, white.shape[0] - 1))
+        count = white.shape[1] - kernels.SKIP
+        X[:count] = white[1:, kernels.SKIP :].T
+        if left[count] != 0.0:
+            # the gain stands at the edge of its prior, which holds it
+            X[count, 0] = -1.0 / (EDGE * self.data.K)
+        Q = np.linalg.qr(X)[0]
+        return J - Q @ (Q.T @ J)
+
+    def at(self, spec: Spec, theta: Mapping[str, float]) -> Fit:
+        """Return the fit at given nonlinear parameters."""
+        loglik, beta, residual = self.evaluate(spec, theta)
+        return Fit(spec, loglik, dict(theta), beta, residual)
+
+    def scan(self, spec: Spec, theta: Mapping[str, float], kind: int, points: np.ndarray) -> np.ndarray:
+        """Return the log-likelihood, up to a constant, of many valve maps with all else held; a fine grid costs little.
+
+        Parameters
+        ----------
+        spec : Spec
+            What is switched on besides the valve; no sensor pole.
+        theta : mapping
+            Nuisance parameters.
+        kind : int
+            Valve map.
+        points : ndarray, shape (p, 3)
+            Its numbers, as `innovations.valve` takes them.
+
+        Returns
+        -------
+        ndarray, shape (p,)
+        """
+        d = self.data
+        T, Td = (theta["T"] if d.T > 0 else 0.0), theta["Td"]
+        model = (theta["load_time"], lag_of(theta), theta["load"])
+        onset = kernels.plant(self.onset, T, Td, 0.0)
+        channels = np.vstack([d.y - d.y[0], *self.base_channels, onset, *spec.channels])
+        white = kernels.whiten(channels, T, 0.0, *model, 0.0, 0.0, theta["noise"], theta["colour"], self.spread)[0]
+        white[:, : kernels.SKIP] = 0.0
+        basis = np.ascontiguousarray(np.linalg.qr(white[1:].T)[0].T)
+        rest = white[0] - basis.T @ (basis @ white[0])
+        trust = (0.05, 20.0) if "K" in spec.free or not d.trusted else (1 - NOMINAL, 1 + NOMINAL)
+        low, high = sorted((d.K * trust[0], d.K * trust[1]))
+        return kernels.scan(
+            d.u, kind, points, T, Td, 0.0, *model, theta["noise"], theta["colour"], self.spread, rest, basis, low, high
+        )
+
+    def grid(self, spec: Spec, theta: Mapping[str, float], points: list[dict[str, float]], keep: int = 1) -> list[Fit]:
+        """Return the best of some points, each with two levels of the load: the one "none" needed may hide a narrow peak."""
+        trials = [{**theta, **point, "load": theta["load"] * share} for share in (1.0, 0.3) for point in points]
+        trials.sort(key=lambda trial: -self.evaluate(spec, trial)[0])
+        return [self.at(spec, trial) for trial in trials[:keep]]
+
+
+def _over(x: float, width: float, edge: float) -> float:
+    return max(abs(x) - width, 0.0) / edge

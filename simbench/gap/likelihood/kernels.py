@@ -1,0 +1,247 @@
+"""Compiled kernels of the diagnosis: valve maps, plant response, and the Kalman filter that whitens every channel at once.
+
+Self-contained, because numba's disk cache only watches this file. Time unit is one sample throughout.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+IDEAL, PLAY, ZONE, STICK, CREEP, CURVE = range(6)
+PINK = -1.0  # as `load_lag`: a load of power 1/f
+FRACTION = 5.0  # ratio of the time constants that add up to 1/f
+BATCH = 16  # valve maps filtered together: one waits while another computes
+SKIP = 4  # first samples, which only settle the filter's unknown start
+
+
+@njit(cache=True)
+def valve(u, kind, p0, p1, p2):
+    """Return MV (n,) for OP `u` (n,) through one valve map.
+
+    Parameters: PLAY S, start; ZONE D, c; STICK (Choudhury) and CREEP (He) S, J, start; CURVE R. `start` is the offset of
+    MV from OP before the first sample.
+    """
+    n = u.size
+    v = np.empty(n)
+    if kind == IDEAL:
+        v[:] = u
+    elif kind == PLAY:
+        half = 0.5 * p0
+        x = u[0] + p1
+        for k in range(n):
+            x = max(u[k] - half, min(u[k] + half, x))
+            v[k] = x
+    elif kind == ZONE:
+        half = 0.5 * p0
+        for k in range(n):
+            v[k] = u[k] - half if u[k] > p1 + half else (u[k] + half if u[k] < p1 - half else p1)
+    elif kind == STICK:
+        fs, fd = 0.5 * (p0 + p1), 0.5 * (p0 - p1)
+        x, d, moving, last = u[0] + p2, 0.0, False, u[0]
+        for k in range(n):
+            if moving and (u[k] - last) * d <= 0.0:
+                moving = False
+            if moving:
+                x = u[k] - d * fd
+            elif u[k] - x > fs:
+                d, moving, x = 1.0, True, u[k] - fd
+            elif u[k] - x < -fs:
+                d, moving, x = -1.0, True, u[k] + fd
+            last = u[k]
+            v[k] = x
+    elif kind == CREEP:
+        fs, fd = 0.5 * (p0 + p1), 0.5 * (p0 - p1)
+        x = u[0] + p2
+        for k in range(n):
+            r = u[k] - x
+            if r > fs:
+                x = u[k] - fd
+            elif r < -fs:
+                x = u[k] + fd
+            v[k] = x
+    else:
+        log_r = math.log(p0)
+        if abs(log_r) < 1e-6:
+            v[:] = u
+        else:
+            for k in range(n):
+                v[k] = 100.0 * math.expm1(log_r * min(max(u[k], 0.0), 100.0) / 100.0) / math.expm1(log_r)
+    return v
+
+
+@njit(cache=True)
+def respond(v, T, Td, out, weight):
+    """Add `weight` times the answer of e^(-Td s)/(T s + 1) (T <= 0: e^(-Td s)/s) to `v` - v[0], held over each sample."""
+    delay = math.floor(Td + 1e-9)
+    late = max(Td - delay, 0.0)
+    if T > 0.0:
+        a = math.exp(-1.0 / T)
+        rest = math.exp(-(1.0 - late) / T)
+        b_new, b_old = 1.0 - rest, rest - a
+    else:
+        a, b_new, b_old = 1.0, 1.0 - late, late
+    x, n = 0.0, v.size
+    for k in range(n):
+        out[k] += weight * x
+        new = v[k - delay] - v[0] if k >= delay else 0.0
+        old = v[k - delay - 1] - v[0] if k > delay else 0.0
+        x = a * x + b_old * old + b_new * new
+
+
+@njit(cache=True)
+def plant(v, T, Td, tau):
+    """Return the unit plant's answer to MV `v` (n,) as deviation from its start; `tau` > 0 is one more series pole."""
+    out = np.zeros(v.size)
+    if tau <= 1e-3:
+        respond(v, T, Td, out, 1.0)
+    elif T > 0.0:
+        if abs(tau - T) < 1e-3 * T:
+            tau = T * 1.002
+        respond(v, T, Td, out, T / (T - tau))
+        respond(v, tau, Td, out, -tau / (T - tau))
+    else:
+        respond(v, 0.0, Td, out, 1.0)
+        respond(v, tau, Td, out, -tau)
+    return out
+
+
+@njit(cache=True)
+def whiten(channels, T, tau, load_time, load_lag, load, load_walk, walk, noise, colour, spread):
+    """Return innovations over their standard deviation (m, n) of all channels, and the sum of log variances.
+
+    The stochastic part of PV is a load of time constants `load_time` and `load_lag` (0: first order) with steady effect `load`
+    (std of its first stage, PV units), plus a random walk of `load_walk` per sample, both through the plant's pole (and `tau`);
+    a random walk of `walk` per sample on PV itself; and noise of std `noise` whose successive samples correlate by `colour`.
+    With `load_lag` = PINK the load is 1/f noise: first-order parts of equal variance, `load_time`, a fifth and a 25th of it
+    (van der Ziel 1950). One steady-state gain serves all channels. `spread` is the std of PV's unknown start.
+    """
+    m, n = channels.shape
+    smooth, parts = load_lag > 0.1, 3 if load_lag == PINK else 1
+    has_tau, has_load_walk, has_walk, coloured = tau > 1e-3, load_walk > 0.0, walk > 0.0, abs(colour) > 0.01
+    s = 1 + parts + smooth + has_tau + has_load_walk + has_walk + coloured
+    F, Q, P, h = np.zeros((s, s)), np.zeros((s, s)), np.zeros((s, s)), np.zeros(s)
+    phi = math.exp(-1.0 / load_time)
+    a = math.exp(-1.0 / T) if T > 0.0 else 1.0
+    enters = 1.0 - a if T > 0.0 else 1.0
+    F[0, 0], F[1, 1] = phi, a
+    top = 2
+    if smooth:
+        b = math.exp(-1.0 / load_lag)
+        F[2, 2], F[2, 0], F[1, 2] = b, 1.0 - b, enters
+        P[2, 2] = load * load
+        top = 3
+    else:
+        F[1, 0] = enters
+    share = load * load / parts
+    Q[0, 0] = share * (1.0 - phi * phi)
+    P[0, 0], P[1, 1] = share, spread * spread
+    for i in range(1, parts):
+        phi = math.exp(-(FRACTION**i) / load_time)
+        F[top, top], F[1, top], Q[top, top], P[top, top] = phi, enters, share * (1.0 - phi * phi), share
+        top += 1
+    seen = 1
+    if has_tau:
+        seen = top
+        b = math.exp(-1.0 / tau)
+        F[top, top], F[top, 1] = b, 1.0 - b
+        P[top, top] = spread * spread
+        top += 1
+    h[seen] = 1.0
+    if has_load_walk:
+        F[top, top], F[1, top], Q[top, top] = 1.0, enters, load_walk * load_walk
+        top += 1
+    if has_walk:
+        F[top, top], Q[top, top], h[top] = 1.0, walk * walk, 1.0
+        top += 1
+    r = noise * noise
+    if coloured:
+        F[top, top], Q[top, top], P[top, top], h[top] = colour, r * (1.0 - colour * colour), r, 1.0
+        r = 1e-6 * r
+    out = np.empty((m, n))
+    x, x_new = np.zeros((m, s)), np.zeros(s)
+    shows, shown = np.zeros(s, np.int64), 0
+    to, come, weight, couplings = np.zeros(s * s, np.int64), np.zeros(s * s, np.int64), np.zeros(s * s), 0
+    for i in range(s):
+        if h[i] != 0.0:
+            shows[shown] = i
+            shown += 1
+        for j in range(s):
+            if i != j and F[i, j] != 0.0:
+                to[couplings], come[couplings], weight[couplings] = i, j, F[i, j]
+                couplings += 1
+    gain, Ph, FP, P_new = np.zeros(s), np.zeros(s), np.zeros((s, s)), np.zeros((s, s))
+    log_var, S, frozen, sum_log, scale = 0.0, 1.0, False, 0.0, 1.0
+    for k in range(n):
+        if not frozen:
+            S_old, S = S, r
+            for i in range(s):
+                Ph[i] = 0.0
+                for j in range(s):
+                    Ph[i] += P[i, j] * h[j]
+                S += h[i] * Ph[i]
+            change = abs(S - S_old)
+            for i in range(s):
+                g = 0.0
+                for j in range(s):
+                    g += F[i, j] * Ph[j]
+                gain[i] = g / S
+            for i in range(s):
+                for j in range(s):
+                    t = 0.0
+                    for q in range(s):
+                        t += F[i, q] * P[q, j]
+                    FP[i, j] = t
+            for i in range(s):
+                for j in range(s):
+                    t = Q[i, j] - gain[i] * gain[j] * S
+                    for q in range(s):
+                        t += FP[i, q] * F[j, q]
+                    P_new[i, j] = t
+            P[:, :] = P_new
+            scale, log_var = 1.0 / math.sqrt(S), math.log(S)
+            frozen = k > 20 and change < 1e-7 * S
+        if k >= SKIP:
+            sum_log += log_var
+        for c in range(m):
+            nu = channels[c, k]
+            for q in range(shown):
+                nu -= x[c, shows[q]]
+            # F is a diagonal with a few couplings
+            for i in range(s):
+                x_new[i] = gain[i] * nu + F[i, i] * x[c, i]
+            for q in range(couplings):
+                x_new[to[q]] += weight[q] * x[c, come[q]]
+            for i in range(s):
+                x[c, i] = x_new[i]
+            out[c, k] = nu * scale
+    return out, sum_log
+
+
+@njit(cache=True)
+def scan(u, kind, points, T, Td, tau, load_time, load_lag, load, noise, colour, spread, rest, basis, low, high):
+    """Return the log-likelihood (up to a constant) of many valve maps (points, 3) at one noise model.
+
+    `basis` (m, n) holds the whitened other channels, orthonormal, and `rest` the whitened PV less its part along them, both 0
+    in the first SKIP samples; only the plant's answer is filtered anew for each point, and its gain kept within low..high.
+    """
+    total, n = points.shape[0], u.size
+    out = np.empty(total)
+    batch = np.empty((BATCH, n))
+    for first in range(0, total, BATCH):
+        many = min(BATCH, total - first)
+        for i in range(many):
+            p = points[first + i]
+            batch[i] = plant(valve(u, kind, p[0], p[1], p[2]), T, Td, tau)
+        white = whiten(batch[:many], T, 0.0, load_time, load_lag, load, 0.0, 0.0, noise, colour, spread)[0]
+        white[:, :SKIP] = 0.0
+        along, gy = np.dot(white, basis.T), np.dot(white, rest)
+        for i in range(many):
+            gg = np.dot(white[i], white[i])
+            for j in range(basis.shape[0]):
+                gg -= along[i, j] * along[i, j]
+            K = min(max(gy[i] / gg, low), high) if gg > 1e-12 else 0.0
+            out[first + i] = K * gy[i] - 0.5 * K * K * gg
+    return out

@@ -1,0 +1,136 @@
+"""What the engine fits: the data, which effects are switched on, and a fit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from simbench.gap.likelihood import kernels
+
+NUISANCES = ("T", "Td", "load_time", "load_lag", "load", "noise", "colour")
+HOLDING = (kernels.PLAY, kernels.STICK, kernels.CREEP)
+ABSENT = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Data:
+    """What the engine needs of a record and its baseline.
+
+    Parameters
+    ----------
+    u, y : ndarray, shape (n,)
+        Input of the plant (OP or MV, %) and PV.
+    K, T, Td : float
+        Baseline; T and Td in samples, T = 0 for an integrating plant (then K is per sample).
+    noise : float
+        Stated noise std (PV units), 0 = none stated.
+    resolution : float
+        Smallest step PV is written in; bounds the noise from below.
+    late : int
+        Samples by which OP answers PV late in the archive.
+    trusted : bool
+        False: K, T, Td are mere starting values, free in every candidate.
+    """
+
+    u: np.ndarray
+    y: np.ndarray
+    K: float
+    T: float
+    Td: float
+    noise: float
+    resolution: float = 0.0
+    trusted: bool = True
+    late: int = 0
+
+    @property
+    def n(self) -> int:
+        """Samples."""
+        return self.y.size
+
+    @property
+    def floor(self) -> float:
+        """Smallest noise std that is believed."""
+        return max(self.resolution / np.sqrt(12.0), 1e-6 * float(np.ptp(self.y)), ABSENT)
+
+
+@dataclass(frozen=True)
+class Spec:
+    """Which effects are switched on in the engine."""
+
+    free: frozenset[str] = frozenset()
+    valve: int = kernels.IDEAL
+    pole: str = ""
+    walk: bool = False
+    load_walk: bool = False
+    pink: bool = False
+    channels: tuple[np.ndarray, ...] = ()
+    start: float = 0.0
+
+    def join(self, other: Spec) -> Spec:
+        """Return both specs together; of two valve maps or poles the second wins."""
+        return Spec(
+            self.free | other.free,
+            other.valve or self.valve,
+            other.pole or self.pole,
+            self.walk or other.walk,
+            self.load_walk or other.load_walk,
+            self.pink or other.pink,
+            self.channels + other.channels,
+            other.start or self.start,
+        )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Nonlinear parameters searched, nuisances first."""
+        own = {kernels.PLAY: ("S",), kernels.ZONE: ("D", "c"), kernels.CURVE: ("R",)}.get(self.valve, ())
+        if self.valve in (kernels.STICK, kernels.CREEP):
+            own = ("S", "J")
+        more = (("tau", self.pole), ("walk", self.walk), ("load_walk", self.load_walk))
+        load = tuple(m for m in NUISANCES if m != "load_lag" or not self.pink)
+        return (*load, *own, *(name for name, on in more if on))
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """One candidate, fitted.
+
+    `loglik` holds the prior's penalties; `theta` the nonlinear parameters, `beta` the linear ones (plant gain first);
+    `residual` the standardised innovations.
+    """
+
+    spec: Spec
+    loglik: float
+    theta: dict[str, float]
+    beta: np.ndarray = field(repr=False)
+    residual: np.ndarray = field(repr=False)
+
+    @property
+    def K(self) -> float:
+        """Plant gain."""
+        return float(self.beta[0])
+
+
+def lag_of(theta: Mapping[str, float]) -> float:
+    """Return the load's second time constant, or the mark of a 1/f load, which has none."""
+    return theta.get("load_lag", kernels.PINK)
+
+
+def valve_of(spec: Spec, theta: Mapping[str, float], u: np.ndarray) -> np.ndarray:
+    """Return MV of OP `u` under the spec's valve map."""
+    kind = spec.valve
+    if kind == kernels.IDEAL:
+        return u
+    if kind == kernels.PLAY:
+        return kernels.valve(u, kind, theta["S"], spec.start * theta["S"] / 2, 0.0)
+    if kind == kernels.ZONE:
+        return kernels.valve(u, kind, theta["D"], theta["c"], 0.0)
+    if kind == kernels.CURVE:
+        return kernels.valve(u, kind, theta["R"], 0.0, 0.0)
+    return kernels.valve(u, kind, theta["S"], theta["J"], spec.start * theta["S"] / 2)
+
+
+def size_penalty(n: int, count: float) -> float:
+    """Return the price of `count` fitted numbers (Schwarz 1978)."""
+    return 0.5 * count * np.log(n)

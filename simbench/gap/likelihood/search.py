@@ -1,0 +1,148 @@
+"""The search for a valve map's numbers, in which the likelihood is rough: scan, let the nuisances settle, narrow down."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+
+from simbench.gap.likelihood import kernels
+from simbench.gap.likelihood.engine import Engine
+from simbench.gap.likelihood.model import Data, Fit, Spec
+
+SMOOTH = ("load_time", "load_lag", "load", "noise", "colour")  # searched beside a valve
+STARTS = (-1.0, 0.0, 1.0)  # of MV within its band, in halves of it
+JUMPS = (-4.0, -1.5, 0.0, 1.5, 4.0)  # shares by which J is varied beside S, whose peak is narrower
+APART = 0.08  # logarithm of the ratio of two sizes that count as different peaks
+ROUGH = ("S", "J", "D", "c")  # in which the likelihood has corners
+HOPELESS = 4.0  # nats below the base from which a grid's best point is not worth refining
+
+
+def search_map(engine: Engine, base: Fit, kind: int, coarse: np.ndarray, few: bool = False) -> Fit:
+    """Find a valve map's numbers, in which the likelihood is rough: scan, let the nuisances settle, scan again, narrow down.
+
+    Parameters
+    ----------
+    engine : Engine
+    base : Fit
+        Without this map.
+    kind : int
+        Valve map.
+    coarse : ndarray, shape (p, 3)
+        Points to scan, as `innovations.valve` takes them.
+    few : bool
+        Scan from fewer nuisances, where the points are many.
+
+    Returns
+    -------
+    Fit
+    """
+    best = None
+    # at the load that "no effect" needed, peaks look flat: try quieter ones
+    own, nominal = plants(engine, base)[:2]
+    tries = [(1.0, own), (0.3, own)] if few else [(1.0, own), (1.0, nominal), (0.3, own), (0.1, own)]
+    starts = [{**base.theta, **plant, "load": base.theta["load"] * level} for level, plant in tries]
+    for theta in [*starts, idle(engine, base)]:
+        best = better(best, settle(engine, scanned(engine, base.spec, theta, kind, coarse)))
+    assert best is not None
+    for _ in range(2):
+        again = settle(engine, scanned(engine, base.spec, best.theta, kind, coarse))
+        if again.loglik > best.loglik + 0.1:
+            best = again
+        if not promising(best, base):
+            break
+        before = best.loglik
+        best = narrow(engine, best)
+        if best.loglik < before + 2.0:
+            break
+    return best
+
+
+@lru_cache(maxsize=4)
+def idle(engine: Engine, base: Fit) -> dict[str, float]:
+    """Return the base's parameters with the load that would be needed if the valve never moved."""
+    beyond = 1.5 * float(np.ptp(engine.data.u)) or 1.0
+    stuck = mapped(engine, replace(base.spec, pole=""), base.theta, kernels.PLAY, np.array([beyond, 0.0, 0.0]))
+    alone = settle(engine, stuck, steps=10).theta
+    return {**base.theta, **{m: alone[m] for m in SMOOTH if m in alone}}
+
+
+def better(one: Fit | None, other: Fit) -> Fit:
+    """Return the likelier fit."""
+    return other if one is None or other.loglik > one.loglik else one
+
+
+def scanned(engine: Engine, spec: Spec, theta: dict[str, float], kind: int, points: np.ndarray) -> Fit:
+    """Return the fit at the best point of a valve map, looked for around the best of a coarse set."""
+    values = engine.scan(spec, theta, kind, points)
+    tops: list[int] = []
+    for i in np.argsort(-values):
+        if all(abs(np.log(points[i, 0] / points[j, 0])) > APART for j in tops):
+            tops.append(int(i))
+        if len(tops) == (3 if kind == kernels.STICK else 2):
+            break
+    near = np.vstack([around(kind, points[i], 0.5 * APART) for i in tops])
+    return mapped(engine, spec, theta, kind, near[int(np.argmax(engine.scan(spec, theta, kind, near)))])
+
+
+def around(kind: int, point: np.ndarray, share: float) -> np.ndarray:
+    """Return points about one of a valve map: sizes within a share of it, the other number, and starts within the band."""
+    a, b, _ = point
+    sizes = a * (1 + share * np.linspace(-1.0, 1.0, 5))
+    if kind == kernels.ZONE:
+        return np.array([(x, b + shift * share * a, 0.0) for x in sizes for shift in (-1.0, -0.5, 0.0, 0.5, 1.0)])
+    if kind == kernels.PLAY:
+        return np.array([(x, begin * x / 2, 0.0) for x in sizes for begin in STARTS])
+    return np.array([(x, b * (1 + y * share), begin * x / 2) for x in sizes for y in JUMPS for begin in STARTS])
+
+
+def mapped(engine: Engine, spec: Spec, theta: dict[str, float], kind: int, point: np.ndarray) -> Fit:
+    """Return the fit with a valve map at a point."""
+    a, b, c = (float(x) for x in point)
+    if kind == kernels.ZONE:
+        return engine.at(replace(spec, valve=kind), {**theta, "D": a, "c": b})
+    begin = 2 * (b if kind == kernels.PLAY else c) / a
+    own = {"S": a} if kind == kernels.PLAY else {"S": a, "J": b}
+    return engine.at(replace(spec, valve=kind, start=begin), {**theta, **own})
+
+
+def settle(engine: Engine, fit: Fit, steps: int = 3) -> Fit:
+    """Return the fit after a few steps in everything but the valve's numbers."""
+    return engine.fit(fit.spec, fit.theta, search=tuple(m for m in fit.spec.names if m not in ROUGH), steps=steps)
+
+
+def narrow(engine: Engine, fit: Fit) -> Fit:
+    """Alternate ever finer scans around a valve map's numbers with steps in all others."""
+    best, kind = fit, fit.spec.valve
+    bare = replace(fit.spec, valve=kernels.IDEAL, start=0.0)
+    first, second = ("D", "c") if kind == kernels.ZONE else ("S", "J")
+    for share in (0.06, 0.02, 0.007, 0.002):
+        for _ in range(3):
+            th, before = best.theta, best.loglik
+            points = around(kind, np.array([th[first], th.get(second, 0.0), 0.0]), share)
+            point = points[int(np.argmax(engine.scan(bare, th, kind, points)))]
+            best = better(best, mapped(engine, bare, th, kind, point))
+            best = better(best, settle(engine, best))
+            if best.loglik < before + 2.0:
+                break
+    return best
+
+
+def promising(fit: Fit, base: Fit) -> bool:
+    """Return whether a search's best point may still beat the base."""
+    return fit.loglik > base.loglik - HOPELESS
+
+
+def band_sizes(data: Data, count: int) -> np.ndarray:
+    """Return widths to try, from below OP's jitter to its range."""
+    span = float(np.quantile(data.u, 0.995) - np.quantile(data.u, 0.005)) or 1.0
+    low = max(0.02 * span, 0.05)
+    return np.geomspace(low, max(1.2 * span, 2 * low), count)
+
+
+def plants(engine: Engine, base: Fit) -> list[dict[str, float]]:
+    """Return the plants from which an effect is looked for: the base's, which has bent itself around it, and the baseline's."""
+    d = engine.data
+    out = [{"T": base.theta.get("T", 0.0), "Td": base.theta["Td"]}, {"T": d.T, "Td": d.Td}]
+    return out if d.trusted else [*out, {"T": d.T / 2, "Td": d.Td / 2}]

@@ -1,0 +1,1 @@
+"""The answer as data, text, pictures and page."""

@@ -1,0 +1,224 @@
+"""The page of a diagnosis: one HTML file that asks for nothing, from the answer in one sentence to what to do next."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from markupsafe import Markup
+
+from simbench.files import whole_file
+from simbench.gap.report import pictures
+from simbench.gap.report import traces as runs
+from simbench.gap.report.result import GapReport, numbers, words
+from simbench.html.page import render as render_in
+from simbench.html.svg import inline_svg
+from simbench.html.table import sortable
+from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
+
+render = partial(render_in, "simbench.gap.report")
+SHOWN = 6  # candidates drawn as bars; the table holds all
+SEEN = 0.005  # probability that is not rounded to 0
+POSSIBLE = 0.05  # probability from which a candidate is called still possible
+MEANING = {NONE: "the simulation lacks nothing", UNKNOWN: "something that no known effect explains"}
+
+
+def write_page(report: GapReport, path: str | Path, command: Sequence[str] = ()) -> None:
+    """Write a diagnosis as one self-contained HTML page, readable in light and dark and on a phone.
+
+    Parameters
+    ----------
+    report : GapReport
+        Of `diagnose`; its details hold the record and the loops that are simulated for the pictures.
+    path : path
+        The file.
+    command : sequence of str
+        The command lines that repeat the diagnosis.
+
+    Raises
+    ------
+    FileError
+        When the file cannot be written.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> from simbench.gap.diagnosis import diagnose
+    >>> from simbench.gap.random_case import random_case
+    >>> case, file = random_case(3, ("detuning",)), pathlib.Path(tempfile.mkdtemp()) / "page.html"
+    >>> write_page(diagnose(case.record, case.baseline), file)
+    >>> "The simulation lacks detuning" in file.read_text(encoding="utf-8")
+    True
+    """
+    tag = report.behind.found.situation.record.tag
+    parts: list[tuple[str, str, Markup]] = [
+        ("answer", "The answer", _answer(report)),
+        ("where", "Where the gap lies", _where(report)),
+        ("look", "Record and simulation", _look(report)),
+        ("which", "Which effect", _which(report)),
+        ("shrinkage", "How far the gap shrinks", _shrinkage(report)),
+        ("next", "What is open, and what to do next", _open(report)),
+        ("reproduce", "How to reproduce", _reproduce(report, command)),
+    ]
+    text = render(
+        "page.html",
+        title=f"{tag or 'Record'} against its simulation",
+        subtitle="Sim-to-real gap of one control loop",
+        sections=[{"id": i, "title": title, "body": body} for i, title, body in parts],
+        footer=f"simbench {version('stiction-simbench')}",
+    )
+    with whole_file(path) as f:
+        f.write(text)
+
+
+def _answer(report: GapReport) -> Markup:
+    g, s = report.gap, report.shrinkage
+    what = {NONE: "that nothing is lacking", UNKNOWN: "of an effect not on the list"}.get(
+        report.effect, f"of {words(report.effect)}"
+    )
+    tiles = [(f"{report.effects[0]['probability']:.2f}", f"probability {what}")]
+    if s is not None:
+        value, lo, hi = (round(100 * s[k]) for k in ("value", "lo", "hi"))
+        if value >= 0:
+            tiles.append((f"{value} %", f"of the gap closes (90 % interval {lo} to {hi} %)"))
+        else:
+            tiles.append((f"{-value} %", f"by which the gap grows (90 % interval {-hi} to {-lo} %)"))
+    tiles.append((f"{g.before:.2f}", "gap before" + ("" if g.resolvable else ", not resolvable")))
+    if report.effect not in (NONE, UNKNOWN):
+        tiles.append((f"{g.after:.2f}", "gap with the effect added"))
+    tiles.append((f"{g.floor:.2f}", "floor: two runs of one loop differ as much"))
+    named = [
+        {
+            "effect": words(e["effect"]),
+            "block": e["block"],
+            "fitted": numbers(e["parameters"], ""),
+            "says": _meaning(e["effect"]),
+        }
+        for e in report.effects
+    ]
+    return render("answer.html", sentence=report.sentence(), tiles=tiles, named=named if report.named else [])
+
+
+def _where(report: GapReport) -> Markup:
+    shares = report.blocks
+    says = "control loop; share of the gap: " + ", ".join(f"{b} {100 * p:.0f} %" for b, p in shares.items())
+    behind = {b: [r for r in report.ranking if r.block == b and r.probability >= SEEN] for b in shares}
+    return render(
+        "where.html",
+        svg=_picture(lambda: pictures.draw_blocks(shares), "blocks", says),
+        any=any(shares.values()),
+        findings=[(b, ", ".join(f"{words(r.effect)} {r.probability:.2f}" for r in rows)) for b, rows in behind.items() if rows],
+    )
+
+
+def _look(report: GapReport) -> Markup:
+    record, simulated = runs.recorded(report), runs.simulated(report)
+    start, stop = runs.window(report)
+    part = (record, simulated, start, stop)
+    items = [
+        (lambda: pictures.draw_traces("PV", *part), "pv", "PV over time, set point dotted: record and simulations"),
+        (lambda: pictures.draw_traces("OP", *part), "op", "OP over time: record and simulations"),
+        (lambda: pictures.draw_loops("PV", *part), "pv-op", "PV over OP: record and simulations"),
+        (lambda: pictures.draw_spectra(record, simulated), "spectra", "Power spectra of PV and OP, whole record"),
+    ]
+    if record.mv is not None:
+        items.append((lambda: pictures.draw_loops("MV", *part), "mv-op", "MV over OP: record and simulations"))
+    drawn = [{"svg": _picture(draw, name, says), "caption": says + "."} for draw, name, says in items]
+    return render(
+        "look.html",
+        items=drawn,
+        added=next((n for n in (runs.FIXED, runs.NEAREST) if n in simulated), ""),
+        absent=runs.BASELINE not in simulated,
+        given=report.behind.found.situation.trusted,
+    )
+
+
+def _which(report: GapReport) -> Markup:
+    top = [r for r in report.ranking[:SHOWN] if r.probability >= SEEN] or list(report.ranking[:1])
+    frame = pd.DataFrame(
+        {
+            "effect": [words(r.effect) for r in report.ranking],
+            "block": [r.block for r in report.ranking],
+            "probability": [r.probability for r in report.ranking],
+            "gap before": _column(r.gap_before for r in report.ranking),
+            "gap after": _column(r.gap_after for r in report.ranking),
+            "parameters": [numbers(r.parameters, "") for r in report.ranking],
+        }
+    )
+    meaning = [(words(r.effect), _meaning(r.effect)) for r in report.ranking]
+    chances = [r.probability for r in top]
+    says = "probabilities: " + ", ".join(f"{words(r.effect)} {r.probability:.2f}" for r in top)
+    svg = _picture(lambda: pictures.draw_ranking([words(r.effect) for r in top], chances), "ranking", says)
+    table = sortable(frame, {"probability": "{:.3f}".format}, long=("parameters",))
+    return render("which.html", svg=svg, table=table, meaning=meaning)
+
+
+def _shrinkage(report: GapReport) -> Markup:
+    g = report.gap
+    sizes = {"before": g.before, "recalibrated": g.recalibrated}
+    if report.named:
+        sizes["after"] = g.after
+    for r in report.ranking:
+        if r.effect in runs.nearest(report) and r.gap_after is not None:
+            sizes["nearest effect"] = r.gap_after
+    sizes["floor"] = g.floor
+    says = "gap: " + ", ".join(f"{name} {size:.2f}" for name, size in sizes.items())
+    per = report.behind.shrinkage.per_feature
+    last = "after" if report.named else "recalibrated"
+    features = pd.DataFrame([{"feature": k, "before": b, last: a} for k, (b, a) in per.items()])
+    if len(features):
+        features = features.sort_values("before", ascending=False)
+    return render(
+        "shrinkage.html",
+        svg=_picture(lambda: pictures.draw_gap(sizes), "gap", says),
+        resolvable=g.resolvable,
+        features=sortable(features, dict.fromkeys(("before", last), "{:.2f}".format)) if len(features) else None,
+    )
+
+
+def _open(report: GapReport) -> Markup:
+    sizes = report.behind.detectable
+    rows = [
+        {"effect": words(e), "block": EFFECTS[e].block, "smallest size": size, "unit": unit or "-"}
+        for e, (size, unit) in sizes.items()
+        if math.isfinite(size)
+    ]
+    hidden = [words(e) for e, (size, _) in sizes.items() if not math.isfinite(size)]
+    answers = {e["effect"] for e in report.effects}
+    separation = report.behind.separation
+    tests = pd.DataFrame({"test": list(separation), "separation": list(separation.values())})
+    tests = tests.sort_values("separation", ascending=False)
+    return render(
+        "open.html",
+        group=[words(e) for e in report.group] if len(report.group) > 1 else [],
+        possible=[
+            (words(r.effect), r.probability) for r in report.ranking if r.effect not in answers and r.probability >= POSSIBLE
+        ],
+        next_test=report.next_test,
+        notes=report.notes,
+        resolvable=report.gap.resolvable,
+        tests=sortable(tests) if len(tests) else None,
+        table=sortable(pd.DataFrame(rows)) if rows else None,
+        hidden=hidden,
+    )
+
+
+def _reproduce(report: GapReport, command: Sequence[str]) -> Markup:
+    return render("reproduce.html", command=list(command), loop=report.fixed_loop().to_toml().strip())
+
+
+def _picture(draw: Callable[[], Any], name: str, says: str) -> Markup:
+    return inline_svg(draw(), name, says)
+
+
+def _meaning(effect: str) -> str:
+    return MEANING.get(effect) or EFFECTS[effect].says
+
+
+def _column(values: Any) -> pd.Series:
+    return pd.Series(list(values), dtype=float)

@@ -1,0 +1,283 @@
+"""Pictures of a diagnosis: the loop as blocks, traces, PV over OP, spectra, probabilities, and the gap as bars."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, FancyBboxPatch
+from scipy.signal import welch
+
+from simbench.figures._style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, label, panels, styled
+from simbench.gap.report.traces import BASELINE, FIXED, NEAREST, TUNED, Traces
+
+WIDTH = 4.6  # inches; no wider, or the letters are too small on a phone
+RECORD = "record"
+LOOK = {RECORD: (BLACK, "-"), BASELINE: (BLUE, "--"), TUNED: (GREEN, "-."), FIXED: (RED, "-"), NEAREST: (ORANGE, "-")}
+BEYOND = 0.75  # share of the record's range that a runaway simulation may be drawn beyond it
+
+_BOXES = {
+    "controller": (0.72, 1.05, 0.92),
+    "valve": (2.0, 1.05, 0.72),
+    "process": (3.35, 1.05, 0.82),
+    "disturbance": (2.62, 1.95, 1.0),
+    "sensor": (2.12, 0.12, 0.82),
+}  # left edge, lower edge, width
+_HIGH = 0.62
+
+
+@styled
+def draw_blocks(shares: Mapping[str, float]) -> Figure:
+    """Draw the control loop, every block the redder the more of the gap lies in it.
+
+    Parameters
+    ----------
+    shares : mapping of block to float
+        0..1.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    figure = Figure(figsize=(WIDTH, 2.6))
+    axes = figure.add_axes((0, 0, 1, 1))
+    axes.set(xlim=(0, WIDTH), ylim=(0, 2.6))
+    axes.set_axis_off()
+    y, low = 1.05 + _HIGH / 2, 0.12 + _HIGH / 2
+    first, second = 0.44, 3.1
+    lines: list[Sequence[tuple[float, float]]] = [
+        ((0.02, y), (first - 0.09, y)), ((first + 0.09, y), (0.72, y)), ((1.64, y), (2.0, y)), ((2.72, y), (second - 0.09, y)),
+        ((second + 0.09, y), (3.35, y)), ((4.17, y), (4.58, y)), ((second, 1.95), (second, y + 0.09)),
+        ((4.37, y), (4.37, low), (2.94, low)), ((2.12, low), (first, low), (first, y - 0.09)),
+    ]  # fmt: skip
+    for points in lines:
+        _arrow(axes, points)
+    for x in (first, second):
+        axes.add_patch(Circle((x, y), 0.09, fill=False, edgecolor=BLACK, linewidth=0.9))
+    for name, x, z in (("SP", 0.13, y), ("OP", 1.82, y), ("MV", 2.86, y), ("PV", 1.2, low)):
+        axes.text(x, z + 0.05, name, ha="center", va="bottom")
+    axes.text(first - 0.13, y - 0.2, "-", ha="center", va="center")
+    for block, (left, lower, wide) in _BOXES.items():
+        share = float(shares.get(block, 0.0))
+        style = "round,pad=0,rounding_size=0.05"
+        face = (*_rgb(RED), 0.7 * share)
+        axes.add_patch(FancyBboxPatch((left, lower), wide, _HIGH, style, facecolor=face, edgecolor=BLACK, linewidth=1.0))
+        inside = [(block, "normal"), (f"{100 * share:.0f} %", "bold")]
+        step = _HIGH / (len(inside) + 0.4)
+        for i, (text, weight) in enumerate(inside):
+            axes.text(left + wide / 2, lower + _HIGH - step * (i + 0.7), text, ha="center", va="center", fontweight=weight)
+    return figure
+
+
+@styled
+def draw_traces(signal: str, record: Traces, runs: Mapping[str, Traces], start: int, stop: int) -> Figure:
+    """Draw one signal over time: the record on top, a panel per simulation below, all on the same axes.
+
+    Parameters
+    ----------
+    signal : {"PV", "OP"}
+        Which.
+    record : Traces
+        The plant's.
+    runs : mapping of name to Traces
+        Simulations.
+    start, stop : int
+        Samples drawn.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    every = {RECORD: record, **runs}
+    figure, grid = panels(len(every), 1, WIDTH, 0.5 + 1.15 * len(every), sharex=True, sharey=True)
+    seconds = np.arange(start, stop) * record.Ts
+    for axes, (name, trace) in zip(grid[:, 0], every.items()):
+        part = trace.part(start, stop)
+        if signal == "PV":
+            axes.plot(seconds, part.sp, color=GREY, linestyle=":", linewidth=1.0)
+        axes.plot(seconds, _signal(part, signal), color=LOOK[name][0], linewidth=0.9)
+        label(axes, "", signal + (" (%)" if signal == "OP" else ""), name)
+    limits = _limits([_signal(t.part(start, stop), signal) for t in every.values()])
+    grid[0, 0].set_ylim(*limits)
+    for axes, trace in zip(grid[:, 0], every.values()):
+        _say_beyond(axes, _signal(trace.part(start, stop), signal), limits)
+    grid[-1, 0].set_xlabel("time (s)")
+    return figure
+
+
+@styled
+def draw_loops(across: str, record: Traces, runs: Mapping[str, Traces], start: int, stop: int) -> Figure:
+    """Draw PV (or MV) over OP, a panel each for the record and every simulation, all on the same axes.
+
+    Parameters
+    ----------
+    across : {"PV", "MV"}
+        What stands upwards.
+    record, runs, start, stop
+        As for `draw_traces`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    every = {RECORD: record, **runs}
+    rows = (len(every) + 1) // 2
+    figure, grid = panels(rows, 2, WIDTH, 0.3 + 1.85 * rows, sharex=True, sharey=True)
+    parts = {name: trace.part(start, stop) for name, trace in every.items()}
+    for axes, (name, part) in zip(grid.flat, parts.items()):
+        axes.plot(part.op, _signal(part, across), color=LOOK[name][0], linewidth=0.7, alpha=0.9)
+        label(axes, "", "", name)
+    for axes in grid.flat[len(every) :]:
+        axes.set_axis_off()
+    for axes in grid[:, 0]:
+        axes.set_ylabel(across + (" (%)" if across == "MV" else ""))
+    for j in (0, 1):
+        lowest = grid[-1, j] if grid[-1, j].axison else grid[-2, j]
+        lowest.set_xlabel("OP (%)")
+        lowest.tick_params(labelbottom=True)
+    sideways = _limits([p.op for p in parts.values()])
+    grid[0, 0].set(xlim=sideways, ylim=_limits([_signal(p, across) for p in parts.values()]))
+    for axes, part in zip(grid.flat, parts.values()):
+        _say_beyond(axes, part.op, sideways)
+    return figure
+
+
+@styled
+def draw_spectra(record: Traces, runs: Mapping[str, Traces]) -> Figure:
+    """Draw the power spectra of PV and OP over the whole length, record and simulations in one panel each.
+
+    Parameters
+    ----------
+    record : Traces
+        The plant's.
+    runs : mapping of name to Traces
+        Simulations.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    figure, grid = panels(2, 1, WIDTH, 4.4, sharex=True)
+    for axes, signal, unit in zip(grid[:, 0], ("PV", "OP"), ("PV units$^2$ s", "%$^2$ s")):
+        for name, trace in {**runs, RECORD: record}.items():
+            f, power = spectrum(_signal(trace, signal), trace.Ts)
+            axes.loglog(
+                f, power, color=LOOK[name][0], linestyle=LOOK[name][1], label=name, linewidth=2.0 if name == BASELINE else 1.1
+            )
+        own = spectrum(_signal(record, signal), record.Ts)[1]
+        axes.set_ylim(max(own.min(), 1e-8 * own.max()) / 5.0, own.max() * 8.0)
+        label(axes, "", f"power of {signal} ({unit})")
+    grid[1, 0].set_xlabel("frequency (1/s)")
+    grid[0, 0].legend(loc="lower left")
+    return figure
+
+
+def spectrum(x: np.ndarray, Ts: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return frequencies (1/s) and power density by Welch's averages of at least seven half-overlapping pieces.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        At least 32 samples.
+    Ts : float
+        Sampling period (s).
+
+    Returns
+    -------
+    f, power : ndarray
+        Without frequency 0; powers that are exactly 0 are raised to the smallest number above.
+
+    Examples
+    --------
+    >>> f, power = spectrum(np.sin(np.arange(400) * 2 * np.pi / 20), 1.0)
+    >>> float(f[np.argmax(power)])
+    0.05
+    """
+    f, power = welch(x, 1.0 / Ts, nperseg=max(32, min(1024, x.size // 4)))
+    return f[1:], np.maximum(power[1:], np.finfo(float).tiny)
+
+
+@styled
+def draw_ranking(names: Sequence[str], probabilities: Sequence[float]) -> Figure:
+    """Draw candidates as bars of their probability.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Most probable first.
+    probabilities : sequence of float
+        0..1.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    figure, grid = panels(1, 1, WIDTH, 0.65 + 0.28 * len(names))
+    _bars(grid[0, 0], names, probabilities, [RED if i == 0 else GREY for i in range(len(names))], "{:.2f}")
+    grid[0, 0].set(xlim=(0, 1.12), xlabel="probability")
+    return figure
+
+
+@styled
+def draw_gap(sizes: Mapping[str, float]) -> Figure:
+    """Draw the gap of every simulation as a bar, beside the floor that seed-to-seed variation alone gives.
+
+    Parameters
+    ----------
+    sizes : mapping of name to float
+        Seed-to-seed standard deviations; names are before, recalibrated, after, nearest effect and, always, floor.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    figure, grid = panels(1, 1, WIDTH, 0.65 + 0.34 * len(sizes))
+    axes = grid[0, 0]
+    colours = {"before": BLUE, "recalibrated": GREEN, "after": RED, "nearest effect": ORANGE, "floor": GREY}
+    _bars(axes, list(sizes), list(sizes.values()), [colours[n] for n in sizes], "{:.2f}")
+    axes.axvline(sizes["floor"], color=GREY, linestyle=":", linewidth=1.0)
+    axes.set(xlim=(0, 1.15 * max(sizes.values())), xlabel="distance from the record (seed-to-seed standard deviations)")
+    return figure
+
+
+def _bars(axes: Axes, names: Sequence[str], values: Sequence[float], colours: Sequence[str], how: str) -> None:
+    places = np.arange(len(names))[::-1]
+    axes.barh(places, values, color=colours, height=0.62)
+    axes.set_yticks(places, names)
+    axes.tick_params(axis="y", length=0)
+    for y, value in zip(places, values):
+        axes.annotate(how.format(value), (value, y), (4, 0), textcoords="offset points", va="center", fontsize=8)
+
+
+def _signal(trace: Traces, name: str) -> np.ndarray:
+    x = {"OP": trace.op, "PV": trace.pv, "MV": trace.mv}[name]
+    assert x is not None
+    return x
+
+
+def _limits(signals: Sequence[np.ndarray]) -> tuple[float, float]:
+    """Return limits that hold the record, which comes first, and what is not far off it."""
+    lo, hi = float(signals[0].min()), float(signals[0].max())
+    wide = (hi - lo) or 1.0
+    low = max(min(float(s.min()) for s in signals), lo - BEYOND * wide)
+    high = min(max(float(s.max()) for s in signals), hi + BEYOND * wide)
+    return low - 0.04 * wide, high + 0.04 * wide
+
+
+def _say_beyond(axes: Axes, x: np.ndarray, limits: tuple[float, float]) -> None:
+    if np.mean((x < limits[0]) | (x > limits[1])) > 0.5:
+        says = f"runs beyond these axes,\nto {x.min() if x.mean() < limits[0] else x.max():.3g}"
+        axes.text(0.5, 0.5, says, transform=axes.transAxes, ha="center", va="center")
+
+
+def _arrow(axes: Axes, points: Sequence[tuple[float, float]]) -> None:
+    axes.plot(*zip(*points[:-1]), color=BLACK, linewidth=0.9, solid_joinstyle="miter")
+    arrow = {"arrowstyle": "-|>", "color": BLACK, "linewidth": 0.9, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 7}
+    axes.annotate("", points[-1], points[-2], arrowprops=arrow)
+
+
+def _rgb(colour: str) -> tuple[float, float, float]:
+    r, g, b = (int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5))
+    return r, g, b

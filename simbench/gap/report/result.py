@@ -1,0 +1,184 @@
+"""GapReport: the answer of a diagnosis as one data object, as text and as JSON."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from scenarios.spec import Loop
+from simbench.gap.closed_loop.gap import Shrinkage
+from simbench.gap.closed_loop.runs import ClosedLoops
+from simbench.gap.decide.assess import Assessment
+from simbench.loop.effects import BLOCKS, NONE, UNKNOWN
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """One line of the ranking."""
+
+    effect: str
+    block: str
+    probability: float
+    gap_before: float | None
+    gap_after: float | None
+    parameters: dict[str, float | str]
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Mean distance of the held-out part's features from the simulation's, in seed-to-seed standard deviations."""
+
+    before: float
+    recalibrated: float
+    after: float
+    floor: float
+    resolvable: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Behind:
+    """What stands behind an answer, for text, page and loop file.
+
+    `detectable` holds, per effect, the smallest size that would have shown, with its unit; `separation`, per test, how far
+    apart the remaining candidates would be.
+    """
+
+    found: Assessment
+    loops: ClosedLoops
+    shrinkage: Shrinkage
+    detectable: dict[str, tuple[float, str]]
+    separation: dict[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class GapReport:
+    """Where the gap lies, which effect causes it, how far it shrinks.
+
+    Parameters
+    ----------
+    block : str
+        Block of the first effect; "none", or for "unknown" the block whose teacher-forced residual fails.
+    effect : str
+        Effect id, "none" or "unknown".
+    effects : tuple of dict
+        One or two: block, effect, parameters, probability.
+    group : tuple of str
+        Effects that cannot be told from the first one with these signals.
+    ranking : tuple of Ranked
+        All candidates, `none` and `unknown`, most probable first; probabilities sum to 1.
+    gap : Gap
+    shrinkage : dict or None
+        value, lo, hi; None without a resolvable gap.
+    blocks : dict
+        Summed probability of what lies in each block; sums to 1, or all 0 when nothing is lacking.
+    next_test : str
+        The measurement or test that separates the remaining candidates best.
+    notes : tuple of str
+    behind : Behind
+    """
+
+    block: str
+    effect: str
+    effects: tuple[dict[str, Any], ...]
+    group: tuple[str, ...]
+    ranking: tuple[Ranked, ...]
+    gap: Gap
+    shrinkage: dict[str, float] | None
+    blocks: dict[str, float]
+    next_test: str
+    notes: tuple[str, ...]
+    behind: Behind = field(repr=False)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the report as nested dicts and lists of JSON types, keys as the contract has them."""
+        return {
+            "block": self.block,
+            "effect": self.effect,
+            "effects": [dict(e) for e in self.effects],
+            "group": list(self.group),
+            "ranking": [
+                {
+                    "effect": r.effect,
+                    "block": r.block,
+                    "probability": r.probability,
+                    "gap_before": r.gap_before,
+                    "gap_after": r.gap_after,
+                    "parameters": dict(r.parameters),
+                }
+                for r in self.ranking
+            ],
+            "gap": {
+                "before": self.gap.before,
+                "recalibrated": self.gap.recalibrated,
+                "after": self.gap.after,
+                "floor": self.gap.floor,
+                "resolvable": self.gap.resolvable,
+            },
+            "shrinkage": None if self.shrinkage is None else dict(self.shrinkage),
+            "blocks": dict(self.blocks),
+            "next_test": self.next_test,
+            "notes": list(self.notes),
+        }
+
+    @property
+    def named(self) -> list[str]:
+        """Effects that the answer adds to the baseline: none, one or two."""
+        return [e["effect"] for e in self.effects if e["effect"] not in (NONE, UNKNOWN)]
+
+    def fixed_loop(self) -> Loop:
+        """Return the baseline with the named effects, the identified load and the record's set point in it.
+
+        Where no known effect is named, the loop is recalibrated and nothing is added.
+        """
+        return self.behind.loops.loop(self.named)
+
+    def sentence(self) -> str:
+        """Return the answer in one sentence."""
+        if self.effect == NONE:
+            if self.gap.resolvable and self.gap.recalibrated > 1.5 * self.gap.floor:
+                return (
+                    f"No known effect is called for, but the simulation still differs from the record: gap "
+                    f"{self.gap.recalibrated:.2f} against a floor of {self.gap.floor:.2f}."
+                )
+            return "No unmodelled effect is needed: the simulation explains the record within its seed-to-seed spread."
+        p = self.effects[0]["probability"]
+        if self.effect == UNKNOWN:
+            near = next((r.effect for r in self.ranking if r.effect not in (NONE, UNKNOWN)), NONE)
+            said = f"Something is missing in the {self.block} block that no known effect explains (probability {p:.2f})"
+            return f"{said}; closest: {words(near)}."
+        names = " and ".join(f"{words(e['effect'])} ({e['block']}{numbers(e['parameters'])})" for e in self.effects)
+        share = 100 * self.shrinkage["value"] if self.shrinkage else 0.0
+        verb = "closes" if share >= 0 else "does not close the gap but widens it, by"
+        size = f"; adding it {verb} {abs(share):.0f} %{' of the gap' if share >= 0 else ''}" if self.shrinkage else ""
+        return f"The simulation lacks {names}, probability {p:.2f}{size}."
+
+    def as_text(self) -> str:
+        """Return the report for a terminal."""
+        lines = [self.sentence(), ""]
+        if len(self.group) > 1:
+            lines.append("cannot be told apart here: " + ", ".join(self.group))
+        if any(self.blocks.values()):
+            lines.append("where: " + ", ".join(f"{b} {100 * self.blocks[b]:.0f} %" for b in BLOCKS if self.blocks[b] >= 0.005))
+        g = self.gap
+        lines.append(
+            f"gap: before {g.before:.2f}, recalibrated {g.recalibrated:.2f}, after {g.after:.2f}, floor {g.floor:.2f}"
+            + ("" if g.resolvable else " (not resolvable)")
+        )
+        if self.shrinkage:
+            s = self.shrinkage
+            lines.append(f"shrinkage: {s['value']:.2f} [{s['lo']:.2f}, {s['hi']:.2f}]")
+        lines.append("")
+        lines += [f"{r.probability:6.3f}  {r.effect:24s}{numbers(r.parameters, '')}" for r in self.ranking[:6]]
+        lines += ["", f"next: {self.next_test}"] + [f"note: {n}" for n in self.notes]
+        return "\n".join(lines)
+
+
+def words(effect: str) -> str:
+    """Return an id as words."""
+    return effect.replace("_", " ")
+
+
+def numbers(parameters: dict[str, float | str], begin: str = ", ") -> str:
+    """Return parameters as `S = 2.1, J = 0.4`."""
+    text = ", ".join(f"{k} = {v:.3g}" if isinstance(v, (int, float)) else f"{k} = {v}" for k, v in parameters.items())
+    return begin + text if text else ""

@@ -1,0 +1,1 @@
+"""What do single samples of PV tell of the sensor and the archive?"""

@@ -1,6 +1,0 @@
-"""Random loops, effects and foreign kinds made with our own simulator; the diagnosis learns its probabilities on them."""
-
-from simbench.gap.training.draw import Case, draw_case
-from simbench.gap.training.foreign import FOREIGN
-
-__all__ = ["FOREIGN", "Case", "draw_case"]

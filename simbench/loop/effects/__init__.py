@@ -1,0 +1,95 @@
+"""What an [[effect]] does to a loop or to the record of it: one effect per file, and the vocabulary that all files make.
+
+The vocabulary (ids, blocks, parameters with unit and bounds) is data: reading it loads no time step, no simulator and no
+diagnosis, so that a simulator written by somebody else can share the words and nothing more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from types import ModuleType
+
+from detectors.registry import PluginFolder
+from simbench.loop.parameters import FOLLOWS, Choice, Number
+
+__all__ = ["BLOCKS", "EFFECTS", "FOLLOWS", "NONE", "PLUGINS", "UNKNOWN", "Choice", "Effect", "Number", "Vocabulary", "block_of"]
+
+BLOCKS = ("controller", "valve", "process", "sensor", "disturbance")
+NONE, UNKNOWN = "none", "unknown"
+PLUGINS = PluginFolder(
+    "effect", "simbench.loop.effects", "simbench.effects", ("SOURCE", "BLOCK", "PARAMETERS", "CONFUSABLE_WITH", "ACTS", "apply")
+)
+# the order in which answers are listed; effects of other distributions follow
+ORDER = (
+    "stiction", "deadband", "deadzone", "valve_lag", "valve_characteristic", "gain_mismatch", "time_constant_mismatch",
+    "dead_time_mismatch", "extra_lag", "noise", "quantisation", "sensor_lag", "compression", "outliers", "drift",
+    "oscillation", "load_steps", "load_drift", "saturation", "detuning", "error_deadband", "op_quantisation",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Effect:
+    """An effect's block, its parameters, and its meaning in one line."""
+
+    block: str
+    parameters: Mapping[str, Number | Choice]
+    says: str
+
+    @property
+    def identity(self) -> dict[str, float | str]:
+        """Parameter values under which the effect changes nothing."""
+        return {name: p.names[0] if isinstance(p, Choice) else p.identity for name, p in self.parameters.items()}
+
+
+class Vocabulary(Mapping[str, Effect]):
+    """All effects by their id, read from their files when first asked for."""
+
+    def __getitem__(self, name: str) -> Effect:
+        return self._all[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._all)
+
+    def __len__(self) -> int:
+        return len(self._all)
+
+    @cached_property
+    def _all(self) -> dict[str, Effect]:
+        names = [*ORDER, *(name for name in PLUGINS.names() if name not in ORDER)]
+        return {name: _described(PLUGINS.load(name)) for name in names}
+
+
+EFFECTS = Vocabulary()
+
+
+def _described(module: ModuleType) -> Effect:
+    first = (module.__doc__ or "").strip().partition("\n\n")[0]
+    # "Dead-band: backlash between OP and MV." says what the effect is behind its name
+    return Effect(module.BLOCK, module.PARAMETERS, " ".join(first.partition(": ")[2].split()).rstrip("."))
+
+
+def block_of(effect: str) -> str:
+    """Return the block of an effect id; `none` and `unknown` stand for themselves.
+
+    Parameters
+    ----------
+    effect : str
+        An effect id, "none" or "unknown".
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    KeyError
+        For any other word.
+
+    Examples
+    --------
+    >>> block_of("stiction"), block_of("none")
+    ('valve', 'none')
+    """
+    return effect if effect in (NONE, UNKNOWN) else EFFECTS[effect].block

@@ -1,0 +1,56 @@
+"""Compression: the archive keeps a few points of PV and draws straight lines between them.
+
+When it is the answer: PV is piecewise straight, while OP shows that the controller saw more. It acts on the record only.
+"""
+
+import numpy as np
+
+from simbench.loop.parameters import Number
+
+SOURCE = "Bristol (1990), Swinging door trending, ISA"
+BLOCK = "sensor"
+PARAMETERS = {
+    "band": Number("PV units", low=0.0, identity=0.0, says="half width of the door: the largest error"),
+}
+CONFUSABLE_WITH = ()
+ACTS = "record"
+
+
+def apply(setup, p, rng):
+    """Send the recorded PV through a swinging door and back."""
+    if p.band > 0.0:
+        setup.recorders.append(lambda pv: swinging_door(pv, p.band))
+
+
+def swinging_door(pv, band):
+    """Return PV as an archive rebuilds it after swinging-door compression.
+
+    Parameters
+    ----------
+    pv : ndarray, shape (n,)
+        Signal, PV units.
+    band : float
+        Half width of the door, PV units: no sample is further than this from its rebuilt value.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+
+    Examples
+    --------
+    >>> swinging_door(np.array([0.0, 1.0, 2.0, 3.0, 0.0]), 0.1).tolist()
+    [0.0, 1.0, 2.0, 3.0, 0.0]
+    """
+    kept, start, low, high = [0], 0, -np.inf, np.inf
+    values = pv.tolist()
+    for k in range(1, len(values)):
+        run = k - start
+        slope = (values[k] - values[start]) / run
+        if not low <= slope <= high:  # the line to this sample would leave an earlier one too far away
+            start = k - 1
+            kept.append(start)
+            low, high, run = -np.inf, np.inf, 1
+        low = max(low, (values[k] - values[start] - band) / run)
+        high = min(high, (values[k] - values[start] + band) / run)
+    kept.append(len(values) - 1)
+    return np.interp(np.arange(len(values)), kept, pv[kept])

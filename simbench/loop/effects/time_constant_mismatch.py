@@ -1,0 +1,30 @@
+"""Time constant mismatch: the plant is slower or faster than the baseline (foptd only).
+
+When it is the answer: another hold-up than the one the model was taken at. Standing still, only K/T shows.
+"""
+
+import numpy as np
+
+from detectors.errors import ParameterError
+from simbench.loop.parameters import Number
+
+SOURCE = "definition: T of the plant = factor x T of the baseline"
+BLOCK = "process"
+PARAMETERS = {
+    "factor": Number("", low=0.05, high=20.0, identity=1.0, says="T of the plant / T of the baseline"),
+}
+CONFUSABLE_WITH = ("gain_mismatch",)
+ACTS = "loop"
+
+
+def apply(setup, p, rng):
+    """Move the baseline's pole, and leave what other effects added to the plant."""
+    if p.factor == 1.0:
+        return
+    T = setup.loop.plant.T
+    if T is None:
+        raise ParameterError("effect 'time_constant_mismatch': an integrating plant has no time constant")
+    rest, remainder = np.polydiv(setup.den, [T, 1.0])
+    if np.abs(remainder).max() > 1e-9:
+        raise ParameterError(f"effect 'time_constant_mismatch': the plant has no pole at -1/T with T = {T:g} s")
+    setup.den = np.polymul(rest, [T * p.factor, 1.0])

@@ -1,0 +1,54 @@
+"""A loop file resolved to a setup: plug-ins looked up and checked, loads drawn, effects applied, noise drawn."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from scenarios.spec import Loop
+from simbench.loop.disturbance import disturbance_signal
+from simbench.loop.effects import PLUGINS
+from simbench.loop.parameters import resolve
+from simbench.loop.setup import Setup, plain_setup
+
+# Independent random streams of one run: changing one part's numbers leaves the others' alone; the noise has stream 0.
+DISTURBANCE, EFFECT = 100, 200
+
+
+def resolve_loop(loop: Loop, seed: int, tail: int = 0, tf: Any = None, quiet: int | None = None) -> Setup:
+    """Turn a loop into a setup: plug-ins looked up and checked, signals drawn, effects applied.
+
+    Parameters
+    ----------
+    loop : Loop
+        What to run.
+    seed : int
+        Root of every random stream of the run.
+    tail : int
+        Further samples over which set point and disturbances are frozen.
+    tf : control.TransferFunction, optional
+        Takes the place of the loop's plant (its dead time stays).
+    quiet : int, optional
+        First sample without measurement noise.
+
+    Returns
+    -------
+    Setup
+
+    Raises
+    ------
+    UnknownName, ParameterError
+        For a plug-in that does not exist, numbers it does not allow, or an unstable plant.
+    """
+    setup = plain_setup(loop, seed, tail, tf)
+    for i, part in enumerate(loop.disturbance):
+        where, signal = disturbance_signal(part, setup.sp.size, setup.Ts, np.random.default_rng([seed, DISTURBANCE + i]))
+        load = setup.load_in if where == "input" else setup.load_out
+        load += setup.hold(signal)
+    for i, part in enumerate(loop.effect):
+        effect = PLUGINS.load(part.name)
+        p = resolve(effect.PARAMETERS, part.parameters, f"effect {part.name!r}")
+        effect.apply(setup, p, np.random.default_rng([seed, EFFECT + i]))
+    setup.draw_noise(quiet)
+    return setup

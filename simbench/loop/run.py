@@ -1,0 +1,121 @@
+"""A setup run sample by sample: the record, and behind it what no plant shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from detectors.record import LoopRecord
+from simbench.loop import controller, kernel, sensor
+from simbench.loop.setup import Setup, parts_of
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a run begins, when not in equilibrium.
+
+    Parameters
+    ----------
+    op : float
+        OP (%) one sample before the run; a PI controller goes on from it.
+    error : float
+        SP - PV (PV units) at that sample.
+    pv : float
+        PV (PV units) at sample 0 before noise and output load; first-order and integrating plants only.
+    valve : tuple of float
+        State of the (one) valve model at that sample, as its `step` takes it.
+    mv : tuple of float
+        The last MVs (%), oldest first, as many as dead time + 1 sample need; the first fills what is missing.
+    """
+
+    op: float
+    error: float
+    pv: float
+    valve: tuple[float, ...]
+    mv: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """What a simulation knows: the record, and behind it what no plant shows.
+
+    Parameters
+    ----------
+    record : LoopRecord
+        SP, OP, PV as archived, MV; n samples.
+    pv_clean : ndarray, shape (n + tail,)
+        PV the controller saw, less what was added at the sensor.
+    load_in, load_out : ndarray, shape (n + tail,)
+        Loads at the plant's input (%) and output (PV units).
+    tail : LoopRecord or None
+        The continued run after the record, with set point and disturbances frozen.
+    sticky : bool
+        Whether the valve has friction.
+    """
+
+    record: LoopRecord
+    pv_clean: np.ndarray
+    load_in: np.ndarray
+    load_out: np.ndarray
+    tail: LoopRecord | None
+    sticky: bool
+
+
+def run_setup(setup: Setup, *, kick: float = 0.0, start: Start | None = None, plain: bool = False) -> Run:
+    """Run a resolved loop, compiled or (`plain`) in Python sample by sample; both give the same bits."""
+    parts = parts_of(setup)
+    sampled = parts.sampled
+    total = setup.sp.size
+    w = np.zeros(total + sampled.delay + 1)
+    pv = setup.pv0
+    # at rest the error is 0 by definition: a set point away from pv0 is a step at sample 0
+    c = (controller.p_start if setup.Ti is None else controller.pi_start)(setup.op0, 0.0)
+    v = []
+    u = setup.op0
+    for module, p in setup.valves:
+        state = tuple(float(x) for x in module.start(u, p))
+        v.append(state)
+        u = state[0]
+    if start is not None:
+        past = np.array(start.mv[-(sampled.delay + 1) :], dtype=float) - setup.op0
+        w[: sampled.delay + 1] = past[0]
+        w[sampled.delay + 1 - past.size : sampled.delay + 1] = past
+        pv = start.pv
+        c = (float(start.op), float(start.error))
+        v = [tuple(float(x) for x in start.valve)]
+    if sampled.order == 1:
+        x: Any = (float(pv - setup.pv0),)
+    else:
+        x = np.zeros(2 * sampled.order)
+    s = sensor.full_start(pv) if parts.steps["sensor_step"] is sensor.full_step else sensor.plain_start(pv)
+    op, measured, mv = np.empty(total), np.empty(total), np.empty(total)
+    make = kernel.bind if plain else kernel.compiled
+    make(parts.steps, parts.stages, parts.classes)(
+        setup.sp, setup.load_in, setup.load_out, setup.pv_add, float(kick), setup.op0, w, x, c, tuple(v), s, parts.bare,
+        op, measured, mv,
+    )  # fmt: skip
+    archived = measured
+    for recorder in setup.recorders:
+        archived = recorder(archived)
+    return _run(setup, op, measured, archived, mv)
+
+
+def _run(setup: Setup, op: np.ndarray, measured: np.ndarray, archived: np.ndarray, mv: np.ndarray) -> Run:
+    n = setup.n
+    process = "integrating" if setup.den[-1] == 0 else "self-regulating"
+
+    def part(cut: slice) -> LoopRecord:
+        return LoopRecord(
+            op=op[cut],
+            pv=archived[cut],
+            sp=setup.sp[cut],
+            mv=mv[cut],
+            Ts=setup.Ts,
+            process=process,
+            op_span=(0.0, 100.0),
+        )
+
+    tail = part(slice(n, None)) if setup.tail >= 3 else None
+    return Run(part(slice(0, n)), measured - setup.pv_add, setup.load_in, setup.load_out, tail, setup.sticky)

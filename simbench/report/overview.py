@@ -1,0 +1,28 @@
+"""Section: all detectors on one sheet, healthy and sticky loops apart."""
+
+from __future__ import annotations
+
+from markupsafe import Markup
+
+from simbench.figures.score_overview import draw, overview
+from simbench.html.svg import inline_svg
+from simbench.report.data import RunData
+from simbench.report.page import render
+
+TITLE = "Overview"
+
+
+def section(run: RunData) -> Markup:
+    """Draw the share of right answers of every detector on every kind of loop.
+
+    Parameters
+    ----------
+    run : RunData
+        The run.
+
+    Returns
+    -------
+    markupsafe.Markup
+    """
+    picture = inline_svg(draw(overview(run.book)), "overview", "share of right verdicts by detector and kind of loop")
+    return render("overview.html", picture=picture)

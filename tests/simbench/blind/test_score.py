@@ -1,0 +1,264 @@
+"""The blind check's scoring, on answers made by hand."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from detectors.errors import ParameterError
+from simbench.blind.alike import Facts
+from simbench.blind.claims import true_shrinkages
+from simbench.blind.levels import Share, by_effect, calibration, levels
+from simbench.blind.opening import open_
+from simbench.blind.score import claimed_shrinkage, first_three, judge_record
+from simbench.blind.worlds import own
+from simbench.loop.effects import EFFECTS
+
+FACTS = Facts(integrating=False, sp_moves=True, mv=False)
+GAP = {"before": 3.0, "recalibrated": 2.5, "after": 1.0, "floor": 1.0, "resolvable": True}
+
+
+def says(*effects, probability=1.0, parameters=None, shrinkage=0.9, others=()):
+    """An answer in the contract's JSON that names `effects`, ranking `others` behind."""
+    block = [EFFECTS[e].block if e in EFFECTS else e for e in effects]
+    parameters = parameters or {}
+    ranking = [
+        {
+            "effect": e,
+            "block": b,
+            "probability": probability - 0.01 * i,
+            "gap_before": 3.0,
+            "gap_after": 1.2,
+            "parameters": parameters,
+        }
+        for i, (e, b) in enumerate(zip(effects, block))
+    ]
+    ranking += [
+        {"effect": e, "block": "?", "probability": (1 - probability) / 9, "gap_before": 3.0, "gap_after": 2.8, "parameters": {}}
+        for e in others
+    ]
+    named = [{"block": b, "effect": e, "parameters": parameters, "probability": probability} for e, b in zip(effects, block)]
+    return {
+        "block": block[0], "effect": effects[0], "effects": named if effects[0] in EFFECTS else [], "group": [effects[0]],
+        "ranking": ranking, "gap": GAP, "shrinkage": {"value": shrinkage, "lo": 0.5, "hi": 1.0},
+    }  # fmt: skip
+
+
+def truth_rows():
+    rows = [
+        {
+            "id": f"{e}-{s}",
+            "block": k.block,
+            "effect": e,
+            "strength": s,
+            "ratio": "3.0",
+            "shrinkage": str(0.5 + 0.02 * i),
+            "parameters": {},
+        }
+        for i, (e, k) in enumerate(EFFECTS.items())
+        for s in ("weak", "medium", "strong")
+    ]
+    rows += [{"id": f"none-{i}", "block": "none", "effect": "none", "strength": "none"} for i in range(10)]
+    rows += [
+        {"id": "two", "block": "valve", "effect": "stiction", "block2": "sensor", "effect2": "noise", "strength": "strong"}
+    ]
+    rows += [{"id": "f1", "block": "sensor", "effect": "unknown", "foreign": "frozen", "strength": "strong", "ratio": "5"}]
+    rows += [{"id": "f2", "block": "sensor", "effect": "unknown", "foreign": "frozen", "strength": "weak", "ratio": "1.4"}]
+    return rows
+
+
+def table_of(answerer):
+    return pd.DataFrame([judge_record(row, answerer(row), FACTS) for row in truth_rows()])
+
+
+def figures_of(table):
+    return {f.name: f for f in levels(table)}
+
+
+def test_perfect_answers_hold_every_level():
+    def right(row):
+        if row["effect"] == "none":
+            return says("none")
+        wrong = [e for e in ("deadband", "drift") if e != row["effect"]]
+        if row["id"] == "two":
+            return says("stiction", "noise")
+        return says(row["effect"], shrinkage=float(row.get("shrinkage") or 0.9), others=wrong)
+
+    found = figures_of(table_of(right))
+    assert found["first answer right"].n == 44  # weak records do not count
+    judged = {name: f.holds for name, f in found.items() if f.level is not None and f.value is not None}
+    assert len(judged) >= 12
+    assert all(judged.values()), judged
+    assert found["two effects: both among the first three"].value == 1.0
+    assert found["foreign: unknown, of the resolvable"].n == 1  # the weak one is below 1.5
+
+
+def test_answers_that_are_all_wrong_hold_none():
+    def wrong(row):
+        if row["effect"] == "unknown":
+            return says("noise")
+        return says("compression" if row["effect"] != "compression" else "op_quantisation", probability=0.99)
+
+    found = figures_of(table_of(wrong))
+    judged = {name: f.holds for name, f in found.items() if f.level is not None and f.value is not None}
+    silent = ("known effect called unknown",)  # it never says unknown, and that level is met by silence
+    assert not any(
+        holds
+        for name, holds in judged.items()
+        if name not in (*silent, "parameters of the right effect, median error", "claimed shrinkage of the true group, median")
+    ), judged
+    assert found["first answer right"].value == 0.0
+    assert found["expected calibration error"].value > 0.9
+    assert found["effect named where there is none"].value == 1.0
+
+
+def test_two_effects_and_foreign_kinds_have_rows_of_their_own():
+    cells = by_effect(table_of(lambda row: says("stiction")))
+    first = cells[cells.measure == "first"].set_index(["effect", "strength"])
+    assert (first.loc[("stiction", "strong"), "k"], first.loc[("stiction", "strong"), "n"]) == (1, 1)
+    assert first.loc[("two effects", "strong"), "n"] == 1
+    assert first.loc[("foreign: frozen", "weak"), "k"] == 0
+
+
+def test_no_answer_is_wrong():
+    found = figures_of(table_of(lambda row: None))
+    assert found["not answered"].value == 1.0
+    assert found["first answer right"].value == 0.0
+    assert figures_of(table_of(lambda row: {"error": "no idea"}))["not answered"].value == 1.0
+
+
+@pytest.mark.parametrize(
+    ("facts", "named", "in_group", "block_right"),
+    [
+        (Facts(False, True, False), "extra_lag", True, True),  # without MV a valve's lag is any lag
+        (Facts(False, True, True), "extra_lag", False, False),
+        (Facts(False, True, True), "stiction", False, True),
+        (Facts(False, True, True), "valve_lag", True, True),
+    ],
+)
+def test_group_and_block_follow_the_facts(facts, named, in_group, block_right):
+    row = judge_record({"id": "a", "block": "valve", "effect": "valve_lag"}, says(named), facts)
+    assert (row["in_group"], row["block_right"]) == (in_group, block_right)
+    assert row["first"] == (named == "valve_lag")
+
+
+def test_an_effect_nobody_knows_is_foreign_and_wants_unknown():
+    truth = {"id": "a", "block": "valve", "effect": "positioner_hunting"}
+    assert judge_record(truth, says("unknown"), FACTS)["first"]
+    row = judge_record(truth, says("stiction"), FACTS)
+    assert not row["first"]
+    assert row["block_right"]
+    assert row["kind"] == "foreign"
+
+
+def test_first_three_start_with_what_is_named_and_count_none_and_unknown():
+    found = says("stiction", probability=0.4, others=("none", "drift", "noise"))
+    found["ranking"][1]["probability"] = 0.5
+    assert first_three(found) == ["stiction", "none", "drift"]
+    assert first_three({"effect": "none"}) == ["none"]
+
+
+def test_claimed_shrinkage_needs_a_resolvable_gap():
+    candidate = {"gap_before": 3.0, "gap_after": 1.5}
+    assert claimed_shrinkage(candidate, {"gap": GAP}) == pytest.approx(0.75)
+    assert claimed_shrinkage({"gap_before": 3.0, "gap_after": 0.5}, {"gap": GAP}) == 1.0
+    assert claimed_shrinkage(candidate, {"gap": GAP | {"resolvable": False}}) is None
+    assert claimed_shrinkage({"gap_before": 3.0}, {"gap": GAP}) is None
+
+
+@pytest.mark.parametrize(
+    ("effect", "true", "claimed", "error"),
+    [
+        ("stiction", {"S": 4.0, "J": 1.0}, {"S": 5.0, "J": 3.0}, 0.25),  # J is excepted
+        ("gain_mismatch", {"factor": 2.0}, {"factor": 1.8}, 0.1),
+        ("valve_characteristic", {"R": 0.1}, {"R": 0.01}, 1.0),  # twice the logarithm
+        ("saturation", {"lo": 0.0, "hi": 60.0}, {"hi": 57.0}, 0.05),
+        ("quantisation", {"step": 2.0, "at": "loop"}, {"step": 2.0, "at": "record"}, 0.0),
+        ("drift", {"rate": 0.0, "walk": 0.4}, {}, 1.0),  # not claimed = at its identity
+    ],
+)
+def test_parameter_error_is_relative_to_the_truth(effect, true, claimed, error):
+    found = says(effect, parameters=claimed)
+    row = judge_record({"id": "a", "block": "", "effect": effect, "parameters": true}, found, FACTS)
+    assert row["parameter_error"] == pytest.approx(error)
+
+
+def test_calibration_error_is_the_distance_of_confidence_and_success():
+    rows = [{"id": i, "block": "valve", "effect": "stiction" if i < 7 else "noise"} for i in range(10)]
+    table = pd.DataFrame([judge_record(r, says("stiction", probability=0.7), FACTS) for r in rows])
+    assert calibration(table).value == pytest.approx(0.0, abs=1e-12)
+    sure = pd.DataFrame([judge_record(r, says("stiction", probability=1.0), FACTS) for r in rows])
+    assert calibration(sure).value == pytest.approx(0.3)
+
+
+def test_wilson_interval_of_a_published_case():
+    lo, hi = Share("", 81, 263).interval  # Newcombe (1998), table I: 0.2553 to 0.3662
+    assert (round(lo, 4), round(hi, 4)) == (0.2553, 0.3662)
+
+
+@pytest.fixture
+def theirs(tmp_path):
+    """A folder as someone else would send it: other column case, no strengths, three records."""
+    rng = np.random.default_rng(0)
+    (tmp_path / "records").mkdir()
+    (tmp_path / "answers").mkdir()
+    for name in "abc":
+        frame = pd.DataFrame(
+            {"T_s": np.arange(50.0), "SP": 1.0, "OP": 50 + rng.standard_normal(50), "PV": rng.standard_normal(50)}
+        )
+        frame.to_csv(tmp_path / "records" / f"{name}.csv", index=False)
+        (tmp_path / "records" / f"{name}.toml").write_text(
+            '[plant]\ntype = "foptd"\nK = 1.0\nT = 5.0\n[controller]\ntype = "PI"\nKc = 1.0\nTi = 5.0\n[sampling]\nTs = 1.0\n'
+        )
+    (tmp_path / "answers.csv").write_text("ID,Block,Effect\na,valve,stiction\nb,none,none\nc,valve,broken_spring\n")
+    (tmp_path / "answers" / "a.json").write_text(json.dumps(says("stiction")))
+    (tmp_path / "answers" / "b.json").write_text(json.dumps(says("none")))
+    return tmp_path
+
+
+def test_someone_elses_folder_is_scored_with_what_it_has(theirs):
+    score = open_(theirs, out=theirs / "out")
+    by_name = {f["name"]: f for f in score["figures"]}
+    assert score["records"] == 3
+    assert score["answered"] == 2
+    assert score["kinds"] == {"single": 1, "none": 1, "foreign": 1}
+    assert (by_name["first answer right"]["k"], by_name["first answer right"]["n"]) == (1, 1)
+    assert by_name["foreign: unknown, of the resolvable"]["k"] == 0
+    assert "foreign: broken_spring" in score["markdown"]
+    made = {p.name for p in (theirs / "out").iterdir()}
+    assert made == {"answers.csv", "score.json", "score.csv", "by_effect.csv", "records.csv", "confusion.png", "confusion.svg"}
+    stored = json.loads((theirs / "out" / "score.json").read_text())
+    assert stored["figures"] == json.loads(json.dumps(score["figures"]))
+
+
+def test_unreadable_folders_end_in_one_sentence(theirs):
+    (theirs / "answers.csv").write_text("id,effect\na,stiction\n")
+    with pytest.raises(ParameterError, match="lacks the column 'block'"):
+        open_(theirs)
+    (theirs / "answers.csv").write_text("id,block,effect\nz,valve,stiction\n")
+    with pytest.raises(ParameterError, match=r"z.csv cannot be read"):
+        open_(theirs)
+    (theirs / "answers.csv").unlink()
+    with pytest.raises(ParameterError, match=r"neither answers.sealed nor a readable answers.csv"):
+        open_(theirs)
+
+
+def test_a_true_claim_closes_the_gap_when_simulated_again_and_a_false_one_does_not():
+    item = own.draw(8, 0, {"kind": "single", "effect": "gain_mismatch", "strength": "strong", "mv": False, "plant": "foptd"})
+    record = pd.DataFrame(item.columns)
+    found = says("gain_mismatch", parameters=item.answer["parameters"])
+    false = {
+        "effect": "compression",
+        "probability": 0.1,
+        "gap_before": 3.0,
+        "gap_after": 1.0,
+        "parameters": {"band": 1e-3 * item.answer["case"]["unit"]},
+    }
+    found["ranking"].append(false)
+    rows = true_shrinkages(item.answer, found, record, item.baseline, FACTS, "own")
+    assert {r["effect"]: r["right"] for r in rows} == {"gain_mismatch": True, "compression": False}
+    true = {r["effect"]: r["true"] for r in rows}
+    assert true["gain_mismatch"] > 0.7
+    assert true["compression"] < 0.3
+    assert item.baseline["plant"]["K"] == item.answer["case"]["nominal"][0]

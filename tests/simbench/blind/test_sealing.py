@@ -1,0 +1,200 @@
+"""The blind check keeps its word: same seed, same records; answers unreadable without the key; nobody peeks while answering."""
+
+import csv
+import hashlib
+import io
+import json
+import tomllib
+
+import numpy as np
+import pytest
+
+from detectors.errors import ParameterError
+from scenarios.spec import Loop
+from simbench.blind import seal
+from simbench.blind.answering import answer
+from simbench.blind.making import Plan, make
+from simbench.blind.opening import open_
+from simbench.loop.effects import EFFECTS
+
+PLAN = Plan(per_cell=1, none=2, two=0, foreign=1, effects=("noise", "op_quantisation", "gain_mismatch"), strengths=("medium",))
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    place = tmp_path_factory.mktemp("withheld")
+    commitment = make(place / "set", place / "keys" / "set.key", seed=4, plan=PLAN)
+    return place / "set", place / "keys" / "set.key", commitment
+
+
+def answers_of(folder, key):
+    return list(csv.DictReader(io.StringIO(seal.read(folder, key))))
+
+
+def test_the_folder_holds_neutral_records_baselines_and_no_plain_answers(made):
+    folder, _, commitment = made
+    names = sorted(p.name for p in (folder / "records").iterdir())
+    assert names == [f"r000{i}.{end}" for i in range(1, 7) for end in ("csv", "toml")]
+    assert sorted(p.name for p in folder.iterdir()) == ["answers.sealed", "commitment.txt", "records"]
+    assert (folder / "commitment.txt").read_text().strip() == commitment
+    for path in (folder / "records").glob("*.toml"):
+        loop = Loop.from_table(tomllib.loads(path.read_text()), path.name)
+        assert not loop.effect
+        assert not loop.disturbance
+        assert not any(word in path.read_text() for word in EFFECTS if word != "noise")
+
+
+def test_records_answers_and_order_follow_from_the_seed_alone(made, tmp_path):
+    folder, key, commitment = made
+    again = make(tmp_path / "set", tmp_path / "k", seed=4, plan=PLAN)
+    assert again != commitment  # salted: equal answers must not show
+    assert seal.read(tmp_path / "set", tmp_path / "k") == seal.read(folder, key)
+    for path in (folder / "records").iterdir():
+        assert path.read_bytes() == (tmp_path / "set" / "records" / path.name).read_bytes()
+
+
+def test_ids_are_shuffled(made):
+    kinds = [row["kind"] for row in answers_of(*made[:2])]
+    assert kinds != sorted(kinds, key=["single", "none", "two", "foreign"].index)
+
+
+def test_mv_is_written_where_the_answers_say_so(made):
+    folder, key, _ = made
+    for row in answers_of(folder, key):
+        header = (folder / "records" / f"{row['id']}.csv").read_text().split("\n", 1)[0]
+        assert ("mv" in header.split(",")) == (row["mv"] == "True")
+
+
+def test_sealed_answers_show_nothing(made):
+    content = (made[0] / "answers.sealed").read_bytes()
+    assert not any(word.encode() in content for word in (*EFFECTS, "single", "none", "id,"))
+    counts = np.bincount(np.frombuffer(content, np.uint8), minlength=256)
+    assert counts.max() < 4 * counts.mean()  # no letter stands out
+    assert made[1].stat().st_mode & 0o077 == 0
+
+
+def test_the_commitment_is_the_hash_of_salt_and_answers(made):
+    folder, key, commitment = made
+    salt = bytes.fromhex(json.loads(key.read_text())["salt"])
+    assert hashlib.sha256(salt + seal.read(folder, key).encode()).hexdigest() == commitment
+
+
+@pytest.mark.parametrize("broken", ["answers", "commitment", "key", "both"])
+def test_a_changed_answer_commitment_or_key_is_noticed(made, tmp_path, broken):
+    folder, key, _ = made
+    content = bytearray((folder / seal.SEALED).read_bytes())
+    parts = json.loads(key.read_text())
+    published = parts["commitment"]
+    if broken == "answers":
+        content[50] ^= 1
+    elif broken == "commitment":
+        published = "0" * 64
+    elif broken == "key":
+        parts["key"] = "00" * 32
+    else:  # a forger who writes a new commitment beside changed answers does not know the key file's
+        content[50] ^= 1
+        published = hashlib.sha256(bytes(content)).hexdigest()
+    (tmp_path / seal.SEALED).write_bytes(bytes(content))
+    (tmp_path / seal.COMMITMENT).write_text(published)
+    (tmp_path / "key").write_text(json.dumps(parts))
+    with pytest.raises(ParameterError, match="commitment"):
+        open_(tmp_path, tmp_path / "key")
+
+
+def test_wrong_use_ends_in_one_sentence(made, tmp_path):
+    folder, key, _ = made
+    with pytest.raises(ParameterError, match="inside"):
+        make(tmp_path / "a", tmp_path / "a" / "sub" / "key", seed=1, plan=PLAN)
+    with pytest.raises(ParameterError, match="holds records already"):
+        make(folder, tmp_path / "key", seed=1, plan=PLAN)
+    with pytest.raises(ParameterError, match="exists already"):
+        make(tmp_path / "a", key, seed=1, plan=PLAN)
+    with pytest.raises(ParameterError, match="a key is needed"):
+        open_(folder)
+    with pytest.raises(ParameterError, match="cannot be read"):
+        open_(folder, tmp_path / "no.key")
+    (tmp_path / "text.key").write_text("hello")
+    with pytest.raises(ParameterError, match="no key file"):
+        open_(folder, tmp_path / "text.key")
+    with pytest.raises(ParameterError, match=r"no records/\*\.csv"):
+        answer(tmp_path, print)
+
+
+DIAGNOSES = '''
+import json
+from pathlib import Path
+
+
+def peek(record, baseline):
+    """Says what it could read."""
+    seen = {}
+    for name in ("answers.sealed", "commitment.txt", "answers.csv", "answers/r0001.json", "score/answers.csv"):
+        for path in (record.parent.parent / name, record.parent / ".." / name):
+            try:
+                path.read_bytes()
+                seen[name] = True
+            except PermissionError:
+                seen[name] = False
+    read = {"n": len(record.read_text()), "baseline": "[plant]" in baseline.read_text()}
+    return {"effect": "none", "block": "none", "seen": seen, **read}
+
+
+def fails_on_odd(record, baseline):
+    """Fails on some records, as a diagnosis may."""
+    if int(record.stem[1:]) % 2 and not (record.parent.parent.parent / "repaired").exists():
+        raise ValueError("no idea")
+    return {"effect": "none", "block": "none"}
+'''
+
+
+@pytest.fixture
+def diagnoses(tmp_path, monkeypatch):
+    (tmp_path / "withheld_fake_diagnoses.py").write_text(DIAGNOSES)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    import withheld_fake_diagnoses
+
+    return withheld_fake_diagnoses
+
+
+@pytest.fixture
+def small(tmp_path):
+    """Two records and plain answers, as someone else would send them."""
+    folder = tmp_path / "theirs"
+    (folder / "records").mkdir(parents=True)
+    for name in ("r0001", "r0002"):
+        (folder / "records" / f"{name}.csv").write_text("t,sp,op,pv\n0,1,50,1\n1,1,50,1.1\n2,1,50,1\n3,1,51,1\n")
+        (folder / "records" / f"{name}.toml").write_text(
+            '[plant]\ntype = "foptd"\nK = 1.0\nT = 5.0\n[controller]\ntype = "PI"\nKc = 1.0\nTi = 5.0\n[sampling]\nTs = 1.0\n'
+        )
+    (folder / "answers.csv").write_text("id,block,effect\nr0001,valve,stiction\nr0002,none,none\n")
+    return folder
+
+
+def test_an_answering_process_can_read_the_records_and_nothing_else(small, diagnoses):
+    for name in ("answers.sealed", "commitment.txt"):
+        (small / name).write_text("secret")
+    (small / "score").mkdir()
+    (small / "score" / "answers.csv").write_text("secret")
+    assert answer(small, diagnoses.peek, jobs=2) == 2
+    found = json.loads((small / "answers" / "r0001.json").read_text())
+    assert set(found["seen"].values()) == {False}
+    assert found["n"] > 10
+    assert found["baseline"]
+    assert (small / "cost.csv").read_text().count("\n") == 3
+
+
+def test_answering_resumes_and_tries_failures_again(small, diagnoses):
+    assert answer(small, diagnoses.fails_on_odd) == 2
+    assert "no idea" in json.loads((small / "answers" / "r0001.json").read_text())["error"]
+    (small / "answers" / "r0002.json").write_text(json.dumps({"effect": "kept"}))
+    (small.parent / "repaired").touch()
+    assert answer(small, diagnoses.fails_on_odd) == 1
+    assert json.loads((small / "answers" / "r0001.json").read_text())["effect"] == "none"
+    assert json.loads((small / "answers" / "r0002.json").read_text())["effect"] == "kept"
+    assert answer(small, diagnoses.fails_on_odd) == 0
+
+
+def test_a_record_without_baseline_is_refused(small, diagnoses):
+    (small / "records" / "r0002.toml").unlink()
+    with pytest.raises(ParameterError, match=r"r0002.csv has no baseline"):
+        answer(small, diagnoses.peek)

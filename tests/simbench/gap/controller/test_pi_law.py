@@ -1,0 +1,223 @@
+"""The controller's law and the samples: what needs no likelihood."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scenarios.spec import Loop
+from simbench.gap.controller.pi_law import examine_law
+from simbench.gap.sensor.samples import inspect_samples
+from simbench.loop.simulate import simulate
+
+BASE = {
+    "plant": {"type": "foptd", "K": 1.5, "T": 20, "Td": 3.5},
+    "controller": {"type": "PI", "Kc": 0.6, "Ti": 18},
+    "sampling": {"Ts": 1.0, "n": 1500},
+    "noise": {"std": 0.1},
+    "setpoint": {"value": 50, "steps": [[60, 53], [700, 48]]},
+    "disturbance": [{"type": "coloured", "amplitude": 0.6, "period": 30.0}],
+}
+
+
+def record(*effects, **changes):
+    return simulate(Loop.from_table({**BASE, **changes, "effect": [{"name": n, **p} for n, p in effects]}), seed=2).record
+
+
+def law(r, Ti=18.0):
+    return examine_law(r.op, r.pv, r.sp, r.Ts, 0.6, Ti)
+
+
+def test_the_law_of_an_untouched_controller_is_exact():
+    found = law(record())
+    assert found.known
+    assert not found.found
+    assert found.baseline_residual < 1e-9
+
+
+def test_detuning_is_measured_to_the_digit():
+    p = law(record(("detuning", {"Kc_factor": 1.7, "Ti_factor": 0.6}))).found["detuning"]
+    assert p["Kc_factor"] == pytest.approx(1.7, rel=1e-6)
+    assert p["Ti_factor"] == pytest.approx(0.6, rel=1e-6)
+
+
+@pytest.mark.parametrize(("effect", "parameters", "key", "tolerance"), [
+    ("error_deadband", {"width": 0.3}, "width", 0.03), ("op_quantisation", {"step": 0.4}, "step", 1e-6),
+    ("saturation", {"lo": 0.0, "hi": 52.0}, "hi", 1e-6),
+])  # fmt: skip
+def test_controller_effects_are_found_with_their_size(effect, parameters, key, tolerance):
+    found = law(record((effect, parameters))).found
+    assert set(found) == {effect}
+    assert found[effect][key] == pytest.approx(parameters[key], abs=tolerance)
+
+
+def test_a_late_archive_is_no_new_tuning():
+    r = record()
+    found = examine_law(r.op[1:], r.pv[:-1], r.sp[:-1], r.Ts, 0.6, 18.0)
+    early = examine_law(r.op[:-1], r.pv[1:], r.sp[1:], r.Ts, 0.6, 18.0)
+    assert {found.late, early.late} <= {0, 1}
+    assert early.known is False or not early.found
+    late = examine_law(np.append(r.op[0], r.op[:-1]), r.pv, r.sp, r.Ts, 0.6, 18.0)
+    assert late.known
+    assert late.late == 1
+    assert not late.found
+
+
+def test_the_pv_behind_a_compressed_archive_is_recovered():
+    raw, archived = record(), record(("compression", {"band": 0.3}))
+    recovered_pv = law(archived).recovered_pv
+    assert recovered_pv is not None
+    inner = slice(100, None)
+    assert np.abs(recovered_pv - raw.pv)[inner].max() < 0.05 * np.abs(archived.pv - raw.pv)[inner].max()
+
+
+def test_a_controller_with_derivative_action_is_foreign():
+    r = record()
+    e = r.sp - r.pv
+    op = 50 + np.cumsum(0.6 * np.diff(e, prepend=e[0]) + 0.6 / 18 * e + 3.0 * np.diff(e, 2, prepend=[e[0], e[0]]))
+    found = examine_law(op, r.pv, r.sp, 1.0, 0.6, 18.0)
+    assert found.foreign
+
+
+@pytest.mark.parametrize("step", [0.5, 0.237, 3.3])
+def test_a_lattice_is_found_through_decimal_rounding(step):
+    rng = np.random.default_rng(1)
+    pv, op = np.round(rng.normal(40, 5, 800) / step) * step, rng.normal(50, 5, 800)
+    # the other column shows that the file has digits to spare
+    assert inspect_samples(np.round(pv, 5), np.round(op, 5)).step == pytest.approx(step, rel=1e-3)
+
+
+def test_decimal_digits_are_no_lattice():
+    pv = np.round(np.random.default_rng(1).normal(40, 5, 800), 3)
+    assert inspect_samples(pv).step == 0.0
+
+
+def test_spikes_are_counted_and_steps_are_not():
+    rng = np.random.default_rng(2)
+    pv = rng.normal(0, 0.1, 1000)
+    pv[500:] += 5.0
+    assert inspect_samples(pv).spikes.size == 0
+    pv[[100, 300, 800]] += [2.0, -2.0, 3.0]
+    assert inspect_samples(pv).spikes.tolist() == [100, 300, 800]
+
+
+def test_straight_lines_are_seen_in_a_compressed_archive_only():
+    assert inspect_samples(np.asarray(record(("compression", {"band": 0.3})).pv)).straight > 0.3
+    assert inspect_samples(np.asarray(record().pv)).straight == 0.0
+
+
+def soft_gap_record(width):
+    """A velocity-form PI whose dead-band takes its half width off larger errors, on a first-order plant."""
+    rng, n, Kc, Ti = np.random.default_rng(5), 2000, 1.2, 12.0
+    op, pv, sp = np.full(n, 50.0), np.full(n, 20.0), np.full(n, 20.0)
+    before = x = load = 0.0
+    for k in range(n):
+        load = 0.98 * load + 0.2 * rng.standard_normal()
+        x += (0.8 * (op[k - 3] - 50.0 + load) - x) / 15.0 if k > 3 else 0.0
+        pv[k] = 20.0 + x + 0.05 * rng.standard_normal()
+        e = sp[k] - pv[k]
+        e = np.sign(e) * max(abs(e) - width / 2, 0.0)
+        op[k] = (op[k - 1] if k else 50.0) + Kc * (e - before + e / Ti)
+        before = e
+    return np.round(op, 6), np.round(pv, 6), sp
+
+
+def test_a_dead_band_that_starts_from_zero_at_its_edge_is_one_too():
+    found = examine_law(*soft_gap_record(0.5), 1.0, 1.2, 12.0)
+    assert found.known
+    assert set(found.found) == {"error_deadband"}
+    assert found.found["error_deadband"]["width"] == pytest.approx(0.5, rel=0.02)
+
+
+@pytest.mark.parametrize("form", ["trapezoid", "forward"])
+def test_how_the_integral_is_taken_is_no_new_tuning(form):
+    r = record()
+    e = r.sp - r.pv
+    old = np.append(e[0], e[:-1])
+    op = 50 + np.cumsum(0.6 * (e - old) + 0.6 / 6.0 * (0.5 * (e + old) if form == "trapezoid" else old))
+    found = law(replace(r, op=op), Ti=6.0)
+    assert found.known
+    assert not found.found
+    assert found.baseline_residual < 1e-6
+
+
+@pytest.mark.parametrize("share", [0.1, 0.4, 0.75])
+def test_missed_scans_are_told_by_the_law_between_the_moves(share):
+    r = record()
+    e, op = r.sp - r.pv, np.full(r.n, 50.0)
+    skip, last = np.random.default_rng(4).random(r.n) < share, 0
+    for k in range(1, r.n):
+        op[k] = op[k - 1]
+        if not skip[k]:
+            op[k] += 0.6 * (e[k] - e[last]) + 0.6 / 18 * e[k]
+            last = k
+    assert "skips scans" in law(replace(r, op=op)).foreign
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_a_set_point_logged_a_sample_off_is_no_other_controller(late):
+    r = record()
+    sp = np.append(r.sp[0], r.sp[:-1]) if late else np.append(r.sp[1:], r.sp[-1])
+    found = law(replace(r, sp=sp))
+    assert found.known
+    assert not found.found
+
+
+@pytest.mark.parametrize("archive", [("compression", {"band": 0.6}), ("quantisation", {"step": 0.5, "at": "record"})])
+@pytest.mark.parametrize("tuning", [{}, {"Kc_factor": 0.5, "Ti_factor": 1.8}], ids=["as stated", "retuned"])
+def test_tuning_is_read_through_a_poor_archive(archive, tuning):
+    effects = [("detuning", tuning)] if tuning else []
+    clean = record(*effects)
+    found = law(record(*effects, archive))
+    assert found.recovered_pv is not None
+    assert np.abs(found.recovered_pv - clean.pv)[100:].max() < 0.1 * archive[1].get("band", 0.5)
+    if tuning:
+        assert found.found["detuning"]["Kc_factor"] == pytest.approx(0.5, rel=0.03)
+        assert found.found["detuning"]["Ti_factor"] == pytest.approx(1.8, rel=0.03)
+    else:
+        assert not found.found
+
+
+def test_limits_are_seen_under_another_tuning_and_a_coarse_output():
+    retuned = law(record(("detuning", {"Kc_factor": 0.4, "Ti_factor": 1.5}), ("saturation", {"lo": 0.0, "hi": 51.0})))
+    assert set(retuned.found) == {"detuning", "saturation"}
+    assert retuned.found["saturation"]["hi"] == pytest.approx(51.0)
+    coarse = law(record(("op_quantisation", {"step": 0.4}), ("saturation", {"lo": 0.0, "hi": 51.2})))
+    assert set(coarse.found) == {"op_quantisation", "saturation"}
+
+
+def test_spikes_on_a_slope_and_side_by_side_are_found_and_corners_are_not():
+    rng = np.random.default_rng(3)
+    t = np.arange(1200.0)
+    smooth = np.interp(t, [0, 300, 400, 800, 830, 1200], [0, 0, 30, 30, 5, 5])
+    pv = smooth + 0.02 * rng.standard_normal(t.size)
+    assert inspect_samples(pv).spikes.size == 0
+    places = np.array([100, 320, 350, 351, 600, 602, 815, 1000])
+    pv[places] += 2.0 * rng.choice([-1.0, 1.0], places.size)
+    assert inspect_samples(pv).spikes.tolist() == places.tolist()
+
+
+def test_bursts_of_noise_are_no_spikes():
+    rng = np.random.default_rng(6)
+    noise = rng.standard_normal(3000)
+    for k in range(100, 3000, 300):
+        noise[k : k + 60] *= 6.0
+    assert inspect_samples(noise).spikes.size == 0
+
+
+def test_a_dozen_kept_samples_are_enough_to_believe_op():
+    r = record()
+    kept = np.append(np.arange(0, r.n - 1, 125), r.n - 1)
+    archived = np.interp(np.arange(r.n), kept, r.pv[kept])
+    recovered_pv = law(replace(r, pv=archived)).recovered_pv
+    assert recovered_pv is not None
+    assert np.abs(recovered_pv - r.pv).max() < 1e-6
+
+
+@pytest.mark.parametrize("weight", [0.0, 0.6])
+def test_a_weighted_set_point_is_no_late_set_point(weight):
+    r = record(setpoint={"value": 50, "steps": [[60, 53], [400, 50], [700, 48], [1100, 52]]})
+    e = r.sp - r.pv
+    pushed = e - (1.0 - weight) * (r.sp - r.sp[0])
+    op = 50 + 0.6 * pushed + 0.6 / 18 * np.cumsum(e)
+    assert "set-point" in law(replace(r, op=op)).foreign

@@ -1,0 +1,168 @@
+"""What is refused, in one sentence, and what is like it and must be answered: units, other loops, dead and frozen signals."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from detectors.errors import RecordError
+from scenarios.spec import Loop
+from simbench.gap.intake.check import check
+from simbench.gap.intake.refuse import moving_slope
+from simbench.loop.simulate import simulate
+
+TABLE = {
+    "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0},
+    "controller": {"type": "PI", "Kc": 1.5, "Ti": 20.0},
+    "sampling": {"Ts": 1.0, "n": 2000},
+    "noise": {"std": 0.1},
+    "setpoint": {"value": 50.0, "steps": [[600.0, 55.0], [1300.0, 50.0]]},
+}
+STICKY = {"valve": {"model": "choudhury", "S": 6.0, "J": 2.0}}
+LOADED = {"disturbance": [{"type": "coloured", "amplitude": 0.6, "period": 30.0}]}
+
+
+def loop(**more):
+    return Loop.from_table({**TABLE, **more})
+
+
+def run(**more):
+    return simulate(loop(**more), seed=3, kick=6.0).record
+
+
+def refused(record, baseline, *words):
+    with pytest.raises(RecordError) as caught:
+        check(record, baseline)
+    sentence = str(caught.value)
+    assert "\n" not in sentence
+    for word in words:
+        assert word in sentence
+
+
+@pytest.mark.parametrize("valve", [{}, STICKY, {"valve": {"model": "deadband", "S": 3.0}}], ids=["ideal", "sticky", "play"])
+@pytest.mark.parametrize(("change", "words"), [
+    (lambda mv: 0.4 * mv, "times OP"), (lambda mv: 1.6 * mv, "times OP"), (lambda mv: 4.0 + 0.16 * mv, "mA"),
+    (lambda mv: mv / 100.0, "share of 1"), (lambda mv: 100.0 - mv, "falls where OP rises"),
+], ids=["mm", "mm of a long stem", "mA", "share", "closing"])  # fmt: skip
+def test_mv_on_another_scale_is_refused(valve, change, words):
+    r = run(**valve)
+    refused(replace(r, mv=change(r.mv)), loop(), "MV", words, "% of travel")
+
+
+@pytest.mark.parametrize("effect", [
+    {"name": "stiction", "S": 8.0, "J": 4.0}, {"name": "deadband", "S": 5.0}, {"name": "valve_lag", "tau": 15.0},
+    {"name": "valve_characteristic", "R": 15.0}, {"name": "valve_characteristic", "R": 0.1},
+    {"name": "deadzone", "D": 6.0, "c": 50.0},
+], ids=lambda e: f"{e['name']} {list(e.values())[1]:g}")  # fmt: skip
+def test_a_faulty_valve_is_no_other_unit(effect):
+    r = run(effect=[effect])
+    noisy = replace(r, mv=np.asarray(r.mv) + 0.05 * np.random.default_rng(0).standard_normal(r.n))
+    assert check(r, loop()).record.mv is not None
+    assert check(noisy, loop()).record.mv is not None
+
+
+def test_the_slope_is_that_of_the_sliding_valve():
+    r = run(**STICKY)
+    assert moving_slope(r.op, r.mv) == pytest.approx(1.0, abs=1e-6)
+    assert moving_slope(r.op, 0.4 * np.asarray(r.mv)) == pytest.approx(0.4, abs=1e-6)
+    assert moving_slope(np.full(500, 50.0), r.mv[:500]) is None
+
+
+def test_op_in_ma_or_as_a_share_is_refused_and_its_span_settles_it():
+    r = run()
+    refused(replace(r, op=4.0 + 0.16 * r.op, mv=None), loop(), "OP runs from", "mA", "--op-span")
+    refused(replace(r, op=r.op / 100.0, mv=None), loop(), "share of 1", "--op-span")
+    assert not check(replace(r, op=4.0 + 0.16 * r.op, op_span=(4.0, 20.0)), loop()).proven
+
+
+OTHERS = {
+    "slow": {
+        "plant": {"type": "foptd", "K": 0.3, "T": 200.0, "Td": 30.0},
+        "controller": {"type": "PI", "Kc": 8.0, "Ti": 200.0},
+    },
+    "fast": {"plant": {"type": "foptd", "K": 3.0, "T": 5.0, "Td": 1.0}, "controller": {"type": "PI", "Kc": 0.6, "Ti": 5.0}},
+    "vessel": {"plant": {"type": "integrating", "K": 0.05, "Td": 10.0}, "controller": {"type": "PI", "Kc": 3.0, "Ti": 80.0}},
+}
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_the_baseline_of_another_loop_is_refused(name):
+    refused(run(**LOADED), loop(**OTHERS[name]), "another loop", "Kc", "K =")
+
+
+def test_a_sticky_valve_does_not_hide_the_other_loop():
+    refused(replace(run(**STICKY), mv=None), loop(**OTHERS["slow"]), "another loop")
+
+
+SLACK = {"controller": {"type": "PI", "Kc": 0.5, "Ti": 60.0}}
+
+
+@pytest.mark.parametrize("other", [
+    SLACK, SLACK | {"plant": {"type": "foptd", "K": 3.6, "T": 20.0, "Td": 4.0}},
+    SLACK | {"plant": {"type": "foptd", "K": 1.2, "T": 60.0, "Td": 4.0}},
+], ids=["alone", "with another gain", "with another time constant"])  # fmt: skip
+@pytest.mark.parametrize("valve", [{}, STICKY], ids=["ideal", "sticky"])
+def test_other_tuning_is_an_effect_and_no_other_loop(other, valve):
+    found = check(replace(run(**LOADED, **valve), mv=None), loop(**other)).proven["detuning"]
+    assert found["Kc_factor"] == pytest.approx(3.0, rel=1e-3)
+    assert found["Ti_factor"] == pytest.approx(1.0 / 3.0, rel=1e-3)
+
+
+def test_retuned_vessels_are_not_taken_for_other_plants():
+    table = {
+        "plant": {"type": "integrating", "K": 0.02, "Td": 5.0},
+        "controller": {"type": "PI", "Kc": 2.0, "Ti": 90.0},
+        "disturbance": [{"type": "coloured", "amplitude": 1.0, "period": 100.0}],
+    }
+    effect = [{"name": "detuning", "Kc_factor": 0.5, "Ti_factor": 2.0}]
+    assert "detuning" in check(replace(run(**table, effect=effect), mv=None), loop(**table)).proven
+
+
+def held(pv, every, length):
+    pv = pv.copy()
+    for k in range(every, pv.size - length, every):
+        pv[k : k + length] = pv[k]
+    return pv
+
+
+def test_digits_far_below_the_noise_are_no_quantisation():
+    r = run(**LOADED)
+    assert not check(replace(r, pv=np.round(r.pv, 3)), loop()).proven
+
+
+@pytest.mark.parametrize("digits", [3, 4, 9])
+def test_short_standstills_of_a_noisy_pv_are_frozen_and_rounding_is_not(digits):
+    r = run(**LOADED)
+    pv = np.round(r.pv, digits)
+    assert not check(replace(r, pv=pv), loop()).frozen
+    assert check(replace(r, pv=held(pv, 200, 12)), loop()).frozen
+
+
+def test_pv_that_comes_to_rest_without_noise_is_not_frozen():
+    quiet = {**TABLE, "noise": {"std": 0.0}}
+    r = simulate(Loop.from_table(quiet), seed=1).record
+    assert not check(replace(r, pv=np.round(r.pv, 4)), Loop.from_table(quiet)).samples.stuck
+
+
+@pytest.mark.parametrize("at", ["loop", "record"])
+@pytest.mark.parametrize("other", [{}, {"name": "op_quantisation", "step": 0.5}], ids=["fine", "coarse OP"])
+def test_op_says_whether_the_controller_saw_the_spikes(at, other):
+    effects = [{"name": "outliers", "rate": 0.01, "size": 3.0, "at": at}, *([other] if other else [])]
+    assert check(run(**LOADED, effect=effects), loop()).proven["outliers"]["at"] == at
+
+
+def test_a_lightly_thinned_archive_is_compression_and_no_spikes():
+    r = run(**LOADED, effect=[{"name": "compression", "band": 0.1}])
+    situation = check(r, loop())
+    assert 0.0 < situation.samples.straight < 0.5
+    assert set(situation.proven) == {"compression"}
+
+
+@pytest.mark.parametrize("valve", [
+    {"model": "deadband", "S": 2.0}, {"model": "choudhury", "S": 6.0, "J": 2.0},
+    {"model": "deadband", "S": 2.0, "behind": [{"model": "lag", "T": 3.0}]},
+], ids=["play", "sticky", "play and lag"])  # fmt: skip
+def test_what_the_baselines_valve_does_to_op_is_no_gap(valve):
+    r = run(valve=valve)
+    found = check(replace(r, mv=None), loop(valve=valve))
+    assert np.abs(found.data.u - r.mv)[100:].max() < 0.05

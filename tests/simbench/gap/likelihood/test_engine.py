@@ -1,0 +1,177 @@
+"""The engine: exact derivatives, no step backwards, the true plant, load and noise found again, and no unit anywhere."""
+
+import numpy as np
+import pytest
+
+from scenarios.spec import Loop
+from simbench.gap.likelihood import kernels
+from simbench.gap.likelihood.engine import STEP, Engine
+from simbench.gap.likelihood.model import Data, Spec, lag_of
+from simbench.loop.simulate import simulate
+
+K, T, TD, NOISE, LOAD, MEMORY = 1.5, 14.0, 4.3, 0.35, 0.9, 18.0
+
+
+def recorded(n=1500, seed=4, integrating=False, disturbance=None):
+    """Return OP and PV of a loop without effect, SP moving; the load's steady effect on PV has std LOAD."""
+    plant = {"type": "integrating", "K": K / T, "Td": TD} if integrating else {"type": "foptd", "K": K, "T": T, "Td": TD}
+    load = [{"type": "coloured", "amplitude": LOAD / K, "period": MEMORY}]
+    record = simulate(Loop.from_table({
+        "plant": plant,
+        "controller": {"type": "PI", "Kc": 0.8, "Ti": 4 * T if integrating else T},
+        "sampling": {"Ts": 1.0, "n": n},
+        "noise": {"std": NOISE},
+        "setpoint": {"value": 50.0, "steps": [[float(t), 50.0 + 3.0 * (i % 2)] for i, t in enumerate(range(40, n, 90))]},
+        "disturbance": load if disturbance is None else disturbance,
+    }), seed=seed).record  # fmt: skip
+    return record.op, record.pv
+
+
+OP, PV = recorded()
+
+
+def engine(gain=1.0, integrating=False, trusted=True, op=OP, pv=PV, scale=1.0):
+    if integrating:
+        op, pv = recorded(n=900, integrating=True)
+    return Engine(
+        Data(op, scale * pv, scale * gain * (K / T if integrating else K), 0.0 if integrating else 0.95 * T, 1.05 * TD,
+             scale * NOISE, trusted=trusted),
+        60.0,
+    )  # fmt: skip
+
+
+THETA = {"T": 13.1, "Td": 4.45, "load_time": 11.0, "load_lag": 3.0, "load": 1.3, "noise": 0.33, "colour": 0.15}
+RAMP = np.linspace(0.0, 1.0, PV.size)
+PINK = {k: v for k, v in THETA.items() if k != "load_lag"}
+
+
+@pytest.mark.parametrize(("e", "spec", "theta"), [
+    (engine(), Spec(), THETA),
+    (engine(), Spec(), {**THETA, "T": 18.0, "Td": 6.8, "noise": 0.6, "load_time": 1.5, "load_lag": 0.3}),  # outside its priors
+    (engine(gain=0.6), Spec(), THETA),  # the gain held by its prior
+    (engine(trusted=False), Spec(pink=True), PINK),
+    (engine(), Spec(pole="sensor"), {**THETA, "tau": 2.0}),
+    (engine(), Spec(pole="extra", walk=True), {**THETA, "tau": 3.0, "walk": 0.02}),
+    (engine(), Spec(load_walk=True, channels=(RAMP,)), {**THETA, "load_walk": 0.05}),
+    (engine(), Spec(valve=kernels.CURVE, free=frozenset({"K"})), {**THETA, "R": 2.0}),
+    (engine(integrating=True), Spec(pole="valve"), {**THETA, "tau": 3.0, "load": 0.05}),
+])  # fmt: skip
+def test_derivatives_are_those_of_the_profile_likelihood(e, spec, theta):
+    names = tuple(m for m in spec.names if m in theta and (m != "T" or e.data.T > 0))
+    x = np.log([theta[m] for m in names])
+
+    def unpack(x):
+        return {**theta, **dict(zip(names, np.exp(x)))}
+
+    def moved(i, h):
+        y = x.copy()
+        y[i] += h
+        return e._terms(spec, unpack(y))
+
+    now = e._terms(spec, theta)
+    J, slope = e._derivatives(spec, names, x, np.column_stack([x - 9, x + 9]), unpack, now)
+    gradient, J = J.T @ now[0] + slope, e._beside_linear(spec, now, J)
+    # the linear coefficients are fitted anew on either side
+    h = 1e-3
+    for i, name in enumerate(names):
+        up, down, middle = (0.5 * t[0] @ t[0] + t[1] for t in (moved(i, h), moved(i, -h), now))
+        bend = abs(up - 2 * middle + down) / h**2
+        assert gradient[i] == pytest.approx((up - down) / (2 * h), abs=STEP * bend + 1e-3 * np.abs(gradient).max()), name
+        central = e._beside_linear(spec, now, ((moved(i, h)[0] - moved(i, -h)[0]) / (2 * h))[:, None])[:, 0]
+        # the filter's gain freezes a sample sooner or later on either side, which shows where it settles slowly
+        assert np.linalg.norm(J[:, i] - central) < 0.03 * np.linalg.norm(central) + 1e-3, name
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_fit_never_ends_below_its_start(seed):
+    rng = np.random.default_rng(seed)
+    e = engine(gain=float(rng.uniform(0.7, 1.3)), trusted=seed % 4 != 3)
+    pole = ("", "extra", "sensor", "valve")[seed % 4]
+    spec = Spec(pole=pole, pink=seed % 2 == 1, free=frozenset({"T"}) if seed < 4 else frozenset())
+    start = {}
+    for name in spec.names:
+        low, high = e.bounds(spec, name)
+        start[name] = float(rng.uniform(low, high) if low <= 0 else np.exp(rng.uniform(*np.log([low, high]))))
+    fit = e.fit(spec, start, steps=6)
+    assert fit.loglik >= e.at(spec, start).loglik
+    assert fit.loglik == e.evaluate(spec, fit.theta)[0]
+    for name in spec.names:
+        low, high = e.bounds(spec, name)
+        assert low * (1 - 1e-9) - 1e-9 <= fit.theta[name] <= high * (1 + 1e-9)
+
+
+def test_plant_load_and_noise_are_found_again():
+    op, pv = recorded(n=6000)
+    e = Engine(Data(op, pv, 0.6 * K, 0.5 * T, 2.5 * TD, 0.0, trusted=False), 60.0)
+    fit = e.base()
+    assert fit.K == pytest.approx(K, rel=0.05)
+    assert fit.theta["T"] == pytest.approx(T, rel=0.08)
+    assert fit.theta["Td"] == pytest.approx(TD, abs=0.4)
+    assert fit.theta["noise"] == pytest.approx(NOISE, rel=0.05)
+    assert fit.theta["load"] == pytest.approx(LOAD, rel=0.25)
+    assert fit.theta["load_time"] == pytest.approx(MEMORY, rel=0.35)
+    assert np.var(fit.residual[kernels.SKIP :]) == pytest.approx(1.0, abs=0.04)
+
+
+def test_a_load_of_power_one_over_f_is_taken_for_one():
+    parts = [{"type": "coloured", "amplitude": LOAD / K / np.sqrt(3), "period": 60.0 / 5**i} for i in range(3)]
+    op, pv = recorded(n=6000, disturbance=parts)
+    fit = Engine(Data(op, pv, K, T, TD, NOISE), 80.0).base()
+    assert fit.spec.pink
+    assert "load_lag" not in fit.theta
+    assert fit.theta["load"] == pytest.approx(LOAD, rel=0.3)
+
+
+def test_a_trusted_baseline_is_left_only_for_a_reason():
+    fit = engine(gain=0.6).base()  # K is 40 % too low: the prior yields, but reluctantly
+    assert 0.66 * K < fit.K < K
+    assert fit.theta["T"] == pytest.approx(0.95 * T, rel=0.2)
+
+
+@pytest.mark.parametrize(("kind", "points"), [
+    (kernels.PLAY, [(s, b * s / 2, 0.0) for s in (0.2, 1.0, 2.5, 5.0) for b in (-1, 0, 1)]),
+    (kernels.ZONE, [(d, c, 0.0) for d in (0.3, 1.5, 4.0) for c in (49.0, 50.0, 51.5)]),
+    (kernels.STICK, [(s, s * j, s * b / 2) for s in (0.5, 1.5, 4.0) for j in (0.1, 0.6, 1.0) for b in (-1, 1)]),
+    (kernels.CREEP, [(s, s * j, 0.0) for s in (0.5, 1.5, 4.0) for j in (0.1, 0.6, 1.0)]),
+    (kernels.CURVE, [(r, 0.0, 0.0) for r in (0.05, 0.5, 2.0, 20.0)]),
+])  # fmt: skip
+@pytest.mark.parametrize(("gain", "theta"), [(1.0, THETA), (0.5, PINK)])
+def test_a_scan_is_least_squares_beside_the_other_channels(kind, points, gain, theta):
+    e = engine(gain=gain)
+    n, d = PV.size, e.data
+    fast = e.scan(Spec(channels=(RAMP,)), theta, kind, np.array(points))
+
+    def white(x):
+        model = (theta["load_time"], lag_of(theta), theta["load"], 0.0, 0.0, theta["noise"], theta["colour"], e.spread)
+        return kernels.whiten(x[None, :], theta["T"], 0.0, *model)[0][0, kernels.SKIP :]
+
+    onset = kernels.plant(np.append(0.0, np.ones(n - 1)), theta["T"], theta["Td"], 0.0)
+    others, y = np.array([white(x) for x in (np.ones(n), onset, RAMP)]).T, white(PV - PV[0])
+    slow = []
+    for p in points:
+        g = white(kernels.plant(kernels.valve(OP, kind, *p), theta["T"], theta["Td"], 0.0))
+        free = np.linalg.lstsq(np.column_stack([g, others]), y, rcond=None)[0][0]
+        rest = y - np.clip(free, 0.9 * d.K, 1.1 * d.K) * g
+        slow.append(-0.5 * float(np.sum((rest - others @ np.linalg.lstsq(others, rest, rcond=None)[0]) ** 2)))
+    assert np.allclose(fast - fast[0], np.array(slow) - slow[0], rtol=1e-6, atol=1e-5 * np.ptp(slow))
+
+
+def test_a_scan_ranks_maps_as_full_evaluations_do():
+    e = engine(trusted=False)
+    points = np.array([(d, c, 0.0) for d in (0.3, 1.0, 2.0, 4.0) for c in (49.0, 50.0, 51.5)])
+    scanned = e.scan(Spec(), THETA, kernels.ZONE, points)
+    full = np.array([e.evaluate(Spec(valve=kernels.ZONE), {**THETA, "D": d, "c": c})[0] for d, c, _ in points])
+    assert np.allclose(scanned - full, (scanned - full)[0], atol=1e-4)
+
+
+@pytest.mark.parametrize("spec", [Spec(), Spec(pink=True), Spec(free=frozenset({"K", "T", "Td"}))])
+def test_a_fit_has_no_unit_of_pv(spec):
+    # a load that is plainly of second order: along a parameter without effect, rounding alone would lead the way
+    op, pv = recorded(disturbance=[{"type": "coloured", "amplitude": 2 * LOAD / K, "period": MEMORY, "lag": 8.0}])
+    one, other = engine(op=op, pv=pv), engine(op=op, pv=pv, scale=64.0)
+    start = {**one.start(), "load_lag": 4.0}
+    a, b = one.fit(spec, start), other.fit(spec, {m: v * (64.0 if m in ("load", "noise") else 1.0) for m, v in start.items()})
+    assert b.loglik == pytest.approx(a.loglik - (PV.size - kernels.SKIP) * np.log(64.0), abs=1e-4)
+    assert pytest.approx(64.0 * a.K, rel=1e-4) == b.K
+    for name, value in a.theta.items():
+        assert b.theta[name] == pytest.approx(value * (64.0 if name in ("load", "noise") else 1.0), rel=1e-3, abs=1e-6), name

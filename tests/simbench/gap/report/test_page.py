@@ -1,0 +1,216 @@
+"""The page of a diagnosis: one file that asks for nothing, every picture seen, the answer and its reserves in words."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import sys
+from dataclasses import replace
+from html import unescape
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from detectors.record import LoopRecord
+from scenarios.spec import Loop
+from simbench.files import FileError
+from simbench.gap.diagnosis import diagnose
+from simbench.gap.random_case import random_case
+from simbench.gap.report.page import write_page
+from simbench.gap.report.pictures import draw_loops, draw_traces, spectrum
+from simbench.gap.report.traces import BASELINE, FIXED, NEAREST, TUNED, recorded, simulated, window
+from simbench.loop.simulate import simulate
+
+BROWSER = Path(__file__).parents[2] / "report" / "chromium.py"
+HEALTHY = {
+    "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0},
+    "controller": {"type": "PI", "Kc": 1.5, "Ti": 20.0},
+    "sampling": {"Ts": 1.0, "n": 1500},
+    "noise": {"std": 0.1},
+    "setpoint": {"value": 50.0, "steps": [[600.0, 55.0], [1100.0, 50.0]]},
+}
+STICKY = {**HEALTHY, "valve": {"model": "choudhury", "S": 6.0, "J": 2.0}}
+TAG = "FIC <101> & co"
+COMMAND = ["simbench gap diagnose a.csv --baseline b.toml"]
+
+
+def _chromium():
+    spec = importlib.util.spec_from_file_location("chromium_for_gap", BROWSER)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+chromium = _chromium()
+needs_browser = pytest.mark.skipif(chromium.executable() is None, reason="no Chromium here: the page is checked as text only")
+
+
+@pytest.fixture(scope="module")
+def sticky():
+    """Report on a sticky loop with MV, whose simulation has a healthy valve."""
+    record = simulate(Loop.from_table(STICKY), seed=3, kick=6.0).record
+    record = LoopRecord(op=record.op, pv=record.pv, sp=record.sp, mv=record.mv, Ts=record.Ts, op_span=(0.0, 100.0), tag=TAG)
+    return diagnose(record, Loop.from_table(HEALTHY))
+
+
+@pytest.fixture(scope="module")
+def clean():
+    """Report on a record to which nothing is missing."""
+    case = random_case(4, ())
+    return diagnose(case.record, case.baseline)
+
+
+@pytest.fixture(scope="module")
+def pages(sticky, clean, tmp_path_factory):
+    place = tmp_path_factory.mktemp("pages")
+    for name, report in (("sticky", sticky), ("clean", clean)):
+        write_page(report, place / f"{name}.html", COMMAND)
+    return place
+
+
+def text_of(page: Path) -> str:
+    """What a reader sees of it."""
+    html = re.sub(r"<(script|style).*?</\1>", "", page.read_text(encoding="utf-8"), flags=re.S)
+    return " ".join(unescape(re.sub(r"<[^>]*>", " ", html)).split())
+
+
+@pytest.mark.parametrize("name", ["sticky", "clean"])
+def test_it_is_one_file_without_a_link_to_anywhere(name, pages):
+    html = (pages / f"{name}.html").read_text(encoding="utf-8")
+    assert "<script src" not in html
+    assert "@import" not in html
+    for target in re.findall(r'(?:src|href|action)="([^"]*)"', html) + re.findall(r"url\(([^)]*)\)", html):
+        assert target.startswith(("#", "data:")), target
+    ids = re.findall(r'\bid="([^"]+)"', html)
+    assert len(ids) == len(set(ids))
+    for target in re.findall(r'href="#([^"]+)"', html) + re.findall(r"url\(#([^)]+)\)", html):
+        assert target in ids
+
+
+@pytest.mark.parametrize("name", ["sticky", "clean"])
+def test_it_says_what_the_report_says(name, pages, sticky, clean):
+    report, said = {"sticky": sticky, "clean": clean}[name], text_of(pages / f"{name}.html")
+    assert report.sentence() in said
+    for note in report.notes:
+        assert " ".join(note.split()) in said
+    assert report.next_test in said
+    assert COMMAND[0] in said
+    for size in (report.gap.before, report.gap.floor):
+        assert f"{size:.2f}" in said
+    for effect in {r.effect for r in report.ranking}:
+        assert effect.replace("_", " ") in said
+
+
+def test_names_from_a_record_cannot_become_html(pages):
+    html = (pages / "sticky.html").read_text(encoding="utf-8")
+    assert "FIC <101>" not in html
+    assert "FIC &lt;101&gt; &amp; co" in html
+
+
+def test_without_a_resolvable_gap_no_share_is_said_to_close(pages, clean):
+    assert clean.shrinkage is None
+    said = text_of(pages / "clean.html")
+    assert "of the gap closes" not in said
+    assert ("not resolvable" in said) == (not clean.gap.resolvable)
+
+
+def test_pictures_show_the_record_and_three_simulations_of_its_length(sticky, clean):
+    record, runs = recorded(sticky), simulated(sticky)
+    assert list(runs) == [BASELINE, TUNED, FIXED]
+    assert record.pv.shape == (1500,)
+    assert all(t.op.shape == t.pv.shape == t.sp.shape == (1500,) for t in runs.values())
+    assert all(np.array_equal(t.sp, record.sp) for t in runs.values())
+    # between two set-point changes
+    far = {name: abs(np.log(np.std(t.op[800:1100]) / np.std(record.op[800:1100]))) for name, t in runs.items()}
+    assert far[FIXED] < 0.5 < far[BASELINE]
+    assert window(sticky, 400) == (1100, 1500)
+    assert window(sticky) == (975, 1500)
+    assert FIXED not in simulated(clean)
+
+
+def test_for_an_unknown_effect_the_nearest_known_one_is_drawn_and_said_to_be_that(sticky, tmp_path):
+    answer = {"block": "valve", "effect": "unknown", "parameters": {}, "probability": 0.9}
+    unknown = replace(sticky, effect="unknown", effects=(answer,), shrinkage=None)
+    assert list(simulated(unknown)) == [BASELINE, TUNED, NEAREST]
+    write_page(unknown, tmp_path / "page.html")
+    said = text_of(tmp_path / "page.html")
+    assert unknown.sentence() in said
+    assert "with the nearest effect added" in said
+    assert "Still possible in place of the answer: stiction" in said
+
+
+def test_a_gap_that_grows_is_not_said_to_close(sticky, tmp_path):
+    write_page(replace(sticky, shrinkage={"value": -0.08, "lo": -0.25, "hi": 0.001}), tmp_path / "page.html")
+    assert "8 % by which the gap grows (90 % interval 0 to 25 %)" in text_of(tmp_path / "page.html")
+
+
+def test_a_simulation_far_off_the_records_range_is_said_to_be_there(sticky):
+    record = recorded(sticky)
+    away = {BASELINE: replace(record, op=record.op + 500.0)}
+    for figure in (draw_traces("OP", record, away, 0, 1500), draw_loops("PV", record, away, 0, 1500)):
+        first, second = figure.axes[:2]
+        assert [t.get_text() for t in first.texts] == []
+        assert "beyond these axes" in second.texts[0].get_text()
+        assert first.get_ylim() == second.get_ylim()
+
+
+def test_the_spectrum_of_a_sine_peaks_at_its_frequency_and_holds_its_power():
+    t = np.arange(4000) * 0.5
+    f, power = spectrum(3.0 * np.sin(2 * np.pi * t / 25.0), 0.5)
+    assert f[np.argmax(power)] == pytest.approx(1 / 25.0, abs=f[1] - f[0])
+    assert np.sum(power) * (f[1] - f[0]) == pytest.approx(4.5, rel=0.02)
+
+
+def test_a_page_that_cannot_be_written_leaves_nothing(sticky, tmp_path):
+    with pytest.raises(FileError, match="cannot be written"):
+        write_page(sticky, tmp_path / "absent" / "page.html")
+    assert list(tmp_path.iterdir()) == []
+
+
+VISIBLE = """[...document.querySelectorAll("svg")].map(s => { const r = s.getBoundingClientRect(), b = s.getBBox();
+  const style = getComputedStyle(s);
+  return [r.width, r.height, r.left, r.right, b.width, b.height, style.visibility, style.display]; })"""
+
+
+@needs_browser
+@pytest.mark.parametrize(("width", "dark"), [(1100, False), (400, True)])
+@pytest.mark.parametrize("name", ["sticky", "clean"])
+def test_in_a_browser_nothing_fails_nothing_is_asked_for_and_every_picture_is_seen(name, width, dark, pages):
+    file = pages / f"{name}.html"
+    with chromium.opened(file, width, dark) as page:
+        pictures = page.evaluate(VISIBLE)
+        over = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
+        ink, ground = page.evaluate("(s => [s.color, s.backgroundColor])(getComputedStyle(document.body))")
+        lines = page.evaluate('getComputedStyle(document.querySelector("svg")).fill')
+        assert page.errors == []
+        assert page.requests == [file.resolve().as_uri()]
+    assert over <= 0, "the page itself never scrolls sideways"
+    # blocks, PV, OP, PV over OP, spectra, ranking, gap; MV over OP where it was recorded
+    assert len(pictures) == 7 + (name == "sticky")
+    for w, h, left, right, inner_w, inner_h, visibility, display in pictures:
+        assert min(w, h) > 40
+        assert w > 280
+        assert -1 <= left < right <= width + 1
+        assert min(inner_w, inner_h) > 0
+        assert (visibility, display) == ("visible", "block")
+    bright = [sum(int(x) for x in re.findall(r"\d+", c)[:3]) for c in (ink, ground)]
+    assert (bright[0] > bright[1]) == dark
+    assert lines == ink, "pictures follow the page's ink"
+
+
+@needs_browser
+def test_in_a_browser_the_ranking_sorts_by_probability_both_ways(pages):
+    code = """(t => [1, 2].map(() => {
+      t.tHead.rows[0].cells[2].querySelector("button").click();
+      return [...t.tBodies[0].rows].map(r => Number(r.cells[2].dataset.v));
+    }))(document.querySelector("#which table.sortable"))"""
+    with chromium.opened(pages / "sticky.html") as page:
+        down, up = page.evaluate(code)
+        assert page.errors == []
+    assert len(down) == 24
+    assert down == sorted(down, reverse=True)
+    assert up == sorted(up)

@@ -1,0 +1,131 @@
+"""Every effect: the vocabulary's words, nothing at strength zero, something at strength one, where it says it acts."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from detectors.errors import ParameterError
+from scenarios.spec import Loop
+from simbench.loop.effects import BLOCKS, EFFECTS, ORDER, PLUGINS
+from simbench.loop.effects.compression import swinging_door
+from simbench.loop.parameters import Number
+from simbench.loop.simulate import simulate
+
+LOOP = Loop.from_table({
+    "plant": {"type": "foptd", "K": 1.5, "T": 20, "Td": 3.5},
+    "controller": {"type": "PI", "Kc": 0.6, "Ti": 18},
+    "sampling": {"Ts": 1.0, "n": 600},
+    "noise": {"std": 0.1},
+    "setpoint": {"value": 50, "steps": [[60, 53], [300, 48]]},
+    "disturbance": [{"type": "random_walk", "amplitude": 2.0, "period": 200.0}],
+})  # fmt: skip
+
+STRONG = {
+    "stiction": {"S": 4.0, "J": 1.5}, "deadband": {"S": 4.0}, "deadzone": {"D": 4.0}, "valve_lag": {"tau": 8.0},
+    "valve_characteristic": {"R": 8.0}, "gain_mismatch": {"factor": 1.5}, "time_constant_mismatch": {"factor": 1.5},
+    "dead_time_mismatch": {"extra": 2.5}, "extra_lag": {"tau": 8.0}, "noise": {"factor": 3.0}, "quantisation": {"step": 0.5},
+    "sensor_lag": {"tau": 5.0}, "compression": {"band": 0.4}, "outliers": {"rate": 0.02, "size": 3.0},
+    "drift": {"rate": 0.01, "walk": 0.05}, "oscillation": {"amplitude": 3.0, "period": 60.0},
+    "load_steps": {"rate": 0.01, "size": 4.0}, "load_drift": {"rate": 0.01, "walk": 0.2},
+    "saturation": {"lo": 49.0, "hi": 51.0},
+    "detuning": {"Kc_factor": 1.8, "Ti_factor": 0.6}, "error_deadband": {"width": 0.5}, "op_quantisation": {"step": 0.5},
+}  # fmt: skip
+
+
+def with_effects(*effects):
+    return Loop.from_table({**LOOP.to_table(), "effect": [{"name": n, **p} for n, p in effects]})
+
+
+def same(a, b):
+    return all(np.array_equal(getattr(a, s), getattr(b, s)) for s in ("op", "pv", "mv", "sp"))
+
+
+def test_there_is_one_file_for_each_effect_and_each_is_tried_here():
+    assert PLUGINS.names() == sorted(EFFECTS) == sorted(STRONG) == sorted(ORDER)
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_an_effect_says_where_it_acts_and_where_it_comes_from(name):
+    effect = PLUGINS.load(name)
+    assert effect.BLOCK in BLOCKS
+    assert effect.ACTS in ("loop", "record")
+    assert effect.SOURCE
+    assert len(EFFECTS[name].says) > 20
+    assert set(effect.CONFUSABLE_WITH) <= set(EFFECTS)
+    for key, number in EFFECTS[name].parameters.items():
+        if isinstance(number, Number):
+            assert number.low <= number.identity <= number.high, key
+
+
+def test_the_vocabulary_is_data_and_loads_no_model():
+    code = "import sys; from simbench.loop.effects import EFFECTS; len(EFFECTS); print(','.join(sys.modules))"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip().split(",")
+    own = {name for name in loaded if name.startswith("simbench.") and not name.startswith("simbench.loop.effects")}
+    assert own == {"simbench.loop", "simbench.loop.parameters"}
+    assert not {"numba", "scipy", "control", "pandas"} & set(loaded)
+
+
+def test_confusion_is_mutual():
+    for name in EFFECTS:
+        for other in PLUGINS.load(name).CONFUSABLE_WITH:
+            assert name in PLUGINS.load(other).CONFUSABLE_WITH, (name, other)
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_strength_zero_changes_no_bit(name):
+    effect = with_effects((name, EFFECTS[name].identity))
+    assert same(simulate(effect, seed=3).record, simulate(LOOP, seed=3).record)
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_strength_one_changes_the_record_where_the_effect_says(name):
+    plain, changed = simulate(LOOP, seed=3).record, simulate(with_effects((name, STRONG[name])), seed=3).record
+    assert not np.array_equal(plain.pv, changed.pv)
+    assert np.array_equal(plain.op, changed.op) == (PLUGINS.load(name).ACTS == "record")
+
+
+def test_two_effects_act_together():
+    both = simulate(with_effects(("stiction", STRONG["stiction"]), ("quantisation", STRONG["quantisation"])), seed=3).record
+    assert np.allclose(both.pv % 0.5, 0.0)
+    assert np.count_nonzero(np.diff(both.mv) == 0) > both.n / 2
+
+
+def test_a_second_friction_is_refused():
+    sticky = Loop.from_table(
+        {**with_effects(("stiction", STRONG["stiction"])).to_table(), "valve": {"model": "kano", "S": 2.0, "J": 1.0}}
+    )
+    with pytest.raises(ParameterError, match="'kano', which has friction already"):
+        simulate(sticky)
+
+
+def test_an_integrating_plant_has_no_time_constant_to_miss():
+    table = {**LOOP.to_table(), "plant": {"type": "integrating", "K": 0.05, "Td": 2.0}}
+    table["effect"] = [{"name": "time_constant_mismatch", "factor": 1.2}]
+    with pytest.raises(ParameterError, match="no time constant"):
+        simulate(Loop.from_table(table))
+
+
+def test_the_time_constant_is_found_beside_another_lag():
+    lag, slow = ("extra_lag", {"tau": 8.0}), ("time_constant_mismatch", {"factor": 1.5})
+    a, b = (simulate(with_effects(*order), seed=1).record for order in ((lag, slow), (slow, lag)))
+    assert np.allclose(a.pv, b.pv)
+
+
+def test_the_zone_is_centred_on_the_operating_point():
+    a = simulate(with_effects(("deadzone", {"D": 4.0})), seed=1).record
+    b = simulate(with_effects(("deadzone", {"D": 4.0, "c": 50.0})), seed=1).record
+    assert same(a, b)
+
+
+def test_noise_adds_in_quadrature():
+    r = simulate(with_effects(("noise", {"factor": 0.0, "std": 0.3})), seed=5)
+    assert np.array_equal(r.record.mv, simulate(LOOP.with_("noise.std", 0.3), seed=5).record.mv)
+
+
+def test_no_sample_leaves_the_door():
+    pv = np.cumsum(np.random.default_rng(0).standard_normal(500))
+    rebuilt = swinging_door(pv, 0.7)
+    assert np.abs(rebuilt - pv).max() <= 0.7 + 1e-9
+    assert np.count_nonzero(np.abs(np.diff(rebuilt, 2)) > 1e-9) < 0.6 * pv.size
