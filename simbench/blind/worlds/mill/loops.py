@@ -142,14 +142,13 @@ def _try(rng: np.random.Generator, wish: str | None) -> Case | None:
     T, span = logu(rng, *times), float(rng.choice(SPANS))
     Ts, Td = signif(T / logu(rng, 3.2, 39.0), 2), signif(T * logu(rng, *ratios), 4)
     plant = _plant(rng, kind, T, Td, span)
-    exact = rng.random() < 0.35
     case: Case = {
         "Ts": Ts,
         "n": int(logu(rng, 800, 5000)),
         "span": span,
         "op0": round(float(rng.uniform(30, 70)), 2),
         "plant": plant,
-        "nominal": _nominal(plant, np.zeros(3) if exact else rng.uniform(-0.1, 0.1, 3)),
+        "nominal": _nominal(plant, rng.uniform(-0.1, 0.1, 3)),
         "known_band": round(float(rng.uniform(0.2, 1.0)), 2) if rng.random() < 0.1 else 0.0,
         "friction": str(rng.choice(list(FRICTION))),
     }
