@@ -220,6 +220,7 @@ def check(
     junit: Annotated[Path | None, typer.Option(metavar="FILE.xml", help="JUnit summary to write.")] = None,
     markdown: Annotated[Path | None, typer.Option(metavar="FILE.md", help="Markdown summary to write.")] = None,
     update: Annotated[bool, typer.Option("--update", help="Make this run the baseline, and show the difference.")] = False,
+    margin: Annotated[float, typer.Option(min=0.0, max=1.0, help="A rate may fall by this much.")] = 0.01,
     as_json: Json = False,
 ) -> None:
     """Compare a run with a baseline; exit 1 when accuracy regressed."""
@@ -229,7 +230,7 @@ def check(
     if update:
         print(update_baseline(folder, against))
         return
-    result = check_run(folder, against)
+    result = check_run(folder, against, margin)
     for path, text in ((junit, result.as_junit()), (markdown, result.as_markdown())):
         if path is not None:
             with whole_file(path) as f:
@@ -237,6 +238,23 @@ def check(
     _print(result.as_json() if as_json else result.as_text(), as_json)
     if result.failed:
         raise typer.Exit(1)
+
+
+@app.command()
+def history(
+    baseline: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a baseline.")] = Path("results/baseline"),
+    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE.svg", help="Picture to write.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Show how accuracy moved over the baselines kept."""
+    from simbench.bench.history import read_history
+
+    found = read_history(baseline)
+    if out is not None:
+        from simbench.figures import draw_history
+
+        draw_history(found, out)
+    _print(found.as_json() if as_json else found.as_text(), as_json)
 
 
 @app.command()

@@ -10,13 +10,14 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from simbench.bench.history import remember
 from simbench.bench.score import FRONT, score_run
 from simbench.bench.store import Book, RunError, read_manifest, write_manifest
 from simbench.files import folder as make_folder
 from simbench.files import whole_file
 
 EMPTY = {
-    "scenarios": ("loop", "tags", "flags"),
+    "scenarios": ("flags",),
     "verdicts": ("score_raw", "reason", "reason_raw", "indices", "S_lo", "S_hi", "J_lo", "J_hi", "S_unit", "runtime_s"),
 }
 KEPT = (
@@ -41,8 +42,9 @@ def write_baseline(run: str | Path, baseline: str | Path) -> None:
 
     Notes
     -----
-    The tables keep their columns, those that no check needs are empty; scores keep 24 bits. scores.csv is there for the
-    eye: its difference in version control reads as accuracy gained and lost.
+    The tables keep their columns, those that no check needs are empty; scores keep 24 bits. The loops stay: every flip can be
+    simulated again. scores.csv is there for the eye: its difference in version control reads as accuracy gained and lost.
+    history.csv grows by one row per method.
     """
     run, baseline = Path(run), make_folder(baseline)
     manifest = {k: v for k, v in read_manifest(run).items() if k in KEPT}
@@ -67,6 +69,7 @@ def write_baseline(run: str | Path, baseline: str | Path) -> None:
     with whole_file(baseline / "scores.csv") as f:
         rows = table.loc[table["mode"] == FRONT, list(COLUMNS)]
         rows.to_csv(f, index=False, float_format="%.4f", lineterminator="\n")
+    remember(baseline, manifest, table)
 
 
 def read_book(folder: str | Path) -> Book:

@@ -1,12 +1,11 @@
-"""Gate: has a detector become worse? A run against a baseline, case by case where the simulated records are the same."""
+"""Gate: has a detector become worse? A run against a baseline, loop by loop where both stand in the same place of a grid."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 import pandas as pd
@@ -14,14 +13,15 @@ import pandas as pd
 from detectors.errors import UserError
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from simbench.bench.baseline import read_book, write_baseline
-from simbench.bench.compare import plain
+from simbench.bench.check_result import Check
+from simbench.bench.pairing import Pairs, pair
 from simbench.bench.statistics import auc, auc_drop, auc_drop_unpaired, holm, mcnemar, rate_drop
 from simbench.bench.store import CODES, Book, RunError
 
 LEVEL = 0.05
-MARGIN = 0.02
+MARGIN = 0.01  # of a rate, paired: what falls by less is no regression, however sure the fall is
+UNPAIRED = 0.02  # the same between runs of other loops
 LABELS = ("sticky", "cycled")
-SHOWN = 20  # flipped scenarios in a text; JSON has all
 # what is counted: among positives or negatives, which answers are good; "no decision" is neither right nor wrong
 COUNTED = {
     "detection": (True, (STICTION,)),
@@ -31,110 +31,7 @@ COUNTED = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class Check:
-    """What a run says against its baseline.
-
-    Parameters
-    ----------
-    paired : bool
-        Whether the simulated records are the same, so that answers are compared case by case.
-    basis : str
-        Which test was used and why, in one sentence.
-    problems : tuple of str
-        What fails without any statistics: missing methods or scenarios, new errors, a changed truth.
-    tests : DataFrame
-        method, label, what ("detection": share of the positives called sticky, "rejection": of the negatives called healthy,
-        "no miss", "no false alarm": the same with no decision allowed, "AUC"), before, now, lost, won (cases, paired only),
-        p (Holm-corrected), worse.
-    flips : DataFrame
-        Every changed verdict on the same scenario: scenario_id, method, was, now, sticky, cycled, block, disturbance.
-    """
-
-    paired: bool
-    basis: str
-    problems: tuple[str, ...]
-    tests: pd.DataFrame
-    flips: pd.DataFrame
-
-    @property
-    def failed(self) -> bool:
-        """Whether anything became worse."""
-        return bool(self.problems) or bool(self.tests["worse"].any())
-
-    @property
-    def reasons(self) -> list[str]:
-        """What failed, one sentence each."""
-        return [*self.problems, *(_sentence(row) for row in self.tests[self.tests["worse"]].to_dict("records"))]
-
-    def as_text(self) -> str:
-        """Return verdict, basis, reasons, what changed, and the scenarios that flipped."""
-        lines = [f"check {'FAILED' if self.failed else 'passed'}: {self.basis}", *(f"- {r}" for r in self.reasons)]
-        moved = self._moved()
-        if len(moved):
-            lines += ["", moved.to_string(index=False, float_format="%.3f")]
-        if len(self.flips):
-            lines += ["", f"{len(self.flips)} verdicts changed" + self._cut()]
-            lines.append(self._worst_first().head(SHOWN).to_string(index=False))
-        return "\n".join(lines)
-
-    def as_markdown(self) -> str:
-        """Return the same for a pull request's summary."""
-        lines = [f"### Detector check: {'failed' if self.failed else 'passed'}", "", self.basis, ""]
-        lines += [f"- {r}" for r in self.reasons] + [""] * bool(self.reasons)
-        moved = self._moved()
-        lines += _table(moved) if len(moved) else ["No rate moved."]
-        if len(self.flips):
-            title = f"{len(self.flips)} verdicts changed{self._cut()}"
-            lines += [
-                "",
-                f"<details><summary>{title}</summary>",
-                "",
-                *_table(self._worst_first().head(SHOWN)),
-                "",
-                "</details>",
-            ]
-        return "\n".join(lines) + "\n"
-
-    def as_json(self) -> dict[str, Any]:
-        """Return everything as JSON types."""
-        tables = {name: plain(getattr(self, name)) for name in ("tests", "flips")}
-        return {"failed": self.failed, "paired": self.paired, "basis": self.basis, "reasons": self.reasons, **tables}
-
-    def as_junit(self) -> str:
-        """Return JUnit XML: one test case per method, and one for the tables themselves."""
-        suite = ElementTree.Element("testsuite", name="simbench check")
-        cases = [("run", list(self.problems))]
-        for method, rows in self.tests.groupby("method", sort=True):
-            cases.append((str(method), [_sentence(row) for row in rows[rows["worse"]].to_dict("records")]))
-        for name, wrong in cases:
-            case = ElementTree.SubElement(suite, "testcase", classname="simbench.check", name=name)
-            if wrong:
-                ElementTree.SubElement(case, "failure", message=wrong[0]).text = "\n".join(wrong)
-        suite.set("tests", str(len(cases)))
-        suite.set("failures", str(sum(bool(wrong) for _, wrong in cases)))
-        ElementTree.indent(suite)
-        # the declaration by hand: ElementTree would name the machine's locale
-        return f'<?xml version="1.0" encoding="utf-8"?>\n{ElementTree.tostring(suite, encoding="unicode")}\n'
-
-    def _moved(self) -> pd.DataFrame:
-        same = (self.tests["before"] == self.tests["now"]) | self.tests[["before", "now"]].isna().all(axis=1)
-        changed = self.tests[~same]
-        return changed.drop(columns=[] if self.paired else ["lost", "won"]).sort_values("p", kind="stable").head(2 * SHOWN)
-
-    def _worst_first(self) -> pd.DataFrame:
-        bad = set(self.tests.loc[self.tests["worse"], "method"])
-        return (
-            self.flips.assign(_order=~self.flips["method"].isin(bad))
-            .sort_values("_order", kind="stable")
-            .drop(columns="_order")
-        )
-
-    def _cut(self) -> str:
-        return f", the first {SHOWN}:" if len(self.flips) > SHOWN else ":"
-
-
-def check_run(folder: str | Path, against: str | Path) -> Check:
+def check_run(folder: str | Path, against: str | Path, margin: float = MARGIN) -> Check:
     """Compare a run with a baseline.
 
     Parameters
@@ -143,6 +40,8 @@ def check_run(folder: str | Path, against: str | Path) -> Check:
         Folder of a finished run.
     against : str or Path
         Baseline written by `update_baseline`, or another run.
+    margin : float
+        A rate that falls by no more than this (paired) is no regression.
 
     Returns
     -------
@@ -156,51 +55,37 @@ def check_run(folder: str | Path, against: str | Path) -> Check:
     Notes
     -----
     Rates are compared within the positives and within the negatives of each label, since a moved threshold trades one for
-    the other: a gate on accuracy alone would see little of it. Same records: exact one-sided McNemar tests and DeLong's
-    test of the AUC. Other records: one-sided two-sample tests of a drop beyond 2 points. All are Holm-corrected to a
-    chance of 5 % that unchanged detectors fail.
+    the other: a gate on accuracy alone would see little of it. Loops in the same place of the same grid: exact one-sided
+    McNemar tests and DeLong's test of the AUC. Records there may differ, as another processor simulates a chaotic loop
+    otherwise; an unchanged detector then loses as often as it wins, which is what these tests ask. Other loops: one-sided
+    two-sample tests of a drop beyond 2 points. All are Holm-corrected to a chance of 5 % that unchanged detectors fail.
     """
-    return compare_books(read_book(folder), read_book(against))
+    return replace(compare_books(read_book(folder), read_book(against), margin), home=str(against))
 
 
-def compare_books(now: Book, before: Book) -> Check:
+def compare_books(now: Book, before: Book, margin: float = MARGIN) -> Check:
     """Compare a run with a baseline, both as arrays; returns and errors as `check_run`."""
     grids = [b.manifest.get("grid") for b in (now, before)]
     if grids[0] != grids[1]:
         raise RunError(f"the run is of grid {grids[0]!r}, the baseline of {grids[1]!r}; run the baseline's grid")
-    _, at, was_at = np.intersect1d(now.ids, before.ids, return_indices=True)
-    differ = int((now.hashes[at] != before.hashes[was_at]).sum())
-    missing = before.ids.size - at.size
-    paired = at.size > 0 and differ == 0
-    problems = [f"method {m} is in the baseline, not in the run" for m in before.methods if m not in now.methods]
-    if missing and (paired or now.manifest.get("grid_hash") == before.manifest.get("grid_hash")):
-        problems.append(f"{missing} of the baseline's {before.ids.size} scenarios are not in the run")
-    if paired:
-        basis = f"the {at.size} records are the baseline's, bit for bit; exact paired tests, Holm-corrected"
-        for label in LABELS:
-            changed = int((now.truth[label][at] != before.truth[label][was_at]).sum())
-            if changed:
-                problems.append(f"the truth {label!r} of {changed} scenarios with the same records has changed")
-    else:
-        other = f"{differ} of {at.size} common records differ" if at.size else "no scenario in common"
-        basis = (
-            f"other records than the baseline's ({other}); two-sample tests of {now.ids.size} against {before.ids.size} "
-            f"scenarios, a drop of {100 * MARGIN:g} points is allowed, Holm-corrected"
-        )
+    pairs = pair(now, before)
+    paired = pairs.now.size > 0
+    problems = _problems(now, before, pairs)
     rows: list[dict[str, Any]] = []
     flips: list[pd.DataFrame] = []
     for method in (m for m in before.methods if m in now.methods):
         i, j = now.methods.index(method), before.methods.index(method)
-        raised = int((now.failed[i][at] & ~before.failed[j][was_at]).sum()) if at.size else int(now.failed[i].sum())
-        if raised and (at.size or not before.failed[j].any()):
-            problems.append(f"method {method} raised an error on {raised} scenarios where it had none")
         for label in LABELS:
-            one, two = _answers(before, j, label, was_at if paired else None), _answers(now, i, label, at if paired else None)
+            # a loop whose truth differs is another case
+            alike = before.truth[label][pairs.before] == now.truth[label][pairs.now]
+            one = _answers(before, j, label, pairs.before[alike] if paired else None)
+            two = _answers(now, i, label, pairs.now[alike] if paired else None)
             rows += [{"method": method, "label": label, **row} for row in _tests(one, two, paired)]
-        flips.append(_flips(now, i, at, before.verdict[j][was_at]))
+        flips.append(_flips(now, i, before, j, pairs))
     tests = pd.DataFrame(rows, columns=["method", "label", "what", "before", "now", "lost", "won", "p"])
     tests["p"] = holm(tests["p"])
-    tests["worse"] = tests["p"] < LEVEL
+    tests["worse"] = (tests["p"] < LEVEL) & (tests["before"] - tests["now"] > (margin if paired else 0.0))
+    basis = _basis(now, before, pairs, margin)
     return Check(paired, basis, tuple(problems), tests, pd.concat(flips, ignore_index=True) if flips else pd.DataFrame())
 
 
@@ -238,6 +123,41 @@ def update_baseline(folder: str | Path, baseline: str | Path) -> str:
     return "\n".join(lines)
 
 
+def _problems(now: Book, before: Book, pairs: Pairs) -> list[str]:
+    found = [f"method {m} is in the baseline, not in the run" for m in before.methods if m not in now.methods]
+    missing = before.ids.size - pairs.before.size
+    if missing and (pairs.one_grid or pairs.now.size):
+        found.append(f"{missing} of the baseline's {before.ids.size} scenarios are not in the run")
+    for label in LABELS:
+        moved = now.truth[label][pairs.now] != before.truth[label][pairs.before]
+        changed = int((moved & pairs.same).sum())
+        if changed:
+            found.append(f"the truth {label!r} of {changed} scenarios with the same records has changed")
+    for method in (m for m in before.methods if m in now.methods):
+        failed, was = now.failed[now.methods.index(method)], before.failed[before.methods.index(method)]
+        raised = int((failed[pairs.now] & ~was[pairs.before]).sum()) if pairs.now.size else int(failed.sum())
+        if raised and (pairs.now.size or not was.any()):
+            found.append(f"method {method} raised an error on {raised} scenarios where it had none")
+    return found
+
+
+def _basis(now: Book, before: Book, pairs: Pairs, margin: float) -> str:
+    tests = f"exact paired tests, a drop of {100 * margin:g} points is allowed, Holm-corrected"
+    differ = int((~pairs.same).sum())
+    if pairs.now.size and not differ:
+        return f"the {pairs.now.size} records are the baseline's, bit for bit; {tests}"
+    if pairs.now.size:
+        ids = int((now.ids[pairs.now] != before.ids[pairs.before]).sum())
+        moved = int((now.truth["cycled"][pairs.now] != before.truth["cycled"][pairs.before]).sum())
+        why = f"{differ} of {pairs.now.size} records differ from the baseline's in the same place of the grid"
+        more = f"{ids} also in their id, {moved} in the truth 'cycled', which are left out there"
+        return f"{why} ({more}), as on another processor; {tests}"
+    return (
+        f"other loops than the baseline's; two-sample tests of {now.ids.size} against {before.ids.size} scenarios, "
+        f"a drop of {100 * UNPAIRED:g} points is allowed, Holm-corrected"
+    )
+
+
 def _answers(book: Book, method: int, label: str, at: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     # a baseline keeps 24 bits of a score
     truth, verdict, score = book.truth[label], book.verdict[method], book.score[method].astype(np.float32)
@@ -249,8 +169,6 @@ def _answers(book: Book, method: int, label: str, at: np.ndarray | None) -> tupl
 
 def _tests(before: tuple, now: tuple, paired: bool) -> Iterator[dict[str, Any]]:
     (truth_a, said_a, score_a), (truth_b, said_b, score_b) = before, now
-    # a truth that changed is reported on its own
-    paired = paired and truth_a.shape == truth_b.shape and bool((truth_a == truth_b).all())
     for what, (positive, good) in COUNTED.items():
         codes = [CODES[word] for word in good]
         a, b = np.isin(said_a[truth_a == positive], codes), np.isin(said_b[truth_b == positive], codes)
@@ -259,8 +177,8 @@ def _tests(before: tuple, now: tuple, paired: bool) -> Iterator[dict[str, Any]]:
             row.update(lost=int((a & ~b).sum()), won=int((~a & b).sum()))
             yield {**row, "p": mcnemar(row["lost"], row["won"], worse=True)}
         else:
-            yield {**row, "p": rate_drop(int(a.sum()), a.size, int(b.sum()), b.size, MARGIN)}
-    p = auc_drop(score_a, score_b, truth_a) if paired else auc_drop_unpaired(score_a, truth_a, score_b, truth_b, MARGIN)
+            yield {**row, "p": rate_drop(int(a.sum()), a.size, int(b.sum()), b.size, UNPAIRED)}
+    p = auc_drop(score_a, score_b, truth_a) if paired else auc_drop_unpaired(score_a, truth_a, score_b, truth_b, UNPAIRED)
     yield {"what": "AUC", "before": auc(score_a, truth_a).value, "now": auc(score_b, truth_b).value, "p": p}
 
 
@@ -268,32 +186,19 @@ def _share(right: np.ndarray) -> float:
     return float(right.mean()) if right.size else float("nan")
 
 
-def _flips(now: Book, method: int, at: np.ndarray, was: np.ndarray) -> pd.DataFrame:
-    changed = now.verdict[method][at] != was
-    where = at[changed]
+def _flips(now: Book, i: int, before: Book, j: int, pairs: Pairs) -> pd.DataFrame:
+    changed = now.verdict[i][pairs.now] != before.verdict[j][pairs.before]
+    at, was_at = pairs.now[changed], pairs.before[changed]
     names = np.array([w for w, _ in sorted(CODES.items(), key=lambda item: item[1])])
     return pd.DataFrame(
         {
-            "scenario_id": now.ids[where].astype(str),
-            "method": now.methods[method],
-            "was": names[was[changed]],
-            "now": names[now.verdict[method][where]],
-            "sticky": now.truth["sticky"][where] == 1,
-            "cycled": now.truth["cycled_word"][where],
-            **{name: now.axes[name][where] for name in ("block", "disturbance")},
+            "scenario_id": before.ids[was_at].astype(str),
+            "method": now.methods[i],
+            "was": names[before.verdict[j][was_at]],
+            "now": names[now.verdict[i][at]],
+            "record": np.where(pairs.same[changed], "same", "other"),
+            "sticky": now.truth["sticky"][at] == 1,
+            "cycled": now.truth["cycled_word"][at],
+            **{name: now.axes[name][at] for name in ("block", "disturbance")},
         }
     )
-
-
-def _sentence(row: dict[str, Any]) -> str:
-    cases = "" if pd.isna(row["lost"]) else f", {row['lost']:.0f} lost and {row['won']:.0f} won"
-    moved = f"fell from {row['before']:.3f} to {row['now']:.3f}"
-    return f"{row['method']}: {row['what']} against {row['label']!r} {moved}{cases} (p = {row['p']:.2g})"
-
-
-def _table(frame: pd.DataFrame) -> list[str]:
-    def cell(x: Any) -> str:
-        return f"{x:.3g}" if isinstance(x, float) else str(x).replace("|", "\\|")
-
-    rows = [[cell(x) for x in row] for row in frame.itertuples(index=False)]
-    return ["| " + " | ".join(r) + " |" for r in [list(frame.columns), ["---"] * frame.shape[1], *rows]]

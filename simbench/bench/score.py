@@ -4,91 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from simbench.bench import score_text
 from simbench.bench.ranks import Ranks, rank_methods
+from simbench.bench.score_result import ALL, FRONT, RAW, ROLE_YARDSTICK, Scores, kind_of
 from simbench.bench.statistics import auc, wilson
 from simbench.bench.store import CODES, TRUTHS, Book
 from simbench.bench.tables import AXES
-from simbench.files import whole_file
 
 if TYPE_CHECKING:
     import pandas as pd
 
-FRONT, RAW = "front end", "raw"
-ALL = "all"
 PROCESSES = {ALL: None, "self-regulating": "foptd", "integrating": "integrating"}
 # rates with Wilson intervals, in the order they are shown
 RATES = ("accuracy_applicable", "accuracy_decided", "no_decision", "found", "false_alarms", "accuracy_all")
 YARDSTICKS = {"always no": CODES["no_stiction"], "always yes": CODES["stiction"]}
-ROLE_YARDSTICK = "yardstick"
 COVERED = 0.95  # of a block's loops: a method made for fewer has no rank there
-
-
-@dataclass(frozen=True, eq=False)
-class Scores:
-    """What a run says about its detectors.
-
-    Parameters
-    ----------
-    table : DataFrame
-        One row per method, truth, mode ("front end" or "raw") and process ("all", "self-regulating", "integrating"): n
-        scenarios with a truth, positives; applicable: on how many the method's source covers the loop; over those, with
-        Wilson intervals (NAME_lo, NAME_hi), accuracy_applicable (no decision is wrong), accuracy_decided, no_decision, found
-        (of positives, no decision is not found), false_alarms (of negatives), auc over records with a score, with DeLong's
-        interval; accuracy_all over everything; rank among its kind (none where it covers less than 95 % of the loops); errors;
-        median runtime in ms.
-    by_axis : DataFrame
-        The same against `cycled` by axis and value, without AUC's interval and rank.
-    disagreement : DataFrame
-        How often sticky, predicted and cycled say what together.
-    standing : dict of (truth, mode, process) to Ranks
-        What the run can resolve, among methods that see OP and PV only.
-    manifest : dict
-        Of the run.
-    first : str
-        The mode shown first.
-    """
-
-    table: pd.DataFrame
-    by_axis: pd.DataFrame
-    disagreement: pd.DataFrame
-    standing: dict[tuple[str, str, str], Ranks]
-    manifest: dict[str, Any]
-    first: str = FRONT
-
-    @property
-    def resolution(self) -> float:
-        """Smallest difference of accuracy against `cycled` that the run resolves, all loops, the mode shown first."""
-        return self.standing["cycled", self.first, ALL].resolution
-
-    def ranking(self, truth: str = "cycled", mode: str | None = None, process: str = ALL) -> pd.DataFrame:
-        """Return the rows of one block, best first: methods that see OP and PV, those that see MV, yardsticks, other tests."""
-        t = self.table
-        rows = t[(t.truth == truth) & (t["mode"] == (mode or self.first)) & (t.process == process)]
-        kind = [kind_of(role, mv) for role, mv in zip(rows.role, rows.sees_mv)]
-        keys = {"kind": kind, "partial": rows["rank"].isna()}
-        order = ["kind", "partial", "accuracy_applicable"]
-        return rows.assign(**keys).sort_values(order, ascending=[True, True, False], kind="stable")
-
-    def as_text(self) -> str:
-        """Return the tables for a terminal."""
-        return score_text.as_text(self)
-
-    def as_json(self) -> dict[str, Any]:
-        """Return rows, resolution and what stands beside them as JSON types; NaN and infinity become null."""
-        return score_text.as_json(self)
-
-    def write(self, folder: str | Path) -> None:
-        """Write scores.csv and scores_by_axis.csv."""
-        for name, frame in (("scores", self.table), ("scores_by_axis", self.by_axis)):
-            with whole_file(Path(folder) / f"{name}.csv") as f:
-                frame.to_csv(f, index=False, float_format="%.5g", lineterminator="\n")
 
 
 class Answers(NamedTuple):
@@ -102,19 +36,6 @@ class Answers(NamedTuple):
     applies: np.ndarray
     failed: np.ndarray
     runtime: np.ndarray
-
-
-def kind_of(role: str, sees_mv: bool) -> int:
-    """Return 0 for a stiction method on OP and PV, 1 for one that sees MV, 2 for yardsticks and the oracle, 3 for other tests.
-
-    Examples
-    --------
-    >>> kind_of("stiction", False), kind_of("quantification", True), kind_of("oracle", False), kind_of("nonlinearity", False)
-    (0, 1, 2, 3)
-    """
-    if role in ("oracle", ROLE_YARDSTICK):
-        return 2
-    return 3 if role == "nonlinearity" else int(sees_mv)
 
 
 def score_run(folder: str | Path, raw: bool = False) -> Scores:

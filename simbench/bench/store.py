@@ -151,6 +151,8 @@ class Book:
         Scenario ids.
     hashes : ndarray of bytes, shape (n,)
         Of the records.
+    places : ndarray of str, shape (n,)
+        Cell, repeat and member: where in its grid a scenario stands.
     axes : dict of str to ndarray, shape (n,)
         Grid axes and other tags: numbers (NaN where there is none) or words.
     truth : dict of str to ndarray of int8, shape (n,)
@@ -174,6 +176,7 @@ class Book:
     manifest: dict[str, Any]
     ids: np.ndarray
     hashes: np.ndarray
+    places: np.ndarray
     axes: dict[str, np.ndarray]
     truth: dict[str, np.ndarray]
     oscillating: np.ndarray
@@ -209,9 +212,11 @@ class Book:
         scenarios, verdicts = _table(path, "scenarios"), _table(path, "verdicts")
         words = ("block", "member", "process", "controller", "valve", "disturbance", "tuning")
         numbers = tuple(a for a in AXES if a not in words)
-        columns = ["scenario_id", "record_hash", *words, *numbers, "sticky", "predicted", "cycled", "oscillating"]
+        columns = ["scenario_id", "record_hash", "cell", "repeat", *words, *numbers]
+        columns += ["sticky", "predicted", "cycled", "oscillating"]
         n, m = pq.read_metadata(scenarios).num_rows, len(methods)
         ids, hashes, cycled = np.empty(n, dtype="S16"), np.empty(n, dtype="S16"), np.empty(n, dtype=object)
+        places = np.empty(n, dtype=object)
         axes: dict[str, np.ndarray] = {a: np.empty(n, dtype=object if a in words else float) for a in (*words, *numbers)}
         truth = {t: np.empty(n, dtype=np.int8) for t in ("sticky", "predicted", "cycled")}
         oscillating = np.empty(n, dtype=bool)
@@ -226,6 +231,8 @@ class Book:
                 axes[name][part] = batch.column(name).to_numpy(zero_copy_only=False)
             for name in ("sticky", "predicted"):
                 truth[name][part] = _flags(batch.column(name))
+            place = zip(*(batch.column(c).to_pylist() for c in ("cell", "repeat", "member")), strict=True)
+            places[part] = ["/".join(map(str, p)) for p in place]
             cycled[part] = _words(batch.column("cycled"))
             oscillating[part] = _flags(batch.column("oscillating")) == 1
         truth["cycled"][:] = np.select([cycled == "yes", cycled == "no"], [1, 0], -1)
@@ -244,7 +251,8 @@ class Book:
             failed[:, part] = batch.column("error").is_valid().to_numpy(zero_copy_only=False).reshape(-1, m).T
             runtime[:, part] = batch.column("runtime_s").to_numpy(zero_copy_only=False).reshape(-1, m).T
         truth["cycled_word"] = cycled
-        return cls(manifest, ids, hashes, axes, truth, oscillating, methods, **out, failed=failed, runtime=runtime)
+        marks = (ids, hashes, places.astype(str))
+        return cls(manifest, *marks, axes, truth, oscillating, methods, **out, failed=failed, runtime=runtime)
 
 
 def part_file(where: Path, number: int, kind: str) -> Path:

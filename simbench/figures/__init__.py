@@ -13,8 +13,9 @@ from simbench.figures._make import Drawn, make_figures
 
 if TYPE_CHECKING:
     from detectors.procedure import Diagnosis
+    from simbench.bench.history import History
 
-__all__ = ["Drawn", "draw_path", "make_figures"]
+__all__ = ["Drawn", "draw_history", "draw_path", "make_figures"]
 
 
 def draw_path(diagnosis: Diagnosis, path) -> None:
@@ -22,3 +23,11 @@ def draw_path(diagnosis: Diagnosis, path) -> None:
     from simbench.figures._chart import draw_path as write
 
     write(diagnosis, path)
+
+
+def draw_history(history: History, path) -> None:
+    """Write a picture of accuracy over the baselines kept; see `simbench.figures._history`."""
+    from simbench.figures._history import draw
+    from simbench.figures._style import write_picture
+
+    write_picture(draw(history.table), path)

@@ -11,10 +11,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from detectors.errors import ParameterError
 from detectors.procedure import CONCLUSIONS, FLOW
-from simbench.figures._style import BLACK, BLUE, GREY, RED, styled
-from simbench.files import whole_file
+from simbench.figures._style import BLACK, BLUE, GREY, RED, styled, write_picture
 
 if TYPE_CHECKING:
     from detectors.procedure import Diagnosis
@@ -123,12 +121,7 @@ def draw_path(diagnosis: Diagnosis, path: str | Path) -> None:
     FileError
         When it cannot be written.
     """
-    kind = Path(path).suffix.lower().lstrip(".")
-    if kind not in ("svg", "png", "pdf"):
-        raise ParameterError(f"picture {path}: .svg, .png or .pdf is needed")
-    figure = draw_flow(flow_table(), {(s.step, s.answer) for s in diagnosis.steps})
-    with whole_file(path, "wb") as f:
-        figure.savefig(f, format=kind, dpi=110)
+    write_picture(draw_flow(flow_table(), {(s.step, s.answer) for s in diagnosis.steps}), path)
 
 
 def _box(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import textwrap
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import matplotlib
@@ -12,6 +13,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+
+from detectors.errors import ParameterError
+from simbench.files import whole_file
 
 # Okabe and Ito (2008), safe for colour-blind readers
 BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, RED, PINK = (
@@ -53,6 +57,30 @@ def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
             return draw(*args)
 
     return wrapped
+
+
+def write_picture(figure: Figure, path: str | Path) -> None:
+    """Write a figure in the format that the file's name asks for.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        The picture.
+    path : str or Path
+        .svg, .png or .pdf file.
+
+    Raises
+    ------
+    ParameterError
+        For another kind of file.
+    FileError
+        When it cannot be written.
+    """
+    kind = Path(path).suffix.lower().lstrip(".")
+    if kind not in ("svg", "png", "pdf"):
+        raise ParameterError(f"picture {path}: .svg, .png or .pdf is needed")
+    with whole_file(path, "wb") as f:
+        figure.savefig(f, format=kind, dpi=110)
 
 
 def panels(rows: int, columns: int, width: float, height: float, **more: Any) -> tuple[Figure, np.ndarray]:

@@ -171,7 +171,7 @@ def sampled_loop(loop: Loop) -> SampledLoop:
 def reduced(setup: Setup, S: float, J: float) -> SampledLoop:
     """Reduce a resolved loop with the valve (S, J) in %; as `sampled_loop`."""
     resticks, misfit = nearest_map(tuple(setup.valves), S, J)
-    for name, says in (("error_deadband", "an error dead-band"), ("op_step", "a rounded OP")):
+    for name, says in (("error_gap", "an error dead-band"), ("op_step", "a rounded OP")):
         if getattr(setup, name) > 0:
             raise ParameterError(f"theory: the controller has {says}; the cycle is known for plain P and PI only")
     if setup.sensor_tau > 0 or setup.pv_step > 0:

@@ -10,6 +10,8 @@ from math import exp, nan, sqrt
 MAX_STEPS = 1_000_000
 # error allowed per step, % of travel, in position and in bristle deflection (relative to its largest value there)
 TOLERANCE = 1e-7
+# under a held force that the bristles can carry, slower than this (%/s) and balanced to this share of fs: at rest
+REST, BALANCE = 1e-4, 1e-6
 D = 1.0 / (2.0 + sqrt(2.0))
 E32 = 6.0 + sqrt(2.0)
 
@@ -23,6 +25,8 @@ def slide_bristles(u, ramp, x, r, z, h, fs, fd, vs, a, w2, g0, g1, soft, T):
     for _ in range(MAX_STEPS):
         if T <= 0.0:
             return x, r, z, h
+        if ramp == 0.0 and abs(r) < REST and abs(u - x) < fs and abs(w2 * (u - x) - g0 * z) < BALANCE * w2 * fs:
+            return x, 0.0, z, h
         t = min(h, T)
         acc, slip, acc_r, acc_z, slip_r, slip_z = slopes(u, x, r, z, fs, fd, vs, a, w2, g0, g1, soft)
         c = t * D

@@ -10,10 +10,11 @@ yields by OP's share k/s0. S and J may be given instead of Fs and Fc; they hold 
 The force runs in a straight line from the last OP to this one over the sample: bristles under a sudden force slip at
 Fc instead of Fs, and no air supply makes a step. Break-away still falls with the rate of OP, as the source shows:
 at 2 %/s and S = 5, J = 2 by 16 %, 3 % and 0.5 % for s0 = 1e7, 1e8 and 1e9 N/m. With 1e7 a loop can settle within the give
-of the bristles and never cycle.
+of the bristles and never cycle. A sample of minutes is no ramp of minutes, in which the valve would stick and slip a million
+times: `supply` is the time that the air takes to follow OP, held afterwards.
 """
 
-from math import isnan, sqrt
+from math import inf, isnan, sqrt
 
 from detectors.errors import ParameterError
 from simbench.loop.parameters import FOLLOWS, Number
@@ -33,6 +34,7 @@ PARAMETERS = {
     "vs": Number("m/s", low=0.0, positive=True, default=0.000254, says="Stribeck speed (published: 0.01 in/s)"),
     "s0": Number("N/m", low=0.0, positive=True, default=1e8, says="bristle stiffness"),
     "s1": Number("N s/m", low=0.0, default=FOLLOWS, says="bristle damping; 2 sqrt(s0 m) when absent"),
+    "supply": Number("s", low=0.0, positive=True, default=FOLLOWS, says="time of the force's ramp; the sample when absent"),
 }
 
 
@@ -42,6 +44,8 @@ def complete(values, where):
     values = complete_band(values, where, ("Fs", "Fc"), percent, PUBLISHED_FRICTION)
     if values["Fc"] <= 0.0:
         raise ParameterError(f"{where} needs Fc > 0 (J < S): its bristles slip in proportion to 1/Fc at speed")
+    if isnan(values["supply"]):
+        values["supply"] = inf
     if isnan(values["s1"]):
         values["s1"] = 2.0 * sqrt(values["s0"] * values["m"])
     return values
@@ -60,12 +64,15 @@ def step(u, state, p):
     fs = 0.5 * (p.S + p.J)
     fd = 0.5 * (p.S - p.J)
     vs = 100.0 * p.vs / p.stroke
-    ramp = (x - u_prev) / p.Ts
+    first = min(p.Ts, p.supply)
+    ramp = (x - u_prev) / first
     a = 0.5 * p.Fv / p.m
     w2 = p.k / p.m
     g0 = p.s0 / p.m
     g1 = p.s1 / p.m
-    v, rate, z, h = slide_bristles(u_prev, ramp, v, rate, z, h, fs, fd, vs, a, w2, g0, g1, p.k / p.s0, p.Ts)
+    v, rate, z, h = slide_bristles(u_prev, ramp, v, rate, z, h, fs, fd, vs, a, w2, g0, g1, p.k / p.s0, first)
+    if first < p.Ts:
+        v, rate, z, h = slide_bristles(x, 0.0, v, rate, z, h, fs, fd, vs, a, w2, g0, g1, p.k / p.s0, p.Ts - first)
     return v, rate, z, h, x
 
 

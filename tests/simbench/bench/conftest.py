@@ -41,7 +41,9 @@ def finished(tmp_path_factory):
     return run_grid(make_grid(SMALL, "small", {"repeats": 2}), tmp_path_factory.mktemp("runs") / "done", ["he", "yamashita"])
 
 
-def make_book(verdict, truth, score=None, methods=None, ids=None, hashes=None, axes=None, grid="toy", grid_hash="g"):
+def make_book(
+    verdict, truth, score=None, methods=None, ids=None, hashes=None, places=None, axes=None, grid="toy", grid_hash="g"
+):
     """Return a run: verdict (m, n) of 0, 1, 2; truth (n,) of 1, 0, -1."""
     verdict = np.atleast_2d(np.asarray(verdict, dtype=np.int8))
     m, n = verdict.shape
@@ -56,6 +58,7 @@ def make_book(verdict, truth, score=None, methods=None, ids=None, hashes=None, a
         manifest={"grid": grid, "grid_hash": grid_hash, "methods": dict.fromkeys(methods, about)},
         ids=ids,
         hashes=ids if hashes is None else np.asarray(hashes, dtype="S16"),
+        places=np.arange(n).astype(str) if places is None else np.asarray(places, dtype=str),
         axes={**words, **empty, **(axes or {})},
         truth={
             **dict.fromkeys(("sticky", "predicted", "cycled"), truth),
