@@ -39,9 +39,9 @@ learn: $(READY)            ## grow the trees that give the gap diagnosis its pro
 	$(BIN)/python -m simbench.gap.decide.training.make runs/gap-training -n 3000 -j 2
 	$(BIN)/python -m simbench.gap.decide.training.fit runs/gap-training
 
-perf: $(READY)             ## ratios of medians of interleaved runs
-	$(BIN)/python tests/reference/perf.py
-	$(BIN)/python tests/reference/perf_detectors.py
+perf: $(READY)             ## what the loop, each detector and a whole scenario cost: ratios and shares of CPU time
+	@failed=0; for part in perf perf_batch perf_detectors perf_shares; do \
+		$(BIN)/python tests/reference/$$part.py || failed=1; done; exit $$failed
 
 docs: $(READY)             ## the gallery, and every published number beside ours
 	$(BIN)/simbench figure all -o results/figures

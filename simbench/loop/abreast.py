@@ -1,4 +1,4 @@
-"""Many loops abreast: the compiled loop of `kernel` for `few()` loops at a time, each with its own numbers and its own noise.
+"""Many loops abreast: the compiled loop of `kernel` for `few()` loops at a time, each with its own numbers.
 
 The same steps in the same order as `simbench.loop.kernel.closed_loop`, so the same bits. The state of every loop stands in a
 lane; what a loop decides by itself (does the valve break away?) becomes a choice between two results in its lane.
@@ -9,87 +9,61 @@ from __future__ import annotations
 import dis
 import re
 from functools import cache, lru_cache
+from itertools import chain
 from types import FunctionType, ModuleType
 
 from detectors.compiled import cached_module, few, few_lanes, reached
 from simbench.loop import controller, sensor
-from simbench.loop.noise import add_noise, seeded
-
-BLOCK = 128  # samples at least for which noise is drawn at a time
 
 TEXT = '''
 import numpy as np
 
 
 @njit(cache=True, error_model="numpy")
-def abreast(numbers, op0, pv0, lag, length, seed, std, quiet, sp0, at, who, value, since, loads, out):
-    """Run all loops, LANES to a group, to the end of the longest of each group; fill `out` (3, places) with OP, PV, MV.
+def abreast(numbers, op0, pv0, lag, sp0, at, who, value, loads, added, w_room, out):
+    """Run LANES loops to the end of the longest; fill `out` (3, n LANES) with their OP, PV, MV, sample after sample.
 
-    A group's places are its samples times LANES. `numbers` (parameters, loops) come in the order of the steps' own. Set points
-    begin at `sp0` and change at sample at[e] for lane who[e] to value[e], since[g] <= e < since[g + 1] for group g. `loads` (3,
-    places; none for loops without) is added at the plant's input, at its output, and at the sensor.
+    `numbers` (parameters, LANES) come in the order of the steps' own. Set points begin at `sp0` and change at sample at[e] for
+    lane who[e] to value[e]. `loads` (2, n LANES; none for loops without) is added at the plant's input and output, `added`
+    (n LANES) at the sensor. `w_room` takes the plants' inputs: max(lag) samples of the past, which it sets to 0, then n.
     """
     reach = 0
-    for i in range(lag.size):
-        reach = max(reach, lag[i])
-    # what a block of samples needs stays in the nearest cache: the valves' last positions, then this block's
-    size = max(BLOCK, 2 * reach)
-    past, added = np.zeros((reach + size) * LANES), np.empty(size * LANES)
+    for l in range(LANES):
+        reach = max(reach, lag[l])
+    w_room[: reach * LANES] = 0.0
     point, behind = np.empty(LANES), np.empty(LANES, dtype=np.int64)
-    generator = np.empty((LANES, 4), dtype=np.uint64)
-    place = 0
+    for l in range(LANES):
+        point[l], behind[l] = sp0[l], (reach - lag[l]) * LANES + l
     ROOMS
-    for first in range(0, lag.size, LANES):
-        longest = 0
-        for l in range(LANES):
-            i = first + l
-            longest = max(longest, length[i])
-            a, b, c, d = seeded(seed[i], np.uint64(0))
-            generator[l, 0], generator[l, 1], generator[l, 2], generator[l, 3] = a, b, c, d
-            point[l], behind[l] = sp0[i], (reach - lag[i]) * LANES + l
-        BEGIN
-        event, last_event = since[first // LANES], since[first // LANES + 1]
-        for k0 in range(0, longest, size):
-            count = min(size, longest - k0)
-            if k0 > 0:
-                past[: reach * LANES] = past[size * LANES :]
-            else:
-                past[: reach * LANES] = 0.0
-            added[:] = 0.0
-            if loads.size > 0:
-                added[: count * LANES] = loads[2, place + k0 * LANES : place + (k0 + count) * LANES]
-            for l in range(LANES):
-                drawn = min(count, quiet[first + l] - k0)
-                if std[first + l] > 0.0 and drawn > 0:
-                    add_noise(generator[l], std[first + l], drawn, added, l, LANES)
-            for k in range(k0, k0 + count):
-                while event < last_event and at[event] == k:
-                    point[who[event]] = value[event]
-                    event += 1
-                row, here = place + k * LANES, (k - k0) * LANES
-                SAMPLE
-        place += longest * LANES
+    BEGIN
+    event = 0
+    for k in range(out.shape[1] // LANES):
+        while event < at.size and at[event] == k:
+            point[who[event]] = value[event]
+            event += 1
+        row = k * LANES
+        SAMPLE
 '''
 
 # Two rows of lanes, each as wide as a register: while one waits for its last result, the other computes.
 BEGIN = """for l in range(ROW):
-    i = first + FROM + l
+    i = FROM + l
     base[l] = op0[i]
     x0[l] = w_old[l] = w_new[l] = w[l] = 0.0
     LOADS
     STARTS
 """
 SAMPLE = """for l in range(ROW):
-    w_new[l] = past[np.uintp(here + behind[FROM + l])]
+    w_new[l] = w_room[np.uintp(row + behind[FROM + l])]
 for l in range(ROW):
     sp[l] = point[FROM + l]
 for l in range(ROW):
-    noise[l] = added[np.uintp(here + FROM + l)]
+    noise[l] = added[np.uintp(row + FROM + l)]
 LOADED
 for l in range(ROW):
     BODY
 for l in range(ROW):
-    past[np.uintp(here + reach * LANES + FROM + l)] = w[l]
+    w_room[np.uintp(row + reach * LANES + FROM + l)] = w[l]
 for l in range(ROW):
     out[0, np.uintp(row + FROM + l)] = op[l]
 for l in range(ROW):
@@ -126,7 +100,7 @@ def compiled(steps: tuple, stages: tuple[ModuleType, ...], classes: tuple, sizes
     sizes : tuple of int
         Numbers in the state of the sensor and of every stage.
     loaded : bool
-        Whether anything is added at the plant's input, at its output, or at the sensor besides noise.
+        Whether anything is added at the plant's input or at its output.
 
     Returns
     -------
@@ -140,15 +114,15 @@ def compiled(steps: tuple, stages: tuple[ModuleType, ...], classes: tuple, sizes
         "sensor_start": sensor.full_start if dict(steps)["sensor_step"] is sensor.full_step else sensor.plain_start,
     }
     parts = {**dict(steps), **named, **valve, **starts}
-    parts |= {"few_lanes": few_lanes, "seeded": seeded, "add_noise": add_noise}
-    return cached_module("abreast", parts, _text(named, sizes, loaded), "numpy").abreast
+    return cached_module("abreast", {**parts, "few_lanes": few_lanes}, _text(named, sizes, loaded), "numpy").abreast
 
 
 def _text(named: dict[str, type], sizes: tuple[int, ...], loaded: bool) -> str:
     states = [[f"s{j}" for j in range(sizes[0])]]
     states += [[f"v{i}_{j}" for j in range(size)] for i, size in enumerate(sizes[1:])]
     numbers = {name: [f"{name}_{f}" for f in cls._fields] for name, cls in named.items()}
-    rooms = [*FIXED, *sum(states, []), *sum(numbers.values(), [])]
+    given = [*chain(*numbers.values())]
+    rooms = [*FIXED, *chain(*states), *given]
     made = {name: f"{name}({', '.join(f'{n}[l]' for n in rows)})" for name, rows in numbers.items()}
 
     def filled(names: list[str], value: str) -> str:
@@ -157,7 +131,7 @@ def _text(named: dict[str, type], sizes: tuple[int, ...], loaded: bool) -> str:
     def state(names: list[str]) -> str:
         return f"({''.join(f'{n}[l], ' for n in names)})"
 
-    loads = [f"{n}[l] = numbers[{row}, i]" for row, n in enumerate(sum(numbers.values(), []))]
+    loads = [f"{n}[l] = numbers[{row}, i]" for row, n in enumerate(given)]
     starts = ["c0[l], c1[l] = controller_start(op0[i], 0.0)", filled(states[0], "sensor_start(pv0[i])"), "mv[l] = op0[i]"]
     body = [
         f"x0[l] = plant_step(w_old[l], w_new[l], (x0[l],), {made['class0']})[0] if k > 0 else x0[l]",
@@ -181,7 +155,7 @@ def _text(named: dict[str, type], sizes: tuple[int, ...], loaded: bool) -> str:
     for word, one in (("ROOMS", "".join(f"{n} = few_lanes()\n" for n in rooms)), ("BEGIN", begin), ("SAMPLE", sample)):
         both = [_renamed(one, rooms, side).replace("FROM", str(row * side)) for side in (0, 1)]
         text = _with(text, word, "".join(both).splitlines())
-    return text.replace("LANES", str(2 * row)).replace("ROW", str(row)).replace("BLOCK", str(BLOCK))
+    return text.replace("LANES", str(2 * row)).replace("ROW", str(row))
 
 
 def _with(text: str, word: str, lines: list[str]) -> str:

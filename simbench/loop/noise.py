@@ -11,7 +11,7 @@ from math import exp, log1p
 import numpy as np
 from numba.np.random._constants import fi_double, ki_double, wi_double, ziggurat_nor_inv_r, ziggurat_nor_r
 
-from detectors.compiled import compiled, high_product
+from detectors.compiled import high_product
 
 # O'Neill (2014), PCG: multiplier of the 128-bit generator; Marsaglia and Tsang (2000): the ziggurat's layers
 LOW, HIGH = np.uint64(4865540595714422341), np.uint64(2549297995355413924)
@@ -24,36 +24,47 @@ U8, U9, U11, U58, U63, U64 = (np.uint64(n) for n in (8, 9, 11, 58, 63, 64))
 MASK, U16, U32 = np.uint64(0xFFFFFFFF), np.uint64(16), np.uint64(32)
 
 
-def drawn(seed: int, std: float, n: int) -> np.ndarray:
-    """Return the noise that `Setup.draw_noise` adds.
+def draw(seeds, std, counts, out):
+    """Add each lane's noise to its column of `out`: the first `counts` numbers of standard deviation `std`.
 
     Parameters
     ----------
-    seed : int
-        Of the run, below 2**64.
-    std : float
-        Standard deviation.
-    n : int
-        Samples.
-
-    Returns
-    -------
-    ndarray, shape (n,)
+    seeds : ndarray of uint64, shape (lanes,), an even number
+        Of the runs.
+    std : ndarray, shape (lanes,)
+        Standard deviations.
+    counts : ndarray of int, shape (lanes,)
+        How many samples have noise.
+    out : ndarray, shape (n, lanes)
+        Changed in place.
 
     Examples
     --------
-    >>> bool((drawn(7, 2.0, 100) == 2.0 * np.random.default_rng([7, 0]).standard_normal(100)).all())
+    >>> from detectors.compiled import compiled
+    >>> out = np.zeros((100, 2))
+    >>> compiled(draw)(np.array([7, 8], dtype=np.uint64), np.array([2.0, 1.0]), np.array([100, 5]), out)
+    >>> bool((out[:, 0] == 2.0 * np.random.default_rng([7, 0]).standard_normal(100)).all())
     True
     """
-    out = np.zeros(n)
-    compiled(_drawn)(np.uint64(seed), std, out)
-    return out
-
-
-def _drawn(seed, std, out):
-    state = np.empty(4, dtype=np.uint64)
-    state[0], state[1], state[2], state[3] = seeded(seed, np.uint64(0))
-    add_noise(state, std, out.size, out, 0, 1)
+    for lane in range(0, seeds.size, 2):
+        a, b = lane, lane + 1
+        a_high, a_low, a_step_high, a_step_low = seeded(seeds[a], np.uint64(0))
+        b_high, b_low, b_step_high, b_step_low = seeded(seeds[b], np.uint64(0))
+        a_count = counts[a] if std[a] > 0.0 else 0
+        b_count = counts[b] if std[b] > 0.0 else 0
+        both = min(a_count, b_count)
+        # two generators in turn: one multiplies while the other waits for its product
+        for k in range(both):
+            x, a_high, a_low = next_normal(a_high, a_low, a_step_high, a_step_low)
+            y, b_high, b_low = next_normal(b_high, b_low, b_step_high, b_step_low)
+            out[k, a] += std[a] * x
+            out[k, b] += std[b] * y
+        for k in range(both, a_count):
+            x, a_high, a_low = next_normal(a_high, a_low, a_step_high, a_step_low)
+            out[k, a] += std[a] * x
+        for k in range(both, b_count):
+            y, b_high, b_low = next_normal(b_high, b_low, b_step_high, b_step_low)
+            out[k, b] += std[b] * y
 
 
 def seeded(seed, stream):
@@ -126,7 +137,18 @@ def uniform(bits):
     return np.float64(np.int64(bits >> U11)) * (1.0 / 9007199254740992.0)
 
 
-def normal(bits, high, low, step_high, step_low):
+def next_normal(high, low, step_high, step_low):
+    """Return the next standard normal number, and the state of the generator behind it."""
+    high, low = advanced(high, low, step_high, step_low)
+    bits = word(high, low)
+    size = (bits >> U9) & MANTISSA
+    x = np.float64(np.int64(size)) * WIDTH[bits & SIGNED]
+    if size < BELOW[bits & LAYER]:
+        return x, high, low  # 99 of 100
+    return rare_normal(bits, high, low, step_high, step_low)
+
+
+def rare_normal(bits, high, low, step_high, step_low):
     """Return the standard normal number that begins with these 64 bits, and the state of the generator behind it."""
     while True:
         layer, size = bits & LAYER, (bits >> U9) & MANTISSA
@@ -147,17 +169,3 @@ def normal(bits, high, low, step_high, step_low):
             return x, high, low
         high, low = advanced(high, low, step_high, step_low)
         bits = word(high, low)
-
-
-def add_noise(state, std, count, out, first, stride):
-    """Add `count` numbers of standard deviation `std` to every `stride`-th entry of `out` from `first` on; moves `state` on."""
-    high, low, step_high, step_low = state[0], state[1], state[2], state[3]
-    for k in range(count):
-        high, low = advanced(high, low, step_high, step_low)
-        bits = word(high, low)
-        size = (bits >> U9) & MANTISSA
-        x = np.float64(np.int64(size)) * WIDTH[bits & SIGNED]
-        if size >= BELOW[bits & LAYER]:
-            x, high, low = normal(bits, high, low, step_high, step_low)
-        out[np.uintp(first + k * stride)] += std * x
-    state[0], state[1] = high, low

@@ -58,9 +58,8 @@ class Number:
 
     def read(self, value: Any, name: str, where: str) -> float:
         """Return `value` as a float, or raise `ParameterError` with what is allowed."""
-        if type(value) is float and self.low <= value <= self.high and value - value == 0.0:
-            if not (self.positive and value == self.low):
-                return value  # nearly always
+        if type(value) is float and self.low < value < self.high:
+            return value  # nearly always
         unit = f" ({self.unit})" if self.unit else ""
         if isinstance(value, bool) or not hasattr(value, "__float__"):
             raise ParameterError(f"{where}: {name} = {value!r} is no number{unit}")

@@ -45,8 +45,6 @@ class Run:
     ----------
     record : LoopRecord
         SP, OP, PV as archived, MV; n samples.
-    pv_clean : ndarray, shape (n + tail,)
-        PV the controller saw, less what was added at the sensor.
     load_in, load_out : ndarray, shape (n + tail,)
         Loads at the plant's input (%) and output (PV units).
     tail : LoopRecord or None
@@ -58,7 +56,6 @@ class Run:
     """
 
     record: LoopRecord
-    pv_clean: np.ndarray
     load_in: np.ndarray
     load_out: np.ndarray
     tail: LoopRecord | None
@@ -68,6 +65,13 @@ class Run:
 
 def run_setup(setup: Setup, *, kick: float = 0.0, start: Start | None = None, plain: bool = False) -> Run:
     """Run a resolved loop, compiled or (`plain`) in Python sample by sample; both give the same bits."""
+    return finished_run(setup, *signals_of(setup, kick=kick, start=start, plain=plain))
+
+
+def signals_of(
+    setup: Setup, *, kick: float = 0.0, start: Start | None = None, plain: bool = False
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return OP, PV as the controller saw it, and MV of a run, each of shape (n + tail,)."""
     parts = parts_of(setup)
     sampled = parts.sampled
     total = setup.sp.size
@@ -99,7 +103,7 @@ def run_setup(setup: Setup, *, kick: float = 0.0, start: Start | None = None, pl
         setup.sp, setup.load_in, setup.load_out, setup.pv_add, float(kick), setup.op0, w, x, c, tuple(v), s, parts.bare,
         op, measured, mv,
     )  # fmt: skip
-    return finished_run(setup, op, measured, mv)
+    return op, measured, mv
 
 
 def finished_run(setup: Setup, op: np.ndarray, measured: np.ndarray, mv: np.ndarray) -> Run:
@@ -125,4 +129,4 @@ def finished_run(setup: Setup, op: np.ndarray, measured: np.ndarray, mv: np.ndar
         )
 
     tail = part(slice(n, None)) if setup.tail >= 3 else None
-    return Run(part(slice(0, n)), measured - setup.pv_add, setup.load_in, setup.load_out, tail, setup.sticky, mv)
+    return Run(part(slice(0, n)), setup.load_in, setup.load_out, tail, setup.sticky, mv)
