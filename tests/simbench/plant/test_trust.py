@@ -43,6 +43,7 @@ def test_plain_stiction_is_called_so(found):
 def test_a_quiet_loop_is_denied_only_above_what_would_have_shown():
     answer = trust(simulate(Loop.from_table(LOOP), 2).record.blind(), **FEW, help_wanted=False)
     assert answer.answer in (SOUND, UNSEEN, OPEN)
+    assert answer.probability is not None
     assert answer.probability < 0.75
     if answer.answer == SOUND:
         assert answer.smallest_visible is not None
@@ -85,6 +86,7 @@ def test_a_dead_record_is_no_error_and_no_verdict():
 def test_a_given_loop_with_friction_in_its_valve_still_has_healthy_twins(sticky):
     loop = Loop.from_table(LOOP | {"valve": {"model": "choudhury", "S": 6.0, "J": 4.0}})
     answer = trust(sticky, loop, **FEW)
+    assert answer.behind is not None
     assert answer.behind.trusted
     assert any("friction" in n for n in answer.notes)
     assert min(t.S for t in answer.twins) == 0.0
