@@ -440,6 +440,20 @@ def open_sealed(
     _print({k: v for k, v in found.items() if k != "markdown"} if as_json else found["markdown"], as_json)
 
 
+@app.command()
+def contract(
+    path: Annotated[Path, typer.Argument(metavar="FILE", help="A detector, valve, effect, recogniser (.py) or grid (.toml).")],
+    as_json: Json = False,
+) -> None:
+    """Check whether a plug-in keeps its contract; exit 1 when it does not."""
+    from simbench.contract import check_file
+
+    found = check_file(path)
+    _print(found.as_json() if as_json else found.as_text(), as_json)
+    if not found.kept:
+        raise typer.Exit(1)
+
+
 @app.command("list")
 def list_(
     what: Annotated[str, typer.Argument(help="detectors, valves, grids, effects or figures.")],
