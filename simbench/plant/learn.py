@@ -81,7 +81,7 @@ def fit(rows: list[dict[str, Any]]) -> EvidenceWeights:
     out = np.asarray(cross_val_predict(model, x, sticky, cv=StratifiedKFold(10), method="predict_proba"))[:, 1]
     model.fit(x, sticky)
     weights = (float(w) for w in model.coef_[0])
-    return EvidenceWeights(float(model.intercept_[0]), *weights, len(rows), float(log_loss(sticky, out)))
+    return EvidenceWeights(float(model.intercept_.item()), *weights, len(rows), float(log_loss(sticky, out)))
 
 
 def main(arguments: list[str] | None = None) -> int:
