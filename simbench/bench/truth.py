@@ -9,7 +9,7 @@ import numpy as np
 
 from scenarios.spec import Loop, Part
 from simbench.bench.motion import Motion, largest_sine, motion
-from simbench.loop.resolve import friction, resolve_loop
+from simbench.loop.resolve import friction, quiet_setup
 from simbench.loop.run import Run
 from simbench.loop.simulate import simulate
 
