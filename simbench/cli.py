@@ -14,8 +14,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import typer
 
-from detectors.errors import ParameterError, nearest
-from simbench.usage import complain, exit_code
+from detectors.errors import ParameterError, naming, nearest
+from simbench.usage import exit_code
 
 # typer has carried its own copy of click since 0.2x; its public error leads to the classes of whichever it uses
 CommandError: Any = typer.BadParameter.__mro__[2]
@@ -68,7 +68,8 @@ def simulate(
     else:
         from scenarios.spec import load_loop
 
-        result = run(load_loop(loop), seed, kick=kick)
+        with naming(loop):
+            result = run(load_loop(loop), seed, kick=kick)
     write_record(result.record, out)
 
 
@@ -95,7 +96,8 @@ def predict(
     from simbench.theory.predict import as_text
     from simbench.theory.predict import predict as theory
 
-    found = theory(load_loop(loop))
+    with naming(loop):
+        found = theory(load_loop(loop))
     _print(found if as_json else as_text(found), as_json)
 
 
@@ -360,7 +362,9 @@ def gain_change(
     from scenarios.spec import load_loop
     from simbench.confirm.gain_change import gain_change as test
 
-    _confirmed(test(load_loop(loop)), picture, as_json)
+    with naming(loop):
+        found = test(load_loop(loop))
+    _confirmed(found, picture, as_json)
 
 
 @confirm_app.command()
@@ -373,7 +377,9 @@ def travel(
     from scenarios.spec import load_loop
     from simbench.confirm.travel import travel_test
 
-    _confirmed(travel_test(load_loop(loop)), picture, as_json)
+    with naming(loop):
+        found = travel_test(load_loop(loop))
+    _confirmed(found, picture, as_json)
 
 
 @gap_app.command("diagnose")
@@ -390,6 +396,7 @@ def gap_diagnose(
     write_loop: Annotated[Path | None, typer.Option(metavar="FIXED.toml", help="Loop file with the effect in it.")] = None,
     process: Annotated[str | None, typer.Option(help="self-regulating or integrating; for --identify.")] = None,
     op_span: Span = None,
+    window: Annotated[tuple[int, int] | None, typer.Option(metavar="FROM TO", help="Samples to judge.")] = None,
     as_json: Json = False,
 ) -> None:
     """Say where record and simulation differ, which effect explains it, and how far it shrinks."""
@@ -399,7 +406,7 @@ def gap_diagnose(
         raise ParameterError("gap diagnose needs either --baseline LOOP.toml or --identify")
     report = diagnose_files(
         records, baseline, jobs=jobs, html=html, write_loop=write_loop,
-        process=process, op_span=op_span,
+        process=process, op_span=op_span, window=window,
     )  # fmt: skip
     _print(report.as_json() if as_json else report.as_text(), as_json)
 
@@ -448,6 +455,20 @@ def open_sealed(
     _print({k: v for k, v in found.items() if k != "markdown"} if as_json else found["markdown"], as_json)
 
 
+@app.command()
+def contract(
+    path: Annotated[Path, typer.Argument(metavar="FILE", help="A detector, valve, effect, recogniser (.py) or grid (.toml).")],
+    as_json: Json = False,
+) -> None:
+    """Check whether a plug-in keeps its contract; exit 1 when it does not."""
+    from simbench.contract import check_file
+
+    found = check_file(path)
+    _print(found.as_json() if as_json else found.as_text(), as_json)
+    if not found.kept:
+        raise typer.Exit(1)
+
+
 @app.command("list")
 def list_(
     what: Annotated[str, typer.Argument(help="detectors, valves, grids, effects or figures.")],
@@ -476,19 +497,22 @@ def main(arguments: list[str] | None = None) -> int:
     int
         0 done, 1 a gate failed, 2 wrong usage, file or configuration (said in one sentence on stderr), 130 interrupted.
     """
-    command = typer.main.get_command(app)
-    try:
-        return exit_code(lambda: command.main(args=arguments, prog_name="simbench", standalone_mode=False))
-    except CommandError as error:
-        return complain(_usage(error))
-    except typer.Abort as error:
-        print(str(error) or "interrupted", file=sys.stderr)
-        return 130
+    return exit_code(lambda: _command(arguments))
 
 
 def entry() -> None:
     """Console script."""
     sys.exit(main())
+
+
+def _command(arguments: list[str] | None) -> int | None:
+    command = typer.main.get_command(app)
+    try:
+        return command.main(args=arguments, prog_name="simbench", standalone_mode=False)
+    except CommandError as error:
+        raise ParameterError(_usage(error)) from None
+    except typer.Abort as error:
+        raise KeyboardInterrupt(str(error)) from None
 
 
 def _usage(error: Any) -> str:

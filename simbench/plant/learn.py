@@ -81,7 +81,7 @@ def fit(rows: list[dict[str, Any]]) -> EvidenceWeights:
     out: Any = cross_val_predict(model, x, sticky, cv=StratifiedKFold(10), method="predict_proba")
     model.fit(x, sticky)
     weights = (float(w) for w in model.coef_[0])
-    return EvidenceWeights(float(model.intercept_[0]), *weights, len(rows), float(log_loss(sticky, out[:, 1])))
+    return EvidenceWeights(float(model.intercept_.item()), *weights, len(rows), float(log_loss(sticky, out[:, 1])))
 
 
 def main(arguments: list[str] | None = None) -> int:
