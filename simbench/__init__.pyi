@@ -8,6 +8,7 @@ from detectors.verdict import Verdict as Verdict
 from simbench import gap as gap
 from simbench.bench.sweep import sweep as sweep
 from simbench.loop.simulate import simulate as simulate
+from simbench.plant.trust import trust as trust
 from simbench.theory.predict import predict as predict
 from simbench.workbench import Loop as Loop
 from simbench.workbench import load_loop as load_loop
