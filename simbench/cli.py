@@ -200,7 +200,7 @@ def run(
     method: Annotated[list[str] | None, typer.Option(help="Method ids, fast, full, oracle; repeatable [fast, oracle].")] = None,
     raw: Annotated[bool, typer.Option("--raw", help="Only without the oscillation front end.")] = False,
     plugin: Plugin = None,
-    backend: Annotated[str, typer.Option(help="loky, dask or ray.")] = "loky",
+    backend: Annotated[str, typer.Option(help="loky or dask.")] = "loky",
     address: Annotated[str | None, typer.Option(metavar="URL", help="Of a running scheduler.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on where an earlier run stopped.")] = False,
     until_width: Annotated[

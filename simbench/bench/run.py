@@ -24,7 +24,7 @@ from simbench.bench.resolve import resolve
 from simbench.bench.work import Piece, Thresholds, work
 from simbench.loop.resolve import resolve_loop
 
-BACKENDS = ("loky", "dask", "ray")
+BACKENDS = ("loky", "dask")
 LIVES = 3  # how often dead workers are replaced before the run gives up
 PATIENCE = 10  # s, for a dask scheduler to answer
 
@@ -67,10 +67,10 @@ def run_grid(
         Note in the manifest that scores without the front end come first; both are always stored.
     plugins : iterable of str or Path
         Detector files outside the package; they are run as well.
-    backend : {"loky", "dask", "ray"}
+    backend : {"loky", "dask"}
         Where workers live, through joblib.
     address : str, optional
-        Scheduler of dask ("tcp://..."), or of ray.
+        Scheduler of dask ("tcp://...").
     resume : bool
         Continue a run that was interrupted.
     until_width : float, optional
@@ -222,8 +222,6 @@ def _parallel(backend: str, address: str | None, jobs: int) -> Iterator[Runner]:
         if backend == "dask":
             settings["client"] = stack.enter_context(_dask_client(address))
             jobs = -1
-        elif backend == "ray":
-            _start_ray(address)
         elif jobs != 1:
             settings.update(inner_max_num_threads=1, initializer=_ignore_interrupt)
         if jobs == 1 and backend == "loky":
@@ -244,16 +242,6 @@ def _dask_client(address: str | None) -> Any:
         return Client(address, timeout=PATIENCE, set_as_default=False)
     except OSError as error:
         raise RunError(f"no dask scheduler answers at {address}: {error}") from None
-
-
-def _start_ray(address: str | None) -> None:
-    try:
-        import ray  # pyright: ignore[reportMissingImports]
-        from ray.util.joblib import register_ray  # pyright: ignore[reportMissingImports]
-    except ImportError:
-        raise RunError("backend ray needs the package ray; install stiction-simbench[ray]") from None
-    ray.init(address=address, ignore_reinit_error=True)
-    register_ray()
 
 
 def _ignore_interrupt() -> None:

@@ -359,6 +359,7 @@ def test_a_kill_between_the_last_two_steps_is_tidied_up(small, finished, tmp_pat
     ("settings", "words"),
     [
         ({"backend": "dusk"}, "did you mean 'dask'"),
+        ({"backend": "ray"}, "known: dask, loky"),
         ({"backend": "dask"}, "needs --address"),
         ({"backend": "dask", "address": "tcp://127.0.0.1:1"}, "no dask scheduler"),
         ({"methods": ["hee"]}, "he"),
