@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import csv
 import os
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
@@ -45,7 +46,7 @@ def whole_file(path: str | Path, mode: str = "w") -> Iterator[IO]:
     >>> target.read_text()
     'all of it'
     """
-    path = Path(path)
+    path = _local(path)
     special = path.exists() and not path.is_file()
     temporary = path if special else path.with_name(f".{path.name}.{os.getpid()}")
     try:
@@ -66,9 +67,17 @@ def whole_file(path: str | Path, mode: str = "w") -> Iterator[IO]:
                 temporary.unlink()
 
 
+def _local(path: str | Path) -> Path:
+    # `Path` makes one slash of two; a single letter is a drive
+    scheme = re.match(r"([A-Za-z][A-Za-z0-9+.-]+):/", str(path))
+    if scheme is not None:
+        raise FileError(f"{path} cannot be written: scheme {scheme[1]!r} is unknown; give a path on this machine")
+    return Path(path)
+
+
 def folder(path: str | Path) -> Path:
     """Make a folder, or say in one sentence why it cannot be made."""
-    path = Path(path)
+    path = _local(path)
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:

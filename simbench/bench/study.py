@@ -107,8 +107,8 @@ def sizes(counts: Sequence[int], methods: str = "fast", grid: str = GRID) -> lis
     Returns
     -------
     list of dict
-        scenarios, peak_MB (resident), ms_per_scenario (wall, without start-up), cpu_ms, overhead (share of the working time
-        outside simulation and detectors).
+        scenarios, peak_MB (resident), ms_per_scenario (wall, without start-up), cpu_ms and bytes (of the tables) per scenario,
+        overhead (share of the working time outside simulation and detectors).
     """
     each = len(load_grid(grid, {"repeats": 1}))
     rows = []
@@ -118,6 +118,7 @@ def sizes(counts: Sequence[int], methods: str = "fast", grid: str = GRID) -> lis
             process = _run(target, grid, methods, 1, {"repeats": max(round(count / each), 1)}, measure=True)
             used = json.loads(process.communicate()[0])
             manifest = read_manifest(target)
+            size = sum(f.stat().st_size for f in target.glob("*.parquet"))
         times, n = manifest["times"], manifest["counts"]["scenarios"]
         rows.append(
             {
@@ -125,6 +126,7 @@ def sizes(counts: Sequence[int], methods: str = "fast", grid: str = GRID) -> lis
                 "peak_MB": round(used["peak_MB"], 1),
                 "ms_per_scenario": round(1e3 * times["wall"] / n, 3),
                 "cpu_ms": round(1e3 * used["cpu"] / n, 3),
+                "bytes": round(size / n, 1),
                 "overhead": round(1.0 - (times["simulating"] + times["judging"]) / times["wall"], 4),
             }
         )

@@ -17,10 +17,12 @@ from simbench.loop.resolve import resolve_loop
 from simbench.loop.setup import parts_of
 from simbench.loop.simulate import simulate
 
-LOOPS, N = 256, 1000
+LOOPS = 256
+# samples, and the least ratios: to C, to `simulate`, to `simulate` with runs made of both. Longer records wait for memory
+BARS = {1000: (2.5, 5.0, 1.0), 4000: (2.0, 4.0, 0.8)}
 
 
-def random_loops(noise: float, n: int = N) -> list[Loop]:
+def random_loops(noise: float, n: int) -> list[Loop]:
     """Return loops that share nothing but their kind."""
     rng = np.random.default_rng(1)
 
@@ -91,22 +93,30 @@ def kernel_alone(loops: list[Loop]):
     return run
 
 
-def main() -> int:
-    quiet, noisy, seeds = random_loops(0.0), random_loops(0.1), list(range(LOOPS))
-    outputs = [np.empty((3, N)) for _ in quiet]
-    c, rows = in_c(quiet, outputs), []
+def compare(n: int) -> list[tuple[str, list[float], list[float], float]]:
+    """Return a row for each comparison at a record length."""
+    quiet, noisy, seeds = random_loops(0.0, n), random_loops(0.1, n), list(range(LOOPS))
+    outputs = [np.empty((3, n)) for _ in quiet]
+    c, rows, (to_c, to_one, made) = in_c(quiet, outputs), [], BARS[n]
     if c is not None:
         c()
         found = batch.simulate_batch(quiet, seeds)
         assert all(np.array_equal(found.signals(i), out) for i, out in enumerate(outputs)), "C and the batch differ"
         times = interleaved(c, kernel_alone(quiet), repeats=[2, 2])
-        rows.append(("C (gcc -O3 -march=native) / loops abreast, without noise", *times, 2.5))
-    alone = lambda: [simulate(loop, seed) for loop, seed in zip(noisy, seeds)]  # noqa: E731
+        rows.append((f"{n} samples: C (-O3 -march=native) / abreast, no noise", *times, to_c))
+
+    def alone() -> list:
+        return [simulate(loop, seed) for loop, seed in zip(noisy, seeds)]
+
     times = interleaved(alone, lambda: batch.simulate_batch(noisy, seeds), repeats=[1, 1])
-    rows.append(("simulate() / simulate_batch(), with noise", *times, 5.0))
+    rows.append((f"{n} samples: simulate() / simulate_batch(), noise", *times, to_one))
     times = interleaved(alone, lambda: list(batch.simulate_batch(noisy, seeds)), repeats=[1, 1])
-    rows.append(("simulate() / simulate_batch() made into runs, with noise", *times, 1.0))
-    return table(f"{LOOPS} random loops of {N} samples", rows)
+    rows.append((f"{n} samples: simulate() / simulate_batch() made runs", *times, made))
+    return rows
+
+
+def main() -> int:
+    return table(f"{LOOPS} random loops", [row for n in BARS for row in compare(n)])
 
 
 if __name__ == "__main__":
