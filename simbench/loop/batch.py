@@ -140,8 +140,8 @@ class _Kind:
         # A, B, Td, Ts of plants that are sampled all at once, or the dead times of plants that are sampled already
         self.plants: list[float] = []
         self.delays: list[int] = []
-        # (sample, loop, value) of every change of a set point
-        self.points: list[tuple[int, int, float]] = []
+        # sample, loop, value of every change of a set point
+        self.points: list[float] = []
 
     def simulate(self) -> None:
         """Run all lanes and hand each its signals."""
@@ -223,7 +223,7 @@ def _add_plain(kinds: dict, lane: Lane) -> bool:
     for t, value in sorted(loop.setpoint.steps):
         k = ceil(t / Ts - 1e-9)
         if k < loop.sampling.n:
-            kind.points.append((k, len(kind.lanes), value))
+            kind.points += (k, len(kind.lanes), value)
     kind.lanes.append(lane)
     kind.samples.append(loop.sampling.n)
     return True
@@ -246,6 +246,6 @@ def _add_any(kinds: dict, lane: Lane) -> None:
     kind.about += (setup.op0 + 0.0, setup.pv0, setup.noise_std, setup.sp[0])
     kind.delays.append(parts.sampled.delay)
     for k in (np.flatnonzero(np.diff(setup.sp)) + 1).tolist():
-        kind.points.append((k, len(kind.lanes), setup.sp[k]))
+        kind.points += (k, len(kind.lanes), setup.sp[k])
     kind.lanes.append(lane)
     kind.samples.append(setup.n)

@@ -1,0 +1,52 @@
+"""The comparison of a scenario's cost: shares and ratios count, times do not."""
+
+import copy
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+import perf_shares
+
+TOLD = {
+    "fast": {"minimum_ms": 10.0, "share": {"hammerstein": 0.3, "glue": 0.1, "rest": 0.6}},
+    "full": {"minimum_ms": 25.0, "share": {"surrogate": 0.4, "rest": 0.6}},
+}
+
+
+def test_a_slower_machine_is_no_regression():
+    slower = copy.deepcopy(TOLD)
+    for told in slower.values():
+        told["minimum_ms"] *= 7.0
+    assert perf_shares.grown(slower, TOLD) == []
+
+
+@pytest.mark.parametrize(
+    ("budget", "name", "share", "words"),
+    [("fast", "glue", 0.2, "glue takes 20.0%"), ("fast", "newcomer", 0.05, "0.0% when"), ("full", "surrogate", 0.7, "70.0%")],
+)
+def test_a_share_that_outgrew_the_committed_one_is_told(budget, name, share, words):
+    now = copy.deepcopy(TOLD)
+    now[budget]["share"][name] = share
+    (told,) = perf_shares.grown(now, TOLD)
+    assert told.startswith(budget)
+    assert words in told
+
+
+def test_so_is_the_ratio_of_the_budgets():
+    now = copy.deepcopy(TOLD)
+    now["full"]["minimum_ms"] = 40.0
+    assert perf_shares.grown(now, TOLD) == ["full costs 4.0 times fast, 2.5 times when last committed"]
+
+
+def test_time_is_charged_to_whoever_runs_and_adds_up(monkeypatch):
+    meter = perf_shares.Meter()
+    clock = iter([1.0, 3.0, 4.0, 10.0, 11.0])
+    monkeypatch.setattr(meter, "_since", 0.0)
+    monkeypatch.setattr(perf_shares, "time", SimpleNamespace(process_time=lambda: next(clock)))
+    inner = meter.wrap("inner", lambda: None)
+    meter.wrap("outer", inner)()
+    meter.charge()
+    assert meter.seconds == {"glue": 2.0, "outer": 8.0, "inner": 1.0}
