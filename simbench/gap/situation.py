@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from detectors.record import LoopRecord
-from scenarios.spec import Loop
+from scenarios.spec import Loop, Part
 from simbench.gap.controller.pi_law import Law
 from simbench.gap.likelihood.model import Data
 from simbench.gap.sensor.samples import Samples
+from simbench.loop.response import valve_response
 
 NOISE_SHOWS = 0.25  # of the variance of PV's changes that the stated noise must make up for its smoothing to be seen
 LOAD_MEMORY = 4.0  # longest correlation time of an ordinary load, in time scales of the loop; a slower one drifts
@@ -68,9 +69,25 @@ class Situation:
         return f"record {self.record.tag!r}" if self.record.tag else "record"
 
     @property
+    def expected_mv(self) -> np.ndarray:
+        """MV (%) as the baseline's valve makes it of the recorded OP."""
+        return np.clip(through_valve(self.op, self.baseline.valve, self.record.Ts), 0.0, 100.0)
+
+    @property
     def integrating(self) -> bool:
         """Whether the plant integrates."""
         return self.baseline.plant.type == "integrating"
+
+
+def through_valve(op: np.ndarray, valve: Part, Ts: float) -> np.ndarray:
+    """Return OP as the baseline's own valve passes it on: a band that the simulation has is no gap."""
+    if valve.name == "ideal":
+        return op
+    own: dict[str, Any] = dict(valve.parameters)
+    before, behind = own.pop("before", []), own.pop("behind", [])
+    for stage in [*before, {"model": valve.name, **own}, *behind]:
+        op = valve_response(stage["model"], op, {k: v for k, v in stage.items() if k != "model"}, Ts)
+    return op
 
 
 def load_memory(situation: Situation) -> float:

@@ -92,9 +92,6 @@ def _scores(s: Situation, base: Fit, candidates: dict[str, Candidate]) -> tuple[
         gains.setdefault(effect, NOT_TRIED)
     for effect, p in s.proven.items():
         gains[effect], parameters[effect] = SURE, p
-    for effect in parameters:
-        if effect in candidates and gains[effect] > 0 and s.trusted:
-            gains[effect] *= recogniser(effect).material(parameters[effect])
     mv_unexplained = s.record.mv is not None and _valve_by_mv(s, gains, parameters)
     for effect in (e for e in EFFECTS if e not in s.proven):
         found = recogniser(effect).by_innovations(base, s)
@@ -110,11 +107,7 @@ def _gains_on_top(
 ) -> dict[str, float]:
     """Return what further effects bring on top of the first; what the engine does not see stands by itself."""
     found = fit_candidates(engine, first, [e for e in order if e in candidates and gains[e] > FAINT])
-    out = {e: float(c.log_likelihood_gain) for e, c in found.items()}
-    for effect, gain in out.items():
-        if gain > 0 and s.trusted:
-            out[effect] = gain * recogniser(effect).material(recogniser(effect).numbers(found[effect].fit, s))
-    return out | {e: gains[e] for e in order if e not in candidates}
+    return {e: float(c.log_likelihood_gain) for e, c in found.items()} | {e: gains[e] for e in order if e not in candidates}
 
 
 # what the residual tests of whole models do not exceed (99 % of development records), and the block that fails beyond
@@ -184,12 +177,10 @@ def uncapped(gain: float) -> float:
 
 def _valve_by_mv(s: Situation, gains: dict[str, float], parameters: dict[str, Parameters]) -> bool:
     """Score the valve's effects by MV given OP alone; return whether MV strays from OP in a way that no map explains."""
-    search = MapSearch(s.op, np.asarray(s.record.mv), s.record.Ts)
+    search = MapSearch(s.op, np.asarray(s.record.mv), s.record.Ts, s.expected_mv)
     maps = {e: by_mv(search) for e in EFFECTS if (by_mv := recogniser(e).by_mv) is not None}
     for effect, (gain, p) in maps.items():
         gains[effect], parameters[effect] = capped(gain), p
-        if gain > 0:
-            gains[effect] *= recogniser(effect).material(p)
     winner = max(maps, key=lambda e: maps[e][0])
     healthy = float(np.exp(search.healthy / s.op.size))
     left = healthy * float(np.exp(-max(maps[winner][0], 0.0) / s.op.size))

@@ -42,8 +42,6 @@ def plausible(found: Assessment) -> Assessment:
             narrow = p is None or how.band(p) < SHARE * span
             if narrow or not in_both_halves(found, effect):
                 gains[effect] = FAINT
-        if effect in s.proven and how.immaterial(s):
-            gains[effect] = FAINT
     order = sorted((e for e in gains if gains[e] > 0 and e not in s.proven), key=lambda e: -gains[e])
     chosen = [e for e in found.chosen if e in s.proven and gains[e] > 0][:2]
     for e in order:

@@ -50,10 +50,6 @@ class Recogniser:
         Evidence in the innovations of the fit without effect, where the samples themselves were not conclusive.
     drowned : function (situation) -> bool
         Whether something proven makes all the evidence of this effect.
-    material : function (parameters) -> float
-        From 0 (what every healthy loop has) to 1; discounts the evidence where the baseline is trusted.
-    immaterial : function (situation) -> bool
-        Whether the proven effect is too small to be what a simulation lacks; asked where the baseline was identified.
     remark : function (situation) -> str
         What the record shows of it beside the answer; "" for nothing.
     needs : {"", "plant", "tuning"}
@@ -84,8 +80,8 @@ class Recogniser:
 
     Examples
     --------
-    >>> Recogniser().fit is None, Recogniser().material({})
-    (True, 1.0)
+    >>> Recogniser().fit is None, Recogniser().needs
+    (True, '')
     """
 
     fit: Callable[[Engine, Fit], tuple[Fit, float]] | None = None
@@ -96,8 +92,6 @@ class Recogniser:
     by_mv_leaves: float = 0.3
     by_innovations: Callable[[Fit, Situation], tuple[float, Parameters] | None] = lambda base, s: None
     drowned: Callable[[Situation], bool] = _never
-    material: Callable[[Mapping[str, float | str]], float] = lambda p: 1.0
-    immaterial: Callable[[Situation], bool] = _never
     remark: Callable[[Situation], str] = lambda s: ""
     needs: str = ""
     band: Callable[[Mapping[str, float | str]], float] | None = None

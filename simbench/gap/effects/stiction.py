@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from simbench.gap.effects._draw import Size, Yardstick, between
-from simbench.gap.effects._friction import band, beyond_healthy, jitter_hides_the_jump
+from simbench.gap.effects._friction import band, jitter_hides_the_jump
 from simbench.gap.effects._recogniser import Parameters, Recogniser, clip
 from simbench.gap.effects._size import LoopSize
 from simbench.gap.likelihood import kernels
@@ -61,7 +61,6 @@ RECOGNISER = Recogniser(
     possible=lambda s: s.baseline.valve.name == "ideal",
     by_mv=by_mv,
     by_mv_leaves=0.85,  # friction is only known up to its model; the other maps are exact
-    material=beyond_healthy,
     band=lambda p: float(p["S"]),
     bends_plant=True,
     leaves_traces=True,

@@ -10,6 +10,11 @@ from scipy.ndimage import maximum_filter1d, median_filter
 SPIKE = 6.0  # robust standard deviations from which an isolated point is a spike
 FURTHER = 4.5  # the same where three spikes are sure: 2 in 100 000 by chance
 ALONE = 2.0  # times the spread of its neighbours about their line; a corner has 1.5, a step 1.25
+COARSER = 5.0  # times the digits a column is written in, below which a spacing is not told from these
+OFF = 0.15  # of its spacing, by which a lattice's levels may be off it
+REPEATS = 20  # samples per level from which a lattice is plain
+BY_CHANCE = 1e-6  # probability that levels which lie anywhere are all as near to a lattice
+IMMATERIAL = 0.005  # of the variance of a signal's moves; rounding that adds less is the archive's, and changes nothing
 SELDOM = 1e-3  # standstills of a length that a record of noise has by chance; longer ones are none
 
 
@@ -108,24 +113,39 @@ def _digits(x: np.ndarray) -> float:
 
 
 def lattice(x: np.ndarray, unit: float) -> float:
-    """Return the spacing of the lattice through 0 on which all values stand, 0 when there is none coarser than `unit`."""
+    """Return the spacing of the lattice, wherever it begins, on which all values stand; 0 when none is coarser than `unit`.
+
+    A lattice may have been written down on a finer one: its levels are then a little off, each always by the same.
+    """
     levels = np.unique(x)
-    size = float(np.abs(levels).max()) or 1.0
+    fine = unit + 1e-8 * (float(np.abs(levels).max()) or 1.0)
     gaps = np.diff(levels)
-    gaps = gaps[gaps > max(1.5 * unit, 1e-9 * size)]
-    if levels.size < 2 or gaps.size == 0:
+    gaps = gaps[gaps > 1.5 * fine]
+    if gaps.size == 0 or gaps.min() < COARSER * fine:
         return 0.0
     step = float(gaps.min())
-    # a lattice hardly coarser than the digits is found in any numbers
-    if step < 20.0 * (unit + 1e-8 * size):
+    near = gaps[gaps < 3.5 * step]
+    step = float(near.sum() / np.round(near / step).sum())
+    repeats = x.size >= REPEATS * levels.size
+    if levels.size < 3:
+        return step if repeats else 0.0
+    place = levels - levels[0]
+    for _ in range(3):
+        # spacing and beginning sharpen each other
+        step, start = np.linalg.lstsq(np.column_stack([np.round(place / step), np.ones(place.size)]), place, rcond=None)[0]
+        place = place - start
+        if step <= 0.0:
+            return 0.0
+    off = float(np.abs(place - step * np.round(place / step)).max())
+    if off > OFF * step + 0.6 * fine:
         return 0.0
-    # the spacing sharpens as it is carried from near gaps to the far ends
-    for values in (gaps[gaps < 3.5 * step], gaps, levels - levels[0], levels):
-        count = np.round(values / step)
-        if count.any():
-            step = float(values @ count / (count @ count))
-    off = np.abs(levels - step * np.round(levels / step))
-    return step if off.max() <= 0.6 * unit + 1e-8 * size + 1e-4 * step else 0.0
+    chance = min(2.0 * (off + fine) / step, 1.0) ** (levels.size - 2)
+    return float(step) if repeats or chance < BY_CHANCE else 0.0
+
+
+def hides_nothing(step: float, x: np.ndarray) -> bool:
+    """Return whether rounding to a step adds next to nothing to a signal's moves."""
+    return step**2 / 12.0 < IMMATERIAL * float(np.var(np.diff(x)))
 
 
 def on_line(x: np.ndarray, unit: float) -> np.ndarray:
