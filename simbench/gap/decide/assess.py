@@ -126,8 +126,11 @@ LENIENT = (
 )
 
 
-def unexplained_blocks(situation: Situation, tests: dict[str, float], valve: bool, chosen: list[str]) -> dict[str, str]:
-    """Return the blocks in which something no known effect explains, each with its reason.
+PLAIN = 10.0  # times a limit, that what needs no statistics counts for
+
+
+def failures(situation: Situation, tests: dict[str, float], valve: bool, chosen: list[str]) -> list[tuple[float, str, str]]:
+    """Return every test as (times its limit, block, what was found).
 
     Parameters
     ----------
@@ -141,25 +144,35 @@ def unexplained_blocks(situation: Situation, tests: dict[str, float], valve: boo
 
     Returns
     -------
-    dict of str to str
+    list of tuple
     """
-    out: dict[str, str] = {}
+    out: list[tuple[float, str, str]] = []
     if situation.unexplained_law:
-        out["controller"] = situation.unexplained_law
-    if situation.frozen:
-        out["sensor"] = f"PV stands exactly still for {situation.samples.held} samples"
+        out.append((PLAIN, "controller", situation.unexplained_law))
+    if situation.frozen and situation.trusted:
+        out.append((PLAIN, "sensor", f"PV stands exactly still for {situation.samples.held} samples"))
     if valve:
-        out["valve"] = "MV strays from OP as no known valve makes it"
+        out.append((PLAIN, "valve", "MV strays from OP as no known valve makes it"))
+    if not situation.trusted:
+        # a residual test asks whether a model is whole; one whose plant was identified never is
+        return out
     rough = not situation.archive.faithful or situation.law.gap > 0.0
     traces = any(recogniser(e).leaves_traces for e in chosen)
     for name, (limit, block) in LIMITS.items():
         # jumps beyond those the search adds, spikes, and friction that is no two-parameter map leave traces of their own
         loose = rough or (traces and name in ("bursts", "tails", "memory"))
-        if tests[name] > limit * (LENIENT if loose else 1.0):
-            out.setdefault(
-                block,
-                f"the best model leaves something behind ({name.removesuffix(' nats')}: {tests[name]:.0f}, limit {limit:.0f})",
-            )
+        limit *= LENIENT if loose else 1.0
+        said = f"the best model leaves something behind ({name.removesuffix(' nats')}: {tests[name]:.0f}, limit {limit:.0f})"
+        out.append((max(tests[name], 0.0) / limit, block, said))
+    return out
+
+
+def unexplained_blocks(situation: Situation, tests: dict[str, float], valve: bool, chosen: list[str]) -> dict[str, str]:
+    """Return the blocks in which something no known effect explains, each with its reason; parameters as `failures`."""
+    out: dict[str, str] = {}
+    for ratio, block, said in failures(situation, tests, valve, chosen):
+        if ratio > 1.0:
+            out.setdefault(block, said)
     return out
 
 
@@ -169,10 +182,22 @@ def capped(gain: float) -> float:
     return gain if gain <= most else most + 0.09 * SURE * (1.0 - most / gain)
 
 
-def uncapped(gain: float) -> float:
-    """Return the nats that `capped` made a gain of; what single samples prove stays as it is."""
-    most = 0.9 * SURE
-    return gain if gain <= most or gain >= SURE - 1.0 else most / (1.0 - (gain - most) / (0.09 * SURE))
+def worst_test(found: Assessment) -> tuple[float, str]:
+    """Return by how many times its limit the best model fails a test, at worst, and in which block.
+
+    Parameters
+    ----------
+    found : Assessment
+
+    Returns
+    -------
+    ratio : float
+        Above 1 where something is left that no known effect explains.
+    block : str
+    """
+    every = failures(found.situation, found.tests, found.mv_unexplained, found.chosen)
+    ratio, block, _ = max(every, default=(0.0, "none", ""))
+    return ratio, block
 
 
 def _valve_by_mv(s: Situation, gains: dict[str, float], parameters: dict[str, Parameters]) -> bool:

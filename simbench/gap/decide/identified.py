@@ -49,11 +49,8 @@ def plausible(found: Assessment) -> Assessment:
             chosen.append(e)
     fits = [e for e in chosen if e in found.candidates]
     final = found.candidates[fits[0]].fit if fits else found.base
-    # a residual test asks whether a trusted model is whole; an identified one never is, a valve with MV is
-    sound = {"valve": found.mv_unexplained, "controller": bool(s.unexplained_law)}
-    unexplained = {block: why for block, why in found.unexplained.items() if sound.get(block)}
     said = replace(s, notes=[*s.notes, *remarks(s)])
-    return replace(found, situation=said, log_likelihood_gains=gains, chosen=chosen, final=final, unexplained=unexplained)
+    return replace(found, situation=said, log_likelihood_gains=gains, chosen=chosen, final=final)
 
 
 def remarks(situation: Situation) -> list[str]:

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from simbench.gap.effects._draw import Size, Yardstick
-from simbench.gap.effects._size import LoopSize
 from simbench.gap.effects._smallest import Probe
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit
@@ -70,8 +69,6 @@ class Recogniser:
         Groups of effects that signals cannot tell apart, by a name all members share, and when this effect belongs to them.
     traits : function (parameters, plant, noise) -> dict
         What the effect adds to the circumstances; plant is the loop file's table, noise the stated std.
-    size : function (parameters, LoopSize) -> dict
-        Its numbers in proportion to the loop.
     smallest : function (Probe) -> (float, unit) or None
         The size that would have shown in this record.
     draw : function (Yardstick, rng) -> Size, optional
@@ -102,7 +99,6 @@ class Recogniser:
     lead: Callable[[Mapping[str, float | str], float, float], float] = lambda p, half, K: 0.0
     alike: Mapping[str, Callable[[Circumstances], bool]] = field(default_factory=dict)
     traits: Callable[[Mapping[str, float | str], Mapping[str, float | str], float], dict] = lambda p, plant, noise: {}
-    size: Callable[[Mapping[str, float | str], LoopSize], dict[str, float]] = lambda p, loop: {}
     smallest: Callable[[Probe], tuple[float, str] | None] = lambda probe: None
     draw: Callable[[Yardstick, np.random.Generator], Size] | None = None
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from simbench.gap.effects._draw import Size, Yardstick, between
-from simbench.gap.effects._friction import band, jitter_hides_the_jump
+from simbench.gap.effects._friction import jitter_hides_the_jump
 from simbench.gap.effects._recogniser import Recogniser, clip
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
@@ -32,7 +32,6 @@ RECOGNISER = Recogniser(
     bends_plant=True,
     alike={"friction": jitter_hides_the_jump},
     traits=lambda p, plant, noise: {"slip": 0.0},
-    size=band,
     smallest=lambda probe: probe.band(kernels.PLAY),
     draw=draw,
 )

@@ -8,7 +8,6 @@ import numpy as np
 
 from simbench.gap.effects._draw import Size, Yardstick, between
 from simbench.gap.effects._recogniser import Parameters, Recogniser, clip
-from simbench.gap.effects._size import LoopSize
 from simbench.gap.effects._slow import LINEAR, slow
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
@@ -83,11 +82,6 @@ def traits(p: Mapping, plant: Mapping, noise: float) -> dict[str, bool]:
     return {"slow": abs(float(plant["K"])) * abs(float(p["size"])) < noise} if known else {}
 
 
-def size(p, loop: LoopSize) -> dict[str, float]:
-    """Return how many, and how high in proportion to OP."""
-    return {"rate": float(np.log(float(p["rate"]) * loop.duration + 1e-3)), "size": loop.load(p["size"])}
-
-
 def draw(y: Yardstick, rng: np.random.Generator) -> Size:
     """Draw how many."""
     rate = float(rng.uniform(4, 25)) / y.seconds
@@ -101,6 +95,5 @@ RECOGNISER = Recogniser(
     leaves_traces=True,
     alike={"slow": slow},
     traits=traits,
-    size=size,
     draw=draw,
 )

@@ -18,6 +18,5 @@ def draw(y: Yardstick, rng: np.random.Generator) -> Size:
 RECOGNISER = Recogniser(
     proven=lambda s: {"step": s.law.step} if s.law.step > 0.0 and not hides_nothing(s.law.step, s.op) else None,
     remark=lambda s: levels_of(np.asarray(s.record.op)),
-    size=lambda p, loop: {"size": loop.load(p["step"])},
     draw=draw,
 )

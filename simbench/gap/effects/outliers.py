@@ -6,7 +6,6 @@ import numpy as np
 
 from simbench.gap.effects._draw import Size, Yardstick, between
 from simbench.gap.effects._recogniser import Parameters, Recogniser
-from simbench.gap.effects._size import LoopSize
 from simbench.gap.effects._smallest import Probe
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import Fit, size_penalty
@@ -49,11 +48,6 @@ def remark(s: Situation) -> str:
     return f"{spikes.size} isolated, the first {spikes[0] * s.record.Ts:g} s after the start" if spikes.size else ""
 
 
-def size(p, loop: LoopSize) -> dict[str, float]:
-    """Return how many and how high in proportion to PV."""
-    return {"rate": float(np.log(float(p["rate"]) * loop.n + 1e-3)), "size": loop.level(p["size"])}
-
-
 def smallest(probe: Probe) -> tuple[float, str]:
     """Return the height that stands off the innovations."""
     spread = float(np.sqrt(np.mean(probe.base.residual[kernels.SKIP :] ** 2)))
@@ -72,7 +66,6 @@ RECOGNISER = Recogniser(
     by_innovations=by_innovations,
     remark=remark,
     leaves_traces=True,
-    size=size,
     smallest=smallest,
     draw=draw,
 )

@@ -30,7 +30,6 @@ def draw(y: Yardstick, rng: np.random.Generator) -> Size:
 RECOGNISER = Recogniser(
     proven=proven,
     remark=lambda s: levels_of(np.asarray(s.record.pv)),
-    size=lambda p, loop: {"size": loop.level(p["step"])},
     smallest=smallest,
     draw=draw,
 )
