@@ -74,6 +74,12 @@ class Situation:
         return np.clip(through_valve(self.op, self.baseline.valve, self.record.Ts), 0.0, 100.0)
 
     @property
+    def expected_band(self) -> float:
+        """Dead-band (%) of the baseline's valve, 0 of one that jumps or has none."""
+        own = self.baseline.valve.parameters
+        return float(own["S"]) if "S" in own and not own.get("J") else 0.0
+
+    @property
     def integrating(self) -> bool:
         """Whether the plant integrates."""
         return self.baseline.plant.type == "integrating"

@@ -223,6 +223,7 @@ def _free(asked: _Asked) -> _Free:
 def _shown(asked: _Asked) -> _Shown:
     pv, unit = asked.pv, written_unit(asked.pv, asked.op)
     grid = lattice(pv, unit)
+    grid = 0.0 if hides_nothing(grid, pv) else grid
     line = on_line(pv, unit) if grid == 0.0 else np.zeros(pv.size, dtype=bool)
     moving = np.diff(pv) != 0.0
     exact = ~line & (np.append(True, moving) | np.append(moving, True) | (grid > 0.0))

@@ -41,6 +41,9 @@ class Recogniser:
         Whether `fit` makes sense for this baseline.
     proven : function (situation) -> parameters or None
         What the controller's law or single samples show without doubt.
+    ordinary : function (fit, base, gain) -> bool, optional
+        Of what loads do by themselves as well: whether the fit shows no more than that. It is then allowed to every candidate,
+        and only named where nothing else explains the record.
     by_mv : function (MapSearch) -> (nats over an ideal valve, parameters), optional
         Of a valve: MV given OP.
     by_mv_leaves : float
@@ -85,6 +88,7 @@ class Recogniser:
     numbers: Callable[[Fit, Situation], Parameters] = lambda fit, s: {}
     possible: Callable[[Situation], bool] = _always
     proven: Callable[[Situation], Parameters | None] = lambda s: None
+    ordinary: Callable[[Fit, Fit, float], bool] | None = None
     by_mv: Callable[[MapSearch], tuple[float, Parameters]] | None = None
     by_mv_leaves: float = 0.3
     by_innovations: Callable[[Fit, Situation], tuple[float, Parameters] | None] = lambda base, s: None

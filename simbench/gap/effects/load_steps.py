@@ -16,6 +16,8 @@ from simbench.gap.likelihood.search import SMOOTH
 from simbench.gap.situation import Situation
 
 MOST = 12
+PLAIN = 40.0  # nats below which a load that wanders at will may have made the jumps
+BESIDE = 0.25  # share of the load that must be left beside the jumps: a load that only jumps is an ordinary one
 
 
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
@@ -76,6 +78,14 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
     return {"rate": float(fit.theta["steps"]) / (s.data.n * s.record.Ts), "size": clip(size, 0.0, 100.0)}
 
 
+def ordinary(fit: Fit, base: Fit, gain: float) -> bool:
+    """Return whether the jumps may be all that the loop's ordinary load does: many, small, or with nothing beside them."""
+    count = int(fit.theta["steps"])
+    alone = fit.theta["load"] < BESIDE * base.theta["load"]
+    small = float(np.std(fit.beta[LINEAR:][-count:])) < fit.theta["load"]
+    return gain < PLAIN or count >= MOST or alone or small
+
+
 def traits(p: Mapping, plant: Mapping, noise: float) -> dict[str, bool]:
     """Return whether a jump moves PV by less than the noise."""
     known = plant.get("T") is not None and "size" in p
@@ -91,6 +101,7 @@ def draw(y: Yardstick, rng: np.random.Generator) -> Size:
 RECOGNISER = Recogniser(
     fit=fit,
     numbers=numbers,
+    ordinary=ordinary,
     bends_plant=True,
     leaves_traces=True,
     alike={"slow": slow},

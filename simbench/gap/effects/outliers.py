@@ -9,6 +9,7 @@ from simbench.gap.effects._recogniser import Parameters, Recogniser
 from simbench.gap.effects._smallest import Probe
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import Fit, size_penalty
+from simbench.gap.sensor.samples import heavy_tails
 from simbench.gap.situation import Situation
 
 FAR = 4.0  # robust standard deviations from which an innovation may be a spike's
@@ -23,6 +24,8 @@ def proven(s: Situation) -> Parameters | None:
 def by_innovations(base: Fit, s: Situation) -> tuple[float, Parameters] | None:
     """Score a mixture of rare wide innovations against Gaussian ones."""
     x = np.asarray(base.residual)[kernels.SKIP :]
+    if heavy_tails(x):
+        return None
     scale = 1.4826 * float(np.median(np.abs(x))) or 1.0
     z = np.abs(x) / scale
     far = np.flatnonzero(z > FAR)

@@ -22,6 +22,7 @@ FEWEST = 100  # samples; below this the spread of every statistic swallows the g
 SAME_TS = 0.01
 STEPS = 0.1  # share of samples; a set point that moves more often is another controller's output
 STRAIGHT = 0.15  # share of samples on a line through their neighbours, from which an archive is called thinned
+SPECKS = 0.02  # of the variance of PV's moves, that an archive may differ from what the controller saw
 STUCK = 0.01  # share of samples in standstills that no chance brings
 
 
@@ -167,7 +168,7 @@ def _archive(record: LoopRecord, law: Law, samples: Samples) -> tuple[Archive, n
     elif not hides_nothing(rounding, pv):
         step = rounding
     # a mean over a sample, or a few lines between samples kept, are the archive's and no effect: the controller saw PV
-    blurred = seen is not None and (law.averaged or _lines_where_apart(pv, seen, samples))
+    blurred = seen is not None and (law.averaged or _lines_where_apart(pv, seen, samples, law.blur))
     plant_pv = np.asarray(seen) if blurred or (_apart(law) and (step or thinning)) else pv
     spikes, plant_pv, mismatch = _spikes(record, law, samples, plant_pv, thinning > 0.0 or blurred)
     return Archive((step, place) if step else None, thinning, spikes), plant_pv, mismatch
@@ -186,6 +187,9 @@ def _spikes(
         only, sizes = only[strong], sizes[strong]
         plain = only.size >= 2 and samples.step == 0.0
         if plain and not stands_out(pv, only, sizes):
+            if float(np.var(pv - seen)) < SPECKS * float(np.var(np.diff(pv))):
+                # an archive that drops the samples least missed
+                return None, np.asarray(seen), ""
             mismatch = "OP moves as no PV on record makes it move"
         elif plain:
             spikes, heights, place, plant_pv = only, sizes, "record", np.asarray(seen)
@@ -198,12 +202,12 @@ def _spikes(
     return (spikes.size / record.n, float(np.mean(np.abs(heights))), place), plant_pv, mismatch
 
 
-def _lines_where_apart(pv: np.ndarray, recovered_pv: np.ndarray | None, samples: Samples) -> bool:
+def _lines_where_apart(pv: np.ndarray, recovered_pv: np.ndarray | None, samples: Samples, blur: float) -> bool:
     """Return whether PV lies on straight lines wherever it is not what the controller saw: an archive thinned a little."""
     if recovered_pv is None:
         return False
     digits = max(samples.resolution, samples.step)
-    apart = np.abs(pv - recovered_pv) > max(3.0 * digits, 1e-3 * float(np.std(pv)))
+    apart = np.abs(pv - recovered_pv) > max(3.0 * digits, 5.0 * blur, 1e-3 * float(np.std(pv)))
     # at a decimal's distance a line through two samples kept is not quite straight
     return bool(apart.sum() >= 10 and on_line(pv, digits)[apart].mean() > 0.5)
 

@@ -27,13 +27,15 @@ class MapSearch:
         Sampling period (s).
     expected : ndarray, shape (n,)
         MV (%) as the baseline's valve makes it.
+    band : float
+        Dead-band (%) of the baseline's valve: where in it MV began is anybody's guess.
     """
 
-    def __init__(self, op: np.ndarray, mv: np.ndarray, Ts: float, expected: np.ndarray) -> None:
+    def __init__(self, op: np.ndarray, mv: np.ndarray, Ts: float, expected: np.ndarray, band: float = 0.0) -> None:
         self.op, self.mv, self.Ts = op, mv, Ts
         self.span = float(np.ptp(op)) or 1.0
         self.sizes = np.geomspace(0.02 * self.span, 1.5 * self.span, 50)
-        self.healthy = self.level(expected)
+        self.healthy = min(self.level(expected), self.level(self.moved(kernels.PLAY, band, 0.0)))
 
     def level(self, v: np.ndarray) -> float:
         """Return n log(rms of MV less a model of it); below a thousandth of the range nobody's valve is known."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, median_filter
+from scipy.special import gammaln
 
 SPIKE = 6.0  # robust standard deviations from which an isolated point is a spike
 FURTHER = 4.5  # the same where three spikes are sure: 2 in 100 000 by chance
@@ -15,6 +16,7 @@ OFF = 0.15  # of its spacing, by which a lattice's levels may be off it
 REPEATS = 20  # samples per level from which a lattice is plain
 BY_CHANCE = 1e-6  # probability that levels which lie anywhere are all as near to a lattice
 IMMATERIAL = 0.005  # of the variance of a signal's moves; rounding that adds less is the archive's, and changes nothing
+DEGREES = (2.5, 3.0, 4.0, 5.0, 7.0, 10.0)  # of freedom of Student's t that are tried for a noise with heavy tails
 SELDOM = 1e-3  # standstills of a length that a record of noise has by chance; longer ones are none
 
 
@@ -25,7 +27,7 @@ class Samples:
     `resolution` is the decimal unit PV is written in (0 = full precision), `step` a lattice coarser than that (0 = none),
     `straight` the share of samples on a straight line with both neighbours, `spikes` the indices of isolated points,
     `heights` how far off they are, `held` the longest exact standstill in samples, `stuck` the share of samples in standstills
-    longer than rounding and noise explain.
+    longer than rounding and noise explain; `heavy` whether the largest samples are no spikes but the tails of the noise.
     """
 
     resolution: float
@@ -35,6 +37,7 @@ class Samples:
     heights: np.ndarray
     held: int
     stuck: float
+    heavy: bool = False
 
 
 def inspect_samples(pv: np.ndarray, *others: np.ndarray) -> Samples:
@@ -60,6 +63,9 @@ def inspect_samples(pv: np.ndarray, *others: np.ndarray) -> Samples:
     unit = written_unit(pv, *others)
     step = lattice(pv, unit)
     spikes, heights = isolated(pv, max(unit, step))
+    heavy = spikes.size > 0 and heavy_tails(_off_line(np.asarray(pv, dtype=float))[0])
+    if heavy:
+        spikes, heights = spikes[:0], heights[:0]
     return Samples(
         unit,
         step,
@@ -68,6 +74,7 @@ def inspect_samples(pv: np.ndarray, *others: np.ndarray) -> Samples:
         heights,
         longest_hold(pv),
         stuck(pv, unit),
+        heavy,
     )
 
 
@@ -193,6 +200,44 @@ def isolated(x: np.ndarray, unit: float) -> tuple[np.ndarray, np.ndarray]:
             clean[k] -= height
     order = sorted(found)
     return np.array(order, dtype=int), np.array([found[k] for k in order])
+
+
+def heavy_tails(x: np.ndarray) -> bool:
+    """Return whether Student's t is likelier than Gaussian samples among which some are far wider.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Samples about 0.
+
+    Returns
+    -------
+    bool
+    """
+    scale = 1.4826 * float(np.median(np.abs(x)))
+    if scale == 0.0:
+        return False
+    z2 = (x / scale) ** 2
+    t = max(_loglik_t(z2, df) for df in DEGREES)
+    share, narrow, wide = 0.02, 1.0, float(np.quantile(z2, 0.99)) + 1.0
+    for _ in range(30):
+        far = share * np.exp(-0.5 * z2 / wide) / np.sqrt(wide)
+        near = (1.0 - share) * np.exp(-0.5 * z2 / narrow) / np.sqrt(narrow)
+        odds = far / (far + near + 1e-300)
+        share = float(np.clip(odds.mean(), 1e-6, 0.5))
+        wide = max(float(odds @ z2 / max(odds.sum(), 1e-12)), narrow)
+        narrow = float((1.0 - odds) @ z2 / (1.0 - odds).sum())
+    mixture = float(np.log(far + near + 1e-300).sum()) - 0.5 * z2.size * np.log(2.0 * np.pi)
+    return t > mixture
+
+
+def _loglik_t(z2: np.ndarray, df: float) -> float:
+    """Return the log-likelihood of Student's t at its likeliest scale."""
+    variance = 1.0
+    for _ in range(20):
+        variance = float(np.mean((df + 1.0) * z2 / (df + z2 / variance)))
+    whole = gammaln((df + 1.0) / 2) - gammaln(df / 2) - 0.5 * np.log(np.pi * df * variance)
+    return float(z2.size * whole - 0.5 * (df + 1.0) * np.log1p(z2 / (df * variance)).sum())
 
 
 def _touching(x: np.ndarray, least: np.ndarray) -> dict[int, float]:
