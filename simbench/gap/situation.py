@@ -69,6 +69,20 @@ class Situation:
         return f"record {self.record.tag!r}" if self.record.tag else "record"
 
     @property
+    def facts(self) -> dict[str, tuple[str, str]]:
+        """Block and words of everything that single samples or the controller's law show without doubt."""
+        found = {
+            "rounding": (self.archive.rounding is not None, "sensor", "PV stands on a lattice"),
+            "thinning": (self.archive.thinning > 0.0, "sensor", "PV runs on straight lines"),
+            "spikes": (self.archive.spikes is not None, "sensor", "single samples of PV stand far off their neighbours"),
+            "limits": (self.law.limits is not None, "controller", "OP stands at a value while the law pushes on"),
+            "gap": (self.law.gap > 0.0, "controller", "OP rests while the error is small"),
+            "step": (self.law.step > 0.0, "controller", "OP stands on a lattice"),
+            "tuning": (self.law.tuning is not None, "controller", "the law holds with another tuning"),
+        }
+        return {name: (block, words) for name, (seen, block, words) in found.items() if seen}
+
+    @property
     def expected_mv(self) -> np.ndarray:
         """MV (%) as the baseline's valve makes it of the recorded OP."""
         return np.clip(through_valve(self.op, self.baseline.valve, self.record.Ts), 0.0, 100.0)

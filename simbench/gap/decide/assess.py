@@ -149,6 +149,12 @@ def failures(situation: Situation, tests: dict[str, float], valve: bool, chosen:
     out: list[tuple[float, str, str]] = []
     if situation.unexplained_law:
         out.append((PLAIN, "controller", situation.unexplained_law))
+    claimed = {recogniser(e).claims for e in EFFECTS}
+    out += [
+        (PLAIN, block, f"{words}, as no known effect makes it")
+        for fact, (block, words) in situation.facts.items()
+        if fact not in claimed
+    ]
     if situation.frozen and situation.trusted:
         out.append((PLAIN, "sensor", f"PV stands exactly still for {situation.samples.held} samples"))
     if valve:

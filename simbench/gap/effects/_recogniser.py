@@ -44,6 +44,8 @@ class Recogniser:
     ordinary : function (fit, base, gain) -> bool, optional
         Of what loads do by themselves as well: whether the fit shows no more than that. It is then allowed to every candidate,
         and only named where nothing else explains the record.
+    claims : str
+        The fact of single samples or of the law (`Situation.facts`) that is this effect's; what nobody claims is unexplained.
     by_mv : function (MapSearch) -> (nats over an ideal valve, parameters), optional
         Of a valve: MV given OP.
     by_mv_leaves : float
@@ -89,6 +91,7 @@ class Recogniser:
     possible: Callable[[Situation], bool] = _always
     proven: Callable[[Situation], Parameters | None] = lambda s: None
     ordinary: Callable[[Fit, Fit, float], bool] | None = None
+    claims: str = ""
     by_mv: Callable[[MapSearch], tuple[float, Parameters]] | None = None
     by_mv_leaves: float = 0.3
     by_innovations: Callable[[Fit, Situation], tuple[float, Parameters] | None] = lambda base, s: None

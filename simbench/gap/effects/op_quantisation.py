@@ -17,6 +17,7 @@ def draw(y: Yardstick, rng: np.random.Generator) -> Size:
 
 RECOGNISER = Recogniser(
     proven=lambda s: {"step": s.law.step} if s.law.step > 0.0 and not hides_nothing(s.law.step, s.op) else None,
+    claims="step",
     remark=lambda s: levels_of(np.asarray(s.record.op)),
     draw=draw,
 )

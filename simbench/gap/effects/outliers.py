@@ -66,6 +66,7 @@ def draw(y: Yardstick, rng: np.random.Generator) -> Size:
 
 RECOGNISER = Recogniser(
     proven=proven,
+    claims="spikes",
     by_innovations=by_innovations,
     remark=remark,
     leaves_traces=True,

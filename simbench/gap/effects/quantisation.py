@@ -29,6 +29,7 @@ def draw(y: Yardstick, rng: np.random.Generator) -> Size:
 
 RECOGNISER = Recogniser(
     proven=proven,
+    claims="rounding",
     remark=lambda s: levels_of(np.asarray(s.record.pv)),
     smallest=smallest,
     draw=draw,
