@@ -280,9 +280,9 @@ def _known(law: Law, asked: _Asked, free: _Free, fitted: _Fitted) -> Law:
 def _hidden(law: Law, asked: _Asked, free: _Free, shown: _Shown, fitted: _Fitted) -> Law:
     """Return a law that the recorded PV does not show: another controller, or another PV than the archive's."""
     op, e, Kc, Ki, Ti = asked.op, fitted.e, asked.Kc, asked.Ki, asked.Ti
-    seen = recover_pv(op, e, asked.pv, free.inside, Kc + Ki, -Kc, Ti is None) if fitted.plain else None
-    if seen is not None and not shown.rough and averaged(asked.pv[free.inside], seen[free.inside]):
-        return replace(law, Kc=Kc, Ti=Ti or np.inf, residual=fitted.fit.base, recovered_pv=seen, averaged=True)
+    mean = _behind_a_mean(law, asked, free, fitted) if fitted.plain and not shown.rough else None
+    if mean is not None:
+        return mean
     law = replace(law, reason="the recorded PV is not the PV the controller saw, or it was archived at another rate")
     third = with_derivative(np.diff(op), e, fitted.rows, fitted.size)
     if third < law.residual / 3 and third < 0.15:
@@ -311,6 +311,26 @@ def _hidden(law: Law, asked: _Asked, free: _Free, shown: _Shown, fitted: _Fitted
         law = replace(law, Kc=kc, Ti=ti)
         law = replace(law, tuning=_retuned(law, asked))
     return law
+
+
+def _behind_a_mean(law: Law, asked: _Asked, free: _Free, fitted: _Fitted) -> Law | None:
+    """Return the law, under the baseline's tuning or another, whose PV the archive took the mean of; None where none is."""
+    op, e, inside, P = asked.op, fitted.e, free.inside, asked.Ti is None
+    tunings = [(asked.Kc + asked.Ki, -asked.Kc)]
+    if inside.all():
+        hidden = hidden_law(op, e, asked.Kc, asked.Ki, inside)
+        tunings.append((hidden.a, hidden.b))
+    for i, (a, b) in enumerate(tunings):
+        seen = recover_pv(op, e, asked.pv, inside, a, b, P) if np.isfinite(a) else None
+        if seen is None or not averaged(asked.pv[inside], seen[inside]):
+            continue
+        law = replace(law, residual=fitted.fit.base, recovered_pv=seen, averaged=True, Kc=asked.Kc, Ti=asked.Ti or np.inf)
+        if i == 0:
+            return law
+        kc, ti = _nearest_form(a, b, asked)
+        law = replace(law, Kc=kc, Ti=ti)
+        return replace(law, tuning=_retuned(law, asked))
+    return None
 
 
 def _retuned(law: Law, asked: _Asked) -> tuple[float, float] | None:

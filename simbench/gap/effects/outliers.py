@@ -13,6 +13,7 @@ from simbench.gap.sensor.samples import heavy_tails
 from simbench.gap.situation import Situation
 
 FAR = 4.0  # robust standard deviations from which an innovation may be a spike's
+GONE = 0.75  # of its height, that a spike must stand off the mean of its neighbours; a step stands off by half
 ALONE = 0.7  # of a spike, that its neighbours in the innovations stay below
 
 
@@ -33,6 +34,9 @@ def by_innovations(base: Fit, s: Situation) -> tuple[float, Parameters] | None:
     alone = [
         k for k in far if z[max(k - 2, 0) : k].max(initial=0) < ALONE * z[k] and z[k + 1 : k + 3].max(initial=0) < ALONE * z[k]
     ]
+    # a spike is gone a sample later; what a load has moved is not
+    pv = np.asarray(s.record.pv)
+    alone = [k for k in alone if _gone_again(pv, k + kernels.SKIP)]
     if len(alone) < 3 or len(alone) < 0.6 * len(far):
         return None
     heights = z[alone] * scale
@@ -43,6 +47,13 @@ def by_innovations(base: Fit, s: Situation) -> tuple[float, Parameters] | None:
     at = "loop" if s.law.known else "record"
     parameters: Parameters = {"rate": rate, "size": float(np.mean(heights)) * base.theta["noise_std"], "at": at}
     return float(np.sum(mixture - plain) - size_penalty(x.size, 2.0)), parameters
+
+
+def _gone_again(pv: np.ndarray, k: int) -> bool:
+    """Return whether PV stands off both its neighbours at sample k by about as much as it jumped there."""
+    if not 1 <= k < pv.size - 1:
+        return False
+    return bool(abs(pv[k] - 0.5 * (pv[k - 1] + pv[k + 1])) > GONE * abs(pv[k] - pv[k - 1]))
 
 
 def remark(s: Situation) -> str:
