@@ -24,6 +24,11 @@ KIND_ALIASES = {
 }
 
 
+# Beyond these a power of four, as statistics use it, leaves the range of double numbers.
+LARGEST, SMALLEST = 1e60, 1e-60
+FASTEST, SLOWEST = 1e-12, 1e12  # s between samples
+
+
 @dataclass(frozen=True, eq=False)
 class LoopRecord:
     """What was recorded of one control loop, checked once and read-only from then on.
@@ -56,7 +61,8 @@ class LoopRecord:
     Raises
     ------
     RecordError
-        When a signal is not one-dimensional, not finite, of another length than PV, or shorter than 3 samples.
+        When a signal is not one-dimensional, not finite, of another length than PV, shorter than 3 samples, or of a size
+        that no transmitter sends, or when the sampling period is none.
 
     Notes
     -----
@@ -95,6 +101,8 @@ class LoopRecord:
         Ts = float(self.Ts)
         if not (np.isfinite(Ts) and Ts > 0):
             raise RecordError(f"{where}: Ts = {self.Ts} s; the sampling period must be a number above 0")
+        if not FASTEST <= Ts <= SLOWEST:
+            raise RecordError(f"{where}: Ts = {Ts:g} s; a sampling period is {FASTEST:g} to {SLOWEST:g} s")
         object.__setattr__(self, "Ts", Ts)
         object.__setattr__(self, "process", _word(self.process, "process", PROCESSES, {}, where))
         object.__setattr__(self, "kind", _word(self.kind, "kind", KINDS, KIND_ALIASES, where))
@@ -222,6 +230,10 @@ def _signal(value: Any, name: str, n: int, where: str) -> np.ndarray:
     if not np.isfinite(array).all():
         bad = int(np.argmin(np.isfinite(array)))
         raise RecordError(f"{where}: {name.upper()} is {array[bad]} at sample {bad}; finite numbers are needed")
+    largest = float(np.abs(array).max(initial=0.0))
+    if largest > LARGEST or 0.0 < largest < SMALLEST:
+        allowed = f"0, or sizes from {SMALLEST:g} to {LARGEST:g}, are needed"
+        raise RecordError(f"{where}: the largest {name.upper()} is {largest:g} in size; {allowed}")
     array.flags.writeable = False
     return array
 

@@ -22,6 +22,7 @@ from scenarios.grid import load_grid
 from simbench.bench.manifest import read_manifest
 from simbench.bench.run import Interrupted, run_grid
 from simbench.files import whole_file
+from simbench.usage import exit_code
 
 GRID = "table-11-3"  # every repeat has the same cells, so that time per scenario can be compared between sizes
 
@@ -262,4 +263,4 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(exit_code(main))

@@ -16,6 +16,7 @@ from simbench.loop.effects.detuning import PARAMETERS as TUNING
 EXACT = 0.03  # residual of dOP, relative to dOP, below which the law is taken as known
 DIGITS = 2.5  # times what rounding leaves of the law, below which it is taken as known all the same ...
 HALF = 0.5  # ... unless that is half of all that OP does
+RESTING = 0.05  # share of samples in which a fine OP stands still, from which it is not the mean of a moving PV that hides
 RETUNED = 0.13  # |ln ratio| of Kc or Ti from which the tuning is another one
 FEW = 6  # samples kept by an archive from which it can be compared with what OP says of PV
 FINER = 0.02  # of OP's lattice, to which rounding never brings a law
@@ -316,6 +317,8 @@ def _hidden(law: Law, asked: _Asked, free: _Free, shown: _Shown, fitted: _Fitted
 def _behind_a_mean(law: Law, asked: _Asked, free: _Free, fitted: _Fitted) -> Law | None:
     """Return the law, under the baseline's tuning or another, whose PV the archive took the mean of; None where none is."""
     op, e, inside, P = asked.op, fitted.e, free.inside, asked.Ti is None
+    if free.step == 0.0 and np.mean(np.diff(op)[free.rows] == 0.0) > RESTING:
+        return None
     tunings = [(asked.Kc + asked.Ki, -asked.Kc)]
     if inside.all():
         hidden = hidden_law(op, e, asked.Kc, asked.Ki, inside)

@@ -13,12 +13,11 @@ from scenarios.spec import Loop
 from simbench.gap.candidates import proven
 from simbench.gap.controller.pi_law import Law, examine_law
 from simbench.gap.intake.other_loop import refuse_other_controller
-from simbench.gap.intake.refuse import refuse_mv_units, refuse_op_units
+from simbench.gap.intake.refuse import refuse_mv_units, refuse_op_units, refuse_unfit
 from simbench.gap.likelihood.model import Data
 from simbench.gap.sensor.samples import Samples, cleaned, hides_nothing, inspect_samples, isolated, on_line
 from simbench.gap.situation import Archive, Situation, through_valve
 
-FEWEST = 100  # samples; below this the spread of every statistic swallows the gap
 SAME_TS = 0.01
 STEPS = 0.1  # share of samples; a set point that moves more often is another controller's output
 STRAIGHT = 0.15  # share of samples on a line through their neighbours, from which an archive is called thinned
@@ -52,7 +51,7 @@ def check(record: LoopRecord, baseline: Loop, trusted: bool = True, tuned: bool 
     where = f"record {record.tag!r}" if record.tag else "record"
     tuned = trusted if tuned is None else tuned
     op = _percent(record, where, trusted or tuned)
-    _refuse_dead(record, where)
+    refuse_unfit(record, where)
     _refuse_other_pace(record, baseline, where)
     if record.mv is not None:
         refuse_mv_units(np.asarray(record.mv), op, where)
@@ -126,14 +125,6 @@ def _percent(record: LoopRecord, where: str, needed: bool) -> np.ndarray:
             )
         return np.asarray(record.op)
     return np.asarray(percent)
-
-
-def _refuse_dead(record: LoopRecord, where: str) -> None:
-    if record.n < FEWEST:
-        raise RecordError(f"{where}: {record.n} samples; a gap needs at least {FEWEST} to show")
-    for name, x in (("OP", record.op), ("PV", record.pv)):
-        if np.ptp(x) <= 1e-9 * max(1.0, float(np.abs(x).max())):
-            raise RecordError(f"{where}: {name} is constant ({x[0]:g}); nothing moved, so nothing can be told")
 
 
 def _rounding(archive: Archive, samples: Samples) -> float:
