@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simbench.gap.controller.recovered_pv import FAITHFUL, ROUNDED, averaged, hidden_law, recover_pv
+from simbench.gap.controller.recovered_pv import FAITHFUL, ROUNDED, beside_a_mean, hidden_law, recover_pv
 from simbench.gap.controller.regression import FORMS, LawFit, about_zero, by_steps, by_sums, spread, with_derivative
 from simbench.gap.controller.standstill import error_gap, limits_of, skips_scans
 from simbench.gap.sensor.samples import hides_nothing, lattice, on_line, written_unit
@@ -319,21 +319,28 @@ def _behind_a_mean(law: Law, asked: _Asked, free: _Free, fitted: _Fitted) -> Law
     op, e, inside, P = asked.op, fitted.e, free.inside, asked.Ti is None
     if free.step == 0.0 and np.mean(np.diff(op)[free.rows] == 0.0) > RESTING:
         return None
-    tunings = [(asked.Kc + asked.Ki, -asked.Kc)]
+    tunings = [
+        (asked.Kc + share * asked.Ki, (1.0 - share) * asked.Ki - asked.Kc) for share in (FORMS if asked.Ki else FORMS[:1])
+    ]
     if inside.all():
         hidden = hidden_law(op, e, asked.Kc, asked.Ki, inside)
         tunings.append((hidden.a, hidden.b))
-    for i, (a, b) in enumerate(tunings):
+    tries = []
+    for a, b in tunings:
         seen = recover_pv(op, e, asked.pv, inside, a, b, P) if np.isfinite(a) else None
-        if seen is None or not averaged(asked.pv[inside], seen[inside]):
-            continue
-        law = replace(law, residual=fitted.fit.base, recovered_pv=seen, averaged=True, Kc=asked.Kc, Ti=asked.Ti or np.inf)
-        if i == 0:
-            return law
-        kc, ti = _nearest_form(a, b, asked)
-        law = replace(law, Kc=kc, Ti=ti)
-        return replace(law, tuning=_retuned(law, asked))
-    return None
+        if seen is not None:
+            tries.append((beside_a_mean(asked.pv[inside], seen[inside]), a, b, seen))
+    stated = [t for t in tries if t[1:3] in tunings[: len(FORMS)] and np.isfinite(t[0])]
+    if not stated and not (tries and np.isfinite(tries[-1][0])):
+        return None
+    # a baseline that explains the archive is the simpler truth
+    _, a, b, seen = min(stated or tries, key=lambda t: t[0])
+    law = replace(law, residual=fitted.fit.base, recovered_pv=seen, averaged=True, Kc=asked.Kc, Ti=asked.Ti or np.inf)
+    if stated:
+        return law
+    kc, ti = _nearest_form(a, b, asked)
+    law = replace(law, Kc=kc, Ti=ti)
+    return replace(law, tuning=_retuned(law, asked))
 
 
 def _retuned(law: Law, asked: _Asked) -> tuple[float, float] | None:

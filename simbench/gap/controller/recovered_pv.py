@@ -72,8 +72,8 @@ def recover_pv(
     return pv + e - out
 
 
-def averaged(pv: np.ndarray, seen: np.ndarray) -> bool:
-    """Return whether an archive's PV is the mean of what the controller saw, over a sample or within one.
+def beside_a_mean(pv: np.ndarray, seen: np.ndarray) -> float:
+    """Return what is left of an archive's PV beside a mean of what the controller saw, over a sample or within one.
 
     Parameters
     ----------
@@ -82,8 +82,9 @@ def averaged(pv: np.ndarray, seen: np.ndarray) -> bool:
 
     Returns
     -------
-    bool
-        A controller that is no PI makes weights that are no mean's: negative, or of another sum.
+    float
+        Relative to PV's moves; infinite where the weights are no mean's (negative, or of another sum), as those of a
+        controller that is no PI are, or where too much is left.
     """
     X = np.column_stack([np.roll(seen, shift) for shift in NEAR])[2:-2]
     y = pv[2:-2]
@@ -92,7 +93,8 @@ def averaged(pv: np.ndarray, seen: np.ndarray) -> bool:
     left = y - middle - (X - mean) @ weights
     size = 1.4826 * float(np.median(np.abs(left)))
     one = abs(float(weights.sum()) - 1.0) < SUM and float(weights.min()) > LEAST
-    return bool(one and size < BLURRED * float(np.std(np.diff(pv))))
+    rest = size / (float(np.std(np.diff(pv))) or 1.0)
+    return rest if one and rest < BLURRED else np.inf
 
 
 def hidden_law(op: np.ndarray, e: np.ndarray, Kc: float, Ki: float, exact: np.ndarray) -> Hidden:

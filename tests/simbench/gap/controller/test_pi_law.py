@@ -7,7 +7,7 @@ import pytest
 
 from scenarios.spec import Loop
 from simbench.gap.controller.pi_law import examine_law
-from simbench.gap.controller.recovered_pv import averaged
+from simbench.gap.controller.recovered_pv import beside_a_mean
 from simbench.loop.simulate import simulate
 
 BASE = {
@@ -200,10 +200,9 @@ def test_an_archive_that_takes_means_is_told_from_a_controller_with_a_third_term
 
 def test_means_have_weights_that_are_no_derivative():
     seen = np.random.default_rng(0).normal(size=800)
-    assert averaged(0.7 * seen + 0.3 * np.roll(seen, 1), seen)
-    assert not averaged(1.6 * seen - 0.6 * np.roll(seen, 1), seen)
-    assert not averaged(0.5 * seen, seen)
-    assert not averaged(np.random.default_rng(1).normal(size=800), seen)
+    assert beside_a_mean(0.7 * seen + 0.3 * np.roll(seen, 1), seen) < 1e-9
+    for other in (1.6 * seen - 0.6 * np.roll(seen, 1), 0.5 * seen, np.random.default_rng(1).normal(size=800)):
+        assert beside_a_mean(other, seen) == np.inf
 
 
 def test_an_integral_held_at_a_limit_is_no_other_controller():
