@@ -319,26 +319,26 @@ def _behind_a_mean(law: Law, asked: _Asked, free: _Free, fitted: _Fitted) -> Law
     op, e, inside, P = asked.op, fitted.e, free.inside, asked.Ti is None
     if free.step == 0.0 and np.mean(np.diff(op)[free.rows] == 0.0) > RESTING:
         return None
-    tunings = [
-        (asked.Kc + share * asked.Ki, (1.0 - share) * asked.Ki - asked.Kc) for share in (FORMS if asked.Ki else FORMS[:1])
-    ]
+    Kc, Ki = asked.Kc, asked.Ki
+    tunings = [(Kc + share * Ki, (1.0 - share) * Ki - Kc) for share in (FORMS if Ki else FORMS[:1])]
+    stated = len(tunings)
     if inside.all():
-        hidden = hidden_law(op, e, asked.Kc, asked.Ki, inside)
+        hidden = hidden_law(op, e, Kc, Ki, inside)
         tunings.append((hidden.a, hidden.b))
     tries = []
-    for a, b in tunings:
+    for i, (a, b) in enumerate(tunings):
         seen = recover_pv(op, e, asked.pv, inside, a, b, P) if np.isfinite(a) else None
         if seen is not None:
-            tries.append((beside_a_mean(asked.pv[inside], seen[inside]), a, b, seen))
-    stated = [t for t in tries if t[1:3] in tunings[: len(FORMS)] and np.isfinite(t[0])]
-    if not stated and not (tries and np.isfinite(tries[-1][0])):
+            # a baseline that explains the archive as well is the simpler truth
+            price = 1.0 if i < stated else 1.5
+            tries.append((price * beside_a_mean(asked.pv[inside], seen[inside]), i, seen))
+    rest, i, seen = min(tries, key=lambda t: t[0], default=(np.inf, 0, None))
+    if not np.isfinite(rest):
         return None
-    # a baseline that explains the archive is the simpler truth
-    _, a, b, seen = min(stated or tries, key=lambda t: t[0])
-    law = replace(law, residual=fitted.fit.base, recovered_pv=seen, averaged=True, Kc=asked.Kc, Ti=asked.Ti or np.inf)
-    if stated:
+    law = replace(law, residual=fitted.fit.base, recovered_pv=seen, averaged=True, Kc=Kc, Ti=asked.Ti or np.inf)
+    if i < stated:
         return law
-    kc, ti = _nearest_form(a, b, asked)
+    kc, ti = _nearest_form(*tunings[i], asked)
     law = replace(law, Kc=kc, Ti=ti)
     return replace(law, tuning=_retuned(law, asked))
 
