@@ -76,7 +76,7 @@ def leave_out(out: str | Path, world: str = OWN, n: int = 4, seed: int = 0, jobs
         for row in tqdm(rows, total=len(names), initial=len(names) - len(todo), desc="left out", file=sys.stderr, delay=1.0):
             pd.DataFrame([row], columns=COLUMNS).to_csv(table, mode="a", header=not table.exists(), index=False)
     found = pd.read_csv(table, keep_default_na=False)
-    found = found[found.record.isin(names)].reset_index(drop=True)
+    found = found.loc[found.record.isin(list(names))].reset_index(drop=True)
     summary(found).to_csv(out / "table.csv", index=False)
     draw(summary(found), out / "leave_out.png")
     return found
