@@ -18,11 +18,10 @@ from detectors.registry import methods as registry
 from detectors.report import choose_methods
 from scenarios.grid import Grid, chunks, load_grid
 from simbench.bench import adaptive, store
+from simbench.bench.grid_check import refuse_too_large, refuse_wrong_parts, size_of
 from simbench.bench.manifest import RunError, describe, read_manifest
 from simbench.bench.oracle import ORACLE
-from simbench.bench.resolve import resolve
 from simbench.bench.work import Piece, Thresholds, work
-from simbench.loop.resolve import resolve_loop
 
 BACKENDS = ("loky", "dask", "ray")
 LIVES = 3  # how often dead workers are replaced before the run gives up
@@ -50,6 +49,7 @@ def run_grid(
     thresholds: Thresholds | None = None,
     keep: int = 0,
     progress: bool | None = None,
+    large: bool = False,
 ) -> Path:
     """Simulate a grid, judge it by detectors, and write both tables.
 
@@ -83,6 +83,8 @@ def run_grid(
         Records to write per piece, as records/ID.csv.
     progress : bool, optional
         Show a bar on stderr; when absent, only on a terminal.
+    large : bool
+        Allow more scenarios than anybody asks for by mistake.
 
     Returns
     -------
@@ -116,7 +118,8 @@ def run_grid(
     names += [a for a in added if a not in names]
     names += [ORACLE] * (ORACLE in asked)  # last, as it is judged last
     _check_settings(names, thresholds or {})
-    _try_out(plan)
+    refuse_too_large(size_of(plan, *_budgets(names)), plan.name, large)
+    refuse_wrong_parts(plan)
     manifest = describe(
         {
             "grid": plan.name,
@@ -242,7 +245,7 @@ def _dask_client(address: str | None) -> Any:
         raise RunError("backend dask needs the package distributed; install stiction-simbench[dask]") from None
     try:
         return Client(address, timeout=PATIENCE, set_as_default=False)
-    except OSError as error:
+    except (OSError, ValueError) as error:
         raise RunError(f"no dask scheduler answers at {address}: {error}") from None
 
 
@@ -322,11 +325,9 @@ def _check_settings(names: Sequence[str], thresholds: Thresholds) -> None:
         check_thresholds(method, registry.load(method).METHOD, values)
 
 
-def _try_out(plan: Grid) -> None:
-    """Refuse a grid that cannot be simulated before a folder is made: a cell of each block, or those of a single loop."""
-    for index in plan.samples():
-        for scenario in resolve(plan.group(index)):
-            resolve_loop(scenario.loop, scenario.seed)
+def _budgets(names: Sequence[str]) -> tuple[int, int]:
+    slow = sum(n != ORACLE and registry.load(n).METHOD.budget == "full" for n in names)
+    return len(names) - slow, slow
 
 
 def _about(name: str) -> dict[str, Any]:
