@@ -36,6 +36,7 @@ Thresholds = Annotated[
 ]
 Span = Annotated[tuple[float, float] | None, typer.Option(metavar="LO HI", help="Values that mean 0 and 100 %.")]
 
+Power = Annotated[bool, typer.Option("--power", help="Also say what this record could have shown, from twins of its loop.")]
 World = Annotated[str, typer.Option(metavar="NAME", help="Independent simulator that draws the records.")]
 
 _bare = {"add_completion": False, "no_args_is_help": True, "rich_markup_mode": None, "pretty_exceptions_enable": False}
@@ -120,6 +121,7 @@ def detect(
     raw: Annotated[bool, typer.Option("--raw", help="Without the oscillation front end.")] = False,
     plugin: Plugin = None,
     thresholds: Thresholds = None,
+    power: Power = False,
     as_json: Json = False,
 ) -> None:
     """Judge a record, or a folder of records, by one or all detectors."""
@@ -134,6 +136,8 @@ def detect(
     if as_json and report.scores:
         print("\n".join(["score by unit:", *table(report.scores)]), file=sys.stderr)
     _print(report.as_json() if as_json else report.as_text(), as_json)
+    if power:
+        _print_power(path, method or ["all"], as_json, process=process, kind=kind, op_span=op_span, pv_span=pv_span)
 
 
 @app.command()
@@ -144,6 +148,7 @@ def diagnose(
     op_span: Span = None,
     pv_span: Span = None,
     picture: Annotated[Path | None, typer.Option(help="Picture of the path taken (SVG or PNG).")] = None,
+    power: Power = False,
     as_json: Json = False,
 ) -> None:
     """Take one record through the chapter's whole diagnosis, step by step."""
@@ -156,6 +161,28 @@ def diagnose(
 
         draw_path(diagnosis, picture)
     _print(diagnosis.as_json() if as_json else diagnosis.as_text(), as_json)
+    if power:
+        _print_power(path, ["all"], as_json, process=process, kind=kind, op_span=op_span, pv_span=pv_span)
+
+
+@app.command("trust")
+def trust_(
+    path: Annotated[Path, typer.Argument(metavar="REC.csv")],
+    loop: Annotated[Path | None, typer.Option(metavar="LOOP.toml", help="The loop; identified if absent.")] = None,
+    method: Annotated[list[str] | None, typer.Option(help="Method ids, all, fast or full; repeatable.")] = None,
+    html: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Page to write.")] = None,
+    process: Annotated[str | None, typer.Option(help="self-regulating or integrating.")] = None,
+    kind: Annotated[str | None, typer.Option(help="flow, level, pressure, temperature or analyser.")] = None,
+    op_span: Span = None,
+    pv_span: Span = None,
+    as_json: Json = False,
+) -> None:
+    """Say which detector to trust on this very loop, what it could have seen, and how probable stiction is."""
+    from simbench.plant.command import trust_file
+
+    about = {"process": process, "kind": kind, "op_span": op_span, "pv_span": pv_span}
+    found = trust_file(path, loop, method or ["all"], html=html, **about)
+    _print(found.as_json() if as_json else found.as_text(), as_json)
 
 
 @app.command()
@@ -431,6 +458,20 @@ def open_sealed(
     _print({k: v for k, v in found.items() if k != "markdown"} if as_json else found["markdown"], as_json)
 
 
+@app.command()
+def contract(
+    path: Annotated[Path, typer.Argument(metavar="FILE", help="A detector, valve, effect, recogniser (.py) or grid (.toml).")],
+    as_json: Json = False,
+) -> None:
+    """Check whether a plug-in keeps its contract; exit 1 when it does not."""
+    from simbench.contract import check_file
+
+    found = check_file(path)
+    _print(found.as_json() if as_json else found.as_text(), as_json)
+    if not found.kept:
+        raise typer.Exit(1)
+
+
 @app.command("list")
 def list_(
     what: Annotated[str, typer.Argument(help="detectors, valves, grids, effects or figures.")],
@@ -514,6 +555,13 @@ def _threshold_file(path: Path | None) -> dict[str, dict[str, float]]:
     if not isinstance(found, dict) or not all(isinstance(v, dict) for v in found.values()):
         raise ParameterError(f"thresholds {path}: a table of method ids to tables of numbers is needed")
     return found
+
+
+def _print_power(path: Path, methods: list[str], as_json: bool, **about: Any) -> None:
+    from simbench.plant.command import power_lines
+
+    # beside JSON nothing else may stand on stdout
+    print("\n".join(power_lines(path, methods, **about)), file=sys.stderr if as_json else sys.stdout)
 
 
 def _pairs(words: list[str], option: str, text: bool = False) -> dict[str, Any]:
