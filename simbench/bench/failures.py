@@ -9,6 +9,7 @@ from typing import Any
 
 import pyarrow.parquet as pq
 
+from simbench.bench.checksums import check_tables
 from simbench.bench.manifest import read_manifest
 
 
@@ -69,6 +70,7 @@ def read_failures(folder: str | Path) -> Failures:
     Failures
     """
     folder, manifest = Path(folder), read_manifest(folder)
+    check_tables(folder, manifest)
     filled = [("error", "!=", "")]
     unrun = pq.read_table(folder / "scenarios.parquet", columns=["scenario_id", "error"], filters=filled).to_pydict()
     raised = pq.read_table(folder / "verdicts.parquet", columns=["scenario_id", "method", "error"], filters=filled).to_pydict()

@@ -18,8 +18,9 @@ from detectors.registry import methods as registry
 from detectors.report import choose_methods
 from scenarios.grid import Grid, chunks, load_grid
 from simbench.bench import adaptive, store
+from simbench.bench.checksums import RunError, check_tables
 from simbench.bench.grid_check import refuse_too_large, refuse_wrong_parts, size_of
-from simbench.bench.manifest import RunError, describe, read_manifest
+from simbench.bench.manifest import describe, read_manifest, run_key
 from simbench.bench.oracle import ORACLE
 from simbench.bench.work import Piece, Thresholds, work
 
@@ -136,10 +137,11 @@ def run_grid(
             "command": " ".join(sys.argv),
         }
     )
-    task = _Task(plan, tuple(names), tuple(files), dict(thresholds or {}), keep)
+    task = _Task(plan, tuple(names), tuple(files), dict(thresholds or {}), keep, run_key(manifest))
     with _parallel(backend, address, jobs) as run:
         where = store.open_run(Path("runs") / plan.name if out is None else out, manifest, resume)
-        if read_manifest(where)["complete"]:
+        if (written := read_manifest(where))["complete"]:
+            check_tables(where, written)
             _tidy(where)
             return where
         with _Bar(progress, len(plan)) as bar, _stoppable():
@@ -159,8 +161,11 @@ def run_grid(
 class _Task:
     """What every piece has in common."""
 
-    def __init__(self, grid: Grid, methods: tuple[str, ...], plugins: tuple[str, ...], thresholds: dict, keep: int) -> None:
-        self.grid, self.methods, self.plugins, self.thresholds, self.keep = grid, methods, plugins, thresholds, keep
+    def __init__(
+        self, grid: Grid, methods: tuple[str, ...], plugins: tuple[str, ...], thresholds: dict, keep: int, key: str
+    ) -> None:
+        self.grid, self.methods, self.plugins, self.thresholds = grid, methods, plugins, thresholds
+        self.keep, self.key = keep, key
 
     def __call__(self, number: int, groups: Sequence[int]) -> Piece:
         return work(self.grid, number, groups, self.methods, self.plugins, self.thresholds, self.keep)
@@ -185,12 +190,12 @@ def _all_pieces(
 
 def _missing_pieces(where: Path, task: _Task, run: Runner, bar: _Bar, pieces: list[tuple[int, Sequence[int]]]) -> None:
     lives = LIVES
-    missing = [(number, groups) for number, groups in pieces if not store.is_whole(where, number)]
+    missing = [(number, groups) for number, groups in pieces if not store.is_whole(where, number, task.key)]
     bar.skip(_scenarios(task.grid, pieces) - _scenarios(task.grid, missing))
     while missing:
         try:
             for piece in run(task, missing):
-                store.write_piece(where, piece)
+                store.write_piece(where, piece, task.key)
                 bar.add(piece)
         except Exception as error:
             if not _worker_died(error):
@@ -198,7 +203,9 @@ def _missing_pieces(where: Path, task: _Task, run: Runner, bar: _Bar, pieces: li
             lives -= 1
             if lives == 0:
                 raise RunError(f"worker processes keep dying ({error}); fewer jobs may leave each more memory") from None
-        missing = [(number, groups) for number, groups in missing if not store.is_whole(where, number)]
+        before, missing = len(missing), [p for p in missing if not store.is_whole(where, p[0], task.key)]
+        if len(missing) == before and lives == LIVES:
+            raise RunError(f"{where}: what is written there reads back otherwise; is the disk sound?")
 
 
 def _scenarios(grid: Grid, pieces: Iterable[tuple[int, Sequence[int]]]) -> int:
@@ -338,7 +345,7 @@ def _about(name: str) -> dict[str, Any]:
 
 
 def _standing(where: Path) -> str:
-    whole = len(list((where / store.PARTS).glob("*.scenarios.parquet"))) if where.exists() else 0
+    whole = len(list((where / store.PARTS).glob("*.json"))) if where.exists() else 0
     return f"{whole} pieces are whole in {where}; continue with --resume"
 
 
