@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from scenarios.cell import EXCITATIONS, FOPTD_LAG, SAME, SETTINGS, ULTIMATE, WORDS
 from scenarios.errors import SpecError, suggestion
-
-if TYPE_CHECKING:
-    from scenarios.grid import Grid, GridFile
 
 MOST_CELLS = 1_000_000
 MOST_BUILT = 2000  # cells that are built to see whether they make a loop
@@ -24,12 +21,12 @@ LIMITS = {
 ATS = ("input", "output")
 
 
-def refuse_mistakes(grid: Grid) -> None:
+def refuse_mistakes(grid: Any) -> None:
     """Raise one error that names every mistake of a grid.
 
     Parameters
     ----------
-    grid : Grid
+    grid : scenarios.grid.Grid
         As read; its schema holds.
 
     Raises
@@ -51,7 +48,7 @@ def say(name: str, mistakes: list[str]) -> None:
         raise SpecError(f"{name}: {'; '.join(mistakes[:SHOWN])}{more}")
 
 
-def _mistakes(content: GridFile) -> Iterator[str]:
+def _mistakes(content: Any) -> Iterator[str]:
     known = {
         "disturbance": ("none", *content.disturbances),
         "effect": ("none", *content.effects),
@@ -185,7 +182,7 @@ def _word(where: str, value: str, known: tuple) -> Iterator[str]:
         yield f"{where} {value!r} is unknown, {suggestion(value, known)}"
 
 
-def _no_loops(grid: Grid) -> list[str]:
+def _no_loops(grid: Any) -> list[str]:
     """Build cells evenly over the grid, a few thousand at most; what they complain of, each complaint once."""
     found: dict[str, None] = {}
     for cell in range(0, grid.cells, max(1, grid.cells // MOST_BUILT)):

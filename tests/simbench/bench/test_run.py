@@ -247,11 +247,11 @@ def test_ctrl_c_ends_within_two_seconds_and_says_how_to_resume(tmp_path, jobs):
 def test_a_full_disk_keeps_what_is_whole_and_says_how_to_go_on(small, finished, tmp_path, monkeypatch):
     write, left = store.write_piece, [3]
 
-    def full(where, piece):
+    def full(where, piece, key):
         if not left[0]:
             raise FileError("verdicts.parquet cannot be written: no space left on device")
         left[0] -= 1
-        write(where, piece)
+        write(where, piece, key)
 
     monkeypatch.setattr(store, "write_piece", full)
     with pytest.raises(RunError, match=r"no space left on device; 3 pieces are whole .* continue with --resume"):
@@ -437,11 +437,11 @@ def test_an_adaptive_run_is_resumed_to_the_same_end(small, tmp_path):
     undisturbed = run_grid(once, tmp_path / "a", ["yamashita"], until_width=0.4)
     write, left = store.write_piece, [5]
 
-    def stopping(where, piece):
+    def stopping(where, piece, key):
         if not left[0]:
             raise KeyboardInterrupt
         left[0] -= 1
-        write(where, piece)
+        write(where, piece, key)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(store, "write_piece", stopping)
