@@ -99,7 +99,7 @@ def shares(plan: Grid, names: list[str], blocks: list[range]) -> tuple[dict[str,
             start = time.process_time()
             for number, groups in enumerate(blocks):
                 piece = work.work(plan, number, groups, names)
-                store.write_piece(Path(folder), piece)
+                store.write_piece(Path(folder), piece, "")
                 count += piece.count
             meter.charge()
             total = time.process_time() - start
