@@ -17,7 +17,7 @@ def draw(y: Yardstick, rng: np.random.Generator) -> Size:
 RECOGNISER = Recogniser(
     proven=lambda s: {"step": s.law.step} if s.law.step > 0.0 else None,
     immaterial=lambda s: s.law.step > 0.0 and hides_nothing(s.law.step, s.op),
-    remark=lambda s: levels_of(np.asarray(s.record.op)),
+    remark=lambda s: levels_of(np.asarray(s.record.op), np.asarray(s.record.pv)),
     size=lambda p, loop: {"size": loop.load(p["step"])},
     draw=draw,
 )

@@ -37,7 +37,7 @@ def draw(y: Yardstick, rng: np.random.Generator) -> Size:
 RECOGNISER = Recogniser(
     proven=proven,
     immaterial=immaterial,
-    remark=lambda s: levels_of(np.asarray(s.record.pv)),
+    remark=lambda s: levels_of(np.asarray(s.record.pv), np.asarray(s.record.op)),
     size=lambda p, loop: {"size": loop.level(p["step"])},
     smallest=smallest,
     draw=draw,

@@ -10,13 +10,16 @@ import numpy as np
 from detectors.errors import RecordError
 from detectors.quality import inspect
 from detectors.record import LoopRecord
+from detectors.signal.holds import still
+from detectors.signal.lines import on_line
+from detectors.signal.spikes import cleaned, isolated
 from scenarios.spec import Loop, Part
 from simbench.gap.candidates import proven
 from simbench.gap.controller.pi_law import Law, examine_law
 from simbench.gap.intake.other_loop import refuse_other_controller
 from simbench.gap.intake.refuse import refuse_mv_units, refuse_op_units
 from simbench.gap.likelihood.model import Data
-from simbench.gap.sensor.samples import Samples, cleaned, inspect_samples, isolated, on_line
+from simbench.gap.sensor.samples import Samples, inspect_samples
 from simbench.gap.situation import Archive, Situation
 from simbench.loop.response import valve_response
 
@@ -133,7 +136,7 @@ def _refuse_dead(record: LoopRecord, where: str) -> None:
     if record.n < FEWEST:
         raise RecordError(f"{where}: {record.n} samples; a gap needs at least {FEWEST} to show")
     for name, x in (("OP", record.op), ("PV", record.pv)):
-        if np.ptp(x) <= 1e-9 * max(1.0, float(np.abs(x).max())):
+        if still(x):
             raise RecordError(f"{where}: {name} is constant ({x[0]:g}); nothing moved, so nothing can be told")
 
 
