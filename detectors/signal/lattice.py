@@ -5,9 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 UNITS = 10.0 ** -np.arange(-3.0, 10.0)
+COARSER = 5.0  # times the digits a column is written in, below which a spacing is not told from these
+OFF = 0.15  # of its spacing, by which a lattice's levels may be off it
+REPEATS = 20  # samples per level from which a lattice is plain
+BY_CHANCE = 1e-6  # probability that levels which lie anywhere are all as near to a lattice
+IMMATERIAL = 0.005  # of the variance of a signal's moves; rounding that adds less is the archive's, and changes nothing
 FEWEST_GAPS = 10  # for the mean length of the phases
 ON_LATTICE = 0.9  # mean length of the phases; ten values that lie anywhere reach it three times in 10 000
-CHANCE = 3e-4  # the same for fewer levels, by the room that all but three of them leave on the lattice
 
 
 def resolution(x: np.ndarray) -> float:
@@ -70,7 +74,7 @@ def written_unit(x: np.ndarray, *others: np.ndarray) -> float:
 
 
 def lattice(x: np.ndarray, unit: float = 0.0) -> float:
-    """Return the step of the even lattice on which a signal stands, wherever it begins.
+    """Return the spacing of the lattice, wherever it begins, on which all values of a signal stand.
 
     Parameters
     ----------
@@ -86,10 +90,9 @@ def lattice(x: np.ndarray, unit: float = 0.0) -> float:
 
     Notes
     -----
-    Two levels are enough for a lattice that holds 0 and every value. A transmitter counts from the lower end of its range: its
-    lattice need not hold 0. The levels' phases over one step are put on a circle then (Rayleigh's test): for values that lie
-    anywhere their mean is about 1/sqrt(levels) long, on a lattice 1. Few levels must all lie the nearer. Not for a file's own
-    decimals: a transmitter of the same step could not be told from them.
+    A transmitter counts from the lower end of its range: its lattice need not hold 0. It may have been written down on a finer
+    one: its levels are then a little off, each always by the same. Not for a file's own decimals: a transmitter of the same
+    step could not be told from them.
 
     Examples
     --------
@@ -98,7 +101,29 @@ def lattice(x: np.ndarray, unit: float = 0.0) -> float:
     [0.25, 0.25, 0.0]
     """
     levels = np.unique(x)
-    return _through_zero(levels, unit) or _anywhere(levels, _coarsest_unit(levels, unit)) or _of_few(levels, unit)
+    fine = unit + 1e-8 * (float(np.abs(levels).max()) or 1.0)
+    gaps = np.diff(levels)
+    gaps = gaps[gaps > 1.5 * fine]
+    if gaps.size == 0 or gaps.min() < COARSER * fine:
+        return 0.0
+    step = float(gaps.min())
+    near = gaps[gaps < 3.5 * step]
+    step = float(near.sum() / np.round(near / step).sum())
+    repeats = x.size >= REPEATS * levels.size
+    if levels.size < 3:
+        return step if repeats else 0.0
+    place = levels - levels[0]
+    for _ in range(3):
+        # spacing and beginning sharpen each other
+        step, start = np.linalg.lstsq(np.column_stack([np.round(place / step), np.ones(place.size)]), place, rcond=None)[0]
+        place = place - start
+        if step <= 0.0:
+            return 0.0
+    off = float(np.abs(place - step * np.round(place / step)).max())
+    if off > OFF * step + 0.6 * fine:
+        return 0.0
+    chance = min(2.0 * (off + fine) / step, 1.0) ** (levels.size - 2)
+    return float(step) if repeats or chance < BY_CHANCE else 0.0
 
 
 def root_lattice(x: np.ndarray) -> float:
@@ -116,7 +141,8 @@ def root_lattice(x: np.ndarray) -> float:
 
     Notes
     -----
-    A flow is the square root of the differential pressure that was digitised.
+    A flow is the square root of the differential pressure that was digitised. The levels' phases over one step are put on a
+    circle (Rayleigh's test): for values that lie anywhere their mean is about 1/sqrt(levels) long, on a lattice 1.
 
     Examples
     --------
@@ -126,26 +152,30 @@ def root_lattice(x: np.ndarray) -> float:
     """
     levels = np.unique(x)
     slope = 2.0 * float(np.abs(levels).mean())
-    return _anywhere(levels * np.abs(levels), _coarsest_unit(levels, 0.0) * slope) / (slope or 1.0)
+    return _anywhere(levels * np.abs(levels), _coarsest_unit(levels) * slope) / (slope or 1.0)
 
 
-def _through_zero(levels: np.ndarray, unit: float) -> float:
-    """Return the step of which every level is a multiple, but for the digits."""
-    size = float(np.abs(levels).max()) or 1.0
-    gaps = np.diff(levels)
-    gaps = gaps[gaps > max(1.5 * unit, 1e-9 * size)]
-    if levels.size < 2 or gaps.size == 0:
-        return 0.0
-    step = float(gaps.min())
-    if step < 20.0 * (unit + 1e-8 * size):
-        return 0.0
-    # the spacing sharpens as it is carried from near gaps to the far ends
-    for values in (gaps[gaps < 3.5 * step], gaps, levels - levels[0], levels):
-        count = np.round(values / step)
-        if count.any():
-            step = float(values @ count / (count @ count))
-    off = np.abs(levels - step * np.round(levels / step))
-    return step if off.max() <= 0.6 * unit + 1e-8 * size + 1e-4 * step else 0.0
+def hides_nothing(step: float, x: np.ndarray) -> bool:
+    """Return whether rounding to a step adds next to nothing to a signal's moves.
+
+    Parameters
+    ----------
+    step : float
+        In units of x.
+    x : ndarray, shape (n,)
+        Signal.
+
+    Returns
+    -------
+    bool
+
+    Examples
+    --------
+    >>> x = np.random.default_rng(5).standard_normal(5000)
+    >>> hides_nothing(0.3, x), hides_nothing(0.4, x)
+    (True, False)
+    """
+    return step**2 / 12.0 < IMMATERIAL * float(np.var(np.diff(x)))
 
 
 def _anywhere(levels: np.ndarray, unit: float) -> float:
@@ -171,21 +201,10 @@ def _phase(levels: np.ndarray, step: float) -> float:
     return float(abs(np.exp((2j * np.pi / step) * (levels - levels[0])).mean()))
 
 
-def _of_few(levels: np.ndarray, unit: float) -> float:
-    """Return the step of the lattice on which all of five or more levels stand nearer than chance would have it."""
-    at = levels - levels[0]
-    if not 5 <= levels.size <= FEWEST_GAPS or np.diff(levels).min() < 20.0 * (unit + 1e-8 * np.abs(levels).max()):
-        return 0.0
-    count = np.round(at / np.diff(levels).min())
-    step, begins = np.polyfit(count, at, 1)
-    room = 2.0 * max(float(np.abs(at - begins - step * count).max()) / step, 1e-3)
-    return float(step) if room ** (levels.size - 3) < CHANCE else 0.0
-
-
-def _coarsest_unit(levels: np.ndarray, unit: float) -> float:
+def _coarsest_unit(levels: np.ndarray) -> float:
     """Return the unit of the largest values: files keep digits, not decimals."""
     size = np.abs(levels)
-    return max(unit, resolution(levels[size >= 10.0 ** np.floor(np.log10(max(float(size.max()), 1e-300)))]))
+    return resolution(levels[size >= 10.0 ** np.floor(np.log10(max(float(size.max()), 1e-300)))])
 
 
 def _places(x: np.ndarray) -> float:

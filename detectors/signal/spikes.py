@@ -44,7 +44,7 @@ def isolated(x: np.ndarray, unit: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         return none
     found: dict[int, float] = {}
     clean = np.asarray(x, dtype=float).copy()
-    usual = np.abs(_off_line(clean)[0])
+    usual = np.abs(off_line(clean)[0])
     floor = max(0.5 * unit, 1e-12)
     overall = max(1.4826 * float(np.median(usual)), floor)
     if usual.max() <= SPIKE * overall:
@@ -55,7 +55,7 @@ def isolated(x: np.ndarray, unit: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     now = maximum_filter1d(median_filter(usual, 31, mode="reflect"), 31)
     local = FURTHER * np.maximum(1.4826 * now, floor)
     for _ in range(10):
-        off, near = _off_line(clean)
+        off, near = off_line(clean)
         size = np.abs(off)
         least = np.maximum((SPIKE if len(found) < 3 else FURTHER) * overall, local)
         hit = (size > least) & (size > ALONE * near)
@@ -101,7 +101,7 @@ def cleaned(x: np.ndarray, spikes: np.ndarray) -> np.ndarray:
 
 def _touching(x: np.ndarray, least: np.ndarray) -> dict[int, float]:
     """Return the heights of two spikes, one or two samples apart, each of which hides the other; empty when there are none."""
-    off = np.abs(_off_line(x)[0])
+    off = np.abs(off_line(x)[0])
     out: dict[int, float] = {}
     for k in np.flatnonzero(off > least):
         for apart in (1, 2):
@@ -117,8 +117,25 @@ def _touching(x: np.ndarray, least: np.ndarray) -> dict[int, float]:
     return out
 
 
-def _off_line(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return how far each sample is off the line through its four neighbours, and how far these spread about it."""
+def off_line(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return how far each sample is off the line through its four neighbours, and how far these spread about it.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Signal; at least three samples.
+
+    Returns
+    -------
+    off, spread : ndarray, shape (n,)
+        In units of x.
+
+    Examples
+    --------
+    >>> off, spread = off_line(np.array([0.0, 1.0, 2.0, 8.0, 4.0, 5.0, 6.0]))
+    >>> float(off[3]), float(spread[3])
+    (5.0, 0.0)
+    """
     # reflected oddly, a slope goes on straight beyond the ends
     padded = np.pad(x, 2, mode="reflect", reflect_type="odd")
     around = np.stack([padded[:-4], padded[1:-3], padded[3:-1], padded[4:]])

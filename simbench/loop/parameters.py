@@ -11,6 +11,7 @@ from types import ModuleType
 from typing import Any
 
 from detectors.errors import ParameterError, UnknownName, nearest
+from detectors.record import LARGEST
 from detectors.registry import PluginFolder
 
 VALVES = PluginFolder("valve", "simbench.loop.valves", "simbench.valves", ("SOURCE", "FRICTION", "PARAMETERS", "start", "step"))
@@ -58,12 +59,19 @@ class Number:
 
     def read(self, value: Any, name: str, where: str) -> float:
         """Return `value` as a float, or raise `ParameterError` with what is allowed."""
+        if type(value) is float and self.low < value < self.high:
+            return value  # nearly always
         unit = f" ({self.unit})" if self.unit else ""
         if isinstance(value, bool) or not hasattr(value, "__float__"):
             raise ParameterError(f"{where}: {name} = {value!r} is no number{unit}")
-        number = float(value)
+        try:
+            number = float(value)
+        except OverflowError:  # a whole number of hundreds of digits
+            number = math.inf
         if not math.isfinite(number):
             raise ParameterError(f"{where}: {name} = {number} is not finite{unit}")
+        if abs(number) > LARGEST:
+            raise ParameterError(f"{where}: {name} = {number:g} is out of range, it must be within +-{LARGEST:g}{unit}")
         if number < self.low or number > self.high or (self.positive and number == self.low):
             raise ParameterError(f"{where}: {name} = {number:g} is out of range, it must be {self._allowed()}{unit}")
         return number
@@ -166,7 +174,7 @@ def resolve(
     if complete is not None:
         values = complete(values, where)
     values.update(extra)
-    return parameter_class(tuple(values))(**values)
+    return parameter_class(tuple(values))._make(values.values())
 
 
 def valve_parameters(module: ModuleType, table: Mapping[str, Any], Ts: float) -> Any:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from detectors.signal.lattice import lattice, resolution, root_lattice, written_unit
+from detectors.signal.lattice import hides_nothing, lattice, resolution, root_lattice, written_unit
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.1234, -31.4])
@@ -13,34 +13,10 @@ def test_a_lattice_is_found_wherever_it_begins(offset, step):
     assert lattice(x) == pytest.approx(step, rel=1e-6)
 
 
-@pytest.mark.parametrize("levels", [2, 3])
-def test_two_or_three_levels_are_a_lattice_only_if_it_holds_zero(levels):
-    x = 0.7 * np.random.default_rng(0).integers(60, 60 + levels, 400)
-    assert np.unique(x).size == levels
-    assert lattice(x) == pytest.approx(0.7, rel=1e-6)
-    assert lattice(x + 0.2) == 0.0
-
-
-@pytest.mark.parametrize(
-    ("levels", "off", "found"), [(4, 0.0, False), (5, 0.005, True), (5, 0.03, False), (8, 0.03, True), (8, 0.2, False)]
-)
-def test_few_levels_must_lie_the_nearer(levels, off, found):
-    x = 42.2 + 0.7 * np.arange(levels)
-    x[1] += 0.7 * off
-    assert lattice(x) == (pytest.approx(0.7, rel=0.01) if found else 0.0)
-
-
 def test_four_to_ten_levels_that_lie_anywhere_are_hardly_ever_a_lattice():
     rng = np.random.default_rng(0)
     hits = sum(lattice(rng.uniform(10.0, 11.0, rng.integers(4, 11))) > 0.0 for _ in range(4000))
     assert hits < 8
-
-
-def test_a_value_off_the_lattice_takes_a_small_one_away_and_not_a_large_one():
-    few, many = (0.5 * np.round(np.random.default_rng(0).standard_normal(500) * k) for k in (1, 30))
-    few[7], many[7] = 0.2, 0.2
-    assert lattice(few) == 0.0
-    assert lattice(many) == pytest.approx(0.5, rel=1e-3)
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -86,3 +62,42 @@ def test_no_unit_of_the_signal_changes_the_answer():
     x = 0.31 + 0.25 * np.round(np.random.default_rng(0).standard_normal(400) * 12)
     for scale in (1e-4, 7.0, -3e5):
         assert lattice(scale * x) == pytest.approx(abs(scale) * 0.25, rel=1e-6)
+
+
+@pytest.mark.parametrize("start", [0.0, 0.11, 7.003])
+@pytest.mark.parametrize("archive", [0.0, 0.006])
+def test_a_lattice_is_found_wherever_it_begins_and_on_whatever_finer_one_it_was_written(start, archive):
+    x = start + 0.17 * np.round(np.random.default_rng(3).normal(300, 20, 1500))
+    if archive:
+        x = archive * np.round(x / archive)
+    assert lattice(x, 1e-6) == pytest.approx(0.17, rel=1e-3)
+
+
+def test_values_that_lie_anywhere_are_on_no_lattice():
+    rng = np.random.default_rng(4)
+    for digits in (2, 3, 9):
+        for n in (100, 1000, 4000):
+            x = np.round(rng.normal(40, 5, n), digits)
+            assert lattice(x, 10.0**-digits if digits < 9 else 0.0) == 0.0, (digits, n)
+
+
+def test_rounding_is_weighed_against_the_moves_it_hides():
+    x = np.random.default_rng(5).normal(0, 1, 5000)
+    # step^2/12 over the variance of the changes, 2
+    assert hides_nothing(0.3, x)
+    assert not hides_nothing(0.4, x)
+
+
+@pytest.mark.parametrize(
+    ("levels", "samples", "found"), [(2, 40, True), (2, 39, False), (3, 60, True), (4, 20, True)]
+)
+def test_few_levels_are_a_lattice_when_they_repeat_themselves_or_lie_too_evenly_for_chance(levels, samples, found):
+    x = 42.2 + 0.7 * (np.arange(samples) % levels)
+    assert lattice(x) == (pytest.approx(0.7) if found else 0.0)
+
+
+@pytest.mark.parametrize(("off", "found"), [(0.1, True), (0.2, False)])
+def test_a_level_may_be_a_little_off(off, found):
+    x = 0.5 * np.arange(40.0).repeat(25)
+    x[200:225] += 0.5 * off
+    assert (lattice(x) > 0.0) == found

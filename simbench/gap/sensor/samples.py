@@ -9,7 +9,8 @@ import numpy as np
 from detectors.signal.holds import holds, stuck
 from detectors.signal.lattice import lattice, written_unit
 from detectors.signal.lines import on_line
-from detectors.signal.spikes import isolated
+from detectors.signal.spikes import isolated, off_line
+from detectors.signal.tails import heavy_tails
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,7 +20,7 @@ class Samples:
     `resolution` is the decimal unit PV is written in (0 = full precision), `step` a lattice coarser than that (0 = none),
     `straight` the share of samples on a straight line with both neighbours, `spikes` the indices of isolated points,
     `heights` how far off they are, `held` the longest exact standstill in samples, `stuck` the share of samples in standstills
-    longer than rounding and noise explain.
+    longer than rounding and noise explain; `heavy` whether the largest samples are no spikes but the tails of the noise.
     """
 
     resolution: float
@@ -29,6 +30,7 @@ class Samples:
     heights: np.ndarray
     held: int
     stuck: float
+    heavy: bool = False
 
 
 def inspect_samples(pv: np.ndarray, *others: np.ndarray) -> Samples:
@@ -54,5 +56,16 @@ def inspect_samples(pv: np.ndarray, *others: np.ndarray) -> Samples:
     unit = written_unit(pv, *others)
     step = lattice(pv, unit)
     spikes, heights = isolated(pv, max(unit, step))
-    lines = float(np.mean(on_line(pv, unit))) if step == 0.0 else 0.0
-    return Samples(unit, step, lines, spikes, heights, int(holds(pv).max()), stuck(pv, unit))
+    heavy = spikes.size > 0 and heavy_tails(off_line(np.asarray(pv, dtype=float))[0])
+    if heavy:
+        spikes, heights = spikes[:0], heights[:0]
+    return Samples(
+        unit,
+        step,
+        float(np.mean(on_line(pv, unit))) if step == 0.0 else 0.0,
+        spikes,
+        heights,
+        int(holds(pv).max()),
+        stuck(pv, unit),
+        heavy,
+    )

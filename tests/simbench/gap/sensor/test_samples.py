@@ -39,3 +39,10 @@ def test_spikes_and_standstills_are_told_with_their_sizes():
     assert found.spikes.tolist() == [100, 300, 800]
     assert found.heights == pytest.approx([2.0, -2.0, 3.0], abs=0.4)
     assert (found.held, found.stuck) == (50, pytest.approx(0.05))
+
+
+def test_a_noise_with_heavy_tails_has_no_spikes():
+    pv = 40 + np.random.default_rng(7).standard_t(4, 3000)
+    found = inspect_samples(pv)
+    assert found.heavy
+    assert found.spikes.size == 0
