@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from simbench.gap.sensor.samples import hides_nothing, lattice, written_unit
+from detectors.signal.lattice import hides_nothing, lattice, written_unit
 from simbench.gap.situation import Situation
 
 
