@@ -20,7 +20,19 @@ class ParameterError(UserError, ValueError):
 
 
 class UnknownName(UserError, LookupError):
-    """A name that no plug-in, grid or figure answers to."""
+    """A name that no plug-in, grid or figure answers to.
+
+    Parameters
+    ----------
+    kind : str
+        What was looked for: "detector", "grid", ...
+    name : str
+        What the user wrote.
+    known : iterable of str
+        What would have been understood.
+    where : str
+        Where it was written.
+    """
 
     def __init__(self, kind: str, name: str, known: Iterable[str], where: str = "") -> None:
         place = f" in {where}" if where else ""

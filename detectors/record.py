@@ -146,8 +146,66 @@ class LoopRecord:
         """Unit of S and J estimated from this record."""
         return "% of travel" if self.op_percent is not None else "OP units"
 
+    def to_frame(self) -> pd.DataFrame:
+        """Return the record as a table that `from_frame` reads.
+
+        Returns
+        -------
+        DataFrame
+            t_s, sp, op, pv, mv; what was not recorded is left out.
+
+        Examples
+        --------
+        >>> list(LoopRecord(op=[50, 51, 52], pv=[1.0, 1.1, 1.2], Ts=2.0).to_frame())
+        ['t_s', 'op', 'pv']
+        """
+        import pandas as pd
+
+        columns = {"t_s": self.t, "sp": self.sp, "op": self.op, "pv": self.pv, "mv": self.mv}
+        return pd.DataFrame({name: signal for name, signal in columns.items() if signal is not None})
+
+    def plot(self, **options: Any) -> Any:
+        """Draw PV with SP above OP with MV, over time.
+
+        Parameters
+        ----------
+        **options
+            As `pandas.DataFrame.plot` takes them, such as figsize.
+
+        Returns
+        -------
+        ndarray of matplotlib.axes.Axes, shape (2,)
+
+        Raises
+        ------
+        ImportError
+            Without matplotlib, which this package alone does not need.
+        """
+        frame = self.to_frame().set_index("t_s")
+        groups = [tuple(c for c in pair if c in frame) for pair in (("pv", "sp"), ("op", "mv"))]
+        axes = frame[[c for pair in groups for c in pair]].plot(
+            **{"subplots": groups, "xlabel": "t (s)", "title": self.tag or None, **options}
+        )
+        axes[1].set_ylabel("OP, MV (%)" if self.op_percent is self.op else "OP")
+        axes[0].set_ylabel("PV")
+        return axes
+
+    def _repr_html_(self) -> str:
+        from detectors.views import page_part
+
+        facts = [f"{self.n} samples", f"Ts = {self.Ts:g} s", f"{self.duration:g} s", self.kind, self.process, *self.notes]
+        about = ", ".join(fact for fact in facts if fact)
+        frame = self.to_frame().drop(columns="t_s").describe().T[["min", "mean", "max", "std"]]
+        return page_part(f"{self.tag or 'record'}: {about}", frame.reset_index(names="signal"))
+
     def blind(self) -> LoopRecord:
-        """Return the record as a detector may see it: without `mv` and `meta`."""
+        """Return the record as a detector may see it.
+
+        Returns
+        -------
+        LoopRecord
+            The same without `mv` and `meta`.
+        """
         other = copy(self)  # its fields were checked when this record was made
         other.__dict__.update(mv=None, meta={})
         return other

@@ -123,6 +123,17 @@ NAME_KEY = {"valve": "model", "disturbance": "type", "effect": "name"}
 class Loop(_Table):
     """One control loop, complete: a run is a function of this and a seed.
 
+    Parameters
+    ----------
+    plant, controller, sampling : table
+        As in a loop file.
+    operating_point, noise, setpoint : table, optional
+        As in a loop file.
+    valve : Part
+        The valve model; ideal when absent.
+    disturbance, effect : tuple of Part
+        What acts on the loop or its record.
+
     Examples
     --------
     >>> loop = Loop.from_table({
@@ -167,7 +178,7 @@ class Loop(_Table):
         return self.setpoint.value if pv0 is None else pv0
 
     @classmethod
-    def from_table(cls, table: dict[str, Any], where: str = "loop") -> Loop:
+    def from_table(cls, table: dict[str, Any], where: str = "loop") -> Self:
         """Check a nested table, as TOML gives it, and return the loop.
 
         Parameters
@@ -198,7 +209,12 @@ class Loop(_Table):
         return checked(cls, table, where)
 
     def to_table(self) -> dict[str, Any]:
-        """Return the loop as the nested table that `from_table` reads."""
+        """Return the loop as the nested table that `from_table` reads.
+
+        Returns
+        -------
+        dict
+        """
         table = self.model_dump(exclude_none=True)
         for section, key in NAME_KEY.items():
             parts = [{key: p.name, **p.parameters} for p in _parts(getattr(self, section))]
@@ -206,7 +222,12 @@ class Loop(_Table):
         return table
 
     def to_toml(self) -> str:
-        """Return the loop as the text of a loop file."""
+        """Return the loop as the text of a loop file.
+
+        Returns
+        -------
+        str
+        """
         lines = []
         for section, content in self.to_table().items():
             for part in content if isinstance(content, list) else [content]:
@@ -215,7 +236,7 @@ class Loop(_Table):
                 lines.append("")
         return "\n".join(lines)
 
-    def with_(self, key: str, value: Any) -> Loop:
+    def with_(self, key: str, value: Any) -> Self:
         """Return the loop with one dotted key changed, e.g. "controller.Kc" or "valve.S".
 
         Parameters
@@ -241,11 +262,21 @@ class Loop(_Table):
         if isinstance(table.get(section), list):
             raise SpecError(f"key {key!r}: [[{section}]] is a list and cannot be set by name")
         table.setdefault(section, {})[name] = value
-        return Loop.from_table(table, f"with {key} = {value}")
+        return type(self).from_table(table, f"with {key} = {value}")
 
 
 class Scenario(_Table):
-    """A loop, a seed, and tags that place it in its grid."""
+    """A loop, a seed, and tags that place it in its grid.
+
+    Parameters
+    ----------
+    loop : Loop
+        What is simulated.
+    seed : int
+        Root of its random streams.
+    tags : dict
+        Axis values of its cell.
+    """
 
     loop: Loop
     seed: Annotated[int, Field(ge=0)] = 0
