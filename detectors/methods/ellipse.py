@@ -27,8 +27,9 @@ METHOD = Method(
     source="Choudhury et al. 2006, Eq 11.15",
     thresholds={
         "fitness_low": Threshold(0.6, "-", 0.0, 1.0, "Choudhury 2006", "at or above: the points form an ellipse"),
-        "width_low": Threshold(0.1, "-", 0.0, 1.0, "own", "chord over OP range; below: a line"),
+        "width_low": Threshold(0.1, "-", 0.0, 1.0, "own; the source has 0", "chord over OP range; below: a line"),
     },
+    published={"width_low": 0.0},
 )
 
 

@@ -2,7 +2,7 @@
 to a sine.
 
 Needs: OP of a self-regulating process (the controller integrates), PV of an integrating one; three periods.
-Parameters: `eta_low`, `eta_high` (-), published.
+Parameters: `eta_low`, `eta_high` (-), published; `left_out` (-), own, 0 in the source.
 Indices: eta in 0..1 (triangle with free apex and zero ends; decides), eta_two_line in 0..1 (the chapter's two
 straight lines, which have four free parameters against the sine's two and lean to "triangle" in noise).
 Rule: eta = MSE_sine / (MSE_sine + MSE_triangle), averaged over the typical nine tenths of the half cycles;
@@ -29,17 +29,21 @@ METHOD = Method(
     thresholds={
         "eta_low": Threshold(0.4, "-", 0.0, 1.0, "He 2007", "at or below: sine, no stiction"),
         "eta_high": Threshold(0.6, "-", 0.0, 1.0, "He 2007", "at or above: triangle, stiction"),
+        "left_out": Threshold(0.1, "-", 0.0, 0.9, "own; the source has 0", "share of odd half cycles that do not count"),
     },
+    published={"left_out": 0.0},
 )
 
 
-def triangle_indices(humps: np.ndarray) -> tuple[float, float]:
+def triangle_indices(humps: np.ndarray, left_out: float = 0.1) -> tuple[float, float]:
     """Return eta and eta_two_line of a set of half cycles.
 
     Parameters
     ----------
     humps : ndarray, shape (m, points)
         Half cycles as positive humps.
+    left_out : float
+        Share of them, the odd ones, that does not count.
 
     Returns
     -------
@@ -57,12 +61,12 @@ def triangle_indices(humps: np.ndarray) -> tuple[float, float]:
     """
     points = humps.shape[1]
     errors = misfit(humps, sines(points)), misfit(humps, triangles(points)), two_line_misfit(humps)
-    sine, *others = typical_means(*errors)
+    sine, *others = typical_means(*errors, left_out=left_out)
     eta, two_line = (sine / (sine + other) if sine + other > 0 else 0.5 for other in others)
     return eta, two_line
 
 
-def detect(prepared: Prepared, *, eta_low: float, eta_high: float) -> Verdict:
+def detect(prepared: Prepared, *, eta_low: float, eta_high: float, left_out: float) -> Verdict:
     """Judge a record by the shape of OP (self-regulating) or PV (integrating).
 
     Parameters
@@ -71,6 +75,8 @@ def detect(prepared: Prepared, *, eta_low: float, eta_high: float) -> Verdict:
         The record.
     eta_low, eta_high : float
         Bounds of eta (-).
+    left_out : float
+        Share of the half cycles, the odd ones, that does not count (-).
 
     Returns
     -------
@@ -88,7 +94,7 @@ def detect(prepared: Prepared, *, eta_low: float, eta_high: float) -> Verdict:
     humps = prepared.half_cycles(name.lower())
     if len(humps) < 4:
         return Verdict("he", NO_DECISION, reason=f"{len(humps)} half cycles in {name}; at least 4 are needed")
-    eta, two_line = triangle_indices(humps)
+    eta, two_line = triangle_indices(humps, left_out)
     if eta >= eta_high:
         verdict, said = STICTION, "triangular"
     elif eta <= eta_low:

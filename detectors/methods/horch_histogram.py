@@ -39,6 +39,7 @@ METHOD = Method(
         "low": Threshold(0.45, "-", 0.0, 1.0, "own zone about the published 0.5", "at or below: camel, no stiction"),
         "high": Threshold(0.55, "-", 0.0, 1.0, "own zone about the published 0.5", "at or above: Gaussian, stiction"),
     },
+    published={"low": 0.5, "high": 0.5},
 )
 
 BINS = np.linspace(-3.5, 3.5, 31)  # in std of the data

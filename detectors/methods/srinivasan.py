@@ -42,6 +42,7 @@ METHOD = Method(
     thresholds={
         "share_low": Threshold(0.5, "-", 0.25, 1.0, "own", "share of cycles with the winning label; below: no decision")
     },
+    published={"share_low": 0.25},
 )
 
 

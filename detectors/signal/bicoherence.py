@@ -12,6 +12,7 @@ FLOOR = 1e-4  # of the mean power: frequencies below it are rounding or leakage,
 # Mean and spread of mean(bic2) for a linear Gaussian signal, in units of what m independent values would have: window
 # and overlap make neighbours alike. Monte Carlo, 300 records each of white noise and AR(2), K = 14 to 124.
 MEAN, SPREAD = 1.02, 1.55
+NGI_2004, NLI_2004 = 0.001, 0.01  # published limits, Choudhury, Shah & Thornhill (2004)
 SAMPLES_PER_PERIOD = 32  # so that a segment holds four periods
 
 
@@ -34,6 +35,8 @@ class Bicoherence:
         nearly all do.
     height : float
         Largest bic2 over the value that it exceeds in 5 % of linear Gaussian signals of this length.
+    ngi_2004 : float
+        Non-Gaussianity index as published, which takes the values of bic2 for independent.
     """
 
     bic2: np.ndarray
@@ -43,6 +46,13 @@ class Bicoherence:
     ngi: float
     nli: float
     height: float
+    ngi_2004: float
+
+    def nonlinear(self, ngi_low: float, height_low: float, calibrated: bool) -> bool:
+        """Whether the signal is nonlinear: beyond what 5 % of linear ones reach (calibrated), or by the published limits."""
+        if calibrated:
+            return self.ngi > ngi_low and self.height > height_low
+        return self.ngi_2004 > NGI_2004 and self.nli > NLI_2004
 
     @property
     def peak(self) -> tuple[float, float]:
@@ -94,9 +104,10 @@ def bicoherence(x: np.ndarray, segment: int = SEGMENT) -> Bicoherence:
     m = bic2.size
     mean = float(bic2.mean())
     ngi = mean - (MEAN + 1.645 * SPREAD / np.sqrt(m)) / K
+    ngi_2004 = mean - (1.96 + np.sqrt(4.0 * m - 1.0)) ** 2 / (4.0 * K * m)
     top = float(bic2.max())
     nli = top - mean - 2.0 * float(bic2.std())
-    return Bicoherence(bic2, i / segment, j / segment, K, float(ngi), nli, float(top * K / (np.log(m) + 2.97)))
+    return Bicoherence(bic2, i / segment, j / segment, K, float(ngi), nli, float(top * K / (np.log(m) + 2.97)), float(ngi_2004))
 
 
 def error_bicoherence(e: np.ndarray, period: float) -> Bicoherence | None:
