@@ -62,11 +62,13 @@ def judge(
     >>> judge(LoopRecord(op=np.sin(t / 8), pv=-np.sin(t / 8), Ts=1.0), ["horch"])[0].verdict
     'no_stiction'
     """
-    blind = Prepared(record.blind())
+    blind, sighted = Prepared(record.blind()), None
     verdicts = []
     for name in methods:
         module = registry.load(name)
-        prepared = blind.sighted(replace(record, meta={})) if module.METHOD.needs_mv else blind
+        prepared = blind
+        if module.METHOD.needs_mv:
+            prepared = sighted = sighted or blind.sighted(replace(record, meta={}))
         chosen = check_thresholds(name, module.METHOD, (thresholds or {}).get(name, {}))
         verdicts.append(judge_one(name, module, prepared, raw, chosen))
     return verdicts
@@ -131,8 +133,9 @@ def judge_one(name: str, module: ModuleType, prepared: Prepared, raw: bool, thre
     """
     method: Method = module.METHOD
     record = prepared.record
-    cuts = {key: value for key, value in thresholds.items() if key in CUTS}
-    thresholds = {key: value for key, value in thresholds.items() if key not in CUTS}
+    cuts = {key: thresholds[key] for key in CUTS if key in thresholds}
+    if cuts:
+        thresholds = {key: value for key, value in thresholds.items() if key not in CUTS}
 
     def answer(verdict: str, reason: str, applicable: bool | None = True) -> Verdict:
         return Verdict(name, verdict, applicable=applicable, reason=reason)
@@ -140,7 +143,7 @@ def judge_one(name: str, module: ModuleType, prepared: Prepared, raw: bool, thre
     def finished(verdict: Verdict) -> Verdict:
         joined = applicable if verdict.applicable is True else verdict.applicable
         reason = "; ".join([verdict.reason, *notes])
-        return replace(verdict, method=name, applicable=joined, reason=reason, S_unit=record.S_unit)
+        return verdict.but(method=name, applicable=joined, reason=reason, S_unit=record.S_unit)
 
     applicable: bool | None = True
     notes = []
@@ -155,7 +158,7 @@ def judge_one(name: str, module: ModuleType, prepared: Prepared, raw: bool, thre
     if record.n < method.min_samples:
         reason = f"too short: {record.n} samples; at least {method.min_samples} are needed"
         return finished(answer(NO_DECISION, reason))
-    for flag in (*UNFIT, *method.cannot_cope):
+    for flag in (*UNFIT, *method.cannot_cope) if prepared.flags else ():
         if flag in prepared.flags:
             return finished(answer(NO_DECISION, f"record unfit: {prepared.flags[flag].evidence} (flag {flag})"))
     if method.needs_mv:
@@ -166,13 +169,13 @@ def judge_one(name: str, module: ModuleType, prepared: Prepared, raw: bool, thre
             applicable = None
             notes.append(note)
     # the procedure asks the same methods about the same record
-    key = f"verdict {name} {record.mv is None} {thresholds}"
+    key = ("verdict", name, record.mv is None, *thresholds.items())
     stopped = _front_end(method, prepared, raw, answer)
     verdict = stopped or prepared.share(key, lambda: module.detect(prepared, **thresholds))
     if method.front_end:
         oscillation = prepared.oscillation
         found = {"regularity": oscillation.regularity, "period_s": oscillation.period_s}
-        verdict = replace(verdict, indices={**verdict.indices, **found})
+        verdict = verdict.but(indices={**verdict.indices, **found})
     # a record that does not oscillate has no score to cut
     return finished(_cut(verdict, **cuts) if cuts and stopped is None and np.isfinite(verdict.score) else verdict)
 
@@ -181,7 +184,7 @@ def _cut(verdict: Verdict, stiction_above: float, no_stiction_below: float | Non
     low = stiction_above if no_stiction_below is None else no_stiction_below
     said = STICTION if verdict.score > stiction_above else NO_STICTION if verdict.score <= low else NO_DECISION
     reason = f"{verdict.reason}; score {verdict.score:.3g} against calibrated cuts {low:.3g} and {stiction_above:.3g}"
-    return replace(verdict, verdict=said, reason=reason)
+    return verdict.but(verdict=said, reason=reason)
 
 
 def _front_end(method: Method, prepared: Prepared, raw: bool, answer) -> Verdict | None:
@@ -191,7 +194,7 @@ def _front_end(method: Method, prepared: Prepared, raw: bool, answer) -> Verdict
     if not raw and not oscillation.sustained:
         verdict = answer(NO_STICTION, f"no sustained oscillation (r = {oscillation.regularity:.2f})")
         # below every score: scales differ between methods, some go below 0
-        return replace(verdict, score=-np.inf)
+        return verdict.but(score=-np.inf)
     periods = prepared.record.duration / oscillation.period_s if np.isfinite(oscillation.period_s) else 0.0
     if periods < method.min_periods:
         if raw and not np.isfinite(oscillation.period_s):

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from detectors.quality import Flag, inspect
 from detectors.record import LoopRecord
-from detectors.signal.conditioning import band, clear_harmonics, loop_sign
+from detectors.signal.conditioning import clear_harmonics, drift, loop_sign, mirrored_spectrum, smooth
 from detectors.signal.half_cycles import split
 from detectors.signal.oscillation import Oscillation, find_oscillation
+from detectors.signal.standstill import steady_valve
 
 
 @dataclass
@@ -77,28 +78,55 @@ class Prepared:
 
     def clean(self, name: str) -> np.ndarray:
         """Return the oscillation in "op" or "pv", shape (n,), without drift and without noise beyond its clear harmonics."""
-        x = getattr(self.record, name)
-        period = self.oscillation.period_s / self.record.Ts
-        return self.share(f"clean {name}", lambda: band(x, period, clear_harmonics(x, period)))
+        return self.share(f"clean {name}", lambda: self.band(name, self.period / self.clear_harmonics(name)))
+
+    @property
+    def period(self) -> float:
+        """Period of the oscillation in samples; NaN without one."""
+        return self.oscillation.period_s / self.record.Ts
+
+    def signal(self, name: str) -> np.ndarray:
+        """Return "op", "pv", or "travel": OP in % where its unit is known; shape (n,)."""
+        if name == "travel":
+            return self.record.op if self.record.op_percent is None else self.record.op_percent
+        return getattr(self.record, name)
+
+    def clear_harmonics(self, name: str) -> float:
+        """Return up to which harmonic a signal stands above its noise, see `detectors.signal.conditioning`."""
+        return self.share(f"harmonics {name}", lambda: clear_harmonics(self.signal(name), self.period))
+
+    def band(self, name: str, shortest: float) -> np.ndarray:
+        """Return the oscillation in a signal, shape (n,), without drift and without periods below `shortest` samples."""
+        if name == "travel" and self.record.op_span in (None, (0.0, 100.0)):
+            name = "op"  # the same numbers
+        level = self.share(f"level {name}", lambda: self.signal(name) - drift(self.signal(name), self.period))
+        return smooth(level, shortest, lambda: self.share(f"spectrum {name}", lambda: mirrored_spectrum(level)))
+
+    def smooth_op(self) -> np.ndarray:
+        """Return OP without noise beyond its clear harmonics, shape (n,)."""
+        return self.share("smooth op", lambda: smooth(self.record.op, self.period / self.clear_harmonics("op")))
+
+    def steady_valve(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
+        """Return what `detectors.signal.standstill` says of the signal that stands for MV."""
+        return self.share(f"steady valve {self.record.mv is None}", lambda: steady_valve(position, self.period))
 
     def half_cycles(self, name: str) -> np.ndarray:
         """Return the half cycles of "op" or "pv" as positive humps of one length, shape (m, points).
 
         Those in the first and last half period are left out: drift is only guessed there.
         """
-        period = self.oscillation.period_s / self.record.Ts
+        period = self.period
         inner = slice(round(period / 2), -round(period / 2))
         return self.share(f"half cycles {name}", lambda: split(self.clean(name)[inner], period))
 
     def sighted(self, record: LoopRecord) -> Prepared:
         """Return the same for the same record with MV; what was found without MV is kept."""
-        other = replace(self, record=record, shared=dict(self.shared))
-        for name in ("oscillation", "flags"):
-            other.__dict__[name] = getattr(self, name)
+        other = Prepared(record, dict(self.shared))
+        other.__dict__.update(oscillation=self.oscillation, flags=self.flags)
         return other
 
     def _turned_pv(self) -> np.ndarray:
-        period = self.oscillation.period_s / self.record.Ts
+        period = self.period
         reach = max(round(period / 8), 1) if np.isfinite(period) else 1
         return self.record.pv * loop_sign(self.record.op, self.record.pv, reach)
 

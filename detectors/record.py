@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, replace
+from copy import copy
+from dataclasses import dataclass, field, fields
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -119,12 +121,14 @@ class LoopRecord:
         """Control error SP - PV, shape (n,); the mean of PV stands in for a set point that was not recorded."""
         return (self.pv.mean() if self.sp is None else self.sp) - self.pv
 
-    @property
+    @cached_property
     def op_percent(self) -> np.ndarray | None:
         """OP in % of valve travel, shape (n,), or None when neither the span nor the values tell the unit."""
         if self.op_span is not None:
             lo, hi = self.op_span
-            return (self.op - lo) * (100.0 / (hi - lo))
+            percent = (self.op - lo) * (100.0 / (hi - lo))
+            percent.flags.writeable = False
+            return percent
         if self.op.min() >= 0.0 and self.op.max() <= 100.0:
             return self.op
         return None
@@ -136,7 +140,9 @@ class LoopRecord:
 
     def blind(self) -> LoopRecord:
         """Return the record as a detector may see it: without `mv` and `meta`."""
-        return replace(self, mv=None, meta={})
+        other = copy(self)  # its fields were checked when this record was made
+        other.__dict__.update(mv=None, meta={})
+        return other
 
     def window(self, start: int, stop: int) -> LoopRecord:
         """Return samples start..stop-1 as a record of their own.
@@ -213,9 +219,9 @@ def _signal(value: Any, name: str, n: int, where: str) -> np.ndarray:
         raise RecordError(f"{where}: {name.upper()} has shape {array.shape}; one dimension is needed")
     if array.size != n:
         raise RecordError(f"{where}: {name.upper()} has {array.size} samples, PV has {n}")
-    bad = np.flatnonzero(~np.isfinite(array))
-    if bad.size:
-        raise RecordError(f"{where}: {name.upper()} is {array[bad[0]]} at sample {bad[0]}; finite numbers are needed")
+    if not np.isfinite(array).all():
+        bad = int(np.argmin(np.isfinite(array)))
+        raise RecordError(f"{where}: {name.upper()} is {array[bad]} at sample {bad}; finite numbers are needed")
     array.flags.writeable = False
     return array
 

@@ -22,7 +22,7 @@ import numpy as np
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
 from detectors.signal.bicoherence import error_bicoherence
-from detectors.signal.conditioning import band_pass, drift, smooth
+from detectors.signal.conditioning import band_pass, drift
 from detectors.signal.ellipse import fit_ellipse
 from detectors.signal.oscillation import regular_segment
 from detectors.signal.surrogates import nonlinearity_index
@@ -101,10 +101,9 @@ def detect(
     else:
         bent, clear = higher.nonlinear(ngi_low, height_low, calibrated > 0.5), higher.height
         indices, told = {"ngi": higher.ngi, "nli": higher.nli}, f"NGI = {higher.ngi:.3f}, NLI = {higher.nli:.3f}"
-    op = record.op if record.op_percent is None else record.op_percent
     # the surrogates name no frequencies: the oscillation's stands in
     around = (1.0 / period, 1.0 / period) if surrogate > 0.5 else higher.peak
-    op, pv = (_filtered(x, period, around, boundaries > 0.5) for x in (op, record.pv))
+    op, pv = _filtered(prepared, period, around, boundaries > 0.5)
     cut = slice(*regular_segment(op, period, round(4 * period)))
     found = fit_ellipse(op[cut], pv[cut])
     fitness = S = 0.0
@@ -124,7 +123,11 @@ def detect(
     return Verdict("choudhury", STICTION, score, indices, S=S, reason=reason)
 
 
-def _filtered(x: np.ndarray, period: float, peak: tuple[float, float], published: bool) -> np.ndarray:
-    if published:
-        return band_pass(x, max(LOWEST, min(peak) - BESIDE), min(0.5, max(peak) + BESIDE))
-    return smooth(x - drift(x, period), 1.0 / min(0.5, max(*peak, 1.0 / period) + BESIDE))
+def _filtered(prepared: Prepared, period: float, peak: tuple[float, float], published: bool) -> tuple[np.ndarray, np.ndarray]:
+    if not published:
+        shortest = 1.0 / min(0.5, max(*peak, 1.0 / period) + BESIDE)
+        return prepared.band("travel", shortest), prepared.band("pv", shortest)
+    record = prepared.record
+    op = record.op if record.op_percent is None else record.op_percent
+    low, high = max(LOWEST, min(peak) - BESIDE), min(0.5, max(peak) + BESIDE)
+    return band_pass(op, low, high), band_pass(record.pv, low, high)

@@ -15,7 +15,6 @@ import numpy as np
 
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
-from detectors.signal.conditioning import band
 from detectors.signal.ellipse import fit_ellipse
 from detectors.signal.oscillation import regular_segment
 from detectors.verdict import NO_STICTION, STICTION, Verdict
@@ -57,10 +56,8 @@ def detect(prepared: Prepared, *, fitness_low: float, width_low: float) -> Verdi
     >>> detect(Prepared(LoopRecord(np.sin(t), np.cos(t), 0.1)), **METHOD.defaults()).verdict
     'stiction'
     """
-    record = prepared.record
-    period = prepared.oscillation.period_s / record.Ts
-    op = band(record.op if record.op_percent is None else record.op_percent, period, HARMONICS)
-    pv = band(record.pv, period, HARMONICS)
+    record, period = prepared.record, prepared.period
+    op, pv = (prepared.band(name, period / HARMONICS) for name in ("travel", "pv"))
     cut = slice(*regular_segment(op, period, round(4 * period)))
     found = fit_ellipse(op[cut], pv[cut])
     if found is None:

@@ -18,7 +18,6 @@ import numpy as np
 
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
-from detectors.signal.conditioning import band
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 METHOD = Method(
@@ -92,9 +91,7 @@ def detect(prepared: Prepared, *, dtau_low: float, dtau_high: float, drho_low: f
     >>> detect(Prepared(LoopRecord(np.sin(t), np.cos(t), 0.1)), **METHOD.defaults()).verdict
     'stiction'
     """
-    record = prepared.record
-    period = prepared.oscillation.period_s / record.Ts
-    dtau, drho = correlation_indices(band(record.op, period, 3), band(record.pv, period, 3))
+    dtau, drho = correlation_indices(*(prepared.band(name, prepared.period / 3) for name in ("op", "pv")))
     if not np.isfinite(dtau):
         return Verdict("horch", NO_DECISION, reason="the cross-correlation of OP and PV does not cross zero")
     # for a sinusoid both measure one phase: drho = (1 - cos d)/(1 + cos d), dtau = d/(pi/2)

@@ -28,7 +28,7 @@ import numpy as np
 
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
-from detectors.signal.conditioning import band, noise_variance
+from detectors.signal.conditioning import noise_variance
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 METHOD = Method(
@@ -103,7 +103,7 @@ def detect(prepared: Prepared, *, low: float, high: float) -> Verdict:
     # the highest harmonic at which differenced noise still is a tenth of what a differenced sine has
     power = 2 * order + 1
     clear = 0.05 * power * period * float(pv.var()) / max(noise_variance(pv), 1e-300)
-    d = np.diff(band(pv, period, float(np.clip(clear ** (1.0 / power), 3.0, 10.0))), order)
+    d = np.diff(prepared.band("pv", period / float(np.clip(clear ** (1.0 / power), 3.0, 10.0))), order)
     edge = round(period / 2)
     d = d[edge:-edge]
     if d.size < 60 or d.std() == 0.0:

@@ -23,8 +23,8 @@ import numpy as np
 
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
-from detectors.signal.conditioning import clear_harmonics, drift, smooth
-from detectors.signal.standstill import steady_valve, stuck_intervals
+from detectors.signal.conditioning import drift
+from detectors.signal.standstill import stuck_intervals
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 METHOD = Method(
@@ -69,9 +69,9 @@ def detect(prepared: Prepared, *, share_min: float, op_min: float) -> Verdict:
         return Verdict("kano_a", NO_DECISION, applicable=False, reason=note)
     record = prepared.record
     period = prepared.oscillation.period_s / record.Ts
-    op = smooth(record.op, period / clear_harmonics(record.op, period))
+    op = prepared.smooth_op()
     swing = float(np.subtract(*np.percentile(op - drift(op, period), [95, 5])))
-    _, still, clear = steady_valve(signal, period)
+    _, still, clear = prepared.steady_valve(signal)
     if not clear:
         return Verdict("kano_a", NO_DECISION, reason=f"noise hides whether the valve stands still ({note})")
     length, moved = stuck_intervals(op, still, period, op_min * swing)

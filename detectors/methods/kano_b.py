@@ -32,8 +32,7 @@ import numpy as np
 
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
-from detectors.signal.conditioning import clear_harmonics, drift, smooth
-from detectors.signal.standstill import steady_valve
+from detectors.signal.conditioning import drift
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 METHOD = Method(
@@ -116,9 +115,9 @@ def detect(prepared: Prepared, *, width_min: float, still_min: float) -> Verdict
         return Verdict("kano_b", NO_DECISION, applicable=False, reason=note)
     record = prepared.record
     period = prepared.oscillation.period_s / record.Ts
-    op = smooth(record.op, period / clear_harmonics(record.op, period))
+    op = prepared.smooth_op()
     swing = float(np.subtract(*np.percentile(op - drift(op, period), [98, 2])))
-    clean, still, clear = steady_valve(signal, period)
+    clean, still, clear = prepared.steady_valve(signal)
     if not clear:
         return Verdict("kano_b", NO_DECISION, reason=f"noise hides whether the valve stands still ({note})")
     distance = side_distance(op, clean, ~still)

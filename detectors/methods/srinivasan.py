@@ -20,7 +20,6 @@ import numpy as np
 
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
-from detectors.signal.conditioning import band
 from detectors.signal.oscillation import zero_crossings
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
@@ -133,8 +132,8 @@ def detect(prepared: Prepared, *, share_low: float) -> Verdict:
     if period < 8:
         return Verdict("srinivasan", NO_DECISION, reason=f"{period:.1f} samples per cycle; at least 8 are needed")
     shares, indices = {}, {}
-    for name, x in (("OP", record.op), ("PV", record.pv)):
-        found = cycles(band(x, period, HARMONICS), period)
+    for name in ("OP", "PV"):
+        found = cycles(prepared.band(name.lower(), period / HARMONICS), period)
         if len(found) < 3:
             return Verdict("srinivasan", NO_DECISION, reason=f"{len(found)} whole cycles in {name}; at least 3 are needed")
         shares[name] = label_shares(found)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 
@@ -194,7 +196,7 @@ def drift(x: np.ndarray, period: float) -> np.ndarray:
     return out
 
 
-def smooth(x: np.ndarray, shortest: float) -> np.ndarray:
+def smooth(x: np.ndarray, shortest: float, waves: Callable[[], np.ndarray] | None = None) -> np.ndarray:
     """Return the signal without what is faster than a period, zero-phase, its ends continued by their mirror image.
 
     Parameters
@@ -204,6 +206,8 @@ def smooth(x: np.ndarray, shortest: float) -> np.ndarray:
     shortest : float
         Shortest period kept, in samples; below 2 nothing is removed. The gain falls from 1 to 0 as a cosine over the
         next third of the band.
+    waves : callable, optional
+        Returns `mirrored_spectrum(x)`, where that is at hand.
 
     Returns
     -------
@@ -217,10 +221,31 @@ def smooth(x: np.ndarray, shortest: float) -> np.ndarray:
     """
     if shortest <= 2.0:
         return x
-    mirrored = np.concatenate([x, x[::-1]])
-    f = np.arange(x.size + 1) / mirrored.size
+    f = np.arange(x.size + 1) / (2 * x.size)
     ramp = np.clip((f * shortest - 1.0) * 3.0, 0.0, 1.0)
-    return np.fft.irfft(np.fft.rfft(mirrored) * (0.5 + 0.5 * np.cos(np.pi * ramp)), mirrored.size)[: x.size]
+    spectrum = mirrored_spectrum(x) if waves is None else waves()
+    return np.fft.irfft(spectrum * (0.5 + 0.5 * np.cos(np.pi * ramp)), 2 * x.size)[: x.size]
+
+
+def mirrored_spectrum(x: np.ndarray) -> np.ndarray:
+    """Return the Fourier transform of a signal and its mirror image behind it, whose ends meet.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Signal.
+
+    Returns
+    -------
+    ndarray, shape (n + 1,), complex
+        At k / (2 n) cycles per sample.
+
+    Examples
+    --------
+    >>> mirrored_spectrum(np.ones(4)).real.tolist()
+    [8.0, 0.0, 0.0, 0.0, 0.0]
+    """
+    return np.fft.rfft(np.concatenate([x, x[::-1]]))
 
 
 def _integral(total: np.ndarray, x: np.ndarray, start: float, count: int) -> np.ndarray:

@@ -67,7 +67,8 @@ class _Search:
         # from the highest OP of the first cycle on: there a cycling valve has just been moving up
         start += int(np.argmax(op[start : start + max(min(round(period), (stop - start) // 4), 1)]))
         n = (stop - start) // q
-        self.op = np.ascontiguousarray(op[start : start + n * q])
+        # a copy: kernels would be compiled anew for read-only arrays
+        self.op = np.array(op[start : start + n * q], dtype=float)
         y = pv[start : start + n * q].reshape(n, q).mean(axis=1)
         half = max(round(self.period / 2), 1)
         # the valve of one sample acts on PV in the next; after averaging, within the same

@@ -100,7 +100,7 @@ def valve_position(op, S: float, J: float, state: State | None = None, limits=(0
     for name, value in (("S", S), ("J", J)):
         if not 0.0 <= value < np.inf:
             raise ParameterError(f"valve_position: {name} = {value}; a finite number >= 0 is needed")
-    op = np.ascontiguousarray(op, dtype=np.float64)
+    op = np.array(op, dtype=float)
     v = np.empty(op.size)
     if op.size:
         lo, hi = (float(x) for x in limits)

@@ -76,7 +76,7 @@ def valve_follow(op: np.ndarray, position: np.ndarray, limits=(0.0, 100.0)) -> F
     """
     q = max(1, -(-op.size // SAMPLES))
     n = op.size // q
-    op = np.ascontiguousarray(op[: n * q], dtype=np.float64)
+    op = np.array(op[: n * q], dtype=float)
     y = position[: n * q].reshape(n, q).mean(axis=1)
     common = (op, y - y.mean(), q, n, DELAYS + 2, n, 1.0, *(float(x) for x in limits))
     S = np.append(0.0, np.repeat(S_SHARES * np.ptp(op), J_SHARES.size))

@@ -163,7 +163,7 @@ def first_guess(loop: Loop) -> float:
 def band(loop: Loop) -> tuple[float, float]:
     """Return (S, J) in % of a loop's valve; (1, 1) for a valve without friction, which gives sampling a scale."""
     module = VALVES.load(loop.valve.name)
-    if not module.FRICTION or not hasattr(module, "mapped_SJ"):
+    if not hasattr(module, "mapped_SJ"):
         return 1.0, 1.0
     S, J = module.mapped_SJ(valve_parameters(module, loop.valve.parameters, loop.sampling.Ts))
     return (S, J) if S > 0 else (1.0, 1.0)

@@ -9,8 +9,7 @@ import numpy as np
 
 from scenarios.spec import Loop, Part
 from simbench.bench.motion import Motion, largest_sine, motion
-from simbench.loop.parameters import VALVES, valve_parameters
-from simbench.loop.resolve import resolve_loop
+from simbench.loop.resolve import friction, resolve_loop
 from simbench.loop.run import Run
 from simbench.loop.simulate import simulate
 
@@ -130,28 +129,18 @@ def least_swing(loop: Loop) -> float:
     >>> least_swing(Loop.from_table({**base, "valve": {"model": "deadband", "S": 5}}))
     0.25
     """
-    S, J = 0.0, 0.0
-    for model, parameters in [(loop.valve.name, loop.valve.parameters), *_friction_effects(loop)]:
-        module = VALVES.load(model)
-        if hasattr(module, "mapped_SJ"):
-            s, j = module.mapped_SJ(valve_parameters(module, parameters, loop.sampling.Ts))
-            S, J = max(S, s), max(J, j)
+    bands = friction(loop)
+    S, J = (max((band[i] for band in bands), default=0.0) for i in (0, 1))
     return max(J / 2 if J > 0 else S / 20, 1e-6)
 
 
 def healthy_twin(loop: Loop) -> Loop:
     """Return the loop with an ideal valve in place of its friction, all else equal; a stage without friction stays."""
-    if not VALVES.load(loop.valve.name).FRICTION:
-        return loop.model_copy(update={"effect": tuple(e for e in loop.effect if e.name not in _FRICTION)})
-    kept = tuple(e for e in loop.effect if e.name not in _FRICTION)
-    return loop.model_copy(update={"valve": Part(name="ideal"), "effect": kept})
-
-
-_FRICTION = {"stiction": "choudhury", "deadband": "deadband"}
-
-
-def _friction_effects(loop: Loop) -> list[tuple[str, dict]]:
-    return [(_FRICTION[e.name], e.parameters) for e in loop.effect if e.name in _FRICTION]
+    bare = loop.model_copy(update={"effect": ()})
+    valve = Part(name="ideal") if friction(bare) else loop.valve
+    ideal = bare.model_copy(update={"valve": Part(name="ideal")})
+    kept = tuple(e for e in loop.effect if not friction(ideal.model_copy(update={"effect": (e,)})))
+    return loop.model_copy(update={"valve": valve, "effect": kept})
 
 
 def _samples(period: float) -> int:

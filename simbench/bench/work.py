@@ -135,7 +135,7 @@ def judge_both(record: LoopRecord, chosen: Thresholds) -> tuple[Prepared, list[t
         Per method: with front end, without, the error if it raised one, and its seconds.
     """
     since = time.perf_counter()
-    blind = Prepared(record.blind())
+    blind, sighted = Prepared(record.blind()), None
     sustained = blind.oscillation.sustained
     blind.flags  # noqa: B018  found once, for all methods
     shared = (time.perf_counter() - since) / max(len(chosen), 1)
@@ -144,7 +144,9 @@ def judge_both(record: LoopRecord, chosen: Thresholds) -> tuple[Prepared, list[t
         module = registry.load(name)
         since, error = time.perf_counter(), None
         try:
-            prepared = blind.sighted(record) if module.METHOD.needs_mv else blind
+            prepared = blind
+            if module.METHOD.needs_mv:
+                prepared = sighted = sighted or blind.sighted(record)
             raw = judge_one(name, module, prepared, True, dict(values))
             # with an oscillation the front end lets everything pass
             front = raw
@@ -269,7 +271,7 @@ def _at_rest(loop: Loop) -> str:
 @lru_cache(maxsize=256)
 def _theory(text: str) -> tuple[bool | None, bool | None, bool | None, float | None, float | None]:
     with np.errstate(all="ignore"):  # candidate cycles that grow without bound
-        predicted, refined, theory = truth_columns(Loop.model_validate_json(text))
+        predicted, refined, theory = truth_columns(Loop.model_validate_json(text), waves=False)
     return predicted, refined, theory["exists"], theory["period"], theory["amplitude"]
 
 

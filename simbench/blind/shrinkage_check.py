@@ -30,9 +30,8 @@ from simbench.blind.worlds.own.drawing import baseline_table
 from simbench.blind.worlds.own.faults import NEEDS_PLANT, Parameters, fault
 from simbench.blind.worlds.own.items import DrawnRecord, draw_item
 from simbench.blind.worlds.own.loops import TrueLoop
+from simbench.gap.candidates import Fitted, fit_candidates, possible_effects
 from simbench.gap.closed_loop.runs import ClosedLoops
-from simbench.gap.decide.assess import possible_effects
-from simbench.gap.effects._candidates import Fitted, fit_candidates
 from simbench.gap.intake.check import check
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.situation import load_memory

@@ -12,13 +12,12 @@ from joblib import Parallel, delayed
 from detectors.errors import RecordError
 from detectors.record import LoopRecord
 from scenarios.spec import Loop
+from simbench.gap.candidates import alike, smallest_detectable
 from simbench.gap.closed_loop.next_test import choose
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import SURE, Assessment, assess, capped
 from simbench.gap.decide.classify import Classified, classify
 from simbench.gap.decide.identified import plausible
-from simbench.gap.effects import _alike as groups
-from simbench.gap.effects._detectable import smallest_detectable
 from simbench.gap.intake.check import check
 from simbench.gap.intake.partial import Partial, completed
 from simbench.gap.report.result import Behind, Gap, GapReport, Ranked
@@ -148,8 +147,9 @@ def report(found: Assessment, weights: Classified, runs: ClosedLoops, more: Sequ
     if not main.resolvable:
         notes.append(f"the gap ({main.before:.2f}) does not stand out of its floor ({main.floor:.2f}): no shrinkage is claimed")
     sizes = smallest_detectable(situation, found.base, load_memory(situation))
+    group = alike(first, situation, found.parameters.get(first))
     return GapReport(
-        block=weights.block(first), effect=first, effects=answers, group=partners(first, found), ranking=tuple(lines),
+        block=weights.block(first), effect=first, effects=answers, group=group, ranking=tuple(lines),
         gap=gap, shrinkage=shrinkage, blocks=weights.shares, next_test=advice, notes=tuple(notes),
         behind=Behind(found, runs, main, sizes, separation),
     )  # fmt: skip
@@ -165,17 +165,6 @@ def _advice(found: Assessment, runs: ClosedLoops, ranking: list[tuple[str, float
     loops = {e: runs.loop([] if e == NONE else [e]) for e, _ in alive}
     weights = {e: max(p, 0.02) for e, p in alive}
     du = float(np.clip(np.ptp(s.op) / 2, 1.0, 10.0))
-    dsp = abs(s.data.K) * du if not s.integrating else max(float(np.std(s.record.pv)), 3.0 * found.base.theta["noise"])
-    known = s.law.known or bool({"quantisation", "compression", "outliers"} & set(s.proven)) is False
+    dsp = abs(s.data.K) * du if not s.integrating else max(float(np.std(s.record.pv)), 3.0 * found.base.theta["noise_std"])
+    known = s.law.known or s.archive.faithful
     return choose(loops, weights, mv=s.record.mv is not None, law_known=known, du=du, dsp=dsp, seed=runs.seed)
-
-
-def partners(effect: str, found: Assessment) -> tuple[str, ...]:
-    """Return the group of effects that these signals cannot tell from one."""
-    if effect not in EFFECTS:
-        return (effect,)
-    s = found.situation
-    facts = groups.facts_of(
-        s.baseline.to_table(), s.record.sp, s.op, np.asarray(s.record.pv), s.record.mv, effect, found.parameters.get(effect)
-    )
-    return tuple(sorted(groups.indistinguishable(effect, facts)))

@@ -6,9 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from detectors.errors import ParameterError
 from detectors.record import LoopRecord
 from scenarios.spec import Loop
+from simbench.gap.effects import recogniser
+from simbench.gap.effects._draw import Yardstick
 from simbench.loop.simulate import simulate
+
+PLAIN = (0.45, 0.75)  # of the way from barely there to gross
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +69,7 @@ def random_loop(rng: np.random.Generator) -> Loop:
 
 
 def random_effect(name: str, loop: Loop, rng: np.random.Generator) -> dict[str, float | str]:
-    """Return parameters of an effect, from barely visible to plain, in proportion to the loop.
+    """Return parameters of an effect, plain to see but not gross, in proportion to the loop.
 
     Parameters
     ----------
@@ -77,49 +82,27 @@ def random_effect(name: str, loop: Loop, rng: np.random.Generator) -> dict[str, 
     Returns
     -------
     dict
+
+    Raises
+    ------
+    ParameterError
+        When nobody said how to draw this effect at random.
     """
-
-    def log(low: float, high: float) -> float:
-        return float(np.exp(rng.uniform(np.log(low), np.log(high))))
-
-    Ts, n = loop.sampling.Ts, loop.sampling.n
-    K, T, Td = abs(loop.plant.K), loop.plant.T, loop.plant.Td
-    if T is None:
-        T = (loop.controller.Ti or 100.0) / 4
-        K = K * T
-    quick = float(rng.choice([-1, 1]))
-    plain = simulate(loop, seed=1).record
-    spread = 1.48 * float(np.median(np.abs(plain.pv - plain.sp)))
-    op_low, op_high = (float(q) for q in np.quantile(plain.op, [0.0, 1.0]))
-    op_mid, op_half = (op_low + op_high) / 2, (op_high - op_low) / 2 + 0.05
-    S, reach = log(1.0, 8.0), op_half * float(rng.uniform(0.1, 0.6))
-    later = Td < 2 * Ts or quick > 0
-    extra = max(Td * float(rng.uniform(0.4, 1.5)), Ts) if later else -Td * float(rng.uniform(0.4, 1.0))
-    table: dict[str, dict[str, float | str]] = {
-        "stiction": {"S": S, "J": S * float(rng.uniform(0.2, 1.0))},
-        "deadband": {"S": S},
-        "deadzone": {"D": op_half * float(rng.uniform(0.3, 1.2)), "c": op_mid + op_half * float(rng.uniform(-0.3, 0.3))},
-        "valve_lag": {"tau": T * float(rng.uniform(0.25, 1.0))},
-        "valve_characteristic": {"R": log(3.0, 40.0) ** quick},
-        "gain_mismatch": {"factor": log(1.3, 2.0) ** quick},
-        "time_constant_mismatch": {"factor": log(1.35, 2.5) ** quick},
-        "dead_time_mismatch": {"extra": extra},
-        "extra_lag": {"tau": T * float(rng.uniform(0.2, 0.8))},
-        "noise": {"factor": log(1.4, 4.0)},
-        "quantisation": {"step": spread * log(0.5, 4.0), "at": str(rng.choice(["loop", "record"]))},
-        "sensor_lag": {"tau": T * float(rng.uniform(0.15, 0.8))},
-        "compression": {"band": spread * log(0.5, 2.0)},
-        "outliers": {"rate": log(0.005, 0.04), "size": spread * log(4.0, 12.0), "at": str(rng.choice(["loop", "record"]))},
-        "drift": {"rate": K * quick * log(2.0, 15.0) / (n * Ts), "walk": K * log(0.5, 6.0) / np.sqrt(n * Ts)},
-        "oscillation": {"amplitude": log(0.5, 5.0), "period": (T + Td) * log(1.0, 10.0)},
-        "load_steps": {"rate": float(rng.uniform(4, 15)) / (n * Ts), "size": log(1.5, 8.0)},
-        "load_drift": {"rate": quick * log(2.0, 15.0) / (n * Ts), "walk": log(1.0, 10.0) / np.sqrt(n * Ts)},
-        "saturation": {"lo": 0.0, "hi": op_mid + reach} if quick > 0 else {"lo": op_mid - reach, "hi": 100.0},
-        "detuning": {"Kc_factor": log(1.3, 2.5) ** quick, "Ti_factor": log(1.0, 2.0) ** float(rng.choice([-1, 1]))},
-        "error_deadband": {"width": spread * float(rng.uniform(1.0, 4.0))},
-        "op_quantisation": {"step": float(np.std(plain.op)) * log(0.3, 2.0)},
-    }  # fmt: skip
-    return table[name]
+    draw = recogniser(name).draw
+    if draw is None:
+        raise ParameterError(f"effect {name!r}: nobody said how to draw it at random")
+    plant, control = loop.plant, loop.controller
+    T = plant.T or (control.Ti or 100.0) / 4
+    yard = Yardstick(
+        record=simulate(loop, seed=1).record,
+        noise=loop.noise.std,
+        lag=T + plant.Td,
+        pace=T + plant.Td,
+        gain=abs(plant.K) * (1.0 if plant.T else T),
+        Td=plant.Td,
+        integral=control.Ti is not None,
+    )
+    return draw(yard, rng)(float(rng.uniform(*PLAIN)))
 
 
 def random_case(seed: int, names: tuple[str, ...] = (), mv: bool = False) -> Case:
@@ -147,7 +130,7 @@ def random_case(seed: int, names: tuple[str, ...] = (), mv: bool = False) -> Cas
     rng = np.random.default_rng([7, seed])
     while True:
         loop = random_loop(rng)
-        if not (loop.plant.type == "integrating" and "time_constant_mismatch" in names):
+        if not (loop.plant.type == "integrating" and any(recogniser(e).replaces == "T" for e in names)):
             break
     effects = [{"name": name, **random_effect(name, loop, rng)} for name in names]
     truth = Loop.from_table({**loop.to_table(), "effect": effects})

@@ -46,9 +46,37 @@ def resolve_loop(loop: Loop, seed: int, tail: int = 0, tf: Any = None, quiet: in
         where, signal = disturbance_signal(part, setup.sp.size, setup.Ts, np.random.default_rng([seed, DISTURBANCE + i]))
         load = setup.load_in if where == "input" else setup.load_out
         load += setup.hold(signal)
-    for i, part in enumerate(loop.effect):
-        effect = PLUGINS.load(part.name)
-        p = resolve(effect.PARAMETERS, part.parameters, f"effect {part.name!r}")
-        effect.apply(setup, p, np.random.default_rng([seed, EFFECT + i]))
+    _apply_effects(setup)
     setup.draw_noise(quiet)
     return setup
+
+
+def friction(loop: Loop) -> list[tuple[float, float]]:
+    """Return (S, J) in % of travel of every stage of the valve that has friction, effects included.
+
+    Parameters
+    ----------
+    loop : Loop
+
+    Returns
+    -------
+    list of (S, J)
+
+    Examples
+    --------
+    >>> loop = Loop.from_table({
+    ...     "plant": {"type": "integrating", "K": 1}, "controller": {"type": "P", "Kc": 1}, "sampling": {"Ts": 1},
+    ...     "valve": {"model": "lag", "T": 2.0}, "effect": [{"name": "stiction", "S": 5, "J": 2}]})
+    >>> friction(loop)
+    [(5.0, 2.0)]
+    """
+    setup = plain_setup(loop, 0)
+    _apply_effects(setup)
+    return [(S, J) for S, J in setup.bands if S > 0.0]
+
+
+def _apply_effects(setup: Setup) -> None:
+    for i, part in enumerate(setup.loop.effect):
+        effect = PLUGINS.load(part.name)
+        p = resolve(effect.PARAMETERS, part.parameters, f"effect {part.name!r}")
+        effect.apply(setup, p, np.random.default_rng([setup.seed, EFFECT + i]))

@@ -88,6 +88,30 @@ def valve_response(
     return mv
 
 
+def stages_response(stages: tuple, op: np.ndarray, rest: float) -> np.ndarray:
+    """Return what comes out of a chain of resolved valve stages under an OP series.
+
+    Parameters
+    ----------
+    stages : tuple of (module, parameters)
+        What OP passes, in order, as `simbench.loop.setup.Setup.valves` has it.
+    op : ndarray, shape (n,)
+        Controller output, %.
+    rest : float
+        Every stage starts at rest in mid-band under this (%).
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        In %; NaN from where a stage's motion did not come to an end.
+    """
+    for module, p in stages:
+        state, out = tuple(float(s) for s in module.start(rest, p)), np.empty(op.size)
+        _compiled_trace(module.step)(op, state, p, out)
+        op = out
+    return op
+
+
 def valve_file(source: str | Path, out: str | Path, model: str, parameters: Mapping[str, Any] | None = None) -> None:
     """Send the column `op` of a table through one valve model.
 

@@ -44,7 +44,7 @@ class Setup:
     valves: list[tuple[ModuleType, Any]]
     op_lo: float = 0.0
     op_hi: float = 100.0
-    error_deadband: float = 0.0
+    error_gap: float = 0.0
     op_step: float = 0.0
     sensor_tau: float = 0.0
     pv_step: float = 0.0
@@ -65,9 +65,9 @@ class Setup:
         """+1 for a reverse, -1 for a direct acting controller; effects change `Kc` without it."""
         return self.loop.controller.sign
 
-    def add_valve(self, model: str, parameters: Mapping[str, Any], *, first: bool = False) -> None:
-        """Put one more stage behind (or in front of) the valves that are there."""
-        module = VALVES.load(model)
+    def add_valve(self, model: str | ModuleType, parameters: Mapping[str, Any], *, first: bool = False) -> None:
+        """Put one more stage (a valve model's name, or a module like one) behind (or in front of) the valves that are there."""
+        module = VALVES.load(model) if isinstance(model, str) else model
         stage = (module, valve_parameters(module, parameters, self.Ts))
         self.valves.insert(0, stage) if first else self.valves.append(stage)
 
@@ -80,9 +80,14 @@ class Setup:
         return v
 
     @property
+    def bands(self) -> list[tuple[float, float]]:
+        """Mapped (S, J) in % of travel of every stage of the valve; (0, 0) of one that maps on none."""
+        return [module.mapped_SJ(p) if hasattr(module, "mapped_SJ") else (0.0, 0.0) for module, p in self.valves]
+
+    @property
     def sticky(self) -> bool:
-        """Whether any stage of the valve has friction."""
-        return any(module.FRICTION and _acts(p) for module, p in self.valves)
+        """Whether any stage of the valve has friction: what it maps on decides, not how it or its numbers are called."""
+        return any(S > 0.0 for S, _ in self.bands)
 
     def draw_noise(self, quiet: int | None = None) -> None:
         """Draw the noise and add it to what is measured with PV, before sample `quiet`; last: effects change its strength."""
@@ -187,7 +192,7 @@ def parts_of(setup: Setup) -> Parts:
         control_p = controller.P(gain, setup.op0, setup.op_lo, setup.op_hi)
     else:
         control_p = controller.PI(gain, gain * setup.Ts / setup.Ti, setup.op_lo, setup.op_hi)
-    full_control = setup.error_deadband > 0 or setup.op_step > 0
+    full_control = setup.error_gap > 0 or setup.op_step > 0
     full_sensor = setup.sensor_tau > 0 or setup.pv_step > 0
     follow = 1.0 - np.exp(-setup.Ts / setup.sensor_tau) if setup.sensor_tau > 0 else 1.0
     steps = {
@@ -198,7 +203,7 @@ def parts_of(setup: Setup) -> Parts:
         "plant_output": plant.first_order_output if first_order else plant.general_output,
         "sensor_step": sensor.full_step if full_sensor else sensor.plain_step,
     }
-    gap_p = controller.Gap(setup.error_deadband / 2, setup.op_step) if full_control else controller.NoGap(0.0)
+    gap_p = controller.Gap(setup.error_gap / 2, setup.op_step) if full_control else controller.NoGap(0.0)
     sensor_p = sensor.Transmitter(float(follow), setup.pv_step) if full_sensor else sensor.Bare(0.0)
     valve_p = tuple(p for _, p in setup.valves)
     stages = tuple(module.step for module, _ in setup.valves)
@@ -218,9 +223,3 @@ def _stages(part: Part, place: str) -> list[tuple[str, dict[str, Any]]]:
     if not isinstance(stages, list) or not all(isinstance(s, dict) and "model" in s for s in stages):
         raise ParameterError(f"valve {part.name!r}: {place} = {stages!r}; a list of tables with a key model is needed")
     return [(s["model"], {k: v for k, v in s.items() if k != "model"}) for s in stages]
-
-
-def _acts(p: Any) -> bool:
-    # bands of 0 turn a sticky valve into an ideal one, whatever it is called
-    sizes = [value for name, value in zip(p._fields, p) if name.partition("_")[0] in ("S", "J", "H", "d")]
-    return not sizes or any(size > 0 for size in sizes)

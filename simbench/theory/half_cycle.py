@@ -96,10 +96,11 @@ def half_cycles(loop: SampledLoop) -> list[HalfCycle]:
     tried: set[int] = set()
     # OP turns when the dead time has passed, or later in a slow loop
     m = 1 if loop.resticks else loop.delay + 1
+    T, waits = standing(loop), np.unique(np.geomspace(1, loop.patience, 160).astype(np.int64)) - 1
     while loop.fs > 0 and m not in tried and m < loop.patience:
         tried.add(m)
         turns = []
-        for half in _with_moving_samples(loop, m):
+        for half in _with_moving_samples(loop, T, waits, m):
             length, turn, top = _one_half(loop, half)
             turns.append(turn)
             if abs(turn - m) <= 1 and abs(length - half.samples) <= 2:
@@ -109,44 +110,119 @@ def half_cycles(loop: SampledLoop) -> list[HalfCycle]:
     return sorted(found, key=lambda h: h.samples)
 
 
-def _with_moving_samples(loop: SampledLoop, m: int) -> Iterator[HalfCycle]:
+def _with_moving_samples(loop: SampledLoop, T: np.ndarray, waits: np.ndarray, m: int) -> Iterator[HalfCycle]:
     c = loop.order + 2
     head = np.zeros((c, c + 1))  # of z one sample before break-away and of 1: state after the move and the dead time
     _move(loop.A, loop.B_old, loop.B_new, loop.C, loop.integral, loop.beta, loop.fd, loop.delay, m, head)
-    T = standing(loop)
-    waits = np.unique(np.geomspace(1, loop.patience, 160).astype(np.int64)) - 1
+    lows = _sign_changes(head, T, loop.fs, waits)
+    if lows.size == 0:
+        return
     powers = [T]
-    while 2 ** len(powers) <= 2 * waits[-1] + 4:
+    while 2 ** len(powers) <= 2 * lows[-1] + 4:
         powers.append(powers[-1] @ powers[-1])
-
-    def solve(q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the residual, z and Y for whole numbers `q` of samples after the head."""
-        Y = np.repeat(head[None], len(q), axis=0)
-        for bit, power in enumerate(powers):
-            on = (q >> bit) & 1 == 1
-            Y[on] = power @ Y[on]
-        mirrored = Y + np.eye(c, c + 1)
-        threshold = -0.5 * (Y[:, -2] + (T @ Y)[:, -2])  # mean OP around the break-away that began the half cycle
-        threshold[:, -2] -= 1.0
-        threshold[:, -1] += loop.fs
-        rows = np.concatenate([mirrored[:, :-1], threshold[:, None]], axis=1)
-        rows[np.linalg.det(rows[:, :, :-1]) == 0] = np.nan  # no cycle of this length
-        z = np.linalg.solve(rows[:, :, :-1], -rows[:, :, -1:])[:, :, 0]
-        return (mirrored[:, -1, :-1] * z).sum(axis=1) + mirrored[:, -1, -1], z, Y
-
-    residual = solve(waits)[0]
-    for i in np.nonzero(residual[:-1] * residual[1:] < 0)[0]:
-        low, high = int(waits[i]), int(waits[i + 1])
-        while high - low > 1:
-            middle = (low + high) // 2
-            same = solve(np.array([middle]))[0][0] * residual[i] > 0
-            low, high = (middle, high) if same else (low, middle)
-        at, z, Y = solve(np.array([low, low + 1]))
+    for low in lows.tolist():
+        at, z, Y = _solved(head, T, powers, loop.fs, np.array([low, low + 1]))
         part = at[0] / (at[0] - at[1])
         state = z[0] + part * (z[1] - z[0])
         n = float(loop.delay + 2 + low + part)
         multiplier = _multiplier(Y[0] + part * (Y[1] - Y[0]), T, state)
         yield HalfCycle(n, m, state[:-2], float(state[-2]), float(state[-1]), np.nan, multiplier)
+
+
+def _solved(head, T, powers, fs: float, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the residual, z and Y for whole numbers `q` of samples after the head."""
+    c = len(head)
+    Y = np.repeat(head[None], len(q), axis=0)
+    for bit, power in enumerate(powers):
+        on = (q >> bit) & 1 == 1
+        Y[on] = power @ Y[on]
+    mirrored = Y + np.eye(c, c + 1)
+    threshold = -0.5 * (Y[:, -2] + (T @ Y)[:, -2])  # mean OP around the break-away that began the half cycle
+    threshold[:, -2] -= 1.0
+    threshold[:, -1] += fs
+    rows = np.concatenate([mirrored[:, :-1], threshold[:, None]], axis=1)
+    rows[np.linalg.det(rows[:, :, :-1]) == 0] = np.nan  # no cycle of this length
+    z = np.linalg.solve(rows[:, :, :-1], -rows[:, :, -1:])[:, :, 0]
+    return (mirrored[:, -1, :-1] * z).sum(axis=1) + mirrored[:, -1, -1], z, Y
+
+
+@njit(cache=True)
+def _sign_changes(head, T, fs, waits):
+    """Return the numbers q of samples after the head where the residual changes its sign from q to q + 1."""
+    c = len(head)
+    depth = 1
+    while 2**depth <= 2 * waits[-1] + 4:
+        depth += 1
+    powers = np.empty((depth, c, c))
+    powers[0] = T
+    for i in range(1, depth):
+        _product(powers[i - 1], powers[i - 1], powers[i])
+    Y, other, rows = np.empty((c, c + 1)), np.empty((c, c + 1)), np.empty((c, c + 1))
+    found, count = np.empty(waits.size, dtype=np.int64), 0
+    before = 0.0
+    for i in range(waits.size):
+        now = _residual(head, T, powers, fs, waits[i], Y, other, rows)
+        if i > 0 and before * now < 0.0:
+            low, high = waits[i - 1], waits[i]
+            while high - low > 1:
+                middle = (low + high) // 2
+                if _residual(head, T, powers, fs, middle, Y, other, rows) * before > 0.0:
+                    low = middle
+                else:
+                    high = middle
+            found[count] = low
+            count += 1
+        before = now
+    return found[:count]
+
+
+@njit(cache=True)
+def _residual(head, T, powers, fs, q, Y, other, rows):
+    """Return the residual as `_solved` does, to rounding; NaN where there is no cycle of this length."""
+    c = len(head)
+    Y[:] = head
+    for bit in range(len(powers)):
+        if (q >> bit) & 1 == 1:
+            _product(powers[bit], Y, other)
+            Y[:] = other
+    _product(T, Y, other)
+    rows[:] = Y
+    for i in range(c - 1):
+        rows[i, i] += 1.0
+    for j in range(c + 1):
+        rows[c - 1, j] = -0.5 * (Y[c - 2, j] + other[c - 2, j])
+    rows[c - 1, c - 1] -= 1.0
+    rows[c - 1, c] += fs
+    # Gauss with the largest pivot of each column; what is left in the last column is -z
+    for k in range(c):
+        top = k
+        for i in range(k + 1, c):
+            if abs(rows[i, k]) > abs(rows[top, k]):
+                top = i
+        if not abs(rows[top, k]) > 0.0:
+            return np.nan
+        for j in range(k, c + 1):
+            rows[k, j], rows[top, j] = rows[top, j], rows[k, j]
+        for i in range(k + 1, c):
+            factor = rows[i, k] / rows[k, k]
+            for j in range(k, c + 1):
+                rows[i, j] -= factor * rows[k, j]
+    total = Y[c - 1, c]
+    for k in range(c - 1, -1, -1):
+        for j in range(k + 1, c):
+            rows[k, c] -= rows[k, j] * rows[j, c]
+        rows[k, c] /= rows[k, k]
+        total -= (Y[c - 1, k] + (1.0 if k == c - 1 else 0.0)) * rows[k, c]
+    return total
+
+
+@njit(cache=True)
+def _product(a, b, out):
+    for i in range(a.shape[0]):
+        for j in range(b.shape[1]):
+            out[i, j] = 0.0
+            for k in range(a.shape[1]):
+                out[i, j] += a[i, k] * b[k, j]
 
 
 def _multiplier(Y: np.ndarray, T: np.ndarray, z: np.ndarray) -> float:

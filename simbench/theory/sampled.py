@@ -8,11 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from detectors.compiled import compiled
 from detectors.errors import ParameterError
 from detectors.signal import stiction_map
 from scenarios.spec import Loop
 from simbench.loop import plant as plants
 from simbench.loop.resolve import resolve_loop
+from simbench.loop.response import stages_response
 from simbench.loop.setup import Setup
 
 
@@ -169,7 +171,7 @@ def sampled_loop(loop: Loop) -> SampledLoop:
 def reduced(setup: Setup, S: float, J: float) -> SampledLoop:
     """Reduce a resolved loop with the valve (S, J) in %; as `sampled_loop`."""
     resticks, misfit = nearest_map(tuple(setup.valves), S, J)
-    for name, says in (("error_deadband", "an error dead-band"), ("op_step", "a rounded OP")):
+    for name, says in (("error_gap", "an error dead-band"), ("op_step", "a rounded OP")):
         if getattr(setup, name) > 0:
             raise ParameterError(f"theory: the controller has {says}; the cycle is known for plain P and PI only")
     if setup.sensor_tau > 0 or setup.pv_step > 0:
@@ -230,17 +232,16 @@ def nearest_map(stages: tuple, S: float, J: float) -> tuple[bool, float]:
         return False, 0.0
     slope = np.arange(-40, 40) / 40
     wave = 50.0 + reach * np.concatenate([slope[40:], -slope, slope, -slope, slope])
-    states = [tuple(float(x) for x in module.start(50.0, p)) for module, p in stages]
-    driven, follows, sticks = np.empty((3, wave.size))
-    v = 50.0
-    for k, u in enumerate(wave.tolist()):
-        if abs(u - v) > 0.5 * (S + J):
-            v = u - np.sign(u - v) * 0.5 * (S - J)
-        sticks[k] = v
-        for i, (module, p) in enumerate(stages):
-            states[i] = module.step(u, states[i], p)
-            u = states[i][0]
-        driven[k] = u
-    stiction_map.trace(wave, S, J, stiction_map.start(50.0), 0.0, 100.0, follows)
+    driven, follows, sticks = stages_response(stages, wave, 50.0), stiction_map.valve_position(wave, S, J), np.empty(wave.size)
+    compiled(_sticking)(wave, S, J, sticks)
     errors = [float(np.sqrt(np.mean((driven - ours) ** 2))) / max(J, S / 10) for ours in (follows, sticks)]
     return errors[1] < errors[0], min(errors)
+
+
+def _sticking(wave, S, J, out):
+    """Fill `out` with the position of a valve that sticks again after every sample."""
+    v = 50.0
+    for k in range(wave.size):
+        if abs(wave[k] - v) > 0.5 * (S + J):
+            v = wave[k] - (1.0 if wave[k] > v else -1.0) * 0.5 * (S - J)
+        out[k] = v

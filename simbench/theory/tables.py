@@ -121,7 +121,7 @@ def refined(loop: SampledLoop, cycle: ExactCycle | None) -> bool:
     return table_11_3(loop)
 
 
-def truth_columns(loop: Loop, *, kick: bool = False) -> tuple[bool | None, bool | None, dict[str, Any]]:
+def truth_columns(loop: Loop, *, kick: bool = False, waves: bool = True) -> tuple[bool | None, bool | None, dict[str, Any]]:
     """Return the theory's truth columns of one scenario.
 
     Parameters
@@ -130,6 +130,8 @@ def truth_columns(loop: Loop, *, kick: bool = False) -> tuple[bool | None, bool 
         Noise, disturbances and set-point steps are left out.
     kick : bool
         Compute `kick_min` too, which takes longer than all the rest.
+    waves : bool
+        Find all limit cycles of the describing function too, where the exact cycle alone says whether there is one.
 
     Returns
     -------
@@ -171,7 +173,7 @@ def truth_columns(loop: Loop, *, kick: bool = False) -> tuple[bool | None, bool 
     if sampled.fs == 0:
         theory.update(exists=False, by="exact", reason="the valve has no friction")
         return False, False, theory
-    theory["describing_function"] = intersections(sampled, stiction(S, J)) if S > 0 else []
+    theory["describing_function"] = intersections(sampled, stiction(S, J)) if waves and S > 0 else []
     cycle = exact_cycle(sampled)
     theory.update(exists=cycle is not None, by="exact", reason=_reason(sampled, cycle))
     if cycle is not None:

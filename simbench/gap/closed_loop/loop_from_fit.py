@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from scenarios.spec import Loop
+from simbench.gap.effects import recogniser
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import Fit, lag_of, valve_of
 from simbench.gap.situation import Situation
@@ -46,18 +47,16 @@ def fixed_loop(
     table: dict[str, Any] = base.to_table()
     if plant == "fitted":
         per = Ts if situation.integrating else 1.0
-        if "gain_mismatch" not in effects:
-            table["plant"]["K"] = fit.K / per if fit.K * d.K > 0 else base.plant.K
-        if "time_constant_mismatch" not in effects and d.T > 0:
-            table["plant"]["T"] = fit.theta["T"] * Ts
-        if "dead_time_mismatch" not in effects:
-            table["plant"]["Td"] = fit.theta["Td"] * Ts
+        own = {"K": fit.K / per if fit.K * d.K > 0 else base.plant.K, "Td": fit.theta["Td"] * Ts}
+        own |= {"T": fit.theta["T"] * Ts} if d.T > 0 else {}
+        stated = {recogniser(e).replaces for e in effects}
+        table["plant"] |= {name: value for name, value in own.items() if name not in stated}
     sp = situation.sp
     changes = np.flatnonzero(np.diff(sp)) + 1
     table["setpoint"] = {"value": float(sp[0]), "steps": [[float(k * Ts), float(sp[k])] for k in changes]}
     table["sampling"] = {"Ts": base.sampling.Ts, "n": n}
     if not situation.trusted:
-        table["noise"] = {"std": fit.theta["noise"]}
+        table["noise"] = {"std": fit.theta["noise_std"]}
     source = load or fit
     # a load was fitted as what it does to PV, through the gain of that fit; at the input it is the same in every arm
     K = max(abs(source.K), 0.02 * abs(d.K))
@@ -67,9 +66,9 @@ def fixed_loop(
     ]
     # a ramp begins at 0: OP's mean lies half of it away from where the record began
     half = 0.5 * n * Ts
-    led = float(effects.get("load_drift", {}).get("rate", 0.0)) * half
-    if d.T > 0:
-        led += float(effects.get("drift", {}).get("rate", 0.0)) * half / table["plant"]["K"]
+    # on an integrating plant a ramp of the measurement is a load
+    gain = table["plant"]["K"] if d.T > 0 else np.inf
+    led = sum(recogniser(e).lead(p, half, gain) for e, p in effects.items())
     table["operating_point"] = {"op0": _clip(_rest(situation, fit) + led, 1.0, 99.0), "pv0": float(sp[0])}
     table["effect"] = [*table.get("effect", []), *({"name": e, **p} for e, p in effects.items())]
     return Loop.from_table(table, "fixed loop")

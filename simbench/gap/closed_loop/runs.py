@@ -6,9 +6,10 @@ from collections.abc import Sequence
 
 from detectors.errors import RecordError
 from scenarios.spec import Loop
+from simbench.gap.candidates import Fitted
 from simbench.gap.closed_loop.gap import Runs, Shrinkage, measure, simulate_runs
 from simbench.gap.closed_loop.loop_from_fit import fixed_loop
-from simbench.gap.effects._candidates import Fitted
+from simbench.gap.effects import recogniser
 from simbench.gap.likelihood.model import Fit
 
 
@@ -41,8 +42,7 @@ class ClosedLoops:
         return self.shared[key]
 
     def _after(self, effects: Sequence[str], load: Fit) -> Runs | None:
-        # a sticky loop left at rest may stay there
-        kick = float(self.found.parameters.get("stiction", {}).get("S", 0.0)) if "stiction" in effects else 0.0
+        kick = max((recogniser(e).kick(self.found.parameters[e]) for e in effects if e in self.found.parameters), default=0.0)
         return simulate_runs(self.found.situation, self.loop(effects, load), self.seed, kick)
 
     def shrink(self, effects: Sequence[str]) -> Shrinkage:

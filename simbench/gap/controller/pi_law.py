@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from simbench.gap.controller.recovered_pv import FAITHFUL, ROUNDED, hidden_law, recover_pv
-from simbench.gap.controller.regression import FORMS, about_zero, by_steps, by_sums, spread, with_derivative
+from simbench.gap.controller.regression import FORMS, LawFit, about_zero, by_steps, by_sums, spread, with_derivative
 from simbench.gap.controller.standstill import error_gap, limits_of, skips_scans
 from simbench.gap.sensor.samples import lattice, on_line, written_unit
-from simbench.loop.effects import EFFECTS
+from simbench.loop.effects.detuning import PARAMETERS as TUNING
 
 EXACT = 0.03  # residual of dOP, relative to dOP, below which the law is taken as known
 RETUNED = 0.13  # |ln ratio| of Kc or Ti from which the tuning is another one
@@ -24,17 +25,21 @@ class Law:
     """What the controller regression found.
 
     `residual` is the robust size of what the best law leaves of dOP, relative to dOP (`baseline_residual`: of the baseline's).
-    `found` maps effects to their parameters. `recovered_pv` is the PV the controller must have seen (None when it cannot be
-    recovered).
-    `reason` says why the block cannot be judged, `foreign` why it is no PI at all, `late` by how many samples OP answers late,
-    `strays` the samples that an otherwise exact law does not explain.
+    Between error and OP may stand: `limits` of OP tighter than its range (lo, hi), a `gap` of the error in which OP rests (full
+    width), a lattice of OP (`step`), and another `tuning` (factors of the baseline's Kc and Ti). `recovered_pv` is the PV the
+    controller must have seen (None when it cannot be recovered). `reason` says why the block cannot be judged, `foreign` why
+    it is no PI at all, `late` by how many samples OP answers late, `strays` the samples that an otherwise exact law does not
+    explain.
     """
 
     residual: float
     baseline_residual: float
     Kc: float
     Ti: float
-    found: dict[str, dict[str, float]] = field(default_factory=dict)
+    limits: tuple[float, float] | None = None
+    gap: float = 0.0
+    step: float = 0.0
+    tuning: tuple[float, float] | None = None
     recovered_pv: np.ndarray | None = None
     reason: str = ""
     foreign: str = ""
@@ -99,139 +104,225 @@ def examine_law(
 def _examine(
     op: np.ndarray, pv: np.ndarray, sp: np.ndarray | None, Ts: float, Kc: float, Ti: float | None, trusted: bool
 ) -> Law:
+    """Judge the controller under one alignment of the signals: where is OP free, what stands still, which law, is it one?"""
     e = (pv.mean() if sp is None else sp) - pv
-    Ki = Kc * Ts / Ti if Ti else 0.0
-    unit = written_unit(op, pv)
+    asked = _Asked(op, pv, sp, e, Ts, Kc, Kc * Ts / Ti if Ti else 0.0, Ti)
+    free = _free(asked)
+    if free.rows.sum() < 20:
+        return Law(1.0, 1.0, Kc, Ti or np.inf, reason="OP stands at its limits nearly all the time")
+    shown = _shown(asked)
+    fitted = _fitted(asked, free, shown)
+    limits = (free.limits.get("lo", 0.0), free.limits.get("hi", 100.0)) if free.limits else None
+    law = Law(
+        fitted.fit.residual, fitted.fit.base, *_nearest_form(fitted.fit.a, fitted.fit.b, asked),
+        limits=limits, gap=fitted.gap, step=free.step if fitted.coarse else 0.0, strays=fitted.fit.strays,
+    )  # fmt: skip
+    if not trusted:
+        reason = "" if fitted.exact else "the recorded PV does not explain OP through a PI law"
+        return replace(law, baseline_residual=law.residual, reason=reason, strays=np.empty(0, dtype=int))
+    if fitted.plain and skips_scans(op, fitted.e, free.inside, fitted.size, free.unit):
+        return replace(law, foreign="OP stands still where the law would move it: the controller skips scans")
+    if fitted.exact:
+        return _known(law, asked, free, fitted)
+    if fitted.fit.base < fitted.tolerance:
+        return replace(law, Kc=Kc, Ti=Ti or np.inf)
+    return _hidden(law, asked, free, shown, fitted)
+
+
+class _Asked(NamedTuple):
+    """The signals, and the baseline's law: gain with sign, gain times Ts/Ti (0 for P), integral time."""
+
+    op: np.ndarray
+    pv: np.ndarray
+    sp: np.ndarray | None
+    e: np.ndarray
+    Ts: float
+    Kc: float
+    Ki: float
+    Ti: float | None
+
+
+class _Free(NamedTuple):
+    """Where OP is off its limits: `inside` by sample, `rows` by change; how it is written; how large its changes are."""
+
+    inside: np.ndarray
+    rows: np.ndarray
+    limits: dict[str, float]
+    step: float
+    unit: float
+    size: float
+
+
+class _Shown(NamedTuple):
+    """What the archive shows of PV: its lattice, samples on straight lines, samples it kept exactly, whether it is rough."""
+
+    grid: float
+    line: np.ndarray
+    exact: np.ndarray
+    rough: bool
+
+
+class _Fitted(NamedTuple):
+    """The best law: of which error, by which changes of OP of which size; through a gap or a coarse OP; is it exact?"""
+
+    fit: LawFit
+    e: np.ndarray
+    rows: np.ndarray
+    size: float
+    gap: float
+    coarse: bool
+    tolerance: float
+    collapsed: bool
+
+    @property
+    def plain(self) -> bool:
+        """Whether nothing but the law itself stands between error and OP."""
+        return not self.coarse and self.gap == 0.0
+
+    @property
+    def exact(self) -> bool:
+        """Whether the law explains OP."""
+        return self.fit.residual < self.tolerance and not self.collapsed
+
+
+def _free(asked: _Asked) -> _Free:
+    op, e, du = asked.op, asked.e, np.diff(asked.op)
+    unit = written_unit(op, asked.pv)
     step = lattice(op, unit)
-    found: dict[str, dict[str, float]] = {}
-    du = np.diff(op)
     size = spread(du)
     if size == 0.0:
         size = float(np.std(du)) or 1.0
-    first = _first_guess(op, e, du, Kc, Ki, size, sp is None)
-    limit = limits_of(op, e, *first, step, unit, Ti is None)
-    limits = {k: v for k, v in limit.items() if (k == "hi" and v < 99.99) or (k == "lo" and v > 0.01)}
+    a, b = _first_guess(asked, du, size)
+    limit = limits_of(op, e, a, b, step, unit, asked.Ti is None)
     inside = np.ones(op.size, dtype=bool)
     if "lo" in limit:
         inside &= op > limit["lo"]
     if "hi" in limit:
         inside &= op < limit["hi"]
-    rows = inside[1:] & inside[:-1] if Ti is None else inside[1:]
-    if rows.sum() < 20:
-        return Law(1.0, 1.0, Kc, Ti or np.inf, reason="OP stands at its limits nearly all the time")
-    if limits:
-        found["saturation"] = {"lo": 0.0, "hi": 100.0, **limits}
+    rows = inside[1:] & inside[:-1] if asked.Ti is None else inside[1:]
+    # the ends of the range are everybody's limits
+    tight = {k: v for k, v in limit.items() if (k == "hi" and v < 99.99) or (k == "lo" and v > 0.01)}
+    return _Free(inside, rows, tight, step, unit, size)
 
-    relevant = step > 0.0 and step > max(0.001 * float(np.std(op)), 5.0 * unit)
-    if relevant:
-        bare = by_steps(du, e, rows, Kc, Ki, size, sp is None)
-        off = du - bare.a * e[1:] - bare.b * e[:-1]
-        # a law that meets OP far within its lattice leaves nothing for rounding: the lattice is PV's, handed on
-        relevant = float(np.quantile(np.abs(off[rows] - np.median(off[rows])), 0.9)) > FINER * step
-    grid = lattice(pv, written_unit(pv, op))
-    line = on_line(pv, written_unit(pv, op)) if grid == 0.0 else np.zeros(pv.size, dtype=bool)
+
+def _shown(asked: _Asked) -> _Shown:
+    pv, unit = asked.pv, written_unit(asked.pv, asked.op)
+    grid = lattice(pv, unit)
+    line = on_line(pv, unit) if grid == 0.0 else np.zeros(pv.size, dtype=bool)
     moving = np.diff(pv) != 0.0
     exact = ~line & (np.append(True, moving) | np.append(moving, True) | (grid > 0.0))
-    rough = bool(line.mean() > THINNED) or grid > 0.0
-    fit, width = None, error_gap(op, e, rows, 0.5 if rough else 0.85)
-    if width > 0.0:
-        found["error_deadband"] = {"width": width}
-        if not relevant and (rows & (du != 0.0)).sum() > 20:
+    return _Shown(grid, line, exact, bool(line.mean() > THINNED) or grid > 0.0)
+
+
+def _fitted(asked: _Asked, free: _Free, shown: _Shown) -> _Fitted:
+    op, e, du, no_sp = asked.op, asked.e, np.diff(asked.op), asked.sp is None
+    Kc, Ki, rows, size = asked.Kc, asked.Ki, free.rows, free.size
+    coarse = free.step > 0.0 and free.step > max(0.001 * float(np.std(op)), 5.0 * free.unit)
+    if coarse:
+        bare = by_steps(du, e, rows, Kc, Ki, size, no_sp)
+        off = du - bare.a * e[1:] - bare.b * e[:-1]
+        # a law that meets OP far within its lattice leaves nothing for rounding: the lattice is PV's, handed on
+        coarse = float(np.quantile(np.abs(off[rows] - np.median(off[rows])), 0.9)) > FINER * free.step
+    fit, gap = None, error_gap(op, e, rows, 0.5 if shown.rough else 0.85)
+    if gap > 0.0:
+        if not coarse and (rows & (du != 0.0)).sum() > 20:
             rows = rows & (du != 0.0)
             size = about_zero(du[rows])
         # beyond the band the error counts in full, or (in some controllers) only by what exceeds it
-        full = np.where(np.abs(e) <= width / 2, 0.0, e)
-        fits = [(by_steps(du, x, rows, Kc, Ki, size, sp is None), x) for x in (full, full - np.sign(full) * width / 2)]
+        full = np.where(np.abs(e) <= gap / 2, 0.0, e)
+        fits = [(by_steps(du, x, rows, Kc, Ki, size, no_sp), x) for x in (full, full - np.sign(full) * gap / 2)]
         fit, e = min(fits, key=lambda f: f[0].residual)
-    tolerance = (2.0 * unit + 1e-9 * np.abs(op).max()) / size
-    if relevant:
-        found["op_quantisation"] = {"step": step}
-        fit = by_sums(op, e, inside, Kc, Ki, step)
+    if coarse:
+        fit = by_sums(op, e, free.inside, Kc, Ki, free.step)
     elif fit is None:
-        fit = by_steps(du, e, rows, Kc, Ki, size, sp is None)
-    kc, ti = _nearest_form(fit.a, fit.b, Kc, Ki, Ts, Ti)
+        fit = by_steps(du, e, rows, Kc, Ki, size, no_sp)
     # OP that mostly stands still fits "no control at all" exactly
-    collapsed = abs(fit.a) < 0.02 * abs(Kc + Ki) and np.mean(du[rows] == 0.0) > 0.3
-    law_exact = fit.residual < max(EXACT, 3 * tolerance) and not collapsed
-    base_exact = fit.base < max(EXACT, 3 * tolerance)
-    if not trusted:
-        reason = "" if law_exact else "the recorded PV does not explain OP through a PI law"
-        return Law(fit.residual, fit.residual, kc, ti, found, None, reason)
-    recovered_pv, reason, foreign, residual = None, "", "", fit.residual
-    plain = not relevant and width == 0.0
-    if plain and skips_scans(op, e, inside, size, unit):
-        foreign = "OP stands still where the law would move it: the controller skips scans"
-    elif law_exact:
-        if plain:
-            recovered_pv = recover_pv(op, e, pv, inside, fit.a, fit.b, Ti is None)
-        # a baseline that explains OP as well is the simpler truth
-        if (base_exact and relevant) or fit.base < 1.5 * fit.residual:
-            kc, ti = Kc, Ti or np.inf
-        else:
-            found |= _retuned(kc / Kc, ti / Ti if Ti and np.isfinite(ti) else 1.0)
-        if fit.strays.size >= 3 and sp is not None:
-            moved = np.flatnonzero(np.diff(sp) != 0.0) + 1
-            near_sp = np.isin(fit.strays, np.concatenate([moved, moved + 1]))
-            if near_sp.mean() > 0.7 and near_sp.sum() > 0.5 * moved.size:
-                foreign = "OP answers a set-point step otherwise than it answers PV"
-    elif base_exact:
-        kc, ti = Kc, Ti or np.inf
+    collapsed = bool(abs(fit.a) < 0.02 * abs(Kc + Ki) and np.mean(du[rows] == 0.0) > 0.3)
+    rounding = (2.0 * free.unit + 1e-9 * np.abs(op).max()) / size
+    return _Fitted(fit, e, rows, size, gap, bool(coarse), max(EXACT, 3 * rounding), collapsed)
+
+
+def _known(law: Law, asked: _Asked, free: _Free, fitted: _Fitted) -> Law:
+    """Return the law that explains OP: the baseline's or another tuning, and which PV it was shown."""
+    fit, Ti = fitted.fit, asked.Ti
+    if fitted.plain:
+        seen = recover_pv(asked.op, fitted.e, asked.pv, free.inside, fit.a, fit.b, Ti is None)
+        law = replace(law, recovered_pv=seen)
+    # a baseline that explains OP as well is the simpler truth
+    if (fit.base < fitted.tolerance and fitted.coarse) or fit.base < 1.5 * fit.residual:
+        law = replace(law, Kc=asked.Kc, Ti=Ti or np.inf)
     else:
-        third = with_derivative(du, e, rows, size)
-        hidden = hidden_law(op, e, Kc, Ki, exact) if rough and plain and not limits and exact.sum() > 20 else None
-        if third < residual / 3 and third < 0.15:
-            foreign = "a third term explains OP five times better: the controller is no PI"
-        elif collapsed and not width:
-            foreign = "OP stands still in most samples: the controller skips scans, or a dead-band holds it"
-        elif plain:
-            a, b = Kc + Ki, -Kc
-            if hidden is not None and hidden.base > 1.5 * hidden.misfit and np.isfinite(hidden.a):
-                a, b = hidden.a, hidden.b
-            candidate = recover_pv(op, e, pv, inside, a, b, Ti is None)
-            if candidate is not None:
-                off = pv - candidate
-                left = float(np.std(off[exact]))
-                kept = (
-                    rough
-                    and exact.sum() >= FEW
-                    and left < (ROUNDED * grid if grid > 0.0 else FAITHFUL * float(np.std(off[line])))
-                )
-                if kept or np.std(off) < 0.7 * np.std(e) + 1e-12:
-                    recovered_pv, residual = candidate, fit.base
-                if kept and a != Kc + Ki:
-                    kc, ti = _nearest_form(a, b, Kc, Ki, Ts, Ti)
-                    found |= _retuned(kc / Kc, ti / Ti if Ti and np.isfinite(ti) else 1.0)
-        reason = "the recorded PV is not the PV the controller saw, or it was archived at another rate"
-    return Law(float(residual), float(fit.base), float(kc), float(ti), found, recovered_pv, reason, foreign, strays=fit.strays)
+        law = replace(law, tuning=_retuned(law, asked))
+    if fit.strays.size >= 3 and asked.sp is not None:
+        moved = np.flatnonzero(np.diff(asked.sp) != 0.0) + 1
+        near_sp = np.isin(fit.strays, np.concatenate([moved, moved + 1]))
+        if near_sp.mean() > 0.7 and near_sp.sum() > 0.5 * moved.size:
+            law = replace(law, foreign="OP answers a set-point step otherwise than it answers PV")
+    return law
 
 
-def _retuned(Kc_factor: float, Ti_factor: float) -> dict[str, dict[str, float]]:
-    """Return the effect of a tuning that differs from the baseline's, nothing when it hardly does or no tuning could."""
-    bounds = EFFECTS["detuning"].parameters["Kc_factor"]
+def _hidden(law: Law, asked: _Asked, free: _Free, shown: _Shown, fitted: _Fitted) -> Law:
+    """Return a law that the recorded PV does not show: another controller, or another PV than the archive's."""
+    op, e, Kc, Ki, Ti = asked.op, fitted.e, asked.Kc, asked.Ki, asked.Ti
+    law = replace(law, reason="the recorded PV is not the PV the controller saw, or it was archived at another rate")
+    third = with_derivative(np.diff(op), e, fitted.rows, fitted.size)
+    if third < law.residual / 3 and third < 0.15:
+        return replace(law, foreign="a third term explains OP five times better: the controller is no PI")
+    if fitted.collapsed and not fitted.gap:
+        return replace(law, foreign="OP stands still in most samples: the controller skips scans, or a dead-band holds it")
+    if not fitted.plain:
+        return law
+    a, b = Kc + Ki, -Kc
+    if shown.rough and not free.limits and shown.exact.sum() > 20:
+        hidden = hidden_law(op, e, Kc, Ki, shown.exact)
+        if hidden.base > 1.5 * hidden.misfit and np.isfinite(hidden.a):
+            a, b = hidden.a, hidden.b
+    candidate = recover_pv(op, e, asked.pv, free.inside, a, b, Ti is None)
+    if candidate is None:
+        return law
+    off = asked.pv - candidate
+    kept = bool(shown.rough and shown.exact.sum() >= FEW)
+    if kept:
+        faithful = ROUNDED * shown.grid if shown.grid > 0.0 else FAITHFUL * float(np.std(off[shown.line]))
+        kept = float(np.std(off[shown.exact])) < faithful
+    if kept or np.std(off) < 0.7 * np.std(e) + 1e-12:
+        law = replace(law, recovered_pv=candidate, residual=fitted.fit.base)
+    if kept and a != Kc + Ki:
+        kc, ti = _nearest_form(a, b, asked)
+        law = replace(law, Kc=kc, Ti=ti)
+        law = replace(law, tuning=_retuned(law, asked))
+    return law
+
+
+def _retuned(law: Law, asked: _Asked) -> tuple[float, float] | None:
+    """Return the factors of a tuning that differs from the baseline's, None when it hardly does or no tuning could."""
+    Kc_factor = law.Kc / asked.Kc
+    Ti_factor = law.Ti / asked.Ti if asked.Ti and np.isfinite(law.Ti) else 1.0
+    bounds = TUNING["Kc_factor"]
     if not bounds.low <= Kc_factor <= bounds.high:
-        return {}
+        return None
     shift = max(abs(np.log(max(Kc_factor, 1e-6))), abs(np.log(Ti_factor)))
-    return {"detuning": {"Kc_factor": Kc_factor, "Ti_factor": Ti_factor}} if shift > RETUNED else {}
+    return (Kc_factor, Ti_factor) if shift > RETUNED else None
 
 
-def _first_guess(
-    op: np.ndarray, e: np.ndarray, du: np.ndarray, Kc: float, Ki: float, size: float, no_sp: bool
-) -> tuple[float, float]:
+def _first_guess(asked: _Asked, du: np.ndarray, size: float) -> tuple[float, float]:
     """Return a and b by the samples at which OP is surely at no limit; the baseline's where no law is exact."""
+    op, Kc, Ki = asked.op, asked.Kc, asked.Ki
     held = np.isin(op, (op.min(), op.max()))
     rows = ~(held[1:] | held[:-1])
     if rows.sum() >= 20:
-        fit = by_steps(du, e, rows, Kc, Ki, size, no_sp)
+        fit = by_steps(du, asked.e, rows, Kc, Ki, size, asked.sp is None)
         if fit.residual < EXACT and fit.a * Kc > 0.0 and abs(fit.a) > 0.02 * abs(Kc):
             return fit.a, fit.b
     return Kc + Ki, -Kc
 
 
-def _nearest_form(a: float, b: float, Kc: float, Ki: float, Ts: float, Ti: float | None) -> tuple[float, float]:
+def _nearest_form(a: float, b: float, asked: _Asked) -> tuple[float, float]:
     """Return Kc and Ti of the execution order that is nearest to the baseline; of the backward one when none is near.
 
     Under backward integration, which the simulation runs, the two numbers reproduce this very OP.
     """
+    Kc, Ti, Ts = asked.Kc, asked.Ti, asked.Ts
     integral = a + b
     best = (np.inf, -b, np.inf)
     for share in FORMS:

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from simbench.gap.effects._candidates import ENGINE, Candidate, Fitted, fit_candidates
-from simbench.gap.effects._parameters import effect_parameters
-from simbench.gap.likelihood import kernels
+from simbench.gap.candidates import Candidate, Fitted, fit_candidates, possible_effects
+from simbench.gap.effects import NOT_TRIED, Parameters, recogniser
+from simbench.gap.intake.other_loop import refuse_other_plant
 from simbench.gap.likelihood.engine import Engine
-from simbench.gap.likelihood.model import Fit, size_penalty
+from simbench.gap.likelihood.model import Fit
 from simbench.gap.likelihood.residual_tests import generic_directions, predictable, residual_tests
-from simbench.gap.likelihood.valve_map import HEALTHY, healthy_level, valve_against_mv
+from simbench.gap.likelihood.valve_map import MapSearch
 from simbench.gap.situation import Situation, load_memory
 from simbench.loop.effects import EFFECTS, block_of
 
 SURE = 1000.0  # nats that stand for evidence needing no statistics
 SECOND = 12.0  # nats a second effect must bring on top of the first
+FAINT = -5.0  # nats alone, below which an effect is not tried on top of another
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,56 +47,74 @@ def assess(situation: Situation) -> Assessment:
     Returns
     -------
     Assessment
+
+    Raises
+    ------
+    RecordError
+        When the fits show that the baseline is another loop's.
     """
+    if situation.trusted and situation.tuned:
+        refuse_other_plant(situation)
     engine = Engine(situation.data, load_memory(situation))
     base = engine.base()
     candidates = fit_candidates(engine, base, possible_effects(situation))
-    gains = {e: capped(float(c.log_likelihood_gain)) for e, c in candidates.items()}
-    parameters: dict[str, dict[str, float | str]] = {
-        e: effect_parameters(e, c.fit, situation) for e, c in candidates.items() if c.used
-    }
-    for effect in EFFECTS:
-        gains.setdefault(effect, -10.0)
-    for effect, p in situation.proven.items():
-        gains[effect] = SURE
-        parameters[effect] = p
-    mv_unexplained = False
-    if situation.record.mv is not None:
-        mv_unexplained = _valve_by_mv(situation, gains, parameters)
-    for effect in ("stiction", "deadband"):
-        if effect in candidates and gains[effect] > 0 and situation.trusted:
-            gains[effect] *= beyond_healthy(candidates[effect].fit.theta["S"])
-    _spikes_by_innovations(situation, base, gains, parameters)
-    if "quantisation" in situation.proven or "compression" in situation.proven:
-        gains["noise"] = min(gains["noise"], 0.0)
+    gains, parameters, mv_unexplained = _scores(situation, base, candidates)
     chosen = sorted(situation.proven, key=lambda e: -gains[e])[:2]
     order = sorted((e for e in gains if e not in situation.proven), key=lambda e: -gains[e])
-    final, log_likelihood_gains_on_top = base, {}
+    final, on_top = base, {}
     if len(chosen) < 2:
         best = next((e for e in order if block_of(e) not in {block_of(c) for c in chosen}), None)
         if best is not None and gains[best] > (0.0 if not chosen else SECOND):
             chosen.append(best)
             final = candidates[best].fit if best in candidates else base
     if len(chosen) < 2:
-        taken = {block_of(c) for c in chosen}
-        others = [e for e in order if block_of(e) not in taken and e in candidates and gains[e] > -5.0]
-        log_likelihood_gains_on_top = {
-            e: float(c.log_likelihood_gain) for e, c in fit_second(situation, engine, final, others, parameters).items()
-        }
-        # what the engine does not see stands by itself
-        log_likelihood_gains_on_top |= {e: gains[e] for e in order if e not in candidates and block_of(e) not in taken}
-        runner = max(log_likelihood_gains_on_top, key=lambda e: log_likelihood_gains_on_top[e], default=None)
-        if chosen and runner is not None and log_likelihood_gains_on_top[runner] > SECOND:
+        on_top = _gains_on_top(
+            situation, engine, final, [e for e in order if block_of(e) not in map(block_of, chosen)], gains, candidates
+        )
+        runner = max(on_top, key=lambda e: on_top[e], default=None)
+        if chosen and runner is not None and on_top[runner] > SECOND:
             chosen.append(runner)
             if runner in candidates:
-                second = fit_candidates(engine, final, [runner])[runner]
-                final = second.fit
-                parameters[runner] = effect_parameters(runner, final, situation)
+                final = fit_candidates(engine, final, [runner])[runner].fit
+                parameters[runner] = recogniser(runner).numbers(final, situation)
     tests = residual_tests(final, situation.data) | generic_directions(engine, final)
     tests |= predictable(final, situation.data, situation.sp)
     unexplained = unexplained_blocks(situation, tests, mv_unexplained, chosen)
     fitted = (situation, base, candidates, parameters, chosen, final)
-    return Assessment(*fitted, gains, tests, log_likelihood_gains_on_top, unexplained, mv_unexplained)
+    return Assessment(*fitted, gains, tests, on_top, unexplained, mv_unexplained)
+
+
+def _scores(s: Situation, base: Fit, candidates: dict[str, Candidate]) -> tuple[dict[str, float], dict[str, Parameters], bool]:
+    """Return every effect's gain (nats) and parameters, and whether MV strays from OP in a way that no map explains."""
+    gains = {e: capped(float(c.log_likelihood_gain)) for e, c in candidates.items()}
+    parameters = {e: recogniser(e).numbers(c.fit, s) for e, c in candidates.items() if c.used}
+    for effect in EFFECTS:
+        gains.setdefault(effect, NOT_TRIED)
+    for effect, p in s.proven.items():
+        gains[effect], parameters[effect] = SURE, p
+    for effect in parameters:
+        if effect in candidates and gains[effect] > 0 and s.trusted:
+            gains[effect] *= recogniser(effect).material(parameters[effect])
+    mv_unexplained = s.record.mv is not None and _valve_by_mv(s, gains, parameters)
+    for effect in (e for e in EFFECTS if e not in s.proven):
+        found = recogniser(effect).by_innovations(base, s)
+        if found is not None:
+            gains[effect], parameters[effect] = found
+        if recogniser(effect).drowned(s):
+            gains[effect] = min(gains[effect], 0.0)
+    return gains, parameters, mv_unexplained
+
+
+def _gains_on_top(
+    s: Situation, engine: Engine, first: Fit, order: list[str], gains: dict[str, float], candidates: dict[str, Candidate]
+) -> dict[str, float]:
+    """Return what further effects bring on top of the first; what the engine does not see stands by itself."""
+    found = fit_candidates(engine, first, [e for e in order if e in candidates and gains[e] > FAINT])
+    out = {e: float(c.log_likelihood_gain) for e, c in found.items()}
+    for effect, gain in out.items():
+        if gain > 0 and s.trusted:
+            out[effect] = gain * recogniser(effect).material(recogniser(effect).numbers(found[effect].fit, s))
+    return out | {e: gains[e] for e in order if e not in candidates}
 
 
 # what the residual tests of whole models do not exceed (99 % of development records), and the block that fails beyond
@@ -138,10 +157,11 @@ def unexplained_blocks(situation: Situation, tests: dict[str, float], valve: boo
         out["sensor"] = f"PV stands exactly still for {situation.samples.held} samples"
     if valve:
         out["valve"] = "MV strays from OP as no known valve makes it"
-    rough = {"quantisation", "compression", "outliers", "error_deadband"} & set(situation.proven)
+    rough = not situation.archive.faithful or situation.law.gap > 0.0
+    traces = any(recogniser(e).leaves_traces for e in chosen)
     for name, (limit, block) in LIMITS.items():
         # jumps beyond those the search adds, spikes, and friction that is no two-parameter map leave traces of their own
-        loose = rough or (name in ("bursts", "tails", "memory") and {"load_steps", "outliers", "stiction"} & set(chosen))
+        loose = rough or (traces and name in ("bursts", "tails", "memory"))
         if tests[name] > limit * (LENIENT if loose else 1.0):
             out.setdefault(
                 block,
@@ -162,79 +182,15 @@ def uncapped(gain: float) -> float:
     return gain if gain <= most or gain >= SURE - 1.0 else most / (1.0 - (gain - most) / (0.09 * SURE))
 
 
-def beyond_healthy(S: float) -> float:
-    """Return how far a band exceeds what a healthy valve may have, from 0 to 1."""
-    return float(np.clip((S - HEALTHY) / (0.5 * HEALTHY), 0.0, 1.0))
-
-
-def fit_second(
-    situation: Situation, engine: Engine, first: Fit, others: list[str], parameters: dict[str, dict[str, float | str]]
-) -> dict[str, Candidate]:
-    """Fit further effects on top of the first, friction within a healthy valve's allowance discounted."""
-    found = fit_candidates(engine, first, others)
-    for effect in {"stiction", "deadband"} & set(found):
-        c = found[effect]
-        if c.log_likelihood_gain > 0 and situation.trusted:
-            found[effect] = replace(c, log_likelihood_gain=c.log_likelihood_gain * beyond_healthy(c.fit.theta["S"]))
-    return found
-
-
-def _spikes_by_innovations(
-    situation: Situation, base: Fit, gains: dict[str, float], parameters: dict[str, dict[str, float | str]]
-) -> None:
-    """Score outliers by single innovations that no Gaussian gives, where the samples themselves were not conclusive."""
-    if "outliers" in situation.proven:
-        return
-    x = np.asarray(base.residual)[kernels.SKIP :]
-    scale = 1.4826 * float(np.median(np.abs(x))) or 1.0
-    z = np.abs(x) / scale
-    far = np.flatnonzero(z > 4.0)
-    # a spike leaves one large innovation; a step or a slip leaves several of one sign
-    alone = [
-        k for k in far if z[max(k - 2, 0) : k].max(initial=0) < 0.7 * z[k] and z[k + 1 : k + 3].max(initial=0) < 0.7 * z[k]
-    ]
-    if len(alone) < 3 or len(alone) < 0.6 * len(far):
-        gains["outliers"] = min(gains["outliers"], -3.0)
-        return
-    heights = z[alone] * scale
-    rate = len(alone) / x.size
-    wide = float(np.std(heights)) + float(np.mean(heights))
-    mixture = np.log((1 - rate) * np.exp(-0.5 * (x / scale) ** 2) / scale + rate * np.exp(-0.5 * (x / wide) ** 2) / wide)
-    plain = -0.5 * (x / float(np.std(x))) ** 2 - np.log(float(np.std(x)))
-    gains["outliers"] = float(np.sum(mixture - plain) - size_penalty(x.size, 2.0))
-    noise = base.theta["noise"]
-    parameters["outliers"] = {
-        "rate": rate,
-        "size": float(np.mean(heights)) * noise,
-        "at": "loop" if situation.law.known else "record",
-    }
-
-
-def possible_effects(situation: Situation) -> list[str]:
-    """Return the engine effects that make sense for this baseline and these signals."""
-    skip = set()
-    if situation.integrating:
-        skip.add("time_constant_mismatch")
-    if situation.record.mv is not None:
-        skip |= {e for e in ENGINE if block_of(e) == "valve"}
-    if situation.baseline.valve.name != "ideal":
-        skip.add("stiction")
-    return [e for e in ENGINE if e not in skip]
-
-
-def _valve_by_mv(situation: Situation, gains: dict[str, float], parameters: dict[str, dict[str, float | str]]) -> bool:
+def _valve_by_mv(s: Situation, gains: dict[str, float], parameters: dict[str, Parameters]) -> bool:
     """Score the valve's effects by MV given OP alone; return whether MV strays from OP in a way that no map explains."""
-    op, mv = situation.op, np.asarray(situation.record.mv)
-    scored = valve_against_mv(op, mv, situation.record.Ts)
-    for effect, (gain, p) in scored.items():
-        gains[effect] = capped(gain)
-        if effect in ("stiction", "deadband") and gain > 0:
-            gains[effect] *= beyond_healthy(float(p["S"]))
-        parameters[effect] = p
-    best = max(gain for gain, _ in scored.values())
-    healthy = float(np.exp(healthy_level(op, mv) / op.size))
-    left = healthy * float(np.exp(-max(best, 0.0) / op.size))
-    # friction is only known up to its model; the other maps are exact
-    winner = max(scored, key=lambda e: scored[e][0])
-    most = 0.85 if winner == "stiction" else 0.3
-    return left > most * healthy and left > max(0.15, 0.03 * float(np.std(op)))
+    search = MapSearch(s.op, np.asarray(s.record.mv), s.record.Ts)
+    maps = {e: by_mv(search) for e in EFFECTS if (by_mv := recogniser(e).by_mv) is not None}
+    for effect, (gain, p) in maps.items():
+        gains[effect], parameters[effect] = capped(gain), p
+        if gain > 0:
+            gains[effect] *= recogniser(effect).material(p)
+    winner = max(maps, key=lambda e: maps[e][0])
+    healthy = float(np.exp(search.healthy / s.op.size))
+    left = healthy * float(np.exp(-max(maps[winner][0], 0.0) / s.op.size))
+    return left > recogniser(winner).by_mv_leaves * healthy and left > max(0.15, 0.03 * float(np.std(s.op)))

@@ -13,11 +13,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.special import expit
+from scipy.special import expit, softmax
 
 from simbench.gap.closed_loop.runs import ClosedLoops
-from simbench.gap.decide.assess import LIMITS, Assessment
-from simbench.gap.decide.evidence import Row, evidence
+from simbench.gap.decide.assess import LIMITS, Assessment, uncapped
+from simbench.gap.decide.evidence import Row, evidence, squashed
+from simbench.gap.effects import NOT_TRIED
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 
 LEARNED = Path(__file__).parent / "learned"
@@ -26,7 +27,6 @@ NONE_GAIN = 4.0  # nats an effect must bring there to be as probable as none
 BEHIND = 6.0  # nats by which a second effect follows the first there
 UNEXPLAINED = 0.9  # probability of "unknown" there once a test fails
 NUMBERS = ("temperature", "slope", "offset", "none_bias")
-KNOWN = (*EFFECTS, NONE)  # what the first model ranks; the second decides whether it is none of these
 
 
 @dataclass(frozen=True)
@@ -79,13 +79,28 @@ def classify(found: Assessment, runs: ClosedLoops | None = None) -> Classified:
     >>> weights.probability["detuning"] > 0.9, round(sum(weights.probability.values()), 6)
     (True, 1.0)
     """
-    p = probabilities([evidence(found, runs)])[0] if found.situation.trusted else by_gain(found)
-    p /= p.sum()
-    return Classified({e: float(v) for e, v in zip((*KNOWN, UNKNOWN), p)}, _unexplained_block(found))
+    p = _by_trees(found, runs) if found.situation.trusted else by_gain(found)
+    whole = np.sum(list(p.values()))
+    return Classified({e: float(v / whole) for e, v in p.items()}, _unexplained_block(found))
 
 
-def by_gain(found: Assessment) -> np.ndarray:
-    """Return probabilities where the baseline was identified: a softmax of the gains, as the trees never saw such fits.
+def _by_trees(found: Assessment, runs: ClosedLoops | None) -> dict[str, float]:
+    """Return the trees' probabilities; what they never saw takes its share by its likelihood's lead over all they know."""
+    learned = _models()[2]["effects"]
+    rows = evidence(found, runs, [e for e in learned if e in EFFECTS])
+    known = dict(zip((*learned, NONE, UNKNOWN), probabilities([rows])[0]))
+    p = {e: known.get(e, 0.0) for e in (*EFFECTS, NONE, UNKNOWN)}
+    unseen = [e for e in EFFECTS if e not in learned]
+    if not unseen:
+        return p
+    gains = {e: uncapped(g) for e, g in found.log_likelihood_gains.items()}
+    best = max(NONE_GAIN, *(g for e, g in gains.items() if e in learned))
+    share = softmax(TEMPERATURE * np.array([best, *(gains[e] for e in unseen)]))
+    return {e: v * share[0] for e, v in p.items()} | dict(zip(unseen, share[1:]))
+
+
+def by_gain(found: Assessment) -> dict[str, float]:
+    """Return probabilities by a softmax of the gains: where the baseline was identified, as the trees never saw such fits.
 
     Parameters
     ----------
@@ -93,8 +108,8 @@ def by_gain(found: Assessment) -> np.ndarray:
 
     Returns
     -------
-    ndarray, shape (24,)
-        As `probabilities`.
+    dict of str to float
+        Every effect, none and unknown; they sum to 1.
     """
     gains = np.array([found.log_likelihood_gains[e] for e in EFFECTS])
     # beyond some tens of nats more evidence is not more certainty
@@ -106,7 +121,7 @@ def by_gain(found: Assessment) -> np.ndarray:
     x = TEMPERATURE * np.append(gains, NONE_GAIN)
     p = np.exp(x - x.max())
     q = UNEXPLAINED if found.unexplained else 1.0 - UNEXPLAINED
-    return np.append((1.0 - q) * p / p.sum(), q)
+    return dict(zip((*EFFECTS, NONE, UNKNOWN), np.append((1.0 - q) * p / p.sum(), q)))
 
 
 def _unexplained_block(found: Assessment) -> str:
@@ -129,13 +144,14 @@ def probabilities(rows: Sequence[Mapping[str, Row]]) -> np.ndarray:
 
     Returns
     -------
-    ndarray, shape (records, 24)
-        In the order of `EFFECTS`, then none, then unknown; each row sums to 1.
+    ndarray, shape (records, answers)
+        The effects that the trees learned, in their order, then none, then unknown; each row sums to 1.
     """
     ranks, outside, c = _models()
-    X = [candidate_rows(r, c["record"], c["effect"]) for r in rows]
-    z = ranks.predict(np.vstack(X), raw_score=True).reshape(len(rows), len(KNOWN))
-    u = outside.predict(np.array([record_row(r, c["record"], c["effect"]) for r in rows]), raw_score=True)
+    columns = (c["effects"], c["record"], c["effect"])
+    X = [candidate_rows(r, *columns) for r in rows]
+    z = ranks.predict(np.vstack(X), raw_score=True).reshape(len(rows), -1)
+    u = outside.predict(np.array([record_row(r, *columns) for r in rows]), raw_score=True)
     return combined(z, u, *(c[name] for name in NUMBERS))
 
 
@@ -166,23 +182,24 @@ def combined(
     return np.hstack([p * (1.0 - q)[:, None], q[:, None]])
 
 
-def candidate_rows(rows: Mapping[str, Row], record: Sequence[str], effect: Sequence[str]) -> np.ndarray:
-    """Return one line per known answer: its number and block, its own evidence, and the record's; NaN where missing."""
+def candidate_rows(rows: Mapping[str, Row], effects: Sequence[str], record: Sequence[str], effect: Sequence[str]) -> np.ndarray:
+    """Return one line per effect and for none: its number and block, its own evidence, the record's; NaN where missing."""
     common = [rows["record"].get(k, np.nan) for k in record]
     lines = []
-    for i, answer in enumerate(KNOWN):
+    for i, answer in enumerate((*effects, NONE)):
         own = rows.get(answer, {})
         block = BLOCKS.index(block_of(answer)) if answer in EFFECTS else len(BLOCKS)
         lines.append([i, block, *(own.get(k, np.nan) for k in effect), *common])
     return np.array(lines, dtype=float)
 
 
-def record_row(rows: Mapping[str, Row], record: Sequence[str], effect: Sequence[str]) -> np.ndarray:
+def record_row(rows: Mapping[str, Row], effects: Sequence[str], record: Sequence[str], effect: Sequence[str]) -> np.ndarray:
     """Return the line on which `unknown` rests: the strongest effect and its evidence, the record's, and all gains."""
-    best = max(EFFECTS, key=lambda e: rows[e]["gain"])
-    own = [rows[best].get(k, np.nan) for k in effect]
+    gains = [rows.get(e, {}).get("gain", squashed(NOT_TRIED)) for e in effects]
+    best = int(np.argmax(gains))
+    own = [rows.get(effects[best], {}).get(k, np.nan) for k in effect]
     common = [rows["record"].get(k, np.nan) for k in record]
-    return np.array([list(EFFECTS).index(best), *own, *common, *(rows[e]["gain"] for e in EFFECTS)], dtype=float)
+    return np.array([best, *own, *common, *gains], dtype=float)
 
 
 @cache

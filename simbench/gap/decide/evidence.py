@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from detectors.errors import RecordError
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment, uncapped
+from simbench.gap.effects import recogniser
+from simbench.gap.effects._size import LoopSize
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import Fit
-from simbench.gap.likelihood.valve_map import HEALTHY
 from simbench.gap.situation import LOAD_MEMORY, load_memory
 from simbench.loop.effects import EFFECTS, block_of
 
@@ -19,7 +22,7 @@ Row = dict[str, float]
 TRIED = 2  # strongest effects whose loops are closed and simulated
 
 
-def evidence(found: Assessment, runs: ClosedLoops | None = None) -> dict[str, Row]:
+def evidence(found: Assessment, runs: ClosedLoops | None = None, effects: Sequence[str] | None = None) -> dict[str, Row]:
     """Return the numbers on which the probabilities of an answer rest.
 
     Parameters
@@ -27,6 +30,8 @@ def evidence(found: Assessment, runs: ClosedLoops | None = None) -> dict[str, Ro
     found : Assessment
     runs : ClosedLoops, optional
         Simulated loops of this assessment, to be shared with a report.
+    effects : sequence of str, optional
+        That are weighed against each other; all when absent.
 
     Returns
     -------
@@ -34,10 +39,12 @@ def evidence(found: Assessment, runs: ClosedLoops | None = None) -> dict[str, Ro
         Key "record" holds what concerns every answer, an effect id what speaks for that effect. A number that does not apply
         is missing. Scaling PV, OP's offset or the sampling period changes nothing.
     """
-    gains = {e: squashed(g) for e, g in found.log_likelihood_gains.items()}
+    weighed = list(EFFECTS) if effects is None else effects
+    gains = {e: squashed(g) for e, g in found.log_likelihood_gains.items() if e in weighed}
     rows = {"record": _record(found, gains)}
-    for effect in EFFECTS:
-        rows[effect] = _effect(effect, found, gains)
+    loop = LoopSize(found.situation)
+    for effect in weighed:
+        rows[effect] = _effect(effect, found, gains, loop)
     runs = runs or ClosedLoops(found, 0)
     rows["record"] |= _closed([], runs, "gap")
     strongest = sorted(gains, key=lambda e: -gains[e])[:TRIED]
@@ -111,8 +118,8 @@ def _load(fit: Fit, found: Assessment) -> Row:
         "load memory": float(np.log((th["load_time"] + th.get("load_lag", 0.0)) / _pace(found))),
         "load smooth": th.get("load_lag", 0.0) / th["load_time"],
         "load pink": float(fit.spec.pink),
-        "load size": float(np.log(th["load"] / th["noise"])),
-        "noise": float(np.log(th["noise"] / d.noise)) if d.noise > 0 else 0.0,
+        "load size": float(np.log(th["load"] / th["noise_std"])),
+        "noise level": float(np.log(th["noise_std"] / d.noise)) if d.noise > 0 else 0.0,
         "colour": th["colour"],
         "gain used": float(np.log(max(fit.K / d.K, 1e-3))),
         "T used": float(np.log(th["T"] / d.T)) if d.T > 0 else 0.0,
@@ -120,10 +127,10 @@ def _load(fit: Fit, found: Assessment) -> Row:
     }
 
 
-def _effect(effect: str, found: Assessment, gains: dict[str, float]) -> Row:
+def _effect(effect: str, found: Assessment, gains: dict[str, float], loop: LoopSize) -> Row:
     s, mine = found.situation, gains[effect]
     block = block_of(effect)
-    rivals = [uncapped(g) for e, g in found.log_likelihood_gains.items() if e != effect and block_of(e) == block]
+    rivals = [uncapped(found.log_likelihood_gains[e]) for e in gains if e != effect and block_of(e) == block]
     row = {
         "gain": mine,
         "nats ahead in block": squashed(uncapped(found.log_likelihood_gains[effect]) - max(rivals)),
@@ -136,7 +143,7 @@ def _effect(effect: str, found: Assessment, gains: dict[str, float]) -> Row:
     if effect in found.log_likelihood_gains_on_top:
         row["as second"] = squashed(found.log_likelihood_gains_on_top[effect])
     if effect in found.parameters:
-        row |= _sizes(effect, found)
+        row |= recogniser(effect).size(found.parameters[effect], loop)
     if effect in found.candidates and found.candidates[effect].used:
         fit = found.candidates[effect].fit
         row |= _load(fit, found) | steadiness(found.base, fit)
@@ -157,41 +164,3 @@ def steadiness(base: Fit, fit: Fit) -> Row:
         "poorer half": squashed(half),
         "best tenth": squashed(total - top),
     }
-
-
-def _sizes(effect: str, found: Assessment) -> Row:
-    """Return an effect's numbers in proportion to the loop."""
-    s, p = found.situation, found.parameters[effect]
-    number = {k: float(v) for k, v in p.items() if not isinstance(v, str)}
-    Ts, pace = s.record.Ts, _pace(found)
-    span = float(np.quantile(s.op, 0.995) - np.quantile(s.op, 0.005)) + 1e-6
-    change = float(np.std(s.data.y)) + s.data.floor
-    duration = Ts * s.data.n
-    gain = abs(s.data.K) * (pace if s.integrating else 1.0)
-    at_pv = gain if effect == "load_drift" else 1.0
-    scaled: Row = {}
-    for name, value in number.items():
-        if name in ("S", "D", "amplitude"):
-            scaled["size"] = float(np.log(value / span + 1e-4))
-            if name == "S":
-                scaled["beyond healthy"] = float(np.log(max(value, 1e-3) / HEALTHY))
-        elif name == "J":
-            scaled["jump"] = value / max(number.get("S", 1.0), 1e-6)
-        elif name == "c":
-            scaled["place"] = (value - float(np.mean(s.op))) / span
-        elif name in ("tau", "extra"):
-            scaled["size"] = value / Ts / pace
-        elif name in ("factor", "R", "Kc_factor", "Ti_factor"):
-            scaled["size" if name in ("factor", "R", "Kc_factor") else "size of Ti"] = float(np.log(max(value, 1e-3)))
-        elif name == "period":
-            scaled["period"] = float(np.log(value / Ts / pace))
-        elif name == "walk":
-            scaled["size"] = float(np.log(value * np.sqrt(duration) * at_pv / change + 1e-6))
-        elif name == "rate" and effect in ("drift", "load_drift"):
-            scaled["ramp"] = float(np.log(abs(value) * duration * at_pv / change + 1e-6))
-        elif name == "rate":
-            scaled["rate"] = float(np.log(value * (s.data.n if effect == "outliers" else duration) + 1e-3))
-        elif name in ("size", "step", "band", "width", "std"):
-            of = float(np.std(s.op)) + 1e-6 if effect in ("op_quantisation", "load_steps") else change
-            scaled["size"] = float(np.log(value / of + 1e-4))
-    return scaled

@@ -6,16 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from simbench.gap.decide.assess import Assessment
+from simbench.gap.decide.assess import FAINT, Assessment
+from simbench.gap.effects import recogniser
 from simbench.gap.intake.identify import meaningful
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import NUISANCES
-from simbench.gap.sensor.spacing import spacing
 from simbench.gap.situation import Situation
-from simbench.loop.effects import block_of
+from simbench.loop.effects import EFFECTS, block_of
 
 SHARE = 0.15  # of the OP range that a band must span to count as friction
-IMMATERIAL = 0.01  # of the variance of the moves; rounding that adds less is not what a simulation lacks
 
 
 def plausible(found: Assessment) -> Assessment:
@@ -37,17 +36,14 @@ def plausible(found: Assessment) -> Assessment:
     kept = meaningful(seen, s.tuned)
     gains = {e: (g if e in kept else min(g, -10.0)) for e, g in found.log_likelihood_gains.items()}
     span = float(np.quantile(s.op, 0.99) - np.quantile(s.op, 0.01))
-    for effect in ("stiction", "deadband"):
-        if gains[effect] > 0 and not seen:
-            S = float(found.parameters.get(effect, {}).get("S", 0.0))
-            if S < SHARE * span or not in_both_halves(found, effect):
-                gains[effect] = -5.0
-    for effect, x in (("op_quantisation", s.op), ("quantisation", np.asarray(s.record.pv))):
-        # a transmitter's lattice is a fact; a file's decimals, and an output card's, must hide something
-        if effect in s.proven and not (effect == "quantisation" and s.samples.step > 0.0):
-            step = float(s.proven[effect]["step"])
-            if step**2 / 12.0 < IMMATERIAL * float(np.var(np.diff(x))):
-                gains[effect] = -5.0
+    for effect in EFFECTS:
+        how, p = recogniser(effect), found.parameters.get(effect)
+        if how.band is not None and gains[effect] > 0 and not seen:
+            narrow = p is None or how.band(p) < SHARE * span
+            if narrow or not in_both_halves(found, effect):
+                gains[effect] = FAINT
+        if effect in s.proven and how.immaterial(s):
+            gains[effect] = FAINT
     order = sorted((e for e in gains if gains[e] > 0 and e not in s.proven), key=lambda e: -gains[e])
     chosen = [e for e in found.chosen if e in s.proven and gains[e] > 0][:2]
     for e in order:
@@ -74,20 +70,11 @@ def remarks(situation: Situation) -> list[str]:
     list of str
         `process`: which plant type was assumed; `quantisation`, `op_quantisation`, `outliers`: how many, how large.
     """
-    record, pv = situation.record, np.asarray(situation.record.pv)
     out = []
-    if record.process is None:
+    if situation.record.process is None:
         kind = "integrating" if situation.integrating else "self-regulating"
         out.append(f"process: not given; judged as {kind}, the likelier of the two")
-    for name, x in (("quantisation", pv), ("op_quantisation", np.asarray(record.op))):
-        step, levels = spacing(x)
-        if step > 0.0:
-            share = step / float(x.std())
-            out.append(f"{name}: {x.size} samples on {levels} levels, {step:.3g} apart ({share:.1%} of the standard deviation)")
-    spikes = situation.samples.spikes
-    if spikes.size:
-        out.append(f"outliers: {spikes.size} isolated, the first {spikes[0] * record.Ts:g} s after the start")
-    return out
+    return out + [f"{e}: {said}" for e in EFFECTS if (said := recogniser(e).remark(situation))]
 
 
 def in_both_halves(found: Assessment, effect: str) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,12 +11,13 @@ from detectors.errors import RecordError
 from detectors.quality import inspect
 from detectors.record import LoopRecord
 from scenarios.spec import Loop, Part
+from simbench.gap.candidates import proven
 from simbench.gap.controller.pi_law import Law, examine_law
-from simbench.gap.intake.other_loop import refuse_other_controller, refuse_other_plant
+from simbench.gap.intake.other_loop import refuse_other_controller
 from simbench.gap.intake.refuse import refuse_mv_units, refuse_op_units
 from simbench.gap.likelihood.model import Data
 from simbench.gap.sensor.samples import Samples, cleaned, inspect_samples, isolated, on_line
-from simbench.gap.situation import Situation
+from simbench.gap.situation import Archive, Situation
 from simbench.loop.response import valve_response
 
 FEWEST = 100  # samples; below this the spread of every statistic swallows the gap
@@ -52,52 +54,59 @@ def check(record: LoopRecord, baseline: Loop, trusted: bool = True, tuned: bool 
     tuned = trusted if tuned is None else tuned
     op = _percent(record, where, trusted or tuned)
     _refuse_dead(record, where)
+    _refuse_other_pace(record, baseline, where)
+    if record.mv is not None:
+        refuse_mv_units(np.asarray(record.mv), op, where)
+    notes = [f"data quality: {flag.name}: {flag.evidence}" for flag in inspect(record).values()]
+    sp = record.sp
+    notes += ["no set point recorded: the mean of PV stands for it"] if sp is None else _moves_of(sp)
+    control = baseline.controller
+    gain = control.sign * control.Kc
+    law = examine_law(op, record.pv, sp, record.Ts, gain, control.Ti, tuned)
+    samples = inspect_samples(record.pv, record.op)
+    if tuned:
+        refuse_op_units(np.asarray(record.op), law, gain, control.Ti, where)
+        if samples.step == 0.0:
+            # what a coarse PV makes of an error can look like any gain
+            refuse_other_controller(law, gain, where)
+    archive, plant_pv, mismatch = _archive(record, law, samples, baseline.noise.std)
+    if law.reason and not _apart(law):
+        notes.append(f"controller: cannot tell, {law.reason}")
+    frozen = samples.held > max(20, 0.02 * record.n) or (trusted and samples.stuck > STUCK)
+    situation = Situation(
+        record, baseline, trusted, tuned, op, np.full(record.n, record.pv.mean()) if sp is None else np.asarray(sp), law,
+        samples, archive, plant_pv, _data(record, baseline, op, plant_pv, _rounding(archive, samples), law, trusted), notes,
+        frozen=frozen and archive.rounding is None and archive.thinning == 0.0,
+        unexplained_law=_unexplained(law, archive, mismatch) if tuned else "",
+    )  # fmt: skip
+    return replace(situation, proven=proven(situation))
+
+
+def _refuse_other_pace(record: LoopRecord, baseline: Loop, where: str) -> None:
     Ts = baseline.sampling.Ts
     if abs(record.Ts / Ts - 1.0) > SAME_TS:
         raise RecordError(
             f"{where}: Ts = {record.Ts:g} s by its time column, but the baseline says Ts = {Ts:g} s; they must agree within 1 %"
         )
-    if record.mv is not None:
-        refuse_mv_units(np.asarray(record.mv), op, where)
-    notes = [f"data quality: {flag.name}: {flag.evidence}" for flag in inspect(record).values()]
-    sp = record.sp
-    if sp is None:
-        notes.append("no set point recorded: the mean of PV stands for it")
-    else:
-        notes += _moves_of(sp)
-    plant, control = baseline.plant, baseline.controller
-    law = examine_law(op, record.pv, sp, record.Ts, control.sign * control.Kc, control.Ti, tuned)
-    if tuned:
-        refuse_op_units(np.asarray(record.op), law, control.sign * control.Kc, control.Ti, where)
-    samples = inspect_samples(record.pv, record.op)
-    if tuned and samples.step == 0.0:
-        # what a coarse PV makes of an error can look like any gain
-        refuse_other_controller(law, control.sign * control.Kc, where)
-    proven, plant_pv, more, unexplained = _without_doubt(record, law, samples, baseline.noise.std)
-    notes += more
-    if not tuned:
-        unexplained = ""  # a controller of which nothing was said cannot be another one
+
+
+def _data(
+    record: LoopRecord, baseline: Loop, op: np.ndarray, plant_pv: np.ndarray, resolution: float, law: Law, trusted: bool
+) -> Data:
+    plant = baseline.plant
     integrating = plant.type == "integrating"
     u = _through_valve(op, baseline.valve, record.Ts) if record.mv is None else np.asarray(record.mv)
-    data = Data(
+    return Data(
         u=np.ascontiguousarray(u, dtype=float),
         y=np.ascontiguousarray(plant_pv, dtype=float),
         K=plant.K * (record.Ts if integrating else 1.0),
         T=0.0 if integrating else float(plant.T or 0.0) / record.Ts,
         Td=plant.Td / record.Ts,
         noise=baseline.noise.std if trusted else 0.0,
-        resolution=_rounding(proven, samples),
+        resolution=resolution,
         trusted=trusted,
         late=law.late,
     )
-    if trusted and tuned:
-        refuse_other_plant(data, law, control.sign * control.Kc, control.Ti, record.Ts, where)
-    frozen = samples.held > max(20, 0.02 * record.n) or (trusted and samples.stuck > STUCK)
-    frozen = frozen and "quantisation" not in proven and "compression" not in proven
-    setpoint = np.full(record.n, record.pv.mean()) if sp is None else np.asarray(sp)
-    return Situation(
-        record, baseline, trusted, tuned, op, setpoint, law, samples, plant_pv, data, proven, notes, frozen, unexplained
-    )  # fmt: skip
 
 
 def _moves_of(sp: np.ndarray) -> list[str]:
@@ -139,63 +148,64 @@ def _through_valve(op: np.ndarray, valve: Part, Ts: float) -> np.ndarray:
     return op
 
 
-def _rounding(proven: dict, samples: Samples) -> float:
-    if "quantisation" not in proven:
+def _rounding(archive: Archive, samples: Samples) -> float:
+    if archive.rounding is None:
         return max(samples.resolution, samples.step)
-    lattice = proven["quantisation"]
-    return float(lattice["step"]) if lattice["at"] == "loop" else samples.resolution
+    step, at = archive.rounding
+    return step if at == "loop" else samples.resolution
 
 
-def _without_doubt(
-    record: LoopRecord, law: Law, samples: Samples, noise: float
-) -> tuple[dict[str, dict[str, float | str]], np.ndarray, list[str], str]:
-    """Return the effects that need no fit, the PV the controller saw, notes, and why the controller is a stranger."""
-    proven: dict[str, dict[str, float | str]] = {e: dict(p) for e, p in law.found.items()}
-    pv = np.asarray(record.pv)
-    recovered_pv, notes, unexplained = law.recovered_pv, [], ""
-    apart = recovered_pv is not None and bool(law.reason)  # the archive is not what the controller saw
+def _apart(law: Law) -> bool:
+    """Return whether the archive is not what the controller saw."""
+    return law.recovered_pv is not None and bool(law.reason)
+
+
+def _unexplained(law: Law, archive: Archive, mismatch: str) -> str:
+    """Return why no PI law turns the recorded error into OP; nothing where what stands between is known."""
+    if not archive.faithful or law.gap > 0.0:
+        return mismatch
+    return mismatch or law.foreign or law.reason
+
+
+def _archive(record: LoopRecord, law: Law, samples: Samples, noise: float) -> tuple[Archive, np.ndarray, str]:
+    """Return what single samples prove of PV, the PV the controller saw, and why OP moves as no PV makes it move."""
+    pv, seen = np.asarray(record.pv), law.recovered_pv
+    place, thinning, step = "record" if _apart(law) else "loop", 0.0, 0.0
     if samples.step > FINE * noise:
-        proven["quantisation"] = {"step": samples.step, "at": "record" if apart else "loop"}
-        if apart:
-            pv = np.asarray(recovered_pv)
-    elif samples.straight > 0.25 or _lines_where_apart(np.asarray(record.pv), recovered_pv, samples):
-        size = float(np.quantile(np.abs(record.pv - recovered_pv), 0.98)) if recovered_pv is not None else 0.0
-        proven["compression"] = {"band": size or 0.5 * float(np.std(np.diff(record.pv)))}
-        if apart:
-            pv = np.asarray(recovered_pv)
+        step = samples.step
+    elif samples.straight > 0.25 or _lines_where_apart(pv, seen, samples):
+        size = float(np.quantile(np.abs(pv - seen), 0.98)) if seen is not None else 0.0
+        thinning = size or 0.5 * float(np.std(np.diff(pv)))
     elif samples.resolution > 0.0 and noise > 0.0 and samples.resolution > 1.5 * noise:
-        proven["quantisation"] = {"step": samples.resolution, "at": "record" if apart else "loop"}
-        if apart:
-            pv = np.asarray(recovered_pv)
+        step = samples.resolution
+    plant_pv = np.asarray(seen) if _apart(law) and (step or thinning) else pv
+    spikes, plant_pv, mismatch = _spikes(record, law, samples, plant_pv, thinning > 0.0)
+    return Archive((step, place) if step else None, thinning, spikes), plant_pv, mismatch
+
+
+def _spikes(
+    record: LoopRecord, law: Law, samples: Samples, plant_pv: np.ndarray, thinned: bool
+) -> tuple[tuple[float, float, str] | None, np.ndarray, str]:
+    """Return spikes as `Archive` has them, PV without those the plant did not make, and why OP moves as no PV makes it."""
+    pv, seen, mismatch = np.asarray(record.pv), law.recovered_pv, ""
     spikes, heights, place = samples.spikes, samples.heights, "loop"
-    if recovered_pv is not None and not law.foreign:
-        off = record.pv - recovered_pv
-        only, sizes = isolated(off, 0.0)
+    if seen is not None and not law.foreign:
+        only, sizes = isolated(pv - seen, 0.0)
         # where the law is exact everywhere else, what is left of PV is the spikes alone
-        strong = np.abs(sizes) > 1e-3 * float(np.std(record.pv))
+        strong = np.abs(sizes) > 1e-3 * float(np.std(pv))
         only, sizes = only[strong], sizes[strong]
-        if (
-            only.size >= 2
-            and "compression" not in proven
-            and samples.step == 0.0
-            and not stands_out(np.asarray(record.pv), only, sizes)
-        ):
-            unexplained = "OP moves as no PV on record makes it move"
-            only = only[:0]
-        if only.size >= 2 and samples.step == 0.0 and "compression" not in proven:
-            spikes, heights, place = only, sizes, "record"
-            pv = np.asarray(recovered_pv)
-    elif spikes.size >= 3 and recovered_pv is None and not _answered(record, law, spikes, heights):
+        plain = only.size >= 2 and not thinned and samples.step == 0.0
+        if plain and not stands_out(pv, only, sizes):
+            mismatch = "OP moves as no PV on record makes it move"
+        elif plain:
+            spikes, heights, place, plant_pv = only, sizes, "record", np.asarray(seen)
+    elif spikes.size >= 3 and seen is None and not _answered(record, law, spikes, heights):
         place = "record"
-    if spikes.size >= 3 and "compression" not in proven:
-        proven["outliers"] = {"rate": spikes.size / record.n, "size": float(np.mean(np.abs(heights))), "at": place}
-        if place == "loop" or recovered_pv is None:
-            pv = cleaned(pv, spikes)
-    if law.reason and not apart:
-        notes.append(f"controller: cannot tell, {law.reason}")
-    if {"quantisation", "compression", "outliers", "error_deadband"} & set(proven):
-        return proven, pv, notes, unexplained
-    return proven, pv, notes, unexplained or law.foreign or law.reason
+    if spikes.size < 3 or thinned:
+        return None, plant_pv, mismatch
+    if place == "loop" or seen is None:
+        plant_pv = cleaned(plant_pv, spikes)
+    return (spikes.size / record.n, float(np.mean(np.abs(heights))), place), plant_pv, mismatch
 
 
 def _lines_where_apart(pv: np.ndarray, recovered_pv: np.ndarray | None, samples: Samples) -> bool:

@@ -6,8 +6,9 @@ import numpy as np
 
 from detectors.record import LoopRecord
 from scenarios.spec import Controller, Loop, Noise, Plant, Sampling
+from simbench.gap.candidates import fit_candidates
 from simbench.gap.controller.pi_law import examine_law
-from simbench.gap.effects._candidates import fit_candidates
+from simbench.gap.effects import recogniser
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, Spec, size_penalty
 from simbench.gap.sensor.samples import cleaned, inspect_samples
@@ -50,7 +51,7 @@ def _identified_plant(record: LoopRecord, op: np.ndarray, controller: Controller
     integrating, fit = _plant(record, u, pv, max(samples.resolution, samples.step))
     # feedback alone may turn the sign; the controller's direction tells it
     K = fit.K if controller is None else controller.sign * abs(fit.K)
-    dead, noise = fit.theta["Td"] * record.Ts, fit.theta["noise"]
+    dead, noise = fit.theta["Td"] * record.Ts, fit.theta["noise_std"]
     if integrating:
         return Plant(type="integrating", K=K / record.Ts, Td=dead), noise
     return Plant(type="foptd", K=K, T=fit.theta["T"] * record.Ts, Td=dead), noise
@@ -81,7 +82,7 @@ def _plant(record: LoopRecord, u: np.ndarray, pv: np.ndarray, resolution: float)
             # behind a valve that rests between its slips any plant looks as if it integrated
             T = 0.0 if integrating else fit.theta["T"]
             engine = Engine(Data(u, pv, fit.K, T, fit.theta["Td"], 0.0, resolution, trusted=False), max(0.1 * record.n, 20.0))
-            sticky = fit_candidates(engine, fit, ["stiction", "deadband"])
+            sticky = fit_candidates(engine, fit, [e for e in EFFECTS if recogniser(e).band is not None])
             score[integrating] += max(0.0, *(c.log_likelihood_gain for c in sticky.values()))
     integrating = score[True] > score[False]
     return integrating, fits[integrating]
@@ -116,14 +117,6 @@ def fit_plant(op: np.ndarray, pv: np.ndarray, integrating: bool, resolution: flo
     return winner.fit(Spec(), best.theta, steps=40)
 
 
-# without a trusted baseline nothing that only its numbers define can be missing
-MEANINGFUL = {
-    "stiction", "deadband", "quantisation", "compression", "outliers", "drift", "oscillation", "load_steps", "load_drift",
-    "saturation",
-    "error_deadband", "op_quantisation",
-}  # fmt: skip
-
-
 def meaningful(mv: bool, tuned: bool) -> set[str]:
     """Return the effects that can be judged without a trusted plant.
 
@@ -138,7 +131,8 @@ def meaningful(mv: bool, tuned: bool) -> set[str]:
     -------
     set of str
     """
-    return MEANINGFUL | {e for e in EFFECTS if mv and block_of(e) == "valve"} | ({"detuning"} if tuned else set())
+    known = {"", "tuning"} if tuned else {""}
+    return {e for e in EFFECTS if recogniser(e).needs in known or (mv and block_of(e) == "valve")}
 
 
 def _rough_gain(op: np.ndarray, pv: np.ndarray) -> float:

@@ -7,10 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from detectors.errors import RecordError
+from simbench.gap.candidates import fit_candidates, possible_effects
 from simbench.gap.controller.pi_law import Law
-from simbench.gap.effects._candidates import fit_candidates
+from simbench.gap.effects import recogniser
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, Spec, size_penalty
+from simbench.gap.situation import Situation
 
 OTHER_LOOP = 10.0  # factor in Kc from which the baseline is another loop's, whatever the plant
 APART = 1.5  # factor in Kc and Ti from which the plant is asked whether it is the baseline's, and in K and time when it is not
@@ -32,7 +34,7 @@ def refuse_other_controller(law: Law, Kc: float, where: str) -> None:
     ------
     RecordError
     """
-    if law.known and law.residual < 0.03 and np.isfinite(law.Kc) and law.Kc != 0.0 and "error_deadband" not in law.found:
+    if law.known and law.residual < 0.03 and np.isfinite(law.Kc) and law.Kc != 0.0 and law.gap == 0.0:
         ratio = law.Kc / Kc
         if ratio < 1.0 / OTHER_LOOP or ratio > OTHER_LOOP:
             raise RecordError(
@@ -41,7 +43,7 @@ def refuse_other_controller(law: Law, Kc: float, where: str) -> None:
             )
 
 
-def refuse_other_plant(data: Data, law: Law, Kc: float, Ti: float | None, Ts: float, where: str) -> None:
+def refuse_other_plant(s: Situation) -> None:
     """Refuse a baseline that neither the controller nor the plant of the record agrees with.
 
     Other tuning is an effect, and so is another gain, or other friction. Where the tuning is another one, another plant, in
@@ -49,22 +51,14 @@ def refuse_other_plant(data: Data, law: Law, Kc: float, Ti: float | None, Ts: fl
 
     Parameters
     ----------
-    data : Data
-        The engine's input.
-    law : Law
-    Kc, Ti : float
-        Baseline's gain with its sign (% per PV unit) and integral time (s); None for a P controller.
-    Ts : float
-        Sampling period (s).
-    where : str
-        Names the record.
+    s : Situation
 
     Raises
     ------
     RecordError
     """
-    tuned = law.found.get("detuning")
-    if tuned is None or not _apart(tuned["Kc_factor"]) or (Ti and not _apart(tuned["Ti_factor"])):
+    data, law, Ts, control = s.data, s.law, s.record.Ts, s.baseline.controller
+    if law.tuning is None or not _apart(law.tuning[0]) or (control.Ti and not _apart(law.tuning[1])):
         return
     own, other = _own_plant(data, law, Ts)
     if other.K * law.Kc <= 0.0:
@@ -81,15 +75,14 @@ def refuse_other_plant(data: Data, law: Law, Kc: float, Ti: float | None, Ts: fl
     base = engine.base()
     if base.loglik >= to_beat:
         return
-    effects = ["gain_mismatch", "dead_time_mismatch", "load_drift", "load_steps", "deadband", "stiction"]
-    effects += ["time_constant_mismatch"] if data.T > 0 else []
     # one effect that does nearly as well is enough, and most are cheap
-    for effect in effects:
+    for effect in (e for e in possible_effects(s) if recogniser(e).bends_plant):
         if base.loglik + fit_candidates(engine, base, [effect])[effect].log_likelihood_gain >= to_beat:
             return
     raise RecordError(
-        f"{where}: its controller has Kc = {law.Kc:.3g} and Ti = {law.Ti:.3g} s, and PV answers OP with a gain of "
-        f"{gain:.3g} after {pace * Ts:.3g} s, the baseline's Kc = {Kc:.3g}, Ti = {Ti or np.inf:.3g} s, "
+        f"{s.where}: its controller has Kc = {law.Kc:.3g} and Ti = {law.Ti:.3g} s, and PV answers OP with a gain of "
+        f"{gain:.3g} after {pace * Ts:.3g} s, the baseline's "
+        f"Kc = {control.sign * control.Kc:.3g}, Ti = {control.Ti or np.inf:.3g} s, "
         f"K = {data.K:.3g} and {known * Ts:.3g} s; this is the baseline of another loop"
     )
 

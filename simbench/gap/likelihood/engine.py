@@ -16,8 +16,8 @@ from simbench.gap.likelihood.model import HOLDING, Data, Fit, Spec, lag_of, valv
 
 NOMINAL = 0.10  # a baseline is trusted within +-10 %: the prior is flat there ...
 EDGE = 0.02  # ... and falls off with this standard deviation outside
-LOGS = {"T", "load_time", "load_lag", "load", "noise", "R", "tau", "walk", "load_walk"}
-SHAPING = {"T", "Td", "tau", "S", "J", "D", "c", "R"}  # parameters that change signals, not only the noise model
+LOGS = {"T", "load_time", "load_lag", "load", "noise_std"}
+SHAPING = {"T", "Td"}  # nuisances that change signals, not only the noise model
 REDDEST = 0.5  # noise of more memory than this has passed a filter
 QUICK = 0.08  # of the longest memory a load may have: below it the prior ...
 QUICKER = 0.7  # ... falls off with this standard deviation of the logarithm
@@ -54,7 +54,7 @@ class Engine:
             "load_time": 0.3 * self.longest_load,
             "load_lag": 0.2,
             "load": 0.5 * load,
-            "noise": max(noise, d.floor),
+            "noise_std": max(noise, d.floor),
             "colour": 0.1,
         }
 
@@ -69,8 +69,9 @@ class Engine:
     def bounds(self, spec: Spec, name: str) -> tuple[float, float]:
         """Return the search interval of one parameter."""
         d = self.data
-        size = float(np.std(d.y)) + d.floor
-        span = max(float(np.ptp(d.u)), 1e-3)
+        for number in spec.own:
+            if number.name == name:
+                return number.low(d), number.high(d)
         if name == "T" and not d.trusted:
             # a plant slower than the record shows is an integrator, and was not asked for
             return 0.05, max(d.n / 15.0, d.T)
@@ -80,27 +81,13 @@ class Engine:
         if name == "Td":
             wide = 5.0 + max(3.0 * d.Td, 2.0 * d.T) if "Td" in spec.free or not d.trusted else 0.25 * d.Td + 0.5 + d.late
             return max(d.Td - wide, 0.0), min(d.Td + wide, d.n / 4)
-        if name == "load_time":
-            return 0.3, self.longest_load
-        if name == "load_lag":
-            return 0.05, self.longest_load
-        if name == "noise":
-            return d.floor, 10.0 * size
-        if name == "load":
-            return 1e-3 * d.floor if d.T > 0 else 1e-8 * size, 100.0 * size
-        if name == "colour":
-            return -REDDEST, REDDEST
-        if name in ("S", "D"):
-            return 0.0, 2.0 * span if name == "D" else 1.5 * span
-        if name == "J":
-            return 0.0, span
-        if name == "c":
-            return float(d.u.min()), float(d.u.max())
-        if name == "R":
-            return 0.01, 100.0
-        if name == "tau":
-            return 0.05, d.n / 5
-        return 1e-8 * size, size  # walk, load_walk
+        return {
+            "load_time": (0.3, self.longest_load),
+            "load_lag": (0.05, self.longest_load),
+            "load": (1e-3 * d.floor if d.T > 0 else 1e-8 * d.size, 100.0 * d.size),
+            "noise_std": (d.floor, 10.0 * d.size),
+            "colour": (-REDDEST, REDDEST),
+        }[name]
 
     def evaluate(self, spec: Spec, theta: Mapping[str, float]) -> tuple[float, np.ndarray, np.ndarray]:
         """Return penalised log-likelihood, linear coefficients and standardised innovations."""
@@ -146,8 +133,8 @@ class Engine:
         tau = theta.get("tau", 0.0)
         white, log_var = kernels.whiten(
             channels, theta["T"] if d.T > 0 else 0.0, tau if spec.pole == "extra" else 0.0, theta["load_time"], lag_of(theta),
-            theta["load"], theta["load_walk"] if spec.load_walk else 0.0, theta["walk"] if spec.walk else 0.0, theta["noise"],
-            theta["colour"], self.spread,
+            theta["load"], theta["load_walk"] if spec.load_walk else 0.0, theta["walk"] if spec.walk else 0.0,
+            theta["noise_std"], theta["colour"], self.spread,
         )  # fmt: skip
         count = d.n - kernels.SKIP
         jacobian = count * np.log(-np.expm1(-1.0 / tau)) if spec.pole == "sensor" else 0.0
@@ -185,10 +172,10 @@ class Engine:
                 # an archive that lags by a sample hides one sample of dead time
                 wide = NOMINAL * d.Td + d.late / 2 + 0.05
                 out.append(_over(theta["Td"] - d.Td + d.late / 2, wide, EDGE * d.Td + 0.03))
-        if d.noise > 0 and "noise" not in spec.free:
+        if d.noise > 0 and "noise_std" not in spec.free:
             # what rounding adds to the stated noise is no effect
             stated = np.hypot(d.noise, d.resolution / np.sqrt(12.0))
-            out.append(_over(np.log(theta["noise"] / stated), np.log1p(0.05), EDGE))
+            out.append(_over(np.log(theta["noise_std"] / stated), np.log1p(0.05), EDGE))
         return out
 
     def fit(self, spec: Spec, start: Mapping[str, float], search: tuple[str, ...] | None = None, steps: int = 10) -> Fit:
@@ -202,7 +189,8 @@ class Engine:
         theta = {m: start[m] for m in spec.names if m in start or m in names}
         box = np.array([self.bounds(spec, m) for m in names])
         box[:, 1] = np.maximum(box[:, 0], box[:, 1])
-        logs = np.array([m in LOGS for m in names])
+        by_log = LOGS | {number.name for number in spec.own if number.log}
+        logs = np.array([m in by_log for m in names])
         box[logs] = np.log(box[logs])
 
         def unpack(x: np.ndarray) -> dict[str, float]:
@@ -247,6 +235,7 @@ class Engine:
         left, level, beta, _, channels = now
         error = channels[0] - beta @ channels[1:]
         J, slope = np.empty((left.size, x.size)), np.empty(x.size)
+        shaping = SHAPING | {number.name for number in spec.own if number.shapes}
         surprise = left[self.data.n - kernels.SKIP]
         for i, name in enumerate(names):
             h = STEP if x[i] + STEP <= box[i, 1] else -STEP
@@ -254,7 +243,7 @@ class Engine:
             moved[i] += h
             theta = unpack(moved)
             changed = error
-            if name in SHAPING:
+            if name in shaping:
                 signals = self._channels(spec, theta)
                 changed = signals[0] - beta @ signals[1:]
             white, higher = self._whiten(spec, theta, changed[None, :])
@@ -302,14 +291,14 @@ class Engine:
         model = (theta["load_time"], lag_of(theta), theta["load"])
         onset = kernels.plant(self.onset, T, Td, 0.0)
         channels = np.vstack([d.y - d.y[0], *self.base_channels, onset, *spec.channels])
-        white = kernels.whiten(channels, T, 0.0, *model, 0.0, 0.0, theta["noise"], theta["colour"], self.spread)[0]
+        white = kernels.whiten(channels, T, 0.0, *model, 0.0, 0.0, theta["noise_std"], theta["colour"], self.spread)[0]
         white[:, : kernels.SKIP] = 0.0
         basis = np.ascontiguousarray(np.linalg.qr(white[1:].T)[0].T)
         rest = white[0] - basis.T @ (basis @ white[0])
         trust = (0.05, 20.0) if "K" in spec.free or not d.trusted else (1 - NOMINAL, 1 + NOMINAL)
         low, high = sorted((d.K * trust[0], d.K * trust[1]))
         return kernels.scan(
-            d.u, kind, points, T, Td, 0.0, *model, theta["noise"], theta["colour"], self.spread, rest, basis, low, high
+            d.u, kind, points, T, Td, 0.0, *model, theta["noise_std"], theta["colour"], self.spread, rest, basis, low, high
         )
 
     def grid(self, spec: Spec, theta: Mapping[str, float], points: list[dict[str, float]], keep: int = 1) -> list[Fit]:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from simbench.gap.likelihood import kernels
 
-NUISANCES = ("T", "Td", "load_time", "load_lag", "load", "noise", "colour")
+NUISANCES = ("T", "Td", "load_time", "load_lag", "load", "noise_std", "colour")
 HOLDING = (kernels.PLAY, kernels.STICK, kernels.CREEP)
 ABSENT = 1e-9
 
@@ -49,10 +50,72 @@ class Data:
         """Samples."""
         return self.y.size
 
-    @property
+    @cached_property
     def floor(self) -> float:
         """Smallest noise std that is believed."""
         return max(self.resolution / np.sqrt(12.0), 1e-6 * float(np.ptp(self.y)), ABSENT)
+
+    @cached_property
+    def size(self) -> float:
+        """Standard deviation of PV, kept off 0."""
+        return float(np.std(self.y)) + self.floor
+
+    @cached_property
+    def span(self) -> float:
+        """Range of the plant's input, kept off 0."""
+        return max(float(np.ptp(self.u)), 1e-3)
+
+
+@dataclass(frozen=True)
+class Free:
+    """A number of an effect that is searched.
+
+    Parameters
+    ----------
+    name : str
+    low, high : function of Data
+        Ends of the interval.
+    log : bool
+        Searched by its logarithm.
+    shapes : bool
+        Whether it changes signals; otherwise only the noise model.
+    """
+
+    name: str
+    low: Callable[[Data], float]
+    high: Callable[[Data], float]
+    log: bool = False
+    shapes: bool = True
+
+
+def _nothing(d: Data) -> float:
+    return 0.0
+
+
+BAND = Free("S", _nothing, lambda d: 1.5 * d.span)
+JUMP = Free("J", _nothing, lambda d: d.span)
+WIDTH = Free("D", _nothing, lambda d: 2.0 * d.span)
+CENTRE = Free("c", lambda d: float(d.u.min()), lambda d: float(d.u.max()))
+RATIO = Free("R", lambda d: 0.01, lambda d: 100.0, log=True)
+TAU = Free("tau", lambda d: 0.05, lambda d: d.n / 5, log=True)
+WALK, LOAD_WALK = (
+    Free(name, lambda d: 1e-8 * d.size, lambda d: d.size, log=True, shapes=False) for name in ("walk", "load_walk")
+)
+MAPS = {
+    kernels.PLAY: (BAND,),
+    kernels.ZONE: (WIDTH, CENTRE),
+    kernels.CURVE: (RATIO,),
+    kernels.STICK: (BAND, JUMP),
+    kernels.CREEP: (BAND, JUMP),
+}
+
+
+@dataclass(frozen=True)
+class Moves:
+    """A valve in words of its own: MV from OP `u` (n,) and the numbers searched. Slower than a compiled map, and as general."""
+
+    mv: Callable[[np.ndarray, Mapping[str, float]], np.ndarray]
+    free: tuple[Free, ...]
 
 
 @dataclass(frozen=True)
@@ -67,6 +130,7 @@ class Spec:
     pink: bool = False
     channels: tuple[np.ndarray, ...] = ()
     start: float = 0.0
+    moves: Moves | None = None
 
     def join(self, other: Spec) -> Spec:
         """Return both specs together; of two valve maps or poles the second wins."""
@@ -79,17 +143,21 @@ class Spec:
             self.pink or other.pink,
             self.channels + other.channels,
             other.start or self.start,
+            other.moves or self.moves,
         )
+
+    @property
+    def own(self) -> tuple[Free, ...]:
+        """Numbers of the effects switched on that are searched."""
+        more = ((TAU, self.pole), (WALK, self.walk), (LOAD_WALK, self.load_walk))
+        maps = MAPS.get(self.valve, ()) + (self.moves.free if self.moves else ())
+        return (*maps, *(number for number, on in more if on))
 
     @property
     def names(self) -> tuple[str, ...]:
         """Nonlinear parameters searched, nuisances first."""
-        own = {kernels.PLAY: ("S",), kernels.ZONE: ("D", "c"), kernels.CURVE: ("R",)}.get(self.valve, ())
-        if self.valve in (kernels.STICK, kernels.CREEP):
-            own = ("S", "J")
-        more = (("tau", self.pole), ("walk", self.walk), ("load_walk", self.load_walk))
         load = tuple(m for m in NUISANCES if m != "load_lag" or not self.pink)
-        return (*load, *own, *(name for name, on in more if on))
+        return (*load, *(number.name for number in self.own))
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +188,8 @@ def lag_of(theta: Mapping[str, float]) -> float:
 def valve_of(spec: Spec, theta: Mapping[str, float], u: np.ndarray) -> np.ndarray:
     """Return MV of OP `u` under the spec's valve map."""
     kind = spec.valve
+    if spec.moves is not None:
+        return spec.moves.mv(u, theta)
     if kind == kernels.IDEAL:
         return u
     if kind == kernels.PLAY:

@@ -9,6 +9,7 @@ import numpy as np
 from detectors.errors import UserError
 from detectors.record import LoopRecord
 from simbench.gap.closed_loop.gap import held_out
+from simbench.gap.effects import recogniser
 from simbench.gap.report.result import GapReport
 from simbench.loop.effects import EFFECTS, UNKNOWN
 from simbench.loop.simulate import simulate
@@ -40,8 +41,7 @@ def nearest(report: GapReport) -> list[str]:
 
 def kick_of(report: GapReport, effects: list[str]) -> float:
     """Return the offset of OP (%) that starts a cycle under these effects: a sticky loop left at rest may stay there."""
-    sticky = [r.parameters for r in report.ranking if r.effect == "stiction" and r.effect in effects]
-    return float(sticky[0].get("S", 0.0)) if sticky else 0.0
+    return max((recogniser(r.effect).kick(r.parameters) for r in report.ranking if r.effect in effects), default=0.0)
 
 
 def recorded(report: GapReport) -> Traces:

@@ -12,7 +12,6 @@ BLOCK = "sensor"
 PARAMETERS = {
     "band": Number("PV units", low=0.0, identity=0.0, says="half width of the door: the largest error"),
 }
-CONFUSABLE_WITH = ()
 ACTS = "record"
 
 

@@ -10,7 +10,6 @@ BLOCK = "process"
 PARAMETERS = {
     "extra": Number("s", identity=0.0, says="Td of the plant - Td of the baseline; the sum is cut at 0"),
 }
-CONFUSABLE_WITH = ()
 ACTS = "loop"
 
 

@@ -12,7 +12,6 @@ BLOCK = "valve"
 PARAMETERS = {
     "S": Number("% of travel", low=0.0, high=100.0, identity=0.0, says="width of the band (offset while moving is S/2)"),
 }
-CONFUSABLE_WITH = ("stiction",)
 ACTS = "loop"
 
 

@@ -15,7 +15,6 @@ PARAMETERS = {
         "% of travel", low=0.0, high=100.0, default=FOLLOWS, identity=50.0, says="centre; absent = op0 of the operating point"
     ),
 }
-CONFUSABLE_WITH = ("valve_characteristic", "gain_mismatch")
 ACTS = "loop"
 
 

@@ -11,7 +11,6 @@ PARAMETERS = {
     "Kc_factor": Number("", low=0.02, high=50.0, default=1.0, says="Kc of the plant / Kc of the baseline"),
     "Ti_factor": Number("", low=0.02, high=50.0, default=1.0, says="Ti of the plant / Ti of the baseline (PI only)"),
 }
-CONFUSABLE_WITH = ()
 ACTS = "loop"
 
 

@@ -13,7 +13,6 @@ PARAMETERS = {
     "rate": Number("PV units/s", default=0.0, says="ramp"),
     "walk": Number("PV units/sqrt(s)", low=0.0, default=0.0, says="random walk beside it"),
 }
-CONFUSABLE_WITH = ("load_drift", "load_steps")
 ACTS = "loop"
 
 

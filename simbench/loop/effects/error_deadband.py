@@ -10,10 +10,9 @@ BLOCK = "controller"
 PARAMETERS = {
     "width": Number("PV units", low=0.0, identity=0.0, says="full width"),
 }
-CONFUSABLE_WITH = ()
 ACTS = "loop"
 
 
 def apply(setup, p, rng):
     """Set the controller's gap."""
-    setup.error_deadband = max(setup.error_deadband, p.width)
+    setup.error_gap = max(setup.error_gap, p.width)

@@ -12,7 +12,6 @@ BLOCK = "process"
 PARAMETERS = {
     "tau": Number("s", low=0.0, identity=0.0, says="time constant"),
 }
-CONFUSABLE_WITH = ("valve_lag", "sensor_lag")
 ACTS = "loop"
 
 

@@ -10,7 +10,6 @@ BLOCK = "process"
 PARAMETERS = {
     "factor": Number("", low=0.05, high=20.0, identity=1.0, says="K of the plant / K of the baseline"),
 }
-CONFUSABLE_WITH = ("time_constant_mismatch", "valve_characteristic", "deadzone")
 ACTS = "loop"
 
 

@@ -14,7 +14,6 @@ PARAMETERS = {
     "rate": Number("%/s", default=0.0, says="ramp"),
     "walk": Number("%/sqrt(s)", low=0.0, default=0.0, says="random walk beside it"),
 }
-CONFUSABLE_WITH = ("load_steps", "drift")
 ACTS = "loop"
 
 

@@ -13,7 +13,6 @@ PARAMETERS = {
     "rate": Number("1/s", low=0.0, identity=0.0, says="mean number of jumps per second"),
     "size": Number("%", low=0.0, high=100.0, identity=0.0, says="std of the levels about the mean load"),
 }
-CONFUSABLE_WITH = ("load_drift", "drift")
 ACTS = "loop"
 
 

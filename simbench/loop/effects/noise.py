@@ -15,7 +15,6 @@ PARAMETERS = {
     ),
     "std": Number("PV units", low=0.0, default=0.0, says="std added in quadrature; use it where the baseline has no noise"),
 }
-CONFUSABLE_WITH = ()
 ACTS = "loop"
 
 

@@ -10,7 +10,6 @@ BLOCK = "controller"
 PARAMETERS = {
     "step": Number("%", low=0.0, high=100.0, identity=0.0, says="lattice spacing; 0 = none"),
 }
-CONFUSABLE_WITH = ()
 ACTS = "loop"
 
 

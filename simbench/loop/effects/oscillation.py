@@ -14,7 +14,6 @@ PARAMETERS = {
     "amplitude": Number("%", low=0.0, high=100.0, identity=0.0, says="half peak-to-peak"),
     "period": Number("s", low=0.0, identity=100.0, says="period"),
 }
-CONFUSABLE_WITH = ()
 ACTS = "loop"
 
 

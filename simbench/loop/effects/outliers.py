@@ -14,7 +14,6 @@ PARAMETERS = {
     "size": Number("PV units", low=0.0, identity=0.0, says="mean height; sign at random"),
     "at": Choice(("record", "loop"), default="record", says="record: the archive only; loop: the controller sees them too"),
 }
-CONFUSABLE_WITH = ()
 ACTS = "record"
 
 

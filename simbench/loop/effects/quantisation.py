@@ -16,7 +16,6 @@ PARAMETERS = {
         ("loop", "record"), default="loop", says="loop: the transmitter, the controller sees it; record: the archive only"
     ),
 }
-CONFUSABLE_WITH = ()
 ACTS = "loop"
 
 

@@ -12,7 +12,6 @@ PARAMETERS = {
     "lo": Number("%", low=0.0, high=100.0, default=0.0, says="lower limit"),
     "hi": Number("%", low=0.0, high=100.0, default=100.0, says="upper limit"),
 }
-CONFUSABLE_WITH = ()
 ACTS = "loop"
 
 

@@ -10,7 +10,6 @@ BLOCK = "sensor"
 PARAMETERS = {
     "tau": Number("s", low=0.0, identity=0.0, says="time constant"),
 }
-CONFUSABLE_WITH = ("valve_lag", "extra_lag")
 ACTS = "loop"
 
 

@@ -15,7 +15,6 @@ PARAMETERS = {
     ),
     "J": Number("% of travel", low=0.0, high=100.0, identity=0.0, says="slip-jump"),
 }
-CONFUSABLE_WITH = ("deadband",)
 ACTS = "loop"
 
 

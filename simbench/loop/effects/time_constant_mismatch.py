@@ -13,7 +13,6 @@ BLOCK = "process"
 PARAMETERS = {
     "factor": Number("", low=0.05, high=20.0, identity=1.0, says="T of the plant / T of the baseline"),
 }
-CONFUSABLE_WITH = ("gain_mismatch",)
 ACTS = "loop"
 
 

@@ -10,7 +10,6 @@ BLOCK = "valve"
 PARAMETERS = {
     "R": Number("", low=0.01, high=100.0, identity=1.0, says="ratio of the local gains at OP = 100 and OP = 0"),
 }
-CONFUSABLE_WITH = ("deadzone", "gain_mismatch")
 ACTS = "loop"
 
 

@@ -11,7 +11,6 @@ BLOCK = "valve"
 PARAMETERS = {
     "tau": Number("s", low=0.0, identity=0.0, says="time constant"),
 }
-CONFUSABLE_WITH = ("extra_lag", "sensor_lag")
 ACTS = "loop"
 
 

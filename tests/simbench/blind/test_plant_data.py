@@ -12,10 +12,10 @@ import pytest
 from detectors.io import read_record
 from scenarios.spec import Loop
 from simbench.blind.plant_data import by_flag, by_unit_group, diagnose_folder
+from simbench.gap.candidates import fit_candidates
 from simbench.gap.decide.assess import Assessment, assess
 from simbench.gap.decide.identified import in_both_halves, plausible, remarks
 from simbench.gap.diagnosis import diagnose
-from simbench.gap.effects._candidates import fit_candidates
 from simbench.gap.intake.check import check
 from simbench.gap.intake.identify import identify
 from simbench.gap.likelihood.engine import Engine

@@ -53,7 +53,6 @@ def test_an_effect_says_where_it_acts_and_where_it_comes_from(name):
     assert effect.ACTS in ("loop", "record")
     assert effect.SOURCE
     assert len(EFFECTS[name].says) > 20
-    assert set(effect.CONFUSABLE_WITH) <= set(EFFECTS)
     for key, number in EFFECTS[name].parameters.items():
         if isinstance(number, Number):
             assert number.low <= number.identity <= number.high, key
@@ -67,10 +66,16 @@ def test_the_vocabulary_is_data_and_loads_no_model():
     assert not {"numba", "scipy", "control", "pandas"} & set(loaded)
 
 
-def test_confusion_is_mutual():
-    for name in EFFECTS:
-        for other in PLUGINS.load(name).CONFUSABLE_WITH:
-            assert name in PLUGINS.load(other).CONFUSABLE_WITH, (name, other)
+def test_simulating_an_effect_asks_nothing_of_the_diagnosis():
+    code = (
+        "import sys; from scenarios.spec import Loop; from simbench.loop.simulate import simulate\n"
+        "table = {'plant': {'type': 'foptd', 'K': 1, 'T': 10}, 'controller': {'type': 'PI', 'Kc': 1, 'Ti': 10},"
+        " 'sampling': {'Ts': 1, 'n': 50}, 'effect': [{'name': 'stiction', 'S': 2, 'J': 1}]}\n"
+        "simulate(Loop.from_table(table)); print(','.join(m for m in sys.modules if m.startswith('simbench')))"
+    )
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip().split(",")
+    assert "simbench.loop.effects.stiction" in loaded
+    assert not [m for m in loaded if m.startswith(("simbench.gap", "simbench.blind", "simbench.bench"))]
 
 
 @pytest.mark.parametrize("name", EFFECTS)

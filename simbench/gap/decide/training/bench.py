@@ -272,4 +272,4 @@ def _one_chain(setup: Setup) -> None:
         chain.append(own or (module, valve_parameters(module, idle, setup.Ts)))
     setup.valves = chain
     setup.sensor_tau = max(setup.sensor_tau, 1e-6 * setup.Ts)
-    setup.error_deadband = max(setup.error_deadband, 1e-300)
+    setup.error_gap = max(setup.error_gap, 1e-300)

@@ -15,7 +15,9 @@ from scenarios.spec import Loop
 from simbench.gap.closed_loop.summary_features import as_matrix, distance, floor_of, seed_spread
 from simbench.gap.decide.training.bench import Bench, draw_bench, look
 from simbench.gap.decide.training.foreign import FOREIGN, run_foreign
-from simbench.gap.decide.training.sizes import Scales, Size, size_of
+from simbench.gap.decide.training.sizes import Scales, friction, scales
+from simbench.gap.effects import recogniser
+from simbench.gap.effects._draw import Size
 from simbench.loop.effects import EFFECTS, PLUGINS
 from simbench.loop.parameters import resolve
 from simbench.loop.setup import Setup
@@ -120,9 +122,9 @@ def draw_case(
     for loops in range(1, LOOPS + 1):
         bench = draw_bench(
             rng,
-            foptd="time_constant_mismatch" in effects or (kind is not None and kind.foptd),
+            foptd=any(recogniser(e).replaces == "T" for e in effects) or (kind is not None and kind.foptd),
             steps=kind is not None and kind.steps,
-            play=kind is None and "stiction" not in effects,
+            play=kind is None and not any(_slips(e) for e in effects),
         )
         streams = (FAMILY, seed, loops)
         # what was drawn of strength and direction waits some loops for one it fits: easy ones must not crowd out the others
@@ -170,8 +172,8 @@ def _check(effects: tuple[str, ...], foreign: str, strength: str) -> None:
         raise ParameterError(f"training: foreign kind {foreign!r} and effects together; one or the other")
     if len(set(effects)) < len(effects) or len(effects) > 2:
         raise ParameterError(f"training: effects {effects}; at most two different ones are drawn together")
-    if {"stiction", "deadband"} <= set(effects):
-        raise ParameterError("training: stiction and deadband together; a valve has one friction")
+    if sum(recogniser(e).band is not None for e in effects) > 1:
+        raise ParameterError(f"training: {' and '.join(effects)} together; a valve has one friction")
 
 
 def _cloud(bench: Bench, streams: tuple[int, ...]) -> Faultless | None:
@@ -188,12 +190,12 @@ def _cloud(bench: Bench, streams: tuple[int, ...]) -> Faultless | None:
 
 
 def _known(bench: Bench, streams: tuple, effects: tuple[str, ...], cloud: Faultless, strength: str, luck: np.random.Generator):
-    scales = Scales(bench, bench.run(bench.finish(bench.setup(streams), streams)))
+    own = scales(bench, bench.run(bench.finish(bench.setup(streams), streams)))
     grades = [strength or _grade(luck, at_least_medium=len(effects) > 1) for _ in effects]
-    sizes, x = [size_of(e, scales, luck) for e in effects], []
+    sizes, x = [_size(e, own, luck) for e in effects], []
     last: Measured | None = None
     for effect, size, grade in zip(effects, sizes, grades):
-        hit = _search(lambda x, e=effect, s=size: _measure(bench, streams, (e,), (s,), (x,), cloud), scales, grade, cloud, luck)
+        hit = _search(lambda x, e=effect, s=size: _measure(bench, streams, (e,), (s,), (x,), cloud), own, grade, cloud, luck)
         if hit is None:
             return None
         x.append(hit[0])
@@ -204,15 +206,15 @@ def _known(bench: Bench, streams: tuple, effects: tuple[str, ...], cloud: Faultl
 
 
 def _foreign(bench: Bench, streams: tuple, kind: str, cloud: Faultless, strength: str, luck: np.random.Generator):
-    scales = Scales(bench, bench.run(bench.finish(bench.setup(streams), streams)))
+    own = scales(bench, bench.run(bench.finish(bench.setup(streams), streams)))
 
     def measure(x: float) -> Measured | None:
         setup = bench.finish(bench.setup(streams), streams)
-        record, numbers = run_foreign(kind, setup, scales, x, np.random.default_rng([*streams, 3]))
+        record, numbers = run_foreign(kind, setup, own, x, np.random.default_rng([*streams, 3]))
         return _judged(record, cloud, {kind: numbers})
 
     grade = strength or _grade(luck)
-    hit = _search(measure, scales, grade, cloud, luck)
+    hit = _search(measure, own, grade, cloud, luck)
     return None if hit is None else (grade, hit[1])
 
 
@@ -238,6 +240,20 @@ def _search(
     return None
 
 
+def _slips(effect: str) -> bool:
+    """Return whether an effect is friction with a jump, which real valves have by laws of their own."""
+    return {"S", "J"} <= set(EFFECTS[effect].parameters)
+
+
+def _size(effect: str, own: Scales, luck: np.random.Generator) -> Size:
+    model = {"model": friction(luck)} if _slips(effect) else {}
+    draw = recogniser(effect).draw
+    if draw is None:
+        raise ParameterError(f"training: nobody said how to draw {effect!r} at random")
+    size = draw(own, luck)
+    return lambda x: size(x) | model
+
+
 def _measure(
     bench: Bench, streams: tuple, effects: Sequence[str], sizes: Sequence[Size], x: Sequence[float], cloud: Faultless
 ) -> Measured | None:
@@ -250,7 +266,7 @@ def _measure(
 
 
 def _apply(setup: Setup, effect: str, table: dict[str, Any], rng: np.random.Generator) -> None:
-    if effect == "stiction":  # the effect is the (S, J) map; a real valve sticks by laws of its own
+    if "model" in table:
         setup.add_valve(table["model"], {"S": table["S"], "J": table["J"]}, first=True)
         return
     plugin = PLUGINS.load(effect)

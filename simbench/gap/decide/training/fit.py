@@ -17,14 +17,14 @@ import numpy as np
 from scipy.optimize import minimize
 
 from simbench.calibration import calibration_error
-from simbench.gap.decide.classify import KNOWN, LEARNED, candidate_rows, combined, record_row
+from simbench.gap.decide.classify import LEARNED, candidate_rows, combined, record_row
 from simbench.gap.decide.training.make import load
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
 from simbench.usage import exit_code
 
 FOLDS = 5
 FALSE_ALARMS = 0.05  # share of records without effect on which one may be named
-ANSWERS = (*KNOWN, UNKNOWN)
+ANSWERS = (*EFFECTS, NONE, UNKNOWN)
 COMMON = {
     "learning_rate": 0.06, "lambda_l2": 3.0, "feature_fraction": 0.3, "bagging_fraction": 0.8, "bagging_freq": 1,
     "num_threads": 1, "deterministic": True, "force_row_wise": True, "seed": 0, "verbose": -1,
@@ -70,12 +70,13 @@ def fit(examples: Sequence[Mapping[str, Any]]) -> tuple[Any, Any, dict[str, Any]
     """
     record = sorted({k for e in examples for k in e["evidence"]["record"]})
     effect = sorted({k for e in examples for name in EFFECTS for k in e["evidence"][name]})
-    X = np.array([candidate_rows(e["evidence"], record, effect) for e in examples])
-    R = np.array([record_row(e["evidence"], record, effect) for e in examples])
+    columns = (list(EFFECTS), record, effect)
+    X = np.array([candidate_rows(e["evidence"], *columns) for e in examples])
+    R = np.array([record_row(e["evidence"], *columns) for e in examples])
     right = [truth(e) for e in examples]
     Y = np.array([[float(a in t) for a in ANSWERS] for t in right])
     fold = np.arange(len(examples)) % FOLDS
-    z, u = np.empty((len(examples), len(KNOWN))), np.empty(len(examples))
+    z, u = np.empty((len(examples), len(ANSWERS) - 1)), np.empty(len(examples))
     for k in range(FOLDS):
         known, unknown = _grow(X[fold != k], R[fold != k], Y[fold != k])
         z[fold == k] = _ranked(known, X[fold == k])
@@ -91,7 +92,11 @@ def fit(examples: Sequence[Mapping[str, Any]]) -> tuple[Any, Any, dict[str, Any]
     numbers["none_bias"] = none_bias(combined(z, u, **numbers)[none]) if none.any() else 0.0
     p = combined(z, u, **numbers)
     known, unknown = _grow(X, R, Y)
-    return known, unknown, {**numbers, "record": record, "effect": effect, "found": _found(examples, right, p)}
+    return (
+        known,
+        unknown,
+        {**numbers, "effects": list(EFFECTS), "record": record, "effect": effect, "found": _found(examples, right, p)},
+    )
 
 
 def none_bias(p: np.ndarray) -> float:

@@ -12,7 +12,8 @@ from numba import njit
 from scipy.signal import lfilter
 
 from detectors.record import LoopRecord
-from simbench.gap.decide.training.sizes import Scales, between
+from simbench.gap.decide.training.sizes import Scales
+from simbench.gap.effects._draw import between
 from simbench.loop.plant import sample
 from simbench.loop.setup import Setup
 

@@ -10,7 +10,6 @@ from scenarios.spec import Loop
 from simbench.gap.decide import classify as module
 from simbench.gap.decide.assess import Assessment, assess
 from simbench.gap.decide.classify import (
-    KNOWN,
     Classified,
     by_gain,
     candidate_rows,
@@ -106,13 +105,14 @@ def test_numbers_the_trees_do_not_know_change_nothing(rows):
 def test_lines_hold_each_number_in_its_column():
     rows: dict[str, Row] = {"record": {"n": 7.0}, **{e: {"gain": float(i)} for i, e in enumerate(EFFECTS)}}
     rows["drift"] |= {"size": 4.0, "gain": 99.0}
-    X = candidate_rows(rows, ["n", "mv"], ["gain", "size"])
-    drift = list(EFFECTS).index("drift")
-    assert X.shape == (len(KNOWN), 6)
+    effects = list(EFFECTS)
+    X = candidate_rows(rows, effects, ["n", "mv"], ["gain", "size"])
+    drift = effects.index("drift")
+    assert X.shape == (len(effects) + 1, 6)
     assert X[drift].tolist()[2:5] == [99.0, 4.0, 7.0]
     assert np.isnan(X[:, 5]).all()
-    assert np.isnan(X[KNOWN.index(NONE), 2:4]).all()
-    line = record_row(rows, ["n"], ["size"])
+    assert np.isnan(X[-1, 2:4]).all()
+    line = record_row(rows, effects, ["n"], ["size"])
     assert line.tolist()[:3] == [drift, 4.0, 7.0]
     assert line.tolist()[3:] == [rows[e]["gain"] for e in EFFECTS]
 
@@ -144,17 +144,16 @@ def test_where_the_baseline_was_identified_gains_decide(found, monkeypatch):
     assert max(p, key=lambda a: p[a]) == UNKNOWN
     # an effect as probable as none needs just the gain that stands for none
     q = by_gain(replace(loose, log_likelihood_gains={**quiet, "drift": module.NONE_GAIN}, chosen=[]))
-    assert q[list(EFFECTS).index("drift")] == pytest.approx(q[-2])
-    assert q.sum() == pytest.approx(1.0)
+    assert q["drift"] == pytest.approx(q[NONE])
+    assert sum(q.values()) == pytest.approx(1.0)
 
 
 def test_where_the_baseline_was_identified_a_second_effect_counts_though_alone_it_does_not(found):
     loose = replace(found, situation=replace(found.situation, trusted=False), unexplained={})
     gains = {**dict.fromkeys(EFFECTS, -3.0), "noise": 25.0, "drift": -2.0}
-    at = list(EFFECTS).index("drift")
     one, two = (by_gain(replace(loose, log_likelihood_gains=gains, chosen=c)) for c in (["noise"], ["noise", "drift"]))
-    assert two[at] > 100 * one[at]
-    assert np.argmax(two) == list(EFFECTS).index("noise")
+    assert two["drift"] > 100 * one["drift"]
+    assert max(two, key=lambda e: two[e]) == "noise"
 
 
 def test_unknown_stands_in_the_block_that_fails(found):
@@ -179,3 +178,17 @@ def test_a_blocks_share_is_the_summed_probability_of_what_lies_in_it():
 def test_where_none_is_the_answer_no_block_has_a_share():
     p = dict.fromkeys((*EFFECTS, NONE, UNKNOWN), 0.0) | {"stiction": 0.4, NONE: 0.6}
     assert set(Classified(p, "process").shares.values()) == {0.0}
+
+
+def test_an_effect_the_trees_never_saw_is_weighed_by_its_likelihood_against_all_others(found, monkeypatch):
+    trees = module._models()
+    plain = classify(found).probability
+    learned = [e for e in trees[2]["effects"] if e != "error_deadband"]
+    monkeypatch.setattr(module, "_models", lambda: (*trees[:2], {**trees[2], "effects": learned}))
+    monkeypatch.setattr(module, "probabilities", lambda rows: np.array([[plain[e] for e in (*learned, NONE, UNKNOWN)]]))
+    for gain, most in ((-10.0, 0.0), (500.0, 1.0)):
+        p = classify(replace(found, log_likelihood_gains={**found.log_likelihood_gains, "error_deadband": gain})).probability
+        assert sum(p.values()) == pytest.approx(1.0)
+        assert p["error_deadband"] == pytest.approx(most, abs=0.1)
+        if most == 0.0:
+            assert p["stiction"] == pytest.approx(plain["stiction"], rel=0.1)

@@ -8,6 +8,7 @@ import pytest
 from detectors.errors import RecordError
 from scenarios.spec import Loop
 from simbench.gap.intake.check import check
+from simbench.gap.intake.other_loop import refuse_other_plant
 from simbench.gap.intake.refuse import moving_slope
 from simbench.loop.simulate import simulate
 
@@ -30,9 +31,15 @@ def run(**more):
     return simulate(loop(**more), seed=3, kick=6.0).record
 
 
+def admitted(record, baseline):
+    situation = check(record, baseline)
+    refuse_other_plant(situation)
+    return situation
+
+
 def refused(record, baseline, *words):
     with pytest.raises(RecordError) as caught:
-        check(record, baseline)
+        admitted(record, baseline)
     sentence = str(caught.value)
     assert "\n" not in sentence
     for word in words:
@@ -103,7 +110,7 @@ SLACK = {"controller": {"type": "PI", "Kc": 0.5, "Ti": 60.0}}
 ], ids=["alone", "with another gain", "with another time constant"])  # fmt: skip
 @pytest.mark.parametrize("valve", [{}, STICKY], ids=["ideal", "sticky"])
 def test_other_tuning_is_an_effect_and_no_other_loop(other, valve):
-    found = check(replace(run(**LOADED, **valve), mv=None), loop(**other)).proven["detuning"]
+    found = admitted(replace(run(**LOADED, **valve), mv=None), loop(**other)).proven["detuning"]
     assert found["Kc_factor"] == pytest.approx(3.0, rel=1e-3)
     assert found["Ti_factor"] == pytest.approx(1.0 / 3.0, rel=1e-3)
 
@@ -115,7 +122,7 @@ def test_retuned_vessels_are_not_taken_for_other_plants():
         "disturbance": [{"type": "coloured", "amplitude": 1.0, "period": 100.0}],
     }
     effect = [{"name": "detuning", "Kc_factor": 0.5, "Ti_factor": 2.0}]
-    assert "detuning" in check(replace(run(**table, effect=effect), mv=None), loop(**table)).proven
+    assert "detuning" in admitted(replace(run(**table, effect=effect), mv=None), loop(**table)).proven
 
 
 def held(pv, every, length):

@@ -40,14 +40,15 @@ def engine(gain=1.0, integrating=False, trusted=True, op=OP, pv=PV, scale=1.0):
     )  # fmt: skip
 
 
-THETA = {"T": 13.1, "Td": 4.45, "load_time": 11.0, "load_lag": 3.0, "load": 1.3, "noise": 0.33, "colour": 0.15}
+THETA = {"T": 13.1, "Td": 4.45, "load_time": 11.0, "load_lag": 3.0, "load": 1.3, "noise_std": 0.33, "colour": 0.15}
 RAMP = np.linspace(0.0, 1.0, PV.size)
 PINK = {k: v for k, v in THETA.items() if k != "load_lag"}
 
 
 @pytest.mark.parametrize(("e", "spec", "theta"), [
     (engine(), Spec(), THETA),
-    (engine(), Spec(), {**THETA, "T": 18.0, "Td": 6.8, "noise": 0.6, "load_time": 1.5, "load_lag": 0.3}),  # outside its priors
+    # outside its priors
+    (engine(), Spec(), {**THETA, "T": 18.0, "Td": 6.8, "noise_std": 0.6, "load_time": 1.5, "load_lag": 0.3}),
     (engine(gain=0.6), Spec(), THETA),  # the gain held by its prior
     (engine(trusted=False), Spec(pink=True), PINK),
     (engine(), Spec(pole="sensor"), {**THETA, "tau": 2.0}),
@@ -107,7 +108,7 @@ def test_plant_load_and_noise_are_found_again():
     assert fit.K == pytest.approx(K, rel=0.05)
     assert fit.theta["T"] == pytest.approx(T, rel=0.08)
     assert fit.theta["Td"] == pytest.approx(TD, abs=0.4)
-    assert fit.theta["noise"] == pytest.approx(NOISE, rel=0.05)
+    assert fit.theta["noise_std"] == pytest.approx(NOISE, rel=0.05)
     assert fit.theta["load"] == pytest.approx(LOAD, rel=0.25)
     assert fit.theta["load_time"] == pytest.approx(MEMORY, rel=0.35)
     assert np.var(fit.residual[kernels.SKIP :]) == pytest.approx(1.0, abs=0.04)
@@ -142,7 +143,7 @@ def test_a_scan_is_least_squares_beside_the_other_channels(kind, points, gain, t
     fast = e.scan(Spec(channels=(RAMP,)), theta, kind, np.array(points))
 
     def white(x):
-        model = (theta["load_time"], lag_of(theta), theta["load"], 0.0, 0.0, theta["noise"], theta["colour"], e.spread)
+        model = (theta["load_time"], lag_of(theta), theta["load"], 0.0, 0.0, theta["noise_std"], theta["colour"], e.spread)
         return kernels.whiten(x[None, :], theta["T"], 0.0, *model)[0][0, kernels.SKIP :]
 
     onset = kernels.plant(np.append(0.0, np.ones(n - 1)), theta["T"], theta["Td"], 0.0)
@@ -170,8 +171,13 @@ def test_a_fit_has_no_unit_of_pv(spec):
     op, pv = recorded(disturbance=[{"type": "coloured", "amplitude": 2 * LOAD / K, "period": MEMORY, "lag": 8.0}])
     one, other = engine(op=op, pv=pv), engine(op=op, pv=pv, scale=64.0)
     start = {**one.start(), "load_lag": 4.0}
-    a, b = one.fit(spec, start), other.fit(spec, {m: v * (64.0 if m in ("load", "noise") else 1.0) for m, v in start.items()})
+    a, b = (
+        one.fit(spec, start),
+        other.fit(spec, {m: v * (64.0 if m in ("load", "noise_std") else 1.0) for m, v in start.items()}),
+    )
     assert b.loglik == pytest.approx(a.loglik - (PV.size - kernels.SKIP) * np.log(64.0), abs=1e-4)
     assert pytest.approx(64.0 * a.K, rel=1e-4) == b.K
     for name, value in a.theta.items():
-        assert b.theta[name] == pytest.approx(value * (64.0 if name in ("load", "noise") else 1.0), rel=1e-3, abs=1e-6), name
+        assert b.theta[name] == pytest.approx(value * (64.0 if name in ("load", "noise_std") else 1.0), rel=1e-3, abs=1e-6), (
+            name
+        )

@@ -12,7 +12,7 @@ from simbench.gap.decide.training import foreign as foreign_kinds
 from simbench.gap.decide.training.bench import LOADS, NOISES, _colour, draw_bench, noise, shaped
 from simbench.gap.decide.training.draw import STRENGTHS, _apply, _cloud, draw_case
 from simbench.gap.decide.training.foreign import FOREIGN, Oddity, foreign_loop
-from simbench.gap.decide.training.sizes import Scales
+from simbench.gap.decide.training.sizes import scales
 from simbench.loop.effects import BLOCKS, EFFECTS
 
 
@@ -157,7 +157,7 @@ def test_loads_and_noises_have_unit_standard_deviation():
 def test_foreign_loop_without_oddity_is_the_simulator(seed):
     bench = replace(draw_bench(np.random.default_rng(seed), play=False), kick=0.0)
     record = bench.run(bench.finish(bench.setup((1, seed)), (1, seed)))
-    odd = Oddity(bench.finish(bench.setup((1, seed)), (1, seed)), Scales(bench, record)).run()
+    odd = Oddity(bench.finish(bench.setup((1, seed)), (1, seed)), scales(bench, record)).run()
     for name in ("op", "pv", "mv"):
         assert np.allclose(getattr(record, name), getattr(odd, name), rtol=1e-9, atol=1e-9)
 
@@ -168,8 +168,8 @@ def test_compiled_foreign_loop_agrees_with_plain_python(kind, monkeypatch):
 
     def run():
         setup = bench.finish(bench.setup((1, 1)), (1, 1))
-        scales = Scales(bench, bench.run(bench.finish(bench.setup((1, 1)), (1, 1))))
-        return foreign_kinds.run_foreign(kind, setup, scales, 0.8, np.random.default_rng(0))[0]
+        own = scales(bench, bench.run(bench.finish(bench.setup((1, 1)), (1, 1))))
+        return foreign_kinds.run_foreign(kind, setup, own, 0.8, np.random.default_rng(0))[0]
 
     fast = run()
     monkeypatch.setattr(foreign_kinds, "foreign_loop", foreign_loop.py_func)

@@ -1,0 +1,116 @@
+"""Controllers as products sell them: each one a step function with its own form, anti-windup and integral rule."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from numba import njit
+
+PROPORTIONAL, VELOCITY, CONDITIONAL, TRACKING, CLAMPED = range(5)
+
+# integral rule: shares of the newest and the previous error in one increment Kc Ts/Ti e
+RULES = {"forward": (0.0, 1.0), "backward": (1.0, 0.0), "trapezoidal": (0.5, 0.5)}
+
+
+class Product(NamedTuple):
+    """One controller block: its step function, its integral rule, what it is."""
+
+    law: int
+    rule: str
+    says: str
+
+
+PRODUCTS = {
+    "bias_p": Product(PROPORTIONAL, "backward", "P with a manual bias, positional"),
+    "velocity_backward": Product(VELOCITY, "backward", "increments added to the limited OP, newest error"),
+    "velocity_forward": Product(VELOCITY, "forward", "increments added to the limited OP, previous error"),
+    "velocity_trapezoidal": Product(VELOCITY, "trapezoidal", "increments added to the limited OP, mean error"),
+    "conditional_backward": Product(CONDITIONAL, "backward", "positional; no integration further into a limit"),
+    "conditional_trapezoidal": Product(CONDITIONAL, "trapezoidal", "positional; no integration further into a limit"),
+    "tracking_forward": Product(TRACKING, "forward", "positional; integral pulled back by the excess (back-calculation)"),
+    "tracking_backward": Product(TRACKING, "backward", "positional; integral pulled back by the excess (back-calculation)"),
+    "clamped_forward": Product(CLAMPED, "forward", "positional; the integral itself held within the limits"),
+    "clamped_backward": Product(CLAMPED, "backward", "positional; the integral itself held within the limits"),
+    "clamped_trapezoidal": Product(CLAMPED, "trapezoidal", "positional; the integral itself held within the limits"),
+}
+STATES = 3  # integral or bias, previous error, OP before anything is added to it
+
+
+@njit
+def clip(u, lo, hi):
+    """Limit u to lo..hi."""
+    return min(max(u, lo), hi)
+
+
+@njit
+def proportional(e, state, Kc, lo, hi):
+    """u = bias + Kc e."""
+    state[1] = e
+    state[2] = clip(state[0] + Kc * e, lo, hi)
+    return state[2]
+
+
+@njit
+def velocity(e, state, Kc, ki, now, before, lo, hi):
+    """u = limited last u + Kc (e - e_prev) + ki (now e + before e_prev): the limit itself is the anti-windup."""
+    u = state[2] + Kc * (e - state[1]) + ki * (now * e + before * state[1])
+    state[1] = e
+    state[2] = clip(u, lo, hi)
+    return state[2]
+
+
+@njit
+def conditional(e, state, Kc, ki, now, before, lo, hi):
+    """u = Kc e + I; the increment of I is dropped while u is beyond a limit and the increment would drive it further."""
+    more = ki * (now * e + before * state[1])
+    u = Kc * e + state[0] + more
+    if (u > hi and more > 0.0) or (u < lo and more < 0.0):
+        u -= more
+    else:
+        state[0] += more
+    state[1] = e
+    state[2] = clip(u, lo, hi)
+    return state[2]
+
+
+@njit
+def tracking(e, state, Kc, ki, now, before, lo, hi, back):
+    """u = Kc e + I; I is corrected by `back` (Ts/Tt, at most 1) times what the limit took away."""
+    state[0] += ki * (now * e + before * state[1])
+    raw = Kc * e + state[0]
+    state[1] = e
+    state[2] = clip(raw, lo, hi)
+    state[0] += back * (state[2] - raw)
+    return state[2]
+
+
+@njit
+def clamped(e, state, Kc, ki, now, before, lo, hi):
+    """u = Kc e + I with I itself limited: at a limit the proportional part can still take OP back."""
+    state[0] = clip(state[0] + ki * (now * e + before * state[1]), lo, hi)
+    state[1] = e
+    state[2] = clip(Kc * e + state[0], lo, hi)
+    return state[2]
+
+
+@njit
+def control(law, e, state, Kc, ki, now, before, lo, hi, back):
+    """Return OP of one scan of the product's law; e has the sign of the action already."""
+    if law == PROPORTIONAL:
+        return proportional(e, state, Kc, lo, hi)
+    if law == VELOCITY:
+        return velocity(e, state, Kc, ki, now, before, lo, hi)
+    if law == CONDITIONAL:
+        return conditional(e, state, Kc, ki, now, before, lo, hi)
+    if law == TRACKING:
+        return tracking(e, state, Kc, ki, now, before, lo, hi, back)
+    return clamped(e, state, Kc, ki, now, before, lo, hi)
+
+
+@njit
+def follow(law, e, state, Kc, u):
+    """Take over `u` from a hand without a bump: what the law remembers fits to it."""
+    state[1] = e
+    state[2] = u
+    if law != PROPORTIONAL:
+        state[0] = u - Kc * e

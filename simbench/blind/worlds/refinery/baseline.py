@@ -1,0 +1,61 @@
+"""The baseline's first-order model of a plant with small extra lags: the step responses agree as well as they can."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import least_squares
+
+
+def step_response(t: np.ndarray, T: float, lags: tuple[float, float]) -> np.ndarray:
+    """Return the unit step response of 1/((T s + 1)(lag1 s + 1)(lag2 s + 1)) by superposition of its modes.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        Times after the dead time, s; before 0 the response is 0.
+    T : float
+        Main time constant, s.
+    lags : tuple of two floats
+        s; 0 = absent; all that are above 0 must differ.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    """
+    taus = [x for x in (T, *lags) if x > 0.0]
+    y = np.ones_like(t)
+    for i, tau in enumerate(taus):
+        weight = tau ** (len(taus) - 1) / np.prod([tau - other for j, other in enumerate(taus) if j != i])
+        y -= weight * np.exp(-np.maximum(t, 0.0) / tau)
+    return np.where(t > 0.0, y, 0.0)
+
+
+def fitted(plant: dict) -> dict:
+    """Return type, K, T, Td of the first-order model whose step response comes closest to the plant's.
+
+    Parameters
+    ----------
+    plant : dict
+        type, K, T (None when integrating), Td, lag1, lag2.
+
+    Returns
+    -------
+    dict
+
+    Examples
+    --------
+    >>> fitted({"type": "integrating", "K": 2.0, "T": None, "Td": 1.0, "lag1": 0.5, "lag2": 0.25})
+    {'type': 'integrating', 'K': 2.0, 'T': None, 'Td': 1.75}
+    """
+    lags = (plant["lag1"], plant["lag2"])
+    model = {name: plant[name] for name in ("type", "K", "T", "Td")}
+    if plant["type"] == "integrating":
+        # the ramps lie on one line once the lags have died away
+        return {**model, "Td": plant["Td"] + sum(lags)}
+    if not any(lags):
+        return model
+    T = plant["T"]
+    t = np.linspace(0.0, 5.0 * T, 400)
+    goal = step_response(t, T, lags)
+    fit = least_squares(lambda x: step_response(t - x[1], x[0], (0.0, 0.0)) - goal, [T, sum(lags)], x_scale=[T, 0.1 * T])
+    return {**model, "T": float(fit.x[0]), "Td": plant["Td"] + float(fit.x[1])}

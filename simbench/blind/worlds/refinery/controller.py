@@ -1,0 +1,119 @@
+"""The DCS controller, once per scan: P and PI in velocity and positional form, three integral rules, three anti-windups.
+
+The foreign kinds of this block live here too, since they are other laws: error squared, derivative action, a ramp on
+closing, manual episodes. Textbook: Astrom and Hagglund, Advanced PID Control (2006), ch. 3 and 13.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+FORMS = ("positional", "velocity")
+RULES = ("backward", "forward", "trapezoidal")
+WINDUPS = ("conditional", "back_calculation", "clamped")
+# places in the state array: integral, last error, last OP before rounding, last PV, filtered derivative, first scan done
+INTEGRAL, ERROR, OUT, PV, DERIVATIVE, STARTED = range(6)
+
+
+class Controller(NamedTuple):
+    """Numbers of the controller: Kc in % per PV unit (signed by the action), times in s, OP in %."""
+
+    Kc: float
+    Ti: float  # 0 = P
+    Ts: float
+    bias: float
+    velocity: bool = False
+    rule: int = 0
+    windup: int = 0
+    lo: float = 0.0
+    hi: float = 100.0
+    op_step: float = 0.0  # the converter's own resolution
+    quantum: float = 0.0  # the effect op_quantisation
+    dead_width: float = 0.0  # PV units, full width
+    square_share: float = 0.0  # foreign: share of the error-squared law
+    square_scale: float = 1.0  # PV units: error at which the squared law has the gain Kc
+    Td: float = 0.0  # foreign: derivative time on PV
+    close_rate: float = 0.0  # foreign: fastest closing, % per s; 0 = not limited
+
+
+@numba.njit
+def shaped(e, c):
+    """The error that the law sees: dead-band, then the error-squared mixture."""
+    if abs(e) <= 0.5 * c.dead_width:
+        return 0.0
+    if c.square_share > 0.0:
+        return e * (1.0 - c.square_share + c.square_share * abs(e) / c.square_scale)
+    return e
+
+
+@numba.njit
+def area(e, last, c):
+    """Integral of the error over one scan by the chosen rule, times Kc/Ti, in %."""
+    if c.Ti <= 0.0:
+        return 0.0
+    mean = e if c.rule == 0 else (last if c.rule == 1 else 0.5 * (e + last))
+    return c.Kc * c.Ts / c.Ti * mean
+
+
+@numba.njit
+def positional(proportional, step, lo, hi, state, c):
+    """bias + P + I with the anti-windup on I; returns the limited output (%)."""
+    free = c.bias + proportional + state[INTEGRAL] + step
+    out = min(max(free, lo), hi)
+    if c.windup == 0:
+        if not ((free > hi and step > 0.0) or (free < lo and step < 0.0)):
+            state[INTEGRAL] += step
+        out = min(max(c.bias + proportional + state[INTEGRAL], lo), hi)
+    elif c.windup == 1:
+        # tracking time Tt = Ti/2
+        state[INTEGRAL] += step + min(1.0, 2.0 * c.Ts / max(c.Ti, c.Ts)) * (out - free)
+    else:
+        state[INTEGRAL] = min(max(state[INTEGRAL] + step, lo - c.bias), hi - c.bias)
+        out = min(max(c.bias + proportional + state[INTEGRAL], lo), hi)
+    return out
+
+
+@numba.njit
+def execute(sp, pv, manual, state, c):
+    """One scan: returns OP (%), rounded as it goes to valve and record.
+
+    In manual OP stays, and both forms return to automatic without a bump.
+    """
+    e = shaped(sp - pv, c)
+    if state[STARTED] == 0.0:
+        state[STARTED], state[ERROR], state[PV], state[OUT] = 1.0, e, pv, c.bias
+        state[INTEGRAL] = -c.Kc * e if c.Ti > 0.0 else 0.0
+    d = 0.0
+    if c.Td > 0.0:
+        # filter Td/8, backward Euler
+        keep = c.Td / 8.0 / (c.Td / 8.0 + c.Ts)
+        d = keep * state[DERIVATIVE] - c.Kc * c.Td * (1.0 - keep) * (pv - state[PV]) / c.Ts
+    lo, hi = c.lo, c.hi
+    if c.close_rate > 0.0:
+        lo = max(lo, min(state[OUT] - c.close_rate * c.Ts, hi))
+    step = area(e, state[ERROR], c)
+    if manual:
+        out = state[OUT]
+        if c.Ti > 0.0:
+            state[INTEGRAL] = out - c.bias - c.Kc * e - d
+    elif c.velocity:
+        out = min(max(state[OUT] + c.Kc * (e - state[ERROR]) + step + d - state[DERIVATIVE], lo), hi)
+    elif c.Ti > 0.0:
+        out = positional(c.Kc * e + d, step, lo, hi, state, c)
+    else:
+        out = min(max(c.bias + c.Kc * e + d, lo), hi)
+    state[ERROR], state[OUT], state[PV], state[DERIVATIVE] = e, out, pv, d
+    if c.op_step > 0.0:
+        out = round(out / c.op_step) * c.op_step
+    if c.quantum > 0.0:
+        out = round(out / c.quantum) * c.quantum
+    return out
+
+
+@numba.njit
+def at_rest():
+    """Return the state of a controller before its first scan."""
+    return np.zeros(6)

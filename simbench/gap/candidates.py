@@ -1,0 +1,188 @@
+"""All effects tried on one record: which are possible, proven, likely, alike, and what could have been seen of each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+from simbench.gap.effects import Parameters, recogniser
+from simbench.gap.effects._smallest import Probe
+from simbench.gap.likelihood.engine import Engine
+from simbench.gap.likelihood.model import Fit, size_penalty
+from simbench.gap.likelihood.search import SMOOTH, promising, settle
+from simbench.gap.situation import Circumstances, Situation, circumstances
+from simbench.loop.effects import BLOCKS, EFFECTS, block_of
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A fitted effect: its gain (nats) over the base, its own numbers paid for; `used` False when nothing was switched on."""
+
+    effect: str
+    fit: Fit
+    log_likelihood_gain: float
+    used: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """Effects fitted to one record.
+
+    `base` is the fit without effect, `candidates` those with one each, `parameters` the effects' numbers in the units of the
+    loop file, `chosen` the effects named (none, one or two, strongest first), `final` the fit with all of them.
+    """
+
+    situation: Situation
+    base: Fit
+    candidates: dict[str, Candidate]
+    parameters: dict[str, Parameters]
+    chosen: list[str]
+    final: Fit
+
+
+def possible_effects(s: Situation) -> list[str]:
+    """Return the effects whose fit makes sense for this baseline and these signals.
+
+    Parameters
+    ----------
+    s : Situation
+
+    Returns
+    -------
+    list of str
+        In the vocabulary's order. What MV shows of the valve needs no fit.
+    """
+    by_mv = s.record.mv is not None
+    fitted = [e for e in EFFECTS if recogniser(e).fit is not None and not (by_mv and block_of(e) == "valve")]
+    return [e for e in fitted if recogniser(e).possible(s)]
+
+
+def proven(s: Situation) -> dict[str, Parameters]:
+    """Return the effects that the controller's law or single samples show without doubt, with their parameters.
+
+    Parameters
+    ----------
+    s : Situation
+
+    Returns
+    -------
+    dict
+        The controller's first: its law is exact, and what stands between it and PV follows from it.
+    """
+    found = {e: recogniser(e).proven(s) for e in sorted(EFFECTS, key=lambda e: BLOCKS.index(block_of(e)))}
+    return {e: p for e, p in found.items() if p is not None}
+
+
+def fit_candidates(engine: Engine, base: Fit, effects: Iterable[str]) -> dict[str, Candidate]:
+    """Fit each effect on top of a base and return it with its penalised gain in nats.
+
+    Parameters
+    ----------
+    engine : Engine
+    base : Fit
+    effects : iterable of str
+        That have a fit.
+
+    Returns
+    -------
+    dict
+    """
+    out = {}
+    for effect in effects:
+        try_it = recogniser(effect).fit
+        assert try_it is not None, effect
+        fit, count = try_it(engine, base)
+        if fit is not base and promising(fit, base):
+            fit = reshaped(engine, fit)
+        gain = fit.loglik - base.loglik - size_penalty(engine.data.n, count)
+        out[effect] = Candidate(effect, fit, gain, fit is not base)
+    return out
+
+
+def reshaped(engine: Engine, fit: Fit) -> Fit:
+    """Return the fit under the other shape of load (1/f, or first and second order) where that is more likely.
+
+    The base's shape was chosen without the effect, and may have been bent around it.
+    """
+    kept = {k: v for k, v in fit.theta.items() if k not in fit.spec.names}
+    spec = replace(fit.spec, pink=not fit.spec.pink)
+    if spec.pink:
+        theta = {**fit.theta, "load_time": 0.7 * engine.longest_load}
+        theta.pop("load_lag")
+    else:
+        theta = {**fit.theta, "load_time": 0.3 * fit.theta["load_time"], "load_lag": 0.1 * fit.theta["load_time"]}
+    other = engine.fit(spec, theta, search=SMOOTH, steps=6)
+    if promising(other, fit):
+        other = settle(engine, other, steps=6)
+    if other.loglik <= fit.loglik:
+        return fit
+    other.theta.update(kept)
+    return other
+
+
+def alike(effect: str, s: Situation, p: Mapping[str, float | str] | None = None) -> tuple[str, ...]:
+    """Return the effects that give the same SP, OP and PV (and MV where recorded) as one here, itself included.
+
+    Parameters
+    ----------
+    effect : str
+        An effect id; anything else (`none`, `unknown`) is alone.
+    s : Situation
+    p : mapping, optional
+        The effect's parameters, true or fitted.
+
+    Returns
+    -------
+    tuple of str
+        Sorted.
+    """
+    if effect not in EFFECTS:
+        return (effect,)
+    traits = recogniser(effect).traits(p or {}, s.baseline.to_table()["plant"], s.baseline.noise.std)
+    return tuple(sorted(look_alikes(effect, circumstances(s, traits))))
+
+
+def look_alikes(effect: str, here: Circumstances) -> frozenset[str]:
+    """Return the effects that share a group with one under some circumstances, itself included.
+
+    Parameters
+    ----------
+    effect : str
+        Effect id.
+    here : Circumstances
+        With the traits of this effect.
+
+    Returns
+    -------
+    frozenset of str
+
+    Examples
+    --------
+    >>> sorted(look_alikes("extra_lag", Circumstances(mv=True)))
+    ['extra_lag', 'sensor_lag']
+    """
+    groups = {name for name, belongs in recogniser(effect).alike.items() if belongs(here)}
+    return frozenset(
+        {effect} | {e for e in EFFECTS for name, belongs in recogniser(e).alike.items() if name in groups and belongs(here)}
+    )
+
+
+def smallest_detectable(s: Situation, base: Fit, longest_load: float) -> dict[str, tuple[float, str]]:
+    """Return the size of each effect that would have been found, with its unit.
+
+    Parameters
+    ----------
+    s : Situation
+    base : Fit
+        The fit without effect.
+    longest_load : float
+        As the base was fitted with (samples).
+
+    Returns
+    -------
+    dict of str to (float, str)
+        Infinite where no size up to the largest tried would show; without the effects of which nothing can be said.
+    """
+    probe = Probe(Engine(s.data, longest_load), base, s)
+    found = {e: recogniser(e).smallest(probe) for e in EFFECTS}
+    return {e: size for e, size in found.items() if size is not None}

@@ -1,0 +1,46 @@
+"""What valve, extra and sensor lag share: one more series pole."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from simbench.gap.likelihood.engine import Engine
+from simbench.gap.likelihood.model import Fit, Spec
+from simbench.gap.likelihood.search import plants
+from simbench.gap.situation import Situation
+
+GROUP = "one more series pole"  # MV separates a valve's, noise smoothed by the filter a sensor's
+
+
+def pole(where: str) -> Callable[[Engine, Fit], tuple[Fit, float]]:
+    """Return the fit with one more series pole in the valve, the plant or the sensor."""
+
+    def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
+        d = engine.data
+        spec = base.spec.join(Spec(pole=where))
+        lags = np.geomspace(0.3, max(1.5 * engine.longest_load, 3.0 * d.T), 10)
+        theta = dict(base.theta)
+        if where == "sensor" and d.noise > 0:
+            # what the base took for quiet, coloured noise is the filter's work
+            theta |= {"noise_std": d.noise, "colour": 0.0}
+        shortest = engine.bounds(spec, "Td")[0]
+        # without the pole the base has lengthened Td and T in its stead
+        points = [
+            {**plant, "tau": float(x), "Td": td}
+            for x in lags for plant in plants(engine, base) for td in {plant["Td"], shortest}
+        ]  # fmt: skip
+        tries = engine.grid(spec, theta, points)
+        # a long lag shows its worth only once the load has given way
+        own = plants(engine, base)[1]
+        tries += [engine.fit(spec, {**theta, **own, "tau": float(x)}, steps=2) for x in lags[4::2]]
+        tries.sort(key=lambda f: -f.loglik)
+        return max((engine.fit(spec, t.theta) for t in tries[:2]), key=lambda f: f.loglik), 1.0
+
+    return fit
+
+
+def tau(fit: Fit, s: Situation) -> dict[str, float | str]:
+    """Return the time constant (s)."""
+    return {"tau": fit.theta["tau"] * s.record.Ts}

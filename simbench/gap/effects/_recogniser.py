@@ -1,0 +1,118 @@
+"""What an effect's file says of how the effect is recognised."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from simbench.gap.effects._draw import Size, Yardstick
+from simbench.gap.effects._size import LoopSize
+from simbench.gap.effects._smallest import Probe
+from simbench.gap.likelihood.engine import Engine
+from simbench.gap.likelihood.model import Fit
+from simbench.gap.likelihood.valve_map import MapSearch
+from simbench.gap.situation import Circumstances, Situation
+
+Parameters = dict[str, float | str]
+NOT_TRIED = -10.0  # nats of an effect for which nothing could speak
+
+
+def _always(s: Situation) -> bool:
+    return True
+
+
+def _never(s: Situation) -> bool:
+    return False
+
+
+@dataclass(frozen=True)
+class Recogniser:
+    """How one effect is recognised; what does not apply to an effect stays at its default.
+
+    Parameters
+    ----------
+    fit : function (engine, base) -> (Fit, count), optional
+        The likeliest fit with the effect on top of a base, and how many numbers it pays for; the base itself where nothing was
+        switched on. Absent for what the likelihood of PV given OP does not see.
+    numbers : function (fit, situation) -> parameters, optional
+        The effect's numbers in the units of the loop file; needed with `fit`.
+    possible : function (situation) -> bool
+        Whether `fit` makes sense for this baseline.
+    proven : function (situation) -> parameters or None
+        What the controller's law or single samples show without doubt.
+    by_mv : function (MapSearch) -> (nats over an ideal valve, parameters), optional
+        Of a valve: MV given OP.
+    by_mv_leaves : float
+        Share of an ideal valve's misfit to MV that the map may leave before MV counts as unexplained.
+    by_innovations : function (base, situation) -> (nats, parameters) or None
+        Evidence in the innovations of the fit without effect, where the samples themselves were not conclusive.
+    drowned : function (situation) -> bool
+        Whether something proven makes all the evidence of this effect.
+    material : function (parameters) -> float
+        From 0 (what every healthy loop has) to 1; discounts the evidence where the baseline is trusted.
+    immaterial : function (situation) -> bool
+        Whether the proven effect is too small to be what a simulation lacks; asked where the baseline was identified.
+    remark : function (situation) -> str
+        What the record shows of it beside the answer; "" for nothing.
+    needs : {"", "plant", "tuning"}
+        What of the baseline must be its author's for the effect to have a meaning.
+    band : function (parameters) -> float, optional
+        Range of OP (%) within which the valve rests; only of friction. Behind it any plant looks as if it integrated.
+    bends_plant : bool
+        PV answers OP as another plant would: asked before a record is called another loop's.
+    leaves_traces : bool
+        Even the right fit leaves jumps, spells and heavy tails in the innovations.
+    replaces : str
+        The plant's number (K, T or Td) that the effect states in place of the fit.
+    kick : function (parameters) -> float
+        Offset of OP (%) that starts a cycle: a sticky loop left at rest may stay there.
+    lead : function (parameters, half, K) -> float
+        How far (%) OP's mean over the record lies from where the record began; `half` of the record in s, K of the plant.
+    alike : mapping of str to function (Circumstances) -> bool
+        Groups of effects that signals cannot tell apart, by a name all members share, and when this effect belongs to them.
+    traits : function (parameters, plant, noise) -> dict
+        What the effect adds to the circumstances; plant is the loop file's table, noise the stated std.
+    size : function (parameters, LoopSize) -> dict
+        Its numbers in proportion to the loop.
+    smallest : function (Probe) -> (float, unit) or None
+        The size that would have shown in this record.
+    draw : function (Yardstick, rng) -> Size, optional
+        Draws all that is not size (direction, place, shape) and returns the parameters as a function of x, from 0, barely
+        there, to 1, gross.
+
+    Examples
+    --------
+    >>> Recogniser().fit is None, Recogniser().material({})
+    (True, 1.0)
+    """
+
+    fit: Callable[[Engine, Fit], tuple[Fit, float]] | None = None
+    numbers: Callable[[Fit, Situation], Parameters] = lambda fit, s: {}
+    possible: Callable[[Situation], bool] = _always
+    proven: Callable[[Situation], Parameters | None] = lambda s: None
+    by_mv: Callable[[MapSearch], tuple[float, Parameters]] | None = None
+    by_mv_leaves: float = 0.3
+    by_innovations: Callable[[Fit, Situation], tuple[float, Parameters] | None] = lambda base, s: None
+    drowned: Callable[[Situation], bool] = _never
+    material: Callable[[Mapping[str, float | str]], float] = lambda p: 1.0
+    immaterial: Callable[[Situation], bool] = _never
+    remark: Callable[[Situation], str] = lambda s: ""
+    needs: str = ""
+    band: Callable[[Mapping[str, float | str]], float] | None = None
+    bends_plant: bool = False
+    leaves_traces: bool = False
+    replaces: str = ""
+    kick: Callable[[Mapping[str, float | str]], float] = lambda p: 0.0
+    lead: Callable[[Mapping[str, float | str], float, float], float] = lambda p, half, K: 0.0
+    alike: Mapping[str, Callable[[Circumstances], bool]] = field(default_factory=dict)
+    traits: Callable[[Mapping[str, float | str], Mapping[str, float | str], float], dict] = lambda p, plant, noise: {}
+    size: Callable[[Mapping[str, float | str], LoopSize], dict[str, float]] = lambda p, loop: {}
+    smallest: Callable[[Probe], tuple[float, str] | None] = lambda probe: None
+    draw: Callable[[Yardstick, np.random.Generator], Size] | None = None
+
+
+def clip(x: float, low: float, high: float) -> float:
+    """Return x within low..high."""
+    return float(min(max(x, low), high))

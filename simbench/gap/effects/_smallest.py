@@ -1,0 +1,64 @@
+"""The smallest effect a record could have shown: "nothing found" is worth only that."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from simbench.gap.likelihood.engine import Engine
+from simbench.gap.likelihood.model import Fit, Spec
+from simbench.gap.situation import Situation
+
+NATS = 9.0  # what an effect of the stated size would bring: the price of a number and a clear lead over "none"
+STEPS = np.geomspace(0.02, 2.0, 14)  # from barely there to gross
+
+
+class Probe:
+    """A record's fit without effect, into which effects of growing size are forced."""
+
+    def __init__(self, engine: Engine, base: Fit, situation: Situation) -> None:
+        self.engine, self.base, self.situation = engine, base, situation
+        self.level = engine.evaluate(base.spec, base.theta)[0]
+
+    def first(self, spec: Spec, numbers: Callable[[float], dict[str, float]], size: Callable[[float], float]) -> float:
+        """Return the size of the first step that costs `NATS` in likelihood, all else held; infinite where none does.
+
+        Parameters
+        ----------
+        spec : Spec
+            What is switched on.
+        numbers, size : function of a step of `STEPS`
+            The numbers forced on, and the size they stand for.
+
+        Returns
+        -------
+        float
+            Re-fitted nuisances would hide a little more: read it as "about".
+        """
+        joined = self.base.spec.join(spec)
+        for step in STEPS:
+            if self.level - self.engine.evaluate(joined, {**self.base.theta, **numbers(step)})[0] > NATS:
+                return float(size(step))
+        return float("inf")
+
+    def band(self, kind: int) -> tuple[float, str]:
+        """Return the smallest width of a valve map with a band, its jump half of it."""
+        span = float(np.ptp(self.engine.data.u)) or 1.0
+        found = self.first(Spec(valve=kind), lambda x: {"S": x * span, "J": 0.5 * x * span}, lambda x: x * span)
+        return found, "%"
+
+    def pole(self, where: str) -> tuple[float, str]:
+        """Return the smallest time constant of one more series pole."""
+        d = self.engine.data
+        unit = 5.0 * (d.T or d.Td + 1.0)
+        found = self.first(Spec(pole=where), lambda x: {"tau": x * unit}, lambda x: x * unit * self.situation.record.Ts)
+        return found, "s"
+
+    def factor(self, name: str) -> tuple[float, str]:
+        """Return the smallest factor of a number of the model."""
+        theta = self.base.theta
+        found = self.first(
+            Spec(free=frozenset({name})), lambda x: {name: theta[name] * (1.0 + x)}, lambda x: 1.0 + x
+        )  # fmt: skip
+        return found, ""

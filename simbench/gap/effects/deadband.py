@@ -1,0 +1,39 @@
+"""Dead-band recognised: one number of a valve map, and where in its band the valve stood when the record began."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from simbench.gap.effects._draw import Size, Yardstick, between
+from simbench.gap.effects._friction import band, beyond_healthy, jitter_hides_the_jump
+from simbench.gap.effects._recogniser import Recogniser, clip
+from simbench.gap.likelihood import kernels
+from simbench.gap.likelihood.engine import Engine
+from simbench.gap.likelihood.model import Fit
+from simbench.gap.likelihood.search import STARTS, band_sizes, search_map
+
+
+def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
+    """Scan the band finely, then refine it with the nuisances."""
+    coarse = np.array([(s, start * s / 2, 0.0) for s in band_sizes(engine.data, 32) for start in STARTS])
+    return search_map(engine, base, kernels.PLAY, coarse), 1.0
+
+
+def draw(y: Yardstick, rng: np.random.Generator) -> Size:
+    """Draw nothing but the width."""
+    return lambda x: {"S": min(between(x, 0.2 * y.op, 30 * y.op), 30.0)}
+
+
+RECOGNISER = Recogniser(
+    fit=fit,
+    numbers=lambda fit, s: {"S": clip(fit.theta["S"], 0.0, 100.0)},
+    by_mv=lambda search: search.zoom(kernels.PLAY, ("S",), [(s, 0.0) for s in search.sizes], 1.0),
+    material=beyond_healthy,
+    band=lambda p: float(p["S"]),
+    bends_plant=True,
+    alike={"friction": jitter_hides_the_jump},
+    traits=lambda p, plant, noise: {"slip": 0.0},
+    size=band,
+    smallest=lambda probe: probe.band(kernels.PLAY),
+    draw=draw,
+)

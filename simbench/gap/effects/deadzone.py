@@ -1,0 +1,55 @@
+"""Dead-zone recognised: OP jumps across it, so its middle is looked for where OP seldom is."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from simbench.gap.effects._draw import Size, Yardstick, between
+from simbench.gap.effects._recogniser import Parameters, Recogniser, clip
+from simbench.gap.effects._size import LoopSize
+from simbench.gap.likelihood import kernels
+from simbench.gap.likelihood.engine import Engine
+from simbench.gap.likelihood.model import Fit
+from simbench.gap.likelihood.search import band_sizes, search_map
+from simbench.gap.likelihood.valve_map import Found, MapSearch
+from simbench.gap.situation import Situation
+
+
+def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
+    """Scan width and centre, then refine."""
+    centres = np.linspace(*np.quantile(engine.data.u, [0.01, 0.99]), 13)
+    coarse = np.array([(s, c, 0.0) for s in band_sizes(engine.data, 12) for c in centres])
+    return search_map(engine, base, kernels.ZONE, coarse), 2.0
+
+
+def numbers(fit: Fit, s: Situation) -> Parameters:
+    """Return width and centre (% of travel)."""
+    return {name: clip(fit.theta[name], 0.0, 100.0) for name in ("D", "c")}
+
+
+def by_mv(search: MapSearch) -> Found:
+    """Scan width and centre over OP's range."""
+    centres = np.quantile(search.op, np.linspace(0.05, 0.95, 13))
+    return search.zoom(kernels.ZONE, ("D", "c"), [(s, c) for s in search.sizes for c in centres], 2.0)
+
+
+def size(p, loop: LoopSize) -> dict[str, float]:
+    """Return width and place in proportion to OP's range."""
+    return {"size": loop.travel(p["D"]), "place": (float(p["c"]) - loop.op_mean) / loop.op_span}
+
+
+def draw(y: Yardstick, rng: np.random.Generator) -> Size:
+    """Draw the place."""
+    c = float(np.clip(y.record.op.mean() + y.op * rng.normal(), 5, 95))
+    return lambda x: {"D": min(between(x, 0.2 * y.op, 15 * y.op), 20.0), "c": c}
+
+
+RECOGNISER = Recogniser(
+    fit=fit,
+    numbers=numbers,
+    by_mv=by_mv,
+    needs="plant",
+    alike={"local gain": lambda c: not c.sp_moves and not c.mv},
+    size=size,
+    draw=draw,
+)

@@ -1,0 +1,60 @@
+"""Drift recognised: the measurement walks, with a ramp on top."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from simbench.gap.effects._draw import Size, Yardstick, between
+from simbench.gap.effects._recogniser import Parameters, Recogniser
+from simbench.gap.effects._slow import LINEAR, ramp, slow, traits
+from simbench.gap.effects._smallest import Probe
+from simbench.gap.likelihood.engine import Engine
+from simbench.gap.likelihood.model import Fit, Spec
+from simbench.gap.situation import Situation
+
+
+def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
+    """Let the measurement walk, with a ramp on top; an integrating plant's balance is a ramp already."""
+    n, T = engine.data.n, engine.data.T
+    line = np.linspace(0.0, 1.0, n)
+    spec = base.spec.join(Spec(walk=True, channels=(line,) if T > 0 else ()))
+    size = float(np.std(engine.data.y)) / np.sqrt(n)
+    best = engine.grid(spec, base.theta, [{"walk": size * f} for f in (0.01, 0.1, 0.5, 2.0)])[0]
+    return engine.fit(spec, best.theta), 2.0 if T > 0 else 1.0
+
+
+def numbers(fit: Fit, s: Situation) -> Parameters:
+    """Return ramp (PV units/s) and walk (PV units/sqrt(s))."""
+    Ts = s.record.Ts
+    rate = fit.beta[LINEAR:][-1] / (s.data.n * Ts) if s.data.T > 0 else 0.0
+    return {"rate": float(rate), "walk": float(fit.theta["walk"] / np.sqrt(Ts))}
+
+
+def smallest(probe: Probe) -> tuple[float, str]:
+    """Force a walk."""
+    d = probe.engine.data
+    spread = float(np.std(d.y))
+    found = probe.first(Spec(walk=True), lambda x: {"walk": x * spread / np.sqrt(d.n)}, lambda x: x * spread)
+    return found, "PV units over the record"
+
+
+def draw(y: Yardstick, rng: np.random.Generator) -> Size:
+    """Draw whether it is a ramp, which way, or a walk."""
+    unit = max(y.gain * y.op, y.pv)
+    if rng.random() < 0.5:
+        way = rng.choice([-1, 1])
+        return lambda x: {"rate": way * between(x, 0.2, 60.0) * unit / y.seconds, "walk": 0.0}
+    return lambda x: {"rate": 0.0, "walk": between(x, 0.1, 60.0) * unit / np.sqrt(y.seconds)}
+
+
+RECOGNISER = Recogniser(
+    fit=fit,
+    numbers=numbers,
+    # the controller moves OP against a ramp that it takes for PV
+    lead=lambda p, half, K: float(p["rate"]) * half / K,
+    alike={"slow": slow, "ramp": ramp},
+    traits=lambda p, plant, noise: traits(p, plant, noise, at_input=False),
+    size=lambda p, loop: loop.slow(p, 1.0),
+    smallest=smallest,
+    draw=draw,
+)

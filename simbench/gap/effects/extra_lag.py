@@ -1,0 +1,17 @@
+"""Extra lag recognised: one more series pole behind the plant."""
+
+from __future__ import annotations
+
+from simbench.gap.effects import _draw
+from simbench.gap.effects._pole import GROUP, pole, tau
+from simbench.gap.effects._recogniser import Recogniser
+
+RECOGNISER = Recogniser(
+    fit=pole("extra"),
+    numbers=tau,
+    needs="plant",
+    alike={GROUP: lambda c: True},
+    size=lambda p, loop: {"size": loop.time(p["tau"])},
+    smallest=lambda probe: probe.pole("extra"),
+    draw=_draw.lag,
+)

@@ -1,0 +1,32 @@
+"""Gain mismatch recognised: the plant's gain, else held near the baseline's, is released."""
+
+from __future__ import annotations
+
+from simbench.gap.effects import _draw
+from simbench.gap.effects._recogniser import Recogniser, clip
+from simbench.gap.effects._size import ratio
+from simbench.gap.likelihood.engine import Engine
+from simbench.gap.likelihood.model import Fit, Spec
+from simbench.gap.likelihood.search import idle
+
+
+def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
+    """Release K, from loads of several sizes."""
+    spec = base.spec.join(Spec(free=frozenset({"K"})))
+    quiet = {**base.theta, "load": 0.3 * base.theta["load"]}
+    return max((engine.fit(spec, theta) for theta in (base.theta, quiet, idle(engine, base))), key=lambda f: f.loglik), 1.0
+
+
+RECOGNISER = Recogniser(
+    fit=fit,
+    numbers=lambda fit, s: {"factor": clip(fit.K / s.data.K, 0.05, 20.0)},
+    needs="plant",
+    bends_plant=True,
+    replaces="K",
+    alike={
+        "local gain": lambda c: not c.sp_moves and not c.mv,
+        "gain over time constant": lambda c: not c.sp_moves and not c.integrating,
+    },
+    size=lambda p, loop: {"size": ratio(p["factor"])},
+    draw=_draw.ratio(6.0),
+)

@@ -1,0 +1,58 @@
+"""Noise recognised: the noise level, else held near the stated one, is released."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from simbench.gap.effects._draw import Size, Yardstick, between
+from simbench.gap.effects._recogniser import Parameters, Recogniser
+from simbench.gap.effects._size import LoopSize, ratio
+from simbench.gap.likelihood.engine import Engine
+from simbench.gap.likelihood.model import Fit, Spec
+from simbench.gap.situation import Situation
+
+QUIETER = 4.0  # numbers that a noise below the stated level is priced at
+
+
+def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
+    """Release the noise level."""
+    spec = base.spec.join(Spec(free=frozenset({"noise_std"})))
+    stated = engine.data.noise
+    best = engine.fit(spec, base.theta)
+    if stated > 0:
+        # where the noise was held down, the load had taken its place: begin anew as well
+        fresh = {**base.theta, **engine.start(), "noise_std": 2.0 * stated}
+        tries = [engine.fit(spec, {**base.theta, "noise_std": 2.0 * stated, "colour": 0.05}), engine.fit(spec, fresh)]
+        best = max([best, *tries], key=lambda f: f.loglik)
+    # less noise than stated is seldom less noise: something smooths it
+    return best, 1.0 if best.theta["noise_std"] >= stated else QUIETER
+
+
+def numbers(fit: Fit, s: Situation) -> Parameters:
+    """Return a factor of the stated std, or the std (PV units) where none is stated."""
+    std, stated = fit.theta["noise_std"], s.data.noise
+    return {"factor": std / stated} if stated > 0 else {"std": std}
+
+
+def size(p, loop: LoopSize) -> dict[str, float]:
+    """Return the factor, or the std in proportion to PV."""
+    return {"size": ratio(p["factor"]) if "factor" in p else loop.level(p["std"])}
+
+
+def draw(y: Yardstick, rng: np.random.Generator) -> Size:
+    """Draw whether there is more or less."""
+    if rng.random() < 0.2:
+        return lambda x: {"factor": between(x, 0.95, 0.05)}
+    return lambda x: {"factor": between(x, 1.05, 12.0)}
+
+
+RECOGNISER = Recogniser(
+    fit=fit,
+    numbers=numbers,
+    # rounding and thinning make a noise of their own
+    drowned=lambda s: s.archive.rounding is not None or s.archive.thinning > 0.0,
+    needs="plant",
+    size=size,
+    smallest=lambda probe: None if probe.engine.data.noise == 0 else probe.factor("noise_std"),
+    draw=draw,
+)

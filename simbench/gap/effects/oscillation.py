@@ -1,0 +1,63 @@
+"""Oscillation recognised: the sharpest peak of the innovations' spectrum, fitted as a sine."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from simbench.gap.effects._draw import Size, Yardstick, between
+from simbench.gap.effects._recogniser import Parameters, Recogniser, clip
+from simbench.gap.effects._size import LoopSize
+from simbench.gap.likelihood.engine import Engine
+from simbench.gap.likelihood.model import Fit, Spec
+from simbench.gap.likelihood.search import SMOOTH
+from simbench.gap.situation import Situation
+
+LOWEST = 12  # bins of a spectrum four times as fine as the record's: three whole periods
+
+
+def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
+    """Find the sharpest peak of the innovations' periodogram, refine its frequency, add the sine."""
+    n = engine.data.n
+    white = np.asarray(base.residual) - np.mean(base.residual)
+    power = np.abs(np.fft.rfft(white, 4 * n)) ** 2
+    t = np.arange(n)
+
+    def at(bin_: float) -> Spec:
+        w = 2 * np.pi * bin_ / (4 * n)
+        return base.spec.join(Spec(channels=(np.sin(w * t), np.cos(w * t))))
+
+    best, value = float(LOWEST + int(np.argmax(power[LOWEST:-4]))), -np.inf
+    for step in (1.0, 0.3):
+        keep = best
+        for shift in (-2, -1, 0, 1, 2):
+            trial = best + shift * step
+            level = engine.evaluate(at(trial), base.theta)[0]
+            if level > value:
+                value, keep = level, trial
+        best = keep
+    fit = engine.fit(at(best), {**base.theta, "load": 0.5 * base.theta["load"]}, search=SMOOTH)
+    fit.theta["period"] = 4 * n / best
+    # the peak was picked out of n/2 others
+    return fit, 2.0 + 2.0
+
+
+def numbers(fit: Fit, s: Situation) -> Parameters:
+    """Return amplitude (%) at the plant's input and period (s)."""
+    w = 2 * np.pi / fit.theta["period"]
+    pole = abs(1.0 / (1j * w * fit.theta.get("T", 1.0) + 1.0)) if s.data.T > 0 else 1.0 / w
+    amplitude = float(np.hypot(*fit.beta[-2:])) / (abs(fit.K) * pole)
+    return {"amplitude": clip(amplitude, 0.0, 100.0), "period": fit.theta["period"] * s.record.Ts}
+
+
+def size(p, loop: LoopSize) -> dict[str, float]:
+    """Return amplitude and period in proportion to the loop."""
+    return {"size": loop.travel(p["amplitude"]), "period": float(np.log(loop.time(p["period"])))}
+
+
+def draw(y: Yardstick, rng: np.random.Generator) -> Size:
+    """Draw the period."""
+    period = max(y.pace * float(np.exp(rng.uniform(np.log(1.0), np.log(20.0)))), 4 * y.record.Ts)
+    return lambda x: {"amplitude": min(between(x, 0.05, 10.0) * y.op, 30.0), "period": period}
+
+
+RECOGNISER = Recogniser(fit=fit, numbers=numbers, size=size, draw=draw)

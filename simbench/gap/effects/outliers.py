@@ -1,0 +1,78 @@
+"""Outliers recognised: samples that stand off the line through their neighbours, or innovations that no Gaussian gives."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from simbench.gap.effects._draw import Size, Yardstick, between
+from simbench.gap.effects._recogniser import Parameters, Recogniser
+from simbench.gap.effects._size import LoopSize
+from simbench.gap.effects._smallest import Probe
+from simbench.gap.likelihood import kernels
+from simbench.gap.likelihood.model import Fit, size_penalty
+from simbench.gap.situation import Situation
+
+FAR = 4.0  # robust standard deviations from which an innovation may be a spike's
+ALONE = 0.7  # of a spike, that its neighbours in the innovations stay below
+
+
+def proven(s: Situation) -> Parameters | None:
+    """Return the spikes that single samples show."""
+    return None if s.archive.spikes is None else dict(zip(("rate", "size", "at"), s.archive.spikes))
+
+
+def by_innovations(base: Fit, s: Situation) -> tuple[float, Parameters] | None:
+    """Score a mixture of rare wide innovations against Gaussian ones."""
+    x = np.asarray(base.residual)[kernels.SKIP :]
+    scale = 1.4826 * float(np.median(np.abs(x))) or 1.0
+    z = np.abs(x) / scale
+    far = np.flatnonzero(z > FAR)
+    # a spike leaves one large innovation; a step or a slip leaves several of one sign
+    alone = [
+        k for k in far if z[max(k - 2, 0) : k].max(initial=0) < ALONE * z[k] and z[k + 1 : k + 3].max(initial=0) < ALONE * z[k]
+    ]
+    if len(alone) < 3 or len(alone) < 0.6 * len(far):
+        return None
+    heights = z[alone] * scale
+    rate = len(alone) / x.size
+    wide = float(np.std(heights)) + float(np.mean(heights))
+    mixture = np.log((1 - rate) * np.exp(-0.5 * (x / scale) ** 2) / scale + rate * np.exp(-0.5 * (x / wide) ** 2) / wide)
+    plain = -0.5 * (x / float(np.std(x))) ** 2 - np.log(float(np.std(x)))
+    at = "loop" if s.law.known else "record"
+    parameters: Parameters = {"rate": rate, "size": float(np.mean(heights)) * base.theta["noise_std"], "at": at}
+    return float(np.sum(mixture - plain) - size_penalty(x.size, 2.0)), parameters
+
+
+def remark(s: Situation) -> str:
+    """Return how many spikes there are, and when the first one is."""
+    spikes = s.samples.spikes
+    return f"{spikes.size} isolated, the first {spikes[0] * s.record.Ts:g} s after the start" if spikes.size else ""
+
+
+def size(p, loop: LoopSize) -> dict[str, float]:
+    """Return how many and how high in proportion to PV."""
+    return {"rate": float(np.log(float(p["rate"]) * loop.n + 1e-3)), "size": loop.level(p["size"])}
+
+
+def smallest(probe: Probe) -> tuple[float, str]:
+    """Return the height that stands off the innovations."""
+    spread = float(np.sqrt(np.mean(probe.base.residual[kernels.SKIP :] ** 2)))
+    return FAR * spread * probe.base.theta["noise_std"], "PV units"
+
+
+def draw(y: Yardstick, rng: np.random.Generator) -> Size:
+    """Draw how many, and where it happens."""
+    at = str(rng.choice(["loop", "record"]))
+    rate = float(np.exp(rng.uniform(np.log(0.002), np.log(0.05))))
+    return lambda x: {"rate": rate, "size": between(x, 2.5 * y.pv, 40 * y.pv), "at": at}
+
+
+RECOGNISER = Recogniser(
+    proven=proven,
+    by_innovations=by_innovations,
+    remark=remark,
+    leaves_traces=True,
+    size=size,
+    smallest=smallest,
+    draw=draw,
+)

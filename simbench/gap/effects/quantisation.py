@@ -1,0 +1,44 @@
+"""Quantisation recognised: every sample of PV stands on one lattice."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from simbench.gap.effects._draw import Size, Yardstick, between
+from simbench.gap.effects._lattice import hides_nothing, levels_of
+from simbench.gap.effects._recogniser import Parameters, Recogniser
+from simbench.gap.effects._smallest import Probe
+from simbench.gap.situation import Situation
+
+
+def proven(s: Situation) -> Parameters | None:
+    """Return step and place of PV's lattice."""
+    return None if s.archive.rounding is None else {"step": s.archive.rounding[0], "at": s.archive.rounding[1]}
+
+
+def immaterial(s: Situation) -> bool:
+    """Return whether the step hides nothing; a transmitter's lattice is a fact, a file's decimals must hide something."""
+    if s.archive.rounding is None or s.samples.step > 0.0:
+        return False
+    return hides_nothing(s.archive.rounding[0], np.asarray(s.record.pv))
+
+
+def smallest(probe: Probe) -> tuple[float, str]:
+    """Return a step well above the digits PV is written in."""
+    return max(20.0 * probe.situation.samples.resolution, 1e-6 * float(np.ptp(probe.engine.data.y))), "PV units"
+
+
+def draw(y: Yardstick, rng: np.random.Generator) -> Size:
+    """Draw where it happens."""
+    at = str(rng.choice(["loop", "record"]))
+    return lambda x: {"step": between(x, 0.1 * y.noise, 10 * y.pv), "at": at}
+
+
+RECOGNISER = Recogniser(
+    proven=proven,
+    immaterial=immaterial,
+    remark=lambda s: levels_of(np.asarray(s.record.pv)),
+    size=lambda p, loop: {"size": loop.level(p["step"])},
+    smallest=smallest,
+    draw=draw,
+)

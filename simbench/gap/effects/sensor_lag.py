@@ -1,0 +1,17 @@
+"""Sensor lag recognised: one more series pole that smooths the noise as well."""
+
+from __future__ import annotations
+
+from simbench.gap.effects import _draw
+from simbench.gap.effects._pole import GROUP, pole, tau
+from simbench.gap.effects._recogniser import Recogniser
+
+RECOGNISER = Recogniser(
+    fit=pole("sensor"),
+    numbers=tau,
+    needs="plant",
+    alike={GROUP: lambda c: not c.noise_shows},
+    size=lambda p, loop: {"size": loop.time(p["tau"])},
+    smallest=lambda probe: probe.pole("sensor"),
+    draw=_draw.lag,
+)

@@ -1,0 +1,74 @@
+"""Stiction recognised: two numbers of a valve map, narrow peaks of the likelihood that only a fine scan meets."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from simbench.gap.effects._draw import Size, Yardstick, between
+from simbench.gap.effects._friction import band, beyond_healthy, jitter_hides_the_jump
+from simbench.gap.effects._recogniser import Parameters, Recogniser, clip
+from simbench.gap.effects._size import LoopSize
+from simbench.gap.likelihood import kernels
+from simbench.gap.likelihood.engine import Engine
+from simbench.gap.likelihood.model import Fit
+from simbench.gap.likelihood.search import band_sizes, search_map
+from simbench.gap.likelihood.valve_map import Found, MapSearch
+from simbench.gap.situation import Situation
+
+JUMPS = (0.06, 0.15, 0.27, 0.42, 0.6, 0.78, 0.95)  # shares J/S scanned
+COARSE_JUMPS = (0.05, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.0)  # where MV is recorded
+MODELS = (kernels.STICK, kernels.CREEP)
+
+
+def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
+    """Scan S and J/S finely under two valve models: peaks are a percent or two wide, a local search misses them."""
+    coarse = np.array([(s, s * j, 0.0) for s in band_sizes(engine.data, 90) for j in JUMPS])
+    tries = [search_map(engine, base, kind, coarse, few=True) for kind in MODELS]
+    return max(tries, key=lambda f: f.loglik), 2.5
+
+
+def numbers(fit: Fit, s: Situation) -> Parameters:
+    """Return S and J (% of travel)."""
+    return {name: clip(fit.theta[name], 0.0, 100.0) for name in ("S", "J")}
+
+
+def by_mv(search: MapSearch) -> Found:
+    """Return the better of two maps with a jump."""
+    grid = [(s, s * j) for s in search.sizes for j in COARSE_JUMPS]
+    return max((search.zoom(kind, ("S", "J"), grid, 2.0) for kind in MODELS), key=lambda t: t[0])
+
+
+def size(p, loop: LoopSize) -> dict[str, float]:
+    """Return the band in proportion to the loop, and the jump's share of it."""
+    return band(p, loop) | {"jump": float(p["J"]) / max(float(p["S"]), 1e-6)}
+
+
+def draw(y: Yardstick, rng: np.random.Generator) -> Size:
+    """Draw J/S."""
+    jump = float(rng.uniform(0.1, 1.0))
+
+    def of(x: float) -> Parameters:
+        S = min(between(x, 0.2 * y.op, 20 * y.op), 25.0)
+        return {"S": S, "J": jump * S}
+
+    return of
+
+
+RECOGNISER = Recogniser(
+    fit=fit,
+    numbers=numbers,
+    # it takes the place of a valve's missing friction
+    possible=lambda s: s.baseline.valve.name == "ideal",
+    by_mv=by_mv,
+    by_mv_leaves=0.85,  # friction is only known up to its model; the other maps are exact
+    material=beyond_healthy,
+    band=lambda p: float(p["S"]),
+    bends_plant=True,
+    leaves_traces=True,
+    kick=lambda p: float(p["S"]),
+    alike={"friction": jitter_hides_the_jump},
+    traits=lambda p, plant, noise: {"slip": float(p["J"])} if "J" in p else {},
+    size=size,
+    smallest=lambda probe: probe.band(kernels.STICK),
+    draw=draw,
+)

@@ -1,0 +1,21 @@
+"""Time constant mismatch recognised: T, else held near the baseline's, is released."""
+
+from __future__ import annotations
+
+from simbench.gap.effects import _draw
+from simbench.gap.effects._mismatch import released, times
+from simbench.gap.effects._recogniser import Recogniser, clip
+from simbench.gap.effects._size import ratio
+
+RECOGNISER = Recogniser(
+    fit=released("T", times),
+    numbers=lambda fit, s: {"factor": clip(fit.theta["T"] / s.data.T, 0.05, 20.0)},
+    possible=lambda s: not s.integrating,
+    needs="plant",
+    bends_plant=True,
+    replaces="T",
+    alike={"gain over time constant": lambda c: not c.sp_moves and not c.integrating},
+    size=lambda p, loop: {"size": ratio(p["factor"])},
+    smallest=lambda probe: None if probe.engine.data.T == 0 else probe.factor("T"),
+    draw=_draw.ratio(8.0),
+)

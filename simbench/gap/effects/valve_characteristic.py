@@ -1,0 +1,55 @@
+"""Valve characteristic recognised: a gain that changes along the travel, either way."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from simbench.gap.effects._draw import Size, Yardstick, between
+from simbench.gap.effects._recogniser import Recogniser, clip
+from simbench.gap.effects._size import ratio
+from simbench.gap.effects._smallest import Probe
+from simbench.gap.likelihood import kernels
+from simbench.gap.likelihood.engine import Engine
+from simbench.gap.likelihood.model import Fit, Spec
+from simbench.gap.likelihood.search import idle
+from simbench.gap.likelihood.valve_map import Found, MapSearch
+
+RATIOS = (0.02, 0.05, 0.1, 0.25, 0.5, 2.0, 4.0, 10.0, 20.0, 50.0)
+
+
+def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
+    """Search the ratio of gains on both sides of 1, then refine."""
+    spec = base.spec.join(Spec(valve=kernels.CURVE))
+    points = [{"R": r} for r in RATIOS]
+    tries = [engine.grid(spec, theta, points)[0] for theta in (base.theta, idle(engine, base))]
+    return max((engine.fit(spec, t.theta) for t in tries), key=lambda f: f.loglik), 1.0
+
+
+def by_mv(search: MapSearch) -> Found:
+    """Scan the ratio on both sides of 1."""
+    ratios = (*np.geomspace(0.01, 0.8, 12), *np.geomspace(1.25, 100, 12))
+    return search.zoom(kernels.CURVE, ("R",), [(r, 0.0) for r in ratios], 1.0)
+
+
+def smallest(probe: Probe) -> tuple[float, str]:
+    """Force a ratio above 1."""
+    forced = probe.first(Spec(valve=kernels.CURVE), lambda x: {"R": float(np.exp(3.0 * x))}, lambda x: float(np.exp(3.0 * x)))
+    return forced, ""
+
+
+def draw(y: Yardstick, rng: np.random.Generator) -> Size:
+    """Draw the way it bends."""
+    way = rng.choice([-1, 1])
+    return lambda x: {"R": between(x, 1.15, 90.0) ** way}
+
+
+RECOGNISER = Recogniser(
+    fit=fit,
+    numbers=lambda fit, s: {"R": clip(fit.theta["R"], 0.01, 100.0)},
+    by_mv=by_mv,
+    needs="plant",
+    alike={"local gain": lambda c: not c.sp_moves and not c.mv},
+    size=lambda p, loop: {"size": ratio(p["R"])},
+    smallest=smallest,
+    draw=draw,
+)

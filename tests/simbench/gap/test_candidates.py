@@ -1,0 +1,128 @@
+"""All effects on one record: what looks alike agrees with the judge, and what could be seen is as large as is said."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scenarios.spec import Loop
+from simbench.blind.alike import Facts, facts_of, indistinguishable
+from simbench.gap.candidates import alike, look_alikes, possible_effects, proven, smallest_detectable
+from simbench.gap.decide.assess import assess
+from simbench.gap.effects import recogniser
+from simbench.gap.intake.check import check
+from simbench.gap.likelihood.engine import Engine
+from simbench.gap.situation import Circumstances, circumstances, load_memory
+from simbench.loop.effects import EFFECTS, block_of
+from simbench.loop.simulate import simulate
+
+BASE = {
+    "plant": {"type": "foptd", "K": 1.5, "T": 20, "Td": 3.5},
+    "controller": {"type": "PI", "Kc": 0.6, "Ti": 18},
+    "sampling": {"Ts": 1.0, "n": 1500},
+    "noise": {"std": 0.1},
+    "setpoint": {"value": 50, "steps": [[60, 53], [700, 48]]},
+}
+LOADED = BASE | {"disturbance": [{"type": "coloured", "amplitude": 0.6, "period": 30.0}]}
+VESSEL = BASE | {"plant": {"type": "integrating", "K": 0.05, "Td": 3.5}, "controller": {"type": "PI", "Kc": 1.2, "Ti": 60}}
+
+
+def situation(base=BASE, mv=False, **changes):
+    loaded = base | {"disturbance": LOADED["disturbance"]} | changes
+    r = simulate(Loop.from_table(loaded), seed=2).record
+    return check(r if mv else replace(r, mv=None), Loop.from_table(base))
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return situation()
+
+
+@given(
+    st.sampled_from(sorted(EFFECTS)),
+    st.tuples(*[st.booleans()] * 4, st.floats(0, 5), st.none() | st.floats(0, 5), *[st.booleans()] * 2),
+)
+def test_the_diagnosis_and_its_judge_agree_on_what_looks_alike(effect, conditions):
+    assert look_alikes(effect, Circumstances(*conditions)) == indistinguishable(effect, Facts(*conditions))
+
+
+@pytest.mark.parametrize(
+    ("effect", "parameters"),
+    [
+        ("stiction", {"S": 3.0, "J": 0.4}), ("stiction", {}), ("deadband", {"S": 2.0}), ("noise", {"factor": 2.0}),
+        ("drift", {"rate": 0.0, "walk": 1e-4}), ("drift", {"rate": 5.0, "walk": 0.0}), ("drift", {"rate": 5.0, "walk": 1.0}),
+        ("load_drift", {"rate": 0.003, "walk": 0.0}), ("load_drift", {"rate": 0.001, "walk": 0.001}),
+        ("load_steps", {"size": 0.05}), ("load_steps", {"size": 5.0}),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("base", [BASE, VESSEL, BASE | {"setpoint": {"value": 50}}], ids=["foptd", "vessel", "at rest"])
+@pytest.mark.parametrize("mv", [False, True])
+def test_circumstances_are_the_judges_facts(base, mv, effect, parameters):
+    s = situation(base, mv=mv)
+    table = s.baseline.to_table()
+    here = circumstances(s, recogniser(effect).traits(parameters, table["plant"], s.baseline.noise.std))
+    facts = facts_of(table, s.record.sp, s.op, np.asarray(s.record.pv), s.record.mv, effect, parameters)
+    assert set(alike(effect, s, parameters)) == indistinguishable(effect, facts)
+    assert (here.sp_moves, here.mv, here.noise_shows) == (facts.sp_moves, facts.mv, facts.noise_shows)
+    assert (here.op_jitter, here.slip) == (facts.op_jitter, facts.J)
+
+
+def test_none_and_unknown_are_alone(plain):
+    assert alike("none", plain) == ("none",)
+    assert alike("unknown", plain) == ("unknown",)
+
+
+def test_every_effect_of_the_vocabulary_is_recognised_somehow():
+    for effect in EFFECTS:
+        how = recogniser(effect)
+        assert how.fit is not None or how.proven is not recogniser("stiction").proven, effect
+        assert how.draw is not None, effect
+        assert how.needs in ("", "plant", "tuning"), effect
+        assert (how.by_mv is not None) == (block_of(effect) == "valve"), effect
+
+
+def test_what_cannot_be_is_not_fitted(plain):
+    assert "time_constant_mismatch" in possible_effects(plain)
+    assert "time_constant_mismatch" not in possible_effects(situation(VESSEL))
+    assert not [e for e in possible_effects(situation(mv=True)) if block_of(e) == "valve"]
+    held = situation(BASE | {"valve": {"model": "deadband", "S": 0.5}})
+    assert "stiction" not in possible_effects(held)
+    assert "deadband" in possible_effects(held)
+
+
+def test_the_controllers_proofs_come_first():
+    both = [{"name": "quantisation", "step": 0.4}, {"name": "saturation", "lo": 48.5}]
+    found = situation(effect=both).proven
+    assert list(found) == ["saturation", "quantisation"]
+    assert found["saturation"]["lo"] == pytest.approx(48.5)
+    assert found["quantisation"] == {"step": pytest.approx(0.4), "at": "loop"}
+    assert proven(situation()) == {}
+
+
+@pytest.fixture(scope="module")
+def sizes(plain):
+    engine = Engine(plain.data, load_memory(plain))
+    return smallest_detectable(plain, engine.base(), load_memory(plain))
+
+
+@pytest.mark.parametrize(("effect", "name"), [
+    ("deadband", "S"), ("extra_lag", "tau"), ("sensor_lag", "tau"), ("dead_time_mismatch", "extra"), ("noise", "factor"),
+])  # fmt: skip
+def test_well_above_the_smallest_detectable_size_an_effect_is_found_and_well_below_it_is_not(sizes, effect, name):
+    size = sizes[effect][0]
+    gains = []
+    for times in (0.25, 4.0):
+        value = 1.0 + times * (size - 1.0) if name == "factor" else times * size
+        found = assess(situation(effect=[{"name": effect, name: value}]))
+        gains.append(found.log_likelihood_gains[effect])
+    assert gains[0] < 9.0 < gains[1]
+
+
+def test_more_noise_hides_larger_effects(sizes):
+    loud = situation(BASE | {"noise": {"std": 0.6}})
+    base = Engine(loud.data, load_memory(loud)).base()
+    hidden = smallest_detectable(loud, base, load_memory(loud))
+    for effect in ("deadband", "stiction", "extra_lag", "dead_time_mismatch", "outliers"):
+        assert hidden[effect][0] > sizes[effect][0], effect
