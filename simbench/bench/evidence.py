@@ -6,9 +6,9 @@ import argparse
 
 import numpy as np
 
+from detectors.evidence import EVIDENCE, Evidence
 from detectors.judge import judge_one
 from detectors.prepared import Prepared
-from detectors.procedure import EVIDENCE, Evidence
 from detectors.registry import methods
 from scenarios.grid import load_grid
 from simbench.bench.resolve import resolve
@@ -84,7 +84,7 @@ def fit(x: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Print the weights that belong into detectors/procedure.py.
+    """Print the weights that belong into detectors/evidence.py.
 
     Parameters
     ----------
