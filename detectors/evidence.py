@@ -56,3 +56,5 @@ EVIDENCE: dict[bool, tuple[Evidence, ...]] = {
 }
 # Asked as well, said in the report, without a weight of their own.
 WITNESSES = {False: ("rossi_scali", "horch", "srinivasan", "yamashita"), True: ("he", "rossi_scali", "srinivasan")}
+# Who votes where the procedure counts heads, as its source does: the detectors it names for either process type.
+VOTERS = {False: ("horch", "he", "rossi_scali", "singhal_salsbury"), True: ("horch_histogram", "he", "hammerstein")}
