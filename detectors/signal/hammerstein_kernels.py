@@ -140,8 +140,9 @@ def misfits(y, first, last, sign, low, count, stride, block, x, out):
             qxy, qzy = sign * (sxy[c] - sx[c] * sy / m), sign * (szy[c] - sz * sy / m)
             det = qxx * qzz - qxz * qxz
             k0, k1 = (qzz * qxy - qxz * qzy) / det, (qxx * qzy - qxz * qxy) / det
-            both = det > 1e-9 * qxx * qzz and k0 >= 0.0 and k1 >= 0.0
-            alone = qxy * qxy / qxx if qxy > 0.0 and qxx > 0.0 else 0.0
+            # a valve that hardly moves under an integrator: what is left of x beside its mean is rounding
+            both = det > 1e-9 * qxx * qzz and k0 >= 0.0 and k1 >= 0.0 and qxx > 1e-6 * sxx[c]
+            alone = qxy * qxy / qxx if qxy > 0.0 and qxx > 1e-9 * sxx[c] else 0.0
             error = 1.0 - (k0 * qxy + k1 * qzy if both else alone) / syy
             better = error < best[c] and i < wanted[c]
             at[c] = i if better else at[c]
