@@ -315,7 +315,7 @@ class _Course:
             return "not seen", "too short for the bicoherence", "Go on: the detectors look at the waves themselves."
         self.indices |= {"ngi": found.ngi, "nli": found.nli}
         numbers = f"NGI = {found.ngi:.3f}, NLI = {found.nli:.3f} (peak {found.height:.2f} times its bound)"
-        if found.nonlinear(0.0, 1.0, calibrated=not self.rules.veto):
+        if found.nonlinear():
             return "yes", numbers, "The oscillation is born or bent inside a nonlinear element."
         if self.rules.veto:
             self.score = QUIET
@@ -368,6 +368,8 @@ class _Course:
         said = f"S = {lo:.2g} %" if lo == hi else f"S = {lo:.2g} to {hi:.2g} %"
         if hi < S_SMALL:
             return "no", said, "Stiction of this size does little harm."
+        if lo < S_SMALL:
+            return "cannot tell", said, "Confirm before any work on the valve."
         return "yes", said, "Confirm by cheap tests first, before the cost of downtime."
 
     def _ask(self, name: str) -> None:

@@ -2,10 +2,10 @@
 to a sine.
 
 Needs: OP of a self-regulating process (the controller integrates), PV of an integrating one; three periods.
-Parameters: `eta_low`, `eta_high` (-), published; `left_out` (-), own, 0 in the source.
+Parameters: `eta_low`, `eta_high` (-), published.
 Indices: eta in 0..1 (triangle with free apex and zero ends; decides), eta_two_line in 0..1 (the chapter's two
 straight lines, which have four free parameters against the sine's two and lean to "triangle" in noise).
-Rule: eta = MSE_sine / (MSE_sine + MSE_triangle), averaged over the typical nine tenths of the half cycles;
+Rule: eta = MSE_sine / (MSE_sine + MSE_triangle), averaged over the half cycles;
 >= 0.6 stiction, <= 0.4 no stiction (Eq 11.13).
 Not for: flow loops with a strong P part (OP is nearly a square and scores 0.34); noise beyond a fifth of the signal,
 where both misfits are noise and eta goes to 0.5.
@@ -19,7 +19,7 @@ import numpy as np
 
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
-from detectors.signal.half_cycles import misfit, sines, triangles, two_line_misfit, typical_means
+from detectors.signal.half_cycles import misfit, sines, triangles, two_line_misfit
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 METHOD = Method(
@@ -29,21 +29,17 @@ METHOD = Method(
     thresholds={
         "eta_low": Threshold(0.4, "-", 0.0, 1.0, "He 2007", "at or below: sine, no stiction"),
         "eta_high": Threshold(0.6, "-", 0.0, 1.0, "He 2007", "at or above: triangle, stiction"),
-        "left_out": Threshold(0.1, "-", 0.0, 0.9, "own; the source has 0", "share of odd half cycles that do not count"),
     },
-    published={"left_out": 0.0},
 )
 
 
-def triangle_indices(humps: np.ndarray, left_out: float = 0.1) -> tuple[float, float]:
+def triangle_indices(humps: np.ndarray) -> tuple[float, float]:
     """Return eta and eta_two_line of a set of half cycles.
 
     Parameters
     ----------
     humps : ndarray, shape (m, points)
         Half cycles as positive humps.
-    left_out : float
-        Share of them, the odd ones, that does not count.
 
     Returns
     -------
@@ -61,12 +57,12 @@ def triangle_indices(humps: np.ndarray, left_out: float = 0.1) -> tuple[float, f
     """
     points = humps.shape[1]
     errors = misfit(humps, sines(points)), misfit(humps, triangles(points)), two_line_misfit(humps)
-    sine, *others = typical_means(*errors, left_out=left_out)
+    sine, *others = (float(error.mean()) for error in errors)
     eta, two_line = (sine / (sine + other) if sine + other > 0 else 0.5 for other in others)
     return eta, two_line
 
 
-def detect(prepared: Prepared, *, eta_low: float, eta_high: float, left_out: float) -> Verdict:
+def detect(prepared: Prepared, *, eta_low: float, eta_high: float) -> Verdict:
     """Judge a record by the shape of OP (self-regulating) or PV (integrating).
 
     Parameters
@@ -75,8 +71,6 @@ def detect(prepared: Prepared, *, eta_low: float, eta_high: float, left_out: flo
         The record.
     eta_low, eta_high : float
         Bounds of eta (-).
-    left_out : float
-        Share of the half cycles, the odd ones, that does not count (-).
 
     Returns
     -------
@@ -94,7 +88,7 @@ def detect(prepared: Prepared, *, eta_low: float, eta_high: float, left_out: flo
     humps = prepared.half_cycles(name.lower())
     if len(humps) < 4:
         return Verdict("he", NO_DECISION, reason=f"{len(humps)} half cycles in {name}; at least 4 are needed")
-    eta, two_line = triangle_indices(humps, left_out)
+    eta, two_line = triangle_indices(humps)
     if eta >= eta_high:
         verdict, said = STICTION, "triangular"
     elif eta <= eta_low:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -36,7 +36,7 @@ class Hammerstein:
     S, J : float
         Of the best model, in the unit of OP.
     S_range, J_range : (float, float)
-        Values whose best error is within the tolerance of the smallest one.
+        Values whose best error is within the tolerance of the smallest one; of S, with either map of the valve.
     error, error_linear : float
         Mean squared error over the variance of PV, with the best valve and with S = J = 0; drift left out of both.
     sign : float
@@ -169,10 +169,14 @@ def fit_hammerstein(
     5.0
     """
     fits = [_fit(op, pv, period, integrating, limits, Ts, stops) for stops in VALVES]
-    return min(fits, key=lambda fit: fit.error)
+    best = min(fits, key=lambda fit: fit.error)
+    # which map a valve follows is not known: S is what either says
+    ends = [(min(fit.S, fit.S_range[0]), max(fit.S, fit.S_range[1])) for fit in fits]
+    return replace(best, S_range=(min(lo for lo, _ in ends), max(hi for _, hi in ends)))
 
 
 def _fit(op, pv, period, integrating, limits, Ts, stops) -> Hammerstein:
+    """The best fit of one of the two maps."""
     short, full = (_Search(op, pv, period, limits, reach, stops) for reach in (SHORT, FULL))
     poles = np.array([1.0]) if integrating else np.append(full.poles(TIMES), 1.0)
     everywhere = full.delays.size
