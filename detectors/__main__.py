@@ -5,10 +5,11 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from typing import Any
 
-from detectors.errors import UserError
 from detectors.record import KINDS, PROCESSES
 from detectors.report import judge_files, table
+from detectors.usage import exit_code
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -36,19 +37,20 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--json", action="store_true", help="JSON, and nothing else, on stdout")
     chosen = vars(parser.parse_args(arguments))
     as_json, methods = chosen.pop("json"), chosen.pop("method") or ["all"]
-    try:
-        report = judge_files(chosen.pop("path"), methods, plugins=chosen.pop("plugin"), **chosen)
-    except UserError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
+    return exit_code(lambda: _judge(as_json, methods=methods, **chosen))
+
+
+def _judge(as_json: bool, **asked: Any) -> int:
+    report = judge_files(asked.pop("path"), asked.pop("methods"), plugins=asked.pop("plugin"), **asked)
     for name, sentence in report.refused.items():
         print(f"left out {name}: {sentence}", file=sys.stderr)
     if as_json:
-        print(json.dumps(report.as_json(), indent=1))
+        print(json.dumps(report.as_json(), indent=1, allow_nan=False))
         if report.scores:
             print("\n".join(["score by unit:", *table(report.scores)]), file=sys.stderr)
     else:
         print(report.as_text())
+    sys.stdout.flush()
     return 0
 
 

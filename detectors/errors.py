@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import contextlib
+from collections.abc import Iterable, Iterator
 from difflib import get_close_matches
 
 
@@ -19,11 +20,47 @@ class ParameterError(UserError, ValueError):
 
 
 class UnknownName(UserError, LookupError):
-    """A name that no plug-in, grid or figure answers to."""
+    """A name that no plug-in, grid or figure answers to.
+
+    Parameters
+    ----------
+    kind : str
+        What was looked for: "detector", "grid", ...
+    name : str
+        What the user wrote.
+    known : iterable of str
+        What would have been understood.
+    where : str
+        Where it was written.
+    """
 
     def __init__(self, kind: str, name: str, known: Iterable[str], where: str = "") -> None:
         place = f" in {where}" if where else ""
         super().__init__(f"unknown {kind} {name!r}{place}: {nearest(name, known)}")
+
+
+@contextlib.contextmanager
+def naming(place: object) -> Iterator[None]:
+    """Put the file (or whatever place) an error of a user's is in before its sentence, where that does not name it yet.
+
+    Parameters
+    ----------
+    place
+        File, folder or record.
+
+    Examples
+    --------
+    >>> with naming("loop.toml"):
+    ...     raise ParameterError("S = -1; it must be >= 0")
+    Traceback (most recent call last):
+    detectors.errors.ParameterError: loop.toml: S = -1; it must be >= 0
+    """
+    try:
+        yield
+    except UserError as error:
+        if str(place) in str(error):
+            raise
+        raise ParameterError(f"{place}: {error}") from error
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

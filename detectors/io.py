@@ -73,7 +73,11 @@ def read_record(
         raw, found = read_table(path), {}
     found.update({k: v for k, v in about.items() if v is not None})
     found.setdefault("tag", path.stem)
-    return _record(raw, columns or {}, Ts if Ts is not None else found.pop("Ts", None), found, str(path))
+    Ts = Ts if Ts is not None else found.pop("Ts", None)
+    try:
+        return _record(raw, columns or {}, Ts, found, str(path))
+    except RecordError as error:
+        raise error if str(path) in str(error) else RecordError(f"{path}: {error}") from None
 
 
 def read_folder(

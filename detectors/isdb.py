@@ -88,7 +88,13 @@ def read_loop(path: Path, loop: str | None) -> tuple[Columns, dict[str, Any]]:
         loop = next(iter(loops))
     if loop not in loops:
         raise RecordError(f"file {path}: no loop {loop!r}, {nearest(loop, loops)}")
-    entry = loops[loop]
+    try:
+        return _signals(loops[loop], loop)
+    except (AttributeError, IndexError, TypeError, ValueError) as error:  # whatever a damaged file holds in place of numbers
+        raise RecordError(f"file {path}: loop {loop!r} holds no signals that can be read: {error}") from None
+
+
+def _signals(entry: Any, loop: str) -> tuple[Columns, dict[str, Any]]:
     fields = {str(f).lower(): getattr(entry, f) for f in entry._fieldnames}
     pv = np.atleast_1d(np.asarray(fields.get("pv", []), dtype=float))
     raw: Columns = {}

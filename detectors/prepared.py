@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from detectors.errors import RecordError
 from detectors.quality import Flag, inspect
 from detectors.record import LoopRecord
 from detectors.signal.conditioning import clear_harmonics, drift, loop_sign, mirrored_spectrum, smooth
@@ -82,7 +83,15 @@ class Prepared:
 
     @property
     def period(self) -> float:
-        """Period of the oscillation in samples; NaN without one."""
+        """Period of the oscillation in samples.
+
+        Raises
+        ------
+        RecordError
+            Without an oscillation.
+        """
+        if not np.isfinite(self.oscillation.period_s):
+            raise RecordError("no period found in OP or PV")
         return self.oscillation.period_s / self.record.Ts
 
     def signal(self, name: str) -> np.ndarray:
@@ -126,7 +135,7 @@ class Prepared:
         return other
 
     def _turned_pv(self) -> np.ndarray:
-        period = self.period
+        period = self.oscillation.period_s / self.record.Ts
         reach = max(round(period / 8), 1) if np.isfinite(period) else 1
         return self.record.pv * loop_sign(self.record.op, self.record.pv, reach)
 

@@ -7,7 +7,7 @@ to a figure, so that picture and program cannot differ.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +19,10 @@ from detectors.registry import methods as registry
 from detectors.signal.bicoherence import error_bicoherence
 from detectors.signal.valve_follow import Follow, valve_follow
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Level, Verdict, _plain
+from detectors.views import page_part
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 ODDS_LOW, ODDS_HIGH = -0.4, 0.4  # log-odds; between them the evidence is not enough (probability 0.4 to 0.6)
 FOLLOW_MIN = 0.2  # own: 1 % of simulated healthy flow loops under steps, ramps and random pressure exceed it
@@ -153,6 +157,21 @@ class Diagnosis:
         for i, s in enumerate(self.steps, 1):
             lines += [f"{i}. {s.question} {s.answer.capitalize()}.", f"   {s.evidence}. {s.reason}"]
         return "\n".join([*lines, f"Verdict: {self.verdict.replace('_', ' ')}.", f"Next: {self.next_test}."])
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the path taken.
+
+        Returns
+        -------
+        DataFrame
+            One row per question: step, question, answer, evidence, reason.
+        """
+        import pandas as pd
+
+        return pd.DataFrame([vars(s) for s in self.steps])
+
+    def _repr_html_(self) -> str:
+        return page_part(f"{self.verdict.replace('_', ' ')}; next: {self.next_test}", self.to_frame().drop(columns="step"))
 
 
 def flow_chart() -> tuple[list[dict[str, str]], list[dict[str, str]]]:

@@ -24,6 +24,11 @@ KIND_ALIASES = {
 }
 
 
+# Beyond these a power of four, as statistics use it, leaves the range of double numbers.
+LARGEST, SMALLEST = 1e60, 1e-60
+FASTEST, SLOWEST = 1e-12, 1e12  # s between samples
+
+
 @dataclass(frozen=True, eq=False)
 class LoopRecord:
     """What was recorded of one control loop, checked once and read-only from then on.
@@ -56,7 +61,8 @@ class LoopRecord:
     Raises
     ------
     RecordError
-        When a signal is not one-dimensional, not finite, of another length than PV, or shorter than 3 samples.
+        When a signal is not one-dimensional, not finite, of another length than PV, shorter than 3 samples, or of a size
+        that no transmitter sends, or when the sampling period is none.
 
     Notes
     -----
@@ -95,6 +101,8 @@ class LoopRecord:
         Ts = float(self.Ts)
         if not (np.isfinite(Ts) and Ts > 0):
             raise RecordError(f"{where}: Ts = {self.Ts} s; the sampling period must be a number above 0")
+        if not FASTEST <= Ts <= SLOWEST:
+            raise RecordError(f"{where}: Ts = {Ts:g} s; a sampling period is {FASTEST:g} to {SLOWEST:g} s")
         object.__setattr__(self, "Ts", Ts)
         object.__setattr__(self, "process", _word(self.process, "process", PROCESSES, {}, where))
         object.__setattr__(self, "kind", _word(self.kind, "kind", KINDS, KIND_ALIASES, where))
@@ -138,8 +146,66 @@ class LoopRecord:
         """Unit of S and J estimated from this record."""
         return "% of travel" if self.op_percent is not None else "OP units"
 
+    def to_frame(self) -> pd.DataFrame:
+        """Return the record as a table that `from_frame` reads.
+
+        Returns
+        -------
+        DataFrame
+            t_s, sp, op, pv, mv; what was not recorded is left out.
+
+        Examples
+        --------
+        >>> list(LoopRecord(op=[50, 51, 52], pv=[1.0, 1.1, 1.2], Ts=2.0).to_frame())
+        ['t_s', 'op', 'pv']
+        """
+        import pandas as pd
+
+        columns = {"t_s": self.t, "sp": self.sp, "op": self.op, "pv": self.pv, "mv": self.mv}
+        return pd.DataFrame({name: signal for name, signal in columns.items() if signal is not None})
+
+    def plot(self, **options: Any) -> Any:
+        """Draw PV with SP above OP with MV, over time.
+
+        Parameters
+        ----------
+        **options
+            As `pandas.DataFrame.plot` takes them, such as figsize.
+
+        Returns
+        -------
+        ndarray of matplotlib.axes.Axes, shape (2,)
+
+        Raises
+        ------
+        ImportError
+            Without matplotlib, which this package alone does not need.
+        """
+        frame = self.to_frame().set_index("t_s")
+        groups = [tuple(c for c in pair if c in frame) for pair in (("pv", "sp"), ("op", "mv"))]
+        axes = frame[[c for pair in groups for c in pair]].plot(
+            **{"subplots": groups, "xlabel": "t (s)", "title": self.tag or None, **options}
+        )
+        axes[1].set_ylabel("OP, MV (%)" if self.op_percent is self.op else "OP")
+        axes[0].set_ylabel("PV")
+        return axes
+
+    def _repr_html_(self) -> str:
+        from detectors.views import page_part
+
+        facts = [f"{self.n} samples", f"Ts = {self.Ts:g} s", f"{self.duration:g} s", self.kind, self.process, *self.notes]
+        about = ", ".join(fact for fact in facts if fact)
+        frame = self.to_frame().drop(columns="t_s").describe().T[["min", "mean", "max", "std"]]
+        return page_part(f"{self.tag or 'record'}: {about}", frame.reset_index(names="signal"))
+
     def blind(self) -> LoopRecord:
-        """Return the record as a detector may see it: without `mv` and `meta`."""
+        """Return the record as a detector may see it.
+
+        Returns
+        -------
+        LoopRecord
+            The same without `mv` and `meta`.
+        """
         other = copy(self)  # its fields were checked when this record was made
         other.__dict__.update(mv=None, meta={})
         return other
@@ -222,6 +288,10 @@ def _signal(value: Any, name: str, n: int, where: str) -> np.ndarray:
     if not np.isfinite(array).all():
         bad = int(np.argmin(np.isfinite(array)))
         raise RecordError(f"{where}: {name.upper()} is {array[bad]} at sample {bad}; finite numbers are needed")
+    largest = float(np.abs(array).max(initial=0.0))
+    if largest > LARGEST or 0.0 < largest < SMALLEST:
+        allowed = f"0, or sizes from {SMALLEST:g} to {LARGEST:g}, are needed"
+        raise RecordError(f"{where}: the largest {name.upper()} is {largest:g} in size; {allowed}")
     array.flags.writeable = False
     return array
 

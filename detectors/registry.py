@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import pkgutil
+import sys
 from functools import cached_property
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -103,12 +104,23 @@ class PluginFolder:
         if spec is None or spec.loader is None:
             raise ParameterError(f"{self.kind} file {path} is no Python file")
         module = importlib.util.module_from_spec(spec)
+        # where any other module stands as well: a plug-in may look itself up
+        sys.modules[spec.name] = module
         try:
             spec.loader.exec_module(module)
         except Exception as error:  # a plug-in may fail in any way; the user needs the file's name
             raise ParameterError(f"{self.kind} file {path} cannot be imported: {error!r}") from error
         self._files[name] = self._checked(module, name)
         return name
+
+    def own_file(self, path: str | Path) -> bool:
+        """Return whether a file is that of a built-in plug-in."""
+        folder = importlib.import_module(self.package).__path__[0]
+        return Path(path).stem in self._own and Path(path).resolve().parent == Path(folder).resolve()
+
+    def forget(self, name: str) -> None:
+        """Take a file that was added out again."""
+        self._files.pop(name, None)
 
     @cached_property
     def _entry_points(self) -> dict:

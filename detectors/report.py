@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from detectors.errors import ParameterError
+from detectors import summary
+from detectors.errors import ParameterError, UnknownName
 from detectors.io import read_folder, read_labels, read_record
 from detectors.judge import judge
 from detectors.registry import PUBLISHED
 from detectors.registry import methods as registry
 from detectors.verdict import NO_DECISION, STICTION, Verdict
+from detectors.views import page_part
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from detectors.record import LoopRecord
 
 SETS = ("all", "fast", "full", PUBLISHED)
 
@@ -31,27 +38,72 @@ class Report:
         Files of a folder that are no records, each with its sentence.
     scores : list of dict
         One row per method, when labels were given.
+    records : dict of (str or None) to LoopRecord
+        What was judged, by name.
     """
 
     verdicts: list[tuple[str | None, Verdict]]
     refused: dict[str, str] = field(default_factory=dict)
     scores: list[dict[str, Any]] = field(default_factory=list)
+    records: dict[str | None, LoopRecord] = field(default_factory=dict, repr=False)
 
     def as_json(self) -> list[dict[str, Any]]:
         """Return one object per verdict; `record` is its first key for a folder."""
         return [{**({} if name is None else {"record": name}), **v.as_json()} for name, v in self.verdicts]
 
-    def as_text(self) -> str:
-        """Return one line per verdict and the score table, for people."""
-        lines = []
-        for name, v in self.verdicts:
-            where = "" if name is None else f"{name}: "
-            score = f" (score {v.score:.3g})" if np.isfinite(v.score) else ""
-            level = "" if v.S is None else f" S = {_level(v.S)}, J = {_level(v.J)} {v.S_unit}."
-            lines.append(f"{where}{v.method}: {v.verdict.replace('_', ' ')}{score}. {v.reason}.{level}")
-        if self.scores:
-            lines += ["", *table(self.scores)]
-        return "\n".join(lines)
+    def __len__(self) -> int:
+        """Number of verdicts."""
+        return len(self.verdicts)
+
+    def __iter__(self) -> Iterator[Verdict]:
+        """Walk over the verdicts."""
+        return (v for _, v in self.verdicts)
+
+    def __getitem__(self, method: str) -> Verdict:
+        """Return the verdict of one method; of several records, the first."""
+        found = {v.method: v for _, v in reversed(self.verdicts)}
+        if method not in found:
+            raise UnknownName("method", method, found, "this report")
+        return found[method]
+
+    def as_text(self, *, why: bool = False, colour: bool = False) -> str:
+        """Return summary, table and scores for a terminal.
+
+        Parameters
+        ----------
+        why : bool
+            Each method's reason as well.
+        colour : bool
+            With the colours of a terminal.
+
+        Returns
+        -------
+        str
+        """
+        text = summary.as_text(self._groups(), why=why, colour=colour)
+        return "\n".join([text, "", *table(self.scores)]) if self.scores else text
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row per verdict.
+
+        Returns
+        -------
+        DataFrame
+            record (for a folder), method, verdict, score, S_lo, S_hi, J_lo, J_hi, S_unit, applicable, reason, and the indices.
+        """
+        return summary.to_frame(self.verdicts)
+
+    def _repr_html_(self) -> str:
+        frame = self.to_frame()
+        keys = [c for c in ("record", "method", "verdict", "score", "applicable", "reason") if c in frame]
+        groups = self._groups()
+        return page_part(summary.sentence(groups[0][1]) if len(groups) == 1 else f"{len(groups)} records", frame[keys])
+
+    def _groups(self) -> list[tuple[str | None, list[Verdict], LoopRecord | None]]:
+        groups: dict[str | None, list[Verdict]] = {}
+        for name, verdict in self.verdicts:
+            groups.setdefault(name, []).append(verdict)
+        return [(name, verdicts, self.records.get(name)) for name, verdicts in groups.items()]
 
 
 def judge_files(
@@ -63,6 +115,8 @@ def judge_files(
     op_span: tuple[float, float] | None = None,
     pv_span: tuple[float, float] | None = None,
     columns: Mapping[str, str] | None = None,
+    loop: str | None = None,
+    Ts: float | None = None,
     labels: str | Path | None = None,
     raw: bool = False,
     plugins: Iterable[str | Path] = (),
@@ -78,7 +132,7 @@ def judge_files(
         Method ids, or "all", "fast", "full" (fast and slow ones, the same as all); commas inside are understood.
     process, kind, op_span, pv_span : optional
         What is known of every record, see LoopRecord; goes before what labels say.
-    columns : dict of role to column name, optional
+    columns, loop, Ts : optional
         See `detectors.io.read_record`.
     labels : str or Path, optional
         Table of labels; its records alone are judged, with its kind and process, and scored.
@@ -101,12 +155,12 @@ def judge_files(
     added = [registry.add_file(p) for p in plugins]
     names = choose_methods(methods)
     names += [a for a in added if a not in names]
-    about = {"process": process, "kind": kind, "op_span": op_span, "pv_span": pv_span, "columns": columns}
+    about = {"process": process, "kind": kind, "op_span": op_span, "pv_span": pv_span, "columns": columns, "Ts": Ts}
     if not Path(path).is_dir() and (Path(path).suffix.lower() != ".mat" or not Path(path).exists()):
         if labels is not None:
             raise ParameterError(f"labels score a folder of records; {path} is no folder")
-        record = read_record(path, **about)
-        return Report([(None, v) for v in judge(record, names, raw=raw, thresholds=thresholds)])
+        record = read_record(path, loop=loop, **about)
+        return Report([(None, v) for v in judge(record, names, raw=raw, thresholds=thresholds)], records={None: record})
     known = {} if labels is None else read_labels(labels)
     each = {name: {"kind": row["kind"], "process": row["process"]} for name, row in known.items()}
     records, refused = read_folder(path, names=known or None, each=each, **about)
@@ -115,7 +169,7 @@ def judge_files(
         for name, record in records.items()
         for verdict in judge(record, names, raw=raw, thresholds=thresholds)
     ]
-    return Report(verdicts, refused, score_units(verdicts, known) if known else [])
+    return Report(verdicts, refused, score_units(verdicts, known) if known else [], {**records})
 
 
 def choose_methods(names: Iterable[str]) -> list[str]:
@@ -218,9 +272,3 @@ def _auc(positive: list[float], negative: list[float]) -> float:
         return float("nan")
     difference = np.subtract.outer(positive, negative)
     return float(np.mean((difference > 0) + 0.5 * (difference == 0)))
-
-
-def _level(value) -> str:
-    if value is None:
-        return "not identifiable"
-    return f"{value:.3g}" if isinstance(value, float) else "{:.3g} to {:.3g}".format(*value)

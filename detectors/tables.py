@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import zipfile
 from datetime import UTC, datetime
 from itertools import takewhile
 from pathlib import Path
@@ -12,6 +13,9 @@ import numpy as np
 from detectors.errors import RecordError
 
 TIME_FORMATS = ("%d.%m.%Y %H:%M:%S", "%d/%m/%Y %H:%M:%S", "%m/%d/%Y %H:%M:%S", "%Y/%m/%d %H:%M:%S", "%d-%b-%Y %H:%M:%S")
+
+MOST_ROWS = 1_000_000  # of a sheet
+MOST_UNPACKED = 300_000_000  # bytes of an Excel file's parts
 
 Columns = dict[str, list | np.ndarray]
 NEEDED = "a number, or nothing for unknown, is needed"
@@ -48,12 +52,27 @@ def read_table(path: Path) -> Columns:
 
             return _from_frame(pd.read_parquet(path))
         if suffix in (".xlsx", ".xls"):
-            import pandas as pd
-
-            return _from_frame(pd.read_excel(path))
+            return _from_frame(_sheet(path))
+    except RecordError:
+        raise
     except Exception as error:  # pandas passes on whatever its engine raises
         raise RecordError(f"file {path} cannot be read as {suffix[1:]}: {str(error).splitlines()[0]}") from error
     return _csv(path)
+
+
+def _sheet(path: Path):
+    """Read the first sheet; a small file that unpacks to a large one is refused before it fills the memory."""
+    import pandas as pd
+
+    if zipfile.is_zipfile(path):
+        with zipfile.ZipFile(path) as packed:
+            size = sum(item.file_size for item in packed.infolist())
+        if size > MOST_UNPACKED:
+            raise RecordError(f"file {path} unpacks to {size / 1e6:.0f} MB; at most {MOST_UNPACKED / 1e6:.0f} MB are read")
+    frame = pd.read_excel(path, nrows=MOST_ROWS + 1)
+    if len(frame) > MOST_ROWS:
+        raise RecordError(f"file {path} has more than {MOST_ROWS} rows; a sheet of Excel cannot hold many more")
+    return frame
 
 
 def _from_frame(frame) -> Columns:

@@ -66,13 +66,29 @@ class Verdict:
             raise ValueError(f"{self.method}: a verdict without a reason")
 
     def but(self, **changes: Any) -> Verdict:
-        """Return the same with some fields changed, unchecked: as fast as the judging of thousands of records needs."""
+        """Return the same with some fields changed, unchecked: as fast as the judging of thousands of records needs.
+
+        Parameters
+        ----------
+        **changes
+            Fields with their new values.
+
+        Returns
+        -------
+        Verdict
+        """
         other = object.__new__(Verdict)
         other.__dict__.update(self.__dict__, **changes)
         return other
 
     def as_json(self) -> dict[str, Any]:
-        """Return the verdict as a dictionary of JSON types; NaN and infinities become null."""
+        """Return the verdict as JSON types.
+
+        Returns
+        -------
+        dict
+            Every field; NaN and infinities become null.
+        """
         return _plain(asdict(self))
 
 

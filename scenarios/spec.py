@@ -9,16 +9,27 @@ import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from scenarios.errors import SpecError, suggestion
 
 MAX_SAMPLES = 20_000_000  # a run holds about ten arrays of n doubles: 1.6 GB here
+LARGEST = 1e60  # beyond it a record's statistics leave the range of double numbers
 M = TypeVar("M", bound=BaseModel)
 Value = float | int | str | bool | list[Any]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+
+
+def _number(value: Any) -> Any:
+    if isinstance(value, (bool, str)):  # which would be read as 1.0, or as the number it spells
+        raise ValueError("a number is needed")
+    return value
+
+
+Real = Annotated[float, BeforeValidator(_number)]
+Whole = Annotated[int, BeforeValidator(_number)]
+Finite = Annotated[Real, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
+Positive = Annotated[Real, Field(gt=0, le=LARGEST, allow_inf_nan=False)]
+NonNegative = Annotated[Real, Field(ge=0, le=LARGEST, allow_inf_nan=False)]
 
 
 class _Table(BaseModel):
@@ -72,7 +83,7 @@ class Controller(_Table):
 class OperatingPoint(_Table):
     """Where the run rests before it starts: OP in %, PV in its units (None: the set point's start value)."""
 
-    op0: Annotated[float, Field(ge=0, le=100)] = 50.0
+    op0: Annotated[Real, Field(ge=0, le=100, allow_inf_nan=False)] = 50.0
     pv0: Finite | None = None
 
 
@@ -80,7 +91,7 @@ class Sampling(_Table):
     """Ts in s; n samples."""
 
     Ts: Positive
-    n: Annotated[int, Field(ge=3, le=MAX_SAMPLES)] = 4000
+    n: Annotated[Whole, Field(ge=3, le=MAX_SAMPLES)] = 4000
 
 
 class Noise(_Table):
@@ -112,6 +123,17 @@ NAME_KEY = {"valve": "model", "disturbance": "type", "effect": "name"}
 class Loop(_Table):
     """One control loop, complete: a run is a function of this and a seed.
 
+    Parameters
+    ----------
+    plant, controller, sampling : table
+        As in a loop file.
+    operating_point, noise, setpoint : table, optional
+        As in a loop file.
+    valve : Part
+        The valve model; ideal when absent.
+    disturbance, effect : tuple of Part
+        What acts on the loop or its record.
+
     Examples
     --------
     >>> loop = Loop.from_table({
@@ -142,6 +164,13 @@ class Loop(_Table):
             )
         return self
 
+    @model_validator(mode="after")
+    def _delay_that_fits(self) -> Self:
+        Td, Ts = self.plant.Td, self.sampling.Ts
+        if Td > MAX_SAMPLES * Ts:
+            raise ValueError(f"Td = {Td:g} s is {Td / Ts:.3g} samples of Ts = {Ts:g} s; at most {MAX_SAMPLES} are simulated")
+        return self
+
     @property
     def pv0(self) -> float:
         """PV at rest, in its units."""
@@ -149,7 +178,7 @@ class Loop(_Table):
         return self.setpoint.value if pv0 is None else pv0
 
     @classmethod
-    def from_table(cls, table: dict[str, Any], where: str = "loop") -> Loop:
+    def from_table(cls, table: dict[str, Any], where: str = "loop") -> Self:
         """Check a nested table, as TOML gives it, and return the loop.
 
         Parameters
@@ -180,7 +209,12 @@ class Loop(_Table):
         return checked(cls, table, where)
 
     def to_table(self) -> dict[str, Any]:
-        """Return the loop as the nested table that `from_table` reads."""
+        """Return the loop as the nested table that `from_table` reads.
+
+        Returns
+        -------
+        dict
+        """
         table = self.model_dump(exclude_none=True)
         for section, key in NAME_KEY.items():
             parts = [{key: p.name, **p.parameters} for p in _parts(getattr(self, section))]
@@ -188,7 +222,12 @@ class Loop(_Table):
         return table
 
     def to_toml(self) -> str:
-        """Return the loop as the text of a loop file."""
+        """Return the loop as the text of a loop file.
+
+        Returns
+        -------
+        str
+        """
         lines = []
         for section, content in self.to_table().items():
             for part in content if isinstance(content, list) else [content]:
@@ -197,7 +236,7 @@ class Loop(_Table):
                 lines.append("")
         return "\n".join(lines)
 
-    def with_(self, key: str, value: Any) -> Loop:
+    def with_(self, key: str, value: Any) -> Self:
         """Return the loop with one dotted key changed, e.g. "controller.Kc" or "valve.S".
 
         Parameters
@@ -223,11 +262,21 @@ class Loop(_Table):
         if isinstance(table.get(section), list):
             raise SpecError(f"key {key!r}: [[{section}]] is a list and cannot be set by name")
         table.setdefault(section, {})[name] = value
-        return Loop.from_table(table, f"with {key} = {value}")
+        return type(self).from_table(table, f"with {key} = {value}")
 
 
 class Scenario(_Table):
-    """A loop, a seed, and tags that place it in its grid."""
+    """A loop, a seed, and tags that place it in its grid.
+
+    Parameters
+    ----------
+    loop : Loop
+        What is simulated.
+    seed : int
+        Root of its random streams.
+    tags : dict
+        Axis values of its cell.
+    """
 
     loop: Loop
     seed: Annotated[int, Field(ge=0)] = 0
@@ -273,6 +322,10 @@ def read_toml(path: str | Path) -> dict[str, Any]:
         raise SpecError(f"{path} cannot be read: {error.strerror}") from None
     except tomllib.TOMLDecodeError as error:
         raise SpecError(f"{path} is no valid TOML: {error}") from None
+    except RecursionError:
+        raise SpecError(f"{path} cannot be read: its values are nested too deeply") from None
+    except ValueError:  # Python's own limit on whole numbers
+        raise SpecError(f"{path} cannot be read: it holds a number of more than 4300 digits") from None
 
 
 def checked(model: type[M], table: dict[str, Any], where: str) -> M:
@@ -348,12 +401,22 @@ def _sentence(model: type[BaseModel], error: Any) -> str:
     if kind == "missing":
         return f"{'key' if len(path) > 1 else 'section'} {place!r} is missing"
     message = str(error["msg"]).removeprefix("Value error, ")
+    if kind == "value_error" and message == "a number is needed":
+        return f"{place} = {_short(value)}; {message}"
     if kind == "value_error":
         return f"[{place}] {message}" if place else message
     if kind == "literal_error":
         allowed = [w.strip(" '") for w in str(error["ctx"]["expected"]).replace(" or ", ",").split(",")]
-        return f"{place} = {value!r} is unknown; {suggestion(str(value), allowed)}"
-    return f"{place} = {value!r}; {message[0].lower()}{message[1:]}"
+        return f"{place} = {_short(value)} is unknown; {suggestion(str(value), allowed)}"
+    return f"{place} = {_short(value)}; {message[0].lower()}{message[1:]}"
+
+
+def _short(value: Any) -> str:
+    try:
+        text = repr(value)
+    except (ValueError, RecursionError):  # more digits than Python writes, tables within tables
+        return "a value too long to show"
+    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 def _fields(model: type[BaseModel], path: list[Any]) -> list[str]:

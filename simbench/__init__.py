@@ -1,20 +1,8 @@
-"""simbench: a closed-loop simulation testbench for valve-stiction detectors."""
+"""simbench: a closed-loop simulation testbench for valve-stiction detectors.
 
-from __future__ import annotations
+The public names stand in `__init__.pyi`; each is loaded when first asked for.
+"""
 
-from typing import Any
+from simbench.lazy import attach
 
-__all__ = ["simulate", "sweep"]
-
-
-def __getattr__(name: str) -> Any:
-    # loaded when asked for: a detector's command line needs neither
-    if name == "sweep":
-        from simbench.bench.sweep import sweep
-
-        return sweep
-    if name == "simulate":
-        from simbench.loop.simulate import simulate
-
-        return simulate
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

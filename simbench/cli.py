@@ -14,8 +14,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import typer
 
-from detectors.errors import ParameterError, nearest
-from simbench.usage import complain, exit_code
+from detectors.errors import ParameterError, naming, nearest
+from simbench.usage import exit_code
 
 # typer has carried its own copy of click since 0.2x; its public error leads to the classes of whichever it uses
 CommandError: Any = typer.BadParameter.__mro__[2]
@@ -28,6 +28,7 @@ Thresholds = Annotated[
 ]
 Span = Annotated[tuple[float, float] | None, typer.Option(metavar="LO HI", help="Values that mean 0 and 100 %.")]
 
+Power = Annotated[bool, typer.Option("--power", help="Also say what this record could have shown, from twins of its loop.")]
 World = Annotated[str, typer.Option(metavar="NAME", help="Independent simulator that draws the records.")]
 
 _bare = {"add_completion": False, "no_args_is_help": True, "rich_markup_mode": None, "pretty_exceptions_enable": False}
@@ -67,7 +68,8 @@ def simulate(
     else:
         from scenarios.spec import load_loop
 
-        result = run(load_loop(loop), seed, kick=kick)
+        with naming(loop):
+            result = run(load_loop(loop), seed, kick=kick)
     write_record(result.record, out)
 
 
@@ -94,7 +96,8 @@ def predict(
     from simbench.theory.predict import as_text
     from simbench.theory.predict import predict as theory
 
-    found = theory(load_loop(loop))
+    with naming(loop):
+        found = theory(load_loop(loop))
     _print(found if as_json else as_text(found), as_json)
 
 
@@ -110,6 +113,7 @@ def detect(
     raw: Annotated[bool, typer.Option("--raw", help="Without the oscillation front end.")] = False,
     plugin: Plugin = None,
     thresholds: Thresholds = None,
+    power: Power = False,
     as_json: Json = False,
 ) -> None:
     """Judge a record, or a folder of records, by one or all detectors."""
@@ -124,6 +128,8 @@ def detect(
     if as_json and report.scores:
         print("\n".join(["score by unit:", *table(report.scores)]), file=sys.stderr)
     _print(report.as_json() if as_json else report.as_text(), as_json)
+    if power:
+        _print_power(path, method or ["all"], as_json, process=process, kind=kind, op_span=op_span, pv_span=pv_span)
 
 
 @app.command()
@@ -134,6 +140,7 @@ def diagnose(
     op_span: Span = None,
     pv_span: Span = None,
     picture: Annotated[Path | None, typer.Option(help="Picture of the path taken (SVG or PNG).")] = None,
+    power: Power = False,
     as_json: Json = False,
 ) -> None:
     """Take one record through the chapter's whole diagnosis, step by step."""
@@ -146,6 +153,43 @@ def diagnose(
 
         draw_path(diagnosis, picture)
     _print(diagnosis.as_json() if as_json else diagnosis.as_text(), as_json)
+    if power:
+        _print_power(path, ["all"], as_json, process=process, kind=kind, op_span=op_span, pv_span=pv_span)
+
+
+@app.command("trust")
+def trust_(
+    path: Annotated[Path, typer.Argument(metavar="REC.csv")],
+    loop: Annotated[Path | None, typer.Option(metavar="LOOP.toml", help="The loop; identified if absent.")] = None,
+    method: Annotated[list[str] | None, typer.Option(help="Method ids, all, fast or full; repeatable.")] = None,
+    html: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Page to write.")] = None,
+    process: Annotated[str | None, typer.Option(help="self-regulating or integrating.")] = None,
+    kind: Annotated[str | None, typer.Option(help="flow, level, pressure, temperature or analyser.")] = None,
+    op_span: Span = None,
+    pv_span: Span = None,
+    as_json: Json = False,
+) -> None:
+    """Say which detector to trust on this very loop, what it could have seen, and how probable stiction is."""
+    from simbench.plant.command import trust_file
+
+    about = {"process": process, "kind": kind, "op_span": op_span, "pv_span": pv_span}
+    found = trust_file(path, loop, method or ["all"], html=html, **about)
+    _print(found.as_json() if as_json else found.as_text(), as_json)
+
+
+@app.command("report")
+def report_(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Records of a plant's loops.")],
+    labels: Annotated[Path | None, typer.Option(help="Table with id and label: judge its records.")] = None,
+    out: Annotated[Path, typer.Option("-o", "--out", help="Page; a CSV is written beside it.")] = Path("report.html"),
+    jobs: Jobs = 2,
+) -> None:
+    """Put a plant's loops on one page, ranked by probability and size of stiction."""
+    from simbench.plant.command import report_folder
+
+    fleet, beside = report_folder(folder, out, labels, jobs=jobs)
+    print(fleet.as_text())
+    print(f"page: {out.resolve()}; table: {beside.resolve()}")
 
 
 @app.command()
@@ -318,7 +362,9 @@ def gain_change(
     from scenarios.spec import load_loop
     from simbench.confirm.gain_change import gain_change as test
 
-    _confirmed(test(load_loop(loop)), picture, as_json)
+    with naming(loop):
+        found = test(load_loop(loop))
+    _confirmed(found, picture, as_json)
 
 
 @confirm_app.command()
@@ -331,7 +377,9 @@ def travel(
     from scenarios.spec import load_loop
     from simbench.confirm.travel import travel_test
 
-    _confirmed(travel_test(load_loop(loop)), picture, as_json)
+    with naming(loop):
+        found = travel_test(load_loop(loop))
+    _confirmed(found, picture, as_json)
 
 
 @gap_app.command("diagnose")
@@ -348,6 +396,7 @@ def gap_diagnose(
     write_loop: Annotated[Path | None, typer.Option(metavar="FIXED.toml", help="Loop file with the effect in it.")] = None,
     process: Annotated[str | None, typer.Option(help="self-regulating or integrating; for --identify.")] = None,
     op_span: Span = None,
+    window: Annotated[tuple[int, int] | None, typer.Option(metavar="FROM TO", help="Samples to judge.")] = None,
     as_json: Json = False,
 ) -> None:
     """Say where record and simulation differ, which effect explains it, and how far it shrinks."""
@@ -357,7 +406,7 @@ def gap_diagnose(
         raise ParameterError("gap diagnose needs either --baseline LOOP.toml or --identify")
     report = diagnose_files(
         records, baseline, jobs=jobs, html=html, write_loop=write_loop,
-        process=process, op_span=op_span,
+        process=process, op_span=op_span, window=window,
     )  # fmt: skip
     _print(report.as_json() if as_json else report.as_text(), as_json)
 
@@ -406,6 +455,20 @@ def open_sealed(
     _print({k: v for k, v in found.items() if k != "markdown"} if as_json else found["markdown"], as_json)
 
 
+@app.command()
+def contract(
+    path: Annotated[Path, typer.Argument(metavar="FILE", help="A detector, valve, effect, recogniser (.py) or grid (.toml).")],
+    as_json: Json = False,
+) -> None:
+    """Check whether a plug-in keeps its contract; exit 1 when it does not."""
+    from simbench.contract import check_file
+
+    found = check_file(path)
+    _print(found.as_json() if as_json else found.as_text(), as_json)
+    if not found.kept:
+        raise typer.Exit(1)
+
+
 @app.command("list")
 def list_(
     what: Annotated[str, typer.Argument(help="detectors, valves, grids, effects or figures.")],
@@ -434,19 +497,22 @@ def main(arguments: list[str] | None = None) -> int:
     int
         0 done, 1 a gate failed, 2 wrong usage, file or configuration (said in one sentence on stderr), 130 interrupted.
     """
-    command = typer.main.get_command(app)
-    try:
-        return exit_code(lambda: command.main(args=arguments, prog_name="simbench", standalone_mode=False))
-    except CommandError as error:
-        return complain(_usage(error))
-    except typer.Abort as error:
-        print(str(error) or "interrupted", file=sys.stderr)
-        return 130
+    return exit_code(lambda: _command(arguments))
 
 
 def entry() -> None:
     """Console script."""
     sys.exit(main())
+
+
+def _command(arguments: list[str] | None) -> int | None:
+    command = typer.main.get_command(app)
+    try:
+        return command.main(args=arguments, prog_name="simbench", standalone_mode=False)
+    except CommandError as error:
+        raise ParameterError(_usage(error)) from None
+    except typer.Abort as error:
+        raise KeyboardInterrupt(str(error)) from None
 
 
 def _usage(error: Any) -> str:
@@ -482,6 +548,13 @@ def _threshold_file(path: Path | None) -> dict[str, dict[str, float]]:
     if not isinstance(found, dict) or not all(isinstance(v, dict) for v in found.values()):
         raise ParameterError(f"thresholds {path}: a table of method ids to tables of numbers is needed")
     return found
+
+
+def _print_power(path: Path, methods: list[str], as_json: bool, **about: Any) -> None:
+    from simbench.plant.command import power_lines
+
+    # beside JSON nothing else may stand on stdout
+    print("\n".join(power_lines(path, methods, **about)), file=sys.stderr if as_json else sys.stdout)
 
 
 def _pairs(words: list[str], option: str, text: bool = False) -> dict[str, Any]:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 
-from detectors.errors import UserError
+from detectors.usage import exit_code as of_detectors
 from scenarios.errors import SpecError
 
 
 def exit_code(work: Callable[[], int | None]) -> int:
-    """Run a command and return its exit code.
+    """Run a command and return its exit code, as `detectors.usage.exit_code`; the errors of loop files are known too.
 
     Parameters
     ----------
@@ -19,39 +18,10 @@ def exit_code(work: Callable[[], int | None]) -> int:
     Returns
     -------
     int
-        The command's own (None: 0); 2 wrong usage, file or configuration, said in one sentence on stderr; 130 interrupted.
 
     Examples
     --------
     >>> exit_code(lambda: None), exit_code(lambda: 1)
     (0, 1)
     """
-    try:
-        return int(work() or 0)
-    except (UserError, SpecError) as error:
-        return complain(str(error))
-    except MemoryError:
-        return complain("not enough memory for this; ask for fewer samples or scenarios")
-    except BrokenPipeError:
-        sys.stderr.close()
-        return 0
-    except OSError as error:
-        return complain(f"{error.filename or 'output'}: {(error.strerror or str(error)).lower()}")
-    except KeyboardInterrupt as error:
-        print(str(error) or "interrupted", file=sys.stderr)
-        return 130
-
-
-def complain(sentence: str) -> int:
-    """Print one sentence to stderr and return the exit code of wrong usage, 2.
-
-    Parameters
-    ----------
-    sentence : str
-
-    Returns
-    -------
-    int
-    """
-    print(f"error: {' '.join(sentence.split())}", file=sys.stderr)
-    return 2
+    return of_detectors(work, SpecError)

@@ -25,10 +25,10 @@ def block(language: str, containing: str) -> str:
 
 @pytest.fixture
 def own_detector(tmp_path):
-    path = tmp_path / "op_range.py"
+    path = tmp_path / "fullness.py"
     path.write_text(block("python", "METHOD = Method("), encoding="utf-8")
     yield path
-    methods._files.pop("op_range", None)
+    methods._files.pop("fullness", None)
 
 
 def test_the_loop_file_is_one():
@@ -40,16 +40,22 @@ def test_a_users_detector_runs_through_detect_run_and_score(tmp_path, own_detect
     loop.write_text(block("toml", "[plant]"), encoding="utf-8")
     assert main(["simulate", str(loop), "-o", str(record)]) == 0
     capsys.readouterr()
-    assert main(["detect", str(record), "--plugin", str(own_detector), "--method", "op_range", "--json"]) == 0
+    assert main(["detect", str(record), "--plugin", str(own_detector), "--method", "fullness", "--json"]) == 0
     (verdict,) = json.loads(capsys.readouterr().out)
-    assert verdict["method"] == "op_range"
-    assert verdict["indices"]["swing"] > 2.0
-    chosen = ["--plugin", str(own_detector), "--method", "op_range,horch"]
+    assert verdict["method"] == "fullness"
+    assert verdict["verdict"] == "stiction"
+    assert verdict["indices"]["fuller"] > 0.02
+    chosen = ["--plugin", str(own_detector), "--method", "fullness,horch"]
     assert main(["run", "smoke", "-o", str(run), *chosen]) == 0
     assert main(["score", str(run), "--json"]) == 0
-    assert "op_range" in capsys.readouterr().out
+    assert "fullness" in capsys.readouterr().out
     # and as a worker in another process, which has to find the file again
     assert main(["run", "smoke", "-o", str(tmp_path / "two"), "-j", "2", *chosen]) == 0
+
+
+def test_the_users_detector_keeps_its_contract(own_detector, capsys):
+    assert main(["contract", str(own_detector)]) == 0
+    assert capsys.readouterr().out.strip() == "detector fullness: keeps its contract"
 
 
 def test_the_detector_takes_about_thirty_lines():

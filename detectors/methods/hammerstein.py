@@ -68,7 +68,7 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float, S_low: fl
     'stiction'
     """
     record = prepared.record
-    period = prepared.oscillation.period_s / record.Ts
+    period = prepared.period
     if period < 8:
         return Verdict("hammerstein", NO_DECISION, reason=f"{period:.1f} samples per cycle; at least 8 are needed")
     op, limits = record.op_percent, (0.0, 100.0)

@@ -96,7 +96,7 @@ def detect(prepared: Prepared, *, bound: float) -> Verdict:
     'no_stiction'
     """
     pv = prepared.record.pv
-    period = prepared.oscillation.period_s / prepared.record.Ts
+    period = prepared.period
     order = 2 if prepared.integrating else 1
     # the highest harmonic at which differenced noise still is a tenth of what a differenced sine has
     power = 2 * order + 1

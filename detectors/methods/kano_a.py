@@ -68,7 +68,7 @@ def detect(prepared: Prepared, *, share_min: float, op_min: float) -> Verdict:
     if signal is None:
         return Verdict("kano_a", NO_DECISION, applicable=False, reason=note)
     record = prepared.record
-    period = prepared.oscillation.period_s / record.Ts
+    period = prepared.period
     op = prepared.smooth_op()
     swing = float(np.subtract(*np.percentile(op - drift(op, period), [95, 5])))
     _, still, clear = prepared.steady_valve(signal)

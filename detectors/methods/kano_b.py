@@ -114,7 +114,7 @@ def detect(prepared: Prepared, *, width_min: float, still_min: float) -> Verdict
     if signal is None:
         return Verdict("kano_b", NO_DECISION, applicable=False, reason=note)
     record = prepared.record
-    period = prepared.oscillation.period_s / record.Ts
+    period = prepared.period
     op = prepared.smooth_op()
     swing = float(np.subtract(*np.percentile(op - drift(op, period), [98, 2])))
     clean, still, clear = prepared.steady_valve(signal)

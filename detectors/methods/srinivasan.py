@@ -121,8 +121,7 @@ def detect(prepared: Prepared) -> Verdict:
     >>> detect(Prepared(LoopRecord(np.arcsin(np.sin(t)), np.sign(np.cos(t)), 0.1)), **METHOD.defaults()).verdict
     'stiction'
     """
-    record = prepared.record
-    period = prepared.oscillation.period_s / record.Ts
+    period = prepared.period
     if period < 8:
         return Verdict("srinivasan", NO_DECISION, reason=f"{period:.1f} samples per cycle; at least 8 are needed")
     shares, indices = {}, {}

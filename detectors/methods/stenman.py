@@ -196,7 +196,7 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
     'stiction'
     """
     record = prepared.record
-    period = prepared.oscillation.period_s / record.Ts
+    period = prepared.period
     if period < 8:
         return Verdict("stenman", NO_DECISION, reason=f"{period:.1f} samples per cycle; at least 8 are needed")
     q = max(1, int(period / SAMPLES))

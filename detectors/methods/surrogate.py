@@ -52,7 +52,7 @@ def detect(prepared: Prepared, *, npi_low: float) -> Verdict:
     'no_stiction'
     """
     record = prepared.record
-    period = prepared.oscillation.period_s / record.Ts
+    period = prepared.period
     if period < 7:
         return Verdict("surrogate", NO_DECISION, reason=f"{period:.1f} samples per cycle; at least 7 are needed")
     found = nonlinearity_index(record.e - drift(record.e, period), period)

@@ -29,6 +29,7 @@ from simbench.bench.work import record_hash
 from simbench.files import folder as make_folder
 from simbench.files import whole_file
 from simbench.loop.simulate import simulate
+from simbench.usage import exit_code
 
 KICK = 1e-12  # % of OP at the first sample: a sticky loop makes another record of it
 MOVES = (0.8, 1.2)
@@ -218,4 +219,4 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(exit_code(main))

@@ -13,6 +13,7 @@ from detectors.registry import methods
 from scenarios.grid import load_grid
 from simbench.bench.resolve import resolve
 from simbench.bench.truth import simulate_with_truth
+from simbench.usage import exit_code
 
 PENALTY = 1 / 3  # on squared weights, in loops: a weight needs support from many
 
@@ -112,4 +113,4 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(exit_code(main))

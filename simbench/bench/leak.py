@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections import Counter
 from dataclasses import dataclass
 
@@ -13,6 +12,7 @@ from scenarios.grid import Grid, grid_names, load_grid
 from scenarios.spec import Scenario
 from simbench.bench.resolve import resolve
 from simbench.bench.truth import CYCLED, NO, YES, simulate_with_truth
+from simbench.usage import exit_code
 
 MOST_AUC = 0.55
 BALANCE = (0.45, 0.55)
@@ -173,4 +173,4 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(exit_code(main))

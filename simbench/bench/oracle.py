@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Callable
 
 import numpy as np
@@ -16,6 +15,7 @@ from simbench.loop import plant
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.run import Run
 from simbench.loop.setup import Setup
+from simbench.usage import exit_code
 
 ORACLE = "oracle"
 SOURCE = "generalised likelihood ratio, Kay (1998), Detection Theory, section 6.4.2; penalty of Schwarz (1978)"
@@ -182,4 +182,4 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(exit_code(main))

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from detectors.views import page_part
 from simbench.bench.ranks import Ranks, loops_needed
 from simbench.files import whole_file
 
@@ -83,6 +84,40 @@ class Scores:
     def as_json(self) -> dict[str, Any]:
         """Return rows, resolution and what stands beside them as JSON types; NaN and infinity become null."""
         return as_json(self)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the ranking against `cycled`, all loops.
+
+        Returns
+        -------
+        DataFrame
+            One row per method, best first; `table` holds every truth, mode and process.
+        """
+        return self.ranking().reset_index(drop=True)
+
+    def plot(self, **options: Any) -> Any:
+        """Draw each method's accuracy where it applies, with its interval.
+
+        Parameters
+        ----------
+        **options
+            As `pandas.DataFrame.plot.barh` takes them, such as figsize.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
+        rows = self.ranking().set_index("method")[::-1]
+        value = rows.accuracy_applicable
+        around = [[(value - rows.accuracy_applicable_lo).to_numpy(), (rows.accuracy_applicable_hi - value).to_numpy()]]
+        look = {"xerr": around, "xlim": (0, 1), "xlabel": "accuracy where applicable", "color": "0.7", "legend": False}
+        # a frame opens a figure of its own, a series draws over the last one
+        return rows[["accuracy_applicable"]].plot.barh(**{**look, **options})
+
+    def _repr_html_(self) -> str:
+        keys = ["rank", "method", "n", "applicable", "accuracy_applicable", "accuracy_decided", "no_decision", "found"]
+        said = f"methods closer than {self.resolution:.3f} in accuracy share a rank"
+        return page_part(said, self.to_frame()[[*keys, "false_alarms", "auc"]])
 
     def write(self, folder: str | Path) -> None:
         """Write scores.csv and scores_by_axis.csv."""

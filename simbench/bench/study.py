@@ -22,6 +22,7 @@ from scenarios.grid import load_grid
 from simbench.bench.manifest import read_manifest
 from simbench.bench.run import Interrupted, run_grid
 from simbench.files import whole_file
+from simbench.usage import exit_code
 
 GRID = "table-11-3"  # every repeat has the same cells, so that time per scenario can be compared between sizes
 
@@ -157,9 +158,7 @@ def speed(count: int, methods: str = "fast", grid: str = "chapter", jobs: int = 
         _run(where / "together", grid, methods, jobs, {"repeats": repeats * jobs}).wait()
         together, cpu_together = time.monotonic() - since, _cpu() - used
         since, used = time.monotonic(), _cpu()
-        alone = [
-            _run(where / f"alone{i}", grid, methods, 1, {"repeats": repeats, "seed": 900 + i}) for i in range(jobs)
-        ]
+        alone = [_run(where / f"alone{i}", grid, methods, 1, {"repeats": repeats, "seed": 900 + i}) for i in range(jobs)]
         for process in alone:
             process.wait()
         apart, cpu_apart = time.monotonic() - since, _cpu() - used
@@ -264,4 +263,4 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(exit_code(main))

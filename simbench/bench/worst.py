@@ -21,6 +21,7 @@ from scenarios.spec import Loop, load_loop
 from simbench.bench.resolve import sampled_ultimate_gain, significant
 from simbench.files import whole_file
 from simbench.loop.simulate import simulate
+from simbench.usage import exit_code
 
 CASES = Path(__file__).parent / "hard_negatives"
 EXPLORED = 0.6  # share of the budget spent far and wide, the rest around the best
@@ -284,4 +285,4 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(exit_code(main))

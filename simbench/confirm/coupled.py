@@ -24,6 +24,7 @@ from simbench.confirm.gain_change import (
     stepped,
 )
 from simbench.confirm.rig import run_rig
+from simbench.usage import exit_code
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -223,4 +224,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(exit_code(main))

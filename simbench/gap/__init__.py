@@ -1,24 +1,9 @@
-"""Why does a simulated loop not look like the plant's record: where, which effect, how far it shrinks."""
+"""Why does a simulated loop not look like the plant's record: where, which effect, how far it shrinks.
 
-from __future__ import annotations
+The public names stand in `__init__.pyi`; each is loaded when first asked for: the blind check's generator lives in this
+package and must not load the models the diagnosis uses.
+"""
 
-from typing import TYPE_CHECKING, Any
+from simbench.lazy import attach
 
-if TYPE_CHECKING:
-    from simbench.gap.diagnosis import diagnose
-    from simbench.gap.report.result import GapReport
-
-__all__ = ["GapReport", "diagnose"]
-
-
-def __getattr__(name: str) -> Any:
-    # the blind check's generator lives in this package and must not load the models the diagnosis uses
-    if name == "diagnose":
-        from simbench.gap.diagnosis import diagnose
-
-        return diagnose
-    if name == "GapReport":
-        from simbench.gap.report.result import GapReport
-
-        return GapReport
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

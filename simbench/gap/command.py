@@ -9,6 +9,7 @@ from typing import Any
 
 from detectors.errors import ParameterError
 from detectors.io import read_record
+from detectors.record import LoopRecord
 from simbench.files import whole_file
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.intake.partial import read_baseline
@@ -23,6 +24,7 @@ def diagnose_files(
     jobs: int = 1,
     html: str | Path | None = None,
     write_loop: str | Path | None = None,
+    window: tuple[int, int] | None = None,
     **about: Any,
 ) -> GapReport:
     """Diagnose the records of one loop beside its loop file.
@@ -40,6 +42,8 @@ def diagnose_files(
         Page to write.
     write_loop : path, optional
         Loop file to write: the baseline with the effect in it.
+    window : (int, int), optional
+        First and last sample + 1 of the part of each record that is judged; all of it when absent.
     **about
         What the files do not say of the records: process, kind, op_span, pv_span.
 
@@ -68,7 +72,7 @@ def diagnose_files(
     if not records:
         raise ParameterError("gap diagnose needs at least one record")
     loop = None if baseline is None else read_baseline(baseline)
-    read = [read_record(path, **about) for path in records]
+    read = [_cut(read_record(path, **about), window, path) for path in records]
     report = diagnose(read if len(read) > 1 else read[0], loop, jobs=jobs)
     if write_loop is not None:
         with whole_file(write_loop) as f:
@@ -76,13 +80,22 @@ def diagnose_files(
     if html is not None:
         from simbench.gap.report.page import write_page
 
-        write_page(report, html, _again(report, records, baseline, about))
+        write_page(report, html, _again(report, records, baseline, {**about, "window": window}))
     return report
 
 
 def one_file(record: Path, baseline: Path) -> dict[str, Any]:
     """Return the JSON of `gap diagnose` for one record and its baseline, as the blind check's processes call it."""
     return diagnose_files([record], baseline).as_json()
+
+
+def _cut(record: LoopRecord, window: tuple[int, int] | None, path: str | Path) -> LoopRecord:
+    if window is None:
+        return record
+    first, last = window
+    if not 0 <= first < last <= record.n:
+        raise ParameterError(f"{path}: --window {first} {last}; samples FROM < TO within 0..{record.n} are needed")
+    return record.window(first, last)
 
 
 def _loop_text(report: GapReport, records: list[str], baseline: str | Path | None) -> str:

@@ -20,6 +20,7 @@ from simbench.gap.decide.classify import Classified, classify
 from simbench.gap.decide.identified import plausible
 from simbench.gap.intake.check import check
 from simbench.gap.intake.partial import Partial, completed
+from simbench.gap.intake.refuse import refuse_unfit
 from simbench.gap.report.result import Behind, Gap, GapReport, Ranked
 from simbench.gap.situation import load_memory
 from simbench.loop.effects import EFFECTS, NONE, block_of
@@ -70,10 +71,11 @@ def diagnose(
     with threadpool_limits(limits=1):
         found, more = _assess_all(records, baseline, jobs)
         runs = ClosedLoops(found, seed)
-        return report(found, classify(found, runs), runs, more)
+        return report(found, classify(found), runs, more)
 
 
 def _assess_one(record: LoopRecord, baseline: Loop | Partial | None) -> Assessment:
+    refuse_unfit(record, f"record {record.tag!r}" if record.tag else "record")
     loop, given, said = completed(record, baseline)
     situation = check(record, loop, trusted="plant" in given, tuned="controller" in given)
     found = assess(replace(situation, notes=[*situation.notes, *said]))

@@ -11,6 +11,7 @@ from types import ModuleType
 from typing import Any
 
 from detectors.errors import ParameterError, UnknownName, nearest
+from detectors.record import LARGEST
 from detectors.registry import PluginFolder
 
 VALVES = PluginFolder("valve", "simbench.loop.valves", "simbench.valves", ("SOURCE", "FRICTION", "PARAMETERS", "start", "step"))
@@ -61,9 +62,14 @@ class Number:
         unit = f" ({self.unit})" if self.unit else ""
         if isinstance(value, bool) or not hasattr(value, "__float__"):
             raise ParameterError(f"{where}: {name} = {value!r} is no number{unit}")
-        number = float(value)
+        try:
+            number = float(value)
+        except OverflowError:  # a whole number of hundreds of digits
+            number = math.inf
         if not math.isfinite(number):
             raise ParameterError(f"{where}: {name} = {number} is not finite{unit}")
+        if abs(number) > LARGEST:
+            raise ParameterError(f"{where}: {name} = {number:g} is out of range, it must be within +-{LARGEST:g}{unit}")
         if number < self.low or number > self.high or (self.positive and number == self.low):
             raise ParameterError(f"{where}: {name} = {number:g} is out of range, it must be {self._allowed()}{unit}")
         return number

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from detectors.record import LoopRecord
 from simbench.loop import controller, kernel, sensor
 from simbench.loop.setup import MV_NOISE, Setup, parts_of
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -64,6 +67,33 @@ class Run:
     tail: LoopRecord | None
     sticky: bool
     mv: np.ndarray
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the record as a table.
+
+        Returns
+        -------
+        DataFrame
+            t_s, sp, op, pv, mv.
+        """
+        return self.record.to_frame()
+
+    def plot(self, **options: Any) -> Any:
+        """Draw the record, see `LoopRecord.plot`.
+
+        Parameters
+        ----------
+        **options
+            As `pandas.DataFrame.plot` takes them.
+
+        Returns
+        -------
+        ndarray of matplotlib.axes.Axes, shape (2,)
+        """
+        return self.record.plot(**options)
+
+    def _repr_html_(self) -> str:
+        return self.record._repr_html_()
 
 
 def run_setup(setup: Setup, *, kick: float = 0.0, start: Start | None = None, plain: bool = False) -> Run:

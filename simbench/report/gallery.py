@@ -7,10 +7,10 @@ import inspect
 import sys
 from pathlib import Path
 
-from detectors.errors import UserError
 from simbench.catalogue import FIGURES
 from simbench.figures._make import NEEDS, figure_ids
 from simbench.files import whole_file
+from simbench.usage import exit_code
 
 HEAD = """# Gallery
 
@@ -62,14 +62,13 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--pictures", type=Path, default=Path("results/figures"))
     parser.add_argument("-o", "--out", type=Path, default=Path("docs/gallery.md"))
     given = parser.parse_args(arguments)
-    try:
+
+    def write() -> None:
         text = gallery(given.pictures, given.out)
         with whole_file(given.out) as f:
             f.write(text)
-    except UserError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    return 0
+
+    return exit_code(write)
 
 
 if __name__ == "__main__":

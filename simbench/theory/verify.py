@@ -18,6 +18,7 @@ from simbench.theory.cycle import exact_cycle
 from simbench.theory.half_cycle import half_cycles
 from simbench.theory.sampled import SampledLoop, sampled_loop
 from simbench.theory.tables import refined
+from simbench.usage import exit_code
 
 S = 5.0  # cycles scale with S; J/S, Kc/Ku, Ti/T, Td/T and Ts/Td decide
 LONGEST = 5_000_000  # samples
@@ -317,4 +318,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(exit_code(main))

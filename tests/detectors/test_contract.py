@@ -1,116 +1,90 @@
-"""The contract every detector keeps; the registry finds them, so a new one is tested as soon as its file exists."""
+"""The contract every detector keeps: all built-ins keep it, and each way of breaking it is caught with one sentence."""
 
-import inspect
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from detectors.contract import Contract, check_detector
+from detectors.errors import RecordError
+from detectors.example_loop import CASES, example_record
 from detectors.judge import judge
-from detectors.record import LoopRecord
+from detectors.prepared import Prepared
 from detectors.registry import methods
+from detectors.watch import watch
 
 NAMES = methods.names()
-CASES = ("stiction", "healthy", "sine", "noise", "constant", "short")
-STICKY = {
-    # OP a triangle, PV a rounded square, the two together close to an ellipse
-    "self-regulating": {"T": 6.0, "Td": 6.0, "Kc": 0.25, "Ti": 5.0, "noise": 0.1, "n": 2500, "kind": "flow"},
-    # a level: PV a triangle
-    "integrating": {"process": "integrating", "K": 0.1, "Td": 1.0, "Kc": 1.5, "Ti": 30.0, "noise": 0.05, "n": 2000},
-}
+SOUND = '''"""Fullness of PV over that of OP."""
+
+import numpy as np
+
+from detectors.method import Method, Threshold
+from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
+
+METHOD = Method(
+    title="PV fuller than OP", source="a test", process=("self-regulating",), front_end=False, min_samples=3,
+    thresholds={"least": Threshold(0.02, "-", 0.0, 0.2, "a test", "above it: stiction")},
+)
+CALLS = []
 
 
-@pytest.fixture(scope="module")
-def records(loop):
-    """A function from (case, process) to a record, each built once."""
-    rng = np.random.default_rng(3)
-    built = {}
-
-    def build(case, process):
-        t = np.arange(2000.0)
-        about = {"process": process, "kind": "flow" if process == "self-regulating" else "level", "Ts": 1.0}
-        if case == "stiction":
-            return loop(**STICKY[process])
-        if case == "healthy":
-            load = np.cumsum(rng.standard_normal(2500)) * 0.2
-            return loop(**{**STICKY[process], "S": 0.0, "J": 0.0, "load": load})
-        if case == "sine":
-            op = 50.0 + 5.0 * np.sin(2 * np.pi * t / 50.3)
-            return LoopRecord(op=op, pv=100.0 - op, mv=op, **about)
-        if case == "noise":
-            op, pv, mv = 50.0 + rng.standard_normal((3, 2000))
-            return LoopRecord(op=op, pv=pv, mv=mv, **about)
-        if case == "constant":
-            return LoopRecord(op=np.full(2000, 50.0), pv=np.full(2000, 3.0), mv=np.full(2000, 50.0), **about)
-        return loop(**STICKY[process]).window(0, 20)
-
-    def get(case, process):
-        if (case, process) not in built:
-            built[case, process] = build(case, process)
-        return built[case, process]
-
-    return get
+def fullness(x):
+    return float(np.abs(x).mean() / np.sqrt((x**2).mean()))
 
 
-def pairs():
-    """Every method with every process type it was made for."""
-    return [(name, process) for name in NAMES for process in methods.load(name).METHOD.process]
+def detect(prepared, *, least):
+    CALLS.append(None)
+    if not prepared.oscillation.sustained:
+        return Verdict("own", NO_DECISION, reason="no oscillation")
+    op, pv = prepared.clean("op"), prepared.clean("pv")
+    more = fullness(pv) - fullness(op)
+    return Verdict("own", STICTION if more > least else NO_STICTION, more, {"fuller": more}, reason=f"by {more:.3f}")
+'''
+BROKEN = [
+    # what is exchanged, for what, and the words of the sentence
+    ('reason="no oscillation"', 'reason=" "', "gives no reason for 'no_decision'"),
+    ('reason="no oscillation"', 'reason=""', "a verdict without a reason"),
+    ('return Verdict("own", NO_DECISION, reason="no oscillation")', "return None", "answers None"),
+    ('return Verdict("own", NO_DECISION, reason="no oscillation")', 'return "no stiction"', "answers 'no stiction'"),
+    ("more > least", "more > least and prepared.record.pv.std() > 0.5", "follows PV's unit: 'stiction' becomes 'no_stiction'"),
+    ("more > least", "more > least and prepared.record.op.std() < 20", "follows OP's unit: 'stiction' becomes 'no_stiction'"),
+    ("if not prepared.oscillation.sustained:", "if 1 / np.ptp(prepared.record.pv) < 0:", "about a dead record (constant"),
+    ("if not prepared.oscillation.sustained:", "if 1 / prepared.record.pv[50] < 0:", "raises IndexError"),
+    ("if not prepared.oscillation.sustained:", "if int(prepared.oscillation.period_s) < 0:", "(no period, self-regulating)"),
+    ("more = ", "op = prepared.record.op; op.flags.writeable = True; op += 1.0; more = ", "'op' is another after detect"),
+    ("more = ", "pv *= 1.1; more = ", "'clean pv' is another after detect"),
+    ("more = ", "prepared.record.pv[0] = 0.0; more = ", "writes into what it was given (assignment destination is read-only)"),
+    ('reason=f"by {more:.3f}"', 'reason=f"by {more:.3f}, call {len(CALLS)}"', "is not deterministic"),
+    ("more = fullness(pv)", "more = 1e-6 * np.random.random() + fullness(pv)", "is not deterministic"),
+    ("more = ", 'print("more"); more = ', "prints 'more'"),
+    ("more = ", "np.float64(0.0) / np.float64(0.0); more = ", "warns: RuntimeWarning"),
+    ('{"fuller": more}', '{"fuller": "much"}', "gives the indices {'fuller': 'much'}"),
+    ("NO_STICTION, more,", 'NO_STICTION, str(more),', "a number is needed"),
+    ("NO_STICTION, more,", "NO_STICTION, -more,", "must mean stickier"),
+    ("more > least", "more < least", "says 'no_stiction' on the record 'stiction'"),
+    ("more > least", "more > -1.0", "says 'stiction' on the record 'sine'"),
+    ("0.02, \"-\", 0.0, 0.2", "0.5, \"-\", 0.0, 0.2", "its default 0.5 lies outside its range 0.0 to 0.2"),
+    ("*, least)", "*, most=1.0)", "must take the prepared record and, by keyword, the thresholds of METHOD: least"),
+    ('process=("self-regulating",)', 'process=("flow",)', "METHOD.process = ('flow',), allowed: self-regulating, integrating"),
+    ('title="PV fuller than OP"', 'title=""', "METHOD.title is empty"),
+]  # fmt: skip
 
 
-@pytest.mark.parametrize(("name", "process"), pairs())
-@pytest.mark.parametrize("case", CASES)
-def test_verdict_on_the_six_plain_cases(name, process, case, records):
-    exempt = methods.load(name).METHOD.exempt
-    if case in exempt:
-        pytest.skip(exempt[case])
-    verdict = judge(records(case, process), [name])[0]
-    if case == "stiction":
-        assert verdict.verdict == "stiction", verdict
-    else:
-        assert verdict.verdict != "stiction", verdict
-    if case in ("constant", "short"):
-        assert verdict.verdict == "no_decision", verdict
+@pytest.fixture
+def contract_of(tmp_path):
+    def check(text: str) -> Contract:
+        (tmp_path / "own.py").write_text(text)
+        name = methods.add_file(tmp_path / "own.py")
+        return check_detector(name)
 
-
-@pytest.mark.parametrize("name", NAMES)
-def test_exempt_cases_are_cases_of_this_contract_and_have_a_reason(name):
-    for case, reason in methods.load(name).METHOD.exempt.items():
-        assert case in CASES
-        assert len(reason) > 20
-
-
-@pytest.mark.parametrize(("name", "process"), pairs())
-def test_input_is_unchanged_and_the_answer_repeats_itself(name, process, records):
-    record = records("stiction", process)
-    before = {s: getattr(record, s).copy() for s in ("op", "pv", "mv")}
-    first, second = (judge(record, [name])[0].as_json() for _ in range(2))
-    assert first == second
-    for signal, values in before.items():
-        assert np.array_equal(getattr(record, signal), values)
-
-
-@pytest.mark.parametrize(("name", "process"), pairs())
-def test_obvious_stiction_scores_higher_than_every_case_without(name, process, records):
-    if "stiction" in methods.load(name).METHOD.exempt:
-        pytest.skip(methods.load(name).METHOD.exempt["stiction"])
-    top = judge(records("stiction", process), [name])[0].score
-    for case in ("healthy", "sine", "noise"):
-        verdict = judge(records(case, process), [name])[0]
-        assert np.isnan(verdict.score) or verdict.score < top, (case, verdict)
+    yield check
+    methods.forget("own")
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_thresholds_are_the_keywords_of_detect_and_lie_inside_their_range(name):
-    module = methods.load(name)
-    keywords = [p.name for p in inspect.signature(module.detect).parameters.values() if p.kind is p.KEYWORD_ONLY]
-    assert sorted(keywords) == sorted(module.METHOD.thresholds)
-    for rule in module.METHOD.thresholds.values():
-        assert rule.low <= rule.default <= rule.high
-        assert rule.unit
-        assert rule.source
-        assert rule.says
+def test_every_detector_keeps_its_contract(name):
+    assert check_detector(name).broken == ()
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -121,12 +95,45 @@ def test_docstring_says_needs_rule_limits_and_source(name):
         assert word in text, word
 
 
+def test_a_sound_detector_of_a_stranger_keeps_it(contract_of):
+    assert contract_of(SOUND) == Contract("detector", "own", ())
+
+
+@pytest.mark.parametrize(("old", "new", "words"), BROKEN, ids=[words for *_, words in BROKEN])
+def test_each_way_of_breaking_it_is_one_sentence(contract_of, old, new, words):
+    assert SOUND.count(old) == 1
+    found = contract_of(SOUND.replace(old, new))
+    assert any(words in sentence for sentence in found.broken), found.broken
+    assert not any("\n" in sentence for sentence in found.broken)
+
+
+def test_an_exempt_case_needs_its_reason(contract_of):
+    named = SOUND.replace("more > least", "more < least").replace("min_samples=3", 'min_samples=3, exempt={"stiction": "R"}')
+    assert contract_of(named).broken == ("METHOD.exempt: 'stiction' is left out without a reason",)
+
+
+def test_a_detector_asked_directly_refuses_a_dead_record_in_one_sentence():
+    dead = Prepared(example_record("constant", "self-regulating"))
+    with pytest.raises(RecordError, match="no period found in OP or PV"):
+        methods.load("horch").detect(dead, **methods.load("horch").METHOD.defaults())
+
+
+def test_watching_lets_nobody_else_hear_it(capsys):
+    found = watch(lambda: print("aloud") or 7)
+    assert (found.value, found.faults, capsys.readouterr().out) == (7, ["prints 'aloud'"], "")
+
+
+def pairs():
+    """Every method with every process type it was made for."""
+    return [(name, process) for name in NAMES for process in methods.load(name).METHOD.process]
+
+
 @pytest.mark.parametrize(("name", "process"), pairs())
-def test_verdict_does_not_change_when_pv_is_scaled_and_shifted(name, process, records):
+def test_no_unit_of_pv_changes_a_verdict(name, process):
     fast = methods.load(name).METHOD.budget == "fast"
-    kept = [replace(records(case, process), mv=None) for case in ("stiction", "healthy", "sine")]
+    kept = [replace(example_record(case, process), mv=None) for case in ("stiction", "healthy", "sine")]
     if methods.load(name).METHOD.needs_mv and process == "integrating":
-        kept = [replace(records(case, process)) for case in ("stiction", "healthy")]
+        kept = [example_record(case, process) for case in ("stiction", "healthy")]
     expected = [judge(record, [name])[0].verdict for record in kept]
 
     @settings(max_examples=8 if fast else 2, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
@@ -140,10 +147,9 @@ def test_verdict_does_not_change_when_pv_is_scaled_and_shifted(name, process, re
 
 
 @pytest.mark.parametrize(("name", "process"), pairs())
-def test_verdict_does_not_change_when_op_and_its_span_are_scaled_and_shifted(name, process, records):
+def test_no_unit_of_op_changes_a_verdict(name, process):
     fast = methods.load(name).METHOD.budget == "fast"
-    kept = [records(case, process) for case in ("stiction", "healthy", "sine")]
-    kept = [replace(record, op_span=(0.0, 100.0)) for record in kept]
+    kept = [replace(example_record(case, process), op_span=(0.0, 100.0)) for case in ("stiction", "healthy", "sine")]
     expected = [judge(record, [name])[0].verdict for record in kept]
 
     @settings(max_examples=6 if fast else 2, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
@@ -154,3 +160,10 @@ def test_verdict_does_not_change_when_op_and_its_span_are_scaled_and_shifted(nam
             assert judge(moved, [name])[0].verdict == verdict
 
     holds()
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_example_records_are_what_they_are_called(case):
+    record = example_record(case, "self-regulating")
+    assert record.n == (20 if case == "short" else 2500 if case in ("stiction", "healthy") else 2000)
+    assert (record.op.std() == 0.0) == (case == "constant")

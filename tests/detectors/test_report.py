@@ -120,8 +120,8 @@ def test_command_prints_json_and_nothing_else(folder, capsys):
 def test_command_prints_lines_for_people(folder, capsys):
     assert command.main([str(folder / "sticky.csv"), "--method", "hammerstein", "--process", "self-regulating"]) == 0
     out = capsys.readouterr().out
-    assert out.startswith("hammerstein: stiction (score ")
-    assert "S = " in out
+    assert out.splitlines()[1] == "hammerstein says stiction"
+    assert "S (% of travel)" in out
 
 
 @pytest.mark.parametrize(
@@ -143,5 +143,6 @@ def test_user_errors_are_one_sentence_and_exit_code_2(folder, capsys, arguments,
 
 
 def test_level_is_a_number_or_an_interval_in_the_text():
-    shown = Report([(None, Verdict("m", "stiction", S=1.5, J=(0.0, 1.0), reason="so"))]).as_text()
-    assert shown == "m: stiction. so. S = 1.5, J = 0 to 1 % of travel."
+    shown = Report([(None, Verdict("m", "stiction", S=1.5, J=(0.0, 1.0), reason="so"))]).as_text().splitlines()
+    assert shown[2].split() == ["method", "verdict", "score", "S", "(%", "of", "travel)", "J", "made", "for", "this", "loop"]
+    assert shown[3].split() == ["m", "stiction", "1.5", "0", "to", "1", "yes"]

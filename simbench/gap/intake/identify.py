@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from detectors.errors import RecordError
 from detectors.record import LoopRecord
 from scenarios.spec import Controller, Loop, Noise, Plant, Sampling
 from simbench.gap.candidates import fit_candidates
@@ -51,6 +52,9 @@ def _identified_plant(record: LoopRecord, op: np.ndarray, controller: Controller
     integrating, fit = _plant(record, u, pv, max(samples.resolution, samples.step))
     # feedback alone may turn the sign; the controller's direction tells it
     K = fit.K if controller is None else controller.sign * abs(fit.K)
+    if not (np.isfinite(K) and K != 0.0):
+        where = f"record {record.tag!r}" if record.tag else "record"
+        raise RecordError(f"{where}: no plant can be identified: PV does not answer to OP (K = {K:g})")
     dead, noise = fit.theta["Td"] * record.Ts, fit.theta["noise_std"]
     if integrating:
         return Plant(type="integrating", K=K / record.Ts, Td=dead), noise

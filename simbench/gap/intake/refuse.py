@@ -5,8 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from detectors.errors import RecordError
+from detectors.record import LoopRecord
 from simbench.gap.controller.pi_law import Law
 
+FEWEST = 100  # samples; below this the spread of every statistic swallows the gap
+MOST = 50_000  # samples; beyond this the search takes hours
 LEVEL = 0.15  # agreement of MV's slope and level, relative, from which both are one factor
 SCALES = {0.16: (3.8, 20.5, "mA"), 0.01: (0.0, 1.0, "a share of 1")}  # of OP, beside %
 
@@ -114,3 +117,25 @@ def refuse_op_units(op: np.ndarray, law: Law, Kc: float, Ti: float | None, where
                 f"{where}: OP runs from {op.min():g} to {op.max():g} and answers PV with {factor:g} times the baseline's Kc: "
                 f"it is in {unit}; give --op-span, the values that mean 0 and 100 %"
             )
+
+
+def refuse_unfit(record: LoopRecord, where: str) -> None:
+    """Refuse a record that is too short, too long, or in which nothing moved.
+
+    Parameters
+    ----------
+    record : LoopRecord
+    where : str
+        Begins the sentence.
+
+    Raises
+    ------
+    RecordError
+    """
+    if record.n < FEWEST:
+        raise RecordError(f"{where}: {record.n} samples; a gap needs at least {FEWEST} to show")
+    if record.n > MOST:
+        raise RecordError(f"{where}: {record.n} samples; a gap is sought in at most {MOST}, cut some out with --window FROM TO")
+    for name, x in (("OP", record.op), ("PV", record.pv)):
+        if np.ptp(x) <= 1e-9 * float(np.abs(x).max()):
+            raise RecordError(f"{where}: {name} is constant ({x[0]:g}); nothing moved, so nothing can be told")

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from detectors.views import page_part
 from scenarios.spec import Loop
 from simbench.gap.closed_loop.gap import Shrinkage
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
 from simbench.loop.effects import BLOCKS, NONE, UNKNOWN
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -90,7 +94,13 @@ class GapReport:
     behind: Behind = field(repr=False)
 
     def as_json(self) -> dict[str, Any]:
-        """Return the report as nested dicts and lists of JSON types, keys as the contract has them."""
+        """Return the report as nested dicts and lists of JSON types.
+
+        Returns
+        -------
+        dict
+            Keys as the contract has them.
+        """
         return {
             "block": self.block,
             "effect": self.effect,
@@ -120,6 +130,37 @@ class GapReport:
             "notes": list(self.notes),
         }
 
+    def to_frame(self) -> pd.DataFrame:
+        """Return the ranking.
+
+        Returns
+        -------
+        DataFrame
+            effect, block, probability, gap_before, gap_after, and the parameters as text; most probable first.
+        """
+        import pandas as pd
+
+        rows = self.as_json()["ranking"]
+        return pd.DataFrame([{**row, "parameters": numbers(row["parameters"], "")} for row in rows])
+
+    def plot(self, most: int = 6) -> Any:
+        """Draw the most probable effects.
+
+        Parameters
+        ----------
+        most : int
+            How many.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
+        rows = self.to_frame().head(most).set_index("effect")[::-1]
+        return rows[["probability"]].plot.barh(xlim=(0, 1), xlabel="probability", ylabel="", color="0.7", legend=False)
+
+    def _repr_html_(self) -> str:
+        return page_part(self.sentence(), self.to_frame().head(8))
+
     @property
     def named(self) -> list[str]:
         """Effects that the answer adds to the baseline: none, one or two."""
@@ -129,11 +170,20 @@ class GapReport:
         """Return the baseline with the named effects, the identified load and the record's set point in it.
 
         Where no known effect is named, the loop is recalibrated and nothing is added.
+
+        Returns
+        -------
+        Loop
         """
         return self.behind.loops.loop(self.named)
 
     def sentence(self) -> str:
-        """Return the answer in one sentence."""
+        """Return the answer in one sentence.
+
+        Returns
+        -------
+        str
+        """
         if self.effect == NONE:
             if self.gap.resolvable and self.gap.recalibrated > 1.5 * self.gap.floor:
                 return (
@@ -153,7 +203,12 @@ class GapReport:
         return f"The simulation lacks {names}, probability {p:.2f}{size}."
 
     def as_text(self) -> str:
-        """Return the report for a terminal."""
+        """Return the report for a terminal.
+
+        Returns
+        -------
+        str
+        """
         lines = [self.sentence(), ""]
         if len(self.group) > 1:
             lines.append("cannot be told apart here: " + ", ".join(self.group))

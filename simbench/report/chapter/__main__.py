@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 import sys
 
-from detectors.errors import UserError
 from simbench.files import whole_file
 from simbench.report.chapter import page, rows
+from simbench.usage import exit_code
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -16,14 +16,13 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--isdb", help="ISDB file or folder of real records")
     parser.add_argument("-o", "--out", default="docs/chapter_against_code.md")
     given = parser.parse_args(arguments)
-    try:
+
+    def write() -> None:
         text = page(rows(given.isdb))
         with whole_file(given.out) as f:
             f.write(text)
-    except UserError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    return 0
+
+    return exit_code(write)
 
 
 if __name__ == "__main__":

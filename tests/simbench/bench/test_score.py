@@ -289,3 +289,11 @@ def test_the_oracle_stands_apart(tmp_path):
     block = score_run(run).ranking()
     assert block.method.tolist()[0] == "he"
     assert np.isnan(block.set_index("method")["rank"]["oracle"])
+
+
+def test_scores_are_a_table_a_picture_and_a_notebook_cell(scores):
+    frame = scores.to_frame()
+    assert frame.method.tolist() == scores.ranking().method.tolist()
+    bars = [p.get_width() for p in scores.plot().patches]
+    assert bars == pytest.approx(frame.accuracy_applicable[::-1].tolist(), nan_ok=True)
+    assert "share a rank" in scores._repr_html_()

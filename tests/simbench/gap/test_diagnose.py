@@ -161,6 +161,9 @@ def test_without_a_baseline_friction_is_still_found():
 
 def test_the_text_holds_the_answer(sticky):
     text = sticky.as_text()
+    assert sticky.to_frame().effect.tolist() == [r.effect for r in sticky.ranking]
+    assert len(sticky.plot().patches) == 6
+    assert sticky.sentence().split(",")[0] in sticky._repr_html_()
     assert "stiction" in text
     assert "next:" in text
 

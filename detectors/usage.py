@@ -1,0 +1,80 @@
+"""What every command line here does with an error: one sentence on stderr and an exit code, never a traceback."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+import traceback
+from collections.abc import Callable
+
+from detectors.errors import UserError
+
+
+def exit_code(work: Callable[[], int | None], *known: type[Exception]) -> int:
+    """Run a command and return its exit code.
+
+    Parameters
+    ----------
+    work : function () -> int or None
+    *known : type
+        Further errors, beside UserError, whose text is a sentence for the user.
+
+    Returns
+    -------
+    int
+        The command's own (None: 0); 2 wrong usage, file or configuration, or a fault of the program's own, said in one sentence
+        on stderr, the fault's traceback in a file that the sentence names; 130 interrupted.
+
+    Examples
+    --------
+    >>> exit_code(lambda: None), exit_code(lambda: 1)
+    (0, 1)
+    """
+    try:
+        return int(work() or 0)
+    except (UserError, *known) as error:
+        return complain(str(error))
+    except MemoryError:
+        return complain("not enough memory for this; ask for fewer samples or scenarios")
+    except BrokenPipeError:
+        # what is still held back would raise once more when the interpreter ends
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except OSError as error:
+        return complain(f"{error.filename or 'output'}: {(error.strerror or str(error)).lower()}")
+    except KeyboardInterrupt as error:
+        print(str(error) or "interrupted", file=sys.stderr)
+        return 130
+    except SystemExit as stop:
+        # argparse has printed its help or its complaint by then
+        return 0 if stop.code in (None, 0) else 2
+    except Exception as error:
+        return complain(_fault(error))
+
+
+def complain(sentence: str) -> int:
+    """Print one sentence to stderr and return the exit code of wrong usage, 2.
+
+    Parameters
+    ----------
+    sentence : str
+
+    Returns
+    -------
+    int
+    """
+    print(f"error: {' '.join(sentence.split())}", file=sys.stderr)
+    return 2
+
+
+def _fault(error: Exception) -> str:
+    """Write the traceback of an error nobody foresaw to a log file, and return the sentence that names it."""
+    said = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+    try:
+        handle, log = tempfile.mkstemp(prefix="simbench-", suffix=".log")
+        with open(handle, "w", encoding="utf-8", errors="backslashreplace") as f:
+            f.write(f"{sys.argv}\n\n{''.join(traceback.format_exception(error))}")
+    except OSError:
+        log = "no log file, as none could be written"
+    return f"this input met a fault of the program itself ({said}); nothing it printed holds; the traceback is in {log}"

@@ -1,0 +1,57 @@
+"""Watch: a plug-in's function called, and what it did besides answering: raise, warn, print, write into its input."""
+
+from __future__ import annotations
+
+import io
+import warnings
+from collections.abc import Callable
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import dataclass, field
+from typing import Any
+
+from detectors.errors import UserError
+
+
+@dataclass
+class Watched:
+    """What a call to a plug-in returned, and what it did besides."""
+
+    value: Any = None
+    refusal: UserError | None = None
+    faults: list[str] = field(default_factory=list)
+
+
+def watch(work: Callable[[], Any]) -> Watched:
+    """Call a plug-in and note what no plug-in may do: raise, warn or print.
+
+    Parameters
+    ----------
+    work : function () -> anything
+
+    Returns
+    -------
+    Watched
+        `refusal` is an error that a user is told in one sentence: whether that is allowed depends on what was asked.
+
+    Examples
+    --------
+    >>> watch(lambda: 1 / 0).faults
+    ['raises ZeroDivisionError (division by zero)']
+    """
+    found, said = Watched(), io.StringIO()
+    with warnings.catch_warnings(record=True) as warned, redirect_stdout(said), redirect_stderr(said):
+        warnings.simplefilter("always")
+        try:
+            found.value = work()
+        except UserError as error:
+            found.refusal = error
+        except Exception as error:  # a plug-in may fail in any way
+            text = str(error)
+            written = "read-only" in text
+            found.faults.append(
+                f"writes into what it was given ({text})" if written else f"raises {type(error).__name__} ({text})"
+            )
+    if said.getvalue().strip():
+        found.faults.append(f"prints {said.getvalue().strip().splitlines()[0]!r}")
+    found.faults += sorted({f"warns: {w.category.__name__}, {w.message}" for w in warned})
+    return found

@@ -1,0 +1,100 @@
+"""Does this detector, valve, effect, recogniser or grid keep its contract?"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable
+from pathlib import Path
+
+from detectors.contract import Contract, check_detector
+from detectors.errors import ParameterError
+from detectors.registry import PluginFolder, methods
+from detectors.watch import watch
+from simbench.contract.effect import check_effect
+from simbench.contract.grid import check_grid
+from simbench.contract.recogniser import check_recogniser
+from simbench.contract.valve import check_valve
+from simbench.gap.effects import PLUGINS as RECOGNISERS
+from simbench.loop.effects import PLUGINS as EFFECTS
+from simbench.loop.parameters import VALVES
+
+# an effect may hold a valve's steps too: the kind of which most is there, the first of equals
+KINDS: dict[str, tuple[PluginFolder, Callable[[str], Contract]]] = {
+    "detector": (methods, check_detector),
+    "recogniser": (RECOGNISERS, check_recogniser),
+    "effect": (EFFECTS, check_effect),
+    "valve": (VALVES, check_valve),
+}
+
+
+def check_file(path: str | Path) -> Contract:
+    """Check one file against the contract of its kind.
+
+    Parameters
+    ----------
+    path : str or Path
+        A grid (.toml), or a Python file that is a detector, valve, effect or recogniser by what it defines. Its stem is the
+        plug-in's name.
+
+    Returns
+    -------
+    Contract
+        One sentence for every broken point.
+
+    Raises
+    ------
+    ParameterError, SpecError
+        When there is no such file, it cannot be read or imported, its name is taken, or it is none of the kinds.
+
+    Examples
+    --------
+    >>> from simbench.loop.valves import deadband
+    >>> check_file(deadband.__file__).kept
+    True
+    """
+    path = Path(path)
+    if path.suffix == ".toml":
+        return check_grid(path)
+    defined = _defined(path)
+    kind = max(KINDS, key=lambda k: _share(KINDS[k][0], defined))
+    folder, check = KINDS[kind]
+    if _share(folder, defined) < 0.5:
+        needs = "; ".join(f"a {k} {', '.join(f.required)}" for k, (f, _) in KINDS.items())
+        raise ParameterError(f"{path} is no plug-in by what it defines; needed are for {needs}")
+    missing = [name for name in folder.required if name not in defined]
+    if missing:
+        return Contract(kind, path.stem, (f"{', '.join(missing)} {'is' if len(missing) == 1 else 'are'} not defined",))
+    if folder.own_file(path):
+        return check(path.stem)
+    added = watch(lambda: folder.add_file(path))
+    if added.refusal is not None:
+        raise added.refusal
+    try:
+        found = check(path.stem)
+    finally:
+        folder.forget(path.stem)
+    return Contract(kind, path.stem, (*(f"{fault}, when imported" for fault in added.faults), *found.broken), found.notes)
+
+
+def _share(folder: PluginFolder, defined: set[str]) -> float:
+    return sum(name in defined for name in folder.required) / len(folder.required)
+
+
+def _defined(path: Path) -> set[str]:
+    """Return the names a Python file defines at its top, without importing it."""
+    try:
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ParameterError(f"{path} cannot be read: {(error.strerror or str(error)).lower()}") from None
+    except (SyntaxError, ValueError) as error:
+        raise ParameterError(f"{path} is no Python file: {error}") from None
+    names: set[str] = set()
+    for node in tree.body:
+        if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+            names.add(node.name)
+        elif isinstance(node, (ast.Import, ast.ImportFrom)):
+            names |= {a.asname or a.name for a in node.names}
+        elif isinstance(node, (ast.Assign, ast.AnnAssign)):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            names |= {t.id for target in targets for t in ast.walk(target) if isinstance(t, ast.Name)}
+    return names

@@ -1,0 +1,98 @@
+"""A valve's stick band and slip jump measured: what it does, to be held against what it maps on."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from simbench.loop.response import stages_response
+
+STEP = 0.02  # % of travel by which OP moves per sample: slow against every valve's own motion
+# OP turns at ever other places: a valve that stops at every sample is met in every phase
+TURNS = (1.0, -1.0, 0.97, -1.03, 0.94, -0.91, 0.96, -0.99, 0.93, -0.95)
+NEAR = 0.15  # of S or J, and beside it
+LEAST = 0.3  # % of travel: within both together, a measured number is what was said
+
+
+def measured_band(stages: list[tuple[ModuleType, Any]], reach: float, middle: float = 50.13) -> tuple[float, float]:
+    """Return the (S, J) that a chain of valve stages shows under an OP that creeps to and fro.
+
+    Parameters
+    ----------
+    stages : list of (module, parameters)
+        What OP passes, in order.
+    reach : float
+        How far OP goes to both sides of `middle` (%); above 0.7 S.
+    middle : float
+        In %.
+
+    Returns
+    -------
+    S : float
+        Least travel of OP after a reversal at which MV moves with at least half the slope it has later on (% of travel); inf
+        when it never does.
+    J : float
+        Median over the branches of the largest step of MV beyond its slope (% of travel).
+
+    Notes
+    -----
+    A valve that slides meets S at every reversal, one that stops at every sample needs S to S + J, by its phase. A hysteresis
+    of many plays shows their mean width. Not for valves whose own motion takes longer than minutes.
+
+    Examples
+    --------
+    >>> from simbench.loop.parameters import VALVES, valve_parameters
+    >>> kano = VALVES.load("kano")
+    >>> [round(x, 1) for x in measured_band([(kano, valve_parameters(kano, {"S": 4, "J": 2}, 1.0))], 10.0)]
+    [4.0, 2.0]
+    """
+    ends = [0.0, *(reach * t for t in TURNS)]
+    branches = [np.arange(a, b, np.sign(b - a) * STEP) for a, b in pairwise(ends)]
+    op = middle + np.concatenate(branches)
+    mv = stages_response(tuple(stages), op, float(op[0]))
+    travels, jumps = [], []
+    last = branches[0].size
+    for branch in branches[1:]:
+        way, first, last = np.sign(branch[1] - branch[0]), last, last + branch.size
+        moved = way * np.diff(mv[first - 1 : last])
+        slope = float(moved[moved.size // 2 :].mean())
+        under_way = np.flatnonzero(moved > 0.5 * slope)
+        if slope <= 1e-6 * STEP or not under_way.size:
+            return np.inf, 0.0
+        travels.append(under_way[0] * STEP)
+        jumps.append(float(moved.max()) - slope)
+    return float(min(travels)), float(np.median(jumps))
+
+
+def band_fault(stages: list[tuple[ModuleType, Any]], S: float, J: float) -> str:
+    """Return in which way a chain of valve stages does not do what it maps on; "" when it does.
+
+    Parameters
+    ----------
+    stages : list of (module, parameters)
+    S, J : float
+        What it says (% of travel).
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> from simbench.loop.parameters import VALVES, valve_parameters
+    >>> play = VALVES.load("deadband")
+    >>> stage = (play, valve_parameters(play, {"S": 4.0}, 1.0))
+    >>> band_fault([stage], 4.0, 0.0), band_fault([stage], 0.0, 0.0)
+    ('', 'maps on S = 0, but MV follows a reversal of OP only after 4 % of travel')
+    """
+    found_S, found_J = measured_band(stages, float(np.clip(1.2 * S, 16.0, 48.0)))
+    if not np.isfinite(found_S):
+        return f"maps on S = {S:g}, but MV never follows a reversal of OP"
+    if abs(found_S - S) > NEAR * S + LEAST:
+        return f"maps on S = {S:g}, but MV follows a reversal of OP only after {found_S:.3g} % of travel"
+    if abs(found_J - J) > NEAR * J + LEAST:
+        return f"maps on J = {J:g}, but MV slips by {abs(round(found_J, 2)):g} % of travel"
+    return ""

@@ -1,0 +1,172 @@
+"""The contract every effect keeps: words and ranges, nothing at no strength, something at some, where it says it acts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from detectors.contract import Contract
+from detectors.errors import RecordError
+from detectors.record import LoopRecord
+from detectors.watch import Watched, watch
+from scenarios.spec import Loop
+from simbench.contract.band import band_fault
+from simbench.contract.recogniser import check_recogniser
+from simbench.contract.valve import schema_faults
+from simbench.gap.effects import PLUGINS as RECOGNISERS
+from simbench.loop.effects import BLOCKS, PLUGINS
+from simbench.loop.parameters import Choice, Number
+from simbench.loop.resolve import resolve_loop
+from simbench.loop.simulate import simulate
+
+LOOP: dict[str, Any] = {
+    "plant": {"type": "foptd", "K": 1.5, "T": 20.0, "Td": 3.5},
+    "controller": {"type": "PI", "Kc": 0.6, "Ti": 18.0},
+    "sampling": {"Ts": 1.0, "n": 400},
+    "noise": {"std": 0.1},
+    "setpoint": {"value": 50.0, "steps": [[60, 53], [200, 48]]},
+    "disturbance": [{"type": "random_walk", "amplitude": 2.0, "period": 200.0}],
+}
+LEVEL = {**LOOP, "plant": {"type": "integrating", "K": 0.05, "Td": 2.0}, "controller": {"type": "PI", "Kc": 2.0, "Ti": 60.0}}
+# shares of the way from no strength to the end of the range; times its own size where there is no end
+SHARES, TIMES = (0.04, 0.3, 0.48, 0.9, 0.99, 0.9999, 1.0 - 1e-7), (0.5, 5.0, 50.0)
+
+
+def check_effect(name: str) -> Contract:
+    """Check an effect against its contract; how it is recognised too, where that is known.
+
+    Parameters
+    ----------
+    name : str
+        Effect id.
+
+    Returns
+    -------
+    Contract
+
+    Raises
+    ------
+    UnknownName
+        For an effect that does not exist.
+
+    Examples
+    --------
+    >>> check_effect("valve_lag").broken
+    ()
+    """
+    module = PLUGINS.load(name)
+    broken = list(_description(module))
+    if broken:
+        return Contract("effect", name, tuple(broken))
+    broken = [*_no_strength(name, module), *_some_strength(name, module)]
+    if name not in RECOGNISERS.names():
+        note = "simulated, but not diagnosed: no file under simbench.recognised says how it is recognised"
+        return Contract("effect", name, tuple(broken), (note,))
+    found = check_recogniser(name)
+    return Contract("effect", name, (*broken, *(f"its recogniser {fault}" for fault in found.broken)), found.notes)
+
+
+def _description(module: ModuleType) -> Iterator[str]:
+    if ": " not in (module.__doc__ or "").strip().partition("\n\n")[0]:
+        yield 'the file does not begin with "Name: what it does."'
+    if not str(module.SOURCE).strip():
+        yield "SOURCE is empty"
+    for word, value, allowed in (("BLOCK", module.BLOCK, BLOCKS), ("ACTS", module.ACTS, ("loop", "record"))):
+        if value not in allowed:
+            yield f"{word} = {value!r}, allowed: {', '.join(allowed)}"
+    faults = list(schema_faults(module.PARAMETERS))
+    yield from faults
+    if not faults and not module.PARAMETERS:
+        yield "PARAMETERS is empty: an effect without strength cannot be switched off"
+    for key, rule in () if faults else module.PARAMETERS.items():
+        if isinstance(rule, Number) and not rule.low <= rule.identity <= rule.high:
+            allowed = f"{rule.low:g}..{rule.high:g}"
+            yield f"parameter {key}: identity = {rule.identity:g}; a value in {allowed} that does nothing is needed"
+
+
+def no_strength(module: ModuleType) -> dict[str, float | str]:
+    """Return the parameters under which an effect says it does nothing."""
+    return {k: r.names[0] if isinstance(r, Choice) else r.identity for k, r in module.PARAMETERS.items()}
+
+
+def strengths(module: ModuleType) -> Iterator[dict[str, float | str]]:
+    """Yield parameters ever further away from those under which an effect does nothing, upwards first."""
+    none = no_strength(module)
+    for up in (True, False):
+        for i in range(len(SHARES)):
+            table = {k: none[k] if isinstance(r, Choice) else _away(r, i, up) for k, r in module.PARAMETERS.items()}
+            if table != none:
+                yield table
+
+
+def _away(rule: Number, i: int, up: bool) -> float:
+    end = rule.high if up and rule.high > rule.identity else rule.low if rule.low < rule.identity else rule.high
+    if math.isfinite(end):
+        return rule.identity + SHARES[i] * (end - rule.identity)
+    return rule.identity + math.copysign(TIMES[min(i, len(TIMES) - 1)] * max(abs(rule.identity), 1.0), end)
+
+
+def _no_strength(name: str, module: ModuleType) -> Iterator[str]:
+    for table in (LOOP, LEVEL):
+        found, plain = _run(name, no_strength(module), table), simulate(Loop.from_table(table), seed=3).record
+        where = table["plant"]["type"]
+        if found.faults:
+            yield from (f"{fault}, at no strength ({where} plant)" for fault in found.faults)
+        elif found.refusal is None and not _same(found.value, plain):
+            yield f"is not the identity at no strength: the record changes at {_shown(no_strength(module))} ({where} plant)"
+
+
+def _some_strength(name: str, module: ModuleType) -> Iterator[str]:
+    plain, refused = simulate(Loop.from_table(LOOP), seed=3).record, ""
+    for table in strengths(module):
+        found = _run(name, table)
+        if found.faults:
+            yield from (f"{fault}, at {_shown(table)}" for fault in found.faults)
+            return
+        refused = str(found.refusal or "")
+        if found.refusal is not None or _same(found.value, plain):
+            continue
+        if not _same(found.value, _run(name, table).value):
+            yield f"is not deterministic: the same seed gives another record at {_shown(table)}; draw from apply's rng"
+        if np.array_equal(found.value.op, plain.op) != (module.ACTS == "record"):
+            moved = "stays as it was" if module.ACTS == "loop" else "changes too"
+            yield f"says ACTS = {module.ACTS!r}, but OP {moved} at {_shown(table)}"
+        yield from _label(name, table)
+        short = _run(name, table, {**LOOP, "sampling": {"Ts": 1.0, "n": 3}})
+        yield from (f"{fault}, in a loop of 3 samples" for fault in short.faults)
+        return
+    yield f"does nothing at any strength tried{': ' + refused if refused else ''}"
+
+
+def _label(name: str, table: dict[str, float | str]) -> Iterator[str]:
+    """Hold what the effect's valve stage does against what it maps on, where it brings one."""
+    plain = resolve_loop(Loop.from_table(LOOP), 3).valves
+    setup = resolve_loop(_loop(name, table), 3)
+    stages = [stage for stage in setup.valves if not any(stage[0] is module for module, _ in plain)]
+    if len(stages) == 1:
+        S, J = setup.bands[setup.valves.index(stages[0])]
+        if fault := band_fault(stages, S, J):
+            yield f"brings a valve stage that {fault}, at {_shown(table)}"
+
+
+def _loop(name: str, parameters: dict[str, float | str], table: dict[str, Any] = LOOP) -> Loop:
+    return Loop.from_table({**table, "effect": [{"name": name, **parameters}]})
+
+
+def _run(name: str, parameters: dict[str, float | str], table: dict[str, Any] = LOOP) -> Watched:
+    found = watch(lambda: simulate(_loop(name, parameters, table), seed=3).record)
+    if isinstance(found.refusal, RecordError):  # what the effect made of the signals is none
+        found.faults.append(f"makes a record that is none ({found.refusal})")
+    return found
+
+
+def _same(a: LoopRecord, b: LoopRecord) -> bool:
+    return all(np.array_equal(getattr(a, s), getattr(b, s)) for s in ("op", "pv", "mv", "sp"))
+
+
+def _shown(table: dict[str, float | str]) -> str:
+    return ", ".join(f"{key} = {value if isinstance(value, str) else f'{value:g}'}" for key, value in table.items())

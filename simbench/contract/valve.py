@@ -1,0 +1,200 @@
+"""The contract every valve model and stage keeps: what it says of itself, its step, and the band it says it has."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from detectors.contract import Contract
+from detectors.errors import UserError
+from detectors.watch import watch
+from simbench.contract.band import band_fault
+from simbench.loop.parameters import VALVES, Choice, Number, valve_parameters
+from simbench.loop.response import valve_response
+
+AT_REST = 1e-6  # % of travel by which MV may settle where it starts
+
+
+def check_valve(name: str) -> Contract:
+    """Check a valve model or stage against its contract.
+
+    Parameters
+    ----------
+    name : str
+        A model's name, see `VALVES.names()`.
+
+    Returns
+    -------
+    Contract
+
+    Raises
+    ------
+    UnknownName
+        For a valve that does not exist.
+
+    Notes
+    -----
+    The band is measured under an OP that creeps to and fro, with two sets of parameters, and held against `mapped_SJ`: what a
+    benchmark calls sticky is what the valve maps on, so a wrong label there falsifies every score.
+
+    Examples
+    --------
+    >>> check_valve("kano").broken
+    ()
+    """
+    module = VALVES.load(name)
+    broken = list(_description(module))
+    if broken:
+        return Contract("valve", name, tuple(broken))
+    tables, refused = example_tables(module)
+    if not tables:
+        return Contract("valve", name, (f"refuses the parameters of its own ranges: {refused}",))
+    for table in tables:
+        faults = list(_step_faults(module, table)) or list(_run_faults(name, table)) or list(_label_faults(module, table))
+        broken += [f"{fault}, with {_shown(table)}" for fault in faults]
+        if faults:
+            break
+    return Contract("valve", name, tuple(broken))
+
+
+def example_tables(module: ModuleType) -> tuple[list[dict[str, Any]], str]:
+    """Return two sets of parameters that a valve takes, and what it said to those it refused.
+
+    Parameters
+    ----------
+    module : module
+        The valve.
+
+    Returns
+    -------
+    tables : list of dict
+        Numbers without default lie inside their range; S = 4, J = 2 and S = 7, J = 1 where it has these.
+    refused : str
+
+    Examples
+    --------
+    >>> example_tables(VALVES.load("deadband"))[0]
+    [{'S': 4.0}, {'S': 7.0}]
+    """
+    found, refused = [], ""
+    for share, band in ((0.04, {"S": 4.0, "J": 2.0}), (0.07, {"S": 7.0, "J": 1.0})):
+        table = {key: _inside(rule, share) for key, rule in module.PARAMETERS.items() if rule.default is None}
+        if set(band) <= set(module.PARAMETERS):
+            table |= band
+        try:
+            valve_parameters(module, table, 1.0)
+            found.append(table)
+        except UserError as error:
+            refused = str(error)
+    return [t for i, t in enumerate(found) if t not in found[:i]], refused
+
+
+def _inside(rule: Number | Choice, share: float) -> float | str:
+    if isinstance(rule, Choice):
+        return rule.names[-1]
+    if math.isfinite(rule.low) and math.isfinite(rule.high):
+        return rule.low + share * (rule.high - rule.low)
+    return (rule.low if math.isfinite(rule.low) else 0.0) + 250.0 * share
+
+
+def _description(module: ModuleType) -> Iterator[str]:
+    if not (module.__doc__ or "").strip():
+        yield "the file does not begin with a sentence on what the valve does"
+    if not str(module.SOURCE).strip():
+        yield "SOURCE is empty"
+    if not isinstance(module.FRICTION, bool):
+        yield f"FRICTION = {module.FRICTION!r}, true or false is needed"
+    yield from schema_faults(module.PARAMETERS)
+    if module.FRICTION is True and not hasattr(module, "mapped_SJ"):
+        yield "has friction, but no mapped_SJ(p) that says which S and J (% of travel) it stands for"
+
+
+def schema_faults(schema: Any) -> Iterator[str]:
+    """Say what is wrong with a plug-in's PARAMETERS."""
+    if not isinstance(schema, dict):
+        yield f"PARAMETERS is a {type(schema).__name__}, a dict of Number and Choice is needed"
+        return
+    for key, rule in schema.items():
+        if not isinstance(rule, (Number, Choice)):
+            yield f"parameter {key} is {rule!r}, a Number or a Choice is needed"
+            continue
+        if not rule.says:
+            yield f"parameter {key} does not say what it is"
+        if isinstance(rule, Number) and not rule.low < rule.high:
+            yield f"parameter {key} has no range: {rule.low:g} to {rule.high:g}"
+
+
+def _step_faults(module: ModuleType, table: dict[str, Any]) -> Iterator[str]:
+    """Take a few samples by hand: the state is a tuple of floats of one length, and a function of what is given."""
+    p = valve_parameters(module, table, 1.0)
+
+    def walk() -> list[tuple]:
+        states = [module.start(40.0, p)]
+        for u in (40.0, 60.0, 55.0, 120.0, -5.0):
+            if not isinstance(states[-1], tuple):
+                break
+            states.append(module.step(u, states[-1], p))
+        return states
+
+    first, second = watch(walk), watch(walk)
+    if first.faults or first.refusal:
+        yield from (f"{fault}, in start or step" for fault in first.faults or [f"refuses ({first.refusal})"])
+        return
+    wrong = [s for s in first.value if not isinstance(s, tuple) or not s or len(s) != len(first.value[0])]
+    numbers = [x for s in first.value[1:] if isinstance(s, tuple) for x in s]
+    if wrong:
+        yield f"gives the state {wrong[0]!r} after {first.value[0]!r}; a tuple of one length throughout is needed"
+    elif not all(type(x) is float for x in numbers):
+        odd = next(x for x in numbers if type(x) is not float)
+        yield f"gives the state {odd!r} ({type(odd).__name__}); floats are needed, compiled states hold nothing else"
+    elif first.value != second.value:
+        yield "is not deterministic: the same OP gives another MV the second time"
+
+
+def _run_faults(name: str, table: dict[str, Any]) -> Iterator[str]:
+    module = VALVES.load(name)
+    rng = np.random.default_rng(1)
+    op = np.clip(50.0 + np.cumsum(rng.normal(0.0, 8.0, 80) * (rng.random(80) > 0.25)), -10.0, 110.0)
+    given = op.copy()
+    slow = watch(lambda: valve_response(name, op, table, 0.5, plain=True))
+    fast = watch(lambda: valve_response(name, op, table, 0.5))
+    for found, how in ((slow, "in plain Python"), (fast, "compiled")):
+        said = found.faults or ([f"refuses ({found.refusal})"] if found.refusal else [])
+        yield from (f"{' '.join(fault.split())[:300]}, {how}" for fault in said)
+        if said:
+            return
+    if not np.array_equal(op, given):
+        yield "writes into the OP it was given"
+    if not np.array_equal(slow.value, fast.value):
+        yield f"gives other numbers compiled than in plain Python from sample {int(np.argmax(slow.value != fast.value))} on"
+    if slow.value.min() < 0.0 or slow.value.max() > 100.0:
+        yield f"leaves its travel: MV from {slow.value.min():.4g} to {slow.value.max():.4g} %"
+    rest, begun = valve_response(name, np.full(50, 37.5), table), module.start(37.5, valve_parameters(module, table, 1.0))[0]
+    if np.any(np.abs(rest - begun) > AT_REST):
+        yield f"does not stay at rest: MV goes from {begun:.6g} to {rest[-1]:.6g} % under an OP that stands still"
+
+
+def _label_faults(module: ModuleType, table: dict[str, Any]) -> Iterator[str]:
+    p = valve_parameters(module, table, 1.0)
+    found = watch(lambda: module.mapped_SJ(p) if hasattr(module, "mapped_SJ") else (0.0, 0.0))
+    if found.faults or not isinstance(found.value, tuple) or len(found.value) != 2:
+        said = found.faults[0] if found.faults else f"is {found.value!r}, two numbers (S, J) are needed"
+        yield f"mapped_SJ {said}"
+        return
+    S, J = (float(x) for x in found.value)
+    if not (0.0 <= S <= 100.0 and 0.0 <= J <= 200.0):
+        yield f"maps on S = {S:g}, J = {J:g}; % of travel are needed"
+    elif (S > 0.0) != module.FRICTION:
+        yield f"says FRICTION = {module.FRICTION} and maps on S = {S:g}"
+    elif fault := band_fault([(module, p)], S, J):
+        yield fault
+
+
+def _shown(table: dict[str, Any]) -> str:
+    return (
+        ", ".join(f"{key} = {value if isinstance(value, str) else f'{value:g}'}" for key, value in table.items()) or "defaults"
+    )

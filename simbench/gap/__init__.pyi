@@ -1,0 +1,4 @@
+"""The public names of the gap diagnosis."""
+
+from simbench.gap.diagnosis import diagnose as diagnose
+from simbench.gap.report.result import GapReport as GapReport

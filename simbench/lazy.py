@@ -1,0 +1,59 @@
+"""Names of a package that are loaded when first asked for; the package's stub (.pyi) is the one list of them."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+
+def attach(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+    """Return `__getattr__`, `__dir__` and `__all__` for a package whose public names stand in its stub.
+
+    Parameters
+    ----------
+    package : str
+        Its `__name__`.
+    file : str
+        Its `__file__`; the stub stands beside it. Every line ``from module import name as name`` is a public name.
+
+    Returns
+    -------
+    tuple of (function, function, list of str)
+        What the package assigns to its three special names.
+
+    Notes
+    -----
+    A wrong name raises AttributeError that says the nearest right one.
+
+    Examples
+    --------
+    >>> import simbench
+    >>> "sweep" in dir(simbench)
+    True
+    """
+    lines = ast.parse(Path(file).with_suffix(".pyi").read_text(encoding="utf-8")).body
+    homes = {a.name: str(line.module) for line in lines if isinstance(line, ast.ImportFrom) for a in line.names if a.asname}
+    names = sorted(homes)
+
+    def load(name: str) -> Any:
+        if name == "__version__":
+            from importlib.metadata import version
+
+            return version("stiction-simbench")
+        if name not in homes:
+            raise AttributeError(_unknown(package, name, names))
+        home = homes[name]
+        return import_module(f"{home}.{name}") if home == package else getattr(import_module(home), name)
+
+    return load, lambda: [*names, "__all__", "__doc__", "__file__", "__name__", "__path__", "__version__"], names
+
+
+def _unknown(package: str, name: str, names: list[str]) -> str:
+    if name.startswith("_"):  # a notebook's probes are no typing errors
+        return f"module {package!r} has no attribute {name!r}"
+    from detectors.errors import nearest
+
+    return f"module {package!r} has no attribute {name!r}: {nearest(name, names)}"

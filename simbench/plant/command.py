@@ -1,0 +1,100 @@
+"""The room's verbs on files: records in, answers and pages out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from detectors.io import read_folder, read_labels, read_record
+from scenarios.spec import load_loop
+from simbench.files import FileError
+from simbench.plant.fleet import Fleet, survey
+from simbench.plant.result import Trust
+from simbench.plant.trust import trust
+
+
+def trust_file(
+    path: str | Path,
+    loop: str | Path | None = None,
+    methods: Sequence[str] = ("all",),
+    *,
+    html: str | Path | None = None,
+    **about: Any,
+) -> Trust:
+    """Say of a record file which detector to believe, what could have been seen, and how probable stiction is.
+
+    Parameters
+    ----------
+    path : path
+        Record.
+    loop : path, optional
+        Loop file, where plant and controller are known.
+    methods : sequence of str
+        Method ids, "all", "fast" or "full".
+    html : path, optional
+        Page to write.
+    **about
+        What the file does not say of the record: process, kind, op_span, pv_span.
+
+    Returns
+    -------
+    Trust
+
+    Raises
+    ------
+    detectors.errors.UserError, scenarios.errors.SpecError
+        In one sentence, when a file cannot be read.
+    FileError
+        When the page cannot be written.
+    """
+    found = trust(read_record(path, **about), None if loop is None else load_loop(loop), methods)
+    if html is not None:
+        from simbench.plant.trust_page import write_page
+
+        write_page(found, html)
+    return found
+
+
+def report_folder(
+    folder: str | Path, page: str | Path, labels: str | Path | None = None, *, jobs: int = 2
+) -> tuple[Fleet, Path]:
+    """Judge a plant's loops and write them on one page.
+
+    Parameters
+    ----------
+    folder : path
+        Records.
+    page : path
+        Page to write; a CSV of the same name is written beside it.
+    labels : path, optional
+        Table with id and label.
+    jobs : int
+        Processes; -1 = all cores.
+
+    Returns
+    -------
+    Fleet
+    Path
+        The CSV.
+
+    Raises
+    ------
+    detectors.errors.UserError
+        In one sentence, when folder or labels cannot be read, or a file cannot be written.
+    """
+    from simbench.plant.fleet_page import write_fleet
+
+    if Path(page).is_dir() or not Path(page).absolute().parent.is_dir():
+        # an hour of judging must not end in this
+        raise FileError(f"{page} cannot be written: it is a folder, or its folder is missing")
+    fleet = survey(folder, labels, jobs=jobs)
+    return fleet, write_fleet(fleet, page, None if labels is None else read_labels(labels))
+
+
+def power_lines(path: str | Path, methods: Sequence[str] = ("all",), **about: Any) -> list[str]:
+    """Return one line per record on what it could have shown; `path` is a record or a folder of them."""
+    if Path(path).is_dir():
+        records, _ = read_folder(path, **about)
+        return [f"{name}: {trust(r, methods=methods, help_wanted=False).power_line()}" for name, r in records.items()]
+    return [trust(read_record(path, **about), methods=methods, help_wanted=False).power_line()]

@@ -1,0 +1,79 @@
+"""What the pages of this room share: sections out of sentences, tiles, pictures and tables, and the writing of the file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from simbench.files import whole_file
+from simbench.html.page import render
+from simbench.html.svg import inline_svg
+from simbench.html.table import sortable
+
+ROOM = "simbench.plant"
+
+
+def section(
+    name: str,
+    title: str,
+    paragraphs: Sequence[str] = (),
+    *,
+    tiles: Sequence[tuple[str, str]] = (),
+    pictures: Sequence[tuple[Figure, str]] = (),
+    table: pd.DataFrame | None = None,
+    long: Sequence[str] = (),
+    points: Sequence[str] = (),
+) -> dict[str, Any]:
+    """Return one section of a page.
+
+    Parameters
+    ----------
+    name : str
+        Unique on the page; its anchor.
+    title : str
+    paragraphs : sequence of str
+    tiles : sequence of (value, what it is)
+    pictures : sequence of (Figure, caption)
+        The caption is also what a reader who cannot see it is told.
+    table : DataFrame, optional
+    long : sequence of str
+        Columns of it with sentences.
+    points : sequence of str
+
+    Returns
+    -------
+    dict
+    """
+    drawn = [{"svg": inline_svg(f, f"{name}-{i}", says), "caption": says} for i, (f, says) in enumerate(pictures)]
+    body: Markup = render(
+        ROOM, "section.html", paragraphs=paragraphs, tiles=tiles, pictures=drawn, points=points,
+        table=None if table is None else sortable(table, long=long),
+    )  # fmt: skip
+    return {"id": name, "title": title, "body": body}
+
+
+def write(path: str | Path, title: str, subtitle: str, sections: Sequence[dict[str, Any]]) -> None:
+    """Write a self-contained page, readable in light and dark and on a phone.
+
+    Parameters
+    ----------
+    path : path
+    title, subtitle : str
+    sections : sequence of dict
+        As `section` gives them.
+
+    Raises
+    ------
+    FileError
+        When the file cannot be written.
+    """
+    footer = f"simbench {version('stiction-simbench')}"
+    text = render(ROOM, "page.html", title=title, subtitle=subtitle, sections=list(sections), footer=footer)
+    with whole_file(path) as f:
+        f.write(text)

@@ -1,0 +1,148 @@
+"""What each detector finds on the twins: false alarms, power over S and J, the threshold to use, the smallest that shows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from detectors.verdict import STICTION, Verdict
+from simbench.bench.statistics import wilson
+
+POWER = 0.8  # share that must be found of what is called visible
+ALARMS = 0.05  # share of healthy twins that a threshold chosen here may call sticky
+BETTER = 0.03  # by which a threshold chosen here must be right more often than the published rule to be advised
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Share found of the twins with one S and J (% of travel), with its 95 % interval."""
+
+    S: float
+    J: float
+    found: float
+    lo: float
+    hi: float
+
+
+@dataclass(frozen=True)
+class Rule:
+    """How a method should be read on this loop.
+
+    Parameters
+    ----------
+    method : str
+    cut : float or None
+        Score above which stiction is called; None = the method's published rule.
+    right : float
+        Share of twins answered right, sticky and healthy ones counting the same; an abstention is not right.
+    """
+
+    method: str
+    cut: float | None
+    right: float
+
+    def calls(self, verdict: Verdict) -> bool:
+        """Return whether this rule calls a verdict stiction."""
+        if self.cut is None:
+            return verdict.verdict == STICTION
+        return bool(verdict.score > self.cut)
+
+
+def cells_of(S: np.ndarray, J: np.ndarray, called: np.ndarray) -> list[Cell]:
+    """Return the share called sticky in every cell (S, J) of the sticky twins.
+
+    Parameters
+    ----------
+    S, J : ndarray, shape (twins,)
+    called : ndarray of bool, shape (twins,)
+
+    Returns
+    -------
+    list of Cell
+        By J over S, then by S.
+    """
+    keys = sorted({(round(j / s, 6), s, j) for s, j in zip(S, J) if s > 0})
+    out = []
+    for _, s, j in keys:
+        here = called[(s == S) & (j == J)]
+        lo, hi = wilson(here.sum(), here.size)
+        out.append(Cell(float(s), float(j), float(here.mean()), float(lo), float(hi)))
+    return out
+
+
+def smallest_visible(cells: Sequence[Cell], power: float = POWER) -> tuple[float, float] | None:
+    """Return the smallest S, with its J, from which on a share `power` is found.
+
+    Parameters
+    ----------
+    cells : sequence of Cell
+    power : float
+
+    Returns
+    -------
+    (S, J) or None
+        None where no cell is found often enough. Power is taken to grow with S at a given J over S (isotonic regression), and
+        read between two cells on log S; of several J over S the one that shows at the smaller S counts.
+    """
+    from sklearn.isotonic import isotonic_regression
+
+    best = None
+    for ratio in sorted({round(c.J / c.S, 6) for c in cells}):
+        line = sorted((c for c in cells if round(c.J / c.S, 6) == ratio), key=lambda c: c.S)
+        grown = isotonic_regression(np.array([c.found for c in line]))
+        if grown[-1] < power:
+            continue
+        first = int(np.argmax(grown >= power))
+        S = line[first].S
+        if first > 0:
+            a, b = grown[first - 1], grown[first]
+            S = float(np.exp(np.interp(power, [a, b], np.log([line[first - 1].S, S]))))
+        if best is None or S < best[0]:
+            best = (S, ratio * S)
+    return best
+
+
+def best_rule(method: str, verdicts: Sequence[Verdict], sticky: np.ndarray) -> Rule:
+    """Return how a method is best read on this loop: by its own rule, or by a threshold on its score that healthy twins set.
+
+    Parameters
+    ----------
+    method : str
+    verdicts : sequence of Verdict
+        Its verdicts on the twins.
+    sticky : ndarray of bool, shape (twins,)
+
+    Returns
+    -------
+    Rule
+        The threshold is set on one half of the healthy twins and judged on the other, and the other way round.
+    """
+    own = np.array([v.verdict == STICTION for v in verdicts])
+    undecided = np.array([v.verdict == "no_decision" for v in verdicts])
+    published = _right(own, sticky, ~undecided)
+    # what could not be scored is no alarm, and no finding either
+    scores = np.array([v.score if v.score == v.score else -np.inf for v in verdicts])
+    if not np.isfinite(scores).any():
+        return Rule(method, None, published)
+    half = np.arange(sticky.size) % 2 == 0
+    tried = [_right(scores[here] > _cut(scores[~here & ~sticky]), sticky[here]) for here in (half, ~half)]
+    chosen = float(np.mean(tried))
+    cut = _cut(scores[~sticky])
+    return Rule(method, cut, chosen) if chosen > published + BETTER and np.isfinite(cut) else Rule(method, None, published)
+
+
+def _right(called: np.ndarray, sticky: np.ndarray, decided: np.ndarray | None = None) -> float:
+    quiet = ~called if decided is None else ~called & decided
+    return 0.5 * (float(called[sticky].mean()) + float(quiet[~sticky].mean()))
+
+
+def _cut(healthy: np.ndarray) -> float:
+    return float(np.quantile(healthy, 1.0 - ALARMS, method="higher"))
+
+
+def likelihood_ratio(said: str, verdicts: Sequence[str], sticky: np.ndarray) -> float:
+    """Return how much more often sticky twins get this verdict than healthy ones (half a twin added to each count)."""
+    same = np.array([v == said for v in verdicts])
+    return float(((same[sticky].sum() + 0.5) / (sticky.sum() + 1.5)) / ((same[~sticky].sum() + 0.5) / ((~sticky).sum() + 1.5)))

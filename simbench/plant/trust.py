@@ -1,0 +1,170 @@
+"""trust(): which detector to believe on one loop, what its record could have shown, and how probable stiction is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from detectors.errors import UserError
+from detectors.judge import UNFIT
+from detectors.prepared import Prepared
+from detectors.record import LoopRecord
+from detectors.report import choose_methods
+from detectors.verdict import STICTION, Verdict
+from scenarios.spec import Loop
+from simbench.plant.around import Around, around
+from simbench.plant.calibration import EvidenceWeights
+from simbench.plant.indices import ScoreScales, judged
+from simbench.plant.odds import even_weights, learn
+from simbench.plant.power import (
+    ALARMS,
+    Cell,
+    Rule,
+    best_rule,
+    cells_of,
+    likelihood_ratio,
+    smallest_visible,
+)  # fmt: skip
+from simbench.plant.remedies import Remedy, remedies
+from simbench.plant.result import OPEN, SOUND, STICKY, UNSEEN, MethodTrust, Trust
+from simbench.plant.twins import Twin, draw_twins
+
+HEALTHY, EACH = 80, 12  # twins with a sound valve, and in every cell of S and J
+FEW = 10  # twins of a kind below which nothing is said
+LIKELY, UNLIKELY = 0.75, 0.25  # probabilities from which stiction is claimed, and below which a visible size is denied
+
+
+def trust(
+    record: LoopRecord,
+    loop: Loop | None = None,
+    methods: Sequence[str] = ("all",),
+    *,
+    healthy: int = HEALTHY,
+    each: int = EACH,
+    help_wanted: bool = True,
+    seed: int = 0,
+) -> Trust:
+    """Say which detector to believe on this loop, what its record could have shown, and how probable stiction is.
+
+    Parameters
+    ----------
+    record : LoopRecord
+        SP, OP, PV and, where recorded, MV.
+    loop : Loop, optional
+        The loop where it is known; otherwise it is identified from the record.
+    methods : sequence of str
+        Method ids, "all", "fast" or "full".
+    healthy, each : int
+        Twins with a sound valve, and per cell of S and J.
+    help_wanted : bool
+        Simulate what would help where the record shows too little.
+    seed : int
+        Root of every random stream.
+
+    Returns
+    -------
+    Trust
+
+    Raises
+    ------
+    detectors.errors.UserError
+        For an unknown method, or a loop file of another sampling than the record.
+
+    Notes
+    -----
+    The twins' probability and the likelihood that friction brings over none are weighed by three numbers that
+    `python -m simbench.plant.learn` finds on simulated loops.
+
+    Twins know only what the identified loop knows: with a loop that changed within the record, or a plant unlike first order
+    with dead time, claims are too sure. Even odds of stiction are assumed before looking; S is as likely in one octave as in
+    the next.
+
+    Examples
+    --------
+    >>> from simbench.gap.random_case import random_case
+    >>> found = trust(random_case(5, ("stiction",)).record, methods=["fast"], healthy=20, each=4, help_wanted=False)
+    >>> 0.0 <= found.probability <= 1.0
+    True
+    """
+    names = choose_methods(methods)
+    said = judged(record, names)
+    prepared = Prepared(record.blind())
+    unfit = next((f"record unfit: {prepared.flags[f].evidence} (flag {f})" for f in UNFIT if f in prepared.flags), None)
+    if unfit:
+        return _without_twins(record, said, unfit)
+    try:
+        behind = around(record, loop)
+    except UserError as error:
+        if loop is not None:
+            raise
+        return _without_twins(record, said, f"no loop could be identified: {error}")
+    twins = draw_twins(behind, healthy, each, seed=seed)
+    sticky = np.array([t.S > 0 for t in twins], dtype=bool)
+    if min(sticky.sum(), (~sticky).sum()) < FEW:
+        return _without_twins(record, said, "the identified loop cannot be simulated: it runs away")
+    return _weighed(record, behind, names, said, twins, help_wanted, seed)
+
+
+def _weighed(
+    record: LoopRecord, behind: Around, names: list[str], said: list[Verdict], twins: list[Twin], help_wanted: bool, seed: int
+) -> Trust:
+    S, J = (np.array([getattr(t, k) for t in twins]) for k in "SJ")
+    sticky = S > 0
+    verdicts = [judged(t.record, names) for t in twins]
+    scales = ScoreScales.of(verdicts)
+    odds = learn(scales.features(verdicts), sticky, even_weights(S, _comparable(behind, twins)))
+    of_twins = float(odds.of(scales.features([said]))[0])
+    probability = EvidenceWeights.read().probability(of_twins, behind.gain)
+    cut = max(0.5, float(np.quantile(odds.of_twins[~sticky], 1.0 - ALARMS)))
+    together = cells_of(S, J, odds.of_twins > cut)
+    seen = smallest_visible(together)
+    rows = [_row(said[i], [row[i] for row in verdicts], S, J) for i in range(len(names))]
+    # a method made for other loops, or one that must abstain, is no guide however well it did
+    rows.sort(key=lambda m: (m.verdict.applicable is False, -m.rule.right))
+    answer = STICKY if probability > LIKELY else UNSEEN if seen is None else SOUND if probability < UNLIKELY else OPEN
+    helps: tuple[Remedy, ...] = ()
+    if help_wanted and answer != STICKY:
+        helps = remedies(behind, names, _invisible(together, seen), behind.percent, record.S_unit, seed)
+    scaled = tuple(_in_units(c, behind.percent) for c in together)
+    rows = [replace(m, power=tuple(_in_units(c, behind.percent) for c in m.power)) for m in rows]
+    return Trust(
+        answer=answer, methods=tuple(rows), power=scaled, probability=probability, of_twins=of_twins,
+        twins=tuple((t.S, t.J) for t in twins), helps=helps,
+        smallest_visible=None if seen is None else (seen[0] * behind.percent, seen[1] * behind.percent),
+        notes=behind.notes, record=record, behind=behind,
+    )  # fmt: skip
+
+
+def _comparable(behind: Around, twins: list[Twin]) -> np.ndarray:
+    """Return which twins teach how to read this record: all but those that rest while it swings, shape (twins,)."""
+    everyone = np.ones(len(twins), dtype=bool)
+    if behind.period is None:
+        return everyone
+    swing = np.array([t.S == 0 or t.sustained for t in twins])
+    return swing if sum(t.S > 0 and ok for t, ok in zip(twins, swing)) >= FEW else everyone
+
+
+def _row(said: Verdict, verdicts: list[Verdict], S: np.ndarray, J: np.ndarray) -> MethodTrust:
+    sticky = S > 0
+    rule = best_rule(said.method, verdicts, sticky)
+    called = np.array([rule.calls(v) for v in verdicts])
+    ratio = likelihood_ratio(said.verdict, [v.verdict for v in verdicts], sticky)
+    return MethodTrust(said, rule, rule.calls(said), float(called[~sticky].mean()), tuple(cells_of(S, J, called)), ratio)
+
+
+def _invisible(cells: list[Cell], seen: tuple[float, float] | None) -> tuple[float, float]:
+    """Return the largest (S, J) with full slip-jump that does not show, in %; what would help must make it visible."""
+    full = [c for c in cells if c.J >= c.S]
+    below = [c for c in full if seen is None or c.S < seen[0]] or full[:1]
+    return below[-1].S, below[-1].J
+
+
+def _in_units(c: Cell, percent: float) -> Cell:
+    return c if percent == 1.0 else replace(c, S=c.S * percent, J=c.J * percent)
+
+
+def _without_twins(record: LoopRecord, said: list[Verdict], why: str) -> Trust:
+    rows = tuple(MethodTrust(v, Rule(v.method, None, 0.5), v.verdict == STICTION, float("nan"), (), 1.0) for v in said)
+    return Trust(OPEN, rows, None, (), None, None, (), (), (why,), record)

@@ -1,0 +1,69 @@
+"""The page of a trust: the answer, what this record could have shown, whom to believe, what would help."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+
+from simbench.plant.page import section, write
+from simbench.plant.pictures import draw_power, draw_pv_op, draw_trend
+from simbench.plant.result import Trust
+
+SHOWN = 3  # detectors drawn beside all together
+
+
+def write_page(found: Trust, path: str | Path) -> None:
+    """Write a trust as one self-contained HTML page.
+
+    Parameters
+    ----------
+    found : Trust
+    path : path
+
+    Raises
+    ------
+    FileError
+        When the file cannot be written.
+    """
+    record = found.record
+    answer = [found.sentence()]
+    if found.best is not None:
+        answer.append(f"{found.power_line()[0].upper()}{found.power_line()[1:]}.")
+    tiles = []
+    if found.probability is not None:
+        tiles.append((f"{found.probability:.2f}", "probability of stiction, even odds before looking"))
+        tiles.append((f"{len(found.twins)}", "twins of this loop simulated and judged"))
+    if found.smallest_visible is not None:
+        tiles.append((f"{found.smallest_visible[0]:.2g}", f"smallest S ({record.S_unit}) that shows in 4 of 5 such records"))
+    parts = [section("answer", "The answer", answer, tiles=tiles)]
+    seen = [(draw_trend(record), "The record: PV (red), SP (grey), OP (blue)"), (draw_pv_op(record), "PV against OP")]
+    parts.append(section("record", "The record", pictures=seen))
+    if found.power:
+        best = [m for m in found.methods if m.verdict.applicable is not False][:SHOWN]
+        curves = {"all together": found.power} | {m.verdict.method: m.power for m in best}
+        says = "Share of twins called stiction over S; the band is the 95 % interval of all together, the dashed line 0.8"
+        parts.append(
+            section("power", "What this record could have shown", pictures=[(draw_power(curves, record.S_unit), says)])
+        )
+    parts.append(section("methods", "Whom to believe on this loop", table=_table(found), long=["reason"]))
+    points = [*(r.sentence() for r in found.helps), *found.notes]
+    if points:
+        parts.append(section("next", "What would help, and what to know", points=points))
+    write(path, f"Stiction in {record.tag or 'this loop'}: what can be believed", "Detectors on twins of one loop", parts)
+
+
+def _table(found: Trust) -> pd.DataFrame:
+    return pd.DataFrame(
+        {
+            "method": m.verdict.method,
+            "verdict here": "not made for it" if m.verdict.applicable is False else m.verdict.verdict.replace("_", " "),
+            "right on twins": m.rule.right,
+            "false alarms": m.false_alarms,
+            "found, all sizes": sum(c.found for c in m.power) / len(m.power) if m.power else None,
+            "likelihood ratio": m.likelihood_ratio,
+            "read by": "its own rule" if m.rule.cut is None else f"score above {m.rule.cut:.3g}",
+            "reason": m.verdict.reason,
+        }
+        for m in found.methods
+    )

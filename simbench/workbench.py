@@ -1,0 +1,239 @@
+"""What a notebook calls: a loop that simulates itself, and runs with the command line's defaults."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Required, Self, TypedDict, Unpack
+
+from detectors.views import page_part
+from scenarios import spec
+from scenarios.grid import Grid
+from scenarios.spec import read_toml
+from simbench.bench.oracle import ORACLE
+from simbench.bench.run import run_grid
+from simbench.bench.score import score_run
+from simbench.bench.score_result import Scores
+from simbench.loop.run import Run
+from simbench.loop.simulate import simulate
+from simbench.theory.predict import predict
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Table = Mapping[str, Any]
+
+
+class Sections(TypedDict, total=False):
+    """Sections of a loop, as in a loop file; times in s, OP, MV and valve parameters in %."""
+
+    plant: Required[Table]
+    controller: Required[Table]
+    sampling: Required[Table]
+    valve: Table
+    noise: Table
+    setpoint: Table
+    operating_point: Table
+    disturbance: Sequence[Table]
+    effect: Sequence[Table]
+
+
+class Loop(spec.Loop):
+    """One control loop that simulates itself.
+
+    Parameters
+    ----------
+    plant : mapping
+        type "foptd" or "integrating", K (PV units per %, integrating: per % and s), T, Td (s).
+    controller : mapping
+        type "PI" or "P", Kc (% per PV unit), Ti (s), direction "reverse" or "direct".
+    sampling : mapping
+        Ts (s), n.
+    operating_point : mapping, optional
+        op0 (%), pv0 (PV units).
+    valve : mapping, optional
+        model and its parameters (%); ideal when absent.
+    noise : mapping, optional
+        std (PV units).
+    setpoint : mapping, optional
+        value, steps as pairs of time (s) and value.
+    disturbance, effect : sequence of mappings, optional
+        type or name, and its parameters.
+
+    Raises
+    ------
+    SpecError
+        One sentence: the key, its value, what is allowed, the nearest known key.
+
+    Examples
+    --------
+    >>> loop = Loop(
+    ...     plant={"type": "foptd", "K": 1, "T": 10, "Td": 2},
+    ...     controller={"type": "PI", "Kc": 1, "Ti": 10},
+    ...     valve={"model": "choudhury", "S": 5, "J": 2},
+    ...     sampling={"Ts": 1, "n": 600}, setpoint={"steps": [[10, 55]]})
+    >>> loop.simulate(seed=1).record.n
+    600
+    """
+
+    def __init__(self, **sections: Unpack[Sections]) -> None:
+        checked = spec.Loop.from_table(dict(sections), "Loop")
+        super().__init__(**dict(checked))  # pyright: ignore[reportCallIssue]
+
+    @classmethod
+    def from_table(cls, table: dict[str, Any], where: str = "loop") -> Self:
+        """Check a nested table, as TOML gives it, and return the loop.
+
+        Parameters
+        ----------
+        table : dict
+            Keys of the loop file.
+        where : str
+            File name for messages.
+
+        Returns
+        -------
+        Loop
+
+        Raises
+        ------
+        SpecError
+            As the constructor.
+        """
+        return cls(**dict(spec.Loop.from_table(table, where)))
+
+    def simulate(self, seed: int = 0, *, kick: float = 0.0) -> Run:
+        """Run the loop from rest.
+
+        Parameters
+        ----------
+        seed : int
+            Root of every random stream; the same loop and seed give the same bits.
+        kick : float
+            Offset (%) of OP at sample 0.
+
+        Returns
+        -------
+        Run
+            Its `record` is what a plant would have recorded.
+
+        Raises
+        ------
+        UnknownName, ParameterError
+            For a plug-in that does not exist, or numbers it does not allow.
+        """
+        return simulate(self, seed, kick=kick)
+
+    def predict(self) -> dict[str, Any]:
+        """Say what theory expects of the loop, see `simbench.predict`.
+
+        Returns
+        -------
+        dict
+        """
+        return predict(self)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the loop as a table.
+
+        Returns
+        -------
+        DataFrame
+            Columns section, key, value; one row per entry of the loop file.
+        """
+        import pandas as pd
+
+        rows = []
+        for section, content in self.to_table().items():
+            for part in content if isinstance(content, list) else [content]:
+                rows += [{"section": section, "key": key, "value": value} for key, value in part.items()]
+        return pd.DataFrame(rows)
+
+    def _repr_html_(self) -> str:
+        frame = self.to_frame()
+        return page_part(f"loop with valve model {self.valve.name}", frame.assign(value=frame["value"].map(str)))
+
+
+def load_loop(path: str | Path) -> Loop:
+    """Read a loop file.
+
+    Parameters
+    ----------
+    path : str or Path
+        Loop file (TOML).
+
+    Returns
+    -------
+    Loop
+
+    Raises
+    ------
+    SpecError
+        When the file is missing, is no TOML (with the line), or asks for something impossible.
+    """
+    return Loop.from_table(read_toml(path), str(path))
+
+
+def run(
+    grid: str | Path | Grid,
+    methods: str | Iterable[str] = ("fast", ORACLE),
+    *,
+    out: str | Path | None = None,
+    jobs: int = 1,
+    **settings: Any,
+) -> Path:
+    """Simulate a grid of scenarios, judge every record by every method, and write both tables.
+
+    Parameters
+    ----------
+    grid : str, Path or Grid
+        Name, TOML file, or a grid at hand.
+    methods : str or iterable of str
+        Method ids, "fast", "full", "oracle".
+    out : str or Path, optional
+        Folder of the run; runs/GRID when absent.
+    jobs : int
+        Worker processes; -1 = all cores.
+    **settings
+        Further arguments of `simbench.bench.run.run_grid`: raw, plugins, resume, sets, axes, thresholds, ...
+
+    Returns
+    -------
+    Path
+        Folder of the run; give it to `score`.
+
+    Raises
+    ------
+    UserError
+        For what the user can put right.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = run("smoke", "horch", out=tempfile.mkdtemp(), sets={"disturbance": "none"})
+    >>> score(folder).to_frame().method.tolist()[0]
+    'horch'
+    """
+    return run_grid(grid, out, [methods] if isinstance(methods, str) else methods, jobs, **settings)
+
+
+def score(folder: str | Path, *, raw: bool = False) -> Scores:
+    """Score a run: accuracy, found, false alarms, AUC, with intervals.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Folder of a run.
+    raw : bool
+        Verdicts without the oscillation front end first.
+
+    Returns
+    -------
+    Scores
+
+    Raises
+    ------
+    UserError
+        When the folder holds no complete run.
+    """
+    return score_run(folder, raw)

@@ -1,0 +1,64 @@
+"""Running the command line on bad input: one sentence, one exit code, nothing else."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from simbench.cli import main
+
+# a word of the program's own where a sentence about the input is due
+LEAKS = re.compile(r"Traceback|fault of the program|object has no attribute|pydantic|NoneType|errors\.|site-packages")
+
+
+@pytest.fixture
+def refused(capsys) -> Callable[..., str]:
+    """Run a command that must be refused: exit 2, one sentence that holds the words, nothing on stdout."""
+
+    def run(arguments: list, *words: str) -> str:
+        code = main([str(a) for a in arguments])
+        out, err = capsys.readouterr()
+        assert code == 2, (code, err, out[:300])
+        assert out == ""
+        assert err.startswith("error: "), err
+        assert err.count("\n") == 1, err
+        assert len(err) < 1000, err[:2000]
+        assert not LEAKS.search(err), err
+        for word in words:
+            assert word.lower() in err.lower(), (word, err)
+        return err
+
+    return run
+
+
+@pytest.fixture
+def told(capsys) -> Callable[..., tuple[int, str]]:
+    """Run a command that may go on or be refused: exit 0 or 1 with JSON, or 2 with one sentence."""
+
+    def run(arguments: list) -> tuple[int, str]:
+        code = main([str(a) for a in arguments])
+        out, err = capsys.readouterr()
+        assert code in (0, 1, 2), (code, err)
+        assert not LEAKS.search(err), err
+        if code == 2:
+            assert out == ""
+            assert err.startswith("error: "), err
+            assert err.count("\n") == 1, err
+        elif "--json" in arguments:
+            json.loads(out, parse_constant=_no_constant)
+        return code, err if code == 2 else out
+
+    return run
+
+
+def _no_constant(word: str) -> float:
+    raise AssertionError(f"{word} is no JSON")
+
+
+def written(folder: Path) -> list[str]:
+    """Names in a folder, hidden ones too."""
+    return sorted(p.name for p in folder.iterdir())

@@ -1,0 +1,65 @@
+"""A grid's contract: every built-in keeps it, and what a run would stumble over is told beforehand."""
+
+from pathlib import Path
+
+import pytest
+
+import scenarios
+from simbench.contract.grid import check_grid
+
+GRIDS = sorted((Path(scenarios.__file__).parent / "grids").glob("*.toml"))
+PLAIN = """
+title = "one loop"
+expected = 4
+[loop]
+plant = { type = "foptd", K = 1, T = 10, Td = 2 }
+controller = { type = "PI", Kc = 1, Ti = 10 }
+valve = { model = "choudhury", S = 5, J = 2 }
+sampling = { Ts = 1, n = 500 }
+[axes]
+"valve.J" = [1, 2]
+"plant.Td" = [1, 2]
+"""
+RULED = """
+title = "one block"
+[[block]]
+name = "b"
+axes = { Td_over_T = [0.2, 1.0], S_over_2J = [0.5] }
+draw = { K = [0.5, 2], T = [5, 50], S = 5, samples_per_period = 40, periods = 20 }
+[[block.member]]
+name = "sticky"
+valve = "choudhury"
+[[block.member]]
+name = "healthy"
+valve = "ideal"
+"""
+BROKEN = [
+    (PLAIN, '"valve.J" = [1, 2]', '"valve.J" = [1, 1]', "axis 'valve.J' has the value 1 2 times"),
+    (PLAIN, "expected = 4", "expected = 5", "4 scenarios, but expected = 5"),
+    (PLAIN, "Ts = 1", "Tx = 1", "key 'sampling.Ts' is missing"),
+    (PLAIN, "choudhury", "chudhury", "did you mean 'choudhury'"),
+    (PLAIN, "S = 5,", "S = 500,", "S = 500 is out of range"),
+    (PLAIN, 'title = "one loop"', 'title = ""', "title is empty"),
+    (PLAIN, '"valve.J" = [1, 2]', '"valve.J" = []', "axis 'valve.J' has no value"),
+    (RULED, 'name = "healthy"\nvalve = "ideal"', 'name = "sticky"\nvalve = "choudhury"', "is the same scenario as"),
+    (RULED, 'valve = "choudhury"', 'valve = "chudhury"', "unknown valve 'chudhury'"),
+    (RULED, "T = [5, 50], ", "", "T"),
+]
+
+
+@pytest.mark.parametrize("path", GRIDS, ids=[path.stem for path in GRIDS])
+def test_every_grid_keeps_its_contract(path):
+    assert check_grid(path).broken == ()
+
+
+@pytest.mark.parametrize("text", [PLAIN, RULED], ids=["plain", "ruled"])
+def test_a_strangers_grid_keeps_it(contract_of, text):
+    found = contract_of(text, "own.toml")
+    assert (found.kind, found.name, found.broken) == ("grid", "own", ())
+
+
+@pytest.mark.parametrize(("text", "old", "new", "words"), BROKEN, ids=[f"{i} {row[3][:30]}" for i, row in enumerate(BROKEN)])
+def test_each_way_of_breaking_it_is_one_sentence(contract_of, text, old, new, words):
+    assert old in text
+    found = contract_of(text.replace(old, new), "own.toml")
+    assert any(words in sentence for sentence in found.broken), found.broken

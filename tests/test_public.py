@@ -1,0 +1,193 @@
+"""The public names: loaded late, typed, completed, described, and a wrong one answered with the right one."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import rlcompleter
+import subprocess
+import sys
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import pytest
+from numpydoc.validate import validate
+
+import detectors
+import scenarios
+import simbench as sb
+from detectors.errors import RecordError, UnknownName
+from detectors.record import LoopRecord
+from scenarios.errors import SpecError
+
+PACKAGES = [sb, sb.gap, detectors, scenarios]
+OURS = ("simbench", "detectors", "scenarios")
+TABLES = {
+    "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
+    "controller": {"type": "PI", "Kc": 1, "Ti": 10},
+    "valve": {"model": "choudhury", "S": 5, "J": 2},
+    "sampling": {"Ts": 1, "n": 1200},
+    "setpoint": {"steps": [[10, 55]]},
+}
+
+
+@pytest.fixture(scope="module")
+def run():
+    return sb.Loop(**TABLES).simulate(seed=1)
+
+
+def test_importing_takes_no_more_than_a_tenth_of_a_second():
+    code = "import sys, time; t = time.perf_counter(); import simbench; print(time.perf_counter() - t, *sys.modules)"
+    out = [subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout for _ in range(3)]
+    assert min(float(o.split()[0]) for o in out) < 0.1
+    assert not {"numpy", "pandas", "numba", "detectors"} & set(out[0].split())
+
+
+@pytest.mark.parametrize("name", [f"{p.__name__}:{n}" for p in PACKAGES for n in p.__all__])
+def test_every_public_name_is_there_and_completed(name):
+    package = next(p for p in PACKAGES if p.__name__ == name.split(":")[0])
+    own = name.split(":")[1]
+    assert getattr(package, own) is not None
+    completer = rlcompleter.Completer({"p": package})
+    assert completer.complete(f"p.{own}", 0).rstrip("()") == f"p.{own}"
+
+
+def test_completion_lists_the_public_names_and_nothing_of_the_machinery():
+    assert {n for n in dir(sb) if not n.startswith("_")} == set(sb.__all__)
+    assert set(sb.__all__) >= {"Loop", "load_loop", "read_record", "detect", "diagnose", "predict", "run", "score", "gap"}
+
+
+NEAR = [(sb, "sweeep", "sweep"), (sb, "Lop", "Loop"), (sb.gap, "diagnos", "diagnose")]
+
+
+@pytest.mark.parametrize(("package", "wrong", "right"), NEAR)
+def test_a_wrong_name_is_answered_with_the_nearest(package, wrong, right):
+    with pytest.raises(AttributeError, match=f"did you mean '{right}'"):
+        getattr(package, wrong)
+
+
+def public_objects():
+    """Yield the dotted name of every public function and class, and of what a class offers."""
+    for package in PACKAGES:
+        for name in package.__all__:
+            thing = getattr(package, name)
+            if inspect.ismodule(thing):
+                continue
+            yield f"{thing.__module__}.{thing.__qualname__}"
+            for member, value in vars(thing).items() if inspect.isclass(thing) else ():
+                value = value.fget if isinstance(value, property) else value
+                if not member.startswith("_") and getattr(value, "__module__", "").split(".")[0] in OURS:
+                    yield f"{thing.__module__}.{thing.__qualname__}.{member}"
+
+
+@pytest.mark.parametrize("name", sorted(set(public_objects())))
+def test_docstrings_name_every_parameter_and_what_comes_back(name):
+    found = [f"{code}: {says}" for code, says in validate(name)["errors"] if code in ("PR01", "RT01", "GL08")]
+    assert found == []
+
+
+def test_the_documentation_check_can_fail():
+    assert "PR01" in {code for code, _ in validate("json.dumps")["errors"]}
+
+
+STRICT = """
+import simbench as sb
+
+loop = sb.load_loop("loop.toml").with_("valve.S", 3.0)
+built = sb.Loop(plant={}, controller={}, sampling={}, valve={})
+run = loop.simulate(seed=1)
+report = sb.detect(run, ["horch", "he"], kind="flow")
+words: list[str] = [v.verdict for v in report] + [report["horch"].reason, sb.diagnose(run).verdict]
+n: int = sb.read_record("rec.csv").n + len(report) + built.simulate(0).record.n
+period = sb.predict(loop)["exact"]
+scores = sb.score(sb.run("smoke", jobs=2))
+resolved: float = scores.resolution
+said: str = sb.gap.diagnose(run.record, loop).sentence()
+swept = sb.sweep(loop, {"valve.S": [0, 2]})
+"""
+WRONG = {
+    "sb.sweeep": "sweeep",
+    "sb.Loop(plant={}, controller={}, sampling={}, vlave={})": "vlave",
+    "sb.load_loop(3)": "Literal[3]",
+    "sb.detect()": "source",
+}
+
+
+def test_strict_type_checking_passes_right_names_and_reports_wrong_ones(tmp_path):
+    (tmp_path / "right.py").write_text(f"# pyright: strict\n{STRICT}")
+    lines = "\n".join(WRONG)
+    (tmp_path / "wrong.py").write_text(f"import simbench as sb\n\n{lines}\n")
+    settings = {"include": ["."], "extraPaths": [str(Path(__file__).parents[1])], "pythonVersion": "3.11"}
+    (tmp_path / "pyrightconfig.json").write_text(json.dumps(settings))
+    command = [sys.executable, "-m", "pyright", "--pythonpath", sys.executable, "--outputjson", "-p", str(tmp_path)]
+    out = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path).stdout
+    found = [(Path(d["file"]).name, d["range"]["start"]["line"], d["message"]) for d in json.loads(out)["generalDiagnostics"]]
+    assert [f for f in found if f[0] == "right.py"] == []
+    for line, word in enumerate(WRONG.values(), 2):
+        assert any(name == "wrong.py" and at == line and word in message for name, at, message in found), (line, found)
+
+
+def test_a_loop_simulates_itself_and_is_the_loop_of_the_file(tmp_path, run):
+    loop = sb.Loop(**TABLES)
+    (tmp_path / "loop.toml").write_text(loop.to_toml())
+    again = sb.load_loop(tmp_path / "loop.toml")
+    assert again == loop
+    assert np.array_equal(again.simulate(1).record.pv, run.record.pv)
+    assert again.with_("valve.S", 1.0).simulate(1).record.n == 1200
+    assert again.predict() == sb.predict(scenarios.load_loop(tmp_path / "loop.toml"))
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"plnt": {}}, "unknown key 'plnt': did you mean 'plant'"),
+        ({"plant": {"type": "fopdt", "K": 1}}, "did you mean 'foptd'"),
+        ({"valve": {"modle": "kano"}}, "lacks the key 'model'"),
+        ({"controller": {"type": "PI", "Kc": 1, "Ti": 5, "Td": 1}}, "unknown key 'controller.Td'"),
+    ],
+)
+def test_a_wrong_loop_is_one_sentence(change, sentence):
+    with pytest.raises(SpecError, match=sentence):
+        sb.Loop(**{**TABLES, **change})
+
+
+def test_a_record_a_run_and_a_file_are_judged_alike(tmp_path, run):
+    run.to_frame().to_csv(tmp_path / "a.csv", index=False)
+    about = {"process": "self-regulating", "op_span": (0, 100)}
+    answers = [sb.detect(s, ["horch", "he"], **about).as_json() for s in (run, run.record, tmp_path / "a.csv")]
+    assert answers[0] == answers[1] == answers[2]
+    assert sb.diagnose(run).as_json() == sb.diagnose(run.record).as_json()
+    with pytest.raises(UnknownName, match="did you mean 'horch'"):
+        sb.detect(run, "horhc")
+    with pytest.raises(UnknownName, match="did you mean 'horch'"):
+        sb.detect(run, "horch")["horhc"]
+    with pytest.raises(RecordError, match="list is no record"):
+        sb.detect([1, 2])
+
+
+def test_results_become_tables_pictures_and_notebook_cells(run):
+    matplotlib.use("Agg")
+    record = LoopRecord.from_frame(run.to_frame())
+    assert np.array_equal(record.pv, run.record.pv)
+    report = sb.detect(run, ["horch", "he", "kano_a"])
+    frame = report.to_frame()
+    assert frame.method.tolist() == ["horch", "he", "kano_a"]
+    assert {"S_lo", "J_hi", "reason", "period_s"} <= set(frame)
+    assert len(run.plot()) == 2
+    pv, op = (axes.get_lines()[0] for axes in run.plot())
+    assert np.array_equal(pv.get_ydata(), run.record.pv)
+    assert np.array_equal(op.get_ydata(), run.record.op)
+    things = {"self-regulating": run, "choudhury": sb.Loop(**TABLES), "kano_a": report, "next": sb.diagnose(run)}
+    for word, thing in things.items():
+        html = thing._repr_html_()
+        assert "<table" in html
+        assert word in html
+
+
+def test_reasons_are_given_on_request():
+    shown = sb.detect(sb.Loop(**TABLES).simulate(1).record, ["he", "horch"])
+    text = shown.as_text()
+    assert text.splitlines()[1] == "2 of 2 methods say stiction, 0 no stiction, 0 no decision"
+    assert "OP is triangular" not in text
+    assert "OP is triangular" in shown.as_text(why=True)
