@@ -9,7 +9,7 @@ export OPENBLAS_NUM_THREADS := 1
 export OPENBLAS_CORETYPE := Haswell
 export NPY_DISABLE_CPU_FEATURES := X86_V4 AVX512_ICL AVX512_SPR
 
-.PHONY: bench check leak learn real test lint perf docs clean
+.PHONY: bench check leak real test lint perf docs clean
 
 bench: $(READY)            ## the main job: simulate a labelled grid, run the detectors, score them
 	rm -rf runs/bench
@@ -34,10 +34,6 @@ real: $(READY)             ## every record of real loops, every method, scored b
 
 leak: $(READY)             ## can a scenario's settings alone predict its label? They must not
 	$(BIN)/python -m simbench.bench.leak
-
-learn: $(READY)            ## grow the trees that give the gap diagnosis its probabilities; half an hour, can be resumed
-	$(BIN)/python -m simbench.gap.decide.training.make runs/gap-training -n 3000 -j 2
-	$(BIN)/python -m simbench.gap.decide.training.fit runs/gap-training
 
 perf: $(READY)             ## ratios of medians of interleaved runs
 	$(BIN)/python tests/reference/perf.py

@@ -177,6 +177,21 @@ def trust_(
     _print(found.as_json() if as_json else found.as_text(), as_json)
 
 
+@app.command("report")
+def report_(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Records of a plant's loops.")],
+    labels: Annotated[Path | None, typer.Option(help="Table with id and label: judge its records.")] = None,
+    out: Annotated[Path, typer.Option("-o", "--out", help="Page; a CSV is written beside it.")] = Path("report.html"),
+    jobs: Jobs = 2,
+) -> None:
+    """Put a plant's loops on one page, ranked by probability and size of stiction."""
+    from simbench.plant.command import report_folder
+
+    fleet, beside = report_folder(folder, out, labels, jobs=jobs)
+    print(fleet.as_text())
+    print(f"page: {out.resolve()}; table: {beside.resolve()}")
+
+
 @app.command()
 def run(
     grid: Annotated[str, typer.Argument(help="Name of a grid, or a TOML file.")],

@@ -325,5 +325,3 @@ def _tags(draft: Draft, loop: Loop) -> dict[str, Any]:
 def _absolute(load: dict[str, Any], size: float, period: float) -> dict[str, Any]:
     scale = {"amplitude": size, "period": period, "lag": period, "start": period}
     return {k: significant(v * scale[k]) if k in scale else v for k, v in load.items()}
-
-

@@ -158,9 +158,7 @@ def speed(count: int, methods: str = "fast", grid: str = "chapter", jobs: int = 
         _run(where / "together", grid, methods, jobs, {"repeats": repeats * jobs}).wait()
         together, cpu_together = time.monotonic() - since, _cpu() - used
         since, used = time.monotonic(), _cpu()
-        alone = [
-            _run(where / f"alone{i}", grid, methods, 1, {"repeats": repeats, "seed": 900 + i}) for i in range(jobs)
-        ]
+        alone = [_run(where / f"alone{i}", grid, methods, 1, {"repeats": repeats, "seed": 900 + i}) for i in range(jobs)]
         for process in alone:
             process.wait()
         apart, cpu_apart = time.monotonic() - since, _cpu() - used

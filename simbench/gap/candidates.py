@@ -13,6 +13,8 @@ from simbench.gap.likelihood.search import SMOOTH, promising, settle
 from simbench.gap.situation import Circumstances, Situation, circumstances
 from simbench.loop.effects import BLOCKS, EFFECTS, block_of
 
+LAST = 15.0  # most nats of an effect that the load may have made: anything else that explains as much is named first
+
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
@@ -97,6 +99,40 @@ def fit_candidates(engine: Engine, base: Fit, effects: Iterable[str]) -> dict[st
         gain = fit.loglik - base.loglik - size_penalty(engine.data.n, count)
         out[effect] = Candidate(effect, fit, gain, fit is not base)
     return out
+
+
+def beside_the_load(engine: Engine, base: Fit, candidates: dict[str, Candidate]) -> tuple[Fit, dict[str, Candidate]]:
+    """Allow to every candidate what the load may do by itself; return the base and the candidates, gains over the new base.
+
+    Parameters
+    ----------
+    engine : Engine
+    base : Fit
+        The fit without effect.
+    candidates : dict
+        From `fit_candidates` on that base.
+
+    Returns
+    -------
+    base : Fit
+    candidates : dict
+        The likelier of the two fits of each, with and without what the load does.
+    """
+    for effect, one in candidates.items():
+        ordinary = recogniser(effect).ordinary
+        if ordinary is None or not one.used or one.log_likelihood_gain <= 0.0:
+            continue
+        again = fit_candidates(engine, one.fit, [e for e in candidates if e != effect])
+        out = {}
+        for e, bare in candidates.items():
+            alone = bare.log_likelihood_gain - one.log_likelihood_gain
+            if e == effect:
+                own = 0.0 if ordinary(one.fit, base, one.log_likelihood_gain) else min(one.log_likelihood_gain, LAST)
+                out[e] = replace(one, log_likelihood_gain=own)
+            else:
+                out[e] = again[e] if again[e].log_likelihood_gain >= alone else replace(bare, log_likelihood_gain=alone)
+        return one.fit, out
+    return base, candidates
 
 
 def reshaped(engine: Engine, fit: Fit) -> Fit:

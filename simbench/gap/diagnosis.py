@@ -71,7 +71,7 @@ def diagnose(
     with threadpool_limits(limits=1):
         found, more = _assess_all(records, baseline, jobs)
         runs = ClosedLoops(found, seed)
-        return report(found, classify(found, runs), runs, more)
+        return report(found, classify(found), runs, more)
 
 
 def _assess_one(record: LoopRecord, baseline: Loop | Partial | None) -> Assessment:

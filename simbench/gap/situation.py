@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from detectors.record import LoopRecord
-from scenarios.spec import Loop
+from scenarios.spec import Loop, Part
 from simbench.gap.controller.pi_law import Law
 from simbench.gap.likelihood.model import Data
 from simbench.gap.sensor.samples import Samples
+from simbench.loop.response import valve_response
 
 NOISE_SHOWS = 0.25  # of the variance of PV's changes that the stated noise must make up for its smoothing to be seen
 LOAD_MEMORY = 4.0  # longest correlation time of an ordinary load, in time scales of the loop; a slower one drifts
@@ -68,9 +69,45 @@ class Situation:
         return f"record {self.record.tag!r}" if self.record.tag else "record"
 
     @property
+    def facts(self) -> dict[str, tuple[str, str]]:
+        """Block and words of everything that single samples or the controller's law show without doubt."""
+        found = {
+            "rounding": (self.archive.rounding is not None, "sensor", "PV stands on a lattice"),
+            "thinning": (self.archive.thinning > 0.0, "sensor", "PV runs on straight lines"),
+            "spikes": (self.archive.spikes is not None, "sensor", "single samples of PV stand far off their neighbours"),
+            "limits": (self.law.limits is not None, "controller", "OP stands at a value while the law pushes on"),
+            "gap": (self.law.gap > 0.0, "controller", "OP rests while the error is small"),
+            "step": (self.law.step > 0.0, "controller", "OP stands on a lattice"),
+            "tuning": (self.law.tuning is not None, "controller", "the law holds with another tuning"),
+        }
+        return {name: (block, words) for name, (seen, block, words) in found.items() if seen}
+
+    @property
+    def expected_mv(self) -> np.ndarray:
+        """MV (%) as the baseline's valve makes it of the recorded OP."""
+        return np.clip(through_valve(self.op, self.baseline.valve, self.record.Ts), 0.0, 100.0)
+
+    @property
+    def expected_band(self) -> float:
+        """Dead-band (%) of the baseline's valve, 0 of one that jumps or has none."""
+        own = self.baseline.valve.parameters
+        return float(own["S"]) if "S" in own and not own.get("J") else 0.0
+
+    @property
     def integrating(self) -> bool:
         """Whether the plant integrates."""
         return self.baseline.plant.type == "integrating"
+
+
+def through_valve(op: np.ndarray, valve: Part, Ts: float) -> np.ndarray:
+    """Return OP as the baseline's own valve passes it on: a band that the simulation has is no gap."""
+    if valve.name == "ideal":
+        return op
+    own: dict[str, Any] = dict(valve.parameters)
+    before, behind = own.pop("before", []), own.pop("behind", [])
+    for stage in [*before, {"model": valve.name, **own}, *behind]:
+        op = valve_response(stage["model"], op, {k: v for k, v in stage.items() if k != "model"}, Ts)
+    return op
 
 
 def load_memory(situation: Situation) -> float:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from detectors.record import LoopRecord
+from detectors.signal.oscillation import find_oscillation
 from scenarios.spec import Loop, Part
 from simbench.gap import diagnose
 from simbench.loop.setup import plain_setup
@@ -35,6 +36,8 @@ class Around:
         Log-likelihood (nats) that friction brings over none.
     trusted : bool
         Plant and tuning are those of a loop file, not identified.
+    period : float or None
+        Of the record's sustained oscillation (s); None without one.
     percent : float
         Units of the record's own OP per % of travel.
     notes : tuple of str
@@ -46,6 +49,7 @@ class Around:
     fitted: tuple[float, float] | None
     gain: float | None
     trusted: bool
+    period: float | None
     percent: float
     notes: tuple[str, ...]
 
@@ -94,9 +98,10 @@ def around(record: LoopRecord, loop: Loop | None = None) -> Around:
     if "stiction" in found.parameters:
         sticky = loops.loop([*archive, "stiction"])
         fitted = (float(found.parameters["stiction"]["S"]), float(found.parameters["stiction"]["J"]))
+    swing = find_oscillation(record.op, record.pv, record.Ts)
     return Around(
-        record, tuple(healthy), sticky, fitted, _finite(gains.get("stiction")), loop is not None, percent,
-        (*notes, *found.situation.notes),
+        record, tuple(healthy), sticky, fitted, _finite(gains.get("stiction")), loop is not None,
+        swing.period_s if swing.sustained else None, percent, (*notes, *found.situation.notes),
     )  # fmt: skip
 
 

@@ -6,8 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from detectors.io import read_folder, read_record
+from detectors.io import read_folder, read_labels, read_record
 from scenarios.spec import load_loop
+from simbench.files import FileError
+from simbench.plant.fleet import Fleet, survey
 from simbench.plant.result import Trust
 from simbench.plant.trust import trust
 
@@ -52,6 +54,42 @@ def trust_file(
 
         write_page(found, html)
     return found
+
+
+def report_folder(
+    folder: str | Path, page: str | Path, labels: str | Path | None = None, *, jobs: int = 2
+) -> tuple[Fleet, Path]:
+    """Judge a plant's loops and write them on one page.
+
+    Parameters
+    ----------
+    folder : path
+        Records.
+    page : path
+        Page to write; a CSV of the same name is written beside it.
+    labels : path, optional
+        Table with id and label.
+    jobs : int
+        Processes; -1 = all cores.
+
+    Returns
+    -------
+    Fleet
+    Path
+        The CSV.
+
+    Raises
+    ------
+    detectors.errors.UserError
+        In one sentence, when folder or labels cannot be read, or a file cannot be written.
+    """
+    from simbench.plant.fleet_page import write_fleet
+
+    if Path(page).is_dir() or not Path(page).absolute().parent.is_dir():
+        # an hour of judging must not end in this
+        raise FileError(f"{page} cannot be written: it is a folder, or its folder is missing")
+    fleet = survey(folder, labels, jobs=jobs)
+    return fleet, write_fleet(fleet, page, None if labels is None else read_labels(labels))
 
 
 def power_lines(path: str | Path, methods: Sequence[str] = ("all",), **about: Any) -> list[str]:

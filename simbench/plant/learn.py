@@ -78,10 +78,10 @@ def fit(rows: list[dict[str, Any]]) -> EvidenceWeights:
     x = np.array([evidence(r["of_twins"], r["gain"]) for r in rows])
     sticky = np.array([r["sticky"] for r in rows])
     model = LogisticRegression(C=10.0, class_weight="balanced")
-    out = np.asarray(cross_val_predict(model, x, sticky, cv=StratifiedKFold(10), method="predict_proba"))[:, 1]
+    out: Any = cross_val_predict(model, x, sticky, cv=StratifiedKFold(10), method="predict_proba")
     model.fit(x, sticky)
     weights = (float(w) for w in model.coef_[0])
-    return EvidenceWeights(float(model.intercept_.item()), *weights, len(rows), float(log_loss(sticky, out)))
+    return EvidenceWeights(float(model.intercept_.item()), *weights, len(rows), float(log_loss(sticky, out[:, 1])))
 
 
 def main(arguments: list[str] | None = None) -> int:

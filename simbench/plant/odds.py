@@ -86,10 +86,22 @@ def learn(features: np.ndarray, sticky: np.ndarray, weight: np.ndarray) -> Odds:
     return Odds(model, temperature, _bounded(best[2] / temperature))
 
 
-def even_weights(S: np.ndarray) -> np.ndarray:
-    """Return weights by which healthy twins (S = 0) and sticky ones count the same in sum, shape (twins,)."""
-    sticky = S > 0
-    return np.where(sticky, 0.5 / max(sticky.sum(), 1), 0.5 / max((~sticky).sum(), 1))
+def even_weights(S: np.ndarray, counted: np.ndarray | None = None) -> np.ndarray:
+    """Return weights by which healthy twins (S = 0) and sticky ones count the same in sum, shape (twins,).
+
+    Parameters
+    ----------
+    S : ndarray, shape (twins,)
+    counted : ndarray of bool, shape (twins,), optional
+        Which twins count at all.
+
+    Returns
+    -------
+    ndarray
+    """
+    every = np.ones(S.size, dtype=bool) if counted is None else counted
+    sticky, sound = every & (S > 0), every & (S <= 0)
+    return sticky * (0.5 / max(sticky.sum(), 1)) + sound * (0.5 / max(sound.sum(), 1))
 
 
 def _even(weight: np.ndarray) -> np.ndarray:

@@ -13,7 +13,6 @@ from detectors.verdict import Verdict
 from simbench.plant.around import Around
 from simbench.plant.power import Cell, Rule
 from simbench.plant.remedies import Remedy
-from simbench.plant.twins import Twin
 
 STICKY, SOUND, UNSEEN, OPEN = "stiction", "no stiction", "cannot be seen in this record", "cannot tell"
 
@@ -48,7 +47,8 @@ class Trust:
         Of stiction; even odds before looking. None without twins.
     of_twins : float or None
         The same from verdicts and scores alone, as the twins teach to read them.
-    twins : tuple of Twin
+    twins : tuple of (S, J)
+        Friction (%) of every twin; (0, 0) with a sound valve.
     helps : tuple of Remedy
         What else could be recorded, and what it would show.
     notes : tuple of str
@@ -62,7 +62,7 @@ class Trust:
     power: tuple[Cell, ...]
     probability: float | None
     of_twins: float | None
-    twins: tuple[Twin, ...]
+    twins: tuple[tuple[float, float], ...]
     helps: tuple[Remedy, ...]
     notes: tuple[str, ...]
     record: LoopRecord = field(repr=False)

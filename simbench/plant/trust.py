@@ -114,7 +114,7 @@ def _weighed(
     sticky = S > 0
     verdicts = [judged(t.record, names) for t in twins]
     scales = ScoreScales.of(verdicts)
-    odds = learn(scales.features(verdicts), sticky, even_weights(S))
+    odds = learn(scales.features(verdicts), sticky, even_weights(S, _comparable(behind, twins)))
     of_twins = float(odds.of(scales.features([said]))[0])
     probability = EvidenceWeights.read().probability(of_twins, behind.gain)
     cut = max(0.5, float(np.quantile(odds.of_twins[~sticky], 1.0 - ALARMS)))
@@ -131,10 +131,19 @@ def _weighed(
     rows = [replace(m, power=tuple(_in_units(c, behind.percent) for c in m.power)) for m in rows]
     return Trust(
         answer=answer, methods=tuple(rows), power=scaled, probability=probability, of_twins=of_twins,
-        twins=tuple(twins), helps=helps,
+        twins=tuple((t.S, t.J) for t in twins), helps=helps,
         smallest_visible=None if seen is None else (seen[0] * behind.percent, seen[1] * behind.percent),
         notes=behind.notes, record=record, behind=behind,
     )  # fmt: skip
+
+
+def _comparable(behind: Around, twins: list[Twin]) -> np.ndarray:
+    """Return which twins teach how to read this record: all but those that rest while it swings, shape (twins,)."""
+    everyone = np.ones(len(twins), dtype=bool)
+    if behind.period is None:
+        return everyone
+    swing = np.array([t.S == 0 or t.sustained for t in twins])
+    return swing if sum(t.S > 0 and ok for t, ok in zip(twins, swing)) >= FEW else everyone
 
 
 def _row(said: Verdict, verdicts: list[Verdict], S: np.ndarray, J: np.ndarray) -> MethodTrust:

@@ -10,6 +10,7 @@ import numpy as np
 
 from detectors.errors import UserError
 from detectors.record import LoopRecord
+from detectors.signal.oscillation import find_oscillation
 from scenarios.errors import SpecError
 from scenarios.spec import Loop
 from simbench.loop.simulate import simulate
@@ -20,6 +21,8 @@ SLIPS = (0.25, 1.0)  # J over S: a little slip-jump, and as much as there is ban
 WARM_UP = 0.3  # of the record's length, simulated ahead of it and cut off
 TRIES = 6  # draws before a loop that runs away is given up
 LARGER, SMALLER = 2.0, 0.4  # times the record's size that a loop without friction may move
+DRIVEN = ("sine", "propagated")  # what swings a sound loop from outside
+QUIETER = 0.4  # times the fitted loads beside such a swing, which they were fitted to
 SURE = 4  # one in so many sticky twins comes from the less likely explanation
 
 # standard deviations of the logarithms drawn: identified plants are known worse than stated ones
@@ -34,6 +37,11 @@ class Twin:
     S: float
     J: float
     record: LoopRecord
+
+    @property
+    def sustained(self) -> bool:
+        """Whether it oscillates."""
+        return find_oscillation(self.record.op, self.record.pv, self.record.Ts).sustained
 
 
 @dataclass(frozen=True)
@@ -126,13 +134,19 @@ def _twin(a: Around, S: float, J: float, change: Change, stream: list[int], numb
     base = a.healthy[number % len(a.healthy)] if S <= 0 else _sticky_base(a, number)
     if change.loop is not None:
         base = change.loop(base)
-    for _ in range(TRIES):
+    for attempt in range(TRIES):
         try:
             table = perturbed(base.to_table(), STATED if a.trusted else UNCERTAIN, rng)
             ahead = _timed(table, a.record, change)
-            loop, seed = Loop.from_table(table, "twin"), int(rng.integers(2**31))
+            seed = int(rng.integers(2**31))
+            if S <= 0 and a.period is not None and (attempt >= TRIES // 2 or number % 2):
+                table = _driven(table, a, DRIVEN[number // 2 % 2], seed, rng)
+            loop = Loop.from_table(table, "twin")
             run = simulate(with_friction(loop, 0.0, 0.0), seed).record
             if not _alike(run, a.record, change, own=S <= 0):
+                continue
+            # a record that swings is told from a sound loop that swings too, not from one that rests
+            if S <= 0 and a.period is not None and not find_oscillation(run.op, run.pv, run.Ts).sustained:
                 continue
             if S > 0:
                 # at rest a sticky loop may stay there for ever; the plant's has been moving for years
@@ -151,6 +165,21 @@ def _sticky_base(a: Around, number: int) -> Loop:
         return other
     likely = (a.gain or 0.0) > 0
     return a.sticky if (number % SURE > 0) == likely else other
+
+
+def _driven(table: dict[str, Any], a: Around, kind: str, seed: int, rng: np.random.Generator) -> dict[str, Any]:
+    """Return a sound loop that another one swings as much as the record swings, at about its period."""
+    assert a.period is not None
+    own = [part | {"amplitude": QUIETER * part["amplitude"]} for part in table["disturbance"]]
+    calm = table | {"disturbance": own, "effect": [e for e in table.get("effect", []) if e["name"] != "oscillation"]}
+    drive: dict[str, Any] = {"type": kind, "amplitude": 1.0, "period": a.period * float(np.exp(0.05 * rng.standard_normal()))}
+    if kind == "propagated":
+        drive |= {"S": 5.0, "J": float(rng.uniform(2.0, 5.0)), "noise": 0.05, "lag": a.period * float(rng.uniform(0.02, 0.2))}
+    swung = calm | {"disturbance": [*own, drive]}
+    without, with_ = (simulate(Loop.from_table(t, "twin"), seed).record.pv for t in (calm, swung))
+    missing = np.sqrt(max(np.var(a.record.pv) - np.var(without), 0.1 * np.var(a.record.pv)))
+    drive["amplitude"] = float(missing / max(np.std(with_ - without), 1e-12))
+    return swung
 
 
 def _alike(run: LoopRecord, record: LoopRecord, change: Change, own: bool) -> bool:

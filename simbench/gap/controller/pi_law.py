@@ -7,13 +7,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simbench.gap.controller.recovered_pv import FAITHFUL, ROUNDED, hidden_law, recover_pv
+from simbench.gap.controller.recovered_pv import FAITHFUL, ROUNDED, beside_a_mean, hidden_law, recover_pv
 from simbench.gap.controller.regression import FORMS, LawFit, about_zero, by_steps, by_sums, spread, with_derivative
 from simbench.gap.controller.standstill import error_gap, limits_of, skips_scans
-from simbench.gap.sensor.samples import lattice, on_line, written_unit
+from simbench.gap.sensor.samples import hides_nothing, lattice, on_line, written_unit
 from simbench.loop.effects.detuning import PARAMETERS as TUNING
 
 EXACT = 0.03  # residual of dOP, relative to dOP, below which the law is taken as known
+DIGITS = 2.5  # times what rounding leaves of the law, below which it is taken as known all the same ...
+HALF = 0.5  # ... unless that is half of all that OP does
+RESTING = 0.05  # share of samples in which a fine OP stands still, from which it is not the mean of a moving PV that hides
 RETUNED = 0.13  # |ln ratio| of Kc or Ti from which the tuning is another one
 FEW = 6  # samples kept by an archive from which it can be compared with what OP says of PV
 FINER = 0.02  # of OP's lattice, to which rounding never brings a law
@@ -28,7 +31,8 @@ class Law:
     Between error and OP may stand: `limits` of OP tighter than its range (lo, hi), a `gap` of the error in which OP rests (full
     width), a lattice of OP (`step`), and another `tuning` (factors of the baseline's Kc and Ti). `recovered_pv` is the PV the
     controller must have seen (None when it cannot be recovered). `reason` says why the block cannot be judged, `foreign` why
-    it is no PI at all, `late` by how many samples OP answers late, `strays` the samples that an otherwise exact law does not
+    it is no PI at all, `late` by how many samples OP answers late, `averaged` that the archive's PV is a mean, `blur` what the
+    digits leave uncertain of the recovered PV (PV units), `strays` the samples that an otherwise exact law does not
     explain.
     """
 
@@ -44,6 +48,8 @@ class Law:
     reason: str = ""
     foreign: str = ""
     late: int = 0
+    averaged: bool = False
+    blur: float = 0.0
     strays: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
 
     @property
@@ -116,11 +122,12 @@ def _examine(
     law = Law(
         fitted.fit.residual, fitted.fit.base, *_nearest_form(fitted.fit.a, fitted.fit.b, asked),
         limits=limits, gap=fitted.gap, step=free.step if fitted.coarse else 0.0, strays=fitted.fit.strays,
+        blur=free.rounding / abs(Kc),
     )  # fmt: skip
     if not trusted:
         reason = "" if fitted.exact else "the recorded PV does not explain OP through a PI law"
         return replace(law, baseline_residual=law.residual, reason=reason, strays=np.empty(0, dtype=int))
-    if fitted.plain and skips_scans(op, fitted.e, free.inside, fitted.size, free.unit):
+    if fitted.plain and skips_scans(op, fitted.e, free.inside, fitted.size, max(free.unit, free.step)):
         return replace(law, foreign="OP stands still where the law would move it: the controller skips scans")
     if fitted.exact:
         return _known(law, asked, free, fitted)
@@ -143,7 +150,10 @@ class _Asked(NamedTuple):
 
 
 class _Free(NamedTuple):
-    """Where OP is off its limits: `inside` by sample, `rows` by change; how it is written; how large its changes are."""
+    """Where OP is off its limits: `inside` by sample, `rows` by change; how it is written; how large its changes are.
+
+    `rounding` is the standard deviation that the digits of OP and PV leave of the law's changes of OP.
+    """
 
     inside: np.ndarray
     rows: np.ndarray
@@ -151,6 +161,7 @@ class _Free(NamedTuple):
     step: float
     unit: float
     size: float
+    rounding: float
 
 
 class _Shown(NamedTuple):
@@ -199,15 +210,21 @@ def _free(asked: _Asked) -> _Free:
         inside &= op > limit["lo"]
     if "hi" in limit:
         inside &= op < limit["hi"]
-    rows = inside[1:] & inside[:-1] if asked.Ti is None else inside[1:]
+    # a controller that holds its integral at a limit leaves it by a step of its own
+    rows = inside[1:] & inside[:-1]
     # the ends of the range are everybody's limits
     tight = {k: v for k, v in limit.items() if (k == "hi" and v < 99.99) or (k == "lo" and v > 0.01)}
-    return _Free(inside, rows, tight, step, unit, size)
+    fine = written_unit(asked.pv, op)
+    grid = lattice(asked.pv, fine)
+    digits = max(fine, grid) if hides_nothing(grid, asked.pv) else fine
+    rounding = float(np.hypot(max(unit, step if hides_nothing(step, op) else 0.0), asked.Kc * digits)) / np.sqrt(6.0)
+    return _Free(inside, rows, tight, step, unit, size, rounding)
 
 
 def _shown(asked: _Asked) -> _Shown:
     pv, unit = asked.pv, written_unit(asked.pv, asked.op)
     grid = lattice(pv, unit)
+    grid = 0.0 if hides_nothing(grid, pv) else grid
     line = on_line(pv, unit) if grid == 0.0 else np.zeros(pv.size, dtype=bool)
     moving = np.diff(pv) != 0.0
     exact = ~line & (np.append(True, moving) | np.append(moving, True) | (grid > 0.0))
@@ -217,7 +234,7 @@ def _shown(asked: _Asked) -> _Shown:
 def _fitted(asked: _Asked, free: _Free, shown: _Shown) -> _Fitted:
     op, e, du, no_sp = asked.op, asked.e, np.diff(asked.op), asked.sp is None
     Kc, Ki, rows, size = asked.Kc, asked.Ki, free.rows, free.size
-    coarse = free.step > 0.0 and free.step > max(0.001 * float(np.std(op)), 5.0 * free.unit)
+    coarse = free.step > 0.0 and not hides_nothing(free.step, op)
     if coarse:
         bare = by_steps(du, e, rows, Kc, Ki, size, no_sp)
         off = du - bare.a * e[1:] - bare.b * e[:-1]
@@ -238,8 +255,8 @@ def _fitted(asked: _Asked, free: _Free, shown: _Shown) -> _Fitted:
         fit = by_steps(du, e, rows, Kc, Ki, size, no_sp)
     # OP that mostly stands still fits "no control at all" exactly
     collapsed = bool(abs(fit.a) < 0.02 * abs(Kc + Ki) and np.mean(du[rows] == 0.0) > 0.3)
-    rounding = (2.0 * free.unit + 1e-9 * np.abs(op).max()) / size
-    return _Fitted(fit, e, rows, size, gap, bool(coarse), max(EXACT, 3 * rounding), collapsed)
+    tolerance = max(EXACT, min((DIGITS * free.rounding + 1e-9 * float(np.abs(op).max())) / size, HALF))
+    return _Fitted(fit, e, rows, size, gap, bool(coarse), tolerance, collapsed)
 
 
 def _known(law: Law, asked: _Asked, free: _Free, fitted: _Fitted) -> Law:
@@ -264,6 +281,9 @@ def _known(law: Law, asked: _Asked, free: _Free, fitted: _Fitted) -> Law:
 def _hidden(law: Law, asked: _Asked, free: _Free, shown: _Shown, fitted: _Fitted) -> Law:
     """Return a law that the recorded PV does not show: another controller, or another PV than the archive's."""
     op, e, Kc, Ki, Ti = asked.op, fitted.e, asked.Kc, asked.Ki, asked.Ti
+    mean = _behind_a_mean(law, asked, free, fitted) if fitted.plain and not shown.rough else None
+    if mean is not None:
+        return mean
     law = replace(law, reason="the recorded PV is not the PV the controller saw, or it was archived at another rate")
     third = with_derivative(np.diff(op), e, fitted.rows, fitted.size)
     if third < law.residual / 3 and third < 0.15:
@@ -292,6 +312,35 @@ def _hidden(law: Law, asked: _Asked, free: _Free, shown: _Shown, fitted: _Fitted
         law = replace(law, Kc=kc, Ti=ti)
         law = replace(law, tuning=_retuned(law, asked))
     return law
+
+
+def _behind_a_mean(law: Law, asked: _Asked, free: _Free, fitted: _Fitted) -> Law | None:
+    """Return the law, under the baseline's tuning or another, whose PV the archive took the mean of; None where none is."""
+    op, e, inside, P = asked.op, fitted.e, free.inside, asked.Ti is None
+    if free.step == 0.0 and np.mean(np.diff(op)[free.rows] == 0.0) > RESTING:
+        return None
+    Kc, Ki = asked.Kc, asked.Ki
+    tunings = [(Kc + share * Ki, (1.0 - share) * Ki - Kc) for share in (FORMS if Ki else FORMS[:1])]
+    stated = len(tunings)
+    if inside.all():
+        hidden = hidden_law(op, e, Kc, Ki, inside)
+        tunings.append((hidden.a, hidden.b))
+    tries = []
+    for i, (a, b) in enumerate(tunings):
+        seen = recover_pv(op, e, asked.pv, inside, a, b, P) if np.isfinite(a) else None
+        if seen is not None:
+            # a baseline that explains the archive as well is the simpler truth
+            price = 1.0 if i < stated else 1.5
+            tries.append((price * beside_a_mean(asked.pv[inside], seen[inside]), i, seen))
+    rest, i, seen = min(tries, key=lambda t: t[0], default=(np.inf, 0, None))
+    if not np.isfinite(rest):
+        return None
+    law = replace(law, residual=fitted.fit.base, recovered_pv=seen, averaged=True, Kc=Kc, Ti=asked.Ti or np.inf)
+    if i < stated:
+        return law
+    kc, ti = _nearest_form(*tunings[i], asked)
+    law = replace(law, Kc=kc, Ti=ti)
+    return replace(law, tuning=_retuned(law, asked))
 
 
 def _retuned(law: Law, asked: _Asked) -> tuple[float, float] | None:

@@ -10,6 +10,9 @@ from scipy.signal import lfilter
 
 FAITHFUL = 0.2  # misfit where the archive keeps PV exactly, relative to the misfit elsewhere, below which OP is believed
 ROUNDED = 0.35  # rms error of a rounded archive, in its steps, below which OP is believed; rounding alone gives 0.29
+NEAR = (-2, -1, 0, 1, 2)  # samples over which an archive may take a mean
+SUM, LEAST = 0.1, -0.2  # how far a mean's weights may miss 1 in sum, and the least of them
+BLURRED = 0.2  # of PV's moves, that such a mean may leave
 GRID = 60  # integral times tried, from a twentieth to twenty times the baseline's
 
 
@@ -55,18 +58,43 @@ def recover_pv(
     forget = -b / a
     if not 0.0 <= forget < 0.9999:
         return None
-    drive = np.append(e[0], np.diff(op) / a)
+    drive = np.append(0.0, np.diff(op) / a)
     out = np.empty(e.size)
     begin = 0
     # between limits the inversion is a first-order filter
     for k in [*np.flatnonzero(~inside), e.size]:
         if k > begin:
-            first = drive[begin] if begin == 0 else drive[begin] + forget * e[begin - 1]
-            out[begin:k] = lfilter([1.0], [1.0, -forget], np.append(first, drive[begin + 1 : k]))
+            # a controller that holds its integral at a limit leaves it by a step of its own
+            out[begin:k] = lfilter([1.0], [1.0, -forget], np.append(e[begin], drive[begin + 1 : k]))
         if k < e.size:
             out[k] = e[k]
         begin = k + 1
     return pv + e - out
+
+
+def beside_a_mean(pv: np.ndarray, seen: np.ndarray) -> float:
+    """Return what is left of an archive's PV beside a mean of what the controller saw, over a sample or within one.
+
+    Parameters
+    ----------
+    pv, seen : ndarray, shape (n,)
+        On record, and recovered from OP (PV units).
+
+    Returns
+    -------
+    float
+        Relative to PV's moves; infinite where the weights are no mean's (negative, or of another sum), as those of a
+        controller that is no PI are, or where too much is left.
+    """
+    X = np.column_stack([np.roll(seen, shift) for shift in NEAR])[2:-2]
+    y = pv[2:-2]
+    middle, mean = y.mean(), X.mean(axis=0)
+    weights = np.linalg.lstsq(X - mean, y - middle, rcond=None)[0]
+    left = y - middle - (X - mean) @ weights
+    size = 1.4826 * float(np.median(np.abs(left)))
+    one = abs(float(weights.sum()) - 1.0) < SUM and float(weights.min()) > LEAST
+    rest = size / (float(np.std(np.diff(pv))) or 1.0)
+    return rest if one and rest < BLURRED else np.inf
 
 
 def hidden_law(op: np.ndarray, e: np.ndarray, Kc: float, Ki: float, exact: np.ndarray) -> Hidden:

@@ -8,6 +8,7 @@ from simbench.gap.controller.regression import about_zero, by_steps
 
 OBEYED = 0.03  # residual of a move, relative to the moves, below which it follows a PI law
 LEANT = 3.0  # steps of a coarse OP asked for during one stay at its extreme, from which that is a limit
+RESTS = 6  # pairs of samples at one extreme of OP, from which it is a limit if OP rests nowhere else
 STILL = 0.005  # share of samples with OP exactly at rest from which a gap in the error is looked for
 
 
@@ -24,13 +25,16 @@ def limits_of(
         want = np.median((op - gain * e)[free]) + gain * e[1:]
     asked = a * e[1:] + b * e[:-1]
     margin = max(0.6 * step, 3.0 * unit, 1e-6 * float(np.ptp(op)))
+    at_ends = np.count_nonzero((np.diff(op) == 0.0) & ((op[1:] == lo) | (op[1:] == hi)))
     for name, edge, sign in (("hi", hi, 1.0), ("lo", lo, -1.0)):
         at = np.abs(op[1:] - edge) < 1e-9 * max(abs(edge), 1.0)
         pushed = at & (sign * (want - edge) > margin)
         # standing twice at the very same extreme does not happen to an unlimited OP
         repeated = at[1:] & at[:-1]
         plain = pushed.sum() >= 2 if step == 0.0 else repeated.sum() >= 2 and pushed.sum() >= 4
-        if (plain and pushed.sum() >= 0.7 * at.sum()) or (step > 0.0 and _leant_on(at, sign * asked) > LEANT * step):
+        # a controller that tracks its limit by a law of its own need not push; but OP rests nowhere else
+        rests = repeated.sum() >= RESTS and at_ends > 0.9 * np.count_nonzero(np.diff(op) == 0.0)
+        if (plain and pushed.sum() >= 0.7 * at.sum()) or rests or (step > 0.0 and _leant_on(at, sign * asked) > LEANT * step):
             out[name] = edge
     return out
 

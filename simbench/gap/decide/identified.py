@@ -42,8 +42,6 @@ def plausible(found: Assessment) -> Assessment:
             narrow = p is None or how.band(p) < SHARE * span
             if narrow or not in_both_halves(found, effect):
                 gains[effect] = FAINT
-        if effect in s.proven and how.immaterial(s):
-            gains[effect] = FAINT
     order = sorted((e for e in gains if gains[e] > 0 and e not in s.proven), key=lambda e: -gains[e])
     chosen = [e for e in found.chosen if e in s.proven and gains[e] > 0][:2]
     for e in order:
@@ -51,11 +49,8 @@ def plausible(found: Assessment) -> Assessment:
             chosen.append(e)
     fits = [e for e in chosen if e in found.candidates]
     final = found.candidates[fits[0]].fit if fits else found.base
-    # a residual test asks whether a trusted model is whole; an identified one never is, a valve with MV is
-    sound = {"valve": found.mv_unexplained, "controller": bool(s.unexplained_law)}
-    unexplained = {block: why for block, why in found.unexplained.items() if sound.get(block)}
     said = replace(s, notes=[*s.notes, *remarks(s)])
-    return replace(found, situation=said, log_likelihood_gains=gains, chosen=chosen, final=final, unexplained=unexplained)
+    return replace(found, situation=said, log_likelihood_gains=gains, chosen=chosen, final=final)
 
 
 def remarks(situation: Situation) -> list[str]:

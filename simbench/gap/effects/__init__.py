@@ -2,17 +2,47 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 
 from detectors.registry import PluginFolder
 from simbench.gap.effects._recogniser import NOT_TRIED, Parameters, Recogniser
 
-__all__ = ["NOT_TRIED", "PLUGINS", "Parameters", "Recogniser", "recogniser"]
+__all__ = ["NOT_TRIED", "PLUGINS", "Parameters", "Recogniser", "left_out", "recogniser"]
 
 PLUGINS = PluginFolder("recognised effect", "simbench.gap.effects", "simbench.recognised", ("RECOGNISER",))
 
 
-@cache
+_left_out: set[str] = set()
+
+
+@contextmanager
+def left_out(*effects: str) -> Iterator[None]:
+    """Take effects out of the library while the block lasts: nobody recognises them, as if their files had gone.
+
+    Parameters
+    ----------
+    *effects : str
+        Effect ids.
+
+    Examples
+    --------
+    >>> with left_out("stiction"):
+    ...     print(recogniser("stiction").fit)
+    None
+    >>> recogniser("stiction").fit is None
+    False
+    """
+    before = set(_left_out)
+    _left_out.update(effects)
+    try:
+        yield
+    finally:
+        _left_out.clear()
+        _left_out.update(before)
+
+
 def recogniser(effect: str) -> Recogniser:
     """Return how an effect is recognised; one that is only simulated, because nobody said how, is never recognised.
 
@@ -30,4 +60,9 @@ def recogniser(effect: str) -> Recogniser:
     >>> recogniser("stiction").fit is None, recogniser("saturation").fit is None
     (False, True)
     """
+    return Recogniser() if effect in _left_out else _of(effect)
+
+
+@cache
+def _of(effect: str) -> Recogniser:
     return PLUGINS.load(effect).RECOGNISER if effect in PLUGINS.names() else Recogniser()

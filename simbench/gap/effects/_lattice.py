@@ -1,17 +1,10 @@
-"""What lattices of PV and OP share: how much a step hides, and how many levels are met."""
+"""What lattices of PV and OP share: how many levels are met."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from simbench.gap.sensor.spacing import spacing
-
-IMMATERIAL = 0.01  # of the variance of the moves; rounding that adds less is not what a simulation lacks
-
-
-def hides_nothing(step: float, x: np.ndarray) -> bool:
-    """Return whether rounding to a step adds next to nothing to a signal's moves."""
-    return step**2 / 12.0 < IMMATERIAL * float(np.var(np.diff(x)))
 
 
 def levels_of(x: np.ndarray) -> str:

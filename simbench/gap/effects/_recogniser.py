@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from simbench.gap.effects._draw import Size, Yardstick
-from simbench.gap.effects._size import LoopSize
 from simbench.gap.effects._smallest import Probe
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit
@@ -42,6 +41,11 @@ class Recogniser:
         Whether `fit` makes sense for this baseline.
     proven : function (situation) -> parameters or None
         What the controller's law or single samples show without doubt.
+    ordinary : function (fit, base, gain) -> bool, optional
+        Of what loads do by themselves as well: whether the fit shows no more than that. It is then allowed to every candidate,
+        and only named where nothing else explains the record.
+    claims : str
+        The fact of single samples or of the law (`Situation.facts`) that is this effect's; what nobody claims is unexplained.
     by_mv : function (MapSearch) -> (nats over an ideal valve, parameters), optional
         Of a valve: MV given OP.
     by_mv_leaves : float
@@ -50,10 +54,6 @@ class Recogniser:
         Evidence in the innovations of the fit without effect, where the samples themselves were not conclusive.
     drowned : function (situation) -> bool
         Whether something proven makes all the evidence of this effect.
-    material : function (parameters) -> float
-        From 0 (what every healthy loop has) to 1; discounts the evidence where the baseline is trusted.
-    immaterial : function (situation) -> bool
-        Whether the proven effect is too small to be what a simulation lacks; asked where the baseline was identified.
     remark : function (situation) -> str
         What the record shows of it beside the answer; "" for nothing.
     needs : {"", "plant", "tuning"}
@@ -74,8 +74,6 @@ class Recogniser:
         Groups of effects that signals cannot tell apart, by a name all members share, and when this effect belongs to them.
     traits : function (parameters, plant, noise) -> dict
         What the effect adds to the circumstances; plant is the loop file's table, noise the stated std.
-    size : function (parameters, LoopSize) -> dict
-        Its numbers in proportion to the loop.
     smallest : function (Probe) -> (float, unit) or None
         The size that would have shown in this record.
     draw : function (Yardstick, rng) -> Size, optional
@@ -84,20 +82,20 @@ class Recogniser:
 
     Examples
     --------
-    >>> Recogniser().fit is None, Recogniser().material({})
-    (True, 1.0)
+    >>> Recogniser().fit is None, Recogniser().needs
+    (True, '')
     """
 
     fit: Callable[[Engine, Fit], tuple[Fit, float]] | None = None
     numbers: Callable[[Fit, Situation], Parameters] = lambda fit, s: {}
     possible: Callable[[Situation], bool] = _always
     proven: Callable[[Situation], Parameters | None] = lambda s: None
+    ordinary: Callable[[Fit, Fit, float], bool] | None = None
+    claims: str = ""
     by_mv: Callable[[MapSearch], tuple[float, Parameters]] | None = None
     by_mv_leaves: float = 0.3
     by_innovations: Callable[[Fit, Situation], tuple[float, Parameters] | None] = lambda base, s: None
     drowned: Callable[[Situation], bool] = _never
-    material: Callable[[Mapping[str, float | str]], float] = lambda p: 1.0
-    immaterial: Callable[[Situation], bool] = _never
     remark: Callable[[Situation], str] = lambda s: ""
     needs: str = ""
     band: Callable[[Mapping[str, float | str]], float] | None = None
@@ -108,7 +106,6 @@ class Recogniser:
     lead: Callable[[Mapping[str, float | str], float, float], float] = lambda p, half, K: 0.0
     alike: Mapping[str, Callable[[Circumstances], bool]] = field(default_factory=dict)
     traits: Callable[[Mapping[str, float | str], Mapping[str, float | str], float], dict] = lambda p, plant, noise: {}
-    size: Callable[[Mapping[str, float | str], LoopSize], dict[str, float]] = lambda p, loop: {}
     smallest: Callable[[Probe], tuple[float, str] | None] = lambda probe: None
     draw: Callable[[Yardstick, np.random.Generator], Size] | None = None
 

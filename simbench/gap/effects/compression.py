@@ -15,6 +15,6 @@ def draw(y: Yardstick, rng: np.random.Generator) -> Size:
 
 RECOGNISER = Recogniser(
     proven=lambda s: {"band": s.archive.thinning} if s.archive.thinning > 0.0 else None,
-    size=lambda p, loop: {"size": loop.level(p["band"])},
+    claims="thinning",
     draw=draw,
 )

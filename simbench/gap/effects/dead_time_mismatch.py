@@ -31,7 +31,6 @@ RECOGNISER = Recogniser(
     needs="plant",
     bends_plant=True,
     replaces="Td",
-    size=lambda p, loop: {"size": loop.time(p["extra"])},
     smallest=smallest,
     draw=draw,
 )

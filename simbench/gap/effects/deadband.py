@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from simbench.gap.effects._draw import Size, Yardstick, between
-from simbench.gap.effects._friction import band, beyond_healthy, jitter_hides_the_jump
+from simbench.gap.effects._friction import jitter_hides_the_jump
 from simbench.gap.effects._recogniser import Recogniser, clip
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
@@ -28,12 +28,10 @@ RECOGNISER = Recogniser(
     fit=fit,
     numbers=lambda fit, s: {"S": clip(fit.theta["S"], 0.0, 100.0)},
     by_mv=lambda search: search.zoom(kernels.PLAY, ("S",), [(s, 0.0) for s in search.sizes], 1.0),
-    material=beyond_healthy,
     band=lambda p: float(p["S"]),
     bends_plant=True,
     alike={"friction": jitter_hides_the_jump},
     traits=lambda p, plant, noise: {"slip": 0.0},
-    size=band,
     smallest=lambda probe: probe.band(kernels.PLAY),
     draw=draw,
 )

@@ -6,7 +6,6 @@ import numpy as np
 
 from simbench.gap.effects._draw import Size, Yardstick, between
 from simbench.gap.effects._recogniser import Parameters, Recogniser, clip
-from simbench.gap.effects._size import LoopSize
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit
@@ -33,11 +32,6 @@ def by_mv(search: MapSearch) -> Found:
     return search.zoom(kernels.ZONE, ("D", "c"), [(s, c) for s in search.sizes for c in centres], 2.0)
 
 
-def size(p, loop: LoopSize) -> dict[str, float]:
-    """Return width and place in proportion to OP's range."""
-    return {"size": loop.travel(p["D"]), "place": (float(p["c"]) - loop.op_mean) / loop.op_span}
-
-
 def draw(y: Yardstick, rng: np.random.Generator) -> Size:
     """Draw the place."""
     c = float(np.clip(y.record.op.mean() + y.op * rng.normal(), 5, 95))
@@ -50,6 +44,5 @@ RECOGNISER = Recogniser(
     by_mv=by_mv,
     needs="plant",
     alike={"local gain": lambda c: not c.sp_moves and not c.mv},
-    size=size,
     draw=draw,
 )

@@ -6,7 +6,6 @@ import numpy as np
 
 from simbench.gap.effects._draw import Size, Yardstick, between
 from simbench.gap.effects._recogniser import Recogniser
-from simbench.gap.effects._size import ratio
 from simbench.gap.effects._smallest import Probe
 
 WAYS = ((1, 0), (-1, 0), (1, 1), (-1, 1), (1, -1), (-1, -1), (0, 1), (0, -1))  # of Kc and Ti; the first two for P
@@ -25,8 +24,8 @@ def draw(y: Yardstick, rng: np.random.Generator) -> Size:
 
 RECOGNISER = Recogniser(
     proven=lambda s: None if s.law.tuning is None else dict(zip(("Kc_factor", "Ti_factor"), s.law.tuning)),
+    claims="tuning",
     needs="tuning",
-    size=lambda p, loop: {"size": ratio(p["Kc_factor"]), "size of Ti": ratio(p["Ti_factor"])},
     smallest=smallest,
     draw=draw,
 )

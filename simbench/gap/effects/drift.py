@@ -54,7 +54,6 @@ RECOGNISER = Recogniser(
     lead=lambda p, half, K: float(p["rate"]) * half / K,
     alike={"slow": slow, "ramp": ramp},
     traits=lambda p, plant, noise: traits(p, plant, noise, at_input=False),
-    size=lambda p, loop: loop.slow(p, 1.0),
     smallest=smallest,
     draw=draw,
 )

@@ -11,7 +11,6 @@ RECOGNISER = Recogniser(
     numbers=tau,
     needs="plant",
     alike={GROUP: lambda c: True},
-    size=lambda p, loop: {"size": loop.time(p["tau"])},
     smallest=lambda probe: probe.pole("extra"),
     draw=_draw.lag,
 )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from simbench.gap.effects import _draw
 from simbench.gap.effects._recogniser import Recogniser, clip
-from simbench.gap.effects._size import ratio
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, Spec
 from simbench.gap.likelihood.search import idle
@@ -27,6 +26,5 @@ RECOGNISER = Recogniser(
         "local gain": lambda c: not c.sp_moves and not c.mv,
         "gain over time constant": lambda c: not c.sp_moves and not c.integrating,
     },
-    size=lambda p, loop: {"size": ratio(p["factor"])},
     draw=_draw.ratio(6.0),
 )

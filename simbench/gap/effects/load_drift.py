@@ -45,6 +45,5 @@ RECOGNISER = Recogniser(
     lead=lambda p, half, K: float(p["rate"]) * half,
     alike={"slow": slow, "ramp": ramp},
     traits=lambda p, plant, noise: traits(p, plant, noise, at_input=True),
-    size=lambda p, loop: loop.slow(p, loop.gain),
     draw=draw,
 )

@@ -8,7 +8,6 @@ import numpy as np
 
 from simbench.gap.effects._draw import Size, Yardstick, between
 from simbench.gap.effects._recogniser import Parameters, Recogniser, clip
-from simbench.gap.effects._size import LoopSize
 from simbench.gap.effects._slow import LINEAR, slow
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
@@ -17,6 +16,8 @@ from simbench.gap.likelihood.search import SMOOTH
 from simbench.gap.situation import Situation
 
 MOST = 12
+PLAIN = 40.0  # nats below which a load that wanders at will may have made the jumps
+BESIDE = 0.25  # share of the load that must be left beside the jumps: a load that only jumps is an ordinary one
 
 
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
@@ -77,15 +78,18 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
     return {"rate": float(fit.theta["steps"]) / (s.data.n * s.record.Ts), "size": clip(size, 0.0, 100.0)}
 
 
+def ordinary(fit: Fit, base: Fit, gain: float) -> bool:
+    """Return whether the jumps may be all that the loop's ordinary load does: many, small, or with nothing beside them."""
+    count = int(fit.theta["steps"])
+    alone = fit.theta["load"] < BESIDE * base.theta["load"]
+    small = float(np.std(fit.beta[LINEAR:][-count:])) < fit.theta["load"]
+    return gain < PLAIN or count >= MOST or alone or small
+
+
 def traits(p: Mapping, plant: Mapping, noise: float) -> dict[str, bool]:
     """Return whether a jump moves PV by less than the noise."""
     known = plant.get("T") is not None and "size" in p
     return {"slow": abs(float(plant["K"])) * abs(float(p["size"])) < noise} if known else {}
-
-
-def size(p, loop: LoopSize) -> dict[str, float]:
-    """Return how many, and how high in proportion to OP."""
-    return {"rate": float(np.log(float(p["rate"]) * loop.duration + 1e-3)), "size": loop.load(p["size"])}
 
 
 def draw(y: Yardstick, rng: np.random.Generator) -> Size:
@@ -97,10 +101,10 @@ def draw(y: Yardstick, rng: np.random.Generator) -> Size:
 RECOGNISER = Recogniser(
     fit=fit,
     numbers=numbers,
+    ordinary=ordinary,
     bends_plant=True,
     leaves_traces=True,
     alike={"slow": slow},
     traits=traits,
-    size=size,
     draw=draw,
 )

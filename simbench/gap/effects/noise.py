@@ -6,7 +6,6 @@ import numpy as np
 
 from simbench.gap.effects._draw import Size, Yardstick, between
 from simbench.gap.effects._recogniser import Parameters, Recogniser
-from simbench.gap.effects._size import LoopSize, ratio
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, Spec
 from simbench.gap.situation import Situation
@@ -34,11 +33,6 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
     return {"factor": std / stated} if stated > 0 else {"std": std}
 
 
-def size(p, loop: LoopSize) -> dict[str, float]:
-    """Return the factor, or the std in proportion to PV."""
-    return {"size": ratio(p["factor"]) if "factor" in p else loop.level(p["std"])}
-
-
 def draw(y: Yardstick, rng: np.random.Generator) -> Size:
     """Draw whether there is more or less."""
     if rng.random() < 0.2:
@@ -52,7 +46,6 @@ RECOGNISER = Recogniser(
     # rounding and thinning make a noise of their own
     drowned=lambda s: s.archive.rounding is not None or s.archive.thinning > 0.0,
     needs="plant",
-    size=size,
     smallest=lambda probe: None if probe.engine.data.noise == 0 else probe.factor("noise_std"),
     draw=draw,
 )

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from simbench.gap.effects._draw import Size, Yardstick, between
-from simbench.gap.effects._lattice import hides_nothing, levels_of
+from simbench.gap.effects._lattice import levels_of
 from simbench.gap.effects._recogniser import Recogniser
+from simbench.gap.sensor.samples import hides_nothing
 
 
 def draw(y: Yardstick, rng: np.random.Generator) -> Size:
@@ -15,9 +16,8 @@ def draw(y: Yardstick, rng: np.random.Generator) -> Size:
 
 
 RECOGNISER = Recogniser(
-    proven=lambda s: {"step": s.law.step} if s.law.step > 0.0 else None,
-    immaterial=lambda s: s.law.step > 0.0 and hides_nothing(s.law.step, s.op),
+    proven=lambda s: {"step": s.law.step} if s.law.step > 0.0 and not hides_nothing(s.law.step, s.op) else None,
+    claims="step",
     remark=lambda s: levels_of(np.asarray(s.record.op)),
-    size=lambda p, loop: {"size": loop.load(p["step"])},
     draw=draw,
 )

@@ -6,7 +6,6 @@ import numpy as np
 
 from simbench.gap.effects._draw import Size, Yardstick, between
 from simbench.gap.effects._recogniser import Parameters, Recogniser, clip
-from simbench.gap.effects._size import LoopSize
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, Spec
 from simbench.gap.likelihood.search import SMOOTH
@@ -49,15 +48,10 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
     return {"amplitude": clip(amplitude, 0.0, 100.0), "period": fit.theta["period"] * s.record.Ts}
 
 
-def size(p, loop: LoopSize) -> dict[str, float]:
-    """Return amplitude and period in proportion to the loop."""
-    return {"size": loop.travel(p["amplitude"]), "period": float(np.log(loop.time(p["period"])))}
-
-
 def draw(y: Yardstick, rng: np.random.Generator) -> Size:
     """Draw the period."""
     period = max(y.pace * float(np.exp(rng.uniform(np.log(1.0), np.log(20.0)))), 4 * y.record.Ts)
     return lambda x: {"amplitude": min(between(x, 0.05, 10.0) * y.op, 30.0), "period": period}
 
 
-RECOGNISER = Recogniser(fit=fit, numbers=numbers, size=size, draw=draw)
+RECOGNISER = Recogniser(fit=fit, numbers=numbers, draw=draw)

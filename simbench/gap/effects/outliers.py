@@ -6,13 +6,14 @@ import numpy as np
 
 from simbench.gap.effects._draw import Size, Yardstick, between
 from simbench.gap.effects._recogniser import Parameters, Recogniser
-from simbench.gap.effects._size import LoopSize
 from simbench.gap.effects._smallest import Probe
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import Fit, size_penalty
+from simbench.gap.sensor.samples import heavy_tails
 from simbench.gap.situation import Situation
 
 FAR = 4.0  # robust standard deviations from which an innovation may be a spike's
+GONE = 0.75  # of its height, that a spike must stand off the mean of its neighbours; a step stands off by half
 ALONE = 0.7  # of a spike, that its neighbours in the innovations stay below
 
 
@@ -24,6 +25,8 @@ def proven(s: Situation) -> Parameters | None:
 def by_innovations(base: Fit, s: Situation) -> tuple[float, Parameters] | None:
     """Score a mixture of rare wide innovations against Gaussian ones."""
     x = np.asarray(base.residual)[kernels.SKIP :]
+    if heavy_tails(x):
+        return None
     scale = 1.4826 * float(np.median(np.abs(x))) or 1.0
     z = np.abs(x) / scale
     far = np.flatnonzero(z > FAR)
@@ -31,6 +34,9 @@ def by_innovations(base: Fit, s: Situation) -> tuple[float, Parameters] | None:
     alone = [
         k for k in far if z[max(k - 2, 0) : k].max(initial=0) < ALONE * z[k] and z[k + 1 : k + 3].max(initial=0) < ALONE * z[k]
     ]
+    # a spike is gone a sample later; what a load has moved is not
+    pv = np.asarray(s.record.pv)
+    alone = [k for k in alone if _gone_again(pv, k + kernels.SKIP)]
     if len(alone) < 3 or len(alone) < 0.6 * len(far):
         return None
     heights = z[alone] * scale
@@ -43,15 +49,17 @@ def by_innovations(base: Fit, s: Situation) -> tuple[float, Parameters] | None:
     return float(np.sum(mixture - plain) - size_penalty(x.size, 2.0)), parameters
 
 
+def _gone_again(pv: np.ndarray, k: int) -> bool:
+    """Return whether PV stands off both its neighbours at sample k by about as much as it jumped there."""
+    if not 1 <= k < pv.size - 1:
+        return False
+    return bool(abs(pv[k] - 0.5 * (pv[k - 1] + pv[k + 1])) > GONE * abs(pv[k] - pv[k - 1]))
+
+
 def remark(s: Situation) -> str:
     """Return how many spikes there are, and when the first one is."""
     spikes = s.samples.spikes
     return f"{spikes.size} isolated, the first {spikes[0] * s.record.Ts:g} s after the start" if spikes.size else ""
-
-
-def size(p, loop: LoopSize) -> dict[str, float]:
-    """Return how many and how high in proportion to PV."""
-    return {"rate": float(np.log(float(p["rate"]) * loop.n + 1e-3)), "size": loop.level(p["size"])}
 
 
 def smallest(probe: Probe) -> tuple[float, str]:
@@ -69,10 +77,10 @@ def draw(y: Yardstick, rng: np.random.Generator) -> Size:
 
 RECOGNISER = Recogniser(
     proven=proven,
+    claims="spikes",
     by_innovations=by_innovations,
     remark=remark,
     leaves_traces=True,
-    size=size,
     smallest=smallest,
     draw=draw,
 )

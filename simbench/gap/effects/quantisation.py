@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from simbench.gap.effects._draw import Size, Yardstick, between
-from simbench.gap.effects._lattice import hides_nothing, levels_of
+from simbench.gap.effects._lattice import levels_of
 from simbench.gap.effects._recogniser import Parameters, Recogniser
 from simbench.gap.effects._smallest import Probe
 from simbench.gap.situation import Situation
@@ -14,13 +14,6 @@ from simbench.gap.situation import Situation
 def proven(s: Situation) -> Parameters | None:
     """Return step and place of PV's lattice."""
     return None if s.archive.rounding is None else {"step": s.archive.rounding[0], "at": s.archive.rounding[1]}
-
-
-def immaterial(s: Situation) -> bool:
-    """Return whether the step hides nothing; a transmitter's lattice is a fact, a file's decimals must hide something."""
-    if s.archive.rounding is None or s.samples.step > 0.0:
-        return False
-    return hides_nothing(s.archive.rounding[0], np.asarray(s.record.pv))
 
 
 def smallest(probe: Probe) -> tuple[float, str]:
@@ -36,9 +29,8 @@ def draw(y: Yardstick, rng: np.random.Generator) -> Size:
 
 RECOGNISER = Recogniser(
     proven=proven,
-    immaterial=immaterial,
+    claims="rounding",
     remark=lambda s: levels_of(np.asarray(s.record.pv)),
-    size=lambda p, loop: {"size": loop.level(p["step"])},
     smallest=smallest,
     draw=draw,
 )

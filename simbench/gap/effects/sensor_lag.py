@@ -11,7 +11,6 @@ RECOGNISER = Recogniser(
     numbers=tau,
     needs="plant",
     alike={GROUP: lambda c: not c.noise_shows},
-    size=lambda p, loop: {"size": loop.time(p["tau"])},
     smallest=lambda probe: probe.pole("sensor"),
     draw=_draw.lag,
 )

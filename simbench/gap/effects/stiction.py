@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from simbench.gap.effects._draw import Size, Yardstick, between
-from simbench.gap.effects._friction import band, beyond_healthy, jitter_hides_the_jump
+from simbench.gap.effects._friction import jitter_hides_the_jump
 from simbench.gap.effects._recogniser import Parameters, Recogniser, clip
-from simbench.gap.effects._size import LoopSize
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit
@@ -38,11 +37,6 @@ def by_mv(search: MapSearch) -> Found:
     return max((search.zoom(kind, ("S", "J"), grid, 2.0) for kind in MODELS), key=lambda t: t[0])
 
 
-def size(p, loop: LoopSize) -> dict[str, float]:
-    """Return the band in proportion to the loop, and the jump's share of it."""
-    return band(p, loop) | {"jump": float(p["J"]) / max(float(p["S"]), 1e-6)}
-
-
 def draw(y: Yardstick, rng: np.random.Generator) -> Size:
     """Draw J/S."""
     jump = float(rng.uniform(0.1, 1.0))
@@ -61,14 +55,12 @@ RECOGNISER = Recogniser(
     possible=lambda s: s.baseline.valve.name == "ideal",
     by_mv=by_mv,
     by_mv_leaves=0.85,  # friction is only known up to its model; the other maps are exact
-    material=beyond_healthy,
     band=lambda p: float(p["S"]),
     bends_plant=True,
     leaves_traces=True,
     kick=lambda p: float(p["S"]),
     alike={"friction": jitter_hides_the_jump},
     traits=lambda p, plant, noise: {"slip": float(p["J"])} if "J" in p else {},
-    size=size,
     smallest=lambda probe: probe.band(kernels.STICK),
     draw=draw,
 )

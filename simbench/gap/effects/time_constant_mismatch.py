@@ -5,7 +5,6 @@ from __future__ import annotations
 from simbench.gap.effects import _draw
 from simbench.gap.effects._mismatch import released, times
 from simbench.gap.effects._recogniser import Recogniser, clip
-from simbench.gap.effects._size import ratio
 
 RECOGNISER = Recogniser(
     fit=released("T", times),
@@ -15,7 +14,6 @@ RECOGNISER = Recogniser(
     bends_plant=True,
     replaces="T",
     alike={"gain over time constant": lambda c: not c.sp_moves and not c.integrating},
-    size=lambda p, loop: {"size": ratio(p["factor"])},
     smallest=lambda probe: None if probe.engine.data.T == 0 else probe.factor("T"),
     draw=_draw.ratio(8.0),
 )

@@ -6,7 +6,6 @@ import numpy as np
 
 from simbench.gap.effects._draw import Size, Yardstick, between
 from simbench.gap.effects._recogniser import Recogniser, clip
-from simbench.gap.effects._size import ratio
 from simbench.gap.effects._smallest import Probe
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
@@ -49,7 +48,6 @@ RECOGNISER = Recogniser(
     by_mv=by_mv,
     needs="plant",
     alike={"local gain": lambda c: not c.sp_moves and not c.mv},
-    size=lambda p, loop: {"size": ratio(p["R"])},
     smallest=smallest,
     draw=draw,
 )

@@ -23,7 +23,6 @@ RECOGNISER = Recogniser(
     by_mv=by_mv,
     needs="plant",
     alike={GROUP: lambda c: not c.mv},
-    size=lambda p, loop: {"size": loop.time(p["tau"])},
     smallest=lambda probe: probe.pole("valve"),
     draw=_draw.lag,
 )

@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from detectors.errors import RecordError
 from detectors.quality import inspect
 from detectors.record import LoopRecord
-from scenarios.spec import Loop, Part
+from scenarios.spec import Loop
 from simbench.gap.candidates import proven
 from simbench.gap.controller.pi_law import Law, examine_law
 from simbench.gap.intake.other_loop import refuse_other_controller
 from simbench.gap.intake.refuse import refuse_mv_units, refuse_op_units, refuse_unfit
 from simbench.gap.likelihood.model import Data
-from simbench.gap.sensor.samples import Samples, cleaned, inspect_samples, isolated, on_line
-from simbench.gap.situation import Archive, Situation
-from simbench.loop.response import valve_response
+from simbench.gap.sensor.samples import Samples, cleaned, hides_nothing, inspect_samples, isolated, on_line
+from simbench.gap.situation import Archive, Situation, through_valve
 
 SAME_TS = 0.01
-FINE = 0.1  # spacing of PV's lattice, in stated noise std, below which it is rounding that nobody notices
 STEPS = 0.1  # share of samples; a set point that moves more often is another controller's output
+STRAIGHT = 0.15  # share of samples on a line through their neighbours, from which an archive is called thinned
+SPECKS = 0.02  # of the variance of PV's moves, that an archive may differ from what the controller saw
 STUCK = 0.01  # share of samples in standstills that no chance brings
 
 
@@ -68,7 +67,7 @@ def check(record: LoopRecord, baseline: Loop, trusted: bool = True, tuned: bool 
         if samples.step == 0.0:
             # what a coarse PV makes of an error can look like any gain
             refuse_other_controller(law, gain, where)
-    archive, plant_pv, mismatch = _archive(record, law, samples, baseline.noise.std)
+    archive, plant_pv, mismatch = _archive(record, law, samples)
     if law.reason and not _apart(law):
         notes.append(f"controller: cannot tell, {law.reason}")
     frozen = samples.held > max(20, 0.02 * record.n) or (trusted and samples.stuck > STUCK)
@@ -94,7 +93,7 @@ def _data(
 ) -> Data:
     plant = baseline.plant
     integrating = plant.type == "integrating"
-    u = _through_valve(op, baseline.valve, record.Ts) if record.mv is None else np.asarray(record.mv)
+    u = through_valve(op, baseline.valve, record.Ts) if record.mv is None else np.asarray(record.mv)
     return Data(
         u=np.ascontiguousarray(u, dtype=float),
         y=np.ascontiguousarray(plant_pv, dtype=float),
@@ -128,17 +127,6 @@ def _percent(record: LoopRecord, where: str, needed: bool) -> np.ndarray:
     return np.asarray(percent)
 
 
-def _through_valve(op: np.ndarray, valve: Part, Ts: float) -> np.ndarray:
-    """Return OP as the baseline's own valve passes it on: a band that the simulation has is no gap."""
-    if valve.name == "ideal":
-        return op
-    own: dict[str, Any] = dict(valve.parameters)
-    before, behind = own.pop("before", []), own.pop("behind", [])
-    for stage in [*before, {"model": valve.name, **own}, *behind]:
-        op = valve_response(stage["model"], op, {k: v for k, v in stage.items() if k != "model"}, Ts)
-    return op
-
-
 def _rounding(archive: Archive, samples: Samples) -> float:
     if archive.rounding is None:
         return max(samples.resolution, samples.step)
@@ -158,19 +146,22 @@ def _unexplained(law: Law, archive: Archive, mismatch: str) -> str:
     return mismatch or law.foreign or law.reason
 
 
-def _archive(record: LoopRecord, law: Law, samples: Samples, noise: float) -> tuple[Archive, np.ndarray, str]:
+def _archive(record: LoopRecord, law: Law, samples: Samples) -> tuple[Archive, np.ndarray, str]:
     """Return what single samples prove of PV, the PV the controller saw, and why OP moves as no PV makes it move."""
     pv, seen = np.asarray(record.pv), law.recovered_pv
     place, thinning, step = "record" if _apart(law) else "loop", 0.0, 0.0
-    if samples.step > FINE * noise:
+    rounding = max(samples.step, samples.resolution)
+    if samples.step > 0.0 and not hides_nothing(samples.step, pv):
         step = samples.step
-    elif samples.straight > 0.25 or _lines_where_apart(pv, seen, samples):
+    elif samples.straight > STRAIGHT:
         size = float(np.quantile(np.abs(pv - seen), 0.98)) if seen is not None else 0.0
         thinning = size or 0.5 * float(np.std(np.diff(pv)))
-    elif samples.resolution > 0.0 and noise > 0.0 and samples.resolution > 1.5 * noise:
-        step = samples.resolution
-    plant_pv = np.asarray(seen) if _apart(law) and (step or thinning) else pv
-    spikes, plant_pv, mismatch = _spikes(record, law, samples, plant_pv, thinning > 0.0)
+    elif not hides_nothing(rounding, pv):
+        step = rounding
+    # a mean over a sample, or a few lines between samples kept, are the archive's and no effect: the controller saw PV
+    blurred = seen is not None and (law.averaged or _lines_where_apart(pv, seen, samples, law.blur))
+    plant_pv = np.asarray(seen) if blurred or (_apart(law) and (step or thinning)) else pv
+    spikes, plant_pv, mismatch = _spikes(record, law, samples, plant_pv, thinning > 0.0 or blurred)
     return Archive((step, place) if step else None, thinning, spikes), plant_pv, mismatch
 
 
@@ -180,13 +171,16 @@ def _spikes(
     """Return spikes as `Archive` has them, PV without those the plant did not make, and why OP moves as no PV makes it."""
     pv, seen, mismatch = np.asarray(record.pv), law.recovered_pv, ""
     spikes, heights, place = samples.spikes, samples.heights, "loop"
-    if seen is not None and not law.foreign:
+    if seen is not None and not law.foreign and not thinned:
         only, sizes = isolated(pv - seen, 0.0)
         # where the law is exact everywhere else, what is left of PV is the spikes alone
-        strong = np.abs(sizes) > 1e-3 * float(np.std(pv))
+        strong = np.abs(sizes) > max(1e-3 * float(np.std(pv)), 5.0 * law.blur)
         only, sizes = only[strong], sizes[strong]
-        plain = only.size >= 2 and not thinned and samples.step == 0.0
+        plain = only.size >= 2 and samples.step == 0.0
         if plain and not stands_out(pv, only, sizes):
+            if float(np.var(pv - seen)) < SPECKS * float(np.var(np.diff(pv))):
+                # an archive that drops the samples least missed
+                return None, np.asarray(seen), ""
             mismatch = "OP moves as no PV on record makes it move"
         elif plain:
             spikes, heights, place, plant_pv = only, sizes, "record", np.asarray(seen)
@@ -199,12 +193,14 @@ def _spikes(
     return (spikes.size / record.n, float(np.mean(np.abs(heights))), place), plant_pv, mismatch
 
 
-def _lines_where_apart(pv: np.ndarray, recovered_pv: np.ndarray | None, samples: Samples) -> bool:
+def _lines_where_apart(pv: np.ndarray, recovered_pv: np.ndarray | None, samples: Samples, blur: float) -> bool:
     """Return whether PV lies on straight lines wherever it is not what the controller saw: an archive thinned a little."""
     if recovered_pv is None:
         return False
-    apart = np.abs(pv - recovered_pv) > max(3.0 * samples.resolution, 1e-3 * float(np.std(pv)))
-    return bool(apart.sum() >= 10 and on_line(pv, samples.resolution)[apart].mean() > 0.9)
+    digits = max(samples.resolution, samples.step)
+    apart = np.abs(pv - recovered_pv) > max(3.0 * digits, 5.0 * blur, 1e-3 * float(np.std(pv)))
+    # at a decimal's distance a line through two samples kept is not quite straight
+    return bool(apart.sum() >= 10 and on_line(pv, digits)[apart].mean() > 0.5)
 
 
 def _answered(record: LoopRecord, law: Law, spikes: np.ndarray, heights: np.ndarray) -> bool:

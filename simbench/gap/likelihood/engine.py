@@ -18,14 +18,14 @@ NOMINAL = 0.10  # a baseline is trusted within +-10 %: the prior is flat there .
 EDGE = 0.02  # ... and falls off with this standard deviation outside
 LOGS = {"T", "load_time", "load_lag", "load", "noise_std"}
 SHAPING = {"T", "Td"}  # nuisances that change signals, not only the noise model
-REDDEST = 0.5  # noise of more memory than this has passed a filter
+REDDEST = 0.8  # noise of more memory than this has passed a filter
 QUICK = 0.08  # of the longest memory a load may have: below it the prior ...
 QUICKER = 0.7  # ... falls off with this standard deviation of the logarithm
 STEP = 1e-4  # of a parameter or its logarithm, for derivatives
 LONGEST = 1.5  # of a parameter or its logarithm in one step
 IDLE = 1e-3  # curvature added to every parameter
 ENOUGH = 0.01  # nats below which a step is the last
-COLOURED = 0.25  # std of the prior on the noise's correlation from sample to sample
+COLOURED = 0.5  # std of the prior on the noise's correlation from sample to sample
 
 
 class Engine:

@@ -8,7 +8,6 @@ from scipy.signal import lfilter
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import size_penalty
 
-HEALTHY = 1.0  # % of travel: dead-band that a healthy valve may have; friction below it is no effect
 PEAKS = 4  # of the best points of a grid over valve maps that are refined
 SHARES = (0.1, 0.05, 0.02, 0.01, 0.004, 0.001)  # of a point's numbers by which it is varied, ever finer
 HOPELESS = -20.0  # nats below which nobody asks by how much
@@ -18,7 +17,7 @@ Found = tuple[float, dict[str, float | str]]
 
 
 class MapSearch:
-    """Looks for the map from OP to MV; its answers are nats over a healthy valve, numbers paid for, and parameters.
+    """Looks for the map from OP to MV; its answers are nats over the baseline's valve, numbers paid for, and parameters.
 
     Parameters
     ----------
@@ -26,13 +25,17 @@ class MapSearch:
         In %.
     Ts : float
         Sampling period (s).
+    expected : ndarray, shape (n,)
+        MV (%) as the baseline's valve makes it.
+    band : float
+        Dead-band (%) of the baseline's valve: where in it MV began is anybody's guess.
     """
 
-    def __init__(self, op: np.ndarray, mv: np.ndarray, Ts: float) -> None:
+    def __init__(self, op: np.ndarray, mv: np.ndarray, Ts: float, expected: np.ndarray, band: float = 0.0) -> None:
         self.op, self.mv, self.Ts = op, mv, Ts
         self.span = float(np.ptp(op)) or 1.0
-        self.healthy = healthy_level(op, mv)
         self.sizes = np.geomspace(0.02 * self.span, 1.5 * self.span, 50)
+        self.healthy = min(self.level(expected), self.level(self.moved(kernels.PLAY, band, 0.0)))
 
     def level(self, v: np.ndarray) -> float:
         """Return n log(rms of MV less a model of it); below a thousandth of the range nobody's valve is known."""
@@ -67,24 +70,6 @@ class MapSearch:
             found.append((value, a, b))
         value, *numbers = min(found)
         return self.priced(value, {name: float(x) for name, x in zip(names, numbers)}, count)
-
-
-def healthy_level(op: np.ndarray, mv: np.ndarray) -> float:
-    """Return n log(rms of MV less its model) for a valve without effect: ideal, or with a healthy valve's play.
-
-    Parameters
-    ----------
-    op, mv : ndarray, shape (n,)
-        In %.
-
-    Returns
-    -------
-    float
-    """
-    fine = (1e-3 * (float(np.ptp(op)) or 1.0)) ** 2
-    tries = [np.clip(op, 0.0, 100.0)]
-    tries += [kernels.valve(op, kernels.PLAY, s, mv[0] - op[0], 0.0) for s in np.linspace(0.05, 1.0, 20) * HEALTHY]
-    return min(0.5 * op.size * float(np.log(np.mean((mv - v) ** 2) + fine)) for v in tries)
 
 
 def lagged(op: np.ndarray, tau: float) -> np.ndarray:

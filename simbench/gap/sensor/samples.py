@@ -6,10 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, median_filter
+from scipy.special import gammaln
 
 SPIKE = 6.0  # robust standard deviations from which an isolated point is a spike
 FURTHER = 4.5  # the same where three spikes are sure: 2 in 100 000 by chance
 ALONE = 2.0  # times the spread of its neighbours about their line; a corner has 1.5, a step 1.25
+COARSER = 5.0  # times the digits a column is written in, below which a spacing is not told from these
+OFF = 0.15  # of its spacing, by which a lattice's levels may be off it
+REPEATS = 20  # samples per level from which a lattice is plain
+BY_CHANCE = 1e-6  # probability that levels which lie anywhere are all as near to a lattice
+IMMATERIAL = 0.005  # of the variance of a signal's moves; rounding that adds less is the archive's, and changes nothing
+DEGREES = (2.5, 3.0, 4.0, 5.0, 7.0, 10.0)  # of freedom of Student's t that are tried for a noise with heavy tails
 SELDOM = 1e-3  # standstills of a length that a record of noise has by chance; longer ones are none
 
 
@@ -20,7 +27,7 @@ class Samples:
     `resolution` is the decimal unit PV is written in (0 = full precision), `step` a lattice coarser than that (0 = none),
     `straight` the share of samples on a straight line with both neighbours, `spikes` the indices of isolated points,
     `heights` how far off they are, `held` the longest exact standstill in samples, `stuck` the share of samples in standstills
-    longer than rounding and noise explain.
+    longer than rounding and noise explain; `heavy` whether the largest samples are no spikes but the tails of the noise.
     """
 
     resolution: float
@@ -30,6 +37,7 @@ class Samples:
     heights: np.ndarray
     held: int
     stuck: float
+    heavy: bool = False
 
 
 def inspect_samples(pv: np.ndarray, *others: np.ndarray) -> Samples:
@@ -55,6 +63,9 @@ def inspect_samples(pv: np.ndarray, *others: np.ndarray) -> Samples:
     unit = written_unit(pv, *others)
     step = lattice(pv, unit)
     spikes, heights = isolated(pv, max(unit, step))
+    heavy = spikes.size > 0 and heavy_tails(_off_line(np.asarray(pv, dtype=float))[0])
+    if heavy:
+        spikes, heights = spikes[:0], heights[:0]
     return Samples(
         unit,
         step,
@@ -63,6 +74,7 @@ def inspect_samples(pv: np.ndarray, *others: np.ndarray) -> Samples:
         heights,
         longest_hold(pv),
         stuck(pv, unit),
+        heavy,
     )
 
 
@@ -108,24 +120,39 @@ def _digits(x: np.ndarray) -> float:
 
 
 def lattice(x: np.ndarray, unit: float) -> float:
-    """Return the spacing of the lattice through 0 on which all values stand, 0 when there is none coarser than `unit`."""
+    """Return the spacing of the lattice, wherever it begins, on which all values stand; 0 when none is coarser than `unit`.
+
+    A lattice may have been written down on a finer one: its levels are then a little off, each always by the same.
+    """
     levels = np.unique(x)
-    size = float(np.abs(levels).max()) or 1.0
+    fine = unit + 1e-8 * (float(np.abs(levels).max()) or 1.0)
     gaps = np.diff(levels)
-    gaps = gaps[gaps > max(1.5 * unit, 1e-9 * size)]
-    if levels.size < 2 or gaps.size == 0:
+    gaps = gaps[gaps > 1.5 * fine]
+    if gaps.size == 0 or gaps.min() < COARSER * fine:
         return 0.0
     step = float(gaps.min())
-    # a lattice hardly coarser than the digits is found in any numbers
-    if step < 20.0 * (unit + 1e-8 * size):
+    near = gaps[gaps < 3.5 * step]
+    step = float(near.sum() / np.round(near / step).sum())
+    repeats = x.size >= REPEATS * levels.size
+    if levels.size < 3:
+        return step if repeats else 0.0
+    place = levels - levels[0]
+    for _ in range(3):
+        # spacing and beginning sharpen each other
+        step, start = np.linalg.lstsq(np.column_stack([np.round(place / step), np.ones(place.size)]), place, rcond=None)[0]
+        place = place - start
+        if step <= 0.0:
+            return 0.0
+    off = float(np.abs(place - step * np.round(place / step)).max())
+    if off > OFF * step + 0.6 * fine:
         return 0.0
-    # the spacing sharpens as it is carried from near gaps to the far ends
-    for values in (gaps[gaps < 3.5 * step], gaps, levels - levels[0], levels):
-        count = np.round(values / step)
-        if count.any():
-            step = float(values @ count / (count @ count))
-    off = np.abs(levels - step * np.round(levels / step))
-    return step if off.max() <= 0.6 * unit + 1e-8 * size + 1e-4 * step else 0.0
+    chance = min(2.0 * (off + fine) / step, 1.0) ** (levels.size - 2)
+    return float(step) if repeats or chance < BY_CHANCE else 0.0
+
+
+def hides_nothing(step: float, x: np.ndarray) -> bool:
+    """Return whether rounding to a step adds next to nothing to a signal's moves."""
+    return step**2 / 12.0 < IMMATERIAL * float(np.var(np.diff(x)))
 
 
 def on_line(x: np.ndarray, unit: float) -> np.ndarray:
@@ -173,6 +200,44 @@ def isolated(x: np.ndarray, unit: float) -> tuple[np.ndarray, np.ndarray]:
             clean[k] -= height
     order = sorted(found)
     return np.array(order, dtype=int), np.array([found[k] for k in order])
+
+
+def heavy_tails(x: np.ndarray) -> bool:
+    """Return whether Student's t is likelier than Gaussian samples among which some are far wider.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Samples about 0.
+
+    Returns
+    -------
+    bool
+    """
+    scale = 1.4826 * float(np.median(np.abs(x)))
+    if scale == 0.0:
+        return False
+    z2 = (x / scale) ** 2
+    t = max(_loglik_t(z2, df) for df in DEGREES)
+    share, narrow, wide, mixture = 0.02, 1.0, float(np.quantile(z2, 0.99)) + 1.0, 0.0
+    for _ in range(30):
+        far = share * np.exp(-0.5 * z2 / wide) / np.sqrt(wide)
+        near = (1.0 - share) * np.exp(-0.5 * z2 / narrow) / np.sqrt(narrow)
+        odds = far / (far + near + 1e-300)
+        share = float(np.clip(odds.mean(), 1e-6, 0.5))
+        wide = max(float(odds @ z2 / max(odds.sum(), 1e-12)), narrow)
+        narrow = float((1.0 - odds) @ z2 / (1.0 - odds).sum())
+        mixture = float(np.log(far + near + 1e-300).sum()) - 0.5 * z2.size * np.log(2.0 * np.pi)
+    return t > mixture
+
+
+def _loglik_t(z2: np.ndarray, df: float) -> float:
+    """Return the log-likelihood of Student's t at its likeliest scale."""
+    variance = 1.0
+    for _ in range(20):
+        variance = float(np.mean((df + 1.0) * z2 / (df + z2 / variance)))
+    whole = gammaln((df + 1.0) / 2) - gammaln(df / 2) - 0.5 * np.log(np.pi * df * variance)
+    return float(z2.size * whole - 0.5 * (df + 1.0) * np.log1p(z2 / (df * variance)).sum())
 
 
 def _touching(x: np.ndarray, least: np.ndarray) -> dict[int, float]:

@@ -9,7 +9,16 @@ from hypothesis import strategies as st
 
 from scenarios.spec import Loop
 from simbench.blind.alike import Facts, facts_of, indistinguishable
-from simbench.gap.candidates import alike, look_alikes, possible_effects, proven, smallest_detectable
+from simbench.gap.candidates import (
+    LAST,
+    alike,
+    beside_the_load,
+    fit_candidates,
+    look_alikes,
+    possible_effects,
+    proven,
+    smallest_detectable,
+)
 from simbench.gap.decide.assess import assess
 from simbench.gap.effects import recogniser
 from simbench.gap.intake.check import check
@@ -126,3 +135,35 @@ def test_more_noise_hides_larger_effects(sizes):
     hidden = smallest_detectable(loud, base, load_memory(loud))
     for effect in ("deadband", "stiction", "extra_lag", "dead_time_mismatch", "outliers"):
         assert hidden[effect][0] > sizes[effect][0], effect
+
+
+def jump(amplitude, start):
+    """Return a load step: a ramp of one sample."""
+    return {"type": "ramp", "amplitude": amplitude, "period": 1.0, "start": start}
+
+
+def test_a_load_that_does_nothing_but_jump_is_an_ordinary_one_and_hides_no_other_effect():
+    steps = {"disturbance": [jump(4.0, 200), jump(7.0, 520), jump(6.0, 1100)]}
+    plain, lagging = situation(**steps), situation(**steps, effect=[{"name": "valve_lag", "tau": 8.0}])
+    for s, wanted in ((plain, None), (lagging, {"valve_lag", "extra_lag", "sensor_lag"})):
+        engine = Engine(s.data, load_memory(s))
+        bare = engine.base()
+        first = fit_candidates(engine, bare, possible_effects(s))
+        assert first["load_steps"].log_likelihood_gain > 40
+        base, found = beside_the_load(engine, bare, first)
+        assert base.loglik > bare.loglik + 40
+        assert found["load_steps"].log_likelihood_gain == 0.0
+        best = max(found, key=lambda e: found[e].log_likelihood_gain)
+        if wanted is None:
+            assert found[best].log_likelihood_gain < 6
+        else:
+            assert best in wanted
+            assert found[best].log_likelihood_gain > 20
+
+
+def test_jumps_beside_a_load_that_wanders_are_an_event_and_named_last():
+    s = situation(disturbance=[*LOADED["disturbance"], jump(3.0, 200), jump(4.0, 520), jump(3.5, 1100)])
+    engine = Engine(s.data, load_memory(s))
+    bare = engine.base()
+    _, found = beside_the_load(engine, bare, fit_candidates(engine, bare, possible_effects(s)))
+    assert found["load_steps"].log_likelihood_gain == LAST

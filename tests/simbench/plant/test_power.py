@@ -80,3 +80,6 @@ def test_a_model_of_noise_stays_near_even_odds():
 def test_healthy_and_sticky_twins_weigh_the_same():
     w = even_weights(np.array([0.0, 1.0, 1.0, 2.0]))
     assert w[0] == pytest.approx(w[1:].sum())
+    left_out = even_weights(np.array([0.0, 1.0, 1.0, 2.0]), np.array([True, True, False, True]))
+    assert left_out[2] == 0.0
+    assert left_out[0] == pytest.approx(left_out[1:].sum())

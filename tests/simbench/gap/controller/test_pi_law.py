@@ -7,6 +7,7 @@ import pytest
 
 from scenarios.spec import Loop
 from simbench.gap.controller.pi_law import examine_law
+from simbench.gap.controller.recovered_pv import beside_a_mean
 from simbench.loop.simulate import simulate
 
 BASE = {
@@ -177,3 +178,41 @@ def test_a_weighted_set_point_is_no_late_set_point(weight):
     pushed = e - (1.0 - weight) * (r.sp - r.sp[0])
     op = 50 + 0.6 * pushed + 0.6 / 18 * np.cumsum(e)
     assert "set-point" in law(replace(r, op=op)).foreign
+
+
+@pytest.mark.parametrize(("op", "pv"), [(2, 5), (2, 3), (5, 2), (2, 2)])
+def test_the_digits_of_an_archive_unseat_no_law(op, pv):
+    r = record()
+    rounded = replace(r, op=np.round(r.op, op), pv=np.round(r.pv, pv), sp=np.round(r.sp, pv))
+    found = law(rounded)
+    assert found.known, found
+    assert not between(found)
+
+
+def test_an_archive_that_takes_means_is_told_from_a_controller_with_a_third_term():
+    r = record()
+    found = law(replace(r, pv=0.5 * (r.pv + np.append(r.pv[0], r.pv[:-1]))))
+    assert found.known
+    assert found.averaged
+    assert np.abs(found.recovered_pv - r.pv)[5:-5].max() < 1e-6 * np.std(r.pv)
+    assert not between(found)
+
+
+def test_means_have_weights_that_are_no_derivative():
+    seen = np.random.default_rng(0).normal(size=800)
+    assert beside_a_mean(0.7 * seen + 0.3 * np.roll(seen, 1), seen) < 1e-9
+    for other in (1.6 * seen - 0.6 * np.roll(seen, 1), 0.5 * seen, np.random.default_rng(1).normal(size=800)):
+        assert beside_a_mean(other, seen) == np.inf
+
+
+def test_an_integral_held_at_a_limit_is_no_other_controller():
+    # positional form: the integral stands still while OP is at its limit, and leaves it by a step of its own
+    rng, n, Kc, Ti = np.random.default_rng(2), 1500, 0.6, 18.0
+    pv = 50 + np.cumsum(rng.normal(0, 0.4, n)) * 0.3
+    e, total, op = 50 - pv, 0.0, np.empty(n)
+    for k in range(n):
+        total += Kc / Ti * e[k]
+        op[k] = np.clip(50 + Kc * e[k] + total, 48.0, 52.0)
+        total = np.clip(total, -1.5, 1.5)
+    found = examine_law(op, pv, np.full(n, 50.0), 1.0, Kc, Ti)
+    assert not found.foreign, found.foreign

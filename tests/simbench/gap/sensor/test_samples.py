@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simbench.gap.sensor.samples import inspect_samples
+from simbench.gap.sensor.samples import heavy_tails, hides_nothing, inspect_samples, lattice
 from simbench.loop.effects.compression import swinging_door
 
 
@@ -53,3 +53,48 @@ def test_bursts_of_noise_are_no_spikes():
     for k in range(100, 3000, 300):
         noise[k : k + 60] *= 6.0
     assert inspect_samples(noise).spikes.size == 0
+
+
+@pytest.mark.parametrize("start", [0.0, 0.11, 7.003])
+@pytest.mark.parametrize("archive", [0.0, 0.006])
+def test_a_lattice_is_found_wherever_it_begins_and_on_whatever_finer_one_it_was_written(start, archive):
+    x = start + 0.17 * np.round(np.random.default_rng(3).normal(300, 20, 1500))
+    if archive:
+        x = archive * np.round(x / archive)
+    assert lattice(x, 1e-6) == pytest.approx(0.17, rel=1e-3)
+
+
+def test_values_that_lie_anywhere_are_on_no_lattice():
+    rng = np.random.default_rng(4)
+    for digits in (2, 3, 9):
+        for n in (100, 1000, 4000):
+            x = np.round(rng.normal(40, 5, n), digits)
+            assert lattice(x, 10.0**-digits if digits < 9 else 0.0) == 0.0, (digits, n)
+
+
+def test_rounding_is_weighed_against_the_moves_it_hides():
+    x = np.random.default_rng(5).normal(0, 1, 5000)
+    # step^2/12 over the variance of the changes, 2
+    assert hides_nothing(0.3, x)
+    assert not hides_nothing(0.4, x)
+
+
+def test_heavy_tails_are_told_from_gaussian_noise_with_spikes():
+    rng = np.random.default_rng(6)
+    heavy = [rng.standard_t(df, 2000) for df in (3, 4, 5)]
+    spiked = []
+    for rate in (0.004, 0.02):
+        x = rng.normal(0, 1, 2000)
+        hit = rng.random(2000) < rate
+        x[hit] += rng.choice([-9, 9], hit.sum())
+        spiked.append(x)
+    assert all(heavy_tails(x) for x in heavy)
+    assert not any(heavy_tails(x) for x in spiked)
+    assert not heavy_tails(np.zeros(100))
+
+
+def test_a_noise_with_heavy_tails_has_no_spikes():
+    pv = 40 + np.random.default_rng(7).standard_t(4, 3000)
+    found = inspect_samples(pv)
+    assert found.heavy
+    assert found.spikes.size == 0

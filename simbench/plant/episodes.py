@@ -1,0 +1,122 @@
+"""A long record judged window by window: when the valve stuck, and in how many of the cycles."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from detectors.judge import judge
+from detectors.prepared import Prepared
+from detectors.record import LoopRecord
+from detectors.verdict import NO_DECISION, NO_STICTION, STICTION
+
+CYCLES = 12  # periods in a window: a detector needs several, and an episode should not drown in it
+SHIFT = 0.5  # of a window from one to the next
+SHORTEST = 120  # samples in a window
+WINDOWS = 60  # at most; a longer record is judged in longer steps
+
+
+@dataclass(frozen=True)
+class Episode:
+    """One window: start and end (s), and what was said of it."""
+
+    start: float
+    end: float
+    verdict: str
+
+
+@dataclass(frozen=True)
+class OverTime:
+    """Verdicts over time.
+
+    Parameters
+    ----------
+    method : str
+        Whose verdicts.
+    episodes : tuple of Episode
+        Overlapping windows in order; a single one where the record is too short to be cut.
+    cycles : int
+        Periods in the record; 0 where it does not oscillate.
+    sticky : int
+        Periods in windows that say stiction; where two windows overlap, both must.
+    """
+
+    method: str
+    episodes: tuple[Episode, ...]
+    cycles: int
+    sticky: int
+
+    @property
+    def several(self) -> bool:
+        """Whether the record was long enough to be cut."""
+        return len(self.episodes) > 1
+
+    def sentence(self) -> str:
+        """Return the answer in one sentence."""
+        if not self.several:
+            return "the record is too short to be judged window by window"
+        if self.cycles == 0:
+            return "no sustained oscillation in any window"
+        undecided = sum(e.verdict == NO_DECISION for e in self.episodes)
+        open_ = f"; {undecided} of {len(self.episodes)} windows undecided" if undecided else ""
+        return f"stiction in {self.sticky} of {self.cycles} cycles by {self.method}, {len(self.episodes)} windows{open_}"
+
+
+def over_time(record: LoopRecord, method: str = "procedure") -> OverTime:
+    """Judge a record window by window.
+
+    Parameters
+    ----------
+    record : LoopRecord
+    method : str
+        Whose verdict is asked for.
+
+    Returns
+    -------
+    OverTime
+
+    Notes
+    -----
+    A window is twelve periods of the record's oscillation, or a sixth of the record where it does not oscillate as a whole.
+    For valves that stick at times, or loops that were retuned within the record; a single verdict averages over both.
+
+    Examples
+    --------
+    >>> t = np.arange(3000.0)
+    >>> over_time(LoopRecord(op=np.sin(t / 5), pv=np.cos(t / 5), Ts=1.0), "he").sentence()
+    'stiction in 0 of 95 cycles by he, 14 windows'
+    """
+    prepared = Prepared(record.blind())
+    period = prepared.oscillation.period_s / record.Ts
+    if not np.isfinite(period) or not prepared.oscillation.sustained:
+        period = record.n / (6.0 * CYCLES)
+    size = int(max(CYCLES * period, SHORTEST))
+    if record.n < 1.5 * size:
+        return OverTime(method, (_judged(record, 0, record.n, method),), 0, 0)
+    step = max(int(SHIFT * size), (record.n - size) // WINDOWS, 1)
+    starts = [*range(0, record.n - size, step), record.n - size]
+    episodes = tuple(_judged(record, k, k + size, method) for k in starts)
+    return OverTime(method, episodes, *_counted(record, episodes))
+
+
+def _judged(record: LoopRecord, start: int, stop: int, method: str) -> Episode:
+    verdict = judge(record.window(start, stop), [method])[0]
+    return Episode(start * record.Ts, stop * record.Ts, verdict.verdict)
+
+
+def _counted(record: LoopRecord, episodes: Sequence[Episode]) -> tuple[int, int]:
+    """Return how many periods the record holds, and how many lie only in windows that say stiction."""
+    period = Prepared(record.blind()).oscillation.period_s
+    if not np.isfinite(period):
+        return 0, 0
+    middles = (np.arange(int(record.duration / period)) + 0.5) * period
+    held = [[e.verdict for e in episodes if e.start <= m < e.end] for m in middles]
+    return len(middles), sum(bool(v) and all(x == STICTION for x in v) for v in held)
+
+
+def marks(found: OverTime) -> list[tuple[float, float, str]]:
+    """Return the windows to shade behind a trend, with their colours; sound ones stay blank."""
+    colour = {STICTION: "#D55E00", NO_DECISION: "#6E6E6E"}
+    return [(e.start, e.end, colour[e.verdict]) for e in found.episodes if e.verdict != NO_STICTION]

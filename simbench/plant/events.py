@@ -1,0 +1,115 @@
+"""Loops that share one oscillation: the same period, and phases that stay together over the whole record."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from detectors.prepared import Prepared
+
+NEAR = 0.12  # logarithm of the ratio of two periods up to which they may be one
+LOCKED = 0.95  # mean resultant length of the phase difference from which two oscillations are one
+WIDE = 1.35  # half width of the band around the period, as a factor
+EDGE = 0.1  # of the record at either end where a filtered phase is not trusted
+
+
+def shared_oscillations(records: Mapping[str, Prepared]) -> list[list[str]]:
+    """Return the groups of loops that oscillate together.
+
+    Parameters
+    ----------
+    records : mapping of name to Prepared
+        Records of one folder; those of the same sampling period and length are taken as simultaneous.
+
+    Returns
+    -------
+    list of list of str
+        Groups of two and more, each in the order given, the largest first.
+
+    Notes
+    -----
+    The phase-locking value (J. P. Lachaux et al., 1999, Human Brain Mapping 8, eq. 1) of two PVs, band-passed around their
+    common period. Two loops that cycle by themselves drift apart; a source and its victims do not. Not for records of
+    different times.
+
+    Examples
+    --------
+    >>> from detectors.record import LoopRecord
+    >>> t = np.arange(2000.0)
+    >>> def prepared(x): return Prepared(LoopRecord(op=x, pv=x, Ts=1.0))
+    >>> shared_oscillations({"a": prepared(np.sin(t / 8)), "b": prepared(np.cos(t / 8)), "c": prepared(np.sin(t / 9.7))})
+    [['a', 'b']]
+    """
+    swinging = [(name, p) for name, p in records.items() if p.oscillation.sustained and np.isfinite(p.oscillation.period_s)]
+    parent = {name: name for name, _ in swinging}
+
+    def root(name: str) -> str:
+        while parent[name] != name:
+            name = parent[name]
+        return name
+
+    for i, (a, one) in enumerate(swinging):
+        for b, other in swinging[:i]:
+            if root(a) != root(b) and _together(one, other):
+                parent[root(a)] = root(b)
+    groups: dict[str, list[str]] = {}
+    for name, _ in swinging:
+        groups.setdefault(root(name), []).append(name)
+    return sorted((g for g in groups.values() if len(g) > 1), key=lambda g: -len(g))
+
+
+def _together(one: Prepared, other: Prepared) -> bool:
+    a, b = one.record, other.record
+    if abs(a.Ts / b.Ts - 1) > 0.01 or a.n != b.n:
+        return False
+    periods = np.array([one.oscillation.period_s, other.oscillation.period_s]) / a.Ts
+    if abs(np.log(periods[0] / periods[1])) > NEAR:
+        return False
+    period = float(np.sqrt(periods.prod()))
+    return phase_locking(a.pv, b.pv, period) > LOCKED
+
+
+def phase_locking(x: np.ndarray, y: np.ndarray, period: float) -> float:
+    """Return how constant the phase between two signals is around one period (samples): 1 = locked, near 0 = independent.
+
+    Parameters
+    ----------
+    x, y : ndarray, shape (n,)
+    period : float
+
+    Returns
+    -------
+    float
+    """
+    cut = int(EDGE * x.size)
+    inner = slice(cut, x.size - cut)
+    turn = np.angle(_analytic(x, period)[inner] * np.conj(_analytic(y, period)[inner]))
+    return float(np.abs(np.exp(1j * turn).mean()))
+
+
+def _analytic(x: np.ndarray, period: float) -> np.ndarray:
+    n = x.size
+    line = np.linspace(x[0], x[-1], n)
+    power = np.fft.fft((x - line) * np.hanning(n) ** 0.25)
+    f = np.fft.fftfreq(n)
+    return np.fft.ifft(np.where((f > 1 / (WIDE * period)) & (f < WIDE / period), 2 * power, 0.0))
+
+
+def likely_root(group: Sequence[str], probability: Mapping[str, float], nonlinear: Mapping[str, float]) -> list[str]:
+    """Return the loops of one event, the likely root first.
+
+    Parameters
+    ----------
+    group : sequence of str
+    probability : mapping of str to float
+        Of stiction.
+    nonlinear : mapping of str to float
+        How nonlinear each PV is (larger = more); each plant on the way filters an oscillation towards a sine.
+
+    Returns
+    -------
+    list of str
+        By probability of stiction in steps of a tenth, then by nonlinearity (N. F. Thornhill, 2005, J. Process Control 15).
+    """
+    return sorted(group, key=lambda name: (-round(probability.get(name, 0.0), 1), -nonlinear.get(name, 0.0)))
