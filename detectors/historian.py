@@ -71,6 +71,8 @@ def take_units(sheet: Sheet, chosen: Mapping[str, str]) -> dict[str, str]:
     """
     units = {name: unit(name) for name in sheet.columns}
     time = chosen.get("t") or next((n for n in sheet.columns if ends_with(n, TIME_NAMES) is not None), None)
+    if not all(isinstance(c, list) for c in sheet.columns.values()):
+        return units  # columns of numbers have no room for texts
     for _ in range(3):
         first = {n: str(c[0]).strip() for n, c in sheet.columns.items() if isinstance(c, list) and c}
         cells = [c for n, c in first.items() if n != time and c]
