@@ -80,7 +80,7 @@ class Report:
         -------
         str
         """
-        text = summary.as_text(self._groups(), why=why, colour=colour)
+        text = summary.as_text(self.groups(), why=why, colour=colour)
         return "\n".join([text, "", *table(self.scores)]) if self.scores else text
 
     def to_frame(self) -> pd.DataFrame:
@@ -96,10 +96,16 @@ class Report:
     def _repr_html_(self) -> str:
         frame = self.to_frame()
         keys = [c for c in ("record", "method", "verdict", "score", "applicable", "reason") if c in frame]
-        groups = self._groups()
+        groups = self.groups()
         return page_part(summary.sentence(groups[0][1]) if len(groups) == 1 else f"{len(groups)} records", frame[keys])
 
-    def _groups(self) -> list[tuple[str | None, list[Verdict], LoopRecord | None]]:
+    def groups(self) -> list[tuple[str | None, list[Verdict], LoopRecord | None]]:
+        """Return the verdicts record by record.
+
+        Returns
+        -------
+        list of (name or None, list of Verdict, LoopRecord or None)
+        """
         groups: dict[str | None, list[Verdict]] = {}
         for name, verdict in self.verdicts:
             groups.setdefault(name, []).append(verdict)
