@@ -35,9 +35,9 @@ real: $(READY)             ## every record of real loops, every method, scored b
 leak: $(READY)             ## can a scenario's settings alone predict its label? They must not
 	$(BIN)/python -m simbench.bench.leak
 
-perf: $(READY)             ## ratios of medians of interleaved runs
-	$(BIN)/python tests/reference/perf.py
-	$(BIN)/python tests/reference/perf_detectors.py
+perf: $(READY)             ## what the loop, each detector and a whole scenario cost: ratios and shares of CPU time
+	@failed=0; for part in perf perf_batch perf_detectors perf_shares; do \
+		$(BIN)/python tests/reference/$$part.py || failed=1; done; exit $$failed
 
 docs: $(READY)             ## the gallery, and every published number beside ours
 	$(BIN)/simbench figure all -o results/figures

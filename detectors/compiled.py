@@ -24,6 +24,24 @@ def lanes():
     return np.empty(LANES)
 
 
+def few_lanes():
+    """Return room as `lanes` does, compiled for `few() // 2` numbers: for loops with so much in them that LLVM keeps them."""
+    return np.empty(LANES)
+
+
+@cache
+def few() -> int:
+    """Return how many numbers two registers of this machine hold."""
+    from llvmlite.binding import get_host_cpu_features
+
+    return 16 if get_host_cpu_features().get("avx512f", False) else 8
+
+
+def high_product(a, b):
+    """Return the upper 64 bits of the product of two unsigned numbers; compiled, one instruction."""
+    return np.uint64(int(a) * int(b) >> 64)
+
+
 def rows(count):
     """Return room for `count` rows of `LANES` numbers that begin with a cache line: a register is read from one, not two."""
     room = np.empty(count * LANES + 8)
@@ -79,9 +97,9 @@ def cached_module(kind: str, parts: dict[str, Any], text: str, error_model: str 
     module
         It is found again on disk as long as no source changes.
     """
-    digest = hashlib.sha256(f"{sys.version}{_numba_version()}{error_model}{text}{_described(parts)}".encode())
+    digest = hashlib.sha256(f"{sys.version}{_numba_version()}{few()}{error_model}{text}{_described(parts)}".encode())
     plain = [f for f in parts.values() if isinstance(f, FunctionType)]
-    for path in sorted({__file__, *(f.__code__.co_filename for f in _reached(plain))}):
+    for path in sorted({__file__, *(f.__code__.co_filename for f in reached(plain))}):
         digest.update(_source(path))
     name = f"simbench_{kind}_{digest.hexdigest()[:20]}"
     if name in sys.modules:
@@ -107,8 +125,10 @@ def cached_module(kind: str, parts: dict[str, Any], text: str, error_model: str 
 def _jitted(function: FunctionType, error_model: str):
     from numba import njit
 
-    if function is lanes:
-        return _registers()
+    if function in (lanes, few_lanes):
+        return _registers(LANES if function is lanes else few() // 2)
+    if function is high_product:
+        return _high_product()
     called = {n: _jitted(g, error_model) for n, g in _used(function).items() if isinstance(g, FunctionType)}
     copy = FunctionType(function.__code__, {**function.__globals__, **called}, function.__name__, function.__defaults__)
     copy.__module__, copy.__qualname__ = function.__module__, function.__qualname__
@@ -117,7 +137,7 @@ def _jitted(function: FunctionType, error_model: str):
 
 
 @cache
-def _registers():
+def _registers(count: int):
     """Return the compiled twin of `lanes`: an array on the stack, which LLVM turns into registers."""
     import numba as nb
     from llvmlite import ir
@@ -128,7 +148,7 @@ def _registers():
     @intrinsic
     def stack(typing_context):
         def code(context, builder, signature, arguments):
-            room = cgutils.alloca_once(builder, ir.ArrayType(ir.DoubleType(), LANES))
+            room = cgutils.alloca_once(builder, ir.ArrayType(ir.DoubleType(), count))
             room.align = 64
             return builder.bitcast(room, ir.DoubleType().as_pointer())
 
@@ -136,9 +156,27 @@ def _registers():
 
     @nb.njit(inline="always")
     def registers():
-        return nb.carray(stack(), (LANES,))  # pyright: ignore[reportPrivateImportUsage]
+        return nb.carray(stack(), (count,))  # pyright: ignore[reportPrivateImportUsage]
 
     return registers
+
+
+@cache
+def _high_product():
+    from llvmlite import ir
+    from numba import types
+    from numba.extending import intrinsic
+
+    @intrinsic
+    def high(typing_context, a, b):
+        def code(context, builder, signature, arguments):
+            wide, narrow = ir.IntType(128), ir.IntType(64)
+            a, b = (builder.zext(x, wide) for x in arguments)
+            return builder.trunc(builder.lshr(builder.mul(a, b), ir.Constant(wide, 64)), narrow)
+
+        return types.uint64(types.uint64, types.uint64), code
+
+    return high
 
 
 def _twice(x):
@@ -151,8 +189,8 @@ def _used(function: FunctionType) -> dict[str, Any]:
     return {n: v for n, v in found.items() if v is not function}
 
 
-def _reached(functions: list[FunctionType]) -> set[FunctionType]:
-    """The functions and all they call."""
+def reached(functions: list[FunctionType]) -> set[FunctionType]:
+    """Return the functions and all plain functions that they call."""
     found: set[FunctionType] = set()
     while functions:
         function = functions.pop()
@@ -167,7 +205,7 @@ def _described(parts: dict[str, Any]) -> list[str]:
     told = []
     for name, part in parts.items():
         if isinstance(part, FunctionType):
-            used = {n: v for f in _reached([part]) for n, v in _used(f).items() if not isinstance(v, FunctionType)}
+            used = {n: v for f in reached([part]) for n, v in _used(f).items() if not isinstance(v, FunctionType)}
             told.append(f"{name} {part.__module__} {part.__qualname__} {_described(used)}")
         elif isinstance(part, (type, ModuleType)):
             told.append(f"{name} {part.__name__} {getattr(part, '_fields', ())}")

@@ -13,14 +13,16 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from scenarios.cell import SETTINGS, WORDS, Draft, Rules, Scaled, cell_group, loop_axes
+from scenarios.cell import SETTINGS, Draft, Rules, Scaled, cell_group, loop_axes
 from scenarios.errors import SpecError, suggestion
-from scenarios.spec import Loop, Value, _Table, checked, content_hash, read_toml
+from scenarios.grid_check import refuse_mistakes
+from scenarios.spec import Loop, Real, Value, Whole, _Table, checked, content_hash, read_toml
 
-Range = float | tuple[float, float]
+Range = Real | tuple[Real, Real]
 Names = str | tuple[str, ...]
 Scale = Literal["S", "J", "period", "pv"]
 GRID_KEYS = ("seed", "repeats")
+MOST_REPEATS = 1_000_000
 
 
 class Disturbance(_Table):
@@ -63,7 +65,7 @@ class Member(_Table):
     valve: Names
     tuning: Names | None = None
     disturbance: Names | None = None
-    where: dict[str, tuple[Value, ...]] = Field(default_factory=dict)
+    where: dict[str, Annotated[tuple[Value, ...], Field(min_length=1)]] = Field(default_factory=dict)
 
 
 class Block(_Table):
@@ -84,8 +86,8 @@ class GridFile(_Table):
     title: str
     source: str = "own"
     expected: int | None = None
-    seed: Annotated[int, Field(ge=0)] = 0
-    repeats: Annotated[int, Field(ge=1)] = 1
+    seed: Annotated[Whole, Field(ge=0, lt=2**63)] = 0
+    repeats: Annotated[Whole, Field(ge=1, le=MOST_REPEATS)] = 1
     draw: dict[str, Range | Names] = Field(default_factory=dict)
     disturbances: dict[str, Disturbance] = Field(default_factory=dict)
     valves: dict[str, More] = Field(default_factory=dict)
@@ -406,14 +408,8 @@ def make_grid(
     for key in overrides:
         if key not in Rules.FIELDS and (key.partition(".")[0] not in Loop.model_fields or "." not in key):
             raise SpecError(f"{name}: cannot set {key!r}, {suggestion(key, (*GRID_KEYS, *SETTINGS))}")
-    for key, values in (pair for axes_of in (content.axes, *(b.axes for b in content.block)) for pair in axes_of.items()):
-        if not values:
-            raise SpecError(f"{name}: axis {key!r} has no value")
-        wrong = [v for v in values if key in SETTINGS and isinstance(v, str) == (key not in WORDS)]
-        if wrong:
-            needed = "words" if key in WORDS else "numbers"
-            raise SpecError(f"{name}: axis {key!r} has the value {wrong[0]!r}; {needed} are needed")
     grid = Grid(name, content, overrides)
+    refuse_mistakes(grid)
     untouched = not changed and not overrides
     per_repeat = content.expected and content.expected * content.repeats // int(table.get("repeats", 1))
     if untouched and content.expected is not None and "repeats" not in (sets or {}) and len(grid) != per_repeat:

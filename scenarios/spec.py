@@ -14,6 +14,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from scenarios.errors import SpecError, suggestion
 
 MAX_SAMPLES = 20_000_000  # a run holds about ten arrays of n doubles: 1.6 GB here
+MOST_CLAUSES = 12  # complaints in one sentence
 LARGEST = 1e60  # beyond it a record's statistics leave the range of double numbers
 M = TypeVar("M", bound=BaseModel)
 Value = float | int | str | bool | list[Any]
@@ -329,11 +330,13 @@ def read_toml(path: str | Path) -> dict[str, Any]:
 
 
 def checked(model: type[M], table: dict[str, Any], where: str) -> M:
-    """Validate a table against a model; the first complaint becomes one sentence."""
+    """Validate a table against a model; all complaints become one sentence."""
     try:
         return model.model_validate(table)
     except ValidationError as error:
-        raise SpecError(f"{where}: {_sentence(model, error.errors()[0])}") from None
+        raise SpecError(f"{where}: {_sentences(model, error.errors(), table)}") from None
+    except RecursionError:
+        raise SpecError(f"{where}: its values are nested too deeply") from None
 
 
 def content_hash(content: Any) -> str:
@@ -390,6 +393,36 @@ def _part(table: Any, section: str, key: str, where: str) -> dict[str, Any]:
         raise SpecError(f"{where}: [{section}] lacks the key {key!r}{wrong}")
     parameters = {k: v for k, v in table.items() if k != key}
     return {"name": table[key], "parameters": parameters}
+
+
+def _sentences(model: type[BaseModel], errors: list[Any], table: Any) -> str:
+    """One clause per key; where several forms are allowed, each complains of the same key."""
+    by_key: dict[tuple, list[Any]] = {}
+    for error in errors:
+        by_key.setdefault(_key(error["loc"], table), []).append(error)
+    clauses = []
+    for key, found in by_key.items():
+        if len(found) == 1:
+            clauses.append(_sentence(model, found[0]))
+        else:
+            value = table
+            for step in key:
+                value = value[step]
+            clauses.append(f"{'.'.join(map(str, key))} = {_short(value)}; a number, [lo, hi] or names are needed")
+    return "; ".join(clauses[:MOST_CLAUSES]) + ("; and more" if len(clauses) > MOST_CLAUSES else "")
+
+
+def _key(loc: tuple, table: Any) -> tuple:
+    """The part of an error's place that stands in the table; what follows names the form that did not fit."""
+    key = []
+    for step in loc:
+        try:
+            table = table[step]
+        except (KeyError, IndexError, TypeError):
+            # a key that is missing is a place of its own
+            return (*key, step) if isinstance(table, dict) else tuple(key)
+        key.append(step)
+    return tuple(key)
 
 
 def _sentence(model: type[BaseModel], error: Any) -> str:

@@ -7,6 +7,7 @@ from detectors.record import LoopRecord as LoopRecord
 from detectors.verdict import Verdict as Verdict
 from simbench import gap as gap
 from simbench.bench.sweep import sweep as sweep
+from simbench.loop.batch import simulate_batch as simulate_batch
 from simbench.loop.simulate import simulate as simulate
 from simbench.plant.trust import trust as trust
 from simbench.theory.predict import predict as predict

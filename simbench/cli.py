@@ -20,8 +20,16 @@ from simbench.usage import exit_code
 # typer has carried its own copy of click since 0.2x; its public error leads to the classes of whichever it uses
 CommandError: Any = typer.BadParameter.__mro__[2]
 
+
+def _workers(jobs: int) -> int:
+    most = max(64, 4 * (os.cpu_count() or 1))
+    if jobs == 0 or jobs < -1 or jobs > most:
+        raise ParameterError(f"-j {jobs}; worker processes are 1 to {most}, or -1 for one on every core")
+    return jobs
+
+
 Json = Annotated[bool, typer.Option("--json", help="JSON, and nothing else, on stdout.")]
-Jobs = Annotated[int, typer.Option("-j", "--jobs", help="Worker processes; -1 = all cores.")]
+Jobs = Annotated[int, typer.Option("-j", "--jobs", callback=_workers, help="Worker processes; -1 = all cores.")]
 Plugin = Annotated[list[Path] | None, typer.Option("--plugin", help="File of a further detector; repeatable.")]
 Thresholds = Annotated[
     Path | None, typer.Option(metavar="FILE.json", help="Other thresholds than the published ones, as calibrate writes them.")
@@ -209,9 +217,14 @@ def run(
     sets: Annotated[list[str] | None, typer.Option("--set", metavar="K=V", help="Repeatable.")] = None,
     axis: Annotated[list[str] | None, typer.Option(metavar="K=a,b,c", help="Other values of an axis; repeatable.")] = None,
     thresholds: Thresholds = None,
+    allow_failed: Annotated[
+        float, typer.Option(metavar="SHARE", min=0.0, max=1.0, help="Of scenarios, or of a built-in method's records.")
+    ] = 0.0,
+    large: Annotated[bool, typer.Option("--large", help="Yes, more than a million scenarios.")] = False,
     as_json: Json = False,
 ) -> None:
     """Simulate a grid of scenarios, judge every record by every method, and score."""
+    from simbench.bench.failures import read_failures
     from simbench.bench.oracle import ORACLE
     from simbench.bench.run import Interrupted, run_grid
     from simbench.bench.score import score_run
@@ -221,13 +234,17 @@ def run(
         folder = run_grid(
             grid, out or Path("runs") / Path(grid).stem, tuple(method or ["fast", ORACLE]), jobs, raw=raw, plugins=plugin or [],
             backend=backend, address=address, resume=resume, until_width=until_width, sets=_pairs(sets or [], "--set"),
-            axes=axes, thresholds=_threshold_file(thresholds),
+            axes=axes, thresholds=_threshold_file(thresholds), large=large,
         )  # fmt: skip
     except Interrupted as stop:  # said here: the command-line library turns Ctrl-C into a bare exit code
         print(stop, file=sys.stderr)
         raise typer.Exit(130) from None
-    scores = score_run(folder, raw=raw)
-    _print({"run": str(folder), **scores.as_json()} if as_json else f"{scores.as_text()}\n\nrun: {folder}", as_json)
+    scores, failed = score_run(folder, raw=raw), read_failures(folder)
+    told = {"run": str(folder), "failed": failed.as_json(), **scores.as_json()}
+    _print(told if as_json else f"{scores.as_text()}\n\n{_line(failed)}run: {folder}", as_json)
+    if failed.above(allow_failed):
+        print(f"failed: {failed}", file=sys.stderr)
+        raise typer.Exit(1)
 
 
 @app.command()
@@ -240,10 +257,11 @@ def score(
     as_json: Json = False,
 ) -> None:
     """Score a run: accuracy, no-decision rate, AUC, with intervals, by grid axis."""
+    from simbench.bench.failures import read_failures
     from simbench.bench.score import score_run
 
-    scores = score_run(folder, raw=raw)
-    content: Any = scores.as_json() if as_json else scores.as_text()
+    scores, failed = score_run(folder, raw=raw), read_failures(folder)
+    content: Any = {**scores.as_json(), "failed": failed.as_json()} if as_json else f"{_line(failed)}{scores.as_text()}"
     if against is not None or paired:
         from simbench.bench.compare import compare
 
@@ -411,6 +429,23 @@ def gap_diagnose(
     _print(report.as_json() if as_json else report.as_text(), as_json)
 
 
+@gap_app.command("leave-out")
+def leave_out_(
+    out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for records, table and picture.")],
+    world: World = "own",
+    n: Annotated[int, typer.Option("-n", "--records", min=1, help="Records per effect.")] = 4,
+    seed: Annotated[int, typer.Option(min=0)] = 0,
+    jobs: Jobs = 1,
+    as_json: Json = False,
+) -> None:
+    """Take every effect out of the library in turn: what is said then, and how far the gap shrinks once it is back."""
+    from simbench.blind.leave_out import leave_out, summary
+
+    table = summary(leave_out(out, world, n, seed, jobs))
+    text = table.to_string(index=False, float_format="%.2f", na_rep="-")
+    _print(json.loads(table.to_json(orient="records")) if as_json else text, as_json)
+
+
 @withheld_app.command()
 def make(
     out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the check.")],
@@ -527,6 +562,10 @@ def _usage(error: Any) -> str:
 
 def _verbs(context: Any) -> list[str]:
     return [] if context is None else context.command.list_commands(context)
+
+
+def _line(failed: Any) -> str:
+    return f"failed: {failed}\n\n" if str(failed) else ""
 
 
 def _confirmed(result: Any, picture: Path | None, as_json: bool) -> None:

@@ -8,12 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow.parquet as pq
 from scipy.optimize import brentq
 
 from scenarios.grid import Grid
 from simbench.bench.statistics import wilson
-from simbench.bench.store import part_file
+from simbench.bench.store import read_part
 from simbench.bench.truth import NO, YES
 
 MOST_REPEATS = 5000
@@ -111,8 +110,8 @@ def _counts(grid: Grid, where: Path, pieces: int, methods: Sequence[str]) -> tup
     right = np.zeros((len(methods), grid.cells), dtype=int)
     known, repeats = np.zeros(grid.cells, dtype=int), np.zeros(grid.cells, dtype=int)
     for number in range(pieces):
-        scenarios = pq.read_table(part_file(where, number, "scenarios"), columns=["group", "cycled"])
-        verdicts = pq.read_table(part_file(where, number, "verdicts"), columns=["verdict"])
+        scenarios = read_part(where, number, "scenarios", ["group", "cycled"])
+        verdicts = read_part(where, number, "verdicts", ["verdict"])
         group = scenarios.column("group").to_numpy()
         answer = np.array(scenarios.column("cycled").to_pylist())
         said = np.array(verdicts.column("verdict").to_pylist()).reshape(-1, len(methods)).T

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import io
 from pathlib import Path
 
@@ -10,9 +9,11 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from simbench.bench.checksums import RunError, check_tables, digest
 from simbench.bench.history import remember
+from simbench.bench.manifest import read_manifest, write_manifest
 from simbench.bench.score import FRONT, score_run
-from simbench.bench.store import Book, RunError, read_manifest, write_manifest
+from simbench.bench.store import Book
 from simbench.files import folder as make_folder
 from simbench.files import whole_file
 
@@ -47,7 +48,9 @@ def write_baseline(run: str | Path, baseline: str | Path) -> None:
     history.csv grows by one row per method.
     """
     run, baseline = Path(run), make_folder(baseline)
-    manifest = {k: v for k, v in read_manifest(run).items() if k in KEPT}
+    whole = read_manifest(run)
+    check_tables(run, whole)
+    manifest = {k: v for k, v in whole.items() if k in KEPT}
     digests = {}
     for kind, empty in EMPTY.items():
         table = pq.read_table(run / f"{kind}.parquet")
@@ -61,7 +64,7 @@ def write_baseline(run: str | Path, baseline: str | Path) -> None:
         out = io.BytesIO()
         # whole scenarios in every row group
         pq.write_table(table, out, compression="zstd", row_group_size=500 * max(len(manifest["methods"]), 1))
-        digests[kind] = hashlib.sha256(out.getvalue()).hexdigest()[:16]
+        digests[kind] = digest(out.getvalue())
         with whole_file(baseline / f"{kind}.parquet", "wb") as f:
             f.write(out.getvalue())
     write_manifest(baseline, {**manifest, "tables": digests})
@@ -89,12 +92,10 @@ def read_book(folder: str | Path) -> Book:
     RunError
         When it is neither, not finished, of another format, or a table is not the one its manifest speaks of.
     """
-    folder = Path(folder)
     try:
         book = Book.read(folder)
-    except (pa.ArrowException, KeyError) as error:
-        raise RunError(f"{folder} is damaged: {str(error).splitlines()[0]}") from None
-    for kind, digest in book.manifest.get("tables", {}).items():
-        if hashlib.sha256((folder / f"{kind}.parquet").read_bytes()).hexdigest()[:16] != digest:
-            raise RunError(f"{folder / kind}.parquet is not the table its manifest speaks of; write the baseline again")
+    except (pa.ArrowException, OSError, ArithmeticError, LookupError, TypeError, ValueError) as error:
+        raise RunError(f"{folder} is damaged: {' '.join(str(error).split())[:200]}") from None
+    if not book.ids.size or not book.methods:
+        raise RunError(f"{folder} holds no verdicts: {book.ids.size} scenarios, {len(book.methods)} methods")
     return book

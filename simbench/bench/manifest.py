@@ -11,7 +11,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from detectors.errors import UserError
+from simbench.bench.checksums import RunError, digest, opened, sealed
 from simbench.bench.tables import FORMAT
 from simbench.files import whole_file
 
@@ -22,10 +22,6 @@ LIBRARIES = ("stiction-simbench", "numpy", "scipy", "numba", "scikit-learn", "dt
 
 # files of this folder that decide what the tables hold
 DECISIVE = ("motion", "oracle", "resolve", "tables", "truth", "work")
-
-
-class RunError(UserError):
-    """A run's folder that cannot be used as asked."""
 
 
 def describe(settings: Mapping[str, Any]) -> dict[str, Any]:
@@ -75,17 +71,24 @@ def read_manifest(path: str | Path) -> dict[str, Any]:
         found = manifest["format"]
     except (FileNotFoundError, NotADirectoryError):
         raise RunError(f"{path} holds no run: {MANIFEST} is missing") from None
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, RecursionError):
         raise RunError(f"{file} is damaged; it must be JSON with a format version") from None
+    except OSError as error:
+        raise RunError(f"{file} cannot be read: {error.strerror}") from None
     if found != FORMAT:
-        raise RunError(f"{path} was written in format version {found}, this simbench reads version {FORMAT}; run it again")
-    return manifest
+        raise RunError(f"{path} was written in format version {found!r}, this simbench reads version {FORMAT}; run it again")
+    return opened(manifest, file)
 
 
 def write_manifest(where: Path, manifest: Mapping[str, Any]) -> None:
-    """Write the manifest whole."""
+    """Write the manifest whole, with a checksum over all of it."""
     with whole_file(where / MANIFEST) as f:
-        json.dump(manifest, f, indent=1)
+        json.dump(sealed(manifest), f, indent=1)
+
+
+def run_key(manifest: Mapping[str, Any]) -> str:
+    """Return 16 hex digits of what must be the same before two pieces may stand in one table."""
+    return digest(json.dumps({key: manifest[key] for key in BINDING}, sort_keys=True).encode())
 
 
 def refuse_to_mix(where: Path, manifest: Mapping[str, Any]) -> None:

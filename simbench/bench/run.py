@@ -18,11 +18,11 @@ from detectors.registry import methods as registry
 from detectors.report import choose_methods
 from scenarios.grid import Grid, chunks, load_grid
 from simbench.bench import adaptive, store
-from simbench.bench.manifest import RunError, describe, read_manifest
+from simbench.bench.checksums import RunError, check_tables
+from simbench.bench.grid_check import refuse_too_large, refuse_wrong_parts, size_of
+from simbench.bench.manifest import describe, read_manifest, run_key
 from simbench.bench.oracle import ORACLE
-from simbench.bench.resolve import resolve
 from simbench.bench.work import Piece, Thresholds, work
-from simbench.loop.resolve import resolve_loop
 
 BACKENDS = ("loky", "dask", "ray")
 LIVES = 3  # how often dead workers are replaced before the run gives up
@@ -50,6 +50,7 @@ def run_grid(
     thresholds: Thresholds | None = None,
     keep: int = 0,
     progress: bool | None = None,
+    large: bool = False,
 ) -> Path:
     """Simulate a grid, judge it by detectors, and write both tables.
 
@@ -83,6 +84,8 @@ def run_grid(
         Records to write per piece, as records/ID.csv.
     progress : bool, optional
         Show a bar on stderr; when absent, only on a terminal.
+    large : bool
+        Allow more scenarios than anybody asks for by mistake.
 
     Returns
     -------
@@ -116,7 +119,8 @@ def run_grid(
     names += [a for a in added if a not in names]
     names += [ORACLE] * (ORACLE in asked)  # last, as it is judged last
     _check_settings(names, thresholds or {})
-    _try_out(plan)
+    refuse_too_large(size_of(plan, *_budgets(names)), plan.name, large)
+    refuse_wrong_parts(plan)
     manifest = describe(
         {
             "grid": plan.name,
@@ -133,10 +137,11 @@ def run_grid(
             "command": " ".join(sys.argv),
         }
     )
-    task = _Task(plan, tuple(names), tuple(files), dict(thresholds or {}), keep)
+    task = _Task(plan, tuple(names), tuple(files), dict(thresholds or {}), keep, run_key(manifest))
     with _parallel(backend, address, jobs) as run:
         where = store.open_run(Path("runs") / plan.name if out is None else out, manifest, resume)
-        if read_manifest(where)["complete"]:
+        if (written := read_manifest(where))["complete"]:
+            check_tables(where, written)
             _tidy(where)
             return where
         with _Bar(progress, len(plan)) as bar, _stoppable():
@@ -156,8 +161,11 @@ def run_grid(
 class _Task:
     """What every piece has in common."""
 
-    def __init__(self, grid: Grid, methods: tuple[str, ...], plugins: tuple[str, ...], thresholds: dict, keep: int) -> None:
-        self.grid, self.methods, self.plugins, self.thresholds, self.keep = grid, methods, plugins, thresholds, keep
+    def __init__(
+        self, grid: Grid, methods: tuple[str, ...], plugins: tuple[str, ...], thresholds: dict, keep: int, key: str
+    ) -> None:
+        self.grid, self.methods, self.plugins, self.thresholds = grid, methods, plugins, thresholds
+        self.keep, self.key = keep, key
 
     def __call__(self, number: int, groups: Sequence[int]) -> Piece:
         return work(self.grid, number, groups, self.methods, self.plugins, self.thresholds, self.keep)
@@ -182,12 +190,12 @@ def _all_pieces(
 
 def _missing_pieces(where: Path, task: _Task, run: Runner, bar: _Bar, pieces: list[tuple[int, Sequence[int]]]) -> None:
     lives = LIVES
-    missing = [(number, groups) for number, groups in pieces if not store.is_whole(where, number)]
+    missing = [(number, groups) for number, groups in pieces if not store.is_whole(where, number, task.key)]
     bar.skip(_scenarios(task.grid, pieces) - _scenarios(task.grid, missing))
     while missing:
         try:
             for piece in run(task, missing):
-                store.write_piece(where, piece)
+                store.write_piece(where, piece, task.key)
                 bar.add(piece)
         except Exception as error:
             if not _worker_died(error):
@@ -195,7 +203,9 @@ def _missing_pieces(where: Path, task: _Task, run: Runner, bar: _Bar, pieces: li
             lives -= 1
             if lives == 0:
                 raise RunError(f"worker processes keep dying ({error}); fewer jobs may leave each more memory") from None
-        missing = [(number, groups) for number, groups in missing if not store.is_whole(where, number)]
+        before, missing = len(missing), [p for p in missing if not store.is_whole(where, p[0], task.key)]
+        if len(missing) == before and lives == LIVES:
+            raise RunError(f"{where}: what is written there reads back otherwise; is the disk sound?")
 
 
 def _scenarios(grid: Grid, pieces: Iterable[tuple[int, Sequence[int]]]) -> int:
@@ -242,7 +252,7 @@ def _dask_client(address: str | None) -> Any:
         raise RunError("backend dask needs the package distributed; install stiction-simbench[dask]") from None
     try:
         return Client(address, timeout=PATIENCE, set_as_default=False)
-    except OSError as error:
+    except (OSError, ValueError) as error:
         raise RunError(f"no dask scheduler answers at {address}: {error}") from None
 
 
@@ -322,11 +332,9 @@ def _check_settings(names: Sequence[str], thresholds: Thresholds) -> None:
         check_thresholds(method, registry.load(method).METHOD, values)
 
 
-def _try_out(plan: Grid) -> None:
-    """Refuse a grid that cannot be simulated before a folder is made: a cell of each block, or those of a single loop."""
-    for index in plan.samples():
-        for scenario in resolve(plan.group(index)):
-            resolve_loop(scenario.loop, scenario.seed)
+def _budgets(names: Sequence[str]) -> tuple[int, int]:
+    slow = sum(n != ORACLE and registry.load(n).METHOD.budget == "full" for n in names)
+    return len(names) - slow, slow
 
 
 def _about(name: str) -> dict[str, Any]:
@@ -337,7 +345,7 @@ def _about(name: str) -> dict[str, Any]:
 
 
 def _standing(where: Path) -> str:
-    whole = len(list((where / store.PARTS).glob("*.scenarios.parquet"))) if where.exists() else 0
+    whole = len(list((where / store.PARTS).glob("*.json"))) if where.exists() else 0
     return f"{whole} pieces are whole in {where}; continue with --resume"
 
 

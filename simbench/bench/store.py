@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
+import io
 import json
 import shutil
 from collections.abc import Iterable, Iterator
@@ -17,14 +19,15 @@ import pyarrow.parquet as pq
 from detectors.errors import nearest
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from scenarios.spec import Loop, Scenario
-from simbench.bench.manifest import MANIFEST, RunError, read_manifest, refuse_to_mix, write_manifest
+from simbench.bench.checksums import TABLES, RunError, check_tables, digest, file_digest, opened, sealed
+from simbench.bench.manifest import MANIFEST, read_manifest, refuse_to_mix, write_manifest
 from simbench.bench.tables import AXES, FORMAT
 from simbench.bench.work import Piece
 from simbench.files import folder as make_folder
 from simbench.files import whole_file, write_record
 
 PARTS = "parts"
-KINDS = ("verdicts", "scenarios")  # in the order in which a piece is written: the last one makes it whole
+KINDS = ("verdicts", "scenarios")
 TRUTHS = ("sticky", "predicted", "cycled")
 CODES = {NO_STICTION: 0, STICTION: 1, NO_DECISION: 2}
 # uncompressed bytes of a row group: it waits in memory, but so does what parquet notes of every row group already written
@@ -53,6 +56,7 @@ def open_run(path: str | Path, manifest: dict[str, Any], resume: bool) -> Path:
         When the folder holds something else, or a run that differs (and in what).
     """
     where = make_folder(path)
+    sweep(where)
     if not any(where.iterdir()):
         write_manifest(where, manifest)
     elif not (where / MANIFEST).exists():
@@ -62,28 +66,61 @@ def open_run(path: str | Path, manifest: dict[str, Any], resume: bool) -> Path:
     else:
         refuse_to_mix(where, manifest)
     make_folder(where / PARTS)
+    sweep(where / PARTS)
     return where
 
 
-def write_piece(where: Path, piece: Piece) -> None:
-    """Put a finished piece on disk; it counts from the moment its last file stands under its name."""
+def sweep(folder: Path) -> None:
+    """Remove what a killed process left half-written: `.NAME.PID` of a process that is gone."""
+    for file in folder.glob(".*.[0-9]*"):
+        number = file.suffix[1:]
+        if number.isdigit() and not Path(f"/proc/{number}").exists():
+            with contextlib.suppress(OSError):
+                file.unlink()
+
+
+def write_piece(where: Path, piece: Piece, key: str) -> None:
+    """Put a finished piece on disk; it counts from the moment its seal, the last file, stands under its name.
+
+    Parameters
+    ----------
+    where : Path
+        Folder of the run.
+    piece : Piece
+    key : str
+        Of the run, see `simbench.bench.manifest.run_key`: a piece of another run never counts.
+    """
     for ident, record in piece.kept:
         write_record(record, make_folder(where / "records") / f"{ident}.csv")
     for kind in KINDS:
         with whole_file(part_file(where, piece.number, kind), "wb") as f:
             f.write(getattr(piece, kind))
+    marks = {kind: digest(getattr(piece, kind)) for kind in KINDS}
+    with whole_file(seal_file(where, piece.number)) as f:
+        json.dump(sealed({"run": key, "piece": piece.number, **marks}), f)
 
 
-def is_whole(where: Path, number: int) -> bool:
-    """Whether a piece stands on disk, readable, in all its files."""
+def is_whole(where: Path, number: int, key: str) -> bool:
+    """Whether a piece of this run stands on disk in all its files, bit for bit as it was written."""
     try:
-        for kind in KINDS:
-            metadata = pq.read_schema(part_file(where, number, kind)).metadata or {}
-            if metadata.get(b"piece") != str(number).encode():
-                return False
-    except (OSError, pa.ArrowInvalid):
+        seal = opened(json.loads(seal_file(where, number).read_text(encoding="utf-8")), "seal")
+        if (seal["run"], seal["piece"]) != (key, number):
+            return False
+        return all(file_digest(part_file(where, number, kind)) == seal[kind] for kind in KINDS)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, RunError):
         return False
-    return True
+
+
+def read_part(where: Path, number: int, kind: str, columns: list[str] | None = None) -> pa.Table:
+    """Return one table of a piece; raise RunError when it is not what its seal says."""
+    try:
+        content = part_file(where, number, kind).read_bytes()
+        seal = opened(json.loads(seal_file(where, number).read_text(encoding="utf-8")), seal_file(where, number))
+        if digest(content) == seal[kind]:
+            return pq.read_table(io.BytesIO(content), columns=columns)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise RunError(f"piece {number} of {where} cannot be read: {error}; continue with --resume") from None
+    raise RunError(f"piece {number} of {where} is not what was written; continue with --resume")
 
 
 def finish(where: Path, pieces: int, manifest: dict[str, Any]) -> None:
@@ -93,7 +130,7 @@ def finish(where: Path, pieces: int, manifest: dict[str, Any]) -> None:
         with whole_file(where / f"{kind}.parquet", "wb") as f:
             writer, held, size = None, [], 0
             for number in range(pieces):
-                table = pq.read_table(part_file(where, number, kind)).replace_schema_metadata({"format": str(FORMAT)})
+                table = read_part(where, number, kind).replace_schema_metadata({"format": str(FORMAT)})
                 writer = writer or pq.ParquetWriter(f, table.schema, compression="zstd")
                 held.append(table)
                 size += table.nbytes
@@ -106,7 +143,9 @@ def finish(where: Path, pieces: int, manifest: dict[str, Any]) -> None:
                     records.update("".join(h or "-" for h in table.column("record_hash").to_pylist()).encode())
             if writer is not None:
                 writer.close()
-    write_manifest(where, {**manifest, "complete": True, "counts": counts, "records_hash": records.hexdigest()[:16]})
+    about = {"counts": counts, "records_hash": records.hexdigest()[:16]}
+    about[TABLES] = {kind: file_digest(where / f"{kind}.parquet") for kind in KINDS}
+    write_manifest(where, {**manifest, "complete": True, **about})
     shutil.rmtree(where / PARTS)
 
 
@@ -130,13 +169,17 @@ def read_scenario(path: str | Path, scenario_id: str) -> Scenario:
         When the run has no such scenario; the nearest id is named.
     """
     file = _table(path, "scenarios")
+    check_tables(path, read_manifest(path))
     found = pq.read_table(file, columns=["loop", "seed", "tags"], filters=[("scenario_id", "=", scenario_id)]).to_pylist()
     if not found:
         known = pq.read_table(file, columns=["scenario_id"]).column(0).to_pylist()
         close = nearest(scenario_id, known) if len(known) < 50 else f"it has {len(known)} others, see scenarios.parquet"
         raise RunError(f"{path} has no scenario {scenario_id!r}: {close}")
     row = found[0]
-    return Scenario(loop=Loop.from_table(json.loads(row["loop"])), seed=row["seed"], tags=json.loads(row["tags"]))
+    scenario = Scenario(loop=Loop.from_table(json.loads(row["loop"])), seed=row["seed"], tags=json.loads(row["tags"]))
+    if scenario.id != scenario_id:
+        raise RunError(f"{path}: the loop of scenario {scenario_id!r} is not the one that was run (its id is {scenario.id!r})")
+    return scenario
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,6 +251,9 @@ class Book:
             When there is no finished run of this format version.
         """
         manifest = read_manifest(path)
+        for kind in KINDS:
+            _table(path, kind)
+        check_tables(path, manifest)
         methods = tuple(manifest["methods"])
         scenarios, verdicts = _table(path, "scenarios"), _table(path, "verdicts")
         words = ("block", "member", "process", "controller", "valve", "disturbance", "tuning")
@@ -253,6 +299,11 @@ class Book:
         truth["cycled_word"] = cycled
         marks = (ids, hashes, places.astype(str))
         return cls(manifest, *marks, axes, truth, oscillating, methods, **out, failed=failed, runtime=runtime)
+
+
+def seal_file(where: Path, number: int) -> Path:
+    """Return where the checksums of a piece stand."""
+    return where / PARTS / f"{number:06d}.json"
 
 
 def part_file(where: Path, number: int, kind: str) -> Path:

@@ -62,7 +62,7 @@ def kills(n: int, seed: int = 0, grid: str = GRID, methods: str = "he,horch,yama
                     process.wait(timeout=float(rng.uniform(0.05, 0.7) * length) if done < n else None)
                     break
                 except subprocess.TimeoutExpired:
-                    late += any(target.glob("parts/*.scenarios.parquet"))
+                    late += any(target.glob("parts/*.json"))
                     os.killpg(process.pid, signal.SIGKILL)
                     process.wait()
                     done += 1

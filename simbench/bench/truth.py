@@ -9,7 +9,7 @@ import numpy as np
 
 from scenarios.spec import Loop, Part
 from simbench.bench.motion import Motion, largest_sine, motion
-from simbench.loop.resolve import friction, resolve_loop
+from simbench.loop.resolve import friction, quiet_setup
 from simbench.loop.run import Run
 from simbench.loop.simulate import simulate
 
@@ -150,7 +150,7 @@ def _samples(period: float) -> int:
 def _quiet_from(loop: Loop, period: float) -> list[int]:
     # the noise of the loop file and of its effects; without any the four moments are one
     n = loop.sampling.n
-    if resolve_loop(loop, 0).noise_std == 0:
+    if quiet_setup(loop, 0).noise_std == 0:
         return [n]
     return sorted({max(n - round(share * period), 0) for share in MOMENTS}, reverse=True)
 
@@ -183,7 +183,7 @@ def _moves(run: Run, late: Motion, loop: Loop, seed: int, period: float, bar: fl
     """Whether the valve moves steadily all the same: undisturbed in the record, or as long as the noise goes on."""
     if not _driven(run) and _swings(late, bar) and late.lasting >= LASTING:
         return True
-    if resolve_loop(loop, 0).noise_std == 0:
+    if quiet_setup(loop, 0).noise_std == 0:
         return False
     _, moved = _tail(loop, seed, period, bar, None)
     return _swings(moved, bar) and moved.lasting >= FADING

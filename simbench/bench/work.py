@@ -14,13 +14,11 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from detectors.errors import UserError
 from detectors.judge import check_thresholds, judge_one
 from detectors.prepared import Prepared
 from detectors.record import LoopRecord
 from detectors.registry import methods as registry
 from detectors.verdict import NO_DECISION, Verdict
-from scenarios.errors import SpecError
 from scenarios.grid import Grid
 from scenarios.spec import Loop, Noise, Scenario, SetPoint
 from simbench.bench import tables
@@ -31,6 +29,7 @@ from simbench.loop.run import Run
 from simbench.theory.tables import truth_columns
 
 Thresholds = Mapping[str, Mapping[str, float]]
+LONGEST = 300  # characters of an error's text
 
 
 @dataclass
@@ -107,10 +106,10 @@ def work(
     with threadpool_limits(1):
         for index in groups:
             since = time.perf_counter()
-            scenarios = resolve(grid.group(index))
+            scenarios, wrong = _settled(grid, index)
             piece.simulating += time.perf_counter() - since
             for scenario in scenarios:
-                _one(scenario, index, chosen, ORACLE in methods, rows, verdicts, piece, keep)
+                _one(scenario, index, chosen, ORACLE in methods, rows, verdicts, piece, keep, wrong)
     piece.scenarios = tables.encode(rows, tables.SCENARIOS, number)
     piece.verdicts = tables.encode(verdicts, tables.VERDICTS, number)
     piece.total = time.perf_counter() - began
@@ -153,22 +152,44 @@ def judge_both(record: LoopRecord, chosen: Thresholds) -> tuple[Prepared, list[t
             if module.METHOD.front_end and not sustained:
                 front = judge_one(name, module, prepared, False, dict(values))
         except Exception as wrong:  # a detector may fail in any way; the run must not
-            error = f"{type(wrong).__name__}: {wrong}".splitlines()[0]
+            error = _said(wrong)
             front = raw = Verdict(name, NO_DECISION, reason=f"failed: {error}")
         found.append((front, raw, error, shared + time.perf_counter() - since))
     return blind, found
 
 
+def _settled(grid: Grid, index: int) -> tuple[list[Scenario], str | None]:
+    """The scenarios of a group; drafts, with the error, where its rules cannot be settled."""
+    group = grid.group(index)
+    try:
+        return resolve(group), None
+    except Exception as wrong:
+        return [Scenario(loop=d.loop, seed=group.seed, tags=d.tags) for d in group.drafts], _said(wrong)
+
+
+def _said(error: BaseException) -> str:
+    return " ".join(f"{type(error).__name__}: {error}".split())[:LONGEST]
+
+
 def _one(
-    scenario: Scenario, group: int, chosen: Thresholds, oracle: bool, rows: dict, verdicts: dict, piece: Piece, keep: int
+    scenario: Scenario,
+    group: int,
+    chosen: Thresholds,
+    oracle: bool,
+    rows: dict,
+    verdicts: dict,
+    piece: Piece,
+    keep: int,
+    error: str | None,
 ) -> None:
     since = time.perf_counter()
-    error, run, cycled = None, None, Cycled("unclear")
+    run, cycled, theory = None, Cycled("unclear"), (None, None, None, None, None)
     try:
-        run, cycled = simulate_with_truth(scenario.loop, scenario.seed)
-        theory = _theory(_at_rest(scenario.loop))
-    except (UserError, SpecError) as wrong:
-        error, theory = f"{type(wrong).__name__}: {wrong}".splitlines()[0], (None, None, None, None, None)
+        if error is None:
+            run, cycled = simulate_with_truth(scenario.loop, scenario.seed)
+            theory = _theory(_at_rest(scenario.loop))
+    except Exception as wrong:  # whatever a model does on numbers of its own: one scenario, not the run
+        error, run, cycled = _said(wrong), None, Cycled("unclear")
     ident = scenario.id
     then = time.perf_counter()
     piece.simulating += then - since

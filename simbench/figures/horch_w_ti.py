@@ -10,6 +10,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from detectors.errors import ParameterError
+from simbench.bench.checksums import check_tables
+from simbench.bench.manifest import read_manifest
 from simbench.figures._style import BLUE, GREY, RED, label, note, panels, styled
 
 SOURCE = "own; Horch (1999), Eqs 11.6 to 11.9 of Jelali (2013): dtau = (2/pi) atan(1/(w Ti)) of any linear PI loop"
@@ -37,6 +39,7 @@ def data(run: str | Path) -> pd.DataFrame:
     ParameterError
         When the run has no such section.
     """
+    check_tables(run, read_manifest(run))
     scenarios = pd.read_parquet(Path(run) / "scenarios.parquet")
     verdicts = pd.read_parquet(Path(run) / "verdicts.parquet")
     both = scenarios[scenarios.block == "horch"].merge(verdicts[verdicts.method == "horch"], on="scenario_id")

@@ -59,6 +59,8 @@ class Number:
 
     def read(self, value: Any, name: str, where: str) -> float:
         """Return `value` as a float, or raise `ParameterError` with what is allowed."""
+        if type(value) is float and self.low < value < self.high:
+            return value  # nearly always
         unit = f" ({self.unit})" if self.unit else ""
         if isinstance(value, bool) or not hasattr(value, "__float__"):
             raise ParameterError(f"{where}: {name} = {value!r} is no number{unit}")
@@ -172,7 +174,7 @@ def resolve(
     if complete is not None:
         values = complete(values, where)
     values.update(extra)
-    return parameter_class(tuple(values))(**values)
+    return parameter_class(tuple(values))._make(values.values())
 
 
 def valve_parameters(module: ModuleType, table: Mapping[str, Any], Ts: float) -> Any:

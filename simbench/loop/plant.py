@@ -136,13 +136,51 @@ def sample(num: np.ndarray, den: np.ndarray, Td: float, Ts: float) -> SampledPla
     if not (np.isfinite(Ts) and Ts > 0):
         raise ParameterError(f"sampling: Ts = {Ts} s; a number above 0 is needed")
     A, B, C = _state_space(num, den)
-    delay = int(np.floor(Td / Ts + 1e-9))
-    old = max(Td - delay * Ts, 0.0)  # length of the older input's part of the sample
-    old = 0.0 if old < 1e-9 * Ts else old
+    if len(A) == 1:  # in closed form: expm of a tiny matrix waits for BLAS threads, many milliseconds on a busy machine
+        whole, B_old, B_new, delay = first_order(float(A[0, 0]), float(B[0]), Td, Ts)
+        return SampledPlant(np.array([[whole]]), np.array([B_old]), np.array([B_new]), C, int(delay))
+    delay, old = _split(Td, Ts)
     whole, _ = _hold(A, B, Ts)
     late, B_new = _hold(A, B, Ts - old)
     _, early = _hold(A, B, old)
-    return SampledPlant(whole, late @ early, B_new, C, delay)
+    return SampledPlant(whole, late @ early, B_new, C, int(delay))
+
+
+def first_order(A, B, Td, Ts):
+    """Sample first-order plants x' = A x + B w(t - Td), numbers or arrays.
+
+    Parameters
+    ----------
+    A, B : float or ndarray
+        1/s (0: integrating), and PV units per % and s.
+    Td, Ts : float or ndarray
+        Dead time and sampling period (s).
+
+    Returns
+    -------
+    a, b_old, b_new, delay : float or ndarray
+        As `SampledPlant` has them.
+
+    Examples
+    --------
+    >>> [round(float(x), 3) for x in first_order(-0.1, 0.1, 2.5, 1.0)]
+    [0.905, 0.046, 0.049, 2.0]
+    """
+    delay, old = _split(Td, Ts)
+    return np.exp(A * Ts), np.exp(A * (Ts - old)) * _answer(A, B, old), _answer(A, B, Ts - old), delay
+
+
+def _split(Td, Ts):
+    """Whole samples of dead time, and the length of the older input's part of a sample (s)."""
+    delay = np.floor(Td / Ts + 1e-9)
+    old = np.maximum(Td - delay * Ts, 0.0)
+    return delay, np.where(old < 1e-9 * Ts, 0.0, old)
+
+
+def _answer(A, B, h):
+    """State after an input of 1 held for h s."""
+    still = A == 0
+    return B * np.where(still, h, np.expm1(A * h) / np.where(still, 1.0, A))
 
 
 def _state_space(num: np.ndarray, den: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -158,9 +196,6 @@ def _state_space(num: np.ndarray, den: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 def _hold(A: np.ndarray, B: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
     order = len(A)
-    if order == 1:  # in closed form: expm of a tiny matrix waits for BLAS threads, many milliseconds on a busy machine
-        a = float(A[0, 0])
-        return np.exp(A * h), B * (np.expm1(a * h) / a if a != 0 else h)
     joint = np.zeros((order + 1, order + 1))
     joint[:order, :order], joint[:order, order] = A, B
     out = expm(joint * h)

@@ -41,13 +41,19 @@ def resolve_loop(loop: Loop, seed: int, tail: int = 0, tf: Any = None, quiet: in
     UnknownName, ParameterError
         For a plug-in that does not exist, numbers it does not allow, or an unstable plant.
     """
+    setup = quiet_setup(loop, seed, tail, tf)
+    setup.draw_noise(quiet)
+    return setup
+
+
+def quiet_setup(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
+    """Do all that `resolve_loop` does but for the noise, which is drawn last: effects may change its strength."""
     setup = plain_setup(loop, seed, tail, tf)
     for i, part in enumerate(loop.disturbance):
         where, signal = disturbance_signal(part, setup.sp.size, setup.Ts, np.random.default_rng([seed, DISTURBANCE + i]))
         load = setup.load_in if where == "input" else setup.load_out
         load += setup.hold(signal)
     _apply_effects(setup)
-    setup.draw_noise(quiet)
     return setup
 
 

@@ -48,8 +48,6 @@ class Run:
     ----------
     record : LoopRecord
         SP, OP, PV as archived, MV; n samples.
-    pv_clean : ndarray, shape (n + tail,)
-        PV the controller saw, less what was added at the sensor.
     load_in, load_out : ndarray, shape (n + tail,)
         Loads at the plant's input (%) and output (PV units).
     tail : LoopRecord or None
@@ -61,7 +59,6 @@ class Run:
     """
 
     record: LoopRecord
-    pv_clean: np.ndarray
     load_in: np.ndarray
     load_out: np.ndarray
     tail: LoopRecord | None
@@ -98,6 +95,13 @@ class Run:
 
 def run_setup(setup: Setup, *, kick: float = 0.0, start: Start | None = None, plain: bool = False) -> Run:
     """Run a resolved loop, compiled or (`plain`) in Python sample by sample; both give the same bits."""
+    return finished_run(setup, *signals_of(setup, kick=kick, start=start, plain=plain))
+
+
+def signals_of(
+    setup: Setup, *, kick: float = 0.0, start: Start | None = None, plain: bool = False
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return OP, PV as the controller saw it, and MV of a run, each of shape (n + tail,)."""
     parts = parts_of(setup)
     sampled = parts.sampled
     total = setup.sp.size
@@ -129,14 +133,15 @@ def run_setup(setup: Setup, *, kick: float = 0.0, start: Start | None = None, pl
         setup.sp, setup.load_in, setup.load_out, setup.pv_add, float(kick), setup.op0, w, x, c, tuple(v), s, parts.bare,
         op, measured, mv,
     )  # fmt: skip
+    return op, measured, mv
+
+
+def finished_run(setup: Setup, op: np.ndarray, measured: np.ndarray, mv: np.ndarray) -> Run:
+    """Return the run that gave these signals, each of shape (n + tail,); PV and MV are recorded as the setup says."""
+    n = setup.n
     archived = measured
     for recorder in setup.recorders:
         archived = recorder(archived)
-    return _run(setup, op, measured, archived, mv)
-
-
-def _run(setup: Setup, op: np.ndarray, measured: np.ndarray, archived: np.ndarray, mv: np.ndarray) -> Run:
-    n = setup.n
     process = "integrating" if setup.den[-1] == 0 else "self-regulating"
     recorded, mv_std = mv, setup.loop.noise.mv_std or 0.0
     if mv_std > 0:
@@ -154,4 +159,4 @@ def _run(setup: Setup, op: np.ndarray, measured: np.ndarray, archived: np.ndarra
         )
 
     tail = part(slice(n, None)) if setup.tail >= 3 else None
-    return Run(part(slice(0, n)), measured - setup.pv_add, setup.load_in, setup.load_out, tail, setup.sticky, mv)
+    return Run(part(slice(0, n)), setup.load_in, setup.load_out, tail, setup.sticky, mv)

@@ -1,6 +1,5 @@
 """Runs: the same bits however they are worked through, nothing finished is lost, nothing different is mixed."""
 
-import json
 import os
 import shutil
 import signal
@@ -192,7 +191,7 @@ def test_a_killed_run_is_resumed_without_repeating_or_losing_anything(small, tmp
     process.communicate(timeout=120)
     assert process.returncode == -signal.SIGKILL
     run = tmp_path / "run"
-    whole = {f.name: f.stat().st_mtime_ns for f in (run / "parts").glob("*.scenarios.parquet")}
+    whole = {f.name: f.stat().st_mtime_ns for f in (run / "parts").glob("*.json")}
     assert 0 < len(whole) < 8
     run_grid(small, run, ["he"], plugins=[file], resume=True)
     judged = (tmp_path / "seen").stat().st_size
@@ -231,7 +230,7 @@ def test_ctrl_c_ends_within_two_seconds_and_says_how_to_resume(tmp_path, jobs):
     file = plugin(tmp_path, "import time; time.sleep(0.3)")
     process = child(tmp_path, jobs, file)
     deadline = time.monotonic() + 60
-    while not list((tmp_path / "run" / "parts").glob("*.scenarios.parquet")):
+    while not list((tmp_path / "run" / "parts").glob("*.json")):
         assert time.monotonic() < deadline
         time.sleep(0.05)
     since = time.monotonic()
@@ -248,11 +247,11 @@ def test_ctrl_c_ends_within_two_seconds_and_says_how_to_resume(tmp_path, jobs):
 def test_a_full_disk_keeps_what_is_whole_and_says_how_to_go_on(small, finished, tmp_path, monkeypatch):
     write, left = store.write_piece, [3]
 
-    def full(where, piece):
+    def full(where, piece, key):
         if not left[0]:
             raise FileError("verdicts.parquet cannot be written: no space left on device")
         left[0] -= 1
-        write(where, piece)
+        write(where, piece, key)
 
     monkeypatch.setattr(store, "write_piece", full)
     with pytest.raises(RunError, match=r"no space left on device; 3 pieces are whole .* continue with --resume"):
@@ -308,12 +307,12 @@ def test_a_folder_with_something_else_in_it_is_left_alone(small, tmp_path):
 def test_a_run_that_differs_is_not_mixed_with_the_old_one(small, finished, tmp_path, change, words, monkeypatch):
     run = tmp_path / "run"
     shutil.copytree(finished, run)
-    content = json.loads((run / "manifest.json").read_text())
+    content = read_manifest(run)
     if "numpy" in change:
         content["versions"]["numpy"] = change["numpy"]
     if "code" in change:
         monkeypatch.setattr(manifest_module, "code_hash", lambda: change["code"])
-    (run / "manifest.json").write_text(json.dumps({**content, "complete": False}))
+    manifest_module.write_manifest(run, {**content, "complete": False})
     grid = make_grid(small.content.model_dump(), "small", change.get("grid"))
     with pytest.raises(RunError, match=words):
         run_grid(grid, run, change.get("methods", METHODS), thresholds=change.get("thresholds"), resume=True)
@@ -333,7 +332,7 @@ def test_tables_that_do_not_belong_together_are_refused(finished, tmp_path):
     shutil.copytree(finished, tmp_path / "run")
     frame = pd.read_parquet(finished / "verdicts.parquet")
     frame.iloc[::-1].to_parquet(tmp_path / "run" / "verdicts.parquet", index=False)
-    with pytest.raises(RunError, match="do not match"):
+    with pytest.raises(RunError, match="not the table"):
         Book.read(tmp_path / "run")
 
 
@@ -438,11 +437,11 @@ def test_an_adaptive_run_is_resumed_to_the_same_end(small, tmp_path):
     undisturbed = run_grid(once, tmp_path / "a", ["yamashita"], until_width=0.4)
     write, left = store.write_piece, [5]
 
-    def stopping(where, piece):
+    def stopping(where, piece, key):
         if not left[0]:
             raise KeyboardInterrupt
         left[0] -= 1
-        write(where, piece)
+        write(where, piece, key)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(store, "write_piece", stopping)

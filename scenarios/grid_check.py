@@ -1,0 +1,197 @@
+"""What a grid file must not say: every mistake that needs no simulation, found at once and before the first one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+from scenarios.cell import EXCITATIONS, FOPTD_LAG, SAME, SETTINGS, ULTIMATE, WORDS
+from scenarios.errors import SpecError, suggestion
+
+MOST_CELLS = 1_000_000
+MOST_BUILT = 2000  # cells that are built to see whether they make a loop
+SHOWN = 12  # mistakes in one sentence
+# what a setting may be; 0 is allowed where the first number is
+LIMITS = {
+    "Td_over_T": (0.0, 1e3), "Td_over_Ti": (0.0, 1e3), "S_over_2J": (1e-6, math.inf), "noise_ratio": (0.0, 1e3),
+    "samples_per_period": (4.0, 1e4), "periods": (2.0, 1e4), "T": (1e-9, 1e9), "S": (1e-9, 100.0), "step": (0.0, 1e3),
+    "speed": (1e-3, 1e3), "w_Ti": (1e-6, 1e6), "mv_noise": (0.0, 1e3), "moves": (0.0, 1e4), "move": (0.0, 1e3),
+}  # fmt: skip
+ATS = ("input", "output")
+
+
+def refuse_mistakes(grid: Any) -> None:
+    """Raise one error that names every mistake of a grid.
+
+    Parameters
+    ----------
+    grid : scenarios.grid.Grid
+        As read; its schema holds.
+
+    Raises
+    ------
+    SpecError
+        Unknown names with the nearest known one, words for numbers, ranges that are empty or not above 0, axes and
+        lists without a value, too many cells, and cells that make no loop.
+    """
+    found = list(dict.fromkeys(_mistakes(grid.content)))
+    if not found and grid.cells > MOST_CELLS:
+        found = [f"{grid.cells:.3g} cells; at most {MOST_CELLS} are simulated"]
+    say(grid.name, found or _no_loops(grid))
+
+
+def say(name: str, mistakes: list[str]) -> None:
+    """Raise SpecError with all mistakes in one sentence, if there are any."""
+    if mistakes:
+        more = f"; and {len(mistakes) - SHOWN} more" if len(mistakes) > SHOWN else ""
+        raise SpecError(f"{name}: {'; '.join(mistakes[:SHOWN])}{more}")
+
+
+def _mistakes(content: Any) -> Iterator[str]:
+    known = {
+        "disturbance": ("none", *content.disturbances),
+        "effect": ("none", *content.effects),
+        "process": ("foptd", "integrating"),
+        "controller": ("PI", "P"),
+        "tuning": tuple(FOPTD_LAG),
+        "excitation": EXCITATIONS,
+    }
+    yield from _settings("[draw]", content.draw, known)
+    for name, load in content.disturbances.items():
+        where = f"disturbance {name!r}"
+        if load.at not in ATS:
+            yield f"{where}: at = {load.at!r} is unknown, {suggestion(load.at, ATS)}"
+        for key, value in (("amplitude", load.amplitude), ("period", load.period), *load.parameters.items()):
+            yield from _range(f"{where}: {key}", value)
+    for kind, parts in (("valve", content.valves), ("effect", content.effects)):
+        for name, part in parts.items():
+            for key, value in part.parameters.items():
+                yield from _range(f"{kind} {name!r}: {key}", value)
+    if content.loop is not None:
+        yield from _axes("", content.axes, {})
+        return
+    for name, count in _counted(b.name for b in content.block):
+        if count > 1:
+            yield f"{count} blocks are called {name!r}"
+    for block in content.block:
+        where = f"block {block.name!r}: "
+        for key in ("process", "controller"):
+            yield from _word(where + key, getattr(block, key), known[key])
+        yield from _axes(where, block.axes, known)
+        yield from _settings(f"{where}draw", block.draw, known)
+        if not block.member:
+            yield f"{where}it has no [[block.member]]"
+        for member in block.member:
+            at = f"{where}member {member.name!r}: "
+            for key, names in (("tuning", (SAME, *FOPTD_LAG, *ULTIMATE)), ("disturbance", known["disturbance"])):
+                yield from _names(at + key, getattr(member, key), names)
+            yield from _names(at + "valve", member.valve, None)
+            for key, values in member.where.items():
+                for value in values:  # none is left where an axis was replaced
+                    yield from _value(f"{at}where {key}", key, value, known)
+
+
+def _counted(names: Iterable[str]) -> list[tuple[str, int]]:
+    every = list(names)
+    return [(name, every.count(name)) for name in dict.fromkeys(every)]
+
+
+def _axes(where: str, axes: Mapping[str, tuple], known: Mapping[str, tuple]) -> Iterator[str]:
+    for key, values in axes.items():
+        yield from _axis(f"{where}axis {key!r}", key, values, known)
+        if len({repr(v) for v in values}) < len(values):
+            yield f"{where}axis {key!r} has a value twice"
+
+
+def _axis(where: str, key: str, values: tuple, known: Mapping[str, tuple]) -> Iterator[str]:
+    if not values:
+        yield f"{where} has no value"
+    for value in values:
+        yield from _value(where, key, value, known)
+
+
+def _value(where: str, key: str, value: Any, known: Mapping[str, tuple]) -> Iterator[str]:
+    if key not in SETTINGS:
+        if isinstance(value, float) and math.isnan(value):
+            yield f"{where} has the value nan; a number is needed"
+    elif key in WORDS:
+        if not isinstance(value, str):
+            yield f"{where} has the value {value!r}; words are needed"
+        elif key in known:
+            yield from _word(where, value, known[key])
+    elif isinstance(value, (bool, str, list)):
+        yield f"{where} has the value {value!r}; numbers are needed"
+    else:
+        yield from _limits(where, key, value)
+
+
+def _limits(where: str, key: str, value: float) -> Iterator[str]:
+    lo, hi = LIMITS.get(key, (-1e60, 1e60))
+    if not lo <= value <= hi:
+        yield f"{where} has the value {value:g}; {lo:g} to {hi:g} is allowed"
+
+
+def _settings(where: str, ranges: Mapping[str, Any], known: Mapping[str, tuple]) -> Iterator[str]:
+    for key, value in ranges.items():
+        place = f"{where} {key}"
+        if key in WORDS:
+            yield from _names(place, value, known.get(key)) if _is_words(value) else [f"{place} = {value!r}; words are needed"]
+        elif key in SETTINGS and (isinstance(value, str) or _is_words(value)):
+            yield f"{place} = {value!r}; a number, or [lo, hi], is needed"
+        else:
+            yield from _range(place, value)
+            for end in value if isinstance(value, tuple) else (value,):
+                if key in SETTINGS and isinstance(end, (int, float)) and math.isfinite(end):
+                    yield from _limits(place, key, end)
+
+
+def _is_words(value: Any) -> bool:
+    return isinstance(value, str) or (isinstance(value, tuple) and all(isinstance(v, str) for v in value))
+
+
+def _range(where: str, value: Any) -> Iterator[str]:
+    """A fixed number, or (lo, hi), drawn evenly in logarithm."""
+    if isinstance(value, str):
+        return
+    if not isinstance(value, tuple):
+        if not math.isfinite(value):
+            yield f"{where} = {value:g}; a finite number is needed"
+        return
+    if _is_words(value):
+        if not value:
+            yield f"{where} = []; a number, [lo, hi] or names are needed"
+        return
+    lo, hi = value
+    if not (0.0 < lo <= hi < math.inf):
+        yield f"{where} = [{lo:g}, {hi:g}]; 0 < lo <= hi is needed, as it is drawn evenly in logarithm"
+
+
+def _names(where: str, value: Any, known: tuple | None) -> Iterator[str]:
+    if value is None:
+        return
+    if value in ((), ""):
+        yield f"{where} has no name"
+    for name in (value,) if isinstance(value, str) else value:
+        if known is not None:
+            yield from _word(where, name, known)
+
+
+def _word(where: str, value: str, known: tuple) -> Iterator[str]:
+    if value not in known:
+        yield f"{where} {value!r} is unknown, {suggestion(value, known)}"
+
+
+def _no_loops(grid: Any) -> list[str]:
+    """Build cells evenly over the grid, a few thousand at most; what they complain of, each complaint once."""
+    found: dict[str, None] = {}
+    for cell in range(0, grid.cells, max(1, grid.cells // MOST_BUILT)):
+        try:
+            grid.group(cell)
+        except SpecError as error:
+            found[str(error).removeprefix(f"{grid.name}: ")] = None
+        except (ArithmeticError, ValueError) as error:
+            found[f"cell {cell} makes no loop: {error}"] = None
+        if len(found) > SHOWN:
+            break
+    return list(found)

@@ -1,0 +1,172 @@
+"""Where a scenario's CPU time goes: loop kernel, its set-up, truth, theory, front end, each detector, store and glue.
+
+Shares are compared with the committed ones, which `--update` writes.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import detectors.prepared
+import detectors.registry
+import simbench.bench.resolve
+import simbench.bench.truth
+import simbench.bench.work as work
+import simbench.loop.kernel
+import simbench.theory.cycle
+from detectors.report import choose_methods
+from scenarios.grid import Grid, load_grid
+from simbench.bench import store, tables
+
+GRID = "chapter"
+BLOCKS, BLOCK = 10, 6  # so many blocks of neighbouring groups, which share what a real run's neighbours share
+ROUNDS = 3
+COMMITTED = Path(__file__).parents[2] / "results" / "perf_shares.json"
+# a share may grow by half and by two hundredths: what the same code does from one machine to the next
+GROWTH, SLACK = 1.5, 0.02
+
+
+class Meter:
+    """CPU time by name: whoever runs is charged, and what it calls under another name is not."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self._running, self._since = ["glue"], time.process_time()
+
+    def wrap(self, name: str, function: Callable) -> Callable:
+        """Return the function, its time charged to `name`."""
+
+        def timed(*args: Any, **kwargs: Any) -> Any:
+            self.charge()
+            self._running.append(name)
+            try:
+                return function(*args, **kwargs)
+            finally:
+                self.charge()
+                self._running.pop()
+
+        return timed
+
+    def charge(self) -> None:
+        now = time.process_time()
+        self.seconds[self._running[-1]] = self.seconds.get(self._running[-1], 0.0) + now - self._since
+        self._since = now
+
+
+def metered(meter: Meter, names: list[str]) -> list[tuple[Any, str, Any]]:
+    """Put the meter into everything that has a line of its own; return what must be put back."""
+    simulate = meter.wrap("simulate, without its kernel", simbench.bench.truth.simulate)
+    compiled = simbench.loop.kernel.compiled
+    places = [
+        (simbench.loop.kernel, "compiled", lambda *a: meter.wrap("loop kernel", compiled(*a))),
+        (simbench.bench.truth, "simulate", simulate),
+        (simbench.bench.resolve, "simulate", simulate),
+        (work, "resolve", meter.wrap("cell: sampling, noise, loads", work.resolve)),
+        (work, "simulate_with_truth", meter.wrap("truth labels", work.simulate_with_truth)),
+        (work, "_theory", meter.wrap("theory columns", work._theory)),
+        (simbench.bench.resolve, "cycle_start", meter.wrap("cell: theory", simbench.bench.resolve.cycle_start)),
+        (detectors.prepared, "find_oscillation", meter.wrap("front end", detectors.prepared.find_oscillation)),
+        (detectors.prepared, "inspect", meter.wrap("quality flags", detectors.prepared.inspect)),
+        (work, "_scenario_row", meter.wrap("rows", work._scenario_row)),
+        (work, "_verdict_row", meter.wrap("rows", work._verdict_row)),
+        (tables, "encode", meter.wrap("store", tables.encode)),
+        (store, "write_piece", meter.wrap("store", store.write_piece)),
+    ]
+    for name in names:
+        module = detectors.registry.methods.load(name)
+        places.append((module, "detect", meter.wrap(name, module.detect)))
+    before = [(owner, attribute, getattr(owner, attribute)) for owner, attribute, _ in places]
+    for owner, attribute, timed in places:
+        setattr(owner, attribute, timed)
+    return before
+
+
+def shares(plan: Grid, names: list[str], blocks: list[range]) -> tuple[dict[str, float], int]:
+    """Run some blocks of a grid as a worker does; return milliseconds of CPU per scenario by name, and the scenarios."""
+    meter, count = Meter(), 0
+    before = metered(meter, names)
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            (Path(folder) / store.PARTS).mkdir()
+            start = time.process_time()
+            for number, groups in enumerate(blocks):
+                piece = work.work(plan, number, groups, names)
+                store.write_piece(Path(folder), piece)
+                count += piece.count
+            meter.charge()
+            total = time.process_time() - start
+    finally:
+        for owner, attribute, function in before:
+            setattr(owner, attribute, function)
+    assert abs(sum(meter.seconds.values()) - total) < 0.02 * total, "the parts do not add up to the whole"
+    return {k: 1e3 * v / count for k, v in meter.seconds.items()}, count
+
+
+def measured() -> dict[str, Any]:
+    """Measure both budgets in turn, each round on other blocks so that nothing is remembered from the one before."""
+    plan = load_grid(GRID)
+    starts = range(0, plan.group_count - BLOCK, plan.group_count // BLOCKS)
+    budgets = {budget: choose_methods([budget]) for budget in ("fast", "full")}
+    # what compiles, compiles before the clock runs
+    work.work(plan, 0, [g for s in starts for g in range(s, s + BLOCK, 2)], budgets["full"])
+    rounds: dict[str, list] = {budget: [] for budget in budgets}
+    for r in range(1, ROUNDS + 1):
+        blocks = [range(s + r * BLOCK, min(s + (r + 1) * BLOCK, plan.group_count)) for s in starts]
+        for budget, names in budgets.items():
+            rounds[budget].append(shares(plan, names, blocks))
+    return {budget: summary(found) for budget, found in rounds.items()}
+
+
+def summary(rounds: list[tuple[dict[str, float], int]]) -> dict[str, Any]:
+    """Return the cheapest round with its shares, which add up, and the median over the rounds."""
+    totals = [sum(found.values()) for found, _ in rounds]
+    best = rounds[int(np.argmin(totals))][0]
+    ordered = sorted(best, key=lambda name: -best[name])
+    return {
+        "scenarios": sum(count for _, count in rounds),
+        "minimum_ms": round(min(totals), 3),
+        "median_ms": round(float(np.median(totals)), 3),
+        "ms": {name: round(best[name], 4) for name in ordered},
+        "share": {name: round(best[name] / min(totals), 4) for name in ordered},
+    }
+
+
+def grown(now: dict[str, Any], committed: dict[str, Any]) -> list[str]:
+    """Return a sentence for each share, and for the ratio of the budgets, that outgrew the committed one; never for times."""
+    told = []
+    for budget, was in committed.items():
+        for name, share in now[budget]["share"].items():
+            before = was["share"].get(name, 0.0)
+            if share > GROWTH * before + SLACK:
+                told.append(f"{budget}: {name} takes {share:.1%} of a scenario, {before:.1%} when last committed")
+    ratios = [t["full"]["minimum_ms"] / t["fast"]["minimum_ms"] for t in (now, committed)]
+    if ratios[0] > GROWTH * ratios[1]:
+        told.append(f"full costs {ratios[0]:.1f} times fast, {ratios[1]:.1f} times when last committed")
+    return told
+
+
+def main() -> int:
+    found = measured()
+    for budget, told in found.items():
+        print(f"{budget}: CPU per scenario of {GRID}: minimum {told['minimum_ms']:.2f} ms, median {told['median_ms']:.2f} ms")
+        for name, value in told["ms"].items():
+            print(f"  {name:<30} {value:8.3f} ms {told['share'][name]:7.1%}")
+        print(f"  {'sum':<30} {sum(told['ms'].values()):8.3f} ms {sum(told['share'].values()):7.1%}")
+    if "--update" in sys.argv:
+        COMMITTED.write_text(json.dumps(found, indent=1) + "\n")
+        return 0
+    wrong = grown(found, json.loads(COMMITTED.read_text()))
+    print(*(wrong or [f"no share outgrew {COMMITTED.name}"]), sep="\n")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
