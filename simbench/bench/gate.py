@@ -1,4 +1,4 @@
-"""Study of the gate, quick: twenty detectors broken on purpose, twenty rewritten in ways that change nothing that matters."""
+"""Study of the gate, quick: detectors broken on purpose, and rewritten in ways that change nothing that matters."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from simbench.bench.store import Book
 from simbench.loop.simulate import simulate
 from simbench.usage import exit_code
 
-EACH = 20  # broken, and rewritten
+BREAKS = 20
 LAST_BITS = 4e-16  # another order of sums
 
 
@@ -58,7 +58,7 @@ FINER: tuple[tuple[object, str, Callable], ...] = (
 SEARCHING = ("he", "rossi_scali", "horch_histogram", "hammerstein", "procedure")
 
 
-def rewritten(base: Book, folder: Path, count: int) -> Iterator[tuple[str, str, Book]]:
+def rewritten(base: Book, folder: Path) -> Iterator[tuple[str, str, Book]]:
     """Yield a run as it comes out with one method rewritten: the last bits of its signals differ, or its search is finer.
 
     Parameters
@@ -67,8 +67,6 @@ def rewritten(base: Book, folder: Path, count: int) -> Iterator[tuple[str, str, 
         The run.
     folder : Path
         Its folder: every record is simulated again.
-    count : int
-        Rewrites wanted.
 
     Yields
     ------
@@ -76,7 +74,6 @@ def rewritten(base: Book, folder: Path, count: int) -> Iterator[tuple[str, str, 
     now : Book
     """
     plan = [(m, "finer") for m in SEARCHING if m in base.methods] + [(m, "last bits") for m in base.methods]
-    plan = plan[:count]
     ways = {how: [(m, registry.load(m).METHOD.defaults()) for m, h in plan if h == how] for how in ("finer", "last bits")}
     said, score = np.empty((len(plan), base.ids.size), np.int8), np.empty((len(plan), base.ids.size), np.float32)
     rng = np.random.default_rng(0)
@@ -120,9 +117,9 @@ def study(grid: str, axes: dict[str, list], methods: tuple[str, ...] = ("fast",)
         folder = run_grid(grid, Path(home) / "base", methods, axes=axes)
         base = Book.read(folder)
         ways = [(m, how) for how in BROKEN for m in base.methods]
-        step = max(len(ways) // EACH, 1)
-        cases = [(m, how, _broken(base, m, how), True) for m, how in ways[::step][:EACH]]
-        cases += [(m, how, now, False) for m, how, now in rewritten(base, folder, EACH)]
+        step = max(len(ways) // BREAKS, 1)
+        cases = [(m, how, _broken(base, m, how), True) for m, how in ways[::step][:BREAKS]]
+        cases += [(m, how, now, False) for m, how, now in rewritten(base, folder)]
         rows = []
         for method, what, now, wanted in cases:
             found = compare_books(now, base)
