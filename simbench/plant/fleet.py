@@ -11,14 +11,13 @@ from typing import Any
 from joblib import Parallel, delayed
 from tqdm import tqdm
 
-from detectors.errors import UserError
 from detectors.io import read_folder, read_labels
 from detectors.prepared import Prepared
 from detectors.record import LoopRecord
 from detectors.report import choose_methods
 from detectors.verdict import Verdict
 from simbench.plant.advice import Advice, advise
-from simbench.plant.episodes import OverTime, over_time
+from simbench.plant.episodes import OverTime
 from simbench.plant.events import likely_root, shared_oscillations
 from simbench.plant.indices import judged
 from simbench.plant.result import STICKY, Trust
@@ -40,7 +39,6 @@ class Member:
         From few twins and the fast methods.
     verdicts : tuple of Verdict
         Of all methods on the record.
-    over_time : OverTime
     size : (float, float) or None
         S and J where stiction is the likelier, in the record's unit.
     label : str
@@ -55,12 +53,16 @@ class Member:
     name: str
     found: Trust
     verdicts: tuple[Verdict, ...]
-    over_time: OverTime
     size: tuple[float, float] | None
     label: str
     event: int | None
     root: str | None
     advice: Advice
+
+    @property
+    def over_time(self) -> OverTime:
+        """Verdicts window by window; none of a record that cannot be judged."""
+        return self.found.over_time or OverTime("", (), 0, 0)
 
     @property
     def probability(self) -> float:
@@ -144,11 +146,7 @@ def _one(name: str, record: LoopRecord, methods: list[str], label: str, seed: in
     behind = found.behind
     if behind is not None and behind.fitted and (behind.gain or 0.0) > 0 and (found.probability or 0.0) >= 0.5:
         size = (behind.fitted[0] * behind.percent, behind.fitted[1] * behind.percent)
-    try:
-        when = over_time(record)
-    except UserError:
-        when = OverTime("procedure", (), 0, 0)
-    return Member(name, found, said, when, size, label, None, None, Advice("", ""))
+    return Member(name, found, said, size, label, None, None, Advice("", ""))
 
 
 def _nonlinearity(verdicts: tuple[Verdict, ...]) -> float:
