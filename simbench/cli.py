@@ -73,7 +73,7 @@ EPILOG = {
 }
 _bare = {"add_completion": False, "no_args_is_help": True, "rich_markup_mode": None, "pretty_exceptions_enable": False}
 app = typer.Typer(help="A closed-loop testbench for valve-stiction detectors.", **{**_bare, "add_completion": True})
-confirm_app = typer.Typer(help="Is it the valve? The chapter's confirmation tests on a simulated loop.", **_bare)
+confirm_app = typer.Typer(help="Is it the valve? The chapter's confirmation tests, on a simulated loop or on records.", **_bare)
 gap_app = typer.Typer(help="Why is the simulation unlike the plant?", **_bare)
 withheld_app = typer.Typer(help="The blind check of the gap diagnosis.", **_bare)
 app.add_typer(confirm_app, name="confirm")
@@ -467,31 +467,54 @@ def figure(
 
 @confirm_app.command("gain-change")
 def gain_change(
-    loop: Annotated[Path, typer.Argument(metavar="LOOP.toml")],
+    loop: Annotated[Path | None, typer.Argument(metavar="LOOP.toml")] = None,
+    records: Annotated[tuple[Path, Path] | None, typer.Option(metavar="BEFORE.csv AFTER.csv", help="Not a loop.")] = None,
+    factor: Annotated[float | None, typer.Option(help="New gain over old; read off the records when absent.")] = None,
+    op_span: Span = None,
     picture: Annotated[Path | None, typer.Option(help="Picture to write (SVG or PNG).")] = None,
     as_json: Json = False,
 ) -> None:
     """Does the period follow the controller gain?"""
-    from scenarios.spec import load_loop
-    from simbench.confirm.gain_change import gain_change as test
+    _one_of("confirm gain-change", loop, "--records BEFORE.csv AFTER.csv", records)
+    if loop is None:
+        from detectors.io import read_record
+        from simbench.confirm.recorded import gain_change_recorded
 
-    with naming(loop):
-        found = test(load_loop(loop))
+        assert records is not None
+        before, after = (read_record(path, op_span=op_span) for path in records)
+        found = gain_change_recorded(before, after, factor)
+    else:
+        from scenarios.spec import load_loop
+        from simbench.confirm.gain_change import gain_change as test
+
+        with naming(loop):
+            found = test(load_loop(loop)) if factor is None else test(load_loop(loop), factor)
     _confirmed(found, picture, as_json)
 
 
 @confirm_app.command()
 def travel(
-    loop: Annotated[Path, typer.Argument(metavar="LOOP.toml")],
+    loop: Annotated[Path | None, typer.Argument(metavar="LOOP.toml")] = None,
+    record: Annotated[Path | None, typer.Option(metavar="REC.csv", help="Of such a test, in place of a loop.")] = None,
+    process: Annotated[str | None, typer.Option(help="Of the record: self-regulating or integrating.")] = None,
+    op_span: Span = None,
     picture: Annotated[Path | None, typer.Option(help="Picture to write (SVG or PNG).")] = None,
     as_json: Json = False,
 ) -> None:
     """Valve travel test: small steps of OP until PV moves, same direction and reversed."""
-    from scenarios.spec import load_loop
-    from simbench.confirm.travel import travel_test
+    _one_of("confirm travel", loop, "--record REC.csv", record)
+    if loop is None:
+        from detectors.io import read_record
+        from simbench.confirm.recorded import travel_recorded
 
-    with naming(loop):
-        found = travel_test(load_loop(loop))
+        assert record is not None
+        found = travel_recorded(read_record(record, process=process, op_span=op_span))
+    else:
+        from scenarios.spec import load_loop
+        from simbench.confirm.travel import travel_test
+
+        with naming(loop):
+            found = travel_test(load_loop(loop))
     _confirmed(found, picture, as_json)
 
 
@@ -698,6 +721,11 @@ def _add_parts(valves: list[Path] | None, effects: list[Path] | None) -> None:
 
 def _line(failed: Any) -> str:
     return f"failed: {failed}\n\n" if str(failed) else ""
+
+
+def _one_of(verb: str, loop: Path | None, option: str, other: Any) -> None:
+    if (loop is None) == (other is None):
+        raise ParameterError(f"{verb} needs either a loop file, or {option}")
 
 
 def _confirmed(result: Any, picture: Path | None, as_json: bool) -> None:
