@@ -13,6 +13,7 @@ from detectors import summary
 from detectors.errors import ParameterError, UnknownName
 from detectors.io import read_folder, read_labels, read_record
 from detectors.judge import judge
+from detectors.registry import PUBLISHED
 from detectors.registry import methods as registry
 from detectors.verdict import NO_DECISION, STICTION, Verdict
 from detectors.views import page_part
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
     from detectors.record import LoopRecord
 
-SETS = ("all", "fast", "full")
+SETS = ("all", "fast", "full", PUBLISHED)
 
 
 @dataclass(frozen=True)
@@ -183,7 +184,8 @@ def choose_methods(names: Iterable[str]) -> list[str]:
     Parameters
     ----------
     names : iterable of str
-        Ids, "all", "fast" or "full"; "horch,he" counts as two.
+        Ids, "all", "fast", "full" or "published" (every method with rules of our own, without them: NAME@published);
+        "horch,he" counts as two.
 
     Returns
     -------
@@ -202,7 +204,9 @@ def choose_methods(names: Iterable[str]) -> list[str]:
     """
     chosen: list[str] = []
     for name in (part.strip() for text in names for part in text.split(",")):
-        if name in SETS:
+        if name == PUBLISHED:
+            some = registry.variants()
+        elif name in SETS:
             some = [m for m in registry.names() if name != "fast" or registry.load(m).METHOD.budget == "fast"]
         else:
             registry.load(name)
