@@ -429,6 +429,23 @@ def gap_diagnose(
     _print(report.as_json() if as_json else report.as_text(), as_json)
 
 
+@gap_app.command("leave-out")
+def leave_out_(
+    out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for records, table and picture.")],
+    world: World = "own",
+    n: Annotated[int, typer.Option("-n", "--records", min=1, help="Records per effect.")] = 4,
+    seed: Annotated[int, typer.Option(min=0)] = 0,
+    jobs: Jobs = 1,
+    as_json: Json = False,
+) -> None:
+    """Take every effect out of the library in turn: what is said then, and how far the gap shrinks once it is back."""
+    from simbench.blind.leave_out import leave_out, summary
+
+    table = summary(leave_out(out, world, n, seed, jobs))
+    text = table.to_string(index=False, float_format="%.2f", na_rep="-")
+    _print(json.loads(table.to_json(orient="records")) if as_json else text, as_json)
+
+
 @withheld_app.command()
 def make(
     out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the check.")],

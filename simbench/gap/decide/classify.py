@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import expit, softmax
 
-from simbench.gap.decide.assess import Assessment, worst_test
+from simbench.gap.decide.assess import ASKED, Assessment, worst_test
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 
-NONE_GAIN = 6.0  # nats an effect must bring to be as probable as none: the price of having asked 22 (ln 22 = 3), twice
 TEMPERATURE = 0.35  # of the softmax: such likelihoods overstate, as no model of load and noise is quite true
 ENOUGH = 30.0  # nats beyond which more evidence is hardly more certainty
 BEHIND = 6.0  # nats by which a second effect follows the first
@@ -34,6 +33,12 @@ class Classified:
         whole = sum(sums.values())
         return {b: v / whole for b, v in sums.items()}
 
+    def refuted(self, effect: str) -> Classified:
+        """Return the same with the probability of an effect given to `unknown`, in the effect's block."""
+        p = dict(self.probability)
+        p[UNKNOWN], p[effect] = p[effect] + p[UNKNOWN], 0.0
+        return Classified(p, block_of(effect))
+
     def block(self, answer: str) -> str:
         """Return the block of an answer; that of `unknown` is the one that fails."""
         return self.unknown_block if answer == UNKNOWN else block_of(answer)
@@ -52,7 +57,7 @@ def classify(found: Assessment) -> Classified:
 
     Notes
     -----
-    `none` stands for a gain of `NONE_GAIN`; `unknown` takes the share that a logistic curve gives to the residual test which
+    `none` stands for a gain of `ASKED`; `unknown` takes the share that a logistic curve gives to the residual test which
     the best model fails by most, a half where it just fails. Where effects are rarer or subtler than in the loops on which
     `simbench.blind.fit_decision` fitted the constants, the probabilities are too high.
 
@@ -71,7 +76,7 @@ def classify(found: Assessment) -> Classified:
         # its own evidence came on top of the first effect's, which the single gains do not show
         first, second = found.chosen
         gains[second] = max(gains[second], gains[first] - BEHIND)
-    known = softmax(TEMPERATURE * np.array([*gains.values(), NONE_GAIN]))
+    known = softmax(TEMPERATURE * np.array([*gains.values(), ASKED]))
     ratio, block = worst_test(found)
     q = float(expit(SHARPNESS * np.log(max(ratio, 1e-3))))
     p = dict(zip((*EFFECTS, NONE), (float(x) for x in (1.0 - q) * known)))

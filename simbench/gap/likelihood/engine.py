@@ -194,7 +194,7 @@ class Engine:
         box[logs] = np.log(box[logs])
 
         def unpack(x: np.ndarray) -> dict[str, float]:
-            return {**theta, **{m: float(v) for m, v in zip(names, np.where(logs, np.exp(x), x))}}
+            return {**theta, **{m: float(v) for m, v in zip(names, np.where(logs, np.exp(np.where(logs, x, 0.0)), x))}}
 
         x = np.array([theta.get(m, 0.0) for m in names])
         x[logs] = np.log(np.maximum(x[logs], 1e-300))

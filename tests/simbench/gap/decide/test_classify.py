@@ -6,9 +6,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from simbench.gap.decide import classify as module
-from simbench.gap.decide.assess import LIMITS, Assessment, assess, worst_test
-from simbench.gap.decide.classify import NONE_GAIN, TEMPERATURE, classify, softened
+from simbench.gap.decide.assess import ASKED, LIMITS, Assessment, assess, worst_test
+from simbench.gap.decide.classify import TEMPERATURE, classify, softened
 from simbench.gap.intake.check import check
 from simbench.gap.random_case import random_case
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
@@ -49,7 +48,7 @@ def test_probabilities_are_in_the_contracts_order_and_sum_to_one(found):
 
 
 def test_an_effect_is_as_likely_as_none_at_the_price_of_asking(found):
-    p = classify(quiet(found, noise=NONE_GAIN)).probability
+    p = classify(quiet(found, noise=ASKED)).probability
     assert p["noise"] == pytest.approx(p[NONE])
     assert p["noise"] > 3 * p["drift"]
 
@@ -108,4 +107,13 @@ def test_the_blocks_shares_are_the_sums_of_what_lies_in_them(found):
     whole = sum(sums.values())
     assert weights.shares == pytest.approx({b: v / whole for b, v in sums.items()})
     assert set(classify(quiet(found)).shares.values()) == {0.0}
-    assert module.NONE_GAIN > np.log(len(EFFECTS))
+    assert ASKED > np.log(len(EFFECTS))
+
+
+def test_a_refuted_effect_gives_its_probability_to_unknown_in_its_own_block(found):
+    weights = classify(quiet(found, stiction=30.0))
+    other = weights.refuted("stiction")
+    assert other.probability["stiction"] == 0.0
+    assert sum(other.probability.values()) == pytest.approx(1.0)
+    assert other.block(UNKNOWN) == "valve"
+    assert other.probability["drift"] == weights.probability["drift"]

@@ -1,0 +1,187 @@
+"""Every effect taken out of the library in turn: what is said then, and how far does the gap shrink once it is back?
+
+Knows the truth and the diagnosis, so neither a world nor the diagnosis imports it.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from joblib import Parallel, delayed
+from scipy.stats import binomtest
+from tqdm import tqdm
+
+from detectors.errors import ParameterError, UserError
+from detectors.io import read_record
+from scenarios.spec import Loop, load_loop
+from simbench.blind.making import PLANTS, record_csv
+from simbench.blind.world import OWN, WORLDS
+from simbench.gap.diagnosis import diagnose
+from simbench.gap.effects import left_out
+from simbench.loop.effects import EFFECTS, NONE, UNKNOWN, block_of
+
+STRENGTHS = ("strong", "medium")
+COLUMNS = ("record", "effect", "strength", "said", "block", "nearest", "before", "left", "resolvable", "back", "after", "error")
+
+
+def leave_out(out: str | Path, world: str = OWN, n: int = 4, seed: int = 0, jobs: int = 1) -> pd.DataFrame:
+    """Diagnose records of every effect without and with the effect in the library.
+
+    Parameters
+    ----------
+    out : path
+        Folder: records/ID.csv and ID.toml, leave_out.csv with a row per record, table.csv and leave_out.png.
+        What is there already is not done again.
+    world : str
+        Which simulator draws the records.
+    n : int
+        Records per effect, strong and medium in turn.
+    seed : int
+        Decides the records.
+    jobs : int
+        Processes; -1 = all cores.
+
+    Returns
+    -------
+    DataFrame
+        One row per record: what was said without the effect (`said`, its `block`, and the known effect `nearest` to it), the
+        gap `before`, what is `left` of it without the effect; what was said once the effect was `back`, and the gap `after`.
+
+    Raises
+    ------
+    ParameterError
+        When there is no such world, or the folder holds another world's or seed's rows.
+
+    Notes
+    -----
+    `resolvable` says whether the gap stands out of its floor at all: of the others nobody can say anything. Not for an effect
+    that no world draws.
+    """
+    out = Path(out)
+    drawn_by = WORLDS.load(world)
+    names = {f"{world}-{seed}-{e}-{i}": (i, e) for e in EFFECTS for i in range(n)}
+    table = out / "leave_out.csv"
+    done = pd.read_csv(table, keep_default_na=False) if table.exists() else pd.DataFrame(columns=COLUMNS)
+    strange = [r for r in done.record if not str(r).startswith(f"{world}-{seed}-")]
+    if strange:
+        raise ParameterError(f"leave-out: {table} holds {strange[0]}, not world {world!r} and seed {seed}; choose a new folder")
+    (out / "records").mkdir(parents=True, exist_ok=True)
+    todo = [name for name in names if name not in set(done.record)]
+    with Parallel(n_jobs=jobs, return_as="generator") as parallel:
+        rows = parallel(delayed(_one)(out / "records", name, *names[name], drawn_by.draw, seed) for name in todo)
+        for row in tqdm(rows, total=len(names), initial=len(names) - len(todo), desc="left out", file=sys.stderr, delay=1.0):
+            pd.DataFrame([row], columns=COLUMNS).to_csv(table, mode="a", header=not table.exists(), index=False)
+    found = pd.read_csv(table, keep_default_na=False)
+    found = found.loc[found.record.isin(list(names))].reset_index(drop=True)
+    summary(found).to_csv(out / "table.csv", index=False)
+    draw(summary(found), out / "leave_out.png")
+    return found
+
+
+def _one(folder: Path, name: str, i: int, effect: str, draw_item: Any, seed: int) -> dict[str, Any]:
+    """Draw one record, and diagnose it without and with its effect."""
+    strength = STRENGTHS[i % 2]
+    row = dict.fromkeys(COLUMNS, "") | {"record": name, "effect": effect, "strength": strength}
+    number = 1000 * list(EFFECTS).index(effect) + i
+    entry = {"kind": "single", "effect": effect, "strength": strength, "mv": i % 4 < 2, "plant": PLANTS[i % 3]}
+    try:
+        item = drawn_by_text(draw_item(seed, number, entry), folder / name)
+        record, baseline = read_record(item.with_suffix(".csv")), load_loop(item.with_suffix(".toml"))
+        with left_out(effect):
+            without = diagnose(record, baseline)
+        whole = diagnose(record, baseline)
+    except UserError as e:
+        return row | {"error": str(e)}
+    known = [r.effect for r in without.ranking if r.effect not in (NONE, UNKNOWN)]
+    return row | {
+        "said": without.effect, "block": without.block, "nearest": known[0], "before": without.gap.before,
+        "left": without.gap.after, "resolvable": without.gap.resolvable, "back": whole.effect, "after": whole.gap.after,
+    }  # fmt: skip
+
+
+def drawn_by_text(item: Any, stem: Path) -> Path:
+    """Write a world's item beside `stem`, as the blind check does, and return the stem."""
+    stem.with_suffix(".csv").write_text(record_csv(item.columns), encoding="utf-8")
+    stem.with_suffix(".toml").write_text(Loop.from_table(item.baseline, stem.name).to_toml(), encoding="utf-8")
+    return stem
+
+
+def summary(found: pd.DataFrame) -> pd.DataFrame:
+    """Return one row per effect, in the vocabulary's order, and one for all.
+
+    Parameters
+    ----------
+    found : DataFrame
+        From `leave_out`.
+
+    Returns
+    -------
+    DataFrame
+        effect, block, n (resolvable records), failed; unknown and block_right (shares of n, Wilson's 95 % interval in the last
+        row), nearest (the known effect named most often instead), left and back (medians of the gap that is left, relative to
+        the gap before, without the effect and with it), named (share named right once it is back).
+    """
+    rows = [_summary(effect, found[found.effect == effect]) for effect in EFFECTS]
+    return pd.DataFrame([*rows, _summary("all", found)])
+
+
+def _summary(effect: str, part: pd.DataFrame) -> dict[str, Any]:
+    failed = int((part.error != "").sum())
+    seen = part[(part.error == "") & (part.resolvable.astype(str) == "True")]
+    row: dict[str, Any] = {
+        "effect": effect,
+        "block": block_of(effect) if effect in EFFECTS else "",
+        "n": len(seen),
+        "failed": failed,
+    }
+    if seen.empty:
+        return row
+    right = seen.block == seen.effect.map(block_of)
+    before = seen.before.astype(float)
+    wrong = seen.nearest[~seen.said.isin([UNKNOWN, NONE])]
+    row |= {
+        "unknown": float((seen.said == UNKNOWN).mean()), "block_right": float(right.mean()),
+        "nearest": wrong.mode().iloc[0] if not wrong.empty else "",
+        "left": float((seen.left.astype(float) / before).median()), "back": float((seen.after.astype(float) / before).median()),
+        "named": float((seen.back == seen.effect).mean()),
+    }  # fmt: skip
+    if effect == "all":
+        for name, hits in (("unknown", seen.said == UNKNOWN), ("block_right", right)):
+            interval = binomtest(int(hits.sum()), len(seen)).proportion_ci(method="wilson")
+            row |= {f"{name}_lo": float(interval.low), f"{name}_hi": float(interval.high)}
+    return row
+
+
+def draw(table: pd.DataFrame, path: Path) -> None:
+    """Draw how much of the gap is left without each effect, and with it; filled where the diagnosis said "unknown".
+
+    Parameters
+    ----------
+    table : DataFrame
+        From `summary`.
+    path : Path
+        PNG to write.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    part = table[(table.effect != "all") & (table.n > 0)].iloc[::-1]
+    figure = Figure(figsize=(8.0, 0.3 * len(part) + 1.6), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    y = np.arange(len(part))
+    axes.hlines(y, part.back, part.left, color="0.75", lw=2, zorder=1)
+    axes.scatter(part.back, y, marker="|", s=90, color="black", label="once it is back", zorder=3)
+    dots = axes.scatter(part.left, y, c=part.unknown, cmap="Blues", vmin=0, vmax=1, edgecolor="0.3", s=50, zorder=2)
+    dots.set_label("without the effect")
+    figure.colorbar(dots, ax=axes, label='share called "unknown" without it', shrink=0.6)
+    axes.axvline(1.0, color="0.5", lw=0.8, ls=":")
+    axes.set_yticks(y, [f"{e} ({b})" for e, b in zip(part.effect, part.block, strict=True)], fontsize=8)
+    axes.set_xlabel("gap left, relative to the gap before (median)")
+    axes.set_xlim(left=0.0)
+    axes.legend(loc="lower right", fontsize=8, frameon=False)
+    figure.savefig(path, dpi=120)

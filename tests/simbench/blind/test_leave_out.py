@@ -1,0 +1,74 @@
+"""Effects left out: the library is whole again, the table counts what was said, a run goes on where it stopped."""
+
+import json
+
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from detectors.errors import ParameterError
+from simbench.blind import leave_out as module
+from simbench.blind.leave_out import COLUMNS, leave_out, summary
+from simbench.cli import app
+from simbench.gap.effects import PLUGINS, left_out, recogniser
+from simbench.loop.effects import EFFECTS
+
+
+def rows(*told):
+    return pd.DataFrame([dict.fromkeys(COLUMNS, "") | row for row in told], columns=COLUMNS)
+
+
+def row(effect, said, block, before=2.0, left=1.9, after=0.5, resolvable=True, **more):
+    return {
+        "effect": effect, "said": said, "block": block, "nearest": "noise", "before": before, "left": left,
+        "resolvable": resolvable, "back": effect, "after": after, **more,
+    }  # fmt: skip
+
+
+def test_an_effect_is_back_once_the_block_has_ended_even_by_an_error():
+    def fail():
+        with left_out("stiction", "drift"):
+            assert recogniser("stiction").fit is None
+            with left_out("noise"):
+                assert recogniser("noise").fit is None
+            assert recogniser("noise").fit is not None
+            raise KeyError
+
+    with pytest.raises(KeyError):
+        fail()
+    assert all(recogniser(e).fit is PLUGINS.load(e).RECOGNISER.fit for e in EFFECTS)
+
+
+def test_the_table_counts_resolvable_records_and_says_how_many_failed():
+    found = rows(
+        row("stiction", "unknown", "valve"), row("stiction", "deadband", "valve", left=1.0), row("drift", "none", "none"),
+        row("drift", "noise", "sensor", resolvable=False), {"effect": "noise", "error": "PV is constant"},
+    )  # fmt: skip
+    table = summary(found).set_index("effect")
+    assert list(table.index) == [*EFFECTS, "all"]
+    assert table.n["stiction"] == 2
+    assert table.unknown["stiction"] == 0.5
+    assert table.block_right["stiction"] == 1.0
+    assert table.left["stiction"] == pytest.approx(0.725)
+    assert table.back["stiction"] == 0.25
+    assert table.n["drift"] == 1
+    assert table.failed["noise"] == 1
+    assert table.unknown["all"] == pytest.approx(1 / 3)
+    assert table.unknown_lo["all"] < 1 / 3 < table.unknown_hi["all"]
+
+
+def test_leaving_out_goes_on_where_it_stopped_and_refuses_another_worlds_rows(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "EFFECTS", {e: EFFECTS[e] for e in ("detuning", "saturation")})
+    first = leave_out(tmp_path, "own", n=1, seed=5)
+    assert (tmp_path / "leave_out.png").stat().st_size > 5000
+    monkeypatch.setattr(module, "_one", None)  # nothing is left to do
+    pd.testing.assert_frame_equal(leave_out(tmp_path, "own", n=1, seed=5), first)
+    told = first.set_index("effect")
+    assert told.said["detuning"] == "unknown"
+    assert told.block["detuning"] == "controller"
+    assert told.back["detuning"] == "detuning"
+    with pytest.raises(ParameterError, match="choose a new folder"):
+        leave_out(tmp_path, "own", n=1, seed=6)
+    out = CliRunner().invoke(app, ["gap", "leave-out", str(tmp_path), "-n", "1", "--seed", "5", "--json"])
+    assert out.exit_code == 0
+    assert json.loads(out.stdout)[-1]["effect"] == "all"
