@@ -29,7 +29,7 @@ NONLINEAR = "surrogate"  # whose score tells a source from its victims
 
 
 @dataclass(frozen=True, eq=False)
-class Member:
+class FleetLoop:
     """One loop of a plant.
 
     Parameters
@@ -74,7 +74,7 @@ class Fleet:
 
     Parameters
     ----------
-    members : tuple of Member
+    members : tuple of FleetLoop
         By probability in steps of a tenth, then by S.
     events : tuple of tuple of str
         Loops that share an oscillation, the likely root first.
@@ -83,7 +83,7 @@ class Fleet:
     methods : tuple of str
     """
 
-    members: tuple[Member, ...]
+    members: tuple[FleetLoop, ...]
     events: tuple[tuple[str, ...], ...]
     refused: Mapping[str, str]
     methods: tuple[str, ...]
@@ -137,7 +137,7 @@ def survey(folder: str | Path, labels: str | Path | None = None, *, jobs: int = 
     return Fleet(tuple(members), events, refused, tuple(names))
 
 
-def _one(name: str, record: LoopRecord, methods: list[str], label: str, seed: int) -> Member:
+def _one(name: str, record: LoopRecord, methods: list[str], label: str, seed: int) -> FleetLoop:
     said = tuple(judged(record, methods))
     found = trust(record, methods=["fast"], healthy=HEALTHY, each=EACH, help_wanted=False, seed=seed)
     size = None
@@ -148,14 +148,14 @@ def _one(name: str, record: LoopRecord, methods: list[str], label: str, seed: in
         when = over_time(record)
     except UserError:
         when = OverTime("procedure", (), 0, 0)
-    return Member(name, found, said, when, size, label, None, None, Advice("", ""))
+    return FleetLoop(name, found, said, when, size, label, None, None, Advice("", ""))
 
 
 def _nonlinearity(verdicts: tuple[Verdict, ...]) -> float:
     return next((v.score for v in verdicts if v.method == NONLINEAR and v.score == v.score), 0.0)
 
 
-def _joined(members: list[Member], prepared: Mapping[str, Prepared]) -> tuple[list[Member], tuple[tuple[str, ...], ...]]:
+def _joined(members: list[FleetLoop], prepared: Mapping[str, Prepared]) -> tuple[list[FleetLoop], tuple[tuple[str, ...], ...]]:
     """Return the members with their events and what to do next, and the events."""
     probability = {m.name: m.probability for m in members}
     nonlinear = {m.name: _nonlinearity(m.verdicts) for m in members}
