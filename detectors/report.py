@@ -11,8 +11,9 @@ import numpy as np
 
 from detectors import summary
 from detectors.errors import ParameterError, UnknownName
+from detectors.guest import SECONDS
 from detectors.io import read_folder, read_labels, read_record
-from detectors.judge import judge
+from detectors.judge import FAILED, judge
 from detectors.registry import PUBLISHED
 from detectors.registry import methods as registry
 from detectors.verdict import NO_DECISION, STICTION, Verdict
@@ -112,6 +113,15 @@ class Report:
         return [(name, verdicts, self.records.get(name)) for name, verdicts in groups.items()]
 
 
+def failed(verdicts: Iterable[tuple[str | None, Verdict]]) -> list[str]:
+    """Return one clause per method that gave no verdict where it was asked for one: how often, and why first."""
+    first: dict[str, list[str]] = {}
+    for _, verdict in verdicts:
+        if verdict.reason.startswith(FAILED):
+            first.setdefault(verdict.method, []).append(verdict.reason.removeprefix(FAILED))
+    return [f"method {m} failed on {len(why)} records ({why[0]})" for m, why in first.items()]
+
+
 def judge_files(
     path: str | Path,
     methods: Iterable[str] = ("all",),
@@ -127,6 +137,7 @@ def judge_files(
     raw: bool = False,
     plugins: Iterable[str | Path] = (),
     thresholds: Mapping[str, Mapping[str, float]] | None = None,
+    time_limit: float = SECONDS,
 ) -> Report:
     """Judge a record file, a folder of them, or an ISDB .mat file.
 
@@ -148,6 +159,8 @@ def judge_files(
         Detector files outside the package; they are judged too, in addition to `methods`.
     thresholds : dict of method id to dict of str to float, optional
         Other thresholds than the methods' own.
+    time_limit : float
+        Seconds a plug-in may take for a record.
 
     Returns
     -------
@@ -158,7 +171,7 @@ def judge_files(
     UserError
         For anything the user can put right: files, methods, thresholds.
     """
-    added = [registry.add_file(p) for p in plugins]
+    added = registry.add_guests(plugins, time_limit)
     names = choose_methods(methods)
     names += [a for a in added if a not in names]
     about = {"process": process, "kind": kind, "op_span": op_span, "pv_span": pv_span, "columns": columns, "Ts": Ts}

@@ -31,6 +31,9 @@ def _workers(jobs: int) -> int:
 Json = Annotated[bool, typer.Option("--json", help="JSON, and nothing else, on stdout.")]
 Jobs = Annotated[int, typer.Option("-j", "--jobs", callback=_workers, help="Worker processes; -1 = all cores.")]
 Plugin = Annotated[list[Path] | None, typer.Option("--plugin", help="File of a further detector; repeatable.")]
+Limit = Annotated[float, typer.Option("--time-limit", metavar="S", help="Seconds a plug-in may take for a record.")]
+ValvePlugin = Annotated[list[Path] | None, typer.Option(help="File of a further valve model; repeatable.")]
+EffectPlugin = Annotated[list[Path] | None, typer.Option(help="File of a further effect; repeatable.")]
 Thresholds = Annotated[
     Path | None, typer.Option(metavar="FILE.json", help="Other thresholds than the published ones, as calibrate writes them.")
 ]
@@ -71,7 +74,7 @@ EPILOG = {
 }
 _bare = {"add_completion": False, "no_args_is_help": True, "rich_markup_mode": None, "pretty_exceptions_enable": False}
 app = typer.Typer(help="A closed-loop testbench for valve-stiction detectors.", **{**_bare, "add_completion": True})
-confirm_app = typer.Typer(help="Is it the valve? The chapter's confirmation tests on a simulated loop.", **_bare)
+confirm_app = typer.Typer(help="Is it the valve? The chapter's confirmation tests, on a simulated loop or on records.", **_bare)
 gap_app = typer.Typer(help="Why is the simulation unlike the plant?", **_bare)
 withheld_app = typer.Typer(help="The blind check of the gap diagnosis.", **_bare)
 app.add_typer(confirm_app, name="confirm")
@@ -116,11 +119,14 @@ def simulate(
     kick: Annotated[float, typer.Option(help="Offset of OP at sample 0 (%).")] = 0.0,
     from_run: Annotated[Path | None, typer.Option("--from", metavar="RUN", help="Folder of a run.")] = None,
     scenario: Annotated[str | None, typer.Option("--id", help="Scenario of that run.")] = None,
+    valve_plugin: ValvePlugin = None,
+    effect_plugin: EffectPlugin = None,
 ) -> None:
     """Run one closed loop and write its record."""
     from simbench.files import write_record
     from simbench.loop.simulate import simulate as run
 
+    _add_parts(valve_plugin, effect_plugin)
     if (loop is None) == (from_run is None):
         raise ParameterError("simulate needs either a loop file, or --from RUN with --id ID")
     if out is None:
@@ -149,10 +155,12 @@ def valve(
     model: Annotated[str, typer.Option(help="Valve model.")],
     out: Annotated[Path, typer.Option("-o", "--out", help="Table to write, with a column mv.")],
     param: Annotated[list[str] | None, typer.Option("--param", metavar="NAME=VALUE", help="Repeatable.")] = None,
+    valve_plugin: ValvePlugin = None,
 ) -> None:
     """Send a column `op` through one valve model."""
     from simbench.loop.response import valve_file
 
+    _add_parts(valve_plugin, None)
     valve_file(source, out, model, _pairs(param or [], "--param"))
 
 
@@ -187,6 +195,7 @@ def detect(
     labels: Annotated[Path | None, typer.Option(help="Table with id and label: judge and score its records.")] = None,
     raw: Annotated[bool, typer.Option("--raw", help="Without the oscillation front end.")] = False,
     plugin: Plugin = None,
+    time_limit: Limit = 60.0,
     thresholds: Thresholds = None,
     power: Power = False,
     why: Annotated[bool, typer.Option("--why", help="Each method's reason below the table.")] = False,
@@ -195,15 +204,18 @@ def detect(
     as_json: Json = False,
 ) -> None:
     """Judge a record, or a folder of records, by one or all detectors."""
-    from detectors.report import judge_files, table
+    from detectors.report import failed, judge_files, table
     from detectors.roles import column_pairs
 
     report = judge_files(
         path, method or ["all"], process=process, kind=kind, op_span=op_span, pv_span=pv_span, labels=labels, raw=raw,
         plugins=plugin or [], thresholds=_threshold_file(thresholds), columns=column_pairs(columns), Ts=Ts, loop=loop,
+        time_limit=time_limit,
     )  # fmt: skip
     for name, sentence in report.refused.items():
         print(f"left out {name}: {sentence}", file=sys.stderr)
+    for sentence in failed(report.verdicts):
+        print(sentence, file=sys.stderr)
     if as_json and report.scores:
         print("\n".join(["score by unit:", *table(report.scores)]), file=sys.stderr)
     _print(report.as_json() if as_json else report.as_text(why=why, colour=sys.stdout.isatty()), as_json)
@@ -289,6 +301,9 @@ def run(
     method: Annotated[list[str] | None, typer.Option(help="Method ids, fast, full, oracle; repeatable [fast, oracle].")] = None,
     raw: Annotated[bool, typer.Option("--raw", help="Only without the oscillation front end.")] = False,
     plugin: Plugin = None,
+    valve_plugin: ValvePlugin = None,
+    effect_plugin: EffectPlugin = None,
+    time_limit: Limit = 60.0,
     backend: Annotated[str, typer.Option(help="loky, dask or ray.")] = "loky",
     address: Annotated[str | None, typer.Option(metavar="URL", help="Of a running scheduler.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on where an earlier run stopped.")] = False,
@@ -315,7 +330,8 @@ def run(
         folder = run_grid(
             grid, out or Path("runs") / Path(grid).stem, tuple(method or ["fast", ORACLE]), jobs, raw=raw, plugins=plugin or [],
             backend=backend, address=address, resume=resume, until_width=until_width, sets=_pairs(sets or [], "--set"),
-            axes=axes, thresholds=_threshold_file(thresholds), large=large,
+            axes=axes, thresholds=_threshold_file(thresholds), large=large, time_limit=time_limit,
+            valve_plugins=valve_plugin or [], effect_plugins=effect_plugin or [],
         )  # fmt: skip
     except Interrupted as stop:  # said here: the command-line library turns Ctrl-C into a bare exit code
         print(stop, file=sys.stderr)
@@ -453,31 +469,54 @@ def figure(
 
 @confirm_app.command("gain-change")
 def gain_change(
-    loop: Annotated[Path, typer.Argument(metavar="LOOP.toml")],
+    loop: Annotated[Path | None, typer.Argument(metavar="LOOP.toml")] = None,
+    records: Annotated[tuple[Path, Path] | None, typer.Option(metavar="BEFORE.csv AFTER.csv", help="Not a loop.")] = None,
+    factor: Annotated[float | None, typer.Option(help="New gain over old; read off the records when absent.")] = None,
+    op_span: Span = None,
     picture: Annotated[Path | None, typer.Option(help="Picture to write (SVG or PNG).")] = None,
     as_json: Json = False,
 ) -> None:
     """Does the period follow the controller gain?"""
-    from scenarios.spec import load_loop
-    from simbench.confirm.gain_change import gain_change as test
+    _one_of("confirm gain-change", loop, "--records BEFORE.csv AFTER.csv", records)
+    if loop is None:
+        from detectors.io import read_record
+        from simbench.confirm.recorded import gain_change_recorded
 
-    with naming(loop):
-        found = test(load_loop(loop))
+        assert records is not None
+        before, after = (read_record(path, op_span=op_span) for path in records)
+        found = gain_change_recorded(before, after, factor)
+    else:
+        from scenarios.spec import load_loop
+        from simbench.confirm.gain_change import gain_change as test
+
+        with naming(loop):
+            found = test(load_loop(loop)) if factor is None else test(load_loop(loop), factor)
     _confirmed(found, picture, as_json)
 
 
 @confirm_app.command()
 def travel(
-    loop: Annotated[Path, typer.Argument(metavar="LOOP.toml")],
+    loop: Annotated[Path | None, typer.Argument(metavar="LOOP.toml")] = None,
+    record: Annotated[Path | None, typer.Option(metavar="REC.csv", help="Of such a test, in place of a loop.")] = None,
+    process: Annotated[str | None, typer.Option(help="Of the record: self-regulating or integrating.")] = None,
+    op_span: Span = None,
     picture: Annotated[Path | None, typer.Option(help="Picture to write (SVG or PNG).")] = None,
     as_json: Json = False,
 ) -> None:
     """Valve travel test: small steps of OP until PV moves, same direction and reversed."""
-    from scenarios.spec import load_loop
-    from simbench.confirm.travel import travel_test
+    _one_of("confirm travel", loop, "--record REC.csv", record)
+    if loop is None:
+        from detectors.io import read_record
+        from simbench.confirm.recorded import travel_recorded
 
-    with naming(loop):
-        found = travel_test(load_loop(loop))
+        assert record is not None
+        found = travel_recorded(read_record(record, process=process, op_span=op_span))
+    else:
+        from scenarios.spec import load_loop
+        from simbench.confirm.travel import travel_test
+
+        with naming(loop):
+            found = travel_test(load_loop(loop))
     _confirmed(found, picture, as_json)
 
 
@@ -672,8 +711,23 @@ def _verbs(context: Any) -> list[str]:
     return [] if context is None else context.command.list_commands(context)
 
 
+def _add_parts(valves: list[Path] | None, effects: list[Path] | None) -> None:
+    if valves or effects:
+        from simbench.loop.effects import PLUGINS
+        from simbench.loop.parameters import VALVES
+
+        for folder, files in ((VALVES, valves), (PLUGINS, effects)):
+            for file in files or []:
+                folder.add_file(file)
+
+
 def _line(failed: Any) -> str:
     return f"failed: {failed}\n\n" if str(failed) else ""
+
+
+def _one_of(verb: str, loop: Path | None, option: str, other: Any) -> None:
+    if (loop is None) == (other is None):
+        raise ParameterError(f"{verb} needs either a loop file, or {option}")
 
 
 def _confirmed(result: Any, picture: Path | None, as_json: bool) -> None:

@@ -100,7 +100,7 @@ def rows(grids: dict[str, int], records: Path, labels: Path, seed: int = SEED) -
         method, variant; per grid: right (share of the loops that apply; no decision is wrong), found, false alarms, no
         decision, gain of the improved method over this variant with McNemar's p; on real units: found, false alarms, undecided.
     """
-    table_rows = [{"method": m, "variant": v} for m, v, _ in variants()]
+    table_rows: list[dict[str, object]] = [{"method": m, "variant": v} for m, v, _ in variants()]
     for grid, every in grids.items():
         said, applies, cycling = simulated(grid, every, seed)
         best = 0
