@@ -8,7 +8,7 @@ import sys
 from typing import Any
 
 from detectors.record import KINDS, PROCESSES
-from detectors.report import judge_files, table
+from detectors.report import failed, judge_files, table
 from detectors.usage import exit_code
 
 
@@ -44,6 +44,8 @@ def _judge(as_json: bool, **asked: Any) -> int:
     report = judge_files(asked.pop("path"), asked.pop("methods"), plugins=asked.pop("plugin"), **asked)
     for name, sentence in report.refused.items():
         print(f"left out {name}: {sentence}", file=sys.stderr)
+    for sentence in failed(report.verdicts):
+        print(sentence, file=sys.stderr)
     if as_json:
         print(json.dumps(report.as_json(), indent=1, allow_nan=False))
         if report.scores:
