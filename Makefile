@@ -30,7 +30,9 @@ check: $(READY)            ## has any detector's accuracy regressed against the 
 	$(BIN)/simbench check runs/ci --against results/baseline
 
 real: $(READY)             ## every record of real loops, every method, scored by unit
-	$(BIN)/simbench detect ../shared/data/real --labels ../shared/data/real/records.csv --why > results/real_records.txt
+	@mkdir -p runs
+	$(BIN)/simbench detect ../shared/data/real --labels ../shared/data/real/records.csv --why > runs/real_records.txt
+	mv runs/real_records.txt results/real_records.txt
 
 leak: $(READY)             ## can a scenario's settings alone predict its label? They must not
 	$(BIN)/python -m simbench.bench.leak

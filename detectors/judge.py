@@ -187,7 +187,7 @@ def judge_one(name: str, module: ModuleType, prepared: Prepared, raw: bool, thre
     applicable: bool | None = True
     notes = []
     if record.op_span is None:
-        notes.append("OP taken as 0..100 %" if record.op_percent is not None else "unit of OP unknown, S and J in OP units")
+        notes.append("OP taken as 0..100 %" if record.op_percent is not None else _unknown_unit(record))
     if record.process is None:
         applicable = None
         notes.append("process type unknown, judged as self-regulating")
@@ -217,6 +217,12 @@ def judge_one(name: str, module: ModuleType, prepared: Prepared, raw: bool, thre
         verdict = verdict.but(indices={**verdict.indices, **found})
     # a record that does not oscillate has no score to cut
     return finished(_cut(verdict, **cuts) if cuts and stopped is None and np.isfinite(verdict.score) else verdict)
+
+
+def _unknown_unit(record: LoopRecord) -> str:
+    if record.op_share:
+        return "OP lies within 0..1, a share or %: give op_span (--op-span 0 1 or --op-span 0 100), S and J in OP units"
+    return "unit of OP unknown, S and J in OP units"
 
 
 def _cut(verdict: Verdict, stiction_above: float, no_stiction_below: float | None = None) -> Verdict:

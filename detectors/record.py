@@ -137,9 +137,15 @@ class LoopRecord:
             percent = (self.op - lo) * (100.0 / (hi - lo))
             percent.flags.writeable = False
             return percent
-        if self.op.min() >= 0.0 and self.op.max() <= 100.0:
+        if self.op.min() >= 0.0 and self.op.max() <= 100.0 and not self.op_share:
             return self.op
         return None
+
+    @cached_property
+    def op_share(self) -> bool:
+        """Whether OP moves within 0..1 and no span tells its unit: a share of 1 judged as % would be wrong by a factor 100."""
+        lo, hi = float(self.op.min()), float(self.op.max())
+        return self.op_span is None and 0.0 <= lo < hi <= 1.0
 
     @property
     def S_unit(self) -> str:

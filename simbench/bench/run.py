@@ -349,7 +349,7 @@ def _tidy(where: Path) -> None:
     import shutil
 
     shutil.rmtree(where / store.PARTS, ignore_errors=True)
-    if not (where / "scores.csv").exists():
+    if not all((where / f"{name}.csv").exists() for name in ("scores", "scores_by_axis")):
         from simbench.bench.score import score_run
 
         score_run(where).write(where)

@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import numpy as np
+import pytest
 
 from detectors.compiled import LANES, compiled, lanes, rows
 
@@ -37,6 +38,25 @@ def test_a_constant_from_a_file_without_kernels_counts_as_well(tmp_path):
     assert run(tmp_path) == (7.0, 0)
     (tmp_path / "numbers_.py").write_text("FACTOR = 4.0\n")
     assert run(tmp_path) == (9.0, 0)
+
+
+DAMAGE = [("py", "half"), ("py", "text"), ("nbi", "one bit"), ("nbi", "empty"), ("nbc", "one bit"), ("nbc", "half")]
+
+
+@pytest.mark.parametrize(("suffix", "damage"), DAMAGE)
+def test_a_damaged_file_of_the_cache_is_made_anew_and_never_executed(tmp_path, suffix, damage):
+    (tmp_path / "kernel.py").write_text(KERNEL)
+    (tmp_path / "helper.py").write_text(HELPER.format(factor=3.0))
+    run(tmp_path)
+    files = [f for f in (tmp_path / "cache").rglob(f"*.{suffix}") if "kernel" in f.name]
+    assert files
+    for file in files:
+        content = bytearray(file.read_bytes())
+        content[len(content) // 2] ^= 4
+        spoilt = {"half": content[: len(content) // 2], "one bit": content, "empty": b"", "text": b"raise SystemExit(3)"}
+        file.write_bytes(bytes(spoilt[damage]))
+    assert run(tmp_path) == (7.0, 0)
+    assert run(tmp_path) == (7.0, 1)
 
 
 def running_sums(x):

@@ -1,0 +1,34 @@
+"""OP whose unit nobody said is never judged as percent."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from detectors.detection import detect
+from detectors.example_loop import example_record
+from detectors.record import LoopRecord
+
+
+def test_a_share_of_one_is_asked_for_its_span():
+    record = example_record("stiction", "self-regulating")
+    share = LoopRecord(op=np.asarray(record.op) / 100.0, pv=record.pv, Ts=record.Ts, process=record.process)
+    assert share.op_percent is None
+    assert share.S_unit == "OP units"
+    for _, verdict in detect(share, ["fast"]).verdicts:
+        assert "--op-span" in verdict.reason
+        assert verdict.S_unit == "OP units"
+    known = LoopRecord(op=share.op, pv=share.pv, Ts=share.Ts, process=record.process, op_span=(0.0, 1.0))
+    whole = LoopRecord(op=record.op, pv=record.pv, Ts=record.Ts, process=record.process, op_span=(0.0, 100.0))
+    for (_, a), (_, b) in zip(detect(known, ["fast"]).verdicts, detect(whole, ["fast"]).verdicts, strict=True):
+        assert a.verdict == b.verdict, a.method
+        assert a.S_unit == b.S_unit == "% of travel"
+
+
+@pytest.mark.parametrize(
+    ("op", "share"),
+    [([0.0, 0.5, 1.0], True), ([0.0, 0.0, 0.0], False), ([0.5, 0.5, 0.5], False), ([0.0, 0.5, 1.1], False),
+     ([-0.1, 0.5, 1.0], False)],
+)  # fmt: skip
+def test_only_what_moves_within_0_and_1_is_in_doubt(op, share):
+    assert LoopRecord(op=op, pv=[1.0, 2.0, 3.0], Ts=1.0).op_share is share
