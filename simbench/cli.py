@@ -65,6 +65,7 @@ EPILOG = {
     "gain-change": ["simbench confirm gain-change loop.toml"],
     "travel": ["simbench confirm travel loop.toml --picture travel.svg"],
     "gap diagnose": ["simbench gap diagnose rec.csv --baseline loop.toml --html gap.html --write-loop fixed.toml"],
+    "leave-out": ["simbench gap leave-out withheld -j 2"],
     "make": ["simbench gap withheld make check --key check.key --seed 1"],
     "answer": ["simbench gap withheld answer check -j 2"],
     "open": ["simbench gap withheld open check --key check.key"],
@@ -73,7 +74,7 @@ EPILOG = {
 }
 _bare = {"add_completion": False, "no_args_is_help": True, "rich_markup_mode": None, "pretty_exceptions_enable": False}
 app = typer.Typer(help="A closed-loop testbench for valve-stiction detectors.", **{**_bare, "add_completion": True})
-confirm_app = typer.Typer(help="Is it the valve? The chapter's confirmation tests on a simulated loop.", **_bare)
+confirm_app = typer.Typer(help="Is it the valve? The chapter's confirmation tests, on a simulated loop or on records.", **_bare)
 gap_app = typer.Typer(help="Why is the simulation unlike the plant?", **_bare)
 withheld_app = typer.Typer(help="The blind check of the gap diagnosis.", **_bare)
 app.add_typer(confirm_app, name="confirm")
@@ -204,10 +205,11 @@ def detect(
 ) -> None:
     """Judge a record, or a folder of records, by one or all detectors."""
     from detectors.report import failed, judge_files, table
+    from detectors.roles import column_pairs
 
     report = judge_files(
         path, method or ["all"], process=process, kind=kind, op_span=op_span, pv_span=pv_span, labels=labels, raw=raw,
-        plugins=plugin or [], thresholds=_threshold_file(thresholds), columns=_columns(columns), Ts=Ts, loop=loop,
+        plugins=plugin or [], thresholds=_threshold_file(thresholds), columns=column_pairs(columns), Ts=Ts, loop=loop,
         time_limit=time_limit,
     )  # fmt: skip
     for name, sentence in report.refused.items():
@@ -467,31 +469,54 @@ def figure(
 
 @confirm_app.command("gain-change")
 def gain_change(
-    loop: Annotated[Path, typer.Argument(metavar="LOOP.toml")],
+    loop: Annotated[Path | None, typer.Argument(metavar="LOOP.toml")] = None,
+    records: Annotated[tuple[Path, Path] | None, typer.Option(metavar="BEFORE.csv AFTER.csv", help="Not a loop.")] = None,
+    factor: Annotated[float | None, typer.Option(help="New gain over old; read off the records when absent.")] = None,
+    op_span: Span = None,
     picture: Annotated[Path | None, typer.Option(help="Picture to write (SVG or PNG).")] = None,
     as_json: Json = False,
 ) -> None:
     """Does the period follow the controller gain?"""
-    from scenarios.spec import load_loop
-    from simbench.confirm.gain_change import gain_change as test
+    _one_of("confirm gain-change", loop, "--records BEFORE.csv AFTER.csv", records)
+    if loop is None:
+        from detectors.io import read_record
+        from simbench.confirm.recorded import gain_change_recorded
 
-    with naming(loop):
-        found = test(load_loop(loop))
+        assert records is not None
+        before, after = (read_record(path, op_span=op_span) for path in records)
+        found = gain_change_recorded(before, after, factor)
+    else:
+        from scenarios.spec import load_loop
+        from simbench.confirm.gain_change import gain_change as test
+
+        with naming(loop):
+            found = test(load_loop(loop)) if factor is None else test(load_loop(loop), factor)
     _confirmed(found, picture, as_json)
 
 
 @confirm_app.command()
 def travel(
-    loop: Annotated[Path, typer.Argument(metavar="LOOP.toml")],
+    loop: Annotated[Path | None, typer.Argument(metavar="LOOP.toml")] = None,
+    record: Annotated[Path | None, typer.Option(metavar="REC.csv", help="Of such a test, in place of a loop.")] = None,
+    process: Annotated[str | None, typer.Option(help="Of the record: self-regulating or integrating.")] = None,
+    op_span: Span = None,
     picture: Annotated[Path | None, typer.Option(help="Picture to write (SVG or PNG).")] = None,
     as_json: Json = False,
 ) -> None:
     """Valve travel test: small steps of OP until PV moves, same direction and reversed."""
-    from scenarios.spec import load_loop
-    from simbench.confirm.travel import travel_test
+    _one_of("confirm travel", loop, "--record REC.csv", record)
+    if loop is None:
+        from detectors.io import read_record
+        from simbench.confirm.recorded import travel_recorded
 
-    with naming(loop):
-        found = travel_test(load_loop(loop))
+        assert record is not None
+        found = travel_recorded(read_record(record, process=process, op_span=op_span))
+    else:
+        from scenarios.spec import load_loop
+        from simbench.confirm.travel import travel_test
+
+        with naming(loop):
+            found = travel_test(load_loop(loop))
     _confirmed(found, picture, as_json)
 
 
@@ -700,6 +725,11 @@ def _line(failed: Any) -> str:
     return f"failed: {failed}\n\n" if str(failed) else ""
 
 
+def _one_of(verb: str, loop: Path | None, option: str, other: Any) -> None:
+    if (loop is None) == (other is None):
+        raise ParameterError(f"{verb} needs either a loop file, or {option}")
+
+
 def _confirmed(result: Any, picture: Path | None, as_json: bool) -> None:
     if picture is not None:
         from simbench.files import whole_file
@@ -726,11 +756,6 @@ def _print_power(path: Path, methods: list[str], as_json: bool, **about: Any) ->
 
     # beside JSON nothing else may stand on stdout
     print("\n".join(power_lines(path, methods, **about)), file=sys.stderr if as_json else sys.stdout)
-
-
-def _columns(words: list[str] | None) -> dict[str, str] | None:
-    split = [part.strip() for word in words or [] for part in word.split(",")]
-    return _pairs(split, "--columns", text=True) or None
 
 
 def _pairs(words: list[str], option: str, text: bool = False) -> dict[str, Any]:

@@ -144,7 +144,7 @@ def _real_accuracy(
     for name, record in records.items():
         label = known.get(name, {}).get("label", "unknown")
         if label not in ("", "unknown"):
-            sticky = label == "stiction"
+            sticky = label == STICTION
             right = [v.verdict == (STICTION if sticky else "no_stiction") for v in judged(record, methods)]
             rows.setdefault(unit[name], []).append(np.array(right, dtype=float))
             truth[unit[name]] = sticky
