@@ -106,7 +106,8 @@ def trust(
     twins = draw_twins(behind, round(share * healthy), max(round(share * each), 2), seed=seed)
     sticky = np.array([t.S > 0 for t in twins], dtype=bool)
     if min(sticky.sum(), (~sticky).sum()) < FEW:
-        return _without_twins(record, said, "the identified loop cannot be simulated: it runs away")
+        whose = "loop file's" if behind.trusted else "identified"
+        return _without_twins(record, said, f"the {whose} loop does not move as the record does", behind.notes)
     return _weighed(record, behind, names, said, twins, help_wanted, seed)
 
 
@@ -170,6 +171,6 @@ def _in_units(c: Cell, percent: float) -> Cell:
     return c if percent == 1.0 else replace(c, S=c.S * percent, J=c.J * percent)
 
 
-def _without_twins(record: LoopRecord, said: list[Verdict], why: str) -> Trust:
+def _without_twins(record: LoopRecord, said: list[Verdict], why: str, notes: Sequence[str] = ()) -> Trust:
     rows = tuple(MethodTrust(v, Rule(v.method, None, 0.5), v.verdict == STICTION, float("nan"), (), 1.0) for v in said)
-    return Trust(OPEN, rows, None, (), None, None, (), (), (why,), record)
+    return Trust(OPEN, rows, None, (), None, None, (), (), (why, *notes), record)
