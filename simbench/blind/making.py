@@ -22,6 +22,7 @@ from simbench.blind import seal
 from simbench.blind.world import OWN, WORLDS
 
 PLANTS = ("foptd", "foptd", "integrating")
+NEEDS_T = "time_constant_mismatch"
 STRENGTHS = ("weak", "medium", "strong")
 # in this order since the first set was sealed: a seed means the same records for ever
 PLANNED = (
@@ -87,7 +88,7 @@ class Plan:
     def entries(self, foreign: Sequence[str]) -> list[dict[str, Any]]:
         """Return one entry per record, in order: what it must hold; `foreign` are the world's foreign kinds."""
         single = [
-            {"kind": "single", "effect": e, "strength": s, "mv": (i + j + k) % 2 == 0, "plant": PLANTS[(i + j + 2 * k) % 3]}
+            {"kind": "single", "effect": e, "strength": s, "mv": (i + j + k) % 2 == 0, "plant": _plant(e, i + j + 2 * k)}
             for j, e in enumerate(self.effects)
             for k, s in enumerate(self.strengths)
             for i in range(self.per_cell)
@@ -103,6 +104,11 @@ class Plan:
         ]
         others = [{"kind": kind, "mv": i % 2 == 0} for kind in ("none", "two") for i in range(getattr(self, kind))]
         return single + others + unexplained
+
+
+def _plant(effect: str, turn: int) -> str:
+    # an integrating plant has no time constant that could be another one
+    return PLANTS[0] if effect == NEEDS_T else PLANTS[turn % 3]
 
 
 def answers_csv(answers: list[dict[str, Any]]) -> str:

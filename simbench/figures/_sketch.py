@@ -44,7 +44,8 @@ def draw_sketch(table: pd.DataFrame) -> Figure:
     wide, high = (float(table[c].max() - table[c].min()) + 1.6 for c in ("x", "y"))
     figure = Figure(figsize=(min(0.95 * wide, 9.0), 0.95 * high * min(1.0, 9.0 / (0.95 * wide))), layout="constrained")
     axes = figure.subplots()
-    for (shape, _), part in table.groupby(["shape", "part"], sort=False):
+    for _, part in table.groupby(["shape", "part"], sort=False):
+        shape = str(part["shape"].iloc[0])
         x, y, text = part.x.to_numpy(), part.y.to_numpy(), str(part.text.iloc[0])
         if shape in ("arrow", "line"):
             axes.plot(x, y, color=BLACK, linewidth=1.1, solid_capstyle="round")
