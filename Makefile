@@ -31,7 +31,7 @@ check: $(READY)            ## has any detector's accuracy regressed against the 
 
 real: $(READY)             ## every record of real loops, every method, scored by unit
 	@mkdir -p runs
-	$(BIN)/simbench detect ../shared/data/real --labels ../shared/data/real/records.csv > runs/real_records.txt
+	$(BIN)/simbench detect ../shared/data/real --labels ../shared/data/real/records.csv --why > runs/real_records.txt
 	mv runs/real_records.txt results/real_records.txt
 
 leak: $(READY)             ## can a scenario's settings alone predict its label? They must not

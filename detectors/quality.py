@@ -8,11 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from detectors.record import LoopRecord
+from detectors.signal.holds import holds, still
+from detectors.signal.lattice import lattice, written_unit
+from detectors.signal.lines import straight
 from detectors.signal.oscillation import Oscillation, find_oscillation
+from detectors.signal.spikes import isolated, off_line
+from detectors.signal.tails import heavy_tails
 
 SATURATED = 0.05  # share of samples at a limit
 OPERATOR = 0.01  # changes of OP per sample, below which a person and not a controller moves it
-QUANTUM = 0.1  # steps of the values over the std of the signal
+STEPS = 0.1  # steps of the values over the std of the signal
+FEWEST = 4  # levels of a signal that is called quantised
 COLLINEAR = 0.1  # share of moving samples that lie on the straight line through their neighbours
 UNDERSAMPLED = 8.0  # samples per period
 FROZEN = 0.05  # longest stand-still, as a share of the record
@@ -79,9 +85,7 @@ def _findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]:
         share, limit = saturation(record.op, record.pv, record.op_percent)
         if share > SATURATED:
             yield Flag("saturated", f"OP stands at {limit:g} in {share:.0%} of the samples")
-        q = quantum(record.op)
-        if q > QUANTUM * record.op.std():
-            yield Flag("quantised_op", f"OP moves in steps of {q:.3g}, {q / record.op.std():.0%} of its std")
+        yield from _steps("op", record.op, steps(record.op, record.pv))
     if alive["pv"]:
         yield from _pv_findings(record, oscillation)
         step = np.abs(np.diff(record.pv))
@@ -96,13 +100,13 @@ def _findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]:
 
 def _pv_findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]:
     pv, n, std = record.pv, record.n, float(record.pv.std())
-    q = quantum(pv)
-    if q > QUANTUM * std:
-        yield Flag("quantised_pv", f"PV moves in steps of {q:.3g}, {q / std:.0%} of its std")
-    share, lines = straight(pv, q)
+    step = steps(pv, record.op)
+    yield from _steps("pv", pv, step)
+    share, lines = straight(pv, step)
     periods = record.duration / oscillation.period_s if oscillation.sustained else 0.0
     # an integrating process draws two straight lines per cycle by itself
-    if share > COLLINEAR and lines > max(4.0 * periods, n / 50.0):
+    compressed = share > COLLINEAR and lines > max(4.0 * periods, n / 50.0)
+    if compressed:
         yield Flag("compressed", f"{share:.0%} of PV's moving samples lie on straight lines between others")
     runs = holds(pv)
     k = int(runs.argmax())
@@ -119,29 +123,41 @@ def _pv_findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]
         off, spread = abs(float(record.e.mean())), float(record.e.std())
         if off > 3.0 * spread:
             yield Flag("off_setpoint", f"PV stays {off:.3g} away from SP and moves by {spread:.3g} only")
-    isolated = outliers(pv)
-    if isolated > SPIKES * n:
-        yield Flag("spikes", f"{isolated} isolated outliers in PV")
+    # the samples that an archive kept stand off the lines it drew
+    outliers = 0 if compressed else isolated(pv, step)[0].size
+    if outliers > SPIKES * n and not heavy_tails(off_line(pv)[0]):
+        yield Flag("spikes", f"{outliers} isolated outliers in PV")
 
 
-def still(x: np.ndarray) -> bool:
-    """Return whether a signal never changes by more than rounding.
+def _steps(name: str, x: np.ndarray, step: float) -> Iterator[Flag]:
+    # fewer levels may be the positions of a valve that knows no others
+    if step > STEPS * x.std() and np.unique(x).size >= FEWEST:
+        yield Flag(f"quantised_{name}", f"{name.upper()} moves in steps of {step:.3g}, {step / x.std():.0%} of its std")
+
+
+def steps(x: np.ndarray, other: np.ndarray) -> float:
+    """Return the steps that a signal is written in: of its lattice, else of its decimals.
 
     Parameters
     ----------
     x : ndarray, shape (n,)
         Signal.
+    other : ndarray, shape (n,)
+        Another column of the same record; it shows with how many digits the file was written.
 
     Returns
     -------
-    bool
+    float
+        In units of x; 0 at full precision.
 
     Examples
     --------
-    >>> still(np.array([1e6, 1e6 + 1e-7, 1e6])), still(np.array([1.0, 1.1]))
-    (True, False)
+    >>> x = 5 * np.sin(np.arange(300) / 9)
+    >>> [round(steps(a, b), 6) for a, b in ((np.round(x * 2) / 2, x), (np.round(x, 3), np.round(x, 3)), (x, x))]
+    [0.5, 0.001, 0.0]
     """
-    return bool(np.ptp(x) <= 1e-9 * np.abs(x).max())
+    unit = written_unit(x, other)
+    return lattice(x, unit) or unit
 
 
 def saturation(op: np.ndarray, pv: np.ndarray, percent: np.ndarray | None = None) -> tuple[float, float]:
@@ -190,113 +206,3 @@ def saturation(op: np.ndarray, pv: np.ndarray, percent: np.ndarray | None = None
         if certain or (again and stays.mean() > 3.0 * elsewhere and pv[op == extreme].std() > 0.1 * pv.std()):
             best = (float(share), float(extreme))
     return best
-
-
-def holds(x: np.ndarray) -> np.ndarray:
-    """Return the lengths of the runs of equal samples, in order.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Signal.
-
-    Returns
-    -------
-    ndarray of int, shape (m,)
-        They add up to n.
-
-    Examples
-    --------
-    >>> holds(np.array([1, 1, 2, 3, 3, 3]))
-    array([2, 1, 3])
-    """
-    edges = np.flatnonzero(np.diff(x)) + 1
-    return np.diff(np.concatenate([[0], edges, [x.size]]))
-
-
-def quantum(x: np.ndarray) -> float:
-    """Return the step of a signal whose values lie on an even grid, else 0.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Signal.
-
-    Returns
-    -------
-    float
-        In units of x; 0 for fewer than four levels, which may be the two or three positions of a valve.
-
-    Examples
-    --------
-    >>> x = 5 * np.sin(np.arange(300) / 9)
-    >>> quantum(np.round(x * 2) / 2), quantum(x)
-    (0.5, 0.0)
-    """
-    levels = np.unique(x)
-    if levels.size < 4:
-        return 0.0
-    steps = np.diff(levels)
-    q = float(steps.min())
-    off = steps / q - np.round(steps / q)
-    return q if np.abs(off).max() < 0.05 else 0.0
-
-
-def straight(x: np.ndarray, resolution: float = 0.0) -> tuple[float, int]:
-    """Return how much of a signal's movement runs on straight lines between kept samples, and on how many.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Signal.
-    resolution : float
-        Step of its values, 0 for none.
-
-    Returns
-    -------
-    share : float
-        Moving interior samples on the line through their neighbours over all moving ones, 0..1.
-    lines : int
-        Straight pieces of three samples or more.
-
-    Examples
-    --------
-    >>> kept = np.random.default_rng(0).standard_normal(101)
-    >>> share, lines = straight(np.interp(np.arange(1001), np.arange(0, 1001, 10), kept))
-    >>> round(share, 2), lines
-    (0.9, 96)
-    """
-    step = np.diff(x)
-    size = np.abs(step)
-    usual = float(np.median(size[size > 0])) if size.any() else 0.0
-    rounding = max(1e-3 * usual, 2.0 * resolution)
-    moves = size > max(0.1 * usual, 50.0 * rounding)
-    moving = moves[1:] & moves[:-1]
-    on = moving & (np.abs(np.diff(step)) <= rounding)
-    lines = int(on[0]) + int(np.count_nonzero(on[1:] & ~on[:-1]))
-    return float(on.sum() / max(int(moving.sum()), 1)), lines
-
-
-def outliers(x: np.ndarray) -> int:
-    """Return the number of samples that jump away from both neighbours and back, far beyond the usual.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Signal.
-
-    Returns
-    -------
-    int
-
-    Examples
-    --------
-    >>> x = np.sin(np.arange(300) / 9)
-    >>> x[[50, 120]] += 3
-    >>> outliers(x)
-    2
-    """
-    before, after = x[1:-1] - x[:-2], x[1:-1] - x[2:]
-    jump = np.where(before * after > 0, np.minimum(np.abs(before), np.abs(after)), 0.0)
-    usual = np.median(np.abs(np.diff(x)))
-    return int(np.count_nonzero(jump > max(8.0 * usual, float(x.std()))))

@@ -209,5 +209,34 @@ class PluginFolder:
         return module
 
 
+PUBLISHED = "published"
 RESERVED = ("all", "fast", "full", "oracle", "always_no", "always_yes")
-methods = PluginFolder("detector", "detectors.methods", "simbench.detectors", ("METHOD", "detect"), RESERVED)
+
+
+class Detectors(PluginFolder):
+    """The detectors; `NAME@published` is a detector with the thresholds of its source.
+
+    Examples
+    --------
+    >>> methods.load("rossi_scali@published").METHOD.defaults()["left_out"]
+    0.0
+    """
+
+    def load(self, name: str) -> ModuleType:
+        """Import one detector, or the published variant of one; see `PluginFolder.load`."""
+        base, at, variant = name.partition("@")
+        if at and variant != PUBLISHED:
+            raise UnknownName(self.kind, name, [*self.names(), *self.variants()])
+        module = super().load(base)
+        if not at:
+            return module
+        shown = ModuleType(name, module.__doc__)
+        shown.__dict__.update(METHOD=module.METHOD.as_published(), detect=module.detect, __file__=module.__file__)
+        return shown
+
+    def variants(self) -> list[str]:
+        """Return NAME@published of every detector whose defaults are not those of its source."""
+        return [f"{name}@{PUBLISHED}" for name in self.names() if super(Detectors, self).load(name).METHOD.published]
+
+
+methods = Detectors("detector", "detectors.methods", "simbench.detectors", ("METHOD", "detect"), RESERVED)

@@ -14,6 +14,7 @@ from detectors.errors import ParameterError, UnknownName
 from detectors.guest import SECONDS
 from detectors.io import read_folder, read_labels, read_record
 from detectors.judge import FAILED, judge
+from detectors.registry import PUBLISHED
 from detectors.registry import methods as registry
 from detectors.verdict import NO_DECISION, STICTION, Verdict
 from detectors.views import page_part
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
     from detectors.record import LoopRecord
 
-SETS = ("all", "fast", "full")
+SETS = ("all", "fast", "full", PUBLISHED)
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,7 @@ class Report:
         -------
         str
         """
-        text = summary.as_text(self._groups(), why=why, colour=colour)
+        text = summary.as_text(self.groups(), why=why, colour=colour)
         return "\n".join([text, "", *table(self.scores)]) if self.scores else text
 
     def to_frame(self) -> pd.DataFrame:
@@ -96,10 +97,16 @@ class Report:
     def _repr_html_(self) -> str:
         frame = self.to_frame()
         keys = [c for c in ("record", "method", "verdict", "score", "applicable", "reason") if c in frame]
-        groups = self._groups()
+        groups = self.groups()
         return page_part(summary.sentence(groups[0][1]) if len(groups) == 1 else f"{len(groups)} records", frame[keys])
 
-    def _groups(self) -> list[tuple[str | None, list[Verdict], LoopRecord | None]]:
+    def groups(self) -> list[tuple[str | None, list[Verdict], LoopRecord | None]]:
+        """Return the verdicts record by record.
+
+        Returns
+        -------
+        list of (name or None, list of Verdict, LoopRecord or None)
+        """
         groups: dict[str | None, list[Verdict]] = {}
         for name, verdict in self.verdicts:
             groups.setdefault(name, []).append(verdict)
@@ -190,7 +197,8 @@ def choose_methods(names: Iterable[str]) -> list[str]:
     Parameters
     ----------
     names : iterable of str
-        Ids, "all", "fast" or "full"; "horch,he" counts as two.
+        Ids, "all", "fast", "full" or "published" (every method with rules of our own, without them: NAME@published);
+        "horch,he" counts as two.
 
     Returns
     -------
@@ -209,7 +217,9 @@ def choose_methods(names: Iterable[str]) -> list[str]:
     """
     chosen: list[str] = []
     for name in (part.strip() for text in names for part in text.split(",")):
-        if name in SETS:
+        if name == PUBLISHED:
+            some = registry.variants()
+        elif name in SETS:
             some = [m for m in registry.names() if name != "fast" or registry.load(m).METHOD.budget == "fast"]
         else:
             registry.load(name)

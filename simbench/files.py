@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import csv
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import IO
 
@@ -64,6 +64,23 @@ def whole_file(path: str | Path, mode: str = "w") -> Iterator[IO]:
         if not special:
             with contextlib.suppress(OSError):
                 temporary.unlink()
+
+
+def refuse_own_input(outputs: Iterable[str | Path | None], inputs: Iterable[str | Path | None]) -> None:
+    """Refuse to write over what is read; None stands for nothing.
+
+    Parameters
+    ----------
+    outputs, inputs : iterable of path or None
+
+    Raises
+    ------
+    FileError
+    """
+    read = [Path(p).resolve() for p in inputs if p is not None]
+    for path in outputs:
+        if path is not None and Path(path).resolve() in read:
+            raise FileError(f"{path} is read by this command; it is not written over, name another file")
 
 
 def folder(path: str | Path) -> Path:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
+from detectors.verdict import NO_STICTION, STICTION
 from scenarios.grid import Grid
 from simbench.bench.statistics import wilson
 from simbench.bench.store import read_part
@@ -119,7 +120,7 @@ def _counts(grid: Grid, where: Path, pieces: int, methods: Sequence[str]) -> tup
         np.maximum.at(repeats, cell, group // grid.cells + 1)
         labelled = np.isin(answer, (YES, NO))
         np.add.at(known, cell[labelled], 1)
-        good = said == np.where(answer == YES, "stiction", "no_stiction")
+        good = said == np.where(answer == YES, STICTION, NO_STICTION)
         for i in range(len(methods)):
             np.add.at(right[i], cell[labelled], good[i, labelled])
     return right, known, repeats

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from detectors.verdict import STICTION
 from simbench.bench.ranks import Ranks, rank_methods
 from simbench.bench.score_result import ALL, FRONT, RAW, ROLE_YARDSTICK, Scores, kind_of
 from simbench.bench.statistics import auc, wilson
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 PROCESSES = {ALL: None, "self-regulating": "foptd", "integrating": "integrating"}
 # rates with Wilson intervals, in the order they are shown
 RATES = ("accuracy_applicable", "accuracy_decided", "no_decision", "found", "false_alarms", "accuracy_all")
-YARDSTICKS = {"always no": CODES["no_stiction"], "always yes": CODES["stiction"]}
+YARDSTICKS = {"always no": CODES["no_stiction"], "always yes": CODES[STICTION]}
 COVERED = 0.95  # of a block's loops: a method made for fewer has no rank there
 
 
@@ -128,7 +129,7 @@ def _row(
     said, positive = a.said[here], book.truth[truth][here] == 1
     n, m, p, right = int(use.sum()), said.size, int(positive.sum()), int((said == positive).sum())
     undecided = int((said == CODES["no_decision"]).sum())
-    found, false_alarms = (int((said[part] == CODES["stiction"]).sum()) for part in (positive, ~positive))
+    found, false_alarms = (int((said[part] == CODES[STICTION]).sum()) for part in (positive, ~positive))
     # where a method does not apply it does not decide: nothing right is added
     of = ((right, m), (right, m - undecided), (undecided, m), (found, p), (false_alarms, m - p), (right, n))
     row: dict[str, Any] = {"method": a.method, **place, "role": a.role, "sees_mv": a.sees_mv}

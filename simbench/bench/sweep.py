@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from detectors.verdict import STICTION
 from scenarios.grid import Grid, make_grid
 from scenarios.spec import Loop, load_loop
 from simbench.bench.run import run_grid
@@ -102,7 +103,7 @@ class Sweep:
         frame = self.verdicts(detectors, jobs, **settings)
         for (_, method), part in frame.groupby(["cell", "method"], sort=False):  # pyright: ignore[reportGeneralTypeIssues]
             clear = part.cycled.isin(["yes", "no"])
-            right = (part[verdict] == "stiction") == (part.cycled == "yes")
+            right = (part[verdict] == STICTION) == (part.cycled == "yes")
             right &= (part[verdict] != "no_decision") & clear
             lo, hi = wilson(int(right.sum()), int(clear.sum()))
             rows.append(
@@ -111,7 +112,7 @@ class Sweep:
                     "method": method,
                     "n": len(part),
                     "cycling": float((part.cycled == "yes").mean()),
-                    "stiction": float((part[verdict] == "stiction").mean()),
+                    "stiction": float((part[verdict] == STICTION).mean()),
                     "no_decision": float((part[verdict] == "no_decision").mean()),
                     "accuracy": float(right.sum() / clear.sum()) if clear.any() else math.nan,
                     "accuracy_lo": float(lo),

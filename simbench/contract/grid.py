@@ -52,7 +52,7 @@ def check_grid(path: str | Path) -> Contract:
         groups = list(grid.groups())
     except SpecError as error:
         return Contract("grid", path.stem, (str(error),))
-    broken = [*_words(grid), *_twice_the_same(grid, groups), *_scenarios(grid, groups)]
+    broken = [*_words(grid), *_repeated(grid, groups), *_scenarios(grid, groups)]
     return Contract("grid", path.stem, tuple(dict.fromkeys(broken)))
 
 
@@ -66,15 +66,7 @@ def _words(grid: Grid) -> Iterator[str]:
         yield "holds no scenario"
 
 
-def _twice_the_same(grid: Grid, groups: list[Group]) -> Iterator[str]:
-    """Look for cells that ask for the same thing twice, and for draws that do not repeat themselves."""
-    kept = grid.content.block or ()
-    axes = [(block.name, key, values) for block in kept for key, values in block.axes.items()]
-    axes += [("", key, values) for key, values in grid.content.axes.items()]
-    for block, key, values in axes:
-        for value, times in Counter(values).items():
-            if times > 1:
-                yield f"axis {key!r}{f' of block {block!r}' if block else ''} has the value {value!r} {times} times"
+def _repeated(grid: Grid, groups: list[Group]) -> Iterator[str]:
     if groups and groups[-1] != grid.group(len(groups) - 1):
         yield "is not deterministic: a group built twice is two groups"
 

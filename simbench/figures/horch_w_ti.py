@@ -10,6 +10,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from detectors.errors import ParameterError
+from detectors.verdict import STICTION
 from simbench.bench.checksums import check_tables
 from simbench.bench.manifest import read_manifest
 from simbench.figures._style import BLUE, GREY, RED, label, note, panels, styled
@@ -73,7 +74,7 @@ def switches(data: pd.DataFrame) -> pd.DataFrame:
         x, cuts = part.w_Ti.to_numpy(), np.sqrt(part.w_Ti.to_numpy()[1:] * part.w_Ti.to_numpy()[:-1])
         for verdict, (_, expected) in BOUNDS.items():
             said = (part.verdict == verdict).to_numpy()
-            wrong = [((x < c) != said).sum() if verdict == "stiction" else ((x > c) != said).sum() for c in cuts]
+            wrong = [((x < c) != said).sum() if verdict == STICTION else ((x > c) != said).sum() for c in cuts]
             best = np.flatnonzero(np.array(wrong) == np.min(wrong))
             rows.append((bool(sticky), verdict, float(cuts[best].mean()), float(expected)))
     return pd.DataFrame(rows, columns=["sticky", "verdict", "w_Ti", "expected"])
@@ -91,7 +92,7 @@ def draw(data: pd.DataFrame) -> Figure:
     for verdict, (bound, at) in BOUNDS.items():
         axes.axhline(bound, color=GREY, linewidth=0.8, linestyle="--")
         axes.axvline(at, color=GREY, linewidth=0.8, linestyle=":")
-        note(axes, verdict.replace("_", " "), 0.99, 0.95 if verdict == "stiction" else 0.06, "right")
+        note(axes, verdict.replace("_", " "), 0.99, 0.95 if verdict == STICTION else 0.06, "right")
     axes.set_xscale("log")
     axes.set_xticks([0.2, 0.5, 1.0, 2.0, 5.0], ["0.2", "0.5", "1", "2", "5"])
     axes.set_xticks([], minor=True)

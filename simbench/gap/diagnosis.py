@@ -18,7 +18,7 @@ from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import SURE, Assessment, assess, capped
 from simbench.gap.decide.classify import Classified, classify
 from simbench.gap.decide.identified import plausible
-from simbench.gap.intake.check import check
+from simbench.gap.intake.check import SAME_TS, check
 from simbench.gap.intake.partial import Partial, completed
 from simbench.gap.intake.refuse import refuse_unfit
 from simbench.gap.report.result import Behind, Gap, GapReport, Ranked
@@ -67,11 +67,16 @@ def diagnose(
     records = [record] if isinstance(record, LoopRecord) else list(record)
     if not records:
         raise RecordError("no record to diagnose")
+    paces = sorted({r.Ts for r in records})
+    if paces[-1] > (1.0 + SAME_TS) * paces[0]:
+        raise RecordError(
+            f"records judged together must have one Ts; it is {paces[0]:g} s in one and {paces[-1]:g} s in another"
+        )
     # thousands of tiny matrices: threads would only wait for each other
     with threadpool_limits(limits=1):
         found, more = _assess_all(records, baseline, jobs)
         runs = ClosedLoops(found, seed)
-        return report(found, classify(found), runs, more)
+        return report(found, closing(classify(found), found, runs), runs, more)
 
 
 def _assess_one(record: LoopRecord, baseline: Loop | Partial | None) -> Assessment:
@@ -99,6 +104,46 @@ def _assess_all(records: list[LoopRecord], baseline: Loop | Partial | None, jobs
     return replace(main, log_likelihood_gains=gains, parameters=parameters, chosen=chosen, unexplained=unexplained), [said]
 
 
+def named_by(weights: Classified, found: Assessment) -> list[str]:
+    """Return the answer: the most probable, and a second effect of another block that was found on top of it.
+
+    Parameters
+    ----------
+    weights : Classified
+    found : Assessment
+
+    Returns
+    -------
+    list of str
+        One or two of the effects, or `none`, or `unknown`.
+    """
+    first = max(weights.probability, key=lambda e: weights.probability[e])
+    if first not in EFFECTS or first not in found.chosen:
+        return [first]
+    return [first, *[e for e in found.chosen if block_of(e) != block_of(first)][:1]]
+
+
+def closing(weights: Classified, found: Assessment, runs: ClosedLoops) -> Classified:
+    """Return the probabilities with "unknown" in the place of an effect that does not narrow the simulated loop's gap.
+
+    Parameters
+    ----------
+    weights : Classified
+    found : Assessment
+    runs : ClosedLoops
+
+    Returns
+    -------
+    Classified
+        Unchanged where the gap does not stand out of its floor, or nothing was named.
+    """
+    effects = [e for e in named_by(weights, found) if e in EFFECTS]
+    if not effects:
+        return weights
+    gap = runs.shrink(effects)
+    return weights.refuted(effects[0]) if gap.resolvable and gap.after >= gap.before else weights
+
+
 def report(found: Assessment, weights: Classified, runs: ClosedLoops, more: Sequence[str] = ()) -> GapReport:
     """Turn scores and probabilities into the answer.
 
@@ -117,10 +162,8 @@ def report(found: Assessment, weights: Classified, runs: ClosedLoops, more: Sequ
     """
     situation = found.situation
     ranking = sorted(weights.probability.items(), key=lambda kv: -kv[1])
-    first = ranking[0][0]
-    named = [first]
-    if first in EFFECTS:
-        named += [e for e in found.chosen if e != first and block_of(e) != block_of(first)][:1] if first in found.chosen else []
+    named = named_by(weights, found)
+    first = named[0]
     effects = [e for e in named if e in EFFECTS]
     main = runs.shrink(effects)
     rivals = {e: runs.rival([e], effects) for e, _ in ranking[:3] if e in found.parameters and [e] != effects}

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 
-from detectors.verdict import NO_DECISION
+from detectors.verdict import NO_DECISION, STICTION
 from simbench.bench.score import Scores, score_run
 from simbench.bench.store import CODES, Book
 
@@ -57,7 +57,7 @@ class RunData:
         book = self.book
         i = book.methods.index(method)
         clear = (book.truth["cycled"] >= 0) & (book.applicable[i] != 0)
-        called = book.verdict[i] == CODES["stiction"]
+        called = book.verdict[i] == CODES[STICTION]
         positive = book.truth["cycled"] == 1
         right = (called == positive) & (book.verdict[i] != CODES[NO_DECISION])
         columns = {"score": book.score[i].astype(float), "called": called, "positive": positive, "right": right, **book.axes}

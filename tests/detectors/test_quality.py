@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from detectors.judge import UNFIT, judge
-from detectors.quality import holds, inspect, quantum, saturation, straight
+from detectors.quality import inspect, saturation, steps
 from detectors.record import LoopRecord
 
 T = np.arange(2000.0)
@@ -114,37 +114,23 @@ def test_one_short_stay_at_the_lowest_value_is_no_limit():
     assert saturation(op, np.random.default_rng(1).random(770))[0] == 0.0
 
 
+def test_two_or_three_positions_are_no_quantisation():
+    op = np.where(T % 200 > 100, 20.0, 60.0) + 20.0 * (T % 400 > 300)
+    assert np.unique(op).size == 3
+    assert "quantised_op" not in inspect(noisy(op=op))
+    assert "quantised_op" in inspect(noisy(op=op + 20.0 * (T % 800 > 600)))
+
+
 def test_crest_of_a_coarse_triangle_is_no_limit():
     op = np.round(10 * np.arcsin(np.sin(T / 16)))
     assert saturation(op, np.cos(T / 16))[0] == 0.0
 
 
-def test_quantum_is_the_step_of_the_grid_whatever_the_offset():
-    rng = np.random.default_rng(1)
-    x = 3.217 + 0.05 * np.round(20 * rng.standard_normal(1000))
-    assert quantum(x) == pytest.approx(0.05)
-    assert quantum(rng.standard_normal(1000)) == 0.0
-    assert quantum(np.where(T > 50, 1.0, 2.0)) == 0.0
-
-
 def test_rounding_of_a_file_is_no_quantisation(loop):
     record = loop(noise=0.05, T=3.0, Td=6.0, Kc=0.25, Ti=3.0)
     pv = np.round(record.pv, 3)
-    assert quantum(pv) == pytest.approx(0.001)
+    assert steps(pv, pv) == pytest.approx(0.001)
     assert "quantised_pv" not in inspect(LoopRecord(record.op, pv, 1.0))
-
-
-def test_holds_are_the_runs_of_equal_samples():
-    x = np.array([1.0, 1.0, 2.0, 3.0, 3.0, 3.0])
-    assert holds(x).tolist() == [2, 1, 3]
-    assert holds(x).sum() == x.size
-
-
-def test_lines_between_kept_samples_are_counted_and_a_curve_has_none():
-    share, lines = straight(np.interp(np.arange(1000), np.arange(0, 1001, 10), np.random.default_rng(0).random(101)))
-    assert share > 0.85
-    assert lines > 80
-    assert straight(np.sin(T / 40))[0] < 0.1
 
 
 @pytest.mark.parametrize("flag", ["dead_op", "dead_pv", "manual", "saturated"])

@@ -8,6 +8,7 @@ import numpy as np
 
 from detectors.errors import UserError
 from scenarios.spec import Loop
+from simbench.gap.closed_loop.as_archived import as_archived
 from simbench.gap.closed_loop.summary_features import CAP, chance_of, distance, features, floor_of, seed_spread
 from simbench.gap.situation import Situation
 from simbench.loop.simulate import simulate
@@ -47,7 +48,7 @@ def simulate_runs(situation: Situation, loop: Loop, seed: int, kick: float = 0.0
     Arm or None
         None when the loop cannot be simulated or runs away.
     """
-    start, late = held_out(situation), situation.law.late
+    start = held_out(situation)
     op, pv, best = [], [], None
     for i in range(seeds):
         try:
@@ -56,9 +57,9 @@ def simulate_runs(situation: Situation, loop: Loop, seed: int, kick: float = 0.0
             return None
         if not (np.all(np.isfinite(record.pv)) and np.abs(record.pv).max() < 1e9):
             return None
-        # an archive that logs OP a scan late does so whatever the loop
-        op.append(record.op[start - late : record.n - late])
-        pv.append(record.pv[start:])
+        kept_op, kept_pv = as_archived(situation, np.asarray(record.op), np.asarray(record.pv))
+        op.append(kept_op[start:])
+        pv.append(kept_pv[start:])
         if best is None:
             best = record
     assert best is not None

@@ -13,6 +13,8 @@ from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import Fit, lag_of, valve_of
 from simbench.gap.situation import Situation
 
+COLOURED = 0.15  # correlation of the noise from sample to sample, below which it is as good as white
+
 
 def fixed_loop(
     situation: Situation,
@@ -64,6 +66,12 @@ def fixed_loop(
         {"type": "coloured", "amplitude": std / K, "period": period * Ts, **({"lag": lag * Ts} if lag > 0.0 else {})}
         for std, period, lag in load_parts(source.theta)
     ]
+    if source.theta["colour"] > COLOURED and "noise_std" not in source.spec.free:
+        # noise that remembers is a load on PV itself
+        remembers = -Ts / float(np.log(source.theta["colour"]))
+        coloured = {"type": "coloured", "amplitude": source.theta["noise_std"], "period": remembers, "at": "output"}
+        table["disturbance"].append(coloured)
+        table["noise"] = {**table.get("noise", {}), "std": 0.0}
     # a ramp begins at 0: OP's mean lies half of it away from where the record began
     half = 0.5 * n * Ts
     # on an integrating plant a ramp of the measurement is a load

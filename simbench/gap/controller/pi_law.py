@@ -7,10 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from detectors.signal.lattice import hides_nothing, lattice, written_unit
+from detectors.signal.lines import on_line
 from simbench.gap.controller.recovered_pv import FAITHFUL, ROUNDED, beside_a_mean, hidden_law, recover_pv
 from simbench.gap.controller.regression import FORMS, LawFit, about_zero, by_steps, by_sums, spread, with_derivative
 from simbench.gap.controller.standstill import error_gap, limits_of, skips_scans
-from simbench.gap.sensor.samples import hides_nothing, lattice, on_line, written_unit
 from simbench.loop.effects.detuning import PARAMETERS as TUNING
 
 EXACT = 0.03  # residual of dOP, relative to dOP, below which the law is taken as known

@@ -33,6 +33,12 @@ class Classified:
         whole = sum(sums.values())
         return {b: v / whole for b, v in sums.items()}
 
+    def refuted(self, effect: str) -> Classified:
+        """Return the same with the probability of an effect given to `unknown`, in the effect's block."""
+        p = dict(self.probability)
+        p[UNKNOWN], p[effect] = p[effect] + p[UNKNOWN], 0.0
+        return Classified(p, block_of(effect))
+
     def block(self, answer: str) -> str:
         """Return the block of an answer; that of `unknown` is the one that fails."""
         return self.unknown_block if answer == UNKNOWN else block_of(answer)

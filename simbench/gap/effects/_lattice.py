@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from simbench.gap.sensor.spacing import spacing
+from detectors.signal.lattice import lattice, root_lattice, written_unit
 
 
-def levels_of(x: np.ndarray) -> str:
-    """Return on how many levels a signal stands, and how far apart; "" where it stands on none."""
-    step, levels = spacing(x)
+def levels_of(x: np.ndarray, other: np.ndarray) -> str:
+    """Return on how many levels a signal stands, and how far apart; "" where it stands on none. `other`: of the same file."""
+    step = lattice(x, written_unit(x, other)) or root_lattice(x)
     if step == 0.0:
         return ""
-    return f"{x.size} samples on {levels} levels, {step:.3g} apart ({step / float(x.std()):.1%} of the standard deviation)"
+    share = f"{step / float(x.std()):.1%} of the standard deviation"
+    return f"{x.size} samples on {np.unique(x).size} levels, {step:.3g} apart ({share})"

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from detectors.signal.lattice import hides_nothing
 from simbench.gap.effects._draw import Size, Yardstick, between
 from simbench.gap.effects._lattice import levels_of
 from simbench.gap.effects._recogniser import Recogniser
-from simbench.gap.sensor.samples import hides_nothing
 
 
 def draw(y: Yardstick, rng: np.random.Generator) -> Size:
@@ -18,6 +18,6 @@ def draw(y: Yardstick, rng: np.random.Generator) -> Size:
 RECOGNISER = Recogniser(
     proven=lambda s: {"step": s.law.step} if s.law.step > 0.0 and not hides_nothing(s.law.step, s.op) else None,
     claims="step",
-    remark=lambda s: levels_of(np.asarray(s.record.op)),
+    remark=lambda s: levels_of(np.asarray(s.record.op), np.asarray(s.record.pv)),
     draw=draw,
 )

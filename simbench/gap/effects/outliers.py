@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from detectors.signal.tails import heavy_tails
 from simbench.gap.effects._draw import Size, Yardstick, between
 from simbench.gap.effects._recogniser import Parameters, Recogniser
 from simbench.gap.effects._smallest import Probe
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import Fit, size_penalty
-from simbench.gap.sensor.samples import heavy_tails
 from simbench.gap.situation import Situation
 
 FAR = 4.0  # robust standard deviations from which an innovation may be a spike's

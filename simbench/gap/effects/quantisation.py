@@ -30,7 +30,7 @@ def draw(y: Yardstick, rng: np.random.Generator) -> Size:
 RECOGNISER = Recogniser(
     proven=proven,
     claims="rounding",
-    remark=lambda s: levels_of(np.asarray(s.record.pv)),
+    remark=lambda s: levels_of(np.asarray(s.record.pv), np.asarray(s.record.op)),
     smallest=smallest,
     draw=draw,
 )

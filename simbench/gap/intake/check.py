@@ -9,13 +9,16 @@ import numpy as np
 from detectors.errors import RecordError
 from detectors.quality import inspect
 from detectors.record import LoopRecord
+from detectors.signal.lattice import hides_nothing
+from detectors.signal.lines import on_line
+from detectors.signal.spikes import cleaned, isolated
 from scenarios.spec import Loop
 from simbench.gap.candidates import proven
 from simbench.gap.controller.pi_law import Law, examine_law
 from simbench.gap.intake.other_loop import refuse_other_controller
 from simbench.gap.intake.refuse import refuse_mv_units, refuse_op_units, refuse_unfit
 from simbench.gap.likelihood.model import Data
-from simbench.gap.sensor.samples import Samples, cleaned, hides_nothing, inspect_samples, isolated, on_line
+from simbench.gap.sensor.samples import Samples, inspect_samples
 from simbench.gap.situation import Archive, Situation, through_valve
 
 SAME_TS = 0.01

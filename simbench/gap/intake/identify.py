@@ -6,13 +6,14 @@ import numpy as np
 
 from detectors.errors import RecordError
 from detectors.record import LoopRecord
+from detectors.signal.spikes import cleaned
 from scenarios.spec import Controller, Loop, Noise, Plant, Sampling
 from simbench.gap.candidates import fit_candidates
 from simbench.gap.controller.pi_law import examine_law
 from simbench.gap.effects import recogniser
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, Spec, size_penalty
-from simbench.gap.sensor.samples import cleaned, inspect_samples
+from simbench.gap.sensor.samples import inspect_samples
 from simbench.loop.effects import EFFECTS, block_of
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from detectors.errors import RecordError
 from detectors.record import LoopRecord
+from detectors.signal.holds import still
 from simbench.gap.controller.pi_law import Law
 
 FEWEST = 100  # samples; below this the spread of every statistic swallows the gap
@@ -137,5 +138,5 @@ def refuse_unfit(record: LoopRecord, where: str) -> None:
     if record.n > MOST:
         raise RecordError(f"{where}: {record.n} samples; a gap is sought in at most {MOST}, cut some out with --window FROM TO")
     for name, x in (("OP", record.op), ("PV", record.pv)):
-        if np.ptp(x) <= 1e-9 * float(np.abs(x).max()):
+        if still(x):
             raise RecordError(f"{where}: {name} is constant ({x[0]:g}); nothing moved, so nothing can be told")

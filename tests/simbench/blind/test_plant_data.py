@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 
 from detectors.io import read_record
+from detectors.signal.lattice import lattice, root_lattice, written_unit
 from scenarios.spec import Loop
 from simbench.blind.plant_data import by_flag, by_unit_group, diagnose_folder
 from simbench.gap.candidates import fit_candidates
@@ -20,7 +21,6 @@ from simbench.gap.intake.check import check
 from simbench.gap.intake.identify import identify
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Spec
-from simbench.gap.sensor.spacing import spacing
 from simbench.gap.situation import load_memory
 from simbench.loop.simulate import simulate
 
@@ -155,33 +155,6 @@ def test_friction_in_both_halves_is_asked_of_a_record_with_1_over_f_load_too():
     assert in_both_halves(found, "stiction")
 
 
-@pytest.mark.parametrize("offset", [0.0, 0.1234, -31.4])
-def test_a_lattice_is_found_wherever_it_begins(offset):
-    x = offset + 0.0321 * np.round(np.random.default_rng(0).standard_normal(500) * 20)
-    step, levels = spacing(x)
-    assert step == pytest.approx(0.0321, rel=1e-6)
-    assert levels == np.unique(x).size
-
-
-def test_a_lattice_survives_the_file_s_own_rounding():
-    x = np.round(1 / 32 * np.round(np.random.default_rng(0).standard_normal(800) * 40), 3)
-    assert spacing(x)[0] == pytest.approx(1 / 32, rel=1e-3)
-
-
-def test_a_lattice_in_differential_pressure_is_found_in_its_root():
-    pressure = 0.004 * np.round(np.random.default_rng(0).normal(2000.0, 200.0, 800))
-    step, _ = spacing(np.sqrt(pressure))
-    assert step == pytest.approx(0.004 / (2 * np.sqrt(8.0)), rel=0.02)
-
-
-@pytest.mark.parametrize("digits", [2, 3, 4, 12])
-def test_decimals_of_a_file_are_no_lattice(digits):
-    x = 99.0 + np.random.default_rng(0).standard_normal(600)
-    assert spacing(np.round(x, digits))[0] == 0.0
-    kept = np.array([float(f"{v:.6g}") for v in x])  # more decimals below 100 than above
-    assert spacing(kept)[0] == 0.0
-
-
 def test_unit_groups_count_alike_and_doubtful_labels_do_not_count():
     frame = pd.DataFrame({
         "unit_group": ["A", "A", "A", "B", "C"],
@@ -231,7 +204,8 @@ def test_a_folder_gives_a_row_per_usable_record_and_says_why_one_was_refused(fol
 @on_plant_data
 @pytest.mark.parametrize("name", ["ISDB_PAP2", "ISDB_PAP4", "SGPT_2-CDU-7040-311-FIC31102_0628-0002"])
 def test_pv_of_plants_that_repeats_its_values_stands_on_a_lattice(name):
-    assert spacing(read_record(REAL / f"{name}.csv").pv)[0] > 0.0
+    record = read_record(REAL / f"{name}.csv")
+    assert lattice(record.pv, written_unit(record.pv, record.op)) or root_lattice(record.pv)
 
 
 @on_plant_data

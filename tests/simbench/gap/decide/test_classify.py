@@ -108,3 +108,12 @@ def test_the_blocks_shares_are_the_sums_of_what_lies_in_them(found):
     assert weights.shares == pytest.approx({b: v / whole for b, v in sums.items()})
     assert set(classify(quiet(found)).shares.values()) == {0.0}
     assert ASKED > np.log(len(EFFECTS))
+
+
+def test_a_refuted_effect_gives_its_probability_to_unknown_in_its_own_block(found):
+    weights = classify(quiet(found, stiction=30.0))
+    other = weights.refuted("stiction")
+    assert other.probability["stiction"] == 0.0
+    assert sum(other.probability.values()) == pytest.approx(1.0)
+    assert other.block(UNKNOWN) == "valve"
+    assert other.probability["drift"] == weights.probability["drift"]

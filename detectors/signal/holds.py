@@ -1,0 +1,85 @@
+"""Holds: how long a signal stays exactly where it is, and whether longer than chance lets it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+SELDOM = 1e-3  # standstills of a length that a record of noise has by chance; longer ones are none
+
+
+def still(x: np.ndarray) -> bool:
+    """Return whether a signal never changes by more than rounding.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Signal.
+
+    Returns
+    -------
+    bool
+
+    Examples
+    --------
+    >>> still(np.array([1e6, 1e6 + 1e-7, 1e6])), still(np.array([1.0, 1.1]))
+    (True, False)
+    """
+    return bool(np.ptp(x) <= 1e-9 * np.abs(x).max())
+
+
+def holds(x: np.ndarray) -> np.ndarray:
+    """Return the lengths of the runs of equal samples, in order.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Signal.
+
+    Returns
+    -------
+    ndarray of int, shape (m,)
+        They add up to n.
+
+    Examples
+    --------
+    >>> holds(np.array([1, 1, 2, 3, 3, 3]))
+    array([2, 1, 3])
+    """
+    edges = np.flatnonzero(np.diff(x)) + 1
+    return np.diff(np.concatenate([[0], edges, [x.size]]))
+
+
+def stuck(x: np.ndarray, unit: float = 0.0) -> float:
+    """Return the share of samples in exact standstills longer than noise, rounded to `unit`, has by chance.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Signal.
+    unit : float
+        What its values are rounded to; 0 for full precision.
+
+    Returns
+    -------
+    float
+        0..1; 0 where the signal stands still so often that nothing tells chance from a fault.
+
+    Examples
+    --------
+    >>> x = np.random.default_rng(0).standard_normal(1000)
+    >>> x[300:350] = x[300]
+    >>> stuck(x)
+    0.05
+    """
+    change = np.diff(x)
+    blocks = [b[b != 0.0] for b in np.array_split(change, max(x.size // 50, 1))]
+    moving = [1.4826 * float(np.median(np.abs(b))) for b in blocks if b.size >= 10]
+    if len(moving) < 0.7 * len(blocks):
+        return 0.0
+    # the quietest tenth of the record says how often two neighbours agree
+    agree = unit / (2.5 * float(np.quantile(moving, 0.1)))
+    if agree > 0.5:
+        return 0.0
+    longest = 1.0 + np.log(SELDOM / x.size) / np.log(max(agree, 1e-9))
+    runs = holds(x)
+    return float(runs[runs > max(longest, 4.0)].sum() / x.size)

@@ -1,0 +1,216 @@
+"""The steps a signal is written in: the decimals of a file, and the lattice of a transmitter or of a coarse OP."""
+
+from __future__ import annotations
+
+import numpy as np
+
+UNITS = 10.0 ** -np.arange(-3.0, 10.0)
+COARSER = 5.0  # times the digits a column is written in, below which a spacing is not told from these
+OFF = 0.15  # of its spacing, by which a lattice's levels may be off it
+REPEATS = 20  # samples per level from which a lattice is plain
+BY_CHANCE = 1e-6  # probability that levels which lie anywhere are all as near to a lattice
+IMMATERIAL = 0.005  # of the variance of a signal's moves; rounding that adds less is the archive's, and changes nothing
+FEWEST_GAPS = 10  # for the mean length of the phases
+ON_LATTICE = 0.9  # mean length of the phases; ten values that lie anywhere reach it three times in 10 000
+
+
+def resolution(x: np.ndarray) -> float:
+    """Return the largest power of ten of which every value is a multiple.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+
+    Returns
+    -------
+    float
+        In units of x; 0 when the numbers are not rounded.
+
+    Examples
+    --------
+    >>> resolution(np.array([1.25, 3.5, 10.0])), resolution(np.array([1.25, np.pi]))
+    (0.01, 0.0)
+    """
+    # the first few values leave most units out
+    for unit in UNITS[_multiples(x[:20, None], UNITS)]:
+        if _multiples(x[:, None], unit)[0]:
+            return float(unit)
+    return 0.0
+
+
+def _multiples(x: np.ndarray, units: np.ndarray) -> np.ndarray:
+    """Return of which units all values, shape (n, 1), are multiples."""
+    scaled = x / units
+    off = np.abs(scaled - np.rint(scaled))
+    return (off < 1e-6 * np.maximum(1.0, np.abs(scaled) * 1e-6)).all(axis=0, keepdims=True).ravel()
+
+
+def written_unit(x: np.ndarray, *others: np.ndarray) -> float:
+    """Return the decimal unit a column is written in; one far coarser than its neighbours' digits is the signal's own lattice.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+    *others : ndarray
+        Other columns of the same file; they show with how many digits it was written.
+
+    Returns
+    -------
+    float
+        In units of x; 0 when the numbers are not rounded.
+
+    Examples
+    --------
+    >>> x = np.array([1.0, 2.0, 4.0])
+    >>> written_unit(x), written_unit(x, x + 1e-6)
+    (1.0, 1e-06)
+    """
+    unit = resolution(x)
+    places = _places(x)
+    finest = max([_digits(o) for o in others], default=0.0)
+    if unit > 0.0 and finest >= places - np.log10(unit) + 2.0:
+        return 10.0 ** (places - finest) if finest < 15.0 else 0.0
+    return unit
+
+
+def lattice(x: np.ndarray, unit: float = 0.0) -> float:
+    """Return the spacing of the lattice, wherever it begins, on which all values of a signal stand.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Signal.
+    unit : float
+        Decimal unit it is written in, see `written_unit`; a lattice hardly coarser than that is found in any numbers.
+
+    Returns
+    -------
+    float
+        In units of x; 0 when the values lie anywhere.
+
+    Notes
+    -----
+    A transmitter counts from the lower end of its range: its lattice need not hold 0. It may have been written down on a finer
+    one: its levels are then a little off, each always by the same. Not for a file's own decimals: a transmitter of the same
+    step could not be told from them.
+
+    Examples
+    --------
+    >>> x = 0.25 * np.round(np.random.default_rng(0).standard_normal(400) * 5)
+    >>> [round(lattice(y), 6) for y in (x, 3.3 + x, np.sin(np.arange(400.0)))]
+    [0.25, 0.25, 0.0]
+    """
+    levels = np.unique(x)
+    fine = unit + 1e-8 * (float(np.abs(levels).max()) or 1.0)
+    gaps = np.diff(levels)
+    gaps = gaps[gaps > 1.5 * fine]
+    if gaps.size == 0 or gaps.min() < COARSER * fine:
+        return 0.0
+    step = float(gaps.min())
+    near = gaps[gaps < 3.5 * step]
+    step = float(near.sum() / np.round(near / step).sum())
+    repeats = x.size >= REPEATS * levels.size
+    if levels.size < 3:
+        return step if repeats else 0.0
+    place = levels - levels[0]
+    for _ in range(3):
+        # spacing and beginning sharpen each other
+        step, start = np.linalg.lstsq(np.column_stack([np.round(place / step), np.ones(place.size)]), place, rcond=None)[0]
+        place = place - start
+        if step <= 0.0:
+            return 0.0
+    off = float(np.abs(place - step * np.round(place / step)).max())
+    if off > OFF * step + 0.6 * fine:
+        return 0.0
+    chance = min(2.0 * (off + fine) / step, 1.0) ** (levels.size - 2)
+    return float(step) if repeats or chance < BY_CHANCE else 0.0
+
+
+def root_lattice(x: np.ndarray) -> float:
+    """Return the step, at the signal's mean, of the lattice on which its square stands.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Signal.
+
+    Returns
+    -------
+    float
+        In units of x; 0 when the squares lie anywhere.
+
+    Notes
+    -----
+    A flow is the square root of the differential pressure that was digitised. The levels' phases over one step are put on a
+    circle (Rayleigh's test): for values that lie anywhere their mean is about 1/sqrt(levels) long, on a lattice 1.
+
+    Examples
+    --------
+    >>> pressure = 0.004 * np.round(np.random.default_rng(0).normal(2000.0, 200.0, 800))
+    >>> bool(abs(root_lattice(np.sqrt(pressure)) / (0.002 / np.sqrt(8.0)) - 1.0) < 0.02)
+    True
+    """
+    levels = np.unique(x)
+    slope = 2.0 * float(np.abs(levels).mean())
+    return _anywhere(levels * np.abs(levels), _coarsest_unit(levels) * slope) / (slope or 1.0)
+
+
+def hides_nothing(step: float, x: np.ndarray) -> bool:
+    """Return whether rounding to a step adds next to nothing to a signal's moves.
+
+    Parameters
+    ----------
+    step : float
+        In units of x.
+    x : ndarray, shape (n,)
+        Signal.
+
+    Returns
+    -------
+    bool
+
+    Examples
+    --------
+    >>> x = np.random.default_rng(5).standard_normal(5000)
+    >>> hides_nothing(0.3, x), hides_nothing(0.4, x)
+    (True, False)
+    """
+    return step**2 / 12.0 < IMMATERIAL * float(np.var(np.diff(x)))
+
+
+def _anywhere(levels: np.ndarray, unit: float) -> float:
+    """Return the step of the lattice on which nearly all levels stand."""
+    gaps = np.diff(levels)
+    gaps = gaps[gaps > 1.5 * unit]
+    if gaps.size < FEWEST_GAPS:
+        return 0.0
+    gaps = np.sort(gaps)
+    small = gaps[: np.searchsorted(gaps, 1.5 * gaps[gaps.size // 20], side="right")]
+    step = float(small[small.size // 2])
+    for reach in (4.0, 40.0, np.inf):
+        near = gaps[: np.searchsorted(gaps, reach * step)]
+        step = float(near.sum() / np.rint(near / step).sum())
+        # a few levels in the middle tell most signals that stand on none
+        if _phase(levels[levels.size // 2 :][:16], step) < 0.6:
+            return 0.0
+    return step if _phase(levels, step) > ON_LATTICE and step > 2.0 * unit else 0.0
+
+
+def _phase(levels: np.ndarray, step: float) -> float:
+    """Return the length of the mean phase of levels over a step: 1 on a lattice."""
+    return float(abs(np.exp((2j * np.pi / step) * (levels - levels[0])).mean()))
+
+
+def _coarsest_unit(levels: np.ndarray) -> float:
+    """Return the unit of the largest values: files keep digits, not decimals."""
+    size = np.abs(levels)
+    return resolution(levels[size >= 10.0 ** np.floor(np.log10(max(float(size.max()), 1e-300)))])
+
+
+def _places(x: np.ndarray) -> float:
+    return float(np.floor(np.log10(max(float(np.abs(x).max()), 1e-12)))) + 1.0
+
+
+def _digits(x: np.ndarray) -> float:
+    unit = resolution(x)
+    return _places(x) - float(np.log10(unit)) if unit > 0.0 else 16.0

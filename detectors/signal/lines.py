@@ -1,0 +1,72 @@
+"""Straight lines: samples that an archive drew between those it kept."""
+
+from __future__ import annotations
+
+import numpy as np
+
+LARGE = 100.0  # roundings; of smaller moves, which lie on a line by chance, no share is taken
+
+
+def on_line(x: np.ndarray, unit: float = 0.0) -> np.ndarray:
+    """Return which samples, moving at all, lie on a line through their neighbours.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Signal.
+    unit : float
+        What its values are rounded to; 0 for full precision.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+        All false where the usual move is hardly larger than the rounding: then every sample may lie on a line.
+
+    Examples
+    --------
+    >>> kept = np.random.default_rng(0).standard_normal(101)
+    >>> on = on_line(np.interp(np.arange(1001), np.arange(0, 1001, 10), kept))
+    >>> int(on.sum())
+    900
+    """
+    out = np.zeros(x.size, dtype=bool)
+    first, second = np.diff(x), np.diff(x, 2)
+    moving = (np.abs(first[1:]) > 2 * unit) | (np.abs(first[:-1]) > 2 * unit)
+    typical = 1.4826 * float(np.median(np.abs(first)))
+    tolerance = max(2.1 * unit, 1e-6 * (float(np.ptp(x)) or 1.0))
+    if tolerance <= 0.2 * typical:
+        out[1:-1] = moving & (np.abs(second) <= tolerance)
+    return out
+
+
+def straight(x: np.ndarray, unit: float = 0.0) -> tuple[float, int]:
+    """Return how much of a signal's movement runs on straight lines between kept samples, and on how many.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Signal.
+    unit : float
+        What its values are rounded to; 0 for full precision.
+
+    Returns
+    -------
+    share : float
+        Samples on the line through their neighbours among those that move visibly to both sides, 0..1.
+    lines : int
+        Straight pieces of three samples or more.
+
+    Examples
+    --------
+    >>> kept = np.random.default_rng(0).standard_normal(101)
+    >>> share, lines = straight(np.interp(np.arange(1001), np.arange(0, 1001, 10), kept))
+    >>> round(share, 2), lines
+    (0.9, 96)
+    """
+    size = np.abs(np.diff(x))
+    usual = float(np.median(size[size > 0])) if size.any() else 0.0
+    large = size > max(0.1 * usual, LARGE * unit)
+    moving = large[1:] & large[:-1]
+    on = moving & on_line(x, unit)[1:-1]
+    lines = int(np.count_nonzero(on & ~np.append(False, on[:-1])))
+    return float(on.sum() / max(int(moving.sum()), 1)), lines

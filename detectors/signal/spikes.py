@@ -1,0 +1,144 @@
+"""Spikes: samples that stand alone, off the line through their neighbours."""
+
+from __future__ import annotations
+
+import numpy as np
+
+SPIKE = 6.0  # robust standard deviations from which an isolated point is a spike
+FURTHER = 4.5  # the same where three spikes are sure: 2 in 100 000 by chance
+ALONE = 2.0  # times the spread of its neighbours about their line; a corner has 1.5, a step 1.25
+
+
+def isolated(x: np.ndarray, unit: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Return isolated one-sample spikes.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Signal.
+    unit : float
+        What its values are rounded to; 0 for full precision.
+
+    Returns
+    -------
+    places : ndarray of int, shape (m,)
+        Indices, rising.
+    heights : ndarray, shape (m,)
+        How far off they are, with sign (units of x).
+
+    Notes
+    -----
+    A spike stands off the line through its four neighbours by far more than they stand off it themselves (a corner, a step
+    and a bend do not), and by far more than samples do at this time (those of a burst of noise do not). The largest are taken
+    out first, so that one does not hide the next; where three are sure, smaller ones are believed as well.
+
+    Examples
+    --------
+    >>> x = np.sin(np.arange(300) / 9)
+    >>> x[[50, 120]] += 3
+    >>> isolated(x)[0]
+    array([ 50, 120])
+    """
+    none = np.empty(0, dtype=int), np.empty(0)
+    if x.size < 20:
+        return none
+    found: dict[int, float] = {}
+    clean = np.asarray(x, dtype=float).copy()
+    usual = np.abs(off_line(clean)[0])
+    floor = max(0.5 * unit, 1e-12)
+    overall = max(1.4826 * float(np.median(usual)), floor)
+    if usual.max() <= SPIKE * overall:
+        return none
+    from scipy.ndimage import maximum_filter1d, median_filter  # most records get by without
+
+    # beyond what is usual now, at the edge of a burst of noise too
+    now = maximum_filter1d(median_filter(usual, 31, mode="reflect"), 31)
+    local = FURTHER * np.maximum(1.4826 * now, floor)
+    for _ in range(10):
+        off, near = off_line(clean)
+        size = np.abs(off)
+        least = np.maximum((SPIKE if len(found) < 3 else FURTHER) * overall, local)
+        hit = (size > least) & (size > ALONE * near)
+        # of spikes that touch, only the larger is sure
+        new = {int(k): float(off[k]) for k in np.flatnonzero(hit & (size >= maximum_filter1d(size, 5)))}
+        if not new and len(found) >= 3:
+            new = _touching(clean, least)
+        if not new:
+            break
+        for k, height in new.items():
+            found[k] = found.get(k, 0.0) + height
+            clean[k] -= height
+    order = sorted(found)
+    return np.array(order, dtype=int), np.array([found[k] for k in order])
+
+
+def cleaned(x: np.ndarray, spikes: np.ndarray) -> np.ndarray:
+    """Return the signal with the spikes replaced by the line between their neighbours.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Signal.
+    spikes : ndarray of int, shape (m,)
+        Indices.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+
+    Examples
+    --------
+    >>> cleaned(np.array([0.0, 9.0, 2.0]), np.array([1]))
+    array([0., 1., 2.])
+    """
+    if spikes.size == 0:
+        return x
+    keep = np.ones(x.size, dtype=bool)
+    keep[spikes] = False
+    at = np.arange(x.size)
+    return np.interp(at, at[keep], x[keep])
+
+
+def _touching(x: np.ndarray, least: np.ndarray) -> dict[int, float]:
+    """Return the heights of two spikes, one or two samples apart, each of which hides the other; empty when there are none."""
+    off = np.abs(off_line(x)[0])
+    out: dict[int, float] = {}
+    for k in np.flatnonzero(off > least):
+        for apart in (1, 2):
+            both = np.array([k, k + apart])
+            at = np.setdiff1d(np.arange(k - 2, k + apart + 3), both)
+            if at[0] < 0 or at[-1] >= x.size or any(j in out for j in at) or any(j in out for j in both):
+                continue
+            line = np.polyfit(at - k, x[at], 1)
+            heights = x[both] - np.polyval(line, both - k)
+            spread = float(np.ptp(x[at] - np.polyval(line, at - k)))
+            if np.all(np.abs(heights) > np.maximum(least[both], ALONE * spread)):
+                out |= dict(zip(both.tolist(), heights.tolist(), strict=True))
+    return out
+
+
+def off_line(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return how far each sample is off the line through its four neighbours, and how far these spread about it.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Signal; at least three samples.
+
+    Returns
+    -------
+    off, spread : ndarray, shape (n,)
+        In units of x.
+
+    Examples
+    --------
+    >>> off, spread = off_line(np.array([0.0, 1.0, 2.0, 8.0, 4.0, 5.0, 6.0]))
+    >>> float(off[3]), float(spread[3])
+    (5.0, 0.0)
+    """
+    # reflected oddly, a slope goes on straight beyond the ends
+    padded = np.pad(x, 2, mode="reflect", reflect_type="odd")
+    around = np.stack([padded[:-4], padded[1:-3], padded[3:-1], padded[4:]])
+    at = np.array([-2.0, -1.0, 1.0, 2.0])[:, None]
+    middle, slope = around.mean(axis=0), (at * around).sum(axis=0) / 10.0
+    return x - middle, np.ptp(around - middle - slope * at, axis=0)

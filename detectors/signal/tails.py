@@ -1,0 +1,53 @@
+"""Tails: is the largest of a noise part of it, or something that hit it now and then?"""
+
+from __future__ import annotations
+
+from math import lgamma
+
+import numpy as np
+
+DEGREES = (2.5, 3.0, 4.0, 5.0, 7.0, 10.0)  # of freedom of Student's t that are tried for a noise with heavy tails
+
+
+def heavy_tails(x: np.ndarray) -> bool:
+    """Return whether Student's t is likelier than Gaussian samples among which some are far wider.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Samples about 0.
+
+    Returns
+    -------
+    bool
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(6)
+    >>> heavy_tails(rng.standard_t(4, 2000)), heavy_tails(rng.standard_normal(2000) + 9.0 * (rng.random(2000) < 0.01))
+    (True, False)
+    """
+    scale = 1.4826 * float(np.median(np.abs(x)))
+    if scale == 0.0:
+        return False
+    z2 = (x / scale) ** 2
+    t = max(_loglik_t(z2, df) for df in DEGREES)
+    share, narrow, wide, mixture = 0.02, 1.0, float(np.quantile(z2, 0.99)) + 1.0, 0.0
+    for _ in range(30):
+        far = share * np.exp(-0.5 * z2 / wide) / np.sqrt(wide)
+        near = (1.0 - share) * np.exp(-0.5 * z2 / narrow) / np.sqrt(narrow)
+        odds = far / (far + near + 1e-300)
+        share = float(np.clip(odds.mean(), 1e-6, 0.5))
+        wide = max(float(odds @ z2 / max(odds.sum(), 1e-12)), narrow)
+        narrow = float((1.0 - odds) @ z2 / (1.0 - odds).sum())
+        mixture = float(np.log(far + near + 1e-300).sum()) - 0.5 * z2.size * np.log(2.0 * np.pi)
+    return bool(t > mixture)
+
+
+def _loglik_t(z2: np.ndarray, df: float) -> float:
+    """Return the log-likelihood of Student's t at its likeliest scale."""
+    variance = 1.0
+    for _ in range(20):
+        variance = float(np.mean((df + 1.0) * z2 / (df + z2 / variance)))
+    whole = lgamma((df + 1.0) / 2) - lgamma(df / 2) - 0.5 * np.log(np.pi * df * variance)
+    return float(z2.size * whole - 0.5 * (df + 1.0) * np.log1p(z2 / (df * variance)).sum())

@@ -1,0 +1,52 @@
+"""A simulated record as this record's archive would have kept it: means, digits, a late OP; none of them is an effect."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from detectors.signal.lattice import hides_nothing, lattice, written_unit
+from simbench.gap.situation import Situation
+
+
+def as_archived(situation: Situation, op: np.ndarray, pv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return OP and PV of a simulated loop with what the archive did to the recorded ones.
+
+    Parameters
+    ----------
+    situation : Situation
+    op, pv : ndarray, shape (n,)
+        In % and PV units.
+
+    Returns
+    -------
+    op, pv : ndarray, shape (n,)
+        OP as late, and both on as fine a lattice as on record; a coarser one is an effect's business. PV as the same mean.
+    """
+    real_op, real_pv = situation.op, np.asarray(situation.record.pv)
+    late = situation.law.late
+    if late:
+        op = np.append(np.repeat(op[0], late), op[:-late])
+    if situation.law.averaged and situation.law.recovered_pv is not None:
+        pv = _mean_like(real_pv, situation.law.recovered_pv, pv)
+    return _rounded(op, _digits(real_op, real_pv)), _rounded(pv, _digits(real_pv, real_op))
+
+
+def _digits(x: np.ndarray, other: np.ndarray) -> float:
+    unit = written_unit(x, other)
+    step = lattice(x, unit)
+    return step if step > 0.0 and hides_nothing(step, x) else unit
+
+
+def _rounded(x: np.ndarray, unit: float) -> np.ndarray:
+    return unit * np.round(x / unit) if unit > 0.0 else x
+
+
+def _mean_like(real: np.ndarray, seen: np.ndarray, pv: np.ndarray) -> np.ndarray:
+    """Return PV as the mean, over this sample and its neighbours, that turns what the controller saw into the record."""
+
+    def near(x: np.ndarray) -> np.ndarray:
+        return np.column_stack([np.append(x[0], x[:-1]), x, np.append(x[1:], x[-1])])
+
+    weights = np.linalg.lstsq(near(seen - seen.mean())[2:-2], (real - real.mean())[2:-2], rcond=None)[0]
+    weights = np.maximum(weights, 0.0)
+    return near(pv) @ (weights / (weights.sum() or 1.0))

@@ -1,0 +1,34 @@
+"""Holds: runs of equal samples, and standstills that no chance brings."""
+
+import numpy as np
+import pytest
+
+from detectors.signal.holds import holds, still, stuck
+
+
+def test_holds_are_the_runs_of_equal_samples():
+    x = np.array([1.0, 1.0, 2.0, 3.0, 3.0, 3.0])
+    assert holds(x).tolist() == [2, 1, 3]
+    assert holds(x).sum() == x.size
+    assert holds(np.ones(7)).tolist() == [7]
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
+def test_a_signal_is_still_whatever_its_unit(scale):
+    assert still(scale * np.full(9, 3.0))
+    assert still(scale * (3.0 + 1e-10 * np.arange(9.0)))
+    assert not still(scale * (3.0 + 1e-6 * np.arange(9.0)))
+
+
+def test_standstills_are_told_from_rounding():
+    x = np.random.default_rng(1).standard_normal(2000)
+    assert stuck(x) == 0.0
+    for unit in (0.01, 0.1, 0.5):
+        assert stuck(np.round(x / unit) * unit, unit) == 0.0
+    x[400:440] = x[400]
+    assert stuck(x) == pytest.approx(0.02)
+    assert stuck(np.round(x, 2), 0.01) == pytest.approx(0.02, abs=0.001)
+
+
+def test_a_signal_that_mostly_stands_tells_nothing():
+    assert stuck(np.repeat(np.random.default_rng(1).standard_normal(40), 50)) == 0.0

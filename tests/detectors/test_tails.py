@@ -1,0 +1,19 @@
+"""Tails: heavy ones are told from Gaussian noise with spikes."""
+
+import numpy as np
+
+from detectors.signal.tails import heavy_tails
+
+
+def test_heavy_tails_are_told_from_gaussian_noise_with_spikes():
+    rng = np.random.default_rng(6)
+    heavy = [rng.standard_t(df, 2000) for df in (3, 4, 5)]
+    spiked = []
+    for rate in (0.004, 0.02):
+        x = rng.normal(0, 1, 2000)
+        hit = rng.random(2000) < rate
+        x[hit] += rng.choice([-9, 9], hit.sum())
+        spiked.append(x)
+    assert all(heavy_tails(x) for x in heavy)
+    assert not any(heavy_tails(x) for x in spiked)
+    assert not heavy_tails(np.zeros(100))

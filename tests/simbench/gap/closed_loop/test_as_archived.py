@@ -1,0 +1,61 @@
+"""What an archive did to a record is done to the simulated loop beside it, and costs no gap."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scenarios.spec import Loop
+from simbench.gap.closed_loop.as_archived import as_archived
+from simbench.gap.diagnosis import diagnose
+from simbench.gap.intake.check import check
+from simbench.loop.simulate import simulate
+
+BASE = {
+    "plant": {"type": "foptd", "K": 1.5, "T": 20, "Td": 3.5},
+    "controller": {"type": "PI", "Kc": 0.6, "Ti": 18},
+    "sampling": {"Ts": 1.0, "n": 1500},
+    "noise": {"std": 0.1},
+    "setpoint": {"value": 50, "steps": [[60, 53], [700, 48]]},
+}
+LOADED = BASE | {"disturbance": [{"type": "coloured", "amplitude": 0.6, "period": 30.0}]}
+LOOP = Loop.from_table(BASE)
+
+
+@pytest.fixture(scope="module")
+def record():
+    return replace(simulate(Loop.from_table(LOADED), seed=2).record, mv=None)
+
+
+def digits(r):
+    return replace(r, op=np.round(r.op, 2), pv=np.round(r.pv, 2), sp=np.round(r.sp, 2))
+
+
+def late(r):
+    return replace(r, op=np.append(r.op[0], r.op[:-1]))
+
+
+def means(r):
+    return replace(r, pv=0.5 * (r.pv + np.append(r.pv[0], r.pv[:-1])))
+
+
+@pytest.mark.parametrize("archive", [digits, late, means])
+def test_a_simulated_record_is_kept_as_the_real_one_was(record, archive):
+    other = simulate(Loop.from_table(LOADED), seed=9).record
+    wanted = archive(other)
+    op, pv = as_archived(check(archive(record), LOOP), other.op, other.pv)
+    assert np.abs(op - wanted.op).max() < 1e-3 * np.std(other.op)
+    assert np.sqrt(np.mean((pv - wanted.pv)[2:-2] ** 2)) < 0.02 * np.std(np.diff(other.pv))
+
+
+def test_a_faithful_archive_changes_nothing(record):
+    op, pv = as_archived(check(record, LOOP), record.op, record.pv)
+    assert np.array_equal(op, record.op)
+    assert np.array_equal(pv, record.pv)
+
+
+@pytest.mark.parametrize("archive", [digits, means])
+def test_an_archive_alone_makes_no_gap_and_no_effect(record, archive):
+    bare, kept = diagnose(record, LOOP), diagnose(archive(record), LOOP)
+    assert kept.effect == bare.effect == "none"
+    assert kept.gap.before < bare.gap.before + 0.35
