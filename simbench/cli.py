@@ -130,6 +130,8 @@ def simulate(
         raise ParameterError("simulate needs either a loop file, or --from RUN with --id ID")
     if out is None:
         raise ParameterError("simulate needs -o REC.csv, the record to write")
+    if not abs(kick) <= 100.0:
+        raise ParameterError(f"--kick {kick:g}; an offset of OP within -100 to 100 % is needed")
     refuse_own_input([out], [loop])
     if from_run is not None:
         from simbench.bench.store import read_scenario
