@@ -9,7 +9,7 @@ export OPENBLAS_NUM_THREADS := 1
 export OPENBLAS_CORETYPE := Haswell
 export NPY_DISABLE_CPU_FEATURES := X86_V4 AVX512_ICL AVX512_SPR
 
-.PHONY: bench check leak real test lint perf docs clean
+.PHONY: bench check leak real test lint perf docs site clean
 
 bench: $(READY)            ## the main job: simulate a labelled grid, run the detectors, score them
 	rm -rf runs/bench
@@ -45,6 +45,9 @@ docs: $(READY)             ## the gallery, and every published number beside our
 	$(BIN)/simbench figure all -o results/figures
 	$(BIN)/python -m simbench.report.chapter --isdb ../shared/data/real
 	$(BIN)/python -m simbench.report.gallery
+
+site: $(READY)             ## API, detectors and glossary as pages, from the docstrings
+	$(BIN)/python -m sphinx -W --keep-going -q docs/site runs/site
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)

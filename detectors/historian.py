@@ -8,9 +8,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from detectors.clock import seconds
 from detectors.errors import RecordError
-from detectors.roles import QUALITY, SIGNALS, TAGS, TIME_NAMES, VALUES, WORDS, ends_with, find_roles, unit, words
+from detectors.roles import QUALITY, SIGNALS, TAGS, TIME_NAMES, VALUES, WORDS, ends_with, unit, words
 from detectors.tables import Sheet
 
 NEEDED = "a number, or nothing for unknown, is needed"
@@ -50,8 +49,8 @@ def is_head(cells: Sequence[str], chosen: Mapping[str, str]) -> bool:
     (True, False)
     """
     names = [c.strip() for c in cells]
-    named = {r for r in SIGNALS for n in names if _means(n, r)} | {r for r, name in chosen.items() if name in names}
-    return {"pv", "op"} <= named or _long(names) is not None
+    named = {r for r in SIGNALS for n in names if means(n, r)} | {r for r, name in chosen.items() if name in names}
+    return {"pv", "op"} <= named or long_columns(names) is not None
 
 
 def take_units(sheet: Sheet, chosen: Mapping[str, str]) -> dict[str, str]:
@@ -150,6 +149,8 @@ def read_numbers(sheet: Sheet, names: Sequence[str], where: str) -> dict[str, np
     """
     texts = {n: [_bare(v) for v in sheet.columns[n]] for n in names if not _is_numeric(sheet.columns[n])}
     out: dict[str, np.ndarray] = {n: np.asarray(sheet.columns[n], dtype=np.float64) for n in names if n not in texts}
+    for name, column in texts.items():
+        _refuse_thousands(column, name, where)
     comma = _decimal_comma([t for column in texts.values() for t in column if t], sheet, where)
     for name, column in texts.items():
         states = Counter(t for t in column if t and _state(t))
@@ -186,7 +187,7 @@ def apply_quality(sheet: Sheet, roles: Mapping[str, str], signals: Mapping[str, 
         about = ends_with(name, QUALITY)
         if about is None or name in roles.values():
             continue
-        mine = [r for r in signals if not about or _means(" ".join(about), r) or words(roles[r]) == about]
+        mine = [r for r in signals if not about or means(" ".join(about), r) or words(roles[r]) == about]
         if not mine:
             continue
         bad, unsure, understood = _judged(cells, name, where)
@@ -200,66 +201,15 @@ def apply_quality(sheet: Sheet, roles: Mapping[str, str], signals: Mapping[str, 
             sheet.notes.append(f"quality: {unsure} samples that {name!r} calls uncertain are kept")
 
 
-def unfold(sheet: Sheet, loop: str | None, chosen: Mapping[str, str], where: str) -> dict[str, Sheet] | None:
-    """Take a long table (time, tag, value) apart.
-
-    Parameters
-    ----------
-    sheet : Sheet
-        Table.
-    loop : str, optional
-        The loop whose tags are wanted.
-    chosen : mapping of role to tag
-        What the user says.
-    where : str
-        File, for messages.
-
-    Returns
-    -------
-    dict of role to Sheet, or None
-        Each with columns t and value (and quality); None where the table is not long.
-
-    Raises
-    ------
-    RecordError
-        When no tag is PV or OP, or several are.
-    """
-    names = list(sheet.columns)
-    found = _long(names)
-    if found is None or {"pv", "op"} <= {r for r in SIGNALS for n in names if _means(n, r)}:
-        return None
-    time, tag, value = found
-    tags = [str(v).strip() for v in sheet.columns[tag]]
-    roles = find_roles(list(dict.fromkeys(tags)), {k: v for k, v in chosen.items() if k != "t"}, where, loop)
-    parts = {}
-    others = [n for n in names if ends_with(n, QUALITY) is not None]
-    for role in (r for r in SIGNALS if r in roles):
-        rows = [i for i, t in enumerate(tags) if t == roles[role]]
-        lines = [sheet.lines[i] for i in rows] if sheet.lines else []
-        columns = {new: [sheet.columns[old][i] for i in rows] for new, old in (("t", time), (roles[role], value))}
-        if others:
-            columns["quality"] = [sheet.columns[others[0]][i] for i in rows]
-        parts[role] = Sheet(columns, lines, sheet.delimiter)
-    return parts
-
-
-def read_series(part: Sheet, role: str, where: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return the times (s) and values of one tag of a long table, what is missing left out."""
-    name = next(n for n in part.columns if n not in ("t", "quality"))
-    signal = {role: read_numbers(part, [name], where)[name]}
-    apply_quality(part, {role: name}, signal, where)
-    t = seconds(part.columns["t"], f"time of {name}", where, place=part.place, notes=part.notes)
-    known = np.isfinite(signal[role])
-    return t[known], signal[role][known]
-
-
-def _long(names: Sequence[str]) -> tuple[str, str, str] | None:
+def long_columns(names: Sequence[str]) -> tuple[str, str, str] | None:
+    """Return which columns of a long table are time, tag and value, None where it is not long."""
     low = {str(n).strip().lower().replace("_", " "): n for n in names}
     parts = [next((low[w] for w in among if w in low), None) for among in (TIME_NAMES, TAGS, VALUES)]
     return None if None in parts else (str(parts[0]), str(parts[1]), str(parts[2]))
 
 
-def _means(name: str, role: str) -> bool:
+def means(name: str, role: str) -> bool:
+    """Whether a column's name says that it is this signal."""
 
     return ends_with(name, WORDS[role]) is not None
 
@@ -302,6 +252,16 @@ def _decimal_comma(texts: Sequence[str], sheet: Sheet, where: str) -> bool:
     if point:
         sheet.notes.append("numbers: commas separate thousands")
     return not point
+
+
+def _refuse_thousands(column: Sequence[str], name: str, where: str) -> None:
+    """Refuse 987 beside 1.012, which a program that separates thousands writes for 1012."""
+    signed = [t for t in column if ("," in t or "." in t) and _numeric(t)]
+    groups = signed and all(re.fullmatch(r"[+-]?[1-9]\d{0,2}([.,]\d{3})+", t) for t in signed)
+    if groups and any(re.fullmatch(r"[+-]?[1-9]\d\d", t) for t in column):
+        raise RecordError(
+            f"{where}: {name} holds {signed[0]!r} beside whole numbers; it may be {re.sub('[.,]', '', signed[0])}"
+        )
 
 
 def _value(text: str, comma: bool, row: int, name: str, sheet: Sheet, where: str) -> float:

@@ -11,14 +11,12 @@ import numpy as np
 from detectors.archive import Series, base_step, hold, stored_on_change
 from detectors.clock import seconds
 from detectors.errors import RecordError
-from detectors.historian import apply_quality, is_head, op_span, read_numbers, read_series, take_units, unfold
+from detectors.gaps import BRIDGED, JITTER, MOST_MISSING, whole
+from detectors.historian import apply_quality, is_head, op_span, read_numbers, take_units
+from detectors.long_table import read_series, unfold
 from detectors.record import KIND_ALIASES, KINDS, PROCESSES, LoopRecord
 from detectors.roles import SIGNALS, TIME_NAMES, find_roles, shown, words
 from detectors.tables import Sheet, read_sheet, read_table
-
-BRIDGED = 3  # samples; a longer hole splits the record
-MOST_MISSING = 0.20  # share of a record that may be missing
-JITTER = 0.01  # deviation from Ts, as a share of it, above which time has a gap
 
 
 def read_record(
@@ -199,7 +197,7 @@ def _record(sheet: Sheet, chosen: Mapping[str, str], loop: str | None, Ts: float
         signals = {r: x for r, x in signals.items() if r not in late}
     else:
         Ts = float(np.median(np.diff(t))) if given is None else float(given)
-        t, signals, notes = _whole(t, signals, Ts, where)
+        t, signals, notes = whole(t, signals, Ts, where)
     return LoopRecord(Ts=Ts, notes=(*sheet.notes, *notes), **signals, **about)
 
 
@@ -301,49 +299,6 @@ def _required(roles: list[str], names: list[str], where: str) -> None:
         if role not in roles:
             hint = "; MV may be the controller's output: then say so (columns op=MV)" if role == "op" and "mv" in roles else ""
             raise RecordError(f"{where}: no {role.upper()} column; columns are: {shown(names)}{hint}")
-
-
-def _whole(t: np.ndarray, signals: dict[str, np.ndarray | None], Ts: float, where: str):
-    """Put the samples on an even grid, bridge short holes, keep the longest segment without a long one."""
-    dt = np.diff(t)
-    if np.any(np.abs(dt - Ts) > JITTER * Ts):
-        place = np.concatenate([[0], np.cumsum(np.maximum(np.rint(dt / Ts), 1).astype(int))])
-    else:
-        place = np.arange(t.size)
-    size = int(place[-1]) + 1
-    known = np.isfinite(signals["op"]) & np.isfinite(signals["pv"])
-    missing = size - int(known.sum())
-    if missing > MOST_MISSING * size:
-        raise RecordError(f"{where}: {missing} of {size} samples are missing; at most {MOST_MISSING:.0%} may be")
-    places = place[known]
-    ends = np.flatnonzero(np.diff(places) > BRIDGED + 1)
-    first, last = np.concatenate([[0], ends + 1]), np.concatenate([ends, [places.size - 1]])
-    longest = int(np.argmax(places[last] - places[first]))
-    lo, hi = int(places[first[longest]]), int(places[last[longest]])
-    grid = np.arange(lo, hi + 1)
-    out: dict[str, np.ndarray | None] = {}
-    notes = []
-    for name, x in signals.items():
-        here = np.isfinite(x) & (place >= lo) & (place <= hi)
-        holes = np.diff(np.concatenate([[lo - 1], place[here], [hi + 1]]))
-        if name in ("sp", "mv") and (not here.any() or holes.max() > BRIDGED + 1):
-            if here.any():
-                notes.append(f"gaps: {name.upper()} has holes of more than {BRIDGED} samples and is left out")
-            out[name] = None
-        elif name == "sp":  # a set point holds its value until it is changed
-            out[name] = x[here][np.maximum(np.searchsorted(place[here], grid, side="right") - 1, 0)]
-        else:
-            out[name] = np.interp(grid, place[here], x[here])
-    bridged = grid.size - int(known[(place >= lo) & (place <= hi)].sum())
-    uneven = int(np.sum(np.abs(dt - np.rint(dt / Ts) * Ts) > JITTER * Ts))
-    if bridged:
-        notes.insert(0, f"gaps: {bridged} of {grid.size} samples missing, bridged by straight lines")
-    if grid.size < size:
-        part = f"the longest part without a hole of more than {BRIDGED}"
-        notes.insert(0, f"gaps: judged samples {lo} to {hi} of {size}, {part}")
-    if uneven:
-        notes.append(f"gaps: {uneven} of {dt.size} time steps differ from Ts = {Ts:g} s by more than {JITTER:.0%}")
-    return grid * Ts, out, tuple(notes)
 
 
 def _hyphens(word: str) -> str:

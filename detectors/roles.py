@@ -68,10 +68,53 @@ def find_roles(names: Sequence[str], chosen: Mapping[str, str], where: str, loop
         found = _candidates(among, TIME_NAMES if role == "t" else WORDS[role], role)
         if role in roles or not found:
             continue
-        if len(found) > 1 and role != "t":
-            raise RecordError(f"{where}: {' or '.join(found)} may be {role.upper()}; name the loop, or the columns")
+        if len(found) > 1:
+            what = "the time" if role == "t" else role.upper()
+            raise RecordError(f"{where}: {' or '.join(found)} may be {what}; name the loop, or the columns")
         roles[role] = found[0]
+    if "t" in roles and "t" not in chosen:
+        _one_time(names, roles["t"], where)
     return {role: roles[role] for role in ("t", *SIGNALS) if role in roles}
+
+
+def column_pairs(texts: Sequence[str] | None) -> dict[str, str] | None:
+    """Return what a command line says of columns.
+
+    Parameters
+    ----------
+    texts : sequence of str, optional
+        Like "op=FIC101.OUT,pv=FIC101.MEAS".
+
+    Returns
+    -------
+    dict of role to column, or None
+
+    Raises
+    ------
+    RecordError
+        For anything but ROLE=NAME.
+
+    Examples
+    --------
+    >>> column_pairs(["op=OUT,pv=MEAS", "t=clock"])
+    {'op': 'OUT', 'pv': 'MEAS', 't': 'clock'}
+    """
+    pairs = {}
+    for text in (part.strip() for word in texts or [] for part in word.split(",")):
+        role, equals, name = text.partition("=")
+        if not (role and equals and name):
+            raise RecordError(f"--columns {text!r}: ROLE=NAME is needed, like op=FIC101.OUT")
+        pairs[role.strip()] = name.strip()
+    return pairs or None
+
+
+def _one_time(names: Sequence[str], time: str, where: str) -> None:
+    """Refuse a table in which signals have times of their own, such as Timestamp, PV, Timestamp.1, OP."""
+    exact = {str(n) for n in names if str(n).strip().lower() in TIME_NAMES}
+    others = [n for n in names if n not in exact and n != time and re.match(r"(date|time)", str(n).strip().lower())]
+    others = [n for n in others if ends_with(n, QUALITY) is None]
+    if others:
+        raise RecordError(f"{where}: {time!r} and {others[0]!r} may both be times; say which (columns t=NAME), or export one")
 
 
 def words(name: str) -> list[str]:

@@ -65,6 +65,7 @@ EPILOG = {
     "gain-change": ["simbench confirm gain-change loop.toml"],
     "travel": ["simbench confirm travel loop.toml --picture travel.svg"],
     "gap diagnose": ["simbench gap diagnose rec.csv --baseline loop.toml --html gap.html --write-loop fixed.toml"],
+    "leave-out": ["simbench gap leave-out withheld -j 2"],
     "make": ["simbench gap withheld make check --key check.key --seed 1"],
     "answer": ["simbench gap withheld answer check -j 2"],
     "open": ["simbench gap withheld open check --key check.key"],
@@ -209,10 +210,11 @@ def detect(
 ) -> None:
     """Judge a record, or a folder of records, by one or all detectors."""
     from detectors.report import failed, judge_files, table
+    from detectors.roles import column_pairs
 
     report = judge_files(
         path, method or ["all"], process=process, kind=kind, op_span=op_span, pv_span=pv_span, labels=labels, raw=raw,
-        plugins=plugin or [], thresholds=_threshold_file(thresholds), columns=_columns(columns), Ts=Ts, loop=loop,
+        plugins=plugin or [], thresholds=_threshold_file(thresholds), columns=column_pairs(columns), Ts=Ts, loop=loop,
         time_limit=time_limit,
     )  # fmt: skip
     for name, sentence in report.refused.items():
@@ -765,11 +767,6 @@ def _print_power(path: Path, methods: list[str], as_json: bool, **about: Any) ->
 
     # beside JSON nothing else may stand on stdout
     print("\n".join(power_lines(path, methods, **about)), file=sys.stderr if as_json else sys.stdout)
-
-
-def _columns(words: list[str] | None) -> dict[str, str] | None:
-    split = [part.strip() for word in words or [] for part in word.split(",")]
-    return _pairs(split, "--columns", text=True) or None
 
 
 def _pairs(words: list[str], option: str, text: bool = False) -> dict[str, Any]:

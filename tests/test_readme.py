@@ -121,3 +121,10 @@ def test_the_table_of_real_loops_is_the_one_in_results():
     for method, found, sticky, wrong, sound, undecided in shown:
         same = rows[method][:5] == [sticky, found, sound, wrong, undecided]
         assert same, f"{method}: copy its row of results/real_records.txt into README.md"
+
+
+def test_every_make_target_named_exists():
+    makefile = (Path(__file__).parents[1] / "Makefile").read_text(encoding="utf-8")
+    named = set(re.findall(r"`make\s(\w+)`", README))
+    assert named >= {"check", "docs", "site"}
+    assert [t for t in named if f"\n{t}:" not in makefile] == []

@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 from detectors.clock import seconds
 from detectors.compiled import cached_module
 from detectors.errors import ParameterError, RecordError
+from detectors.gaps import JITTER
 from detectors.historian import read_numbers
-from detectors.io import JITTER
 from detectors.roles import TIME_NAMES
 from detectors.tables import read_sheet
 from simbench.files import whole_file

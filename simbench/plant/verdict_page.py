@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pandas as pd
+
 from detectors import summary
 from detectors.report import Report
 from simbench.plant.page import section, write
@@ -36,11 +38,23 @@ def write_page(report: Report, path: str | Path) -> None:
             seen = [(draw_trend(record), "The record: PV (red), SP (grey), OP (blue)"), (draw_pv_op(record), "PV against OP")]
             notes = summary.notes_of(verdicts, record)
             parts.append(section(f"record-{number}", title, pictures=seen, points=notes))
-    frame = report.to_frame()
-    keys = ["record", "method", "verdict", "score", "S_lo", "S_hi", "J_lo", "J_hi", "applicable", "reason"]
-    fits = frame.applicable.map({True: "yes", False: "no"}).fillna("cannot tell")
-    table = frame[[k for k in keys if k in frame]].assign(verdict=frame.verdict.map(summary.WORDS), applicable=fits)
-    parts.append(section("methods", "Every method", table=table, long=["reason"]))
+    parts.append(section("methods", "Every method", table=_table(report), long=["reason"]))
     if report.refused:
         parts.append(section("refused", "Left out", points=[f"{name}: {why}" for name, why in report.refused.items()]))
     write(path, "Does the valve stick?", f"{len(groups)} record{'s' * (len(groups) != 1)} judged", parts)
+
+
+def _table(report: Report) -> pd.DataFrame:
+    fits = {True: "yes", False: "no", None: "cannot tell"}
+    return pd.DataFrame(
+        {
+            **({} if name is None else {"record": name}),
+            "method": v.method,
+            "verdict": summary.WORDS[v.verdict],
+            "score": v.score,
+            "S, J": "" if v.S is None else f"{summary.level(v.S)}, {summary.level(v.J)} {v.S_unit}",
+            "made for this loop": fits[v.applicable],
+            "reason": v.reason,
+        }
+        for name, v in report.verdicts
+    )

@@ -153,6 +153,11 @@ MORE = {
         text("Time\tOP\tPV", stamps(), [f"{v:.3f}".replace(".", ",") for v in OP], K, sep="\t"), "may be",
     ),
     "comma here, point there": (text("Time;OP;PV", stamps(), comma(OP), PV, sep=";"), "one of them is needed"),
+    "points for thousands alone": (
+        text("Time;OP;PV", stamps(), OP, [f"{v:,}".replace(",", ".") for v in 980 + K], sep=";"), "beside whole",
+    ),
+    "times of their own, paired": (text("Timestamp,PV,Timestamp.1,OP", stamps(), PV, stamps(), OP), "may both be times"),
+    "two clocks": (text("Local Time,UTC Time,PV,OP", stamps(), stamps(), PV, OP), "may be the time"),
     "MV may be OP": (text("Time,PV,SV,MV", stamps(), PV, SP, OP), "MV may be the controller's output"),
     "two loops": (text("Time,A.OP,A.PV,B.OP,B.PV", stamps(), OP, PV, OP, PV), "A.OP or B.OP may be OP"),
     "a tenth of a spreadsheet's day": (text("time,OP,PV", [45000 + 0.1 * k for k in K], OP, PV), "days of a spreadsheet"),
