@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from detectors import summary
-from detectors.errors import ParameterError, UnknownName
+from detectors.errors import ParameterError, UnknownName, nearest
 from detectors.guest import SECONDS
 from detectors.io import read_folder, read_labels, read_record
 from detectors.judge import FAILED, judge

@@ -13,9 +13,10 @@ from simbench.cli import main
 from tests.simbench.boundary.test_loops import put, text
 
 RECORD = "t,sp,op,pv\n" + "".join(f"{k},50,{50 + k % 7},{50 + k % 5}\n" for k in range(300))
-# words with LOOP, REC, OUT, DIR for a good loop file, a good record, a file to write and an empty folder; a word of the sentence
+# words with LOOP, REC, OUT, DIR for a good loop file, a good record, a file to write and an empty folder; a word of it
 WRONG = [
-    ("", "verb"), ("simulte LOOP", "simulate"), ("--colour", "--colour"), ("simulate", "loop file"),
+    ("", "verb"),
+    ("simulte LOOP", "simulate"), ("--colour", "--colour"), ("simulate", "loop file"),
     ("simulate LOOP", "-o"), ("simulate LOOP -o OUT --seed -1", "seed"), ("simulate LOOP -o OUT --seed x", "seed"),
     ("simulate LOOP -o", "-o"), ("simulate LOOP LOOP -o OUT", "argument"), ("simulate LOOP -o LOOP", "written over"),
     ("simulate DIR -o OUT", "folder"), ("simulate LOOP -o DIR", "folder"),
