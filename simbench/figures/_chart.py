@@ -12,13 +12,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from detectors.procedure import CONCLUSIONS, FLOW
-from simbench.figures._style import BLACK, BLUE, GREY, RED, styled, write_picture
+from simbench.figures._style import BLACK, BLUE, GREY, RED, VERDICT, styled, write_picture
 
 if TYPE_CHECKING:
     from detectors.procedure import Diagnosis
 
 BOX, GAP, LINE, PAD = 2.9, 1.35, 0.155, 0.12  # inches: width of a question, room for an answer, height of a line, inner margin
-WORDS = {"stiction": "stiction", "no_stiction": "no stiction", "no_decision": "no decision"}
 
 
 def flow_table() -> pd.DataFrame:
@@ -27,7 +26,7 @@ def flow_table() -> pd.DataFrame:
     for source, (question, answers) in FLOW.items():
         for answer, target in answers.items():
             verdict, following = CONCLUSIONS.get(target, ("", ""))
-            rows.append([source, question, answer, target, WORDS.get(verdict, ""), following])
+            rows.append([source, question, answer, target, VERDICT.get(verdict, ""), following])
     return pd.DataFrame(rows, columns=["source", "question", "answer", "target", "verdict", "next"])
 
 

@@ -15,6 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from detectors.errors import ParameterError
+from detectors.verdict import VERDICTS
 from simbench.files import whole_file
 
 # Okabe and Ito (2008), safe for colour-blind readers
@@ -23,7 +24,7 @@ BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, RED, PINK = (
 )  # fmt: skip
 GREY = "#6E6E6E"
 SIGNAL = {"OP": BLUE, "MV": GREEN, "PV": RED, "SP": GREY}
-VERDICT = {"stiction": "stiction", "no_stiction": "no stiction", "no_decision": "no decision"}
+VERDICT = {verdict: verdict.replace("_", " ") for verdict in VERDICTS}
 PLAIN = {"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
 
 RC = {

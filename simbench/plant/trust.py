@@ -33,6 +33,7 @@ from simbench.plant.result import OPEN, SOUND, STICKY, UNSEEN, MethodTrust, Trus
 from simbench.plant.twins import Twin, draw_twins
 
 HEALTHY, EACH = 80, 12  # twins with a sound valve, and in every cell of S and J
+LONG, THINNEST = 8000, 0.3  # samples of a record from which fewer twins are drawn, and at least this share of them
 FEW = 10  # twins of a kind below which nothing is said
 LIKELY, UNLIKELY = 0.75, 0.25  # probabilities from which stiction is claimed, and below which a visible size is denied
 
@@ -101,7 +102,8 @@ def trust(
         if loop is not None:
             raise
         return _without_twins(record, said, f"no loop could be identified: {error}")
-    twins = draw_twins(behind, healthy, each, seed=seed)
+    share = float(np.clip(LONG / record.n, THINNEST, 1.0))
+    twins = draw_twins(behind, round(share * healthy), max(round(share * each), 2), seed=seed)
     sticky = np.array([t.S > 0 for t in twins], dtype=bool)
     if min(sticky.sum(), (~sticky).sum()) < FEW:
         return _without_twins(record, said, "the identified loop cannot be simulated: it runs away")
