@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from detectors import summary
-from detectors.errors import ParameterError, UnknownName
+from detectors.errors import ParameterError, UnknownName, nearest
 from detectors.guest import SECONDS
 from detectors.io import read_folder, read_labels, read_record
 from detectors.judge import FAILED, judge
@@ -174,6 +174,9 @@ def judge_files(
     added = registry.add_guests(plugins, time_limit)
     names = choose_methods(methods)
     names += [a for a in added if a not in names]
+    for method in thresholds or {}:
+        if method not in names:
+            raise ParameterError(f"thresholds are given for {method!r}, which is not asked: {nearest(method, names)}")
     about = {"process": process, "kind": kind, "op_span": op_span, "pv_span": pv_span, "columns": columns, "Ts": Ts}
     if not Path(path).is_dir() and (Path(path).suffix.lower() != ".mat" or not Path(path).exists()):
         if labels is not None:

@@ -47,8 +47,8 @@ def exit_code(work: Callable[[], int | None], *known: type[Exception]) -> int:
         print(str(error) or "interrupted", file=sys.stderr)
         return 130
     except SystemExit as stop:
-        # argparse has printed its help or its complaint by then
-        return 0 if stop.code in (None, 0) else 2
+        # argparse has printed its help or its complaint by then, click found its reader gone (1)
+        return int(stop.code or 0) if stop.code in (None, 0, 1) else 2
     except Exception as error:
         return complain(_fault(error))
 

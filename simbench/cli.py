@@ -123,7 +123,7 @@ def simulate(
     effect_plugin: EffectPlugin = None,
 ) -> None:
     """Run one closed loop and write its record."""
-    from simbench.files import write_record
+    from simbench.files import refuse_own_input, write_record
     from simbench.loop.simulate import simulate as run
 
     _add_parts(valve_plugin, effect_plugin)
@@ -131,6 +131,9 @@ def simulate(
         raise ParameterError("simulate needs either a loop file, or --from RUN with --id ID")
     if out is None:
         raise ParameterError("simulate needs -o REC.csv, the record to write")
+    if not abs(kick) <= 100.0:
+        raise ParameterError(f"--kick {kick:g}; an offset of OP within -100 to 100 % is needed")
+    refuse_own_input([out], [loop])
     if from_run is not None:
         from simbench.bench.store import read_scenario
 
@@ -158,8 +161,10 @@ def valve(
     valve_plugin: ValvePlugin = None,
 ) -> None:
     """Send a column `op` through one valve model."""
+    from simbench.files import refuse_own_input
     from simbench.loop.response import valve_file
 
+    refuse_own_input([out], [source])
     _add_parts(valve_plugin, None)
     valve_file(source, out, model, _pairs(param or [], "--param"))
 
@@ -247,7 +252,9 @@ def diagnose(
     """Take one record through the chapter's whole diagnosis, step by step."""
     from detectors.io import read_record
     from detectors.procedure import diagnose as procedure
+    from simbench.files import refuse_own_input
 
+    refuse_own_input([picture], [path])
     diagnosis = procedure(read_record(path, process=process, kind=kind, op_span=op_span, pv_span=pv_span))
     if picture is not None:
         from simbench.figures import draw_path
@@ -744,10 +751,14 @@ def _threshold_file(path: Path | None) -> dict[str, dict[str, float]]:
         return {}
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ParameterError(f"thresholds {path} cannot be read: {error}") from None
+    except (OSError, ValueError, RecursionError) as error:
+        raise ParameterError(f"thresholds {path} cannot be read: {' '.join(str(error).split())[:200]}") from None
     if not isinstance(found, dict) or not all(isinstance(v, dict) for v in found.values()):
         raise ParameterError(f"thresholds {path}: a table of method ids to tables of numbers is needed")
+    for method, values in found.items():
+        for name, value in values.items():
+            if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= 1e60:
+                raise ParameterError(f"thresholds {path}: {method}.{name} = {str(value)[:60]!r}; a finite number is needed")
     return found
 
 

@@ -6,7 +6,7 @@ import contextlib
 import csv
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import IO
 
@@ -73,6 +73,23 @@ def _local(path: str | Path) -> Path:
     if scheme is not None:
         raise FileError(f"{path} cannot be written: scheme {scheme[1]!r} is unknown; give a path on this machine")
     return Path(path)
+
+
+def refuse_own_input(outputs: Iterable[str | Path | None], inputs: Iterable[str | Path | None]) -> None:
+    """Refuse to write over what is read; None stands for nothing.
+
+    Parameters
+    ----------
+    outputs, inputs : iterable of path or None
+
+    Raises
+    ------
+    FileError
+    """
+    read = [Path(p).resolve() for p in inputs if p is not None]
+    for path in outputs:
+        if path is not None and Path(path).resolve() in read:
+            raise FileError(f"{path} is read by this command; it is not written over, name another file")
 
 
 def folder(path: str | Path) -> Path:

@@ -10,7 +10,7 @@ from typing import Any
 from detectors.errors import ParameterError
 from detectors.io import read_record
 from detectors.record import LoopRecord
-from simbench.files import whole_file
+from simbench.files import refuse_own_input, whole_file
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.intake.partial import read_baseline
 from simbench.gap.report.result import GapReport
@@ -71,6 +71,7 @@ def diagnose_files(
     """
     if not records:
         raise ParameterError("gap diagnose needs at least one record")
+    refuse_own_input([html, write_loop], [*records, baseline])
     loop = None if baseline is None else read_baseline(baseline)
     read = [_cut(read_record(path, **about), window, path) for path in records]
     report = diagnose(read if len(read) > 1 else read[0], loop, jobs=jobs)

@@ -1,0 +1,119 @@
+"""What is wrong on the command line itself: verbs, options, files in the wrong place, outputs that cannot be."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from detectors.usage import exit_code
+from simbench.cli import main
+from tests.simbench.boundary.test_loops import put, text
+
+RECORD = "t,sp,op,pv\n" + "".join(f"{k},50,{50 + k % 7},{50 + k % 5}\n" for k in range(300))
+# words with LOOP, REC, OUT, DIR for a good loop file, a good record, a file to write and an empty folder; a word of it
+WRONG = [
+    ("", "verb"),
+    ("simulte LOOP", "simulate"), ("--colour", "--colour"), ("simulate", "loop file"),
+    ("simulate LOOP", "-o"), ("simulate LOOP -o OUT --seed -1", "seed"), ("simulate LOOP -o OUT --seed x", "seed"),
+    ("simulate LOOP -o", "-o"), ("simulate LOOP LOOP -o OUT", "argument"), ("simulate LOOP -o LOOP", "written over"),
+    ("simulate DIR -o OUT", "folder"), ("simulate LOOP -o DIR", "folder"),
+    ("simulate LOOP -o /proc/nothing/x.csv", "/proc"), ("simulate REC -o OUT", "TOML"),
+    ("simulate LOOP -o OUT --kick many", "kick"), ("simulate LOOP -o OUT --kick nan", "kick"),
+    ("simulate LOOP -o OUT --kick 1e300", "kick"), ("simulate --from DIR -o OUT", "--id"),
+    ("simulate --from DIR --id x -o OUT", "run"), ("simulate none.toml -o OUT", "none.toml"), ("valve REC -o OUT", "model"),
+    ("valve REC --model deadband -o OUT", "S"), ("valve REC --model dedband -o OUT", "deadband"),
+    ("valve REC --model deadband --param S=x -o OUT", "S"), ("valve REC --model deadband --param S=nan -o OUT", "S"),
+    ("valve REC --model deadband --param S=-1 -o OUT", "S"), ("valve REC --model deadband --param S -o OUT", "NAME=VALUE"),
+    ("valve REC --model deadband --param R=1 -o OUT", "R"),
+    ("valve REC --model deadband --param S=2 -o REC", "written over"),
+    ("valve LOOP --model deadband --param S=2 -o OUT", "loop.toml"), ("valve none.csv --model ideal -o OUT", "none.csv"),
+    ("predict", "LOOP"), ("predict REC", "TOML"), ("predict none.toml", "none.toml"), ("predict LOOP --jsn", "--json"),
+    ("detect", "REC"), ("detect none.csv", "none.csv"), ("detect REC --method horhc", "horch"),
+    ("detect REC --process gas", "process"), ("detect REC --kind smell", "kind"), ("detect REC --op-span 1", "op-span"),
+    ("detect REC --op-span 1 1", "op_span"), ("detect REC --op-span 100 0", "op_span"),
+    ("detect REC --op-span nan 1", "op_span"), ("detect REC --pv-span 0 inf", "pv_span"),
+    ("detect REC --labels REC", "folder"), ("detect DIR", "no loop record"), ("detect LOOP --method he", "loop.toml"),
+    ("detect REC --thresholds REC", "thresholds"), ("detect REC --thresholds none.json", "none.json"),
+    ("detect REC --plugin none.py", "none.py"), ("detect REC --plugin LOOP", "loop.toml"),
+    ("detect REC --time-limit x", "time-limit"), ("diagnose DIR", "file"), ("diagnose REC --picture REC", "written over"),
+    ("score DIR", "run"), ("score none", "run"), ("score REC", "run"), ("check DIR", "against"),
+    ("check DIR --against DIR", "run"), ("check DIR --against DIR --margin 2", "margin"),
+    ("check DIR --against DIR --update", "run"), ("history DIR", "history"), ("calibrate smok", "smoke"),
+    ("calibrate smoke --false-alarm 2", "false"), ("calibrate smoke --false-alarm nan", "false"),
+    ("calibrate smoke -j 0", "-j"), ("worst horhc", "horch"), ("worst horch --budget 0", "budget"), ("worst", "METHOD"),
+    ("figure fig-11-99 -o DIR", "fig-11-9"), ("figure fig-11-4", "-o"), ("figure score-map -o DIR --run DIR", "run"),
+    ("confirm", "verb"), ("confirm trvel LOOP", "travel"), ("confirm travel REC", "TOML"),
+    ("confirm travel none.toml", "none.toml"), ("gap", "verb"), ("gap diagnose", "REC"), ("gap diagnose REC", "--baseline"),
+    ("gap diagnose REC --baseline none.toml", "none.toml"), ("gap diagnose REC --baseline LOOP --identify", "either"),
+    ("gap diagnose REC --identify -j 0", "-j"), ("gap diagnose REC --identify -j 100000", "-j"),
+    ("gap diagnose REC --identify --window 5 2", "window"), ("gap diagnose REC --identify --window 0 9999", "window"),
+    ("gap diagnose REC --baseline LOOP --write-loop LOOP", "written over"),
+    ("gap diagnose REC --baseline LOOP --html REC", "written over"), ("gap diagnose REC --baseline REC", "TOML"),
+    ("gap withheld make DIR --key DIR --seed 1 -n 3", "records"), ("gap withheld make DIR --seed 1", "key"),
+    ("gap withheld answer DIR", "empty"), ("gap withheld open DIR", "DIR"), ("gap withheld answer DIR -j 0", "-j"),
+    ("list", "what"), ("list detectrs", "detectors"), ("list figures --jsn", "--json"), ("run", "GRID"),
+    ("run smok -o OUT", "smoke"), ("run smoke -o REC", "rec.csv"), ("run LOOP -o OUT", "loop"),
+    ("run smoke -o /proc/nothing", "/proc"), ("run smoke -o OUT --method nothing", "nothing"),
+    ("run smoke -o OUT --thresholds LOOP", "thresholds"), ("run smoke -o OUT --time-limit 0 --plugin REC", "time limit"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("line", "word"), WRONG, ids=lambda v: v[:60])
+def test_a_wrong_command(refused, tmp_path, line, word):
+    loop, record, empty = put(tmp_path, text()), tmp_path / "rec.csv", tmp_path / "empty"
+    record.write_text(RECORD)
+    empty.mkdir()
+    before = loop.read_bytes()
+    places = {"LOOP": loop, "REC": record, "OUT": tmp_path / "out", "DIR": empty}
+    refused([places.get(w, w) for w in line.split()], "empty" if word == "DIR" else word)
+    assert loop.read_bytes() == before
+    assert record.read_text() == RECORD
+    assert not (tmp_path / "out").exists()
+    assert not list(empty.iterdir())
+
+
+@pytest.mark.parametrize(
+    "content",
+    ["", "{", "[]", "null", '{"horch": 1}', '{"horch": {"dtau_low": "x"}}', '{"horch": {"dtau_low": NaN}}',
+     '{"horch": {"dtau_low": true}}', '{"horch": {"dtau_low": 7}}', '{"horch": {"dtau": 0.1}}', '{"horhc": {"dtau_low": 0.1}}',
+     '{"horch": {"no_stiction_below": 0.1}}', "[" * 100_000, '{"horch": {"dtau_low": ' + "1" * 5000 + "}}", "\0",
+     '{"horch": {"dtau_low": [1]}}', '{"horch": {"stiction_above": 1e400}}'],
+    ids=lambda t: f"{t[:40]} {len(t)}",
+)  # fmt: skip
+@pytest.mark.parametrize("verb", ["detect", "run"])
+def test_wrong_thresholds(refused, tmp_path, verb, content):
+    record, file = tmp_path / "rec.csv", tmp_path / "cuts.json"
+    record.write_text(RECORD)
+    file.write_text(content)
+    words = {"detect": ["detect", record], "run": ["run", "smoke", "-o", tmp_path / "run"]}[verb]
+    refused([*words, "--method", "horch", "--thresholds", file])
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_fault_of_the_program_is_one_sentence_that_names_its_log(capsys):
+    def fault():
+        raise ZeroDivisionError("nobody\nthought of this")
+
+    assert exit_code(fault) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "nobody thought of this" in said
+    log = said.rstrip().rpartition(" ")[2]
+    with open(log) as f:
+        assert "Traceback" in f.read()
+
+
+@pytest.mark.parametrize("what", ["detectors", "grids", "effects", "valves", "figures"])
+def test_json_with_exit_0_is_json(capsys, what):
+    assert main(["list", what, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)
+
+
+def test_a_reader_that_goes_away_is_no_fault():
+    line = f"{sys.executable} -m simbench.cli list detectors | head -c 1; exit ${{PIPESTATUS[0]}}"
+    done = subprocess.run(["bash", "-c", line], capture_output=True, text=True)
+    assert done.returncode in (0, 1)
+    assert done.stderr == ""
