@@ -9,7 +9,7 @@ export OPENBLAS_NUM_THREADS := 1
 export OPENBLAS_CORETYPE := Haswell
 export NPY_DISABLE_CPU_FEATURES := X86_V4 AVX512_ICL AVX512_SPR
 
-.PHONY: bench check leak real test lint perf docs clean
+.PHONY: bench check leak real test lint perf docs site clean
 
 bench: $(READY)            ## the main job: simulate a labelled grid, run the detectors, score them
 	rm -rf runs/bench
@@ -30,7 +30,7 @@ check: $(READY)            ## has any detector's accuracy regressed against the 
 	$(BIN)/simbench check runs/ci --against results/baseline
 
 real: $(READY)             ## every record of real loops, every method, scored by unit
-	$(BIN)/simbench detect ../shared/data/real --labels ../shared/data/real/records.csv > results/real_records.txt
+	$(BIN)/simbench detect ../shared/data/real --labels ../shared/data/real/records.csv --why > results/real_records.txt
 
 leak: $(READY)             ## can a scenario's settings alone predict its label? They must not
 	$(BIN)/python -m simbench.bench.leak
@@ -43,6 +43,9 @@ docs: $(READY)             ## the gallery, and every published number beside our
 	$(BIN)/simbench figure all -o results/figures
 	$(BIN)/python -m simbench.report.chapter --isdb ../shared/data/real
 	$(BIN)/python -m simbench.report.gallery
+
+site: $(READY)             ## API, detectors and glossary as pages, from the docstrings
+	$(BIN)/python -m sphinx -W --keep-going -q docs/site runs/site
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)

@@ -8,7 +8,8 @@ import sys
 from typing import Any
 
 from detectors.record import KINDS, PROCESSES
-from detectors.report import judge_files, table
+from detectors.report import failed, judge_files, table
+from detectors.roles import column_pairs
 from detectors.usage import exit_code
 
 
@@ -31,25 +32,32 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--kind", help=f"what the loop controls: {', '.join(KINDS)}")
     parser.add_argument("--op-span", nargs=2, type=float, metavar=("LO", "HI"), help="OP that means 0 and 100 %%")
     parser.add_argument("--pv-span", nargs=2, type=float, metavar=("LO", "HI"))
+    parser.add_argument("--columns", action="append", metavar="op=NAME,pv=NAME", help="which column is what")
+    parser.add_argument("--ts", type=float, dest="Ts", metavar="S", help="sampling period (s), where no column says it")
+    parser.add_argument("--loop", help="loop of a file with several")
+    parser.add_argument("--why", action="store_true", help="each method's reason below the table")
     parser.add_argument("--labels", help="table with id and label: judge and score its records")
     parser.add_argument("--raw", action="store_true", help="without the oscillation front end")
     parser.add_argument("--plugin", action="append", default=[], help="file of a further detector")
     parser.add_argument("--json", action="store_true", help="JSON, and nothing else, on stdout")
     chosen = vars(parser.parse_args(arguments))
-    as_json, methods = chosen.pop("json"), chosen.pop("method") or ["all"]
-    return exit_code(lambda: _judge(as_json, methods=methods, **chosen))
+    as_json, methods, why = chosen.pop("json"), chosen.pop("method") or ["all"], chosen.pop("why")
+    return exit_code(lambda: _judge(as_json, why, methods=methods, **chosen))
 
 
-def _judge(as_json: bool, **asked: Any) -> int:
+def _judge(as_json: bool, why: bool, **asked: Any) -> int:
+    asked["columns"] = column_pairs(asked["columns"])
     report = judge_files(asked.pop("path"), asked.pop("methods"), plugins=asked.pop("plugin"), **asked)
     for name, sentence in report.refused.items():
         print(f"left out {name}: {sentence}", file=sys.stderr)
+    for sentence in failed(report.verdicts):
+        print(sentence, file=sys.stderr)
     if as_json:
         print(json.dumps(report.as_json(), indent=1, allow_nan=False))
         if report.scores:
             print("\n".join(["score by unit:", *table(report.scores)]), file=sys.stderr)
     else:
-        print(report.as_text())
+        print(report.as_text(why=why, colour=sys.stdout.isatty()))
     sys.stdout.flush()
     return 0
 

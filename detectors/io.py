@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from detectors.errors import RecordError, nearest
+from detectors.archive import Series, base_step, hold, stored_on_change
+from detectors.clock import seconds
+from detectors.errors import RecordError
+from detectors.gaps import BRIDGED, JITTER, MOST_MISSING, whole
+from detectors.historian import apply_quality, is_head, op_span, read_numbers, take_units
+from detectors.long_table import read_series, unfold
 from detectors.record import KIND_ALIASES, KINDS, PROCESSES, LoopRecord
-from detectors.tables import Columns, numbers, read_table, seconds
-
-SIGNALS = ("sp", "op", "pv", "mv")
-TIME_NAMES = ("t_s", "t", "time", "timestamp", "datetime", "date")
-BRIDGED = 3  # samples; a longer hole splits the record
-MOST_MISSING = 0.20  # share of a record that may be missing
-JITTER = 0.01  # deviation from Ts, as a share of it, above which time has a gap
+from detectors.roles import SIGNALS, TIME_NAMES, find_roles, shown, words
+from detectors.tables import Sheet, read_sheet, read_table
 
 
 def read_record(
@@ -33,11 +32,11 @@ def read_record(
     Parameters
     ----------
     path : str or Path
-        CSV (comma, semicolon or tab), .parquet, .xlsx or ISDB .mat.
+        CSV, .parquet, .xlsx or ISDB .mat, wide (a column per signal) or long (time, tag, value).
     columns : dict of role to column name, optional
-        Which column holds `t`, `sp`, `op`, `pv`, `mv`, where the names do not say so.
+        Which column (long: tag) holds `t`, `sp`, `op`, `pv`, `mv`, where the names do not say so.
     loop : str, optional
-        "sector.loopN", for a .mat file with several loops.
+        "sector.loopN" of a .mat file; of a table with several loops the first words of its columns ("FIC101").
     Ts : float, optional
         Sampling period (s), in place of the time column.
     **about
@@ -47,13 +46,14 @@ def read_record(
     -------
     LoopRecord
         Holes of up to 3 samples are bridged by straight lines; longer ones split the record and the longest whole
-        segment is returned. Both are said in `notes`.
+        segment is returned; of an archive that stores changes only, values hold until the next. `notes` says all of it, and
+        everything else that had to be assumed: lines left out, states such as "Bad", units, the order of day and month.
 
     Raises
     ------
     RecordError
-        In one sentence: missing, empty or binary file, wrong encoding, no PV or OP column, text where a number should
-        be (with its line), time that does not rise, more than 20 % missing, fewer than 3 samples.
+        In one sentence: missing, empty or binary file, no PV or OP column, or several, text where a number should be (with
+        its line), what can be read in two ways, time that does not rise, more than 20 % missing, fewer than 3 samples.
 
     Examples
     --------
@@ -68,14 +68,15 @@ def read_record(
     if path.suffix.lower() == ".mat":
         from detectors.isdb import read_loop
 
-        raw, found = read_loop(path, loop)
+        columns_of, found = read_loop(path, loop)
+        sheet, loop = Sheet(columns_of), None
     else:
-        raw, found = read_table(path), {}
+        sheet, found = read_sheet(path, lambda cells: is_head(cells, columns or {})), {}
     found.update({k: v for k, v in about.items() if v is not None})
     found.setdefault("tag", path.stem)
     Ts = Ts if Ts is not None else found.pop("Ts", None)
     try:
-        return _record(raw, columns or {}, Ts, found, str(path))
+        return _record(sheet, columns or {}, loop, Ts, found, str(path))
     except RecordError as error:
         raise error if str(path) in str(error) else RecordError(f"{path}: {error}") from None
 
@@ -175,93 +176,129 @@ def read_labels(path: str | Path) -> dict[str, dict[str, str]]:
     return table
 
 
-def _record(raw: Columns, columns: Mapping[str, str], Ts: float | None, about: dict, where: str) -> LoopRecord:
-    roles = _roles(list(raw), columns, where)
-    signals = {s: numbers(raw[roles[s]], roles[s], where) for s in SIGNALS if s in roles}
+def _record(sheet: Sheet, chosen: Mapping[str, str], loop: str | None, Ts: float | None, about: dict, where: str) -> LoopRecord:
+    if Ts is not None and not 0 < Ts < np.inf:
+        raise RecordError(f"{where}: Ts = {Ts} s; the sampling period must be a number above 0")
+    parts = unfold(sheet, loop, chosen, where)
+    if parts is None:
+        t, signals = _wide(sheet, chosen, loop, Ts, about, where)
+        given = Ts
+    else:
+        _required(list(parts), list(dict.fromkeys(str(v) for c in parts.values() for v in list(c.columns)[1:2])), where)
+        t, signals, given = _long(parts, Ts, where)
+        sheet.notes += [note for part in parts.values() for note in part.notes]
+    if t.size < 3:
+        raise RecordError(f"{where}: {t.size} samples; at least 3 are needed")
+    series = {r: (t[np.isfinite(x)], x[np.isfinite(x)]) for r, x in signals.items() if np.isfinite(x).any()}
+    if given is None and _on_change(t, series):
+        t, signals, Ts, notes = hold(series, base_step(t), where)
+        late = [r for r, x in signals.items() if not np.isfinite(x).all()]
+        notes += [f"archive: {r.upper()} begins later than OP and PV and is left out" for r in late]
+        signals = {r: x for r, x in signals.items() if r not in late}
+    else:
+        Ts = float(np.median(np.diff(t))) if given is None else float(given)
+        t, signals, notes = whole(t, signals, Ts, where)
+    return LoopRecord(Ts=Ts, notes=(*sheet.notes, *notes), **signals, **about)
+
+
+def _wide(sheet: Sheet, chosen: Mapping[str, str], loop: str | None, Ts: float | None, about: dict, where: str):
+    """Read a table with a column per signal: times and signals as they stand in it, NaN where unknown."""
+    units = take_units(sheet, chosen)
+    roles = find_roles(list(sheet.columns), chosen, where, loop)
+    _required(list(roles), list(sheet.columns), where)
+    sheet.notes += [
+        f"columns: {role.upper()} is {name!r}"
+        for role, name in roles.items()
+        if role != "t" and role not in chosen and words(name)[-1:] != [role]
+    ]
+    read = read_numbers(sheet, [roles[s] for s in SIGNALS if s in roles], where)
+    signals = {s: read[roles[s]] for s in SIGNALS if s in roles}
+    apply_quality(sheet, roles, signals, where)
+    span = op_span(units.get(roles["op"], ""), about.get("op_span"), where, sheet.notes)
+    if span is not None:
+        about["op_span"] = span
     n = signals["pv"].size
     if n < 3:
         raise RecordError(f"{where}: {n} samples; at least 3 are needed")
-    if Ts is None:
-        if "t" not in roles:
-            raise RecordError(f"{where}: no time column ({', '.join(TIME_NAMES)}) and no sampling period Ts given")
-        t = seconds(raw[roles["t"]], roles["t"], where)
-        Ts = float(np.median(np.diff(t)))
-    elif not 0 < Ts < np.inf:
-        raise RecordError(f"{where}: Ts = {Ts} s; the sampling period must be a number above 0")
-    else:
-        t = np.arange(n) * float(Ts)
-    t, signals, notes = _whole(t, signals, Ts, where)
-    return LoopRecord(Ts=Ts, notes=notes, **signals, **about)
+    if Ts is not None:
+        return np.arange(n) * float(Ts), signals
+    if "t" not in roles:
+        raise RecordError(f"{where}: no time column ({', '.join(TIME_NAMES[:6])}) and no sampling period Ts given")
+    name = roles["t"]
+    cells = _with_date(sheet, name)
+    return seconds(cells, name, where, unit=units.get(name, ""), place=sheet.place, notes=sheet.notes), signals
 
 
-def _whole(t: np.ndarray, signals: dict[str, np.ndarray | None], Ts: float, where: str):
-    """Put the samples on an even grid, bridge short holes, keep the longest segment without a long one."""
+def _with_date(sheet: Sheet, name: str):
+    """Join a column of dates and one of clock times."""
+    low = {str(n).strip().lower(): n for n in sheet.columns}
+    cells = sheet.columns[name]
+    if not {"date", "time"} <= set(low) or not isinstance(cells, list):
+        return cells
+    if name != low["date"] and any(mark in str(c) for c in cells[:1] for mark in "-/"):
+        return cells  # it holds the date already
+    dates, clocks = sheet.columns[low["date"]], sheet.columns[low["time"]]
+    return [f"{str(d).split(' ')[0]} {c}" for d, c in zip(dates, clocks, strict=True)]
+
+
+def _long(parts: Mapping[str, Sheet], Ts: float | None, where: str):
+    """Put the tags of a long table side by side; returns also the sampling period, where it was needed to do so."""
+    series = {role: read_series(part, role, where) for role, part in parts.items()}
+    for role in ("op", "pv"):
+        if series[role][0].size < 3:
+            raise RecordError(f"{where}: {series[role][0].size} samples of {role.upper()}; at least 3 are needed")
+    times = np.unique(np.concatenate([series["op"][0], series["pv"][0]]))
+    step = base_step(times)
+    full = step is not None and min(series[r][0].size for r in ("op", "pv")) * step > (1 - MOST_MISSING) * (
+        times[-1] - times[0]
+    )
+    if Ts is None and (full or _on_change(times, series)):
+        signals = {role: _at(times, *series[role]) for role in ("op", "pv")}
+        signals |= {role: _held(times, *series[role]) for role in ("sp", "mv") if role in series and series[role][0].size}
+        return times, signals, None
+    uneven = [r for r in ("op", "pv") if not _regular(series[r][0]) and not stored_on_change(*series[r])]
+    if Ts is None and uneven:
+        raise RecordError(f"{where}: times of {' and '.join(uneven).upper()} are uneven; say which sampling period Ts to use")
+    t, signals, step, notes = hold(series, Ts, where)
+    parts["pv"].notes += notes or ["archive: OP and PV have times of their own; OP is the last value before each PV"]
+    return t, signals, step
+
+
+def _at(times: np.ndarray, t: np.ndarray, x: np.ndarray) -> np.ndarray:
+    out = np.full(times.size, np.nan)
+    out[np.searchsorted(times, t)] = x
+    return out
+
+
+def _held(times: np.ndarray, t: np.ndarray, x: np.ndarray) -> np.ndarray:
+    at = np.searchsorted(t, times, side="right") - 1
+    return np.where(at >= 0, x[np.maximum(at, 0)], np.nan)
+
+
+def _regular(t: np.ndarray) -> bool:
     dt = np.diff(t)
-    if np.any(np.abs(dt - Ts) > JITTER * Ts):
-        place = np.concatenate([[0], np.cumsum(np.maximum(np.rint(dt / Ts), 1).astype(int))])
-    else:
-        place = np.arange(t.size)
-    size = int(place[-1]) + 1
-    known = np.isfinite(signals["op"]) & np.isfinite(signals["pv"])
-    missing = size - int(known.sum())
-    if missing > MOST_MISSING * size:
-        raise RecordError(f"{where}: {missing} of {size} samples are missing; at most {MOST_MISSING:.0%} may be")
-    places = place[known]
-    ends = np.flatnonzero(np.diff(places) > BRIDGED + 1)
-    first, last = np.concatenate([[0], ends + 1]), np.concatenate([ends, [places.size - 1]])
-    longest = int(np.argmax(places[last] - places[first]))
-    lo, hi = int(places[first[longest]]), int(places[last[longest]])
-    grid = np.arange(lo, hi + 1)
-    out: dict[str, np.ndarray | None] = {}
-    notes = []
-    for name, x in signals.items():
-        here = np.isfinite(x) & (place >= lo) & (place <= hi)
-        holes = np.diff(np.concatenate([[lo - 1], place[here], [hi + 1]]))
-        if name in ("sp", "mv") and (not here.any() or holes.max() > BRIDGED + 1):
-            if here.any():
-                notes.append(f"gaps: {name.upper()} has holes of more than {BRIDGED} samples and is left out")
-            out[name] = None
-        elif name == "sp":  # a set point holds its value until it is changed
-            out[name] = x[here][np.maximum(np.searchsorted(place[here], grid, side="right") - 1, 0)]
-        else:
-            out[name] = np.interp(grid, place[here], x[here])
-    bridged = grid.size - int(known[(place >= lo) & (place <= hi)].sum())
-    uneven = int(np.sum(np.abs(dt - np.rint(dt / Ts) * Ts) > JITTER * Ts))
-    if bridged:
-        notes.insert(0, f"gaps: {bridged} of {grid.size} samples missing, bridged by straight lines")
-    if grid.size < size:
-        part = f"the longest part without a hole of more than {BRIDGED}"
-        notes.insert(0, f"gaps: judged samples {lo} to {hi} of {size}, {part}")
-    if uneven:
-        notes.append(f"gaps: {uneven} of {dt.size} time steps differ from Ts = {Ts:g} s by more than {JITTER:.0%}")
-    return grid * Ts, out, tuple(notes)
+    return bool(np.mean(np.abs(dt - np.median(dt)) <= JITTER * np.median(dt)) > 1 - MOST_MISSING)
 
 
-def _roles(names: list[str], chosen: Mapping[str, str], where: str) -> dict[str, str]:
-    """Return which column plays which role; 'FIC101.PV' and 'PV (m3/h)' count as pv unless two columns do."""
-    roles = {}
-    for role, name in chosen.items():
-        role = "t" if role in TIME_NAMES else role
-        if role not in ("t", *SIGNALS):
-            raise RecordError(f"{where}: column mapping for {role!r}; {nearest(role, ('t', *SIGNALS))}")
-        if name not in names:
-            raise RecordError(f"{where}: no column {name!r} for {role}, {nearest(name, names)}")
-        roles[role] = name
-    plain = {str(n).strip().lower(): n for n in reversed(names)}
-    short: dict[str, list[str]] = {}
-    for n in names:
-        short.setdefault(re.split(r"[./:\\ ]", re.sub(r"\s*[\[(].*$", "", str(n).strip().lower()))[-1], []).append(n)
-    for role in ("t", *SIGNALS):
-        words = TIME_NAMES if role == "t" else (role,)
-        exact = [plain[w] for w in words if w in plain]
-        loose = [m for w in words for m in short.get(w, [])]
-        if role not in roles and (exact or len(loose) == 1):
-            roles[role] = (exact or loose)[0]
+def _on_change(t: np.ndarray, series: Mapping[str, Series]) -> bool:
+    """Whether what is missing of OP and PV is missing because it had not changed."""
+    step = base_step(t)
+    if step is None or not {"op", "pv"} <= set(series):
+        return False
+    size = round((t[-1] - t[0]) / step) + 1
+    sparse = []
+    for role in ("op", "pv"):
+        when = series[role][0]
+        if when.size < (1 - MOST_MISSING) * size or np.diff(when).max(initial=0.0) > (BRIDGED + 1.5) * step:
+            sparse.append(role)
+    return bool(sparse) and all(stored_on_change(*series[role]) for role in sparse)
+
+
+def _required(roles: list[str], names: list[str], where: str) -> None:
     for role in ("pv", "op"):
         if role not in roles:
-            shown = ", ".join(map(str, names[:12])) + (", ..." if len(names) > 12 else "")
-            raise RecordError(f"{where}: no {role.upper()} column; columns are: {shown}")
-    return roles
+            hint = "; MV may be the controller's output: then say so (columns op=MV)" if role == "op" and "mv" in roles else ""
+            raise RecordError(f"{where}: no {role.upper()} column; columns are: {shown(names)}{hint}")
 
 
 def _hyphens(word: str) -> str:

@@ -9,6 +9,7 @@ from types import ModuleType
 import numpy as np
 
 from detectors.errors import ParameterError, nearest
+from detectors.guest import GuestError
 from detectors.method import Method
 from detectors.prepared import Prepared
 from detectors.record import LoopRecord
@@ -18,6 +19,9 @@ from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 # A record with one of these flags says nothing about its valve, whatever the method.
 UNFIT = ("dead_op", "dead_pv", "manual", "saturated")
 
+
+LONGEST = 300  # characters of an error's text
+FAILED = "failed: "  # begins the reason of a method that gave no verdict
 
 # Cuts on the score that every method understands; `simbench calibrate` finds them for a wanted share of errors.
 CUTS = ("stiction_above", "no_stiction_below")
@@ -70,8 +74,43 @@ def judge(
         if module.METHOD.needs_mv:
             prepared = sighted = sighted or blind.sighted(replace(record, meta={}))
         chosen = check_thresholds(name, module.METHOD, (thresholds or {}).get(name, {}))
-        verdicts.append(judge_one(name, module, prepared, raw, chosen))
+        verdicts += answers(name, prepared, (raw,), chosen)[0]
     return verdicts
+
+
+def answers(
+    name: str, prepared: Prepared, modes: tuple[bool, ...], thresholds: dict[str, float]
+) -> tuple[list[Verdict], str | None]:
+    """Ask one method about one record; whatever it does, it costs no other method its answer.
+
+    Parameters
+    ----------
+    name : str
+        Method id.
+    prepared : Prepared
+        The record, blinded unless the method needs MV.
+    modes : tuple of bool
+        Each: skip the common oscillation front end?
+    thresholds : dict of str to float
+        All thresholds of the method, and cuts on its score.
+
+    Returns
+    -------
+    list of Verdict
+        One per mode; "no_decision" with the reason "failed: ..." where the method gave none.
+    str or None
+        What went wrong.
+    """
+    guest = registry.guest(name)
+    try:
+        if guest is not None:
+            return guest.judge(prepared, modes, thresholds), None
+        module = registry.load(name)
+        return [judge_one(name, module, prepared, raw, dict(thresholds)) for raw in modes], None
+    except Exception as wrong:  # a detector may fail in any way; the others must not
+        said = str(wrong) if isinstance(wrong, GuestError) else f"{type(wrong).__name__}: {wrong}"
+        error = " ".join(said.split())[:LONGEST]
+        return [Verdict(name, NO_DECISION, reason=f"{FAILED}{error}")] * len(modes), error
 
 
 def check_thresholds(name: str, method: Method, chosen: Mapping[str, float]) -> dict[str, float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 
 @dataclass(frozen=True)
@@ -61,6 +61,9 @@ class Method:
         Keyword arguments of `detect` that a user or a calibration may set.
     exempt : dict of str to str
         Cases of the contract test that do not apply to the method, each with the reason.
+    published : dict of str to float
+        Thresholds at which the method is its source and nothing else; empty when its defaults are that, or when the source
+        gives no numbers. `NAME@published` is the method with these.
     """
 
     title: str
@@ -75,7 +78,13 @@ class Method:
     cannot_cope: tuple[str, ...] = ()
     thresholds: dict[str, Threshold] = field(default_factory=dict)
     exempt: dict[str, str] = field(default_factory=dict)
+    published: dict[str, float] = field(default_factory=dict)
 
     def defaults(self) -> dict[str, float]:
         """Return the default of every threshold."""
         return {name: t.default for name, t in self.thresholds.items()}
+
+    def as_published(self) -> Method:
+        """Return the method with the thresholds of its source as defaults."""
+        at = {k: replace(t, default=self.published.get(k, t.default)) for k, t in self.thresholds.items()}
+        return replace(self, title=f"{self.title}, as published", thresholds=at, published={})

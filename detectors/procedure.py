@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from detectors.evidence import BIAS, EVIDENCE, VOTERS, WITNESSES
 from detectors.judge import UNFIT, judge_one
 from detectors.prepared import Prepared
 from detectors.record import LoopRecord
@@ -38,7 +39,7 @@ FLOW: dict[str, tuple[str, dict[str, str]]] = {
         {"yes": "level", "no": "quiet", "cannot tell": "quiet"},
     ),
     "saturation": ("Does OP run into a limit?", {"no": "nonlinearity", "yes": "saturated"}),
-    "nonlinearity": ("Is there a nonlinearity in the loop?", {"yes": "stiction", "not seen": "stiction"}),
+    "nonlinearity": ("Is there a nonlinearity in the loop?", {"yes": "stiction", "not seen": "stiction", "no": "linear"}),
     "stiction": (
         "What do the stiction detectors say together?",
         {"stiction": "level", "no stiction": "linear", "undecided": "open"},
@@ -66,55 +67,6 @@ CONCLUSIONS: dict[str, tuple[str, str]] = {
     ),
     "slight": (STICTION, "none now; watch whether S grows"),
 }
-
-
-@dataclass(frozen=True)
-class Evidence:
-    """How one index of one method counts.
-
-    Parameters
-    ----------
-    method, index : str
-        Where the number comes from; index "score" is the method's score.
-    weight : float
-        Log-odds per unit of the index.
-    neutral : float
-        Value that speaks for neither side; also stands in where the method abstains.
-    low, high : float
-        The index is limited to this range.
-    """
-
-    method: str
-    index: str
-    weight: float
-    neutral: float
-    low: float
-    high: float
-
-    def count(self, verdict: Verdict) -> float:
-        """Return the index, limited to its range, less its neutral value; 0 where the method did not give it."""
-        value = verdict.score if self.index == "score" else verdict.indices.get(self.index, np.nan)
-        return min(max(value, self.low), self.high) - self.neutral if np.isfinite(value) else 0.0
-
-
-# Fitted to simulated loops (grid "chapter", another seed than its own) by `python -m simbench.bench.evidence`.
-BIAS = {False: 0.0, True: -1.45}
-EVIDENCE: dict[bool, tuple[Evidence, ...]] = {
-    False: (
-        Evidence("hammerstein", "gain", 4.3, 0.2, 0.0, 1.0),
-        Evidence("hammerstein", "share", 2.0, 0.5, 0.0, 1.2),
-        Evidence("he", "eta", 2.7, 0.5, 0.0, 1.0),
-        Evidence("singhal_salsbury", "score", 4.5, 0.5, 0.0, 1.0),
-    ),
-    True: (
-        Evidence("hammerstein", "gain", 1.85, 0.2, 0.0, 1.0),
-        Evidence("hammerstein", "share", 1.55, 0.5, 0.0, 1.2),
-        Evidence("hammerstein", "error", -7.1, 0.3, 0.0, 1.0),
-        Evidence("horch_histogram", "score", 6.0, 0.5, 0.0, 1.0),
-    ),
-}
-# Asked as well, said in the report, without a weight of their own.
-WITNESSES = {False: ("rossi_scali", "horch", "srinivasan", "yamashita"), True: ("he", "rossi_scali", "srinivasan")}
 
 
 @dataclass(frozen=True)
@@ -245,7 +197,13 @@ def flow_chart() -> tuple[list[dict[str, str]], list[dict[str, str]]]:
 
 
 def diagnose(
-    record: LoopRecord, *, odds_low: float = ODDS_LOW, odds_high: float = ODDS_HIGH, follow_min: float = FOLLOW_MIN
+    record: LoopRecord,
+    *,
+    odds_low: float = ODDS_LOW,
+    odds_high: float = ODDS_HIGH,
+    follow_min: float = FOLLOW_MIN,
+    weighted: bool = True,
+    veto: bool = False,
 ) -> Diagnosis:
     """Take a record through the whole procedure.
 
@@ -257,6 +215,10 @@ def diagnose(
         Log-odds below which the detectors together say no, and above which they say yes.
     follow_min : float
         Score of `valve_follow` from which a valve stands still (-).
+    weighted : bool
+        Weigh the detectors' indices; otherwise a majority of their verdicts decides, as in the source.
+    veto : bool
+        A nonlinearity that is not seen ends the search, as in the source.
 
     Returns
     -------
@@ -276,12 +238,23 @@ def diagnose(
     >>> found.verdict, [s.step for s in found.steps]
     ('no_stiction', ['quality', 'oscillation', 'saturation', 'nonlinearity', 'stiction'])
     """
-    return walk(Prepared(record), odds_low, odds_high, follow_min)
+    return walk(Prepared(record), ProcedureRules(odds_low, odds_high, follow_min, weighted, veto))
 
 
-def walk(prepared: Prepared, odds_low: float, odds_high: float, follow_min: float) -> Diagnosis:
-    """Take a prepared record through the procedure; arguments and result as `diagnose`."""
-    course = _Course(prepared, odds_low, odds_high, follow_min)
+@dataclass(frozen=True)
+class ProcedureRules:
+    """The settings of `diagnose`."""
+
+    odds_low: float
+    odds_high: float
+    follow_min: float
+    weighted: bool
+    veto: bool
+
+
+def walk(prepared: Prepared, rules: ProcedureRules) -> Diagnosis:
+    """Take a prepared record through the procedure; result as `diagnose`."""
+    course = _Course(prepared, rules)
     steps, now = [], "quality"
     while now in FLOW:
         question, answers = FLOW[now]
@@ -307,10 +280,9 @@ def walk(prepared: Prepared, odds_low: float, odds_high: float, follow_min: floa
 class _Course:
     """The answers to the questions of FLOW, one method each: (answer, evidence, reason)."""
 
-    def __init__(self, prepared: Prepared, odds_low: float, odds_high: float, follow_min: float) -> None:
+    def __init__(self, prepared: Prepared, rules: ProcedureRules) -> None:
         self.prepared = prepared
-        self.bounds = (odds_low, odds_high)
-        self.follow_min = follow_min
+        self.rules = rules
         self.verdicts: dict[str, Verdict] = {}
         self.indices: dict[str, float] = {}
         self.score = float("nan")
@@ -340,10 +312,10 @@ class _Course:
         op, limits = _travel(self.prepared.record)
         found: Follow = valve_follow(op, position, limits)
         self.indices["follow"] = found.score
-        self.score = max(PER_FOLLOW * (found.score - self.follow_min), QUIET)
+        self.score = max(PER_FOLLOW * (found.score - self.rules.follow_min), QUIET)
         numbers = f"{note}: dead band explains {1 - found.error:.0%}, straight valve {1 - found.error_linear:.0%}"
         numbers += f", {found.reversals} reversals"
-        if found.score < self.follow_min:
+        if found.score < self.rules.follow_min:
             return "no", numbers, "The valve follows OP, or OP gave it too little to do."
         self.S, self.J = found.S, (0.0, found.S)
         return "yes", numbers, "A valve that does this makes the loop cycle as soon as it is left alone."
@@ -362,11 +334,28 @@ class _Course:
             return "not seen", "too short for the bicoherence", "Go on: the detectors look at the waves themselves."
         self.indices |= {"ngi": found.ngi, "nli": found.nli}
         numbers = f"NGI = {found.ngi:.3f}, NLI = {found.nli:.3f} (peak {found.height:.2f} times its bound)"
-        if found.ngi > 0.0 and found.height > 1.0:
+        if found.nonlinear():
             return "yes", numbers, "The oscillation is born or bent inside a nonlinear element."
+        if self.rules.veto:
+            self.score = QUIET
+            return "no", numbers, "A linear loop oscillates by its tuning or from outside."
         return "not seen", numbers, "This rules nothing out: a symmetric cycle hides from the bicoherence."
 
     def stiction(self) -> tuple[str, str, str]:
+        return self._weigh() if self.rules.weighted else self._vote()
+
+    def _vote(self) -> tuple[str, str, str]:
+        for method in VOTERS[self.prepared.integrating]:
+            self._ask(f"{method}@published")
+        votes = [v.verdict for v in self.verdicts.values()]
+        yes, no = votes.count(STICTION), votes.count(NO_STICTION)
+        self.score = float(yes - no)
+        numbers = f"{yes} for, {no} against, {votes.count(NO_DECISION)} undecided"
+        if yes == no:
+            return "undecided", numbers, "No majority."
+        return ("stiction" if yes > no else "no stiction"), numbers, "The majority decides."
+
+    def _weigh(self) -> tuple[str, str, str]:
         case = self.prepared.integrating
         odds, told, used = BIAS[case], [], 0
         for method in (*dict.fromkeys(e.method for e in EVIDENCE[case]), *WITNESSES[case]):
@@ -385,9 +374,9 @@ class _Course:
             return "undecided", numbers, "No detector could cope with this record."
         level = self.verdicts["hammerstein"]
         self.S, self.J = level.S, level.J
-        if odds >= self.bounds[1]:
+        if odds >= self.rules.odds_high:
             return "stiction", numbers, "The waves are those of a sticky valve."
-        if odds <= self.bounds[0]:
+        if odds <= self.rules.odds_low:
             return "no stiction", numbers, "The waves are those of tuning or of a disturbance from outside."
         return "undecided", numbers, "The evidence is too even."
 
@@ -398,6 +387,8 @@ class _Course:
         said = f"S = {lo:.2g} %" if lo == hi else f"S = {lo:.2g} to {hi:.2g} %"
         if hi < S_SMALL:
             return "no", said, "Stiction of this size does little harm."
+        if lo < S_SMALL:
+            return "cannot tell", said, "Confirm before any work on the valve."
         return "yes", said, "Confirm by cheap tests first, before the cost of downtime."
 
     def _ask(self, name: str) -> None:

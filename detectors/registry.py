@@ -6,12 +6,14 @@ import importlib
 import importlib.util
 import pkgutil
 import sys
+from collections.abc import Iterable
 from functools import cached_property
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
 
 from detectors.errors import ParameterError, UnknownName
+from detectors.guest import SECONDS, Guest, GuestError, refuse_name
 
 
 class PluginFolder:
@@ -27,6 +29,8 @@ class PluginFolder:
         Entry-point group by which other distributions add theirs.
     required : tuple of str
         Attributes every plug-in must have.
+    reserved : tuple of str
+        Names that mean something else where names of plug-ins are given.
 
     Examples
     --------
@@ -35,11 +39,13 @@ class PluginFolder:
     True
     """
 
-    def __init__(self, kind: str, package: str, group: str, required: tuple[str, ...]) -> None:
+    def __init__(self, kind: str, package: str, group: str, required: tuple[str, ...], reserved: tuple[str, ...] = ()) -> None:
         self.kind = kind
         self.package = package
         self.group = group
         self.required = required
+        self.reserved = reserved
+        self._guests: dict[str, tuple[tuple, Guest]] = {}
         self._files: dict[str, ModuleType] = {}
         self._loaded: dict[str, ModuleType] = {}
 
@@ -98,8 +104,7 @@ class PluginFolder:
         name = path.stem
         if not path.is_file():
             raise ParameterError(f"{self.kind} file {path} does not exist")
-        if name in self.names() and name not in self._files:
-            raise ParameterError(f"{self.kind} file {path}: the name {name!r} is taken; rename the file")
+        refuse_name(path, self.kind, self._taken(name))
         spec = importlib.util.spec_from_file_location(f"plugin_{name}", path)
         if spec is None or spec.loader is None:
             raise ParameterError(f"{self.kind} file {path} is no Python file")
@@ -108,10 +113,72 @@ class PluginFolder:
         sys.modules[spec.name] = module
         try:
             spec.loader.exec_module(module)
-        except Exception as error:  # a plug-in may fail in any way; the user needs the file's name
+        except (Exception, SystemExit) as error:  # a plug-in may fail in any way; the user needs the file's name
+            sys.modules.pop(spec.name, None)
             raise ParameterError(f"{self.kind} file {path} cannot be imported: {error!r}") from error
         self._files[name] = self._checked(module, name)
         return name
+
+    def add_guest(self, path: str | Path, seconds: float = SECONDS) -> str:
+        """Register a detector's file without importing it: a process of its own does, see `detectors.guest`.
+
+        Parameters
+        ----------
+        path : str or Path
+            The file; its stem becomes the plug-in's name.
+        seconds : float
+            Time it may take for a record.
+
+        Returns
+        -------
+        str
+            The name.
+
+        Raises
+        ------
+        ParameterError
+            When the file is missing, takes a name that means something already, cannot be imported, or does not say of
+            itself what a plug-in must.
+        """
+        path = Path(path)
+        name = path.stem
+        if not path.is_file():
+            raise ParameterError(f"{self.kind} file {path} does not exist")
+        refuse_name(path, self.kind, self._taken(name))
+        if not 0.0 < seconds < 1e6:
+            raise ParameterError(f"time limit {seconds} s; a number above 0 is needed")
+        key = (path.resolve(), path.stat().st_mtime_ns)
+        guest = self._guests.get(name)
+        if guest is None or guest[0] != key:
+            if guest is not None:
+                guest[1].close()
+            host = Guest(path.resolve(), seconds)
+            try:
+                stub = ModuleType(f"guest_{name}")
+                stub.METHOD = host.describe()  # type: ignore[attr-defined]
+            except GuestError as error:
+                raise ParameterError(f"{self.kind} file {path} cannot be imported: {error}") from None
+            self._guests[name] = (key, host)
+            self._files[name] = stub
+        host = self._guests[name][1]
+        host.seconds, host.strikes = seconds, 0
+        return name
+
+    def add_guests(self, paths: Iterable[str | Path], seconds: float = SECONDS) -> list[str]:
+        """Register several files as `add_guest` does; two of one name are refused."""
+        files = list(dict.fromkeys(Path(p).resolve() for p in paths))
+        names = [f.stem for f in files]
+        for file in files:
+            refuse_name(file, self.kind, names.count(file.stem) > 1)
+        return [self.add_guest(f, seconds) for f in files]
+
+    def guest(self, name: str) -> Guest | None:
+        """Return the process a plug-in lives in; None for those of the house."""
+        found = self._guests.get(name)
+        return None if found is None else found[1]
+
+    def _taken(self, name: str) -> bool:
+        return name in self.reserved or name in self._own or name in self._entry_points
 
     def own_file(self, path: str | Path) -> bool:
         """Return whether a file is that of a built-in plug-in."""
@@ -121,6 +188,9 @@ class PluginFolder:
     def forget(self, name: str) -> None:
         """Take a file that was added out again."""
         self._files.pop(name, None)
+        found = self._guests.pop(name, None)
+        if found is not None:
+            found[1].close()
 
     @cached_property
     def _entry_points(self) -> dict:
@@ -139,4 +209,34 @@ class PluginFolder:
         return module
 
 
-methods = PluginFolder("detector", "detectors.methods", "simbench.detectors", ("METHOD", "detect"))
+PUBLISHED = "published"
+RESERVED = ("all", "fast", "full", "oracle", "always_no", "always_yes")
+
+
+class Detectors(PluginFolder):
+    """The detectors; `NAME@published` is a detector with the thresholds of its source.
+
+    Examples
+    --------
+    >>> methods.load("rossi_scali@published").METHOD.defaults()["left_out"]
+    0.0
+    """
+
+    def load(self, name: str) -> ModuleType:
+        """Import one detector, or the published variant of one; see `PluginFolder.load`."""
+        base, at, variant = name.partition("@")
+        if at and variant != PUBLISHED:
+            raise UnknownName(self.kind, name, [*self.names(), *self.variants()])
+        module = super().load(base)
+        if not at:
+            return module
+        shown = ModuleType(name, module.__doc__)
+        shown.__dict__.update(METHOD=module.METHOD.as_published(), detect=module.detect, __file__=module.__file__)
+        return shown
+
+    def variants(self) -> list[str]:
+        """Return NAME@published of every detector whose defaults are not those of its source."""
+        return [f"{name}@{PUBLISHED}" for name in self.names() if super(Detectors, self).load(name).METHOD.published]
+
+
+methods = Detectors("detector", "detectors.methods", "simbench.detectors", ("METHOD", "detect"), RESERVED)

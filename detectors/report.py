@@ -11,8 +11,10 @@ import numpy as np
 
 from detectors import summary
 from detectors.errors import ParameterError, UnknownName
+from detectors.guest import SECONDS
 from detectors.io import read_folder, read_labels, read_record
-from detectors.judge import judge
+from detectors.judge import FAILED, judge
+from detectors.registry import PUBLISHED
 from detectors.registry import methods as registry
 from detectors.verdict import NO_DECISION, STICTION, Verdict
 from detectors.views import page_part
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
 
     from detectors.record import LoopRecord
 
-SETS = ("all", "fast", "full")
+SETS = ("all", "fast", "full", PUBLISHED)
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,7 @@ class Report:
         -------
         str
         """
-        text = summary.as_text(self._groups(), why=why, colour=colour)
+        text = summary.as_text(self.groups(), why=why, colour=colour)
         return "\n".join([text, "", *table(self.scores)]) if self.scores else text
 
     def to_frame(self) -> pd.DataFrame:
@@ -95,14 +97,29 @@ class Report:
     def _repr_html_(self) -> str:
         frame = self.to_frame()
         keys = [c for c in ("record", "method", "verdict", "score", "applicable", "reason") if c in frame]
-        groups = self._groups()
+        groups = self.groups()
         return page_part(summary.sentence(groups[0][1]) if len(groups) == 1 else f"{len(groups)} records", frame[keys])
 
-    def _groups(self) -> list[tuple[str | None, list[Verdict], LoopRecord | None]]:
+    def groups(self) -> list[tuple[str | None, list[Verdict], LoopRecord | None]]:
+        """Return the verdicts record by record.
+
+        Returns
+        -------
+        list of (name or None, list of Verdict, LoopRecord or None)
+        """
         groups: dict[str | None, list[Verdict]] = {}
         for name, verdict in self.verdicts:
             groups.setdefault(name, []).append(verdict)
         return [(name, verdicts, self.records.get(name)) for name, verdicts in groups.items()]
+
+
+def failed(verdicts: Iterable[tuple[str | None, Verdict]]) -> list[str]:
+    """Return one clause per method that gave no verdict where it was asked for one: how often, and why first."""
+    first: dict[str, list[str]] = {}
+    for _, verdict in verdicts:
+        if verdict.reason.startswith(FAILED):
+            first.setdefault(verdict.method, []).append(verdict.reason.removeprefix(FAILED))
+    return [f"method {m} failed on {len(why)} records ({why[0]})" for m, why in first.items()]
 
 
 def judge_files(
@@ -120,6 +137,7 @@ def judge_files(
     raw: bool = False,
     plugins: Iterable[str | Path] = (),
     thresholds: Mapping[str, Mapping[str, float]] | None = None,
+    time_limit: float = SECONDS,
 ) -> Report:
     """Judge a record file, a folder of them, or an ISDB .mat file.
 
@@ -141,6 +159,8 @@ def judge_files(
         Detector files outside the package; they are judged too, in addition to `methods`.
     thresholds : dict of method id to dict of str to float, optional
         Other thresholds than the methods' own.
+    time_limit : float
+        Seconds a plug-in may take for a record.
 
     Returns
     -------
@@ -151,7 +171,7 @@ def judge_files(
     UserError
         For anything the user can put right: files, methods, thresholds.
     """
-    added = [registry.add_file(p) for p in plugins]
+    added = registry.add_guests(plugins, time_limit)
     names = choose_methods(methods)
     names += [a for a in added if a not in names]
     about = {"process": process, "kind": kind, "op_span": op_span, "pv_span": pv_span, "columns": columns, "Ts": Ts}
@@ -177,7 +197,8 @@ def choose_methods(names: Iterable[str]) -> list[str]:
     Parameters
     ----------
     names : iterable of str
-        Ids, "all", "fast" or "full"; "horch,he" counts as two.
+        Ids, "all", "fast", "full" or "published" (every method with rules of our own, without them: NAME@published);
+        "horch,he" counts as two.
 
     Returns
     -------
@@ -196,7 +217,9 @@ def choose_methods(names: Iterable[str]) -> list[str]:
     """
     chosen: list[str] = []
     for name in (part.strip() for text in names for part in text.split(",")):
-        if name in SETS:
+        if name == PUBLISHED:
+            some = registry.variants()
+        elif name in SETS:
             some = [m for m in registry.names() if name != "fast" or registry.load(m).METHOD.budget == "fast"]
         else:
             registry.load(name)

@@ -1,33 +1,59 @@
-"""Tables: a CSV, parquet or Excel file becomes named columns, and a column becomes numbers or seconds."""
+"""Tables: a CSV, parquet or Excel file becomes named columns, wherever in it they begin."""
 
 from __future__ import annotations
 
 import csv
 import zipfile
-from datetime import UTC, datetime
-from itertools import takewhile
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
 
 from detectors.errors import RecordError
 
-TIME_FORMATS = ("%d.%m.%Y %H:%M:%S", "%d/%m/%Y %H:%M:%S", "%m/%d/%Y %H:%M:%S", "%Y/%m/%d %H:%M:%S", "%d-%b-%Y %H:%M:%S")
-
 MOST_ROWS = 1_000_000  # of a sheet
 MOST_UNPACKED = 300_000_000  # bytes of an Excel file's parts
 
 Columns = dict[str, list | np.ndarray]
-NEEDED = "a number, or nothing for unknown, is needed"
+DELIMITERS = ",;\t|"
+PREAMBLE = 60  # lines in which the header is looked for
+
+
+@dataclass
+class Sheet:
+    """A table as it stands in its file.
+
+    Parameters
+    ----------
+    columns : dict of str to list or ndarray
+        Cells by column name.
+    lines : list of int
+        Line of the file on which each row stands; empty where a file has none.
+    delimiter : str
+        Between the cells of a CSV.
+    notes : list of str
+        What had to be done to read it.
+    """
+
+    columns: Columns
+    lines: list[int] = field(default_factory=list)
+    delimiter: str = ""
+    notes: list[str] = field(default_factory=list)
+
+    def place(self, row: int) -> str:
+        """Say where a row stands."""
+        return f"line {self.lines[row] if self.lines else row + 2}"
 
 
 def read_table(path: Path) -> Columns:
-    """Read a table, its cells as they stand.
+    """Read a table whose first line names its columns, its cells as they stand.
 
     Parameters
     ----------
     path : Path
-        CSV (comma, semicolon or tab; UTF-8), .parquet or .xlsx.
+        CSV (comma, semicolon or tab), .parquet or .xlsx.
 
     Returns
     -------
@@ -37,7 +63,29 @@ def read_table(path: Path) -> Columns:
     Raises
     ------
     RecordError
-        When the file is missing, empty, binary, wrongly encoded, ragged or damaged.
+        As `read_sheet`.
+    """
+    return read_sheet(path).columns
+
+
+def read_sheet(path: Path, is_head: Callable[[Sequence[str]], bool] = lambda cells: False) -> Sheet:
+    """Read a table, wherever in its file it begins.
+
+    Parameters
+    ----------
+    path : Path
+        CSV (comma, semicolon, tab or bar; UTF-8, UTF-16 or Windows-1252), .parquet or .xlsx.
+    is_head : function of cells to bool
+        Whether some cells name the columns that are needed; where no line does, the first one is the header.
+
+    Returns
+    -------
+    Sheet
+
+    Raises
+    ------
+    RecordError
+        When the file is missing, empty, binary, ragged or damaged.
     """
     if not path.exists():
         raise RecordError(f"file {path} does not exist")
@@ -50,14 +98,15 @@ def read_table(path: Path) -> Columns:
         if suffix in (".parquet", ".pq"):
             import pandas as pd
 
-            return _from_frame(pd.read_parquet(path))
+            return Sheet(_from_frame(pd.read_parquet(path)))
         if suffix in (".xlsx", ".xls"):
-            return _from_frame(_sheet(path))
+            rows = [[_cell(v) for v in row] for row in _sheet(path).itertuples(index=False, name=None)]
+            return _table(path, rows, list(range(1, len(rows) + 1)), is_head)
     except RecordError:
         raise
     except Exception as error:  # pandas passes on whatever its engine raises
         raise RecordError(f"file {path} cannot be read as {suffix[1:]}: {str(error).splitlines()[0]}") from error
-    return _csv(path)
+    return _csv(path, is_head)
 
 
 def _sheet(path: Path):
@@ -69,8 +118,8 @@ def _sheet(path: Path):
             size = sum(item.file_size for item in packed.infolist())
         if size > MOST_UNPACKED:
             raise RecordError(f"file {path} unpacks to {size / 1e6:.0f} MB; at most {MOST_UNPACKED / 1e6:.0f} MB are read")
-    frame = pd.read_excel(path, nrows=MOST_ROWS + 1)
-    if len(frame) > MOST_ROWS:
+    frame = pd.read_excel(path, header=None, dtype=object, nrows=MOST_ROWS + 2)
+    if len(frame) > MOST_ROWS + 1:
         raise RecordError(f"file {path} has more than {MOST_ROWS} rows; a sheet of Excel cannot hold many more")
     return frame
 
@@ -83,146 +132,85 @@ def _texts(column) -> list:
     return [None if missing else v for v, missing in zip(column, column.isna(), strict=True)]
 
 
-def _csv(path: Path) -> Columns:
+def _cell(value: object) -> str:
+    if value is None or value != value:  # NaN, NaT
+        return ""
+    return value.isoformat(sep=" ") if isinstance(value, datetime) else str(value)
+
+
+def _decoded(path: Path) -> tuple[str, list[str]]:
     try:
         data = path.read_bytes()
     except OSError as error:
         raise RecordError(f"file {path} cannot be read: {error.strerror}") from error
-    if b"\0" in data[:4096] and not data.startswith((b"\xff\xfe", b"\xfe\xff")):
+    head = data[:4096]
+    wide = [len(half) > 8 and half.count(0) > 0.4 * len(half) for half in (head[0::2], head[1::2])]
+    marked = head.startswith((b"\xff\xfe", b"\xfe\xff"))
+    if b"\0" in head and not marked and (wide[0] == wide[1] or head[wide[0] :: 2].count(0)):
         raise RecordError(f"file {path} is binary; a text table (CSV), .parquet, .xlsx or .mat is needed")
+    if marked or b"\0" in head:
+        code = "utf-16" if marked else "utf-16-be" if wide[0] else "utf-16-le"
+        try:
+            return data.decode(code), []
+        except UnicodeDecodeError as error:
+            raise RecordError(f"file {path} is damaged UTF-16 text (byte {error.start})") from error
     try:
-        text = data.decode("utf-8-sig")
+        return data.decode("utf-8-sig"), []
     except UnicodeDecodeError as error:
-        raise RecordError(f"file {path} is not UTF-8 text (byte {error.start}); save it as UTF-8") from error
+        said = f"file: byte {error.start} is not UTF-8, read as Windows-1252; numbers are the same in both"
+        return data.decode("cp1252", errors="replace"), [said]
+
+
+def _csv(path: Path, is_head: Callable[[Sequence[str]], bool]) -> Sheet:
+    text, notes = _decoded(path)
     lines = text.splitlines()
-    head = lines[0] if lines else ""
-    rows = csv.reader(lines, delimiter=max(",;\t", key=head.count))
+    start, head = 0, lines[0] if lines else ""
+    delimiter = max(DELIMITERS, key=head.count)
+    for i, line in enumerate(lines[:PREAMBLE]):
+        fit = [d for d in DELIMITERS if d in line and is_head(next(_cells(path, [line], d), ([], 0))[0])]
+        if fit:
+            start, delimiter = i, max(fit, key=line.count)
+            break
+    rows, numbers = [], []
+    for cells, line in _cells(path, lines[start:], delimiter):
+        if cells and cells != [""]:
+            rows.append(cells)
+            numbers.append(start + line)
+    found = _table(path, rows, numbers, lambda cells: True)
+    skipped = sum(bool(line.strip()) for line in lines[:start])
+    found.notes = notes + [f"file: {skipped} lines above the header left out"] * (skipped > 0)
+    found.delimiter = delimiter
+    return found
+
+
+def _cells(path: Path, lines: list[str], delimiter: str) -> Iterator[tuple[list[str], int]]:
+    rows = csv.reader(lines, delimiter=delimiter)
     try:
-        names = [name.strip() for name in next(rows, [])]
-        body = []
         for row in rows:
-            if not row or row == [""]:
-                continue
-            while len(row) > len(names) and not row[-1].strip():
-                row.pop()
-            if len(row) != len(names):
-                raise RecordError(f"{path}, line {rows.line_num}: {len(row)} cells; the header has {len(names)}")
-            body.append(row)
+            yield row, rows.line_num
     except csv.Error as error:
         raise RecordError(f"{path}, line {rows.line_num}: {error}") from error
+
+
+def _table(path: Path, rows: list[list[str]], lines: list[int], is_head: Callable[[Sequence[str]], bool]) -> Sheet:
+    """Name the columns by the first row that does, else by the first row."""
+    start = next((i for i, row in enumerate(rows[:PREAMBLE]) if is_head(row)), 0)
+    names = [name.strip() for name in rows[start]] if rows else []
+    while len(names) > 1 and not names[-1] and all(len(r) < len(names) or not r[len(names) - 1].strip() for r in rows[start:]):
+        names.pop()
+    body, kept = [], []
+    for row, line in zip(rows[start + 1 :], lines[start + 1 :], strict=True):
+        while len(row) > len(names) and not row[-1].strip():
+            row.pop()
+        if len(row) != len(names):
+            raise RecordError(f"{path}, line {line}: {len(row)} cells; the header has {len(names)}")
+        body.append(row)
+        kept.append(line)
     if not any(names):
         raise RecordError(f"file {path} has no header line")
     twice = next((n for n in names if n and [m.lower() for m in names].count(n.lower()) > 1), None)
     if twice:
         raise RecordError(f"file {path}: column {twice!r} appears twice")
-    return dict(zip(names, (list(c) for c in zip(*body, strict=True)) if body else [[] for _ in names], strict=True))
-
-
-def numbers(values: list | np.ndarray, name: str, where: str) -> np.ndarray:
-    """Return a column as float64, NaN where it is empty.
-
-    Parameters
-    ----------
-    values : list or ndarray
-        Cells.
-    name, where : str
-        Column and file, for messages.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-
-    Raises
-    ------
-    RecordError
-        With the line, for text that is no number, and for infinity.
-
-    Examples
-    --------
-    >>> numbers(["1.5", "", "2,5"], "pv", "FIC101.csv")
-    array([1.5, nan, 2.5])
-    """
-    if isinstance(values, np.ndarray) and values.dtype.kind in "fiub":
-        array = values.astype(np.float64)
-    else:
-        texts = ["" if v is None else str(v).strip() for v in values]
-        try:
-            array = np.array([float(v) if v else np.nan for v in texts])
-        except ValueError:
-            array = np.array([_number(v, i, name, where) if v else np.nan for i, v in enumerate(texts)])
-    infinite = np.flatnonzero(np.isinf(array))
-    if infinite.size:
-        raise RecordError(f"{where}, line {infinite[0] + 2}: {name} is infinite; {NEEDED}")
-    return array
-
-
-def _number(text: str, row: int, name: str, where: str) -> float:
-    try:
-        return float(text.replace(",", "."))  # decimal comma of semicolon files
-    except ValueError:
-        raise RecordError(f"{where}, line {row + 2}: {name} is {text!r}; {NEEDED}") from None
-
-
-def seconds(values: list | np.ndarray, name: str, where: str) -> np.ndarray:
-    """Return a time column in seconds, from numbers or timestamps.
-
-    Parameters
-    ----------
-    values : list or ndarray
-        Cells: numbers (s), ISO timestamps, or one of `TIME_FORMATS`.
-    name, where : str
-        Column and file, for messages.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Strictly rising.
-
-    Raises
-    ------
-    RecordError
-        With the line, for a missing or unreadable time and for time that does not rise.
-
-    Examples
-    --------
-    >>> t = seconds(["2024-05-31 14:05:00", "2024-05-31 14:05:10"], "time", "FIC101.csv")
-    >>> float(t[1] - t[0])
-    10.0
-    """
-    if isinstance(values, np.ndarray) and values.dtype.kind == "M":
-        t = values.astype("datetime64[ns]").astype(np.int64) * 1e-9
-        t[np.isnat(values)] = np.nan
-    elif isinstance(values, np.ndarray) and values.dtype.kind in "fiu":
-        t = values.astype(np.float64)
-    else:
-        t = _read_times([str(v).strip() for v in values], name, where)
-    bad = np.flatnonzero(~np.isfinite(t))
-    if bad.size:
-        raise RecordError(f"{where}, line {bad[0] + 2}: {name} is unknown; every sample needs its time")
-    back = np.flatnonzero(np.diff(t) <= 0)
-    if back.size:
-        was, now = values[back[0]], values[back[0] + 1]
-        raise RecordError(f"{where}, line {back[0] + 3}: {name} does not rise ({was}, then {now})")
-    return t
-
-
-def _read_times(texts: list[str], name: str, where: str) -> np.ndarray:
-    # The whole column decides between numbers, day first and month first: the reading that gets furthest.
-    furthest = 0
-    for form in ("number", "iso", *TIME_FORMATS, *(f.replace(":%S", "") for f in TIME_FORMATS)):
-        t = list(takewhile(lambda x: x is not None, (_time(text, form) for text in texts)))
-        if len(t) == len(texts):
-            return np.array(t, dtype=float)
-        furthest = max(furthest, len(t))
-    needed = "seconds, or a timestamp like 2024-05-31 14:05:00, is needed"
-    raise RecordError(f"{where}, line {furthest + 2}: {name} is {texts[furthest]!r}; {needed}")
-
-
-def _time(text: str, form: str) -> float | None:
-    try:
-        if form == "number":
-            return float(text.replace(",", "."))
-        stamp = datetime.fromisoformat(text) if form == "iso" else datetime.strptime(text, form)
-    except ValueError:
-        return None
-    return (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp()
+    columns = dict(zip(names, (list(c) for c in zip(*body, strict=True)) if body else [[] for _ in names], strict=True))
+    above = sum(any(c.strip() for c in row) for row in rows[:start])
+    return Sheet(columns, kept, "", [f"file: {above} lines above the header left out"] * (above > 0))

@@ -31,6 +31,9 @@ def _workers(jobs: int) -> int:
 Json = Annotated[bool, typer.Option("--json", help="JSON, and nothing else, on stdout.")]
 Jobs = Annotated[int, typer.Option("-j", "--jobs", callback=_workers, help="Worker processes; -1 = all cores.")]
 Plugin = Annotated[list[Path] | None, typer.Option("--plugin", help="File of a further detector; repeatable.")]
+Limit = Annotated[float, typer.Option("--time-limit", metavar="S", help="Seconds a plug-in may take for a record.")]
+ValvePlugin = Annotated[list[Path] | None, typer.Option(help="File of a further valve model; repeatable.")]
+EffectPlugin = Annotated[list[Path] | None, typer.Option(help="File of a further effect; repeatable.")]
 Thresholds = Annotated[
     Path | None, typer.Option(metavar="FILE.json", help="Other thresholds than the published ones, as calibrate writes them.")
 ]
@@ -39,14 +42,73 @@ Span = Annotated[tuple[float, float] | None, typer.Option(metavar="LO HI", help=
 Power = Annotated[bool, typer.Option("--power", help="Also say what this record could have shown, from twins of its loop.")]
 World = Annotated[str, typer.Option(metavar="NAME", help="Independent simulator that draws the records.")]
 
+# the help of each verb ends with its examples
+EPILOG = {
+    "simulate": ["simbench simulate loop.toml -o rec.csv --seed 1", "simbench simulate --from runs/ci --id ID -o rec.csv"],
+    "valve": ["simbench valve --model choudhury --param S=5 --param J=2 op.csv -o mv.csv"],
+    "predict": ["simbench predict loop.toml", "simbench predict loop.toml --json"],
+    "detect": [
+        "simbench detect rec.csv --kind flow --why",
+        "simbench detect export.csv --columns op=FIC101.OUT,pv=FIC101.MEAS --html verdict.html",
+        "simbench detect folder --labels records.csv --csv verdicts.csv",
+    ],
+    "diagnose": ["simbench diagnose rec.csv --kind flow --picture path.svg"],
+    "trust": ["simbench trust rec.csv", "simbench trust rec.csv --loop loop.toml --html trust.html"],
+    "report": ["simbench report folder -o plant.html"],
+    "run": ["simbench run smoke -o runs/smoke", "simbench run chapter -o runs/chapter -j 2 --method fast,oracle --resume"],
+    "score": ["simbench score runs/chapter --report report.html", "simbench score runs/new --compare runs/old"],
+    "check": ["simbench check runs/ci --against results/baseline"],
+    "history": ["simbench history results/baseline -o history.svg"],
+    "calibrate": ["simbench calibrate chapter --false-alarm 0.05 -o cal"],
+    "worst": ["simbench worst horch -o worst.toml --budget 500"],
+    "figure": ["simbench figure fig-11-9 -o figures", "simbench figure all -o figures"],
+    "gain-change": ["simbench confirm gain-change loop.toml"],
+    "travel": ["simbench confirm travel loop.toml --picture travel.svg"],
+    "gap diagnose": ["simbench gap diagnose rec.csv --baseline loop.toml --html gap.html --write-loop fixed.toml"],
+    "leave-out": ["simbench gap leave-out withheld -j 2"],
+    "make": ["simbench gap withheld make check --key check.key --seed 1"],
+    "answer": ["simbench gap withheld answer check -j 2"],
+    "open": ["simbench gap withheld open check --key check.key"],
+    "contract": ["simbench contract my_detector.py"],
+    "list": ["simbench list detectors", "simbench list grids --json"],
+}
 _bare = {"add_completion": False, "no_args_is_help": True, "rich_markup_mode": None, "pretty_exceptions_enable": False}
-app = typer.Typer(help="A closed-loop testbench for valve-stiction detectors.", **_bare)
-confirm_app = typer.Typer(help="Is it the valve? The chapter's confirmation tests on a simulated loop.", **_bare)
+app = typer.Typer(help="A closed-loop testbench for valve-stiction detectors.", **{**_bare, "add_completion": True})
+confirm_app = typer.Typer(help="Is it the valve? The chapter's confirmation tests, on a simulated loop or on records.", **_bare)
 gap_app = typer.Typer(help="Why is the simulation unlike the plant?", **_bare)
 withheld_app = typer.Typer(help="The blind check of the gap diagnosis.", **_bare)
 app.add_typer(confirm_app, name="confirm")
+
+
+def _methods(incomplete: str) -> list[str]:
+    from detectors.registry import methods
+
+    return [name for name in ("all", "fast", "full", *methods.names()) if name.startswith(incomplete)]
+
+
+def _grids(incomplete: str) -> list[str]:
+    from scenarios.grid import grid_names
+
+    return [name for name in grid_names() if name.startswith(incomplete)]
+
+
 app.add_typer(gap_app, name="gap")
 gap_app.add_typer(withheld_app, name="withheld")
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        print(version("stiction-simbench"))
+        raise typer.Exit
+
+
+@app.callback()
+def about(
+    version: Annotated[bool, typer.Option("--version", is_eager=True, callback=_version, help="Print the version.")] = False,
+) -> None:
+    """A closed-loop testbench for valve-stiction detectors."""
 
 
 @app.command()
@@ -57,11 +119,14 @@ def simulate(
     kick: Annotated[float, typer.Option(help="Offset of OP at sample 0 (%).")] = 0.0,
     from_run: Annotated[Path | None, typer.Option("--from", metavar="RUN", help="Folder of a run.")] = None,
     scenario: Annotated[str | None, typer.Option("--id", help="Scenario of that run.")] = None,
+    valve_plugin: ValvePlugin = None,
+    effect_plugin: EffectPlugin = None,
 ) -> None:
     """Run one closed loop and write its record."""
     from simbench.files import write_record
     from simbench.loop.simulate import simulate as run
 
+    _add_parts(valve_plugin, effect_plugin)
     if (loop is None) == (from_run is None):
         raise ParameterError("simulate needs either a loop file, or --from RUN with --id ID")
     if out is None:
@@ -79,6 +144,9 @@ def simulate(
         with naming(loop):
             result = run(load_loop(loop), seed, kick=kick)
     write_record(result.record, out)
+    r = result.record
+    friction = "has friction" if result.sticky else "is without friction"
+    print(f"{out}: {r.n} samples, Ts = {r.Ts:g} s, {r.duration:g} s; the valve {friction}")
 
 
 @app.command()
@@ -87,10 +155,12 @@ def valve(
     model: Annotated[str, typer.Option(help="Valve model.")],
     out: Annotated[Path, typer.Option("-o", "--out", help="Table to write, with a column mv.")],
     param: Annotated[list[str] | None, typer.Option("--param", metavar="NAME=VALUE", help="Repeatable.")] = None,
+    valve_plugin: ValvePlugin = None,
 ) -> None:
     """Send a column `op` through one valve model."""
     from simbench.loop.response import valve_file
 
+    _add_parts(valve_plugin, None)
     valve_file(source, out, model, _pairs(param or [], "--param"))
 
 
@@ -112,30 +182,53 @@ def predict(
 @app.command()
 def detect(
     path: Annotated[Path, typer.Argument(metavar="REC.csv|DIR", help="Record, or folder of records.")],
-    method: Annotated[list[str] | None, typer.Option(help="Method ids, all, fast or full; repeatable.")] = None,
+    method: Annotated[
+        list[str] | None, typer.Option(help="Method ids, all, fast or full; repeatable.", autocompletion=_methods)
+    ] = None,
     process: Annotated[str | None, typer.Option(help="self-regulating or integrating.")] = None,
     kind: Annotated[str | None, typer.Option(help="flow, level, pressure, temperature or analyser.")] = None,
     op_span: Span = None,
     pv_span: Span = None,
+    columns: Annotated[list[str] | None, typer.Option(metavar="op=NAME,pv=NAME", help="Which column is what.")] = None,
+    Ts: Annotated[float | None, typer.Option("--ts", metavar="S", help="Sampling period (s), where no column says it.")] = None,
+    loop: Annotated[str | None, typer.Option(metavar="N", help="Loop of a file with several: FIC101, chemicals.loop1.")] = None,
     labels: Annotated[Path | None, typer.Option(help="Table with id and label: judge and score its records.")] = None,
     raw: Annotated[bool, typer.Option("--raw", help="Without the oscillation front end.")] = False,
     plugin: Plugin = None,
+    time_limit: Limit = 60.0,
     thresholds: Thresholds = None,
     power: Power = False,
+    why: Annotated[bool, typer.Option("--why", help="Each method's reason below the table.")] = False,
+    csv: Annotated[Path | None, typer.Option("--csv", metavar="FILE.csv", help="Table of the verdicts to write.")] = None,
+    html: Annotated[Path | None, typer.Option("--html", metavar="FILE.html", help="Page to write.")] = None,
     as_json: Json = False,
 ) -> None:
     """Judge a record, or a folder of records, by one or all detectors."""
-    from detectors.report import judge_files, table
+    from detectors.report import failed, judge_files, table
+    from detectors.roles import column_pairs
 
     report = judge_files(
         path, method or ["all"], process=process, kind=kind, op_span=op_span, pv_span=pv_span, labels=labels, raw=raw,
-        plugins=plugin or [], thresholds=_threshold_file(thresholds),
+        plugins=plugin or [], thresholds=_threshold_file(thresholds), columns=column_pairs(columns), Ts=Ts, loop=loop,
+        time_limit=time_limit,
     )  # fmt: skip
     for name, sentence in report.refused.items():
         print(f"left out {name}: {sentence}", file=sys.stderr)
+    for sentence in failed(report.verdicts):
+        print(sentence, file=sys.stderr)
     if as_json and report.scores:
         print("\n".join(["score by unit:", *table(report.scores)]), file=sys.stderr)
-    _print(report.as_json() if as_json else report.as_text(), as_json)
+    _print(report.as_json() if as_json else report.as_text(why=why, colour=sys.stdout.isatty()), as_json)
+    if csv is not None:
+        from simbench.files import whole_file
+
+        with whole_file(csv) as f:
+            report.to_frame().to_csv(f, index=False, lineterminator="\n")
+    if html is not None:
+        from simbench.plant.verdict_page import write_page
+
+        write_page(report, html)
+        print(f"page: {html.resolve()}", file=sys.stderr if as_json else sys.stdout)
     if power:
         _print_power(path, method or ["all"], as_json, process=process, kind=kind, op_span=op_span, pv_span=pv_span)
 
@@ -202,12 +295,15 @@ def report_(
 
 @app.command()
 def run(
-    grid: Annotated[str, typer.Argument(help="Name of a grid, or a TOML file.")],
+    grid: Annotated[str, typer.Argument(help="Name of a grid, or a TOML file.", autocompletion=_grids)],
     out: Annotated[Path | None, typer.Option("-o", "--out", help="Folder of the run [runs/GRID].")] = None,
     jobs: Jobs = 1,
     method: Annotated[list[str] | None, typer.Option(help="Method ids, fast, full, oracle; repeatable [fast, oracle].")] = None,
     raw: Annotated[bool, typer.Option("--raw", help="Only without the oscillation front end.")] = False,
     plugin: Plugin = None,
+    valve_plugin: ValvePlugin = None,
+    effect_plugin: EffectPlugin = None,
+    time_limit: Limit = 60.0,
     backend: Annotated[str, typer.Option(help="loky, dask or ray.")] = "loky",
     address: Annotated[str | None, typer.Option(metavar="URL", help="Of a running scheduler.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on where an earlier run stopped.")] = False,
@@ -234,7 +330,8 @@ def run(
         folder = run_grid(
             grid, out or Path("runs") / Path(grid).stem, tuple(method or ["fast", ORACLE]), jobs, raw=raw, plugins=plugin or [],
             backend=backend, address=address, resume=resume, until_width=until_width, sets=_pairs(sets or [], "--set"),
-            axes=axes, thresholds=_threshold_file(thresholds), large=large,
+            axes=axes, thresholds=_threshold_file(thresholds), large=large, time_limit=time_limit,
+            valve_plugins=valve_plugin or [], effect_plugins=effect_plugin or [],
         )  # fmt: skip
     except Interrupted as stop:  # said here: the command-line library turns Ctrl-C into a bare exit code
         print(stop, file=sys.stderr)
@@ -372,31 +469,54 @@ def figure(
 
 @confirm_app.command("gain-change")
 def gain_change(
-    loop: Annotated[Path, typer.Argument(metavar="LOOP.toml")],
+    loop: Annotated[Path | None, typer.Argument(metavar="LOOP.toml")] = None,
+    records: Annotated[tuple[Path, Path] | None, typer.Option(metavar="BEFORE.csv AFTER.csv", help="Not a loop.")] = None,
+    factor: Annotated[float | None, typer.Option(help="New gain over old; read off the records when absent.")] = None,
+    op_span: Span = None,
     picture: Annotated[Path | None, typer.Option(help="Picture to write (SVG or PNG).")] = None,
     as_json: Json = False,
 ) -> None:
     """Does the period follow the controller gain?"""
-    from scenarios.spec import load_loop
-    from simbench.confirm.gain_change import gain_change as test
+    _one_of("confirm gain-change", loop, "--records BEFORE.csv AFTER.csv", records)
+    if loop is None:
+        from detectors.io import read_record
+        from simbench.confirm.recorded import gain_change_recorded
 
-    with naming(loop):
-        found = test(load_loop(loop))
+        assert records is not None
+        before, after = (read_record(path, op_span=op_span) for path in records)
+        found = gain_change_recorded(before, after, factor)
+    else:
+        from scenarios.spec import load_loop
+        from simbench.confirm.gain_change import gain_change as test
+
+        with naming(loop):
+            found = test(load_loop(loop)) if factor is None else test(load_loop(loop), factor)
     _confirmed(found, picture, as_json)
 
 
 @confirm_app.command()
 def travel(
-    loop: Annotated[Path, typer.Argument(metavar="LOOP.toml")],
+    loop: Annotated[Path | None, typer.Argument(metavar="LOOP.toml")] = None,
+    record: Annotated[Path | None, typer.Option(metavar="REC.csv", help="Of such a test, in place of a loop.")] = None,
+    process: Annotated[str | None, typer.Option(help="Of the record: self-regulating or integrating.")] = None,
+    op_span: Span = None,
     picture: Annotated[Path | None, typer.Option(help="Picture to write (SVG or PNG).")] = None,
     as_json: Json = False,
 ) -> None:
     """Valve travel test: small steps of OP until PV moves, same direction and reversed."""
-    from scenarios.spec import load_loop
-    from simbench.confirm.travel import travel_test
+    _one_of("confirm travel", loop, "--record REC.csv", record)
+    if loop is None:
+        from detectors.io import read_record
+        from simbench.confirm.recorded import travel_recorded
 
-    with naming(loop):
-        found = travel_test(load_loop(loop))
+        assert record is not None
+        found = travel_recorded(read_record(record, process=process, op_span=op_span))
+    else:
+        from scenarios.spec import load_loop
+        from simbench.confirm.travel import travel_test
+
+        with naming(loop):
+            found = travel_test(load_loop(loop))
     _confirmed(found, picture, as_json)
 
 
@@ -444,6 +564,22 @@ def leave_out_(
     table = summary(leave_out(out, world, n, seed, jobs))
     text = table.to_string(index=False, float_format="%.2f", na_rep="-")
     _print(json.loads(table.to_json(orient="records")) if as_json else text, as_json)
+
+
+@gap_app.command("study")
+def gap_study(
+    records: Annotated[Path, typer.Argument(metavar="RECORDS", help="Folder of records.")],
+    grid: Annotated[str, typer.Option(help="Name of a grid, or a TOML file.")],
+    labels: Annotated[Path | None, typer.Option(help="Table with id and label: its records, by unit.")] = None,
+    html: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Page to write.")] = None,
+    write_grid: Annotated[Path | None, typer.Option(metavar="FILE.toml", help="The grid, with the effects found.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Say what separates a set of records from a grid, which effects explain it, and what each costs each detector."""
+    from simbench.plant.command import study_folder
+
+    found = study_folder(records, grid, labels, html=html, write_grid=write_grid)
+    _print(found.as_json() if as_json else found.as_text(), as_json)
 
 
 @withheld_app.command()
@@ -540,8 +676,19 @@ def entry() -> None:
     sys.exit(main())
 
 
+def _with_examples(group: Any, path: str = "") -> None:
+    """Put its examples below the help of every verb, unwrapped."""
+    for name, command in group.commands.items():
+        lines = EPILOG.get(f"{path}{name}") or EPILOG.get(name)
+        if hasattr(command, "commands"):
+            _with_examples(command, f"{name} ")
+        elif lines:
+            command.epilog = "\b\nExamples:\n" + "\n".join(f"  {line}" for line in lines)
+
+
 def _command(arguments: list[str] | None) -> int | None:
     command = typer.main.get_command(app)
+    _with_examples(command)
     try:
         return command.main(args=arguments, prog_name="simbench", standalone_mode=False)
     except CommandError as error:
@@ -564,8 +711,23 @@ def _verbs(context: Any) -> list[str]:
     return [] if context is None else context.command.list_commands(context)
 
 
+def _add_parts(valves: list[Path] | None, effects: list[Path] | None) -> None:
+    if valves or effects:
+        from simbench.loop.effects import PLUGINS
+        from simbench.loop.parameters import VALVES
+
+        for folder, files in ((VALVES, valves), (PLUGINS, effects)):
+            for file in files or []:
+                folder.add_file(file)
+
+
 def _line(failed: Any) -> str:
     return f"failed: {failed}\n\n" if str(failed) else ""
+
+
+def _one_of(verb: str, loop: Path | None, option: str, other: Any) -> None:
+    if (loop is None) == (other is None):
+        raise ParameterError(f"{verb} needs either a loop file, or {option}")
 
 
 def _confirmed(result: Any, picture: Path | None, as_json: bool) -> None:

@@ -1,4 +1,4 @@
-"""What the README shows works as written: the user's own detector goes through detect, run and score."""
+"""What the README shows works as written: every command, both Python blocks, the loop file, the CI recipe, the table."""
 
 from __future__ import annotations
 
@@ -62,9 +62,69 @@ def test_the_detector_takes_about_thirty_lines():
     assert len(block("python", "METHOD = Method(").strip().splitlines()) <= 30
 
 
-def test_the_sweep_gives_a_score_table(tmp_path, monkeypatch):
-    (tmp_path / "loop.toml").write_text(block("toml", "[plant]").replace("Ts = 1.0", "Ts = 1.0\nn = 600"), encoding="utf-8")
+def commands(text):
+    """Return the command lines of the README's plain blocks, in their order."""
+    blocks = [b for language, b in re.findall(r"^```(\w*)\n(.*?)^```$", text, re.DOTALL | re.MULTILINE) if not language]
+    return [line.split("#")[0].split() for b in blocks for line in b.splitlines() if line.split("#")[0].strip()]
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch, own_detector):
+    (tmp_path / "loop.toml").write_text(block("toml", "[plant]"), encoding="utf-8")
+    model = Loop.from_table(tomllib.loads(block("toml", "[plant]"))).with_("valve.model", "ideal").to_table()
+    model["valve"] = {"model": "ideal"}
+    (tmp_path / "model.toml").write_text(Loop.from_table(model).to_toml(), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
+    assert main(["simulate", "loop.toml", "-o", "rec.csv", "--seed", "1"]) == 0
+    return tmp_path
+
+
+@pytest.mark.slow
+def test_every_command_of_the_readme_works_as_printed(place, capsys):
+    makefile = (Path(__file__).parents[1] / "Makefile").read_text(encoding="utf-8")
+    lines = commands(README)
+    assert len(lines) > 12
+    for words in lines:
+        if words[0] == "make":
+            assert f"\n{words[1]}:" in makefile
+        else:
+            assert words[0] == "simbench"
+            assert main(words[1:]) == 0, (words, capsys.readouterr().err)
+    assert {"verdict.html", "gap.html", "fixed.toml", "again.csv"} <= {p.name for p in place.iterdir()}
+
+
+@pytest.mark.slow
+def test_the_ci_recipe_works_as_printed_baseline_included(place, capsys):
+    recipe = block("yaml", "setup-python").splitlines()
+    steps = [line.removeprefix("- run: ").split() for line in recipe if "run: simbench" in line]
+    assert [step[1] for step in steps] == ["run", "check"]
+    update = "simbench check run --against my_baseline --update"
+    assert f"`{update}`" in README
+    for words in (steps[0], update.split(), steps[1]):  # on the smallest grid
+        assert main([w if w != "ci" else "smoke" for w in words[1:]]) == 0, (words, capsys.readouterr().err)
+
+
+def test_the_python_block_gives_tables_pictures_and_scores(place):
     scope: dict = {}
-    exec(block("python", "sb.sweep"), scope)
-    assert {"horch", "he"} <= set(scope["scores"].astype(str).to_numpy().ravel()) | set(map(str, scope["scores"].index))
+    exec(block("python", "sb.sweep").replace(", 5, 10]", "]").replace("[0, 2]", "[2]"), scope)
+    assert scope["report"]["he"].verdict == "stiction"
+    assert scope["scores"].method.tolist() == ["horch", "he"]
+    assert scope["expected"]["period"] > 0
+    assert len(scope["axes"]) == 2
+
+
+def test_the_table_of_real_loops_is_the_one_in_results():
+    text = (Path(__file__).parents[1] / "results" / "real_records.txt").read_text(encoding="utf-8")
+    rows = {line.split()[0]: line.split()[1:] for line in text.split("\n\n")[-1].splitlines()}
+    shown = re.findall(r"^\| (\w+) \| (\d+) of (\d+) \| (\d+) of (\d+) \| (\d+) \|$", README, re.MULTILINE)
+    assert len(shown) >= 8
+    for method, found, sticky, wrong, sound, undecided in shown:
+        same = rows[method][:5] == [sticky, found, sound, wrong, undecided]
+        assert same, f"{method}: copy its row of results/real_records.txt into README.md"
+
+
+def test_every_make_target_named_exists():
+    makefile = (Path(__file__).parents[1] / "Makefile").read_text(encoding="utf-8")
+    named = set(re.findall(r"`make\s(\w+)`", README))
+    assert named >= {"check", "docs", "site"}
+    assert [t for t in named if f"\n{t}:" not in makefile] == []

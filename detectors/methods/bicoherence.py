@@ -1,8 +1,7 @@
 """Bicoherence test: in a loop with a nonlinear element pairs of frequencies drive their sum; in a linear one they do not.
 
 Needs: the control error (mean PV stands in for a set point that was not recorded), either process type, 256 samples.
-Parameters: `ngi_low` (-), `height_low` (-); the published bounds, NGI 0.001 and NLI 0.01, flag plain noise, so both count
-from what 5 % of linear Gaussian signals of the same length exceed.
+Parameters: `ngi_low` (-), `nli_low` (-), published.
 Indices: ngi (mean squared bicoherence above that; > 0 non-Gaussian), nli (its peak above mean + 2 std), height (its peak over
 the bound).
 Rule: ngi > ngi_low and height > height_low: nonlinear, written as "stiction" although the test does not say which element it
@@ -16,7 +15,7 @@ from __future__ import annotations
 
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
-from detectors.signal.bicoherence import error_bicoherence
+from detectors.signal.bicoherence import NGI_LOW, NLI_LOW, error_bicoherence
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 METHOD = Method(
@@ -25,14 +24,14 @@ METHOD = Method(
     role="nonlinearity",
     min_samples=256,
     thresholds={
-        "ngi_low": Threshold(0.0, "-", -1.0, 1.0, "own, 5 % of linear signals", "above: non-Gaussian"),
-        "height_low": Threshold(1.0, "-", 0.0, 20.0, "own, 5 % of linear signals", "above: a pair stands out"),
+        "ngi_low": Threshold(NGI_LOW, "-", -1.0, 1.0, "Choudhury 2004", "above: non-Gaussian"),
+        "nli_low": Threshold(NLI_LOW, "-", -1.0, 1.0, "Choudhury 2004", "above: a pair stands out"),
     },
     exempt={"stiction": "a symmetric cycle has no even harmonics, and quadratic coupling cannot show"},
 )
 
 
-def detect(prepared: Prepared, *, ngi_low: float, height_low: float) -> Verdict:
+def detect(prepared: Prepared, *, ngi_low: float, nli_low: float) -> Verdict:
     """Judge whether the loop contains a nonlinearity.
 
     Parameters
@@ -41,8 +40,8 @@ def detect(prepared: Prepared, *, ngi_low: float, height_low: float) -> Verdict:
         The record.
     ngi_low : float
         Bound of ngi (-).
-    height_low : float
-        Bound of the peak, as a multiple of what 5 % of linear signals exceed (-).
+    nli_low : float
+        Bound of nli (-).
 
     Returns
     -------
@@ -63,7 +62,7 @@ def detect(prepared: Prepared, *, ngi_low: float, height_low: float) -> Verdict:
     found = prepared.share("bicoherence", lambda: error_bicoherence(record.e, period))
     if found is None:
         return Verdict("bicoherence", NO_DECISION, reason="too short: fewer than four segments of 64 samples")
-    nonlinear = found.ngi > ngi_low and found.height > height_low
+    nonlinear = found.nonlinear(ngi_low, nli_low)
     numbers = f"NGI = {found.ngi:.3f}, NLI = {found.nli:.3f}, peak {found.height:.2f} times its bound"
     said = "nonlinear" if nonlinear else "no nonlinearity seen, which a symmetric cycle would not show either"
     return Verdict(

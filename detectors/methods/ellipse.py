@@ -1,17 +1,15 @@
 """Ellipse fit: behind a sticky valve PV drawn over OP runs round an ellipse; without it the points scatter or lie on a line.
 
 Needs: PV and OP, an oscillation; the fit is made to the four most regular cycles, drift and noise removed.
-Parameters: `fitness_low` (-), published; `width_low` (-), own.
+Parameters: `fitness_low` (-), published.
 Indices: fitness (share of points within 10 % of the ellipse, 0..1), S_apparent (chord through the centre along OP).
-Rule: fitness >= 0.6 and a chord of at least a tenth of OP's range: stiction; else none.
+Rule: fitness >= 0.6: stiction; else none.
 Not for: deciding alone. Any oscillation with a phase shift between OP and PV draws an ellipse, sticky or not; the paper asks
 for a nonlinearity first (method choudhury). S_apparent is a mark of the loop, not the valve's S.
 Source: M.A.A.S. Choudhury, S.L. Shah, N.F. Thornhill, D.S. Shook (2006), Control Engineering Practice 14, 1395-1412; Eq 11.15.
 """
 
 from __future__ import annotations
-
-import numpy as np
 
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
@@ -26,12 +24,11 @@ METHOD = Method(
     source="Choudhury et al. 2006, Eq 11.15",
     thresholds={
         "fitness_low": Threshold(0.6, "-", 0.0, 1.0, "Choudhury 2006", "at or above: the points form an ellipse"),
-        "width_low": Threshold(0.1, "-", 0.0, 1.0, "own", "chord over OP range; below: a line"),
     },
 )
 
 
-def detect(prepared: Prepared, *, fitness_low: float, width_low: float) -> Verdict:
+def detect(prepared: Prepared, *, fitness_low: float) -> Verdict:
     """Judge a record by the ellipse of PV over OP.
 
     Parameters
@@ -40,13 +37,11 @@ def detect(prepared: Prepared, *, fitness_low: float, width_low: float) -> Verdi
         The record.
     fitness_low : float
         Least share of points near the ellipse (-).
-    width_low : float
-        Least chord along OP, as a share of OP's range (-).
 
     Returns
     -------
     Verdict
-        `score` is the fitness; 0 for a line.
+        `score` is the fitness.
 
     Examples
     --------
@@ -63,10 +58,8 @@ def detect(prepared: Prepared, *, fitness_low: float, width_low: float) -> Verdi
         return Verdict("ellipse", NO_STICTION, 0.0, {"fitness": 0.0}, reason="PV over OP is no ellipse")
     fitness = found.fitness(op[cut], pv[cut])
     S = found.apparent_stiction
-    wide = S >= width_low * float(np.ptp(op[cut]))
     indices = {"fitness": fitness, "S_apparent": S}
-    if wide and fitness >= fitness_low:
+    if fitness >= fitness_low:
         reason = f"{fitness:.0%} of the points lie on an ellipse; apparent stiction {S:.2g} {record.S_unit}"
         return Verdict("ellipse", STICTION, fitness, indices, reason=reason)
-    why = f"{fitness:.0%} of the points lie on it" if wide else "it is as narrow as a line"
-    return Verdict("ellipse", NO_STICTION, fitness if wide else 0.0, indices, reason=f"no clear ellipse: {why}")
+    return Verdict("ellipse", NO_STICTION, fitness, indices, reason=f"no clear ellipse: {fitness:.0%} of the points lie on it")

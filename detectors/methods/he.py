@@ -5,7 +5,7 @@ Needs: OP of a self-regulating process (the controller integrates), PV of an int
 Parameters: `eta_low`, `eta_high` (-), published.
 Indices: eta in 0..1 (triangle with free apex and zero ends; decides), eta_two_line in 0..1 (the chapter's two
 straight lines, which have four free parameters against the sine's two and lean to "triangle" in noise).
-Rule: eta = MSE_sine / (MSE_sine + MSE_triangle), averaged over the typical nine tenths of the half cycles;
+Rule: eta = MSE_sine / (MSE_sine + MSE_triangle), averaged over the half cycles;
 >= 0.6 stiction, <= 0.4 no stiction (Eq 11.13).
 Not for: flow loops with a strong P part (OP is nearly a square and scores 0.34); noise beyond a fifth of the signal,
 where both misfits are noise and eta goes to 0.5.
@@ -19,7 +19,7 @@ import numpy as np
 
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
-from detectors.signal.half_cycles import misfit, sines, triangles, two_line_misfit, typical_means
+from detectors.signal.half_cycles import misfit, sines, triangles, two_line_misfit
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 METHOD = Method(
@@ -57,7 +57,7 @@ def triangle_indices(humps: np.ndarray) -> tuple[float, float]:
     """
     points = humps.shape[1]
     errors = misfit(humps, sines(points)), misfit(humps, triangles(points)), two_line_misfit(humps)
-    sine, *others = typical_means(*errors)
+    sine, *others = (float(error.mean()) for error in errors)
     eta, two_line = (sine / (sine + other) if sine + other > 0 else 0.5 for other in others)
     return eta, two_line
 

@@ -3,7 +3,7 @@ histogram tells.
 
 Needs: PV, three periods of a sustained oscillation; made for integrating processes (second difference of PV), works
 on self-regulating ones (first difference) in the author's own extension.
-Parameters: `low`, `high` (-), bounds of the score around 0.5; the paper takes the smaller error without a zone between.
+Parameters: `bound` (-) of the score; 0.5 takes the smaller error, as published.
 Indices: mse_camel, mse_gauss >= 0, errors of the two fitted densities.
 Rule: the histogram of the filtered difference is fitted by a Gaussian (kinks in PV leave a central peak: stiction)
 and by the density of
@@ -36,8 +36,7 @@ METHOD = Method(
     source="Horch 2006",
     cannot_cope=("undersampled",),
     thresholds={
-        "low": Threshold(0.45, "-", 0.0, 1.0, "own zone about the published 0.5", "at or below: camel, no stiction"),
-        "high": Threshold(0.55, "-", 0.0, 1.0, "own zone about the published 0.5", "at or above: Gaussian, stiction"),
+        "bound": Threshold(0.5, "-", 0.0, 1.0, "Horch 2006", "above: Gaussian, stiction; else camel, none"),
     },
 )
 
@@ -74,15 +73,15 @@ def density_errors(d: np.ndarray) -> tuple[float, float]:
     return camel, gauss
 
 
-def detect(prepared: Prepared, *, low: float, high: float) -> Verdict:
+def detect(prepared: Prepared, *, bound: float) -> Verdict:
     """Judge a record by the histogram of the differences of PV.
 
     Parameters
     ----------
     prepared : Prepared
         The record.
-    low, high : float
-        Bounds of the score (-).
+    bound : float
+        Bound of the score (-).
 
     Returns
     -------
@@ -109,12 +108,7 @@ def detect(prepared: Prepared, *, low: float, high: float) -> Verdict:
         return Verdict("horch_histogram", NO_DECISION, reason=f"{d.size} differences; at least 60 are needed")
     camel, gauss = density_errors(d)
     score = camel / (camel + gauss) if camel + gauss > 0 else 0.5
-    if score >= high:
-        verdict, said = STICTION, "a central peak"
-    elif score <= low:
-        verdict, said = NO_STICTION, "two humps"
-    else:
-        verdict, said = NO_DECISION, "neither one peak nor two humps"
+    verdict, said = (STICTION, "a central peak") if score > bound else (NO_STICTION, "two humps")
     reason = f"differences of PV have {said}: mse_camel = {camel:.3g}, mse_gauss = {gauss:.3g}"
     return Verdict("horch_histogram", verdict, score, {"mse_camel": camel, "mse_gauss": gauss}, reason=reason)
 

@@ -74,7 +74,8 @@ def side_distance(op: np.ndarray, mv: np.ndarray, moving: np.ndarray) -> float:
     2.0
     """
     step = np.diff(mv, prepend=mv[0])
-    sides = [moving & (step > 0), moving & (step < 0)]
+    least = 1e-9 * float(np.ptp(mv))  # a valve at rest must not move by rounding
+    sides = [moving & (step > least), moving & (step < -least)]
     if min(side.sum() for side in sides) < 3:
         return float("nan")
     means = [(op[side].mean(), mv[side].mean()) for side in sides]

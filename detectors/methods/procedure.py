@@ -1,7 +1,9 @@
 """The chapter's diagnosis procedure as a method of its own: quality, oscillation, saturation, then the detectors together.
 
 Needs: OP and PV; where the loop does not oscillate, MV or the PV of a flow loop.
-Parameters: `odds_low`, `odds_high` (log-odds), own: probabilities 0.4 and 0.6; `follow_min` (-), own, from simulated loops.
+Parameters: `odds_low`, `odds_high` (log-odds), own: probabilities 0.4 and 0.6; `follow_min` (-), own, from simulated loops;
+`weighted` (1 or 0), own: in the source a majority of verdicts decides; `veto` (0 or 1): in the source a nonlinearity that is
+not seen ends the search.
 Indices: log_odds (stiction against none, from the weighted indices of the detectors), follow (0..1, a dead band between OP
 and the valve seen without an oscillation), ngi, nli, regularity, period_s.
 Rule: log_odds >= odds_high stiction, <= odds_low none. Without a sustained oscillation: stiction where the valve is seen to
@@ -14,7 +16,7 @@ from __future__ import annotations
 
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
-from detectors.procedure import FOLLOW_MIN, ODDS_HIGH, ODDS_LOW, walk
+from detectors.procedure import FOLLOW_MIN, ODDS_HIGH, ODDS_LOW, ProcedureRules, walk
 from detectors.verdict import Verdict
 
 METHOD = Method(
@@ -25,11 +27,16 @@ METHOD = Method(
         "odds_low": Threshold(ODDS_LOW, "log-odds", -20.0, 20.0, "own", "at or below: no stiction"),
         "odds_high": Threshold(ODDS_HIGH, "log-odds", -20.0, 20.0, "own", "at or above: stiction"),
         "follow_min": Threshold(FOLLOW_MIN, "-", 0.0, 1.0, "own, simulated loops", "at or above: the valve stands still"),
+        "weighted": Threshold(1.0, "-", 0.0, 1.0, "own; the source has 0", "1: indices are weighed; 0: verdicts are counted"),
+        "veto": Threshold(0.0, "-", 0.0, 1.0, "own; the source has 1", "1: no stiction where no nonlinearity is seen"),
     },
+    published={"weighted": 0.0, "veto": 1.0, "follow_min": 1.0},
 )
 
 
-def detect(prepared: Prepared, *, odds_low: float, odds_high: float, follow_min: float) -> Verdict:
+def detect(
+    prepared: Prepared, *, odds_low: float, odds_high: float, follow_min: float, weighted: float, veto: float
+) -> Verdict:
     """Judge a record by the procedure.
 
     Parameters
@@ -40,6 +47,8 @@ def detect(prepared: Prepared, *, odds_low: float, odds_high: float, follow_min:
         Bounds of the log-odds.
     follow_min : float
         Bound of the score of a valve seen directly (-).
+    weighted, veto : float
+        1 or 0: weigh indices in place of counting verdicts; let a nonlinearity that is not seen end the search.
 
     Returns
     -------
@@ -54,5 +63,5 @@ def detect(prepared: Prepared, *, odds_low: float, odds_high: float, follow_min:
     >>> detect(Prepared(LoopRecord(np.sin(t), -np.sin(t), 1.0)), **METHOD.defaults()).verdict
     'no_stiction'
     """
-    found = walk(prepared, odds_low, odds_high, follow_min)
+    found = walk(prepared, ProcedureRules(odds_low, odds_high, follow_min, weighted > 0.5, veto > 0.5))
     return Verdict("procedure", found.verdict, found.score, found.indices, S=found.S, J=found.J, reason=found.reason)

@@ -2,7 +2,7 @@
 
 Needs: PV, three periods of a sustained oscillation; both process types (behind an integrator the relay's answer is a
 triangle).
-Parameters: `bound` (-), half width of the uncertain zone, published.
+Parameters: `bound` (-), half width of the uncertain zone, published; `left_out` (-), own, 0 in the source.
 Indices: eta_rossi in -1..1, from sine to relay.
 Rule: eta_rossi = (E_sine - E_relay) / (E_sine + E_relay), errors averaged over the typical nine tenths of PV's half
 cycles (Eq 11.14), E_relay the least over the square-wave answers of all first-order lags, from square to triangle;
@@ -33,18 +33,22 @@ METHOD = Method(
     source="Rossi & Scali 2005, Eq 11.14",
     cannot_cope=("undersampled",),
     thresholds={
-        "bound": Threshold(0.21, "-", 0.0, 1.0, "Rossi & Scali 2005", "above: stiction; below its negative: no stiction")
+        "bound": Threshold(0.21, "-", 0.0, 1.0, "Rossi & Scali 2005", "above: stiction; below its negative: no stiction"),
+        "left_out": Threshold(0.1, "-", 0.0, 0.9, "own; the source has 0", "share of odd half cycles that do not count"),
     },
+    published={"left_out": 0.0},
 )
 
 
-def relay_index(humps: np.ndarray) -> float:
+def relay_index(humps: np.ndarray, left_out: float = 0.1) -> float:
     """Return eta_rossi of a set of half cycles.
 
     Parameters
     ----------
     humps : ndarray, shape (m, points)
         Half cycles as positive humps.
+    left_out : float
+        Share of them, the odd ones, that does not count.
 
     Returns
     -------
@@ -62,11 +66,11 @@ def relay_index(humps: np.ndarray) -> float:
     True
     """
     points = humps.shape[1]
-    sine, relay = typical_means(misfit(humps, half_sine(points)), misfit(humps, relays(points)))
+    sine, relay = typical_means(misfit(humps, half_sine(points)), misfit(humps, relays(points)), left_out=left_out)
     return (sine - relay) / (sine + relay) if sine + relay > 0 else 0.0
 
 
-def detect(prepared: Prepared, *, bound: float) -> Verdict:
+def detect(prepared: Prepared, *, bound: float, left_out: float = 0.1) -> Verdict:
     """Judge a record by the shape of PV.
 
     Parameters
@@ -75,6 +79,8 @@ def detect(prepared: Prepared, *, bound: float) -> Verdict:
         The record.
     bound : float
         Half width of the uncertain zone (-).
+    left_out : float
+        Share of the half cycles, the odd ones, that does not count (-).
 
     Returns
     -------
@@ -91,7 +97,7 @@ def detect(prepared: Prepared, *, bound: float) -> Verdict:
     humps = prepared.half_cycles("pv")
     if len(humps) < 4:
         return Verdict("rossi_scali", NO_DECISION, reason=f"{len(humps)} half cycles in PV; at least 4 are needed")
-    index = relay_index(humps)
+    index = relay_index(humps, left_out)
     if index > bound:
         verdict, said = STICTION, "like a relay's answer"
     elif index < -bound:

@@ -1,14 +1,12 @@
 """Singhal & Salsbury 2005: a sticky valve lets the error grow slowly and fall fast, so each half cycle peaks late.
 
 Needs: PV of a self-regulating process under PI, three periods of a sustained oscillation.
-Parameters: `margin` (-), how far R must exceed 1 in a clean record; own value, five times the bias of a sine of 50
-samples per period.
+Parameters: `R_low` (-), published.
 Indices: r_area > 0, mean of the areas before over the areas after the peak of the half cycles of the error.
-Rule: R = mean(A1 / A2); stiction when R > 1 + delta, else no stiction. delta is the margin or, in noise, what noise
-does to R: noise lifts mean(A2 / A1) as much as R, so delta = max(margin, mean(A2 / A1) - 1 + 2 standard errors of both).
+Rule: R = mean(A1 / A2); R > 1: stiction; else none.
 Not for: integrating processes (R = 1 with stiction); processes with a long dead time; errors in which noise moves the
-peak.
-Source: A. Singhal, T.I. Salsbury (2005), Journal of Process Control 15, 371-382 (R > 1 against R <= 1); delta is own.
+peak: it lifts R above 1 by itself, and a fifth to a quarter of simulated healthy loops are taken for sticky.
+Source: A. Singhal, T.I. Salsbury (2005), Journal of Process Control 15, 371-382.
 
 >>> from detectors.judge import judge
 >>> from detectors.record import LoopRecord
@@ -32,12 +30,15 @@ METHOD = Method(
     source="Singhal & Salsbury 2005",
     process=("self-regulating",),
     cannot_cope=("undersampled",),
-    thresholds={"margin": Threshold(0.25, "-", 0.0, 10.0, "own", "R beyond 1 plus this: stiction")},
+    thresholds={
+        "R_low": Threshold(1.0, "-", 0.0, 10.0, "Singhal & Salsbury 2005", "above: stiction"),
+    },
+    exempt={"sine": "its R is 1 but for sampling, and so is the published bound"},
 )
 
 
-def area_ratio(humps: np.ndarray) -> tuple[float, float]:
-    """Return R and how far noise alone could have lifted it above 1.
+def area_ratio(humps: np.ndarray) -> float:
+    """Return R, the mean of A1 / A2.
 
     Parameters
     ----------
@@ -46,55 +47,45 @@ def area_ratio(humps: np.ndarray) -> tuple[float, float]:
 
     Returns
     -------
-    R, noise : float
-        mean(A1 / A2); mean(A2 / A1) - 1 and 2 standard errors of both means.
-
-    Notes
-    -----
-    Not for one or two half cycles.
+    float
 
     Examples
     --------
     >>> t = (np.arange(40) + 0.5) / 40
-    >>> round(area_ratio(np.sin(np.pi * t)[None].repeat(4, axis=0))[0], 2)
+    >>> round(area_ratio(np.sin(np.pi * t)[None].repeat(4, axis=0)), 2)
     1.0
     """
     before, after = peak_areas(humps)
     floor = 1e-3 * (before + after)
-    before, after = np.maximum(before, floor), np.maximum(after, floor)
-    R, reverse = before / after, after / before
-    error = float(R.std() + reverse.std()) / max(len(R) - 1, 1) ** 0.5
-    return float(R.mean()), max(float(reverse.mean()) - 1.0, 0.0) + 2.0 * error
+    return float(np.mean(np.maximum(before, floor) / np.maximum(after, floor)))
 
 
-def detect(prepared: Prepared, *, margin: float) -> Verdict:
+def detect(prepared: Prepared, *, R_low: float) -> Verdict:
     """Judge a record by where the half cycles of the error have their peak.
 
     Parameters
     ----------
     prepared : Prepared
         The record.
-    margin : float
-        How far R must exceed 1 (-).
+    R_low : float
+        Bound of R (-).
 
     Returns
     -------
     Verdict
-        `score` is x / (1 + x) with x = R / (1 + delta): above 0.5 = stiction.
+        `score` is x / (1 + x) with x = R / R_low: above 0.5 = stiction.
 
     Examples
     --------
     >>> from detectors.record import LoopRecord
     >>> t = np.arange(2000) / 10
-    >>> detect(Prepared(LoopRecord(np.cos(t), np.sin(t), 0.1)), margin=0.25).verdict
+    >>> detect(Prepared(LoopRecord(np.cos(t), np.sin(t), 0.1)), R_low=1.2).verdict
     'no_stiction'
     """
     humps = prepared.half_cycles("pv")
     if len(humps) < 4:
         return Verdict("singhal_salsbury", NO_DECISION, reason=f"{len(humps)} half cycles; at least 4 are needed")
-    R, noise = area_ratio(humps)
-    delta = max(margin, noise)
-    verdict = STICTION if 1.0 + delta < R else NO_STICTION
-    relative = R / (1.0 + delta)
-    reason = f"R = {R:.2f} against 1 + {delta:.2f} over {len(humps)} half cycles"
-    return Verdict("singhal_salsbury", verdict, relative / (1.0 + relative), {"r_area": R}, reason=reason)
+    R = area_ratio(humps)
+    verdict = STICTION if R_low < R else NO_STICTION
+    reason = f"R = {R:.2f} against {R_low:g} over {len(humps)} half cycles"
+    return Verdict("singhal_salsbury", verdict, R / (R_low + R), {"r_area": R}, reason=reason)

@@ -1,7 +1,7 @@
 """Srinivasan 2005: every cycle of OP and PV is matched with a square, a triangle, a saw-tooth and a sine; the pair decides.
 
 Needs: OP and PV, six cycles of at least 8 samples.
-Parameters: `share_low` (-): share of the cycles that must carry the winning label, own.
+Parameters: none; the label that most cycles carry wins.
 Indices: triangle_op, square_pv ... share of the cycles of either signal with each label (0..1), under the keys op_square,
 op_triangle, op_sawtooth, op_sine, pv_...
 Rule: (OP, PV) found in Table 11.2: stiction; sine and sine: none; any other pair: no decision. Shapes of the chapter's table:
@@ -18,7 +18,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from detectors.method import Method, Threshold
+from detectors.method import Method
 from detectors.prepared import Prepared
 from detectors.signal.oscillation import zero_crossings
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
@@ -38,9 +38,6 @@ METHOD = Method(
     title="shape of every cycle by dynamic time warping",
     source="Srinivasan et al. 2005, Table 11.2",
     min_periods=6.0,
-    thresholds={
-        "share_low": Threshold(0.5, "-", 0.25, 1.0, "own", "share of cycles with the winning label; below: no decision")
-    },
 )
 
 
@@ -104,15 +101,13 @@ def label_shares(found: np.ndarray) -> np.ndarray:
     return np.bincount(nearest, minlength=len(LABELS)) / m
 
 
-def detect(prepared: Prepared, *, share_low: float) -> Verdict:
+def detect(prepared: Prepared) -> Verdict:
     """Judge a record by the pair of shapes of OP and PV.
 
     Parameters
     ----------
     prepared : Prepared
         The record.
-    share_low : float
-        Least share of cycles that carry the winning label (-).
 
     Returns
     -------
@@ -141,8 +136,6 @@ def detect(prepared: Prepared, *, share_low: float) -> Verdict:
     seen = {name: LABELS[int(np.argmax(s))] for name, s in shares.items()}
     pair = tuple("triangle" if seen[n] == "sawtooth" else seen[n] for n in ("OP", "PV"))
     said = ", ".join(f"{n} looks like a {seen[n]} ({shares[n].max():.0%} of the cycles)" for n in ("OP", "PV"))
-    if min(s.max() for s in shares.values()) < share_low:
-        return Verdict("srinivasan", NO_DECISION, score, indices, reason=f"{said}: too mixed")
     if pair in STICKY["integrating" if prepared.integrating else "self-regulating"]:
         return Verdict("srinivasan", STICTION, score, indices, reason=f"{said}: a pair of Table 11.2")
     if pair == ("sine", "sine"):

@@ -69,18 +69,19 @@ def misfit(humps: np.ndarray, shapes: np.ndarray) -> np.ndarray:
     return np.maximum((humps**2).sum(axis=1) - height**2, 0.0) / humps.shape[1]
 
 
-def typical_means(*errors: np.ndarray) -> list[float]:
+def typical_means(*errors: np.ndarray, left_out: float = 0.1) -> list[float]:
     """Return the mean of each kind of misfit over the half cycles that are like the others.
 
     Parameters
     ----------
     *errors : ndarray, shape (m,)
         Misfits of the same half cycles by different shapes.
+    left_out : float
+        Share of the half cycles, those that all shapes together fit worst: a load or set-point step went through them.
 
     Returns
     -------
     list of float
-        The tenth of the half cycles that all shapes together fit worst is left out: a load or set-point step went through them.
 
     Examples
     --------
@@ -88,7 +89,7 @@ def typical_means(*errors: np.ndarray) -> list[float]:
     [1.0, 2.0]
     """
     total = np.sum(errors, axis=0)
-    kept = np.argsort(total, kind="stable")[: total.size - total.size // 10]
+    kept = np.argsort(total, kind="stable")[: total.size - int(left_out * total.size + 1e-9)]
     return [float(error[kept].mean()) for error in errors]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +22,7 @@ J_FINE = np.array([0.03, 0.15, 0.25, 0.35, 0.45, 0.6, 0.75, 0.9, 1.0, 1.1, 1.25,
 J_PROFILE = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.25)  # of S
 ENOUGH = 2e-4  # share of the variance of PV below which errors say nothing: sampling, rounding
 PASSES, TOP = 2, 4  # of the dense grid, each with the best plant so far; candidates kept
+VALVES = (False, True)  # whether a moving valve stops within every sample: Choudhury's map, He's
 STARTS = (0.0, -0.5, 0.5)  # rest positions tried, as shares of the break-away band
 AROUND = np.array([1.0, 0.5, 0.63, 0.79, 1.0, 1.26, 1.59, 2.0])  # times the inverse of a time constant
 
@@ -35,7 +36,7 @@ class Hammerstein:
     S, J : float
         Of the best model, in the unit of OP.
     S_range, J_range : (float, float)
-        Values whose best error is within the tolerance of the smallest one.
+        Values whose best error is within the tolerance of the smallest one; of S, with either map of the valve.
     error, error_linear : float
         Mean squared error over the variance of PV, with the best valve and with S = J = 0; drift left out of both.
     sign : float
@@ -59,7 +60,7 @@ class _Search:
     """One record made ready, and the kernels with its arguments filled in."""
 
     def __init__(
-        self, op: np.ndarray, pv: np.ndarray, period: float, limits: tuple[float, float], reach: tuple[int, int]
+        self, op: np.ndarray, pv: np.ndarray, period: float, limits: tuple[float, float], reach: tuple[int, int], stops: bool
     ) -> None:
         self.q = q = max(1, int(period / SAMPLES))
         self.period = period / q
@@ -79,7 +80,7 @@ class _Search:
         self.sign = 1.0 if np.diff(op[start:stop]) @ np.diff(pv[start:stop]) < 0 else -1.0
         self.swing = swing(self.op, period) or float(np.ptp(self.op)) or 1.0
         self.cycles = (n - first - half) / self.period
-        self.common = (self.op, y - moving_mean(y, half), q, half, first, n - half, self.sign, *(float(x) for x in limits))
+        self.common = (self.op, y - moving_mean(y, half), q, half, first, n - half, self.sign, *map(float, limits), stops)
 
     def poles(self, times: np.ndarray) -> np.ndarray:
         """Poles of time constants given in periods."""
@@ -167,7 +168,16 @@ def fit_hammerstein(
     >>> round(fit_hammerstein(np.array(op), np.array(pv), 90.0).S, 1)
     5.0
     """
-    short, full = (_Search(op, pv, period, limits, reach) for reach in (SHORT, FULL))
+    fits = [_fit(op, pv, period, integrating, limits, Ts, stops) for stops in VALVES]
+    best = min(fits, key=lambda fit: fit.error)
+    # which map a valve follows is not known: S is what either says
+    ends = [(min(fit.S, fit.S_range[0]), max(fit.S, fit.S_range[1])) for fit in fits]
+    return replace(best, S_range=(min(lo for lo, _ in ends), max(hi for _, hi in ends)))
+
+
+def _fit(op, pv, period, integrating, limits, Ts, stops) -> Hammerstein:
+    """The best fit of one of the two maps."""
+    short, full = (_Search(op, pv, period, limits, reach, stops) for reach in (SHORT, FULL))
     poles = np.array([1.0]) if integrating else np.append(full.poles(TIMES), 1.0)
     everywhere = full.delays.size
     linear = float(full.scan(0.0, 0.0, MOVING_UP, poles, 0, everywhere)[0].min())

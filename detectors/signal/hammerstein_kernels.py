@@ -1,8 +1,9 @@
 """Kernels of the Hammerstein identification: the error of PV for many valves, each with its plant, and the way down a valley.
 
 Plain Python, their own slow twins; `detectors.compiled.compiled` gives them at full speed. `LANES` valves stand side by side.
-Every kernel takes the record as (op, y, q, half, first, last, sign, lo, hi): OP, PV averaged over `q` samples and freed of its
-mean over `half` averages on either side, the averages that count, the sign of the plant's gain and the ends of travel.
+Every kernel takes the record as (op, y, q, half, first, last, sign, lo, hi, stops): OP, PV averaged over `q` samples and
+freed of its mean over `half` averages on either side, the averages that count, the sign of the plant's gain, the ends of
+travel, and whether a moving valve stops within every sample (He's map) or only where OP does not go on (Choudhury's).
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ def state_before(u, S, J, start, lo, hi):
     return (u - start * 0.5 * (S + J), 0.0, 0.0, u)
 
 
-def errors(op, y, q, half, first, last, sign, lo, hi, S, J, start, pole, delay, count, stride, out):
+def errors(op, y, q, half, first, last, sign, lo, hi, stops, S, J, start, pole, delay, count, stride, out):
     """Fill out[i] with the least squared error of PV for valve and pole i over its delays, and which of them.
 
     The valve (S[i], J[i], start[i] as in `state_before`) turns `op` into v, averaged and freed of its mean as `y` is: h. The
@@ -42,15 +43,16 @@ def errors(op, y, q, half, first, last, sign, lo, hi, S, J, start, pole, delay, 
         for i in range(block, min(block + LANES, S.size), GROUP):
             low, high = min(low, delay[i]), max(high, delay[i])
         x = rows(n + high - low)
-        moves(op, q, lo, hi, S, J, start, block, v, total)
+        moves(op, q, lo, hi, stops, S, J, start, block, v, total)
         answers(half, pole, delay, low, block, v, total, x)
         misfits(y, first, last, sign, low, count, stride, block, x, out)
 
 
-def moves(op, q, lo, hi, S, J, start, block, v, total):
+def moves(op, q, lo, hi, stops, S, J, start, block, v, total):
     """Fill `v` with the averaged positions of a block of valves less the first OP, and `total` with their running sums.
 
-    The map of `detectors.signal.stiction_map`; `m` is the direction of a moving valve, 0 for one at rest.
+    The map of `detectors.signal.stiction_map`, or He's (fs = (S + J)/2, fd = (S - J)/2); `m` is the direction of a moving
+    valve, 0 for one at rest.
     """
     position, m, fs, fd, mean, run = lanes(), lanes(), lanes(), lanes(), lanes(), lanes()
     before = base = min(max(op[0], lo), hi)
@@ -71,7 +73,7 @@ def moves(op, q, lo, hi, S, J, start, block, v, total):
             before = u
             for c in range(LANES):
                 breaks = 1.0 if u - position[c] > fs[c] else -1.0 if position[c] - u > fs[c] else 0.0
-                m[c] = m[c] if m[c] != 0.0 and (m[c] == side or first) else breaks
+                m[c] = m[c] if m[c] != 0.0 and (first or (m[c] == side and not stops)) else breaks
                 above, below = min(max(u - fd[c], lo), hi), min(max(u + fd[c], lo), hi)
                 position[c] = above if m[c] > 0.0 else below if m[c] < 0.0 else position[c]
                 mean[c] += position[c]
@@ -140,8 +142,9 @@ def misfits(y, first, last, sign, low, count, stride, block, x, out):
             qxy, qzy = sign * (sxy[c] - sx[c] * sy / m), sign * (szy[c] - sz * sy / m)
             det = qxx * qzz - qxz * qxz
             k0, k1 = (qzz * qxy - qxz * qzy) / det, (qxx * qzy - qxz * qxy) / det
-            both = det > 1e-9 * qxx * qzz and k0 >= 0.0 and k1 >= 0.0
-            alone = qxy * qxy / qxx if qxy > 0.0 and qxx > 0.0 else 0.0
+            # a valve that hardly moves under an integrator: what is left of x beside its mean is rounding
+            both = det > 1e-9 * qxx * qzz and k0 >= 0.0 and k1 >= 0.0 and qxx > 1e-6 * sxx[c]
+            alone = qxy * qxy / qxx if qxy > 0.0 and qxx > 1e-9 * sxx[c] else 0.0
             error = 1.0 - (k0 * qxy + k1 * qzy if both else alone) / syy
             better = error < best[c] and i < wanted[c]
             at[c] = i if better else at[c]
@@ -194,7 +197,7 @@ def product(y, first, m, top, x, sxy):
             sxy[c] += x[row + np.uintp(c)] * t
 
 
-def descend(op, y, q, half, first, last, sign, lo, hi, points, start, delay, count, steps, least, error):
+def descend(op, y, q, half, first, last, sign, lo, hi, stops, points, start, delay, count, steps, least, error):
     """Go down from every row (S, J, log of the pole's rate) of `points`, in place; fill `error`. A rate of -inf integrates.
 
     Pattern search (Hooke and Jeeves, 1961): after a round of single steps in S, J, both together and log rate, the whole move
@@ -223,7 +226,7 @@ def descend(op, y, q, half, first, last, sign, lo, hi, points, start, delay, cou
                 advance(ahead, steps[p], least[p], np.inf)
         n = active.size * each
         valves = S[:n], J[:n], starts[:n], pole[:n], delays[:n], counts[:n]
-        errors(op, y, q, half, first, last, sign, lo, hi, *valves, 1, out[:n])
+        errors(op, y, q, half, first, last, sign, lo, hi, stops, *valves, 1, out[:n])
         going = 0
         for g in range(active.size):
             p = active[g]

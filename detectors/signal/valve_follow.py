@@ -78,7 +78,7 @@ def valve_follow(op: np.ndarray, position: np.ndarray, limits=(0.0, 100.0)) -> F
     n = op.size // q
     op = np.array(op[: n * q], dtype=float)
     y = position[: n * q].reshape(n, q).mean(axis=1)
-    common = (op, y - y.mean(), q, n, DELAYS + 2, n, 1.0, *(float(x) for x in limits))
+    common = (op, y - y.mean(), q, n, DELAYS + 2, n, 1.0, *(float(x) for x in limits), False)
     S = np.append(0.0, np.repeat(S_SHARES * np.ptp(op), J_SHARES.size))
     J = np.append(0.0, S[1:] * np.tile(J_SHARES, S_SHARES.size))
     # every valve with every start and lag

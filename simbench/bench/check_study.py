@@ -45,7 +45,7 @@ BROKEN = {
 
 
 @dataclass(frozen=True, eq=False)
-class Study:
+class GateStudy:
     """What the gate did.
 
     Parameters
@@ -95,7 +95,7 @@ class Study:
         return {"scenarios": self.scenarios, "holds": self.holds, "rows": rows}
 
 
-def study(grid: str = "ci", repeats: int = 20, half: bool = False, methods=("fast",), jobs: int = 1) -> Study:
+def study(grid: str = "ci", repeats: int = 20, half: bool = False, methods=("fast",), jobs: int = 1) -> GateStudy:
     """Measure the gate on a grid.
 
     Parameters
@@ -113,7 +113,7 @@ def study(grid: str = "ci", repeats: int = 20, half: bool = False, methods=("fas
 
     Returns
     -------
-    Study
+    GateStudy
 
     Notes
     -----
@@ -129,12 +129,12 @@ def study(grid: str = "ci", repeats: int = 20, half: bool = False, methods=("fas
         rows = [_row("same", "all", "nothing", base, base)]
         rows += [_row("broken", m, how, _broken(base, m, how), base) for m in base.methods for how in BROKEN]
         rows += _varied(base, base_folder)
-        print(Study(pd.DataFrame(rows), base.ids.size).as_text(), file=sys.stderr)
+        print(GateStudy(pd.DataFrame(rows), base.ids.size).as_text(), file=sys.stderr)
         for i in range(repeats):
             other = run_grid(grid, Path(home) / f"seed{i}", methods, jobs, sets={**fresh, "seed": first + i})
             rows.append(_row("fresh seed", "all", f"seed {first + i}", Book.read(other), base))
             print(f"fresh seed {i + 1} of {repeats}: {'alarm' if rows[-1]['failed'] else 'quiet'}", file=sys.stderr)
-    return Study(pd.DataFrame(rows), base.ids.size)
+    return GateStudy(pd.DataFrame(rows), base.ids.size)
 
 
 def _row(kind: str, method: str, what: str, now: Book, before: Book) -> dict[str, Any]:

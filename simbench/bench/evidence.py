@@ -6,9 +6,9 @@ import argparse
 
 import numpy as np
 
+from detectors.evidence import EVIDENCE, Evidence
 from detectors.judge import judge_one
 from detectors.prepared import Prepared
-from detectors.procedure import EVIDENCE, Evidence
 from detectors.registry import methods
 from scenarios.grid import load_grid
 from simbench.bench.resolve import resolve
@@ -85,7 +85,7 @@ def fit(x: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Print the weights that belong into detectors/procedure.py.
+    """Print the weights that belong into detectors/evidence.py.
 
     Parameters
     ----------
@@ -97,11 +97,13 @@ def main(arguments: list[str] | None = None) -> int:
     int
     """
     parser = argparse.ArgumentParser(prog="python -m simbench.bench.evidence", description=__doc__)
-    parser.add_argument("--grid", default="chapter")
-    parser.add_argument("--seed", type=int, default=111, help="other than the grid's own")
+    parser.add_argument("--grid", nargs="+", default=["chapter", "plant"])
+    parser.add_argument("--seed", type=int, default=111, help="other than the grids' own")
     parser.add_argument("--every", type=int, default=1, help="every so many-th group only")
     chosen = parser.parse_args(arguments)
-    for case, (x, y) in collect(chosen.grid, chosen.seed, chosen.every).items():
+    parts = [collect(grid, chosen.seed, chosen.every) for grid in chosen.grid]
+    for case in (False, True):
+        x, y = (np.concatenate([part[case][i] for part in parts]) for i in (0, 1))
         bias, weights = fit(x, y)
         right = np.mean((x @ weights + bias > 0) == y)
         print(f"integrating = {case}: {y.size} loops, {y.mean():.0%} cycling, {right:.1%} right; bias {bias:+.2f}")

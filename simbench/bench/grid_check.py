@@ -25,7 +25,7 @@ ROW, VERDICT = 600, 70
 
 
 @dataclass(frozen=True)
-class Size:
+class GridSize:
     """How large a run will be, before it begins.
 
     Parameters
@@ -53,7 +53,7 @@ class Size:
         )
 
 
-def size_of(plan: Grid, fast: int, slow: int) -> Size:
+def size_of(plan: Grid, fast: int, slow: int) -> GridSize:
     """Estimate a run's size without building a cell.
 
     Parameters
@@ -65,7 +65,7 @@ def size_of(plan: Grid, fast: int, slow: int) -> Size:
 
     Returns
     -------
-    Size
+    GridSize
     """
     scenarios = len(plan)
     if plan.content.loop is not None:
@@ -74,10 +74,10 @@ def size_of(plan: Grid, fast: int, slow: int) -> Size:
         n = sum(_samples(plan, block) for block in plan.content.block) / len(plan.content.block)
     long = max(n / 1500.0, 0.2)  # the constants are for records of this length
     seconds = scenarios * long * (SECONDS + FAST * fast + SLOW * slow)
-    return Size(plan.cells, scenarios, scenarios * n, scenarios * (ROW + VERDICT * (fast + slow)), seconds)
+    return GridSize(plan.cells, scenarios, scenarios * n, scenarios * (ROW + VERDICT * (fast + slow)), seconds)
 
 
-def refuse_too_large(size: Size, name: str, large: bool) -> None:
+def refuse_too_large(size: GridSize, name: str, large: bool) -> None:
     """Raise RunError when a run has more scenarios than anybody means by mistake, unless it is asked for."""
     if size.scenarios > MOST and not large:
         raise RunError(f"{name}: {size}; above {MOST} scenarios a run must be asked for with --large")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import signal
 import sys
 import threading
@@ -13,16 +12,17 @@ from pathlib import Path
 from typing import Any
 
 from detectors.errors import UserError, nearest
+from detectors.guest import SECONDS
 from detectors.judge import check_thresholds
 from detectors.registry import methods as registry
 from detectors.report import choose_methods
 from scenarios.grid import Grid, chunks, load_grid
 from simbench.bench import adaptive, store
-from simbench.bench.checksums import RunError, check_tables
+from simbench.bench.checksums import RunError, check_tables, file_digest
 from simbench.bench.grid_check import refuse_too_large, refuse_wrong_parts, size_of
 from simbench.bench.manifest import describe, read_manifest, run_key
 from simbench.bench.oracle import ORACLE
-from simbench.bench.work import Piece, Thresholds, work
+from simbench.bench.work import Piece, Thresholds, add_parts, work
 
 BACKENDS = ("loky", "dask", "ray")
 LIVES = 3  # how often dead workers are replaced before the run gives up
@@ -51,6 +51,9 @@ def run_grid(
     keep: int = 0,
     progress: bool | None = None,
     large: bool = False,
+    time_limit: float = SECONDS,
+    valve_plugins: Iterable[str | Path] = (),
+    effect_plugins: Iterable[str | Path] = (),
 ) -> Path:
     """Simulate a grid, judge it by detectors, and write both tables.
 
@@ -86,6 +89,10 @@ def run_grid(
         Show a bar on stderr; when absent, only on a terminal.
     large : bool
         Allow more scenarios than anybody asks for by mistake.
+    time_limit : float
+        Seconds a plug-in may take for a record.
+    valve_plugins, effect_plugins : iterable of str or Path
+        Files of further valve models and effects, which the grid names.
 
     Returns
     -------
@@ -111,9 +118,11 @@ def run_grid(
         raise RunError(f"unknown backend {backend!r}: {nearest(backend, BACKENDS)}")
     if until_width is not None and not 0 < until_width < 1:
         raise RunError(f"until_width = {until_width}; a number between 0 and 1 is needed")
+    stages = tuple(tuple(str(Path(p).resolve()) for p in some) for some in (valve_plugins, effect_plugins))
+    add_parts(stages)
     plan = grid if isinstance(grid, Grid) else load_grid(grid, sets, axes)
     files = [str(Path(p).resolve()) for p in plugins]
-    added = [registry.add_file(p) for p in files]
+    added = registry.add_guests(files, time_limit)
     asked = [part.strip() for text in methods for part in text.split(",")]
     names = choose_methods(m for m in asked if m != ORACLE)
     names += [a for a in added if a not in names]
@@ -131,13 +140,14 @@ def run_grid(
             "scenarios": len(plan),
             "methods": {n: _about(n) for n in names},
             "thresholds": {k: dict(v) for k, v in (thresholds or {}).items()},
-            "plugins": {Path(f).stem: hashlib.sha256(Path(f).read_bytes()).hexdigest()[:16] for f in files},
+            "plugins": {Path(f).stem: file_digest(Path(f)) for f in (*files, *stages[0], *stages[1])},
             "until_width": until_width,
             "raw": raw,
             "command": " ".join(sys.argv),
         }
     )
-    task = _Task(plan, tuple(names), tuple(files), dict(thresholds or {}), keep, run_key(manifest))
+    chosen = {k: dict(v) for k, v in (thresholds or {}).items()}
+    task = _Task(plan, run_key(manifest), tuple(names), tuple(files), chosen, keep, time_limit, stages)
     with _parallel(backend, address, jobs) as run:
         where = store.open_run(Path("runs") / plan.name if out is None else out, manifest, resume)
         if (written := read_manifest(where))["complete"]:
@@ -161,14 +171,11 @@ def run_grid(
 class _Task:
     """What every piece has in common."""
 
-    def __init__(
-        self, grid: Grid, methods: tuple[str, ...], plugins: tuple[str, ...], thresholds: dict, keep: int, key: str
-    ) -> None:
-        self.grid, self.methods, self.plugins, self.thresholds = grid, methods, plugins, thresholds
-        self.keep, self.key = keep, key
+    def __init__(self, grid: Grid, key: str, *settings: Any) -> None:
+        self.grid, self.key, self.settings = grid, key, settings
 
     def __call__(self, number: int, groups: Sequence[int]) -> Piece:
-        return work(self.grid, number, groups, self.methods, self.plugins, self.thresholds, self.keep)
+        return work(self.grid, number, groups, *self.settings)
 
 
 Runner = Callable[[_Task, list[tuple[int, Sequence[int]]]], Iterator[Piece]]

@@ -14,7 +14,9 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from detectors.judge import check_thresholds, judge_one
+from detectors.guest import SECONDS
+from detectors.judge import answers, check_thresholds
+from detectors.method import Method
 from detectors.prepared import Prepared
 from detectors.record import LoopRecord
 from detectors.registry import methods as registry
@@ -25,6 +27,8 @@ from simbench.bench import tables
 from simbench.bench.oracle import ORACLE, judge_oracle
 from simbench.bench.resolve import resolve
 from simbench.bench.truth import Cycled, simulate_with_truth
+from simbench.loop.effects import PLUGINS as EFFECTS
+from simbench.loop.parameters import VALVES
 from simbench.loop.run import Run
 from simbench.theory.tables import truth_columns
 
@@ -69,6 +73,8 @@ def work(
     plugins: Iterable[str] = (),
     thresholds: Thresholds | None = None,
     keep: int = 0,
+    seconds: float = SECONDS,
+    stages: tuple[tuple[str, ...], ...] = ((), ()),
 ) -> Piece:
     """Simulate, label and judge some groups of a grid.
 
@@ -88,6 +94,10 @@ def work(
         Other thresholds than the methods' own, by method id.
     keep : int
         Records to hand back, from the first on.
+    seconds : float
+        Time a plug-in may take for a record.
+    stages : (tuple of str, tuple of str)
+        Files of valve models and of effects outside the package.
 
     Returns
     -------
@@ -95,8 +105,9 @@ def work(
         A function of the arguments alone, but for its times.
     """
     began = time.perf_counter()
+    add_parts(stages)
     for path in plugins:
-        registry.add_file(path)
+        registry.add_guest(path, seconds)
     own = [m for m in methods if m != ORACLE]
     chosen = {m: check_thresholds(m, registry.load(m).METHOD, (thresholds or {}).get(m, {})) for m in own}
     rows: dict[str, list] = {name: [] for name in tables.SCENARIOS.names}
@@ -114,6 +125,13 @@ def work(
     piece.verdicts = tables.encode(verdicts, tables.VERDICTS, number)
     piece.total = time.perf_counter() - began
     return piece
+
+
+def add_parts(files: tuple[tuple[str, ...], ...]) -> None:
+    """Make files of valve models and of effects known by their names."""
+    for folder, some in zip((VALVES, EFFECTS), files, strict=True):
+        for path in some:
+            folder.add_file(path)
 
 
 def judge_both(record: LoopRecord, chosen: Thresholds) -> tuple[Prepared, list[tuple[Verdict, Verdict, str | None, float]]]:
@@ -140,20 +158,14 @@ def judge_both(record: LoopRecord, chosen: Thresholds) -> tuple[Prepared, list[t
     shared = (time.perf_counter() - since) / max(len(chosen), 1)
     found = []
     for name, values in chosen.items():
-        module = registry.load(name)
-        since, error = time.perf_counter(), None
-        try:
-            prepared = blind
-            if module.METHOD.needs_mv:
-                prepared = sighted = sighted or blind.sighted(record)
-            raw = judge_one(name, module, prepared, True, dict(values))
-            # with an oscillation the front end lets everything pass
-            front = raw
-            if module.METHOD.front_end and not sustained:
-                front = judge_one(name, module, prepared, False, dict(values))
-        except Exception as wrong:  # a detector may fail in any way; the run must not
-            error = _said(wrong)
-            front = raw = Verdict(name, NO_DECISION, reason=f"failed: {error}")
+        method: Method = registry.load(name).METHOD
+        since, prepared = time.perf_counter(), blind
+        if method.needs_mv:
+            prepared = sighted = sighted or blind.sighted(record)
+        # with an oscillation the front end lets everything pass
+        modes = (True, False) if method.front_end and not sustained else (True,)
+        said, error = answers(name, prepared, modes, dict(values))
+        raw, front = said[0], said[-1]
         found.append((front, raw, error, shared + time.perf_counter() - since))
     return blind, found
 

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from detectors.verdict import NO_STICTION, STICTION
+from detectors.verdict import STICTION
 from simbench.bench.score import answers_of, score_book
 from simbench.bench.store import CODES, Book
 from simbench.figures._score import SHARES, hatch
@@ -55,7 +55,7 @@ def overview(book: Book) -> pd.DataFrame:
             for loops, part in zip(LOOPS, parts, strict=True):
                 here = part & (book.axes["process"] == name)
                 said = a.said[here & a.applies]
-                wanted = CODES[STICTION if loops.startswith("cycling") else NO_STICTION]
+                wanted = CODES[STICTION if loops.startswith("cycling") else "no_stiction"]
                 share = float((said == wanted).mean()) if said.size else np.nan
                 place = (r.method, KINDS[int(r.kind)], r.rank, r.accuracy_applicable, process, loops)
                 rows.append((*place, int(here.sum()), said.size, share))

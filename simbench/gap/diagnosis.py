@@ -18,7 +18,7 @@ from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import SURE, Assessment, assess, capped
 from simbench.gap.decide.classify import Classified, classify
 from simbench.gap.decide.identified import plausible
-from simbench.gap.intake.check import check
+from simbench.gap.intake.check import SAME_TS, check
 from simbench.gap.intake.partial import Partial, completed
 from simbench.gap.intake.refuse import refuse_unfit
 from simbench.gap.report.result import Behind, Gap, GapReport, Ranked
@@ -67,6 +67,11 @@ def diagnose(
     records = [record] if isinstance(record, LoopRecord) else list(record)
     if not records:
         raise RecordError("no record to diagnose")
+    paces = sorted({r.Ts for r in records})
+    if paces[-1] > (1.0 + SAME_TS) * paces[0]:
+        raise RecordError(
+            f"records judged together must have one Ts; it is {paces[0]:g} s in one and {paces[-1]:g} s in another"
+        )
     # thousands of tiny matrices: threads would only wait for each other
     with threadpool_limits(limits=1):
         found, more = _assess_all(records, baseline, jobs)

@@ -12,10 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from detectors.clock import seconds
 from detectors.compiled import cached_module
 from detectors.errors import ParameterError, RecordError
-from detectors.io import JITTER, TIME_NAMES
-from detectors.tables import numbers, read_table, seconds
+from detectors.gaps import JITTER
+from detectors.historian import read_numbers
+from detectors.roles import TIME_NAMES
+from detectors.tables import read_sheet
 from simbench.files import whole_file
 from simbench.loop.parameters import VALVES, valve_parameters
 
@@ -146,11 +149,12 @@ def valve_file(source: str | Path, out: str | Path, model: str, parameters: Mapp
     1,54,52.5
     2,55,53.5
     """
-    table = read_table(Path(source))
+    sheet = read_sheet(Path(source))
+    table = sheet.columns
     names = {name.lower(): name for name in table}
     if "op" not in names:
         raise RecordError(f"{source}: no column op; columns are: {', '.join(table)}")
-    op = numbers(table[names["op"]], names["op"], str(source))
+    op = read_numbers(sheet, [names["op"]], str(source))[names["op"]]
     empty = np.flatnonzero(np.isnan(op))
     if empty.size:
         raise RecordError(f"{source}, line {empty[0] + 2}: {names['op']} is empty; a valve needs OP at every sample")

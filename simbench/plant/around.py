@@ -17,6 +17,8 @@ from simbench.loop.setup import plain_setup
 ROOM = 2.0  # OP ranges left free on either side of a record whose unit of OP is unknown
 ARCHIVE = ("quantisation", "compression", "outliers", "op_quantisation")  # effects that single samples prove
 
+FRICTION = "stiction"  # the effect whose size is asked for
+
 
 @dataclass(frozen=True, eq=False)
 class Around:
@@ -95,12 +97,12 @@ def around(record: LoopRecord, loop: Loop | None = None) -> Around:
         if gains.get("oscillation", 0.0) > 0:
             healthy.reverse()
     sticky = fitted = None
-    if "stiction" in found.parameters:
-        sticky = loops.loop([*archive, "stiction"])
-        fitted = (float(found.parameters["stiction"]["S"]), float(found.parameters["stiction"]["J"]))
+    if FRICTION in found.parameters:
+        sticky = loops.loop([*archive, FRICTION])
+        fitted = (float(found.parameters[FRICTION]["S"]), float(found.parameters[FRICTION]["J"]))
     swing = find_oscillation(record.op, record.pv, record.Ts)
     return Around(
-        record, tuple(healthy), sticky, fitted, _finite(gains.get("stiction")), loop is not None,
+        record, tuple(healthy), sticky, fitted, _finite(gains.get(FRICTION)), loop is not None,
         swing.period_s if swing.sustained else None, percent, (*notes, *found.situation.notes),
     )  # fmt: skip
 
@@ -108,8 +110,8 @@ def around(record: LoopRecord, loop: Loop | None = None) -> Around:
 def with_friction(loop: Loop, S: float, J: float) -> Loop:
     """Return a loop with stiction of S and J (%) in place of whatever stiction it has; S = 0 takes it out."""
     table = loop.to_table()
-    rest = [e for e in table.get("effect", []) if e["name"] != "stiction"]
-    table["effect"] = rest if S <= 0 else [*rest, {"name": "stiction", "S": float(S), "J": float(J)}]
+    rest = [e for e in table.get("effect", []) if e["name"] != FRICTION]
+    table["effect"] = rest if S <= 0 else [*rest, {"name": FRICTION, "S": float(S), "J": float(J)}]
     return Loop.from_table(table, "twin")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from scenarios.spec import load_loop
 from simbench.files import FileError
 from simbench.plant.fleet import Fleet, survey
 from simbench.plant.result import Trust
+from simbench.plant.study_result import Study
 from simbench.plant.trust import trust
 
 
@@ -90,6 +92,52 @@ def report_folder(
         raise FileError(f"{page} cannot be written: it is a folder, or its folder is missing")
     fleet = survey(folder, labels, jobs=jobs)
     return fleet, write_fleet(fleet, page, None if labels is None else read_labels(labels))
+
+
+def study_folder(
+    folder: str | Path,
+    grid: str | Path,
+    labels: str | Path | None = None,
+    *,
+    html: str | Path | None = None,
+    write_grid: str | Path | None = None,
+) -> Study:
+    """Compare a folder of records with a grid.
+
+    Parameters
+    ----------
+    folder : path
+    grid : str or path
+    labels : path, optional
+        Table with id and label.
+    html : path, optional
+        Page to write.
+    write_grid : path, optional
+        Grid to write, with the effects found in it.
+
+    Returns
+    -------
+    Study
+
+    Raises
+    ------
+    detectors.errors.UserError, scenarios.errors.SpecError
+        In one sentence, when something cannot be read or written.
+    """
+    from simbench.plant.study import study
+
+    found = study(folder, grid, labels)
+    if html is not None:
+        from simbench.plant.study_page import write_study
+
+        write_study(found, html)
+    if write_grid is not None:
+        from simbench.plant.written_grid import write_grid as write
+
+        left_out = write(found, write_grid)
+        said = [f"the grid written cannot draw {e}" for e in left_out]
+        found = replace(found, notes=(*found.notes, *said))
+    return found
 
 
 def power_lines(path: str | Path, methods: Sequence[str] = ("all",), **about: Any) -> list[str]:

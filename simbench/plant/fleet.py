@@ -11,14 +11,13 @@ from typing import Any
 from joblib import Parallel, delayed
 from tqdm import tqdm
 
-from detectors.errors import UserError
 from detectors.io import read_folder, read_labels
 from detectors.prepared import Prepared
 from detectors.record import LoopRecord
 from detectors.report import choose_methods
 from detectors.verdict import Verdict
 from simbench.plant.advice import Advice, advise
-from simbench.plant.episodes import OverTime, over_time
+from simbench.plant.episodes import OverTime
 from simbench.plant.events import likely_root, shared_oscillations
 from simbench.plant.indices import judged
 from simbench.plant.result import STICKY, Trust
@@ -29,7 +28,7 @@ NONLINEAR = "surrogate"  # whose score tells a source from its victims
 
 
 @dataclass(frozen=True, eq=False)
-class FleetLoop:
+class LoopOfFleet:
     """One loop of a plant.
 
     Parameters
@@ -40,7 +39,6 @@ class FleetLoop:
         From few twins and the fast methods.
     verdicts : tuple of Verdict
         Of all methods on the record.
-    over_time : OverTime
     size : (float, float) or None
         S and J where stiction is the likelier, in the record's unit.
     label : str
@@ -55,12 +53,16 @@ class FleetLoop:
     name: str
     found: Trust
     verdicts: tuple[Verdict, ...]
-    over_time: OverTime
     size: tuple[float, float] | None
     label: str
     event: int | None
     root: str | None
     advice: Advice
+
+    @property
+    def over_time(self) -> OverTime:
+        """Verdicts window by window; none of a record that cannot be judged."""
+        return self.found.over_time or OverTime("", (), 0, 0)
 
     @property
     def probability(self) -> float:
@@ -74,7 +76,7 @@ class Fleet:
 
     Parameters
     ----------
-    members : tuple of FleetLoop
+    members : tuple of LoopOfFleet
         By probability in steps of a tenth, then by S.
     events : tuple of tuple of str
         Loops that share an oscillation, the likely root first.
@@ -83,7 +85,7 @@ class Fleet:
     methods : tuple of str
     """
 
-    members: tuple[FleetLoop, ...]
+    members: tuple[LoopOfFleet, ...]
     events: tuple[tuple[str, ...], ...]
     refused: Mapping[str, str]
     methods: tuple[str, ...]
@@ -137,25 +139,23 @@ def survey(folder: str | Path, labels: str | Path | None = None, *, jobs: int = 
     return Fleet(tuple(members), events, refused, tuple(names))
 
 
-def _one(name: str, record: LoopRecord, methods: list[str], label: str, seed: int) -> FleetLoop:
+def _one(name: str, record: LoopRecord, methods: list[str], label: str, seed: int) -> LoopOfFleet:
     said = tuple(judged(record, methods))
     found = trust(record, methods=["fast"], healthy=HEALTHY, each=EACH, help_wanted=False, seed=seed)
     size = None
     behind = found.behind
     if behind is not None and behind.fitted and (behind.gain or 0.0) > 0 and (found.probability or 0.0) >= 0.5:
         size = (behind.fitted[0] * behind.percent, behind.fitted[1] * behind.percent)
-    try:
-        when = over_time(record)
-    except UserError:
-        when = OverTime("procedure", (), 0, 0)
-    return FleetLoop(name, found, said, when, size, label, None, None, Advice("", ""))
+    return LoopOfFleet(name, found, said, size, label, None, None, Advice("", ""))
 
 
 def _nonlinearity(verdicts: tuple[Verdict, ...]) -> float:
     return next((v.score for v in verdicts if v.method == NONLINEAR and v.score == v.score), 0.0)
 
 
-def _joined(members: list[FleetLoop], prepared: Mapping[str, Prepared]) -> tuple[list[FleetLoop], tuple[tuple[str, ...], ...]]:
+def _joined(
+    members: list[LoopOfFleet], prepared: Mapping[str, Prepared]
+) -> tuple[list[LoopOfFleet], tuple[tuple[str, ...], ...]]:
     """Return the members with their events and what to do next, and the events."""
     probability = {m.name: m.probability for m in members}
     nonlinear = {m.name: _nonlinearity(m.verdicts) for m in members}

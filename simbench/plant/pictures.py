@@ -46,22 +46,24 @@ def draw_pv_op(record: LoopRecord) -> Figure:
 
 
 @styled
-def draw_power(curves: Mapping[str, Sequence[Cell]], unit: str) -> Figure:
-    """Draw the share found over S, one line per detector, little slip-jump left and full slip-jump right."""
-    ratios = sorted({round(c.J / c.S, 6) for cells in curves.values() for c in cells})
-    figure, axes = panels(1, len(ratios), 6.2, 2.5, sharey=True)
-    for ax, ratio in zip(axes.ravel(), ratios):
-        for colour, (name, cells) in zip(LINES, curves.items()):
-            line = [c for c in cells if round(c.J / c.S, 6) == ratio]
-            S, found = [c.S for c in line], [c.found for c in line]
-            ax.plot(S, found, "o-", color=colour, ms=3, lw=1.0, label=name)
-            if name == next(iter(curves)):
-                ax.fill_between(S, [c.lo for c in line], [c.hi for c in line], color=colour, alpha=0.15, lw=0)
-        ax.axhline(POWER, color=GREY, lw=0.7, ls="--")
-        ax.set_xscale("log")
-        ax.set_ylim(-0.02, 1.02)
-        label(ax, f"S ({unit})", "share found" if ratio == ratios[0] else "", f"J = {ratio:.3g} S")
-    axes.ravel()[0].legend(loc="upper left", fontsize=6.5)
+def draw_power(curves: Mapping[str, Sequence[Cell]], ratio: float, unit: str) -> Figure:
+    """Draw the share found over S, one line per detector, for one J over S."""
+    figure, axes = panels(1, 1, 4.2, 2.6)
+    ax = axes.ravel()[0]
+    S: list[float] = []
+    for colour, (name, cells) in zip(LINES, curves.items()):
+        line = [c for c in cells if round(c.J / c.S, 6) == ratio]
+        S = [c.S for c in line]
+        ax.plot(S, [c.found for c in line], "o-", color=colour, ms=3, lw=1.0, label=name)
+        if name == next(iter(curves)):
+            ax.fill_between(S, [c.lo for c in line], [c.hi for c in line], color=colour, alpha=0.15, lw=0)
+    ax.axhline(POWER, color=GREY, lw=0.7, ls="--")
+    ax.set_xscale("log")
+    ax.set_xticks(S, [f"{s:.2g}" for s in S])
+    ax.minorticks_off()
+    ax.set_ylim(-0.02, 1.02)
+    label(ax, f"S ({unit})", "share found", f"J = {ratio:.3g} S")
+    ax.legend(loc="upper left")
     return figure
 
 

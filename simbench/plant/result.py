@@ -11,6 +11,7 @@ import numpy as np
 from detectors.record import LoopRecord
 from detectors.verdict import Verdict
 from simbench.plant.around import Around
+from simbench.plant.episodes import OverTime
 from simbench.plant.power import Cell, Rule
 from simbench.plant.remedies import Remedy
 
@@ -19,7 +20,11 @@ STICKY, SOUND, UNSEEN, OPEN = "stiction", "no stiction", "cannot be seen in this
 
 @dataclass(frozen=True)
 class MethodTrust:
-    """What one method is worth on this loop: its verdict on the record, and its record on the twins."""
+    """What one method is worth on this loop: its verdict on the record, and its record on the twins.
+
+    `rule` is how it is best read here, `called` what that reading says of the record; false alarms, power and likelihood ratio
+    are those of the published rule.
+    """
 
     verdict: Verdict
     rule: Rule
@@ -54,6 +59,8 @@ class Trust:
     notes : tuple of str
     record : LoopRecord
     behind : Around or None
+    over_time : OverTime or None
+        Verdicts window by window.
     """
 
     answer: str
@@ -67,6 +74,7 @@ class Trust:
     notes: tuple[str, ...]
     record: LoopRecord = field(repr=False)
     behind: Around | None = field(repr=False, default=None)
+    over_time: OverTime | None = field(repr=False, default=None)
 
     @property
     def best(self) -> MethodTrust | None:
@@ -82,7 +90,7 @@ class Trust:
             "smallest_visible": None if seen is None else {"S": seen[0], "J": seen[1]},
             "probability": self.probability,
             "twins": len(self.twins),
-            "notes": [self.sentence(), *(r.sentence() for r in self.helps), *self.notes],
+            "notes": [self.sentence(), *self._asides(), *(r.sentence() for r in self.helps), *self.notes],
         }
 
     def sentence(self) -> str:
@@ -109,6 +117,13 @@ class Trust:
         better = "better" if gain > 0 else "worse"
         return f" (detectors alone {self.of_twins:.2f}; with friction the fit is {abs(gain):.0f} nats {better})"
 
+    def _asides(self) -> list[str]:
+        """Return how the best method is to be read, and what it says over time, as far as there is something to say."""
+        said = [f"best read here: {_reading(self.best.rule)}"] if self.best is not None else []
+        if self.over_time is not None and self.over_time.several:
+            said.append(f"over time: {self.over_time.sentence()}")
+        return said
+
     def power_line(self) -> str:
         """Return in one line what this record could have shown, and whom to believe."""
         best, seen = self.best, self.smallest_visible
@@ -133,8 +148,9 @@ class Trust:
                 f" the same; here it says {says}.",
                 "", *_table(self.methods),
             ]  # fmt: skip
-        lines += [""] * bool(self.helps or self.notes) + [r.sentence() for r in self.helps] + [f"note: {n}" for n in self.notes]
-        return "\n".join(lines)
+        notes = [f"note: {n}" for n in (*self._asides()[1:], *self.notes)]
+        more = [*(r.sentence() for r in self.helps), *notes]
+        return "\n".join([*lines, *([""] if more else []), *more])
 
 
 def _as_row(m: MethodTrust) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from detectors.verdict import STICTION, Verdict
 from scenarios.spec import Loop
 from simbench.plant.around import Around, around
 from simbench.plant.calibration import EvidenceWeights
+from simbench.plant.episodes import over_time
 from simbench.plant.indices import ScoreScales, judged
 from simbench.plant.odds import even_weights, learn
 from simbench.plant.power import (
@@ -130,6 +131,7 @@ def _weighed(
     scaled = tuple(_in_units(c, behind.percent) for c in together)
     rows = [replace(m, power=tuple(_in_units(c, behind.percent) for c in m.power)) for m in rows]
     return Trust(
+        over_time=over_time(record),
         answer=answer, methods=tuple(rows), power=scaled, probability=probability, of_twins=of_twins,
         twins=tuple((t.S, t.J) for t in twins), helps=helps,
         smallest_visible=None if seen is None else (seen[0] * behind.percent, seen[1] * behind.percent),
@@ -149,7 +151,8 @@ def _comparable(behind: Around, twins: list[Twin]) -> np.ndarray:
 def _row(said: Verdict, verdicts: list[Verdict], S: np.ndarray, J: np.ndarray) -> MethodTrust:
     sticky = S > 0
     rule = best_rule(said.method, verdicts, sticky)
-    called = np.array([rule.calls(v) for v in verdicts])
+    # what is claimed of a method is claimed of its published rule, the one that gave the verdict
+    called = np.array([v.verdict == STICTION for v in verdicts])
     ratio = likelihood_ratio(said.verdict, [v.verdict for v in verdicts], sticky)
     return MethodTrust(said, rule, rule.calls(said), float(called[~sticky].mean()), tuple(cells_of(S, J, called)), ratio)
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from simbench.plant.episodes import marks
 from simbench.plant.page import section, write
 from simbench.plant.pictures import draw_power, draw_pv_op, draw_trend
 from simbench.plant.result import Trust
@@ -37,7 +38,10 @@ def write_page(found: Trust, path: str | Path) -> None:
     if found.smallest_visible is not None:
         tiles.append((f"{found.smallest_visible[0]:.2g}", f"smallest S ({record.S_unit}) that shows in 4 of 5 such records"))
     parts = [section("answer", "The answer", answer, tiles=tiles)]
-    seen = [(draw_trend(record), "The record: PV (red), SP (grey), OP (blue)"), (draw_pv_op(record), "PV against OP")]
+    when = found.over_time
+    shaded = "" if when is None or not when.several else f"; {when.sentence()} (orange: stiction, grey: undecided)"
+    trend = draw_trend(record, [] if when is None else marks(when))
+    seen = [(trend, f"PV (red), SP (grey), OP (blue){shaded}"), (draw_pv_op(record), "PV against OP")]
     parts.append(section("record", "The record", pictures=seen))
     if found.power:
         best = [m for m in found.methods if m.verdict.applicable is not False][:SHOWN]

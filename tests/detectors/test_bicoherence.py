@@ -36,10 +36,12 @@ def test_fast_triangle_equals_the_definition():
         assert value == pytest.approx(slow[round(f1 * 64), round(f2 * 64)], rel=2e-3)
 
 
-def test_noise_is_called_nonlinear_in_about_five_percent():
+def test_noise_is_called_nonlinear_in_at_most_five_percent():
     rng = np.random.default_rng(1)
     found = [bicoherence(rng.standard_normal(4096)) for _ in range(200)]
-    assert np.mean([f.ngi > 0 for f in found]) < 0.12
+    assert np.mean([f.nonlinear() for f in found]) < 0.06
+    # its values are not independent, as the source has them
+    assert 0.15 < np.mean([f.ngi > 0 for f in found]) < 0.30
     assert np.mean([f.height > 1 for f in found]) < 0.10
     assert np.mean([f.bic2.mean() * f.segments for f in found]) == pytest.approx(1.02, abs=0.02)
     assert np.mean([np.mean(f.bic2 > 3.0 / f.segments) for f in found]) == pytest.approx(0.05, abs=0.005)

@@ -88,9 +88,7 @@ def test_rounding_is_weighed_against_the_moves_it_hides():
     assert not hides_nothing(0.4, x)
 
 
-@pytest.mark.parametrize(
-    ("levels", "samples", "found"), [(2, 40, True), (2, 39, False), (3, 60, True), (4, 20, True)]
-)
+@pytest.mark.parametrize(("levels", "samples", "found"), [(2, 40, True), (2, 39, False), (3, 60, True), (4, 20, True)])
 def test_few_levels_are_a_lattice_when_they_repeat_themselves_or_lie_too_evenly_for_chance(levels, samples, found):
     x = 42.2 + 0.7 * (np.arange(samples) % levels)
     assert lattice(x) == (pytest.approx(0.7) if found else 0.0)

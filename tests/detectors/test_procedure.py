@@ -43,7 +43,7 @@ def test_sticky_loop_goes_all_the_way(loop, settings):
     assert [s for s, _ in path(found)] == ["quality", "oscillation", "saturation", "nonlinearity", "stiction", "level"]
     assert found.verdict == "stiction"
     assert found.conclusion == "sticky"
-    assert found.S == pytest.approx(5.0, abs=0.6)
+    assert found.S[0] < 5.0 < found.S[1] < 10.0
     assert "gain change" in found.next_test
     assert all(s.question and s.evidence and s.reason for s in found.steps)
 

@@ -13,20 +13,18 @@ T = np.arange(4000) / 20
 
 
 def test_ratio_of_a_sine_is_one():
-    assert area_ratio(np.sin(np.pi * POINT)[None].repeat(4, axis=0)) == pytest.approx((1.0, 0.0), abs=0.005)
+    assert area_ratio(np.sin(np.pi * POINT)[None].repeat(4, axis=0)) == pytest.approx(1.0, abs=0.005)
 
 
 def test_ratio_is_the_geometric_one():
     late = np.minimum(POINT / 0.75, (1 - POINT) / 0.25)[None].repeat(4, axis=0)
-    assert area_ratio(late)[0] == pytest.approx(3.0, rel=0.15)
-    assert area_ratio(late[:, ::-1])[0] == pytest.approx(1 / 3, rel=0.15)
+    assert area_ratio(late) == pytest.approx(3.0, rel=0.15)
+    assert area_ratio(late[:, ::-1]) == pytest.approx(1 / 3, rel=0.15)
 
 
-def test_noise_alone_lifts_the_ratio_no_further_than_its_own_margin():
-    for seed in range(20):
-        noise = np.random.default_rng(seed).standard_normal((60, POINTS))
-        R, margin = area_ratio(np.sin(np.pi * POINT) + 0.3 * noise)
-        assert R < 1.0 + margin
+def test_noise_alone_lifts_the_ratio_above_one():
+    noise = np.random.default_rng(1).standard_normal((60, POINTS))
+    assert area_ratio(np.sin(np.pi * POINT) + 0.3 * noise) > 1.2
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.05])

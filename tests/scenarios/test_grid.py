@@ -181,7 +181,7 @@ def test_an_impossible_cell_is_one_sentence(axes, words):
 def test_an_unknown_grid_names_the_nearest():
     with pytest.raises(SpecError, match="chapter"):
         load_grid("chaptr")
-    assert set(grid_names()) == {"smoke", "table-11-3", "chapter", "own-ground", "ci", "plant"}
+    assert set(grid_names()) == {"smoke", "table-11-3", "chapter", "own-ground", "ci", "plant", "families"}
 
 
 def test_the_ultimate_gain_of_a_pure_delay_like_plant():

@@ -8,6 +8,7 @@ import numpy as np
 
 from detectors.judge import judge
 from detectors.record import LoopRecord
+from detectors.verdict import STICTION
 from scenarios.spec import Loop
 from simbench.catalogue import FIGURES
 from simbench.confirm.travel import travel_test
@@ -53,7 +54,7 @@ def _nonlinearity_first() -> Row:
         pv = cycle["PV"].to_numpy()
         noise = NOISE * pv.std() * np.random.default_rng(0).standard_normal(pv.size)
         record = LoopRecord(op=cycle["OP (%)"], pv=pv + noise, sp=0 * pv, Ts=figure.Ts, process="self-regulating")
-        seen += judge(record, ["bicoherence"])[0].verdict == "stiction"
+        seen += judge(record, ["bicoherence"])[0].verdict == STICTION
     count = len(figure.PANELS)
     why = (
         "a symmetric cycle has odd harmonics only, and the bicoherence sees quadratic coupling; the procedure here does not "

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from detectors.procedure import EVIDENCE
+from detectors.evidence import EVIDENCE
 from simbench.bench.evidence import collect, fit
 
 

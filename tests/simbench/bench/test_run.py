@@ -186,7 +186,7 @@ def killing(tmp_path, how):
 
 
 def test_a_killed_run_is_resumed_without_repeating_or_losing_anything(small, tmp_path):
-    file = killing(tmp_path, "os.getpid()")
+    file = killing(tmp_path, "os.getppid()")
     process = child(tmp_path, 1, file)
     process.communicate(timeout=120)
     assert process.returncode == -signal.SIGKILL
@@ -202,7 +202,7 @@ def test_a_killed_run_is_resumed_without_repeating_or_losing_anything(small, tmp
 
 
 def test_a_worker_that_dies_is_replaced(small, tmp_path):
-    file = killing(tmp_path, "os.getpid()")
+    file = killing(tmp_path, "os.getppid()")
     process = child(tmp_path, 2, file)
     _, err = process.communicate(timeout=120)
     assert process.returncode == 0, err

@@ -170,8 +170,6 @@ def test_one_fault_anywhere_in_a_manifest(finished, baseline, tmp_path):
     assert tried > 300
 
 
-
-
 NO_MANIFEST = ["", "{", "[]", "null", "1", "[" * 100_000, '{"format": 1}', "\0", f'{{"format": {"1" * 5000}}}']
 
 

@@ -31,7 +31,7 @@ def with_cell(column: str, text: str) -> str:
     return "\n".join([*lines[:100], ",".join(cells), *lines[101:]])
 
 
-WRONG_CELLS = ("off", "1.2.3", "inf", "-inf", "1e999", "0x10", "Bad Input", "12:30", "1_000x", "--", "1;2", "9" * 400)
+WRONG_CELLS = ("off", "1.2.3", "inf", "-inf", "1e999", "0x10", "Sort of", "12:30", "1_000x", "+-", "1;2", "9" * 400)
 WRONG_TEXTS = {
     "nothing": b"",
     "one byte": b"\0",
@@ -39,7 +39,7 @@ WRONG_TEXTS = {
     "spaces": b"   \n  \n",
     "zeros": b"\0" * 5000,
     "every byte": bytes(range(256)) * 20,
-    "utf-16": csv().encode("utf-16"),
+    "half of utf-16": csv().encode("utf-16")[:-1],
     "latin-1": "t,op,pv\n0,1,2 ä\n".encode("latin-1"),
     "header alone": b"t,op,pv\n",
     "one sample": b"t,op,pv\n0,1,2\n",

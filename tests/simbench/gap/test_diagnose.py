@@ -193,3 +193,9 @@ def test_the_baseline_of_another_loop_is_refused():
 def test_our_own_random_cases_are_answered(name):
     case = random_case(11, (name,))
     assert diagnose(case.record, case.baseline).effect == name
+
+
+def test_records_of_another_pace_are_not_judged_together():
+    one = record()
+    with pytest.raises(RecordError, match="one Ts"):
+        ask([one, replace(one, Ts=2.0)])

@@ -1,6 +1,9 @@
 """A folder of loops: a source and its victim are one event, the source is ranked first, and the page asks for nothing."""
 
 import csv
+import importlib.util
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +17,18 @@ from simbench.files import write_record
 from simbench.loop.simulate import simulate
 from simbench.plant.events import likely_root, phase_locking, shared_oscillations
 
+
+def _chromium():
+    spec = importlib.util.spec_from_file_location("chromium_for_plant", Path(__file__).parents[1] / "report" / "chromium.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+chromium = _chromium()
 LOOP = {
     "plant": {"type": "foptd", "K": 1.0, "T": 30.0, "Td": 3.0},
     "controller": {"type": "PI", "Kc": 1.2, "Ti": 20.0},
@@ -88,6 +103,11 @@ def test_the_page_ranks_the_loops_and_stands_alone(records, tmp_path, capsys):
     assert text.count("<article") == 3
     assert "src=" not in text
     assert "http" not in text.replace("http://www.w3.org", "")
+    if chromium.executable() is not None:
+        with chromium.opened(page, 390) as shown:
+            assert shown.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth") <= 0
+            assert shown.errors == []
+            assert len(shown.requests) == 1
 
 
 def test_a_page_that_cannot_be_written_is_said_before_anything_is_judged(tmp_path, capsys):

@@ -1,0 +1,109 @@
+"""Archives that store a value only when it changes: what lies between two stored values is the first of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from detectors.errors import RecordError
+
+ENOUGH = 30  # stored changes below which nothing is concluded
+SMALL, RARE = 0.2, 0.02  # a change is small below this share of the median one; any sampled signal makes 10 % of these
+COMMON = 0.9  # share of equal intervals from which a signal is sampled more slowly, not stored on change
+TOLERANCE = 0.01  # of the sampling period
+
+Series = tuple[np.ndarray, np.ndarray]
+
+
+def stored_on_change(t: np.ndarray, x: np.ndarray) -> bool:
+    """Whether the stored values of a signal look as if only changes beyond a dead-band were kept.
+
+    Parameters
+    ----------
+    t, x : ndarray, shape (n,)
+        Times (s) and stored values.
+
+    Returns
+    -------
+    bool
+        True when no value repeats the one before, small changes are absent, and the intervals are uneven.
+
+    Notes
+    -----
+    A signal that is merely sampled, or that lost samples at random, makes about 10 % of its changes smaller than a fifth of
+    the median one; one that is sampled more slowly has equal intervals. Not for fewer than 30 changes.
+
+    Examples
+    --------
+    >>> x = np.random.default_rng(0).normal(size=400)
+    >>> stored_on_change(np.arange(400.0), x)
+    False
+    """
+    change = np.abs(np.diff(x))[:-1]  # the last value may stand there only because the export ended
+    if change.size < ENOUGH or np.any(change == 0.0):
+        return False
+    steps = np.rint(np.diff(t) / np.diff(t).min())
+    common = np.unique(steps, return_counts=True)[1].max() / steps.size
+    return bool(np.mean(change < SMALL * np.median(change)) < RARE and common < COMMON)
+
+
+def base_step(t: np.ndarray) -> float | None:
+    """Return the step (s) of which all intervals are multiples within 1 %, None without one."""
+    dt = np.diff(t)
+    step = float(dt.min()) if dt.size else 0.0
+    if step <= 0:
+        return None
+    return (
+        step
+        if np.all(np.abs(dt - np.rint(dt / step) * step) <= TOLERANCE * step * np.maximum(1.0, np.rint(dt / step)))
+        else None
+    )
+
+
+def hold(
+    series: Mapping[str, Series], Ts: float | None, where: str
+) -> tuple[np.ndarray, dict[str, np.ndarray], float, list[str]]:
+    """Put signals with times of their own on one even grid, every value held until the next.
+
+    Parameters
+    ----------
+    series : mapping of role to (times, values)
+        At least op and pv.
+    Ts : float or None
+        Sampling period (s); None = the step all times of OP and PV are multiples of.
+    where : str
+        File, for messages.
+
+    Returns
+    -------
+    t : ndarray, shape (n,)
+        Times (s), from the first at which OP and PV are known.
+    signals : dict of str to ndarray, shape (n,)
+        NaN before a signal's first value.
+    Ts : float
+    notes : list of str
+        Which share of each signal is held.
+
+    Raises
+    ------
+    RecordError
+        When OP and PV have no common step and no Ts was given.
+    """
+    steps = {role: base_step(series[role][0]) for role in ("op", "pv")}
+    if Ts is None:
+        known = [s for s in steps.values() if s is not None]
+        if len(known) < 2 or abs(known[0] - known[1]) > TOLERANCE * max(known):
+            told = ", ".join(f"{r.upper()} {'uneven' if s is None else f'every {s:g} s'}" for r, s in steps.items())
+            raise RecordError(f"{where}: OP and PV have times of their own ({told}); say which sampling period Ts to use")
+        Ts = min(known)
+    begin, end = (choose(series[r][0][i] for r in ("op", "pv")) for choose, i in ((max, 0), (min, -1)))
+    grid = begin + Ts * np.arange(int(np.floor((end - begin) / Ts + 1e-6)) + 1)
+    signals, notes = {}, []
+    for role, (t, x) in series.items():
+        at = np.searchsorted(t, grid + TOLERANCE * Ts, side="right") - 1
+        signals[role] = np.where(at >= 0, x[np.maximum(at, 0)], np.nan)
+        held = float(np.mean(np.diff(at) == 0)) if at.size > 1 else 0.0
+        if held > 0:
+            notes.append(f"archive: {role.upper()} holds its last stored value in {held:.0%} of {grid.size} samples")
+    return grid, signals, Ts, notes

@@ -1,0 +1,80 @@
+"""Holes in a record: short ones are bridged, long ones split it, too many refuse it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from detectors.errors import RecordError
+
+BRIDGED = 3  # samples; a longer hole splits the record
+MOST_MISSING = 0.20  # share of a record that may be missing
+JITTER = 0.01  # deviation from Ts, as a share of it, above which time has a gap
+
+
+def whole(t: np.ndarray, signals: dict[str, np.ndarray | None], Ts: float, where: str):
+    """Put the samples on an even grid, bridge short holes, keep the longest segment without a long one.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        Times (s), rising.
+    signals : dict of role to ndarray, shape (n,)
+        NaN where unknown; at least op and pv.
+    Ts : float
+        Sampling period (s).
+    where : str
+        File, for messages.
+
+    Returns
+    -------
+    t : ndarray, shape (m,)
+        Even times (s).
+    signals : dict of role to ndarray, shape (m,), or None
+        None for SP and MV with holes that cannot be bridged.
+    notes : tuple of str
+        "gaps: ..." for everything that was done.
+
+    Raises
+    ------
+    RecordError
+        When more than 20 % is missing.
+    """
+    dt = np.diff(t)
+    if np.any(np.abs(dt - Ts) > JITTER * Ts):
+        place = np.concatenate([[0], np.cumsum(np.maximum(np.rint(dt / Ts), 1).astype(int))])
+    else:
+        place = np.arange(t.size)
+    size = int(place[-1]) + 1
+    known = np.isfinite(signals["op"]) & np.isfinite(signals["pv"])
+    missing = size - int(known.sum())
+    if missing > MOST_MISSING * size:
+        raise RecordError(f"{where}: {missing} of {size} samples are missing; at most {MOST_MISSING:.0%} may be")
+    places = place[known]
+    ends = np.flatnonzero(np.diff(places) > BRIDGED + 1)
+    first, last = np.concatenate([[0], ends + 1]), np.concatenate([ends, [places.size - 1]])
+    longest = int(np.argmax(places[last] - places[first]))
+    lo, hi = int(places[first[longest]]), int(places[last[longest]])
+    grid = np.arange(lo, hi + 1)
+    out: dict[str, np.ndarray | None] = {}
+    notes = []
+    for name, x in signals.items():
+        here = np.isfinite(x) & (place >= lo) & (place <= hi)
+        holes = np.diff(np.concatenate([[lo - 1], place[here], [hi + 1]]))
+        if name in ("sp", "mv") and (not here.any() or holes.max() > BRIDGED + 1):
+            if here.any():
+                notes.append(f"gaps: {name.upper()} has holes of more than {BRIDGED} samples and is left out")
+            out[name] = None
+        elif name == "sp":  # a set point holds its value until it is changed
+            out[name] = x[here][np.maximum(np.searchsorted(place[here], grid, side="right") - 1, 0)]
+        else:
+            out[name] = np.interp(grid, place[here], x[here])
+    bridged = grid.size - int(known[(place >= lo) & (place <= hi)].sum())
+    uneven = int(np.sum(np.abs(dt - np.rint(dt / Ts) * Ts) > JITTER * Ts))
+    if bridged:
+        notes.insert(0, f"gaps: {bridged} of {grid.size} samples missing, bridged by straight lines")
+    if grid.size < size:
+        part = f"the longest part without a hole of more than {BRIDGED}"
+        notes.insert(0, f"gaps: judged samples {lo} to {hi} of {size}, {part}")
+    if uneven:
+        notes.append(f"gaps: {uneven} of {dt.size} time steps differ from Ts = {Ts:g} s by more than {JITTER:.0%}")
+    return grid * Ts, out, tuple(notes)

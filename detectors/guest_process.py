@@ -1,0 +1,114 @@
+"""The process of one guest: it imports a stranger's detector, and answers in plain values through two pipes."""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+import resource
+import signal
+import struct
+import sys
+import threading
+import time
+from dataclasses import asdict
+from typing import Any
+
+from detectors.judge import judge_one
+from detectors.method import Method
+from detectors.prepared import Prepared
+from detectors.registry import methods
+from detectors.verdict import Verdict
+
+
+def main() -> None:
+    """Serve requests until the parent is gone: `python -m detectors.guest_process READ WRITE PARENT FILE`."""
+    read, write, parent, path = int(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]), sys.argv[4]
+    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+    os.write(write, b"R")
+    name = None
+    while True:
+        asked = _receive(read)
+        resource.setrlimit(resource.RLIMIT_DATA, (asked["bytes"], asked["bytes"]))
+        # should nobody be left to end it, and no line of Python be reached
+        signal.signal(signal.SIGALRM, signal.SIG_DFL)
+        signal.setitimer(signal.ITIMER_REAL, 2.0 * asked["seconds"] + 60.0)
+        try:
+            name = name or methods.add_file(path)
+            answer = {"answer": _described(name) if asked["do"] == "describe" else _judged(name, asked)}
+            text = json.dumps(answer).encode()
+        except MemoryError:
+            text = json.dumps({"error": "takes more memory than it may"}).encode()
+        except BaseException as error:  # whatever a stranger's code does, sys.exit too
+            text = json.dumps({"error": _said(error)}).encode()
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        content = struct.pack("<Q", len(text)) + text
+        while content:
+            content = content[os.write(write, content) :]
+
+
+def _said(error: BaseException) -> str:
+    # a plug-in's own sentence about itself needs no name of a Python class
+    cause = error.__cause__ if error.__cause__ is not None else error
+    try:
+        return " ".join(f"{type(cause).__name__}: {cause}".split())[:300]
+    except BaseException:  # an error whose text raises another
+        return type(cause).__name__
+
+
+def _described(name: str) -> Any:
+    method = methods.load(name).METHOD
+    if not isinstance(method, Method):
+        return None
+    return {**asdict(method), "exempt": {}}
+
+
+def _judged(name: str, asked: dict[str, Any]) -> list[Any]:
+    prepared = Prepared(asked["record"])
+    for signal_ in (prepared.record.op, prepared.record.pv, prepared.record.sp, prepared.record.mv):
+        if signal_ is not None:
+            signal_.flags.writeable = False
+    prepared.__dict__.update(asked["known"])
+    found = []
+    for raw in asked["modes"]:
+        verdict = judge_one(name, methods.load(name), prepared, raw, dict(asked["thresholds"]))
+        if not isinstance(verdict, Verdict):
+            raise TypeError(f"answers with a {type(verdict).__name__}, which is no Verdict")
+        if verdict.reason.startswith((" ", ";")):  # notes of the house follow a reason that is none
+            raise ValueError("answers without a reason")
+        found.append({k: _plain(v) for k, v in vars(verdict).items()})
+    return found
+
+
+def _plain(value: Any) -> Any:
+    """Numbers of numpy as Python's; what is neither a number, a word nor a table of them stays and fails to be written."""
+    if isinstance(value, dict):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(v) for v in value]
+    return value.item() if hasattr(value, "item") else value
+
+
+def _receive(read: int) -> dict[str, Any]:
+    (size,) = struct.unpack("<Q", _exactly(read, 8))
+    return pickle.loads(_exactly(read, size))
+
+
+def _exactly(read: int, size: int) -> bytes:
+    content = b""
+    while len(content) < size:
+        part = os.read(read, min(size - len(content), 1 << 20))
+        if not part:
+            os._exit(0)
+        content += part
+    return content
+
+
+def _end_with(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(0.5)
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    main()

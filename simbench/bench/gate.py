@@ -1,0 +1,155 @@
+"""Study of the gate, quick: detectors broken on purpose, and rewritten in ways that change nothing that matters."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from unittest.mock import patch
+
+import numpy as np
+import pyarrow.parquet as pq
+
+from detectors.methods import he, horch_histogram, rossi_scali
+from detectors.record import LoopRecord
+from detectors.registry import methods as registry
+from detectors.report import table
+from detectors.signal import hammerstein
+from scenarios.spec import Loop
+from simbench.bench.check import compare_books
+from simbench.bench.check_study import BROKEN, _answers, _broken, _with
+from simbench.bench.run import run_grid
+from simbench.bench.store import Book
+from simbench.loop.simulate import simulate
+from simbench.usage import exit_code
+
+BREAKS = 20
+LAST_BITS = 4e-16  # another order of sums
+
+
+def finer(steps: np.ndarray) -> np.ndarray:
+    """Return steps of a search, or templates along axis 0, with those half-way between neighbours.
+
+    Examples
+    --------
+    >>> finer(np.array([1.0, 2.0, 4.0]))
+    array([1. , 1.5, 2. , 3. , 4. ])
+    """
+    between = (steps[1:] + steps[:-1]) / 2
+    return np.insert(steps, np.arange(1, len(steps)), between, axis=0)
+
+
+def _unit(shapes: np.ndarray) -> np.ndarray:
+    return shapes / np.linalg.norm(shapes, axis=-1, keepdims=True)
+
+
+# what a finer grid takes the place of: module, name, change; and who is judged with it
+FINER: tuple[tuple[object, str, Callable], ...] = (
+    (he, "triangles", lambda old: lambda *a: _unit(finer(old(*a)))),
+    (rossi_scali, "relays", lambda old: lambda *a: _unit(finer(old(*a)))),
+    (horch_histogram, "_densities", lambda old: lambda: tuple(finer(x) for x in old())),
+    (hammerstein, "S_FINE", finer),
+)
+SEARCHING = ("he", "rossi_scali", "horch_histogram", "hammerstein", "procedure")
+
+
+def rewritten(base: Book, folder: Path) -> Iterator[tuple[str, str, Book]]:
+    """Yield a run as it comes out with one method rewritten: the last bits of its signals differ, or its search is finer.
+
+    Parameters
+    ----------
+    base : Book
+        The run.
+    folder : Path
+        Its folder: every record is simulated again.
+
+    Yields
+    ------
+    method, rewrite : str
+    now : Book
+    """
+    plan = [(m, "finer") for m in SEARCHING if m in base.methods] + [(m, "last bits") for m in base.methods]
+    ways = {how: [(m, registry.load(m).METHOD.defaults()) for m, h in plan if h == how] for how in ("finer", "last bits")}
+    said, score = np.empty((len(plan), base.ids.size), np.int8), np.empty((len(plan), base.ids.size), np.float32)
+    rng = np.random.default_rng(0)
+    for k, row in enumerate(pq.read_table(folder / "scenarios.parquet", columns=["loop", "seed"]).to_pylist()):
+        record = simulate(Loop.from_table(json.loads(row["loop"])), row["seed"]).record
+        with ExitStack() as changed:
+            for module, name, change in FINER:
+                changed.enter_context(patch.object(module, name, change(getattr(module, name))))
+            answers = _answers(record, ways["finer"])
+        said[:, k], score[:, k] = zip(*answers, *_answers(_last_bits(record, rng), ways["last bits"]))
+    for j, (method, how) in enumerate(plan):
+        yield method, how, _with(base, base.methods.index(method), said[j], score[j])
+
+
+def _last_bits(record: LoopRecord, rng: np.random.Generator) -> LoopRecord:
+    def shaken(x: np.ndarray) -> np.ndarray:
+        return x * (1.0 + LAST_BITS * rng.choice([-1.0, 0.0, 1.0], x.size))
+
+    mv = None if record.mv is None else shaken(record.mv)
+    return replace(record, op=shaken(record.op), pv=shaken(record.pv), mv=mv)
+
+
+def study(grid: str, axes: dict[str, list], methods: tuple[str, ...] = ("fast",)) -> list[dict[str, object]]:
+    """Return what the gate says of every broken and every rewritten detector.
+
+    Parameters
+    ----------
+    grid : str
+        Name or path.
+    axes : dict of str to list
+        Fewer values of its axes.
+    methods : tuple of str
+        Ids or sets.
+
+    Returns
+    -------
+    list of dict
+        method, what, flips, failed, as_wanted.
+    """
+    with tempfile.TemporaryDirectory() as home:
+        folder = run_grid(grid, Path(home) / "base", methods, axes=axes)
+        base = Book.read(folder)
+        ways = [(m, how) for how in BROKEN for m in base.methods]
+        step = max(len(ways) // BREAKS, 1)
+        cases = [(m, how, _broken(base, m, how), True) for m, how in ways[::step][:BREAKS]]
+        cases += [(m, how, now, False) for m, how, now in rewritten(base, folder)]
+        rows = []
+        for method, what, now, wanted in cases:
+            found = compare_books(now, base)
+            kind = {"method": method, "what": what, "flips": len(found.flips), "failed": found.failed}
+            rows.append({**kind, "as_wanted": found.failed == wanted})
+    return rows
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Print every case and how many came out as wanted: `python -m simbench.bench.gate`; 1 unless all did.
+
+    Parameters
+    ----------
+    arguments : list of str, optional
+        In place of sys.argv.
+
+    Returns
+    -------
+    int
+    """
+    parser = argparse.ArgumentParser(prog="python -m simbench.bench.gate", description=__doc__)
+    parser.add_argument("grid", nargs="?", default="ci", help="name or file")
+    parser.add_argument("--disturbance", nargs="+", default=["none"], help="only loops with these")
+    chosen = parser.parse_args(arguments)
+    rows = study(chosen.grid, {"disturbance": chosen.disturbance})
+    print("\n".join(table(rows)))
+    right = sum(bool(row["as_wanted"]) for row in rows)
+    print(f"{right} of {len(rows)} as wanted")
+    return int(right < len(rows))
+
+
+if __name__ == "__main__":
+    sys.exit(exit_code(main))

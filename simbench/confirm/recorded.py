@@ -1,0 +1,176 @@
+"""The confirmation tests on records of a plant: two records with another controller gain, or one of a travel test by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from detectors.errors import ParameterError
+from detectors.record import LoopRecord
+from simbench.confirm.gain_change import GainChange, judge, measure
+from simbench.confirm.rig import Trace
+from simbench.confirm.travel import SHARE, SIGMAS, TravelTest
+
+EXPLAINED = 0.8  # of the variance of OP's increments by a PI controller, from which its gain is read off a record
+HELD = 5  # samples for which OP must rest between two steps
+LATE = 0.5  # of a hold counts as settled
+
+
+def controller_gain(record: LoopRecord) -> float | None:
+    """Return the controller gain that a record shows, in OP units per PV unit; None when OP is not that of a PI controller.
+
+    Notes
+    -----
+    Least squares of OP's increments on the error's increments and the error. Not for controllers with derivative action.
+
+    Examples
+    --------
+    >>> e = np.sin(np.arange(500) / 9)
+    >>> round(controller_gain(LoopRecord(50 + 2 * e + 0.1 * np.cumsum(e), -e, 1.0, sp=np.zeros(500))), 3)
+    2.0
+    """
+    steps, error = np.diff(record.op), record.e
+    columns = np.column_stack([np.diff(error), error[1:]])
+    found = np.linalg.lstsq(columns, steps, rcond=None)[0]
+    left = steps - columns @ found
+    explained = 1.0 - float(left @ left) / max(float(steps @ steps), 1e-300)
+    return abs(float(found[0])) if explained >= EXPLAINED else None
+
+
+def gain_change_recorded(before: LoopRecord, after: LoopRecord, factor: float | None = None) -> GainChange:
+    """Judge a change of controller gain from a record before it and one after it.
+
+    Parameters
+    ----------
+    before, after : LoopRecord
+        In automatic mode, the transient of the change left out; of the same sampling period.
+    factor : float, optional
+        New Kc over old; read off the records when absent.
+
+    Returns
+    -------
+    GainChange
+        Kc as the records show it, or 1 and `factor`.
+
+    Raises
+    ------
+    ParameterError
+        When the sampling periods differ, the gain changed by less than 20 %, or the records do not show it.
+
+    Notes
+    -----
+    Source and limits as `simbench.confirm.gain_change.gain_change`.
+
+    Examples
+    --------
+    >>> t = np.arange(2000.0)
+    >>> one, two = (LoopRecord(50 + np.sin(2 * np.pi * t / P), np.cos(2 * np.pi * t / P), 1.0) for P in (90, 150))
+    >>> gain_change_recorded(one, two, 0.6).verdict
+    'stiction'
+    """
+    if not np.isclose(before.Ts, after.Ts):
+        raise ParameterError(f"gain change: Ts = {before.Ts:g} s before and {after.Ts:g} s after; one is needed for both")
+    gains = (1.0, factor) if factor is not None else (controller_gain(before), controller_gain(after))
+    if gains[0] is None or gains[1] is None:
+        raise ParameterError("gain change: the records do not show the controller gain; give new over old by --factor")
+    if gains[0] <= 0 or abs(gains[1] / gains[0] - 1.0) < 0.2:
+        raise ParameterError(f"gain change: Kc changed {gains[1] / gains[0]:.3g}-fold; at least 20 % more or less is needed")
+    signals = [r.op if r.op_percent is None else r.op_percent for r in (before, after)]
+    phases = [measure(op, r.Ts, float(Kc)) for op, r, Kc in zip(signals, (before, after), gains, strict=True)]
+    verdict, reason, shift = judge(*phases)
+    op, pv = np.concatenate(signals), np.concatenate([before.pv, after.pv])
+    trace = Trace(op, pv, np.full(op.size, np.nan))
+    return GainChange(verdict, reason, *phases, shift, 0.0, before.Ts, before.n, trace)
+
+
+def travel_recorded(record: LoopRecord) -> TravelTest:
+    """Read S and J off the record of a valve travel test.
+
+    Parameters
+    ----------
+    record : LoopRecord
+        In manual mode, OP in steps and PV given time to settle after each; `process` says whether PV's slope is read.
+
+    Returns
+    -------
+    TravelTest
+
+    Raises
+    ------
+    ParameterError
+        When OP does not rest between at least three steps.
+
+    Notes
+    -----
+    Procedure 11.4 (Gerry and Ruel 2001). Steps add up until PV moves; the sum is J when it goes on in the direction of the
+    last movement, S when it goes against it. A sum that one step alone makes up says no more than that step: only sums of
+    small steps, up to a third of the largest, count. Not for PV that drifts by itself.
+
+    Examples
+    --------
+    >>> from simbench.confirm.travel import travel_test
+    >>> from scenarios.spec import Loop
+    >>> made = travel_test(Loop.from_table({
+    ...     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
+    ...     "controller": {"type": "PI", "Kc": 1, "Ti": 10},
+    ...     "valve": {"model": "choudhury", "S": 3.1, "J": 1.1},
+    ...     "sampling": {"Ts": 1}}))
+    >>> read = travel_recorded(LoopRecord(made.trace.op, made.trace.pv, 1.0, process="self-regulating"))
+    >>> round(read.J, 1), round(read.S, 1)
+    (1.2, 3.2)
+    """
+    op = record.op if record.op_percent is None else record.op_percent
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(op)) + 1])
+    lengths = np.diff(np.append(starts, op.size))
+    starts, lengths = starts[lengths >= HELD], lengths[lengths >= HELD]
+    if starts.size < 4:
+        raise ParameterError(f"travel test: OP rests {starts.size} times for {HELD} samples or more; at least 4 are needed")
+    seen, error = _readings(record, starts, lengths)
+    steps = np.diff(op[starts])
+    small = float(np.abs(steps).max()) / 3.0
+    answer = 0.0  # of PV per % of OP, once the first step has shown it
+    sums: dict[bool, float | None] = {True: None, False: None}
+    phase, side, total = np.zeros(op.size, dtype=int), 0.0, 0.0
+    since = 0
+    for k, step in enumerate(steps):
+        # steps that turn back before PV moved start a new sum
+        total, since = (total + step, since) if total * step >= 0 else (step, k)
+        change = abs(seen[k + 1] - seen[since])
+        if change <= max(SIGMAS * np.sqrt(2.0) * max(error[k + 1], error[since]), SHARE * answer * abs(step), 1e-12):
+            continue
+        if side != 0.0 and abs(step) <= small:
+            same = bool(np.sign(total) == side)
+            phase[starts[since + 1] : starts[k + 1] + lengths[k + 1]] = 1 if same else 2
+            sums[same] = sums[same] if sums[same] is not None else round(abs(float(total)), 9)
+        elif side == 0.0 or abs(step) > small:
+            answer = change / abs(total)
+        side, total, since = float(np.sign(total)), 0.0, k + 1
+    fine = np.abs(steps)[np.abs(steps) <= small]
+    increment = float(np.median(fine)) if fine.size else float(np.abs(steps).min())
+    return _told(sums[True], sums[False], increment, float(lengths.min()) * record.Ts, record.Ts, phase, op, record)
+
+
+def _readings(record: LoopRecord, starts: np.ndarray, lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """PV's settled mean in every hold, on an integrating process its slope per second, with standard errors."""
+    seen, error = np.empty(starts.size), np.empty(starts.size)
+    for k, (start, length) in enumerate(zip(starts, lengths, strict=True)):
+        late = record.pv[start + int((1.0 - LATE) * length) : start + length]
+        t = np.arange(late.size) * record.Ts
+        line = np.polyfit(t, late, 1)
+        sigma = float(np.std(late - np.polyval(line, t)))
+        if record.process == "integrating":
+            seen[k], error[k] = line[0], sigma * np.sqrt(12.0 / late.size) / (late.size * record.Ts)
+        else:
+            seen[k], error[k] = late.mean(), sigma / np.sqrt(late.size)
+    return seen, error
+
+
+def _told(same, back, increment, wait, Ts, phase, op, record) -> TravelTest:
+    sticky = None if back is None else bool(back > 2 * increment + 1e-9)
+    if same is None and back is None:
+        reason = "PV did not move on small steps: the record holds no travel test, or noise hides it"
+    elif same is None or back is None:
+        reason = f"the record holds no small steps {'in the direction of' if same is None else 'against'} the last movement"
+    else:
+        reason = f"band S {back:.3g} %, of which slip jump J {same:.3g} %" if sticky else "PV follows small steps both ways"
+    mv = np.full(op.size, np.nan) if record.mv is None else record.mv
+    return TravelTest(same, back, increment, wait, sticky, reason, Ts, phase, Trace(op, record.pv, mv))

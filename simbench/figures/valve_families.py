@@ -1,0 +1,79 @@
+"""Valve families: what each method finds of every friction model, and its false alarms on every healthy valve.
+
+Rows are methods, best first; columns are valve families in the same cells: left, the share of the cycling loops that are called
+sticky; right, the share of the loops that do not cycle and are called sticky all the same.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from simbench.bench.families import rates, read
+from simbench.figures._score import SHARES
+from simbench.figures._style import panels, styled
+
+SOURCE = "own"
+FEWEST = 10  # loops: a share of fewer is not shown
+
+
+def data(run: str | Path) -> pd.DataFrame:
+    """Count by method and valve family.
+
+    Parameters
+    ----------
+    run : str or Path
+        Folder of a finished run, best of grid families, where every family stands in the same cells.
+
+    Returns
+    -------
+    DataFrame
+        method, valve, cycling, n, stiction (share) with Wilson's lo and hi; best method first.
+    """
+    found = rates(read(run))
+    found = found[found.n >= FEWEST]
+    mean = (
+        found.assign(right=found.stiction.where(found.cycling, 1.0 - found.stiction))
+        .groupby(["method", "cycling"])
+        .right.mean()
+    )
+    best = mean.groupby("method").mean().sort_values(ascending=False)
+    place = {method: i for i, method in enumerate(best.index)}
+    return (
+        found.assign(place=found.method.map(place))
+        .sort_values(["place", "cycling", "valve"], ignore_index=True)
+        .drop(columns="place")
+    )
+
+
+@styled
+def draw(data: pd.DataFrame) -> Figure:
+    """Draw both maps of shares, the share written into its field."""
+    methods = list(dict.fromkeys(data.method))
+    sticky, healthy = (sorted(set(data.valve[data.cycling == c])) for c in (True, False))
+    figure, (axes,) = panels(1, 2, 1.6 + 0.42 * (len(sticky) + len(healthy)), 1.6 + 0.26 * len(methods), sharey=True)
+    for ax, valves, cycling, title in zip(
+        axes, (sticky, healthy), (True, False), ("found, of the cycling loops", "false alarms, of the others"), strict=True
+    ):
+        part = data[data.cycling == cycling]
+        grid = part.pivot(index="method", columns="valve", values="stiction").reindex(index=methods, columns=valves)
+        ax.pcolormesh(grid.to_numpy(), **SHARES)
+        for i, row in enumerate(grid.to_numpy()):
+            for j, share in enumerate(row):
+                if share == share:
+                    ax.text(
+                        j + 0.5,
+                        i + 0.5,
+                        f"{share:.2f}"[1:] if share < 1 else "1",
+                        ha="center",
+                        va="center",
+                        fontsize=6,
+                        color="w" if share < 0.55 else "k",
+                    )
+        ax.set_xticks([j + 0.5 for j in range(len(valves))], valves, rotation=60, ha="right")
+        ax.set_yticks([i + 0.5 for i in range(len(methods))], methods)
+        ax.set_title(title)
+        ax.set_ylim(len(methods), 0)
+    return figure

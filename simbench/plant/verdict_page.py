@@ -1,0 +1,60 @@
+"""The page of a detection: what the methods say together, the record, every method's answer with its reason."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+
+from detectors import summary
+from detectors.report import Report
+from simbench.plant.page import section, write
+from simbench.plant.pictures import draw_pv_op, draw_trend
+
+SHOWN = 12  # records drawn on one page
+
+
+def write_page(report: Report, path: str | Path) -> None:
+    """Write verdicts as one self-contained HTML page.
+
+    Parameters
+    ----------
+    report : Report
+        What was judged.
+    path : str or Path
+        Where to.
+
+    Raises
+    ------
+    FileError
+        When the file cannot be written.
+    """
+    groups = report.groups()
+    said = [f"{name + ': ' if name else ''}{summary.sentence(verdicts)}." for name, verdicts, _ in groups]
+    parts = [section("answer", "The answer", said)]
+    for number, (name, verdicts, record) in enumerate(groups[:SHOWN]):
+        if record is not None:
+            title = name or record.tag or "The record"
+            seen = [(draw_trend(record), "The record: PV (red), SP (grey), OP (blue)"), (draw_pv_op(record), "PV against OP")]
+            notes = summary.notes_of(verdicts, record)
+            parts.append(section(f"record-{number}", title, pictures=seen, points=notes))
+    parts.append(section("methods", "Every method", table=_table(report), long=["reason"]))
+    if report.refused:
+        parts.append(section("refused", "Left out", points=[f"{name}: {why}" for name, why in report.refused.items()]))
+    write(path, "Does the valve stick?", f"{len(groups)} record{'s' * (len(groups) != 1)} judged", parts)
+
+
+def _table(report: Report) -> pd.DataFrame:
+    fits = {True: "yes", False: "no", None: "cannot tell"}
+    return pd.DataFrame(
+        {
+            **({} if name is None else {"record": name}),
+            "method": v.method,
+            "verdict": summary.WORDS[v.verdict],
+            "score": v.score,
+            "S, J": "" if v.S is None else f"{summary.level(v.S)}, {summary.level(v.J)} {v.S_unit}",
+            "made for this loop": fits[v.applicable],
+            "reason": v.reason,
+        }
+        for name, v in report.verdicts
+    )

@@ -1,0 +1,253 @@
+"""Hostile plug-ins: whatever one does, every other verdict is bit-equal, and the offender is named."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from detectors import guest
+from detectors.detection import detect
+from detectors.errors import ParameterError
+from detectors.record import LoopRecord
+from detectors.registry import methods
+from simbench.cli import main
+
+HEAD = """
+import os, sys, time, json
+import numpy as np
+from detectors.method import Method
+from detectors.verdict import Verdict
+METHOD = Method(title="a stranger", source="nobody", front_end=False{more})
+def detect(prepared, **thresholds):
+    {body}
+"""
+FINE = 'return Verdict("x", "stiction", score=1.0, reason="because")'
+# what it does: body of `detect`, and a word of the reason that names it
+HOSTILE = {
+    "raises": ('raise ValueError("on purpose")', "on purpose"),
+    "raises without text": ("raise KeyError", "KeyError"),
+    "raises its own": ("class E(BaseException): pass\n    raise E('mine')", "mine"),
+    "raises what raises": ("class E(Exception):\n        def __str__(self): raise E\n    raise E()", "E"),
+    "exits": ("sys.exit(0)", "SystemExit"),
+    "exits hard": ("os._exit(7)", "exit status 7"),
+    "kills itself": ("os.kill(os.getpid(), 9)", "signal 9"),
+    "interrupts": ("raise KeyboardInterrupt", "KeyboardInterrupt"),
+    "never ends": ("while True: pass", "longer than"),
+    "sleeps": ("time.sleep(1000)", "longer than"),
+    "takes all memory": ("x = [np.ones(10_000_000) for _ in range(1000)]", "memory"),
+    "nests without end": ("f = lambda: f()\n    return f()", "RecursionError"),
+    "returns nothing": ("return None", "NoneType"),
+    "returns a word": ('return "stiction"', "str"),
+    "returns a dict": ('return {"verdict": "stiction"}', "dict"),
+    "unknown word": ('return Verdict("x", "sticky", reason="r")', "sticky"),
+    "no reason": ('return Verdict("x", "stiction")', "reason"),
+    "blank reason": ('return Verdict("x", "stiction", reason="  ")', "reason"),
+    "word as score": ('return Verdict("x", "stiction", score="high", reason="r")', "score"),
+    "list as score": ('return Verdict("x", "stiction", score=[1.0], reason="r")', "score"),
+    "array as index": ('return Verdict("x", "stiction", indices={"a": np.ones(3)}, reason="r")', "a"),
+    "object as index": ('return Verdict("x", "stiction", indices={"a": object()}, reason="r")', "serializable"),
+    "indices no table": ('return Verdict("x", "stiction", indices=[1], reason="r")', "indices"),
+    "word as S": ('return Verdict("x", "stiction", S="5", reason="r")', "S"),
+    "infinite S": ('return Verdict("x", "stiction", S=float("inf"), reason="r")', "S"),
+    "three ends": ('return Verdict("x", "stiction", J=(1.0, 2.0, 3.0), reason="r")', "J"),
+    "perhaps applicable": ('return Verdict("x", "stiction", applicable="maybe", reason="r")', ""),
+    "closes everything": ("os.closerange(3, 200)\n    " + FINE, "ended"),
+    "endless answer": ('return Verdict("x", "stiction", reason="r" * 50_000_000)', "no verdict"),
+    "writes into its input": ("prepared.record.op[0] = 1e9\n    " + FINE, "read-only"),
+}
+# what is nobody else's concern: it answers, and the others do not notice
+HARMLESS = {
+    "prints": 'print("x" * 100_000)\n    ' + FINE,
+    "writes to both": "os.write(1, b'noise'); os.write(2, b'noise')\n    " + FINE,
+    "changes numpy": "np.random.seed(0); np.seterr(all='raise'); np.mean = None\n    " + FINE,
+    "changes the others": "import detectors.methods.horch as h; h.detect = None; h.METHOD = None\n    " + FINE,
+    "changes the folder": "os.chdir('/'); os.environ.clear(); sys.path.clear()\n    " + FINE,
+    "changes what is shared": "prepared.shared.clear(); prepared.__dict__.clear\n    " + FINE,
+    "numpy numbers": 'return Verdict("x", "stiction", score=np.float32(1), S=np.float64(2.0), reason="r")',
+    "no score": 'return Verdict("x", "no_decision", reason="r")',
+}
+T = np.arange(600.0)
+RECORD = LoopRecord(op=50 + np.sin(T / 8), pv=50 - np.sin(T / 8 - 1), Ts=1.0)
+OTHERS = ["horch", "horch_histogram", "rossi_scali"]
+
+
+def plugin(tmp_path: Path, body: str, name: str = "stranger", more: str = "") -> Path:
+    file = tmp_path / f"{name}.py"
+    file.write_text(HEAD.format(body=body, more=more))
+    return file
+
+
+@pytest.fixture(autouse=True)
+def forgotten():
+    before = set(methods.names())
+    yield
+    for name in set(methods.names()) - before:
+        methods.forget(name)
+
+
+@pytest.fixture(scope="module")
+def alone() -> list[dict]:
+    return [v.as_json() for _, v in detect(RECORD, OTHERS).verdicts]
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_a_hostile_plug_in_is_named_and_the_others_do_not_notice(tmp_path, alone, name, monkeypatch):
+    monkeypatch.setattr(guest, "BYTES", 400 << 20)
+    body, word = HOSTILE[name]
+    file = plugin(tmp_path, body)
+    methods.add_guest(file, seconds=1.5)
+    found = {v.method: v for _, v in detect(RECORD, ["stranger", *OTHERS]).verdicts}
+    assert [found[m].as_json() for m in OTHERS] == alone
+    offender = found["stranger"]
+    assert offender.verdict == "no_decision"
+    assert offender.reason.startswith("failed: ")
+    assert word in offender.reason
+    # asked again, it does so again: nothing hangs on what it did before
+    again = detect(RECORD, ["stranger"]).verdicts[0][1]
+    assert again.verdict == "no_decision"
+
+
+@pytest.mark.parametrize("name", HARMLESS)
+def test_what_a_plug_in_changes_changes_nothing_outside_it(tmp_path, alone, name, capfd):
+    here, words = os.getcwd(), dict(os.environ)
+    file = plugin(tmp_path, HARMLESS[name])
+    found = {v.method: v for _, v in detect(RECORD, OTHERS, plugins=[file]).verdicts}
+    assert [found[m].as_json() for m in OTHERS] == alone
+    assert not found["stranger"].reason.startswith("failed"), found["stranger"].reason
+    assert (os.getcwd(), dict(os.environ)) == (here, words)
+    assert capfd.readouterr() == ("", "")
+
+
+METHOD = "from detectors.method import Method\nMETHOD = Method({})\ndef detect(p): pass"
+IMPORTS = {
+    "no python": ("def (", "SyntaxError"),
+    "exits": ("import sys; sys.exit(0)", "SystemExit"),
+    "raises": ("1 / 0", "ZeroDivisionError"),
+    "lacks all": ("x = 1", "METHOD"),
+    "method is a word": ('METHOD = "m"\ndef detect(p): pass', "METHOD"),
+    "method says nonsense": (METHOD.format('title=3, source="s"'), "title"),
+    "made for nothing": (METHOD.format('title="t", source="s", process=()'), "process"),
+    "binary": ("\0\0\0", "null"),
+    "absent import": ("import a_module_nobody_has", "a_module_nobody_has"),
+}
+
+
+@pytest.mark.parametrize("name", IMPORTS)
+def test_a_file_that_is_no_plug_in(refused, tmp_path, name):
+    text, word = IMPORTS[name]
+    (tmp_path / "mine.py").write_text(text)
+    record = tmp_path / "rec.csv"
+    record.write_text("t,op,pv\n" + "".join(f"{k},{50 + k % 7},{k % 5}\n" for k in range(100)))
+    refused(["detect", record, "--method", "horch", "--plugin", tmp_path / "mine.py"], "mine.py", word)
+
+
+TAKEN = ["oracle", "all", "fast", "full", "horch", "procedure", "always_no", "Mine", "my-file", "1st", "a b"]
+
+
+@pytest.mark.parametrize("name", TAKEN)
+@pytest.mark.parametrize("verb", ["detect", "run"])
+def test_a_name_that_means_something_already_is_refused(refused, tmp_path, name, verb):
+    file = plugin(tmp_path, FINE, name)
+    record = tmp_path / "rec.csv"
+    record.write_text("t,op,pv\n" + "".join(f"{k},{50 + k % 7},{k % 5}\n" for k in range(100)))
+    words = {"detect": ["detect", record], "run": ["run", "smoke", "-o", tmp_path / "run"]}[verb]
+    refused([*words, "--method", "horch", "--plugin", file], name, "rename")
+
+
+def test_two_files_of_one_name_do_not_stand_for_each_other(tmp_path):
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    first, second = (plugin(tmp_path / d, FINE) for d in "ab")
+    with pytest.raises(ParameterError, match="taken"):
+        methods.add_guests([first, second])
+    assert methods.add_guests([first, first]) == ["stranger"]
+
+
+def test_missing_plug_ins_are_named(refused, tmp_path):
+    refused(["run", "smoke", "-o", tmp_path / "run", "--plugin", tmp_path / "none.py"], "none.py")
+    refused(["detect", tmp_path / "r.csv", "--plugin", tmp_path], str(tmp_path.name))
+
+
+def test_a_run_with_an_offender_is_the_run_without_it_for_all_others(tmp_path, capsys):
+    """Every verdict but its own equal, its failures counted, exit 0: the run's own methods are sound."""
+    small = ["--set", "disturbance=none", "--set", "Td_over_T=0.3", "--set", "S_over_2J=0.5", "--set", "Td_over_Ti=0.05"]
+    file = plugin(tmp_path, "np.mean = None; os.environ.clear()\n    raise ValueError('on purpose')")
+    assert main(["run", "smoke", *small, "-o", str(tmp_path / "without"), "--method", "horch"]) == 0
+    capsys.readouterr()
+    words = ["run", "smoke", *small, "-o", str(tmp_path / "with"), "--method", "horch", "--plugin", str(file), "--json"]
+    assert main(words) == 0
+    failed = json.loads(capsys.readouterr().out)["failed"]
+    assert failed["methods"] == {"stranger": failed["of"]}
+    import pandas as pd
+
+    one, two = (pd.read_parquet(tmp_path / d / "verdicts.parquet").drop(columns="runtime_s") for d in ("without", "with"))
+    own = two[two.method == "horch"].reset_index(drop=True)
+    pd.testing.assert_frame_equal(one, own, check_exact=True)
+
+
+def test_a_guest_ends_with_its_parent(tmp_path):
+    file = plugin(tmp_path, f"open({str(tmp_path / 'pid')!r}, 'w').write(str(os.getpid())); time.sleep(1000)")
+    code = f"""
+import numpy as np
+from detectors import guest
+from detectors.detection import detect
+t = np.arange(600.0)
+detect(dict(op=np.sin(t / 8), pv=np.cos(t / 8), Ts=1.0), ["horch"], plugins=[{str(file)!r}])
+"""
+    from detectors.guest import SECONDS
+
+    assert SECONDS == 60.0
+    code = code.replace("dict(op=np.sin(t / 8), pv=np.cos(t / 8), Ts=1.0)", "LoopRecord(np.sin(t / 8), np.cos(t / 8), 1.0)")
+    parent = subprocess.Popen([sys.executable, "-c", "from detectors.record import LoopRecord" + code])
+    until = time.monotonic() + 60.0
+    while not (tmp_path / "pid").exists() or not (tmp_path / "pid").read_text():
+        assert time.monotonic() < until
+        time.sleep(0.1)
+    child = int((tmp_path / "pid").read_text())
+    parent.kill()
+    parent.wait()
+    while Path(f"/proc/{child}").exists() and time.monotonic() < until:
+        time.sleep(0.1)
+    assert not Path(f"/proc/{child}").exists()
+
+
+@pytest.mark.parametrize(
+    ("option", "name", "text"),
+    [
+        ("--valve-plugin", "deadband", "x = 1"), ("--effect-plugin", "noise", "x = 1"), ("--valve-plugin", "mine", "1 / 0"),
+        ("--effect-plugin", "mine", "1 / 0"), ("--valve-plugin", "mine", "import sys; sys.exit(0)"),
+        ("--effect-plugin", "mine", "x = 1"), ("--valve-plugin", "mine", "def ("), ("--effect-plugin", "Mine", "x = 1"),
+    ],
+)  # fmt: skip
+def test_a_valve_or_effect_file_that_is_none(refused, tmp_path, option, name, text):
+    from tests.simbench.boundary.test_loops import put
+    from tests.simbench.boundary.test_loops import text as loop
+
+    (tmp_path / f"{name}.py").write_text(text)
+    refused(["simulate", put(tmp_path, loop()), "-o", tmp_path / "r.csv", option, tmp_path / f"{name}.py"], f"{name}.py")
+    assert not (tmp_path / "r.csv").exists()
+
+
+def test_a_valve_of_a_file_is_simulated_like_its_built_in_twin(tmp_path):
+    from simbench.loop.parameters import VALVES
+    from simbench.loop.valves import deadband
+    from tests.simbench.boundary.test_loops import put
+    from tests.simbench.boundary.test_loops import text as loop
+
+    (tmp_path / "mine.py").write_text(Path(deadband.__file__).read_text())
+    one = loop().replace('model = "choudhury"', 'model = "deadband"').replace("J = 2.0\n", "")
+    try:
+        for name, content, more in (
+            ("built", one, []), ("own", one.replace("deadband", "mine"), ["--valve-plugin", str(tmp_path / "mine.py")])
+        ):  # fmt: skip
+            assert main(["simulate", str(put(tmp_path, content)), "-o", str(tmp_path / name), *more]) == 0
+    finally:
+        VALVES.forget("mine")
+    assert (tmp_path / "built").read_bytes() == (tmp_path / "own").read_bytes()

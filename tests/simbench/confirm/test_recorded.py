@@ -1,0 +1,85 @@
+"""The confirmation tests read off records say what they said on the plant that made them."""
+
+import numpy as np
+import pytest
+
+from detectors.errors import ParameterError
+from detectors.record import LoopRecord
+from simbench.confirm.gain_change import gain_change
+from simbench.confirm.recorded import controller_gain, gain_change_recorded, travel_recorded
+from simbench.confirm.travel import travel_test
+
+T = np.arange(3000.0)
+
+
+def wave(period: float, amplitude: float = 1.0) -> LoopRecord:
+    angle = 2 * np.pi * T / period
+    return LoopRecord(50 + amplitude * np.sin(angle), np.cos(angle), 1.0)
+
+
+@pytest.mark.parametrize(
+    ("after", "verdict"), [(wave(150.7), "stiction"), (wave(92.3), "no_stiction"), (wave(150.7, 5), "no_decision")]
+)
+def test_the_period_decides_and_the_amplitude_may_object(after, verdict):
+    assert gain_change_recorded(wave(90.3), after, 0.6).verdict == verdict
+
+
+def test_records_of_a_gain_change_give_its_verdict_and_show_the_gain(loop):
+    live = gain_change(loop())
+    cuts = slice(live.changed // 3, live.changed), slice(live.changed + 500, None)
+    setpoint = 50.0
+    records = [
+        LoopRecord(live.trace.op[c], live.trace.pv[c], live.Ts, sp=np.full(live.trace.pv[c].size, setpoint)) for c in cuts
+    ]
+    found = gain_change_recorded(*records, factor=0.6)
+    assert found.verdict == live.verdict == "stiction"
+    assert found.shift == pytest.approx(live.shift, abs=0.1)
+    assert controller_gain(records[0]) == pytest.approx(1.0, rel=0.05)
+    assert controller_gain(records[1]) == pytest.approx(0.6, rel=0.05)
+    assert gain_change_recorded(*records).verdict == "stiction"
+    assert found.plot().axes
+
+
+@pytest.mark.parametrize(
+    ("records", "factor", "words"),
+    [
+        ((wave(90.3), LoopRecord(np.ones(99), np.ones(99), 2.0)), 0.6, "Ts = 1 s before and 2 s after"),
+        ((wave(90.3), wave(150.7)), 1.1, "at least 20 %"),
+        (
+            (wave(90.3), LoopRecord(np.random.default_rng(0).random(900), np.random.default_rng(1).random(900), 1.0)),
+            None,
+            "--factor",
+        ),
+    ],
+)
+def test_what_cannot_be_judged_is_one_sentence(records, factor, words):
+    with pytest.raises(ParameterError, match=words):
+        gain_change_recorded(*records, factor=factor)
+
+
+@pytest.mark.parametrize(("S", "J"), [(5.0, 2.0), (3.1, 1.1), (1.3, 1.1)])
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+def test_a_recorded_travel_test_measures_what_the_live_one_did(loop, S, J, noise):
+    live = travel_test(loop(S=S, J=J, noise=noise))
+    found = travel_recorded(LoopRecord(live.trace.op, live.trace.pv, live.Ts, process="self-regulating"))
+    assert found.J == pytest.approx(live.J, abs=0.2 + 1e-9)
+    assert found.S == pytest.approx(live.S, abs=0.2 + 1e-9)
+    assert found.sticky
+    assert found.increment == pytest.approx(0.2)
+
+
+def test_an_integrating_process_is_read_by_its_slope(loop):
+    live = travel_test(loop(kind="integrating", K=0.05))
+    found = travel_recorded(LoopRecord(live.trace.op, live.trace.pv, live.Ts, process="integrating"))
+    assert (found.J, found.S) == pytest.approx((live.J, live.S), abs=0.2 + 1e-9)
+
+
+def test_a_valve_without_friction_follows(loop):
+    live = travel_test(loop(S=0.0, J=0.0))
+    found = travel_recorded(LoopRecord(live.trace.op, live.trace.pv, live.Ts, process="self-regulating"))
+    assert found.sticky is False
+
+
+def test_a_record_in_automatic_mode_holds_no_travel_test():
+    with pytest.raises(ParameterError, match="OP rests"):
+        travel_recorded(wave(90.3))

@@ -1,0 +1,144 @@
+"""The verb detect as people use it: a table first, reasons on request, every note once, files beside it; and every help."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import subprocess
+import sys
+from importlib.metadata import version
+
+import pytest
+import typer
+
+from simbench import cli
+from simbench.workbench import Loop
+
+FAST = ["--method", "horch,he,kano_a,procedure"]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    place = tmp_path_factory.mktemp("plant")
+    for name, S in (("sticky", 5.0), ("sound", 0.0)):
+        loop = Loop(
+            plant={"type": "foptd", "K": 1, "T": 10, "Td": 2},
+            controller={"type": "PI", "Kc": 1, "Ti": 10},
+            valve={"model": "choudhury", "S": S, "J": 0.4 * S},
+            sampling={"Ts": 1, "n": 1500},
+            setpoint={"steps": [[10, 55]]},
+            noise={"std": 0.05},
+        )
+        loop.simulate(1).to_frame().rename(columns={"op": "X1.OUT", "pv": "X1.MEAS"}).to_csv(place / f"{name}.csv", index=False)
+    return place
+
+
+def said(capsys, *words):
+    assert cli.main([str(w) for w in words]) == 0
+    return capsys.readouterr()
+
+
+def test_the_summary_and_the_table_come_first_and_reasons_on_request(folder, capsys):
+    out = said(capsys, "detect", folder / "sticky.csv", *FAST).out
+    head, summary, _, names, *rows = out.splitlines()
+    assert head.startswith("sticky: 1500 samples, Ts = 1 s")
+    assert "the procedure, which weighs them, says stiction" in summary
+    assert names.split()[:2] == ["method", "verdict"]
+    assert [r.split()[0] for r in rows[:4]] == ["horch", "he", "kano_a", "procedure"]
+    assert len({r.index("stiction") for r in rows[:4] if "no stiction" not in r and " stiction" in r}) == 1
+    assert "triangular" not in out
+    assert "triangular" in said(capsys, "detect", folder / "sticky.csv", *FAST, "--why").out
+
+
+def test_what_every_method_warns_of_is_said_once(folder, capsys):
+    out = said(capsys, "detect", folder / "sticky.csv", *FAST, "--why").out
+    assert out.count("process type unknown") == 1
+    assert out.count("PV is 'X1.MEAS'") == 1
+
+
+def test_a_folder_is_a_matrix(folder, capsys):
+    out = said(capsys, "detect", folder, *FAST).out.splitlines()
+    rows = {line.split()[0]: line.split()[1:] for line in out if line.startswith(("sticky", "sound"))}
+    assert rows["sound"] == ["-"] * 4
+    assert "S" in rows["sticky"]
+    assert "S stiction" in out[-1]
+
+
+def test_json_holds_what_it_held(folder, capsys):
+    out = json.loads(said(capsys, "detect", folder / "sticky.csv", *FAST, "--why", "--json").out)
+    assert [set(v) for v in out] == [{"method", "verdict", "score", "indices", "S", "J", "S_unit", "applicable", "reason"}] * 4
+
+
+def test_table_and_page_are_written(folder, capsys, tmp_path):
+    table, page = tmp_path / "v.csv", tmp_path / "v.html"
+    shown = said(capsys, "detect", folder, *FAST, "--csv", table, "--html", page, "--json")
+    assert len(json.loads(shown.out)) == 8
+    with table.open() as f:
+        rows = list(csv.DictReader(f))
+    assert {(r["record"], r["method"]) for r in rows} == {(n, m) for n in ("sound", "sticky") for m in FAST[1].split(",")}
+    html = page.read_text()
+    assert "Does the valve stick?" in html
+    assert "sticky: " in html
+    assert "http" not in html.replace("http://www.w3.org", "")
+
+
+def test_columns_period_and_loop_are_chosen(folder, capsys, tmp_path):
+    frame = (folder / "sticky.csv").read_text().replace("t_s,sp,X1.OUT,X1.MEAS,mv", "clock,a,b,c,d")
+    file = tmp_path / "own.csv"
+    file.write_text(frame)
+    out = said(capsys, "detect", file, "--columns", "op=b,pv=c", "--columns", "t=clock", "--method", "he").out
+    assert "he says stiction" in out
+    assert "Ts = 2 s" in said(capsys, "detect", file, "--columns", "op=b,pv=c", "--ts", "2", "--method", "he").out
+    assert "1500 samples" in said(capsys, "detect", folder / "sticky.csv", "--loop", "X1", "--method", "he").out
+    assert cli.main(["detect", str(file), "--columns", "op=bb,pv=c"]) == 2
+    assert "no column 'bb' for op" in capsys.readouterr().err
+
+
+def test_colour_is_for_terminals_alone(folder, capsys):
+    assert "\x1b[" not in said(capsys, "detect", folder / "sticky.csv", *FAST).out
+    from detectors.report import judge_files
+
+    assert "\x1b[31mstiction" in judge_files(folder / "sticky.csv", ["he"]).as_text(colour=True)
+
+
+def test_simulate_says_what_it_wrote(capsys, tmp_path):
+    loop = tmp_path / "loop.toml"
+    loop.write_text(
+        '[plant]\ntype = "foptd"\nK = 1\nT = 10\n[controller]\ntype = "PI"\nKc = 1\nTi = 10\n[sampling]\nTs = 2\nn = 100\n'
+    )
+    out = said(capsys, "simulate", loop, "-o", tmp_path / "rec.csv").out
+    assert out == f"{tmp_path / 'rec.csv'}: 100 samples, Ts = 2 s, 200 s; the valve is without friction\n"
+
+
+def test_the_version_is_the_packages(capsys):
+    assert said(capsys, "--version").out.strip() == version("stiction-simbench")
+
+
+def verbs(command, path=()):
+    for name, one in command.commands.items():
+        yield from verbs(one, (*path, name)) if hasattr(one, "commands") else [((*path, name), one)]
+
+
+VERBS = dict(verbs(typer.main.get_command(cli.app)))
+
+
+@pytest.mark.parametrize("verb", VERBS, ids=" ".join)
+def test_every_help_ends_with_examples_that_parse(verb, capsys):
+    help_text = said(capsys, *verb, "--help").out
+    examples = help_text.split("Examples:\n")[1].strip().splitlines()
+    assert examples
+    for line in examples:
+        words = line.split()
+        assert words[: 1 + len(verb)] == ["simbench", *verb]
+        VERBS[verb].make_context(verb[-1], words[1 + len(verb) :])
+
+
+@pytest.mark.parametrize(
+    ("typed", "at", "expected"), [("simbench run cha", 2, "chapter"), ("simbench detect --method hor", 3, "horch")]
+)
+def test_a_shell_completes_grids_and_methods(typed, at, expected):
+    asked = {"_SIMBENCH_COMPLETE": "complete_bash", "COMP_WORDS": typed, "COMP_CWORD": str(at)}
+    command = [sys.executable, "-c", "from simbench.cli import entry; entry()"]
+    out = subprocess.run(command, env={**os.environ, **asked}, capture_output=True, text=True).stdout
+    assert expected in out.split()
