@@ -10,13 +10,17 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from detectors.errors import ParameterError
+<<<<<<< HEAD
 from detectors.verdict import NO_STICTION, STICTION
+=======
+from detectors.verdict import STICTION
+>>>>>>> b0a74db
 from simbench.bench.checksums import check_tables
 from simbench.bench.manifest import read_manifest
 from simbench.figures._style import BLUE, GREY, RED, label, note, panels, styled
 
 SOURCE = "own; Horch (1999), Eqs 11.6 to 11.9 of Jelali (2013): dtau = (2/pi) atan(1/(w Ti)) of any linear PI loop"
-BOUNDS = {STICTION: (2 / 3, 1 / np.sqrt(3)), NO_STICTION: (1 / 3, np.sqrt(3))}  # dtau, and w Ti that gives it
+BOUNDS = {"stiction": (2 / 3, 1 / np.sqrt(3)), "no_stiction": (1 / 3, np.sqrt(3))}  # dtau, and w Ti that gives it
 VALVES = {True: ("sticky valve", RED, "o"), False: ("healthy valve under a sine", BLUE, "s")}
 
 
