@@ -9,11 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-<<<<<<< HEAD
 from detectors.verdict import NO_STICTION, STICTION
-=======
-from detectors.verdict import STICTION
->>>>>>> b0a74db
 from simbench.bench.ranks import Ranks, rank_methods
 from simbench.bench.score_result import ALL, FRONT, RAW, ROLE_YARDSTICK, Scores, kind_of
 from simbench.bench.statistics import auc, wilson
@@ -26,11 +22,7 @@ if TYPE_CHECKING:
 PROCESSES = {ALL: None, "self-regulating": "foptd", "integrating": "integrating"}
 # rates with Wilson intervals, in the order they are shown
 RATES = ("accuracy_applicable", "accuracy_decided", "no_decision", "found", "false_alarms", "accuracy_all")
-<<<<<<< HEAD
 YARDSTICKS = {"always no": CODES[NO_STICTION], "always yes": CODES[STICTION]}
-=======
-YARDSTICKS = {"always no": CODES["no_stiction"], "always yes": CODES[STICTION]}
->>>>>>> b0a74db
 COVERED = 0.95  # of a block's loops: a method made for fewer has no rank there
 
 

@@ -12,11 +12,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-<<<<<<< HEAD
 from detectors.verdict import NO_STICTION, STICTION
-=======
-from detectors.verdict import STICTION
->>>>>>> b0a74db
 from simbench.bench.score import answers_of, score_book
 from simbench.bench.store import CODES, Book
 from simbench.figures._score import SHARES, hatch
@@ -59,11 +55,7 @@ def overview(book: Book) -> pd.DataFrame:
             for loops, part in zip(LOOPS, parts, strict=True):
                 here = part & (book.axes["process"] == name)
                 said = a.said[here & a.applies]
-<<<<<<< HEAD
                 wanted = CODES[STICTION if loops.startswith("cycling") else NO_STICTION]
-=======
-                wanted = CODES[STICTION if loops.startswith("cycling") else "no_stiction"]
->>>>>>> b0a74db
                 share = float((said == wanted).mean()) if said.size else np.nan
                 place = (r.method, KINDS[int(r.kind)], r.rank, r.accuracy_applicable, process, loops)
                 rows.append((*place, int(here.sum()), said.size, share))

@@ -29,11 +29,7 @@ NONLINEAR = "surrogate"  # whose score tells a source from its victims
 
 
 @dataclass(frozen=True, eq=False)
-<<<<<<< HEAD
 class FleetLoop:
-=======
-class LoopOfFleet:
->>>>>>> b0a74db
     """One loop of a plant.
 
     Parameters
@@ -78,11 +74,7 @@ class Fleet:
 
     Parameters
     ----------
-<<<<<<< HEAD
     members : tuple of FleetLoop
-=======
-    members : tuple of LoopOfFleet
->>>>>>> b0a74db
         By probability in steps of a tenth, then by S.
     events : tuple of tuple of str
         Loops that share an oscillation, the likely root first.
@@ -91,11 +83,7 @@ class Fleet:
     methods : tuple of str
     """
 
-<<<<<<< HEAD
     members: tuple[FleetLoop, ...]
-=======
-    members: tuple[LoopOfFleet, ...]
->>>>>>> b0a74db
     events: tuple[tuple[str, ...], ...]
     refused: Mapping[str, str]
     methods: tuple[str, ...]
@@ -149,39 +137,25 @@ def survey(folder: str | Path, labels: str | Path | None = None, *, jobs: int = 
     return Fleet(tuple(members), events, refused, tuple(names))
 
 
-<<<<<<< HEAD
 def _one(name: str, record: LoopRecord, methods: list[str], label: str, seed: int) -> FleetLoop:
-=======
-def _one(name: str, record: LoopRecord, methods: list[str], label: str, seed: int) -> LoopOfFleet:
->>>>>>> b0a74db
     said = tuple(judged(record, methods))
     found = trust(record, methods=["fast"], healthy=HEALTHY, each=EACH, help_wanted=False, seed=seed)
     size = None
     behind = found.behind
     if behind is not None and behind.fitted and (behind.gain or 0.0) > 0 and (found.probability or 0.0) >= 0.5:
         size = (behind.fitted[0] * behind.percent, behind.fitted[1] * behind.percent)
-<<<<<<< HEAD
     try:
         when = over_time(record)
     except UserError:
         when = OverTime("procedure", (), 0, 0)
     return FleetLoop(name, found, said, when, size, label, None, None, Advice("", ""))
-=======
-    return LoopOfFleet(name, found, said, size, label, None, None, Advice("", ""))
->>>>>>> b0a74db
 
 
 def _nonlinearity(verdicts: tuple[Verdict, ...]) -> float:
     return next((v.score for v in verdicts if v.method == NONLINEAR and v.score == v.score), 0.0)
 
 
-<<<<<<< HEAD
 def _joined(members: list[FleetLoop], prepared: Mapping[str, Prepared]) -> tuple[list[FleetLoop], tuple[tuple[str, ...], ...]]:
-=======
-def _joined(
-    members: list[LoopOfFleet], prepared: Mapping[str, Prepared]
-) -> tuple[list[LoopOfFleet], tuple[tuple[str, ...], ...]]:
->>>>>>> b0a74db
     """Return the members with their events and what to do next, and the events."""
     probability = {m.name: m.probability for m in members}
     nonlinear = {m.name: _nonlinearity(m.verdicts) for m in members}

@@ -13,11 +13,7 @@ from simbench.files import whole_file
 from simbench.html.page import render
 from simbench.html.svg import inline_svg
 from simbench.plant.episodes import marks
-<<<<<<< HEAD
 from simbench.plant.fleet import Fleet, FleetLoop
-=======
-from simbench.plant.fleet import Fleet, LoopOfFleet
->>>>>>> b0a74db
 from simbench.plant.page import ROOM, section, write
 from simbench.plant.pictures import draw_pv_op, draw_trend
 from simbench.plant.result import STICKY
@@ -138,11 +134,7 @@ def _matrix(frame: pd.DataFrame, fleet: Fleet) -> pd.DataFrame:
     return pd.concat([frame[["rank", "loop"]], frame[list(fleet.methods)].map(lambda word: signs[word])], axis=1)
 
 
-<<<<<<< HEAD
 def _article(rank: int, m: FleetLoop) -> dict[str, Any]:
-=======
-def _article(rank: int, m: LoopOfFleet) -> dict[str, Any]:
->>>>>>> b0a74db
     record = m.found.record
     trend = inline_svg(draw_trend(record, marks(m.over_time)), f"trend-{rank}", f"PV, SP and OP of {m.name} over time")
     plane = inline_svg(draw_pv_op(record), f"plane-{rank}", f"PV of {m.name} against OP")
