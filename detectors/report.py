@@ -187,9 +187,7 @@ def judge_files(
     each = {name: {"kind": row["kind"], "process": row["process"]} for name, row in known.items()}
     records, refused = read_folder(path, names=known or None, each=each, **about)
     verdicts = [
-        (name, verdict)
-        for name, record in records.items()
-        for verdict in judge(record, names, raw=raw, thresholds=thresholds)
+        (name, verdict) for name, record in records.items() for verdict in judge(record, names, raw=raw, thresholds=thresholds)
     ]
     return Report(verdicts, refused, score_units(verdicts, known) if known else [], {**records})
 

@@ -107,4 +107,3 @@ def valve_position(op, S: float, J: float, state: State | None = None, limits=(0
         first = start(float(op[0]), lo, hi) if state is None else tuple(float(x) for x in state)
         compiled(trace)(op, float(S), float(J), first, lo, hi, v)
     return v
-

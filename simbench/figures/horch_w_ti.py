@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from detectors.errors import ParameterError
-from detectors.verdict import NO_STICTION, STICTION
+from detectors.verdict import STICTION
 from simbench.bench.checksums import check_tables
 from simbench.bench.manifest import read_manifest
 from simbench.figures._style import BLUE, GREY, RED, label, note, panels, styled
