@@ -9,7 +9,9 @@ from simbench.gap.controller.standstill import error_gap, limits_of
 def coarse(push, top=True):
     """Return OP on a lattice of 1 % that stays ten samples at one extreme, and the error that pushes it there each scan."""
     way = 1.0 if top else -1.0
-    op = 50.0 + way * np.concatenate([[0.0] * 20, np.arange(1.0, 5.0), [5.0] * 10, np.arange(4.0, -4.0, -1.0), [-3.0] * 8, [-4.0]])
+    op = 50.0 + way * np.concatenate(
+        [[0.0] * 20, np.arange(1.0, 5.0), [5.0] * 10, np.arange(4.0, -4.0, -1.0), [-3.0] * 8, [-4.0]]
+    )
     return op, np.where(op == 50.0 + 5.0 * way, way * push, 0.0)
 
 

@@ -53,7 +53,9 @@ def test_travel_ends_a_little_beyond_its_range(middle, swing, refused):
     assert ("MV runs from" in mv_said(op, op)) == refused
 
 
-@pytest.mark.parametrize(("top", "level", "share"), [(1.4, 60.0, True), (1.7, 60.0, False), (1.4, 6.0, True), (1.4, 4.5, False)])
+@pytest.mark.parametrize(
+    ("top", "level", "share"), [(1.4, 60.0, True), (1.7, 60.0, False), (1.4, 6.0, True), (1.4, 4.5, False)]
+)
 def test_a_share_of_one_is_no_nearly_closed_valve(top, level, share):
     op = level * (1.0 + 0.1 * SINE)
     assert ("share of 1" in mv_said(top * op / op.max(), op)) == share
@@ -155,7 +157,9 @@ def test_a_set_point_that_moves_all_the_time_makes_no_steps(moves, steps):
     assert bool(_moves_of(sp)) == steps
 
 
-@pytest.mark.parametrize(("share", "stands"), [(0.0, False), (0.45, False), (0.55, True), (1.0, True), (1.45, True), (1.55, False)])
+@pytest.mark.parametrize(
+    ("share", "stands"), [(0.0, False), (0.45, False), (0.55, True), (1.0, True), (1.45, True), (1.55, False)]
+)
 def test_a_spike_stands_out_by_about_its_height(share, stands):
     pv, places = np.zeros(200), np.array([30, 90, 150])
     heights = np.array([2.0, -3.0, 4.0])
