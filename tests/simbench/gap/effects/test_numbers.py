@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from simbench.gap.effects import load_drift, load_steps, outliers, recogniser
+from simbench.gap.candidates import look_alikes
+from simbench.gap.effects import load_drift, load_steps, oscillation, outliers, recogniser
 from simbench.gap.effects._draw import between
 from simbench.gap.effects._friction import jitter_hides_the_jump
 from simbench.gap.effects._lattice import levels_of
@@ -51,10 +52,10 @@ def test_a_sine_on_pv_is_as_large_at_the_input_as_the_plant_makes_it_small():
 
 
 def test_load_steps_are_counted_and_sized_in_percent_of_op():
-    shapes = tuple(np.where(np.arange(1000) > k, 1.0, 0.0) for k in (700, 200))
-    found = load_steps.numbers(fit(K=2.0, own=(-8.0, 4.0), channels=shapes, steps=2.0), SITUATION)
-    # levels 0, 2 and -2 %
-    assert found == pytest.approx({"rate": 2 / 2000.0, "size": 2.0})
+    shapes = tuple(np.where(np.arange(1000) > k, 1.0, 0.0) for k in (700, 200, 500))
+    found = load_steps.numbers(fit(K=2.0, own=(-12.0, 4.0, 8.0), channels=shapes, steps=3.0), SITUATION)
+    # levels 0, 2, 6 and 0 %
+    assert found == pytest.approx({"rate": 3 / 2000.0, "size": np.sqrt(8.0)})
 
 
 @pytest.mark.parametrize(("gain", "steps", "beside", "height", "ordinary"), [
@@ -198,7 +199,8 @@ def test_a_drawn_effect_grows_from_barely_there_to_gross(effect, seed):
     ("valve_lag", "tau", 0.72, 192.0), ("extra_lag", "tau", 0.72, 192.0), ("sensor_lag", "tau", 0.72, 192.0),
     ("compression", "band", 0.01, 1.5), ("error_deadband", "width", 0.06, 6.0), ("quantisation", "step", 0.01, 3.0),
     ("op_quantisation", "step", 0.05, 9.0), ("stiction", "S", 0.4, 25.0), ("deadzone", "D", 0.4, 20.0),
-    ("outliers", "size", 0.75, 12.0), ("load_steps", "size", 0.4, 20.0), ("oscillation", "amplitude", 0.1, 20.0),
+    ("outliers", "size", 0.75, 12.0), ("deadband", "S", 0.4, 30.0),
+    ("load_steps", "size", 0.4, 20.0), ("oscillation", "amplitude", 0.1, 20.0),
 ])  # fmt: skip
 def test_barely_and_grossly_are_measured_by_the_loop(effect, name, low, high):
     # OP moves by 2 % (0.5 % a sample), PV by 0.3 and by a noise of 0.1, within 24 s
@@ -223,3 +225,72 @@ def test_saturation_cuts_off_the_share_that_is_drawn(seed):
         for cut in (np.mean(op < p["lo"]), np.mean(op > p["hi"])):
             assert cut == 0.0 or cut == pytest.approx(share, abs=1.5e-3)
         assert p["lo"] > 0.0 or p["hi"] < 100.0
+
+
+def test_a_jump_is_drawn_from_a_tenth_of_the_band_to_all_of_it():
+    draws = [recogniser("stiction").draw(YARDSTICK, np.random.default_rng(s))(0.5) for s in range(60)]
+    shares = [p["J"] / p["S"] for p in draws]
+    assert 0.1 <= min(shares) < 0.2
+    assert 0.9 < max(shares) <= 1.0
+
+
+class Sines:
+    """An engine whose likelihood is what is left of one signal beside the channels."""
+
+    def __init__(self, signal):
+        self.signal, self.data = signal, SimpleNamespace(n=signal.size)
+
+    def evaluate(self, spec, theta):
+        X = np.column_stack(spec.channels)
+        left = self.signal - X @ np.linalg.lstsq(X, self.signal, rcond=None)[0]
+        return (-0.5 * float(left @ left),)
+
+    def fit(self, spec, theta, search):
+        return SimpleNamespace(loglik=self.evaluate(spec, theta)[0], spec=spec, theta=dict(theta))
+
+
+@pytest.mark.parametrize("period", [7.3, 41.7, 190.0])
+def test_the_period_of_a_sine_in_the_innovations_is_found(period):
+    signal = 0.8 * np.sin(2 * np.pi * np.arange(1000) / period + 1.0) + np.random.default_rng(0).standard_normal(1000)
+    base = SimpleNamespace(residual=signal, spec=SimpleNamespace(join=lambda other: other), theta={"load": 1.0})
+    found, count = oscillation.fit(Sines(signal), base)
+    # periods in the record
+    assert 1000 / found.theta["period"] == pytest.approx(1000 / period, abs=0.1)
+    assert found.loglik > -0.5 * 1.1 * 1000
+    assert count == 4.0
+    assert found.theta["load"] == 0.5
+
+
+@pytest.mark.parametrize(("effect", "name", "ends"), [
+    ("drift", "rate", {(0.0006, 0.18)}), ("drift", "walk", {(0.3 / np.sqrt(1000.0), 180 / np.sqrt(1000.0))}),
+    ("load_drift", "rate", {(0.0006, 0.04)}), ("load_drift", "walk", {(0.2 / np.sqrt(1000.0), 20 / np.sqrt(1000.0))}),
+    ("dead_time_mismatch", "extra", {(0.72, 96.0), (-0.4, -4.0)}), ("noise", "factor", {(1.05, 12.0), (0.95, 0.05)}),
+    ("detuning", "Kc_factor", {(1.05, 6.0), (1 / 1.05, 1 / 6.0), (1.0, 1.0)}),
+    ("detuning", "Ti_factor", {(1.1, 8.0), (1 / 1.1, 1 / 8.0), (1.0, 1.0)}),
+])  # fmt: skip
+def test_kinds_and_ways_are_all_drawn_and_each_from_barely_to_grossly(effect, name, ends):
+    # a ramp on PV is measured by what OP does through the gain of 1.5: 3 units within 1000 s
+    sizes = [recogniser(effect).draw(YARDSTICK, np.random.default_rng(s)) for s in range(60)]
+    found = {(float(size(0.0)[name]), float(size(1.0)[name])) for size in sizes}
+    if name == "rate":
+        assert {np.sign(low) for low, _ in found} == {-1.0, 0.0, 1.0}
+        found = {(abs(low), abs(high)) for low, high in found}
+    if name in ("rate", "walk"):
+        assert (0.0, 0.0) in found
+        found -= {(0.0, 0.0)}
+    found = sorted({(round(low, 9), round(high, 9)) for low, high in found})
+    assert len(found) == len(ends)
+    for got, expected in zip(found, sorted(ends)):
+        assert got == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("integral", [True, False])
+def test_a_proportional_controller_has_no_integral_to_detune(integral):
+    loop = SimpleNamespace(**{**vars(YARDSTICK), "integral": integral})
+    factors = {recogniser("detuning").draw(loop, np.random.default_rng(s))(1.0)["Ti_factor"] for s in range(30)}
+    assert factors == ({1.0, 8.0, 1 / 8.0} if integral else {1.0})
+
+
+@pytest.mark.parametrize("effect", list(EFFECTS))
+def test_where_everything_shows_nothing_is_alike(effect):
+    assert look_alikes(effect, Circumstances(sp_moves=True, mv=True, noise_shows=True)) == {effect}

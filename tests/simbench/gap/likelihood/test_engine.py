@@ -181,3 +181,23 @@ def test_a_fit_has_no_unit_of_pv(spec):
         assert b.theta[name] == pytest.approx(value * (64.0 if name in ("load", "noise_std") else 1.0), rel=1e-3, abs=1e-6), (
             name
         )
+
+
+@pytest.mark.parametrize(("trusted", "free", "T", "bounds"), [
+    (True, "", 20.0, (16.0, 25.0)), (True, "T", 20.0, (1.0, 400.0)), (False, "", 20.0, (0.05, 100.0)),
+    (False, "", 130.0, (0.05, 130.0)),
+])  # fmt: skip
+def test_a_time_constant_is_held_near_the_baselines_unless_released(trusted, free, T, bounds):
+    d = Data(OP, PV, K, T, 4.0, NOISE, trusted=trusted)
+    assert d.n == 1500
+    assert Engine(d, 60.0).bounds(Spec(free=frozenset({free})), "T") == pytest.approx(bounds)
+
+
+@pytest.mark.parametrize(("trusted", "free", "late", "T", "Td", "bounds"), [
+    (True, "", 0, 20.0, 4.0, (2.5, 5.5)), (True, "", 1, 20.0, 4.0, (1.5, 6.5)), (True, "", 0, 20.0, 0.4, (0.0, 1.0)),
+    (True, "Td", 0, 20.0, 4.0, (0.0, 49.0)), (True, "Td", 0, 20.0, 100.0, (0.0, 375.0)), (False, "", 0, 2.0, 4.0, (0.0, 21.0)),
+    (True, "Td", 0, 2.0, 1.0, (0.0, 10.0)),
+])  # fmt: skip
+def test_a_dead_time_is_held_within_half_a_sample_and_a_quarter_unless_released(trusted, free, late, T, Td, bounds):
+    d = Data(OP, PV, K, T, Td, NOISE, trusted=trusted, late=late)
+    assert Engine(d, 60.0).bounds(Spec(free=frozenset({free})), "Td") == pytest.approx(bounds)
