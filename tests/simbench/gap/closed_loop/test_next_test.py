@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from scenarios.spec import Loop
 from simbench.gap.closed_loop import next_test
 from simbench.gap.closed_loop.next_test import PlantTest, choose
 
@@ -50,3 +51,44 @@ def test_separations_are_weighed_by_probability_and_raw_data_come_first(monkeypa
 
 def test_a_test_that_no_loop_can_run_is_left_out(monkeypatch):
     assert asked(monkeypatch, {"bump test": np.nan, "set-point step": 2.0})[1] == pytest.approx({"set-point step": 2.0})
+
+
+QUIET = Loop.from_table({
+    "plant": {"type": "foptd", "K": 1.5, "T": 60.0, "Td": 0.0}, "controller": {"type": "PI", "Kc": 0.5, "Ti": 60.0},
+    "sampling": {"Ts": 1.0, "n": 4000}, "setpoint": {"value": 50.0},
+})  # fmt: skip
+
+
+@pytest.mark.parametrize("du", [2.0, 4.0])
+def test_a_bump_in_manual_shows_the_plants_step_response_over_five_hundred_samples(du):
+    found = next_test._bump(QUIET, du, 1.0, 0)
+    edges = np.linspace(0.0, 500.0, 13)
+    part = 500.0 / 12
+    expected = 1.5 * (1.0 - 60.0 / part * (np.exp(-edges[:-1] / 60.0) - np.exp(-edges[1:] / 60.0)))
+    assert [found[f"bump {i}"] for i in range(12)] == pytest.approx(expected, abs=0.03)
+
+
+def test_the_other_tests_change_what_they_say(monkeypatch):
+    seen = []
+    monkeypatch.setattr(next_test, "features", lambda op, pv, sp: seen.append((op, pv, sp)) or {"pv x": 0.0, "op x": 0.0})
+    next_test._sp_step(QUIET, 2.0, 3.0, 0)
+    next_test._gain_change(QUIET, 2.0, 3.0, 0)
+    next_test._faster(QUIET, 2.0, 3.0, 0)
+    found = next_test._with_mv(QUIET, 2.0, 3.0, 0)
+    step, gain, faster, mv = seen
+    assert [len(op) for op, _, _ in seen] == [1500] * 4
+    assert [float(step[2][k]) for k in (299, 301, 749, 751, 1199, 1201)] == [50.0, 53.0, 53.0, 47.0, 47.0, 50.0]
+    assert np.ptp(gain[2]) == np.ptp(faster[2]) == 0.0
+    assert mv[1] == pytest.approx(mv[0])
+    assert found["mv off"] == pytest.approx(np.log(1e-3))
+    assert (found["mv mean"], set(found)) == (pytest.approx(0.0), {"mv pv x", "mv off", "mv mean"})
+
+
+def test_half_the_gain_and_a_quarter_of_the_period_are_simulated(monkeypatch):
+    loops = []
+    resolve = next_test.resolve_loop
+    monkeypatch.setattr(next_test, "resolve_loop", lambda loop, seed: loops.append(loop) or resolve(loop, seed))
+    next_test._gain_change(QUIET, 2.0, 3.0, 0)
+    next_test._faster(QUIET, 2.0, 3.0, 0)
+    assert loops[0].controller.Kc == pytest.approx(0.25)
+    assert loops[1].sampling.Ts == pytest.approx(0.25)

@@ -72,12 +72,13 @@ def test_jumps_that_the_ordinary_load_may_make_are_ordinary(gain, steps, beside,
 
 @pytest.mark.parametrize("T", [0.0, 20.0])
 def test_a_load_drifts_by_a_ramp_that_enters_before_the_plant(T):
-    seen = []
+    seen, walks = [], []
 
     class Engine:
         data = SimpleNamespace(n=1001, T=T, y=np.linspace(0.0, 1.0, 1001))
 
         def grid(self, spec, theta, points):
+            walks.append([p["load_walk"] for p in points])
             return [SimpleNamespace(theta=theta | points[-1])]
 
         def fit(self, spec, theta):
@@ -88,6 +89,9 @@ def test_a_load_drifts_by_a_ramp_that_enters_before_the_plant(T):
     _, count = load_drift.fit(Engine(), SimpleNamespace(spec=spec, theta={"T": T}))
     ((line,),) = seen
     assert count == 2.0
+    # from next to nothing to all that PV (or what moves a vessel) does within the record
+    size = 1.0 / np.sqrt(12.0) if T else 0.0
+    assert np.ravel(walks)[[0, -1]] == pytest.approx(size / np.sqrt(1001.0) * np.array([1e-3, 1.0]), rel=2e-3, abs=1e-12)
     assert line[0] == pytest.approx(0.0, abs=1e-12)
     if T:
         # a ramp of one in a thousand samples comes through a first-order plant T late
@@ -294,3 +298,16 @@ def test_a_proportional_controller_has_no_integral_to_detune(integral):
 @pytest.mark.parametrize("effect", list(EFFECTS))
 def test_where_everything_shows_nothing_is_alike(effect):
     assert look_alikes(effect, Circumstances(sp_moves=True, mv=True, noise_shows=True)) == {effect}
+
+
+@pytest.mark.parametrize("unit", [0.2, 1.0, 3.0])
+def test_evidence_for_spikes_has_no_unit(unit):
+    x, places = innovations(9.0, 12)
+    pv = np.zeros(x.size)
+    pv[places] = 9.0
+    s = SimpleNamespace(record=SimpleNamespace(pv=pv), law=SimpleNamespace(known=True))
+    gain, p = outliers.by_innovations(SimpleNamespace(residual=unit * x, theta={"noise_std": 0.1}), s)
+    assert gain == pytest.approx(outliers.by_innovations(SimpleNamespace(residual=x, theta={"noise_std": 0.1}), s)[0])
+    # twelve samples of nine standard deviations: some 12 x 81/2 nats, less what a Gaussian a sixth wider takes back
+    assert 100.0 < gain < 500.0
+    assert p["at"] == "loop"

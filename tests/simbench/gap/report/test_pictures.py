@@ -146,3 +146,20 @@ def test_bars_are_as_long_as_they_say_from_the_top_down():
     assert [p.get_width() for p in gap.patches] == pytest.approx([4.0, 1.2, 0.9])
     assert gap.lines[0].get_xdata() == pytest.approx([0.9, 0.9])
     assert 4.0 < gap.get_xlim()[1] < 5.0
+
+
+@pytest.mark.parametrize(("value", "lo", "hi", "said"), [
+    (0.42, 0.1, 0.6, ("42 %", "of the gap closes (90 % interval 10 to 60 %)")),
+    (0.0, -0.1, 0.2, ("0 %", "of the gap closes (90 % interval -10 to 20 %)")),
+    (-0.08, -0.25, 0.0, ("8 %", "by which the gap grows (90 % interval 0 to 25 %)")),
+])  # fmt: skip
+def test_what_closes_and_what_grows_is_said_in_percent(monkeypatch, value, lo, hi, said):
+    seen = {}
+    monkeypatch.setattr(page, "render", lambda template, **parts: seen.update(parts))
+    first = {"effect": "stiction", "block": "valve", "probability": 0.912, "parameters": {"S": 5.0, "J": 2.0}}
+    page._answer(SimpleNamespace(
+        gap=SimpleNamespace(before=4.0, after=1.25, floor=0.8, resolvable=True), shrinkage={"value": value, "lo": lo, "hi": hi},
+        effect="stiction", effects=(first,), named=["stiction"], sentence=lambda: "It sticks.",
+    ))  # fmt: skip
+    assert seen["tiles"][:3] == [("0.91", "probability of stiction"), said, ("4.00", "gap before")]
+    assert [t[0] for t in seen["tiles"][3:]] == ["1.25", "0.80"]
