@@ -311,3 +311,23 @@ def test_evidence_for_spikes_has_no_unit(unit):
     # twelve samples of nine standard deviations: some 12 x 81/2 nats, less what a Gaussian a sixth wider takes back
     assert 100.0 < gain < 500.0
     assert p["at"] == "loop"
+
+
+def test_a_dead_zone_is_drawn_where_op_is():
+    centres = [recogniser("deadzone").draw(YARDSTICK, np.random.default_rng(s))(0.5)["c"] for s in range(100)]
+    assert np.mean(centres) == pytest.approx(50.0, abs=0.8)
+    assert np.std(centres) == pytest.approx(2.0, rel=0.25)
+
+
+@pytest.mark.parametrize(("k", "found"), [(6, True), (400, True), (990, True), (3, False), (997, False)])
+def test_a_load_jump_is_placed_where_it_is_but_at_no_end_of_the_record(k, found):
+    n = 1000
+    theta = {"T": 5.0, "load_time": 20.0, "load_lag": 0.5, "load": 0.5, "noise_std": 0.1, "colour": 0.1}
+    response = 1.0 - np.exp(-np.arange(1, n + 1) / 5.0)
+    white = kernels.whiten(response[None, :], 5.0, 0.0, 20.0, 0.5, 0.5, 0.0, 0.0, 0.1, 0.1, 10.0)[0][0]
+    residual = 0.02 * np.random.default_rng(0).standard_normal(n)
+    residual[k:] += 5.0 * white[: n - k]
+    engine = SimpleNamespace(data=SimpleNamespace(n=n, T=5.0), spread=10.0)
+    place = load_steps._where(engine, SimpleNamespace(theta=theta, residual=residual), response)
+    assert (place == k) == found
+    assert 5 <= place < n - 5
