@@ -11,7 +11,6 @@ from simbench.gap.decide.assess import ASKED, Assessment, worst_test
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 
 TEMPERATURE = 0.25  # of the softmax: such likelihoods overstate, as no model of load and noise is quite true
-ENOUGH = 30.0  # nats beyond which more evidence is hardly more certainty
 BEHIND = 6.0  # nats by which a second effect follows the first
 SHARPNESS = 0.7  # of unknown, by the logarithm of how far the worst residual test is beyond its limit
 
@@ -71,7 +70,7 @@ def classify(found: Assessment) -> Classified:
     >>> weights.probability["detuning"] > 0.9, round(sum(weights.probability.values()), 6)
     (True, 1.0)
     """
-    gains = {e: softened(found.log_likelihood_gains[e]) for e in EFFECTS}
+    gains = {e: found.log_likelihood_gains[e] for e in EFFECTS}
     if len(found.chosen) == 2:
         # its own evidence came on top of the first effect's, which the single gains do not show
         first, second = found.chosen
@@ -81,8 +80,3 @@ def classify(found: Assessment) -> Classified:
     q = float(expit(SHARPNESS * np.log(max(ratio, 1e-3))))
     p = dict(zip((*EFFECTS, NONE), (float(x) for x in (1.0 - q) * known)))
     return Classified({**p, UNKNOWN: q}, block)
-
-
-def softened(nats: float) -> float:
-    """Return a gain as it is up to `ENOUGH`, and by its logarithm beyond."""
-    return nats if nats < ENOUGH else ENOUGH * (1.0 + 0.5 * float(np.log(nats / ENOUGH)))
