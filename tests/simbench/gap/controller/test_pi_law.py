@@ -216,3 +216,25 @@ def test_an_integral_held_at_a_limit_is_no_other_controller():
         total = np.clip(total, -1.5, 1.5)
     found = examine_law(op, pv, np.full(n, 50.0), 1.0, Kc, Ti)
     assert not found.foreign, found.foreign
+
+
+@pytest.mark.parametrize(("name", "factor", "another"), [
+    ("Kc_factor", 1.0, False), ("Kc_factor", 1.11, False), ("Kc_factor", 1.17, True), ("Kc_factor", 0.9, False),
+    ("Kc_factor", 0.78, True), ("Ti_factor", 1.11, False), ("Ti_factor", 1.17, True), ("Ti_factor", 0.75, True),
+])  # fmt: skip
+def test_a_tuning_a_few_percent_off_is_the_same(name, factor, another):
+    # downwards another form of the integral makes up for some of it
+    found = law(record(("detuning", {name: factor})))
+    assert found.known
+    assert (found.tuning is not None) == another
+
+
+@pytest.mark.parametrize(("share", "known"), [(0.015, True), (0.06, False)])
+def test_a_law_is_known_up_to_three_hundredths_of_what_op_does(share, known):
+    r = record()
+    du = np.diff(r.op)
+    wander = np.cumsum(share * 1.4826 * np.median(np.abs(du)) * np.random.default_rng(3).standard_normal(r.n))
+    found = law(replace(r, op=r.op + wander))
+    # beyond that only a mean taken by the archive could be behind it
+    assert (found.known and not found.averaged) == known
+    assert found.baseline_residual == pytest.approx(share, rel=0.15)

@@ -1,0 +1,83 @@
+"""The regressions behind the law, on errors whose law is known."""
+
+import numpy as np
+import pytest
+
+from simbench.gap.controller.regression import about_zero, by_steps, by_sums, spread, with_derivative
+
+N = 2000
+E = np.cumsum(np.random.default_rng(0).normal(0.0, 0.3, N)) * 0.2
+KC, KI = 0.8, 0.05
+ROWS = np.ones(N - 1, dtype=bool)
+
+
+def steps(extra, base=(KC, KI)):
+    du = (KC + KI) * E[1:] - KC * E[:-1]
+    size = spread(du)
+    return by_steps(du + size * extra, E, ROWS, *base, size, False)
+
+
+def test_robust_sizes_are_standard_deviations_of_gaussian_samples():
+    x = np.random.default_rng(1).normal(3.0, 2.0, 20_000)
+    assert spread(x) == pytest.approx(2.0, rel=0.03)
+    assert about_zero(x - 3.0) == pytest.approx(2.0, rel=0.03)
+    assert spread(np.empty(0)) == 0.0
+
+
+def test_an_exact_law_and_another_tuning_are_told_apart():
+    fit = steps(np.zeros(N - 1))
+    assert (fit.a, fit.b) == pytest.approx((KC + KI, -KC))
+    assert max(fit.residual, fit.base) < 1e-9
+    assert steps(np.zeros(N - 1), base=(2 * KC, KI)).base > 0.3
+
+
+@pytest.mark.parametrize(("noise", "height", "stray"), [
+    (0.0, 0.05, False), (0.0, 0.09, False), (0.0, 0.12, True), (0.0, 0.25, True), (0.01, 0.13, False), (0.01, 0.3, True),
+])  # fmt: skip
+def test_a_stray_is_a_tenth_of_the_moves_and_twenty_times_what_the_law_leaves(noise, height, stray):
+    extra = noise * np.random.default_rng(2).standard_normal(N - 1)
+    places = np.array([400, 900, 1500])
+    extra[places] = height
+    fit = steps(extra)
+    assert fit.residual == pytest.approx(noise, rel=0.1, abs=1e-9)
+    assert fit.strays.tolist() == (list(places + 1) if stray else [])
+
+
+@pytest.mark.parametrize(("form", "share"), [("backward", 1.0), ("trapezoid", 0.5), ("forward", 0.0)])
+def test_every_way_to_integrate_is_the_baselines(form, share):
+    du = KC * np.diff(E) + KI * (share * E[1:] + (1.0 - share) * E[:-1])
+    assert by_steps(du, E, ROWS, KC, KI, spread(du), False).base < 1e-9
+
+
+@pytest.mark.parametrize(("step", "extra", "explained"), [(0.2, 0.0, True), (0.2, 0.9, False), (0.05, 0.0, True)])
+def test_a_coarse_op_is_explained_up_to_half_a_step(step, extra, explained):
+    op = step * np.round((50.0 + KC * E + KI * np.cumsum(E)) / step)
+    op += extra * step * np.sign(np.sin(np.arange(N) * 1.3))
+    fit = by_sums(op, E, np.ones(N, dtype=bool), KC, KI, step)
+    assert (fit.residual == 0.0) == (fit.base == 0.0) == explained
+    if explained:
+        assert (fit.a, fit.b) == pytest.approx((KC + KI, -KC), rel=0.03)
+    else:
+        # 0.5 of a step by rounding and 0.9 beyond, in halves of a step, less 1.1
+        assert 0.7 < fit.residual <= 1.8
+
+
+def test_after_each_stay_at_a_limit_the_sum_begins_anew():
+    op = 50.0 + KC * E + KI * np.cumsum(E)
+    inside = np.ones(N, dtype=bool)
+    inside[[600, 1200]] = False
+    op[601:] += 7.0
+    op[1201:] -= 3.0
+    fit = by_sums(op, E, inside, KC, KI, 0.01)
+    assert (fit.a, fit.b, fit.residual) == pytest.approx((KC + KI, -KC, 0.0))
+
+
+@pytest.mark.parametrize("filter_", [0.0, 0.6])
+def test_a_filtered_derivative_is_a_law_and_chance_is_none(filter_):
+    bend, d = np.diff(E, 2, prepend=[E[0], E[0]]), np.zeros(N)
+    for k in range(1, N):
+        d[k] = filter_ * d[k - 1] + 3.0 * bend[k]
+    du = (KC * np.diff(E, prepend=E[0]) + KI * E + d)[1:]
+    assert with_derivative(du, E, ROWS, spread(du)) < 1e-6
+    chance = np.random.default_rng(3).permutation(du)
+    assert with_derivative(chance, E, ROWS, spread(du)) > 0.8

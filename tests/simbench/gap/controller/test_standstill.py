@@ -1,0 +1,70 @@
+"""Just inside and just outside: when standing still is a limit, a dead-band, or neither."""
+
+import numpy as np
+import pytest
+
+from simbench.gap.controller.standstill import error_gap, limits_of
+
+
+def coarse(push, top=True):
+    """Return OP on a lattice of 1 % that stays ten samples at one extreme, and the error that pushes it there each scan."""
+    way = 1.0 if top else -1.0
+    op = 50.0 + way * np.concatenate(
+        [[0.0] * 20, np.arange(1.0, 5.0), [5.0] * 10, np.arange(4.0, -4.0, -1.0), [-3.0] * 8, [-4.0]]
+    )
+    return op, np.where(op == 50.0 + 5.0 * way, way * push, 0.0)
+
+
+@pytest.mark.parametrize(("asked", "found"), [(1.5, False), (2.7, False), (3.6, True), (5.0, True)])
+@pytest.mark.parametrize(("top", "name", "edge"), [(True, "hi", 55.0), (False, "lo", 45.0)])
+def test_a_coarse_op_that_is_asked_for_three_steps_and_stays_is_limited(asked, found, top, name, edge):
+    # the scan that brings OP to its extreme is not counted
+    op, e = coarse(asked / 9.0, top)
+    limits = limits_of(op, e, 1.0, 0.0, 1.0, 0.0, False)
+    assert limits == ({name: edge} if found else {})
+
+
+@pytest.mark.parametrize(("rests", "elsewhere", "found"), [(7, 0, True), (6, 0, False), (20, 3, False), (40, 3, True)])
+def test_a_fine_op_that_rests_at_one_extreme_only_is_limited(rests, elsewhere, found):
+    wave = 50.0 + 4.0 * np.sin(np.arange(300) * 0.37)
+    op = np.concatenate([wave, [55.0] * rests, wave[:50], [50.123] * (elsewhere + 1), wave[:20]])
+    assert limits_of(op, np.zeros(op.size), 1.0, 0.0, 0.0, 0.0, False) == ({"hi": 55.0} if found else {})
+
+
+@pytest.mark.parametrize(("scans", "push", "found"), [(1, 0.05, False), (2, 0.05, True), (2, 0.02, False), (2, 0.04, True)])
+def test_a_fine_op_pushed_on_in_two_scans_by_more_than_its_digits_is_limited(scans, push, found):
+    wave = 50.0 + 4.0 * np.sin(np.arange(300) * 0.37)
+    op = np.concatenate([wave, [55.0] * scans, wave[:50]])
+    e = np.zeros(op.size)
+    e[300 : 300 + scans] = push
+    e[300] += 55.0 - op[299]
+    assert limits_of(op, e, 1.0, 0.0, 0.0, 0.01, False) == ({"hi": 55.0} if found else {})
+
+
+def rest(pairs, n, wrong=0):
+    """Return an error within 0.1 for so many pairs of samples and beyond 2 elsewhere, and OP that stands still in the band."""
+    rng = np.random.default_rng(1)
+    e = rng.uniform(2.0, 3.0, n) * rng.choice([-1, 1], n)
+    e[100 : 101 + pairs] = rng.uniform(0.05, 0.1, pairs + 1)
+    moves = np.maximum(np.abs(e[1:]), np.abs(e[:-1])) > 1.0
+    moves[-(wrong + 50) : -50] = False
+    return 50.0 + np.append(0.0, np.cumsum(moves * rng.uniform(0.1, 0.2, n - 1))), e
+
+
+@pytest.mark.parametrize(("pairs", "n", "found"), [(7, 1000, False), (8, 1000, True), (45, 10_000, False), (55, 10_000, True)])
+def test_a_dead_band_wants_some_samples_that_stand(pairs, n, found):
+    op, e = rest(pairs, n)
+    width = error_gap(op, e, np.ones(n - 1, dtype=bool), 0.85)
+    assert (0.2 < width < 4.2) == found
+    assert found or width == 0.0
+
+
+@pytest.mark.parametrize(("wrong", "found"), [(0, True), (10, True), (40, False)])
+def test_a_dead_band_is_where_op_stands_and_nowhere_else(wrong, found):
+    op, e = rest(100, 1000, wrong)
+    assert (error_gap(op, e, np.ones(999, dtype=bool), 0.85) > 0.0) == found
+
+
+def test_an_error_of_exactly_nothing_has_no_dead_band():
+    op, e = rest(100, 1000)
+    assert error_gap(op, np.where(np.abs(e) < 1.0, 0.0, e), np.ones(999, dtype=bool), 0.85) == 0.0

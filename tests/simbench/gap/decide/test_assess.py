@@ -1,0 +1,75 @@
+"""Just inside and just outside: what the best model may leave behind, and what counts beyond."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from simbench.gap.decide.assess import LIMITS, SURE, capped, failures, unexplained_blocks, worst_test
+
+BLOCKS = {
+    "memory": (15.0, "disturbance"), "input": (10.0, "process"), "bursts": (40.0, "sensor"), "dynamics nats": (8.0, "process"),
+    "shape nats": (8.0, "valve"), "aging nats": (8.0, "process"), "level nats": (8.0, "process"),
+}  # fmt: skip
+QUIET = dict.fromkeys(BLOCKS, 0.0)
+
+
+def situation(*, faithful=True, gap=0.0, law="", frozen=False, trusted=True, facts=None):
+    return SimpleNamespace(
+        unexplained_law=law, frozen=frozen, trusted=trusted, facts=facts or {}, archive=SimpleNamespace(faithful=faithful),
+        law=SimpleNamespace(gap=gap), samples=SimpleNamespace(held=42),
+    )  # fmt: skip
+
+
+def blocks(found, tests=QUIET, valve=False, chosen=()):
+    return set(unexplained_blocks(found, tests, valve, list(chosen)))
+
+
+@pytest.mark.parametrize("name", list(BLOCKS))
+@pytest.mark.parametrize("share", [-5.0, 0.95, 1.05])
+@pytest.mark.parametrize(("rough", "factor"), [({}, 1.0), ({"faithful": False}, 4.0), ({"gap": 0.1}, 4.0)])
+def test_a_residual_test_fails_in_its_block_beyond_its_limit(name, share, rough, factor):
+    assert set(LIMITS) == set(BLOCKS)
+    limit, block = BLOCKS[name]
+    tests = QUIET | {name: share * factor * limit}
+    assert blocks(situation(**rough), tests) == ({block} if share > 1.0 else set())
+    ratios = [r for r, b, said in failures(situation(**rough), tests, False, []) if name.removesuffix(" nats") in said]
+    assert max(ratios) == pytest.approx(max(share, 0.0))
+
+
+@pytest.mark.parametrize(("name", "loose"), [("memory", True), ("bursts", True), ("input", False), ("shape nats", False)])
+@pytest.mark.parametrize("chosen", ["stiction", "drift"])
+def test_friction_leaves_jumps_and_spells_of_its_own(name, loose, chosen):
+    tests = QUIET | {name: 2.0 * BLOCKS[name][0]}
+    excused = loose and chosen == "stiction"
+    assert blocks(situation(), tests, chosen=[chosen]) == (set() if excused else {BLOCKS[name][1]})
+    assert blocks(situation(), QUIET | {name: 4.2 * BLOCKS[name][0]}, chosen=[chosen]) == {BLOCKS[name][1]}
+
+
+@pytest.mark.parametrize(("found", "valve", "block"), [
+    (situation(law="OP stands still"), False, "controller"), (situation(frozen=True), False, "sensor"),
+    (situation(), True, "valve"),
+    (situation(facts={"nobody's": ("sensor", "PV rings")}), False, "sensor"),
+    (situation(facts={"rounding": ("sensor", "PV stands on a lattice")}), False, None),
+    (situation(frozen=True, trusted=False), False, None),
+])  # fmt: skip
+def test_what_needs_no_statistics_outranks_a_failed_test(found, valve, block):
+    assert blocks(found, valve=valve) == ({block} if block else set())
+    # memory at five times its limit
+    tests = QUIET | {"memory": 75.0} if found.trusted else QUIET
+    worst = worst_test(SimpleNamespace(situation=found, tests=tests, mv_unexplained=valve, chosen=[]))
+    if block:
+        assert worst == (pytest.approx(10.0), block)
+    elif found.trusted:
+        assert worst == (pytest.approx(5.0), "disturbance")
+
+
+def test_no_likelihood_outranks_what_single_samples_prove_and_all_keep_their_order():
+    assert SURE == 1000.0
+    gains = np.array([-10.0, 0.0, 12.0, 899.0, 901.0, 1500.0, 1e4, 1e9])
+    capped_ = np.array([capped(g) for g in gains])
+    assert capped_[:4] == pytest.approx(gains[:4])
+    assert np.all(np.diff(capped_) > 0.0)
+    # 900 + 90 (1 - 900/1800)
+    assert capped(1800.0) == pytest.approx(945.0)
+    assert 980.0 < capped_[-1] < 1000.0

@@ -1,0 +1,333 @@
+"""From a fit to the numbers of the loop file, and what an effect takes for its own: cases with known answers."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from simbench.gap.candidates import look_alikes
+from simbench.gap.effects import load_drift, load_steps, oscillation, outliers, recogniser
+from simbench.gap.effects._draw import between
+from simbench.gap.effects._friction import jitter_hides_the_jump
+from simbench.gap.effects._lattice import levels_of
+from simbench.gap.effects._recogniser import clip
+from simbench.gap.effects._slow import ramp, slow, traits
+from simbench.gap.likelihood import kernels
+from simbench.gap.situation import Circumstances
+from simbench.loop.effects import EFFECTS
+
+PLANT = {"K": -2.0, "T": 20.0, "Td": 5.0}
+DATA = SimpleNamespace(n=1000, K=2.0, T=10.0, Td=4.0, noise=0.2)
+SITUATION = SimpleNamespace(data=DATA, record=SimpleNamespace(Ts=2.0))
+
+
+def fit(K=1.0, own=(), channels=(), **theta):
+    """Return a fit with gain K, its bias and onset, and an effect's own linear numbers."""
+    spec = SimpleNamespace(channels=channels)
+    return SimpleNamespace(K=K, beta=np.array([K, 0.3, 0.7, *own]), theta=theta, spec=spec)
+
+
+@pytest.mark.parametrize(("effect", "found", "numbers"), [
+    ("valve_lag", fit(tau=3.0), {"tau": 6.0}), ("extra_lag", fit(tau=3.0), {"tau": 6.0}),
+    ("sensor_lag", fit(tau=3.0), {"tau": 6.0}),
+    ("dead_time_mismatch", fit(Td=7.0), {"extra": 6.0}), ("dead_time_mismatch", fit(Td=1.0), {"extra": -6.0}),
+    ("time_constant_mismatch", fit(T=30.0), {"factor": 3.0}), ("time_constant_mismatch", fit(T=300.0), {"factor": 20.0}),
+    ("gain_mismatch", fit(K=0.5), {"factor": 0.25}), ("gain_mismatch", fit(K=0.01), {"factor": 0.05}),
+    ("noise", fit(noise_std=0.5), {"factor": 2.5}), ("stiction", fit(S=5.0, J=2.0), {"S": 5.0, "J": 2.0}),
+    ("deadzone", fit(D=3.0, c=50.0), {"D": 3.0, "c": 50.0}), ("valve_characteristic", fit(R=0.001), {"R": 0.01}),
+    ("drift", fit(own=(40.0,), walk=0.3), {"rate": 0.02, "walk": 0.3 / np.sqrt(2.0)}),
+    ("load_drift", fit(K=-0.5, own=(40.0,), load_walk=0.3), {"rate": -0.04, "walk": 0.6 / np.sqrt(2.0)}),
+])  # fmt: skip
+def test_a_fits_numbers_are_those_of_the_loop_file(effect, found, numbers):
+    assert recogniser(effect).numbers(found, SITUATION) == pytest.approx(numbers)
+
+
+def test_a_sine_on_pv_is_as_large_at_the_input_as_the_plant_makes_it_small():
+    # 3-4-5: amplitude 5; at a period of 2 pi T the pole takes a factor of the root of 2
+    found = recogniser("oscillation").numbers(fit(K=2.0, own=(3.0, 4.0), period=20 * np.pi, T=10.0), SITUATION)
+    assert found == pytest.approx({"amplitude": 2.5 * np.sqrt(2.0), "period": 40 * np.pi})
+    vessel = SimpleNamespace(data=SimpleNamespace(T=0.0), record=SITUATION.record)
+    found = recogniser("oscillation").numbers(fit(K=2.0, own=(3.0, 4.0), period=20 * np.pi), vessel)
+    assert found["amplitude"] == pytest.approx(0.25)
+
+
+def test_load_steps_are_counted_and_sized_in_percent_of_op():
+    shapes = tuple(np.where(np.arange(1000) > k, 1.0, 0.0) for k in (700, 200, 500))
+    found = load_steps.numbers(fit(K=2.0, own=(-12.0, 4.0, 8.0), channels=shapes, steps=3.0), SITUATION)
+    # levels 0, 2, 6 and 0 %
+    assert found == pytest.approx({"rate": 3 / 2000.0, "size": np.sqrt(8.0)})
+
+
+@pytest.mark.parametrize(("gain", "steps", "beside", "height", "ordinary"), [
+    (100.0, 4, 0.5, 3.0, False), (38.0, 4, 0.5, 3.0, True), (42.0, 4, 0.5, 3.0, False), (100.0, 11, 0.5, 3.0, False),
+    (100.0, 12, 0.5, 3.0, True), (100.0, 4, 0.2, 3.0, True), (100.0, 4, 0.3, 3.0, False), (100.0, 4, 0.5, 0.4, True),
+    (100.0, 4, 0.5, 0.6, False),
+])  # fmt: skip
+def test_jumps_that_the_ordinary_load_may_make_are_ordinary(gain, steps, beside, height, ordinary):
+    heights = height * np.resize([1.0, -1.0], steps)
+    heights += -heights.mean()
+    found = fit(own=heights, steps=float(steps), load=beside)
+    assert load_steps.ordinary(found, fit(load=1.0), gain) == (ordinary or float(np.std(heights)) < beside)
+
+
+@pytest.mark.parametrize("T", [0.0, 20.0])
+def test_a_load_drifts_by_a_ramp_that_enters_before_the_plant(T):
+    seen, walks = [], []
+
+    class Engine:
+        data = SimpleNamespace(n=1001, T=T, y=np.linspace(0.0, 1.0, 1001))
+
+        def grid(self, spec, theta, points):
+            walks.append([p["load_walk"] for p in points])
+            return [SimpleNamespace(theta=theta | points[-1])]
+
+        def fit(self, spec, theta):
+            seen.append(spec.channels)
+            return theta
+
+    spec = SimpleNamespace(join=lambda other: other)
+    _, count = load_drift.fit(Engine(), SimpleNamespace(spec=spec, theta={"T": T}))
+    ((line,),) = seen
+    assert count == 2.0
+    # from next to nothing to all that PV (or what moves a vessel) does within the record
+    size = 1.0 / np.sqrt(12.0) if T else 0.0
+    assert np.ravel(walks)[[0, -1]] == pytest.approx(size / np.sqrt(1001.0) * np.array([1e-3, 1.0]), rel=2e-3, abs=1e-12)
+    assert line[0] == pytest.approx(0.0, abs=1e-12)
+    if T:
+        # a ramp of one in a thousand samples comes through a first-order plant T late
+        assert np.diff(line)[300:] == pytest.approx(1e-3, rel=1e-3)
+        assert 1000 - 1000 * line[-1] == pytest.approx(T + 0.5, abs=0.1)
+    else:
+        assert line[-1] == pytest.approx(500.0, rel=2e-3)
+
+
+@pytest.mark.parametrize(("rate", "walk", "at_input", "is_slow", "is_ramp"), [
+    (0.0019, 0.0, True, True, True), (0.0021, 0.0, True, False, True), (-0.0021, 0.0, True, False, True),
+    (0.0039, 0.0, False, True, True), (0.0041, 0.0, False, False, True), (0.0, 0.0095, True, True, False),
+    (0.0, 0.0105, True, False, False), (0.001, 0.0045, True, True, True), (0.001, 0.0055, True, False, True),
+    (0.001, 0.0105, True, False, False), (0.0, 0.0195, False, True, False), (0.0, 0.0205, False, False, False),
+])  # fmt: skip
+def test_what_moves_pv_by_less_than_the_noise_within_t_and_td_is_slow(rate, walk, at_input, is_slow, is_ramp):
+    # K = 2 and T + Td = 25 s: a rate of 0.002 %/s, or a walk of 0.01 %/sqrt(s), moves PV by the noise of 0.1
+    found = traits({"rate": rate, "walk": walk}, PLANT, 0.1, at_input)
+    assert found == {"slow": is_slow, "ramp": is_ramp}
+    assert traits({"rate": rate}, PLANT | {"T": None}, 0.1, at_input) == {}
+    for name, rule in (("slow", slow), ("ramp", ramp)):
+        assert rule(Circumstances(**found)) == found[name]
+        assert not rule(Circumstances(integrating=True, **found))
+
+
+@pytest.mark.parametrize(("size", "is_slow"), [(0.04, True), (-0.04, True), (0.06, False)])
+def test_a_small_jump_of_the_load_is_slow(size, is_slow):
+    assert load_steps.traits({"size": size}, PLANT, 0.1) == {"slow": is_slow}
+
+
+@pytest.mark.parametrize(("jitter", "slip", "mv", "hidden"), [
+    (1.0, 0.8, False, True), (1.0, 1.2, False, False), (1.0, 0.8, True, False), (1.0, None, False, False),
+])  # fmt: skip
+def test_a_jump_smaller_than_ops_jitter_does_not_show(jitter, slip, mv, hidden):
+    assert jitter_hides_the_jump(Circumstances(op_jitter=jitter, slip=slip, mv=mv)) == hidden
+
+
+@pytest.mark.parametrize(("after", "gone"), [(0.0, True), (0.45, True), (0.55, False), (1.0, False)])
+def test_a_spike_is_gone_a_sample_later_and_a_step_is_not(after, gone):
+    pv = np.zeros(50)
+    pv[20], pv[21:] = 3.0, 3.0 * after
+    assert outliers._gone_again(pv, 20) == gone
+    assert not outliers._gone_again(pv, 0)
+    assert not outliers._gone_again(pv, 49)
+
+
+def innovations(height, count, neighbour=0.0):
+    rng = np.random.default_rng(5)
+    x = np.clip(rng.standard_normal(3000), -3.5, 3.5)
+    places = np.linspace(200, 2800, count).astype(int)
+    x[places] = height
+    x[places + 1] = neighbour * height
+    return x, places
+
+
+@pytest.mark.parametrize(("height", "count", "neighbour", "found"), [
+    (9.0, 12, 0.0, True), (9.0, 2, 0.0, False), (9.0, 3, 0.0, True), (5.0, 12, 0.65, True), (5.0, 12, 0.75, False),
+    (3.5, 12, 0.0, False),    (5.0, 12, 0.0, True),
+])  # fmt: skip
+def test_spikes_are_a_mixture_where_they_are_large_alone_and_several(height, count, neighbour, found):
+    x, places = innovations(height, count, neighbour)
+    pv = np.zeros(x.size)
+    pv[places] = height
+    s = SimpleNamespace(record=SimpleNamespace(pv=pv), law=SimpleNamespace(known=False))
+    score = outliers.by_innovations(SimpleNamespace(residual=x, theta={"noise_std": 0.1}), s)
+    assert (score is not None) == found
+    if score is not None:
+        gain, p = score
+        assert gain > 0.0 or height < 6.0 or count < 4
+        assert p["rate"] == pytest.approx(count / (x.size - kernels.SKIP), rel=0.01)
+        assert p["size"] == pytest.approx(0.1 * height, rel=0.05)
+        assert p["at"] == "record"
+
+
+def test_levels_are_counted_and_spaced_and_a_fine_signal_has_none():
+    rng = np.random.default_rng(0)
+    said = levels_of(0.5 * np.round(rng.normal(0.0, 2.0, 500)), rng.normal(0.0, 1.0, 500))
+    assert said.startswith("500 samples on ")
+    assert "0.5 apart" in said
+    assert levels_of(rng.normal(0.0, 1.0, 500), rng.normal(0.0, 1.0, 500)) == ""
+
+
+def test_sizes_run_geometrically_from_barely_to_grossly():
+    assert [between(x, 0.5, 8.0) for x in (0.0, 0.5, 1.0)] == pytest.approx([0.5, 2.0, 8.0])
+    assert [clip(x, 0.05, 20.0) for x in (0.0, 3.0, 99.0)] == [0.05, 3.0, 20.0]
+
+
+YARDSTICK = SimpleNamespace(
+    op=2.0, op_change=0.5, pv=0.3, noise=0.1, lag=24.0, pace=20.0, gain=1.5, Td=4.0, seconds=1000.0, integral=True,
+    record=SimpleNamespace(Ts=1.0, op=np.random.default_rng(0).normal(50.0, 2.0, 2000)),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("effect", [e for e in EFFECTS if recogniser(e).draw is not None])
+def test_a_drawn_effect_grows_from_barely_there_to_gross(effect, seed):
+    draw = recogniser(effect).draw
+    assert draw is not None
+    size = draw(YARDSTICK, np.random.default_rng(seed))
+    sizes = [size(x) for x in (0.0, 0.5, 1.0)]
+    numbers = {k: [p[k] for p in sizes] for k in sizes[0] if not isinstance(sizes[0][k], str)}
+    growth = {k: abs(np.diff(v)) for k, v in numbers.items() if len(set(v)) > 1}
+    assert growth, "nothing grows"
+    for k, v in numbers.items():
+        assert list(v) in (sorted(v), sorted(v, reverse=True)), k
+
+
+@pytest.mark.parametrize(("effect", "name", "low", "high"), [
+    ("valve_lag", "tau", 0.72, 192.0), ("extra_lag", "tau", 0.72, 192.0), ("sensor_lag", "tau", 0.72, 192.0),
+    ("compression", "band", 0.01, 1.5), ("error_deadband", "width", 0.06, 6.0), ("quantisation", "step", 0.01, 3.0),
+    ("op_quantisation", "step", 0.05, 9.0), ("stiction", "S", 0.4, 25.0), ("deadzone", "D", 0.4, 20.0),
+    ("outliers", "size", 0.75, 12.0), ("deadband", "S", 0.4, 30.0),
+    ("load_steps", "size", 0.4, 20.0), ("oscillation", "amplitude", 0.1, 20.0),
+])  # fmt: skip
+def test_barely_and_grossly_are_measured_by_the_loop(effect, name, low, high):
+    # OP moves by 2 % (0.5 % a sample), PV by 0.3 and by a noise of 0.1, within 24 s
+    size = recogniser(effect).draw(YARDSTICK, np.random.default_rng(1))
+    assert [size(0.0)[name], size(1.0)[name]] == pytest.approx([low, high])
+
+
+@pytest.mark.parametrize(
+    ("effect", "high"), [("gain_mismatch", 6.0), ("time_constant_mismatch", 8.0), ("valve_characteristic", 90.0)]
+)
+def test_factors_are_drawn_either_way(effect, high):
+    ends = {float(next(iter(recogniser(effect).draw(YARDSTICK, np.random.default_rng(s))(1.0).values()))) for s in range(20)}
+    assert sorted(ends) == pytest.approx([1.0 / high, high])
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_saturation_cuts_off_the_share_that_is_drawn(seed):
+    size, op = recogniser("saturation").draw(YARDSTICK, np.random.default_rng(seed)), YARDSTICK.record.op
+    for x, share in ((0.0, 0.0005), (0.5, 0.015), (1.0, 0.45)):
+        p = size(x)
+        assert p["lo"] < p["hi"]
+        for cut in (np.mean(op < p["lo"]), np.mean(op > p["hi"])):
+            assert cut == 0.0 or cut == pytest.approx(share, abs=1.5e-3)
+        assert p["lo"] > 0.0 or p["hi"] < 100.0
+
+
+def test_a_jump_is_drawn_from_a_tenth_of_the_band_to_all_of_it():
+    draws = [recogniser("stiction").draw(YARDSTICK, np.random.default_rng(s))(0.5) for s in range(60)]
+    shares = [p["J"] / p["S"] for p in draws]
+    assert 0.1 <= min(shares) < 0.2
+    assert 0.9 < max(shares) <= 1.0
+
+
+class Sines:
+    """An engine whose likelihood is what is left of one signal beside the channels."""
+
+    def __init__(self, signal):
+        self.signal, self.data = signal, SimpleNamespace(n=signal.size)
+
+    def evaluate(self, spec, theta):
+        X = np.column_stack(spec.channels)
+        left = self.signal - X @ np.linalg.lstsq(X, self.signal, rcond=None)[0]
+        return (-0.5 * float(left @ left),)
+
+    def fit(self, spec, theta, search):
+        return SimpleNamespace(loglik=self.evaluate(spec, theta)[0], spec=spec, theta=dict(theta))
+
+
+@pytest.mark.parametrize("period", [7.3, 41.7, 190.0])
+def test_the_period_of_a_sine_in_the_innovations_is_found(period):
+    signal = 0.8 * np.sin(2 * np.pi * np.arange(1000) / period + 1.0) + np.random.default_rng(0).standard_normal(1000)
+    base = SimpleNamespace(residual=signal, spec=SimpleNamespace(join=lambda other: other), theta={"load": 1.0})
+    found, count = oscillation.fit(Sines(signal), base)
+    # periods in the record
+    assert 1000 / found.theta["period"] == pytest.approx(1000 / period, abs=0.1)
+    assert found.loglik > -0.5 * 1.1 * 1000
+    assert count == 4.0
+    assert found.theta["load"] == 0.5
+
+
+@pytest.mark.parametrize(("effect", "name", "ends"), [
+    ("drift", "rate", {(0.0006, 0.18)}), ("drift", "walk", {(0.3 / np.sqrt(1000.0), 180 / np.sqrt(1000.0))}),
+    ("load_drift", "rate", {(0.0006, 0.04)}), ("load_drift", "walk", {(0.2 / np.sqrt(1000.0), 20 / np.sqrt(1000.0))}),
+    ("dead_time_mismatch", "extra", {(0.72, 96.0), (-0.4, -4.0)}), ("noise", "factor", {(1.05, 12.0), (0.95, 0.05)}),
+    ("detuning", "Kc_factor", {(1.05, 6.0), (1 / 1.05, 1 / 6.0), (1.0, 1.0)}),
+    ("detuning", "Ti_factor", {(1.1, 8.0), (1 / 1.1, 1 / 8.0), (1.0, 1.0)}),
+])  # fmt: skip
+def test_kinds_and_ways_are_all_drawn_and_each_from_barely_to_grossly(effect, name, ends):
+    # a ramp on PV is measured by what OP does through the gain of 1.5: 3 units within 1000 s
+    sizes = [recogniser(effect).draw(YARDSTICK, np.random.default_rng(s)) for s in range(60)]
+    found = {(float(size(0.0)[name]), float(size(1.0)[name])) for size in sizes}
+    if name == "rate":
+        assert {np.sign(low) for low, _ in found} == {-1.0, 0.0, 1.0}
+        found = {(abs(low), abs(high)) for low, high in found}
+    if name in ("rate", "walk"):
+        assert (0.0, 0.0) in found
+        found -= {(0.0, 0.0)}
+    found = sorted({(round(low, 9), round(high, 9)) for low, high in found})
+    assert len(found) == len(ends)
+    for got, expected in zip(found, sorted(ends)):
+        assert got == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("integral", [True, False])
+def test_a_proportional_controller_has_no_integral_to_detune(integral):
+    loop = SimpleNamespace(**{**vars(YARDSTICK), "integral": integral})
+    factors = {recogniser("detuning").draw(loop, np.random.default_rng(s))(1.0)["Ti_factor"] for s in range(30)}
+    assert factors == ({1.0, 8.0, 1 / 8.0} if integral else {1.0})
+
+
+@pytest.mark.parametrize("effect", list(EFFECTS))
+def test_where_everything_shows_nothing_is_alike(effect):
+    assert look_alikes(effect, Circumstances(sp_moves=True, mv=True, noise_shows=True)) == {effect}
+
+
+@pytest.mark.parametrize("unit", [0.2, 1.0, 3.0])
+def test_evidence_for_spikes_has_no_unit(unit):
+    x, places = innovations(9.0, 12)
+    pv = np.zeros(x.size)
+    pv[places] = 9.0
+    s = SimpleNamespace(record=SimpleNamespace(pv=pv), law=SimpleNamespace(known=True))
+    gain, p = outliers.by_innovations(SimpleNamespace(residual=unit * x, theta={"noise_std": 0.1}), s)
+    assert gain == pytest.approx(outliers.by_innovations(SimpleNamespace(residual=x, theta={"noise_std": 0.1}), s)[0])
+    # twelve samples of nine standard deviations: some 12 x 81/2 nats, less what a Gaussian a sixth wider takes back
+    assert 100.0 < gain < 500.0
+    assert p["at"] == "loop"
+
+
+def test_a_dead_zone_is_drawn_where_op_is():
+    centres = [recogniser("deadzone").draw(YARDSTICK, np.random.default_rng(s))(0.5)["c"] for s in range(100)]
+    assert np.mean(centres) == pytest.approx(50.0, abs=0.8)
+    assert np.std(centres) == pytest.approx(2.0, rel=0.25)
+
+
+@pytest.mark.parametrize(("k", "found"), [(6, True), (400, True), (990, True), (3, False), (997, False)])
+def test_a_load_jump_is_placed_where_it_is_but_at_no_end_of_the_record(k, found):
+    n = 1000
+    theta = {"T": 5.0, "load_time": 20.0, "load_lag": 0.5, "load": 0.5, "noise_std": 0.1, "colour": 0.1}
+    response = 1.0 - np.exp(-np.arange(1, n + 1) / 5.0)
+    white = kernels.whiten(response[None, :], 5.0, 0.0, 20.0, 0.5, 0.5, 0.0, 0.0, 0.1, 0.1, 10.0)[0][0]
+    residual = 0.02 * np.random.default_rng(0).standard_normal(n)
+    residual[k:] += 5.0 * white[: n - k]
+    engine = SimpleNamespace(data=SimpleNamespace(n=n, T=5.0), spread=10.0)
+    place = load_steps._where(engine, SimpleNamespace(theta=theta, residual=residual), response)
+    assert (place == k) == found
+    assert 5 <= place < n - 5

@@ -1,0 +1,177 @@
+"""Just inside and just outside: what units, lengths and tunings are refused."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from detectors.errors import RecordError
+from detectors.record import LoopRecord
+from simbench.gap.controller.pi_law import Law
+from simbench.gap.intake import other_loop
+from simbench.gap.intake.check import _answered, _moves_of, _refuse_other_pace, stands_out
+from simbench.gap.intake.refuse import moving_slope, refuse_mv_units, refuse_op_units, refuse_unfit
+
+SINE = np.sin(np.arange(600) / 20.0)
+OP = 50.0 + 5.0 * SINE
+LAW = Law(0.0, 0.0, 1.0, 20.0)
+
+
+def said(call, *args):
+    """Return the refusal, "" where there is none."""
+    try:
+        call(*args)
+    except RecordError as error:
+        return str(error)
+    return ""
+
+
+def mv_said(mv, op=OP):
+    return said(refuse_mv_units, mv, op, "record")
+
+
+@pytest.mark.parametrize(("factor", "refused"), [(0.66, True), (0.72, False), (1.0, False), (1.35, False), (1.45, True)])
+def test_one_factor_in_level_and_slope_is_a_unit(factor, refused):
+    assert ("in level and in slope" in mv_said(factor * OP)) == refused
+
+
+@pytest.mark.parametrize(("slope", "refused"), [(0.36, False), (0.44, True), (0.56, True), (0.65, False)])
+def test_a_slope_that_is_not_the_levels_is_no_unit(slope, refused):
+    assert ("in level and in slope" in mv_said(25.0 + slope * (OP - 50.0))) == refused
+
+
+def test_a_valve_near_its_seat_has_a_level_all_the_same():
+    op = 0.5 + 0.4 * SINE
+    assert "3 times OP" in mv_said(3.0 * op, op)
+    assert not mv_said(op, op)
+
+
+@pytest.mark.parametrize(("middle", "swing", "refused"), [(20, 24, False), (20, 26, True), (80, 24, False), (80, 26, True)])
+def test_travel_ends_a_little_beyond_its_range(middle, swing, refused):
+    op = middle + swing * SINE
+    assert ("MV runs from" in mv_said(op, op)) == refused
+
+
+@pytest.mark.parametrize(
+    ("top", "level", "share"), [(1.4, 60.0, True), (1.7, 60.0, False), (1.4, 6.0, True), (1.4, 4.5, False)]
+)
+def test_a_share_of_one_is_no_nearly_closed_valve(top, level, share):
+    op = level * (1.0 + 0.1 * SINE)
+    assert ("share of 1" in mv_said(top * op / op.max(), op)) == share
+
+
+@pytest.mark.parametrize(("offset", "mA"), [(0.0, True), (0.4, True), (-0.4, True), (0.7, False)])
+def test_milliamperes_may_be_a_little_out_of_trim(offset, mA):
+    assert ("mA" in mv_said(4.0 + 0.16 * OP + offset)) == mA
+
+
+@pytest.mark.parametrize("n", [22, 23])
+def test_a_slope_wants_twenty_sliding_samples(n):
+    op = np.linspace(40.0, 60.0, n)
+    found = moving_slope(op, 0.5 * op)
+    assert (found is None) == (n - 3 < 20)
+    assert found is None or found == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(("low", "high", "Kc", "Ti", "refused"), [
+    (6.0, 18.0, 0.16, 20.0, True), (3.9, 20.4, 0.16, 20.0, True), (3.7, 18.0, 0.16, 20.0, False),
+    (6.0, 20.6, 0.16, 20.0, False), (6.0, 18.0, 0.16 * 1.02, 20.0, True), (6.0, 18.0, 0.16 * 1.04, 20.0, False),
+    (6.0, 18.0, 0.16, 20.8, True), (6.0, 18.0, 0.16, 21.2, False), (0.1, 0.9, 0.01, 20.0, True), (0.1, 1.1, 0.01, 20.0, False),
+])  # fmt: skip
+def test_op_in_another_unit_has_its_factor_and_its_range(low, high, Kc, Ti, refused):
+    law = replace(LAW, Kc=Kc, Ti=Ti)
+    assert bool(said(refuse_op_units, np.linspace(low, high, 200), law, 1.0, 20.0, "record")) == refused
+
+
+@pytest.mark.parametrize(("n", "refused"), [(99, True), (100, False), (50_000, False), (50_001, True)])
+def test_records_have_a_least_and_a_largest_length(n, refused):
+    x = np.random.default_rng(0).normal(50.0, 1.0, n)
+    assert bool(said(refuse_unfit, LoopRecord(op=x, pv=x, Ts=1.0), "record")) == refused
+
+
+@pytest.mark.parametrize(("ratio", "refused"), [
+    (1.0, False), (9.5, False), (10.5, True), (1 / 9.5, False), (1 / 10.5, True), (-1.0, True),
+])  # fmt: skip
+def test_a_controller_ten_times_as_strong_is_another_loops(ratio, refused):
+    law = replace(LAW, Kc=2.0 * ratio)
+    assert bool(said(other_loop.refuse_other_controller, law, 2.0, "record")) == refused
+    for vague in (replace(law, residual=0.04), replace(law, gap=0.1), replace(law, reason="no law")):
+        assert not said(other_loop.refuse_other_controller, vague, 2.0, "record")
+
+
+def plant_said(monkeypatch, *, K=1.0, T=20.0, Td=4.0, own, tuning=(2.0, 2.0), nats=1000.0):
+    """Return what is said where the record's own plant is `own` (gain, T, Td) and beats the baseline's by `nats`."""
+    gain, lag, wait = own
+    fit = SimpleNamespace(K=gain, theta={"T": lag, "Td": wait}, loglik=nats)
+    zero = SimpleNamespace(base=lambda: SimpleNamespace(loglik=0.0))
+    monkeypatch.setattr(other_loop, "_own_plant", lambda *a: (SimpleNamespace(base=lambda: fit), fit))
+    monkeypatch.setattr(other_loop, "Engine", lambda *a: zero)
+    monkeypatch.setattr(other_loop, "possible_effects", lambda s: [])
+    data = SimpleNamespace(K=K, T=T, Td=Td, n=1000)
+    control = SimpleNamespace(Kc=1.0, Ti=20.0, sign=1)
+    s = SimpleNamespace(
+        data=data, law=replace(LAW, tuning=tuning), record=SimpleNamespace(Ts=1.0),
+        baseline=SimpleNamespace(controller=control), where="record",
+    )  # fmt: skip
+    return said(other_loop.refuse_other_plant, s)
+
+
+@pytest.mark.parametrize(("own", "refused"), [
+    ((1.6, 36.0, 4.0), True), ((1.4, 36.0, 4.0), False), ((1.6, 30.0, 4.0), False), ((0.6, 10.0, 4.0), True),
+    ((-1.6, 36.0, 4.0), False),
+])  # fmt: skip
+def test_another_plant_differs_in_gain_and_in_time(monkeypatch, own, refused):
+    assert bool(plant_said(monkeypatch, own=own)) == refused
+
+
+@pytest.mark.parametrize(("own", "Td", "refused"), [
+    ((0.4, 20.0, 2.0), 2.0, False), ((0.4, 20.0, 0.0), 0.0, False), ((0.4, 20.0, 2.9), 2.0, False),
+    ((0.4, 20.0, 3.8), 2.0, True), ((0.64, 20.0, 2.0), 2.0, True), ((0.54, 20.0, 2.0), 2.0, False),
+    ((0.6, 32.0, 9.0), 2.0, True), ((0.6, 34.0, 9.0), 2.0, False),
+])  # fmt: skip
+def test_another_vessel_differs_in_slope_or_in_dead_time(monkeypatch, own, Td, refused):
+    assert bool(plant_said(monkeypatch, K=0.02, T=0.0, Td=Td, own=own)) == refused
+
+
+@pytest.mark.parametrize(("tuning", "nats", "refused"), [
+    ((2.0, 2.0), 43.0, True), ((2.0, 2.0), 38.0, False), ((1.4, 2.0), 1000.0, False), ((1.6, 1.4), 1000.0, False),
+    ((1.6, 1.6), 1000.0, True), ((0.6, 0.6), 1000.0, True), (None, 1000.0, False),
+])  # fmt: skip
+def test_another_plant_is_asked_for_by_the_tuning_and_must_be_proven(monkeypatch, tuning, nats, refused):
+    # three numbers of a thousand samples cost 10.4 nats
+    assert bool(plant_said(monkeypatch, own=(3.0, 60.0, 4.0), tuning=tuning, nats=nats)) == refused
+
+
+@pytest.mark.parametrize(("Ts", "refused"), [(1.0, False), (1.008, False), (0.992, False), (1.012, True), (0.988, True)])
+def test_the_sampling_periods_agree_within_a_hundredth(Ts, refused):
+    record, baseline = SimpleNamespace(Ts=Ts), SimpleNamespace(sampling=SimpleNamespace(Ts=1.0))
+    assert bool(said(_refuse_other_pace, record, baseline, "record")) == refused
+
+
+@pytest.mark.parametrize(("moves", "steps"), [(0, False), (1, True), (90, True), (110, False)])
+def test_a_set_point_that_moves_all_the_time_makes_no_steps(moves, steps):
+    sp = np.zeros(1000)
+    sp[1 : moves + 1] = np.arange(moves) % 2 + 1.0
+    sp[moves + 1 :] = sp[moves]
+    assert bool(_moves_of(sp)) == steps
+
+
+@pytest.mark.parametrize(
+    ("share", "stands"), [(0.0, False), (0.45, False), (0.55, True), (1.0, True), (1.45, True), (1.55, False)]
+)
+def test_a_spike_stands_out_by_about_its_height(share, stands):
+    pv, places = np.zeros(200), np.array([30, 90, 150])
+    heights = np.array([2.0, -3.0, 4.0])
+    pv[places] = share * heights
+    assert stands_out(pv, places, heights) == stands
+    assert not stands_out(pv, places[:1], heights[:1])
+
+
+@pytest.mark.parametrize(("share", "seen"), [(0.0, False), (0.4, False), (0.6, True), (1.0, True), (-1.0, False)])
+@pytest.mark.parametrize("late", [0, 1])
+def test_the_controller_answers_a_spike_it_saw(share, seen, late):
+    op, places, heights = np.zeros(200), np.array([30, 90, 150]), np.array([2.0, -3.0, 4.0])
+    for k, h in zip(places, heights):
+        op[k + late] = -0.7 * share * h
+    assert _answered(SimpleNamespace(op=op, n=200), replace(LAW, Kc=0.7, late=late), places, heights) == seen

@@ -1,0 +1,58 @@
+"""Tests of the innovations by their own formulas: near 0 for white ones, and as large as is left in others."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from simbench.gap.likelihood import kernels
+from simbench.gap.likelihood.residual_tests import residual_tests
+
+N = 4000 + kernels.SKIP
+RNG = np.random.default_rng(0)
+WHITE, OP = RNG.standard_normal(N), np.cumsum(RNG.standard_normal(N))
+
+
+def of(residual, u=OP):
+    return residual_tests(SimpleNamespace(residual=residual), SimpleNamespace(u=u))
+
+
+@pytest.mark.parametrize("scale", [0.2, 1.0])
+def test_white_innovations_pass_whatever_their_size(scale):
+    assert max(abs(x) for x in of(scale * WHITE).values()) < 3.0
+
+
+@pytest.mark.parametrize("lag", [1, 25, 26])
+@pytest.mark.parametrize("share", [0.2, 0.4])
+def test_memory_and_input_count_squared_correlations_over_25_lags(lag, share):
+    # x_k = w_k + share w_{k-lag} has a correlation of share / (1 + share^2)
+    rho = share / (1.0 + share**2)
+    expected = 4000 * rho**2 / np.sqrt(50.0) if lag <= 25 else 0.0
+    assert of(WHITE + share * np.roll(WHITE, lag))["memory"] == pytest.approx(expected, abs=3.0 + 0.2 * expected)
+    du = np.append(0.0, np.diff(OP))
+    expected = 4000 * share**2 / (1.0 + share**2) / np.sqrt(50.0) if lag <= 25 else 0.0
+    found = of(WHITE + share * np.roll(du, lag))
+    assert found["input"] == pytest.approx(expected, abs=3.0 + 0.2 * expected)
+    assert abs(found["memory"]) < 4.0
+
+
+@pytest.mark.parametrize("factor", [1.2, 1.5, 2.0])
+def test_bursts_count_the_variances_of_ten_parts(factor):
+    size = np.where(np.arange(N) - kernels.SKIP < 2000, 1.0, factor)
+    off = (factor**2 - 1.0) / (factor**2 + 1.0)
+    expected = 10 * off**2 * 4000 / 20 / np.sqrt(18.0)
+    assert of(size * WHITE / factor)["bursts"] == pytest.approx(expected, abs=4.0 + 0.1 * expected)
+
+
+@pytest.mark.parametrize("where", [0, kernels.SKIP - 1])
+def test_the_start_is_not_judged(where):
+    odd = WHITE.copy()
+    odd[where] = 1e6
+    assert of(odd) == of(WHITE)
+
+
+def test_one_huge_innovation_counts_as_six_standard_deviations():
+    odd, six = WHITE - WHITE[kernels.SKIP :].mean(), WHITE - WHITE[kernels.SKIP :].mean()
+    odd[[2000, 2300]], six[[2000, 2300]] = (50.0, -50.0), (6.0, -6.0)
+    assert of(odd) == pytest.approx(of(six), abs=0.05)
+    assert of(six)["memory"] != pytest.approx(of(WHITE)["memory"], abs=1e-3)

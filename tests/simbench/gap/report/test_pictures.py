@@ -1,0 +1,165 @@
+"""Pictures by their geometry: what is connected, where the words stand, and what the bars say."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from matplotlib.patches import Circle, FancyBboxPatch
+
+from simbench.gap.report import page
+from simbench.gap.report.pictures import _limits, draw_blocks, draw_gap, draw_loops, draw_ranking, draw_spectra, draw_traces
+from simbench.gap.report.traces import BASELINE, FIXED, Traces
+
+SHARES = {"controller": 0.12, "valve": 0.62, "process": 0.0, "disturbance": 0.2, "sensor": 0.06}
+RNG = np.random.default_rng(0)
+
+
+def trace(scale=1.0, mv=True):
+    op, pv = (50.0 + scale * RNG.standard_normal(800) for _ in range(2))
+    return Traces(op=op, pv=pv, sp=np.full(800, 50.0), mv=op if mv else None, Ts=1.0)
+
+
+@pytest.fixture(scope="module")
+def blocks():
+    return draw_blocks(SHARES).axes[0]
+
+
+def shapes(axes):
+    """Return the boxes' extents (x0, y0, x1, y1) in the order of the blocks' names, and the circles' centres."""
+    boxes = [p.get_bbox().extents for p in axes.patches if isinstance(p, FancyBboxPatch)]
+    return dict(zip(SHARES, boxes)), [p.center for p in axes.patches if isinstance(p, Circle)]
+
+
+def connections(axes):
+    """Return where each arrow begins and ends."""
+    ends = [(a.xyann if hasattr(a, "xyann") else a.xytext, a.xy) for a in axes.texts if getattr(a, "arrow_patch", None)]
+    starts = [(line.get_xdata()[0], line.get_ydata()[0]) for line in axes.lines if len(line.get_xdata())]
+    return [(s, e) for s, (_, e) in zip(starts, ends, strict=True)]
+
+
+def touches(point, boxes, circles):
+    """Return the name of what a point lies on the edge of, "" for nothing."""
+    x, y = point
+    for name, (x0, y0, x1, y1) in boxes.items():
+        inside = x0 - 0.02 <= x <= x1 + 0.02 and y0 - 0.02 <= y <= y1 + 0.02
+        if inside and min(abs(x - x0), abs(x - x1), abs(y - y0), abs(y - y1)) < 0.02:
+            return name
+    return next((f"sum {i}" for i, (a, b) in enumerate(circles) if abs(np.hypot(x - a, y - b) - 0.09) < 0.02), "")
+
+
+def test_every_arrow_of_the_loop_runs_from_one_block_to_the_next(blocks):
+    found, circles = shapes(blocks)
+    joined = [(touches(a, found, circles), touches(b, found, circles)) for a, b in connections(blocks)]
+    assert joined == [
+        ("", "sum 0"), ("sum 0", "controller"), ("controller", "valve"), ("valve", "sum 1"), ("sum 1", "process"),
+        ("process", ""), ("disturbance", "sum 1"), ("", "sensor"), ("sensor", "sum 0"),
+    ]  # fmt: skip
+
+
+def test_blocks_stand_apart_within_the_picture_and_are_the_redder_the_larger_their_share(blocks):
+    found, circles = shapes(blocks)
+    rows = {name: (b[1] + b[3]) / 2 for name, b in found.items()}
+    line = [rows["controller"], rows["valve"], rows["process"], circles[0][1], circles[1][1]]
+    assert line == pytest.approx([rows["valve"]] * 5)
+    assert rows["sensor"] < rows["controller"] < rows["disturbance"]
+    extents = list(found.values())
+    for i, (x0, y0, x1, y1) in enumerate(extents):
+        assert blocks.get_xlim()[0] <= x0 < x1 <= blocks.get_xlim()[1]
+        assert blocks.get_ylim()[0] <= y0 < y1 <= blocks.get_ylim()[1]
+        assert not any(x0 < c and a < x1 and y0 < d and b < y1 for a, b, c, d in extents[i + 1 :])
+    boxes = [p for p in blocks.patches if isinstance(p, FancyBboxPatch)]
+    assert [p.get_facecolor()[3] for p in boxes] == pytest.approx([0.7 * s for s in SHARES.values()])
+    assert boxes[0].get_facecolor()[0] > 1.5 * max(boxes[0].get_facecolor()[1:3])
+
+
+def test_words_stand_in_their_block_or_just_above_their_line(blocks):
+    found, _ = shapes(blocks)
+    at = {t.get_text(): t.get_position() for t in blocks.texts if t.get_text()}
+    for (name, (x0, y0, x1, y1)), share in zip(found.items(), SHARES.values()):
+        for word in (name, f"{100 * share:.0f} %"):
+            x, y = at[word]
+            assert x == pytest.approx((x0 + x1) / 2)
+            assert y0 < y < y1
+        assert at[name][1] > at[f"{100 * share:.0f} %"][1]
+    edges = {n: (b[0], b[2]) for n, b in found.items()}
+    between = {"SP": (0.0, 0.35), "OP": (edges["controller"][1], edges["valve"][0]), "MV": (edges["valve"][1], 3.01)}
+    for word, (left, right) in between.items():
+        assert left < at[word][0] < right
+        assert 0.0 < at[word][1] - (found["valve"][1] + found["valve"][3]) / 2 < 0.1
+    assert edges["controller"][0] < at["PV"][0] < edges["sensor"][0]
+    assert 0.0 < at["PV"][1] - (found["sensor"][1] + found["sensor"][3]) / 2 < 0.1
+    assert at["-"][0] < 0.44
+    assert at["-"][1] < at["OP"][1]
+
+
+def test_the_blocks_are_said_in_percent_of_the_gap(monkeypatch):
+    said = []
+    monkeypatch.setattr(page, "_picture", lambda draw, name, says: said.append(says))
+    page._where(SimpleNamespace(blocks=SHARES, ranking=[]))
+    assert said == [
+        "control loop; share of the gap: controller 12 %, valve 62 %, process 0 %, disturbance 20 %, sensor 6 %"
+    ]  # fmt: skip
+
+
+def test_spectra_name_every_line_once_and_keep_the_record_in_sight():
+    runs = {BASELINE: trace(), FIXED: trace(1e4)}
+    upper, lower = draw_spectra(trace(), runs).axes
+    assert [t.get_text() for t in upper.get_legend().get_texts()] == [BASELINE, FIXED, "record"]
+    assert lower.get_legend() is None
+    assert (upper.get_xlabel(), lower.get_xlabel()) == ("", "frequency (1/s)")
+    for axes in (upper, lower):
+        own = axes.lines[-1].get_ydata()
+        low, high = axes.get_ylim()
+        assert own.min() / 10 < low < own.min() / 2
+        assert 4 * own.max() < high < 16 * own.max()
+
+
+def test_the_axes_hold_the_record_and_what_is_near():
+    record = np.array([0.0, 10.0])
+    assert _limits([record]) == pytest.approx((-0.4, 10.4))
+    assert _limits([record, np.array([-5.0, 16.0])]) == pytest.approx((-5.4, 16.4))
+    assert _limits([record, np.array([-90.0, 900.0])]) == pytest.approx((-7.9, 17.9))
+    assert _limits([np.array([3.0, 3.0])]) == pytest.approx((2.96, 3.04))
+
+
+def test_traces_have_a_panel_each_and_a_set_point_under_pv_only():
+    runs = {BASELINE: trace(), FIXED: trace()}
+    for signal, lines in (("PV", 2), ("OP", 1)):
+        panels = draw_traces(signal, trace(), runs, 100, 300).axes
+        assert [len(a.lines) for a in panels] == [lines] * 3
+        assert [a.get_xlabel() for a in panels] == ["", "", "time (s)"]
+        assert panels[0].lines[-1].get_xdata()[[0, -1]].tolist() == [100.0, 299.0]
+    shown = draw_loops("MV", trace(), runs, 0, 800).axes
+    assert [a.axison for a in shown] == [True, True, True, False]
+    assert [a.get_ylabel() for a in shown[:3]] == ["MV (%)", "", "MV (%)"]
+    # the panel above the empty place names the axis
+    assert [a.get_xlabel() for a in shown[:3]] == ["", "OP (%)", "OP (%)"]
+
+
+def test_bars_are_as_long_as_they_say_from_the_top_down():
+    axes = draw_ranking(["stiction", "noise"], [0.91, 0.05]).axes[0]
+    assert [p.get_width() for p in axes.patches] == pytest.approx([0.91, 0.05])
+    assert axes.patches[0].get_y() > axes.patches[1].get_y()
+    assert [t.get_text() for t in axes.texts] == ["0.91", "0.05"]
+    assert 1.0 < axes.get_xlim()[1] < 1.3
+    gap = draw_gap({"before": 4.0, "after": 1.2, "floor": 0.9}).axes[0]
+    assert [p.get_width() for p in gap.patches] == pytest.approx([4.0, 1.2, 0.9])
+    assert gap.lines[0].get_xdata() == pytest.approx([0.9, 0.9])
+    assert 4.0 < gap.get_xlim()[1] < 5.0
+
+
+@pytest.mark.parametrize(("value", "lo", "hi", "said"), [
+    (0.42, 0.1, 0.6, ("42 %", "of the gap closes (90 % interval 10 to 60 %)")),
+    (0.0, -0.1, 0.2, ("0 %", "of the gap closes (90 % interval -10 to 20 %)")),
+    (-0.08, -0.25, 0.0, ("8 %", "by which the gap grows (90 % interval 0 to 25 %)")),
+])  # fmt: skip
+def test_what_closes_and_what_grows_is_said_in_percent(monkeypatch, value, lo, hi, said):
+    seen = {}
+    monkeypatch.setattr(page, "render", lambda template, **parts: seen.update(parts))
+    first = {"effect": "stiction", "block": "valve", "probability": 0.912, "parameters": {"S": 5.0, "J": 2.0}}
+    page._answer(SimpleNamespace(
+        gap=SimpleNamespace(before=4.0, after=1.25, floor=0.8, resolvable=True), shrinkage={"value": value, "lo": lo, "hi": hi},
+        effect="stiction", effects=(first,), named=["stiction"], sentence=lambda: "It sticks.",
+    ))  # fmt: skip
+    assert seen["tiles"][:3] == [("0.91", "probability of stiction"), said, ("4.00", "gap before")]
+    assert [t[0] for t in seen["tiles"][3:]] == ["1.25", "0.80"]
