@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from detectors.signal.holds import holds, stuck
-from detectors.signal.lattice import lattice, written_unit
+from detectors.signal.lattice import hides_nothing, lattice, written_unit
 from detectors.signal.lines import share_on_lines
 from detectors.signal.spikes import isolated, off_line
 from detectors.signal.tails import heavy_tails
@@ -63,7 +63,7 @@ def inspect_samples(pv: np.ndarray, *others: np.ndarray) -> Samples:
     return Samples(
         unit,
         step,
-        share_on_lines(pv, unit) if step == 0.0 else 0.0,
+        share_on_lines(pv, max(unit, step)) if hides_nothing(step, pv) else 0.0,
         spikes,
         heights,
         int(holds(pv).max()),
