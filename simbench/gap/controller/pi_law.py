@@ -16,6 +16,8 @@ from simbench.loop.effects.detuning import PARAMETERS as TUNING
 
 EXACT = 0.03  # residual of dOP, relative to dOP, below which the law is taken as known
 DIGITS = 2.5  # times what rounding leaves of the law, below which it is taken as known all the same ...
+CARD = 0.05  # % of OP: what an output card of 11 bits rounds to ...
+BLURRED = 0.1  # ... which no longer shows as a lattice where OP is written in more than this share of it
 HALF = 0.5  # ... unless that is half of all that OP does
 RESTING = 0.05  # share of samples in which a fine OP stands still, from which it is not the mean of a moving PV that hides
 RETUNED = 0.13  # |ln ratio| of Kc or Ti from which the tuning is another one
@@ -263,7 +265,9 @@ def _fitted(asked: _Asked, free: _Free, shown: _Shown) -> _Fitted:
         fit = by_steps(du, e, rows, Kc, Ki, size, no_sp)
     # OP that mostly stands still fits "no control at all" exactly
     collapsed = bool(abs(fit.a) < 0.02 * abs(Kc + Ki) and np.mean(du[rows] == 0.0) > 0.3)
-    tolerance = max(EXACT, min((DIGITS * free.rounding + 1e-9 * float(np.abs(op).max())) / size, HALF))
+    card = CARD / np.sqrt(6.0) if free.unit > BLURRED * CARD else 0.0
+    hidden = DIGITS * max(free.rounding, card) + 1e-9 * float(np.abs(op).max())
+    tolerance = max(EXACT, min(hidden / size, HALF))
     tolerance = max(tolerance, NEAR) if coarse else tolerance
     return _Fitted(fit, e, rows, size, gap, bool(coarse), tolerance, collapsed)
 
