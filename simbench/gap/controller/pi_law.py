@@ -265,7 +265,7 @@ def _fitted(asked: _Asked, free: _Free, shown: _Shown) -> _Fitted:
         fit = by_steps(du, e, rows, Kc, Ki, size, no_sp)
     # OP that mostly stands still fits "no control at all" exactly
     collapsed = bool(abs(fit.a) < 0.02 * abs(Kc + Ki) and np.mean(du[rows] == 0.0) > 0.3)
-    card = CARD / np.sqrt(6.0) if free.unit > BLURRED * CARD else 0.0
+    card = CARD / np.sqrt(6.0) if written_unit(op) > BLURRED * CARD else 0.0
     hidden = DIGITS * max(free.rounding, card) + 1e-9 * float(np.abs(op).max())
     tolerance = max(EXACT, min(hidden / size, HALF))
     tolerance = max(tolerance, NEAR) if coarse else tolerance
