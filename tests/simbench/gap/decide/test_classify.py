@@ -117,11 +117,6 @@ def test_a_refuted_effect_gives_its_probability_to_unknown_in_its_own_block(foun
     assert other.probability["drift"] == weights.probability["drift"]
 
 
-@pytest.mark.parametrize(("nats", "soft"), [(-5.0, -5.0), (29.9, 29.9), (30.0, 30.0), (60.0, 40.4), (300.0, 64.54)])
-def test_evidence_beyond_thirty_nats_counts_by_its_logarithm(nats, soft):
-    assert softened(nats) == pytest.approx(soft, abs=0.01)
-
-
 def test_a_second_effect_comes_next_but_not_level():
     found = assessed("blind")
     p = classify(replace(quiet(found, noise=40.0), chosen=["noise", "stiction"])).probability
