@@ -427,10 +427,12 @@ def _with_axes(content: GridFile, axes: dict[str, tuple[Value, ...]], name: str)
     known = {key for block in content.block for key in (*block.axes, *block.draw, *content.draw)}
     blocks = []
     for block in content.block:
-        own = {*block.axes, *block.draw, *content.draw}
-        # Td/T has no meaning on an integrating block, nor Td/Ti on the other
-        alien = "Td_over_T" if block.process == "integrating" else "Td_over_Ti"
-        fitting = {k: v for k, v in axes.items() if k != alien and (k in own or k not in known)}
+        # Td/T has no meaning on an integrating block, nor Td/Ti on the other; another process needs its own of the two
+        processes = axes.get("process", block.axes.get("process", (block.process,)))
+        needed = {"Td_over_Ti" if process == "integrating" else "Td_over_T" for process in processes}
+        alien = {"Td_over_T", "Td_over_Ti"} - needed
+        own = {*block.axes, *block.draw, *content.draw, *needed}
+        fitting = {k: v for k, v in axes.items() if k not in alien and (k in own or k not in known)}
         members = tuple(m.model_copy(update={"where": _narrowed(m.where, fitting)}) for m in block.member)
         blocks.append(block.model_copy(update={"axes": {**block.axes, **fitting}, "member": members}))
     return content.model_copy(update={"block": tuple(blocks)})

@@ -66,6 +66,7 @@ EPILOG = {
     "travel": ["simbench confirm travel loop.toml --picture travel.svg"],
     "gap diagnose": ["simbench gap diagnose rec.csv --baseline loop.toml --html gap.html --write-loop fixed.toml"],
     "leave-out": ["simbench gap leave-out withheld -j 2"],
+    "study": ["simbench gap study folder --grid chapter --html study.html --write-grid fixed.toml"],
     "make": ["simbench gap withheld make check --key check.key --seed 1"],
     "answer": ["simbench gap withheld answer check -j 2"],
     "open": ["simbench gap withheld open check --key check.key"],

@@ -76,6 +76,8 @@ def detect(prepared: Prepared, *, ngi_low: float, nli_low: float, fitness_low: f
     higher = prepared.share("bicoherence", lambda: error_bicoherence(record.e, period))
     if higher is None:
         return Verdict("choudhury", NO_DECISION, reason="too short: fewer than four segments of 64 samples")
+    if not np.isfinite(period):
+        return Verdict("choudhury", NO_DECISION, reason="no period found in OP or PV: no cycle whose ellipse could be fitted")
     if surrogate > 0.5:
         if period < 7 or record.n < 12 * period:
             return Verdict("choudhury", NO_DECISION, reason="surrogates need 12 cycles of at least 7 samples")

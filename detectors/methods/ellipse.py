@@ -45,6 +45,7 @@ def detect(prepared: Prepared, *, fitness_low: float) -> Verdict:
 
     Examples
     --------
+    >>> import numpy as np
     >>> from detectors.record import LoopRecord
     >>> t = np.arange(2000) / 10
     >>> detect(Prepared(LoopRecord(np.sin(t), np.cos(t), 0.1)), **METHOD.defaults()).verdict

@@ -35,7 +35,7 @@ def variants() -> Iterator[tuple[str, str, dict[str, float]]]:
 
     Examples
     --------
-    >>> [v for m, v, _ in variants() if m == "he"]
+    >>> [v for m, v, _ in variants() if m == "rossi_scali"]
     ['improved', 'as published']
     """
     for name in registry.names():

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from detectors.errors import ParameterError
+from detectors.signal.holds import holds
 from detectors.signal.oscillation import oscillation_of
 from scenarios.spec import Loop
 from simbench.confirm.rig import Trace, run_rig
@@ -38,7 +39,8 @@ class Phase:
     amplitude : float
         Of OP (%), as sqrt(2) times its standard deviation.
     saturated : bool
-        Whether OP spends more than 2 % of the time at one value, its lowest or highest.
+        Whether OP stands at its lowest or highest value for more than 2 % of the time: at 0 or 100, or elsewhere for 3
+        samples or more at a time (the crest of a smooth wave may meet one value in every cycle).
     """
 
     Kc: float
@@ -166,8 +168,15 @@ def measure(op: np.ndarray, Ts: float, Kc: float) -> Phase:
     found = oscillation_of(op, Ts)
     amplitude = float(np.sqrt(2) * op.std())
     seen = found.sustained and amplitude > SMALLEST
-    at_ends = max(np.mean(op == op.min()), np.mean(op == op.max()))
+    at_ends = max(_standing(op, float(op.min())), _standing(op, float(op.max())))
     return Phase(Kc, found.period_s if seen else np.nan, amplitude, bool(amplitude > SMALLEST and at_ends > 0.02))
+
+
+def _standing(op: np.ndarray, value: float) -> float:
+    """Return the share of the time that OP stands at a value."""
+    length = holds(op)
+    there = op[np.cumsum(length) - 1] == value
+    return float(length[there & ((length >= 3) | (value in (0.0, 100.0)))].sum() / op.size)
 
 
 def resolved(loop: Loop, seed: int, samples: int, nudge: float) -> Setup:

@@ -32,8 +32,8 @@ def measured_band(stages: list[tuple[ModuleType, Any]], reach: float, middle: fl
     Returns
     -------
     S : float
-        Least travel of OP after a reversal at which MV moves with at least half the slope it has later on (% of travel); inf
-        when it never does.
+        Least travel of OP after a reversal from which on MV moves with at least half the slope it has later on (% of travel);
+        inf when it never does.
     J : float
         Median over the branches of the largest step of MV beyond its slope (% of travel).
 
@@ -62,7 +62,7 @@ def measured_band(stages: list[tuple[ModuleType, Any]], reach: float, middle: fl
         under_way = np.flatnonzero(moved > 0.5 * slope)
         if slope <= 1e-6 * STEP or not under_way.size:
             return np.inf, 0.0
-        travels.append(under_way[0] * STEP)
+        travels.append(max(under_way[0] - 1, 0) * STEP)  # what OP had travelled when MV still stood
         jumps.append(float(moved.max()) - slope)
     return float(min(travels)), float(np.median(jumps))
 

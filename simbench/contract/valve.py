@@ -81,8 +81,8 @@ def example_tables(module: ModuleType) -> tuple[list[dict[str, Any]], str]:
     [{'S': 4.0}, {'S': 7.0}]
     """
     found, refused = [], ""
-    for share, band in ((0.04, {"S": 4.0, "J": 2.0}), (0.07, {"S": 7.0, "J": 1.0})):
-        table = {key: _inside(rule, share) for key, rule in module.PARAMETERS.items() if rule.default is None}
+    for percent, band in ((4.0, {"S": 4.0, "J": 2.0}), (7.0, {"S": 7.0, "J": 1.0})):
+        table = {key: _inside(rule, percent) for key, rule in module.PARAMETERS.items() if rule.default is None}
         if set(band) <= set(module.PARAMETERS):
             table |= band
         try:
@@ -93,12 +93,12 @@ def example_tables(module: ModuleType) -> tuple[list[dict[str, Any]], str]:
     return [t for i, t in enumerate(found) if t not in found[:i]], refused
 
 
-def _inside(rule: Number | Choice, share: float) -> float | str:
+def _inside(rule: Number | Choice, percent: float) -> float | str:
     if isinstance(rule, Choice):
         return rule.names[-1]
     if math.isfinite(rule.low) and math.isfinite(rule.high):
-        return rule.low + share * (rule.high - rule.low)
-    return (rule.low if math.isfinite(rule.low) else 0.0) + 250.0 * share
+        return rule.low + percent * (rule.high - rule.low) / 100.0
+    return (rule.low if math.isfinite(rule.low) else 0.0) + 2.5 * percent
 
 
 def _description(module: ModuleType) -> Iterator[str]:

@@ -86,8 +86,13 @@ def draw_flow(table: pd.DataFrame, taken: Collection[tuple[str, str]] = ()) -> F
         if target in says:
             x, bend = left + BOX + GAP, left + BOX + 0.2
             straight = len(ends[str(source)]) < 2
-            _arrow(axes, [(left + BOX, y), (x, z)] if straight else [(left + BOX, y), (bend, y), (bend, z), (x, z)], ink)
-            axes.text(bend + 0.05, z + 0.04, textwrap.fill(answers, 17), fontsize=7.5, va="bottom", color=ink)
+            path, at = [(left + BOX, y), (x, z)] if straight else [(left + BOX, y), (bend, y), (bend, z), (x, z)], z
+            if target not in ends[source]:
+                # it stands beside an earlier question, whose own answer has its place there: named where it leaves
+                at, low, lane = y + 0.35 * heights[source], z - 0.25 * heights[target], x - 0.15
+                path = [(left + BOX, at), (lane, at), (lane, low), (x, low)]
+            _arrow(axes, path, ink)
+            axes.text(bend + 0.05, at + 0.04, textwrap.fill(answers, 17), fontsize=7.5, va="bottom", color=ink)
         elif place[str(target)] == place[str(source)] + 1:
             x = left + BOX / 2
             _arrow(axes, [(x, y - heights[source] / 2), (x, z + heights[target] / 2)], ink)

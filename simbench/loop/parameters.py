@@ -59,7 +59,7 @@ class Number:
 
     def read(self, value: Any, name: str, where: str) -> float:
         """Return `value` as a float, or raise `ParameterError` with what is allowed."""
-        if type(value) is float and self.low < value < self.high:
+        if type(value) is float and self.low < value < self.high and -LARGEST <= value <= LARGEST:
             return value  # nearly always
         unit = f" ({self.unit})" if self.unit else ""
         if isinstance(value, bool) or not hasattr(value, "__float__"):

@@ -86,7 +86,7 @@ def over_time(record: LoopRecord, method: str = "procedure") -> OverTime:
     --------
     >>> t = np.arange(3000.0)
     >>> over_time(LoopRecord(op=np.sin(t / 5), pv=np.cos(t / 5), Ts=1.0), "he").sentence()
-    'stiction in 0 of 95 cycles by he, 14 windows'
+    'stiction in 0 of 95 cycles by he, 15 windows'
     """
     prepared = Prepared(record.blind())
     period = prepared.oscillation.period_s / record.Ts

@@ -47,9 +47,9 @@ def write_page(found: Trust, path: str | Path) -> None:
         best = [m for m in found.methods if m.verdict.applicable is not False][:SHOWN]
         curves = {"all together": found.power} | {m.verdict.method: m.power for m in best}
         says = "Share of twins called stiction over S; the band is the 95 % interval of all together, the dashed line 0.8"
-        parts.append(
-            section("power", "What this record could have shown", pictures=[(draw_power(curves, record.S_unit), says)])
-        )
+        ratios = sorted({round(c.J / c.S, 6) for c in found.power})
+        pictures = [(draw_power(curves, ratio, record.S_unit), f"{says}; J = {ratio:.3g} S") for ratio in ratios]
+        parts.append(section("power", "What this record could have shown", pictures=pictures))
     parts.append(section("methods", "Whom to believe on this loop", table=_table(found), long=["reason"]))
     points = [*(r.sentence() for r in found.helps), *found.notes]
     if points:

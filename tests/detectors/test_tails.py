@@ -17,3 +17,9 @@ def test_heavy_tails_are_told_from_gaussian_noise_with_spikes():
     assert all(heavy_tails(x) for x in heavy)
     assert not any(heavy_tails(x) for x in spiked)
     assert not heavy_tails(np.zeros(100))
+
+
+def test_values_that_stand_still_do_not_draw_the_mixture_to_a_point():
+    x = np.random.default_rng(0).standard_normal(4000)
+    x[:1800] = 0.0  # as on a line that a historian drew: numpy's warnings are errors here
+    assert not heavy_tails(x)

@@ -150,15 +150,17 @@ def test_a_detector_that_raises_is_a_row_with_its_error(small, tmp_path):
     assert read_manifest(run)["counts"]["errors"] == len(mine)
 
 
-def child(tmp_path, jobs, file):
-    """Run the small grid in a process of its own."""
+def child(tmp_path, jobs, file, sigint="default_int_handler"):
+    """Run the small grid in a process of its own; what Ctrl-C does there is not inherited."""
     code = f"""
+        import signal
         import sys
         from simbench.bench.run import Interrupted, run_grid
         from scenarios.grid import make_grid
         sys.path.insert(0, {str(os.path.dirname(__file__))!r})
         from conftest import SMALL
         if __name__ == "__main__":
+            signal.signal(signal.SIGINT, signal.{sigint})
             try:
                 run_grid(make_grid(SMALL, "small", {{"repeats": 2}}), {str(tmp_path / "run")!r}, ["he"], {jobs},
                          plugins=[{str(file)!r}], resume=True)
@@ -225,23 +227,34 @@ def test_workers_that_keep_dying_end_the_run_with_advice(small, tmp_path, monkey
     assert len(tries) == run_module.LIVES
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_ctrl_c_ends_within_two_seconds_and_says_how_to_resume(tmp_path, jobs):
-    file = plugin(tmp_path, "import time; time.sleep(0.3)")
-    process = child(tmp_path, jobs, file)
+def interrupt(process, tmp_path, sent):
+    """Stop a run once a piece of it is whole; return what it printed and the seconds it took to end."""
     deadline = time.monotonic() + 60
     while not list((tmp_path / "run" / "parts").glob("*.json")):
         assert time.monotonic() < deadline
         time.sleep(0.05)
     since = time.monotonic()
-    process.send_signal(signal.SIGINT)
+    process.send_signal(sent)
     out, err = process.communicate(timeout=30)
-    took = time.monotonic() - since
+    return out, err, time.monotonic() - since
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_ctrl_c_ends_within_two_seconds_and_says_how_to_resume(tmp_path, jobs):
+    process = child(tmp_path, jobs, plugin(tmp_path, "import time; time.sleep(0.3)"))
+    out, err, took = interrupt(process, tmp_path, signal.SIGINT)
     assert process.returncode == 130, err
     assert "continue with --resume" in out
     assert "Traceback" not in err
     # the bar is 2 s on a free machine; here others may be at work
     assert took < 4.0
+
+
+def test_sigterm_ends_a_background_job_whose_shell_ignores_ctrl_c(tmp_path):
+    process = child(tmp_path, 1, plugin(tmp_path, "import time; time.sleep(0.3)"), sigint="SIG_IGN")
+    out, err, _ = interrupt(process, tmp_path, signal.SIGTERM)
+    assert process.returncode == 130, err
+    assert "continue with --resume" in out
 
 
 def test_a_full_disk_keeps_what_is_whole_and_says_how_to_go_on(small, finished, tmp_path, monkeypatch):

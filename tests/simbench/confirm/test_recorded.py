@@ -24,6 +24,12 @@ def test_the_period_decides_and_the_amplitude_may_object(after, verdict):
     assert gain_change_recorded(wave(90.3), after, 0.6).verdict == verdict
 
 
+def test_a_crest_met_at_the_same_value_in_every_cycle_is_no_limit_but_a_clipped_one_is():
+    assert gain_change_recorded(wave(90), wave(150), 0.6).verdict == "stiction"
+    clipped = LoopRecord(np.minimum(wave(90).op, 50.8), wave(90).pv, 1.0)
+    assert "limits" in gain_change_recorded(clipped, wave(150), 0.6).reason
+
+
 def test_records_of_a_gain_change_give_its_verdict_and_show_the_gain(loop):
     live = gain_change(loop())
     cuts = slice(live.changed // 3, live.changed), slice(live.changed + 500, None)

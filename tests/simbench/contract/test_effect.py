@@ -51,7 +51,7 @@ BROKEN = [
     ("Bias: the", "Bias of the", 'does not begin with "Name: what it does."'),
     ("PARAMETERS = {", "PARAMETERS = {} if True else {", "PARAMETERS is empty"),
     (ADDED, "    if p.size > 0.0:\n        setup.add_valve(sys.modules[__name__], {'size': p.size})\n" + STAGE,
-     "brings a valve stage that maps on S = 0, but MV follows a reversal of OP only after 4.02 % of travel"),
+     "brings a valve stage that maps on S = 0, but MV follows a reversal of OP only after 4 % of travel"),
 ]  # fmt: skip
 
 

@@ -29,8 +29,8 @@ def mapped_SJ(p):
 '''
 INPUT = "    x = min(max(u, 0.0), 100.0)\n"
 BROKEN = [
-    ("return p.h, 0.0", "return 2.0 * p.h, 0.0", "maps on S = 8, but MV follows a reversal of OP only after 4.02 % of travel"),
-    ("return p.h, 0.0", "return 4.0, 0.0", "but MV follows a reversal of OP only after 7.02 % of travel, with h = 7"),
+    ("return p.h, 0.0", "return 2.0 * p.h, 0.0", "maps on S = 8, but MV follows a reversal of OP only after 4 % of travel"),
+    ("return p.h, 0.0", "return 4.0, 0.0", "but MV follows a reversal of OP only after 7 % of travel, with h = 7"),
     ("return p.h, 0.0", "return p.h, 2.0", "maps on J = 2, but MV slips by 0 % of travel"),
     ("return p.h, 0.0", "return 0.0, 0.0", "says FRICTION = True and maps on S = 0"),
     ("FRICTION = True", "FRICTION = False", "says FRICTION = False and maps on S = 4"),
