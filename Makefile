@@ -9,7 +9,7 @@ export OPENBLAS_NUM_THREADS := 1
 export OPENBLAS_CORETYPE := Haswell
 export NPY_DISABLE_CPU_FEATURES := X86_V4 AVX512_ICL AVX512_SPR
 
-.PHONY: bench check leak real test lint perf docs site clean
+.PHONY: bench check leak real test lint perf shares docs site clean
 
 bench: $(READY)            ## the main job: simulate a labelled grid, run the detectors, score them
 	rm -rf runs/bench
@@ -40,6 +40,9 @@ leak: $(READY)             ## can a scenario's settings alone predict its label?
 perf: $(READY)             ## what the loop, each detector and a whole scenario cost: ratios and shares of CPU time
 	@failed=0; for part in perf perf_batch perf_detectors perf_shares; do \
 		$(BIN)/python tests/reference/$$part.py || failed=1; done; exit $$failed
+
+shares: $(READY)           ## what a scenario is made of, against the committed shares: never times
+	$(BIN)/python tests/reference/perf_shares.py
 
 docs: $(READY)             ## the gallery, and every published number beside ours
 	$(BIN)/simbench figure all -o results/figures

@@ -77,10 +77,10 @@ def detect(
     if isinstance(source, (str, Path)):
         return judge_files(source, asked, raw=raw, plugins=plugins, thresholds=thresholds, **about)
     record = as_record(source, **about)
-    added = registry.add_guests(plugins)
-    names = choose_methods(asked)
-    names += [a for a in added if a not in names]
-    verdicts = judge(record, names, raw=raw, thresholds=thresholds)
+    with registry.guests(plugins) as added:
+        names = choose_methods(asked)
+        names += [a for a in added if a not in names]
+        verdicts = judge(record, names, raw=raw, thresholds=thresholds)
     return Report([(None, v) for v in verdicts], records={None: record})
 
 

@@ -258,7 +258,12 @@ def _refuse_thousands(column: Sequence[str], name: str, where: str) -> None:
     """Refuse 987 beside 1.012, which a program that separates thousands writes for 1012."""
     signed = [t for t in column if ("," in t or "." in t) and _numeric(t)]
     groups = signed and all(re.fullmatch(r"[+-]?[1-9]\d{0,2}([.,]\d{3})+", t) for t in signed)
-    if groups and any(re.fullmatch(r"[+-]?[1-9]\d\d", t) for t in column):
+    plain = [abs(float(t)) for t in column if re.fullmatch(r"[+-]?[1-9]\d\d", t)]
+    if groups and plain:
+        read = [abs(float(t.replace(",", "."))) for t in signed if len(re.findall("[.,]", t)) == 1]
+        # 514.503 beside 515 is a decimal point: as 514503 it would be another signal
+        if read and min(read) > 0.1 * min(plain):
+            return
         raise RecordError(
             f"{where}: {name} holds {signed[0]!r} beside whole numbers; it may be {re.sub('[.,]', '', signed[0])}"
         )

@@ -6,7 +6,8 @@ import importlib
 import importlib.util
 import pkgutil
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from functools import cached_property
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -171,6 +172,16 @@ class PluginFolder:
         for file in files:
             refuse_name(file, self.kind, names.count(file.stem) > 1)
         return [self.add_guest(f, seconds) for f in files]
+
+    @contextmanager
+    def guests(self, paths: Iterable[str | Path], seconds: float = SECONDS) -> Iterator[list[str]]:
+        """Register several files for one question only: afterwards the names known are those of before."""
+        before = set(self._files)
+        try:
+            yield self.add_guests(paths, seconds)
+        finally:
+            for name in set(self._files) - before:
+                self.forget(name)
 
     def guest(self, name: str) -> Guest | None:
         """Return the process a plug-in lives in; None for those of the house."""

@@ -171,25 +171,27 @@ def judge_files(
     UserError
         For anything the user can put right: files, methods, thresholds.
     """
-    added = registry.add_guests(plugins, time_limit)
-    names = choose_methods(methods)
-    names += [a for a in added if a not in names]
-    for method in thresholds or {}:
-        if method not in names:
-            raise ParameterError(f"thresholds are given for {method!r}, which is not asked: {nearest(method, names)}")
-    about = {"process": process, "kind": kind, "op_span": op_span, "pv_span": pv_span, "columns": columns, "Ts": Ts}
-    if not Path(path).is_dir() and (Path(path).suffix.lower() != ".mat" or not Path(path).exists()):
-        if labels is not None:
-            raise ParameterError(f"labels score a folder of records; {path} is no folder")
-        record = read_record(path, loop=loop, **about)
-        return Report([(None, v) for v in judge(record, names, raw=raw, thresholds=thresholds)], records={None: record})
-    known = {} if labels is None else read_labels(labels)
-    each = {name: {"kind": row["kind"], "process": row["process"]} for name, row in known.items()}
-    records, refused = read_folder(path, names=known or None, each=each, **about)
-    verdicts = [
-        (name, verdict) for name, record in records.items() for verdict in judge(record, names, raw=raw, thresholds=thresholds)
-    ]
-    return Report(verdicts, refused, score_units(verdicts, known) if known else [], {**records})
+    with registry.guests(plugins, time_limit) as added:
+        names = choose_methods(methods)
+        names += [a for a in added if a not in names]
+        for method in thresholds or {}:
+            if method not in names:
+                raise ParameterError(f"thresholds are given for {method!r}, which is not asked: {nearest(method, names)}")
+        about = {"process": process, "kind": kind, "op_span": op_span, "pv_span": pv_span, "columns": columns, "Ts": Ts}
+        if not Path(path).is_dir() and (Path(path).suffix.lower() != ".mat" or not Path(path).exists()):
+            if labels is not None:
+                raise ParameterError(f"labels score a folder of records; {path} is no folder")
+            record = read_record(path, loop=loop, **about)
+            return Report([(None, v) for v in judge(record, names, raw=raw, thresholds=thresholds)], records={None: record})
+        known = {} if labels is None else read_labels(labels)
+        each = {name: {"kind": row["kind"], "process": row["process"]} for name, row in known.items()}
+        records, refused = read_folder(path, names=known or None, each=each, **about)
+        verdicts = [
+            (name, verdict)
+            for name, record in records.items()
+            for verdict in judge(record, names, raw=raw, thresholds=thresholds)
+        ]
+        return Report(verdicts, refused, score_units(verdicts, known) if known else [], {**records})
 
 
 def choose_methods(names: Iterable[str]) -> list[str]:

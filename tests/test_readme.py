@@ -76,6 +76,10 @@ def place(tmp_path, monkeypatch, own_detector):
     (tmp_path / "model.toml").write_text(Loop.from_table(model).to_toml(), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     assert main(["simulate", "loop.toml", "-o", "rec.csv", "--seed", "1"]) == 0
+    (tmp_path / "records").mkdir()
+    for name in ("FIC101", "FIC102", "FIC103", "FIC104", "FIC105"):
+        seed = name[-1]
+        assert main(["simulate", "loop.toml", "-o", f"records/{name}.csv", "--seed", seed]) == 0
     return tmp_path
 
 

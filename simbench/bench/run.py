@@ -122,50 +122,50 @@ def run_grid(
     add_parts(stages)
     plan = grid if isinstance(grid, Grid) else load_grid(grid, sets, axes)
     files = [str(Path(p).resolve()) for p in plugins]
-    added = registry.add_guests(files, time_limit)
-    asked = [part.strip() for text in methods for part in text.split(",")]
-    names = choose_methods(m for m in asked if m != ORACLE)
-    names += [a for a in added if a not in names]
-    names += [ORACLE] * (ORACLE in asked)  # last, as it is judged last
-    _check_settings(names, thresholds or {})
-    refuse_too_large(size_of(plan, *_budgets(names)), plan.name, large)
-    refuse_wrong_parts(plan)
-    manifest = describe(
-        {
-            "grid": plan.name,
-            "grid_hash": plan.hash,
-            "grid_content": plan.content.model_dump(mode="json"),
-            "overrides": plan.overrides,
-            "seed": plan.content.seed,
-            "scenarios": len(plan),
-            "methods": {n: _about(n) for n in names},
-            "thresholds": {k: dict(v) for k, v in (thresholds or {}).items()},
-            "plugins": {Path(f).stem: file_digest(Path(f)) for f in (*files, *stages[0], *stages[1])},
-            "until_width": until_width,
-            "raw": raw,
-            "command": " ".join(sys.argv),
-        }
-    )
-    chosen = {k: dict(v) for k, v in (thresholds or {}).items()}
-    task = _Task(plan, run_key(manifest), tuple(names), tuple(files), chosen, keep, time_limit, stages)
-    with _parallel(backend, address, jobs) as run:
-        where = store.open_run(Path("runs") / plan.name if out is None else out, manifest, resume)
-        if (written := read_manifest(where))["complete"]:
-            check_tables(where, written)
-            _tidy(where)
-            return where
-        with _Bar(progress, len(plan)) as bar, _stoppable():
-            try:
-                done = _all_pieces(plan, where, task, run, bar, until_width, names)
-                store.finish(where, done, {**manifest, "times": bar.times(time.perf_counter() - began), **bar.extra})
-            except KeyboardInterrupt:
-                raise Interrupted(f"interrupted: {_standing(where)}") from None
-            except UserError as error:
-                raise RunError(f"{error}; {_standing(where)}") from error
-    from simbench.bench.score import score_run
+    with registry.guests(files, time_limit) as added:
+        asked = [part.strip() for text in methods for part in text.split(",")]
+        names = choose_methods(m for m in asked if m != ORACLE)
+        names += [a for a in added if a not in names]
+        names += [ORACLE] * (ORACLE in asked)  # last, as it is judged last
+        _check_settings(names, thresholds or {})
+        refuse_too_large(size_of(plan, *_budgets(names)), plan.name, large)
+        refuse_wrong_parts(plan)
+        manifest = describe(
+            {
+                "grid": plan.name,
+                "grid_hash": plan.hash,
+                "grid_content": plan.content.model_dump(mode="json"),
+                "overrides": plan.overrides,
+                "seed": plan.content.seed,
+                "scenarios": len(plan),
+                "methods": {n: _about(n) for n in names},
+                "thresholds": {k: dict(v) for k, v in (thresholds or {}).items()},
+                "plugins": {Path(f).stem: file_digest(Path(f)) for f in (*files, *stages[0], *stages[1])},
+                "until_width": until_width,
+                "raw": raw,
+                "command": " ".join(sys.argv),
+            }
+        )
+        chosen = {k: dict(v) for k, v in (thresholds or {}).items()}
+        task = _Task(plan, run_key(manifest), tuple(names), tuple(files), chosen, keep, time_limit, stages)
+        with _parallel(backend, address, jobs) as run:
+            where = store.open_run(Path("runs") / plan.name if out is None else out, manifest, resume)
+            if (written := read_manifest(where))["complete"]:
+                check_tables(where, written)
+                _tidy(where)
+                return where
+            with _Bar(progress, len(plan)) as bar, _stoppable():
+                try:
+                    done = _all_pieces(plan, where, task, run, bar, until_width, names)
+                    store.finish(where, done, {**manifest, "times": bar.times(time.perf_counter() - began), **bar.extra})
+                except KeyboardInterrupt:
+                    raise Interrupted(f"interrupted: {_standing(where)}") from None
+                except UserError as error:
+                    raise RunError(f"{error}; {_standing(where)}") from error
+        from simbench.bench.score import score_run
 
-    score_run(where).write(where)
-    return where
+        score_run(where).write(where)
+        return where
 
 
 class _Task:

@@ -183,5 +183,5 @@ def draw(table: pd.DataFrame, path: Path) -> None:
     axes.set_yticks(y, [f"{e} ({b})" for e, b in zip(part.effect, part.block, strict=True)], fontsize=8)
     axes.set_xlabel("gap left, relative to the gap before (median)")
     axes.set_xlim(left=0.0)
-    axes.legend(loc="lower right", fontsize=8, frameon=False)
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, fontsize=8, frameon=False)
     figure.savefig(path, dpi=120)

@@ -226,3 +226,12 @@ def test_times_of_their_own_are_joined_when_the_period_is_given_and_refused_othe
     ]
     with pytest.raises(RecordError, match="say which sampling period Ts"):
         read_record(written(tmp_path, long_text(sorted(uneven)), "txt"))
+
+
+def test_three_decimals_beside_whole_numbers_of_their_size_are_decimals(tmp_path):
+    rows = [f"{k},{50 + k % 7},{500 + 3 * (k % 9)},{'514.503' if k > 60 else '512'}" for k in range(120)]
+    path = tmp_path / "r.csv"
+    path.write_text("t,op,pv,sp\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    record = read_record(path)
+    assert record.sp is not None
+    assert record.sp.max() == 514.503

@@ -25,7 +25,7 @@ def test_a_slower_machine_is_no_regression():
 
 @pytest.mark.parametrize(
     ("budget", "name", "share", "words"),
-    [("fast", "glue", 0.2, "glue takes 20.0%"), ("fast", "newcomer", 0.05, "0.0% when"), ("full", "surrogate", 0.7, "70.0%")],
+    [("fast", "glue", 0.24, "glue takes 24.0%"), ("fast", "newcomer", 0.05, "0.0% when"), ("full", "surrogate", 0.84, "84.0%")],
 )
 def test_a_share_that_outgrew_the_committed_one_is_told(budget, name, share, words):
     now = copy.deepcopy(TOLD)

@@ -78,5 +78,8 @@ def classify(found: Assessment) -> Classified:
     known = softmax(TEMPERATURE * np.array([*gains.values(), ASKED]))
     ratio, block = worst_test(found)
     q = float(expit(SHARPNESS * np.log(max(ratio, 1e-3))))
+    if ratio < 1.0:
+        # while no test fails, "unknown" is never the answer, however little is known of what the effect is
+        q = min(q, 0.99 * float(known.max()) / (1.0 + float(known.max())))
     p = dict(zip((*EFFECTS, NONE), (float(x) for x in (1.0 - q) * known)))
     return Classified({**p, UNKNOWN: q}, block)

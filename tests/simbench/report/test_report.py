@@ -13,6 +13,7 @@ import pytest
 from sklearn.metrics import roc_auc_score
 from sklearn.metrics import roc_curve as reference_roc
 
+from detectors.registry import methods
 from simbench.bench.run import run_grid
 from simbench.files import FileError
 from simbench.html.table import sortable
@@ -60,6 +61,11 @@ def report(run, tmp_path_factory):
     path = tmp_path_factory.mktemp("report") / "report.html"
     write_report(run, path)
     return path
+
+
+def test_a_plug_in_of_a_run_is_no_detector_of_the_next(run):
+    assert (run / "manifest.json").is_file()
+    assert "broken" not in methods.names()
 
 
 def test_it_is_one_file_without_a_link_to_anywhere(report):

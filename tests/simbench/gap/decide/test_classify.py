@@ -130,3 +130,11 @@ def test_unknown_grows_with_how_far_a_test_is_beyond_its_limit(times, low, high)
     sound = replace(sound, situation=replace(sound.situation, archive=archive, trusted=True))
     failing = replace(sound, tests={**sound.tests, "memory": times * 15.0})
     assert low < classify(failing).probability[UNKNOWN] < high
+
+
+def test_unknown_is_never_the_answer_while_no_test_fails(found):
+    even = quiet(found, **dict.fromkeys(list(EFFECTS)[:8], 12.0))
+    near = replace(even, tests={**even.tests, "memory": 0.9 * LIMITS["memory"][0]})
+    p = classify(near).probability
+    assert max(p, key=lambda e: p[e]) != UNKNOWN
+    assert sum(p.values()) == pytest.approx(1.0)
