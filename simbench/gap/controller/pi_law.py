@@ -138,7 +138,7 @@ def _examine(
 
 
 class _Asked(NamedTuple):
-    """The signals, the baseline's law (gain with sign, gain times Ts/Ti, 0 for P, integral time), and how OP and PV are written."""
+    """The signals, the baseline's law (gain with sign, gain times Ts/Ti, 0 for P, integral time), how OP and PV are written."""
 
     op: np.ndarray
     pv: np.ndarray
