@@ -20,6 +20,7 @@ HALF = 0.5  # ... unless that is half of all that OP does
 RESTING = 0.05  # share of samples in which a fine OP stands still, from which it is not the mean of a moving PV that hides
 RETUNED = 0.13  # |ln ratio| of Kc or Ti from which the tuning is another one
 FEW = 6  # samples kept by an archive from which it can be compared with what OP says of PV
+NEAR = 0.25  # half steps of a coarse OP beyond its own half step, below which a law explains OP
 FINER = 0.02  # of OP's lattice, to which rounding never brings a law
 THINNED = 0.25  # share of PV on straight lines from which the archive is known to have been thinned
 
@@ -235,6 +236,12 @@ def _fitted(asked: _Asked, free: _Free, shown: _Shown) -> _Fitted:
         # a law that meets OP far within its lattice leaves nothing for rounding: the lattice is PV's, handed on
         coarse = float(np.quantile(np.abs(off[rows] - np.median(off[rows])), 0.9)) > FINER * asked.op_is.step
     fit, gap = None, error_gap(op, e, rows, 0.5 if shown.rough else 0.85)
+    within = rows & (np.maximum(np.abs(e[1:]), np.abs(e[:-1])) <= gap / 2)
+    if gap > 0.0 and np.quantile(np.abs(Kc * np.diff(e) + Ki * e[1:])[within], 0.75) < max(
+        free.unit, 0.0 if coarse else free.step
+    ):
+        # an error that asks for less than OP is written in moves nothing anyway
+        gap = 0.0
     if gap > 0.0:
         if not coarse and (rows & (du != 0.0)).sum() > 20:
             rows = rows & (du != 0.0)
@@ -250,6 +257,7 @@ def _fitted(asked: _Asked, free: _Free, shown: _Shown) -> _Fitted:
     # OP that mostly stands still fits "no control at all" exactly
     collapsed = bool(abs(fit.a) < 0.02 * abs(Kc + Ki) and np.mean(du[rows] == 0.0) > 0.3)
     tolerance = max(EXACT, min((DIGITS * free.rounding + 1e-9 * float(np.abs(op).max())) / size, HALF))
+    tolerance = max(tolerance, NEAR) if coarse else tolerance
     return _Fitted(fit, e, rows, size, gap, bool(coarse), tolerance, collapsed)
 
 
