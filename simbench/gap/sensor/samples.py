@@ -33,6 +33,11 @@ class Samples:
     stuck: float
     heavy: bool = False
 
+    @property
+    def digits(self) -> float:
+        """The coarser of `resolution` and `step`."""
+        return max(self.resolution, self.step)
+
 
 def inspect_samples(pv: np.ndarray, *others: np.ndarray) -> Samples:
     """Look at PV sample by sample.
