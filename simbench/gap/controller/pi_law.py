@@ -241,7 +241,7 @@ def _fitted(asked: _Asked, free: _Free, shown: _Shown) -> _Fitted:
     fit, gap = None, error_gap(op, e, rows, 0.5 if shown.rough else 0.85)
     within = rows & (np.maximum(np.abs(e[1:]), np.abs(e[:-1])) <= gap / 2)
     if gap > 0.0 and np.quantile(np.abs(Kc * np.diff(e) + Ki * e[1:])[within], 0.75) < max(
-        free.unit, 0.0 if coarse else free.step
+        asked.op_is.unit, 0.0 if coarse else asked.op_is.step
     ):
         # an error that asks for less than OP is written in moves nothing anyway
         gap = 0.0

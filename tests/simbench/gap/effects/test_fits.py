@@ -112,8 +112,8 @@ def test_a_pole_is_tried_from_a_third_of_a_sample_to_the_longest_load_beside_pla
     assert sorted({round(p["tau"], 9) for p in points}) == pytest.approx(lags)
     # the fitted and the stated plant, each with its own dead time and the shortest
     assert {(p["T"], p["Td"]) for p in points} == {(20.0, 4.0), (20.0, 1.5), (25.0, 5.0), (25.0, 1.5)}
-    # a filter makes noise quiet and coloured: the stated noise is white
-    assert (theta["noise_std"], theta["colour"]) == ((0.2, 0.0) if where == "sensor" else (0.1, 0.1))
+    # a filter makes noise quiet and coloured: begun from the stated noise and little colour
+    assert (theta["noise_std"], theta["colour"]) == ((0.2, 0.2) if where == "sensor" else (0.1, 0.1))
     longer = [t for t, _, steps in engine.fitted if steps == 2]
     assert [t["tau"] for t in longer] == pytest.approx(lags[4::2])
     assert {t["T"] for t in longer} == {25.0}
