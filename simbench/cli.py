@@ -511,7 +511,7 @@ def travel(
     picture: Annotated[Path | None, typer.Option(help="Picture to write (SVG or PNG).")] = None,
     as_json: Json = False,
 ) -> None:
-    """Valve travel test: small steps of OP until PV moves, same direction and reversed."""
+    """Valve travel test: small steps of OP until PV moves, same direction and reversed; a loop is graded by Table 11.1."""
     _one_of("confirm travel", loop, "--record REC.csv", record)
     if loop is None:
         from detectors.io import read_record
@@ -521,10 +521,10 @@ def travel(
         found = travel_recorded(read_record(record, process=process, op_span=op_span))
     else:
         from scenarios.spec import load_loop
-        from simbench.confirm.travel import travel_test
+        from simbench.confirm.grade import graded_test
 
         with naming(loop):
-            found = travel_test(load_loop(loop))
+            found = graded_test(load_loop(loop))
     _confirmed(found, picture, as_json)
 
 
