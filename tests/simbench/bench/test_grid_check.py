@@ -77,7 +77,7 @@ def test_a_number_that_waits_for_its_scale_must_have_the_right_sign():
             "member": [{"name": "sticky", "valve": ["choudhury", "lag"]}],
         }],
     }
-    with pytest.raises(Exception, match="T = -0.1; it must not be below 0"):
+    with pytest.raises(Exception, match=r"T = -0\.1; it must not be below 0"):
         refuse_wrong_parts(make_grid(table, "scaled"))
     table["valves"]["lag"]["parameters"]["T"] = 0.05
     refuse_wrong_parts(make_grid(table, "scaled"))

@@ -55,7 +55,8 @@ def test_a_point_is_the_loop_its_numbers_say(seed):
     if on["coarse"]:
         assert effects["quantisation"]["step"] == pytest.approx(x["quantum"] * x["amplitude"], rel=1e-2)
     if on["limited"]:
-        assert (effects["saturation"]["lo"], effects["saturation"]["hi"]) == pytest.approx((50 - x["limit"], 50 + x["limit"]), rel=1e-2)
+        ends = effects["saturation"]["lo"], effects["saturation"]["hi"]
+        assert ends == pytest.approx((50 - x["limit"], 50 + x["limit"]), rel=1e-2)
     assert (loop.valve.name == "gain_ratio") == on["curved"]
     stepped = bool(loop.setpoint.steps)
     assert stepped == (on["stepped"] or load is None)

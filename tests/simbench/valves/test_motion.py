@@ -79,7 +79,9 @@ def test_a_target_is_reached_once(d):
 
 
 @pytest.mark.parametrize("a", [3.0, 20.0, 60.0])
-@pytest.mark.parametrize(("u", "x", "r"), [(53.0, 50.0, 0.0), (47.0, 50.0, 0.0), (50.5, 50.0, 40.0), (99.0, 97.0, 80.0), (1.0, 3.0, -80.0)])
+@pytest.mark.parametrize(
+    ("u", "x", "r"), [(53.0, 50.0, 0.0), (47.0, 50.0, 0.0), (50.5, 50.0, 40.0), (99.0, 97.0, 80.0), (1.0, 3.0, -80.0)]
+)
 def test_a_slide_is_the_limit_of_small_steps(u, x, r, a):
     for T in (0.03, 0.5):
         few, many = (slide_in_substeps(u, x, r, 1.5, 0.8, 0.0, a, W2, 1e-6, T, T / n)[0] for n in (3_000, 6_000))
@@ -115,7 +117,9 @@ def test_a_runge_kutta_step_is_that_of_the_published_tableau(d, h):
 
 
 @pytest.mark.parametrize("d", [1.0, -1.0])
-@pytest.mark.parametrize(("ahead", "r", "T"), [(3.0, 0.0, 0.3), (1.6, 0.0, 0.1), (2.5, 30.0, 0.02), (1.0, 15.0, 0.5), (0.2, 1.0, 0.5)])
+@pytest.mark.parametrize(
+    ("ahead", "r", "T"), [(3.0, 0.0, 0.3), (1.6, 0.0, 0.1), (2.5, 30.0, 0.02), (1.0, 15.0, 0.5), (0.2, 1.0, 0.5)]
+)
 def test_a_slide_with_stribeck_friction_is_the_limit_of_small_steps(d, ahead, r, T):
     x, rate, h = slide_stribeck(50.0 + d * ahead, 50.0, d * r, 1e-6, *FRICTION.values(), 1e-6, T)
     few, many = (
