@@ -135,6 +135,7 @@ def judge_files(
     Ts: float | None = None,
     labels: str | Path | None = None,
     raw: bool = False,
+    front_end: str = "acf",
     plugins: Iterable[str | Path] = (),
     thresholds: Mapping[str, Mapping[str, float]] | None = None,
     time_limit: float = SECONDS,
@@ -155,6 +156,8 @@ def judge_files(
         Table of labels; its records alone are judged, with its kind and process, and scored.
     raw : bool
         Without the oscillation front end.
+    front_end : {"acf", "hagglund"}
+        What says whether a loop oscillates, see `detectors.judge.judge`.
     plugins : iterable of str or Path
         Detector files outside the package; they are judged too, in addition to `methods`.
     thresholds : dict of method id to dict of str to float, optional
@@ -182,14 +185,15 @@ def judge_files(
             if labels is not None:
                 raise ParameterError(f"labels score a folder of records; {path} is no folder")
             record = read_record(path, loop=loop, **about)
-            return Report([(None, v) for v in judge(record, names, raw=raw, thresholds=thresholds)], records={None: record})
+            verdicts = judge(record, names, raw=raw, thresholds=thresholds, front_end=front_end)
+            return Report([(None, v) for v in verdicts], records={None: record})
         known = {} if labels is None else read_labels(labels)
         each = {name: {"kind": row["kind"], "process": row["process"]} for name, row in known.items()}
         records, refused = read_folder(path, names=known or None, each=each, **about)
         verdicts = [
             (name, verdict)
             for name, record in records.items()
-            for verdict in judge(record, names, raw=raw, thresholds=thresholds)
+            for verdict in judge(record, names, raw=raw, thresholds=thresholds, front_end=front_end)
         ]
         return Report(verdicts, refused, score_units(verdicts, known) if known else [], {**records})
 
