@@ -3,6 +3,7 @@
 import itertools
 import json
 import shutil
+import time
 from types import SimpleNamespace
 
 import pyarrow as pa
@@ -55,6 +56,9 @@ def test_sizes_are_told_per_scenario(in_process):
         assert 0.05 < row["ms_per_scenario"] < 5000
         assert 0.0 <= row["overhead"] < 1.0
         assert 50 < row["bytes"] < 50_000
+    # the processor time of this very process, told after either run
+    spent = [row["cpu_ms"] * row["scenarios"] / 1e3 for row in (few, more)]
+    assert 0.5 < spent[0] <= spent[1] <= time.process_time()
 
 
 def test_speed_compares_like_with_like(in_process):
