@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from detectors.signal.lattice import Written, written
+from detectors.signal.lattice import Written, written, written_unit
 from detectors.signal.lines import on_line
 from simbench.gap.controller.recovered_pv import FAITHFUL, ROUNDED, beside_a_mean, hidden_law, recover_pv
 from simbench.gap.controller.regression import FORMS, LawFit, about_zero, by_steps, by_sums, spread, with_derivative
@@ -87,7 +87,7 @@ def examine_law(
     Law
     """
     law = _examine(op, pv, sp, Ts, Kc, Ti, trusted)
-    if law.known:
+    if law.known and not law.averaged:
         return law
     # an archive that stores PV before, or OP after, the controller ran, and one that stores SP a sample off
     late = np.append(pv[0], pv[:-1])
@@ -102,7 +102,8 @@ def examine_law(
     most = law.strays.size / 2 if law.foreign and law.residual < EXACT else op.size
     known = [t for t in tries if t.known and t.strays.size <= most]
     if known:
-        return min(known, key=lambda t: t.strays.size)
+        # a mean explains much: it is believed where no alignment needs one
+        return min(known, key=lambda t: (t.averaged, t.strays.size))
     foreign = [t for t in tries if t.foreign]
     if foreign:
         return min(foreign, key=lambda t: t.residual)
@@ -240,7 +241,7 @@ def _fitted(asked: _Asked, free: _Free, shown: _Shown) -> _Fitted:
     fit, gap = None, error_gap(op, e, rows, 0.5 if shown.rough else 0.85)
     within = rows & (np.maximum(np.abs(e[1:]), np.abs(e[:-1])) <= gap / 2)
     if gap > 0.0 and np.quantile(np.abs(Kc * np.diff(e) + Ki * e[1:])[within], 0.75) < max(
-        free.unit, 0.0 if coarse else free.step
+        asked.op_is.unit, 0.0 if coarse else asked.op_is.step
     ):
         # an error that asks for less than OP is written in moves nothing anyway
         gap = 0.0

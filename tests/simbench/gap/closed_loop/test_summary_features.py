@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simbench.gap.closed_loop.summary_features import as_matrix, chance_of, distance, features, floor_of, seed_spread
+from simbench.gap.closed_loop.summary_features import chance_of, distance, features, floor_of, seed_spread
 
 N = 1024
 T = np.arange(N)
@@ -55,7 +55,7 @@ def test_the_level_does_not_show_and_pv_is_seen_from_the_set_point():
     pv, op, sp = W[:N], W[N : 2 * N], np.linspace(20.0, 70.0, N)
     one, other = of(pv, op), features(50.0 + op, sp + pv, sp)
     assert list(one) == list(other)
-    assert as_matrix([one]) == pytest.approx(as_matrix([other]), abs=1e-6)
+    assert list(one.values()) == pytest.approx(list(other.values()), abs=1e-6)
 
 
 @pytest.mark.parametrize("band", range(1, 7))
@@ -140,7 +140,7 @@ def test_sizes_below_rounding_correlate_with_nothing():
 def test_several_runs_at_once_are_each_by_itself():
     pv, op = W[:3000].reshape(3, 1000), W[3000:6000].reshape(3, 1000)
     together = np.array(list(of(pv, op).values())).T
-    assert together == pytest.approx(as_matrix([of(p, o) for p, o in zip(pv, op)]))
+    assert together == pytest.approx(np.array([list(of(p, o).values()) for p, o in zip(pv, op)]))
 
 
 SIMS = np.array([[0.0, 0.0], [1.0, 4.0], [2.0, 8.0]])
