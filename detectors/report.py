@@ -266,7 +266,7 @@ def score_units(
         for (_, label), found in covered.items():
             decided = [v.verdict == STICTION for v in found if v.verdict != NO_DECISION]
             votes[label == STICTION].append(None if not decided else float(np.mean(decided)) > 0.5)
-            known = [v.score for v in found if np.isfinite(v.score)]
+            known = [v.score for v in found if not np.isnan(v.score)]
             if known:
                 scores[label == STICTION].append(float(np.median(known)))
         rows.append(
@@ -296,5 +296,5 @@ def _auc(positive: list[float], negative: list[float]) -> float:
     """Return the probability that a positive scores above a negative (ties count half)."""
     if not positive or not negative:
         return float("nan")
-    difference = np.subtract.outer(positive, negative)
-    return float(np.mean((difference > 0) + 0.5 * (difference == 0)))
+    # no subtraction: a loop that does not oscillate scores -inf
+    return float(np.mean(np.greater.outer(positive, negative) + 0.5 * np.equal.outer(positive, negative)))

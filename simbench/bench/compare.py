@@ -109,7 +109,8 @@ def compare(folder: str | Path, other: str | Path | None = None, truth: str = "c
     Notes
     -----
     An answer is right when it is the label; "no decision" is never right. Where a method does not apply it is not compared.
-    McNemar (1947), Holm (1979), Demsar (2006); see `simbench.bench.statistics`. Not for runs of different seeds: nothing would be paired (`simbench check` compares those).
+    McNemar (1947), Holm (1979), Demsar (2006); see `simbench.bench.statistics`. Not for runs of different seeds: nothing would
+    be paired (`simbench check` compares those).
     """
     if truth not in TRUTHS:
         raise UserError(f"truth {truth!r} is unknown: {nearest(truth, TRUTHS)}")
