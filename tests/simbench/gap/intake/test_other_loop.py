@@ -53,7 +53,8 @@ def begun(monkeypatch, law, n=1600, T=12.0):
 
 
 @pytest.mark.parametrize(("Ti", "T", "lags"), [
-    (60.0, 12.0, (30.0, 12.0, 8.0)), (np.inf, 2.0, (20.0, 5.0, 8.0)), (1e6, 1e6, (100.0, 100.0, 8.0)), (2.0, 12.0, (2.0, 12.0, 8.0)),
+    (60.0, 12.0, (30.0, 12.0, 8.0)), (np.inf, 2.0, (20.0, 5.0, 8.0)), (1e6, 1e6, (100.0, 100.0, 8.0)),
+    (2.0, 12.0, (2.0, 12.0, 8.0)),
 ])  # fmt: skip
 def test_it_is_looked_for_from_the_integral_time_the_stated_lag_and_a_quick_one(monkeypatch, Ti, T, lags):
     seen = begun(monkeypatch, Law(0.0, 0.0, 1.0, Ti), T=T)
