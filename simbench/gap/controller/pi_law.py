@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from detectors.signal.lattice import Written, written
+from detectors.signal.lattice import Written, written, written_unit
 from detectors.signal.lines import on_line
 from simbench.gap.controller.recovered_pv import FAITHFUL, ROUNDED, beside_a_mean, hidden_law, recover_pv
 from simbench.gap.controller.regression import FORMS, LawFit, about_zero, by_steps, by_sums, spread, with_derivative
@@ -16,6 +16,8 @@ from simbench.loop.effects.detuning import PARAMETERS as TUNING
 
 EXACT = 0.03  # residual of dOP, relative to dOP, below which the law is taken as known
 DIGITS = 2.5  # times what rounding leaves of the law, below which it is taken as known all the same ...
+CARD = 0.05  # % of OP: what an output card of 11 bits rounds to ...
+BLURRED = 0.1  # ... which no longer shows as a lattice where OP is written in more than this share of it
 HALF = 0.5  # ... unless that is half of all that OP does
 RESTING = 0.05  # share of samples in which a fine OP stands still, from which it is not the mean of a moving PV that hides
 RETUNED = 0.13  # |ln ratio| of Kc or Ti from which the tuning is another one
@@ -85,7 +87,7 @@ def examine_law(
     Law
     """
     law = _examine(op, pv, sp, Ts, Kc, Ti, trusted)
-    if law.known:
+    if law.known and not law.averaged:
         return law
     # an archive that stores PV before, or OP after, the controller ran, and one that stores SP a sample off
     late = np.append(pv[0], pv[:-1])
@@ -100,7 +102,8 @@ def examine_law(
     most = law.strays.size / 2 if law.foreign and law.residual < EXACT else op.size
     known = [t for t in tries if t.known and t.strays.size <= most]
     if known:
-        return min(known, key=lambda t: t.strays.size)
+        # a mean explains much: it is believed where no alignment needs one
+        return min(known, key=lambda t: (t.averaged, t.strays.size))
     foreign = [t for t in tries if t.foreign]
     if foreign:
         return min(foreign, key=lambda t: t.residual)
@@ -256,7 +259,9 @@ def _fitted(asked: _Asked, free: _Free, shown: _Shown) -> _Fitted:
         fit = by_steps(du, e, rows, Kc, Ki, size, no_sp)
     # OP that mostly stands still fits "no control at all" exactly
     collapsed = bool(abs(fit.a) < 0.02 * abs(Kc + Ki) and np.mean(du[rows] == 0.0) > 0.3)
-    tolerance = max(EXACT, min((DIGITS * free.rounding + 1e-9 * float(np.abs(op).max())) / size, HALF))
+    card = CARD / np.sqrt(6.0) if written_unit(op) > BLURRED * CARD else 0.0
+    hidden = DIGITS * max(free.rounding, card) + 1e-9 * float(np.abs(op).max())
+    tolerance = max(EXACT, min(hidden / size, HALF))
     tolerance = max(tolerance, NEAR) if coarse else tolerance
     return _Fitted(fit, e, rows, size, gap, bool(coarse), tolerance, collapsed)
 
