@@ -72,7 +72,7 @@ def test_an_error_of_exactly_nothing_has_no_dead_band():
 
 
 def scans(missed, n=1000, noise=0.0, Kc=0.8, Ki=0.05):
-    """Return OP of a PI controller that misses scans, each move counting from the one before; its error, and its moves' size."""
+    """Return OP of a PI controller that misses scans, each move counted from the last one; its error, and its moves' size."""
     rng = np.random.default_rng(2)
     e, op, last = np.cumsum(rng.standard_normal(n)) * 0.1, np.full(n, 50.0), 0
     skip = np.isin(np.arange(n), rng.choice(np.arange(1, n), missed, replace=False))
