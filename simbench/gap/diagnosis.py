@@ -99,9 +99,9 @@ def _assess_all(records: list[LoopRecord], baseline: Loop | Partial | None, jobs
     gains |= dict.fromkeys(proven, SURE)
     parameters = {e: p for f in [*every, main] for e, p in f.parameters.items()}
     chosen = main.chosen or max((f.chosen for f in every), key=len)
-    unexplained = {b: why for f in every for b, why in f.unexplained.items()}
+    others = tuple(f for f in every if f is not main)
     said = f"{len(every)} records judged together; gap and parameters are those of {main.situation.record.tag or 'the longest'}"
-    return replace(main, log_likelihood_gains=gains, parameters=parameters, chosen=chosen, unexplained=unexplained), [said]
+    return replace(main, log_likelihood_gains=gains, parameters=parameters, chosen=chosen, beside=others), [said]
 
 
 def named_by(weights: Classified, found: Assessment) -> list[str]:

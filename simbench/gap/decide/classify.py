@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import expit, softmax
 
-from simbench.gap.decide.assess import ASKED, Assessment, worst_test
+from simbench.gap.decide.assess import ASKED, Assessment
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 
 TEMPERATURE = 0.25  # of the softmax: such likelihoods overstate, as no model of load and noise is quite true
@@ -76,7 +76,7 @@ def classify(found: Assessment) -> Classified:
         first, second = found.chosen
         gains[second] = max(gains[second], gains[first] - BEHIND)
     known = softmax(TEMPERATURE * np.array([*gains.values(), ASKED]))
-    ratio, block = worst_test(found)
+    ratio, block = found.worst_test
     q = float(expit(SHARPNESS * np.log(max(ratio, 1e-3))))
     if ratio < 1.0:
         # while no test fails, "unknown" is never the answer, however little is known of what the effect is

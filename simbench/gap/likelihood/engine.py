@@ -40,7 +40,6 @@ class Engine:
         self.onset = np.ones(n)
         self.onset[0] = 0.0
         self.spread = 10.0 * float(np.std(data.y)) + data.floor
-        self.evaluations = 0
 
     def start(self) -> dict[str, float]:
         """Return the nuisance parameters from which the first fit starts."""
@@ -100,7 +99,6 @@ class Engine:
         `left` holds the innovations, then the priors' residuals; `level` the log variances; further the linear coefficients,
         the whitened and the raw channels (PV first).
         """
-        self.evaluations += 1
         channels = self._channels(spec, theta)
         white, level = self._whiten(spec, theta, channels)
         used = white[:, kernels.SKIP :]

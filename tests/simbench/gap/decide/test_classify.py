@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from simbench.gap.decide.assess import ASKED, LIMITS, Assessment, assess, worst_test
+from simbench.gap.decide.assess import ASKED, LIMITS, Assessment, assess
 from simbench.gap.decide.classify import TEMPERATURE, classify
 from simbench.gap.intake.check import check
 from simbench.gap.random_case import random_case
@@ -34,7 +34,6 @@ def quiet(found: Assessment, **gains: float) -> Assessment:
         situation=replace(found.situation, unexplained_law="", frozen=False),
         tests=dict.fromkeys(found.tests, 0.0),
         mv_unexplained=False,
-        unexplained={},
         chosen=list(gains)[:1],
         log_likelihood_gains={**dict.fromkeys(EFFECTS, -3.0), **gains},
     )
@@ -78,7 +77,7 @@ def test_what_needs_no_statistics_makes_the_answer_unknown_and_gives_its_block(f
     weights = classify(strange)
     assert max(weights.probability, key=lambda e: weights.probability[e]) == UNKNOWN
     assert weights.block(UNKNOWN) == "controller"
-    assert worst_test(strange)[0] > 1.0
+    assert strange.worst_test[0] > 1.0
 
 
 def test_a_second_effect_follows_the_first(found):
