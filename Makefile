@@ -52,7 +52,7 @@ docs: $(READY)             ## the gallery, and every published number beside our
 	$(BIN)/python -m simbench.report.chapter --isdb ../shared/data/real
 	$(BIN)/python -m simbench.report.gallery
 
-site: $(READY)             ## API, detectors and glossary as pages, from the docstrings
+site: $(READY)             ## tutorials that run, API, detectors, formats, glossary as pages
 	$(BIN)/python -m sphinx -W --keep-going -q docs/site runs/site
 
 $(READY): pyproject.toml constraints.txt
