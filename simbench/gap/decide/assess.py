@@ -36,6 +36,11 @@ class Assessment(Fitted):
     mv_unexplained: bool = False
     beside: tuple[Assessment, ...] = ()
 
+    def shown(self, effect: str) -> bool:
+        """Whether single samples, the controller's law or MV show an effect, and no likelihood of PV is needed."""
+        by_mv = self.situation.record.mv is not None and recogniser(effect).by_mv is not None
+        return by_mv or effect in self.situation.proven
+
     @property
     def failures(self) -> list[tuple[float, str, str]]:
         """Every test of every record as (times its limit, block, what was found)."""
