@@ -541,9 +541,10 @@ def gap_diagnose(
     ] = None,
     identify: Annotated[bool, typer.Option("--identify", help="No baseline: estimate one from the record.")] = False,
     jobs: Jobs = 1,
-    no_bootstrap: Annotated[bool, typer.Option("--no-bootstrap", help="Without effect: there is none any more.")] = False,
+    no_bootstrap: Annotated[bool, typer.Option("--no-bootstrap", hidden=True)] = False,
     html: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Report to write.")] = None,
     write_loop: Annotated[Path | None, typer.Option(metavar="FIXED.toml", help="Loop file with the effect in it.")] = None,
+    picture: Annotated[Path | None, typer.Option(help="The diagnosis on one sheet (SVG, PNG or PDF).")] = None,
     process: Annotated[str | None, typer.Option(help="self-regulating or integrating; for --identify.")] = None,
     op_span: Span = None,
     window: Annotated[tuple[int, int] | None, typer.Option(metavar="FROM TO", help="Samples to judge.")] = None,
@@ -555,7 +556,7 @@ def gap_diagnose(
     if (baseline is None) == (not identify):
         raise ParameterError("gap diagnose needs either --baseline LOOP.toml or --identify")
     report = diagnose_files(
-        records, baseline, jobs=jobs, html=html, write_loop=write_loop,
+        records, baseline, jobs=jobs, html=html, write_loop=write_loop, picture=picture,
         process=process, op_span=op_span, window=window,
     )  # fmt: skip
     _print(report.as_json() if as_json else report.as_text(), as_json)
@@ -613,7 +614,7 @@ def make(
 def answer(
     out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the check.")],
     jobs: Jobs = 1,
-    no_bootstrap: Annotated[bool, typer.Option("--no-bootstrap", help="Without effect: there is none any more.")] = False,
+    no_bootstrap: Annotated[bool, typer.Option("--no-bootstrap", hidden=True)] = False,
     world: World = "own",
 ) -> None:
     """Diagnose every record, without sight of the answers and whatever the world; resumes where it stopped."""
@@ -744,10 +745,9 @@ def _one_of(verb: str, loop: Path | None, option: str, other: Any) -> None:
 
 def _confirmed(result: Any, picture: Path | None, as_json: bool) -> None:
     if picture is not None:
-        from simbench.files import whole_file
+        from simbench.figures._style import write_picture
 
-        with whole_file(picture, "wb") as f:
-            result.plot().savefig(f, format=picture.suffix.lstrip(".") or "svg")
+        write_picture(result.plot(), picture)
     _print(result.as_json() if as_json else result.as_text(), as_json)
 
 
