@@ -41,12 +41,12 @@ class GuestError(UserError):
 
 
 class Guest:
-    """One plug-in file in a process of its own.
+    """One plug-in in a process of its own.
 
     Parameters
     ----------
-    path : Path
-        The file; it is imported by that process alone.
+    source : Path or str
+        A file, or the name under which another distribution publishes it; it is imported by that process alone.
     seconds : float
         Time it may take for a record.
 
@@ -60,8 +60,8 @@ class Guest:
     detectors.guest.GuestError: SystemExit: 3
     """
 
-    def __init__(self, path: Path, seconds: float = SECONDS) -> None:
-        self.path, self.seconds = path, seconds
+    def __init__(self, source: Path | str, seconds: float = SECONDS) -> None:
+        self.source, self.seconds = source, seconds
         self.strikes = 0
         self._process: subprocess.Popen | None = None
         self._to = self._back = -1
@@ -78,8 +78,8 @@ class Guest:
         """
         return _method(self._ask({"do": "describe"}, START))
 
-    def judge(self, prepared: Prepared, modes: tuple[bool, ...], thresholds: dict[str, float]) -> list[Verdict]:
-        """Return the plug-in's verdict on a record for every mode (raw or not).
+    def judge(self, name: str, prepared: Prepared, modes: tuple[bool, ...], thresholds: dict[str, float]) -> list[Verdict]:
+        """Return the plug-in's verdict on a record for every mode (raw or not), under the name it was asked by.
 
         Raises
         ------
@@ -93,7 +93,7 @@ class Guest:
         answer = self._ask(asked, self.seconds * len(modes))
         if not isinstance(answer, list) or len(answer) != len(modes):
             raise GuestError("answered with something that is no verdict")
-        return [_verdict(self.path.stem, one) for one in answer]
+        return [_verdict(name, one) for one in answer]
 
     def close(self) -> None:
         """End the process and all it started."""
@@ -110,7 +110,7 @@ class Guest:
     def _start(self) -> None:
         read_mine, self._to = os.pipe()
         self._back, write_mine = os.pipe()
-        words = [sys.executable, "-m", "detectors.guest_process", *map(str, (read_mine, write_mine, os.getpid(), self.path))]
+        words = [sys.executable, "-m", "detectors.guest_process", *map(str, (read_mine, write_mine, os.getpid(), self.source))]
         home = str(Path(__file__).resolve().parents[1])
         paths = os.pathsep.join([home, *filter(None, [os.environ.get("PYTHONPATH")])])
         try:

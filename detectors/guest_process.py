@@ -22,10 +22,11 @@ from detectors.verdict import Verdict
 
 
 def main() -> None:
-    """Serve requests until the parent is gone: `python -m detectors.guest_process READ WRITE PARENT FILE`."""
-    read, write, parent, path = int(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]), sys.argv[4]
+    """Serve requests until the parent is gone: `python -m detectors.guest_process READ WRITE PARENT SOURCE`."""
+    read, write, parent, source = int(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]), sys.argv[4]
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     os.write(write, b"R")
+    methods.host_entry_points = False
     name = None
     while True:
         asked = _receive(read)
@@ -34,7 +35,7 @@ def main() -> None:
         signal.signal(signal.SIGALRM, signal.SIG_DFL)
         signal.setitimer(signal.ITIMER_REAL, 2.0 * asked["seconds"] + 60.0)
         try:
-            name = name or methods.add_file(path)
+            name = name or (methods.add_file(source) if os.sep in source else source)
             answer = {"answer": _described(name) if asked["do"] == "describe" else _judged(name, asked)}
             text = json.dumps(answer).encode()
         except MemoryError:

@@ -5,9 +5,12 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+import tempfile
+from pathlib import Path
 
 import pytest
 
+from detectors import usage
 from detectors.usage import exit_code
 from simbench.cli import main
 from tests.simbench.boundary.test_loops import put, text
@@ -104,6 +107,21 @@ def test_a_fault_of_the_program_is_one_sentence_that_names_its_log(capsys):
     log = said.rstrip().rpartition(" ")[2]
     with open(log) as f:
         assert "Traceback" in f.read()
+
+
+def test_logs_of_faults_do_not_pile_up(capsys, tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    (tmp_path / "simbench-report.log").write_text("not ours")
+    for number in range(usage.LOGS + 5):
+
+        def fault(number=number):
+            raise ZeroDivisionError(number)
+
+        assert exit_code(fault) == 2
+    last = capsys.readouterr().err.rstrip().rpartition(" ")[2]
+    assert len(list(tmp_path.glob(f"{usage.LOG}*"))) == usage.LOGS
+    assert f"ZeroDivisionError: {usage.LOGS + 4}" in Path(last).read_text()
+    assert (tmp_path / "simbench-report.log").exists()
 
 
 @pytest.mark.parametrize("what", ["detectors", "grids", "effects", "valves", "figures"])
