@@ -267,8 +267,8 @@ class Detectors(PluginFolder):
         point = self._entry_points.get(name)
         if point is None or not self.host_entry_points:
             return super()._outside(name)
-        host = Guest(name)
-        stub = _stub(host, f"{self.kind} {name!r} of {point.dist.name if point.dist else 'another distribution'} ({point.value})")
+        host, whose = Guest(name), point.dist.name if point.dist else "another distribution"
+        stub = _stub(host, f"{self.kind} {name!r} of {whose} ({point.value})")
         self._guests[name] = ((), host)
         return stub
 

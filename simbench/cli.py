@@ -640,9 +640,9 @@ def contract(
     as_json: Json = False,
 ) -> None:
     """Check whether a plug-in keeps its contract; exit 1 when it does not."""
-    from simbench.contract import check_file
+    from simbench.contract.apart import check_apart
 
-    found = check_file(path)
+    found = check_apart(path)
     _print(found.as_json() if as_json else found.as_text(), as_json)
     if not found.kept:
         raise typer.Exit(1)

@@ -1,4 +1,4 @@
-"""What isolation costs a run: the records of the main job judged with one plug-in more, in a process of its own or in this one."""
+"""What isolation costs: records of the main job judged with one plug-in more, in a process of its own or in this one."""
 
 from __future__ import annotations
 
@@ -43,9 +43,8 @@ def seconds(names: list[str], extra: str | None) -> float:
 
 
 def _used() -> float:
-    return sum(
-        u.ru_utime + u.ru_stime for u in (resource.getrusage(resource.RUSAGE_SELF), resource.getrusage(resource.RUSAGE_CHILDREN))
-    )
+    used = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(u.ru_utime + u.ru_stime for u in used)
 
 
 def main() -> int:
@@ -66,7 +65,8 @@ def main() -> int:
         start = _start(contenders["isolated"])
         more = (best["isolated"] - start - best["inside"]) / best["inside"]
         good &= more <= MOST
-        print(f"{name:<10}" + "".join(f" {place} {t:.3f}" for place, t in best.items()) + f"  start {start:.3f}  share {more:+.1%}")
+        shown = "".join(f" {place} {t:.3f}" for place, t in best.items())
+        print(f"{name:<10}{shown}  start {start:.3f}  share {more:+.1%}")
     return 0 if good else 1
 
 

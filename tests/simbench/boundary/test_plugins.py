@@ -18,6 +18,7 @@ from detectors.errors import ParameterError
 from detectors.record import LoopRecord
 from detectors.registry import methods
 from simbench.cli import main
+from simbench.contract import apart
 
 HEAD = """
 import os, sys, time, json
@@ -275,7 +276,8 @@ def published(tmp_path, monkeypatch):
 
 
 def test_a_published_detector_lives_in_a_process_of_its_own(published, alone, tmp_path):
-    published(("pid", "open(%r, 'w').write(str(os.getpid())); " % str(tmp_path / "pid") + FINE), ("mad", HOSTILE["exits hard"][0]))
+    tells = f"open({str(tmp_path / 'pid')!r}, 'w').write(str(os.getpid())); {FINE}"
+    published(("pid", tells), ("mad", HOSTILE["exits hard"][0]))
     found = {v.method: v for _, v in detect(RECORD, ["mad", "pid", "pid@published", *OTHERS]).verdicts}
     assert [found[m].as_json() for m in OTHERS] == alone
     assert found["pid"].verdict == found["pid@published"].verdict == "stiction"
@@ -297,3 +299,26 @@ def test_a_published_detector_that_cannot_be_imported_is_named_with_its_distribu
     record = tmp_path / "rec.csv"
     record.write_text("t,op,pv\n" + "".join(f"{k},{50 + k % 7},{k % 5}\n" for k in range(100)))
     refused(["detect", record, "--method", "broken"], "broken", "strangers", "no licence")
+
+
+CONTRACTS = {
+    "raises": ("raise ValueError('on purpose')", "on purpose"), "exits": ("sys.exit(0)", "SystemExit"),
+    "exits hard": ("os._exit(0)", "exit status 0"), "kills itself": ("os.kill(os.getpid(), 9)", "signal 9"),
+    "never ends": ("while True: pass", "longer than"),
+    "takes all memory": ("x = [np.ones(10_000_000) for _ in range(1000)]", "MemoryError"),
+    "writes to both": ("os.write(1, b'noise'); os.write(2, b'noise'); raise OSError", "OSError"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CONTRACTS)
+def test_a_contract_is_checked_apart(tmp_path, capfd, monkeypatch, name):
+    monkeypatch.setattr(apart, "BYTES", 400 << 20)
+    monkeypatch.setattr(apart.check_apart, "__defaults__", (30.0 if name == "never ends" else 300.0,))
+    body, word = CONTRACTS[name]
+    file = plugin(tmp_path, body)
+    file.write_text('"""A stranger."""\n' + file.read_text().replace(", **thresholds", ""))
+    assert main(["contract", str(file), "--json"]) == 1
+    said = json.loads(capfd.readouterr().out)
+    assert not said["kept"]
+    assert said["kind"] == "detector"
+    assert any(word in one for one in said["broken"]), said["broken"]
