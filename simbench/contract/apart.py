@@ -1,4 +1,4 @@
-"""A contract checked in a process of its own: a plug-in that ends it, never answers or takes all memory is named, not suffered."""
+"""A contract checked in a process of its own: a plug-in that ends it, never answers or takes all memory is named."""
 
 from __future__ import annotations
 

@@ -49,13 +49,13 @@ def told(capsys) -> Callable[..., tuple[int, str]]:
             assert err.startswith("error: "), err
             assert err.count("\n") == 1, err
         elif "--json" in arguments:
-            json.loads(out, parse_constant=_no_constant)
+            json.loads(out, parse_constant=no_constant)
         return code, err if code == 2 else out
 
     return run
 
 
-def _no_constant(word: str) -> float:
+def no_constant(word: str) -> float:
     raise AssertionError(f"{word} is no JSON")
 
 
