@@ -89,7 +89,8 @@ class Guest:
         if self.strikes >= STRIKES:
             raise GuestError(f"asked no more, as its process was lost {STRIKES} times in this piece of work")
         known = {name: value for name in ("oscillation", "flags") if (value := prepared.__dict__.get(name)) is not None}
-        asked = {"do": "judge", "record": prepared.record, "known": known, "modes": modes, "thresholds": thresholds}
+        about = {"record": prepared.record, "front_end": prepared.front_end, "known": known}
+        asked = {"do": "judge", **about, "modes": modes, "thresholds": thresholds}
         answer = self._ask(asked, self.seconds * len(modes))
         if not isinstance(answer, list) or len(answer) != len(modes):
             raise GuestError("answered with something that is no verdict")

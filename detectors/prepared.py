@@ -12,10 +12,12 @@ from detectors.quality import Flag, inspect
 from detectors.record import LoopRecord
 from detectors.signal.conditioning import clear_harmonics, drift, loop_sign, mirrored_spectrum, smooth, snapped
 from detectors.signal.half_cycles import split
+from detectors.signal.load_disturbances import oscillation_by_loads
 from detectors.signal.oscillation import Oscillation, find_oscillation
 from detectors.signal.standstill import steady_valve
 
 STILL = 1e-9  # of a signal's range: less is rounding
+FRONT_ENDS = ("acf", "hagglund")
 
 
 @dataclass
@@ -26,6 +28,8 @@ class Prepared:
     ----------
     record : LoopRecord
         The record, blinded unless the method needs MV.
+    front_end : {"acf", "hagglund"}
+        What judges whether there is a sustained oscillation.
     shared : dict
         Intermediate results that methods on the same record share, by name; `share` fills it.
 
@@ -38,6 +42,7 @@ class Prepared:
     """
 
     record: LoopRecord
+    front_end: str = "acf"
     shared: dict = field(default_factory=dict)
 
     @cached_property
@@ -48,7 +53,11 @@ class Prepared:
     @cached_property
     def oscillation(self) -> Oscillation:
         """The common front end's finding on OP and PV."""
-        return find_oscillation(self.record.op, self.record.pv, self.record.Ts)
+        record = self.record
+        if self.front_end == "hagglund":
+            span = None if record.pv_span is None else record.pv_span[1] - record.pv_span[0]
+            return oscillation_by_loads(record.op, record.pv, record.e, record.Ts, span)
+        return find_oscillation(record.op, record.pv, record.Ts)
 
     @property
     def integrating(self) -> bool:
@@ -154,7 +163,7 @@ class Prepared:
 
     def sighted(self, record: LoopRecord) -> Prepared:
         """Return the same for the same record with MV; what was found without MV is kept."""
-        other = Prepared(record, dict(self.shared))
+        other = Prepared(record, self.front_end, dict(self.shared))
         other.__dict__.update(oscillation=self.oscillation, flags=self.flags)
         return other
 

@@ -41,6 +41,7 @@ Thresholds = Annotated[
 Span = Annotated[tuple[float, float] | None, typer.Option(metavar="LO HI", help="Values that mean 0 and 100 %.")]
 
 Power = Annotated[bool, typer.Option("--power", help="Also say what this record could have shown, from twins of its loop.")]
+FrontEnd = Annotated[str, typer.Option(metavar="acf|hagglund", help="What says whether a loop oscillates.")]
 World = Annotated[str, typer.Option(metavar="NAME", help="Independent simulator that draws the records.")]
 
 # the help of each verb ends with its examples
@@ -201,6 +202,7 @@ def detect(
     loop: Annotated[str | None, typer.Option(metavar="N", help="Loop of a file with several: FIC101, chemicals.loop1.")] = None,
     labels: Annotated[Path | None, typer.Option(help="Table with id and label: judge and score its records.")] = None,
     raw: Annotated[bool, typer.Option("--raw", help="Without the oscillation front end.")] = False,
+    front_end: FrontEnd = "acf",
     plugin: Plugin = None,
     time_limit: Limit = 60.0,
     thresholds: Thresholds = None,
@@ -216,8 +218,8 @@ def detect(
 
     report = judge_files(
         path, method or ["all"], process=process, kind=kind, op_span=op_span, pv_span=pv_span, labels=labels, raw=raw,
-        plugins=plugin or [], thresholds=_threshold_file(thresholds), columns=column_pairs(columns), Ts=Ts, loop=loop,
-        time_limit=time_limit,
+        front_end=front_end, plugins=plugin or [], thresholds=_threshold_file(thresholds), columns=column_pairs(columns),
+        Ts=Ts, loop=loop, time_limit=time_limit,
     )  # fmt: skip
     for name, sentence in report.refused.items():
         print(f"left out {name}: {sentence}", file=sys.stderr)
@@ -308,6 +310,7 @@ def run(
     jobs: Jobs = 1,
     method: Annotated[list[str] | None, typer.Option(help="Method ids, fast, full, oracle; repeatable [fast, oracle].")] = None,
     raw: Annotated[bool, typer.Option("--raw", help="Only without the oscillation front end.")] = False,
+    front_end: FrontEnd = "acf",
     plugin: Plugin = None,
     valve_plugin: ValvePlugin = None,
     effect_plugin: EffectPlugin = None,
@@ -336,7 +339,8 @@ def run(
     axes = {k: [_number(v) for v in str(values).split(",")] for k, values in _pairs(axis or [], "--axis", text=True).items()}
     try:
         folder = run_grid(
-            grid, out or Path("runs") / Path(grid).stem, tuple(method or ["fast", ORACLE]), jobs, raw=raw, plugins=plugin or [],
+            grid, out or Path("runs") / Path(grid).stem, tuple(method or ["fast", ORACLE]), jobs, raw=raw,
+            front_end=front_end, plugins=plugin or [],
             backend=backend, address=address, resume=resume, until_width=until_width, sets=_pairs(sets or [], "--set"),
             axes=axes, thresholds=_threshold_file(thresholds), large=large, time_limit=time_limit,
             valve_plugins=valve_plugin or [], effect_plugins=effect_plugin or [],
@@ -513,7 +517,7 @@ def travel(
     picture: Annotated[Path | None, typer.Option(help="Picture to write (SVG or PNG).")] = None,
     as_json: Json = False,
 ) -> None:
-    """Valve travel test: small steps of OP until PV moves, same direction and reversed."""
+    """Valve travel test: small steps of OP until PV moves, same direction and reversed; a loop is graded by Table 11.1."""
     _one_of("confirm travel", loop, "--record REC.csv", record)
     _picture(picture, loop, record)
     if loop is None:
@@ -524,10 +528,10 @@ def travel(
         found = travel_recorded(read_record(record, process=process, op_span=op_span))
     else:
         from scenarios.spec import load_loop
-        from simbench.confirm.travel import travel_test
+        from simbench.confirm.grade import graded_test
 
         with naming(loop):
-            found = travel_test(load_loop(loop))
+            found = graded_test(load_loop(loop))
     _confirmed(found, picture, as_json)
 
 
