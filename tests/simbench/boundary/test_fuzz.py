@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from simbench.bench import run as run_module
 from simbench.cli import main
-from tests.simbench.boundary.conftest import LEAKS, no_constant
+from tests.simbench.boundary.conftest import LEAKS, bounded, no_constant
 from tests.simbench.boundary.test_grids import HEAD as GRID
 from tests.simbench.boundary.test_loops import text as loop_text
 from tests.simbench.boundary.test_records import csv
@@ -48,7 +48,7 @@ CUTS = st.lists(
 def asked(arguments: list) -> tuple[int, str]:
     """Run a command: exit 0 or 1 with JSON, 2 with one sentence, 130 where it was stopped; return code and sentence."""
     out, err = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+    with bounded(), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         code = main([str(a) for a in arguments])
     said = err.getvalue()
     assert code in (0, 1, 2, 130), (code, said)
