@@ -219,7 +219,7 @@ class Grid:
 
     def size(self, index: int) -> int:
         """Return the number of scenarios of a group without building it."""
-        return self._sizes[index % self.cells]
+        return self._sizes[index % len(self._sizes)]
 
     def group(self, index: int) -> Group:
         """Build one group.
@@ -450,7 +450,7 @@ def _narrowed(where: dict[str, tuple[Value, ...]], axes: Mapping[str, tuple[Valu
 def chunks(grid: Grid) -> Iterator[tuple[int, int]]:
     """Yield (first group, last group + 1) of pieces of up to 80 scenarios, 1000 of a large grid; they depend on it alone."""
     # a small grid is cut finer, so that several workers find work; a large one coarser: every piece costs whoever hands it out
-    most = min(80, max(len(grid) // 16, 4)) if len(grid) <= 20_000 else min(len(grid) // 250, 1000)
+    most = min(80, max(len(grid) // 16, 4)) if len(grid) <= 20_000 else min(len(grid) // 125, 1000)
     start, held = 0, 0
     for index in range(grid.group_count):
         size = grid.size(index)

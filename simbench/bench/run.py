@@ -8,7 +8,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, cast
@@ -21,13 +21,13 @@ from detectors.report import choose_methods
 from scenarios.grid import Grid, chunks, load_grid
 from simbench.bench import adaptive, pieces
 from simbench.bench.checksums import RunError, check_tables, file_digest
-from simbench.bench.cluster import Runner, on_cluster
 from simbench.bench.grid_check import refuse_too_large, refuse_wrong_parts, size_of
 from simbench.bench.manifest import describe, read_manifest, run_key
 from simbench.bench.oracle import ORACLE
 from simbench.bench.pieces import Receipt
 from simbench.bench.place import Place, place_of
 from simbench.bench.work import Thresholds, add_parts, work
+from simbench.bench.workers import Runner, on_cluster, on_processes
 
 BACKENDS = ("loky", "dask")
 LIVES = 3  # how often dead workers are replaced before the run gives up
@@ -155,7 +155,7 @@ def run_grid(
         settings = (tuple(names), tuple(files), chosen, keep, time_limit, stages)
         where = Path("runs") / plan.name if out is None else out
         place = place_of(where)
-        with _parallel(backend, address, jobs) as run:
+        with on_cluster(address) if backend == "dask" else on_processes(jobs) as run:
             pieces.open_run(place, manifest, resume)
             if pieces.is_finished(place):
                 check_tables(place, read_manifest(place))
@@ -230,32 +230,6 @@ def _worked(place: Place, task: _Task, run: Runner, bar: _Bar, missing: dict[int
 def _worker_died(error: Exception) -> bool:
     # loky and dask name it differently, and neither need be installed
     return any(c.__name__ in ("BrokenProcessPool", "TerminatedWorkerError", "KilledWorker") for c in type(error).__mro__)
-
-
-@contextlib.contextmanager
-def _parallel(backend: str, address: str | None, jobs: int) -> Iterator[Runner]:
-    """Yield a function that works through pieces in parallel and gives each receipt back when it is there."""
-    if backend == "dask":
-        with on_cluster(address) as run:
-            yield run
-        return
-    if jobs == 1:
-        yield lambda task, missing: (task(number, groups) for number, groups in missing)
-        return
-    import joblib
-
-    def parallel(task: Callable, missing: list[tuple[int, Sequence[int]]]) -> Iterator[Receipt]:
-        pool: Any = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1, max_nbytes=None)
-        # a generator: receipts come back as they get ready
-        yield from pool(joblib.delayed(task)(number, groups) for number, groups in missing)
-
-    with joblib.parallel_config(backend=backend, n_jobs=jobs, inner_max_num_threads=1, initializer=_ignore_interrupt):
-        yield parallel
-
-
-def _ignore_interrupt() -> None:
-    # Ctrl-C reaches the whole process group; the parent alone decides what becomes of it
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 @contextlib.contextmanager

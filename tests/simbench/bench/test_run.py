@@ -16,8 +16,8 @@ import pytest
 from detectors.errors import UserError
 from detectors.judge import judge
 from scenarios.grid import make_grid
-from simbench.bench import cluster, pieces, store
 from simbench.bench import manifest as manifest_module
+from simbench.bench import pieces, store, workers
 from simbench.bench import run as run_module
 from simbench.bench.checksums import digest
 from simbench.bench.manifest import RunError, read_manifest
@@ -401,7 +401,7 @@ def test_a_kill_between_the_last_steps_is_tidied_up(small, finished, tmp_path, s
     ],
 )
 def test_wrong_settings_are_one_sentence(small, tmp_path, settings, words, monkeypatch):
-    monkeypatch.setattr(cluster, "PATIENCE", 1)
+    monkeypatch.setattr(workers, "PATIENCE", 1)
     methods = settings.pop("methods", ["he"])
     with pytest.raises(UserError, match=words) as error:
         run_grid(small, tmp_path / "run", methods, **settings)
