@@ -83,11 +83,6 @@ def seconds(
     return t
 
 
-def looks_like_time(text: str) -> bool:
-    """Whether one cell can be a time at all."""
-    return _time(text, "number") is not None or any(_time(text, form) is not None for form in _forms())
-
-
 def _counted(t: np.ndarray, unit: str, name: str, where: str, notes: list[str]) -> np.ndarray:
     """Return seconds from numbers; without a unit they are seconds, unless no record could count so."""
     if unit:

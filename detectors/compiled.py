@@ -73,8 +73,10 @@ def compiled(function: FunctionType):
 
     Examples
     --------
-    >>> compiled(_twice)(2.0)
-    4.0
+    >>> from detectors.signal.look_alikes import predicted
+    >>> x = np.sin(np.arange(60.0))
+    >>> bool(np.isclose(compiled(predicted)(x, 3, 1, 3), predicted(x, 3, 1, 3)))
+    True
     """
     text = f'@njit(cache=True, error_model="numpy")\n{inspect.getsource(function)}'
     return getattr(cached_module(function.__name__.strip("_"), _used(function), text, "numpy"), function.__name__)
@@ -238,10 +240,6 @@ def _high_product():
         return types.uint64(types.uint64, types.uint64), code
 
     return high
-
-
-def _twice(x):
-    return 2.0 * x
 
 
 def _used(function: FunctionType) -> dict[str, Any]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 UNITS = 10.0 ** -np.arange(-3.0, 10.0)
@@ -176,6 +178,49 @@ def hides_nothing(step: float, x: np.ndarray) -> bool:
     (True, False)
     """
     return step**2 / 12.0 < IMMATERIAL * float(np.var(np.diff(x)))
+
+
+class Written(NamedTuple):
+    """How a column is written: its decimal `unit`, its lattice's `step`, and `digits`, the larger of both that hides nothing.
+
+    Each is in units of the column, and 0 where there is none.
+    """
+
+    unit: float
+    step: float
+    digits: float
+
+    @property
+    def coarse(self) -> float:
+        """Step of a lattice that hides something of the signal's moves."""
+        return 0.0 if self.step == self.digits else self.step
+
+
+def written(x: np.ndarray, *others: np.ndarray) -> Written:
+    """Return the digits and the lattice of a column, and which of them is no more than the way it was written.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+    *others : ndarray
+        Other columns of the same file, see `written_unit`.
+
+    Returns
+    -------
+    Written
+
+    Examples
+    --------
+    >>> x = np.random.default_rng(5).standard_normal(5000)
+    >>> fine, rough = (written(step * np.round(x / step)) for step in (0.25, 0.75))
+    >>> round(fine.digits, 6), fine.coarse
+    (0.25, 0.0)
+    >>> round(rough.digits, 6), round(rough.coarse, 6)
+    (0.01, 0.75)
+    """
+    unit = written_unit(x, *others)
+    step = lattice(x, unit)
+    return Written(unit, step, step if step > 0.0 and hides_nothing(step, x) else unit)
 
 
 def _anywhere(levels: np.ndarray, unit: float) -> float:

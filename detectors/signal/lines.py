@@ -30,13 +30,45 @@ def on_line(x: np.ndarray, unit: float = 0.0) -> np.ndarray:
     900
     """
     out = np.zeros(x.size, dtype=bool)
+    bend, tolerance = _bends(x, unit)
+    out[1:-1] = bend <= tolerance
+    return out
+
+
+def share_on_lines(x: np.ndarray, unit: float = 0.0) -> float:
+    """Return the share of samples that lie on a line through their neighbours beyond those that do so by chance.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Signal.
+    unit : float
+        What its values are rounded to; 0 for full precision.
+
+    Returns
+    -------
+    float
+        0..1. Chance bends a signal by up to a tolerance as often as by one to two tolerances; a drawn line does not.
+
+    Examples
+    --------
+    >>> x = np.round(np.cumsum(np.random.default_rng(0).standard_normal(4000)), 2)
+    >>> round(float(on_line(x, 0.05).mean()), 2), round(share_on_lines(x, 0.05), 2)
+    (0.06, 0.0)
+    """
+    bend, tolerance = _bends(x, unit)
+    beyond = np.count_nonzero((bend > tolerance) & (bend <= 2.0 * tolerance))
+    return max(np.count_nonzero(bend <= tolerance) - beyond, 0) / max(x.size, 1)
+
+
+def _bends(x: np.ndarray, unit: float) -> tuple[np.ndarray, float]:
+    """Return how far each inner sample is off a straight course (inf where nothing moves), and what rounding explains of it."""
     first, second = np.diff(x), np.diff(x, 2)
     moving = (np.abs(first[1:]) > 2 * unit) | (np.abs(first[:-1]) > 2 * unit)
     typical = 1.4826 * float(np.median(np.abs(first)))
     tolerance = max(2.1 * unit, 1e-6 * (float(np.ptp(x)) or 1.0))
-    if tolerance <= 0.2 * typical:
-        out[1:-1] = moving & (np.abs(second) <= tolerance)
-    return out
+    seen = moving & (tolerance <= 0.2 * typical)
+    return np.where(seen, np.abs(second), np.inf), tolerance
 
 
 def straight(x: np.ndarray, unit: float = 0.0) -> tuple[float, int]:

@@ -17,8 +17,8 @@ from tqdm import tqdm
 
 from detectors.errors import ParameterError, UserError
 from detectors.io import read_record
-from scenarios.spec import Loop, load_loop
-from simbench.blind.making import PLANTS, record_csv
+from scenarios.spec import load_loop
+from simbench.blind.making import PLANTS, write_item
 from simbench.blind.world import OWN, WORLDS
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.effects import left_out
@@ -89,8 +89,8 @@ def _one(folder: Path, name: str, i: int, effect: str, draw_item: Any, seed: int
     number = 1000 * list(EFFECTS).index(effect) + i
     entry = {"kind": "single", "effect": effect, "strength": strength, "mv": i % 4 < 2, "plant": PLANTS[i % 3]}
     try:
-        item = drawn_by_text(draw_item(seed, number, entry), folder / name)
-        record, baseline = read_record(item.with_suffix(".csv")), load_loop(item.with_suffix(".toml"))
+        record_file, baseline_file = write_item(draw_item(seed, number, entry), folder, name)
+        record, baseline = read_record(record_file), load_loop(baseline_file)
         with left_out(effect):
             without = diagnose(record, baseline)
         whole = diagnose(record, baseline)
@@ -101,13 +101,6 @@ def _one(folder: Path, name: str, i: int, effect: str, draw_item: Any, seed: int
         "said": without.effect, "block": without.block, "nearest": known[0], "before": without.gap.before,
         "left": without.gap.after, "resolvable": without.gap.resolvable, "back": whole.effect, "after": whole.gap.after,
     }  # fmt: skip
-
-
-def drawn_by_text(item: Any, stem: Path) -> Path:
-    """Write a world's item beside `stem`, as the blind check does, and return the stem."""
-    stem.with_suffix(".csv").write_text(record_csv(item.columns), encoding="utf-8")
-    stem.with_suffix(".toml").write_text(Loop.from_table(item.baseline, stem.name).to_toml(), encoding="utf-8")
-    return stem
 
 
 def summary(found: pd.DataFrame) -> pd.DataFrame:

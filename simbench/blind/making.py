@@ -121,6 +121,14 @@ def answers_csv(answers: list[dict[str, Any]]) -> str:
     return text.getvalue()
 
 
+def write_item(item: Any, folder: Path, name: str) -> tuple[Path, Path]:
+    """Write what a world drew as name.csv, the record, and name.toml, its baseline, and return both files."""
+    record, baseline = folder / f"{name}.csv", folder / f"{name}.toml"
+    record.write_text(record_csv(item.columns), encoding="utf-8")
+    baseline.write_text(Loop.from_table(item.baseline, name).to_toml(), encoding="utf-8")
+    return record, baseline
+
+
 def record_csv(columns: Mapping[str, np.ndarray]) -> str:
     """Return a record as the text of records/ID.csv."""
     rows = zip(*(c.tolist() for c in columns.values()), strict=True)
@@ -179,8 +187,6 @@ def make(
     print(f"commitment {sealed.commitment}", file=sys.stderr, flush=True)
     (out / "records").mkdir(parents=True)
     for name, item in zip(names, items, strict=True):
-        (out / "records" / f"{name}.csv").write_text(record_csv(item.columns), encoding="utf-8")
-        loop = Loop.from_table(item.baseline, name)
-        (out / "records" / f"{name}.toml").write_text(loop.to_toml(), encoding="utf-8")
+        write_item(item, out / "records", name)
     seal.write(sealed, out, key)
     return sealed.commitment

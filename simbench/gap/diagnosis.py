@@ -99,9 +99,9 @@ def _assess_all(records: list[LoopRecord], baseline: Loop | Partial | None, jobs
     gains |= dict.fromkeys(proven, SURE)
     parameters = {e: p for f in [*every, main] for e, p in f.parameters.items()}
     chosen = main.chosen or max((f.chosen for f in every), key=len)
-    unexplained = {b: why for f in every for b, why in f.unexplained.items()}
+    others = tuple(f for f in every if f is not main)
     said = f"{len(every)} records judged together; gap and parameters are those of {main.situation.record.tag or 'the longest'}"
-    return replace(main, log_likelihood_gains=gains, parameters=parameters, chosen=chosen, unexplained=unexplained), [said]
+    return replace(main, log_likelihood_gains=gains, parameters=parameters, chosen=chosen, beside=others), [said]
 
 
 def named_by(weights: Classified, found: Assessment) -> list[str]:
@@ -126,6 +126,9 @@ def named_by(weights: Classified, found: Assessment) -> list[str]:
 def closing(weights: Classified, found: Assessment, runs: ClosedLoops) -> Classified:
     """Return the probabilities with "unknown" in the place of an effect that does not narrow the simulated loop's gap.
 
+    What single samples, the controller's law or MV show stands unless the gap widens beyond its interval: a twin may fail for
+    its load's sake.
+
     Parameters
     ----------
     weights : Classified
@@ -141,7 +144,8 @@ def closing(weights: Classified, found: Assessment, runs: ClosedLoops) -> Classi
     if not effects:
         return weights
     gap = runs.shrink(effects)
-    return weights.refuted(effects[0]) if gap.resolvable and gap.after >= gap.before else weights
+    widens = gap.hi < 0.0 if found.shown(effects[0]) else gap.after >= gap.before
+    return weights.refuted(effects[0]) if gap.resolvable and widens else weights
 
 
 def report(found: Assessment, weights: Classified, runs: ClosedLoops, more: Sequence[str] = ()) -> GapReport:

@@ -48,7 +48,8 @@ def random_loop(rng: np.random.Generator) -> Loop:
         Kc, Ti = T / (abs(gain) * (closed + Td)), 4 * (closed + Td)
     else:
         plant = {"type": "foptd", "K": gain, "T": T, "Td": Td}
-        Kc, Ti = T / (abs(gain) * (closed + Td)), min(T, 4 * (closed + Td))
+        # four times the closed loop's pace is always more than T
+        Kc, Ti = T / (abs(gain) * (closed + Td)), T
     n = int(rng.integers(1200, 3000))
     noise = abs(gain) * float(np.exp(rng.uniform(np.log(0.03), np.log(0.4))))
     load = float(np.exp(rng.uniform(np.log(0.1), np.log(1.2))))

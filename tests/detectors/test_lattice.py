@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from detectors.signal.lattice import hides_nothing, lattice, resolution, root_lattice, written_unit
+from detectors.signal.lattice import hides_nothing, lattice, resolution, root_lattice, written, written_unit
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.1234, -31.4])
@@ -99,3 +99,19 @@ def test_a_level_may_be_a_little_off(off, found):
     x = 0.5 * np.arange(40.0).repeat(25)
     x[200:225] += 0.5 * off
     assert (lattice(x) > 0.0) == found
+
+
+@pytest.mark.parametrize(("step", "digits", "coarse"), [(0.3, 0.3, 0.0), (0.4, 0.001, 0.4)])
+def test_a_lattice_that_hides_nothing_is_a_way_to_write_and_a_coarser_one_is_the_signals(step, digits, coarse):
+    # white noise moves by a variance of 2, of which 0.005 are those of rounding by 0.35
+    x = np.round(step * np.round(np.random.default_rng(5).standard_normal(5000) / step), 3)
+    found = written(x, np.array([1.234, 5.678]))
+    assert (found.digits, found.coarse) == pytest.approx((digits, coarse))
+    assert found.step == pytest.approx(step)
+
+
+def test_decimals_are_digits_however_much_they_hide_and_full_precision_has_none():
+    x = np.random.default_rng(5).standard_normal(5000)
+    assert written(x) == (0.0, 0.0, 0.0)
+    assert written(np.round(x, 1)) == (0.1, 0.0, 0.1)
+    assert written(np.round(x)).coarse == written(x).coarse == 0.0

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from detectors.signal.lines import on_line, straight
+from detectors.signal.lines import on_line, share_on_lines, straight
 
 KEPT = np.random.default_rng(0).standard_normal(101)
 DRAWN = np.interp(np.arange(1001), np.arange(0, 1001, 10), KEPT)
@@ -37,3 +37,16 @@ def test_what_stands_still_lies_on_no_line():
 
 def test_no_unit_of_the_signal_changes_the_answer():
     assert straight(-1e4 * DRAWN + 3e3) == straight(1e-3 * DRAWN) == straight(DRAWN)
+
+
+@pytest.mark.parametrize("digits", [1, 2, 4])
+@pytest.mark.parametrize("smooth", [0.0, 0.8])
+def test_what_lies_on_lines_by_chance_is_no_share(digits, smooth):
+    rng = np.random.default_rng(digits)
+    x = np.zeros(6000)
+    for k in range(1, x.size):
+        x[k] = smooth * x[k - 1] + rng.standard_normal()
+    assert share_on_lines(np.round(x, digits), 10.0**-digits) < 0.02
+    drawn = np.interp(np.arange(x.size), np.arange(0, x.size, 4), x[::4])
+    share = share_on_lines(np.round(drawn, digits), 10.0**-digits)
+    assert share == pytest.approx(0.75, abs=0.05) if digits > 1 else share < 0.75

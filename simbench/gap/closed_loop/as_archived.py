@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from detectors.signal.lattice import hides_nothing, lattice, written_unit
+from detectors.signal.lattice import written
 from simbench.gap.situation import Situation
 
 
@@ -28,13 +28,7 @@ def as_archived(situation: Situation, op: np.ndarray, pv: np.ndarray) -> tuple[n
         op = np.append(np.repeat(op[0], late), op[:-late])
     if situation.law.averaged and situation.law.recovered_pv is not None:
         pv = _mean_like(real_pv, situation.law.recovered_pv, pv)
-    return _rounded(op, _digits(real_op, real_pv)), _rounded(pv, _digits(real_pv, real_op))
-
-
-def _digits(x: np.ndarray, other: np.ndarray) -> float:
-    unit = written_unit(x, other)
-    step = lattice(x, unit)
-    return step if step > 0.0 and hides_nothing(step, x) else unit
+    return _rounded(op, written(real_op, real_pv).digits), _rounded(pv, written(real_pv, real_op).digits)
 
 
 def _rounded(x: np.ndarray, unit: float) -> np.ndarray:

@@ -63,11 +63,6 @@ def features(op: np.ndarray, pv: np.ndarray, sp: np.ndarray) -> Features:
     return out
 
 
-def as_matrix(many: list[Features]) -> np.ndarray:
-    """Return features of several runs as (runs, features)."""
-    return np.array([list(f.values()) for f in many])
-
-
 CAP = 12.0  # seed-to-seed standard deviations; one absurd feature must not drown the rest
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from detectors.signal.lattice import hides_nothing, lattice, written_unit
+from detectors.signal.lattice import Written, written, written_unit
 from detectors.signal.lines import on_line
 from simbench.gap.controller.recovered_pv import FAITHFUL, ROUNDED, beside_a_mean, hidden_law, recover_pv
 from simbench.gap.controller.regression import FORMS, LawFit, about_zero, by_steps, by_sums, spread, with_derivative
@@ -16,10 +16,13 @@ from simbench.loop.effects.detuning import PARAMETERS as TUNING
 
 EXACT = 0.03  # residual of dOP, relative to dOP, below which the law is taken as known
 DIGITS = 2.5  # times what rounding leaves of the law, below which it is taken as known all the same ...
+CARD = 0.05  # % of OP: what an output card of 11 bits rounds to ...
+BLURRED = 0.1  # ... which no longer shows as a lattice where OP is written in more than this share of it
 HALF = 0.5  # ... unless that is half of all that OP does
 RESTING = 0.05  # share of samples in which a fine OP stands still, from which it is not the mean of a moving PV that hides
 RETUNED = 0.13  # |ln ratio| of Kc or Ti from which the tuning is another one
 FEW = 6  # samples kept by an archive from which it can be compared with what OP says of PV
+NEAR = 0.25  # half steps of a coarse OP beyond its own half step, below which a law explains OP
 FINER = 0.02  # of OP's lattice, to which rounding never brings a law
 THINNED = 0.25  # share of PV on straight lines from which the archive is known to have been thinned
 
@@ -84,7 +87,7 @@ def examine_law(
     Law
     """
     law = _examine(op, pv, sp, Ts, Kc, Ti, trusted)
-    if law.known:
+    if law.known and not law.averaged:
         return law
     # an archive that stores PV before, or OP after, the controller ran, and one that stores SP a sample off
     late = np.append(pv[0], pv[:-1])
@@ -99,7 +102,8 @@ def examine_law(
     most = law.strays.size / 2 if law.foreign and law.residual < EXACT else op.size
     known = [t for t in tries if t.known and t.strays.size <= most]
     if known:
-        return min(known, key=lambda t: t.strays.size)
+        # a mean explains much: it is believed where no alignment needs one
+        return min(known, key=lambda t: (t.averaged, t.strays.size))
     foreign = [t for t in tries if t.foreign]
     if foreign:
         return min(foreign, key=lambda t: t.residual)
@@ -113,7 +117,7 @@ def _examine(
 ) -> Law:
     """Judge the controller under one alignment of the signals: where is OP free, what stands still, which law, is it one?"""
     e = (pv.mean() if sp is None else sp) - pv
-    asked = _Asked(op, pv, sp, e, Ts, Kc, Kc * Ts / Ti if Ti else 0.0, Ti)
+    asked = _Asked(op, pv, sp, e, Ts, Kc, Kc * Ts / Ti if Ti else 0.0, Ti, written(op, pv), written(pv, op))
     free = _free(asked)
     if free.rows.sum() < 20:
         return Law(1.0, 1.0, Kc, Ti or np.inf, reason="OP stands at its limits nearly all the time")
@@ -122,13 +126,13 @@ def _examine(
     limits = (free.limits.get("lo", 0.0), free.limits.get("hi", 100.0)) if free.limits else None
     law = Law(
         fitted.fit.residual, fitted.fit.base, *_nearest_form(fitted.fit.a, fitted.fit.b, asked),
-        limits=limits, gap=fitted.gap, step=free.step if fitted.coarse else 0.0, strays=fitted.fit.strays,
+        limits=limits, gap=fitted.gap, step=asked.op_is.step if fitted.coarse else 0.0, strays=fitted.fit.strays,
         blur=free.rounding / abs(Kc),
     )  # fmt: skip
     if not trusted:
         reason = "" if fitted.exact else "the recorded PV does not explain OP through a PI law"
         return replace(law, baseline_residual=law.residual, reason=reason, strays=np.empty(0, dtype=int))
-    if fitted.plain and skips_scans(op, fitted.e, free.inside, fitted.size, max(free.unit, free.step)):
+    if fitted.plain and skips_scans(op, fitted.e, free.inside, fitted.size, max(asked.op_is.unit, asked.op_is.step)):
         return replace(law, foreign="OP stands still where the law would move it: the controller skips scans")
     if fitted.exact:
         return _known(law, asked, free, fitted)
@@ -138,7 +142,7 @@ def _examine(
 
 
 class _Asked(NamedTuple):
-    """The signals, and the baseline's law: gain with sign, gain times Ts/Ti (0 for P), integral time."""
+    """The signals, the baseline's law (gain with sign, gain times Ts/Ti, 0 for P, integral time), how OP and PV are written."""
 
     op: np.ndarray
     pv: np.ndarray
@@ -148,10 +152,12 @@ class _Asked(NamedTuple):
     Kc: float
     Ki: float
     Ti: float | None
+    op_is: Written
+    pv_is: Written
 
 
 class _Free(NamedTuple):
-    """Where OP is off its limits: `inside` by sample, `rows` by change; how it is written; how large its changes are.
+    """Where OP is off its limits: `inside` by sample, `rows` by change; how large its changes are.
 
     `rounding` is the standard deviation that the digits of OP and PV leave of the law's changes of OP.
     """
@@ -159,8 +165,6 @@ class _Free(NamedTuple):
     inside: np.ndarray
     rows: np.ndarray
     limits: dict[str, float]
-    step: float
-    unit: float
     size: float
     rounding: float
 
@@ -199,13 +203,11 @@ class _Fitted(NamedTuple):
 
 def _free(asked: _Asked) -> _Free:
     op, e, du = asked.op, asked.e, np.diff(asked.op)
-    unit = written_unit(op, asked.pv)
-    step = lattice(op, unit)
     size = spread(du)
     if size == 0.0:
         size = float(np.std(du)) or 1.0
     a, b = _first_guess(asked, du, size)
-    limit = limits_of(op, e, a, b, step, unit, asked.Ti is None)
+    limit = limits_of(op, e, a, b, asked.op_is.step, asked.op_is.unit, asked.Ti is None)
     inside = np.ones(op.size, dtype=bool)
     if "lo" in limit:
         inside &= op > limit["lo"]
@@ -215,18 +217,13 @@ def _free(asked: _Asked) -> _Free:
     rows = inside[1:] & inside[:-1]
     # the ends of the range are everybody's limits
     tight = {k: v for k, v in limit.items() if (k == "hi" and v < 99.99) or (k == "lo" and v > 0.01)}
-    fine = written_unit(asked.pv, op)
-    grid = lattice(asked.pv, fine)
-    digits = max(fine, grid) if hides_nothing(grid, asked.pv) else fine
-    rounding = float(np.hypot(max(unit, step if hides_nothing(step, op) else 0.0), asked.Kc * digits)) / np.sqrt(6.0)
-    return _Free(inside, rows, tight, step, unit, size, rounding)
+    rounding = float(np.hypot(asked.op_is.digits, asked.Kc * asked.pv_is.digits)) / np.sqrt(6.0)
+    return _Free(inside, rows, tight, size, rounding)
 
 
 def _shown(asked: _Asked) -> _Shown:
-    pv, unit = asked.pv, written_unit(asked.pv, asked.op)
-    grid = lattice(pv, unit)
-    grid = 0.0 if hides_nothing(grid, pv) else grid
-    line = on_line(pv, unit) if grid == 0.0 else np.zeros(pv.size, dtype=bool)
+    pv, grid = asked.pv, asked.pv_is.coarse
+    line = on_line(pv, asked.pv_is.unit) if grid == 0.0 else np.zeros(pv.size, dtype=bool)
     moving = np.diff(pv) != 0.0
     exact = ~line & (np.append(True, moving) | np.append(moving, True) | (grid > 0.0))
     return _Shown(grid, line, exact, bool(line.mean() > THINNED) or grid > 0.0)
@@ -235,13 +232,19 @@ def _shown(asked: _Asked) -> _Shown:
 def _fitted(asked: _Asked, free: _Free, shown: _Shown) -> _Fitted:
     op, e, du, no_sp = asked.op, asked.e, np.diff(asked.op), asked.sp is None
     Kc, Ki, rows, size = asked.Kc, asked.Ki, free.rows, free.size
-    coarse = free.step > 0.0 and not hides_nothing(free.step, op)
+    coarse = asked.op_is.coarse > 0.0
     if coarse:
         bare = by_steps(du, e, rows, Kc, Ki, size, no_sp)
         off = du - bare.a * e[1:] - bare.b * e[:-1]
         # a law that meets OP far within its lattice leaves nothing for rounding: the lattice is PV's, handed on
-        coarse = float(np.quantile(np.abs(off[rows] - np.median(off[rows])), 0.9)) > FINER * free.step
+        coarse = float(np.quantile(np.abs(off[rows] - np.median(off[rows])), 0.9)) > FINER * asked.op_is.step
     fit, gap = None, error_gap(op, e, rows, 0.5 if shown.rough else 0.85)
+    within = rows & (np.maximum(np.abs(e[1:]), np.abs(e[:-1])) <= gap / 2)
+    if gap > 0.0 and np.quantile(np.abs(Kc * np.diff(e) + Ki * e[1:])[within], 0.75) < max(
+        asked.op_is.unit, 0.0 if coarse else asked.op_is.step
+    ):
+        # an error that asks for less than OP is written in moves nothing anyway
+        gap = 0.0
     if gap > 0.0:
         if not coarse and (rows & (du != 0.0)).sum() > 20:
             rows = rows & (du != 0.0)
@@ -251,12 +254,15 @@ def _fitted(asked: _Asked, free: _Free, shown: _Shown) -> _Fitted:
         fits = [(by_steps(du, x, rows, Kc, Ki, size, no_sp), x) for x in (full, full - np.sign(full) * gap / 2)]
         fit, e = min(fits, key=lambda f: f[0].residual)
     if coarse:
-        fit = by_sums(op, e, free.inside, Kc, Ki, free.step)
+        fit = by_sums(op, e, free.inside, Kc, Ki, asked.op_is.step)
     elif fit is None:
         fit = by_steps(du, e, rows, Kc, Ki, size, no_sp)
     # OP that mostly stands still fits "no control at all" exactly
     collapsed = bool(abs(fit.a) < 0.02 * abs(Kc + Ki) and np.mean(du[rows] == 0.0) > 0.3)
-    tolerance = max(EXACT, min((DIGITS * free.rounding + 1e-9 * float(np.abs(op).max())) / size, HALF))
+    card = CARD / np.sqrt(6.0) if written_unit(op) > BLURRED * CARD else 0.0
+    hidden = DIGITS * max(free.rounding, card) + 1e-9 * float(np.abs(op).max())
+    tolerance = max(EXACT, min(hidden / size, HALF))
+    tolerance = max(tolerance, NEAR) if coarse else tolerance
     return _Fitted(fit, e, rows, size, gap, bool(coarse), tolerance, collapsed)
 
 
@@ -318,7 +324,7 @@ def _hidden(law: Law, asked: _Asked, free: _Free, shown: _Shown, fitted: _Fitted
 def _behind_a_mean(law: Law, asked: _Asked, free: _Free, fitted: _Fitted) -> Law | None:
     """Return the law, under the baseline's tuning or another, whose PV the archive took the mean of; None where none is."""
     op, e, inside, P = asked.op, fitted.e, free.inside, asked.Ti is None
-    if free.step == 0.0 and np.mean(np.diff(op)[free.rows] == 0.0) > RESTING:
+    if asked.op_is.step == 0.0 and np.mean(np.diff(op)[free.rows] == 0.0) > RESTING:
         return None
     Kc, Ki = asked.Kc, asked.Ki
     tunings = [(Kc + share * Ki, (1.0 - share) * Ki - Kc) for share in (FORMS if Ki else FORMS[:1])]

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+ADDED = 200  # samples over which the errors of the digits add up to no more than a line
 FORMS = (1.0, 0.5, 0.0)  # share of the newest error in the integral: backward, trapezoid, forward
 
 
@@ -61,17 +62,26 @@ def by_steps(
 def by_sums(op: np.ndarray, e: np.ndarray, inside: np.ndarray, Kc: float, Ki: float, step: float) -> LawFit:
     """Fit OP = c + Kc e + Ki sum(e): the law behind a coarse output, whose error does not add up.
 
-    After each stay at a limit the sum begins anew: c is another one.
+    After each stay at a limit the sum begins anew: c is another one. The digits of SP and PV add up as well, to a line over
+    `ADDED` samples, which is taken off.
     """
-    part = np.cumsum(~inside)
+    stay = np.cumsum(~inside)
+    since = np.arange(op.size) - np.maximum.accumulate(np.where(inside, 0, np.arange(op.size)))
+    part = np.unique(np.column_stack([stay, since // ADDED]), axis=0, return_inverse=True)[1].reshape(-1)
     rows = inside & (np.bincount(part, inside)[part] >= 5)
-    part = part[rows]
+    part, k = part[rows], np.flatnonzero(rows).astype(float)
 
     def centred(x: np.ndarray) -> np.ndarray:
-        count = np.bincount(part)
-        return x - (np.bincount(part, x) / np.maximum(count, 1))[part]
+        return x - (np.bincount(part, x) / np.maximum(np.bincount(part), 1))[part]
 
-    total, now, out = centred(np.cumsum(e)[rows]), centred(e[rows]), centred(op[rows])
+    line = centred(k)
+    length = np.maximum(np.bincount(part, line * line), 1e-300)
+
+    def level(x: np.ndarray) -> np.ndarray:
+        x = centred(x)
+        return x - (np.bincount(part, x * line) / length)[part] * line
+
+    total, now, out = level(np.cumsum(e)[rows]), level(e[rows]), level(op[rows])
     X = np.column_stack([now, total])
     beta = np.linalg.lstsq(X, out, rcond=None)[0]
     bases = [out - X @ np.array([Kc - (1.0 - s) * Ki, Ki]) for s in FORMS]

@@ -14,7 +14,7 @@ from simbench.gap.likelihood.model import Fit
 from simbench.gap.likelihood.residual_tests import generic_directions, residual_tests
 from simbench.gap.likelihood.valve_map import MapSearch
 from simbench.gap.situation import Situation, load_memory
-from simbench.loop.effects import EFFECTS, block_of
+from simbench.loop.effects import EFFECTS, NONE, block_of
 
 SURE = 1000.0  # nats that stand for evidence needing no statistics
 SECOND = 12.0  # nats a second effect must bring on top of the first
@@ -26,15 +26,40 @@ class Assessment(Fitted):
     """Scores of one record.
 
     `log_likelihood_gains` are nats over "no effect" for every effect that could be tried; `chosen` stands before `none`
-    and `unknown` are weighed; `tests` are the residual statistics of `final`; `unexplained` the blocks in which something no
-    known effect explains, with the reason; `mv_unexplained` whether MV is what strays.
+    and `unknown` are weighed; `tests` are the residual statistics of `final`; `mv_unexplained` whether MV strays as no map
+    makes it; `beside` the assessments of the loop's other records, judged together with this one.
     """
 
     log_likelihood_gains: dict[str, float] = field(default_factory=dict)
     tests: dict[str, float] = field(default_factory=dict)
     log_likelihood_gains_on_top: dict[str, float] = field(default_factory=dict)
-    unexplained: dict[str, str] = field(default_factory=dict)
     mv_unexplained: bool = False
+    beside: tuple[Assessment, ...] = ()
+
+    def shown(self, effect: str) -> bool:
+        """Whether single samples, the controller's law or MV show an effect, and no likelihood of PV is needed."""
+        by_mv = self.situation.record.mv is not None and recogniser(effect).by_mv is not None
+        return by_mv or effect in self.situation.proven
+
+    @property
+    def failures(self) -> list[tuple[float, str, str]]:
+        """Every test of every record as (times its limit, block, what was found)."""
+        return [test for one in (self, *self.beside) for test in failures(one)]
+
+    @property
+    def worst_test(self) -> tuple[float, str]:
+        """By how many times its limit the best model fails a test, at worst, and in which block."""
+        ratio, block, _ = max(self.failures, default=(0.0, NONE, ""))
+        return ratio, block
+
+    @property
+    def unexplained(self) -> dict[str, str]:
+        """The blocks in which something no known effect explains, each with its first reason."""
+        out: dict[str, str] = {}
+        for ratio, block, said in self.failures:
+            if ratio > 1.0:
+                out.setdefault(block, said)
+        return out
 
 
 def assess(situation: Situation) -> Assessment:
@@ -77,9 +102,8 @@ def assess(situation: Situation) -> Assessment:
                 final = fit_candidates(engine, final, [runner])[runner].fit
                 parameters[runner] = recogniser(runner).numbers(final, situation)
     tests = residual_tests(final, situation.data) | generic_directions(engine, final)
-    unexplained = unexplained_blocks(situation, tests, mv_unexplained, chosen)
     fitted = (situation, base, candidates, parameters, chosen, final)
-    return Assessment(*fitted, gains, tests, on_top, unexplained, mv_unexplained)
+    return Assessment(*fitted, gains, tests, on_top, mv_unexplained)
 
 
 def _scores(s: Situation, base: Fit, candidates: dict[str, Candidate]) -> tuple[dict[str, float], dict[str, Parameters], bool]:
@@ -121,31 +145,24 @@ LIMITS = {
     "aging nats": (ASKED, "process"),
     "level nats": (ASKED, "process"),
 }
-LENIENT = (
-    4.0  # factor on the limits where samples were quantised, compressed or hit by spikes: the engine's PV is not the plant's
-)
-
-
+# factor on the limits where samples were quantised, compressed or hit by spikes: the engine's PV is not the plant's
+LENIENT = 4.0
 PLAIN = 10.0  # times a limit, that what needs no statistics counts for
 
 
-def failures(situation: Situation, tests: dict[str, float], valve: bool, chosen: list[str]) -> list[tuple[float, str, str]]:
-    """Return every test as (times its limit, block, what was found).
+def failures(found: Assessment) -> list[tuple[float, str, str]]:
+    """Return every test of one record as (times its limit, block, what was found).
 
     Parameters
     ----------
-    situation : Situation
-    tests : dict of str to float
-        Of the best model.
-    valve : bool
-        MV strays from OP as no map makes it.
-    chosen : list of str
-        Effects in the model.
+    found : Assessment
 
     Returns
     -------
     list of tuple
+        The law's first, then what single samples show, MV, and what the best model leaves behind.
     """
+    situation = found.situation
     out: list[tuple[float, str, str]] = []
     if situation.unexplained_law:
         out.append((PLAIN, "controller", situation.unexplained_law))
@@ -157,28 +174,21 @@ def failures(situation: Situation, tests: dict[str, float], valve: bool, chosen:
     ]
     if situation.frozen and situation.trusted:
         out.append((PLAIN, "sensor", f"PV stands exactly still for {situation.samples.held} samples"))
-    if valve:
+    if found.mv_unexplained:
         out.append((PLAIN, "valve", "MV strays from OP as no known valve makes it"))
     if not situation.trusted:
         # a residual test asks whether a model is whole; one whose plant was identified never is
         return out
     rough = not situation.archive.faithful or situation.law.gap > 0.0
-    traces = any(recogniser(e).leaves_traces for e in chosen)
+    traces = any(recogniser(e).leaves_traces for e in found.chosen)
     for name, (limit, block) in LIMITS.items():
         # jumps beyond those the search adds, spikes, and friction that is no two-parameter map leave traces of their own
         loose = rough or (traces and name in ("bursts", "memory"))
         limit *= LENIENT if loose else 1.0
-        said = f"the best model leaves something behind ({name.removesuffix(' nats')}: {tests[name]:.0f}, limit {limit:.0f})"
-        out.append((max(tests[name], 0.0) / limit, block, said))
-    return out
-
-
-def unexplained_blocks(situation: Situation, tests: dict[str, float], valve: bool, chosen: list[str]) -> dict[str, str]:
-    """Return the blocks in which something no known effect explains, each with its reason; parameters as `failures`."""
-    out: dict[str, str] = {}
-    for ratio, block, said in failures(situation, tests, valve, chosen):
-        if ratio > 1.0:
-            out.setdefault(block, said)
+        said = (
+            f"the best model leaves something behind ({name.removesuffix(' nats')}: {found.tests[name]:.0f}, limit {limit:.0f})"
+        )
+        out.append((max(found.tests[name], 0.0) / limit, block, said))
     return out
 
 
@@ -186,24 +196,6 @@ def capped(gain: float) -> float:
     """Return a gain that stays below SURE and keeps its order: no likelihood outranks what single samples prove."""
     most = 0.9 * SURE
     return gain if gain <= most else most + 0.09 * SURE * (1.0 - most / gain)
-
-
-def worst_test(found: Assessment) -> tuple[float, str]:
-    """Return by how many times its limit the best model fails a test, at worst, and in which block.
-
-    Parameters
-    ----------
-    found : Assessment
-
-    Returns
-    -------
-    ratio : float
-        Above 1 where something is left that no known effect explains.
-    block : str
-    """
-    every = failures(found.situation, found.tests, found.mv_unexplained, found.chosen)
-    ratio, block, _ = max(every, default=(0.0, "none", ""))
-    return ratio, block
 
 
 def _valve_by_mv(s: Situation, gains: dict[str, float], parameters: dict[str, Parameters]) -> bool:

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import expit, softmax
 
-from simbench.gap.decide.assess import ASKED, Assessment, worst_test
+from simbench.gap.decide.assess import ASKED, Assessment
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 
 TEMPERATURE = 0.25  # of the softmax: such likelihoods overstate, as no model of load and noise is quite true
-BEHIND = 6.0  # nats by which a second effect follows the first
+BEHIND = 4.0  # nats by which the likeliest second effect follows the first ...
+PLAIN = 16.0  # ... if it brings so much on top of it, and less by what it lacks
 SHARPNESS = 0.7  # of unknown, by the logarithm of how far the worst residual test is beyond its limit
 
 
@@ -71,15 +72,19 @@ def classify(found: Assessment) -> Classified:
     (True, 1.0)
     """
     gains = {e: found.log_likelihood_gains[e] for e in EFFECTS}
-    if len(found.chosen) == 2:
-        # its own evidence came on top of the first effect's, which the single gains do not show
-        first, second = found.chosen
-        gains[second] = max(gains[second], gains[first] - BEHIND)
+    if found.chosen:
+        first = found.chosen[0]
+        # evidence that comes on top of the first effect's, which gains over no effect at all do not show
+        on_top = found.log_likelihood_gains_on_top or gains
+        others = {e: g for e, g in on_top.items() if block_of(e) != block_of(first)}
+        most = max(PLAIN, *others.values())
+        for effect, gain in others.items():
+            gains[effect] = max(gains[effect], gains[first] - BEHIND - (most - gain))
     known = softmax(TEMPERATURE * np.array([*gains.values(), ASKED]))
-    ratio, block = worst_test(found)
+    ratio, block = found.worst_test
     q = float(expit(SHARPNESS * np.log(max(ratio, 1e-3))))
-    if ratio < 1.0:
-        # while no test fails, "unknown" is never the answer, however little is known of what the effect is
+    if ratio < 1.0 or set(found.chosen[:1]) & set(found.situation.proven):
+        # while no test fails, or beside what is there without doubt, "unknown" is never the first answer
         q = min(q, 0.99 * float(known.max()) / (1.0 + float(known.max())))
     p = dict(zip((*EFFECTS, NONE), (float(x) for x in (1.0 - q) * known)))
     return Classified({**p, UNKNOWN: q}, block)

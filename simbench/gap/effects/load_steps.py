@@ -23,9 +23,9 @@ BESIDE = 0.25  # share of the load that must be left beside the jumps: a load th
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
     """Add load jumps one by one, where the whitened step response fits the innovations best."""
     n = engine.data.n
-    fit, count = base, 0
+    fit, count, settled = base, 0, True
     channels: tuple[np.ndarray, ...] = ()
-    for _ in range(MOST):
+    while count < MOST:
         response = _step_response(fit, engine.data)
         k = _where(engine, fit, response)
         shape = np.zeros(n)
@@ -34,11 +34,17 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
         spec = base.spec.join(Spec(channels=trial))
         better = engine.fit(spec, {**fit.theta, "load": 0.7 * fit.theta["load"]}, search=SMOOTH, steps=8)
         # the place was picked out of many
-        if better.loglik - fit.loglik < size_penalty(n, 1.0) + np.log(n) * 0.5:
+        if better.loglik - fit.loglik >= size_penalty(n, 1.0) + np.log(n) * 0.5:
+            fit, channels, count, settled = better, trial, count + 1, False
+        elif settled:
             break
-        fit, channels, count = better, trial, count + 1
+        else:
+            # the base had bent its plant around the jumps
+            fit, settled = engine.fit(fit.spec, fit.theta, steps=8), True
     if count == 0:
         return base, 2.0
+    if not settled:
+        fit = engine.fit(fit.spec, fit.theta, steps=8)
     fit.theta["steps"] = float(count)
     return fit, 2.0 * count
 

@@ -132,7 +132,7 @@ def _percent(record: LoopRecord, where: str, needed: bool) -> np.ndarray:
 
 def _rounding(archive: Archive, samples: Samples) -> float:
     if archive.rounding is None:
-        return max(samples.resolution, samples.step)
+        return samples.digits
     step, at = archive.rounding
     return step if at == "loop" else samples.resolution
 
@@ -153,14 +153,13 @@ def _archive(record: LoopRecord, law: Law, samples: Samples) -> tuple[Archive, n
     """Return what single samples prove of PV, the PV the controller saw, and why OP moves as no PV makes it move."""
     pv, seen = np.asarray(record.pv), law.recovered_pv
     place, thinning, step = "record" if _apart(law) else "loop", 0.0, 0.0
-    rounding = max(samples.step, samples.resolution)
     if samples.step > 0.0 and not hides_nothing(samples.step, pv):
         step = samples.step
     elif samples.straight > STRAIGHT:
         size = float(np.quantile(np.abs(pv - seen), 0.98)) if seen is not None else 0.0
         thinning = size or 0.5 * float(np.std(np.diff(pv)))
-    elif not hides_nothing(rounding, pv):
-        step = rounding
+    elif not hides_nothing(samples.digits, pv):
+        step = samples.digits
     # a mean over a sample, or a few lines between samples kept, are the archive's and no effect: the controller saw PV
     blurred = seen is not None and (law.averaged or _lines_where_apart(pv, seen, samples, law.blur))
     plant_pv = np.asarray(seen) if blurred or (_apart(law) and (step or thinning)) else pv
@@ -200,10 +199,9 @@ def _lines_where_apart(pv: np.ndarray, recovered_pv: np.ndarray | None, samples:
     """Return whether PV lies on straight lines wherever it is not what the controller saw: an archive thinned a little."""
     if recovered_pv is None:
         return False
-    digits = max(samples.resolution, samples.step)
-    apart = np.abs(pv - recovered_pv) > max(3.0 * digits, 5.0 * blur, 1e-3 * float(np.std(pv)))
+    apart = np.abs(pv - recovered_pv) > max(3.0 * samples.digits, 5.0 * blur, 1e-3 * float(np.std(pv)))
     # at a decimal's distance a line through two samples kept is not quite straight
-    return bool(apart.sum() >= 10 and on_line(pv, digits)[apart].mean() > 0.5)
+    return bool(apart.sum() >= 10 and on_line(pv, samples.digits)[apart].mean() > 0.5)
 
 
 def _answered(record: LoopRecord, law: Law, spikes: np.ndarray, heights: np.ndarray) -> bool:

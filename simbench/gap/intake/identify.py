@@ -50,7 +50,7 @@ def _identified_plant(record: LoopRecord, op: np.ndarray, controller: Controller
     samples = inspect_samples(record.pv, record.op)
     pv = cleaned(np.asarray(record.pv), samples.spikes)
     u = np.ascontiguousarray(op if record.mv is None else record.mv, dtype=float)
-    integrating, fit = _plant(record, u, pv, max(samples.resolution, samples.step))
+    integrating, fit = _plant(record, u, pv, samples.digits)
     # feedback alone may turn the sign; the controller's direction tells it
     K = fit.K if controller is None else controller.sign * abs(fit.K)
     if not (np.isfinite(K) and K != 0.0):

@@ -22,6 +22,7 @@ REDDEST = 0.8  # noise of more memory than this has passed a filter
 QUICK = 0.08  # of the longest memory a load may have: below it the prior ...
 QUICKER = 0.7  # ... falls off with this standard deviation of the logarithm
 STEP = 1e-4  # of a parameter or its logarithm, for derivatives
+WHITE = 0.02  # the same about a noise correlation of 0, below half of which the filter takes noise for white
 LONGEST = 1.5  # of a parameter or its logarithm in one step
 IDLE = 1e-3  # curvature added to every parameter
 ENOUGH = 0.01  # nats below which a step is the last
@@ -40,7 +41,6 @@ class Engine:
         self.onset = np.ones(n)
         self.onset[0] = 0.0
         self.spread = 10.0 * float(np.std(data.y)) + data.floor
-        self.evaluations = 0
 
     def start(self) -> dict[str, float]:
         """Return the nuisance parameters from which the first fit starts."""
@@ -64,7 +64,11 @@ class Engine:
         smooth = {**first.theta, "load_lag": max(0.5 * first.theta["load_time"], 0.5)}
         pink = {**first.theta, "load_time": 0.7 * self.longest_load}
         tries = [first, self.fit(Spec(), smooth, steps=20), self.fit(Spec(pink=True), pink, steps=20)]
-        return max(tries, key=lambda f: f.loglik)
+        best = max(tries, key=lambda f: f.loglik)
+        # whole samples of dead time part the likelihood into valleys
+        ends = [self.data.Td * (1.0 + NOMINAL * side) for side in (-1, 1)]
+        tries = [self.fit(best.spec, {**best.theta, "Td": Td}) for Td in ends if abs(Td - best.theta["Td"]) > 0.25]
+        return max([best, *tries], key=lambda f: f.loglik)
 
     def bounds(self, spec: Spec, name: str) -> tuple[float, float]:
         """Return the search interval of one parameter."""
@@ -100,7 +104,6 @@ class Engine:
         `left` holds the innovations, then the priors' residuals; `level` the log variances; further the linear coefficients,
         the whitened and the raw channels (PV first).
         """
-        self.evaluations += 1
         channels = self._channels(spec, theta)
         white, level = self._whiten(spec, theta, channels)
         used = white[:, kernels.SKIP :]
@@ -238,7 +241,8 @@ class Engine:
         shaping = SHAPING | {number.name for number in spec.own if number.shapes}
         surprise = left[self.data.n - kernels.SKIP]
         for i, name in enumerate(names):
-            h = STEP if x[i] + STEP <= box[i, 1] else -STEP
+            step = WHITE if name == "colour" and abs(x[i]) < WHITE else STEP
+            h = step if x[i] + step <= box[i, 1] else -step
             moved = x.copy()
             moved[i] += h
             theta = unpack(moved)

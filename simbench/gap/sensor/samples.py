@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from detectors.signal.holds import holds, stuck
-from detectors.signal.lattice import lattice, written_unit
-from detectors.signal.lines import on_line
+from detectors.signal.lattice import hides_nothing, lattice, written_unit
+from detectors.signal.lines import share_on_lines
 from detectors.signal.spikes import isolated, off_line
 from detectors.signal.tails import heavy_tails
 
@@ -18,9 +18,10 @@ class Samples:
     """Sample-level findings on PV.
 
     `resolution` is the decimal unit PV is written in (0 = full precision), `step` a lattice coarser than that (0 = none),
-    `straight` the share of samples on a straight line with both neighbours, `spikes` the indices of isolated points,
-    `heights` how far off they are, `held` the longest exact standstill in samples, `stuck` the share of samples in standstills
-    longer than rounding and noise explain; `heavy` whether the largest samples are no spikes but the tails of the noise.
+    `straight` the share of samples on a straight line with both neighbours beyond chance, `spikes` the indices of isolated
+    points, `heights` how far off they are, `held` the longest exact standstill in samples, `stuck` the share of samples in
+    standstills longer than rounding and noise explain; `heavy` whether the largest samples are no spikes but the tails of
+    the noise.
     """
 
     resolution: float
@@ -31,6 +32,11 @@ class Samples:
     held: int
     stuck: float
     heavy: bool = False
+
+    @property
+    def digits(self) -> float:
+        """The coarser of `resolution` and `step`."""
+        return max(self.resolution, self.step)
 
 
 def inspect_samples(pv: np.ndarray, *others: np.ndarray) -> Samples:
@@ -62,7 +68,7 @@ def inspect_samples(pv: np.ndarray, *others: np.ndarray) -> Samples:
     return Samples(
         unit,
         step,
-        float(np.mean(on_line(pv, unit))) if step == 0.0 else 0.0,
+        share_on_lines(pv, max(unit, step)) if hides_nothing(step, pv) else 0.0,
         spikes,
         heights,
         int(holds(pv).max()),

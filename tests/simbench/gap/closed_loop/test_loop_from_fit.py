@@ -1,11 +1,14 @@
 """From a fitted load back to a loop file: what the simulator makes of it is the load that was fitted."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from scenarios.spec import Part
-from simbench.gap.closed_loop.loop_from_fit import load_parts
+from scenarios.spec import Loop, Part
+from simbench.gap.closed_loop.loop_from_fit import fixed_loop, load_parts
 from simbench.gap.likelihood import kernels
+from simbench.gap.likelihood.model import Data, Fit, Moves, Spec
 from simbench.loop.disturbance import disturbance_signal
 
 
@@ -54,3 +57,110 @@ def test_a_load_of_power_one_over_f_is_three_equal_parts_that_add_to_its_std():
     white = kernels.whiten(signal[None, :], 1e-2, 0.0, 50.0, kernels.PINK, 2.0, 0.0, 0.0, 1e-3, 0.0, 5.0)[0][0, 100:]
     assert np.var(white) == pytest.approx(1.0, abs=0.02)
     assert abs(np.mean(white[1:] * white[:-1])) < 0.01
+
+
+N = 1000
+FOPTD = {"type": "foptd", "K": 2.0, "T": 40.0, "Td": 8.0}
+VESSEL = {"type": "integrating", "K": 0.02, "Td": 8.0}
+THETA = {"T": 30.0, "Td": 5.0, "load_time": 30.0, "load_lag": 0.05, "load": 3.0, "noise_std": 0.2, "colour": 0.0}
+
+
+def fitted_as(K=1.5, spec=None, **theta):
+    return Fit(spec or Spec(), 0.0, THETA | theta, np.array([K, 0.0, 0.0]), np.zeros(N))
+
+
+def built(fit=None, effects=None, *, stated=FOPTD, sp=60.0, pv=60.0, trusted=True, had=(), **more):
+    """Return the loop file of a record of 2 s a sample beside a baseline; OP swings about 50 %."""
+    vessel = stated["type"] == "integrating"
+    table = {
+        "plant": stated, "controller": {"type": "PI", "Kc": 0.5, "Ti": 20.0}, "sampling": {"Ts": 2.02}, "noise": {"std": 0.1},
+        "effect": list(had),
+    }  # fmt: skip
+    op, y = 50.0 + np.resize([1.0, -1.0], N), np.broadcast_to(np.asarray(pv, dtype=float), N)
+    data = Data(op, y, stated["K"] * (2.0 if vessel else 1.0), 0.0 if vessel else 20.0, 4.0, 0.1)
+    situation = SimpleNamespace(
+        record=SimpleNamespace(Ts=2.0, n=N), data=data, baseline=Loop.from_table(table), integrating=vessel,
+        sp=np.broadcast_to(np.asarray(sp, dtype=float), N), op=op, trusted=trusted,
+    )  # fmt: skip
+    return fixed_loop(situation, fit or fitted_as(), effects or {}, **more)
+
+
+def plant_of(loop):
+    return tuple(x for x in (loop.plant.K, loop.plant.T, loop.plant.Td) if x is not None)
+
+
+def test_the_fitted_plant_is_written_in_seconds():
+    assert plant_of(built()) == (1.5, 60.0, 10.0)
+    assert plant_of(built(plant="baseline")) == (2.0, 40.0, 8.0)
+    # a vessel's gain per sample of 2 s; a gain of the other sign is nobody's plant
+    assert plant_of(built(fitted_as(0.03), stated=VESSEL)) == (0.015, 10.0)
+    assert plant_of(built(fitted_as(-1.5))) == plant_of(built(fitted_as(0.0))) == (2.0, 60.0, 10.0)
+
+
+def test_a_mismatch_stands_on_the_stated_number_and_comes_after_what_the_baseline_has():
+    loop = built(effects={"gain_mismatch": {"factor": 0.75}}, had=[{"name": "noise", "factor": 2.0}])
+    assert plant_of(loop) == (2.0, 60.0, 10.0)
+    assert [e.name for e in loop.effect] == ["noise", "gain_mismatch"]
+    assert (loop.sampling.Ts, loop.sampling.n) == (2.02, N)
+
+
+def test_the_records_set_point_is_the_files():
+    sp = np.where(np.arange(N) < 100, 60.0, np.where(np.arange(N) < 500, 65.0, 58.0))
+    loop = built(sp=sp)
+    assert (loop.setpoint.value, loop.operating_point.pv0) == (60.0, 60.0)
+    assert [tuple(step) for step in loop.setpoint.steps] == [(200.0, 65.0), (1000.0, 58.0)]
+
+
+@pytest.mark.parametrize(("fit", "amplitude"), [
+    (fitted_as(), 2.0), (fitted_as(-1.5), 2.0), (fitted_as(0.05), 60.0), (fitted_as(0.01), 75.0),
+])  # fmt: skip
+def test_a_load_is_as_large_at_the_input_as_it_is_on_pv_through_the_gain_it_was_fitted_with(fit, amplitude):
+    # the gain counts down to a fiftieth of the stated one
+    (load,) = built(fit).disturbance
+    assert load.parameters == {"amplitude": pytest.approx(amplitude), "period": 60.0}
+
+
+def test_another_fits_load_may_be_asked_for():
+    (load,) = built(load=fitted_as(3.0, load=4.5, load_time=10.0, load_lag=3.0)).disturbance
+    ((std, _, _),) = load_parts({"load": 4.5, "load_time": 10.0, "load_lag": 3.0})
+    assert load.parameters == {"amplitude": pytest.approx(std / 3.0), "period": 20.0, "lag": 6.0}
+
+
+@pytest.mark.parametrize(("colour", "free", "coloured"), [(0.14, (), False), (0.16, (), True), (0.16, ("noise_std",), False)])
+def test_noise_that_remembers_is_a_load_on_pv(colour, free, coloured):
+    loop = built(fitted_as(spec=Spec(free=frozenset(free)), colour=colour))
+    assert loop.noise.std == (0.0 if coloured else 0.1)
+    extra = [d.parameters for d in loop.disturbance[1:]]
+    assert extra == ([{"amplitude": 0.2, "period": pytest.approx(-2.0 / np.log(colour)), "at": "output"}] if coloured else [])
+
+
+def test_without_a_trusted_baseline_the_noise_is_the_fitted_one():
+    assert (built().noise.std, built(trusted=False).noise.std) == (0.1, 0.2)
+
+
+HALF, HELD = Moves(lambda u, theta: 0.5 * u, ()), Moves(lambda u, theta: np.full(u.shape, 40.0), ())
+
+
+@pytest.mark.parametrize(("fit", "more", "op0"), [
+    (fitted_as(), {}, 50.0),
+    # PV lies 3 above the first set point: 2 % of MV too much
+    (fitted_as(), {"pv": 63.0}, 48.0), (fitted_as(spec=Spec(moves=HALF)), {"pv": 63.0}, 46.0),
+    (fitted_as(spec=Spec(moves=HELD)), {"pv": 63.0}, 48.0), (fitted_as(0.0), {"pv": 63.0}, 48.5),
+    # a vessel that rises by 30 within 1000 samples at 0.03 a sample and percent has 1 % too much
+    (fitted_as(0.03), {"stated": VESSEL, "pv": np.linspace(60.0, 90.0, N)}, 49.0),
+    (fitted_as(), {"pv": 360.0}, 1.0), (fitted_as(), {"pv": -240.0}, 99.0),
+    # half of 2000 s of a ramp: what drifts on PV moves OP through the gain
+    (fitted_as(), {"effects": {"load_drift": {"rate": 0.01, "walk": 0.0}}}, 60.0),
+    (fitted_as(), {"effects": {"drift": {"rate": 0.015, "walk": 0.0}}}, 60.0),
+    (fitted_as(0.03), {"stated": VESSEL, "effects": {"drift": {"rate": 0.015, "walk": 0.0}}}, 50.0),
+    (fitted_as(), {"effects": {"load_drift": {"rate": -0.2, "walk": 0.0}}}, 1.0),
+])  # fmt: skip
+def test_op_begins_where_pv_rests_on_the_first_set_point(fit, more, op0):
+    assert built(fit, **more).operating_point.op0 == pytest.approx(op0, abs=0.002)
+
+
+@pytest.mark.parametrize(("lag", "stages"), [(0.1, 1), (0.11, 2)])
+def test_a_second_stage_counts_from_a_tenth_of_a_sample(lag, stages):
+    ((std, _, second),) = load_parts({"load": 2.0, "load_time": 30.0, "load_lag": lag})
+    assert (second > 0.0) == (stages == 2)
+    assert std == pytest.approx(2.0, rel=1e-3)

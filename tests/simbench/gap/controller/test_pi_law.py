@@ -229,6 +229,16 @@ def test_a_tuning_a_few_percent_off_is_the_same(name, factor, another):
     assert (found.tuning is not None) == another
 
 
+@pytest.mark.parametrize("step", [0.01, 0.0244140625, 0.05])
+def test_an_output_card_hides_nothing_of_the_law_whatever_the_archive_wrote_of_it(step):
+    r = record()
+    written = np.round(np.round(r.op / step) * step, 2)
+    found = law(replace(r, op=written))
+    assert found.known
+    assert not found.averaged
+    assert found.tuning is None
+
+
 @pytest.mark.parametrize(("share", "known"), [(0.015, True), (0.06, False)])
 def test_a_law_is_known_up_to_three_hundredths_of_what_op_does(share, known):
     r = record()

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from simbench.gap.decide.assess import LIMITS, SURE, capped, failures, unexplained_blocks, worst_test
+from simbench.gap.decide.assess import LIMITS, SURE, Assessment, capped
 
 BLOCKS = {
     "memory": (15.0, "disturbance"), "input": (10.0, "process"), "bursts": (40.0, "sensor"), "dynamics nats": (8.0, "process"),
@@ -21,8 +21,12 @@ def situation(*, faithful=True, gap=0.0, law="", frozen=False, trusted=True, fac
     )  # fmt: skip
 
 
-def blocks(found, tests=QUIET, valve=False, chosen=()):
-    return set(unexplained_blocks(found, tests, valve, list(chosen)))
+def assessed(here, tests=QUIET, valve=False, chosen=(), beside=()):
+    return Assessment(here, None, {}, {}, list(chosen), None, tests=tests, mv_unexplained=valve, beside=beside)
+
+
+def blocks(*args, **kwargs):
+    return set(assessed(*args, **kwargs).unexplained)
 
 
 @pytest.mark.parametrize("name", list(BLOCKS))
@@ -33,7 +37,7 @@ def test_a_residual_test_fails_in_its_block_beyond_its_limit(name, share, rough,
     limit, block = BLOCKS[name]
     tests = QUIET | {name: share * factor * limit}
     assert blocks(situation(**rough), tests) == ({block} if share > 1.0 else set())
-    ratios = [r for r, b, said in failures(situation(**rough), tests, False, []) if name.removesuffix(" nats") in said]
+    ratios = [r for r, _, said in assessed(situation(**rough), tests).failures if name.removesuffix(" nats") in said]
     assert max(ratios) == pytest.approx(max(share, 0.0))
 
 
@@ -57,11 +61,19 @@ def test_what_needs_no_statistics_outranks_a_failed_test(found, valve, block):
     assert blocks(found, valve=valve) == ({block} if block else set())
     # memory at five times its limit
     tests = QUIET | {"memory": 75.0} if found.trusted else QUIET
-    worst = worst_test(SimpleNamespace(situation=found, tests=tests, mv_unexplained=valve, chosen=[]))
+    worst = assessed(found, tests, valve).worst_test
     if block:
         assert worst == (pytest.approx(10.0), block)
     elif found.trusted:
         assert worst == (pytest.approx(5.0), "disturbance")
+
+
+def test_what_another_record_of_the_loop_shows_counts_as_much_as_what_this_one_does():
+    other = assessed(situation(), QUIET | {"memory": 75.0, "input": 11.0})
+    both = assessed(situation(law="OP stands still"), beside=(other,))
+    assert list(both.unexplained) == ["controller", "disturbance", "process"]
+    assert both.unexplained["controller"] == "OP stands still"
+    assert assessed(situation(), beside=(other,)).worst_test == (pytest.approx(5.0), "disturbance")
 
 
 def test_no_likelihood_outranks_what_single_samples_prove_and_all_keep_their_order():

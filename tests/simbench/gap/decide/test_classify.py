@@ -6,8 +6,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from simbench.gap.decide.assess import ASKED, LIMITS, Assessment, assess, worst_test
-from simbench.gap.decide.classify import TEMPERATURE, classify
+from simbench.gap.decide.assess import ASKED, LIMITS, Assessment, assess
+from simbench.gap.decide.classify import BEHIND, PLAIN, TEMPERATURE, classify
 from simbench.gap.intake.check import check
 from simbench.gap.random_case import random_case
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
@@ -34,8 +34,8 @@ def quiet(found: Assessment, **gains: float) -> Assessment:
         situation=replace(found.situation, unexplained_law="", frozen=False),
         tests=dict.fromkeys(found.tests, 0.0),
         mv_unexplained=False,
-        unexplained={},
         chosen=list(gains)[:1],
+        log_likelihood_gains_on_top=dict.fromkeys(EFFECTS, -3.0),
         log_likelihood_gains={**dict.fromkeys(EFFECTS, -3.0), **gains},
     )
 
@@ -78,15 +78,35 @@ def test_what_needs_no_statistics_makes_the_answer_unknown_and_gives_its_block(f
     weights = classify(strange)
     assert max(weights.probability, key=lambda e: weights.probability[e]) == UNKNOWN
     assert weights.block(UNKNOWN) == "controller"
-    assert worst_test(strange)[0] > 1.0
+    assert strange.worst_test[0] > 1.0
 
 
-def test_a_second_effect_follows_the_first(found):
+def test_a_second_effect_follows_the_first_by_what_it_brings_on_top(found):
     alone = quiet(found, noise=40.0)
-    both = replace(alone, chosen=["noise", "stiction"])
-    order = sorted(EFFECTS, key=lambda e: -classify(both).probability[e])
-    assert order[:2] == ["noise", "stiction"]
-    assert classify(alone).probability["stiction"] < 1e-4
+    rows = []
+    for nats in (-3.0, 3.0, 9.0, 16.0, 200.0):
+        on_top = {**alone.log_likelihood_gains_on_top, "stiction": nats}
+        p = classify(replace(alone, log_likelihood_gains_on_top=on_top)).probability
+        rows.append(p["stiction"] / p["noise"])
+        if nats > 0.0:
+            assert sorted(EFFECTS, key=lambda e: -p[e])[:2] == ["noise", "stiction"]
+    assert rows == sorted(rows)
+    assert rows[-1] == pytest.approx(rows[-2])
+    assert 0.1 < rows[-1] < 0.5
+    assert rows[0] < 0.01
+
+
+def test_no_second_effect_of_the_first_ones_block_follows_it(found):
+    alone = quiet(found, noise=40.0)
+    on_top = {**alone.log_likelihood_gains_on_top, "outliers": 30.0}
+    p = classify(replace(alone, log_likelihood_gains_on_top=on_top)).probability
+    assert p["outliers"] / p["noise"] < 1e-4
+
+
+def test_beside_an_effect_that_needs_no_fit_every_gain_came_on_top(found):
+    proven = quiet(found, quantisation=1000.0, stiction=15.0)
+    p = classify(replace(proven, log_likelihood_gains_on_top={})).probability
+    assert p["stiction"] / p["quantisation"] == pytest.approx(np.exp(-TEMPERATURE * (BEHIND + PLAIN - 15.0)))
 
 
 def test_residual_tests_do_not_judge_a_plant_that_was_identified(found):
@@ -115,12 +135,6 @@ def test_a_refuted_effect_gives_its_probability_to_unknown_in_its_own_block(foun
     assert sum(other.probability.values()) == pytest.approx(1.0)
     assert other.block(UNKNOWN) == "valve"
     assert other.probability["drift"] == weights.probability["drift"]
-
-
-def test_a_second_effect_comes_next_but_not_level():
-    found = assessed("blind")
-    p = classify(replace(quiet(found, noise=40.0), chosen=["noise", "stiction"])).probability
-    assert 0.1 < p["stiction"] / p["noise"] < 0.5
 
 
 @pytest.mark.parametrize(("times", "low", "high"), [(0.1, 0.1, 0.25), (0.5, 0.3, 0.45), (2.0, 0.55, 0.7), (10.0, 0.75, 0.9)])

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from simbench.gap.likelihood import kernels
-from simbench.gap.likelihood.residual_tests import residual_tests
+from simbench.gap.likelihood.model import Data, Spec
+from simbench.gap.likelihood.residual_tests import generic_directions, residual_tests
 
 N = 4000 + kernels.SKIP
 RNG = np.random.default_rng(0)
@@ -56,3 +57,79 @@ def test_one_huge_innovation_counts_as_six_standard_deviations():
     odd[[2000, 2300]], six[[2000, 2300]] = (50.0, -50.0), (6.0, -6.0)
     assert of(odd) == pytest.approx(of(six), abs=0.05)
     assert of(six)["memory"] != pytest.approx(of(WHITE)["memory"], abs=1e-3)
+
+
+class Asked:
+    """An engine that notes which signals it is asked to add, and gives 50 nats for them."""
+
+    def __init__(self, u, y, T, Td):
+        self.data, self.asked = Data(u, y, 1.0, T, Td, 0.1), []
+
+    def evaluate(self, spec, theta):
+        self.asked.append([np.asarray(c) for c in spec.channels])
+        return (-150.0,)
+
+
+def directions(u, y=None, T=1e-3, Td=0.0, integrating=False):
+    engine = Asked(u, u if y is None else y, 0.0 if integrating else T, Td)
+    found = generic_directions(engine, SimpleNamespace(spec=Spec(), theta={"T": T, "Td": Td}, loglik=-200.0))
+    return found, dict(zip(("dynamics", "shape", "aging", "level"), engine.asked))
+
+
+def test_every_direction_pays_for_its_numbers():
+    found, _ = directions(OP)
+    numbers = {"dynamics nats": 4, "shape nats": 2, "aging nats": 2, "level nats": 1}
+    assert found == pytest.approx({name: 50.0 - 0.5 * count * np.log(N) for name, count in numbers.items()})
+
+
+def test_shapes_are_powers_of_mv_and_aging_grows_from_the_middle_of_the_record():
+    # a plant of no time constant hands MV on a sample later, less its start
+    _, asked = directions(OP)
+    v = OP - OP.mean()
+    size, t = np.std(v), np.linspace(-1.0, 1.0, N)
+    expected = {"shape": [v**2 / size, v**3 / size**2], "aging": [v * t, v * t**2]}
+    for name, signals in expected.items():
+        for channel, x in zip(asked[name], signals, strict=True):
+            assert channel[1:] == pytest.approx((x - x[0])[:-1], abs=1e-6)
+
+
+def sine(period):
+    k = np.arange(N)
+    return k, 50.0 + np.exp(2j * np.pi * k / period).imag
+
+
+def gain_at(x, k, w):
+    """Return the complex amplitude of a signal at a frequency, over whole periods of its second half."""
+    half = slice(2002, 4002)
+    return 2.0 * np.mean(x[half] * np.exp(-1j * w * k[half]))
+
+
+@pytest.mark.parametrize("integrating", [False, True])
+def test_time_scales_lie_about_the_plants_pace(integrating):
+    k, u = sine(40.0)
+    w, T, Td = 2 * np.pi / 40.0, 10.0, 4.0
+    _, asked = directions(u, T=T, Td=Td, integrating=integrating)
+    pace = (0.0 if integrating else T) + Td + 1.0
+
+    def pole(tau):
+        a = np.exp(-1.0 / tau)
+        return (1.0 - a) / (1.0 - a * np.exp(-1j * w))
+
+    late = np.exp(-1j * w)
+    plant = late * (1.0 / (1.0 - late) if integrating else pole(T))
+    expected = [plant * late**Td * pole(s * pace) for s in (0.25, 0.7, 2.0)] + [plant * late ** (Td / 2)]
+    for channel, answer in zip(asked["dynamics"], expected, strict=True):
+        assert abs(gain_at(channel, k, w)) == pytest.approx(abs(answer), rel=1e-3)
+        assert np.angle(gain_at(channel, k, w) / gain_at(u, k, w) / answer) == pytest.approx(0.0, abs=2e-3)
+
+
+def test_a_gain_may_change_with_pv_seen_over_the_plants_pace():
+    # PV jumps by two standard deviations half way; a pace of 25 samples, 24 of them dead time
+    k, start = np.arange(N), N // 2
+    _, asked = directions(OP, np.where(k < start, -3.0, 3.0), Td=24.0)
+    level = np.where(k < start, -1.0, 1.0 - 2.0 * np.exp(-(k - start + 1) / 25.0))
+    # the first value stands since ever
+    level[:start] = -1.0
+    (channel,) = asked["level"]
+    x = (OP - OP.mean()) * level
+    assert channel[25:] == pytest.approx((x - x[0])[:-25], rel=1e-3, abs=0.02)

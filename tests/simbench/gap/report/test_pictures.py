@@ -4,11 +4,23 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex, to_rgb
 from matplotlib.patches import Circle, FancyBboxPatch
 
 from simbench.gap.report import page
-from simbench.gap.report.pictures import _limits, draw_blocks, draw_gap, draw_loops, draw_ranking, draw_spectra, draw_traces
-from simbench.gap.report.traces import BASELINE, FIXED, Traces
+from simbench.gap.report.pictures import (
+    LOOK,
+    RECORD,
+    _limits,
+    draw_blocks,
+    draw_gap,
+    draw_loops,
+    draw_ranking,
+    draw_spectra,
+    draw_traces,
+    spectrum,
+)
+from simbench.gap.report.traces import BASELINE, FIXED, NEAREST, TUNED, Traces
 
 SHARES = {"controller": 0.12, "valve": 0.62, "process": 0.0, "disturbance": 0.2, "sensor": 0.06}
 RNG = np.random.default_rng(0)
@@ -163,3 +175,131 @@ def test_what_closes_and_what_grows_is_said_in_percent(monkeypatch, value, lo, h
     ))  # fmt: skip
     assert seen["tiles"][:3] == [("0.91", "probability of stiction"), said, ("4.00", "gap before")]
     assert [t[0] for t in seen["tiles"][3:]] == ["1.25", "0.80"]
+
+
+EVERY = {name: trace() for name in (BASELINE, TUNED, FIXED, NEAREST)}
+DRAWN = {
+    "traces": lambda runs: draw_traces("PV", trace(), runs, 0, 300),
+    "loops": lambda runs: draw_loops("PV", trace(), runs, 0, 300),
+    "spectra": lambda runs: draw_spectra(trace(), runs),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("draw", "few", "many"), [
+    # an inch or so for each panel, and what the axes' words need
+    ("traces", 0.5 + 2 * 1.15, 0.5 + 5 * 1.15), ("loops", 0.3 + 1.85, 0.3 + 3 * 1.85), ("spectra", 4.4, 4.4),
+])  # fmt: skip
+def test_pictures_fit_on_a_phone_and_grow_with_their_panels(draw, few, many):
+    for runs, high in (({BASELINE: trace()}, few), (EVERY, many)):
+        assert DRAWN[draw](runs).get_size_inches() == pytest.approx((4.6, high))
+
+
+def test_bars_take_as_much_room_as_they_need():
+    assert draw_ranking(["a"], [1.0]).get_size_inches() == pytest.approx((4.6, 0.93))
+    assert draw_ranking(["a", "b", "c"], [0.7, 0.2, 0.1]).get_size_inches() == pytest.approx((4.6, 1.49))
+    assert draw_gap({"before": 2.0, "floor": 1.0}).get_size_inches() == pytest.approx((4.6, 1.33))
+    assert draw_blocks(SHARES).get_size_inches() == pytest.approx((4.6, 2.6))
+    for figure in (draw_ranking(["a", "b"], [0.7, 0.3]), draw_gap({"before": 2.0, "nearest effect": 1.5, "floor": 1.0})):
+        (axes,) = figure.axes
+        for bar, text, place in zip(axes.patches, axes.texts, axes.get_yticks()):
+            # gaps between the bars are two thirds as wide as they, and the number stands at the end
+            assert bar.get_height() == pytest.approx(0.62)
+            assert bar.get_y() + bar.get_height() / 2 == pytest.approx(place)
+            assert text.xy == pytest.approx((bar.get_width(), place))
+            assert text.xyann == (4, 0)
+        assert [tick.tick1line.get_markersize() for tick in axes.yaxis.get_major_ticks()] == [0.0] * len(axes.patches)
+
+
+@pytest.mark.parametrize("draw", list(DRAWN))
+def test_every_line_is_thin_solid_enough_and_in_the_colour_of_its_loop(draw):
+    for axes in DRAWN[draw](EVERY).axes:
+        for line in axes.lines:
+            assert 0.6 <= line.get_linewidth() <= 2.0
+            assert (line.get_alpha() or 1.0) >= 0.8
+            assert to_hex(line.get_color()).upper() in {colour for colour, _ in LOOK.values()} | {"#6E6E6E"}
+    assert len({colour for colour, _ in LOOK.values()}) == len(LOOK) == 5
+
+
+def test_the_baselines_spectrum_is_wide_enough_to_be_seen_under_the_others():
+    for axes in draw_spectra(trace(), EVERY).axes:
+        widths = {line.get_label(): line.get_linewidth() for line in axes.lines}
+        assert widths == {BASELINE: 2.0, TUNED: 1.1, FIXED: 1.1, NEAREST: 1.1, RECORD: 1.1}
+        assert [line.get_linestyle() for line in axes.lines] == ["--", "-.", "-", "-", "-"]
+    assert [a.get_ylabel() for a in draw_spectra(trace(), EVERY).axes] == [
+        "power of PV (PV units$^2$ s)",
+        "power of OP (%$^2$ s)",
+    ]
+
+
+@pytest.mark.parametrize(("signal", "said"), [("PV", "PV"), ("OP", "OP (%)")])
+def test_panels_say_whose_they_are_and_what_stands_upwards(signal, said):
+    axes = draw_traces(signal, trace(), {BASELINE: trace(), FIXED: trace()}, 0, 100).axes
+    assert [a.get_ylabel() for a in axes] == [said] * 3
+    assert [a.get_title(loc="left") for a in axes] == [RECORD, BASELINE, FIXED]
+    if signal == "PV":
+        assert {(a.lines[0].get_linestyle(), a.lines[0].get_color()) for a in axes} == {(":", "#6E6E6E")}
+
+
+@pytest.mark.parametrize(("runs", "shown", "named"), [
+    # panels stand in two columns; the lowest of each names OP
+    ([BASELINE], [True, True], [0, 1]), ([BASELINE, FIXED], [True, True, True, False], [1, 2]),
+    ([BASELINE, TUNED, FIXED], [True] * 4, [2, 3]),
+])  # fmt: skip
+def test_the_lowest_panel_of_each_column_names_op(runs, shown, named):
+    axes = draw_loops("PV", trace(), {name: trace() for name in runs}, 0, 100).axes
+    assert [a.axison for a in axes] == shown
+    assert [i for i, a in enumerate(axes) if a.get_xlabel() == "OP (%)"] == named
+    assert all(axes[i].xaxis.get_tick_params()["labelbottom"] for i in named)
+    assert [a.get_ylabel() for a in axes if a.axison][::2] == ["PV"] * ((len(runs) + 2) // 2)
+
+
+@pytest.mark.parametrize(("share", "said"), [(0.45, False), (0.55, True)])
+@pytest.mark.parametrize(("far", "word"), [(1000.0, "1e+03"), (-1000.0, "-1e+03")])
+def test_a_simulation_that_runs_away_is_said_to(share, said, far, word):
+    record, away = trace(), trace()
+    away.pv[: int(share * 800)] = far
+    away.op[: int(share * 800)] = far
+    for axes in (
+        draw_traces("PV", record, {FIXED: away}, 0, 800).axes[1],
+        draw_loops("PV", record, {FIXED: away}, 0, 800).axes[1],
+    ):
+        words = [t for t in axes.texts if "runs beyond these axes" in t.get_text()]
+        assert len(words) == said
+        for text in words:
+            assert text.get_text().endswith(f"to {word}")
+            assert text.get_position() == (0.5, 0.5)
+            assert text.get_transform() == axes.transAxes
+
+
+def test_the_colour_of_a_block_is_the_red_of_the_effect(blocks):
+    box = next(p for p in blocks.patches if isinstance(p, FancyBboxPatch))
+    assert box.get_facecolor()[:3] == pytest.approx(to_rgb(LOOK[FIXED][0]))
+    assert {p.get_linewidth() for p in blocks.patches if isinstance(p, FancyBboxPatch)} == {1.0}
+    assert {(p.get_radius(), p.get_linewidth(), p.get_fill()) for p in blocks.patches if isinstance(p, Circle)} == {
+        (0.09, 0.9, False)
+    }
+    assert {line.get_linewidth() for line in blocks.lines} == {0.9}
+
+
+def test_blocks_are_as_high_as_each_other_and_wide_enough_for_their_names(blocks):
+    found, circles = shapes(blocks)
+    assert {round(y1 - y0, 6) for _, y0, _, y1 in found.values()} == {0.62}
+    assert len(circles) == 2
+    for name, (x0, _, x1, _) in found.items():
+        # a letter of this size is some 0.065 inches wide
+        assert 0.065 * len(name) + 0.15 < x1 - x0 < 0.14 * len(name) + 0.15
+    assert (blocks.get_xlim(), blocks.get_ylim()) == ((0.0, 4.6), (0.0, 2.6))
+    assert blocks.get_position().bounds == (0.0, 0.0, 1.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("n", "Ts", "lowest"), [(400, 1.0, 1 / 100), (400, 0.5, 1 / 50), (60, 1.0, 1 / 32), (9000, 1.0, 1 / 1024)]
+)
+def test_a_spectrum_is_the_mean_of_seven_pieces_and_more(n, Ts, lowest):
+    x = RNG.standard_normal(n)
+    f, power = spectrum(x, Ts)
+    assert f[0] == pytest.approx(lowest)
+    assert f[-1] == pytest.approx(0.5 / Ts)
+    # the whole power is the variance
+    assert np.sum(power) * f[0] == pytest.approx(np.var(x), rel=0.35)
+    assert np.all(spectrum(np.zeros(100), 1.0)[1] == np.finfo(float).tiny)

@@ -1,0 +1,245 @@
+"""What each effect's fit is begun from, tried on and paid for: an engine that notes what it is asked."""
+
+import numpy as np
+import pytest
+
+from simbench.gap.effects import recogniser
+from simbench.gap.likelihood import kernels
+from simbench.gap.likelihood.model import Data, Fit, Spec
+
+THETA = {"T": 20.0, "Td": 4.0, "load_time": 30.0, "load_lag": 1.0, "load": 2.0, "noise_std": 0.1, "colour": 0.1}
+IDLE = {"load": 9.0, "load_time": 8.0}  # what an idle valve needs
+N = 1000
+
+
+class Engine:
+    """Notes what is fitted; the likelihood is `height` of the spec and the parameters."""
+
+    longest_load = 60.0
+
+    def __init__(self, height=lambda spec, theta: 0.0, **more):
+        y = np.resize([3.0, -3.0], N)
+        given = {"u": np.linspace(40.0, 60.0, N), "y": y, "K": 2.0, "T": 25.0, "Td": 5.0, "noise": 0.2}
+        self.data, self.height, self.fitted, self.gridded, self.scanned = Data(**given | more), height, [], [], []
+
+    def at(self, spec, theta):
+        return Fit(spec, float(self.height(spec, theta)), dict(theta), np.ones(4), np.zeros(N))
+
+    def fit(self, spec, theta, search=None, steps=10):
+        if spec.valve == kernels.PLAY and theta.get("S", 0.0) > 25.0:
+            # a band that OP never leaves
+            return self.at(spec, {**theta, **IDLE})
+        self.fitted.append((dict(theta), search, steps))
+        return self.at(spec, theta)
+
+    def grid(self, spec, theta, points):
+        self.gridded.append((dict(theta), points))
+        return sorted((self.at(spec, {**theta, **p}) for p in points), key=lambda f: -f.loglik)
+
+    def scan(self, spec, theta, kind, points):
+        self.scanned.append((kind, points))
+        return -np.abs(np.log(points[:, 0] / 5.0))
+
+    def bounds(self, spec, name):
+        return (1.5, 9.0)
+
+    def start(self):
+        return {"load": 0.7, "load_time": 18.0, "noise_std": 0.3}
+
+    def begun(self, name, **having):
+        """Return the values of a parameter that fits were begun from."""
+        return [t[name] for t, _, _ in self.fitted if all(t[k] == v for k, v in having.items())]
+
+
+def base(**more):
+    return Fit(Spec(), 0.0, THETA | more, np.ones(4), np.zeros(N))
+
+
+def fit(effect, engine, start=None):
+    found, price = recogniser(effect).fit(engine, start or base())
+    return found, price
+
+
+def near(name, value):
+    """Return a likelihood that falls off in the logarithm of a parameter."""
+    return lambda spec, theta: -abs(np.log(theta[name] / value)) if name in theta else -99.0
+
+
+def test_a_released_gain_is_begun_under_three_loads():
+    engine = Engine(lambda spec, theta: -abs(theta["load"] - 0.6))
+    found, price = fit("gain_mismatch", engine)
+    assert engine.begun("load") == pytest.approx([2.0, 0.6, 9.0])
+    assert (found.theta["load"], price) == (pytest.approx(0.6), 1.0)
+    assert found.spec.free == {"K"}
+
+
+@pytest.mark.parametrize(("effect", "name", "trials"), [
+    ("time_constant_mismatch", "T", 25.0 * np.array([0.3, 0.5, 0.7, 1.5, 2.0, 3.0])),
+    ("dead_time_mismatch", "Td", [0.0, 1.25, 2.5, 3.75, *(5.0 + 7.5 * np.geomspace(0.25, 6.0, 12))]),
+])  # fmt: skip
+def test_a_released_time_is_begun_from_many_values_and_the_best_are_followed(effect, name, trials):
+    best = float(trials[1])
+    engine = Engine(lambda spec, theta: -abs(theta[name] - best))
+    found, price = fit(effect, engine)
+    assert (found.theta[name], price, found.spec.free) == (best, 1.0, {name})
+    few = [(t, steps) for t, search, steps in engine.fitted if search == ("load_time", "load")]
+    assert {steps for _, steps in few} == {2}
+    assert [t[name] for t, _ in few[: len(trials)]] == pytest.approx(trials)
+    # the best three again under an idle valve's load, then the base and the best two in full
+    again = few[len(trials) :]
+    assert len(again) == 3
+    assert {t["load"] for t, _ in again} == {9.0}
+    in_full = [t for t, search, _ in engine.fitted if search is None]
+    assert [t[name] for t in in_full] == pytest.approx([THETA[name], best, best])
+
+
+def test_a_slow_plants_dead_time_is_sought_by_its_time_constant_and_a_quick_ones_by_two_samples():
+    for more, unit in (({"T": 100.0, "Td": 5.0}, 30.0), ({"T": 1.0, "Td": 0.5}, 2.0), ({"T": 1.0, "Td": 9.0}, 9.0)):
+        engine = Engine(**more)
+        fit("dead_time_mismatch", engine)
+        tried = [t["Td"] for t, search, _ in engine.fitted if search is not None]
+        assert max(tried) == pytest.approx(more["Td"] + 6.0 * unit)
+        assert min(x for x in tried if x > more["Td"]) == pytest.approx(more["Td"] + 0.25 * unit)
+
+
+@pytest.mark.parametrize(("where", "effect"), [("valve", "valve_lag"), ("extra", "extra_lag"), ("sensor", "sensor_lag")])
+def test_a_pole_is_tried_from_a_third_of_a_sample_to_the_longest_load_beside_plants_that_lengthened_in_its_stead(where, effect):
+    engine = Engine(near("tau", 5.0))
+    found, price = fit(effect, engine)
+    assert (found.spec.pole, price) == (where, 1.0)
+    ((theta, points),) = engine.gridded
+    lags = np.geomspace(0.3, 90.0, 10)
+    assert sorted({round(p["tau"], 9) for p in points}) == pytest.approx(lags)
+    # the fitted and the stated plant, each with its own dead time and the shortest
+    assert {(p["T"], p["Td"]) for p in points} == {(20.0, 4.0), (20.0, 1.5), (25.0, 5.0), (25.0, 1.5)}
+    # a filter makes noise quiet and coloured: begun from the stated noise and little colour
+    assert (theta["noise_std"], theta["colour"]) == ((0.2, 0.2) if where == "sensor" else (0.1, 0.1))
+    longer = [t for t, _, steps in engine.fitted if steps == 2]
+    assert [t["tau"] for t in longer] == pytest.approx(lags[4::2])
+    assert {t["T"] for t in longer} == {25.0}
+    assert abs(np.log(found.theta["tau"] / 5.0)) < 0.5 * np.log(lags[1] / lags[0])
+
+
+@pytest.mark.parametrize(("longest", "T", "high"), [(60.0, 10.0, 90.0), (60.0, 50.0, 150.0)])
+def test_a_pole_may_be_as_long_as_any_load_or_three_times_the_plant(longest, T, high):
+    engine = Engine(T=T, noise=0.0)
+    engine.longest_load = longest
+    fit("sensor_lag", engine)
+    ((theta, points),) = engine.gridded
+    assert max(p["tau"] for p in points) == pytest.approx(high)
+    # where no noise is stated the base's is kept
+    assert (theta["noise_std"], theta["colour"]) == (0.1, 0.1)
+
+
+def test_a_released_noise_is_begun_from_twice_the_stated_and_less_is_dear():
+    engine = Engine(lambda spec, theta: theta["noise_std"])
+    found, price = fit("noise", engine)
+    assert [(t["noise_std"], t["colour"], t["load"]) for t, _, _ in engine.fitted] == [
+        (0.1, 0.1, 2.0), (0.4, 0.05, 2.0), (0.4, 0.1, 0.7),
+    ]  # fmt: skip
+    assert (found.theta["noise_std"], price, found.spec.free) == (0.4, 1.0, {"noise_std"})
+    assert fit("noise", Engine(lambda spec, theta: -theta["noise_std"]))[1] == 4.0
+    bare = Engine(noise=0.0)
+    assert fit("noise", bare)[1] == 1.0
+    assert len(bare.fitted) == 1
+
+
+@pytest.mark.parametrize("T", [25.0, 0.0])
+def test_a_drifting_sensor_walks_and_ramps_but_a_vessels_balance_is_a_ramp_already(T):
+    engine = Engine(near("walk", 3.0 * 0.5 / np.sqrt(N)), T=T)
+    found, price = fit("drift", engine)
+    ((_, points),) = engine.gridded
+    assert [p["walk"] for p in points] == pytest.approx(3.0 / np.sqrt(N) * np.array([0.01, 0.1, 0.5, 2.0]))
+    assert found.theta["walk"] == pytest.approx(1.5 / np.sqrt(N))
+    assert (found.spec.walk, price) == (True, 2.0 if T else 1.0)
+    if T:
+        (line,) = found.spec.channels
+        assert line[[0, 250, -1]] == pytest.approx([0.0, 250 / 999, 1.0])
+    else:
+        assert found.spec.channels == ()
+
+
+def test_a_characteristic_is_tried_on_both_sides_of_a_straight_one_under_two_loads():
+    engine = Engine(near("R", 0.11))
+    found, price = fit("valve_characteristic", engine)
+    assert [theta["load"] for theta, _ in engine.gridded] == [2.0, 9.0]
+    ratios = [p["R"] for p in engine.gridded[0][1]]
+    assert ratios == sorted(ratios)
+    assert (ratios[0], ratios[-1]) == (0.02, 50.0)
+    assert ratios == pytest.approx([1.0 / r for r in reversed(ratios)])
+    assert max(np.diff(np.log(ratios))) < np.log(4.1)
+    assert (found.theta["R"], price, found.spec.valve) == (0.1, 1.0, kernels.CURVE)
+
+
+def scanned(engine, kind):
+    """Return the first points scanned for a valve map: sizes, and the second number over the first."""
+    points = next(p for k, p in engine.scanned if k == kind)
+    return np.unique(points[:, 0]), points
+
+
+def test_a_dead_band_is_scanned_wherever_mv_began_in_it():
+    engine = Engine(lambda spec, theta: 50.0)
+    found, price = fit("deadband", engine)
+    sizes, points = scanned(engine, kernels.PLAY)
+    # OP's inner range is 19.8 %
+    assert (len(sizes), sizes[0], sizes[-1], price) == (32, pytest.approx(0.396), pytest.approx(23.76), 1.0)
+    assert sorted(set(np.round(points[:, 1] / points[:, 0], 9))) == [-0.5, 0.0, 0.5]
+    assert not points[:, 2].any()
+    assert found.spec.valve == kernels.PLAY
+
+
+def test_stiction_is_scanned_finely_under_two_models():
+    engine = Engine(lambda spec, theta: 50.0 + (spec.valve == kernels.CREEP))
+    found, price = fit("stiction", engine)
+    for kind in (kernels.STICK, kernels.CREEP):
+        sizes, points = scanned(engine, kind)
+        shares = sorted(set(np.round(points[:, 1] / points[:, 0], 9)))
+        assert (len(sizes), sizes[0], sizes[-1]) == (90, pytest.approx(0.396), pytest.approx(23.76))
+        # jumps from next to none to nearly all of the band, no gap wider than a fifth
+        assert (shares[0], shares[-1]) == (0.06, 0.95)
+        assert max(np.diff(shares)) < 0.2
+    assert (found.spec.valve, price) == (kernels.CREEP, 2.5)
+
+
+def test_a_dead_zone_is_scanned_over_ops_range():
+    engine = Engine(lambda spec, theta: 50.0)
+    found, price = fit("deadzone", engine)
+    sizes, points = scanned(engine, kernels.ZONE)
+    assert (len(sizes), price, found.spec.valve) == (12, 2.0, kernels.ZONE)
+    assert np.unique(np.round(points[:, 1], 9)) == pytest.approx(np.linspace(40.2, 59.8, 13))
+
+
+class Jumpy(Engine):
+    """An engine with a step of the load at some samples: each that is added brings the nats it is worth."""
+
+    spread = 10.0
+
+    def __init__(self, worth):
+        super().__init__()
+        self.worth = worth
+
+    def fit(self, spec, theta, search=None, steps=10):
+        self.fitted.append((dict(theta), search, steps))
+        return Fit(spec, float(sum(self.worth[: len(spec.channels)])), dict(theta), np.ones(3 + len(spec.channels)), RESIDUAL)
+
+
+RESIDUAL = np.random.default_rng(0).standard_normal(N)
+
+
+@pytest.mark.parametrize(("worth", "count"), [
+    # a jump costs a number and, as its place was picked, a half of the logarithm more: 6.9 nats of a thousand samples
+    ([], 0), ([6.8, 50.0], 0), ([7.0, 6.8, 50.0], 1), ([50.0] * 5, 5), ([50.0] * 30, 12),
+])  # fmt: skip
+def test_jumps_are_added_while_each_pays_for_itself(worth, count):
+    engine = Jumpy([*worth, *[0.0] * 20])
+    found, price = fit("load_steps", engine, Fit(Spec(), 0.0, THETA, np.ones(3), RESIDUAL))
+    assert len(found.spec.channels) == count
+    assert price == (2.0 * count or 2.0)
+    assert found.theta.get("steps", 0.0) == count
+    # a load that only had to make the jumps gives way
+    tried = [i + 1 for i in range(min(count + 1, 12))]
+    if 0 < count < 12:
+        # once everything has settled around the jumps, another one is looked for
+        tried.append(count + 1)
+    assert [t["load"] for t, search, _ in engine.fitted if search] == pytest.approx([2.0 * 0.7**i for i in tried])
+    assert sum(search is None for _, search, _ in engine.fitted) == (count > 0)

@@ -1,0 +1,122 @@
+"""A baseline from the record alone: plant and tuning found again, and what may then be asked."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from detectors.errors import RecordError
+from scenarios.spec import Controller, Loop, Plant
+from simbench.gap.effects import recogniser
+from simbench.gap.intake.identify import fit_plant, identify, meaningful
+from simbench.loop.effects import EFFECTS, block_of
+from simbench.loop.simulate import simulate
+
+STEPS = [[2.0 * k, 50.0 + (-1) ** i * 4.0] for i, k in enumerate(range(100, 1200, 150))]
+TABLE = {
+    "plant": {"type": "foptd", "K": 1.4, "T": 30.0, "Td": 8.0},
+    "controller": {"type": "PI", "Kc": 0.8, "Ti": 25.0},
+    "sampling": {"Ts": 2.0, "n": 1200},
+    "noise": {"std": 0.1},
+    "setpoint": {"value": 50.0, "steps": STEPS},
+}
+VESSEL = TABLE | {
+    "plant": {"type": "integrating", "K": 0.02, "Td": 8.0}, "controller": {"type": "PI", "Kc": 2.0, "Ti": 90.0},
+}  # fmt: skip
+
+
+def run(table, **more):
+    return replace(simulate(Loop.from_table(table | more), seed=1).record, mv=None)
+
+
+@pytest.fixture(scope="module", params=[1.0, -1.0], ids=["reverse", "direct"])
+def first(request):
+    control = TABLE["controller"] | {"direction": "reverse" if request.param > 0 else "direct"}
+    record = run(TABLE, plant=TABLE["plant"] | {"K": 1.4 * request.param}, controller=control)
+    return record, 1.4 * request.param
+
+
+def test_a_record_gives_its_loop_back_in_seconds(first):
+    record, K = first
+    control = Controller(type="PI", Kc=0.8, Ti=25.0, direction="reverse" if K > 0 else "direct")
+    loop = identify(replace(record, process="self-regulating"), controller=control)
+    assert loop.plant.type == "foptd"
+    assert (loop.plant.K, loop.plant.T, loop.plant.Td) == (
+        pytest.approx(K, rel=0.05), pytest.approx(30.0, rel=0.1), pytest.approx(8.0, abs=1.0),
+    )  # fmt: skip
+    assert loop.noise.std == pytest.approx(0.1, rel=0.15)
+    assert (loop.sampling.Ts, loop.sampling.n) == (2.0, 1200)
+
+
+def test_the_tuning_is_read_from_the_law(first):
+    record, K = first
+    given = Plant(type="foptd", K=K, T=30.0, Td=8.0)
+    loop = identify(record, plant=given)
+    assert loop.plant == given
+    assert loop.noise.std == 0.0
+    assert (loop.controller.type, loop.controller.direction) == ("PI", "reverse" if K > 0 else "direct")
+    assert (loop.controller.Kc, loop.controller.Ti) == (pytest.approx(0.8, rel=1e-3), pytest.approx(25.0, rel=1e-3))
+
+
+@pytest.mark.parametrize("process", ["integrating", None])
+def test_a_vessel_is_known_or_the_likelier(process):
+    loop = identify(replace(run(VESSEL), process=process))
+    assert (loop.plant.type, loop.plant.T) == ("integrating", None)
+    # a gain in percent and seconds
+    assert loop.plant.K == pytest.approx(0.02, rel=0.05)
+    assert loop.controller.Kc == pytest.approx(2.0, rel=1e-3)
+    assert loop.controller.Ti == pytest.approx(90.0, rel=1e-3)
+
+
+def test_a_settling_plant_is_no_vessel_even_behind_a_sticky_valve():
+    assert identify(replace(run(TABLE), process=None)).plant.type == "foptd"
+    sticky = run(TABLE, valve={"model": "choudhury", "S": 4.0, "J": 2.0})
+    assert identify(replace(sticky, process=None)).plant.type == "foptd"
+
+
+def test_a_proportional_controller_has_no_integral_time():
+    record = run(TABLE, controller={"type": "P", "Kc": 0.8})
+    found = identify(record, plant=Plant(type="foptd", K=1.4, T=30.0, Td=8.0)).controller
+    assert (found.type, found.Ti) == ("P", None)
+    assert found.Kc == pytest.approx(0.8, rel=0.02)
+
+
+def test_an_op_that_no_law_makes_leaves_a_guess_by_the_sizes_of_the_changes():
+    record = run(TABLE)
+    op = 50.0 + np.cumsum(np.random.default_rng(0).standard_normal(record.n))
+    found = identify(replace(record, op=op), plant=Plant(type="foptd", K=1.4, T=30.0, Td=8.0)).controller
+    assert np.isfinite(found.Kc)
+    assert found.Kc > 0.0
+
+
+def test_where_pv_does_not_answer_op_no_plant_is_made_up():
+    rng = np.random.default_rng(0)
+    record = replace(run(TABLE), op=np.full(1200, 50.0), pv=rng.standard_normal(1200), tag="FIC1")
+    with pytest.raises(RecordError, match="record 'FIC1': no plant can be identified"):
+        identify(record, controller=Controller(type="PI", Kc=1.0, Ti=10.0))
+
+
+@pytest.mark.parametrize(("T", "Td"), [(0.8, 0.0), (6.0, 2.0), (15.0, 7.0)])
+def test_a_plant_is_found_from_a_coarse_grid_of_times(T, Td):
+    rng = np.random.default_rng(2)
+    u = 50.0 + np.repeat(rng.choice([-2.0, 2.0], 60), 20)
+    a, x, y = np.exp(-1.0 / T), 0.0, np.empty(u.size)
+    for k in range(u.size):
+        y[k] = x
+        x = a * x + (1.0 - a) * 1.7 * (u[max(k - int(Td), 0)] - u[0])
+    fit = fit_plant(u, y + 0.05 * rng.standard_normal(u.size), False, 0.0)
+    assert fit.K == pytest.approx(1.7, rel=0.02)
+    assert fit.theta["T"] == pytest.approx(T, rel=0.05)
+    assert fit.theta["Td"] == pytest.approx(Td, abs=0.1)
+
+
+def test_what_compares_with_a_plant_has_no_meaning_without_one():
+    of_plant = {e for e in EFFECTS if recogniser(e).needs == "plant"}
+    of_tuning = {e for e in EFFECTS if recogniser(e).needs == "tuning"}
+    valve = {e for e in EFFECTS if block_of(e) == "valve"}
+    assert of_tuning == {"detuning"}
+    assert {"gain_mismatch", "dead_time_mismatch"} <= of_plant
+    assert "stiction" not in of_plant
+    assert meaningful(False, False) == set(EFFECTS) - of_plant - of_tuning
+    assert meaningful(False, True) == set(EFFECTS) - of_plant
+    assert meaningful(True, False) == (set(EFFECTS) - of_plant - of_tuning) | valve

@@ -1,0 +1,97 @@
+"""What the engine is told: bounds of every number, how two effects are joined, and a valve by its numbers."""
+
+import numpy as np
+import pytest
+
+from simbench.gap.likelihood import kernels
+from simbench.gap.likelihood.model import (
+    BAND,
+    CENTRE,
+    JUMP,
+    LOAD_WALK,
+    RATIO,
+    TAU,
+    WALK,
+    WIDTH,
+    Data,
+    Moves,
+    Spec,
+    lag_of,
+    size_penalty,
+    valve_of,
+)  # fmt: skip
+
+U = np.linspace(40.0, 60.0, 1000)
+Y = np.resize([3.0, -3.0], 1000)
+DATA = Data(U, Y, 2.0, 10.0, 4.0, 0.1)
+
+
+def test_a_record_is_as_large_as_it_moves_and_never_of_no_size():
+    assert (DATA.n, DATA.span) == (1000, pytest.approx(20.0))
+    assert DATA.floor == pytest.approx(6e-6)
+    assert DATA.size == pytest.approx(3.0 + 6e-6, rel=1e-9)
+    written = Data(U, Y, 2.0, 10.0, 4.0, 0.1, resolution=0.5)
+    # rounding by a step leaves a twelfth of its square
+    assert written.floor == pytest.approx(0.5 / np.sqrt(12.0))
+    still = Data(np.full(9, 50.0), np.zeros(9), 2.0, 10.0, 4.0, 0.1)
+    assert (still.floor, still.size, still.span) == (1e-9, 1e-9, 1e-3)
+
+
+@pytest.mark.parametrize(("number", "low", "high", "log"), [
+    (BAND, 0.0, 30.0, False), (JUMP, 0.0, 20.0, False), (WIDTH, 0.0, 40.0, False), (CENTRE, 40.0, 60.0, False),
+    (RATIO, 0.01, 100.0, True), (TAU, 0.05, 200.0, True), (WALK, 3e-8, 3.0, True), (LOAD_WALK, 3e-8, 3.0, True),
+])  # fmt: skip
+def test_every_number_is_looked_for_within_what_the_record_could_show(number, low, high, log):
+    assert (number.low(DATA), number.high(DATA)) == pytest.approx((low, high), rel=1e-5)
+    assert number.log == log
+    assert number.shapes == (number not in (WALK, LOAD_WALK))
+
+
+MOVES = Moves(lambda u, theta: u + theta["own"], (BAND,))
+
+
+@pytest.mark.parametrize(("spec", "names"), [
+    (Spec(), ()), (Spec(valve=kernels.PLAY), ("S",)), (Spec(valve=kernels.ZONE), ("D", "c")),
+    (Spec(valve=kernels.CURVE), ("R",)), (Spec(valve=kernels.STICK), ("S", "J")), (Spec(valve=kernels.CREEP), ("S", "J")),
+    (Spec(pole="extra"), ("tau",)), (Spec(walk=True), ("walk",)), (Spec(load_walk=True), ("load_walk",)),
+    (Spec(valve=kernels.PLAY, pole="valve", walk=True, load_walk=True), ("S", "tau", "walk", "load_walk")),
+    (Spec(moves=MOVES), ("S",)),
+])  # fmt: skip
+def test_an_effect_has_its_numbers_beside_plant_load_and_noise(spec, names):
+    own = ("T", "Td", "load_time", "load_lag", "load", "noise_std", "colour")
+    assert spec.names == own + names
+    pink = spec.join(Spec(pink=True))
+    assert pink.names == tuple(m for m in own if m != "load_lag") + names
+    assert lag_of({"load_lag": 3.0}) == 3.0
+    assert lag_of({}) == kernels.PINK
+
+
+def test_two_effects_joined_have_what_either_has_and_of_two_valves_the_second():
+    line = np.ones(3)
+    one = Spec(frozenset({"K"}), kernels.PLAY, "extra", walk=True, channels=(line,), start=1.0)
+    other = Spec(frozenset({"T"}), load_walk=True, pink=True, channels=(2 * line,), moves=MOVES)
+    both = one.join(other)
+    assert (both.free, both.valve, both.pole, both.start) == ({"K", "T"}, kernels.PLAY, "extra", 1.0)
+    assert (both.walk, both.load_walk, both.pink, both.moves) == (True, True, True, MOVES)
+    assert [c[0] for c in both.channels] == [1.0, 2.0]
+    second = Spec(valve=kernels.ZONE, pole="sensor", start=-1.0)
+    assert (one.join(second).valve, one.join(second).pole, one.join(second).start) == (kernels.ZONE, "sensor", -1.0)
+    assert Spec().join(Spec()) == Spec()
+
+
+@pytest.mark.parametrize(("spec", "theta", "mv"), [
+    (Spec(), {}, [50.0, 52.0, 47.0]), (Spec(moves=MOVES), {"own": 2.0}, [52.0, 54.0, 49.0]),
+    (Spec(valve=kernels.PLAY), {"S": 2.0}, [50.0, 51.0, 48.0]),
+    # begun at the upper end of the band
+    (Spec(valve=kernels.PLAY, start=1.0), {"S": 6.0}, [53.0, 53.0, 50.0]),
+    (Spec(valve=kernels.ZONE), {"D": 2.0, "c": 50.0}, [50.0, 51.0, 48.0]),
+    (Spec(valve=kernels.CURVE), {"R": 1.0}, [50.0, 52.0, 47.0]),
+    (Spec(valve=kernels.STICK), {"S": 2.0, "J": 1.0}, [50.0, 51.5, 47.5]),
+    (Spec(valve=kernels.CREEP, start=-1.0), {"S": 6.0, "J": 0.0}, [47.0, 49.0, 49.0]),
+])  # fmt: skip
+def test_a_valve_makes_mv_of_op_by_its_numbers(spec, theta, mv):
+    assert valve_of(spec, theta, np.array([50.0, 52.0, 47.0])) == pytest.approx(mv)
+
+
+def test_a_fitted_number_costs_half_the_logarithm_of_the_samples():
+    assert size_penalty(1000, 3.0) == pytest.approx(1.5 * np.log(1000.0))

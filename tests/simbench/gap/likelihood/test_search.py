@@ -1,0 +1,188 @@
+"""The search for a valve's numbers on likelihoods whose peak is known, and what it begins from."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from simbench.gap.likelihood import kernels
+from simbench.gap.likelihood.model import Data, Fit, Spec
+from simbench.gap.likelihood.search import (
+    around,
+    band_sizes,
+    better,
+    idle,
+    mapped,
+    narrow,
+    plants,
+    promising,
+    scanned,
+    search_map,
+    settle,
+)  # fmt: skip
+
+THETA = {"T": 20.0, "Td": 4.0, "load_time": 30.0, "load_lag": 1.0, "load": 2.0, "noise_std": 0.1, "colour": 0.0}
+NAMES = {kernels.PLAY: ("S",), kernels.STICK: ("S", "J"), kernels.CREEP: ("S", "J"), kernels.ZONE: ("D", "c")}
+
+
+def data(**more):
+    given = {"u": np.linspace(40.0, 60.0, 1000), "y": np.zeros(1000), "K": 1.0, "T": 25.0, "Td": 5.0, "noise": 0.1}
+    return Data(**given | more)
+
+
+class Peaks:
+    """An engine whose log-likelihood falls by a nat for each thousandth, squared, that a number is off the nearest peak."""
+
+    def __init__(self, kind, *peaks, d=None):
+        self.kind, self.peaks, self.data = kind, peaks, d or data()
+        self.scans, self.fits = [], []
+
+    def height(self, numbers):
+        return max(high - sum((1e3 * (x / p - 1.0)) ** 2 for x, p in zip(numbers, peak)) for high, *peak in self.peaks)
+
+    def scan(self, spec, theta, kind, points):
+        self.scans.append((spec, dict(theta), points))
+        return np.array([self.height(p[: len(NAMES[kind])]) for p in points])
+
+    def at(self, spec, theta):
+        numbers = [theta[m] for m in NAMES.get(spec.valve, ()) if m in theta]
+        return Fit(spec, self.height(numbers) if numbers else 0.0, dict(theta), np.ones(3), np.zeros(3))
+
+    def fit(self, spec, theta, search=None, steps=10):
+        self.fits.append((search, steps))
+        return self.at(spec, theta)
+
+
+BASE = Fit(Spec(), 0.0, THETA, np.ones(3), np.zeros(3))
+
+
+def test_points_lie_around_a_size_within_a_share_of_it():
+    play = around(kernels.PLAY, np.array([10.0, 0.0, 0.0]), 0.04)
+    sizes = [9.6, 9.8, 10.0, 10.2, 10.4]
+    assert play == pytest.approx(np.array([(s, way * s / 2, 0.0) for s in sizes for way in (-1, 0, 1)]))
+    zone = around(kernels.ZONE, np.array([10.0, 50.0, 0.0]), 0.04)
+    assert zone == pytest.approx(np.array([(s, c, 0.0) for s in sizes for c in (49.6, 49.8, 50.0, 50.2, 50.4)]))
+    for kind in (kernels.STICK, kernels.CREEP):
+        jumps = around(kind, np.array([10.0, 5.0, 0.0]), 0.04)
+        expected = [(s, j, way * s / 2) for s in sizes for j in (4.2, 4.7, 5.0, 5.3, 5.8) for way in (-1, 0, 1)]
+        assert jumps == pytest.approx(np.array(expected))
+
+
+@pytest.mark.parametrize(("kind", "point", "numbers", "start"), [
+    (kernels.PLAY, (8.0, 4.0, 0.0), {"S": 8.0}, 1.0), (kernels.PLAY, (8.0, -2.0, 0.0), {"S": 8.0}, -0.5),
+    (kernels.STICK, (8.0, 3.0, -4.0), {"S": 8.0, "J": 3.0}, -1.0), (kernels.ZONE, (8.0, 51.0, 0.0), {"D": 8.0, "c": 51.0}, 0.0),
+])  # fmt: skip
+def test_a_point_becomes_a_valve_that_begins_where_it_says(kind, point, numbers, start):
+    fit = mapped(Peaks(kind, (0.0, 8.0, 1.0)), Spec(), THETA, kind, np.array(point))
+    assert fit.theta == THETA | numbers
+    assert (fit.spec.valve, fit.spec.start) == (kind, pytest.approx(start))
+
+
+@pytest.mark.parametrize(("kind", "peak"), [
+    (kernels.PLAY, (5.0,)), (kernels.STICK, (5.0, 2.0)), (kernels.CREEP, (5.0, 2.0)), (kernels.ZONE, (5.0, 50.0)),
+])  # fmt: skip
+@pytest.mark.parametrize("off", [0.93, 1.0, 1.08])
+def test_a_peak_is_followed_to_a_thousandth(kind, peak, off):
+    engine = Peaks(kind, (0.0, *peak))
+    first = mapped(engine, Spec(), THETA, kind, np.array([off * peak[0], *peak[1:], 0.0, 0.0])[:3])
+    found = narrow(engine, first)
+    assert [found.theta[m] for m in NAMES[kind]] == pytest.approx(peak, rel=1e-3)
+
+
+def test_the_higher_of_two_peaks_is_found_though_a_coarse_scan_puts_it_second():
+    # 2 % off a low broad looking one, 3 % off a high one
+    engine = Peaks(kernels.PLAY, (0.0, 4.0), (300.0, 9.0))
+    points = np.array([(4.08, 0.0, 0.0), (9.27, 0.0, 0.0), (9.3, 0.0, 0.0)])
+    found = scanned(engine, Spec(), THETA, kernels.PLAY, points)
+    assert found.theta["S"] == pytest.approx(9.0, rel=0.011)
+    # points nearer than the width of a peak count as one
+    near = engine.scans[1][2][:, 0]
+    assert (near.min(), near.max()) == pytest.approx((4.08 * 0.96, 9.27 * 1.04))
+    assert not np.any((near > 4.5) & (near < 8.8))
+
+
+@pytest.mark.parametrize(("kind", "count"), [(kernels.PLAY, 2), (kernels.ZONE, 2), (kernels.CREEP, 2), (kernels.STICK, 3)])
+def test_so_many_peaks_of_a_scan_are_looked_at_again(kind, count):
+    engine = Peaks(kind, (0.0, 4.0, 2.0))
+    scanned(engine, Spec(), THETA, kind, np.array([(s, 2.0, 0.0) for s in (4.0, 6.0, 8.0, 10.0, 12.0)]))
+    assert len(engine.scans[1][2]) == count * len(around(kind, np.ones(3), 0.04))
+
+
+def loads(engine):
+    """Return T and load of every scan of the coarse points."""
+    return [(round(theta["T"], 6), round(theta["load"], 6)) for _, theta, points in engine.scans if len(points) == 4]
+
+
+@pytest.mark.parametrize(("few", "tried"), [
+    (False, [(20.0, 2.0), (25.0, 2.0), (20.0, 0.6), (20.0, 0.2)]), (True, [(20.0, 2.0), (20.0, 0.6)]),
+])  # fmt: skip
+def test_a_search_begins_from_loads_of_several_sizes_and_from_a_valve_that_never_moves(few, tried):
+    engine = Peaks(kernels.PLAY, (50.0, 5.0))
+    coarse = np.array([(s, 0.0, 0.0) for s in (2.0, 3.3, 5.1, 9.0)])
+    found = search_map(engine, BASE, kernels.PLAY, coarse, few)
+    assert found.theta["S"] == pytest.approx(5.0, rel=1e-3)
+    assert loads(engine)[: len(tried)] == tried
+    # then with the load of an idle valve, and once more around the best
+    assert len(loads(engine)) >= len(tried) + 2
+
+
+@pytest.mark.parametrize(("high", "refined"), [(-3.0, True), (-5.0, False)])
+def test_a_peak_far_below_no_effect_is_not_worth_refining(high, refined):
+    engine = Peaks(kernels.PLAY, (high, 5.0))
+    found = search_map(engine, BASE, kernels.PLAY, np.array([(5.0, 0.0, 0.0)]), few=True)
+    assert promising(found, BASE) == refined
+    narrowest = min(float(np.ptp(p[:, 0])) for _, _, p in engine.scans if len(p) == 15)
+    assert (narrowest < 0.05) == refined
+
+
+def test_what_is_settled_is_all_but_the_valves_own_numbers():
+    engine = Peaks(kernels.STICK, (0.0, 5.0, 2.0))
+    fit = Fit(Spec(valve=kernels.STICK, walk=True), 0.0, THETA | {"S": 5.0, "J": 2.0, "walk": 0.1}, np.ones(3), np.zeros(3))
+    settle(engine, fit)
+    ((search, steps),) = engine.fits
+    assert set(search) == {*THETA, "walk"}
+    assert steps == 3
+
+
+def test_an_idle_valve_changes_the_load_alone():
+    seen = []
+
+    class Stuck(Peaks):
+        def fit(self, spec, theta, search=None, steps=10):
+            seen.append((spec, theta["S"], steps))
+            return Fit(spec, 0.0, {**theta, "load": 7.0, "load_time": 9.0, "T": 99.0}, np.ones(3), np.zeros(3))
+
+    found = idle(Stuck(kernels.PLAY, (0.0, 5.0)), Fit(Spec(pole="extra"), 0.0, THETA, np.ones(3), np.zeros(3)))
+    assert found == THETA | {"load": 7.0, "load_time": 9.0}
+    ((spec, wide, steps),) = seen
+    # a band of one and a half times OP's range of 20 % is never left
+    assert (spec.pole, spec.valve, wide, steps) == ("", kernels.PLAY, pytest.approx(30.0), 10)
+
+
+@pytest.mark.parametrize(("low", "high", "ends"), [
+    (40.0, 60.0, (0.02 * 19.8, 1.2 * 19.8)), (50.0, 50.5, (0.05, 1.2 * 0.495)), (50.0, 50.04, (0.05, 0.1)),
+    (50.0, 50.0, (0.05, 1.2)),
+])  # fmt: skip
+def test_bands_are_tried_from_ops_jitter_to_its_range(low, high, ends):
+    sizes = band_sizes(data(u=np.linspace(low, high, 1001)), 7)
+    assert len(sizes) == 7
+    assert (sizes[0], sizes[-1]) == pytest.approx(ends, rel=1e-3)
+    assert sizes[1:] / sizes[:-1] == pytest.approx(sizes[1] / sizes[0])
+
+
+def test_effects_are_looked_for_from_the_fitted_and_from_the_stated_plant():
+    own, stated = {"T": 20.0, "Td": 4.0}, {"T": 25.0, "Td": 5.0}
+    assert plants(SimpleNamespace(data=data()), BASE) == [own, stated]
+    assert plants(SimpleNamespace(data=data(trusted=False)), BASE) == [own, stated, {"T": 12.5, "Td": 2.5}]
+
+
+def test_the_likelier_fit_is_better_and_the_first_one_stays_where_they_are_equal():
+    one, other = (Fit(Spec(), x, {}, np.ones(1), np.ones(1)) for x in (1.0, 2.0))
+    assert better(None, one) is one
+    assert better(one, other) is better(other, one) is other
+    assert better(one, Fit(Spec(), 1.0, {}, np.ones(1), np.ones(1))) is one
+
+
+@pytest.mark.parametrize(("loglik", "may_be"), [(-3.9, True), (-4.1, False), (5.0, True)])
+def test_four_nats_below_no_effect_is_hopeless(loglik, may_be):
+    assert promising(Fit(Spec(), loglik, {}, np.ones(1), np.ones(1)), BASE) == may_be

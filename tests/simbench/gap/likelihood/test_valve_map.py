@@ -1,0 +1,75 @@
+"""The valve from MV given OP: every map's numbers are found again, and what they are worth in nats."""
+
+import numpy as np
+import pytest
+
+from simbench.gap.effects import recogniser
+from simbench.gap.likelihood import kernels
+from simbench.gap.likelihood.valve_map import MapSearch, lagged
+
+N, TS = 500, 2.0
+OP = 50.0 + 4.0 * np.sin(np.arange(N) / 17.0) + 2.5 * np.sin(np.arange(N) / 6.1)
+SPAN = float(np.ptp(OP))
+NOISE = 0.01 * np.random.default_rng(1).standard_normal(N)
+
+
+def search(mv, **more):
+    return MapSearch(OP, mv, TS, OP, **more)
+
+
+@pytest.mark.parametrize(("effect", "mv", "numbers"), [
+    ("deadband", kernels.valve(OP, kernels.PLAY, 3.17, 0.4, 0.0), {"S": 3.17}),
+    ("stiction", kernels.valve(OP, kernels.STICK, 3.17, 1.3, 0.4), {"S": 3.17, "J": 1.3}),
+    ("stiction", kernels.valve(OP, kernels.CREEP, 3.17, 1.3, 0.4), {"S": 3.17, "J": 1.3}),
+    ("deadzone", kernels.valve(OP, kernels.ZONE, 3.17, 49.3, 0.0), {"D": 3.17, "c": 49.3}),
+    ("valve_characteristic", kernels.valve(OP, kernels.CURVE, 3.17, 0.0, 0.0), {"R": 3.17}),
+    ("valve_characteristic", kernels.valve(OP, kernels.CURVE, 0.31, 0.0, 0.0), {"R": 0.31}),
+    ("valve_lag", lagged(OP, 3.17), {"tau": 6.34}), ("valve_lag", lagged(OP, 0.4), {"tau": 0.8}),
+    ("valve_lag", lagged(OP, 45.0), {"tau": 90.0}),
+])  # fmt: skip
+def test_a_valves_own_map_is_found_and_explains_mv(effect, mv, numbers):
+    gain, found = recogniser(effect).by_mv(search(mv + NOISE))
+    # lags are tried on a grid of 5 %, all else is followed down
+    assert found == pytest.approx(numbers, rel=0.025 if effect == "valve_lag" else 0.01)
+    left = float(np.mean((mv - OP) ** 2))
+    # the price of a number or two is some three nats each
+    fine = (1e-3 * SPAN) ** 2 + 1e-4
+    assert gain == pytest.approx(0.5 * N * np.log((left + fine) / fine), rel=0.15)
+
+
+@pytest.mark.parametrize("effect", ["deadband", "stiction", "deadzone", "valve_characteristic", "valve_lag"])
+def test_a_valve_that_follows_op_has_none_of_them(effect):
+    assert recogniser(effect).by_mv(search(OP + NOISE))[0] < 0.0
+
+
+@pytest.mark.parametrize("off", [0.0, 0.1])
+def test_the_misfit_counts_down_to_a_thousandth_of_the_range(off):
+    assert search(OP).level(OP + off) == pytest.approx(0.5 * N * np.log(off**2 + 1e-6 * SPAN**2))
+
+
+def test_numbers_are_paid_for_and_nobody_asks_how_much_worse():
+    s = search(OP + 0.3)
+    assert s.priced(s.healthy - 30.0, {"S": 1.0}, 2.0) == (pytest.approx(30.0 - np.log(N)), {"S": 1.0})
+    assert s.priced(s.healthy + 15.0, {}, 1.0)[0] == pytest.approx(-15.0 - 0.5 * np.log(N))
+    assert s.priced(s.healthy + 18.0, {}, 1.0)[0] == -20.0
+
+
+def test_a_band_that_the_baseline_has_is_no_effect_wherever_mv_began_in_it():
+    mv = kernels.valve(OP, kernels.PLAY, 3.0, 1.5, 0.0)
+    usual = kernels.valve(OP, kernels.PLAY, 3.0, 0.0, 0.0)
+    known, unknown = MapSearch(OP, mv, TS, usual, band=3.0), MapSearch(OP, mv, TS, usual)
+    assert recogniser("deadband").by_mv(known)[0] < 0.0 < recogniser("deadband").by_mv(unknown)[0]
+
+
+def test_widths_are_tried_from_a_fiftieth_of_ops_range_to_one_and_a_half():
+    sizes = search(OP).sizes
+    assert (len(sizes), *sizes[[0, -1]]) == pytest.approx((50, 0.02 * SPAN, 1.5 * SPAN))
+    still = MapSearch(np.full(N, 50.0), OP, TS, OP)
+    assert still.sizes[[0, -1]] == pytest.approx([0.02, 1.5])
+
+
+@pytest.mark.parametrize("tau", [0.5, 7.0])
+def test_a_lag_answers_a_step_by_its_time_constant_and_begins_at_rest(tau):
+    step = np.where(np.arange(60) >= 10, 53.0, 50.0)
+    k = np.arange(60) - 9
+    assert lagged(step, tau) == pytest.approx(50.0 + 3.0 * np.where(k > 0, 1.0 - np.exp(-k / tau), 0.0))

@@ -1,0 +1,113 @@
+"""The answer in words: one sentence, and what a terminal shows below it."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from simbench.gap.report.result import Gap, GapReport, Ranked, numbers, words
+
+BEHIND = SimpleNamespace(loops=SimpleNamespace(loop=lambda effects: ("loop with", *effects)))
+STUCK = {"block": "valve", "effect": "stiction", "parameters": {"S": 6.04, "J": 3.0}, "probability": 0.914}
+COARSE = {"block": "sensor", "effect": "quantisation", "parameters": {"step": 0.3, "at": "record"}, "probability": 0.05}
+RANKING = (
+    Ranked("stiction", "valve", 0.914, 4.0, 1.25, {"S": 6.04, "J": 3.0}), Ranked("none", "none", 0.051, 4.0, 4.0, {}),
+    *(Ranked(f"effect_{i}", "process", 0.007, None, None, {}) for i in range(5)),
+)  # fmt: skip
+SHARES = {"controller": 0.004, "valve": 0.914, "process": 0.006, "sensor": 0.07, "disturbance": 0.006}
+
+
+def report(effect="stiction", block="valve", effects=(STUCK,), *, gap=(4.0, 3.5, 1.25, 0.8, True), value=0.859, **more):
+    shrinkage = None if value is None else {"value": value, "lo": value - 0.1, "hi": value + 0.05}
+    given = {
+        "group": ("stiction",),
+        "ranking": RANKING,
+        "blocks": SHARES,
+        "next_test": "bump it",
+        "notes": ("one", "two"),
+    } | more
+    return GapReport(
+        block, effect, effects, given["group"], given["ranking"], Gap(*gap), shrinkage, given["blocks"], given["next_test"],
+        given["notes"], BEHIND,
+    )  # fmt: skip
+
+
+def test_an_effect_is_named_with_its_numbers_and_how_much_of_the_gap_it_closes():
+    assert report().sentence() == (
+        "The simulation lacks stiction (valve, S = 6.04, J = 3), probability 0.91; adding it closes 86 % of the gap."
+    )
+    assert report(value=None).sentence() == "The simulation lacks stiction (valve, S = 6.04, J = 3), probability 0.91."
+    assert report(value=0.0).sentence().endswith("adding it closes 0 % of the gap.")
+    assert report(value=-0.25).sentence().endswith("adding it does not close the gap but widens it, by 25 %.")
+    both = report(effects=(STUCK, COARSE)).sentence()
+    assert "stiction (valve, S = 6.04, J = 3) and quantisation (sensor, step = 0.3, at = record), probability 0.91" in both
+
+
+def test_an_unknown_effect_is_placed_and_compared_with_the_nearest():
+    something = {"block": "process", "effect": "unknown", "parameters": {}, "probability": 0.62}
+    said = report("unknown", "process", (something,), value=None).sentence()
+    assert said == (
+        "Something is missing in the process block that no known effect explains (probability 0.62); closest: stiction."
+    )
+
+
+@pytest.mark.parametrize(("recalibrated", "resolvable", "differs"), [
+    (1.19, True, False), (1.21, True, True), (1.21, False, False), (9.0, True, True),
+])  # fmt: skip
+def test_none_is_an_answer_and_a_gap_that_stays_is_said(recalibrated, resolvable, differs):
+    nothing = {"block": "none", "effect": "none", "parameters": {}, "probability": 0.9}
+    said = report("none", "none", (nothing,), gap=(4.0, recalibrated, 1.2, 0.8, resolvable), value=None).sentence()
+    if differs:
+        assert said == (
+            "No known effect is called for, but the simulation still differs from the record: "
+            f"gap {recalibrated:.2f} against a floor of 0.80."
+        )
+    else:
+        assert said.startswith("No unmodelled effect is needed")
+
+
+def test_a_terminal_shows_six_candidates_and_blocks_of_half_a_percent_and_more():
+    lines = report().as_text().splitlines()
+    assert lines[1:5] == [
+        "", "where: valve 91 %, process 1 %, sensor 7 %, disturbance 1 %",
+        "gap: before 4.00, recalibrated 3.50, after 1.25, floor 0.80", "shrinkage: 0.86 [0.76, 0.91]",
+    ]  # fmt: skip
+    assert lines[6] == " 0.914  stiction                S = 6.04, J = 3"
+    assert [line.split()[1] for line in lines[6:12]] == ["stiction", "none", *(f"effect_{i}" for i in range(4))]
+    assert lines[12:] == ["", "next: bump it", "note: one", "note: two"]
+
+
+def test_a_terminal_says_what_cannot_be_told_apart_and_when_nothing_can_be_claimed():
+    text = report(
+        group=("deadband", "stiction"), gap=(1.0, 1.0, 1.0, 0.8, False), value=None, blocks=dict.fromkeys(SHARES, 0.0)
+    )
+    lines = text.as_text().splitlines()
+    assert lines[2] == "cannot be told apart here: deadband, stiction"
+    assert lines[3] == "gap: before 1.00, recalibrated 1.00, after 1.00, floor 0.80 (not resolvable)"
+    assert not [line for line in lines if line.startswith(("where", "shrinkage"))]
+    assert report(group=("stiction",)).as_text().count("told apart") == 0
+
+
+def test_only_known_effects_are_added_to_the_baseline():
+    assert report().fixed_loop() == ("loop with", "stiction")
+    unknown = {"block": "process", "effect": "unknown", "parameters": {}, "probability": 0.62}
+    assert report("unknown", "process", (unknown,)).fixed_loop() == ("loop with",)
+
+
+def test_a_table_and_a_picture_hold_the_ranking():
+    frame = report().to_frame()
+    assert frame["parameters"].tolist()[:2] == ["S = 6.04, J = 3", ""]
+    assert frame["gap_after"].tolist()[0] == 1.25
+    axes = report().plot(2)
+    assert [t.get_text() for t in axes.get_yticklabels()] == ["none", "stiction"]
+    assert [p.get_width() for p in axes.patches] == [0.051, 0.914]
+    assert axes.get_xlim() == (0.0, 1.0)
+    assert len(report().plot().patches) == 6
+    shown = report()._repr_html_()
+    assert "The simulation lacks stiction" in shown
+    assert "effect_4" in shown
+
+
+def test_numbers_have_three_digits_and_words_no_underscores():
+    assert numbers({"S": 2.14159, "at": "record", "n": 3}) == ", S = 2.14, at = record, n = 3"
+    assert numbers({}) == numbers({}, "with ") == ""
+    assert words("gain_mismatch") == "gain mismatch"

@@ -1,0 +1,116 @@
+"""Which loops stand beside a record in the pictures, and over which samples."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from detectors.errors import RecordError
+from scenarios.spec import Loop
+from simbench.gap.report import traces
+from simbench.gap.report.result import Ranked
+from simbench.gap.report.traces import BASELINE, FIXED, NEAREST, TUNED, Traces, kick_of, nearest, recorded, simulated, window
+
+X = np.arange(100.0)
+
+
+def loop(K):
+    return Loop.from_table({
+        "plant": {"type": "foptd", "K": K, "T": 20.0, "Td": 3.0}, "controller": {"type": "PI", "Kc": 0.5, "Ti": 20.0},
+        "sampling": {"Ts": 2.0, "n": 150}, "setpoint": {"value": 50.0}, "noise": {"std": 0.1},
+    })  # fmt: skip
+
+
+class Loops:
+    """Loops of a diagnosis by the effects in them."""
+
+    def __init__(self):
+        arms = tuple(SimpleNamespace(loop=loop(K)) for K in (1.0, 1.1, 1.2))
+        self.kept, self.asked = {("stiction",): arms, (): arms}, []
+
+    def shrink(self, effects):
+        self.asked.append(list(effects))
+
+    def loop(self, effects):
+        return loop(1.3)
+
+
+def report(effect="stiction", named=("stiction",), n=100, mv=True, ranking=()):
+    record = SimpleNamespace(op=X / 10, pv=X, mv=X + 1.0 if mv else None, Ts=2.0, n=n)
+    situation = SimpleNamespace(record=record, op=X, sp=X + 2.0)
+    ranked = ranking or (Ranked("stiction", "valve", 0.9, 4.0, 1.0, {"S": 5.0, "J": 2.0}),)
+    return SimpleNamespace(
+        effect=effect, named=list(named), ranking=ranked, fixed_loop=lambda: loop(1.2),
+        behind=SimpleNamespace(found=SimpleNamespace(situation=situation), loops=Loops()),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("mv", [False, True])
+def test_the_record_is_shown_as_the_diagnosis_saw_it(mv):
+    found = recorded(report(mv=mv))
+    # OP in percent, not as recorded
+    assert np.array_equal(found.op, X)
+    assert np.array_equal(found.sp, X + 2.0)
+    assert (found.mv is not None, found.Ts) == (mv, 2.0)
+    part = found.part(10, 13)
+    assert [part.op.tolist(), part.pv.tolist(), part.sp.tolist()] == [[10, 11, 12], [10, 11, 12], [12, 13, 14]]
+    assert (part.mv is not None and part.mv.tolist() == [11, 12, 13]) == mv
+
+
+def test_the_known_effect_nearest_to_an_unknown_one_is_the_first_with_a_fit():
+    ranking = (
+        Ranked("unknown", "process", 0.5, 4.0, 1.0, {}), Ranked("none", "none", 0.2, 4.0, 4.0, {}),
+        Ranked("drift", "sensor", 0.1, None, None, {}), Ranked("deadband", "valve", 0.1, 4.0, 2.0, {"S": 3.0}),
+        Ranked("stiction", "valve", 0.1, 4.0, 2.0, {"S": 3.0, "J": 1.0}),
+    )  # fmt: skip
+    assert nearest(report("unknown", (), ranking=ranking)) == ["deadband"]
+    assert nearest(report("stiction", ranking=ranking)) == []
+    assert nearest(report("unknown", (), ranking=ranking[:3])) == []
+
+
+def test_a_sticky_loop_is_kicked_by_its_band_and_no_other_is():
+    assert kick_of(report(), ["stiction"]) == 5.0
+    assert kick_of(report(), ["drift"]) == kick_of(report(), []) == 0.0
+
+
+@pytest.mark.parametrize(("effect", "named", "shown"), [
+    ("stiction", ["stiction"], [BASELINE, TUNED, FIXED]), ("none", [], [BASELINE, TUNED]),
+    ("unknown", [], [BASELINE, TUNED, NEAREST]),
+])  # fmt: skip
+def test_loops_before_and_after_are_simulated_under_one_seed(monkeypatch, effect, named, shown):
+    seen, real = [], traces.simulate
+
+    def noted(x, seed, kick):
+        seen.append((x.plant.K, seed, kick))
+        return real(x, seed=seed, kick=kick)
+
+    monkeypatch.setattr(traces, "simulate", noted)
+    found = simulated(report(effect, named), seed=3)
+    assert list(found) == shown
+    expected = [(1.0, 3, 0.0), (1.1, 3, 0.0), {FIXED: (1.2, 3, 5.0), NEAREST: (1.3, 3, 5.0)}.get(shown[-1])]
+    assert seen == expected[: len(shown)]
+    for trace in found.values():
+        assert len(trace.op) == len(trace.pv) == len(trace.sp) == 150
+        assert trace.Ts == 2.0
+        assert trace.mv is not None
+
+
+def test_a_loop_that_cannot_be_simulated_or_runs_away_is_left_out(monkeypatch):
+    def fails(x, seed, kick):
+        if x.plant.K == 1.0:
+            raise RecordError("it runs away")
+        pv = np.full(9, np.inf if x.plant.K == 1.1 else 1.0)
+        return SimpleNamespace(record=SimpleNamespace(op=pv, pv=pv, sp=pv, mv=None, Ts=1.0))
+
+    monkeypatch.setattr(traces, "simulate", fails)
+    assert list(simulated(report())) == [FIXED]
+
+
+@pytest.mark.parametrize(("n", "most", "first"), [(1000, 1200, 650), (1000, 300, 700), (10_000, 1200, 8800)])
+def test_the_end_of_the_part_on_which_nothing_was_fitted_is_drawn(n, most, first):
+    assert window(report(n=n), most) == (first, n)
+    assert window(report(n=10_000)) == (8800, 10_000)
+
+
+def test_traces_may_have_no_mv():
+    assert Traces(X, X, X, None, 1.0).part(0, 5).mv is None

@@ -1,0 +1,116 @@
+"""What every room is told of a record: facts, circumstances and the memory of an ordinary load, by hand."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from detectors.record import LoopRecord
+from scenarios.spec import Loop, Part
+from simbench.gap.controller.pi_law import Law
+from simbench.gap.likelihood.model import Data
+from simbench.gap.situation import Archive, Circumstances, Situation, circumstances, load_memory, through_valve
+
+N = 1000
+PV, OP = np.resize([1.0, -1.0], N), 50.0 + np.resize([0.0, 1.0, 1.0], N)
+SWING = 50.0 + np.resize([1.0, 0.0, -1.0, 0.0], N)
+FOPTD = {"type": "foptd", "K": 2.0, "T": 30.0, "Td": 6.0}
+VESSEL = {"type": "integrating", "K": 0.05, "Td": 6.0}
+
+
+def situation(
+    *, plant=FOPTD, noise=0.1, sp=None, mv=None, op=OP, valve=None, T=15.0, Td=3.0, K=2.0, n=N, law=None, archive=None
+):
+    table = {
+        "plant": plant,
+        "controller": {"type": "PI", "Kc": 0.5, "Ti": 20.0},
+        "sampling": {"Ts": 2.0},
+        "noise": {"std": noise},
+    }
+    record = LoopRecord(op=op, pv=PV, sp=sp, mv=mv, Ts=2.0, tag="FIC1")
+    data = Data(np.zeros(n), np.zeros(n), K, T, Td, noise)
+    return Situation(
+        record, Loop.from_table(table | ({"valve": valve} if valve else {})), True, True, op, np.zeros(N),
+        law or Law(0.0, 0.0, 0.5, 20.0), SimpleNamespace(), archive or Archive(), PV, data,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("T", "Td", "n", "memory"), [
+    (15.0, 3.0, 1000, 72.0), (0.5, 0.5, 1000, 5.0), (60.0, 30.0, 1000, 200.0), (60.0, 30.0, 4000, 360.0),
+])  # fmt: skip
+def test_an_ordinary_load_remembers_four_time_scales_of_the_plant(T, Td, n, memory):
+    assert load_memory(situation(T=T, Td=Td, n=n)) == pytest.approx(memory)
+
+
+@pytest.mark.parametrize(("K", "memory"), [(0.1, 4 * (3.0 + 20.0)), (-0.1, 4 * (3.0 + 20.0)), (0.0, 200.0)])
+def test_a_vessels_time_scale_is_its_loops(K, memory):
+    # at Kc = 0.5 and K a sample the loop's is 1 / (K Kc) beside the dead time
+    assert load_memory(situation(plant=VESSEL, T=0.0, K=K)) == pytest.approx(memory)
+
+
+@pytest.mark.parametrize(("noise", "shows"), [(0.0, False), (0.70, False), (0.72, True)])
+def test_noise_shows_from_a_quarter_of_the_variance_of_pvs_changes(noise, shows):
+    # PV jumps by 2 at every sample: a variance of 4, and noise of 0.71 makes 1 of it
+    assert circumstances(situation(noise=noise), {}).noise_shows == shows
+
+
+@pytest.mark.parametrize(("move", "moves"), [(0.0, False), (0.19, False), (0.21, True)])
+def test_a_set_point_moves_from_twice_the_noise(move, moves):
+    assert circumstances(situation(sp=np.linspace(0.0, move, N)), {}).sp_moves == moves
+    assert not circumstances(situation(), {}).sp_moves
+
+
+@pytest.mark.parametrize("drift", [0.0, 0.3])
+def test_ops_jitter_is_the_robust_size_of_its_changes_about_their_median(drift):
+    # changes of 1, 0 and -1 beside the drift: a median distance of 1
+    assert circumstances(situation(op=OP + drift * np.arange(N)), {}).op_jitter == pytest.approx(1.4826)
+
+
+def test_circumstances_are_the_records_and_the_effects():
+    assert circumstances(situation(mv=OP), {"slip": 0.4, "slow": True, "ramp": True}) == Circumstances(
+        mv=True, slip=0.4, slow=True, ramp=True, op_jitter=pytest.approx(1.4826)
+    )
+    assert circumstances(situation(plant=VESSEL), {}).integrating
+    assert not any(getattr(Circumstances(), name) for name in Circumstances.__dataclass_fields__)
+    assert Circumstances().slip is None
+
+
+@pytest.mark.parametrize(("archive", "law", "facts"), [
+    ({}, {}, {}), ({"rounding": (0.5, "loop")}, {}, {"rounding": "sensor"}), ({"thinning": 0.1}, {}, {"thinning": "sensor"}),
+    ({"spikes": (0.01, 2.0, "loop")}, {}, {"spikes": "sensor"}), ({}, {"limits": (0.0, 60.0)}, {"limits": "controller"}),
+    ({}, {"gap": 0.1}, {"gap": "controller"}), ({}, {"step": 0.1}, {"step": "controller"}),
+    ({}, {"tuning": (2.0, 1.0)}, {"tuning": "controller"}),
+])  # fmt: skip
+def test_every_fact_has_its_block_and_nothing_shows_where_there_is_none(archive, law, facts):
+    s = situation(archive=Archive(**archive), law=Law(0.0, 0.0, 0.5, 20.0, **law))
+    assert {name: block for name, (block, _) in s.facts.items()} == facts
+    assert s.archive.faithful == (not archive)
+
+
+def test_a_baselines_valve_is_no_gap():
+    held = situation(op=SWING, valve={"model": "deadband", "S": 1.6})
+    # the band of 1.6 lets 0.2 % of either swing through
+    assert held.expected_mv[6:10] == pytest.approx([49.8, 49.8, 50.2, 50.2])
+    assert np.ptp(held.expected_mv[10:]) == pytest.approx(0.4)
+    assert held.expected_band == 1.6
+    assert situation(valve={"model": "choudhury", "S": 1.6, "J": 0.5}).expected_band == 0.0
+    assert situation(valve={"model": "choudhury", "S": 1.6, "J": 0.0}).expected_band == 1.6
+    assert situation().expected_band == 0.0
+    assert np.array_equal(situation().expected_mv, OP)
+    beyond = situation(op=OP + np.linspace(-60.0, 60.0, N))
+    assert (beyond.expected_mv.min(), beyond.expected_mv.max()) == (0.0, 100.0)
+
+
+def test_stages_before_and_behind_a_valve_act_in_their_order():
+    u = np.where(np.arange(60) < 10, 50.0, 54.0)
+    play, lag = {"model": "deadband", "S": 2.0}, {"model": "lag", "T": 4.0}
+    behind = through_valve(u, Part(name="deadband", parameters={"S": 2.0, "behind": [lag]}), 2.0)
+    before = through_valve(u, Part(name="lag", parameters={"T": 4.0, "before": [play]}), 2.0)
+    assert behind == pytest.approx(before)
+    assert behind[-1] == pytest.approx(53.0, abs=1e-3)
+
+
+def test_a_record_is_named_by_its_tag():
+    s = situation()
+    assert s.where == "record 'FIC1'"
+    assert (s.integrating, situation(plant=VESSEL).integrating) == (False, True)
