@@ -123,7 +123,7 @@ def answers(
     guest = registry.guest(name)
     try:
         if guest is not None:
-            return guest.judge(prepared, modes, thresholds), None
+            return guest.judge(name, prepared, modes, thresholds), None
         module = registry.load(name)
         return [judge_one(name, module, prepared, raw, dict(thresholds)) for raw in modes], None
     except Exception as wrong:  # a detector may fail in any way; the others must not

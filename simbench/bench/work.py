@@ -109,8 +109,7 @@ def work(
     """
     began = time.perf_counter()
     add_parts(stages)
-    for path in plugins:
-        registry.add_guest(path, seconds)
+    registry.add_guests(plugins, seconds)
     own = [m for m in methods if m != ORACLE]
     chosen = {m: check_thresholds(m, registry.load(m).METHOD, (thresholds or {}).get(m, {})) for m in own}
     rows: dict[str, list] = {name: [] for name in tables.SCENARIOS.names}
