@@ -13,7 +13,7 @@ from typing import Any
 
 from detectors.errors import UserError, nearest
 from detectors.guest import SECONDS
-from detectors.judge import check_thresholds
+from detectors.judge import check_thresholds, known_front_end
 from detectors.registry import methods as registry
 from detectors.report import choose_methods
 from scenarios.grid import Grid, chunks, load_grid
@@ -40,6 +40,7 @@ def run_grid(
     jobs: int = 1,
     *,
     raw: bool = False,
+    front_end: str = "acf",
     plugins: Iterable[str | Path] = (),
     backend: str = "loky",
     address: str | None = None,
@@ -69,6 +70,8 @@ def run_grid(
         Worker processes; -1 = all cores.
     raw : bool
         Note in the manifest that scores without the front end come first; both are always stored.
+    front_end : {"acf", "hagglund"}
+        What says whether a loop oscillates, see `detectors.judge.judge`.
     plugins : iterable of str or Path
         Detector files outside the package; they are run as well.
     backend : {"loky", "dask"}
@@ -143,11 +146,12 @@ def run_grid(
                 "plugins": {Path(f).stem: file_digest(Path(f)) for f in (*files, *stages[0], *stages[1])},
                 "until_width": until_width,
                 "raw": raw,
+                "front_end": known_front_end(front_end),
                 "command": " ".join(sys.argv),
             }
         )
         chosen = {k: dict(v) for k, v in (thresholds or {}).items()}
-        task = _Task(plan, run_key(manifest), tuple(names), tuple(files), chosen, keep, time_limit, stages)
+        task = _Task(plan, run_key(manifest), tuple(names), tuple(files), chosen, keep, time_limit, stages, front_end)
         with _parallel(backend, address, jobs) as run:
             where = store.open_run(Path("runs") / plan.name if out is None else out, manifest, resume)
             if (written := read_manifest(where))["complete"]:
