@@ -198,7 +198,11 @@ class Grid:
 
     @cached_property
     def _members(self) -> int:
-        return sum(len(self._present(*self._place(cell))) for cell in range(self.cells))
+        return sum(self._sizes)
+
+    @cached_property
+    def _sizes(self) -> list[int]:
+        return [len(self._present(*self._place(cell))) for cell in range(self.cells)]
 
     def __len__(self) -> int:
         """Number of scenarios."""
@@ -215,7 +219,7 @@ class Grid:
 
     def size(self, index: int) -> int:
         """Return the number of scenarios of a group without building it."""
-        return len(self._present(*self._place(index % self.cells)))
+        return self._sizes[index % len(self._sizes)]
 
     def group(self, index: int) -> Group:
         """Build one group.
@@ -443,10 +447,10 @@ def _narrowed(where: dict[str, tuple[Value, ...]], axes: Mapping[str, tuple[Valu
     return {key: tuple(v for v in allowed if key not in axes or v in axes[key]) for key, allowed in where.items()}
 
 
-def chunks(grid: Grid, most: int = 80) -> Iterator[tuple[int, int]]:
-    """Yield (first group, last group + 1) of pieces of up to `most` scenarios; they depend on the grid alone."""
-    # a small grid is cut finer, so that several workers find work
-    most = min(most, max(len(grid) // 16, 4))
+def chunks(grid: Grid) -> Iterator[tuple[int, int]]:
+    """Yield (first group, last group + 1) of pieces of up to 80 scenarios, 1000 of a large grid; they depend on it alone."""
+    # a small grid is cut finer, so that several workers find work; a large one coarser: every piece costs whoever hands it out
+    most = min(80, max(len(grid) // 16, 4)) if len(grid) <= 20_000 else min(len(grid) // 125, 1000)
     start, held = 0, 0
     for index in range(grid.group_count):
         size = grid.size(index)

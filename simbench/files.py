@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import io
 import os
 import re
 from collections.abc import Iterable, Iterator
@@ -119,9 +120,16 @@ def write_record(record: LoopRecord, path: str | Path) -> None:
     FileError
         When it cannot be written.
     """
+    with whole_file(path) as f:
+        f.write(record_text(record))
+
+
+def record_text(record: LoopRecord) -> str:
+    """Return a record as the text of its CSV file; see `write_record`."""
     columns = {"t_s": record.t, "sp": record.sp, "op": record.op, "pv": record.pv, "mv": record.mv}
     there = {name: signal.tolist() for name, signal in columns.items() if signal is not None}
-    with whole_file(path) as f:
-        writer = csv.writer(f, lineterminator="\n")
-        writer.writerow(there)
-        writer.writerows(zip(*there.values()))
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(there)
+    writer.writerows(zip(*there.values()))
+    return text.getvalue()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,8 +11,11 @@ from scipy.optimize import brentq
 
 from detectors.verdict import NO_STICTION, STICTION
 from scenarios.grid import Grid
+from simbench.bench.checksums import TABLES
+from simbench.bench.pieces import Receipt, marks_of
+from simbench.bench.place import Place
 from simbench.bench.statistics import wilson
-from simbench.bench.store import read_part
+from simbench.bench.store import parts
 from simbench.bench.truth import NO, YES
 
 MOST_REPEATS = 5000
@@ -22,7 +24,7 @@ PIECE = 80  # scenarios
 
 
 def next_round(
-    grid: Grid, where: Path, pieces: int, width: float, methods: Sequence[str], told: dict[str, Any]
+    grid: Grid, place: Place, receipts: Sequence[Receipt], width: float, methods: Sequence[str], told: dict[str, Any]
 ) -> list[list[int]]:
     """Return the groups that the next round must add, cut in pieces; none when every cell is known well enough.
 
@@ -30,10 +32,10 @@ def next_round(
     ----------
     grid : Grid
         The grid.
-    where : Path
-        Folder of the run.
-    pieces : int
-        How many are whole.
+    place : Place
+        Of the run.
+    receipts : sequence of Receipt
+        Of all pieces so far.
     width : float
         Wanted width of the 95 % interval of every method's accuracy against `cycled`, in every cell.
     methods : sequence of str
@@ -46,7 +48,7 @@ def next_round(
     list of list of int
         A function of the finished pieces alone, so that a resumed run asks for the same.
     """
-    right, known, repeats = _counts(grid, where, pieces, methods)
+    right, known, repeats = _counts(grid, place, receipts, methods)
     widths = _widths(right, known)
     per_repeat = np.maximum(known, 1) / np.maximum(repeats, 1)
     blind = known == 0
@@ -107,12 +109,14 @@ def _widths(right: np.ndarray, known: np.ndarray) -> np.ndarray:
     return (hi - lo).max(axis=0)
 
 
-def _counts(grid: Grid, where: Path, pieces: int, methods: Sequence[str]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _counts(
+    grid: Grid, place: Place, receipts: Sequence[Receipt], methods: Sequence[str]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     right = np.zeros((len(methods), grid.cells), dtype=int)
     known, repeats = np.zeros(grid.cells, dtype=int), np.zeros(grid.cells, dtype=int)
-    for number in range(pieces):
-        scenarios = read_part(where, number, "scenarios", ["group", "cycled"])
-        verdicts = read_part(where, number, "verdicts", ["verdict"])
+    sofar = {TABLES: marks_of(receipts)}
+    scenario_parts = parts(place, "scenarios", ["group", "cycled"], sofar)
+    for scenarios, verdicts in zip(scenario_parts, parts(place, "verdicts", ["verdict"], sofar), strict=True):
         group = scenarios.column("group").to_numpy()
         answer = np.array(scenarios.column("cycled").to_pylist())
         said = np.array(verdicts.column("verdict").to_pylist()).reshape(-1, len(methods)).T

@@ -9,11 +9,11 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from simbench.bench.checksums import RunError, check_tables, digest
+from simbench.bench.checksums import RunError, digest
 from simbench.bench.history import remember
 from simbench.bench.manifest import read_manifest, write_manifest
 from simbench.bench.score import FRONT, score_run
-from simbench.bench.store import Book
+from simbench.bench.store import Book, read_table
 from simbench.files import folder as make_folder
 from simbench.files import whole_file
 
@@ -47,13 +47,12 @@ def write_baseline(run: str | Path, baseline: str | Path) -> None:
     simulated again. scores.csv is there for the eye: its difference in version control reads as accuracy gained and lost.
     history.csv grows by one row per method.
     """
-    run, baseline = Path(run), make_folder(baseline)
+    baseline = make_folder(baseline)
     whole = read_manifest(run)
-    check_tables(run, whole)
     manifest = {k: v for k, v in whole.items() if k in KEPT}
     digests = {}
     for kind, empty in EMPTY.items():
-        table = pq.read_table(run / f"{kind}.parquet")
+        table = read_table(run, kind)
         for name in empty:
             column = table.schema.get_field_index(name)
             table = table.set_column(column, table.schema.field(name), pa.nulls(table.num_rows, table.schema.field(name).type))

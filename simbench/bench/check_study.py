@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import pyarrow.parquet as pq
 
 from detectors.judge import judge_one
 from detectors.prepared import Prepared
@@ -24,7 +23,7 @@ from scenarios.grid import load_grid
 from scenarios.spec import Loop
 from simbench.bench.check import compare_books
 from simbench.bench.run import run_grid
-from simbench.bench.store import CODES, Book
+from simbench.bench.store import CODES, Book, read_table
 from simbench.bench.work import record_hash
 from simbench.files import folder as make_folder
 from simbench.files import whole_file
@@ -164,7 +163,7 @@ def _varied(base: Book, folder: Path) -> Iterator[dict[str, Any]]:
     kicked, kicked_score = np.empty((m, n), np.int8), np.empty((m, n), np.float32)
     hashes = np.empty(n, dtype="S16")
     defaults = {name: registry.load(name).METHOD.defaults() for name in base.methods}
-    scenarios = pq.read_table(folder / "scenarios.parquet", columns=["loop", "seed"]).to_pylist()
+    scenarios = read_table(folder, "scenarios", ["loop", "seed"]).to_pylist()
     for k, row in enumerate(tqdm(scenarios, unit=" records", file=sys.stderr, disable=None)):
         loop = Loop.from_table(json.loads(row["loop"]))
         answers = _answers(simulate(loop, row["seed"]).record, [(name, defaults[name] | {key: to}) for name, key, to in moves])

@@ -9,9 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from detectors.errors import UserError
+from simbench.bench.place import Place, place_of
 
 SEAL = "seal"
 TABLES = "tables"
+KINDS = ("verdicts", "scenarios")
 
 
 class RunError(UserError):
@@ -51,24 +53,78 @@ def opened(content: Mapping[str, Any], where: object) -> dict[str, Any]:
     return plain
 
 
-def check_tables(folder: str | Path, manifest: Mapping[str, Any]) -> None:
+def refuse_unfinished(place: Place, manifest: Mapping[str, Any]) -> None:
+    """Raise RunError when a run's manifest does not say that it is whole."""
+    if not manifest.get("complete"):
+        raise RunError(f"{place} is not finished; continue the run with --resume")
+
+
+def table_files(place: Place, manifest: Mapping[str, Any], kind: str) -> list[tuple[str, str]]:
+    """Return the files a table of a run or baseline is made of, in order, each with its checksum.
+
+    Parameters
+    ----------
+    place : Place
+        Of the run or baseline.
+    manifest : mapping
+        As `simbench.bench.manifest.read_manifest` gives it, or the checksums of what is there so far.
+    kind : {"scenarios", "verdicts"}
+
+    Returns
+    -------
+    list of (str, str)
+        One file for a baseline; for a run a folder of them, which holds nothing else once the run is finished.
+
+    Raises
+    ------
+    RunError
+        When other files stand there.
+    """
+    marks, table = manifest.get(TABLES, {}).get(kind), f"{kind}.parquet"
+    if not isinstance(marks, list):
+        return [(table, str(marks))]
+    files = [partition(i) for i in range(len(marks))]
+    there = place.names(table)
+    for lacking in sorted(set(files) - set(there))[:1]:
+        raise RunError(f"{place} is damaged: {table}/{lacking} is missing; restore it, or run it again")
+    for other in sorted(set(there) - set(files))[:1] if manifest.get("complete") else ():
+        raise RunError(f"{place} is damaged: {table}/{other} does not belong there; remove it, or run it again")
+    return [(f"{table}/{name}", mark) for name, mark in zip(files, marks, strict=True)]
+
+
+def partition(number: int) -> str:
+    """Return the name of a partition within its table's folder: eight digits, so that names and numbers sort alike."""
+    return f"{number:08d}.parquet"
+
+
+def verified(place: Place, name: str, mark: str) -> bytes:
+    """Return a file's content; raise RunError when it is not what its checksum says."""
+    try:
+        content = place.read(name)
+    except FileNotFoundError:
+        raise RunError(f"{place} is damaged: {name} is missing; restore it, or run it again") from None
+    except OSError as error:
+        raise RunError(f"{place}/{name} cannot be read: {error.strerror or error}") from None
+    if digest(content) != mark:
+        raise RunError(f"{place}/{name} is not the table its manifest speaks of; restore it, or run it again")
+    return content
+
+
+def check_tables(folder: str | Path | Place, manifest: Mapping[str, Any]) -> None:
     """Raise RunError when a table of a run or baseline is not the one its manifest speaks of.
 
     Parameters
     ----------
-    folder : str or Path
+    folder : str, Path or Place
         Of the run or baseline.
     manifest : mapping
         As `simbench.bench.manifest.read_manifest` gives it.
     """
-    if not manifest.get("complete"):
-        raise RunError(f"{folder} is not finished; continue the run with --resume")
-    for kind in ("scenarios", "verdicts"):
-        file = Path(folder) / f"{kind}.parquet"
-        if not file.is_file():
-            raise RunError(f"{folder} is damaged: {file.name} is missing; restore it, or run it again")
-        if file_digest(file) != manifest.get(TABLES, {}).get(kind):
-            raise RunError(f"{file} is not the table its manifest speaks of; restore it, or run it again")
+    place = place_of(folder)
+    refuse_unfinished(place, manifest)
+    for kind in KINDS:
+        for name, mark in table_files(place, manifest, kind):
+            verified(place, name, mark)
 
 
 def _of(plain: Mapping[str, Any]) -> str:

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import pyarrow.parquet as pq
+import pyarrow.compute as pc
 
-from simbench.bench.checksums import check_tables
 from simbench.bench.manifest import read_manifest
+from simbench.bench.store import read_table
 
 
 @dataclass(frozen=True)
@@ -69,14 +69,11 @@ def read_failures(folder: str | Path) -> Failures:
     -------
     Failures
     """
-    folder, manifest = Path(folder), read_manifest(folder)
-    check_tables(folder, manifest)
-    filled = [("error", "!=", "")]
-    unrun = pq.read_table(folder / "scenarios.parquet", columns=["scenario_id", "error"], filters=filled).to_pydict()
-    raised = pq.read_table(folder / "verdicts.parquet", columns=["scenario_id", "method", "error"], filters=filled).to_pydict()
+    manifest, filled = read_manifest(folder), pc.field("error").is_valid()
+    unrun = read_table(folder, "scenarios", ["scenario_id", "error"], filled).to_pydict()
+    raised = read_table(folder, "verdicts", ["scenario_id", "method", "error"], filled).to_pydict()
     lost = set(unrun["scenario_id"])
     rows = [(m, e) for s, m, e in zip(*(raised[k] for k in ("scenario_id", "method", "error")), strict=True) if s not in lost]
     reasons = Counter([f"simulation: {e}" for e in unrun["error"]] + [f"{m}: {e}" for m, e in rows])
-    of = pq.read_metadata(folder / "scenarios.parquet").num_rows
-    methods = Counter(m for m, _ in rows)
+    methods, of = Counter(m for m, _ in rows), manifest["counts"]["scenarios"]
     return Failures(of, len(lost), dict(methods), tuple(manifest.get("plugins", {})), dict(reasons.most_common(20)))

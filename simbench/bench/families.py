@@ -17,6 +17,7 @@ from detectors.report import table
 from detectors.verdict import STICTION
 from simbench.bench.evidence import fit
 from simbench.bench.statistics import wilson
+from simbench.bench.store import read_table
 from simbench.usage import exit_code
 
 if TYPE_CHECKING:
@@ -41,14 +42,13 @@ def read(run: str | Path) -> pd.DataFrame:
         method, group, process, valve, disturbance, cycled (bool), oscillating, said (verdict), S (mapped, % of travel), S_lo,
         S_hi and indices (dict, the score among them); scenarios that neither cycle nor rest are left out.
     """
-    import pandas as pd
 
     columns = ["scenario_id", "group", "process", "valve", "disturbance", "cycled", "oscillating", "tags"]
-    scenarios = pd.read_parquet(Path(run) / "scenarios.parquet", columns=columns)
+    scenarios = read_table(run, "scenarios", columns).to_pandas()
     scenarios = scenarios[scenarios.cycled.isin(["yes", "no"])]
     scenarios = scenarios.assign(cycled=scenarios.cycled == "yes", S=[json.loads(t).get("S") for t in scenarios.tags])
     columns = ["scenario_id", "method", "verdict", "score", "indices", "S_lo", "S_hi"]
-    verdicts = pd.read_parquet(Path(run) / "verdicts.parquet", columns=columns)
+    verdicts = read_table(run, "verdicts", columns).to_pandas()
     given = zip(verdicts.indices, verdicts.score, strict=True)
     verdicts = verdicts.assign(indices=[{**json.loads(i or "{}"), "score": score} for i, score in given])
     return scenarios.drop(columns="tags").merge(verdicts.rename(columns={"verdict": "said"}), on="scenario_id")

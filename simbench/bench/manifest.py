@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from simbench.bench.checksums import RunError, digest, opened, sealed
+from simbench.bench.place import Place, place_of
 from simbench.bench.tables import FORMAT
-from simbench.files import whole_file
 
 MANIFEST = "manifest.json"
 # what must be the same before old and new pieces may stand in one table
@@ -48,12 +48,12 @@ def describe(settings: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def read_manifest(path: str | Path) -> dict[str, Any]:
+def read_manifest(path: str | Path | Place) -> dict[str, Any]:
     """Return the manifest of a run.
 
     Parameters
     ----------
-    path : str or Path
+    path : str, Path or Place
         Folder of the run.
 
     Returns
@@ -65,25 +65,25 @@ def read_manifest(path: str | Path) -> dict[str, Any]:
     RunError
         When there is no run, or one of another format version.
     """
-    file = Path(path) / MANIFEST
+    place = place_of(path)
+    file = f"{place}/{MANIFEST}"
     try:
-        manifest = json.loads(file.read_text(encoding="utf-8"))
+        manifest = json.loads(place.read(MANIFEST))
         found = manifest["format"]
     except (FileNotFoundError, NotADirectoryError):
-        raise RunError(f"{path} holds no run: {MANIFEST} is missing") from None
+        raise RunError(f"{place} holds no run: {MANIFEST} is missing") from None
     except (ValueError, KeyError, TypeError, RecursionError):
         raise RunError(f"{file} is damaged; it must be JSON with a format version") from None
     except OSError as error:
-        raise RunError(f"{file} cannot be read: {error.strerror}") from None
+        raise RunError(f"{file} cannot be read: {error.strerror or error}") from None
     if found != FORMAT:
-        raise RunError(f"{path} was written in format version {found!r}, this simbench reads version {FORMAT}; run it again")
+        raise RunError(f"{place} was written in format version {found!r}, this simbench reads version {FORMAT}; run it again")
     return opened(manifest, file)
 
 
-def write_manifest(where: Path, manifest: Mapping[str, Any]) -> None:
+def write_manifest(where: Path | Place, manifest: Mapping[str, Any]) -> None:
     """Write the manifest whole, with a checksum over all of it."""
-    with whole_file(where / MANIFEST) as f:
-        json.dump(sealed(manifest), f, indent=1)
+    place_of(where).write(MANIFEST, json.dumps(sealed(manifest), indent=1).encode())
 
 
 def run_key(manifest: Mapping[str, Any]) -> str:
@@ -91,13 +91,13 @@ def run_key(manifest: Mapping[str, Any]) -> str:
     return digest(json.dumps({key: manifest[key] for key in BINDING}, sort_keys=True).encode())
 
 
-def refuse_to_mix(where: Path, manifest: Mapping[str, Any]) -> None:
+def refuse_to_mix(where: Place, manifest: Mapping[str, Any]) -> None:
     """Raise RunError, with what differs, when a run on disk is not the one about to go on.
 
     Parameters
     ----------
-    where : Path
-        Folder of the run on disk.
+    where : Place
+        Of the run on disk.
     manifest : mapping
         Of the run about to go on.
     """

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import pickle
 import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from detectors.errors import UserError, nearest
 from detectors.guest import SECONDS
@@ -17,16 +19,18 @@ from detectors.judge import check_thresholds, known_front_end
 from detectors.registry import methods as registry
 from detectors.report import choose_methods
 from scenarios.grid import Grid, chunks, load_grid
-from simbench.bench import adaptive, store
+from simbench.bench import adaptive, pieces
 from simbench.bench.checksums import RunError, check_tables, file_digest
 from simbench.bench.grid_check import refuse_too_large, refuse_wrong_parts, size_of
 from simbench.bench.manifest import describe, read_manifest, run_key
 from simbench.bench.oracle import ORACLE
-from simbench.bench.work import Piece, Thresholds, add_parts, work
+from simbench.bench.pieces import Receipt
+from simbench.bench.place import Place, place_of
+from simbench.bench.work import Thresholds, add_parts, work
+from simbench.bench.workers import Runner, on_cluster, on_processes
 
 BACKENDS = ("loky", "dask")
 LIVES = 3  # how often dead workers are replaced before the run gives up
-PATIENCE = 10  # s, for a dask scheduler to answer
 
 
 class Interrupted(KeyboardInterrupt):
@@ -63,7 +67,7 @@ def run_grid(
     grid : str, Path or Grid
         Name, file, or a grid at hand.
     out : str or Path, optional
-        Folder of the run; runs/GRID when absent.
+        Folder of the run, or a URL that fsspec and every worker reach ("s3://BUCKET/RUN"); runs/GRID when absent.
     methods : iterable of str
         Method ids, "all", "fast" or "full"; "oracle" adds what a test that knows plant and load says.
     jobs : int
@@ -100,7 +104,8 @@ def run_grid(
     Returns
     -------
     Path
-        The folder: manifest.json, verdicts.parquet, scenarios.parquet, scores.csv, scores_by_axis.csv.
+        The folder (a URL as text, where `out` is one): manifest.json, scores.csv, scores_by_axis.csv, and a folder of parquet
+        partitions for each table, verdicts.parquet and scenarios.parquet, which readers of parquet take as one table each.
 
     Raises
     ------
@@ -151,123 +156,84 @@ def run_grid(
             }
         )
         chosen = {k: dict(v) for k, v in (thresholds or {}).items()}
-        task = _Task(plan, run_key(manifest), tuple(names), tuple(files), chosen, keep, time_limit, stages, front_end)
-        with _parallel(backend, address, jobs) as run:
-            where = store.open_run(Path("runs") / plan.name if out is None else out, manifest, resume)
-            if (written := read_manifest(where))["complete"]:
-                check_tables(where, written)
-                _tidy(where)
-                return where
+        settings = (tuple(names), tuple(files), chosen, keep, time_limit, stages, front_end)
+        where = Path("runs") / plan.name if out is None else out
+        place = place_of(where)
+        with on_cluster(address) if backend == "dask" else on_processes(jobs) as run:
+            pieces.open_run(place, manifest, resume)
+            if pieces.is_finished(place):
+                check_tables(place, read_manifest(place))
+                return _path(place)
+            task = _Task(plan, place, run_key(manifest), settings)
             with _Bar(progress, len(plan)) as bar, _stoppable():
                 try:
-                    done = _all_pieces(plan, where, task, run, bar, until_width, names)
-                    store.finish(where, done, {**manifest, "times": bar.times(time.perf_counter() - began), **bar.extra})
+                    receipts = _all_pieces(plan, place, task, run, bar, until_width, names)
+                    times = bar.times(time.perf_counter() - began)
+                    pieces.finish(place, receipts, {**manifest, "times": times, **bar.extra})
                 except KeyboardInterrupt:
-                    raise Interrupted(f"interrupted: {_standing(where)}") from None
+                    raise Interrupted(f"interrupted: {pieces.standing(place)}") from None
                 except UserError as error:
-                    raise RunError(f"{error}; {_standing(where)}") from error
-        from simbench.bench.score import score_run
+                    raise RunError(f"{error}; {pieces.standing(place)}") from error
+        return _path(place)
 
-        score_run(where).write(where)
-        return where
+
+def _path(place: Place) -> Path:
+    # a URL is no path, but stands wherever a run's folder is asked for
+    return cast(Path, str(place)) if place.local is None else place.local
 
 
 class _Task:
-    """What every piece has in common."""
+    """What every piece has in common; where it is called, the piece is worked and written."""
 
-    def __init__(self, grid: Grid, key: str, *settings: Any) -> None:
-        self.grid, self.key, self.settings = grid, key, settings
+    def __init__(self, grid: Grid, place: Place, key: str, settings: tuple) -> None:
+        # packed once, not for every piece; a worker may stand in another folder
+        self._packed = pickle.dumps((grid, place.absolute(), key, settings))
 
-    def __call__(self, number: int, groups: Sequence[int]) -> Piece:
-        return work(self.grid, number, groups, *self.settings)
+    def __call__(self, number: int, groups: Sequence[int]) -> Receipt:
+        grid, place, key, settings = _unpacked(self._packed)
+        there = pieces.find_receipt(place, number, key)
+        return there or pieces.write_piece(place, work(grid, number, groups, *settings), key)
 
 
-Runner = Callable[[_Task, list[tuple[int, Sequence[int]]]], Iterator[Piece]]
+@lru_cache(maxsize=2)
+def _unpacked(packed: bytes) -> tuple:
+    return pickle.loads(packed)
 
 
 def _all_pieces(
-    plan: Grid, where: Path, task: _Task, run: Runner, bar: _Bar, width: float | None, methods: Sequence[str]
-) -> int:
+    plan: Grid, place: Place, task: _Task, run: Runner, bar: _Bar, width: float | None, methods: Sequence[str]
+) -> list[Receipt]:
     """Work through the grid, then, where an accuracy is asked for, round by round through what it lacks."""
-    pieces = [range(*piece) for piece in chunks(plan)]
-    number = 0
-    while pieces:
-        _missing_pieces(where, task, run, bar, list(enumerate(pieces, number)))
-        number += len(pieces)
-        pieces = [] if width is None else adaptive.next_round(plan, where, number, width, methods, bar.extra)
-        bar.more(sum(plan.size(i) for groups in pieces for i in groups))
-    return number
+    groups: Sequence[Sequence[int]] = [range(*piece) for piece in chunks(plan)]
+    receipts: list[Receipt] = []
+    while groups:
+        receipts += _worked(place, task, run, bar, dict(enumerate(groups, len(receipts))))
+        groups = [] if width is None else adaptive.next_round(plan, place, receipts, width, methods, bar.extra)
+        bar.more(sum(plan.size(i) for some in groups for i in some))
+    return receipts
 
 
-def _missing_pieces(where: Path, task: _Task, run: Runner, bar: _Bar, pieces: list[tuple[int, Sequence[int]]]) -> None:
-    lives = LIVES
-    missing = [(number, groups) for number, groups in pieces if not store.is_whole(where, number, task.key)]
-    bar.skip(_scenarios(task.grid, pieces) - _scenarios(task.grid, missing))
+def _worked(place: Place, task: _Task, run: Runner, bar: _Bar, missing: dict[int, Sequence[int]]) -> list[Receipt]:
+    """Return the receipts of some pieces, in order; what a dead worker held is worked again."""
+    lives, receipts = LIVES, {}
     while missing:
         try:
-            for piece in run(task, missing):
-                store.write_piece(where, piece, task.key)
-                bar.add(piece)
+            for receipt in run(task, list(missing.items())):
+                receipts[receipt.piece] = receipt
+                bar.add(receipt)
         except Exception as error:
             if not _worker_died(error):
                 raise
             lives -= 1
             if lives == 0:
                 raise RunError(f"worker processes keep dying ({error}); fewer jobs may leave each more memory") from None
-        before, missing = len(missing), [p for p in missing if not store.is_whole(where, p[0], task.key)]
-        if len(missing) == before and lives == LIVES:
-            raise RunError(f"{where}: what is written there reads back otherwise; is the disk sound?")
-
-
-def _scenarios(grid: Grid, pieces: Iterable[tuple[int, Sequence[int]]]) -> int:
-    return sum(grid.size(i) for _, groups in pieces for i in groups)
+        missing = {number: groups for number, groups in missing.items() if number not in receipts}
+    return [receipts[number] for number in sorted(receipts)]
 
 
 def _worker_died(error: Exception) -> bool:
     # loky and dask name it differently, and neither need be installed
     return any(c.__name__ in ("BrokenProcessPool", "TerminatedWorkerError", "KilledWorker") for c in type(error).__mro__)
-
-
-@contextlib.contextmanager
-def _parallel(backend: str, address: str | None, jobs: int) -> Iterator[Runner]:
-    """Yield a function that works through pieces in parallel and gives each back when it is done."""
-    import joblib
-
-    def parallel(task: _Task, pieces: list[tuple[int, Sequence[int]]]) -> Iterator[Piece]:
-        pool: Any = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1, max_nbytes=None)
-        # a generator: pieces come back as they get ready
-        yield from pool(joblib.delayed(task)(number, groups) for number, groups in pieces)
-
-    with contextlib.ExitStack() as stack:
-        settings: dict[str, Any] = {}
-        if backend == "dask":
-            settings["client"] = stack.enter_context(_dask_client(address))
-            jobs = -1
-        elif jobs != 1:
-            settings.update(inner_max_num_threads=1, initializer=_ignore_interrupt)
-        if jobs == 1 and backend == "loky":
-            yield lambda task, pieces: (task(number, groups) for number, groups in pieces)
-            return
-        stack.enter_context(joblib.parallel_config(backend=backend, n_jobs=jobs, **settings))
-        yield parallel
-
-
-def _dask_client(address: str | None) -> Any:
-    if address is None:
-        raise RunError("backend dask needs --address, the scheduler's tcp://HOST:PORT")
-    try:
-        from distributed import Client
-    except ImportError:
-        raise RunError("backend dask needs the package distributed; install stiction-simbench[dask]") from None
-    try:
-        return Client(address, timeout=PATIENCE, set_as_default=False)
-    except (OSError, ValueError) as error:
-        raise RunError(f"no dask scheduler answers at {address}: {error}") from None
-
-
-def _ignore_interrupt() -> None:
-    # Ctrl-C reaches the whole process group; the parent alone decides what becomes of it
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 @contextlib.contextmanager
@@ -302,18 +268,21 @@ class _Bar:
     def __exit__(self, *_: object) -> None:
         self._bar.close()
 
-    def add(self, piece: Piece) -> None:
-        self._failures += piece.failures
-        for name, value in (("simulating", piece.simulating), ("judging", piece.judging), ("working", piece.total)):
-            self._seconds[name] += value
+    def add(self, receipt: Receipt) -> None:
+        self._failures += receipt.failures
+        for name in self._seconds:
+            self._seconds[name] += getattr(receipt, name)
         self._bar.set_postfix(failures=self._failures, refresh=False)
-        self._bar.update(piece.count)
+        if receipt.found:
+            self._skip(receipt.scenarios)
+        else:
+            self._bar.update(receipt.scenarios)
 
     def more(self, scenarios: int) -> None:
         if not self._bar.disable:
             self._bar.total = (self._bar.total or 0) + scenarios
 
-    def skip(self, scenarios: int) -> None:
+    def _skip(self, scenarios: int) -> None:
         """Count what is on disk already as done, without letting it flatter the rate."""
         if self._bar.disable:  # then it lacks even these fields
             return
@@ -342,19 +311,3 @@ def _about(name: str) -> dict[str, Any]:
         return {"front_end": False, "needs_mv": False, "role": ORACLE, "budget": "full"}
     method = registry.load(name).METHOD
     return {"front_end": method.front_end, "needs_mv": method.needs_mv, "role": method.role, "budget": method.budget}
-
-
-def _standing(where: Path) -> str:
-    whole = len(list((where / store.PARTS).glob("*.json"))) if where.exists() else 0
-    return f"{whole} pieces are whole in {where}; continue with --resume"
-
-
-def _tidy(where: Path) -> None:
-    # a run killed between its last two steps
-    import shutil
-
-    shutil.rmtree(where / store.PARTS, ignore_errors=True)
-    if not all((where / f"{name}.csv").exists() for name in ("scores", "scores_by_axis")):
-        from simbench.bench.score import score_run
-
-        score_run(where).write(where)

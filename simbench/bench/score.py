@@ -12,7 +12,7 @@ import numpy as np
 from detectors.verdict import NO_STICTION, STICTION
 from simbench.bench.ranks import Ranks, rank_methods
 from simbench.bench.score_result import ALL, FRONT, RAW, ROLE_YARDSTICK, Scores, kind_of
-from simbench.bench.statistics import auc, wilson
+from simbench.bench.statistics import area, auc, dense_ranks, wilson
 from simbench.bench.store import CODES, TRUTHS, Book
 from simbench.bench.tables import AXES
 
@@ -67,18 +67,21 @@ def score_book(book: Book, raw: bool = False) -> Scores:
 
     rows, by_axis, standing = [], [], {}
     for mode in (FRONT, RAW):
-        everyone = list(answers_of(book, mode))
+        # the order of the scores is all that counts, and found once
+        everyone = [a._replace(score=dense_ranks(a.score)) for a in answers_of(book, mode)]
         for truth in TRUTHS:
             for process, name in PROCESSES.items():
                 here = np.ones(book.ids.size, dtype=bool) if name is None else book.axes["process"] == name
                 place = {"truth": truth, "mode": mode, "front_end": mode == FRONT, "process": process}
-                block = [_row(book, a, truth, here, place) for a in everyone]
-                standing[truth, mode, process] = _rank(book, everyone, truth, here, block)
-                rows += block
+                block = _block(book, truth, here, place)
+                found = [_row(block, a) for a in everyone]
+                standing[truth, mode, process] = _rank(block, everyone, found)
+                rows += found
         for axis in AXES:
             for value, chosen in axis_values(book, axis):
                 place = {"axis": axis, "value": value, "truth": "cycled", "mode": mode, "front_end": mode == FRONT}
-                by_axis += [_row(book, a, "cycled", chosen, place, interval=False) for a in everyone]
+                block = _block(book, "cycled", chosen, place)
+                by_axis += [_row(block, a, interval=False) for a in everyone]
     frames = [pd.DataFrame([r for r in part if r["n"]]) for part in (rows, by_axis)]
     return Scores(*frames, _disagreement(book), standing, book.manifest, RAW if raw else FRONT)
 
@@ -121,60 +124,65 @@ def axis_values(book: Book, axis: str) -> Iterator[tuple[str, np.ndarray]]:
             yield str(value), values == value
 
 
-def _row(
-    book: Book, a: Answers, truth: str, chosen: np.ndarray, place: dict[str, Any], interval: bool = True
-) -> dict[str, Any]:
-    use = chosen & (book.truth[truth] >= 0)
-    here = use & a.applies
-    said, positive = a.said[here], book.truth[truth][here] == 1
-    n, m, p, right = int(use.sum()), said.size, int(positive.sum()), int((said == positive).sum())
+class _Block(NamedTuple):
+    """The loops of one row: how many, which of them have the truth asked for, and which of these are positive."""
+
+    place: dict[str, Any]
+    size: int
+    use: np.ndarray
+    positive: np.ndarray
+
+
+def _block(book: Book, truth: str, chosen: np.ndarray, place: dict[str, Any]) -> _Block:
+    use = np.flatnonzero(chosen & (book.truth[truth] >= 0))
+    return _Block(place, int(chosen.sum()), use, book.truth[truth][use] == 1)
+
+
+def _row(block: _Block, a: Answers, interval: bool = True) -> dict[str, Any]:
+    use, applies, positive = block.use, a.applies[block.use], block.positive
+    here = use
+    if not applies.all():
+        here, positive = use[applies], positive[applies]
+    said = a.said[here]
+    n, m, p, right = use.size, said.size, int(positive.sum()), int((said == positive).sum())
     undecided = int((said == CODES["no_decision"]).sum())
-    found, false_alarms = (int((said[part] == CODES[STICTION]).sum()) for part in (positive, ~positive))
+    yes = said == CODES[STICTION]
+    found = int((yes & positive).sum())
     # where a method does not apply it does not decide: nothing right is added
-    of = ((right, m), (right, m - undecided), (undecided, m), (found, p), (false_alarms, m - p), (right, n))
-    row: dict[str, Any] = {"method": a.method, **place, "role": a.role, "sees_mv": a.sees_mv}
-    row.update(n=n, n_all=int(chosen.sum()), positives=int((book.truth[truth][use] == 1).sum()), applicable=m)
-    for name, (hits, trials) in zip(RATES, of, strict=True):
-        lo, hi = wilson(hits, trials)
+    of = ((right, m), (right, m - undecided), (undecided, m), (found, p), (int(yes.sum()) - found, m - p), (right, n))
+    row: dict[str, Any] = {"method": a.method, **block.place, "role": a.role, "sees_mv": a.sees_mv}
+    row.update(n=n, n_all=block.size, positives=int(block.positive.sum()), applicable=m)
+    lo, hi = (bound.tolist() for bound in wilson(*zip(*of, strict=True)))
+    for name, (hits, trials), *ends in zip(RATES, of, lo, hi, strict=True):
         row[name] = hits / trials if trials else math.nan
-        row[f"{name}_lo"], row[f"{name}_hi"] = float(lo), float(hi)
+        row[f"{name}_lo"], row[f"{name}_hi"] = ends
     score = a.score[here]
-    known = ~np.isnan(score)
-    row["scored"] = int(known.sum())
+    if not (known := score >= 0).all():
+        score, positive = score[known], positive[known]
+    row["scored"] = score.size
     if interval:
-        row["auc"], row["auc_lo"], row["auc_hi"] = auc(score[known], positive[known])
+        row["auc"], row["auc_lo"], row["auc_hi"] = auc(score, positive)
     else:
-        row["auc"] = _area(score[known], positive[known])
+        row["auc"] = area(score, positive)
     row["errors"] = int(a.failed[use].sum())
     row["median_ms"] = round(1e3 * float(np.median(a.runtime[use])), 4) if n else math.nan
     return row
 
 
-def _rank(book: Book, everyone: list[Answers], truth: str, chosen: np.ndarray, block: list[dict[str, Any]]) -> Ranks:
+def _rank(block: _Block, everyone: list[Answers], rows: list[dict[str, Any]]) -> Ranks:
     """Write a rank into each row of a block: methods that see MV among themselves, yardsticks and partial ones not at all."""
-    use = chosen & (book.truth[truth] >= 0)
-    positive = book.truth[truth][use] == 1
-    standing = []
-    for row in block:
+    use, standing = block.use, []
+    for row in rows:
         row["rank"] = None
     for kind in (0, 1):
         mine = [k for k, a in enumerate(everyone) if kind_of(a.role, a.sees_mv) == kind]
         # a rank compares methods on the same loops
-        members = [k for k in mine if block[k]["applicable"] >= COVERED * max(block[k]["n"], 1)]
-        right = np.array([(everyone[k].said[use] == positive) & everyone[k].applies[use] for k in members], dtype=bool)
-        standing.append(rank_methods(right.reshape(len(members), int(use.sum()))))
+        members = [k for k in mine if rows[k]["applicable"] >= COVERED * max(rows[k]["n"], 1)]
+        right = np.array([(everyone[k].said[use] == block.positive) & everyone[k].applies[use] for k in members], dtype=bool)
+        standing.append(rank_methods(right.reshape(len(members), use.size)))
         for k, rank in zip(members, standing[-1].rank, strict=True):
-            block[k]["rank"] = int(rank)
+            rows[k]["rank"] = int(rank)
     return standing[0] if standing[0].rank.size else standing[1]
-
-
-def _area(score: np.ndarray, positive: np.ndarray) -> float:
-    from scipy.stats import rankdata
-
-    m, n = int(positive.sum()), int((~positive).sum())
-    if min(m, n) == 0:
-        return math.nan
-    return float((rankdata(score)[positive].sum() - m * (m + 1) / 2) / (m * n))
 
 
 def _disagreement(book: Book) -> pd.DataFrame:

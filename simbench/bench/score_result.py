@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from detectors.views import page_part
+from simbench.bench.place import Place, place_of
 from simbench.bench.ranks import Ranks, loops_needed
-from simbench.files import whole_file
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -119,11 +119,11 @@ class Scores:
         said = f"methods closer than {self.resolution:.3f} in accuracy share a rank"
         return page_part(said, self.to_frame()[[*keys, "false_alarms", "auc"]])
 
-    def write(self, folder: str | Path) -> None:
+    def write(self, folder: str | Path | Place) -> None:
         """Write scores.csv and scores_by_axis.csv."""
         for name, frame in (("scores", self.table), ("scores_by_axis", self.by_axis)):
-            with whole_file(Path(folder) / f"{name}.csv") as f:
-                frame.to_csv(f, index=False, float_format="%.5g", lineterminator="\n")
+            text = frame.to_csv(index=False, float_format="%.5g", lineterminator="\n")
+            place_of(folder).write(f"{name}.csv", text.encode())
 
 
 def kind_of(role: str, sees_mv: bool) -> int:

@@ -1,152 +1,76 @@
-"""A run's folder: finished pieces, the two final tables, and reading them back."""
+"""A run's tables read back, part by part: rows, one scenario, or all of it as arrays."""
 
 from __future__ import annotations
 
-import contextlib
-import hashlib
-import io
 import json
-import shutil
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from detectors.errors import nearest
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from scenarios.spec import Loop, Scenario
-from simbench.bench.checksums import TABLES, RunError, check_tables, digest, file_digest, opened, sealed
-from simbench.bench.manifest import MANIFEST, read_manifest, refuse_to_mix, write_manifest
-from simbench.bench.tables import AXES, FORMAT
-from simbench.bench.work import Piece
-from simbench.files import folder as make_folder
-from simbench.files import whole_file, write_record
+from simbench.bench.checksums import RunError, check_tables, refuse_unfinished, table_files, verified
+from simbench.bench.manifest import read_manifest
+from simbench.bench.place import Place, place_of
+from simbench.bench.tables import AXES, SCENARIOS, VERDICTS
 
-PARTS = "parts"
-KINDS = ("verdicts", "scenarios")
 TRUTHS = ("sticky", "predicted", "cycled")
 CODES = {NO_STICTION: 0, STICTION: 1, NO_DECISION: 2}
-# uncompressed bytes of a row group: it waits in memory, but so does what parquet notes of every row group already written
-ROW_GROUP = 4_000_000
+WORDS = ("block", "member", "process", "controller", "valve", "disturbance", "tuning")
+NUMBERS = tuple(axis for axis in AXES if axis not in WORDS)
+ID = np.dtype("S16")
 
 
-def open_run(path: str | Path, manifest: dict[str, Any], resume: bool) -> Path:
-    """Make or reopen a run's folder.
+def parts(
+    folder: str | Path | Place, kind: str, columns: Sequence[str] | None = None, manifest: Mapping[str, Any] | None = None
+) -> Iterator[pa.Table]:
+    """Yield a table of a run or baseline part by part; whole scenarios in every part, no more than one in memory.
 
     Parameters
     ----------
-    path : str or Path
-        The folder.
-    manifest : dict
-        What is about to run.
-    resume : bool
-        Go on with what is there.
+    folder : str, Path or Place
+        Of the run or baseline.
+    kind : {"scenarios", "verdicts"}
+    columns : sequence of str, optional
+        Not all.
+    manifest : mapping, optional
+        Of the run, where it is at hand; it may then be unfinished.
 
-    Returns
-    -------
-    Path
+    Yields
+    ------
+    pyarrow.Table
 
     Raises
     ------
     RunError
-        When the folder holds something else, or a run that differs (and in what).
+        When the run is not finished, or a file is not the one its manifest speaks of.
     """
-    where = make_folder(path)
-    sweep(where)
-    if not any(where.iterdir()):
-        write_manifest(where, manifest)
-    elif not (where / MANIFEST).exists():
-        raise RunError(f"folder {where} is not empty and holds no run; choose another")
-    elif not resume:
-        raise RunError(f"folder {where} already holds a run; continue it with --resume, or choose another folder")
-    else:
-        refuse_to_mix(where, manifest)
-    make_folder(where / PARTS)
-    sweep(where / PARTS)
-    return where
+    place = place_of(folder)
+    if manifest is None:
+        manifest = read_manifest(place)
+        refuse_unfinished(place, manifest)
+    for name, mark in table_files(place, manifest, kind):
+        source = pq.ParquetFile(pa.BufferReader(verified(place, name, mark)))
+        for i in range(source.num_row_groups):
+            # small parts: threads cost more than they save
+            yield source.read_row_group(i, columns=None if columns is None else list(columns), use_threads=False)
 
 
-def sweep(folder: Path) -> None:
-    """Remove what a killed process left half-written: `.NAME.PID` of a process that is gone."""
-    for file in folder.glob(".*.[0-9]*"):
-        number = file.suffix[1:]
-        if number.isdigit() and not Path(f"/proc/{number}").exists():
-            with contextlib.suppress(OSError):
-                file.unlink()
-
-
-def write_piece(where: Path, piece: Piece, key: str) -> None:
-    """Put a finished piece on disk; it counts from the moment its seal, the last file, stands under its name.
-
-    Parameters
-    ----------
-    where : Path
-        Folder of the run.
-    piece : Piece
-    key : str
-        Of the run, see `simbench.bench.manifest.run_key`: a piece of another run never counts.
-    """
-    for ident, record in piece.kept:
-        write_record(record, make_folder(where / "records") / f"{ident}.csv")
-    for kind in KINDS:
-        with whole_file(part_file(where, piece.number, kind), "wb") as f:
-            f.write(getattr(piece, kind))
-    marks = {kind: digest(getattr(piece, kind)) for kind in KINDS}
-    with whole_file(seal_file(where, piece.number)) as f:
-        json.dump(sealed({"run": key, "piece": piece.number, **marks}), f)
-
-
-def is_whole(where: Path, number: int, key: str) -> bool:
-    """Whether a piece of this run stands on disk in all its files, bit for bit as it was written."""
-    try:
-        seal = opened(json.loads(seal_file(where, number).read_text(encoding="utf-8")), "seal")
-        if (seal["run"], seal["piece"]) != (key, number):
-            return False
-        return all(file_digest(part_file(where, number, kind)) == seal[kind] for kind in KINDS)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, RunError):
-        return False
-
-
-def read_part(where: Path, number: int, kind: str, columns: list[str] | None = None) -> pa.Table:
-    """Return one table of a piece; raise RunError when it is not what its seal says."""
-    try:
-        content = part_file(where, number, kind).read_bytes()
-        seal = opened(json.loads(seal_file(where, number).read_text(encoding="utf-8")), seal_file(where, number))
-        if digest(content) == seal[kind]:
-            return pq.read_table(io.BytesIO(content), columns=columns)
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise RunError(f"piece {number} of {where} cannot be read: {error}; continue with --resume") from None
-    raise RunError(f"piece {number} of {where} is not what was written; continue with --resume")
-
-
-def finish(where: Path, pieces: int, manifest: dict[str, Any]) -> None:
-    """Join the pieces to the final tables, one row group in memory at a time, and say in the manifest that the run is whole."""
-    records, counts = hashlib.sha256(), {"scenarios": 0, "verdicts": 0, "errors": 0}
-    for kind in KINDS:
-        with whole_file(where / f"{kind}.parquet", "wb") as f:
-            writer, held, size = None, [], 0
-            for number in range(pieces):
-                table = read_part(where, number, kind).replace_schema_metadata({"format": str(FORMAT)})
-                writer = writer or pq.ParquetWriter(f, table.schema, compression="zstd")
-                held.append(table)
-                size += table.nbytes
-                if number == pieces - 1 or size >= ROW_GROUP:
-                    writer.write_table(pa.concat_tables(held))
-                    held, size = [], 0
-                counts[kind] += table.num_rows
-                counts["errors"] += table.num_rows - table.column("error").null_count
-                if kind == "scenarios":
-                    records.update("".join(h or "-" for h in table.column("record_hash").to_pylist()).encode())
-            if writer is not None:
-                writer.close()
-    about = {"counts": counts, "records_hash": records.hexdigest()[:16]}
-    about[TABLES] = {kind: file_digest(where / f"{kind}.parquet") for kind in KINDS}
-    write_manifest(where, {**manifest, "complete": True, **about})
-    shutil.rmtree(where / PARTS)
+def read_table(
+    folder: str | Path | Place, kind: str, columns: Sequence[str] | None = None, only: pc.Expression | None = None
+) -> pa.Table:
+    """Return the rows of a table of a run or baseline for which an expression is true; parameters and errors as `parts`."""
+    found = [part if only is None else part.filter(only) for part in parts(folder, kind, columns)]
+    schema = {"scenarios": SCENARIOS, "verdicts": VERDICTS}[kind]
+    empty = schema.empty_table().select(list(columns or schema.names))
+    return pa.concat_tables([t.replace_schema_metadata() for t in (found or [empty])])
 
 
 def read_scenario(path: str | Path, scenario_id: str) -> Scenario:
@@ -168,11 +92,13 @@ def read_scenario(path: str | Path, scenario_id: str) -> Scenario:
     RunError
         When the run has no such scenario; the nearest id is named.
     """
-    file = _table(path, "scenarios")
     check_tables(path, read_manifest(path))
-    found = pq.read_table(file, columns=["loop", "seed", "tags"], filters=[("scenario_id", "=", scenario_id)]).to_pylist()
+    known: list[str] = []
+    found: list[dict[str, Any]] = []
+    for part in parts(path, "scenarios", ["scenario_id", "loop", "seed", "tags"]):
+        known += part.column("scenario_id").to_pylist()
+        found += part.filter(pc.field("scenario_id") == scenario_id).to_pylist()
     if not found:
-        known = pq.read_table(file, columns=["scenario_id"]).column(0).to_pylist()
         close = nearest(scenario_id, known) if len(known) < 50 else f"it has {len(known)} others, see scenarios.parquet"
         raise RunError(f"{path} has no scenario {scenario_id!r}: {close}")
     row = found[0]
@@ -194,7 +120,7 @@ class Book:
         Scenario ids.
     hashes : ndarray of bytes, shape (n,)
         Of the records.
-    places : ndarray of str, shape (n,)
+    places : ndarray of bytes, shape (n,)
         Cell, repeat and member: where in its grid a scenario stands.
     axes : dict of str to ndarray, shape (n,)
         Grid axes and other tags: numbers (NaN where there is none) or words.
@@ -233,13 +159,15 @@ class Book:
     runtime: np.ndarray
 
     @classmethod
-    def read(cls, path: str | Path) -> Book:
+    def read(cls, path: str | Path | Place, manifest: dict[str, Any] | None = None) -> Book:
         """Read a finished run.
 
         Parameters
         ----------
-        path : str or Path
+        path : str, Path or Place
             Its folder.
+        manifest : dict, optional
+            Of the run, where it is not yet written.
 
         Returns
         -------
@@ -250,99 +178,110 @@ class Book:
         RunError
             When there is no finished run of this format version.
         """
-        manifest = read_manifest(path)
-        for kind in KINDS:
-            _table(path, kind)
-        check_tables(path, manifest)
-        methods = tuple(manifest["methods"])
-        scenarios, verdicts = _table(path, "scenarios"), _table(path, "verdicts")
-        words = ("block", "member", "process", "controller", "valve", "disturbance", "tuning")
-        numbers = tuple(a for a in AXES if a not in words)
-        columns = ["scenario_id", "record_hash", "cell", "repeat", *words, *numbers]
-        columns += ["sticky", "predicted", "cycled", "oscillating"]
-        n, m = pq.read_metadata(scenarios).num_rows, len(methods)
-        ids, hashes, cycled = np.empty(n, dtype="S16"), np.empty(n, dtype="S16"), np.empty(n, dtype=object)
-        places = np.empty(n, dtype=object)
-        axes: dict[str, np.ndarray] = {a: np.empty(n, dtype=object if a in words else float) for a in (*words, *numbers)}
-        truth = {t: np.empty(n, dtype=np.int8) for t in ("sticky", "predicted", "cycled")}
-        oscillating = np.empty(n, dtype=bool)
-        row = 0
-        for batch in _batches(scenarios, columns):
-            part = slice(row, row := row + batch.num_rows)
-            ids[part] = batch.column("scenario_id").to_pylist()
-            hashes[part] = [h or "" for h in batch.column("record_hash").to_pylist()]
-            for name in words:
-                axes[name][part] = _words(batch.column(name))
-            for name in numbers:
-                axes[name][part] = batch.column(name).to_numpy(zero_copy_only=False)
-            for name in ("sticky", "predicted"):
-                truth[name][part] = _flags(batch.column(name))
-            place = zip(*(batch.column(c).to_pylist() for c in ("cell", "repeat", "member")), strict=True)
-            places[part] = ["/".join(map(str, p)) for p in place]
-            cycled[part] = _words(batch.column("cycled"))
-            oscillating[part] = _flags(batch.column("oscillating")) == 1
-        truth["cycled"][:] = np.select([cycled == "yes", cycled == "no"], [1, 0], -1)
-        kinds = {"verdict": np.int8, "verdict_raw": np.int8, "score": float, "score_raw": float, "applicable": np.int8}
-        out = {name: np.empty((m, n), dtype=kind) for name, kind in kinds.items()}
-        failed, runtime = np.empty((m, n), dtype=bool), np.empty((m, n), dtype=np.float32)
-        row = 0
-        for batch in _batches(verdicts, ["scenario_id", "method", *kinds, "error", "runtime_s"]):
-            part = slice(row, row := row + batch.num_rows // max(m, 1))
-            _check_order(batch, ids[part], methods, path)
-            for name in ("verdict", "verdict_raw"):
-                out[name][:, part] = _codes(batch.column(name)).reshape(-1, m).T
-            for name in ("score", "score_raw"):
-                out[name][:, part] = batch.column(name).to_numpy(zero_copy_only=False).reshape(-1, m).T
-            out["applicable"][:, part] = _flags(batch.column("applicable")).reshape(-1, m).T
-            failed[:, part] = batch.column("error").is_valid().to_numpy(zero_copy_only=False).reshape(-1, m).T
-            runtime[:, part] = batch.column("runtime_s").to_numpy(zero_copy_only=False).reshape(-1, m).T
-        truth["cycled_word"] = cycled
-        marks = (ids, hashes, places.astype(str))
-        return cls(manifest, *marks, axes, truth, oscillating, methods, **out, failed=failed, runtime=runtime)
+        place = place_of(path)
+        manifest = read_manifest(place) if manifest is None else manifest
+        refuse_unfinished(place, manifest)
+        grid = _scenario_columns(place, manifest)
+        return cls(manifest, **grid, methods=tuple(manifest["methods"]), **_verdict_columns(place, manifest, grid["ids"]))
 
 
-def seal_file(where: Path, number: int) -> Path:
-    """Return where the checksums of a piece stand."""
-    return where / PARTS / f"{number:06d}.json"
+def _scenario_columns(place: Place, manifest: Mapping[str, Any]) -> dict[str, Any]:
+    n = manifest["counts"]["scenarios"]
+    ids, hashes, cycled = np.empty(n, dtype=ID), np.empty(n, dtype=ID), np.empty(n, dtype=object)
+    axes: dict[str, np.ndarray] = {a: np.empty(n, dtype=object if a in WORDS else float) for a in (*WORDS, *NUMBERS)}
+    truth = {t: np.empty(n, dtype=np.int8) for t in TRUTHS}
+    oscillating, places = np.empty(n, dtype=bool), [np.empty(0, dtype="S")]
+    columns = ["scenario_id", "record_hash", "cell", "repeat", *axes, *TRUTHS, "oscillating"]
+    for rows, part in _sliced(place, manifest, "scenarios", columns, n):
+        ids[rows], hashes[rows] = _ids(part.column("scenario_id")), _ids(part.column("record_hash"))
+        for name in WORDS:
+            axes[name][rows] = _words(part.column(name))
+        for name in NUMBERS:
+            axes[name][rows] = part.column(name).to_numpy(zero_copy_only=False)
+        for name in ("sticky", "predicted"):
+            truth[name][rows] = _flags(part.column(name))
+        of = (part.column(c).cast(pa.string()) for c in ("cell", "repeat", "member"))
+        joined = pc.binary_join_element_wise(*of, "/", null_handling="replace", null_replacement="None")
+        places.append(np.array(joined.to_pylist(), dtype="S"))
+        cycled[rows] = _words(part.column("cycled"))
+        oscillating[rows] = _flags(part.column("oscillating")) == 1
+    truth["cycled"][:] = np.select([cycled == "yes", cycled == "no"], [1, 0], -1)
+    truth["cycled_word"] = cycled
+    marks = {"ids": ids, "hashes": hashes, "places": np.concatenate(places)}
+    return {**marks, "axes": axes, "truth": truth, "oscillating": oscillating}
 
 
-def part_file(where: Path, number: int, kind: str) -> Path:
-    """Return where one table of a piece stands."""
-    return where / PARTS / f"{number:06d}.{kind}.parquet"
+def _verdict_columns(place: Place, manifest: Mapping[str, Any], ids: np.ndarray) -> dict[str, np.ndarray]:
+    methods, n = list(manifest["methods"]), ids.size
+    kinds = {"verdict": np.int8, "verdict_raw": np.int8, "score": float, "score_raw": float, "applicable": np.int8}
+    out = {name: np.empty((len(methods), n), dtype=kind) for name, kind in kinds.items()}
+    out.update(failed=np.empty((len(methods), n), dtype=bool), runtime=np.empty((len(methods), n), dtype=np.float32))
+    columns = ["scenario_id", "method", *kinds, "error", "runtime_s"]
+    for rows, part in _sliced(place, manifest, "verdicts", columns, n, max(len(methods), 1)):
+        _check_order(part, ids[rows], methods, place)
+        found = {name: _codes(part.column(name)) for name in ("verdict", "verdict_raw")}
+        found |= {name: part.column(name).to_numpy(zero_copy_only=False) for name in ("score", "score_raw")}
+        found["applicable"] = _flags(part.column("applicable"))
+        found["failed"] = part.column("error").is_valid().to_numpy(zero_copy_only=False)
+        found["runtime"] = part.column("runtime_s").to_numpy(zero_copy_only=False)
+        for name, values in found.items():
+            out[name][:, rows] = values.reshape(-1, len(methods)).T
+    return out
 
 
-def _table(path: str | Path, kind: str) -> Path:
-    file = Path(path) / f"{kind}.parquet"
-    if not file.exists():
-        read_manifest(path)
-        raise RunError(f"{path} is not finished: {file.name} is missing; continue the run with --resume")
-    return file
+def _sliced(
+    place: Place, manifest: Mapping[str, Any], kind: str, columns: Sequence[str], n: int, each: int = 1
+) -> Iterator[tuple[slice, pa.Table]]:
+    """Yield a table's parts, each with the scenarios it holds; raise RunError unless all n of them come."""
+    start = 0
+    for part in parts(place, kind, columns, manifest):
+        size, odd = divmod(part.num_rows, each)
+        if odd or start + size > n:
+            break
+        yield slice(start, start + size), part
+        start += size
+    else:
+        if start == n:
+            return
+    raise RunError(f"{place} is damaged: {kind} do not hold {each} rows for each of {n} scenarios; run it again")
 
 
-def _batches(file: Path, columns: list[str]) -> Iterator[pa.Table]:
-    # whole row groups: a row group holds whole scenarios
-    source = pq.ParquetFile(file)
-    for i in range(source.num_row_groups):
-        yield source.read_row_group(i, columns=columns)
+def _check_order(part: pa.Table, ids: np.ndarray, methods: Sequence[str], place: Place) -> None:
+    names, codes = _coded(part.column("method"))
+    order = np.array([methods.index(name) if name in methods else -1 for name in names])[codes].reshape(-1, len(methods))
+    found = _ids(part.column("scenario_id")).reshape(-1, len(methods))
+    if not (order == np.arange(len(methods))).all() or not (found == ids[:, None]).all():
+        raise RunError(f"{place} is damaged: verdicts and scenarios do not match; run it again")
 
 
-def _check_order(batch: pa.Table, ids: np.ndarray, methods: Iterable[str], path: str | Path) -> None:
-    found = np.array(batch.column("scenario_id").to_pylist(), dtype="S16").reshape(-1, len(tuple(methods)))
-    names = batch.column("method").to_pylist()
-    if not np.array_equal(found, np.repeat(ids[:, None], found.shape[1], axis=1)) or names != list(methods) * len(found):
-        raise RunError(f"{path} is damaged: verdicts and scenarios do not match; run it again")
+def _ids(column: pa.ChunkedArray) -> np.ndarray:
+    text = column.combine_chunks()
+    text = text.chunk(0) if isinstance(text, pa.ChunkedArray) else text
+    if len(text) and not text.null_count:
+        _, ends, content = text.buffers()
+        ends = np.frombuffer(ends, np.int32, len(text) + 1, 4 * text.offset)
+        if (np.diff(ends) == ID.itemsize).all():  # as they lie in memory
+            return np.frombuffer(content, ID, len(text), int(ends[0]))
+    return np.array([t or "" for t in text.to_pylist()], dtype=ID)
+
+
+def _coded(column: pa.ChunkedArray) -> tuple[list[str], np.ndarray]:
+    """The different values of a column, "" for null at their end, and which of them stands where."""
+    coded = column.dictionary_encode().unify_dictionaries().combine_chunks()
+    coded = coded.chunk(0) if isinstance(coded, pa.ChunkedArray) else coded
+    names = [*coded.dictionary.to_pylist(), ""]
+    return names, coded.indices.fill_null(len(names) - 1).to_numpy(zero_copy_only=False)
 
 
 def _words(column: pa.ChunkedArray) -> np.ndarray:
-    coded = column.dictionary_encode().unify_dictionaries().combine_chunks()
-    coded = coded.chunk(0) if isinstance(coded, pa.ChunkedArray) else coded
+    names, codes = _coded(column)
     # objects: all rows share a few strings
-    names = np.array([*coded.dictionary.to_pylist(), ""], dtype=object)
-    return names[coded.indices.fill_null(len(names) - 1).to_numpy(zero_copy_only=False)]
+    return np.array(names, dtype=object)[codes]
 
 
 def _codes(column: pa.ChunkedArray) -> np.ndarray:
-    return np.array([CODES[v] for v in column.to_pylist()], dtype=np.int8)
+    names, codes = _coded(column)
+    return np.array([CODES.get(name, -1) for name in names], dtype=np.int8)[codes]
 
 
 def _flags(column: pa.ChunkedArray) -> np.ndarray:

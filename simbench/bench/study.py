@@ -21,6 +21,7 @@ import numpy as np
 from scenarios.grid import load_grid
 from simbench.bench.manifest import read_manifest
 from simbench.bench.run import Interrupted, run_grid
+from simbench.bench.store import read_table
 from simbench.files import whole_file
 from simbench.usage import exit_code
 
@@ -62,7 +63,7 @@ def kills(n: int, seed: int = 0, grid: str = GRID, methods: str = "he,horch,yama
                     process.wait(timeout=float(rng.uniform(0.05, 0.7) * length) if done < n else None)
                     break
                 except subprocess.TimeoutExpired:
-                    late += any(target.glob("parts/*.json"))
+                    late += any(target.glob("receipts/*.json"))
                     os.killpg(process.pid, signal.SIGKILL)
                     process.wait()
                     done += 1
@@ -83,10 +84,8 @@ def same_tables(one: Path, other: Path) -> bool:
     -------
     bool
     """
-    import pyarrow.parquet as pq
-
     for kind in ("verdicts", "scenarios"):
-        tables = [pq.read_table(folder / f"{kind}.parquet").replace_schema_metadata() for folder in (one, other)]
+        tables = [read_table(folder, kind) for folder in (one, other)]
         if kind == "verdicts":
             tables = [t.drop_columns(["runtime_s"]) for t in tables]
         if not tables[0].equals(tables[1]):
@@ -118,7 +117,7 @@ def sizes(counts: Sequence[int], methods: str = "fast", grid: str = GRID) -> lis
             process = _run(target, grid, methods, 1, {"repeats": max(round(count / each), 1)}, measure=True)
             used = json.loads(process.communicate()[0])
             manifest = read_manifest(target)
-            size = sum(f.stat().st_size for f in target.glob("*.parquet"))
+            size = sum(f.stat().st_size for f in target.glob("*.parquet/*"))
         times, n = manifest["times"], manifest["counts"]["scenarios"]
         rows.append(
             {

@@ -11,8 +11,7 @@ from matplotlib.figure import Figure
 
 from detectors.errors import ParameterError
 from detectors.verdict import STICTION
-from simbench.bench.checksums import check_tables
-from simbench.bench.manifest import read_manifest
+from simbench.bench.store import read_table
 from simbench.figures._style import BLUE, GREY, RED, label, note, panels, styled
 
 SOURCE = "own; Horch (1999), Eqs 11.6 to 11.9 of Jelali (2013): dtau = (2/pi) atan(1/(w Ti)) of any linear PI loop"
@@ -40,9 +39,7 @@ def data(run: str | Path) -> pd.DataFrame:
     ParameterError
         When the run has no such section.
     """
-    check_tables(run, read_manifest(run))
-    scenarios = pd.read_parquet(Path(run) / "scenarios.parquet")
-    verdicts = pd.read_parquet(Path(run) / "verdicts.parquet")
+    scenarios, verdicts = (read_table(run, kind).to_pandas() for kind in ("scenarios", "verdicts"))
     both = scenarios[scenarios.block == "horch"].merge(verdicts[verdicts.method == "horch"], on="scenario_id")
     if both.empty:
         raise ParameterError(f"{run}: no section 'horch' judged by horch; run grid own-ground with it")

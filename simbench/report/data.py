@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import pyarrow.parquet as pq
+import pyarrow.compute as pc
 
 from detectors.verdict import NO_DECISION, STICTION
 from simbench.bench.score import Scores, score_run
-from simbench.bench.store import CODES, Book
+from simbench.bench.store import CODES, Book, read_table
 
 TRUTHS = ("sticky", "predicted", "refined", "theory", "cycled")
 
@@ -23,7 +23,7 @@ class RunData:
 
     Parameters
     ----------
-    folder : Path
+    folder : Path or str
         Where it lies.
     book : Book
         Its tables as arrays.
@@ -31,14 +31,14 @@ class RunData:
         Behind the oscillation front end.
     """
 
-    folder: Path
+    folder: Path | str
     book: Book
     scores: Scores
 
     @classmethod
     def read(cls, folder: str | Path) -> RunData:
         """Read a finished run; raises `RunError` when there is none."""
-        return cls(Path(folder), Book.read(folder), score_run(folder))
+        return cls(folder, Book.read(folder), score_run(folder))
 
     def of(self, method: str) -> pd.DataFrame:
         """Return one row per scenario whose cycling is clear.
@@ -70,25 +70,24 @@ class RunData:
     @cached_property
     def truths(self) -> pd.DataFrame:
         """The five truths of every scenario."""
-        return pq.read_table(self.folder / "scenarios.parquet", columns=list(TRUTHS)).to_pandas()
+        return read_table(self.folder, "scenarios", TRUTHS).to_pandas()
 
     @cached_property
     def errors(self) -> pd.DataFrame:
         """Detectors that raised and scenarios that could not be run: method, scenario, error."""
         names = {"scenario_id": "scenario"}
-        filled = [("error", "!=", "")]
-        raised = pq.read_table(self.folder / "verdicts.parquet", columns=["method", "scenario_id", "error"], filters=filled)
-        unrun = pq.read_table(self.folder / "scenarios.parquet", columns=["scenario_id", "error"], filters=filled)
+        filled = pc.field("error").is_valid()
+        raised = read_table(self.folder, "verdicts", ["method", "scenario_id", "error"], filled)
+        unrun = read_table(self.folder, "scenarios", ["scenario_id", "error"], filled)
         found = unrun.to_pandas().assign(method="(simulation)")[["method", "scenario_id", "error"]]
         return pd.concat([found, raised.to_pandas()], ignore_index=True).rename(columns=names)
 
     @cached_property
     def abstentions(self) -> pd.DataFrame:
         """Verdicts "no decision" of methods that did not fail: method, reason."""
-        columns = ["method", "reason", "error"]
-        only = [("verdict", "=", NO_DECISION)]
-        found = pq.read_table(self.folder / "verdicts.parquet", columns=columns, filters=only).to_pandas()
-        return found[found["error"].isna()].drop(columns="error")
+        undecided = (pc.field("verdict") == NO_DECISION) & pc.field("error").is_null()
+        found = read_table(self.folder, "verdicts", ["method", "reason", "verdict", "error"], undecided)
+        return found.select(["method", "reason"]).to_pandas()
 
     @cached_property
     def times(self) -> pd.DataFrame:

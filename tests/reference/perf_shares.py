@@ -24,7 +24,8 @@ import simbench.loop.kernel
 import simbench.theory.cycle
 from detectors.report import choose_methods
 from scenarios.grid import Grid, load_grid
-from simbench.bench import store, tables
+from simbench.bench import pieces, tables
+from simbench.bench.place import place_of
 
 GRID = "chapter"
 BLOCKS, BLOCK = 3, 20  # so many blocks of neighbouring groups, which share what a real run's neighbours share
@@ -80,7 +81,7 @@ def metered(meter: Meter, names: list[str]) -> list[tuple[Any, str, Any]]:
         (work, "_scenario_row", meter.wrap("rows", work._scenario_row)),
         (work, "_verdict_row", meter.wrap("rows", work._verdict_row)),
         (tables, "encode", meter.wrap("store", tables.encode)),
-        (store, "write_piece", meter.wrap("store", store.write_piece)),
+        (pieces, "write_piece", meter.wrap("store", pieces.write_piece)),
     ]
     for name in names:
         module = detectors.registry.methods.load(name)
@@ -97,11 +98,10 @@ def shares(plan: Grid, names: list[str], blocks: list[range]) -> tuple[dict[str,
     before = metered(meter, names)
     try:
         with tempfile.TemporaryDirectory() as folder:
-            (Path(folder) / store.PARTS).mkdir()
             start = time.process_time()
             for number, groups in enumerate(blocks):
                 piece = work.work(plan, number, groups, names)
-                store.write_piece(Path(folder), piece, "")
+                pieces.write_piece(place_of(folder), piece, "")
                 count += piece.count
             meter.charge()
             total = time.process_time() - start

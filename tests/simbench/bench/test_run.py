@@ -17,8 +17,9 @@ from detectors.errors import UserError
 from detectors.judge import judge
 from scenarios.grid import make_grid
 from simbench.bench import manifest as manifest_module
+from simbench.bench import pieces, store, workers
 from simbench.bench import run as run_module
-from simbench.bench import store
+from simbench.bench.checksums import digest
 from simbench.bench.manifest import RunError, read_manifest
 from simbench.bench.run import Interrupted, run_grid
 from simbench.bench.store import Book, read_scenario
@@ -72,15 +73,28 @@ def test_two_workers_give_the_same_bits_as_one(small, finished, tmp_path):
     assert_same(run_grid(small, tmp_path / "two", METHODS, 2), finished)
 
 
-def test_pieces_share_row_groups_and_the_size_of_these_changes_no_value(small, finished, tmp_path, monkeypatch):
-    monkeypatch.setattr(store, "ROW_GROUP", 1)
-    apart = run_grid(small, tmp_path / "apart", METHODS)
+def test_one_file_a_table_reads_like_a_folder_of_partitions(finished, tmp_path):
+    """As runs were written before, and as a baseline still is."""
+    single = tmp_path / "single"
+    single.mkdir()
+    digests = {}
     for kind in ("scenarios", "verdicts"):
-        # memory grows with row groups: eight small pieces make one
-        assert [pq.read_metadata(run / f"{kind}.parquet").num_row_groups for run in (finished, apart)] == [1, 8]
-    assert_same(apart, finished)
-    one, other = Book.read(finished), Book.read(apart)
-    for name in ("ids", "hashes", "oscillating", "verdict", "verdict_raw", "score", "score_raw", "applicable", "failed"):
+        pq.write_table(pq.read_table(finished / f"{kind}.parquet"), single / f"{kind}.parquet")
+        digests[kind] = digest((single / f"{kind}.parquet").read_bytes())
+    manifest_module.write_manifest(single, {**read_manifest(finished), "tables": digests})
+    one, other = Book.read(finished), Book.read(single)
+    for name in (
+        "ids",
+        "hashes",
+        "places",
+        "oscillating",
+        "verdict",
+        "verdict_raw",
+        "score",
+        "score_raw",
+        "applicable",
+        "failed",
+    ):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
     for a, b in ((one.axes, other.axes), (one.truth, other.truth)):
         assert a.keys() == b.keys()
@@ -193,7 +207,7 @@ def test_a_killed_run_is_resumed_without_repeating_or_losing_anything(small, tmp
     process.communicate(timeout=120)
     assert process.returncode == -signal.SIGKILL
     run = tmp_path / "run"
-    whole = {f.name: f.stat().st_mtime_ns for f in (run / "parts").glob("*.json")}
+    whole = {f.name: f.stat().st_mtime_ns for f in (run / "receipts").glob("*.json")}
     assert 0 < len(whole) < 8
     run_grid(small, run, ["he"], plugins=[file], resume=True)
     judged = (tmp_path / "seen").stat().st_size
@@ -230,7 +244,7 @@ def test_workers_that_keep_dying_end_the_run_with_advice(small, tmp_path, monkey
 def interrupt(process, tmp_path, sent):
     """Stop a run once a piece of it is whole; return what it printed and the seconds it took to end."""
     deadline = time.monotonic() + 60
-    while not list((tmp_path / "run" / "parts").glob("*.json")):
+    while not list((tmp_path / "run" / "receipts").glob("*.json")):
         assert time.monotonic() < deadline
         time.sleep(0.05)
     since = time.monotonic()
@@ -258,15 +272,15 @@ def test_sigterm_ends_a_background_job_whose_shell_ignores_ctrl_c(tmp_path):
 
 
 def test_a_full_disk_keeps_what_is_whole_and_says_how_to_go_on(small, finished, tmp_path, monkeypatch):
-    write, left = store.write_piece, [3]
+    write, left = pieces.write_piece, [3]
 
     def full(where, piece, key):
         if not left[0]:
             raise FileError("verdicts.parquet cannot be written: no space left on device")
         left[0] -= 1
-        write(where, piece, key)
+        return write(where, piece, key)
 
-    monkeypatch.setattr(store, "write_piece", full)
+    monkeypatch.setattr(pieces, "write_piece", full)
     with pytest.raises(RunError, match=r"no space left on device; 3 pieces are whole .* continue with --resume"):
         run_grid(small, tmp_path / "run", METHODS)
     monkeypatch.undo()
@@ -275,13 +289,13 @@ def test_a_full_disk_keeps_what_is_whole_and_says_how_to_go_on(small, finished, 
 
 def test_a_torn_piece_is_done_again(small, finished, tmp_path):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(store, "finish", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+        patch.setattr(pieces, "finish", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
         with pytest.raises(Interrupted):
             run_grid(small, tmp_path / "run", METHODS)
-    parts = tmp_path / "run" / "parts"
-    torn = parts / "000002.verdicts.parquet"
+    torn = tmp_path / "run" / "verdicts.parquet" / "00000002.parquet"
     torn.write_bytes(torn.read_bytes()[:100])
-    shutil.copy(parts / "000003.scenarios.parquet", parts / "000004.scenarios.parquet")
+    parts = tmp_path / "run" / "scenarios.parquet"
+    shutil.copy(parts / "00000003.parquet", parts / "00000004.parquet")
     assert_same(run_grid(small, tmp_path / "run", METHODS, resume=True), finished)
 
 
@@ -343,28 +357,33 @@ def test_an_older_or_damaged_folder_is_refused_with_a_sentence(tmp_path, text, w
 
 def test_tables_that_do_not_belong_together_are_refused(finished, tmp_path):
     shutil.copytree(finished, tmp_path / "run")
-    frame = pd.read_parquet(finished / "verdicts.parquet")
-    frame.iloc[::-1].to_parquet(tmp_path / "run" / "verdicts.parquet", index=False)
+    file = tmp_path / "run" / "verdicts.parquet" / "00000000.parquet"
+    pd.read_parquet(file).iloc[::-1].to_parquet(file, index=False)
     with pytest.raises(RunError, match="not the table"):
         Book.read(tmp_path / "run")
 
 
 def test_an_unfinished_run_is_not_scored(small, tmp_path):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(store, "finish", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+        patch.setattr(pieces, "finish", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
         with pytest.raises(Interrupted, match="8 pieces are whole"):
             run_grid(small, tmp_path / "run", ["yamashita"])
     with pytest.raises(RunError, match="not finished"):
         Book.read(tmp_path / "run")
 
 
-def test_a_kill_between_the_last_two_steps_is_tidied_up(small, finished, tmp_path):
-    shutil.copytree(finished, tmp_path / "run")
-    (tmp_path / "run" / "parts").mkdir()
-    (tmp_path / "run" / "scores.csv").unlink()
-    assert sorted(f.name for f in run_grid(small, tmp_path / "run", METHODS, resume=True).iterdir()) == sorted(
-        f.name for f in finished.iterdir()
-    )
+@pytest.mark.parametrize("step", ["score_book", "remove"])
+def test_a_kill_between_the_last_steps_is_tidied_up(small, finished, tmp_path, step):
+    run = tmp_path / "run"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            pieces if step == "score_book" else pieces.Place, step, lambda *_: (_ for _ in ()).throw(KeyboardInterrupt)
+        )
+        with pytest.raises(Interrupted, match="8 pieces are whole"):
+            run_grid(small, run, METHODS)
+    run_grid(small, run, METHODS, resume=True)
+    assert sorted(f.name for f in run.iterdir()) == sorted(f.name for f in finished.iterdir())
+    assert_same(run, finished)
 
 
 @pytest.mark.parametrize(
@@ -382,7 +401,7 @@ def test_a_kill_between_the_last_two_steps_is_tidied_up(small, finished, tmp_pat
     ],
 )
 def test_wrong_settings_are_one_sentence(small, tmp_path, settings, words, monkeypatch):
-    monkeypatch.setattr(run_module, "PATIENCE", 1)
+    monkeypatch.setattr(workers, "PATIENCE", 1)
     methods = settings.pop("methods", ["he"])
     with pytest.raises(UserError, match=words) as error:
         run_grid(small, tmp_path / "run", methods, **settings)
@@ -449,16 +468,16 @@ def test_adaptive_runs_add_seeds_only_where_accuracy_is_vague(small, tmp_path):
 def test_an_adaptive_run_is_resumed_to_the_same_end(small, tmp_path):
     once = make_grid(small.content.model_dump(), "small", {"repeats": 1})
     undisturbed = run_grid(once, tmp_path / "a", ["yamashita"], until_width=0.4)
-    write, left = store.write_piece, [5]
+    write, left = pieces.write_piece, [5]
 
     def stopping(where, piece, key):
         if not left[0]:
             raise KeyboardInterrupt
         left[0] -= 1
-        write(where, piece, key)
+        return write(where, piece, key)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(store, "write_piece", stopping)
+        patch.setattr(pieces, "write_piece", stopping)
         with pytest.raises(Interrupted):
             run_grid(once, tmp_path / "b", ["yamashita"], until_width=0.4)
     assert_same(run_grid(once, tmp_path / "b", ["yamashita"], until_width=0.4, resume=True), undisturbed)

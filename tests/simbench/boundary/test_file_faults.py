@@ -16,8 +16,8 @@ import pytest
 from detectors.errors import UserError
 from scenarios.grid import load_grid
 from simbench import files
+from simbench.bench import pieces as pieces_module
 from simbench.bench import run as run_module
-from simbench.bench import score as score_module
 from simbench.bench.run import Interrupted, run_grid
 
 SMALL = {"disturbance": "none", "Td_over_T": 0.3, "S_over_2J": 0.5, "Td_over_Ti": 0.05, "periods": 15.0, "repeats": 2}
@@ -111,14 +111,14 @@ def quick(pieces):
 
         patch.setattr(run_module, "work", known)
         patch.setattr(run_module, "refuse_wrong_parts", lambda plan: None)
-        score, scored = score_module.score_run, []
+        score, scored = pieces_module.score_book, []
 
-        def once(folder):
+        def once(book):
             if not scored:
-                scored.append(score(folder))
+                scored.append(score(book))
             return scored[0]
 
-        patch.setattr(score_module, "score_run", once)
+        patch.setattr(pieces_module, "score_book", once)
         yield load_grid("smoke", SMALL)
 
 

@@ -11,9 +11,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from scenarios.grid import load_grid
-from simbench.bench import store
+from simbench.bench import pieces
 from simbench.bench.check import check_run, update_baseline
-from simbench.bench.checksums import RunError, file_digest, sealed
+from simbench.bench.checksums import RunError, digest, sealed
 from simbench.bench.compare import compare
 from simbench.bench.run import Interrupted, run_grid
 from simbench.bench.score import score_run
@@ -44,7 +44,7 @@ def baseline(finished, tmp_path_factory):
 def unfinished(tmp_path_factory):
     folder = tmp_path_factory.mktemp("runs") / "unfinished"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(store, "finish", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+        patch.setattr(pieces, "finish", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
         with pytest.raises(Interrupted):
             run_grid(load_grid("smoke", SMALL), folder, ["horch", "horch_histogram"])
     return folder
@@ -101,6 +101,12 @@ def _changed(table: pa.Table, what: str, how: str) -> pa.Table:
     return table.set_column(at, field, pa.array(values, type=field.type))
 
 
+def file_of(folder, kind: str):
+    """The file of a baseline's table, or one in the middle of a run's."""
+    table = folder / f"{kind}.parquet"
+    return sorted(table.iterdir())[1] if table.is_dir() else table
+
+
 def copied(folder, tmp_path):
     return shutil.copytree(folder, tmp_path / "copy")
 
@@ -119,9 +125,10 @@ def noticed(capsys, *arguments) -> None:
 @pytest.mark.parametrize(("kind", "way"), [(k, w) for k in TABLES for w in ways(k)], ids=str)
 def test_one_fault_in_a_table_of_a_run_or_a_baseline(finished, baseline, tmp_path, capsys, kind, way):
     run = copied(finished, tmp_path)
-    before = (run / f"{kind}.parquet").read_bytes()
-    spoil(run / f"{kind}.parquet", way)
-    if (run / f"{kind}.parquet").is_file() and (run / f"{kind}.parquet").read_bytes() == before:
+    file = file_of(run, kind)
+    before = file.read_bytes()
+    spoil(file, way)
+    if file.is_file() and file.read_bytes() == before:
         pytest.fail("nothing was changed")
     if way[0] in ("file", "rows"):  # the verbs themselves; else the functions they call
         noticed(capsys, "score", run)
@@ -131,9 +138,29 @@ def test_one_fault_in_a_table_of_a_run_or_a_baseline(finished, baseline, tmp_pat
             reads()
     shutil.rmtree(run)
     base = copied(baseline, tmp_path)
-    spoil(base / f"{kind}.parquet", way)
+    spoil(file_of(base, kind), way)
     with pytest.raises(RunError, match="copy"):
         check_run(finished, base)
+
+
+@pytest.mark.parametrize("kind", TABLES)
+@pytest.mark.parametrize("way", ["one more", "swapped", "twice", "renamed"])
+def test_partitions_that_do_not_belong_there(finished, baseline, tmp_path, capsys, kind, way):
+    run = copied(finished, tmp_path)
+    one, two = sorted((run / f"{kind}.parquet").iterdir())[:2]
+    if way == "one more":
+        shutil.copy(one, one.with_name("00009999.parquet"))
+    elif way == "swapped":
+        content = one.read_bytes()
+        one.write_bytes(two.read_bytes())
+        two.write_bytes(content)
+    elif way == "twice":
+        one.write_bytes(two.read_bytes())
+    else:
+        one.rename(one.with_name("part.parquet"))
+    noticed(capsys, "score", run)
+    noticed(capsys, "check", run, "--against", baseline)
+    noticed(capsys, "simulate", "--from", run, "--id", "0" * 16, "-o", tmp_path / "r.csv")
 
 
 def places(content, path=()) -> list[tuple]:
@@ -196,7 +223,7 @@ def test_a_manifest_that_is_none(finished, tmp_path, refused, verb, text):
 def test_simulate_from_a_changed_run(finished, tmp_path, refused, kind):
     ident = pq.read_table(finished / "scenarios.parquet").column("scenario_id")[0].as_py()
     run = copied(finished, tmp_path)
-    spoil(run / f"{kind}.parquet", ("cell", "scenario_id last"))
+    spoil(file_of(run, kind), ("cell", "scenario_id last"))
     refused(["simulate", "--from", run, "--id", ident, "-o", tmp_path / "r.csv"], "copy")
     refused(["simulate", "--from", finished, "--id", "nothing", "-o", tmp_path / "r.csv"], "nothing")
 
@@ -207,7 +234,7 @@ def test_an_empty_baseline_never_passes(finished, baseline, tmp_path, refused):
     manifest = json.loads((base / "manifest.json").read_text())
     for kind in TABLES:
         spoil(base / f"{kind}.parquet", ("rows", "drop all"))
-        manifest["tables"][kind] = file_digest(base / f"{kind}.parquet")
+        manifest["tables"][kind] = digest((base / f"{kind}.parquet").read_bytes())
     (base / "manifest.json").write_text(json.dumps(sealed(manifest)))
     refused(["check", finished, "--against", base], "copy")
 
@@ -219,26 +246,25 @@ def resumed(folder) -> dict[str, list]:
 
 
 FAULTS = ("bytes", "gone", "empty", "cut", "other piece", "other run", "cell", "rows")
-PARTS = [(k, w) for k in (*TABLES, "seal") for w in FAULTS if (k, w) != ("verdicts", "other run")]
+PARTS = [(k, w) for k in (*TABLES, "receipt") for w in FAULTS if (k, w) != ("verdicts", "other run")]
 
 
 @pytest.mark.parametrize(("kind", "way"), PARTS, ids=str)
 def test_one_fault_in_a_piece_is_worked_again(finished, unfinished, tmp_path, kind, way):
     run = copied(unfinished, tmp_path)
-    numbers = sorted(int(f.stem) for f in (run / "parts").glob("*.json"))
-    file = store.seal_file(run, numbers[0]) if kind == "seal" else store.part_file(run, numbers[0], kind)
+    numbers = sorted(int(f.stem) for f in (run / "receipts").glob("*.json"))
+    file, other = (run / (pieces.receipt_file(n) if kind == "receipt" else pieces.partition_file(kind, n)) for n in numbers[:2])
     if way == "other piece":
-        other = store.seal_file(run, numbers[1]) if kind == "seal" else store.part_file(run, numbers[1], kind)
         shutil.copy(other, file)
     elif way == "other run":
         # all three files of a piece from a run with another seed
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(store, "finish", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+            patch.setattr(pieces, "finish", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
             with pytest.raises(Interrupted):
                 run_grid(load_grid("smoke", {**SMALL, "seed": 7}), tmp_path / "alien", ["horch", "horch_histogram"])
-        for alien in (tmp_path / "alien" / "parts").glob(f"{numbers[0]:06d}.*"):
-            shutil.copy(alien, run / "parts" / alien.name)
-    elif kind == "seal" and way in ("cell", "rows"):
+        for alien in (tmp_path / "alien").glob(f"*/{numbers[0]:08d}.*"):
+            shutil.copy(alien, run / alien.relative_to(tmp_path / "alien"))
+    elif kind == "receipt" and way in ("cell", "rows"):
         content = json.loads(file.read_text())
         content["run" if way == "cell" else "piece"] = 3
         file.write_text(json.dumps(content))
@@ -259,6 +285,6 @@ def test_what_a_killed_process_left_behind_blocks_nothing(tmp_path):
 
 
 def test_a_disk_that_loses_what_is_written_is_named(tmp_path, monkeypatch):
-    monkeypatch.setattr(store, "is_whole", lambda *_: False)
+    monkeypatch.setattr(pieces, "find_receipt", lambda *_: None)
     with pytest.raises(RunError, match="reads back otherwise"):
         run_grid(load_grid("smoke", SMALL), tmp_path / "run", ["horch"])

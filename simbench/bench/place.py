@@ -1,0 +1,177 @@
+"""Where a run lies: a folder of this machine, or whatever else fsspec reaches by its URL."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+from typing import Any
+
+from detectors.errors import nearest
+from simbench.files import FileError, whole_file
+from simbench.files import folder as make_folder
+
+# `Path` makes one slash of two; a single letter is a drive
+URL = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+):/+(.*)")
+
+
+class Place:
+    """A folder of this machine; every file in it appears whole or not at all.
+
+    Parameters
+    ----------
+    folder : Path
+        Made when something is written.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def __str__(self) -> str:
+        return str(self._folder)
+
+    @property
+    def local(self) -> Path | None:
+        """The folder, where it is one of this machine."""
+        return self._folder
+
+    def absolute(self) -> Place:
+        """Return the same place for a process that may stand in another folder."""
+        return Place(self._folder.absolute())
+
+    def read(self, name: str) -> bytes:
+        """Return a file's content; raises OSError."""
+        return (self._folder / name).read_bytes()
+
+    def write(self, name: str, content: bytes) -> None:
+        """Write a file, and the folders above it; raises FileError."""
+        file = self._folder / name
+        make_folder(file.parent)
+        with whole_file(file, "wb") as f:
+            f.write(content)
+
+    def names(self, sub: str = "") -> list[str]:
+        """Return the names in a folder, sorted, those that begin with a dot left out; none when there is no folder."""
+        folder = self._folder / sub
+        return sorted(f.name for f in folder.iterdir() if not f.name.startswith(".")) if folder.is_dir() else []
+
+    def remove(self, sub: str) -> None:
+        """Remove a folder and all in it, if it is there."""
+        shutil.rmtree(self._folder / sub, ignore_errors=True)
+
+
+class RemotePlace(Place):
+    """A folder behind a URL, in memory, a bucket or elsewhere.
+
+    Parameters
+    ----------
+    scheme : str
+        Decides who reads and writes it.
+    path : str
+        What stands behind the scheme.
+
+    Raises
+    ------
+    FileError
+        When nobody does.
+    """
+
+    def __init__(self, scheme: str, path: str) -> None:
+        import fsspec
+        from fsspec.registry import available_protocols
+
+        self._url = f"{scheme}://{path.rstrip('/')}"
+        if scheme not in available_protocols():
+            raise FileError(
+                f"{self._url} cannot be written: scheme {scheme!r} is unknown: {nearest(scheme, available_protocols())}"
+            )
+        try:
+            self._files, self._root = fsspec.core.url_to_fs(self._url)
+        except Exception as error:  # each scheme's own library has its own errors
+            raise FileError(f"{self._url} cannot be reached: {_said(error)}") from None
+
+    def __str__(self) -> str:
+        return self._url
+
+    @property
+    def local(self) -> None:
+        """Nothing: it is no folder of this machine."""
+        return None
+
+    def absolute(self) -> Place:
+        """Return itself."""
+        return self
+
+    def _do(self, what: str, name: str, *more: Any) -> Any:
+        try:
+            return getattr(self._files, what)(f"{self._root}/{name}".rstrip("/"), *more)
+        except FileNotFoundError:
+            raise
+        except Exception as error:
+            raise FileError(f"{self._url}/{name}: {what} failed: {_said(error)}") from None
+
+    def read(self, name: str) -> bytes:
+        """Return a file's content; raises OSError."""
+        return self._do("cat_file", name)
+
+    def write(self, name: str, content: bytes) -> None:
+        """Write a file; raises FileError."""
+        try:
+            self._do("pipe_file", name, content)
+        except FileNotFoundError:  # where folders are not made by writing into them
+            self._do("makedirs", name.rpartition("/")[0], True)
+            self._do("pipe_file", name, content)
+
+    def names(self, sub: str = "") -> list[str]:
+        """Return the names in a folder, sorted; none when there is no folder."""
+        try:
+            # what was listed before others wrote is no listing
+            self._files.invalidate_cache()
+            found = self._do("ls", sub, False)
+        except FileNotFoundError:
+            return []
+        names = (path.rstrip("/").rsplit("/", 1)[-1] for path in found)
+        return sorted(n for n in names if not n.startswith("."))
+
+    def remove(self, sub: str) -> None:
+        """Remove a folder and all in it, if it is there."""
+        if self.names(sub):
+            self._do("rm", sub, True)
+
+
+def place_of(path: str | Path | Place) -> Place:
+    """Return the place a path or URL names.
+
+    Parameters
+    ----------
+    path : str, Path or Place
+        A folder, `file:///FOLDER`, or SCHEME://... of anything fsspec has a library for.
+
+    Returns
+    -------
+    Place
+
+    Raises
+    ------
+    FileError
+        When the scheme is unknown, or its library not installed.
+
+    Examples
+    --------
+    >>> place = place_of("memory://runs/a")
+    >>> place.write("parts/0", b"whole")
+    >>> str(place), place.names("parts"), place.read("parts/0")
+    ('memory://runs/a', ['0'], b'whole')
+    """
+    if isinstance(path, Place):
+        return path
+    url = URL.match(str(path))
+    if url is None:
+        return Place(Path(path))
+    if url[1] == "file":
+        return Place(Path(f"/{url[2]}"))
+    return RemotePlace(url[1], url[2])
+
+
+def _said(error: Exception) -> str:
+    return " ".join(str(error).split()) or type(error).__name__

@@ -1,0 +1,148 @@
+"""Who works the pieces of a run: this process, others of this machine, or a dask cluster, and what happens when they die."""
+
+from __future__ import annotations
+
+import contextlib
+import queue
+import signal
+import time
+from collections.abc import Callable, Iterator, Sequence
+from itertools import islice
+from typing import Any
+
+from simbench.bench.checksums import RunError
+from simbench.bench.pieces import Receipt
+
+Task = Callable[[int, Sequence[int]], Receipt]
+Pieces = list[tuple[int, Sequence[int]]]
+Runner = Callable[[Task, Pieces], Iterator[Receipt]]
+PATIENCE = 8.0  # s, for a scheduler to answer, or for a lost one or the last worker to come back
+FIRST = 300.0  # s, for the first worker: some clusters start them when there is work
+LOOK = 1.0  # s between two looks at workers from which nothing comes
+AHEAD = 1000  # pieces handed out and not yet done
+IDLE = 300  # s after which processes without work end
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
+
+
+@contextlib.contextmanager
+def on_processes(jobs: int) -> Iterator[Runner]:
+    """Yield a function that has pieces worked by processes of this machine and gives each receipt back when it is there.
+
+    Parameters
+    ----------
+    jobs : int
+        How many; 1 = none but this, -1 = as many as there are cores.
+
+    Yields
+    ------
+    callable
+        It raises an error of joblib's own when a process was killed.
+    """
+    if jobs == 1:
+        yield lambda task, missing: (task(number, groups) for number, groups in missing)
+        return
+    from joblib import effective_n_jobs
+    from joblib.externals.loky import get_reusable_executor
+
+    settings = {"max_workers": effective_n_jobs(jobs), "timeout": IDLE, "initializer": _ignore_interrupt, "env": ONE_THREAD}
+
+    def run(task: Task, missing: Pieces) -> Iterator[Receipt]:
+        # after a death this is a new one
+        executor = get_reusable_executor(**settings)
+        return _handed_out(lambda *piece: executor.submit(task, *piece), missing, lambda: None)
+
+    try:
+        yield run
+    except BaseException:
+        get_reusable_executor(**settings).shutdown(wait=True, kill_workers=True)
+        raise
+
+
+@contextlib.contextmanager
+def on_cluster(address: str | None) -> Iterator[Runner]:
+    """Yield a function that has pieces worked by a dask cluster and gives each receipt back when it is there.
+
+    Parameters
+    ----------
+    address : str or None
+        Of the scheduler ("tcp://HOST:PORT").
+
+    Yields
+    ------
+    callable
+        It raises RunError when the scheduler, or every worker, has been gone for 8 s; a worker that dies among others is no
+        matter, its pieces are worked elsewhere.
+
+    Raises
+    ------
+    RunError
+        When no scheduler answers, or dask is not installed.
+    """
+    client = _client(address)
+
+    def run(task: Task, missing: Pieces) -> Iterator[Receipt]:
+        return _handed_out(lambda *piece: client.submit(task, *piece, pure=False), missing, lambda: _gone(client))
+
+    try:
+        yield run
+    finally:
+        with contextlib.suppress(Exception):  # of a cluster that is gone
+            client.close(timeout=LOOK)
+
+
+def _handed_out(submit: Callable, missing: Pieces, gone: Callable[[], str | None]) -> Iterator[Receipt]:
+    """Yield receipts as they come; `gone` says what is missing when none does."""
+    done: queue.SimpleQueue = queue.SimpleQueue()
+    waiting, left = set(), iter(missing)
+
+    def hand_out(count: int) -> None:
+        for piece in islice(left, count):
+            waiting.add(future := submit(*piece))
+            future.add_done_callback(done.put)
+
+    hand_out(AHEAD)
+    since, patience = time.monotonic(), FIRST
+    while waiting:
+        try:
+            future = done.get(timeout=LOOK)
+        except queue.Empty:
+            why, quiet = gone(), time.monotonic() - since
+            if why is None:
+                since, patience = time.monotonic(), PATIENCE
+            elif quiet > (PATIENCE if "scheduler" in why else patience) - LOOK:
+                raise RunError(f"{why}, and nothing came for {quiet:.0f} s") from None
+            continue
+        if future.cancelled():
+            raise RunError("the dask scheduler is gone, and what it had to do with it")
+        waiting.discard(future)
+        yield future.result()
+        hand_out(1)
+        since, patience = time.monotonic(), PATIENCE
+
+
+def _client(address: str | None) -> Any:
+    if address is None:
+        raise RunError("backend dask needs --address, the scheduler's tcp://HOST:PORT")
+    try:
+        from distributed import Client
+    except ImportError:
+        raise RunError("backend dask needs the package distributed; install stiction-simbench[dask]") from None
+    try:
+        return Client(address, timeout=PATIENCE, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise RunError(f"no dask scheduler answers at {address}: {error}") from None
+
+
+def _gone(client: Any) -> str | None:
+    try:
+        workers = client.sync(client.scheduler.ncores, callback_timeout=LOOK) if client.status == "running" else None
+    except (TimeoutError, OSError):
+        workers = None
+    if workers is None:
+        return "the dask scheduler is gone"
+    return None if workers else "no dask worker is there"
+
+
+def _ignore_interrupt() -> None:
+    # Ctrl-C reaches the whole process group; the parent alone decides what becomes of it
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
