@@ -46,10 +46,13 @@ shares: $(READY)           ## what a scenario is made of, against the committed 
 
 docs: $(READY)             ## the gallery, and every published number beside ours
 	$(BIN)/simbench figure all -o results/figures
+	@mkdir -p runs
+	$(BIN)/simbench simulate docs/example/loop.toml -o runs/example.csv --seed 1
+	$(BIN)/simbench gap diagnose runs/example.csv --baseline docs/example/model.toml --picture results/figures/gap-example.svg
 	$(BIN)/python -m simbench.report.chapter --isdb ../shared/data/real
 	$(BIN)/python -m simbench.report.gallery
 
-site: $(READY)             ## API, detectors and glossary as pages, from the docstrings
+site: $(READY)             ## tutorials that run, API, detectors, formats, glossary as pages
 	$(BIN)/python -m sphinx -W --keep-going -q docs/site runs/site
 
 $(READY): pyproject.toml constraints.txt

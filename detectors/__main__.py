@@ -7,6 +7,7 @@ import json
 import sys
 from typing import Any
 
+from detectors.prepared import FRONT_ENDS
 from detectors.record import KINDS, PROCESSES
 from detectors.report import failed, judge_files, table
 from detectors.roles import column_pairs
@@ -38,6 +39,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--why", action="store_true", help="each method's reason below the table")
     parser.add_argument("--labels", help="table with id and label: judge and score its records")
     parser.add_argument("--raw", action="store_true", help="without the oscillation front end")
+    parser.add_argument("--front-end", default="acf", help=f"what says whether a loop oscillates: {' or '.join(FRONT_ENDS)}")
     parser.add_argument("--plugin", action="append", default=[], help="file of a further detector")
     parser.add_argument("--json", action="store_true", help="JSON, and nothing else, on stdout")
     chosen = vars(parser.parse_args(arguments))

@@ -34,6 +34,7 @@ def detect(
     methods: str | Iterable[str] = "all",
     *,
     raw: bool = False,
+    front_end: str = "acf",
     plugins: Iterable[str | Path] = (),
     thresholds: Mapping[str, Mapping[str, float]] | None = None,
     **about: Any,
@@ -48,6 +49,8 @@ def detect(
         Method ids, or "all", "fast", "full".
     raw : bool
         Without the oscillation front end.
+    front_end : {"acf", "hagglund"}
+        What says whether a loop oscillates, see `detectors.judge.judge`.
     plugins : iterable of str or Path
         Detector files outside the package; they are judged too.
     thresholds : dict of method id to dict of str to float, optional
@@ -75,12 +78,12 @@ def detect(
     """
     asked = [methods] if isinstance(methods, str) else list(methods)
     if isinstance(source, (str, Path)):
-        return judge_files(source, asked, raw=raw, plugins=plugins, thresholds=thresholds, **about)
+        return judge_files(source, asked, raw=raw, front_end=front_end, plugins=plugins, thresholds=thresholds, **about)
     record = as_record(source, **about)
     with registry.guests(plugins) as added:
         names = choose_methods(asked)
         names += [a for a in added if a not in names]
-        verdicts = judge(record, names, raw=raw, thresholds=thresholds)
+        verdicts = judge(record, names, raw=raw, front_end=front_end, thresholds=thresholds)
     return Report([(None, v) for v in verdicts], records={None: record})
 
 

@@ -12,7 +12,7 @@ import math
 import numbers
 import os
 import pickle
-import selectors
+import select
 import signal
 import struct
 import subprocess
@@ -41,12 +41,12 @@ class GuestError(UserError):
 
 
 class Guest:
-    """One plug-in file in a process of its own.
+    """One plug-in in a process of its own.
 
     Parameters
     ----------
-    path : Path
-        The file; it is imported by that process alone.
+    source : Path or str
+        A file, or the name under which another distribution publishes it; it is imported by that process alone.
     seconds : float
         Time it may take for a record.
 
@@ -60,8 +60,8 @@ class Guest:
     detectors.guest.GuestError: SystemExit: 3
     """
 
-    def __init__(self, path: Path, seconds: float = SECONDS) -> None:
-        self.path, self.seconds = path, seconds
+    def __init__(self, source: Path | str, seconds: float = SECONDS) -> None:
+        self.source, self.seconds = source, seconds
         self.strikes = 0
         self._process: subprocess.Popen | None = None
         self._to = self._back = -1
@@ -78,8 +78,8 @@ class Guest:
         """
         return _method(self._ask({"do": "describe"}, START))
 
-    def judge(self, prepared: Prepared, modes: tuple[bool, ...], thresholds: dict[str, float]) -> list[Verdict]:
-        """Return the plug-in's verdict on a record for every mode (raw or not).
+    def judge(self, name: str, prepared: Prepared, modes: tuple[bool, ...], thresholds: dict[str, float]) -> list[Verdict]:
+        """Return the plug-in's verdict on a record for every mode (raw or not), under the name it was asked by.
 
         Raises
         ------
@@ -89,11 +89,12 @@ class Guest:
         if self.strikes >= STRIKES:
             raise GuestError(f"asked no more, as its process was lost {STRIKES} times in this piece of work")
         known = {name: value for name in ("oscillation", "flags") if (value := prepared.__dict__.get(name)) is not None}
-        asked = {"do": "judge", "record": prepared.record, "known": known, "modes": modes, "thresholds": thresholds}
+        about = {"record": prepared.record, "front_end": prepared.front_end, "known": known}
+        asked = {"do": "judge", **about, "modes": modes, "thresholds": thresholds}
         answer = self._ask(asked, self.seconds * len(modes))
         if not isinstance(answer, list) or len(answer) != len(modes):
             raise GuestError("answered with something that is no verdict")
-        return [_verdict(self.path.stem, one) for one in answer]
+        return [_verdict(name, one) for one in answer]
 
     def close(self) -> None:
         """End the process and all it started."""
@@ -110,7 +111,7 @@ class Guest:
     def _start(self) -> None:
         read_mine, self._to = os.pipe()
         self._back, write_mine = os.pipe()
-        words = [sys.executable, "-m", "detectors.guest_process", *map(str, (read_mine, write_mine, os.getpid(), self.path))]
+        words = [sys.executable, "-m", "detectors.guest_process", *map(str, (read_mine, write_mine, os.getpid(), self.source))]
         home = str(Path(__file__).resolve().parents[1])
         paths = os.pathsep.join([home, *filter(None, [os.environ.get("PYTHONPATH")])])
         try:
@@ -125,7 +126,7 @@ class Guest:
         for handle in (self._to, self._back):
             os.set_blocking(handle, False)
         self._owner = os.getpid()
-        self._read(1, time.monotonic() + START)
+        self._read(time.monotonic() + START)
 
     def _ask(self, message: dict[str, Any], seconds: float) -> Any:
         content = pickle.dumps({**message, "seconds": seconds, "bytes": BYTES})
@@ -135,10 +136,7 @@ class Guest:
                 self._start()
             until = time.monotonic() + seconds
             self._write(struct.pack("<Q", len(content)) + content, until)
-            (size,) = struct.unpack("<Q", self._read(8, until))
-            if size > MESSAGE:
-                raise GuestError("answered with something that is no verdict")
-            answer = json.loads(self._read(size, until))
+            answer = json.loads(self._read(until))
         except TimeoutError:
             self._lose()
             raise GuestError(f"took longer than {seconds / len(message.get('modes', (0,))):g} s") from None
@@ -164,25 +162,32 @@ class Guest:
     def _write(self, content: bytes, until: float) -> None:
         left = memoryview(content)
         while left:
-            self._wait(self._to, selectors.EVENT_WRITE, until)
-            left = left[os.write(self._to, left) :]
+            try:
+                left = left[os.write(self._to, left) :]
+            except BlockingIOError:
+                self._wait(self._to, select.POLLOUT, until)
 
-    def _read(self, size: int, until: float) -> bytes:
-        parts = b""
+    def _read(self, until: float) -> bytes:
+        """Return one answer: its size, 8 bytes, then what it says. Usually one look at the pipe finds all of it."""
+        parts, size = b"", 8
         while len(parts) < size:
-            self._wait(self._back, selectors.EVENT_READ, until)
-            part = os.read(self._back, size - len(parts))
+            self._wait(self._back, select.POLLIN, until)
+            part = os.read(self._back, 1 << 16)
             if not part:
                 raise EOFError
             parts += part
-        return parts
+            if size == 8 and len(parts) >= 8:
+                size += struct.unpack("<Q", parts[:8])[0]
+                if size > MESSAGE:
+                    raise GuestError("answered with something that is no verdict")
+        return parts[8:]
 
     @staticmethod
     def _wait(handle: int, event: int, until: float) -> None:
-        with selectors.DefaultSelector() as selector:
-            selector.register(handle, event)
-            if not selector.select(max(0.0, until - time.monotonic())):
-                raise TimeoutError
+        poll = select.poll()
+        poll.register(handle, event)
+        if not poll.poll(max(0.0, until - time.monotonic()) * 1e3):
+            raise TimeoutError
 
 
 def _number(value: Any, what: str) -> float:

@@ -22,19 +22,22 @@ from detectors.verdict import Verdict
 
 
 def main() -> None:
-    """Serve requests until the parent is gone: `python -m detectors.guest_process READ WRITE PARENT FILE`."""
-    read, write, parent, path = int(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]), sys.argv[4]
+    """Serve requests until the parent is gone: `python -m detectors.guest_process READ WRITE PARENT SOURCE`."""
+    read, write, parent, source = int(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]), sys.argv[4]
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
-    os.write(write, b"R")
-    name = None
+    os.write(write, struct.pack("<Q", 0))  # it lives
+    methods.host_entry_points = False
+    name = limit = None
     while True:
         asked = _receive(read)
-        resource.setrlimit(resource.RLIMIT_DATA, (asked["bytes"], asked["bytes"]))
+        if asked["bytes"] != limit:
+            limit = asked["bytes"]
+            resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))
         # should nobody be left to end it, and no line of Python be reached
         signal.signal(signal.SIGALRM, signal.SIG_DFL)
         signal.setitimer(signal.ITIMER_REAL, 2.0 * asked["seconds"] + 60.0)
         try:
-            name = name or methods.add_file(path)
+            name = name or (methods.add_file(source) if os.sep in source else source)
             answer = {"answer": _described(name) if asked["do"] == "describe" else _judged(name, asked)}
             text = json.dumps(answer).encode()
         except MemoryError:
@@ -64,7 +67,7 @@ def _described(name: str) -> Any:
 
 
 def _judged(name: str, asked: dict[str, Any]) -> list[Any]:
-    prepared = Prepared(asked["record"])
+    prepared = Prepared(asked["record"], asked["front_end"])
     for signal_ in (prepared.record.op, prepared.record.pv, prepared.record.sp, prepared.record.mv):
         if signal_ is not None:
             signal_.flags.writeable = False
@@ -90,18 +93,16 @@ def _plain(value: Any) -> Any:
 
 
 def _receive(read: int) -> dict[str, Any]:
-    (size,) = struct.unpack("<Q", _exactly(read, 8))
-    return pickle.loads(_exactly(read, size))
-
-
-def _exactly(read: int, size: int) -> bytes:
-    content = b""
+    """Wait for a question: its size, 8 bytes, then what it says; the next one comes after the answer alone."""
+    content, size = b"", 8
     while len(content) < size:
-        part = os.read(read, min(size - len(content), 1 << 20))
+        part = os.read(read, 1 << 20)
         if not part:
             os._exit(0)
         content += part
-    return content
+        if size == 8 and len(content) >= 8:
+            size += struct.unpack("<Q", content[:8])[0]
+    return pickle.loads(memoryview(content)[8:])
 
 
 def _end_with(parent: int) -> None:

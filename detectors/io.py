@@ -18,6 +18,8 @@ from detectors.record import KIND_ALIASES, KINDS, PROCESSES, LoopRecord
 from detectors.roles import SIGNALS, TIME_NAMES, find_roles, shown, words
 from detectors.tables import Sheet, read_sheet, read_table
 
+RECORD_FILES = (".csv", ".txt", ".parquet", ".xlsx")  # what is read of a folder
+
 
 def read_record(
     path: str | Path,
@@ -119,8 +121,7 @@ def read_folder(
 
         sources = {name: (path, name) for name in read_loops(path)}
     elif path.is_dir():
-        kinds = (".csv", ".txt", ".parquet", ".xlsx")
-        sources = {f.stem: (f, None) for f in sorted(path.iterdir()) if f.suffix.lower() in kinds}
+        sources = {f.stem: (f, None) for f in sorted(path.iterdir()) if f.suffix.lower() in RECORD_FILES}
     else:
         raise RecordError(f"folder {path} does not exist")
     wanted = sources if names is None else [n for n in sources if n in set(names)]

@@ -11,7 +11,7 @@ import numpy as np
 from detectors.errors import ParameterError, nearest
 from detectors.guest import GuestError
 from detectors.method import Method
-from detectors.prepared import Prepared
+from detectors.prepared import FRONT_ENDS, Prepared
 from detectors.record import LoopRecord
 from detectors.registry import methods as registry
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
@@ -33,6 +33,7 @@ def judge(
     *,
     raw: bool = False,
     thresholds: Mapping[str, Mapping[str, float]] | None = None,
+    front_end: str = "acf",
 ) -> list[Verdict]:
     """Judge one record by several methods, sharing what they have in common.
 
@@ -47,6 +48,8 @@ def judge(
     thresholds : dict of method id to dict of threshold name to value, optional
         Other thresholds than the methods' own; every method also takes `stiction_above` and `no_stiction_below`, cuts on
         its score that overrule its own rule (between them: no decision), as a calibration finds them.
+    front_end : {"acf", "hagglund"}
+        What says whether the loop oscillates: the regularity of the autocorrelation, or Hagglund's load disturbances.
 
     Returns
     -------
@@ -58,7 +61,7 @@ def judge(
     UnknownName
         For a method that does not exist.
     ParameterError
-        For a threshold that a method does not have or that is out of its range.
+        For a front end that does not exist, a threshold that a method does not have or that is out of its range.
 
     Examples
     --------
@@ -66,7 +69,7 @@ def judge(
     >>> judge(LoopRecord(op=np.sin(t / 8), pv=-np.sin(t / 8), Ts=1.0), ["horch"])[0].verdict
     'no_stiction'
     """
-    blind, sighted = Prepared(record.blind()), None
+    blind, sighted = Prepared(record.blind(), known_front_end(front_end)), None
     verdicts = []
     for name in methods:
         module = registry.load(name)
@@ -76,6 +79,22 @@ def judge(
         chosen = check_thresholds(name, module.METHOD, (thresholds or {}).get(name, {}))
         verdicts += answers(name, prepared, (raw,), chosen)[0]
     return verdicts
+
+
+def known_front_end(name: str) -> str:
+    """Return the name of a front end, or raise ParameterError with the nearest one.
+
+    Parameters
+    ----------
+    name : str
+
+    Returns
+    -------
+    str
+    """
+    if name not in FRONT_ENDS:
+        raise ParameterError(f"unknown front end {name!r}: {nearest(name, FRONT_ENDS)}")
+    return name
 
 
 def answers(
@@ -104,7 +123,7 @@ def answers(
     guest = registry.guest(name)
     try:
         if guest is not None:
-            return guest.judge(prepared, modes, thresholds), None
+            return guest.judge(name, prepared, modes, thresholds), None
         module = registry.load(name)
         return [judge_one(name, module, prepared, raw, dict(thresholds)) for raw in modes], None
     except Exception as wrong:  # a detector may fail in any way; the others must not
@@ -237,7 +256,7 @@ def _front_end(method: Method, prepared: Prepared, raw: bool, answer) -> Verdict
         return None
     oscillation = prepared.oscillation
     if not raw and not oscillation.sustained:
-        verdict = answer(NO_STICTION, f"no sustained oscillation (r = {oscillation.regularity:.2f})")
+        verdict = answer(NO_STICTION, f"no sustained oscillation ({oscillation.evidence})")
         # below every score: scales differ between methods, some go below 0
         return verdict.but(score=-np.inf)
     periods = prepared.record.duration / oscillation.period_s if np.isfinite(oscillation.period_s) else 0.0

@@ -10,10 +10,14 @@ import numpy as np
 from detectors.errors import RecordError
 from detectors.quality import Flag, inspect
 from detectors.record import LoopRecord
-from detectors.signal.conditioning import clear_harmonics, drift, loop_sign, mirrored_spectrum, smooth
+from detectors.signal.conditioning import clear_harmonics, drift, loop_sign, mirrored_spectrum, smooth, snapped
 from detectors.signal.half_cycles import split
+from detectors.signal.load_disturbances import oscillation_by_loads
 from detectors.signal.oscillation import Oscillation, find_oscillation
 from detectors.signal.standstill import steady_valve
+
+STILL = 1e-9  # of a signal's range: less is rounding
+FRONT_ENDS = ("acf", "hagglund")
 
 
 @dataclass
@@ -24,6 +28,8 @@ class Prepared:
     ----------
     record : LoopRecord
         The record, blinded unless the method needs MV.
+    front_end : {"acf", "hagglund"}
+        What judges whether there is a sustained oscillation.
     shared : dict
         Intermediate results that methods on the same record share, by name; `share` fills it.
 
@@ -36,6 +42,7 @@ class Prepared:
     """
 
     record: LoopRecord
+    front_end: str = "acf"
     shared: dict = field(default_factory=dict)
 
     @cached_property
@@ -46,7 +53,11 @@ class Prepared:
     @cached_property
     def oscillation(self) -> Oscillation:
         """The common front end's finding on OP and PV."""
-        return find_oscillation(self.record.op, self.record.pv, self.record.Ts)
+        record = self.record
+        if self.front_end == "hagglund":
+            span = None if record.pv_span is None else record.pv_span[1] - record.pv_span[0]
+            return oscillation_by_loads(record.op, record.pv, record.e, record.Ts, span)
+        return find_oscillation(record.op, record.pv, record.Ts)
 
     @property
     def integrating(self) -> bool:
@@ -92,13 +103,28 @@ class Prepared:
         """
         if not np.isfinite(self.oscillation.period_s):
             raise RecordError("no period found in OP or PV")
-        return self.oscillation.period_s / self.record.Ts
+        # what is cut by it shall not depend on the last digits, which the unit decides
+        return round(self.oscillation.period_s / self.record.Ts, 6)
 
     def signal(self, name: str) -> np.ndarray:
         """Return "op", "pv", or "travel": OP in % where its unit is known; shape (n,)."""
         if name == "travel":
             return self.record.op if self.record.op_percent is None else self.record.op_percent
         return getattr(self.record, name)
+
+    def searchable(self, name: str) -> np.ndarray:
+        """Return "travel", or "pv" about the middle of its range and in shares of that; shape (n,).
+
+        Searches meet candidates that are equally good. Which one wins shall not depend on how a unit rounds: both signals
+        are set on a grid of 1e-6 % of travel and 1e-7 of PV's range.
+        """
+        if name == "pv":
+            pv = self.record.pv
+            low, high = float(pv.min()), float(pv.max())
+            return self.share("searchable pv", lambda: snapped((pv - 0.5 * (low + high)) / ((high - low) or 1.0)))
+        if self.record.op_percent is None:
+            return self.record.op
+        return self.share("searchable travel", lambda: snapped(self.signal("travel"), 2.0**-20))
 
     def clear_harmonics(self, name: str) -> float:
         """Return up to which harmonic a signal stands above its noise, see `detectors.signal.conditioning`."""
@@ -108,8 +134,15 @@ class Prepared:
         """Return the oscillation in a signal, shape (n,), without drift and without periods below `shortest` samples."""
         if name == "travel" and self.record.op_span in (None, (0.0, 100.0)):
             name = "op"  # the same numbers
-        level = self.share(f"level {name}", lambda: self.signal(name) - drift(self.signal(name), self.period))
+        level = self.share(f"level {name}", lambda: self._level(name))
         return smooth(level, shortest, lambda: self.share(f"spectrum {name}", lambda: mirrored_spectrum(level)))
+
+    def _level(self, name: str) -> np.ndarray:
+        x = self.signal(name)
+        level = x - drift(x, self.period)
+        # a signal that stood still for a period leaves rounding, whose signs hang on the unit
+        level[np.abs(level) <= STILL * np.ptp(x)] = 0.0
+        return level
 
     def smooth_op(self) -> np.ndarray:
         """Return OP without noise beyond its clear harmonics, shape (n,)."""
@@ -130,7 +163,7 @@ class Prepared:
 
     def sighted(self, record: LoopRecord) -> Prepared:
         """Return the same for the same record with MV; what was found without MV is kept."""
-        other = Prepared(record, dict(self.shared))
+        other = Prepared(record, self.front_end, dict(self.shared))
         other.__dict__.update(oscillation=self.oscillation, flags=self.flags)
         return other
 

@@ -302,7 +302,7 @@ class _Course:
         self.indices |= {"regularity": o.regularity, "period_s": o.period_s}
         if not o.sustained:
             self.score = QUIET
-            return "no", f"no sustained oscillation (r = {o.regularity:.2f})", "Look at the valve itself, where it is seen."
+            return "no", f"no sustained oscillation ({o.evidence})", "Look at the valve itself, where it is seen."
         return "yes", f"period {o.period_s:.4g} s, r = {o.regularity:.1f}", "Its most likely origin is the valve; go on."
 
     def valve(self) -> tuple[str, str, str]:

@@ -78,9 +78,7 @@ class PluginFolder:
         if name not in self._loaded:
             if name not in self.names():
                 raise UnknownName(self.kind, name, self.names())
-            outside = self._entry_points
-            module = outside[name].load() if name in outside else importlib.import_module(f"{self.package}.{name}")
-            self._loaded[name] = self._checked(module, name)
+            self._loaded[name] = self._checked(self._outside(name) or importlib.import_module(f"{self.package}.{name}"), name)
         return self._loaded[name]
 
     def add_file(self, path: str | Path) -> str:
@@ -154,24 +152,20 @@ class PluginFolder:
             if guest is not None:
                 guest[1].close()
             host = Guest(path.resolve(), seconds)
-            try:
-                stub = ModuleType(f"guest_{name}")
-                stub.METHOD = host.describe()  # type: ignore[attr-defined]
-            except GuestError as error:
-                raise ParameterError(f"{self.kind} file {path} cannot be imported: {error}") from None
+            self._files[name] = _stub(host, f"{self.kind} file {path}")
             self._guests[name] = (key, host)
-            self._files[name] = stub
-        host = self._guests[name][1]
-        host.seconds, host.strikes = seconds, 0
         return name
 
     def add_guests(self, paths: Iterable[str | Path], seconds: float = SECONDS) -> list[str]:
-        """Register several files as `add_guest` does; two of one name are refused."""
+        """Register several files as `add_guest` does; two of one name are refused. Every guest known is asked again."""
         files = list(dict.fromkeys(Path(p).resolve() for p in paths))
         names = [f.stem for f in files]
         for file in files:
             refuse_name(file, self.kind, names.count(file.stem) > 1)
-        return [self.add_guest(f, seconds) for f in files]
+        added = [self.add_guest(f, seconds) for f in files]
+        for _, host in self._guests.values():
+            host.seconds, host.strikes = seconds, 0
+        return added
 
     @contextmanager
     def guests(self, paths: Iterable[str | Path], seconds: float = SECONDS) -> Iterator[list[str]]:
@@ -205,8 +199,12 @@ class PluginFolder:
 
     @cached_property
     def _entry_points(self) -> dict:
-        # reads the metadata of every installed distribution: once is enough
-        return {e.name: e for e in entry_points(group=self.group)}
+        # reads the metadata of every installed distribution: once is enough; none takes a name that means something already
+        return {e.name: e for e in entry_points(group=self.group) if e.name not in self._own and e.name not in self.reserved}
+
+    def _outside(self, name: str) -> ModuleType | None:
+        """Import what another distribution publishes under a name."""
+        return self._entry_points[name].load() if name in self._entry_points else None
 
     @cached_property
     def _own(self) -> frozenset[str]:
@@ -220,6 +218,17 @@ class PluginFolder:
         return module
 
 
+def _stub(host: Guest, where: str) -> ModuleType:
+    """What stands for a plug-in outside its own process: its description of itself; ParameterError where it gives none."""
+    try:
+        method = host.describe()
+    except GuestError as error:
+        raise ParameterError(f"{where} cannot be imported: {error}") from None
+    stub = ModuleType("guest", method.title)
+    stub.__dict__.update(METHOD=method, detect=None, __file__=None)
+    return stub
+
+
 PUBLISHED = "published"
 RESERVED = ("all", "fast", "full", "oracle", "always_no", "always_yes")
 
@@ -227,11 +236,16 @@ RESERVED = ("all", "fast", "full", "oracle", "always_no", "always_yes")
 class Detectors(PluginFolder):
     """The detectors; `NAME@published` is a detector with the thresholds of its source.
 
+    Those of other distributions live in processes of their own, as a user's files do; `host_entry_points = False` imports
+    them here, which such a process alone may do.
+
     Examples
     --------
     >>> methods.load("rossi_scali@published").METHOD.defaults()["left_out"]
     0.0
     """
+
+    host_entry_points = True
 
     def load(self, name: str) -> ModuleType:
         """Import one detector, or the published variant of one; see `PluginFolder.load`."""
@@ -244,6 +258,19 @@ class Detectors(PluginFolder):
         shown = ModuleType(name, module.__doc__)
         shown.__dict__.update(METHOD=module.METHOD.as_published(), detect=module.detect, __file__=module.__file__)
         return shown
+
+    def guest(self, name: str) -> Guest | None:
+        """Return the process a detector, or the published variant of it, lives in; None for those of the house."""
+        return super().guest(name.partition("@")[0])
+
+    def _outside(self, name: str) -> ModuleType | None:
+        point = self._entry_points.get(name)
+        if point is None or not self.host_entry_points:
+            return super()._outside(name)
+        host, whose = Guest(name), point.dist.name if point.dist else "another distribution"
+        stub = _stub(host, f"{self.kind} {name!r} of {whose} ({point.value})")
+        self._guests[name] = ((), host)
+        return stub
 
     def variants(self) -> list[str]:
         """Return NAME@published of every detector whose defaults are not those of its source."""

@@ -135,6 +135,7 @@ def judge_files(
     Ts: float | None = None,
     labels: str | Path | None = None,
     raw: bool = False,
+    front_end: str = "acf",
     plugins: Iterable[str | Path] = (),
     thresholds: Mapping[str, Mapping[str, float]] | None = None,
     time_limit: float = SECONDS,
@@ -155,6 +156,8 @@ def judge_files(
         Table of labels; its records alone are judged, with its kind and process, and scored.
     raw : bool
         Without the oscillation front end.
+    front_end : {"acf", "hagglund"}
+        What says whether a loop oscillates, see `detectors.judge.judge`.
     plugins : iterable of str or Path
         Detector files outside the package; they are judged too, in addition to `methods`.
     thresholds : dict of method id to dict of str to float, optional
@@ -182,14 +185,15 @@ def judge_files(
             if labels is not None:
                 raise ParameterError(f"labels score a folder of records; {path} is no folder")
             record = read_record(path, loop=loop, **about)
-            return Report([(None, v) for v in judge(record, names, raw=raw, thresholds=thresholds)], records={None: record})
+            verdicts = judge(record, names, raw=raw, thresholds=thresholds, front_end=front_end)
+            return Report([(None, v) for v in verdicts], records={None: record})
         known = {} if labels is None else read_labels(labels)
         each = {name: {"kind": row["kind"], "process": row["process"]} for name, row in known.items()}
         records, refused = read_folder(path, names=known or None, each=each, **about)
         verdicts = [
             (name, verdict)
             for name, record in records.items()
-            for verdict in judge(record, names, raw=raw, thresholds=thresholds)
+            for verdict in judge(record, names, raw=raw, thresholds=thresholds, front_end=front_end)
         ]
         return Report(verdicts, refused, score_units(verdicts, known) if known else [], {**records})
 
@@ -262,7 +266,7 @@ def score_units(
         for (_, label), found in covered.items():
             decided = [v.verdict == STICTION for v in found if v.verdict != NO_DECISION]
             votes[label == STICTION].append(None if not decided else float(np.mean(decided)) > 0.5)
-            known = [v.score for v in found if np.isfinite(v.score)]
+            known = [v.score for v in found if not np.isnan(v.score)]
             if known:
                 scores[label == STICTION].append(float(np.median(known)))
         rows.append(
@@ -292,5 +296,5 @@ def _auc(positive: list[float], negative: list[float]) -> float:
     """Return the probability that a positive scores above a negative (ties count half)."""
     if not positive or not negative:
         return float("nan")
-    difference = np.subtract.outer(positive, negative)
-    return float(np.mean((difference > 0) + 0.5 * (difference == 0)))
+    # no subtraction: a loop that does not oscillate scores -inf
+    return float(np.mean(np.greater.outer(positive, negative) + 0.5 * np.equal.outer(positive, negative)))

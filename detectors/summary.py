@@ -157,12 +157,14 @@ def _table(verdicts: Sequence[Verdict]) -> Any:
     for head in ("score", f"S ({units})" if units else "", "J" if units else ""):
         if head:
             table.add_column(head, justify="right", no_wrap=True)
-    table.add_column("made for this loop", no_wrap=True)
+    told = any(v.applicable is not None for v in verdicts)  # of a loop of unknown kind a note says so once
+    if told:
+        table.add_column("made for this loop", no_wrap=True)
     for v in verdicts:
         score = f"{v.score:.3f}" if np.isfinite(v.score) else ""
         fits = {True: "yes", False: "no", None: "cannot tell"}[v.applicable]
         levels = ([level(v.S), level(v.J)] if v.S is not None else ["", ""]) if units else []
-        table.add_row(v.method, f"[{COLOURS[v.verdict]}]{WORDS[v.verdict]}[/]", score, *levels, fits)
+        table.add_row(v.method, f"[{COLOURS[v.verdict]}]{WORDS[v.verdict]}[/]", score, *levels, *([fits] if told else []))
     return table
 
 

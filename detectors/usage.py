@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 import tempfile
 import traceback
 from collections.abc import Callable
+from pathlib import Path
 
 from detectors.errors import UserError
+
+LOG = "simbench-fault-"  # begins the name of a fault's log, in the system's folder of temporary files
+LOGS = 20  # kept there, the newest
 
 
 def exit_code(work: Callable[[], int | None], *known: type[Exception]) -> int:
@@ -72,9 +77,18 @@ def _fault(error: Exception) -> str:
     """Write the traceback of an error nobody foresaw to a log file, and return the sentence that names it."""
     said = " ".join(f"{type(error).__name__}: {error}".split())[:200]
     try:
-        handle, log = tempfile.mkstemp(prefix="simbench-", suffix=".log")
+        handle, log = tempfile.mkstemp(prefix=LOG, suffix=".log")
         with open(handle, "w", encoding="utf-8", errors="backslashreplace") as f:
             f.write(f"{sys.argv}\n\n{''.join(traceback.format_exception(error))}")
+        _drop_old_logs(Path(log).parent)
     except OSError:
         log = "no log file, as none could be written"
     return f"this input met a fault of the program itself ({said}); nothing it printed holds; the traceback is in {log}"
+
+
+def _drop_old_logs(folder: Path) -> None:
+    """Remove all logs of faults but the newest; what cannot be removed is let be."""
+    with contextlib.suppress(OSError):  # a log that went meanwhile has no time
+        for log in sorted(folder.glob(f"{LOG}*.log"), key=lambda p: p.stat().st_mtime_ns)[:-LOGS]:
+            with contextlib.suppress(OSError):
+                log.unlink()

@@ -45,7 +45,7 @@ def watch(work: Callable[[], Any]) -> Watched:
             found.value = work()
         except UserError as error:
             found.refusal = error
-        except Exception as error:  # a plug-in may fail in any way
+        except (Exception, SystemExit) as error:  # a plug-in may fail in any way
             text = str(error)
             written = "read-only" in text
             found.faults.append(

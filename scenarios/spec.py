@@ -399,7 +399,7 @@ def _sentences(model: type[BaseModel], errors: list[Any], table: Any) -> str:
     """One clause per key; where several forms are allowed, each complains of the same key."""
     by_key: dict[tuple, list[Any]] = {}
     for error in errors:
-        by_key.setdefault(_key(error["loc"], table), []).append(error)
+        by_key.setdefault(_key(error["loc"], table, error["type"] == "missing"), []).append(error)
     clauses = []
     for key, found in by_key.items():
         if len(found) == 1:
@@ -412,7 +412,7 @@ def _sentences(model: type[BaseModel], errors: list[Any], table: Any) -> str:
     return "; ".join(clauses[:MOST_CLAUSES]) + ("; and more" if len(clauses) > MOST_CLAUSES else "")
 
 
-def _key(loc: tuple, table: Any) -> tuple:
+def _key(loc: tuple, table: Any, missing: bool) -> tuple:
     """The part of an error's place that stands in the table; what follows names the form that did not fit."""
     key = []
     for step in loc:
@@ -420,7 +420,7 @@ def _key(loc: tuple, table: Any) -> tuple:
             table = table[step]
         except (KeyError, IndexError, TypeError):
             # a key that is missing is a place of its own
-            return (*key, step) if isinstance(table, dict) else tuple(key)
+            return (*key, step) if missing and isinstance(table, dict) else tuple(key)
         key.append(step)
     return tuple(key)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import sys
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -40,6 +41,7 @@ Thresholds = Annotated[
 Span = Annotated[tuple[float, float] | None, typer.Option(metavar="LO HI", help="Values that mean 0 and 100 %.")]
 
 Power = Annotated[bool, typer.Option("--power", help="Also say what this record could have shown, from twins of its loop.")]
+FrontEnd = Annotated[str, typer.Option(metavar="acf|hagglund", help="What says whether a loop oscillates.")]
 World = Annotated[str, typer.Option(metavar="NAME", help="Independent simulator that draws the records.")]
 
 # the help of each verb ends with its examples
@@ -200,6 +202,7 @@ def detect(
     loop: Annotated[str | None, typer.Option(metavar="N", help="Loop of a file with several: FIC101, chemicals.loop1.")] = None,
     labels: Annotated[Path | None, typer.Option(help="Table with id and label: judge and score its records.")] = None,
     raw: Annotated[bool, typer.Option("--raw", help="Without the oscillation front end.")] = False,
+    front_end: FrontEnd = "acf",
     plugin: Plugin = None,
     time_limit: Limit = 60.0,
     thresholds: Thresholds = None,
@@ -215,8 +218,8 @@ def detect(
 
     report = judge_files(
         path, method or ["all"], process=process, kind=kind, op_span=op_span, pv_span=pv_span, labels=labels, raw=raw,
-        plugins=plugin or [], thresholds=_threshold_file(thresholds), columns=column_pairs(columns), Ts=Ts, loop=loop,
-        time_limit=time_limit,
+        front_end=front_end, plugins=plugin or [], thresholds=_threshold_file(thresholds), columns=column_pairs(columns),
+        Ts=Ts, loop=loop, time_limit=time_limit,
     )  # fmt: skip
     for name, sentence in report.refused.items():
         print(f"left out {name}: {sentence}", file=sys.stderr)
@@ -253,9 +256,8 @@ def diagnose(
     """Take one record through the chapter's whole diagnosis, step by step."""
     from detectors.io import read_record
     from detectors.procedure import diagnose as procedure
-    from simbench.files import refuse_own_input
 
-    refuse_own_input([picture], [path])
+    _picture(picture, path)
     diagnosis = procedure(read_record(path, process=process, kind=kind, op_span=op_span, pv_span=pv_span))
     if picture is not None:
         from simbench.figures import draw_path
@@ -308,6 +310,7 @@ def run(
     jobs: Jobs = 1,
     method: Annotated[list[str] | None, typer.Option(help="Method ids, fast, full, oracle; repeatable [fast, oracle].")] = None,
     raw: Annotated[bool, typer.Option("--raw", help="Only without the oscillation front end.")] = False,
+    front_end: FrontEnd = "acf",
     plugin: Plugin = None,
     valve_plugin: ValvePlugin = None,
     effect_plugin: EffectPlugin = None,
@@ -336,7 +339,8 @@ def run(
     axes = {k: [_number(v) for v in str(values).split(",")] for k, values in _pairs(axis or [], "--axis", text=True).items()}
     try:
         folder = run_grid(
-            grid, out or Path("runs") / Path(grid).stem, tuple(method or ["fast", ORACLE]), jobs, raw=raw, plugins=plugin or [],
+            grid, out or Path("runs") / Path(grid).stem, tuple(method or ["fast", ORACLE]), jobs, raw=raw,
+            front_end=front_end, plugins=plugin or [],
             backend=backend, address=address, resume=resume, until_width=until_width, sets=_pairs(sets or [], "--set"),
             axes=axes, thresholds=_threshold_file(thresholds), large=large, time_limit=time_limit,
             valve_plugins=valve_plugin or [], effect_plugins=effect_plugin or [],
@@ -416,6 +420,7 @@ def history(
     """Show how accuracy moved over the baselines kept."""
     from simbench.bench.history import read_history
 
+    _picture(out)
     found = read_history(baseline)
     if out is not None:
         from simbench.figures import draw_history
@@ -486,6 +491,7 @@ def gain_change(
 ) -> None:
     """Does the period follow the controller gain?"""
     _one_of("confirm gain-change", loop, "--records BEFORE.csv AFTER.csv", records)
+    _picture(picture, loop, *(records or ()))
     if loop is None:
         from detectors.io import read_record
         from simbench.confirm.recorded import gain_change_recorded
@@ -511,8 +517,9 @@ def travel(
     picture: Annotated[Path | None, typer.Option(help="Picture to write (SVG or PNG).")] = None,
     as_json: Json = False,
 ) -> None:
-    """Valve travel test: small steps of OP until PV moves, same direction and reversed."""
+    """Valve travel test: small steps of OP until PV moves, same direction and reversed; a loop is graded by Table 11.1."""
     _one_of("confirm travel", loop, "--record REC.csv", record)
+    _picture(picture, loop, record)
     if loop is None:
         from detectors.io import read_record
         from simbench.confirm.recorded import travel_recorded
@@ -521,10 +528,10 @@ def travel(
         found = travel_recorded(read_record(record, process=process, op_span=op_span))
     else:
         from scenarios.spec import load_loop
-        from simbench.confirm.travel import travel_test
+        from simbench.confirm.grade import graded_test
 
         with naming(loop):
-            found = travel_test(load_loop(loop))
+            found = graded_test(load_loop(loop))
     _confirmed(found, picture, as_json)
 
 
@@ -537,9 +544,10 @@ def gap_diagnose(
     ] = None,
     identify: Annotated[bool, typer.Option("--identify", help="No baseline: estimate one from the record.")] = False,
     jobs: Jobs = 1,
-    no_bootstrap: Annotated[bool, typer.Option("--no-bootstrap", help="Without effect: there is none any more.")] = False,
+    no_bootstrap: Annotated[bool, typer.Option("--no-bootstrap", hidden=True)] = False,
     html: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Report to write.")] = None,
     write_loop: Annotated[Path | None, typer.Option(metavar="FIXED.toml", help="Loop file with the effect in it.")] = None,
+    picture: Annotated[Path | None, typer.Option(help="The diagnosis on one sheet (SVG, PNG or PDF).")] = None,
     process: Annotated[str | None, typer.Option(help="self-regulating or integrating; for --identify.")] = None,
     op_span: Span = None,
     window: Annotated[tuple[int, int] | None, typer.Option(metavar="FROM TO", help="Samples to judge.")] = None,
@@ -551,7 +559,7 @@ def gap_diagnose(
     if (baseline is None) == (not identify):
         raise ParameterError("gap diagnose needs either --baseline LOOP.toml or --identify")
     report = diagnose_files(
-        records, baseline, jobs=jobs, html=html, write_loop=write_loop,
+        records, baseline, jobs=jobs, html=html, write_loop=write_loop, picture=picture,
         process=process, op_span=op_span, window=window,
     )  # fmt: skip
     _print(report.as_json() if as_json else report.as_text(), as_json)
@@ -609,7 +617,7 @@ def make(
 def answer(
     out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the check.")],
     jobs: Jobs = 1,
-    no_bootstrap: Annotated[bool, typer.Option("--no-bootstrap", help="Without effect: there is none any more.")] = False,
+    no_bootstrap: Annotated[bool, typer.Option("--no-bootstrap", hidden=True)] = False,
     world: World = "own",
 ) -> None:
     """Diagnose every record, without sight of the answers and whatever the world; resumes where it stopped."""
@@ -640,9 +648,9 @@ def contract(
     as_json: Json = False,
 ) -> None:
     """Check whether a plug-in keeps its contract; exit 1 when it does not."""
-    from simbench.contract import check_file
+    from simbench.contract.apart import check_apart
 
-    found = check_file(path)
+    found = check_apart(path)
     _print(found.as_json() if as_json else found.as_text(), as_json)
     if not found.kept:
         raise typer.Exit(1)
@@ -700,13 +708,18 @@ def _command(arguments: list[str] | None) -> int | None:
     try:
         return command.main(args=arguments, prog_name="simbench", standalone_mode=False)
     except CommandError as error:
-        raise ParameterError(_usage(error)) from None
+        raise ParameterError(_usage(error, sys.argv[1:] if arguments is None else arguments)) from None
     except typer.Abort as error:
         raise KeyboardInterrupt(str(error)) from None
 
 
-def _usage(error: Any) -> str:
+def _usage(error: Any, arguments: list[str]) -> str:
     message = error.format_message().strip()
+    if message.startswith("Invalid value for "):
+        # the sentence names the option and what is allowed, not what was given
+        option, _, allowed = message.partition(": ")
+        given = [v for k, v in pairwise(arguments) if k.lstrip("-") and f"'{k}'" in option]
+        message = f"{option}: {given[0][:80]!r}: {allowed}" if given else message
     context = getattr(error, "ctx", None)
     if message.startswith("Usage:"):
         return "a verb is missing: " + ", ".join(_verbs(context))
@@ -740,11 +753,19 @@ def _one_of(verb: str, loop: Path | None, option: str, other: Any) -> None:
 
 def _confirmed(result: Any, picture: Path | None, as_json: bool) -> None:
     if picture is not None:
-        from simbench.files import whole_file
+        from simbench.figures._style import write_picture
 
-        with whole_file(picture, "wb") as f:
-            result.plot().savefig(f, format=picture.suffix.lstrip(".") or "svg")
+        write_picture(result.plot(), picture)
     _print(result.as_json() if as_json else result.as_text(), as_json)
+
+
+def _picture(path: Path | None, *read: Path | None) -> None:
+    """Refuse, before any work, a picture that would stand in place of what is read, or is of no known kind."""
+    from simbench.files import refuse_own_input
+
+    refuse_own_input([path], read)
+    if path is not None and path.suffix.lower() not in (".svg", ".png", ".pdf"):
+        raise ParameterError(f"picture {path}: .svg, .png or .pdf is needed")
 
 
 def _threshold_file(path: Path | None) -> dict[str, dict[str, float]]:

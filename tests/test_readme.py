@@ -1,4 +1,4 @@
-"""What the README shows works as written: every command, both Python blocks, the loop file, the CI recipe, the table."""
+"""What the README shows works as written: every command, the Python blocks, the loop file, the CI recipe, the table."""
 
 from __future__ import annotations
 
@@ -7,13 +7,18 @@ import re
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from detectors.registry import methods
 from scenarios.spec import Loop
 from simbench.cli import main
+from simbench.loop.effects import EFFECTS, PLUGINS
+from simbench.loop.parameters import VALVES
+from simbench.loop.response import valve_response
 
-README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+ROOT = Path(__file__).parents[1]
+README, EXAMPLE = (ROOT / "README.md").read_text(encoding="utf-8"), ROOT / "docs" / "example"
 
 
 def block(language: str, containing: str) -> str:
@@ -23,16 +28,34 @@ def block(language: str, containing: str) -> str:
     return found
 
 
+OWN = {"detector": ("fullness", "METHOD = Method("), "valve": ("leap", "def mapped_SJ"), "effect": ("hum", "def apply")}
+
+
 @pytest.fixture
-def own_detector(tmp_path):
-    path = tmp_path / "fullness.py"
-    path.write_text(block("python", "METHOD = Method("), encoding="utf-8")
-    yield path
-    methods._files.pop("fullness", None)
+def own(tmp_path):
+    """Write the README's plug-ins, each to its file."""
+    paths = {kind: tmp_path / f"{name}.py" for kind, (name, _) in OWN.items()}
+    for kind, (_, containing) in OWN.items():
+        paths[kind].write_text(block("python", containing), encoding="utf-8")
+    yield paths
+    for plugins in (methods, VALVES, PLUGINS):
+        for name, _ in OWN.values():
+            plugins._files.pop(name, None)
+    vars(EFFECTS).pop("_all", None)  # read once, with the effect that is no more
 
 
-def test_the_loop_file_is_one():
-    assert Loop.from_table(tomllib.loads(block("toml", "[plant]"))).valve.name == "choudhury"
+@pytest.fixture
+def own_detector(own):
+    return own["detector"]
+
+
+def test_the_loop_file_is_the_examples():
+    text = block("toml", "[plant]")
+    assert (EXAMPLE / "loop.toml").read_text(encoding="utf-8") == text
+    sticky = tomllib.loads(text)
+    assert Loop.from_table(sticky).valve.name == "choudhury"
+    healthy = tomllib.loads((EXAMPLE / "model.toml").read_text(encoding="utf-8"))
+    assert healthy == {**sticky, "valve": {"model": "ideal"}}
 
 
 def test_a_users_detector_runs_through_detect_run_and_score(tmp_path, own_detector, capsys):
@@ -53,9 +76,16 @@ def test_a_users_detector_runs_through_detect_run_and_score(tmp_path, own_detect
     assert main(["run", "smoke", "-o", str(tmp_path / "two"), "-j", "2", *chosen]) == 0
 
 
-def test_the_users_detector_keeps_its_contract(own_detector, capsys):
-    assert main(["contract", str(own_detector)]) == 0
-    assert capsys.readouterr().out.strip() == "detector fullness: keeps its contract"
+@pytest.mark.parametrize("kind", OWN)
+def test_the_users_plug_ins_keep_their_contract(own, kind, capsys):
+    assert main(["contract", str(own[kind])]) == 0
+    assert capsys.readouterr().out.splitlines()[0] == f"{kind} {OWN[kind][0]}: keeps its contract"
+
+
+def test_the_users_valve_jumps_as_it_says(own):
+    VALVES.add_file(own["valve"])
+    op = np.array([50.0, 52.0, 54.0, 53.0, 50.0, 49.0])
+    assert valve_response("leap", op, {"d": 3.0}).tolist() == [50.0, 50.0, 54.5, 54.5, 49.5, 49.5]
 
 
 def test_the_detector_takes_about_thirty_lines():
@@ -69,11 +99,10 @@ def commands(text):
 
 
 @pytest.fixture
-def place(tmp_path, monkeypatch, own_detector):
+def place(tmp_path, monkeypatch, own):
     (tmp_path / "loop.toml").write_text(block("toml", "[plant]"), encoding="utf-8")
-    model = Loop.from_table(tomllib.loads(block("toml", "[plant]"))).with_("valve.model", "ideal").to_table()
-    model["valve"] = {"model": "ideal"}
-    (tmp_path / "model.toml").write_text(Loop.from_table(model).to_toml(), encoding="utf-8")
+    (tmp_path / "model.toml").write_text((EXAMPLE / "model.toml").read_text(encoding="utf-8"), encoding="utf-8")
+    (tmp_path / "hum.toml").write_text(block("toml", "[plant]") + block("toml", "[[effect]]"), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     assert main(["simulate", "loop.toml", "-o", "rec.csv", "--seed", "1"]) == 0
     (tmp_path / "records").mkdir()
@@ -94,7 +123,8 @@ def test_every_command_of_the_readme_works_as_printed(place, capsys):
         else:
             assert words[0] == "simbench"
             assert main(words[1:]) == 0, (words, capsys.readouterr().err)
-    assert {"verdict.html", "gap.html", "fixed.toml", "again.csv"} <= {p.name for p in place.iterdir()}
+    written = {"verdict.html", "gap.html", "gap.svg", "fixed.toml", "again.csv", "mv.csv", "hum.csv"}
+    assert written <= {p.name for p in place.iterdir()}
 
 
 @pytest.mark.slow

@@ -1,54 +1,125 @@
-"""The site builds without a warning, has an entry for every public name and detector, and asks nothing of the outside."""
+"""The site builds without a warning, its tutorials run; every public name, key and method is there; it asks nothing outside."""
 
 from __future__ import annotations
 
+import importlib
 import re
 import subprocess
 import sys
+from html import unescape
 from pathlib import Path
 
 import pytest
 
 import simbench
 from detectors.registry import methods
+from scenarios.cell import SETTINGS
+from scenarios.grid import GridFile
+from scenarios.spec import Loop
+from simbench.loop.effects import PLUGINS as EFFECTS
+from simbench.loop.parameters import VALVES
 
 ROOT = Path(__file__).parents[1]
+SOURCE = ROOT / "docs" / "site"
+TUTORIALS = sorted(p.stem for p in SOURCE.glob("tutorials/*.md"))
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]  # the tutorials run: about a minute of CPU, more on a busy machine
 
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
     out = tmp_path_factory.mktemp("site")
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-d", str(out / "doctrees")]
-    done = subprocess.run([*command, str(ROOT / "docs/site"), str(out / "html")], capture_output=True, text=True, check=False)
+    done = subprocess.run([*command, str(SOURCE), str(out / "html")], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return out / "html"
 
 
-def test_every_public_name_has_an_entry(site):
-    text = (site / "generated/api.html").read_text(encoding="utf-8")
-    missing = [name for name in simbench.__all__ if name != "gap" and not re.search(rf'id="[\w.]*\b{name}"', text)]
+def text_of(page: Path) -> str:
+    """Return what a reader reads of a page: its main part without tags."""
+    main = page.read_text(encoding="utf-8").split("<article", 1)[1].split("</article>", 1)[0]
+    return unescape(re.sub(r"<[^>]+>", "", main))
+
+
+def test_every_public_name_has_a_page(site):
+    missing = []
+    for package in ("simbench", "simbench.gap", "detectors", "scenarios"):
+        module = importlib.import_module(package)
+        for name in set(module.__all__) - {"gap"}:
+            thing = getattr(module, name)
+            pages = [site / f"generated/api/{p}.{name}.html" for p in ("simbench", "simbench.gap", "detectors", "scenarios")]
+            if not any(p.exists() and re.search(rf'id="[\w.]*\b{name}"', p.read_text(encoding="utf-8")) for p in pages):
+                missing.append(f"{package}.{name} ({thing!r})")
     assert missing == []
 
 
-def test_every_detector_says_what_it_needs_and_when_not_to_use_it(site):
-    text = (site / "generated/detectors.html").read_text(encoding="utf-8")
+def test_every_detector_says_what_it_needs_and_what_was_measured_of_it(site):
+    page = site / "generated/methods.html"
+    text, shown = page.read_text(encoding="utf-8"), text_of(page)
     for name in methods.names():
-        assert f">{name}<" in text
+        assert f'id="method-{name.replace("_", "-")}"' in text, name
     assert text.count("<dt") >= 3 * len(methods.names())
+    lines = (ROOT / "results/real_records.txt").read_text(encoding="utf-8").splitlines()
+    (row,) = [line for line in lines if line.startswith("horch_histogram  ")]
+    _, sticky, found, others, alarms, *_ = row.split()
+    near = shown[shown.index("horch_histogram") :][:300]
+    assert f"{found} of {sticky}" in near
+    assert f"{alarms} of {others}" in near
+
+
+def test_every_key_of_loop_and_grid_file_is_explained(site):
+    loop, grid = text_of(site / "generated/loop.html"), text_of(site / "generated/grid.html")
+    sections = [f.annotation for f in Loop.model_fields.values() if hasattr(f.annotation, "model_fields")]
+    keys = {key for section in sections for key in section.model_fields} - {"parameters"}
+    keys |= {p for folder in (VALVES, EFFECTS) for name in folder.names() for p in folder.load(name).PARAMETERS}
+    assert [key for key in keys if not re.search(rf"\b{key}\b", loop)] == []
+    assert [name for folder in (VALVES, EFFECTS) for name in folder.names() if name not in loop] == []
+    assert [key for key in (*SETTINGS, *GridFile.model_fields) if not re.search(rf"\b{key}\b", grid)] == []
+
+
+def test_every_command_is_there_with_its_help(site):
+    text = text_of(site / "generated/commands.html")
+    for words in ("detect", "gap diagnose", "gap withheld make", "confirm travel", "report"):
+        assert f"Usage: simbench {words} [OPTIONS]" in text
+
+
+@pytest.mark.parametrize("name", TUTORIALS)
+def test_every_cell_of_a_tutorial_ran(site, name):
+    cells = len(re.findall(r"^```\{code-cell\}", (SOURCE / f"tutorials/{name}.md").read_text(encoding="utf-8"), re.MULTILINE))
+    page = (site / f"tutorials/{name}.html").read_text(encoding="utf-8")
+    assert cells >= 3
+    assert page.count('class="cell docutils') == cells
+    assert page.count("cell_output docutils") >= 0.6 * cells, "what ran said something"
+    assert "Traceback" not in page
+
+
+def test_the_tutorials_say_what_their_outputs_show(site):
+    """Where a text claims what a cell printed, it printed that."""
+    gap, valve, detector, effect, cluster = (
+        text_of(site / f"tutorials/{name}.html") for name in ("gap", "own_valve", "own_detector", "own_effect", "cluster")
+    )
+    assert "The simulation lacks stiction" in gap
+    assert "No unmodelled effect is needed" in gap
+    assert "valve leap: keeps its contract" in valve
+    assert "valve wrong: breaks its contract" in valve
+    assert "detector one_speed: breaks its contract" in detector
+    assert "detector one_speed: keeps its contract" in detector
+    assert "effect hum: keeps its contract" in effect
+    assert "scenario_id" in cluster, "the line before it asserts that both runs are equal"
 
 
 def test_no_page_loads_anything_from_outside(site):
     for page in site.rglob("*.html"):
         loaded = re.findall(r'(?:src|<link[^>]*href)="(https?://[^"]+)', page.read_text(encoding="utf-8"))
         assert loaded == [], page.name
+    for sheet in site.rglob("*.css"):
+        assert re.findall(r"(?:@import|url\()\s*[\"']?https?:", sheet.read_text(encoding="utf-8")) == [], sheet.name
 
 
 def test_the_code_on_the_front_page_runs(tmp_path, monkeypatch, capsys):
-    text = (ROOT / "docs/site/index.rst").read_text(encoding="utf-8")
-    code = re.search(r"code-block:: python\n\n((?:   .*\n|\n)+)", text)
+    code = re.search(r"```python\n(.*?)```", (SOURCE / "index.md").read_text(encoding="utf-8"), re.DOTALL)
     assert code is not None
     loop = {"plant": {"type": "integrating", "K": 0.1}, "controller": {"type": "P", "Kc": 1}, "sampling": {"Ts": 1, "n": 300}}
     simbench.Loop(**loop).simulate(0).to_frame().to_csv(tmp_path / "rec.csv", index=False)
     monkeypatch.chdir(tmp_path)
-    exec(re.sub(r"^   ", "", code.group(1), flags=re.MULTILINE), {})
+    exec(code.group(1), {})
     assert "procedure" in capsys.readouterr().out

@@ -11,6 +11,8 @@ Source: M.A.A.S. Choudhury, S.L. Shah, N.F. Thornhill, D.S. Shook (2006), Contro
 
 from __future__ import annotations
 
+import numpy as np
+
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
 from detectors.signal.ellipse import fit_ellipse
@@ -18,6 +20,7 @@ from detectors.signal.oscillation import regular_segment
 from detectors.verdict import NO_STICTION, STICTION, Verdict
 
 HARMONICS = 3.0  # the fundamental and what makes its corners; higher ones are mostly noise
+DEAD = 1e-9  # of a signal's range over the record: what moves by less stands still
 
 METHOD = Method(
     title="ellipse fitted to PV over OP",
@@ -45,7 +48,6 @@ def detect(prepared: Prepared, *, fitness_low: float) -> Verdict:
 
     Examples
     --------
-    >>> import numpy as np
     >>> from detectors.record import LoopRecord
     >>> t = np.arange(2000) / 10
     >>> detect(Prepared(LoopRecord(np.sin(t), np.cos(t), 0.1)), **METHOD.defaults()).verdict
@@ -54,7 +56,9 @@ def detect(prepared: Prepared, *, fitness_low: float) -> Verdict:
     record, period = prepared.record, prepared.period
     op, pv = (prepared.band(name, period / HARMONICS) for name in ("travel", "pv"))
     cut = slice(*regular_segment(op, period, round(4 * period)))
-    found = fit_ellipse(op[cut], pv[cut])
+    # of an oscillation that has died out rounding is left, and that depends on the unit
+    moves = all(np.ptp(x[cut]) > DEAD * np.ptp(prepared.signal(name)) for name, x in (("op", op), ("pv", pv)))
+    found = fit_ellipse(op[cut], pv[cut]) if moves else None
     if found is None:
         return Verdict("ellipse", NO_STICTION, 0.0, {"fitness": 0.0}, reason="PV over OP is no ellipse")
     fitness = found.fitness(op[cut], pv[cut])

@@ -71,15 +71,12 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float, S_low: fl
     period = prepared.period
     if period < 8:
         return Verdict("hammerstein", NO_DECISION, reason=f"{period:.1f} samples per cycle; at least 8 are needed")
-    op, limits = record.op_percent, (0.0, 100.0)
-    if op is None:
-        op, limits = record.op, (-np.inf, np.inf)
+    op, pv = prepared.searchable("travel"), prepared.searchable("pv")
+    limits = (-np.inf, np.inf) if record.op_percent is None else (0.0, 100.0)
     usual = swing(op, period)
     if usual <= 0.0:
         return Verdict("hammerstein", NO_DECISION, reason="OP stands still in most cycles")
-    found = prepared.share(
-        "hammerstein", lambda: fit_hammerstein(op, record.pv, period, prepared.integrating, limits, record.Ts)
-    )
+    found = prepared.share("hammerstein", lambda: fit_hammerstein(op, pv, period, prepared.integrating, limits, record.Ts))
     gain = max(1.0 - found.error / max(found.error_linear, 1e-12), 0.0) if found.error_linear > 1e-6 else 0.0
     share = (found.S + found.J) / usual
     score = gain * min(share, 1.0)

@@ -154,19 +154,16 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
     period = prepared.period
     if period < 8:
         return Verdict("horch_isaksson", NO_DECISION, reason=f"{period:.1f} samples per cycle; at least 8 are needed")
-    op, limits = record.op_percent, (0.0, 100.0)
-    if op is None:
-        op, limits = record.op, (-np.inf, np.inf)
+    op, pv = prepared.searchable("travel"), prepared.searchable("pv")
+    limits = (-np.inf, np.inf) if record.op_percent is None else (0.0, 100.0)
     scale = swing(op, period)
     if scale <= 0:
         return Verdict("horch_isaksson", NO_DECISION, reason="OP stands still in most cycles")
-    plant = prepared.share(
-        "hammerstein", lambda: fit_hammerstein(op, record.pv, period, prepared.integrating, limits, record.Ts)
-    )
+    plant = prepared.share("hammerstein", lambda: fit_hammerstein(op, pv, period, prepared.integrating, limits, record.Ts))
     q = max(1, int(period / SAMPLES))
     start, stop = strongest_segment(op, period, min(record.n, LENGTH * q))
     n = (stop - start) // q
-    u, y = (x[start : start + n * q].reshape(n, q).mean(axis=1) for x in (op, record.pv))
+    u, y = (x[start : start + n * q].reshape(n, q).mean(axis=1) for x in (op, pv))
     half = max(round(period / q / 2), 1)
     u = (u - moving_mean(u, half)) / scale
     y = y - moving_mean(y, half)

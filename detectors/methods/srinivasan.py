@@ -42,7 +42,7 @@ METHOD = Method(
 
 
 def cycles(x: np.ndarray, period: float) -> np.ndarray:
-    """Cut an oscillation at its upward zero crossings into cycles of one length, mean 0 and std 1.
+    """Cut an oscillation into cycles of one length, mean 0 and std 1: one from every zero crossing on, turned to begin upward.
 
     Parameters
     ----------
@@ -54,21 +54,22 @@ def cycles(x: np.ndarray, period: float) -> np.ndarray:
     Returns
     -------
     ndarray, shape (m, POINTS)
-        At most `CYCLES` of them; those shorter than half or longer than one and a half periods are left out.
+        The same for `x` and `-x`, so that the sign of the plant's gain tells nothing. At most `CYCLES` of them; those
+        shorter than half or longer than one and a half periods are left out.
 
     Examples
     --------
     >>> cycles(np.sin(2 * np.pi * np.arange(400) / 40), 40.0).shape
-    (8, 40)
+    (17, 40)
     """
     at = zero_crossings(x, GUARD * float(x.std()))
-    at = at[x[np.minimum(at.astype(int) + 1, x.size - 1)] > 0]
-    length = np.diff(at)
+    way = np.where(x[np.minimum(at.astype(int) + 1, x.size - 1)] > 0, 1.0, -1.0)[:-2]
+    at, length = at[:-2], at[2:] - at[:-2]
     fit = np.flatnonzero((length > 0.5 * period) & (length < 1.5 * period))
     fit = fit[np.linspace(0, fit.size - 1, min(fit.size, CYCLES)).astype(int)] if fit.size else fit
     place = at[fit, None] + length[fit, None] * ((np.arange(POINTS) + 0.5) / POINTS)
     k = np.minimum(place.astype(int), x.size - 2)
-    y = x[k] + (place - k) * (x[k + 1] - x[k])
+    y = way[fit, None] * (x[k] + (place - k) * (x[k + 1] - x[k]))
     y -= y.mean(axis=1, keepdims=True)
     return y / np.maximum(y.std(axis=1, keepdims=True), 1e-300)
 

@@ -200,9 +200,9 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
     if period < 8:
         return Verdict("stenman", NO_DECISION, reason=f"{period:.1f} samples per cycle; at least 8 are needed")
     q = max(1, int(period / SAMPLES))
-    start, stop = strongest_segment(record.op, period, min(record.n, LENGTH * q))
+    start, stop = strongest_segment(prepared.searchable("travel"), period, min(record.n, LENGTH * q))
     n = (stop - start) // q
-    op, pv = (x[start : start + n * q].reshape(n, q).mean(axis=1) for x in (record.op, record.pv))
+    op, pv = (x[start : start + n * q].reshape(n, q).mean(axis=1) for x in map(prepared.searchable, ("travel", "pv")))
     period /= q
     y = pv - moving_mean(pv, max(round(period / 2), 1))
     scale = swing(op, period)

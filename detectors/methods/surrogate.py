@@ -11,9 +11,11 @@ Source: N.F. Thornhill (2005), IEEE Trans. Control Systems Technology 13, 434-44
 
 from __future__ import annotations
 
+import numpy as np
+
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
-from detectors.signal.conditioning import drift
+from detectors.signal.conditioning import drift, snapped
 from detectors.signal.surrogates import nonlinearity_index
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
@@ -45,7 +47,6 @@ def detect(prepared: Prepared, *, npi_low: float) -> Verdict:
 
     Examples
     --------
-    >>> import numpy as np
     >>> from detectors.record import LoopRecord
     >>> t = np.arange(3000) / 5
     >>> detect(Prepared(LoopRecord(op=np.sin(t), pv=np.cos(t), Ts=1.0)), **METHOD.defaults()).verdict
@@ -55,7 +56,9 @@ def detect(prepared: Prepared, *, npi_low: float) -> Verdict:
     period = prepared.period
     if period < 7:
         return Verdict("surrogate", NO_DECISION, reason=f"{period:.1f} samples per cycle; at least 7 are needed")
-    found = nonlinearity_index(record.e - drift(record.e, period), period)
+    e = record.e - drift(record.e, period)
+    # surrogates of a clean cycle hang on the last digits, and these on the unit of PV
+    found = nonlinearity_index(snapped(e / (float(np.ptp(e)) or 1.0)), period)
     nonlinear = found.npi > npi_low
     said = "nonlinear" if nonlinear else "no nonlinearity seen, which a strict cycle would not show either"
     return Verdict(

@@ -97,7 +97,12 @@ def zero_crossings(x: np.ndarray, band: float = 0.0) -> np.ndarray:
     side = x[outside] > 0
     turn = np.flatnonzero(side[1:] != side[:-1])
     before, after = outside[turn], outside[turn + 1]
-    change = np.flatnonzero((x[1:] > 0) != (x[:-1] > 0))
+    above = x > 0
+    if not x.all():
+        # a zero lies on the side of what was before, whichever way is up
+        seen = np.maximum.accumulate(np.where(x != 0, np.arange(x.size), 0))
+        above = above[seen]
+    change = np.flatnonzero(above[1:] != above[:-1])
     first = np.searchsorted(change, before)
     last = np.searchsorted(change, after) - 1
     k = change[(first + last) // 2]

@@ -125,6 +125,28 @@ def loop_sign(op: np.ndarray, pv: np.ndarray, reach: int = 1) -> float:
     return -1.0 if lead > 0.1 else 1.0
 
 
+def snapped(x: np.ndarray, step: float = 2.0**-23) -> np.ndarray:
+    """Return a signal on a grid far finer than any transmitter's, so that what rounding made unlike is alike again.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Signal, in a unit that does not depend on where it was recorded: % of travel, shares of its range.
+    step : float
+        Of the grid, a power of two: what is computed from its points is the same in every unit.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+
+    Examples
+    --------
+    >>> 0.1 + 0.2 == 0.3, bool(snapped(np.array([0.1 + 0.2])) == snapped(np.array([0.3])))
+    (False, True)
+    """
+    return np.rint(x / step) * step
+
+
 def band_pass(x: np.ndarray, low: float, high: float) -> np.ndarray:
     """Return the part of a signal between two frequencies, without shifting it in time.
 

@@ -18,6 +18,7 @@ REGULAR = 1.0  # r > 1: the spread of the intervals is below a third of their me
 DECAY = 0.5  # R > 0.5: the ACF loses less than half of its swing per half period (Miao & Seborg 1999)
 LASTING = 1.0 / 3.0  # amplitude of the last third over that of the first: below it, a transient has died out
 HIGH_PASS = (np.inf, 1 / 6, 1 / 18, 1 / 54)  # moving means removed before a further look, as shares of the record
+MOST_LOADS = 10  # Hagglund 1995: more of them within the supervision time are an oscillation
 SHORTEST_MEAN = 20  # samples; a shorter moving mean would leave nothing but noise
 
 
@@ -40,6 +41,8 @@ class Oscillation:
         minima.
     lasting : float
         Amplitude in the last third of the record over that in the first third.
+    loads : float
+        Load disturbances in the memory of Hagglund's detector; NaN when another one judged.
     """
 
     sustained: bool
@@ -48,6 +51,12 @@ class Oscillation:
     signal: str = ""
     decay_ratio: float = float("nan")
     lasting: float = float("nan")
+    loads: float = float("nan")
+
+    @property
+    def evidence(self) -> str:
+        """The number that says whether it is sustained."""
+        return f"r = {self.regularity:.2f}" if np.isnan(self.loads) else f"{self.loads:.1f} of more than {MOST_LOADS} loads"
 
 
 NOTHING = Oscillation(False, 0.0, float("nan"))

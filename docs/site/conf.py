@@ -1,64 +1,56 @@
-"""The site: API and detectors from their own docstrings; built by `make site`, warnings are errors."""
+"""The site: tutorials executed, API, formats and detectors written from the code; `make site`, warnings are errors."""
 
 from __future__ import annotations
 
-import inspect
-import re
+import os
+import sys
 from importlib.metadata import version as installed
 from pathlib import Path
 
-import detectors
-import scenarios
-import simbench
-from detectors.registry import methods
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE / "written"))
+os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])  # the tutorials call simbench
+
+import architecture
+from api import api_pages
+from commands import commands_page
+from formats import grid_page, loop_page
+from methods import methods_page
 
 project, author = "simbench", "the simbench authors"
 version = release = installed("stiction-simbench")
-extensions = ["sphinx.ext.autodoc", "numpydoc"]
+extensions = ["sphinx.ext.autodoc", "numpydoc", "myst_nb"]
 numpydoc_show_class_members = False
 autodoc_typehints = "none"
-html_theme = "alabaster"
-html_theme_options = {"description": "Which stiction detector can be trusted, and why the simulation is unlike the plant"}
+html_theme = "furo"
+html_title = "simbench"
 html_show_sourcelink = False
-exclude_patterns = ["generated/.*"]
+html_show_copyright = False
+html_copy_source = False
+html_css_files = ["wide.css"]
+html_static_path = ["_static"]
+exclude_patterns = ["generated/.*", "written"]
+suppress_warnings = ["myst.header"]  # included pages begin where their own titles stand
 
-PARTS = ("Needs", "Parameters", "Indices", "Rule", "Not for", "Source")
+# every tutorial runs in a folder of its own when the site is built; what fails there is a warning, and warnings are errors
+nb_execution_mode = "force"
+nb_execution_in_temp = True
+nb_execution_show_tb = True
+nb_execution_timeout = 600
+myst_enable_extensions = ["colon_fence"]
 
-
-def plain(text: str) -> str:
-    """Return a text in which nothing is markup."""
-    return re.sub(r"([\\*`|_])", r"\\\1", " ".join(text.split()))
-
-
-def detector_page() -> str:
-    """Write what every detector says of itself: what it needs, when not to use it, where it comes from."""
-    lines = ["Which detector when", "===================", "", "From each method's own file.", ""]
-    for name in methods.names():
-        module = methods.load(name)
-        text = (module.__doc__ or "").split("Example", 1)[0]
-        found = re.split(rf"^({'|'.join(PARTS)}):", text, flags=re.MULTILINE)
-        lines += [name, "-" * len(name), "", plain(found[0]), ""]
-        lines += [f":{part}: {plain(says)}" for part, says in zip(found[1::2], found[2::2])]
-        lines += [""]
-    return "\n".join(lines)
-
-
-def api_page() -> str:
-    """Write one entry per public name of the three packages."""
-    lines = ["API", "===", ""]
-    for package in (simbench, simbench.gap, detectors, scenarios):
-        title = f"import {package.__name__}"
-        lines += [title, "-" * len(title), "", f".. currentmodule:: {package.__name__}", ""]
-        for name in sorted(package.__all__):
-            thing = getattr(package, name)
-            if inspect.isclass(thing):
-                lines += [f".. autoclass:: {name}", "   :members:", "   :no-index:" if package is not simbench else "", ""]
-            elif not inspect.ismodule(thing):
-                lines += [f".. autofunction:: {name}", ""]
-    return "\n".join(lines)
-
-
-folder = Path(__file__).parent / "generated"
-folder.mkdir(exist_ok=True)
-for page, content in (("detectors", detector_page()), ("api", api_page())):
-    (folder / f"{page}.rst").write_text(content, encoding="utf-8")
+generated = HERE / "generated"
+startup = generated / "ipython" / "profile_default" / "startup"
+startup.mkdir(parents=True, exist_ok=True)
+(startup / "bash_cell.py").write_text((HERE / "written" / "bash_cell.py").read_text(encoding="utf-8"), encoding="utf-8")
+os.environ["IPYTHONDIR"] = str(generated / "ipython")
+(generated / "api").mkdir(parents=True, exist_ok=True)
+pages = {"methods": methods_page(), "loop": loop_page(), "grid": grid_page(), "commands": commands_page(), **api_pages()}
+for page in [*generated.glob("*.rst"), *generated.glob("api/*.rst")]:
+    if page.relative_to(generated).with_suffix("").as_posix() not in pages:
+        page.unlink()
+for name, text in pages.items():
+    path = generated / f"{name}.rst"
+    if not path.exists() or path.read_text(encoding="utf-8") != text:  # an unchanged page is not read again
+        path.write_text(text, encoding="utf-8")
+architecture.write(generated / "architecture.svg")

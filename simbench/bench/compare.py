@@ -34,11 +34,13 @@ class Comparison:
     cases : int
         Scenarios both sides judged.
     ranking : DataFrame
-        method, accuracy with interval (lo, hi), mean_rank (1 = best, ties shared; NaN for what is not ranked), best first.
+        method, n (scenarios it applies to), accuracy over those with interval (lo, hi), mean_rank (1 = best, ties shared; NaN
+        for what is not ranked: methods that see MV or are made for a part of the scenarios), best first.
     critical_difference : float
         Mean ranks closer than this cannot be told apart (Nemenyi, 5 %); NaN between two runs or for fewer than 3 methods.
     pairs : DataFrame
-        first, second, only_first, only_second (scenarios only one side got right), p (exact McNemar, Holm-corrected), differ.
+        first, second, only_first, only_second (scenarios that both apply to and only one got right), p (exact McNemar,
+        Holm-corrected), differ.
     by_axis : DataFrame
         method, axis, value, n, accuracy, lo, hi.
     breakdown : DataFrame
@@ -106,8 +108,9 @@ def compare(folder: str | Path, other: str | Path | None = None, truth: str = "c
 
     Notes
     -----
-    An answer is right when it is the label; "no decision" is never right. McNemar (1947), Holm (1979), Demsar (2006); see
-    `simbench.bench.statistics`. Not for runs of different seeds: nothing would be paired (`simbench check` compares those).
+    An answer is right when it is the label; "no decision" is never right. Where a method does not apply it is not compared.
+    McNemar (1947), Holm (1979), Demsar (2006); see `simbench.bench.statistics`. Not for runs of different seeds: nothing would
+    be paired (`simbench check` compares those).
     """
     if truth not in TRUTHS:
         raise UserError(f"truth {truth!r} is unknown: {nearest(truth, TRUTHS)}")
@@ -118,18 +121,19 @@ def compare(folder: str | Path, other: str | Path | None = None, truth: str = "c
 def between_methods(book: Book, truth: str = "cycled", raw: bool = False) -> Comparison:
     """Compare all methods of a run pairwise; see `compare`."""
     use = book.truth[truth] >= 0
-    right = _right(book, truth, raw)[:, use]
+    right, applies = _right(book, truth, raw)[:, use], _applies(book)[:, use]
     names = np.array(book.methods)
     rows = []
     for i, j in combinations(range(len(names)), 2):
-        only = int((right[i] & ~right[j]).sum()), int((~right[i] & right[j]).sum())
-        rows.append((names[i], names[j], *only))
-    ranked = np.array([book.manifest["methods"][m]["role"] not in ALONE for m in book.methods])
+        one, other = (right[k, applies[i] & applies[j]] for k in (i, j))
+        rows.append((names[i], names[j], int((one & ~other).sum()), int((~one & other).sum())))
+    about = [book.manifest["methods"][m] for m in book.methods]
+    ranked = applies.all(axis=1) & np.array([a["role"] not in ALONE and not a["needs_mv"] for a in about])
     ranks, cd = np.full(len(names), np.nan), float("nan")
     if ranked.sum() >= 3 and right.shape[1] >= 2:
         found = mean_ranks(right[ranked].T)
         ranks[ranked], cd = found.mean_rank, found.critical_difference
-    return _comparison(book, truth, raw, right, ranks, cd, rows)
+    return _comparison(book, truth, raw, right, applies, ranks, cd, rows)
 
 
 def between_runs(book: Book, other: Book, truth: str = "cycled", raw: bool = False) -> Comparison:
@@ -141,11 +145,13 @@ def between_runs(book: Book, other: Book, truth: str = "cycled", raw: bool = Fal
         raise RunError(f"the two runs have no {what} in common; compare runs of the same grid and seed")
     use = (book.truth[truth][at] >= 0) & (other.truth[truth][other_at] >= 0)
     right, theirs = _right(book, truth, raw)[:, at][:, use], _right(other, truth, raw)[:, other_at][:, use]
+    applies, apply = _applies(book)[:, at][:, use], _applies(other)[:, other_at][:, use]
     rows = []
     for method in common:
-        mine, its = right[book.methods.index(method)], theirs[other.methods.index(method)]
+        i, j = book.methods.index(method), other.methods.index(method)
+        mine, its = (found[k, applies[i] & apply[j]] for found, k in ((right, i), (theirs, j)))
         rows.append((method, f"{method} (other run)", int((mine & ~its).sum()), int((~mine & its).sum())))
-    return _comparison(book, truth, raw, right, np.full(len(book.methods), np.nan), float("nan"), rows)
+    return _comparison(book, truth, raw, right, applies, np.full(len(book.methods), np.nan), float("nan"), rows)
 
 
 def breakdowns(by_axis: pd.DataFrame) -> pd.DataFrame:
@@ -174,12 +180,23 @@ def _right(book: Book, truth: str, raw: bool) -> np.ndarray:
     return (book.verdict_raw if raw else book.verdict) == book.truth[truth]
 
 
+def _applies(book: Book) -> np.ndarray:
+    return book.applicable != 0  # what the record does not tell counts as applying
+
+
 def _comparison(
-    book: Book, truth: str, raw: bool, right: np.ndarray, ranks: np.ndarray, cd: float, rows: list[tuple]
+    book: Book,
+    truth: str,
+    raw: bool,
+    right: np.ndarray,
+    applies: np.ndarray,
+    ranks: np.ndarray,
+    cd: float,
+    rows: list[tuple],
 ) -> Comparison:
     cases = right.shape[1]
-    accuracy = [rate(int(r.sum()), cases) for r in right]
-    ranking = pd.DataFrame(accuracy, columns=["accuracy", "lo", "hi"]).assign(mean_rank=ranks)
+    accuracy = [(int(a.sum()), *rate(int(r[a].sum()), int(a.sum()))) for r, a in zip(right, applies)]
+    ranking = pd.DataFrame(accuracy, columns=["n", "accuracy", "lo", "hi"]).assign(mean_rank=ranks)
     ranking.insert(0, "method", book.methods)
     pairs = pd.DataFrame(rows, columns=["first", "second", "only_first", "only_second"])
     pairs["p"] = holm([mcnemar(lost, won) for _, _, lost, won in rows])
@@ -190,11 +207,11 @@ def _comparison(
 
 
 def _by_axis(book: Book, truth: str, raw: bool) -> Iterator[tuple]:
-    right, known = _right(book, truth, raw), book.truth[truth] >= 0
+    right, known = _right(book, truth, raw), _applies(book) & (book.truth[truth] >= 0)
     for axis in AXES:
         for value, chosen in axis_values(book, axis):
-            use = chosen & known
-            for method, row in zip(book.methods, right):
+            for method, row, mine in zip(book.methods, right, known):
+                use = chosen & mine
                 if use.any():
                     yield method, axis, value, int(use.sum()), *rate(int(row[use].sum()), int(use.sum()))
 

@@ -17,7 +17,7 @@ from simbench.bench.tables import FORMAT
 
 MANIFEST = "manifest.json"
 # what must be the same before old and new pieces may stand in one table
-BINDING = ("format", "grid_hash", "methods", "thresholds", "plugins", "until_width", "code", "versions")
+BINDING = ("format", "grid_hash", "methods", "front_end", "thresholds", "plugins", "until_width", "code", "versions")
 LIBRARIES = ("stiction-simbench", "numpy", "scipy", "numba", "scikit-learn", "dtaidistance")
 
 # files of this folder that decide what the tables hold

@@ -15,7 +15,7 @@ from typing import Any, cast
 
 from detectors.errors import UserError, nearest
 from detectors.guest import SECONDS
-from detectors.judge import check_thresholds
+from detectors.judge import check_thresholds, known_front_end
 from detectors.registry import methods as registry
 from detectors.report import choose_methods
 from scenarios.grid import Grid, chunks, load_grid
@@ -44,6 +44,7 @@ def run_grid(
     jobs: int = 1,
     *,
     raw: bool = False,
+    front_end: str = "acf",
     plugins: Iterable[str | Path] = (),
     backend: str = "loky",
     address: str | None = None,
@@ -73,6 +74,8 @@ def run_grid(
         Worker processes; -1 = all cores.
     raw : bool
         Note in the manifest that scores without the front end come first; both are always stored.
+    front_end : {"acf", "hagglund"}
+        What says whether a loop oscillates, see `detectors.judge.judge`.
     plugins : iterable of str or Path
         Detector files outside the package; they are run as well.
     backend : {"loky", "dask"}
@@ -148,11 +151,12 @@ def run_grid(
                 "plugins": {Path(f).stem: file_digest(Path(f)) for f in (*files, *stages[0], *stages[1])},
                 "until_width": until_width,
                 "raw": raw,
+                "front_end": known_front_end(front_end),
                 "command": " ".join(sys.argv),
             }
         )
         chosen = {k: dict(v) for k, v in (thresholds or {}).items()}
-        settings = (tuple(names), tuple(files), chosen, keep, time_limit, stages)
+        settings = (tuple(names), tuple(files), chosen, keep, time_limit, stages, front_end)
         where = Path("runs") / plan.name if out is None else out
         place = place_of(where)
         with on_cluster(address) if backend == "dask" else on_processes(jobs) as run:

@@ -75,6 +75,7 @@ def work(
     keep: int = 0,
     seconds: float = SECONDS,
     stages: tuple[tuple[str, ...], ...] = ((), ()),
+    front_end: str = "acf",
 ) -> Piece:
     """Simulate, label and judge some groups of a grid.
 
@@ -98,6 +99,8 @@ def work(
         Time a plug-in may take for a record.
     stages : (tuple of str, tuple of str)
         Files of valve models and of effects outside the package.
+    front_end : str
+        What says whether a loop oscillates.
 
     Returns
     -------
@@ -106,8 +109,7 @@ def work(
     """
     began = time.perf_counter()
     add_parts(stages)
-    for path in plugins:
-        registry.add_guest(path, seconds)
+    registry.add_guests(plugins, seconds)
     own = [m for m in methods if m != ORACLE]
     chosen = {m: check_thresholds(m, registry.load(m).METHOD, (thresholds or {}).get(m, {})) for m in own}
     rows: dict[str, list] = {name: [] for name in tables.SCENARIOS.names}
@@ -120,7 +122,7 @@ def work(
             scenarios, wrong = _settled(grid, index)
             piece.simulating += time.perf_counter() - since
             for scenario in scenarios:
-                _one(scenario, index, chosen, ORACLE in methods, rows, verdicts, piece, keep, wrong)
+                _one(scenario, index, chosen, ORACLE in methods, rows, verdicts, piece, keep, wrong, front_end)
     piece.scenarios = tables.encode(rows, tables.SCENARIOS, number)
     piece.verdicts = tables.encode(verdicts, tables.VERDICTS, number)
     piece.total = time.perf_counter() - began
@@ -134,7 +136,9 @@ def add_parts(files: tuple[tuple[str, ...], ...]) -> None:
             folder.add_file(path)
 
 
-def judge_both(record: LoopRecord, chosen: Thresholds) -> tuple[Prepared, list[tuple[Verdict, Verdict, str | None, float]]]:
+def judge_both(
+    record: LoopRecord, chosen: Thresholds, front_end: str = "acf"
+) -> tuple[Prepared, list[tuple[Verdict, Verdict, str | None, float]]]:
     """Judge a record by several methods, with and without the common oscillation front end.
 
     Parameters
@@ -143,6 +147,8 @@ def judge_both(record: LoopRecord, chosen: Thresholds) -> tuple[Prepared, list[t
         With MV; methods that do not declare that they need it do not see it.
     chosen : mapping
         All thresholds of every method, by method id.
+    front_end : str
+        What says whether the loop oscillates.
 
     Returns
     -------
@@ -152,7 +158,7 @@ def judge_both(record: LoopRecord, chosen: Thresholds) -> tuple[Prepared, list[t
         Per method: with front end, without, the error if it raised one, and its seconds.
     """
     since = time.perf_counter()
-    blind, sighted = Prepared(record.blind()), None
+    blind, sighted = Prepared(record.blind(), front_end), None
     sustained = blind.oscillation.sustained
     blind.flags  # noqa: B018  found once, for all methods
     shared = (time.perf_counter() - since) / max(len(chosen), 1)
@@ -193,6 +199,7 @@ def _one(
     piece: Piece,
     keep: int,
     error: str | None,
+    front_end: str,
 ) -> None:
     since = time.perf_counter()
     run, cycled, theory = None, Cycled("unclear"), (None, None, None, None, None)
@@ -209,7 +216,7 @@ def _one(
         failed = [Verdict(m, NO_DECISION, reason=f"failed: {error}") for m in (*chosen, *[ORACLE] * oracle)]
         prepared, found = None, [(v, v, error, 0.0) for v in failed]
     else:
-        prepared, found = judge_both(run.record, chosen)
+        prepared, found = judge_both(run.record, chosen, front_end)
         if oracle:
             since = time.perf_counter()
             said = judge_oracle(scenario, run)

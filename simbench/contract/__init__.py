@@ -52,15 +52,10 @@ def check_file(path: str | Path) -> Contract:
     >>> check_file(deadband.__file__).kept
     True
     """
-    path = Path(path)
-    if path.suffix == ".toml":
+    path, kind = Path(path), kind_of(path)
+    if kind == "grid":
         return check_grid(path)
-    defined = _defined(path)
-    kind = max(KINDS, key=lambda k: _share(KINDS[k][0], defined))
-    folder, check = KINDS[kind]
-    if _share(folder, defined) < 0.5:
-        needs = "; ".join(f"a {k} {', '.join(f.required)}" for k, (f, _) in KINDS.items())
-        raise ParameterError(f"{path} is no plug-in by what it defines; needed are for {needs}")
+    (folder, check), defined = KINDS[kind], _defined(path)
     missing = [name for name in folder.required if name not in defined]
     if missing:
         return Contract(kind, path.stem, (f"{', '.join(missing)} {'is' if len(missing) == 1 else 'are'} not defined",))
@@ -74,6 +69,41 @@ def check_file(path: str | Path) -> Contract:
     finally:
         folder.forget(path.stem)
     return Contract(kind, path.stem, (*(f"{fault}, when imported" for fault in added.faults), *found.broken), found.notes)
+
+
+def kind_of(path: str | Path) -> str:
+    """Return of which kind a plug-in is by what it defines; nothing of it is run.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Returns
+    -------
+    str
+        A key of `KINDS`, or "grid".
+
+    Raises
+    ------
+    ParameterError
+        When it cannot be read, or is none of the kinds.
+
+    Examples
+    --------
+    >>> from simbench.loop.valves import deadband
+    >>> kind_of(deadband.__file__)
+    'valve'
+    """
+    path = Path(path)
+    if path.suffix == ".toml":
+        return "grid"
+    defined = _defined(path)
+    kind = max(KINDS, key=lambda k: _share(KINDS[k][0], defined))
+    if _share(KINDS[kind][0], defined) < 0.5:
+        needs = "; ".join(f"a {k} {', '.join(f.required)}" for k, (f, _) in KINDS.items())
+        raise ParameterError(f"{path} is no plug-in by what it defines; needed are for {needs}")
+    return kind
 
 
 def _share(folder: PluginFolder, defined: set[str]) -> float:

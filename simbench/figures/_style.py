@@ -77,11 +77,18 @@ def write_picture(figure: Figure, path: str | Path) -> None:
     FileError
         When it cannot be written.
     """
+    kind = picture_kind(path)
+    plain = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {"Software": None}}
+    with matplotlib.rc_context({"svg.hashsalt": Path(path).stem}), whole_file(path, "wb") as f:
+        figure.savefig(f, format=kind, dpi=110, metadata=plain[kind])
+
+
+def picture_kind(path: str | Path) -> str:
+    """Return svg, png or pdf, whichever a picture's name asks for; refuse another."""
     kind = Path(path).suffix.lower().lstrip(".")
     if kind not in ("svg", "png", "pdf"):
         raise ParameterError(f"picture {path}: .svg, .png or .pdf is needed")
-    with whole_file(path, "wb") as f:
-        figure.savefig(f, format=kind, dpi=110)
+    return kind
 
 
 def panels(rows: int, columns: int, width: float, height: float, **more: Any) -> tuple[Figure, np.ndarray]:

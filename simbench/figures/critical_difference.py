@@ -1,4 +1,7 @@
-"""Critical difference: mean ranks of the detectors over a run's scenarios; bars that overlap cannot be told apart."""
+"""Critical difference: mean ranks of the detectors over a run's scenarios; bars that overlap cannot be told apart.
+
+Detectors that see the valve position MV are left out, and so are those made for a part of the scenarios.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ def data(run) -> pd.DataFrame:
     Parameters
     ----------
     run : str or Path
-        Folder of a finished run with at least three stiction detectors.
+        Folder of a finished run with at least three stiction detectors that apply to all of it and do without MV.
 
     Returns
     -------
@@ -29,7 +32,8 @@ def data(run) -> pd.DataFrame:
 
     found = compare(run)
     if np.isnan(found.critical_difference):
-        raise ParameterError(f"{run}: ranks need at least 3 stiction detectors and 2 scenarios with a label")
+        needed = "3 stiction detectors without MV that apply to all scenarios, and 2 scenarios with a label"
+        raise ParameterError(f"{run}: ranks need at least {needed}")
     ranked = found.ranking.dropna(subset=["mean_rank"]).sort_values("mean_rank", ignore_index=True)
     ranked.insert(2, "half_width", found.critical_difference / 2)
     columns = ["method", "mean_rank", "half_width", "accuracy", "lo", "hi", "cases"]

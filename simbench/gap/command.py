@@ -24,6 +24,7 @@ def diagnose_files(
     jobs: int = 1,
     html: str | Path | None = None,
     write_loop: str | Path | None = None,
+    picture: str | Path | None = None,
     window: tuple[int, int] | None = None,
     **about: Any,
 ) -> GapReport:
@@ -42,6 +43,8 @@ def diagnose_files(
         Page to write.
     write_loop : path, optional
         Loop file to write: the baseline with the effect in it.
+    picture : path, optional
+        The diagnosis on one sheet: .svg, .png or .pdf.
     window : (int, int), optional
         First and last sample + 1 of the part of each record that is judged; all of it when absent.
     **about
@@ -71,13 +74,22 @@ def diagnose_files(
     """
     if not records:
         raise ParameterError("gap diagnose needs at least one record")
-    refuse_own_input([html, write_loop], [*records, baseline])
+    refuse_own_input([html, write_loop, picture], [*records, baseline])
+    if picture is not None:
+        from simbench.figures._style import picture_kind
+
+        picture_kind(picture)
     loop = None if baseline is None else read_baseline(baseline)
     read = [_cut(read_record(path, **about), window, path) for path in records]
     report = diagnose(read if len(read) > 1 else read[0], loop, jobs=jobs)
     if write_loop is not None:
         with whole_file(write_loop) as f:
             f.write(_loop_text(report, [str(p) for p in records], baseline))
+    if picture is not None:
+        from simbench.figures._style import write_picture
+        from simbench.gap.report.sheet import draw_sheet
+
+        write_picture(draw_sheet(report), picture)
     if html is not None:
         from simbench.gap.report.page import write_page
 

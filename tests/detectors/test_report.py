@@ -1,6 +1,7 @@
 """Files in, verdicts out: one record, a folder, labels, plug-ins, and the command line's exit codes."""
 
 import json
+import math
 
 import numpy as np
 import pytest
@@ -88,6 +89,14 @@ def test_units_count_once_and_undecided_records_do_not_vote():
     row = score_units(verdicts, labels)[0]
     assert (row["n_stiction"], row["found"], row["n_other"], row["false_alarms"], row["undecided"]) == (1, 1, 2, 0, 1)
     assert row["auc"] == pytest.approx(0.25)
+
+
+def test_a_loop_that_does_not_oscillate_counts_in_the_area_below_every_score():
+    scores = {"a": -math.inf, "b": 0.3, "c": -math.inf, "d": -math.inf, "e": 0.1, "f": math.nan}
+    verdicts = [(name, Verdict("m", "no_stiction", score, reason="-")) for name, score in scores.items()]
+    labels = {name: {"label": "stiction" if name in "ab" else "tuning", "unit_group": name} for name in scores}
+    # a against c, d, e: 1/2, 1/2, 0; b against them: 1, 1, 1; f has no score at all
+    assert score_units(verdicts, labels)[0]["auc"] == pytest.approx(4 / 6)
 
 
 def test_labels_without_a_folder_are_refused(folder):

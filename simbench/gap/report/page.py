@@ -159,14 +159,7 @@ def _which(report: GapReport) -> Markup:
 
 
 def _shrinkage(report: GapReport) -> Markup:
-    g = report.gap
-    sizes = {"before": g.before, "recalibrated": g.recalibrated}
-    if report.named:
-        sizes["after"] = g.after
-    for r in report.ranking:
-        if r.effect in runs.nearest(report) and r.gap_after is not None:
-            sizes["nearest effect"] = r.gap_after
-    sizes["floor"] = g.floor
+    sizes = runs.gap_sizes(report)
     says = "gap: " + ", ".join(f"{name} {size:.2f}" for name, size in sizes.items())
     per = report.behind.shrinkage.per_feature
     last = "after" if report.named else "recalibrated"
@@ -176,7 +169,7 @@ def _shrinkage(report: GapReport) -> Markup:
     return render(
         "shrinkage.html",
         svg=_picture(lambda: pictures.draw_gap(sizes), "gap", says),
-        resolvable=g.resolvable,
+        resolvable=report.gap.resolvable,
         features=sortable(features, dict.fromkeys(("before", last), "{:.2f}".format)) if len(features) else None,
     )
 

@@ -92,19 +92,22 @@ def draw_traces(signal: str, record: Traces, runs: Mapping[str, Traces], start: 
     """
     every = {RECORD: record, **runs}
     figure, grid = panels(len(every), 1, WIDTH, 0.5 + 1.15 * len(every), sharex=True, sharey=True)
-    seconds = np.arange(start, stop) * record.Ts
-    for axes, (name, trace) in zip(grid[:, 0], every.items()):
-        part = trace.part(start, stop)
+    fill_traces(list(grid[:, 0]), signal, every, start, stop)
+    return figure
+
+
+def fill_traces(panels: Sequence[Axes], signal: str, every: Mapping[str, Traces], start: int, stop: int) -> None:
+    """Draw one signal over time, a panel each, as `draw_traces`."""
+    limits = _limits([_signal(t.part(start, stop), signal) for t in every.values()])
+    for axes, (name, trace) in zip(panels, every.items()):
+        part, seconds = trace.part(start, stop), np.arange(start, stop) * trace.Ts
         if signal == "PV":
             axes.plot(seconds, part.sp, color=GREY, linestyle=":", linewidth=1.0)
         axes.plot(seconds, _signal(part, signal), color=LOOK[name][0], linewidth=0.9)
         label(axes, "", signal + (" (%)" if signal == "OP" else ""), name)
-    limits = _limits([_signal(t.part(start, stop), signal) for t in every.values()])
-    grid[0, 0].set_ylim(*limits)
-    for axes, trace in zip(grid[:, 0], every.values()):
-        _say_beyond(axes, _signal(trace.part(start, stop), signal), limits)
-    grid[-1, 0].set_xlabel("time (s)")
-    return figure
+        axes.set_ylim(*limits)
+        _say_beyond(axes, _signal(part, signal), limits)
+    panels[-1].set_xlabel("time (s)")
 
 
 @styled
@@ -215,9 +218,14 @@ def draw_ranking(names: Sequence[str], probabilities: Sequence[float]) -> Figure
     matplotlib.figure.Figure
     """
     figure, grid = panels(1, 1, WIDTH, 0.65 + 0.28 * len(names))
-    _bars(grid[0, 0], names, probabilities, [RED if i == 0 else GREY for i in range(len(names))], "{:.2f}")
-    grid[0, 0].set(xlim=(0, 1.12), xlabel="probability")
+    fill_ranking(grid[0, 0], names, probabilities)
     return figure
+
+
+def fill_ranking(axes: Axes, names: Sequence[str], probabilities: Sequence[float]) -> None:
+    """Draw candidates as bars of their probability, as `draw_ranking`."""
+    _bars(axes, names, probabilities, [RED if i == 0 else GREY for i in range(len(names))], "{:.2f}")
+    axes.set(xlim=(0, 1.12), xlabel="probability")
 
 
 @styled
@@ -234,12 +242,16 @@ def draw_gap(sizes: Mapping[str, float]) -> Figure:
     matplotlib.figure.Figure
     """
     figure, grid = panels(1, 1, WIDTH, 0.65 + 0.34 * len(sizes))
-    axes = grid[0, 0]
+    fill_gap(grid[0, 0], sizes)
+    return figure
+
+
+def fill_gap(axes: Axes, sizes: Mapping[str, float]) -> None:
+    """Draw gaps as bars, as `draw_gap`."""
     colours = {"before": BLUE, "recalibrated": GREEN, "after": RED, "nearest effect": ORANGE, "floor": GREY}
     _bars(axes, list(sizes), list(sizes.values()), [colours[n] for n in sizes], "{:.2f}")
     axes.axvline(sizes["floor"], color=GREY, linestyle=":", linewidth=1.0)
     axes.set(xlim=(0, 1.15 * max(sizes.values())), xlabel="distance from the record (seed-to-seed standard deviations)")
-    return figure
 
 
 def _bars(axes: Axes, names: Sequence[str], values: Sequence[float], colours: Sequence[str], how: str) -> None:

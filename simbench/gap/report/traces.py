@@ -39,6 +39,18 @@ def nearest(report: GapReport) -> list[str]:
     return fitted[:1] if report.effect == UNKNOWN else []
 
 
+def gap_sizes(report: GapReport) -> dict[str, float]:
+    """Return the gap of every simulation, and its floor, in seed-to-seed standard deviations."""
+    g = report.gap
+    sizes = {"before": g.before, "recalibrated": g.recalibrated}
+    if report.named:
+        sizes["after"] = g.after
+    for r in report.ranking:
+        if r.effect in nearest(report) and r.gap_after is not None:
+            sizes["nearest effect"] = r.gap_after
+    return sizes | {"floor": g.floor}
+
+
 def kick_of(report: GapReport, effects: list[str]) -> float:
     """Return the offset of OP (%) that starts a cycle under these effects: a sticky loop left at rest may stay there."""
     return max((recogniser(r.effect).kick(r.parameters) for r in report.ranking if r.effect in effects), default=0.0)

@@ -1,6 +1,7 @@
 """Comparisons: paired by scenario, corrected for their number, honest about axes."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -86,3 +87,28 @@ def test_from_folders_with_texts_that_hold_the_numbers(tmp_path):
     assert not compare(folder, folder).pairs["differ"].any()
     with pytest.raises(UserError, match="cycled"):
         compare(folder, truth="cicled")
+
+
+def test_what_does_not_apply_is_not_compared(run):
+    applies = np.ones((3, N), np.int8)
+    applies[1, :150] = 0
+    part = replace(run, applicable=applies)
+    found = between_methods(part)
+    of = found.ranking.set_index("method")
+    assert of.n.to_dict() == {"good": N, "fair": N - 150, "also_fair": N}
+    assert of.accuracy["fair"] == pytest.approx(np.mean(run.verdict[1, 150:] == TRUTH[150:]))
+    (pair,) = found.pairs[(found.pairs["first"] == "good") & (found.pairs["second"] == "fair")].to_dict("records")
+    good, fair = (run.verdict[i, 150:] == TRUTH[150:] for i in (0, 1))
+    assert (pair["only_first"], pair["only_second"]) == (int((good & ~fair).sum()), int((~good & fair).sum()))
+    assert of.mean_rank.isna().all()  # two are left to rank
+    against = between_runs(part, run)
+    assert against.ranking.set_index("method").n["fair"] == N - 150
+    assert against.pairs[["only_first", "only_second"]].to_numpy().sum() == 0
+
+
+def test_methods_that_see_the_valve_are_not_ranked_with_the_others(run):
+    about = {m: dict(run.manifest["methods"][m]) for m in run.methods}
+    about["good"]["needs_mv"] = True
+    blind = replace(run, manifest={**run.manifest, "methods": about})
+    assert between_methods(run).ranking.mean_rank.notna().all()
+    assert between_methods(blind).ranking.mean_rank.isna().all()

@@ -24,6 +24,7 @@ def test_rewrites_pass_and_keep_nearly_every_verdict(rows):
     wanted = {("he", "finer"), ("rossi_scali", "finer"), ("yamashita", "last bits")}
     assert wanted <= {(row["method"], row["what"]) for row in kept}
     assert not any(row["failed"] for row in kept)
+    assert all(row["as_wanted"] for row in kept)
     assert all(row["flips"] <= 2 for row in kept)
 
 

@@ -1,13 +1,14 @@
 """Rules of a grid: what one run of the sticky twin settles, and that a grid gives no label away."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from scenarios.grid import load_grid
 from scenarios.spec import Loop
-from simbench.bench.leak import BALANCE, MOST_AUC, fairness, predictability
+from simbench.bench.leak import BALANCE, FEATURES, MOST_AUC, Fairness, fairness, features, predictability
 from simbench.bench.resolve import first_guess, measure_cycle, resolve, sampled_ultimate_gain
 from simbench.loop.simulate import simulate
 
@@ -126,3 +127,42 @@ def test_the_leak_test_finds_a_leak():
     label = rng.random(300) < 0.5
     X = np.column_stack([rng.normal(size=300), label + 0.5 * rng.normal(size=300)])
     assert min(predictability(X, label, np.arange(300)).values()) > 0.8
+
+
+def test_labels_that_hang_on_the_cell_leak_by_scenario_and_not_by_cell():
+    rng = np.random.default_rng(1)
+    cell = np.repeat(np.arange(60), 8)
+    label = rng.permutation(np.arange(60) % 2)[cell] == 1
+    X = rng.normal(size=(60, 3))[cell]
+    found = predictability(X, label, cell)
+    assert found["gradient boosting, by scenario"] > 0.95
+    assert found["gradient boosting, by cell"] < 0.8
+
+
+def test_a_grid_is_fair_up_to_its_bounds():
+    def fair(positives, auc):
+        return Fairness({}, positives, {"a": 0.5, "b": auc}).fair
+
+    assert fair(0.45, 0.55)
+    assert fair(0.55, 0.3)
+    assert not fair(0.449, 0.5)
+    assert not fair(0.551, 0.5)
+    assert not fair(0.5, 0.551)
+
+
+def test_what_must_not_tell_the_label_is_read_from_the_loop():
+    table = {
+        "plant": {"type": "foptd", "K": -9.0, "T": 100.0, "Td": 2.0},
+        "controller": {"type": "PI", "Kc": 0.1, "Ti": 10.0, "direction": "direct"},
+        "sampling": {"Ts": 0.1, "n": 1000},
+        "noise": {"std": 0.01},
+        "setpoint": {"value": 50.0, "steps": [[7.0, 41.0]]},
+    }
+    found = features(SimpleNamespace(loop=Loop.from_table(table)))
+    assert len(found) == len(FEATURES)
+    wanted = {"noise std": -2, "n": 3, "Ts": -1, "set-point steps": 1, "size of the step": -1}
+    assert dict(zip(FEATURES, found)) == pytest.approx({**wanted, "time of the step": 7, "K": -1, "T": 2}, abs=1e-6)
+    del table["setpoint"], table["noise"]
+    quiet = dict(zip(FEATURES, features(SimpleNamespace(loop=Loop.from_table(table)))))
+    assert quiet["noise std"] == pytest.approx(-9)
+    assert (quiet["set-point steps"], quiet["size of the step"], quiet["time of the step"]) == (0, 0, -1)

@@ -481,3 +481,18 @@ def test_an_adaptive_run_is_resumed_to_the_same_end(small, tmp_path):
         with pytest.raises(Interrupted):
             run_grid(once, tmp_path / "b", ["yamashita"], until_width=0.4)
     assert_same(run_grid(once, tmp_path / "b", ["yamashita"], until_width=0.4, resume=True), undisturbed)
+
+
+def test_another_front_end_is_chosen_for_a_whole_run(finished, small, tmp_path):
+    run = run_grid(small, tmp_path / "loads", ["he", "yamashita"], front_end="hagglund")
+    assert read_manifest(run)["front_end"] == "hagglund"
+    assert read_manifest(finished)["front_end"] == "acf"
+    one, other = (Book.read(folder) for folder in (finished, run))
+    assert (one.ids == other.ids).all()
+    assert (one.verdict_raw == other.verdict_raw).all()
+    assert (one.verdict != other.verdict).any()
+    with pytest.raises(UserError, match="front_end"):
+        run_grid(small, run, ["he", "yamashita"], resume=True)
+    with pytest.raises(UserError, match="unknown front end"):
+        run_grid(small, tmp_path / "none", ["he"], front_end="fourier")
+    assert not (tmp_path / "none").exists()

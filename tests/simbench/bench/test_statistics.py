@@ -135,3 +135,55 @@ def test_methods_that_always_answer_alike_cannot_be_told_apart():
     assert found.mean_rank.tolist() == [2.5] * 4
     with pytest.raises(ValueError, match="3 methods"):
         mean_ranks(np.ones((30, 2)))
+
+
+def placements(score, positive):
+    """Pair by pair: what each case wins of the other class, ties half."""
+    wins = np.sign(score[positive][:, None] - score[~positive][None, :]) / 2 + 0.5
+    return wins.mean(axis=1), wins.mean(axis=0)
+
+
+@pytest.mark.parametrize("level", [0.9, 0.95])
+def test_delong_by_pairs(level):
+    rng = np.random.default_rng(2)
+    positive = np.arange(70) < 30
+    score = np.round(positive + rng.normal(0, 1.0, 70), 1)  # ties
+    one, other = placements(score, positive)
+    sd = math.sqrt(one.var(ddof=1) / one.size + other.var(ddof=1) / other.size)
+    area = one.mean()
+    found = auc(score, positive, level)
+    assert found.value == pytest.approx(area)
+    z = stats.norm.ppf(0.5 + level / 2)
+    logit = math.log(area / (1 - area))
+    for bound, sign in ((found.lo, -1), (found.hi, 1)):
+        assert math.log(bound / (1 - bound)) == pytest.approx(logit + sign * z * sd / (area * (1 - area)))
+
+
+def test_an_area_of_one_or_nought_has_the_interval_of_the_smaller_class():
+    score, positive = np.arange(12.0), np.arange(12) >= 9  # three positives on top of nine negatives
+    assert (auc(score, positive).lo, auc(score, positive).hi) == pytest.approx(tuple(map(float, wilson(3, 3))))
+    assert (auc(-score, positive).lo, auc(-score, positive).hi) == pytest.approx(tuple(map(float, wilson(0, 3))))
+
+
+def test_a_paired_fall_by_pairs():
+    rng = np.random.default_rng(3)
+    positive = np.arange(60) < 25
+    before = positive + rng.normal(0, 0.8, 60)
+    now = before + rng.normal(0, 0.7, 60)
+    falls = [a - b for a, b in zip(placements(before, positive), placements(now, positive))]
+    z = falls[0].mean() / math.sqrt(sum(f.var(ddof=1) / f.size for f in falls))
+    assert auc_drop(before, now, positive) == pytest.approx(stats.norm.sf(z))
+    areas = [placements(x, positive) for x in (before, now)]
+    sd = math.sqrt(sum(p.var(ddof=1) / p.size for pair in areas for p in pair))
+    z = (areas[0][0].mean() - areas[1][0].mean() - 0.01) / sd
+    assert auc_drop_unpaired(before, positive, now, positive, 0.01) == pytest.approx(stats.norm.sf(z))
+
+
+def test_the_critical_difference_is_the_studentised_range():
+    rng = np.random.default_rng(4)
+    x = rng.normal(size=(40, 5))
+    found = mean_ranks(x, 0.9)
+    q = stats.studentized_range.ppf(0.9, 5, np.inf)
+    assert found.critical_difference == pytest.approx(q * math.sqrt(5 * 6 / (12 * 40)))
+    assert found.mean_rank.sum() == pytest.approx(15.0)
+    assert found.p == pytest.approx(stats.friedmanchisquare(*x.T).pvalue)

@@ -6,6 +6,8 @@ import errno
 import json
 import os
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -121,7 +123,9 @@ def quick(pieces):
 
 
 def tables(folder) -> str:
-    return json.dumps([pq.read_table(folder / f"{kind}.parquet").to_pydict() for kind in ("scenarios", "verdicts")])
+    """All of both tables but the times."""
+    both = [pq.read_table(folder / f"{kind}.parquet") for kind in ("scenarios", "verdicts")]
+    return json.dumps([t.drop([n for n in t.column_names if n == "runtime_s"]).to_pydict() for t in both], default=str)
 
 
 @pytest.fixture(scope="module")
@@ -161,3 +165,46 @@ def test_every_file_operation_fails_once(quick, whole, tmp_path, fault):
         assert tables(folder) == expected, n
         assert {f.name for f in folder.iterdir()} == names, n
         shutil.rmtree(folder)
+
+
+KILLED_FOR_REAL = """
+import os, signal, sys
+from pathlib import Path
+from scenarios.grid import load_grid
+from simbench.bench.run import run_grid
+
+left, after = int(sys.argv[2]), sys.argv[3] == "after"
+def counted(work):
+    def done(*a, **k):
+        global left
+        left -= 1
+        if left == 0 and not after:
+            os.kill(os.getpid(), signal.SIGKILL)
+        found = work(*a, **k)
+        if left == 0:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return found
+    return done
+
+Path.replace, Path.mkdir, os.fsync = counted(Path.replace), counted(Path.mkdir), counted(os.fsync)
+run_grid(load_grid("smoke"), sys.argv[1], ["horch_histogram"])
+print(-left)
+"""
+
+
+def killed(folder: Path, at: int, when: str) -> subprocess.CompletedProcess:
+    words = [sys.executable, "-c", KILLED_FOR_REAL, str(folder), str(at), when]
+    return subprocess.run(words, capture_output=True, text=True, timeout=500)
+
+
+def test_a_whole_smoke_run_is_killed_for_real_and_goes_on(tmp_path):
+    undisturbed = killed(tmp_path / "whole", 0, "")
+    assert undisturbed.returncode == 0, undisturbed.stderr
+    operations, expected = int(undisturbed.stdout), tables(tmp_path / "whole")
+    assert operations > 8
+    for share, when in ((0.0, "before"), (0.4, "after"), (0.7, "before"), (1.0, "after")):
+        folder = tmp_path / f"killed{share}"
+        assert killed(folder, 1 + int(share * (operations - 1)), when).returncode == -9
+        run_grid(load_grid("smoke"), folder, METHODS, resume=True)
+        assert tables(folder) == expected
+        assert {f.name for f in folder.iterdir()} == {f.name for f in (tmp_path / "whole").iterdir()}

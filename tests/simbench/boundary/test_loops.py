@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -71,14 +73,19 @@ def test_the_loop_that_is_spoilt_here_is_good(told, tmp_path):
 @pytest.mark.parametrize(("section", "key"), NUMBERS)
 def test_what_is_no_number_is_refused(refused, tmp_path, section, key, value):
     path = put(tmp_path, text(section, key, value))
-    refused(["simulate", path, "-o", tmp_path / "r.csv"], "loop.toml", key if len(value) < 5000 else "digits")
+    said = refused(["simulate", path, "-o", tmp_path / "r.csv"], "loop.toml", key if len(value) < 5000 else "digits")
+    if len(value) < 5000:  # place, value, what is allowed
+        assert re.search(rf"\b{key} = .*(is no number|is not finite|should be|needed)", said), said
+        assert value in ("true", "2024-05-31") or value.strip('"')[:40] in said, said
+        assert said.count("; ") <= 1, said
     assert not (tmp_path / "r.csv").exists()
 
 
 @pytest.mark.parametrize("value", ["1", "true", '""', '"zzz"', "[]", "nan"])
 @pytest.mark.parametrize(("section", "key"), WORDS)
 def test_what_is_no_known_word_is_refused(refused, tmp_path, section, key, value):
-    refused(["simulate", put(tmp_path, text(section, key, value)), "-o", tmp_path / "r.csv"])
+    said = refused(["simulate", put(tmp_path, text(section, key, value)), "-o", tmp_path / "r.csv"], "loop.toml")
+    assert re.search(r"known|did you mean|allowed|needed|should be|unknown|no such", said), said
 
 
 @pytest.mark.parametrize("value", EXTREME)

@@ -18,6 +18,7 @@ from detectors.errors import ParameterError
 from detectors.record import LoopRecord
 from detectors.registry import methods
 from simbench.cli import main
+from simbench.contract import apart
 
 HEAD = """
 import os, sys, time, json
@@ -251,3 +252,73 @@ def test_a_valve_of_a_file_is_simulated_like_its_built_in_twin(tmp_path):
     finally:
         VALVES.forget("mine")
     assert (tmp_path / "built").read_bytes() == (tmp_path / "own").read_bytes()
+
+
+@pytest.fixture
+def published(tmp_path, monkeypatch):
+    """Publish detectors as an installed distribution does: (name, body of `detect`) of each."""
+
+    def publish(*what: tuple[str, str], raises: str = "") -> None:
+        about = tmp_path / "strangers-1.0.dist-info"
+        about.mkdir()
+        (about / "METADATA").write_text("Metadata-Version: 2.1\nName: strangers\nVersion: 1.0\n")
+        lines = "".join(f"{name} = of_a_stranger_{name}\n" for name, _ in what)
+        (about / "entry_points.txt").write_text(f"[simbench.detectors]\n{lines}")
+        for name, body in what:
+            plugin(tmp_path, body, f"of_a_stranger_{name}").write_text(raises + HEAD.format(body=body, more=""))
+        monkeypatch.syspath_prepend(tmp_path)
+        monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+        methods.__dict__.pop("_entry_points", None)
+
+    yield publish
+    for name in set(methods.__dict__.pop("_entry_points", {})):
+        methods.forget(name)
+
+
+def test_a_published_detector_lives_in_a_process_of_its_own(published, alone, tmp_path):
+    tells = f"open({str(tmp_path / 'pid')!r}, 'w').write(str(os.getpid())); {FINE}"
+    published(("pid", tells), ("mad", HOSTILE["exits hard"][0]))
+    found = {v.method: v for _, v in detect(RECORD, ["mad", "pid", "pid@published", *OTHERS]).verdicts}
+    assert [found[m].as_json() for m in OTHERS] == alone
+    assert found["pid"].verdict == found["pid@published"].verdict == "stiction"
+    assert int((tmp_path / "pid").read_text()) != os.getpid()
+    assert "exit status 7" in found["mad"].reason
+    # what it did in one question is forgotten in the next
+    for _ in range(guest.STRIKES):
+        assert "exit status 7" in detect(RECORD, ["mad"]).verdicts[0][1].reason
+
+
+def test_a_published_detector_takes_no_name_of_the_house(published, alone):
+    published(("horch", FINE), ("oracle", FINE))
+    assert [v.as_json() for _, v in detect(RECORD, OTHERS).verdicts] == alone
+    assert "oracle" not in methods.names()
+
+
+def test_a_published_detector_that_cannot_be_imported_is_named_with_its_distribution(published, refused, tmp_path):
+    published(("broken", FINE), raises="raise OSError('no licence')\n")
+    record = tmp_path / "rec.csv"
+    record.write_text("t,op,pv\n" + "".join(f"{k},{50 + k % 7},{k % 5}\n" for k in range(100)))
+    refused(["detect", record, "--method", "broken"], "broken", "strangers", "no licence")
+
+
+CONTRACTS = {
+    "raises": ("raise ValueError('on purpose')", "on purpose"), "exits": ("sys.exit(0)", "SystemExit"),
+    "exits hard": ("os._exit(0)", "exit status 0"), "kills itself": ("os.kill(os.getpid(), 9)", "signal 9"),
+    "never ends": ("while True: pass", "longer than"),
+    "takes all memory": ("x = [np.ones(10_000_000) for _ in range(1000)]", "MemoryError"),
+    "writes to both": ("os.write(1, b'noise'); os.write(2, b'noise'); raise OSError", "OSError"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CONTRACTS)
+def test_a_contract_is_checked_apart(tmp_path, capfd, monkeypatch, name):
+    monkeypatch.setattr(apart, "BYTES", 400 << 20)
+    monkeypatch.setattr(apart.check_apart, "__defaults__", (30.0 if name == "never ends" else 300.0,))
+    body, word = CONTRACTS[name]
+    file = plugin(tmp_path, body)
+    file.write_text('"""A stranger."""\n' + file.read_text().replace(", **thresholds", ""))
+    assert main(["contract", str(file), "--json"]) == 1
+    said = json.loads(capfd.readouterr().out)
+    assert not said["kept"]
+    assert said["kind"] == "detector"
+    assert any(word in one for one in said["broken"]), said["broken"]

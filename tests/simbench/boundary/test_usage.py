@@ -5,11 +5,16 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
+import typer
 
+from detectors import usage
 from detectors.usage import exit_code
-from simbench.cli import main
+from simbench.cli import app, main
 from tests.simbench.boundary.test_loops import put, text
 
 RECORD = "t,sp,op,pv\n" + "".join(f"{k},50,{50 + k % 7},{50 + k % 5}\n" for k in range(300))
@@ -57,22 +62,69 @@ WRONG = [
     ("list", "what"), ("list detectrs", "detectors"), ("list figures --jsn", "--json"), ("run", "GRID"),
     ("run smok -o OUT", "smoke"), ("run smoke -o REC", "rec.csv"), ("run LOOP -o OUT", "loop"),
     ("run smoke -o /proc/nothing", "/proc"), ("run smoke -o OUT --method nothing", "nothing"),
+    ("trust", "REC"), ("trust none.csv", "none.csv"), ("trust DIR", "file"), ("trust LOOP", "loop.toml"),
+    ("trust REC --loop REC", "TOML"), ("trust REC --loop none.toml", "none.toml"), ("trust REC --method horhc", "horch"),
+    ("trust REC --html REC", "written over"), ("trust REC --html DIR", "folder"), ("trust REC --op-span 1 1", "op_span"),
+    ("trust REC --process gas", "process"), ("trust REC --kind smell", "kind"),
+    ("trust REC --loop LOOP --html LOOP", "written over"),
+    ("report", "FOLDER"), ("report none", "none"), ("report DIR", "no loop record"), ("report REC -o OUT", "folder"),
+    ("report DIR --labels none.csv", "none.csv"), ("report DIR --labels LOOP", "loop.toml"), ("report DIR -j 0", "-j"),
+    ("report DIR -j 100000", "-j"), ("report DIR -o DIR", "is a folder"), ("report DIR --jobs many", "jobs"),
+    ("history none", "none"), ("history REC", "rec.csv"), ("history DIR -o DIR", "history"), ("history DIR --jsn", "--json"),
+    ("gap study", "RECORDS"), ("gap study DIR", "--grid"), ("gap study DIR --grid smoke", "record"),
+    ("gap study none --grid smoke", "none"), ("gap study RECS --grid smok", "at least 5"),
+    ("gap study DIR --grid LOOP", "loop"),
+    ("gap study REC --grid smoke", "rec.csv"), ("gap study DIR --grid smoke --labels none.csv", "none.csv"),
+    ("gap study DIR --grid smoke --labels LOOP", "loop.toml"), ("gap study DIR --grid smoke --html DIR", "folder"),
+    ("gap study DIR --grid smoke --write-grid DIR", "folder"), ("gap stdy DIR --grid smoke", "study"),
+    ("gap leave-out", "argument"), ("gap leave-out REC", "rec.csv"), ("gap leave-out OUT -n 0", "-n"),
+    ("gap leave-out OUT --world owm", "own"), ("gap leave-out OUT -j 0", "-j"), ("gap leave-out OUT --seed -1", "seed"),
+    ("gap leave-out LOOP", "loop.toml"), ("gap leave-out /proc/nothing", "/proc"),
+    ("gap withheld", "verb"), ("gap withheld make DIR --key REC --seed 1 -n 100", "rec.csv"),
+    ("gap withheld answer none", "none"), ("gap withheld open none --key LOOP", "none"),
+    ("confirm travel DIR", "folder"), ("confirm gain-change", "LOOP"), ("confirm gain-change none.toml", "none.toml"),
+    ("confirm gain-change REC", "TOML"), ("confirm travel LOOP --picture LOOP", "written over"),
+    ("confirm travel LOOP --picture OUT", ".svg"), ("confirm gain-change LOOP --picture LOOP", "written over"),
+    ("confirm gain-change --records REC REC --picture REC", "written over"), ("diagnose REC --picture OUT", ".svg"),
+    ("history DIR -o REC", ".svg"), ("report RECS -o RECS/one.html", "one.csv"),
+    ("gap study RECS --grid LOOP --html LOOP", "written over"),
+    ("gap study RECS --grid smoke --write-grid RECS/one.csv", "written over"), ("report RECS --labels REC -o PAGE", "written"),
+    ("contract", "FILE"), ("contract none.py", "none.py"), ("contract DIR", "directory"), ("contract REC", "rec.csv"),
+    ("contract none.toml", "none.toml"), ("contract LOOP --jsn", "--json"),
+    ("worst horch -o DIR --budget 1", "folder"), ("worst horch --seed -1", "seed"), ("worst horch --budget x", "budget"),
+    ("calibrate LOOP", "loop"), ("calibrate smoke -o REC", "rec.csv"), ("calibrate smoke --method horhc", "horch"),
+    ("figure", "argument"), ("figure all -o REC", "rec.csv"), ("list detectors extra", "argument"),
     ("run smoke -o OUT --thresholds LOOP", "thresholds"), ("run smoke -o OUT --time-limit 0 --plugin REC", "time limit"),
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize(("line", "word"), WRONG, ids=lambda v: v[:60])
 def test_a_wrong_command(refused, tmp_path, line, word):
-    loop, record, empty = put(tmp_path, text()), tmp_path / "rec.csv", tmp_path / "empty"
+    loop, record, empty, records = put(tmp_path, text()), tmp_path / "rec.csv", tmp_path / "empty", tmp_path / "records"
     record.write_text(RECORD)
     empty.mkdir()
+    records.mkdir()
+    (records / "one.csv").write_text(RECORD)
     before = loop.read_bytes()
-    places = {"LOOP": loop, "REC": record, "OUT": tmp_path / "out", "DIR": empty}
-    refused([places.get(w, w) for w in line.split()], "empty" if word == "DIR" else word)
+    places = {"LOOP": loop, "REC": record, "OUT": tmp_path / "out", "DIR": empty, "RECS": records}
+    inside = {"PAGE": tmp_path / "rec.html", "RECS/one.html": records / "one.html", "RECS/one.csv": records / "one.csv"}
+    refused([(places | inside).get(w, w) for w in line.split()], "empty" if word == "DIR" else word)
     assert loop.read_bytes() == before
-    assert record.read_text() == RECORD
+    assert record.read_text() == (records / "one.csv").read_text() == RECORD
     assert not (tmp_path / "out").exists()
     assert not list(empty.iterdir())
+
+
+def verbs(command, words: str = "") -> Iterator[str]:
+    """Yield every verb below a command, with the words before it."""
+    for name, sub in command.commands.items():
+        said = f"{words} {name}".strip()
+        yield from verbs(sub, said) if hasattr(sub, "commands") else [said]
+
+
+def test_no_verb_is_missing_here():
+    for verb in verbs(typer.main.get_command(app)):
+        assert sum(line.startswith(verb) for line, _ in WRONG) >= 2, verb
 
 
 @pytest.mark.parametrize(
@@ -104,6 +156,21 @@ def test_a_fault_of_the_program_is_one_sentence_that_names_its_log(capsys):
     log = said.rstrip().rpartition(" ")[2]
     with open(log) as f:
         assert "Traceback" in f.read()
+
+
+def test_logs_of_faults_do_not_pile_up(capsys, tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    (tmp_path / "simbench-report.log").write_text("not ours")
+    for number in range(usage.LOGS + 5):
+
+        def fault(number=number):
+            raise ZeroDivisionError(number)
+
+        assert exit_code(fault) == 2
+    last = capsys.readouterr().err.rstrip().rpartition(" ")[2]
+    assert len(list(tmp_path.glob(f"{usage.LOG}*"))) == usage.LOGS
+    assert f"ZeroDivisionError: {usage.LOGS + 4}" in Path(last).read_text()
+    assert (tmp_path / "simbench-report.log").exists()
 
 
 @pytest.mark.parametrize("what", ["detectors", "grids", "effects", "valves", "figures"])

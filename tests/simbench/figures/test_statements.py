@@ -365,3 +365,15 @@ def test_horchs_verdict_switches_at_the_same_w_Ti_with_and_without_stiction(draw
     assert (said[d["w_Ti (-)"] > arrives] == "no_stiction").all()
     law = 2 / np.pi * np.arctan(1 / d["w_Ti (-)"])
     assert np.abs(d["dtau (-)"] - law).max() < 0.03
+
+
+def test_no_bound_on_the_surrogate_index_finds_sticky_valves_alone(drawn):
+    d = drawn("surrogate_index")
+    npi = {kind: part["npi (-)"].to_numpy() for kind, part in d.groupby("kind")}
+    sticky, driven = npi["sticky valve"], npi["linear, driven by noise"]
+    assert (sticky > 1).mean() < 0.4
+    for kind in ("strict triangle", "healthy, sine from outside"):
+        assert npi[kind].max() < 0.5
+    # a bound that half of the sticky loops pass is passed by linear loops too
+    assert (driven > np.median(sticky)).mean() > 0.03
+    assert len(d) > 0.8 * 4 * 72

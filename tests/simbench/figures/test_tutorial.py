@@ -11,8 +11,8 @@ import pytest
 from detectors.judge import judge
 from detectors.signal.half_cycles import split
 
-PAGE = Path(__file__).parents[3] / "docs" / "tutorial.md"
-BLOCKS = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.S)
+PAGE = Path(__file__).parents[3] / "docs" / "site" / "tutorials" / "chapter_figure.md"
+BLOCKS = re.findall(r"```{code-cell} ipython3\n(.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.S)
 
 
 @pytest.fixture(scope="module")

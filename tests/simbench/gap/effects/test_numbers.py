@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from simbench.gap.candidates import look_alikes
-from simbench.gap.effects import load_drift, load_steps, oscillation, outliers, recogniser
-from simbench.gap.effects._draw import between
+from simbench.gap.effects import Recogniser, load_drift, load_steps, oscillation, outliers, recogniser
+from simbench.gap.effects._draw import Yardstick, between
 from simbench.gap.effects._friction import jitter_hides_the_jump
 from simbench.gap.effects._lattice import levels_of
 from simbench.gap.effects._recogniser import clip
@@ -331,3 +331,63 @@ def test_a_load_jump_is_placed_where_it_is_but_at_no_end_of_the_record(k, found)
     place = load_steps._where(engine, SimpleNamespace(theta=theta, residual=residual), response)
     assert (place == k) == found
     assert 5 <= place < n - 5
+
+
+def test_kc_and_ti_are_detuned_alone_and_together_each_way():
+    def ways(loop):
+        drawn = [recogniser("detuning").draw(loop, np.random.default_rng(s))(1.0) for s in range(120)]
+        return {(np.sign(np.log(p["Kc_factor"])), np.sign(np.log(p["Ti_factor"]))) for p in drawn}
+
+    assert ways(YARDSTICK) == {(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1)} - {(0, 0)}
+    assert ways(SimpleNamespace(**{**vars(YARDSTICK), "integral": False})) == {(1, 0), (-1, 0)}
+
+
+@pytest.mark.parametrize(
+    ("effect", "name", "low", "high"), [("load_steps", "rate", 4.0, 25.0), ("outliers", "rate", 2.0, 50.0)]
+)
+def test_so_many_events_are_drawn_for_a_thousand_seconds(effect, name, low, high):
+    counts = [1000.0 * recogniser(effect).draw(YARDSTICK, np.random.default_rng(s))(0.5)[name] for s in range(200)]
+    assert low <= min(counts) < low + 0.05 * (high - low)
+    assert high - 0.1 * (high - low) < max(counts) <= high
+
+
+def test_the_period_of_a_drawn_oscillation_lies_within_the_loops_pace_and_twenty_times_that():
+    periods = [recogniser("oscillation").draw(YARDSTICK, np.random.default_rng(s))(0.5)["period"] for s in range(200)]
+    assert 20.0 <= min(periods) < 23.0
+    assert 350.0 < max(periods) <= 400.0
+    slow = SimpleNamespace(**{**vars(YARDSTICK), "pace": 1e-3})
+    assert recogniser("oscillation").draw(slow, np.random.default_rng(0))(0.5)["period"] == 4.0
+
+
+def test_what_a_file_does_not_say_of_an_effect_adds_nothing():
+    bare = Recogniser()
+    assert (bare.kick({"S": 3.0}), bare.lead({"rate": 1.0}, 100.0, 2.0), bare.numbers(None, None)) == (0.0, 0.0, {})
+    assert bare.proven(None) is bare.by_innovations(None, None) is bare.smallest(None) is None
+    assert (bare.remark(None), bare.traits({}, {}, 0.1), dict(bare.alike)) == ("", {}, {})
+    assert bare.possible(None)
+    assert not bare.drowned(None)
+    # an exact map leaves little of an ideal valve's misfit, friction most of it
+    assert (bare.by_mv_leaves, recogniser("stiction").by_mv_leaves) == (0.3, 0.85)
+
+
+def yardstick_of(op, e):
+    record = SimpleNamespace(op=np.asarray(op), e=np.asarray(e), duration=600.0)
+    return Yardstick(record, 0.1, 20.0, 20.0, 1.0, 4.0, True)
+
+
+def test_a_yardstick_is_the_loops_own_size():
+    y = yardstick_of(np.resize([50.0, 53.0], 100), np.resize([-1.0, 0.0, 1.0], 99))
+    assert (y.op, y.seconds) == (1.5, 600.0)
+    assert y.op_change == pytest.approx(np.std(np.diff(y.record.op)))
+    # two of three lie one off the median
+    assert y.pv == pytest.approx(1.4826)
+    still = yardstick_of(np.full(100, 50.0), np.zeros(99))
+    assert (still.op, still.op_change, still.pv) == (0.05, 1e-3, 0.0)
+
+
+@pytest.mark.parametrize(("noise", "rounding", "thinning", "drowned"), [
+    (0.1, None, 0.0, False), (0.1, (0.5, "loop"), 0.0, True), (0.1, None, 0.2, True),
+])  # fmt: skip
+def test_noise_is_not_judged_where_rounding_or_thinning_makes_its_own(noise, rounding, thinning, drowned):
+    s = SimpleNamespace(archive=SimpleNamespace(rounding=rounding, thinning=thinning))
+    assert recogniser("noise").drowned(s) == drowned

@@ -66,6 +66,30 @@ def test_milliamperes_may_be_a_little_out_of_trim(offset, mA):
     assert ("mA" in mv_said(4.0 + 0.16 * OP + offset)) == mA
 
 
+@pytest.mark.parametrize("swing", [0.4, 5.0])
+def test_a_valve_that_closes_where_op_rises_is_seen_however_little_it_moves(swing):
+    op = 50.0 + swing * SINE
+    assert "falls where OP rises (correlation -1.00)" in mv_said(100.0 - op, op)
+    # a valve that does not move at all may be stuck
+    assert not mv_said(np.full(op.shape, 50.0), op)
+
+
+@pytest.mark.parametrize(("R", "refused"), [(1.0, False), (1.002, False), (8.0, False), (0.15, False)])
+def test_a_characteristic_is_no_unit(R, refused):
+    op = 50.0 + 30.0 * SINE
+    mv = op if R == 1.0 else 100.0 * (R ** (op / 100.0) - 1.0) / (R - 1.0)
+    assert bool(mv_said(mv, op)) == refused
+
+
+@pytest.mark.parametrize(("gain", "offset", "refused"), [
+    (0.82, 25.0, False), (1.22, -20.0, False), (1.28, -20.0, True), (0.5, 24.0, True),
+])  # fmt: skip
+def test_a_straight_line_far_from_op_itself_is_another_scale(gain, offset, refused):
+    said_of = mv_said(gain * OP + offset)
+    assert bool(said_of) == refused
+    assert not refused or f"{gain:.3g} OP {offset:+.3g}" in said_of
+
+
 @pytest.mark.parametrize("n", [22, 23])
 def test_a_slope_wants_twenty_sliding_samples(n):
     op = np.linspace(40.0, 60.0, n)

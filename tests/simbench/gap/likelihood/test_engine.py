@@ -216,3 +216,59 @@ def test_a_gain_is_held_within_a_tenth_of_the_baselines_unless_released(gain, fr
     beta, off = Engine(data, 60.0)._linear(Spec(free=frozenset({free})), N)
     assert beta == pytest.approx([2.0 * sign * gain, 0.3], rel=0.02)
     assert np.sign(off) == way
+
+
+WHITE = np.random.default_rng(7).standard_normal(4000)
+
+
+@pytest.mark.parametrize(("y", "stated", "T", "noise", "load"), [
+    # white PV of 2: its second differences have a variance of six times as much
+    (2.0 * WHITE, 0.0, 20.0, 2.0, 1.0), (2.0 * WHITE, 0.5, 20.0, 0.5, 1.0), (2.0 * WHITE, 5.0, 20.0, 5.0, 2.5),
+    # what moves a vessel is seen in PV's changes
+    (np.cumsum(0.6 * WHITE), 0.2, 0.0, 0.2, 0.3), (np.cumsum(0.6 * WHITE), 20.0, 0.0, 20.0, 1.0),
+    (np.zeros(4000), 0.0, 20.0, 0.25 / np.sqrt(12.0), 0.125 / np.sqrt(12.0)),
+])  # fmt: skip
+def test_a_fit_begins_from_the_stated_noise_and_half_of_what_pv_does(y, stated, T, noise, load):
+    start = Engine(Data(np.zeros(4000), y, K, T, 4.0, stated, resolution=0.25), 60.0).start()
+    assert (start["noise_std"], start["load"]) == (pytest.approx(noise, rel=0.05), pytest.approx(load, rel=0.05))
+    assert (start["T"], start["Td"], start["load_time"]) == (T, 4.0, 18.0)
+    # a load of nearly first order, and noise that hardly remembers
+    assert start["load_lag"] < 0.5
+    assert 0.0 < start["colour"] < 0.2
+
+
+@pytest.mark.parametrize(("name", "T", "low", "high"), [
+    ("load_time", 20.0, 0.3, 60.0), ("load_lag", 20.0, 0.05, 60.0), ("colour", 20.0, -0.8, 0.8),
+    ("noise_std", 20.0, 0.25 / np.sqrt(12.0), 10.0), ("load", 20.0, 2.5e-4 / np.sqrt(12.0), 100.0), ("load", 0.0, 1e-8, 100.0),
+])  # fmt: skip
+def test_load_and_noise_are_looked_for_from_the_digits_to_many_times_pv(name, T, low, high):
+    d = Data(np.zeros(4000), WHITE / np.std(WHITE), K, T, 4.0, 0.1, resolution=0.25)
+    assert Engine(d, 60.0).bounds(Spec(), name) == pytest.approx((low, high), rel=0.08)
+
+
+@pytest.mark.parametrize(("memory", "cost"), [(48.0, 0.0), (4.9, 0.0), (4.8 / np.e, 1.0 / 0.7)])
+def test_a_load_far_quicker_than_the_loop_is_a_surprise(memory, cost):
+    # 0.08 of the longest memory of 60 samples
+    theta = {**THETA, "load_time": memory - 0.1, "load_lag": 0.1, "T": T, "Td": TD, "colour": 0.0}
+    e = Engine(Data(OP, PV, K, T, TD, 0.0), 60.0)
+    colour, quick, *_ = e._surprises(Spec(), theta)
+    assert (colour, quick) == pytest.approx((0.0, -cost))
+    assert e._surprises(Spec(), theta | {"colour": 0.5})[0] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("changes", "spec", "late", "beyond"), [
+    ({}, Spec(), 0, (0.0, 0.0, 0.0)), ({"T": 1.1 * np.exp(0.02) * T}, Spec(), 0, (1.0, 0.0, 0.0)),
+    ({"T": T / 1.1 / np.exp(0.04)}, Spec(), 0, (2.0, 0.0, 0.0)),
+    ({"Td": TD + 0.1 * TD + 0.05 + 0.02 * TD + 0.03}, Spec(), 0, (0.0, 1.0, 0.0)),
+    # an archive late by a sample hides up to one: half a sample less, give or take half a sample
+    ({"Td": TD - 1.0}, Spec(), 1, (0.0, 0.0, 0.0)), ({"Td": TD + 0.1 * TD + 0.05}, Spec(), 1, (0.0, 0.0, 0.0)),
+    ({"noise_std": 1.05 * np.exp(0.02) * np.hypot(0.3, 0.1)}, Spec(), 0, (0.0, 0.0, 1.0)),
+])  # fmt: skip
+def test_a_trusted_number_costs_what_lies_beyond_its_tenth(changes, spec, late, beyond):
+    theta = {**THETA, "T": T, "Td": TD, "noise_std": np.hypot(0.3, 0.1), "load_time": 40.0, "colour": 0.0} | changes
+    # noise of 0.3 and digits of 0.1 sqrt(12)
+    e = Engine(Data(OP, PV, K, T, TD, 0.3, resolution=0.1 * np.sqrt(12.0), late=late), 60.0)
+    assert e._surprises(spec, theta)[2:] == pytest.approx(beyond, abs=1e-6)
+    free = Spec(free=frozenset({"T", "Td", "noise_std"}))
+    assert len(e._surprises(free, theta)) == 2
+    assert len(Engine(Data(OP, PV, K, T, TD, 0.0, trusted=False), 60.0)._surprises(Spec(), theta)) == 1

@@ -19,6 +19,7 @@ from simbench.gap.diagnosis import diagnose
 from simbench.gap.random_case import random_case
 from simbench.gap.report.page import write_page
 from simbench.gap.report.pictures import draw_loops, draw_traces, spectrum
+from simbench.gap.report.sheet import draw_sheet
 from simbench.gap.report.traces import BASELINE, FIXED, NEAREST, TUNED, recorded, simulated, window
 from simbench.loop.simulate import simulate
 
@@ -214,3 +215,19 @@ def test_in_a_browser_the_ranking_sorts_by_probability_both_ways(pages):
     assert len(down) == 24
     assert down == sorted(down, reverse=True)
     assert up == sorted(up)
+
+
+def test_the_sheet_shows_record_and_simulations_the_answer_and_how_far_it_helps(sticky, clean):
+    figure = draw_sheet(sticky)
+    by_title = {axes.get_title(loc="left"): axes for axes in figure.axes}
+    traces = [title for title in by_title if title in ("record", BASELINE, TUNED, FIXED)]
+    assert traces == ["record", BASELINE, TUNED, FIXED]
+    sp, pv = ([np.asarray(by_title[t].lines[k].get_ydata()) for t in traces] for k in (0, 1))
+    wide = [np.std((y - r)[100:]) for r, y in zip(sp, pv)]  # SP steps at the window's first sample
+    assert wide[0] > 2 * wide[1], "the healthy baseline does not cycle"
+    assert 0.5 < wide[3] / wide[0] < 2.0, "with stiction it does"
+    assert by_title["what is missing"].get_yticklabels()[0].get_text() == "stiction"
+    bars = by_title["gap between simulation and record"]
+    gap = {name.get_text(): bar.get_width() for name, bar in zip(bars.get_yticklabels(), bars.patches)}
+    assert gap["after"] < 0.5 * gap["before"]
+    assert FIXED not in {axes.get_title(loc="left") for axes in draw_sheet(clean).axes}, "nothing was added"

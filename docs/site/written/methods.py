@@ -1,0 +1,82 @@
+"""Which detector when: what every method says of itself, beside what was measured of it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pandas as pd
+from text import heading, plain, table
+
+from detectors.method import Method
+from detectors.registry import methods
+
+RESULTS = Path(__file__).parents[3] / "results"
+PARTS = ("Needs", "Parameters", "Indices", "Rule", "Not for", "Source")
+ABOUT = """\
+The table is what was measured, on loops whose truth is known (grid ``chapter``, {n} loops) and on real loops ({real}). Accuracy
+counts no decision as not right. Below it every method says itself what it needs and when not to use it. In short:
+
+- OP and PV alone: begin with ``procedure``, which weighs the others; on one loop of your own, ``simbench trust`` says whom to
+  believe there.
+- MV or a flow is recorded: ``yamashita``.
+- The process integrates (level): a method made for self-regulating loops says so and is left out.
+- An answer that hangs on one method hangs on one wave form: read its reason (``--why``).
+"""
+
+
+def methods_page() -> str:
+    """Return the page."""
+    shares, real = measured(), real_loops()
+    counts = next(iter(real.values()), {})
+    said = f"{counts.get('n_stiction', 0)} sticky and {counts.get('n_other', 0)} others"
+    lines = [*heading("Which detector when"), ABOUT.format(n=loops(), real=said), ""]
+    order = [*shares, *(name for name in methods.names() if name not in shares)]
+    head = ("method", "looks for", "made for", "right", "cycling found", "healthy left alone", "real found", "real alarms")
+    lines += table(head, [_row(name, shares, real) for name in order])
+    lines += [
+        "Figures: ``results/figures/score-overview.csv`` and ``results/real_records.txt``, both printed by commands of the"
+        " repository; a dash was not measured.", "",
+    ]  # fmt: skip
+    for name in methods.names():
+        lines += [f".. _method-{name}:", "", *heading(name, "-")]
+        found = re.split(rf"^({'|'.join(PARTS)}):", (methods.load(name).__doc__ or "").split("Example", 1)[0], flags=re.M)
+        lines += [plain(found[0]), "", *(f":{part}: {plain(says)}" for part, says in zip(found[1::2], found[2::2])), ""]
+    return "\n".join(lines)
+
+
+def _row(name: str, shares: dict[str, dict[str, float]], real: dict[str, dict[str, str]]) -> tuple[str, ...]:
+    about: Method = methods.load(name).METHOD
+    made = ("MV; " if about.needs_mv else "") + ("any process" if len(about.process) == 2 else ", ".join(about.process))
+    share, unit = shares.get(name, {}), real.get(name)
+    numbers = (f"{share[key]:.2f}" if key in share else r"\-" for key in ("right", "cycling", "healthy"))
+    seen = (r"\-", r"\-")
+    if unit:
+        seen = (f"{unit['found']} of {unit['n_stiction']}", f"{unit['false_alarms']} of {unit['n_other']}")
+    return f":ref:`{name} <method-{name}>`", plain(about.title), made, *numbers, *seen
+
+
+def loops() -> int:
+    """Return how many simulated loops the figures rest on."""
+    table = pd.read_csv(RESULTS / "figures" / "score-overview.csv")
+    return int(table[table.method == table.method.iloc[0]].n.sum())
+
+
+def measured() -> dict[str, dict[str, float]]:
+    """Return accuracy, and the shares right on cycling and on healthy loops where the method applies; best first."""
+    table = pd.read_csv(RESULTS / "figures" / "score-overview.csv")
+    table = table[table.method.isin(methods.names()) & (table.applicable > 0)]
+    found: dict[str, dict[str, float]] = {}
+    for name, rows in table.groupby("method", sort=False):
+        parts = {"cycling": rows.loops.str.startswith("cycling"), "healthy": rows.loops.str.startswith("healthy")}
+        weights = {key: rows.applicable[which] for key, which in parts.items()}
+        shares = {key: float((rows.right[which] * weights[key]).sum() / weights[key].sum()) for key, which in parts.items()}
+        found[str(name)] = {"right": float(rows.accuracy.iloc[0]), **shares}
+    return dict(sorted(found.items(), key=lambda item: -item[1]["right"]))
+
+
+def real_loops() -> dict[str, dict[str, str]]:
+    """Return the last table of the real records by method."""
+    rows = (RESULTS / "real_records.txt").read_text(encoding="utf-8").rstrip().split("\n\n")[-1].splitlines()
+    head = rows[0].split()
+    return {line.split()[0]: dict(zip(head, line.split())) for line in rows[1:]}

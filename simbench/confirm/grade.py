@@ -1,0 +1,201 @@
+"""Table 11.1: process gain, noise band, hysteresis and stiction of one loop, each against what is acceptable."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from scenarios.spec import Loop
+from simbench.confirm.travel import TravelTest, travel_test
+from simbench.loop.resolve import resolve_loop
+from simbench.loop.response import valve_response
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SIGMAS = 4.0  # standard deviations in a noise band
+REST = 0.01  # % of travel: less is no motion
+TRAVERSE = 0.1  # % per sample
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A line of the table.
+
+    Parameters
+    ----------
+    parameter : str
+        Name and unit.
+    ideal, practical : str
+        As printed.
+    low, high : float
+        Between them, ends included, the value is acceptable.
+    """
+
+    parameter: str
+    ideal: str
+    practical: str
+    low: float
+    high: float
+
+
+GAIN = Limit("process gain (%/%)", "1", "< 0.5: too small; 0.5 to 3: acceptable; > 3: too high", 0.5, 3.0)
+NOISE = Limit("noise band (%)", "0", "< 0.5: acceptable", 0.0, 0.5)
+HYSTERESIS = Limit("hysteresis (%)", "0", "< 3: acceptable; > 3: to be checked", 0.0, 3.0)
+STICTION = Limit("stiction (%)", "0", "1: desirable; > 1: to be checked", 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class Grade:
+    """One parameter of a loop, graded.
+
+    Parameters
+    ----------
+    parameter : str
+        Name and unit.
+    value : float or None
+        Measured; None when the loop does not tell.
+    ideal, practical : str
+        The table's words.
+    acceptable : bool or None
+        None = cannot tell.
+    reason : str
+        How it was measured, or why it cannot be.
+    """
+
+    parameter: str
+    value: float | None
+    ideal: str
+    practical: str
+    acceptable: bool | None
+    reason: str
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the fields as JSON types."""
+        return asdict(self)
+
+
+def grade(loop: Loop, test: TravelTest | None = None, seed: int = 0) -> list[Grade]:
+    """Measure a loop in manual, as an engineer would, and grade it by Table 11.1.
+
+    Parameters
+    ----------
+    loop : Loop
+        Its valve, plant and noise count; PV in % of its span.
+    test : TravelTest, optional
+        Of this loop; run here when absent.
+    seed : int
+        Of the noise, when the test is run here.
+
+    Returns
+    -------
+    list of Grade
+        Process gain, noise band, hysteresis, stiction.
+
+    Notes
+    -----
+    Source: Jelali (2013), Table 11.1, after Ruel (2000); the limits of the gain, 0.5 and 3, as far as the text keeps them.
+    Process gain: PV over OP across the big steps of the travel test. Noise band: four standard deviations of PV while OP
+    rests. Hysteresis: largest separation of the valve's positions over full strokes up and down, less the dead-band. Stiction:
+    small steps in the direction of the last big one until PV moves, up to one step too large. Not for a loop whose PV is in
+    other units: gain and noise band would mean nothing.
+
+    Examples
+    --------
+    >>> loop = Loop.from_table({
+    ...     "plant": {"type": "foptd", "K": 1.2, "T": 5, "Td": 1},
+    ...     "controller": {"type": "PI", "Kc": 0.3, "Ti": 5},
+    ...     "valve": {"model": "choudhury", "S": 3, "J": 1.5},
+    ...     "sampling": {"Ts": 1}})
+    >>> [(g.parameter, g.acceptable) for g in grade(loop)][-1]
+    ('stiction (%)', False)
+    """
+    test = travel_test(loop, seed=seed) if test is None else test
+    rest = round(test.wait / test.Ts)
+    last = int(np.flatnonzero(test.phase == 0)[-1])
+    return [
+        _gain(loop, test, rest, last),
+        _graded(NOISE, _band(test, rest), f"{SIGMAS:g} standard deviations of PV while OP rests"),
+        _graded(HYSTERESIS, _hysteresis(loop), "separation of full strokes up and down, less the dead-band"),
+        _graded(STICTION, test.J, f"small steps of {test.increment:g} % until PV moves" if test.J else test.reason),
+    ]
+
+
+def graded_test(loop: Loop) -> GradedTest:
+    """Run the travel test on a loop and grade the loop by what it measured.
+
+    Parameters
+    ----------
+    loop : Loop
+
+    Returns
+    -------
+    GradedTest
+    """
+    test = travel_test(loop)
+    return GradedTest(test, tuple(grade(loop, test)))
+
+
+@dataclass(frozen=True, eq=False)
+class GradedTest:
+    """A travel test and what Table 11.1 says of the loop.
+
+    Parameters
+    ----------
+    test : TravelTest
+    grades : tuple of Grade
+    """
+
+    test: TravelTest
+    grades: tuple[Grade, ...]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the test's outcome and, as `table_11_1`, the grades."""
+        return {**self.test.as_json(), "table_11_1": [g.as_json() for g in self.grades]}
+
+    def as_text(self) -> str:
+        """Return the test's outcome and one line per grade."""
+        words = {True: "acceptable", False: "to be checked", None: "cannot tell"}
+        lines = [self.test.as_text(), "", "Table 11.1 (PV read as % of its span)"]
+        for g in self.grades:
+            value = "-" if g.value is None else f"{g.value:.2g}"
+            lines.append(f"{g.parameter:20s}{value:>7s}  {words[g.acceptable]:15s}{g.reason}")
+        return "\n".join(lines)
+
+    def plot(self) -> Figure:
+        """Draw the travel test."""
+        return self.test.plot()
+
+
+def _graded(limit: Limit, value: float | None, reason: str) -> Grade:
+    acceptable = None if value is None else limit.low <= value <= limit.high
+    return Grade(limit.parameter, value, limit.ideal, limit.practical, acceptable, reason)
+
+
+def _gain(loop: Loop, test: TravelTest, rest: int, last: int) -> Grade:
+    if loop.plant.type == "integrating":
+        return _graded(GAIN, None, "an integrating process has no gain at rest")
+    if test.same_direction is None and test.reversed is None:
+        return _graded(GAIN, None, test.reason)
+    # the last two levels of the big steps: the valve moved between them, or it moved from rest
+    op, pv = test.trace.op, test.trace.pv
+    few = min(6, rest)
+    moved = pv[last - few + 1 : last + 1].mean() - pv[rest - few : rest].mean()
+    return _graded(GAIN, float(abs(moved / (op[last] - op[0]))), "PV over OP across the big steps")
+
+
+def _band(test: TravelTest, rest: int) -> float:
+    return float(SIGMAS * test.trace.pv[rest // 2 : rest].std())
+
+
+def _hysteresis(loop: Loop) -> float:
+    up = np.arange(0.0, 100.0 + TRAVERSE / 2, TRAVERSE)
+    n = up.size
+    Ts = resolve_loop(loop, 0).Ts
+    mv = valve_response(loop.valve.name, np.concatenate([up, up[::-1], up]), loop.valve.parameters, Ts)
+    back, again = mv[n : 2 * n], mv[2 * n :]
+    moving = np.abs(back - back[0]) > REST
+    dead = TRAVERSE * float(np.argmax(moving)) if moving.any() else 100.0
+    return max(float((back[::-1] - again).max()) - dead, 0.0)

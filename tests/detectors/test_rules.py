@@ -1,0 +1,136 @@
+"""Rules of the methods: their published numbers, and on which side of a bound a loop on the bound falls."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from detectors.methods import hammerstein
+from detectors.prepared import Prepared
+from detectors.registry import methods
+
+# method: threshold, as printed; Jelali (2013), chapter 11, unless the source says otherwise
+PUBLISHED = {
+    "he": {"eta_low": 0.4, "eta_high": 0.6},  # Eq 11.13
+    "horch": {"dtau_low": 1 / 3, "dtau_high": 2 / 3, "drho_low": 0.0718, "drho_high": 1 / 3},
+    "bicoherence": {"ngi_low": 0.001, "nli_low": 0.01},
+    "choudhury": {"ngi_low": 0.001, "nli_low": 0.01},
+    "rossi_scali": {"bound": 0.21},  # (1 - 0.66) / (1 + 0.66), rounded up
+    "yamashita": {"rho3_min": 0.25, "step": 1},
+    "singhal_salsbury": {"R_low": 1.0},
+    "surrogate": {"npi_low": 1.0},
+}
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_published_numbers(name):
+    has = methods.load(name).METHOD.thresholds
+    for key, value in PUBLISHED[name].items():
+        assert has[key].default == pytest.approx(value, abs=1e-4), key
+
+
+@pytest.mark.parametrize("name", methods.names())
+def test_a_threshold_lies_within_its_range_and_says_where_it_comes_from(name):
+    for key, rule in methods.load(name).METHOD.thresholds.items():
+        assert rule.low <= rule.default <= rule.high, key
+        assert rule.low < rule.high, key
+
+
+@pytest.fixture(scope="module")
+def sticky(loop):
+    """Flow-like: PV stands for MV where a method wants it."""
+    return Prepared(replace(loop(J=2.5, kick=6.0, n=1500, noise=0.02), kind="flow"))
+
+
+# method, where the number stands, threshold on it, other thresholds, answers just below, on and just above the number
+ABOVE, AT = "above the bound", "at the bound"
+RULES = [
+    ("ellipse", "fitness", "fitness_low", {}, AT),
+    ("he", "eta", "eta_high", {}, AT),
+    ("hammerstein", "score", "score_high", {"score_low": -0.01, "S_low": 0.0}, AT),
+    ("stenman", "score", "score_high", {"score_low": -0.01}, AT),
+    ("horch_isaksson", "score", "score_high", {"score_low": -0.01}, AT),
+    ("horch", "dtau", "dtau_high", {"drho_high": -1.0}, AT),
+    ("horch", "drho", "drho_high", {"dtau_high": -1.0}, AT),
+    ("yamashita", "rho3", "rho3_min", {}, ABOVE),
+    ("singhal_salsbury", "r_area", "R_low", {}, ABOVE),
+    ("surrogate", "npi", "npi_low", {}, ABOVE),
+    ("kano_a", "stuck_share", "share_min", {}, ABOVE),
+    ("kano_b", "width", "width_min", {"still_min": -1.0}, ABOVE),
+    ("kano_b", "still", "still_min", {"width_min": -1.0}, ABOVE),
+    ("rossi_scali", "eta_rossi", "bound", {}, ABOVE),
+    ("horch_histogram", "score", "bound", {}, ABOVE),
+    ("procedure", "score", "odds_high", {"odds_low": -50.0}, AT),
+]
+
+
+@pytest.mark.parametrize(("name", "index", "threshold", "others", "side"), RULES)
+def test_a_loop_on_the_bound(sticky, name, index, threshold, others, side):
+    module = methods.load(name)
+    chosen = {**module.METHOD.defaults(), **others}
+    first = module.detect(sticky, **chosen)
+    value = first.score if index == "score" else first.indices[index]
+    tiny = 1e-9 * max(abs(value), 1.0)
+    said = [module.detect(sticky, **{**chosen, threshold: value + d}).verdict == "stiction" for d in (-tiny, 0.0, tiny)]
+    assert said == [True, side == AT, False], (value, first.reason)
+
+
+@pytest.mark.parametrize(
+    ("name", "index", "threshold", "others"),
+    [
+        ("he", "eta", "eta_low", {"eta_high": 2.0}),
+        ("hammerstein", "score", "score_low", {"score_high": 2.0, "S_low": 0.0}),
+        ("stenman", "score", "score_low", {"score_high": 2.0}),
+        ("horch_isaksson", "score", "score_low", {"score_high": 2.0}),
+        ("procedure", "score", "odds_low", {"odds_high": 99.0}),
+    ],
+)
+def test_between_two_bounds_nothing_is_decided_and_the_lower_one_says_no(sticky, name, index, threshold, others):
+    module = methods.load(name)
+    chosen = {**module.METHOD.defaults(), **others}
+    first = module.detect(sticky, **chosen)
+    value = first.score if index == "score" else first.indices[index]
+    tiny = 1e-9 * max(abs(value), 1.0)
+    said = [module.detect(sticky, **{**chosen, threshold: value + d}).verdict for d in (-tiny, 0.0, tiny)]
+    assert said == ["no_decision", "no_stiction", "no_stiction"]
+
+
+def fit(**more):
+    """A fit of the Hammerstein model as `detect` reads it."""
+    found = {"S": 4.0, "J": 1.5, "S_range": (3.5, 4.5), "J_range": (1.4, 1.6), "error": 0.1, "error_linear": 0.2}
+    return SimpleNamespace(**{**found, "T_s": 1.0, "Td_s": 0.0, **more})
+
+
+@pytest.mark.parametrize(
+    ("found", "verdict", "score"),
+    [
+        ({}, "stiction", None),
+        ({"S": 400.0, "J": 300.0}, "stiction", 0.5),  # a band beyond OP's swing counts as the whole swing
+        ({"error": 0.51, "error_linear": 2.0}, "no_decision", None),
+        ({"error": 0.5, "error_linear": 2.0}, "stiction", None),
+        ({"S": 0.49}, "no_stiction", None),
+        ({"error": 0.2}, "no_stiction", 0.0),
+        ({"error": 0.3, "error_linear": 0.2}, "no_stiction", 0.0),
+        ({"error": 1e-9, "error_linear": 1e-7}, "no_stiction", 0.0),  # both explain everything
+    ],
+)
+def test_what_a_hammerstein_fit_says(sticky, monkeypatch, found, verdict, score):
+    monkeypatch.setattr(hammerstein, "fit_hammerstein", lambda *a: fit(**found))
+    said = hammerstein.detect(Prepared(sticky.record), **hammerstein.METHOD.defaults())
+    assert said.verdict == verdict
+    assert 0.0 <= said.score <= 1.0
+    if score is not None:
+        assert said.score == pytest.approx(score)
+    if verdict == "stiction":
+        assert said.S[0] < 3.5
+        assert said.S[1] > 4.5
+
+
+def test_every_index_is_a_number_and_every_score_finite(sticky):
+    for name in methods.names():
+        module = methods.load(name)
+        if module.__name__.startswith("detectors.methods"):
+            found = module.detect(sticky, **module.METHOD.defaults())
+            assert np.isfinite(found.score), name
+            assert all(isinstance(x, float | int | np.floating | np.integer) for x in found.indices.values()), name

@@ -1,0 +1,222 @@
+"""From scores and probabilities to the answer: what is named, refuted, compared, advised and noted, on stand-ins."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from detectors.errors import RecordError
+from simbench.gap import diagnosis
+from simbench.gap.closed_loop.gap import Shrinkage
+from simbench.gap.decide.classify import Classified
+from simbench.gap.diagnosis import _advice, closing, diagnose, named_by, report
+from simbench.loop.effects import EFFECTS
+
+P = {"stiction": 0.5, "gain_mismatch": 0.2, "quantisation": 0.1, "none": 0.1, "deadband": 0.05, "unknown": 0.05}
+NUMBERS = {"stiction": {"S": 5.0, "J": 2.0}, "gain_mismatch": {"factor": 2.0}, "quantisation": {"step": 0.1, "at": "loop"}}
+
+
+def weighed(**p):
+    given = p or P
+    return Classified({**dict.fromkeys(EFFECTS, 0.0), "none": 0.0, "unknown": 0.0, **given}, "process")
+
+
+def gap(before=4.0, after=1.0, *, value=0.9, lo=0.7, hi=0.95, resolvable=True):
+    return Shrinkage(before, 3.0, after, 0.8, resolvable, value, lo, hi, {})
+
+
+def situation(op=(45.0, 55.0), K=-1.5, *, integrating=False, known=True, faithful=True, mv=None):
+    pv = np.resize([1.0, -1.0], 100)
+    return SimpleNamespace(
+        op=np.array(op), data=SimpleNamespace(K=K), integrating=integrating, record=SimpleNamespace(pv=pv, mv=mv),
+        law=SimpleNamespace(known=known), archive=SimpleNamespace(faithful=faithful), notes=["noted"],
+    )  # fmt: skip
+
+
+def found(*chosen, parameters=None, shown=(), s=None, noise=0.1):
+    return SimpleNamespace(
+        chosen=list(chosen), parameters=NUMBERS if parameters is None else parameters, shown=lambda e: e in shown,
+        situation=s or situation(), unexplained={"valve": "MV strays"}, base=SimpleNamespace(theta={"noise_std": noise}),
+    )  # fmt: skip
+
+
+class Loops:
+    """Closed loops by the effects in them: what each closes."""
+
+    seed = 7
+
+    def __init__(self, main=None, rivals=()):
+        self.main, self.rivals, self.shrunk, self.built = main or gap(), dict(rivals), [], []
+
+    def shrink(self, effects):
+        self.shrunk.append(list(effects))
+        return self.main
+
+    def rival(self, effects, named):
+        return self.rivals.get(tuple(effects))
+
+    def loop(self, effects):
+        self.built.append(list(effects))
+        return tuple(effects)
+
+
+@pytest.mark.parametrize(("p", "chosen", "named"), [
+    (P, ["stiction"], ["stiction"]), (P, ["stiction", "quantisation"], ["stiction", "quantisation"]),
+    (P, ["quantisation", "stiction"], ["stiction", "quantisation"]),
+    # of one block there is one effect; one that was not found by itself is named alone
+    (P, ["stiction", "deadband"], ["stiction"]), (P, ["quantisation"], ["stiction"]),
+    ({"none": 0.6, "stiction": 0.4}, ["stiction"], ["none"]), ({"unknown": 0.6, "stiction": 0.4}, ["stiction"], ["unknown"]),
+])  # fmt: skip
+def test_the_most_probable_is_named_and_a_second_of_another_block(p, chosen, named):
+    assert named_by(weighed(**p), found(*chosen)) == named
+
+
+@pytest.mark.parametrize(("shrinkage", "shown", "refuted"), [
+    (gap(), (), False), (gap(after=4.0), (), True), (gap(after=4.1), (), True), (gap(after=9.0, resolvable=False), (), False),
+    # what single samples show stands unless the gap surely widens
+    (gap(after=4.1, hi=0.01), ("stiction",), False), (gap(after=4.1, hi=-0.01), ("stiction",), True),
+    (gap(after=4.1, hi=-0.01, resolvable=False), ("stiction",), False),
+])  # fmt: skip
+def test_an_effect_that_does_not_narrow_the_gap_is_unknown_in_its_block(shrinkage, shown, refuted):
+    weights = closing(weighed(), found("stiction", shown=shown), Loops(shrinkage))
+    assert weights.probability["stiction"] == (0.0 if refuted else 0.5)
+    assert weights.probability["unknown"] == pytest.approx(0.55 if refuted else 0.05)
+    assert weights.block("unknown") == ("valve" if refuted else "process")
+
+
+def test_nothing_named_is_nothing_refuted():
+    loops = Loops(gap(after=9.0))
+    same = weighed(none=0.9, stiction=0.1)
+    assert closing(same, found("stiction"), loops) is same
+    assert loops.shrunk == []
+
+
+@pytest.fixture
+def stubs(monkeypatch):
+    seen = {}
+
+    def choose(loops, weights, **more):
+        seen.update(loops=loops, weights=weights, **more)
+        return "bump", {"bump test": 2.0}
+
+    monkeypatch.setattr(diagnosis, "choose", choose)
+    monkeypatch.setattr(diagnosis, "smallest_detectable", lambda s, base, load: {"deadband": (load, "%")})
+    monkeypatch.setattr(diagnosis, "load_memory", lambda s: 60.0)
+    monkeypatch.setattr(diagnosis, "alike", lambda e, s, p: (e, str(p)))
+    return seen
+
+
+def test_the_answer_is_put_together(stubs):
+    rivals = {("gain_mismatch",): gap(after=2.0), ("quantisation",): None}
+    answer = report(found("stiction"), weighed(), Loops(rivals=rivals), ["two records"])
+    assert (answer.effect, answer.block, answer.group) == ("stiction", "valve", ("stiction", str(NUMBERS["stiction"])))
+    assert answer.effects == ({"block": "valve", "effect": "stiction", "parameters": NUMBERS["stiction"], "probability": 0.5},)
+    lines = answer.ranking[:4]
+    assert [r.effect for r in lines] == ["stiction", "gain_mismatch", "quantisation", "none"]
+    assert [(r.gap_before, r.gap_after) for r in lines] == [(4.0, 1.0), (4.0, 2.0), (None, None), (4.0, 4.0)]
+    assert (lines[0].block, lines[0].parameters, answer.ranking[4].parameters) == ("valve", NUMBERS["stiction"], {})
+    assert answer.as_json()["gap"] == {"before": 4.0, "recalibrated": 3.0, "after": 1.0, "floor": 0.8, "resolvable": True}
+    assert answer.shrinkage == {"value": 0.9, "lo": 0.7, "hi": 0.95}
+    assert answer.notes == ("noted", "two records", "valve: MV strays")
+    assert (answer.next_test, answer.behind.separation) == ("bump", {"bump test": 2.0})
+    assert answer.behind.detectable == {"deadband": (60.0, "%")}
+
+
+def test_an_interval_holds_its_value_and_is_claimed_only_of_an_effect_and_a_gap(stubs):
+    for main, expected in ((gap(lo=0.92), (0.9, 0.95)), (gap(hi=0.8), (0.7, 0.9))):
+        s = report(found("stiction"), weighed(), Loops(main)).shrinkage
+        assert (s["lo"], s["hi"]) == expected
+    assert report(found(), weighed(none=1.0), Loops()).shrinkage is None
+    unresolved = report(found("stiction"), weighed(), Loops(gap(value=None, resolvable=False)))
+    assert unresolved.shrinkage is None
+    assert unresolved.notes[-1] == "the gap (4.00) does not stand out of its floor (0.80): no shrinkage is claimed"
+
+
+def test_of_two_effects_the_loop_with_both_is_compared_and_each_stands_as_a_rival(stubs):
+    loops = Loops(rivals={("stiction",): gap(after=1.5), ("quantisation",): gap(after=3.5)})
+    answer = report(found("stiction", "quantisation"), weighed(), loops)
+    assert loops.shrunk == [["stiction", "quantisation"]]
+    assert [e["effect"] for e in answer.effects] == ["stiction", "quantisation"]
+    assert {r.effect: r.gap_after for r in answer.ranking[:3]} == {"stiction": 1.5, "gain_mismatch": None, "quantisation": 3.5}
+
+
+@pytest.mark.parametrize(("p", "alive"), [
+    (P, {"stiction": 0.5, "gain_mismatch": 0.2, "quantisation": 0.1}),
+    ({"stiction": 0.7, "none": 0.27, "quantisation": 0.03}, {"stiction": 0.7, "none": 0.27, "quantisation": 0.03}),
+    # what has no numbers cannot be simulated; two are compared at least
+    ({"stiction": 0.7, "deadband": 0.27, "quantisation": 0.03}, {"stiction": 0.7, "quantisation": 0.03}),
+    ({"stiction": 0.97, "none": 0.019, "quantisation": 0.011}, {"stiction": 0.97, "none": 0.02}),
+    ({"unknown": 0.99, "none": 0.006, "quantisation": 0.004}, {"none": 0.02, "quantisation": 0.02}),
+])  # fmt: skip
+def test_the_next_test_parts_the_candidates_still_in_play(stubs, p, alive):
+    ranking = sorted(p.items(), key=lambda kv: -kv[1])
+    assert _advice(found("stiction"), Loops(), ranking) == ("bump", {"bump test": 2.0})
+    assert stubs["weights"] == alive
+    assert stubs["loops"] == {e: () if e == "none" else (e,) for e in alive}
+    assert stubs["seed"] == 7
+
+
+@pytest.mark.parametrize(("s", "du", "dsp"), [
+    (situation(), 5.0, 7.5), (situation((49.5, 50.5)), 1.0, 1.5), (situation((10.0, 90.0)), 10.0, 15.0),
+    # a vessel keeps what it is given: steps as large as PV moves, or plainly beyond the noise
+    (situation(integrating=True), 5.0, 1.0),
+])  # fmt: skip
+def test_bumps_are_half_of_what_op_does_and_steps_what_the_plant_makes_of_them(stubs, s, du, dsp):
+    _advice(found("stiction", s=s), Loops(), [("stiction", 1.0)])
+    assert (stubs["du"], stubs["dsp"]) == pytest.approx((du, dsp))
+    _advice(found("stiction", s=situation(integrating=True), noise=0.5), Loops(), [("stiction", 1.0)])
+    assert stubs["dsp"] == pytest.approx(1.5)
+
+
+@pytest.mark.parametrize(("known", "faithful", "trusted"), [(True, False, True), (False, True, True), (False, False, False)])
+def test_raw_data_come_first_where_neither_law_nor_samples_speak_for_the_archive(stubs, known, faithful, trusted):
+    _advice(found("stiction", s=situation(known=known, faithful=faithful)), Loops(), [("stiction", 1.0)])
+    assert (stubs["law_known"], stubs["mv"]) == (trusted, False)
+    _advice(found("stiction", s=situation(mv=np.zeros(9))), Loops(), [("stiction", 1.0)])
+    assert stubs["mv"]
+
+
+def assessment(n, gains, *, proven=(), chosen=(), parameters=None, tag=""):
+    s = SimpleNamespace(record=SimpleNamespace(n=n, tag=tag), proven={e: {} for e in proven})
+    return diagnosis.Assessment(s, None, {}, parameters or {}, list(chosen), None, dict.fromkeys(EFFECTS, -3.0) | gains)
+
+
+def together(monkeypatch, *every):
+    queue = iter(every)
+    monkeypatch.setattr(diagnosis, "_assess_one", lambda r, baseline: next(queue))
+    return diagnosis._assess_all([SimpleNamespace()] * len(every), None, 1)
+
+
+def test_evidence_of_several_records_adds_up_and_the_longest_carries_the_fit(monkeypatch):
+    numbers = {"noise": {"factor": 3.0}, "stiction": {"S": 1.0}}
+    gained = {"stiction": 9.0, "noise": 4.0}
+    short = assessment(500, gained, proven=["quantisation"], chosen=["noise", "stiction"], parameters=numbers)
+    long = assessment(900, {"stiction": 7.0, "drift": 890.0}, parameters={"stiction": {"S": 2.0}}, tag="FIC1")
+    more = assessment(700, {"drift": 890.0}, chosen=["drift"])
+    found, said = together(monkeypatch, short, long, more)
+    assert found.situation is long.situation
+    gains = found.log_likelihood_gains
+    assert (gains["stiction"], gains["noise"], gains["quantisation"]) == (13.0, -2.0, 1000.0)
+    # no likelihood outranks what single samples prove
+    assert 900.0 < gains["drift"] < 1000.0
+    assert found.parameters == {"noise": {"factor": 3.0}, "stiction": {"S": 2.0}}
+    assert found.chosen == ["noise", "stiction"]
+    assert [f.situation.record.n for f in found.beside] == [500, 700]
+    assert said == ["3 records judged together; gap and parameters are those of FIC1"]
+    assert together(monkeypatch, short)[1] == []
+    assert "those of the longest" in together(monkeypatch, short, more)[1][0]
+
+
+@pytest.mark.parametrize(("Ts", "judged"), [(1.009, True), (1.011, False)])
+def test_records_of_one_pace_are_judged_together(monkeypatch, Ts, judged):
+    class Reached(Exception):
+        pass
+
+    def assess_all(*a):
+        raise Reached
+
+    monkeypatch.setattr(diagnosis, "_assess_all", assess_all)
+    with pytest.raises(Reached if judged else RecordError):
+        diagnose([SimpleNamespace(Ts=1.0), SimpleNamespace(Ts=Ts)], None)
+    with pytest.raises(RecordError, match="no record"):
+        diagnose([], None)
