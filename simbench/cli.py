@@ -31,10 +31,10 @@ def _workers(jobs: int) -> int:
 
 Json = Annotated[bool, typer.Option("--json", help="JSON, and nothing else, on stdout.")]
 Jobs = Annotated[int, typer.Option("-j", "--jobs", callback=_workers, help="Worker processes; -1 = all cores.")]
-Plugin = Annotated[list[Path] | None, typer.Option("--plugin", help="File of a further detector; repeatable.")]
+Plugin = Annotated[list[Path] | None, typer.Option(metavar="FILE.py", help="File of a further detector; repeatable.")]
 Limit = Annotated[float, typer.Option("--time-limit", metavar="S", help="Seconds a plug-in may take for a record.")]
-ValvePlugin = Annotated[list[Path] | None, typer.Option(help="File of a further valve model; repeatable.")]
-EffectPlugin = Annotated[list[Path] | None, typer.Option(help="File of a further effect; repeatable.")]
+ValvePlugin = Annotated[list[Path] | None, typer.Option(metavar="FILE.py", help="File of a further valve model; repeatable.")]
+EffectPlugin = Annotated[list[Path] | None, typer.Option(metavar="FILE.py", help="File of a further effect; repeatable.")]
 Thresholds = Annotated[
     Path | None, typer.Option(metavar="FILE.json", help="Other thresholds than the published ones, as calibrate writes them.")
 ]
@@ -191,7 +191,7 @@ def predict(
 def detect(
     path: Annotated[Path, typer.Argument(metavar="REC.csv|DIR", help="Record, or folder of records.")],
     method: Annotated[
-        list[str] | None, typer.Option(help="Method ids, all, fast or full; repeatable.", autocompletion=_methods)
+        list[str] | None, typer.Option(metavar="ID", help="Method ids, all, fast or full; repeatable.", autocompletion=_methods)
     ] = None,
     process: Annotated[str | None, typer.Option(help="self-regulating or integrating.")] = None,
     kind: Annotated[str | None, typer.Option(help="flow, level, pressure, temperature or analyser.")] = None,
@@ -272,7 +272,7 @@ def diagnose(
 def trust_(
     path: Annotated[Path, typer.Argument(metavar="REC.csv")],
     loop: Annotated[Path | None, typer.Option(metavar="LOOP.toml", help="The loop; identified if absent.")] = None,
-    method: Annotated[list[str] | None, typer.Option(help="Method ids, all, fast or full; repeatable.")] = None,
+    method: Annotated[list[str] | None, typer.Option(metavar="ID", help="Method ids, all, fast or full; repeatable.")] = None,
     html: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Page to write.")] = None,
     process: Annotated[str | None, typer.Option(help="self-regulating or integrating.")] = None,
     kind: Annotated[str | None, typer.Option(help="flow, level, pressure, temperature or analyser.")] = None,
@@ -308,7 +308,9 @@ def run(
     grid: Annotated[str, typer.Argument(help="Name of a grid, or a TOML file.", autocompletion=_grids)],
     out: Annotated[Path | None, typer.Option("-o", "--out", help="Folder of the run, or a URL [runs/GRID].")] = None,
     jobs: Jobs = 1,
-    method: Annotated[list[str] | None, typer.Option(help="Method ids, fast, full, oracle; repeatable [fast, oracle].")] = None,
+    method: Annotated[
+        list[str] | None, typer.Option(metavar="ID", help="Method ids, fast, full, oracle; repeatable [fast, oracle].")
+    ] = None,
     raw: Annotated[bool, typer.Option("--raw", help="Only without the oscillation front end.")] = False,
     front_end: FrontEnd = "acf",
     plugin: Plugin = None,
@@ -433,7 +435,7 @@ def history(
 def calibrate(
     grid: Annotated[str, typer.Argument(help="Name of a grid, or a TOML file.")],
     false_alarm: Annotated[float, typer.Option(help="Wanted share of healthy loops called sticky.")] = 0.05,
-    method: Annotated[list[str] | None, typer.Option(help="Method ids, fast or full; repeatable.")] = None,
+    method: Annotated[list[str] | None, typer.Option(metavar="ID", help="Method ids, fast or full; repeatable.")] = None,
     jobs: Jobs = 1,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="Folder for thresholds and ROC curves.")] = None,
     as_json: Json = False,

@@ -128,7 +128,8 @@ def between_methods(book: Book, truth: str = "cycled", raw: bool = False) -> Com
         one, other = (right[k, applies[i] & applies[j]] for k in (i, j))
         rows.append((names[i], names[j], int((one & ~other).sum()), int((~one & other).sum())))
     about = [book.manifest["methods"][m] for m in book.methods]
-    ranked = applies.all(axis=1) & np.array([a["role"] not in ALONE and not a["needs_mv"] for a in about])
+    alike = np.array([a["role"] not in ALONE and not a["needs_mv"] for a in about])
+    ranked = applies.all(axis=1) & alike
     ranks, cd = np.full(len(names), np.nan), float("nan")
     if ranked.sum() >= 3 and right.shape[1] >= 2:
         found = mean_ranks(right[ranked].T)

@@ -95,7 +95,7 @@ def _last_bits(record: LoopRecord, rng: np.random.Generator) -> LoopRecord:
     return replace(record, op=shaken(record.op), pv=shaken(record.pv), mv=mv)
 
 
-def study(grid: str, axes: dict[str, list], methods: tuple[str, ...] = ("fast", "stenman")) -> list[dict[str, object]]:
+def study(grid: str, axes: dict[str, list], methods: tuple[str, ...] = ("fast",)) -> list[dict[str, object]]:
     """Return what the gate says of every broken and every rewritten detector.
 
     Parameters

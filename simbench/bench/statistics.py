@@ -1,4 +1,8 @@
-"""The statistics of a benchmark: intervals of rates and AUC, paired and unpaired tests, corrections for many tests."""
+"""The statistics of a benchmark: intervals of rates and AUC, paired and unpaired tests, corrections for many tests.
+
+Wilson and Holm are a few lines, McNemar and Friedman are scipy's: a library that has all four (statsmodels) would serve nothing
+else here.
+"""
 
 from __future__ import annotations
 

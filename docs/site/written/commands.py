@@ -17,7 +17,7 @@ def commands_page() -> str:
     for words in verbs():
         said = CliRunner().invoke(app, [*words, "--help"], prog_name="simbench", env=WIDTH)
         assert said.exit_code == 0, said.output
-        lines += [*heading(" ".join(["simbench", *words]), "-"), "::", ""]
+        lines += [*heading(" ".join(["simbench", *words]), "-"), ".. code-block:: text", ""]
         lines += [f"   {line}".rstrip() for line in said.output.strip().splitlines()] + [""]
     return "\n".join(lines)
 

@@ -32,7 +32,7 @@ def methods_page() -> str:
     said = f"{counts.get('n_stiction', 0)} sticky and {counts.get('n_other', 0)} others"
     lines = [*heading("Which detector when"), ABOUT.format(n=loops(), real=said), ""]
     order = [*shares, *(name for name in methods.names() if name not in shares)]
-    head = ("method", "looks for", "made for", "right", "cycling found", "healthy left alone", "real found", "real alarms")
+    head = ("method", "right", "cycling found", "healthy left alone", "real found", "real alarms", "made for", "looks for")
     lines += table(head, [_row(name, shares, real) for name in order])
     lines += [
         "Figures: ``results/figures/score-overview.csv`` and ``results/real_records.txt``, both printed by commands of the"
@@ -53,7 +53,7 @@ def _row(name: str, shares: dict[str, dict[str, float]], real: dict[str, dict[st
     seen = (r"\-", r"\-")
     if unit:
         seen = (f"{unit['found']} of {unit['n_stiction']}", f"{unit['false_alarms']} of {unit['n_other']}")
-    return f":ref:`{name} <method-{name}>`", plain(about.title), made, *numbers, *seen
+    return f":ref:`{name} <method-{name}>`", *numbers, *seen, made, plain(about.title)
 
 
 def loops() -> int:

@@ -14,7 +14,9 @@ import pandas as pd
 import pytest
 from scipy.signal import welch
 
+from detectors.errors import ParameterError
 from detectors.io import read_record
+from detectors.record import LoopRecord
 from scenarios.spec import Loop, load_loop
 from simbench.cli import main
 from simbench.files import write_record
@@ -270,3 +272,16 @@ def test_a_partial_baseline_that_says_something_wrong_is_refused(text, words, pl
 def test_missing_files_are_refused_by_name(place, capsys):
     refused(capsys, place, ["absent.csv", "--baseline", "loop.toml"], "absent.csv")
     refused(capsys, place, ["FIC101.csv", "--baseline", "absent.toml"], "absent.toml")
+
+
+@pytest.mark.parametrize(("window", "length"), [(None, 200), ((0, 200), 200), ((0, 3), 3), ((50, 60), 10)])
+def test_a_window_is_cut_out_of_the_record(window, length):
+    record = LoopRecord(op=np.arange(200.0), pv=np.arange(200.0), Ts=1.0)
+    assert command._cut(record, window, "loop.csv").n == length
+
+
+@pytest.mark.parametrize("window", [(-1, 100), (0, 201), (50, 50), (60, 50)])
+def test_a_window_that_the_record_does_not_hold_is_refused(window):
+    record = LoopRecord(op=np.arange(200.0), pv=np.arange(200.0), Ts=1.0)
+    with pytest.raises(ParameterError, match=r"loop.csv: --window .*FROM < TO within 0..200"):
+        command._cut(record, window, "loop.csv")

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from simbench.gap.controller.pi_law import Law
 from simbench.gap.controller.regression import spread
 from simbench.gap.controller.standstill import error_gap, limits_of, skips_scans
 
@@ -111,3 +112,15 @@ def test_standstills_that_rounding_brings_by_chance_are_no_missed_scans(unit, sk
     # a unit of 2.5 sizes repeats itself all the time; three times as many as chance brings are wanted
     op, e, size = scans(300)
     assert skips_scans(op, e, np.ones(op.size, dtype=bool), size, unit * size) == skips
+
+
+def test_a_dead_band_ends_half_way_between_the_largest_error_that_stands_and_the_smallest_that_moves():
+    op, e = rest(100, 1000)
+    reach, moves = np.maximum(np.abs(e[1:]), np.abs(e[:-1])), np.diff(op) != 0.0
+    # the pair that enters the band and the one that leaves it move already; a few at the end stand by chance
+    width = error_gap(op, e, np.ones(999, dtype=bool), 0.85)
+    assert width == pytest.approx(reach[~moves & (reach < 1.0)].max() + reach[moves].min())
+
+
+def test_a_law_that_explains_all_has_no_strays():
+    assert Law(0.0, 0.0, 1.0, 20.0).strays.size == 0

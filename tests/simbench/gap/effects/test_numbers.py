@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from simbench.gap.candidates import look_alikes
 from simbench.gap.effects import Recogniser, load_drift, load_steps, oscillation, outliers, recogniser
@@ -391,3 +392,18 @@ def test_a_yardstick_is_the_loops_own_size():
 def test_noise_is_not_judged_where_rounding_or_thinning_makes_its_own(noise, rounding, thinning, drowned):
     s = SimpleNamespace(archive=SimpleNamespace(rounding=rounding, thinning=thinning))
     assert recogniser("noise").drowned(s) == drowned
+
+
+@pytest.mark.parametrize("height", [6.0, 9.0])
+def test_evidence_for_spikes_is_that_of_rare_wide_gaussians_among_narrow_ones(height):
+    x, places = innovations(height, 12)
+    pv = np.zeros(x.size)
+    pv[places] = height
+    s = SimpleNamespace(record=SimpleNamespace(pv=pv), law=SimpleNamespace(known=True))
+    gain, _ = outliers.by_innovations(SimpleNamespace(residual=x, theta={"noise_std": 0.1}), s)
+    judged = x[kernels.SKIP :]
+    narrow, rate = 1.4826 * np.median(np.abs(judged)), 12 / judged.size
+    # all spikes are of one height here, which is then the wide one's standard deviation
+    mixture = np.log((1.0 - rate) * norm.pdf(judged, scale=narrow) + rate * norm.pdf(judged, scale=height))
+    plain = norm.logpdf(judged, scale=np.std(judged))
+    assert gain == pytest.approx(float(np.sum(mixture - plain)) - np.log(judged.size), rel=1e-6)

@@ -272,3 +272,17 @@ def test_a_trusted_number_costs_what_lies_beyond_its_tenth(changes, spec, late, 
     free = Spec(free=frozenset({"T", "Td", "noise_std"}))
     assert len(e._surprises(free, theta)) == 2
     assert len(Engine(Data(OP, PV, K, T, TD, 0.0, trusted=False), 60.0)._surprises(Spec(), theta)) == 1
+
+
+@pytest.mark.parametrize("tau", [0.6, 4.0])
+def test_a_sensors_pole_is_taken_off_pv(tau):
+    a = np.exp(-1.0 / tau)
+    rng = np.random.default_rng(0)
+    seen = 50.0 + np.cumsum(rng.standard_normal(500))
+    shown = np.empty(500)
+    shown[0] = seen[0]
+    for k in range(1, 500):
+        shown[k] = a * shown[k - 1] + (1.0 - a) * seen[k]
+    e = Engine(Data(np.full(500, 50.0), shown, K, T, TD, NOISE), 60.0)
+    assert e._channels(Spec(pole="sensor"), {**THETA, "tau": tau})[0] == pytest.approx(seen - seen[0], abs=1e-6)
+    assert e._channels(Spec(), THETA)[0] == pytest.approx(shown - shown[0])
