@@ -306,7 +306,7 @@ def report_(
 @app.command()
 def run(
     grid: Annotated[str, typer.Argument(help="Name of a grid, or a TOML file.", autocompletion=_grids)],
-    out: Annotated[Path | None, typer.Option("-o", "--out", help="Folder of the run [runs/GRID].")] = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="Folder of the run, or a URL [runs/GRID].")] = None,
     jobs: Jobs = 1,
     method: Annotated[
         list[str] | None, typer.Option(metavar="ID", help="Method ids, fast, full, oracle; repeatable [fast, oracle].")

@@ -45,16 +45,18 @@ def on_processes(jobs: int) -> Iterator[Runner]:
     from joblib.externals.loky import get_reusable_executor
 
     settings = {"max_workers": effective_n_jobs(jobs), "timeout": IDLE, "initializer": _ignore_interrupt, "env": ONE_THREAD}
+    executor: Any = None
 
     def run(task: Task, missing: Pieces) -> Iterator[Receipt]:
-        # after a death this is a new one
-        executor = get_reusable_executor(**settings)
+        nonlocal executor
+        executor = get_reusable_executor(**settings)  # after a death this is a new one
         return _handed_out(lambda *piece: executor.submit(task, *piece), missing, lambda: None)
 
     try:
         yield run
     except BaseException:
-        get_reusable_executor(**settings).shutdown(wait=True, kill_workers=True)
+        if executor is not None:
+            executor.shutdown(wait=True, kill_workers=True)
         raise
 
 
