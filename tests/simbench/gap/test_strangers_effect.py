@@ -61,7 +61,7 @@ SLEW = Free("slew", lambda d: 1e-4 * fastest(d), fastest, log=True)
 
 def fit(engine, base):
     spec = base.spec.join(Spec(moves=Moves(slewed, (SLEW,))))
-    points = [{"slew": fastest(engine.data) * share} for share in (0.02, 0.05, 0.1, 0.2, 0.4)]
+    points = [{"slew": fastest(engine.data) * share} for share in np.geomspace(0.005, 0.4, 10)]
     return engine.fit(spec, engine.grid(spec, base.theta, points)[0].theta), 1.0
 
 
