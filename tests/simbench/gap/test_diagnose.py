@@ -212,3 +212,15 @@ def test_a_loop_without_noise_is_no_riddle(effect, mv):
     record = simulate(Loop.from_table({**table, "effect": [effect] if effect else []}), seed=1).record
     found = diagnose(replace(record, mv=record.mv if mv else None), Loop.from_table(table))
     assert found.effect == (effect["name"] if effect else "none")
+
+
+def test_without_a_baseline_friction_is_found_with_its_size_though_the_plant_bent_around_it():
+    table = {
+        "plant": {"type": "foptd", "K": 1.0, "T": 30.0, "Td": 3.0}, "controller": {"type": "PI", "Kc": 1.2, "Ti": 20.0},
+        "noise": {"std": 0.05}, "disturbance": [{"type": "coloured", "amplitude": 0.3, "period": 20.0}],
+        "sampling": {"Ts": 2.0, "n": 1500}, "valve": {"model": "choudhury", "S": 6.0, "J": 4.0},
+    }  # fmt: skip
+    found = diagnose(simulate(Loop.from_table(table), 1, kick=5.0).record.blind(), None)
+    assert found.effect == "stiction"
+    # the gain's scale is the record's, S is OP's
+    assert found.effects[0]["parameters"]["S"] == pytest.approx(6.0, rel=0.05)
