@@ -64,9 +64,12 @@ def share_on_lines(x: np.ndarray, unit: float = 0.0) -> float:
 def _bends(x: np.ndarray, unit: float) -> tuple[np.ndarray, float]:
     """Return how far each inner sample is off a straight course (inf where nothing moves), and what rounding explains of it."""
     first, second = np.diff(x), np.diff(x, 2)
-    moving = (np.abs(first[1:]) > 2 * unit) | (np.abs(first[:-1]) > 2 * unit)
+    exact = 1e-6 * (float(np.ptp(x)) or 1.0)
+    # what has come to rest is straight by itself
+    least = max(2.0 * unit, 5.0 * exact)
+    moving = (np.abs(first[1:]) > least) | (np.abs(first[:-1]) > least)
     typical = 1.4826 * float(np.median(np.abs(first)))
-    tolerance = max(2.1 * unit, 1e-6 * (float(np.ptp(x)) or 1.0))
+    tolerance = max(2.1 * unit, exact)
     seen = moving & (tolerance <= 0.2 * typical)
     return np.where(seen, np.abs(second), np.inf), tolerance
 

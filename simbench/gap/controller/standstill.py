@@ -9,6 +9,7 @@ from simbench.gap.controller.regression import about_zero, by_steps
 OBEYED = 0.03  # residual of a move, relative to the moves, below which it follows a PI law
 LEANT = 3.0  # steps of a coarse OP asked for during one stay at its extreme, from which that is a limit
 RESTS = 6  # pairs of samples at one extreme of OP, from which it is a limit if OP rests nowhere else
+SETTLED = 1e-3  # of the error's range, within which a loop without noise has settled and OP rests for that
 STILL = 0.005  # share of samples with OP exactly at rest from which a gap in the error is looked for
 
 
@@ -67,7 +68,7 @@ def error_gap(op: np.ndarray, e: np.ndarray, rows: np.ndarray, least: float) -> 
     edge = 0.5 * (reach[order[split]] + reach[order[split + 1]])
     wrong = np.count_nonzero(still != (reach <= edge))
     agree = 1.0 - wrong / max(min(still.sum(), (~still).sum()), 1)
-    return 2.0 * float(edge) if agree > least else 0.0
+    return 2.0 * float(edge) if agree > least and edge > SETTLED * float(np.ptp(e)) else 0.0
 
 
 def skips_scans(op: np.ndarray, e: np.ndarray, inside: np.ndarray, size: float, unit: float) -> bool:

@@ -11,7 +11,7 @@ from simbench.gap.effects import NOT_TRIED, Parameters, recogniser
 from simbench.gap.intake.other_loop import refuse_other_plant
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit
-from simbench.gap.likelihood.residual_tests import generic_directions, residual_tests
+from simbench.gap.likelihood.residual_tests import tests_of
 from simbench.gap.likelihood.valve_map import MapSearch
 from simbench.gap.situation import Situation, load_memory
 from simbench.loop.effects import EFFECTS, NONE, block_of
@@ -101,7 +101,7 @@ def assess(situation: Situation) -> Assessment:
             if runner in candidates:
                 final = fit_candidates(engine, final, [runner])[runner].fit
                 parameters[runner] = recogniser(runner).numbers(final, situation)
-    tests = residual_tests(final, situation.data) | generic_directions(engine, final)
+    tests = tests_of(engine, final)
     fitted = (situation, base, candidates, parameters, chosen, final)
     return Assessment(*fitted, gains, tests, on_top, mv_unexplained)
 

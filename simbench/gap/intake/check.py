@@ -9,6 +9,7 @@ import numpy as np
 from detectors.errors import RecordError
 from detectors.quality import inspect
 from detectors.record import LoopRecord
+from detectors.signal.holds import holds
 from detectors.signal.lattice import hides_nothing
 from detectors.signal.lines import on_line
 from detectors.signal.spikes import cleaned, isolated
@@ -73,7 +74,9 @@ def check(record: LoopRecord, baseline: Loop, trusted: bool = True, tuned: bool 
     archive, plant_pv, mismatch = _archive(record, law, samples)
     if law.reason and not _apart(law):
         notes.append(f"controller: cannot tell, {law.reason}")
-    frozen = samples.held > max(20, 0.02 * record.n) or (trusted and samples.stuck > STUCK)
+    # without noise PV stands still for the dead time alone
+    stuck = trusted and baseline.noise.std > 0.0 and samples.stuck > STUCK
+    frozen = stuck or _held(record.pv, op) > max(20, 0.02 * record.n)
     situation = Situation(
         record, baseline, trusted, tuned, op, np.full(record.n, record.pv.mean()) if sp is None else np.asarray(sp), law,
         samples, archive, plant_pv, _data(record, baseline, op, plant_pv, _rounding(archive, samples), law, trusted), notes,
@@ -81,6 +84,13 @@ def check(record: LoopRecord, baseline: Loop, trusted: bool = True, tuned: bool 
         unexplained_law=_unexplained(law, archive, mismatch) if tuned else "",
     )  # fmt: skip
     return replace(situation, proven=proven(situation))
+
+
+def _held(pv: np.ndarray, op: np.ndarray) -> int:
+    """Return the most moves of OP within one run of equal samples of PV: a loop without noise comes to rest as a whole."""
+    lengths = holds(pv)
+    moves = np.append(False, np.abs(np.diff(op)) > 1e-9 * float(np.abs(op).max()))
+    return int(np.bincount(np.repeat(np.arange(lengths.size), lengths), moves).max())
 
 
 def _refuse_other_pace(record: LoopRecord, baseline: Loop, where: str) -> None:

@@ -40,8 +40,9 @@ def search_map(engine: Engine, base: Fit, kind: int, coarse: np.ndarray, few: bo
     """
     best = None
     # at the load that "no effect" needed, peaks look flat: try quieter ones
-    own, nominal = plants(engine, base)[:2]
+    own, nominal, *others = plants(engine, base)
     tries = [(1.0, own), (0.3, own)] if few else [(1.0, own), (1.0, nominal), (0.3, own), (0.1, own)]
+    tries += [(0.3, other) for other in others]
     starts = [{**base.theta, **plant, "load": base.theta["load"] * level} for level, plant in tries]
     for theta in [*starts, idle(engine, base)]:
         best = better(best, settle(engine, scanned(engine, base.spec, theta, kind, coarse)))
@@ -145,4 +146,5 @@ def plants(engine: Engine, base: Fit) -> list[dict[str, float]]:
     """Return the plants from which an effect is looked for: the base's, which has bent itself around it, and the baseline's."""
     d = engine.data
     out = [{"T": base.theta.get("T", 0.0), "Td": base.theta["Td"]}, {"T": d.T, "Td": d.Td}]
-    return out if d.trusted else [*out, {"T": d.T / 2, "Td": d.Td / 2}]
+    # an identified plant has bent itself around the effect as well
+    return out if d.trusted else [*out, *({"T": d.T / n, "Td": d.Td / n} for n in (2, 6))]

@@ -199,3 +199,16 @@ def test_records_of_another_pace_are_not_judged_together():
     one = record()
     with pytest.raises(RecordError, match="one Ts"):
         ask([one, replace(one, Ts=2.0)])
+
+
+@pytest.mark.parametrize("mv", [True, False])
+@pytest.mark.parametrize("effect", [{"name": "stiction", "S": 5.0, "J": 2.0}, {"name": "gain_mismatch", "factor": 1.6}, None])
+def test_a_loop_without_noise_is_no_riddle(effect, mv):
+    table = {
+        "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0}, "controller": {"type": "PI", "Kc": 1.0, "Ti": 20.0},
+        "sampling": {"Ts": 1.0, "n": 1500}, "noise": {"std": 0.0},
+        "setpoint": {"value": 50.0, "steps": [[200, 55.0], [700, 50.0], [1100, 53.0]]},
+    }  # fmt: skip
+    record = simulate(Loop.from_table({**table, "effect": [effect] if effect else []}), seed=1).record
+    found = diagnose(replace(record, mv=record.mv if mv else None), Loop.from_table(table))
+    assert found.effect == (effect["name"] if effect else "none")
