@@ -20,7 +20,6 @@ PATIENCE = 8.0  # s, for a scheduler to answer, or for a lost one or the last wo
 FIRST = 300.0  # s, for the first worker: some clusters start them when there is work
 LOOK = 1.0  # s between two looks at workers from which nothing comes
 AHEAD = 1000  # pieces handed out and not yet done
-IDLE = 300  # s after which processes without work end
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 
 
@@ -42,22 +41,32 @@ def on_processes(jobs: int) -> Iterator[Runner]:
         yield lambda task, missing: (task(number, groups) for number, groups in missing)
         return
     from joblib import effective_n_jobs
-    from joblib.externals.loky import get_reusable_executor
+    from joblib.externals.loky import ProcessPoolExecutor
 
-    settings = {"max_workers": effective_n_jobs(jobs), "timeout": IDLE, "initializer": _ignore_interrupt, "env": ONE_THREAD}
-    executor: Any = None
+    settings = {"max_workers": effective_n_jobs(jobs), "initializer": _ignore_interrupt, "env": ONE_THREAD}
+    executor: Any = None  # its own: loky's reusable one would be taken by joblib for one of joblib's
+
+    def end(kill: bool) -> None:
+        nonlocal executor
+        if executor is not None:
+            executor.shutdown(wait=True, kill_workers=kill)
+        executor = None
 
     def run(task: Task, missing: Pieces) -> Iterator[Receipt]:
         nonlocal executor
-        executor = get_reusable_executor(**settings)  # after a death this is a new one
-        return _handed_out(lambda *piece: executor.submit(task, *piece), missing, lambda: None)
+        executor = executor or ProcessPoolExecutor(**settings)
+        try:
+            yield from _handed_out(lambda *piece: executor.submit(task, *piece), missing, lambda: None)
+        except Exception:  # after a death the next is a new one
+            end(kill=True)
+            raise
 
     try:
         yield run
     except BaseException:
-        if executor is not None:
-            executor.shutdown(wait=True, kill_workers=True)
+        end(kill=True)
         raise
+    end(kill=False)
 
 
 @contextlib.contextmanager

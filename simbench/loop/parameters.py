@@ -67,7 +67,7 @@ class Number:
         try:
             number = float(value)
         except OverflowError:  # a whole number of hundreds of digits
-            number = math.inf
+            raise ParameterError(f"{where}: {name} = {_start(value)} is not finite{unit}") from None
         if not math.isfinite(number):
             raise ParameterError(f"{where}: {name} = {number} is not finite{unit}")
         if abs(number) > LARGEST:
@@ -82,6 +82,13 @@ class Number:
         if math.isinf(self.low):
             return f"<= {self.high:g}"
         return f"in {self.low:g}..{self.high:g}" + (f", not {self.low:g}" if self.positive else "")
+
+
+def _start(value: Any) -> str:
+    try:
+        return f"{str(value)[:60]}..."
+    except ValueError:  # Python writes no whole number of more than 4300 digits out
+        return "a number of thousands of digits"
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
+from joblib import Parallel, delayed
 
 from detectors.errors import UserError
 from detectors.judge import judge
@@ -71,6 +72,12 @@ def test_both_tables_are_keyed_by_scenario_and_method(finished):
 
 def test_two_workers_give_the_same_bits_as_one(small, finished, tmp_path):
     assert_same(run_grid(small, tmp_path / "two", METHODS, 2), finished)
+
+
+def test_joblib_finds_its_own_processes_after_a_run(small, tmp_path):
+    """As `simbench report` after `simbench run` in one process."""
+    run_grid(small, tmp_path / "run", METHODS, 2)
+    assert Parallel(2)(delayed(abs)(-i) for i in range(3)) == [0, 1, 2]
 
 
 def test_one_file_a_table_reads_like_a_folder_of_partitions(finished, tmp_path):

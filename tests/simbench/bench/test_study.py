@@ -11,6 +11,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from simbench.bench import study
+from simbench.bench.checksums import digest
+from simbench.bench.manifest import read_manifest, write_manifest
+from simbench.bench.store import read_table
 
 
 @pytest.fixture
@@ -32,11 +35,14 @@ def in_process(monkeypatch, capsys):
 
 def changed(folder, copy, kind, column, value):
     shutil.copytree(folder, copy)
-    table = pq.read_table(copy / f"{kind}.parquet")
+    path, manifest = copy / f"{kind}.parquet", read_manifest(copy)
+    table = read_table(copy, kind)
     old = table.column(column).to_pylist()
     at = table.schema.get_field_index(column)
     new = pa.array([value, *old[1:]], table.schema.field(column).type)
-    pq.write_table(table.set_column(at, table.schema.field(column), new), copy / f"{kind}.parquet")
+    shutil.rmtree(path)  # of partitions; one file is read alike
+    pq.write_table(table.set_column(at, table.schema.field(column), new), path)
+    write_manifest(copy, {**manifest, "tables": {**manifest["tables"], kind: digest(path.read_bytes())}})
     return copy
 
 
