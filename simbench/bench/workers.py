@@ -16,7 +16,7 @@ from simbench.bench.pieces import Receipt
 Task = Callable[[int, Sequence[int]], Receipt]
 Pieces = list[tuple[int, Sequence[int]]]
 Runner = Callable[[Task, Pieces], Iterator[Receipt]]
-PATIENCE = 8.0  # s, for a scheduler to answer, or for a lost one or the last worker to come back
+PATIENCE = 6.0  # s, for a scheduler to answer, or for a lost one or the last worker to come back
 FIRST = 300.0  # s, for the first worker: some clusters start them when there is work
 LOOK = 1.0  # s between two looks at workers from which nothing comes
 AHEAD = 1000  # pieces handed out and not yet done
@@ -81,7 +81,7 @@ def on_cluster(address: str | None) -> Iterator[Runner]:
     Yields
     ------
     callable
-        It raises RunError when the scheduler, or every worker, has been gone for 8 s; a worker that dies among others is no
+        It raises RunError when the scheduler, or every worker, has been gone for 6 s; a worker that dies among others is no
         matter, its pieces are worked elsewhere.
 
     Raises
