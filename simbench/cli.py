@@ -763,11 +763,11 @@ def _confirmed(result: Any, picture: Path | None, as_json: bool) -> None:
 
 def _picture(path: Path | None, *read: Path | None) -> None:
     """Refuse, before any work, a picture that would stand in place of what is read, or is of no known kind."""
-    from simbench.files import refuse_own_input
+    from simbench.files import picture_kind, refuse_own_input
 
     refuse_own_input([path], read)
-    if path is not None and path.suffix.lower() not in (".svg", ".png", ".pdf"):
-        raise ParameterError(f"picture {path}: .svg, .png or .pdf is needed")
+    if path is not None:
+        picture_kind(path)
 
 
 def _threshold_file(path: Path | None) -> dict[str, dict[str, float]]:

@@ -11,8 +11,11 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import IO
 
-from detectors.errors import UserError
+from detectors.errors import ParameterError, UserError
 from detectors.record import LoopRecord
+
+# `Path` makes one slash of two; a single letter is a drive
+URL = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+):/+(.*)")
 
 
 class FileError(UserError, OSError):
@@ -69,11 +72,18 @@ def whole_file(path: str | Path, mode: str = "w") -> Iterator[IO]:
 
 
 def _local(path: str | Path) -> Path:
-    # `Path` makes one slash of two; a single letter is a drive
-    scheme = re.match(r"([A-Za-z][A-Za-z0-9+.-]+):/", str(path))
-    if scheme is not None:
-        raise FileError(f"{path} cannot be written: scheme {scheme[1]!r} is unknown; give a path on this machine")
+    url = URL.match(str(path))
+    if url is not None:
+        raise FileError(f"{path} cannot be written: scheme {url[1]!r} is unknown; give a path on this machine")
     return Path(path)
+
+
+def picture_kind(path: str | Path) -> str:
+    """Return svg, png or pdf, whichever a picture's name asks for; refuse another."""
+    kind = Path(path).suffix.lower().lstrip(".")
+    if kind not in ("svg", "png", "pdf"):
+        raise ParameterError(f"picture {path}: .svg, .png or .pdf is needed")
+    return kind
 
 
 def refuse_own_input(outputs: Iterable[str | Path | None], inputs: Iterable[str | Path | None]) -> None:

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import re
 import shutil
 from pathlib import Path
 from typing import Any
 
 from detectors.errors import nearest
-from simbench.files import FileError, whole_file
+from simbench.files import URL, FileError, whole_file
 from simbench.files import folder as make_folder
-
-# `Path` makes one slash of two; a single letter is a drive
-URL = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+):/+(.*)")
 
 
 class Place:

@@ -14,9 +14,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from detectors.errors import ParameterError
 from detectors.verdict import VERDICTS
-from simbench.files import whole_file
+from simbench.files import picture_kind, whole_file
 
 # Okabe and Ito (2008), safe for colour-blind readers
 BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, RED, PINK = (
@@ -81,14 +80,6 @@ def write_picture(figure: Figure, path: str | Path) -> None:
     plain = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {"Software": None}}
     with matplotlib.rc_context({"svg.hashsalt": Path(path).stem}), whole_file(path, "wb") as f:
         figure.savefig(f, format=kind, dpi=110, metadata=plain[kind])
-
-
-def picture_kind(path: str | Path) -> str:
-    """Return svg, png or pdf, whichever a picture's name asks for; refuse another."""
-    kind = Path(path).suffix.lower().lstrip(".")
-    if kind not in ("svg", "png", "pdf"):
-        raise ParameterError(f"picture {path}: .svg, .png or .pdf is needed")
-    return kind
 
 
 def panels(rows: int, columns: int, width: float, height: float, **more: Any) -> tuple[Figure, np.ndarray]:

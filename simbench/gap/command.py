@@ -10,7 +10,7 @@ from typing import Any
 from detectors.errors import ParameterError
 from detectors.io import read_record
 from detectors.record import LoopRecord
-from simbench.files import refuse_own_input, whole_file
+from simbench.files import picture_kind, refuse_own_input, whole_file
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.intake.partial import read_baseline
 from simbench.gap.report.result import GapReport
@@ -76,8 +76,6 @@ def diagnose_files(
         raise ParameterError("gap diagnose needs at least one record")
     refuse_own_input([html, write_loop, picture], [*records, baseline])
     if picture is not None:
-        from simbench.figures._style import picture_kind
-
         picture_kind(picture)
     loop = None if baseline is None else read_baseline(baseline)
     read = [_cut(read_record(path, **about), window, path) for path in records]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from detectors.signal.holds import holds, stuck
-from detectors.signal.lattice import hides_nothing, lattice, written_unit
+from detectors.signal.lattice import written
 from detectors.signal.lines import share_on_lines
 from detectors.signal.spikes import isolated, off_line
 from detectors.signal.tails import heavy_tails
@@ -59,16 +59,17 @@ def inspect_samples(pv: np.ndarray, *others: np.ndarray) -> Samples:
     >>> round(found.step, 6)
     0.3137
     """
-    unit = written_unit(pv, *others)
-    step = lattice(pv, unit)
-    spikes, heights = isolated(pv, max(unit, step))
+    is_written = written(pv, *others)
+    unit, step = is_written.unit, is_written.step
+    rounding = max(unit, step)
+    spikes, heights = isolated(pv, rounding)
     heavy = spikes.size > 0 and heavy_tails(off_line(np.asarray(pv, dtype=float))[0])
     if heavy:
         spikes, heights = spikes[:0], heights[:0]
     return Samples(
         unit,
         step,
-        share_on_lines(pv, max(unit, step)) if hides_nothing(step, pv) else 0.0,
+        0.0 if is_written.coarse else share_on_lines(pv, rounding),
         spikes,
         heights,
         int(holds(pv).max()),
