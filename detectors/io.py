@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ import numpy as np
 
 from detectors.archive import Series, base_step, hold, stored_on_change
 from detectors.clock import seconds
-from detectors.errors import RecordError
+from detectors.errors import RecordError, nearest
 from detectors.gaps import BRIDGED, JITTER, MOST_MISSING, whole
 from detectors.historian import apply_quality, is_head, op_span, read_numbers, take_units
 from detectors.long_table import read_series, unfold
@@ -18,6 +19,9 @@ from detectors.record import KIND_ALIASES, KINDS, PROCESSES, LoopRecord
 from detectors.roles import SIGNALS, TIME_NAMES, find_roles, shown, words
 from detectors.tables import Sheet, read_sheet, read_table
 
+LABELS = ("stiction", "no_stiction", "unknown")
+# what a loop without stiction may be said to have instead; more words may follow ("tuning problem")
+CAUSES = ("tuning", "disturbance", "load", "interaction", "sensor", "nonlinearity", "quantisation", "healthy", "other")
 RECORD_FILES = (".csv", ".txt", ".parquet", ".xlsx")  # what is read of a folder
 
 
@@ -150,12 +154,13 @@ def read_labels(path: str | Path) -> dict[str, dict[str, str]]:
     -------
     dict of str to dict of str to str
         By record name: label, kind, process, loop, unit_group and every other column as text. Underscores in kind and
-        process read as hyphens; words that a record does not know become "".
+        process read as hyphens; words that a record does not know become "". A label is stiction, no_stiction, unknown or
+        nothing, or begins with a cause of `CAUSES`.
 
     Raises
     ------
     RecordError
-        When the file cannot be read or has no such column.
+        When the file cannot be read or has no such column, or a label is none: a misspelt one would count as its opposite.
     """
     raw = read_table(Path(path))
     rows = {str(k).strip().lower(): v for k, v in raw.items()}
@@ -172,9 +177,19 @@ def read_labels(path: str | Path) -> dict[str, dict[str, str]]:
         row["process"] = process if process in PROCESSES else ""
         row["loop"] = row.get("loop") or str(name)
         row["unit_group"] = row.get("unit_group") or row["loop"]
-        row["label"] = row["label"].lower().replace("-", "_")
+        row["label"] = _label(row["label"], f"{path}, line {i + 2}")
         table[str(name).strip()] = row
     return table
+
+
+def _label(text: str, where: str) -> str:
+    # a misspelt "stiction" would count as its opposite
+    word = "_".join(re.findall(r"[a-z]+", text.lower()))
+    if text in ("", "nan"):
+        return ""
+    if word not in LABELS and not word.startswith(CAUSES):
+        raise RecordError(f"{where}: label {text[:60]!r} is unknown, {nearest(word, (*LABELS, *CAUSES))}")
+    return word
 
 
 def _record(sheet: Sheet, chosen: Mapping[str, str], loop: str | None, Ts: float | None, about: dict, where: str) -> LoopRecord:

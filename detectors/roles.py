@@ -59,6 +59,8 @@ def find_roles(names: Sequence[str], chosen: Mapping[str, str], where: str, loop
             raise RecordError(f"{where}: column mapping for {role!r}; {nearest(role, ('t', *SIGNALS))}")
         if name not in names:
             raise RecordError(f"{where}: no column {name!r} for {role}, {nearest(name, names)}")
+        if name in roles.values():
+            raise RecordError(f"{where}: column {name!r} is named for two roles; each needs a column of its own")
         roles[role] = name
     mine = [n for n in names if loop is None or words(loop) == words(n)[: len(words(loop))]]
     if loop is not None and not mine:
@@ -104,6 +106,8 @@ def column_pairs(texts: Sequence[str] | None) -> dict[str, str] | None:
         role, equals, name = text.partition("=")
         if not (role and equals and name):
             raise RecordError(f"--columns {text!r}: ROLE=NAME is needed, like op=FIC101.OUT")
+        if role.strip() in pairs:
+            raise RecordError(f"--columns {text!r}: {role.strip()} is {pairs[role.strip()]!r} already; one is allowed")
         pairs[role.strip()] = name.strip()
     return pairs or None
 

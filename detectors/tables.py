@@ -105,7 +105,8 @@ def read_sheet(path: Path, is_head: Callable[[Sequence[str]], bool] = lambda cel
     except RecordError:
         raise
     except Exception as error:  # pandas passes on whatever its engine raises
-        raise RecordError(f"file {path} cannot be read as {suffix[1:]}: {str(error).splitlines()[0]}") from error
+        said = str(error).partition("\n")[0].partition(", you must")[0]  # advice to programmers
+        raise RecordError(f"file {path} cannot be read as {suffix[1:]}: {said}") from error
     return _csv(path, is_head)
 
 

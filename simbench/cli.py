@@ -218,7 +218,10 @@ def detect(
     """Judge a record, or a folder of records, by one or all detectors."""
     from detectors.report import failed, judge_files, table
     from detectors.roles import column_pairs
+    from simbench.files import refuse_kind, refuse_own_input
 
+    refuse_kind(csv or "")
+    refuse_own_input([csv, html], [path, labels, thresholds, *(plugin or [])])
     report = judge_files(
         path, method or ["all"], process=process, kind=kind, op_span=op_span, pv_span=pv_span, labels=labels, raw=raw,
         front_end=front_end, plugins=plugin or [], thresholds=_threshold_file(thresholds), columns=column_pairs(columns),
@@ -373,7 +376,9 @@ def score(
     """Score a run: accuracy, no-decision rate, AUC, with intervals, by grid axis."""
     from simbench.bench.failures import read_failures
     from simbench.bench.score import score_run
+    from simbench.files import refuse_own_input
 
+    refuse_own_input([report], [folder, against])
     scores, failed = score_run(folder, raw=raw), read_failures(folder)
     content: Any = {**scores.as_json(), "failed": failed.as_json()} if as_json else f"{_line(failed)}{scores.as_text()}"
     if against is not None or paired:
@@ -401,8 +406,9 @@ def check(
 ) -> None:
     """Compare a run with a baseline; exit 1 when accuracy regressed."""
     from simbench.bench.check import check_run, update_baseline
-    from simbench.files import whole_file
+    from simbench.files import refuse_own_input, whole_file
 
+    refuse_own_input([junit, markdown], [folder, against])
     if update:
         print(update_baseline(folder, against))
         return
@@ -797,6 +803,8 @@ def _pairs(words: list[str], option: str, text: bool = False) -> dict[str, Any]:
         name, equals, value = word.partition("=")
         if not equals or not name:
             raise ParameterError(f"{option} {word!r}: NAME=VALUE is needed")
+        if name in pairs:
+            raise ParameterError(f"{option} {word!r}: {name} = {pairs[name]} was given already; once is allowed")
         pairs[name] = value if text else _number(value)
     return pairs
 

@@ -15,6 +15,7 @@ from detectors.errors import ParameterError, UserError
 from detectors.record import LoopRecord
 
 # `Path` makes one slash of two; a single letter is a drive
+READ = (".csv", ".json", ".mat", ".parquet", ".pq", ".toml", ".txt", ".xls", ".xlsx")  # what commands read of a folder
 URL = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+):/+(.*)")
 
 
@@ -87,20 +88,31 @@ def picture_kind(path: str | Path) -> str:
 
 
 def refuse_own_input(outputs: Iterable[str | Path | None], inputs: Iterable[str | Path | None]) -> None:
-    """Refuse to write over what is read; None stands for nothing.
+    """Refuse, before any work, to write over what is read, two things into one file, or where nothing can stand.
 
     Parameters
     ----------
     outputs, inputs : iterable of path or None
+        None stands for nothing; of a folder that is read, the tables and records in it count.
 
     Raises
     ------
     FileError
     """
-    read = [Path(p).resolve() for p in inputs if p is not None]
-    for path in outputs:
-        if path is not None and Path(path).resolve() in read:
+    wanted = [Path(p) for p in outputs if p is not None]
+    if not wanted:
+        return
+    read: set[Path] = set()
+    for path in (Path(p) for p in inputs if p is not None):
+        inside = [f for f in path.rglob("*") if f.suffix.lower() in READ] if path.is_dir() else [path]
+        read |= {f.resolve() for f in inside}
+    for path in map(_local, wanted):
+        if path.resolve() in read:
             raise FileError(f"{path} is read by this command; it is not written over, name another file")
+        if [p.resolve() for p in wanted].count(path.resolve()) > 1 and (path.is_file() or not path.exists()):
+            raise FileError(f"{path} is named for two outputs; each needs a file of its own")
+        if path.is_dir() or not path.absolute().parent.is_dir():
+            raise FileError(f"{path} cannot be written: it is a folder, or its folder is missing")
 
 
 def folder(path: str | Path) -> Path:
@@ -130,8 +142,16 @@ def write_record(record: LoopRecord, path: str | Path) -> None:
     FileError
         When it cannot be written.
     """
+    refuse_kind(path)
     with whole_file(path) as f:
         f.write(record_text(record))
+
+
+def refuse_kind(path: str | Path) -> None:
+    """Refuse a name that says another kind of table than the CSV that is written: nobody could read it back."""
+    suffix = Path(path).suffix.lower()
+    if suffix in READ and suffix not in (".csv", ".txt"):
+        raise FileError(f"{path}: what is written is CSV; a name that ends in .csv is needed")
 
 
 def record_text(record: LoopRecord) -> str:

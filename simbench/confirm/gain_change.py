@@ -11,7 +11,7 @@ from detectors.errors import ParameterError
 from detectors.signal.holds import holds
 from detectors.signal.oscillation import oscillation_of
 from scenarios.spec import Loop
-from simbench.confirm.rig import Trace, run_rig
+from simbench.confirm.rig import Trace, lengthened, run_rig
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.setup import Setup
 
@@ -181,7 +181,7 @@ def _standing(op: np.ndarray, value: float) -> float:
 
 def resolved(loop: Loop, seed: int, samples: int, nudge: float) -> Setup:
     """Resolve a loop with another length and a load step of `nudge` % from the second sample on."""
-    setup = resolve_loop(loop.with_("sampling.n", samples), seed)
+    setup = resolve_loop(lengthened(loop, samples), seed)
     setup.load_in[1:] += nudge
     return setup
 

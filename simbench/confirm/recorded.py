@@ -72,8 +72,9 @@ def gain_change_recorded(before: LoopRecord, after: LoopRecord, factor: float | 
     gains = (1.0, factor) if factor is not None else (controller_gain(before), controller_gain(after))
     if gains[0] is None or gains[1] is None:
         raise ParameterError("gain change: the records do not show the controller gain; give new over old by --factor")
-    if gains[0] <= 0 or abs(gains[1] / gains[0] - 1.0) < 0.2:
-        raise ParameterError(f"gain change: Kc changed {gains[1] / gains[0]:.3g}-fold; at least 20 % more or less is needed")
+    ratio = gains[1] / gains[0] if gains[0] > 0 else np.nan
+    if not (0.0 < ratio < np.inf and abs(ratio - 1.0) >= 0.2):
+        raise ParameterError(f"gain change: Kc changed {ratio:.3g}-fold; at least 20 % more or less is needed")
     signals = [r.op if r.op_percent is None else r.op_percent for r in (before, after)]
     phases = [measure(op, r.Ts, float(Kc)) for op, r, Kc in zip(signals, (before, after), gains, strict=True)]
     verdict, reason, shift = judge(*phases)

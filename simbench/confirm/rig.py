@@ -9,8 +9,17 @@ from typing import Any
 import numpy as np
 
 from detectors.errors import ParameterError
+from scenarios.spec import MAX_SAMPLES, Loop
 from simbench.loop import controller, sensor
 from simbench.loop.setup import Setup, parts_of
+
+
+def lengthened(loop: Loop, samples: int) -> Loop:
+    """Return a loop with another number of samples, or say that a test would need more than are run."""
+    if samples > MAX_SAMPLES:
+        slow = f"Td = {loop.plant.Td:g} s, T = {loop.plant.T or loop.controller.Ti or 0.0:g} s and Ts = {loop.sampling.Ts:g} s"
+        raise ParameterError(f"the test would take {samples} samples with {slow}; at most {MAX_SAMPLES} are run")
+    return loop.with_("sampling.n", samples)
 
 
 @dataclass(frozen=True, eq=False)

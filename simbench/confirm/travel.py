@@ -9,7 +9,7 @@ import numpy as np
 
 from detectors.errors import ParameterError
 from scenarios.spec import Loop
-from simbench.confirm.rig import LiveLoop, Trace
+from simbench.confirm.rig import LiveLoop, Trace, lengthened
 from simbench.loop.resolve import resolve_loop
 
 if TYPE_CHECKING:
@@ -179,7 +179,7 @@ class _Manual:
             self.window *= 2
         self.wait = settle + self.window
         steps = int(200 / increment + 100 / big_step) + 4
-        self.live = LiveLoop(resolve_loop(quiet.with_("sampling.n", steps * self.wait), seed))
+        self.live = LiveLoop(resolve_loop(lengthened(quiet, steps * self.wait), seed))
         self.phase: list[int] = []
         self.first_op, self.seen, self.least_answer = self.op, self._hold(0), 0.0
         self.rest = self.seen

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from detectors.errors import ParameterError
+from detectors.errors import ParameterError, RecordError
 from detectors.io import read_record
 from detectors.record import LoopRecord
 from simbench.files import picture_kind, refuse_own_input, whole_file
@@ -79,6 +79,10 @@ def diagnose_files(
         picture_kind(picture)
     loop = None if baseline is None else read_baseline(baseline)
     read = [_cut(read_record(path, **about), window, path) for path in records]
+    for record, path in zip(read, records, strict=True):
+        if record.op_share:
+            runs = f"OP runs from {record.op.min():g} to {record.op.max():g}"
+            raise RecordError(f"{path}: {runs}, which is not % of travel; --op-span, what means 0 and 100 %, is needed")
     report = diagnose(read if len(read) > 1 else read[0], loop, jobs=jobs)
     if write_loop is not None:
         with whole_file(write_loop) as f:

@@ -19,7 +19,7 @@ from detectors.gaps import JITTER
 from detectors.historian import read_numbers
 from detectors.roles import TIME_NAMES
 from detectors.tables import read_sheet
-from simbench.files import whole_file
+from simbench.files import refuse_kind, whole_file
 from simbench.loop.parameters import VALVES, valve_parameters
 
 _TRACE = '''
@@ -157,6 +157,7 @@ def valve_file(
     1,54,52.5
     2,55,53.5
     """
+    refuse_kind(out)
     sheet = read_sheet(Path(source))
     table = sheet.columns
     names = {name.lower(): name for name in table}

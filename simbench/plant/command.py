@@ -8,9 +8,9 @@ from pathlib import Path
 from shutil import rmtree
 from typing import Any
 
-from detectors.io import RECORD_FILES, read_folder, read_labels, read_record
+from detectors.io import read_folder, read_labels, read_record
 from scenarios.spec import load_loop
-from simbench.files import FileError, refuse_own_input
+from simbench.files import refuse_own_input
 from simbench.plant.fleet import Fleet, survey
 from simbench.plant.result import Trust
 from simbench.plant.study_result import Study
@@ -89,7 +89,7 @@ def report_folder(
     """
     from simbench.plant.fleet_page import write_fleet
 
-    _refuse_places([page, Path(page).with_suffix(".csv")], folder, labels)
+    refuse_own_input([page, Path(page).with_suffix(".csv")], [folder, labels])
     judged = Path(page).with_name(f"{Path(page).name}.judged")
     fleet = survey(folder, labels, jobs=jobs, keep=judged)
     beside = write_fleet(fleet, page, None if labels is None else read_labels(labels))
@@ -129,7 +129,7 @@ def study_folder(
     """
     from simbench.plant.study import study
 
-    _refuse_places([html, write_grid], folder, labels, grid)
+    refuse_own_input([html, write_grid], [folder, labels, grid])
     found = study(folder, grid, labels)
     if html is not None:
         from simbench.plant.study_page import write_study
@@ -142,15 +142,6 @@ def study_folder(
         said = [f"the grid written cannot draw {e}" for e in left_out]
         found = replace(found, notes=(*found.notes, *said))
     return found
-
-
-def _refuse_places(outputs: Sequence[str | Path | None], folder: str | Path, *read: str | Path | None) -> None:
-    """Refuse places that cannot be written, or hold what is read: an hour of judging must not end in this."""
-    there = list(Path(folder).iterdir()) if Path(folder).is_dir() else [folder]
-    refuse_own_input(outputs, [*(f for f in there if Path(f).suffix.lower() in (*RECORD_FILES, ".mat")), *read])
-    for path in outputs:
-        if path is not None and (Path(path).is_dir() or not Path(path).absolute().parent.is_dir()):
-            raise FileError(f"{path} cannot be written: it is a folder, or its folder is missing")
 
 
 def power_lines(path: str | Path, methods: Sequence[str] = ("all",), **about: Any) -> list[str]:

@@ -94,6 +94,33 @@ WRONG = [
     ("worst horch -o DIR --budget 1", "folder"), ("worst horch --seed -1", "seed"), ("worst horch --budget x", "budget"),
     ("calibrate LOOP", "loop"), ("calibrate smoke -o REC", "rec.csv"), ("calibrate smoke --method horhc", "horch"),
     ("figure", "argument"), ("figure all -o REC", "rec.csv"), ("list detectors extra", "argument"),
+    ("detect REC --csv REC", "written over"), ("detect REC --html REC", "written over"), ("detect REC --csv DIR", "folder"),
+    ("detect REC --csv OUT --html OUT", "two outputs"), ("detect RECS --csv RECS/one.csv", "written over"),
+    ("detect REC --csv /proc/nothing/x.csv", "/proc"), ("detect REC --csv x.parquet", ".csv"),
+    ("detect REC --columns op=op,op=pv", "already"), ("detect REC --columns op=pv,pv=pv", "two roles"),
+    ("detect REC --columns op", "ROLE=NAME"), ("detect REC --columns xx=op", "xx"), ("detect REC --columns pv=PV2", "PV2"),
+    ("detect REC --front-end acf2", "acf"), ("detect REC --front-end", "--front-end"), ("detect REC --ts 0", "Ts"),
+    ("detect REC --ts nan", "Ts"), ("detect REC --ts 1e-300", "Ts"), ("detect REC --loop FIC101", "FIC101"),
+    ("detect REC --method horch@publishd", "horch@publishd"), ("detect RECS --labels LABELS", "stictoin"),
+    ("report RECS --labels LABELS", "stictoin"), ("gap study RECS --grid smoke --labels LABELS", "stictoin"),
+    ("simulate LOOP -o x.parquet", ".csv"), ("valve REC --model ideal -o x.xlsx", ".csv"),
+    ("simulate LOOP -o OUT --valve-plugin LOOP", "loop.toml"), ("simulate LOOP -o OUT --effect-plugin none.py", "none.py"),
+    ("valve REC --model choudhury --param S=5 --param S=6 -o OUT", "already"),
+    ("run smoke -o OUT --set K=1 --set K=2", "already"),
+    ("run smoke -o OUT --axis K=1 --axis K=2", "already"), ("run smoke -o OUT --front-end acff", "acf"),
+    ("confirm gain-change --records REC REC --factor nan", "fold"),
+    ("confirm gain-change --records REC REC --factor 0", "fold"),
+    ("confirm gain-change --records REC REC --factor -2", "fold"), ("confirm gain-change --records REC REC", "--factor"),
+    ("confirm gain-change LOOP --factor 1", "factor"), ("confirm gain-change LOOP --factor 1e9", "factor"),
+    ("confirm gain-change LOOP --records REC REC", "either"), ("confirm gain-change --records REC", "--records"),
+    ("confirm gain-change --records REC REC --op-span 0 0", "op_span"), ("confirm travel SLOW", "slow.toml"),
+    ("confirm travel --record REC --process gas", "process"), ("confirm travel LOOP --record REC", "either"),
+    ("confirm travel --record none.csv", "none.csv"), ("confirm travel --record REC --op-span 0 nan", "op_span"),
+    ("confirm travel --record REC --picture x.gif", ".svg"), ("gap diagnose SHARE --identify", "--op-span"),
+    ("gap diagnose REC --baseline LOOP --html OUT --write-loop OUT", "two outputs"),
+    ("gap diagnose REC --baseline LOOP --picture DIR", "folder"), ("gap leave-out DIR -n 1 --world nope", "world"),
+    ("gap withheld make OUT --key k --seed 1 -n 100 --world ../own", "world"), ("score DIR --report DIR", "folder"),
+    ("check DIR --against DIR --markdown DIR", "folder"), ("history DIR -o x.gif", ".svg"),
     ("run smoke -o OUT --thresholds LOOP", "thresholds"), ("run smoke -o OUT --time-limit 0 --plugin REC", "time limit"),
 ]  # fmt: skip
 
@@ -105,8 +132,13 @@ def test_a_wrong_command(refused, tmp_path, line, word):
     empty.mkdir()
     records.mkdir()
     (records / "one.csv").write_text(RECORD)
+    (tmp_path / "labels.csv").write_text("id,label\none,stictoin\n")
+    (tmp_path / "slow.toml").write_text(text("plant", "Td", "1e6"))
+    share = "t,op,pv\n" + "".join(f"{k},{0.5 + k % 7 / 100},{50 + k % 5}\n" for k in range(300))
+    (tmp_path / "share.csv").write_text(share)
     before = loop.read_bytes()
     places = {"LOOP": loop, "REC": record, "OUT": tmp_path / "out", "DIR": empty, "RECS": records}
+    places |= {"LABELS": tmp_path / "labels.csv", "SLOW": tmp_path / "slow.toml", "SHARE": tmp_path / "share.csv"}
     inside = {"PAGE": tmp_path / "rec.html", "RECS/one.html": records / "one.html", "RECS/one.csv": records / "one.csv"}
     values = given(line.split(), {*places, *inside}, word)
     refused([(places | inside).get(w, w) for w in line.split()], "empty" if word == "DIR" else word, values=values)
@@ -120,7 +152,7 @@ def given(words: list[str], places: set[str], named: str) -> list[str]:
     """What is wrong on a command line, where it is a value: not what the sentence names anyway, no option, verb or file."""
     known = {*places, *(name for verb in verbs(typer.main.get_command(app)) for name in verb.split())}
     right = {"smoke", "all", "horch", "deadband", "fig-11-4", "score-map", "detectors", "figures", "none"}
-    pairs = [w.partition("=") for w in words if not w.startswith("-") or w[1:2].isdigit()]
+    pairs = [w.split(",")[-1].partition("=") for w in words if not w.startswith("-") or w[1:2].isdigit()]
     values = [key if key == named else value or key for key, _, value in pairs]
     return [v for v in values if v not in known and v not in right and not v.startswith(("none.", "/"))][-1:]
 
