@@ -210,36 +210,34 @@ def test_a_dead_zone_is_scanned_over_ops_range():
 
 
 class Jumpy(Engine):
-    """An engine with a step of the load at some samples: each that is added brings the nats it is worth."""
+    """An engine whose load jumps: so many jumps bring so many nats each, if they last, and further ones nothing."""
 
     spread = 10.0
 
-    def __init__(self, worth):
+    def __init__(self, real, worth, lasting=True):
         super().__init__()
-        self.worth = worth
+        self.real, self.worth, self.lasting = real, worth, lasting
 
     def fit(self, spec, theta, search=None, steps=10):
         self.fitted.append((dict(theta), search, steps))
-        return Fit(spec, float(sum(self.worth[: len(spec.channels)])), dict(theta), np.ones(3 + len(spec.channels)), RESIDUAL)
+        right = min(len(spec.jumps), self.real) if spec.lasting == self.lasting else 0
+        return Fit(spec, self.worth * right, dict(theta), np.ones(3), RESIDUAL)
 
 
 RESIDUAL = np.random.default_rng(0).standard_normal(N)
 
 
-@pytest.mark.parametrize(("worth", "count"), [
-    # a jump costs a number and, as its place was picked, a half of the logarithm more: 6.9 nats of a thousand samples
-    ([], 0), ([6.8, 50.0], 0), ([7.0, 6.8, 50.0], 1), ([50.0] * 5, 5), ([50.0] * 30, 12),
+@pytest.mark.parametrize(("real", "worth", "count"), [
+    # a jump costs half a logarithm, as its place was picked: 3.45 nats of a thousand samples; half as many are tried each time
+    (0, 0.0, 0), (16, 3.4, 0), (16, 3.5, 16), (1, 50.0, 8),
 ])  # fmt: skip
-def test_jumps_are_added_while_each_pays_for_itself(worth, count):
-    engine = Jumpy([*worth, *[0.0] * 20])
+@pytest.mark.parametrize("lasting", [True, False])
+def test_jumps_are_added_while_they_pay_for_themselves(real, worth, count, lasting):
+    engine = Jumpy(real, worth, lasting)
     found, price = fit("load_steps", engine, Fit(Spec(), 0.0, THETA, np.ones(3), RESIDUAL))
-    assert len(found.spec.channels) == count
-    assert price == (2.0 * count or 2.0)
-    assert found.theta.get("steps", 0.0) == count
+    # the same innovations show the same sixteen places again
+    assert len(found.spec.jumps) == count
+    assert price == count + 1.0
+    assert count == 0 or found.spec.lasting == lasting
     # a load that only had to make the jumps gives way
-    tried = [i + 1 for i in range(min(count + 1, 12))]
-    if 0 < count < 12:
-        # once everything has settled around the jumps, another one is looked for
-        tried.append(count + 1)
-    assert [t["load"] for t, search, _ in engine.fitted if search] == pytest.approx([2.0 * 0.7**i for i in tried])
-    assert sum(search is None for _, search, _ in engine.fitted) == (count > 0)
+    assert engine.fitted[0][0]["load"] == pytest.approx(0.7 * 2.0)
