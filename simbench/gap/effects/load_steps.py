@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
+from scipy.special import gammaln
 
 from simbench.gap.effects._draw import Size, Yardstick, between
 from simbench.gap.effects._recogniser import Parameters, Recogniser, clip
@@ -15,24 +17,25 @@ from simbench.gap.likelihood.model import Data, Fit, Spec, lag_of, size_penalty
 from simbench.gap.likelihood.search import SMOOTH
 from simbench.gap.situation import Situation
 
-MANY = 12  # jumps from which they are what the load does all the time
 AT_ONCE = 16  # jumps looked for before the load's other numbers are fitted again
 ROUNDS = 8
-PLAIN = 40.0  # nats below which a load that wanders at will may have made the jumps
+SMALL = 2.0  # standard deviations of the load, within which a jump is what it does by itself
 BESIDE = 0.25  # share of the load that must be left beside the jumps: a load that only jumps is an ordinary one
 
 
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
     """Let the load jump wherever that explains the innovations well; the heights have one std, and all last or all fade."""
-    best = max(
-        (_jumping(engine, base, lasting) for lasting in (True, False)),
-        key=lambda f: f.loglik - _paid(f) * _price(engine.data.n),
-    )
-    return best, _paid(best)
+    n = engine.data.n
+    tries = [_jumping(engine, base, lasting) for lasting in (True, False)]
+    best = max(tries, key=lambda f: f.loglik - _price(f, n))
+    # their std is one more number
+    return best, _price(best, n) / size_penalty(n, 1.0) + 1.0
 
 
-def _paid(fit: Fit) -> float:
-    return len(fit.spec.jumps) + 1.0
+def _price(fit: Fit, n: int) -> float:
+    """Return the nats that its jumps must bring: in so many ways they could have been placed; no height is fitted."""
+    m = len(fit.spec.jumps)
+    return float(gammaln(n + 1) - gammaln(m + 1) - gammaln(n - m + 1))
 
 
 def _jumping(engine: Engine, base: Fit, lasting: bool) -> Fit:
@@ -40,25 +43,33 @@ def _jumping(engine: Engine, base: Fit, lasting: bool) -> Fit:
     n, best = engine.data.n, base
     for _ in range(ROUNDS):
         found, height = _jumps(engine, best)
+        found = [k for k in found if k not in best.spec.jumps]
         better = best
         while found and better is best:
             trial = base.spec.join(Spec(jumps=(*best.spec.jumps, *found), lasting=lasting))
             start = {"load_jump": height, **best.theta, "load": 0.7 * best.theta["load"]}
             one = engine.fit(trial, start, search=SMOOTH, steps=8)
-            if one.loglik - best.loglik >= (len(trial.jumps) - len(best.spec.jumps)) * _price(n):
+            if one.loglik - best.loglik >= _price(one, n) - _price(best, n):
                 better = one
             # of those found together some may have been the same
             found = found[: len(found) // 2]
         if better is best:
             break
         # the base had bent its plant around the jumps
-        best = engine.fit(better.spec, better.theta, steps=4)
+        best = _pruned(engine, engine.fit(better.spec, better.theta, steps=4))
     return best
 
 
-def _price(n: int) -> float:
-    """Return the nats that a jump must bring: its place was picked out of all; its height is not fitted."""
-    return size_penalty(n, 1.0)
+def _pruned(engine: Engine, fit: Fit) -> Fit:
+    """Return the fit without jumps that are not worth their own price, once the others are there."""
+    jumps, n = fit.spec.jumps, engine.data.n
+    without = [replace(fit.spec, jumps=tuple(j for j in jumps if j != k)) for k in jumps]
+    worth = [fit.loglik - engine.evaluate(spec, fit.theta)[0] for spec in without]
+    price = float(np.log((n - len(jumps) + 1) / len(jumps)))
+    kept = tuple(k for k, nats in zip(jumps, worth) if nats >= price)
+    if not kept or kept == jumps:
+        return fit
+    return engine.fit(replace(fit.spec, jumps=kept), fit.theta, steps=4)
 
 
 def _jumps(engine: Engine, fit: Fit) -> tuple[list[int], float]:
@@ -105,11 +116,12 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
     return {"rate": len(fit.spec.jumps) / (s.data.n * s.record.Ts), "size": clip(size, 0.0, 100.0)}
 
 
-def ordinary(fit: Fit, base: Fit, gain: float) -> bool:
-    """Return whether the jumps may be all that an ordinary load does: many, small, fading, or with nothing beside them."""
+def ordinary(fit: Fit, base: Fit) -> bool:
+    """Return whether the jumps may be all that an ordinary load does: small, fading, or with nothing beside them."""
     alone = fit.theta["load"] < BESIDE * base.theta["load"]
-    small = fit.theta["load_jump"] < fit.theta["load"]
-    return gain < PLAIN or len(fit.spec.jumps) >= MANY or alone or small or not fit.spec.lasting
+    # a jump is two parts
+    small = np.sqrt(2.0) * fit.theta["load_jump"] < SMALL * fit.theta["load"]
+    return alone or small or not fit.spec.lasting
 
 
 def traits(p: Mapping, plant: Mapping, noise: float) -> dict[str, bool]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from detectors.signal.tails import hit_now_and_then
+from detectors.signal.tails import heavy_tails
 from simbench.gap.effects._draw import Size, Yardstick, between
 from simbench.gap.effects._recogniser import Parameters, Recogniser
 from simbench.gap.effects._smallest import Probe
@@ -23,10 +23,9 @@ def proven(s: Situation) -> Parameters | None:
 
 
 def by_innovations(base: Fit, s: Situation) -> tuple[float, Parameters] | None:
-    """Score a mixture of rare wide innovations against Gaussian ones, and against a noise whose tails are heavy."""
+    """Score a mixture of rare wide innovations against Gaussian ones."""
     x = np.asarray(base.residual)[kernels.SKIP :]
-    beyond_tails = hit_now_and_then(x)
-    if beyond_tails < 0.0:
+    if heavy_tails(x):
         return None
     scale = 1.4826 * float(np.median(np.abs(x))) or 1.0
     z = np.abs(x) / scale
@@ -47,7 +46,7 @@ def by_innovations(base: Fit, s: Situation) -> tuple[float, Parameters] | None:
     plain = -0.5 * (x / float(np.std(x))) ** 2 - np.log(float(np.std(x)))
     at = "loop" if s.law.known else "record"
     parameters: Parameters = {"rate": rate, "size": float(np.mean(heights)) * base.theta["noise_std"], "at": at}
-    return float(min(np.sum(mixture - plain), beyond_tails) - size_penalty(x.size, 2.0)), parameters
+    return float(np.sum(mixture - plain) - size_penalty(x.size, 2.0)), parameters
 
 
 def _gone_again(pv: np.ndarray, k: int) -> bool:

@@ -1,9 +1,11 @@
 """What each effect's fit is begun from, tried on and paid for: an engine that notes what it is asked."""
 
+from math import comb, log
+
 import numpy as np
 import pytest
 
-from simbench.gap.effects import recogniser
+from simbench.gap.effects import load_steps, recogniser
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import Data, Fit, Spec
 
@@ -218,18 +220,34 @@ class Jumpy(Engine):
         super().__init__()
         self.real, self.worth, self.lasting = real, worth, lasting
 
+    def evaluate(self, spec, theta):
+        right = min(len(spec.jumps), self.real) if spec.lasting == self.lasting else 0
+        return self.worth * right, np.ones(3), RESIDUAL
+
     def fit(self, spec, theta, search=None, steps=10):
         self.fitted.append((dict(theta), search, steps))
-        right = min(len(spec.jumps), self.real) if spec.lasting == self.lasting else 0
-        return Fit(spec, self.worth * right, dict(theta), np.ones(3), RESIDUAL)
+        return Fit(spec, self.evaluate(spec, theta)[0], dict(theta), np.ones(3), RESIDUAL)
 
 
 RESIDUAL = np.random.default_rng(0).standard_normal(N)
 
 
+def test_jumps_that_are_worth_nothing_beside_the_others_are_taken_out_again():
+    n, start = 1000, Fit(Spec(), 0.0, THETA, np.ones(3), RESIDUAL)
+    real = set(load_steps._jumps(Jumpy(0, 0.0), start)[0][2:12:4])
+
+    class Placed(Jumpy):
+        def evaluate(self, spec, theta):
+            return 50.0 * len(real & set(spec.jumps)) * spec.lasting, np.ones(3), RESIDUAL
+
+    found, price = fit("load_steps", Placed(0, 0.0), start)
+    assert set(found.spec.jumps) == real
+    assert price == pytest.approx(log(comb(n, 3)) / (0.5 * log(n)) + 1.0)
+
+
 @pytest.mark.parametrize(("real", "worth", "count"), [
-    # a jump costs half a logarithm, as its place was picked: 3.45 nats of a thousand samples; half as many are tried each time
-    (0, 0.0, 0), (16, 3.4, 0), (16, 3.5, 16), (1, 50.0, 8),
+    # sixteen places of a thousand can be picked in e^79.7 ways, 4.98 nats a jump; half as many are tried each time
+    (0, 0.0, 0), (16, 3.0, 0), (16, 5.1, 16), (1, 100.0, 16), (1, 50.0, 8),
 ])  # fmt: skip
 @pytest.mark.parametrize("lasting", [True, False])
 def test_jumps_are_added_while_they_pay_for_themselves(real, worth, count, lasting):
@@ -237,7 +255,8 @@ def test_jumps_are_added_while_they_pay_for_themselves(real, worth, count, lasti
     found, price = fit("load_steps", engine, Fit(Spec(), 0.0, THETA, np.ones(3), RESIDUAL))
     # the same innovations show the same sixteen places again
     assert len(found.spec.jumps) == count
-    assert price == count + 1.0
+    # and their one std is a number of its own
+    assert price == pytest.approx(log(comb(N, count)) / (0.5 * np.log(N)) + 1.0)
     assert count == 0 or found.spec.lasting == lasting
     # a load that only had to make the jumps gives way
     assert engine.fitted[0][0]["load"] == pytest.approx(0.7 * 2.0)
