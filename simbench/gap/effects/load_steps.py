@@ -19,6 +19,7 @@ from simbench.gap.situation import Situation
 
 AT_ONCE = 16  # jumps looked for before the load's other numbers are fitted again
 ROUNDS = 8
+SHARES = (0.7, 0.2)  # of the load, that may be left beside jumps
 SMALL = 2.0  # standard deviations of the load, within which a jump is what it does by itself
 BESIDE = 0.25  # share of the load that must be left beside the jumps: a load that only jumps is an ordinary one
 
@@ -26,7 +27,7 @@ BESIDE = 0.25  # share of the load that must be left beside the jumps: a load th
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
     """Let the load jump wherever that explains the innovations well; the heights have one std, and all last or all fade."""
     n = engine.data.n
-    tries = [_jumping(engine, base, lasting) for lasting in (True, False)]
+    tries = [_jumping(engine, base, lasting, share) for lasting in (True, False) for share in SHARES]
     best = max(tries, key=lambda f: f.loglik - _price(f, n))
     # their std is one more number
     return best, _price(best, n) / size_penalty(n, 1.0) + 1.0
@@ -38,25 +39,24 @@ def _price(fit: Fit, n: int) -> float:
     return float(gammaln(n + 1) - gammaln(m + 1) - gammaln(n - m + 1))
 
 
-def _jumping(engine: Engine, base: Fit, lasting: bool) -> Fit:
-    """Return the fit with jumps added as long as each is worth its price."""
+def _jumping(engine: Engine, base: Fit, lasting: bool, share: float) -> Fit:
+    """Return the fit with jumps added as long as they are worth their price; the load begins at a share of the last one's."""
     n, best = engine.data.n, base
     for _ in range(ROUNDS):
         found, height = _jumps(engine, best)
-        found = [k for k in found if k not in best.spec.jumps]
-        better = best
+        found, better = [k for k in found if k not in best.spec.jumps], best
         while found and better is best:
             trial = base.spec.join(Spec(jumps=(*best.spec.jumps, *found), lasting=lasting))
-            start = {"load_jump": height, **best.theta, "load": 0.7 * best.theta["load"]}
-            one = engine.fit(trial, start, search=SMOOTH, steps=8)
-            if one.loglik - best.loglik >= _price(one, n) - _price(best, n):
+            start = {"load_jump": height, **best.theta, "load": share * best.theta["load"]}
+            # the base had bent its plant around the jumps
+            one = _pruned(engine, engine.fit(trial, engine.fit(trial, start, search=SMOOTH, steps=8).theta, steps=4))
+            if one.loglik - best.loglik >= _price(one, n) - _price(best, n) + 1.0:
                 better = one
             # of those found together some may have been the same
             found = found[: len(found) // 2]
         if better is best:
             break
-        # the base had bent its plant around the jumps
-        best = _pruned(engine, engine.fit(better.spec, better.theta, steps=4))
+        best = better
     return best
 
 
