@@ -133,9 +133,9 @@ def _gains_on_top(
     return {e: float(c.log_likelihood_gain) for e, c in found.items()} | {e: gains[e] for e in order if e not in candidates}
 
 
-ASKED = 7.0  # nats that anything must bring: the price of having asked some thirty questions (ln 30 = 3.4), twice
+ASKED = 5.0  # nats that anything must bring: the price of having asked some thirty questions (ln 30 = 3.4), and half of it
 # what the residual tests of whole models do not exceed (98 to 99 % of development records), and the block that fails beyond;
-# a direction that no effect owns must bring a nat more than an effect must
+# a direction that no effect owns must bring three nats more than an effect must
 LIMITS = {
     "memory": (15.0, "disturbance"),
     "input": (10.0, "process"),
