@@ -108,6 +108,7 @@ def test_the_page_ranks_the_loops_and_stands_alone(records, tmp_path, capsys):
             assert shown.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth") <= 0
             assert shown.errors == []
             assert len(shown.requests) == 1
+        assert chromium.lost_on_paper(page) == 0
 
 
 def test_a_page_that_cannot_be_written_is_said_before_anything_is_judged(tmp_path, capsys):
