@@ -28,7 +28,7 @@ def draw_sheet(report: GapReport) -> Figure:
     """
     runs = {RECORD: recorded(report), **simulated(report)}
     figure = Figure(figsize=(9.0, 1.2 + 0.95 * len(runs)), layout="constrained")
-    left, right = figure.subfigures(1, 2, width_ratios=[1.5, 1.0])
+    left, right = figure.subfigures(1, 2, width_ratios=[1.5, 1.0], squeeze=False)[0]
     fill_traces(list(left.subplots(len(runs), 1, sharex=True)), "PV", runs, *window(report, SAMPLES))
     which, gap = right.subplots(2, 1)
     top = [r for r in report.ranking if r.probability >= 0.005][:SHOWN]
