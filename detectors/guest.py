@@ -19,6 +19,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from detectors.errors import ParameterError, UserError
@@ -40,61 +41,26 @@ class GuestError(UserError):
     """What a guest did instead of answering."""
 
 
-class Guest:
-    """One plug-in in a process of its own.
+class Host:
+    """A process that runs code of strangers and answers questions, with a limit on time and memory.
 
     Parameters
     ----------
-    source : Path or str
-        A file, or the name under which another distribution publishes it; it is imported by that process alone.
+    words : list of str
+        The module to run, see `detectors.guest_process.serve`, and its arguments behind the pipes and the parent.
     seconds : float
-        Time it may take for a record.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> file = Path(tempfile.mkdtemp()) / "mine.py"
-    >>> _ = file.write_text("import sys\\nsys.exit(3)\\n")
-    >>> Guest(file).describe()
-    Traceback (most recent call last):
-    detectors.guest.GuestError: SystemExit: 3
+        Time it may take for an answer, where no other is said.
+    most : int
+        Bytes of an answer.
     """
 
-    def __init__(self, source: Path | str, seconds: float = SECONDS) -> None:
-        self.source, self.seconds = source, seconds
-        self.strikes = 0
+    def __init__(self, words: list[str], seconds: float = SECONDS, most: int = MESSAGE) -> None:
+        self.seconds, self.strikes, self.most = seconds, 0, most
+        self._words = words
         self._process: subprocess.Popen | None = None
         self._to = self._back = -1
         self._owner = os.getpid()
         atexit.register(self.close)
-
-    def describe(self) -> Method:
-        """Return what the plug-in says of itself.
-
-        Raises
-        ------
-        GuestError
-            When it cannot be imported, or says nothing that can be understood.
-        """
-        return _method(self._ask({"do": "describe"}, START))
-
-    def judge(self, name: str, prepared: Prepared, modes: tuple[bool, ...], thresholds: dict[str, float]) -> list[Verdict]:
-        """Return the plug-in's verdict on a record for every mode (raw or not), under the name it was asked by.
-
-        Raises
-        ------
-        GuestError
-            When it raised, took too long, took too much memory, ended its process, or answered with no verdict.
-        """
-        if self.strikes >= STRIKES:
-            raise GuestError(f"asked no more, as its process was lost {STRIKES} times in this piece of work")
-        known = {name: value for name in ("oscillation", "flags") if (value := prepared.__dict__.get(name)) is not None}
-        about = {"record": prepared.record, "front_end": prepared.front_end, "known": known}
-        asked = {"do": "judge", **about, "modes": modes, "thresholds": thresholds}
-        answer = self._ask(asked, self.seconds * len(modes))
-        if not isinstance(answer, list) or len(answer) != len(modes):
-            raise GuestError("answered with something that is no verdict")
-        return [_verdict(name, one) for one in answer]
 
     def close(self) -> None:
         """End the process and all it started."""
@@ -108,10 +74,16 @@ class Guest:
             os.killpg(process.pid, signal.SIGKILL)
         process.wait()
 
+    def refuse_lost(self) -> None:
+        """Raise GuestError when the process was lost too often to be asked again."""
+        if self.strikes >= STRIKES:
+            raise GuestError(f"asked no more, as its process was lost {STRIKES} times in this piece of work")
+
     def _start(self) -> None:
         read_mine, self._to = os.pipe()
         self._back, write_mine = os.pipe()
-        words = [sys.executable, "-m", "detectors.guest_process", *map(str, (read_mine, write_mine, os.getpid(), self.source))]
+        module, *more = self._words
+        words = [sys.executable, "-m", module, *map(str, (read_mine, write_mine, os.getpid())), *more]
         home = str(Path(__file__).resolve().parents[1])
         paths = os.pathsep.join([home, *filter(None, [os.environ.get("PYTHONPATH")])])
         try:
@@ -128,23 +100,24 @@ class Guest:
         self._owner = os.getpid()
         self._read(time.monotonic() + START)
 
-    def _ask(self, message: dict[str, Any], seconds: float) -> Any:
-        content = pickle.dumps({**message, "seconds": seconds, "bytes": BYTES})
+    def ask(self, message: dict[str, Any], seconds: float, times: int = 1) -> Any:
+        """Return the answer to a question that may take a time, or several such; GuestError where none comes."""
+        content = pickle.dumps({**message, "seconds": seconds * times, "bytes": BYTES})
         try:
             if self._process is None or self._owner != os.getpid():
                 self._process = None
                 self._start()
-            until = time.monotonic() + seconds
+            until = time.monotonic() + seconds * times
             self._write(struct.pack("<Q", len(content)) + content, until)
             answer = json.loads(self._read(until))
         except TimeoutError:
             self._lose()
-            raise GuestError(f"took longer than {seconds / len(message.get('modes', (0,))):g} s") from None
+            raise GuestError(f"took longer than {seconds:g} s") from None
         except (EOFError, OSError):
             raise GuestError(f"ended its process ({self._lose()})") from None
         except (ValueError, RecursionError):
             self._lose()
-            raise GuestError("answered with something that is no verdict") from None
+            raise GuestError("answered with something that cannot be understood") from None
         if not isinstance(answer, dict) or "error" in answer:
             raise GuestError(str(answer["error"])[:300] if isinstance(answer, dict) else "answered with nothing")
         return answer.get("answer")
@@ -178,8 +151,8 @@ class Guest:
             parts += part
             if size == 8 and len(parts) >= 8:
                 size += struct.unpack("<Q", parts[:8])[0]
-                if size > MESSAGE:
-                    raise GuestError("answered with something that is no verdict")
+                if size > self.most:
+                    raise ValueError(f"an answer of {size} bytes")
         return parts[8:]
 
     @staticmethod
@@ -190,13 +163,72 @@ class Guest:
             raise TimeoutError
 
 
-def _number(value: Any, what: str) -> float:
+class Guest(Host):
+    """One detector in a process of its own.
+
+    Parameters
+    ----------
+    source : Path or str
+        A file, or the name under which another distribution publishes it; it is imported by that process alone.
+    seconds : float
+        Time it may take for a record.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> file = Path(tempfile.mkdtemp()) / "mine.py"
+    >>> _ = file.write_text("import sys\\nsys.exit(3)\\n")
+    >>> Guest(file).describe()
+    Traceback (most recent call last):
+    detectors.guest.GuestError: SystemExit: 3
+    """
+
+    def __init__(self, source: Path | str, seconds: float = SECONDS) -> None:
+        super().__init__(["detectors.guest_process", str(source)], seconds)
+
+    def describe(self) -> Method:
+        """Return what the plug-in says of itself.
+
+        Raises
+        ------
+        GuestError
+            When it cannot be imported, or says nothing that can be understood.
+        """
+        return _method(self.ask({"do": "describe"}, START))
+
+    def stub(self) -> ModuleType:
+        """Return what stands for the plug-in outside its own process: its description of itself; GuestError as `describe`."""
+        method = self.describe()
+        stub = ModuleType("guest", method.title)
+        stub.__dict__.update(METHOD=method, detect=None, __file__=None)
+        return stub
+
+    def judge(self, name: str, prepared: Prepared, modes: tuple[bool, ...], thresholds: dict[str, float]) -> list[Verdict]:
+        """Return the plug-in's verdict on a record for every mode (raw or not), under the name it was asked by.
+
+        Raises
+        ------
+        GuestError
+            When it raised, took too long, took too much memory, ended its process, or answered with no verdict.
+        """
+        self.refuse_lost()
+        known = {name: value for name in ("oscillation", "flags") if (value := prepared.__dict__.get(name)) is not None}
+        about = {"record": prepared.record, "front_end": prepared.front_end, "known": known}
+        asked = {"do": "judge", **about, "modes": modes, "thresholds": thresholds}
+        answer = self.ask(asked, self.seconds, len(modes))
+        if not isinstance(answer, list) or len(answer) != len(modes):
+            raise GuestError("answered with something that is no verdict")
+        return [verdict_of(name, one) for one in answer]
+
+
+def number_of(value: Any, what: str) -> float:
+    """Return what a guest gave as a float, or raise GuestError."""
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
         raise GuestError(f"gives {what} = {value!r}, which is no number")
     return float(value)
 
 
-def _verdict(name: str, said: Any) -> Verdict:
+def verdict_of(name: str, said: Any) -> Verdict:
     """Rebuild a verdict from plain values, each checked; nothing of the guest's own classes crosses over."""
     word = said.get("verdict") if isinstance(said, dict) else said
     if not isinstance(said, dict) or not isinstance(word, str) or word not in VERDICTS:
@@ -212,12 +244,12 @@ def _verdict(name: str, said: Any) -> Verdict:
     for key in ("S", "J"):
         level = said.get(key)
         ends = level if isinstance(level, list) else [level]
-        if level is not None and (len(ends) not in (1, 2) or not all(math.isfinite(_number(v, key)) for v in ends)):
+        if level is not None and (len(ends) not in (1, 2) or not all(math.isfinite(number_of(v, key)) for v in ends)):
             raise GuestError(f"gives {key} = {level!r}; a number, [lo, hi] or null is needed")
         levels[key] = None if level is None else tuple(map(float, ends)) if isinstance(level, list) else float(level)
     return Verdict(
-        name, said["verdict"], score=_number(said.get("score"), "score"), applicable=said.get("applicable"),
-        indices={str(k): _number(v, str(k)) for k, v in indices.items()}, S_unit=str(said.get("S_unit", "% of travel")),
+        name, said["verdict"], score=number_of(said.get("score"), "score"), applicable=said.get("applicable"),
+        indices={str(k): number_of(v, str(k)) for k, v in indices.items()}, S_unit=str(said.get("S_unit", "% of travel")),
         reason=said["reason"], **levels,
     )  # fmt: skip
 
@@ -231,7 +263,7 @@ def _method(said: Any) -> Method:
         if not isinstance(said.get(key), kind) or not said[key]:
             raise GuestError(f"METHOD.{key} = {said.get(key)!r}; words are needed")
         fields[key] = said[key]
-    fields |= {key: kind(_number(said.get(key), f"METHOD.{key}")) for key, kind in NUMBERS.items()}
+    fields |= {key: kind(number_of(said.get(key), f"METHOD.{key}")) for key, kind in NUMBERS.items()}
     for key in ("needs_mv", "front_end"):
         if not isinstance(said.get(key), bool):
             raise GuestError(f"METHOD.{key} = {said.get(key)!r}; true or false is needed")
@@ -247,8 +279,8 @@ def _method(said: Any) -> Method:
         raise GuestError("METHOD.thresholds is no table of detectors.method.Threshold")
     thresholds = {
         str(key): Threshold(
-            *(_number(r.get("default"), f"{key}.default"), str(r.get("unit"))),
-            *(_number(r.get(end), f"{key}.{end}") for end in ("low", "high")), str(r.get("source")), str(r.get("says")),
+            *(number_of(r.get("default"), f"{key}.default"), str(r.get("unit"))),
+            *(number_of(r.get(end), f"{key}.{end}") for end in ("low", "high")), str(r.get("source")), str(r.get("says")),
         )
         for key, r in rules.items()
     }  # fmt: skip

@@ -11,6 +11,7 @@ import struct
 import sys
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 
@@ -21,13 +22,18 @@ from detectors.registry import methods
 from detectors.verdict import Verdict
 
 
-def main() -> None:
-    """Serve requests until the parent is gone: `python -m detectors.guest_process READ WRITE PARENT SOURCE`."""
-    read, write, parent, source = int(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]), sys.argv[4]
+def serve(answer: Callable[[dict[str, Any]], Any]) -> None:
+    """Answer questions until the parent is gone: `python -m MODULE READ WRITE PARENT ...`.
+
+    Parameters
+    ----------
+    answer : callable
+        From a question to plain values; whatever it raises is answered as the reason why there are none.
+    """
+    read, write, parent = int(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     os.write(write, struct.pack("<Q", 0))  # it lives
-    methods.host_entry_points = False
-    name = limit = None
+    limit = None
     while True:
         asked = _receive(read)
         if asked["bytes"] != limit:
@@ -37,9 +43,7 @@ def main() -> None:
         signal.signal(signal.SIGALRM, signal.SIG_DFL)
         signal.setitimer(signal.ITIMER_REAL, 2.0 * asked["seconds"] + 60.0)
         try:
-            name = name or (methods.add_file(source) if os.sep in source else source)
-            answer = {"answer": _described(name) if asked["do"] == "describe" else _judged(name, asked)}
-            text = json.dumps(answer).encode()
+            text = json.dumps({"answer": answer(asked)}).encode()
         except MemoryError:
             text = json.dumps({"error": "takes more memory than it may"}).encode()
         except BaseException as error:  # whatever a stranger's code does, sys.exit too
@@ -48,6 +52,19 @@ def main() -> None:
         content = struct.pack("<Q", len(text)) + text
         while content:
             content = content[os.write(write, content) :]
+
+
+def main() -> None:
+    """Serve one detector: `python -m detectors.guest_process READ WRITE PARENT SOURCE`."""
+    methods.host_entry_points = False
+    source, name = sys.argv[4], ""
+
+    def answer(asked: dict[str, Any]) -> Any:
+        nonlocal name
+        name = name or (methods.add_file(source) if os.sep in source else source)
+        return _described(name) if asked["do"] == "describe" else _judged(name, asked)
+
+    serve(answer)
 
 
 def _said(error: BaseException) -> str:

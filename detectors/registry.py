@@ -6,15 +6,18 @@ import importlib
 import importlib.util
 import pkgutil
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import cached_property
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
-from detectors.errors import ParameterError, UnknownName
-from detectors.guest import SECONDS, Guest, GuestError, refuse_name
+from detectors.errors import ParameterError, UnknownName, UserError
+from detectors.guest import SECONDS, Guest, refuse_name
+
+MakeHost = Callable[[Path, float], Any]
 
 
 class PluginFolder:
@@ -46,7 +49,7 @@ class PluginFolder:
         self.group = group
         self.required = required
         self.reserved = reserved
-        self._guests: dict[str, tuple[tuple, Guest]] = {}
+        self._guests: dict[str, tuple[tuple, Any]] = {}
         self._files: dict[str, ModuleType] = {}
         self._loaded: dict[str, ModuleType] = {}
 
@@ -118,8 +121,8 @@ class PluginFolder:
         self._files[name] = self._checked(module, name)
         return name
 
-    def add_guest(self, path: str | Path, seconds: float = SECONDS) -> str:
-        """Register a detector's file without importing it: a process of its own does, see `detectors.guest`.
+    def add_guest(self, path: str | Path, seconds: float = SECONDS, host: MakeHost = Guest) -> str:
+        """Register a plug-in's file without importing it: a process of its own does, see `detectors.guest`.
 
         Parameters
         ----------
@@ -127,6 +130,8 @@ class PluginFolder:
             The file; its stem becomes the plug-in's name.
         seconds : float
             Time it may take for a record.
+        host : callable
+            (file, seconds) -> the process, which has a `stub()` to stand for the plug-in here.
 
         Returns
         -------
@@ -151,33 +156,33 @@ class PluginFolder:
         if guest is None or guest[0] != key:
             if guest is not None:
                 guest[1].close()
-            host = Guest(path.resolve(), seconds)
-            self._files[name] = _stub(host, f"{self.kind} file {path}")
-            self._guests[name] = (key, host)
+            process = host(path.resolve(), seconds)
+            self._files[name] = _stub(process, f"{self.kind} file {path}")
+            self._guests[name] = (key, process)
         return name
 
-    def add_guests(self, paths: Iterable[str | Path], seconds: float = SECONDS) -> list[str]:
+    def add_guests(self, paths: Iterable[str | Path], seconds: float = SECONDS, host: MakeHost = Guest) -> list[str]:
         """Register several files as `add_guest` does; two of one name are refused. Every guest known is asked again."""
         files = list(dict.fromkeys(Path(p).resolve() for p in paths))
         names = [f.stem for f in files]
         for file in files:
             refuse_name(file, self.kind, names.count(file.stem) > 1)
-        added = [self.add_guest(f, seconds) for f in files]
-        for _, host in self._guests.values():
-            host.seconds, host.strikes = seconds, 0
+        added = [self.add_guest(f, seconds, host) for f in files]
+        for _, process in self._guests.values():
+            process.seconds, process.strikes = seconds, 0
         return added
 
     @contextmanager
-    def guests(self, paths: Iterable[str | Path], seconds: float = SECONDS) -> Iterator[list[str]]:
+    def guests(self, paths: Iterable[str | Path], seconds: float = SECONDS, host: MakeHost = Guest) -> Iterator[list[str]]:
         """Register several files for one question only: afterwards the names known are those of before."""
         before = set(self._files)
         try:
-            yield self.add_guests(paths, seconds)
+            yield self.add_guests(paths, seconds, host)
         finally:
             for name in set(self._files) - before:
                 self.forget(name)
 
-    def guest(self, name: str) -> Guest | None:
+    def guest(self, name: str) -> Any:
         """Return the process a plug-in lives in; None for those of the house."""
         found = self._guests.get(name)
         return None if found is None else found[1]
@@ -218,15 +223,13 @@ class PluginFolder:
         return module
 
 
-def _stub(host: Guest, where: str) -> ModuleType:
+def _stub(host: Any, where: str) -> ModuleType:
     """What stands for a plug-in outside its own process: its description of itself; ParameterError where it gives none."""
     try:
-        method = host.describe()
-    except GuestError as error:
+        return host.stub()
+    except UserError as error:
+        host.close()
         raise ParameterError(f"{where} cannot be imported: {error}") from None
-    stub = ModuleType("guest", method.title)
-    stub.__dict__.update(METHOD=method, detect=None, __file__=None)
-    return stub
 
 
 PUBLISHED = "published"
@@ -259,7 +262,7 @@ class Detectors(PluginFolder):
         shown.__dict__.update(METHOD=module.METHOD.as_published(), detect=module.detect, __file__=module.__file__)
         return shown
 
-    def guest(self, name: str) -> Guest | None:
+    def guest(self, name: str) -> Any:
         """Return the process a detector, or the published variant of it, lives in; None for those of the house."""
         return super().guest(name.partition("@")[0])
 

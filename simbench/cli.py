@@ -32,7 +32,7 @@ def _workers(jobs: int) -> int:
 Json = Annotated[bool, typer.Option("--json", help="JSON, and nothing else, on stdout.")]
 Jobs = Annotated[int, typer.Option("-j", "--jobs", callback=_workers, help="Worker processes; -1 = all cores.")]
 Plugin = Annotated[list[Path] | None, typer.Option(metavar="FILE.py", help="File of a further detector; repeatable.")]
-Limit = Annotated[float, typer.Option("--time-limit", metavar="S", help="Seconds a plug-in may take for a record.")]
+Limit = Annotated[float, typer.Option("--time-limit", metavar="S", help="Seconds a plug-in may take for a record or scenario.")]
 ValvePlugin = Annotated[list[Path] | None, typer.Option(metavar="FILE.py", help="File of a further valve model; repeatable.")]
 EffectPlugin = Annotated[list[Path] | None, typer.Option(metavar="FILE.py", help="File of a further effect; repeatable.")]
 Thresholds = Annotated[
@@ -124,12 +124,12 @@ def simulate(
     scenario: Annotated[str | None, typer.Option("--id", help="Scenario of that run.")] = None,
     valve_plugin: ValvePlugin = None,
     effect_plugin: EffectPlugin = None,
+    time_limit: Limit = 60.0,
 ) -> None:
     """Run one closed loop and write its record."""
     from simbench.files import refuse_own_input, write_record
-    from simbench.loop.simulate import simulate as run
+    from simbench.loop.guest import guest_parts, simulated
 
-    _add_parts(valve_plugin, effect_plugin)
     if (loop is None) == (from_run is None):
         raise ParameterError("simulate needs either a loop file, or --from RUN with --id ID")
     if out is None:
@@ -137,18 +137,19 @@ def simulate(
     if not abs(kick) <= 100.0:
         raise ParameterError(f"--kick {kick:g}; an offset of OP within -100 to 100 % is needed")
     refuse_own_input([out], [loop])
-    if from_run is not None:
-        from simbench.bench.store import read_scenario
+    with guest_parts(valve_plugin or [], effect_plugin or [], time_limit):
+        if from_run is not None:
+            from simbench.bench.store import read_scenario
 
-        if scenario is None:
-            raise ParameterError("simulate --from RUN needs --id, the scenario to repeat")
-        found = read_scenario(from_run, scenario)
-        result = run(found.loop, found.seed, kick=kick)
-    else:
-        from scenarios.spec import load_loop
+            if scenario is None:
+                raise ParameterError("simulate --from RUN needs --id, the scenario to repeat")
+            found = read_scenario(from_run, scenario)
+            result = simulated(found.loop, found.seed, kick)
+        else:
+            from scenarios.spec import load_loop
 
-        with naming(loop):
-            result = run(load_loop(loop), seed, kick=kick)
+            with naming(loop):
+                result = simulated(load_loop(loop), seed, kick)
     write_record(result.record, out)
     r = result.record
     friction = "has friction" if result.sticky else "is without friction"
@@ -162,14 +163,16 @@ def valve(
     out: Annotated[Path, typer.Option("-o", "--out", help="Table to write, with a column mv.")],
     param: Annotated[list[str] | None, typer.Option("--param", metavar="NAME=VALUE", help="Repeatable.")] = None,
     valve_plugin: ValvePlugin = None,
+    time_limit: Limit = 60.0,
 ) -> None:
     """Send a column `op` through one valve model."""
     from simbench.files import refuse_own_input
+    from simbench.loop.guest import guest_parts, response
     from simbench.loop.response import valve_file
 
     refuse_own_input([out], [source])
-    _add_parts(valve_plugin, None)
-    valve_file(source, out, model, _pairs(param or [], "--param"))
+    with guest_parts(valve_plugin or [], seconds=time_limit):
+        valve_file(source, out, model, _pairs(param or [], "--param"), response)
 
 
 @app.command()
@@ -732,16 +735,6 @@ def _usage(error: Any, arguments: list[str]) -> str:
 
 def _verbs(context: Any) -> list[str]:
     return [] if context is None else context.command.list_commands(context)
-
-
-def _add_parts(valves: list[Path] | None, effects: list[Path] | None) -> None:
-    if valves or effects:
-        from simbench.loop.effects import PLUGINS
-        from simbench.loop.parameters import VALVES
-
-        for folder, files in ((VALVES, valves), (PLUGINS, effects)):
-            for file in files or []:
-                folder.add_file(file)
 
 
 def _line(failed: Any) -> str:

@@ -1,9 +1,10 @@
-"""What the README shows works as written: every command, the Python blocks, the loop file, the CI recipe, the table."""
+"""What the README shows works as written: every command, the Python blocks, the plug-ins, the CI recipe, the table."""
 
 from __future__ import annotations
 
 import json
 import re
+import shutil
 import tomllib
 from pathlib import Path
 
@@ -49,9 +50,9 @@ def own_detector(own):
     return own["detector"]
 
 
-def test_the_loop_file_is_the_examples():
-    text = block("toml", "[plant]")
-    assert (EXAMPLE / "loop.toml").read_text(encoding="utf-8") == text
+def test_the_loop_file_is_the_tutorials_and_its_model_lacks_the_stiction_alone():
+    text = (EXAMPLE / "loop.toml").read_text(encoding="utf-8")
+    assert f"%%writefile loop.toml\n{text}```" in (ROOT / "docs/site/tutorials/simulate.md").read_text(encoding="utf-8")
     sticky = tomllib.loads(text)
     assert Loop.from_table(sticky).valve.name == "choudhury"
     healthy = tomllib.loads((EXAMPLE / "model.toml").read_text(encoding="utf-8"))
@@ -59,9 +60,8 @@ def test_the_loop_file_is_the_examples():
 
 
 def test_a_users_detector_runs_through_detect_run_and_score(tmp_path, own_detector, capsys):
-    loop, record, run = tmp_path / "loop.toml", tmp_path / "rec.csv", tmp_path / "run"
-    loop.write_text(block("toml", "[plant]"), encoding="utf-8")
-    assert main(["simulate", str(loop), "-o", str(record)]) == 0
+    record, run = tmp_path / "rec.csv", tmp_path / "run"
+    assert main(["simulate", str(EXAMPLE / "loop.toml"), "-o", str(record)]) == 0
     capsys.readouterr()
     assert main(["detect", str(record), "--plugin", str(own_detector), "--method", "fullness", "--json"]) == 0
     (verdict,) = json.loads(capsys.readouterr().out)
@@ -85,11 +85,21 @@ def test_the_users_plug_ins_keep_their_contract(own, kind, capsys):
 def test_the_users_valve_jumps_as_it_says(own):
     VALVES.add_file(own["valve"])
     op = np.array([50.0, 52.0, 54.0, 53.0, 50.0, 49.0])
-    assert valve_response("leap", op, {"d": 3.0}).tolist() == [50.0, 50.0, 54.5, 54.5, 49.5, 49.5]
+    assert valve_response("leap", op, {"d": 3.0}).tolist() == [50.0, 50.0, 54.0, 54.0, 50.0, 50.0]
 
 
 def test_the_detector_takes_about_thirty_lines():
     assert len(block("python", "METHOD = Method(").strip().splitlines()) <= 30
+
+
+def test_a_newcomer_reads_it_in_one_sitting():
+    assert len(README.splitlines()) <= 180
+
+
+def test_every_link_of_the_readme_hits():
+    links = [link for link in re.findall(r"\]\(([^)#]+)\)", README) if not link.startswith("http")]
+    assert len(links) > 15
+    assert [link for link in links if not (ROOT / link).exists()] == []
 
 
 def commands(text):
@@ -100,15 +110,11 @@ def commands(text):
 
 @pytest.fixture
 def place(tmp_path, monkeypatch, own):
-    (tmp_path / "loop.toml").write_text(block("toml", "[plant]"), encoding="utf-8")
-    (tmp_path / "model.toml").write_text((EXAMPLE / "model.toml").read_text(encoding="utf-8"), encoding="utf-8")
-    (tmp_path / "hum.toml").write_text(block("toml", "[plant]") + block("toml", "[[effect]]"), encoding="utf-8")
+    shutil.copytree(EXAMPLE, tmp_path / "docs" / "example")
     monkeypatch.chdir(tmp_path)
-    assert main(["simulate", "loop.toml", "-o", "rec.csv", "--seed", "1"]) == 0
     (tmp_path / "records").mkdir()
-    for name in ("FIC101", "FIC102", "FIC103", "FIC104", "FIC105"):
-        seed = name[-1]
-        assert main(["simulate", "loop.toml", "-o", f"records/{name}.csv", "--seed", seed]) == 0
+    for to in ("rec", "records/FIC101", "records/FIC102", "records/FIC103", "records/FIC104", "records/FIC105"):
+        assert main(["simulate", "docs/example/loop.toml", "-o", f"{to}.csv", "--seed", to[-1] if "/" in to else "1"]) == 0
     return tmp_path
 
 
@@ -123,7 +129,7 @@ def test_every_command_of_the_readme_works_as_printed(place, capsys):
         else:
             assert words[0] == "simbench"
             assert main(words[1:]) == 0, (words, capsys.readouterr().err)
-    written = {"verdict.html", "gap.html", "gap.svg", "fixed.toml", "again.csv", "mv.csv", "hum.csv"}
+    written = {"verdict.html", "trust.html", "plant.html", "gap.html", "gap.svg", "fixed.toml", "again.csv"}
     assert written <= {p.name for p in place.iterdir()}
 
 
@@ -138,12 +144,11 @@ def test_the_ci_recipe_works_as_printed_baseline_included(place, capsys):
         assert main([w if w != "ci" else "smoke" for w in words[1:]]) == 0, (words, capsys.readouterr().err)
 
 
-def test_the_python_block_gives_tables_pictures_and_scores(place):
+def test_the_python_block_gives_tables_and_pictures(place):
     scope: dict = {}
-    exec(block("python", "sb.sweep").replace(", 5, 10]", "]").replace("[0, 2]", "[2]"), scope)
-    assert scope["report"]["he"].verdict == "stiction"
-    assert scope["scores"].method.tolist() == ["horch", "he"]
-    assert scope["expected"]["period"] > 0
+    exec(block("python", "sb.detect"), scope)
+    assert scope["answer"] == "stiction"
+    assert scope["table"].method.tolist() == ["horch", "he"]
     assert len(scope["axes"]) == 2
 
 

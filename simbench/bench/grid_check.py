@@ -10,13 +10,12 @@ from detectors.errors import UserError, naming
 from scenarios.errors import suggestion
 from scenarios.grid import Grid, More
 from scenarios.grid_check import say
+from simbench.bench.guests import refuse_unsettled
 from simbench.bench.manifest import RunError
-from simbench.bench.resolve import resolve
 from simbench.loop.disturbance import KINDS
 from simbench.loop.disturbance import PARAMETERS as OF_LOADS
 from simbench.loop.effects import PLUGINS as EFFECTS
 from simbench.loop.parameters import VALVES
-from simbench.loop.resolve import resolve_loop
 
 MOST = 1_000_000  # scenarios without --large
 # measured on the chapter's grid: a scenario without detectors, a fast and a slow method (s of one core); rows on disk (bytes)
@@ -100,8 +99,7 @@ def refuse_wrong_parts(plan: Grid) -> None:
     say(plan.name, list(dict.fromkeys(_wrong(plan))))
     with naming(f"grid {plan.name}"):
         for index in plan.samples():
-            for scenario in resolve(plan.group(index)):
-                resolve_loop(scenario.loop, scenario.seed)
+            refuse_unsettled(plan.group(index))
 
 
 def _samples(plan: Grid, block: Any) -> float:

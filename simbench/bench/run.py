@@ -26,8 +26,9 @@ from simbench.bench.manifest import describe, read_manifest, run_key
 from simbench.bench.oracle import ORACLE
 from simbench.bench.pieces import Receipt
 from simbench.bench.place import Place, place_of
-from simbench.bench.work import Thresholds, add_parts, work
+from simbench.bench.work import Thresholds, work
 from simbench.bench.workers import Runner, on_cluster, on_processes
+from simbench.loop.guest import guest_parts
 
 BACKENDS = ("loky", "dask")
 LIVES = 3  # how often dead workers are replaced before the run gives up
@@ -127,10 +128,9 @@ def run_grid(
     if until_width is not None and not 0 < until_width < 1:
         raise RunError(f"until_width = {until_width}; a number between 0 and 1 is needed")
     stages = tuple(tuple(str(Path(p).resolve()) for p in some) for some in (valve_plugins, effect_plugins))
-    add_parts(stages)
     plan = grid if isinstance(grid, Grid) else load_grid(grid, sets, axes)
     files = [str(Path(p).resolve()) for p in plugins]
-    with registry.guests(files, time_limit) as added:
+    with registry.guests(files, time_limit) as added, guest_parts(*stages, time_limit):
         asked = [part.strip() for text in methods for part in text.split(",")]
         names = choose_methods(m for m in asked if m != ORACLE)
         names += [a for a in added if a not in names]
@@ -148,7 +148,7 @@ def run_grid(
                 "scenarios": len(plan),
                 "methods": {n: _about(n) for n in names},
                 "thresholds": {k: dict(v) for k, v in (thresholds or {}).items()},
-                "plugins": {Path(f).stem: file_digest(Path(f)) for f in (*files, *stages[0], *stages[1])},
+                "plugins": _digests(("", files), ("valve ", stages[0]), ("effect ", stages[1])),
                 "until_width": until_width,
                 "raw": raw,
                 "front_end": known_front_end(front_end),
@@ -299,6 +299,10 @@ def _check_settings(names: Sequence[str], thresholds: Thresholds) -> None:
         if method not in names:
             raise RunError(f"thresholds are given for {method!r}, which is not among the methods: {', '.join(names)}")
         check_thresholds(method, registry.load(method).METHOD, values)
+
+
+def _digests(*kinds: tuple[str, Iterable[str]]) -> dict[str, str]:
+    return {f"{kind}{Path(f).stem}": file_digest(Path(f)) for kind, files in kinds for f in files}
 
 
 def _budgets(names: Sequence[str]) -> tuple[int, int]:

@@ -63,8 +63,6 @@ def score_run(folder: str | Path, raw: bool = False) -> Scores:
 
 def score_book(book: Book, raw: bool = False) -> Scores:
     """Score a run that is in memory; see `score_run`."""
-    import pandas as pd
-
     rows, by_axis, standing = [], [], {}
     for mode in (FRONT, RAW):
         # the order of the scores is all that counts, and found once
@@ -82,8 +80,16 @@ def score_book(book: Book, raw: bool = False) -> Scores:
                 place = {"axis": axis, "value": value, "truth": "cycled", "mode": mode, "front_end": mode == FRONT}
                 block = _block(book, "cycled", chosen, place)
                 by_axis += [_row(block, a, interval=False) for a in everyone]
-    frames = [pd.DataFrame([r for r in part if r["n"]]) for part in (rows, by_axis)]
+    frames = [_frame(part, {"axis": "", "value": "", **rows[0]}) for part in (rows, by_axis)]
     return Scores(*frames, _disagreement(book), standing, book.manifest, RAW if raw else FRONT)
+
+
+def _frame(rows: list[dict[str, Any]], example: dict[str, Any]) -> pd.DataFrame:
+    import pandas as pd
+
+    there = [r for r in rows if r["n"]]
+    # where no loop has a truth, the table has its columns all the same
+    return pd.DataFrame(there) if there else pd.DataFrame(columns=list(rows[0] if rows else example))
 
 
 def answers_of(book: Book, mode: str = FRONT) -> Iterator[Answers]:

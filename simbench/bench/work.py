@@ -8,7 +8,6 @@ import math
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -22,18 +21,15 @@ from detectors.record import LoopRecord
 from detectors.registry import methods as registry
 from detectors.verdict import NO_DECISION, Verdict
 from scenarios.grid import Grid
-from scenarios.spec import Loop, Noise, Scenario, SetPoint
+from scenarios.spec import Scenario
 from simbench.bench import tables
-from simbench.bench.oracle import ORACLE, judge_oracle
-from simbench.bench.resolve import resolve
-from simbench.bench.truth import Cycled, simulate_with_truth
-from simbench.loop.effects import PLUGINS as EFFECTS
-from simbench.loop.parameters import VALVES
+from simbench.bench.guests import NO_THEORY, Theory, oracle_of, said_of, settled, theory, truth
+from simbench.bench.oracle import ORACLE
+from simbench.bench.truth import Cycled
+from simbench.loop.guest import add_parts
 from simbench.loop.run import Run
-from simbench.theory.tables import truth_columns
 
 Thresholds = Mapping[str, Mapping[str, float]]
-LONGEST = 300  # characters of an error's text
 
 
 @dataclass
@@ -108,7 +104,7 @@ def work(
         A function of the arguments alone, but for its times.
     """
     began = time.perf_counter()
-    add_parts(stages)
+    add_parts(*stages, seconds)
     registry.add_guests(plugins, seconds)
     own = [m for m in methods if m != ORACLE]
     chosen = {m: check_thresholds(m, registry.load(m).METHOD, (thresholds or {}).get(m, {})) for m in own}
@@ -119,21 +115,14 @@ def work(
     with threadpool_limits(1):
         for index in groups:
             since = time.perf_counter()
-            scenarios, wrong = _settled(grid, index)
+            scenarios = settled(grid.group(index))
             piece.simulating += time.perf_counter() - since
-            for scenario in scenarios:
+            for scenario, wrong in scenarios:
                 _one(scenario, index, chosen, ORACLE in methods, rows, verdicts, piece, keep, wrong, front_end)
     piece.scenarios = tables.encode(rows, tables.SCENARIOS, number)
     piece.verdicts = tables.encode(verdicts, tables.VERDICTS, number)
     piece.total = time.perf_counter() - began
     return piece
-
-
-def add_parts(files: tuple[tuple[str, ...], ...]) -> None:
-    """Make files of valve models and of effects known by their names."""
-    for folder, some in zip((VALVES, EFFECTS), files, strict=True):
-        for path in some:
-            folder.add_file(path)
 
 
 def judge_both(
@@ -176,19 +165,6 @@ def judge_both(
     return blind, found
 
 
-def _settled(grid: Grid, index: int) -> tuple[list[Scenario], str | None]:
-    """The scenarios of a group; drafts, with the error, where its rules cannot be settled."""
-    group = grid.group(index)
-    try:
-        return resolve(group), None
-    except Exception as wrong:
-        return [Scenario(loop=d.loop, seed=group.seed, tags=d.tags) for d in group.drafts], _said(wrong)
-
-
-def _said(error: BaseException) -> str:
-    return " ".join(f"{type(error).__name__}: {error}".split())[:LONGEST]
-
-
 def _one(
     scenario: Scenario,
     group: int,
@@ -202,13 +178,13 @@ def _one(
     front_end: str,
 ) -> None:
     since = time.perf_counter()
-    run, cycled, theory = None, Cycled("unclear"), (None, None, None, None, None)
+    run, cycled, columns = None, Cycled("unclear"), NO_THEORY
     try:
         if error is None:
-            run, cycled = simulate_with_truth(scenario.loop, scenario.seed)
-            theory = _theory(_at_rest(scenario.loop))
-    except Exception as wrong:  # whatever a model does on numbers of its own: one scenario, not the run
-        error, run, cycled = _said(wrong), None, Cycled("unclear")
+            run, cycled = truth(scenario.loop, scenario.seed)
+            columns = theory(scenario.loop)
+    except Exception as fault:  # whatever a model does on numbers of its own: one scenario, not the run
+        error, run, cycled = said_of(fault), None, Cycled("unclear")
     ident = scenario.id
     then = time.perf_counter()
     piece.simulating += then - since
@@ -219,10 +195,10 @@ def _one(
         prepared, found = judge_both(run.record, chosen, front_end)
         if oracle:
             since = time.perf_counter()
-            said = judge_oracle(scenario, run)
-            found.append((said, said, None, time.perf_counter() - since))
+            said, wrong = oracle_of(scenario, run)
+            found.append((said, said, wrong, time.perf_counter() - since))
     piece.judging += time.perf_counter() - then
-    _add(rows, _scenario_row(scenario, ident, group, run, cycled, theory, prepared, error))
+    _add(rows, _scenario_row(scenario, ident, group, run, cycled, columns, prepared, error))
     for front, raw, raised, seconds in found:
         _add(verdicts, _verdict_row(ident, front, raw, raised, seconds))
     piece.count += 1
@@ -237,7 +213,7 @@ def _scenario_row(
     group: int,
     run: Run | None,
     cycled: Cycled,
-    theory: tuple,
+    columns: Theory,
     prepared: Prepared | None,
     error: str | None,
 ) -> dict[str, Any]:
@@ -257,7 +233,7 @@ def _scenario_row(
         tags=json.dumps(tags),
         error=error,
     )
-    row.update(zip(("predicted", "refined", "theory", "theory_period", "theory_amplitude"), theory))
+    row.update(zip(("predicted", "refined", "theory", "theory_period", "theory_amplitude"), columns))
     if run is not None and prepared is not None:
         found = prepared.oscillation
         row.update(
@@ -301,18 +277,6 @@ def record_hash(record: LoopRecord) -> str:
         if signal is not None:
             digest.update(np.ascontiguousarray(signal).tobytes())
     return digest.hexdigest()[:16]
-
-
-def _at_rest(loop: Loop) -> str:
-    # theory knows neither noise nor loads nor the set point: siblings share its answer
-    return loop.model_copy(update={"noise": Noise(), "disturbance": (), "setpoint": SetPoint(value=loop.pv0)}).model_dump_json()
-
-
-@lru_cache(maxsize=256)
-def _theory(text: str) -> tuple[bool | None, bool | None, bool | None, float | None, float | None]:
-    with np.errstate(all="ignore"):  # candidate cycles that grow without bound
-        predicted, refined, theory = truth_columns(Loop.model_validate_json(text), waves=False)
-    return predicted, refined, theory["exists"], theory["period"], theory["amplitude"]
 
 
 def _ends(level: float | tuple[float, float] | None) -> tuple[float, float]:

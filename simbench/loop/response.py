@@ -115,7 +115,13 @@ def stages_response(stages: tuple, op: np.ndarray, rest: float) -> np.ndarray:
     return op
 
 
-def valve_file(source: str | Path, out: str | Path, model: str, parameters: Mapping[str, Any] | None = None) -> None:
+def valve_file(
+    source: str | Path,
+    out: str | Path,
+    model: str,
+    parameters: Mapping[str, Any] | None = None,
+    respond: Callable[[str, np.ndarray, Mapping[str, Any], float], np.ndarray] | None = None,
+) -> None:
     """Send the column `op` of a table through one valve model.
 
     Parameters
@@ -127,6 +133,8 @@ def valve_file(source: str | Path, out: str | Path, model: str, parameters: Mapp
         CSV to write: the columns of `source` as they stand, and `mv` (% of travel), in place of one that was there.
     model, parameters
         As `valve_response`.
+    respond : callable, optional
+        What takes its place where the valve lives elsewhere.
 
     Raises
     ------
@@ -168,7 +176,7 @@ def valve_file(source: str | Path, out: str | Path, model: str, parameters: Mapp
             at, dt = uneven[0] + 3, step[uneven[0]]
             raise RecordError(f"{source}, line {at}: a time step of {dt:g} s among steps of {Ts:g} s; even steps are needed")
     columns = {name: cells for name, cells in table.items() if name.lower() != "mv"}
-    columns["mv"] = valve_response(model, op, parameters, Ts).tolist()
+    columns["mv"] = (respond or valve_response)(model, op, parameters or {}, Ts).tolist()
     with whole_file(out) as f:
         writer = csv.writer(f, lineterminator="\n")
         writer.writerow(columns)

@@ -11,13 +11,12 @@ import numpy as np
 from detectors.record import LoopRecord
 from detectors.signal.oscillation import find_oscillation
 from scenarios.spec import Loop, Part
-from simbench.gap import diagnose
+from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.loop.setup import plain_setup
+from simbench.plant.friction import FRICTION, OUTSIDE, friction
 
 ROOM = 2.0  # OP ranges left free on either side of a record whose unit of OP is unknown
 ARCHIVE = ("quantisation", "compression", "outliers", "op_quantisation")  # effects that single samples prove
-
-FRICTION = "stiction"  # the effect whose size is asked for
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,18 +82,18 @@ def around(record: LoopRecord, loop: Loop | None = None) -> Around:
     (True, True)
     """
     notes = []
-    record, percent = _in_percent(record)
+    record, percent = in_percent(record)
     if loop is not None and plain_setup(loop, 0).sticky:
         loop = loop.model_copy(update={"valve": Part(name="ideal")})
         notes.append("the loop file's valve has friction; twins are drawn with and without it")
-    report = diagnose(record, loop)
-    found, loops = report.behind.found, report.behind.loops
+    found = friction(record, loop)
+    loops = ClosedLoops(found, 0)
     archive = [e for e in ARCHIVE if e in found.situation.proven]
     healthy = [loops.loop(archive)]
     gains = found.log_likelihood_gains
-    if "oscillation" in found.parameters:
-        healthy.append(loops.loop([*archive, "oscillation"]))
-        if gains.get("oscillation", 0.0) > 0:
+    if OUTSIDE in found.parameters:
+        healthy.append(loops.loop([*archive, OUTSIDE]))
+        if gains.get(OUTSIDE, 0.0) > 0:
             healthy.reverse()
     sticky = fitted = None
     if FRICTION in found.parameters:
@@ -127,7 +126,7 @@ def archived(loop: Loop) -> list[Mapping[str, Any]]:
     return [e for e in loop.to_table().get("effect", []) if e["name"] in ARCHIVE]
 
 
-def _in_percent(record: LoopRecord) -> tuple[LoopRecord, float]:
+def in_percent(record: LoopRecord) -> tuple[LoopRecord, float]:
     """Return the record with OP in %, and how many units of its OP one % is."""
     if record.op_percent is not None:
         lo, hi = record.op_span or (0.0, 100.0)

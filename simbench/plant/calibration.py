@@ -1,47 +1,52 @@
-"""From what twins and likelihood say to a probability that holds: three numbers learned on simulated loops of grid `plant`."""
+"""How probable stiction is, from two things a record shows: three numbers learned on simulated loops of grid `plant`."""
 
 from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from detectors.verdict import STICTION, Verdict
+
 FILE = Path(__file__).with_name("calibration.json")
+ASKED = "procedure"  # the method whose verdict is weighed
 GAIN = (-1.0, 3.0)  # tens of nats between which the likelihood's evidence counts; beyond, a model's errors are larger
 EDGE = 0.99  # no probability is surer than the loops it was learned on can show
 
 
 @dataclass(frozen=True)
 class EvidenceWeights:
-    """Log-odds of stiction = offset + twins log-odds(p on twins) + gain (log-likelihood gain of friction / 10 nats).
+    """Log-odds of stiction = offset + gain (log-likelihood gain of friction / 10 nats) + verdict (where `ASKED` says stiction).
 
     Parameters
     ----------
-    offset, twins, gain : float
+    offset, gain, verdict : float
     loops : int
         How many simulated loops it was learned on.
     log_loss : float
-        On loops left out.
+        On loops whose kind of valve was left out.
     """
 
     offset: float
-    twins: float
     gain: float
+    verdict: float
     loops: int = 0
     log_loss: float = math.nan
 
-    def probability(self, of_twins: float, gain: float | None) -> float:
-        """Return the probability of stiction.
+    def probability(self, gain: float | None, called: bool) -> float:
+        """Return the probability of stiction, even odds before looking.
 
         Parameters
         ----------
-        of_twins : float
-            What the verdicts and scores say, by the model learned on the record's twins.
         gain : float or None
             Log-likelihood (nats) that friction brings over none; None where friction could not be fitted.
+        called : bool
+            Whether `ASKED` says stiction.
         """
-        logit = self.offset + sum(w * x for w, x in zip((self.twins, self.gain), evidence(of_twins, gain)))
+        a, b = evidence(gain, called)
+        logit = self.offset + self.gain * a + self.verdict * b
         return min(max(1.0 / (1.0 + math.exp(-logit)), 1.0 - EDGE), EDGE)
 
     def write(self, path: Path = FILE) -> None:
@@ -54,6 +59,11 @@ class EvidenceWeights:
         return cls(**json.loads(path.read_text(encoding="utf-8")))
 
 
-def evidence(of_twins: float, gain: float | None) -> tuple[float, float]:
-    """Return the two numbers that are weighed: log-odds on the twins, and the likelihood's gain in tens of nats, bounded."""
-    return math.log(of_twins / (1.0 - of_twins)), min(max((gain or 0.0) / 10.0, GAIN[0]), GAIN[1])
+def evidence(gain: float | None, called: bool) -> tuple[float, float]:
+    """Return the two numbers that are weighed: the likelihood's gain in tens of nats, bounded, and whether `ASKED` calls."""
+    return min(max((gain or 0.0) / 10.0, GAIN[0]), GAIN[1]), float(called)
+
+
+def calls(said: Sequence[Verdict]) -> bool:
+    """Return whether `ASKED` is among the verdicts and says stiction."""
+    return any(v.method == ASKED and v.verdict == STICTION for v in said)

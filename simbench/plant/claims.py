@@ -9,16 +9,24 @@ from typing import Any
 
 import numpy as np
 
+from detectors.errors import UserError
 from detectors.report import choose_methods
 from detectors.verdict import NO_STICTION, STICTION
 from scenarios.spec import Part, Scenario
 from simbench.bench.statistics import mcnemar, wilson
 from simbench.loop.setup import plain_setup
 from simbench.loop.simulate import simulate
+from simbench.plant.calibration import ASKED, EvidenceWeights, calls
+from simbench.plant.friction import FRICTION, friction
 from simbench.plant.indices import judged
-from simbench.plant.learn import TESTING, answers, loops
+from simbench.plant.learn import TESTING, kept
+from simbench.plant.result import SOUND, UNSEEN, MethodTrust
+from simbench.plant.trust import LIKELY, trust
 
 RUNS = 10  # of the true loop, sticky and healthy each
+FITTED = 3  # of the sticky ones, in which friction's likelihood is asked for as well
+CLOSE = 0.1  # by which a claim may differ from what was measured
+BOOTSTRAPS = 1000
 PLAIN, BURIED = 0.8, 0.3  # found less false alarms by the best method: plainly visible above, buried below
 BINS = 4  # of probability, for its calibration
 
@@ -29,11 +37,39 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("out", metavar="FOLDER", help="Where the answers are kept; goes on where it stopped.")
     parser.add_argument("-n", type=int, default=40, help="Loops to ask about [40].")
     chosen = parser.parse_args(arguments)
-    rows = {row["scenario"]: row for row in answers(Path(chosen.out), chosen.n, TESTING)}
-    methods = choose_methods(["all"])
-    pairs = [(rows[s.id], measured(s, methods)) for s in loops(chosen.n, TESTING) if s.id in rows]
-    print("\n".join([*_claims(pairs, methods), *_probability(pairs), *_visible(pairs), *_chosen(pairs)]))
+    rows = kept(Path(chosen.out), chosen.n, TESTING, checked)
+    print("\n".join([*_claims([r for r in rows if r["best"]]), *_probability(rows), *_visible(rows), *_chosen(rows)]))
     return 0
+
+
+def checked(scenario: Scenario) -> dict[str, Any]:
+    """Return what trust says of one loop's record without MV, and what is true of the loop.
+
+    Parameters
+    ----------
+    scenario : Scenario
+
+    Returns
+    -------
+    dict
+        sticky; said, probability, smallest_visible, methods (rows of the contract); best, the method to trust with its reading
+        of the record, None without twins; and what `measured` returns.
+    """
+    run = simulate(scenario.loop, scenario.seed)
+    found = trust(run.record.blind(), help_wanted=False)
+    answer = found.as_json()
+    best = None if found.best is None else {"method": found.best.verdict.method, "says": reading(found.best)}
+    return {
+        "sticky": run.sticky, "said": found.answer, "probability": answer["probability"], "methods": answer["methods"],
+        "smallest_visible": answer["smallest_visible"], "best": best, **measured(scenario, choose_methods(["all"])),
+    }  # fmt: skip
+
+
+def reading(row: MethodTrust) -> str:
+    """Return what a method says of the record, read as trust advises."""
+    if row.rule.cut is None:
+        return row.verdict.verdict
+    return STICTION if row.called else NO_STICTION
 
 
 def measured(scenario: Scenario, methods: list[str]) -> dict[str, Any]:
@@ -47,14 +83,28 @@ def measured(scenario: Scenario, methods: list[str]) -> dict[str, Any]:
     Returns
     -------
     dict
-        healthy, sticky: dict of method to share, sticky None for a sound loop; S, J (%).
+        healthy, with_friction: dict of method to share, the latter None for a sound loop; fitted: share of runs with friction
+        in which trust calls stiction probable; S, J (%).
     """
     S, J = max(plain_setup(scenario.loop, 0).bands)
     sound = scenario.loop if S <= 0 else scenario.loop.model_copy(update={"valve": Part(name="ideal")})
     return {
         "S": S, "J": J, "healthy": _shares(sound, scenario.seed, methods),
-        "sticky": _shares(scenario.loop, scenario.seed, methods) if S > 0 else None,
+        "with_friction": _shares(scenario.loop, scenario.seed, methods) if S > 0 else None,
+        "fitted": _fitted(scenario.loop, scenario.seed) if S > 0 else None,
     }  # fmt: skip
+
+
+def _fitted(loop: Any, seed: int) -> float:
+    weights, found = EvidenceWeights.read(), []
+    for i in range(FITTED):
+        record = simulate(loop, seed + 1000 + i).record.blind()
+        try:
+            gain = friction(record).log_likelihood_gains[FRICTION]
+        except UserError:
+            continue
+        found.append(weights.probability(gain, calls(judged(record, [ASKED]))) > LIKELY)
+    return float(np.mean(found)) if found else 0.0
 
 
 def _shares(loop: Any, seed: int, methods: list[str]) -> dict[str, float]:
@@ -64,27 +114,31 @@ def _shares(loop: Any, seed: int, methods: list[str]) -> dict[str, float]:
     return dict(zip(methods, np.mean(called, axis=0).tolist()))
 
 
-def _claims(pairs: list[tuple[dict[str, Any], dict[str, Any]]], methods: list[str]) -> list[str]:
+def _claims(rows: list[dict[str, Any]]) -> list[str]:
     lines = [
-        f"{len(pairs)} loops, {RUNS} runs each with and without friction; claimed on twins, then measured on the loop itself"
+        f"{len(rows)} loops, {RUNS} runs each with and without friction; claimed on twins, then measured on the loop itself",
+        f"{'method':<18} {'false alarms':>14} {'off by':>7}   {'power':>14} {'off by':>7}",
     ]
-    lines.append(f"{'method':<18} {'false alarms':>14} {'off by':>7}   {'power':>14} {'off by':>7}")
+    close = [0, 0]
+    methods = list(rows[0]["healthy"])
     for m in methods:
-        said, true = [], []
-        power: list[tuple[float, float]] = []
-        for row, now in pairs:
-            claim = next(r for r in row["answer"]["methods"] if r["method"] == m)
-            said.append(claim["false_alarms"])
-            true.append(now["healthy"][m])
-            if now["sticky"] is not None:
-                power.append((_at(claim["power"], now["S"], now["J"]), now["sticky"][m]))
-        a, b = np.array(said), np.array(true)
-        c = np.array(power).reshape(-1, 2)
-        lines.append(
-            f"{m:<18} {a.mean():>6.2f} {b.mean():>7.2f} {np.abs(a - b).mean():>7.2f}   "
-            f"{c[:, 0].mean():>6.2f} {c[:, 1].mean():>7.2f} {np.abs(c[:, 0] - c[:, 1]).mean():>7.2f}"
-        )
-    return lines
+        claim = [_of(r, m) for r in rows]
+        alarms = np.array([(c["false_alarms"], r["healthy"][m]) for c, r in zip(claim, rows)])
+        power = np.array(
+            [
+                (_at(c["power"], r["S"], r["J"]), r["with_friction"][m])
+                for c, r in zip(claim, rows)
+                if r["with_friction"] is not None
+            ]
+        ).reshape(-1, 2)
+        text = f"{m:<18}"
+        for i, both in enumerate((alarms, power)):
+            a, b = both.mean(axis=0)
+            close[i] += abs(a - b) <= CLOSE
+            text += f" {a:>6.2f} {b:>7.2f} {np.abs(both[:, 0] - both[:, 1]).mean():>7.2f}  "
+        lines.append(text.rstrip())
+    said = "false alarms claimed within .1 of those measured, mean over the loops"
+    return [*lines, f"{said}: {close[0]} of {len(methods)} methods; power: {close[1]} of {len(methods)}"]
 
 
 def _at(cells: list[dict[str, float]], S: float, J: float) -> float:
@@ -93,53 +147,79 @@ def _at(cells: list[dict[str, float]], S: float, J: float) -> float:
     return min(cells, key=lambda c: abs(np.log(c["S"] / S)) + abs(np.log(c["J"] / c["S"] / ratio)))["found"]
 
 
-def _probability(pairs: list[tuple[dict[str, Any], dict[str, Any]]]) -> list[str]:
-    p = np.array([row["answer"]["probability"] for row, _ in pairs])
-    sticky = np.array([row["sticky"] for row, _ in pairs])
-    lines, error = ["", "probability of stiction: claimed, share sticky, loops"], 0.0
-    for i in range(BINS):
-        here = (p >= i / BINS) & ((p < (i + 1) / BINS) | (i == BINS - 1))
+def _probability(rows: list[dict[str, Any]]) -> list[str]:
+    rows = [r for r in rows if r["probability"] is not None]
+    p, sticky = np.array([r["probability"] for r in rows]), np.array([r["sticky"] for r in rows])
+    # trust assumes even odds before looking: sticky and healthy loops count the same
+    w = np.where(sticky, 0.5 / max(sticky.sum(), 1), 0.5 / max((~sticky).sum(), 1))
+    lines = ["", f"probability of stiction, {len(rows)} loops, {sticky.sum()} sticky: claimed, share sticky, loops"]
+    for here in _bins(p):
         if here.any():
-            lo, hi = wilson(sticky[here].sum(), here.sum())
-            gap = p[here].mean() - sticky[here].mean()
-            error += here.mean() * abs(gap)
-            lines.append(f"{p[here].mean():.2f}  {sticky[here].mean():.2f} ({lo:.2f} to {hi:.2f})  {here.sum()}")
-    brier = float(np.mean((p - sticky) ** 2))
-    return [*lines, f"expected calibration error {error:.3f}, Brier score {brier:.3f} (even odds: 0.250)"]
+            share = np.average(sticky[here], weights=w[here])
+            lines.append(f"{np.average(p[here], weights=w[here]):.2f}  {share:.2f}  {here.sum()}")
+    rng = np.random.default_rng(0)
+    picks = [rng.integers(len(rows), size=len(rows)) for _ in range(BOOTSTRAPS)]
+    lo, hi = np.quantile([_error(p[k], sticky[k], w[k]) for k in picks], [0.025, 0.975])
+    lines.append(
+        f"expected calibration error {_error(p, sticky, w):.3f} (95 % of bootstraps {lo:.3f} to {hi:.3f}: upwards biased)"
+    )
+    return [*lines, f"Brier score {np.average((p - sticky) ** 2, weights=w):.3f} (even odds: 0.250)"]
 
 
-def _visible(pairs: list[tuple[dict[str, Any], dict[str, Any]]]) -> list[str]:
-    counts = {"buried": [0, 0], "plainly visible": [0, 0]}
-    for row, now in pairs:
-        if now["sticky"] is None:
-            continue
-        best = max(now["sticky"][m] - now["healthy"][m] for m in now["sticky"])
-        kind = "plainly visible" if best >= PLAIN else "buried" if best <= BURIED else None
-        if kind is None:
-            continue
-        seen = row["answer"]["smallest_visible"]
-        counts[kind][0] += seen is None or now["S"] < seen["S"]
-        counts[kind][1] += 1
-    return ["", *(f"said that friction of its size cannot be seen: {k} of {n} {kind} ones" for kind, (k, n) in counts.items())]
+def _bins(p: np.ndarray) -> list[np.ndarray]:
+    return [(p >= i / BINS) & ((p < (i + 1) / BINS) | (i == BINS - 1)) for i in range(BINS)]
 
 
-def _chosen(pairs: list[tuple[dict[str, Any], dict[str, Any]]]) -> list[str]:
-    right: dict[str, list[bool]] = {}
-    picked = []
-    for row, _ in pairs:
-        said = {r["method"]: _right(r["verdict"], row["sticky"]) for r in row["answer"]["methods"]}
-        for m, ok in said.items():
-            right.setdefault(m, []).append(ok)
-        picked.append(said[row["answer"]["best"]])
+def _error(p: np.ndarray, sticky: np.ndarray, w: np.ndarray) -> float:
+    return float(sum(abs(np.sum(w[here] * (p[here] - sticky[here]))) for here in _bins(p)) / w.sum())
+
+
+def _visible(rows: list[dict[str, Any]]) -> list[str]:
+    """Return how often friction's size was called invisible: by the detectors' claim, and by the answer as a whole."""
+    lines = []
+    for whose in ("detectors", "detectors and likelihood"):
+        counts = {"buried": [0, 0, 0], "plainly visible": [0, 0, 0]}
+        for r in rows:
+            if r["with_friction"] is None or r["best"] is None:
+                continue
+            best = max(r["with_friction"][m] - r["healthy"][m] for m in r["healthy"])
+            best = best if whose == "detectors" else max(best, r["fitted"])
+            kind = "plainly visible" if best >= PLAIN else "buried" if best <= BURIED else None
+            if kind is not None:
+                small = r["smallest_visible"] is None or r["S"] < r["smallest_visible"]["S"]
+                now = (small, small and r["said"] in (UNSEEN, SOUND), True)
+                counts[kind] = [k + bool(x) for k, x in zip(counts[kind], now)]
+        lines += ["", f"friction as {whose} see it on runs of the loop itself:"]
+        for kind, (claim, answer, n) in counts.items():
+            below = f"below the smallest that detectors show {_share(claim, n)}"
+            lines.append(f"{kind}: {below}; the answer denies it or says that it cannot be seen {_share(answer, n)}")
+    return lines
+
+
+def _share(k: int, n: int) -> str:
+    lo, hi = wilson(k, n) if n else (0.0, 1.0)
+    return f"{k} of {n} ({lo:.2f} to {hi:.2f})"
+
+
+def _chosen(rows: list[dict[str, Any]]) -> list[str]:
+    """Return who is right how often: the detector picked per loop, trust itself, and the best detector in hindsight."""
+    twins = [r for r in rows if r["best"] is not None]
+    right = {m: [_right(_of(r, m)["verdict"], r["sticky"]) for r in twins] for m in twins[0]["healthy"]}
     best = max(right, key=lambda m: sum(right[m]))
-    lost = sum(a and not b for a, b in zip(right[best], picked))
-    won = sum(b and not a for a, b in zip(right[best], picked))
-    answer = [(row["answer"]["probability"] > 0.5) == row["sticky"] for row, _ in pairs]
-    return [
-        "",
-        f"right: detector picked per loop {np.mean(picked):.2f}, best overall in hindsight ({best}) {np.mean(right[best]):.2f} "
-        f"({won} won, {lost} lost, p = {mcnemar(lost, won):.2f}); probability above one half {np.mean(answer):.2f}",
-    ]
+    asked = {
+        "detector picked per loop, read as advised": [_right(r["best"]["says"], r["sticky"]) for r in twins],
+        "probability above one half": [(r["probability"] > 0.5) == r["sticky"] for r in twins],
+    }
+    lines = ["", f"right on {len(twins)} loops: best detector in hindsight ({best}) {np.mean(right[best]):.2f}"]
+    for name, ok in asked.items():
+        won = sum(b and not a for a, b in zip(right[best], ok))
+        lost = sum(a and not b for a, b in zip(right[best], ok))
+        lines.append(f"{name} {np.mean(ok):.2f} ({won} won, {lost} lost, p = {mcnemar(lost, won):.3f})")
+    return lines
+
+
+def _of(row: dict[str, Any], method: str) -> dict[str, Any]:
+    return next(c for c in row["methods"] if c["method"] == method)
 
 
 def _right(verdict: str, sticky: bool) -> bool:

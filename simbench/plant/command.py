@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from shutil import rmtree
 from typing import Any
 
 from detectors.io import RECORD_FILES, read_folder, read_labels, read_record
@@ -62,7 +63,7 @@ def trust_file(
 def report_folder(
     folder: str | Path, page: str | Path, labels: str | Path | None = None, *, jobs: int = 2
 ) -> tuple[Fleet, Path]:
-    """Judge a plant's loops and write them on one page.
+    """Judge a plant's loops and write them on one page; what a killed call had judged is kept beside it and used again.
 
     Parameters
     ----------
@@ -89,8 +90,11 @@ def report_folder(
     from simbench.plant.fleet_page import write_fleet
 
     _refuse_places([page, Path(page).with_suffix(".csv")], folder, labels)
-    fleet = survey(folder, labels, jobs=jobs)
-    return fleet, write_fleet(fleet, page, None if labels is None else read_labels(labels))
+    judged = Path(page).with_name(f"{Path(page).name}.judged")
+    fleet = survey(folder, labels, jobs=jobs, keep=judged)
+    beside = write_fleet(fleet, page, None if labels is None else read_labels(labels))
+    rmtree(judged, ignore_errors=True)
+    return fleet, beside
 
 
 def study_folder(

@@ -5,26 +5,27 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from joblib import Parallel, delayed
+from joblib import Memory, Parallel, delayed
 from tqdm import tqdm
 
-from detectors.errors import UserError
 from detectors.io import read_folder, read_labels
 from detectors.prepared import Prepared
 from detectors.record import LoopRecord
 from detectors.report import choose_methods
 from detectors.verdict import Verdict
 from simbench.plant.advice import Advice, advise
-from simbench.plant.episodes import OverTime, over_time
+from simbench.plant.episodes import OverTime
 from simbench.plant.events import likely_root, shared_oscillations
 from simbench.plant.indices import judged
 from simbench.plant.result import STICKY, Trust
 from simbench.plant.trust import trust
 
-HEALTHY, EACH = 30, 4  # twins per loop: enough to rank a plant; `simbench trust` draws more
+HEALTHY, EACH = 20, 2  # twins per loop: enough to rank a plant; `simbench trust` draws more
+NOTHING = "procedure"  # whose windows are missing where a record cannot be judged
 NONLINEAR = "surrogate"  # whose score tells a source from its victims
 
 
@@ -101,7 +102,9 @@ class Fleet:
         return "\n".join([*lines, *(f"left out {n}: {why}" for n, why in self.refused.items())])
 
 
-def survey(folder: str | Path, labels: str | Path | None = None, *, jobs: int = 2, seed: int = 0) -> Fleet:
+def survey(
+    folder: str | Path, labels: str | Path | None = None, *, jobs: int = 2, seed: int = 0, keep: str | Path | None = None
+) -> Fleet:
     """Judge every record of a folder, find what they share, and rank them.
 
     Parameters
@@ -114,6 +117,8 @@ def survey(folder: str | Path, labels: str | Path | None = None, *, jobs: int = 
         Processes; -1 = all cores.
     seed : int
         Root of every random stream.
+    keep : path, optional
+        Folder in which judged loops are kept, so that a call that was killed goes on where it stopped.
 
     Returns
     -------
@@ -128,9 +133,10 @@ def survey(folder: str | Path, labels: str | Path | None = None, *, jobs: int = 
     each = {name: {"kind": row["kind"], "process": row["process"]} for name, row in known.items()}
     records, refused = read_folder(folder, names=known or None, each=each)
     names = choose_methods(["all"])
+    one = _one if keep is None else Memory(Path(keep) / version("stiction-simbench"), verbose=0).cache(_one)
     with Parallel(n_jobs=min(jobs, len(records)) if jobs > 0 else jobs, return_as="generator") as parallel:
         label = {name: known.get(name, {}).get("label", "") for name in records}
-        asked = parallel(delayed(_one)(name, r, names, label[name], seed) for name, r in records.items())
+        asked = parallel(delayed(one)(name, r, names, label[name], seed) for name, r in records.items())
         members: list[Any] = list(tqdm(asked, total=len(records), file=sys.stderr, desc="loops"))
     members, events = _joined(members, {m.name: Prepared(records[m.name].blind()) for m in members})
     members.sort(key=lambda m: (-round(m.probability, 1), -(m.size or (0.0, 0.0))[0], m.name))
@@ -144,10 +150,7 @@ def _one(name: str, record: LoopRecord, methods: list[str], label: str, seed: in
     behind = found.behind
     if behind is not None and behind.fitted and (behind.gain or 0.0) > 0 and (found.probability or 0.0) >= 0.5:
         size = (behind.fitted[0] * behind.percent, behind.fitted[1] * behind.percent)
-    try:
-        when = over_time(record)
-    except UserError:
-        when = OverTime("procedure", (), 0, 0)
+    when = found.over_time or OverTime(NOTHING, (), 0, 0)
     return FleetLoop(name, found, said, when, size, label, None, None, Advice("", ""))
 
 

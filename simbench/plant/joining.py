@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +31,10 @@ MOST = 5  # effects joined one after the other
 
 @dataclass(frozen=True, eq=False)
 class Simulated:
-    """One loop of the grid: its group, which is its unit, the loop, its record and whether it is sticky."""
+    """One loop of the grid: its group, the loop, its record and whether it is sticky.
+
+    `stands` for its group in distances: a plant's unit is one loop, not the mean of a loop and its healthy sibling.
+    """
 
     unit: str
     loop: Loop
@@ -39,6 +42,7 @@ class Simulated:
     record: LoopRecord
     sticky: bool
     size: Size
+    stands: bool = True
 
 
 def draw(grid: str | Path, groups: int, seed: int) -> list[Simulated]:
@@ -56,14 +60,17 @@ def draw(grid: str | Path, groups: int, seed: int) -> list[Simulated]:
     list of Simulated
     """
     source = load_grid(grid)
-    order = np.random.default_rng([seed, 1]).permutation(source.group_count)[:groups]
+    rng = np.random.default_rng([seed, 1])
+    order = rng.permutation(source.group_count)[:groups]
     out = []
     for index in tqdm(order, file=sys.stderr, desc="grid"):
         try:
-            for s in resolve(source.group(int(index))):
+            members = list(resolve(source.group(int(index))))
+            pick = int(rng.integers(len(members)))
+            for i, s in enumerate(members):
                 run = simulate(s.loop, s.seed)
                 record = run.record.blind()
-                out.append(Simulated(str(index), s.loop, s.seed, record, run.sticky, Size.of(record)))
+                out.append(Simulated(str(index), s.loop, s.seed, record, run.sticky, Size.of(record), i == pick))
         except (UserError, SpecError):
             continue
     return out
@@ -104,10 +111,10 @@ def join(
     left = {e: s for e, s in found.items() if len(s) >= LEAST}
     now, out = simulated, []
     before = accuracy(simulated, base, methods)
-    so_far, nearest = before, mmd(ruler, _units(simulated), real_x)
+    so_far, nearest = before, mmd(ruler, units(simulated), real_x)
     while left and len(out) < MOST:
         tried = {e: _with(now, e, strengths, len(strengths) / loops, rng) for e, strengths in left.items()}
-        far = {e: mmd(ruler, _units(s), real_x) for e, s in tried.items()}
+        far = {e: mmd(ruler, units(s), real_x) for e, s in tried.items()}
         best = min(far, key=lambda e: far[e])
         if far[best] >= nearest:
             break
@@ -134,15 +141,17 @@ def _with(
         if hit[s.unit]:
             try:
                 loop = with_effect(s.loop, effect, absolute(effect, drawn[s.unit], s.size))
-                s = Simulated(s.unit, loop, s.seed, simulate(loop, s.seed).record.blind(), s.sticky, s.size)
+                s = replace(s, loop=loop, record=simulate(loop, s.seed).record.blind())
             except (UserError, SpecError):
                 pass
         out.append(s)
     return out
 
 
-def _units(simulated: list[Simulated]) -> np.ndarray:
-    return by_unit([looks(s.record) for s in simulated], [s.unit for s in simulated])[1]
+def units(simulated: list[Simulated]) -> np.ndarray:
+    """Return the features of the loops that stand for their groups, shape (groups, features)."""
+    standing = [s for s in simulated if s.stands]
+    return by_unit([looks(s.record) for s in standing], [s.unit for s in standing])[1]
 
 
 def verdicts_on(simulated: list[Simulated], methods: list[str]) -> np.ndarray:

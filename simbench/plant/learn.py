@@ -1,11 +1,11 @@
-"""Learn how sure a trust may be: `python -m simbench.plant.learn FOLDER` asks it about simulated loops of grid `plant`."""
+"""Learn how sure a trust may be: `python -m simbench.plant.learn FOLDER` looks at simulated loops of grid `plant`."""
 
 from __future__ import annotations
 
 import argparse
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,17 +13,20 @@ import numpy as np
 from tqdm import tqdm
 
 from detectors.errors import UserError
+from detectors.report import choose_methods
+from detectors.verdict import NO_DECISION, STICTION
 from scenarios.errors import SpecError
 from scenarios.grid import load_grid
 from scenarios.spec import Scenario
 from simbench.bench.resolve import resolve
 from simbench.files import folder, whole_file
 from simbench.loop.simulate import simulate
-from simbench.plant.calibration import EvidenceWeights, evidence
-from simbench.plant.result import Trust
-from simbench.plant.trust import trust
+from simbench.plant.calibration import ASKED, EvidenceWeights, evidence
+from simbench.plant.friction import FRICTION, friction
+from simbench.plant.indices import judged
 
 GRID = "plant"
+FAMILIES = 5  # into which kinds of valve are put; one after the other is left out
 LEARNING, TESTING = 11, 12  # seeds of the order in which loops are drawn; groups of one are never groups of the other
 
 
@@ -52,71 +55,153 @@ def loops(count: int, seed: int, grid: str = GRID) -> Iterator[Scenario]:
         yield members[int(rng.integers(len(members)))]
 
 
-def asked(scenario: Scenario) -> tuple[bool, Trust]:
-    """Return whether a loop is sticky, and what its trust says of the record without MV."""
-    run = simulate(scenario.loop, scenario.seed)
-    return run.sticky, trust(run.record.blind(), help_wanted=False)
-
-
-def fit(rows: list[dict[str, Any]]) -> EvidenceWeights:
-    """Return the calibration that fits the answers, weighed so that sticky and healthy loops count the same.
+def looked_at(scenario: Scenario) -> dict[str, Any]:
+    """Return what is weighed of one loop's record, without MV, and the truth.
 
     Parameters
     ----------
-    rows : list of dict
-        sticky, of_twins, gain.
+    scenario : Scenario
 
     Returns
     -------
-    EvidenceWeights
-        With its log-loss on loops left out, tenth by tenth.
+    dict
+        sticky; valve; gain (nats); said, a dict of method to (verdict, score or None).
     """
-    from sklearn.linear_model import LogisticRegression
-    from sklearn.metrics import log_loss
-    from sklearn.model_selection import StratifiedKFold, cross_val_predict
-
-    x = np.array([evidence(r["of_twins"], r["gain"]) for r in rows])
-    sticky = np.array([r["sticky"] for r in rows])
-    model = LogisticRegression(C=10.0, class_weight="balanced")
-    out: Any = cross_val_predict(model, x, sticky, cv=StratifiedKFold(10), method="predict_proba")
-    model.fit(x, sticky)
-    weights = (float(w) for w in model.coef_[0])
-    return EvidenceWeights(float(model.intercept_.item()), *weights, len(rows), float(log_loss(sticky, out[:, 1])))
+    run = simulate(scenario.loop, scenario.seed)
+    record = run.record.blind()
+    said = judged(record, choose_methods(["all"]))
+    return {
+        "sticky": run.sticky, "valve": scenario.tags["valve"], "gain": friction(record).log_likelihood_gains[FRICTION],
+        "said": {v.method: (v.verdict, float(v.score) if np.isfinite(v.score) else None) for v in said},
+    }  # fmt: skip
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Ask trust about simulated loops, keep the answers, and write the calibration; goes on where it stopped."""
-    parser = argparse.ArgumentParser(prog="python -m simbench.plant.learn", description=__doc__)
-    parser.add_argument("out", metavar="FOLDER", help="Where the answers are kept.")
-    parser.add_argument("-n", type=int, default=120, help="Loops to ask about [120].")
-    chosen = parser.parse_args(arguments)
-    rows = answers(Path(chosen.out), chosen.n, LEARNING)
-    found = fit(rows)
-    found.write()
-    print(found)
-    return 0
+def kept(out: Path, count: int, seed: int, ask: Callable[[Scenario], dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return what is found of loops of the grid; those looked at before are read from the folder.
 
+    Parameters
+    ----------
+    out : Path
+    count, seed : int
+        As `loops` takes them.
+    ask : function of a Scenario
+        Returns what JSON can hold.
 
-def answers(out: Path, count: int, seed: int) -> list[dict[str, Any]]:
-    """Return what trust says of loops of the grid; those asked before are read from the folder."""
+    Returns
+    -------
+    list of dict
+        Without loops of which nothing can be said.
+    """
     folder(out)
     rows = []
     for scenario in tqdm(loops(count, seed), total=count, file=sys.stderr):
         file = out / f"{scenario.id}.json"
         if not file.exists():
             try:
-                sticky, found = asked(scenario)
+                row = ask(scenario)
             except UserError as error:
                 print(f"left out {scenario.id}: {error}", file=sys.stderr)
                 continue
-            row = {
-                "scenario": scenario.id, "sticky": sticky, "of_twins": found.of_twins,
-                "gain": found.behind.gain if found.behind else None, "answer": found.as_json(),
-            }  # fmt: skip
             with whole_file(file) as f:
                 json.dump(row, f)
         rows.append(json.loads(file.read_text(encoding="utf-8")))
-    return [r for r in rows if r["of_twins"] is not None]
+    return rows
+
+
+def fit(rows: list[dict[str, Any]]) -> EvidenceWeights:
+    """Return the calibration that fits the loops, weighed so that sticky and healthy ones count the same.
+
+    Parameters
+    ----------
+    rows : list of dict
+        As `looked_at` gives them.
+
+    Returns
+    -------
+    EvidenceWeights
+        With its log-loss on kinds of valve left out.
+    """
+    x, sticky = _evidence(rows), np.array([r["sticky"] for r in rows])
+    model = _model().fit(x, sticky)
+    loss, _ = left_out(x, rows)
+    return EvidenceWeights(float(model.intercept_.item()), *(float(w) for w in model.coef_[0]), len(rows), loss)
+
+
+def left_out(x: np.ndarray, rows: list[dict[str, Any]], strength: float = 10.0) -> tuple[float, float]:
+    """Return log-loss and share right (sticky and healthy loops counting the same) on kinds of valve not learned on.
+
+    Parameters
+    ----------
+    x : ndarray, shape (loops, numbers)
+    rows : list of dict
+    strength : float
+        Inverse penalty of the logistic model.
+
+    Returns
+    -------
+    loss, right : float
+    """
+    from sklearn.metrics import balanced_accuracy_score, log_loss
+    from sklearn.model_selection import StratifiedGroupKFold, cross_val_predict
+    from sklearn.utils.class_weight import compute_sample_weight
+
+    sticky = np.array([r["sticky"] for r in rows])
+    folds = StratifiedGroupKFold(FAMILIES)
+    out: Any = cross_val_predict(
+        _model(strength), x, sticky, groups=[r["valve"] for r in rows], cv=folds, method="predict_proba"
+    )  # fmt: skip
+    weight = compute_sample_weight("balanced", sticky)
+    return (
+        float(log_loss(sticky, out[:, 1], sample_weight=weight)), float(balanced_accuracy_score(sticky, out[:, 1] > 0.5)),
+    )  # fmt: skip
+
+
+def compared(rows: list[dict[str, Any]]) -> list[str]:
+    """Return why so little is weighed: the log-loss of more and of less, on kinds of valve left out."""
+    methods = list(rows[0]["said"])
+    code = {STICTION: 1.0, NO_DECISION: 0.0}
+    verdicts = np.array([[code.get(r["said"][m][0], -1.0) for m in methods] for r in rows])
+    scores = np.array([[np.nan if (s := r["said"][m][1]) is None else s for m in methods] for r in rows])
+    spread = np.where((s := np.nanstd(scores, axis=0)) > 0, s, 1.0)
+    scores = np.nan_to_num(np.clip((scores - np.nanmean(scores, axis=0)) / spread, -3.0, 3.0))
+    x = _evidence(rows)
+    sets = {
+        f"verdict of {ASKED} alone": (x[:, 1:], 10.0),
+        "verdicts of all methods": (verdicts, 0.1),
+        "verdicts and scores of all methods": (np.hstack([verdicts, scores]), 0.1),
+        "likelihood alone": (x[:, :1], 10.0),
+        f"likelihood, verdict of {ASKED} (taken)": (x, 10.0),
+        "likelihood, verdicts and scores of all methods": (np.hstack([x, verdicts, scores]), 0.1),
+    }
+    lines = [f"{len(rows)} loops, kinds of valve left out in {FAMILIES} turns", f"{'weighed':<50} {'log-loss':>8} {'right':>6}"]
+    return lines + [f"{name:<50} {loss:>8.3f} {right:>6.2f}" for name, (loss, right) in _tried(sets, rows)]
+
+
+def _tried(sets: dict[str, tuple[np.ndarray, float]], rows: list[dict[str, Any]]) -> list[tuple[str, tuple[float, float]]]:
+    return [(name, left_out(x, rows, strength)) for name, (x, strength) in sets.items()]
+
+
+def _evidence(rows: list[dict[str, Any]]) -> np.ndarray:
+    return np.array([evidence(r["gain"], r["said"][ASKED][0] == STICTION) for r in rows])
+
+
+def _model(strength: float = 10.0) -> Any:
+    from sklearn.linear_model import LogisticRegression
+
+    return LogisticRegression(C=strength, class_weight="balanced", max_iter=500)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Look at simulated loops, write the calibration, and print it beside what more and less would do; can be resumed."""
+    parser = argparse.ArgumentParser(prog="python -m simbench.plant.learn", description=__doc__)
+    parser.add_argument("out", metavar="FOLDER", help="Where what was found is kept; goes on where it stopped.")
+    parser.add_argument("-n", type=int, default=300, help="Loops to look at [300].")
+    chosen = parser.parse_args(arguments)
+    rows = kept(Path(chosen.out), chosen.n, LEARNING, looked_at)
+    found = fit(rows)
+    found.write()
+    print("\n".join([*compared(rows), "", str(found)]))
+    return 0
 
 
 if __name__ == "__main__":

@@ -45,13 +45,11 @@ class Trust:
     methods : tuple of MethodTrust
         Most often right first.
     smallest_visible : (S, J) or None
-        In the unit of the record's S.
+        That the method to trust finds in four of five such records; in the unit of the record's S.
     power : tuple of Cell
-        Of all methods together.
+        Of the method to trust, as it is best read.
     probability : float or None
-        Of stiction; even odds before looking. None without twins.
-    of_twins : float or None
-        The same from verdicts and scores alone, as the twins teach to read them.
+        Of stiction; even odds before looking. None where no loop could be identified.
     twins : tuple of (S, J)
         Friction (%) of every twin; (0, 0) with a sound valve.
     helps : tuple of Remedy
@@ -68,7 +66,6 @@ class Trust:
     smallest_visible: tuple[float, float] | None
     power: tuple[Cell, ...]
     probability: float | None
-    of_twins: float | None
     twins: tuple[tuple[float, float], ...]
     helps: tuple[Remedy, ...]
     notes: tuple[str, ...]
@@ -103,6 +100,8 @@ class Trust:
         size = "" if seen is None else f"S = {seen[0]:.2g}, J = {seen[1]:.2g} {unit}"
         if self.answer == STICKY:
             return f"Stiction: {p}."
+        if not self.twins:
+            return f"Cannot tell: {p}; {self.notes[0]}."
         if self.answer == UNSEEN:
             return f"Stiction cannot be seen in this record up to S = {self.power[-1].S:.2g} {unit}: {p}."
         if self.answer == SOUND:
@@ -113,9 +112,8 @@ class Trust:
         """Return what the probability is made of."""
         gain = self.behind.gain if self.behind else None
         if gain is None:
-            return f" (detectors alone {self.of_twins:.2f})"
-        better = "better" if gain > 0 else "worse"
-        return f" (detectors alone {self.of_twins:.2f}; with friction the fit is {abs(gain):.0f} nats {better})"
+            return ""
+        return f" (with friction the fit is {abs(gain):.0f} nats {'better' if gain > 0 else 'worse'})"
 
     def _asides(self) -> list[str]:
         """Return how the best method is to be read, and what it says over time, as far as there is something to say."""

@@ -18,7 +18,7 @@ from detectors.verdict import STICTION
 from scenarios.spec import load_loop
 from simbench.gap import diagnose
 from simbench.plant.indices import judged
-from simbench.plant.joining import accuracy, draw, join, verdicts_on
+from simbench.plant.joining import accuracy, draw, join, units, verdicts_on
 from simbench.plant.looks import by_unit, looks
 from simbench.plant.strengths import NOT_LACKING, Size, relative
 from simbench.plant.study_result import Study
@@ -74,7 +74,7 @@ def study(
     rng, chosen = np.random.default_rng(seed), choose_methods(methods)
     simulated = draw(grid, groups, seed)
     names, real_x, _ = by_unit([looks(r) for r in records.values()], list(unit.values()))
-    _, sim_x, _ = by_unit([looks(s.record) for s in simulated], [s.unit for s in simulated])
+    sim_x = units(simulated)
     ruler = Ruler.of(sim_x, real_x)
     found, failed = effects_of(records, unit, Path(folder))
     base = verdicts_on(simulated, chosen)

@@ -15,12 +15,10 @@ from detectors.report import choose_methods
 from detectors.verdict import STICTION, Verdict
 from scenarios.spec import Loop
 from simbench.plant.around import Around, around
-from simbench.plant.calibration import EvidenceWeights
+from simbench.plant.calibration import ASKED, EvidenceWeights, calls
 from simbench.plant.episodes import over_time
-from simbench.plant.indices import ScoreScales, judged
-from simbench.plant.odds import even_weights, learn
+from simbench.plant.indices import judged
 from simbench.plant.power import (
-    ALARMS,
     Cell,
     Rule,
     best_rule,
@@ -76,12 +74,13 @@ def trust(
 
     Notes
     -----
-    The twins' probability and the likelihood that friction brings over none are weighed by three numbers that
-    `python -m simbench.plant.learn` finds on simulated loops.
+    The probability weighs the likelihood that friction brings over none, and the procedure's verdict, by three numbers that
+    `python -m simbench.plant.learn` finds on simulated loops. What the other methods say of record and twins adds nothing to
+    it: most are blind where no limit cycle stands out of the load, and there the likelihood still tells. Twins say which
+    method is worth reading here, and how much friction it would have shown.
 
     Twins know only what the identified loop knows: with a loop that changed within the record, or a plant unlike first order
-    with dead time, claims are too sure. Even odds of stiction are assumed before looking; S is as likely in one octave as in
-    the next.
+    with dead time, claims are too sure. Even odds of stiction are assumed before looking.
 
     Examples
     --------
@@ -102,53 +101,43 @@ def trust(
         if loop is not None:
             raise
         return _without_twins(record, said, f"no loop could be identified: {error}")
+    asked = said if ASKED in names else judged(record, [ASKED])
+    probability = EvidenceWeights.read().probability(behind.gain, calls(asked))
     share = float(np.clip(LONG / record.n, THINNEST, 1.0))
     twins = draw_twins(behind, round(share * healthy), max(round(share * each), 2), seed=seed)
     sticky = np.array([t.S > 0 for t in twins], dtype=bool)
     if min(sticky.sum(), (~sticky).sum()) < FEW:
         whose = "loop file's" if behind.trusted else "identified"
-        return _without_twins(record, said, f"the {whose} loop does not move as the record does", behind.notes)
-    return _weighed(record, behind, names, said, twins, help_wanted, seed)
+        why = f"what could have been seen is unknown: the {whose} loop does not move as the record does"
+        return _without_twins(record, said, why, behind, probability)
+    return _weighed(record, behind, names, said, probability, twins, help_wanted, seed)
 
 
 def _weighed(
-    record: LoopRecord, behind: Around, names: list[str], said: list[Verdict], twins: list[Twin], help_wanted: bool, seed: int
-) -> Trust:
+    record: LoopRecord, behind: Around, names: list[str], said: list[Verdict], probability: float, twins: list[Twin],
+    help_wanted: bool, seed: int,
+) -> Trust:  # fmt: skip
     S, J = (np.array([getattr(t, k) for t in twins]) for k in "SJ")
-    sticky = S > 0
     verdicts = [judged(t.record, names) for t in twins]
-    scales = ScoreScales.of(verdicts)
-    odds = learn(scales.features(verdicts), sticky, even_weights(S, _comparable(behind, twins)))
-    of_twins = float(odds.of(scales.features([said]))[0])
-    probability = EvidenceWeights.read().probability(of_twins, behind.gain)
-    cut = max(0.5, float(np.quantile(odds.of_twins[~sticky], 1.0 - ALARMS)))
-    together = cells_of(S, J, odds.of_twins > cut)
-    seen = smallest_visible(together)
     rows = [_row(said[i], [row[i] for row in verdicts], S, J) for i in range(len(names))]
     # a method made for other loops, or one that must abstain, is no guide however well it did
     rows.sort(key=lambda m: (m.verdict.applicable is False, -m.rule.right))
+    best = names.index(rows[0].verdict.method)
+    shown = cells_of(S, J, np.array([rows[0].rule.calls(row[best]) for row in verdicts]))
+    seen = smallest_visible(shown)
     answer = STICKY if probability > LIKELY else UNSEEN if seen is None else SOUND if probability < UNLIKELY else OPEN
     helps: tuple[Remedy, ...] = ()
     if help_wanted and answer != STICKY:
-        helps = remedies(behind, names, _invisible(together, seen), behind.percent, record.S_unit, seed)
-    scaled = tuple(_in_units(c, behind.percent) for c in together)
+        helps = remedies(behind, names, _invisible(shown, seen), behind.percent, record.S_unit, seed)
+    scaled = tuple(_in_units(c, behind.percent) for c in shown)
     rows = [replace(m, power=tuple(_in_units(c, behind.percent) for c in m.power)) for m in rows]
     return Trust(
         over_time=over_time(record),
-        answer=answer, methods=tuple(rows), power=scaled, probability=probability, of_twins=of_twins,
+        answer=answer, methods=tuple(rows), power=scaled, probability=probability,
         twins=tuple((t.S, t.J) for t in twins), helps=helps,
         smallest_visible=None if seen is None else (seen[0] * behind.percent, seen[1] * behind.percent),
         notes=behind.notes, record=record, behind=behind,
     )  # fmt: skip
-
-
-def _comparable(behind: Around, twins: list[Twin]) -> np.ndarray:
-    """Return which twins teach how to read this record: all but those that rest while it swings, shape (twins,)."""
-    everyone = np.ones(len(twins), dtype=bool)
-    if behind.period is None:
-        return everyone
-    swing = np.array([t.S == 0 or t.sustained for t in twins])
-    return swing if sum(t.S > 0 and ok for t, ok in zip(twins, swing)) >= FEW else everyone
 
 
 def _row(said: Verdict, verdicts: list[Verdict], S: np.ndarray, J: np.ndarray) -> MethodTrust:
@@ -171,6 +160,11 @@ def _in_units(c: Cell, percent: float) -> Cell:
     return c if percent == 1.0 else replace(c, S=c.S * percent, J=c.J * percent)
 
 
-def _without_twins(record: LoopRecord, said: list[Verdict], why: str, notes: Sequence[str] = ()) -> Trust:
+def _without_twins(
+    record: LoopRecord, said: list[Verdict], why: str, behind: Around | None = None, probability: float | None = None
+) -> Trust:
     rows = tuple(MethodTrust(v, Rule(v.method, None, 0.5), v.verdict == STICTION, float("nan"), (), 1.0) for v in said)
-    return Trust(OPEN, rows, None, (), None, None, (), (), (why, *notes), record)
+    answer = STICKY if (probability or 0.0) > LIKELY else OPEN
+    notes = () if behind is None else behind.notes
+    when = None if behind is None else over_time(record)
+    return Trust(answer, rows, None, (), probability, (), (), (why, *notes), record, behind, when)

@@ -11,7 +11,7 @@ from simbench.plant.page import section, write
 from simbench.plant.pictures import draw_power, draw_pv_op, draw_trend
 from simbench.plant.result import Trust
 
-SHOWN = 3  # detectors drawn beside all together
+SHOWN = 3  # detectors drawn beside the one to trust
 
 
 def write_page(found: Trust, path: str | Path) -> None:
@@ -45,8 +45,11 @@ def write_page(found: Trust, path: str | Path) -> None:
     parts.append(section("record", "The record", pictures=seen))
     if found.power:
         best = [m for m in found.methods if m.verdict.applicable is not False][:SHOWN]
-        curves = {"all together": found.power} | {m.verdict.method: m.power for m in best}
-        says = "Share of twins called stiction over S; the band is the 95 % interval of all together, the dashed line 0.8"
+        curves = {"as best read": found.power} | {m.verdict.method: m.power for m in best}
+        says = (
+            "Share of twins called stiction over S; the band is the 95 % interval of the method to trust as best read, the "
+            "others by their own rules, the dashed line 0.8"
+        )
         ratios = sorted({round(c.J / c.S, 6) for c in found.power})
         pictures = [(draw_power(curves, ratio, record.S_unit), f"{says}; J = {ratio:.3g} S") for ratio in ratios]
         parts.append(section("power", "What this record could have shown", pictures=pictures))

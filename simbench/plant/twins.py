@@ -38,11 +38,6 @@ class Twin:
     J: float
     record: LoopRecord
 
-    @property
-    def sustained(self) -> bool:
-        """Whether it oscillates."""
-        return find_oscillation(self.record.op, self.record.pv, self.record.Ts).sustained
-
 
 @dataclass(frozen=True)
 class Change:

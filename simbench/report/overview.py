@@ -24,5 +24,8 @@ def section(run: RunData) -> Markup:
     -------
     markupsafe.Markup
     """
-    picture = inline_svg(draw(overview(run.book)), "overview", "share of right verdicts by detector and kind of loop")
+    data = overview(run.book)
+    if data.empty:
+        return Markup("<p>No loop of this run is known to cycle or to rest, so that no answer is right or wrong.</p>")
+    picture = inline_svg(draw(data), "overview", "share of right verdicts by detector and kind of loop")
     return render("overview.html", picture=picture)

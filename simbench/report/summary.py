@@ -41,10 +41,10 @@ def section(run: RunData) -> Markup:
     markupsafe.Markup
     """
     book, mode = run.book, run.scores.first
-    clear = book.truth["cycled"] >= 0
+    cycle = book.truth["cycled"][book.truth["cycled"] >= 0] == 1
     tiles = [
         (f"{book.ids.size}", "scenarios"),
-        (percent(float((book.truth["cycled"][clear] == 1).mean())), f"of {int(clear.sum())} clear ones cycle"),
+        (percent(float(cycle.mean())) if cycle.size else "-", f"of {cycle.size} clear ones cycle"),
         (f"{len(book.methods)}", "detectors"),
     ]
     ranking = run.scores.ranking()

@@ -19,7 +19,7 @@ __all__ = ["BLOCKS", "EFFECTS", "FOLLOWS", "NONE", "PLUGINS", "UNKNOWN", "Choice
 BLOCKS = ("controller", "valve", "process", "sensor", "disturbance")
 NONE, UNKNOWN = "none", "unknown"
 PLUGINS = PluginFolder(
-    "effect", "simbench.loop.effects", "simbench.effects", ("SOURCE", "BLOCK", "PARAMETERS", "ACTS", "apply")
+    "effect", "simbench.loop.effects", "simbench.effects", ("SOURCE", "BLOCK", "PARAMETERS", "ACTS", "apply"), (NONE, UNKNOWN)
 )
 # the order in which answers are listed; effects of other distributions follow
 ORDER = (

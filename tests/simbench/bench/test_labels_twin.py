@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from scenarios.grid import load_grid
+from simbench.bench.guests import theory
 from simbench.bench.resolve import resolve
 from simbench.bench.truth import simulate_with_truth
-from simbench.bench.work import _at_rest, _theory
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "reference"))
 from labels import cycled, friction_band, refined, table_11_3
@@ -26,7 +26,7 @@ def test_300_cells_of_the_chapter_are_labelled_alike():
     differ, answers = [], []
     for scenario in scenarios("chapter", 300):
         run, found = simulate_with_truth(scenario.loop, scenario.seed)
-        predicted, exists, *_ = _theory(_at_rest(scenario.loop))
+        predicted, exists, *_ = theory(scenario.loop)
         again = cycled(scenario.loop, scenario.seed)
         mine = (run.sticky, predicted, found.answer)
         twin = (friction_band(scenario.loop)[0] > 0, table_11_3(scenario.loop), again)

@@ -229,14 +229,14 @@ def test_what_cannot_be_simulated_is_a_row_with_its_reason_and_the_exit_code_say
     from simbench.bench import work
     from simbench.cli import main
 
-    whole = work.simulate_with_truth
+    whole = work.truth
 
     def fails_once(loop, seed):
         if loop.plant.Td / loop.plant.T > 0.9 and loop.valve.name == "choudhury" and not loop.disturbance[1:]:
             raise FloatingPointError("the loop ran away")
         return whole(loop, seed)
 
-    monkeypatch.setattr(work, "simulate_with_truth", fails_once)
+    monkeypatch.setattr(work, "truth", fails_once)
     path = put(tmp_path, HEAD)
     code = main([str(a) for a in [*run(path), "--json"]])
     out, err = capsys.readouterr()

@@ -60,7 +60,7 @@ HOSTILE = {
     "three ends": ('return Verdict("x", "stiction", J=(1.0, 2.0, 3.0), reason="r")', "J"),
     "perhaps applicable": ('return Verdict("x", "stiction", applicable="maybe", reason="r")', ""),
     "closes everything": ("os.closerange(3, 200)\n    " + FINE, "ended"),
-    "endless answer": ('return Verdict("x", "stiction", reason="r" * 50_000_000)', "no verdict"),
+    "endless answer": ('return Verdict("x", "stiction", reason="r" * 50_000_000)', "cannot be understood"),
     "writes into its input": ("prepared.record.op[0] = 1e9\n    " + FINE, "read-only"),
 }
 # what is nobody else's concern: it answers, and the others do not notice
@@ -217,41 +217,6 @@ detect(dict(op=np.sin(t / 8), pv=np.cos(t / 8), Ts=1.0), ["horch"], plugins=[{st
     while Path(f"/proc/{child}").exists() and time.monotonic() < until:
         time.sleep(0.1)
     assert not Path(f"/proc/{child}").exists()
-
-
-@pytest.mark.parametrize(
-    ("option", "name", "text"),
-    [
-        ("--valve-plugin", "deadband", "x = 1"), ("--effect-plugin", "noise", "x = 1"), ("--valve-plugin", "mine", "1 / 0"),
-        ("--effect-plugin", "mine", "1 / 0"), ("--valve-plugin", "mine", "import sys; sys.exit(0)"),
-        ("--effect-plugin", "mine", "x = 1"), ("--valve-plugin", "mine", "def ("), ("--effect-plugin", "Mine", "x = 1"),
-    ],
-)  # fmt: skip
-def test_a_valve_or_effect_file_that_is_none(refused, tmp_path, option, name, text):
-    from tests.simbench.boundary.test_loops import put
-    from tests.simbench.boundary.test_loops import text as loop
-
-    (tmp_path / f"{name}.py").write_text(text)
-    refused(["simulate", put(tmp_path, loop()), "-o", tmp_path / "r.csv", option, tmp_path / f"{name}.py"], f"{name}.py")
-    assert not (tmp_path / "r.csv").exists()
-
-
-def test_a_valve_of_a_file_is_simulated_like_its_built_in_twin(tmp_path):
-    from simbench.loop.parameters import VALVES
-    from simbench.loop.valves import deadband
-    from tests.simbench.boundary.test_loops import put
-    from tests.simbench.boundary.test_loops import text as loop
-
-    (tmp_path / "mine.py").write_text(Path(deadband.__file__).read_text())
-    one = loop().replace('model = "choudhury"', 'model = "deadband"').replace("J = 2.0\n", "")
-    try:
-        for name, content, more in (
-            ("built", one, []), ("own", one.replace("deadband", "mine"), ["--valve-plugin", str(tmp_path / "mine.py")])
-        ):  # fmt: skip
-            assert main(["simulate", str(put(tmp_path, content)), "-o", str(tmp_path / name), *more]) == 0
-    finally:
-        VALVES.forget("mine")
-    assert (tmp_path / "built").read_bytes() == (tmp_path / "own").read_bytes()
 
 
 @pytest.fixture

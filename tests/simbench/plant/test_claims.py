@@ -1,41 +1,55 @@
 """Claims are held against what was measured, loop by loop."""
 
+import numpy as np
 import pytest
 
 from simbench.plant import claims
-from simbench.plant.learn import LEARNING, TESTING, fit, loops
+from simbench.plant.learn import LEARNING, TESTING, fit, kept, loops
 
 
-def row(sticky, probability, verdict, visible):
+def row(sticky, probability, verdict, visible, S, healthy, found, said="cannot tell"):
     power = [{"S": s, "J": s, "found": f} for s, f in ((1.0, 0.0), (4.0, 1.0))]
-    method = {"method": "he", "verdict": verdict, "false_alarms": 0.1, "power": power}
-    seen = None if visible is None else {"S": visible, "J": visible}
-    answer = {"methods": [method], "best": "he", "probability": probability, "smallest_visible": seen}
-    return {"sticky": sticky, "answer": answer}
+    return {
+        "sticky": sticky, "probability": probability, "said": said, "S": S, "J": S, "healthy": {"he": healthy},
+        "methods": [{"method": "he", "verdict": verdict, "false_alarms": 0.1, "power": power}],
+        "best": {"method": "he", "says": verdict}, "with_friction": None if found is None else {"he": found}, "fitted": found,
+        "smallest_visible": None if visible is None else {"S": visible, "J": visible},
+    }  # fmt: skip
 
 
-def true(S, healthy, sticky):
-    return {"S": S, "J": S, "healthy": {"he": healthy}, "sticky": None if sticky is None else {"he": sticky}}
-
-
-PAIRS = [
-    (row(True, 0.9, "stiction", 2.0), true(4.5, 0.2, 1.0)),
-    (row(True, 0.4, "no_stiction", 2.0), true(0.5, 0.0, 0.1)),
-    (row(False, 0.1, "no_stiction", None), true(0.0, 0.0, None)),
+ROWS = [
+    row(True, 0.9, "stiction", 2.0, 4.5, 0.2, 1.0, "stiction"),
+    row(True, 0.4, "no_stiction", 2.0, 0.5, 0.0, 0.1, "no stiction"),
+    row(False, 0.1, "no_stiction", None, 0.0, 0.0, None),
 ]
 
 
 def test_the_cell_nearest_to_the_truth_is_what_was_claimed():
-    lines = claims._claims(PAIRS, ["he"])
-    name, alarms, measured, _, power, found, off = lines[-1].split()
+    lines = claims._claims(ROWS)
+    name, alarms, measured, _, power, found, off = lines[2].split()
     assert (name, alarms, measured) == ("he", "0.10", "0.07")
     assert (power, found) == ("0.50", "0.55")
     assert float(off) == pytest.approx(0.05)
+    assert lines[-1].endswith("1 of 1 methods; power: 1 of 1")
 
 
 def test_only_small_friction_is_said_to_be_invisible():
-    assert "1 of 1 buried" in claims._visible(PAIRS)[1]
-    assert "0 of 1 plainly visible" in claims._visible(PAIRS)[2]
+    lines = claims._visible(ROWS)
+    assert "buried: below the smallest that detectors show 1 of 1" in lines[2]
+    assert "cannot be seen 1 of 1" in lines[2]
+    assert "plainly visible: below the smallest that detectors show 0 of 1" in lines[3]
+
+
+def test_sticky_and_healthy_loops_weigh_the_same_in_the_calibration():
+    p, sticky = np.array([0.9, 0.9, 0.9, 0.1]), np.array([True, True, True, False])
+    weight = np.where(sticky, 0.5 / 3, 0.5)
+    assert claims._error(p, sticky, weight) == pytest.approx(0.1)
+
+
+def test_who_is_right_is_counted_on_the_same_loops():
+    lines = claims._chosen([*ROWS, row(True, 0.8, "no_stiction", None, 1.0, 0.0, 0.5) | {"best": None}])
+    assert lines[1] == "right on 3 loops: best detector in hindsight (he) 0.67"
+    assert lines[3].startswith("probability above one half 0.67 (0 won, 0 lost")
 
 
 def test_an_abstention_is_not_right():
@@ -51,9 +65,21 @@ def test_loops_learned_on_are_never_tested_on():
 
 
 def test_a_calibration_learned_on_telling_evidence_believes_it():
-    rows = [{"sticky": i % 2 == 0, "of_twins": 0.8 if i % 2 == 0 else 0.3, "gain": 5.0 * (-1) ** i} for i in range(40)]
-    rows += [{"sticky": i % 2 == 1, "of_twins": 0.5, "gain": None} for i in range(10)]
+    def loop(i, sticky, gain, verdict):
+        return {"sticky": sticky, "gain": gain, "valve": f"kind {i % 6}", "said": {"procedure": [verdict, None]}}
+
+    rows = [loop(i, i % 2 == 0, 20.0 * (-1) ** i, "stiction" if i % 2 == 0 else "no_stiction") for i in range(60)]
+    rows += [loop(i, i % 4 > 1, 0.0, "no_decision") for i in range(24)]
     found = fit(rows)
-    assert found.probability(0.8, 5.0) > 0.8
-    assert found.probability(0.3, -5.0) < 0.2
-    assert found.loops == 50
+    assert found.probability(20.0, True) > 0.8
+    assert found.probability(-20.0, False) < 0.2
+    assert 0.3 < found.probability(0.0, False) < 0.7
+    assert found.loops == 84
+    assert found.log_loss < 0.5
+
+
+def test_what_was_found_is_not_looked_for_again(tmp_path):
+    seen = []
+    for _ in range(2):
+        rows = kept(tmp_path, 2, LEARNING, lambda s: seen.append(s.id) or {"sticky": True})
+    assert len(seen) == len(rows) == len(list(tmp_path.iterdir()))

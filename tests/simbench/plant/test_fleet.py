@@ -15,6 +15,7 @@ from scenarios.spec import Loop
 from simbench.cli import main
 from simbench.files import write_record
 from simbench.loop.simulate import simulate
+from simbench.plant import fleet
 from simbench.plant.events import likely_root, phase_locking, shared_oscillations
 
 
@@ -103,11 +104,34 @@ def test_the_page_ranks_the_loops_and_stands_alone(records, tmp_path, capsys):
     assert text.count("<article") == 3
     assert "src=" not in text
     assert "http" not in text.replace("http://www.w3.org", "")
+    assert sorted(f.name for f in tmp_path.iterdir()) == ["page.csv", "page.html", "plant"]
     if chromium.executable() is not None:
         with chromium.opened(page, 390) as shown:
             assert shown.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth") <= 0
             assert shown.errors == []
             assert len(shown.requests) == 1
+
+
+def test_loops_judged_before_a_kill_are_not_judged_again(records, tmp_path, monkeypatch):
+    folder = tmp_path / "plant"
+    folder.mkdir()
+    for name in ("quiet", "victim"):
+        write_record(records[name], folder / f"{name}.csv")
+    judge, count = fleet.trust, []
+
+    def dies_at_the_second(record, **more):
+        count.append(1)
+        if len(count) == 2:
+            raise KeyboardInterrupt
+        return judge(record, **more)
+
+    monkeypatch.setattr(fleet, "trust", dies_at_the_second)
+    with pytest.raises(KeyboardInterrupt):
+        fleet.survey(folder, jobs=1, keep=tmp_path / "kept")
+    again = fleet.survey(folder, jobs=1, keep=tmp_path / "kept")
+    assert len(count) == 3
+    monkeypatch.setattr(fleet, "trust", judge)
+    assert fleet.survey(folder, jobs=1).as_text() == again.as_text()
 
 
 def test_a_page_that_cannot_be_written_is_said_before_anything_is_judged(tmp_path, capsys):

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from detectors.verdict import Verdict
-from simbench.plant.odds import even_weights, learn
 from simbench.plant.power import Cell, best_rule, cells_of, likelihood_ratio, smallest_visible
 
 
@@ -67,19 +66,3 @@ def test_the_likelihood_ratio_is_one_for_a_verdict_that_everybody_gets():
     sticky = np.arange(40) < 20
     assert likelihood_ratio("stiction", ["stiction"] * 40, sticky) == pytest.approx(1.0)
     assert likelihood_ratio("stiction", ["stiction"] * 20 + ["no_stiction"] * 20, sticky) > 10
-
-
-def test_a_model_of_noise_stays_near_even_odds():
-    rng = np.random.default_rng(2)
-    S = np.where(np.arange(200) < 100, 1.0, 0.0)
-    x = rng.standard_normal((200, 30))
-    odds = learn(x, S > 0, even_weights(S))
-    assert np.all(np.abs(odds.of(rng.standard_normal((50, 30))) - 0.5) < 0.25)
-
-
-def test_healthy_and_sticky_twins_weigh_the_same():
-    w = even_weights(np.array([0.0, 1.0, 1.0, 2.0]))
-    assert w[0] == pytest.approx(w[1:].sum())
-    left_out = even_weights(np.array([0.0, 1.0, 1.0, 2.0]), np.array([True, True, False, True]))
-    assert left_out[2] == 0.0
-    assert left_out[0] == pytest.approx(left_out[1:].sum())

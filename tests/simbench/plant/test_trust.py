@@ -50,6 +50,21 @@ def test_a_quiet_loop_is_denied_only_above_what_would_have_shown():
         assert f"{answer.smallest_visible[0]:.2g}" in answer.sentence()
 
 
+def test_a_record_whose_twins_do_not_move_as_it_does_is_still_judged(sticky, monkeypatch):
+    monkeypatch.setattr("simbench.plant.trust.draw_twins", lambda *a, **k: [])
+    answer = trust(sticky, **FEW)
+    assert answer.answer == STICKY
+    assert answer.best is None
+    assert answer.smallest_visible is None
+    assert "does not move as the record does" in answer.power_line()
+
+
+def test_the_smallest_visible_is_that_of_the_method_to_trust(found):
+    assert found.best.power[-1].S == found.power[-1].S
+    if found.best.rule.cut is None:
+        assert found.power == found.best.power
+
+
 def test_json_has_the_contracts_keys_and_finite_numbers(found):
     answer = json.loads(json.dumps(found.as_json(), allow_nan=False))
     assert set(answer) == {"methods", "best", "smallest_visible", "probability", "twins", "notes"}
@@ -94,9 +109,9 @@ def test_a_given_loop_with_friction_in_its_valve_still_has_healthy_twins(sticky)
 
 def test_calibration_moves_with_its_evidence_and_is_never_certain():
     c = EvidenceWeights.read()
-    assert c.probability(0.9, 0.0) > c.probability(0.5, 0.0) > c.probability(0.1, 0.0)
-    assert c.probability(0.5, 40.0) > c.probability(0.5, 0.0) >= c.probability(0.5, -40.0)
-    assert 0.0 < c.probability(0.02, -1e9) < c.probability(0.98, 1e9) < 1.0
+    assert c.probability(0.0, True) > c.probability(0.0, False) == c.probability(None, False)
+    assert c.probability(40.0, False) > c.probability(0.0, False) > c.probability(-40.0, False)
+    assert 0.0 < c.probability(-1e9, False) < c.probability(1e9, True) < 1.0
 
 
 def test_the_verbs_answer_on_files(tmp_path, capsys, sticky):

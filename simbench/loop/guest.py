@@ -1,0 +1,268 @@
+"""Valves and effects of strangers: what one takes part in is computed in a process of its own, and comes back as numbers."""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
+from pathlib import Path
+from types import ModuleType
+from typing import Any, NoReturn
+
+import numpy as np
+
+from detectors.errors import ParameterError
+from detectors.guest import MESSAGE, SECONDS, START, GuestError, Host, number_of
+from detectors.record import LoopRecord
+from scenarios.spec import Loop
+from simbench.loop.effects import BLOCKS
+from simbench.loop.effects import PLUGINS as EFFECTS
+from simbench.loop.parameters import VALVES, Choice, Number
+from simbench.loop.response import valve_response
+from simbench.loop.run import Run
+from simbench.loop.simulate import simulate
+
+SIGNALS = ("op", "pv", "sp", "mv")
+SAMPLE = 100  # bytes of an answer, per sample
+Files = Iterable[str | Path]
+
+
+class PartHost(Host):
+    """A process that knows one valve or effect of a stranger, or the few of one loop.
+
+    Parameters
+    ----------
+    files : tuple of (str, Path)
+        The kind ("valve", "effect") and the file of each.
+    seconds : float
+        Time it may take for a scenario.
+    """
+
+    def __init__(self, files: tuple[tuple[str, Path], ...], seconds: float = SECONDS) -> None:
+        super().__init__(["simbench.loop.guest_process", *(f"{kind}={path}" for kind, path in files)], seconds)
+        self.files = files
+
+    def stub(self) -> ModuleType:
+        """Return what stands for the one part here: all that it says of itself, and no step.
+
+        Raises
+        ------
+        GuestError
+            When it cannot be imported, or says nothing that can be understood.
+        """
+        kind, path = self.files[0]
+        said = self._plain({"do": "describe"}, START)
+        return _stub(kind, path.stem, said if isinstance(said, dict) else {})
+
+    def call(self, function: Callable, *arguments: Any, samples: int = 0) -> Any:
+        """Return what a function of this package gives there: tables, lists, words, numbers and arrays.
+
+        Parameters
+        ----------
+        function : callable
+            Of a module of this package, by whose name the other process finds it.
+        *arguments
+            What it takes.
+        samples : int
+            About how many samples the answer holds.
+
+        Returns
+        -------
+        dict, list, str, float, ndarray or None
+
+        Raises
+        ------
+        ParameterError
+            What the function refuses.
+        GuestError
+            When the part raised, took too long, took too much memory, or ended its process.
+        """
+        self.refuse_lost()
+        self.most = MESSAGE + SAMPLE * samples
+        return self._plain({"do": "call", "call": (function, arguments)}, self.seconds)
+
+    def _plain(self, message: dict[str, Any], seconds: float) -> Any:
+        try:
+            said = self.ask(message, seconds)
+        except GuestError as error:
+            raise GuestError(self._named(str(error))) from None
+        if isinstance(said, dict) and "refused" in said:
+            raise ParameterError(self._named(str(said["refused"])[:1000]))
+        try:
+            return _arrays(said["plain"])
+        except (KeyError, TypeError, ValueError):
+            raise GuestError(self._named("answered with something that cannot be understood")) from None
+
+    def _named(self, text: str) -> str:
+        who = " or ".join(f"{kind} plug-in {path.stem!r}" for kind, path in self.files)
+        return text if any(repr(path.stem) in text for _, path in self.files) else f"{who}: {text}"
+
+
+_hosts: dict[tuple, PartHost] = {}
+
+
+@contextlib.contextmanager
+def guest_parts(valves: Files = (), effects: Files = (), seconds: float = SECONDS) -> Iterator[None]:
+    """Make files of valve models and of effects known by their names, for one question only.
+
+    Parameters
+    ----------
+    valves, effects : iterable of str or Path
+        The files; none is imported by this process.
+    seconds : float
+        Time one may take for a scenario.
+
+    Raises
+    ------
+    ParameterError
+        As `PluginFolder.add_guest`.
+    """
+    with contextlib.ExitStack() as stack:
+        stack.callback(_close)
+        for folder, files in ((VALVES, valves), (EFFECTS, effects)):
+            stack.enter_context(folder.guests(files, seconds, _maker(folder.kind)))
+        yield
+
+
+def add_parts(valves: Files, effects: Files, seconds: float = SECONDS) -> None:
+    """Make files known as `guest_parts` does, from here on; those known are asked again."""
+    for folder, files in ((VALVES, valves), (EFFECTS, effects)):
+        folder.add_guests(files, seconds, _maker(folder.kind))
+    for host in _hosts.values():
+        host.seconds, host.strikes = seconds, 0
+
+
+def _maker(kind: str) -> Callable[[Path, float], PartHost]:
+    return lambda path, seconds: PartHost(((kind, path),), seconds)
+
+
+def _close() -> None:
+    while _hosts:
+        _hosts.popitem()[1].close()
+
+
+def host_of(parts: Iterable[tuple[str, str]]) -> PartHost | None:
+    """Return the process in which the strangers among some parts live, and no other; None where all are of the house.
+
+    Parameters
+    ----------
+    parts : iterable of (str, str)
+        Kind and name of each.
+
+    Examples
+    --------
+    >>> host_of([("valve", "choudhury"), ("effect", "noise")]) is None
+    True
+    """
+    folders = {"valve": VALVES, "effect": EFFECTS}
+    own = [host for kind, name in sorted(set(parts)) if (host := folders[kind].guest(name)) is not None]
+    if len(own) < 2:
+        return own[0] if own else None
+    files = tuple(host.files[0] for host in own)
+    if files not in _hosts:
+        _hosts[files] = PartHost(files, own[0].seconds)
+    return _hosts[files]
+
+
+def parts_of_loop(loop: Loop) -> set[tuple[str, str]]:
+    """Return kind and name of every valve stage and effect a loop names.
+
+    Examples
+    --------
+    >>> loop = Loop.from_table({
+    ...     "plant": {"type": "integrating", "K": 1}, "controller": {"type": "P", "Kc": 1}, "sampling": {"Ts": 1},
+    ...     "valve": {"model": "lag", "T": 2.0}, "effect": [{"name": "stiction", "S": 5, "J": 2}]})
+    >>> sorted(parts_of_loop(loop))
+    [('effect', 'stiction'), ('valve', 'lag')]
+    """
+    stages = [s for place in ("before", "behind") for s in _listed(loop.valve.parameters.get(place))]
+    valves = {loop.valve.name, *(s.get("model") for s in stages if isinstance(s, dict))}
+    return {("valve", name) for name in valves if isinstance(name, str)} | {("effect", e.name) for e in loop.effect}
+
+
+def _listed(value: Any) -> list:
+    return value if isinstance(value, list) else []
+
+
+def simulated(loop: Loop, seed: int = 0, kick: float = 0.0) -> Run:
+    """Return `simulate(loop, seed, kick=kick)`, wherever its parts live."""
+    host = host_of(parts_of_loop(loop))
+    if host is None:
+        return simulate(loop, seed, kick=kick)
+    return run_of(host.call(plain_simulate, loop, seed, kick, samples=loop.sampling.n), loop)
+
+
+def plain_simulate(loop: Loop, seed: int, kick: float) -> dict[str, Any]:
+    """Simulate, and return plain values."""
+    return plain_run(simulate(loop, seed, kick=kick))
+
+
+def response(model: str, op: np.ndarray, parameters: Mapping[str, Any], Ts: float) -> np.ndarray:
+    """Return `valve_response(model, op, parameters, Ts)`, wherever the valve lives."""
+    host = host_of([("valve", model)])
+    if host is None:
+        return valve_response(model, op, parameters, Ts)
+    mv = host.call(valve_response, model, op, parameters, Ts, samples=op.size)
+    if not isinstance(mv, np.ndarray) or mv.shape != op.shape or not np.isfinite(mv).all():
+        raise GuestError(f"valve plug-in {model!r} gives positions that are not finite, or too few")
+    return mv
+
+
+def plain_run(run: Run) -> dict[str, Any]:
+    """Return a run without a tail as plain values."""
+    r = run.record
+    known = {"process": r.process, "sticky": run.sticky, "load_in": run.load_in, "load_out": run.load_out, "valve": run.mv}
+    return {**known, **{name: getattr(r, name) for name in SIGNALS}}
+
+
+def run_of(said: Any, loop: Loop) -> Run:
+    """Return the run that plain values describe; GuestError where they describe none of this loop."""
+    n = loop.sampling.n
+    signals = [said.get(k) if isinstance(said, dict) else None for k in (*SIGNALS, "load_in", "load_out", "valve")]
+    if not all(isinstance(s, np.ndarray) and s.shape == (n,) and np.isfinite(s).all() for s in signals):
+        raise GuestError("its loop gives signals that are not finite, or of another length")
+    op, pv, sp, mv, load_in, load_out, valve = signals
+    record = LoopRecord(op=op, pv=pv, sp=sp, mv=mv, Ts=loop.sampling.Ts, process=said["process"], op_span=(0.0, 100.0))
+    return Run(record, load_in, load_out, None, said["sticky"] is True, valve)
+
+
+def _arrays(value: Any) -> Any:
+    if isinstance(value, dict):
+        if set(value) == {"float64"}:
+            return np.frombuffer(base64.b64decode(value["float64"]), dtype="<f8").astype(float)
+        return {k: _arrays(v) for k, v in value.items()}
+    return [_arrays(v) for v in value] if isinstance(value, list) else value
+
+
+def _stub(kind: str, name: str, said: Mapping[str, Any]) -> ModuleType:
+    """Rebuild a part's description of itself from plain values, each checked."""
+    stub = ModuleType(name, str(said.get("doc", "")))
+    of_effect = {"BLOCK": BLOCKS, "ACTS": ("loop", "record")}
+    for word, values in ({"FRICTION": (True, False)} if kind == "valve" else of_effect).items():
+        if said.get(word) not in values:
+            raise GuestError(f"{word} = {said.get(word)!r}; allowed: {', '.join(str(v) for v in values)}")
+        setattr(stub, word, said[word])
+    rules = said.get("PARAMETERS")
+    if not isinstance(rules, dict) or not all(isinstance(r, dict) for r in rules.values()):
+        raise GuestError("PARAMETERS is no dict of Number and Choice")
+    functions = ("start", "step") if kind == "valve" else ("apply",)
+    stub.__dict__.update({f: partial(_elsewhere, f"{kind} {name!r}") for f in functions})
+    stub.__dict__.update(SOURCE=str(said.get("SOURCE")), PARAMETERS={k: _rule(k, r) for k, r in rules.items()}, __file__=None)
+    return stub
+
+
+def _rule(key: str, said: Mapping[str, Any]) -> Number | Choice:
+    default, says = said.get("default"), str(said.get("says", ""))
+    if said.get("number") is not True:
+        names = said.get("names")
+        if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
+            raise GuestError(f"parameter {key} is neither a Number nor a Choice of words")
+        return Choice(tuple(names), default if isinstance(default, str) else None, says)
+    low, high, identity = (number_of(said.get(k), f"{key}.{k}") for k in ("low", "high", "identity"))
+    default = None if default is None else number_of(default, f"{key}.default")
+    return Number(str(said.get("unit")), low, high, default, says, said.get("positive") is True, identity)
+
+
+def _elsewhere(what: str, *_: Any) -> NoReturn:
+    raise GuestError(f"{what} is a plug-in, which moves in a process of its own alone")
