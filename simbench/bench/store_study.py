@@ -129,7 +129,7 @@ def rows(count: int, methods: str = "full") -> dict[str, Any]:
     Returns
     -------
     dict
-        rows, scenarios, cpu_s (to read, check and score), peak_MB (resident, of all), bytes_per_row.
+        rows, scenarios, cpu_s (to read, check and score), peak_MB (resident, the making included).
 
     Notes
     -----
@@ -143,19 +143,12 @@ def rows(count: int, methods: str = "full") -> dict[str, Any]:
             number = -(-count // each // PIECE)
             pieces.open_run(place, manifest, resume=False)
             receipts = [pieces.write_piece(place, piece, "") for piece in _made_up(model, each, number)]
-        size = sum(f.stat().st_size for f in Path(home).glob("run/*.parquet/*"))
         since = time.process_time()
         pieces.finish(place, receipts, manifest)
         used = time.process_time() - since
     total = number * PIECE * each
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    return {
-        "rows": total,
-        "scenarios": number * PIECE,
-        "cpu_s": round(used, 2),
-        "peak_MB": round(peak, 1),
-        "bytes_per_row": round(size / total, 1),
-    }
+    return {"rows": total, "scenarios": number * PIECE, "cpu_s": round(used, 2), "peak_MB": round(peak, 1)}
 
 
 @contextmanager
