@@ -163,6 +163,7 @@ def _decoded(path: Path) -> tuple[str, list[str]]:
 
 
 def _csv(path: Path, is_head: Callable[[Sequence[str]], bool]) -> Sheet:
+    """Read text by the delimiter under which a line names the signals; pandas' sniffer guesses, and says nothing of it."""
     text, notes = _decoded(path)
     lines = text.splitlines()
     start, head = 0, lines[0] if lines else ""
