@@ -94,7 +94,7 @@ def read_book(folder: str | Path) -> Book:
     try:
         book = Book.read(folder)
     except (pa.ArrowException, OSError, ArithmeticError, LookupError, TypeError, ValueError) as error:
-        raise RunError(f"{folder} is damaged: {' '.join(str(error).split())[:200]}") from None
+        raise RunError(f"{folder} is damaged: {' '.join(str(error).split())[:200]}; restore it, or run it again") from None
     if not book.ids.size or not book.methods:
-        raise RunError(f"{folder} holds no verdicts: {book.ids.size} scenarios, {len(book.methods)} methods")
+        raise RunError(f"{folder} holds no verdicts: {book.ids.size} scenarios, {len(book.methods)} methods; run it again")
     return book
