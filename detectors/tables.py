@@ -204,7 +204,7 @@ def _table(path: Path, rows: list[list[str]], lines: list[int], is_head: Callabl
         while len(row) > len(names) and not row[-1].strip():
             row.pop()
         if len(row) != len(names):
-            raise RecordError(f"{path}, line {line}: {len(row)} cells; the header has {len(names)}")
+            raise RecordError(f"{path}, line {line}: {len(row)} cells; the header has {len(names)}, as many are needed")
         body.append(row)
         kept.append(line)
     if not any(names):

@@ -62,21 +62,24 @@ class Number:
         if type(value) is float and self.low < value < self.high and -LARGEST <= value <= LARGEST:
             return value  # nearly always
         unit = f" ({self.unit})" if self.unit else ""
+        allowed = f"it must be {self._allowed()}{unit}"
         if isinstance(value, bool) or not hasattr(value, "__float__"):
-            raise ParameterError(f"{where}: {name} = {value!r} is no number{unit}")
+            raise ParameterError(f"{where}: {name} = {value!r} is no number, {allowed}")
         try:
             number = float(value)
         except OverflowError:  # a whole number of hundreds of digits
-            raise ParameterError(f"{where}: {name} = {_start(value)} is not finite{unit}") from None
+            raise ParameterError(f"{where}: {name} = {_start(value)} is not finite, {allowed}") from None
         if not math.isfinite(number):
-            raise ParameterError(f"{where}: {name} = {number} is not finite{unit}")
+            raise ParameterError(f"{where}: {name} = {number} is not finite, {allowed}")
         if abs(number) > LARGEST:
             raise ParameterError(f"{where}: {name} = {number:g} is out of range, it must be within +-{LARGEST:g}{unit}")
         if number < self.low or number > self.high or (self.positive and number == self.low):
-            raise ParameterError(f"{where}: {name} = {number:g} is out of range, it must be {self._allowed()}{unit}")
+            raise ParameterError(f"{where}: {name} = {number:g} is out of range, {allowed}")
         return number
 
     def _allowed(self) -> str:
+        if math.isinf(self.low) and math.isinf(self.high):
+            return f"within +-{LARGEST:g}"
         if math.isinf(self.high):
             return f"{'>' if self.positive else '>='} {self.low:g}"
         if math.isinf(self.low):
@@ -164,9 +167,8 @@ def resolve(
     >>> p.S, p.J, p.Ts
     (5.0, 0.0, 1.0)
     """
-    for name in table:
-        if name not in schema:
-            raise UnknownName("parameter", name, schema, where)
+    if not table.keys() <= schema.keys():
+        raise UnknownName("parameter", next(name for name in table if name not in schema), schema, where)
     values: dict[str, float] = {}
     for name, rule in schema.items():
         if name in table:
@@ -211,11 +213,17 @@ def valve_parameters(module: ModuleType, table: Mapping[str, Any], Ts: float) ->
     >>> valve_parameters(VALVES.load("deadband"), {"S": 5.0}, Ts=1.0).S
     5.0
     """
-    where = f"valve {module.__name__.rpartition('.')[2]!r}"
-    p = resolve(module.PARAMETERS, table, where, getattr(module, "complete", None), Ts=float(Ts))
-    if hasattr(module, "check"):
-        module.check(p)
+    # a look into its namespace: asking a module for what it lacks raises an error inside, which costs more than the numbers
+    own = vars(module)
+    p = resolve(own["PARAMETERS"], table, _valve_named(own["__name__"]), own.get("complete"), Ts=float(Ts))
+    if "check" in own:
+        own["check"](p)
     return p
+
+
+@cache
+def _valve_named(module: str) -> str:
+    return f"valve {module.rpartition('.')[2]!r}"
 
 
 @cache
