@@ -58,6 +58,11 @@ site: $(READY)             ## tutorials that run, API, detectors, formats, gloss
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test]'
+	# what is compiled, compiled now: the first call then costs what later ones do
+	rm -rf $(VENV)/first
+	$(BIN)/simbench run smoke -o $(VENV)/first >/dev/null
+	$(BIN)/simbench simulate docs/example/loop.toml -o $(VENV)/first/rec.csv --seed 1 >/dev/null
+	$(BIN)/simbench detect $(VENV)/first/rec.csv >/dev/null
 	touch $@
 
 clean:
