@@ -75,7 +75,8 @@ def seconds(
         t = _read([str(v).strip() for v in values], unit, name, where, place, said)
     bad = np.flatnonzero(~np.isfinite(t))
     if bad.size:
-        raise RecordError(f"{where}, {place(bad[0])}: {name} is unknown; every sample needs its time")
+        given = str(values[bad[0]]).strip()[:60]
+        raise RecordError(f"{where}, {place(bad[0])}: {name} is {given!r}; every sample needs its time, a finite one")
     back = np.flatnonzero(np.diff(t) <= 0)
     if back.size:
         was, now = values[back[0]], values[back[0] + 1]

@@ -159,7 +159,8 @@ def read_numbers(sheet: Sheet, names: Sequence[str], where: str) -> dict[str, np
     for name, x in out.items():
         infinite = np.flatnonzero(np.isinf(x))
         if infinite.size:
-            raise RecordError(f"{where}, {sheet.place(int(infinite[0]))}: {name} is infinite; {NEEDED}")
+            row = int(infinite[0])
+            raise RecordError(f"{where}, {sheet.place(row)}: {name} is infinite ({_cell(sheet, name, row)}); {NEEDED}")
         _refuse_sentinels(x, name, where)
     return out
 
@@ -267,6 +268,10 @@ def _refuse_thousands(column: Sequence[str], name: str, where: str) -> None:
         raise RecordError(
             f"{where}: {name} holds {signed[0]!r} beside whole numbers; it may be {re.sub('[.,]', '', signed[0])}"
         )
+
+
+def _cell(sheet: Sheet, name: str, row: int) -> str:
+    return str(sheet.columns[name][row]).strip()[:60]
 
 
 def _value(text: str, comma: bool, row: int, name: str, sheet: Sheet, where: str) -> float:

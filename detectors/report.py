@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -287,9 +287,28 @@ def score_units(
 def table(rows: list[dict[str, Any]]) -> list[str]:
     """Return rows as lines of equal columns, the head first."""
     head = list(rows[0])
-    cells = [head] + [[f"{v:.2f}" if isinstance(v, float) else str(v) for v in row.values()] for row in rows]
-    width = [max(len(line[i]) for line in cells) for i in range(len(head))]
-    return ["  ".join(c.ljust(w) for c, w in zip(line, width, strict=True)).rstrip() for line in cells]
+    return columns([head] + [[f"{v:.2f}" if isinstance(v, float) else str(v) for v in row.values()] for row in rows])
+
+
+def columns(lines: Sequence[Sequence[str]]) -> list[str]:
+    """Return cells as lines of equal columns: for files, which have no width to which rich could fit a table.
+
+    Parameters
+    ----------
+    lines : sequence of sequence of str
+        As many cells in each.
+
+    Returns
+    -------
+    list of str
+
+    Examples
+    --------
+    >>> columns([("a", "b"), ("long", "c")])
+    ['a     b', 'long  c']
+    """
+    widths = [max(map(len, cells)) for cells in zip(*lines, strict=True)]
+    return ["  ".join(cell.ljust(w) for cell, w in zip(line, widths, strict=True)).rstrip() for line in lines]
 
 
 def _auc(positive: list[float], negative: list[float]) -> float:

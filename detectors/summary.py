@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -73,6 +73,29 @@ def notes_of(verdicts: Sequence[Verdict], record: LoopRecord | None = None) -> l
     return [*(record.notes if record else ()), *(c for c, n in clauses.items() if n >= least)]
 
 
+def own_reason(verdict: Verdict, shared: Collection[str]) -> str:
+    """Return a verdict's reason without what is said of the whole record already.
+
+    Parameters
+    ----------
+    verdict : Verdict
+        One method's.
+    shared : collection of str
+        As `notes_of` gives them.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> own_reason(Verdict("he", "stiction", reason="OP is triangular; OP taken as 0..100 %"), ["OP taken as 0..100 %"])
+    'OP is triangular'
+    """
+    clauses = _clauses(verdict.reason)
+    return "; ".join([c for c in clauses if c not in shared] or clauses[:1])
+
+
 def as_text(
     groups: Iterable[tuple[str | None, list[Verdict], LoopRecord | None]], *, why: bool = False, colour: bool = False
 ) -> str:
@@ -103,7 +126,7 @@ def as_text(
         for name, verdicts, record in found:
             shared = set(notes_of(verdicts, record))
             where = "" if name is None else f"{name}: "
-            lines += ["", *(f"{where}{v.method}: {WORDS[v.verdict]}. {_own(v.reason, shared)}." for v in verdicts)]
+            lines += ["", *(f"{where}{v.method}: {WORDS[v.verdict]}. {own_reason(v, shared)}." for v in verdicts)]
     return "\n".join(lines).rstrip()
 
 
@@ -198,11 +221,6 @@ def _is_test(method: str) -> bool:
 
 def _clauses(reason: str) -> list[str]:
     return reason.split("; ")
-
-
-def _own(reason: str, shared: set[str]) -> str:
-    clauses = _clauses(reason)
-    return "; ".join([c for c in clauses if c not in shared] or clauses[:1])
 
 
 def _interval(value: Level) -> tuple[float, float]:

@@ -162,6 +162,7 @@ def _decoded(path: Path) -> tuple[str, list[str]]:
 
 
 def _csv(path: Path, is_head: Callable[[Sequence[str]], bool]) -> Sheet:
+    """Read text by the delimiter under which a line names the signals; pandas' sniffer guesses, and says nothing of it."""
     text, notes = _decoded(path)
     lines = text.splitlines()
     start, head = 0, lines[0] if lines else ""
@@ -203,7 +204,7 @@ def _table(path: Path, rows: list[list[str]], lines: list[int], is_head: Callabl
         while len(row) > len(names) and not row[-1].strip():
             row.pop()
         if len(row) != len(names):
-            raise RecordError(f"{path}, line {line}: {len(row)} cells; the header has {len(names)}")
+            raise RecordError(f"{path}, line {line}: {len(row)} cells; the header has {len(names)}, as many are needed")
         body.append(row)
         kept.append(line)
     if not any(names):

@@ -49,7 +49,7 @@ class More(_Table):
     def _known(self) -> Self:
         for key in self.scale:
             if key not in self.parameters:
-                raise ValueError(f"scale asks for {key!r}, which is none of the parameters")
+                raise ValueError(f"scale asks for {key!r}, which is none of the parameters, {suggestion(key, self.parameters)}")
         return self
 
     def drawn(self, name: str, rng: np.random.Generator) -> Scaled:
@@ -107,7 +107,8 @@ class GridFile(_Table):
             for member in block.member:
                 for key in member.where:
                     if key not in block.axes:
-                        raise ValueError(f"block {block.name!r}: where asks for {key!r}, which is none of its axes")
+                        none = f"where asks for {key!r}, which is none of its axes"
+                        raise ValueError(f"block {block.name!r}: {none}, {suggestion(key, block.axes)}")
         return self
 
 
@@ -417,7 +418,8 @@ def make_grid(
     untouched = not changed and not overrides
     per_repeat = content.expected and content.expected * content.repeats // int(table.get("repeats", 1))
     if untouched and content.expected is not None and "repeats" not in (sets or {}) and len(grid) != per_repeat:
-        raise SpecError(f"{name}: {len(grid)} scenarios, but expected = {content.expected}")
+        said = f"{len(grid)} scenarios, but expected = {content.expected}"
+        raise SpecError(f"{name}: {said}; the number it has is needed, or no such key")
     return grid
 
 

@@ -100,8 +100,9 @@ def _counted(names: Iterable[str]) -> list[tuple[str, int]]:
 def _axes(where: str, axes: Mapping[str, tuple], known: Mapping[str, tuple]) -> Iterator[str]:
     for key, values in axes.items():
         yield from _axis(f"{where}axis {key!r}", key, values, known)
-        if len({repr(v) for v in values}) < len(values):
-            yield f"{where}axis {key!r} has a value twice"
+        twice = [v for v, count in _counted(map(repr, values)) if count > 1]
+        if twice:
+            yield f"{where}axis {key!r} has the value {twice[0]} twice; each is allowed once"
 
 
 def _axis(where: str, key: str, values: tuple, known: Mapping[str, tuple]) -> Iterator[str]:

@@ -6,6 +6,7 @@ import hashlib
 import json
 import math
 import tomllib
+from datetime import date, time
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar
 
@@ -55,7 +56,7 @@ class Plant(_Table):
         if self.type == "foptd" and self.T is None:
             raise ValueError("T is missing; foptd needs a time constant above 0 s")
         if self.type == "integrating" and self.T is not None:
-            raise ValueError(f"T = {self.T}; an integrating plant has no time constant")
+            raise ValueError(f"T = {self.T}; an integrating plant has no time constant, no T is needed")
         return self
 
 
@@ -72,7 +73,7 @@ class Controller(_Table):
         if self.type == "PI" and self.Ti is None:
             raise ValueError("Ti is missing; a PI controller needs an integral time above 0 s")
         if self.type == "P" and self.Ti is not None:
-            raise ValueError(f"Ti = {self.Ti}; a P controller has none")
+            raise ValueError(f"Ti = {self.Ti}; a P controller has none, no Ti is needed")
         return self
 
     @property
@@ -427,6 +428,8 @@ def _key(loc: tuple, table: Any, missing: bool) -> tuple:
 
 def _sentence(model: type[BaseModel], error: Any) -> str:
     path = [p for p in error["loc"] if isinstance(p, (str, int))]
+    if path[1:] and path[-1] == "name":  # the file's own word for it
+        path[-1] = NAME_KEY.get(str(path[0]), "name")
     place = ".".join(str(p) for p in path)
     kind, value = error["type"], error.get("input")
     if kind == "extra_forbidden":
@@ -446,7 +449,7 @@ def _sentence(model: type[BaseModel], error: Any) -> str:
 
 def _short(value: Any) -> str:
     try:
-        text = repr(value)
+        text = value.isoformat() if isinstance(value, (date, time)) else repr(value)
     except (ValueError, RecursionError):  # more digits than Python writes, tables within tables
         return "a value too long to show"
     return text if len(text) <= 60 else f"{text[:57]}..."

@@ -19,7 +19,8 @@ def calibration_error(stated: np.ndarray, right: np.ndarray, bins: int = 10) -> 
     Returns
     -------
     float
-        Mean distance of stated probability and share right over the bins, weighted by their answers.
+        Mean distance of stated probability and share right over the bins, weighted by their answers, which scikit-learn's
+        calibration_curve does not count.
 
     Examples
     --------

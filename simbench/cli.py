@@ -726,6 +726,8 @@ def _usage(error: Any, arguments: list[str]) -> str:
         given = [v for k, v in pairwise(arguments) if k.lstrip("-") and f"'{k}'" in option]
         message = f"{option}: {given[0][:80]!r}: {allowed}" if given else message
     context = getattr(error, "ctx", None)
+    if "unexpected extra argument" in message and context is not None:
+        message += f"; allowed: {' '.join(context.command.collect_usage_pieces(context))}"
     if message.startswith("Usage:"):
         return "a verb is missing: " + ", ".join(_verbs(context))
     if "such command" in message and "mean" not in message:
@@ -768,8 +770,11 @@ def _threshold_file(path: Path | None) -> dict[str, dict[str, float]]:
         return {}
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise ParameterError(f"thresholds {path} cannot be read: {' '.join(str(error).split())[:200]}") from None
+    except OSError as error:
+        raise ParameterError(f"thresholds {path} cannot be read: {(error.strerror or str(error)).lower()}") from None
+    except (ValueError, RecursionError) as error:
+        said = " ".join(str(error).split())[:200]
+        raise ParameterError(f"thresholds {path} are no JSON ({said}); a table of method ids is needed") from None
     if not isinstance(found, dict) or not all(isinstance(v, dict) for v in found.values()):
         raise ParameterError(f"thresholds {path}: a table of method ids to tables of numbers is needed")
     for method, values in found.items():

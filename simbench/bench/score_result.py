@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from detectors.report import columns
 from detectors.views import page_part
 from simbench.bench.place import Place, place_of
 from simbench.bench.ranks import Ranks, loops_needed
@@ -216,7 +217,7 @@ def _block(scores: Scores, rows: pd.DataFrame, mode: str, process: str) -> list[
             )
         )
         kinds.append(r.kind)
-    text = _columns(lines)
+    text = columns(lines)
     out = [text[0]]
     for line, kind, before in zip(text[1:], kinds, [0, *kinds], strict=False):
         out += [f"-- {KINDS[kind]}"] * (kind != before) + [line]
@@ -257,12 +258,7 @@ def _short(x: float) -> str:
 
 
 def _plain(frame: pd.DataFrame) -> list[str]:
-    return _columns([tuple(frame.columns), *(tuple(map(str, row)) for row in frame.itertuples(index=False))])
-
-
-def _columns(lines: list[tuple[str, ...]]) -> list[str]:
-    widths = [max(len(line[i]) for line in lines) for i in range(len(lines[0]))]
-    return ["  ".join(cell.ljust(w) for cell, w in zip(line, widths)).rstrip() for line in lines]
+    return columns([tuple(frame.columns), *(tuple(map(str, row)) for row in frame.itertuples(index=False))])
 
 
 def _records(frame: pd.DataFrame) -> list[dict[str, Any]]:

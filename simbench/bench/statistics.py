@@ -1,7 +1,7 @@
 """The statistics of a benchmark: intervals of rates and AUC, paired and unpaired tests, corrections for many tests.
 
-Wilson and Holm are a few lines, McNemar and Friedman are scipy's: a library that has all four (statsmodels) would serve nothing
-else here.
+McNemar and Friedman are scipy's. Wilson and Holm are a few lines: a library that has them (statsmodels) would serve nothing
+else here. AUC is counted here because scikit-learn gives neither DeLong's interval nor ranks of infinite scores.
 """
 
 from __future__ import annotations

@@ -143,7 +143,7 @@ def _client(address: str | None) -> Any:
     try:
         return Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError) as error:
-        raise RunError(f"no dask scheduler answers at {address}: {error}") from None
+        raise RunError(f"no dask scheduler answers at {address}: {error}; its tcp://HOST:PORT is needed") from None
 
 
 def _gone(client: Any) -> tuple[str, float] | None:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from matplotlib.transforms import Bbox
 
 from simbench.figures._style import BLACK, BLUE, GREY, styled
 
 Point = tuple[float, float]
 COLUMNS = ["shape", "part", "x", "y", "text"]
+NEAR = 1.6  # units; a line that ends closer than this before a box means it
 
 
 def box(x: float, y: float, text: str) -> list[list]:
@@ -40,25 +43,47 @@ def sketch(*parts: list[list]) -> pd.DataFrame:
 
 @styled
 def draw_sketch(table: pd.DataFrame) -> Figure:
-    """Draw a sketch, its units as long as they are high."""
+    """Draw a sketch, its units as long as they are high; arrows that point at a box reach it."""
     wide, high = (float(table[c].max() - table[c].min()) + 1.6 for c in ("x", "y"))
-    figure = Figure(figsize=(min(0.95 * wide, 9.0), 0.95 * high * min(1.0, 9.0 / (0.95 * wide))), layout="constrained")
-    axes = figure.subplots()
-    for _, part in table.groupby(["shape", "part"], sort=False):
-        shape = str(part["shape"].iloc[0])
-        x, y, text = part.x.to_numpy(), part.y.to_numpy(), str(part.text.iloc[0])
-        if shape in ("arrow", "line"):
-            axes.plot(x, y, color=BLACK, linewidth=1.1, solid_capstyle="round")
-            if shape == "arrow":
-                tip = {"arrowstyle": "-|>", "color": BLACK, "linewidth": 1.1}
-                axes.annotate("", (x[-1], y[-1]), (x[-2], y[-2]), arrowprops=tip)
-        else:
-            frame = {"boxstyle": "square,pad=0.5", "facecolor": "#F3F6FA", "edgecolor": BLUE} if shape == "box" else None
-            axes.text(x[0], y[0], text, ha="center", va="center", fontsize=8, bbox=frame, color=BLACK if frame else GREY)
-    axes.set_aspect("equal")
-    axes.margins(0.27, 0.08)
+    inches = min(0.95, 9.0 / wide)  # of one unit
+    figure = Figure(figsize=(inches * wide, inches * high))
+    axes = figure.add_axes((0, 0, 1, 1))
+    axes.set(xlim=(0, wide), ylim=(0, high))
     axes.axis("off")
+    parts = [(str(p["shape"].iloc[0]), p) for _, p in table.groupby(["shape", "part"], sort=False)]
+    for shape, part in parts:
+        if shape in ("box", "words"):
+            frame = {"boxstyle": "square,pad=0.5", "facecolor": "#F3F6FA", "edgecolor": BLUE} if shape == "box" else None
+            look = {"ha": "center", "va": "center", "fontsize": 8, "bbox": frame, "color": BLACK if frame else GREY}
+            axes.text(part.x.iloc[0], part.y.iloc[0], str(part.text.iloc[0]), **look)
+    figure.draw_without_rendering()  # which settles the frames
+    seen = [(t.get_bbox_patch(), t) for t in axes.texts]
+    boxes = [b.get_window_extent().transformed(axes.transData.inverted()) for b, _ in seen if b]
+    taken = [t.get_window_extent().transformed(axes.transData.inverted()) for b, t in seen if not b]
+    for shape, part in parts:
+        if shape in ("arrow", "line"):
+            ends = part[["x", "y"]].to_numpy(dtype=float, copy=True)
+            ends[0], ends[-1] = _reach(ends[1], ends[0], boxes), _reach(ends[-2], ends[-1], boxes)
+            if shape == "arrow":
+                tip = {"arrowstyle": "-|>", "color": BLACK, "linewidth": 1.1, "shrinkA": 0, "shrinkB": 0}
+                axes.annotate("", ends[-1], ends[-2], arrowprops=tip)
+            axes.plot(*ends.T, color=BLACK, linewidth=1.1, solid_capstyle="butt")
+            taken.append(Bbox([ends.min(axis=0), ends.max(axis=0)]))
+    whole = Bbox.union([*boxes, *taken]).padded(0.15)
+    axes.set(xlim=whole.intervalx, ylim=whole.intervaly)
+    figure.set_size_inches(inches * whole.width, inches * whole.height)
     return figure
+
+
+def _reach(start: np.ndarray, end: np.ndarray, boxes: Sequence[Bbox]) -> np.ndarray:
+    """Return the end of an upright or level line, drawn on to the edge of the box before it."""
+    along = int(abs(end[1] - start[1]) > abs(end[0] - start[0]))
+    sign = np.sign(end[along] - start[along])
+    near = [b for b in boxes if b.min[1 - along] <= end[1 - along] <= b.max[1 - along]]
+    steps = [sign * (edge - end[along]) for b in near for edge in (b.min[along], b.max[along])]
+    out = end.copy()
+    out[along] += sign * min((step for step in steps if -0.3 < step < NEAR), default=0.0)
+    return out
 
 
 def _path(shape: str, points: Sequence[Point], text: str, at: Point | None) -> list[list]:

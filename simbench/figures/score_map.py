@@ -82,8 +82,9 @@ def levels(values: np.ndarray) -> np.ndarray:
 
 @styled
 def draw(data: pd.DataFrame) -> Figure:
-    """Draw one heat map per method and plant."""
-    methods, plants = list(data.method.unique()), [p for p in PLANTS if (data.plant == p).any()]
+    """Draw one heat map per method and plant, the method most often right first."""
+    right = (data.right * data.applicable).groupby(data.method).sum() / data.applicable.groupby(data.method).sum()
+    methods, plants = list(right.sort_values(ascending=False).index), [p for p in PLANTS if (data.plant == p).any()]
     side = min(PER_ROW, len(methods))
     rows = -(-len(methods) // side)
     figure, axes = panels(rows, side * len(plants), 1.9 * side * len(plants) + 0.9, 1.75 * rows + 0.5)
@@ -99,6 +100,17 @@ def draw(data: pd.DataFrame) -> Figure:
     if image is not None and len(methods) > 1:  # one map's numbers stand in its cells
         bar = figure.colorbar(image, ax=axes, location="right", shrink=0.5, aspect=40)
         bar.set_label("share of right answers (no decision counts as wrong)\nhatched: does not apply")
+    return figure
+
+
+@styled
+def draw_bar() -> Figure:
+    """Draw the colours of the maps alone, for pages that show one method a picture."""
+    figure, axes = panels(1, 1, 4.0, 0.6)
+    levels = np.linspace(0.0, 1.0, SHARES["cmap"].N + 1)
+    axes[0, 0].pcolormesh(levels, [0, 1], levels[np.newaxis, :-1], **SHARES)
+    axes[0, 0].set_yticks([])
+    axes[0, 0].set_xlabel("share of right answers")
     return figure
 
 

@@ -127,7 +127,7 @@ def beside_the_load(engine: Engine, base: Fit, candidates: dict[str, Candidate])
         for e, bare in candidates.items():
             alone = bare.log_likelihood_gain - one.log_likelihood_gain
             if e == effect:
-                own = 0.0 if ordinary(one.fit, base, one.log_likelihood_gain) else min(one.log_likelihood_gain, LAST)
+                own = 0.0 if ordinary(one.fit, base) else min(one.log_likelihood_gain, LAST)
                 out[e] = replace(one, log_likelihood_gain=own)
             else:
                 out[e] = again[e] if again[e].log_likelihood_gain >= alone else replace(bare, log_likelihood_gain=alone)

@@ -16,6 +16,7 @@ def sortable(
     formats: dict[str, Format] | None = None,
     long: Collection[str] = (),
     beside: dict[str, Sequence[str]] | None = None,
+    matrix: bool = False,
 ) -> dict[str, Any]:
     """Return what the `sortable` macro of parts.html draws.
 
@@ -28,7 +29,9 @@ def sortable(
     long : collection of str
         Columns with sentences, which may wrap.
     beside : dict of column to texts, optional
-        Written small after each value, e.g. its interval.
+        Written small with each value, e.g. its interval.
+    matrix : bool
+        One sign a cell, many columns: their names stand upright.
 
     Returns
     -------
@@ -37,22 +40,23 @@ def sortable(
     Examples
     --------
     >>> table = sortable(pd.DataFrame({"a": [0.12345]}))
-    >>> table["rows"][0][0]["text"], table["columns"][0]["number"]
-    ('0.123', True)
+    >>> table["rows"][0][0]["text"], table["columns"][0]["kind"]
+    ('0.123', 'n')
     """
     formats = formats or {}
     numbers = {c for c in frame.columns if pd.api.types.is_numeric_dtype(frame[c]) and frame[c].dtype != bool}
-    columns = [{"name": str(c), "number": c in numbers} for c in frame.columns]
+    names = [c for c in frame.columns if c not in numbers and c not in long][:1]  # it stays in view when the rest is scrolled
+    kinds = {c: "n" if c in numbers else "long" if c in long else "name" if c in names else "" for c in frame.columns}
+    columns = [{"name": str(c), "kind": kind.replace("long", "")} for c, kind in kinds.items()]
     rows = []
     for i, record in enumerate(frame.itertuples(index=False, name=None)):
         row = []
         for name, value in zip(frame.columns, record):
-            kind = "n" if name in numbers else "long" if name in long else ""
             small = beside[name][i] if beside and name in beside else ""
             text = _text(value, formats.get(name))
-            row.append({"text": text, "small": small, "kind": kind, "value": _key(value, name in numbers)})
+            row.append({"text": text, "small": small, "kind": kinds[name], "value": _key(value, name in numbers)})
         rows.append(row)
-    return {"columns": columns, "rows": rows}
+    return {"columns": columns, "rows": rows, "matrix": matrix}
 
 
 def percent(value: float) -> str:

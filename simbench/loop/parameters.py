@@ -62,21 +62,24 @@ class Number:
         if type(value) is float and self.low < value < self.high and -LARGEST <= value <= LARGEST:
             return value  # nearly always
         unit = f" ({self.unit})" if self.unit else ""
+        allowed = f"it must be {self._allowed()}{unit}"
         if isinstance(value, bool) or not hasattr(value, "__float__"):
-            raise ParameterError(f"{where}: {name} = {value!r} is no number{unit}")
+            raise ParameterError(f"{where}: {name} = {value!r} is no number, {allowed}")
         try:
             number = float(value)
         except OverflowError:  # a whole number of hundreds of digits
-            raise ParameterError(f"{where}: {name} = {_start(value)} is not finite{unit}") from None
+            raise ParameterError(f"{where}: {name} = {_start(value)} is not finite, {allowed}") from None
         if not math.isfinite(number):
-            raise ParameterError(f"{where}: {name} = {number} is not finite{unit}")
+            raise ParameterError(f"{where}: {name} = {number} is not finite, {allowed}")
         if abs(number) > LARGEST:
             raise ParameterError(f"{where}: {name} = {number:g} is out of range, it must be within +-{LARGEST:g}{unit}")
         if number < self.low or number > self.high or (self.positive and number == self.low):
-            raise ParameterError(f"{where}: {name} = {number:g} is out of range, it must be {self._allowed()}{unit}")
+            raise ParameterError(f"{where}: {name} = {number:g} is out of range, {allowed}")
         return number
 
     def _allowed(self) -> str:
+        if math.isinf(self.low) and math.isinf(self.high):
+            return f"within +-{LARGEST:g}"
         if math.isinf(self.high):
             return f"{'>' if self.positive else '>='} {self.low:g}"
         if math.isinf(self.low):

@@ -54,7 +54,7 @@ def write_fleet(fleet: Fleet, path: str | Path, labels: dict[str, dict[str, str]
     parts = [
         section("ranking", "Where to go first", tiles=tiles, table=shown, long=["next"]),
         section("events", "Oscillations that loops share", _events(fleet)),
-        section("matrix", "Detectors and loops", [_legend()], table=_matrix(frame, fleet)),
+        section("matrix", "Detectors and loops", [_legend()], table=_matrix(frame, fleet), matrix=True),
     ]
     if labels:
         pairs = [(m.name, v) for m in fleet.members for v in m.verdicts]

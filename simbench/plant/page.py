@@ -28,6 +28,7 @@ def section(
     pictures: Sequence[tuple[Figure, str]] = (),
     table: pd.DataFrame | None = None,
     long: Sequence[str] = (),
+    matrix: bool = False,
     points: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Return one section of a page.
@@ -44,6 +45,8 @@ def section(
     table : DataFrame, optional
     long : sequence of str
         Columns of it with sentences.
+    matrix : bool
+        Whether it holds one sign a cell.
     points : sequence of str
 
     Returns
@@ -53,7 +56,7 @@ def section(
     drawn = [{"svg": inline_svg(f, f"{name}-{i}", says), "caption": says} for i, (f, says) in enumerate(pictures)]
     body: Markup = render(
         ROOM, "section.html", paragraphs=paragraphs, tiles=tiles, pictures=drawn, points=points,
-        table=None if table is None else sortable(table, long=long),
+        table=None if table is None else sortable(table, long=long, matrix=matrix),
     )  # fmt: skip
     return {"id": name, "title": title, "body": body}
 

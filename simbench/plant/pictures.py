@@ -30,7 +30,7 @@ def draw_trend(record: LoopRecord, marks: Sequence[tuple[float, float, str]] = (
     for start, end, colour in marks:
         below.axvspan(start / hours, end / hours, color=colour, alpha=0.25, lw=0)
     label(above, "", "PV" if record.sp is None else "PV, SP")
-    label(below, "time (h)" if hours == 3600.0 else "time (min)", "OP")
+    label(below, "time (h)" if hours == 3600.0 else "time (min)", _op(record))
     return figure
 
 
@@ -41,7 +41,7 @@ def draw_pv_op(record: LoopRecord) -> Figure:
     ax = axes.ravel()[0]
     k = np.unique(np.linspace(0, record.n - 1, min(record.n, 2 * POINTS)).astype(int))
     ax.plot(record.op[k], record.pv[k], color=BLUE, lw=0.5, alpha=0.8)
-    label(ax, "OP", "PV")
+    label(ax, _op(record), "PV")
     return figure
 
 
@@ -65,6 +65,10 @@ def draw_power(curves: Mapping[str, Sequence[Cell]], ratio: float, unit: str) ->
     label(ax, f"S ({unit})", "share found", f"J = {ratio:.3g} S")
     ax.legend(loc="upper left")
     return figure
+
+
+def _op(record: LoopRecord) -> str:
+    return "OP" if record.op_percent is None else "OP (%)"
 
 
 def _thin(x: np.ndarray) -> np.ndarray:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from detectors import summary
 from simbench.plant.episodes import marks
 from simbench.plant.page import section, write
 from simbench.plant.pictures import draw_power, draw_pv_op, draw_trend
@@ -54,13 +55,14 @@ def write_page(found: Trust, path: str | Path) -> None:
         pictures = [(draw_power(curves, ratio, record.S_unit), f"{says}; J = {ratio:.3g} S") for ratio in ratios]
         parts.append(section("power", "What this record could have shown", pictures=pictures))
     parts.append(section("methods", "Whom to believe on this loop", table=_table(found), long=["reason"]))
-    points = [*(r.sentence() for r in found.helps), *found.notes]
+    points = [*(r.sentence() for r in found.helps), *found.notes, *summary.notes_of([m.verdict for m in found.methods])]
     if points:
         parts.append(section("next", "What would help, and what to know", points=points))
     write(path, f"Stiction in {record.tag or 'this loop'}: what can be believed", "Detectors on twins of one loop", parts)
 
 
 def _table(found: Trust) -> pd.DataFrame:
+    shared = summary.notes_of([m.verdict for m in found.methods], found.record)
     return pd.DataFrame(
         {
             "method": m.verdict.method,
@@ -70,7 +72,7 @@ def _table(found: Trust) -> pd.DataFrame:
             "found, all sizes": sum(c.found for c in m.power) / len(m.power) if m.power else None,
             "likelihood ratio": m.likelihood_ratio,
             "read by": "its own rule" if m.rule.cut is None else f"score above {m.rule.cut:.3g}",
-            "reason": m.verdict.reason,
+            "reason": summary.own_reason(m.verdict, shared),
         }
         for m in found.methods
     )

@@ -36,8 +36,7 @@ def write_page(report: Report, path: str | Path) -> None:
         if record is not None:
             title = name or record.tag or "The record"
             seen = [(draw_trend(record), "The record: PV (red), SP (grey), OP (blue)"), (draw_pv_op(record), "PV against OP")]
-            notes = summary.notes_of(verdicts, record)
-            parts.append(section(f"record-{number}", title, pictures=seen, points=notes))
+            parts.append(section(f"record-{number}", title, pictures=seen, points=summary.notes_of(verdicts, record)))
     parts.append(section("methods", "Every method", table=_table(report), long=["reason"]))
     if report.refused:
         parts.append(section("refused", "Left out", points=[f"{name}: {why}" for name, why in report.refused.items()]))
@@ -46,6 +45,7 @@ def write_page(report: Report, path: str | Path) -> None:
 
 def _table(report: Report) -> pd.DataFrame:
     fits = {True: "yes", False: "no", None: "cannot tell"}
+    shared = {name: summary.notes_of(verdicts, record) for name, verdicts, record in report.groups()}
     return pd.DataFrame(
         {
             **({} if name is None else {"record": name}),
@@ -54,7 +54,7 @@ def _table(report: Report) -> pd.DataFrame:
             "score": v.score,
             "S, J": "" if v.S is None else f"{summary.level(v.S)}, {summary.level(v.J)} {v.S_unit}",
             "made for this loop": fits[v.applicable],
-            "reason": v.reason,
+            "reason": summary.own_reason(v, shared.get(name, ())),
         }
         for name, v in report.verdicts
     )

@@ -20,8 +20,8 @@ results/figures` draws them, `simbench figure ID -o DIR` one of them, and `pytho
 How every published number compares stands in [chapter against code](chapter_against_code.md).
 
 The chapter's text lost its figure numbers; they are those of its captions, counted. Figures 11.1 to 11.3 (block diagram, tank,
-valve drawing) and 11.19 (flow chart of Procedure 11.3, which `detectors/methods/choudhury.py` states) hold no numbers and are
-not redrawn.
+valve drawing) and 11.19 (flow chart of Procedure 11.3, which `detectors/methods/choudhury.py` follows) hold no numbers
+of loops: they are sketches.
 """
 
 

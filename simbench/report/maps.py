@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from markupsafe import Markup
 
-from simbench.figures.score_map import cells, draw
+from simbench.figures.score_map import cells, draw, draw_bar
 from simbench.html.svg import inline_svg
 from simbench.report.data import RunData
 from simbench.report.page import render
@@ -13,7 +13,7 @@ TITLE = "Maps"
 
 
 def section(run: RunData) -> Markup:
-    """Draw one map per detector: share of right verdicts over the ratio of dead time and S/2J.
+    """Draw one map per detector, in the order of the score table: share of right verdicts over dead time and S/2J.
 
     Parameters
     ----------
@@ -26,8 +26,9 @@ def section(run: RunData) -> Markup:
     """
     counted = cells(run.book)
     items = []
-    for method in counted["method"].unique():
+    there = set(counted["method"])
+    for method in (m for m in run.scores.ranking()["method"] if m in there):
         says = f"share of right verdicts of {method} over dead time and S/2J"
         picture = inline_svg(draw(counted[counted["method"] == method]), f"map-{method}", says)
         items.append({"svg": picture, "caption": ""})
-    return render("maps.html", items=items)
+    return render("maps.html", items=items, bar=inline_svg(draw_bar(), "map-bar", "colours of the maps, from 0 to 1"))

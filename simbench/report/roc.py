@@ -1,23 +1,37 @@
-"""Section: ROC curve of each stiction detector against whether the loop cycled."""
+"""Section: ROC curves of the stiction detectors against whether the loop cycled, all on one pair of axes."""
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import pandas as pd
 from markupsafe import Markup
 from matplotlib.figure import Figure
+from scipy.stats import rankdata
 
 from simbench.bench.statistics import auc
-from simbench.figures._style import BLUE, GREY, RED, styled
+from simbench.figures._style import BLACK, BLUE, GREEN, GREY, ORANGE, PINK, RED, SKY, label, panels, styled
 from simbench.html.svg import inline_svg
 from simbench.report.data import RunData
 from simbench.report.page import render
 
 TITLE = "ROC"
+COLOURS = (BLUE, RED, GREEN, ORANGE, SKY, PINK, GREY, BLACK)
+LINES = ("-", "--", ":")  # of the first eight, the second, the third
+
+
+class Curve(NamedTuple):
+    """One detector: its curve, the area below it in words, and the point its published threshold sits on."""
+
+    method: str
+    area: str
+    points: pd.DataFrame
+    published: tuple[float, ...]
 
 
 def section(run: RunData) -> Markup:
-    """Draw one curve per detector, with the point its published threshold sits on.
+    """Draw one curve per detector, the largest area first, with the point its published threshold sits on.
 
     Parameters
     ----------
@@ -28,18 +42,16 @@ def section(run: RunData) -> Markup:
     -------
     markupsafe.Markup
     """
-    items = []
+    found = []
     for method in run.book.methods:
         mine = run.of(method).dropna(subset=["score"])
-        if run.role(method) != "stiction" or len(set(mine["positive"])) < 2:
-            continue
-        area = auc(mine["score"].to_numpy(dtype=float), mine["positive"].to_numpy())
-        point = tuple(mine.loc[mine["positive"] == truth, "called"].mean() for truth in (False, True))
-        says = f"ROC curve of {method}, AUC {area.value:.2f}"
-        items.append(
-            {"svg": inline_svg(_draw(method, roc_curve(mine), point), f"roc-{method}", says), "caption": f"AUC {area}"}
-        )
-    return render("roc.html", items=items)
+        if run.role(method) == "stiction" and len(set(mine["positive"])) == 2:
+            area = auc(mine["score"].to_numpy(dtype=float), mine["positive"].to_numpy())
+            point = tuple(mine.loc[mine["positive"] == truth, "called"].mean() for truth in (False, True))
+            found.append((area.value, Curve(method, f"{area.value:.2f} ({area.lo:.2f}-{area.hi:.2f})", roc_curve(mine), point)))
+    curves = [curve for _, curve in sorted(found, key=lambda pair: -pair[0])]
+    says = "ROC curves; areas: " + ", ".join(f"{c.method} {c.area}" for c in curves)
+    return render("roc.html", picture=inline_svg(_draw(curves), "roc", says) if curves else None)
 
 
 def roc_curve(judged: pd.DataFrame) -> pd.DataFrame:
@@ -48,7 +60,7 @@ def roc_curve(judged: pd.DataFrame) -> pd.DataFrame:
     Parameters
     ----------
     judged : DataFrame
-        Columns score (no NaN) and positive.
+        Columns score (no NaN; -inf is a score) and positive.
 
     Returns
     -------
@@ -61,22 +73,25 @@ def roc_curve(judged: pd.DataFrame) -> pd.DataFrame:
     >>> curve["detections"].tolist()
     [0.0, 0.5, 0.5, 1.0]
     """
-    order = np.argsort(-judged["score"].to_numpy(dtype=float), kind="stable")
-    score, positive = judged["score"].to_numpy()[order], judged["positive"].to_numpy()[order]
-    last = np.append(score[1:] != score[:-1], True)  # equal scores are passed together
-    hits, alarms = np.cumsum(positive)[last], np.cumsum(~positive)[last]
-    return pd.DataFrame({"false_alarms": np.append(0.0, alarms / alarms[-1]), "detections": np.append(0.0, hits / hits[-1])})
+    from sklearn import metrics  # here, for it takes a second to load
+
+    ranks = rankdata(judged["score"].to_numpy(dtype=float))  # the same curve, and finite
+    alarms, hits, _ = metrics.roc_curve(judged["positive"].to_numpy(), ranks, drop_intermediate=False)
+    return pd.DataFrame({"false_alarms": alarms, "detections": hits})
 
 
 @styled
-def _draw(method: str, curve: pd.DataFrame, point: tuple[float, ...]) -> Figure:
-    figure = Figure(figsize=(3.2, 3.2), layout="constrained")
-    axes = figure.subplots()
+def _draw(curves: Sequence[Curve]) -> Figure:
+    figure, grid = panels(1, 1, 7.6, 4.6)
+    axes = grid[0, 0]
     axes.plot([0, 1], [0, 1], color=GREY, linestyle=":", linewidth=0.9)
-    axes.plot(curve["false_alarms"], curve["detections"], color=BLUE, linewidth=1.6)
-    axes.plot(*point, "o", color=RED)
-    axes.set(
-        xlim=(-0.02, 1.02), ylim=(-0.02, 1.02), xlabel="false alarms (share of healthy)", ylabel="detections (share of cycling)"
-    )
-    axes.set_title(method)
+    for i, curve in enumerate(curves):
+        colour = COLOURS[i % len(COLOURS)]
+        line = LINES[i // len(COLOURS) % len(LINES)]
+        says = f"{curve.method}  {curve.area}"
+        axes.plot(curve.points["false_alarms"], curve.points["detections"], line, color=colour, linewidth=1.4, label=says)
+        axes.plot(*curve.published, "o", color=colour, markersize=5)
+    axes.set(xlim=(-0.02, 1.02), ylim=(-0.02, 1.02))
+    label(axes, "false alarms (share of healthy)", "detections (share of cycling)")
+    axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), title="area (95 % interval)", alignment="left")
     return figure

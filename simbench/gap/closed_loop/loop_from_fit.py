@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from scenarios.spec import Loop
-from simbench.gap.effects import recogniser
+from simbench.gap.effects import load_steps, recogniser
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import Fit, lag_of, valve_of
 from simbench.gap.situation import Situation
@@ -23,6 +23,7 @@ def fixed_loop(
     *,
     plant: str = "fitted",
     load: Fit | None = None,
+    jumps: bool = True,
 ) -> Loop:
     """Return a loop file that simulates like the record.
 
@@ -39,6 +40,8 @@ def fixed_loop(
         the baseline's.
     load : Fit, optional
         Whose load to use; that of `fit` when absent.
+    jumps : bool
+        Whether the lasting jumps of that load are in it; not where they are the effect in question.
 
     Returns
     -------
@@ -64,7 +67,7 @@ def fixed_loop(
     K = max(abs(source.K), 0.02 * abs(d.K))
     table["disturbance"] = [
         {"type": "coloured", "amplitude": std / K, "period": period * Ts, **({"lag": lag * Ts} if lag > 0.0 else {})}
-        for std, period, lag in load_parts(source.theta)
+        for std, period, lag in load_parts(_load(source))
     ]
     if source.theta["colour"] > COLOURED and "noise_std" not in source.spec.free:
         # noise that remembers is a load on PV itself
@@ -79,7 +82,20 @@ def fixed_loop(
     led = sum(recogniser(e).lead(p, half, gain) for e, p in effects.items())
     table["operating_point"] = {"op0": _clip(_rest(situation, fit) + led, 1.0, 99.0), "pv0": float(sp[0])}
     table["effect"] = [*table.get("effect", []), *({"name": e, **p} for e, p in effects.items())]
+    if jumps and source.spec.jumps and source.spec.lasting:
+        table["effect"].append({"name": "load_steps", **load_steps.numbers(source, situation)})
     return Loop.from_table(table, "fixed loop")
+
+
+def _load(fit: Fit) -> dict[str, float]:
+    """Return a fit's parameters with jumps that fade as more of the same load, but for their rarity."""
+    theta = dict(fit.theta)
+    if fit.spec.jumps and not fit.spec.lasting:
+        # each is two of that std, at neighbouring samples
+        share = 2.0 * len(fit.spec.jumps) / fit.residual.size
+        variance = share * theta["load_jump"] ** 2 / -np.expm1(-2.0 / theta["load_time"])
+        theta["load"] = float(np.hypot(theta["load"], np.sqrt(variance)))
+    return theta
 
 
 def load_parts(theta: Mapping[str, float]) -> list[tuple[float, float, float]]:

@@ -20,14 +20,14 @@ class ClosedLoops:
         self.found, self.seed = found, seed
         self.done: dict[tuple[str, ...], Shrinkage] = {}
         self.kept: dict[tuple[str, ...], tuple[Runs, Runs, Runs]] = {}
-        self.shared: dict[tuple[str, int], Runs | None] = {}
+        self.shared: dict[tuple[str, int, bool], Runs | None] = {}
 
     def loop(self, effects: Sequence[str], load: Fit | None = None) -> Loop:
         """Return the baseline with some effects in it, under their own fit's load or another one."""
         f = self.found
         fit = self._fit(effects)
         own = {e: f.parameters[e] for e in effects if e in f.parameters}
-        return fixed_loop(f.situation, fit, own, plant="fitted", load=load or fit)
+        return fixed_loop(f.situation, fit, own, plant="fitted", load=load or fit, jumps=_load_may_jump(effects))
 
     def _fit(self, effects: Sequence[str]) -> Fit:
         f = self.found
@@ -36,7 +36,7 @@ class ClosedLoops:
         engine = [e for e in effects if e in f.candidates]
         return f.candidates[engine[0]].fit if engine else f.base
 
-    def _runs(self, key: tuple[str, int], loop: Loop) -> Runs | None:
+    def _runs(self, key: tuple[str, int, bool], loop: Loop) -> Runs | None:
         if key not in self.shared:
             self.shared[key] = simulate_runs(self.found.situation, loop, self.seed)
         return self.shared[key]
@@ -51,10 +51,11 @@ class ClosedLoops:
         if key not in self.done:
             f, s = self.found, self.found.situation
             fit = self._fit(effects)
-            bare = fixed_loop(s, f.base, {}, plant="baseline", load=fit)
-            tuned = fixed_loop(s, f.base, {}, plant="fitted", load=fit)
-            before = self._runs(("bare", id(fit)), bare)
-            again = self._runs(("tuned", id(fit)), tuned) or before
+            jumps = _load_may_jump(effects)
+            bare = fixed_loop(s, f.base, {}, plant="baseline", load=fit, jumps=jumps)
+            tuned = fixed_loop(s, f.base, {}, plant="fitted", load=fit, jumps=jumps)
+            before = self._runs(("bare", id(fit), jumps), bare)
+            again = self._runs(("tuned", id(fit), jumps), tuned) or before
             after = self._after(effects, fit) if key else again
             if before is None:
                 raise RecordError("the baseline cannot be simulated with this record's set point: it runs away")
@@ -68,3 +69,8 @@ class ClosedLoops:
         before, again, _ = self.kept[tuple(named)]
         after = self._after(effects, self._fit(named))
         return None if after is None else measure(self.found.situation, before, again, after, seed=self.seed)
+
+
+def _load_may_jump(effects: Sequence[str]) -> bool:
+    """Return whether none of the effects is what ordinary loads do as well."""
+    return all(recogniser(e).ordinary is None for e in effects)

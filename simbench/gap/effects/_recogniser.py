@@ -41,7 +41,7 @@ class Recogniser:
         Whether `fit` makes sense for this baseline.
     proven : function (situation) -> parameters or None
         What the controller's law or single samples show without doubt.
-    ordinary : function (fit, base, gain) -> bool, optional
+    ordinary : function (fit, base) -> bool, optional
         Of what loads do by themselves as well: whether the fit shows no more than that. It is then allowed to every candidate,
         and only named where nothing else explains the record.
     claims : str
@@ -90,7 +90,7 @@ class Recogniser:
     numbers: Callable[[Fit, Situation], Parameters] = lambda fit, s: {}
     possible: Callable[[Situation], bool] = _always
     proven: Callable[[Situation], Parameters | None] = lambda s: None
-    ordinary: Callable[[Fit, Fit, float], bool] | None = None
+    ordinary: Callable[[Fit, Fit], bool] | None = None
     claims: str = ""
     by_mv: Callable[[MapSearch], tuple[float, Parameters]] | None = None
     by_mv_leaves: float = 0.3

@@ -1,70 +1,105 @@
-"""Load steps recognised: one jump after the other, each where it explains the innovations best."""
+"""Load steps recognised: jumps of the load, each where it explains the innovations best."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
+from scipy.special import gammaln
 
 from simbench.gap.effects._draw import Size, Yardstick, between
 from simbench.gap.effects._recogniser import Parameters, Recogniser, clip
-from simbench.gap.effects._slow import LINEAR, slow
+from simbench.gap.effects._slow import slow
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, Spec, lag_of, size_penalty
 from simbench.gap.likelihood.search import SMOOTH
 from simbench.gap.situation import Situation
 
-MOST = 12
-PLAIN = 40.0  # nats below which a load that wanders at will may have made the jumps
+AT_ONCE = 16  # jumps looked for before the load's other numbers are fitted again
+ROUNDS = 8
+SHARES = (0.7, 0.2)  # of the load, that may be left beside jumps
+SMALL = 2.0  # standard deviations of the load, within which a jump is what it does by itself
 BESIDE = 0.25  # share of the load that must be left beside the jumps: a load that only jumps is an ordinary one
 
 
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
-    """Add load jumps one by one, where the whitened step response fits the innovations best."""
+    """Let the load jump wherever that explains the innovations well; the heights have one std, and all last or all fade."""
     n = engine.data.n
-    fit, count, settled = base, 0, True
-    channels: tuple[np.ndarray, ...] = ()
-    while count < MOST:
-        response = _step_response(fit, engine.data)
-        k = _where(engine, fit, response)
-        shape = np.zeros(n)
-        shape[k:] = response[: n - k]
-        trial = (*channels, shape)
-        spec = base.spec.join(Spec(channels=trial))
-        better = engine.fit(spec, {**fit.theta, "load": 0.7 * fit.theta["load"]}, search=SMOOTH, steps=8)
-        # the place was picked out of many
-        if better.loglik - fit.loglik >= size_penalty(n, 1.0) + np.log(n) * 0.5:
-            fit, channels, count, settled = better, trial, count + 1, False
-        elif settled:
-            break
-        else:
+    tries = [_jumping(engine, base, lasting, share) for lasting in (True, False) for share in SHARES]
+    best = max(tries, key=lambda f: f.loglik - _price(f, n))
+    # their std is one more number
+    return best, _price(best, n) / size_penalty(n, 1.0) + 1.0
+
+
+def _price(fit: Fit, n: int) -> float:
+    """Return the nats that its jumps must bring: in so many ways they could have been placed; no height is fitted."""
+    m = len(fit.spec.jumps)
+    return float(gammaln(n + 1) - gammaln(m + 1) - gammaln(n - m + 1))
+
+
+def _jumping(engine: Engine, base: Fit, lasting: bool, share: float) -> Fit:
+    """Return the fit with jumps added as long as they are worth their price; the load begins at a share of the last one's."""
+    n, best = engine.data.n, base
+    for _ in range(ROUNDS):
+        found, height = _jumps(engine, best)
+        found, better = [k for k in found if k not in best.spec.jumps], best
+        while found and better is best:
+            trial = base.spec.join(Spec(jumps=(*best.spec.jumps, *found), lasting=lasting))
+            start = {"load_jump": height, **best.theta, "load": share * best.theta["load"]}
             # the base had bent its plant around the jumps
-            fit, settled = engine.fit(fit.spec, fit.theta, steps=8), True
-    if count == 0:
-        return base, 2.0
-    if not settled:
-        fit = engine.fit(fit.spec, fit.theta, steps=8)
-    fit.theta["steps"] = float(count)
-    return fit, 2.0 * count
+            one = _pruned(engine, engine.fit(trial, engine.fit(trial, start, search=SMOOTH, steps=8).theta, steps=4))
+            if one.loglik - best.loglik >= _price(one, n) - _price(best, n) + 1.0:
+                better = one
+            # of those found together some may have been the same
+            found = found[: len(found) // 2]
+        if better is best:
+            break
+        best = better
+    return best
 
 
-def _where(engine: Engine, fit: Fit, response: np.ndarray) -> int:
-    """Return the sample at which a jump of the load explains the innovations best."""
+def _pruned(engine: Engine, fit: Fit) -> Fit:
+    """Return the fit without jumps that are not worth their own price, once the others are there."""
+    jumps, n = fit.spec.jumps, engine.data.n
+    without = [replace(fit.spec, jumps=tuple(j for j in jumps if j != k)) for k in jumps]
+    worth = [fit.loglik - engine.evaluate(spec, fit.theta)[0] for spec in without]
+    price = float(np.log((n - len(jumps) + 1) / len(jumps)))
+    kept = tuple(k for k, nats in zip(jumps, worth) if nats >= price)
+    if not kept or kept == jumps:
+        return fit
+    return engine.fit(replace(fit.spec, jumps=kept), fit.theta, steps=4)
+
+
+def _jumps(engine: Engine, fit: Fit) -> tuple[list[int], float]:
+    """Return samples at which a jump of the load explains the innovations, the clearest first, and the std of their heights."""
     d, th, n = engine.data, fit.theta, engine.data.n
+    response = _step_response(fit, d)
     white = kernels.whiten(
         response[None, :], th["T"] if d.T > 0 else 0.0, 0.0, th["load_time"], lag_of(th), th["load"], 0.0, 0.0,
         th["noise_std"], th["colour"], engine.spread,
     )[0][0]  # fmt: skip
     residual = np.asarray(fit.residual).copy()
     residual[: kernels.SKIP] = 0.0
-    size = 2 * n
-    cross = np.fft.irfft(np.fft.rfft(residual, size) * np.conj(np.fft.rfft(white, size)), size)[:n]
     energy = np.cumsum(white**2)[::-1]
-    score = cross**2 / np.maximum(energy, 1e-3 * energy[0])
-    score[: max(3, int(0.005 * n))] = 0.0
-    score[-5:] = 0.0
-    return int(np.argmax(score))
+    energy = np.maximum(energy, 1e-3 * energy[0])
+    size, edge = 2 * n, max(3, int(0.005 * n))
+    conjugate = np.conj(np.fft.rfft(white, size))
+    found: list[int] = []
+    heights: list[float] = []
+    for _ in range(AT_ONCE):
+        cross = np.fft.irfft(np.fft.rfft(residual, size) * conjugate, size)[:n]
+        score = 0.5 * cross**2 / energy
+        score[:edge], score[-5:] = 0.0, 0.0
+        k = int(np.argmax(score))
+        if k in found:
+            break
+        height = float(cross[k] / energy[k])
+        residual[k:] -= height * white[: n - k]
+        found.append(k)
+        heights.append(height)
+    return found, float(np.sqrt(np.mean(np.square(heights)))) if heights else 0.0
 
 
 def _step_response(fit: Fit, d: Data) -> np.ndarray:
@@ -76,20 +111,17 @@ def _step_response(fit: Fit, d: Data) -> np.ndarray:
 
 def numbers(fit: Fit, s: Situation) -> Parameters:
     """Return jumps per second and the std of the levels between them (%)."""
-    count = int(fit.theta["steps"])
-    heights = fit.beta[LINEAR:][-count:] / fit.K
-    times = [int(np.argmax(c != 0.0)) for c in fit.spec.channels[-count:]]
-    levels = np.concatenate([[0.0], np.cumsum(heights[np.argsort(times)])])
-    size = float(np.std(levels)) * np.sqrt(levels.size / max(levels.size - 1, 1))
-    return {"rate": float(fit.theta["steps"]) / (s.data.n * s.record.Ts), "size": clip(size, 0.0, 100.0)}
+    # a jump is two parts, and between independent levels it spreads by the square root of two more than they
+    size = fit.theta["load_jump"] / abs(fit.K)
+    return {"rate": len(fit.spec.jumps) / (s.data.n * s.record.Ts), "size": clip(size, 0.0, 100.0)}
 
 
-def ordinary(fit: Fit, base: Fit, gain: float) -> bool:
-    """Return whether the jumps may be all that the loop's ordinary load does: many, small, or with nothing beside them."""
-    count = int(fit.theta["steps"])
+def ordinary(fit: Fit, base: Fit) -> bool:
+    """Return whether the jumps may be all that an ordinary load does: small, fading, or with nothing beside them."""
     alone = fit.theta["load"] < BESIDE * base.theta["load"]
-    small = float(np.std(fit.beta[LINEAR:][-count:])) < fit.theta["load"]
-    return gain < PLAIN or count >= MOST or alone or small
+    # a jump is two parts
+    small = np.sqrt(2.0) * fit.theta["load_jump"] < SMALL * fit.theta["load"]
+    return alone or small or not fit.spec.lasting
 
 
 def traits(p: Mapping, plant: Mapping, noise: float) -> dict[str, bool]:

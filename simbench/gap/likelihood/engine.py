@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from simbench.gap.likelihood import kernels
-from simbench.gap.likelihood.model import HOLDING, Data, Fit, Spec, lag_of, valve_of
+from simbench.gap.likelihood.model import HOLDING, Data, Fit, Spec, jumps_of, lag_of, valve_of
 
 NOMINAL = 0.10  # a baseline is trusted within +-10 %: the prior is flat there ...
 EDGE = 0.02  # ... and falls off with this standard deviation outside
@@ -137,7 +137,7 @@ class Engine:
         white, log_var = kernels.whiten(
             channels, theta["T"] if d.T > 0 else 0.0, tau if spec.pole == "extra" else 0.0, theta["load_time"], lag_of(theta),
             theta["load"], theta["load_walk"] if spec.load_walk else 0.0, theta["walk"] if spec.walk else 0.0,
-            theta["noise_std"], theta["colour"], self.spread,
+            theta["noise_std"], theta["colour"], self.spread, *jumps_of(spec, theta),
         )  # fmt: skip
         count = d.n - kernels.SKIP
         jacobian = count * np.log(-np.expm1(-1.0 / tau)) if spec.pole == "sensor" else 0.0
@@ -295,15 +295,15 @@ class Engine:
         model = (theta["load_time"], lag_of(theta), theta["load"])
         onset = kernels.plant(self.onset, T, Td, 0.0)
         channels = np.vstack([d.y - d.y[0], *self.base_channels, onset, *spec.channels])
-        white = kernels.whiten(channels, T, 0.0, *model, 0.0, 0.0, theta["noise_std"], theta["colour"], self.spread)[0]
+        noise = (theta["noise_std"], theta["colour"], self.spread)
+        jumps = jumps_of(spec, theta)
+        white = kernels.whiten(channels, T, 0.0, *model, 0.0, 0.0, *noise, *jumps)[0]
         white[:, : kernels.SKIP] = 0.0
         basis = np.ascontiguousarray(np.linalg.qr(white[1:].T)[0].T)
         rest = white[0] - basis.T @ (basis @ white[0])
         trust = (0.05, 20.0) if "K" in spec.free or not d.trusted else (1 - NOMINAL, 1 + NOMINAL)
         low, high = sorted((d.K * trust[0], d.K * trust[1]))
-        return kernels.scan(
-            d.u, kind, points, T, Td, 0.0, *model, theta["noise_std"], theta["colour"], self.spread, rest, basis, low, high
-        )
+        return kernels.scan(d.u, kind, points, T, Td, 0.0, *model, *noise, rest, basis, low, high, *jumps)
 
     def grid(self, spec: Spec, theta: Mapping[str, float], points: list[dict[str, float]], keep: int = 1) -> list[Fit]:
         """Return the best of some points, each with two levels of the load: the one "none" needed may hide a narrow peak."""

@@ -15,6 +15,9 @@ PINK = -1.0  # as `load_lag`: a load of power 1/f
 FRACTION = 5.0  # ratio of the time constants that add up to 1/f
 BATCH = 16  # valve maps filtered together: one waits while another computes
 SKIP = 4  # first samples, which only settle the filter's unknown start
+REACH = 300  # samples after a jump of the load, over which the filter's gain follows it, or until its variance is ...
+SETTLED = 1e-6  # ... as constant as that from sample to sample
+NEAR = 20  # samples after a jump, within which another one finds the filter still unsure of the first
 
 
 @njit(cache=True)
@@ -109,19 +112,71 @@ def plant(v, T, Td, tau):
 
 
 @njit(cache=True)
-def whiten(channels, T, tau, load_time, load_lag, load, load_walk, walk, noise, colour, spread):
+def riccati(F, Q, P, h, r, gain, Ph, FP, P_new):
+    """Take one step of the covariance `P` and write the filter's gain; return the innovation's variance."""
+    s, S = h.size, r
+    for i in range(s):
+        Ph[i] = 0.0
+        for j in range(s):
+            Ph[i] += P[i, j] * h[j]
+        S += h[i] * Ph[i]
+    for i in range(s):
+        g = 0.0
+        for j in range(s):
+            g += F[i, j] * Ph[j]
+        gain[i] = g / S
+    for i in range(s):
+        for j in range(s):
+            t = 0.0
+            for q in range(s):
+                t += F[i, q] * P[q, j]
+            FP[i, j] = t
+    for i in range(s):
+        for j in range(s):
+            t = Q[i, j] - gain[i] * gain[j] * S
+            for q in range(s):
+                t += FP[i, q] * F[j, q]
+            P_new[i, j] = t
+    P[:, :] = P_new
+    return S
+
+
+@njit(cache=True)
+def follow(F, Q, P, h, r, gain, Ph, FP, P_new, level, jump, gains, variances, covariances):
+    """Write gain, innovation variance and covariance of the samples from a jump on; return the last that differs."""
+    for i in range(REACH):
+        if i < 2:
+            P[level, level] += jump * jump
+        if i < NEAR:
+            covariances[i] = P
+        variances[i] = riccati(F, Q, P, h, r, gain, Ph, FP, P_new)
+        gains[i] = gain
+        if i > 20 and abs(variances[i] - variances[i - 1]) < SETTLED * variances[i]:
+            return i
+    return REACH - 1
+
+
+@njit(cache=True)
+def whiten(
+    channels, T, tau, load_time, load_lag, load, load_walk, walk, noise, colour, spread, jumps=None, jump=0.0, lasting=True
+):
     """Return innovations over their standard deviation (m, n) of all channels, and the sum of log variances.
 
     The stochastic part of PV is a load of time constants `load_time` and `load_lag` (0: first order) with steady effect `load`
     (std of its first stage, PV units), plus a random walk of `load_walk` per sample, both through the plant's pole (and `tau`);
     a random walk of `walk` per sample on PV itself; and noise of std `noise` whose successive samples correlate by `colour`.
     With `load_lag` = PINK the load is 1/f noise: first-order parts of equal variance, `load_time`, a fifth and a 25th of it
-    (van der Ziel 1950). One steady-state gain serves all channels. `spread` is the std of PV's unknown start.
+    (van der Ziel 1950). One steady-state gain serves all channels. `spread` is the std of PV's unknown start. At each of the
+    samples `jumps`, in order, and the one after it the load jumps by unknown heights of std `jump` (steady effect on PV). A
+    `lasting` jump stays, any other is the load's own and fades as the load does.
     """
     m, n = channels.shape
     smooth, parts = load_lag > 0.1, 3 if load_lag == PINK else 1
     has_tau, has_load_walk, has_walk, coloured = tau > 1e-3, load_walk > 0.0, walk > 0.0, abs(colour) > 0.01
-    s = 1 + parts + smooth + has_tau + has_load_walk + has_walk + coloured
+    count = 0
+    if jumps is not None:
+        count = jumps.size
+    s = 1 + parts + smooth + has_tau + has_load_walk + has_walk + coloured + (count > 0 and lasting)
     F, Q, P, h = np.zeros((s, s)), np.zeros((s, s)), np.zeros((s, s)), np.zeros(s)
     phi = math.exp(-1.0 / load_time)
     a = math.exp(-1.0 / T) if T > 0.0 else 1.0
@@ -156,6 +211,11 @@ def whiten(channels, T, tau, load_time, load_lag, load, load_walk, walk, noise, 
     if has_walk:
         F[top, top], Q[top, top], h[top] = 1.0, walk * walk, 1.0
         top += 1
+    level = 0
+    if count > 0 and lasting:
+        level = top
+        F[top, top], F[1, top] = 1.0, enters
+        top += 1
     r = noise * noise
     if coloured:
         F[top, top], Q[top, top], P[top, top], h[top] = colour, r * (1.0 - colour * colour), r, 1.0
@@ -173,36 +233,39 @@ def whiten(channels, T, tau, load_time, load_lag, load, load_walk, walk, noise, 
                 to[couplings], come[couplings], weight[couplings] = i, j, F[i, j]
                 couplings += 1
     gain, Ph, FP, P_new = np.zeros(s), np.zeros(s), np.zeros((s, s)), np.zeros((s, s))
-    log_var, S, frozen, sum_log, scale = 0.0, 1.0, False, 0.0, 1.0
+    log_var, S, sum_log, scale = 0.0, 1.0, 0.0, 1.0
+    # a jump is followed by the same gains as the one before, unless they are close together
+    room = REACH if count > 0 else 0
+    gains, variances, covariances = np.zeros((room, s)), np.zeros(room), np.zeros((min(room, NEAR), s, s))
+    live, start, last, since, upcoming = True, 0, -1, -1, 0
     for k in range(n):
-        if not frozen:
-            S_old, S = S, r
-            for i in range(s):
-                Ph[i] = 0.0
-                for j in range(s):
-                    Ph[i] += P[i, j] * h[j]
-                S += h[i] * Ph[i]
-            change = abs(S - S_old)
-            for i in range(s):
-                g = 0.0
-                for j in range(s):
-                    g += F[i, j] * Ph[j]
-                gain[i] = g / S
-            for i in range(s):
-                for j in range(s):
-                    t = 0.0
-                    for q in range(s):
-                        t += F[i, q] * P[q, j]
-                    FP[i, j] = t
-            for i in range(s):
-                for j in range(s):
-                    t = Q[i, j] - gain[i] * gain[j] * S
-                    for q in range(s):
-                        t += FP[i, q] * F[j, q]
-                    P_new[i, j] = t
-            P[:, :] = P_new
+        # one more pole is one more sample on the way
+        if jumps is not None and upcoming < count and k >= jumps[upcoming] - has_tau:
+            upcoming += 1
+            if not live and last < 0:
+                last = follow(F, Q, P, h, r, gain, Ph, FP, P_new, level, jump, gains, variances, covariances)
+                since = 0
+            elif not live and since >= min(NEAR, last):
+                since = 0
+            else:
+                if not live:
+                    P[:, :] = covariances[since]
+                live, start = True, k
+        if live:
+            if start > 0 and k - start < 2:
+                # a jump between two samples is part of one at each
+                P[level, level] += jump * jump
+            S_old, S = S, riccati(F, Q, P, h, r, gain, Ph, FP, P_new)
             scale, log_var = 1.0 / math.sqrt(S), math.log(S)
-            frozen = k > 20 and change < 1e-7 * S
+            if last >= 0 and k - start >= NEAR:
+                live, since = False, min(NEAR, last)
+            elif k - start > 20 and abs(S - S_old) < (1e-7 if start == 0 else SETTLED) * S:
+                live = False
+        elif since >= 0:
+            for i in range(s):
+                gain[i] = gains[since, i]
+            scale, log_var = 1.0 / math.sqrt(variances[since]), math.log(variances[since])
+            since = min(since + 1, last)
         if k >= SKIP:
             sum_log += log_var
         for c in range(m):
@@ -221,7 +284,10 @@ def whiten(channels, T, tau, load_time, load_lag, load, load_walk, walk, noise, 
 
 
 @njit(cache=True)
-def scan(u, kind, points, T, Td, tau, load_time, load_lag, load, noise, colour, spread, rest, basis, low, high):
+def scan(
+    u, kind, points, T, Td, tau, load_time, load_lag, load, noise, colour, spread, rest, basis, low, high,
+    jumps=None, jump=0.0, lasting=True,
+):  # fmt: skip
     """Return the log-likelihood (up to a constant) of many valve maps (points, 3) at one noise model.
 
     `basis` (m, n) holds the whitened other channels, orthonormal, and `rest` the whitened PV less its part along them, both 0
@@ -235,7 +301,8 @@ def scan(u, kind, points, T, Td, tau, load_time, load_lag, load, noise, colour, 
         for i in range(many):
             p = points[first + i]
             batch[i] = plant(valve(u, kind, p[0], p[1], p[2]), T, Td, tau)
-        white = whiten(batch[:many], T, 0.0, load_time, load_lag, load, 0.0, 0.0, noise, colour, spread)[0]
+        now = batch[:many]
+        white = whiten(now, T, 0.0, load_time, load_lag, load, 0.0, 0.0, noise, colour, spread, jumps, jump, lasting)[0]
         white[:, :SKIP] = 0.0
         along, gy = np.dot(white, basis.T), np.dot(white, rest)
         for i in range(many):

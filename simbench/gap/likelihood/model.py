@@ -101,6 +101,7 @@ TAU = Free("tau", lambda d: 0.05, lambda d: d.n / 5, log=True)
 WALK, LOAD_WALK = (
     Free(name, lambda d: 1e-8 * d.size, lambda d: d.size, log=True, shapes=False) for name in ("walk", "load_walk")
 )
+LOAD_JUMP = Free("load_jump", lambda d: 1e-3 * d.floor, lambda d: 100.0 * d.size, log=True, shapes=False)
 MAPS = {
     kernels.PLAY: (BAND,),
     kernels.ZONE: (WIDTH, CENTRE),
@@ -120,7 +121,9 @@ class Moves:
 
 @dataclass(frozen=True)
 class Spec:
-    """Which effects are switched on in the engine."""
+    """Which effects are switched on in the engine; `jumps` are the samples at which the load jumps, to stay
+    or to fade as the load does.
+    """
 
     free: frozenset[str] = frozenset()
     valve: int = kernels.IDEAL
@@ -131,6 +134,8 @@ class Spec:
     channels: tuple[np.ndarray, ...] = ()
     start: float = 0.0
     moves: Moves | None = None
+    jumps: tuple[int, ...] = ()
+    lasting: bool = True
 
     def join(self, other: Spec) -> Spec:
         """Return both specs together; of two valve maps or poles the second wins."""
@@ -144,12 +149,14 @@ class Spec:
             self.channels + other.channels,
             other.start or self.start,
             other.moves or self.moves,
+            tuple(sorted({*self.jumps, *other.jumps})),
+            self.lasting and other.lasting,
         )
 
     @property
     def own(self) -> tuple[Free, ...]:
         """Numbers of the effects switched on that are searched."""
-        more = ((TAU, self.pole), (WALK, self.walk), (LOAD_WALK, self.load_walk))
+        more = ((TAU, self.pole), (WALK, self.walk), (LOAD_WALK, self.load_walk), (LOAD_JUMP, self.jumps))
         maps = MAPS.get(self.valve, ()) + (self.moves.free if self.moves else ())
         return (*maps, *(number for number, on in more if on))
 
@@ -183,6 +190,11 @@ class Fit:
 def lag_of(theta: Mapping[str, float]) -> float:
     """Return the load's second time constant, or the mark of a 1/f load, which has none."""
     return theta.get("load_lag", kernels.PINK)
+
+
+def jumps_of(spec: Spec, theta: Mapping[str, float]) -> tuple[np.ndarray, float, bool] | tuple[()]:
+    """Return where the load jumps, the std of the jumps and whether they last; nothing where it does not jump."""
+    return (np.array(spec.jumps), theta["load_jump"], spec.lasting) if spec.jumps else ()
 
 
 def valve_of(spec: Spec, theta: Mapping[str, float], u: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, Spec
 
-SMOOTH = ("load_time", "load_lag", "load", "noise_std", "colour")  # searched beside a valve
+SMOOTH = ("load_time", "load_lag", "load", "noise_std", "colour", "load_jump")  # searched beside a valve
 STARTS = (-1.0, 0.0, 1.0)  # of MV within its band, in halves of it
 JUMPS = (-4.0, -1.5, 0.0, 1.5, 4.0)  # shares by which J is varied beside S, whose peak is narrower
 APART = 0.08  # logarithm of the ratio of two sizes that count as different peaks

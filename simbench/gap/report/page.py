@@ -96,7 +96,7 @@ def _answer(report: GapReport) -> Markup:
         {
             "effect": words(e["effect"]),
             "block": e["block"],
-            "fitted": numbers(e["parameters"], ""),
+            "fitted": numbers(e["effect"], e["parameters"], ""),
             "says": _meaning(e["effect"]),
         }
         for e in report.effects
@@ -147,7 +147,7 @@ def _which(report: GapReport) -> Markup:
             "probability": [r.probability for r in report.ranking],
             "gap before": _column(r.gap_before for r in report.ranking),
             "gap after": _column(r.gap_after for r in report.ranking),
-            "parameters": [numbers(r.parameters, "") for r in report.ranking],
+            "parameters": [numbers(r.effect, r.parameters, "") for r in report.ranking],
         }
     )
     meaning = [(words(r.effect), _meaning(r.effect)) for r in report.ranking]

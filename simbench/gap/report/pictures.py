@@ -16,7 +16,7 @@ from simbench.gap.report.traces import BASELINE, FIXED, NEAREST, TUNED, Traces
 WIDTH = 4.6  # inches; no wider, or the letters are too small on a phone
 RECORD = "record"
 LOOK = {RECORD: (BLACK, "-"), BASELINE: (BLUE, "--"), TUNED: (GREEN, "-."), FIXED: (RED, "-"), NEAREST: (ORANGE, "-")}
-BEYOND = 0.75  # share of the record's range that a runaway simulation may be drawn beyond it
+BEYOND = 2.0  # share of the record's range that a runaway simulation may be drawn beyond it
 
 _BOXES = {
     "controller": (0.72, 1.05, 0.92),
@@ -141,9 +141,11 @@ def draw_loops(across: str, record: Traces, runs: Mapping[str, Traces], start: i
         lowest.set_xlabel("OP (%)")
         lowest.tick_params(labelbottom=True)
     sideways = _limits([p.op for p in parts.values()])
-    grid[0, 0].set(xlim=sideways, ylim=_limits([_signal(p, across) for p in parts.values()]))
+    upwards = _limits([_signal(p, across) for p in parts.values()])
+    grid[0, 0].set(xlim=sideways, ylim=upwards)
     for axes, part in zip(grid.flat, parts.values()):
-        _say_beyond(axes, part.op, sideways)
+        if not _say_beyond(axes, part.op, sideways):
+            _say_beyond(axes, _signal(part, across), upwards)
     return figure
 
 
@@ -173,7 +175,7 @@ def draw_spectra(record: Traces, runs: Mapping[str, Traces]) -> Figure:
         axes.set_ylim(max(own.min(), 1e-8 * own.max()) / 5.0, own.max() * 8.0)
         label(axes, "", f"power of {signal} ({unit})")
     grid[1, 0].set_xlabel("frequency (1/s)")
-    grid[0, 0].legend(loc="lower left")
+    grid[0, 0].legend(loc="upper right")
     return figure
 
 
@@ -278,10 +280,12 @@ def _limits(signals: Sequence[np.ndarray]) -> tuple[float, float]:
     return low - 0.04 * wide, high + 0.04 * wide
 
 
-def _say_beyond(axes: Axes, x: np.ndarray, limits: tuple[float, float]) -> None:
-    if np.mean((x < limits[0]) | (x > limits[1])) > 0.5:
+def _say_beyond(axes: Axes, x: np.ndarray, limits: tuple[float, float]) -> bool:
+    beyond = bool(np.mean((x < limits[0]) | (x > limits[1])) > 0.5)
+    if beyond:
         says = f"runs beyond these axes,\nto {x.min() if x.mean() < limits[0] else x.max():.3g}"
         axes.text(0.5, 0.5, says, transform=axes.transAxes, ha="center", va="center")
+    return beyond
 
 
 def _arrow(axes: Axes, points: Sequence[tuple[float, float]]) -> None:

@@ -10,7 +10,7 @@ from scenarios.spec import Loop
 from simbench.gap.closed_loop.gap import Shrinkage
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
-from simbench.loop.effects import BLOCKS, NONE, UNKNOWN
+from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -141,7 +141,7 @@ class GapReport:
         import pandas as pd
 
         rows = self.as_json()["ranking"]
-        return pd.DataFrame([{**row, "parameters": numbers(row["parameters"], "")} for row in rows])
+        return pd.DataFrame([{**row, "parameters": numbers(row["effect"], row["parameters"], "")} for row in rows])
 
     def plot(self, most: int = 6) -> Any:
         """Draw the most probable effects.
@@ -196,7 +196,8 @@ class GapReport:
             near = next((r.effect for r in self.ranking if r.effect not in (NONE, UNKNOWN)), NONE)
             said = f"Something is missing in the {self.block} block that no known effect explains (probability {p:.2f})"
             return f"{said}; closest: {words(near)}."
-        names = " and ".join(f"{words(e['effect'])} ({e['block']}{numbers(e['parameters'])})" for e in self.effects)
+        found = [(e["effect"], e["block"], e["parameters"]) for e in self.effects]
+        names = " and ".join(f"{words(effect)} ({block}{numbers(effect, fitted)})" for effect, block, fitted in found)
         share = 100 * self.shrinkage["value"] if self.shrinkage else 0.0
         verb = "closes" if share >= 0 else "does not close the gap but widens it, by"
         size = f"; adding it {verb} {abs(share):.0f} %{' of the gap' if share >= 0 else ''}" if self.shrinkage else ""
@@ -223,7 +224,7 @@ class GapReport:
             s = self.shrinkage
             lines.append(f"shrinkage: {s['value']:.2f} [{s['lo']:.2f}, {s['hi']:.2f}]")
         lines.append("")
-        lines += [f"{r.probability:6.3f}  {r.effect:24s}{numbers(r.parameters, '')}" for r in self.ranking[:6]]
+        lines += [f"{r.probability:6.3f}  {r.effect:24s}{numbers(r.effect, r.parameters, '')}" for r in self.ranking[:6]]
         lines += ["", f"next: {self.next_test}"] + [f"note: {n}" for n in self.notes]
         return "\n".join(lines)
 
@@ -233,7 +234,12 @@ def words(effect: str) -> str:
     return effect.replace("_", " ")
 
 
-def numbers(parameters: dict[str, float | str], begin: str = ", ") -> str:
-    """Return parameters as `S = 2.1, J = 0.4`."""
-    text = ", ".join(f"{k} = {v:.3g}" if isinstance(v, (int, float)) else f"{k} = {v}" for k, v in parameters.items())
-    return begin + text if text else ""
+def numbers(effect: str, parameters: dict[str, float | str], begin: str = ", ") -> str:
+    """Return parameters as `S = 2.1, J = 0.4 % of travel`: neighbours of one unit say it once."""
+    known = EFFECTS[effect].parameters if effect in EFFECTS else {}
+    units = [getattr(known.get(k), "unit", "") for k in parameters]
+    parts = []
+    for (k, v), unit, after in zip(parameters.items(), units, [*units[1:], ""]):
+        said = f"{v:.3g}" if isinstance(v, (int, float)) else v
+        parts.append(f"{k} = {said}" + (f" {unit}" if unit not in ("", "-", after) else ""))
+    return begin + ", ".join(parts) if parts else ""

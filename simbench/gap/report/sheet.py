@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from simbench.figures._style import label, mosaic, styled
+from simbench.figures._style import label, styled
 from simbench.gap.report.pictures import RECORD, fill_gap, fill_ranking, fill_traces
 from simbench.gap.report.result import GapReport, words
 from simbench.gap.report.traces import gap_sizes, recorded, simulated, window
@@ -27,14 +27,13 @@ def draw_sheet(report: GapReport) -> Figure:
     matplotlib.figure.Figure
     """
     runs = {RECORD: recorded(report), **simulated(report)}
-    layout = [[name, "which" if 2 * i < len(runs) else "gap"] for i, name in enumerate(runs)]
-    figure, axes = mosaic(layout, 9.0, 1.2 + 0.95 * len(runs), width_ratios=[1.5, 1.0])
-    fill_traces([axes[name] for name in runs], "PV", runs, *window(report, SAMPLES))
-    for name in list(runs)[:-1]:
-        axes[name].tick_params(labelbottom=False)
+    figure = Figure(figsize=(9.0, 1.2 + 0.95 * len(runs)), layout="constrained")
+    left, right = figure.subfigures(1, 2, width_ratios=[1.5, 1.0], squeeze=False)[0]
+    fill_traces(list(left.subplots(len(runs), 1, sharex=True)), "PV", runs, *window(report, SAMPLES))
+    which, gap = right.subplots(2, 1)
     top = [r for r in report.ranking if r.probability >= 0.005][:SHOWN]
-    fill_ranking(axes["which"], [words(r.effect) for r in top], [r.probability for r in top])
-    fill_gap(axes["gap"], gap_sizes(report))
-    label(axes["which"], "probability", "", "what is missing")
-    label(axes["gap"], "distance from the record\n(seed-to-seed standard deviations)", "", "gap between simulation and record")
+    fill_ranking(which, [words(r.effect) for r in top], [r.probability for r in top])
+    fill_gap(gap, gap_sizes(report))
+    label(which, "probability", "", "what is missing")
+    label(gap, "distance from the record\n(seed-to-seed standard deviations)", "", "gap between simulation and record")
     return figure

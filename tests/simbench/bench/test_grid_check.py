@@ -18,7 +18,9 @@ def test_the_size_said_is_that_of_the_cells(small):
 
 def test_a_loop_of_its_own_says_its_length():
     table = {
-        "title": "one", "seed": 1, "repeats": 3,
+        "title": "one",
+        "seed": 1,
+        "repeats": 3,
         "loop": {
             "plant": {"type": "foptd", "K": 1.0, "T": 5.0, "Td": 1.0},
             "controller": {"type": "PI", "Kc": 0.5, "Ti": 5.0},
@@ -69,13 +71,17 @@ def test_a_number_that_waits_for_its_scale_must_have_the_right_sign():
     from simbench.bench.grid_check import refuse_wrong_parts
 
     table = {
-        "title": "scaled", "seed": 1,
+        "title": "scaled",
+        "seed": 1,
         "valves": {"lag": {"parameters": {"T": -0.1}, "scale": {"T": "period"}}},
         "draw": {"K": 1.0, "T": 10.0, "S": 3.0, "samples_per_period": 20, "periods": 18, "step": 0.8},
-        "block": [{
-            "name": "a", "axes": {"Td_over_T": [0.3], "S_over_2J": [0.5], "noise_ratio": [0.1], "disturbance": ["none"]},
-            "member": [{"name": "sticky", "valve": ["choudhury", "lag"]}],
-        }],
+        "block": [
+            {
+                "name": "a",
+                "axes": {"Td_over_T": [0.3], "S_over_2J": [0.5], "noise_ratio": [0.1], "disturbance": ["none"]},
+                "member": [{"name": "sticky", "valve": ["choudhury", "lag"]}],
+            }
+        ],
     }
     with pytest.raises(Exception, match=r"T = -0\.1; it must not be below 0"):
         refuse_wrong_parts(make_grid(table, "scaled"))

@@ -6,6 +6,7 @@ import contextlib
 import json
 import re
 import resource
+from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -15,6 +16,55 @@ from simbench.cli import main
 
 # a word of the program's own where a sentence about the input is due
 LEAKS = re.compile(r"Traceback|fault of the program|object has no attribute|pydantic|NoneType|errors\.|site-packages")
+
+
+# what would do instead: a range, a list, the nearest name, the kind of thing that is needed
+ALLOWED = re.compile(
+    r"needed|needs|known|allowed|did you mean|must be|should be|at least|at most|\d to -?\d|either|ends in|asked for with", re.I
+)
+# a file, folder, option or argument that is not there or cannot be used: its name is all there is to say
+ABSENT = re.compile(
+    r"does not exist|no such file|cannot be (made|written)|holds no|exists already|is read by this command|no loop record found"
+    r"|no records/|has neither|^error: (missing |option .* requires|a verb is missing|no such option)", re.I
+)  # fmt: skip
+TOKEN = re.compile(r'"[^"]*"|[-+]?[\w.]+(?:[-+:.]\w+)*')
+COUNT: Counter[str] = Counter()
+
+
+def tokens(text: str) -> list[str]:
+    """Words and numbers of a piece of TOML."""
+    return TOKEN.findall(text)
+
+
+def new_tokens(old: str, new: str) -> list[str]:
+    """What a change brought in: the values, or the misspelt names, that a sentence about it should quote."""
+    known = tokens(old)
+    return [t for t in tokens(new) if t not in known]
+
+
+def quoted(sentence: str, value: str) -> bool:
+    """Whether a sentence quotes a value as it was given, or a number equal to it."""
+    text = value.strip('"')
+    last = text.rpartition(".")[2]
+    if text.count(".") == 1 and last and not last[0].isdigit():  # of a dotted key
+        text = last
+    if text.lower()[:30] in sentence.lower():
+        return bool(text) or any(empty in sentence for empty in ("''", '""', "empty", "nothing"))
+    try:
+        if f"{float(text):.0f}"[:30] in sentence:
+            return True
+        return float(text) in [float(found) for found in re.findall(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?", sentence)]
+    except (ValueError, OverflowError):
+        return False
+
+
+def pytest_terminal_summary(terminalreporter) -> None:
+    """Say how many sentences were held against what was wrong; of one process, so with `-n 0`."""
+    if COUNT["refused"]:
+        terminalreporter.write_line(
+            f"boundary: {COUNT['refused']} refused in one sentence that names its place; {COUNT['value']} were held to quote "
+            f"the value and say what is allowed, {COUNT['absent']} are about what is not there or cannot be used"
+        )
 
 
 SECONDS, MEMORY = 60.0, 2 << 20  # of CPU; KiB
@@ -46,9 +96,12 @@ def _memory() -> int:
 
 @pytest.fixture
 def refused(capsys) -> Callable[..., str]:
-    """Run a command that must be refused: exit 2, one sentence that holds the words, nothing on stdout."""
+    """Run a command that must be refused: exit 2, one sentence that holds the words, nothing on stdout.
 
-    def run(arguments: list, *words: str) -> str:
+    `values`: what was wrong, which the sentence must quote, and beside it say what is allowed.
+    """
+
+    def run(arguments: list, *words: str, values: list[str] | None = None) -> str:
         with bounded():
             code = main([str(a) for a in arguments])
         out, err = capsys.readouterr()
@@ -60,6 +113,13 @@ def refused(capsys) -> Callable[..., str]:
         assert not LEAKS.search(err), err
         for word in words:
             assert word.lower() in err.lower(), (word, err)
+        COUNT["refused"] += 1
+        if ABSENT.search(err):
+            COUNT["absent"] += 1
+        elif values:
+            assert all(quoted(err, v) for v in values), (values, err)
+            assert ALLOWED.search(err), err
+            COUNT["value"] += 1
         return err
 
     return run

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -15,82 +16,14 @@ import pytest
 
 from detectors.errors import UserError
 from scenarios.grid import load_grid
-from simbench import files
 from simbench.bench import pieces as pieces_module
 from simbench.bench import run as run_module
 from simbench.bench.run import Interrupted, run_grid
+from tests.simbench.boundary.disk import FAULTS, Disk, Killed
 
 SMALL = {"disturbance": "none", "Td_over_T": 0.3, "S_over_2J": 0.5, "Td_over_Ti": 0.05, "periods": 15.0, "repeats": 2}
 METHODS = ["horch_histogram"]
-FAULTS = ("no space", "i/o", "kill before", "kill after")
-
-
-class Killed(BaseException):
-    """The process is gone: nothing after it runs, no cleaning up either."""
-
-
-class Disk:
-    """Counts what `simbench.files` does to the disk, and lets one operation fail."""
-
-    def __init__(self, patch: pytest.MonkeyPatch, fails: int = -1, fault: str = "") -> None:
-        self.count, self.fails, self.fault, self.dead, self.failed = 0, fails, fault, False, False
-        replace, unlink, mkdir = Path.replace, Path.unlink, Path.mkdir
-        patch.setattr(files, "open", self._open, raising=False)
-        patch.setattr(files.os, "fsync", lambda handle: self._do("fsync", lambda: None))
-        patch.setattr(Path, "replace", lambda path, target: self._do("replace", lambda: replace(path, target)))
-        patch.setattr(Path, "mkdir", lambda path, *a, **k: self._do("mkdir", lambda: mkdir(path, *a, **k)))
-        patch.setattr(Path, "unlink", lambda path, *a, **k: None if self.dead else unlink(path, *a, **k))
-
-    def _do(self, name, work):
-        if self.dead:
-            raise Killed
-        self.count += 1
-        if self.count - 1 != self.fails:
-            return work()
-        self.failed = True
-        if self.fault == "kill after":
-            work()
-        if self.fault.startswith("kill"):
-            self.dead = True
-            raise Killed
-        number = errno.ENOSPC if self.fault == "no space" else errno.EIO
-        raise OSError(number, os.strerror(number))
-
-    def _open(self, path, mode="r", **more):
-        there = Path(path).exists()
-        file = open(path, mode, **more)  # noqa: SIM115
-        try:
-            self._do("open", lambda: None)
-        except BaseException:
-            file.close()
-            if not there and self.fault != "kill after":
-                os.unlink(path)
-            raise
-        write = file.write
-        if "w" in mode:
-            disk = self
-
-            class Counted:
-                def __enter__(self):
-                    return self
-
-                def __exit__(self, *what):
-                    file.close()
-
-                def write(self, content):
-                    def half():
-                        return write(content)
-
-                    if disk.count == disk.fails:  # what fails here has written half of it
-                        write(content[: len(content) // 2])
-                        file.flush()
-                    return disk._do("write", half) if len(content) > 5000 else write(content)
-
-                def __getattr__(self, name):
-                    return getattr(file, name)
-
-            return Counted()
-        return file
+KILLS = Path(__file__).parents[2] / "reference" / "kills.py"
 
 
 @pytest.fixture(scope="module")
@@ -167,45 +100,8 @@ def test_every_file_operation_fails_once(quick, whole, tmp_path, fault):
         shutil.rmtree(folder)
 
 
-KILLED_FOR_REAL = """
-import os, signal, sys
-from pathlib import Path
-from scenarios.grid import load_grid
-from simbench.bench.run import run_grid
-
-left, after = int(sys.argv[2]), sys.argv[3] == "after"
-def counted(work):
-    def done(*a, **k):
-        global left
-        left -= 1
-        if left == 0 and not after:
-            os.kill(os.getpid(), signal.SIGKILL)
-        found = work(*a, **k)
-        if left == 0:
-            os.kill(os.getpid(), signal.SIGKILL)
-        return found
-    return done
-
-Path.replace, Path.mkdir, os.fsync = counted(Path.replace), counted(Path.mkdir), counted(os.fsync)
-run_grid(load_grid("smoke"), sys.argv[1], ["horch_histogram"], resume=True)
-print(-left)
-"""
-
-
-def killed(folder: Path, at: int, when: str) -> subprocess.CompletedProcess:
-    words = [sys.executable, "-c", KILLED_FOR_REAL, str(folder), str(at), when]
-    return subprocess.run(words, capture_output=True, text=True, timeout=500)
-
-
-def test_a_whole_smoke_run_is_killed_for_real_and_goes_on(tmp_path):
-    undisturbed = killed(tmp_path / "whole", 0, "")
-    assert undisturbed.returncode == 0, undisturbed.stderr
-    operations, expected = int(undisturbed.stdout), tables(tmp_path / "whole")
-    assert operations > 8
-    for share, when in ((0.0, "before"), (0.4, "after"), (0.7, "before"), (1.0, "after")):
-        folder = tmp_path / f"killed{share}"
-        assert killed(folder, 1 + int(share * (operations - 1)), when).returncode == -9
-        resumed = killed(folder, 0, "")  # in a process of its own: in this one `quick` answers for every piece
-        assert resumed.returncode == 0, resumed.stderr
-        assert tables(folder) == expected
-        assert {f.name for f in folder.iterdir()} == {f.name for f in (tmp_path / "whole").iterdir()}
+def test_a_whole_smoke_run_is_killed_for_real_and_goes_on():
+    """At a few of its operations; `python tests/reference/kills.py` does so at every one."""
+    done = subprocess.run([sys.executable, KILLS, "--every", "9"], capture_output=True, text=True, timeout=500)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert re.search(r"kill before +\d+ +0 +0 +0", done.stdout), done.stdout

@@ -11,7 +11,7 @@ from scenarios.errors import SpecError
 from scenarios.grid import make_grid
 from simbench.bench.failures import read_failures
 from simbench.bench.run import run_grid
-from tests.simbench.boundary.conftest import written
+from tests.simbench.boundary.conftest import new_tokens, written
 
 HEAD = """
 title = "a grid"
@@ -171,7 +171,8 @@ def run(path, *more) -> list:
 def test_a_wrong_grid(refused, tmp_path, name):
     old, new, word = CHANGES[name]
     assert old in HEAD
-    refused(run(put(tmp_path, HEAD.replace(old, new, 1))), "grid", word)
+    values = [v for v in new_tokens(old, new) if len(v) < 1000 and word != "--large"]
+    refused(run(put(tmp_path, HEAD.replace(old, new, 1))), "grid", word, values=values[:1])
     assert written(tmp_path) == ["grid.toml"]
 
 
@@ -179,7 +180,7 @@ def test_a_wrong_grid(refused, tmp_path, name):
 @pytest.mark.parametrize("line", RANGES, ids=lambda s: s.split(" ")[0])
 def test_a_range_that_is_none(refused, tmp_path, line, bad):
     key = line.split(" ")[0]
-    refused(run(put(tmp_path, HEAD.replace(line, f"{key} = {bad}", 1))), "grid", key)
+    refused(run(put(tmp_path, HEAD.replace(line, f"{key} = {bad}", 1))), "grid", key, values=new_tokens("", bad)[:1])
     assert written(tmp_path) == ["grid.toml"]
 
 
@@ -187,7 +188,7 @@ def test_a_range_that_is_none(refused, tmp_path, line, bad):
 def test_a_wrong_grid_of_one_loop(refused, tmp_path, name):
     old, new, word = PLAIN_CHANGES[name]
     assert old in PLAIN
-    refused(run(put(tmp_path, PLAIN.replace(old, new, 1))), "grid", word)
+    refused(run(put(tmp_path, PLAIN.replace(old, new, 1))), "grid", word, values=new_tokens(old, new)[:1])
     assert written(tmp_path) == ["grid.toml"]
 
 
@@ -208,7 +209,10 @@ def test_a_wrong_grid_of_one_loop(refused, tmp_path, name):
     ids=lambda v: " ".join(v) if isinstance(v, list) else v,
 )  # fmt: skip
 def test_a_wrong_option_of_run(refused, tmp_path, option, word):
-    refused([*run(put(tmp_path, HEAD)), *option], word)
+    key, _, value = option[-1].rpartition("=")
+    # where the key itself is wrong, it is what the sentence quotes
+    values = [key if key and key.strip(".") == word else value.split(",")[0]]
+    refused([*run(put(tmp_path, HEAD)), *option], word, values=values)
     assert written(tmp_path) == ["grid.toml"]
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from detectors.io import read_record
+from tests.simbench.boundary.conftest import new_tokens
 
 GOOD = {
     "plant": {"type": '"foptd"', "K": "1.0", "T": "10.0", "Td": "2.0"},
@@ -72,11 +73,12 @@ def test_the_loop_that_is_spoilt_here_is_good(told, tmp_path):
 @pytest.mark.parametrize("value", NEVER, ids=lambda v: f"{v[:12]} {len(v)}")
 @pytest.mark.parametrize(("section", "key"), NUMBERS)
 def test_what_is_no_number_is_refused(refused, tmp_path, section, key, value):
-    path = put(tmp_path, text(section, key, value))
-    said = refused(["simulate", path, "-o", tmp_path / "r.csv"], "loop.toml", key if len(value) < 5000 else "digits")
-    if len(value) < 5000:  # place, value, what is allowed
+    path, short = put(tmp_path, text(section, key, value)), len(value) < 5000  # of longer ones Python reads no digit
+    said = refused(
+        ["simulate", path, "-o", tmp_path / "r.csv"], "loop.toml", key if short else "digits", values=[value] if short else None
+    )  # fmt: skip
+    if short:
         assert re.search(rf"\b{key} = .*(is no number|is not finite|should be|needed)", said), said
-        assert value in ("true", "2024-05-31") or value.strip('"')[:40] in said, said
         assert said.count("; ") <= 1, said
     assert not (tmp_path / "r.csv").exists()
 
@@ -84,8 +86,9 @@ def test_what_is_no_number_is_refused(refused, tmp_path, section, key, value):
 @pytest.mark.parametrize("value", ["1", "true", '""', '"zzz"', "[]", "nan"])
 @pytest.mark.parametrize(("section", "key"), WORDS)
 def test_what_is_no_known_word_is_refused(refused, tmp_path, section, key, value):
-    said = refused(["simulate", put(tmp_path, text(section, key, value)), "-o", tmp_path / "r.csv"], "loop.toml")
-    assert re.search(r"known|did you mean|allowed|needed|should be|unknown|no such", said), said
+    path = put(tmp_path, text(section, key, value))
+    said = refused(["simulate", path, "-o", tmp_path / "r.csv"], "loop.toml", values=[value])
+    assert key in said or section.strip("[]") in said, said
 
 
 @pytest.mark.parametrize("value", EXTREME)
@@ -104,7 +107,10 @@ def test_an_extreme_number_is_refused_or_simulated_to_finite_numbers(told, tmp_p
 def test_a_misshapen_file_is_refused(refused, tmp_path, name):
     old, new, word = MORE[name]
     assert old in text()
-    refused(["simulate", put(tmp_path, text().replace(old, new, 1)), "-o", tmp_path / "r.csv"], "loop.toml", word)
+    # of what is no TOML the line is named, and of what is nested nothing can be quoted
+    values = [v for v in new_tokens(old, new) if word not in ("line", "nested")]
+    path = put(tmp_path, text().replace(old, new, 1))
+    refused(["simulate", path, "-o", tmp_path / "r.csv"], "loop.toml", word, values=values[:1])
 
 
 @pytest.mark.parametrize("verb", [["predict"], ["confirm", "gain-change"], ["confirm", "travel"]], ids=" ".join)

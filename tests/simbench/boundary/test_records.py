@@ -99,7 +99,7 @@ def test_no_record_at_all(refused, tmp_path, verb, name):
 @pytest.mark.parametrize("text", WRONG_CELLS, ids=lambda t: t[:10])
 @pytest.mark.parametrize(("verb", "column"), [*product(["detect", "gap"], ["op", "pv", "t"]), ("valve", "op"), ("valve", "t")])
 def test_a_cell_that_is_no_number(refused, tmp_path, verb, column, text):
-    refused(ask(verb, put(tmp_path, with_cell(column, text))), "rec.csv")
+    refused(ask(verb, put(tmp_path, with_cell(column, text))), "rec.csv", "line 101", column, values=[text])
 
 
 def frame(**columns) -> pd.DataFrame:

@@ -72,7 +72,7 @@ WRONG = [
     ("report DIR -j 100000", "-j"), ("report DIR -o DIR", "is a folder"), ("report DIR --jobs many", "jobs"),
     ("history none", "none"), ("history REC", "rec.csv"), ("history DIR -o DIR", "history"), ("history DIR --jsn", "--json"),
     ("gap study", "RECORDS"), ("gap study DIR", "--grid"), ("gap study DIR --grid smoke", "record"),
-    ("gap study none --grid smoke", "none"), ("gap study RECS --grid smok", "at least 5"),
+    ("gap study none --grid smoke", "none"), ("gap study RECS --grid smoke", "at least 5"),
     ("gap study DIR --grid LOOP", "loop"),
     ("gap study REC --grid smoke", "rec.csv"), ("gap study DIR --grid smoke --labels none.csv", "none.csv"),
     ("gap study DIR --grid smoke --labels LOOP", "loop.toml"), ("gap study DIR --grid smoke --html DIR", "folder"),
@@ -108,11 +108,21 @@ def test_a_wrong_command(refused, tmp_path, line, word):
     before = loop.read_bytes()
     places = {"LOOP": loop, "REC": record, "OUT": tmp_path / "out", "DIR": empty, "RECS": records}
     inside = {"PAGE": tmp_path / "rec.html", "RECS/one.html": records / "one.html", "RECS/one.csv": records / "one.csv"}
-    refused([(places | inside).get(w, w) for w in line.split()], "empty" if word == "DIR" else word)
+    values = given(line.split(), {*places, *inside}, word)
+    refused([(places | inside).get(w, w) for w in line.split()], "empty" if word == "DIR" else word, values=values)
     assert loop.read_bytes() == before
     assert record.read_text() == (records / "one.csv").read_text() == RECORD
     assert not (tmp_path / "out").exists()
     assert not list(empty.iterdir())
+
+
+def given(words: list[str], places: set[str], named: str) -> list[str]:
+    """What is wrong on a command line, where it is a value: not what the sentence names anyway, no option, verb or file."""
+    known = {*places, *(name for verb in verbs(typer.main.get_command(app)) for name in verb.split())}
+    right = {"smoke", "all", "horch", "deadband", "fig-11-4", "score-map", "detectors", "figures", "none"}
+    pairs = [w.partition("=") for w in words if not w.startswith("-") or w[1:2].isdigit()]
+    values = [key if key == named else value or key for key, _, value in pairs]
+    return [v for v in values if v not in known and v not in right and not v.startswith(("none.", "/"))][-1:]
 
 
 def verbs(command, words: str = "") -> Iterator[str]:
@@ -141,7 +151,8 @@ def test_wrong_thresholds(refused, tmp_path, verb, content):
     record.write_text(RECORD)
     file.write_text(content)
     words = {"detect": ["detect", record], "run": ["run", "smoke", "-o", tmp_path / "run"]}[verb]
-    refused([*words, "--method", "horch", "--thresholds", file])
+    said = refused([*words, "--method", "horch", "--thresholds", file])
+    assert "cuts.json" in said or "horch" in said or "horhc" in said, said
     assert not (tmp_path / "run").exists()
 
 

@@ -34,7 +34,7 @@ name = "healthy"
 valve = "ideal"
 """
 BROKEN = [
-    (PLAIN, '"valve.J" = [1, 2]', '"valve.J" = [1, 1]', "axis 'valve.J' has a value twice"),
+    (PLAIN, '"valve.J" = [1, 2]', '"valve.J" = [1, 1]', "axis 'valve.J' has the value 1 twice"),
     (PLAIN, "expected = 4", "expected = 5", "4 scenarios, but expected = 5"),
     (PLAIN, "Ts = 1", "Tx = 1", "key 'sampling.Ts' is missing"),
     (PLAIN, "choudhury", "chudhury", "did you mean 'choudhury'"),

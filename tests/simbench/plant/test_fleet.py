@@ -110,6 +110,7 @@ def test_the_page_ranks_the_loops_and_stands_alone(records, tmp_path, capsys):
             assert shown.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth") <= 0
             assert shown.errors == []
             assert len(shown.requests) == 1
+        assert chromium.lost_on_paper(page) == 0
 
 
 def test_loops_judged_before_a_kill_are_not_judged_again(records, tmp_path, monkeypatch):

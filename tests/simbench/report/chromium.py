@@ -34,6 +34,19 @@ def executable() -> str | None:
     return next((path for name in NAMES if (path := shutil.which(name))), None)
 
 
+PAPER = 703  # px of A4 between margins of 12 mm
+OUTSIDE = """[...document.querySelectorAll("th, td, svg, pre, .tile")].filter(e => {
+  const frame = e.closest(".scroll, .wide"), edge = document.documentElement.clientWidth + 1;
+  return e.getBoundingClientRect().right > edge || (frame && getComputedStyle(frame).overflow !== "visible"); }).length"""
+
+
+def lost_on_paper(file: Path) -> int:
+    """Count the cells, pictures and tiles that a printed page cuts off or hides in a frame that would have to be scrolled."""
+    with opened(file, PAPER, media="print") as page:
+        assert page.evaluate("document.querySelectorAll('td').length") > 0
+        return page.evaluate(OUTSIDE)
+
+
 class Page:
     """One loaded page."""
 
@@ -83,7 +96,7 @@ class Page:
 
 
 @contextlib.contextmanager
-def opened(file: Path, width: int = 1200, dark: bool = False) -> Iterator[Page]:
+def opened(file: Path, width: int = 1200, dark: bool = False, media: str = "screen") -> Iterator[Page]:
     """Load a file in a browser of its own."""
     import websocket
 
@@ -107,7 +120,7 @@ def opened(file: Path, width: int = 1200, dark: bool = False) -> Iterator[Page]:
                     page.call(f"{domain}.enable")
                 page.call("Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=False)
                 scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
-                page.call("Emulation.setEmulatedMedia", features=[scheme])
+                page.call("Emulation.setEmulatedMedia", media=media, features=[scheme])
                 page.call("Page.navigate", url=file.resolve().as_uri())
                 page.wait_for("Page.loadEventFired")
                 yield page

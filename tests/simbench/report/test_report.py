@@ -11,7 +11,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from sklearn.metrics import roc_auc_score
-from sklearn.metrics import roc_curve as reference_roc
 
 from detectors.registry import methods
 from simbench.bench.run import run_grid
@@ -118,7 +117,7 @@ def test_numbers_in_the_summary_are_those_of_score(run, report):
     text = report.read_text(encoding="utf-8")
     for row in scores.ranking().itertuples():
         value, shown = re.escape(repr(float(row.accuracy_applicable))), f"{row.accuracy_applicable:.3f}"
-        assert re.search(rf'<td>{row.method}</td>.*?data-v="{value}">{shown}', text)
+        assert re.search(rf'<td class="name">{row.method}</td>.*?data-v="{value}">{shown}', text)
 
 
 def test_failures_are_all_counted(run, report):
@@ -141,15 +140,15 @@ def test_a_place_that_cannot_be_written_is_one_sentence_and_leaves_nothing(run, 
     assert list(tmp_path.iterdir()) == []
 
 
-def test_roc_curve_is_sklearns_and_its_area_the_auc():
+def test_roc_curve_is_that_of_every_threshold_and_its_area_the_auc():
     rng = np.random.default_rng(0)
     positive = rng.random(300) < 0.4
     score = np.round(rng.normal(positive, 1.0), 1)  # ties
     score[:5] = -np.inf
     curve = roc_curve(pd.DataFrame({"score": score, "positive": positive}))
     finite = np.where(np.isinf(score), -1e9, score)
-    alarms, hits, _ = reference_roc(positive, finite, drop_intermediate=False)
-    assert np.allclose(curve, np.column_stack([alarms, hits]))
+    passed = [finite >= cut for cut in [np.inf, *sorted(set(finite), reverse=True)]]
+    assert np.allclose(curve, [[over[~positive].mean(), over[positive].mean()] for over in passed])
     assert np.trapezoid(curve["detections"], curve["false_alarms"]) == pytest.approx(roc_auc_score(positive, finite))
 
 
@@ -158,6 +157,8 @@ def test_missing_values_are_empty_cells():
     assert [[c["text"] for c in row] for row in table["rows"]] == [["1.5", "x"], ["", ""]]
     assert table["rows"][1][0]["value"] == ""
 
+
+WIDE = 704  # px: a wide picture scrolls in its own frame on a phone
 
 VISIBLE = """[...document.querySelectorAll("svg")].map(s => { const r = s.getBoundingClientRect(), b = s.getBBox();
   const style = getComputedStyle(s);
@@ -176,10 +177,11 @@ def test_in_a_browser_nothing_fails_nothing_is_asked_for_and_every_picture_is_se
         assert page.errors == []
         assert page.requests == [report.resolve().as_uri()]
     assert over <= 0, "the page itself never scrolls sideways"
-    assert len(pictures) == 1 + 4 + 4  # the overview, a map and a ROC curve per detector
+    assert len(pictures) == 1 + 1 + 4 + 1  # the overview, a bar of colours and a map per detector, the ROC curves
     for w, h, left, right, inner_w, inner_h, visibility, display in pictures:
-        assert min(w, h) > 100
-        assert -1 <= left < right <= width + 1
+        assert w > 100
+        assert h > 50
+        assert -1 <= left < right <= width + 1 or w == WIDE
         assert min(inner_w, inner_h) > 0
         assert (visibility, display) == ("visible", "block")
     bright = [sum(int(x) for x in re.findall(r"\d+", c)[:3]) for c in (ink, ground)]
@@ -208,6 +210,27 @@ def test_in_a_browser_every_column_of_every_table_sorts_both_ways(report):
                     assert all(c == "" for c in cells[len(values) :]), "empty cells stay last"
             if not clicks[0][1]:
                 assert sorted(clicks[0][2]) == sorted(clicks[1][2])
+
+
+@needs_browser
+def test_on_paper_no_column_and_no_row_is_lost(report):
+    assert chromium.lost_on_paper(report) == 0
+    with chromium.opened(report, chromium.PAPER) as page:
+        assert page.evaluate(chromium.OUTSIDE) > 0, "on a screen of that width tables are scrolled"
+
+
+@needs_browser
+def test_on_a_phone_a_name_stays_beside_its_numbers(report):
+    code = """[...document.querySelectorAll(".scroll")].filter(s => s.scrollWidth > s.clientWidth + 1).map(s => {
+      s.scrollLeft = s.scrollWidth;
+      const name = s.querySelector("td.name").getBoundingClientRect(), frame = s.getBoundingClientRect();
+      return [name.left - frame.left, name.width / frame.width]; })"""
+    with chromium.opened(report, 390) as page:
+        scrolled = page.evaluate(code)
+    assert len(scrolled) >= 4
+    for left, share in scrolled:
+        assert left == pytest.approx(0, abs=1)
+        assert share < 0.6
 
 
 @needs_browser

@@ -164,3 +164,29 @@ def test_a_second_stage_counts_from_a_tenth_of_a_sample(lag, stages):
     ((std, _, second),) = load_parts({"load": 2.0, "load_time": 30.0, "load_lag": lag})
     assert (second > 0.0) == (stages == 2)
     assert std == pytest.approx(2.0, rel=1e-3)
+
+
+def test_lasting_jumps_of_the_load_are_load_steps_of_the_loop_unless_they_are_in_question():
+    fit = fitted_as(spec=Spec(jumps=(100, 200, 350)), load_jump=3.0)
+    (steps,) = built(fit).effect
+    # levels spread by as much as either of a jump's two parts, at the plant's input
+    assert steps.name == "load_steps"
+    assert steps.parameters == pytest.approx({"rate": 3 / (2.0 * N), "size": 3.0 / 1.5})
+    assert built(fit, jumps=False).effect == ()
+
+
+def test_jumps_that_fade_are_more_of_the_same_load():
+    jumps = tuple(range(50, N, 50))
+    plain, fading = (
+        built(fitted_as(spec=Spec(jumps=places, lasting=False), load_jump=3.0, load=2.0, load_time=30.0, load_lag=0.1))
+        for places in ((), jumps)
+    )
+    ratio = fading.disturbance[0].parameters["amplitude"] / plain.disturbance[0].parameters["amplitude"]
+    # a first-order process that 3.0, twice, is added to in a sample of fifty
+    rng = np.random.default_rng(1)
+    x, phi, out = 0.0, np.exp(-1 / 30.0), []
+    for hit in rng.random(200000) < len(jumps) / N:
+        x = phi * x + 2.0 * np.sqrt(1 - phi**2) * rng.standard_normal() + 3.0 * hit * np.sqrt(2.0) * rng.standard_normal()
+        out.append(x)
+    assert ratio == pytest.approx(np.std(out) / 2.0, rel=0.05)
+    assert fading.effect == ()

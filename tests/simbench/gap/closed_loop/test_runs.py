@@ -16,9 +16,10 @@ NUMBERS = {"stiction": {"S": 5.0, "J": 2.0}, "gain_mismatch": {"factor": 2.0}, "
 @pytest.fixture
 def made(monkeypatch):
     """Return the loops of a diagnosis that names stiction and a gain, and what was built, simulated and compared."""
-    seen = SimpleNamespace(simulated=[], compared=[], away=set())
+    seen = SimpleNamespace(simulated=[], compared=[], away=set(), jumps=[])
 
-    def fixed_loop(situation, fit, effects, *, plant, load):
+    def fixed_loop(situation, fit, effects, *, plant, load, jumps):
+        seen.jumps.append(jumps)
         return fit.name, tuple(effects), plant, load.name
 
     def simulate_runs(situation, loop, seed, kick=0.0):
@@ -46,6 +47,15 @@ def test_an_effect_stands_beside_the_bare_and_the_recalibrated_loop_under_its_ow
     assert seen.compared == [((*BARE, "stuck"), (*TUNED, "stuck"), ("stuck", ("stiction",), "fitted", "stuck"), 7)]
     assert loops.shrink(["stiction"]) == 1
     assert len(seen.simulated) == 3
+
+
+def test_the_loads_jumps_are_left_out_where_they_are_the_effect(made):
+    loops, seen = made
+    loops.shrink(["stiction"])
+    assert seen.jumps == [True] * 3
+    seen.jumps.clear()
+    loops.shrink(["load_steps"])
+    assert seen.jumps == [False] * 3
 
 
 def test_of_no_effect_the_recalibrated_loop_is_the_last(made):

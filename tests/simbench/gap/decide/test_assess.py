@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from simbench.gap.decide.assess import LIMITS, SURE, Assessment, capped
+from simbench.gap.likelihood.model import Spec
 
 BLOCKS = {
     "memory": (15.0, "disturbance"), "input": (10.0, "process"), "bursts": (40.0, "sensor"), "dynamics nats": (8.0, "process"),
@@ -21,8 +22,9 @@ def situation(*, faithful=True, gap=0.0, law="", frozen=False, trusted=True, fac
     )  # fmt: skip
 
 
-def assessed(here, tests=QUIET, valve=False, chosen=(), beside=()):
-    return Assessment(here, None, {}, {}, list(chosen), None, tests=tests, mv_unexplained=valve, beside=beside)
+def assessed(here, tests=QUIET, valve=False, chosen=(), beside=(), jumps=()):
+    final = SimpleNamespace(spec=Spec(jumps=jumps))
+    return Assessment(here, None, {}, {}, list(chosen), final, tests=tests, mv_unexplained=valve, beside=beside)
 
 
 def blocks(*args, **kwargs):
@@ -48,6 +50,13 @@ def test_friction_leaves_jumps_and_spells_of_its_own(name, loose, chosen):
     excused = loose and chosen == "stiction"
     assert blocks(situation(), tests, chosen=[chosen]) == (set() if excused else {BLOCKS[name][1]})
     assert blocks(situation(), QUIET | {name: 4.2 * BLOCKS[name][0]}, chosen=[chosen]) == {BLOCKS[name][1]}
+
+
+@pytest.mark.parametrize(("name", "loose"), [("memory", True), ("bursts", True), ("input", True), ("shape nats", False)])
+def test_a_load_that_jumps_between_samples_leaves_traces(name, loose):
+    tests = QUIET | {name: 2.0 * BLOCKS[name][0]}
+    assert blocks(situation(), tests, jumps=(300,)) == (set() if loose else {BLOCKS[name][1]})
+    assert blocks(situation(), QUIET | {name: 4.2 * BLOCKS[name][0]}, jumps=(300,)) == {BLOCKS[name][1]}
 
 
 @pytest.mark.parametrize(("found", "valve", "block"), [

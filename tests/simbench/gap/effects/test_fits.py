@@ -1,9 +1,11 @@
 """What each effect's fit is begun from, tried on and paid for: an engine that notes what it is asked."""
 
+from math import comb, log
+
 import numpy as np
 import pytest
 
-from simbench.gap.effects import recogniser
+from simbench.gap.effects import load_steps, recogniser
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import Data, Fit, Spec
 
@@ -210,36 +212,51 @@ def test_a_dead_zone_is_scanned_over_ops_range():
 
 
 class Jumpy(Engine):
-    """An engine with a step of the load at some samples: each that is added brings the nats it is worth."""
+    """An engine whose load jumps: so many jumps bring so many nats each, if they last, and further ones nothing."""
 
     spread = 10.0
 
-    def __init__(self, worth):
+    def __init__(self, real, worth, lasting=True):
         super().__init__()
-        self.worth = worth
+        self.real, self.worth, self.lasting = real, worth, lasting
+
+    def evaluate(self, spec, theta):
+        right = min(len(spec.jumps), self.real) if spec.lasting == self.lasting else 0
+        return self.worth * right, np.ones(3), RESIDUAL
 
     def fit(self, spec, theta, search=None, steps=10):
         self.fitted.append((dict(theta), search, steps))
-        return Fit(spec, float(sum(self.worth[: len(spec.channels)])), dict(theta), np.ones(3 + len(spec.channels)), RESIDUAL)
+        return Fit(spec, self.evaluate(spec, theta)[0], dict(theta), np.ones(3), RESIDUAL)
 
 
 RESIDUAL = np.random.default_rng(0).standard_normal(N)
 
 
-@pytest.mark.parametrize(("worth", "count"), [
-    # a jump costs a number and, as its place was picked, a half of the logarithm more: 6.9 nats of a thousand samples
-    ([], 0), ([6.8, 50.0], 0), ([7.0, 6.8, 50.0], 1), ([50.0] * 5, 5), ([50.0] * 30, 12),
+def test_jumps_that_are_worth_nothing_beside_the_others_are_taken_out_again():
+    n, start = 1000, Fit(Spec(), 0.0, THETA, np.ones(3), RESIDUAL)
+    real = set(load_steps._jumps(Jumpy(0, 0.0), start)[0][2:12:4])
+
+    class Placed(Jumpy):
+        def evaluate(self, spec, theta):
+            return 50.0 * len(real & set(spec.jumps)) * spec.lasting, np.ones(3), RESIDUAL
+
+    found, price = fit("load_steps", Placed(0, 0.0), start)
+    assert set(found.spec.jumps) == real
+    assert price == pytest.approx(log(comb(n, 3)) / (0.5 * log(n)) + 1.0)
+
+
+@pytest.mark.parametrize(("real", "worth", "count"), [
+    # sixteen places of a thousand can be picked in e^79.7 ways, 4.98 nats a jump; half as many are tried each time
+    (0, 0.0, 0), (16, 3.0, 0), (16, 5.1, 16), (1, 100.0, 16), (1, 50.0, 8),
 ])  # fmt: skip
-def test_jumps_are_added_while_each_pays_for_itself(worth, count):
-    engine = Jumpy([*worth, *[0.0] * 20])
+@pytest.mark.parametrize("lasting", [True, False])
+def test_jumps_are_added_while_they_pay_for_themselves(real, worth, count, lasting):
+    engine = Jumpy(real, worth, lasting)
     found, price = fit("load_steps", engine, Fit(Spec(), 0.0, THETA, np.ones(3), RESIDUAL))
-    assert len(found.spec.channels) == count
-    assert price == (2.0 * count or 2.0)
-    assert found.theta.get("steps", 0.0) == count
+    # the same innovations show the same sixteen places again
+    assert len(found.spec.jumps) == count
+    # and their one std is a number of its own
+    assert price == pytest.approx(log(comb(N, count)) / (0.5 * np.log(N)) + 1.0)
+    assert count == 0 or found.spec.lasting == lasting
     # a load that only had to make the jumps gives way
-    tried = [i + 1 for i in range(min(count + 1, 12))]
-    if 0 < count < 12:
-        # once everything has settled around the jumps, another one is looked for
-        tried.append(count + 1)
-    assert [t["load"] for t, search, _ in engine.fitted if search] == pytest.approx([2.0 * 0.7**i for i in tried])
-    assert sum(search is None for _, search, _ in engine.fitted) == (count > 0)
+    assert engine.fitted[0][0]["load"] == pytest.approx(0.7 * 2.0)

@@ -125,6 +125,38 @@ def test_whitening_is_cholesky_of_the_covariance(T, loads, more):
     assert logs == pytest.approx(2 * np.sum(np.log(np.diag(L))[kernels.SKIP :]), abs=2e-3)
 
 
+@pytest.mark.parametrize(("T", "lasting"), [(8.0, True), (8.0, False), (0.0, True), (0.0, False)])
+@pytest.mark.parametrize("places", [(100,), (100, 103, 140), (12, 500), (100, 450)])
+def test_jumps_of_the_load_widen_the_covariance_from_where_they_are(T, lasting, places):
+    n, load_time, jump = 700, 15.0, 6.0
+    y = np.random.default_rng(4).standard_normal(n)
+    whole = covariance(n, T, LOAD, 0.4, 5.0)
+    a = np.exp(-1 / T) if T else 1.0
+    for k in [*places, *(k + 1 for k in places)]:
+        height = np.zeros(n)
+        height[k:] = 1.0 if lasting else np.exp(-np.arange(n - k) / load_time)
+        moved = np.zeros(n)
+        for t in range(n - 1):
+            moved[t + 1] = a * moved[t] + (1 - a if T else 1.0) * height[t]
+        whole = whole + jump**2 * np.outer(moved, moved)
+    L = np.linalg.cholesky(whole)
+    white, logs = kernels.whiten(
+        y[None, :], T, 0.0, load_time, 0.0, 1.3, 0.0, 0.0, 0.4, 0.0, 5.0, np.array(places), jump, lasting
+    )  # fmt: skip
+    # long after a lasting jump the kernel's gain stands still, and a later one is followed as if it were the first
+    assert white[0] == pytest.approx(np.linalg.solve(L, y), abs=0.05)
+    assert logs == pytest.approx(2 * np.sum(np.log(np.diag(L))[kernels.SKIP :]), abs=0.5)
+
+
+def test_a_load_that_never_jumps_is_filtered_as_before():
+    y = RNG.standard_normal((1, 300))
+    model = (8.0, 0.0, 15.0, 3.0, 1.3, 0.2, 0.1, 0.4, 0.3, 5.0)
+    plain, logs = kernels.whiten(y, *model)
+    none, same = kernels.whiten(y, *model, np.array([300]), 4.0, True)
+    assert none == pytest.approx(plain, abs=1e-9)
+    assert same == pytest.approx(logs, abs=1e-9)
+
+
 def test_innovations_of_the_right_model_are_white_and_of_variance_one():
     n, T, load_time, load, noise = 20000, 8.0, 15.0, 1.0, 0.3
     rng = np.random.default_rng(0)

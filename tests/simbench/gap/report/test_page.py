@@ -204,6 +204,12 @@ def test_in_a_browser_nothing_fails_nothing_is_asked_for_and_every_picture_is_se
 
 
 @needs_browser
+@pytest.mark.parametrize("name", ["sticky", "clean"])
+def test_on_paper_nothing_is_lost(name, pages):
+    assert chromium.lost_on_paper(pages / f"{name}.html") == 0
+
+
+@needs_browser
 def test_in_a_browser_the_ranking_sorts_by_probability_both_ways(pages):
     code = """(t => [1, 2].map(() => {
       t.tHead.rows[0].cells[2].querySelector("button").click();

@@ -130,7 +130,7 @@ def test_the_axes_hold_the_record_and_what_is_near():
     record = np.array([0.0, 10.0])
     assert _limits([record]) == pytest.approx((-0.4, 10.4))
     assert _limits([record, np.array([-5.0, 16.0])]) == pytest.approx((-5.4, 16.4))
-    assert _limits([record, np.array([-90.0, 900.0])]) == pytest.approx((-7.9, 17.9))
+    assert _limits([record, np.array([-90.0, 900.0])]) == pytest.approx((-20.4, 30.4))
     assert _limits([np.array([3.0, 3.0])]) == pytest.approx((2.96, 3.04))
 
 

@@ -32,14 +32,13 @@ def report(effect="stiction", block="valve", effects=(STUCK,), *, gap=(4.0, 3.5,
 
 
 def test_an_effect_is_named_with_its_numbers_and_how_much_of_the_gap_it_closes():
-    assert report().sentence() == (
-        "The simulation lacks stiction (valve, S = 6.04, J = 3), probability 0.91; adding it closes 86 % of the gap."
-    )
-    assert report(value=None).sentence() == "The simulation lacks stiction (valve, S = 6.04, J = 3), probability 0.91."
+    lacks = "The simulation lacks stiction (valve, S = 6.04, J = 3 % of travel), probability 0.91"
+    assert report().sentence() == f"{lacks}; adding it closes 86 % of the gap."
+    assert report(value=None).sentence() == f"{lacks}."
     assert report(value=0.0).sentence().endswith("adding it closes 0 % of the gap.")
     assert report(value=-0.25).sentence().endswith("adding it does not close the gap but widens it, by 25 %.")
     both = report(effects=(STUCK, COARSE)).sentence()
-    assert "stiction (valve, S = 6.04, J = 3) and quantisation (sensor, step = 0.3, at = record), probability 0.91" in both
+    assert "stiction (valve, S = 6.04, J = 3 % of travel) and quantisation (sensor, step = 0.3 PV units, at = record)," in both
 
 
 def test_an_unknown_effect_is_placed_and_compared_with_the_nearest():
@@ -71,7 +70,7 @@ def test_a_terminal_shows_six_candidates_and_blocks_of_half_a_percent_and_more()
         "", "where: valve 91 %, process 1 %, sensor 7 %, disturbance 1 %",
         "gap: before 4.00, recalibrated 3.50, after 1.25, floor 0.80", "shrinkage: 0.86 [0.76, 0.91]",
     ]  # fmt: skip
-    assert lines[6] == " 0.914  stiction                S = 6.04, J = 3"
+    assert lines[6] == " 0.914  stiction                S = 6.04, J = 3 % of travel"
     assert [line.split()[1] for line in lines[6:12]] == ["stiction", "none", *(f"effect_{i}" for i in range(4))]
     assert lines[12:] == ["", "next: bump it", "note: one", "note: two"]
 
@@ -95,7 +94,7 @@ def test_only_known_effects_are_added_to_the_baseline():
 
 def test_a_table_and_a_picture_hold_the_ranking():
     frame = report().to_frame()
-    assert frame["parameters"].tolist()[:2] == ["S = 6.04, J = 3", ""]
+    assert frame["parameters"].tolist()[:2] == ["S = 6.04, J = 3 % of travel", ""]
     assert frame["gap_after"].tolist()[0] == 1.25
     axes = report().plot(2)
     assert [t.get_text() for t in axes.get_yticklabels()] == ["none", "stiction"]
@@ -108,6 +107,8 @@ def test_a_table_and_a_picture_hold_the_ranking():
 
 
 def test_numbers_have_three_digits_and_words_no_underscores():
-    assert numbers({"S": 2.14159, "at": "record", "n": 3}) == ", S = 2.14, at = record, n = 3"
-    assert numbers({}) == numbers({}, "with ") == ""
+    assert numbers("quantisation", {"step": 2.14159, "at": "record", "n": 3}) == ", step = 2.14 PV units, at = record, n = 3"
+    assert numbers("stiction", {"S": 2.1, "J": 3.0}, "") == "S = 2.1, J = 3 % of travel"
+    assert numbers("noise", {"factor": 2.0}) == ", factor = 2"
+    assert numbers("none", {}) == numbers("none", {}, "with ") == ""
     assert words("gain_mismatch") == "gain mismatch"

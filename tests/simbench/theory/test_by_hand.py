@@ -1,0 +1,250 @@
+"""The pieces of theory on cases that need no computer: gains, thresholds, starts, small arrays, printed words."""
+
+from collections import Counter
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from detectors.errors import ParameterError
+from simbench.loop.parameters import VALVES, valve_parameters
+from simbench.theory import table_check, verify
+from simbench.theory.basin import kick_min, starts_cycle
+from simbench.theory.cycle import after_load_step, at_rest, exact_cycle
+from simbench.theory.describing import deadzone, first_harmonic, intersections, measured, stiction
+from simbench.theory.half_cycle import _product, half_cycles
+from simbench.theory.march import reversals
+from simbench.theory.predict import as_text
+from simbench.theory.sampled import mapped_valve, nearest_map, sampled_loop
+from simbench.theory.tables import CONDITIONS, cell, refined, table_11_3
+from simbench.theory.verify import Errors, starts
+
+
+def test_sizes_of_a_sampled_loop(loop):
+    made = sampled_loop(loop(K=2.0, Kc=1.5, T=10.0, Td=2.0, Ti=8.0, S=5.0, J=2.0, Ts=0.5))
+    assert (made.fs, made.fd, made.least_swing, made.order, made.delay) == (3.5, 1.5, 1.0, 1, 4)
+    assert made.static_gain == pytest.approx(3.0)
+    assert (made.beta, made.lo, made.hi) == (0.0625, -50.0, 50.0)
+    assert sorted(made.times) == pytest.approx([0.5, 2.0, 8.0, 10.0])
+    assert sampled_loop(loop(J=0.0)).least_swing == pytest.approx(0.025)
+    assert not made.integrating
+    assert sampled_loop(loop(kind="integrating", K=0.1)).integrating
+
+
+def test_responses_of_a_loop_by_their_formulas(loop):
+    made = sampled_loop(loop(K=2.0, Kc=1.5, T=10.0, Td=2.0, Ti=8.0, Ts=0.5))
+    w = np.array([0.01, 0.1, 1.0])
+    G = 3.0 * np.exp(-2j * w) / (1 + 10j * w) * (1 + 1 / (8j * w))
+    np.testing.assert_allclose(made.response(w), G, rtol=1e-12)
+    a, z = np.exp(-0.05), np.exp(0.5j * w)
+    sampled = 3.0 * (1 - a) / (z - a) * z**-4.0 * (1 + 0.0625 / (1 - 1 / z))
+    # a new OP acts in its own sample: one step ahead of the textbook's hold
+    assert min(abs(made.sampled_response(w) / (sampled * z**ahead) - 1).max() for ahead in (0, 1)) < 1e-9
+    p = sampled_loop(loop(K=2.0, Kc=1.5, T=10.0, Td=2.0, Ti=None, Ts=0.5))
+    np.testing.assert_allclose(p.response(w), 3.0 * np.exp(-2j * w) / (1 + 10j * w), rtol=1e-12)
+
+
+def test_how_long_a_loop_is_waited_for(loop):
+    """Ten times the way of OP through the band at its slowest, and fifty times the slowest time constant."""
+    p = sampled_loop(loop(T=10.0, Td=2.0, Ti=None, Ts=0.5))
+    assert p.patience == 100 + 50 * 20
+    pi = sampled_loop(loop(K=1.0, Kc=1.0, T=10.0, Td=2.0, Ti=8.0, S=5.0, J=2.0, Ts=0.5))
+    slope = 1.0 * 1.0 / 8.0  # gain times half the jump over Ti, % per s
+    assert pi.patience == pytest.approx(100 + (10 * 5.0 / slope + 500) / 0.5, abs=1)
+    level = sampled_loop(loop(kind="integrating", K=0.1, Td=2.0, Kc=2.0, Ti=40.0, S=5.0, J=2.0, Ts=0.5))
+    assert level.patience == pytest.approx(100 + (10 * 5.0 / (0.1 * 2.0 * 1.0) + 50 * 40.0) / 0.5, abs=1)
+
+
+def stage(name, **table):
+    module = VALVES.load(name)
+    return (module, valve_parameters(module, table, 1.0))
+
+
+def test_one_stage_with_friction_is_described_and_two_are_not(loop):
+    more = {"name": "stiction", "S": 2.0, "J": 1.0}
+    stages = [stage("choudhury", S=3.0, J=1.0), stage("kano", S=2.0, J=1.0), stage("kano", S=0.0, J=0.0)]
+    assert mapped_valve(SimpleNamespace(valves=stages[1:])) == (2.0, 1.0)
+    assert mapped_valve(SimpleNamespace(valves=stages[2:])) == (0.0, 0.0)
+    with pytest.raises(ParameterError, match="2 valve stages have friction"):
+        mapped_valve(SimpleNamespace(valves=stages))
+    with pytest.raises(ParameterError, match="'lag' has no"):
+        sampled_loop(loop(effect=[{"name": "valve_lag", "tau": 0.1}]))
+    one = sampled_loop(loop(S=0.0, J=0.0, effect=[more]))
+    assert (one.S, one.J) == (2.0, 1.0)
+
+
+def test_the_nearest_map_of_a_map_is_itself():
+    assert nearest_map((stage("choudhury", S=4.0, J=2.0),), 4.0, 2.0) == (False, 0.0)
+    assert nearest_map((stage("stenman", d=4.0),), 4.0, 4.0)[0]
+    assert nearest_map((stage("stenman", d=4.0),), 4.0, 4.0)[1] == pytest.approx(0.0, abs=1e-12)
+    assert nearest_map((stage("ideal"),), 0.0, 0.0) == (False, 0.0)
+
+
+def test_where_a_run_begins_at_rest_and_after_a_kick(loop):
+    made = sampled_loop(loop(S=5.0, J=2.0, Ts=0.5))  # breaks away at 3.5, runs 1.5 behind
+    for kick, s in (
+        (3.5, [3.5, 0, 0, 0, 0]),
+        (3.6, [3.6, 0, 2.1, 1, 1]),
+        (-4.0, [-4.0, 0, -2.5, -1, 1]),
+        (99.0, [50.0, 0, 48.5, 1, 1]),
+    ):
+        x, found, past = at_rest(made, kick)
+        assert found.tolist() == pytest.approx(s)
+        assert x.tolist() == [0.0]
+        assert past.tolist() == pytest.approx([0.0] * (made.delay + 1) + [s[2]])
+
+
+@pytest.mark.parametrize(("Ti", "v", "w"), [(None, 2.0, -2.0), (10.0, 3.0, 0.0)])
+def test_a_load_that_steps_back_leaves_the_loop_where_it_held(loop, Ti, v, w):
+    """Gain 2, load 3: a P controller holds OP = -PV = 2 against it, a PI controller takes all of it."""
+    made = sampled_loop(loop(K=2.0, Kc=1.0, Ti=Ti, Ts=0.5))
+    x, s, past = after_load_step(made, 3.0)
+    assert s.tolist() == pytest.approx([v, w, v, 0.0, 0.0])
+    assert made.C @ x == pytest.approx(w)
+    assert past.tolist() == pytest.approx([v] * (made.delay + 2))
+
+
+def test_a_loop_without_friction_has_no_cycle_and_no_cell(loop):
+    free = sampled_loop(loop(S=0.0, J=0.0, Ts=0.5))
+    assert exact_cycle(free) is None
+    assert half_cycles(free) == []
+    assert cell(free) is None
+    assert not table_11_3(free)
+
+
+@pytest.mark.parametrize(("J", "said"), [(2.499, False), (2.501, True)])
+def test_a_p_loop_cycles_where_gain_times_jump_exceeds_the_band(loop, J, said):
+    made = sampled_loop(loop(K=1.0, Kc=2.0, Ti=None, S=5.0, J=2.5, Ts=0.5))
+    assert refined(replace(made, J=J), None) is said
+    assert list(CONDITIONS) == [("self-regulating", "P", "stick-slip"), ("self-regulating", "PI", "dead-band")]
+
+
+def test_a_kick_starts_a_cycle_only_within_the_limits_of_op(loop):
+    made = sampled_loop(loop(Ts=0.5))
+    cycle = exact_cycle(made)
+    assert kick_min(replace(made, hi=made.fs), cycle) is None
+    assert kick_min(replace(made, S=0.0, J=0.0), cycle) is None
+    assert starts_cycle(made, cycle, 1.05 * kick_min(made, cycle))
+
+
+def test_a_march_that_may_take_no_more_samples_stops(loop):
+    made = sampled_loop(loop(Ts=0.5))
+    start = exact_cycle(made).state
+    assert reversals(made, *(a.copy() for a in start), 5, most=7).samples == 7
+    run = reversals(made, *(a.copy() for a in start), 5)
+    assert (run.count, run.stalled) == (5, False)
+    assert run.samples == run.sample[-1]
+    again = reversals(made, *(a.copy() for a in start), 9)
+    assert np.all(np.diff(again.sample) > 0)
+    assert np.all(np.diff(np.sign(again.extreme)) != 0)
+    assert np.all(np.sign(again.extreme) == np.sign(again.stop))
+
+
+def test_a_product_of_small_arrays():
+    rng = np.random.default_rng(1)
+    a, b = rng.normal(size=(3, 3)), rng.normal(size=(3, 4))
+    out = np.full((3, 4), np.nan)
+    _product.py_func(a, b, out)
+    np.testing.assert_allclose(out, a @ b, rtol=1e-12)
+
+
+def test_half_cycles_that_are_kept_are_sorted_and_stable_where_deviations_die(loop):
+    found = half_cycles(sampled_loop(loop(Ts=0.1)))
+    assert found
+    assert [h.samples for h in found] == sorted(h.samples for h in found)
+    assert all(h.samples == h.n + h.m and h.stable == (h.multiplier < 1.0) for h in found)
+    assert all(abs(h.op) <= h.amplitude + 1e-9 for h in found)
+
+
+def test_the_first_harmonic_of_valves_whose_answer_is_known():
+    A = np.array([2.0, 10.0, 40.0])
+    np.testing.assert_allclose(first_harmonic("ideal", {}, A), 1.0, atol=1e-12)
+    np.testing.assert_allclose(first_harmonic("deadzone", {"D": 6.0}, A), deadzone(6.0).N(A), atol=2e-3)
+    assert first_harmonic("deadzone", {"D": 6.0}, 2.0) == pytest.approx(0.0, abs=1e-12)
+    lagging = first_harmonic("lag", {"T": 100 / (2 * np.pi)}, 10.0, period=100.0)  # a corner at the sine's own frequency
+    assert lagging[0] == pytest.approx(1 / (1 + 1j), abs=5e-3)
+
+
+def test_the_range_of_a_describing_function():
+    assert (stiction(6.0, 2.0).low, stiction(6.0, 2.0).high) == (3.0, np.inf)
+    assert (deadzone(6.0).low, deadzone(6.0).high) == (3.0, np.inf)
+    found = measured("deadzone", {"D": 6.0}, samples=200)
+    assert 3.0 < found.low < 3.4
+    assert found.high == pytest.approx(49.0)
+    A = np.array([4.0, 20.0, 40.0])
+    np.testing.assert_allclose(found.N(A), deadzone(6.0).N(A), atol=5e-3)
+    np.testing.assert_allclose(found.critical(A), -1 / found.N(A))
+    with pytest.raises(ParameterError, match="does not move under a sine of 49 %"):
+        measured("deadzone", {"D": 99.0}, samples=50)
+
+
+def test_a_dead_band_in_an_integrating_loop_has_one_attracting_balance(loop):
+    found = intersections(sampled_loop(loop(kind="integrating", K=0.1, Td=1.0, Ti=20.0, J=0.0, Ts=0.1)), stiction(5.0, 0.0))
+    assert [f.stable for f in found].count(True) == 1
+    assert [f.period for f in found] == sorted(f.period for f in found)
+
+
+def test_a_prediction_is_printed_line_by_line():
+    found = {
+        "table_11_3": True,
+        "refined": False,
+        "describing_function": [
+            {"period": 20.0, "amplitude": 3.0, "stable": True},
+            {"period": 5.0, "amplitude": 9.5, "stable": False},
+        ],
+        "exact": {"period": 19.0, "amplitude": 2.5, "kick_min": 3.51},
+        "reason": "why",
+    }
+    assert as_text(found).splitlines() == [
+        "Table 11.3           limit cycle",
+        "with its conditions  no limit cycle",
+        "describing function  20 s, OP +-3 %, stable; 5 s, OP +-9.5 %, unstable",
+        "exact cycle          19 s, OP +-2.5 %, smallest kick 3.51 %",
+        "reason               why",
+    ]
+    bare = {"table_11_3": None, "refined": None, "describing_function": [], "exact": None, "reason": ""}
+    assert [line[21:] for line in as_text(bare).splitlines()] == ["no cell", "no cell", "no limit cycle", "none"]
+    unkicked = {**found, "exact": {**found["exact"], "kick_min": None}}
+    assert "no kick starts it" in as_text(unkicked)
+
+
+def test_the_loops_that_check_a_cell_cover_delays_resets_gains_and_jumps():
+    for (process, controller, kind), n in {
+        ("self-regulating", "P", "dead-band"): 15,
+        ("self-regulating", "PI", "dead-band"): 45,
+        ("integrating", "P", "stick-slip"): 60,
+        ("integrating", "PI", "stick-slip"): 180,
+    }.items():
+        loops = list(table_check._loops(process, controller, kind))
+        assert len(loops) == n
+        assert {(m.integrating, m.integral) for m in loops} == {(process == "integrating", controller == "PI")}
+        jumps = {0.0} if kind == "dead-band" else {1.0, 2.5, 5.0, 7.5}
+        assert Counter(m.J for m in loops) == dict.fromkeys(jumps, n // len(jumps))
+        for delayed in {m.delay for m in loops} - {0}:
+            gains = sorted({round(m.gain * m.static_gain if process == "self-regulating" else m.gain, 6) for m in loops})
+            assert gains[0] > 0.0
+            assert delayed > 0
+
+
+def test_errors_and_starts_of_the_check_of_theory(loop):
+    told = str(Errors(np.array([[1, 2], [3, 4]]), np.array([0.01, 0.02]), np.array([])))
+    assert "predicted no            1       2" in told
+    assert "predicted yes           3       4" in told
+    assert "median 1.500 %" in told
+    assert "largest 2.00 %" in told
+    assert "amplitude" not in told
+    made = loop(S=5.0, J=2.0, Kc=2.0, Ts=0.5)  # breaks away at 3.5
+    found = list(starts(made))
+    assert [round(start["kick"], 9) for _, start in found[:3]] == pytest.approx([3.675, 5.6, 10.5])
+    assert [moved.disturbance[0].parameters["amplitude"] for moved, _ in found[3:7]] == pytest.approx([1.75, 3.5, 5.25, 10.5])
+    assert [moved.setpoint.steps[0][1] - made.setpoint.value for moved, _ in found[7:]] == pytest.approx([1.05, 3.5])
+
+
+def test_the_ultimate_gain_of_pure_first_order_lag_and_delay(loop):
+    """K e^(-2 s)/(10 s + 1): its phase is -pi where tan(2 w) = -10 w (w = 0.8501); sampled finely, P control."""
+    made = sampled_loop(loop(K=1.0, T=10.0, Td=2.0, Kc=1.0, Ti=None, Ts=0.002))
+    w = 0.844
+    for _ in range(50):
+        w = (np.pi - np.arctan(10 * w)) / 2
+    assert verify.ultimate_gain(made) == pytest.approx(np.hypot(1, 10 * w), rel=3e-3)
