@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -60,7 +61,7 @@ class _Search:
     """One record made ready, and the kernels with its arguments filled in."""
 
     def __init__(
-        self, op: np.ndarray, pv: np.ndarray, period: float, limits: tuple[float, float], reach: tuple[int, int], stops: bool
+        self, op: np.ndarray, pv: np.ndarray, period: float, limits: tuple[float, float], reach: tuple[int, int]
     ) -> None:
         self.q = q = max(1, int(period / SAMPLES))
         self.period = period / q
@@ -80,7 +81,13 @@ class _Search:
         self.sign = 1.0 if np.diff(op[start:stop]) @ np.diff(pv[start:stop]) < 0 else -1.0
         self.swing = swing(self.op, period) or float(np.ptp(self.op)) or 1.0
         self.cycles = (n - first - half) / self.period
-        self.common = (self.op, y - moving_mean(y, half), q, half, first, n - half, self.sign, *map(float, limits), stops)
+        self.common = (self.op, y - moving_mean(y, half), q, half, first, n - half, self.sign, *map(float, limits), False)
+
+    def under(self, stops: bool) -> _Search:
+        """Return the same search for one of the two maps."""
+        other = copy(self)
+        other.common = (*self.common[:-1], stops)
+        return other
 
     def poles(self, times: np.ndarray) -> np.ndarray:
         """Poles of time constants given in periods."""
@@ -168,19 +175,20 @@ def fit_hammerstein(
     >>> round(fit_hammerstein(np.array(op), np.array(pv), 90.0).S, 1)
     5.0
     """
-    fits = [_fit(op, pv, period, integrating, limits, Ts, stops) for stops in VALVES]
+    short, full = (_Search(op, pv, period, limits, reach) for reach in (SHORT, FULL))
+    poles = np.array([1.0]) if integrating else np.append(full.poles(TIMES), 1.0)
+    # a valve without friction follows OP under either map
+    linear = float(full.scan(0.0, 0.0, MOVING_UP, poles, 0, full.delays.size)[0].min())
+    fits = [_fit(short.under(stops), full.under(stops), poles, linear, Ts) for stops in VALVES]
     best = min(fits, key=lambda fit: fit.error)
     # which map a valve follows is not known: S is what either says
     ends = [(min(fit.S, fit.S_range[0]), max(fit.S, fit.S_range[1])) for fit in fits]
     return replace(best, S_range=(min(lo for lo, _ in ends), max(hi for _, hi in ends)))
 
 
-def _fit(op, pv, period, integrating, limits, Ts, stops) -> Hammerstein:
+def _fit(short: _Search, full: _Search, poles: np.ndarray, linear: float, Ts: float) -> Hammerstein:
     """The best fit of one of the two maps."""
-    short, full = (_Search(op, pv, period, limits, reach, stops) for reach in (SHORT, FULL))
-    poles = np.array([1.0]) if integrating else np.append(full.poles(TIMES), 1.0)
-    everywhere = full.delays.size
-    linear = float(full.scan(0.0, 0.0, MOVING_UP, poles, 0, everywhere)[0].min())
+    everywhere, integrating = full.delays.size, poles.size == 1
     S, J = _grid(S_SHARES * full.swing, J_SHARES)
     stride = max(1, everywhere // 8)
     tried, at = short.scan(S, J, MOVING_UP, poles[:, None], 0, -(-everywhere // stride), stride)

@@ -102,12 +102,13 @@ def lattice(x: np.ndarray, unit: float = 0.0) -> float:
     >>> [round(lattice(y), 6) for y in (x, 3.3 + x, np.sin(np.arange(400.0)))]
     [0.25, 0.25, 0.0]
     """
-    levels = np.unique(x)
-    fine = unit + 1e-8 * (float(np.abs(levels).max()) or 1.0)
-    gaps = np.diff(levels)
+    rising = np.sort(x)
+    fine = unit + 1e-8 * (float(max(-rising[0], rising[-1])) or 1.0)
+    gaps = np.diff(rising)
     gaps = gaps[gaps > 1.5 * fine]
     if gaps.size == 0 or gaps.min() < COARSER * fine:
         return 0.0
+    levels = np.unique(rising)
     step = float(gaps.min())
     near = gaps[gaps < 3.5 * step]
     step = float(near.sum() / np.round(near / step).sum())

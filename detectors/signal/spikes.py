@@ -44,7 +44,7 @@ def isolated(x: np.ndarray, unit: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         return none
     found: dict[int, float] = {}
     clean = np.asarray(x, dtype=float).copy()
-    usual = np.abs(off_line(clean)[0])
+    usual = np.abs(clean - _around(clean).mean(axis=0))
     floor = max(0.5 * unit, 1e-12)
     overall = max(1.4826 * float(np.median(usual)), floor)
     if usual.max() <= SPIKE * overall:
@@ -136,9 +136,15 @@ def off_line(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     >>> float(off[3]), float(spread[3])
     (5.0, 0.0)
     """
-    # reflected oddly, a slope goes on straight beyond the ends
-    padded = np.pad(x, 2, mode="reflect", reflect_type="odd")
-    around = np.stack([padded[:-4], padded[1:-3], padded[3:-1], padded[4:]])
+    around = _around(x)
     at = np.array([-2.0, -1.0, 1.0, 2.0])[:, None]
     middle, slope = around.mean(axis=0), (at * around).sum(axis=0) / 10.0
     return x - middle, np.ptp(around - middle - slope * at, axis=0)
+
+
+def _around(x: np.ndarray) -> np.ndarray:
+    """The four neighbours of every sample, shape (4, n); reflected oddly, a slope goes on straight beyond the ends."""
+    first = 2.0 * x[0] - x[[2, 1]]
+    last = 2.0 * x[-1] - x[[-2, -3]]
+    padded = np.concatenate([first, x, last])
+    return np.stack([padded[:-4], padded[1:-3], padded[3:-1], padded[4:]])

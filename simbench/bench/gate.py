@@ -14,11 +14,12 @@ from unittest.mock import patch
 
 import numpy as np
 
-from detectors.methods import he, horch_histogram, rossi_scali
+from detectors.methods import ellipse, he, horch_histogram, rossi_scali
 from detectors.record import LoopRecord
 from detectors.registry import methods as registry
 from detectors.report import table
 from detectors.signal import hammerstein
+from detectors.signal.ellipse import Ellipse
 from scenarios.spec import Loop
 from simbench.bench.check import compare_books
 from simbench.bench.check_study import BROKEN, _answers, _broken, _with
@@ -47,18 +48,41 @@ def _unit(shapes: np.ndarray) -> np.ndarray:
     return shapes / np.linalg.norm(shapes, axis=-1, keepdims=True)
 
 
-# what a finer grid takes the place of: module, name, change; and who is judged with it
-FINER: tuple[tuple[object, str, Callable], ...] = (
-    (he, "triangles", lambda old: lambda *a: _unit(finer(old(*a)))),
-    (rossi_scali, "relays", lambda old: lambda *a: _unit(finer(old(*a)))),
-    (horch_histogram, "_densities", lambda old: lambda: tuple(finer(x) for x in old())),
-    (hammerstein, "S_FINE", finer),
-)
-SEARCHING = ("he", "rossi_scali", "horch_histogram", "hammerstein", "procedure")
+def exchanged(fit: Callable) -> Callable:
+    """Return a fit of ellipses that takes PV for OP and OP for PV, and turns what it finds back: other arithmetic, one ellipse.
+
+    Examples
+    --------
+    >>> t = np.linspace(0, 6, 50)
+    >>> x, y = 50 + 3 * np.cos(t), 10 + np.sin(t + 1)
+    >>> round(exchanged(ellipse.fit_ellipse)(x, y).apparent_stiction / ellipse.fit_ellipse(x, y).apparent_stiction, 9)
+    1.0
+    """
+
+    def fitted(x: np.ndarray, y: np.ndarray) -> Ellipse | None:
+        found = fit(y, x)
+        return found and Ellipse(found.C, found.B, found.A, found.y0, found.x0)
+
+    return fitted
+
+
+# by name: what takes the place of what (module, name, change), and who is judged with it
+REWRITES: dict[str, tuple[tuple[tuple[object, str, Callable], ...], tuple[str, ...]]] = {
+    "finer": (
+        (
+            (he, "triangles", lambda old: lambda *a: _unit(finer(old(*a)))),
+            (rossi_scali, "relays", lambda old: lambda *a: _unit(finer(old(*a)))),
+            (horch_histogram, "_densities", lambda old: lambda: tuple(finer(x) for x in old())),
+            (hammerstein, "S_FINE", finer),
+        ),
+        ("he", "rossi_scali", "horch_histogram", "hammerstein", "procedure"),
+    ),
+    "axes exchanged": (((ellipse, "fit_ellipse", exchanged),), ("ellipse",)),
+}
 
 
 def rewritten(base: Book, folder: Path) -> Iterator[tuple[str, str, Book]]:
-    """Yield a run as it comes out with one method rewritten: the last bits of its signals differ, or its search is finer.
+    """Yield a run as it comes out with one method rewritten, or with the last bits of its signals changed.
 
     Parameters
     ----------
@@ -72,16 +96,19 @@ def rewritten(base: Book, folder: Path) -> Iterator[tuple[str, str, Book]]:
     method, rewrite : str
     now : Book
     """
-    plan = [(m, "finer") for m in SEARCHING if m in base.methods] + [(m, "last bits") for m in base.methods]
-    ways = {how: [(m, registry.load(m).METHOD.defaults()) for m, h in plan if h == how] for how in ("finer", "last bits")}
+    plan = [(m, how) for how, (_, who) in REWRITES.items() for m in who if m in base.methods]
+    plan += [(m, "last bits") for m in base.methods]
+    ways = {how: [(m, registry.load(m).METHOD.defaults()) for m, h in plan if h == how] for how in (*REWRITES, "last bits")}
     said, score = np.empty((len(plan), base.ids.size), np.int8), np.empty((len(plan), base.ids.size), np.float32)
     rng = np.random.default_rng(0)
     for k, row in enumerate(read_table(folder, "scenarios", ["loop", "seed"]).to_pylist()):
         record = simulate(Loop.from_table(json.loads(row["loop"])), row["seed"]).record
-        with ExitStack() as changed:
-            for module, name, change in FINER:
-                changed.enter_context(patch.object(module, name, change(getattr(module, name))))
-            answers = _answers(record, ways["finer"])
+        answers = []
+        for how, (changes, _) in REWRITES.items():
+            with ExitStack() as changed:
+                for module, name, change in changes:
+                    changed.enter_context(patch.object(module, name, change(getattr(module, name))))
+                answers += _answers(record, ways[how])
         said[:, k], score[:, k] = zip(*answers, *_answers(_last_bits(record, rng), ways["last bits"]))
     for j, (method, how) in enumerate(plan):
         yield method, how, _with(base, base.methods.index(method), said[j], score[j])

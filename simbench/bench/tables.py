@@ -85,9 +85,13 @@ def encode(columns: dict[str, list[Any]], schema: pa.Schema, number: int) -> byt
     bytes
     """
     arrays = [pa.array(_nulls(columns[f.name]), type=f.type) for f in schema]
-    table = pa.Table.from_arrays(arrays, schema=schema.with_metadata({"format": str(FORMAT), "piece": str(number)}))
+    return as_parquet(pa.Table.from_arrays(arrays, schema=schema), number)
+
+
+def as_parquet(table: pa.Table, number: int) -> bytes:
+    """Return a table as `encode` does columns."""
     out = io.BytesIO()
-    pq.write_table(table, out, compression="zstd")
+    pq.write_table(table.replace_schema_metadata({"format": str(FORMAT), "piece": str(number)}), out, compression="zstd")
     return out.getvalue()
 
 

@@ -16,10 +16,12 @@ from simbench.bench.pieces import Receipt
 Task = Callable[[int, Sequence[int]], Receipt]
 Pieces = list[tuple[int, Sequence[int]]]
 Runner = Callable[[Task, Pieces], Iterator[Receipt]]
-PATIENCE = 6.0  # s, for a scheduler to answer, or for a lost one or the last worker to come back
+PATIENCE = 6.0  # s, for a scheduler to be found, or for a lost one or the last worker to come back
+SLOW = 60.0  # s, for a scheduler to answer whose connection stands: its machine may be busy
 FIRST = 300.0  # s, for the first worker: some clusters start them when there is work
 LOOK = 1.0  # s between two looks at workers from which nothing comes
 AHEAD = 1000  # pieces handed out and not yet done
+NO_WORKER = "no dask worker is there"
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 
 
@@ -81,8 +83,8 @@ def on_cluster(address: str | None) -> Iterator[Runner]:
     Yields
     ------
     callable
-        It raises RunError when the scheduler, or every worker, has been gone for 6 s; a worker that dies among others is no
-        matter, its pieces are worked elsewhere.
+        It raises RunError when the scheduler, or every worker, has been gone for 6 s, or the scheduler silent for 60; a worker
+        that dies among others is no matter, its pieces are worked elsewhere.
 
     Raises
     ------
@@ -101,8 +103,8 @@ def on_cluster(address: str | None) -> Iterator[Runner]:
             client.close(timeout=LOOK)
 
 
-def _handed_out(submit: Callable, missing: Pieces, gone: Callable[[], str | None]) -> Iterator[Receipt]:
-    """Yield receipts as they come; `gone` says what is missing when none does."""
+def _handed_out(submit: Callable, missing: Pieces, gone: Callable[[], tuple[str, float] | None]) -> Iterator[Receipt]:
+    """Yield receipts as they come; `gone` says what is missing when none does, and for how long that may be."""
     done: queue.SimpleQueue = queue.SimpleQueue()
     waiting, left = set(), iter(missing)
 
@@ -112,23 +114,23 @@ def _handed_out(submit: Callable, missing: Pieces, gone: Callable[[], str | None
             future.add_done_callback(done.put)
 
     hand_out(AHEAD)
-    since, patience = time.monotonic(), FIRST
+    since, begun = time.monotonic(), False
     while waiting:
         try:
             future = done.get(timeout=LOOK)
         except queue.Empty:
-            why, quiet = gone(), time.monotonic() - since
-            if why is None:
-                since, patience = time.monotonic(), PATIENCE
-            elif quiet > (PATIENCE if "scheduler" in why else patience) - LOOK:
-                raise RunError(f"{why}, and nothing came for {quiet:.0f} s") from None
+            lacking, quiet = gone(), time.monotonic() - since
+            if lacking is None:
+                since, begun = time.monotonic(), True
+            elif quiet > (FIRST if lacking[0] == NO_WORKER and not begun else lacking[1]) - LOOK:
+                raise RunError(f"{lacking[0]}, and nothing came for {quiet:.0f} s") from None
             continue
         if future.cancelled():
             raise RunError("the dask scheduler is gone, and what it had to do with it")
         waiting.discard(future)
         yield future.result()
         hand_out(1)
-        since, patience = time.monotonic(), PATIENCE
+        since, begun = time.monotonic(), True
 
 
 def _client(address: str | None) -> Any:
@@ -144,14 +146,17 @@ def _client(address: str | None) -> Any:
         raise RunError(f"no dask scheduler answers at {address}: {error}; its tcp://HOST:PORT is needed") from None
 
 
-def _gone(client: Any) -> str | None:
-    try:
-        workers = client.sync(client.scheduler.ncores, callback_timeout=LOOK) if client.status == "running" else None
-    except (TimeoutError, OSError):
-        workers = None
-    if workers is None:
-        return "the dask scheduler is gone"
-    return None if workers else "no dask worker is there"
+def _gone(client: Any) -> tuple[str, float] | None:
+    # the connection of a scheduler that died is closed at once; one that is only slow keeps it
+    if client.status == "running":
+        try:
+            workers = client.sync(client.scheduler.ncores, callback_timeout=LOOK)
+            return None if workers else (NO_WORKER, PATIENCE)
+        except TimeoutError:
+            return "the dask scheduler does not answer", SLOW
+        except OSError:
+            pass
+    return "the dask scheduler is gone", PATIENCE
 
 
 def _ignore_interrupt() -> None:

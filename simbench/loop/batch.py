@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from math import ceil
 from typing import Any
 
@@ -19,6 +20,7 @@ from simbench.loop.resolve import quiet_setup
 from simbench.loop.run import finished_run, signals_of
 from simbench.loop.setup import Parts, Setup, parts_of, plain_setup
 
+ABOUT = 6  # numbers of a loop's row before those of its steps
 SEEDS = 2**64  # larger seeds take numpy's own way into its generator
 
 
@@ -32,14 +34,22 @@ class Lane:
         As `simulate` takes them.
     setup : Setup, optional
         Where the loop has loads or effects; a plain one is set up again when its run is asked for.
-    signals : ndarray, shape (3, n), optional
-        OP, PV, MV.
+    room : ndarray, shape (3, n or more, lanes), optional
+        OP, PV, MV of the loops that ran abreast.
+    column : int
+        Which of them this loop is.
     """
 
     loop: Loop
     seed: int
     setup: Setup | None = None
-    signals: Any = None
+    room: Any = None
+    column: int = 0
+
+    @property
+    def signals(self) -> np.ndarray:
+        """OP, PV, MV, shape (3, n), a view."""
+        return self.room[:, : self.loop.sampling.n, self.column]
 
 
 class Batch(Sequence):
@@ -125,33 +135,28 @@ def simulate_batch(loops: Sequence[Loop], seeds: Sequence[int]) -> Batch:
 class _Kind:
     """Loops that run by the same steps, and what differs between them."""
 
-    def __init__(self, parts: Parts, setup: Setup, loaded: bool) -> None:
+    def __init__(self, parts: Parts, setup: Setup, *, loaded: bool, sampled: bool) -> None:
         modules = tuple(module for module, _ in setup.valves)
         states = (len(module.start(setup.op0, p)) for module, p in setup.valves)
         sensed = 2 if parts.steps["sensor_step"] is sensor.full_step else 1
         self.run = abreast.compiled(tuple(sorted(parts.steps.items())), modules, parts.classes, (sensed, *states), loaded)
-        self.loaded = loaded
+        self.loaded, self.sampled = loaded, sampled
         self.draw = compiled(draw)
         self.lanes: list[Lane] = []
-        self.samples: list[int] = []
-        # one loop's behind the other's: numbers in the order of the steps' own; op0, pv0, noise std, first set point
-        self.numbers: list[float] = []
-        self.about: list[float] = []
-        # A, B, Td, Ts of plants that are sampled all at once, or the dead times of plants that are sampled already
-        self.plants: list[float] = []
-        self.delays: list[int] = []
+        # one loop's behind the other's: op0, pv0, noise std, first set point, samples, the plant's dead time in samples, then
+        # numbers in the order of the steps' own. A plant not yet sampled has Ts for its dead time and A, B, Td for its numbers
+        self.rows: list[float] = []
         # sample, loop, value of every change of a set point
         self.points: list[float] = []
 
     def simulate(self) -> None:
         """Run all lanes and hand each its signals."""
         m = len(self.lanes)
-        numbers, about = np.array(self.numbers).reshape(m, -1).T.copy(), np.array(self.about).reshape(m, 4)
-        delays = np.array(self.delays)
-        if self.plants:
-            numbers[0], numbers[1], numbers[2], delays = plant.first_order(*np.array(self.plants).reshape(m, 4).T)
-        lag = delays.astype(np.int64) + 1
-        length = np.array(self.samples)
+        rows = np.array(self.rows).reshape(m, -1).T.copy()
+        (op0, pv0, std, sp0, samples, delay), numbers = rows[:ABOUT], rows[ABOUT:]
+        if not self.sampled:
+            numbers[0], numbers[1], numbers[2], delay = plant.first_order(*numbers[:3], delay)
+        lag, length = delay.astype(np.int64) + 1, samples.astype(np.int64)
         # loops of one length together, and then those of one dead time: one that answers at once makes its neighbours wait
         order = np.lexsort((lag, length))
         width = few()
@@ -167,13 +172,14 @@ class _Kind:
             n = int(length[some[-1]])
             now, signals = added[:n], room[start : start + 3 * n * width].reshape(3, n, width)
             loads = self._loads(some, now)
-            self.draw(seeds[some], about[some, 2], length[some], now)
+            self.draw(seeds[some], std[some], length[some], now)
             self.run(
-                numbers[:, some], *about[some, :2].T, lag[some], about[some, 3], *events, loads, now.ravel(), w,
+                numbers[:, some], op0[some], pv0[some], lag[some], sp0[some], *events, loads, now.ravel(), w,
                 signals.reshape(3, -1),
             )  # fmt: skip
             for c, i in enumerate(some.tolist()[: m - group * width]):
-                self.lanes[i].signals = signals[:, : self.samples[i], c]
+                lane = self.lanes[i]
+                lane.room, lane.column = signals, c
 
     def _events(self, order: np.ndarray, width: int) -> Iterator[tuple[np.ndarray, ...]]:
         """Yield sample, lane and value of every change of a set point, group by group."""
@@ -213,19 +219,20 @@ def _add_plain(kinds: dict, lane: Lane) -> bool:
     key = control.type, module
     if key not in kinds:
         setup = plain_setup(loop, lane.seed)
-        kinds[key] = _Kind(parts_of(setup), setup, loaded=False)
+        kinds[key] = _Kind(parts_of(setup), setup, loaded=False, sampled=False)
     kind, op0, pv0, gain = kinds[key], loop.operating_point.op0, loop.pv0, control.sign * control.Kc
     second = op0 if control.Ti is None else gain * Ts / control.Ti
-    kind.numbers += (0.0, 0.0, 0.0, pv0, gain, second, Setup.op_lo, Setup.op_hi, 0.0, 0.0, *p)
-    kind.about += (op0 + 0.0, pv0, loop.noise.std, loop.setpoint.value)
-    rate = 0.0 if process.T is None else 1.0 / process.T
-    kind.plants += (-rate, process.K if process.T is None else process.K / process.T, process.Td, Ts)
-    for t, value in sorted(loop.setpoint.steps):
+    rate, push = (0.0, process.K) if process.T is None else (1.0 / process.T, process.K / process.T)
+    n, setpoint = loop.sampling.n, loop.setpoint
+    kind.rows += (
+        op0 + 0.0, pv0, loop.noise.std, setpoint.value, n, Ts,
+        -rate, push, process.Td, pv0, gain, second, Setup.op_lo, Setup.op_hi, 0.0, 0.0, *p,
+    )  # fmt: skip
+    for t, value in sorted(setpoint.steps):
         k = ceil(t / Ts - 1e-9)
-        if k < loop.sampling.n:
+        if k < n:
             kind.points += (k, len(kind.lanes), value)
     kind.lanes.append(lane)
-    kind.samples.append(loop.sampling.n)
     return True
 
 
@@ -234,18 +241,16 @@ def _add_any(kinds: dict, lane: Lane) -> None:
     lane.setup = setup = quiet_setup(lane.loop, lane.seed)
     if len(setup.den) != 2 or not 0 <= lane.seed < SEEDS or any(abreast.iterates(m.step) for m, _ in setup.valves):
         setup.draw_noise()
-        lane.signals = np.array(signals_of(setup))
+        lane.room = np.array(signals_of(setup))[..., None]
         return
     parts = parts_of(setup)
     loaded = any(signal.any() for signal in (setup.load_in, setup.load_out, setup.pv_add))
     key = tuple(sorted(parts.steps.items())), tuple(m for m, _ in setup.valves), parts.classes, loaded
     if key not in kinds:
-        kinds[key] = _Kind(parts, setup, loaded)
+        kinds[key] = _Kind(parts, setup, loaded=loaded, sampled=True)
     kind, (*fixed, stages) = kinds[key], parts.bare
-    kind.numbers += (x for numbers in (*fixed, *stages) for x in numbers)
-    kind.about += (setup.op0 + 0.0, setup.pv0, setup.noise_std, setup.sp[0])
-    kind.delays.append(parts.sampled.delay)
+    kind.rows += (setup.op0 + 0.0, setup.pv0, setup.noise_std, setup.sp[0], setup.n, parts.sampled.delay)
+    kind.rows += chain.from_iterable((*fixed, *stages))
     for k in (np.flatnonzero(np.diff(setup.sp)) + 1).tolist():
         kind.points += (k, len(kind.lanes), setup.sp[k])
     kind.lanes.append(lane)
-    kind.samples.append(setup.n)

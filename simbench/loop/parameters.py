@@ -167,9 +167,8 @@ def resolve(
     >>> p.S, p.J, p.Ts
     (5.0, 0.0, 1.0)
     """
-    for name in table:
-        if name not in schema:
-            raise UnknownName("parameter", name, schema, where)
+    if not table.keys() <= schema.keys():
+        raise UnknownName("parameter", next(name for name in table if name not in schema), schema, where)
     values: dict[str, float] = {}
     for name, rule in schema.items():
         if name in table:
@@ -214,11 +213,17 @@ def valve_parameters(module: ModuleType, table: Mapping[str, Any], Ts: float) ->
     >>> valve_parameters(VALVES.load("deadband"), {"S": 5.0}, Ts=1.0).S
     5.0
     """
-    where = f"valve {module.__name__.rpartition('.')[2]!r}"
-    p = resolve(module.PARAMETERS, table, where, getattr(module, "complete", None), Ts=float(Ts))
-    if hasattr(module, "check"):
-        module.check(p)
+    # a look into its namespace: asking a module for what it lacks raises an error inside, which costs more than the numbers
+    own = vars(module)
+    p = resolve(own["PARAMETERS"], table, _valve_named(own["__name__"]), own.get("complete"), Ts=float(Ts))
+    if "check" in own:
+        own["check"](p)
     return p
+
+
+@cache
+def _valve_named(module: str) -> str:
+    return f"valve {module.rpartition('.')[2]!r}"
 
 
 @cache

@@ -19,7 +19,7 @@ from simbench.loop.simulate import simulate
 from simbench.plant.calibration import ASKED, EvidenceWeights, calls
 from simbench.plant.friction import FRICTION, friction
 from simbench.plant.indices import judged
-from simbench.plant.learn import TESTING, kept
+from simbench.plant.learn import TESTING, kept, looked_at
 from simbench.plant.result import SOUND, UNSEEN, MethodTrust
 from simbench.plant.trust import LIKELY, trust
 
@@ -36,9 +36,13 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m simbench.plant.claims", description=__doc__)
     parser.add_argument("out", metavar="FOLDER", help="Where the answers are kept; goes on where it stopped.")
     parser.add_argument("-n", type=int, default=40, help="Loops to ask about [40].")
+    parser.add_argument(
+        "--weighed", type=int, default=200, help="Loops whose probability is checked, which needs no twins [200]."
+    )
     chosen = parser.parse_args(arguments)
-    rows = kept(Path(chosen.out), chosen.n, TESTING, checked)
-    print("\n".join([*_claims([r for r in rows if r["best"]]), *_probability(rows), *_visible(rows), *_chosen(rows)]))
+    weighed = kept(Path(chosen.out) / "weighed", chosen.weighed, TESTING, looked_at)
+    rows = kept(Path(chosen.out) / "twins", chosen.n, TESTING, checked)
+    print("\n".join([*_probability(weighed), "", *_claims([r for r in rows if r["best"]]), *_visible(rows), *_chosen(rows)]))
     return 0
 
 
@@ -148,11 +152,12 @@ def _at(cells: list[dict[str, float]], S: float, J: float) -> float:
 
 
 def _probability(rows: list[dict[str, Any]]) -> list[str]:
-    rows = [r for r in rows if r["probability"] is not None]
-    p, sticky = np.array([r["probability"] for r in rows]), np.array([r["sticky"] for r in rows])
+    weights = EvidenceWeights.read()
+    p = np.array([weights.probability(r["gain"], r["said"][ASKED][0] == STICTION) for r in rows])
+    sticky = np.array([r["sticky"] for r in rows])
     # trust assumes even odds before looking: sticky and healthy loops count the same
     w = np.where(sticky, 0.5 / max(sticky.sum(), 1), 0.5 / max((~sticky).sum(), 1))
-    lines = ["", f"probability of stiction, {len(rows)} loops, {sticky.sum()} sticky: claimed, share sticky, loops"]
+    lines = [f"probability of stiction, {len(rows)} loops, {sticky.sum()} sticky: claimed, share sticky, loops"]
     for here in _bins(p):
         if here.any():
             share = np.average(sticky[here], weights=w[here])
@@ -162,6 +167,14 @@ def _probability(rows: list[dict[str, Any]]) -> list[str]:
     lo, hi = np.quantile([_error(p[k], sticky[k], w[k]) for k in picks], [0.025, 0.975])
     lines.append(
         f"expected calibration error {_error(p, sticky, w):.3f} (95 % of bootstraps {lo:.3f} to {hi:.3f}: upwards biased)"
+    )
+    right = {"trust": p > 0.5, ASKED: np.array([r["said"][ASKED][0] == STICTION for r in rows])}
+    share = {name: 0.5 * (called[sticky].mean() + (~called[~sticky]).mean()) for name, called in right.items()}
+    lines.append(f"right, sticky and healthy loops counting the same: {', '.join(f'{n} {s:.2f}' for n, s in share.items())}")
+    sure = p > LIKELY
+    lines.append(
+        f"stiction claimed: {_share(int(sure[sticky].sum()), int(sticky.sum()))} of the sticky, "
+        f"{_share(int(sure[~sticky].sum()), int((~sticky).sum()))} of the healthy"
     )
     return [*lines, f"Brier score {np.average((p - sticky) ** 2, weights=w):.3f} (even odds: 0.250)"]
 

@@ -175,7 +175,8 @@ def main(arguments: list[str] | None = None) -> int:
                     json.dump(answer, f)
             rows.append(json.loads(file.read_text(encoding="utf-8")))
     head = f"{given.seeds} seeds, fleets of {given.records} loops against {given.groups} groups of grid {GRID}"
-    print("\n".join([head, *(told(rows) if rows else []), *healthy(given.healthy, given.records, given.groups)]))
+    said = [head, *told(rows)] if rows else []
+    print("\n".join(said + (healthy(given.healthy, given.records, given.groups) if given.healthy else [])))
     return 0
 
 

@@ -171,17 +171,18 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _panel(chosen: list[tuple[Any, LoopRecord]], out: Path) -> list[str]:
-    added, lost, lines = 0, 0, []
+    added: list[str] = []
+    sound = lost = 0
     for m, r in tqdm(chosen, file=sys.stderr):
         before = _kept(out / f"{m.id}.json", r)["trust"]
         for i, (name, change) in enumerate(PANEL.items()):
             after = _kept(out / f"{m.id}-{i}.json", change(r))["trust"]
-            added += after and not before
             lost += before and not after
             if after and not before:
-                lines.append(f"added: {m.id}, {m.label}, {name}")
-    count = len(chosen) * len(PANEL)
-    return ["", f"{count} changed records: {added} confident verdicts of stiction added, {lost} lost", *lines]
+                added.append(f"added: {m.id}, {m.label}, {name}")
+                sound += m.label != "stiction"
+    said = f"{len(added)} confident verdicts of stiction added, {sound} of them where the label says none; {lost} lost"
+    return ["", f"{len(chosen)} records changed in {len(PANEL)} ways: {said}", *added]
 
 
 def _kept(file: Path, record: LoopRecord) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from simbench.loop.simulate import simulate
 
 LOOPS = 256
 # samples, and the least ratios: to C, to `simulate`, to `simulate` with runs made of both. Longer records wait for memory
-BARS = {1000: (2.5, 5.0, 1.0), 4000: (2.0, 4.0, 0.8)}
+BARS = {1000: (2.5, 8.0, 1.0), 4000: (2.0, 5.5, 0.8)}
 
 
 def random_loops(noise: float, n: int) -> list[Loop]:

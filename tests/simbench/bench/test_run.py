@@ -26,6 +26,7 @@ from simbench.bench.run import Interrupted, run_grid
 from simbench.bench.store import Book, read_scenario
 from simbench.bench.work import record_hash
 from simbench.files import FileError
+from simbench.loop.batch import simulate_batch
 from simbench.loop.simulate import simulate
 
 METHODS = ["he", "yamashita"]
@@ -153,6 +154,14 @@ def test_a_record_is_simulated_again_from_its_id(finished):
         scenario = read_scenario(finished, row.scenario_id)
         assert scenario.id == row.scenario_id
         assert record_hash(simulate(scenario.loop, scenario.seed).record) == row.record_hash
+
+
+def test_a_batch_of_a_runs_loops_has_the_bits_of_the_run(finished):
+    """A run simulates one loop after the other, and would find the same with many at once."""
+    ids = tables(finished)[1].set_index("scenario_id").record_hash
+    scenarios = [read_scenario(finished, ident) for ident in ids.index]
+    batch = simulate_batch([s.loop for s in scenarios], [s.seed for s in scenarios])
+    assert [record_hash(run.record) for run in batch] == list(ids)
 
 
 def test_an_unknown_id_names_the_run(finished):

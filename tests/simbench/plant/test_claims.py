@@ -46,6 +46,18 @@ def test_sticky_and_healthy_loops_weigh_the_same_in_the_calibration():
     assert claims._error(p, sticky, weight) == pytest.approx(0.1)
 
 
+def test_a_probability_is_held_against_the_share_that_sticks():
+    rows = [
+        {"sticky": i % 2 == 0, "gain": 40.0 if i % 2 == 0 else -40.0, "said": {"procedure": ["no_stiction", None]}}
+        for i in range(8)
+    ]
+    lines = claims._probability(rows)
+    assert lines[0] == "probability of stiction, 8 loops, 4 sticky: claimed, share sticky, loops"
+    assert [line.split()[1:] for line in lines[1:3]] == [["0.00", "4"], ["1.00", "4"]]
+    assert "trust 1.00, procedure 0.50" in lines[4]
+    assert "4 of 4 (0.51 to 1.00) of the sticky, 0 of 4 (0.00 to 0.49) of the healthy" in lines[5]
+
+
 def test_who_is_right_is_counted_on_the_same_loops():
     lines = claims._chosen([*ROWS, row(True, 0.8, "no_stiction", None, 1.0, 0.0, 0.5) | {"best": None}])
     assert lines[1] == "right on 3 loops: best detector in hindsight (he) 0.67"
