@@ -201,3 +201,11 @@ def test_a_method_takes_a_record_of_just_its_least_number_of_samples():
         record = LoopRecord(RECORD.op[:n], RECORD.pv[:n], 0.5, process="self-regulating")
         said = judge_one("bicoherence", module, Prepared(record), True, module.METHOD.defaults())
         assert ("at least 256 are needed" in said.reason) is not enough
+
+
+@pytest.mark.parametrize("name", ["kano_a", "kano_b", "yamashita"])
+def test_without_any_position_of_the_valve_a_method_that_needs_it_does_not_apply(name):
+    module = methods.load(name)
+    said = module.detect(Prepared(replace(RECORD, kind="level")), **module.METHOD.defaults())
+    assert (said.method, said.verdict, said.applicable) == (name, "no_decision", False)
+    assert said.reason.startswith("no MV recorded")

@@ -13,9 +13,10 @@ from detectors.contract import LoopRecord
 from detectors.errors import ParameterError
 from detectors.verdict import Verdict
 from scenarios.spec import Loop
+from simbench.bench import manifest, truth, work
 from simbench.bench import resolve as rules
 from simbench.bench import statistics as of
-from simbench.bench import truth, work
+from simbench.bench.adaptive import _widths
 from simbench.bench.check_result import SHOWN, Check
 from simbench.bench.failures import Failures
 from simbench.bench.leak import Fairness
@@ -300,3 +301,31 @@ def test_a_record_is_known_by_every_bit_of_every_signal():
         seen.add(work.record_hash(LoopRecord(Ts=1.0, **signals)))
     assert len(seen) == 5
     assert all(len(h) == 16 for h in seen)
+
+
+def test_the_widest_interval_of_any_method_counts_in_each_cell():
+    right, known = np.array([[5, 50], [0, 2]]), np.array([10, 100])
+    ends = [[np.subtract(*of.wilson(k, n)[::-1]) for k, n in zip(row, known, strict=True)] for row in right]
+    assert _widths(right, known).tolist() == pytest.approx(np.max(ends, axis=0).tolist())
+
+
+def test_the_commit_is_read_from_a_checkout_on_a_branch_off_it_and_from_a_linked_tree(tmp_path, monkeypatch):
+    def commit(tree):
+        monkeypatch.setattr(manifest, "__file__", str(tree / "simbench" / "bench" / "manifest.py"))
+        return manifest._commit.__wrapped__()
+
+    git = tmp_path / "main" / ".git"
+    (git / "refs" / "heads").mkdir(parents=True)
+    (git / "refs" / "heads" / "one").write_text("1111\n")
+    (git / "HEAD").write_text("ref: refs/heads/one\n")
+    assert commit(tmp_path / "main") == "1111"
+    linked = git / "worktrees" / "other"
+    linked.mkdir(parents=True)
+    (linked / "commondir").write_text("../..\n")
+    (linked / "HEAD").write_text("2222\n")  # no branch
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / ".git").write_text(f"gitdir: {linked}\n")
+    assert commit(tmp_path / "other") == "2222"
+    (linked / "HEAD").write_text("ref: refs/heads/one\n")
+    assert commit(tmp_path / "other") == "1111"
+    assert commit(tmp_path / "nowhere") is None

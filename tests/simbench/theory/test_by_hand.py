@@ -13,7 +13,7 @@ from simbench.theory import table_check, verify
 from simbench.theory.basin import kick_min, starts_cycle
 from simbench.theory.cycle import after_load_step, at_rest, exact_cycle
 from simbench.theory.describing import deadzone, first_harmonic, intersections, measured, stiction
-from simbench.theory.half_cycle import _product, half_cycles
+from simbench.theory.half_cycle import _move, _product, _residual, _solved, half_cycles, standing
 from simbench.theory.march import reversals
 from simbench.theory.predict import as_text
 from simbench.theory.sampled import mapped_valve, nearest_map, sampled_loop
@@ -147,6 +147,35 @@ def test_a_product_of_small_arrays():
     out = np.full((3, 4), np.nan)
     _product.py_func(a, b, out)
     np.testing.assert_allclose(out, a @ b, rtol=1e-12)
+
+
+@pytest.mark.parametrize("Ti", [None, 10.0])
+def test_the_head_of_a_half_cycle_is_the_march_with_the_valve_set_free(loop, Ti):
+    """Sample by sample: MV follows OP at `fd` for m samples, then stands; the delay empties for two more."""
+    made = sampled_loop(loop(Ti=Ti, Ts=0.5, Td=1.0))
+    m, c = made.delay + 3, made.order + 2
+    head = np.full((c, c + 1), np.nan)
+    _move.py_func(made.A, made.B_old, made.B_new, made.C, made.integral, made.beta, made.fd, made.delay, m, head)
+    start = np.array([0.7, 2.0, 5.0])
+    x, u, v, w = start[:1], start[1], [start[2]] * (made.delay + 3), float(made.C @ start[:1])
+    for k in range(1, m + made.delay + 3):
+        x = made.A @ x + made.B_old * v[-made.delay - 2] + made.B_new * v[-made.delay - 1]
+        y = float(made.C @ x)
+        u, w = (u - (y - w) - made.beta * y if made.integral else -y), y
+        v.append(u + made.fd if k <= m else v[-1])
+    assert (head[:, :-1] @ start + head[:, -1]).tolist() == pytest.approx([*x, u, v[-1]])
+
+
+@pytest.mark.parametrize("q", [0, 1, 6, 11])
+def test_the_residual_of_a_half_cycle_is_that_of_the_whole_arrays(loop, q):
+    made = sampled_loop(loop(Ts=0.5, Td=1.0))
+    T, powers, c = standing(made), [standing(made)], made.order + 2
+    for _ in range(3):
+        powers.append(powers[-1] @ powers[-1])
+    head = np.random.default_rng(3).normal(size=(c, c + 1))
+    room = np.empty((3, c, c + 1))
+    found = _residual.py_func(head, T, np.array(powers), made.fs, q, *room)
+    assert found == pytest.approx(_solved(head, T, powers, made.fs, np.array([q]))[0][0])
 
 
 def test_half_cycles_that_are_kept_are_sorted_and_stable_where_deviations_die(loop):
