@@ -66,7 +66,7 @@ def cluster(count: int, grid: str = "smoke", method: str = "horch") -> dict[str,
                 os.kill(next(iter(control.run(os.getpid).values())), signal.SIGKILL)
                 killed.append(_wait(target, total // 2, first))
                 first.kill()
-                first.wait()
+                first.communicate()
                 found = len(list(target.glob("receipts/*.json")))
                 second = _started(target, *what, address)
                 killed.append(_wait(target, total * 3 // 4, second))
