@@ -5,17 +5,18 @@ from __future__ import annotations
 import contextlib
 import csv
 import io
+import json
 import os
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 from detectors.errors import ParameterError, UserError
 from detectors.record import LoopRecord
 
-# `Path` makes one slash of two; a single letter is a drive
 READ = (".csv", ".json", ".mat", ".parquet", ".pq", ".toml", ".txt", ".xls", ".xlsx")  # what commands read of a folder
+# `Path` makes one slash of two; a single letter is a drive
 URL = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+):/+(.*)")
 
 
@@ -77,6 +78,39 @@ def _local(path: str | Path) -> Path:
     if url is not None:
         raise FileError(f"{path} cannot be written: scheme {url[1]!r} is unknown; give a path on this machine")
     return Path(path)
+
+
+def answered(path: str | Path, ask: Callable[[], Any]) -> Any:
+    """Return the answer kept in a file as JSON; where there is none yet, ask and keep it: a killed command goes on there.
+
+    Parameters
+    ----------
+    path : path
+    ask : callable
+        Returns what JSON can hold.
+
+    Returns
+    -------
+    object
+
+    Raises
+    ------
+    FileError
+        When the file cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> file = Path(tempfile.mkdtemp()) / "answer.json"
+    >>> answered(file, lambda: [1, 2]), answered(file, lambda: [3])
+    ([1, 2], [1, 2])
+    """
+    file = Path(path)
+    if not file.exists():
+        answer = ask()
+        with whole_file(file) as f:
+            json.dump(answer, f)
+    return json.loads(file.read_text(encoding="utf-8"))
 
 
 def picture_kind(path: str | Path) -> str:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from scenarios.errors import SpecError
 from scenarios.grid import load_grid
 from scenarios.spec import Scenario
 from simbench.bench.resolve import resolve
-from simbench.files import folder, whole_file
+from simbench.files import FileError, answered, folder
 from simbench.loop.simulate import simulate
 from simbench.plant.calibration import ASKED, EvidenceWeights, evidence
 from simbench.plant.friction import FRICTION, friction
@@ -95,16 +95,12 @@ def kept(out: Path, count: int, seed: int, ask: Callable[[Scenario], dict[str, A
     folder(out)
     rows = []
     for scenario in tqdm(loops(count, seed), total=count, file=sys.stderr):
-        file = out / f"{scenario.id}.json"
-        if not file.exists():
-            try:
-                row = ask(scenario)
-            except UserError as error:
-                print(f"left out {scenario.id}: {error}", file=sys.stderr)
-                continue
-            with whole_file(file) as f:
-                json.dump(row, f)
-        rows.append(json.loads(file.read_text(encoding="utf-8")))
+        try:
+            rows.append(answered(out / f"{scenario.id}.json", partial(ask, scenario)))
+        except FileError:
+            raise
+        except UserError as error:
+            print(f"left out {scenario.id}: {error}", file=sys.stderr)
     return rows
 
 

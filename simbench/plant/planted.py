@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import tempfile
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from tqdm import tqdm
 from detectors.report import choose_methods
 from scenarios.spec import Loop, Part
 from simbench.bench.statistics import wilson
-from simbench.files import folder, whole_file, write_record
+from simbench.files import answered, folder, write_record
 from simbench.loop.setup import plain_setup
 from simbench.loop.simulate import simulate
 from simbench.plant.joining import Simulated, accuracy, draw, units, verdicts_on
@@ -169,11 +169,7 @@ def main(arguments: list[str] | None = None) -> int:
     for seed in range(given.seeds):
         for effect in STRENGTHS:
             file = given.out / f"{effect.replace(' ', '-')}-{seed}-{given.records}-{given.groups}.json"
-            if not file.exists():
-                answer = asked(effect, seed, given.records, given.groups)
-                with whole_file(file) as f:
-                    json.dump(answer, f)
-            rows.append(json.loads(file.read_text(encoding="utf-8")))
+            rows.append(answered(file, partial(asked, effect, seed, given.records, given.groups)))
     head = f"{given.seeds} seeds, fleets of {given.records} loops against {given.groups} groups of grid {GRID}"
     said = [head, *told(rows)] if rows else []
     print("\n".join(said + (healthy(given.healthy, given.records, given.groups) if given.healthy else [])))

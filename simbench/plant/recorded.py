@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from detectors.errors import UserError
 from detectors.io import read_record
 from detectors.record import PROCESSES, LoopRecord
 from simbench.bench.statistics import wilson
-from simbench.files import folder, whole_file
+from simbench.files import answered, folder
 from simbench.plant.around import in_percent
 from simbench.plant.calibration import ASKED, EvidenceWeights, calls
 from simbench.plant.friction import FRICTION, friction
@@ -160,7 +160,7 @@ def main(arguments: list[str] | None = None) -> int:
     folder(given.output)
     read = records(given.folder)
     rows = pd.DataFrame(
-        {"unit": m.unit_group, "sticky": m.label == "stiction", **_kept(given.output / f"{m.id}.json", r)}
+        {"unit": m.unit_group, "sticky": m.label == "stiction", **answered(given.output / f"{m.id}.json", partial(weighed, r))}
         for m, r in tqdm(read, file=sys.stderr)
     )
     print("\n".join(line for method in (ASKED, "likelihood", "trust") for line in counted(rows, method)))
@@ -174,22 +174,15 @@ def _panel(chosen: list[tuple[Any, LoopRecord]], out: Path) -> list[str]:
     added: list[str] = []
     sound = lost = 0
     for m, r in tqdm(chosen, file=sys.stderr):
-        before = _kept(out / f"{m.id}.json", r)["trust"]
+        before = answered(out / f"{m.id}.json", partial(weighed, r))["trust"]
         for i, (name, change) in enumerate(PANEL.items()):
-            after = _kept(out / f"{m.id}-{i}.json", change(r))["trust"]
+            after = answered(out / f"{m.id}-{i}.json", partial(weighed, change(r)))["trust"]
             lost += before and not after
             if after and not before:
                 added.append(f"added: {m.id}, {m.label}, {name}")
                 sound += m.label != "stiction"
     said = f"{len(added)} confident verdicts of stiction added, {sound} of them where the label says none; {lost} lost"
     return ["", f"{len(chosen)} records changed in {len(PANEL)} ways: {said}", *added]
-
-
-def _kept(file: Path, record: LoopRecord) -> dict[str, Any]:
-    if not file.exists():
-        with whole_file(file) as f:
-            json.dump(weighed(record), f)
-    return json.loads(file.read_text(encoding="utf-8"))
 
 
 if __name__ == "__main__":
