@@ -100,7 +100,8 @@ def examine_law(
         recovered_pv = None if other.recovered_pv is None else np.append(other.recovered_pv[1:], pv[-1])
         tries.append(replace(other, recovered_pv=recovered_pv, late=1))
     if sp is not None:
-        tries += [_examine(op, pv, s, Ts, Kc, Ti, trusted, noise) for s in (np.append(sp[0], sp[:-1]), np.append(sp[1:], sp[-1]))]
+        shifted = (np.append(sp[0], sp[:-1]), np.append(sp[1:], sp[-1]))
+        tries += [_examine(op, pv, s, Ts, Kc, Ti, trusted, noise) for s in shifted]
     # a law that is exact but for the set point's steps is only mended by what explains these
     most = law.strays.size / 2 if law.foreign and law.residual < EXACT else op.size
     known = [t for t in tries if t.known and t.strays.size <= most]

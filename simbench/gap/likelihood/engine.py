@@ -18,7 +18,7 @@ from simbench.gap.likelihood.model import HOLDING, INNER, Data, Fit, Spec, jumps
 NOMINAL = 0.10  # a baseline is trusted within +-10 %: the prior is flat there ...
 EDGE = 0.02  # ... and falls off with this standard deviation outside
 BEHIND = ("extra", INNER)  # poles that the load passes as well
-HALF = 0.5  # of the dead time, that may be a lag of the plant; a lag is looked for from half of that
+HALF = 0.5  # of the dead time, that may be a lag of the plant; a lag is looked for from shares of that
 LOGS = {"T", "load_time", "load_lag", "load", "noise_std"}
 SHAPING = {"T", "Td"}  # nuisances that change signals, not only the noise model
 REDDEST = 0.8  # noise of more memory than this has passed a filter
@@ -75,11 +75,13 @@ class Engine:
         return best
 
     def of_higher_order(self, base: Fit) -> Fit:
-        """Return the fit with some of the dead time as a lag where that is plainly likelier: a dead time often stands for one."""
+        """Return the fit with a lag in place of some dead time where that is plainly likelier: dead times stand for lags."""
         if not self.data.trusted or self.data.Td == 0.0 or base.spec.pole:
             return base
-        Td, tau = base.theta["Td"], 0.5 * HALF * self.data.Td
-        best = self.fit(replace(base.spec, pole=INNER), {**base.theta, "tau": tau, "Td": max(Td - tau, 0.0)})
+        spec, Td = replace(base.spec, pole=INNER), base.theta["Td"]
+        taus = [share * HALF * self.data.Td for share in (0.2, 0.5)]
+        tries = [self.fit(spec, {**base.theta, "tau": tau, "Td": max(Td - tau, 0.0)}) for tau in taus]
+        best = max(tries, key=lambda f: f.loglik)
         return best if best.loglik > base.loglik + size_penalty(self.data.n, 1.0) else base
 
     def bounds(self, spec: Spec, name: str) -> tuple[float, float]:

@@ -60,7 +60,8 @@ def test_a_thinned_archive_is_as_thin_as_its_lines_are_off_what_op_saw():
     # 0.98 of the samples lie as near as the largest of the lines
     assert found.thinning == pytest.approx(0.4)
     few = PV + np.where(np.arange(N) < 15, 0.4, 0.01)
-    assert _archive(record(), replace(LAW, reason="no law", recovered_pv=few), replace(PLAIN, straight=0.18), 0.1)[0].thinning < 0.02
+    barely = replace(LAW, reason="no law", recovered_pv=few)
+    assert _archive(record(), barely, replace(PLAIN, straight=0.18), 0.1)[0].thinning < 0.02
     # where nothing tells, half of what PV moves
     blind, plant_pv, _ = _archive(record(), LAW, replace(PLAIN, straight=0.18), 0.1)
     assert blind == Archive(None, pytest.approx(0.5 * np.std(np.diff(PV))))
@@ -79,7 +80,8 @@ def test_a_mean_is_the_archives_and_no_effect():
 def test_lines_through_a_mean_count_once_they_are_further_off_it_than_the_noise(noise, thinned):
     seen = PV + np.random.default_rng(5).normal(0.0, 0.5, N)
     pv = 0.5 * (seen + np.append(seen[0], seen[:-1])) + np.where(np.arange(N) % 9 == 0, 0.3, 0.0)
-    found, plant_pv, _ = _archive(record(pv), replace(LAW, averaged=True, recovered_pv=seen), replace(PLAIN, straight=0.3), noise)
+    law = replace(LAW, averaged=True, recovered_pv=seen)
+    found, plant_pv, _ = _archive(record(pv), law, replace(PLAIN, straight=0.3), noise)
     assert (found.thinning > 0.0) == thinned
     assert np.array_equal(plant_pv, seen)
 
