@@ -138,6 +138,7 @@ def _twin(a: Around, S: float, J: float, change: Change, stream: list[int], numb
                 table = _driven(table, a, DRIVEN[number // 2 % 2], seed, rng)
             loop = Loop.from_table(table, "twin")
             run = simulate(with_friction(loop, 0.0, 0.0), seed).record
+            run = run.window(ahead, run.n)  # what comes before it is not in the record: a set-point step at its start would be
             if not _alike(run, a.record, change, own=S <= 0):
                 continue
             # a record that swings is told from a sound loop that swings too, not from one that rests
@@ -147,9 +148,10 @@ def _twin(a: Around, S: float, J: float, change: Change, stream: list[int], numb
                 # at rest a sticky loop may stay there for ever; the plant's has been moving for years
                 kick = float(rng.choice((-1.0, 1.0))) * (S + 1.0)
                 run = simulate(with_friction(loop, S, J), seed, kick=kick).record
+                run = run.window(ahead, run.n)
         except (UserError, SpecError):
             continue
-        return Twin(S, J, _as_recorded(run.window(ahead, run.n), a.record, change.mv))
+        return Twin(S, J, _as_recorded(run, a.record, change.mv))
     return None
 
 
