@@ -13,7 +13,7 @@ import numpy as np
 
 from detectors.evidence import BIAS, EVIDENCE, VOTERS, WITNESSES
 from detectors.judge import UNFIT, judge_one
-from detectors.prepared import Prepared
+from detectors.prepared import Prepared, prepare
 from detectors.record import LoopRecord
 from detectors.registry import methods as registry
 from detectors.signal.bicoherence import error_bicoherence
@@ -238,7 +238,7 @@ def diagnose(
     >>> found.verdict, [s.step for s in found.steps]
     ('no_stiction', ['quality', 'oscillation', 'saturation', 'nonlinearity', 'stiction'])
     """
-    return walk(Prepared(record), ProcedureRules(odds_low, odds_high, follow_min, weighted, veto))
+    return walk(prepare(record), ProcedureRules(odds_low, odds_high, follow_min, weighted, veto))
 
 
 @dataclass(frozen=True)
@@ -303,7 +303,9 @@ class _Course:
         if not o.sustained:
             self.score = QUIET
             return "no", f"no sustained oscillation ({o.evidence})", "Look at the valve itself, where it is seen."
-        return "yes", f"period {o.period_s:.4g} s, r = {o.regularity:.1f}", "Its most likely origin is the valve; go on."
+        part = self.prepared.part
+        where = f", in samples {part[0]} to {part[1] - 1}" if part else ""
+        return "yes", f"period {o.period_s:.4g} s, r = {o.regularity:.1f}{where}", "Its most likely origin is the valve; go on."
 
     def valve(self) -> tuple[str, str, str]:
         position, fits, note = self.prepared.valve_position()
