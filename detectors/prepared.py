@@ -86,7 +86,8 @@ class Prepared:
             return self._turned_pv(), True, "PV of a flow loop as MV"
         if record.kind is None:
             return self._turned_pv(), None, "PV as MV, kind of loop unknown"
-        return None, False, f"no MV recorded, and PV of a {record.kind} loop is no measure of the valve's position"
+        loop = f"{'an' if record.kind[0] in 'aeiou' else 'a'} {record.kind} loop"
+        return None, False, f"no MV recorded, and PV of {loop} is no measure of the valve's position"
 
     def clean(self, name: str) -> np.ndarray:
         """Return the oscillation in "op" or "pv", shape (n,), without drift and without noise beyond its clear harmonics."""

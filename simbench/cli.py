@@ -495,7 +495,10 @@ def figure(
 def gain_change(
     loop: Annotated[Path | None, typer.Argument(metavar="LOOP.toml")] = None,
     records: Annotated[tuple[Path, Path] | None, typer.Option(metavar="BEFORE.csv AFTER.csv", help="Not a loop.")] = None,
-    factor: Annotated[float | None, typer.Option(help="New gain over old; read off the records when absent.")] = None,
+    ratio: Annotated[
+        float | None,
+        typer.Option("--ratio", "--factor", metavar="R", help="New gain over old; read off the records when absent."),
+    ] = None,
     op_span: Span = None,
     picture: Annotated[Path | None, typer.Option(help="Picture to write (SVG or PNG).")] = None,
     as_json: Json = False,
@@ -509,13 +512,13 @@ def gain_change(
 
         assert records is not None
         before, after = (read_record(path, op_span=op_span) for path in records)
-        found = gain_change_recorded(before, after, factor)
+        found = gain_change_recorded(before, after, ratio)
     else:
         from scenarios.spec import load_loop
         from simbench.confirm.gain_change import gain_change as test
 
         with naming(loop):
-            found = test(load_loop(loop)) if factor is None else test(load_loop(loop), factor)
+            found = test(load_loop(loop)) if ratio is None else test(load_loop(loop), ratio)
     _confirmed(found, picture, as_json)
 
 
