@@ -43,7 +43,8 @@ def main(arguments: list[str] | None = None) -> int:
     chosen = parser.parse_args(arguments)
     weighed = kept(Path(chosen.out) / "weighed", chosen.weighed, TESTING, looked_at)
     rows = kept(Path(chosen.out) / "twins", chosen.n, TESTING, checked)
-    print("\n".join([*_probability(weighed), "", *_claims([r for r in rows if r["best"]]), *_visible(rows), *who_is_right(rows)]))
+    said = [*_probability(weighed), "", *_claims([r for r in rows if r["best"]]), *_visible(rows), *who_is_right(rows)]
+    print("\n".join(said))
     return 0
 
 
