@@ -22,6 +22,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import numpy as np
+
 from detectors.errors import ParameterError, UserError
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
@@ -213,7 +215,9 @@ class Guest(Host):
         """
         self.refuse_lost()
         known = {name: value for name in ("oscillation", "flags") if (value := prepared.__dict__.get(name)) is not None}
-        about = {"record": prepared.record, "front_end": prepared.front_end, "known": known}
+        # what methods of the house found before it, but for their verdicts: numbers and signals, which are cheaper to send
+        shared = {k: v for k, v in prepared.shared.items() if isinstance(k, str) and isinstance(v, (float, tuple, np.ndarray))}
+        about = {"record": prepared.record, "front_end": prepared.front_end, "known": {**known, "shared": shared}}
         asked = {"do": "judge", **about, "modes": modes, "thresholds": thresholds}
         answer = self.ask(asked, self.seconds, len(modes))
         if not isinstance(answer, list) or len(answer) != len(modes):

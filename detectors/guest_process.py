@@ -56,7 +56,7 @@ def serve(answer: Callable[[dict[str, Any]], Any]) -> None:
 
 def main() -> None:
     """Serve one detector: `python -m detectors.guest_process READ WRITE PARENT SOURCE`."""
-    methods.host_entry_points = False
+    methods.entry_host = None
     source, name = sys.argv[4], ""
 
     def answer(asked: dict[str, Any]) -> Any:

@@ -17,7 +17,7 @@ from typing import Any
 from detectors.errors import ParameterError, UnknownName, UserError
 from detectors.guest import SECONDS, Guest, refuse_name
 
-MakeHost = Callable[[Path, float], Any]
+MakeHost = Callable[[Path | str, float], Any]
 
 
 class PluginFolder:
@@ -36,6 +36,11 @@ class PluginFolder:
     reserved : tuple of str
         Names that mean something else where names of plug-ins are given.
 
+    Attributes
+    ----------
+    entry_host : callable or None
+        (name, seconds) -> the process in which what another distribution publishes lives; None: it is imported here.
+
     Examples
     --------
     >>> folder = PluginFolder("detector", "detectors.methods", "simbench.detectors", ("METHOD", "detect"))
@@ -49,6 +54,7 @@ class PluginFolder:
         self.group = group
         self.required = required
         self.reserved = reserved
+        self.entry_host: MakeHost | None = None
         self._guests: dict[str, tuple[tuple, Any]] = {}
         self._files: dict[str, ModuleType] = {}
         self._loaded: dict[str, ModuleType] = {}
@@ -182,8 +188,26 @@ class PluginFolder:
             for name in set(self._files) - before:
                 self.forget(name)
 
+    @contextmanager
+    def entries_hosted(self, host: MakeHost) -> Iterator[None]:
+        """Let what other distributions publish live in processes of their own, for one question only."""
+        before, self.entry_host = self.entry_host, host
+        self._forget_entries()
+        try:
+            yield
+        finally:
+            self.entry_host = before
+            self._forget_entries()
+
+    def _forget_entries(self) -> None:
+        for name in self._entry_points:
+            self._loaded.pop(name, None)
+            self.forget(name)
+
     def guest(self, name: str) -> Any:
         """Return the process a plug-in lives in; None for those of the house."""
+        if self.entry_host is not None and name in self._entry_points and name not in self._files:
+            self.load(name)
         found = self._guests.get(name)
         return None if found is None else found[1]
 
@@ -208,8 +232,20 @@ class PluginFolder:
         return {e.name: e for e in entry_points(group=self.group) if e.name not in self._own and e.name not in self.reserved}
 
     def _outside(self, name: str) -> ModuleType | None:
-        """Import what another distribution publishes under a name."""
-        return self._entry_points[name].load() if name in self._entry_points else None
+        """Return what another distribution publishes under a name, or what stands for it here."""
+        point = self._entry_points.get(name)
+        if point is None:
+            return None
+        where = f"{self.kind} {name!r} of {point.dist.name if point.dist else 'another distribution'} ({point.value})"
+        if self.entry_host is None:
+            try:
+                return point.load()
+            except (Exception, SystemExit) as error:  # it may fail in any way; the user needs its distribution's name
+                raise ParameterError(f"{where} cannot be imported: {error!r}") from error
+        host = self.entry_host(name, SECONDS)
+        stub = _stub(host, where)
+        self._guests[name] = ((), host)
+        return stub
 
     @cached_property
     def _own(self) -> frozenset[str]:
@@ -239,16 +275,14 @@ RESERVED = ("all", "fast", "full", "oracle", "always_no", "always_yes")
 class Detectors(PluginFolder):
     """The detectors; `NAME@published` is a detector with the thresholds of its source.
 
-    Those of other distributions live in processes of their own, as a user's files do; `host_entry_points = False` imports
-    them here, which such a process alone may do.
+    Those of other distributions live in processes of their own, as a user's files do; `entry_host = None` imports them
+    here, which such a process alone may do.
 
     Examples
     --------
     >>> methods.load("rossi_scali@published").METHOD.defaults()["left_out"]
     0.0
     """
-
-    host_entry_points = True
 
     def load(self, name: str) -> ModuleType:
         """Import one detector, or the published variant of one; see `PluginFolder.load`."""
@@ -266,18 +300,10 @@ class Detectors(PluginFolder):
         """Return the process a detector, or the published variant of it, lives in; None for those of the house."""
         return super().guest(name.partition("@")[0])
 
-    def _outside(self, name: str) -> ModuleType | None:
-        point = self._entry_points.get(name)
-        if point is None or not self.host_entry_points:
-            return super()._outside(name)
-        host, whose = Guest(name), point.dist.name if point.dist else "another distribution"
-        stub = _stub(host, f"{self.kind} {name!r} of {whose} ({point.value})")
-        self._guests[name] = ((), host)
-        return stub
-
     def variants(self) -> list[str]:
         """Return NAME@published of every detector whose defaults are not those of its source."""
         return [f"{name}@{PUBLISHED}" for name in self.names() if super(Detectors, self).load(name).METHOD.published]
 
 
 methods = Detectors("detector", "detectors.methods", "simbench.detectors", ("METHOD", "detect"), RESERVED)
+methods.entry_host = Guest

@@ -601,14 +601,15 @@ def gap_study(
     records: Annotated[Path, typer.Argument(metavar="RECORDS", help="Folder of records.")],
     grid: Annotated[str, typer.Option(help="Name of a grid, or a TOML file.")],
     labels: Annotated[Path | None, typer.Option(help="Table with id and label: its records, by unit.")] = None,
-    html: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Page to write.")] = None,
+    html: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Page to write; a killed call goes on.")] = None,
     write_grid: Annotated[Path | None, typer.Option(metavar="FILE.toml", help="The grid, with the effects found.")] = None,
+    jobs: Jobs = 2,
     as_json: Json = False,
 ) -> None:
     """Say what separates a set of records from a grid, which effects explain it, and what each costs each detector."""
     from simbench.plant.command import study_folder
 
-    found = study_folder(records, grid, labels, html=html, write_grid=write_grid)
+    found = study_folder(records, grid, labels, html=html, write_grid=write_grid, jobs=jobs)
     _print(found.as_json() if as_json else found.as_text(), as_json)
 
 

@@ -233,7 +233,7 @@ def _scenario_row(
         tags=json.dumps(tags),
         error=error,
     )
-    row.update(zip(("predicted", "refined", "theory", "theory_period", "theory_amplitude"), columns))
+    row.update(zip(("predicted", "refined", "theory", "theory_period", "theory_amplitude", "theory_reason"), columns))
     if run is not None and prepared is not None:
         found = prepared.oscillation
         row.update(

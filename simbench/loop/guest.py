@@ -33,13 +33,13 @@ class PartHost(Host):
 
     Parameters
     ----------
-    files : tuple of (str, Path)
-        The kind ("valve", "effect") and the file of each.
+    files : tuple of (str, Path or str)
+        The kind ("valve", "effect") of each, and its file or the name under which another distribution publishes it.
     seconds : float
         Time it may take for a scenario.
     """
 
-    def __init__(self, files: tuple[tuple[str, Path], ...], seconds: float = SECONDS) -> None:
+    def __init__(self, files: tuple[tuple[str, Path | str], ...], seconds: float = SECONDS) -> None:
         super().__init__(["simbench.loop.guest_process", *(f"{kind}={path}" for kind, path in files)], seconds)
         self.files = files
 
@@ -51,9 +51,9 @@ class PartHost(Host):
         GuestError
             When it cannot be imported, or says nothing that can be understood.
         """
-        kind, path = self.files[0]
+        kind, source = self.files[0]
         said = self._plain({"do": "describe"}, START)
-        return _stub(kind, path.stem, said if isinstance(said, dict) else {})
+        return _stub(kind, Path(source).stem, said if isinstance(said, dict) else {})
 
     def call(self, function: Callable, *arguments: Any, samples: int = 0) -> Any:
         """Return what a function of this package gives there: tables, lists, words, numbers and arrays.
@@ -95,8 +95,9 @@ class PartHost(Host):
             raise GuestError(self._named("answered with something that cannot be understood")) from None
 
     def _named(self, text: str) -> str:
-        who = " or ".join(f"{kind} plug-in {path.stem!r}" for kind, path in self.files)
-        return text if any(repr(path.stem) in text for _, path in self.files) else f"{who}: {text}"
+        names = [(kind, Path(source).stem) for kind, source in self.files]
+        who = " or ".join(f"{kind} plug-in {name!r}" for kind, name in names)
+        return text if any(repr(name) in text for _, name in names) else f"{who}: {text}"
 
 
 _hosts: dict[tuple, PartHost] = {}
@@ -105,6 +106,8 @@ _hosts: dict[tuple, PartHost] = {}
 @contextlib.contextmanager
 def guest_parts(valves: Files = (), effects: Files = (), seconds: float = SECONDS) -> Iterator[None]:
     """Make files of valve models and of effects known by their names, for one question only.
+
+    What other distributions publish lives in processes of its own meanwhile, as these files do.
 
     Parameters
     ----------
@@ -121,6 +124,7 @@ def guest_parts(valves: Files = (), effects: Files = (), seconds: float = SECOND
     with contextlib.ExitStack() as stack:
         stack.callback(_close)
         for folder, files in ((VALVES, valves), (EFFECTS, effects)):
+            stack.enter_context(folder.entries_hosted(_maker(folder.kind)))
             stack.enter_context(folder.guests(files, seconds, _maker(folder.kind)))
         yield
 
@@ -128,13 +132,14 @@ def guest_parts(valves: Files = (), effects: Files = (), seconds: float = SECOND
 def add_parts(valves: Files, effects: Files, seconds: float = SECONDS) -> None:
     """Make files known as `guest_parts` does, from here on; those known are asked again."""
     for folder, files in ((VALVES, valves), (EFFECTS, effects)):
-        folder.add_guests(files, seconds, _maker(folder.kind))
+        folder.entry_host = _maker(folder.kind)
+        folder.add_guests(files, seconds, folder.entry_host)
     for host in _hosts.values():
         host.seconds, host.strikes = seconds, 0
 
 
-def _maker(kind: str) -> Callable[[Path, float], PartHost]:
-    return lambda path, seconds: PartHost(((kind, path),), seconds)
+def _maker(kind: str) -> Callable[[Path | str, float], PartHost]:
+    return lambda source, seconds: PartHost(((kind, source),), seconds)
 
 
 def _close() -> None:

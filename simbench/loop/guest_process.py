@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import os
 import sys
 from typing import Any
 
@@ -17,13 +18,13 @@ FOLDERS = {folder.kind: folder for folder in (VALVES, EFFECTS)}
 
 
 def main() -> None:
-    """Serve: `python -m simbench.loop.guest_process READ WRITE PARENT KIND=FILE ...`."""
+    """Serve: `python -m simbench.loop.guest_process READ WRITE PARENT KIND=SOURCE ...`."""
     files = [word.partition("=") for word in sys.argv[4:]]
     known: list[str] = []
 
     def answer(asked: dict[str, Any]) -> Any:
-        for kind, _, path in files[len(known) :]:
-            known.append(FOLDERS[kind].add_file(path))
+        for kind, _, source in files[len(known) :]:
+            known.append(FOLDERS[kind].add_file(source) if os.sep in source else source)
         if asked["do"] == "describe":
             return {"plain": _described(files[0][0], known[0])}
         function, arguments = asked["call"]

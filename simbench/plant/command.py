@@ -104,8 +104,9 @@ def study_folder(
     *,
     html: str | Path | None = None,
     write_grid: str | Path | None = None,
+    jobs: int = 2,
 ) -> Study:
-    """Compare a folder of records with a grid.
+    """Compare a folder of records with a grid; what a killed call had diagnosed is kept beside its page, or grid, till then.
 
     Parameters
     ----------
@@ -117,6 +118,8 @@ def study_folder(
         Page to write.
     write_grid : path, optional
         Grid to write, with the effects found in it.
+    jobs : int
+        Processes; -1 = all cores.
 
     Returns
     -------
@@ -130,7 +133,9 @@ def study_folder(
     from simbench.plant.study import study
 
     refuse_own_input([html, write_grid], [folder, labels, grid])
-    found = study(folder, grid, labels)
+    written = html or write_grid
+    kept = None if written is None else Path(written).with_name(f"{Path(written).name}.diagnosed")
+    found = study(folder, grid, labels, jobs=jobs, keep=kept)
     if html is not None:
         from simbench.plant.study_page import write_study
 
@@ -144,6 +149,8 @@ def study_folder(
         except NoGrid as why:  # an answer of the study, no wrong usage
             said = [str(why)]
         found = replace(found, notes=(*found.notes, *said))
+    if kept is not None:
+        rmtree(kept, ignore_errors=True)
     return found
 
 

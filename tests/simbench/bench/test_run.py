@@ -19,8 +19,8 @@ from joblib import Parallel, delayed
 from detectors.errors import UserError
 from detectors.judge import judge
 from scenarios.grid import make_grid
+from simbench.bench import guests, pieces, store, workers
 from simbench.bench import manifest as manifest_module
-from simbench.bench import pieces, store, workers
 from simbench.bench import run as run_module
 from simbench.bench.checksums import digest
 from simbench.bench.manifest import RunError, read_manifest
@@ -30,6 +30,7 @@ from simbench.bench.work import record_hash
 from simbench.files import FileError
 from simbench.loop.batch import simulate_batch
 from simbench.loop.simulate import simulate
+from tests.simbench.bench.conftest import SMALL
 
 METHODS = ["he", "yamashita"]
 
@@ -504,6 +505,35 @@ def test_nothing_is_printed_where_stderr_is_no_terminal(small, tmp_path, capfd):
     run_grid(small, tmp_path / "run", ["yamashita"])
     out, err = capfd.readouterr()
     assert (out, err) == ("", "")
+
+
+def test_a_theory_that_fails_leaves_its_columns_empty_and_the_record_judged(small, finished, tmp_path, monkeypatch):
+    def broken(loop, **_):
+        raise ZeroDivisionError("by design")
+
+    monkeypatch.setattr(guests, "truth_columns", broken)
+    guests._theory.cache_clear()
+    verdicts, scenarios = tables(run_grid(small, tmp_path / "run", METHODS, 1))
+    guests._theory.cache_clear()
+    assert scenarios[["predicted", "refined", "theory", "theory_period", "theory_amplitude", "error"]].isna().all(axis=None)
+    assert set(scenarios.theory_reason) == {"ZeroDivisionError: by design"}
+    sound_verdicts, sound = tables(finished)
+    pd.testing.assert_frame_equal(verdicts, sound_verdicts, check_exact=True)
+    assert list(scenarios.record_hash) == list(sound.record_hash)
+    assert list(scenarios.cycled) == list(sound.cycled)
+
+
+def test_what_theory_does_not_describe_is_simulated_judged_and_has_its_reason(tmp_path):
+    """As the healthy loops of grid families whose sensor lags."""
+    table = SMALL | {"draw": SMALL["draw"] | {"effect": "sensor_lag"}}
+    table["effects"] = {"sensor_lag": {"parameters": {"tau": [0.01, 0.05]}, "scale": {"tau": "period"}}}
+    table["valves"] = {"lag": {"parameters": {"T": [0.01, 0.05]}, "scale": {"T": "period"}}}
+    table["block"] = [SMALL["block"][0] | {"member": [{"name": "healthy", "valve": "lag"}]}]
+    verdicts, scenarios = tables(run_grid(make_grid(table, "lagging"), tmp_path / "run", ["he"], 1))
+    assert scenarios.error.isna().all()
+    assert scenarios.theory.isna().all()
+    assert scenarios.theory_reason.str.contains(r"valve 'lag' has no \(S, J\).*; the sensor has a lag").all()
+    assert not verdicts.reason.fillna("").str.startswith("failed").any()
 
 
 def test_the_bar_shows_rate_remaining_time_and_failures_when_asked(small, tmp_path, capfd):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 import time
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from detectors import guest
 from detectors.errors import ParameterError
 from simbench.cli import main
 from simbench.loop import guest as parts
+from simbench.loop.effects import EFFECTS as VOCABULARY
 from simbench.loop.effects import PLUGINS as EFFECTS
 from simbench.loop.parameters import VALVES
 from simbench.loop.valves import deadband
@@ -281,3 +283,68 @@ def test_the_process_of_a_part_ends_with_the_question(tmp_path):
     while Path(f"/proc/{child}").exists() and time.monotonic() < until:
         time.sleep(0.1)
     assert not Path(f"/proc/{child}").exists()
+
+
+@pytest.fixture
+def published(tmp_path, monkeypatch):
+    """Publish valves and effects as another distribution does, for every process."""
+
+    def publish(**what: tuple[str, str]) -> None:
+        about = tmp_path / "strangers-1.0.dist-info"
+        about.mkdir()
+        (about / "METADATA").write_text("Metadata-Version: 2.1\nName: strangers\nVersion: 1.0\n")
+        sources = {name: source for name, (source, _) in what.items()}
+        groups = {g: [n for n, s in sources.items() if s is x] for g, x in (("valves", PLAY), ("effects", HUM))}
+        text = "".join(f"[simbench.{g}]\n" + "".join(f"{n} = theirs.{n}\n" for n in names) for g, names in groups.items())
+        (about / "entry_points.txt").write_text(text)
+        (tmp_path / "theirs").mkdir()
+        for name, (source, (place, deed)) in what.items():
+            hostile(tmp_path / "theirs", source, place, deed, name)
+        monkeypatch.syspath_prepend(tmp_path)
+        monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+        forget()
+
+    def forget() -> None:
+        for folder in (VALVES, EFFECTS):
+            folder.__dict__.pop("_entry_points", None)
+        VOCABULARY.__dict__.pop("_all", None)
+
+    yield publish
+    monkeypatch.undo()
+    forget()
+
+
+def test_installed_parts_live_in_processes_of_their_own_too(published, tmp_path, refused, capsys):
+    fine = f"open({str(tmp_path / 'pid')!r}, 'w').write(str(os.getpid()))"
+    published(
+        mine=(PLAY, (REST, fine)), gone=(PLAY, (REST, "os._exit(3)")), hum=(HUM, (HEAD, "pass")),
+        loud=(HUM, (APPLY, "sys.exit(3)")),
+    )  # fmt: skip
+    out = tmp_path / "r.csv"
+    assert main(["simulate", str(loop_file(tmp_path, "mine", "hum")), "-o", str(out)]) == 0
+    assert int((tmp_path / "pid").read_text()) != os.getpid()
+    assert not [m for m in sys.modules if m.startswith("theirs")]
+    assert main(["simulate", str(loop_file(tmp_path, "deadband")), "-o", str(tmp_path / "house.csv")]) == 0
+    out.unlink(), capsys.readouterr()
+    refused(["simulate", loop_file(tmp_path, "gone"), "-o", out], "valve plug-in 'gone'", "exit status 3")
+    refused(["simulate", loop_file(tmp_path, effect="loud"), "-o", out], "effect plug-in 'loud'", "SystemExit")
+    assert not out.exists()
+
+
+def test_a_run_names_the_installed_valve_that_fails_and_keeps_the_rest(published, tmp_path, capsys):
+    published(fine=(PLAY, (HEAD, "pass")), gone=(PLAY, (REST, "os._exit(3)")))
+    (tmp_path / "g.toml").write_text(GRID + "".join(MEMBER.format(m) for m in ("deadband", "fine", "gone")))
+    words = ["run", str(tmp_path / "g.toml"), "-o", str(tmp_path / "run"), "--method", "horch,oracle", "-j", "2", "--json"]
+    assert main(words) == 1
+    reasons = json.loads(capsys.readouterr().out)["failed"]["reasons"]
+    assert any("valve plug-in 'gone': ended its process (exit status 3)" in reason for reason in reasons)
+    rows = pd.read_parquet(tmp_path / "run" / "scenarios.parquet").set_index("member")
+    assert rows.record_hash["fine"] == rows.record_hash["deadband"]
+
+
+@pytest.mark.parametrize("verb", ["simulate", "list"])
+def test_an_installed_part_that_cannot_be_imported_is_named_with_its_distribution(published, tmp_path, refused, verb):
+    published(broken=(HUM, (HEAD, "raise OSError('no licence')")))
+    loop = loop_file(tmp_path, effect="broken")
+    words = ["simulate", loop, "-o", tmp_path / "r.csv"] if verb == "simulate" else ["list", "effects"]
+    refused(words, "broken", "strangers", "no licence")
