@@ -217,7 +217,8 @@ class Guest(Host):
         known = {name: value for name in ("oscillation", "flags") if (value := prepared.__dict__.get(name)) is not None}
         # what methods of the house found before it, but for their verdicts: numbers and signals, which are cheaper to send
         shared = {k: v for k, v in prepared.shared.items() if isinstance(k, str) and isinstance(v, (float, tuple, np.ndarray))}
-        about = {"record": prepared.record, "front_end": prepared.front_end, "known": {**known, "shared": shared}}
+        about = {"record": prepared.record, "front_end": prepared.front_end, "part": prepared.part}
+        about["known"] = {**known, "shared": shared}
         asked = {"do": "judge", **about, "modes": modes, "thresholds": thresholds}
         answer = self.ask(asked, self.seconds, len(modes))
         if not isinstance(answer, list) or len(answer) != len(modes):
