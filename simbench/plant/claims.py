@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from detectors.errors import UserError
+from detectors.record import LoopRecord
 from detectors.report import choose_methods
 from detectors.verdict import NO_STICTION, STICTION
 from scenarios.spec import Loop, Part, Scenario
@@ -42,7 +43,8 @@ def main(arguments: list[str] | None = None) -> int:
     chosen = parser.parse_args(arguments)
     weighed = kept(Path(chosen.out) / "weighed", chosen.weighed, TESTING, looked_at)
     rows = kept(Path(chosen.out) / "twins", chosen.n, TESTING, checked)
-    print("\n".join([*_probability(weighed), "", *_claims([r for r in rows if r["best"]]), *_visible(rows), *_chosen(rows)]))
+    said = [*_probability(weighed), "", *_claims([r for r in rows if r["best"]]), *_visible(rows), *who_is_right(rows)]
+    print("\n".join(said))
     return 0
 
 
@@ -60,13 +62,15 @@ def checked(scenario: Scenario) -> dict[str, Any]:
         of the record, None without twins; and what `measured` returns.
     """
     run = simulate(scenario.loop, scenario.seed)
-    found = trust(run.record.blind(), help_wanted=False)
+    return {"sticky": run.sticky, **claimed(run.record.blind()), **measured(scenario, choose_methods(["all"]))}
+
+
+def claimed(record: LoopRecord) -> dict[str, Any]:
+    """Return what trust says of a record: what `checked` returns, but what is true."""
+    found = trust(record, help_wanted=False)
     answer = found.as_json()
     best = None if found.best is None else {"method": found.best.verdict.method, "says": reading(found.best)}
-    return {
-        "sticky": run.sticky, "said": found.answer, "probability": answer["probability"], "methods": answer["methods"],
-        "smallest_visible": answer["smallest_visible"], "best": best, **measured(scenario, choose_methods(["all"])),
-    }  # fmt: skip
+    return {"said": found.answer, "best": best, **{k: answer[k] for k in ("probability", "methods", "smallest_visible")}}
 
 
 def reading(row: MethodTrust) -> str:
@@ -217,10 +221,20 @@ def out_of(k: int, n: int) -> str:
     return f"{k} of {n} ({lo:.2f} to {hi:.2f})"
 
 
-def _chosen(rows: list[dict[str, Any]]) -> list[str]:
-    """Return who is right how often: the detector picked per loop, trust itself, and the best detector in hindsight."""
+def who_is_right(rows: list[dict[str, Any]]) -> list[str]:
+    """Return who is right how often: the detector picked per loop, trust itself, and the best detector in hindsight.
+
+    Parameters
+    ----------
+    rows : list of dict
+        sticky, probability, methods and best, as `checked` gives them.
+
+    Returns
+    -------
+    list of str
+    """
     twins = [r for r in rows if r["best"] is not None]
-    right = {m: [_right(_of(r, m)["verdict"], r["sticky"]) for r in twins] for m in twins[0]["healthy"]}
+    right = {c["method"]: [_right(_of(r, c["method"])["verdict"], r["sticky"]) for r in twins] for c in twins[0]["methods"]}
     best = max(right, key=lambda m: sum(right[m]))
     asked = {
         "detector picked per loop, read as advised": [_right(r["best"]["says"], r["sticky"]) for r in twins],

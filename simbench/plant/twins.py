@@ -127,6 +127,8 @@ def draw_twins(
 def _twin(a: Around, S: float, J: float, change: Change, stream: list[int], number: int) -> Twin | None:
     rng = np.random.default_rng(stream)
     base = a.healthy[number % len(a.healthy)] if S <= 0 else _sticky_base(a, number)
+    # friction that explains the record leaves nothing to be swung from outside
+    outside = a.period is not None and base is not a.sticky
     if change.loop is not None:
         base = change.loop(base)
     for attempt in range(TRIES):
@@ -134,7 +136,7 @@ def _twin(a: Around, S: float, J: float, change: Change, stream: list[int], numb
             table = perturbed(base.to_table(), STATED if a.trusted else UNCERTAIN, rng)
             ahead = _timed(table, a.record, change)
             seed = int(rng.integers(2**31))
-            if a.period is not None and base is not a.sticky and (attempt >= TRIES // 2 or number % 2):
+            if outside and (attempt >= TRIES // 2 or number % 2):
                 table = _driven(table, a, DRIVEN[number // 2 % 2], seed, ahead, rng)
             loop = Loop.from_table(table, "twin")
             run = _after(simulate(with_friction(loop, 0.0, 0.0), seed).record, ahead)
