@@ -328,7 +328,7 @@ def test_a_p_loop_held_midway_cycles_with_room_and_stays_without():
 
 
 def test_a_cell_s_loops_are_counted_by_what_they_do(monkeypatch):
-    """Four loops: no cycle; a cycle that none, one and both of two load steps reach, and the refined condition is right of two."""
+    """Four loops: no cycle; a cycle that none, one and both of two load steps reach; the condition is wrong of the last."""
     reached = {"b": repeat(False), "c": cycle_through([True, False]), "d": repeat(True)}
     monkeypatch.setattr(table_check, "_loops", lambda *key: iter("abcd"))
     monkeypatch.setattr(table_check, "exact_cycle", lambda loop: None if loop == "a" else loop.upper())
