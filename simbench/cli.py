@@ -323,7 +323,7 @@ def run(
     valve_plugin: ValvePlugin = None,
     effect_plugin: EffectPlugin = None,
     time_limit: Limit = 60.0,
-    backend: Annotated[str, typer.Option(help="loky or dask.")] = "loky",
+    backend: Annotated[str, typer.Option(metavar="loky|dask|ray", help="Who works the pieces.")] = "loky",
     address: Annotated[str | None, typer.Option(metavar="URL", help="Of a running scheduler.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on where an earlier run stopped.")] = False,
     until_width: Annotated[

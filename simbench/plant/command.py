@@ -141,10 +141,13 @@ def study_folder(
 
         write_study(found, html)
     if write_grid is not None:
+        from simbench.plant.written_grid import NoGrid
         from simbench.plant.written_grid import write_grid as write
 
-        left_out = write(found, write_grid)
-        said = [f"the grid written cannot draw {e}" for e in left_out]
+        try:
+            said = [f"the grid written cannot draw {e}" for e in write(found, write_grid)]
+        except NoGrid as why:  # an answer of the study, no wrong usage
+            said = [str(why)]
         found = replace(found, notes=(*found.notes, *said))
     if kept is not None:
         rmtree(kept, ignore_errors=True)

@@ -20,6 +20,10 @@ from simbench.plant.study_result import Contribution, Study
 PLACES = 20  # entries of the list that a loop's effect is drawn from
 
 
+class NoGrid(ParameterError):
+    """The study found nothing that a grid can draw."""
+
+
 def write_grid(found: Study, path: str | Path) -> list[str]:
     """Write the study's grid with the effects found in it, in their shares and strengths.
 
@@ -38,14 +42,14 @@ def write_grid(found: Study, path: str | Path) -> list[str]:
     ------
     FileError
         When it cannot be written.
-    ParameterError
+    NoGrid
         When nothing was found that a grid can draw.
     """
     base = Path(str(files("scenarios") / "grids" / f"{found.grid}.toml")) if found.grid in grid_names() else Path(found.grid)
     # a grid's valves have their friction from the grid
     usable = [e for e in found.effects if e.effect not in FRICTION and scales(e.effect, e.strengths[0]) is not None]
     if not usable:
-        raise ParameterError(f"no grid to write to {path}: no effect was found that a grid can draw")
+        raise NoGrid(f"no grid is written to {path}: no effect was found that a grid can draw")
     text, own = base.read_text(encoding="utf-8"), read_toml(base).get("draw", {}).get("effect", ["none"])
     line = f"effect = {_toml(_places(usable, own if isinstance(own, list) else [own]))}"
     kept = re.sub(r"(?m)^effect = \[[^\]]*\]$", "", text)

@@ -179,3 +179,12 @@ def test_too_few_loops_are_refused_in_one_sentence(planted, tmp_path, capsys):
     (few / "a.csv").write_text((planted / "L0.csv").read_text())
     assert main(["gap", "study", str(few), "--grid", "smoke"]) == 2
     assert "at least 5" in capsys.readouterr().err
+
+
+def test_a_study_that_finds_nothing_to_draw_is_an_answer_and_no_error(tmp_path, monkeypatch):
+    found = Study(8, 8, {"value": 0.3, "lo": 0.2, "hi": 0.4, "p": 0.01}, (0.7, 0.1), [], (), {}, {}, {}, ("one",), "plant")
+    monkeypatch.setattr("simbench.plant.study.study", lambda *a, **k: found)
+    (tmp_path / "plant").mkdir()
+    said = study_folder(tmp_path / "plant", "smoke", write_grid=tmp_path / "mine.toml")
+    assert said.notes == ("one", f"no grid is written to {tmp_path}/mine.toml: no effect was found that a grid can draw")
+    assert not (tmp_path / "mine.toml").exists()
