@@ -84,7 +84,8 @@ def nearest(name: str, known: Iterable[str]) -> str:
     "did you mean 'horch'?"
     """
     names = sorted(known)
-    close = get_close_matches(name.lower(), names, n=3, cutoff=0.55)
+    plain = {n.lower(): n for n in reversed(names)}
+    close = [plain[c] for c in get_close_matches(name.lower(), plain, n=3, cutoff=0.55)]
     if close:
         return "did you mean " + " or ".join(repr(c) for c in close) + "?"
     return "known: " + ", ".join(names)

@@ -8,6 +8,7 @@ from detectors.errors import RecordError
 
 BRIDGED = 3  # samples; a longer hole splits the record
 MOST_MISSING = 0.20  # share of a record that may be missing
+WORTH = 0.5  # share of the record that SP and MV may cost: the part without holes of theirs is at least so long
 JITTER = 0.01  # deviation from Ts, as a share of it, above which time has a gap
 
 
@@ -30,7 +31,7 @@ def whole(t: np.ndarray, signals: dict[str, np.ndarray | None], Ts: float, where
     t : ndarray, shape (m,)
         Even times (s).
     signals : dict of role to ndarray, shape (m,), or None
-        None for SP and MV with holes that cannot be bridged.
+        None for SP and MV whose holes would cost more than half of the record.
     notes : tuple of str
         "gaps: ..." for everything that was done.
 
@@ -49,11 +50,15 @@ def whole(t: np.ndarray, signals: dict[str, np.ndarray | None], Ts: float, where
     missing = size - int(known.sum())
     if missing > MOST_MISSING * size:
         raise RecordError(f"{where}: {missing} of {size} samples are missing; at most {MOST_MISSING:.0%} may be")
-    places = place[known]
-    ends = np.flatnonzero(np.diff(places) > BRIDGED + 1)
-    first, last = np.concatenate([[0], ends + 1]), np.concatenate([ends, [places.size - 1]])
-    longest = int(np.argmax(places[last] - places[first]))
-    lo, hi = int(places[first[longest]]), int(places[last[longest]])
+    lo, hi = _longest(place[known])
+    used = known
+    for name in ("sp", "mv"):
+        x = signals.get(name)
+        both = used if x is None else used & np.isfinite(x)
+        if both.any():
+            low, high = _longest(place[both])
+            if high - low + 1 >= WORTH * (hi - lo + 1):
+                used, lo, hi = both, low, high
     grid = np.arange(lo, hi + 1)
     out: dict[str, np.ndarray | None] = {}
     notes = []
@@ -64,7 +69,10 @@ def whole(t: np.ndarray, signals: dict[str, np.ndarray | None], Ts: float, where
             if here.any():
                 notes.append(f"gaps: {name.upper()} has holes of more than {BRIDGED} samples and is left out")
             out[name] = None
-        elif name == "sp":  # a set point holds its value until it is changed
+            continue
+        if name in ("sp", "mv") and here.sum() < grid.size:
+            notes.append(f"gaps: {grid.size - int(here.sum())} of {grid.size} samples of {name.upper()} missing, bridged")
+        if name == "sp":  # a set point holds its value until it is changed
             out[name] = x[here][np.maximum(np.searchsorted(place[here], grid, side="right") - 1, 0)]
         else:
             out[name] = np.interp(grid, place[here], x[here])
@@ -78,3 +86,11 @@ def whole(t: np.ndarray, signals: dict[str, np.ndarray | None], Ts: float, where
     if uneven:
         notes.append(f"gaps: {uneven} of {dt.size} time steps differ from Ts = {Ts:g} s by more than {JITTER:.0%}")
     return grid * Ts, out, tuple(notes)
+
+
+def _longest(places: np.ndarray) -> tuple[int, int]:
+    """First and last place of the longest part without a hole that cannot be bridged."""
+    ends = np.flatnonzero(np.diff(places) > BRIDGED + 1)
+    first, last = np.concatenate([[0], ends + 1]), np.concatenate([ends, [places.size - 1]])
+    longest = int(np.argmax(places[last] - places[first]))
+    return int(places[first[longest]]), int(places[last[longest]])

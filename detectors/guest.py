@@ -223,7 +223,7 @@ class Guest(Host):
         """
         self.refuse_lost()
         known = {name: value for name in ("oscillation", "flags") if (value := prepared.__dict__.get(name)) is not None}
-        about = {"record": prepared.record, "front_end": prepared.front_end, "known": known}
+        about = {"record": prepared.record, "front_end": prepared.front_end, "part": prepared.part, "known": known}
         asked = {"do": "judge", **about, "modes": modes, "thresholds": thresholds}
         answer = self.ask(asked, self.seconds, len(modes))
         if not isinstance(answer, list) or len(answer) != len(modes):

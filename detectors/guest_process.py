@@ -84,7 +84,7 @@ def _described(name: str) -> Any:
 
 
 def _judged(name: str, asked: dict[str, Any]) -> list[Any]:
-    prepared = Prepared(asked["record"], asked["front_end"])
+    prepared = Prepared(asked["record"], asked["front_end"], part=asked["part"])
     for signal_ in (prepared.record.op, prepared.record.pv, prepared.record.sp, prepared.record.mv):
         if signal_ is not None:
             signal_.flags.writeable = False

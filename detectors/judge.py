@@ -11,7 +11,7 @@ import numpy as np
 from detectors.errors import ParameterError, nearest
 from detectors.guest import GuestError
 from detectors.method import Method
-from detectors.prepared import FRONT_ENDS, Prepared
+from detectors.prepared import FRONT_ENDS, Prepared, prepare
 from detectors.record import LoopRecord
 from detectors.registry import methods as registry
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
@@ -69,7 +69,7 @@ def judge(
     >>> judge(LoopRecord(op=np.sin(t / 8), pv=-np.sin(t / 8), Ts=1.0), ["horch"])[0].verdict
     'no_stiction'
     """
-    blind, sighted = Prepared(record.blind(), known_front_end(front_end)), None
+    blind, sighted = prepare(record.blind(), known_front_end(front_end)), None
     verdicts = []
     for name in methods:
         module = registry.load(name)
@@ -207,6 +207,8 @@ def judge_one(name: str, module: ModuleType, prepared: Prepared, raw: bool, thre
     notes = []
     if record.op_span is None:
         notes.append("OP taken as 0..100 %" if record.op_percent is not None else _unknown_unit(record))
+    if prepared.part is not None:
+        notes.append(f"judged on samples {prepared.part[0]} to {prepared.part[1] - 1}, which oscillate")
     if record.process is None:
         applicable = None
         notes.append("process type unknown, judged as self-regulating")

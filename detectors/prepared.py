@@ -13,11 +13,12 @@ from detectors.record import LoopRecord
 from detectors.signal.conditioning import clear_harmonics, drift, loop_sign, mirrored_spectrum, smooth, snapped
 from detectors.signal.half_cycles import split
 from detectors.signal.load_disturbances import oscillation_by_loads
-from detectors.signal.oscillation import Oscillation, find_oscillation
+from detectors.signal.oscillation import LASTING, Oscillation, find_oscillation
 from detectors.signal.standstill import steady_valve
 
 STILL = 1e-9  # of a signal's range: less is rounding
 FRONT_ENDS = ("acf", "hagglund")
+HALVES = (2, 1, 0)  # quarters at which they start: the last half, the middle one, the first
 
 
 @dataclass
@@ -32,6 +33,8 @@ class Prepared:
         What judges whether there is a sustained oscillation.
     shared : dict
         Intermediate results that methods on the same record share, by name; `share` fills it.
+    part : (int, int), optional
+        Samples start..stop-1 of the record that was given, where not all of it is judged; `prepare` finds them.
 
     Examples
     --------
@@ -44,6 +47,7 @@ class Prepared:
     record: LoopRecord
     front_end: str = "acf"
     shared: dict = field(default_factory=dict)
+    part: tuple[int, int] | None = None
 
     @cached_property
     def flags(self) -> dict[str, Flag]:
@@ -86,7 +90,8 @@ class Prepared:
             return self._turned_pv(), True, "PV of a flow loop as MV"
         if record.kind is None:
             return self._turned_pv(), None, "PV as MV, kind of loop unknown"
-        return None, False, f"no MV recorded, and PV of a {record.kind} loop is no measure of the valve's position"
+        loop = f"{'an' if record.kind[0] in 'aeiou' else 'a'} {record.kind} loop"
+        return None, False, f"no MV recorded, and PV of {loop} is no measure of the valve's position"
 
     def clean(self, name: str) -> np.ndarray:
         """Return the oscillation in "op" or "pv", shape (n,), without drift and without noise beyond its clear harmonics."""
@@ -162,8 +167,9 @@ class Prepared:
         return self.share(f"half cycles {name}", lambda: split(self.clean(name)[inner], period))
 
     def sighted(self, record: LoopRecord) -> Prepared:
-        """Return the same for the same record with MV; what was found without MV is kept."""
-        other = Prepared(record, self.front_end, dict(self.shared))
+        """Return the same for the same record, all of it, with MV; what was found without MV is kept."""
+        record = record if self.part is None else record.window(*self.part)
+        other = Prepared(record, self.front_end, dict(self.shared), self.part)
         other.__dict__.update(oscillation=self.oscillation, flags=self.flags)
         return other
 
@@ -177,3 +183,47 @@ class Prepared:
         if name not in self.shared:
             self.shared[name] = compute()
         return self.shared[name]
+
+
+def prepare(record: LoopRecord, front_end: str = "acf") -> Prepared:
+    """Prepare a record for judging: all of it, or a half that oscillates where the whole does not.
+
+    Parameters
+    ----------
+    record : LoopRecord
+        The record, blinded unless the method needs MV.
+    front_end : {"acf", "hagglund"}
+        What judges whether there is a sustained oscillation.
+
+    Returns
+    -------
+    Prepared
+        Of the first that oscillates: the whole, its last half, its middle half, its first half; else of the whole.
+
+    Notes
+    -----
+    Source: step 3 of Choudhury, Shah, Thornhill & Shook (2006), Control Engineering Practice 14, 1395-1412: a segment with a
+    regular oscillation is chosen. A move of the set point or a valve that rests for a while breaks the regularity of a whole
+    record, not of each half. In a half an amplitude may fall as fast as in a whole record, and no faster. Not for signals that
+    shall stay aligned with others: `Prepared` takes a record as it is.
+
+    Examples
+    --------
+    >>> t = np.arange(1200.0)
+    >>> swing = 20 * np.exp(-t / 60) + np.where(t < 600, 0.0, np.sin(t / 8))
+    >>> prepare(LoopRecord(op=swing, pv=swing, Ts=1.0)).part
+    (600, 1200)
+    """
+    whole = Prepared(record, front_end)
+    if whole.oscillation.sustained or front_end == "hagglund":  # whose memory forgets by itself what is long past
+        return whole
+    for quarter in HALVES:
+        part = quarter * record.n // 4, (quarter + 2) * record.n // 4
+        if part[1] - part[0] < 3:
+            return whole
+        half = Prepared(record.window(*part), front_end, part=part)
+        found = half.oscillation
+        # the unit of S and J is the whole record's
+        if found.sustained and found.lasting > LASTING**0.5 and half.record.S_unit == record.S_unit:
+            return half
+    return whole

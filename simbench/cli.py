@@ -323,7 +323,7 @@ def run(
     valve_plugin: ValvePlugin = None,
     effect_plugin: EffectPlugin = None,
     time_limit: Limit = 60.0,
-    backend: Annotated[str, typer.Option(help="loky or dask.")] = "loky",
+    backend: Annotated[str, typer.Option(metavar="loky|dask|ray", help="Who works the pieces.")] = "loky",
     address: Annotated[str | None, typer.Option(metavar="URL", help="Of a running scheduler.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on where an earlier run stopped.")] = False,
     until_width: Annotated[
@@ -495,7 +495,10 @@ def figure(
 def gain_change(
     loop: Annotated[Path | None, typer.Argument(metavar="LOOP.toml")] = None,
     records: Annotated[tuple[Path, Path] | None, typer.Option(metavar="BEFORE.csv AFTER.csv", help="Not a loop.")] = None,
-    factor: Annotated[float | None, typer.Option(help="New gain over old; read off the records when absent.")] = None,
+    ratio: Annotated[
+        float | None,
+        typer.Option("--ratio", "--factor", metavar="R", help="New gain over old; read off the records when absent."),
+    ] = None,
     op_span: Span = None,
     picture: Annotated[Path | None, typer.Option(help="Picture to write (SVG or PNG).")] = None,
     as_json: Json = False,
@@ -509,13 +512,13 @@ def gain_change(
 
         assert records is not None
         before, after = (read_record(path, op_span=op_span) for path in records)
-        found = gain_change_recorded(before, after, factor)
+        found = gain_change_recorded(before, after, ratio)
     else:
         from scenarios.spec import load_loop
         from simbench.confirm.gain_change import gain_change as test
 
         with naming(loop):
-            found = test(load_loop(loop)) if factor is None else test(load_loop(loop), factor)
+            found = test(load_loop(loop)) if ratio is None else test(load_loop(loop), ratio)
     _confirmed(found, picture, as_json)
 
 
@@ -598,14 +601,15 @@ def gap_study(
     records: Annotated[Path, typer.Argument(metavar="RECORDS", help="Folder of records.")],
     grid: Annotated[str, typer.Option(help="Name of a grid, or a TOML file.")],
     labels: Annotated[Path | None, typer.Option(help="Table with id and label: its records, by unit.")] = None,
-    html: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Page to write.")] = None,
+    html: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Page to write; a killed call goes on.")] = None,
     write_grid: Annotated[Path | None, typer.Option(metavar="FILE.toml", help="The grid, with the effects found.")] = None,
+    jobs: Jobs = 2,
     as_json: Json = False,
 ) -> None:
     """Say what separates a set of records from a grid, which effects explain it, and what each costs each detector."""
     from simbench.plant.command import study_folder
 
-    found = study_folder(records, grid, labels, html=html, write_grid=write_grid)
+    found = study_folder(records, grid, labels, html=html, write_grid=write_grid, jobs=jobs)
     _print(found.as_json() if as_json else found.as_text(), as_json)
 
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+NOISY = 0.3  # of the noise, that rounding may hide before nothing lies on a line but what was drawn on it
 LARGE = 100.0  # roundings; of smaller moves, which lie on a line by chance, no share is taken
 
 
-def on_line(x: np.ndarray, unit: float = 0.0) -> np.ndarray:
+def on_line(x: np.ndarray, unit: float = 0.0, noise: float = 0.0) -> np.ndarray:
     """Return which samples, moving at all, lie on a line through their neighbours.
 
     Parameters
@@ -16,11 +17,14 @@ def on_line(x: np.ndarray, unit: float = 0.0) -> np.ndarray:
         Signal.
     unit : float
         What its values are rounded to; 0 for full precision.
+    noise : float
+        Standard deviation that every sample of the signal must have; 0 where it is not known.
 
     Returns
     -------
     ndarray of bool, shape (n,)
-        All false where the usual move is hardly larger than the rounding: then every sample may lie on a line.
+        All false where neither the usual move nor the noise is much larger than the rounding: then every sample may lie on
+        a line.
 
     Examples
     --------
@@ -30,12 +34,12 @@ def on_line(x: np.ndarray, unit: float = 0.0) -> np.ndarray:
     900
     """
     out = np.zeros(x.size, dtype=bool)
-    bend, tolerance = _bends(x, unit)
+    bend, tolerance = _bends(x, unit, noise)
     out[1:-1] = bend <= tolerance
     return out
 
 
-def share_on_lines(x: np.ndarray, unit: float = 0.0) -> float:
+def share_on_lines(x: np.ndarray, unit: float = 0.0, noise: float = 0.0) -> float:
     """Return the share of samples that lie on a line through their neighbours beyond those that do so by chance.
 
     Parameters
@@ -44,6 +48,8 @@ def share_on_lines(x: np.ndarray, unit: float = 0.0) -> float:
         Signal.
     unit : float
         What its values are rounded to; 0 for full precision.
+    noise : float
+        Standard deviation that every sample of the signal must have; 0 where it is not known.
 
     Returns
     -------
@@ -56,21 +62,22 @@ def share_on_lines(x: np.ndarray, unit: float = 0.0) -> float:
     >>> round(float(on_line(x, 0.05).mean()), 2), round(share_on_lines(x, 0.05), 2)
     (0.06, 0.0)
     """
-    bend, tolerance = _bends(x, unit)
+    bend, tolerance = _bends(x, unit, noise)
     beyond = np.count_nonzero((bend > tolerance) & (bend <= 2.0 * tolerance))
     return max(np.count_nonzero(bend <= tolerance) - beyond, 0) / max(x.size, 1)
 
 
-def _bends(x: np.ndarray, unit: float) -> tuple[np.ndarray, float]:
+def _bends(x: np.ndarray, unit: float, noise: float) -> tuple[np.ndarray, float]:
     """Return how far each inner sample is off a straight course (inf where nothing moves), and what rounding explains of it."""
     first, second = np.diff(x), np.diff(x, 2)
     exact = 1e-6 * (float(np.ptp(x)) or 1.0)
-    # what has come to rest is straight by itself
-    least = max(2.0 * unit, 5.0 * exact)
+    tolerance = max(2.1 * unit, exact)
+    noisy = tolerance <= NOISY * noise
+    # what has come to rest is straight by itself, but noise never rests
+    least = 0.0 if noisy else max(2.0 * unit, 5.0 * exact)
     moving = (np.abs(first[1:]) > least) | (np.abs(first[:-1]) > least)
     typical = 1.4826 * float(np.median(np.abs(first)))
-    tolerance = max(2.1 * unit, exact)
-    seen = moving & (tolerance <= 0.2 * typical)
+    seen = moving & (noisy or tolerance <= 0.2 * typical)
     return np.where(seen, np.abs(second), np.inf), tolerance
 
 

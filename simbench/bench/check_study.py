@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from detectors.judge import judge_one
-from detectors.prepared import Prepared
+from detectors.prepared import prepare
 from detectors.record import LoopRecord
 from detectors.registry import methods as registry
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION
@@ -188,7 +188,7 @@ def _moves(methods: tuple[str, ...]) -> Iterator[tuple[str, str, float]]:
 
 
 def _answers(record: LoopRecord, chosen: list[tuple[str, dict[str, float]]]) -> list[tuple[int, float]]:
-    blind = Prepared(record.blind())
+    blind = prepare(record.blind())
     sighted = blind.sighted(record)
     found = []
     for name, values in chosen:

@@ -22,8 +22,8 @@ from simbench.loop.resolve import resolve_loop
 from simbench.loop.run import Run
 from simbench.theory.tables import truth_columns
 
-Theory = tuple[bool | None, bool | None, bool | None, float | None, float | None]
-NO_THEORY: Theory = (None, None, None, None, None)
+Theory = tuple[bool | None, bool | None, bool | None, float | None, float | None, str | None]
+NO_THEORY: Theory = (None, None, None, None, None, None)
 LONGEST = 300  # characters of an error's text
 
 
@@ -90,17 +90,25 @@ def oracle_of(scenario: Scenario, run: Run) -> tuple[Verdict, str | None]:
 
 
 def theory(loop: Loop) -> Theory:
-    """Return what theory says of a loop: predicted, refined, exists, period, amplitude; wherever the loop's parts live."""
+    """Return what theory says of a loop: predicted, refined, exists, period, amplitude, and why there is none of it.
+
+    Parameters
+    ----------
+    loop : Loop
+        Whose parts may live here or in the process of a stranger's.
+
+    Returns
+    -------
+    tuple
+        All None but the reason where theory does not apply or fails: the record stands without it.
+    """
     # theory knows neither noise nor loads nor the set point: siblings share its answer
     quiet = loop.model_copy(update={"noise": Noise(), "disturbance": (), "setpoint": SetPoint(value=loop.pv0)})
     host = host_of(parts_of_loop(loop))
-    if host is None:
-        return _theory(quiet.model_dump_json())
-    said = host.call(plain_theory, quiet.model_dump_json())
-    if not isinstance(said, list) or len(said) != 5 or not all(v is None or isinstance(v, (bool, float, int)) for v in said):
-        raise GuestError("its loop's theory cannot be understood")
-    *exist, period, amplitude = said
-    return *(None if v is None else bool(v) for v in exist), period, amplitude  # type: ignore[return-value]
+    try:
+        return _theory(quiet.model_dump_json()) if host is None else _theory_there(host, quiet)
+    except Exception as wrong:  # whatever a model does on numbers of its own: its theory, not its record
+        return *NO_THEORY[:-1], said_of(wrong)
 
 
 def plain_resolve(group: Group) -> list[dict[str, Any]]:
@@ -128,7 +136,19 @@ def plain_theory(text: str) -> list[Any]:
 def _theory(text: str) -> Theory:
     with np.errstate(all="ignore"):  # candidate cycles that grow without bound
         predicted, refined, found = truth_columns(Loop.model_validate_json(text), waves=False)
-    return predicted, refined, found["exists"], found["period"], found["amplitude"]
+    why = found["reason"] if found["exists"] is None else None
+    return predicted, refined, found["exists"], found["period"], found["amplitude"], why
+
+
+def _theory_there(host: PartHost, quiet: Loop) -> Theory:
+    said = host.call(plain_theory, quiet.model_dump_json())
+    if not isinstance(said, list) or len(said) != 6:
+        raise GuestError("its loop's theory cannot be understood")
+    *exist, period, amplitude, why = said
+    if not all(v is None or isinstance(v, (bool, float, int)) for v in (*exist, period, amplitude)):
+        raise GuestError("its loop's theory cannot be understood")
+    predicted, refined, exists = (None if v is None else bool(v) for v in exist)
+    return predicted, refined, exists, period, amplitude, None if why is None else str(why)[:LONGEST]
 
 
 def _host_of_draft(twin: Loop, draft: Draft) -> PartHost | None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from detectors.judge import judge_one
-from detectors.prepared import Prepared
+from detectors.prepared import prepare
 from detectors.registry import methods as registry
 from detectors.report import judge_files, table
 from detectors.verdict import NO_DECISION, STICTION
@@ -74,7 +74,7 @@ def simulated(grid: str, every: int, seed: int = SEED) -> tuple[np.ndarray, np.n
             run, cycled = simulate_with_truth(scenario.loop, scenario.seed)
             if cycled.answer not in ("yes", "no"):
                 continue
-            prepared = Prepared(run.record.blind())
+            prepared = prepare(run.record.blind())
             found = [judge_one(m, registry.load(m), prepared, False, chosen) for m, _, chosen in variants()]
             said.append([-1 if v.verdict == NO_DECISION else int(v.verdict == STICTION) for v in found])
             applies.append([v.applicable is not False for v in found])

@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, cast
@@ -27,10 +28,10 @@ from simbench.bench.oracle import ORACLE
 from simbench.bench.pieces import Receipt
 from simbench.bench.place import Place, place_of
 from simbench.bench.work import Thresholds, work
-from simbench.bench.workers import Runner, on_cluster, on_processes
+from simbench.bench.workers import Runner, on_cluster, on_processes, on_ray
 from simbench.loop.guest import guest_parts
 
-BACKENDS = ("loky", "dask")
+BACKENDS = ("loky", "dask", "ray")
 LIVES = 3  # how often dead workers are replaced before the run gives up
 
 
@@ -79,10 +80,10 @@ def run_grid(
         What says whether a loop oscillates, see `detectors.judge.judge`.
     plugins : iterable of str or Path
         Detector files outside the package; they are run as well.
-    backend : {"loky", "dask"}
-        Where workers live, through joblib.
+    backend : {"loky", "dask", "ray"}
+        Where workers live.
     address : str, optional
-        Scheduler of dask ("tcp://...").
+        Scheduler of dask ("tcp://..."), or a cluster of ray ("HOST:PORT").
     resume : bool
         Continue a run that was interrupted.
     until_width : float, optional
@@ -159,7 +160,7 @@ def run_grid(
         settings = (tuple(names), tuple(files), chosen, keep, time_limit, stages, front_end)
         where = Path("runs") / plan.name if out is None else out
         place = place_of(where)
-        with on_cluster(address) if backend == "dask" else on_processes(jobs) as run:
+        with _workers(backend, address, jobs) as run:
             pieces.open_run(place, manifest, resume)
             if pieces.is_finished(place):
                 check_tables(place, read_manifest(place))
@@ -175,6 +176,12 @@ def run_grid(
                 except UserError as error:
                     raise RunError(f"{error}; {pieces.standing(place)}") from error
         return _path(place)
+
+
+def _workers(backend: str, address: str | None, jobs: int) -> AbstractContextManager[Runner]:
+    if backend == "loky":
+        return on_processes(jobs)
+    return on_cluster(address) if backend == "dask" else on_ray(address, jobs)
 
 
 def _path(place: Place) -> Path:
@@ -232,8 +239,9 @@ def _worked(place: Place, task: _Task, run: Runner, bar: _Bar, missing: dict[int
 
 
 def _worker_died(error: Exception) -> bool:
-    # loky and dask name it differently, and neither need be installed
-    return any(c.__name__ in ("BrokenProcessPool", "TerminatedWorkerError", "KilledWorker") for c in type(error).__mro__)
+    # loky, dask and ray name it differently, and none need be installed
+    names = {"BrokenProcessPool", "TerminatedWorkerError", "KilledWorker", "WorkerCrashedError"}
+    return any(c.__name__ in names for c in type(error).__mro__)
 
 
 @contextlib.contextmanager

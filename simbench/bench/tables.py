@@ -29,6 +29,7 @@ SCENARIOS = pa.schema(
         ("theory", pa.bool_()),
         ("theory_period", NUMBER),
         ("theory_amplitude", NUMBER),
+        ("theory_reason", TEXT),  # why theory has nothing to say of this loop
         ("cycled", TEXT),
         ("cycle_period", NUMBER),
         ("cycle_swing", NUMBER),

@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_limits
 from detectors.guest import SECONDS
 from detectors.judge import answers, check_thresholds
 from detectors.method import Method
-from detectors.prepared import Prepared
+from detectors.prepared import Prepared, prepare
 from detectors.record import LoopRecord
 from detectors.registry import methods as registry
 from detectors.verdict import NO_DECISION, Verdict
@@ -147,7 +147,7 @@ def judge_both(
         Per method: with front end, without, the error if it raised one, and its seconds.
     """
     since = time.perf_counter()
-    blind, sighted = Prepared(record.blind(), front_end), None
+    blind, sighted = prepare(record.blind(), front_end), None
     sustained = blind.oscillation.sustained
     blind.flags  # noqa: B018  found once, for all methods
     shared = (time.perf_counter() - since) / max(len(chosen), 1)
@@ -233,7 +233,7 @@ def _scenario_row(
         tags=json.dumps(tags),
         error=error,
     )
-    row.update(zip(("predicted", "refined", "theory", "theory_period", "theory_amplitude"), columns))
+    row.update(zip(("predicted", "refined", "theory", "theory_period", "theory_amplitude", "theory_reason"), columns))
     if run is not None and prepared is not None:
         found = prepared.oscillation
         row.update(

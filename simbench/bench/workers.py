@@ -1,10 +1,11 @@
-"""Who works the pieces of a run: this process, others of this machine, or a dask cluster, and what happens when they die."""
+"""Who works the pieces of a run: this process, others of this machine, a cluster of dask or ray; and what if they die."""
 
 from __future__ import annotations
 
 import contextlib
 import queue
 import signal
+import socket
 import time
 from collections.abc import Callable, Iterator, Sequence
 from itertools import islice
@@ -101,6 +102,61 @@ def on_cluster(address: str | None) -> Iterator[Runner]:
     finally:
         with contextlib.suppress(Exception):  # of a cluster that is gone
             client.close(timeout=LOOK)
+
+
+@contextlib.contextmanager
+def on_ray(address: str | None, jobs: int) -> Iterator[Runner]:
+    """Yield a function that has pieces worked by ray and gives each receipt back when it is there.
+
+    Parameters
+    ----------
+    address : str or None
+        Of a running cluster ("HOST:PORT", "ray://HOST:PORT" or "auto"); None = one of this machine's own, for this run.
+    jobs : int
+        Workers of such a one; -1 = as many as there are cores.
+
+    Yields
+    ------
+    callable
+        It raises RunError when ray gives up; a worker that dies is no matter, its piece is worked again.
+
+    Raises
+    ------
+    RunError
+        When no cluster answers, or ray is not installed.
+    """
+    try:
+        import ray  # type: ignore[import-not-found]
+    except ImportError:
+        raise RunError("backend ray needs the package ray; install stiction-simbench[ray]") from None
+    from joblib import effective_n_jobs
+
+    where = {"num_cpus": effective_n_jobs(jobs), "include_dashboard": False} if address is None else {"address": address}
+    quiet = {"log_to_driver": False, "logging_level": "ERROR", "runtime_env": {"env_vars": ONE_THREAD}}
+    try:
+        if address not in (None, "auto"):  # ray itself would go on asking for minutes
+            host, _, port = address.rpartition("://")[2].rpartition(":")
+            socket.create_connection((host, int(port)), timeout=PATIENCE).close()
+        ray.init(**where, **quiet)
+    except (ConnectionError, OSError, RuntimeError, ValueError) as error:
+        said = str(error).splitlines()[0]
+        raise RunError(f"no ray cluster answers at {address}: {said}; its HOST:PORT is needed") from None
+
+    def run(task: Task, missing: Pieces) -> Iterator[Receipt]:
+        work = ray.remote(lambda *piece: task(*piece))
+        try:
+            yield from _handed_out(lambda *piece: work.remote(*piece).future(), missing, lambda: None)
+        except ray.exceptions.RayTaskError as error:  # what the piece itself raised
+            raise getattr(error, "cause", error) from None
+        except ray.exceptions.WorkerCrashedError:  # over and over; the run counts how often
+            raise
+        except ray.exceptions.RayError as error:
+            raise RunError(f"ray gave up: {str(error).splitlines()[0]}") from None
+
+    try:
+        yield run
+    finally:
+        ray.shutdown()
 
 
 def _handed_out(submit: Callable, missing: Pieces, gone: Callable[[], tuple[str, float] | None]) -> Iterator[Receipt]:

@@ -251,7 +251,8 @@ def _wrong(effect: str, case: TrueLoop, rng: np.random.Generator) -> str:
 
 
 def summary(found: ShrinkageStudy) -> dict[str, Any]:
-    """Return rank correlations of claimed with true shrinkage, with 95 % intervals over records, and medians along the way.
+    """Return rank correlations of claimed with true shrinkage, with 95 % intervals over records, how often the claimed interval
+    holds the truth, and medians along the way.
 
     Parameters
     ----------
@@ -261,7 +262,8 @@ def summary(found: ShrinkageStudy) -> dict[str, Any]:
     -------
     dict
     """
-    t = found.pairs[found.pairs.resolvable.astype(bool)].astype({"claimed": float})
+    t = found.pairs[found.pairs.resolvable.astype(bool)].astype({"claimed": float, "lo": float, "hi": float})
+    held = ((t.lo <= t.true) & (t.true <= t.hi)).groupby(t.record).mean()
     groups = [g[["claimed", "true"]].to_numpy().T for _, g in t.groupby("record")]
     within = np.array([_spearman(g) for g in groups])
     rng, draws = np.random.default_rng(0), []
@@ -277,6 +279,7 @@ def summary(found: ShrinkageStudy) -> dict[str, Any]:
         "left out": found.left_out,
         "all pairs": {"spearman": _spearman(np.hstack(groups)) if groups else None, "interval": ends[0]},
         "within records, mean": {"spearman": float(within.mean()) if groups else None, "interval": ends[1]},
+        "interval holds the truth": float(held.mean()) if groups else None,
         "median along the way": {f"{w:g}": {k: float(v) for k, v in row.items()} for w, row in along.iterrows()},
         "median of the wrong effect": {k: float(wrong[k].median()) for k in ("claimed", "true")},
     }

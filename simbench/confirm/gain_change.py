@@ -23,6 +23,8 @@ KEPT = 2.0  # factor within which stiction keeps the amplitude of OP; an oscilla
 PERIODS = 12  # wanted before the change and after it
 SMALLEST = 0.01  # amplitude of OP (%) below which there is nothing to see
 LONGEST = 100_000  # samples of one run
+BAND = 0.5  # of OP's std, which it must cross for a new cycle to begin
+WIDE = 1.96  # standard errors on either side of a 95 % interval
 NUDGES = (0.0, 3.0, 0.5, 1.0, 1.5, 2.0, 5.0, 8.0)  # load steps (%) tried in turn when a loop rests
 
 
@@ -41,12 +43,23 @@ class Phase:
     saturated : bool
         Whether OP stands at its lowest or highest value for more than 2 % of the time: at 0 or 100, or elsewhere for 3
         samples or more at a time (the crest of a smooth wave may meet one value in every cycle).
+    error : float
+        Standard error of the period (s), from the spread of the cycles' lengths.
     """
 
     Kc: float
     period: float
     amplitude: float
     saturated: bool
+    error: float = np.nan
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the numbers, the period with its 95 % interval; None where a number is missing."""
+        interval = _interval(self.period, self.error)
+        return _plain({
+            "Kc": self.Kc, "period": self.period, "period_interval": interval,
+            "amplitude": self.amplitude, "saturated": self.saturated,
+        })  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,8 +98,21 @@ class GainChange:
 
     def as_json(self) -> dict[str, Any]:
         """Return the outcome without its signals; None where a number is missing."""
-        phases = {name: _plain(vars(phase)) for name, phase in (("before", self.before), ("after", self.after))}
-        return {"verdict": self.verdict, **_plain({"shift": self.shift}), "nudge": self.nudge, **phases, "reason": self.reason}
+        shift = _plain({"shift": self.shift, "shift_interval": self.shift_interval})
+        phases = {"before": self.before.as_json(), "after": self.after.as_json()}
+        return {"verdict": self.verdict, **shift, "nudge": self.nudge, **phases, "reason": self.reason}
+
+    @property
+    def shift_interval(self) -> tuple[float, float] | None:
+        """95 % interval of |P2/P1 - 1|; None when one of the periods is missing."""
+        before, after = self.before, self.after
+        ratio = after.period / before.period
+        error = ratio * float(np.hypot(before.error / before.period, after.error / after.period))
+        ends = _interval(ratio - 1.0, error)
+        if ends is None:
+            return None
+        lo, hi = sorted(abs(x) for x in ends)
+        return (0.0 if ends[0] < 0.0 < ends[1] else lo), hi
 
     def as_text(self) -> str:
         """Return the outcome in three lines."""
@@ -169,7 +195,28 @@ def measure(op: np.ndarray, Ts: float, Kc: float) -> Phase:
     amplitude = float(np.sqrt(2) * op.std())
     seen = found.sustained and amplitude > SMALLEST
     at_ends = max(_standing(op, float(op.min())), _standing(op, float(op.max())))
-    return Phase(Kc, found.period_s if seen else np.nan, amplitude, bool(amplitude > SMALLEST and at_ends > 0.02))
+    saturated = bool(amplitude > SMALLEST and at_ends > 0.02)
+    if not seen:
+        return Phase(Kc, np.nan, amplitude, saturated)
+    return Phase(Kc, found.period_s, amplitude, saturated, _period_error(op, Ts))
+
+
+def _period_error(op: np.ndarray, Ts: float) -> float:
+    """Return the standard error of the mean cycle (s): cycles lie between upward crossings of a band around the mean."""
+    x = op - op.mean()
+    band = BAND * x.std()
+    side = np.where(x > band, 1, np.where(x < -band, -1, 0))
+    out = np.flatnonzero(side)
+    ups = out[1:][np.diff(side[out]) > 0]
+    lengths = np.diff(ups)
+    if lengths.size < 2:
+        return np.nan
+    # two crossings are known to a sample
+    return float(np.hypot(lengths.std(ddof=1) / np.sqrt(lengths.size), 1.0 / lengths.size) * Ts)
+
+
+def _interval(value: float, error: float) -> tuple[float, float] | None:
+    return (value - WIDE * error, value + WIDE * error) if np.isfinite(value + error) else None
 
 
 def _standing(op: np.ndarray, value: float) -> float:

@@ -71,7 +71,7 @@ def gain_change_recorded(before: LoopRecord, after: LoopRecord, factor: float | 
         raise ParameterError(f"gain change: Ts = {before.Ts:g} s before and {after.Ts:g} s after; one is needed for both")
     gains = (1.0, factor) if factor is not None else (controller_gain(before), controller_gain(after))
     if gains[0] is None or gains[1] is None:
-        raise ParameterError("gain change: the records do not show the controller gain; new over old is needed: --factor")
+        raise ParameterError("gain change: the records do not show the controller gain; new over old is needed: --ratio")
     ratio = gains[1] / gains[0] if gains[0] > 0 else np.nan
     if not (0.0 < ratio < np.inf and abs(ratio - 1.0) >= 0.2):
         raise ParameterError(f"gain change: Kc changed {ratio:.3g}-fold; at least 20 % more or less is needed")
@@ -133,8 +133,7 @@ def travel_recorded(record: LoopRecord) -> TravelTest:
     phase, side, total = np.zeros(op.size, dtype=int), 0.0, 0.0
     since = 0
     for k, step in enumerate(steps):
-        # steps that turn back before PV moved start a new sum
-        total, since = (total + step, since) if total * step >= 0 else (step, k)
+        total += step  # with its sign: the valve stands where it last moved, however OP wanders before it moves again
         change = abs(seen[k + 1] - seen[since])
         if change <= max(SIGMAS * np.sqrt(2.0) * max(error[k + 1], error[since]), SHARE * answer * abs(step), 1e-12):
             continue
@@ -143,7 +142,7 @@ def travel_recorded(record: LoopRecord) -> TravelTest:
             phase[starts[since + 1] : starts[k + 1] + lengths[k + 1]] = 1 if same else 2
             sums[same] = sums[same] if sums[same] is not None else round(abs(float(total)), 9)
         elif side == 0.0 or abs(step) > small:
-            answer = change / abs(total)
+            answer = change / max(abs(total), abs(step))
         side, total, since = float(np.sign(total)), 0.0, k + 1
     fine = np.abs(steps)[np.abs(steps) <= small]
     increment = float(np.median(fine)) if fine.size else float(np.abs(steps).min())

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from detectors.errors import ParameterError
+from detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from scenarios.spec import Loop
 from simbench.confirm.rig import LiveLoop, Trace, lengthened
 from simbench.loop.resolve import resolve_loop
@@ -71,10 +72,20 @@ class TravelTest:
         """Dead-band plus stick band (%), up to one small step too large."""
         return self.reversed
 
+    @property
+    def verdict(self) -> str:
+        """Whether the valve sticks: "stiction", "no_stiction" or "no_decision"."""
+        return NO_DECISION if self.sticky is None else STICTION if self.sticky else NO_STICTION
+
     def as_json(self) -> dict[str, Any]:
-        """Return the outcome without its signals."""
+        """Return the outcome without its signals; S and J lie within a small step below what was added up."""
+
+        def interval(x: float | None) -> list[float] | None:
+            return None if x is None else [max(0.0, x - self.increment), x]
+
         return {
-            "S": self.S, "J": self.J, "S_minus_J": None if self.S is None or self.J is None else self.S - self.J,
+            "verdict": self.verdict, "S": self.S, "S_interval": interval(self.S), "J": self.J, "J_interval": interval(self.J),
+            "S_minus_J": None if self.S is None or self.J is None else self.S - self.J,
             "increment": self.increment, "wait": self.wait, "sticky": self.sticky, "reason": self.reason,
         }  # fmt: skip
 

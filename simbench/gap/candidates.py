@@ -122,17 +122,32 @@ def beside_the_load(engine: Engine, base: Fit, candidates: dict[str, Candidate])
         ordinary = recogniser(effect).ordinary
         if ordinary is None or not one.used or one.log_likelihood_gain <= 0.0:
             continue
-        again = fit_candidates(engine, one.fit, [e for e in candidates if e != effect])
-        out = {}
-        for e, bare in candidates.items():
-            alone = bare.log_likelihood_gain - one.log_likelihood_gain
-            if e == effect:
-                own = 0.0 if ordinary(one.fit, base) else min(one.log_likelihood_gain, LAST)
-                out[e] = replace(one, log_likelihood_gain=own)
-            else:
-                out[e] = again[e] if again[e].log_likelihood_gain >= alone else replace(bare, log_likelihood_gain=alone)
-        return one.fit, out
+        out = _on_top_of(engine, one.fit, one.log_likelihood_gain, {e: c for e, c in candidates.items() if e != effect})
+        own = 0.0 if ordinary(one.fit, base) else min(one.log_likelihood_gain, LAST)
+        return one.fit, {e: out.get(e, replace(one, log_likelihood_gain=own)) for e in candidates}
     return base, candidates
+
+
+def beside_the_plant(engine: Engine, base: Fit, candidates: dict[str, Candidate]) -> tuple[Fit, dict[str, Candidate]]:
+    """Allow to every candidate a plant of higher order than the baseline's, if any candidate stands out of it.
+
+    Parameters and returns are those of `beside_the_load`.
+    """
+    if max((c.log_likelihood_gain for c in candidates.values()), default=0.0) <= 0.0:
+        return base, candidates
+    other = engine.of_higher_order(base)
+    if other is base:
+        return base, candidates
+    brought = other.loglik - base.loglik - size_penalty(engine.data.n, 1.0)
+    fitted = {e: c for e, c in candidates.items() if c.fit is not base}
+    return other, candidates | _on_top_of(engine, other, brought, fitted)
+
+
+def _on_top_of(engine: Engine, base: Fit, brought: float, candidates: dict[str, Candidate]) -> dict[str, Candidate]:
+    """Return the likelier of the two fits of each: as it was, less what the new base brought (nats), or on top of that base."""
+    again = fit_candidates(engine, base, candidates)
+    alone = {e: replace(c, log_likelihood_gain=c.log_likelihood_gain - brought) for e, c in candidates.items()}
+    return {e: max(again[e], alone[e], key=lambda c: c.log_likelihood_gain) for e in candidates}
 
 
 def reshaped(engine: Engine, fit: Fit) -> Fit:

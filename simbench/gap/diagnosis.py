@@ -181,7 +181,7 @@ def report(found: Assessment, weights: Classified, runs: ClosedLoops, more: Sequ
     gap = Gap(main.before, main.recalibrated, main.after, main.floor, main.resolvable)
     shrinkage = None
     if main.value is not None and effects:
-        shrinkage = {"value": main.value, "lo": min(main.lo, main.value), "hi": max(main.hi, main.value)}
+        shrinkage = {"value": main.value, "lo": main.lo, "hi": main.hi}
     answers = tuple(
         {
             "block": weights.block(e),

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from detectors.errors import UserError
+from detectors.record import LoopRecord
 from detectors.report import choose_methods
 from detectors.verdict import NO_STICTION, STICTION
-from scenarios.spec import Part, Scenario
+from scenarios.spec import Loop, Part, Scenario
 from simbench.bench.statistics import mcnemar, wilson
 from simbench.loop.setup import plain_setup
 from simbench.loop.simulate import simulate
@@ -42,7 +43,8 @@ def main(arguments: list[str] | None = None) -> int:
     chosen = parser.parse_args(arguments)
     weighed = kept(Path(chosen.out) / "weighed", chosen.weighed, TESTING, looked_at)
     rows = kept(Path(chosen.out) / "twins", chosen.n, TESTING, checked)
-    print("\n".join([*_probability(weighed), "", *_claims([r for r in rows if r["best"]]), *_visible(rows), *_chosen(rows)]))
+    said = [*_probability(weighed), "", *_claims([r for r in rows if r["best"]]), *_visible(rows), *who_is_right(rows)]
+    print("\n".join(said))
     return 0
 
 
@@ -60,13 +62,15 @@ def checked(scenario: Scenario) -> dict[str, Any]:
         of the record, None without twins; and what `measured` returns.
     """
     run = simulate(scenario.loop, scenario.seed)
-    found = trust(run.record.blind(), help_wanted=False)
+    return {"sticky": run.sticky, **claimed(run.record.blind()), **measured(scenario, choose_methods(["all"]))}
+
+
+def claimed(record: LoopRecord) -> dict[str, Any]:
+    """Return what trust says of a record: what `checked` returns, but what is true."""
+    found = trust(record, help_wanted=False)
     answer = found.as_json()
     best = None if found.best is None else {"method": found.best.verdict.method, "says": reading(found.best)}
-    return {
-        "sticky": run.sticky, "said": found.answer, "probability": answer["probability"], "methods": answer["methods"],
-        "smallest_visible": answer["smallest_visible"], "best": best, **measured(scenario, choose_methods(["all"])),
-    }  # fmt: skip
+    return {"said": found.answer, "best": best, **{k: answer[k] for k in ("probability", "methods", "smallest_visible")}}
 
 
 def reading(row: MethodTrust) -> str:
@@ -93,13 +97,14 @@ def measured(scenario: Scenario, methods: list[str]) -> dict[str, Any]:
     S, J = max(plain_setup(scenario.loop, 0).bands)
     sound = scenario.loop if S <= 0 else scenario.loop.model_copy(update={"valve": Part(name="ideal")})
     return {
-        "S": S, "J": J, "healthy": _shares(sound, scenario.seed, methods),
-        "with_friction": _shares(scenario.loop, scenario.seed, methods) if S > 0 else None,
-        "fitted": _fitted(scenario.loop, scenario.seed) if S > 0 else None,
+        "S": S, "J": J, "healthy": shares(sound, scenario.seed, methods),
+        "with_friction": shares(scenario.loop, scenario.seed, methods) if S > 0 else None,
+        "fitted": fitted(scenario.loop, scenario.seed) if S > 0 else None,
     }  # fmt: skip
 
 
-def _fitted(loop: Any, seed: int) -> float:
+def fitted(loop: Loop, seed: int) -> float:
+    """Return the share of runs of a loop in which trust calls stiction probable."""
     weights, found = EvidenceWeights.read(), []
     for i in range(FITTED):
         record = simulate(loop, seed + 1000 + i).record.blind()
@@ -111,7 +116,8 @@ def _fitted(loop: Any, seed: int) -> float:
     return float(np.mean(found)) if found else 0.0
 
 
-def _shares(loop: Any, seed: int, methods: list[str]) -> dict[str, float]:
+def shares(loop: Loop, seed: int, methods: list[str]) -> dict[str, float]:
+    """Return the share of runs of a loop that every method calls stiction."""
     called = [
         [v.verdict == STICTION for v in judged(simulate(loop, seed + 1000 + i).record.blind(), methods)] for i in range(RUNS)
     ]
@@ -173,8 +179,8 @@ def _probability(rows: list[dict[str, Any]]) -> list[str]:
     lines.append(f"right, sticky and healthy loops counting the same: {', '.join(f'{n} {s:.2f}' for n, s in share.items())}")
     sure = p > LIKELY
     lines.append(
-        f"stiction claimed: {_share(int(sure[sticky].sum()), int(sticky.sum()))} of the sticky, "
-        f"{_share(int(sure[~sticky].sum()), int((~sticky).sum()))} of the healthy"
+        f"stiction claimed: {out_of(int(sure[sticky].sum()), int(sticky.sum()))} of the sticky, "
+        f"{out_of(int(sure[~sticky].sum()), int((~sticky).sum()))} of the healthy"
     )
     return [*lines, f"Brier score {np.average((p - sticky) ** 2, weights=w):.3f} (even odds: 0.250)"]
 
@@ -204,20 +210,31 @@ def _visible(rows: list[dict[str, Any]]) -> list[str]:
                 counts[kind] = [k + bool(x) for k, x in zip(counts[kind], now)]
         lines += ["", f"friction as {whose} see it on runs of the loop itself:"]
         for kind, (claim, answer, n) in counts.items():
-            below = f"below the smallest that detectors show {_share(claim, n)}"
-            lines.append(f"{kind}: {below}; the answer denies it or says that it cannot be seen {_share(answer, n)}")
+            below = f"below the smallest that detectors show {out_of(claim, n)}"
+            lines.append(f"{kind}: {below}; the answer denies it or says that it cannot be seen {out_of(answer, n)}")
     return lines
 
 
-def _share(k: int, n: int) -> str:
+def out_of(k: int, n: int) -> str:
+    """Return k of n with the 95 % interval of their ratio."""
     lo, hi = wilson(k, n) if n else (0.0, 1.0)
     return f"{k} of {n} ({lo:.2f} to {hi:.2f})"
 
 
-def _chosen(rows: list[dict[str, Any]]) -> list[str]:
-    """Return who is right how often: the detector picked per loop, trust itself, and the best detector in hindsight."""
+def who_is_right(rows: list[dict[str, Any]]) -> list[str]:
+    """Return who is right how often: the detector picked per loop, trust itself, and the best detector in hindsight.
+
+    Parameters
+    ----------
+    rows : list of dict
+        sticky, probability, methods and best, as `checked` gives them.
+
+    Returns
+    -------
+    list of str
+    """
     twins = [r for r in rows if r["best"] is not None]
-    right = {m: [_right(_of(r, m)["verdict"], r["sticky"]) for r in twins] for m in twins[0]["healthy"]}
+    right = {c["method"]: [_right(_of(r, c["method"])["verdict"], r["sticky"]) for r in twins] for c in twins[0]["methods"]}
     best = max(right, key=lambda m: sum(right[m]))
     asked = {
         "detector picked per loop, read as advised": [_right(r["best"]["says"], r["sticky"]) for r in twins],

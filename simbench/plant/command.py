@@ -104,8 +104,9 @@ def study_folder(
     *,
     html: str | Path | None = None,
     write_grid: str | Path | None = None,
+    jobs: int = 2,
 ) -> Study:
-    """Compare a folder of records with a grid.
+    """Compare a folder of records with a grid; what a killed call had diagnosed is kept beside its page, or grid, till then.
 
     Parameters
     ----------
@@ -117,6 +118,8 @@ def study_folder(
         Page to write.
     write_grid : path, optional
         Grid to write, with the effects found in it.
+    jobs : int
+        Processes; -1 = all cores.
 
     Returns
     -------
@@ -130,17 +133,24 @@ def study_folder(
     from simbench.plant.study import study
 
     refuse_own_input([html, write_grid], [folder, labels, grid])
-    found = study(folder, grid, labels)
+    written = html or write_grid
+    kept = None if written is None else Path(written).with_name(f"{Path(written).name}.diagnosed")
+    found = study(folder, grid, labels, jobs=jobs, keep=kept)
     if html is not None:
         from simbench.plant.study_page import write_study
 
         write_study(found, html)
     if write_grid is not None:
+        from simbench.plant.written_grid import NoGrid
         from simbench.plant.written_grid import write_grid as write
 
-        left_out = write(found, write_grid)
-        said = [f"the grid written cannot draw {e}" for e in left_out]
+        try:
+            said = [f"the grid written cannot draw {e}" for e in write(found, write_grid)]
+        except NoGrid as why:  # an answer of the study, no wrong usage
+            said = [str(why)]
         found = replace(found, notes=(*found.notes, *said))
+    if kept is not None:
+        rmtree(kept, ignore_errors=True)
     return found
 
 

@@ -2,15 +2,9 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from importlib.metadata import version
 from pathlib import Path
-from typing import Any
-
-from joblib import Memory, Parallel, delayed
-from tqdm import tqdm
 
 from detectors.io import read_folder, read_labels
 from detectors.prepared import Prepared
@@ -22,6 +16,7 @@ from simbench.plant.episodes import OverTime
 from simbench.plant.events import likely_root, shared_oscillations
 from simbench.plant.indices import judged
 from simbench.plant.result import STICKY, Trust
+from simbench.plant.resumed import resumed
 from simbench.plant.trust import trust
 
 HEALTHY, EACH = 20, 2  # twins per loop: enough to rank a plant; `simbench trust` draws more
@@ -133,11 +128,8 @@ def survey(
     each = {name: {"kind": row["kind"], "process": row["process"]} for name, row in known.items()}
     records, refused = read_folder(folder, names=known or None, each=each)
     names = choose_methods(["all"])
-    one = _one if keep is None else Memory(Path(keep) / version("stiction-simbench"), verbose=0).cache(_one)
-    with Parallel(n_jobs=min(jobs, len(records)) if jobs > 0 else jobs, return_as="generator") as parallel:
-        label = {name: known.get(name, {}).get("label", "") for name in records}
-        asked = parallel(delayed(one)(name, r, names, label[name], seed) for name, r in records.items())
-        members: list[Any] = list(tqdm(asked, total=len(records), file=sys.stderr, desc="loops"))
+    about = [(name, r, names, known.get(name, {}).get("label", ""), seed) for name, r in records.items()]
+    members: list[FleetLoop] = resumed(_one, about, jobs=jobs, keep=keep, what="loops")
     members, events = _joined(members, {m.name: Prepared(records[m.name].blind()) for m in members})
     members.sort(key=lambda m: (-round(m.probability, 1), -(m.size or (0.0, 0.0))[0], m.name))
     return Fleet(tuple(members), events, refused, tuple(names))

@@ -13,10 +13,10 @@ from detectors.signal.oscillation import find_oscillation
 from scenarios.spec import Loop
 from simbench.loop.effects import EFFECTS, Choice
 
-# what compares with a baseline, not with a grid, and friction, which is what is looked for
-NOT_LACKING = (
-    "stiction", "deadband", "gain_mismatch", "time_constant_mismatch", "dead_time_mismatch", "detuning", "noise",
-)  # fmt: skip
+# what compares with a baseline, not with a grid
+NOT_LACKING = ("gain_mismatch", "time_constant_mismatch", "dead_time_mismatch", "detuning", "noise")
+FRICTION = ("stiction", "deadband")  # what takes the place of the friction that a loop of the grid has
+GROWN = 2.0  # times that an effect may change a loop's size before its strength is measured by it no more
 REST = 40.0  # samples that stand for the period of a record without one
 
 
@@ -36,6 +36,11 @@ class Size:
         period = swing.period_s if np.isfinite(swing.period_s) else REST * record.Ts
         span = float(np.quantile(op, 0.99) - np.quantile(op, 0.01))
         return cls(float(np.std(record.pv)) or 1.0, span or 1.0, float(period))
+
+    def towards(self, other: Size) -> Size:
+        """Return the size of a loop that an effect has changed, by `GROWN` at most: it may make it run away."""
+        pv, op = (float(np.clip(b, a / GROWN, a * GROWN)) for a, b in ((self.pv, other.pv), (self.op, other.op)))
+        return Size(pv, op, self.period)
 
     def factor(self, unit: str) -> float:
         """Return what one of a parameter's unit is on this loop."""

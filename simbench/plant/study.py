@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from detectors.errors import ParameterError, UserError
 from detectors.io import read_folder, read_labels
 from detectors.record import LoopRecord
 from detectors.report import choose_methods
 from detectors.verdict import STICTION
-from scenarios.spec import load_loop
+from scenarios.spec import Loop, load_loop
 from simbench.gap import diagnose
 from simbench.plant.indices import judged
 from simbench.plant.joining import accuracy, draw, join, units, verdicts_on
 from simbench.plant.looks import by_unit, looks
+from simbench.plant.resumed import resumed
 from simbench.plant.strengths import NOT_LACKING, Size, relative
 from simbench.plant.study_result import Study
 from simbench.plant.two_sample import Ruler, classifier_test, feature_tests, mmd, mmd_test
@@ -36,6 +35,8 @@ def study(
     methods: Sequence[str] = ("fast",),
     groups: int = GROUPS,
     seed: int = 0,
+    jobs: int = 1,
+    keep: str | Path | None = None,
 ) -> Study:
     """Compare a set of records with a grid.
 
@@ -50,6 +51,10 @@ def study(
     groups : int
         Of the grid that are simulated.
     seed : int
+    jobs : int
+        Processes for the diagnoses; -1 = all cores.
+    keep : path, optional
+        Folder in which diagnoses are kept, so that a call that was killed goes on where it stopped.
 
     Returns
     -------
@@ -63,7 +68,7 @@ def study(
     Notes
     -----
     Where a record has no label, or only one class is labelled, no accuracy is given. Effects are found by `gap diagnose`; one
-    that it does not know, e.g. a valve that sticks at times, widens the distance and stays unexplained.
+    that it does not know widens the distance and stays unexplained. A valve that sticks at times shows as friction.
     """
     known = {} if labels is None else read_labels(labels)
     each = {name: {"kind": row["kind"], "process": row["process"]} for name, row in known.items()}
@@ -76,7 +81,7 @@ def study(
     names, real_x, _ = by_unit([looks(r) for r in records.values()], list(unit.values()))
     sim_x = units(simulated)
     ruler = Ruler.of(sim_x, real_x)
-    found, failed = effects_of(records, unit, Path(folder))
+    found, failed = effects_of(records, unit, Path(folder), jobs=jobs, keep=keep)
     base = verdicts_on(simulated, chosen)
     joined, moved = join(simulated, found, len(set(unit.values())), ruler, real_x, base, chosen, rng)
     real = _real_accuracy(records, unit, known, chosen, rng)
@@ -96,7 +101,7 @@ def study(
 
 
 def effects_of(
-    records: Mapping[str, LoopRecord], unit: Mapping[str, str], folder: Path
+    records: Mapping[str, LoopRecord], unit: Mapping[str, str], folder: Path, *, jobs: int = 1, keep: str | Path | None = None
 ) -> tuple[dict[str, list[dict[str, Any]]], list[str]]:
     """Diagnose one record of every unit, and return the effects found with their relative strengths.
 
@@ -105,6 +110,9 @@ def effects_of(
     records, unit : mapping by record name
     folder : path
         Where a record's baseline may lie beside it.
+    jobs : int
+    keep : path, optional
+        Folder in which diagnoses are kept.
 
     Returns
     -------
@@ -113,22 +121,30 @@ def effects_of(
     failed : list of str
         Records that could not be diagnosed, each with its sentence.
     """
+    about = []
+    for name in {unit[name]: name for name in reversed(list(records))}.values():
+        beside = folder / f"{name}.toml"
+        about.append((records[name], load_loop(beside) if beside.exists() else None))
     found: dict[str, list[dict[str, Any]]] = {}
     failed = []
-    first = {unit[name]: name for name in reversed(list(records))}
-    for name in tqdm(first.values(), file=sys.stderr, desc="diagnoses"):
-        beside = folder / f"{name}.toml"
-        try:
-            report = diagnose(records[name], load_loop(beside) if beside.exists() else None)
-        except UserError as error:
-            failed.append(f"not diagnosed: {error}")
+    for answer in resumed(_diagnosed, about, jobs=jobs, keep=keep, what="diagnoses"):
+        if isinstance(answer, str):
+            failed.append(answer)
             continue
-        size, parameters = Size.of(records[name]), report.behind.found.parameters
-        shown = dict.fromkeys([*(e["effect"] for e in report.effects), *report.behind.found.situation.proven])
-        for effect in shown:
-            if effect in parameters and effect not in NOT_LACKING:
-                found.setdefault(effect, []).append(relative(effect, parameters[effect], size))
+        for effect, strength in answer.items():
+            found.setdefault(effect, []).append(strength)
     return found, failed
+
+
+def _diagnosed(record: LoopRecord, baseline: Loop | None) -> dict[str, dict[str, Any]] | str:
+    """Return the effects named or proven with their relative strengths, or why there is no diagnosis."""
+    try:
+        report = diagnose(record, baseline)
+    except UserError as error:
+        return f"not diagnosed: {error}"
+    size, parameters = Size.of(record), report.behind.found.parameters
+    shown = dict.fromkeys([*(e["effect"] for e in report.effects), *report.behind.found.situation.proven])
+    return {e: relative(e, parameters[e], size) for e in shown if e in parameters and e not in NOT_LACKING}
 
 
 def _real_accuracy(

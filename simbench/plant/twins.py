@@ -127,6 +127,8 @@ def draw_twins(
 def _twin(a: Around, S: float, J: float, change: Change, stream: list[int], number: int) -> Twin | None:
     rng = np.random.default_rng(stream)
     base = a.healthy[number % len(a.healthy)] if S <= 0 else _sticky_base(a, number)
+    # friction that explains the record leaves nothing to be swung from outside
+    outside = a.period is not None and base is not a.sticky
     if change.loop is not None:
         base = change.loop(base)
     for attempt in range(TRIES):
@@ -134,10 +136,10 @@ def _twin(a: Around, S: float, J: float, change: Change, stream: list[int], numb
             table = perturbed(base.to_table(), STATED if a.trusted else UNCERTAIN, rng)
             ahead = _timed(table, a.record, change)
             seed = int(rng.integers(2**31))
-            if S <= 0 and a.period is not None and (attempt >= TRIES // 2 or number % 2):
-                table = _driven(table, a, DRIVEN[number // 2 % 2], seed, rng)
+            if outside and (attempt >= TRIES // 2 or number % 2):
+                table = _driven(table, a, DRIVEN[number // 2 % 2], seed, ahead, rng)
             loop = Loop.from_table(table, "twin")
-            run = simulate(with_friction(loop, 0.0, 0.0), seed).record
+            run = _after(simulate(with_friction(loop, 0.0, 0.0), seed).record, ahead)
             if not _alike(run, a.record, change, own=S <= 0):
                 continue
             # a record that swings is told from a sound loop that swings too, not from one that rests
@@ -146,10 +148,10 @@ def _twin(a: Around, S: float, J: float, change: Change, stream: list[int], numb
             if S > 0:
                 # at rest a sticky loop may stay there for ever; the plant's has been moving for years
                 kick = float(rng.choice((-1.0, 1.0))) * (S + 1.0)
-                run = simulate(with_friction(loop, S, J), seed, kick=kick).record
+                run = _after(simulate(with_friction(loop, S, J), seed, kick=kick).record, ahead)
         except (UserError, SpecError):
             continue
-        return Twin(S, J, _as_recorded(run.window(ahead, run.n), a.record, change.mv))
+        return Twin(S, J, _as_recorded(run, a.record, change.mv))
     return None
 
 
@@ -162,7 +164,14 @@ def _sticky_base(a: Around, number: int) -> Loop:
     return a.sticky if (number % SURE > 0) == likely else other
 
 
-def _driven(table: dict[str, Any], a: Around, kind: str, seed: int, rng: np.random.Generator) -> dict[str, Any]:
+def _after(run: LoopRecord, ahead: int) -> LoopRecord:
+    """Return what is recorded: the set point's way to where it stood is over, which is all that some loops ever move."""
+    return run.window(ahead, run.n)
+
+
+def _driven(
+    table: dict[str, Any], a: Around, kind: str, seed: int, ahead: int, rng: np.random.Generator
+) -> dict[str, Any]:
     """Return a sound loop that another one swings as much as the record swings, at about its period."""
     assert a.period is not None
     own = [part | {"amplitude": QUIETER * part["amplitude"]} for part in table["disturbance"]]
@@ -171,7 +180,7 @@ def _driven(table: dict[str, Any], a: Around, kind: str, seed: int, rng: np.rand
     if kind == "propagated":
         drive |= {"S": 5.0, "J": float(rng.uniform(2.0, 5.0)), "noise": 0.05, "lag": a.period * float(rng.uniform(0.02, 0.2))}
     swung = calm | {"disturbance": [*own, drive]}
-    without, with_ = (simulate(Loop.from_table(t, "twin"), seed).record.pv for t in (calm, swung))
+    without, with_ = (_after(simulate(Loop.from_table(t, "twin"), seed).record, ahead).pv for t in (calm, swung))
     missing = np.sqrt(max(np.var(a.record.pv) - np.var(without), 0.1 * np.var(a.record.pv)))
     drive["amplitude"] = float(missing / max(np.std(with_ - without), 1e-12))
     return swung

@@ -72,8 +72,13 @@ def mmd(ruler: Ruler, one: np.ndarray, other: np.ndarray) -> float:
     >>> mmd(ruler, a, b) > 0.5
     True
     """
+    return float(np.sqrt(max(mmd_squared(ruler, one, other), 0.0)))
+
+
+def mmd_squared(ruler: Ruler, one: np.ndarray, other: np.ndarray) -> float:
+    """Return the unbiased estimate that `mmd` is the root of; of two sets alike, one may lie further below 0 than the other."""
     both = np.vstack([one, other])
-    return _mmd(ruler.kernel(both, both), np.arange(len(both)) < len(one))
+    return _squared(ruler.kernel(both, both), np.arange(len(both)) < len(one))
 
 
 def mmd_test(ruler: Ruler, one: np.ndarray, other: np.ndarray, rng: np.random.Generator) -> dict[str, float]:
@@ -164,12 +169,16 @@ def _squares(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _mmd(kernel: np.ndarray, first: np.ndarray, twins: np.ndarray | None = None) -> float:
+    return float(np.sqrt(max(_squared(kernel, first, twins), 0.0)))
+
+
+def _squared(kernel: np.ndarray, first: np.ndarray, twins: np.ndarray | None = None) -> float:
     # a loop is no evidence beside itself; in a bootstrap neither is its copy
     k = np.where(np.eye(len(kernel), dtype=bool) if twins is None else twins, 0.0, kernel)
     apart = 1.0 - (np.eye(len(kernel)) if twins is None else twins)
     a, b = first.astype(float), (~first).astype(float)
     within = (a @ k @ a) / max(a @ apart @ a, 1.0) + (b @ k @ b) / max(b @ apart @ b, 1.0)
-    return float(np.sqrt(max(within - 2 * (a @ kernel @ b) / (a.sum() * b.sum()), 0.0)))
+    return float(within - 2 * (a @ kernel @ b) / (a.sum() * b.sum()))
 
 
 def _folds(first: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -14,10 +14,14 @@ from detectors.errors import ParameterError
 from scenarios.grid import grid_names, load_grid
 from scenarios.spec import read_toml
 from simbench.files import whole_file
-from simbench.plant.strengths import scales
+from simbench.plant.strengths import FRICTION, scales
 from simbench.plant.study_result import Contribution, Study
 
 PLACES = 20  # entries of the list that a loop's effect is drawn from
+
+
+class NoGrid(ParameterError):
+    """The study found nothing that a grid can draw."""
 
 
 def write_grid(found: Study, path: str | Path) -> list[str]:
@@ -32,19 +36,20 @@ def write_grid(found: Study, path: str | Path) -> list[str]:
     Returns
     -------
     list of str
-        Effects that a grid cannot draw (a rate per time has no scale there), left out.
+        Effects that a grid cannot draw (friction, which its valves have; a rate per time has no scale there), left out.
 
     Raises
     ------
     FileError
         When it cannot be written.
-    ParameterError
+    NoGrid
         When nothing was found that a grid can draw.
     """
     base = Path(str(files("scenarios") / "grids" / f"{found.grid}.toml")) if found.grid in grid_names() else Path(found.grid)
-    usable = [e for e in found.effects if scales(e.effect, e.strengths[0]) is not None]
+    # a grid's valves have their friction from the grid
+    usable = [e for e in found.effects if e.effect not in FRICTION and scales(e.effect, e.strengths[0]) is not None]
     if not usable:
-        raise ParameterError(f"no grid to write to {path}: no effect was found that a grid can draw")
+        raise NoGrid(f"no grid is written to {path}: no effect was found that a grid can draw")
     text, own = base.read_text(encoding="utf-8"), read_toml(base).get("draw", {}).get("effect", ["none"])
     line = f"effect = {_toml(_places(usable, own if isinstance(own, list) else [own]))}"
     kept = re.sub(r"(?m)^effect = \[[^\]]*\]$", "", text)

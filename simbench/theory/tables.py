@@ -187,11 +187,15 @@ def _without_mapping(setup: Setup, theory: dict[str, Any]) -> None:
     if len(setup.valves) != 1:
         return
     part = setup.loop.valve
-    if part.name == "deadzone":
-        valve = deadzone(setup.valves[0][1].D)
-    else:
-        valve = measured(part.name, part.parameters, centre=setup.op0)
-    found = intersections(reduced(setup, 0.0, 0.0), valve)
+    try:
+        if part.name == "deadzone":
+            valve = deadzone(setup.valves[0][1].D)
+        else:
+            valve = measured(part.name, part.parameters, centre=setup.op0)
+        found = intersections(reduced(setup, 0.0, 0.0), valve)
+    except ParameterError as error:  # what the exact cycle does not describe, the describing function does not either
+        theory["reason"] += "; " + str(error).removeprefix("theory: ")
+        return
     theory["describing_function"] = found
     theory.update(exists=any(f.stable for f in found), by="describing function")
     for best in [f for f in found if f.stable][:1]:

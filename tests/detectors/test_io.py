@@ -167,11 +167,26 @@ def test_empty_set_point_means_unknown_and_a_partial_one_is_held(tmp_path):
     record = read_record(write(tmp_path, [f"{r},{s}" for r, s in zip(lines, sp, strict=True)], head))
     assert record.sp is not None
     assert np.array_equal(record.sp, np.repeat([10.0, 12.0], 20))
-    assert record.notes == ()
-    sp[5:15] = ""
+    assert record.notes == ("gaps: 2 of 40 samples of SP missing, bridged",)
+    sp[1:39] = ""
     record = read_record(write(tmp_path, [f"{r},{s}" for r, s in zip(lines, sp, strict=True)], head))
     assert record.sp is None
     assert "SP has holes" in record.notes[0]
+
+
+@pytest.mark.parametrize("name", ["sp", "mv"])
+@pytest.mark.parametrize(
+    ("hole", "n", "known"), [(slice(8, 11), 40, True), (slice(8, 12), 28, True), (slice(15, 30), 40, False)]
+)
+def test_holes_of_mv_and_of_sp_split_like_any_unless_that_costs_half_of_the_record(tmp_path, name, hole, n, known):
+    x = np.arange(N).astype(object)
+    x[hole] = ""
+    record = read_record(write(tmp_path, [f"{r},{s}" for r, s in zip(rows(), x, strict=True)], f"t,op,pv,{name}"))
+    assert record.n == n
+    assert (getattr(record, name) is not None) is known
+    assert np.array_equal(record.pv, PV[N - n :])
+    assert record.notes
+    assert all(note.startswith("gaps") for note in record.notes)
 
 
 def test_notes_survive_blinding(tmp_path):

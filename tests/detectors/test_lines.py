@@ -50,3 +50,16 @@ def test_what_lies_on_lines_by_chance_is_no_share(digits, smooth):
     drawn = np.interp(np.arange(x.size), np.arange(0, x.size, 4), x[::4])
     share = share_on_lines(np.round(drawn, digits), 10.0**-digits)
     assert share == pytest.approx(0.75, abs=0.05) if digits > 1 else share < 0.75
+
+
+def test_lines_between_samples_kept_are_seen_in_few_digits_where_the_noise_is_known():
+    rng = np.random.default_rng(7)
+    noisy = 5.0 + 0.1 * rng.standard_normal(3000)
+    k = np.arange(noisy.size)
+    drawn = np.round(np.interp(k, k[::12], noisy[::12]), 2)
+    assert share_on_lines(drawn, 0.01) == 0.0
+    assert share_on_lines(drawn, 0.01, 0.1) > 0.6
+    assert share_on_lines(np.round(noisy, 2), 0.01, 0.1) < 0.04
+    # nor does a sensor stand still for being written in few digits
+    still = np.where(k < 1500, noisy, 5.0)
+    assert share_on_lines(np.round(still, 2), 0.01, 0.1) < 0.04

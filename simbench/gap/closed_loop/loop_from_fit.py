@@ -10,7 +10,7 @@ import numpy as np
 from scenarios.spec import Loop
 from simbench.gap.effects import load_steps, recogniser
 from simbench.gap.likelihood import kernels
-from simbench.gap.likelihood.model import Fit, lag_of, valve_of
+from simbench.gap.likelihood.model import Fit, delay_of, lag_of, valve_of
 from simbench.gap.situation import Situation
 
 COLOURED = 0.15  # correlation of the noise from sample to sample, below which it is as good as white
@@ -52,7 +52,7 @@ def fixed_loop(
     table: dict[str, Any] = base.to_table()
     if plant == "fitted":
         per = Ts if situation.integrating else 1.0
-        own = {"K": fit.K / per if fit.K * d.K > 0 else base.plant.K, "Td": fit.theta["Td"] * Ts}
+        own = {"K": fit.K / per if fit.K * d.K > 0 else base.plant.K, "Td": delay_of(fit) * Ts}
         own |= {"T": fit.theta["T"] * Ts} if d.T > 0 else {}
         stated = {recogniser(e).replaces for e in effects}
         table["plant"] |= {name: value for name, value in own.items() if name not in stated}

@@ -9,7 +9,7 @@ import numpy as np
 
 from detectors.signal.lattice import Written, written, written_unit
 from detectors.signal.lines import on_line
-from simbench.gap.controller.recovered_pv import FAITHFUL, ROUNDED, beside_a_mean, hidden_law, recover_pv
+from simbench.gap.controller.recovered_pv import FAITHFUL, MEAN_OVER, ROUNDED, beside_a_mean, hidden_law, recover_pv
 from simbench.gap.controller.regression import FORMS, LawFit, about_zero, by_steps, by_sums, spread, with_derivative
 from simbench.gap.controller.standstill import error_gap, limits_of, skips_scans
 from simbench.loop.effects.detuning import PARAMETERS as TUNING
@@ -63,8 +63,9 @@ class Law:
 
 
 def examine_law(
-    op: np.ndarray, pv: np.ndarray, sp: np.ndarray | None, Ts: float, Kc: float, Ti: float | None, trusted: bool = True
-) -> Law:
+    op: np.ndarray, pv: np.ndarray, sp: np.ndarray | None, Ts: float, Kc: float, Ti: float | None, trusted: bool = True,
+    noise: float = 0.0,
+) -> Law:  # fmt: skip
     """Judge the controller from SP, PV and OP.
 
     Parameters
@@ -81,23 +82,26 @@ def examine_law(
         Baseline integral time (s); None for a P controller.
     trusted : bool
         False: no baseline; tuning is only estimated.
+    noise : float
+        Stated standard deviation of PV's noise; 0 for none.
 
     Returns
     -------
     Law
     """
-    law = _examine(op, pv, sp, Ts, Kc, Ti, trusted)
+    law = _examine(op, pv, sp, Ts, Kc, Ti, trusted, noise)
     if law.known and not law.averaged:
         return law
     # an archive that stores PV before, or OP after, the controller ran, and one that stores SP a sample off
     late = np.append(pv[0], pv[:-1])
     tries = [law]
     for sp_late in (sp,) if sp is None else (sp, np.append(sp[0], sp[:-1])):
-        other = _examine(op, late, sp_late, Ts, Kc, Ti, trusted)
+        other = _examine(op, late, sp_late, Ts, Kc, Ti, trusted, noise)
         recovered_pv = None if other.recovered_pv is None else np.append(other.recovered_pv[1:], pv[-1])
         tries.append(replace(other, recovered_pv=recovered_pv, late=1))
     if sp is not None:
-        tries += [_examine(op, pv, s, Ts, Kc, Ti, trusted) for s in (np.append(sp[0], sp[:-1]), np.append(sp[1:], sp[-1]))]
+        shifted = (np.append(sp[0], sp[:-1]), np.append(sp[1:], sp[-1]))
+        tries += [_examine(op, pv, s, Ts, Kc, Ti, trusted, noise) for s in shifted]
     # a law that is exact but for the set point's steps is only mended by what explains these
     most = law.strays.size / 2 if law.foreign and law.residual < EXACT else op.size
     known = [t for t in tries if t.known and t.strays.size <= most]
@@ -113,11 +117,11 @@ def examine_law(
 
 
 def _examine(
-    op: np.ndarray, pv: np.ndarray, sp: np.ndarray | None, Ts: float, Kc: float, Ti: float | None, trusted: bool
+    op: np.ndarray, pv: np.ndarray, sp: np.ndarray | None, Ts: float, Kc: float, Ti: float | None, trusted: bool, noise: float
 ) -> Law:
     """Judge the controller under one alignment of the signals: where is OP free, what stands still, which law, is it one?"""
     e = (pv.mean() if sp is None else sp) - pv
-    asked = _Asked(op, pv, sp, e, Ts, Kc, Kc * Ts / Ti if Ti else 0.0, Ti, written(op, pv), written(pv, op))
+    asked = _Asked(op, pv, sp, e, Ts, Kc, Kc * Ts / Ti if Ti else 0.0, Ti, written(op, pv), written(pv, op), noise)
     free = _free(asked)
     if free.rows.sum() < 20:
         return Law(1.0, 1.0, Kc, Ti or np.inf, reason="OP stands at its limits nearly all the time")
@@ -154,6 +158,7 @@ class _Asked(NamedTuple):
     Ti: float | None
     op_is: Written
     pv_is: Written
+    noise: float
 
 
 class _Free(NamedTuple):
@@ -223,7 +228,7 @@ def _free(asked: _Asked) -> _Free:
 
 def _shown(asked: _Asked) -> _Shown:
     pv, grid = asked.pv, asked.pv_is.coarse
-    line = on_line(pv, asked.pv_is.unit) if grid == 0.0 else np.zeros(pv.size, dtype=bool)
+    line = on_line(pv, asked.pv_is.unit, asked.noise) if grid == 0.0 else np.zeros(pv.size, dtype=bool)
     moving = np.diff(pv) != 0.0
     exact = ~line & (np.append(True, moving) | np.append(moving, True) | (grid > 0.0))
     return _Shown(grid, line, exact, bool(line.mean() > THINNED) or grid > 0.0)
@@ -238,7 +243,7 @@ def _fitted(asked: _Asked, free: _Free, shown: _Shown) -> _Fitted:
         off = du - bare.a * e[1:] - bare.b * e[:-1]
         # a law that meets OP far within its lattice leaves nothing for rounding: the lattice is PV's, handed on
         coarse = float(np.quantile(np.abs(off[rows] - np.median(off[rows])), 0.9)) > FINER * asked.op_is.step
-    fit, gap = None, error_gap(op, e, rows, 0.5 if shown.rough else 0.85)
+    fit, gap = None, error_gap(op, e, rows)
     within = rows & (np.maximum(np.abs(e[1:]), np.abs(e[:-1])) <= gap / 2)
     if gap > 0.0 and np.quantile(np.abs(Kc * np.diff(e) + Ki * e[1:])[within], 0.75) < max(
         asked.op_is.unit, 0.0 if coarse else asked.op_is.step
@@ -330,7 +335,9 @@ def _behind_a_mean(law: Law, asked: _Asked, free: _Free, fitted: _Fitted) -> Law
     tunings = [(Kc + share * Ki, (1.0 - share) * Ki - Kc) for share in (FORMS if Ki else FORMS[:1])]
     stated = len(tunings)
     if inside.all():
-        hidden = hidden_law(op, e, Kc, Ki, inside)
+        within = inside.copy()
+        within[: max(MEAN_OVER)], within[-max(MEAN_OVER) :] = False, False
+        hidden = hidden_law(op, e, Kc, Ki, within, MEAN_OVER)
         tunings.append((hidden.a, hidden.b))
     tries = []
     for i, (a, b) in enumerate(tunings):

@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 
 FAITHFUL = 0.2  # misfit where the archive keeps PV exactly, relative to the misfit elsewhere, below which OP is believed
 ROUNDED = 0.35  # rms error of a rounded archive, in its steps, below which OP is believed; rounding alone gives 0.29
-NEAR = (-2, -1, 0, 1, 2)  # samples over which an archive may take a mean
+MEAN_OVER = (-2, -1, 0, 1, 2)  # samples over which an archive may take a mean
 SUM, LEAST = 0.1, -0.2  # how far a mean's weights may miss 1 in sum, and the least of them
 BLURRED = 0.2  # of PV's moves, that such a mean may leave
 GRID = 60  # integral times tried, from a twentieth to twenty times the baseline's
@@ -86,18 +86,39 @@ def beside_a_mean(pv: np.ndarray, seen: np.ndarray) -> float:
         Relative to PV's moves; infinite where the weights are no mean's (negative, or of another sum), as those of a
         controller that is no PI are, or where too much is left.
     """
-    X = np.column_stack([np.roll(seen, shift) for shift in NEAR])[2:-2]
-    y = pv[2:-2]
-    middle, mean = y.mean(), X.mean(axis=0)
-    weights = np.linalg.lstsq(X - mean, y - middle, rcond=None)[0]
-    left = y - middle - (X - mean) @ weights
+    weights, mean = _mean(pv, seen)
+    left = (pv - mean)[2:-2]
     size = 1.4826 * float(np.median(np.abs(left)))
     one = abs(float(weights.sum()) - 1.0) < SUM and float(weights.min()) > LEAST
     rest = size / (float(np.std(np.diff(pv))) or 1.0)
     return rest if one and rest < BLURRED else np.inf
 
 
-def hidden_law(op: np.ndarray, e: np.ndarray, Kc: float, Ki: float, exact: np.ndarray) -> Hidden:
+def mean_of(pv: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """Return the mean of what the controller saw, over a sample or within one, that is nearest to the archive's PV.
+
+    Parameters
+    ----------
+    pv, seen : ndarray, shape (n,)
+        On record, and recovered from OP (PV units).
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    """
+    return _mean(pv, seen)[1]
+
+
+def _mean(pv: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    X = np.column_stack([np.roll(seen, shift) for shift in MEAN_OVER])
+    y, inner = pv[2:-2], X[2:-2]
+    weights = np.linalg.lstsq(inner - inner.mean(axis=0), y - y.mean(), rcond=None)[0]
+    return weights, y.mean() + (X - inner.mean(axis=0)) @ weights
+
+
+def hidden_law(
+    op: np.ndarray, e: np.ndarray, Kc: float, Ki: float, exact: np.ndarray, over: tuple[int, ...] = (0,)
+) -> Hidden:
     """Fit the law by the error it implies, compared with the recorded one only where the archive kept it.
 
     A regression of OP on the recorded error would be biased by the archive's own error; here the error is the output.
@@ -110,25 +131,35 @@ def hidden_law(op: np.ndarray, e: np.ndarray, Kc: float, Ki: float, exact: np.nd
         Baseline's gain and gain times Ts/Ti (% per PV unit); Ki = 0 for a P controller.
     exact : ndarray of bool, shape (n,)
         Samples the archive kept.
+    over : tuple of int
+        Samples over which the archive took a mean of them, in weights of its own.
 
     Returns
     -------
     Hidden
     """
-    y = e[exact]
+    y, many = e[exact], len(over)
+
+    def around(x: np.ndarray) -> list[np.ndarray]:
+        return [np.roll(x, shift) for shift in over]
+
+    def gain(beta: np.ndarray) -> float:
+        total = float(beta[:many].sum())
+        return 1.0 / total if total != 0.0 else np.inf
+
     if Ki == 0.0:
-        X = np.column_stack([op, np.ones(op.size)])[exact]
+        X = np.column_stack([*around(op), np.ones(op.size)])[exact]
         beta = np.linalg.lstsq(X, y, rcond=None)[0]
         base = y - op[exact] / Kc
-        a = 1.0 / beta[0] if beta[0] != 0.0 else np.inf
-        return Hidden(a, -a, float(np.std(y - X @ beta)), float(np.std(base)))
+        return Hidden(gain(beta), -gain(beta), float(np.std(y - X @ beta)), float(np.std(base)))
     drive = np.append(0.0, np.diff(op))
     unit = np.zeros(op.size)
     unit[0] = 1.0
 
     def channels(wait: float) -> tuple[np.ndarray, float]:
         forget = wait / (1.0 + wait)  # wait = Ti/Ts
-        return np.column_stack([lfilter([1.0], [1.0, -forget], x) for x in (drive, unit)])[exact], forget
+        of_op, of_start = (lfilter([1.0], [1.0, -forget], x) for x in (drive, unit))
+        return np.column_stack([*around(of_op), of_start])[exact], forget
 
     def misfit(log_wait: float) -> float:
         X, _ = channels(float(np.exp(log_wait)))
@@ -142,8 +173,8 @@ def hidden_law(op: np.ndarray, e: np.ndarray, Kc: float, Ki: float, exact: np.nd
     X, forget = channels(float(np.exp(found.x)))
     beta = np.linalg.lstsq(X, y, rcond=None)[0]
     X0, _ = channels(Kc / Ki)
-    left = y - X0[:, 0] / (Kc + Ki)
-    start = X0[:, 1]
+    left = y - X0[:, :many].mean(axis=1) / (Kc + Ki)
+    start = X0[:, -1]
     left = left - start * (start @ left) / max(float(start @ start), 1e-300)
-    a = 1.0 / beta[0] if beta[0] != 0.0 else np.inf
-    return Hidden(float(a), float(-forget * a), float(found.fun), float(np.std(left)))
+    a = gain(beta)
+    return Hidden(a, -forget * a, float(found.fun), float(np.std(left)))

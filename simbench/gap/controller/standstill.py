@@ -9,7 +9,9 @@ from simbench.gap.controller.regression import about_zero, by_steps
 OBEYED = 0.03  # residual of a move, relative to the moves, below which it follows a PI law
 LEANT = 3.0  # steps of a coarse OP asked for during one stay at its extreme, from which that is a limit
 RESTS = 6  # pairs of samples at one extreme of OP, from which it is a limit if OP rests nowhere else
+OFTEN = 0.01  # share of samples in which OP stands still off its extremes, from which it does so at them by chance too
 SETTLED = 1e-3  # of the error's range, within which a loop without noise has settled and OP rests for that
+TOLD = 0.4  # share of the rarer kind of samples, standing or moving, that a band must tell from the other: no chance does
 STILL = 0.005  # share of samples with OP exactly at rest from which a gap in the error is looked for
 
 
@@ -26,15 +28,18 @@ def limits_of(
         want = np.median((op - gain * e)[free]) + gain * e[1:]
     asked = a * e[1:] + b * e[:-1]
     margin = max(0.6 * step, 3.0 * unit, 1e-6 * float(np.ptp(op)))
-    at_ends = np.count_nonzero((np.diff(op) == 0.0) & ((op[1:] == lo) | (op[1:] == hi)))
+    still = np.diff(op) == 0.0
+    at_ends = np.count_nonzero(still & ((op[1:] == lo) | (op[1:] == hi)))
+    elsewhere = np.count_nonzero(still) - at_ends
     for name, edge, sign in (("hi", hi, 1.0), ("lo", lo, -1.0)):
         at = np.abs(op[1:] - edge) < 1e-9 * max(abs(edge), 1.0)
         pushed = at & (sign * (want - edge) > margin)
-        # standing twice at the very same extreme does not happen to an unlimited OP
+        # standing twice at the very same extreme does not happen to an unlimited OP, unless it often stands
         repeated = at[1:] & at[:-1]
-        plain = pushed.sum() >= 2 if step == 0.0 else repeated.sum() >= 2 and pushed.sum() >= 4
+        fine = step == 0.0 and elsewhere <= OFTEN * op.size
+        plain = pushed.sum() >= 2 if fine else repeated.sum() >= 2 and pushed.sum() >= 4
         # a controller that tracks its limit by a law of its own need not push; but OP rests nowhere else
-        rests = repeated.sum() >= RESTS and at_ends > 0.9 * np.count_nonzero(np.diff(op) == 0.0)
+        rests = repeated.sum() >= RESTS and at_ends > 9 * elsewhere
         if (plain and pushed.sum() >= 0.7 * at.sum()) or rests or (step > 0.0 and _leant_on(at, sign * asked) > LEANT * step):
             out[name] = edge
     return out
@@ -47,11 +52,8 @@ def _leant_on(at: np.ndarray, asked: np.ndarray) -> float:
     return max((float(asked[i + 1 : j].sum()) for i, j in zip(begins, ends, strict=True) if j - i > 3), default=0.0)
 
 
-def error_gap(op: np.ndarray, e: np.ndarray, rows: np.ndarray, least: float) -> float:
-    """Return the width of the band of |e| within which OP stands exactly still, 0 when there is none.
-
-    `least` is the share of the rarer kind of samples, standing or moving, that the band must tell from the other.
-    """
+def error_gap(op: np.ndarray, e: np.ndarray, rows: np.ndarray) -> float:
+    """Return the width of the band of |e| within which OP stands exactly still, 0 when there is none."""
     still = np.abs(np.diff(op)) <= 1e-9 * max(float(np.abs(op).max()), 1.0)
     if still[rows].sum() < max(STILL * rows.sum(), 8.0):
         return 0.0
@@ -68,7 +70,7 @@ def error_gap(op: np.ndarray, e: np.ndarray, rows: np.ndarray, least: float) -> 
     edge = 0.5 * (reach[order[split]] + reach[order[split + 1]])
     wrong = np.count_nonzero(still != (reach <= edge))
     agree = 1.0 - wrong / max(min(still.sum(), (~still).sum()), 1)
-    return 2.0 * float(edge) if agree > least and edge > SETTLED * float(np.ptp(e)) else 0.0
+    return 2.0 * float(edge) if agree > TOLD and edge > SETTLED * float(np.ptp(e)) else 0.0
 
 
 def skips_scans(op: np.ndarray, e: np.ndarray, inside: np.ndarray, size: float, unit: float) -> bool:

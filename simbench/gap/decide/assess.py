@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from simbench.gap.candidates import Candidate, Fitted, beside_the_load, fit_candidates, possible_effects
+from simbench.gap.candidates import Candidate, Fitted, beside_the_load, beside_the_plant, fit_candidates, possible_effects
 from simbench.gap.effects import NOT_TRIED, Parameters, recogniser
 from simbench.gap.intake.other_loop import refuse_other_plant
 from simbench.gap.likelihood.engine import Engine
@@ -81,7 +81,10 @@ def assess(situation: Situation) -> Assessment:
     if situation.trusted and situation.tuned:
         refuse_other_plant(situation)
     engine = Engine(situation.data, load_memory(situation))
-    base, candidates = beside_the_load(engine, bare := engine.base(), fit_candidates(engine, bare, possible_effects(situation)))
+    base = engine.base()
+    candidates = fit_candidates(engine, base, possible_effects(situation))
+    for beside in (beside_the_load, beside_the_plant):
+        base, candidates = beside(engine, base, candidates)
     gains, parameters, mv_unexplained = _scores(situation, base, candidates)
     chosen = sorted(situation.proven, key=lambda e: -gains[e])[:2]
     order = sorted((e for e in gains if e not in situation.proven), key=lambda e: -gains[e])

@@ -8,7 +8,7 @@ from simbench.gap.effects._draw import Size, Yardstick, between
 from simbench.gap.effects._mismatch import dead_times, released
 from simbench.gap.effects._recogniser import Recogniser
 from simbench.gap.effects._smallest import Probe
-from simbench.gap.likelihood.model import Spec
+from simbench.gap.likelihood.model import Spec, delay_of
 
 
 def smallest(probe: Probe) -> tuple[float, str]:
@@ -27,7 +27,7 @@ def draw(y: Yardstick, rng: np.random.Generator) -> Size:
 
 RECOGNISER = Recogniser(
     fit=released("Td", dead_times),
-    numbers=lambda fit, s: {"extra": (fit.theta["Td"] - s.data.Td) * s.record.Ts},
+    numbers=lambda fit, s: {"extra": (delay_of(fit) - s.data.Td) * s.record.Ts},
     needs="plant",
     bends_plant=True,
     replaces="Td",

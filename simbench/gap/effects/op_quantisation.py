@@ -7,7 +7,10 @@ import numpy as np
 from detectors.signal.lattice import hides_nothing
 from simbench.gap.effects._draw import Size, Yardstick, between
 from simbench.gap.effects._lattice import levels_of
-from simbench.gap.effects._recogniser import Recogniser
+from simbench.gap.effects._recogniser import Parameters, Recogniser
+from simbench.gap.situation import Situation
+
+CARD = 0.025  # % of OP: what any output card of 12 bits rounds to
 
 
 def draw(y: Yardstick, rng: np.random.Generator) -> Size:
@@ -15,8 +18,14 @@ def draw(y: Yardstick, rng: np.random.Generator) -> Size:
     return lambda x: {"step": min(between(x, 0.1 * y.op_change, 15 * max(y.op_change, 0.3 * y.op)), 20.0)}
 
 
+def proven(s: Situation) -> Parameters | None:
+    """Tell a lattice of OP from an output card's and from one that changes nothing."""
+    step = s.law.step
+    return {"step": step} if step > CARD and not hides_nothing(step, s.op) else None
+
+
 RECOGNISER = Recogniser(
-    proven=lambda s: {"step": s.law.step} if s.law.step > 0.0 and not hides_nothing(s.law.step, s.op) else None,
+    proven=proven,
     claims="step",
     remark=lambda s: levels_of(np.asarray(s.record.op), np.asarray(s.record.pv)),
     draw=draw,

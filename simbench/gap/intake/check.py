@@ -16,6 +16,7 @@ from detectors.signal.spikes import cleaned, isolated
 from scenarios.spec import Loop
 from simbench.gap.candidates import proven
 from simbench.gap.controller.pi_law import Law, examine_law
+from simbench.gap.controller.recovered_pv import mean_of
 from simbench.gap.intake.other_loop import refuse_other_controller
 from simbench.gap.intake.refuse import refuse_mv_units, refuse_op_units, refuse_unfit
 from simbench.gap.likelihood.model import Data
@@ -64,18 +65,19 @@ def check(record: LoopRecord, baseline: Loop, trusted: bool = True, tuned: bool 
     notes += ["no set point recorded: the mean of PV stands for it"] if sp is None else _moves_of(sp)
     control = baseline.controller
     gain = control.sign * control.Kc
-    law = examine_law(op, record.pv, sp, record.Ts, gain, control.Ti, tuned)
-    samples = inspect_samples(record.pv, record.op)
+    noise = baseline.noise.std if trusted else 0.0
+    law = examine_law(op, record.pv, sp, record.Ts, gain, control.Ti, tuned, noise)
+    samples = inspect_samples(record.pv, record.op, noise=noise)
     if tuned:
         refuse_op_units(np.asarray(record.op), law, gain, control.Ti, where)
         if samples.step == 0.0:
             # what a coarse PV makes of an error can look like any gain
             refuse_other_controller(law, gain, where)
-    archive, plant_pv, mismatch = _archive(record, law, samples)
+    archive, plant_pv, mismatch = _archive(record, law, samples, noise)
     if law.reason and not _apart(law):
         notes.append(f"controller: cannot tell, {law.reason}")
     # without noise PV stands still for the dead time alone
-    stuck = trusted and baseline.noise.std > 0.0 and samples.stuck > STUCK
+    stuck = noise > 0.0 and samples.stuck > STUCK
     frozen = stuck or _held(record.pv, op) > max(20, 0.02 * record.n)
     situation = Situation(
         record, baseline, trusted, tuned, op, np.full(record.n, record.pv.mean()) if sp is None else np.asarray(sp), law,
@@ -159,15 +161,17 @@ def _unexplained(law: Law, archive: Archive, mismatch: str) -> str:
     return mismatch or law.foreign or law.reason
 
 
-def _archive(record: LoopRecord, law: Law, samples: Samples) -> tuple[Archive, np.ndarray, str]:
+def _archive(record: LoopRecord, law: Law, samples: Samples, noise: float) -> tuple[Archive, np.ndarray, str]:
     """Return what single samples prove of PV, the PV the controller saw, and why OP moves as no PV makes it move."""
     pv, seen = np.asarray(record.pv), law.recovered_pv
     place, thinning, step = "record" if _apart(law) else "loop", 0.0, 0.0
     if samples.step > 0.0 and not hides_nothing(samples.step, pv):
         step = samples.step
     elif samples.straight > STRAIGHT:
-        size = float(np.quantile(np.abs(pv - seen), 0.98)) if seen is not None else 0.0
-        thinning = size or 0.5 * float(np.std(np.diff(pv)))
+        kept = pv if seen is None else mean_of(pv, seen) if law.averaged else seen
+        size = float(np.quantile(np.abs(pv - kept), 0.98))
+        # noise that the archive's own mean has smoothed lies on lines sooner
+        thinning = (size or 0.5 * float(np.std(np.diff(pv)))) if not law.averaged or size > noise else 0.0
     elif not hides_nothing(samples.digits, pv):
         step = samples.digits
     # a mean over a sample, or a few lines between samples kept, are the archive's and no effect: the controller saw PV
@@ -190,9 +194,10 @@ def _spikes(
         only, sizes = only[strong], sizes[strong]
         plain = only.size >= 2 and samples.step == 0.0
         if plain and not stands_out(pv, only, sizes):
-            if float(np.var(pv - seen)) < SPECKS * float(np.var(np.diff(pv))):
-                # an archive that drops the samples least missed
-                return None, np.asarray(seen), ""
+            specks = SPECKS * float(np.var(np.diff(pv)))
+            if min(np.var(pv - seen), np.var(np.diff(pv - seen))) < specks:
+                # an archive that drops the samples least missed; a PV recovered a little off drifts away from it
+                return None, np.asarray(seen) if np.var(pv - seen) < specks else plant_pv, ""
             mismatch = "OP moves as no PV on record makes it move"
         elif plain:
             spikes, heights, place, plant_pv = only, sizes, "record", np.asarray(seen)

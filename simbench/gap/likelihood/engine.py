@@ -8,14 +8,17 @@ Time unit is one sample, PV in its own units.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from simbench.gap.likelihood import kernels
-from simbench.gap.likelihood.model import HOLDING, Data, Fit, Spec, jumps_of, lag_of, valve_of
+from simbench.gap.likelihood.model import HOLDING, INNER, Data, Fit, Spec, jumps_of, lag_of, size_penalty, valve_of
 
 NOMINAL = 0.10  # a baseline is trusted within +-10 %: the prior is flat there ...
 EDGE = 0.02  # ... and falls off with this standard deviation outside
+BEHIND = ("extra", INNER)  # poles that the load passes as well
+HALF = 0.5  # of the dead time, that may be a lag of the plant; a lag is looked for from shares of that
 LOGS = {"T", "load_time", "load_lag", "load", "noise_std"}
 SHAPING = {"T", "Td"}  # nuisances that change signals, not only the noise model
 REDDEST = 0.8  # noise of more memory than this has passed a filter
@@ -68,11 +71,24 @@ class Engine:
         # whole samples of dead time part the likelihood into valleys
         ends = [self.data.Td * (1.0 + NOMINAL * side) for side in (-1, 1)]
         tries = [self.fit(best.spec, {**best.theta, "Td": Td}) for Td in ends if abs(Td - best.theta["Td"]) > 0.25]
-        return max([best, *tries], key=lambda f: f.loglik)
+        best = max([best, *tries], key=lambda f: f.loglik)
+        return best
+
+    def of_higher_order(self, base: Fit) -> Fit:
+        """Return the fit with a lag in place of some dead time where that is plainly likelier: dead times stand for lags."""
+        if not self.data.trusted or self.data.Td == 0.0 or base.spec.pole:
+            return base
+        spec, Td = replace(base.spec, pole=INNER), base.theta["Td"]
+        taus = [share * HALF * self.data.Td for share in (0.2, 0.5)]
+        tries = [self.fit(spec, {**base.theta, "tau": tau, "Td": max(Td - tau, 0.0)}) for tau in taus]
+        best = max(tries, key=lambda f: f.loglik)
+        return best if best.loglik > base.loglik + size_penalty(self.data.n, 1.0) else base
 
     def bounds(self, spec: Spec, name: str) -> tuple[float, float]:
         """Return the search interval of one parameter."""
         d = self.data
+        if name == "tau" and spec.pole == INNER:
+            return 0.05, 0.05 + HALF * d.Td
         for number in spec.own:
             if number.name == name:
                 return number.low(d), number.high(d)
@@ -82,6 +98,8 @@ class Engine:
         if name == "T":
             wide = 20.0 if "T" in spec.free else 1.25
             return d.T / wide, d.T * wide
+        if name == "Td" and spec.pole == INNER:
+            return 0.0, 1.25 * d.Td + 0.5 + d.late
         if name == "Td":
             wide = 5.0 + max(3.0 * d.Td, 2.0 * d.T) if "Td" in spec.free or not d.trusted else 0.25 * d.Td + 0.5 + d.late
             return max(d.Td - wide, 0.0), min(d.Td + wide, d.n / 4)
@@ -135,7 +153,7 @@ class Engine:
         d = self.data
         tau = theta.get("tau", 0.0)
         white, log_var = kernels.whiten(
-            channels, theta["T"] if d.T > 0 else 0.0, tau if spec.pole == "extra" else 0.0, theta["load_time"], lag_of(theta),
+            channels, theta["T"] if d.T > 0 else 0.0, tau if spec.pole in BEHIND else 0.0, theta["load_time"], lag_of(theta),
             theta["load"], theta["load_walk"] if spec.load_walk else 0.0, theta["walk"] if spec.walk else 0.0,
             theta["noise_std"], theta["colour"], self.spread, *jumps_of(spec, theta),
         )  # fmt: skip
@@ -174,7 +192,8 @@ class Engine:
             if "Td" not in spec.free:
                 # an archive that lags by a sample hides one sample of dead time
                 wide = NOMINAL * d.Td + d.late / 2 + 0.05
-                out.append(_over(theta["Td"] - d.Td + d.late / 2, wide, EDGE * d.Td + 0.03))
+                delay = theta["Td"] + (theta["tau"] if spec.pole == INNER else 0.0)
+                out.append(_over(delay - d.Td + d.late / 2, wide, EDGE * d.Td + 0.03))
         if d.noise > 0 and "noise_std" not in spec.free:
             # what rounding adds to the stated noise is no effect
             stated = np.hypot(d.noise, d.resolution / np.sqrt(12.0))
@@ -292,18 +311,19 @@ class Engine:
         """
         d = self.data
         T, Td = (theta["T"] if d.T > 0 else 0.0), theta["Td"]
+        tau = theta["tau"] if spec.pole in BEHIND else 0.0
         model = (theta["load_time"], lag_of(theta), theta["load"])
-        onset = kernels.plant(self.onset, T, Td, 0.0)
+        onset = kernels.plant(self.onset, T, Td, tau)
         channels = np.vstack([d.y - d.y[0], *self.base_channels, onset, *spec.channels])
         noise = (theta["noise_std"], theta["colour"], self.spread)
         jumps = jumps_of(spec, theta)
-        white = kernels.whiten(channels, T, 0.0, *model, 0.0, 0.0, *noise, *jumps)[0]
+        white = kernels.whiten(channels, T, tau, *model, 0.0, 0.0, *noise, *jumps)[0]
         white[:, : kernels.SKIP] = 0.0
         basis = np.ascontiguousarray(np.linalg.qr(white[1:].T)[0].T)
         rest = white[0] - basis.T @ (basis @ white[0])
         trust = (0.05, 20.0) if "K" in spec.free or not d.trusted else (1 - NOMINAL, 1 + NOMINAL)
         low, high = sorted((d.K * trust[0], d.K * trust[1]))
-        return kernels.scan(d.u, kind, points, T, Td, 0.0, *model, *noise, rest, basis, low, high, *jumps)
+        return kernels.scan(d.u, kind, points, T, Td, tau, *model, *noise, rest, basis, low, high, *jumps)
 
     def grid(self, spec: Spec, theta: Mapping[str, float], points: list[dict[str, float]], keep: int = 1) -> list[Fit]:
         """Return the best of some points, each with two levels of the load: the one "none" needed may hide a narrow peak."""

@@ -302,7 +302,7 @@ def scan(
             p = points[first + i]
             batch[i] = plant(valve(u, kind, p[0], p[1], p[2]), T, Td, tau)
         now = batch[:many]
-        white = whiten(now, T, 0.0, load_time, load_lag, load, 0.0, 0.0, noise, colour, spread, jumps, jump, lasting)[0]
+        white = whiten(now, T, tau, load_time, load_lag, load, 0.0, 0.0, noise, colour, spread, jumps, jump, lasting)[0]
         white[:, :SKIP] = 0.0
         along, gy = np.dot(white, basis.T), np.dot(white, rest)
         for i in range(many):

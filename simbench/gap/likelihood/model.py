@@ -13,6 +13,7 @@ from simbench.gap.likelihood import kernels
 NUISANCES = ("T", "Td", "load_time", "load_lag", "load", "noise_std", "colour")
 HOLDING = (kernels.PLAY, kernels.STICK, kernels.CREEP)
 ABSENT = 1e-9
+INNER = "inner"  # a pole that every plant may have in place of some of its dead time
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,6 +212,11 @@ def valve_of(spec: Spec, theta: Mapping[str, float], u: np.ndarray) -> np.ndarra
     if kind == kernels.CURVE:
         return kernels.valve(u, kind, theta["R"], 0.0, 0.0)
     return kernels.valve(u, kind, theta["S"], theta["J"], spec.start * theta["S"] / 2)
+
+
+def delay_of(fit: Fit) -> float:
+    """Return the dead time (samples) that stands for a plant's own lag as well."""
+    return fit.theta["Td"] + (fit.theta["tau"] if fit.spec.pole == INNER else 0.0)
 
 
 def size_penalty(n: int, count: float) -> float:

@@ -39,7 +39,7 @@ class Samples:
         return max(self.resolution, self.step)
 
 
-def inspect_samples(pv: np.ndarray, *others: np.ndarray) -> Samples:
+def inspect_samples(pv: np.ndarray, *others: np.ndarray, noise: float = 0.0) -> Samples:
     """Look at PV sample by sample.
 
     Parameters
@@ -48,6 +48,8 @@ def inspect_samples(pv: np.ndarray, *others: np.ndarray) -> Samples:
         As recorded.
     *others : ndarray
         Further columns of the same file; they show with how many digits it was written.
+    noise : float
+        Standard deviation of PV's noise before the archive; 0 where it is not known.
 
     Returns
     -------
@@ -69,7 +71,7 @@ def inspect_samples(pv: np.ndarray, *others: np.ndarray) -> Samples:
     return Samples(
         unit,
         step,
-        0.0 if is_written.coarse else share_on_lines(pv, rounding),
+        0.0 if is_written.coarse else share_on_lines(pv, rounding, noise),
         spikes,
         heights,
         int(holds(pv).max()),

@@ -7,6 +7,8 @@ import subprocess
 import sys
 import textwrap
 import time
+from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -17,8 +19,8 @@ from joblib import Parallel, delayed
 from detectors.errors import UserError
 from detectors.judge import judge
 from scenarios.grid import make_grid
+from simbench.bench import guests, pieces, store, workers
 from simbench.bench import manifest as manifest_module
-from simbench.bench import pieces, store, workers
 from simbench.bench import run as run_module
 from simbench.bench.checksums import digest
 from simbench.bench.manifest import RunError, read_manifest
@@ -28,6 +30,7 @@ from simbench.bench.work import record_hash
 from simbench.files import FileError
 from simbench.loop.batch import simulate_batch
 from simbench.loop.simulate import simulate
+from tests.simbench.bench.conftest import SMALL
 
 METHODS = ["he", "yamashita"]
 
@@ -132,6 +135,67 @@ def test_dask_gives_the_same_bits(small, finished, tmp_path):
     with distributed.LocalCluster(**settings) as cluster:
         run = run_grid(small, tmp_path / "dask", METHODS, backend="dask", address=cluster.scheduler_address)
     assert_same(run, finished)
+
+
+class RayOfThreads:
+    """What `on_ray` asks of ray, by threads of this process: runs where ray is not installed."""
+
+    class exceptions:
+        RayError = type("RayError", (Exception,), {})
+        RayTaskError = type("RayTaskError", (RayError,), {})
+        WorkerCrashedError = type("WorkerCrashedError", (RayError,), {})
+
+    def __init__(self, fault: Exception | None = None):
+        self.fault, self.asked, self.open = fault, {}, False
+
+    def init(self, **asked):
+        if asked.get("address"):
+            raise ConnectionError("nobody is there\nand more lines")
+        self.asked, self.open, self.pool = asked, True, ThreadPoolExecutor(1)
+
+    def shutdown(self):
+        self.open = False
+        self.pool.shutdown()
+
+    def remote(self, function):
+        def work(*piece):
+            if self.fault is not None:
+                raise self.fault
+            return function(*piece)
+
+        return SimpleNamespace(remote=lambda *piece: SimpleNamespace(future=lambda: self.pool.submit(work, *piece)))
+
+
+def test_ray_gives_the_same_bits(small, finished, tmp_path, monkeypatch):
+    ray = RayOfThreads()
+    monkeypatch.setitem(sys.modules, "ray", ray)
+    assert_same(run_grid(small, tmp_path / "ray", METHODS, backend="ray"), finished)
+    assert ray.asked["num_cpus"] == 1
+    assert ray.asked["runtime_env"]["env_vars"]["OMP_NUM_THREADS"] == "1"
+    assert not ray.open
+
+
+@pytest.mark.parametrize(
+    ("address", "kind", "words"),
+    [
+        ("127.0.0.1:1", None, "no ray cluster answers at 127.0.0.1:1: .*refused; its HOST:PORT is needed"),
+        ("here", None, "no ray cluster answers at here: .*; its HOST:PORT is needed"),
+        ("auto", None, "no ray cluster answers at auto: nobody is there; its HOST:PORT is needed"),
+        (None, "RayError", "ray gave up: lost"),
+        (None, "WorkerCrashedError", "worker processes keep dying"),
+    ],
+)
+def test_a_ray_that_fails_ends_the_run_in_one_sentence(small, tmp_path, monkeypatch, address, kind, words):
+    fault = None if kind is None else getattr(RayOfThreads.exceptions, kind)("lost\nand more lines")
+    monkeypatch.setitem(sys.modules, "ray", RayOfThreads(fault))
+    with pytest.raises(RunError, match=words):
+        run_grid(small, tmp_path / "ray", ["he"], backend="ray", address=address)
+
+
+def test_without_ray_it_is_said_what_to_install(small, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(RunError, match=r"backend ray needs the package ray; install stiction-simbench\[ray\]"):
+        run_grid(small, tmp_path / "ray", ["he"], backend="ray")
 
 
 def test_verdicts_are_those_of_judge_with_and_without_front_end(finished):
@@ -406,7 +470,6 @@ def test_a_kill_between_the_last_steps_is_tidied_up(small, finished, tmp_path, s
     ("settings", "words"),
     [
         ({"backend": "dusk"}, "did you mean 'dask'"),
-        ({"backend": "ray"}, "known: dask, loky"),
         ({"backend": "dask"}, "needs --address"),
         ({"backend": "dask", "address": "tcp://127.0.0.1:1"}, "no dask scheduler"),
         ({"methods": ["hee"]}, "he"),
@@ -442,6 +505,35 @@ def test_nothing_is_printed_where_stderr_is_no_terminal(small, tmp_path, capfd):
     run_grid(small, tmp_path / "run", ["yamashita"])
     out, err = capfd.readouterr()
     assert (out, err) == ("", "")
+
+
+def test_a_theory_that_fails_leaves_its_columns_empty_and_the_record_judged(small, finished, tmp_path, monkeypatch):
+    def broken(loop, **_):
+        raise ZeroDivisionError("by design")
+
+    monkeypatch.setattr(guests, "truth_columns", broken)
+    guests._theory.cache_clear()
+    verdicts, scenarios = tables(run_grid(small, tmp_path / "run", METHODS, 1))
+    guests._theory.cache_clear()
+    assert scenarios[["predicted", "refined", "theory", "theory_period", "theory_amplitude", "error"]].isna().all(axis=None)
+    assert set(scenarios.theory_reason) == {"ZeroDivisionError: by design"}
+    sound_verdicts, sound = tables(finished)
+    pd.testing.assert_frame_equal(verdicts, sound_verdicts, check_exact=True)
+    assert list(scenarios.record_hash) == list(sound.record_hash)
+    assert list(scenarios.cycled) == list(sound.cycled)
+
+
+def test_what_theory_does_not_describe_is_simulated_judged_and_has_its_reason(tmp_path):
+    """As the healthy loops of grid families whose sensor lags."""
+    table = SMALL | {"draw": SMALL["draw"] | {"effect": "sensor_lag"}}
+    table["effects"] = {"sensor_lag": {"parameters": {"tau": [0.01, 0.05]}, "scale": {"tau": "period"}}}
+    table["valves"] = {"lag": {"parameters": {"T": [0.01, 0.05]}, "scale": {"T": "period"}}}
+    table["block"] = [SMALL["block"][0] | {"member": [{"name": "healthy", "valve": "lag"}]}]
+    verdicts, scenarios = tables(run_grid(make_grid(table, "lagging"), tmp_path / "run", ["he"], 1))
+    assert scenarios.error.isna().all()
+    assert scenarios.theory.isna().all()
+    assert scenarios.theory_reason.str.contains(r"valve 'lag' has no \(S, J\).*; the sensor has a lag").all()
+    assert not verdicts.reason.fillna("").str.startswith("failed").any()
 
 
 def test_the_bar_shows_rate_remaining_time_and_failures_when_asked(small, tmp_path, capfd):

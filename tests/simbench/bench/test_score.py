@@ -297,3 +297,9 @@ def test_scores_are_a_table_a_picture_and_a_notebook_cell(scores):
     bars = [p.get_width() for p in scores.plot().patches]
     assert bars == pytest.approx(frame.accuracy_applicable[::-1].tolist(), nan_ok=True)
     assert "share a rank" in scores._repr_html_()
+
+
+def test_the_table_of_truths_begins_with_sticky_loops_that_should_cycle_and_do(scores):
+    rows = scores.disagreement[["sticky", "predicted", "cycled"]].to_records(index=False).tolist()
+    assert rows == sorted(rows, reverse=True)
+    assert len({row[0] for row in rows}) == 2

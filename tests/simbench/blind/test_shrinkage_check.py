@@ -76,6 +76,14 @@ def test_unresolvable_pairs_do_not_count():
     assert summary(given)["pairs"] == len(given.pairs) - 1
 
 
+def test_an_interval_that_holds_half_of_the_true_shares_is_said_to():
+    given = pairs([0.0, 0.2, 0.7, 0.9], [0.0, 0.2, 0.7, 0.9])
+    given.pairs["lo"], given.pairs["hi"] = given.pairs.true - 0.1, given.pairs.true + 0.1
+    assert summary(given)["interval holds the truth"] == 1.0
+    given.pairs.loc[::2, "lo"] = given.pairs.loc[::2, "true"] + 0.05
+    assert summary(given)["interval holds the truth"] == 0.5
+
+
 @pytest.mark.parametrize("effect", EFFECTS)
 def test_the_way_begins_at_identity_and_passes_through_the_truth(effect):
     quantities = EFFECTS[effect].parameters

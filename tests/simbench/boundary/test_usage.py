@@ -110,7 +110,7 @@ WRONG = [
     ("run smoke -o OUT --axis K=1 --axis K=2", "already"), ("run smoke -o OUT --front-end acff", "acf"),
     ("confirm gain-change --records REC REC --factor nan", "fold"),
     ("confirm gain-change --records REC REC --factor 0", "fold"),
-    ("confirm gain-change --records REC REC --factor -2", "fold"), ("confirm gain-change --records REC REC", "--factor"),
+    ("confirm gain-change --records REC REC --factor -2", "fold"), ("confirm gain-change --records REC REC", "--ratio"),
     ("confirm gain-change LOOP --factor 1", "factor"), ("confirm gain-change LOOP --factor 1e9", "factor"),
     ("confirm gain-change LOOP --records REC REC", "either"), ("confirm gain-change --records REC", "--records"),
     ("confirm gain-change --records REC REC --op-span 0 0", "op_span"), ("confirm travel SLOW", "slow.toml"),

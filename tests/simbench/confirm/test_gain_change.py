@@ -82,7 +82,9 @@ def test_same_seed_same_outcome(loop):
 
 def test_outcome_is_json_text_and_picture(loop):
     for found in (gain_change(loop()), gain_change(loop(J=0.0))):
-        assert set(json.loads(json.dumps(found.as_json()))) == {"verdict", "shift", "nudge", "before", "after", "reason"}
+        answer = json.loads(json.dumps(found.as_json()))
+        assert set(answer) == {"verdict", "shift", "shift_interval", "nudge", "before", "after", "reason"}
+        assert set(answer["before"]) == {"Kc", "period", "period_interval", "amplitude", "saturated"}
         assert found.as_text().count("Kc") >= 2
         assert len(found.plot().axes) == 2
 

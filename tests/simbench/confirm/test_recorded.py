@@ -8,6 +8,7 @@ from detectors.record import LoopRecord
 from simbench.confirm.gain_change import gain_change
 from simbench.confirm.recorded import controller_gain, gain_change_recorded, travel_recorded
 from simbench.confirm.travel import travel_test
+from simbench.loop.response import valve_response
 
 T = np.arange(3000.0)
 
@@ -54,7 +55,7 @@ def test_records_of_a_gain_change_give_its_verdict_and_show_the_gain(loop):
         (
             (wave(90.3), LoopRecord(np.random.default_rng(0).random(900), np.random.default_rng(1).random(900), 1.0)),
             None,
-            "--factor",
+            "--ratio",
         ),
     ],
 )
@@ -72,6 +73,38 @@ def test_a_recorded_travel_test_measures_what_the_live_one_did(loop, S, J, noise
     assert found.S == pytest.approx(live.S, abs=0.2 + 1e-9)
     assert found.sticky
     assert found.increment == pytest.approx(0.2)
+
+
+def test_the_band_counts_from_where_the_valve_last_moved_however_op_wandered_before_it_turned():
+    """Four more steps up that the valve did not follow are no part of S."""
+    ends = [50.0, 58.0, *(58 + 0.2 * np.arange(1, 16)), *(61 - 0.2 * np.arange(1, 41))]
+    op = np.repeat(ends, 40)
+    valve = valve_response("choudhury", op, {"S": 5.0, "J": 2.0})
+    found = travel_recorded(LoopRecord(op, valve + 0.001 * np.sin(np.arange(op.size)), 1.0, process="self-regulating"))
+    assert found.J == pytest.approx(2.1, abs=0.11)
+    assert found.S == pytest.approx(5.1, abs=0.11)
+    answer = found.as_json()
+    assert answer["verdict"] == "stiction"
+    assert answer["S_interval"][0] <= 5.0 <= answer["S_interval"][1]
+    assert answer["J_interval"][0] <= 2.0 + 1e-9 <= answer["J_interval"][1]
+
+
+def test_the_period_and_its_shift_carry_intervals_that_hold_the_truth():
+    """Cycles of 90 s and 150 s on the average, each of its own length: the interval of the mean is that of the draw."""
+    rng = np.random.default_rng(5)
+    held = 0
+    for _ in range(40):
+        waves = []
+        for P in (90.0, 150.0):
+            lengths = P * (1 + 0.06 * rng.standard_normal(30))
+            phase = np.interp(np.arange(lengths.sum()), np.concatenate([[0], np.cumsum(lengths)]), np.arange(31.0))
+            waves.append(LoopRecord(50 + np.sin(2 * np.pi * phase), np.cos(2 * np.pi * phase), 1.0))
+        answer = gain_change_recorded(*waves, 0.6).as_json()
+        lo, hi = answer["shift_interval"]
+        held += lo <= 150 / 90 - 1 <= hi
+        lo, hi = answer["before"]["period_interval"]
+        assert lo < answer["before"]["period"] < hi
+    assert held >= 34, held  # 95 % of 40, and three times the luck
 
 
 def test_an_integrating_process_is_read_by_its_slope(loop):

@@ -68,7 +68,11 @@ def test_a_valve_that_needs_more_travel_than_there_is(loop):
 
 def test_outcome_is_json_text_and_picture(loop):
     found = travel_test(loop())
-    assert set(json.loads(json.dumps(found.as_json()))) == {"S", "J", "S_minus_J", "increment", "wait", "sticky", "reason"}
+    answer = json.loads(json.dumps(found.as_json()))
+    numbers = {"S", "S_interval", "J", "J_interval", "S_minus_J", "increment", "wait"}
+    assert set(answer) == {"verdict", "sticky", "reason"} | numbers
+    assert answer["verdict"] == "stiction"
+    assert answer["S_interval"] == [pytest.approx(found.S - found.increment), found.S]
     assert "slip jump" in found.as_text()
     assert len(found.plot().axes) == 2
     assert found.phase.size == found.trace.op.size

@@ -13,6 +13,7 @@ from simbench.gap.candidates import (
     LAST,
     alike,
     beside_the_load,
+    beside_the_plant,
     fit_candidates,
     look_alikes,
     possible_effects,
@@ -167,3 +168,37 @@ def test_jumps_beside_a_load_that_wanders_are_an_event_and_named_last():
     bare = engine.base()
     _, found = beside_the_load(engine, bare, fit_candidates(engine, bare, possible_effects(s)))
     assert found["load_steps"].log_likelihood_gain == LAST
+
+
+SLOW = BASE | {"plant": {"type": "foptd", "K": 1.5, "T": 20, "Td": 12.0}, "noise": {"std": 0.02}}
+
+
+def lagged(Td, tau):
+    """Return the effects that bring anything once the plant may be of higher order, and the base; the baseline says Td = 12."""
+    quiet = [{"type": "coloured", "amplitude": 0.15, "period": 30.0}]
+    plant = SLOW["plant"] | {"Td": Td}
+    s = situation(SLOW, plant=plant, disturbance=quiet, effect=[{"name": "extra_lag", "tau": tau}])
+    engine = Engine(s.data, load_memory(s))
+    base, found = engine.base(), fit_candidates(engine, engine.base(), ["extra_lag", "dead_time_mismatch"])
+    assert found["extra_lag"].log_likelihood_gain > 20.0
+    other, beside = beside_the_plant(engine, base, found)
+    return other, {e for e, c in beside.items() if c.log_likelihood_gain > 5.0}
+
+
+def test_a_lag_in_place_of_some_dead_time_is_a_plant_of_higher_order_and_no_effect():
+    base, effects = lagged(8.5, 4.0)
+    assert base.theta["tau"] == pytest.approx(4.0, rel=0.3)
+    assert effects == set()
+
+
+def test_a_lag_on_top_of_the_dead_time_is_an_effect():
+    _, effects = lagged(12.0, 9.0)
+    assert "extra_lag" in effects
+
+
+def test_a_plant_is_of_the_baselines_order_where_nothing_asks_for_more(plain):
+    engine = Engine(plain.data, load_memory(plain))
+    base = engine.base()
+    found = fit_candidates(engine, base, ["gain_mismatch"])
+    assert beside_the_plant(engine, base, found) == (base, found)
+    assert engine.of_higher_order(base) is base

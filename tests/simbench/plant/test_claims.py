@@ -59,7 +59,7 @@ def test_a_probability_is_held_against_the_share_that_sticks():
 
 
 def test_who_is_right_is_counted_on_the_same_loops():
-    lines = claims._chosen([*ROWS, row(True, 0.8, "no_stiction", None, 1.0, 0.0, 0.5) | {"best": None}])
+    lines = claims.who_is_right([*ROWS, row(True, 0.8, "no_stiction", None, 1.0, 0.0, 0.5) | {"best": None}])
     assert lines[1] == "right on 3 loops: best detector in hindsight (he) 0.67"
     assert lines[3].startswith("probability above one half 0.67 (0 won, 0 lost")
 

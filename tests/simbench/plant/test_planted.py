@@ -7,7 +7,7 @@ from simbench.loop.setup import plain_setup
 from simbench.loop.simulate import simulate
 from simbench.plant import planted
 from simbench.plant.learn import TESTING, loops
-from simbench.plant.planted import COMES_AND_GOES, NONE, STRENGTHS, plant, told
+from simbench.plant.planted import COMES_AND_GOES, STRENGTHS, plant, told
 from simbench.plant.strengths import Size
 
 
@@ -16,7 +16,7 @@ def scenarios():
     return list(loops(4, TESTING, "smoke"))
 
 
-@pytest.mark.parametrize("effect", [e for e in STRENGTHS if e not in (NONE, COMES_AND_GOES)])
+@pytest.mark.parametrize("effect", [e for e in STRENGTHS if e != COMES_AND_GOES])
 def test_an_effect_changes_every_loop(scenarios, effect):
     for s in scenarios:
         clean = simulate(s.loop, s.seed).record
@@ -31,7 +31,6 @@ def test_only_a_valve_that_sticks_can_stick_at_times(scenarios):
         loop = plant(s.loop, COMES_AND_GOES, {"period": 10.0}, Size(1.0, 1.0, 30.0))
         S = max(plain_setup(s.loop, 0).bands)[0]
         assert (loop.valve.name == "intermittent") == (S > 0)
-        assert plant(s.loop, NONE, {}, Size(1.0, 1.0, 30.0)) is s.loop
 
 
 def answer(planted, order, predicted=-0.1, p=0.01):
@@ -43,13 +42,23 @@ def test_first_is_first_and_not_among_others():
     rows = [
         answer("quantisation", ["quantisation"]),
         answer("quantisation", ["drift", "quantisation"]),
-        answer(NONE, [], p=0.5),
     ]
     lines = told(rows)
     words = lines[1].split()
     assert words[:2] == ["quantisation", "1/2"]
     assert words[3:6] == ["2", "2", "10.0"]
-    assert lines[-1] == "none: told apart in 0 of 1 fleets"
+    assert lines[-1].split()[:2] == ["all", "1/2"]
+
+
+def test_friction_is_the_right_name_of_a_valve_that_sticks_at_times():
+    lines = told([answer(COMES_AND_GOES, [name]) for name in ("stiction", "deadband", "oscillation")])
+    assert lines[-1].split()[:2] == ["all", "2/3"]
+
+
+def test_a_fleet_in_which_sticking_comes_and_goes_is_one_of_sticky_loops():
+    fleet = planted._fleet(5, 0, sticky=True)
+    assert len(fleet) == 5
+    assert all(plain_setup(s.loop, 0).sticky for s in fleet)
 
 
 def test_fleets_without_effect_are_seldom_told_apart(monkeypatch):

@@ -10,6 +10,9 @@ from scenarios.grid import load_grid
 from simbench.cli import main
 from simbench.files import write_record
 from simbench.loop.simulate import simulate
+from simbench.plant import joining
+from simbench.plant import study as plant_study
+from simbench.plant.command import study_folder
 from simbench.plant.joining import draw
 from simbench.plant.looks import looks
 from simbench.plant.strengths import Size, absolute, relative, scales, with_effect
@@ -108,6 +111,53 @@ def test_the_planted_effect_stands_first_and_brings_the_grid_nearer(planted):
     assert set(answer["distance"]) == {"value", "lo", "hi", "p"}
 
 
+def test_a_killed_study_goes_on_and_leaves_only_its_page(planted, tmp_path, monkeypatch):
+    page, asked, whole = tmp_path / "study.html", [], plant_study._diagnosed
+    keep = tmp_path / "study.html.diagnosed"
+
+    def until_the_third(record, baseline):
+        asked.append(record.tag)
+        if len(asked) == 3:
+            raise KeyboardInterrupt
+        return whole(record, baseline)
+
+    until_the_third.__module__, until_the_third.__qualname__ = "planted_study", "diagnosed"
+    monkeypatch.setattr(plant_study, "_diagnosed", until_the_third)
+    with pytest.raises(KeyboardInterrupt):
+        study_folder(planted, "smoke", html=page, jobs=1)
+    assert keep.exists()
+    assert not page.exists()
+    study_folder(planted, "smoke", html=page, jobs=1)
+    # the one that was killed is asked again, the two before it are not
+    assert len(asked) == 9
+    assert [f.name for f in tmp_path.iterdir()] == ["study.html"]
+
+
+def test_a_strength_is_that_of_a_loop_that_has_the_effect(grid_loops):
+    for s in grid_loops:
+        hit = joining._hit(s, "oscillation", {"amplitude": 0.2, "period": 1.0})
+        effect, size = hit.loop.to_table()["effect"][-1], Size.of(hit.record)
+        measured = effect["amplitude"] / size.op
+        # one that resonates is given no more than twice what it would be by its own size
+        assert measured == pytest.approx(0.2, rel=0.1) or effect["amplitude"] == pytest.approx(0.4 * s.size.op)
+        assert effect["period"] == pytest.approx(s.size.period)
+
+
+def test_friction_stands_in_the_place_of_friction(grid_loops):
+    before = [s for s in grid_loops if s.stands]
+    after = joining._with(before, joining.Way("stiction", 1.0, ({"S": 0.9, "J": 0.5},), 0))
+    assert all(s.sticky for s in after)
+    assert any(not s.sticky for s in before)
+
+
+def test_an_effect_is_tried_wherever_it_may_act_and_in_more_loops_than_it_was_found_in():
+    places = joining._places("quantisation", [{"step": 0.5, "at": "loop"}])
+    assert [p[0]["at"] for p in places] == ["loop", "record"]
+    assert joining._places("compression", [{"band": 0.5}]) == [({"band": 0.5},)]
+    ways = joining._shares("compression", ({"band": 0.5},) * 3, 6, np.random.default_rng(0))
+    assert [w.share for w in ways] == [0.5, 0.75, 1.0]
+
+
 def test_the_grid_written_draws_the_effect_in_its_share(tmp_path):
     e = Contribution(
         "quantisation", 0.5, 0.1, {"he": -0.1}, {"he": -0.1}, ({"step": 0.4, "at": "record"}, {"step": 0.6, "at": "loop"})
@@ -129,3 +179,12 @@ def test_too_few_loops_are_refused_in_one_sentence(planted, tmp_path, capsys):
     (few / "a.csv").write_text((planted / "L0.csv").read_text())
     assert main(["gap", "study", str(few), "--grid", "smoke"]) == 2
     assert "at least 5" in capsys.readouterr().err
+
+
+def test_a_study_that_finds_nothing_to_draw_is_an_answer_and_no_error(tmp_path, monkeypatch):
+    found = Study(8, 8, {"value": 0.3, "lo": 0.2, "hi": 0.4, "p": 0.01}, (0.7, 0.1), [], (), {}, {}, {}, ("one",), "plant")
+    monkeypatch.setattr("simbench.plant.study.study", lambda *a, **k: found)
+    (tmp_path / "plant").mkdir()
+    said = study_folder(tmp_path / "plant", "smoke", write_grid=tmp_path / "mine.toml")
+    assert said.notes == ("one", f"no grid is written to {tmp_path}/mine.toml: no effect was found that a grid can draw")
+    assert not (tmp_path / "mine.toml").exists()

@@ -1,12 +1,13 @@
 """trust(): the contract's keys, three answers, and what a reader is told."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from detectors.record import LoopRecord
-from scenarios.spec import Loop
+from scenarios.spec import Loop, load_loop
 from simbench.cli import main
 from simbench.files import write_record
 from simbench.loop.simulate import simulate
@@ -57,6 +58,14 @@ def test_a_record_whose_twins_do_not_move_as_it_does_is_still_judged(sticky, mon
     assert answer.best is None
     assert answer.smallest_visible is None
     assert "does not move as the record does" in answer.power_line()
+
+
+def test_a_set_point_step_at_the_start_of_a_record_leaves_it_its_twins():
+    """Ahead of the record the twins stand at the old set point, which is no motion of theirs."""
+    record = simulate(load_loop(Path(__file__).parents[3] / "docs/example/loop.toml"), 1).record.blind().window(0, 1500)
+    answer = trust(record, methods=["he"], healthy=30, each=4, help_wanted=False)
+    assert answer.best is not None
+    assert answer.power
 
 
 def test_the_smallest_visible_is_that_of_the_method_to_trust(found):

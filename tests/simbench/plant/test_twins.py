@@ -1,10 +1,16 @@
 """Twins are the record's own loop again: its length, its sampling, its set point, and no more signals than it has."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from detectors.record import LoopRecord
+from scenarios.spec import load_loop
 from simbench.gap.random_case import random_case
+from simbench.loop.simulate import simulate
+from simbench.plant import twins
 from simbench.plant.around import around, with_friction
 from simbench.plant.twins import Change, draw_twins, levels
 
@@ -35,6 +41,26 @@ def test_twins_differ_from_each_other(behind):
 def test_a_healthy_twin_moves_about_as_much_as_the_record(behind):
     sizes = [np.std(t.record.pv) for t in draw_twins(behind, 20, 0)]
     assert 0.3 < np.median(sizes) / np.std(behind.record.pv) < 3.0
+
+
+def test_a_set_point_that_moved_at_the_beginning_hides_no_twin():
+    """What a loop does before its record, on its way to the first set point, must not count as its motion."""
+    loop = load_loop(Path(__file__).parents[3] / "docs" / "example" / "loop.toml")
+    found = around(simulate(loop, 1).record.blind())
+    assert sum(t.S == 0 for t in draw_twins(found, 6, 1)) >= 4
+
+
+def test_friction_is_tried_beside_what_swings_the_loop_from_outside(behind, monkeypatch):
+    driven = []
+    whole = twins._driven
+    monkeypatch.setattr(twins, "_driven", lambda *a: driven.append(1) or whole(*a))
+    cell = [(1.0, 0.5)]
+    swung = replace(behind, gain=-5.0, period=40.0 * behind.record.Ts)
+    draw_twins(swung, 0, 8, cells=cell)
+    assert driven
+    driven.clear()
+    draw_twins(replace(swung, period=None), 0, 8, cells=cell)
+    assert not driven
 
 
 def test_cells_span_small_and_large_friction(behind):

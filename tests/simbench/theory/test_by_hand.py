@@ -17,7 +17,7 @@ from simbench.theory.half_cycle import _move, _product, _residual, _solved, half
 from simbench.theory.march import reversals
 from simbench.theory.predict import as_text
 from simbench.theory.sampled import mapped_valve, nearest_map, sampled_loop
-from simbench.theory.tables import CONDITIONS, cell, refined, table_11_3
+from simbench.theory.tables import CONDITIONS, _reason, cell, refined, table_11_3
 from simbench.theory.verify import Errors, starts
 
 
@@ -277,3 +277,49 @@ def test_the_ultimate_gain_of_pure_first_order_lag_and_delay(loop):
     for _ in range(50):
         w = (np.pi - np.arctan(10 * w)) / 2
     assert verify.ultimate_gain(made) == pytest.approx(np.hypot(1, 10 * w), rel=3e-3)
+
+
+@pytest.mark.parametrize(("irregularity", "said"), [(0.0099, ""), (0.0101, "half periods vary by 1 %"), (0.1, "vary by 10 %")])
+def test_half_periods_that_vary_by_more_than_a_hundredth_are_said(loop, irregularity, said):
+    made = replace(sampled_loop(loop(Ts=0.5)), misfit=0.0)
+    told = _reason(made, replace(exact_cycle(made), irregularity=irregularity))
+    assert said in told
+    assert ("half periods" in told) == bool(said)
+
+
+def test_kicks_are_counted_from_nought(monkeypatch):
+    """Of three loops one has no cycle, one no kick, and the third starts from the larger kick alone."""
+    cycles = iter([None, "a cycle", "a cycle"])
+    monkeypatch.setattr(verify, "drawn_loops", lambda seed: iter("abc"))
+    monkeypatch.setattr(verify, "sampled_loop", lambda loop: loop)
+    monkeypatch.setattr(verify, "exact_cycle", lambda sampled: next(cycles))
+    monkeypatch.setattr(verify, "kick_min", lambda sampled, cycle: None if sampled == "b" else 2.0)
+    monkeypatch.setattr(verify, "simulated_cycle", lambda loop, kick: (1.0, 1.0) if kick > 2.0 else None)
+    assert verify.kicks(1, 0) == (1, 1)
+
+
+@pytest.mark.parametrize(
+    ("what", "loops", "words"),
+    [
+        ("predictions", 60, "exact cycle\nfew are off\n\nswitching times alone\nnone"),
+        ("kicks", 100, "1.02 kick_min starts the cycle and 0.9 does not: 7 of 100; no kick starts 3 others"),
+        ("existence-p", 100, "K Kc J/S in 1.05..4: 9 of 100 cycle; in 0.3..0.95: 1 of 100"),
+        ("existence-pi", 300, "right: 297 of 300"),
+    ],
+)
+def test_the_command_asks_for_its_number_of_loops_and_says_what_it_found(monkeypatch, capsys, what, loops, words):
+    monkeypatch.setattr("sys.argv", ["verify", what])
+    asked = []
+    found = {"predictions": ("few are off", "none"), "kicks": (7, 3), "existence_p": (9, 1)}
+    found["existence_pi"] = Errors(np.array([[40, 1], [2, 257]]), np.array([0.01]), np.array([0.02]))
+    for name, answer in found.items():
+        monkeypatch.setattr(verify, name, lambda n, seed, answer=answer: asked.append(n) or answer)
+    verify.main()
+    assert asked == [loops]
+    assert capsys.readouterr().out.startswith(words + "\n")
+
+
+def test_a_p_loop_held_midway_cycles_with_room_and_stays_without():
+    """Gain 4, S = 5: room when g J > S, so 2.5 % of jump cycle and 0.5 % stay."""
+    assert verify._cycles_from_midway(4.0, 2.0, 2.5)
+    assert not verify._cycles_from_midway(4.0, 2.0, 0.5)

@@ -151,3 +151,24 @@ def test_a_gain_ratio_is_the_ratio_of_the_slopes_at_either_end():
 def test_a_deadzone_by_hand(op, mv):
     assert valve_response("deadzone", [op], {"D": 10.0})[0] == pytest.approx(mv)
     assert valve_response("deadzone", [op - 20.0], {"D": 10.0, "c": 30.0})[0] == pytest.approx(mv - 20.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters"),
+    [
+        ("asymmetric", {"S_up": 6.5, "J_up": 2.6, "S_down": 3.5, "J_down": 1.4}),
+        ("hysteresis", {"S": 2.5, "H": 2.5}),
+        ("intermittent", {"S": 5.0, "J": 2.0, "S_off": 2.0, "J_off": 0.8, "period": 300.0, "on": 200.0}),
+        ("stenman", {"d": 5.0}),
+        ("time_varying", {"S": 2.5, "J": 1.0, "S_end": 5.0, "J_end": 2.0, "t_end": 100.0}),
+    ],
+)
+def test_what_a_cell_s_band_of_5_and_jump_of_2_are_to_a_valve_of_other_numbers(name, parameters):
+    assert VALVES.load(name).for_SJ(5.0, 2.0, 10.0) == pytest.approx(parameters)
+
+
+@pytest.mark.parametrize(("K", "mapped"), [(1.0, (4.0, 2.0)), (1.2, (3.6, 2.4)), (1.5, (3.0, 3.0))])
+def test_he_s_gain_widens_the_jump_at_the_cost_of_the_band(K, mapped):
+    p = valve_parameters(VALVES.load("he"), {"S": 4.0, "J": 2.0, "K": K}, 1.0)
+    assert VALVES.load("he").mapped_SJ(p) == pytest.approx(mapped)
+    assert sum(VALVES.load("he").mapped_SJ(p)) == pytest.approx(6.0)

@@ -189,6 +189,23 @@ def test_the_digits_of_an_archive_unseat_no_law(op, pv):
     assert not between(found)
 
 
+def of_means(r):
+    return replace(r, pv=0.5 * (r.pv + np.append(r.pv[0], r.pv[:-1])))
+
+
+@pytest.mark.parametrize("tuning", [{"Kc_factor": 1.7, "Ti_factor": 0.6}, {"Kc_factor": 0.5, "Ti_factor": 1.0}])
+def test_a_detuned_controller_is_measured_through_an_archive_that_takes_means(tuning):
+    found = law(of_means(record(("detuning", tuning))))
+    assert found.averaged
+    assert found.tuning == pytest.approx(tuple(tuning.values()), rel=0.06)
+
+
+def test_a_dead_band_of_the_error_is_seen_through_an_archive_that_takes_means():
+    found = law(of_means(record(("error_deadband", {"width": 0.3}))))
+    assert found.gap == pytest.approx(0.3, abs=0.1)
+    assert law(of_means(record())).gap == 0.0
+
+
 def test_an_archive_that_takes_means_is_told_from_a_controller_with_a_third_term():
     r = record()
     found = law(replace(r, pv=0.5 * (r.pv + np.append(r.pv[0], r.pv[:-1]))))

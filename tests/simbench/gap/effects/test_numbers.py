@@ -24,7 +24,7 @@ SITUATION = SimpleNamespace(data=DATA, record=SimpleNamespace(Ts=2.0))
 
 def fit(K=1.0, own=(), jumps=(), lasting=True, **theta):
     """Return a fit with gain K, its bias and onset, and an effect's own linear numbers."""
-    spec = SimpleNamespace(jumps=jumps, lasting=lasting)
+    spec = SimpleNamespace(jumps=jumps, lasting=lasting, pole="")
     return SimpleNamespace(K=K, beta=np.array([K, 0.3, 0.7, *own]), theta=theta, spec=spec)
 
 

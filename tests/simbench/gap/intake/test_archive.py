@@ -48,7 +48,7 @@ def lattice(step):
     (replace(PLAIN, straight=0.16), LAW, Archive()),
 ])  # fmt: skip
 def test_a_lattice_counts_from_where_it_hides_something_and_where_op_did_not_see_it_it_is_the_archives(samples, law, archive):
-    found, plant_pv, mismatch = _archive(record(), law, samples)
+    found, plant_pv, mismatch = _archive(record(), law, samples, 0.1)
     assert (found, mismatch) == (archive, "")
     # behind an archive that hides something, the plant's PV is the one that the controller saw
     assert np.array_equal(plant_pv, PV + 1.0 if law is HIDDEN else PV)
@@ -56,13 +56,14 @@ def test_a_lattice_counts_from_where_it_hides_something_and_where_op_did_not_see
 
 def test_a_thinned_archive_is_as_thin_as_its_lines_are_off_what_op_saw():
     seen = PV + np.where(np.arange(N) < 50, 0.4, 0.01)
-    found, _, _ = _archive(record(), replace(LAW, reason="no law", recovered_pv=seen), replace(PLAIN, straight=0.18))
+    found, _, _ = _archive(record(), replace(LAW, reason="no law", recovered_pv=seen), replace(PLAIN, straight=0.18), 0.1)
     # 0.98 of the samples lie as near as the largest of the lines
     assert found.thinning == pytest.approx(0.4)
     few = PV + np.where(np.arange(N) < 15, 0.4, 0.01)
-    assert _archive(record(), replace(LAW, reason="no law", recovered_pv=few), replace(PLAIN, straight=0.18))[0].thinning < 0.02
+    barely = replace(LAW, reason="no law", recovered_pv=few)
+    assert _archive(record(), barely, replace(PLAIN, straight=0.18), 0.1)[0].thinning < 0.02
     # where nothing tells, half of what PV moves
-    blind, plant_pv, _ = _archive(record(), LAW, replace(PLAIN, straight=0.18))
+    blind, plant_pv, _ = _archive(record(), LAW, replace(PLAIN, straight=0.18), 0.1)
     assert blind == Archive(None, pytest.approx(0.5 * np.std(np.diff(PV))))
     assert plant_pv is not None
     assert np.array_equal(plant_pv, PV)
@@ -70,9 +71,19 @@ def test_a_thinned_archive_is_as_thin_as_its_lines_are_off_what_op_saw():
 
 def test_a_mean_is_the_archives_and_no_effect():
     mean = replace(LAW, averaged=True, recovered_pv=PV + 1.0)
-    found, plant_pv, _ = _archive(record(), mean, PLAIN)
+    found, plant_pv, _ = _archive(record(), mean, PLAIN, 0.1)
     assert found.faithful
     assert np.array_equal(plant_pv, PV + 1.0)
+
+
+@pytest.mark.parametrize(("noise", "thinned"), [(0.5, False), (0.1, True)])
+def test_lines_through_a_mean_count_once_they_are_further_off_it_than_the_noise(noise, thinned):
+    seen = PV + np.random.default_rng(5).normal(0.0, 0.5, N)
+    pv = 0.5 * (seen + np.append(seen[0], seen[:-1])) + np.where(np.arange(N) % 9 == 0, 0.3, 0.0)
+    law = replace(LAW, averaged=True, recovered_pv=seen)
+    found, plant_pv, _ = _archive(record(pv), law, replace(PLAIN, straight=0.3), noise)
+    assert (found.thinning > 0.0) == thinned
+    assert np.array_equal(plant_pv, seen)
 
 
 @pytest.mark.parametrize(("places", "share", "lined"), [(9, 1.0, False), (12, 1.0, True), (40, 0.4, False), (40, 0.6, True)])

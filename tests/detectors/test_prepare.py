@@ -1,0 +1,90 @@
+"""Which part of a record is judged: the whole, or the half that oscillates where the whole does not."""
+
+import numpy as np
+import pytest
+
+from detectors.judge import judge
+from detectors.prepared import prepare
+from detectors.procedure import diagnose
+from detectors.record import LoopRecord
+
+N = 1200
+K = np.arange(N)
+
+
+def record(gate, **more):
+    """OP and PV swing with a period of 40 where the gate is open; elsewhere they take a few big steps."""
+    rng = np.random.default_rng(5)
+    noise, rest = 0.02 * rng.standard_normal((2, N))
+    wander = np.select([K % 600 < 110, K % 600 < 150, K % 600 < 420, K % 600 < 510], [0.0, 9.0, -6.0, 4.0], -2.0)
+    swing = np.where(gate, np.sin(2 * np.pi * K / 40), wander)
+    delayed = np.where(gate, np.cos(2 * np.pi * K / 40), -wander)
+    return LoopRecord(op=50 + 5 * swing + noise, pv=10 + delayed + rest, Ts=2.0, **more)
+
+
+@pytest.mark.parametrize(
+    ("gate", "part"),
+    [
+        (K >= 600, (600, 1200)),
+        ((K >= 300) & (K < 900), (300, 900)),
+        (K < 600, (0, 600)),
+        (K >= 0, None),
+        (K < 0, None),
+    ],
+)
+def test_the_half_that_oscillates_is_judged_where_the_whole_does_not(gate, part):
+    found = prepare(record(gate))
+    assert found.part == part
+    assert found.oscillation.sustained == gate.any()
+    if gate.any():
+        assert found.oscillation.period_s == pytest.approx(80.0, rel=0.02)
+
+
+def test_of_two_halves_that_oscillate_the_last_is_judged():
+    """Two periods, and a hump in the first that hides both in the whole record."""
+    op = np.where(K < 600, np.sin(2 * np.pi * K / 24), np.sin(2 * np.pi * K / 61))
+    op[200:260] += 40.0 * np.sin(np.pi * np.arange(60) / 60)
+    found = prepare(LoopRecord(op=op, pv=op, Ts=1.0))
+    assert found.part == (600, 1200)
+    assert found.oscillation.period_s == pytest.approx(61.0, rel=0.02)
+
+
+@pytest.mark.parametrize(("fall", "judged"), [(0.45, False), (0.7, True)])
+def test_in_a_half_an_amplitude_may_fall_no_faster_than_in_a_whole(fall, judged):
+    """From the first to the last third of the half, whose middles are 400 samples apart; 3 ** -0.5 = .577 is allowed."""
+    swing = np.where(K < 600, fall ** (K / 400) * np.sin(2 * np.pi * K / 20), 0.0)
+    noise = 0.01 * np.random.default_rng(1).standard_normal(N)
+    assert (prepare(LoopRecord(op=swing + noise, pv=swing + noise, Ts=1.0)).part == (0, 600)) == judged
+
+
+def test_what_is_judged_is_the_half_alone_and_the_reason_says_so():
+    whole = record(K >= 600, process="self-regulating", op_span=(0.0, 100.0))
+    half = whole.window(600, 1200)
+    for one, other in zip(judge(whole, ["he", "horch", "procedure"]), judge(half, ["he", "horch", "procedure"]), strict=True):
+        assert (one.verdict, one.score, one.indices) == (other.verdict, other.score, other.indices)
+        assert one.reason == f"{other.reason}; judged on samples 600 to 1199, which oscillate"
+    steps = {s.step: s.evidence for s in diagnose(whole).steps}
+    assert steps["oscillation"].endswith(", in samples 600 to 1199")
+
+
+def test_mv_is_cut_with_the_rest():
+    whole = record(K >= 600, mv=np.linspace(40.0, 60.0, N))
+    blind = prepare(whole.blind())
+    assert list(blind.sighted(whole).record.mv) == list(whole.mv[600:])
+
+
+def test_a_half_that_would_change_the_unit_of_s_is_left_alone():
+    """OP in % that happens to stay within 0..1 in the half that oscillates: there it would look like a share."""
+    swing = record(K >= 600)
+    op = np.where(K >= 600, 0.5 + 0.05 * (swing.op - 50.0), 30 + 10 * (swing.op - 50.0))
+    assert prepare(LoopRecord(op=np.clip(op, 0.0, 100.0), pv=swing.pv, Ts=2.0)).part is None
+
+
+def test_hagglund_s_detector_sees_the_whole_record():
+    assert prepare(record(K >= 600), "hagglund").part is None
+
+
+@pytest.mark.parametrize("n", [3, 5, 9, 16])
+def test_a_record_too_short_to_be_halved_is_judged_as_it_is(n):
+    ramp = np.arange(n) ** 2.0
+    assert prepare(LoopRecord(op=ramp, pv=-ramp, Ts=1.0)).part is None
