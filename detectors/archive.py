@@ -95,7 +95,7 @@ def hold(
         known = [s for s in steps.values() if s is not None]
         if len(known) < 2 or abs(known[0] - known[1]) > TOLERANCE * max(known):
             told = ", ".join(f"{r.upper()} {'uneven' if s is None else f'every {s:g} s'}" for r, s in steps.items())
-            raise RecordError(f"{where}: OP and PV have times of their own ({told}); say which sampling period Ts to use")
+            raise RecordError(f"{where}: OP and PV have times of their own ({told}); say which sampling period Ts is needed")
         Ts = min(known)
     begin, end = (choose(series[r][0][i] for r in ("op", "pv")) for choose, i in ((max, 0), (min, -1)))
     grid = begin + Ts * np.arange(int(np.floor((end - begin) / Ts + 1e-6)) + 1)

@@ -80,7 +80,8 @@ def seconds(
     back = np.flatnonzero(np.diff(t) <= 0)
     if back.size:
         was, now = values[back[0]], values[back[0] + 1]
-        raise RecordError(f"{where}, {place(back[0] + 1)}: {name} does not rise ({was}, then {now})")
+        said = f"{name} does not rise ({was}, then {now}); every sample needs a later time"
+        raise RecordError(f"{where}, {place(back[0] + 1)}: {said}")
     return t
 
 

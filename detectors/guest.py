@@ -303,4 +303,4 @@ def refuse_name(path: Path, kind: str, taken: bool) -> None:
     if not name.isidentifier() or name != name.lower():
         raise ParameterError(f"{kind} file {path}: {name!r} is no id; small letters, digits and _ are needed; rename the file")
     if taken:
-        raise ParameterError(f"{kind} file {path}: the name {name!r} is taken; rename the file")
+        raise ParameterError(f"{kind} file {path}: the name {name!r} is taken; another is needed: rename the file")

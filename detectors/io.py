@@ -239,7 +239,8 @@ def _wide(sheet: Sheet, chosen: Mapping[str, str], loop: str | None, Ts: float |
     if Ts is not None:
         return np.arange(n) * float(Ts), signals
     if "t" not in roles:
-        raise RecordError(f"{where}: no time column ({', '.join(TIME_NAMES[:6])}) and no sampling period Ts given")
+        names = ", ".join(TIME_NAMES[:6])
+        raise RecordError(f"{where}: no time column ({names}) and no sampling period Ts given; either is needed")
     name = roles["t"]
     cells = _with_date(sheet, name)
     return seconds(cells, name, where, unit=units.get(name, ""), place=sheet.place, notes=sheet.notes), signals

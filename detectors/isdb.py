@@ -49,7 +49,7 @@ def read_loops(path: Path) -> dict[str, Any]:
     except KeyError:
         raise RecordError(f"file {path}: no structure cdata; an ISDB file (cdata.sector.loopN) is needed") from None
     except Exception as error:  # loadmat raises many kinds on damaged files
-        raise RecordError(f"file {path} cannot be read as .mat: {error}") from error
+        raise RecordError(f"file {path} cannot be read as .mat: {error}; a whole file is needed") from error
     loops = {}
     for sector in getattr(data, "_fieldnames", []):
         group = getattr(data, sector)
@@ -84,14 +84,14 @@ def read_loop(path: Path, loop: str | None) -> tuple[Columns, dict[str, Any]]:
     if loop is None:
         if len(loops) != 1:
             like = next(iter(loops), "chemicals.loop1")
-            raise RecordError(f"file {path} holds {len(loops)} loops; name one of them, like {like}")
+            raise RecordError(f"file {path} holds {len(loops)} loops; name one of them, which is needed, like {like}")
         loop = next(iter(loops))
     if loop not in loops:
         raise RecordError(f"file {path}: no loop {loop!r}, {nearest(loop, loops)}")
     try:
         return _signals(loops[loop], loop)
     except (AttributeError, IndexError, TypeError, ValueError) as error:  # whatever a damaged file holds in place of numbers
-        raise RecordError(f"file {path}: loop {loop!r} holds no signals that can be read: {error}") from None
+        raise RecordError(f"file {path}: loop {loop!r} holds no signals that can be read: {error}; OP, PV are needed") from None
 
 
 def _signals(entry: Any, loop: str) -> tuple[Columns, dict[str, Any]]:

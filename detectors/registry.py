@@ -115,7 +115,7 @@ class PluginFolder:
         refuse_name(path, self.kind, self._taken(name))
         spec = importlib.util.spec_from_file_location(f"plugin_{name}", path)
         if spec is None or spec.loader is None:
-            raise ParameterError(f"{self.kind} file {path} is no Python file")
+            raise ParameterError(f"{self.kind} file {path} is no Python file; one that ends in .py is needed")
         module = importlib.util.module_from_spec(spec)
         # where any other module stands as well: a plug-in may look itself up
         sys.modules[spec.name] = module
@@ -123,7 +123,7 @@ class PluginFolder:
             spec.loader.exec_module(module)
         except (Exception, SystemExit) as error:  # a plug-in may fail in any way; the user needs the file's name
             sys.modules.pop(spec.name, None)
-            raise ParameterError(f"{self.kind} file {path} cannot be imported: {error!r}") from error
+            raise self._useless(f"{self.kind} file {path}", repr(error)) from error
         self._files[name] = self._checked(module, name)
         return name
 
@@ -155,20 +155,20 @@ class PluginFolder:
         if not path.is_file():
             raise ParameterError(f"{self.kind} file {path} does not exist")
         refuse_name(path, self.kind, self._taken(name))
-        if not 0.0 < seconds < 1e6:
-            raise ParameterError(f"time limit {seconds} s; a number above 0 is needed")
+        _refuse_limit(seconds)
         key = (path.resolve(), path.stat().st_mtime_ns)
         guest = self._guests.get(name)
         if guest is None or guest[0] != key:
             if guest is not None:
                 guest[1].close()
             process = host(path.resolve(), seconds)
-            self._files[name] = _stub(process, f"{self.kind} file {path}")
+            self._files[name] = self._stub(process, f"{self.kind} file {path}")
             self._guests[name] = (key, process)
         return name
 
     def add_guests(self, paths: Iterable[str | Path], seconds: float = SECONDS, host: MakeHost = Guest) -> list[str]:
         """Register several files as `add_guest` does; two of one name are refused. Every guest known is asked again."""
+        _refuse_limit(seconds)
         files = list(dict.fromkeys(Path(p).resolve() for p in paths))
         names = [f.stem for f in files]
         for file in files:
@@ -241,9 +241,9 @@ class PluginFolder:
             try:
                 return point.load()
             except (Exception, SystemExit) as error:  # it may fail in any way; the user needs its distribution's name
-                raise ParameterError(f"{where} cannot be imported: {error!r}") from error
+                raise self._useless(where, repr(error)) from error
         host = self.entry_host(name, SECONDS)
-        stub = _stub(host, where)
+        stub = self._stub(host, where)
         self._guests[name] = ((), host)
         return stub
 
@@ -252,20 +252,28 @@ class PluginFolder:
         package = importlib.import_module(self.package)
         return frozenset(m.name for m in pkgutil.iter_modules(package.__path__) if not m.name.startswith("_"))
 
+    def _stub(self, host: Any, where: str) -> ModuleType:
+        """What stands for a plug-in outside its own process: its description of itself; ParameterError where it gives none."""
+        try:
+            return host.stub()
+        except UserError as error:
+            host.close()
+            raise self._useless(where, str(error)) from None
+
+    def _useless(self, where: str, why: str) -> ParameterError:
+        needs = f"a {self.kind} needs {', '.join(self.required)}"
+        return ParameterError(f"{where} cannot be imported: {why}" + ("" if needs in why else f"; {needs}"))
+
     def _checked(self, module: ModuleType, name: str) -> ModuleType:
         missing = [a for a in self.required if not hasattr(module, a)]
         if missing:
-            raise ParameterError(f"{self.kind} {name!r} ({module.__file__}) lacks {', '.join(missing)}")
+            raise ParameterError(f"{self.kind} {name!r} ({module.__file__}) lacks {', '.join(missing)}, which it needs")
         return module
 
 
-def _stub(host: Any, where: str) -> ModuleType:
-    """What stands for a plug-in outside its own process: its description of itself; ParameterError where it gives none."""
-    try:
-        return host.stub()
-    except UserError as error:
-        host.close()
-        raise ParameterError(f"{where} cannot be imported: {error}") from None
+def _refuse_limit(seconds: float) -> None:
+    if not 0.0 < seconds < 1e6:
+        raise ParameterError(f"time limit {seconds} s; a number above 0 is needed")
 
 
 PUBLISHED = "published"

@@ -183,7 +183,7 @@ def judge_files(
         about = {"process": process, "kind": kind, "op_span": op_span, "pv_span": pv_span, "columns": columns, "Ts": Ts}
         if not Path(path).is_dir() and (Path(path).suffix.lower() != ".mat" or not Path(path).exists()):
             if labels is not None:
-                raise ParameterError(f"labels score a folder of records; {path} is no folder")
+                raise ParameterError(f"labels score a folder of records; {path} is no folder, which is needed")
             record = read_record(path, loop=loop, **about)
             verdicts = judge(record, names, raw=raw, thresholds=thresholds, front_end=front_end)
             return Report([(None, v) for v in verdicts], records={None: record})

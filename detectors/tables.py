@@ -90,9 +90,9 @@ def read_sheet(path: Path, is_head: Callable[[Sequence[str]], bool] = lambda cel
     if not path.exists():
         raise RecordError(f"file {path} does not exist")
     if not path.is_file():
-        raise RecordError(f"{path} is no file")
+        raise RecordError(f"{path} is no file; a table of a record is needed")
     if path.stat().st_size == 0:
-        raise RecordError(f"file {path} is empty")
+        raise RecordError(f"file {path} is empty; a header line and one line per sample are needed")
     suffix = path.suffix.lower()
     try:
         if suffix in (".parquet", ".pq"):
@@ -106,7 +106,7 @@ def read_sheet(path: Path, is_head: Callable[[Sequence[str]], bool] = lambda cel
         raise
     except Exception as error:  # pandas passes on whatever its engine raises
         said = str(error).partition("\n")[0].partition(", you must")[0]  # advice to programmers
-        raise RecordError(f"file {path} cannot be read as {suffix[1:]}: {said}") from error
+        raise RecordError(f"file {path} cannot be read as {suffix[1:]}: {said}; a whole file is needed") from error
     return _csv(path, is_head)
 
 
@@ -121,7 +121,7 @@ def _sheet(path: Path):
             raise RecordError(f"file {path} unpacks to {size / 1e6:.0f} MB; at most {MOST_UNPACKED / 1e6:.0f} MB are read")
     frame = pd.read_excel(path, header=None, dtype=object, nrows=MOST_ROWS + 2)
     if len(frame) > MOST_ROWS + 1:
-        raise RecordError(f"file {path} has more than {MOST_ROWS} rows; a sheet of Excel cannot hold many more")
+        raise RecordError(f"file {path} has more than {MOST_ROWS} rows; at most that many are read")
     return frame
 
 
@@ -154,7 +154,7 @@ def _decoded(path: Path) -> tuple[str, list[str]]:
         try:
             return data.decode(code), []
         except UnicodeDecodeError as error:
-            raise RecordError(f"file {path} is damaged UTF-16 text (byte {error.start})") from error
+            raise RecordError(f"file {path} is damaged UTF-16 text (byte {error.start}); whole ones are needed") from error
     try:
         return data.decode("utf-8-sig"), []
     except UnicodeDecodeError as error:
@@ -191,7 +191,7 @@ def _cells(path: Path, lines: list[str], delimiter: str) -> Iterator[tuple[list[
         for row in rows:
             yield row, rows.line_num
     except csv.Error as error:
-        raise RecordError(f"{path}, line {rows.line_num}: {error}") from error
+        raise RecordError(f"{path}, line {rows.line_num}: {error}; shorter cells are needed") from error
 
 
 def _table(path: Path, rows: list[list[str]], lines: list[int], is_head: Callable[[Sequence[str]], bool]) -> Sheet:
@@ -209,10 +209,10 @@ def _table(path: Path, rows: list[list[str]], lines: list[int], is_head: Callabl
         body.append(row)
         kept.append(line)
     if not any(names):
-        raise RecordError(f"file {path} has no header line")
+        raise RecordError(f"file {path} has no header line; the names of its columns are needed first")
     twice = next((n for n in names if n and [m.lower() for m in names].count(n.lower()) > 1), None)
     if twice:
-        raise RecordError(f"file {path}: column {twice!r} appears twice")
+        raise RecordError(f"file {path}: column {twice!r} appears twice; one is needed")
     columns = dict(zip(names, (list(c) for c in zip(*body, strict=True)) if body else [[] for _ in names], strict=True))
     above = sum(any(c.strip() for c in row) for row in rows[:start])
     return Sheet(columns, kept, "", [f"file: {above} lines above the header left out"] * (above > 0))

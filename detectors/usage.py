@@ -47,7 +47,8 @@ def exit_code(work: Callable[[], int | None], *known: type[Exception]) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:
-        return complain(f"{error.filename or 'output'}: {(error.strerror or str(error)).lower()}")
+        kind = {NotADirectoryError: "; a folder is needed", IsADirectoryError: "; a file is needed"}.get(type(error), "")
+        return complain(f"{error.filename or 'output'}: {(error.strerror or str(error)).lower()}{kind}")
     except KeyboardInterrupt as error:
         print(str(error) or "interrupted", file=sys.stderr)
         return 130

@@ -81,7 +81,7 @@ def _mistakes(content: Any) -> Iterator[str]:
         yield from _axes(where, block.axes, known)
         yield from _settings(f"{where}draw", block.draw, known)
         if not block.member:
-            yield f"{where}it has no [[block.member]]"
+            yield f"{where}it has no [[block.member]]; at least one is needed"
         for member in block.member:
             at = f"{where}member {member.name!r}: "
             for key, names in (("tuning", (SAME, *FOPTD_LAG, *ULTIMATE)), ("disturbance", known["disturbance"])):
@@ -107,7 +107,7 @@ def _axes(where: str, axes: Mapping[str, tuple], known: Mapping[str, tuple]) -> 
 
 def _axis(where: str, key: str, values: tuple, known: Mapping[str, tuple]) -> Iterator[str]:
     if not values:
-        yield f"{where} has no value"
+        yield f"{where} has no value; at least one is needed"
     for value in values:
         yield from _value(where, key, value, known)
 
@@ -172,7 +172,7 @@ def _names(where: str, value: Any, known: tuple | None) -> Iterator[str]:
     if value is None:
         return
     if value in ((), ""):
-        yield f"{where} has no name"
+        yield f"{where} has no name; at least one is needed"
     for name in (value,) if isinstance(value, str) else value:
         if known is not None:
             yield from _word(where, name, known)

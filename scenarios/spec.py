@@ -323,11 +323,11 @@ def read_toml(path: str | Path) -> dict[str, Any]:
     except OSError as error:
         raise SpecError(f"{path} cannot be read: {error.strerror}") from None
     except tomllib.TOMLDecodeError as error:
-        raise SpecError(f"{path} is no valid TOML: {error}") from None
+        raise SpecError(f"{path} is no valid TOML: {error}; lines of NAME = VALUE and [SECTION] are needed") from None
     except RecursionError:
-        raise SpecError(f"{path} cannot be read: its values are nested too deeply") from None
+        raise SpecError(f"{path} cannot be read: its values are nested too deeply; some ten levels are allowed") from None
     except ValueError:  # Python's own limit on whole numbers
-        raise SpecError(f"{path} cannot be read: it holds a number of more than 4300 digits") from None
+        raise SpecError(f"{path} cannot be read: it holds a number of more than 4300 digits; shorter ones are needed") from None
 
 
 def checked(model: type[M], table: dict[str, Any], where: str) -> M:
@@ -337,7 +337,7 @@ def checked(model: type[M], table: dict[str, Any], where: str) -> M:
     except ValidationError as error:
         raise SpecError(f"{where}: {_sentences(model, error.errors(), table)}") from None
     except RecursionError:
-        raise SpecError(f"{where}: its values are nested too deeply") from None
+        raise SpecError(f"{where}: its values are nested too deeply; some ten levels are allowed") from None
 
 
 def content_hash(content: Any) -> str:
@@ -391,7 +391,7 @@ def _part(table: Any, section: str, key: str, where: str) -> dict[str, Any]:
     if not isinstance(table, dict) or key not in table:
         have = sorted(table) if isinstance(table, dict) else []
         wrong = f" (found {', '.join(have)})" if have else ""
-        raise SpecError(f"{where}: [{section}] lacks the key {key!r}{wrong}")
+        raise SpecError(f"{where}: [{section}] lacks the key {key!r}, which is needed{wrong}")
     parameters = {k: v for k, v in table.items() if k != key}
     return {"name": table[key], "parameters": parameters}
 
@@ -435,7 +435,7 @@ def _sentence(model: type[BaseModel], error: Any) -> str:
     if kind == "extra_forbidden":
         return f"unknown key {place!r}: {suggestion(str(path[-1]), _fields(model, path[:-1]))}"
     if kind == "missing":
-        return f"{'key' if len(path) > 1 else 'section'} {place!r} is missing"
+        return f"{'key' if len(path) > 1 else 'section'} {place!r} is missing, which is needed"
     message = str(error["msg"]).removeprefix("Value error, ")
     if kind == "value_error" and message == "a number is needed":
         return f"{place} = {_short(value)}; {message}"

@@ -49,7 +49,7 @@ def opened(content: Mapping[str, Any], where: object) -> dict[str, Any]:
     plain = {k: v for k, v in content.items() if k != SEAL}
     if (mark := _of(plain)) != (told := content.get(SEAL)):
         changed = f"was changed after the run: its checksum is {mark}, {str(told)[:16]!r} is needed"
-        why = "carries no checksum: it was written by an older simbench" if SEAL not in content else changed
+        why = "carries no checksum, which is needed: it was written by an older simbench" if SEAL not in content else changed
         raise RunError(f"{where} {why}; run it again, or restore it")
     return plain
 
@@ -92,9 +92,9 @@ def table_files(place: Place, manifest: Mapping[str, Any], kind: str) -> list[tu
     files = [partition(i) for i in range(len(marks))]
     there = place.names(table)
     for lacking in sorted(set(files) - set(there))[:1]:
-        raise RunError(f"{place} is damaged: {table}/{lacking} is missing; restore it, or run it again")
+        raise RunError(f"{place} is damaged: {table}/{lacking} is missing, which is needed; restore it, or run it again")
     for other in sorted(set(there) - set(files))[:1] if manifest.get("complete") else ():
-        raise RunError(f"{place} is damaged: {table}/{other} does not belong there; remove it, or run it again")
+        raise RunError(f"{place} is damaged: {table}/{other} is not needed there; remove it, or run it again")
     return [(f"{table}/{name}", mark) for name, mark in zip(files, marks, strict=True)]
 
 
@@ -108,7 +108,7 @@ def verified(place: Place, name: str, mark: str) -> bytes:
     try:
         content = place.read(name)
     except FileNotFoundError:
-        raise RunError(f"{place} is damaged: {name} is missing; restore it, or run it again") from None
+        raise RunError(f"{place} is damaged: {name} is missing, which is needed; restore it, or run it again") from None
     except OSError as error:
         raise unreadable(f"{place}/{name}", error) from None
     if (found := digest(content)) != mark:

@@ -73,8 +73,8 @@ def read_manifest(path: str | Path | Place) -> dict[str, Any]:
     except (FileNotFoundError, NotADirectoryError):
         raise RunError(f"{place} holds no run: {MANIFEST} is missing") from None
     except (ValueError, KeyError, TypeError, RecursionError) as error:
-        why = f"{type(error).__name__}: {error}"[:80]
-        raise RunError(f"{file} is damaged ({why}); it must be JSON with a format version: restore it") from None
+        where = f", line {error.lineno}, column {error.colno}," if isinstance(error, json.JSONDecodeError) else ""
+        raise RunError(f"{file}{where} is damaged; it must be JSON with a format version: restore it") from None
     except OSError as error:
         raise unreadable(file, error) from None
     if found != FORMAT:

@@ -305,7 +305,7 @@ class _Bar:
 def _check_settings(names: Sequence[str], thresholds: Thresholds) -> None:
     for method, values in thresholds.items():
         if method not in names:
-            raise RunError(f"thresholds are given for {method!r}, which is not among the methods: {', '.join(names)}")
+            raise RunError(f"thresholds are given for {method!r}, which is not among the methods; known: {', '.join(names)}")
         check_thresholds(method, registry.load(method).METHOD, values)
 
 

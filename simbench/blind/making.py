@@ -20,6 +20,7 @@ from detectors.errors import ParameterError
 from scenarios.spec import Loop
 from simbench.blind import seal
 from simbench.blind.world import OWN, WORLDS
+from simbench.files import folder, refuse_own_input
 
 PLANTS = ("foptd", "foptd", "integrating")
 NEEDS_T = "time_constant_mismatch"
@@ -169,12 +170,14 @@ def make(
     """
     out, key = Path(out), Path(key)
     if out.resolve() in key.resolve().parents:
-        raise ParameterError(f"withheld: the key {key} would lie inside {out}; keep it apart")
+        raise ParameterError(f"withheld: the key {key} would lie inside {out}; another folder is needed")
     if (out / "records").exists():
         raise ParameterError(f"withheld: {out} holds records already; choose a new folder")
     if key.exists():
         raise ParameterError(f"withheld: {key} exists already; choose a new file")
     drawn_by = WORLDS.load(world)
+    refuse_own_input([key], [])  # before minutes of work
+    folder(out)
     entries = (plan or Plan.of(n)).entries(list(drawn_by.FOREIGN))
     with Parallel(n_jobs=jobs, return_as="generator") as parallel:
         found = parallel(delayed(drawn_by.draw)(seed, i, entry) for i, entry in enumerate(entries))

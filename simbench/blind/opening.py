@@ -164,7 +164,7 @@ def _record(folder: Path, name: str) -> tuple[pd.DataFrame, Mapping[str, Any]]:
     try:
         frame = pd.read_csv(path)
     except OSError as error:
-        raise ParameterError(f"withheld: {path} cannot be read: {error.strerror}") from None
+        raise ParameterError(f"withheld: {path} cannot be read: {error.strerror}; a file of the check is needed") from None
     frame.columns = [str(c).strip().lower() for c in frame.columns]
     frame = frame.dropna(axis="columns", how="all").ffill().bfill()
     missing = [c for c in ("op", "pv") if c not in frame]

@@ -71,7 +71,7 @@ def gain_change_recorded(before: LoopRecord, after: LoopRecord, factor: float | 
         raise ParameterError(f"gain change: Ts = {before.Ts:g} s before and {after.Ts:g} s after; one is needed for both")
     gains = (1.0, factor) if factor is not None else (controller_gain(before), controller_gain(after))
     if gains[0] is None or gains[1] is None:
-        raise ParameterError("gain change: the records do not show the controller gain; give new over old by --ratio")
+        raise ParameterError("gain change: the records do not show the controller gain; new over old is needed: --ratio")
     ratio = gains[1] / gains[0] if gains[0] > 0 else np.nan
     if not (0.0 < ratio < np.inf and abs(ratio - 1.0) >= 0.2):
         raise ParameterError(f"gain change: Kc changed {ratio:.3g}-fold; at least 20 % more or less is needed")

@@ -115,7 +115,8 @@ def _defined(path: Path) -> set[str]:
     try:
         tree = ast.parse(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise ParameterError(f"{path} cannot be read: {(error.strerror or str(error)).lower()}") from None
+        why = (error.strerror or str(error)).lower()
+        raise ParameterError(f"{path} cannot be read: {why}; a Python file, or the TOML file of a grid, is needed") from None
     except (SyntaxError, ValueError) as error:
         raise ParameterError(f"{path} is no Python file: {error}") from None
     names: set[str] = set()

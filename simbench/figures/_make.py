@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from detectors.errors import RecordError, UnknownName
+from detectors.io import RECORD_FILES
 from simbench.figures._records import NeedsRecord
 from simbench.files import folder, whole_file
 
@@ -96,6 +97,8 @@ def make_figures(
         wanted += [n for n in (known if name == "all" else [name]) if n not in wanted]
     if isdb is not None and not Path(isdb).exists():
         raise RecordError(f"{isdb} does not exist; an ISDB .mat file or a folder of records is needed")
+    if isdb is not None and Path(isdb).is_file() and Path(isdb).suffix.lower() not in (".mat", *RECORD_FILES):
+        raise RecordError(f"{isdb} holds no records; an ISDB .mat file or a folder of records is needed")
     target = folder(out)
     return [_one(name, target, {"run": run, "isdb": isdb}) for name in wanted]
 

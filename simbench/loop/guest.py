@@ -195,7 +195,8 @@ def simulated(loop: Loop, seed: int = 0, kick: float = 0.0) -> Run:
     host = host_of(parts_of_loop(loop))
     if host is None:
         return simulate(loop, seed, kick=kick)
-    return run_of(host.call(plain_simulate, loop, seed, kick, samples=loop.sampling.n), loop)
+    with _helped():
+        return run_of(host.call(plain_simulate, loop, seed, kick, samples=loop.sampling.n), loop)
 
 
 def plain_simulate(loop: Loop, seed: int, kick: float) -> dict[str, Any]:
@@ -208,10 +209,20 @@ def response(model: str, op: np.ndarray, parameters: Mapping[str, Any], Ts: floa
     host = host_of([("valve", model)])
     if host is None:
         return valve_response(model, op, parameters, Ts)
-    mv = host.call(valve_response, model, op, parameters, Ts, samples=op.size)
-    if not isinstance(mv, np.ndarray) or mv.shape != op.shape or not np.isfinite(mv).all():
-        raise GuestError(f"valve plug-in {model!r} gives positions that are not finite, or too few")
+    with _helped():
+        mv = host.call(valve_response, model, op, parameters, Ts, samples=op.size)
+        if not isinstance(mv, np.ndarray) or mv.shape != op.shape or not np.isfinite(mv).all():
+            raise GuestError(f"valve plug-in {model!r} gives positions that are not finite, or too few")
     return mv
+
+
+@contextlib.contextmanager
+def _helped() -> Iterator[None]:
+    """Say, behind what a plug-in did, where it is told what it must do."""
+    try:
+        yield
+    except GuestError as error:
+        raise GuestError(f"{error}; `simbench contract FILE` says what such a file needs") from None
 
 
 def plain_run(run: Run) -> dict[str, Any]:

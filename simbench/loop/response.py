@@ -86,7 +86,7 @@ def valve_response(
     if np.isnan(mv).any():
         raise ParameterError(
             f"valve {model!r}: the motion of sample {int(np.argmax(np.isnan(mv)))} did not come to an end; "
-            "a valve with less mass or more viscous friction does"
+            "a valve with less mass or more viscous friction is needed"
         )
     return mv
 

@@ -17,6 +17,7 @@ from simbench.theory.sampled import SampledLoop, sampled_loop
 BLOCK = 100  # half cycles averaged at a time; two blocks must agree
 STEADY = 0.005  # relative difference of two blocks that counts as agreement
 BLOCKS = 16
+MOST = 10**9  # samples of a march, some 10 s of work
 LOAD_STEPS = (0.4, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0)  # tried in turn, in multiples of the break-away
 
 # Why marching at all: inside one pattern (m, n) of whole samples the return map expands by about S/p (p the half swing of
@@ -63,6 +64,11 @@ def exact_cycle(loop: SampledLoop) -> ExactCycle | None:
     Returns
     -------
     ExactCycle or None
+
+    Raises
+    ------
+    ParameterError
+        When a sampling period is so short that a march through its half cycles would take too long.
 
     Notes
     -----
@@ -116,8 +122,13 @@ def settled(loop: SampledLoop, state: tuple, multiplier: float | None) -> ExactC
     """March from a state until two blocks of half cycles agree; None when the valve comes to rest or its swing dies."""
     x, s, past = (a.copy() for a in state)
     means: list[np.ndarray] = []
+    left = MOST
     for _ in range(BLOCKS):
-        run = reversals(loop, x, s, past, BLOCK)
+        run = reversals(loop, x, s, past, BLOCK, left)
+        left -= run.samples
+        if run.count < BLOCK and not run.stalled:
+            asked = f"sampling.Ts = {loop.Ts:g} s: no cycle settles within {MOST:g} samples"
+            raise ParameterError(f"{asked}; a longer Ts, or a larger gain K Kc, is needed")
         if run.count < BLOCK:
             return None
         halves, swing = np.diff(run.sample), float(np.abs(np.diff(run.stop)).mean())

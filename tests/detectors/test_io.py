@@ -95,7 +95,7 @@ def test_isdb_file_reads_as_a_folder_and_names_what_it_refuses(tmp_path):
 
 
 def test_isdb_file_with_several_loops_asks_which(tmp_path):
-    with pytest.raises(RecordError, match="holds 3 loops; name one of them, like chemicals"):
+    with pytest.raises(RecordError, match="holds 3 loops; name one of them, which is needed, like chemicals"):
         read_record(isdb(tmp_path))
     with pytest.raises(RecordError, match=r"no loop 'chemicals.loop9', did you mean"):
         read_record(isdb(tmp_path), loop="chemicals.loop9")

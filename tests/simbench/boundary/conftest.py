@@ -63,8 +63,9 @@ def pytest_terminal_summary(terminalreporter) -> None:
     """Say how many sentences were held against what was wrong; of one process, so with `-n 0`."""
     if COUNT["refused"]:
         terminalreporter.write_line(
-            f"boundary: {COUNT['refused']} refused in one sentence that names its place; {COUNT['value']} were held to quote "
-            f"the value and say what is allowed, {COUNT['absent']} are about what is not there or cannot be used"
+            f"boundary: {COUNT['refused']} refused in one sentence that names its place; {COUNT['allowed']} were held to say "
+            f"what is allowed, {COUNT['value']} of them to quote the value; {COUNT['absent']} are about what is not there or "
+            "cannot be used"
         )
 
 
@@ -95,6 +96,18 @@ def _memory() -> int:
     return int(found[1]) if found else resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
+def held(sentence: str, values: list[str] | None = None) -> None:
+    """Hold a sentence to quote what was wrong, and to say what is allowed; about what is not there it need not."""
+    COUNT["refused"] += 1
+    if ABSENT.search(sentence):
+        COUNT["absent"] += 1
+    else:
+        assert all(quoted(sentence, v) for v in values or ()), (values, sentence)
+        assert ALLOWED.search(sentence), sentence
+        COUNT["allowed"] += 1
+        COUNT["value"] += bool(values)
+
+
 @pytest.fixture
 def refused(capsys) -> Callable[..., str]:
     """Run a command that must be refused: exit 2, one sentence that holds the words, nothing on stdout.
@@ -114,13 +127,7 @@ def refused(capsys) -> Callable[..., str]:
         assert not LEAKS.search(err), err
         for word in words:
             assert word.lower() in err.lower(), (word, err)
-        COUNT["refused"] += 1
-        if ABSENT.search(err):
-            COUNT["absent"] += 1
-        elif values:
-            assert all(quoted(err, v) for v in values), (values, err)
-            assert ALLOWED.search(err), err
-            COUNT["value"] += 1
+        held(err, values)
         return err
 
     return run

@@ -18,6 +18,7 @@ from simbench.bench.compare import compare
 from simbench.bench.run import Interrupted, run_grid
 from simbench.bench.score import score_run
 from simbench.cli import main
+from tests.simbench.boundary.conftest import held
 
 SMALL = {"disturbance": "none", "Td_over_T": 0.3, "S_over_2J": 0.5, "Td_over_Ti": 0.05, "periods": 15.0, "repeats": 3}
 TABLES = ("scenarios", "verdicts")
@@ -120,6 +121,7 @@ def noticed(capsys, *arguments) -> None:
     if code == 2:
         assert err.count("\n") == 1
         assert "copy" in err
+        held(err)
 
 
 @pytest.mark.parametrize(("kind", "way"), [(k, w) for k in TABLES for w in ways(k)], ids=str)
@@ -134,13 +136,21 @@ def test_one_fault_in_a_table_of_a_run_or_a_baseline(finished, baseline, tmp_pat
         noticed(capsys, "score", run)
         noticed(capsys, "check", run, "--against", baseline)
     for reads in (lambda: score_run(run), lambda: check_run(run, baseline), lambda: compare(run)):
-        with pytest.raises(RunError, match="copy"):
+        with pytest.raises(RunError, match="copy") as said:
             reads()
+        held(str(said.value), marks(file))
     shutil.rmtree(run)
     base = copied(baseline, tmp_path)
-    spoil(file_of(base, kind), way)
-    with pytest.raises(RunError, match="copy"):
+    file = file_of(base, kind)
+    spoil(file, way)
+    with pytest.raises(RunError, match="copy") as said:
         check_run(finished, base)
+    held(str(said.value), marks(file))
+
+
+def marks(file) -> list[str]:
+    """What a sentence about a changed file quotes: its checksum."""
+    return [digest(file.read_bytes())] if file.is_file() else []
 
 
 @pytest.mark.parametrize("kind", TABLES)
@@ -190,8 +200,9 @@ def test_one_fault_anywhere_in_a_manifest(finished, baseline, tmp_path):
                 else:
                     at[last] = value
                 (run / "manifest.json").write_text(json.dumps(content))
-                with pytest.raises(RunError, match="copy"):
+                with pytest.raises(RunError, match="copy") as said:
                     score_run(run) if folder is finished else check_run(finished, run)
+                held(str(said.value), [str(value)[:60]] if last == "format" and value != "gone" else None)
                 tried += 1
         shutil.rmtree(run)
     assert tried > 300

@@ -12,6 +12,7 @@ import pandas as pd
 import pytest
 
 from detectors import tables
+from tests.simbench.boundary.conftest import held
 
 N = 300
 TIME = np.arange(N)
@@ -137,6 +138,7 @@ def test_a_damaged_binary_file(told, tmp_path, suffix, damage):
         assert code == 2, said
     if code == 2:
         assert f"rec{suffix}" in said
+        held(said)
 
 
 @pytest.mark.parametrize("values", [["a"] * N, [None] * N, [[1, 2]] * N, [b"\0"] * N, [True] * N], ids=lambda v: repr(v[0]))

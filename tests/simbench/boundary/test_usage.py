@@ -122,7 +122,43 @@ WRONG = [
     ("gap withheld make OUT --key k --seed 1 -n 100 --world ../own", "world"), ("score DIR --report DIR", "folder"),
     ("check DIR --against DIR --markdown DIR", "folder"), ("history DIR -o x.gif", ".svg"),
     ("run smoke -o OUT --thresholds LOOP", "thresholds"), ("run smoke -o OUT --time-limit 0 --plugin REC", "time limit"),
+    ("history LOOP", "loop.toml"), ("history RECS", "records"), ("history DIR extra", "argument"),
+    ("calibrate smoke --false-alarm -1", "false"), ("calibrate smoke --false-alarm x", "false"),
+    ("calibrate smoke -j 100000", "-j"), ("calibrate none.toml", "none.toml"), ("calibrate smoke extra", "argument"),
+    ("worst horch --budget -5", "budget"), ("worst horch --seed x", "seed"), ("worst oracle", "oracle"),
+    ("worst horch --budget 1e3", "budget"), ("figure fig-11-4 -o /proc/nothing", "/proc"),
+    ("figure table-11-9 -o DIR", "table"),
+    ("figure fig-11-4 fig-9 -o DIR", "fig-11-9"), ("figure fig-11-4 -o DIR --isdb none.mat", "none.mat"),
+    ("figure fig-11-4 -o DIR --isdb LOOP", "loop.toml"), ("figure score-map -o DIR --run none", "none"),
+    ("contract OUT", "out"), ("contract LOOP extra", "argument"), ("contract x.txt", "x.txt"), ("contract rec.py", "rec.py"),
+    ("list grid", "grids"), ("list valve --json", "valves"), ("list figurs", "figures"), ("list effekte", "effects"),
+    ("list --json", "what"), ("list detectors --jsn", "--json"), ("gap leave-out OUT -n x", "-n"),
+    ("gap leave-out OUT --seed -1", "seed"), ("gap withheld make OUT", "key"),
+    ("gap withheld make OUT --key OUT/key --seed 1 -n 100", "key"), ("gap withheld make OUT --key k --seed x", "seed"),
+    ("gap withheld make OUT --key k --seed -1", "seed"), ("gap withheld make OUT --key k --seed 1 -n 99", "-n"),
+    ("gap withheld make REC --key OUT --seed 1 -n 100", "rec.csv"),
+    ("gap withheld make OUT --key DIR/none/key --seed 1 -n 100", "none"),
+    ("gap withheld make OUT --key k --seed 1 -n 100 -j 0", "-j"), ("gap withheld answer none", "none"),
+    ("gap withheld make OUT --key k --seed 1 -n 100 --world mil", "mill"), ("gap withheld answer REC", "rec.csv"),
+    ("gap withheld answer RECS", "records"), ("gap withheld answer DIR -j x", "-j"), ("gap withheld answer", "argument"),
+    ("gap withheld answer LOOP", "loop.toml"), ("gap withheld answer DIR extra", "argument"),
+    ("gap withheld answer DIR --jsn", "--jsn"), ("gap withheld open", "argument"), ("gap withheld open none", "none"),
+    ("gap withheld open REC", "rec.csv"), ("gap withheld open RECS", "records"), ("gap withheld open DIR --key REC", "empty"),
+    ("gap withheld open DIR --jsn", "--json"), ("gap withheld open DIR extra", "argument"),
+    ("gap withheld open DIR --scores REC", "empty"), ("gap withheld open DIR --key none", "empty"),
+    ("predict OUT", "out"), ("predict RECS", "folder"), ("predict LOOP --seed 1", "--seed"), ("score OUT", "out"),
+    ("score RECS", "records"), ("score DIR --jsn", "--json"), ("score DIR --paired", "run"), ("check OUT --against DIR", "out"),
+    ("predict LOOP extra", "argument"), ("predict DIR", "folder"), ("predict FAST", "Ts"), ("diagnose", "REC"),
+    ("diagnose none.csv", "none.csv"), ("diagnose REC --process gas", "gas"), ("diagnose REC --kind smell", "smell"),
+    ("diagnose REC --op-span 1 1", "op_span"), ("diagnose LOOP", "loop.toml"), ("diagnose REC --jsn", "--json"),
+    ("score LOOP", "loop.toml"), ("score DIR extra", "argument"), ("check none --against DIR", "none"),
+    ("check DIR --margin nan", "margin"), ("check DIR --margin x", "margin"), ("check REC --against DIR", "rec.csv"),
+    ("run smoke -o OUT --until-width 2", "until_width"), ("run smoke -o OUT --backend slurm", "slurm"),
+    ("run smoke -o OUT --time-limit nan", "time limit"), ("simulate LOOP -o OUT --time-limit -1", "time limit"),
 ]  # fmt: skip
+
+
+FILES = {"LABELS": "csv", "SLOW": "toml", "SHARE": "csv", "FAST": "toml"}
 
 
 @pytest.mark.parametrize(("line", "word"), WRONG, ids=lambda v: v[:60])
@@ -134,12 +170,14 @@ def test_a_wrong_command(refused, tmp_path, line, word):
     (records / "one.csv").write_text(RECORD)
     (tmp_path / "labels.csv").write_text("id,label\none,stictoin\n")
     (tmp_path / "slow.toml").write_text(text("plant", "Td", "1e6"))
+    (tmp_path / "fast.toml").write_text(text("sampling", "Ts", "1e-6"))
     share = "t,op,pv\n" + "".join(f"{k},{0.5 + k % 7 / 100},{50 + k % 5}\n" for k in range(300))
     (tmp_path / "share.csv").write_text(share)
     before = loop.read_bytes()
     places = {"LOOP": loop, "REC": record, "OUT": tmp_path / "out", "DIR": empty, "RECS": records}
-    places |= {"LABELS": tmp_path / "labels.csv", "SLOW": tmp_path / "slow.toml", "SHARE": tmp_path / "share.csv"}
+    places |= {name: tmp_path / f"{name.lower()}.{kind}" for name, kind in FILES.items()}
     inside = {"PAGE": tmp_path / "rec.html", "RECS/one.html": records / "one.html", "RECS/one.csv": records / "one.csv"}
+    inside |= {"OUT/key": tmp_path / "out" / "key", "DIR/none/key": empty / "none" / "key"}
     values = given(line.split(), {*places, *inside}, word)
     refused([(places | inside).get(w, w) for w in line.split()], "empty" if word == "DIR" else word, values=values)
     assert loop.read_bytes() == before
@@ -151,7 +189,7 @@ def test_a_wrong_command(refused, tmp_path, line, word):
 def given(words: list[str], places: set[str], named: str) -> list[str]:
     """What is wrong on a command line, where it is a value: not what the sentence names anyway, no option, verb or file."""
     known = {*places, *(name for verb in verbs(typer.main.get_command(app)) for name in verb.split())}
-    right = {"smoke", "all", "horch", "deadband", "fig-11-4", "score-map", "detectors", "figures", "none"}
+    right = {"smoke", "all", "horch", "deadband", "fig-11-4", "score-map", "detectors", "figures", "none", "1", "100"}
     pairs = [w.split(",")[-1].partition("=") for w in words if not w.startswith("-") or w[1:2].isdigit()]
     values = [key if key == named else value or key for key, _, value in pairs]
     return [v for v in values if v not in known and v not in right and not v.startswith(("none.", "/"))][-1:]
@@ -166,7 +204,7 @@ def verbs(command, words: str = "") -> Iterator[str]:
 
 def test_no_verb_is_missing_here():
     for verb in verbs(typer.main.get_command(app)):
-        assert sum(line.startswith(verb) for line, _ in WRONG) >= 2, verb
+        assert sum(line.startswith(verb) for line, _ in WRONG) >= 10, verb
 
 
 @pytest.mark.parametrize(
