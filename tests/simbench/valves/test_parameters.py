@@ -33,7 +33,7 @@ def test_a_bad_number_is_refused_in_one_sentence(table, error, words):
 def test_the_nearest_key_is_named():
     with pytest.raises(UnknownName, match="did you mean 'period'"):
         valve_parameters(VALVES.load("intermittent"), {"S": 1, "J": 1, "perod": 3, "on": 1}, 1.0)
-    with pytest.raises(UnknownName, match="unknown parameter 's'.*did you mean 'S'"):
+    with pytest.raises(UnknownName, match=r"unknown parameter 's'.*did you mean 'S'"):
         valve_parameters(VALVES.load("choudhury"), {"s": 1, "J": 1}, 1.0)
 
 
