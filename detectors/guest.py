@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import fcntl
 import json
 import math
 import numbers
@@ -22,8 +23,6 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import numpy as np
-
 from detectors.errors import ParameterError, UserError
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
@@ -34,6 +33,7 @@ SECONDS = 60.0  # per record
 START = 60.0  # s for its process to begin, and to import the plug-in for the first time
 BYTES = 2 << 30  # of memory
 MESSAGE = 1 << 20  # bytes of an answer
+PIPE = 1 << 20  # bytes of a question on its way
 STRIKES = 3  # processes lost in one piece of work, after which the plug-in is asked no more there
 WORDS = {"title": str, "source": str, "role": str, "budget": str}
 NUMBERS = {"min_samples": int, "min_periods": float}
@@ -63,6 +63,11 @@ class Host:
         self._to = self._back = -1
         self._owner = os.getpid()
         atexit.register(self.close)
+
+    @property
+    def pid(self) -> int | None:
+        """Number of the process, where one was started."""
+        return None if self._process is None else self._process.pid
 
     def close(self) -> None:
         """End the process and all it started."""
@@ -99,6 +104,9 @@ class Host:
             os.close(write_mine)
         for handle in (self._to, self._back):
             os.set_blocking(handle, False)
+        if hasattr(fcntl, "F_SETPIPE_SZ"):
+            with contextlib.suppress(OSError):  # a question in one piece: both processes are woken once
+                fcntl.fcntl(self._to, fcntl.F_SETPIPE_SZ, PIPE)
         self._owner = os.getpid()
         self._read(time.monotonic() + START)
 
@@ -215,10 +223,7 @@ class Guest(Host):
         """
         self.refuse_lost()
         known = {name: value for name in ("oscillation", "flags") if (value := prepared.__dict__.get(name)) is not None}
-        # what methods of the house found before it, but for their verdicts: numbers and signals, which are cheaper to send
-        shared = {k: v for k, v in prepared.shared.items() if isinstance(k, str) and isinstance(v, (float, tuple, np.ndarray))}
-        about = {"record": prepared.record, "front_end": prepared.front_end, "part": prepared.part}
-        about["known"] = {**known, "shared": shared}
+        about = {"record": prepared.record, "front_end": prepared.front_end, "part": prepared.part, "known": known}
         asked = {"do": "judge", **about, "modes": modes, "thresholds": thresholds}
         answer = self.ask(asked, self.seconds, len(modes))
         if not isinstance(answer, list) or len(answer) != len(modes):

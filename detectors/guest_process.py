@@ -111,15 +111,19 @@ def _plain(value: Any) -> Any:
 
 def _receive(read: int) -> dict[str, Any]:
     """Wait for a question: its size, 8 bytes, then what it says; the next one comes after the answer alone."""
-    content, size = b"", 8
-    while len(content) < size:
-        part = os.read(read, 1 << 20)
-        if not part:
+    content = memoryview(bytearray(8))
+    _fill(read, content)
+    content = memoryview(bytearray(struct.unpack("<Q", content)[0]))
+    _fill(read, content)
+    return pickle.loads(content)
+
+
+def _fill(read: int, place: memoryview) -> None:
+    while place:
+        count = os.readv(read, [place])
+        if not count:
             os._exit(0)
-        content += part
-        if size == 8 and len(content) >= 8:
-            size += struct.unpack("<Q", content[:8])[0]
-    return pickle.loads(memoryview(content)[8:])
+        place = place[count:]
 
 
 def _end_with(parent: int) -> None:

@@ -47,10 +47,16 @@ def sealed(content: Mapping[str, Any]) -> dict[str, Any]:
 def opened(content: Mapping[str, Any], where: object) -> dict[str, Any]:
     """Return sealed content without its checksum; raise RunError when it is not what was sealed."""
     plain = {k: v for k, v in content.items() if k != SEAL}
-    if content.get(SEAL) != _of(plain):
-        why = "carries no checksum: it was written by an older simbench" if SEAL not in content else "was changed after the run"
+    if (mark := _of(plain)) != (told := content.get(SEAL)):
+        changed = f"was changed after the run: its checksum is {mark}, {str(told)[:16]!r} is needed"
+        why = "carries no checksum: it was written by an older simbench" if SEAL not in content else changed
         raise RunError(f"{where} {why}; run it again, or restore it")
     return plain
+
+
+def unreadable(file: str, error: OSError) -> RunError:
+    """Return the sentence about a file of a run that is there and cannot be read."""
+    return RunError(f"{file} cannot be read ({error.strerror or error}); a file of the run is needed there: restore it")
 
 
 def refuse_unfinished(place: Place, manifest: Mapping[str, Any]) -> None:
@@ -104,9 +110,10 @@ def verified(place: Place, name: str, mark: str) -> bytes:
     except FileNotFoundError:
         raise RunError(f"{place} is damaged: {name} is missing; restore it, or run it again") from None
     except OSError as error:
-        raise RunError(f"{place}/{name} cannot be read: {error.strerror or error}") from None
-    if digest(content) != mark:
-        raise RunError(f"{place}/{name} is not the table its manifest speaks of; restore it, or run it again")
+        raise unreadable(f"{place}/{name}", error) from None
+    if (found := digest(content)) != mark:
+        why = f"is not the table its manifest speaks of: its checksum is {found}, {mark[:16]!r} is needed"
+        raise RunError(f"{place}/{name} {why}; restore it, or run it again")
     return content
 
 

@@ -11,7 +11,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from simbench.bench.checksums import RunError, digest, opened, sealed
+from simbench.bench.checksums import RunError, digest, opened, sealed, unreadable
 from simbench.bench.place import Place, place_of
 from simbench.bench.tables import FORMAT
 
@@ -72,12 +72,13 @@ def read_manifest(path: str | Path | Place) -> dict[str, Any]:
         found = manifest["format"]
     except (FileNotFoundError, NotADirectoryError):
         raise RunError(f"{place} holds no run: {MANIFEST} is missing") from None
-    except (ValueError, KeyError, TypeError, RecursionError):
-        raise RunError(f"{file} is damaged; it must be JSON with a format version") from None
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        why = f"{type(error).__name__}: {error}"[:80]
+        raise RunError(f"{file} is damaged ({why}); it must be JSON with a format version: restore it") from None
     except OSError as error:
-        raise RunError(f"{file} cannot be read: {error.strerror or error}") from None
+        raise unreadable(file, error) from None
     if found != FORMAT:
-        raise RunError(f"{place} was written in format version {found!r}, this simbench reads version {FORMAT}; run it again")
+        raise RunError(f"{file} was written in format version {found!r:.60}; version {FORMAT} is needed: run it again")
     return opened(manifest, file)
 
 

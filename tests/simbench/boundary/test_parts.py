@@ -293,8 +293,7 @@ def published(tmp_path, monkeypatch):
         about = tmp_path / "strangers-1.0.dist-info"
         about.mkdir()
         (about / "METADATA").write_text("Metadata-Version: 2.1\nName: strangers\nVersion: 1.0\n")
-        sources = {name: source for name, (source, _) in what.items()}
-        groups = {g: [n for n, s in sources.items() if s is x] for g, x in (("valves", PLAY), ("effects", HUM))}
+        groups = {g: [n for n, (s, _) in what.items() if s is source] for g, source in (("valves", PLAY), ("effects", HUM))}
         text = "".join(f"[simbench.{g}]\n" + "".join(f"{n} = theirs.{n}\n" for n in names) for g, names in groups.items())
         (about / "entry_points.txt").write_text(text)
         (tmp_path / "theirs").mkdir()
