@@ -44,7 +44,8 @@ METHODS = {
 }  # fmt: skip
 INDICES = {
     "horch": {"dtau", "drho"}, "he": {"eta", "eta_two_line"}, "yamashita": {"rho1", "rho2", "rho3"},
-    "rossi_scali": {"eta_rossi"}, "singhal_salsbury": {"r_area"}, "bicoherence": {"ngi", "nli"}, "ellipse": {"fitness", "S_apparent"},
+    "rossi_scali": {"eta_rossi"}, "singhal_salsbury": {"r_area"}, "bicoherence": {"ngi", "nli"},
+    "ellipse": {"fitness", "S_apparent"},
 }  # fmt: skip
 OPTIONS = {
     "simulate": "-o --seed --from --id",
