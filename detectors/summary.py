@@ -119,7 +119,7 @@ def as_text(
     if len(found) == 1:
         name, verdicts, record = found[0]
         lines += [*_about(name, record), sentence(verdicts), "", *_drawn(_table(verdicts), colour)]
-        lines += ["", *(f"note: {n}" for n in notes_of(verdicts, record))]
+        lines += ["", *(f"note: {n}" for n in [*_not_counted(verdicts), *notes_of(verdicts, record)])]
     elif found:
         lines += [*_drawn(_matrix(found), colour), LEGEND]
     if why:
@@ -212,6 +212,11 @@ def _drawn(table: Any, colour: bool) -> list[str]:
     out = io.StringIO()
     Console(file=out, width=WIDE, force_terminal=colour, color_system="standard" if colour else None).print(table)
     return [line.rstrip() for line in out.getvalue().splitlines()]
+
+
+def _not_counted(verdicts: Iterable[Verdict]) -> list[str]:
+    tests = [v.method for v in verdicts if _is_test(v.method)]
+    return [f"nonlinearity tests, not counted for or against stiction: {', '.join(tests)}"] if tests else []
 
 
 def _is_test(method: str) -> bool:

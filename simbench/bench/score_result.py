@@ -206,7 +206,7 @@ def _block(scores: Scores, rows: pd.DataFrame, mode: str, process: str) -> list[
         rates = (r.accuracy_decided, r.no_decision, r.found, r.false_alarms, r.auc)
         lines.append(
             (
-                "" if r.rank is None or math.isnan(r.rank) else f"{r.rank:.0f}",
+                ("" if r.kind else "-") if r.rank is None or math.isnan(r.rank) else f"{r.rank:.0f}",
                 r.method,
                 "no" if none else f"{r.applicable / r.n:.3f}",
                 _short(r.accuracy_applicable),
@@ -238,7 +238,7 @@ def _legend() -> list[str]:
         "applies: share of loops that the method's source covers; all columns but the last are over those. decided: right "
         "of decided. found: of cycling loops, false al.: of the others, no decision counted as neither. sticky, predicted: "
         "accuracy against these truths. of all: accuracy over everything, where a method that does not apply is wrong. A "
-        "method made for a part of the loops is ranked among those."
+        "method made for a part of the loops (rank -) is ranked among those."
     )
     return textwrap.wrap(text, 126)
 

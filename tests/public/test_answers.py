@@ -1,0 +1,282 @@
+"""What scripts rely on in the answers: verbs and options, the keys of every JSON, run tables, exit codes."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import typer.main
+
+from simbench.cli import app, main
+
+STEP = "[setpoint]\nsteps = [[10, 55]]\n"
+STICKY = '[valve]\nmodel = "choudhury"\nS = 5.0\nJ = 2.0\n'
+LOOP = """[plant]
+type = "foptd"
+K = 1.0
+T = 10.0
+Td = 2.0
+[controller]
+type = "PI"
+Kc = 1.0
+Ti = 10.0
+[sampling]
+Ts = 1.0
+n = 1200
+[noise]
+std = 0.1
+"""
+VERDICT = {"method", "verdict", "score", "indices", "S", "J", "S_unit", "applicable", "reason"}
+EFFECTS = {
+    "valve": {"stiction", "deadband", "deadzone", "valve_lag", "valve_characteristic"},
+    "process": {"gain_mismatch", "time_constant_mismatch", "dead_time_mismatch", "extra_lag"},
+    "sensor": {"noise", "quantisation", "sensor_lag", "compression", "outliers", "drift"},
+    "disturbance": {"oscillation", "load_steps", "load_drift"},
+    "controller": {"saturation", "detuning", "error_deadband", "op_quantisation"},
+}
+METHODS = {
+    "horch", "horch_histogram", "he", "rossi_scali", "yamashita", "kano_a", "kano_b", "singhal_salsbury", "choudhury",
+    "ellipse", "bicoherence", "surrogate", "srinivasan", "hammerstein", "stenman", "horch_isaksson", "procedure",
+}  # fmt: skip
+INDICES = {
+    "horch": {"dtau", "drho"}, "he": {"eta", "eta_two_line"}, "yamashita": {"rho1", "rho2", "rho3"},
+    "rossi_scali": {"eta_rossi"}, "singhal_salsbury": {"r_area"}, "bicoherence": {"ngi", "nli"},
+    "ellipse": {"fitness", "S_apparent"},
+}  # fmt: skip
+OPTIONS = {
+    "simulate": "-o --seed --from --id",
+    "valve": "--model --param -o",
+    "predict": "--json",
+    "detect": "--method --process --kind --op-span --pv-span --columns --ts --loop --labels --raw --plugin --csv --html --json",
+    "diagnose": "--json",
+    "confirm gain-change": "--records --ratio --json",
+    "confirm travel": "--record --json",
+    "run": "-o -j --method --raw --plugin --backend --address --resume --until-width --set --axis --json",
+    "score": "--paired --report --json",
+    "check": "--against",
+    "calibrate": "--false-alarm",
+    "worst": "",
+    "figure": "-o --run --isdb",
+    "gap diagnose": "--baseline --identify -j --no-bootstrap --json --html --write-loop",
+    "gap withheld make": "--world",
+    "gap withheld answer": "",
+    "gap withheld open": "",
+    "gap leave-out": "",
+    "gap study": "--grid --labels --html --write-grid --json",
+    "trust": "--loop --method --html --json",
+    "report": "--labels -o",
+    "contract": "",
+    "list": "--json",
+}
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("public")
+    for name, text in {"sticky": LOOP + STICKY + STEP, "slow": LOOP.replace("Kc = 1.0", "Kc = 0.6") + STICKY + STEP}.items():
+        (folder / f"{name}.toml").write_text(text)
+        assert main(["simulate", str(folder / f"{name}.toml"), "-o", str(folder / f"{name}.csv"), "--seed", "1"]) == 0
+    (folder / "model.toml").write_text(LOOP)
+    assert main(["run", "smoke", "-o", str(folder / "run"), "--method", "horch,he,yamashita,bicoherence,oracle"]) == 0
+    return folder
+
+
+@pytest.fixture
+def answer(place, capsys):
+    """Run a verb with --json in the folder of the files; nothing but JSON may stand on stdout."""
+
+    def run(words: str, code: int = 0):
+        capsys.readouterr()
+        files = [str(place / w) if (place / w).exists() else w for w in words.split()]
+        found = main([*files, "--json"])
+        out, err = capsys.readouterr()
+        assert found == code, err
+        return json.loads(out)
+
+    return run
+
+
+def finite(value) -> bool:
+    if isinstance(value, dict):
+        return all(map(finite, value.values()))
+    if isinstance(value, list):
+        return all(map(finite, value))
+    return not isinstance(value, float) or math.isfinite(value)
+
+
+@pytest.mark.parametrize("verb", OPTIONS)
+def test_a_verb_has_its_options(verb):
+    command = typer.main.get_command(app)
+    for word in verb.split():
+        command = command.commands[word]
+    known = {o for p in command.params for o in (*p.opts, *p.secondary_opts)}
+    assert set(OPTIONS[verb].split()) <= known
+
+
+def test_names(answer):
+    names = {
+        kind: {row["name"] for row in answer(f"list {kind}")} for kind in ("detectors", "valves", "grids", "effects", "figures")
+    }
+    assert names["detectors"] == METHODS
+    assert names["effects"] == set().union(*EFFECTS.values())
+    assert names["grids"] >= {"smoke", "table-11-3", "chapter", "own-ground", "ci", "plant"}
+    assert names["figures"] >= {"score-map", "table-11-4"} | {f"fig-11-{k}" for k in range(4, 28)}
+    assert names["valves"] >= {
+        "ideal", "deadband", "deadzone", "choudhury", "choudhury_literal", "kano", "he", "stenman", "coulomb", "karnopp",
+        "stribeck", "lugre",
+    }  # fmt: skip
+
+
+def test_predict(answer, place):
+    found = answer("predict sticky.toml")
+    assert set(found) == {"table_11_3", "refined", "describing_function", "exact", "reason"}
+    assert set(found["describing_function"][0]) == {"period", "amplitude", "stable"}
+    assert set(found["exact"]) == {"period", "amplitude", "kick_min"}
+    # OP's half peak-to-peak, and the smallest kick that starts the cycle, as runs show them
+    quiet = place / "quiet.toml"
+    quiet.write_text(LOOP.replace("std = 0.1", "std = 0.0") + STICKY)
+    swings = []
+    for kick in (found["exact"]["kick_min"] - 0.02, found["exact"]["kick_min"] + 0.02):
+        assert main(["simulate", str(quiet), "-o", str(place / "quiet.csv"), "--kick", str(kick)]) == 0
+        swings.append(np.ptp(pd.read_csv(place / "quiet.csv").op[-500:]) / 2)
+    assert swings[0] == pytest.approx(0.0, abs=1e-6)
+    assert swings[1] == pytest.approx(found["exact"]["amplitude"], rel=0.1)
+    (place / "zone.toml").write_text(LOOP + '[valve]\nmodel = "deadzone"\nD = 5.0\n')
+    zone = answer("predict zone.toml")
+    assert (zone["table_11_3"], zone["refined"], zone["exact"]) == (None, None, None)
+
+
+def test_detect(answer, place):
+    found = answer("detect sticky.csv --method all")
+    assert {v["method"] for v in found} == METHODS
+    for v in found:
+        assert set(v) == VERDICT
+        assert v["verdict"] in ("stiction", "no_stiction", "no_decision")
+        assert v["applicable"] in (True, False, None)
+        assert INDICES.get(v["method"], set()) | {"regularity", "period_s"} <= set(v["indices"])
+    assert finite(found)
+    (place / "two").mkdir(exist_ok=True)
+    for name in ("a", "b"):
+        (place / "two" / f"{name}.csv").write_bytes((place / "sticky.csv").read_bytes())
+    assert {(v["record"], v["method"]) for v in answer("detect two --method he")} == {("a", "he"), ("b", "he")}
+
+
+def test_the_table_marks_the_tests_of_nonlinearity(place, capsys):
+    assert main(["detect", str(place / "sticky.csv"), "--method", "he,bicoherence,surrogate"]) == 0
+    assert "note: nonlinearity tests, not counted for or against stiction: bicoherence, surrogate" in capsys.readouterr().out
+
+
+def test_diagnose_and_confirm(answer, place):
+    assert {"verdict", "reason", "steps", "verdicts", "next_test"} <= set(answer("diagnose sticky.csv"))
+    for words in ("gain-change sticky.toml", "gain-change --records sticky.csv slow.csv --ratio 0.6"):
+        found = answer(f"confirm {words}")
+        assert found["verdict"] == "stiction"
+        assert {"reason", "shift", "shift_interval", "before", "after"} <= set(found)
+        assert found["before"]["period_interval"][0] < found["before"]["period"] < found["before"]["period_interval"][1]
+    found = answer("confirm travel sticky.toml")
+    assert found["verdict"] == "stiction"
+    assert found["S_interval"][0] <= 5.0 <= found["S_interval"][1] + 1e-9
+
+
+def test_score_and_the_run_tables(answer, place, capsys):
+    found = answer("score run")
+    assert isinstance(found["resolution"], float)
+    rows = pd.DataFrame(found["rows"])
+    assert set(rows) == {
+        "method", "truth", "front_end", "process", "n", "applicable", "accuracy_applicable", "accuracy_decided", "no_decision",
+        "found", "false_alarms", "accuracy_all", "auc", "lo", "hi", "sees_mv", "rank",
+    }  # fmt: skip
+    assert set(rows.truth) == {"sticky", "predicted", "cycled"}
+    assert set(rows.process) == {"all", "self-regulating", "integrating"}
+    assert set(rows.front_end) == {True, False}
+    assert set(rows.method) == {"horch", "he", "yamashita", "bicoherence", "oracle", "always no", "always yes"}
+    assert rows[rows.method.isin(["oracle", "always no", "always yes", "bicoherence"])]["rank"].isna().all()
+    assert finite(found)
+    verdicts, scenarios = (pd.read_parquet(place / "run" / f"{t}.parquet") for t in ("verdicts", "scenarios"))
+    assert not verdicts.duplicated(["scenario_id", "method"]).any()
+    assert set(verdicts.scenario_id) == set(scenarios.scenario_id)
+    assert {"sticky", "predicted", "refined", "theory", "cycled"} <= set(scenarios)
+    assert {"Td_over_T", "Td_over_Ti", "S_over_2J", "noise_ratio", "disturbance", "tuning", "samples_per_period"} <= set(
+        scenarios
+    )
+    assert set(scenarios.cycled) <= {"yes", "no", "entrained", "unclear"}
+    cycling = scenarios.cycled[scenarios.cycled.isin(["yes", "no"])]
+    assert 0.45 <= (cycling == "yes").mean() <= 0.55
+    assert (scenarios.Td_over_T.isna() == (scenarios.process == "integrating")).all()
+    assert (
+        main(["run", "smoke", "-o", str(place / "again"), "--method", "horch,he,yamashita,bicoherence,oracle", "--resume"]) == 0
+    )
+    for t in ("verdicts", "scenarios"):
+        a, b = (
+            pd.read_parquet(place / run / f"{t}.parquet").drop(columns="runtime_s", errors="ignore") for run in ("run", "again")
+        )
+        pd.testing.assert_frame_equal(a, b, check_exact=True)
+
+
+def test_gap_diagnose(answer, place):
+    found = answer("gap diagnose sticky.csv --baseline model.toml --no-bootstrap")
+    assert set(found) == {"block", "effect", "effects", "group", "ranking", "gap", "shrinkage", "blocks", "next_test", "notes"}
+    assert (found["block"], found["effect"]) == ("valve", "stiction")
+    assert set(found["effects"][0]) == {"block", "effect", "parameters", "probability"}
+    assert 1 <= len(found["effects"]) <= 2
+    assert {r["effect"] for r in found["ranking"]} == {"none", "unknown"}.union(*EFFECTS.values())
+    for row in found["ranking"]:
+        assert set(row) == {"effect", "block", "probability", "gap_before", "gap_after", "parameters"}
+        if row["effect"] not in ("none", "unknown"):
+            assert row["effect"] in EFFECTS[row["block"]]
+    assert {r["block"] for r in found["ranking"] if r["effect"] == "none"} == {"none"}
+    assert sum(r["probability"] for r in found["ranking"]) == pytest.approx(1.0)
+    assert set(found["gap"]) == {"before", "recalibrated", "after", "floor", "resolvable"}
+    assert set(found["shrinkage"]) == {"value", "lo", "hi"}
+    assert set(found["blocks"]) == set(EFFECTS)
+    assert sum(found["blocks"].values()) == pytest.approx(1.0)
+    assert finite(found)
+    # set point, operating point and length are the record's
+    other = (
+        LOOP.replace("n = 1200", "n = 77") + "[operating_point]\nop0 = 20\npv0 = 3\n[setpoint]\nvalue = -9\nsteps = [[3, 4]]\n"
+    )
+    (place / "other.toml").write_text(other)
+    again = answer("gap diagnose sticky.csv --baseline other.toml")
+    assert {k: v for k, v in again.items() if k != "notes"} == {k: v for k, v in found.items() if k != "notes"}
+
+
+@pytest.mark.parametrize(("Ts", "code"), [(1.005, 0), (1.02, 2)])
+def test_the_baseline_samples_like_the_record(place, capsys, Ts, code):
+    (place / "ts.toml").write_text(LOOP.replace("Ts = 1.0", f"Ts = {Ts}"))
+    assert main(["gap", "diagnose", str(place / "sticky.csv"), "--baseline", str(place / "ts.toml")]) == code
+
+
+def test_trust(answer):
+    found = answer("trust sticky.csv --method he,procedure")
+    assert set(found) == {"methods", "best", "smallest_visible", "probability", "twins", "notes"}
+    for m in found["methods"]:
+        assert set(m) == {"method", "applicable", "verdict", "false_alarms", "power", "likelihood_ratio"}
+        assert all(set(p) == {"S", "J", "found", "lo", "hi"} for p in m["power"])
+    assert found["best"] in {m["method"] for m in found["methods"]}
+    assert 0.0 <= found["probability"] <= 1.0
+    assert found["smallest_visible"] is None or set(found["smallest_visible"]) == {"S", "J"}
+    assert found["twins"] > 0
+    assert finite(found)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "detect nowhere.csv",
+        "detect sticky.csv --method hroch",
+        "run smokey",
+        "predict sticky.csv",
+        "gap diagnose sticky.csv",
+        "list all",
+    ],
+)
+def test_wrong_usage_is_one_sentence_and_exit_2(place, capsys, words):
+    assert main([str(place / w) if (place / w).exists() else w for w in words.split()]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.count("\n") == 1
+    assert "Traceback" not in err
