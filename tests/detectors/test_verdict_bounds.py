@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from detectors.contract import LoopRecord
-from detectors.judge import judge, judge_one
+from detectors.errors import ParameterError
+from detectors.judge import check_thresholds, judge, judge_one
 from detectors.methods import hammerstein, he, horch, rossi_scali, singhal_salsbury, srinivasan
 from detectors.prepared import Prepared
 from detectors.registry import methods
@@ -209,3 +210,23 @@ def test_without_any_position_of_the_valve_a_method_that_needs_it_does_not_apply
     said = module.detect(Prepared(replace(RECORD, kind="level")), **module.METHOD.defaults())
     assert (said.method, said.verdict, said.applicable) == (name, "no_decision", False)
     assert said.reason.startswith("no MV recorded")
+
+
+@pytest.mark.parametrize(
+    ("name", "key", "low", "high"),
+    [
+        ("horch_histogram", "bound", 0.0, 1.0),
+        ("procedure", "odds_low", -20.0, 20.0),
+        ("procedure", "odds_high", -20.0, 20.0),
+        ("procedure", "follow_min", 0.0, 1.0),
+        ("procedure", "weighted", 0.0, 1.0),
+        ("procedure", "veto", 0.0, 1.0),
+    ],
+)
+def test_a_threshold_may_be_set_to_either_end_of_its_range_and_no_further(name, key, low, high):
+    method = methods.load(name).METHOD
+    for allowed in (low, high):
+        assert check_thresholds(name, method, {key: allowed})[key] == allowed
+    for refused in (low - 0.01, high + 0.01):
+        with pytest.raises(ParameterError, match=key):
+            check_thresholds(name, method, {key: refused})

@@ -106,8 +106,8 @@ def examine_law(
     most = law.strays.size / 2 if law.foreign and law.residual < EXACT else op.size
     known = [t for t in tries if t.known and t.strays.size <= most]
     if known:
-        # a mean explains much: it is believed where no alignment needs one
-        return min(known, key=lambda t: (t.averaged, t.strays.size))
+        # a mean explains much: it is believed where no alignment needs one, or only under another tuning
+        return min(known, key=lambda t: (t.tuning is not None, t.averaged, t.strays.size))
     foreign = [t for t in tries if t.foreign]
     if foreign:
         return min(foreign, key=lambda t: t.residual)

@@ -11,6 +11,7 @@ from simbench.gap.controller.pi_law import Law
 
 FEWEST = 100  # samples; below this the spread of every statistic swallows the gap
 MOST = 50_000  # samples; beyond this the search takes hours
+NEAR_SHUT = 15.0  # % of mean OP, below which a valve of any characteristic is nearly a factor
 LEVEL = 0.15  # agreement of MV's slope and level, relative, from which both are one factor
 SCALES = {0.16: (3.8, 20.5, "mA"), 0.01: (0.0, 1.0, "a share of 1")}  # of OP, beside %
 
@@ -19,7 +20,7 @@ def refuse_mv_units(mv: np.ndarray, op: np.ndarray, where: str) -> None:
     """Refuse MV that is OP on another scale.
 
     A valve of any characteristic runs through (0, 0) and (100, 100): where its level is low its slope is not, and no valve
-    moves against OP. One factor in both is a unit.
+    moves against OP. One factor in both is a unit, but near (0, 0), where every valve is a factor.
 
     Parameters
     ----------
@@ -45,7 +46,7 @@ def refuse_mv_units(mv: np.ndarray, op: np.ndarray, where: str) -> None:
         wrong = f"{span}, which is OP in mA"
     elif ahead < -0.9 or (ahead < -0.5 and slope is None and moving_slope(op, -mv) is not None):
         wrong = f"MV falls where OP rises (correlation {ahead:.2f})"
-    elif slope is not None and not 0.7 < level < 1.4 and abs(slope / level - 1.0) < LEVEL:
+    elif slope is not None and op.mean() > NEAR_SHUT and not 0.7 < level < 1.4 and abs(slope / level - 1.0) < LEVEL:
         wrong = f"{span} and is {level:.3g} times OP in level and in slope"
     elif ahead > 0.999 and _affine(mv, op):
         gain, offset = np.polyfit(op, mv, 1)

@@ -20,7 +20,7 @@ def test_made_up_rows_are_a_run_that_can_be_scored(tmp_path, monkeypatch):
     told = store_study.rows(2500, "he,yamashita")
     assert (told["rows"], told["scenarios"]) == (4000, 2000)
     assert told["cpu_s"] > 0
-    assert told["peak_MB"] > 50
+    assert 50 < told["peak_MB"] < 50_000
     assert len(set(books[-1].ids)) == 2000
     assert books[-1].methods == ("he", "yamashita")
 

@@ -2,6 +2,8 @@
 
 from collections import Counter
 from dataclasses import replace
+from itertools import cycle as cycle_through
+from itertools import repeat
 from types import SimpleNamespace
 
 import numpy as np
@@ -323,3 +325,34 @@ def test_a_p_loop_held_midway_cycles_with_room_and_stays_without():
     """Gain 4, S = 5: room when g J > S, so 2.5 % of jump cycle and 0.5 % stay."""
     assert verify._cycles_from_midway(4.0, 2.0, 2.5)
     assert not verify._cycles_from_midway(4.0, 2.0, 0.5)
+
+
+def test_a_cell_s_loops_are_counted_by_what_they_do(monkeypatch):
+    """Four loops: no cycle; a cycle that none, one and both of two load steps reach; the condition is wrong of the last."""
+    reached = {"b": repeat(False), "c": cycle_through([True, False]), "d": repeat(True)}
+    monkeypatch.setattr(table_check, "_loops", lambda *key: iter("abcd"))
+    monkeypatch.setattr(table_check, "exact_cycle", lambda loop: None if loop == "a" else loop.upper())
+    monkeypatch.setattr(table_check, "refined", lambda loop, cycle: loop in "bcd" if loop != "d" else False)
+    monkeypatch.setattr(table_check, "after_load_step", lambda loop, step: step)
+    monkeypatch.setattr(table_check, "reaches_cycle", lambda loop, cycle, step: next(reached[loop]))
+    for found in table_check.check_table_11_3({("integrating", "P", "dead-band"): (3, 4)}, load_steps=2):
+        assert (found.loops, found.exist, found.conditions_right, found.reached, found.steps_reached) == (4, 3, 3, 2, 0.5)
+        assert sum(found.disagreements.values()) == (1 if found.table else 3)
+        cell_of_grid = (found.process, found.controller, found.nonlinearity) == ("integrating", "P", "dead-band")
+        assert found.cycled == ((3, 4) if cell_of_grid else None)
+    every_other = table_check.check_table_11_3(load_steps=2, every=2)[0]
+    assert (every_other.loops, every_other.exist) == (2, 1)
+
+
+@pytest.mark.parametrize(("Kc", "cycles"), [(2.49, False), (2.51, True)])
+def test_a_p_loop_cycles_where_its_gain_times_the_jump_is_above_the_band(loop, Kc, cycles):
+    """S = 5, J = 2: at a gain of 2.5 there is no room between the two positions."""
+    made = sampled_loop(loop(Kc=Kc, Ti=None, Ts=0.5))
+    assert refined(made, None) is cycles
+
+
+def test_the_checked_loops_have_the_integral_times_they_promise():
+    for process, times in (("integrating", {10.0, 20.0, 40.0}), ("self-regulating", {5.0, 10.0, 20.0})):
+        made = list(table_check._loops(process, "PI", "dead-band"))
+        assert {round(loop.Ts / loop.beta, 9) for loop in made} == times
+        assert {round(loop.Td, 9) for loop in made} == ({0.0, 1.0, 4.0} if process == "integrating" else {0.0, 2.0, 10.0})

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scenarios.spec import Loop
-from simbench.gap.controller.pi_law import examine_law
+from simbench.gap.controller.pi_law import Law, examine_law
 from simbench.gap.controller.recovered_pv import beside_a_mean
 from simbench.loop.simulate import simulate
 
@@ -198,6 +198,14 @@ def test_a_detuned_controller_is_measured_through_an_archive_that_takes_means(tu
     found = law(of_means(record(("detuning", tuning))))
     assert found.averaged
     assert found.tuning == pytest.approx(tuple(tuning.values()), rel=0.06)
+
+
+def test_the_baselines_law_through_a_mean_comes_before_another_tuning_of_a_late_archive(monkeypatch):
+    r = record()
+    through, late = Law(0.5, 0.5, 0.6, 18.0, averaged=True), Law(0.03, 0.05, 0.57, 39.0, tuning=(0.95, 2.2))
+    answers = iter([through, late, late, through, through])
+    monkeypatch.setattr("simbench.gap.controller.pi_law._examine", lambda *a: next(answers))
+    assert law(r).averaged
 
 
 def test_a_dead_band_of_the_error_is_seen_through_an_archive_that_takes_means():

@@ -41,9 +41,10 @@ def test_a_slope_that_is_not_the_levels_is_no_unit(slope, refused):
     assert ("in level and in slope" in mv_said(25.0 + slope * (OP - 50.0))) == refused
 
 
-def test_a_valve_near_its_seat_has_a_level_all_the_same():
-    op = 0.5 + 0.4 * SINE
-    assert "3 times OP" in mv_said(3.0 * op, op)
+@pytest.mark.parametrize(("level", "refused"), [(8.0, False), (14.0, False), (16.0, True)])
+def test_near_its_seat_a_valve_of_any_characteristic_is_a_factor_and_no_unit(level, refused):
+    op = level * (1.0 + 0.1 * SINE)
+    assert bool(mv_said(3.0 * op, op)) == refused
     assert not mv_said(op, op)
 
 
