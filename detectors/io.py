@@ -167,7 +167,7 @@ def read_labels(path: str | Path) -> dict[str, dict[str, str]]:
     key = next((k for k in ("id", "record") if k in rows), None)
     if key is None or "label" not in rows:
         has = ", ".join(rows)
-        raise RecordError(f"{path}: a table of labels needs the columns id (or record) and label; it has {has}")
+        raise RecordError(f"{path}: a table of labels needs the columns id (or record) and label; it has {has:.200}")
     table = {}
     for i, name in enumerate(rows[key]):
         row = {k: str(v[i]).strip() for k, v in rows.items()}

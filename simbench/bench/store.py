@@ -243,7 +243,7 @@ def _sliced(
     else:
         if start == n:
             return
-    raise RunError(f"{place} is damaged: {kind} do not hold {each} rows for each of {n} scenarios; run it again")
+    raise RunError(f"{place} is damaged: {kind} do not hold the {each} rows needed for each of {n} scenarios; run it again")
 
 
 def _check_order(part: pa.Table, ids: np.ndarray, methods: Sequence[str], place: Place) -> None:
