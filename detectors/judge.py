@@ -34,6 +34,7 @@ def judge(
     raw: bool = False,
     thresholds: Mapping[str, Mapping[str, float]] | None = None,
     front_end: str = "acf",
+    halves: bool = True,
 ) -> list[Verdict]:
     """Judge one record by several methods, sharing what they have in common.
 
@@ -50,6 +51,9 @@ def judge(
         its score that overrule its own rule (between them: no decision), as a calibration finds them.
     front_end : {"acf", "hagglund"}
         What says whether the loop oscillates: the regularity of the autocorrelation, or Hagglund's load disturbances.
+    halves : bool
+        Judge a record that does not oscillate as a whole by a half that does (`prepared.prepare`); not for what is a piece of
+        a record already.
 
     Returns
     -------
@@ -69,7 +73,7 @@ def judge(
     >>> judge(LoopRecord(op=np.sin(t / 8), pv=-np.sin(t / 8), Ts=1.0), ["horch"])[0].verdict
     'no_stiction'
     """
-    blind, sighted = prepare(record.blind(), known_front_end(front_end)), None
+    blind, sighted = (prepare if halves else Prepared)(record.blind(), known_front_end(front_end)), None
     verdicts = []
     for name in methods:
         module = registry.load(name)

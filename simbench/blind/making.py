@@ -176,7 +176,9 @@ def make(
     if key.exists():
         raise ParameterError(f"withheld: {key} exists already; choose a new file")
     drawn_by = WORLDS.load(world)
-    refuse_own_input([key], [])  # before minutes of work
+    # before minutes of work
+    folder(key.parent)
+    refuse_own_input([key], [])
     folder(out)
     entries = (plan or Plan.of(n)).entries(list(drawn_by.FOREIGN))
     with Parallel(n_jobs=jobs, return_as="generator") as parallel:

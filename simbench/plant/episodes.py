@@ -102,7 +102,7 @@ def over_time(record: LoopRecord, method: str = "procedure") -> OverTime:
 
 
 def _judged(record: LoopRecord, start: int, stop: int, method: str) -> Episode:
-    verdict = judge(record.window(start, stop), [method])[0]
+    verdict = judge(record.window(start, stop), [method], halves=False)[0]
     return Episode(start * record.Ts, stop * record.Ts, verdict.verdict)
 
 
