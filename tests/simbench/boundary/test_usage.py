@@ -137,7 +137,6 @@ WRONG = [
     ("gap withheld make OUT --key OUT/key --seed 1 -n 100", "key"), ("gap withheld make OUT --key k --seed x", "seed"),
     ("gap withheld make OUT --key k --seed -1", "seed"), ("gap withheld make OUT --key k --seed 1 -n 99", "-n"),
     ("gap withheld make REC --key OUT --seed 1 -n 100", "rec.csv"),
-    ("gap withheld make OUT --key DIR/none/key --seed 1 -n 100", "none"),
     ("gap withheld make OUT --key k --seed 1 -n 100 -j 0", "-j"), ("gap withheld answer none", "none"),
     ("gap withheld make OUT --key k --seed 1 -n 100 --world mil", "mill"), ("gap withheld answer REC", "rec.csv"),
     ("gap withheld answer RECS", "records"), ("gap withheld answer DIR -j x", "-j"), ("gap withheld answer", "argument"),
@@ -177,7 +176,7 @@ def test_a_wrong_command(refused, tmp_path, line, word):
     places = {"LOOP": loop, "REC": record, "OUT": tmp_path / "out", "DIR": empty, "RECS": records}
     places |= {name: tmp_path / f"{name.lower()}.{kind}" for name, kind in FILES.items()}
     inside = {"PAGE": tmp_path / "rec.html", "RECS/one.html": records / "one.html", "RECS/one.csv": records / "one.csv"}
-    inside |= {"OUT/key": tmp_path / "out" / "key", "DIR/none/key": empty / "none" / "key"}
+    inside |= {"OUT/key": tmp_path / "out" / "key"}
     values = given(line.split(), {*places, *inside}, word)
     refused([(places | inside).get(w, w) for w in line.split()], "empty" if word == "DIR" else word, values=values)
     assert loop.read_bytes() == before
