@@ -52,7 +52,7 @@ def fixed_loop(
     table: dict[str, Any] = base.to_table()
     if plant == "fitted":
         per = Ts if situation.integrating else 1.0
-        own = {"K": fit.K / per if fit.K * d.K > 0 else base.plant.K, "Td": delay_of(fit) * Ts}
+        own = {"K": fit.K / per if fit.K * d.K > 0 else base.plant.K, "Td": delay_of(fit.spec, fit.theta) * Ts}
         own |= {"T": fit.theta["T"] * Ts} if d.T > 0 else {}
         stated = {recogniser(e).replaces for e in effects}
         table["plant"] |= {name: value for name, value in own.items() if name not in stated}

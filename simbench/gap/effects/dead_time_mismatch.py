@@ -27,7 +27,7 @@ def draw(y: Yardstick, rng: np.random.Generator) -> Size:
 
 RECOGNISER = Recogniser(
     fit=released("Td", dead_times),
-    numbers=lambda fit, s: {"extra": (delay_of(fit) - s.data.Td) * s.record.Ts},
+    numbers=lambda fit, s: {"extra": (delay_of(fit.spec, fit.theta) - s.data.Td) * s.record.Ts},
     needs="plant",
     bends_plant=True,
     replaces="Td",

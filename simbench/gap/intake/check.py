@@ -195,9 +195,10 @@ def _spikes(
         plain = only.size >= 2 and samples.step == 0.0
         if plain and not stands_out(pv, only, sizes):
             specks = SPECKS * float(np.var(np.diff(pv)))
-            if min(np.var(pv - seen), np.var(np.diff(pv - seen))) < specks:
+            near = bool(np.var(pv - seen) < specks)
+            if near or np.var(np.diff(pv - seen)) < specks:
                 # an archive that drops the samples least missed; a PV recovered a little off drifts away from it
-                return None, np.asarray(seen) if np.var(pv - seen) < specks else plant_pv, ""
+                return None, np.asarray(seen) if near else plant_pv, ""
             mismatch = "OP moves as no PV on record makes it move"
         elif plain:
             spikes, heights, place, plant_pv = only, sizes, "record", np.asarray(seen)

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from simbench.gap.likelihood import kernels
-from simbench.gap.likelihood.model import HOLDING, INNER, Data, Fit, Spec, jumps_of, lag_of, size_penalty, valve_of
+from simbench.gap.likelihood.model import HOLDING, INNER, Data, Fit, Spec, delay_of, jumps_of, lag_of, size_penalty, valve_of
 
 NOMINAL = 0.10  # a baseline is trusted within +-10 %: the prior is flat there ...
 EDGE = 0.02  # ... and falls off with this standard deviation outside
@@ -71,8 +71,7 @@ class Engine:
         # whole samples of dead time part the likelihood into valleys
         ends = [self.data.Td * (1.0 + NOMINAL * side) for side in (-1, 1)]
         tries = [self.fit(best.spec, {**best.theta, "Td": Td}) for Td in ends if abs(Td - best.theta["Td"]) > 0.25]
-        best = max([best, *tries], key=lambda f: f.loglik)
-        return best
+        return max([best, *tries], key=lambda f: f.loglik)
 
     def of_higher_order(self, base: Fit) -> Fit:
         """Return the fit with a lag in place of some dead time where that is plainly likelier: dead times stand for lags."""
@@ -192,8 +191,7 @@ class Engine:
             if "Td" not in spec.free:
                 # an archive that lags by a sample hides one sample of dead time
                 wide = NOMINAL * d.Td + d.late / 2 + 0.05
-                delay = theta["Td"] + (theta["tau"] if spec.pole == INNER else 0.0)
-                out.append(_over(delay - d.Td + d.late / 2, wide, EDGE * d.Td + 0.03))
+                out.append(_over(delay_of(spec, theta) - d.Td + d.late / 2, wide, EDGE * d.Td + 0.03))
         if d.noise > 0 and "noise_std" not in spec.free:
             # what rounding adds to the stated noise is no effect
             stated = np.hypot(d.noise, d.resolution / np.sqrt(12.0))

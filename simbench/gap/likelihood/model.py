@@ -214,9 +214,9 @@ def valve_of(spec: Spec, theta: Mapping[str, float], u: np.ndarray) -> np.ndarra
     return kernels.valve(u, kind, theta["S"], theta["J"], spec.start * theta["S"] / 2)
 
 
-def delay_of(fit: Fit) -> float:
+def delay_of(spec: Spec, theta: Mapping[str, float]) -> float:
     """Return the dead time (samples) that stands for a plant's own lag as well."""
-    return fit.theta["Td"] + (fit.theta["tau"] if fit.spec.pole == INNER else 0.0)
+    return theta["Td"] + (theta["tau"] if spec.pole == INNER else 0.0)
 
 
 def size_penalty(n: int, count: float) -> float:
