@@ -301,7 +301,7 @@ class Engine:
         kind : int
             Valve map.
         points : ndarray, shape (p, 3)
-            Its numbers, as `innovations.valve` takes them.
+            Its numbers, as `kernels.valve` takes them.
 
         Returns
         -------

@@ -77,7 +77,7 @@ def valve(u, kind, p0, p1, p2):
 
 @njit(cache=True)
 def respond(v, T, Td, out, weight):
-    """Add `weight` times the answer of e^(-Td s)/(T s + 1) (T <= 0: e^(-Td s)/s) to `v` - v[0], held over each sample."""
+    """Add `weight` times the answer of e^(-Td s)/(T s + 1) (T <= 0: e^(-Td s)/s) to each row of `v` less its start, held."""
     delay = math.floor(Td + 1e-9)
     late = max(Td - delay, 0.0)
     if T > 0.0:
@@ -86,18 +86,41 @@ def respond(v, T, Td, out, weight):
         b_new, b_old = 1.0 - rest, rest - a
     else:
         a, b_new, b_old = 1.0, 1.0 - late, late
-    x, n = 0.0, v.size
-    for k in range(n):
-        out[k] += weight * x
-        new = v[k - delay] - v[0] if k >= delay else 0.0
-        old = v[k - delay - 1] - v[0] if k > delay else 0.0
-        x = a * x + b_old * old + b_new * new
+    m, n = v.shape
+    first = 0
+    # four rows at once: one waits while the others compute
+    while first + 4 <= m:
+        v0, v1, v2, v3 = v[first], v[first + 1], v[first + 2], v[first + 3]
+        y0, y1, y2, y3 = out[first], out[first + 1], out[first + 2], out[first + 3]
+        x0 = x1 = x2 = x3 = old0 = old1 = old2 = old3 = 0.0
+        for k in range(n):
+            y0[k] += weight * x0
+            y1[k] += weight * x1
+            y2[k] += weight * x2
+            y3[k] += weight * x3
+            if k >= delay:
+                j = k - delay
+                new0, new1, new2, new3 = v0[j] - v0[0], v1[j] - v1[0], v2[j] - v2[0], v3[j] - v3[0]
+                x0 = a * x0 + b_old * old0 + b_new * new0
+                x1 = a * x1 + b_old * old1 + b_new * new1
+                x2 = a * x2 + b_old * old2 + b_new * new2
+                x3 = a * x3 + b_old * old3 + b_new * new3
+                old0, old1, old2, old3 = new0, new1, new2, new3
+        first += 4
+    for i in range(first, m):
+        x = old = 0.0
+        for k in range(n):
+            out[i, k] += weight * x
+            if k >= delay:
+                new = v[i, k - delay] - v[i, 0]
+                x = a * x + b_old * old + b_new * new
+                old = new
 
 
 @njit(cache=True)
-def plant(v, T, Td, tau):
-    """Return the unit plant's answer to MV `v` (n,) as deviation from its start; `tau` > 0 is one more series pole."""
-    out = np.zeros(v.size)
+def plants(v, T, Td, tau):
+    """Return the unit plant's answer to each row of MV `v` (m, n) as deviation from its start; `tau` > 0: one more series pole."""
+    out = np.zeros(v.shape)
     if tau <= 1e-3:
         respond(v, T, Td, out, 1.0)
     elif T > 0.0:
@@ -109,6 +132,12 @@ def plant(v, T, Td, tau):
         respond(v, 0.0, Td, out, 1.0)
         respond(v, tau, Td, out, -tau)
     return out
+
+
+@njit(cache=True)
+def plant(v, T, Td, tau):
+    """Return the unit plant's answer to MV `v` (n,) as `plants` does."""
+    return plants(v.reshape(1, v.size), T, Td, tau)[0]
 
 
 @njit(cache=True)
@@ -221,7 +250,7 @@ def whiten(
         F[top, top], Q[top, top], P[top, top], h[top] = colour, r * (1.0 - colour * colour), r, 1.0
         r = 1e-6 * r
     out = np.empty((m, n))
-    x, x_new = np.zeros((m, s)), np.zeros(s)
+    x, x_new, nu = np.zeros((s, m)), np.zeros((s, m)), np.zeros(m)
     shows, shown = np.zeros(s, np.int64), 0
     to, come, weight, couplings = np.zeros(s * s, np.int64), np.zeros(s * s, np.int64), np.zeros(s * s), 0
     for i in range(s):
@@ -268,18 +297,25 @@ def whiten(
             since = min(since + 1, last)
         if k >= SKIP:
             sum_log += log_var
+        # numbers that a loop over channels needs stand before it: only then is it compiled to vectors
         for c in range(m):
-            nu = channels[c, k]
-            for q in range(shown):
-                nu -= x[c, shows[q]]
-            # F is a diagonal with a few couplings
-            for i in range(s):
-                x_new[i] = gain[i] * nu + F[i, i] * x[c, i]
-            for q in range(couplings):
-                x_new[to[q]] += weight[q] * x[c, come[q]]
-            for i in range(s):
-                x[c, i] = x_new[i]
-            out[c, k] = nu * scale
+            nu[c] = channels[c, k]
+        for q in range(shown):
+            i = shows[q]
+            for c in range(m):
+                nu[c] -= x[i, c]
+        # F is a diagonal with a few couplings
+        for i in range(s):
+            own, g = F[i, i], gain[i]
+            for c in range(m):
+                x_new[i, c] = g * nu[c] + own * x[i, c]
+        for q in range(couplings):
+            i, j, w = to[q], come[q], weight[q]
+            for c in range(m):
+                x_new[i, c] += w * x[j, c]
+        for c in range(m):
+            out[c, k] = nu[c] * scale
+        x, x_new = x_new, x
     return out, sum_log
 
 
@@ -300,8 +336,8 @@ def scan(
         many = min(BATCH, total - first)
         for i in range(many):
             p = points[first + i]
-            batch[i] = plant(valve(u, kind, p[0], p[1], p[2]), T, Td, tau)
-        now = batch[:many]
+            batch[i] = valve(u, kind, p[0], p[1], p[2])
+        now = plants(batch[:many], T, Td, tau)
         white = whiten(now, T, tau, load_time, load_lag, load, 0.0, 0.0, noise, colour, spread, jumps, jump, lasting)[0]
         white[:, :SKIP] = 0.0
         along, gy = np.dot(white, basis.T), np.dot(white, rest)

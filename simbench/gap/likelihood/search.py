@@ -30,7 +30,7 @@ def search_map(engine: Engine, base: Fit, kind: int, coarse: np.ndarray, few: bo
     kind : int
         Valve map.
     coarse : ndarray, shape (p, 3)
-        Points to scan, as `innovations.valve` takes them.
+        Points to scan, as `kernels.valve` takes them.
     few : bool
         Scan from fewer nuisances, where the points are many.
 

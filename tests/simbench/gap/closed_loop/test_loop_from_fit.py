@@ -19,7 +19,7 @@ def simulated(parts, n, rng):
 
 
 def fitted(theta, n, rng):
-    """Return the load whose model `innovations.whiten` holds: a first-order stage of std `load`, then a second lag."""
+    """Return the load whose model `kernels.whiten` holds: a first-order stage of std `load`, then a second lag."""
     phi = np.exp(-1 / theta["load_time"])
     b = np.exp(-1 / theta["load_lag"])
     first, second, out = 0.0, 0.0, np.empty(n)
