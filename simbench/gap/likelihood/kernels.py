@@ -266,6 +266,7 @@ def whiten(
     # a jump is followed by the same gains as the one before, unless they are close together
     room = REACH if count > 0 else 0
     gains, variances, covariances = np.zeros((room, s)), np.zeros(room), np.zeros((min(room, NEAR), s, s))
+    scales, logs = np.zeros(room), np.zeros(room)
     live, start, last, since, upcoming = True, 0, -1, -1, 0
     for k in range(n):
         # one more pole is one more sample on the way
@@ -273,6 +274,8 @@ def whiten(
             upcoming += 1
             if not live and last < 0:
                 last = follow(F, Q, P, h, r, gain, Ph, FP, P_new, level, jump, gains, variances, covariances)
+                for i in range(last + 1):
+                    scales[i], logs[i] = 1.0 / math.sqrt(variances[i]), math.log(variances[i])
                 since = 0
             elif not live and since >= min(NEAR, last):
                 since = 0
@@ -293,7 +296,7 @@ def whiten(
         elif since >= 0:
             for i in range(s):
                 gain[i] = gains[since, i]
-            scale, log_var = 1.0 / math.sqrt(variances[since]), math.log(variances[since])
+            scale, log_var = scales[since], logs[since]
             since = min(since + 1, last)
         if k >= SKIP:
             sum_log += log_var
