@@ -92,7 +92,7 @@ def report_folder(
     refuse_own_input([page, Path(page).with_suffix(".csv")], [folder, labels])
     judged = Path(page).with_name(f"{Path(page).name}.judged")
     fleet = survey(folder, labels, jobs=jobs, keep=judged)
-    beside = write_fleet(fleet, page, None if labels is None else read_labels(labels))
+    beside = write_fleet(fleet, page, None if labels is None else read_labels(labels), jobs=jobs)
     rmtree(judged, ignore_errors=True)
     return fleet, beside
 

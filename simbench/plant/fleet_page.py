@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from joblib import Parallel, delayed
 
 from detectors.report import score_units
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
@@ -21,7 +22,9 @@ from simbench.plant.result import STICKY
 SIGN = {STICTION: "●", NO_STICTION: "·", NO_DECISION: "?"}
 
 
-def write_fleet(fleet: Fleet, path: str | Path, labels: dict[str, dict[str, str]] | None = None) -> Path:
+def write_fleet(
+    fleet: Fleet, path: str | Path, labels: dict[str, dict[str, str]] | None = None, *, jobs: int = 1
+) -> Path:
     """Write a plant's loops as one self-contained page, and a CSV of the same name beside it.
 
     Parameters
@@ -31,6 +34,8 @@ def write_fleet(fleet: Fleet, path: str | Path, labels: dict[str, dict[str, str]
         The page.
     labels : dict, optional
         As `detectors.io.read_labels` gives them; adds the score of every method.
+    jobs : int
+        Processes that draw; -1 = all cores.
 
     Returns
     -------
@@ -59,7 +64,7 @@ def write_fleet(fleet: Fleet, path: str | Path, labels: dict[str, dict[str, str]
     if labels:
         pairs = [(m.name, v) for m in fleet.members for v in m.verdicts]
         parts.append(section("score", "Score against the labels", table=pd.DataFrame(score_units(pairs, labels))))
-    loops = [_article(rank, m) for rank, m in enumerate(fleet.members, 1)]
+    loops = Parallel(n_jobs=jobs)(delayed(_article)(rank, m) for rank, m in enumerate(fleet.members, 1))
     parts.append({"id": "loops", "title": "Loop by loop", "body": render(ROOM, "loops.html", loops=loops)})
     if fleet.refused:
         parts.append(section("refused", "Left out", points=[f"{n}: {why}" for n, why in fleet.refused.items()]))
