@@ -20,7 +20,7 @@ MODELS = (kernels.STICK, kernels.CREEP)
 
 
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
-    """Scan S and J/S finely under two valve models: peaks are a percent or two wide, a local search misses them."""
+    """Scan S and J/S under two valve models: peaks are a percent or two wide, a local search misses them."""
     coarse = np.array([(s, s * j, 0.0) for s in band_sizes(engine.data, 90) for j in JUMPS])
     tries = [search_map(engine, base, kind, coarse, few=True) for kind in MODELS]
     return max(tries, key=lambda f: f.loglik), 2.5

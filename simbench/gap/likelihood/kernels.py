@@ -119,7 +119,7 @@ def respond(v, T, Td, out, weight):
 
 @njit(cache=True)
 def plants(v, T, Td, tau):
-    """Return the unit plant's answer to each row of MV `v` (m, n) as deviation from its start; `tau` > 0: one more series pole."""
+    """Return the unit plant's answer to each row of MV `v` (m, n) as deviation from its start (`tau` > 0: one more pole)."""
     out = np.zeros(v.shape)
     if tau <= 1e-3:
         respond(v, T, Td, out, 1.0)

@@ -14,7 +14,10 @@ from simbench.gap.likelihood.model import Data, Fit, Spec
 SMOOTH = ("load_time", "load_lag", "load", "noise_std", "colour", "load_jump")  # searched beside a valve
 STARTS = (-1.0, 0.0, 1.0)  # of MV within its band, in halves of it
 JUMPS = (-4.0, -1.5, 0.0, 1.5, 4.0)  # shares by which J is varied beside S, whose peak is narrower
-APART = 0.08  # logarithm of the ratio of two sizes that count as different peaks
+APART, UNLIKE = 0.08, 0.2  # differences of log S and of J/S from which on two points count as different peaks
+SLIPPING = (kernels.STICK, kernels.CREEP)  # maps with a jump
+KEPT, CHILDREN = 30, 6  # different peaks followed, and points tried around each
+SPREADS = (0.03, 0.012)  # of log S around them, ever closer
 ROUGH = ("S", "J", "D", "c")  # in which the likelihood has corners
 HOPELESS = 4.0  # nats below the base from which a grid's best point is not worth refining
 
@@ -81,10 +84,44 @@ def scanned(engine: Engine, spec: Spec, theta: dict[str, float], kind: int, poin
     for i in np.argsort(-values):
         if all(abs(np.log(points[i, 0] / points[j, 0])) > APART for j in tops):
             tops.append(int(i))
-        if len(tops) == (3 if kind == kernels.STICK else 2):
+        if len(tops) == (3 if kind in SLIPPING else 2):
             break
     near = np.vstack([around(kind, points[i], 0.5 * APART) for i in tops])
-    return mapped(engine, spec, theta, kind, near[int(np.argmax(engine.scan(spec, theta, kind, near)))])
+    high = engine.scan(spec, theta, kind, near)
+    if kind in SLIPPING:
+        points, values = np.vstack([points, near]), np.concatenate([values, high])
+        return mapped(engine, spec, theta, kind, followed(engine, spec, theta, kind, points, values))
+    return mapped(engine, spec, theta, kind, near[int(np.argmax(high))])
+
+
+def followed(
+    engine: Engine, spec: Spec, theta: dict[str, float], kind: int, points: np.ndarray, values: np.ndarray
+) -> np.ndarray:
+    """Return the best point (3,) of a map with a jump, looked for ever closer around many different ones.
+
+    The true peak is a percent or two wide in S, and on a coarse set its foot stands no higher than broad hills elsewhere.
+    """
+    rng = np.random.default_rng(0)
+    for turn, spread in enumerate(SPREADS):
+        kept = different(points, values, 0.5**turn)
+        parents = np.repeat(points[kept], CHILDREN, axis=0)
+        S = parents[:, 0] * np.exp(spread * rng.standard_normal(len(parents)))
+        share = np.clip(parents[:, 1] / parents[:, 0] + 1.5 * spread * rng.standard_normal(len(parents)), 0.02, 1.0)
+        # every other one begins where its parent does
+        start = np.where(np.arange(len(S)) % 2 == 0, parents[:, 2] / parents[:, 0], rng.choice(STARTS, len(S)) / 2)
+        children = np.column_stack([S, share * S, start * S])
+        points = np.vstack([points[kept], children])
+        values = np.concatenate([values[kept], engine.scan(spec, theta, kind, children)])
+    return points[int(np.argmax(values))]
+
+
+def different(points: np.ndarray, values: np.ndarray, share: float) -> list[int]:
+    """Return the best points of a map with a jump that differ in S or J/S, by a share of what sets peaks apart."""
+    cells = np.column_stack([np.log(points[:, 0]) / APART, points[:, 1] / points[:, 0] / UNLIKE]) // share
+    best: dict[tuple[float, ...], int] = {}
+    for i in np.argsort(-values):
+        best.setdefault(tuple(cells[i]), int(i))
+    return list(best.values())[:KEPT]
 
 
 def around(kind: int, point: np.ndarray, share: float) -> np.ndarray:

@@ -190,7 +190,7 @@ def test_a_dead_band_is_scanned_wherever_mv_began_in_it():
     assert found.spec.valve == kernels.PLAY
 
 
-def test_stiction_is_scanned_finely_under_two_models():
+def test_stiction_is_scanned_under_two_models():
     engine = Engine(lambda spec, theta: 50.0 + (spec.valve == kernels.CREEP))
     found, price = fit("stiction", engine)
     for kind in (kernels.STICK, kernels.CREEP):

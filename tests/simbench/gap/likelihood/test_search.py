@@ -8,9 +8,11 @@ import pytest
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import Data, Fit, Spec
 from simbench.gap.likelihood.search import (
+    KEPT,
     around,
     band_sizes,
     better,
+    different,
     idle,
     mapped,
     narrow,
@@ -101,11 +103,39 @@ def test_the_higher_of_two_peaks_is_found_though_a_coarse_scan_puts_it_second():
     assert not np.any((near > 4.5) & (near < 8.8))
 
 
-@pytest.mark.parametrize(("kind", "count"), [(kernels.PLAY, 2), (kernels.ZONE, 2), (kernels.CREEP, 2), (kernels.STICK, 3)])
+@pytest.mark.parametrize(("kind", "count"), [(kernels.PLAY, 2), (kernels.ZONE, 2), (kernels.CREEP, 3), (kernels.STICK, 3)])
 def test_so_many_peaks_of_a_scan_are_looked_at_again(kind, count):
     engine = Peaks(kind, (0.0, 4.0, 2.0))
     scanned(engine, Spec(), THETA, kind, np.array([(s, 2.0, 0.0) for s in (4.0, 6.0, 8.0, 10.0, 12.0)]))
     assert len(engine.scans[1][2]) == count * len(around(kind, np.ones(3), 0.04))
+
+
+class Hills(Peaks):
+    """An engine whose log-likelihood has a cone of 400 nats, 6 % wide in S, among three broad hills of 250."""
+
+    def height(self, numbers):
+        S, J = numbers
+        cone = 400.0 - 100.0 * max(abs(np.log(S / 5.2)) / 0.015, abs(J / S - 0.6) / 0.05)
+        return max(cone, *(250.0 - 300.0 * abs(np.log(S / hill)) for hill in (1.0, 2.0, 12.0)))
+
+
+@pytest.mark.parametrize("kind", [kernels.STICK, kernels.CREEP])
+def test_a_narrow_peak_is_found_though_broad_hills_stand_higher_on_the_coarse_set(kind):
+    engine = Hills(kind)
+    points = np.array([(s, 0.67 * s, 0.0) for s in np.geomspace(0.5, 20.0, 60)])
+    values = engine.scan(Spec(), THETA, kind, points)
+    assert not 4.7 < points[np.argmax(values), 0] < 5.7
+    found = scanned(engine, Spec(), THETA, kind, points)
+    assert found.theta["S"] == pytest.approx(5.2, rel=0.02)
+    assert found.theta["J"] == pytest.approx(3.12, rel=0.1)
+
+
+def test_of_points_with_like_s_and_jump_the_best_is_followed():
+    points = np.array([(4.0, 2.0, 0.0), (4.04, 2.02, 0.0), (4.04, 3.6, 0.0), (9.0, 4.5, 0.0)])
+    assert different(points, np.array([1.0, 5.0, 2.0, 3.0]), 1.0) == [1, 3, 2]
+    many = np.array([(s, 0.5 * s, 0.0) for s in np.geomspace(0.01, 100.0, 200)])
+    kept = different(many, -np.arange(200.0), 1.0)
+    assert (kept[0], len(kept)) == (0, KEPT)
 
 
 def loads(engine):
