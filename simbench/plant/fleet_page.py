@@ -22,9 +22,7 @@ from simbench.plant.result import STICKY
 SIGN = {STICTION: "●", NO_STICTION: "·", NO_DECISION: "?"}
 
 
-def write_fleet(
-    fleet: Fleet, path: str | Path, labels: dict[str, dict[str, str]] | None = None, *, jobs: int = 1
-) -> Path:
+def write_fleet(fleet: Fleet, path: str | Path, labels: dict[str, dict[str, str]] | None = None, *, jobs: int = 1) -> Path:
     """Write a plant's loops as one self-contained page, and a CSV of the same name beside it.
 
     Parameters

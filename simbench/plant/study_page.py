@@ -74,8 +74,8 @@ def _effects(found: Study) -> pd.DataFrame:
             "effect": e.effect,
             "share of loops": e.share,
             "distance after": e.distance_after,
-            "costs most, alone": min(e.costs, key=lambda m: e.costs[m]),
-            "points": 100 * min(e.costs.values()),
+            "costs most, alone": next(iter(e.costly()), "none"),
+            "points": round(100 * min(e.costs.values()), 1),
         }
         for e in found.effects
     )

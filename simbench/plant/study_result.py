@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+HALF_A_POINT = 0.005  # of accuracy, from which a cost is named
+
 
 @dataclass(frozen=True)
 class Contribution:
@@ -19,6 +21,10 @@ class Contribution:
     costs: dict[str, float]
     joined: dict[str, float]
     strengths: tuple[dict[str, Any], ...] = field(repr=False)
+
+    def costly(self) -> dict[str, float]:
+        """Return what it costs the methods that it costs half a point or more, the dearest first."""
+        return {m: c for m, c in sorted(self.costs.items(), key=lambda kv: kv[1]) if c <= -HALF_A_POINT}
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,10 +91,9 @@ class Study:
                 f"{f['name']} ({f['shift']:+.1f})" for f in self.features[:6] if float(f["p"]) < 0.05) or "none for certain"),
         ]  # fmt: skip
         for e in self.effects:
-            costly = ", ".join(f"{m} {100 * c:+.0f}" for m, c in sorted(e.costs.items(), key=lambda kv: kv[1])[:4])
-            lines.append(
-                f"+ {e.effect}: in {e.share:.0%} of the loops; distance then {e.distance_after:.2f}; accuracy {costly} points"
-            )
+            costly = ", ".join(f"{m} {100 * c:+.0f}" for m, c in [*e.costly().items()][:4])
+            price = f"accuracy {costly} points" if costly else "no method is less often right"
+            lines.append(f"+ {e.effect}: in {e.share:.0%} of the loops; distance then {e.distance_after:.2f}; {price}")
         for m, value in self.simulated.items():
             real = self.real.get(m)
             said = "" if real is None else f", on these loops {real['value']:.2f} ({real['lo']:.2f} to {real['hi']:.2f})"

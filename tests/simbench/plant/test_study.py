@@ -10,7 +10,7 @@ from scenarios.grid import load_grid
 from simbench.cli import main
 from simbench.files import write_record
 from simbench.loop.simulate import simulate
-from simbench.plant import joining
+from simbench.plant import joining, study_page
 from simbench.plant import study as plant_study
 from simbench.plant.command import study_folder
 from simbench.plant.joining import draw
@@ -171,6 +171,18 @@ def test_the_grid_written_draws_the_effect_in_its_share(tmp_path):
     assert text.count('"found_quantisation"') == 10
     named = [e.name for i in range(30) for d in grid.group(i).drafts for e in d.effects]
     assert named.count("quantisation") > 5
+
+
+@pytest.mark.parametrize(("costs", "said", "table"), [
+    ({"he": 0.02, "horch": -0.1, "kano_a": -0.004, "procedure": -0.2}, "accuracy procedure -20, horch -10 points", "procedure"),
+    ({"he": 0.02, "horch": 0.0}, "no method is less often right", "none"),
+])  # fmt: skip
+def test_the_dearest_methods_are_named_and_none_where_an_effect_costs_nothing(costs, said, table):
+    e = Contribution("quantisation", 0.5, 0.1, costs, costs, ())
+    nothing = {"value": 0.3, "lo": 0.2, "hi": 0.4, "p": 0.01}
+    found = Study(8, 8, nothing, (0.7, 0.1), [], (e,), {}, {}, {}, (), "plant")
+    assert f"+ quantisation: in 50% of the loops; distance then 0.10; {said}" in found.as_text()
+    assert study_page._effects(found)["costs most, alone"].tolist() == [table]
 
 
 def test_too_few_loops_are_refused_in_one_sentence(planted, tmp_path, capsys):
