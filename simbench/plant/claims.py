@@ -21,7 +21,7 @@ from simbench.plant.calibration import ASKED, EvidenceWeights, calls
 from simbench.plant.friction import FRICTION, friction
 from simbench.plant.indices import judged
 from simbench.plant.learn import TESTING, kept, looked_at
-from simbench.plant.result import SOUND, UNSEEN, MethodTrust
+from simbench.plant.result import SOUND, UNSEEN
 from simbench.plant.trust import LIKELY, trust
 
 RUNS = 10  # of the true loop, sticky and healthy each
@@ -69,15 +69,8 @@ def claimed(record: LoopRecord) -> dict[str, Any]:
     """Return what trust says of a record: what `checked` returns, but what is true."""
     found = trust(record, help_wanted=False)
     answer = found.as_json()
-    best = None if found.best is None else {"method": found.best.verdict.method, "says": reading(found.best)}
+    best = None if found.best is None else {"method": found.best.verdict.method, "says": found.best.says}
     return {"said": found.answer, "best": best, **{k: answer[k] for k in ("probability", "methods", "smallest_visible")}}
-
-
-def reading(row: MethodTrust) -> str:
-    """Return what a method says of the record, read as trust advises."""
-    if row.rule.cut is None:
-        return row.verdict.verdict
-    return STICTION if row.called else NO_STICTION
 
 
 def measured(scenario: Scenario, methods: list[str]) -> dict[str, Any]:

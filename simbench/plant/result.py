@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from detectors.record import LoopRecord
-from detectors.verdict import Verdict
+from detectors.verdict import NO_STICTION, STICTION, Verdict
 from simbench.plant.around import Around
 from simbench.plant.episodes import OverTime
 from simbench.plant.power import Cell, Rule
@@ -33,6 +33,13 @@ class MethodTrust:
     power: tuple[Cell, ...]
     likelihood_ratio: float
 
+    @property
+    def says(self) -> str:
+        """What the method says of the record, read as advised."""
+        if self.rule.cut is None:
+            return self.verdict.verdict
+        return STICTION if self.called else NO_STICTION
+
 
 @dataclass(frozen=True, eq=False)
 class Trust:
@@ -43,11 +50,11 @@ class Trust:
     answer : str
         "stiction", "no stiction", "cannot be seen in this record" or "cannot tell".
     methods : tuple of MethodTrust
-        Most often right first.
+        Those that agree with the probability first, most often right on the twins first.
     smallest_visible : (S, J) or None
-        That the method to trust finds in four of five such records; in the unit of the record's S.
+        That the method most often right on the twins finds in four of five such records; in the unit of the record's S.
     power : tuple of Cell
-        Of the method to trust, as it is best read.
+        Of that method, as it is best read.
     probability : float or None
         Of stiction; even odds before looking. None where no loop could be identified.
     twins : tuple of (S, J)
@@ -132,7 +139,7 @@ class Trust:
             size = f"stiction from S = {seen[0]:.2g}, J = {seen[1]:.2g} {self.record.S_unit} on"
         return (
             f"power: this record would have shown {size}; probability of stiction {self.probability:.2f}; "
-            f"most often right on its {len(self.twins)} twins: {_reading(best.rule)} ({best.rule.right:.0%})"
+            f"the method to trust: {_reading(best.rule)}, right on {best.rule.right:.0%} of its {len(self.twins)} twins"
         )
 
     def as_text(self) -> str:
@@ -140,15 +147,21 @@ class Trust:
         lines = [self.sentence()]
         best = self.best
         if best is not None:
-            says = STICKY if best.called else f"{best.verdict.verdict.replace('_', ' ')}"
+            agrees = best.says == likely(self.probability or 0.0)
+            why = "of those that agree with the probability" if agrees else "though none agrees with the probability,"
             lines += [
-                f"Trust {_reading(best.rule)}: right on {best.rule.right:.0%} of this loop's twins, sticky and healthy counting"
-                f" the same; here it says {says}.",
+                f"Trust {_reading(best.rule)}: {why} most often right on this loop's twins ({best.rule.right:.0%}, sticky and"
+                f" healthy counting the same); here it says {best.says.replace('_', ' ')}.",
                 "", *_table(self.methods),
             ]  # fmt: skip
         notes = [f"note: {n}" for n in (*self._asides()[1:], *self.notes)]
         more = [*(r.sentence() for r in self.helps), *notes]
         return "\n".join([*lines, *([""] if more else []), *more])
+
+
+def likely(probability: float) -> str:
+    """Return the verdict that a probability of stiction makes the more probable one."""
+    return STICTION if probability > 0.5 else NO_STICTION
 
 
 def _as_row(m: MethodTrust) -> dict[str, Any]:

@@ -27,7 +27,7 @@ from simbench.plant.power import (
     smallest_visible,
 )  # fmt: skip
 from simbench.plant.remedies import Remedy, remedies
-from simbench.plant.result import OPEN, SOUND, STICKY, UNSEEN, MethodTrust, Trust
+from simbench.plant.result import OPEN, SOUND, STICKY, UNSEEN, MethodTrust, Trust, likely
 from simbench.plant.twins import Twin, draw_twins
 
 HEALTHY, EACH = 80, 12  # twins with a sound valve, and in every cell of S and J
@@ -76,8 +76,8 @@ def trust(
     -----
     The probability weighs the likelihood that friction brings over none, and the procedure's verdict, by three numbers that
     `python -m simbench.plant.learn` finds on simulated loops. What the other methods say of record and twins adds nothing to
-    it: most are blind where no limit cycle stands out of the load, and there the likelihood still tells. Twins say which
-    method is worth reading here, and how much friction it would have shown.
+    it: most are blind where no limit cycle stands out of the load, and there the likelihood still tells. Of the methods that
+    agree with it, twins say which is worth reading here, and how much friction it would have shown.
 
     Twins know only what the identified loop knows: with a loop that changed within the record, or a plant unlike first order
     with dead time, claims are too sure. Even odds of stiction are assumed before looking.
@@ -120,10 +120,12 @@ def _weighed(
     S, J = (np.array([getattr(t, k) for t in twins]) for k in "SJ")
     verdicts = [judged(t.record, names) for t in twins]
     rows = [_row(said[i], [row[i] for row in verdicts], S, J) for i in range(len(names))]
-    # a method made for other loops, or one that must abstain, is no guide however well it did
-    rows.sort(key=lambda m: (m.verdict.applicable is False, -m.rule.right))
-    best = names.index(rows[0].verdict.method)
-    shown = cells_of(S, J, np.array([rows[0].rule.calls(row[best]) for row in verdicts]))
+    # a method made for other loops is no guide however well it did
+    keenest = min(rows, key=lambda m: (m.verdict.applicable is False, -m.rule.right))
+    place = names.index(keenest.verdict.method)
+    shown = cells_of(S, J, np.array([keenest.rule.calls(row[place]) for row in verdicts]))
+    # nor is one that contradicts what is more probable here
+    rows.sort(key=lambda m: (m.verdict.applicable is False, m.says != likely(probability), -m.rule.right))
     seen = smallest_visible(shown)
     answer = STICKY if probability > LIKELY else UNSEEN if seen is None else SOUND if probability < UNLIKELY else OPEN
     helps: tuple[Remedy, ...] = ()

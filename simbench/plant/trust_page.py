@@ -48,8 +48,8 @@ def write_page(found: Trust, path: str | Path) -> None:
         best = [m for m in found.methods if m.verdict.applicable is not False][:SHOWN]
         curves = {"as best read": found.power} | {m.verdict.method: m.power for m in best}
         says = (
-            "Share of twins called stiction over S; the band is the 95 % interval of the method to trust as best read, the "
-            "others by their own rules, the dashed line 0.8"
+            "Share of twins called stiction over S; the band is the 95 % interval of the method most often right on the twins, "
+            "as best read, the others by their own rules, the dashed line 0.8"
         )
         ratios = sorted({round(c.J / c.S, 6) for c in found.power})
         pictures = [(draw_power(curves, ratio, record.S_unit), f"{says}; J = {ratio:.3g} S") for ratio in ratios]

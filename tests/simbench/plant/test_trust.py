@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from detectors.record import LoopRecord
+from detectors.verdict import STICTION
 from scenarios.spec import Loop, load_loop
 from simbench.cli import main
 from simbench.files import write_record
@@ -68,10 +69,13 @@ def test_a_set_point_step_at_the_start_of_a_record_leaves_it_its_twins():
     assert answer.power
 
 
-def test_the_smallest_visible_is_that_of_the_method_to_trust(found):
-    assert found.best.power[-1].S == found.power[-1].S
-    if found.best.rule.cut is None:
-        assert found.power == found.best.power
+def test_the_smallest_visible_is_that_of_the_method_most_often_right_whatever_it_says(sticky, found, monkeypatch):
+    keenest = max((m for m in found.methods if m.verdict.applicable is not False), key=lambda m: m.rule.right)
+    assert keenest.power[-1].S == found.power[-1].S
+    if keenest.rule.cut is None:
+        assert found.power == keenest.power
+    monkeypatch.setattr(EvidenceWeights, "probability", lambda *a: 0.1)
+    assert trust(sticky, **FEW, help_wanted=False).smallest_visible == found.smallest_visible
 
 
 def test_json_has_the_contracts_keys_and_finite_numbers(found):
@@ -84,9 +88,19 @@ def test_json_has_the_contracts_keys_and_finite_numbers(found):
     assert set(answer["smallest_visible"]) == {"S", "J"}
 
 
-def test_the_best_method_is_the_one_most_often_right_that_is_made_for_the_loop(found):
-    fit = [m for m in found.methods if m.verdict.applicable is not False]
-    assert found.best.rule.right == max(m.rule.right for m in fit)
+def test_of_methods_made_for_the_loop_that_agree_with_the_probability_the_best_on_the_twins_is_trusted(found):
+    made = [m for m in found.methods if m.verdict.applicable is not False]
+    agreeing = [m for m in made if m.says == STICTION]
+    assert found.best.rule.right == max(m.rule.right for m in agreeing)
+    assert found.best in agreeing
+    assert "of those that agree with the probability" in found.as_text()
+
+
+def test_where_no_method_agrees_with_the_probability_the_text_says_so(sticky, monkeypatch):
+    monkeypatch.setattr(EvidenceWeights, "probability", lambda *a: 0.1)
+    found = trust(sticky, methods=["procedure"], healthy=15, each=2, help_wanted=False)
+    assert found.best.says == STICTION
+    assert "none agrees with the probability" in found.as_text()
 
 
 def test_the_answer_does_not_change_with_the_unit_of_pv(sticky, found):
