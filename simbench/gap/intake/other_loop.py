@@ -15,6 +15,7 @@ from simbench.gap.likelihood.model import Data, Fit, Spec, size_penalty
 from simbench.gap.situation import Situation
 
 OTHER_LOOP = 10.0  # factor in Kc from which the baseline is another loop's, whatever the plant
+FAILS = 0.3  # share of OP's changes left over, below which the baseline's own law still explains them
 APART = 1.5  # factor in Kc and Ti from which the plant is asked whether it is the baseline's, and in K and time when it is not
 PROOF = 30.0  # nats by which another plant must beat every single effect on the baseline's
 
@@ -34,6 +35,8 @@ def refuse_other_controller(law: Law, Kc: float, where: str) -> None:
     ------
     RecordError
     """
+    if law.baseline_residual < FAILS:
+        return
     if law.known and law.residual < 0.03 and np.isfinite(law.Kc) and law.Kc != 0.0 and law.gap == 0.0:
         ratio = law.Kc / Kc
         if ratio < 1.0 / OTHER_LOOP or ratio > OTHER_LOOP:

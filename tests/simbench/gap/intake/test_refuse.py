@@ -119,9 +119,11 @@ def test_records_have_a_least_and_a_largest_length(n, refused):
     (1.0, False), (9.5, False), (10.5, True), (1 / 9.5, False), (1 / 10.5, True), (-1.0, True),
 ])  # fmt: skip
 def test_a_controller_ten_times_as_strong_is_another_loops(ratio, refused):
-    law = replace(LAW, Kc=2.0 * ratio)
+    law = replace(LAW, Kc=2.0 * ratio, baseline_residual=max(abs(1.0 - ratio), 1e-3))
     assert bool(said(other_loop.refuse_other_controller, law, 2.0, "record")) == refused
-    for vague in (replace(law, residual=0.04), replace(law, gap=0.1), replace(law, reason="no law")):
+    # nor is it another's whose changes the baseline's law explains to a few per cent
+    for more in ({"residual": 0.04}, {"gap": 0.1}, {"reason": "no law"}, {"baseline_residual": 0.06}):
+        vague = replace(law, **more)
         assert not said(other_loop.refuse_other_controller, vague, 2.0, "record")
 
 
