@@ -17,6 +17,8 @@ from simbench.files import write_record
 from simbench.loop.simulate import simulate
 from simbench.plant import fleet
 from simbench.plant.events import likely_root, phase_locking, shared_oscillations
+from simbench.plant.result import likely
+from simbench.plant.resumed import resumed
 
 
 def _chromium():
@@ -133,6 +135,16 @@ def test_loops_judged_before_a_kill_are_not_judged_again(records, tmp_path, monk
     assert len(count) == 3
     monkeypatch.setattr(fleet, "trust", judge)
     assert fleet.survey(folder, jobs=1).as_text() == again.as_text()
+
+
+def test_answers_are_kept_where_the_call_stands_though_its_processes_began_elsewhere(tmp_path, monkeypatch):
+    for name in ("before", "now"):
+        (tmp_path / name).mkdir()
+        monkeypatch.chdir(tmp_path / name)
+        kept = Path("kept") if name == "now" else None
+        assert resumed(likely, [(0.2,), (0.8,)], jobs=2, keep=kept, what="numbers") == ["no_stiction", "stiction"]
+    assert not any((tmp_path / "before").iterdir())
+    assert len(list((tmp_path / "now" / "kept").rglob("output.pkl"))) == 2
 
 
 def test_a_page_that_cannot_be_written_is_said_before_anything_is_judged(tmp_path, capsys):
