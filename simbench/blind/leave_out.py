@@ -71,8 +71,10 @@ def leave_out(out: str | Path, world: str = OWN, n: int = 4, seed: int = 0, jobs
         raise ParameterError(f"leave-out: {table} holds {strange[0]}, not world {world!r} and seed {seed}; choose a new folder")
     (out / "records").mkdir(parents=True, exist_ok=True)
     todo = [name for name in names if name not in set(done.record)]
+    # processes that live on from another call may stand in another folder
+    records = (out / "records").absolute()
     with Parallel(n_jobs=jobs, return_as="generator") as parallel:
-        rows = parallel(delayed(_one)(out / "records", name, *names[name], drawn_by.draw, seed) for name in todo)
+        rows = parallel(delayed(_one)(records, name, *names[name], drawn_by.draw, seed) for name in todo)
         for row in tqdm(rows, total=len(names), initial=len(names) - len(todo), desc="left out", file=sys.stderr, delay=1.0):
             pd.DataFrame([row], columns=COLUMNS).to_csv(table, mode="a", header=not table.exists(), index=False)
     found = pd.read_csv(table, keep_default_na=False)
