@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from joblib import Parallel, delayed
 
 from detectors.report import score_units
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
@@ -18,6 +17,7 @@ from simbench.plant.fleet import Fleet, FleetLoop
 from simbench.plant.page import ROOM, section, write
 from simbench.plant.pictures import draw_pv_op, draw_trend
 from simbench.plant.result import STICKY
+from simbench.plant.resumed import resumed
 
 SIGN = {STICTION: "●", NO_STICTION: "·", NO_DECISION: "?"}
 
@@ -62,7 +62,7 @@ def write_fleet(fleet: Fleet, path: str | Path, labels: dict[str, dict[str, str]
     if labels:
         pairs = [(m.name, v) for m in fleet.members for v in m.verdicts]
         parts.append(section("score", "Score against the labels", table=pd.DataFrame(score_units(pairs, labels))))
-    loops = Parallel(n_jobs=jobs)(delayed(_article)(rank, m) for rank, m in enumerate(fleet.members, 1))
+    loops = resumed(_article, list(enumerate(fleet.members, 1)), jobs=jobs, keep=None, what="pictures")
     parts.append({"id": "loops", "title": "Loop by loop", "body": render(ROOM, "loops.html", loops=loops)})
     if fleet.refused:
         parts.append(section("refused", "Left out", points=[f"{n}: {why}" for n, why in fleet.refused.items()]))

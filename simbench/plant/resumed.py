@@ -48,6 +48,6 @@ def resumed(
     """
     # processes that live on from another call may stand in another folder
     one = ask if keep is None else Memory(folder(Path(keep).absolute() / version("stiction-simbench")), verbose=0).cache(ask)
-    with Parallel(n_jobs=min(jobs, len(about)) if jobs > 0 else jobs, return_as="generator") as parallel:
+    with Parallel(n_jobs=min(jobs, max(len(about), 1)) if jobs > 0 else jobs, return_as="generator") as parallel:
         answers = parallel(delayed(one)(*a) for a in about)
         return list(tqdm(answers, total=len(about), file=sys.stderr, desc=what))

@@ -147,6 +147,10 @@ def test_answers_are_kept_where_the_call_stands_though_its_processes_began_elsew
     assert len(list((tmp_path / "now" / "kept").rglob("output.pkl"))) == 2
 
 
+def test_of_nothing_nothing_is_asked():
+    assert resumed(likely, [], jobs=2, keep=None, what="numbers") == []
+
+
 def test_a_page_that_cannot_be_written_is_said_before_anything_is_judged(tmp_path, capsys):
     assert main(["report", str(tmp_path), "-o", str(tmp_path / "no" / "page.html")]) == 2
     assert "cannot be written" in capsys.readouterr().err
