@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from detectors.record import LoopRecord
-from scenarios.spec import Loop
+from scenarios.spec import Loop, Sampling
 from simbench.gap.candidates import beside_the_load, fit_candidates, possible_effects
 from simbench.gap.decide.assess import Assessment, assess
-from simbench.gap.decide.identified import plausible
+from simbench.gap.decide.identified import plausible, remarks
 from simbench.gap.effects import NOT_TRIED, recogniser
 from simbench.gap.intake.check import check
 from simbench.gap.intake.other_loop import refuse_other_plant
@@ -15,6 +17,7 @@ from simbench.gap.intake.refuse import refuse_unfit
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.situation import Situation, load_memory
 from simbench.loop.effects import EFFECTS
+from simbench.plant.pace import at_its_pace
 
 FRICTION = "stiction"  # the effect whose size is asked for
 OUTSIDE = "oscillation"  # what swings a sound loop
@@ -33,7 +36,8 @@ def friction(record: LoopRecord, loop: Loop | None = None) -> Assessment:
     Returns
     -------
     Assessment
-        Friction's gain is the one that a diagnosis of the same record finds, at half its cost.
+        Friction's gain is the one that a diagnosis of the record at its loop's pace finds, at half its cost; what single
+        samples prove is proven by all of them.
 
     Raises
     ------
@@ -52,11 +56,24 @@ def friction(record: LoopRecord, loop: Loop | None = None) -> Assessment:
     # thousands of tiny matrices: threads would only wait for each other
     with threadpool_limits(limits=1):
         refuse_unfit(record, f"record {record.tag!r}" if record.tag else "record")
-        whole, given, _ = completed(record, loop)
-        s = check(record, whole, trusted="plant" in given, tuned="controller" in given)
+        # a loop that is known is known at its own sampling, and MV shows a slip where it happens
+        slow = at_its_pace(record) if loop is None and record.mv is None else record
+        whole, given, _ = completed(slow, loop)
+        s = check(slow, whole, trusted="plant" in given, tuned="controller" in given)
         # MV is judged beside OP by the whole diagnosis alone
         found = _few(s) if record.mv is None else assess(s)
-        return found if s.trusted else plausible(found)
+        found = found if s.trusted else plausible(found)
+        return found if slow is record else _as_sampled(found, record)
+
+
+def _as_sampled(found: Assessment, record: LoopRecord) -> Assessment:
+    """Return the assessment with what single samples of the whole record prove, and what must be known of them."""
+    s = found.situation
+    own = s.baseline.model_copy(update={"sampling": Sampling(Ts=record.Ts, n=record.n)})
+    whole = check(record, own, trusted=False)
+    parameters = {e: p for e, p in found.parameters.items() if e not in s.proven} | whole.proven
+    said = replace(s, proven=whole.proven, notes=[*whole.notes, *remarks(whole)])
+    return replace(found, situation=said, parameters=parameters)
 
 
 def _few(s: Situation) -> Assessment:

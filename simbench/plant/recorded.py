@@ -23,17 +23,18 @@ from simbench.plant.around import in_percent
 from simbench.plant.calibration import ASKED, EvidenceWeights, calls
 from simbench.plant.friction import FRICTION, friction
 from simbench.plant.indices import judged
+from simbench.plant.pace import resampled
 from simbench.plant.trust import LIKELY
 
 
 def every(k: int) -> Callable[[LoopRecord], LoopRecord]:
     """Return what keeps every k-th sample."""
-    return lambda r: _mapped(r, lambda x: x[::k], k)
+    return lambda r: resampled(r, lambda x: x[::k], k)
 
 
 def mean_of(k: int) -> Callable[[LoopRecord], LoopRecord]:
     """Return what keeps the mean of k samples."""
-    return lambda r: _mapped(r, lambda x: x[: x.size // k * k].reshape(-1, k).mean(axis=1), k)
+    return lambda r: resampled(r, lambda x: x[: x.size // k * k].reshape(-1, k).mean(axis=1), k)
 
 
 def held(k: int) -> Callable[[LoopRecord], LoopRecord]:
@@ -62,11 +63,6 @@ PANEL: dict[str, Callable[[LoopRecord], LoopRecord]] = {
     "exception 0.5 %": exception(0.005), "exception 1 %": exception(0.01), "exception 2 %": exception(0.02),
     "lattice of 100": lattice(100), "lattice of 50": lattice(50),
 }  # fmt: skip
-
-
-def _mapped(r: LoopRecord, change: Callable[[np.ndarray], np.ndarray], k: int) -> LoopRecord:
-    signals = {name: change(getattr(r, name)) for name in ("op", "pv", "sp") if getattr(r, name) is not None}
-    return replace(r, Ts=r.Ts * k, mv=None, **signals)
 
 
 def _span(x: np.ndarray) -> float:

@@ -223,7 +223,7 @@ def perturbed(table: dict[str, Any], by: dict[str, float], rng: np.random.Genera
 
 def _timed(table: dict[str, Any], record: LoopRecord, change: Change) -> int:
     """Set length, sampling and set point in place; return how many samples come before the record."""
-    Ts = table["sampling"]["Ts"] / change.faster
+    Ts = record.Ts / change.faster
     n = int(record.n * change.longer * change.faster)
     ahead = int(WARM_UP * record.n * change.faster)
     table["sampling"] = {"Ts": Ts, "n": n + ahead}
