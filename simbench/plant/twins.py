@@ -15,6 +15,7 @@ from scenarios.errors import SpecError
 from scenarios.spec import Loop
 from simbench.loop.simulate import simulate
 from simbench.plant.around import Around, with_friction
+from simbench.plant.calibration import EvidenceWeights
 
 LEVELS = 5  # values of S
 SLIPS = (0.25, 1.0)  # J over S: a little slip-jump, and as much as there is band
@@ -23,7 +24,7 @@ TRIES = 6  # draws before a loop that runs away is given up
 LARGER, SMALLER = 2.0, 0.4  # times the record's size that a loop without friction may move
 DRIVEN = ("sine", "propagated")  # what swings a sound loop from outside
 QUIETER = 0.4  # times the fitted loads beside such a swing, which they were fitted to
-SURE = 4  # one in so many sticky twins comes from the less likely explanation
+GOLDEN = 0.5 * (5.0**0.5 - 1.0)  # its multiples fall evenly into every share
 
 # standard deviations of the logarithms drawn: identified plants are known worse than stated ones
 UNCERTAIN = {"slow": 0.30, "K": 0.10, "Td": 0.25, "load": 0.20, "load_time": 0.30, "noise": 0.10}
@@ -157,11 +158,9 @@ def _twin(a: Around, S: float, J: float, change: Change, stream: list[int], numb
 
 def _sticky_base(a: Around, number: int) -> Loop:
     """Return the loop that friction is put into: under friction part of the motion is the valve's, how much nobody knows."""
-    other = a.healthy[number // SURE % len(a.healthy)]
-    if a.sticky is None:
-        return other
-    likely = (a.gain or 0.0) > 0
-    return a.sticky if (number % SURE > 0) == likely else other
+    if a.sticky is not None and number * GOLDEN % 1.0 < EvidenceWeights.read().probability(a.gain, called=False):
+        return a.sticky
+    return a.healthy[number % len(a.healthy)]
 
 
 def _after(run: LoopRecord, ahead: int) -> LoopRecord:
