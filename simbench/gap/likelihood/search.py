@@ -118,10 +118,9 @@ def followed(
 def different(points: np.ndarray, values: np.ndarray, share: float) -> list[int]:
     """Return the best points of a map with a jump that differ in S or J/S, by a share of what sets peaks apart."""
     cells = np.column_stack([np.log(points[:, 0]) / APART, points[:, 1] / points[:, 0] / UNLIKE]) // share
-    best: dict[tuple[float, ...], int] = {}
-    for i in np.argsort(-values):
-        best.setdefault(tuple(cells[i]), int(i))
-    return list(best.values())[:KEPT]
+    order = np.argsort(-values)
+    _, first = np.unique(cells[order], axis=0, return_index=True)
+    return [int(i) for i in order[np.sort(first)[:KEPT]]]
 
 
 def around(kind: int, point: np.ndarray, share: float) -> np.ndarray:

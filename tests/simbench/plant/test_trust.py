@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from detectors.record import LoopRecord
-from detectors.verdict import STICTION
+from detectors.verdict import NO_STICTION, STICTION
 from scenarios.spec import Loop, load_loop
 from simbench.cli import main
 from simbench.files import write_record
@@ -74,7 +74,7 @@ def test_the_smallest_visible_is_that_of_the_method_most_often_right_whatever_it
     assert keenest.power[-1].S == found.power[-1].S
     if keenest.rule.cut is None:
         assert found.power == keenest.power
-    monkeypatch.setattr(EvidenceWeights, "probability", lambda *a: 0.1)
+    monkeypatch.setattr("simbench.plant.trust.likely", lambda probability: NO_STICTION)
     assert trust(sticky, **FEW, help_wanted=False).smallest_visible == found.smallest_visible
 
 
@@ -97,7 +97,7 @@ def test_of_methods_made_for_the_loop_that_agree_with_the_probability_the_best_o
 
 
 def test_where_no_method_agrees_with_the_probability_the_text_says_so(sticky, monkeypatch):
-    monkeypatch.setattr(EvidenceWeights, "probability", lambda *a: 0.1)
+    monkeypatch.setattr(EvidenceWeights, "probability", lambda *a, **called: 0.1)
     found = trust(sticky, methods=["procedure"], healthy=15, each=2, help_wanted=False)
     assert found.best.says == STICTION
     assert "none agrees with the probability" in found.as_text()
