@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
+from dataclasses import replace
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -22,7 +23,7 @@ from simbench.loop.simulate import simulate
 from simbench.plant.joining import Simulated, accuracy, draw, units, verdicts_on
 from simbench.plant.learn import loops
 from simbench.plant.strengths import FRICTION, Size, absolute, with_effect
-from simbench.plant.study import study
+from simbench.plant.study import against
 from simbench.plant.two_sample import Ruler, classifier_test, mmd_test
 
 GRID = "chapter"  # nothing archived, no friction but one valve's
@@ -32,17 +33,18 @@ STRENGTHS: dict[str, dict[str, tuple[float, float]]] = {
     "quantisation": {"step": (0.4, 1.0)},
     "compression": {"band": (0.1, 0.4)},
     "oscillation": {"amplitude": (0.3, 0.8), "period": (0.5, 2.0)},
-    COMES_AND_GOES: {"period": (8.0, 16.0)},
+    COMES_AND_GOES: {"S": (0.5, 1.5), "slip": (0.2, 1.0), "period": (8.0, 16.0)},
 }
 # by which of a diagnosis's names an effect is called right, where that is not its own
 CALLED = {COMES_AND_GOES: FRICTION}
+WIDEST = 25.0  # % of travel
 POOL = 400  # loops from which healthy fleets and grids are drawn
 LEVEL = 0.05
-MORE = 4  # times the loops of a fleet that are drawn, where only some of them are wanted
+MORE = 4  # times the loops of a fleet or grid that are drawn, where only the sound ones are wanted
 
 
 def plant(loop: Loop, effect: str, strength: dict[str, float], size: Size) -> Loop:
-    """Return a loop with what its fleet hides; sticking that comes and goes takes the place of a valve that always sticks.
+    """Return a loop with what its fleet hides; sticking that comes and goes is that of its valve.
 
     Parameters
     ----------
@@ -61,10 +63,9 @@ def plant(loop: Loop, effect: str, strength: dict[str, float], size: Size) -> Lo
     if effect != COMES_AND_GOES:
         more: dict[str, Any] = {"at": "record"} if effect == "quantisation" else {}
         return with_effect(loop, effect, absolute(effect, strength | more, size))
-    S, J = max(plain_setup(loop, 0).bands)
-    period = strength["period"] * size.period
-    spells = {"S": S, "J": J, "period": period, "on": 0.5 * period}
-    return loop if S <= 0 else loop.model_copy(update={"valve": Part(name="intermittent", parameters=spells)})
+    S, period = min(strength["S"] * size.op, WIDEST), strength["period"] * size.period
+    spells = {"S": S, "J": strength["slip"] * S, "period": period, "on": 0.5 * period}
+    return loop.model_copy(update={"valve": Part(name="intermittent", parameters=spells)})
 
 
 def asked(effect: str, seed: int, records: int, groups: int) -> dict[str, Any]:
@@ -85,18 +86,19 @@ def asked(effect: str, seed: int, records: int, groups: int) -> dict[str, Any]:
 
     Notes
     -----
-    A fleet in which sticking comes and goes is one of sticky loops: what its loops share is friction.
+    In half the loops of the grid the valve sticks: of sticking that comes and goes, fleet and grid are drawn from the others.
     """
     rng = np.random.default_rng([seed, list(STRENGTHS).index(effect)])
     strength = {k: float(rng.uniform(*ends)) for k, ends in STRENGTHS[effect].items()}
     with tempfile.TemporaryDirectory() as place:
-        for i, s in enumerate(_fleet(records, seed, sticky=effect == COMES_AND_GOES)):
+        for i, s in enumerate(_fleet(records, seed, sound=effect == COMES_AND_GOES)):
             size = Size.of(simulate(s.loop, s.seed).record.blind())
             loop = plant(s.loop, effect, strength, size)
             write_record(simulate(loop, s.seed).record.blind(), Path(place) / f"L{i}.csv")
-        found = study(place, GRID, groups=groups, seed=seed)
-    methods, simulated = choose_methods(["fast"]), draw(GRID, groups, seed)
-    now = [_with(s, effect, strength) for s in simulated]
+        simulated = sound(groups, seed) if effect == COMES_AND_GOES else draw(GRID, groups, seed)
+        found = against(simulated, place, grid=GRID, seed=seed)
+    methods, spared = choose_methods(["fast"]), effect == COMES_AND_GOES
+    now = [_with(s, effect, strength) if s.stands or not spared else s for s in simulated]
     before, after = (accuracy(x, verdicts_on(x, methods), methods) for x in (simulated, now))
     first = next((e for e in found.effects if e.effect in CALLED.get(effect, (effect,))), None)
     return {
@@ -105,18 +107,36 @@ def asked(effect: str, seed: int, records: int, groups: int) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _fleet(records: int, seed: int, sticky: bool) -> list[Scenario]:
-    """Return loops of the grid, one of each group."""
-    if not sticky:
+def _fleet(records: int, seed: int, sound: bool) -> list[Scenario]:
+    """Return loops of the grid, one of each group; only loops whose valve is sound where those are asked for."""
+    if not sound:
         return list(loops(records, 2 * (seed + 1), GRID))
-    # one of two members of a group is sticky
     some = loops(MORE * records, 2 * (seed + 1), GRID)
-    return list(islice((s for s in some if plain_setup(s.loop, 0).sticky), records))
+    return list(islice((s for s in some if not plain_setup(s.loop, 0).sticky), records))
+
+
+def sound(groups: int, seed: int) -> list[Simulated]:
+    """Return loops of the grid whose valve is sound, each twice: one that friction may be put into, and its sibling.
+
+    Parameters
+    ----------
+    groups, seed : int
+        As `draw` takes them.
+
+    Returns
+    -------
+    list of Simulated
+    """
+    out = []
+    for s in islice((s for s in draw(GRID, MORE * groups, seed) if not s.sticky), groups):
+        out += [replace(s, stands=True), replace(s, stands=False)]
+    return out
 
 
 def _with(s: Simulated, effect: str, strength: dict[str, float]) -> Simulated:
     loop = plant(s.loop, effect, strength, s.size)
-    return Simulated(s.unit, loop, s.seed, simulate(loop, s.seed).record.blind(), s.sticky, s.size, s.stands)
+    sticky = s.sticky or effect == COMES_AND_GOES
+    return replace(s, loop=loop, record=simulate(loop, s.seed).record.blind(), sticky=sticky)
 
 
 def told(rows: list[dict[str, Any]]) -> list[str]:

@@ -16,7 +16,7 @@ from detectors.verdict import STICTION
 from scenarios.spec import Loop, load_loop
 from simbench.gap import diagnose
 from simbench.plant.indices import judged
-from simbench.plant.joining import accuracy, draw, join, units, verdicts_on
+from simbench.plant.joining import Simulated, accuracy, draw, join, units, verdicts_on
 from simbench.plant.looks import by_unit, looks
 from simbench.plant.resumed import resumed
 from simbench.plant.strengths import NOT_LACKING, Size, relative
@@ -70,6 +70,28 @@ def study(
     Where a record has no label, or only one class is labelled, no accuracy is given. Effects are found by `gap diagnose`; one
     that it does not know widens the distance and stays unexplained. A valve that sticks at times shows as friction.
     """
+    return against(draw(grid, groups, seed), folder, labels, methods, grid=str(grid), seed=seed, jobs=jobs, keep=keep)
+
+
+def against(
+    simulated: list[Simulated],
+    folder: str | Path,
+    labels: str | Path | None = None,
+    methods: Sequence[str] = ("fast",),
+    *,
+    grid: str,
+    seed: int = 0,
+    jobs: int = 1,
+    keep: str | Path | None = None,
+) -> Study:
+    """Compare a set of records with simulated loops; parameters, returns and errors are those of `study`.
+
+    Parameters
+    ----------
+    simulated : list of Simulated
+    grid : str
+        How they are called.
+    """
     known = {} if labels is None else read_labels(labels)
     each = {name: {"kind": row["kind"], "process": row["process"]} for name, row in known.items()}
     records, refused = read_folder(folder, names=known or None, each=each)
@@ -77,7 +99,6 @@ def study(
     if len(set(unit.values())) < 5:
         raise ParameterError(f"{folder}: {len(set(unit.values()))} loops; a study needs at least 5")
     rng, chosen = np.random.default_rng(seed), choose_methods(methods)
-    simulated = draw(grid, groups, seed)
     names, real_x, _ = by_unit([looks(r) for r in records.values()], list(unit.values()))
     sim_x = units(simulated)
     ruler = Ruler.of(sim_x, real_x)
@@ -96,7 +117,7 @@ def study(
         records=len(records), loops=few, distance=mmd_test(ruler, sim_x, real_x, rng),
         classifier=classifier_test(ruler.measured(sim_x), ruler.measured(real_x), rng),
         features=feature_tests(ruler, names, sim_x, real_x), effects=tuple(joined), simulated=accuracy(simulated, base, chosen),
-        real=real, moved=moved, notes=tuple(notes), grid=str(grid),
+        real=real, moved=moved, notes=tuple(notes), grid=grid,
     )  # fmt: skip
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft
+from scipy.fft import next_fast_len
 from scipy.special import gammaln
 
 from simbench.gap.effects._draw import Size, Yardstick, between
@@ -87,11 +87,11 @@ def _jumps(engine: Engine, fit: Fit) -> tuple[list[int], float]:
     energy = np.cumsum(white**2)[::-1]
     energy = np.maximum(energy, 1e-3 * energy[0])
     size, edge = next_fast_len(2 * n, real=True), max(3, int(0.005 * n))
-    conjugate = np.conj(rfft(white, size))
+    conjugate = np.conj(np.fft.rfft(white, size))
     found: list[int] = []
     heights: list[float] = []
     for _ in range(AT_ONCE):
-        cross = irfft(rfft(residual, size) * conjugate, size)[:n]
+        cross = np.fft.irfft(np.fft.rfft(residual, size) * conjugate, size)[:n]
         score = 0.5 * cross**2 / energy
         score[:edge], score[-5:] = 0.0, 0.0
         k = int(np.argmax(score))

@@ -26,11 +26,11 @@ def test_an_effect_changes_every_loop(scenarios, effect):
         assert not np.array_equal(simulate(loop, s.seed).record.pv, clean.pv)
 
 
-def test_only_a_valve_that_sticks_can_stick_at_times(scenarios):
+def test_sticking_that_comes_and_goes_is_measured_by_the_loop(scenarios):
     for s in scenarios:
-        loop = plant(s.loop, COMES_AND_GOES, {"period": 10.0}, Size(1.0, 1.0, 30.0))
-        S = max(plain_setup(s.loop, 0).bands)[0]
-        assert (loop.valve.name == "intermittent") == (S > 0)
+        loop = plant(s.loop, COMES_AND_GOES, {"S": 0.5, "slip": 0.4, "period": 10.0}, Size(1.0, 8.0, 30.0))
+        assert loop.valve.name == "intermittent"
+        assert loop.valve.parameters == pytest.approx({"S": 4.0, "J": 1.6, "period": 300.0, "on": 150.0})
 
 
 def answer(planted, order, predicted=-0.1, p=0.01):
@@ -55,10 +55,14 @@ def test_friction_is_the_right_name_of_a_valve_that_sticks_at_times():
     assert lines[-1].split()[:2] == ["all", "2/3"]
 
 
-def test_a_fleet_in_which_sticking_comes_and_goes_is_one_of_sticky_loops():
-    fleet = planted._fleet(5, 0, sticky=True)
+def test_sticking_that_comes_and_goes_is_planted_in_loops_whose_valve_is_sound():
+    fleet = planted._fleet(5, 0, sound=True)
     assert len(fleet) == 5
-    assert all(plain_setup(s.loop, 0).sticky for s in fleet)
+    assert not any(plain_setup(s.loop, 0).sticky for s in fleet)
+    pairs = planted.sound(3, 0)
+    assert [s.stands for s in pairs] == [True, False] * 3
+    assert not any(s.sticky for s in pairs)
+    assert len({s.unit for s in pairs}) == 3
 
 
 def test_fleets_without_effect_are_seldom_told_apart(monkeypatch):
