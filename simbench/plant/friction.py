@@ -11,6 +11,7 @@ from simbench.gap.decide.assess import Assessment, assess
 from simbench.gap.decide.identified import plausible, remarks
 from simbench.gap.effects import NOT_TRIED, recogniser
 from simbench.gap.intake.check import check
+from simbench.gap.intake.identify import exact_controller, identify
 from simbench.gap.intake.other_loop import refuse_other_plant
 from simbench.gap.intake.partial import completed
 from simbench.gap.intake.refuse import refuse_unfit
@@ -58,7 +59,10 @@ def friction(record: LoopRecord, loop: Loop | None = None) -> Assessment:
         refuse_unfit(record, f"record {record.tag!r}" if record.tag else "record")
         # a loop that is known is known at its own sampling, and MV shows a slip where it happens
         slow = at_its_pace(record) if loop is None and record.mv is None else record
-        whole, given, _ = completed(slow, loop)
+        if slow is record:
+            whole, given, _ = completed(record, loop)
+        else:
+            whole, given = identify(slow, controller=exact_controller(record)), frozenset()
         s = check(slow, whole, trusted="plant" in given, tuned="controller" in given)
         # MV is judged beside OP by the whole diagnosis alone
         found = _few(s) if record.mv is None else assess(s)

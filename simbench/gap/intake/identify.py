@@ -9,7 +9,7 @@ from detectors.record import LoopRecord
 from detectors.signal.spikes import cleaned
 from scenarios.spec import Controller, Loop, Noise, Plant, Sampling
 from simbench.gap.candidates import fit_candidates
-from simbench.gap.controller.pi_law import examine_law
+from simbench.gap.controller.pi_law import Law, examine_law
 from simbench.gap.effects import recogniser
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, Spec, size_penalty
@@ -17,6 +17,7 @@ from simbench.gap.sensor.samples import inspect_samples
 from simbench.loop.effects import EFFECTS, block_of
 
 BAND = "deadband"
+HALF = 0.5  # of what OP does, that a law may leave unexplained and still show its direction
 
 
 def identify(record: LoopRecord, plant: Plant | None = None, controller: Controller | None = None) -> Loop:
@@ -39,22 +40,40 @@ def identify(record: LoopRecord, plant: Plant | None = None, controller: Control
     Not a model to design a controller with: in closed loop and without excitation K and T are known only as K/T.
     """
     op = record.op if record.op_percent is None else record.op_percent
-    noise = 0.0
+    noise, law = 0.0, _law(record, op, 1.0 if plant is None else float(np.sign(plant.K)))
     if plant is None:
-        plant, noise = _identified_plant(record, op, controller)
+        # friction and feedback turn the sign of a plant; what OP does about PV shows the controller's direction
+        shown = float(np.sign(law.Kc)) if law.residual < HALF and np.isfinite(law.Kc) else 0.0
+        plant, noise = _identified_plant(record, op, shown if controller is None else controller.sign)
     if controller is None:
-        controller = _identified_controller(record, op, 1.0 if plant.K > 0 else -1.0)
+        sign = 1.0 if plant.K > 0 else -1.0
+        controller = _controller(law if law.known else _law(record, op, sign), record, op, sign)
     return Loop(plant=plant, controller=controller, sampling=Sampling(Ts=record.Ts, n=record.n), noise=Noise(std=noise))
 
 
-def _identified_plant(record: LoopRecord, op: np.ndarray, controller: Controller | None) -> tuple[Plant, float]:
-    """Return the plant and the standard deviation of the noise."""
+def exact_controller(record: LoopRecord) -> Controller | None:
+    """Return the controller whose law turns the recorded error into OP; None where no PI law does.
+
+    Parameters
+    ----------
+    record : LoopRecord
+
+    Returns
+    -------
+    Controller or None
+    """
+    op = record.op if record.op_percent is None else record.op_percent
+    law = _law(record, op, 1.0)
+    return _controller(law, record, op, float(np.sign(law.Kc))) if law.known and np.isfinite(law.Kc) and law.Kc else None
+
+
+def _identified_plant(record: LoopRecord, op: np.ndarray, sign: float) -> tuple[Plant, float]:
+    """Return the plant, its gain of a sign where that is not 0, and the standard deviation of the noise."""
     samples = inspect_samples(record.pv, record.op)
     pv = cleaned(np.asarray(record.pv), samples.spikes)
     u = np.ascontiguousarray(op if record.mv is None else record.mv, dtype=float)
-    integrating, fit = _plant(record, u, pv, samples.digits)
-    # feedback alone may turn the sign; the controller's direction tells it
-    K = fit.K if controller is None else controller.sign * abs(fit.K)
+    integrating, fit = _plant(record, u, pv, samples.digits, sign)
+    K = sign * abs(fit.K) if sign else fit.K
     if not (np.isfinite(K) and K != 0.0):
         where = f"record {record.tag!r}" if record.tag else "record"
         raise RecordError(f"{where}: no plant can be identified: PV does not answer to OP (K = {K:g})")
@@ -64,25 +83,28 @@ def _identified_plant(record: LoopRecord, op: np.ndarray, controller: Controller
     return Plant(type="foptd", K=K, T=fit.theta["T"] * record.Ts, Td=dead), noise
 
 
-def _identified_controller(record: LoopRecord, op: np.ndarray, sign: float) -> Controller:
+def _law(record: LoopRecord, op: np.ndarray, sign: float) -> Law:
     rough, slow = _rough_gain(op, np.asarray(record.pv)), 20.0 * record.Ts
-    law = examine_law(op, np.asarray(record.pv), record.sp, record.Ts, sign * rough, slow, trusted=False)
-    Kc = abs(law.Kc) if np.isfinite(law.Kc) and law.Kc != 0 else rough
+    return examine_law(op, np.asarray(record.pv), record.sp, record.Ts, sign * rough, slow, trusted=False)
+
+
+def _controller(law: Law, record: LoopRecord, op: np.ndarray, sign: float) -> Controller:
+    Kc = abs(law.Kc) if np.isfinite(law.Kc) and law.Kc != 0 else _rough_gain(op, np.asarray(record.pv))
     direction = "reverse" if sign > 0 else "direct"
     if law.known and np.isinf(law.Ti):
         return Controller(type="P", Kc=Kc, direction=direction)
-    Ti = law.Ti if np.isfinite(law.Ti) and law.Ti > 0 else slow
+    Ti = law.Ti if np.isfinite(law.Ti) and law.Ti > 0 else 20.0 * record.Ts
     return Controller(type="PI", Kc=Kc, Ti=Ti, direction=direction)
 
 
-def _plant(record: LoopRecord, u: np.ndarray, pv: np.ndarray, resolution: float) -> tuple[bool, Fit]:
+def _plant(record: LoopRecord, u: np.ndarray, pv: np.ndarray, resolution: float, sign: float) -> tuple[bool, Fit]:
     """Return whether the plant integrates, and its fit; an unknown process is the likelier one, friction allowed to both."""
     if record.process is not None:
         integrating = record.process == "integrating"
-        return integrating, fit_plant(u, pv, integrating, resolution)
+        return integrating, fit_plant(u, pv, integrating, resolution, sign)
     fits, score = {}, {}
     for integrating in (False, True):
-        fit = fits[integrating] = fit_plant(u, pv, integrating, resolution)
+        fit = fits[integrating] = fit_plant(u, pv, integrating, resolution, sign)
         # a time constant is one number more to fit
         score[integrating] = fit.loglik - (0.0 if integrating else size_penalty(record.n, 1.0))
         if record.mv is None:
@@ -95,7 +117,7 @@ def _plant(record: LoopRecord, u: np.ndarray, pv: np.ndarray, resolution: float)
     return integrating, fits[integrating]
 
 
-def fit_plant(op: np.ndarray, pv: np.ndarray, integrating: bool, resolution: float) -> Fit:
+def fit_plant(op: np.ndarray, pv: np.ndarray, integrating: bool, resolution: float, sign: float = 0.0) -> Fit:
     """Return the best first-order (or integrating) plant from OP to PV; a coarse grid, then a joint fit of its best point.
 
     Parameters
@@ -104,24 +126,25 @@ def fit_plant(op: np.ndarray, pv: np.ndarray, integrating: bool, resolution: flo
     integrating : bool
     resolution : float
         Smallest step of PV.
+    sign : float
+        Of the plant's gain where it is known, 0 where not.
 
     Returns
     -------
     Fit
+        Of that sign, unless no plant tried has it.
     """
     n = op.size
     gain = float(np.std(pv)) / (float(np.std(op)) or 1.0)
     slow = (0.0,) if integrating else (0.5, 1.5, 4.0, 10.0, 30.0)
-    best: Fit | None = None
+    tries = []
     for T in slow:
         for Td in (0.0, 1.0, 3.0, 8.0):
-            data = Data(op, pv, gain, T, Td, 0.0, resolution, trusted=False)
-            engine = Engine(data, max(0.1 * n, 20.0))
-            fit = engine.at(Spec(), engine.start())
-            if best is None or fit.loglik > best.loglik:
-                best, winner = fit, engine
-    assert best is not None
-    return winner.fit(Spec(), best.theta, steps=40)
+            engine = Engine(Data(op, pv, gain, T, Td, 0.0, resolution, trusted=False), max(0.1 * n, 20.0))
+            tries.append((engine, engine.at(Spec(), engine.start())))
+    engine, best = max(tries, key=lambda t: (t[1].K * sign >= 0.0, t[1].loglik))
+    fit = engine.fit(Spec(), best.theta, steps=40)
+    return fit if fit.K * sign >= 0.0 or best.K * sign < 0.0 else best
 
 
 def meaningful(mv: bool, tuned: bool) -> set[str]:
