@@ -25,7 +25,7 @@ from simbench.plant.claims import claimed, who_is_right
 
 FRICTION = "stiction"
 SOUND = ("none", "oscillation", "load_steps", "detuning")  # what a loop without friction has, in turn
-SEED = 15  # the rule by which a detector is picked was changed after loops of seed 14 were looked at
+SEED = 17  # loops of seeds 14 to 16 were looked at while rules were chosen
 
 
 def entry(number: int) -> dict[str, Any]:

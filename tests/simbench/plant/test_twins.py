@@ -12,6 +12,7 @@ from simbench.gap.random_case import random_case
 from simbench.loop.simulate import simulate
 from simbench.plant import twins
 from simbench.plant.around import around, with_friction
+from simbench.plant.calibration import EvidenceWeights
 from simbench.plant.twins import Change, draw_twins, levels
 
 
@@ -61,6 +62,13 @@ def test_friction_is_tried_beside_what_swings_the_loop_from_outside(behind, monk
     driven.clear()
     draw_twins(replace(swung, period=None), 0, 8, cells=cell)
     assert not driven
+
+
+@pytest.mark.parametrize("gain", [-5.0, 5.0, 300.0])
+def test_sticky_twins_share_the_two_explanations_by_their_probability(behind, gain):
+    weighed = replace(behind, gain=gain)
+    share = np.mean([twins._sticky_base(weighed, number) is weighed.sticky for number in range(200)])
+    assert share == pytest.approx(EvidenceWeights.read().probability(gain, called=False), abs=0.02)
 
 
 def test_cells_span_small_and_large_friction(behind):

@@ -8,7 +8,7 @@ import pytest
 from detectors.errors import RecordError
 from scenarios.spec import Controller, Loop, Plant
 from simbench.gap.effects import recogniser
-from simbench.gap.intake.identify import fit_plant, identify, meaningful
+from simbench.gap.intake.identify import exact_controller, fit_plant, identify, meaningful
 from simbench.loop.effects import EFFECTS, block_of
 from simbench.loop.simulate import simulate
 
@@ -108,6 +108,34 @@ def test_a_plant_is_found_from_a_coarse_grid_of_times(T, Td):
     assert fit.K == pytest.approx(1.7, rel=0.02)
     assert fit.theta["T"] == pytest.approx(T, rel=0.05)
     assert fit.theta["Td"] == pytest.approx(Td, abs=0.1)
+
+
+DRIVEN = {
+    "plant": {"type": "foptd", "K": 3.2, "T": 2.5, "Td": 1.0},
+    "controller": {"type": "P", "Kc": 1.0},
+    "sampling": {"Ts": 0.07, "n": 900},
+    "valve": {"model": "coulomb", "S": 3.1, "J": 3.1},
+    "noise": {"std": 0.96},
+    "disturbance": [{"type": "sine", "at": "output", "amplitude": 1.6, "period": 9.0}],
+}
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_friction_and_feedback_do_not_turn_a_plant(sign):
+    control = {"type": "P", "Kc": 1.0, "direction": "reverse" if sign > 0 else "direct"}
+    record = run(DRIVEN, plant=DRIVEN["plant"] | {"K": 3.2 * sign}, controller=control)
+    assert fit_plant(record.op, record.pv, False, 0.0).K * sign < 0
+    assert fit_plant(record.op, record.pv, False, 0.0, sign).K * sign > 0
+    found = identify(replace(record, process="self-regulating"))
+    assert (np.sign(found.plant.K), found.controller.direction) == (sign, control["direction"])
+    assert exact_controller(record).direction == control["direction"]
+
+
+def test_a_controller_that_is_no_pi_is_not_exact():
+    record = run(TABLE)
+    rng = np.random.default_rng(0)
+    assert exact_controller(record).Kc == pytest.approx(0.8, rel=1e-3)
+    assert exact_controller(replace(record, op=record.op + rng.standard_normal(record.n))) is None
 
 
 def test_what_compares_with_a_plant_has_no_meaning_without_one():
