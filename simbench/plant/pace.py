@@ -8,9 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from detectors.record import LoopRecord
+from detectors.signal.oscillation import find_oscillation
 
 LEAST = 0.2  # of PV's standard deviation, that PV moves from sample to sample
 SHORTEST = 250  # samples that are left
+FEWEST = 20.0  # samples of a period that are left of a sustained oscillation: it may stand beside a larger drift
 
 
 def at_its_pace(record: LoopRecord) -> LoopRecord:
@@ -27,7 +29,8 @@ def at_its_pace(record: LoopRecord) -> LoopRecord:
 
     Notes
     -----
-    A sine keeps some thirty samples a period; noise of a seventh of PV's standard deviation keeps all.
+    A sine keeps some thirty samples a period, an oscillation beside a larger drift twenty; noise of a seventh of PV's standard
+    deviation keeps all.
 
     Examples
     --------
@@ -36,7 +39,9 @@ def at_its_pace(record: LoopRecord) -> LoopRecord:
     11.0
     """
     pv, k = np.asarray(record.pv), 1
-    while pv.size // (k + 1) >= SHORTEST and np.std(pv[k:] - pv[:-k]) < LEAST * np.std(pv):
+    swing = find_oscillation(record.op, pv, record.Ts)
+    most = swing.period_s / record.Ts / FEWEST if swing.sustained else np.inf
+    while k + 1 <= min(most, pv.size // SHORTEST) and np.std(pv[k:] - pv[:-k]) < LEAST * np.std(pv):
         k += 1
     return record if k == 1 else resampled(record, lambda x: x[::k], k)
 

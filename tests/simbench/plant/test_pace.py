@@ -26,6 +26,13 @@ def test_noise_that_moves_from_sample_to_sample_keeps_all():
     assert at_its_pace(record) is record
 
 
+def test_an_oscillation_beside_a_larger_drift_keeps_its_shape():
+    record, period = slow(12_000, period=60.0), 60.0 * 2.0
+    drift = 30.0 * np.sin(2 * np.pi * np.arange(12_000) / 9000.0)
+    found = at_its_pace(LoopRecord(op=record.op, pv=record.pv + drift, Ts=2.0))
+    assert 20 <= period / found.Ts <= 40
+
+
 @pytest.mark.parametrize("n", [SHORTEST, 2 * SHORTEST - 1, 2 * SHORTEST + 1, 1000])
 def test_enough_samples_are_left(n):
     assert at_its_pace(slow(n)).n >= SHORTEST
