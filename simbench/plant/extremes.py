@@ -19,7 +19,7 @@ from simbench.plant.result import SOUND, UNSEEN
 from simbench.plant.strengths import Size
 from simbench.plant.trust import trust
 
-DRAWN = TESTING + 2  # seed of the order of the loops: none that weights were learned on
+DRAWN = TESTING + 4  # seed of the order of the loops: none that weights were learned on or answers looked at
 # S over the range that OP moves through with a sound valve; J over S is drawn between a little and as much as there is band
 SIZES = {"buried": (0.01, 0.1), "plainly visible": (1.5, 4.0)}
 SLIP = (0.3, 1.0)

@@ -33,7 +33,8 @@ from simbench.plant.twins import Twin, draw_twins
 HEALTHY, EACH = 80, 12  # twins with a sound valve, and in every cell of S and J
 LONG, THINNEST = 8000, 0.3  # samples of a record from which fewer twins are drawn, and at least this share of them
 FEW = 10  # twins of a kind below which nothing is said
-LIKELY, UNLIKELY = 0.75, 0.25  # probabilities from which stiction is claimed, and below which a visible size is denied
+LIKELY = 0.75  # probability from which stiction is claimed
+EVEN = 0.5  # below it a size that four of five records would show is denied: it stands there in one case of ten at most
 
 
 def trust(
@@ -127,7 +128,7 @@ def _weighed(
     # nor is one that contradicts what is more probable here
     rows.sort(key=lambda m: (m.verdict.applicable is False, m.says != likely(probability), -m.rule.right))
     seen = smallest_visible(shown)
-    answer = STICKY if probability > LIKELY else UNSEEN if seen is None else SOUND if probability < UNLIKELY else OPEN
+    answer = STICKY if probability > LIKELY else UNSEEN if seen is None else SOUND if probability < EVEN else OPEN
     helps: tuple[Remedy, ...] = ()
     if help_wanted and answer != STICKY:
         helps = remedies(behind, names, _invisible(shown, seen), behind.percent, record.S_unit, seed)

@@ -78,6 +78,14 @@ def test_the_smallest_visible_is_that_of_the_method_most_often_right_whatever_it
     assert trust(sticky, **FEW, help_wanted=False).smallest_visible == found.smallest_visible
 
 
+@pytest.mark.parametrize(("probability", "answer"), [(0.8, STICKY), (0.6, OPEN), (0.4, SOUND), (0.1, SOUND)])
+def test_a_size_that_would_show_is_denied_where_stiction_is_not_the_more_probable(sticky, monkeypatch, probability, answer):
+    monkeypatch.setattr(EvidenceWeights, "probability", lambda *a, **called: probability)
+    found = trust(sticky, **FEW, help_wanted=False)
+    assert found.smallest_visible is not None
+    assert found.answer == answer
+
+
 def test_json_has_the_contracts_keys_and_finite_numbers(found):
     answer = json.loads(json.dumps(found.as_json(), allow_nan=False))
     assert set(answer) == {"methods", "best", "smallest_visible", "probability", "twins", "notes"}
