@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from detectors.verdict import STICTION, Verdict
+from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 from simbench.bench.statistics import wilson
 
 POWER = 0.8  # share that must be found of what is called visible
@@ -43,11 +43,15 @@ class Rule:
     cut: float | None
     right: float
 
+    def says(self, verdict: Verdict) -> str:
+        """Return what this rule reads out of a verdict."""
+        if self.cut is None:
+            return verdict.verdict
+        return STICTION if verdict.score > self.cut else NO_STICTION if np.isfinite(verdict.score) else NO_DECISION
+
     def calls(self, verdict: Verdict) -> bool:
         """Return whether this rule calls a verdict stiction."""
-        if self.cut is None:
-            return verdict.verdict == STICTION
-        return bool(verdict.score > self.cut)
+        return self.says(verdict) == STICTION
 
 
 def cells_of(S: np.ndarray, J: np.ndarray, called: np.ndarray) -> list[Cell]:
@@ -104,8 +108,8 @@ def smallest_visible(cells: Sequence[Cell], power: float = POWER) -> tuple[float
     return best
 
 
-def best_rule(method: str, verdicts: Sequence[Verdict], sticky: np.ndarray) -> Rule:
-    """Return how a method is best read on this loop: by its own rule, or by a threshold on its score that healthy twins set.
+def readings(method: str, verdicts: Sequence[Verdict], sticky: np.ndarray) -> list[Rule]:
+    """Return how a method may be read on this loop: by its own rule, and by a threshold on its score that healthy twins set.
 
     Parameters
     ----------
@@ -116,21 +120,22 @@ def best_rule(method: str, verdicts: Sequence[Verdict], sticky: np.ndarray) -> R
 
     Returns
     -------
-    Rule
-        The threshold is set on one half of the healthy twins and judged on the other, and the other way round.
+    list of Rule
+        The better one first; the threshold must be better by a margin. It is set on one half of the healthy twins and judged on
+        the other, and the other way round; there is none for a method without scores.
     """
     own = np.array([v.verdict == STICTION for v in verdicts])
     undecided = np.array([v.verdict == "no_decision" for v in verdicts])
-    published = _right(own, sticky, ~undecided)
+    published = Rule(method, None, _right(own, sticky, ~undecided))
     # what could not be scored is no alarm, and no finding either
     scores = np.array([v.score if v.score == v.score else -np.inf for v in verdicts])
-    if not np.isfinite(scores).any():
-        return Rule(method, None, published)
+    cut = _cut(scores[~sticky])
+    if not np.isfinite(cut):
+        return [published]
     half = np.arange(sticky.size) % 2 == 0
     tried = [_right(scores[here] > _cut(scores[~here & ~sticky]), sticky[here]) for here in (half, ~half)]
-    chosen = float(np.mean(tried))
-    cut = _cut(scores[~sticky])
-    return Rule(method, cut, chosen) if chosen > published + BETTER and np.isfinite(cut) else Rule(method, None, published)
+    chosen = Rule(method, cut, float(np.mean(tried)))
+    return [chosen, published] if chosen.right > published.right + BETTER else [published, chosen]
 
 
 def _right(called: np.ndarray, sticky: np.ndarray, decided: np.ndarray | None = None) -> float:

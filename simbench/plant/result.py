@@ -22,8 +22,8 @@ STICKY, SOUND, UNSEEN, OPEN = "stiction", "no stiction", "cannot be seen in this
 class MethodTrust:
     """What one method is worth on this loop: its verdict on the record, and its record on the twins.
 
-    `rule` is how it is best read here, `called` what that reading says of the record; false alarms, power and likelihood ratio
-    are those of the published rule.
+    `rule` is how it is to be read here, `called` whether that reading calls the record stiction; false alarms, power and
+    likelihood ratio are those of the published rule.
     """
 
     verdict: Verdict
@@ -36,9 +36,7 @@ class MethodTrust:
     @property
     def says(self) -> str:
         """What the method says of the record, read as advised."""
-        if self.rule.cut is None:
-            return self.verdict.verdict
-        return STICTION if self.called else NO_STICTION
+        return self.rule.says(self.verdict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +52,7 @@ class Trust:
     smallest_visible : (S, J) or None
         That the method most often right on the twins finds in four of five such records; in the unit of the record's S.
     power : tuple of Cell
-        Of that method, as it is best read.
+        Of that method, read as its twins read it best.
     probability : float or None
         Of stiction; even odds before looking. None where no loop could be identified.
     twins : tuple of (S, J)

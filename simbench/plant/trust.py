@@ -21,9 +21,9 @@ from simbench.plant.indices import judged
 from simbench.plant.power import (
     Cell,
     Rule,
-    best_rule,
     cells_of,
     likelihood_ratio,
+    readings,
     smallest_visible,
 )  # fmt: skip
 from simbench.plant.remedies import Remedy, remedies
@@ -119,14 +119,19 @@ def _weighed(
     help_wanted: bool, seed: int,
 ) -> Trust:  # fmt: skip
     S, J = (np.array([getattr(t, k) for t in twins]) for k in "SJ")
+    sticky = S > 0
     verdicts = [judged(t.record, names) for t in twins]
-    rows = [_row(said[i], [row[i] for row in verdicts], S, J) for i in range(len(names))]
+    of = [[row[i] for row in verdicts] for i in range(len(names))]
+    rules = [readings(name, v, sticky) for name, v in zip(names, of)]
     # a method made for other loops is no guide however well it did
-    keenest = min(rows, key=lambda m: (m.verdict.applicable is False, -m.rule.right))
-    place = names.index(keenest.verdict.method)
-    shown = cells_of(S, J, np.array([keenest.rule.calls(row[place]) for row in verdicts]))
-    # nor is one that contradicts what is more probable here
-    rows.sort(key=lambda m: (m.verdict.applicable is False, m.says != likely(probability), -m.rule.right))
+    made = [v.applicable is not False for v in said]
+    keenest = max(range(len(names)), key=lambda i: (made[i], rules[i][0].right))
+    shown = cells_of(S, J, np.array([rules[keenest][0].calls(v) for v in of[keenest]]))
+    # nor is a reading that contradicts what is more probable here
+    wanted = likely(probability)
+    read = [next((r for r in rules[i] if r.says(said[i]) == wanted), rules[i][0]) for i in range(len(names))]
+    rows = [_row(said[i], read[i], of[i], S, J) for i in range(len(names))]
+    rows.sort(key=lambda m: (m.verdict.applicable is False, m.says != wanted, -m.rule.right))
     seen = smallest_visible(shown)
     answer = STICKY if probability > LIKELY else UNSEEN if seen is None else SOUND if probability < EVEN else OPEN
     helps: tuple[Remedy, ...] = ()
@@ -143,9 +148,8 @@ def _weighed(
     )  # fmt: skip
 
 
-def _row(said: Verdict, verdicts: list[Verdict], S: np.ndarray, J: np.ndarray) -> MethodTrust:
+def _row(said: Verdict, rule: Rule, verdicts: list[Verdict], S: np.ndarray, J: np.ndarray) -> MethodTrust:
     sticky = S > 0
-    rule = best_rule(said.method, verdicts, sticky)
     # what is claimed of a method is claimed of its published rule, the one that gave the verdict
     called = np.array([v.verdict == STICTION for v in verdicts])
     ratio = likelihood_ratio(said.verdict, [v.verdict for v in verdicts], sticky)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from detectors.verdict import Verdict
-from simbench.plant.power import Cell, best_rule, cells_of, likelihood_ratio, smallest_visible
+from simbench.plant.power import Cell, Rule, cells_of, likelihood_ratio, readings, smallest_visible
 
 
 def line(found, ratio=1.0):
@@ -44,22 +44,39 @@ def test_a_threshold_is_advised_only_where_the_published_rule_is_worse():
     scores = rng.standard_normal(200) + 4.0 * sticky
     silent = [Verdict("m", "no_stiction", score=float(s), reason="-") for s in scores]
     fine = [Verdict("m", "stiction" if k else "no_stiction", score=float(s), reason="-") for k, s in zip(sticky, scores)]
-    assert best_rule("m", silent, sticky).cut is not None
-    assert best_rule("m", silent, sticky).right > 0.9
-    assert best_rule("m", fine, sticky).cut is None
+    assert readings("m", silent, sticky)[0].cut is not None
+    assert readings("m", silent, sticky)[0].right > 0.9
+    assert readings("m", fine, sticky)[0].cut is None
+
+
+def test_a_method_may_be_read_by_its_own_rule_or_by_a_threshold():
+    sticky = np.arange(200) < 100
+    scores = np.random.default_rng(0).standard_normal(200) + 4.0 * sticky
+    verdicts = [Verdict("m", "no_stiction", score=float(s), reason="-") for s in scores]
+    ways = readings("m", verdicts, sticky)
+    assert [w.cut is None for w in ways] == [False, True]
+    assert ways[0].right >= ways[1].right
+    unscored = [Verdict("m", "no_stiction", score=float("nan"), reason="-") for _ in scores]
+    assert [w.cut for w in readings("m", unscored, sticky)] == [None]
+
+
+def test_a_threshold_reads_nothing_out_of_a_missing_score():
+    said = {s: Verdict("m", "no_decision", score=s, reason="-") for s in (0.2, 0.8, float("nan"))}
+    assert [Rule("m", 0.5, 0.9).says(v) for v in said.values()] == ["no_stiction", "stiction", "no_decision"]
+    assert {Rule("m", None, 0.9).says(v) for v in said.values()} == {"no_decision"}
 
 
 def test_a_score_without_meaning_gives_no_threshold():
     sticky = np.arange(200) < 100
     scores = np.random.default_rng(1).standard_normal(200)
     verdicts = [Verdict("m", "no_stiction", score=float(s), reason="-") for s in scores]
-    assert best_rule("m", verdicts, sticky).right < 0.6
+    assert readings("m", verdicts, sticky)[0].right < 0.6
 
 
 def test_a_record_that_did_not_oscillate_is_no_alarm():
     sticky = np.arange(40) < 20
     verdicts = [Verdict("m", "no_stiction", score=-np.inf, reason="-")] * 40
-    assert best_rule("m", verdicts, sticky).cut is None
+    assert readings("m", verdicts, sticky)[0].cut is None
 
 
 def test_the_likelihood_ratio_is_one_for_a_verdict_that_everybody_gets():
