@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 
+from detectors.errors import UserError
 from detectors.record import LoopRecord
 from scenarios.spec import Loop, Sampling
 from simbench.gap.candidates import beside_the_load, fit_candidates, possible_effects
@@ -18,10 +20,12 @@ from simbench.gap.intake.refuse import refuse_unfit
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.situation import Situation, load_memory
 from simbench.loop.effects import EFFECTS
+from simbench.plant.calibration import GAIN
 from simbench.plant.pace import at_its_pace
 
 FRICTION = "stiction"  # the effect whose size is asked for
 OUTSIDE = "oscillation"  # what swings a sound loop
+ENOUGH = 10.0 * GAIN[1]  # nats beyond which more say nothing more
 
 
 def friction(record: LoopRecord, loop: Loop | None = None) -> Assessment:
@@ -37,8 +41,9 @@ def friction(record: LoopRecord, loop: Loop | None = None) -> Assessment:
     Returns
     -------
     Assessment
-        Friction's gain is the one that a diagnosis of the record at its loop's pace finds, at half its cost; what single
-        samples prove is proven by all of them.
+        Friction's gain is the one that a diagnosis of the record finds, at half its cost, or a diagnosis of the record at its
+        loop's pace, whichever is larger: between close samples lies what no plant of first order describes, between
+        distant ones the slips are lost. What single samples prove is proven by all of them.
 
     Raises
     ------
@@ -61,13 +66,28 @@ def friction(record: LoopRecord, loop: Loop | None = None) -> Assessment:
         slow = at_its_pace(record) if loop is None and record.mv is None else record
         if slow is record:
             whole, given, _ = completed(record, loop)
-        else:
-            whole, given = identify(slow, controller=exact_controller(record)), frozenset()
-        s = check(slow, whole, trusted="plant" in given, tuned="controller" in given)
-        # MV is judged beside OP by the whole diagnosis alone
-        found = _few(s) if record.mv is None else assess(s)
-        found = found if s.trusted else plausible(found)
-        return found if slow is record else _as_sampled(found, record)
+            return _fitted(record, whole, given)
+        own = _at_pace(slow, record)
+        if own is not None and own.log_likelihood_gains[FRICTION] >= ENOUGH:
+            return own
+        every = _fitted(record, identify(record))
+        return max(filter(None, (own, every)), key=lambda f: f.log_likelihood_gains[FRICTION])
+
+
+def _fitted(record: LoopRecord, loop: Loop, given: Collection[str] = ()) -> Assessment:
+    """Return the assessment beside a loop of which plant, controller, or both, or none, were given."""
+    s = check(record, loop, trusted="plant" in given, tuned="controller" in given)
+    # MV is judged beside OP by the whole diagnosis alone
+    found = _few(s) if record.mv is None else assess(s)
+    return found if s.trusted else plausible(found)
+
+
+def _at_pace(slow: LoopRecord, record: LoopRecord) -> Assessment | None:
+    """Return the assessment of fewer samples; None where no loop can be identified from them."""
+    try:
+        return _as_sampled(_fitted(slow, identify(slow, controller=exact_controller(record))), record)
+    except UserError:
+        return None
 
 
 def _as_sampled(found: Assessment, record: LoopRecord) -> Assessment:

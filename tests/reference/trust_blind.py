@@ -25,7 +25,7 @@ from simbench.plant.claims import claimed, who_is_right
 
 FRICTION = "stiction"
 SOUND = ("none", "oscillation", "load_steps", "detuning")  # what a loop without friction has, in turn
-SEED = 17  # loops of seeds 14 to 16 were looked at while rules were chosen
+SEED = 18  # loops of seeds 14 to 17 were looked at while rules were chosen
 
 
 def entry(number: int) -> dict[str, Any]:
