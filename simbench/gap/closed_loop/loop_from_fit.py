@@ -10,7 +10,7 @@ import numpy as np
 from scenarios.spec import Loop
 from simbench.gap.effects import load_steps, recogniser
 from simbench.gap.likelihood import kernels
-from simbench.gap.likelihood.model import Fit, delay_of, lag_of, valve_of
+from simbench.gap.likelihood.model import Fit, delay_of, input_gain, lag_of, valve_of
 from simbench.gap.situation import Situation
 
 COLOURED = 0.15  # correlation of the noise from sample to sample, below which it is as good as white
@@ -64,7 +64,7 @@ def fixed_loop(
         table["noise"] = {"std": fit.theta["noise_std"]}
     source = load or fit
     # a load was fitted as what it does to PV, through the gain of that fit; at the input it is the same in every arm
-    K = max(abs(source.K), 0.02 * abs(d.K))
+    K = abs(input_gain(source, d))
     table["disturbance"] = [
         {"type": "coloured", "amplitude": std / K, "period": period * Ts, **({"lag": lag * Ts} if lag > 0.0 else {})}
         for std, period, lag in load_parts(_load(source))

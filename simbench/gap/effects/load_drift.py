@@ -9,7 +9,7 @@ from simbench.gap.effects._recogniser import Parameters, Recogniser
 from simbench.gap.effects._slow import LINEAR, ramp, slow, traits
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
-from simbench.gap.likelihood.model import Fit, Spec
+from simbench.gap.likelihood.model import Fit, Spec, input_gain
 from simbench.gap.situation import Situation
 
 
@@ -25,8 +25,8 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
 
 def numbers(fit: Fit, s: Situation) -> Parameters:
     """Return ramp (%/s) and walk (%/sqrt(s)) at the plant's input."""
-    Ts = s.record.Ts
-    rate, walk = fit.beta[LINEAR:][-1] / fit.K / (s.data.n * Ts), fit.theta["load_walk"] / abs(fit.K) / np.sqrt(Ts)
+    Ts, K = s.record.Ts, input_gain(fit, s.data)
+    rate, walk = fit.beta[LINEAR:][-1] / K / (s.data.n * Ts), fit.theta["load_walk"] / abs(K) / np.sqrt(Ts)
     return {"rate": float(rate), "walk": float(walk)}
 
 

@@ -14,7 +14,7 @@ from simbench.gap.effects._recogniser import Parameters, Recogniser, clip
 from simbench.gap.effects._slow import slow
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
-from simbench.gap.likelihood.model import Data, Fit, Spec, lag_of, size_penalty
+from simbench.gap.likelihood.model import Data, Fit, Spec, input_gain, lag_of, size_penalty
 from simbench.gap.likelihood.search import SMOOTH
 from simbench.gap.situation import Situation
 
@@ -114,7 +114,7 @@ def _step_response(fit: Fit, d: Data) -> np.ndarray:
 def numbers(fit: Fit, s: Situation) -> Parameters:
     """Return jumps per second and the std of the levels between them (%)."""
     # a jump is two parts, and between independent levels it spreads by the square root of two more than they
-    size = fit.theta["load_jump"] / abs(fit.K)
+    size = fit.theta["load_jump"] / abs(input_gain(fit, s.data))
     return {"rate": len(fit.spec.jumps) / (s.data.n * s.record.Ts), "size": clip(size, 0.0, 100.0)}
 
 

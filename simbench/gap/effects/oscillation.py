@@ -7,7 +7,7 @@ import numpy as np
 from simbench.gap.effects._draw import Size, Yardstick, between
 from simbench.gap.effects._recogniser import Parameters, Recogniser, clip
 from simbench.gap.likelihood.engine import Engine
-from simbench.gap.likelihood.model import Fit, Spec
+from simbench.gap.likelihood.model import Fit, Spec, input_gain
 from simbench.gap.likelihood.search import SMOOTH
 from simbench.gap.situation import Situation
 
@@ -44,7 +44,7 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
     """Return amplitude (%) at the plant's input and period (s)."""
     w = 2 * np.pi / fit.theta["period"]
     pole = abs(1.0 / (1j * w * fit.theta.get("T", 1.0) + 1.0)) if s.data.T > 0 else 1.0 / w
-    amplitude = float(np.hypot(*fit.beta[-2:])) / (abs(fit.K) * pole)
+    amplitude = float(np.hypot(*fit.beta[-2:])) / (abs(input_gain(fit, s.data)) * pole)
     return {"amplitude": clip(amplitude, 0.0, 100.0), "period": fit.theta["period"] * s.record.Ts}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -186,6 +187,15 @@ class Fit:
     def K(self) -> float:
         """Plant gain."""
         return float(self.beta[0])
+
+
+def input_gain(fit: Fit, data: Data) -> float:
+    """Return the gain by which a load at the plant's input reaches PV.
+
+    A valve that never moved shows none: a fiftieth of the baseline's stands for it.
+    """
+    least = 0.02 * abs(data.K)
+    return fit.K if abs(fit.K) >= least else math.copysign(least, fit.K or data.K)
 
 
 def lag_of(theta: Mapping[str, float]) -> float:

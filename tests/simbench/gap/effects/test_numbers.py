@@ -47,9 +47,15 @@ def test_a_sine_on_pv_is_as_large_at_the_input_as_the_plant_makes_it_small():
     # 3-4-5: amplitude 5; at a period of 2 pi T the pole takes a factor of the root of 2
     found = recogniser("oscillation").numbers(fit(K=2.0, own=(3.0, 4.0), period=20 * np.pi, T=10.0), SITUATION)
     assert found == pytest.approx({"amplitude": 2.5 * np.sqrt(2.0), "period": 40 * np.pi})
-    vessel = SimpleNamespace(data=SimpleNamespace(T=0.0), record=SITUATION.record)
+    vessel = SimpleNamespace(data=SimpleNamespace(T=0.0, K=2.0), record=SITUATION.record)
     found = recogniser("oscillation").numbers(fit(K=2.0, own=(3.0, 4.0), period=20 * np.pi), vessel)
     assert found["amplitude"] == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize("effect", ["oscillation", "load_drift", "load_steps"])
+def test_a_load_behind_a_valve_that_never_moved_has_a_size(effect):
+    still = fit(K=0.0, own=(3.0, 4.0), jumps=(200,), period=60.0, T=10.0, load_walk=0.3, load_jump=8.0)
+    assert all(np.isfinite(x) for x in recogniser(effect).numbers(still, SITUATION).values())
 
 
 def test_load_steps_are_counted_and_sized_in_percent_of_op():
