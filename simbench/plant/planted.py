@@ -23,7 +23,7 @@ from simbench.loop.simulate import simulate
 from simbench.plant.joining import Simulated, accuracy, draw, units, verdicts_on
 from simbench.plant.learn import loops
 from simbench.plant.strengths import FRICTION, Size, absolute, with_effect
-from simbench.plant.study import against
+from simbench.plant.study import against, read_fleet
 from simbench.plant.two_sample import Ruler, classifier_test, mmd_test
 
 GRID = "chapter"  # nothing archived, no friction but one valve's
@@ -96,7 +96,7 @@ def asked(effect: str, seed: int, records: int, groups: int) -> dict[str, Any]:
             loop = plant(s.loop, effect, strength, size)
             write_record(simulate(loop, s.seed).record.blind(), Path(place) / f"L{i}.csv")
         simulated = sound(groups, seed) if effect == COMES_AND_GOES else draw(GRID, groups, seed)
-        found = against(simulated, place, grid=GRID, seed=seed)
+        found = against(read_fleet(place), simulated, GRID, seed=seed)
     methods, spared = choose_methods(["fast"]), effect == COMES_AND_GOES
     now = [_with(s, effect, strength) if s.stands or not spared else s for s in simulated]
     before, after = (accuracy(x, verdicts_on(x, methods), methods) for x in (simulated, now))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -70,27 +71,38 @@ def study(
     Where a record has no label, or only one class is labelled, no accuracy is given. Effects are found by `gap diagnose`; one
     that it does not know widens the distance and stays unexplained. A valve that sticks at times shows as friction.
     """
-    return against(draw(grid, groups, seed), folder, labels, methods, grid=str(grid), seed=seed, jobs=jobs, keep=keep)
+    real = read_fleet(folder, labels)
+    return against(real, draw(grid, groups, seed), str(grid), methods, seed=seed, jobs=jobs, keep=keep)
 
 
-def against(
-    simulated: list[Simulated],
-    folder: str | Path,
-    labels: str | Path | None = None,
-    methods: Sequence[str] = ("fast",),
-    *,
-    grid: str,
-    seed: int = 0,
-    jobs: int = 1,
-    keep: str | Path | None = None,
-) -> Study:
-    """Compare a set of records with simulated loops; parameters, returns and errors are those of `study`.
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """What was recorded in a plant: records by name, the unit of each, its line of the labels, files refused, and where."""
+
+    records: Mapping[str, LoopRecord]
+    unit: Mapping[str, str]
+    known: Mapping[str, Mapping[str, str]]
+    refused: Mapping[str, str]
+    folder: Path
+
+
+def read_fleet(folder: str | Path, labels: str | Path | None = None) -> Recorded:
+    """Read a set of records, and refuse one of too few loops.
 
     Parameters
     ----------
-    simulated : list of Simulated
-    grid : str
-        How they are called.
+    folder : path
+    labels : path, optional
+        As `study` takes them.
+
+    Returns
+    -------
+    Recorded
+
+    Raises
+    ------
+    detectors.errors.UserError
+        When folder or labels cannot be read, or there are fewer than five loops.
     """
     known = {} if labels is None else read_labels(labels)
     each = {name: {"kind": row["kind"], "process": row["process"]} for name, row in known.items()}
@@ -98,26 +110,57 @@ def against(
     unit = {name: known.get(name, {}).get("unit_group", name) for name in records}
     if len(set(unit.values())) < 5:
         raise ParameterError(f"{folder}: {len(set(unit.values()))} loops; a study needs at least 5")
+    return Recorded(records, unit, known, refused, Path(folder))
+
+
+def against(
+    real: Recorded,
+    simulated: list[Simulated],
+    grid: str,
+    methods: Sequence[str] = ("fast",),
+    *,
+    seed: int = 0,
+    jobs: int = 1,
+    keep: str | Path | None = None,
+) -> Study:
+    """Compare what was recorded with simulated loops.
+
+    Parameters
+    ----------
+    real : Recorded
+    simulated : list of Simulated
+    grid : str
+        How these are called.
+    methods : sequence of str
+    seed, jobs : int
+    keep : path, optional
+        As `study` takes them.
+
+    Returns
+    -------
+    Study
+    """
+    records, unit, known = real.records, real.unit, real.known
     rng, chosen = np.random.default_rng(seed), choose_methods(methods)
     names, real_x, _ = by_unit([looks(r) for r in records.values()], list(unit.values()))
     sim_x = units(simulated)
     ruler = Ruler.of(sim_x, real_x)
-    found, failed = effects_of(records, unit, Path(folder), jobs=jobs, keep=keep)
+    found, failed = effects_of(records, unit, real.folder, jobs=jobs, keep=keep)
     base = verdicts_on(simulated, chosen)
     joined, moved = join(simulated, found, len(set(unit.values())), ruler, real_x, base, chosen, rng)
-    real = _real_accuracy(records, unit, known, chosen, rng)
+    labelled = _real_accuracy(records, unit, known, chosen, rng)
     few = len(set(unit.values()))
     notes = [
         f"{few} loops: a share of one half is known to within {98 / np.sqrt(few):.0f} points, a feature only where it is plain"
     ]
-    notes += [f"left out {n}: {why}" for n, why in refused.items()] + failed
+    notes += [f"left out {n}: {why}" for n, why in real.refused.items()] + failed
     if joined and joined[-1].distance_after > 0.5 * mmd(ruler, sim_x, real_x):
         notes.append("more than half of the distance stays unexplained by the effects found")
     return Study(
         records=len(records), loops=few, distance=mmd_test(ruler, sim_x, real_x, rng),
         classifier=classifier_test(ruler.measured(sim_x), ruler.measured(real_x), rng),
         features=feature_tests(ruler, names, sim_x, real_x), effects=tuple(joined), simulated=accuracy(simulated, base, chosen),
-        real=real, moved=moved, notes=tuple(notes), grid=grid,
+        real=labelled, moved=moved, notes=tuple(notes), grid=grid,
     )  # fmt: skip
 
 

@@ -16,7 +16,7 @@ from simbench.gap.likelihood.model import Data, Fit, Spec, size_penalty
 from simbench.gap.sensor.samples import inspect_samples
 from simbench.loop.effects import EFFECTS, block_of
 
-BAND = "deadband"
+BAND = min((e for e in EFFECTS if recogniser(e).band is not None), key=lambda e: len(EFFECTS[e].parameters))
 HALF = 0.5  # of what OP does, that a law may leave unexplained and still show its direction
 
 
