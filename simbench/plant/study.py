@@ -76,7 +76,7 @@ def study(
 
 
 @dataclass(frozen=True, eq=False)
-class Recorded:
+class RecordedFleet:
     """What was recorded in a plant: records by name, the unit of each, its line of the labels, files refused, and where."""
 
     records: Mapping[str, LoopRecord]
@@ -86,7 +86,7 @@ class Recorded:
     folder: Path
 
 
-def read_fleet(folder: str | Path, labels: str | Path | None = None) -> Recorded:
+def read_fleet(folder: str | Path, labels: str | Path | None = None) -> RecordedFleet:
     """Read a set of records, and refuse one of too few loops.
 
     Parameters
@@ -97,7 +97,7 @@ def read_fleet(folder: str | Path, labels: str | Path | None = None) -> Recorded
 
     Returns
     -------
-    Recorded
+    RecordedFleet
 
     Raises
     ------
@@ -110,11 +110,11 @@ def read_fleet(folder: str | Path, labels: str | Path | None = None) -> Recorded
     unit = {name: known.get(name, {}).get("unit_group", name) for name in records}
     if len(set(unit.values())) < 5:
         raise ParameterError(f"{folder}: {len(set(unit.values()))} loops; a study needs at least 5")
-    return Recorded(records, unit, known, refused, Path(folder))
+    return RecordedFleet(records, unit, known, refused, Path(folder))
 
 
 def against(
-    real: Recorded,
+    real: RecordedFleet,
     simulated: list[Simulated],
     grid: str,
     methods: Sequence[str] = ("fast",),
@@ -127,7 +127,7 @@ def against(
 
     Parameters
     ----------
-    real : Recorded
+    real : RecordedFleet
     simulated : list of Simulated
     grid : str
         How these are called.
