@@ -88,7 +88,7 @@ def asked(effect: str, seed: int, records: int, groups: int) -> dict[str, Any]:
     -----
     In half the loops of the grid the valve sticks: of sticking that comes and goes, fleet and grid are drawn from the others.
     """
-    rng = np.random.default_rng([seed, list(STRENGTHS).index(effect)])
+    rng, methods = np.random.default_rng([seed, list(STRENGTHS).index(effect)]), choose_methods(["fast"])
     strength = {k: float(rng.uniform(*ends)) for k, ends in STRENGTHS[effect].items()}
     with tempfile.TemporaryDirectory() as place:
         for i, s in enumerate(_fleet(records, seed, sound=effect == COMES_AND_GOES)):
@@ -96,9 +96,9 @@ def asked(effect: str, seed: int, records: int, groups: int) -> dict[str, Any]:
             loop = plant(s.loop, effect, strength, size)
             write_record(simulate(loop, s.seed).record.blind(), Path(place) / f"L{i}.csv")
         simulated = sound(groups, seed) if effect == COMES_AND_GOES else draw(GRID, groups, seed)
-        found = against(read_fleet(place), simulated, GRID, seed=seed)
-    methods, spared = choose_methods(["fast"]), effect == COMES_AND_GOES
-    now = [_with(s, effect, strength) if s.stands or not spared else s for s in simulated]
+        found = against(read_fleet(place), simulated, GRID, methods, seed=seed)
+    # friction is what is asked for: a sibling stays sound
+    now = [_with(s, effect, strength) if s.stands or effect != COMES_AND_GOES else s for s in simulated]
     before, after = (accuracy(x, verdicts_on(x, methods), methods) for x in (simulated, now))
     first = next((e for e in found.effects if e.effect in CALLED.get(effect, (effect,))), None)
     return {

@@ -125,7 +125,7 @@ def readings(method: str, verdicts: Sequence[Verdict], sticky: np.ndarray) -> li
         the other, and the other way round; there is none for a method without scores.
     """
     own = np.array([v.verdict == STICTION for v in verdicts])
-    undecided = np.array([v.verdict == "no_decision" for v in verdicts])
+    undecided = np.array([v.verdict == NO_DECISION for v in verdicts])
     published = Rule(method, None, _right(own, sticky, ~undecided))
     # what could not be scored is no alarm, and no finding either
     scores = np.array([v.score if v.score == v.score else -np.inf for v in verdicts])

@@ -22,13 +22,11 @@ STICKY, SOUND, UNSEEN, OPEN = "stiction", "no stiction", "cannot be seen in this
 class MethodTrust:
     """What one method is worth on this loop: its verdict on the record, and its record on the twins.
 
-    `rule` is how it is to be read here, `called` whether that reading calls the record stiction; false alarms, power and
-    likelihood ratio are those of the published rule.
+    `rule` is how it is to be read here; false alarms, power and likelihood ratio are those of the published rule.
     """
 
     verdict: Verdict
     rule: Rule
-    called: bool
     false_alarms: float
     power: tuple[Cell, ...]
     likelihood_ratio: float

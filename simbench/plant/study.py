@@ -71,8 +71,8 @@ def study(
     Where a record has no label, or only one class is labelled, no accuracy is given. Effects are found by `gap diagnose`; one
     that it does not know widens the distance and stays unexplained. A valve that sticks at times shows as friction.
     """
-    real = read_fleet(folder, labels)
-    return against(real, draw(grid, groups, seed), str(grid), methods, seed=seed, jobs=jobs, keep=keep)
+    real, chosen = read_fleet(folder, labels), choose_methods(methods)
+    return against(real, draw(grid, groups, seed), str(grid), chosen, seed=seed, jobs=jobs, keep=keep)
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +117,7 @@ def against(
     real: RecordedFleet,
     simulated: list[Simulated],
     grid: str,
-    methods: Sequence[str] = ("fast",),
+    methods: list[str],
     *,
     seed: int = 0,
     jobs: int = 1,
@@ -131,7 +131,8 @@ def against(
     simulated : list of Simulated
     grid : str
         How these are called.
-    methods : sequence of str
+    methods : list of str
+        Ids.
     seed, jobs : int
     keep : path, optional
         As `study` takes them.
@@ -141,14 +142,14 @@ def against(
     Study
     """
     records, unit, known = real.records, real.unit, real.known
-    rng, chosen = np.random.default_rng(seed), choose_methods(methods)
+    rng = np.random.default_rng(seed)
     names, real_x, _ = by_unit([looks(r) for r in records.values()], list(unit.values()))
     sim_x = units(simulated)
     ruler = Ruler.of(sim_x, real_x)
     found, failed = effects_of(records, unit, real.folder, jobs=jobs, keep=keep)
-    base = verdicts_on(simulated, chosen)
-    joined, moved = join(simulated, found, len(set(unit.values())), ruler, real_x, base, chosen, rng)
-    labelled = _real_accuracy(records, unit, known, chosen, rng)
+    base = verdicts_on(simulated, methods)
+    joined, moved = join(simulated, found, len(set(unit.values())), ruler, real_x, base, methods, rng)
+    labelled = _real_accuracy(records, unit, known, methods, rng)
     few = len(set(unit.values()))
     notes = [
         f"{few} loops: a share of one half is known to within {98 / np.sqrt(few):.0f} points, a feature only where it is plain"
@@ -159,8 +160,8 @@ def against(
     return Study(
         records=len(records), loops=few, distance=mmd_test(ruler, sim_x, real_x, rng),
         classifier=classifier_test(ruler.measured(sim_x), ruler.measured(real_x), rng),
-        features=feature_tests(ruler, names, sim_x, real_x), effects=tuple(joined), simulated=accuracy(simulated, base, chosen),
-        real=labelled, moved=moved, notes=tuple(notes), grid=grid,
+        features=feature_tests(ruler, names, sim_x, real_x), effects=tuple(joined),
+        simulated=accuracy(simulated, base, methods), real=labelled, moved=moved, notes=tuple(notes), grid=grid,
     )  # fmt: skip
 
 

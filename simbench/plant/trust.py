@@ -153,7 +153,7 @@ def _row(said: Verdict, rule: Rule, verdicts: list[Verdict], S: np.ndarray, J: n
     # what is claimed of a method is claimed of its published rule, the one that gave the verdict
     called = np.array([v.verdict == STICTION for v in verdicts])
     ratio = likelihood_ratio(said.verdict, [v.verdict for v in verdicts], sticky)
-    return MethodTrust(said, rule, rule.calls(said), float(called[~sticky].mean()), tuple(cells_of(S, J, called)), ratio)
+    return MethodTrust(said, rule, float(called[~sticky].mean()), tuple(cells_of(S, J, called)), ratio)
 
 
 def _invisible(cells: list[Cell], seen: tuple[float, float] | None) -> tuple[float, float]:
@@ -170,7 +170,7 @@ def _in_units(c: Cell, percent: float) -> Cell:
 def _without_twins(
     record: LoopRecord, said: list[Verdict], why: str, behind: Around | None = None, probability: float | None = None
 ) -> Trust:
-    rows = tuple(MethodTrust(v, Rule(v.method, None, 0.5), v.verdict == STICTION, float("nan"), (), 1.0) for v in said)
+    rows = tuple(MethodTrust(v, Rule(v.method, None, 0.5), float("nan"), (), 1.0) for v in said)
     answer = STICKY if (probability or 0.0) > LIKELY else OPEN
     notes = () if behind is None else behind.notes
     when = None if behind is None else over_time(record)
