@@ -33,7 +33,8 @@ def heavy_tails(x: np.ndarray) -> bool:
         return False
     z2 = (x / scale) ** 2
     t = max(_loglik_t(z2, df) for df in DEGREES)
-    share, narrow, wide, mixture = 0.02, 1.0, float(np.quantile(z2, 0.99)) + 1.0, 0.0
+    share, narrow, wide = 0.02, 1.0, float(np.quantile(z2, 0.99)) + 1.0
+    far = near = z2
     for _ in range(30):
         far = share * np.exp(-0.5 * z2 / wide) / np.sqrt(wide)
         near = (1.0 - share) * np.exp(-0.5 * z2 / narrow) / np.sqrt(narrow)
@@ -41,7 +42,7 @@ def heavy_tails(x: np.ndarray) -> bool:
         share = float(np.clip(odds.mean(), 1e-6, 0.5))
         wide = max(float(odds @ z2 / max(odds.sum(), 1e-12)), narrow)
         narrow = max(float((1.0 - odds) @ z2 / (1.0 - odds).sum()), NARROWEST)
-        mixture = float(np.log(far + near + 1e-300).sum()) - 0.5 * z2.size * np.log(2.0 * np.pi)
+    mixture = float(np.log(far + near + 1e-300).sum()) - 0.5 * z2.size * np.log(2.0 * np.pi)
     return bool(t > mixture)
 
 
