@@ -300,6 +300,18 @@ def whiten(
             since = min(since + 1, last)
         if k >= SKIP:
             sum_log += log_var
+        if m == 1:
+            # loops over a single channel cost more than what they do
+            alone = channels[0, k]
+            for q in range(shown):
+                alone -= x[shows[q], 0]
+            for i in range(s):
+                x_new[i, 0] = gain[i] * alone + F[i, i] * x[i, 0]
+            for q in range(couplings):
+                x_new[to[q], 0] += weight[q] * x[come[q], 0]
+            out[0, k] = alone * scale
+            x, x_new = x_new, x
+            continue
         # numbers that a loop over channels needs stand before it: only then is it compiled to vectors
         for c in range(m):
             nu[c] = channels[c, k]

@@ -171,6 +171,17 @@ def test_innovations_of_the_right_model_are_white_and_of_variance_one():
     assert abs(np.mean(white[1:] * white[:-1])) < 0.03
 
 
+@pytest.mark.parametrize("places", [(), (100, 103, 140)])
+def test_a_channel_by_itself_is_filtered_as_among_others(places):
+    y = RNG.standard_normal((3, 200))
+    model = (8.0, 2.0, 15.0, 3.0, 1.3, 0.2, 0.1, 0.4, 0.3, 5.0, *([np.array(places), 4.0, True] if places else []))
+    among, logs = kernels.whiten(y, *model)
+    for i in range(3):
+        alone, same = kernels.whiten(y[i : i + 1], *model)
+        assert np.array_equal(alone[0], among[i])
+        assert same == logs
+
+
 def test_every_channel_is_filtered_alike():
     y = RNG.standard_normal((2, 200))
     both = kernels.whiten(np.vstack([y, y[0] + 2 * y[1]]), 8.0, 0.0, 15.0, 3.0, 1.3, 0.2, 0.1, 0.4, 0.3, 5.0)[0]
