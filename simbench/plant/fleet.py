@@ -136,8 +136,11 @@ def survey(
 
 
 def _one(name: str, record: LoopRecord, methods: list[str], label: str, seed: int) -> FleetLoop:
-    said = tuple(judged(record, methods))
     found = trust(record, methods=["fast"], healthy=HEALTHY, each=EACH, help_wanted=False, seed=seed)
+    asked = {m.verdict.method: m.verdict for m in found.methods}
+    others = judged(record, [name for name in methods if name not in asked])
+    by_method = asked | {v.method: v for v in others}
+    said = tuple(by_method[name] for name in methods)
     size = None
     behind = found.behind
     if behind is not None and behind.fitted and (behind.gain or 0.0) > 0 and (found.probability or 0.0) >= 0.5:
