@@ -19,6 +19,7 @@ LINES = (BLACK, BLUE, ORANGE, RED, SKY)
 def draw_trend(record: LoopRecord, marks: Sequence[tuple[float, float, str]] = ()) -> Figure:
     """Draw PV (with SP) above OP over time; `marks` are windows (start s, end s, colour) shaded behind OP."""
     figure, axes = panels(2, 1, 5.0, 2.6, sharex=True)
+    _place(figure, left=0.18, right=0.985, bottom=0.165, top=0.93, hspace=0.12)
     above, below = axes.ravel()
     hours = 3600.0 if record.duration > 7200 else 60.0
     for ax, signals in ((above, ("sp", "pv")), (below, ("op",))):
@@ -38,6 +39,7 @@ def draw_trend(record: LoopRecord, marks: Sequence[tuple[float, float, str]] = (
 def draw_pv_op(record: LoopRecord) -> Figure:
     """Draw PV against OP."""
     figure, axes = panels(1, 1, 2.6, 2.6)
+    _place(figure, left=0.35, right=0.965, bottom=0.165, top=0.93)
     ax = axes.ravel()[0]
     k = np.unique(np.linspace(0, record.n - 1, min(record.n, 2 * POINTS)).astype(int))
     ax.plot(record.op[k], record.pv[k], color=BLUE, lw=0.5, alpha=0.8)
@@ -65,6 +67,12 @@ def draw_power(curves: Mapping[str, Sequence[Cell]], ratio: float, unit: str) ->
     label(ax, f"S ({unit})", "share found", f"J = {ratio:.3g} S")
     ax.legend(loc="upper left")
     return figure
+
+
+def _place(figure: Figure, **edges: float) -> None:
+    """Put the axes where any numbers fit beside them; to measure those takes as long as to draw, and a plant has hundreds."""
+    figure.set_layout_engine(None)
+    figure.subplots_adjust(**edges)
 
 
 def _op(record: LoopRecord) -> str:
