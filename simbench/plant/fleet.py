@@ -19,7 +19,7 @@ from simbench.plant.result import STICKY, Trust
 from simbench.plant.resumed import resumed
 from simbench.plant.trust import trust
 
-HEALTHY, EACH = 20, 2  # twins per loop: enough to rank a plant; `simbench trust` draws more
+HEALTHY, EACH = 16, 2  # twins per loop: enough to rank a plant; `simbench trust` draws more
 NOTHING = "procedure"  # whose windows are missing where a record cannot be judged
 NONLINEAR = "surrogate"  # whose score tells a source from its victims
 

@@ -31,7 +31,7 @@ LEARNING, TESTING = 11, 12  # seeds of the order in which loops are drawn; group
 
 
 def loops(count: int, seed: int, grid: str = GRID) -> Iterator[Scenario]:
-    """Yield loops of a grid in random order, one of each group.
+    """Yield loops of a grid in random order: one of each group, then the others of these groups.
 
     Parameters
     ----------
@@ -46,13 +46,16 @@ def loops(count: int, seed: int, grid: str = GRID) -> Iterator[Scenario]:
         A loop that cannot be resolved is passed over.
     """
     source, rng = load_grid(grid), np.random.default_rng(seed)
-    groups = np.arange((seed + 1) % 2, source.group_count, 2)
-    for index in rng.permutation(groups)[:count]:
+    groups = rng.permutation(np.arange((seed + 1) % 2, source.group_count, 2))
+    others: list[Scenario] = []
+    for index in groups[:count]:
         try:
             members = list(resolve(source.group(int(index))))
         except (UserError, SpecError):
             continue
-        yield members[int(rng.integers(len(members)))]
+        yield members.pop(int(rng.integers(len(members))))
+        others += members
+    yield from others[: max(count - groups.size, 0)]
 
 
 def looked_at(scenario: Scenario) -> dict[str, Any]:

@@ -32,7 +32,7 @@ from simbench.plant.twins import Twin, draw_twins
 
 HEALTHY, EACH = 80, 12  # twins with a sound valve, and in every cell of S and J
 LONG, THINNEST = 8000, 0.3  # samples of a record from which fewer twins are drawn, and at least this share of them
-FEW = 10  # twins of a kind below which nothing is said
+FEW, ENOUGH = 10, 16  # twins of a kind below which nothing is said, and drawn of a long record: loops may run away
 LIKELY = 0.75  # probability from which stiction is claimed
 EVEN = 0.5  # below it a size that four of five records would show is denied: it stands there in one case of ten at most
 
@@ -105,7 +105,8 @@ def trust(
     asked = said if ASKED in names else judged(record, [ASKED])
     probability = EvidenceWeights.read().probability(behind.gain, calls(asked))
     share = float(np.clip(LONG / record.n, THINNEST, 1.0))
-    twins = draw_twins(behind, round(share * healthy), max(round(share * each), 2), seed=seed)
+    sound = max(round(share * healthy), min(healthy, ENOUGH))
+    twins = draw_twins(behind, sound, max(round(share * each), 2), seed=seed)
     sticky = np.array([t.S > 0 for t in twins], dtype=bool)
     if min(sticky.sum(), (~sticky).sum()) < FEW:
         whose = "loop file's" if behind.trusted else "identified"

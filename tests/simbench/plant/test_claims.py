@@ -1,9 +1,11 @@
 """Claims are held against what was measured, loop by loop."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from simbench.plant import claims
+from simbench.plant import claims, learn
 from simbench.plant.learn import LEARNING, TESTING, fit, kept, loops
 
 
@@ -74,6 +76,16 @@ def test_loops_learned_on_are_never_tested_on():
     tested = {s.tags["cell"] for s in loops(6, TESTING)}
     assert learned
     assert not learned & tested
+
+
+def test_where_loops_outnumber_groups_the_other_loops_of_the_groups_follow_once(monkeypatch):
+    monkeypatch.setattr(learn, "load_grid", lambda name: SimpleNamespace(group_count=9, group=lambda i: i))
+    monkeypatch.setattr(learn, "resolve", lambda i: [(i, "sticky"), (i, "healthy")])
+    few, more, most = (list(loops(count, TESTING)) for count in (3, 6, 100))
+    assert few == more[:3] == most[:3]
+    assert more == most[:6]
+    assert sorted(most) == sorted((i, kind) for i in (1, 3, 5, 7) for kind in ("sticky", "healthy"))
+    assert sorted(i for i, _ in most[:4]) == [1, 3, 5, 7]
 
 
 def test_a_calibration_learned_on_telling_evidence_believes_it():

@@ -13,7 +13,9 @@ from simbench.cli import main
 from simbench.files import write_record
 from simbench.loop.simulate import simulate
 from simbench.plant.calibration import EvidenceWeights
+from simbench.plant.fleet import EACH, HEALTHY
 from simbench.plant.result import OPEN, SOUND, STICKY, UNSEEN
+from simbench.plant.trust import FEW as LEAST
 from simbench.plant.trust import trust
 
 FEW = {"methods": ["he,rossi_scali,procedure"], "healthy": 30, "each": 6}
@@ -67,6 +69,13 @@ def test_a_set_point_step_at_the_start_of_a_record_leaves_it_its_twins():
     answer = trust(record, methods=["he"], healthy=30, each=4, help_wanted=False)
     assert answer.best is not None
     assert answer.power
+
+
+def test_a_long_record_of_a_plant_has_twins_enough_to_say_what_would_have_shown(sticky, monkeypatch):
+    monkeypatch.setattr("simbench.plant.trust.LONG", 100)
+    few = trust(sticky, methods=["procedure"], healthy=HEALTHY, each=EACH, help_wanted=False)
+    assert LEAST <= sum(S == 0 for S, _ in few.twins) <= HEALTHY
+    assert few.power
 
 
 def test_the_smallest_visible_is_that_of_the_method_most_often_right_whatever_it_says(sticky, found, monkeypatch):
