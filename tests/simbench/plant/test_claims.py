@@ -32,7 +32,14 @@ def test_the_cell_nearest_to_the_truth_is_what_was_claimed():
     assert (name, alarms, measured) == ("he", "0.10", "0.07")
     assert (power, found) == ("0.50", "0.55")
     assert float(off) == pytest.approx(0.05)
-    assert lines[-1].endswith("1 of 1 methods; power: 1 of 1")
+    assert lines[-2].endswith("1 of 1 methods; power: 1 of 1")
+
+
+def test_false_alarms_are_held_against_loops_that_are_sound_themselves():
+    sticky, sound = row(True, 0.9, "stiction", 2.0, 4.5, 0.4, 1.0), row(False, 0.1, "no_stiction", None, 0.0, 0.1, None)
+    lines = claims._claims([sticky, sound])
+    assert "mean over the loops: 0 of 1 methods" in lines[-2]
+    assert lines[-1] == "the same over the 1 loops whose own valve is sound: 1 of 1 methods"
 
 
 def test_only_small_friction_is_said_to_be_invisible():
