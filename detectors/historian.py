@@ -26,6 +26,8 @@ MILLIAMPERE = (4.0, 20.0)
 OTHER_SPANS = {"v", "volt", "bar", "mbar", "kpa", "psi", "psig", "mm", "deg", "rpm", "hz"}
 SENTINELS = (-99999.0, -9999.0, -999.25, -999.0, 9999.0, 99999.0)
 POINT = re.compile(r"[+-]?(\d+|\d{1,3}(,\d{3})+)?(\.\d*)?(e[+-]?\d+)?", re.IGNORECASE)
+APART = re.compile(r"(?<=\d)[\u00a0\u202f' ](?=\d{3})")  # what stands between thousands
+GROUPS = re.compile(r"[+-]?[1-9]\d{0,2}([.,]\d{3})+")  # numbers that may be whole, or have three decimals
 COMMA = re.compile(r"[+-]?(\d+|\d{1,3}(\.\d{3})+)?(,\d*)?(e[+-]?\d+)?", re.IGNORECASE)
 
 
@@ -153,8 +155,9 @@ def read_numbers(sheet: Sheet, names: Sequence[str], where: str) -> dict[str, np
         _refuse_thousands(column, name, where)
     comma = _decimal_comma([t for column in texts.values() for t in column if t], sheet, where)
     for name, column in texts.items():
-        states = Counter(t for t in column if t and _state(t))
-        out[name] = np.array([_value(t, comma, i, name, sheet, where) for i, t in enumerate(column)], dtype=np.float64)
+        values = [_value(t, comma, i, name, sheet, where) for i, t in enumerate(column)]
+        states = Counter(t for t, x in zip(column, values) if x != x and t and _state(t))
+        out[name] = np.array(values, dtype=np.float64)
         sheet.notes += [f"status: {k} cells of {name} say {state!r} and count as missing" for state, k in states.items()]
     for name, x in out.items():
         infinite = np.flatnonzero(np.isinf(x))
@@ -217,7 +220,9 @@ def means(name: str, role: str) -> bool:
 
 def _bare(value: object) -> str:
     text = "" if value is None else str(value).strip()
-    return re.sub(r"(?<=\d)[\u00a0\u202f' ](?=\d{3})", "", text) if text[:1].isdigit() or text[:1] in "+-" else text
+    if text.isascii() and "'" not in text and " " not in text:
+        return text
+    return APART.sub("", text) if text[:1].isdigit() or text[:1] in "+-" else text
 
 
 def _is_numeric(column: object) -> bool:
@@ -236,9 +241,9 @@ def _state(text: str) -> bool:
 
 def _decimal_comma(texts: Sequence[str], sheet: Sheet, where: str) -> bool:
     """Decide whether the comma is the decimal sign, by every number of the table together."""
-    found = [t for t in texts if ("," in t or "." in t) and _numeric(t)]
-    if not any("," in t for t in found):
+    if not any("," in t and _numeric(t) for t in texts):
         return False
+    found = [t for t in texts if ("," in t or "." in t) and _numeric(t)]
     point, comma = (all(rule.fullmatch(t) for t in found) for rule in (POINT, COMMA))
     if point and comma:
         if sheet.delimiter == ";" and not any("." in t for t in found):
@@ -257,10 +262,13 @@ def _decimal_comma(texts: Sequence[str], sheet: Sheet, where: str) -> bool:
 
 def _refuse_thousands(column: Sequence[str], name: str, where: str) -> None:
     """Refuse 987 beside 1.012, which a program that separates thousands writes for 1012."""
-    signed = [t for t in column if ("," in t or "." in t) and _numeric(t)]
-    groups = signed and all(re.fullmatch(r"[+-]?[1-9]\d{0,2}([.,]\d{3})+", t) for t in signed)
+    marked = [t for t in column if "," in t or "." in t]
+    # most columns are told by their first number
+    if any(not GROUPS.fullmatch(t) and _numeric(t) for t in marked):
+        return
+    signed = [t for t in marked if _numeric(t)]
     plain = [abs(float(t)) for t in column if re.fullmatch(r"[+-]?[1-9]\d\d", t)]
-    if groups and plain:
+    if signed and plain:
         read = [abs(float(t.replace(",", "."))) for t in signed if len(re.findall("[.,]", t)) == 1]
         # 514.503 beside 515 is a decimal point: as 514503 it would be another signal
         if read and min(read) > 0.1 * min(plain):
@@ -275,13 +283,13 @@ def _cell(sheet: Sheet, name: str, row: int) -> str:
 
 
 def _value(text: str, comma: bool, row: int, name: str, sheet: Sheet, where: str) -> float:
-    if not text or _state(text):
-        return np.nan
     try:
         if comma:
             return float(text.replace(".", "").replace(",", ".")) if "," in text or COMMA.fullmatch(text) else float(text)
         return float(text.replace(",", ""))
     except ValueError:
+        if not text or _state(text):
+            return np.nan
         raise RecordError(f"{where}, {sheet.place(row)}: {name} is {text!r}; {NEEDED}") from None
 
 
