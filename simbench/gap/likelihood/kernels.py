@@ -13,7 +13,8 @@ from numba import njit
 IDEAL, PLAY, ZONE, STICK, CREEP, CURVE = range(6)
 PINK = -1.0  # as `load_lag`: a load of power 1/f
 FRACTION = 5.0  # ratio of the time constants that add up to 1/f
-BATCH = 16  # valve maps filtered together: one waits while another computes
+FEW, MANY = 16, 48  # valve maps filtered together, one waits while another computes: of long records few, or ...
+LONG = 5000  # ... of records up to this many samples many, which the processor's cache holds
 SKIP = 4  # first samples, which only settle the filter's unknown start
 REACH = 300  # samples after a jump of the load, over which the filter's gain follows it, or until its variance is ...
 SETTLED = 1e-6  # ... as constant as that from sample to sample
@@ -346,9 +347,10 @@ def scan(
     """
     total, n = points.shape[0], u.size
     out = np.empty(total)
-    batch = np.empty((BATCH, n))
-    for first in range(0, total, BATCH):
-        many = min(BATCH, total - first)
+    together = MANY if n <= LONG else FEW
+    batch = np.empty((together, n))
+    for first in range(0, total, together):
+        many = min(together, total - first)
         for i in range(many):
             p = points[first + i]
             batch[i] = valve(u, kind, p[0], p[1], p[2])
