@@ -33,8 +33,7 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
 
 def by_mv(search: MapSearch) -> Found:
     """Return the better of two maps with a jump."""
-    grid = [(s, s * j) for s in search.sizes for j in COARSE_JUMPS]
-    return max((search.zoom(kind, ("S", "J"), grid, 2.0) for kind in MODELS), key=lambda t: t[0])
+    return max((search.slipping(kind, ("S", "J"), COARSE_JUMPS, 2.0) for kind in MODELS), key=lambda t: t[0])
 
 
 def draw(y: Yardstick, rng: np.random.Generator) -> Size:

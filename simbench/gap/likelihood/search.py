@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 
@@ -90,14 +91,13 @@ def scanned(engine: Engine, spec: Spec, theta: dict[str, float], kind: int, poin
     high = engine.scan(spec, theta, kind, near)
     if kind in SLIPPING:
         points, values = np.vstack([points, near]), np.concatenate([values, high])
-        return mapped(engine, spec, theta, kind, followed(engine, spec, theta, kind, points, values))
+        best = followed(lambda children: engine.scan(spec, theta, kind, children), points, values)[0]
+        return mapped(engine, spec, theta, kind, best)
     return mapped(engine, spec, theta, kind, near[int(np.argmax(high))])
 
 
-def followed(
-    engine: Engine, spec: Spec, theta: dict[str, float], kind: int, points: np.ndarray, values: np.ndarray
-) -> np.ndarray:
-    """Return the best point (3,) of a map with a jump, looked for ever closer around many different ones.
+def followed(scan: Callable[[np.ndarray], np.ndarray], points: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return points (p, 3) of a map with a jump, the best first, looked for ever closer around many different ones.
 
     The true peak is a percent or two wide in S, and on a coarse set its foot stands no higher than broad hills elsewhere.
     """
@@ -111,8 +111,8 @@ def followed(
         start = np.where(np.arange(len(S)) % 2 == 0, parents[:, 2] / parents[:, 0], rng.choice(STARTS, len(S)) / 2)
         children = np.column_stack([S, share * S, start * S])
         points = np.vstack([points[kept], children])
-        values = np.concatenate([values[kept], engine.scan(spec, theta, kind, children)])
-    return points[int(np.argmax(values))]
+        values = np.concatenate([values[kept], scan(children)])
+    return points[np.argsort(-values, kind="stable")]
 
 
 def different(points: np.ndarray, values: np.ndarray, share: float) -> list[int]:

@@ -7,9 +7,11 @@ from scipy.signal import lfilter
 
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import size_penalty
+from simbench.gap.likelihood.search import followed
 
 PEAKS = 4  # of the best points of a grid over valve maps that are refined
 SHARES = (0.1, 0.05, 0.02, 0.01, 0.004, 0.001)  # of a point's numbers by which it is varied, ever finer
+STRETCH = 500  # samples in which the peaks of a map with a jump are looked for
 HOPELESS = -20.0  # nats below which nobody asks by how much
 AROUND = (-2, -1, 0, 1, 2)
 
@@ -46,6 +48,11 @@ class MapSearch:
         """Return the answer for a model of that level with `count` fitted numbers."""
         return max(float(self.healthy - level - size_penalty(self.op.size, count)), HOPELESS), parameters
 
+    def best(self, found: list[tuple[float, float, float]], names: tuple[str, ...], count: float) -> Found:
+        """Return the answer for the best of some levels with their numbers."""
+        value, *numbers = min(found)
+        return self.priced(value, {name: float(x) for name, x in zip(names, numbers)}, count)
+
     def moved(self, kind: int, a: float, b: float) -> np.ndarray:
         """Return OP behind a compiled map that begins where MV does."""
         first = self.mv[0] - self.op[0] if kind in (kernels.PLAY, kernels.STICK, kernels.CREEP) else 0.0
@@ -55,12 +62,40 @@ class MapSearch:
 
     def zoom(self, kind: int, names: tuple[str, ...], grid: list[tuple[float, float]], count: float) -> Found:
         """Return the answer for a compiled map: a grid over its one or two numbers, its best points followed down."""
+        return self.best(self.peaks(kind, grid), names, count)
+
+    def slipping(self, kind: int, names: tuple[str, str], shares: tuple[float, ...], count: float) -> Found:
+        """Return the answer for a compiled map with a jump, J tried as shares of S.
+
+        One slip missed spoils all that follow, and the longer a record the narrower are its peaks: they are looked for in a
+        short stretch as well.
+        """
+        part = self.stretch()
+
+        def scan(points: np.ndarray) -> np.ndarray:
+            return -np.array([part.level(part.moved(kind, a, b)) for a, b, _ in points])
+
+        points = np.array([(s, s * j, 0.0) for s in self.sizes for j in shares])
+        near = part.peaks(kind, [(a, b) for a, b, _ in followed(scan, points, scan(points))[:PEAKS]])
+        found = [*self.peaks(kind, [(a, b) for a, b, _ in points]), *self.peaks(kind, [(a, b) for _, a, b in near])]
+        return self.best(found, names, count)
+
+    def stretch(self) -> MapSearch:
+        """Return the search over as many samples as are needed, where MV moves most."""
+        n, size = self.op.size, min(STRETCH, self.op.size)
+        way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(self.mv)))])
+        starts = np.arange(0, n - size + 1, max(size // 2, 1))
+        first = int(starts[np.argmax(way[starts + size - 1] - way[starts])])
+        here = slice(first, first + size)
+        return MapSearch(self.op[here], self.mv[here], self.Ts, self.op[here])
+
+    def peaks(self, kind: int, grid: list[tuple[float, float]]) -> list[tuple[float, float, float]]:
+        """Return level and numbers at the bottoms below the best few points of a grid: peaks are narrow, of several depths."""
 
         def tried(points: list[tuple[float, float]]) -> list[tuple[float, float, float]]:
             return sorted((self.level(self.moved(kind, a, b)), a, b) for a, b in points)
 
         found = []
-        # peaks are narrow and of several depths: follow the best few down
         for _, a, b in tried(grid)[:PEAKS]:
             for share in SHARES:
                 wide = a if kind == kernels.ZONE else b
@@ -68,8 +103,7 @@ class MapSearch:
                 near = [(a * (1 + i * share / 2), b + j * share * wide) for i in AROUND for j in ways]
                 value, a, b = tried(near)[0]
             found.append((value, a, b))
-        value, *numbers = min(found)
-        return self.priced(value, {name: float(x) for name, x in zip(names, numbers)}, count)
+        return found
 
 
 def lagged(op: np.ndarray, tau: float) -> np.ndarray:

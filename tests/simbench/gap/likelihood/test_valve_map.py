@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
+from scenarios.spec import Loop
 from simbench.gap.effects import recogniser
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.valve_map import MapSearch, lagged
+from simbench.loop.simulate import simulate
 
 N, TS = 500, 2.0
 OP = 50.0 + 4.0 * np.sin(np.arange(N) / 17.0) + 2.5 * np.sin(np.arange(N) / 6.1)
@@ -73,3 +75,20 @@ def test_a_lag_answers_a_step_by_its_time_constant_and_begins_at_rest(tau):
     step = np.where(np.arange(60) >= 10, 53.0, 50.0)
     k = np.arange(60) - 9
     assert lagged(step, tau) == pytest.approx(50.0 + 3.0 * np.where(k > 0, 1.0 - np.exp(-k / tau), 0.0))
+
+
+@pytest.mark.parametrize("model", ["choudhury", "he", "kano"])
+@pytest.mark.parametrize("n", [1000, 4000])
+def test_friction_of_a_cycling_loop_is_read_from_mv_however_long_the_record(model, n):
+    rng, right = np.random.default_rng(7), 0
+    for seed in range(8):
+        S = float(np.exp(rng.uniform(np.log(0.5), np.log(10.0))))
+        J = float(S * rng.uniform(0.1, 1.0))
+        run = simulate(Loop.from_table({
+            "plant": {"type": "foptd", "K": 1.0, "T": 10.0, "Td": 2.0}, "controller": {"type": "PI", "Kc": 1.0, "Ti": 10.0},
+            "valve": {"model": model, "S": S, "J": J}, "noise": {"std": 0.1}, "sampling": {"Ts": 1.0, "n": n},
+            "setpoint": {"steps": [[10, 55]]},
+        }), seed).record  # fmt: skip
+        found = recogniser("stiction").by_mv(MapSearch(run.op, run.mv, 1.0, run.op))[1]
+        right += abs(found["S"] / S - 1.0) < 0.05 and abs(found["J"] - J) < 0.1 * S
+    assert right >= 7
