@@ -41,9 +41,10 @@ def friction(record: LoopRecord, loop: Loop | None = None) -> Assessment:
     Returns
     -------
     Assessment
-        Friction's gain is the one that a diagnosis of the record finds, at half its cost, or a diagnosis of the record at its
-        loop's pace, whichever is larger: between close samples lies what no plant of first order describes, between
-        distant ones the slips are lost. What single samples prove is proven by all of them.
+        Friction's gain is the one that a diagnosis of the record finds, at half its cost; where that leaves doubt and samples are
+        closer than the loop moves, that of a diagnosis at the loop's pace if it is larger: between close samples lies what no
+        plant of first order describes, between distant ones slips are lost, and with them a part of J. What single samples
+        prove is proven by all of them.
 
     Raises
     ------
@@ -67,11 +68,13 @@ def friction(record: LoopRecord, loop: Loop | None = None) -> Assessment:
         if slow is record:
             whole, given, _ = completed(record, loop)
             return _fitted(record, whole, given)
+        every = _as_it_is(record)
+        if every is not None and every.log_likelihood_gains[FRICTION] >= ENOUGH:
+            return every
         own = _at_pace(slow, record)
-        if own is not None and own.log_likelihood_gains[FRICTION] >= ENOUGH:
-            return own
-        every = _fitted(record, identify(record))
-        return max(filter(None, (own, every)), key=lambda f: f.log_likelihood_gains[FRICTION])
+        if every is None and own is None:
+            return _fitted(record, identify(record))
+        return max(filter(None, (every, own)), key=lambda f: f.log_likelihood_gains[FRICTION])
 
 
 def _fitted(record: LoopRecord, loop: Loop, given: Collection[str] = ()) -> Assessment:
@@ -80,6 +83,14 @@ def _fitted(record: LoopRecord, loop: Loop, given: Collection[str] = ()) -> Asse
     # MV is judged beside OP by the whole diagnosis alone
     found = _few(s) if record.mv is None else assess(s)
     return found if s.trusted else plausible(found)
+
+
+def _as_it_is(record: LoopRecord) -> Assessment | None:
+    """Return the assessment of all samples; None where no loop can be identified from them."""
+    try:
+        return _fitted(record, identify(record))
+    except UserError:
+        return None
 
 
 def _at_pace(slow: LoopRecord, record: LoopRecord) -> Assessment | None:
