@@ -41,9 +41,9 @@ def friction(record: LoopRecord, loop: Loop | None = None) -> Assessment:
     Returns
     -------
     Assessment
-        Friction's gain is the one that a diagnosis of the record finds, at half its cost; where that leaves doubt and samples are
-        closer than the loop moves, that of a diagnosis at the loop's pace if it is larger: between close samples lies what no
-        plant of first order describes, between distant ones slips are lost, and with them a part of J. What single samples
+        Friction's gain is the one that a diagnosis of the record finds, at half its cost; where that leaves doubt and samples
+        are closer than the loop moves, that of a diagnosis at the loop's pace if it is larger: between close samples lies what
+        no plant of first order describes, between distant ones slips are lost, and with them a part of J. What single samples
         prove is proven by all of them.
 
     Raises
