@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +22,7 @@ from simbench.plant.indices import judged
 from simbench.plant.learn import TESTING, kept, looked_at
 from simbench.plant.result import SOUND, UNSEEN
 from simbench.plant.trust import LIKELY, trust
+from simbench.usage import exit_code
 
 RUNS = 10  # of the true loop, sticky and healthy each
 FITTED = 3  # of the sticky ones, in which friction's likelihood is asked for as well
@@ -261,4 +261,4 @@ def _right(verdict: str, sticky: bool) -> bool:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(exit_code(main))

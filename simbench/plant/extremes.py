@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from simbench.plant.learn import TESTING, kept
 from simbench.plant.result import SOUND, UNSEEN
 from simbench.plant.strengths import Size
 from simbench.plant.trust import trust
+from simbench.usage import exit_code
 
 DRAWN = TESTING + 4  # seed of the order of the loops: none that weights were learned on or answers looked at
 # S over the range that OP moves through with a sound valve; J over S is drawn between a little and as much as there is band
@@ -107,4 +107,4 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(exit_code(main))

@@ -24,6 +24,7 @@ from simbench.loop.simulate import simulate
 from simbench.plant.calibration import ASKED, EvidenceWeights, evidence
 from simbench.plant.friction import FRICTION, friction
 from simbench.plant.indices import judged
+from simbench.usage import exit_code
 
 GRID = "plant"
 FAMILIES = 5  # into which kinds of valve are put; one after the other is left out
@@ -204,4 +205,4 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(exit_code(main))

@@ -25,6 +25,7 @@ from simbench.plant.learn import loops
 from simbench.plant.strengths import FRICTION, Size, absolute, with_effect
 from simbench.plant.study import against, read_fleet
 from simbench.plant.two_sample import Ruler, classifier_test, mmd_test
+from simbench.usage import exit_code
 
 GRID = "chapter"  # nothing archived, no friction but one valve's
 COMES_AND_GOES = "intermittent sticking"
@@ -214,4 +215,4 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(exit_code(main))

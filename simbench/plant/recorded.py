@@ -25,6 +25,7 @@ from simbench.plant.friction import FRICTION, friction
 from simbench.plant.indices import judged
 from simbench.plant.pace import resampled
 from simbench.plant.trust import LIKELY
+from simbench.usage import exit_code
 
 
 def every(k: int) -> Callable[[LoopRecord], LoopRecord]:
@@ -182,4 +183,4 @@ def _panel(chosen: list[tuple[Any, LoopRecord]], out: Path) -> list[str]:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(exit_code(main))
