@@ -35,7 +35,7 @@ real: $(READY)             ## every record of real loops, every method, scored b
 	mv runs/real_records.txt results/real_records.txt
 
 leak: $(READY)             ## can a scenario's settings alone predict its label? They must not
-	$(BIN)/python -m simbench.bench.leak
+	$(BIN)/python -m results.studies.leak
 
 perf: $(READY)             ## what the loop, each detector and a whole scenario cost: ratios and shares of CPU time
 	@failed=0; for part in perf perf_batch perf_detectors perf_shares; do \
@@ -49,8 +49,8 @@ docs: $(READY)             ## the gallery, and every published number beside our
 	@mkdir -p runs
 	$(BIN)/simbench simulate docs/example/loop.toml -o runs/example.csv --seed 1
 	$(BIN)/simbench gap diagnose runs/example.csv --baseline docs/example/model.toml --picture results/figures/gap-example.svg
-	$(BIN)/python -m simbench.report.chapter --isdb ../shared/data/real
-	$(BIN)/python -m simbench.report.gallery
+	$(BIN)/python -m results.studies.chapter --isdb ../shared/data/real
+	$(BIN)/python -m results.studies.gallery
 
 site: $(READY)             ## tutorials that run, API, detectors, formats, glossary as pages
 	$(BIN)/python -m sphinx -W --keep-going -q docs/site runs/site

@@ -9,8 +9,8 @@ from typing import Any
 
 from detectors.prepared import FRONT_ENDS
 from detectors.record import KINDS, PROCESSES
-from detectors.report import failed, judge_files, table
-from detectors.roles import column_pairs
+from detectors.records.roles import column_pairs
+from detectors.report.report import failed, judge_files, table
 from detectors.usage import exit_code
 
 

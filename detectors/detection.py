@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from detectors.errors import RecordError
-from detectors.io import read_record
 from detectors.judge import judge
+from detectors.plugins.registry import methods as registry
 from detectors.procedure import Diagnosis
 from detectors.procedure import diagnose as procedure
 from detectors.record import LoopRecord
-from detectors.registry import methods as registry
-from detectors.report import Report, choose_methods, judge_files
+from detectors.records.io import read_record
+from detectors.report.report import Report, choose_methods, judge_files
 
 
 class Recorded(Protocol):

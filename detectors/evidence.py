@@ -38,7 +38,8 @@ class Evidence:
         return min(max(value, self.low), self.high) - self.neutral if np.isfinite(value) else 0.0
 
 
-# Fitted to simulated loops (grids "chapter" and "plant", another seed than theirs) by `python -m simbench.bench.evidence`.
+# Fitted to simulated loops (grids "chapter" and "plant", another seed than theirs) by
+# `python -m results.studies.procedure_weights`.
 BIAS = {False: -0.15, True: -1.35}
 EVIDENCE: dict[bool, tuple[Evidence, ...]] = {
     False: (

@@ -9,11 +9,11 @@ from types import ModuleType
 import numpy as np
 
 from detectors.errors import ParameterError, nearest
-from detectors.guest import GuestError
 from detectors.method import Method
+from detectors.plugins.host import GuestError
+from detectors.plugins.registry import methods as registry
 from detectors.prepared import FRONT_ENDS, Prepared, prepare
 from detectors.record import LoopRecord
-from detectors.registry import methods as registry
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 # A record with one of these flags says nothing about its valve, whatever the method.

@@ -13,9 +13,9 @@ import numpy as np
 
 from detectors.evidence import BIAS, EVIDENCE, VOTERS, WITNESSES
 from detectors.judge import UNFIT, judge_one
+from detectors.plugins.registry import methods as registry
 from detectors.prepared import Prepared, prepare
 from detectors.record import LoopRecord
-from detectors.registry import methods as registry
 from detectors.signal.bicoherence import error_bicoherence
 from detectors.signal.valve_follow import Follow, valve_follow
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Level, Verdict, _plain

@@ -66,7 +66,7 @@ class LoopRecord:
 
     Notes
     -----
-    Not for records with holes: `detectors.io` bridges or cuts these first.
+    Not for records with holes: `detectors.records.io` bridges or cuts these first.
 
     Examples
     --------
@@ -246,7 +246,7 @@ class LoopRecord:
         Parameters
         ----------
         frame : pandas.DataFrame
-            One row per sample, no holes; `detectors.io` treats holes.
+            One row per sample, no holes; `detectors.records.io` treats holes.
         Ts : float, optional
             Sampling period (s); taken from the time column when absent.
         **about

@@ -2,14 +2,14 @@
 
 from detectors.detection import detect as detect
 from detectors.detection import diagnose as diagnose
-from detectors.io import read_record as read_record
 from detectors.record import LoopRecord as LoopRecord
+from detectors.records.io import read_record as read_record
 from detectors.verdict import Verdict as Verdict
 from simbench import gap as gap
-from simbench.bench.sweep import sweep as sweep
+from simbench.bench.execute.sweep import sweep as sweep
 from simbench.loop.batch import simulate_batch as simulate_batch
 from simbench.loop.simulate import simulate as simulate
-from simbench.plant.trust import trust as trust
+from simbench.plant.trust.trust import trust as trust
 from simbench.theory.predict import predict as predict
 from simbench.workbench import Loop as Loop
 from simbench.workbench import load_loop as load_loop

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import ModuleType
 
-from detectors.registry import PluginFolder, methods
+from detectors.plugins.registry import PluginFolder, methods
 from simbench.loop.effects import PLUGINS
 from simbench.loop.parameters import VALVES
 

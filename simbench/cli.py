@@ -84,7 +84,7 @@ app.add_typer(confirm_app, name="confirm")
 
 
 def _methods(incomplete: str) -> list[str]:
-    from detectors.registry import methods
+    from detectors.plugins.registry import methods
 
     return [name for name in ("all", "fast", "full", *methods.names()) if name.startswith(incomplete)]
 
@@ -139,7 +139,7 @@ def simulate(
     refuse_own_input([out], [loop])
     with guest_parts(valve_plugin or [], effect_plugin or [], time_limit):
         if from_run is not None:
-            from simbench.bench.store import read_scenario
+            from simbench.bench.store.reading import read_scenario
 
             if scenario is None:
                 raise ParameterError("simulate --from RUN needs --id, the scenario to repeat")
@@ -216,8 +216,8 @@ def detect(
     as_json: Json = False,
 ) -> None:
     """Judge a record, or a folder of records, by one or all detectors."""
-    from detectors.report import failed, judge_files, table
-    from detectors.roles import column_pairs
+    from detectors.records.roles import column_pairs
+    from detectors.report.report import failed, judge_files, table
     from simbench.files import refuse_kind, refuse_own_input
 
     refuse_kind(csv or "")
@@ -260,8 +260,8 @@ def diagnose(
     as_json: Json = False,
 ) -> None:
     """Take one record through the chapter's whole diagnosis, step by step."""
-    from detectors.io import read_record
     from detectors.procedure import diagnose as procedure
+    from detectors.records.io import read_record
 
     _picture(picture, path)
     diagnosis = procedure(read_record(path, process=process, kind=kind, op_span=op_span, pv_span=pv_span))
@@ -339,10 +339,10 @@ def run(
     as_json: Json = False,
 ) -> None:
     """Simulate a grid of scenarios, judge every record by every method, and score."""
-    from simbench.bench.failures import read_failures
-    from simbench.bench.oracle import ORACLE
-    from simbench.bench.run import Interrupted, run_grid
-    from simbench.bench.score import score_run
+    from simbench.bench.execute.failures import read_failures
+    from simbench.bench.execute.run import Interrupted, run_grid
+    from simbench.bench.scenario.oracle import ORACLE
+    from simbench.bench.score.scoring import score_run
 
     axes = {k: [_number(v) for v in str(values).split(",")] for k, values in _pairs(axis or [], "--axis", text=True).items()}
     try:
@@ -374,15 +374,15 @@ def score(
     as_json: Json = False,
 ) -> None:
     """Score a run: accuracy, no-decision rate, AUC, with intervals, by grid axis."""
-    from simbench.bench.failures import read_failures
-    from simbench.bench.score import score_run
+    from simbench.bench.execute.failures import read_failures
+    from simbench.bench.score.scoring import score_run
     from simbench.files import refuse_own_input
 
     refuse_own_input([report], [folder, against])
     scores, failed = score_run(folder, raw=raw), read_failures(folder)
     content: Any = {**scores.as_json(), "failed": failed.as_json()} if as_json else f"{_line(failed)}{scores.as_text()}"
     if against is not None or paired:
-        from simbench.bench.compare import compare
+        from simbench.bench.score.compare import compare
 
         comparison = compare(folder, against, raw=raw)
         content = {**content, "comparison": comparison.as_json()} if as_json else f"{content}\n\n{comparison.as_text()}"
@@ -405,7 +405,7 @@ def check(
     as_json: Json = False,
 ) -> None:
     """Compare a run with a baseline; exit 1 when accuracy regressed."""
-    from simbench.bench.check import check_run, update_baseline
+    from simbench.bench.score.check import check_run, update_baseline
     from simbench.files import refuse_own_input, whole_file
 
     refuse_own_input([junit, markdown], [folder, against])
@@ -429,7 +429,7 @@ def history(
     as_json: Json = False,
 ) -> None:
     """Show how accuracy moved over the baselines kept."""
-    from simbench.bench.history import read_history
+    from simbench.bench.score.history import read_history
 
     _picture(out)
     found = read_history(baseline)
@@ -507,7 +507,7 @@ def gain_change(
     _one_of("confirm gain-change", loop, "--records BEFORE.csv AFTER.csv", records)
     _picture(picture, loop, *(records or ()))
     if loop is None:
-        from detectors.io import read_record
+        from detectors.records.io import read_record
         from simbench.confirm.recorded import gain_change_recorded
 
         assert records is not None
@@ -535,7 +535,7 @@ def travel(
     _one_of("confirm travel", loop, "--record REC.csv", record)
     _picture(picture, loop, record)
     if loop is None:
-        from detectors.io import read_record
+        from detectors.records.io import read_record
         from simbench.confirm.recorded import travel_recorded
 
         assert record is not None

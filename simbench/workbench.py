@@ -10,10 +10,10 @@ from detectors.views import page_part
 from scenarios import spec
 from scenarios.grid import Grid
 from scenarios.spec import read_toml
-from simbench.bench.oracle import ORACLE
-from simbench.bench.run import run_grid
-from simbench.bench.score import score_run
-from simbench.bench.score_result import Scores
+from simbench.bench.execute.run import run_grid
+from simbench.bench.scenario.oracle import ORACLE
+from simbench.bench.score.result import Scores
+from simbench.bench.score.scoring import score_run
 from simbench.loop.run import Run
 from simbench.loop.simulate import simulate
 from simbench.theory.predict import predict
@@ -195,7 +195,7 @@ def run(
     jobs : int
         Worker processes; -1 = all cores.
     **settings
-        Further arguments of `simbench.bench.run.run_grid`: raw, plugins, resume, sets, axes, thresholds, ...
+        Further arguments of `simbench.bench.execute.run.run_grid`: raw, plugins, resume, sets, axes, thresholds, ...
 
     Returns
     -------

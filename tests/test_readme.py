@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from detectors.registry import methods
+from detectors.plugins.registry import methods
 from scenarios.spec import Loop
 from simbench.cli import main
 from simbench.loop.effects import EFFECTS, PLUGINS

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 import simbench
-from detectors.registry import methods
+from detectors.plugins.registry import methods
 from scenarios.cell import SETTINGS
 from scenarios.grid import GridFile
 from scenarios.spec import Loop

@@ -14,9 +14,9 @@ import numpy as np
 
 from detectors.errors import ParameterError
 from scenarios.grid import load_grid
-from simbench.bench.run import run_grid
+from simbench.bench.execute.run import run_grid
 from simbench.bench.statistics import auc, wilson
-from simbench.bench.store import Book
+from simbench.bench.store.reading import Book
 from simbench.files import folder, whole_file
 
 if TYPE_CHECKING:

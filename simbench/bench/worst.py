@@ -15,10 +15,10 @@ import numpy as np
 
 from detectors.errors import UserError
 from detectors.judge import judge
-from detectors.registry import methods as registry
+from detectors.plugins.registry import methods as registry
 from detectors.verdict import STICTION, Verdict
 from scenarios.spec import Loop, load_loop
-from simbench.bench.resolve import sampled_ultimate_gain, significant
+from simbench.bench.scenario.resolve import sampled_ultimate_gain, significant
 from simbench.files import whole_file
 from simbench.loop.simulate import simulate
 from simbench.usage import exit_code

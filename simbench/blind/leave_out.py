@@ -16,7 +16,7 @@ from scipy.stats import binomtest
 from tqdm import tqdm
 
 from detectors.errors import ParameterError, UserError
-from detectors.io import read_record
+from detectors.records.io import read_record
 from scenarios.spec import load_loop
 from simbench.blind.making import PLANTS, write_item
 from simbench.blind.world import OWN, WORLDS

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from detectors.registry import PluginFolder
+from detectors.plugins.registry import PluginFolder
 
 WORLDS = PluginFolder(
     "world", "simbench.blind.worlds", "simbench.worlds", ("TITLE", "FOREIGN", "Item", "draw", "simulate")

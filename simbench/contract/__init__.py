@@ -6,10 +6,10 @@ import ast
 from collections.abc import Callable
 from pathlib import Path
 
-from detectors.contract import Contract, check_detector
+from detectors.contract.detector import Contract, check_detector
+from detectors.contract.watch import watch
 from detectors.errors import ParameterError
-from detectors.registry import PluginFolder, methods
-from detectors.watch import watch
+from detectors.plugins.registry import PluginFolder, methods
 from simbench.contract.effect import check_effect
 from simbench.contract.grid import check_grid
 from simbench.contract.recogniser import check_recogniser

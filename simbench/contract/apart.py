@@ -13,9 +13,9 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from detectors.contract import Contract
+from detectors.contract.detector import Contract
 from detectors.errors import ParameterError, UserError
-from detectors.guest import BYTES
+from detectors.plugins.host import BYTES
 from scenarios.errors import SpecError
 from simbench.contract import check_file, kind_of
 

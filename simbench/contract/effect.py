@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from detectors.contract import Contract
+from detectors.contract.detector import Contract
+from detectors.contract.watch import Watched, watch
 from detectors.errors import RecordError
 from detectors.record import LoopRecord
-from detectors.watch import Watched, watch
 from scenarios.spec import Loop
 from simbench.contract.band import band_fault
 from simbench.contract.recogniser import check_recogniser

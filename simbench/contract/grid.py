@@ -6,12 +6,12 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
-from detectors.contract import Contract
-from detectors.watch import watch
+from detectors.contract.detector import Contract
+from detectors.contract.watch import watch
 from scenarios.errors import SpecError
 from scenarios.grid import Grid, Group, load_grid
 from scenarios.spec import Scenario, read_toml
-from simbench.bench.resolve import resolve
+from simbench.bench.scenario.resolve import resolve
 from simbench.loop.resolve import resolve_loop
 
 MOST = 24  # groups that are settled by simulating their twin; one of every block at least

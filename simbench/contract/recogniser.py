@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from functools import cache, partial
 from typing import Any
 
-from detectors.contract import Contract
+from detectors.contract.detector import Contract
+from detectors.contract.watch import watch
 from detectors.errors import UserError
-from detectors.watch import watch
 from scenarios.spec import Loop
 from simbench.gap.effects import PLUGINS, Recogniser
 from simbench.gap.intake.check import check

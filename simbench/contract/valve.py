@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from detectors.contract import Contract
+from detectors.contract.detector import Contract
+from detectors.contract.watch import watch
 from detectors.errors import UserError
-from detectors.watch import watch
 from simbench.contract.band import band_fault
 from simbench.loop.parameters import VALVES, Choice, Number, valve_parameters
 from simbench.loop.response import valve_response

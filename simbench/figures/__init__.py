@@ -13,7 +13,7 @@ from simbench.figures._make import Drawn, make_figures
 
 if TYPE_CHECKING:
     from detectors.procedure import Diagnosis
-    from simbench.bench.history import History
+    from simbench.bench.score.history import History
 
 __all__ = ["Drawn", "draw_history", "draw_path", "make_figures"]
 

@@ -18,7 +18,7 @@ def draw(table: pd.DataFrame) -> Figure:
     Parameters
     ----------
     table : DataFrame
-        Rows of `simbench.bench.history`.
+        Rows of `simbench.bench.score.history`.
 
     Returns
     -------

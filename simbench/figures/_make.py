@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from detectors.errors import RecordError, UnknownName
-from detectors.io import RECORD_FILES
+from detectors.records.io import RECORD_FILES
 from simbench.figures._records import NeedsRecord
 from simbench.files import folder, whole_file
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from detectors.errors import UserError
-from detectors.io import read_record
-from detectors.isdb import read_loops
 from detectors.record import LoopRecord
+from detectors.records.io import read_record
+from detectors.records.isdb import read_loops
 
 # ISDB's sectors by the letters that the chapter's loop names begin with
 SECTORS = {"CHEM": "chemicals", "PAP": "pulpPapers", "POW": "power", "MIN": "mining", "MET": "metals", "BAS": "buildings"}

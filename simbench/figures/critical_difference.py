@@ -28,7 +28,7 @@ def data(run) -> pd.DataFrame:
     DataFrame
         method, mean_rank (1 = best, ties shared), half_width (half the critical difference), accuracy, lo, hi, cases.
     """
-    from simbench.bench.compare import compare
+    from simbench.bench.score.compare import compare
 
     found = compare(run)
     if np.isnan(found.critical_difference):

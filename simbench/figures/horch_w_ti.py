@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from detectors.errors import ParameterError
 from detectors.verdict import STICTION
-from simbench.bench.store import read_table
+from simbench.bench.store.reading import read_table
 from simbench.figures._style import BLUE, GREY, RED, label, note, panels, styled
 
 SOURCE = "own; Horch (1999), Eqs 11.6 to 11.9 of Jelali (2013): dtau = (2/pi) atan(1/(w Ti)) of any linear PI loop"

@@ -13,8 +13,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from detectors.verdict import NO_STICTION, STICTION
-from simbench.bench.score import answers_of, score_book
-from simbench.bench.store import CODES, Book
+from simbench.bench.score.scoring import answers_of, score_book
+from simbench.bench.store.reading import CODES, Book
 from simbench.figures._score import SHARES, hatch
 from simbench.figures._style import panels, styled
 

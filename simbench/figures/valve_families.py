@@ -11,7 +11,7 @@ from pathlib import Path
 import pandas as pd
 from matplotlib.figure import Figure
 
-from simbench.bench.families import rates, read
+from simbench.bench.score.families import rates, read
 from simbench.figures._score import SHARES
 from simbench.figures._style import panels, styled
 

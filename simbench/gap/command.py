@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from detectors.errors import ParameterError, RecordError
-from detectors.io import read_record
 from detectors.record import LoopRecord
+from detectors.records.io import read_record
 from simbench.files import picture_kind, refuse_own_input, whole_file
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.intake.partial import read_baseline
@@ -65,7 +65,7 @@ def diagnose_files(
     --------
     >>> import tempfile, pathlib
     >>> from simbench.files import write_record
-    >>> from simbench.gap.random_case import random_case
+    >>> from random_case import random_case
     >>> case, place = random_case(3, ("detuning",)), pathlib.Path(tempfile.mkdtemp())
     >>> write_record(case.record, place / "FIC101.csv")
     >>> _ = (place / "loop.toml").write_text(case.baseline.to_toml())

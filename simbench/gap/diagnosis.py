@@ -57,7 +57,7 @@ def diagnose(
 
     Examples
     --------
-    >>> from simbench.gap.random_case import random_case
+    >>> from random_case import random_case
     >>> case = random_case(3, ("detuning",))
     >>> diagnose(case.record, case.baseline).effect
     'detuning'

@@ -13,7 +13,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from detectors.errors import ParameterError
-from detectors.guest import MESSAGE, SECONDS, START, GuestError, Host, number_of
+from detectors.plugins.host import MESSAGE, SECONDS, START, GuestError, Host, number_of
 from detectors.record import LoopRecord
 from scenarios.spec import Loop
 from simbench.loop.effects import BLOCKS

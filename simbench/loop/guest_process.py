@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from detectors.errors import UserError
-from detectors.guest_process import serve
+from detectors.host_process import serve
 from simbench.loop.effects import PLUGINS as EFFECTS
 from simbench.loop.parameters import VALVES, Number
 

@@ -11,8 +11,8 @@ from types import ModuleType
 from typing import Any
 
 from detectors.errors import ParameterError, UnknownName, nearest
+from detectors.plugins.registry import PluginFolder
 from detectors.record import LARGEST
-from detectors.registry import PluginFolder
 
 VALVES = PluginFolder("valve", "simbench.loop.valves", "simbench.valves", ("SOURCE", "FRICTION", "PARAMETERS", "start", "step"))
 

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from detectors.clock import seconds
 from detectors.compiled import cached_module
 from detectors.errors import ParameterError, RecordError
-from detectors.gaps import JITTER
-from detectors.historian import read_numbers
-from detectors.roles import TIME_NAMES
-from detectors.tables import read_sheet
+from detectors.records.clock import seconds
+from detectors.records.gaps import JITTER
+from detectors.records.historian import read_numbers
+from detectors.records.roles import TIME_NAMES
+from detectors.records.tables import read_sheet
 from simbench.files import refuse_kind, whole_file
 from simbench.loop.parameters import VALVES, valve_parameters
 

@@ -8,13 +8,13 @@ from pathlib import Path
 from shutil import rmtree
 from typing import Any
 
-from detectors.io import read_folder, read_labels, read_record
+from detectors.records.io import read_folder, read_labels, read_record
 from scenarios.spec import load_loop
 from simbench.files import refuse_own_input
-from simbench.plant.fleet import Fleet, survey
-from simbench.plant.result import Trust
-from simbench.plant.study_result import Study
-from simbench.plant.trust import trust
+from simbench.plant.report.fleet import Fleet, survey
+from simbench.plant.study.result import Study
+from simbench.plant.trust.result import Trust
+from simbench.plant.trust.trust import trust
 
 
 def trust_file(
@@ -54,7 +54,7 @@ def trust_file(
     refuse_own_input([html], [path, loop])
     found = trust(read_record(path, **about), None if loop is None else load_loop(loop), methods)
     if html is not None:
-        from simbench.plant.trust_page import write_page
+        from simbench.plant.trust.page import write_page
 
         write_page(found, html)
     return found
@@ -87,7 +87,7 @@ def report_folder(
     detectors.errors.UserError
         In one sentence, when folder or labels cannot be read, or a file cannot be written.
     """
-    from simbench.plant.fleet_page import write_fleet
+    from simbench.plant.report.page import write_fleet
 
     refuse_own_input([page, Path(page).with_suffix(".csv")], [folder, labels])
     judged = Path(page).with_name(f"{Path(page).name}.judged")
@@ -130,19 +130,19 @@ def study_folder(
     detectors.errors.UserError, scenarios.errors.SpecError
         In one sentence, when something cannot be read or written.
     """
-    from simbench.plant.study import study
+    from simbench.plant.study.study import study
 
     refuse_own_input([html, write_grid], [folder, labels, grid])
     written = html or write_grid
     kept = None if written is None else Path(written).with_name(f"{Path(written).name}.diagnosed")
     found = study(folder, grid, labels, jobs=jobs, keep=kept)
     if html is not None:
-        from simbench.plant.study_page import write_study
+        from simbench.plant.study.page import write_study
 
         write_study(found, html)
     if write_grid is not None:
-        from simbench.plant.written_grid import NoGrid
-        from simbench.plant.written_grid import write_grid as write
+        from simbench.plant.study.written_grid import NoGrid
+        from simbench.plant.study.written_grid import write_grid as write
 
         try:
             said = [f"the grid written cannot draw {e}" for e in write(found, write_grid)]

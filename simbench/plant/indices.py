@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from detectors.judge import judge
+from detectors.plugins.registry import methods as registry
 from detectors.record import LoopRecord
-from detectors.registry import methods as registry
 from detectors.verdict import NO_DECISION, Verdict
 
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pandas as pd
 
-from detectors import summary
-from detectors.report import Report
+from detectors.report import summary
+from detectors.report.report import Report
 from simbench.plant.page import section, write
-from simbench.plant.pictures import draw_pv_op, draw_trend
+from simbench.plant.trust.pictures import draw_pv_op, draw_trend
 
 SHOWN = 12  # records drawn on one page
 

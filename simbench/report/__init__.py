@@ -1,7 +1,7 @@
 """Pages about results: the report of a run, the chapter's numbers beside ours, the gallery of figures.
 
 A report is one HTML file; every section is a file here with `TITLE` and `section(run)`, and a template of the same name.
-`python -m simbench.report.chapter` and `python -m simbench.report.gallery` write two pages of docs.
+`python -m results.studies.chapter` and `python -m results.studies.gallery` write two pages of docs.
 """
 
 from simbench.report._write import write_report

@@ -11,8 +11,8 @@ import pandas as pd
 import pyarrow.compute as pc
 
 from detectors.verdict import NO_DECISION, STICTION
-from simbench.bench.score import Scores, score_run
-from simbench.bench.store import CODES, Book, read_table
+from simbench.bench.score.scoring import Scores, score_run
+from simbench.bench.store.reading import CODES, Book, read_table
 
 TRUTHS = ("sticky", "predicted", "refined", "theory", "cycled")
 

@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 from markupsafe import Markup
 
-from simbench.bench.score import FRONT, RAW, Scores
+from simbench.bench.score.scoring import FRONT, RAW, Scores
 from simbench.html.table import percent, sortable
 from simbench.report.data import RunData
 from simbench.report.page import render

@@ -245,3 +245,12 @@ def _sticking(wave, S, J, out):
         if abs(wave[k] - v) > 0.5 * (S + J):
             v = wave[k] - (1.0 if wave[k] > v else -1.0) * 0.5 * (S - J)
         out[k] = v
+
+
+def ultimate_gain(loop: SampledLoop) -> float | None:
+    """Return the factor on Kc at which the linear loop begins to oscillate; None when it is unstable at any gain."""
+    w = np.geomspace(1e-4 / max(loop.times), np.pi / loop.Ts, 20_000)
+    L = loop.sampled_response(w)
+    phase = np.unwrap(np.angle(L))
+    crossing = np.nonzero((phase[:-1] > -np.pi) & (phase[1:] <= -np.pi))[0]
+    return float(1 / abs(L[crossing[0]])) if crossing.size else None

@@ -12,9 +12,8 @@ import numpy as np
 from scenarios.spec import Loop
 from simbench.theory.basin import reaches_cycle
 from simbench.theory.cycle import after_load_step, exact_cycle
-from simbench.theory.sampled import SampledLoop, sampled_loop
+from simbench.theory.sampled import SampledLoop, sampled_loop, ultimate_gain
 from simbench.theory.tables import CONDITIONS, DEAD_BAND, TABLE_11_3, refined
-from simbench.theory.verify import ultimate_gain
 
 S = 5.0
 SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)  # of the ultimate gain

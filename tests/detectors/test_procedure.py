@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from detectors.io import read_folder, read_labels
 from detectors.judge import judge
 from detectors.methods.procedure import METHOD
 from detectors.procedure import CONCLUSIONS, FLOW, diagnose, flow_chart
 from detectors.record import LoopRecord
-from detectors.report import score_units
+from detectors.records.io import read_folder, read_labels
+from detectors.report.report import score_units
 from detectors.verdict import VERDICTS
 
 REAL = Path(__file__).parents[2].parent / "shared" / "data" / "real"

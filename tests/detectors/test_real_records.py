@@ -4,10 +4,10 @@ import csv
 
 import pytest
 
-from detectors.io import read_record
 from detectors.judge import judge
+from detectors.plugins.registry import methods
 from detectors.prepared import Prepared
-from detectors.registry import methods
+from detectors.records.io import read_record
 from detectors.signal.half_cycles import misfit, sines, two_line_misfit, typical_means
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from detectors.methods import hammerstein
+from detectors.plugins.registry import methods
 from detectors.prepared import Prepared
-from detectors.registry import methods
 
 # method: threshold, as printed; Jelali (2013), chapter 11, unless the source says otherwise
 PUBLISHED = {

@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from detectors.errors import UserError
 from scenarios.grid import load_grid
-from simbench.bench import run
+from simbench.bench.execute import run
 from tests.simbench.boundary.disk import FAULTS, Disk
 
 METHODS = ["horch_histogram"]

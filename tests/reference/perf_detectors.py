@@ -8,7 +8,7 @@ import time
 import numpy as np
 
 from detectors.judge import judge
-from detectors.registry import methods
+from detectors.plugins.registry import methods
 from scenarios.spec import Loop
 from simbench.loop.simulate import simulate
 

@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 
 import detectors.methods as built_in
-from detectors.registry import methods
+from detectors.plugins.registry import methods
 from scenarios.grid import Grid, load_grid
-from simbench.bench import guests
-from simbench.bench.oracle import ORACLE
-from simbench.bench.work import work
+from simbench.bench.execute import plugin_host as guests
+from simbench.bench.execute.work import work
+from simbench.bench.scenario.oracle import ORACLE
 
 PLUGINS = ("horch", "he", "ellipse")  # copies of these, as a stranger would hand them in
 GROUPS, ROUNDS = 20, 9

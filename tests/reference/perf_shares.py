@@ -15,17 +15,17 @@ from typing import Any
 
 import numpy as np
 
+import detectors.plugins.registry
 import detectors.prepared
-import detectors.registry
-import simbench.bench.resolve
-import simbench.bench.truth
-import simbench.bench.work as work
+import simbench.bench.execute.work as work
 import simbench.loop.kernel
 import simbench.theory.cycle
-from detectors.report import choose_methods
+from detectors.report.report import choose_methods
 from scenarios.grid import Grid, load_grid
-from simbench.bench import pieces, tables
-from simbench.bench.place import place_of
+from simbench.bench.execute import pieces
+from simbench.bench.scenario import resolve, truth
+from simbench.bench.store import tables
+from simbench.bench.store.place import place_of
 
 GRID = "chapter"
 BLOCKS, BLOCK = 3, 20  # so many blocks of neighbouring groups, which share what a real run's neighbours share
@@ -66,16 +66,16 @@ class Meter:
 
 def metered(meter: Meter, names: list[str]) -> list[tuple[Any, str, Any]]:
     """Put the meter into everything that has a line of its own; return what must be put back."""
-    simulate = meter.wrap("simulate, without its kernel", simbench.bench.truth.simulate)
+    simulate = meter.wrap("simulate, without its kernel", truth.simulate)
     compiled = simbench.loop.kernel.compiled
     places = [
         (simbench.loop.kernel, "compiled", lambda *a: meter.wrap("loop kernel", compiled(*a))),
-        (simbench.bench.truth, "simulate", simulate),
-        (simbench.bench.resolve, "simulate", simulate),
+        (truth, "simulate", simulate),
+        (resolve, "simulate", simulate),
         (work, "settled", meter.wrap("cell: sampling, noise, loads", work.settled)),
         (work, "truth", meter.wrap("truth labels", work.truth)),
         (work, "theory", meter.wrap("theory columns", work.theory)),
-        (simbench.bench.resolve, "cycle_start", meter.wrap("cell: theory", simbench.bench.resolve.cycle_start)),
+        (resolve, "cycle_start", meter.wrap("cell: theory", resolve.cycle_start)),
         (detectors.prepared, "find_oscillation", meter.wrap("front end", detectors.prepared.find_oscillation)),
         (detectors.prepared, "inspect", meter.wrap("quality flags", detectors.prepared.inspect)),
         (work, "_scenario_row", meter.wrap("rows", work._scenario_row)),
@@ -84,7 +84,7 @@ def metered(meter: Meter, names: list[str]) -> list[tuple[Any, str, Any]]:
         (pieces, "write_piece", meter.wrap("store", pieces.write_piece)),
     ]
     for name in names:
-        module = detectors.registry.methods.load(name)
+        module = detectors.plugins.registry.methods.load(name)
         places.append((module, "detect", meter.wrap(name, module.detect)))
     before = [(owner, attribute, getattr(owner, attribute)) for owner, attribute, _ in places]
     for owner, attribute, timed in places:

@@ -9,13 +9,13 @@ from dataclasses import replace
 import numpy as np
 
 from detectors.judge import check_thresholds
+from detectors.plugins.registry import methods
 from detectors.record import LoopRecord
-from detectors.registry import methods
 from detectors.verdict import Verdict
 from scenarios.grid import load_grid
-from simbench.bench.resolve import resolve
-from simbench.bench.truth import simulate_with_truth
-from simbench.bench.work import judge_both
+from simbench.bench.execute.work import judge_both
+from simbench.bench.scenario.resolve import resolve
+from simbench.bench.scenario.truth import simulate_with_truth
 from simbench.blind.making import Plan
 from simbench.blind.worlds import own
 

@@ -146,7 +146,7 @@ def test_an_unwritable_folder_is_named(tmp_path, capsys):
 
 
 def test_a_record_written_reads_back_to_the_same_bits(tmp_path):
-    from detectors.io import read_record
+    from detectors.records.io import read_record
     from scenarios.spec import load_loop
     from simbench.loop.simulate import simulate
 

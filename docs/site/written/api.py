@@ -11,7 +11,7 @@ from text import heading, plain, table
 PACKAGES = ("simbench", "simbench.gap", "detectors", "scenarios")
 # what a plug-in's author calls beside them
 FURTHER = {
-    "detectors.contract": ("check_detector",),
+    "detectors.contract.detector": ("check_detector",),
     "detectors.judge": ("judge",),
     "simbench.contract": ("check_file", "check_valve", "check_effect", "check_grid"),
     "simbench.figures": ("make_figures", "draw_path"),

@@ -9,7 +9,7 @@ import pandas as pd
 from text import heading, plain, table
 
 from detectors.method import Method
-from detectors.registry import methods
+from detectors.plugins.registry import methods
 
 RESULTS = Path(__file__).parents[3] / "results"
 PARTS = ("Needs", "Parameters", "Indices", "Rule", "Not for", "Source")

@@ -66,7 +66,7 @@ def classify(found: Assessment) -> Classified:
     --------
     >>> from simbench.gap.decide.assess import assess
     >>> from simbench.gap.intake.check import check
-    >>> from simbench.gap.random_case import random_case
+    >>> from random_case import random_case
     >>> case = random_case(3, ("detuning",))
     >>> weights = classify(assess(check(case.record, case.baseline)))
     >>> weights.probability["detuning"] > 0.8, round(sum(weights.probability.values()), 6)

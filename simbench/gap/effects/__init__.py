@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 
-from detectors.registry import PluginFolder
+from detectors.plugins.registry import PluginFolder
 from simbench.gap.effects._recogniser import NOT_TRIED, Parameters, Recogniser
 
 __all__ = ["NOT_TRIED", "PLUGINS", "Parameters", "Recogniser", "left_out", "recogniser"]

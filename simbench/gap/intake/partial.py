@@ -89,7 +89,7 @@ def completed(record: LoopRecord, baseline: Loop | Partial | None) -> tuple[Loop
 
     Examples
     --------
-    >>> from simbench.gap.random_case import random_case
+    >>> from random_case import random_case
     >>> case = random_case(3, ("detuning",))
     >>> sorted(completed(case.record, case.baseline)[1]), sorted(completed(case.record, None)[1])
     (['controller', 'plant'], [])

@@ -49,7 +49,7 @@ def write_page(report: GapReport, path: str | Path, command: Sequence[str] = ())
     --------
     >>> import pathlib, tempfile
     >>> from simbench.gap.diagnosis import diagnose
-    >>> from simbench.gap.random_case import random_case
+    >>> from random_case import random_case
     >>> case, file = random_case(3, ("detuning",)), pathlib.Path(tempfile.mkdtemp()) / "page.html"
     >>> write_page(diagnose(case.record, case.baseline), file)
     >>> "The simulation lacks detuning" in file.read_text(encoding="utf-8")

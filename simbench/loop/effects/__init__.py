@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
 
-from detectors.registry import PluginFolder
+from detectors.plugins.registry import PluginFolder
 from simbench.loop.parameters import FOLLOWS, Choice, Number
 
 __all__ = ["BLOCKS", "EFFECTS", "FOLLOWS", "NONE", "PLUGINS", "UNKNOWN", "Choice", "Effect", "Number", "Vocabulary", "block_of"]

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from scenarios.grid import make_grid
-from simbench.bench.run import run_grid
-from simbench.bench.store import Book
+from simbench.bench.execute.run import run_grid
+from simbench.bench.store.reading import Book
 
 SMALL = {
     "title": "small",

@@ -9,22 +9,24 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
-from detectors.contract import LoopRecord
+from detectors.contract.detector import LoopRecord
 from detectors.errors import ParameterError
 from detectors.verdict import Verdict
+from results.studies.leak import Fairness
 from scenarios.spec import Loop
-from simbench.bench import manifest, truth, work
-from simbench.bench import resolve as rules
 from simbench.bench import statistics as of
-from simbench.bench.adaptive import _widths
-from simbench.bench.check_result import SHOWN, Check
-from simbench.bench.failures import Failures
-from simbench.bench.leak import Fairness
-from simbench.bench.motion import Motion, largest_sine, motion
-from simbench.bench.pairing import pair
-from simbench.bench.ranks import loops_needed, rank_methods
-from simbench.bench.score_result import kind_of
-from simbench.bench.tables import AXES, SCENARIOS, VERDICTS, encode
+from simbench.bench.execute import work
+from simbench.bench.execute.adaptive import _widths
+from simbench.bench.execute.failures import Failures
+from simbench.bench.scenario import resolve as rules
+from simbench.bench.scenario import truth
+from simbench.bench.scenario.motion import Motion, largest_sine, motion
+from simbench.bench.score.check_result import SHOWN, Check
+from simbench.bench.score.pairing import pair
+from simbench.bench.score.ranks import loops_needed, rank_methods
+from simbench.bench.score.result import kind_of
+from simbench.bench.store import manifest
+from simbench.bench.store.tables import AXES, SCENARIOS, VERDICTS, encode
 
 
 def test_ranks_of_nobody_of_one_and_of_two_that_are_far_apart():
@@ -311,7 +313,7 @@ def test_the_widest_interval_of_any_method_counts_in_each_cell():
 
 def test_the_commit_is_read_from_a_checkout_on_a_branch_off_it_and_from_a_linked_tree(tmp_path, monkeypatch):
     def commit(tree):
-        monkeypatch.setattr(manifest, "__file__", str(tree / "simbench" / "bench" / "manifest.py"))
+        monkeypatch.setattr(manifest, "__file__", str(tree / "simbench" / "bench" / "store" / "manifest.py"))
         return manifest._commit.__wrapped__()
 
     git = tmp_path / "main" / ".git"

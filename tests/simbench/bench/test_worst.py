@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from detectors.errors import UserError
-from detectors.registry import methods
+from detectors.plugins.registry import methods
 from scenarios.spec import Loop
-from simbench.bench.resolve import sampled_ultimate_gain
+from simbench.bench.scenario.resolve import sampled_ultimate_gain
 from simbench.bench.worst import CASES, KEYS, OSCILLATING, RANGES, SHARES, healthy_loop, read_case, recorded, worst
 from simbench.loop.parameters import VALVES
 from simbench.loop.simulate import simulate

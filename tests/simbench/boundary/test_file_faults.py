@@ -16,9 +16,9 @@ import pytest
 
 from detectors.errors import UserError
 from scenarios.grid import load_grid
-from simbench.bench import pieces as pieces_module
-from simbench.bench import run as run_module
-from simbench.bench.run import Interrupted, run_grid
+from simbench.bench.execute import pieces as pieces_module
+from simbench.bench.execute import run as run_module
+from simbench.bench.execute.run import Interrupted, run_grid
 from tests.simbench.boundary.disk import FAULTS, Disk, Killed
 
 SMALL = {"disturbance": "none", "Td_over_T": 0.3, "S_over_2J": 0.5, "Td_over_Ti": 0.05, "periods": 15.0, "repeats": 2}

@@ -11,12 +11,12 @@ import pyarrow.parquet as pq
 import pytest
 
 from scenarios.grid import load_grid
-from simbench.bench import pieces
-from simbench.bench.check import check_run, update_baseline
-from simbench.bench.checksums import RunError, digest, sealed
-from simbench.bench.compare import compare
-from simbench.bench.run import Interrupted, run_grid
-from simbench.bench.score import score_run
+from simbench.bench.execute import pieces
+from simbench.bench.execute.run import Interrupted, run_grid
+from simbench.bench.score.check import check_run, update_baseline
+from simbench.bench.score.compare import compare
+from simbench.bench.score.scoring import score_run
+from simbench.bench.store.checksums import RunError, digest, sealed
 from simbench.cli import main
 from tests.simbench.boundary.conftest import held
 

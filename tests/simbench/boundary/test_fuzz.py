@@ -15,7 +15,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from simbench.bench import run as run_module
+from simbench.bench.execute import run as run_module
 from simbench.cli import main
 from tests.simbench.boundary.conftest import LEAKS, bounded, no_constant
 from tests.simbench.boundary.test_grids import HEAD as GRID

@@ -9,8 +9,8 @@ import pytest
 
 from scenarios.errors import SpecError
 from scenarios.grid import make_grid
-from simbench.bench.failures import read_failures
-from simbench.bench.run import run_grid
+from simbench.bench.execute.failures import read_failures
+from simbench.bench.execute.run import run_grid
 from tests.simbench.boundary.conftest import new_tokens, written
 
 HEAD = """
@@ -230,7 +230,7 @@ def test_all_mistakes_are_said_at_once(tmp_path):
 
 def test_what_cannot_be_simulated_is_a_row_with_its_reason_and_the_exit_code_says_so(tmp_path, capsys, monkeypatch):
     """A valve that refuses one of four cells: three are judged, one is told."""
-    from simbench.bench import work
+    from simbench.bench.execute import work
     from simbench.cli import main
 
     whole = work.truth

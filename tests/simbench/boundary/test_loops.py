@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from detectors.io import read_record
+from detectors.records.io import read_record
 from tests.simbench.boundary.conftest import new_tokens
 
 GOOD = {

@@ -11,8 +11,8 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from detectors import guest
 from detectors.errors import ParameterError
+from detectors.plugins import host as guest
 from simbench.cli import main
 from simbench.loop import guest as parts
 from simbench.loop.effects import EFFECTS as VOCABULARY

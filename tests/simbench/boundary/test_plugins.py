@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from detectors import guest
 from detectors.detection import detect
 from detectors.errors import ParameterError
+from detectors.plugins import host as guest
+from detectors.plugins.registry import methods
 from detectors.record import LoopRecord
-from detectors.registry import methods
 from simbench.cli import main
 from simbench.contract import apart
 
@@ -202,7 +202,7 @@ from detectors.detection import detect
 t = np.arange(600.0)
 detect(dict(op=np.sin(t / 8), pv=np.cos(t / 8), Ts=1.0), ["horch"], plugins=[{str(file)!r}])
 """
-    from detectors.guest import SECONDS
+    from detectors.plugins.host import SECONDS
 
     assert SECONDS == 60.0
     code = code.replace("dict(op=np.sin(t / 8), pv=np.cos(t / 8), Ts=1.0)", "LoopRecord(np.sin(t / 8), np.cos(t / 8), 1.0)")

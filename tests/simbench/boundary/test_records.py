@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from detectors import tables
+from detectors.records import tables
 from tests.simbench.boundary.conftest import held
 
 N = 300

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from detectors.errors import ParameterError
-from simbench.confirm.coupled import drawn_pair, find_culprit, main
+from results.studies.coupled_loops import drawn_pair, find_culprit, main
 from simbench.confirm.gain_change import SHIFT, gain_change, judge, measure
 
 SINE = [{"type": "sine", "amplitude": 3.0, "period": 60.0}]

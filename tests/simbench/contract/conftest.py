@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from detectors.contract import Contract
+from detectors.contract.detector import Contract
 from simbench.contract import check_file
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from simbench.bench.run import run_grid
-from simbench.bench.store import Book
+from simbench.bench.execute.run import run_grid
+from simbench.bench.store.reading import Book
 from simbench.figures import make_figures
 from simbench.figures.score_map import data, draw, levels
 from simbench.figures.score_overview import KINDS, overview

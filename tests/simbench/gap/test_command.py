@@ -15,8 +15,8 @@ import pytest
 from scipy.signal import welch
 
 from detectors.errors import ParameterError
-from detectors.io import read_record
 from detectors.record import LoopRecord
+from detectors.records.io import read_record
 from scenarios.spec import Loop, load_loop
 from simbench.cli import main
 from simbench.files import write_record

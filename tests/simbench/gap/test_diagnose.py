@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from random_case import random_case
 
 from detectors.errors import RecordError
 from scenarios.spec import Loop
 from simbench.gap.diagnosis import diagnose
-from simbench.gap.random_case import random_case
 from simbench.gap.report.result import GapReport
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN
 from simbench.loop.simulate import simulate

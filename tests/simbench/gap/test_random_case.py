@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+import random_case as room
+from random_case import random_case, random_effect, random_loop
 
 from detectors.errors import ParameterError
 from scenarios.spec import Loop
-from simbench.gap import random_case as room
 from simbench.gap.effects import Recogniser, recogniser
-from simbench.gap.random_case import random_case, random_effect, random_loop
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,7 @@
 import pytest
 
 from scenarios.spec import Loop
-from simbench.bench.truth import healthy_twin, least_swing
+from simbench.bench.scenario.truth import healthy_twin, least_swing
 from simbench.loop.parameters import VALVES
 from simbench.loop.resolve import friction, resolve_loop
 

@@ -12,8 +12,8 @@ import pandas as pd
 import pytest
 from sklearn.metrics import roc_auc_score
 
-from detectors.registry import methods
-from simbench.bench.run import run_grid
+from detectors.plugins.registry import methods
+from simbench.bench.execute.run import run_grid
 from simbench.files import FileError
 from simbench.html.table import sortable
 from simbench.report import write_report

@@ -2,10 +2,10 @@
 
 import pytest
 
+from results.studies.theory_check import kicks, simulated_cycle
 from simbench.theory.basin import kick_min, starts_cycle
 from simbench.theory.cycle import exact_cycle
 from simbench.theory.sampled import sampled_loop
-from simbench.theory.verify import kicks, simulated_cycle
 
 
 def test_smallest_kick_separates_rest_from_the_cycle_in_the_simulator(loop):

@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 from detectors.errors import ParameterError
+from results.studies import theory_check as verify
+from results.studies.theory_check import Errors, starts
 from simbench.loop.parameters import VALVES, valve_parameters
-from simbench.theory import table_check, verify
+from simbench.theory import table_check
 from simbench.theory.basin import kick_min, starts_cycle
 from simbench.theory.cycle import after_load_step, at_rest, exact_cycle
 from simbench.theory.describing import deadzone, first_harmonic, intersections, measured, stiction
@@ -20,7 +22,6 @@ from simbench.theory.march import reversals
 from simbench.theory.predict import as_text
 from simbench.theory.sampled import mapped_valve, nearest_map, sampled_loop
 from simbench.theory.tables import CONDITIONS, _reason, cell, refined, table_11_3
-from simbench.theory.verify import Errors, starts
 
 
 def test_sizes_of_a_sampled_loop(loop):

@@ -5,11 +5,11 @@ from functools import cache
 
 import numpy as np
 import pytest
+from random_case import random_case
 
 from simbench.gap.decide.assess import ASKED, LIMITS, Assessment, assess
 from simbench.gap.decide.classify import BEHIND, PLAIN, TEMPERATURE, classify
 from simbench.gap.intake.check import check
-from simbench.gap.random_case import random_case
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 
 CASES = {"mv": (8, ("oscillation",), True), "blind": (12, ("gain_mismatch",), False)}

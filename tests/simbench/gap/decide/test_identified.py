@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from random_case import random_case
 
 from simbench.gap.candidates import Candidate
 from simbench.gap.decide import identified
@@ -15,7 +16,6 @@ from simbench.gap.intake.identify import meaningful
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Spec
-from simbench.gap.random_case import random_case
 from simbench.loop.effects import EFFECTS
 
 CASE = random_case(12)

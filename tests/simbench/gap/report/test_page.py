@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from random_case import random_case
 
 from detectors.record import LoopRecord
 from scenarios.spec import Loop
 from simbench.files import FileError
 from simbench.gap.diagnosis import diagnose
-from simbench.gap.random_case import random_case
 from simbench.gap.report.page import write_page
 from simbench.gap.report.pictures import draw_loops, draw_traces, spectrum
 from simbench.gap.report.sheet import draw_sheet

@@ -1,0 +1,1 @@
+"""What every detector must keep, tried on plain, rescaled and dead records."""

@@ -1,0 +1,278 @@
+"""The contract every detector keeps: what it says of itself, and how it behaves on plain, on rescaled and on dead records."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import math
+import numbers
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from detectors.contract.example_loop import CASES, example_record
+from detectors.contract.watch import Watched, watch
+from detectors.judge import judge_one
+from detectors.method import Method, Threshold
+from detectors.plugins.registry import methods
+from detectors.prepared import Prepared
+from detectors.record import PROCESSES, LoopRecord
+from detectors.signal.oscillation import Oscillation
+from detectors.verdict import NO_DECISION, STICTION, VERDICTS, Verdict
+
+ROLES, BUDGETS = ("stiction", "nonlinearity", "quantification"), ("fast", "full")
+# PV in another unit, and OP with its span in another
+UNITS = ((0.02, -7.0), (-30.0, 2000.0))
+OP_UNITS = ((0.16, 4.0), (40.0, -300.0))
+DEAD = ("constant", "short", "no period")
+
+
+@dataclass(frozen=True)
+class Contract:
+    """Whether a plug-in keeps its contract.
+
+    Parameters
+    ----------
+    kind, name : str
+        "detector", "valve", "effect", "recogniser" or "grid", and its id.
+    broken : tuple of str
+        One sentence for every point that does not hold.
+    notes : tuple of str
+        What is no breach and still good to know.
+
+    Examples
+    --------
+    >>> Contract("detector", "horch", ()).kept
+    True
+    """
+
+    kind: str
+    name: str
+    broken: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def kept(self) -> bool:
+        """Whether no point is broken."""
+        return not self.broken
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the findings as JSON types."""
+        return {
+            "kind": self.kind, "name": self.name, "kept": self.kept, "broken": list(self.broken), "notes": list(self.notes)
+        }  # fmt: skip
+
+    def as_text(self) -> str:
+        """Return the findings, one line each."""
+        said = "keeps its contract" if self.kept else f"breaks its contract in {len(self.broken)} places"
+        lines = [f"{self.kind} {self.name}: {said}".replace("in 1 places", "in one place")]
+        return "\n".join([*lines, *(f"  broken: {b}" for b in self.broken), *(f"  note: {n}" for n in self.notes)])
+
+
+def check_detector(name: str) -> Contract:
+    """Check a detector against its contract.
+
+    Parameters
+    ----------
+    name : str
+        Method id; `detectors.plugins.registry.methods.add_file` gives that of a file.
+
+    Returns
+    -------
+    Contract
+
+    Raises
+    ------
+    UnknownName
+        For a method that does not exist.
+
+    Notes
+    -----
+    Six plain records for every process type the method is made for, judged as `detectors.judge` does; the verdict must not
+    follow the unit of PV or of OP, nor change the second time. A detector asked directly about a dead record answers, or
+    refuses in one sentence (`UserError`). NaN reaches it only as the period of a record that has none: a `LoopRecord` holds no
+    other. Not a benchmark: a detector that keeps the contract may still be wrong everywhere else.
+
+    Examples
+    --------
+    >>> check_detector("horch").broken
+    ()
+    """
+    module = methods.load(name)
+    said = list(_description(module))
+    if said:  # nothing further can be asked of it
+        return Contract("detector", name, tuple(said))
+    broken = [*_thresholds(module)]
+    for process in module.METHOD.process:
+        broken += _cases(name, module, process)
+        broken += _units(name, module, process)
+        broken += _inputs(name, module, process)
+        broken += _dead(module, process)
+    return Contract("detector", name, tuple(dict.fromkeys(broken)))
+
+
+def _description(module: ModuleType) -> Iterator[str]:
+    method = module.METHOD
+    if not isinstance(method, Method):
+        yield f"METHOD is a {type(method).__name__}, a detectors.method.Method is needed"
+        return
+    if not (module.__doc__ or "").strip():
+        yield "the file does not begin with a sentence on what the detector looks for"
+    for word in ("title", "source"):
+        if not str(getattr(method, word)).strip():
+            yield f"METHOD.{word} is empty"
+    for words, allowed, of in ((method.process, PROCESSES, "process"), ((method.role,), ROLES, "role"),
+                               ((method.budget,), BUDGETS, "budget"), (method.exempt, CASES, "exempt")):  # fmt: skip
+        if isinstance(words, str) or any(w not in allowed for w in words) or (of == "process" and not words):
+            yield f"METHOD.{of} = {words!r}, allowed: {', '.join(allowed)}"
+    for case, reason in method.exempt.items():
+        if len(reason) <= 20:
+            yield f"METHOD.exempt: {case!r} is left out without a reason"
+    parameters = list(inspect.signature(module.detect).parameters.values())
+    keywords = [p.name for p in parameters if p.kind is p.KEYWORD_ONLY]
+    if len(parameters) - len(keywords) != 1 or sorted(keywords) != sorted(method.thresholds):
+        yield (
+            f"detect{inspect.signature(module.detect)} must take the prepared record and, by keyword, "
+            f"the thresholds of METHOD: {', '.join(sorted(method.thresholds)) or 'none'}"
+        )
+
+
+def _thresholds(module: ModuleType) -> Iterator[str]:
+    for key, rule in module.METHOD.thresholds.items():
+        if not isinstance(rule, Threshold):
+            yield f"threshold {key} is a {type(rule).__name__}, a detectors.method.Threshold is needed"
+            continue
+        if not rule.low <= rule.default <= rule.high:
+            yield f"threshold {key}: its default {rule.default} lies outside its range {rule.low} to {rule.high}"
+        for word in ("unit", "source", "says"):
+            if not str(getattr(rule, word)).strip():
+                yield f"threshold {key}: {word} is empty"
+
+
+def _cases(name: str, module: ModuleType, process: str) -> Iterator[str]:
+    """Judge the six plain records, and the first of them once more at the end."""
+    first, best = _judged(name, module, example_record("stiction", process)), math.inf
+    for case in CASES:
+        on = f"the record {case!r} ({CASES[case]}; {process})"
+        found = first if case == "stiction" else _judged(name, module, example_record(case, process))
+        if found.faults:
+            yield from (f"{fault}, on {on}" for fault in found.faults)
+            continue
+        verdict: Verdict = found.value
+        if case in module.METHOD.exempt:
+            continue
+        if case == "stiction":
+            best = verdict.score
+            if verdict.verdict != STICTION:
+                yield f"says {verdict.verdict!r} on {on}: {verdict.reason}"
+        elif verdict.verdict == STICTION:
+            yield f"says 'stiction' on {on}: {verdict.reason}"
+        elif verdict.verdict != NO_DECISION and case in DEAD:
+            yield f"says {verdict.verdict!r} on {on}, of which nothing can be said"
+        elif verdict.score >= best:
+            yield f"scores {verdict.score:.3g} on {on} and {best:.3g} where the valve sticks; a larger score must mean stickier"
+    again = _judged(name, module, example_record("stiction", process))
+    if _plain(first) != _plain(again):
+        yield f"is not deterministic: asked twice about one record ({process}), it gives two answers{_difference(first, again)}"
+
+
+def _units(name: str, module: ModuleType, process: str) -> Iterator[str]:
+    for case in ("stiction", "healthy", "sine"):
+        record = replace(example_record(case, process), op_span=(0.0, 100.0))
+        if not (module.METHOD.needs_mv and process == "integrating"):
+            record = replace(record, mv=None)  # MV is recorded in %, whatever the unit of OP
+        asked = _word(_judged(name, module, record))
+        for a, b in UNITS:
+            moved = _word(_judged(name, module, replace(record, pv=a * record.pv + b)))
+            if moved != asked:
+                yield f"follows PV's unit: {asked!r} becomes {moved!r} on the record {case!r} ({process}) with {a:g} PV + {b:g}"
+                break
+        for a, b in OP_UNITS if record.mv is None else ():
+            moved = _word(_judged(name, module, replace(record, op=a * record.op + b, op_span=(b, 100.0 * a + b))))
+            if moved != asked:
+                yield f"follows OP's unit: {asked!r} becomes {moved!r} on the record {case!r} ({process}) with {a:g} OP + {b:g}"
+                break
+
+
+def _inputs(name: str, module: ModuleType, process: str) -> Iterator[str]:
+    """Look for changes in what the detector was given, what it shares with the others included."""
+    prepared = Prepared(replace(example_record("stiction", process)))
+    for signal in ("op", "pv"):
+        prepared.clean(signal)
+        prepared.half_cycles(signal)
+    held = {**{s: getattr(prepared.record, s) for s in ("op", "pv", "mv")}, **prepared.shared}
+    before = {k: np.array(v, copy=True) for k, v in held.items() if isinstance(v, np.ndarray)}
+    watch(lambda: judge_one(name, module, prepared, True, module.METHOD.defaults()))
+    for key, values in before.items():
+        if not np.array_equal(held[key], values, equal_nan=True):
+            yield f"writes into what it was given: {key!r} is another after detect ({process})"
+
+
+def _dead(module: ModuleType, process: str) -> Iterator[str]:
+    for case in DEAD:
+        prepared = Prepared(replace(example_record("noise" if case == "no period" else case, process)))
+        if case == "no period":
+            prepared.__dict__["oscillation"] = Oscillation(False, 0.0, math.nan)
+        found = watch(lambda p=prepared: module.detect(p, **module.METHOD.defaults()))
+        faults = found.faults or ([] if found.refusal else list(_wrong_types(found.value)))
+        yield from (f"{fault}, asked directly about a dead record ({case}, {process})" for fault in faults)
+
+
+def _judged(name: str, module: ModuleType, record: LoopRecord) -> Watched:
+    """Judge a record as every run does, and note what the detector's own answer lacks."""
+    own: list[Any] = []
+
+    def detect(prepared: Prepared, **thresholds: float) -> Any:
+        own.append(module.detect(prepared, **thresholds))
+        return own[0]
+
+    seen = record if module.METHOD.needs_mv else record.blind()
+    spied: Any = SimpleNamespace(METHOD=module.METHOD, detect=detect)
+    found = watch(lambda: judge_one(name, spied, Prepared(seen), False, module.METHOD.defaults()))
+    if found.refusal:
+        found.faults.append(f"refuses ({found.refusal}) where an answer is due")
+    if own:
+        wrong = list(_wrong_types(own[0]))
+        found.faults = wrong if not isinstance(own[0], Verdict) else [*found.faults, *wrong]
+    return found
+
+
+def _wrong_types(v: Any) -> Iterator[str]:
+    """Say what of an answer is not as `Verdict` describes it."""
+    if not isinstance(v, Verdict):
+        yield f"answers {v!r}, a detectors.verdict.Verdict is needed"
+    else:
+        if v.verdict not in VERDICTS:
+            yield f"answers {v.verdict!r}, allowed: {', '.join(VERDICTS)}"
+        if not isinstance(v.reason, str) or not v.reason.strip():
+            yield f"gives no reason for {v.verdict!r}"
+        if not _number(v.score):
+            yield f"gives the score {v.score!r}, a number is needed (NaN for none)"
+        if not isinstance(v.indices, dict) or not all(isinstance(k, str) and _number(x) for k, x in v.indices.items()):
+            yield f"gives the indices {v.indices!r}, names with numbers are needed"
+        for key, level in (("S", v.S), ("J", v.J)):
+            if level is not None and not all(_number(x) for x in (level if isinstance(level, tuple) else (level,))):
+                yield f"gives {key} = {level!r}, a number, (lo, hi) or None is needed"
+        if v.applicable not in (True, False, None):
+            yield f"gives applicable = {v.applicable!r}; true, false or None is needed"
+
+
+def _number(x: Any) -> bool:
+    return isinstance(x, numbers.Real) and not isinstance(x, bool)
+
+
+def _word(found: Watched) -> str:
+    return "an error" if found.faults else found.value.verdict
+
+
+def _plain(found: Watched) -> str:
+    return repr(found.faults) if found.faults else json.dumps(found.value.as_json())
+
+
+def _difference(first: Watched, second: Watched) -> str:
+    a, b = ({"answer": f.faults} if f.faults else f.value.as_json() for f in (first, second))
+    key = next((k for k in a if a[k] != b.get(k)), "answer")
+    return f", {key} {a.get(key)!r} and {b.get(key)!r}"

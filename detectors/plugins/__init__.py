@@ -1,0 +1,1 @@
+"""How a plug-in's file is found, kept apart and judged."""

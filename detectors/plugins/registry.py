@@ -1,0 +1,317 @@
+"""Plug-ins by name: the files of a folder, entry points of other distributions, and single files a user points at."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import pkgutil
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from functools import cached_property
+from importlib.metadata import entry_points
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from detectors.errors import ParameterError, UnknownName, UserError
+from detectors.plugins.host import SECONDS, Guest, refuse_name
+
+MakeHost = Callable[[Path | str, float], Any]
+
+
+class PluginFolder:
+    """The plug-ins of one kind; a plug-in is a module, its name is its file name.
+
+    Parameters
+    ----------
+    kind : str
+        Word used in messages, e.g. "detector".
+    package : str
+        Import path of the folder whose modules are the built-in plug-ins.
+    group : str
+        Entry-point group by which other distributions add theirs.
+    required : tuple of str
+        Attributes every plug-in must have.
+    reserved : tuple of str
+        Names that mean something else where names of plug-ins are given.
+
+    Attributes
+    ----------
+    entry_host : callable or None
+        (name, seconds) -> the process in which what another distribution publishes lives; None: it is imported here.
+
+    Examples
+    --------
+    >>> folder = PluginFolder("detector", "detectors.methods", "simbench.detectors", ("METHOD", "detect"))
+    >>> "horch" in folder.names()
+    True
+    """
+
+    def __init__(self, kind: str, package: str, group: str, required: tuple[str, ...], reserved: tuple[str, ...] = ()) -> None:
+        self.kind = kind
+        self.package = package
+        self.group = group
+        self.required = required
+        self.reserved = reserved
+        self.entry_host: MakeHost | None = None
+        self._guests: dict[str, tuple[tuple, Any]] = {}
+        self._files: dict[str, ModuleType] = {}
+        self._loaded: dict[str, ModuleType] = {}
+
+    def names(self) -> list[str]:
+        """Return every known name, sorted; nothing is imported."""
+        return sorted(self._own | set(self._entry_points) | set(self._files))
+
+    def load(self, name: str) -> ModuleType:
+        """Import one plug-in.
+
+        Parameters
+        ----------
+        name : str
+            Its id.
+
+        Returns
+        -------
+        module
+
+        Raises
+        ------
+        UnknownName
+            With the nearest known names.
+        ParameterError
+            When the module lacks a required attribute.
+        """
+        if name in self._files:
+            return self._files[name]
+        if name not in self._loaded:
+            if name not in self.names():
+                raise UnknownName(self.kind, name, self.names())
+            self._loaded[name] = self._checked(self._outside(name) or importlib.import_module(f"{self.package}.{name}"), name)
+        return self._loaded[name]
+
+    def add_file(self, path: str | Path) -> str:
+        """Register a plug-in from one Python file outside the package.
+
+        Parameters
+        ----------
+        path : str or Path
+            The file; its stem becomes the plug-in's name.
+
+        Returns
+        -------
+        str
+            The name.
+
+        Raises
+        ------
+        ParameterError
+            When the file is missing, cannot be imported, lacks a required attribute, or takes a built-in name.
+        """
+        path = Path(path)
+        name = path.stem
+        if not path.is_file():
+            raise ParameterError(f"{self.kind} file {path} does not exist")
+        refuse_name(path, self.kind, self._taken(name))
+        spec = importlib.util.spec_from_file_location(f"plugin_{name}", path)
+        if spec is None or spec.loader is None:
+            raise ParameterError(f"{self.kind} file {path} is no Python file; one that ends in .py is needed")
+        module = importlib.util.module_from_spec(spec)
+        # where any other module stands as well: a plug-in may look itself up
+        sys.modules[spec.name] = module
+        try:
+            spec.loader.exec_module(module)
+        except (Exception, SystemExit) as error:  # a plug-in may fail in any way; the user needs the file's name
+            sys.modules.pop(spec.name, None)
+            raise self._useless(f"{self.kind} file {path}", repr(error)) from error
+        self._files[name] = self._checked(module, name)
+        return name
+
+    def add_guest(self, path: str | Path, seconds: float = SECONDS, host: MakeHost = Guest) -> str:
+        """Register a plug-in's file without importing it: a process of its own does, see `detectors.plugins.host`.
+
+        Parameters
+        ----------
+        path : str or Path
+            The file; its stem becomes the plug-in's name.
+        seconds : float
+            Time it may take for a record.
+        host : callable
+            (file, seconds) -> the process, which has a `stub()` to stand for the plug-in here.
+
+        Returns
+        -------
+        str
+            The name.
+
+        Raises
+        ------
+        ParameterError
+            When the file is missing, takes a name that means something already, cannot be imported, or does not say of
+            itself what a plug-in must.
+        """
+        path = Path(path)
+        name = path.stem
+        if not path.is_file():
+            raise ParameterError(f"{self.kind} file {path} does not exist")
+        refuse_name(path, self.kind, self._taken(name))
+        _refuse_limit(seconds)
+        key = (path.resolve(), path.stat().st_mtime_ns)
+        guest = self._guests.get(name)
+        if guest is None or guest[0] != key:
+            if guest is not None:
+                guest[1].close()
+            process = host(path.resolve(), seconds)
+            self._files[name] = self._stub(process, f"{self.kind} file {path}")
+            self._guests[name] = (key, process)
+        return name
+
+    def add_guests(self, paths: Iterable[str | Path], seconds: float = SECONDS, host: MakeHost = Guest) -> list[str]:
+        """Register several files as `add_guest` does; two of one name are refused. Every guest known is asked again."""
+        _refuse_limit(seconds)
+        files = list(dict.fromkeys(Path(p).resolve() for p in paths))
+        names = [f.stem for f in files]
+        for file in files:
+            refuse_name(file, self.kind, names.count(file.stem) > 1)
+        added = [self.add_guest(f, seconds, host) for f in files]
+        for _, process in self._guests.values():
+            process.seconds, process.strikes = seconds, 0
+        return added
+
+    @contextmanager
+    def guests(self, paths: Iterable[str | Path], seconds: float = SECONDS, host: MakeHost = Guest) -> Iterator[list[str]]:
+        """Register several files for one question only: afterwards the names known are those of before."""
+        before = set(self._files)
+        try:
+            yield self.add_guests(paths, seconds, host)
+        finally:
+            for name in set(self._files) - before:
+                self.forget(name)
+
+    @contextmanager
+    def entries_hosted(self, host: MakeHost) -> Iterator[None]:
+        """Let what other distributions publish live in processes of their own, for one question only."""
+        before, self.entry_host = self.entry_host, host
+        self._forget_entries()
+        try:
+            yield
+        finally:
+            self.entry_host = before
+            self._forget_entries()
+
+    def _forget_entries(self) -> None:
+        for name in self._entry_points:
+            self._loaded.pop(name, None)
+            self.forget(name)
+
+    def guest(self, name: str) -> Any:
+        """Return the process a plug-in lives in; None for those of the house."""
+        if self.entry_host is not None and name in self._entry_points and name not in self._files:
+            self.load(name)
+        found = self._guests.get(name)
+        return None if found is None else found[1]
+
+    def _taken(self, name: str) -> bool:
+        return name in self.reserved or name in self._own or name in self._entry_points
+
+    def own_file(self, path: str | Path) -> bool:
+        """Return whether a file is that of a built-in plug-in."""
+        folder = importlib.import_module(self.package).__path__[0]
+        return Path(path).stem in self._own and Path(path).resolve().parent == Path(folder).resolve()
+
+    def forget(self, name: str) -> None:
+        """Take a file that was added out again."""
+        self._files.pop(name, None)
+        found = self._guests.pop(name, None)
+        if found is not None:
+            found[1].close()
+
+    @cached_property
+    def _entry_points(self) -> dict:
+        # reads the metadata of every installed distribution: once is enough; none takes a name that means something already
+        return {e.name: e for e in entry_points(group=self.group) if e.name not in self._own and e.name not in self.reserved}
+
+    def _outside(self, name: str) -> ModuleType | None:
+        """Return what another distribution publishes under a name, or what stands for it here."""
+        point = self._entry_points.get(name)
+        if point is None:
+            return None
+        where = f"{self.kind} {name!r} of {point.dist.name if point.dist else 'another distribution'} ({point.value})"
+        if self.entry_host is None:
+            try:
+                return point.load()
+            except (Exception, SystemExit) as error:  # it may fail in any way; the user needs its distribution's name
+                raise self._useless(where, repr(error)) from error
+        host = self.entry_host(name, SECONDS)
+        stub = self._stub(host, where)
+        self._guests[name] = ((), host)
+        return stub
+
+    @cached_property
+    def _own(self) -> frozenset[str]:
+        package = importlib.import_module(self.package)
+        return frozenset(m.name for m in pkgutil.iter_modules(package.__path__) if not m.name.startswith("_"))
+
+    def _stub(self, host: Any, where: str) -> ModuleType:
+        """What stands for a plug-in outside its own process: its description of itself; ParameterError where it gives none."""
+        try:
+            return host.stub()
+        except UserError as error:
+            host.close()
+            raise self._useless(where, str(error)) from None
+
+    def _useless(self, where: str, why: str) -> ParameterError:
+        needs = f"a {self.kind} needs {', '.join(self.required)}"
+        return ParameterError(f"{where} cannot be imported: {why}" + ("" if needs in why else f"; {needs}"))
+
+    def _checked(self, module: ModuleType, name: str) -> ModuleType:
+        missing = [a for a in self.required if not hasattr(module, a)]
+        if missing:
+            raise ParameterError(f"{self.kind} {name!r} ({module.__file__}) lacks {', '.join(missing)}, which it needs")
+        return module
+
+
+def _refuse_limit(seconds: float) -> None:
+    if not 0.0 < seconds < 1e6:
+        raise ParameterError(f"time limit {seconds} s; a number above 0 is needed")
+
+
+PUBLISHED = "published"
+RESERVED = ("all", "fast", "full", "oracle", "always_no", "always_yes")
+
+
+class Detectors(PluginFolder):
+    """The detectors; `NAME@published` is a detector with the thresholds of its source.
+
+    Those of other distributions live in processes of their own, as a user's files do; `entry_host = None` imports them
+    here, which such a process alone may do.
+
+    Examples
+    --------
+    >>> methods.load("rossi_scali@published").METHOD.defaults()["left_out"]
+    0.0
+    """
+
+    def load(self, name: str) -> ModuleType:
+        """Import one detector, or the published variant of one; see `PluginFolder.load`."""
+        base, at, variant = name.partition("@")
+        if at and variant != PUBLISHED:
+            raise UnknownName(self.kind, name, [*self.names(), *self.variants()])
+        module = super().load(base)
+        if not at:
+            return module
+        shown = ModuleType(name, module.__doc__)
+        shown.__dict__.update(METHOD=module.METHOD.as_published(), detect=module.detect, __file__=module.__file__)
+        return shown
+
+    def guest(self, name: str) -> Any:
+        """Return the process a detector, or the published variant of it, lives in; None for those of the house."""
+        return super().guest(name.partition("@")[0])
+
+    def variants(self) -> list[str]:
+        """Return NAME@published of every detector whose defaults are not those of its source."""
+        return [f"{name}@{PUBLISHED}" for name in self.names() if super(Detectors, self).load(name).METHOD.published]
+
+
+methods = Detectors("detector", "detectors.methods", "simbench.detectors", ("METHOD", "detect"), RESERVED)
+methods.entry_host = Guest

@@ -1,0 +1,1 @@
+"""How a file becomes a record: tables, times, holes, and the words of historians."""

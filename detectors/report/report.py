@@ -1,0 +1,319 @@
+"""Report: files in, verdicts out, as text, JSON objects and a score table; one code for every command line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from detectors.errors import ParameterError, UnknownName, nearest
+from detectors.judge import FAILED, judge
+from detectors.plugins.host import SECONDS
+from detectors.plugins.registry import PUBLISHED
+from detectors.plugins.registry import methods as registry
+from detectors.records.io import read_folder, read_labels, read_record
+from detectors.report import summary
+from detectors.verdict import NO_DECISION, STICTION, Verdict
+from detectors.views import page_part
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from detectors.record import LoopRecord
+
+SETS = ("all", "fast", "full", PUBLISHED)
+
+
+@dataclass(frozen=True)
+class Report:
+    """What was judged and what came out.
+
+    Parameters
+    ----------
+    verdicts : list of (str or None, Verdict)
+        Record name (None for a single file) and verdict, records and methods in order.
+    refused : dict of str to str
+        Files of a folder that are no records, each with its sentence.
+    scores : list of dict
+        One row per method, when labels were given.
+    records : dict of (str or None) to LoopRecord
+        What was judged, by name.
+    """
+
+    verdicts: list[tuple[str | None, Verdict]]
+    refused: dict[str, str] = field(default_factory=dict)
+    scores: list[dict[str, Any]] = field(default_factory=list)
+    records: dict[str | None, LoopRecord] = field(default_factory=dict, repr=False)
+
+    def as_json(self) -> list[dict[str, Any]]:
+        """Return one object per verdict; `record` is its first key for a folder."""
+        return [{**({} if name is None else {"record": name}), **v.as_json()} for name, v in self.verdicts]
+
+    def __len__(self) -> int:
+        """Number of verdicts."""
+        return len(self.verdicts)
+
+    def __iter__(self) -> Iterator[Verdict]:
+        """Walk over the verdicts."""
+        return (v for _, v in self.verdicts)
+
+    def __getitem__(self, method: str) -> Verdict:
+        """Return the verdict of one method; of several records, the first."""
+        found = {v.method: v for _, v in reversed(self.verdicts)}
+        if method not in found:
+            raise UnknownName("method", method, found, "this report")
+        return found[method]
+
+    def as_text(self, *, why: bool = False, colour: bool = False) -> str:
+        """Return summary, table and scores for a terminal.
+
+        Parameters
+        ----------
+        why : bool
+            Each method's reason as well.
+        colour : bool
+            With the colours of a terminal.
+
+        Returns
+        -------
+        str
+        """
+        text = summary.as_text(self.groups(), why=why, colour=colour)
+        return "\n".join([text, "", *table(self.scores)]) if self.scores else text
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row per verdict.
+
+        Returns
+        -------
+        DataFrame
+            record (for a folder), method, verdict, score, S_lo, S_hi, J_lo, J_hi, S_unit, applicable, reason, and the indices.
+        """
+        return summary.to_frame(self.verdicts)
+
+    def _repr_html_(self) -> str:
+        frame = self.to_frame()
+        keys = [c for c in ("record", "method", "verdict", "score", "applicable", "reason") if c in frame]
+        groups = self.groups()
+        return page_part(summary.sentence(groups[0][1]) if len(groups) == 1 else f"{len(groups)} records", frame[keys])
+
+    def groups(self) -> list[tuple[str | None, list[Verdict], LoopRecord | None]]:
+        """Return the verdicts record by record.
+
+        Returns
+        -------
+        list of (name or None, list of Verdict, LoopRecord or None)
+        """
+        groups: dict[str | None, list[Verdict]] = {}
+        for name, verdict in self.verdicts:
+            groups.setdefault(name, []).append(verdict)
+        return [(name, verdicts, self.records.get(name)) for name, verdicts in groups.items()]
+
+
+def failed(verdicts: Iterable[tuple[str | None, Verdict]]) -> list[str]:
+    """Return one clause per method that gave no verdict where it was asked for one: how often, and why first."""
+    first: dict[str, list[str]] = {}
+    for _, verdict in verdicts:
+        if verdict.reason.startswith(FAILED):
+            first.setdefault(verdict.method, []).append(verdict.reason.removeprefix(FAILED))
+    return [f"method {m} failed on {len(why)} records ({why[0]})" for m, why in first.items()]
+
+
+def judge_files(
+    path: str | Path,
+    methods: Iterable[str] = ("all",),
+    *,
+    process: str | None = None,
+    kind: str | None = None,
+    op_span: tuple[float, float] | None = None,
+    pv_span: tuple[float, float] | None = None,
+    columns: Mapping[str, str] | None = None,
+    loop: str | None = None,
+    Ts: float | None = None,
+    labels: str | Path | None = None,
+    raw: bool = False,
+    front_end: str = "acf",
+    plugins: Iterable[str | Path] = (),
+    thresholds: Mapping[str, Mapping[str, float]] | None = None,
+    time_limit: float = SECONDS,
+) -> Report:
+    """Judge a record file, a folder of them, or an ISDB .mat file.
+
+    Parameters
+    ----------
+    path : str or Path
+        What to judge.
+    methods : iterable of str
+        Method ids, or "all", "fast", "full" (fast and slow ones, the same as all); commas inside are understood.
+    process, kind, op_span, pv_span : optional
+        What is known of every record, see LoopRecord; goes before what labels say.
+    columns, loop, Ts : optional
+        See `detectors.records.io.read_record`.
+    labels : str or Path, optional
+        Table of labels; its records alone are judged, with its kind and process, and scored.
+    raw : bool
+        Without the oscillation front end.
+    front_end : {"acf", "hagglund"}
+        What says whether a loop oscillates, see `detectors.judge.judge`.
+    plugins : iterable of str or Path
+        Detector files outside the package; they are judged too, in addition to `methods`.
+    thresholds : dict of method id to dict of str to float, optional
+        Other thresholds than the methods' own.
+    time_limit : float
+        Seconds a plug-in may take for a record.
+
+    Returns
+    -------
+    Report
+
+    Raises
+    ------
+    UserError
+        For anything the user can put right: files, methods, thresholds.
+    """
+    with registry.guests(plugins, time_limit) as added:
+        names = choose_methods(methods)
+        names += [a for a in added if a not in names]
+        for method in thresholds or {}:
+            if method not in names:
+                raise ParameterError(f"thresholds are given for {method!r}, which is not asked: {nearest(method, names)}")
+        about = {"process": process, "kind": kind, "op_span": op_span, "pv_span": pv_span, "columns": columns, "Ts": Ts}
+        if not Path(path).is_dir() and (Path(path).suffix.lower() != ".mat" or not Path(path).exists()):
+            if labels is not None:
+                raise ParameterError(f"labels score a folder of records; {path} is no folder, which is needed")
+            record = read_record(path, loop=loop, **about)
+            verdicts = judge(record, names, raw=raw, thresholds=thresholds, front_end=front_end)
+            return Report([(None, v) for v in verdicts], records={None: record})
+        known = {} if labels is None else read_labels(labels)
+        each = {name: {"kind": row["kind"], "process": row["process"]} for name, row in known.items()}
+        records, refused = read_folder(path, names=known or None, each=each, **about)
+        verdicts = [
+            (name, verdict)
+            for name, record in records.items()
+            for verdict in judge(record, names, raw=raw, thresholds=thresholds, front_end=front_end)
+        ]
+        return Report(verdicts, refused, score_units(verdicts, known) if known else [], {**records})
+
+
+def choose_methods(names: Iterable[str]) -> list[str]:
+    """Return method ids for names that may be sets of methods.
+
+    Parameters
+    ----------
+    names : iterable of str
+        Ids, "all", "fast", "full" or "published" (every method with rules of our own, without them: NAME@published);
+        "horch,he" counts as two.
+
+    Returns
+    -------
+    list of str
+        Without repetition, in the order asked for.
+
+    Raises
+    ------
+    UnknownName
+        With the nearest method.
+
+    Examples
+    --------
+    >>> choose_methods(["horch,he", "he"])
+    ['horch', 'he']
+    """
+    chosen: list[str] = []
+    for name in (part.strip() for text in names for part in text.split(",")):
+        if name == PUBLISHED:
+            some = registry.variants()
+        elif name in SETS:
+            some = [m for m in registry.names() if name != "fast" or registry.load(m).METHOD.budget == "fast"]
+        else:
+            registry.load(name)
+            some = [name]
+        chosen += [m for m in some if m not in chosen]
+    return chosen
+
+
+def score_units(
+    verdicts: Iterable[tuple[str | None, Verdict]], labels: Mapping[str, Mapping[str, str]]
+) -> list[dict[str, Any]]:
+    """Score verdicts against labels, counted by unit: the records of one loop, or of loops that share an oscillation.
+
+    Parameters
+    ----------
+    verdicts : iterable of (str, Verdict)
+        Record name and verdict.
+    labels : dict of str to dict
+        As `detectors.records.io.read_labels` gives it; label "stiction" is a positive, "" and "unknown" are left out.
+
+    Returns
+    -------
+    list of dict
+        Per method: n_stiction, found, n_other, false_alarms, undecided, not_applicable, auc. A unit counts as stiction when
+        most of its decided records say so; one that the method is not made for counts in not_applicable alone.
+    """
+    units: dict[str, dict[tuple[str, str], list[Verdict]]] = {}
+    for name, verdict in verdicts:
+        row = labels.get(str(name))
+        if row is not None and row["label"] not in ("", "unknown"):
+            units.setdefault(verdict.method, {}).setdefault((row["unit_group"], row["label"]), []).append(verdict)
+    rows = []
+    for method, groups in units.items():
+        votes: dict[bool, list[bool | None]] = {True: [], False: []}
+        scores = {True: [], False: []}
+        covered = {key: found for key, found in groups.items() if any(v.applicable is not False for v in found)}
+        for (_, label), found in covered.items():
+            decided = [v.verdict == STICTION for v in found if v.verdict != NO_DECISION]
+            votes[label == STICTION].append(None if not decided else float(np.mean(decided)) > 0.5)
+            known = [v.score for v in found if not np.isnan(v.score)]
+            if known:
+                scores[label == STICTION].append(float(np.median(known)))
+        rows.append(
+            {
+                "method": method,
+                "n_stiction": len(votes[True]),
+                "found": sum(v is True for v in votes[True]),
+                "n_other": len(votes[False]),
+                "false_alarms": sum(v is True for v in votes[False]),
+                "undecided": sum(v is None for v in votes[True] + votes[False]),
+                "not_applicable": len(groups) - len(covered),
+                "auc": _auc(scores[True], scores[False]),
+            }
+        )
+    return rows
+
+
+def table(rows: list[dict[str, Any]]) -> list[str]:
+    """Return rows as lines of equal columns, the head first."""
+    head = list(rows[0])
+    return columns([head] + [[f"{v:.2f}" if isinstance(v, float) else str(v) for v in row.values()] for row in rows])
+
+
+def columns(lines: Sequence[Sequence[str]]) -> list[str]:
+    """Return cells as lines of equal columns: for files, which have no width to which rich could fit a table.
+
+    Parameters
+    ----------
+    lines : sequence of sequence of str
+        As many cells in each.
+
+    Returns
+    -------
+    list of str
+
+    Examples
+    --------
+    >>> columns([("a", "b"), ("long", "c")])
+    ['a     b', 'long  c']
+    """
+    widths = [max(map(len, cells)) for cells in zip(*lines, strict=True)]
+    return ["  ".join(cell.ljust(w) for cell, w in zip(line, widths, strict=True)).rstrip() for line in lines]
+
+
+def _auc(positive: list[float], negative: list[float]) -> float:
+    """Return the probability that a positive scores above a negative (ties count half)."""
+    if not positive or not negative:
+        return float("nan")
+    # no subtraction: a loop that does not oscillate scores -inf
+    return float(np.mean(np.greater.outer(positive, negative) + 0.5 * np.equal.outer(positive, negative)))

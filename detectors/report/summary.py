@@ -1,0 +1,234 @@
+"""Verdicts for people: one sentence, one table, every note once; the reasons on request."""
+
+from __future__ import annotations
+
+import io
+from collections import Counter
+from collections.abc import Collection, Iterable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from detectors.plugins.registry import methods as registry
+from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Level, Verdict
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from detectors.record import LoopRecord
+
+WORDS = {STICTION: "stiction", NO_STICTION: "no stiction", NO_DECISION: "no decision"}
+COLOURS = {STICTION: "red", NO_STICTION: "green", NO_DECISION: "yellow"}
+SIGNS = {STICTION: "S", NO_STICTION: "-", NO_DECISION: "?"}
+LEGEND = "S stiction, - no stiction, ? no decision, blank: the method is not made for this loop"
+WIDE = 400  # columns of a table that goes to a file: nothing is cut or wrapped
+
+
+def sentence(verdicts: Sequence[Verdict]) -> str:
+    """Say what the methods say together.
+
+    Parameters
+    ----------
+    verdicts : sequence of Verdict
+        Of one record.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> sentence([Verdict("he", "stiction", reason="r"), Verdict("horch", "no_decision", reason="r")])
+    '1 of 2 methods says stiction, 0 no stiction, 1 no decision'
+    """
+    if len(verdicts) == 1:
+        return f"{verdicts[0].method} says {WORDS[verdicts[0].verdict]}"
+    whole = next((v for v in verdicts if v.method == "procedure"), None)
+    asked = [v for v in verdicts if v is not whole and not _is_test(v.method)]
+    others = [v for v in asked if v.applicable is not False]
+    count = Counter(v.verdict for v in others)
+    left_out = len(asked) - len(others)
+    said = f"{count[STICTION]} of {len(others)} methods {'says' if count[STICTION] == 1 else 'say'} stiction, "
+    said += f"{count[NO_STICTION]} no stiction, {count[NO_DECISION]} no decision"
+    said += f"; {left_out} not made for this loop" if left_out else ""
+    return said + (f"; the procedure, which weighs them, says {WORDS[whole.verdict]}" if whole else "")
+
+
+def notes_of(verdicts: Sequence[Verdict], record: LoopRecord | None = None) -> list[str]:
+    """Return what is true of the record and not of one method: said by most of several, or by the loader.
+
+    Parameters
+    ----------
+    verdicts : sequence of Verdict
+        Of one record.
+    record : LoopRecord, optional
+        The record, for what its loader had to do.
+
+    Returns
+    -------
+    list of str
+    """
+    clauses = Counter(c for v in verdicts for c in dict.fromkeys(_clauses(v.reason)))
+    least = max(2, (len(verdicts) + 1) // 2)
+    return [*(record.notes if record else ()), *(c for c, n in clauses.items() if n >= least)]
+
+
+def own_reason(verdict: Verdict, shared: Collection[str]) -> str:
+    """Return a verdict's reason without what is said of the whole record already.
+
+    Parameters
+    ----------
+    verdict : Verdict
+        One method's.
+    shared : collection of str
+        As `notes_of` gives them.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> own_reason(Verdict("he", "stiction", reason="OP is triangular; OP taken as 0..100 %"), ["OP taken as 0..100 %"])
+    'OP is triangular'
+    """
+    clauses = _clauses(verdict.reason)
+    return "; ".join([c for c in clauses if c not in shared] or clauses[:1])
+
+
+def as_text(
+    groups: Iterable[tuple[str | None, list[Verdict], LoopRecord | None]], *, why: bool = False, colour: bool = False
+) -> str:
+    """Return summary and table, and the reasons where asked for.
+
+    Parameters
+    ----------
+    groups : iterable of (name or None, verdicts, record or None)
+        One per record; several become a matrix.
+    why : bool
+        Each method's reason below the table.
+    colour : bool
+        With colours, for a terminal.
+
+    Returns
+    -------
+    str
+    """
+    found = list(groups)
+    lines = []
+    if len(found) == 1:
+        name, verdicts, record = found[0]
+        lines += [*_about(name, record), sentence(verdicts), "", *_drawn(_table(verdicts), colour)]
+        lines += ["", *(f"note: {n}" for n in [*_not_counted(verdicts), *notes_of(verdicts, record)])]
+    elif found:
+        lines += [*_drawn(_matrix(found), colour), LEGEND]
+    if why:
+        for name, verdicts, record in found:
+            shared = set(notes_of(verdicts, record))
+            where = "" if name is None else f"{name}: "
+            lines += ["", *(f"{where}{v.method}: {WORDS[v.verdict]}. {own_reason(v, shared)}." for v in verdicts)]
+    return "\n".join(lines).rstrip()
+
+
+def to_frame(verdicts: Iterable[tuple[str | None, Verdict]]) -> pd.DataFrame:
+    """Return one row per verdict, intervals and indices as columns of their own.
+
+    Parameters
+    ----------
+    verdicts : iterable of (record name or None, Verdict)
+        What was said.
+
+    Returns
+    -------
+    DataFrame
+        record (where there are names), method, verdict, score, S_lo, S_hi, J_lo, J_hi, S_unit, applicable, reason, indices.
+    """
+    import pandas as pd
+
+    rows = []
+    for name, v in verdicts:
+        named = {} if name is None else {"record": name}
+        (S_lo, S_hi), (J_lo, J_hi) = _interval(v.S), _interval(v.J)
+        levels = {"S_lo": S_lo, "S_hi": S_hi, "J_lo": J_lo, "J_hi": J_hi, "S_unit": v.S_unit}
+        told = {"method": v.method, "verdict": v.verdict, "score": v.score}
+        rows.append({**named, **told, **levels, "applicable": v.applicable, "reason": v.reason, **v.indices})
+    return pd.DataFrame(rows)
+
+
+def level(value: Level) -> str:
+    """Write a stick band or slip jump: a number, an interval, or that the record does not fix it."""
+    if value is None:
+        return "not identifiable"
+    return f"{value:.3g}" if isinstance(value, (int, float)) else "{:.3g} to {:.3g}".format(*value)
+
+
+def _about(name: str | None, record: LoopRecord | None) -> list[str]:
+    if record is None:
+        return []
+    known = ", ".join(k for k in (record.kind, record.process) if k)
+    tag = name or record.tag or "record"
+    return [f"{tag}: {record.n} samples, Ts = {record.Ts:g} s, {record.duration:g} s{', ' + known if known else ''}"]
+
+
+def _table(verdicts: Sequence[Verdict]) -> Any:
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False)
+    units = " / ".join(dict.fromkeys(v.S_unit for v in verdicts if v.S is not None or v.J is not None))
+    table.add_column("method", no_wrap=True)
+    table.add_column("verdict", no_wrap=True)
+    for head in ("score", f"S ({units})" if units else "", "J" if units else ""):
+        if head:
+            table.add_column(head, justify="right", no_wrap=True)
+    told = any(v.applicable is not None for v in verdicts)  # of a loop of unknown kind a note says so once
+    if told:
+        table.add_column("made for this loop", no_wrap=True)
+    for v in verdicts:
+        score = f"{v.score:.3f}" if np.isfinite(v.score) else ""
+        fits = {True: "yes", False: "no", None: "cannot tell"}[v.applicable]
+        levels = ([level(v.S), level(v.J)] if v.S is not None else ["", ""]) if units else []
+        table.add_row(v.method, f"[{COLOURS[v.verdict]}]{WORDS[v.verdict]}[/]", score, *levels, *([fits] if told else []))
+    return table
+
+
+def _matrix(groups: Sequence[tuple[str | None, list[Verdict], LoopRecord | None]]) -> Any:
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column("record", no_wrap=True)
+    methods = [v.method for v in groups[0][1]]
+    for name in methods:  # a name of 15 letters over a column of one sign: four letters a line
+        parts = [part[i : i + 4] for part in name.split("_") for i in range(0, len(part), 4)]
+        table.add_column("\n".join(parts), justify="center", no_wrap=True)
+    for name, verdicts, _ in groups:
+        signs = [" " if v.applicable is False else f"[{COLOURS[v.verdict]}]{SIGNS[v.verdict]}[/]" for v in verdicts]
+        table.add_row(str(name), *signs)
+    return table
+
+
+def _drawn(table: Any, colour: bool) -> list[str]:
+    from rich.console import Console
+
+    out = io.StringIO()
+    Console(file=out, width=WIDE, force_terminal=colour, color_system="standard" if colour else None).print(table)
+    return [line.rstrip() for line in out.getvalue().splitlines()]
+
+
+def _not_counted(verdicts: Iterable[Verdict]) -> list[str]:
+    tests = [v.method for v in verdicts if _is_test(v.method)]
+    return [f"nonlinearity tests, not counted for or against stiction: {', '.join(tests)}"] if tests else []
+
+
+def _is_test(method: str) -> bool:
+    """Whether a method tests for nonlinearity, which is not stiction yet."""
+    return method in registry.names() and registry.load(method).METHOD.role == "nonlinearity"
+
+
+def _clauses(reason: str) -> list[str]:
+    return reason.split("; ")
+
+
+def _interval(value: Level) -> tuple[float, float]:
+    if value is None:
+        return np.nan, np.nan
+    return (value, value) if isinstance(value, (int, float)) else value

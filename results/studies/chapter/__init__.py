@@ -1,0 +1,56 @@
+"""The page "chapter against code": every published number beside ours, and why they differ."""
+
+from __future__ import annotations
+
+from results.studies.chapter import confirmation, methods, theory
+from results.studies.chapter.row import Row, Source
+
+HEAD = """# Chapter against code
+
+Every number and statement that can be checked of M. Jelali, Control Performance Management in Industrial Automation (Springer
+2013), chapter 11, beside what this code gives, and why they differ. Written by `python -m results.studies.chapter --isdb
+RECORDS`; do not edit.
+"""
+
+
+def rows(isdb: Source = None) -> list[Row]:
+    """Compute all rows.
+
+    Parameters
+    ----------
+    isdb : str or Path, optional
+        ISDB file or folder of real records; without it their rows stay empty.
+
+    Returns
+    -------
+    list of Row
+        In the order of the chapter.
+    """
+    return [row for part in (theory, methods, confirmation) for row in part.rows(isdb)]
+
+
+def page(found: list[Row]) -> str:
+    """Return the page in Markdown.
+
+    Parameters
+    ----------
+    found : list of Row
+        From `rows`.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> print(page([Row("Eq. 1", "S", "0.43", "0.43", True)]).splitlines()[-1])
+    | Eq. 1 | S | 0.43 | 0.43 | yes |  |
+    """
+    word = {True: "yes", False: "**no**", None: "not tried"}
+    yes, no, none = (sum(row.agrees is answer for row in found) for answer in (True, False, None))
+    lines = [HEAD, f"{yes} reproduce, {no} do not, {none} could not be tried for want of the record.", ""]
+    lines += ["| place | quantity | printed | ours | reproduced | why |", "|---|---|---|---|---|---|"]
+    for row in found:
+        cells = (row.place, row.what, row.printed, row.ours, word[row.agrees], row.why)
+        lines.append("| " + " | ".join(str(c).replace("|", "\\|") for c in cells) + " |")
+    return "\n".join(lines) + "\n"

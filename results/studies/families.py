@@ -1,0 +1,149 @@
+"""Valve families: what a method finds of each, and what the tuned parts find of one that was left out when they were fitted."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from detectors.evidence import EVIDENCE
+from detectors.methods.hammerstein import BEYOND
+from detectors.procedure import ODDS_HIGH
+from detectors.report.report import table
+from results.studies.procedure_weights import fit
+from simbench.bench.score.families import read
+from simbench.usage import exit_code
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+LIKE = "choudhury"  # the family every other is compared with, in the same cells
+VARYING = ("asymmetric", "time_varying", "intermittent")  # no single S
+PARTS = 2  # cells are told apart by their number: each part is judged with what was fitted on the others
+
+
+def left_out(rows: pd.DataFrame) -> Iterator[dict[str, object]]:
+    """Yield the procedure on every family, its weights fitted without that family and without the cells it is judged on.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        As `read` gives it; with the methods that the procedure weighs.
+
+    Yields
+    ------
+    dict
+        family, n; found, and found where the loop oscillates; less: how much less than of `LIKE` in the same cells, with its
+        standard error; false alarms of the same weights.
+    """
+    loops = _evidence(rows)
+    families = [v for v in dict.fromkeys(loops.valve) if loops[loops.valve == v].cycled.any()]
+    for family in families:
+        odds = _odds(loops, loops.valve != family)
+        hit = loops.assign(hit=(odds >= ODDS_HIGH) & loops.oscillating)
+        cycling = hit[hit.cycled]
+        own, like = (cycling[cycling.valve == v].set_index("group").hit.astype(float) for v in (family, LIKE))
+        less = (like - own).dropna()
+        seen = cycling[(cycling.valve == family) & cycling.oscillating]
+        still = hit[~hit.cycled]
+        yield {
+            "family": family,
+            "n": own.size,
+            "found": float(own.mean()),
+            "oscillating": seen.shape[0] / own.size,
+            "found of these": float(seen.hit.mean()),
+            "less than " + LIKE: float(less.mean()),
+            "se": float(less.std() / max(less.size, 1) ** 0.5),
+            "false alarms": float(still.hit.mean()),
+        }
+
+
+def levels(rows: pd.DataFrame) -> Iterator[dict[str, object]]:
+    """Yield how well Hammerstein's S holds on undisturbed cycling loops that the front end sees.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        As `read` gives it; with hammerstein.
+
+    Yields
+    ------
+    dict
+        family, n; within 10 %, and within 0.5 % of travel: shares of S_hat; held: share of the reported intervals that hold S;
+        left out: the widening that holds nine tenths of the other families, and the share of this one that it holds.
+    """
+    here = rows[(rows.method == "hammerstein") & rows.cycled & (rows.disturbance == "none") & rows.oscillating]
+    here = here[here.indices.map(lambda i: "S_hat" in i) & ~here.valve.isin(VARYING) & here.S_lo.notna()]
+    hat = here.indices.map(lambda i: i["S_hat"])
+    inner = here.S_lo * BEYOND, here.S_hi / BEYOND
+    beyond = np.maximum(np.maximum(inner[0] / here.S, here.S / inner[1]), 1.0)
+    for family in dict.fromkeys(here.valve):
+        own = np.asarray(here.valve == family)
+        wide = float(np.quantile(beyond[~own], 0.9))
+        yield {
+            "family": family,
+            "n": int(own.sum()),
+            "within 10 %": float((np.abs(hat / here.S - 1) <= 0.1)[own].mean()),
+            "within 0.5 % of travel": float((np.abs(hat - here.S) <= 0.5)[own].mean()),
+            "held": float((beyond <= BEYOND)[own].mean()),
+            "left out: beyond": wide,
+            "left out: held": float((beyond <= wide)[own].mean()),
+        }
+
+
+def _evidence(rows: pd.DataFrame) -> pd.DataFrame:
+    """One row per scenario with what the procedure counts of it, x, by process type."""
+    import pandas as pd
+
+    found = []
+    for _, part in rows.groupby("scenario_id", sort=False):
+        indices = dict(zip(part.method, part.indices, strict=True))
+        first = part.iloc[0]
+        case = first.process == "integrating"
+        values = [indices.get(e.method, {}).get(e.index) for e in EVIDENCE[case]]
+        x = [
+            min(max(v, e.low), e.high) - e.neutral if v is not None and np.isfinite(v) else 0.0
+            for v, e in zip(values, EVIDENCE[case], strict=True)
+        ]
+        found.append({**first[["group", "process", "valve", "cycled", "oscillating"]], "x": x})
+    return pd.DataFrame(found)
+
+
+def _odds(loops: pd.DataFrame, allowed: pd.Series) -> np.ndarray:
+    """Log-odds of every loop, by weights fitted on the allowed ones of other cells."""
+    odds = np.zeros(len(loops))
+    part = (loops.group % PARTS).to_numpy()
+    for process in ("foptd", "integrating"):
+        here = (loops.process == process).to_numpy()
+        for k in range(PARTS):
+            known = here & (part != k) & allowed.to_numpy() & loops.oscillating.to_numpy()
+            asked = here & (part == k)
+            bias, weights = fit(np.array(list(loops.x[known])), loops.cycled[known].to_numpy())
+            odds[asked] = np.array(list(loops.x[asked])) @ weights + bias
+    return odds
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Print both tables of a run of grid families: `python -m results.studies.families RUN`.
+
+    Parameters
+    ----------
+    arguments : list of str, optional
+        In place of sys.argv.
+
+    Returns
+    -------
+    int
+    """
+    rows = read((sys.argv[1:] if arguments is None else arguments)[0])
+    print("the procedure on each family, its weights fitted without it")
+    print("\n".join(table(list(left_out(rows)))))
+    print("\nS of hammerstein on undisturbed cycling loops; left out: interval widened to hold 0.9 of the other families")
+    print("\n".join(table(list(levels(rows)))))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(exit_code(main))

@@ -1,0 +1,90 @@
+"""Each method on its own ground: the sections of grid own-ground, scored by the method they are named after."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simbench.bench.statistics import wilson
+from simbench.bench.store.reading import Book
+from simbench.usage import exit_code
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+# right of decided that a paper's own conditions should allow, and the most that may stay undecided
+BARS = {"integrating": 0.85, "": 0.90}
+MOST_UNDECIDED = 0.25
+
+
+def sections(run: str | Path) -> pd.DataFrame:
+    """Score every section of a run of grid own-ground by its own method.
+
+    Parameters
+    ----------
+    run : str or Path
+        Folder of the run.
+
+    Returns
+    -------
+    DataFrame
+        section, method, noise_ratio (or "all"), n, right (of decided) with Wilson's interval, no_decision, bar, met. Sections
+        of methods that the run did not use are left out; `horch` has no bar, its verdict follows w Ti by design.
+    """
+    import pandas as pd
+
+    book = Book.read(run)
+    rows = []
+    for section in dict.fromkeys(book.axes["block"]):
+        method, _, kind = str(section).partition(", ")
+        if method not in book.methods:
+            continue
+        i = book.methods.index(method)
+        here = (book.axes["block"] == section) & (book.truth["cycled"] >= 0)
+        levels = [("all", here), *((f"{x:g}", here & (book.axes["noise_ratio"] == x)) for x in (0.0, 0.05))]
+        for noise, use in levels:
+            said, positive = book.verdict[i, use], book.truth["cycled"][use] == 1
+            decided = int((said != 2).sum())
+            right, undecided = int((said == positive).sum()), float((said == 2).mean())
+            lo, hi = wilson(right, decided)
+            bar = None if method == "horch" else BARS[kind]
+            met = bar is None or (right >= bar * decided > 0 and undecided <= MOST_UNDECIDED)
+            rows.append(
+                {
+                    "section": section,
+                    "method": method,
+                    "noise_ratio": noise,
+                    "n": int(use.sum()),
+                    "right": right / decided if decided else np.nan,
+                    "lo": float(lo),
+                    "hi": float(hi),
+                    "no_decision": undecided,
+                    "bar": bar,
+                    "met": met,
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Print the sections of a run: `python -m results.studies.own_ground RUN`; 1 when a bar is missed.
+
+    Parameters
+    ----------
+    arguments : list of str, optional
+        In place of sys.argv.
+
+    Returns
+    -------
+    int
+    """
+    found = sections((sys.argv[1:] if arguments is None else arguments)[0])
+    print(found.to_string(index=False, float_format="{:.3f}".format))
+    return int(not found[found.noise_ratio == "all"].met.all())
+
+
+if __name__ == "__main__":
+    sys.exit(exit_code(main))

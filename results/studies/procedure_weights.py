@@ -1,0 +1,116 @@
+"""Weights of the diagnosis procedure: what each detector's index is worth, fitted to simulated loops."""
+
+from __future__ import annotations
+
+import argparse
+
+import numpy as np
+
+from detectors.evidence import EVIDENCE, Evidence
+from detectors.judge import judge_one
+from detectors.plugins.registry import methods
+from detectors.prepared import Prepared, prepare
+from scenarios.grid import load_grid
+from simbench.bench.scenario.resolve import resolve
+from simbench.bench.scenario.truth import simulate_with_truth
+from simbench.usage import exit_code
+
+PENALTY = 1 / 3  # on squared weights, in loops: a weight needs support from many
+
+
+def collect(grid: str, seed: int, every: int = 1) -> dict[bool, tuple[np.ndarray, np.ndarray]]:
+    """Judge the oscillating loops of a grid and keep the indices that the procedure weighs.
+
+    Parameters
+    ----------
+    grid : str
+        Name or path of a grid.
+    seed : int
+        In place of the grid's own, so that no loop of a benchmark is trained on.
+    every : int
+        Every so many-th group of the grid.
+
+    Returns
+    -------
+    dict of bool (integrating) to (x, y)
+        x : ndarray, shape (loops, indices), as the procedure counts them before weighting; y : ndarray of bool, cycling.
+    """
+    content = load_grid(grid, {"seed": seed, "repeats": 1})
+    rows: dict[bool, list[tuple[list[float], bool]]] = {False: [], True: []}
+    for index in range(0, content.group_count, every):
+        for scenario in resolve(content.group(index)):
+            run, cycled = simulate_with_truth(scenario.loop, scenario.seed)
+            prepared = prepare(run.record.blind())
+            if cycled.answer in ("yes", "no") and prepared.oscillation.sustained and "saturated" not in prepared.flags:
+                case = prepared.integrating
+                rows[case].append((centred(prepared, EVIDENCE[case]), cycled.answer == "yes"))
+    return {case: (np.array([x for x, _ in r]), np.array([y for _, y in r])) for case, r in rows.items()}
+
+
+def centred(prepared: Prepared, evidence: tuple[Evidence, ...]) -> list[float]:
+    """Return each index, limited to its range, less its neutral value; 0 where the method abstains."""
+    verdicts = {}
+    for name in dict.fromkeys(e.method for e in evidence):
+        module = methods.load(name)
+        verdicts[name] = judge_one(name, module, prepared, True, module.METHOD.defaults())
+    return [e.count(verdicts[e.method]) for e in evidence]
+
+
+def fit(x: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray]:
+    """Return bias and weights of the log-odds, both labels counted as equally frequent.
+
+    Parameters
+    ----------
+    x : ndarray, shape (loops, indices)
+        Centred indices.
+    y : ndarray of bool, shape (loops,)
+        Whether the loop cycles.
+
+    Returns
+    -------
+    bias : float
+    weights : ndarray, shape (indices,)
+
+    Examples
+    --------
+    >>> x = np.linspace(-1, 1, 40)[:, None]
+    >>> bias, weights = fit(x, x[:, 0] > 0)
+    >>> abs(bias) < 0.1, bool(weights[0] > 1)
+    (True, True)
+    """
+    from sklearn.linear_model import LogisticRegression
+
+    model = LogisticRegression(C=1 / PENALTY, class_weight="balanced").fit(x, y)
+    return float(model.intercept_[0]), model.coef_[0]
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Print the weights that belong into detectors/evidence.py.
+
+    Parameters
+    ----------
+    arguments : list of str, optional
+        In place of sys.argv.
+
+    Returns
+    -------
+    int
+    """
+    parser = argparse.ArgumentParser(prog="python -m results.studies.procedure_weights", description=__doc__)
+    parser.add_argument("--grid", nargs="+", default=["chapter", "plant"])
+    parser.add_argument("--seed", type=int, default=111, help="other than the grids' own")
+    parser.add_argument("--every", type=int, default=1, help="every so many-th group only")
+    chosen = parser.parse_args(arguments)
+    parts = [collect(grid, chosen.seed, chosen.every) for grid in chosen.grid]
+    for case in (False, True):
+        x, y = (np.concatenate([part[case][i] for part in parts]) for i in (0, 1))
+        bias, weights = fit(x, y)
+        right = np.mean((x @ weights + bias > 0) == y)
+        print(f"integrating = {case}: {y.size} loops, {y.mean():.0%} cycling, {right:.1%} right; bias {bias:+.2f}")
+        for e, w in zip(EVIDENCE[case], weights, strict=True):
+            print(f"  {e.method} {e.index}: {w:+.2f}")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(exit_code(main))

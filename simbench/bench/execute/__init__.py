@@ -1,0 +1,1 @@
+"""A grid run: chunks, workers, plug-in processes, what failed."""

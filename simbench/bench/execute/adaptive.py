@@ -1,0 +1,130 @@
+"""Adaptive sweeps: further seeds only for cells in which some method's accuracy is still known too vaguely."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+from detectors.verdict import NO_STICTION, STICTION
+from scenarios.grid import Grid
+from simbench.bench.execute.pieces import Receipt, marks_of
+from simbench.bench.scenario.truth import NO, YES
+from simbench.bench.statistics import wilson
+from simbench.bench.store.checksums import TABLES
+from simbench.bench.store.place import Place
+from simbench.bench.store.reading import parts
+
+MOST_REPEATS = 5000
+BLIND_REPEATS = 16  # a cell without a single yes or no by then never gets one
+PIECE = 80  # scenarios
+
+
+def next_round(
+    grid: Grid, place: Place, receipts: Sequence[Receipt], width: float, methods: Sequence[str], told: dict[str, Any]
+) -> list[list[int]]:
+    """Return the groups that the next round must add, cut in pieces; none when every cell is known well enough.
+
+    Parameters
+    ----------
+    grid : Grid
+        The grid.
+    place : Place
+        Of the run.
+    receipts : sequence of Receipt
+        Of all pieces so far.
+    width : float
+        Wanted width of the 95 % interval of every method's accuracy against `cycled`, in every cell.
+    methods : sequence of str
+        Method ids.
+    told : dict
+        Gets `adaptive`: scenarios so far, and what the full product to the same width would have taken.
+
+    Returns
+    -------
+    list of list of int
+        A function of the finished pieces alone, so that a resumed run asks for the same.
+    """
+    right, known, repeats = _counts(grid, place, receipts, methods)
+    widths = _widths(right, known)
+    per_repeat = np.maximum(known, 1) / np.maximum(repeats, 1)
+    blind = known == 0
+    open_cells = np.where(blind, repeats < BLIND_REPEATS, widths > width) & (repeats < MOST_REPEATS)
+    sizes = np.array([grid.size(cell) for cell in range(grid.cells)])
+    told["adaptive"] = {
+        "width": width,
+        "widest": float(widths[~blind].max()) if not blind.all() else None,
+        "scenarios": int(repeats @ sizes),
+        "full_product": int(repeats.max() * sizes.sum()),
+        "open_cells": int(open_cells.sum()),
+    }
+    groups: list[int] = []
+    for cell in np.flatnonzero(open_cells):
+        lacking = 0 if blind[cell] else trials(right[:, cell] / known[cell], known[cell], width) - known[cell]
+        # at most twice what there is: the estimate is rough while there is little
+        more = int(np.clip(math.ceil(lacking / per_repeat[cell]), 1, max(repeats[cell], 1)))
+        first = int(repeats[cell])
+        groups += [r * grid.cells + int(cell) for r in range(first, min(first + more, MOST_REPEATS))]
+    groups.sort()
+    step = max(PIECE // max(int(sizes.max()), 1), 1)
+    return [groups[i : i + step] for i in range(0, len(groups), step)]
+
+
+def trials(share: np.ndarray, tried: int, width: float) -> int:
+    """Return how many trials Wilson's interval needs to be this narrow, for the most demanding of several shares.
+
+    Parameters
+    ----------
+    share : ndarray, shape (m,)
+        Right over tried, so far.
+    tried : int
+        So far.
+    width : float
+        Wanted width.
+
+    Returns
+    -------
+    int
+
+    Examples
+    --------
+    >>> trials(np.array([0.5]), 100, 0.1) > trials(np.array([0.95]), 100, 0.1)
+    True
+    """
+    p = (np.asarray(share) * tried + 1.0) / (tried + 2.0)
+    hardest = float(p[np.argmin(np.abs(p - 0.5))])
+
+    def excess(n: float) -> float:
+        lo, hi = wilson(hardest * n, n)
+        return float(hi - lo) - width
+
+    return math.ceil(brentq(excess, 1e-3, 1e9))
+
+
+def _widths(right: np.ndarray, known: np.ndarray) -> np.ndarray:
+    lo, hi = wilson(right, np.broadcast_to(known, right.shape))
+    return (hi - lo).max(axis=0)
+
+
+def _counts(
+    grid: Grid, place: Place, receipts: Sequence[Receipt], methods: Sequence[str]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    right = np.zeros((len(methods), grid.cells), dtype=int)
+    known, repeats = np.zeros(grid.cells, dtype=int), np.zeros(grid.cells, dtype=int)
+    sofar = {TABLES: marks_of(receipts)}
+    scenario_parts = parts(place, "scenarios", ["group", "cycled"], sofar)
+    for scenarios, verdicts in zip(scenario_parts, parts(place, "verdicts", ["verdict"], sofar), strict=True):
+        group = scenarios.column("group").to_numpy()
+        answer = np.array(scenarios.column("cycled").to_pylist())
+        said = np.array(verdicts.column("verdict").to_pylist()).reshape(-1, len(methods)).T
+        cell = group % grid.cells
+        np.maximum.at(repeats, cell, group // grid.cells + 1)
+        labelled = np.isin(answer, (YES, NO))
+        np.add.at(known, cell[labelled], 1)
+        good = said == np.where(answer == YES, STICTION, NO_STICTION)
+        for i in range(len(methods)):
+            np.add.at(right[i], cell[labelled], good[i, labelled])
+    return right, known, repeats

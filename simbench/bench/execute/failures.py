@@ -1,0 +1,79 @@
+"""Errors are results: how many scenarios of a run could not be simulated, which methods raised, and why."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pyarrow.compute as pc
+
+from simbench.bench.store.manifest import read_manifest
+from simbench.bench.store.reading import read_table
+
+
+@dataclass(frozen=True)
+class Failures:
+    """What went wrong in a run without ending it.
+
+    Parameters
+    ----------
+    of : int
+        Scenarios of the run.
+    scenarios : int
+        How many could not be simulated.
+    methods : dict of str to int
+        On how many of the others each method raised; those that never did are left out.
+    plugins : tuple of str
+        Methods that came from the user's files.
+    reasons : dict of str to int
+        Error texts of scenarios ("simulation: ...") and methods ("ID: ..."), most frequent first.
+    """
+
+    of: int
+    scenarios: int
+    methods: dict[str, int] = field(default_factory=dict)
+    plugins: tuple[str, ...] = ()
+    reasons: dict[str, int] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        """One sentence; empty when nothing failed."""
+        said = []
+        if self.scenarios:
+            said.append(f"{self.scenarios} of {self.of} scenarios could not be simulated")
+        said += [f"method {m} failed on {n} of {self.of - self.scenarios} records" for m, n in self.methods.items()]
+        first = next(iter(self.reasons), "")
+        return f"{'; '.join(said)} (most often: {first})" if said else ""
+
+    def above(self, share: float) -> bool:
+        """Return whether more than a share of the scenarios, or of the records of one built-in method, failed."""
+        judged = max(self.of - self.scenarios, 1)
+        own = [n / judged for m, n in self.methods.items() if m not in self.plugins]
+        return max([self.scenarios / max(self.of, 1), *own]) > share
+
+    def as_json(self) -> dict[str, Any]:
+        """Return JSON types."""
+        return {"scenarios": self.scenarios, "of": self.of, "methods": self.methods, "reasons": self.reasons}
+
+
+def read_failures(folder: str | Path) -> Failures:
+    """Count what failed in a finished run.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Of the run.
+
+    Returns
+    -------
+    Failures
+    """
+    manifest, filled = read_manifest(folder), pc.field("error").is_valid()
+    unrun = read_table(folder, "scenarios", ["scenario_id", "error"], filled).to_pydict()
+    raised = read_table(folder, "verdicts", ["scenario_id", "method", "error"], filled).to_pydict()
+    lost = set(unrun["scenario_id"])
+    rows = [(m, e) for s, m, e in zip(*(raised[k] for k in ("scenario_id", "method", "error")), strict=True) if s not in lost]
+    reasons = Counter([f"simulation: {e}" for e in unrun["error"]] + [f"{m}: {e}" for m, e in rows])
+    methods, of = Counter(m for m, _ in rows), manifest["counts"]["scenarios"]
+    return Failures(of, len(lost), dict(methods), tuple(manifest.get("plugins", {})), dict(reasons.most_common(20)))

@@ -1,0 +1,158 @@
+"""Before a grid is run: are its plug-ins and their numbers right, how large will it be, does each kind of cell make a loop?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from detectors.errors import UserError, naming
+from scenarios.errors import suggestion
+from scenarios.grid import Grid, More
+from scenarios.grid_check import say
+from simbench.bench.execute.plugin_host import refuse_unsettled
+from simbench.bench.store.manifest import RunError
+from simbench.loop.disturbance import KINDS
+from simbench.loop.disturbance import PARAMETERS as OF_LOADS
+from simbench.loop.effects import PLUGINS as EFFECTS
+from simbench.loop.parameters import VALVES
+
+MOST = 1_000_000  # scenarios without --large
+# measured on the chapter's grid: a scenario without detectors, a fast and a slow method (s of one core); rows on disk (bytes)
+SECONDS, FAST, SLOW = 0.008, 0.0008, 0.05
+ROW, VERDICT = 600, 70
+
+
+@dataclass(frozen=True)
+class GridSize:
+    """How large a run will be, before it begins.
+
+    Parameters
+    ----------
+    cells, scenarios : int
+    samples : float
+        Of all records together.
+    bytes : float
+        On disk.
+    seconds : float
+        Of one core.
+    """
+
+    cells: int
+    scenarios: int
+    samples: float
+    bytes: float
+    seconds: float
+
+    def __str__(self) -> str:
+        """One clause."""
+        return (
+            f"{self.cells} cells, {self.scenarios} scenarios, about {self.samples:.2g} samples, "
+            f"{self.bytes / 1e6:.3g} MB and {self.seconds / 60:.3g} minutes of one core"
+        )
+
+
+def size_of(plan: Grid, fast: int, slow: int) -> GridSize:
+    """Estimate a run's size without building a cell.
+
+    Parameters
+    ----------
+    plan : Grid
+        What to run.
+    fast, slow : int
+        Number of methods of either budget.
+
+    Returns
+    -------
+    GridSize
+    """
+    scenarios = len(plan)
+    if plan.content.loop is not None:
+        n = float(plan.content.loop.get("sampling", {}).get("n", 4000))
+    else:
+        n = sum(_samples(plan, block) for block in plan.content.block) / len(plan.content.block)
+    long = max(n / 1500.0, 0.2)  # the constants are for records of this length
+    seconds = scenarios * long * (SECONDS + FAST * fast + SLOW * slow)
+    return GridSize(plan.cells, scenarios, scenarios * n, scenarios * (ROW + VERDICT * (fast + slow)), seconds)
+
+
+def refuse_too_large(size: GridSize, name: str, large: bool) -> None:
+    """Raise RunError when a run has more scenarios than anybody means by mistake, unless it is asked for."""
+    if size.scenarios > MOST and not large:
+        raise RunError(f"{name}: {size}; above {MOST} scenarios a run must be asked for with --large")
+
+
+def refuse_wrong_parts(plan: Grid) -> None:
+    """Raise one error that names every wrong disturbance, valve and effect of a grid, and try a cell of each block.
+
+    Parameters
+    ----------
+    plan : Grid
+
+    Raises
+    ------
+    scenarios.errors.SpecError
+        Unknown plug-ins and parameters with the nearest known ones, values out of range.
+    UserError
+        When a cell of a block, or a cell of a grid with a single loop, cannot be simulated.
+    """
+    say(plan.name, list(dict.fromkeys(_wrong(plan))))
+    with naming(f"grid {plan.name}"):
+        for index in plan.samples():
+            refuse_unsettled(plan.group(index))
+
+
+def _samples(plan: Grid, block: Any) -> float:
+    def middle(key: str) -> float:
+        value = block.axes.get(key) or block.draw.get(key) or plan.content.draw.get(key) or 40.0
+        ends = value if isinstance(value, tuple) else (value,)
+        return sum(map(float, ends)) / len(ends)
+
+    return middle("samples_per_period") * middle("periods")
+
+
+def _wrong(plan: Grid) -> Iterator[str]:
+    content = plan.content
+    for name, load in content.disturbances.items():
+        where = f"disturbance {name!r}"
+        if load.type not in KINDS:
+            yield f"{where}: type = {load.type!r} is unknown, {suggestion(load.type, KINDS)}"
+            continue
+        given = {"amplitude": load.amplitude, "period": load.period, **load.parameters}
+        yield from _parameters(where, OF_LOADS[load.type], given, ("amplitude", "period", "lag", "start"))
+    known = VALVES.names()
+    for block in content.block:
+        for member in block.member:
+            where = f"block {block.name!r}: member {member.name!r}"
+            for valve in (member.valve,) if isinstance(member.valve, str) else member.valve:
+                if valve not in known:
+                    yield f"{where}: valve {valve!r} is unknown, {suggestion(valve, known)}"
+    for kind, folder, parts in (("valve", VALVES, content.valves), ("effect", EFFECTS, content.effects)):
+        for name, part in parts.items():
+            yield from _part(f"{kind} {name!r}", folder, name, part)
+
+
+def _part(where: str, folder: Any, name: str, part: More) -> Iterator[str]:
+    asked = part.name or name
+    if asked not in folder.names():
+        yield f"{where}: {asked!r} is unknown, {suggestion(asked, folder.names())}"
+    else:
+        yield from _parameters(where, folder.load(asked).PARAMETERS, part.parameters, tuple(part.scale))
+
+
+def _parameters(where: str, schema: Mapping[str, Any], given: Mapping[str, Any], scaled: Sequence[str]) -> Iterator[str]:
+    for key, value in given.items():
+        if key not in schema:
+            yield f"{where}: {key!r} is no parameter of it, {suggestion(key, schema)}"
+            continue
+        for end in value if isinstance(value, tuple) else (value,):
+            # a number that waits for the cell's scale: its sign alone is known
+            low = getattr(schema[key], "low", None)
+            if key in scaled and isinstance(end, (int, float)):
+                if low is not None and low >= 0.0 > end:
+                    yield f"{where}: {key} = {end:g}; it must not be below 0"
+                continue
+            try:
+                schema[key].read(end, key, where)
+            except UserError as error:
+                yield str(error)

@@ -1,0 +1,213 @@
+"""A run being worked: whoever works a piece writes its partitions and a receipt, and only the receipt travels."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from simbench.bench.execute.work import Piece
+from simbench.bench.score.scoring import score_book
+from simbench.bench.store.checksums import KINDS, TABLES, RunError, digest, opened, partition, sealed
+from simbench.bench.store.manifest import MANIFEST, read_manifest, refuse_to_mix, write_manifest
+from simbench.bench.store.place import Place, place_of
+from simbench.bench.store.reading import Book
+from simbench.files import folder as make_folder
+from simbench.files import record_text
+
+RECEIPTS = "receipts"
+
+
+@dataclass(frozen=True)
+class Receipt:
+    """What a worker hands back in place of a piece.
+
+    Parameters
+    ----------
+    piece : int
+        Number.
+    scenarios, failures : int
+        How many, and how many verdicts or simulations ended in an error.
+    simulating, judging, working : float
+        Seconds on simulation with its truth, on detectors, and altogether.
+    marks : dict of str to str
+        Checksum of the piece's partition of each table.
+    found : bool
+        It stood there already.
+    """
+
+    piece: int
+    scenarios: int
+    failures: int
+    simulating: float
+    judging: float
+    working: float
+    marks: dict[str, str] = field(default_factory=dict)
+    found: bool = False
+
+
+def open_run(path: str | Path | Place, manifest: dict[str, Any], resume: bool) -> Place:
+    """Make or reopen a run's folder.
+
+    Parameters
+    ----------
+    path : str, Path or Place
+        The folder.
+    manifest : dict
+        What is about to run.
+    resume : bool
+        Go on with what is there.
+
+    Returns
+    -------
+    Place
+
+    Raises
+    ------
+    RunError
+        When the folder holds something else, or a run that differs (and in what).
+    """
+    place = place_of(path)
+    if place.local is not None:
+        make_folder(place.local)
+        for sub in ("", RECEIPTS, *(f"{kind}.parquet" for kind in KINDS)):
+            sweep(place.local / sub)
+    there = place.names()
+    if not there:
+        write_manifest(place, manifest)
+    elif MANIFEST not in there:
+        raise RunError(f"folder {place} is not empty and holds no run; choose another")
+    elif not resume:
+        raise RunError(f"folder {place} already holds a run; continue it with --resume, or choose another folder")
+    else:
+        refuse_to_mix(place, manifest)
+    return place
+
+
+def sweep(folder: Path) -> None:
+    """Remove what a killed process left half-written: `.NAME.PID` of a process that is gone."""
+    for file in folder.glob(".*.[0-9]*"):
+        number = file.suffix[1:]
+        if number.isdigit() and not Path(f"/proc/{number}").exists():
+            with contextlib.suppress(OSError):
+                file.unlink()
+
+
+def write_piece(place: Place, piece: Piece, key: str) -> Receipt:
+    """Put a finished piece on disk; it counts from the moment its receipt, the last file, stands under its name.
+
+    Parameters
+    ----------
+    place : Place
+        Of the run.
+    piece : Piece
+    key : str
+        Of the run, see `simbench.bench.store.manifest.run_key`: a piece of another run never counts.
+
+    Returns
+    -------
+    Receipt
+
+    Raises
+    ------
+    FileError
+        When it cannot be written.
+    RunError
+        When it reads back otherwise.
+    """
+    there = find_receipt(place, piece.number, key)
+    if there is not None:  # somebody believed dead was only slow
+        return there
+    for ident, record in piece.kept:
+        place.write(f"records/{ident}.csv", record_text(record).encode())
+    for kind in KINDS:
+        place.write(partition_file(kind, piece.number), getattr(piece, kind))
+    marks = {kind: digest(getattr(piece, kind)) for kind in KINDS}
+    times = (piece.simulating, piece.judging, piece.total)
+    receipt = Receipt(piece.number, piece.count, piece.failures, *times, marks)
+    place.write(receipt_file(piece.number), json.dumps(sealed({"run": key, **asdict(receipt)})).encode())
+    if find_receipt(place, piece.number, key) is None:
+        raise RunError(f"{place}: what is written there reads back otherwise; is the disk sound?")
+    return receipt
+
+
+def find_receipt(place: Place, number: int, key: str) -> Receipt | None:
+    """Return the receipt of a piece of this run when all its files stand there, bit for bit as they were written."""
+    try:
+        said = opened(json.loads(place.read(receipt_file(number))), "receipt")
+        if (said["run"], said["piece"]) != (key, number):
+            return None
+        if any(digest(place.read(partition_file(kind, number))) != said["marks"][kind] for kind in KINDS):
+            return None
+        return Receipt(**{f.name: said[f.name] for f in fields(Receipt) if f.name != "found"}, found=True)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, RunError):
+        return None
+
+
+def finish(place: Place, receipts: Sequence[Receipt], manifest: dict[str, Any]) -> None:
+    """Score a run whose pieces are all there, and say in its manifest that it is whole.
+
+    Parameters
+    ----------
+    place : Place
+        Of the run.
+    receipts : sequence of Receipt
+        Of every piece, in order.
+    manifest : dict
+        What was run.
+
+    Raises
+    ------
+    RunError
+        When partitions are missing or not what their receipts say; the receipts then stay, and the run can be continued.
+    """
+    for kind in KINDS:
+        lacking = {partition(r.piece) for r in receipts} - set(place.names(f"{kind}.parquet"))
+        if lacking:
+            raise RunError(f"{place}/{kind}.parquet lacks {min(lacking)}, which a worker wrote; name a place that all reach")
+    scenarios, errors = (sum(getattr(r, name) for r in receipts) for name in ("scenarios", "failures"))
+    whole = {
+        **manifest,
+        "complete": True,
+        "counts": {"scenarios": scenarios, "verdicts": scenarios * len(manifest["methods"]), "errors": errors},
+        TABLES: marks_of(receipts),
+    }
+    book = Book.read(place, whole)
+    hashes = np.where(book.hashes == b"", b"-", book.hashes).tobytes().replace(b"\0", b"")
+    whole["records_hash"] = digest(hashes)
+    score_book(book).write(place)
+    write_manifest(place, whole)
+    place.remove(RECEIPTS)
+
+
+def marks_of(receipts: Sequence[Receipt]) -> dict[str, list[str]]:
+    """Return the checksums of both tables' partitions, as a manifest holds them."""
+    return {kind: [r.marks[kind] for r in receipts] for kind in KINDS}
+
+
+def is_finished(place: Place) -> bool:
+    """Whether a run is whole; what a kill left of its receipts goes."""
+    finished = bool(read_manifest(place)["complete"])
+    if finished:
+        place.remove(RECEIPTS)
+    return finished
+
+
+def standing(place: Place) -> str:
+    """Return how many pieces of a run are whole, and how to go on."""
+    return f"{len(place.names(RECEIPTS))} pieces are whole in {place}; continue with --resume"
+
+
+def receipt_file(number: int) -> str:
+    """Return where the receipt of a piece stands."""
+    return f"{RECEIPTS}/{number:08d}.json"
+
+
+def partition_file(kind: str, number: int) -> str:
+    """Return where one table of a piece stands."""
+    return f"{kind}.parquet/{partition(number)}"

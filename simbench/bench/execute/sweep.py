@@ -1,0 +1,158 @@
+"""Sweep one loop over axes from Python: `simbench.sweep(loop, axes).score(detectors)` gives a table."""
+
+from __future__ import annotations
+
+import json
+import math
+import tempfile
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from detectors.verdict import STICTION
+from scenarios.grid import Grid, make_grid
+from scenarios.spec import Loop, load_loop
+from simbench.bench.execute.run import run_grid
+from simbench.bench.statistics import wilson
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A loop and the values its keys shall take.
+
+    Parameters
+    ----------
+    grid : Grid
+        One cell per combination of values, one scenario per seed.
+    """
+
+    grid: Grid
+
+    def __len__(self) -> int:
+        """Number of scenarios."""
+        return len(self.grid)
+
+    def verdicts(self, detectors: Iterable[str] = ("fast",), jobs: int = 1, **settings: Any) -> pd.DataFrame:
+        """Simulate and judge; one row per scenario and method, with the axes and the truth beside the verdict.
+
+        Parameters
+        ----------
+        detectors : iterable of str
+            Method ids, "fast" or "full".
+        jobs : int
+            Worker processes.
+        **settings
+            Further arguments of `run_grid`.
+
+        Returns
+        -------
+        DataFrame
+            The columns of the run's two tables; axes under their dotted names.
+        """
+        import pandas as pd
+
+        names = [detectors] if isinstance(detectors, str) else list(detectors)
+        with tempfile.TemporaryDirectory() as where:
+            folder = run_grid(self.grid, Path(where) / "run", names, jobs, **settings)
+            scenarios, verdicts = (pd.read_parquet(folder / f"{t}.parquet") for t in ("scenarios", "verdicts"))
+        tags = [json.loads(t) for t in scenarios.pop("tags")]
+        for axis in self.grid.content.axes:
+            scenarios[axis] = [t[axis] for t in tags]
+        return verdicts.merge(scenarios, on="scenario_id", suffixes=("", "_scenario"), validate="many_to_one")
+
+    def score(self, detectors: Iterable[str] = ("fast",), jobs: int = 1, raw: bool = False, **settings: Any) -> pd.DataFrame:
+        """Simulate, judge and score; one row per combination of axis values and method.
+
+        Parameters
+        ----------
+        detectors : iterable of str
+            Method ids, "fast" or "full".
+        jobs : int
+            Worker processes.
+        raw : bool
+            Without the oscillation front end.
+        **settings
+            Further arguments of `run_grid`.
+
+        Returns
+        -------
+        DataFrame
+            The axes, method, n (seeds), cycling (share that cycles), stiction, no_decision (shares of verdicts), accuracy
+            against `cycled` with Wilson's interval (over those that clearly do or do not), and the median score.
+
+        Examples
+        --------
+        >>> loop = Loop.from_table({
+        ...     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
+        ...     "controller": {"type": "PI", "Kc": 1, "Ti": 10},
+        ...     "valve": {"model": "choudhury", "S": 5, "J": 2},
+        ...     "sampling": {"Ts": 1, "n": 2000}, "setpoint": {"value": 50, "steps": [[10, 55]]}})
+        >>> found = sweep(loop, {"valve.J": [0, 2]}).score("he")
+        >>> found[["valve.J", "cycling", "stiction"]].to_dict("list")
+        {'valve.J': [0, 2], 'cycling': [0.0, 1.0], 'stiction': [0.0, 1.0]}
+        """
+        import pandas as pd
+
+        axes = list(self.grid.content.axes)
+        verdict, score = ("verdict_raw", "score_raw") if raw else ("verdict", "score")
+        rows = []
+        frame = self.verdicts(detectors, jobs, **settings)
+        for (_, method), part in frame.groupby(["cell", "method"], sort=False):  # pyright: ignore[reportGeneralTypeIssues]
+            clear = part.cycled.isin(["yes", "no"])
+            right = (part[verdict] == STICTION) == (part.cycled == "yes")
+            right &= (part[verdict] != "no_decision") & clear
+            lo, hi = wilson(int(right.sum()), int(clear.sum()))
+            rows.append(
+                {
+                    **{axis: part[axis].iloc[0] for axis in axes},
+                    "method": method,
+                    "n": len(part),
+                    "cycling": float((part.cycled == "yes").mean()),
+                    "stiction": float((part[verdict] == STICTION).mean()),
+                    "no_decision": float((part[verdict] == "no_decision").mean()),
+                    "accuracy": float(right.sum() / clear.sum()) if clear.any() else math.nan,
+                    "accuracy_lo": float(lo),
+                    "accuracy_hi": float(hi),
+                    "score": float(part[score].median()),
+                }
+            )
+        return pd.DataFrame(rows)
+
+
+def sweep(loop: Loop | str | Path, axes: Mapping[str, Sequence[Any]], seeds: int = 1, seed: int = 0) -> Sweep:
+    """Plan a sweep of one loop over the product of some axes.
+
+    Parameters
+    ----------
+    loop : Loop, str or Path
+        A loop, or a loop file.
+    axes : mapping of str to sequence
+        Dotted loop keys ("valve.J", "noise.std"), or the rules samples_per_period with periods, and noise_ratio.
+    seeds : int
+        Scenarios per combination; only noise and random disturbances differ between them.
+    seed : int
+        Root of all of them.
+
+    Returns
+    -------
+    Sweep
+
+    Raises
+    ------
+    SpecError
+        For a key or value the loop does not allow.
+
+    Examples
+    --------
+    >>> loop = Loop.from_table({"plant": {"type": "integrating", "K": 1}, "controller": {"type": "P", "Kc": 1},
+    ...     "valve": {"model": "deadband", "S": 1}, "sampling": {"Ts": 1}})
+    >>> len(sweep(loop, {"valve.S": [1, 2, 5], "noise.std": [0, 0.1]}, seeds=4))
+    24
+    """
+    content = loop.to_table() if isinstance(loop, Loop) else load_loop(loop).to_table()
+    table = {"title": "sweep", "seed": seed, "repeats": seeds, "loop": content, "axes": {k: list(v) for k, v in axes.items()}}
+    return Sweep(make_grid(table, "sweep"))

@@ -1,0 +1,220 @@
+"""Who works the pieces of a run: this process, others of this machine, a cluster of dask or ray; and what if they die."""
+
+from __future__ import annotations
+
+import contextlib
+import queue
+import signal
+import socket
+import time
+from collections.abc import Callable, Iterator, Sequence
+from itertools import islice
+from typing import Any
+
+from simbench.bench.execute.pieces import Receipt
+from simbench.bench.store.checksums import RunError
+
+Task = Callable[[int, Sequence[int]], Receipt]
+Pieces = list[tuple[int, Sequence[int]]]
+Runner = Callable[[Task, Pieces], Iterator[Receipt]]
+PATIENCE = 6.0  # s, for a scheduler to be found, or for a lost one or the last worker to come back
+SLOW = 60.0  # s, for a scheduler to answer whose connection stands: its machine may be busy
+FIRST = 300.0  # s, for the first worker: some clusters start them when there is work
+LOOK = 1.0  # s between two looks at workers from which nothing comes
+AHEAD = 1000  # pieces handed out and not yet done
+NO_WORKER = "no dask worker is there"
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
+
+
+@contextlib.contextmanager
+def on_processes(jobs: int) -> Iterator[Runner]:
+    """Yield a function that has pieces worked by processes of this machine and gives each receipt back when it is there.
+
+    Parameters
+    ----------
+    jobs : int
+        How many; 1 = none but this, -1 = as many as there are cores.
+
+    Yields
+    ------
+    callable
+        It raises an error of joblib's own when a process was killed.
+    """
+    if jobs == 1:
+        yield lambda task, missing: (task(number, groups) for number, groups in missing)
+        return
+    from joblib import effective_n_jobs
+    from joblib.externals.loky import ProcessPoolExecutor
+
+    settings = {"max_workers": effective_n_jobs(jobs), "initializer": _ignore_interrupt, "env": ONE_THREAD}
+    executor: Any = None  # its own: loky's reusable one would be taken by joblib for one of joblib's
+
+    def end(kill: bool) -> None:
+        nonlocal executor
+        if executor is not None:
+            executor.shutdown(wait=True, kill_workers=kill)
+        executor = None
+
+    def run(task: Task, missing: Pieces) -> Iterator[Receipt]:
+        nonlocal executor
+        executor = executor or ProcessPoolExecutor(**settings)
+        try:
+            yield from _handed_out(lambda *piece: executor.submit(task, *piece), missing, lambda: None)
+        except Exception:  # after a death the next is a new one
+            end(kill=True)
+            raise
+
+    try:
+        yield run
+    except BaseException:
+        end(kill=True)
+        raise
+    end(kill=False)
+
+
+@contextlib.contextmanager
+def on_cluster(address: str | None) -> Iterator[Runner]:
+    """Yield a function that has pieces worked by a dask cluster and gives each receipt back when it is there.
+
+    Parameters
+    ----------
+    address : str or None
+        Of the scheduler ("tcp://HOST:PORT").
+
+    Yields
+    ------
+    callable
+        It raises RunError when the scheduler, or every worker, has been gone for 6 s, or the scheduler silent for 60; a worker
+        that dies among others is no matter, its pieces are worked elsewhere.
+
+    Raises
+    ------
+    RunError
+        When no scheduler answers, or dask is not installed.
+    """
+    client = _client(address)
+
+    def run(task: Task, missing: Pieces) -> Iterator[Receipt]:
+        return _handed_out(lambda *piece: client.submit(task, *piece, pure=False), missing, lambda: _gone(client))
+
+    try:
+        yield run
+    finally:
+        with contextlib.suppress(Exception):  # of a cluster that is gone
+            client.close(timeout=LOOK)
+
+
+@contextlib.contextmanager
+def on_ray(address: str | None, jobs: int) -> Iterator[Runner]:
+    """Yield a function that has pieces worked by ray and gives each receipt back when it is there.
+
+    Parameters
+    ----------
+    address : str or None
+        Of a running cluster ("HOST:PORT", "ray://HOST:PORT" or "auto"); None = one of this machine's own, for this run.
+    jobs : int
+        Workers of such a one; -1 = as many as there are cores.
+
+    Yields
+    ------
+    callable
+        It raises RunError when ray gives up; a worker that dies is no matter, its piece is worked again.
+
+    Raises
+    ------
+    RunError
+        When no cluster answers, or ray is not installed.
+    """
+    try:
+        import ray  # type: ignore[import-not-found]
+    except ImportError:
+        raise RunError("backend ray needs the package ray; install stiction-simbench[ray]") from None
+    from joblib import effective_n_jobs
+
+    where = {"num_cpus": effective_n_jobs(jobs), "include_dashboard": False} if address is None else {"address": address}
+    quiet = {"log_to_driver": False, "logging_level": "ERROR", "runtime_env": {"env_vars": ONE_THREAD}}
+    try:
+        if address not in (None, "auto"):  # ray itself would go on asking for minutes
+            host, _, port = address.rpartition("://")[2].rpartition(":")
+            socket.create_connection((host, int(port)), timeout=PATIENCE).close()
+        ray.init(**where, **quiet)
+    except (ConnectionError, OSError, RuntimeError, ValueError) as error:
+        said = str(error).splitlines()[0]
+        raise RunError(f"no ray cluster answers at {address}: {said}; its HOST:PORT is needed") from None
+
+    def run(task: Task, missing: Pieces) -> Iterator[Receipt]:
+        work = ray.remote(lambda *piece: task(*piece))
+        try:
+            yield from _handed_out(lambda *piece: work.remote(*piece).future(), missing, lambda: None)
+        except ray.exceptions.RayTaskError as error:  # what the piece itself raised
+            raise getattr(error, "cause", error) from None
+        except ray.exceptions.WorkerCrashedError:  # over and over; the run counts how often
+            raise
+        except ray.exceptions.RayError as error:
+            raise RunError(f"ray gave up: {str(error).splitlines()[0]}") from None
+
+    try:
+        yield run
+    finally:
+        ray.shutdown()
+
+
+def _handed_out(submit: Callable, missing: Pieces, gone: Callable[[], tuple[str, float] | None]) -> Iterator[Receipt]:
+    """Yield receipts as they come; `gone` says what is missing when none does, and for how long that may be."""
+    done: queue.SimpleQueue = queue.SimpleQueue()
+    waiting, left = set(), iter(missing)
+
+    def hand_out(count: int) -> None:
+        for piece in islice(left, count):
+            waiting.add(future := submit(*piece))
+            future.add_done_callback(done.put)
+
+    hand_out(AHEAD)
+    since, begun = time.monotonic(), False
+    while waiting:
+        try:
+            future = done.get(timeout=LOOK)
+        except queue.Empty:
+            lacking, quiet = gone(), time.monotonic() - since
+            if lacking is None:
+                since, begun = time.monotonic(), True
+            elif quiet > (FIRST if lacking[0] == NO_WORKER and not begun else lacking[1]) - LOOK:
+                raise RunError(f"{lacking[0]}, and nothing came for {quiet:.0f} s") from None
+            continue
+        if future.cancelled():
+            raise RunError("the dask scheduler is gone, and what it had to do with it")
+        waiting.discard(future)
+        yield future.result()
+        hand_out(1)
+        since, begun = time.monotonic(), True
+
+
+def _client(address: str | None) -> Any:
+    if address is None:
+        raise RunError("backend dask needs --address, the scheduler's tcp://HOST:PORT")
+    try:
+        from distributed import Client
+    except ImportError:
+        raise RunError("backend dask needs the package distributed; install stiction-simbench[dask]") from None
+    try:
+        return Client(address, timeout=PATIENCE, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise RunError(f"no dask scheduler answers at {address}: {error}; its tcp://HOST:PORT is needed") from None
+
+
+def _gone(client: Any) -> tuple[str, float] | None:
+    # the connection of a scheduler that died is closed at once; one that is only slow keeps it
+    if client.status == "running":
+        try:
+            workers = client.sync(client.scheduler.ncores, callback_timeout=LOOK)
+            return None if workers else (NO_WORKER, PATIENCE)
+        except TimeoutError:
+            return "the dask scheduler does not answer", SLOW
+        except OSError:
+            pass
+    return "the dask scheduler is gone", PATIENCE
+
+
+def _ignore_interrupt() -> None:
+    # Ctrl-C reaches the whole process group; the parent alone decides what becomes of it
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

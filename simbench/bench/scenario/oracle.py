@@ -1,0 +1,185 @@
+"""Oracle: a likelihood-ratio test that knows plant, load and noise, and so shows where nobody could know."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+
+import numpy as np
+from scipy.signal import lfilter, ss2tf
+
+from detectors.signal.stiction_map import start, valve_position
+from detectors.verdict import NO_STICTION, STICTION, Verdict
+from scenarios.spec import Scenario
+from simbench.loop import plant
+from simbench.loop.resolve import resolve_loop
+from simbench.loop.run import Run
+from simbench.loop.setup import Setup
+from simbench.usage import exit_code
+
+ORACLE = "oracle"
+SOURCE = "generalised likelihood ratio, Kay (1998), Detection Theory, section 6.4.2; penalty of Schwarz (1978)"
+BANDS = np.geomspace(0.1, 40.0, 31)  # S, % of travel
+JUMPS = np.linspace(0.0, 1.0, 9)  # J/S
+ZOOMS, AROUND = 3, 5  # rounds of refinement, candidates a side in each
+FLOOR = 1e-9  # of PV's range: what rounding leaves of a residual without noise
+UNSURE = 3.0  # nats: below this one answer is at most twenty times likelier than the other
+
+
+def judge_oracle(scenario: Scenario, run: Run) -> Verdict:
+    """Ask whether PV fits OP better through a sticky valve than through an ideal one, knowing everything else.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        The loop with its true plant, operating point and noise.
+    run : Run
+        Its simulation; OP, PV and the loads are used, MV is not.
+
+    Returns
+    -------
+    Verdict
+        Method "oracle", always a decision. `score`: log-likelihood ratio (nats) of the best sticky valve over the ideal
+        one, less ln n for its two numbers; > 0 is stiction. `S`, `J`: the best valve's, % of travel. `applicable` is None
+        where the score is within 3 nats of 0: nobody could know.
+
+    Notes
+    -----
+    OP, sent through a valve and the known plant, predicts PV; what is left is the white noise of the sensor, so the ratio of
+    likelihoods is (RSS ideal - RSS sticky)/(2 noise variance). S and J are not known to the oracle: the maximum over all of
+    them is taken (Kay 1998, section 6.4.2). Not for valves with further stages (lag, characteristic), nor for effects on
+    sensor or archive: the residual is then no white noise.
+
+    Examples
+    --------
+    >>> from scenarios.spec import Loop
+    >>> from simbench.loop.simulate import simulate
+    >>> loop = Loop.from_table({
+    ...     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2}, "controller": {"type": "PI", "Kc": 1, "Ti": 10},
+    ...     "valve": {"model": "choudhury", "S": 5, "J": 2}, "noise": {"std": 0.5},
+    ...     "sampling": {"Ts": 1, "n": 1000}, "setpoint": {"value": 50, "steps": [[10, 55]]}})
+    >>> judge_oracle(Scenario(loop=loop), simulate(loop)).verdict
+    'stiction'
+    """
+    setup = resolve_loop(scenario.loop, scenario.seed)
+    n, op, pv = setup.n, run.record.op, run.record.pv
+    known = setup.pv0 + run.load_out[:n]
+    predict = _predictor(setup, run.load_in[:n])
+    variance = setup.noise_std**2 + (FLOOR * max(float(np.ptp(pv)), 1e-3 * float(np.abs(pv).max()), 1e-9)) ** 2
+
+    def misfit(mv: np.ndarray) -> float:
+        residual = pv - known - predict(mv)
+        return float(residual @ residual) / (2.0 * variance)
+
+    ideal = misfit(np.clip(op, 0.0, 100.0))
+    S, J, best = _best_valve(lambda s, j: misfit(valve_position(op, s, j, start(setup.op0))))
+    ratio = ideal - best
+    score = ratio - float(np.log(n))
+    likelier = "sticky" if score > 0 else "ideal"
+    return Verdict(
+        ORACLE,
+        STICTION if score > 0 else NO_STICTION,
+        score=score,
+        indices={"log_likelihood_ratio": ratio},
+        S=S,
+        J=J,
+        applicable=None if abs(score) < UNSURE else True,
+        reason=f"knowing plant, load and noise, the {likelier} valve is likelier by {abs(score):.3g} nats",
+    )
+
+
+def _best_valve(misfit: Callable[[float, float], float]) -> tuple[float, float, float]:
+    # a coarse lattice over all valves, then finer ones around the best so far
+    candidates = [(s, s * ratio) for s in BANDS for ratio in JUMPS]
+    factor, width, offsets = np.log(BANDS[1] / BANDS[0]), JUMPS[1], np.linspace(-1.0, 1.0, AROUND)
+    best, S, J = np.inf, np.nan, np.nan
+    for _ in range(1 + ZOOMS):
+        for s, j in candidates:
+            found = misfit(float(s), float(j))
+            if found < best:
+                best, S, J = found, float(s), float(j)
+        sizes, ratios = S * np.exp(factor * offsets), np.clip(J / S + width * offsets, 0.0, None)
+        candidates = [(s, s * ratio) for s in sizes for ratio in ratios]
+        factor, width = factor / 2, width / 2
+    return S, J, best
+
+
+def _predictor(setup: Setup, load_in: np.ndarray):
+    sampled = plant.sample(setup.num, setup.den, setup.Td, setup.Ts)
+    column = [np.reshape(B, (-1, 1)) for B in (sampled.B_new, sampled.B_old)]
+    (new, den), (old, _) = (ss2tf(sampled.A, B, np.reshape(sampled.C, (1, -1)), [[0.0]]) for B in column)
+    b = np.concatenate([new[0], [0.0]]) + np.concatenate([[0.0], old[0]])
+    delay = sampled.delay
+
+    def predict(mv: np.ndarray) -> np.ndarray:
+        """PV (n,) as deviation from its rest, without output load and noise."""
+        w = mv - setup.op0 + load_in
+        y = np.zeros(w.size)
+        if delay < w.size:
+            y[delay:] = lfilter(b, den, w[: w.size - delay])
+        return y
+
+    return predict
+
+
+def study(grid: str, every: int = 1):
+    """Judge a grid's scenarios by the oracle.
+
+    Parameters
+    ----------
+    grid : str
+        Name or file.
+    every : int
+        Look at every so many-th group only.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per scenario: sticky, cycled, noise_std, score, right.
+    """
+    import pandas as pd
+
+    from scenarios.grid import load_grid
+    from simbench.bench.scenario.resolve import resolve
+    from simbench.bench.scenario.truth import simulate_with_truth
+
+    rows = []
+    loaded = load_grid(grid)
+    for index in range(0, loaded.group_count, every):
+        for scenario in resolve(loaded.group(index)):
+            run, cycled = simulate_with_truth(scenario.loop, scenario.seed)
+            said = judge_oracle(scenario, run)
+            rows.append(
+                {
+                    "scenario_id": scenario.id,
+                    "sticky": run.sticky,
+                    "cycled": cycled.answer,
+                    "noise_std": scenario.loop.noise.std,
+                    "score": said.score,
+                    "right": (said.verdict == STICTION) == run.sticky,
+                    **{k: scenario.tags.get(k) for k in ("block", "member", "noise_ratio", "disturbance")},
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Print how often the oracle is right on a grid; exit code 1 when below 98 % without noise."""
+    from simbench.bench.statistics import rate
+
+    parser = argparse.ArgumentParser(prog="python -m simbench.bench.scenario.oracle", description=__doc__)
+    parser.add_argument("grid", nargs="?", default="chapter", help="name or file")
+    parser.add_argument("--every", type=int, default=1, help="look at every so many-th group only")
+    chosen = parser.parse_args(arguments)
+    table = study(chosen.grid, chosen.every)
+    clean = table[table["noise_std"] == 0]
+    for name, part in (("all", table), ("no noise", clean), ("noise", table[table["noise_std"] > 0])):
+        print(f"{name:10s}{len(part):6d} scenarios, right {rate(int(part['right'].sum()), len(part))}")
+    wrong = table[~table["right"]]
+    if len(wrong):
+        print(wrong.drop(columns="right").to_string(index=False))
+    return int(len(clean) > 0 and clean["right"].mean() < 0.98)
+
+
+if __name__ == "__main__":
+    raise SystemExit(exit_code(main))

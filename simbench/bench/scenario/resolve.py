@@ -1,0 +1,327 @@
+"""Resolve a grid's rules: sampling, noise and loads of a cell follow from one noise-free run of its sticky twin."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from detectors.errors import ParameterError
+from scenarios.cell import Draft, Rules, Scaled
+from scenarios.grid import Group
+from scenarios.spec import Loop, Noise, Sampling, Scenario, SetPoint
+from simbench.bench.scenario.motion import motion
+from simbench.bench.scenario.truth import least_swing
+from simbench.loop import plant
+from simbench.loop.parameters import VALVES, valve_parameters
+from simbench.loop.simulate import simulate
+from simbench.theory.cycle import cycle_start
+
+FIRST = 40  # samples per period of the run that measures the cycle
+PERIODS = 10  # its length
+DIGITS = 3  # ids must not hang on the last bits of a simulation
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """How the sticky twin of a cell moves.
+
+    Parameters
+    ----------
+    period : float
+        Of MV (s).
+    pv_std : float
+        Of PV over the second half of the run (PV units).
+    exists : bool
+        False when no start set it going; then both are guesses.
+    """
+
+    period: float
+    pv_std: float
+    exists: bool
+
+
+def resolve(group: Group) -> list[Scenario]:
+    """Settle the rules of one group.
+
+    Parameters
+    ----------
+    group : Group
+        One cell and repeat of a grid.
+
+    Returns
+    -------
+    list of Scenario
+        One per draft; all share sampling, noise and set point.
+    """
+    if group.rules.empty:
+        return [Scenario(loop=d.loop, seed=group.seed, tags=d.tags) for d in group.drafts]
+    twin, cycle = group.twin, measure_cycle(group.twin)
+    if group.rules.w_Ti is not None:
+        twin, cycle = _with_w_Ti(twin, cycle, float(group.rules.w_Ti))
+    loops = [_settled(d, group.rules, twin, cycle) for d in group.drafts]
+    return [Scenario(loop=loop, seed=group.seed, tags=_tags(d, loop)) for d, loop in zip(group.drafts, loops, strict=True)]
+
+
+def measure_cycle(twin: Loop) -> Cycle:
+    """Run a sticky loop without noise and measure its cycle.
+
+    Parameters
+    ----------
+    twin : Loop
+        Its sampling is replaced; set-point steps and disturbances are left out.
+
+    Returns
+    -------
+    Cycle
+
+    Notes
+    -----
+    The run starts on the cycle that theory finds for the sampled loop. Where there is none, the period is that of
+    `first_guess` and the amplitude that of a valve off by a quarter of its band.
+
+    Examples
+    --------
+    >>> cycle = measure_cycle(Loop.from_table({
+    ...     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
+    ...     "controller": {"type": "PI", "Kc": 1, "Ti": 10},
+    ...     "valve": {"model": "choudhury", "S": 5, "J": 2},
+    ...     "sampling": {"Ts": 1},
+    ...     "setpoint": {"value": 50, "steps": [[0, 55]]}}))
+    >>> cycle.exists, round(cycle.period / 94.4, 1)
+    (True, 1.0)
+    """
+    at_rest = {"setpoint": SetPoint(value=twin.pv0), "noise": Noise(), "disturbance": ()}
+    return _measured(twin.model_copy(update=at_rest).model_dump_json())
+
+
+@lru_cache(maxsize=64)  # cells that differ in the disturbance alone share their twin
+def _measured(text: str) -> Cycle:
+    twin = Loop.model_validate_json(text)
+    guess = period = first_guess(twin)
+    try:
+        for _ in range(4):
+            loop = _sampled(twin, period / FIRST, FIRST * PERIODS)
+            with np.errstate(all="ignore"):  # candidate cycles that grow without bound
+                start = cycle_start(loop)
+            run = simulate(loop, 0, start=start)
+            assert run.record.mv is not None
+            moved = motion(run.record.mv, least_swing(loop) / 4)
+            if moved.reversals < 3:
+                break
+            period = moved.period * loop.sampling.Ts
+            if 0.5 * FIRST < moved.period < 2.0 * FIRST:
+                return Cycle(period, float(np.std(run.record.pv[FIRST:])), True)
+    except ParameterError:
+        pass  # no cycle to start on, or none that theory can find
+    S, _ = band(twin)
+    size = 0.25 * S * abs(twin.plant.K) if twin.plant.type == "foptd" else 0.3 * S / twin.controller.Kc
+    return Cycle(guess, size, False)
+
+
+def first_guess(loop: Loop) -> float:
+    """Guess the period (s) of a sticky loop's cycle.
+
+    Parameters
+    ----------
+    loop : Loop
+        FOPTD or integrating.
+
+    Returns
+    -------
+    float
+        With slip jump, the exact law for L(s) = k e^(-s Td)/s with k Td held below 0.9; integrating under PI without,
+        twice that of a double integrator with gain k/Ti.
+
+    Examples
+    --------
+    >>> first_guess(Loop.from_table({
+    ...     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
+    ...     "controller": {"type": "PI", "Kc": 1, "Ti": 10},
+    ...     "valve": {"model": "choudhury", "S": 5, "J": 2}, "sampling": {"Ts": 1}}))
+    94.4
+    """
+    S, J = band(loop)
+    Td, Ti = loop.plant.Td, loop.controller.Ti
+    k = abs(loop.plant.K) * loop.controller.Kc / (loop.plant.T or 1.0)
+    if Ti is not None and loop.plant.T is not None:
+        k *= max(1.0, loop.plant.T / Ti)  # more integral action than Ti = T: faster
+    if J == 0 and (loop.plant.T is not None or Ti is None):
+        J = S / 3.0  # does not cycle: sampled like its neighbours that do
+    if J > 0:
+        speed = min(k * Td, 0.9)
+        p = J / (2.0 - speed)
+        return round(2.0 * S / (k * p) + 2.0 * Td + speed * Td, 9)
+    assert Ti is not None
+    return 4.0 * math.pi * math.sqrt(Ti / k) + 4.0 * Td
+
+
+def band(loop: Loop) -> tuple[float, float]:
+    """Return (S, J) in % of a loop's valve; (1, 1) for a valve without friction, which gives sampling a scale."""
+    module = VALVES.load(loop.valve.name)
+    if not hasattr(module, "mapped_SJ"):
+        return 1.0, 1.0
+    S, J = module.mapped_SJ(valve_parameters(module, loop.valve.parameters, loop.sampling.Ts))
+    return (S, J) if S > 0 else (1.0, 1.0)
+
+
+def sampled_ultimate_gain(loop: Loop) -> float:
+    """Return the gain Kc at which the loop, sampled as it is, stops being stable.
+
+    Parameters
+    ----------
+    loop : Loop
+        With its final Ts.
+
+    Returns
+    -------
+    float
+        In % per PV unit.
+
+    Examples
+    --------
+    >>> slow = Loop.from_table({"plant": {"type": "foptd", "K": 1, "T": 10, "Td": 10},
+    ...     "controller": {"type": "P", "Kc": 1}, "sampling": {"Ts": 0.01}})
+    >>> round(sampled_ultimate_gain(slow), 2)
+    2.26
+    """
+    Ts = loop.sampling.Ts
+    g = plant.sample(*plant.polynomials(loop.plant), loop.plant.Td, Ts)
+    w = np.geomspace(1e-4, math.pi, 4000)
+    z = np.exp(1j * w)
+    G = (g.B_old[0] / z + g.B_new[0]) / (z - g.A[0, 0]) * g.C[0] * z ** -float(g.delay)
+    Ti = loop.controller.Ti
+    L = loop.controller.sign * G * (1.0 if Ti is None else 1.0 + Ts / Ti * z / (z - 1.0))
+    phase = np.unwrap(np.angle(L))
+    # an integrating plant under PI starts at -180 degrees from above or below: look for the last way down through it
+    beyond = np.flatnonzero((phase[:-1] > -math.pi) & (phase[1:] <= -math.pi))
+    at = beyond[0] + 1 if beyond.size else w.size - 1
+    return float(1.0 / np.abs(L[at]))
+
+
+def significant(x: float) -> float:
+    """Return a number rounded to 3 significant digits, so that ids do not hang on a simulation's last bits."""
+    return float(f"{x:.{DIGITS}g}")
+
+
+def _sampled(loop: Loop, Ts: float, n: int) -> Loop:
+    return loop.model_copy(update={"sampling": Sampling(Ts=Ts, n=n)})
+
+
+def _with_w_Ti(twin: Loop, cycle: Cycle, wanted: float) -> tuple[Loop, Cycle]:
+    # Ti moves the period, the period asks for another Ti: a damped fixed point in logarithms. Below its tuned value Ti takes
+    # Kc down with it, so that the loop stays stable.
+    Kc, tuned = twin.controller.Kc, twin.controller.Ti or 1.0
+    Ti = tuned
+    for _ in range(15):
+        ratio = wanted * cycle.period / (2.0 * math.pi) / Ti
+        if abs(math.log(ratio)) < 0.01:
+            break
+        Ti *= ratio**0.7
+        twin = twin.with_("controller.Ti", Ti).with_("controller.Kc", Kc * min(1.0, Ti / tuned))
+        cycle = measure_cycle(twin)
+    return twin, cycle
+
+
+def _settled(draft: Draft, rules: Rules, twin: Loop, cycle: Cycle) -> Loop:
+    table = draft.loop.to_table()
+    if rules.w_Ti is not None:
+        table["controller"].update(Ti=significant(twin.controller.Ti or 1.0), Kc=significant(twin.controller.Kc))
+    if rules.samples_per_period is not None:
+        per = float(rules.samples_per_period)
+        table["sampling"] = {"Ts": significant(cycle.period / per), "n": round(per * float(rules.periods or FIRST))}
+    if rules.noise_ratio is not None:
+        table["noise"] = {"std": significant(rules.noise_ratio * cycle.pv_std)}
+    S, J = band(twin)
+    unit = {"S": S, "J": J, "period": cycle.period, "pv": cycle.pv_std}
+    if draft.loop.valve.name != "ideal":
+        more = _scaled(draft.valve, unit)
+        table["valve"] = valve_table(draft.loop.valve.name, table["valve"], cycle.period, more)
+    table.setdefault("effect", []).extend({"name": e.name, **_scaled(e, unit)} for e in draft.effects)
+    if draft.mv_noise > 0:
+        table["noise"]["mv_std"] = significant(draft.mv_noise * S)
+    if draft.moves:
+        _move_setpoint(table["setpoint"], draft.moves, unit)
+    for load in draft.loads:
+        size = cycle.pv_std if load["at"] == "output" else S
+        table.setdefault("disturbance", []).append(_absolute(load, size, cycle.period))
+    loop = Loop.from_table(table, "cell")
+    if draft.ultimate is not None:
+        loop = loop.with_("controller.Kc", significant(draft.ultimate * sampled_ultimate_gain(loop)))
+    for key, value in (draft.overrides or {}).items():
+        if not (key.startswith("valve.") and loop.valve.name == "ideal"):
+            loop = loop.with_(key, value)
+    return loop
+
+
+def valve_table(name: str, cell: Mapping[str, Any], period: float, more: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the table of any valve file that has the (S, J) a cell asks for.
+
+    Parameters
+    ----------
+    name : str
+        A valve model or stage.
+    cell : mapping
+        S and J (% of travel; J = 0 when absent).
+    period : float
+        Of the cell's cycle (s): valves that change with time take their times from it.
+    more : mapping
+        Parameters that have the last word.
+
+    Returns
+    -------
+    dict
+        The [valve] table of a loop file.
+
+    Raises
+    ------
+    ParameterError
+        When no parameters of this valve have the (S, J) asked for.
+
+    Examples
+    --------
+    >>> valve_table("stenman", {"S": 5.0, "J": 5.0}, 100.0, {})
+    {'model': 'stenman', 'd': 5.0}
+    >>> valve_table("lag", {"S": 5.0, "J": 5.0}, 100.0, {"T": 2.0})
+    {'model': 'lag', 'T': 2.0}
+    """
+    module = VALVES.load(name)
+    S, J = float(cell["S"]), float(cell.get("J", 0.0))
+    own: dict[str, Any] = {}
+    if hasattr(module, "for_SJ"):
+        own = module.for_SJ(S, J, significant(period))
+    elif module.FRICTION:
+        own = {key: value for key, value in (("S", S), ("J", J)) if key in module.PARAMETERS}
+    table = {**own, **more}
+    if module.FRICTION and hasattr(module, "mapped_SJ"):
+        found = module.mapped_SJ(valve_parameters(module, own, 1.0))
+        if not np.allclose(found, (S, J), rtol=1e-6, atol=1e-9):
+            can = f"nearest is S = {found[0]:g} %, J = {found[1]:g} %"
+            raise ParameterError(f"valve {name!r} cannot have S = {S:g} %, J = {J:g} %: {can}")
+    return {"model": name, **table}
+
+
+def _scaled(part: Scaled, unit: Mapping[str, float]) -> dict[str, Any]:
+    scale = part.scale
+    return {k: significant(v * unit[scale[k]]) if k in scale else v for k, v in part.parameters.items()}  # type: ignore[operator]
+
+
+def _move_setpoint(table: dict[str, Any], moves: Sequence[tuple[float, float]], unit: Mapping[str, float]) -> None:
+    steps = list(table.get("steps", []))
+    rest = steps[-1][1] if steps else table["value"]
+    steps += [[significant(t * unit["period"]), rest + significant(level * unit["pv"])] for t, level in moves]
+    table["steps"] = steps
+
+
+def _tags(draft: Draft, loop: Loop) -> dict[str, Any]:
+    # a valve without friction has no place on the axis of stick bands
+    return draft.tags if VALVES.load(loop.valve.name).FRICTION else {**draft.tags, "S_over_2J": 0.0, "S": 0.0}
+
+
+def _absolute(load: dict[str, Any], size: float, period: float) -> dict[str, Any]:
+    scale = {"amplitude": size, "period": period, "lag": period, "start": period}
+    return {k: significant(v * scale[k]) if k in scale else v for k, v in load.items()}

@@ -1,0 +1,198 @@
+"""Truth: does the valve stick, and does the loop cycle because of it? Stored side by side, never mixed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenarios.spec import Loop, Part
+from simbench.bench.scenario.motion import Motion, largest_sine, motion
+from simbench.loop.resolve import friction, quiet_setup
+from simbench.loop.run import Run
+from simbench.loop.simulate import simulate
+
+TAIL_PERIODS = 20
+MIN_REVERSALS = 6
+LASTING = 0.8  # last third of the tail over the first
+TWIN = 0.5  # a twin with an ideal valve that moves this much of it moves for another reason
+MOMENTS = (0.0, 0.25, 0.5, 0.75)  # of the record's last period, from its end back, at which the noise goes off
+FADING = 0.5  # below this the motion dies out; between this and LASTING it is not clear
+MAX_TAIL = 20_000  # samples
+YES, NO, ENTRAINED, UNCLEAR = "yes", "no", "entrained", "unclear"
+CYCLED = (YES, NO, ENTRAINED, UNCLEAR)
+
+
+@dataclass(frozen=True)
+class Cycled:
+    """Whether a loop cycles by itself because of its valve.
+
+    Parameters
+    ----------
+    answer : {"yes", "no", "entrained", "unclear"}
+        entrained: it does not cycle alone, but the valve jumps under the disturbance.
+    period : float
+        Of MV in the tail (s); NaN when it does not swing.
+    swing : float
+        Median distance (%) between reversals of MV in the tail.
+    """
+
+    answer: str
+    period: float = math.nan
+    swing: float = 0.0
+
+
+def simulate_with_truth(loop: Loop, seed: int = 0, *, period: float | None = None) -> tuple[Run, Cycled]:
+    """Run a loop, let it go on without noise under frozen disturbances and set point, and say whether it cycles.
+
+    Parameters
+    ----------
+    loop : Loop
+        What to run.
+    seed : int
+        Root of every random stream.
+    period : float, optional
+        Expected period (s) of the cycle; measured on the record when absent.
+
+    Returns
+    -------
+    run : Run
+        Its record is that of `simulate(loop, seed)`, bit for bit.
+    cycled : Cycled
+        yes: over the 20 periods behind the record MV reverses at least 6 times, by J/2 or more in the median (J = 0:
+        S/20), does not fade (last third at least 0.8 of the first), and its largest sine at any period within a factor 3
+        is more than twice that of the twin with an ideal valve. Set point and disturbances are frozen at the record's end;
+        the noise goes off there, or a quarter, half or three quarters of a period earlier: a state of rest may coexist with
+        the cycle, so that one of the four that goes on is enough. unclear: it moves on with the noise alone, or fades
+        slowly, or its twin moves as much.
+
+    Notes
+    -----
+    A valve without friction is its own twin: never "yes". Not for loops that drift without end.
+
+    Examples
+    --------
+    >>> loop = Loop.from_table({
+    ...     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
+    ...     "controller": {"type": "PI", "Kc": 1, "Ti": 10},
+    ...     "valve": {"model": "choudhury", "S": 5, "J": 2},
+    ...     "sampling": {"Ts": 1, "n": 2000},
+    ...     "setpoint": {"value": 50, "steps": [[10, 55]]}})
+    >>> run, cycled = simulate_with_truth(loop)
+    >>> cycled.answer, round(cycled.period / 94, 1)
+    ('yes', 1.0)
+    """
+    run = simulate(loop, seed)
+    if not run.sticky:
+        return run, Cycled(NO)
+    Ts, bar = loop.sampling.Ts, least_swing(loop)
+    late = motion(run.mv[run.record.n // 2 :], bar / 4)
+    if period is None:
+        period = late.period * Ts
+        period = period if math.isfinite(period) else run.record.duration / TAIL_PERIODS
+    found = None
+    for quiet in _quiet_from(loop, period / Ts):
+        tail, moved = _tail(loop, seed, period / Ts, bar, quiet)
+        said = _alone(loop, seed, tail, moved, bar, quiet)
+        if said == YES:
+            return run, Cycled(YES, moved.period * Ts, moved.swing)
+        # what the loop does from the record's end on counts first; earlier ends only make it unclear
+        found = found or (said, moved)
+        if said == UNCLEAR:
+            found = (UNCLEAR, found[1])
+    assert found is not None
+    said, moved = found
+    if said == NO and _moves(run, late, loop, seed, period / Ts, bar):
+        said = UNCLEAR
+    if said == NO and _driven(run) and np.ptp(run.mv[run.record.n // 2 :]) >= bar:
+        said = ENTRAINED
+    return run, Cycled(said, moved.period * Ts, moved.swing)
+
+
+def least_swing(loop: Loop) -> float:
+    """Return the smallest swing of MV (%) that counts as a cycle: J/2, or S/20 of a valve without slip jump.
+
+    Parameters
+    ----------
+    loop : Loop
+        Any loop; a friction model enters by its mapped (S, J).
+
+    Returns
+    -------
+    float
+
+    Examples
+    --------
+    >>> from scenarios.spec import load_loop
+    >>> base = {"plant": {"type": "integrating", "K": 1}, "controller": {"type": "P", "Kc": 1}, "sampling": {"Ts": 1}}
+    >>> least_swing(Loop.from_table({**base, "valve": {"model": "deadband", "S": 5}}))
+    0.25
+    """
+    bands = friction(loop)
+    S, J = (max((band[i] for band in bands), default=0.0) for i in (0, 1))
+    return max(J / 2 if J > 0 else S / 20, 1e-6)
+
+
+def healthy_twin(loop: Loop) -> Loop:
+    """Return the loop with an ideal valve in place of its friction, all else equal; a stage without friction stays."""
+    bare = loop.model_copy(update={"effect": ()})
+    valve = Part(name="ideal") if friction(bare) else loop.valve
+    ideal = bare.model_copy(update={"valve": Part(name="ideal")})
+    kept = tuple(e for e in loop.effect if not friction(ideal.model_copy(update={"effect": (e,)})))
+    return loop.model_copy(update={"valve": valve, "effect": kept})
+
+
+def _samples(period: float) -> int:
+    return min(max(math.ceil(TAIL_PERIODS * period), 3 * TAIL_PERIODS), MAX_TAIL)
+
+
+def _quiet_from(loop: Loop, period: float) -> list[int]:
+    # the noise of the loop file and of its effects; without any the four moments are one
+    n = loop.sampling.n
+    if quiet_setup(loop, 0).noise_std == 0:
+        return [n]
+    return sorted({max(n - round(share * period), 0) for share in MOMENTS}, reverse=True)
+
+
+def _tail(loop: Loop, seed: int, period: float, bar: float, quiet: int | None) -> tuple[np.ndarray, Motion]:
+    samples = _samples(period)
+    while True:
+        tail = simulate(loop, seed, tail=samples, quiet=quiet).mv[loop.sampling.n :]
+        moved = motion(tail, bar / 4)
+        wanted = _samples(moved.period if moved.reversals > 2 else 2.0 * samples / TAIL_PERIODS)
+        # a cycle that is slower than expected needs a longer tail; a valve that stands still does not
+        if np.ptp(tail[samples // 2 :]) < bar or wanted <= 1.25 * samples or samples >= MAX_TAIL:
+            return tail, moved
+        samples = wanted
+
+
+def _alone(loop: Loop, seed: int, tail: np.ndarray, moved: Motion, bar: float, quiet: int) -> str:
+    """Say whether the valve goes on moving in one noise-free tail, and by itself."""
+    if _swings(moved, bar) and moved.lasting >= FADING:
+        twin = simulate(healthy_twin(loop), seed, tail=tail.size, quiet=quiet).mv[loop.sampling.n :]
+        own = TWIN * largest_sine(tail, moved.period) > largest_sine(twin, moved.period)
+        return YES if own and moved.lasting >= LASTING else UNCLEAR
+    # still moving at the end, but too slowly for the longest tail
+    if 0 < moved.reversals < MIN_REVERSALS and np.ptp(tail[-(tail.size // 3) :]) >= bar:
+        return UNCLEAR
+    return NO
+
+
+def _moves(run: Run, late: Motion, loop: Loop, seed: int, period: float, bar: float) -> bool:
+    """Whether the valve moves steadily all the same: undisturbed in the record, or as long as the noise goes on."""
+    if not _driven(run) and _swings(late, bar) and late.lasting >= LASTING:
+        return True
+    if quiet_setup(loop, 0).noise_std == 0:
+        return False
+    _, moved = _tail(loop, seed, period, bar, None)
+    return _swings(moved, bar) and moved.lasting >= FADING
+
+
+def _swings(moved: Motion, bar: float) -> bool:
+    return moved.reversals >= MIN_REVERSALS and moved.swing >= bar
+
+
+def _driven(run: Run) -> bool:
+    late = slice(run.record.n // 2, run.record.n)
+    return any(np.ptp(signal[late]) > 0 for signal in (run.load_in, run.load_out, run.record.sp))

@@ -1,0 +1,1 @@
+"""What a run says of its detectors: scores, ranks, comparisons, the gate."""

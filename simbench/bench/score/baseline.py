@@ -1,0 +1,100 @@
+"""A baseline: a run's folder without what no comparison needs, small enough to commit."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from simbench.bench.score.history import remember
+from simbench.bench.score.scoring import FRONT, score_run
+from simbench.bench.store.checksums import RunError, digest
+from simbench.bench.store.manifest import read_manifest, write_manifest
+from simbench.bench.store.reading import Book, read_table
+from simbench.files import folder as make_folder
+from simbench.files import whole_file
+
+EMPTY = {
+    "scenarios": ("flags",),
+    "verdicts": ("score_raw", "reason", "reason_raw", "indices", "S_lo", "S_hi", "J_lo", "J_hi", "S_unit", "runtime_s"),
+}
+KEPT = (
+    "format", "grid", "grid_hash", "seed", "overrides", "scenarios", "methods", "thresholds", "plugins", "command",
+    "code", "commit", "versions", "machine", "complete", "counts", "records_hash",
+)  # fmt: skip
+COLUMNS = (
+    "method", "truth", "process", "n", "positives", "applicable", "accuracy_applicable", "accuracy_decided", "no_decision",
+    "found", "false_alarms", "accuracy_all", "auc", "rank", "errors",
+)  # fmt: skip
+
+
+def write_baseline(run: str | Path, baseline: str | Path) -> None:
+    """Write a run as a baseline; its manifest comes last.
+
+    Parameters
+    ----------
+    run : str or Path
+        Folder of a finished run.
+    baseline : str or Path
+        Made when absent; an older baseline in it is replaced.
+
+    Notes
+    -----
+    The tables keep their columns, those that no check needs are empty; scores keep 24 bits. The loops stay: every flip can be
+    simulated again. scores.csv is there for the eye: its difference in version control reads as accuracy gained and lost.
+    history.csv grows by one row per method.
+    """
+    baseline = make_folder(baseline)
+    whole = read_manifest(run)
+    manifest = {k: v for k, v in whole.items() if k in KEPT}
+    digests = {}
+    for kind, empty in EMPTY.items():
+        table = read_table(run, kind)
+        for name in empty:
+            column = table.schema.get_field_index(name)
+            table = table.set_column(column, table.schema.field(name), pa.nulls(table.num_rows, table.schema.field(name).type))
+        if kind == "verdicts":
+            at = table.schema.get_field_index("score")
+            rounded = table.column("score").to_numpy(zero_copy_only=False).astype(np.float32).astype(float)
+            table = table.set_column(at, table.schema.field(at), pa.array(rounded, from_pandas=True))
+        out = io.BytesIO()
+        # whole scenarios in every row group
+        pq.write_table(table, out, compression="zstd", row_group_size=500 * max(len(manifest["methods"]), 1))
+        digests[kind] = digest(out.getvalue())
+        with whole_file(baseline / f"{kind}.parquet", "wb") as f:
+            f.write(out.getvalue())
+    write_manifest(baseline, {**manifest, "tables": digests})
+    table = score_run(baseline).table
+    with whole_file(baseline / "scores.csv") as f:
+        rows = table.loc[table["mode"] == FRONT, list(COLUMNS)]
+        rows.to_csv(f, index=False, float_format="%.4f", lineterminator="\n")
+    remember(baseline, manifest, table)
+
+
+def read_book(folder: str | Path) -> Book:
+    """Read a run or a baseline.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Either.
+
+    Returns
+    -------
+    Book
+
+    Raises
+    ------
+    RunError
+        When it is neither, not finished, of another format, or a table is not the one its manifest speaks of.
+    """
+    try:
+        book = Book.read(folder)
+    except (pa.ArrowException, OSError, ArithmeticError, LookupError, TypeError, ValueError) as error:
+        raise RunError(f"{folder} is damaged: {' '.join(str(error).split())[:200]}; restore it, or run it again") from None
+    if not book.ids.size or not book.methods:
+        raise RunError(f"{folder} holds no verdicts: {book.ids.size} scenarios, {len(book.methods)} methods; run it again")
+    return book

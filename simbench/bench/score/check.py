@@ -1,0 +1,204 @@
+"""Gate: has a detector become worse? A run against a baseline, loop by loop where both stand in the same place of a grid."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from detectors.errors import UserError
+from detectors.verdict import NO_DECISION, NO_STICTION, STICTION
+from simbench.bench.score.baseline import read_book, write_baseline
+from simbench.bench.score.check_result import Check
+from simbench.bench.score.pairing import Pairs, pair
+from simbench.bench.statistics import auc, auc_drop, auc_drop_unpaired, holm, mcnemar, rate_drop
+from simbench.bench.store.reading import CODES, Book, RunError
+
+LEVEL = 0.05
+MARGIN = 0.01  # of a rate, paired: what falls by less is no regression, however sure the fall is
+UNPAIRED = 0.02  # the same between runs of other loops
+LABELS = ("sticky", "cycled")
+# what is counted: among positives or negatives, which answers are good; "no decision" is neither right nor wrong
+COUNTED = {
+    "detection": (True, (STICTION,)),
+    "rejection": (False, (NO_STICTION,)),
+    "no miss": (True, (STICTION, NO_DECISION)),
+    "no false alarm": (False, (NO_STICTION, NO_DECISION)),
+}
+
+
+def check_run(folder: str | Path, against: str | Path, margin: float = MARGIN) -> Check:
+    """Compare a run with a baseline.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Folder of a finished run.
+    against : str or Path
+        Baseline written by `update_baseline`, or another run.
+    margin : float
+        A rate that falls by no more than this (paired) is no regression.
+
+    Returns
+    -------
+    Check
+
+    Raises
+    ------
+    RunError
+        When a folder is no finished run, was written in another format, or the two are of different grids.
+
+    Notes
+    -----
+    Rates are compared within the positives and within the negatives of each label, since a moved threshold trades one for
+    the other: a gate on accuracy alone would see little of it. Loops in the same place of the same grid: exact one-sided
+    McNemar tests and DeLong's test of the AUC. Records there may differ, as another processor simulates a chaotic loop
+    otherwise; an unchanged detector then loses as often as it wins, which is what these tests ask. Other loops: one-sided
+    two-sample tests of a drop beyond 2 points. All are Holm-corrected to a chance of 5 % that unchanged detectors fail.
+    """
+    return replace(compare_books(read_book(folder), read_book(against), margin), home=str(against))
+
+
+def compare_books(now: Book, before: Book, margin: float = MARGIN) -> Check:
+    """Compare a run with a baseline, both as arrays; returns and errors as `check_run`."""
+    grids = [b.manifest.get("grid") for b in (now, before)]
+    if grids[0] != grids[1]:
+        raise RunError(f"the run is of grid {grids[0]!r}, the baseline of {grids[1]!r}; run the baseline's grid")
+    pairs = pair(now, before)
+    paired = pairs.now.size > 0
+    problems = _problems(now, before, pairs)
+    rows: list[dict[str, Any]] = []
+    flips: list[pd.DataFrame] = []
+    for method in (m for m in before.methods if m in now.methods):
+        i, j = now.methods.index(method), before.methods.index(method)
+        for label in LABELS:
+            # a loop whose truth differs is another case
+            alike = before.truth[label][pairs.before] == now.truth[label][pairs.now]
+            one = _answers(before, j, label, pairs.before[alike] if paired else None)
+            two = _answers(now, i, label, pairs.now[alike] if paired else None)
+            rows += [{"method": method, "label": label, **row} for row in _tests(one, two, paired)]
+        flips.append(_flips(now, i, before, j, pairs))
+    tests = pd.DataFrame(rows, columns=["method", "label", "what", "before", "now", "lost", "won", "p"])
+    tests["p"] = holm(tests["p"])
+    tests["worse"] = (tests["p"] < LEVEL) & (tests["before"] - tests["now"] > (margin if paired else 0.0))
+    basis = _basis(now, before, pairs, margin)
+    return Check(paired, basis, tuple(problems), tests, pd.concat(flips, ignore_index=True) if flips else pd.DataFrame())
+
+
+def update_baseline(folder: str | Path, baseline: str | Path) -> str:
+    """Make a run the baseline, and say what that changes.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Folder of a finished run.
+    baseline : str or Path
+        Folder of the baseline; made when absent.
+
+    Returns
+    -------
+    str
+        The difference: methods that come and go, every rate that moved, the first changed verdicts.
+
+    Raises
+    ------
+    UserError
+        When the run cannot be read or the baseline not written.
+    """
+    now, there = read_book(folder), (Path(baseline) / "manifest.json").exists()
+    lines = [f"baseline {baseline}: {now.ids.size} scenarios of grid {now.manifest['grid']} x {len(now.methods)} methods"]
+    if there:
+        try:
+            before = read_book(baseline)
+            lines += [f"+ method {m}" for m in now.methods if m not in before.methods]
+            changes = compare_books(now, before).as_text().splitlines()[1:]
+            lines += changes or ["nothing moved"]
+        except UserError as error:  # an unreadable baseline is replaced, and that is said
+            lines.append(f"not compared with the old one: {error}")
+    write_baseline(folder, baseline)
+    return "\n".join(lines)
+
+
+def _problems(now: Book, before: Book, pairs: Pairs) -> list[str]:
+    found = [f"method {m} is in the baseline, not in the run" for m in before.methods if m not in now.methods]
+    missing = before.ids.size - pairs.before.size
+    if missing and (pairs.one_grid or pairs.now.size):
+        found.append(f"{missing} of the baseline's {before.ids.size} scenarios are not in the run")
+    for label in LABELS:
+        moved = now.truth[label][pairs.now] != before.truth[label][pairs.before]
+        changed = int((moved & pairs.same).sum())
+        if changed:
+            found.append(f"the truth {label!r} of {changed} scenarios with the same records has changed")
+    for method in (m for m in before.methods if m in now.methods):
+        failed, was = now.failed[now.methods.index(method)], before.failed[before.methods.index(method)]
+        raised = int((failed[pairs.now] & ~was[pairs.before]).sum()) if pairs.now.size else int(failed.sum())
+        if raised and (pairs.now.size or not was.any()):
+            found.append(f"method {method} raised an error on {raised} scenarios where it had none")
+    return found
+
+
+def _basis(now: Book, before: Book, pairs: Pairs, margin: float) -> str:
+    tests = f"exact paired tests, a drop of {100 * margin:g} points is allowed, Holm-corrected"
+    differ = int((~pairs.same).sum())
+    if pairs.now.size and not differ:
+        return f"the {pairs.now.size} records are the baseline's, bit for bit; {tests}"
+    if pairs.now.size:
+        ids = int((now.ids[pairs.now] != before.ids[pairs.before]).sum())
+        moved = int((now.truth["cycled"][pairs.now] != before.truth["cycled"][pairs.before]).sum())
+        why = f"{differ} of {pairs.now.size} records differ from the baseline's in the same place of the grid"
+        more = f"{ids} also in their id, {moved} in the truth 'cycled', which are left out there"
+        return f"{why} ({more}), as on another processor; {tests}"
+    return (
+        f"other loops than the baseline's; two-sample tests of {now.ids.size} against {before.ids.size} scenarios, "
+        f"a drop of {100 * UNPAIRED:g} points is allowed, Holm-corrected"
+    )
+
+
+def _answers(book: Book, method: int, label: str, at: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    # a baseline keeps 24 bits of a score
+    truth, verdict, score = book.truth[label], book.verdict[method], book.score[method].astype(np.float32)
+    if at is not None:
+        truth, verdict, score = truth[at], verdict[at], score[at]
+    known = truth >= 0
+    return truth[known] == 1, verdict[known], score[known]
+
+
+def _tests(before: tuple, now: tuple, paired: bool) -> Iterator[dict[str, Any]]:
+    (truth_a, said_a, score_a), (truth_b, said_b, score_b) = before, now
+    for what, (positive, good) in COUNTED.items():
+        codes = [CODES[word] for word in good]
+        a, b = np.isin(said_a[truth_a == positive], codes), np.isin(said_b[truth_b == positive], codes)
+        row: dict[str, Any] = {"what": what, "before": _share(a), "now": _share(b)}
+        if paired:
+            row.update(lost=int((a & ~b).sum()), won=int((~a & b).sum()))
+            yield {**row, "p": mcnemar(row["lost"], row["won"], worse=True)}
+        else:
+            yield {**row, "p": rate_drop(int(a.sum()), a.size, int(b.sum()), b.size, UNPAIRED)}
+    p = auc_drop(score_a, score_b, truth_a) if paired else auc_drop_unpaired(score_a, truth_a, score_b, truth_b, UNPAIRED)
+    yield {"what": "AUC", "before": auc(score_a, truth_a).value, "now": auc(score_b, truth_b).value, "p": p}
+
+
+def _share(right: np.ndarray) -> float:
+    return float(right.mean()) if right.size else float("nan")
+
+
+def _flips(now: Book, i: int, before: Book, j: int, pairs: Pairs) -> pd.DataFrame:
+    changed = now.verdict[i][pairs.now] != before.verdict[j][pairs.before]
+    at, was_at = pairs.now[changed], pairs.before[changed]
+    names = np.array([w for w, _ in sorted(CODES.items(), key=lambda item: item[1])])
+    return pd.DataFrame(
+        {
+            "scenario_id": before.ids[was_at].astype(str),
+            "method": now.methods[i],
+            "was": names[before.verdict[j][was_at]],
+            "now": names[now.verdict[i][at]],
+            "record": np.where(pairs.same[changed], "same", "other"),
+            "sticky": now.truth["sticky"][at] == 1,
+            "cycled": now.truth["cycled_word"][at],
+            **{name: now.axes[name][at] for name in ("block", "disturbance")},
+        }
+    )

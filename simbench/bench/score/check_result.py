@@ -1,0 +1,162 @@
+"""What a check found, for a terminal, for a pull request's summary, and for a test reporter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+from xml.etree import ElementTree
+
+import pandas as pd
+
+from simbench.bench.score.compare import plain
+
+SHOWN = 20  # flipped scenarios in a text; JSON has all
+
+
+@dataclass(frozen=True, eq=False)
+class Check:
+    """What a run says against its baseline.
+
+    Parameters
+    ----------
+    paired : bool
+        Whether answers are compared loop by loop.
+    basis : str
+        Which test was used and why, in one sentence.
+    problems : tuple of str
+        What fails without any statistics: missing methods or scenarios, new errors, a changed truth.
+    tests : DataFrame
+        method, label, what ("detection": share of the positives called sticky, "rejection": of the negatives called healthy,
+        "no miss", "no false alarm": the same with no decision allowed, "AUC"), before, now, lost, won (cases, paired only),
+        p (Holm-corrected), worse.
+    flips : DataFrame
+        Every changed verdict: scenario_id (the baseline's), method, was, now, record ("same" or "other"), sticky, cycled,
+        block, disturbance.
+    home : str
+        Folder of the baseline, which holds the loops of the flips.
+    """
+
+    paired: bool
+    basis: str
+    problems: tuple[str, ...]
+    tests: pd.DataFrame
+    flips: pd.DataFrame
+    home: str = "BASELINE"
+
+    @property
+    def failed(self) -> bool:
+        """Whether anything became worse."""
+        return bool(self.problems) or bool(self.tests["worse"].any())
+
+    @property
+    def reasons(self) -> list[str]:
+        """What failed, one sentence each."""
+        return [*self.problems, *(sentence(row) for row in self.tests[self.tests["worse"]].to_dict("records"))]
+
+    def as_text(self) -> str:
+        """Return verdict, basis, reasons, what changed, and the scenarios that flipped."""
+        return as_text(self)
+
+    def as_markdown(self) -> str:
+        """Return the same for a pull request's summary."""
+        return as_markdown(self)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return everything as JSON types."""
+        tables = {name: plain(getattr(self, name)) for name in ("tests", "flips")}
+        return {"failed": self.failed, "paired": self.paired, "basis": self.basis, "reasons": self.reasons, **tables}
+
+    def as_junit(self) -> str:
+        """Return JUnit XML: one test case per method, and one for the tables themselves."""
+        return as_junit(self)
+
+
+def as_text(check: Check) -> str:
+    """Return verdict, basis, reasons, what changed, and the scenarios that flipped.
+
+    Parameters
+    ----------
+    check : Check
+        What to say.
+
+    Returns
+    -------
+    str
+    """
+    lines = [f"check {'FAILED' if check.failed else 'passed'}: {check.basis}", *(f"- {r}" for r in check.reasons)]
+    moved = _moved(check)
+    if len(moved):
+        lines += ["", moved.to_string(index=False, float_format="%.3f")]
+    if len(check.flips):
+        shown = _worst_first(check).head(SHOWN)
+        lines += ["", f"{len(check.flips)} verdicts changed" + _cut(check), shown.to_string(index=False)]
+        lines += ["", "simulate one again:", again(check, str(shown["scenario_id"].iloc[0]))]
+    return "\n".join(lines)
+
+
+def as_markdown(check: Check) -> str:
+    """Return the same for a pull request's summary; see `as_text`."""
+    lines = [f"### Detector check: {'failed' if check.failed else 'passed'}", "", check.basis, ""]
+    lines += [f"- {r}" for r in check.reasons] + [""] * bool(check.reasons)
+    moved = _moved(check)
+    lines += _table(moved) if len(moved) else ["No rate moved."]
+    if len(check.flips):
+        shown = _worst_first(check).head(SHOWN)
+        title = f"{len(check.flips)} verdicts changed{_cut(check)}"
+        lines += ["", f"<details><summary>{title}</summary>", "", *_table(shown), ""]
+        lines += ["", f"`{again(check, str(shown['scenario_id'].iloc[0]))}`", "", "</details>"]
+    return "\n".join(lines) + "\n"
+
+
+def as_junit(check: Check) -> str:
+    """Return JUnit XML: one test case per method, and one for the tables themselves; see `as_text`."""
+    suite = ElementTree.Element("testsuite", name="simbench check")
+    cases = [("run", list(check.problems))]
+    for method, rows in check.tests.groupby("method", sort=True):
+        cases.append((str(method), [sentence(row) for row in rows[rows["worse"]].to_dict("records")]))
+    for name, wrong in cases:
+        case = ElementTree.SubElement(suite, "testcase", classname="simbench.check", name=name)
+        if wrong:
+            ElementTree.SubElement(case, "failure", message=wrong[0]).text = "\n".join(wrong)
+    suite.set("tests", str(len(cases)))
+    suite.set("failures", str(sum(bool(wrong) for _, wrong in cases)))
+    ElementTree.indent(suite)
+    # the declaration by hand: ElementTree would name the machine's locale
+    return f'<?xml version="1.0" encoding="utf-8"?>\n{ElementTree.tostring(suite, encoding="unicode")}\n'
+
+
+def again(check: Check, scenario_id: str) -> str:
+    """Return the command that simulates a flipped scenario again."""
+    return f"simbench simulate --from {check.home} --id {scenario_id} -o record.csv"
+
+
+def sentence(row: dict[str, Any]) -> str:
+    """Return what became worse, from a row of the tests."""
+    cases = "" if pd.isna(row["lost"]) else f", {row['lost']:.0f} lost and {row['won']:.0f} won"
+    moved = f"fell from {row['before']:.3f} to {row['now']:.3f}"
+    return f"{row['method']}: {row['what']} against {row['label']!r} {moved}{cases} (p = {row['p']:.2g})"
+
+
+def _moved(check: Check) -> pd.DataFrame:
+    tests = check.tests
+    same = (tests["before"] == tests["now"]) | tests[["before", "now"]].isna().all(axis=1)
+    changed = tests[~same]
+    return changed.drop(columns=[] if check.paired else ["lost", "won"]).sort_values("p", kind="stable").head(2 * SHOWN)
+
+
+def _worst_first(check: Check) -> pd.DataFrame:
+    bad = set(check.tests.loc[check.tests["worse"], "method"])
+    order = check.flips.assign(_order=~check.flips["method"].isin(bad)).sort_values("_order", kind="stable")
+    return order.drop(columns="_order")
+
+
+def _cut(check: Check) -> str:
+    return f", the first {SHOWN}:" if len(check.flips) > SHOWN else ":"
+
+
+def _table(frame: pd.DataFrame) -> list[str]:
+    def cell(x: Any) -> str:
+        return f"{x:.3g}" if isinstance(x, float) else str(x).replace("|", "\\|")
+
+    rows = [[cell(x) for x in row] for row in frame.itertuples(index=False)]
+    return ["| " + " | ".join(r) + " |" for r in [list(frame.columns), ["---"] * frame.shape[1], *rows]]

@@ -1,0 +1,221 @@
+"""Compare detectors on the same scenarios: between methods of one run, or method by method between two runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from detectors.errors import UserError, nearest
+from simbench.bench.score.baseline import read_book
+from simbench.bench.score.scoring import axis_values
+from simbench.bench.statistics import holm, mcnemar, mean_ranks, rate
+from simbench.bench.store.reading import TRUTHS, Book, RunError
+from simbench.bench.store.tables import AXES
+
+LEVEL = 0.05
+ENOUGH = 0.8  # accuracy below this counts as broken down
+ALONE = ("nonlinearity", "quantification", "oracle")  # roles that are compared, but not ranked
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Who answers better, and where.
+
+    Parameters
+    ----------
+    truth : str
+        The label answers are compared with.
+    cases : int
+        Scenarios both sides judged.
+    ranking : DataFrame
+        method, n (scenarios it applies to), accuracy over those with interval (lo, hi), mean_rank (1 = best, ties shared; NaN
+        for what is not ranked: methods that see MV or are made for a part of the scenarios), best first.
+    critical_difference : float
+        Mean ranks closer than this cannot be told apart (Nemenyi, 5 %); NaN between two runs or for fewer than 3 methods.
+    pairs : DataFrame
+        first, second, only_first, only_second (scenarios that both apply to and only one got right), p (exact McNemar,
+        Holm-corrected), differ.
+    by_axis : DataFrame
+        method, axis, value, n, accuracy, lo, hi.
+    breakdown : DataFrame
+        method, axis, value, accuracy, lo, hi: the first value of the axis at which accuracy is below 0.8.
+    """
+
+    truth: str
+    cases: int
+    ranking: pd.DataFrame
+    critical_difference: float
+    pairs: pd.DataFrame
+    by_axis: pd.DataFrame
+    breakdown: pd.DataFrame
+
+    def as_text(self) -> str:
+        """Return ranking, which methods differ from the best (or between two runs), and breakdowns, for a terminal."""
+        lines = [f"{self.cases} scenarios, right against {self.truth!r}, with 95 % intervals", _text(self.ranking)]
+        if not np.isnan(self.critical_difference):
+            lines += [f"mean ranks closer than {self.critical_difference:.2f} cannot be told apart (Nemenyi, 5 %)"]
+        differ = self.pairs[self.pairs["differ"]].drop(columns="differ")
+        alike = len(self.pairs) - len(differ)
+        lines += ["", f"{len(differ)} pairs differ (exact McNemar, Holm-corrected p < {LEVEL:g}), {alike} do not"]
+        ranked = self.ranking.dropna(subset=["mean_rank"])
+        best = (ranked if len(ranked) else self.ranking)["method"].iloc[0]
+        shown = differ[differ["first"].eq(best) | differ["second"].eq(best) | ~differ["second"].isin(self.ranking["method"])]
+        lines += [_text(shown)] if len(shown) else []
+        if len(self.breakdown):
+            cell = self.breakdown.assign(
+                at=[f"{v} ({a:.2f})" for v, a in zip(self.breakdown["value"], self.breakdown["accuracy"])]
+            )
+            wide = cell.pivot(index="method", columns="axis", values="at").reindex(self.ranking["method"])
+            lines += ["", f"first value of each axis with accuracy below {ENOUGH:g}, and the accuracy there"]
+            lines += [wide.dropna(how="all").rename_axis(columns=None).reset_index().to_string(index=False, na_rep="-")]
+        return "\n".join(lines)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return everything as JSON types; NaN becomes null."""
+        cd = None if np.isnan(self.critical_difference) else self.critical_difference
+        tables = {name: plain(getattr(self, name)) for name in ("ranking", "pairs", "by_axis", "breakdown")}
+        return {"truth": self.truth, "cases": self.cases, "critical_difference": cd, **tables}
+
+
+def compare(folder: str | Path, other: str | Path | None = None, truth: str = "cycled", raw: bool = False) -> Comparison:
+    """Compare the methods of a run with each other, or with themselves in another run.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Folder of a finished run, or a baseline.
+    other : str or Path, optional
+        A second run; its methods are compared with those of the same name, scenario by scenario.
+    truth : {"sticky", "predicted", "cycled"}
+        What counts as right.
+    raw : bool
+        Take verdicts without the oscillation front end.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    UserError
+        When a folder holds no run, the label is unknown, or two runs have no scenario or no method in common.
+
+    Notes
+    -----
+    An answer is right when it is the label; "no decision" is never right. Where a method does not apply it is not compared.
+    McNemar (1947), Holm (1979), Demsar (2006); see `simbench.bench.statistics`. Not for runs of different seeds:
+    nothing would be paired (`simbench check` compares those).
+    """
+    if truth not in TRUTHS:
+        raise UserError(f"truth {truth!r} is unknown: {nearest(truth, TRUTHS)}")
+    book = read_book(folder)
+    return between_methods(book, truth, raw) if other is None else between_runs(book, read_book(other), truth, raw)
+
+
+def between_methods(book: Book, truth: str = "cycled", raw: bool = False) -> Comparison:
+    """Compare all methods of a run pairwise; see `compare`."""
+    use = book.truth[truth] >= 0
+    right, applies = _right(book, truth, raw)[:, use], _applies(book)[:, use]
+    names = np.array(book.methods)
+    rows = []
+    for i, j in combinations(range(len(names)), 2):
+        one, other = (right[k, applies[i] & applies[j]] for k in (i, j))
+        rows.append((names[i], names[j], int((one & ~other).sum()), int((~one & other).sum())))
+    about = [book.manifest["methods"][m] for m in book.methods]
+    alike = np.array([a["role"] not in ALONE and not a["needs_mv"] for a in about])
+    ranked = applies.all(axis=1) & alike
+    ranks, cd = np.full(len(names), np.nan), float("nan")
+    if ranked.sum() >= 3 and right.shape[1] >= 2:
+        found = mean_ranks(right[ranked].T)
+        ranks[ranked], cd = found.mean_rank, found.critical_difference
+    return _comparison(book, truth, raw, right, applies, ranks, cd, rows)
+
+
+def between_runs(book: Book, other: Book, truth: str = "cycled", raw: bool = False) -> Comparison:
+    """Compare every method with itself in another run; see `compare`. `first` is this run, `second` the other."""
+    _, at, other_at = np.intersect1d(book.ids, other.ids, return_indices=True)
+    common = [m for m in book.methods if m in other.methods]
+    if not at.size or not common:
+        what = "scenario" if not at.size else "method"
+        raise RunError(f"the two runs have no {what} in common; compare runs of the same grid and seed")
+    use = (book.truth[truth][at] >= 0) & (other.truth[truth][other_at] >= 0)
+    right, theirs = _right(book, truth, raw)[:, at][:, use], _right(other, truth, raw)[:, other_at][:, use]
+    applies, apply = _applies(book)[:, at][:, use], _applies(other)[:, other_at][:, use]
+    rows = []
+    for method in common:
+        i, j = book.methods.index(method), other.methods.index(method)
+        mine, its = (found[k, applies[i] & apply[j]] for found, k in ((right, i), (theirs, j)))
+        rows.append((method, f"{method} (other run)", int((mine & ~its).sum()), int((~mine & its).sum())))
+    return _comparison(book, truth, raw, right, applies, np.full(len(book.methods), np.nan), float("nan"), rows)
+
+
+def breakdowns(by_axis: pd.DataFrame) -> pd.DataFrame:
+    """Return, for every method and axis, the first value at which accuracy is below 0.8.
+
+    Parameters
+    ----------
+    by_axis : DataFrame
+        method, axis, value (in the axis's order), accuracy, lo, hi.
+
+    Returns
+    -------
+    DataFrame
+        Rows of `by_axis`; an axis along which a method holds has none.
+    """
+    low = by_axis[by_axis["accuracy"] < ENOUGH]
+    return low.groupby(["method", "axis"], sort=False).head(1).sort_values(["method", "axis"], kind="stable", ignore_index=True)
+
+
+def plain(frame: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return a table's rows as JSON types; NaN becomes null."""
+    return frame.astype(object).where(frame.notna(), None).to_dict("records")
+
+
+def _right(book: Book, truth: str, raw: bool) -> np.ndarray:
+    return (book.verdict_raw if raw else book.verdict) == book.truth[truth]
+
+
+def _applies(book: Book) -> np.ndarray:
+    return book.applicable != 0  # what the record does not tell counts as applying
+
+
+def _comparison(
+    book: Book,
+    truth: str,
+    raw: bool,
+    right: np.ndarray,
+    applies: np.ndarray,
+    ranks: np.ndarray,
+    cd: float,
+    rows: list[tuple],
+) -> Comparison:
+    cases = right.shape[1]
+    accuracy = [(int(a.sum()), *rate(int(r[a].sum()), int(a.sum()))) for r, a in zip(right, applies)]
+    ranking = pd.DataFrame(accuracy, columns=["n", "accuracy", "lo", "hi"]).assign(mean_rank=ranks)
+    ranking.insert(0, "method", book.methods)
+    pairs = pd.DataFrame(rows, columns=["first", "second", "only_first", "only_second"])
+    pairs["p"] = holm([mcnemar(lost, won) for _, _, lost, won in rows])
+    pairs["differ"] = pairs["p"] < LEVEL
+    by_axis = pd.DataFrame(_by_axis(book, truth, raw), columns=["method", "axis", "value", "n", "accuracy", "lo", "hi"])
+    ranking = ranking.sort_values("accuracy", ascending=False, kind="stable", ignore_index=True)
+    return Comparison(truth, cases, ranking, cd, pairs, by_axis, breakdowns(by_axis))
+
+
+def _by_axis(book: Book, truth: str, raw: bool) -> Iterator[tuple]:
+    right, known = _right(book, truth, raw), _applies(book) & (book.truth[truth] >= 0)
+    for axis in AXES:
+        for value, chosen in axis_values(book, axis):
+            for method, row, mine in zip(book.methods, right, known):
+                use = chosen & mine
+                if use.any():
+                    yield method, axis, value, int(use.sum()), *rate(int(row[use].sum()), int(use.sum()))
+
+
+def _text(frame: pd.DataFrame) -> str:
+    return frame.to_string(index=False, float_format=lambda x: f"{x:.3g}", na_rep="-")

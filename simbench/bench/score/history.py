@@ -1,0 +1,104 @@
+"""History: how accuracy moved from one baseline to the next."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from detectors.errors import UserError
+from simbench.bench.store.manifest import RunError
+from simbench.files import whole_file
+
+FILE = "history.csv"
+SCORES = ("accuracy_applicable", "found", "false_alarms")
+COLUMNS = ("baseline", "commit", "records", "grid", "scenarios", "method", "rank", *SCORES)
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """The baselines that were kept.
+
+    Parameters
+    ----------
+    table : DataFrame
+        One row per baseline (numbered from 1) and method: the commit and the hash of the records it was made with, scenarios,
+        rank and the rates against `cycled` with the oscillation front end, where the method applies.
+    """
+
+    table: pd.DataFrame
+
+    def as_text(self) -> str:
+        """Return accuracy by method (rows) and baseline (columns), and what each baseline was made of."""
+        wide = self.table.pivot(index="method", columns="baseline", values="accuracy_applicable")
+        made = self.table.drop_duplicates("baseline")[["baseline", "commit", "grid", "scenarios"]]
+        order = wide.iloc[:, -1].sort_values(ascending=False, kind="stable").index
+        text = wide.loc[order].to_string(float_format="%.3f", na_rep="-")
+        return f"accuracy against cycled, where the method applies\n{text}\n\n{made.to_string(index=False)}"
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the rows as JSON types."""
+        return {"baselines": json.loads(self.table.to_json(orient="records", double_precision=6))}
+
+
+def read_history(baseline: str | Path) -> History:
+    """Read the history that stands in a baseline's folder.
+
+    Parameters
+    ----------
+    baseline : str or Path
+        The folder.
+
+    Returns
+    -------
+    History
+
+    Raises
+    ------
+    RunError
+        When there is none, or it is no such table.
+    """
+    file = Path(baseline) / FILE
+    if not file.is_file():
+        raise RunError(f"{baseline} holds no {FILE}: it is no baseline, or `simbench check --update` never wrote one there")
+    try:
+        table = pd.read_csv(file)
+    except (ValueError, UserError) as error:
+        raise RunError(f"{file} is no table: {error}") from None
+    missing = [c for c in COLUMNS if c not in table]
+    if missing or table.empty:
+        raise RunError(f"{file} is no history: {f'it lacks {missing[0]}' if missing else 'it is empty'}")
+    return History(table)
+
+
+def remember(baseline: Path, manifest: dict[str, Any], table: pd.DataFrame) -> None:
+    """Add a baseline's scores to its history; the same records and the same scores are not written twice.
+
+    Parameters
+    ----------
+    baseline : Path
+        Its folder.
+    manifest : dict
+        Of the run.
+    table : DataFrame
+        Its scores.
+    """
+    rows = table[(table["truth"] == "cycled") & table["front_end"] & (table["process"] == "all")]
+    rows = rows[rows["role"] != "yardstick"]
+    file = baseline / FILE
+    old = read_history(baseline).table if file.is_file() else pd.DataFrame(columns=list(COLUMNS))
+    number = int(old["baseline"].max()) + 1 if len(old) else 1
+    about = {"baseline": number, "commit": str(manifest.get("commit") or "")[:12], "records": manifest.get("records_hash")}
+    size = int(rows["n_all"].max()) if len(rows) else 0
+    new = rows[["method", "rank", *SCORES]].assign(**about, grid=manifest["grid"], scenarios=size)[list(COLUMNS)]
+    new = new.round(dict.fromkeys(SCORES, 4))
+    told = ["records", "method", *SCORES]
+    last, same = (part[told].reset_index(drop=True).astype(str) for part in (old[old["baseline"] == number - 1], new))
+    if last.equals(same):
+        return
+    with whole_file(file) as f:
+        joined = pd.concat([old, new], ignore_index=True) if len(old) else new
+        joined.to_csv(f, index=False, lineterminator="\n")

@@ -1,0 +1,52 @@
+"""Which loop of one run is which of another: by its place in the grid, or by its id where the grids differ."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from simbench.bench.store.reading import Book
+
+
+class Pairs(NamedTuple):
+    """The loops two runs have in common.
+
+    Parameters
+    ----------
+    now, before : ndarray of int, shape (m,)
+        Where each stands in either run.
+    same : ndarray of bool, shape (m,)
+        Whether the two records are the same, bit for bit.
+    one_grid : bool
+        Whether the runs are of the very same grid, so that a loop that is missing is a fault.
+    """
+
+    now: np.ndarray
+    before: np.ndarray
+    same: np.ndarray
+    one_grid: bool
+
+
+def pair(now: Book, before: Book) -> Pairs:
+    """Pair the loops of two runs.
+
+    Parameters
+    ----------
+    now, before : Book
+        Two runs.
+
+    Returns
+    -------
+    Pairs
+        Of the same grid: loops in the same place (cell, repeat, member), whatever their id. A sticky loop is chaotic, and the
+        period that fixes its sampling is measured on one: another processor's last bits give another id and record to the
+        same place. Of other grids: loops with the same id and the same record.
+    """
+    one_grid = now.manifest.get("grid_hash") == before.manifest.get("grid_hash")
+    keys = (now.places, before.places) if one_grid else (now.ids, before.ids)
+    _, at, was_at = np.intersect1d(*keys, return_indices=True)
+    same = now.hashes[at] == before.hashes[was_at]
+    if not one_grid and not same.all():  # other seeds or settings: what they share is chance
+        at, was_at, same = at[:0], was_at[:0], same[:0]
+    return Pairs(at, was_at, same, one_grid)

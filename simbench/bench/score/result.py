@@ -1,0 +1,265 @@
+"""Scores of a run, for a terminal and for a program: the same rows in a fixed order, with what the run can resolve."""
+
+from __future__ import annotations
+
+import json
+import math
+import textwrap
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from detectors.report.report import columns
+from detectors.views import page_part
+from simbench.bench.score.ranks import Ranks, loops_needed
+from simbench.bench.store.place import Place, place_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+FRONT, RAW = "front end", "raw"
+ALL = "all"
+ROLE_YARDSTICK = "yardstick"
+ROWS = (
+    "method", "truth", "front_end", "process", "n", "applicable", "accuracy_applicable", "accuracy_decided", "no_decision",
+    "found", "false_alarms", "accuracy_all", "auc", "lo", "hi", "sees_mv", "rank",
+)  # fmt: skip
+PLANNED = (0.01, 0.03)  # differences for which the table says how many loops they take
+KINDS = ("", "see the valve position MV, ranked apart", "yardsticks, not ranked", "nonlinearity tests, not ranked")
+HEAD = (
+    "rank", "method", "applies", "accuracy", "95 %", "decided", "undecided", "found", "false al.", "AUC",
+    "sticky", "predicted", "of all",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Scores:
+    """What a run says about its detectors.
+
+    Parameters
+    ----------
+    table : DataFrame
+        One row per method, truth, mode ("front end" or "raw") and process ("all", "self-regulating", "integrating"): n
+        scenarios with a truth, positives; applicable: on how many the method's source covers the loop; over those, with
+        Wilson intervals (NAME_lo, NAME_hi), accuracy_applicable (no decision is wrong), accuracy_decided, no_decision, found
+        (of positives, no decision is not found), false_alarms (of negatives), auc over records with a score, with DeLong's
+        interval; accuracy_all over everything; rank among its kind (none where it covers less than 95 % of the loops); errors;
+        median runtime in ms.
+    by_axis : DataFrame
+        The same against `cycled` by axis and value, without AUC's interval and rank.
+    disagreement : DataFrame
+        How often sticky, predicted and cycled say what together.
+    standing : dict of (truth, mode, process) to Ranks
+        What the run can resolve, among methods that see OP and PV only.
+    manifest : dict
+        Of the run.
+    first : str
+        The mode shown first.
+    """
+
+    table: pd.DataFrame
+    by_axis: pd.DataFrame
+    disagreement: pd.DataFrame
+    standing: dict[tuple[str, str, str], Ranks]
+    manifest: dict[str, Any]
+    first: str = FRONT
+
+    @property
+    def resolution(self) -> float:
+        """Smallest difference of accuracy against `cycled` that the run resolves, all loops, the mode shown first."""
+        return self.standing["cycled", self.first, ALL].resolution
+
+    def ranking(self, truth: str = "cycled", mode: str | None = None, process: str = ALL) -> pd.DataFrame:
+        """Return the rows of one block, best first: methods that see OP and PV, those that see MV, yardsticks, other tests."""
+        t = self.table
+        rows = t[(t.truth == truth) & (t["mode"] == (mode or self.first)) & (t.process == process)]
+        kind = [kind_of(role, mv) for role, mv in zip(rows.role, rows.sees_mv)]
+        keys = {"kind": kind, "partial": rows["rank"].isna()}
+        order = ["kind", "partial", "accuracy_applicable"]
+        return rows.assign(**keys).sort_values(order, ascending=[True, True, False], kind="stable")
+
+    def as_text(self) -> str:
+        """Return the tables for a terminal."""
+        return as_text(self)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return rows, resolution and what stands beside them as JSON types; NaN and infinity become null."""
+        return as_json(self)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the ranking against `cycled`, all loops.
+
+        Returns
+        -------
+        DataFrame
+            One row per method, best first; `table` holds every truth, mode and process.
+        """
+        return self.ranking().reset_index(drop=True)
+
+    def plot(self, **options: Any) -> Any:
+        """Draw each method's accuracy where it applies, with its interval.
+
+        Parameters
+        ----------
+        **options
+            As `pandas.DataFrame.plot.barh` takes them, such as figsize.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
+        rows = self.ranking().set_index("method")[::-1]
+        value = rows.accuracy_applicable
+        around = [[(value - rows.accuracy_applicable_lo).to_numpy(), (rows.accuracy_applicable_hi - value).to_numpy()]]
+        look = {"xerr": around, "xlim": (0, 1), "xlabel": "accuracy where applicable", "color": "0.7", "legend": False}
+        # a frame opens a figure of its own, a series draws over the last one
+        return rows[["accuracy_applicable"]].plot.barh(**{**look, **options})
+
+    def _repr_html_(self) -> str:
+        keys = ["rank", "method", "n", "applicable", "accuracy_applicable", "accuracy_decided", "no_decision", "found"]
+        said = f"methods closer than {self.resolution:.3f} in accuracy share a rank"
+        return page_part(said, self.to_frame()[[*keys, "false_alarms", "auc"]])
+
+    def write(self, folder: str | Path | Place) -> None:
+        """Write scores.csv and scores_by_axis.csv."""
+        for name, frame in (("scores", self.table), ("scores_by_axis", self.by_axis)):
+            text = frame.to_csv(index=False, float_format="%.5g", lineterminator="\n")
+            place_of(folder).write(f"{name}.csv", text.encode())
+
+
+def kind_of(role: str, sees_mv: bool) -> int:
+    """Return 0 for a stiction method on OP and PV, 1 for one that sees MV, 2 for yardsticks and the oracle, 3 for other tests.
+
+    Examples
+    --------
+    >>> kind_of("stiction", False), kind_of("quantification", True), kind_of("oracle", False), kind_of("nonlinearity", False)
+    (0, 1, 2, 3)
+    """
+    if role in ("oracle", ROLE_YARDSTICK):
+        return 2
+    return 3 if role == "nonlinearity" else int(sees_mv)
+
+
+def as_text(scores: Scores) -> str:
+    """Return size, one block per process type, the other mode, dead-band cells, and labels that disagree.
+
+    Parameters
+    ----------
+    scores : Scores
+        Of a run.
+
+    Returns
+    -------
+    str
+    """
+    m, table = scores.manifest, scores.table
+    size = int(table.n_all.max()) if len(table) else 0
+    lines = [f"grid {m['grid']} ({m['grid_hash']}), {size} scenarios"]
+    modes = (scores.first, next(x for x in ("front end", "raw") if x != scores.first))
+    blocks = [(modes[0], p) for p in ("all", "self-regulating", "integrating")] + [(modes[1], "all")]
+    for mode, process in blocks:
+        rows = scores.ranking("cycled", mode, process)
+        if len(rows):
+            lines += ["", _title(rows, mode, process), *_block(scores, rows, mode, process), _resolved(scores, mode, process)]
+    lines += ["", *_legend(), "", *_dead_band(scores), "", "labels that disagree", *_plain(scores.disagreement)]
+    return "\n".join(lines)
+
+
+def as_json(scores: Scores) -> dict[str, Any]:
+    """Return {"rows", "resolution"} and grid, grid_hash, by_axis, disagreement, as JSON types.
+
+    Parameters
+    ----------
+    scores : Scores
+        Of a run.
+
+    Returns
+    -------
+    dict
+        lo and hi of a row are those of accuracy_applicable.
+    """
+    table = scores.table.rename(columns={"accuracy_applicable_lo": "lo", "accuracy_applicable_hi": "hi"})
+    resolution = scores.resolution
+    return {
+        "grid": scores.manifest["grid"],
+        "grid_hash": scores.manifest["grid_hash"],
+        "rows": _records(table[list(ROWS)] if len(table) else table),
+        "resolution": None if math.isnan(resolution) else resolution,
+        "by_axis": _records(scores.by_axis),
+        "disagreement": _records(scores.disagreement),
+    }
+
+
+def _title(rows: pd.DataFrame, mode: str, process: str) -> str:
+    first = rows.iloc[0]
+    loops = {"all": "all loops", "self-regulating": "self-regulating loops", "integrating": "integrating loops"}[process]
+    front = "with" if mode == "front end" else "without"
+    return f"{loops} against cycled ({first.n}, {first.positives} cycling), {front} the oscillation front end"
+
+
+def _block(scores: Scores, rows: pd.DataFrame, mode: str, process: str) -> list[str]:
+    t = scores.table[(scores.table["mode"] == mode) & (scores.table.process == process)]
+    other = {(r.method, r.truth): r.accuracy_applicable for r in t.itertuples()}
+    lines, kinds = [HEAD], []
+    for r in rows.itertuples():
+        none = r.applicable == 0
+        rates = (r.accuracy_decided, r.no_decision, r.found, r.false_alarms, r.auc)
+        lines.append(
+            (
+                ("" if r.kind else "-") if r.rank is None or math.isnan(r.rank) else f"{r.rank:.0f}",
+                r.method,
+                "no" if none else f"{r.applicable / r.n:.3f}",
+                _short(r.accuracy_applicable),
+                "-" if none else f"{r.accuracy_applicable_lo:.3f}-{r.accuracy_applicable_hi:.3f}",
+                *(_short(x) for x in rates),
+                *(_short(other.get((r.method, truth), math.nan)) for truth in ("sticky", "predicted")),
+                _short(r.accuracy_all),
+            )
+        )
+        kinds.append(r.kind)
+    text = columns(lines)
+    out = [text[0]]
+    for line, kind, before in zip(text[1:], kinds, [0, *kinds], strict=False):
+        out += [f"-- {KINDS[kind]}"] * (kind != before) + [line]
+    return out
+
+
+def _resolved(scores: Scores, mode: str, process: str) -> str:
+    standing = scores.standing["cycled", mode, process]
+    if math.isnan(standing.resolution):
+        return "no method covers these loops"
+    more = " and ".join(f"{d:g} by {loops_needed(d, standing.spread)} loops" for d in PLANNED)
+    near = f"methods closer than {standing.resolution:.3f} share a rank"
+    return f"{near}; a difference of {more} would be resolved in 9 of 10 runs"
+
+
+def _legend() -> list[str]:
+    text = (
+        "applies: share of loops that the method's source covers; all columns but the last are over those. decided: right "
+        "of decided. found: of cycling loops, false al.: of the others, no decision counted as neither. sticky, predicted: "
+        "accuracy against these truths. of all: accuracy over everything, where a method that does not apply is wrong. A "
+        "method made for a part of the loops (rank -) is ranked among those."
+    )
+    return textwrap.wrap(text, 126)
+
+
+def _dead_band(scores: Scores) -> list[str]:
+    rows = scores.by_axis
+    rows = rows[(rows.axis == "S_over_2J") & (rows["mode"] == scores.first) & (rows.value == "inf") & (rows.positives > 0)]
+    rows = rows[(rows.role != "yardstick") & (rows.applicable > 0)]
+    if rows.empty:
+        return ["no dead-band cell cycles here"]
+    found = ", ".join(f"{r.method} {r.found:.2f}" for r in rows.itertuples() if not math.isnan(r.found))
+    return textwrap.wrap(f"dead-band alone ({int(rows.positives.max())} cycling): found by {found}", 126)
+
+
+def _short(x: float) -> str:
+    return "-" if math.isnan(x) else f"{x:.3f}"
+
+
+def _plain(frame: pd.DataFrame) -> list[str]:
+    return columns([tuple(frame.columns), *(tuple(map(str, row)) for row in frame.itertuples(index=False))])
+
+
+def _records(frame: pd.DataFrame) -> list[dict[str, Any]]:
+    return json.loads(frame.to_json(orient="records", double_precision=6))

@@ -1,0 +1,203 @@
+"""Score a run: every detector where it applies, by truth, front end and process type, and by axis; yardsticks beside it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from detectors.verdict import NO_STICTION, STICTION
+from simbench.bench.score.ranks import Ranks, rank_methods
+from simbench.bench.score.result import ALL, FRONT, RAW, ROLE_YARDSTICK, Scores, kind_of
+from simbench.bench.statistics import area, auc, dense_ranks, wilson
+from simbench.bench.store.reading import CODES, TRUTHS, Book
+from simbench.bench.store.tables import AXES
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+PROCESSES = {ALL: None, "self-regulating": "foptd", "integrating": "integrating"}
+# rates with Wilson intervals, in the order they are shown
+RATES = ("accuracy_applicable", "accuracy_decided", "no_decision", "found", "false_alarms", "accuracy_all")
+YARDSTICKS = {"always no": CODES[NO_STICTION], "always yes": CODES[STICTION]}
+COVERED = 0.95  # of a block's loops: a method made for fewer has no rank there
+
+
+class Answers(NamedTuple):
+    """What one method said on all n scenarios of a run."""
+
+    method: str
+    role: str
+    sees_mv: bool
+    said: np.ndarray
+    score: np.ndarray
+    applies: np.ndarray
+    failed: np.ndarray
+    runtime: np.ndarray
+
+
+def score_run(folder: str | Path, raw: bool = False) -> Scores:
+    """Score a finished run.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Of the run.
+    raw : bool
+        Show the scores without the oscillation front end first.
+
+    Returns
+    -------
+    Scores
+
+    Raises
+    ------
+    RunError
+        When there is no finished run.
+    """
+    return score_book(Book.read(folder), raw)
+
+
+def score_book(book: Book, raw: bool = False) -> Scores:
+    """Score a run that is in memory; see `score_run`."""
+    rows, by_axis, standing = [], [], {}
+    for mode in (FRONT, RAW):
+        # the order of the scores is all that counts, and found once
+        everyone = [a._replace(score=dense_ranks(a.score)) for a in answers_of(book, mode)]
+        for truth in TRUTHS:
+            for process, name in PROCESSES.items():
+                here = np.ones(book.ids.size, dtype=bool) if name is None else book.axes["process"] == name
+                place = {"truth": truth, "mode": mode, "front_end": mode == FRONT, "process": process}
+                block = _block(book, truth, here, place)
+                found = [_row(block, a) for a in everyone]
+                standing[truth, mode, process] = _rank(block, everyone, found)
+                rows += found
+        for axis in AXES:
+            for value, chosen in axis_values(book, axis):
+                place = {"axis": axis, "value": value, "truth": "cycled", "mode": mode, "front_end": mode == FRONT}
+                block = _block(book, "cycled", chosen, place)
+                by_axis += [_row(block, a, interval=False) for a in everyone]
+    frames = [_frame(part, {"axis": "", "value": "", **rows[0]}) for part in (rows, by_axis)]
+    return Scores(*frames, _disagreement(book), standing, book.manifest, RAW if raw else FRONT)
+
+
+def _frame(rows: list[dict[str, Any]], example: dict[str, Any]) -> pd.DataFrame:
+    import pandas as pd
+
+    there = [r for r in rows if r["n"]]
+    # where no loop has a truth, the table has its columns all the same
+    return pd.DataFrame(there) if there else pd.DataFrame(columns=list(rows[0] if rows else example))
+
+
+def answers_of(book: Book, mode: str = FRONT) -> Iterator[Answers]:
+    """Yield what every method of a run said, and two yardsticks that always say the same.
+
+    Parameters
+    ----------
+    book : Book
+        The run.
+    mode : {"front end", "raw"}
+        Behind the oscillation front end or without it.
+
+    Yields
+    ------
+    Answers
+    """
+    verdicts, scores = (book.verdict, book.score) if mode == FRONT else (book.verdict_raw, book.score_raw)
+    for i, method in enumerate(book.methods):
+        about = book.manifest["methods"][method]
+        applies = book.applicable[i] != 0
+        yield Answers(
+            method, about["role"], about["needs_mv"], verdicts[i], scores[i], applies, book.failed[i], book.runtime[i]
+        )
+    nothing = np.zeros(book.ids.size)
+    for name, code in YARDSTICKS.items():
+        said = np.full(book.ids.size, code)
+        yield Answers(name, ROLE_YARDSTICK, False, said, nothing, nothing == 0, nothing != 0, nothing)
+
+
+def axis_values(book: Book, axis: str) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield every value of an axis as text, in order, with the scenarios that have it."""
+    values = book.axes[axis]
+    if values.dtype.kind == "f":
+        for value in np.unique(values[~np.isnan(values)]):
+            yield f"{value:g}", values == value
+    else:
+        for value in np.unique(values[values != ""]):
+            yield str(value), values == value
+
+
+class _Block(NamedTuple):
+    """The loops of one row: how many, which of them have the truth asked for, and which of these are positive."""
+
+    place: dict[str, Any]
+    size: int
+    use: np.ndarray
+    positive: np.ndarray
+
+
+def _block(book: Book, truth: str, chosen: np.ndarray, place: dict[str, Any]) -> _Block:
+    use = np.flatnonzero(chosen & (book.truth[truth] >= 0))
+    return _Block(place, int(chosen.sum()), use, book.truth[truth][use] == 1)
+
+
+def _row(block: _Block, a: Answers, interval: bool = True) -> dict[str, Any]:
+    use, applies, positive = block.use, a.applies[block.use], block.positive
+    here = use
+    if not applies.all():
+        here, positive = use[applies], positive[applies]
+    said = a.said[here]
+    n, m, p, right = use.size, said.size, int(positive.sum()), int((said == positive).sum())
+    undecided = int((said == CODES["no_decision"]).sum())
+    yes = said == CODES[STICTION]
+    found = int((yes & positive).sum())
+    # where a method does not apply it does not decide: nothing right is added
+    of = ((right, m), (right, m - undecided), (undecided, m), (found, p), (int(yes.sum()) - found, m - p), (right, n))
+    row: dict[str, Any] = {"method": a.method, **block.place, "role": a.role, "sees_mv": a.sees_mv}
+    row.update(n=n, n_all=block.size, positives=int(block.positive.sum()), applicable=m)
+    lo, hi = (bound.tolist() for bound in wilson(*zip(*of, strict=True)))
+    for name, (hits, trials), *ends in zip(RATES, of, lo, hi, strict=True):
+        row[name] = hits / trials if trials else math.nan
+        row[f"{name}_lo"], row[f"{name}_hi"] = ends
+    score = a.score[here]
+    if not (known := score >= 0).all():
+        score, positive = score[known], positive[known]
+    row["scored"] = score.size
+    if interval:
+        row["auc"], row["auc_lo"], row["auc_hi"] = auc(score, positive)
+    else:
+        row["auc"] = area(score, positive)
+    row["errors"] = int(a.failed[use].sum())
+    row["median_ms"] = round(1e3 * float(np.median(a.runtime[use])), 4) if n else math.nan
+    return row
+
+
+def _rank(block: _Block, everyone: list[Answers], rows: list[dict[str, Any]]) -> Ranks:
+    """Write a rank into each row of a block: methods that see MV among themselves, yardsticks and partial ones not at all."""
+    use, standing = block.use, []
+    for row in rows:
+        row["rank"] = None
+    for kind in (0, 1):
+        mine = [k for k, a in enumerate(everyone) if kind_of(a.role, a.sees_mv) == kind]
+        # a rank compares methods on the same loops
+        members = [k for k in mine if rows[k]["applicable"] >= COVERED * max(rows[k]["n"], 1)]
+        right = np.array([(everyone[k].said[use] == block.positive) & everyone[k].applies[use] for k in members], dtype=bool)
+        standing.append(rank_methods(right.reshape(len(members), use.size)))
+        for k, rank in zip(members, standing[-1].rank, strict=True):
+            rows[k]["rank"] = int(rank)
+    return standing[0] if standing[0].rank.size else standing[1]
+
+
+def _disagreement(book: Book) -> pd.DataFrame:
+    import pandas as pd
+
+    def word(codes: np.ndarray) -> np.ndarray:
+        return np.array(["no cell", "no", "yes"])[codes + 1]
+
+    said = {"sticky": word(book.truth["sticky"]), "predicted": word(book.truth["predicted"])}
+    frame = pd.DataFrame({**said, "cycled": book.truth["cycled_word"]})
+    counts = frame.value_counts(sort=False).rename("scenarios").reset_index()
+    return counts.sort_values(["sticky", "predicted", "cycled"], ascending=False, ignore_index=True)

@@ -1,0 +1,139 @@
+"""What is read is what was written: checksums of tables and of the manifest that names them."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from detectors.errors import UserError
+from simbench.bench.store.place import Place, place_of
+
+SEAL = "seal"
+TABLES = "tables"
+KINDS = ("verdicts", "scenarios")
+
+
+class RunError(UserError):
+    """A run's folder that cannot be used as asked."""
+
+
+def digest(content: bytes) -> str:
+    """Return 16 hex digits that change with any bit of the content."""
+    return hashlib.sha256(content).hexdigest()[:16]
+
+
+def file_digest(path: Path) -> str:
+    """Return 16 hex digits of a file, read in blocks."""
+    with open(path, "rb") as f:
+        return hashlib.file_digest(f, "sha256").hexdigest()[:16]
+
+
+def sealed(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Return JSON content with a checksum over all of it as its last key.
+
+    Examples
+    --------
+    >>> content = sealed({"grid": "ci"})
+    >>> opened(content, "manifest.json"), len(content["seal"])
+    ({'grid': 'ci'}, 16)
+    """
+    plain = {k: v for k, v in content.items() if k != SEAL}
+    return {**plain, SEAL: _of(plain)}
+
+
+def opened(content: Mapping[str, Any], where: object) -> dict[str, Any]:
+    """Return sealed content without its checksum; raise RunError when it is not what was sealed."""
+    plain = {k: v for k, v in content.items() if k != SEAL}
+    if (mark := _of(plain)) != (told := content.get(SEAL)):
+        changed = f"was changed after the run: its checksum is {mark}, {str(told)[:16]!r} is needed"
+        why = "carries no checksum, which is needed: it was written by an older simbench" if SEAL not in content else changed
+        raise RunError(f"{where} {why}; run it again, or restore it")
+    return plain
+
+
+def unreadable(file: str, error: OSError) -> RunError:
+    """Return the sentence about a file of a run that is there and cannot be read."""
+    return RunError(f"{file} cannot be read ({error.strerror or error}); a file of the run is needed there: restore it")
+
+
+def refuse_unfinished(place: Place, manifest: Mapping[str, Any]) -> None:
+    """Raise RunError when a run's manifest does not say that it is whole."""
+    if not manifest.get("complete"):
+        raise RunError(f"{place} is not finished; continue the run with --resume")
+
+
+def table_files(place: Place, manifest: Mapping[str, Any], kind: str) -> list[tuple[str, str]]:
+    """Return the files a table of a run or baseline is made of, in order, each with its checksum.
+
+    Parameters
+    ----------
+    place : Place
+        Of the run or baseline.
+    manifest : mapping
+        As `simbench.bench.store.manifest.read_manifest` gives it, or the checksums of what is there so far.
+    kind : {"scenarios", "verdicts"}
+
+    Returns
+    -------
+    list of (str, str)
+        One file for a baseline; for a run a folder of them, which holds nothing else once the run is finished.
+
+    Raises
+    ------
+    RunError
+        When other files stand there.
+    """
+    marks, table = manifest.get(TABLES, {}).get(kind), f"{kind}.parquet"
+    if not isinstance(marks, list):
+        return [(table, str(marks))]
+    files = [partition(i) for i in range(len(marks))]
+    there = place.names(table)
+    for lacking in sorted(set(files) - set(there))[:1]:
+        raise RunError(f"{place} is damaged: {table}/{lacking} is missing, which is needed; restore it, or run it again")
+    for other in sorted(set(there) - set(files))[:1] if manifest.get("complete") else ():
+        raise RunError(f"{place} is damaged: {table}/{other} is not needed there; remove it, or run it again")
+    return [(f"{table}/{name}", mark) for name, mark in zip(files, marks, strict=True)]
+
+
+def partition(number: int) -> str:
+    """Return the name of a partition within its table's folder: eight digits, so that names and numbers sort alike."""
+    return f"{number:08d}.parquet"
+
+
+def verified(place: Place, name: str, mark: str) -> bytes:
+    """Return a file's content; raise RunError when it is not what its checksum says."""
+    try:
+        content = place.read(name)
+    except FileNotFoundError:
+        raise RunError(f"{place} is damaged: {name} is missing, which is needed; restore it, or run it again") from None
+    except OSError as error:
+        raise unreadable(f"{place}/{name}", error) from None
+    if (found := digest(content)) != mark:
+        why = f"is not the table its manifest speaks of: its checksum is {found}, {mark[:16]!r} is needed"
+        raise RunError(f"{place}/{name} {why}; restore it, or run it again")
+    return content
+
+
+def check_tables(folder: str | Path | Place, manifest: Mapping[str, Any]) -> None:
+    """Raise RunError when a table of a run or baseline is not the one its manifest speaks of.
+
+    Parameters
+    ----------
+    folder : str, Path or Place
+        Of the run or baseline.
+    manifest : mapping
+        As `simbench.bench.store.manifest.read_manifest` gives it.
+    """
+    place = place_of(folder)
+    refuse_unfinished(place, manifest)
+    for kind in KINDS:
+        for name, mark in table_files(place, manifest, kind):
+            verified(place, name, mark)
+
+
+def _of(plain: Mapping[str, Any]) -> str:
+    # through JSON once: tuples become lists, keys become text, as they will be read
+    return digest(json.dumps(json.loads(json.dumps(plain)), sort_keys=True).encode())

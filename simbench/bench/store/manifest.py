@@ -1,0 +1,156 @@
+"""A run's manifest: what was run, on which versions and code, and whether old and new pieces may stand together."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+from collections.abc import Mapping
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from simbench.bench.store.checksums import RunError, digest, opened, sealed, unreadable
+from simbench.bench.store.place import Place, place_of
+from simbench.bench.store.tables import FORMAT
+
+MANIFEST = "manifest.json"
+# what must be the same before old and new pieces may stand in one table
+BINDING = ("format", "grid_hash", "methods", "front_end", "thresholds", "plugins", "until_width", "code", "versions")
+LIBRARIES = ("stiction-simbench", "numpy", "scipy", "numba", "scikit-learn", "dtaidistance")
+
+# files of this folder that decide what the tables hold
+DECISIVE = ("motion", "oracle", "resolve", "tables", "truth", "work")
+
+
+def describe(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a manifest: the settings of a run with the versions and the code it runs on.
+
+    Parameters
+    ----------
+    settings : mapping
+        Grid, its hash, seeds, methods, command and the like.
+
+    Returns
+    -------
+    dict
+        JSON types.
+    """
+    return {
+        "format": FORMAT,
+        **settings,
+        "code": code_hash(),
+        "commit": _commit(),
+        "versions": {"python": platform.python_version(), **{name: _version(name) for name in LIBRARIES}},
+        "machine": f"{platform.system()} {platform.machine()}",
+        "complete": False,
+    }
+
+
+def read_manifest(path: str | Path | Place) -> dict[str, Any]:
+    """Return the manifest of a run.
+
+    Parameters
+    ----------
+    path : str, Path or Place
+        Folder of the run.
+
+    Returns
+    -------
+    dict
+
+    Raises
+    ------
+    RunError
+        When there is no run, or one of another format version.
+    """
+    place = place_of(path)
+    file = f"{place}/{MANIFEST}"
+    try:
+        manifest = json.loads(place.read(MANIFEST))
+        found = manifest["format"]
+    except (FileNotFoundError, NotADirectoryError):
+        raise RunError(f"{place} holds no run: {MANIFEST} is missing") from None
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        where = f", line {error.lineno}, column {error.colno}," if isinstance(error, json.JSONDecodeError) else ""
+        raise RunError(f"{file}{where} is damaged; it must be JSON with a format version: restore it") from None
+    except OSError as error:
+        raise unreadable(file, error) from None
+    if found != FORMAT:
+        raise RunError(f"{file} was written in format version {found!r:.60}; version {FORMAT} is needed: run it again")
+    return opened(manifest, file)
+
+
+def write_manifest(where: Path | Place, manifest: Mapping[str, Any]) -> None:
+    """Write the manifest whole, with a checksum over all of it."""
+    place_of(where).write(MANIFEST, json.dumps(sealed(manifest), indent=1).encode())
+
+
+def run_key(manifest: Mapping[str, Any]) -> str:
+    """Return 16 hex digits of what must be the same before two pieces may stand in one table."""
+    return digest(json.dumps({key: manifest[key] for key in BINDING}, sort_keys=True).encode())
+
+
+def refuse_to_mix(where: Place, manifest: Mapping[str, Any]) -> None:
+    """Raise RunError, with what differs, when a run on disk is not the one about to go on.
+
+    Parameters
+    ----------
+    where : Place
+        Of the run on disk.
+    manifest : mapping
+        Of the run about to go on.
+    """
+    old = read_manifest(where)
+    for key in BINDING:
+        if old.get(key) != manifest[key]:
+            raise RunError(f"{where} cannot be resumed: {_difference(key, old.get(key), manifest[key])}")
+
+
+@cache
+def code_hash() -> str:
+    """Return 16 hex digits of all sources that decide what a run's tables hold, as they were when first asked."""
+    import detectors
+    import scenarios
+    import simbench
+
+    digest = hashlib.sha256()
+    ours = Path(simbench.__path__[0])
+    rooms = [Path(detectors.__path__[0]), Path(scenarios.__path__[0]), ours / "loop", ours / "theory", ours / "gap" / "effects"]
+    files = [file for room in rooms for file in sorted(room.rglob("*.py"))]
+    for file in files + [ours / "bench" / f"{name}.py" for name in DECISIVE]:
+        digest.update(file.name.encode())
+        digest.update(file.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _difference(key: str, old: Any, new: Any) -> str:
+    if isinstance(old, dict) and isinstance(new, dict):
+        keys = [k for k in {**old, **new} if old.get(k) != new.get(k)]
+        return f"{key} differs: {', '.join(f'{k} was {old.get(k)}, is {new.get(k)}' for k in keys[:3])}"
+    names = {"grid_hash": "the grid", "code": "the code"}
+    return f"{names.get(key, key)} differs (was {old}, is {new})"
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "absent"
+
+
+@cache
+def _commit() -> str | None:
+    """Return the commit of the checkout that this file stands in, read without git."""
+    git = Path(__file__).resolve().parents[3] / ".git"
+    try:
+        if git.is_file():  # a linked working tree: its HEAD lies apart from the branches
+            git = Path(git.read_text().removeprefix("gitdir:").strip())
+        head = (git / "HEAD").read_text().strip()
+        if not head.startswith("ref: "):
+            return head
+        shared = git / "commondir"
+        return ((git / shared.read_text().strip() if shared.exists() else git) / head[5:]).read_text().strip()
+    except OSError:
+        return None

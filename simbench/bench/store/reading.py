@@ -1,0 +1,288 @@
+"""A run's tables read back, part by part: rows, one scenario, or all of it as arrays."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+
+from detectors.errors import nearest
+from detectors.verdict import NO_DECISION, NO_STICTION, STICTION
+from scenarios.spec import Loop, Scenario
+from simbench.bench.store.checksums import RunError, check_tables, refuse_unfinished, table_files, verified
+from simbench.bench.store.manifest import read_manifest
+from simbench.bench.store.place import Place, place_of
+from simbench.bench.store.tables import AXES, SCENARIOS, VERDICTS
+
+TRUTHS = ("sticky", "predicted", "cycled")
+CODES = {NO_STICTION: 0, STICTION: 1, NO_DECISION: 2}
+WORDS = ("block", "member", "process", "controller", "valve", "disturbance", "tuning")
+NUMBERS = tuple(axis for axis in AXES if axis not in WORDS)
+ID = np.dtype("S16")
+
+
+def parts(
+    folder: str | Path | Place, kind: str, columns: Sequence[str] | None = None, manifest: Mapping[str, Any] | None = None
+) -> Iterator[pa.Table]:
+    """Yield a table of a run or baseline part by part; whole scenarios in every part, no more than one in memory.
+
+    Parameters
+    ----------
+    folder : str, Path or Place
+        Of the run or baseline.
+    kind : {"scenarios", "verdicts"}
+    columns : sequence of str, optional
+        Not all.
+    manifest : mapping, optional
+        Of the run, where it is at hand; it may then be unfinished.
+
+    Yields
+    ------
+    pyarrow.Table
+
+    Raises
+    ------
+    RunError
+        When the run is not finished, or a file is not the one its manifest speaks of.
+    """
+    place = place_of(folder)
+    if manifest is None:
+        manifest = read_manifest(place)
+        refuse_unfinished(place, manifest)
+    for name, mark in table_files(place, manifest, kind):
+        source = pq.ParquetFile(pa.BufferReader(verified(place, name, mark)))
+        for i in range(source.num_row_groups):
+            # small parts: threads cost more than they save
+            yield source.read_row_group(i, columns=None if columns is None else list(columns), use_threads=False)
+
+
+def read_table(
+    folder: str | Path | Place, kind: str, columns: Sequence[str] | None = None, only: pc.Expression | None = None
+) -> pa.Table:
+    """Return the rows of a table of a run or baseline for which an expression is true; parameters and errors as `parts`."""
+    found = [part if only is None else part.filter(only) for part in parts(folder, kind, columns)]
+    schema = {"scenarios": SCENARIOS, "verdicts": VERDICTS}[kind]
+    empty = schema.empty_table().select(list(columns or schema.names))
+    return pa.concat_tables([t.replace_schema_metadata() for t in (found or [empty])])
+
+
+def read_scenario(path: str | Path, scenario_id: str) -> Scenario:
+    """Return one scenario of a run, from which its record can be simulated again.
+
+    Parameters
+    ----------
+    path : str or Path
+        Folder of a finished run.
+    scenario_id : str
+        Its id.
+
+    Returns
+    -------
+    Scenario
+
+    Raises
+    ------
+    RunError
+        When the run has no such scenario; the nearest id is named.
+    """
+    check_tables(path, read_manifest(path))
+    known: list[str] = []
+    found: list[dict[str, Any]] = []
+    for part in parts(path, "scenarios", ["scenario_id", "loop", "seed", "tags"]):
+        known += part.column("scenario_id").to_pylist()
+        found += part.filter(pc.field("scenario_id") == scenario_id).to_pylist()
+    if not found:
+        close = nearest(scenario_id, known) if len(known) < 50 else f"it has {len(known)} others, see scenarios.parquet"
+        raise RunError(f"{path} has no scenario {scenario_id!r}: {close}")
+    row = found[0]
+    scenario = Scenario(loop=Loop.from_table(json.loads(row["loop"])), seed=row["seed"], tags=json.loads(row["tags"]))
+    if scenario.id != scenario_id:
+        raise RunError(f"{path}: the loop of scenario {scenario_id!r} is not the one that was run (its id is {scenario.id!r})")
+    return scenario
+
+
+@dataclass(frozen=True, eq=False)
+class Book:
+    """A run's tables as arrays: n scenarios, m methods.
+
+    Parameters
+    ----------
+    manifest : dict
+        Of the run.
+    ids : ndarray of bytes, shape (n,)
+        Scenario ids.
+    hashes : ndarray of bytes, shape (n,)
+        Of the records.
+    places : ndarray of bytes, shape (n,)
+        Cell, repeat and member: where in its grid a scenario stands.
+    axes : dict of str to ndarray, shape (n,)
+        Grid axes and other tags: numbers (NaN where there is none) or words.
+    truth : dict of str to ndarray of int8, shape (n,)
+        sticky, predicted, cycled: 1 positive, 0 negative, -1 left out; `cycled_word` holds the four words.
+    oscillating : ndarray of bool, shape (n,)
+        What the common front end said.
+    methods : tuple of str
+        Method ids.
+    verdict, verdict_raw : ndarray of int8, shape (m, n)
+        0 no_stiction, 1 stiction, 2 no_decision; with and without front end.
+    score, score_raw : ndarray, shape (m, n)
+        NaN where there is none; with the front end, -inf where it found no oscillation.
+    applicable : ndarray of int8, shape (m, n)
+        Whether the method's source covers the loop: 1 yes, 0 no, -1 the record does not tell.
+    failed : ndarray of bool, shape (m, n)
+        Whether the detector raised an error.
+    runtime : ndarray of float32, shape (m, n)
+        Seconds.
+    """
+
+    manifest: dict[str, Any]
+    ids: np.ndarray
+    hashes: np.ndarray
+    places: np.ndarray
+    axes: dict[str, np.ndarray]
+    truth: dict[str, np.ndarray]
+    oscillating: np.ndarray
+    methods: tuple[str, ...]
+    verdict: np.ndarray
+    verdict_raw: np.ndarray
+    score: np.ndarray
+    score_raw: np.ndarray
+    applicable: np.ndarray
+    failed: np.ndarray
+    runtime: np.ndarray
+
+    @classmethod
+    def read(cls, path: str | Path | Place, manifest: dict[str, Any] | None = None) -> Book:
+        """Read a finished run.
+
+        Parameters
+        ----------
+        path : str, Path or Place
+            Its folder.
+        manifest : dict, optional
+            Of the run, where it is not yet written.
+
+        Returns
+        -------
+        Book
+
+        Raises
+        ------
+        RunError
+            When there is no finished run of this format version.
+        """
+        place = place_of(path)
+        manifest = read_manifest(place) if manifest is None else manifest
+        refuse_unfinished(place, manifest)
+        grid = _scenario_columns(place, manifest)
+        return cls(manifest, **grid, methods=tuple(manifest["methods"]), **_verdict_columns(place, manifest, grid["ids"]))
+
+
+def _scenario_columns(place: Place, manifest: Mapping[str, Any]) -> dict[str, Any]:
+    n = manifest["counts"]["scenarios"]
+    ids, hashes, cycled = np.empty(n, dtype=ID), np.empty(n, dtype=ID), np.empty(n, dtype=object)
+    axes: dict[str, np.ndarray] = {a: np.empty(n, dtype=object if a in WORDS else float) for a in (*WORDS, *NUMBERS)}
+    truth = {t: np.empty(n, dtype=np.int8) for t in TRUTHS}
+    oscillating, places = np.empty(n, dtype=bool), [np.empty(0, dtype="S")]
+    columns = ["scenario_id", "record_hash", "cell", "repeat", *axes, *TRUTHS, "oscillating"]
+    for rows, part in _sliced(place, manifest, "scenarios", columns, n):
+        ids[rows], hashes[rows] = _ids(part.column("scenario_id")), _ids(part.column("record_hash"))
+        for name in WORDS:
+            axes[name][rows] = _words(part.column(name))
+        for name in NUMBERS:
+            axes[name][rows] = part.column(name).to_numpy(zero_copy_only=False)
+        for name in ("sticky", "predicted"):
+            truth[name][rows] = _flags(part.column(name))
+        of = (part.column(c).cast(pa.string()) for c in ("cell", "repeat", "member"))
+        joined = pc.binary_join_element_wise(*of, "/", null_handling="replace", null_replacement="None")
+        places.append(np.array(joined.to_pylist(), dtype="S"))
+        cycled[rows] = _words(part.column("cycled"))
+        oscillating[rows] = _flags(part.column("oscillating")) == 1
+    truth["cycled"][:] = np.select([cycled == "yes", cycled == "no"], [1, 0], -1)
+    truth["cycled_word"] = cycled
+    marks = {"ids": ids, "hashes": hashes, "places": np.concatenate(places)}
+    return {**marks, "axes": axes, "truth": truth, "oscillating": oscillating}
+
+
+def _verdict_columns(place: Place, manifest: Mapping[str, Any], ids: np.ndarray) -> dict[str, np.ndarray]:
+    methods, n = list(manifest["methods"]), ids.size
+    kinds = {"verdict": np.int8, "verdict_raw": np.int8, "score": float, "score_raw": float, "applicable": np.int8}
+    out = {name: np.empty((len(methods), n), dtype=kind) for name, kind in kinds.items()}
+    out.update(failed=np.empty((len(methods), n), dtype=bool), runtime=np.empty((len(methods), n), dtype=np.float32))
+    columns = ["scenario_id", "method", *kinds, "error", "runtime_s"]
+    for rows, part in _sliced(place, manifest, "verdicts", columns, n, max(len(methods), 1)):
+        _check_order(part, ids[rows], methods, place)
+        found = {name: _codes(part.column(name)) for name in ("verdict", "verdict_raw")}
+        found |= {name: part.column(name).to_numpy(zero_copy_only=False) for name in ("score", "score_raw")}
+        found["applicable"] = _flags(part.column("applicable"))
+        found["failed"] = part.column("error").is_valid().to_numpy(zero_copy_only=False)
+        found["runtime"] = part.column("runtime_s").to_numpy(zero_copy_only=False)
+        for name, values in found.items():
+            out[name][:, rows] = values.reshape(-1, len(methods)).T
+    return out
+
+
+def _sliced(
+    place: Place, manifest: Mapping[str, Any], kind: str, columns: Sequence[str], n: int, each: int = 1
+) -> Iterator[tuple[slice, pa.Table]]:
+    """Yield a table's parts, each with the scenarios it holds; raise RunError unless all n of them come."""
+    start = 0
+    for part in parts(place, kind, columns, manifest):
+        size, odd = divmod(part.num_rows, each)
+        if odd or start + size > n:
+            break
+        yield slice(start, start + size), part
+        start += size
+    else:
+        if start == n:
+            return
+    raise RunError(f"{place} is damaged: {kind} do not hold the {each} rows needed for each of {n} scenarios; run it again")
+
+
+def _check_order(part: pa.Table, ids: np.ndarray, methods: Sequence[str], place: Place) -> None:
+    names, codes = _coded(part.column("method"))
+    order = np.array([methods.index(name) if name in methods else -1 for name in names])[codes].reshape(-1, len(methods))
+    found = _ids(part.column("scenario_id")).reshape(-1, len(methods))
+    if not (order == np.arange(len(methods))).all() or not (found == ids[:, None]).all():
+        raise RunError(f"{place} is damaged: verdicts and scenarios do not match; run it again")
+
+
+def _ids(column: pa.ChunkedArray) -> np.ndarray:
+    text = column.combine_chunks()
+    text = text.chunk(0) if isinstance(text, pa.ChunkedArray) else text
+    if len(text) and not text.null_count:
+        _, ends, content = text.buffers()
+        ends = np.frombuffer(ends, np.int32, len(text) + 1, 4 * text.offset)
+        if (np.diff(ends) == ID.itemsize).all():  # as they lie in memory
+            return np.frombuffer(content, ID, len(text), int(ends[0]))
+    return np.array([t or "" for t in text.to_pylist()], dtype=ID)
+
+
+def _coded(column: pa.ChunkedArray) -> tuple[list[str], np.ndarray]:
+    """The different values of a column, "" for null at their end, and which of them stands where."""
+    coded = column.dictionary_encode().unify_dictionaries().combine_chunks()
+    coded = coded.chunk(0) if isinstance(coded, pa.ChunkedArray) else coded
+    names = [*coded.dictionary.to_pylist(), ""]
+    return names, coded.indices.fill_null(len(names) - 1).to_numpy(zero_copy_only=False)
+
+
+def _words(column: pa.ChunkedArray) -> np.ndarray:
+    names, codes = _coded(column)
+    # objects: all rows share a few strings
+    return np.array(names, dtype=object)[codes]
+
+
+def _codes(column: pa.ChunkedArray) -> np.ndarray:
+    names, codes = _coded(column)
+    return np.array([CODES.get(name, -1) for name in names], dtype=np.int8)[codes]
+
+
+def _flags(column: pa.ChunkedArray) -> np.ndarray:
+    return column.cast(pa.int8()).fill_null(-1).to_numpy(zero_copy_only=False).astype(np.int8)

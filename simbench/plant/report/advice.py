@@ -1,0 +1,60 @@
+"""What to do next with a loop, and whose job it is: valve, tuning, upstream, measurement, or nobody's."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from detectors.prepared import Prepared
+from simbench.plant.trust.result import OPEN, STICKY, UNSEEN, Trust
+
+VALVE, TUNING, UPSTREAM, MEASUREMENT, NONE = "valve", "tuning", "upstream", "measurement", "none"
+
+
+@dataclass(frozen=True)
+class Advice:
+    """Whose job, and what to do."""
+
+    job: str
+    do: str
+
+
+def advise(found: Trust, prepared: Prepared, root: str | None) -> Advice:
+    """Return what to do next with one loop.
+
+    Parameters
+    ----------
+    found : Trust
+    prepared : Prepared
+        Its record without MV.
+    root : str or None
+        The likely root of the oscillation that this loop shares with others; None where it shares none or is the root.
+
+    Returns
+    -------
+    Advice
+    """
+    if found.probability is None:
+        return Advice(MEASUREMENT, f"get a record that can be judged: {found.notes[0]}")
+    if root is not None:
+        return Advice(UPSTREAM, f"see to {root} first, which likely drives this oscillation, then record again")
+    if found.answer == STICKY:
+        return Advice(VALVE, "confirm on the valve: change the controller gain and watch the period, or a travel test by hand")
+    swinging = prepared.oscillation.sustained
+    if found.answer in (UNSEEN, OPEN) and found.helps and found.helps[0].what:
+        return Advice(MEASUREMENT, f"record otherwise: {found.helps[0].what}")
+    if swinging and found.answer in (UNSEEN, OPEN):
+        return Advice(VALVE, "change the controller gain and watch the period: it tells friction from everything else")
+    if swinging and _driven(found):
+        return Advice(UPSTREAM, f"look upstream for what oscillates with a period of {prepared.oscillation.period_s:.3g} s")
+    if swinging:
+        return Advice(TUNING, "check the tuning: the loop swings by itself without friction")
+    if found.answer == UNSEEN:
+        return Advice(NONE, "nothing seen, and nothing could have been: record longer before the valve is called sound")
+    return Advice(NONE, "nothing to do")
+
+
+def _driven(found: Trust) -> bool:
+    """Return whether an oscillation from outside is the likelier explanation without friction."""
+    if found.behind is None:
+        return False
+    return any(e["name"] == "oscillation" for e in found.behind.healthy[0].to_table().get("effect", []))

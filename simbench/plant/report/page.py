@@ -1,0 +1,157 @@
+"""A plant's loops on one page, and beside it the same as a table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from detectors.report.report import score_units
+from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
+from simbench.files import whole_file
+from simbench.html.page import render
+from simbench.html.svg import inline_svg
+from simbench.plant.episodes import marks
+from simbench.plant.page import ROOM, section, write
+from simbench.plant.report.fleet import Fleet, FleetLoop
+from simbench.plant.resumed import resumed
+from simbench.plant.trust.pictures import draw_pv_op, draw_trend
+from simbench.plant.trust.result import STICKY
+
+SIGN = {STICTION: "●", NO_STICTION: "·", NO_DECISION: "?"}
+
+
+def write_fleet(fleet: Fleet, path: str | Path, labels: dict[str, dict[str, str]] | None = None, *, jobs: int = 1) -> Path:
+    """Write a plant's loops as one self-contained page, and a CSV of the same name beside it.
+
+    Parameters
+    ----------
+    fleet : Fleet
+    path : path
+        The page.
+    labels : dict, optional
+        As `detectors.records.io.read_labels` gives them; adds the score of every method.
+    jobs : int
+        Processes that draw; -1 = all cores.
+
+    Returns
+    -------
+    Path
+        The CSV.
+
+    Raises
+    ------
+    FileError
+        When a file cannot be written.
+    """
+    sticky = [m for m in fleet.members if m.found.answer == STICKY]
+    tiles = [
+        (str(len(fleet.members)), "loops judged"),
+        (str(len(sticky)), "with stiction claimed"),
+        (str(len(fleet.events)), "oscillations shared by several loops"),
+        (str(sum(m.found.probability is None for m in fleet.members)), "records that cannot be judged"),
+    ]
+    frame = table(fleet)
+    shown = frame[[c for c in frame.columns if c not in fleet.methods]]
+    parts = [
+        section("ranking", "Where to go first", tiles=tiles, table=shown, long=["next"]),
+        section("events", "Oscillations that loops share", _events(fleet)),
+        section("matrix", "Detectors and loops", [_legend()], table=_matrix(frame, fleet), matrix=True),
+    ]
+    if labels:
+        pairs = [(m.name, v) for m in fleet.members for v in m.verdicts]
+        parts.append(section("score", "Score against the labels", table=pd.DataFrame(score_units(pairs, labels))))
+    loops = resumed(_article, list(enumerate(fleet.members, 1)), jobs=jobs, keep=None, what="pictures")
+    parts.append({"id": "loops", "title": "Loop by loop", "body": render(ROOM, "loops.html", loops=loops)})
+    if fleet.refused:
+        parts.append(section("refused", "Left out", points=[f"{n}: {why}" for n, why in fleet.refused.items()]))
+    write(path, "A plant's loops", f"{len(fleet.members)} records, the most urgent first", parts)
+    beside = Path(path).with_suffix(".csv")
+    with whole_file(beside) as f:
+        frame.to_csv(f, index=False)
+    return beside
+
+
+def table(fleet: Fleet) -> pd.DataFrame:
+    """Return one row per loop: what the page's ranking shows, and every method's verdict.
+
+    Parameters
+    ----------
+    fleet : Fleet
+
+    Returns
+    -------
+    DataFrame
+    """
+    rows = []
+    for rank, m in enumerate(fleet.members, 1):
+        seen, when = m.found.smallest_visible, m.over_time
+        row: dict[str, Any] = {
+            "rank": rank,
+            "loop": m.name,
+            "probability": m.found.probability,
+            "answer": m.found.answer,
+            "S": m.size[0] if m.size else None,
+            "J": m.size[1] if m.size else None,
+            "S unit": m.found.record.S_unit,
+            "job": m.advice.job,
+            "next": m.advice.do,
+            "oscillation": m.event,
+            "root": m.root,
+            "smallest visible S": seen[0] if seen else None,
+            "sticky cycles": when.sticky if when.several else None,
+            "cycles": when.cycles if when.several else None,
+        }
+        if any(other.label for other in fleet.members):
+            row["label"] = m.label.replace("_", " ")
+        rows.append(row | {v.method: _word(v) for v in m.verdicts})
+    frame = pd.DataFrame(rows)
+    return frame.astype(dict.fromkeys(("oscillation", "sticky cycles", "cycles"), "Int64"))
+
+
+def _word(v: Verdict) -> str:
+    return "not applicable" if v.applicable is False else v.verdict.replace("_", " ")
+
+
+def _events(fleet: Fleet) -> list[str]:
+    if not fleet.events:
+        return ["No two loops oscillate with one period and locked phases."]
+    by_name = {m.name: m for m in fleet.members}
+    lines = []
+    for i, event in enumerate(fleet.events, 1):
+        root = by_name[event[0]]
+        sure = root.probability >= 0.5
+        why = f"probability of stiction {root.probability:.2f}" if sure else "its PV is the least like a sine"
+        lines.append(f"Oscillation {i}: {', '.join(event)}. Likely root: {event[0]} ({why}); the others may follow it.")
+    return lines
+
+
+def _legend() -> str:
+    says = {STICTION: "stiction", NO_STICTION: "no stiction", NO_DECISION: "no decision"}
+    return ", ".join(f"{SIGN[v]} {word}" for v, word in says.items()) + ", blank: not made for this loop."
+
+
+def _matrix(frame: pd.DataFrame, fleet: Fleet) -> pd.DataFrame:
+    signs = {word.replace("_", " "): sign for word, sign in SIGN.items()} | {"not applicable": ""}
+    return pd.concat([frame[["rank", "loop"]], frame[list(fleet.methods)].map(lambda word: signs[word])], axis=1)
+
+
+def _article(rank: int, m: FleetLoop) -> dict[str, Any]:
+    record = m.found.record
+    trend = inline_svg(draw_trend(record, marks(m.over_time)), f"trend-{rank}", f"PV, SP and OP of {m.name} over time")
+    plane = inline_svg(draw_pv_op(record), f"plane-{rank}", f"PV of {m.name} against OP")
+    caption = "PV (red), SP (grey), OP (blue)"
+    if m.over_time.several:
+        caption += f"; {m.over_time.sentence()} (orange: windows that say stiction, grey: undecided)"
+    said = [f"{v.method}: {_word(v)}" for v in m.verdicts if v.applicable is not False]
+    return {
+        "rank": rank,
+        "name": m.name,
+        "sentence": m.found.sentence(),
+        "job": m.advice.job,
+        "do": m.advice.do,
+        "pictures": [{"svg": trend, "caption": caption}, {"svg": plane, "caption": "PV against OP"}],
+        "verdicts": "; ".join(said),
+        "power": m.found.power_line(),
+    }

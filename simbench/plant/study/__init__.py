@@ -1,0 +1,1 @@
+"""A set of records against a grid."""

@@ -1,0 +1,219 @@
+"""Loops of a grid, and the same loops once effects found in a plant have joined them, one after the other."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from detectors.errors import UserError
+from detectors.record import LoopRecord
+from detectors.verdict import STICTION
+from scenarios.errors import SpecError
+from scenarios.grid import load_grid
+from scenarios.spec import Loop, Part
+from simbench.bench.scenario.resolve import resolve
+from simbench.loop.effects import EFFECTS, Choice
+from simbench.loop.simulate import simulate
+from simbench.plant.indices import judged
+from simbench.plant.study.loop_features import by_unit, looks
+from simbench.plant.study.result import Contribution
+from simbench.plant.study.strengths import FRICTION, Size, absolute, with_effect
+from simbench.plant.study.two_sample import Ruler, mmd_squared
+
+LEAST = 2  # loops in which an effect must be found to be tried
+MOST = 5  # effects joined one after the other
+ROUNDS = 4  # in which a strength is measured again by the loop that has it
+
+
+@dataclass(frozen=True, eq=False)
+class Simulated:
+    """One loop of the grid: its group, the loop, its record and whether it is sticky.
+
+    `stands` for its group in distances: a plant's unit is one loop, not the mean of a loop and its healthy sibling.
+    """
+
+    unit: str
+    loop: Loop
+    seed: int
+    record: LoopRecord
+    sticky: bool
+    size: Size
+    stands: bool = True
+
+
+def draw(grid: str | Path, groups: int, seed: int) -> list[Simulated]:
+    """Simulate all loops of some groups of a grid.
+
+    Parameters
+    ----------
+    grid : str or path
+    groups : int
+    seed : int
+        Of their choice.
+
+    Returns
+    -------
+    list of Simulated
+    """
+    source = load_grid(grid)
+    rng = np.random.default_rng([seed, 1])
+    order = rng.permutation(source.group_count)[:groups]
+    out = []
+    for index in tqdm(order, file=sys.stderr, desc="grid"):
+        try:
+            members = list(resolve(source.group(int(index))))
+            pick = int(rng.integers(len(members)))
+            for i, s in enumerate(members):
+                run = simulate(s.loop, s.seed)
+                record = run.record.blind()
+                out.append(Simulated(str(index), s.loop, s.seed, record, run.sticky, Size.of(record), i == pick))
+        except (UserError, SpecError):
+            continue
+    return out
+
+
+def join(
+    simulated: list[Simulated],
+    found: Mapping[str, list[dict[str, Any]]],
+    loops: int,
+    ruler: Ruler,
+    real_x: np.ndarray,
+    base: np.ndarray,
+    methods: list[str],
+    rng: np.random.Generator,
+) -> tuple[list[Contribution], dict[str, float]]:
+    """Join effects to the grid one after the other, the one that closes most of the distance first.
+
+    Parameters
+    ----------
+    simulated : list of Simulated
+    found : mapping of effect to list of dict
+        Relative strengths, one per unit that has it.
+    loops : int
+        Real units.
+    ruler : Ruler
+    real_x : ndarray, shape (loops, features)
+    base : ndarray, shape (simulated, methods)
+        Verdicts on the grid as it is.
+    methods : list of str
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    list of Contribution
+    dict of str to float
+        Accuracy of every method once all have joined.
+
+    Notes
+    -----
+    A diagnosis misses an effect in some of the loops that have it, and cannot always tell whether the controller saw it: an
+    effect is tried in the share found, in all loops and half way, in every place where it may act, and taken as it brings the
+    grid nearest. Nothing joins once grid and plant are as near as two draws of one grid.
+    """
+    left = {e: [v for w in _places(e, s) for v in _shares(e, w, loops, rng)] for e, s in found.items() if len(s) >= LEAST}
+    now, out = simulated, []
+    before = accuracy(simulated, base, methods)
+    so_far, nearest = before, mmd_squared(ruler, units(simulated), real_x)
+    while left and len(out) < MOST and nearest > 0.0:
+        standing = [s for s in now if s.stands]
+        far = {v: mmd_squared(ruler, units(_with(standing, v)), real_x) for ways in left.values() for v in ways}
+        best = min(far, key=lambda v: far[v])
+        if far[best] >= nearest:
+            break
+        nearest = far[best]
+        only = _with(simulated, best)
+        reached = accuracy(only, verdicts_on(only, methods), methods)
+        alone = {m: reached[m] - before[m] for m in methods}
+        joined = only if now is simulated else _with(now, best)
+        after = reached if now is simulated else accuracy(joined, verdicts_on(joined, methods), methods)
+        change = {m: after[m] - so_far[m] for m in methods}
+        out.append(Contribution(best.effect, best.share, max(nearest, 0.0) ** 0.5, alone, change, best.strengths))
+        now, so_far = joined, after
+        del left[best.effect]
+    return out, so_far
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """One way in which an effect may stand in a plant: in which share of its loops, with which strengths, drawn by a seed."""
+
+    effect: str
+    share: float
+    strengths: tuple[dict[str, Any], ...]
+    seed: int
+
+
+def _places(effect: str, strengths: list[dict[str, Any]]) -> list[tuple[dict[str, Any], ...]]:
+    """Return the strengths once for every place where the effect may act."""
+    choice = EFFECTS[effect].parameters.get("at")
+    if not isinstance(choice, Choice):
+        return [tuple(strengths)]
+    return [tuple(s | {"at": at} for s in strengths) for at in choice.names]
+
+
+def _shares(effect: str, strengths: tuple[dict[str, Any], ...], loops: int, rng: np.random.Generator) -> list[Way]:
+    found, seed = len(strengths) / loops, int(rng.integers(2**31))
+    return [Way(effect, share, strengths, seed) for share in dict.fromkeys((found, 0.5 * (1.0 + found), 1.0))]
+
+
+def _with(simulated: list[Simulated], way: Way) -> list[Simulated]:
+    """Return the grid's loops with an effect in a share of its units, of strengths found on real loops."""
+    rng = np.random.default_rng(way.seed)
+    hit = {u: rng.random() < way.share for u in dict.fromkeys(s.unit for s in simulated)}
+    drawn = {u: way.strengths[int(rng.integers(len(way.strengths)))] for u in hit}
+    # friction is what is asked for: the loop that stands for its unit has it, a sound sibling stays sound
+    spared = way.effect in FRICTION
+    return [_hit(s, way.effect, drawn[s.unit]) if hit[s.unit] and (s.stands or not spared) else s for s in simulated]
+
+
+def _hit(s: Simulated, effect: str, strength: dict[str, Any]) -> Simulated:
+    """Return a loop with an effect as strong beside the loop as it then is; strengths were found on loops that have it."""
+    size, out = s.size, s
+    before = s.loop.model_copy(update={"valve": Part(name="ideal")}) if effect in FRICTION else s.loop
+    try:
+        for _ in range(ROUNDS):
+            loop = with_effect(before, effect, absolute(effect, strength, size))
+            run = simulate(loop, s.seed)
+            record = run.record.blind()
+            size, out = s.size.towards(Size.of(record)), replace(s, loop=loop, record=record, sticky=run.sticky)
+    except (UserError, SpecError):
+        pass
+    return out
+
+
+def units(simulated: list[Simulated]) -> np.ndarray:
+    """Return the features of the loops that stand for their groups, shape (groups, features)."""
+    standing = [s for s in simulated if s.stands]
+    return by_unit([looks(s.record) for s in standing], [s.unit for s in standing])[1]
+
+
+def verdicts_on(simulated: list[Simulated], methods: list[str]) -> np.ndarray:
+    """Return 1 for stiction, 0 for no stiction, NaN for no decision, shape (loops, methods)."""
+    code = {STICTION: 1.0, "no_stiction": 0.0}
+    return np.array([[code.get(v.verdict, np.nan) for v in judged(s.record, methods)] for s in simulated])
+
+
+def accuracy(simulated: list[Simulated], verdicts: np.ndarray, methods: list[str]) -> dict[str, float]:
+    """Return the mean of the shares right of sticky and of healthy loops, by method; no decision is not right.
+
+    Parameters
+    ----------
+    simulated : list of Simulated
+    verdicts : ndarray, shape (loops, methods)
+    methods : list of str
+
+    Returns
+    -------
+    dict of str to float
+    """
+    truth = np.array([float(s.sticky) for s in simulated])
+    right = verdicts == truth[:, None]
+    # a grid that is more sticky than healthy must not reward those who say so
+    share = np.mean([right[truth == kind].mean(axis=0) for kind in np.unique(truth)], axis=0)
+    return dict(zip(methods, share.tolist()))

@@ -1,0 +1,101 @@
+"""The page of a study: how far plant and grid are apart, by what, what it costs, and what so few loops cannot show."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from simbench.figures._style import BLUE, GREY, RED, label, panels, styled
+from simbench.plant.page import section, write
+from simbench.plant.study.result import Study
+
+SHOWN = 12  # features drawn
+
+
+def write_study(found: Study, path: str | Path) -> None:
+    """Write a study as one self-contained HTML page.
+
+    Parameters
+    ----------
+    found : Study
+    path : path
+
+    Raises
+    ------
+    FileError
+        When the file cannot be written.
+    """
+    d, (auc, p) = found.distance, found.classifier
+    differ = "differ from" if d["p"] < 0.05 else "cannot be told from"
+    answer = f"{found.loops} loops ({found.records} records) {differ} what grid {found.grid} simulates."
+    tiles = [
+        (f"{d['value']:.2f}", f"kernel distance (95 % interval {d['lo']:.2f} to {d['hi']:.2f}), p = {d['p']:.3f}"),
+        (f"{auc:.2f}", f"AUC of a classifier that tells real from simulated loops (0.5 = cannot), p = {p:.2f}"),
+        (str(found.loops), "loops: the unit of every interval and p-value"),
+    ]
+    says = "Median of the real loops in spreads of the simulated ones; red where p < 0.05 among all features"
+    parts = [
+        section("answer", "The answer", [answer], tiles=tiles),
+        section("features", "By what they differ", pictures=[(draw_shifts(found.features[:SHOWN]), says)]),
+        section("effects", "What explains it", _explained(found), table=_effects(found) if found.effects else None),
+        section("methods", "What it costs each detector", table=_methods(found)),
+        section("limits", "What so few loops can and cannot show", _limits(found), points=found.notes),
+    ]
+    write(path, f"A plant against grid {found.grid}", "Sim-to-real gap of a benchmark", parts)
+
+
+@styled
+def draw_shifts(features: Sequence[dict[str, float | str]]) -> Figure:
+    """Draw how far single features lie from the simulation's."""
+    figure, axes = panels(1, 1, 5.0, 0.22 * len(features) + 0.8)
+    ax, at = axes.ravel()[0], np.arange(len(features))[::-1]
+    colours = [RED if float(f["p"]) < 0.05 else BLUE for f in features]
+    ax.barh(at, [float(f["shift"]) for f in features], color=colours, height=0.6)
+    ax.set_yticks(at, [str(f["name"]) for f in features])
+    ax.axvline(0.0, color=GREY, lw=0.7)
+    label(ax, "shift (spreads of the simulated loops)", "")
+    return figure
+
+
+def _explained(found: Study) -> list[str]:
+    if not found.effects:
+        return ["No effect was found in two loops and more that brings the grid nearer to these loops."]
+    steps = ", ".join(f"with {e.effect} {e.distance_after:.2f}" for e in found.effects)
+    return [f"Distance: {found.distance['value']:.2f} as it is; {steps} (each joined to those before it)."]
+
+
+def _effects(found: Study) -> pd.DataFrame:
+    return pd.DataFrame(
+        {
+            "effect": e.effect,
+            "share of loops": e.share,
+            "distance after": e.distance_after,
+            "costs most, alone": next(iter(e.costly()), "none"),
+            "points": round(100 * min(e.costs.values()), 1),
+        }
+        for e in found.effects
+    )
+
+
+def _methods(found: Study) -> pd.DataFrame:
+    rows = []
+    for m, value in found.simulated.items():
+        row: dict[str, object] = {"method": m, "on the grid": value, "with the effects": found.moved[m]}
+        if found.real:
+            real = found.real[m]
+            row |= {"on these loops": real["value"], "from": real["lo"], "to": real["hi"]}
+        rows.append(row | {f"{e.effect}, alone": e.costs[m] for e in found.effects})
+    return pd.DataFrame(rows)
+
+
+def _limits(found: Study) -> list[str]:
+    smallest = 2.8 / np.sqrt(found.loops)
+    return [
+        f"With {found.loops} loops a feature must be shifted by about {smallest:.1f} of its spread to be found in 4 of 5 such "
+        "plants, before correction for the number of features. That nothing was found does not show that nothing is there.",
+        "Accuracy is the mean of the shares right of sticky and of healthy loops; no decision is not right.",
+    ]

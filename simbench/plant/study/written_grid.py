@@ -1,0 +1,95 @@
+"""A grid with the effects that a plant's loops have: the file it was, and the effects found as drawn settings."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from detectors.errors import ParameterError
+from scenarios.grid import grid_names, load_grid
+from scenarios.spec import read_toml
+from simbench.files import whole_file
+from simbench.plant.study.result import Contribution, Study
+from simbench.plant.study.strengths import FRICTION, scales
+
+PLACES = 20  # entries of the list that a loop's effect is drawn from
+
+
+class NoGrid(ParameterError):
+    """The study found nothing that a grid can draw."""
+
+
+def write_grid(found: Study, path: str | Path) -> list[str]:
+    """Write the study's grid with the effects found in it, in their shares and strengths.
+
+    Parameters
+    ----------
+    found : Study
+    path : path
+        TOML file to write.
+
+    Returns
+    -------
+    list of str
+        Effects that a grid cannot draw (friction, which its valves have; a rate per time has no scale there), left out.
+
+    Raises
+    ------
+    FileError
+        When it cannot be written.
+    NoGrid
+        When nothing was found that a grid can draw.
+    """
+    base = Path(str(files("scenarios") / "grids" / f"{found.grid}.toml")) if found.grid in grid_names() else Path(found.grid)
+    # a grid's valves have their friction from the grid
+    usable = [e for e in found.effects if e.effect not in FRICTION and scales(e.effect, e.strengths[0]) is not None]
+    if not usable:
+        raise NoGrid(f"no grid is written to {path}: no effect was found that a grid can draw")
+    text, own = base.read_text(encoding="utf-8"), read_toml(base).get("draw", {}).get("effect", ["none"])
+    line = f"effect = {_toml(_places(usable, own if isinstance(own, list) else [own]))}"
+    kept = re.sub(r"(?m)^effect = \[[^\]]*\]$", "", text)
+    kept = re.sub(r"(?m)^\[draw\]$", f"[draw]\n{line}", kept, count=1)
+    if "[draw]" not in text:
+        kept += f"\n[draw]\n{line}\n"
+    blocks = "".join(_block(e) for e in usable)
+    with whole_file(path) as f:
+        f.write(f"# {base.stem}, with the effects found in {found.loops} loops of a plant\n{kept.rstrip()}\n{blocks}")
+    load_grid(path)
+    return [e.effect for e in found.effects if e not in usable]
+
+
+def _places(effects: Sequence[Contribution], own: Sequence[str]) -> list[str]:
+    """Return the list an effect is drawn from: each found one by its share, what the grid had for the rest."""
+    share = sum(e.share for e in effects)
+    fit = min(1.0, 1.0 / share)
+    new = [f"found_{e.effect}" for e in effects for _ in range(max(round(PLACES * fit * e.share), 1))]
+    rest = max(PLACES - len(new), 0)
+    return new + [own[i * len(own) // rest] for i in range(rest)]
+
+
+def _block(e: Contribution) -> str:
+    ranges: dict[str, Any] = {}
+    for name in e.strengths[0]:
+        values = [s[name] for s in e.strengths if name in s]
+        if isinstance(values[0], str):
+            ranges[name] = list(dict.fromkeys(values))
+        else:
+            lo, hi = np.quantile(values, [0.1, 0.9])
+            ranges[name] = [float(f"{lo:.3g}"), float(f"{hi:.3g}")] if hi > lo else float(f"{lo:.3g}")
+    lines = [f"\n[effects.found_{e.effect}]", f'name = "{e.effect}"']
+    lines.append("parameters = { " + ", ".join(f"{k} = {_toml(v)}" for k, v in ranges.items()) + " }")
+    by = scales(e.effect, e.strengths[0]) or {}
+    if by:
+        lines.append("scale = { " + ", ".join(f'{k} = "{v}"' for k, v in by.items()) + " }")
+    return "\n".join(lines) + "\n"
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, list):
+        return "[" + ", ".join(_toml(v) for v in value) + "]"
+    return f'"{value}"' if isinstance(value, str) else repr(value)

@@ -1,0 +1,141 @@
+"""The loops that may stand behind a record: one with a sound valve, one with friction, each with its own load and noise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from detectors.record import LoopRecord
+from detectors.signal.oscillation import find_oscillation
+from scenarios.spec import Loop, Part
+from simbench.gap.closed_loop.runs import ClosedLoops
+from simbench.loop.setup import plain_setup
+from simbench.plant.trust.friction import FRICTION, OUTSIDE, friction
+
+ROOM = 2.0  # OP ranges left free on either side of a record whose unit of OP is unknown
+ARCHIVE = ("quantisation", "compression", "outliers", "op_quantisation")  # effects that single samples prove
+
+
+@dataclass(frozen=True, eq=False)
+class Around:
+    """What may stand behind a record.
+
+    Parameters
+    ----------
+    record : LoopRecord
+        With OP in %.
+    healthy : tuple of Loop
+        Loops without friction that move like the record, most plausible first; each brings its own explanation of the motion.
+    sticky : Loop or None
+        The loop with the friction that explains the record best, and the load that is then left; None where none was fitted.
+    fitted : (float, float) or None
+        S and J (%) of `sticky`.
+    gain : float or None
+        Log-likelihood (nats) that friction brings over none.
+    trusted : bool
+        Plant and tuning are those of a loop file, not identified.
+    period : float or None
+        Of the record's sustained oscillation (s); None without one.
+    percent : float
+        Units of the record's own OP per % of travel.
+    notes : tuple of str
+    """
+
+    record: LoopRecord
+    healthy: tuple[Loop, ...]
+    sticky: Loop | None
+    fitted: tuple[float, float] | None
+    gain: float | None
+    trusted: bool
+    period: float | None
+    percent: float
+    notes: tuple[str, ...]
+
+
+def around(record: LoopRecord, loop: Loop | None = None) -> Around:
+    """Identify the loop behind a record, with a sound valve and with friction.
+
+    Parameters
+    ----------
+    record : LoopRecord
+        SP, OP, PV and, where recorded, MV.
+    loop : Loop, optional
+        Plant, controller and noise where they are known; friction in its valve is left out.
+
+    Returns
+    -------
+    Around
+
+    Raises
+    ------
+    detectors.errors.UserError
+        In one sentence, when no loop can be identified, or record and loop cannot be compared.
+
+    Examples
+    --------
+    >>> from random_case import random_case
+    >>> found = around(random_case(5, ("stiction",)).record)
+    >>> found.fitted is not None, len(found.healthy) >= 1
+    (True, True)
+    """
+    notes = []
+    record, percent = in_percent(record)
+    if loop is not None and plain_setup(loop, 0).sticky:
+        loop = loop.model_copy(update={"valve": Part(name="ideal")})
+        notes.append("the loop file's valve has friction; twins are drawn with and without it")
+    found = friction(record, loop)
+    loops = ClosedLoops(found, 0)
+    archive = [e for e in ARCHIVE if e in found.situation.proven]
+    healthy = [loops.loop(archive)]
+    gains = found.log_likelihood_gains
+    if OUTSIDE in found.parameters:
+        healthy.append(loops.loop([*archive, OUTSIDE]))
+        if gains.get(OUTSIDE, 0.0) > 0:
+            healthy.reverse()
+    sticky = fitted = None
+    if FRICTION in found.parameters:
+        sticky = loops.loop([*archive, FRICTION])
+        fitted = (float(found.parameters[FRICTION]["S"]), float(found.parameters[FRICTION]["J"]))
+    swing = find_oscillation(record.op, record.pv, record.Ts)
+    return Around(
+        record, tuple(healthy), sticky, fitted, _finite(gains.get(FRICTION)), loop is not None,
+        swing.period_s if swing.sustained else None, percent, (*notes, *found.situation.notes),
+    )  # fmt: skip
+
+
+def with_friction(loop: Loop, S: float, J: float) -> Loop:
+    """Return a loop with stiction of S and J (%) in place of whatever stiction it has; S = 0 takes it out."""
+    table = loop.to_table()
+    rest = [e for e in table.get("effect", []) if e["name"] != FRICTION]
+    table["effect"] = rest if S <= 0 else [*rest, {"name": FRICTION, "S": float(S), "J": float(J)}]
+    return Loop.from_table(table, "twin")
+
+
+def without(loop: Loop, names: tuple[str, ...]) -> Loop:
+    """Return a loop without some effects."""
+    table: dict[str, Any] = loop.to_table()
+    table["effect"] = [e for e in table.get("effect", []) if e["name"] not in names]
+    return Loop.from_table(table, "twin")
+
+
+def archived(loop: Loop) -> list[Mapping[str, Any]]:
+    """Return what an archive or a transmitter does to the loop's record, effect by effect."""
+    return [e for e in loop.to_table().get("effect", []) if e["name"] in ARCHIVE]
+
+
+def in_percent(record: LoopRecord) -> tuple[LoopRecord, float]:
+    """Return the record with OP in %, and how many units of its OP one % is."""
+    if record.op_percent is not None:
+        lo, hi = record.op_span or (0.0, 100.0)
+        return replace(record, op=record.op_percent, op_span=(0.0, 100.0)), (hi - lo) / 100.0
+    lo, hi = float(record.op.min()), float(record.op.max())
+    span = (hi - lo) or 1.0
+    lo, wide = lo - ROOM * span, (1 + 2 * ROOM) * span
+    return replace(record, op=(record.op - lo) * (100.0 / wide), op_span=(0.0, 100.0)), wide / 100.0
+
+
+def _finite(value: float | None) -> float | None:
+    return None if value is None or not np.isfinite(value) else float(value)

@@ -1,0 +1,88 @@
+"""Pictures of a loop: its trend, PV against OP, and what each size of stiction would have shown."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from detectors.record import LoopRecord
+from simbench.figures._style import BLACK, BLUE, GREY, ORANGE, RED, SIGNAL, SKY, label, panels, styled
+from simbench.plant.trust.power import POWER, Cell
+
+POINTS = 700  # drawn of a trend; a longer record is drawn by the extremes of its pieces
+LINES = (BLACK, BLUE, ORANGE, RED, SKY)
+
+
+@styled
+def draw_trend(record: LoopRecord, marks: Sequence[tuple[float, float, str]] = ()) -> Figure:
+    """Draw PV (with SP) above OP over time; `marks` are windows (start s, end s, colour) shaded behind OP."""
+    figure, axes = panels(2, 1, 5.0, 2.6, sharex=True)
+    _place(figure, left=0.18, right=0.985, bottom=0.165, top=0.93, hspace=0.12)
+    above, below = axes.ravel()
+    hours = 3600.0 if record.duration > 7200 else 60.0
+    for ax, signals in ((above, ("sp", "pv")), (below, ("op",))):
+        for name in signals:
+            x = getattr(record, name)
+            if x is not None:
+                k = _thin(x)
+                ax.plot(record.t[k] / hours, x[k], color=SIGNAL[name.upper()], lw=0.8)
+    for start, end, colour in marks:
+        below.axvspan(start / hours, end / hours, color=colour, alpha=0.25, lw=0)
+    label(above, "", "PV" if record.sp is None else "PV, SP")
+    label(below, "time (h)" if hours == 3600.0 else "time (min)", _op(record))
+    return figure
+
+
+@styled
+def draw_pv_op(record: LoopRecord) -> Figure:
+    """Draw PV against OP."""
+    figure, axes = panels(1, 1, 2.6, 2.6)
+    _place(figure, left=0.35, right=0.965, bottom=0.165, top=0.93)
+    ax = axes.ravel()[0]
+    k = np.unique(np.linspace(0, record.n - 1, min(record.n, 2 * POINTS)).astype(int))
+    ax.plot(record.op[k], record.pv[k], color=BLUE, lw=0.5, alpha=0.8)
+    label(ax, _op(record), "PV")
+    return figure
+
+
+@styled
+def draw_power(curves: Mapping[str, Sequence[Cell]], ratio: float, unit: str) -> Figure:
+    """Draw the share found over S, one line per detector, for one J over S."""
+    figure, axes = panels(1, 1, 4.2, 2.6)
+    ax = axes.ravel()[0]
+    S: list[float] = []
+    for colour, (name, cells) in zip(LINES, curves.items()):
+        line = [c for c in cells if round(c.J / c.S, 6) == ratio]
+        S = [c.S for c in line]
+        ax.plot(S, [c.found for c in line], "o-", color=colour, ms=3, lw=1.0, label=name)
+        if name == next(iter(curves)):
+            ax.fill_between(S, [c.lo for c in line], [c.hi for c in line], color=colour, alpha=0.15, lw=0)
+    ax.axhline(POWER, color=GREY, lw=0.7, ls="--")
+    ax.set_xscale("log")
+    ax.set_xticks(S, [f"{s:.2g}" for s in S])
+    ax.minorticks_off()
+    ax.set_ylim(-0.02, 1.02)
+    label(ax, f"S ({unit})", "share found", f"J = {ratio:.3g} S")
+    ax.legend(loc="upper left")
+    return figure
+
+
+def _place(figure: Figure, **edges: float) -> None:
+    """Put the axes where any numbers fit beside them; to measure those takes as long as to draw, and a plant has hundreds."""
+    figure.set_layout_engine(None)
+    figure.subplots_adjust(**edges)
+
+
+def _op(record: LoopRecord) -> str:
+    return "OP" if record.op_percent is None else "OP (%)"
+
+
+def _thin(x: np.ndarray) -> np.ndarray:
+    """Return which samples to draw: all of a short signal, the extremes of every piece of a long one."""
+    if x.size <= 2 * POINTS:
+        return np.arange(x.size)
+    pieces = np.array_split(np.arange(x.size), POINTS)
+    ends = [i for p in pieces for i in sorted({int(p[np.argmin(x[p])]), int(p[np.argmax(x[p])])})]
+    return np.unique(np.array(ends, dtype=int))

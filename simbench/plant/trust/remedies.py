@@ -1,0 +1,125 @@
+"""What would help: the same loop recorded otherwise, simulated, until stiction too small for this record shows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from detectors.verdict import STICTION
+from simbench.plant.indices import judged
+from simbench.plant.trust.candidate_loops import ARCHIVE, Around, archived, without
+from simbench.plant.trust.replicates import Change, draw_twins
+
+TWINS = 24  # of each kind, per remedy
+WORTH = 0.2  # by which a remedy must raise found less false alarms to be named
+LONGEST = 20000  # samples beyond which a longer record is not simulated
+
+
+@dataclass(frozen=True)
+class Remedy:
+    """One thing to record otherwise, and what it would show.
+
+    Parameters
+    ----------
+    what : str
+    method : str
+        The detector that then sees most.
+    S : float
+        Size tried, with full slip-jump.
+    unit : str
+        Of S.
+    found, alarms : float
+        Share of sticky and of healthy twins that it calls stiction.
+    before : float
+        Share found less false alarms of the record as it is, by the detector best at that.
+    """
+
+    what: str
+    method: str
+    S: float
+    unit: str
+    found: float
+    alarms: float
+    before: float
+
+    @property
+    def gain(self) -> float:
+        """By how much more is found, false alarms taken off."""
+        return self.found - self.alarms - self.before
+
+    def sentence(self) -> str:
+        """Return what would help in one sentence."""
+        if not self.what:
+            return (
+                f"would help: nothing that was tried (a record four times as long, faster sampling, a set-point step, MV, "
+                f"another archive) shows S = {self.S:.2g} {self.unit}"
+            )
+        return (
+            f"would help: {self.what}; {self.method} would then find {self.found:.0%} of S = {self.S:.2g} {self.unit} "
+            f"(false alarms {self.alarms:.0%}; now {max(self.before, 0.0):.0%} net of them)"
+        )
+
+
+def remedies(
+    behind: Around, methods: Sequence[str], cell: tuple[float, float], percent: float, unit: str, seed: int
+) -> tuple[Remedy, ...]:
+    """Simulate what could be recorded otherwise, and return what would show more, best first.
+
+    Parameters
+    ----------
+    behind : Around
+    methods : sequence of str
+    cell : (float, float)
+        S and J (%) that this record does not show.
+    percent : float
+        Units of OP per %.
+    unit : str
+        Of S.
+    seed : int
+
+    Returns
+    -------
+    tuple of Remedy
+        Where nothing helps, one that says so.
+    """
+    before = max(found - alarms for _, found, alarms in _shares(behind, methods, cell, Change(), seed))
+    S, tried = cell[0] * percent, []
+    for what, change in _changes(behind, cell[0]):
+        name, found, alarms = max(_shares(behind, methods, cell, change, seed), key=lambda row: row[1] - row[2])
+        tried.append(Remedy(what, name, S, unit, found, alarms, before))
+    worth = sorted((r for r in tried if r.gain >= WORTH), key=lambda r: -r.gain)
+    return tuple(worth) or (Remedy("", "", S, unit, 0.0, 0.0, before),)
+
+
+def _changes(a: Around, S: float) -> list[tuple[str, Change]]:
+    record, loop = a.record, a.healthy[0]
+    out = []
+    if record.n * 4 <= LONGEST:
+        out.append((f"{_hours(4 * record.duration)} of record in place of {_hours(record.duration)}", Change(longer=4.0)))
+        out.append((f"a sample every {record.Ts / 3:.3g} s in place of every {record.Ts:.3g} s", Change(faster=3)))
+    # as much PV as three times the band moves it; an integrating plant has no gain of that kind
+    high = abs(loop.plant.K) * 3.0 * S if loop.plant.type == "foptd" else 4.0 * float(np.std(record.pv))
+    out.append((f"set-point steps of {high:.2g} PV units", Change(step=high)))
+    if record.mv is None:
+        out.append(("the valve's position (MV) recorded", Change(mv=True)))
+    if archived(loop):
+        out.append(("an archive without compression and rounding", Change(loop=lambda table: without(table, ARCHIVE))))
+    return out
+
+
+def _shares(
+    a: Around, methods: Sequence[str], cell: tuple[float, float], change: Change, seed: int
+) -> list[tuple[str, float, float]]:
+    """Return per method the share of sticky and of healthy twins that it calls stiction."""
+    twins = draw_twins(a, TWINS, TWINS, cells=[cell], change=change, seed=seed + 1)
+    sticky = np.array([t.S > 0 for t in twins], dtype=bool)
+    if sticky.all() or not sticky.any():
+        return [("", 0.0, 0.0)]
+    called = np.array([[v.verdict == STICTION for v in judged(t.record, methods)] for t in twins])
+    return [(m, float(called[sticky, i].mean()), float(called[~sticky, i].mean())) for i, m in enumerate(methods)]
+
+
+def _hours(seconds: float) -> str:
+    return f"{seconds / 3600:.1f} h" if seconds >= 3600 else f"{seconds / 60:.0f} min" if seconds >= 120 else f"{seconds:.0f} s"

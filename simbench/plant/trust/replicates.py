@@ -1,0 +1,256 @@
+"""Twins of a record: what the loop behind it might have recorded, with a sound valve and with friction of known size."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from detectors.errors import UserError
+from detectors.record import LoopRecord
+from detectors.signal.oscillation import find_oscillation
+from scenarios.errors import SpecError
+from scenarios.spec import Loop
+from simbench.loop.simulate import simulate
+from simbench.plant.trust.calibration import EvidenceWeights
+from simbench.plant.trust.candidate_loops import Around, with_friction
+
+LEVELS = 5  # values of S
+SLIPS = (0.25, 1.0)  # J over S: a little slip-jump, and as much as there is band
+WARM_UP = 0.3  # of the record's length, simulated ahead of it and cut off
+TRIES = 6  # draws before a loop that runs away is given up
+LARGER, SMALLER = 2.0, 0.4  # times the record's size that a loop without friction may move
+DRIVEN = ("sine", "propagated")  # what swings a sound loop from outside
+QUIETER = 0.4  # times the fitted loads beside such a swing, which they were fitted to
+GOLDEN = 0.5 * (5.0**0.5 - 1.0)  # its multiples fall evenly into every share
+
+# standard deviations of the logarithms drawn: identified plants are known worse than stated ones
+UNCERTAIN = {"slow": 0.30, "K": 0.10, "Td": 0.25, "load": 0.20, "load_time": 0.30, "noise": 0.10}
+STATED = {"slow": 0.05, "K": 0.05, "Td": 0.05, "load": 0.20, "load_time": 0.30, "noise": 0.10}
+
+
+@dataclass(frozen=True, eq=False)
+class Twin:
+    """One simulated record of the loop; S and J in % of travel, both 0 with a sound valve."""
+
+    S: float
+    J: float
+    record: LoopRecord
+
+
+@dataclass(frozen=True)
+class Change:
+    """What might have been recorded otherwise.
+
+    Parameters
+    ----------
+    longer : float
+        Times the record's length.
+    faster : int
+        Times as many samples in the same time; controller and record.
+    step : float
+        Height (PV units) of a set-point step every sixth of the record, up and down; 0 = none.
+    mv : bool
+        The valve position is recorded.
+    loop : callable, optional
+        Changes the loop, e.g. what the archive does.
+    """
+
+    longer: float = 1.0
+    faster: int = 1
+    step: float = 0.0
+    mv: bool = False
+    loop: Callable[[Loop], Loop] | None = None
+
+
+def levels(around: Around) -> list[tuple[float, float]]:
+    """Return the cells (S, J) in % that are tried around a record: five times S, each with little and with full slip-jump.
+
+    Parameters
+    ----------
+    around : Around
+
+    Returns
+    -------
+    list of (float, float)
+        From a tenth of what OP moves through (0.1 to 1 %) to twice that (5 to 15 %).
+    """
+    span = float(np.quantile(around.record.op, 0.99) - np.quantile(around.record.op, 0.01))
+    S = np.geomspace(np.clip(0.1 * span, 0.1, 1.0), np.clip(2.0 * span, 5.0, 15.0), LEVELS)
+    return [(float(s), float(r * s)) for r in SLIPS for s in S]
+
+
+def draw_twins(
+    around: Around,
+    healthy: int,
+    each: int,
+    *,
+    cells: Sequence[tuple[float, float]] | None = None,
+    change: Change | None = None,
+    seed: int = 0,
+) -> list[Twin]:
+    """Simulate twins of a record.
+
+    Parameters
+    ----------
+    around : Around
+    healthy : int
+        How many with a sound valve.
+    each : int
+        How many in every cell (S, J).
+    cells : sequence of (S, J), optional
+        Those of `levels` when absent.
+    change : Change, optional
+        What is recorded otherwise than the record was.
+    seed : int
+        Root of every random stream.
+
+    Returns
+    -------
+    list of Twin
+        Of the record's own length, sampling and set point; fewer than asked for where the drawn loops run away.
+
+    Examples
+    --------
+    >>> from random_case import random_case
+    >>> from simbench.plant.trust.candidate_loops import around
+    >>> found = around(random_case(5, ("stiction",)).record)
+    >>> [round(t.S) for t in draw_twins(found, 1, 1, cells=[(4.0, 2.0)])]
+    [0, 4]
+    """
+    plan = [(0.0, 0.0)] * healthy + [cell for cell in (cells if cells is not None else levels(around)) for _ in range(each)]
+    drawn = (_twin(around, S, J, change or Change(), [seed, i], i) for i, (S, J) in enumerate(plan))
+    return [t for t in drawn if t is not None]
+
+
+def _twin(a: Around, S: float, J: float, change: Change, stream: list[int], number: int) -> Twin | None:
+    rng = np.random.default_rng(stream)
+    base = a.healthy[number % len(a.healthy)] if S <= 0 else _sticky_base(a, number)
+    # friction that explains the record leaves nothing to be swung from outside
+    outside = a.period is not None and base is not a.sticky
+    if change.loop is not None:
+        base = change.loop(base)
+    for attempt in range(TRIES):
+        try:
+            table = perturbed(base.to_table(), STATED if a.trusted else UNCERTAIN, rng)
+            ahead = _timed(table, a.record, change)
+            seed = int(rng.integers(2**31))
+            if outside and (attempt >= TRIES // 2 or number % 2):
+                table = _driven(table, a, DRIVEN[number // 2 % 2], seed, ahead, rng)
+            loop = Loop.from_table(table, "twin")
+            run = _after(simulate(with_friction(loop, 0.0, 0.0), seed).record, ahead)
+            if not _alike(run, a.record, change, own=S <= 0):
+                continue
+            # a record that swings is told from a sound loop that swings too, not from one that rests
+            if S <= 0 and a.period is not None and not find_oscillation(run.op, run.pv, run.Ts).sustained:
+                continue
+            if S > 0:
+                # at rest a sticky loop may stay there for ever; the plant's has been moving for years
+                kick = float(rng.choice((-1.0, 1.0))) * (S + 1.0)
+                run = _after(simulate(with_friction(loop, S, J), seed, kick=kick).record, ahead)
+        except (UserError, SpecError):
+            continue
+        return Twin(S, J, _as_recorded(run, a.record, change.mv))
+    return None
+
+
+def _sticky_base(a: Around, number: int) -> Loop:
+    """Return the loop that friction is put into: under friction part of the motion is the valve's, how much nobody knows."""
+    if a.sticky is not None and number * GOLDEN % 1.0 < EvidenceWeights.read().probability(a.gain, called=False):
+        return a.sticky
+    return a.healthy[number % len(a.healthy)]
+
+
+def _after(run: LoopRecord, ahead: int) -> LoopRecord:
+    """Return what is recorded: the set point's way to where it stood is over, which is all that some loops ever move."""
+    return run.window(ahead, run.n)
+
+
+def _driven(
+    table: dict[str, Any], a: Around, kind: str, seed: int, ahead: int, rng: np.random.Generator
+) -> dict[str, Any]:
+    """Return a sound loop that another one swings as much as the record swings, at about its period."""
+    assert a.period is not None
+    own = [part | {"amplitude": QUIETER * part["amplitude"]} for part in table["disturbance"]]
+    calm = table | {"disturbance": own, "effect": [e for e in table.get("effect", []) if e["name"] != "oscillation"]}
+    drive: dict[str, Any] = {"type": kind, "amplitude": 1.0, "period": a.period * float(np.exp(0.05 * rng.standard_normal()))}
+    if kind == "propagated":
+        drive |= {"S": 5.0, "J": float(rng.uniform(2.0, 5.0)), "noise": 0.05, "lag": a.period * float(rng.uniform(0.02, 0.2))}
+    swung = calm | {"disturbance": [*own, drive]}
+    without, with_ = (_after(simulate(Loop.from_table(t, "twin"), seed).record, ahead).pv for t in (calm, swung))
+    missing = np.sqrt(max(np.var(a.record.pv) - np.var(without), 0.1 * np.var(a.record.pv)))
+    drive["amplitude"] = float(missing / max(np.std(with_ - without), 1e-12))
+    return swung
+
+
+def _alike(run: LoopRecord, record: LoopRecord, change: Change, own: bool) -> bool:
+    """Return whether a loop without friction moves no more than the record does, and a healthy record's `own` loop no less."""
+    for name in ("op", "pv"):
+        size, real = float(np.std(getattr(run, name))), float(np.std(getattr(record, name)))
+        # a set-point step moves both, and that is what it is for
+        room = np.inf if change.step else LARGER * real
+        if not size <= room or (own and size < SMALLER * real) or not np.isfinite(size):
+            return False
+    return True
+
+
+def perturbed(table: dict[str, Any], by: dict[str, float], rng: np.random.Generator) -> dict[str, Any]:
+    """Return a loop's table with plant, loads and noise drawn around what stands in it.
+
+    In closed loop K and T of a self-regulating plant are known little better than their ratio: they move together.
+    """
+    z = {name: float(np.exp(std * rng.standard_normal())) for name, std in by.items()}
+    plant = dict(table["plant"])
+    plant["K"] *= z["K"]
+    if plant["type"] == "foptd":
+        plant["K"] *= z["slow"]
+        plant["T"] *= z["slow"]
+    plant["Td"] = plant.get("Td", 0.0) * z["Td"]
+    loads = []
+    for part in table.get("disturbance", []):
+        part = dict(part)
+        part["amplitude"] *= z["load"]
+        if "period" in part:
+            part["period"] *= z["load_time"]
+        loads.append(part)
+    noise = dict(table.get("noise", {}))
+    noise["std"] = noise.get("std", 0.0) * z["noise"]
+    return table | {"plant": plant, "disturbance": loads, "noise": noise}
+
+
+def _timed(table: dict[str, Any], record: LoopRecord, change: Change) -> int:
+    """Set length, sampling and set point in place; return how many samples come before the record."""
+    Ts = record.Ts / change.faster
+    n = int(record.n * change.longer * change.faster)
+    ahead = int(WARM_UP * record.n * change.faster)
+    table["sampling"] = {"Ts": Ts, "n": n + ahead}
+    point = table["setpoint"]
+    steps = [[float(t) + ahead * Ts, float(v)] for t, v in point.get("steps", [])]
+    last = steps[-1][1] if steps else point["value"]
+    if change.longer > 1:
+        # the same moves again, as often as they fit
+        period, own = record.n * record.Ts, list(steps)
+        for again in range(1, int(np.ceil(change.longer))):
+            steps += [[t + again * period, v] for t, v in own if t + again * period < (n + ahead) * Ts]
+    if change.step:
+        at = (ahead + np.arange(1, 6) * n // 6) * Ts
+        steps = [[float(t), float(last + change.step * (i % 2 == 0))] for i, t in enumerate(at)]
+    table["setpoint"] = {"value": point["value"], "steps": steps}
+    return ahead
+
+
+def _as_recorded(run: LoopRecord, record: LoopRecord, mv: bool) -> LoopRecord:
+    """Return a simulated record with no more in it than the plant's has."""
+    return LoopRecord(
+        op=run.op,
+        pv=run.pv,
+        Ts=run.Ts,
+        sp=None if record.sp is None else run.sp,
+        mv=run.mv if mv or record.mv is not None else None,
+        process=record.process,
+        kind=record.kind,
+        op_span=(0.0, 100.0),
+        tag=record.tag,
+    )

@@ -1,0 +1,189 @@
+"""Trust: what can be believed of one record as one data object, as text and as JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from detectors.record import LoopRecord
+from detectors.verdict import NO_STICTION, STICTION, Verdict
+from simbench.plant.episodes import OverTime
+from simbench.plant.trust.candidate_loops import Around
+from simbench.plant.trust.power import Cell, Rule
+from simbench.plant.trust.remedies import Remedy
+
+STICKY, SOUND, UNSEEN, OPEN = "stiction", "no stiction", "cannot be seen in this record", "cannot tell"
+
+
+@dataclass(frozen=True)
+class MethodTrust:
+    """What one method is worth on this loop: its verdict on the record, and its record on the twins.
+
+    `rule` is how it is to be read here; false alarms, power and likelihood ratio are those of the published rule.
+    """
+
+    verdict: Verdict
+    rule: Rule
+    false_alarms: float
+    power: tuple[Cell, ...]
+    likelihood_ratio: float
+
+    @property
+    def says(self) -> str:
+        """What the method says of the record, read as advised."""
+        return self.rule.says(self.verdict)
+
+
+@dataclass(frozen=True, eq=False)
+class Trust:
+    """What can be believed of this record.
+
+    Parameters
+    ----------
+    answer : str
+        "stiction", "no stiction", "cannot be seen in this record" or "cannot tell".
+    methods : tuple of MethodTrust
+        Those that agree with the probability first, most often right on the twins first.
+    smallest_visible : (S, J) or None
+        That the method most often right on the twins finds in four of five such records; in the unit of the record's S.
+    power : tuple of Cell
+        Of that method, read as its twins read it best.
+    probability : float or None
+        Of stiction; even odds before looking. None where no loop could be identified.
+    twins : tuple of (S, J)
+        Friction (%) of every twin; (0, 0) with a sound valve.
+    helps : tuple of Remedy
+        What else could be recorded, and what it would show.
+    notes : tuple of str
+    record : LoopRecord
+    behind : Around or None
+    over_time : OverTime or None
+        Verdicts window by window.
+    """
+
+    answer: str
+    methods: tuple[MethodTrust, ...]
+    smallest_visible: tuple[float, float] | None
+    power: tuple[Cell, ...]
+    probability: float | None
+    twins: tuple[tuple[float, float], ...]
+    helps: tuple[Remedy, ...]
+    notes: tuple[str, ...]
+    record: LoopRecord = field(repr=False)
+    behind: Around | None = field(repr=False, default=None)
+    over_time: OverTime | None = field(repr=False, default=None)
+
+    @property
+    def best(self) -> MethodTrust | None:
+        """The method to trust here."""
+        return self.methods[0] if self.methods and self.twins else None
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the answer in JSON types, keys as the contract has them."""
+        seen, best = self.smallest_visible, self.best
+        return {
+            "methods": [_as_row(m) for m in self.methods],
+            "best": best.verdict.method if best else None,
+            "smallest_visible": None if seen is None else {"S": seen[0], "J": seen[1]},
+            "probability": self.probability,
+            "twins": len(self.twins),
+            "notes": [self.sentence(), *self._asides(), *(r.sentence() for r in self.helps), *self.notes],
+        }
+
+    def sentence(self) -> str:
+        """Return the answer in one sentence."""
+        unit = self.record.S_unit
+        if self.probability is None:
+            return f"Cannot tell: {self.notes[0]}."
+        p = f"probability of stiction {self.probability:.2f}{self._sources()}"
+        seen = self.smallest_visible
+        size = "" if seen is None else f"S = {seen[0]:.2g}, J = {seen[1]:.2g} {unit}"
+        if self.answer == STICKY:
+            return f"Stiction: {p}."
+        if not self.twins:
+            return f"Cannot tell: {p}; {self.notes[0]}."
+        if self.answer == UNSEEN:
+            return f"Stiction cannot be seen in this record up to S = {self.power[-1].S:.2g} {unit}: {p}."
+        if self.answer == SOUND:
+            return f"No stiction above {size} ({p}); less than that could not be seen in this record."
+        return f"Cannot tell: {p}; from {size} on stiction would have been seen more clearly."
+
+    def _sources(self) -> str:
+        """Return what the probability is made of."""
+        gain = self.behind.gain if self.behind else None
+        if gain is None:
+            return ""
+        return f" (with friction the fit is {abs(gain):.0f} nats {'better' if gain > 0 else 'worse'})"
+
+    def _asides(self) -> list[str]:
+        """Return how the best method is to be read, and what it says over time, as far as there is something to say."""
+        said = [f"best read here: {_reading(self.best.rule)}"] if self.best is not None else []
+        if self.over_time is not None and self.over_time.several:
+            said.append(f"over time: {self.over_time.sentence()}")
+        return said
+
+    def power_line(self) -> str:
+        """Return in one line what this record could have shown, and whom to believe."""
+        best, seen = self.best, self.smallest_visible
+        if best is None:
+            return f"power: unknown ({self.notes[0]})"
+        size = "no stiction of any size tried"
+        if seen is not None:
+            size = f"stiction from S = {seen[0]:.2g}, J = {seen[1]:.2g} {self.record.S_unit} on"
+        return (
+            f"power: this record would have shown {size}; probability of stiction {self.probability:.2f}; "
+            f"the method to trust: {_reading(best.rule)}, right on {best.rule.right:.0%} of its {len(self.twins)} twins"
+        )
+
+    def as_text(self) -> str:
+        """Return the answer for people: the sentence, whom to trust, the table of methods, what would help."""
+        lines = [self.sentence()]
+        best = self.best
+        if best is not None:
+            agrees = best.says == likely(self.probability or 0.0)
+            why = "of those that agree with the probability" if agrees else "though none agrees with the probability,"
+            lines += [
+                f"Trust {_reading(best.rule)}: {why} most often right on this loop's twins ({best.rule.right:.0%}, sticky and"
+                f" healthy counting the same); here it says {best.says.replace('_', ' ')}.",
+                "", *_table(self.methods),
+            ]  # fmt: skip
+        notes = [f"note: {n}" for n in (*self._asides()[1:], *self.notes)]
+        more = [*(r.sentence() for r in self.helps), *notes]
+        return "\n".join([*lines, *([""] if more else []), *more])
+
+
+def likely(probability: float) -> str:
+    """Return the verdict that a probability of stiction makes the more probable one."""
+    return STICTION if probability > 0.5 else NO_STICTION
+
+
+def _as_row(m: MethodTrust) -> dict[str, Any]:
+    return {
+        "method": m.verdict.method,
+        "applicable": m.verdict.applicable,
+        "verdict": m.verdict.verdict,
+        "false_alarms": m.false_alarms if np.isfinite(m.false_alarms) else None,
+        "power": [{"S": c.S, "J": c.J, "found": c.found, "lo": c.lo, "hi": c.hi} for c in m.power],
+        "likelihood_ratio": m.likelihood_ratio,
+    }
+
+
+def _reading(rule: Rule) -> str:
+    return rule.method if rule.cut is None else f"{rule.method} (calling stiction from a score of {rule.cut:.3g} on)"
+
+
+def _table(methods: Sequence[MethodTrust]) -> list[str]:
+    head = f"{'method':<18} {'says here':<12} {'right':>6} {'alarms':>7}  found over S (J = S/4, then J = S)"
+    lines = [head]
+    for m in methods:
+        v = m.verdict
+        where = "not made for it" if v.applicable is False else v.verdict.replace("_", " ")
+        found = " ".join(f"{c.found:.2f}" for c in m.power)
+        cut = "" if m.rule.cut is None else f"  above {m.rule.cut:.3g}"
+        lines.append(f"{v.method:<18} {where:<12} {m.rule.right:>6.2f} {m.false_alarms:>7.2f}  {found}{cut}")
+    if methods and methods[0].power:
+        lines.append(f"{'S':<46}  " + " ".join(f"{c.S:.2g}".rjust(4) for c in methods[0].power))
+    return lines

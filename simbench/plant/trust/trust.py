@@ -1,0 +1,178 @@
+"""trust(): which detector to believe on one loop, what its record could have shown, and how probable stiction is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from detectors.errors import UserError
+from detectors.judge import UNFIT
+from detectors.prepared import Prepared
+from detectors.record import LoopRecord
+from detectors.report.report import choose_methods
+from detectors.verdict import STICTION, Verdict
+from scenarios.spec import Loop
+from simbench.plant.episodes import over_time
+from simbench.plant.indices import judged
+from simbench.plant.trust.calibration import ASKED, EvidenceWeights, calls
+from simbench.plant.trust.candidate_loops import Around, around
+from simbench.plant.trust.power import (
+    Cell,
+    Rule,
+    cells_of,
+    likelihood_ratio,
+    readings,
+    smallest_visible,
+)  # fmt: skip
+from simbench.plant.trust.remedies import Remedy, remedies
+from simbench.plant.trust.replicates import Twin, draw_twins
+from simbench.plant.trust.result import OPEN, SOUND, STICKY, UNSEEN, MethodTrust, Trust, likely
+
+HEALTHY, EACH = 80, 12  # twins with a sound valve, and in every cell of S and J
+LONG, THINNEST = 8000, 0.3  # samples of a record from which fewer twins are drawn, and at least this share of them
+FEW, ENOUGH = 10, 16  # twins of a kind below which nothing is said, and drawn of a long record: loops may run away
+LIKELY = 0.75  # probability from which stiction is claimed
+EVEN = 0.5  # below it a size that four of five records would show is denied: it stands there in one case of ten at most
+
+
+def trust(
+    record: LoopRecord,
+    loop: Loop | None = None,
+    methods: Sequence[str] = ("all",),
+    *,
+    healthy: int = HEALTHY,
+    each: int = EACH,
+    help_wanted: bool = True,
+    seed: int = 0,
+) -> Trust:
+    """Say which detector to believe on this loop, what its record could have shown, and how probable stiction is.
+
+    Parameters
+    ----------
+    record : LoopRecord
+        SP, OP, PV and, where recorded, MV.
+    loop : Loop, optional
+        The loop where it is known; otherwise it is identified from the record.
+    methods : sequence of str
+        Method ids, "all", "fast" or "full".
+    healthy, each : int
+        Twins with a sound valve, and per cell of S and J.
+    help_wanted : bool
+        Simulate what would help where the record shows too little.
+    seed : int
+        Root of every random stream.
+
+    Returns
+    -------
+    Trust
+
+    Raises
+    ------
+    detectors.errors.UserError
+        For an unknown method, or a loop file of another sampling than the record.
+
+    Notes
+    -----
+    The probability weighs the likelihood that friction brings over none, and the procedure's verdict, by three numbers that
+    `python -m results.studies.trust_learn` finds on simulated loops. What the other methods say of record and twins adds
+    nothing to it: most are blind where no limit cycle stands out of the load, and there the likelihood still tells. Of the methods
+    that agree with it, twins say which is worth reading here, and how much friction it would have shown.
+
+    Twins know only what the identified loop knows: with a loop that changed within the record, or a plant unlike first order
+    with dead time, claims are too sure. Even odds of stiction are assumed before looking.
+
+    Examples
+    --------
+    >>> from random_case import random_case
+    >>> found = trust(random_case(5, ("stiction",)).record, methods=["fast"], healthy=20, each=4, help_wanted=False)
+    >>> 0.0 <= found.probability <= 1.0
+    True
+    """
+    names = choose_methods(methods)
+    said = judged(record, names)
+    prepared = Prepared(record.blind())
+    unfit = next((f"record unfit: {prepared.flags[f].evidence} (flag {f})" for f in UNFIT if f in prepared.flags), None)
+    if unfit:
+        return _without_twins(record, said, unfit)
+    try:
+        behind = around(record, loop)
+    except UserError as error:
+        if loop is not None:
+            raise
+        return _without_twins(record, said, f"no loop could be identified: {error}")
+    asked = said if ASKED in names else judged(record, [ASKED])
+    probability = EvidenceWeights.read().probability(behind.gain, calls(asked))
+    share = float(np.clip(LONG / record.n, THINNEST, 1.0))
+    sound = max(round(share * healthy), min(healthy, ENOUGH))
+    twins = draw_twins(behind, sound, max(round(share * each), 2), seed=seed)
+    sticky = np.array([t.S > 0 for t in twins], dtype=bool)
+    if min(sticky.sum(), (~sticky).sum()) < FEW:
+        whose = "loop file's" if behind.trusted else "identified"
+        why = f"what could have been seen is unknown: the {whose} loop does not move as the record does"
+        return _without_twins(record, said, why, behind, probability)
+    return _weighed(record, behind, names, said, probability, twins, help_wanted, seed)
+
+
+def _weighed(
+    record: LoopRecord, behind: Around, names: list[str], said: list[Verdict], probability: float, twins: list[Twin],
+    help_wanted: bool, seed: int,
+) -> Trust:  # fmt: skip
+    S, J = (np.array([getattr(t, k) for t in twins]) for k in "SJ")
+    sticky = S > 0
+    verdicts = [judged(t.record, names) for t in twins]
+    of = [[row[i] for row in verdicts] for i in range(len(names))]
+    rules = [readings(name, v, sticky) for name, v in zip(names, of)]
+    # a method made for other loops is no guide however well it did
+    made = [v.applicable is not False for v in said]
+    keenest = max(range(len(names)), key=lambda i: (made[i], rules[i][0].right))
+    shown = cells_of(S, J, np.array([rules[keenest][0].calls(v) for v in of[keenest]]))
+    # nor is a reading that contradicts what is more probable here
+    wanted = likely(probability)
+    read = [next((r for r in rules[i] if r.says(said[i]) == wanted), rules[i][0]) for i in range(len(names))]
+    rows = [_row(said[i], read[i], of[i], S, J) for i in range(len(names))]
+    rows.sort(key=lambda m: (m.verdict.applicable is False, m.says != wanted, -m.rule.right))
+    seen = smallest_visible(shown)
+    answer = STICKY if probability > LIKELY else UNSEEN if seen is None else SOUND if probability < EVEN else OPEN
+    helps: tuple[Remedy, ...] = ()
+    if help_wanted and answer != STICKY:
+        helps = remedies(behind, names, _invisible(shown, seen), behind.percent, record.S_unit, seed)
+    scaled = tuple(_in_units(c, behind.percent) for c in shown)
+    rows = [replace(m, power=tuple(_in_units(c, behind.percent) for c in m.power)) for m in rows]
+    return Trust(
+        over_time=over_time(record),
+        answer=answer, methods=tuple(rows), power=scaled, probability=probability,
+        twins=tuple((t.S, t.J) for t in twins), helps=helps,
+        smallest_visible=None if seen is None else (seen[0] * behind.percent, seen[1] * behind.percent),
+        notes=behind.notes, record=record, behind=behind,
+    )  # fmt: skip
+
+
+def _row(said: Verdict, rule: Rule, verdicts: list[Verdict], S: np.ndarray, J: np.ndarray) -> MethodTrust:
+    sticky = S > 0
+    # what is claimed of a method is claimed of its published rule, the one that gave the verdict
+    called = np.array([v.verdict == STICTION for v in verdicts])
+    ratio = likelihood_ratio(said.verdict, [v.verdict for v in verdicts], sticky)
+    return MethodTrust(said, rule, float(called[~sticky].mean()), tuple(cells_of(S, J, called)), ratio)
+
+
+def _invisible(cells: list[Cell], seen: tuple[float, float] | None) -> tuple[float, float]:
+    """Return the largest (S, J) with full slip-jump that does not show, in %; what would help must make it visible."""
+    full = [c for c in cells if c.J >= c.S]
+    below = [c for c in full if seen is None or c.S < seen[0]] or full[:1]
+    return below[-1].S, below[-1].J
+
+
+def _in_units(c: Cell, percent: float) -> Cell:
+    return c if percent == 1.0 else replace(c, S=c.S * percent, J=c.J * percent)
+
+
+def _without_twins(
+    record: LoopRecord, said: list[Verdict], why: str, behind: Around | None = None, probability: float | None = None
+) -> Trust:
+    rows = tuple(MethodTrust(v, Rule(v.method, None, 0.5), float("nan"), (), 1.0) for v in said)
+    answer = STICKY if (probability or 0.0) > LIKELY else OPEN
+    notes = () if behind is None else behind.notes
+    when = None if behind is None else over_time(record)
+    return Trust(answer, rows, None, (), probability, (), (), (why, *notes), record, behind, when)

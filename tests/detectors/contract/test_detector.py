@@ -1,0 +1,169 @@
+"""The contract every detector keeps: all built-ins keep it, and each way of breaking it is caught with one sentence."""
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from detectors.contract.detector import Contract, check_detector
+from detectors.contract.example_loop import CASES, example_record
+from detectors.contract.watch import watch
+from detectors.errors import RecordError
+from detectors.judge import judge
+from detectors.plugins.registry import methods
+from detectors.prepared import Prepared
+
+NAMES = methods.names()
+SOUND = '''"""Fullness of PV over that of OP."""
+
+import numpy as np
+
+from detectors.method import Method, Threshold
+from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
+
+METHOD = Method(
+    title="PV fuller than OP", source="a test", process=("self-regulating",), front_end=False, min_samples=3,
+    thresholds={"least": Threshold(0.02, "-", 0.0, 0.2, "a test", "above it: stiction")},
+)
+CALLS = []
+
+
+def fullness(x):
+    return float(np.abs(x).mean() / np.sqrt((x**2).mean()))
+
+
+def detect(prepared, *, least):
+    CALLS.append(None)
+    if not prepared.oscillation.sustained:
+        return Verdict("own", NO_DECISION, reason="no oscillation")
+    op, pv = prepared.clean("op"), prepared.clean("pv")
+    more = fullness(pv) - fullness(op)
+    return Verdict("own", STICTION if more > least else NO_STICTION, more, {"fuller": more}, reason=f"by {more:.3f}")
+'''
+BROKEN = [
+    # what is exchanged, for what, and the words of the sentence
+    ('reason="no oscillation"', 'reason=" "', "gives no reason for 'no_decision'"),
+    ('reason="no oscillation"', 'reason=""', "a verdict without a reason"),
+    ('return Verdict("own", NO_DECISION, reason="no oscillation")', "return None", "answers None"),
+    ('return Verdict("own", NO_DECISION, reason="no oscillation")', 'return "no stiction"', "answers 'no stiction'"),
+    ("more > least", "more > least and prepared.record.pv.std() > 0.5", "follows PV's unit: 'stiction' becomes 'no_stiction'"),
+    ("more > least", "more > least and prepared.record.op.std() < 20", "follows OP's unit: 'stiction' becomes 'no_stiction'"),
+    ("if not prepared.oscillation.sustained:", "if 1 / np.ptp(prepared.record.pv) < 0:", "about a dead record (constant"),
+    ("if not prepared.oscillation.sustained:", "if 1 / prepared.record.pv[50] < 0:", "raises IndexError"),
+    ("if not prepared.oscillation.sustained:", "if int(prepared.oscillation.period_s) < 0:", "(no period, self-regulating)"),
+    ("more = ", "op = prepared.record.op; op.flags.writeable = True; op += 1.0; more = ", "'op' is another after detect"),
+    ("more = ", "pv *= 1.1; more = ", "'clean pv' is another after detect"),
+    ("more = ", "prepared.record.pv[0] = 0.0; more = ", "writes into what it was given (assignment destination is read-only)"),
+    ('reason=f"by {more:.3f}"', 'reason=f"by {more:.3f}, call {len(CALLS)}"', "is not deterministic"),
+    ("more = fullness(pv)", "more = 1e-6 * np.random.random() + fullness(pv)", "is not deterministic"),
+    ("more = ", 'print("more"); more = ', "prints 'more'"),
+    ("more = ", "np.float64(0.0) / np.float64(0.0); more = ", "warns: RuntimeWarning"),
+    ('{"fuller": more}', '{"fuller": "much"}', "gives the indices {'fuller': 'much'}"),
+    ("NO_STICTION, more,", 'NO_STICTION, str(more),', "a number is needed"),
+    ("NO_STICTION, more,", "NO_STICTION, -more,", "must mean stickier"),
+    ("more > least", "more < least", "says 'no_stiction' on the record 'stiction'"),
+    ("more > least", "more > -1.0", "says 'stiction' on the record 'sine'"),
+    ("0.02, \"-\", 0.0, 0.2", "0.5, \"-\", 0.0, 0.2", "its default 0.5 lies outside its range 0.0 to 0.2"),
+    ("*, least)", "*, most=1.0)", "must take the prepared record and, by keyword, the thresholds of METHOD: least"),
+    ('process=("self-regulating",)', 'process=("flow",)', "METHOD.process = ('flow',), allowed: self-regulating, integrating"),
+    ('title="PV fuller than OP"', 'title=""', "METHOD.title is empty"),
+]  # fmt: skip
+
+
+@pytest.fixture
+def contract_of(tmp_path):
+    def check(text: str) -> Contract:
+        (tmp_path / "own.py").write_text(text)
+        name = methods.add_file(tmp_path / "own.py")
+        return check_detector(name)
+
+    yield check
+    methods.forget("own")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_detector_keeps_its_contract(name):
+    assert check_detector(name).broken == ()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_docstring_says_needs_rule_limits_and_source(name):
+    module = methods.load(name)
+    text = (module.__doc__ or "") + (module.detect.__doc__ or "")
+    for word in ("Needs", "Parameters", "Indices", "Rule", "Not for", "Source", ">>>"):
+        assert word in text, word
+
+
+def test_a_sound_detector_of_a_stranger_keeps_it(contract_of):
+    assert contract_of(SOUND) == Contract("detector", "own", ())
+
+
+@pytest.mark.parametrize(("old", "new", "words"), BROKEN, ids=[words for *_, words in BROKEN])
+def test_each_way_of_breaking_it_is_one_sentence(contract_of, old, new, words):
+    assert SOUND.count(old) == 1
+    found = contract_of(SOUND.replace(old, new))
+    assert any(words in sentence for sentence in found.broken), found.broken
+    assert not any("\n" in sentence for sentence in found.broken)
+
+
+def test_an_exempt_case_needs_its_reason(contract_of):
+    named = SOUND.replace("more > least", "more < least").replace("min_samples=3", 'min_samples=3, exempt={"stiction": "R"}')
+    assert contract_of(named).broken == ("METHOD.exempt: 'stiction' is left out without a reason",)
+
+
+def test_a_detector_asked_directly_refuses_a_dead_record_in_one_sentence():
+    dead = Prepared(example_record("constant", "self-regulating"))
+    with pytest.raises(RecordError, match="no period found in OP or PV"):
+        methods.load("horch").detect(dead, **methods.load("horch").METHOD.defaults())
+
+
+def test_watching_lets_nobody_else_hear_it(capsys):
+    found = watch(lambda: print("aloud") or 7)
+    assert (found.value, found.faults, capsys.readouterr().out) == (7, ["prints 'aloud'"], "")
+
+
+def pairs():
+    """Every method with every process type it was made for."""
+    return [(name, process) for name in NAMES for process in methods.load(name).METHOD.process]
+
+
+@pytest.mark.parametrize(("name", "process"), pairs())
+def test_no_unit_of_pv_changes_a_verdict(name, process):
+    fast = methods.load(name).METHOD.budget == "fast"
+    kept = [replace(example_record(case, process), mv=None) for case in ("stiction", "healthy", "sine")]
+    if methods.load(name).METHOD.needs_mv and process == "integrating":
+        kept = [example_record(case, process) for case in ("stiction", "healthy")]
+    expected = [judge(record, [name])[0].verdict for record in kept]
+
+    @settings(max_examples=8 if fast else 2, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+    @given(st.floats(0.01, 100.0), st.sampled_from([1.0, -1.0]), st.floats(-1e4, 1e4))
+    def holds(scale, sign, shift):
+        for record, verdict in zip(kept, expected, strict=True):
+            moved = replace(record, pv=sign * scale * record.pv + shift)
+            assert judge(moved, [name])[0].verdict == verdict
+
+    holds()
+
+
+@pytest.mark.parametrize(("name", "process"), pairs())
+def test_no_unit_of_op_changes_a_verdict(name, process):
+    fast = methods.load(name).METHOD.budget == "fast"
+    kept = [replace(example_record(case, process), op_span=(0.0, 100.0)) for case in ("stiction", "healthy", "sine")]
+    expected = [judge(record, [name])[0].verdict for record in kept]
+
+    @settings(max_examples=6 if fast else 2, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+    @given(st.floats(0.01, 100.0), st.floats(-1e3, 1e3))
+    def holds(scale, shift):
+        for record, verdict in zip(kept, expected, strict=True):
+            moved = replace(record, op=scale * record.op + shift, op_span=(shift, 100.0 * scale + shift))
+            assert judge(moved, [name])[0].verdict == verdict
+
+    holds()
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_example_records_are_what_they_are_called(case):
+    record = example_record(case, "self-regulating")
+    assert record.n == (20 if case == "short" else 2500 if case in ("stiction", "healthy") else 2000)
+    assert (record.op.std() == 0.0) == (case == "constant")

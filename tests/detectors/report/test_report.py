@@ -1,0 +1,157 @@
+"""Files in, verdicts out: one record, a folder, labels, plug-ins, and the command line's exit codes."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from detectors import __main__ as command
+from detectors.errors import ParameterError, UnknownName
+from detectors.report.report import Report, choose_methods, judge_files, score_units
+from detectors.verdict import Verdict
+
+KEYS = {"method", "verdict", "score", "indices", "S", "J", "S_unit", "applicable", "reason"}
+
+
+def save(record, file):
+    rows = np.column_stack([record.t, record.op, record.pv])
+    np.savetxt(file, rows, delimiter=",", header="t_s,op,pv", comments="", fmt="%.10g")
+    return file
+
+
+@pytest.fixture
+def folder(loop, tmp_path):
+    save(loop(n=2000, noise=0.05), tmp_path / "sticky.csv")
+    load = 3 * np.sin(2 * np.pi * np.arange(2000) / 60)
+    save(loop(S=0.0, J=0.0, load=load, noise=0.1, n=2000), tmp_path / "healthy.csv")
+    (tmp_path / "notes.txt").write_text("a,b\n1,2\n")
+    head = "id,label,type,dynamics,unit_group\n"
+    body = "sticky,stiction,flow,self_regulating,A\nhealthy,no_stiction,flow,self_regulating,B\n"
+    (tmp_path / "labels.csv").write_text(head + body)
+    return tmp_path
+
+
+def test_single_file_gives_one_object_per_method_with_the_agreed_keys(folder):
+    report = judge_files(folder / "sticky.csv", ["horch,he"], kind="flow", process="self-regulating")
+    data = json.loads(json.dumps(report.as_json(), allow_nan=False))
+    assert [d["method"] for d in data] == ["horch", "he"]
+    assert all(set(d) == KEYS for d in data)
+
+
+def test_folder_adds_the_record_and_names_what_it_left_out(folder):
+    report = judge_files(folder, ["he"])
+    assert [d["record"] for d in report.as_json()] == ["healthy", "sticky"]
+    assert set(report.refused) == {"labels", "notes"}
+    assert report.scores == []
+
+
+def test_labels_pick_the_records_give_their_kind_and_score(folder):
+    report = judge_files(folder, ["he", "hammerstein"], labels=folder / "labels.csv")
+    by_method = {row["method"]: row for row in report.scores}
+    assert by_method["hammerstein"] == {
+        "method": "hammerstein", "n_stiction": 1, "found": 1, "n_other": 1, "false_alarms": 0, "undecided": 0,
+        "not_applicable": 0, "auc": 1.0,
+    }  # fmt: skip
+    assert all("unknown" not in v.reason for _, v in report.verdicts)
+    assert "n_stiction" in report.as_text()
+
+
+def test_command_line_knows_what_it_is_told(folder):
+    report = judge_files(folder / "sticky.csv", ["he"], process="integrating")
+    assert "PV is" in report.verdicts[0][1].reason
+
+
+def test_sets_of_methods():
+    everything, fast = choose_methods(["all"]), choose_methods(["fast"])
+    assert everything == choose_methods(["full"])
+    assert set(everything) - set(fast) == {"horch_isaksson", "stenman", "surrogate"}
+    with pytest.raises(UnknownName, match="did you mean 'horch'"):
+        choose_methods(["horhc"])
+
+
+def test_a_unit_that_a_method_is_not_made_for_is_not_undecided(folder):
+    horch = judge_files(folder, ["horch"], labels=folder / "labels.csv", process="integrating").scores[0]
+    assert (horch["n_stiction"], horch["n_other"], horch["undecided"], horch["not_applicable"]) == (0, 0, 0, 2)
+
+
+def test_units_count_once_and_undecided_records_do_not_vote():
+    def one(verdict, score):
+        return Verdict("m", verdict, score, reason="-")
+
+    verdicts = [
+        ("a1", one("stiction", 2.0)), ("a2", one("no_decision", 0.0)), ("a3", one("no_decision", 0.0)),
+        ("b1", one("no_stiction", -1.0)), ("b2", one("stiction", 1.0)), ("c", one("no_decision", 0.5)),
+        ("d", one("stiction", 9.0)),
+    ]  # fmt: skip
+    truth = {"a": ("stiction", "A"), "b": ("tuning", "B"), "c": ("no_stiction", "C"), "d": ("unknown", "D")}
+    labels = {name: dict(zip(("label", "unit_group"), truth[name[0]], strict=True)) for name, _ in verdicts}
+    row = score_units(verdicts, labels)[0]
+    assert (row["n_stiction"], row["found"], row["n_other"], row["false_alarms"], row["undecided"]) == (1, 1, 2, 0, 1)
+    assert row["auc"] == pytest.approx(0.25)
+
+
+def test_a_loop_that_does_not_oscillate_counts_in_the_area_below_every_score():
+    scores = {"a": -math.inf, "b": 0.3, "c": -math.inf, "d": -math.inf, "e": 0.1, "f": math.nan}
+    verdicts = [(name, Verdict("m", "no_stiction", score, reason="-")) for name, score in scores.items()]
+    labels = {name: {"label": "stiction" if name in "ab" else "tuning", "unit_group": name} for name in scores}
+    # a against c, d, e: 1/2, 1/2, 0; b against them: 1, 1, 1; f has no score at all
+    assert score_units(verdicts, labels)[0]["auc"] == pytest.approx(4 / 6)
+
+
+def test_labels_without_a_folder_are_refused(folder):
+    with pytest.raises(ParameterError, match="labels score a folder"):
+        judge_files(folder / "sticky.csv", ["he"], labels=folder / "labels.csv")
+
+
+PLUGIN = '''"""Judge nothing."""
+from detectors.method import Method
+from detectors.verdict import Verdict
+METHOD = Method(title="coin", source="nobody")
+def detect(prepared):
+    return Verdict("coin", "no_decision", reason="heads or tails")
+'''
+
+
+def test_plugin_file_is_judged_beside_the_others(folder, tmp_path):
+    (tmp_path / "coin_of_mine.py").write_text(PLUGIN)
+    report = judge_files(folder / "sticky.csv", ["he"], plugins=[tmp_path / "coin_of_mine.py"])
+    assert [v.method for _, v in report.verdicts] == ["he", "coin_of_mine"]
+
+
+def test_command_prints_json_and_nothing_else(folder, capsys):
+    assert command.main([str(folder), "--method", "he", "--labels", str(folder / "labels.csv"), "--json"]) == 0
+    out, err = capsys.readouterr()
+    assert len(json.loads(out)) == 2
+    assert "score by unit" in err
+
+
+def test_command_prints_lines_for_people(folder, capsys):
+    assert command.main([str(folder / "sticky.csv"), "--method", "hammerstein", "--process", "self-regulating"]) == 0
+    out = capsys.readouterr().out
+    assert out.splitlines()[1] == "hammerstein says stiction"
+    assert "S (% of travel)" in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["nowhere.csv"], "does not exist"),
+        (["{}/sticky.csv", "--method", "hoch"], "did you mean"),
+        (["{}/sticky.csv", "--op-span", "5", "1"], "lo < hi"),
+        (["{}/sticky.csv", "--kind", "flwo"], "did you mean 'flow'"),
+        (["{}/sticky.csv", "--plugin", "nofile.py"], "does not exist"),
+    ],
+)
+def test_user_errors_are_one_sentence_and_exit_code_2(folder, capsys, arguments, sentence):
+    assert command.main([a.format(folder) for a in arguments]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert sentence in err
+    assert err.count("\n") == 1
+
+
+def test_level_is_a_number_or_an_interval_in_the_text():
+    shown = Report([(None, Verdict("m", "stiction", S=1.5, J=(0.0, 1.0), reason="so"))]).as_text().splitlines()
+    assert shown[2].split() == ["method", "verdict", "score", "S", "(%", "of", "travel)", "J", "made", "for", "this", "loop"]
+    assert shown[3].split() == ["m", "stiction", "1.5", "0", "to", "1", "yes"]

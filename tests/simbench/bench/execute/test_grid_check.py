@@ -1,0 +1,90 @@
+"""Before a run: the size said is the size it gets, and what nobody means by mistake is refused."""
+
+import numpy as np
+import pytest
+
+from scenarios.grid import make_grid
+from simbench.bench.execute.grid_check import MOST, GridSize, refuse_too_large, size_of
+from simbench.bench.scenario.resolve import resolve
+from simbench.bench.store.manifest import RunError
+
+
+def test_the_size_said_is_that_of_the_cells(small):
+    said = size_of(small, 2, 0)
+    cells = [s for index in range(small.group_count) for s in resolve(small.group(index))]
+    assert said.scenarios == len(cells) == small.group_count * 2  # members
+    assert said.samples == pytest.approx(sum(s.loop.sampling.n for s in cells), rel=0.5)
+
+
+def test_a_loop_of_its_own_says_its_length():
+    table = {
+        "title": "one",
+        "seed": 1,
+        "repeats": 3,
+        "loop": {
+            "plant": {"type": "foptd", "K": 1.0, "T": 5.0, "Td": 1.0},
+            "controller": {"type": "PI", "Kc": 0.5, "Ti": 5.0},
+            "sampling": {"Ts": 0.5, "n": 700},
+        },
+    }
+    assert size_of(make_grid(table, "one"), 1, 0).samples == 3 * 700
+    del table["loop"]["sampling"]["n"]
+    assert size_of(make_grid(table, "one"), 1, 0).samples == 3 * 4000
+
+
+def test_every_method_adds_its_rows_and_a_slow_one_its_time(small):
+    none, fast, slow, both = (size_of(small, *m) for m in ((0, 0), (1, 0), (0, 1), (2, 3)))
+    assert fast.bytes == slow.bytes > none.bytes
+    assert slow.seconds - none.seconds > 10 * (fast.seconds - none.seconds) > 0
+    row = fast.bytes - none.bytes
+    assert both.bytes == pytest.approx(none.bytes + 5 * row)
+    cost = 2 * (fast.seconds - none.seconds) + 3 * (slow.seconds - none.seconds)
+    assert both.seconds == pytest.approx(none.seconds + cost)
+
+
+def test_the_time_said_is_that_of_a_run_within_a_factor(small):
+    # the chapter with the fast methods takes about two minutes of one core, and some ten MB
+    from scenarios.grid import load_grid
+
+    chapter = size_of(load_grid("chapter"), 12, 0)
+    assert 40 < chapter.seconds < 400
+    assert 2e6 < chapter.bytes < 40e6
+
+
+@pytest.mark.parametrize("large", [False, True])
+def test_a_run_that_must_be_asked_for(large):
+    refuse_too_large(GridSize(1, MOST, 1.0, 1.0, 1.0), "grid", large)
+    more = GridSize(1, MOST + 1, 1.0, 1.0, 1.0)
+    if large:
+        refuse_too_large(more, "grid", large)
+    else:
+        with pytest.raises(RunError, match=r"1000001 scenarios.*--large"):
+            refuse_too_large(more, "grid", large)
+
+
+def test_the_size_reads_in_usual_units():
+    said = str(GridSize(3, 12, 4.2e7, 5.5e6, 90.0))
+    assert said == "3 cells, 12 scenarios, about 4.2e+07 samples, 5.5 MB and 1.5 minutes of one core"
+
+
+def test_a_number_that_waits_for_its_scale_must_have_the_right_sign():
+    from simbench.bench.execute.grid_check import refuse_wrong_parts
+
+    table = {
+        "title": "scaled",
+        "seed": 1,
+        "valves": {"lag": {"parameters": {"T": -0.1}, "scale": {"T": "period"}}},
+        "draw": {"K": 1.0, "T": 10.0, "S": 3.0, "samples_per_period": 20, "periods": 18, "step": 0.8},
+        "block": [
+            {
+                "name": "a",
+                "axes": {"Td_over_T": [0.3], "S_over_2J": [0.5], "noise_ratio": [0.1], "disturbance": ["none"]},
+                "member": [{"name": "sticky", "valve": ["choudhury", "lag"]}],
+            }
+        ],
+    }
+    with pytest.raises(Exception, match=r"T = -0\.1; it must not be below 0"):
+        refuse_wrong_parts(make_grid(table, "scaled"))
+    table["valves"]["lag"]["parameters"]["T"] = 0.05
+    refuse_wrong_parts(make_grid(table, "scaled"))
+    assert np.isfinite(size_of(make_grid(table, "scaled"), 1, 1).seconds)

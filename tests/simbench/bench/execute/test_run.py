@@ -1,0 +1,608 @@
+"""Runs: the same bits however they are worked through, nothing finished is lost, nothing different is mixed."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+from joblib import Parallel, delayed
+
+from detectors.errors import UserError
+from detectors.judge import judge
+from scenarios.grid import make_grid
+from simbench.bench.execute import pieces, workers
+from simbench.bench.execute import plugin_host as guests
+from simbench.bench.execute import run as run_module
+from simbench.bench.execute.run import Interrupted, run_grid
+from simbench.bench.execute.work import record_hash
+from simbench.bench.store import manifest as manifest_module
+from simbench.bench.store import reading as store
+from simbench.bench.store.checksums import digest
+from simbench.bench.store.manifest import RunError, read_manifest
+from simbench.bench.store.reading import Book, read_scenario
+from simbench.files import FileError
+from simbench.loop.batch import simulate_batch
+from simbench.loop.simulate import simulate
+from tests.simbench.bench.conftest import SMALL
+
+METHODS = ["he", "yamashita"]
+
+
+def tables(folder):
+    verdicts = pd.read_parquet(folder / "verdicts.parquet").drop(columns="runtime_s")
+    return verdicts, pd.read_parquet(folder / "scenarios.parquet")
+
+
+def assert_same(a, b):
+    for x, y in zip(tables(a), tables(b)):
+        pd.testing.assert_frame_equal(x, y, check_exact=True)
+
+
+def plugin(tmp_path, body):
+    """A detector file whose `detect` runs `body` first."""
+    file = tmp_path / "mine.py"
+    file.write_text(
+        "import os, pathlib, signal\n"
+        "from detectors.method import Method\nfrom detectors.verdict import Verdict\n"
+        'METHOD = Method(title="mine", source="own", front_end=False)\n'
+        "def detect(prepared):\n"
+        + textwrap.indent(textwrap.dedent(body), "    ")
+        + '\n    return Verdict("mine", "no_decision", reason="nothing to say")\n'
+    )
+    return file
+
+
+def test_both_tables_are_keyed_by_scenario_and_method(finished):
+    verdicts, scenarios = tables(finished)
+    assert len(scenarios) == 32
+    assert scenarios.scenario_id.is_unique
+    assert not verdicts.duplicated(["scenario_id", "method"]).any()
+    assert set(verdicts.scenario_id) == set(scenarios.scenario_id)
+    assert sorted(f.name for f in finished.iterdir()) == [
+        "manifest.json",
+        "scenarios.parquet",
+        "scores.csv",
+        "scores_by_axis.csv",
+        "verdicts.parquet",
+    ]
+
+
+def test_two_workers_give_the_same_bits_as_one(small, finished, tmp_path):
+    assert_same(run_grid(small, tmp_path / "two", METHODS, 2), finished)
+
+
+def test_joblib_finds_its_own_processes_after_a_run(small, tmp_path):
+    """As `simbench report` after `simbench run` in one process."""
+    run_grid(small, tmp_path / "run", METHODS, 2)
+    assert Parallel(2)(delayed(abs)(-i) for i in range(3)) == [0, 1, 2]
+
+
+def test_one_file_a_table_reads_like_a_folder_of_partitions(finished, tmp_path):
+    """As runs were written before, and as a baseline still is."""
+    single = tmp_path / "single"
+    single.mkdir()
+    digests = {}
+    for kind in ("scenarios", "verdicts"):
+        pq.write_table(pq.read_table(finished / f"{kind}.parquet"), single / f"{kind}.parquet")
+        digests[kind] = digest((single / f"{kind}.parquet").read_bytes())
+    manifest_module.write_manifest(single, {**read_manifest(finished), "tables": digests})
+    one, other = Book.read(finished), Book.read(single)
+    for name in (
+        "ids",
+        "hashes",
+        "places",
+        "oscillating",
+        "verdict",
+        "verdict_raw",
+        "score",
+        "score_raw",
+        "applicable",
+        "failed",
+    ):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    for a, b in ((one.axes, other.axes), (one.truth, other.truth)):
+        assert a.keys() == b.keys()
+        for name in a:
+            np.testing.assert_array_equal(a[name], b[name])
+
+
+def test_a_book_holds_what_the_tables_say(finished):
+    verdicts, scenarios = tables(finished)
+    book = Book.read(finished)
+    assert book.ids.astype(str).tolist() == scenarios.scenario_id.tolist()
+    assert book.hashes.astype(str).tolist() == scenarios.record_hash.tolist()
+    assert book.oscillating.tolist() == scenarios.oscillating.tolist()
+    for name in ("block", "disturbance"):
+        assert book.axes[name].tolist() == scenarios[name].fillna("").tolist()
+    np.testing.assert_array_equal(book.axes["noise_ratio"], scenarios.noise_ratio)
+    assert book.truth["cycled"].tolist() == scenarios.cycled.map({"yes": 1, "no": 0}).fillna(-1).tolist()
+    wide = verdicts.pivot(index="scenario_id", columns="method").loc[scenarios.scenario_id]
+    for i, method in enumerate(book.methods):
+        assert [list(store.CODES)[c] for c in book.verdict[i]] == wide["verdict"][method].tolist()
+        np.testing.assert_array_equal(book.score_raw[i], wide["score_raw"][method])
+
+
+def test_dask_gives_the_same_bits(small, finished, tmp_path):
+    distributed = pytest.importorskip("distributed")
+    settings = {"n_workers": 1, "threads_per_worker": 2, "processes": False, "dashboard_address": "127.0.0.1:0"}
+    with distributed.LocalCluster(**settings) as cluster:
+        run = run_grid(small, tmp_path / "dask", METHODS, backend="dask", address=cluster.scheduler_address)
+    assert_same(run, finished)
+
+
+class RayOfThreads:
+    """What `on_ray` asks of ray, by threads of this process: runs where ray is not installed."""
+
+    class exceptions:
+        RayError = type("RayError", (Exception,), {})
+        RayTaskError = type("RayTaskError", (RayError,), {})
+        WorkerCrashedError = type("WorkerCrashedError", (RayError,), {})
+
+    def __init__(self, fault: Exception | None = None):
+        self.fault, self.asked, self.open = fault, {}, False
+
+    def init(self, **asked):
+        if asked.get("address"):
+            raise ConnectionError("nobody is there\nand more lines")
+        self.asked, self.open, self.pool = asked, True, ThreadPoolExecutor(1)
+
+    def shutdown(self):
+        self.open = False
+        self.pool.shutdown()
+
+    def remote(self, function):
+        def work(*piece):
+            if self.fault is not None:
+                raise self.fault
+            return function(*piece)
+
+        return SimpleNamespace(remote=lambda *piece: SimpleNamespace(future=lambda: self.pool.submit(work, *piece)))
+
+
+def test_ray_gives_the_same_bits(small, finished, tmp_path, monkeypatch):
+    ray = RayOfThreads()
+    monkeypatch.setitem(sys.modules, "ray", ray)
+    assert_same(run_grid(small, tmp_path / "ray", METHODS, backend="ray"), finished)
+    assert ray.asked["num_cpus"] == 1
+    assert ray.asked["runtime_env"]["env_vars"]["OMP_NUM_THREADS"] == "1"
+    assert not ray.open
+
+
+@pytest.mark.parametrize(
+    ("address", "kind", "words"),
+    [
+        ("127.0.0.1:1", None, "no ray cluster answers at 127.0.0.1:1: .*refused; its HOST:PORT is needed"),
+        ("here", None, "no ray cluster answers at here: .*; its HOST:PORT is needed"),
+        ("auto", None, "no ray cluster answers at auto: nobody is there; its HOST:PORT is needed"),
+        (None, "RayError", "ray gave up: lost"),
+        (None, "WorkerCrashedError", "worker processes keep dying"),
+    ],
+)
+def test_a_ray_that_fails_ends_the_run_in_one_sentence(small, tmp_path, monkeypatch, address, kind, words):
+    fault = None if kind is None else getattr(RayOfThreads.exceptions, kind)("lost\nand more lines")
+    monkeypatch.setitem(sys.modules, "ray", RayOfThreads(fault))
+    with pytest.raises(RunError, match=words):
+        run_grid(small, tmp_path / "ray", ["he"], backend="ray", address=address)
+
+
+def test_without_ray_it_is_said_what_to_install(small, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(RunError, match=r"backend ray needs the package ray; install stiction-simbench\[ray\]"):
+        run_grid(small, tmp_path / "ray", ["he"], backend="ray")
+
+
+def test_verdicts_are_those_of_judge_with_and_without_front_end(finished):
+    verdicts, scenarios = tables(finished)
+    assert not scenarios.oscillating.all()
+    for ident in scenarios.scenario_id:
+        scenario = read_scenario(finished, ident)
+        record = simulate(scenario.loop, scenario.seed).record
+        rows = verdicts[verdicts.scenario_id == ident].set_index("method")
+        for front, raw in zip(judge(record, METHODS), judge(record, METHODS, raw=True)):
+            row = rows.loc[front.method]
+            assert (row.verdict, row.verdict_raw) == (front.verdict, raw.verdict)
+            assert row.reason == front.reason
+            assert np.array_equal([row.score, row.score_raw], [front.score, raw.score], equal_nan=True)
+
+
+def test_a_record_is_simulated_again_from_its_id(finished):
+    _, scenarios = tables(finished)
+    for row in scenarios.iloc[::5].itertuples():
+        scenario = read_scenario(finished, row.scenario_id)
+        assert scenario.id == row.scenario_id
+        assert record_hash(simulate(scenario.loop, scenario.seed).record) == row.record_hash
+
+
+def test_a_batch_of_a_runs_loops_has_the_bits_of_the_run(finished):
+    """A run simulates one loop after the other, and would find the same with many at once."""
+    ids = tables(finished)[1].set_index("scenario_id").record_hash
+    scenarios = [read_scenario(finished, ident) for ident in ids.index]
+    batch = simulate_batch([s.loop for s in scenarios], [s.seed for s in scenarios])
+    assert [record_hash(run.record) for run in batch] == list(ids)
+
+
+def test_an_unknown_id_names_the_run(finished):
+    with pytest.raises(RunError, match="no scenario 'nonsense'"):
+        read_scenario(finished, "nonsense")
+
+
+def test_a_detector_that_raises_is_a_row_with_its_error(small, tmp_path):
+    file = plugin(tmp_path, 'raise ZeroDivisionError("by design")')
+    run = run_grid(small, tmp_path / "run", ["he"], plugins=[file])
+    verdicts, _ = tables(run)
+    mine, others = verdicts[verdicts.method == "mine"], verdicts[verdicts.method == "he"]
+    assert set(mine.verdict) == {"no_decision"}
+    assert mine.error.str.contains("ZeroDivisionError: by design").all()
+    assert others.error.isna().all()
+    assert read_manifest(run)["counts"]["errors"] == len(mine)
+
+
+def child(tmp_path, jobs, file, sigint="default_int_handler"):
+    """Run the small grid in a process of its own; what Ctrl-C does there is not inherited."""
+    code = f"""
+        import signal
+        import sys
+        from simbench.bench.execute.run import Interrupted, run_grid
+        from scenarios.grid import make_grid
+        sys.path.insert(0, {str(os.path.dirname(__file__))!r})
+        from conftest import SMALL
+        if __name__ == "__main__":
+            signal.signal(signal.SIGINT, signal.{sigint})
+            try:
+                run_grid(make_grid(SMALL, "small", {{"repeats": 2}}), {str(tmp_path / "run")!r}, ["he"], {jobs},
+                         plugins=[{str(file)!r}], resume=True)
+            except Interrupted as stop:
+                print(stop)
+                sys.exit(130)
+    """
+    script = tmp_path / "child.py"
+    script.write_text(textwrap.dedent(code))
+    return subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def killing(tmp_path, how):
+    """A detector that kills its process at the 20th record, once."""
+    return plugin(
+        tmp_path,
+        f"""
+        seen = pathlib.Path({str(tmp_path)!r}) / "seen"
+        with seen.open("a") as f:
+            f.write("x")
+        if seen.stat().st_size == 20:
+            os.kill({how}, signal.SIGKILL)
+        """,
+    )
+
+
+def test_a_killed_run_is_resumed_without_repeating_or_losing_anything(small, tmp_path):
+    file = killing(tmp_path, "os.getppid()")
+    process = child(tmp_path, 1, file)
+    process.communicate(timeout=120)
+    assert process.returncode == -signal.SIGKILL
+    run = tmp_path / "run"
+    whole = {f.name: f.stat().st_mtime_ns for f in (run / "receipts").glob("*.json")}
+    assert 0 < len(whole) < 8
+    run_grid(small, run, ["he"], plugins=[file], resume=True)
+    judged = (tmp_path / "seen").stat().st_size
+    pieces = 32 - 4 * len(whole)
+    assert judged == 20 + pieces  # the pieces that were whole were not judged again
+    undisturbed = run_grid(small, tmp_path / "other", ["he"], plugins=[file])
+    assert_same(run, undisturbed)
+
+
+def test_a_worker_that_dies_is_replaced(small, tmp_path):
+    file = killing(tmp_path, "os.getppid()")
+    process = child(tmp_path, 2, file)
+    _, err = process.communicate(timeout=120)
+    assert process.returncode == 0, err
+    assert_same(tmp_path / "run", run_grid(small, tmp_path / "other", ["he"], plugins=[file]))
+
+
+def test_workers_that_keep_dying_end_the_run_with_advice(small, tmp_path, monkeypatch):
+    class BrokenProcessPool(Exception):
+        pass
+
+    tries = []
+
+    def dying(*_):
+        tries.append(1)
+        raise BrokenProcessPool("a worker was killed")
+
+    monkeypatch.setattr(run_module, "work", dying)
+    with pytest.raises(RunError, match=r"keep dying .*--resume"):
+        run_grid(small, tmp_path / "run", ["he"])
+    assert len(tries) == run_module.LIVES
+
+
+def interrupt(process, tmp_path, sent):
+    """Stop a run once a piece of it is whole; return what it printed and the seconds it took to end."""
+    deadline = time.monotonic() + 60
+    while not list((tmp_path / "run" / "receipts").glob("*.json")):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    since = time.monotonic()
+    process.send_signal(sent)
+    out, err = process.communicate(timeout=30)
+    return out, err, time.monotonic() - since
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_ctrl_c_ends_within_two_seconds_and_says_how_to_resume(tmp_path, jobs):
+    process = child(tmp_path, jobs, plugin(tmp_path, "import time; time.sleep(0.3)"))
+    out, err, took = interrupt(process, tmp_path, signal.SIGINT)
+    assert process.returncode == 130, err
+    assert "continue with --resume" in out
+    assert "Traceback" not in err
+    # the bar is 2 s on a free machine; here others may be at work
+    assert took < 4.0
+
+
+def test_sigterm_ends_a_background_job_whose_shell_ignores_ctrl_c(tmp_path):
+    process = child(tmp_path, 1, plugin(tmp_path, "import time; time.sleep(0.3)"), sigint="SIG_IGN")
+    out, err, _ = interrupt(process, tmp_path, signal.SIGTERM)
+    assert process.returncode == 130, err
+    assert "continue with --resume" in out
+
+
+def test_a_full_disk_keeps_what_is_whole_and_says_how_to_go_on(small, finished, tmp_path, monkeypatch):
+    write, left = pieces.write_piece, [3]
+
+    def full(where, piece, key):
+        if not left[0]:
+            raise FileError("verdicts.parquet cannot be written: no space left on device")
+        left[0] -= 1
+        return write(where, piece, key)
+
+    monkeypatch.setattr(pieces, "write_piece", full)
+    with pytest.raises(RunError, match=r"no space left on device; 3 pieces are whole .* continue with --resume"):
+        run_grid(small, tmp_path / "run", METHODS)
+    monkeypatch.undo()
+    assert_same(run_grid(small, tmp_path / "run", METHODS, resume=True), finished)
+
+
+def test_a_torn_piece_is_done_again(small, finished, tmp_path):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pieces, "finish", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+        with pytest.raises(Interrupted):
+            run_grid(small, tmp_path / "run", METHODS)
+    torn = tmp_path / "run" / "verdicts.parquet" / "00000002.parquet"
+    torn.write_bytes(torn.read_bytes()[:100])
+    parts = tmp_path / "run" / "scenarios.parquet"
+    shutil.copy(parts / "00000003.parquet", parts / "00000004.parquet")
+    assert_same(run_grid(small, tmp_path / "run", METHODS, resume=True), finished)
+
+
+def test_resuming_a_finished_run_changes_nothing(small, finished):
+    before = {f.name: f.stat().st_mtime_ns for f in finished.iterdir()}
+    run_grid(small, finished, METHODS, resume=True)
+    assert before == {f.name: f.stat().st_mtime_ns for f in finished.iterdir()}
+
+
+def test_resume_on_an_absent_or_empty_folder_starts_afresh(small, finished, tmp_path):
+    (tmp_path / "empty").mkdir()
+    assert_same(run_grid(small, tmp_path / "empty", METHODS, resume=True), finished)
+
+
+def test_a_run_is_not_written_over(small, finished):
+    with pytest.raises(RunError, match="already holds a run"):
+        run_grid(small, finished, METHODS)
+
+
+def test_a_folder_with_something_else_in_it_is_left_alone(small, tmp_path):
+    (tmp_path / "letter.txt").write_text("dear")
+    with pytest.raises(RunError, match="not empty"):
+        run_grid(small, tmp_path, METHODS, resume=True)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"grid": {"noise_ratio": 0.2}}, "the grid differs"),
+        ({"methods": ["he"]}, "methods differs: yamashita"),
+        ({"thresholds": {"he": {"eta_high": 0.7}}}, "thresholds differs"),
+        ({"code": "0" * 16}, "the code differs"),
+        ({"numpy": "1.0"}, "versions differs: numpy was 1.0"),
+    ],
+)
+def test_a_run_that_differs_is_not_mixed_with_the_old_one(small, finished, tmp_path, change, words, monkeypatch):
+    run = tmp_path / "run"
+    shutil.copytree(finished, run)
+    content = read_manifest(run)
+    if "numpy" in change:
+        content["versions"]["numpy"] = change["numpy"]
+    if "code" in change:
+        monkeypatch.setattr(manifest_module, "code_hash", lambda: change["code"])
+    manifest_module.write_manifest(run, {**content, "complete": False})
+    grid = make_grid(small.content.model_dump(), "small", change.get("grid"))
+    with pytest.raises(RunError, match=words):
+        run_grid(grid, run, change.get("methods", METHODS), thresholds=change.get("thresholds"), resume=True)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [('{"format": 0}', "format version 0"), ("{", "damaged"), ("[]", "damaged"), ('{"other": 1}', "damaged")],
+)
+def test_an_older_or_damaged_folder_is_refused_with_a_sentence(tmp_path, text, words):
+    (tmp_path / "manifest.json").write_text(text)
+    with pytest.raises(RunError, match=words):
+        Book.read(tmp_path)
+
+
+def test_tables_that_do_not_belong_together_are_refused(finished, tmp_path):
+    shutil.copytree(finished, tmp_path / "run")
+    file = tmp_path / "run" / "verdicts.parquet" / "00000000.parquet"
+    pd.read_parquet(file).iloc[::-1].to_parquet(file, index=False)
+    with pytest.raises(RunError, match="not the table"):
+        Book.read(tmp_path / "run")
+
+
+def test_an_unfinished_run_is_not_scored(small, tmp_path):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pieces, "finish", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+        with pytest.raises(Interrupted, match="8 pieces are whole"):
+            run_grid(small, tmp_path / "run", ["yamashita"])
+    with pytest.raises(RunError, match="not finished"):
+        Book.read(tmp_path / "run")
+
+
+@pytest.mark.parametrize("step", ["score_book", "remove"])
+def test_a_kill_between_the_last_steps_is_tidied_up(small, finished, tmp_path, step):
+    run = tmp_path / "run"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            pieces if step == "score_book" else pieces.Place, step, lambda *_: (_ for _ in ()).throw(KeyboardInterrupt)
+        )
+        with pytest.raises(Interrupted, match="8 pieces are whole"):
+            run_grid(small, run, METHODS)
+    run_grid(small, run, METHODS, resume=True)
+    assert sorted(f.name for f in run.iterdir()) == sorted(f.name for f in finished.iterdir())
+    assert_same(run, finished)
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"backend": "dusk"}, "did you mean 'dask'"),
+        ({"backend": "dask"}, "needs --address"),
+        ({"backend": "dask", "address": "tcp://127.0.0.1:1"}, "no dask scheduler"),
+        ({"methods": ["hee"]}, "he"),
+        ({"until_width": 2.0}, "between 0 and 1"),
+        ({"thresholds": {"he": {"eta_hihg": 1}}}, "eta_high"),
+        ({"thresholds": {"yamashita": {"rho3_min": 1}}}, "not among the methods"),
+        ({"plugins": ["absent.py"]}, "does not exist"),
+    ],
+)
+def test_wrong_settings_are_one_sentence(small, tmp_path, settings, words, monkeypatch):
+    monkeypatch.setattr(workers, "PATIENCE", 1)
+    methods = settings.pop("methods", ["he"])
+    with pytest.raises(UserError, match=words) as error:
+        run_grid(small, tmp_path / "run", methods, **settings)
+    assert "\n" not in str(error.value)
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_loop_that_cannot_be_simulated_is_refused_before_a_folder_is_made(tmp_path):
+    loop = {
+        "plant": {"type": "foptd", "K": 1, "T": 10},
+        "controller": {"type": "PI", "Kc": 1, "Ti": 10},
+        "valve": {"model": "choudhury", "S": 5, "J": 2},
+        "sampling": {"Ts": 1, "n": 300},
+    }
+    for axes, words in (({"valve.S": [5, -1]}, "S = -1"), ({"valve.Q": [1]}, "'Q'"), ({"valve.model": ["nono"]}, "nono")):
+        with pytest.raises((UserError, ValueError), match=words):
+            run_grid(make_grid({"title": "t", "loop": loop, "axes": axes}), tmp_path / "run", ["he"])
+    assert not (tmp_path / "run").exists()
+
+
+def test_nothing_is_printed_where_stderr_is_no_terminal(small, tmp_path, capfd):
+    run_grid(small, tmp_path / "run", ["yamashita"])
+    out, err = capfd.readouterr()
+    assert (out, err) == ("", "")
+
+
+def test_a_theory_that_fails_leaves_its_columns_empty_and_the_record_judged(small, finished, tmp_path, monkeypatch):
+    def broken(loop, **_):
+        raise ZeroDivisionError("by design")
+
+    monkeypatch.setattr(guests, "truth_columns", broken)
+    guests._theory.cache_clear()
+    verdicts, scenarios = tables(run_grid(small, tmp_path / "run", METHODS, 1))
+    guests._theory.cache_clear()
+    assert scenarios[["predicted", "refined", "theory", "theory_period", "theory_amplitude", "error"]].isna().all(axis=None)
+    assert set(scenarios.theory_reason) == {"ZeroDivisionError: by design"}
+    sound_verdicts, sound = tables(finished)
+    pd.testing.assert_frame_equal(verdicts, sound_verdicts, check_exact=True)
+    assert list(scenarios.record_hash) == list(sound.record_hash)
+    assert list(scenarios.cycled) == list(sound.cycled)
+
+
+def test_what_theory_does_not_describe_is_simulated_judged_and_has_its_reason(tmp_path):
+    """As the healthy loops of grid families whose sensor lags."""
+    table = SMALL | {"draw": SMALL["draw"] | {"effect": "sensor_lag"}}
+    table["effects"] = {"sensor_lag": {"parameters": {"tau": [0.01, 0.05]}, "scale": {"tau": "period"}}}
+    table["valves"] = {"lag": {"parameters": {"T": [0.01, 0.05]}, "scale": {"T": "period"}}}
+    table["block"] = [SMALL["block"][0] | {"member": [{"name": "healthy", "valve": "lag"}]}]
+    verdicts, scenarios = tables(run_grid(make_grid(table, "lagging"), tmp_path / "run", ["he"], 1))
+    assert scenarios.error.isna().all()
+    assert scenarios.theory.isna().all()
+    assert scenarios.theory_reason.str.contains(r"valve 'lag' has no \(S, J\).*; the sensor has a lag").all()
+    assert not verdicts.reason.fillna("").str.startswith("failed").any()
+
+
+def test_the_bar_shows_rate_remaining_time_and_failures_when_asked(small, tmp_path, capfd):
+    run_grid(small, tmp_path / "run", ["yamashita"], progress=True)
+    err = capfd.readouterr().err
+    assert "32/32" in err
+    assert "scenarios/s" in err
+    assert "failures=0" in err
+
+
+def test_a_sample_of_the_records_is_kept(small, tmp_path):
+    run = run_grid(small, tmp_path / "run", ["yamashita"], keep=1)
+    kept = sorted((run / "records").glob("*.csv"))
+    assert len(kept) == 8
+    scenario = read_scenario(run, kept[0].stem)
+    record = simulate(scenario.loop, scenario.seed).record
+    assert np.array_equal(pd.read_csv(kept[0]).pv, record.pv)
+
+
+def test_the_manifest_says_what_was_run(finished):
+    content = read_manifest(finished)
+    assert content["complete"]
+    assert content["counts"] == {"scenarios": 32, "verdicts": 64, "errors": 0}
+    assert set(content["methods"]) == set(METHODS)
+    assert {"grid_hash", "seed", "records_hash", "versions", "code", "commit", "command", "times"} <= set(content)
+
+
+def test_adaptive_runs_add_seeds_only_where_accuracy_is_vague(small, tmp_path):
+    once = make_grid(small.content.model_dump(), "small", {"repeats": 1})
+    run = run_grid(once, tmp_path / "run", ["yamashita"], until_width=0.3)
+    scenarios = pd.read_parquet(run / "scenarios.parquet")
+    seeds = scenarios.groupby("cell").repeat.nunique()
+    told = read_manifest(run)["adaptive"]
+    assert seeds.min() < seeds.max()
+    assert told["widest"] <= 0.3
+    assert told["scenarios"] == len(scenarios) < told["full_product"]
+    assert scenarios.scenario_id.is_unique
+
+
+def test_an_adaptive_run_is_resumed_to_the_same_end(small, tmp_path):
+    once = make_grid(small.content.model_dump(), "small", {"repeats": 1})
+    undisturbed = run_grid(once, tmp_path / "a", ["yamashita"], until_width=0.4)
+    write, left = pieces.write_piece, [5]
+
+    def stopping(where, piece, key):
+        if not left[0]:
+            raise KeyboardInterrupt
+        left[0] -= 1
+        return write(where, piece, key)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pieces, "write_piece", stopping)
+        with pytest.raises(Interrupted):
+            run_grid(once, tmp_path / "b", ["yamashita"], until_width=0.4)
+    assert_same(run_grid(once, tmp_path / "b", ["yamashita"], until_width=0.4, resume=True), undisturbed)
+
+
+def test_another_front_end_is_chosen_for_a_whole_run(finished, small, tmp_path):
+    run = run_grid(small, tmp_path / "loads", ["he", "yamashita"], front_end="hagglund")
+    assert read_manifest(run)["front_end"] == "hagglund"
+    assert read_manifest(finished)["front_end"] == "acf"
+    one, other = (Book.read(folder) for folder in (finished, run))
+    assert (one.ids == other.ids).all()
+    assert (one.verdict_raw == other.verdict_raw).all()
+    assert (one.verdict != other.verdict).any()
+    with pytest.raises(UserError, match="front_end"):
+        run_grid(small, run, ["he", "yamashita"], resume=True)
+    with pytest.raises(UserError, match="unknown front end"):
+        run_grid(small, tmp_path / "none", ["he"], front_end="fourier")
+    assert not (tmp_path / "none").exists()

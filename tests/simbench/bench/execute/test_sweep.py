@@ -1,0 +1,63 @@
+"""A sweep's table counted again from its verdicts."""
+
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from scenarios.spec import Loop
+from simbench.bench.execute.sweep import Sweep, sweep
+from simbench.bench.statistics import wilson
+
+LOOP = Loop.from_table(
+    {
+        "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
+        "controller": {"type": "PI", "Kc": 1, "Ti": 10},
+        "valve": {"model": "choudhury", "S": 5, "J": 2},
+        "sampling": {"Ts": 1},
+    }
+)
+
+
+@pytest.fixture
+def made(monkeypatch):
+    rng = np.random.default_rng(0)
+    rows = []
+    for cell, J in enumerate((1.0, 2.0)):
+        for method in ("a", "b"):
+            for _ in range(40):
+                said = rng.choice(["stiction", "no_stiction", "no_decision"], 2)
+                cycled = rng.choice(["yes", "no", "unclear", "entrained"]) if J > 1 else "unclear"
+                rows.append([cell, method, J, cycled, *said, *rng.normal(size=2)])
+    names = ["cell", "method", "valve.J", "cycled", "verdict", "verdict_raw", "score", "score_raw"]
+    frame = pd.DataFrame(rows, columns=names)
+    monkeypatch.setattr(Sweep, "verdicts", lambda self, *a, **k: frame)
+    return frame
+
+
+@pytest.mark.parametrize("raw", [False, True])
+def test_every_number_of_a_sweep(made, raw):
+    found = sweep(LOOP, {"valve.J": [1.0, 2.0]}, seeds=40).score(["a", "b"], raw=raw)
+    verdict, score = ("verdict_raw", "score_raw") if raw else ("verdict", "score")
+    assert len(found) == 4
+    for row in found.to_dict("records"):
+        part = [r for r in made.to_dict("records") if (r["valve.J"], r["method"]) == (row["valve.J"], row["method"])]
+        assert row["n"] == len(part) == 40
+        for name, wanted in (("stiction", "stiction"), ("no_decision", "no_decision")):
+            assert row[name] == pytest.approx(np.mean([r[verdict] == wanted for r in part]))
+        assert row["cycling"] == pytest.approx(np.mean([r["cycled"] == "yes" for r in part]))
+        assert row["score"] == pytest.approx(np.median([r[score] for r in part]))
+        right = {("yes", "stiction"), ("no", "no_stiction")}
+        judged = [(r["cycled"], r[verdict]) in right for r in part if r["cycled"] in ("yes", "no")]
+        lo, hi = wilson(sum(judged), len(judged))
+        assert (row["accuracy_lo"], row["accuracy_hi"]) == pytest.approx((float(lo), float(hi)))
+        if judged:
+            assert row["accuracy"] == pytest.approx(np.mean(judged))
+        else:
+            assert math.isnan(row["accuracy"])
+
+
+def test_one_seed_and_the_root_nought_unless_asked():
+    assert len(sweep(LOOP, {"valve.J": [1.0, 2.0]})) == 2
+    assert sweep(LOOP, {"valve.J": [1.0]}).grid.content.seed == 0

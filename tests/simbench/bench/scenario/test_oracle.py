@@ -1,0 +1,95 @@
+"""The oracle: right where anybody could know, unsure where nobody can."""
+
+import numpy as np
+import pytest
+
+from scenarios.spec import Loop, Scenario
+from simbench.bench.execute.run import run_grid
+from simbench.bench.scenario.oracle import judge_oracle
+from simbench.bench.store.reading import Book
+from simbench.loop.resolve import resolve_loop
+from simbench.loop.simulate import simulate
+
+FOPTD = {"type": "foptd", "K": 1.5, "T": 10, "Td": 2.3}
+INTEGRATING = {"type": "integrating", "K": 0.1, "Td": 1.7}
+
+
+def loop(valve, plant=FOPTD, noise=0.0, disturbance=(), step=5.0, n=800):
+    return Loop.from_table(
+        {
+            "plant": plant,
+            "controller": {"type": "PI", "Kc": 0.8, "Ti": 20},
+            "valve": valve,
+            "sampling": {"Ts": 1, "n": n},
+            "noise": {"std": noise},
+            "setpoint": {"value": 50, "steps": [[10, 50 + step]] if step else []},
+            "disturbance": list(disturbance),
+        }
+    )
+
+
+def said(loop, seed=0):
+    return judge_oracle(Scenario(loop=loop, seed=seed), simulate(loop, seed))
+
+
+LOADS = [
+    (),
+    ({"type": "sine", "amplitude": 2, "period": 60, "at": "output"},),
+    ({"type": "random_walk", "amplitude": 2, "period": 60, "at": "input"},),
+]
+STICKY = [
+    {"model": "choudhury", "S": 5, "J": 2},
+    {"model": "choudhury", "S": 3, "J": 3},
+    {"model": "deadband", "S": 4},
+    {"model": "kano", "S": 5, "J": 1},
+]
+
+
+@pytest.mark.parametrize("plant", [FOPTD, INTEGRATING])
+@pytest.mark.parametrize("load", LOADS)
+@pytest.mark.parametrize("noise", [0.0, 0.3])
+def test_right_about_healthy_and_sticky_valves_under_any_load(plant, load, noise):
+    assert said(loop({"model": "ideal"}, plant, noise, load)).verdict == "no_stiction"
+    for valve in STICKY:
+        assert said(loop(valve, plant, noise, load)).verdict == "stiction"
+
+
+@pytest.mark.parametrize("plant", [FOPTD, INTEGRATING])
+def test_the_true_valve_leaves_only_the_noise(plant):
+    # the prediction is the simulation without noise, sample by sample
+    from simbench.bench.scenario.oracle import _predictor
+
+    sticky = loop(STICKY[0], plant, noise=0.2, disturbance=LOADS[2])
+    run = simulate(sticky, 3)
+    setup = resolve_loop(sticky, 3)
+    predicted = setup.pv0 + run.load_out + _predictor(setup, run.load_in)(run.record.mv)
+    assert np.allclose(run.record.pv - predicted, setup.pv_add, atol=1e-9)
+
+
+def test_band_and_jump_are_found():
+    verdict = said(loop(STICKY[0], noise=0.2))
+    assert verdict.S == pytest.approx(5, abs=0.3)
+    assert verdict.J == pytest.approx(2, abs=0.3)
+
+
+def test_nobody_knows_when_nothing_happens():
+    still = said(loop(STICKY[0], noise=0.0, step=0.0, n=200))
+    assert still.indices["log_likelihood_ratio"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_surer_with_less_noise():
+    assert said(loop(STICKY[0], noise=0.1)).score > said(loop(STICKY[0], noise=1.0)).score > 0
+
+
+def test_false_alarms_under_noise_are_rare():
+    # the two fitted numbers cost ln n: chance alone seldom earns that
+    wrong = [said(loop({"model": "ideal"}, noise=0.5, n=300), seed).verdict == "stiction" for seed in range(40)]
+    assert sum(wrong) <= 2
+
+
+def test_a_run_has_an_oracle_row_when_asked_and_no_detector_is_better(tmp_path):
+    book = Book.read(run_grid("smoke", tmp_path / "run", ["he", "oracle", "yamashita"], progress=False))
+    assert book.methods == ("he", "yamashita", "oracle")
+    right = (book.verdict == book.truth["sticky"]).mean(axis=1)
+    assert right[2] >= 0.98
+    assert right[2] >= right.max()

@@ -1,0 +1,145 @@
+"""Grid plant: what it promises, every valve as a member of a grid, and the page that says where its ranges come from."""
+
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from detectors.errors import ParameterError
+from scenarios.errors import SpecError
+from scenarios.grid import load_grid, make_grid
+from simbench.bench.scenario.resolve import band, resolve, valve_table
+from simbench.bench.scenario.truth import simulate_with_truth
+from simbench.loop.parameters import VALVES, valve_parameters
+from simbench.loop.simulate import simulate
+
+PAGE = Path(__file__).parents[4] / "docs" / "plant_grid.md"
+DEAD_BANDS = ("deadband", "coulomb_viscous", "hysteresis")
+MORE = {
+    "deadzone": {"parameters": {"D": 0.5}, "scale": {"D": "S"}},
+    "lag": {"parameters": {"T": [0.02, 0.05]}, "scale": {"T": "period"}},
+    "characteristic": {"parameters": {"type": ["linear", "equal_percentage"]}},
+    "gain_ratio": {"parameters": {"R": 2.0}},
+}
+EFFECTS = {"archive": {"name": "compression", "parameters": {"band": 0.2}, "scale": {"band": "pv"}}}
+DRAW = {"K": 1.0, "T": 10.0, "S": 4.0, "samples_per_period": 30.0, "periods": 20.0, "step": 0.8, "noise_ratio": 0.1}
+
+
+def shape(valve):
+    return math.inf if valve in DEAD_BANDS else 0.5 if valve == "stenman" else 1.0
+
+
+def one_cell(valves, **changes):
+    settings = {"mv_noise": 0.02, "moves": 3.0, "move": 2.0, "effect": "archive", **changes}
+    names = (valves,) if isinstance(valves, str) else tuple(valves)
+    block = {
+        "name": "a",
+        "axes": {"Td_over_T": [0.3], "S_over_2J": [shape(names[0])]},
+        "member": [{"name": name, "valve": name} for name in names],
+    }
+    grid = make_grid({"title": "t", "draw": {**DRAW, **settings}, "valves": MORE, "effects": EFFECTS, "block": [block]})
+    return resolve(grid.group(0))
+
+
+@pytest.mark.parametrize("valve", VALVES.names())
+def test_every_valve_file_is_a_member_with_the_band_that_its_cell_asks_for(valve):
+    (scenario,) = one_cell(valve)
+    module, loop = VALVES.load(valve), scenario.loop
+    assert loop.valve.name == scenario.tags["valve"] == valve
+    if module.FRICTION:
+        ratio = shape(valve)
+        assert band(loop) == pytest.approx((4.0, 4.0 / (2.0 * ratio)), rel=1e-9)
+        assert scenario.tags["S_over_2J"] == ratio
+    else:
+        assert (scenario.tags["S_over_2J"], scenario.tags["S"]) == (0.0, 0.0)
+    run, cycled = simulate_with_truth(loop, scenario.seed)
+    assert run.sticky == module.FRICTION
+    assert cycled.answer == "no" or module.FRICTION
+
+
+@pytest.mark.parametrize(("valve", "J"), [("stenman", 2.0), ("deadband", 1.0), ("hysteresis", 1.0), ("coulomb_viscous", 2.0)])
+def test_a_band_that_a_valve_cannot_have_is_one_sentence(valve, J):
+    with pytest.raises(ParameterError, match=f"valve {valve!r} cannot have S = 5 %"):
+        valve_table(valve, {"S": 5.0, "J": J}, 100.0, {})
+
+
+def test_parameters_of_the_grid_have_the_last_word_in_units_of_the_cell():
+    assert valve_table("he", {"S": 5.0, "J": 2.0}, 100.0, {"K": 1.2}) == {"model": "he", "S": 5.0, "J": 2.0, "K": 1.2}
+    deadzone, lag = one_cell(["deadzone", "lag"])
+    assert deadzone.loop.valve.parameters == {"D": 2.0}
+    period = deadzone.loop.sampling.Ts * 30.0
+    assert 0.02 <= lag.loop.valve.parameters["T"] / period <= 0.05 * 1.01
+
+
+def test_siblings_share_everything_but_the_valve():
+    sticky, healthy = one_cell(["choudhury", "ideal"])
+    assert sticky.loop.model_copy(update={"valve": healthy.loop.valve}) == healthy.loop
+    assert len(sticky.loop.setpoint.steps) == 4
+    assert [e.name for e in sticky.loop.effect] == ["compression"]
+    assert sticky.loop.noise.mv_std == 0.08
+    assert np.std([value for _, value in sticky.loop.setpoint.steps[1:]]) > 0
+
+
+def test_noise_on_the_recorded_mv_is_seen_by_nobody_but_the_record():
+    (scenario,) = one_cell("choudhury", effect="none", moves=0.0)
+    clean = scenario.loop.with_("noise.mv_std", 0.0)
+    one, two = simulate(scenario.loop, 3), simulate(clean, 3)
+    assert np.array_equal(one.record.pv, two.record.pv)
+    assert np.array_equal(one.mv, two.record.mv)
+    assert np.std(one.record.mv - two.record.mv) == pytest.approx(0.08, rel=0.1)
+    assert simulate_with_truth(scenario.loop, 3)[1] == simulate_with_truth(clean, 3)[1]
+
+
+def test_a_wrong_name_is_one_sentence():
+    with pytest.raises(SpecError, match="effect 'archives' is unknown"):
+        one_cell("choudhury", effect="archives")
+    with pytest.raises(SpecError, match="none of the parameters"):
+        make_grid({"title": "t", "valves": {"lag": {"scale": {"T": "period"}}}, "block": [{"name": "a"}]})
+
+
+def test_the_grid_keeps_its_promises():
+    grid = load_grid("plant")
+    scenarios = [s for i in range(0, grid.group_count, 3) for s in resolve(grid.group(i))]
+    sticky = {s.tags["valve"] for s in scenarios if s.tags["S"]}
+    assert len(sticky) >= 14
+    S = [s.tags["S"] for s in scenarios if s.tags["S"]]
+    assert min(S) < 0.4
+    assert max(S) > 7.0
+    per = [s.tags["samples_per_period"] for s in scenarios]
+    assert (min(per), max(per)) == (10.0, 200.0)
+    assert {e.name for s in scenarios for e in s.loop.effect} == set(grid.content.effects)
+    assert all((s.loop.noise.mv_std or 0.0) > 0 for s in scenarios)
+    assert 0.3 < np.mean([len(s.loop.setpoint.steps) > 1 for s in scenarios]) < 0.7
+    buried = [s for s in scenarios if s.tags["disturbance"] == "buried" and s.tags["S"]]
+    assert buried
+    assert all(s.loop.disturbance[-1].parameters["amplitude"] >= 0.99 * band(s.loop)[1] for s in buried)
+    whole = {name for name in VALVES.names() if name in grid.content.valves or VALVES.load(name).FRICTION} | {"ideal"}
+    used = {v for b in grid.content.block for m in b.member for v in ([m.valve] if isinstance(m.valve, str) else m.valve)}
+    assert used == whole == set(VALVES.names())
+
+
+def test_the_page_names_every_range_as_the_grid_has_it():
+    content = load_grid("plant").content
+    ranges = {key: value for key, value in content.draw.items() if isinstance(value, tuple) and not isinstance(value[0], str)}
+    for name, d in content.disturbances.items():
+        ranges.update({f"{name}.amplitude": d.amplitude, f"{name}.period": d.period})
+    for part in (content.valves, content.effects):
+        for name, more in part.items():
+            values = {k: v for k, v in more.parameters.items() if isinstance(v, tuple) and not isinstance(v[0], str)}
+            ranges.update({f"{name}.{key}": value for key, value in values.items()})
+    as_chapter = ("sine", "propagated", "steps", "random_walk")
+    told = dict(re.findall(r"^\| `([\w.]+)` \| `(\[[^]]+\])` \| (?:own|source|records)", PAGE.read_text(), flags=re.M))
+    wanted = {k: f"[{v[0]}, {v[1]}]" for k, v in ranges.items() if k.partition(".")[0] not in as_chapter}
+    assert told == wanted
+    chapter = load_grid("chapter").content.disturbances
+    assert all(content.disturbances[name] == chapter[name] for name in as_chapter)
+
+
+def test_mapped_parameters_are_what_the_valve_file_says():
+    for name in VALVES.names():
+        module = VALVES.load(name)
+        if hasattr(module, "for_SJ"):
+            S, J = (5.0, 5.0) if name == "stenman" else (5.0, 0.0) if name == "hysteresis" else (5.0, 2.0)
+            assert module.mapped_SJ(valve_parameters(module, module.for_SJ(S, J, 100.0), 1.0)) == pytest.approx((S, J))

@@ -1,0 +1,298 @@
+"""The gate: silent about chance and about other machines, loud about detectors that became worse."""
+
+import json
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from detectors.judge import judge
+from detectors.records.io import read_record
+from simbench.bench.execute.run import run_grid
+from simbench.bench.score.baseline import read_book
+from simbench.bench.score.check import check_run, compare_books, update_baseline
+from simbench.bench.score.history import read_history
+from simbench.bench.store.reading import RunError
+from simbench.cli import app
+
+N = 600
+TRUTH = np.arange(N) % 2
+
+
+@pytest.fixture
+def base(book, noisy):
+    verdict, score = noisy(np.random.default_rng(0), TRUTH, 0.8)
+    return book(verdict, TRUTH, score)
+
+
+def worse(check):
+    return {(r["method"], r["what"]) for r in check.tests[check.tests["worse"]].to_dict("records")}
+
+
+def test_the_same_answers_pass_and_are_paired(base):
+    check = compare_books(base, base)
+    assert check.paired
+    assert not check.failed
+    assert check.flips.empty
+    assert check.tests["p"].eq(1).all()
+
+
+def test_order_of_scenarios_and_methods_does_not_matter(base):
+    turn = np.random.default_rng(1).permutation(N)
+    arrays = {k: getattr(base, k)[::-1, turn] for k in ("verdict", "verdict_raw", "score", "score_raw", "failed", "runtime")}
+    other = replace(
+        base,
+        ids=base.ids[turn],
+        hashes=base.hashes[turn],
+        places=base.places[turn],
+        methods=base.methods[::-1],
+        truth={k: v[turn] for k, v in base.truth.items()},
+        axes={k: v[turn] for k, v in base.axes.items()},
+        **arrays,
+    )
+    check = compare_books(other, base)
+    assert check.paired
+    assert check.flips.empty
+
+
+BROKEN = {
+    "always stiction": (lambda v: np.ones_like(v), "no false alarm"),
+    "always no stiction": (lambda v: np.zeros_like(v), "no miss"),
+    "never decides": (lambda v: np.full_like(v, 2), "detection"),
+    "the other way round": (lambda v: 1 - v, "detection"),
+}
+
+
+@pytest.mark.parametrize("how", BROKEN)
+@pytest.mark.parametrize("same_records", [True, False])
+def test_a_broken_detector_fails_and_only_it(base, how, same_records, with_answers):
+    broken, what = BROKEN[how]
+    now = with_answers(base, "m1", broken(base.verdict[1]))
+    if not same_records:  # of another grid: neither place nor record is shared
+        now = replace(now, ids=np.char.add(b"x", now.ids).astype("S16"), manifest={**now.manifest, "grid_hash": "other"})
+    check = compare_books(now, base)
+    assert check.paired == same_records
+    assert ("m1", what) in worse(check)
+    assert {m for m, _ in worse(check)} == {"m1"}
+
+
+def test_a_score_that_lost_its_sense_fails_though_verdicts_stand(base, with_answers):
+    now = with_answers(base, "m2", base.verdict[2], -base.score[2])
+    assert worse(compare_books(now, base)) == {("m2", "AUC")}
+
+
+def test_narrowing_the_grey_zone_fails_when_it_buys_false_alarms(book, with_answers):
+    # no decision becomes stiction: no answer that was right is lost
+    undecided = np.where(np.arange(N) % 10 < 3, 2, TRUTH)
+    base = book([undecided], TRUTH)
+    now = with_answers(base, "m0", np.where(undecided == 2, 1, undecided))
+    check = compare_books(now, base)
+    assert ("m0", "no false alarm") in worse(check)
+    assert not check.tests["what"].isin(["detection", "rejection"])[check.tests["worse"]].any()
+
+
+def test_a_threshold_that_trades_misses_for_false_alarms_fails_at_equal_accuracy(base, with_answers):
+    verdict = base.verdict[0].copy()
+    gain = np.flatnonzero((TRUTH == 1) & (verdict == 0))[:30]
+    loss = np.flatnonzero((TRUTH == 0) & (verdict == 0))[:30]
+    verdict[gain], verdict[loss] = 1, 1
+    check = compare_books(with_answers(base, "m0", verdict), base)
+    assert ("m0", "rejection") in worse(check)
+    assert ("m0", "detection") not in worse(check)
+
+
+def test_flips_are_named_with_what_they_were(base, with_answers):
+    verdict = base.verdict[0].copy()
+    verdict[7] = 2
+    check = compare_books(with_answers(base, "m0", verdict), base)
+    (flip,) = check.flips.to_dict("records")
+    assert (flip["scenario_id"], flip["method"], flip["now"]) == (base.ids[7].decode(), "m0", "no_decision")
+    assert flip["was"] == ("stiction" if base.verdict[0][7] else "no_stiction")
+    assert not check.failed
+    assert flip["scenario_id"] in check.as_text()
+
+
+def test_other_records_of_equal_detectors_seldom_alarm(book, noisy):
+    rng = np.random.default_rng(5)
+
+    def run(seed):
+        verdict, score = noisy(rng, TRUTH, 0.8, methods=8)
+        return book(verdict, TRUTH, score, ids=[f"{seed}.{i}" for i in range(N)], grid_hash=f"seed {seed}")
+
+    base = run(0)
+    assert sum(compare_books(run(seed), base).failed for seed in range(1, 26)) <= 2
+
+
+def on_another_processor(base, share, rng, noisy, accuracy=0.8):
+    """The same grid: a share of the places with another id, record and, now and then, truth; answers as good as before."""
+    other = rng.random(N) < share
+    ids = np.where(other, np.char.add(b"x", base.ids), base.ids).astype("S16")
+    truth = np.where(other & (rng.random(N) < 0.05), 1 - TRUTH, TRUTH).astype(np.int8)
+    verdict, score = noisy(rng, truth, accuracy)
+    arrays = {"verdict": np.where(other, verdict, base.verdict), "score": np.where(other, score, base.score)}
+    labels = {**dict.fromkeys(("sticky", "predicted"), base.truth["sticky"]), "cycled": truth}
+    labels["cycled_word"] = np.array(["no", "yes"])[truth]
+    return replace(base, ids=ids, hashes=np.where(other, b"other", base.hashes).astype("S16"), truth=labels, **arrays)
+
+
+def test_records_of_another_processor_are_paired_by_place_and_counted(base, noisy):
+    now = on_another_processor(base, 0.27, np.random.default_rng(3), noisy)
+    check = compare_books(now, base)
+    differ = int((now.hashes != base.hashes).sum())
+    assert check.paired
+    assert f"{differ} of 600 records differ" in check.basis
+    assert f"{differ} also in their id" in check.basis
+    assert not check.failed
+    assert set(check.flips["record"]) == {"other"}
+    assert set(check.flips["scenario_id"]) <= set(base.ids.astype(str)), "the baseline holds the loops"
+
+
+def test_another_processor_seldom_alarms_and_hides_no_fault(base, noisy, with_answers):
+    rng = np.random.default_rng(8)
+    runs = [on_another_processor(base, 0.27, rng, noisy) for _ in range(25)]
+    assert sum(compare_books(now, base).failed for now in runs) <= 2
+    broken = with_answers(runs[0], "m1", np.where(rng.random(N) < 0.1, 1 - runs[0].verdict[1], runs[0].verdict[1]))
+    assert {m for m, _ in worse(compare_books(broken, base))} == {"m1"}
+
+
+def test_a_fall_within_the_margin_is_no_regression_and_beyond_it_is(book, with_answers):
+    truth = np.arange(20_000) % 2
+    base = book([truth], truth)
+    for lost, failed in ((60, False), (140, True)):  # of 10 000 positives: 0.6 and 1.4 points
+        said = truth.copy()
+        said[np.flatnonzero(truth)[:lost]] = 0
+        check = compare_books(with_answers(base, "m0", said), base)
+        detection = check.tests[(check.tests["what"] == "detection") & (check.tests["label"] == "cycled")].iloc[0]
+        assert detection.p < 1e-6
+        assert check.failed == failed
+        assert not compare_books(with_answers(base, "m0", said), base, margin=0.02).failed
+
+
+def test_an_improvement_never_fails(book, with_answers):
+    rng = np.random.default_rng(2)
+    for _ in range(20):
+        said = np.where(rng.random(N) < 0.7, TRUTH, rng.choice([0, 1, 2], N))
+        base = book([said], TRUTH, said + rng.normal(0, 0.1, N))
+        wrong = np.flatnonzero(said != TRUTH)
+        better = said.copy()
+        better[rng.choice(wrong, wrong.size // 2, replace=False)] = TRUTH[rng.choice(wrong, wrong.size // 2, replace=False)]
+        better = np.where(better == said, said, TRUTH)
+        score = np.where(better == said, base.score[0], 3.0 * TRUTH - 1.0)
+        assert not compare_books(with_answers(base, "m0", better, score), base).failed
+
+
+def test_missing_methods_scenarios_new_errors_and_a_changed_truth_fail(base, book):
+    without = replace(base, methods=base.methods[:2], verdict=base.verdict[:2], score=base.score[:2], failed=base.failed[:2])
+    assert "method m2 is in the baseline, not in the run" in compare_books(without, base).problems
+    part = book(base.verdict[:, :500], TRUTH[:500], base.score[:, :500])
+    assert "100 of the baseline's 600 scenarios are not in the run" in compare_books(part, base).problems
+    failing = replace(base, failed=base.failed | (np.arange(N) == 5))
+    assert "method m0 raised an error on 1 scenarios where it had none" in compare_books(failing, base).problems
+    turned = replace(base, truth={**base.truth, "cycled": np.where(np.arange(N) == 5, 0, TRUTH)})
+    assert compare_books(turned, base).problems == ("the truth 'cycled' of 1 scenarios with the same records has changed",)
+
+
+def test_another_grid_is_refused(base):
+    with pytest.raises(RunError, match=r"'toy'.*'ci'"):
+        compare_books(base, replace(base, manifest={**base.manifest, "grid": "ci"}))
+
+
+def test_texts_carry_the_verdict(base, with_answers):
+    check = compare_books(with_answers(base, "m1", 1 - base.verdict[1]), base)
+    assert check.as_text().startswith("check FAILED")
+    assert "m1: detection" in check.as_markdown()
+    assert check.as_junit().startswith('<?xml version="1.0" encoding="utf-8"?>')
+    suite = ET.fromstring(check.as_junit().encode())
+    assert suite.get("tests") == "4"
+    assert [c.get("name") for c in suite if c.find("failure") is not None] == ["m1"]
+    content = json.loads(json.dumps(check.as_json(), allow_nan=False))
+    assert content["failed"] is True
+    assert len(content["flips"]) == len(check.flips) == N
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    return run_grid("smoke", tmp_path_factory.mktemp("check") / "run", ["horch", "he", "yamashita"], progress=False)
+
+
+def test_a_baseline_answers_like_the_run_it_was_made_from(run, tmp_path):
+    base = tmp_path / "baseline"
+    text = update_baseline(run, base)
+    assert "48 scenarios of grid smoke x 3 methods" in text
+    assert not check_run(run, base).failed
+    assert check_run(run, base).tests.equals(check_run(run, run).tests)
+    for kind in ("scenarios", "verdicts"):
+        parts = (run / f"{kind}.parquet").iterdir()
+        assert (base / f"{kind}.parquet").stat().st_size < sum(f.stat().st_size for f in parts)
+    assert sum(f.stat().st_size for f in base.iterdir()) < 48 * 1500  # at most 1.5 kB per scenario is committed
+    assert update_baseline(run, base).endswith("nothing moved")
+
+
+def test_every_flip_is_simulated_again_by_the_command_that_is_printed(run, tmp_path):
+    base, moved = tmp_path / "baseline", tmp_path / "moved"
+    update_baseline(run, base)
+    run_grid("smoke", moved, ["horch", "he", "yamashita"], progress=False, thresholds={"yamashita": {"rho3_min": 0.9}})
+    text = check_run(moved, base).as_text()
+    command = text.splitlines()[-1].split()
+    assert command[:4] == ["simbench", "simulate", "--from", str(base)]
+    flip = check_run(moved, base).flips.iloc[0]
+    assert command[5] == flip.scenario_id
+    out = tmp_path / "record.csv"
+    result = CliRunner().invoke(app, [*command[1:-1], str(out)])
+    assert result.exit_code == 0, result.output
+    again = judge(read_record(out), [flip.method])[0]
+    assert again.verdict == flip.was
+
+
+def test_history_keeps_one_row_a_baseline_and_is_drawn(run, tmp_path):
+    base = tmp_path / "baseline"
+    update_baseline(run, base)
+    update_baseline(run, base)  # the same once more
+    moved = run_grid(
+        "smoke", tmp_path / "moved", ["horch", "he", "yamashita"], progress=False, thresholds={"yamashita": {"rho3_min": 0.9}}
+    )
+    update_baseline(moved, base)
+    found = read_history(base).table
+    assert found.groupby("baseline").size().to_dict() == {1: 3, 2: 3}
+    wide = found.pivot(index="method", columns="baseline", values="accuracy_applicable")
+    assert wide.loc["he", 1] == wide.loc["he", 2]
+    assert wide.loc["yamashita", 1] > wide.loc["yamashita", 2]
+    picture = tmp_path / "history.svg"
+    result = CliRunner().invoke(app, ["history", str(base), "-o", str(picture)])
+    assert result.exit_code == 0
+    assert "yamashita" in result.stdout
+    assert "yamashita" in picture.read_text() or picture.stat().st_size > 5000
+    with pytest.raises(RunError, match=r"holds no history\.csv"):
+        read_history(tmp_path)
+
+
+def test_updating_says_what_moves(run, tmp_path):
+    base = tmp_path / "baseline"
+    update_baseline(run, base)
+    moved = run_grid(
+        "smoke", tmp_path / "moved", ["horch", "he", "yamashita", "ellipse"], progress=False,
+        thresholds={"yamashita": {"rho3_min": 0.9}},
+    )  # fmt: skip
+    assert check_run(moved, base).failed
+    text = update_baseline(moved, base)
+    assert "+ method ellipse" in text
+    assert "yamashita: detection against 'sticky' fell from" in text
+    assert not check_run(moved, base).failed
+
+
+def test_old_formats_strangers_and_damage_are_refused(run, tmp_path):
+    base = tmp_path / "baseline"
+    update_baseline(run, base)
+    manifest = json.loads((base / "manifest.json").read_text())
+    (base / "manifest.json").write_text(json.dumps({**manifest, "format": 0}))
+    with pytest.raises(RunError, match="format version 0"):
+        check_run(run, base)
+    assert "not compared with the old one" in update_baseline(run, base)
+    with pytest.raises(RunError, match="holds no run"):
+        check_run(tmp_path / "nowhere", base)
+    content = (base / "verdicts.parquet").read_bytes()
+    (base / "verdicts.parquet").write_bytes(content[:-40])
+    with pytest.raises(RunError, match=r"damaged|not the table"):
+        read_book(base)

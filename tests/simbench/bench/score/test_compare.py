@@ -1,0 +1,124 @@
+"""Comparisons: paired by scenario, corrected for their number, honest about axes."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from detectors.errors import UserError
+from simbench.bench.execute.run import run_grid
+from simbench.bench.score.compare import between_methods, between_runs, compare
+from simbench.bench.statistics import mcnemar, rate
+
+N = 400
+TRUTH = np.arange(N) % 2
+
+
+@pytest.fixture
+def run(book, noisy):
+    rng = np.random.default_rng(0)
+    parts = [noisy(rng, TRUTH, accuracy, methods=1)[0][0] for accuracy in (0.95, 0.7, 0.7)]
+    return book(parts, TRUTH, methods=("good", "fair", "also_fair"))
+
+
+def test_pairs_are_counted_by_scenario(run):
+    found = between_methods(run)
+    (pair,) = found.pairs[(found.pairs["first"] == "good") & (found.pairs["second"] == "fair")].to_dict("records")
+    good, fair = (run.verdict[i] == TRUTH for i in (0, 1))
+    assert pair["only_first"] == sum(bool(a and not b) for a, b in zip(good, fair))
+    assert pair["only_second"] == sum(bool(b and not a) for a, b in zip(good, fair))
+    assert pair["p"] >= mcnemar(pair["only_first"], pair["only_second"])
+    assert pair["differ"]
+
+
+def test_equals_are_not_told_apart_and_the_best_comes_first(run):
+    found = between_methods(run)
+    assert found.ranking["method"].iloc[0] == "good"
+    assert not found.pairs.set_index(["first", "second"]).loc[("fair", "also_fair"), "differ"]
+    good, fair = found.ranking.set_index("method").loc[["good", "fair"], "mean_rank"]
+    assert fair - good > found.critical_difference
+
+
+def test_scenarios_without_a_label_are_left_out(run, book):
+    truth = TRUTH.copy()
+    truth[:100] = -1
+    assert between_methods(book(run.verdict, truth)).cases == 300
+
+
+def test_no_decision_is_never_right(book):
+    found = between_methods(book([np.full(N, 2), TRUTH, TRUTH], TRUTH))
+    assert found.ranking.set_index("method").loc["m0", "accuracy"] == 0.0
+
+
+def test_breakdown_is_the_first_value_below_four_fifths(book):
+    axis = np.repeat([0.5, 1.0, 1.5, 10.0], N // 4)
+    right = np.where(axis < 1.2, True, np.arange(N) % 3 > 0)
+    run = book([np.where(right, TRUTH, 1 - TRUTH), TRUTH], TRUTH, axes={"S_over_2J": axis})
+    found = between_methods(run)
+    (row,) = found.breakdown.to_dict("records")
+    assert (row["method"], row["axis"], row["value"]) == ("m0", "S_over_2J", "1.5")
+    here = right[axis == 1.5]
+    assert (row["accuracy"], row["lo"], row["hi"]) == tuple(rate(int(here.sum()), here.size))
+
+
+def test_two_runs_are_compared_method_by_method_in_any_order(run, book):
+    turned = np.arange(N)[::-1]
+    other = book(run.verdict[:2, turned], TRUTH[turned], methods=("good", "fair"), ids=run.ids[turned])
+    same = between_runs(run, other)
+    assert same.pairs["p"].eq(1).all()
+    assert list(same.pairs["first"]) == ["good", "fair"]
+    worse = between_runs(run, book(np.array([run.verdict[1], run.verdict[1]]), TRUTH, methods=("good", "fair")))
+    assert worse.pairs.set_index("first")["differ"].to_dict() == {"good": True, "fair": False}
+
+
+def test_runs_without_a_common_scenario_are_refused(run, book):
+    with pytest.raises(UserError, match="no scenario in common"):
+        between_runs(run, book(run.verdict, TRUTH, ids=[f"x{i}" for i in range(N)]))
+
+
+def test_from_folders_with_texts_that_hold_the_numbers(tmp_path):
+    folder = run_grid("smoke", tmp_path / "run", ["horch", "he", "yamashita"], progress=False)
+    found = compare(folder)
+    assert found.cases == 48
+    assert "yamashita" in found.as_text()
+    content = json.loads(json.dumps(found.as_json(), allow_nan=False))
+    assert len(content["pairs"]) == 3
+    assert not compare(folder, folder).pairs["differ"].any()
+    with pytest.raises(UserError, match="cycled"):
+        compare(folder, truth="cicled")
+
+
+def test_what_does_not_apply_is_not_compared(run):
+    applies = np.ones((3, N), np.int8)
+    applies[1, :150] = 0
+    part = replace(run, applicable=applies)
+    found = between_methods(part)
+    of = found.ranking.set_index("method")
+    assert of.n.to_dict() == {"good": N, "fair": N - 150, "also_fair": N}
+    assert of.accuracy["fair"] == pytest.approx(np.mean(run.verdict[1, 150:] == TRUTH[150:]))
+    (pair,) = found.pairs[(found.pairs["first"] == "good") & (found.pairs["second"] == "fair")].to_dict("records")
+    good, fair = (run.verdict[i, 150:] == TRUTH[150:] for i in (0, 1))
+    assert (pair["only_first"], pair["only_second"]) == (int((good & ~fair).sum()), int((~good & fair).sum()))
+    assert of.mean_rank.isna().all()  # two are left to rank
+    against = between_runs(part, run)
+    assert against.ranking.set_index("method").n["fair"] == N - 150
+    assert against.pairs[["only_first", "only_second"]].to_numpy().sum() == 0
+
+
+def test_methods_that_see_the_valve_are_not_ranked_with_the_others(run):
+    about = {m: dict(run.manifest["methods"][m]) for m in run.methods}
+    about["good"]["needs_mv"] = True
+    blind = replace(run, manifest={**run.manifest, "methods": about})
+    assert between_methods(run).ranking.mean_rank.notna().all()
+    assert between_methods(blind).ranking.mean_rank.isna().all()
+
+
+def test_answers_behind_the_front_end_are_compared_unless_raw_ones_are_asked_for(book):
+    """Raw answers are all right in one run and all wrong in the other, answers behind the front end the other way round."""
+    right, wrong = [TRUTH, TRUTH], [1 - TRUTH, 1 - TRUTH]
+    one = replace(book(wrong, TRUTH), verdict_raw=np.array(right, dtype=np.int8))
+    other = replace(book(right, TRUTH), verdict_raw=np.array(wrong, dtype=np.int8))
+    for raw, only in ((None, (0, N)), (False, (0, N)), (True, (N, 0))):
+        found = between_runs(one, other, **({} if raw is None else {"raw": raw}))
+        assert {(row["only_first"], row["only_second"]) for row in found.pairs.to_dict("records")} == {only}

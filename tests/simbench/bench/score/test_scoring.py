@@ -1,0 +1,305 @@
+"""Scores, calibration and sweeps against slow recounts and hand-made cases."""
+
+import json
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from detectors.errors import ParameterError
+from detectors.verdict import NO_DECISION, STICTION
+from scenarios.errors import SpecError
+from scenarios.spec import Loop
+from simbench.bench.calibrate import abstention, calibrate, calibrate_books, cut_for, roc
+from simbench.bench.execute.adaptive import trials
+from simbench.bench.execute.run import run_grid
+from simbench.bench.execute.sweep import sweep
+from simbench.bench.score.scoring import FRONT, RAW, score_book, score_run
+from simbench.bench.statistics import wilson
+from simbench.bench.store.reading import Book
+
+LOOP = Loop.from_table(
+    {
+        "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
+        "controller": {"type": "PI", "Kc": 1, "Ti": 10},
+        "valve": {"model": "choudhury", "S": 5, "J": 2},
+        "sampling": {"Ts": 2, "n": 1000},
+        "setpoint": {"value": 50, "steps": [[10, 53]]},
+    }
+)
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """One run of three methods: of either kind of process, of self-regulating ones alone, with MV."""
+    return run_grid("smoke", tmp_path_factory.mktemp("run") / "done", ["he", "horch", "yamashita"])
+
+
+@pytest.fixture(scope="module")
+def joined(finished):
+    verdicts, scenarios = (pd.read_parquet(finished / f"{t}.parquet") for t in ("verdicts", "scenarios"))
+    return verdicts.merge(scenarios, on="scenario_id", suffixes=("", "_s"))
+
+
+@pytest.fixture(scope="module")
+def scores(finished):
+    return score_run(finished)
+
+
+@pytest.mark.parametrize("process", ["all", "self-regulating", "integrating"])
+@pytest.mark.parametrize("mode", [FRONT, RAW])
+@pytest.mark.parametrize("truth", ["sticky", "predicted", "cycled"])
+def test_the_table_is_a_plain_count(scores, joined, mode, truth, process):
+    verdict = joined.verdict if mode == FRONT else joined.verdict_raw
+    positive = joined.cycled == "yes" if truth == "cycled" else joined[truth].astype(bool)
+    known = joined.cycled.isin(["yes", "no"]) if truth == "cycled" else joined[truth].notna()
+    if process != "all":
+        known &= joined.process == {"self-regulating": "foptd", "integrating": "integrating"}[process]
+    for method in ("he", "horch", "yamashita"):
+        use = known & (joined.method == method)
+        row = scores.table.query("method == @method and truth == @truth and mode == @mode and process == @process").iloc[0]
+        # horch is made for self-regulating loops alone
+        covered = use & ((joined.process == "foptd") | (method != "horch"))
+        said, true = verdict[covered], positive[covered]
+        right = (said == STICTION) == true
+        right &= said != NO_DECISION
+        assert (row.n, row.applicable) == (use.sum(), covered.sum())
+        assert row.accuracy_all == pytest.approx(right.sum() / use.sum())
+        if not covered.any():
+            assert np.isnan([row.accuracy_applicable, row.accuracy_decided, row.no_decision, row.found, row.auc]).all()
+            assert row["rank"] is None or np.isnan(row["rank"])
+            continue
+        assert row.accuracy_applicable == pytest.approx(right.mean())
+        assert row.accuracy_decided == pytest.approx(right[said != NO_DECISION].mean())
+        assert row.no_decision == pytest.approx((said == NO_DECISION).mean())
+        assert row.found == pytest.approx((said[true] == STICTION).mean())
+        assert row.false_alarms == pytest.approx((said[~true] == STICTION).mean())
+        assert row.accuracy_applicable_lo <= row.accuracy_applicable <= row.accuracy_applicable_hi
+
+
+def test_auc_is_sklearns_on_the_very_scores_of_the_tables(scores, joined):
+    from sklearn.metrics import roc_auc_score
+
+    use = (joined.method == "he") & joined.cycled.isin(["yes", "no"])
+    assert (joined.score[use & ~joined.oscillating] == -np.inf).all()
+    for mode, score in ((FRONT, joined.score), (RAW, joined.score_raw)):
+        known = use & score.notna()
+        block = scores.table[scores.table["mode"] == mode]
+        row = block.query("method == 'he' and truth == 'cycled' and process == 'all'").iloc[0]
+        assert row.scored == known.sum()
+        assert row.auc == pytest.approx(roc_auc_score(joined.cycled[known] == "yes", score[known].clip(-1e9)))
+
+
+def test_yardsticks_say_always_the_same(scores):
+    block = scores.ranking().set_index("method")
+    no, yes = block.loc["always no"], block.loc["always yes"]
+    assert (no.found, no.false_alarms, yes.found, yes.false_alarms) == (0.0, 0.0, 1.0, 1.0)
+    assert no.accuracy_all + yes.accuracy_all == pytest.approx(1.0)
+    assert no.auc == yes.auc == 0.5
+    assert block.loc[["always no", "always yes"], "rank"].isna().all()
+
+
+def test_methods_that_see_mv_are_ranked_apart_and_partial_ones_where_they_apply(scores):
+    everywhere, here = scores.ranking(), scores.ranking(process="self-regulating")
+    assert everywhere.set_index("method").loc[["he", "yamashita"], "rank"].tolist() == [1, 1]
+    assert here.set_index("method").loc[["he", "horch"], "rank"].notna().all()
+    assert everywhere.method.tolist() == ["he", "horch", "yamashita", *everywhere.method.tolist()[3:]]
+
+
+def test_a_method_that_does_not_apply_is_not_undecided(book):
+    truth = np.tile([1, 0], 20)
+    said = np.array([truth, np.where(np.arange(40) < 20, truth, 2)])
+    processes = np.array(["foptd"] * 20 + ["integrating"] * 20)
+    run = book(said, truth, axes={"process": processes})
+    run.applicable[1, 20:] = 0
+    shown = ["applicable", "accuracy_applicable", "no_decision", "found", "accuracy_all"]
+    partial = score_book(run).ranking().set_index("method")
+    assert partial.loc["m1", shown].tolist() == [20, 1, 0, 1, 0.5]
+    undecided = score_book(book(said, truth, axes={"process": processes})).ranking().set_index("method")
+    assert undecided.loc["m1", shown].tolist() == [40, 0.5, 0.5, 0.5, 0.5]
+
+
+def test_axis_rows_add_up_to_the_whole(scores):
+    for axis in ("disturbance", "S_over_2J", "noise_ratio"):
+        rows = scores.by_axis[scores.by_axis.axis == axis].query("method == 'he' and mode == 'front end'")
+        whole = scores.table.query("method == 'he' and truth == 'cycled' and mode == 'front end' and process == 'all'").iloc[0]
+        assert rows.n.sum() == whole.n
+        assert (rows.accuracy_all * rows.n).sum() == pytest.approx(whole.accuracy_all * whole.n)
+
+
+def test_entrained_and_unclear_are_counted_but_not_scored(scores, joined):
+    one = joined[joined.method == "he"]
+    assert scores.disagreement.scenarios.sum() == len(one)
+    left_out = one.cycled.isin(["entrained", "unclear"]).sum()
+    row = scores.table.query("method == 'he' and truth == 'cycled' and mode == 'front end' and process == 'all'").iloc[0]
+    assert row.n == len(one) - left_out
+
+
+def test_both_tables_are_printed_and_raw_can_come_first(finished, scores):
+    text = scores.as_text()
+    assert text.index("with the oscillation") < text.index("without the oscillation")
+    raw = score_run(finished, raw=True).as_text()
+    assert raw.index("without the oscillation") < raw.index("with the oscillation")
+    assert "labels that disagree" in text
+    assert text.index("he ") < text.index("see the valve position MV") < text.index("yamashita")
+    assert "always yes" in text
+    assert "share a rank" in text
+    assert max(map(len, text.splitlines())) <= 132
+
+
+def test_json_is_the_contracts(scores):
+    found = json.loads(json.dumps(scores.as_json(), allow_nan=False))
+    keys = "method,truth,front_end,process,n,applicable,accuracy_applicable,accuracy_decided,no_decision,found,false_alarms"
+    assert {",".join(row) for row in found["rows"]} == {f"{keys},accuracy_all,auc,lo,hi,sees_mv,rank"}
+    assert {row["process"] for row in found["rows"]} == {"all", "self-regulating", "integrating"}
+    assert {row["front_end"] for row in found["rows"]} == {True, False}
+    assert 0 < found["resolution"] < 1
+    horch = next(r for r in found["rows"] if (r["method"], r["process"]) == ("horch", "integrating"))
+    assert (horch["applicable"], horch["accuracy_applicable"], horch["rank"], horch["accuracy_all"]) == (0, None, None, 0.0)
+
+
+def test_the_csv_is_small_and_readable(finished, scores):
+    file = finished / "scores.csv"
+    assert file.stat().st_size < 60_000
+    frame = pd.read_csv(file)
+    # modes, truths, processes; three methods and two yardsticks
+    assert len(frame) == len(scores.table) == 2 * 3 * 3 * 5
+
+
+def test_median_runtimes_are_there(scores):
+    assert (scores.table.query("role != 'yardstick'").median_ms > 0).all()
+
+
+def test_wilson_narrows_as_trials_says():
+    for share in (0.5, 0.8, 1.0):
+        n = trials(np.array([share]), 10_000, 0.1)
+        lo, hi = wilson(round(share * n), n)
+        assert 0.07 < hi - lo <= 0.101
+
+
+def test_a_cut_lets_no_more_than_the_wanted_share_through():
+    rng = np.random.default_rng(1)
+    for scores in (rng.normal(size=500), np.round(rng.normal(size=500), 1), np.r_[np.full(300, np.nan), rng.normal(size=200)]):
+        cut = cut_for(scores, 0.05)
+        assert np.mean(scores > cut) <= 0.05
+        lower = scores[scores < cut]
+        if lower.size:
+            assert np.mean(scores > lower.max()) > 0.05
+
+
+def test_few_scores_leave_nothing_to_cut():
+    assert cut_for(np.r_[np.full(99, np.nan), 1.0], 0.05) == -math.inf
+
+
+def test_abstention_is_the_best_of_all_bands():
+    rng = np.random.default_rng(2)
+    positive = rng.random(120) < 0.5
+    score = np.round(rng.normal(size=120) + 1.2 * positive, 1)
+    low, high = abstention(score, positive, 0.1)
+
+    def decided_and_wrong(low, high):
+        above, below = score > high, score <= low
+        return (above | below).sum(), (above & ~positive).sum() + (below & positive).sum()
+
+    cuts = [-math.inf, *np.unique(score)]
+    bands = [decided_and_wrong(a, b) for a in cuts for b in cuts if a <= b]
+    best = max(decided for decided, wrong in bands if wrong + 1 <= 0.1 * (decided + 1))
+    assert decided_and_wrong(low, high)[0] == best > 0
+
+
+def test_the_roc_runs_from_corner_to_corner():
+    curve = roc(np.array([1.0, 2.0, 3.0, 4.0]), np.array([False, True, False, True]))
+    assert (curve.false_alarm.iloc[0], curve.detection.iloc[0]) == (1.0, 1.0)
+    assert (curve.false_alarm.iloc[-1], curve.detection.iloc[-1]) == (0.0, 0.0)
+    assert curve.false_alarm.is_monotonic_decreasing
+
+
+def test_calibration_takes_cuts_from_other_seeds_than_it_measures_on(tmp_path):
+    found = calibrate("smoke", 0.2, ["he", "yamashita"], out=tmp_path, sets={"disturbance": "sine"})
+    a, b = Book.read(tmp_path / "seeds-a"), Book.read(tmp_path / "seeds-b")
+    assert found.about["seed_a"] != found.about["seed_b"]
+    assert not set(a.ids) & set(b.ids)
+    again = calibrate_books(a, b, 0.2)
+    assert again.thresholds == found.thresholds
+    row = found.table.set_index("method").loc["he"]
+    negative = b.truth["cycled"] == 0
+    assert row.false_alarm == pytest.approx(np.mean(b.score[list(b.methods).index("he"), negative] > row.cut))
+    assert {f.name for f in tmp_path.iterdir()} >= {"thresholds.json", "calibration.csv", "roc.csv"}
+    assert "he" in found.as_text()
+    json.dumps(found.as_json(), allow_nan=False)
+
+
+def test_calibrated_cuts_do_in_a_run_what_the_calibration_says(tmp_path):
+    found = calibrate("smoke", 0.2, ["he", "srinivasan"], out=tmp_path, sets={"disturbance": "sine"})
+    run = run_grid("smoke", tmp_path / "cut", ["he", "srinivasan"], sets={"disturbance": "sine"}, thresholds=found.thresholds)
+    table = score_run(run).ranking().set_index("method")
+    for row in found.table.itertuples():
+        assert table.loc[row.method].false_alarms == pytest.approx(row.false_alarm)
+    band = run_grid("smoke", tmp_path / "band", ["he"], sets={"disturbance": "sine"}, thresholds={"he": found.abstaining["he"]})
+    decided = 1 - score_run(band, raw=True).ranking().set_index("method").no_decision["he"]
+    assert decided == pytest.approx(found.table.set_index("method").loc["he"].coverage)
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0, -0.1, math.nan])
+def test_an_impossible_false_alarm_rate_is_refused(share):
+    with pytest.raises(ParameterError, match="between 0 and 1"):
+        calibrate("smoke", share)
+
+
+def test_a_sweep_scores_every_combination():
+    found = sweep(LOOP, {"valve.J": [0, 2], "noise.std": [0.02, 0.1]}, seeds=3).score(["he", "horch"])
+    assert len(found) == 2 * 2 * 2
+    assert set(found.n) == {3}
+    assert found.groupby("valve.J").cycling.mean().to_dict() == {0: 0.0, 2: 1.0}
+    assert found.accuracy.between(0, 1).all()
+
+
+def test_seeds_of_a_sweep_differ_and_are_the_same_again():
+    one, two = (sweep(LOOP, {"noise.std": [0.1]}, seeds=2).verdicts("he") for _ in range(2))
+    assert one.record_hash.nunique() == 2
+    assert one.drop(columns="runtime_s").equals(two.drop(columns="runtime_s"))
+    assert sweep(LOOP, {"noise.std": [0.1]}, seed=9).verdicts("he").record_hash.iloc[0] not in set(one.record_hash)
+
+
+def test_a_sweep_may_leave_sampling_and_noise_to_rules():
+    found = sweep(LOOP, {"noise_ratio": [0.0, 0.2], "samples_per_period": [30], "periods": [20]}).verdicts("he")
+    assert set(found.n) == {600}
+    assert found.noise_std.tolist()[0] == 0.0
+    assert found.noise_std.tolist()[1] > 0.0
+
+
+@pytest.mark.parametrize(("axes", "words"), [({"valv.J": [1]}, "valv"), ({"plant.Q": [1]}, "Q"), ({"valve.J": []}, "no value")])
+def test_a_wrong_sweep_is_one_sentence(axes, words):
+    with pytest.raises(SpecError, match=words):
+        sweep(LOOP, axes).score("he")
+
+
+def test_a_books_scores_are_the_runs(finished, joined):
+    book = Book.read(finished)
+    assert book.methods == ("he", "horch", "yamashita")
+    assert [i.decode() for i in book.ids] == joined[joined.method == "he"].scenario_id.tolist()
+    he = joined[joined.method == "he"]
+    assert np.allclose(book.score_raw[0], he.score_raw.astype(float), equal_nan=True, rtol=0)
+    assert set(book.truth["cycled_word"]) <= {"yes", "no", "entrained", "unclear"}
+
+
+def test_the_oracle_stands_apart(tmp_path):
+    run = run_grid("smoke", tmp_path / "run", ["he", "oracle"], sets={"disturbance": "sine"})
+    block = score_run(run).ranking()
+    assert block.method.tolist()[0] == "he"
+    assert np.isnan(block.set_index("method")["rank"]["oracle"])
+
+
+def test_scores_are_a_table_a_picture_and_a_notebook_cell(scores):
+    frame = scores.to_frame()
+    assert frame.method.tolist() == scores.ranking().method.tolist()
+    bars = [p.get_width() for p in scores.plot().patches]
+    assert bars == pytest.approx(frame.accuracy_applicable[::-1].tolist(), nan_ok=True)
+    assert "share a rank" in scores._repr_html_()
+
+
+def test_the_table_of_truths_begins_with_sticky_loops_that_should_cycle_and_do(scores):
+    rows = scores.disagreement[["sticky", "predicted", "cycled"]].to_records(index=False).tolist()
+    assert rows == sorted(rows, reverse=True)
+    assert len({row[0] for row in rows}) == 2

@@ -1,0 +1,156 @@
+"""A folder of loops: a source and its victim are one event, the source is ranked first, and the page asks for nothing."""
+
+import csv
+import importlib.util
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from detectors.prepared import Prepared
+from detectors.record import LoopRecord
+from scenarios.spec import Loop
+from simbench.cli import main
+from simbench.files import write_record
+from simbench.loop.simulate import simulate
+from simbench.plant.report import fleet
+from simbench.plant.report.events import likely_root, phase_locking, shared_oscillations
+from simbench.plant.resumed import resumed
+from simbench.plant.trust.result import likely
+
+
+def _chromium():
+    spec = importlib.util.spec_from_file_location("chromium_for_plant", Path(__file__).parents[2] / "report" / "chromium.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+chromium = _chromium()
+LOOP = {
+    "plant": {"type": "foptd", "K": 1.0, "T": 30.0, "Td": 3.0},
+    "controller": {"type": "PI", "Kc": 1.2, "Ti": 20.0},
+    "noise": {"std": 0.05},
+    "disturbance": [{"type": "coloured", "amplitude": 0.3, "period": 20.0}],
+    "sampling": {"Ts": 2.0, "n": 1500},
+}
+STICKY = {"valve": {"model": "choudhury", "S": 6.0, "J": 4.0}}
+
+
+def run(seed, **more):
+    return simulate(Loop.from_table(LOOP | more), seed, kick=5.0 if more else 0.0).record.blind()
+
+
+def victim(source):
+    """Return a sound loop that the source's PV disturbs through a lag."""
+    rng, heard = np.random.default_rng(9), lfilter([0.1], [1.0, -0.9], source.pv - source.pv.mean())
+    pv, op = np.zeros(source.n), np.zeros(source.n)
+    y = integral = 0.0
+    for k in range(source.n):
+        y = 0.9 * y + 0.1 * (op[max(k - 1, 0)] + 3.0 * heard[k])
+        pv[k] = y + 0.02 * rng.standard_normal()
+        integral -= 0.02 * pv[k]
+        op[k] = integral - 0.3 * pv[k]
+    return LoopRecord(op=op + 50.0, pv=pv + 20.0, Ts=source.Ts, process="self-regulating")
+
+
+@pytest.fixture(scope="module")
+def records():
+    source = run(1, **STICKY)
+    slower = {"controller": {"type": "PI", "Kc": 1.2, "Ti": 23.0}}
+    return {"other": run(5, **STICKY, **slower), "quiet": run(3), "source": source, "victim": victim(source)}
+
+
+def test_a_source_and_its_victim_are_one_event_and_an_independent_cycle_is_not(records):
+    assert shared_oscillations({n: Prepared(r) for n, r in records.items()}) == [["source", "victim"]]
+
+
+def test_records_of_different_lengths_share_nothing(records):
+    cut = {"source": Prepared(records["source"]), "victim": Prepared(records["victim"].window(0, 1400))}
+    assert shared_oscillations(cut) == []
+
+
+def test_phase_locking_is_one_for_a_shift_and_small_for_strangers():
+    t = np.arange(4000.0)
+    assert phase_locking(np.sin(t / 10), np.sin(t / 10 + 1.0), 62.8) > 0.99
+    rng = np.random.default_rng(0)
+    assert phase_locking(rng.standard_normal(4000), rng.standard_normal(4000), 62.8) < 0.6
+
+
+def test_the_root_is_the_stickiest_then_the_least_like_a_sine():
+    assert likely_root(["a", "b"], {"a": 0.2, "b": 0.9}, {"a": 5.0, "b": 0.0}) == ["b", "a"]
+    assert likely_root(["a", "b"], {"a": 0.31, "b": 0.29}, {"a": 1.0, "b": 3.0}) == ["b", "a"]
+
+
+def test_the_page_ranks_the_loops_and_stands_alone(records, tmp_path, capsys):
+    folder, page = tmp_path / "plant", tmp_path / "page.html"
+    folder.mkdir()
+    for name in ("quiet", "source", "victim"):
+        write_record(records[name], folder / f"{name}.csv")
+    (folder / "notes.csv").write_text("a,b\n1,2\n")
+    assert main(["report", str(folder), "-o", str(page), "-j", "1"]) == 0
+    assert "likely root source" in capsys.readouterr().out
+    with open(tmp_path / "page.csv", newline="") as f:
+        rows = {row["loop"]: row for row in csv.DictReader(f)}
+    assert rows["source"]["rank"] == "1"
+    assert rows["source"]["job"] == "valve"
+    assert rows["quiet"]["job"] not in ("valve", "upstream")
+    assert rows["victim"]["oscillation"] == rows["source"]["oscillation"] == "1"
+    text = page.read_text(encoding="utf-8")
+    assert "notes: " in text
+    assert text.count("<article") == 3
+    assert "src=" not in text
+    assert "http" not in text.replace("http://www.w3.org", "")
+    assert sorted(f.name for f in tmp_path.iterdir()) == ["page.csv", "page.html", "plant"]
+    if chromium.executable() is not None:
+        with chromium.opened(page, 390) as shown:
+            assert shown.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth") <= 0
+            assert shown.errors == []
+            assert len(shown.requests) == 1
+        assert chromium.lost_on_paper(page) == 0
+
+
+def test_loops_judged_before_a_kill_are_not_judged_again(records, tmp_path, monkeypatch):
+    folder = tmp_path / "plant"
+    folder.mkdir()
+    for name in ("quiet", "victim"):
+        write_record(records[name], folder / f"{name}.csv")
+    judge, count = fleet.trust, []
+
+    def dies_at_the_second(record, **more):
+        count.append(1)
+        if len(count) == 2:
+            raise KeyboardInterrupt
+        return judge(record, **more)
+
+    monkeypatch.setattr(fleet, "trust", dies_at_the_second)
+    with pytest.raises(KeyboardInterrupt):
+        fleet.survey(folder, jobs=1, keep=tmp_path / "kept")
+    again = fleet.survey(folder, jobs=1, keep=tmp_path / "kept")
+    assert len(count) == 3
+    monkeypatch.setattr(fleet, "trust", judge)
+    assert fleet.survey(folder, jobs=1).as_text() == again.as_text()
+
+
+def test_answers_are_kept_where_the_call_stands_though_its_processes_began_elsewhere(tmp_path, monkeypatch):
+    for name in ("before", "now"):
+        (tmp_path / name).mkdir()
+        monkeypatch.chdir(tmp_path / name)
+        kept = Path("kept") if name == "now" else None
+        assert resumed(likely, [(0.2,), (0.8,)], jobs=2, keep=kept, what="numbers") == ["no_stiction", "stiction"]
+    assert not any((tmp_path / "before").iterdir())
+    assert len(list((tmp_path / "now" / "kept").rglob("output.pkl"))) == 2
+
+
+def test_of_nothing_nothing_is_asked():
+    assert resumed(likely, [], jobs=2, keep=None, what="numbers") == []
+
+
+def test_a_page_that_cannot_be_written_is_said_before_anything_is_judged(tmp_path, capsys):
+    assert main(["report", str(tmp_path), "-o", str(tmp_path / "no" / "page.html")]) == 2
+    assert "cannot be written" in capsys.readouterr().err

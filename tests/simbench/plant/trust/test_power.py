@@ -1,0 +1,85 @@
+"""Power on twins: shares by cell, the smallest size that shows, the threshold to use."""
+
+import numpy as np
+import pytest
+
+from detectors.verdict import Verdict
+from simbench.plant.trust.power import Cell, Rule, cells_of, likelihood_ratio, readings, smallest_visible
+
+
+def line(found, ratio=1.0):
+    return [Cell(s, ratio * s, f, 0.0, 1.0) for s, f in zip((1.0, 2.0, 4.0, 8.0), found)]
+
+
+def test_the_smallest_visible_lies_between_the_cells_that_bracket_it():
+    S, J = smallest_visible(line([0.0, 0.6, 1.0, 1.0])) or (0.0, 0.0)
+    assert S == pytest.approx(2 * 2**0.5)
+    assert J == S
+
+
+def test_nothing_is_visible_where_nothing_is_found():
+    assert smallest_visible(line([0.0, 0.1, 0.3, 0.7])) is None
+
+
+def test_a_lucky_small_cell_is_not_believed_against_the_larger_ones():
+    assert smallest_visible(line([1.0, 0.0, 0.1, 0.2])) is None
+
+
+def test_of_two_slip_jumps_the_one_that_shows_at_the_smaller_band_counts():
+    S, J = smallest_visible([*line([0.0, 0.0, 0.0, 0.9], 0.25), *line([0.0, 0.9, 1.0, 1.0])]) or (0.0, 0.0)
+    assert S < 2.0
+    assert J == S
+
+
+def test_cells_count_only_their_own_twins():
+    S, J = np.array([0.0, 1.0, 1.0, 2.0]), np.array([0.0, 1.0, 1.0, 2.0])
+    cells = cells_of(S, J, np.array([True, True, False, True]))
+    assert [(c.S, c.found) for c in cells] == [(1.0, 0.5), (2.0, 1.0)]
+    assert all(c.lo <= c.found <= c.hi for c in cells)
+
+
+def test_a_threshold_is_advised_only_where_the_published_rule_is_worse():
+    sticky = np.arange(200) < 100
+    rng = np.random.default_rng(0)
+    scores = rng.standard_normal(200) + 4.0 * sticky
+    silent = [Verdict("m", "no_stiction", score=float(s), reason="-") for s in scores]
+    fine = [Verdict("m", "stiction" if k else "no_stiction", score=float(s), reason="-") for k, s in zip(sticky, scores)]
+    assert readings("m", silent, sticky)[0].cut is not None
+    assert readings("m", silent, sticky)[0].right > 0.9
+    assert readings("m", fine, sticky)[0].cut is None
+
+
+def test_a_method_may_be_read_by_its_own_rule_or_by_a_threshold():
+    sticky = np.arange(200) < 100
+    scores = np.random.default_rng(0).standard_normal(200) + 4.0 * sticky
+    verdicts = [Verdict("m", "no_stiction", score=float(s), reason="-") for s in scores]
+    ways = readings("m", verdicts, sticky)
+    assert [w.cut is None for w in ways] == [False, True]
+    assert ways[0].right >= ways[1].right
+    unscored = [Verdict("m", "no_stiction", score=float("nan"), reason="-") for _ in scores]
+    assert [w.cut for w in readings("m", unscored, sticky)] == [None]
+
+
+def test_a_threshold_reads_nothing_out_of_a_missing_score():
+    said = {s: Verdict("m", "no_decision", score=s, reason="-") for s in (0.2, 0.8, float("nan"))}
+    assert [Rule("m", 0.5, 0.9).says(v) for v in said.values()] == ["no_stiction", "stiction", "no_decision"]
+    assert {Rule("m", None, 0.9).says(v) for v in said.values()} == {"no_decision"}
+
+
+def test_a_score_without_meaning_gives_no_threshold():
+    sticky = np.arange(200) < 100
+    scores = np.random.default_rng(1).standard_normal(200)
+    verdicts = [Verdict("m", "no_stiction", score=float(s), reason="-") for s in scores]
+    assert readings("m", verdicts, sticky)[0].right < 0.6
+
+
+def test_a_record_that_did_not_oscillate_is_no_alarm():
+    sticky = np.arange(40) < 20
+    verdicts = [Verdict("m", "no_stiction", score=-np.inf, reason="-")] * 40
+    assert readings("m", verdicts, sticky)[0].cut is None
+
+
+def test_the_likelihood_ratio_is_one_for_a_verdict_that_everybody_gets():
+    sticky = np.arange(40) < 20
+    assert likelihood_ratio("stiction", ["stiction"] * 40, sticky) == pytest.approx(1.0)
+    assert likelihood_ratio("stiction", ["stiction"] * 20 + ["no_stiction"] * 20, sticky) > 10

@@ -1,0 +1,104 @@
+"""Twins are the record's own loop again: its length, its sampling, its set point, and no more signals than it has."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from random_case import random_case
+
+from detectors.record import LoopRecord
+from scenarios.spec import load_loop
+from simbench.loop.simulate import simulate
+from simbench.plant.trust import replicates as twins
+from simbench.plant.trust.calibration import EvidenceWeights
+from simbench.plant.trust.candidate_loops import around, with_friction
+from simbench.plant.trust.replicates import Change, draw_twins, levels
+
+
+@pytest.fixture(scope="module")
+def behind():
+    return around(random_case(5, ("stiction",)).record)
+
+
+def test_twins_have_the_records_length_sampling_and_signals(behind):
+    twins = draw_twins(behind, 4, 1)
+    assert {t.record.n for t in twins} == {behind.record.n}
+    assert {t.record.Ts for t in twins} == {behind.record.Ts}
+    assert all((t.record.mv is None) == (behind.record.mv is None) for t in twins)
+    assert all(t.record.process == behind.record.process for t in twins)
+
+
+def test_the_same_seed_gives_the_same_twins(behind):
+    one, other = (draw_twins(behind, 2, 1, seed=3) for _ in range(2))
+    assert all(np.array_equal(a.record.pv, b.record.pv) for a, b in zip(one, other))
+
+
+def test_twins_differ_from_each_other(behind):
+    a, b = draw_twins(behind, 2, 0)
+    assert not np.array_equal(a.record.pv, b.record.pv)
+
+
+def test_a_healthy_twin_moves_about_as_much_as_the_record(behind):
+    sizes = [np.std(t.record.pv) for t in draw_twins(behind, 20, 0)]
+    assert 0.3 < np.median(sizes) / np.std(behind.record.pv) < 3.0
+
+
+def test_a_set_point_that_moved_at_the_beginning_hides_no_twin():
+    """What a loop does before its record, on its way to the first set point, must not count as its motion."""
+    loop = load_loop(Path(__file__).parents[4] / "docs" / "example" / "loop.toml")
+    found = around(simulate(loop, 1).record.blind())
+    assert sum(t.S == 0 for t in draw_twins(found, 6, 1)) >= 4
+
+
+def test_friction_is_tried_beside_what_swings_the_loop_from_outside(behind, monkeypatch):
+    driven = []
+    whole = twins._driven
+    monkeypatch.setattr(twins, "_driven", lambda *a: driven.append(1) or whole(*a))
+    cell = [(1.0, 0.5)]
+    swung = replace(behind, gain=-5.0, period=40.0 * behind.record.Ts)
+    draw_twins(swung, 0, 8, cells=cell)
+    assert driven
+    driven.clear()
+    draw_twins(replace(swung, period=None), 0, 8, cells=cell)
+    assert not driven
+
+
+@pytest.mark.parametrize("gain", [-5.0, 5.0, 300.0])
+def test_sticky_twins_share_the_two_explanations_by_their_probability(behind, gain):
+    weighed = replace(behind, gain=gain)
+    share = np.mean([twins._sticky_base(weighed, number) is weighed.sticky for number in range(200)])
+    assert share == pytest.approx(EvidenceWeights.read().probability(gain, called=False), abs=0.02)
+
+
+def test_cells_span_small_and_large_friction(behind):
+    S = [s for s, _ in levels(behind)]
+    assert min(S) <= 1.0
+    assert max(S) >= 5.0
+    assert all(0 < j <= s for s, j in levels(behind))
+
+
+def test_what_is_recorded_otherwise_is_recorded_otherwise(behind):
+    n = behind.record.n
+    assert draw_twins(behind, 1, 0, change=Change(longer=2.0))[0].record.n == 2 * n
+    assert draw_twins(behind, 1, 0, change=Change(faster=3))[0].record.Ts == pytest.approx(behind.record.Ts / 3)
+    assert draw_twins(behind, 1, 0, change=Change(mv=True))[0].record.mv is not None
+    stepped = draw_twins(behind, 1, 0, change=Change(step=7.0))[0].record
+    assert stepped.sp is None or np.ptp(stepped.sp) >= 7.0
+
+
+def test_friction_replaces_friction(behind):
+    loop = with_friction(with_friction(behind.healthy[0], 3.0, 1.0), 5.0, 2.0)
+    mine = [e for e in loop.to_table()["effect"] if e["name"] == "stiction"]
+    assert [(e["S"], e["J"]) for e in mine] == [(5.0, 2.0)]
+    assert "stiction" not in str(with_friction(loop, 0.0, 0.0).to_table())
+
+
+def test_a_record_whose_op_has_no_unit_keeps_its_own():
+    r = random_case(5, ("stiction",)).record
+    odd = LoopRecord(op=1000.0 + 40.0 * r.op, pv=r.pv, sp=r.sp, Ts=r.Ts, process=r.process)
+    assert odd.op_percent is None
+    found = around(odd)
+    assert found.percent > 0
+    assert found.record.op.min() >= 0.0
+    assert np.allclose(np.diff(found.record.op) * found.percent, np.diff(odd.op))

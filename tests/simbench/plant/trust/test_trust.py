@@ -1,0 +1,175 @@
+"""trust(): the contract's keys, three answers, and what a reader is told."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from detectors.record import LoopRecord
+from detectors.verdict import NO_STICTION, STICTION
+from scenarios.spec import Loop, load_loop
+from simbench.cli import main
+from simbench.files import write_record
+from simbench.loop.simulate import simulate
+from simbench.plant.report.fleet import EACH, HEALTHY
+from simbench.plant.trust.calibration import EvidenceWeights
+from simbench.plant.trust.result import OPEN, SOUND, STICKY, UNSEEN
+from simbench.plant.trust.trust import FEW as LEAST
+from simbench.plant.trust.trust import trust
+
+FEW = {"methods": ["he,rossi_scali,procedure"], "healthy": 30, "each": 6}
+LOOP = {
+    "plant": {"type": "foptd", "K": 1.0, "T": 30.0, "Td": 3.0},
+    "controller": {"type": "PI", "Kc": 1.2, "Ti": 20.0},
+    "noise": {"std": 0.05},
+    "disturbance": [{"type": "coloured", "amplitude": 0.3, "period": 20.0}],
+    "sampling": {"Ts": 2.0, "n": 1500},
+}
+
+
+@pytest.fixture(scope="module")
+def sticky():
+    loop = Loop.from_table(LOOP | {"valve": {"model": "choudhury", "S": 6.0, "J": 4.0}})
+    return simulate(loop, 1, kick=5.0).record.blind()
+
+
+@pytest.fixture(scope="module")
+def found(sticky):
+    return trust(sticky, **FEW)
+
+
+def test_plain_stiction_is_called_so(found):
+    assert found.answer == STICKY
+    assert found.probability > 0.75
+
+
+def test_a_quiet_loop_is_denied_only_above_what_would_have_shown():
+    answer = trust(simulate(Loop.from_table(LOOP), 2).record.blind(), **FEW, help_wanted=False)
+    assert answer.answer in (SOUND, UNSEEN, OPEN)
+    assert answer.probability is not None
+    assert answer.probability < 0.75
+    if answer.answer == SOUND:
+        assert answer.smallest_visible is not None
+        assert f"{answer.smallest_visible[0]:.2g}" in answer.sentence()
+
+
+def test_a_record_whose_twins_do_not_move_as_it_does_is_still_judged(sticky, monkeypatch):
+    monkeypatch.setattr("simbench.plant.trust.trust.draw_twins", lambda *a, **k: [])
+    answer = trust(sticky, **FEW)
+    assert answer.answer == STICKY
+    assert answer.best is None
+    assert answer.smallest_visible is None
+    assert "does not move as the record does" in answer.power_line()
+
+
+def test_a_set_point_step_at_the_start_of_a_record_leaves_it_its_twins():
+    """Ahead of the record the twins stand at the old set point, which is no motion of theirs."""
+    record = simulate(load_loop(Path(__file__).parents[4] / "docs/example/loop.toml"), 1).record.blind().window(0, 1500)
+    answer = trust(record, methods=["he"], healthy=30, each=4, help_wanted=False)
+    assert answer.best is not None
+    assert answer.power
+
+
+def test_a_long_record_of_a_plant_has_twins_enough_to_say_what_would_have_shown(sticky, monkeypatch):
+    monkeypatch.setattr("simbench.plant.trust.trust.LONG", 100)
+    few = trust(sticky, methods=["procedure"], healthy=HEALTHY, each=EACH, help_wanted=False)
+    assert LEAST <= sum(S == 0 for S, _ in few.twins) <= HEALTHY
+    assert few.power
+
+
+def test_the_smallest_visible_is_that_of_the_method_most_often_right_whatever_it_says(sticky, found, monkeypatch):
+    keenest = max((m for m in found.methods if m.verdict.applicable is not False), key=lambda m: m.rule.right)
+    assert keenest.power[-1].S == found.power[-1].S
+    if keenest.rule.cut is None:
+        assert found.power == keenest.power
+    monkeypatch.setattr("simbench.plant.trust.trust.likely", lambda probability: NO_STICTION)
+    assert trust(sticky, **FEW, help_wanted=False).smallest_visible == found.smallest_visible
+
+
+@pytest.mark.parametrize(("probability", "answer"), [(0.8, STICKY), (0.6, OPEN), (0.4, SOUND), (0.1, SOUND)])
+def test_a_size_that_would_show_is_denied_where_stiction_is_not_the_more_probable(sticky, monkeypatch, probability, answer):
+    monkeypatch.setattr(EvidenceWeights, "probability", lambda *a, **called: probability)
+    found = trust(sticky, **FEW, help_wanted=False)
+    assert found.smallest_visible is not None
+    assert found.answer == answer
+
+
+def test_json_has_the_contracts_keys_and_finite_numbers(found):
+    answer = json.loads(json.dumps(found.as_json(), allow_nan=False))
+    assert set(answer) == {"methods", "best", "smallest_visible", "probability", "twins", "notes"}
+    for row in answer["methods"]:
+        assert set(row) == {"method", "applicable", "verdict", "false_alarms", "power", "likelihood_ratio"}
+        assert all(set(c) == {"S", "J", "found", "lo", "hi"} for c in row["power"])
+    assert answer["best"] == answer["methods"][0]["method"]
+    assert set(answer["smallest_visible"]) == {"S", "J"}
+
+
+def test_of_methods_made_for_the_loop_that_agree_with_the_probability_the_best_on_the_twins_is_trusted(found):
+    made = [m for m in found.methods if m.verdict.applicable is not False]
+    agreeing = [m for m in made if m.says == STICTION]
+    assert found.best.rule.right == max(m.rule.right for m in agreeing)
+    assert found.best in agreeing
+    assert "of those that agree with the probability" in found.as_text()
+
+
+def test_where_no_method_agrees_with_the_probability_the_text_says_so(sticky, monkeypatch):
+    monkeypatch.setattr(EvidenceWeights, "probability", lambda *a, **called: 0.1)
+    found = trust(sticky, methods=["procedure"], healthy=15, each=2, help_wanted=False)
+    assert found.best.says == STICTION
+    assert "none agrees with the probability" in found.as_text()
+
+
+def test_the_answer_does_not_change_with_the_unit_of_pv(sticky, found):
+    other = LoopRecord(
+        op=sticky.op, pv=8.0 * sticky.pv - 64.0, sp=8.0 * sticky.sp - 64.0, Ts=sticky.Ts, process=sticky.process,
+        op_span=sticky.op_span,
+    )  # fmt: skip
+    assert trust(other, **FEW).answer == found.answer
+
+
+def test_a_dead_record_is_no_error_and_no_verdict():
+    flat = LoopRecord(op=np.full(300, 50.0), pv=np.sin(np.arange(300.0)), Ts=1.0)
+    answer = trust(flat, **FEW)
+    assert answer.answer == OPEN
+    assert answer.as_json()["probability"] is None
+    assert answer.as_json()["best"] is None
+    assert "unfit" in answer.as_text()
+    json.dumps(answer.as_json(), allow_nan=False)
+
+
+def test_a_given_loop_with_friction_in_its_valve_still_has_healthy_twins(sticky):
+    loop = Loop.from_table(LOOP | {"valve": {"model": "choudhury", "S": 6.0, "J": 4.0}})
+    answer = trust(sticky, loop, **FEW)
+    assert answer.behind is not None
+    assert answer.behind.trusted
+    assert any("friction" in n for n in answer.notes)
+    assert min(answer.twins) == (0.0, 0.0)
+
+
+def test_calibration_moves_with_its_evidence_and_is_never_certain():
+    c = EvidenceWeights.read()
+    assert c.probability(0.0, True) > c.probability(0.0, False) == c.probability(None, False)
+    assert c.probability(40.0, False) > c.probability(0.0, False) > c.probability(-40.0, False)
+    assert 0.0 < c.probability(-1e9, False) < c.probability(1e9, True) < 1.0
+
+
+def test_the_verbs_answer_on_files(tmp_path, capsys, sticky):
+    record, page = tmp_path / "FIC1.csv", tmp_path / "page.html"
+    write_record(sticky, record)
+    assert main(["trust", str(record), "--method", "he", "--html", str(page), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["best"] == "he"
+    text = page.read_text(encoding="utf-8")
+    assert "http" not in text.replace("http://www.w3.org", "")
+    assert "probability of stiction" in text
+    assert main(["detect", str(record), "--method", "he", "--power"]) == 0
+    assert capsys.readouterr().out.strip().splitlines()[-1].startswith("power: this record would have shown")
+    assert main(["detect", str(record), "--method", "he", "--power", "--json"]) == 0
+    out, err = capsys.readouterr()
+    json.loads(out)
+    assert "power:" in err
+
+
+def test_bad_input_is_one_sentence(tmp_path, capsys):
+    assert main(["trust", str(tmp_path / "none.csv")]) == 2
+    assert len(capsys.readouterr().err.strip().splitlines()) == 1

@@ -1,0 +1,214 @@
+"""Without a baseline: what MV, samples and set point show is said, the likelier plant is taken; plant records are counted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from detectors.records.io import read_record
+from detectors.signal.lattice import lattice, root_lattice, written_unit
+from results.studies.plant_data import by_flag, by_unit_group, diagnose_folder
+from scenarios.spec import Loop
+from simbench.gap.candidates import fit_candidates
+from simbench.gap.decide.assess import Assessment, assess
+from simbench.gap.decide.identified import in_both_halves, plausible, remarks
+from simbench.gap.diagnosis import diagnose
+from simbench.gap.intake.check import check
+from simbench.gap.intake.identify import identify
+from simbench.gap.likelihood.engine import Engine
+from simbench.gap.likelihood.model import Spec
+from simbench.gap.situation import load_memory
+from simbench.loop.simulate import simulate
+
+REAL = Path(__file__).parents[3] / "shared" / "data" / "real"
+on_plant_data = pytest.mark.skipif(not REAL.is_dir(), reason=f"{REAL}: no plant records here")
+
+FLOW = {
+    "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0},
+    "controller": {"type": "PI", "Kc": 1.5, "Ti": 20.0},
+    "sampling": {"Ts": 1.0, "n": 800},
+    "noise": {"std": 0.1},
+    "setpoint": {"value": 50.0, "steps": [[200.0, 55.0], [500.0, 50.0]]},
+    "disturbance": [{"type": "coloured", "amplitude": 0.5, "period": 30.0}],
+}
+LEVEL = {
+    "plant": {"type": "integrating", "K": 0.02, "Td": 4.0},
+    "controller": {"type": "PI", "Kc": 4.0, "Ti": 80.0},
+    "sampling": {"Ts": 1.0, "n": 1500},
+    "noise": {"std": 0.05},
+    "disturbance": [{"type": "coloured", "amplitude": 0.5, "period": 30.0}],
+}
+SHORT = FLOW | {"sampling": {"Ts": 1.0, "n": 500}}
+STICKY = {"valve": {"model": "choudhury", "S": 6.0, "J": 2.0}}
+
+
+def record_of(table, process=None, mv=False, kick=0.0):
+    record = simulate(Loop.from_table(table), seed=3, kick=kick).record
+    return replace(record, mv=record.mv if mv else None, process=process)
+
+
+def without_baseline(record):
+    return plausible(assess(check(record, identify(record), trusted=False)))
+
+
+def remarks_on(record):
+    return remarks(check(record, identify(record), trusted=False))
+
+
+def notes_on(record):
+    return check(record, identify(record), trusted=False).notes
+
+
+def test_friction_that_mv_shows_is_named_without_a_baseline():
+    report = diagnose(record_of(FLOW | STICKY, "self-regulating", mv=True, kick=6.0), None)
+    assert report.block == "valve"
+    assert report.effect == "stiction"
+
+
+def test_a_valve_lag_that_mv_shows_is_named_without_a_baseline():
+    found = without_baseline(record_of(SHORT | {"effect": [{"name": "valve_lag", "tau": 8.0}]}, "self-regulating", mv=True))
+    assert found.chosen[0] == "valve_lag"
+
+
+def test_nothing_is_said_of_a_valve_that_mv_shows_healthy():
+    found = without_baseline(record_of(SHORT, "self-regulating", mv=True))
+    assert not {"stiction", "deadband", "deadzone", "valve_lag", "valve_characteristic"} & set(found.chosen)
+    assert not found.unexplained
+
+
+def test_a_valve_no_map_explains_is_strange_without_a_baseline_too():
+    record = record_of(SHORT, "self-regulating", mv=True)
+    assert record.mv is not None
+    wandering = record.mv + 3.0 * np.sin(np.arange(record.n) / 7.0)
+    assert list(without_baseline(replace(record, mv=wandering)).unexplained) == ["valve"]
+
+
+@pytest.mark.parametrize("table", [FLOW | STICKY, LEVEL])
+def test_plant_type_is_found_where_it_is_not_given(table):
+    kick = 6.0 if "valve" in table else 0.0
+    assert identify(record_of(table, kick=kick)).plant.type == table["plant"]["type"]
+
+
+def test_a_given_plant_type_is_kept():
+    assert identify(record_of(LEVEL, "self-regulating")).plant.type == "foptd"
+    assert identify(record_of(FLOW, "integrating")).plant.type == "integrating"
+
+
+def test_tuning_is_found_proportional_alone_too():
+    P = {"type": "P", "Kc": 1.5}
+    assert identify(record_of(SHORT | {"controller": P}, "self-regulating")).controller.type == "P"
+    found = identify(record_of(SHORT, "self-regulating")).controller
+    assert (found.type, found.Kc, found.Ti) == ("PI", pytest.approx(1.5, rel=1e-3), pytest.approx(20.0, rel=1e-3))
+
+
+def test_a_sticky_level_loop_of_unknown_process_names_friction_and_says_what_was_assumed():
+    found = without_baseline(record_of(LEVEL | STICKY, kick=6.0))
+    assert {"stiction", "deadband"} & set(found.chosen)
+    assert "process: not given; judged as integrating, the likelier of the two" in found.situation.notes
+
+
+def test_a_given_process_is_no_assumption_to_report():
+    assert not any(n.startswith("process: ") for n in remarks_on(record_of(FLOW, "self-regulating")))
+
+
+def test_a_quantised_healthy_record_names_quantisation_and_its_set_point_steps():
+    table = FLOW | {"effect": [{"name": "quantisation", "step": 0.37, "at": "loop"}]}
+    report = diagnose(record_of(table, "self-regulating"), None)
+    assert report.effect == "quantisation"
+    assert any(n.startswith("quantisation: ") and ", 0.37 apart" in n for n in report.notes)
+    assert "set-point steps: SP moves in 2 steps, the largest 5" in report.notes
+
+
+def test_a_healthy_record_without_a_baseline_is_none_also_where_luck_is_kind():
+    report = diagnose(record_of(FLOW | {"sampling": {"Ts": 1.0, "n": 400}}, "self-regulating"), None)
+    assert report.effect == "none"
+
+
+def test_decimals_that_hide_nothing_are_no_effect():
+    record = record_of(FLOW | STICKY, "self-regulating", kick=6.0)
+    written = replace(record, op=np.round(record.op, 2), pv=np.round(record.pv, 5))
+    assert {"quantisation", "op_quantisation"}.isdisjoint(without_baseline(written).chosen)
+
+
+def test_a_set_point_that_never_rests_does_not_move_in_steps():
+    record = record_of(FLOW, "self-regulating")
+    slave = replace(record, sp=50.0 + 0.01 * np.sin(np.arange(record.n)))
+    assert not any(n.startswith("set-point steps") for n in notes_on(slave))
+
+
+def test_set_point_steps_are_said_beside_a_baseline_too():
+    notes = check(record_of(FLOW, "self-regulating"), Loop.from_table(FLOW)).notes
+    assert "set-point steps: SP moves in 2 steps, the largest 5" in notes
+
+
+def test_friction_in_both_halves_is_asked_of_a_record_with_1_over_f_load_too():
+    record = record_of(FLOW | STICKY, "self-regulating", kick=6.0)
+    situation = check(record, identify(record), trusted=False)
+    engine = Engine(situation.data, load_memory(situation))
+    base = engine.fit(Spec(pink=True), engine.start())
+    friction = fit_candidates(engine, base, ["stiction"])
+    found = Assessment(situation, base, friction, {}, [], base)
+    assert in_both_halves(found, "stiction")
+
+
+def test_unit_groups_count_alike_and_doubtful_labels_do_not_count():
+    frame = pd.DataFrame({
+        "unit_group": ["A", "A", "A", "B", "C"],
+        "label": ["stiction"] * 4 + ["no_stiction"],
+        "credible": [True, True, True, True, False],
+        "friction": [True, True, False, False, True],
+    })  # fmt: skip
+    row = by_unit_group(frame).set_index("label")
+    assert list(row.index) == ["stiction"]
+    assert row.loc["stiction", "groups"] == 2
+    assert row.loc["stiction", "share"] == pytest.approx((2 / 3 + 0) / 2)
+    assert row.loc["stiction", "majority"] == 0.5
+
+
+def test_flags_are_counted_where_they_are_and_where_they_are_not():
+    frame = pd.DataFrame({"unit_group": ["A", "A", "B", "C"]})
+    for flag in ("pv_quantised", "compressed", "spikes", "sp_steps"):
+        frame[flag], frame[f"named_{flag}"] = [True, True, True, False], [True, True, False, True]
+    row = by_flag(frame).set_index("flag").loc["compressed"]
+    assert list(row) == [3, 2, 2, 1, 1, 1]
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder laid out like the plant data, with a quantised record, one that is too short, and one not to be used."""
+    record = record_of(FLOW | {"effect": [{"name": "quantisation", "step": 0.37, "at": "loop"}]})
+    frame = pd.DataFrame({"t_s": record.t, "sp": record.sp, "pv": record.pv, "op": record.op})
+    frame.to_csv(tmp_path / "FIC1.csv", index=False)
+    frame[:50].to_csv(tmp_path / "FIC2.csv", index=False)
+    columns = {"label": "no_stiction", "label_doubt": [np.nan, "short", "dead"], "dynamics": "self_regulating", "primary": 1}
+    flags = {"pv_quantised": [1, 0, 0], "compressed": 0, "spikes": 0, "sp_kind": ["steps", "constant", "constant"]}
+    ids = {"id": ["FIC1", "FIC2", "FIC3"], "unit_group": ["FIC1", "FIC2", "FIC3"], "usable": [1, 1, 0]}
+    pd.DataFrame(ids | columns | flags).to_csv(tmp_path / "records.csv", index=False)
+    return tmp_path
+
+
+def test_a_folder_gives_a_row_per_usable_record_and_says_why_one_was_refused(folder):
+    frame = diagnose_folder(folder, blind=True).set_index("id")
+    assert list(frame.index) == ["FIC1", "FIC2"]
+    assert frame.named_pv_quantised.to_dict() == {"FIC1": True, "FIC2": False}
+    assert frame.named_sp_steps.to_dict() == {"FIC1": True, "FIC2": False}
+    assert frame.credible.to_dict() == {"FIC1": True, "FIC2": False}
+    assert "at least 100" in frame.error["FIC2"]
+    assert frame.type["FIC1"] == "foptd"
+
+
+@on_plant_data
+@pytest.mark.parametrize("name", ["ISDB_PAP2", "ISDB_PAP4", "SGPT_2-CDU-7040-311-FIC31102_0628-0002"])
+def test_pv_of_plants_that_repeats_its_values_stands_on_a_lattice(name):
+    record = read_record(REAL / f"{name}.csv")
+    assert lattice(record.pv, written_unit(record.pv, record.op)) or root_lattice(record.pv)
+
+
+@on_plant_data
+def test_set_point_steps_of_a_plant_record_are_said():
+    record = read_record(REAL / "SGPT_2411FIC20102_1107-0006.csv", process="self-regulating")
+    assert any(n.startswith("set-point steps: SP moves in 2 steps") for n in notes_on(record))

@@ -1,0 +1,61 @@
+"""Recorded loops are counted by record and by unit, and changed as archives change them."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from detectors.record import LoopRecord
+from results.studies import recorded_loops as recorded
+from results.studies.recorded_loops import PANEL, counted
+from simbench.files import write_record
+
+
+@pytest.fixture(scope="module")
+def wave():
+    t = np.arange(600.0)
+    return LoopRecord(op=50 + np.sin(t / 7), pv=3 * np.cos(t / 7) + 0.01 * t, Ts=2.0)
+
+
+@pytest.mark.parametrize("name", PANEL)
+def test_an_archive_keeps_the_hours_and_the_shape(wave, name):
+    seen = PANEL[name](wave)
+    assert seen.n * seen.Ts == pytest.approx(wave.n * wave.Ts, rel=0.01)
+    assert seen.op.size == seen.pv.size
+    again = np.interp(np.arange(wave.n) * wave.Ts, np.arange(seen.n) * seen.Ts, seen.pv)
+    assert np.std(again - wave.pv) < 0.4 * np.std(wave.pv)
+    assert not (seen.n == wave.n and np.array_equal(seen.pv, wave.pv))
+
+
+def test_exception_keeps_every_change_beyond_its_band(wave):
+    kept = PANEL["exception 2 %"](wave)
+    assert np.abs(kept.pv - wave.pv).max() < 0.1 * np.ptp(wave.pv)
+    straight = np.abs(np.diff(kept.pv, 2)) < 1e-9
+    assert straight.mean() > 0.1
+    assert not (np.abs(np.diff(wave.pv, 2)) < 1e-9).any()
+
+
+def test_a_unit_is_called_by_most_of_its_records():
+    rows = pd.DataFrame(
+        {"unit": list("aaabbc"), "sticky": [True] * 3 + [False] * 3, "trust": [True, True, False, True, False, False]}
+    )
+    by_record, by_unit = counted(rows, "trust")
+    assert "found 2 of 3" in by_record
+    assert "false alarms 1 of 3" in by_record
+    assert "found 1 of 1" in by_unit
+    assert "false alarms 0 of 2" in by_unit
+
+
+def test_only_records_with_a_label_that_nobody_doubts_are_asked_about_and_once(wave, tmp_path, monkeypatch, capsys):
+    good = {"unit_group": "u", "label": "stiction", "label_doubt": "", "usable": 1, "primary": 1, "dynamics": "integrating"}
+    rows = [good, good | {"label_doubt": "why"}, good | {"label": "unknown"}, good | {"primary": 0}]
+    pd.DataFrame([{"id": f"r{i}", **row} for i, row in enumerate(rows)]).to_csv(tmp_path / "records.csv", index=False)
+    for i in range(4):
+        write_record(wave, tmp_path / f"r{i}.csv")
+    asked = []
+    monkeypatch.setattr(
+        recorded, "weighed", lambda r: asked.append(r.process) or {"procedure": True, "likelihood": None, "trust": False}
+    )
+    for _ in range(2):
+        assert recorded.main([str(tmp_path), "-o", str(tmp_path / "kept")]) == 0
+    assert asked == ["integrating"]
+    assert "procedure    by units    found 1 of 1" in capsys.readouterr().out

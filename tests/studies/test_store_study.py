@@ -1,0 +1,60 @@
+"""The measurements of the store, on a handful of scenarios."""
+
+import json
+
+import pytest
+
+from results.studies import store_study
+from simbench.bench.store.reading import Book
+
+
+def test_made_up_rows_are_a_run_that_can_be_scored(tmp_path, monkeypatch):
+    books = []
+    finish = store_study.pieces.finish
+
+    def noted(place, receipts, manifest):
+        finish(place, receipts, manifest)
+        books.append(Book.read(place))
+
+    monkeypatch.setattr(store_study.pieces, "finish", noted)
+    told = store_study.rows(2500, "he,yamashita")
+    assert (told["rows"], told["scenarios"]) == (4000, 2000)
+    assert told["cpu_s"] > 0
+    assert 50 < told["peak_MB"] < 50_000
+    assert len(set(books[-1].ids)) == 2000
+    assert books[-1].methods == ("he", "yamashita")
+
+
+def test_the_client_tells_its_time_apart(tmp_path, capsys):
+    assert store_study._client(str(tmp_path / "run"), "smoke", "horch", "1", "") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert list(told) == ["start", "handing_out", "scoring"]
+    assert all(seconds > 0 for seconds in told.values())
+
+
+def test_seconds_of_handing_out_are_those_after_the_start_without_scoring(tmp_path, monkeypatch, capsys):
+    """The clock stands at 3 s after the start and at 10 s after the run, of which scoring took 2."""
+    clock = iter([3.0, 4.0, 6.0, 10.0])
+    monkeypatch.setattr(store_study.time, "process_time", lambda: next(clock))
+    monkeypatch.setattr(store_study.pieces, "finish", lambda: None)
+    monkeypatch.setattr(store_study, "run_grid", lambda *_, resume=False, **__: store_study.pieces.finish() if resume else None)
+    assert store_study._client(str(tmp_path), "smoke", "horch", "1", "") == 0
+    assert json.loads(capsys.readouterr().out) == {"start": 3.0, "handing_out": 5.0, "scoring": 2.0}
+
+
+@pytest.mark.slow  # dask starts four workers, twice in place of killed ones
+def test_a_cluster_killed_and_resumed_has_the_tables_of_an_undisturbed_run(capsys):
+    pytest.importorskip("distributed")
+    assert store_study.main(["cluster", "--n", "3000"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["equal"]
+    assert told["scenarios"] >= 3000
+    assert 0 < told["killed_after"][0] < told["killed_after"][1] <= told["found"] < told["pieces"]
+
+
+def test_a_client_that_ends_too_soon_is_an_error(tmp_path):
+    class Ended:
+        poll = staticmethod(lambda: 0)
+
+    with pytest.raises(RuntimeError, match="ended after 0 pieces"):
+        store_study._wait(tmp_path, 1, Ended)
