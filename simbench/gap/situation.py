@@ -14,7 +14,6 @@ from simbench.gap.likelihood.model import Data
 from simbench.gap.sensor.samples import Samples
 from simbench.loop.response import valve_response
 
-NOISE_SHOWS = 0.25  # of the variance of PV's changes that the stated noise must make up for its smoothing to be seen
 LOAD_MEMORY = 4.0  # longest correlation time of an ordinary load, in time scales of the loop; a slower one drifts
 
 
@@ -118,62 +117,3 @@ def load_memory(situation: Situation) -> float:
         # an integrating plant has no time constant of its own; its loop has
         pace = d.Td + 1.0 / max(abs(d.K * control.Kc), 1e-9)
     return float(np.clip(LOAD_MEMORY * pace, 5.0, 0.2 * d.n))
-
-
-@dataclass(frozen=True)
-class Circumstances:
-    """What of record, baseline and effect decides which effects look alike.
-
-    Parameters
-    ----------
-    integrating : bool
-        The plant integrates.
-    sp_moves : bool
-        SP moves by more than the noise within the record.
-    mv : bool
-        The valve position is recorded.
-    noise_shows : bool
-        The stated noise makes up at least `NOISE_SHOWS` of the variance of PV's sample-to-sample change.
-    op_jitter : float
-        Median-based standard deviation of OP's sample-to-sample change (%).
-    slip : float or None
-        Slip-jump of the valve in question (%); None = unknown, which never counts as alike.
-    slow : bool
-        The slow signal in question moves PV by less than the noise within one open-loop settling time scale T + Td.
-    ramp : bool
-        The slow signal in question is a ramp: what wanders beside it stays below the noise within T + Td. A ramp at the input
-        of a self-regulating plant is a ramp on PV less a constant, which the unknown operating point takes.
-    """
-
-    integrating: bool = False
-    sp_moves: bool = False
-    mv: bool = False
-    noise_shows: bool = False
-    op_jitter: float = 0.0
-    slip: float | None = None
-    slow: bool = False
-    ramp: bool = False
-
-
-def circumstances(s: Situation, traits: dict[str, Any]) -> Circumstances:
-    """Return the circumstances of one effect.
-
-    Parameters
-    ----------
-    s : Situation
-    traits : dict
-        slip, slow, ramp, as far as the effect in question has them.
-
-    Returns
-    -------
-    Circumstances
-    """
-    noise, change, jitter = s.baseline.noise.std, np.diff(np.asarray(s.record.pv)), np.diff(s.op)
-    return Circumstances(
-        integrating=s.integrating,
-        sp_moves=s.record.sp is not None and bool(np.ptp(s.record.sp) > 2 * noise),
-        mv=s.record.mv is not None,
-        noise_shows=bool(2 * noise**2 >= NOISE_SHOWS * change.var()) and noise > 0,
-        op_jitter=float(1.4826 * np.median(np.abs(jitter - np.median(jitter)))),
-        **traits,
-    )
