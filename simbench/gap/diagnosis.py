@@ -18,9 +18,9 @@ from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import SURE, Assessment, assess, capped
 from simbench.gap.decide.classify import Classified, classify
 from simbench.gap.decide.identified import plausible
-from simbench.gap.intake.check import SAME_TS, check
+from simbench.gap.intake.check import check
 from simbench.gap.intake.partial import Partial, completed
-from simbench.gap.intake.refuse import refuse_unfit
+from simbench.gap.intake.refuse import SAME_TS, refuse_unfit
 from simbench.gap.report.result import Behind, Gap, GapReport, Ranked
 from simbench.gap.situation import load_memory
 from simbench.loop.effects import EFFECTS, NONE, block_of
