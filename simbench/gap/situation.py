@@ -22,18 +22,18 @@ class Archive:
     """What single samples prove of the PV on record.
 
     `rounding` is a lattice's step and where PV was put on it: in the "loop", where the controller sees it, or in the "record"
-    alone. `thinning` is the largest error of the lines that an archive drew between the samples it kept. `spikes` are the share
+    alone. `band` is the largest error of the lines that an archive drew between the samples it kept. `spikes` are the share
     of samples hit, their mean height, and where. What was not found is None or 0.
     """
 
     rounding: tuple[float, str] | None = None
-    thinning: float = 0.0
+    band: float = 0.0
     spikes: tuple[float, float, str] | None = None
 
     @property
     def faithful(self) -> bool:
         """Whether PV on record is PV, but for its digits."""
-        return self.rounding is None and self.thinning == 0.0 and self.spikes is None
+        return self.rounding is None and self.band == 0.0 and self.spikes is None
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,7 @@ class Situation:
         """Block and words of everything that single samples or the controller's law show without doubt."""
         found = {
             "rounding": (self.archive.rounding is not None, "sensor", "PV stands on a lattice"),
-            "thinning": (self.archive.thinning > 0.0, "sensor", "PV runs on straight lines"),
+            "band": (self.archive.band > 0.0, "sensor", "PV runs on straight lines"),
             "spikes": (self.archive.spikes is not None, "sensor", "single samples of PV stand far off their neighbours"),
             "limits": (self.law.limits is not None, "controller", "OP stands at a value while the law pushes on"),
             "gap": (self.law.gap > 0.0, "controller", "OP rests while the error is small"),

@@ -1,4 +1,4 @@
-"""What stands between the PV on record and the PV that the controller saw: rounding, thinning, means and spikes."""
+"""What stands between the PV on record and the PV that the controller saw: rounding, compression, means and spikes."""
 
 from __future__ import annotations
 
@@ -52,21 +52,21 @@ def _archive(it: Observed) -> tuple[Archive, np.ndarray, str]:
     """Return what single samples prove of PV, the PV the controller saw, and why OP moves as no PV makes it move."""
     law, samples = it.law, it.samples
     pv, seen = np.asarray(it.record.pv), law.recovered_pv
-    place, thinning, step = "record" if it.apart else "loop", 0.0, 0.0
+    place, band, step = "record" if it.apart else "loop", 0.0, 0.0
     if samples.step > 0.0 and not hides_nothing(samples.step, pv):
         step = samples.step
     elif samples.straight > STRAIGHT:
         kept = pv if seen is None else mean_of(pv, seen) if law.averaged else seen
         size = float(np.quantile(np.abs(pv - kept), 0.98))
         # noise that the archive's own mean has smoothed lies on lines sooner
-        thinning = (size or 0.5 * float(np.std(np.diff(pv)))) if not law.averaged or size > it.noise else 0.0
+        band = (size or 0.5 * float(np.std(np.diff(pv)))) if not law.averaged or size > it.noise else 0.0
     elif not hides_nothing(samples.digits, pv):
         step = samples.digits
     # a mean over a sample, or a few lines between samples kept, are the archive's and no effect: the controller saw PV
     blurred = seen is not None and (law.averaged or _lines_where_apart(it))
-    plant_pv = np.asarray(seen) if blurred or (it.apart and (step or thinning)) else pv
-    spikes, plant_pv, mismatch = _spikes(it, plant_pv, thinning > 0.0 or blurred)
-    return Archive((step, place) if step else None, thinning, spikes), plant_pv, mismatch
+    plant_pv = np.asarray(seen) if blurred or (it.apart and (step or band)) else pv
+    spikes, plant_pv, mismatch = _spikes(it, plant_pv, band > 0.0 or blurred)
+    return Archive((step, place) if step else None, band, spikes), plant_pv, mismatch
 
 
 def _spikes(it: Observed, plant_pv: np.ndarray, thinned: bool) -> tuple[tuple[float, float, str] | None, np.ndarray, str]:

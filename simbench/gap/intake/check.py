@@ -42,7 +42,7 @@ def check(record: LoopRecord, baseline: Loop, trusted: bool = True, tuned: bool 
     situation = Situation(
         it.record, it.baseline, it.trusted, it.tuned, it.op, it.sp, it.law, it.samples, archive, plant_pv,
         it.data(plant_pv, resolution), it.notes,
-        frozen=it.frozen and archive.rounding is None and archive.thinning == 0.0,
+        frozen=it.frozen and archive.rounding is None and archive.band == 0.0,
         unexplained_law=unexplained if it.tuned else "",
     )  # fmt: skip
     return replace(situation, proven=proven(situation))

@@ -49,7 +49,7 @@ def test_a_vessels_time_scale_is_its_loops(K, memory):
 
 
 @pytest.mark.parametrize(("archive", "law", "facts"), [
-    ({}, {}, {}), ({"rounding": (0.5, "loop")}, {}, {"rounding": "sensor"}), ({"thinning": 0.1}, {}, {"thinning": "sensor"}),
+    ({}, {}, {}), ({"rounding": (0.5, "loop")}, {}, {"rounding": "sensor"}), ({"band": 0.1}, {}, {"band": "sensor"}),
     ({"spikes": (0.01, 2.0, "loop")}, {}, {"spikes": "sensor"}), ({}, {"limits": (0.0, 60.0)}, {"limits": "controller"}),
     ({}, {"gap": 0.1}, {"gap": "controller"}), ({}, {"step": 0.1}, {"step": "controller"}),
     ({}, {"tuning": (2.0, 1.0)}, {"tuning": "controller"}),

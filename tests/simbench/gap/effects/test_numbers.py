@@ -356,11 +356,11 @@ def test_a_yardstick_is_the_loops_own_size():
     assert (still.op, still.op_change, still.pv) == (0.05, 1e-3, 0.0)
 
 
-@pytest.mark.parametrize(("noise", "rounding", "thinning", "drowned"), [
+@pytest.mark.parametrize(("noise", "rounding", "band", "drowned"), [
     (0.1, None, 0.0, False), (0.1, (0.5, "loop"), 0.0, True), (0.1, None, 0.2, True),
 ])  # fmt: skip
-def test_noise_is_not_judged_where_rounding_or_thinning_makes_its_own(noise, rounding, thinning, drowned):
-    s = SimpleNamespace(archive=SimpleNamespace(rounding=rounding, thinning=thinning))
+def test_noise_is_not_judged_where_rounding_or_compression_makes_its_own(noise, rounding, band, drowned):
+    s = SimpleNamespace(archive=SimpleNamespace(rounding=rounding, band=band))
     assert recogniser("noise").drowned(s) == drowned
 
 

@@ -53,10 +53,10 @@ def test_a_thinned_archive_is_as_thin_as_its_lines_are_off_what_op_saw():
     seen = PV + np.where(np.arange(N) < 50, 0.4, 0.01)
     found, _, _ = _archive(seen_in(replace(LAW, reason="no law", recovered_pv=seen), replace(PLAIN, straight=0.18)))
     # 0.98 of the samples lie as near as the largest of the lines
-    assert found.thinning == pytest.approx(0.4)
+    assert found.band == pytest.approx(0.4)
     few = PV + np.where(np.arange(N) < 15, 0.4, 0.01)
     barely = replace(LAW, reason="no law", recovered_pv=few)
-    assert _archive(seen_in(barely, replace(PLAIN, straight=0.18)))[0].thinning < 0.02
+    assert _archive(seen_in(barely, replace(PLAIN, straight=0.18)))[0].band < 0.02
     # where nothing tells, half of what PV moves
     blind, plant_pv, _ = _archive(seen_in(LAW, replace(PLAIN, straight=0.18)))
     assert blind == Archive(None, pytest.approx(0.5 * np.std(np.diff(PV))))
@@ -77,7 +77,7 @@ def test_lines_through_a_mean_count_once_they_are_further_off_it_than_the_noise(
     pv = 0.5 * (seen + np.append(seen[0], seen[:-1])) + np.where(np.arange(N) % 9 == 0, 0.3, 0.0)
     law = replace(LAW, averaged=True, recovered_pv=seen)
     found, plant_pv, _ = _archive(seen_in(law, replace(PLAIN, straight=0.3), pv, noise))
-    assert (found.thinning > 0.0) == thinned
+    assert (found.band > 0.0) == thinned
     assert np.array_equal(plant_pv, seen)
 
 
@@ -102,8 +102,8 @@ def test_a_few_straight_lines_where_pv_is_not_what_op_saw_are_a_thinned_archive(
     (Archive(), 0.0, "", "", "no law"), (Archive(), 0.0, "", "skips scans", "skips scans"),
     (Archive(), 0.0, "moves", "skips scans", "moves"),
     # behind a known archive or dead-band a law need not be exact
-    (Archive(thinning=0.1), 0.0, "", "skips scans", ""), (Archive(), 0.1, "", "skips scans", ""),
-    (Archive(thinning=0.1), 0.0, "moves", "", "moves"),
+    (Archive(band=0.1), 0.0, "", "skips scans", ""), (Archive(), 0.1, "", "skips scans", ""),
+    (Archive(band=0.1), 0.0, "moves", "", "moves"),
 ])  # fmt: skip
 def test_why_no_law_holds_is_said_unless_what_stands_between_is_known(archive, gap, mismatch, foreign, said):
     assert _unexplained(replace(LAW, reason="no law", gap=gap, foreign=foreign), archive, mismatch) == said
