@@ -659,7 +659,7 @@ def open_sealed(
 
 @app.command()
 def contract(
-    path: Annotated[Path, typer.Argument(metavar="FILE", help="A detector, valve, effect, recogniser (.py) or grid (.toml).")],
+    path: Annotated[Path, typer.Argument(metavar="FILE", help="A detector, valve, effect, recogniser, world (.py) or grid (.toml).")],
     as_json: Json = False,
 ) -> None:
     """Check whether a plug-in keeps its contract; exit 1 when it does not."""

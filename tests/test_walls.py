@@ -61,8 +61,8 @@ def test_the_house_as_it_stands_breaks_no_wall(house):
         ("simbench.blind.worlds.own.loops", "simbench.loop.valves.choudhury", "rooms stand above what they use"),
         ("simbench.blind.score", "simbench.gap.report.result", "rooms stand above what they use"),
         ("simbench.blind.claims", "detectors.signal.oscillation", "the blind check asks no detector"),
-        ("simbench.gap.decide.assess", "simbench.blind.score", "only the command line knows the blind check"),
-        ("simbench.bench.execute.run", "simbench.blind.making", "only the command line knows the blind check"),
+        ("simbench.gap.decide.assess", "simbench.blind.score", "only the command line and the contract know the blind check"),
+        ("simbench.bench.execute.run", "simbench.blind.making", "only the command line and the contract know the blind check"),
         ("detectors.quality", "simbench.loop.plant", "detectors is usable alone"),
     ],
 )

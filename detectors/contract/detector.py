@@ -37,7 +37,7 @@ class Contract:
     Parameters
     ----------
     kind, name : str
-        "detector", "valve", "effect", "recogniser" or "grid", and its id.
+        "detector", "valve", "effect", "recogniser", "world" or "grid", and its id.
     broken : tuple of str
         One sentence for every point that does not hold.
     notes : tuple of str

@@ -1,4 +1,4 @@
-"""Does this detector, valve, effect, recogniser or grid keep its contract?"""
+"""Does this detector, valve, effect, recogniser, world or grid keep its contract?"""
 
 from __future__ import annotations
 
@@ -10,10 +10,12 @@ from detectors.contract.detector import Contract, check_detector
 from detectors.contract.watch import watch
 from detectors.errors import ParameterError
 from detectors.plugins.registry import PluginFolder, methods
+from simbench.blind.world import WORLDS
 from simbench.contract.effect import check_effect
 from simbench.contract.grid import check_grid
 from simbench.contract.recogniser import check_recogniser
 from simbench.contract.valve import check_valve
+from simbench.contract.world import check_world
 from simbench.gap.effects import PLUGINS as RECOGNISERS
 from simbench.loop.effects import PLUGINS as EFFECTS
 from simbench.loop.parameters import VALVES
@@ -24,6 +26,7 @@ KINDS: dict[str, tuple[PluginFolder, Callable[[str], Contract]]] = {
     "recogniser": (RECOGNISERS, check_recogniser),
     "effect": (EFFECTS, check_effect),
     "valve": (VALVES, check_valve),
+    "world": (WORLDS, check_world),
 }
 
 
@@ -33,8 +36,8 @@ def check_file(path: str | Path) -> Contract:
     Parameters
     ----------
     path : str or Path
-        A grid (.toml), or a Python file that is a detector, valve, effect or recogniser by what it defines. Its stem is the
-        plug-in's name.
+        A grid (.toml), or a Python file that is a detector, valve, effect, recogniser or world by what it defines. Its stem is
+        the plug-in's name.
 
     Returns
     -------
