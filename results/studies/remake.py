@@ -1,4 +1,4 @@
-"""Print results again: `python -m results.studies.remake [FILE ...]` runs the commands that results/README.md lists for them."""
+"""Print results again: `python -m results.studies.remake [FILE ...]` runs the commands that results/README.md lists."""
 
 from __future__ import annotations
 
