@@ -62,10 +62,11 @@ class _Asked:
 
 @dataclass(frozen=True)
 class _Simulated:
-    """A scenario with its truth and theory; why there is no run where there is none, and the seconds it took."""
+    """A scenario of a group with its truth and theory; why there is no run where there is none, and the seconds it took."""
 
     scenario: Scenario
     ident: str
+    group: int
     run: Run | None
     cycled: Cycled
     theory: Theory
@@ -97,35 +98,10 @@ def work(
     stages: tuple[tuple[str, ...], ...] = ((), ()),
     front_end: str = "acf",
 ) -> Piece:
-    """Simulate, label and judge some groups of a grid.
+    """Simulate, label and judge some groups of a grid: a function of the arguments alone, but for its times.
 
-    Parameters
-    ----------
-    grid : Grid
-        The grid.
-    number : int
-        Of the piece.
-    groups : sequence of int
-        Which groups.
-    methods : sequence of str
-        Method ids.
-    plugins : iterable of str
-        Detector files outside the package.
-    thresholds : mapping
-        Other thresholds than the methods' own, by method id.
-    keep : int
-        Records to hand back, from the first on.
-    seconds : float
-        Time a plug-in may take for a record.
-    stages : (tuple of str, tuple of str)
-        Files of valve models and of effects outside the package.
-    front_end : str
-        What says whether a loop oscillates.
-
-    Returns
-    -------
-    Piece
-        A function of the arguments alone, but for its times.
+    `plugins` and `stages` are files outside the package: detectors, and valve models and effects; `seconds` is the time one may
+    take for a record, `keep` how many records are handed back, from the first on.
     """
     began = time.perf_counter()
     add_parts(*stages, seconds)
@@ -141,7 +117,7 @@ def work(
             scenarios = settled(grid.group(index))
             settling += time.perf_counter() - since
             for scenario, wrong in scenarios:
-                one = _judged(_simulated(scenario, wrong), index, asked)
+                one = _judged(_simulated(scenario, index, wrong), asked)
                 if one.record is not None and len(kept) < keep:
                     kept.append((one.row["scenario_id"], one.record))
                 found.append(replace(one, record=None))
@@ -163,21 +139,8 @@ def judge_both(
 ) -> tuple[Prepared, list[tuple[Verdict, Verdict, str | None, float]]]:
     """Judge a record by several methods, with and without the common oscillation front end.
 
-    Parameters
-    ----------
-    record : LoopRecord
-        With MV; methods that do not declare that they need it do not see it.
-    chosen : mapping
-        All thresholds of every method, by method id.
-    front_end : str
-        What says whether the loop oscillates.
-
-    Returns
-    -------
-    prepared : Prepared
-        The blinded record and what was found in it.
-    list of (Verdict, Verdict, str or None, float)
-        Per method: with front end, without, the error if it raised one, and its seconds.
+    Returns the blinded record with what was found in it, and per method the verdict with the front end, the one without, the
+    error if it raised one, and its seconds; methods that do not declare that they need MV do not see it.
     """
     since = time.perf_counter()
     blind, sighted = prepare(record.blind(), front_end), None
@@ -198,7 +161,7 @@ def judge_both(
     return blind, found
 
 
-def _simulated(scenario: Scenario, error: str | None) -> _Simulated:
+def _simulated(scenario: Scenario, group: int, error: str | None) -> _Simulated:
     since = time.perf_counter()
     run, cycled, columns = None, Cycled("unclear"), NO_THEORY
     try:
@@ -207,10 +170,10 @@ def _simulated(scenario: Scenario, error: str | None) -> _Simulated:
             columns = theory(scenario.loop)
     except Exception as fault:  # whatever a model does on numbers of its own: one scenario, not the run
         error, run, cycled = said_of(fault), None, Cycled("unclear")
-    return _Simulated(scenario, scenario.id, run, cycled, columns, error, time.perf_counter() - since)
+    return _Simulated(scenario, scenario.id, group, run, cycled, columns, error, time.perf_counter() - since)
 
 
-def _judged(it: _Simulated, group: int, asked: _Asked) -> _Judged:
+def _judged(it: _Simulated, asked: _Asked) -> _Judged:
     then = time.perf_counter()
     if it.run is None:
         methods = (*asked.chosen, *[ORACLE] * asked.oracle)
@@ -224,7 +187,7 @@ def _judged(it: _Simulated, group: int, asked: _Asked) -> _Judged:
             found.append((said, said, wrong, time.perf_counter() - since))
     judging = time.perf_counter() - then
     return _Judged(
-        _scenario_row(it, group, prepared),
+        _scenario_row(it, prepared),
         [_verdict_row(it.ident, *answer) for answer in found],
         sum(raised is not None for _, _, raised, _ in found) or int(it.error is not None),
         it.seconds,
@@ -233,12 +196,12 @@ def _judged(it: _Simulated, group: int, asked: _Asked) -> _Judged:
     )
 
 
-def _scenario_row(it: _Simulated, group: int, prepared: Prepared | None) -> dict[str, Any]:
+def _scenario_row(it: _Simulated, prepared: Prepared | None) -> dict[str, Any]:
     loop, tags = it.scenario.loop, it.scenario.tags
     row: dict[str, Any] = {name: tags.get(name) for name in tables.TAGS}
     row.update(
         scenario_id=it.ident,
-        group=group,
+        group=it.group,
         seed=it.scenario.seed,
         cycled=it.cycled.answer,
         cycle_period=it.cycled.period,
