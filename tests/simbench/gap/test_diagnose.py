@@ -71,8 +71,8 @@ def slow(effect, parameters):
     ("oscillation", {"amplitude": 3.0, "period": 77.0}), ("detuning", {"Kc_factor": 1.6, "Ti_factor": 1.0}),
     slow("deadband", {"S": 5.0}), slow("valve_characteristic", {"R": 60.0}), slow("time_constant_mismatch", {"factor": 2.0}),
     slow("dead_time_mismatch", {"extra": 6.0}), slow("noise", {"factor": 2.5}), slow("compression", {"band": 0.4}),
-    slow("outliers", {"rate": 0.01, "size": 2.0}), slow("sensor_lag", {"tau": 5.0}), slow("saturation", {"lo": 48.5, "hi": 100.0}),
-    slow("error_deadband", {"width": 0.4}), slow("op_quantisation", {"step": 0.5}),
+    slow("outliers", {"rate": 0.01, "size": 2.0}), slow("sensor_lag", {"tau": 5.0}), slow("error_deadband", {"width": 0.4}),
+    slow("saturation", {"lo": 48.5, "hi": 100.0}), slow("op_quantisation", {"step": 0.5}),
 ])  # fmt: skip
 def test_a_plain_effect_is_named_with_its_size(effect, parameters):
     found = ask(blind(record((effect, parameters))))
