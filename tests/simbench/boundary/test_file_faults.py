@@ -100,8 +100,9 @@ def test_every_file_operation_fails_once(quick, whole, tmp_path, fault):
         shutil.rmtree(folder)
 
 
+@pytest.mark.slow  # each time a process is forked, killed, forked again
 def test_a_whole_smoke_run_is_killed_for_real_and_goes_on():
     """At a few of its operations; `python tests/reference/kills.py` does so at every one."""
-    done = subprocess.run([sys.executable, KILLS, "--every", "9"], capture_output=True, text=True, timeout=500)
+    done = subprocess.run([sys.executable, KILLS, "--every", "25"], capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
     assert re.search(r"kill before +\d+ +0 +0 +0", done.stdout), done.stdout
