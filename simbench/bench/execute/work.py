@@ -26,7 +26,7 @@ from simbench.bench.execute.plugin_host import NO_THEORY, Theory, oracle_of, sai
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.scenario.truth import Cycled
 from simbench.bench.store import tables
-from simbench.loop.guest import add_parts
+from simbench.loop.hosted import add_parts
 from simbench.loop.run import Run
 
 Thresholds = Mapping[str, Mapping[str, float]]
@@ -105,7 +105,7 @@ def work(
     """
     began = time.perf_counter()
     add_parts(*stages, seconds)
-    registry.add_guests(plugins, seconds)
+    registry.add_all_hosted(plugins, seconds)
     own = [m for m in methods if m != ORACLE]
     chosen = {m: check_thresholds(m, registry.load(m).METHOD, (thresholds or {}).get(m, {})) for m in own}
     rows: dict[str, list] = {name: [] for name in tables.SCENARIOS.names}
