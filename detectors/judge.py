@@ -172,6 +172,8 @@ def _judge_there(name, record, front_end, part, known, modes, thresholds) -> lis
     for verdict in found:
         if not isinstance(verdict, Verdict):
             raise TypeError(f"answers with a {type(verdict).__name__}, which is no Verdict")
+        if verdict.reason.startswith((" ", ";")):  # notes of the house follow a reason that is none
+            raise ValueError("answers without a reason")
     return [dict(vars(verdict)) for verdict in found]
 
 

@@ -112,7 +112,7 @@ def wrong_types(v: Any) -> Iterator[str]:
         return
     if v.verdict not in VERDICTS:
         yield f"answers {v.verdict!r}, allowed: {', '.join(VERDICTS)}"
-    if not isinstance(v.reason, str) or not v.reason.strip(" ;"):  # notes of the house follow a reason that is none
+    if not isinstance(v.reason, str) or not v.reason.strip():
         yield f"gives no reason for {v.verdict!r}"
     if not _number(v.score):
         yield f"gives the score {v.score!r}, a number is needed (NaN for none)"

@@ -62,7 +62,7 @@ class Host:
         Whether it may import nothing that knows a benchmark's truth.
     """
 
-    def __init__(self, load: Callable | None, *arguments: Any, seconds: float = SECONDS, folders=(), detector: bool = False) -> None:
+    def __init__(self, load: Callable | None, *arguments: Any, seconds: float = SECONDS, folders=(), detector=False) -> None:
         self.seconds, self.strikes = seconds, 0
         self.refused: dict[str, None] = {}  # what it tried to do and may not
         self._load = (load, arguments)
@@ -88,13 +88,14 @@ class Host:
         before, self._fresh = self._fresh, False
         return before
 
-    def call(self, function: Callable, *arguments: Any, seconds: float | None = None, most: int = MESSAGE, fork=False) -> Any:
+    def call(self, function: Callable, *arguments: Any, seconds: float | None = None, most=MESSAGE, fork=False) -> Any:
         """Return what a module's function gives there: tables, lists, words, numbers and arrays; PluginError where nothing comes.
 
         `most` is the size of an answer in bytes; `fork` asks a copy of the process, which forgets the question.
         """
         self._begin()
-        return self._ask((function, arguments, most, fork), self.seconds if seconds is None else seconds, most)
+        question = (pickle.dumps((function, arguments)), most, fork)
+        return self._ask(question, self.seconds if seconds is None else seconds, most)
 
     def close(self) -> str:
         """End the process and all that it started; return how it ended."""
@@ -135,7 +136,7 @@ class Host:
         try:
             for lacking in self._ask({**self._rules, "bytes": BYTES}, START):
                 _tell(lacking)
-            self._said = self._ask((*self._load, MESSAGE, False), START) if self._load[0] else None
+            self._said = self._ask((pickle.dumps(self._load), MESSAGE, False), START) if self._load[0] else None
         except PluginError:
             self.close()
             raise

@@ -60,7 +60,7 @@ class PluginFolder:
         self.reserved = reserved
         self.make_host: Callable[[Path | str, float], Any] = _no_host
         self.host_entries = False
-        self._hosts: dict[str, tuple[tuple, Any]] = {}
+        self._hosts: dict[str, tuple[tuple, Any]] = {}  # with the file they were made of
         self._files: dict[str, ModuleType] = {}
         self._loaded: dict[str, ModuleType] = {}
 
@@ -158,8 +158,10 @@ class PluginFolder:
         for file in files:
             refuse_name(file, self.kind, names.count(file.stem) > 1)
         added = [self.add_hosted(f, seconds) for f in files]
-        for _, host in self._hosts.values():
-            host.seconds, host.strikes = seconds, 0
+        for name, (file, host) in self._hosts.items():
+            host.strikes = 0
+            if name in added or not file:  # one that is published
+                host.seconds = seconds
         return added
 
     @contextmanager

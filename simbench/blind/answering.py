@@ -95,7 +95,7 @@ def _blindfold(folder: str) -> None:
     allowed = os.path.join(folder, "records")
     root = folder + os.sep
 
-    def call_guarded(event: str, args: tuple[Any, ...]) -> None:
+    def watch(event: str, args: tuple[Any, ...]) -> None:
         if event == "open" and isinstance(args[0], (str, bytes, os.PathLike)):
             path = os.path.realpath(os.fsdecode(args[0]))
             if path.startswith(root) and not path.startswith(allowed + os.sep):
