@@ -88,14 +88,14 @@ class Host:
         before, self._fresh = self._fresh, False
         return before
 
-    def call(self, function: Callable, *arguments: Any, seconds: float | None = None, most=MESSAGE, fork=False) -> Any:
+    def call(self, function: Callable, *arguments: Any, seconds=0.0, most: int = MESSAGE, fork=False) -> Any:
         """Return what a module's function gives there: tables, lists, words, numbers and arrays; PluginError where nothing comes.
 
         `most` is the size of an answer in bytes; `fork` asks a copy of the process, which forgets the question.
         """
         self._begin()
         question = (pickle.dumps((function, arguments)), most, fork)
-        return self._ask(question, self.seconds if seconds is None else seconds, most)
+        return self._ask(question, seconds or self.seconds, most)
 
     def close(self) -> str:
         """End the process and all that it started; return how it ended."""

@@ -41,6 +41,7 @@ STARTS = ("subprocess.Popen", "os.system", "os.exec", "os.fork", "os.forkpty", "
 TALKS = ("connect", "bind", "sendto", "sendmsg", "getaddrinfo", "gethostbyname")
 # what a detector may import of the benchmark: its public names that stand in `detectors`
 KNOWN = ("simbench", "simbench.lazy")
+HARMLESS = ("/proc/cpuinfo", "/proc/meminfo")  # of the machine; libraries read these, and their own process's maps
 WATCHED = ("open", "import", "os.", "socket.", "subprocess.")
 
 _asked = mmap.mmap(-1, 8)  # shared by both processes: which copy answers at the moment
@@ -211,7 +212,7 @@ def _wall(folders: list[str], trees: list[str], detector: bool) -> Callable[[str
             return None if known else f"import {name}: a detector sees records alone"
         if event in ("open", "os.listdir", "os.scandir", "os.chdir"):
             path = real(args[0])
-            if path == "/proc" or path.startswith("/proc/"):
+            if (path + os.sep).startswith("/proc/") and path not in (f"/proc/{os.getpid()}/maps", *HARMLESS):
                 return f"look at {path}"
             # a folder that is held open would hide where a name in it leads
             held = event == "open" and args[1] is None and os.path.isdir(path)

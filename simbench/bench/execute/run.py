@@ -160,7 +160,7 @@ def run_grid(
         settings = (tuple(names), tuple(files), chosen, keep, time_limit, stages, front_end)
         where = Path("runs") / plan.name if out is None else out
         place = place_of(where)
-        with _workers(backend, address, jobs) as run:
+        with pieces.held(place), _workers(backend, address, jobs) as run:
             pieces.open_run(place, manifest, resume)
             if pieces.is_finished(place):
                 check_tables(place, read_manifest(place))

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
+from detectors.compiled import one_thread
 from detectors.judge import answers, check_thresholds
 from detectors.method import Method
 from detectors.plugins.host import SECONDS
@@ -112,7 +112,7 @@ def work(
     verdicts: dict[str, list] = {name: [] for name in tables.VERDICTS.names}
     piece = Piece(number, b"", b"", 0, 0, 0.0, 0.0, 0.0)
     # one thread per worker: with more, sums in linear algebra come out in another order
-    with threadpool_limits(1):
+    with one_thread():
         for index in groups:
             since = time.perf_counter()
             scenarios = settled(grid.group(index))

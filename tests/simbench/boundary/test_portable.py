@@ -10,7 +10,6 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from simbench.files import write_record
 from tests.simbench.boundary.test_loops import put
 from tests.simbench.boundary.test_loops import text as loop
 
@@ -29,7 +28,7 @@ if WHOLE:  # multiprocessing's own processes are started by fork and exec alone 
     for module, name in ((os, "fork"), (signal, "SIGALRM"), (signal, "setitimer")):
         delattr(module, name)
 def no_proc(event, args):
-    if event in ("open", "os.listdir", "os.scandir") and os.fsdecode(args[0] if not isinstance(args[0], int) else b"").startswith("/proc"):
+    if event in ("open", "os.listdir", "os.scandir") and str(args[0]).startswith("/proc"):
         raise FileNotFoundError(2, "no such file or directory", args[0])
 sys.addaudithook(no_proc)
 '''
