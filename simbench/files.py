@@ -8,6 +8,7 @@ import io
 import json
 import os
 import re
+import uuid
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import IO, Any
@@ -54,7 +55,7 @@ def whole_file(path: str | Path, mode: str = "w") -> Iterator[IO]:
     """
     path = _local(path)
     special = path.exists() and not path.is_file()
-    temporary = path if special else path.with_name(f".{path.name}.{os.getpid()}")
+    temporary = path if special else path.with_name(f".{path.name}.{uuid.uuid4().int % 10**15}")
     try:
         if path.is_dir():
             raise IsADirectoryError(21, "it is a folder")

@@ -29,7 +29,7 @@ from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.store.checksums import RunError, check_tables, file_digest
 from simbench.bench.store.manifest import describe, read_manifest, run_key
 from simbench.bench.store.place import Place, place_of
-from simbench.loop.guest import guest_parts
+from simbench.loop.hosted import hosted_parts
 
 BACKENDS = ("loky", "dask", "ray")
 LIVES = 3  # how often dead workers are replaced before the run gives up
@@ -131,7 +131,7 @@ def run_grid(
     stages = tuple(tuple(str(Path(p).resolve()) for p in some) for some in (valve_plugins, effect_plugins))
     plan = grid if isinstance(grid, Grid) else load_grid(grid, sets, axes)
     files = [str(Path(p).resolve()) for p in plugins]
-    with registry.guests(files, time_limit) as added, guest_parts(*stages, time_limit):
+    with registry.hosted(files, time_limit) as added, hosted_parts(*stages, time_limit):
         asked = [part.strip() for text in methods for part in text.split(",")]
         names = choose_methods(m for m in asked if m != ORACLE)
         names += [a for a in added if a not in names]
@@ -160,7 +160,7 @@ def run_grid(
         settings = (tuple(names), tuple(files), chosen, keep, time_limit, stages, front_end)
         where = Path("runs") / plan.name if out is None else out
         place = place_of(where)
-        with _workers(backend, address, jobs) as run:
+        with pieces.held(place), _workers(backend, address, jobs) as run:
             pieces.open_run(place, manifest, resume)
             if pieces.is_finished(place):
                 check_tables(place, read_manifest(place))
