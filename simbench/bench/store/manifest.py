@@ -20,8 +20,8 @@ MANIFEST = "manifest.json"
 BINDING = ("format", "grid_hash", "methods", "front_end", "thresholds", "plugins", "until_width", "code", "versions")
 LIBRARIES = ("stiction-simbench", "numpy", "scipy", "numba", "scikit-learn", "dtaidistance")
 
-# files of this folder that decide what the tables hold
-DECISIVE = ("motion", "oracle", "resolve", "tables", "truth", "work")
+# files of simbench/bench that decide what the tables hold
+DECISIVE = ("scenario/motion", "scenario/oracle", "scenario/resolve", "store/tables", "scenario/truth", "execute/work")
 
 
 def describe(settings: Mapping[str, Any]) -> dict[str, Any]:
