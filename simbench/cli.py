@@ -778,6 +778,8 @@ def _picture(path: Path | None, *read: Path | None) -> None:
 def _threshold_file(path: Path | None) -> dict[str, dict[str, float]]:
     if path is None:
         return {}
+    if path.exists() and not path.is_file() and not path.is_dir():  # a pipe would be waited for
+        raise ParameterError(f"thresholds {path} are no file; a JSON file is needed")
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -815,7 +817,7 @@ def _pairs(words: list[str], option: str, text: bool = False) -> dict[str, Any]:
 
 def _number(text: str) -> Any:
     try:
-        return float(text)
+        return text if "_" in text else float(text)
     except ValueError:
         return text
 

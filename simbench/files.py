@@ -20,6 +20,10 @@ READ = (".csv", ".json", ".mat", ".parquet", ".pq", ".toml", ".txt", ".xls", ".x
 URL = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+):/+(.*)")
 
 
+# the name of a file, or a plug-in's text, may be no Unicode
+TEXT: dict[str, Any] = {"encoding": "utf-8", "newline": "", "errors": "backslashreplace"}
+
+
 class FileError(UserError, OSError):
     """A file or folder that cannot be written."""
 
@@ -58,7 +62,7 @@ def whole_file(path: str | Path, mode: str = "w") -> Iterator[IO]:
     try:
         if path.is_dir():
             raise IsADirectoryError(21, "it is a folder")
-        with open(temporary, mode, encoding=None if "b" in mode else "utf-8", newline=None if "b" in mode else "") as f:
+        with open(temporary, mode, **({} if "b" in mode else TEXT)) as f:
             yield f
             f.flush()
             if not special:
@@ -139,14 +143,20 @@ def refuse_own_input(outputs: Iterable[str | Path | None], inputs: Iterable[str 
     read: set[Path] = set()
     for path in (Path(p) for p in inputs if p is not None):
         inside = [f for f in path.rglob("*") if f.suffix.lower() in READ] if path.is_dir() else [path]
-        read |= {f.resolve() for f in inside}
+        read |= {_real(f) for f in inside}
     for path in map(_local, wanted):
-        if path.resolve() in read:
+        if _real(path) in read:
             raise FileError(f"{path} is read by this command; it is not written over, name another file")
-        if [p.resolve() for p in wanted].count(path.resolve()) > 1 and (path.is_file() or not path.exists()):
+        if path.is_symlink() and _real(path).is_symlink():
+            raise FileError(f"{path} cannot be written: it is a link that leads back to itself; name another file")
+        if [_real(p) for p in wanted].count(_real(path)) > 1 and (path.is_file() or not path.exists()):
             raise FileError(f"{path} is named for two outputs; each needs a file of its own")
         if path.is_dir() or not path.absolute().parent.is_dir():
             raise FileError(f"{path} cannot be written: it is a folder, or its folder is missing")
+
+
+def _real(path: Path) -> Path:
+    return Path(os.path.realpath(path))  # `resolve` raises on a link that leads back to itself
 
 
 def folder(path: str | Path) -> Path:

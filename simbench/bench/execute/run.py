@@ -126,8 +126,8 @@ def run_grid(
     began = time.perf_counter()
     if backend not in BACKENDS:
         raise RunError(f"unknown backend {backend!r}: {nearest(backend, BACKENDS)}")
-    if until_width is not None and not 0 < until_width < 1:
-        raise RunError(f"until_width = {until_width}; a number between 0 and 1 is needed")
+    if until_width is not None and not adaptive.NARROWEST <= until_width < 1:
+        raise RunError(f"until_width = {until_width}; a number between {adaptive.NARROWEST} and 1 is needed")
     stages = tuple(tuple(str(Path(p).resolve()) for p in some) for some in (valve_plugins, effect_plugins))
     plan = grid if isinstance(grid, Grid) else load_grid(grid, sets, axes)
     files = [str(Path(p).resolve()) for p in plugins]
