@@ -10,7 +10,7 @@ import traceback
 from collections.abc import Callable
 from pathlib import Path
 
-from detectors.errors import UserError
+from detectors.errors import UserError, masked
 
 LOG = "simbench-fault-"  # begins the name of a fault's log, in the system's folder of temporary files
 LOGS = 20  # kept there, the newest
@@ -56,7 +56,7 @@ def exit_code(work: Callable[[], int | None], *known: type[Exception]) -> int:
         loop = str(error).startswith("Symlink loop")
         return complain(f"{error}; a path that leads to a file or folder is needed" if loop else _fault(error))
     except KeyboardInterrupt as error:
-        print(str(error) or "interrupted", file=sys.stderr)
+        print(masked(error) or "interrupted", file=sys.stderr)
         return 130
     except SystemExit as stop:
         # argparse has printed its help or its complaint by then, click found its reader gone (1)
@@ -76,7 +76,7 @@ def complain(sentence: str) -> int:
     -------
     int
     """
-    said = " ".join(sentence.split())
+    said = masked(" ".join(sentence.split()))
     print(f"error: {said if len(said) <= LONGEST else f'{said[: LONGEST - 300]} [...] {said[-290:]}'}", file=sys.stderr)
     return 2
 
@@ -87,7 +87,7 @@ def _fault(error: Exception) -> str:
     try:
         handle, log = tempfile.mkstemp(prefix=LOG, suffix=".log")
         with open(handle, "w", encoding="utf-8", errors="backslashreplace") as f:
-            f.write(f"{sys.argv}\n\n{''.join(traceback.format_exception(error))}")
+            f.write(masked(f"{sys.argv}\n\n{''.join(traceback.format_exception(error))}"))
         _drop_old_logs(Path(log).parent)
     except OSError:
         log = "no log file, as none could be written"

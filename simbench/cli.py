@@ -15,7 +15,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import typer
 
-from detectors.errors import ParameterError, naming, nearest
+from detectors.errors import ParameterError, masked, naming, nearest
 from simbench.usage import exit_code
 
 # typer has carried its own copy of click since 0.2x; its public error leads to the classes of whichever it uses
@@ -235,10 +235,9 @@ def detect(
         print("\n".join(["score by unit:", *table(report.scores)]), file=sys.stderr)
     _print(report.as_json() if as_json else report.as_text(why=why, colour=sys.stdout.isatty()), as_json)
     if csv is not None:
-        from simbench.files import whole_file
+        from simbench.files import write_table
 
-        with whole_file(csv) as f:
-            report.to_frame().to_csv(f, index=False, lineterminator="\n")
+        write_table(report.to_frame(), csv)
     if html is not None:
         from simbench.plant.verdict_page import write_page
 
@@ -344,6 +343,8 @@ def run(
     from simbench.bench.scenario.oracle import ORACLE
     from simbench.bench.score.scoring import score_run
 
+    if out is not None and str(out).startswith("memory:/"):
+        raise ParameterError(f"-o {out}: a run in memory is gone when this command ends; a folder or a URL that lasts is needed")
     axes = {k: [_number(v) for v in str(values).split(",")] for k, values in _pairs(axis or [], "--axis", text=True).items()}
     try:
         folder = run_grid(
@@ -823,7 +824,7 @@ def _number(text: str) -> Any:
 
 
 def _print(content: Any, as_json: bool) -> None:
-    print(json.dumps(content, indent=1, allow_nan=False) if as_json else content)
+    print(masked(json.dumps(content, indent=1, allow_nan=False) if as_json else content))
     sys.stdout.flush()
 
 
