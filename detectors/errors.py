@@ -65,7 +65,9 @@ def naming(place: object) -> Iterator[None]:
 
 
 SECRETS = re.compile(
-    r"(?P<scheme>[a-z][a-z0-9+._-]*:/+)[^/\s\"']*@|(?P<key>[?&][\w-]*(?:pass|secret|token|key|sig|credential)[\w-]*=)[^&\s\"']+", re.I
+    r"""(?P<before>[a-z][\w+.-]*:/+)[^/\s"']*@|(?<![^\s"'])[^\s/"'@:]+:[^\s/"'@]*@"""
+    r"""|(?P<key>[?&][\w-]*(?:pass|secret|token|key|sig|credential)[\w-]*=)[^&\s"']+""",
+    re.IGNORECASE,
 )
 
 
@@ -77,7 +79,7 @@ def masked(text: object) -> str:
     >>> masked("ftp://me:secret@host/run: no such file"), masked("https://host/run?sig=a1b2&x=1")
     ('ftp://***@host/run: no such file', 'https://host/run?sig=***&x=1')
     """
-    return SECRETS.sub(lambda m: f"{m['scheme']}***@" if m["scheme"] else f"{m['key']}***", str(text))
+    return SECRETS.sub(lambda m: f"{m['key']}***" if m["key"] else f"{m['before'] or ''}***@", str(text))
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

@@ -48,7 +48,8 @@ def inspect(record: LoopRecord, oscillation: Oscillation | None = None) -> dict[
     -------
     dict of str to Flag
         `dead_op`, `dead_pv`: it never changes. `manual`: OP changes too seldom for a controller. `saturated`: OP
-        stands at a limit. `outside_span`: OP or PV is not where its span says. `gaps`: as the loader says. `quantised_op`, `quantised_pv`: values on a coarse grid.
+        stands at a limit. `outside_span`: OP or PV is not where its span says. `gaps`: as the loader says.
+        `quantised_op`, `quantised_pv`: values on a coarse grid.
         `compressed`: straight lines between kept samples. `held`: OP and PV stand still together, over and over.
         `frozen`: PV stands still for once while OP moves. `undersampled`: less than 8 samples per period.
         `moving_sp`, `off_setpoint`: the set point changes, or PV stays away from it. `spikes`: isolated outliers in PV.

@@ -344,7 +344,7 @@ def run(
     from simbench.bench.score.scoring import score_run
 
     if out is not None and str(out).startswith("memory:/"):
-        raise ParameterError(f"-o {out}: a run in memory is gone when this command ends; a folder or a URL that lasts is needed")
+        raise ParameterError(f"-o {out}: memory is gone when this command ends; a folder or a URL that lasts is needed")
     axes = {k: [_number(v) for v in str(values).split(",")] for k, values in _pairs(axis or [], "--axis", text=True).items()}
     try:
         folder = run_grid(

@@ -31,7 +31,7 @@ TEXT: dict[str, Any] = {"encoding": "utf-8", "newline": "", "errors": "backslash
 
 
 # what spreadsheets compute; signed numbers are none, whatever their decimal sign
-FORMULA = re.compile(r"[=@\t\r]|[+-](?![\d.,e+\- ]*$)")
+FORMULA = re.compile(r"\s*(?:[=@]|[+-](?![\d.,e+\- ]*$))")
 
 
 class FileError(UserError, OSError):
@@ -229,7 +229,8 @@ def refuse_kind(path: str | Path) -> None:
 
 def plain_cell(value: Any) -> Any:
     """Return a cell of a table so that no spreadsheet computes it: text that begins like a formula gets an apostrophe."""
-    return f"'{value}" if isinstance(value, str) and FORMULA.match(value) else value
+    text = value.replace("\r", " ") if isinstance(value, str) else value  # which would end a line
+    return f"'{text}" if isinstance(value, str) and FORMULA.match(value) else text
 
 
 def csv_text(table: DataFrame, **how: Any) -> str:

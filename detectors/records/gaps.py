@@ -43,7 +43,8 @@ def whole(t: np.ndarray, signals: dict[str, np.ndarray | None], Ts: float, where
     """
     dt = np.diff(t)
     if not (longest := float(dt.max(initial=0.0))) < FURTHEST * Ts:
-        raise RecordError(f"{where}: a time step of {longest:g} s among steps of {Ts:g} s; less than {FURTHEST:g} of them is needed")
+        needed = f"less than {FURTHEST:g} of them is needed"
+        raise RecordError(f"{where}: a time step of {longest:g} s among steps of {Ts:g} s; {needed}")
     if np.any(np.abs(dt - Ts) > JITTER * Ts):
         place = np.concatenate([[0], np.cumsum(np.maximum(np.rint(dt / Ts), 1).astype(int))])
     else:
