@@ -153,13 +153,12 @@ def _checked_cache() -> type:
             return hashlib.sha256(content).digest() + content
 
         def _load_index(self):
+            mark = pickle.dumps(self._version, protocol=-1)  # numba's own version stands before what carries the checksum
             try:
-                with open(self._index_path, "rb") as f:
-                    version, content = pickle.load(f), f.read()
-                stamp, overloads = pickle.loads(_sound(content))
+                stamp, overloads = pickle.loads(_sound(Path(self._index_path).read_bytes().removeprefix(mark)))
             except Exception:  # whatever a damaged pickle raises
                 return {}
-            return overloads if (version, stamp) == (self._version, self._source_stamp) else {}
+            return overloads if stamp == self._source_stamp else {}
 
         def _load_data(self, name):
             return pickle.loads(_sound(Path(self._data_path(name)).read_bytes()))
@@ -300,9 +299,14 @@ def _numba_version() -> str:
 
 @lru_cache(maxsize=1)
 def _cache_folder() -> Path:
+    """Return a folder that this user alone can write: what lies there is executed."""
     base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "stiction-simbench"
     try:
         base.mkdir(parents=True, exist_ok=True)
+        if os.name == "posix":  # elsewhere a user's own folders are closed to others
+            if base.stat().st_uid != os.getuid():
+                raise PermissionError
+            base.chmod(0o700)
         with tempfile.TemporaryFile(dir=base):
             return base
     except OSError:

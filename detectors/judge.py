@@ -20,7 +20,7 @@ from detectors.record import LoopRecord
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 # A record with one of these flags says nothing about its valve, whatever the method.
-UNFIT = ("dead_op", "dead_pv", "manual", "saturated")
+UNFIT = ("dead_op", "dead_pv", "manual", "saturated", "outside_span")
 
 
 LONGEST = 300  # characters of an error's text
