@@ -161,7 +161,7 @@ def run_grid(
         where = Path("runs") / plan.name if out is None else out
         place = place_of(where)
         place.refuse_unkept()
-        with pieces.held(place), _workers(backend, address, jobs) as run:
+        with _workers(backend, address, jobs) as run, pieces.held(place):
             pieces.open_run(place, manifest, resume)
             if pieces.is_finished(place):
                 check_tables(place, read_manifest(place))
