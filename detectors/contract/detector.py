@@ -5,23 +5,23 @@ from __future__ import annotations
 import inspect
 import json
 import math
-import numbers
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from detectors.contract.example_loop import CASES, example_record
-from detectors.contract.watch import Watched, watch
+from detectors.contract.watch import Guarded, call_guarded
 from detectors.judge import judge_one
 from detectors.method import Method, Threshold
-from detectors.plugins.registry import methods
+from detectors.plugins.registry import PluginFolder, methods
 from detectors.prepared import Prepared
 from detectors.record import PROCESSES, LoopRecord
 from detectors.signal.oscillation import Oscillation
-from detectors.verdict import NO_DECISION, STICTION, VERDICTS, Verdict
+from detectors.verdict import NO_DECISION, STICTION, Verdict, wrong_types
 
 ROLES, BUDGETS = ("stiction", "nonlinearity", "quantification"), ("fast", "full")
 # PV in another unit, and OP with its span in another
@@ -112,6 +112,24 @@ def check_detector(name: str) -> Contract:
         broken += _inputs(name, module, process)
         broken += _dead(module, process)
     return Contract("detector", name, tuple(dict.fromkeys(broken)))
+
+
+def check_added(folder: PluginFolder, check: Callable[[str], Contract], path: str | Path) -> Contract:
+    """Import a file as a plug-in of a folder and check it; what it does besides is broken too."""
+    name = Path(path).stem
+    added = call_guarded(lambda: folder.add_file(path))
+    if added.refusal is not None:
+        raise added.refusal
+    try:
+        found = check(name)
+    finally:
+        folder.forget(name)
+    return replace(found, broken=(*(f"{fault}, when imported" for fault in added.faults), *found.broken))
+
+
+def plain_check(path: str) -> dict[str, Any]:
+    """Check a detector's file where this runs, in its own process, and return the findings as JSON types."""
+    return check_added(methods, check_detector, path).as_json()
 
 
 def _description(module: ModuleType) -> Iterator[str]:
@@ -205,7 +223,7 @@ def _inputs(name: str, module: ModuleType, process: str) -> Iterator[str]:
         prepared.half_cycles(signal)
     held = {**{s: getattr(prepared.record, s) for s in ("op", "pv", "mv")}, **prepared.shared}
     before = {k: np.array(v, copy=True) for k, v in held.items() if isinstance(v, np.ndarray)}
-    watch(lambda: judge_one(name, module, prepared, True, module.METHOD.defaults()))
+    call_guarded(lambda: judge_one(name, module, prepared, True, module.METHOD.defaults()))
     for key, values in before.items():
         if not np.array_equal(held[key], values, equal_nan=True):
             yield f"writes into what it was given: {key!r} is another after detect ({process})"
@@ -216,12 +234,12 @@ def _dead(module: ModuleType, process: str) -> Iterator[str]:
         prepared = Prepared(replace(example_record("noise" if case == "no period" else case, process)))
         if case == "no period":
             prepared.__dict__["oscillation"] = Oscillation(False, 0.0, math.nan)
-        found = watch(lambda p=prepared: module.detect(p, **module.METHOD.defaults()))
-        faults = found.faults or ([] if found.refusal else list(_wrong_types(found.value)))
+        found = call_guarded(lambda p=prepared: module.detect(p, **module.METHOD.defaults()))
+        faults = found.faults or ([] if found.refusal else list(wrong_types(found.value)))
         yield from (f"{fault}, asked directly about a dead record ({case}, {process})" for fault in faults)
 
 
-def _judged(name: str, module: ModuleType, record: LoopRecord) -> Watched:
+def _judged(name: str, module: ModuleType, record: LoopRecord) -> Guarded:
     """Judge a record as every run does, and note what the detector's own answer lacks."""
     own: list[Any] = []
 
@@ -231,48 +249,24 @@ def _judged(name: str, module: ModuleType, record: LoopRecord) -> Watched:
 
     seen = record if module.METHOD.needs_mv else record.blind()
     spied: Any = SimpleNamespace(METHOD=module.METHOD, detect=detect)
-    found = watch(lambda: judge_one(name, spied, Prepared(seen), False, module.METHOD.defaults()))
+    found = call_guarded(lambda: judge_one(name, spied, Prepared(seen), False, module.METHOD.defaults()))
     if found.refusal:
         found.faults.append(f"refuses ({found.refusal}) where an answer is due")
     if own:
-        wrong = list(_wrong_types(own[0]))
+        wrong = list(wrong_types(own[0]))
         found.faults = wrong if not isinstance(own[0], Verdict) else [*found.faults, *wrong]
     return found
 
 
-def _wrong_types(v: Any) -> Iterator[str]:
-    """Say what of an answer is not as `Verdict` describes it."""
-    if not isinstance(v, Verdict):
-        yield f"answers {v!r}, a detectors.verdict.Verdict is needed"
-    else:
-        if v.verdict not in VERDICTS:
-            yield f"answers {v.verdict!r}, allowed: {', '.join(VERDICTS)}"
-        if not isinstance(v.reason, str) or not v.reason.strip():
-            yield f"gives no reason for {v.verdict!r}"
-        if not _number(v.score):
-            yield f"gives the score {v.score!r}, a number is needed (NaN for none)"
-        if not isinstance(v.indices, dict) or not all(isinstance(k, str) and _number(x) for k, x in v.indices.items()):
-            yield f"gives the indices {v.indices!r}, names with numbers are needed"
-        for key, level in (("S", v.S), ("J", v.J)):
-            if level is not None and not all(_number(x) for x in (level if isinstance(level, tuple) else (level,))):
-                yield f"gives {key} = {level!r}, a number, (lo, hi) or None is needed"
-        if v.applicable not in (True, False, None):
-            yield f"gives applicable = {v.applicable!r}; true, false or None is needed"
-
-
-def _number(x: Any) -> bool:
-    return isinstance(x, numbers.Real) and not isinstance(x, bool)
-
-
-def _word(found: Watched) -> str:
+def _word(found: Guarded) -> str:
     return "an error" if found.faults else found.value.verdict
 
 
-def _plain(found: Watched) -> str:
+def _plain(found: Guarded) -> str:
     return repr(found.faults) if found.faults else json.dumps(found.value.as_json())
 
 
-def _difference(first: Watched, second: Watched) -> str:
+def _difference(first: Guarded, second: Guarded) -> str:
     a, b = ({"answer": f.faults} if f.faults else f.value.as_json() for f in (first, second))
     key = next((k for k in a if a[k] != b.get(k)), "answer")
     return f", {key} {a.get(key)!r} and {b.get(key)!r}"

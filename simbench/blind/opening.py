@@ -22,6 +22,8 @@ from simbench.blind.levels import Figure, Share, by_effect, levels
 from simbench.blind.picture import confusion, draw
 from simbench.blind.score import judge_record, true_circumstances
 from simbench.blind.world import OWN
+from simbench.files import folder as make_folder
+from simbench.files import whole_file, write_table
 
 PLAIN = "answers.csv"
 
@@ -75,12 +77,12 @@ def open_(folder: str | Path, key: str | Path | None = None, out: str | Path | N
         "figures": [f.row() for f in figures],
         "by_effect": json.loads(effects.to_json(orient="records")),
     }
-    out.mkdir(parents=True, exist_ok=True)
-    (out / PLAIN).write_text(text, encoding="utf-8")
-    (out / "score.json").write_text(json.dumps(score, indent=1), encoding="utf-8")
-    pd.DataFrame(score["figures"]).to_csv(out / "score.csv", index=False)
-    effects.to_csv(out / "by_effect.csv", index=False)
-    table.to_csv(out / "records.csv", index=False)
+    make_folder(out)
+    for name, content in ((PLAIN, text), ("score.json", json.dumps(score, indent=1))):
+        with whole_file(out / name) as f:
+            f.write(content)
+    for name, frame in (("score", pd.DataFrame(score["figures"])), ("by_effect", effects), ("records", table)):
+        write_table(frame, out / f"{name}.csv")
     draw(confusion(table), out)
     return score | {"markdown": markdown(figures, effects)}
 

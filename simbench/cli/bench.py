@@ -63,6 +63,8 @@ def run(
     from simbench.bench.scenario.oracle import ORACLE
     from simbench.bench.score.scoring import score_run
 
+    if out is not None and str(out).startswith("memory:/"):
+        raise ParameterError(f"-o {out}: a run in memory is gone when this command ends; a folder or a URL that lasts is needed")
     axes = {k: [number(v) for v in str(values).split(",")] for k, values in pairs(axis or [], "--axis", text=True).items()}
     try:
         folder = run_grid(

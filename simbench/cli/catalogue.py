@@ -19,9 +19,9 @@ def contract(
     as_json: Json = False,
 ) -> None:
     """Check whether a plug-in keeps its contract; exit 1 when it does not."""
-    from simbench.contract.apart import check_apart
+    from simbench.contract import check_in_subprocess
 
-    found = check_apart(path)
+    found = check_in_subprocess(path)
     show(found.as_json() if as_json else found.as_text(), as_json)
     if not found.kept:
         raise typer.Exit(1)

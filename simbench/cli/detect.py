@@ -77,10 +77,9 @@ def detect(
         print("\n".join(["score by unit:", *table(report.scores)]), file=sys.stderr)
     show(report.as_json() if as_json else report.as_text(why=why, colour=sys.stdout.isatty()), as_json)
     if csv is not None:
-        from simbench.files import whole_file
+        from simbench.files import write_table
 
-        with whole_file(csv) as f:
-            report.to_frame().to_csv(f, index=False, lineterminator="\n")
+        write_table(report.to_frame(), csv)
     if html is not None:
         from simbench.plant.verdict_page import write_page
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from joblib import Parallel, delayed
 
+from detectors.compiled import one_thread
 from detectors.errors import RecordError
 from detectors.record import LoopRecord
 from scenarios.spec import Loop
@@ -62,8 +63,6 @@ def diagnose(
     >>> diagnose(case.record, case.baseline).effect
     'detuning'
     """
-    from threadpoolctl import threadpool_limits
-
     records = [record] if isinstance(record, LoopRecord) else list(record)
     if not records:
         raise RecordError("no record to diagnose")
@@ -73,7 +72,7 @@ def diagnose(
             f"records judged together must have one Ts; it is {paces[0]:g} s in one and {paces[-1]:g} s in another"
         )
     # thousands of tiny matrices: threads would only wait for each other
-    with threadpool_limits(limits=1):
+    with one_thread():
         found, more = _assess_all(records, baseline, jobs)
         runs = ClosedLoops(found, seed)
         return report(found, closing(classify(found), found, runs), runs, more)

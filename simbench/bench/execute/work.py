@@ -11,8 +11,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
+from detectors.compiled import one_thread
 from detectors.judge import answers, check_thresholds
 from detectors.method import Method
 from detectors.plugins.host import SECONDS
@@ -26,7 +26,7 @@ from simbench.bench.execute.plugin_host import NO_THEORY, Theory, oracle_of, sai
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.scenario.truth import Cycled
 from simbench.bench.store import tables
-from simbench.loop.guest import add_parts
+from simbench.loop.hosted import add_parts
 from simbench.loop.run import Run
 
 Thresholds = Mapping[str, Mapping[str, float]]
@@ -105,13 +105,13 @@ def work(
     """
     began = time.perf_counter()
     add_parts(*stages, seconds)
-    registry.add_guests(plugins, seconds)
+    registry.add_all_hosted(plugins, seconds)
     own = [m for m in methods if m != ORACLE]
     chosen = {m: check_thresholds(m, registry.load(m).METHOD, (thresholds or {}).get(m, {})) for m in own}
     asked = _Questions(chosen, ORACLE in methods, front_end)
     settling, found, kept = 0.0, [], []
     # one thread per worker: with more, sums in linear algebra come out in another order
-    with threadpool_limits(1):
+    with one_thread():
         for index in groups:
             since = time.perf_counter()
             scenarios = settled(grid.group(index))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import replace
 
+from detectors.compiled import one_thread
 from detectors.errors import UserError
 from detectors.record import LoopRecord
 from scenarios.spec import Loop, Sampling
@@ -58,10 +59,8 @@ def friction(record: LoopRecord, loop: Loop | None = None) -> Assessment:
     >>> found.log_likelihood_gains[FRICTION] > 10
     True
     """
-    from threadpoolctl import threadpool_limits
-
     # thousands of tiny matrices: threads would only wait for each other
-    with threadpool_limits(limits=1):
+    with one_thread():
         refuse_unfit(record, f"record {record.tag!r}" if record.tag else "record")
         # a loop that is known is known at its own sampling, and MV shows a slip where it happens
         slow = at_its_pace(record) if loop is None and record.mv is None else record

@@ -112,7 +112,9 @@ def sizes(plain):
 
 
 @pytest.mark.parametrize(("effect", "name"), [
-    ("deadband", "S"), ("extra_lag", "tau"), ("sensor_lag", "tau"), ("dead_time_mismatch", "extra"), ("noise", "factor"),
+    ("deadband", "S"), ("noise", "factor"), *(pytest.param(effect, name, marks=pytest.mark.slow) for effect, name in (
+        ("extra_lag", "tau"), ("sensor_lag", "tau"), ("dead_time_mismatch", "extra"),
+    )),
 ])  # fmt: skip
 def test_well_above_the_smallest_detectable_size_an_effect_is_found_and_well_below_it_is_not(sizes, effect, name):
     size = sizes[effect][0]

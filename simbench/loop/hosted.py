@@ -1,9 +1,9 @@
-"""Valves and effects of strangers: what one takes part in is computed in a process of its own, and comes back as numbers."""
+"""Valves and effects of others: what one takes part in is computed in a process of its own, and comes back as numbers."""
 
 from __future__ import annotations
 
-import base64
 import contextlib
+import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -13,7 +13,8 @@ from typing import Any, NoReturn
 import numpy as np
 
 from detectors.errors import ParameterError
-from detectors.plugins.host import MESSAGE, SECONDS, START, GuestError, Host, number_of
+from detectors.plugins.host import MESSAGE, SECONDS, Host, PluginError
+from detectors.plugins.rebuilt import number_of
 from detectors.record import LoopRecord
 from scenarios.spec import Loop
 from simbench.loop.effects import BLOCKS
@@ -25,121 +26,65 @@ from simbench.loop.simulate import simulate
 
 SIGNALS = ("op", "pv", "sp", "mv")
 SAMPLE = 100  # bytes of an answer, per sample
+FOLDERS = {folder.kind: folder for folder in (VALVES, EFFECTS)}
 Files = Iterable[str | Path]
 
 
 class PartHost(Host):
-    """A process that knows one valve or effect of a stranger, or the few of one loop.
-
-    Parameters
-    ----------
-    files : tuple of (str, Path or str)
-        The kind ("valve", "effect") of each, and its file or the name under which another distribution publishes it.
-    seconds : float
-        Time it may take for a scenario.
-    """
+    """A process that knows one valve or effect of others, or the few of one loop: kind and file, or published name, of each."""
 
     def __init__(self, files: tuple[tuple[str, Path | str], ...], seconds: float = SECONDS) -> None:
-        super().__init__(["simbench.loop.guest_process", *(f"{kind}={path}" for kind, path in files)], seconds)
+        words = [(kind, str(source)) for kind, source in files]
+        folders = [source.parent for _, source in files if isinstance(source, Path)]
+        super().__init__(_describe_parts, words, seconds=seconds, folders=folders)
         self.files = files
 
     def stub(self) -> ModuleType:
-        """Return what stands for the one part here: all that it says of itself, and no step.
-
-        Raises
-        ------
-        GuestError
-            When it cannot be imported, or says nothing that can be understood.
-        """
+        """Return what stands for the one part here: all that it says of itself, and no step."""
         kind, source = self.files[0]
-        said = self._plain({"do": "describe"}, START)
-        return _stub(kind, Path(source).stem, said if isinstance(said, dict) else {})
+        with self._named():
+            return _stub(kind, Path(source).stem, self.described()[0])
 
-    def call(self, function: Callable, *arguments: Any, samples: int = 0) -> Any:
-        """Return what a function of this package gives there: tables, lists, words, numbers and arrays.
+    def ask(self, function: Callable, *arguments: Any, samples: int = 0) -> Any:
+        """Return what a function gives there, about so many samples; ParameterError for what it refuses, else PluginError."""
+        with self._named():
+            return self.call(function, *arguments, most=MESSAGE + SAMPLE * samples)
 
-        Parameters
-        ----------
-        function : callable
-            Of a module of this package, by whose name the other process finds it.
-        *arguments
-            What it takes.
-        samples : int
-            About how many samples the answer holds.
-
-        Returns
-        -------
-        dict, list, str, float, ndarray or None
-
-        Raises
-        ------
-        ParameterError
-            What the function refuses.
-        GuestError
-            When the part raised, took too long, took too much memory, or ended its process.
-        """
-        self.refuse_lost()
-        self.most = MESSAGE + SAMPLE * samples
-        return self._plain({"do": "call", "call": (function, arguments)}, self.seconds)
-
-    def _plain(self, message: dict[str, Any], seconds: float) -> Any:
-        try:
-            said = self.ask(message, seconds)
-        except GuestError as error:
-            raise GuestError(self._named(str(error))) from None
-        if isinstance(said, dict) and "refused" in said:
-            raise ParameterError(self._named(str(said["refused"])[:1000]))
-        try:
-            return _arrays(said["plain"])
-        except (KeyError, TypeError, ValueError):
-            raise GuestError(self._named("answered with something that cannot be understood")) from None
-
-    def _named(self, text: str) -> str:
+    @contextlib.contextmanager
+    def _named(self) -> Iterator[None]:
         names = [(kind, Path(source).stem) for kind, source in self.files]
         who = " or ".join(f"{kind} plug-in {name!r}" for kind, name in names)
-        return text if any(repr(name) in text for _, name in names) else f"{who}: {text}"
+        try:
+            yield
+        except PluginError as error:
+            text = error.refusal or str(error)
+            text = text if any(repr(name) in text for _, name in names) else f"{who}: {text}"
+            raise ParameterError(text) if error.refusal else PluginError(text) from None
 
 
 _hosts: dict[tuple, PartHost] = {}
+for _folder in FOLDERS.values():
+    _folder.make_host = lambda source, seconds, kind=_folder.kind: PartHost(((kind, source),), seconds)
 
 
 @contextlib.contextmanager
-def guest_parts(valves: Files = (), effects: Files = (), seconds: float = SECONDS) -> Iterator[None]:
-    """Make files of valve models and of effects known by their names, for one question only.
-
-    What other distributions publish lives in processes of its own meanwhile, as these files do.
-
-    Parameters
-    ----------
-    valves, effects : iterable of str or Path
-        The files; none is imported by this process.
-    seconds : float
-        Time one may take for a scenario.
-
-    Raises
-    ------
-    ParameterError
-        As `PluginFolder.add_guest`.
-    """
+def hosted_parts(valves: Files = (), effects: Files = (), seconds: float = SECONDS) -> Iterator[None]:
+    """Make files of valve models and of effects known for one question; these, and what is installed, live in own processes."""
     with contextlib.ExitStack() as stack:
         stack.callback(_close)
         for folder, files in ((VALVES, valves), (EFFECTS, effects)):
-            stack.enter_context(folder.entries_hosted(_maker(folder.kind)))
-            stack.enter_context(folder.guests(files, seconds, _maker(folder.kind)))
+            stack.enter_context(folder.entries_hosted())
+            stack.enter_context(folder.hosted(files, seconds))
         yield
 
 
 def add_parts(valves: Files, effects: Files, seconds: float = SECONDS) -> None:
-    """Make files known as `guest_parts` does, from here on; those known are asked again."""
+    """Make files known as `hosted_parts` does, from here on; those known are asked again."""
     for folder, files in ((VALVES, valves), (EFFECTS, effects)):
-        folder.entry_host = _maker(folder.kind)
-        folder.add_guests(files, seconds, folder.entry_host)
+        folder.host_entries = True
+        folder.add_all_hosted(files, seconds)
     for host in _hosts.values():
         host.seconds, host.strikes = seconds, 0
-
-
-def _maker(kind: str) -> Callable[[Path | str, float], PartHost]:
-    return lambda source, seconds: PartHost(((kind, source),), seconds)
 
 
 def _close() -> None:
@@ -148,26 +93,34 @@ def _close() -> None:
 
 
 def host_of(parts: Iterable[tuple[str, str]]) -> PartHost | None:
-    """Return the process in which the strangers among some parts live, and no other; None where all are of the house.
-
-    Parameters
-    ----------
-    parts : iterable of (str, str)
-        Kind and name of each.
+    """Return the process in which those of others among some parts (kind, name) live; None where all are of the house.
 
     Examples
     --------
     >>> host_of([("valve", "choudhury"), ("effect", "noise")]) is None
     True
     """
-    folders = {"valve": VALVES, "effect": EFFECTS}
-    own = [host for kind, name in sorted(set(parts)) if (host := folders[kind].guest(name)) is not None]
+    own = [host for kind, name in sorted(set(parts)) if (host := FOLDERS[kind].host_of(name)) is not None]
     if len(own) < 2:
         return own[0] if own else None
     files = tuple(host.files[0] for host in own)
     if files not in _hosts:
         _hosts[files] = PartHost(files, own[0].seconds)
     return _hosts[files]
+
+
+def _describe_parts(files: list[tuple[str, str]]) -> list[dict[str, Any]]:
+    """Import parts where this runs, in their own process, and return their descriptions as plain values."""
+    said = []
+    for kind, source in files:
+        folder = FOLDERS[kind]
+        module = folder.load(folder.add_file(source) if os.sep in source else source)
+        if not isinstance(module.PARAMETERS, dict):
+            raise TypeError(f"PARAMETERS is a {type(module.PARAMETERS).__name__}, a dict of Number and Choice is needed")
+        rules = {str(key): {"number": isinstance(rule, Number), **vars(rule)} for key, rule in module.PARAMETERS.items()}
+        words = {word: getattr(module, word) for word in ("SOURCE", "FRICTION", "BLOCK", "ACTS") if hasattr(module, word)}
+        said.append({**words, "doc": (module.__doc__ or "").strip().partition("\n\n")[0], "PARAMETERS": rules})
+    return said
 
 
 def parts_of_loop(loop: Loop) -> set[tuple[str, str]]:
@@ -196,7 +149,7 @@ def simulated(loop: Loop, seed: int = 0, kick: float = 0.0) -> Run:
     if host is None:
         return simulate(loop, seed, kick=kick)
     with _helped():
-        return run_of(host.call(plain_simulate, loop, seed, kick, samples=loop.sampling.n), loop)
+        return run_of(host.ask(plain_simulate, loop, seed, kick, samples=loop.sampling.n), loop)
 
 
 def plain_simulate(loop: Loop, seed: int, kick: float) -> dict[str, Any]:
@@ -210,9 +163,9 @@ def response(model: str, op: np.ndarray, parameters: Mapping[str, Any], Ts: floa
     if host is None:
         return valve_response(model, op, parameters, Ts)
     with _helped():
-        mv = host.call(valve_response, model, op, parameters, Ts, samples=op.size)
+        mv = host.ask(valve_response, model, op, parameters, Ts, samples=op.size)
         if not isinstance(mv, np.ndarray) or mv.shape != op.shape or not np.isfinite(mv).all():
-            raise GuestError(f"valve plug-in {model!r} gives positions that are not finite, or too few")
+            raise PluginError(f"valve plug-in {model!r} gives positions that are not finite, or too few")
     return mv
 
 
@@ -221,8 +174,8 @@ def _helped() -> Iterator[None]:
     """Say, behind what a plug-in did, where it is told what it must do."""
     try:
         yield
-    except GuestError as error:
-        raise GuestError(f"{error}; `simbench contract FILE` says what such a file needs") from None
+    except PluginError as error:
+        raise PluginError(f"{error}; `simbench contract FILE` says what such a file needs") from None
 
 
 def plain_run(run: Run) -> dict[str, Any]:
@@ -233,22 +186,14 @@ def plain_run(run: Run) -> dict[str, Any]:
 
 
 def run_of(said: Any, loop: Loop) -> Run:
-    """Return the run that plain values describe; GuestError where they describe none of this loop."""
+    """Return the run that plain values describe; PluginError where they describe none of this loop."""
     n = loop.sampling.n
     signals = [said.get(k) if isinstance(said, dict) else None for k in (*SIGNALS, "load_in", "load_out", "valve")]
     if not all(isinstance(s, np.ndarray) and s.shape == (n,) and np.isfinite(s).all() for s in signals):
-        raise GuestError("its loop gives signals that are not finite, or of another length")
+        raise PluginError("its loop gives signals that are not finite, or of another length")
     op, pv, sp, mv, load_in, load_out, valve = signals
     record = LoopRecord(op=op, pv=pv, sp=sp, mv=mv, Ts=loop.sampling.Ts, process=said["process"], op_span=(0.0, 100.0))
     return Run(record, load_in, load_out, None, said["sticky"] is True, valve)
-
-
-def _arrays(value: Any) -> Any:
-    if isinstance(value, dict):
-        if set(value) == {"float64"}:
-            return np.frombuffer(base64.b64decode(value["float64"]), dtype="<f8").astype(float)
-        return {k: _arrays(v) for k, v in value.items()}
-    return [_arrays(v) for v in value] if isinstance(value, list) else value
 
 
 def _stub(kind: str, name: str, said: Mapping[str, Any]) -> ModuleType:
@@ -257,11 +202,11 @@ def _stub(kind: str, name: str, said: Mapping[str, Any]) -> ModuleType:
     of_effect = {"BLOCK": BLOCKS, "ACTS": ("loop", "record")}
     for word, values in ({"FRICTION": (True, False)} if kind == "valve" else of_effect).items():
         if said.get(word) not in values:
-            raise GuestError(f"{word} = {said.get(word)!r}; allowed: {', '.join(str(v) for v in values)}")
+            raise PluginError(f"{word} = {said.get(word)!r}; allowed: {', '.join(str(v) for v in values)}")
         setattr(stub, word, said[word])
     rules = said.get("PARAMETERS")
     if not isinstance(rules, dict) or not all(isinstance(r, dict) for r in rules.values()):
-        raise GuestError("PARAMETERS is no dict of Number and Choice")
+        raise PluginError("PARAMETERS is no dict of Number and Choice")
     functions = ("start", "step") if kind == "valve" else ("apply",)
     stub.__dict__.update({f: partial(_elsewhere, f"{kind} {name!r}") for f in functions})
     stub.__dict__.update(SOURCE=str(said.get("SOURCE")), PARAMETERS={k: _rule(k, r) for k, r in rules.items()}, __file__=None)
@@ -273,7 +218,7 @@ def _rule(key: str, said: Mapping[str, Any]) -> Number | Choice:
     if said.get("number") is not True:
         names = said.get("names")
         if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
-            raise GuestError(f"parameter {key} is neither a Number nor a Choice of words")
+            raise PluginError(f"parameter {key} is neither a Number nor a Choice of words")
         return Choice(tuple(names), default if isinstance(default, str) else None, says)
     low, high, identity = (number_of(said.get(k), f"{key}.{k}") for k in ("low", "high", "identity"))
     default = None if default is None else number_of(default, f"{key}.default")
@@ -281,4 +226,4 @@ def _rule(key: str, said: Mapping[str, Any]) -> Number | Choice:
 
 
 def _elsewhere(what: str, *_: Any) -> NoReturn:
-    raise GuestError(f"{what} is a plug-in, which moves in a process of its own alone")
+    raise PluginError(f"{what} is a plug-in, which moves in a process of its own alone")
