@@ -83,7 +83,7 @@ PLUGINS = (
     "detectors.methods", "simbench.loop.valves", "simbench.loop.effects", "simbench.gap.effects", "simbench.figures",
     "simbench.blind.worlds",
 )  # fmt: skip
-HOSTS = ("detectors.__main__", "detectors.host_process", "simbench.loop.guest_process")
+HOSTS = ("detectors.__main__", "detectors.plugins.process")
 ROOT = Path(__file__).parents[1]
 
 

@@ -52,7 +52,7 @@ class Piece:
 
 
 @dataclass(frozen=True)
-class _Asked:
+class _Questions:
     """What every scenario of a piece is asked: thresholds by method id, whether by the oracle too, what finds oscillations."""
 
     chosen: Thresholds
@@ -108,7 +108,7 @@ def work(
     registry.add_all_hosted(plugins, seconds)
     own = [m for m in methods if m != ORACLE]
     chosen = {m: check_thresholds(m, registry.load(m).METHOD, (thresholds or {}).get(m, {})) for m in own}
-    asked = _Asked(chosen, ORACLE in methods, front_end)
+    asked = _Questions(chosen, ORACLE in methods, front_end)
     settling, found, kept = 0.0, [], []
     # one thread per worker: with more, sums in linear algebra come out in another order
     with one_thread():
@@ -173,7 +173,7 @@ def _simulated(scenario: Scenario, group: int, error: str | None) -> _Simulated:
     return _Simulated(scenario, scenario.id, group, run, cycled, columns, error, time.perf_counter() - since)
 
 
-def _judged(it: _Simulated, asked: _Asked) -> _Judged:
+def _judged(it: _Simulated, asked: _Questions) -> _Judged:
     then = time.perf_counter()
     if it.run is None:
         methods = (*asked.chosen, *[ORACLE] * asked.oracle)
