@@ -15,13 +15,12 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 from joblib import Parallel, delayed
+from killing import kill_when_it_stops, stops
 
 from detectors.errors import UserError
 from detectors.judge import judge
 from scenarios.grid import make_grid
 from simbench.bench.execute import pieces, workers
-from killing import kill_when_it_stops, stops
-
 from simbench.bench.execute import plugin_host as guests
 from simbench.bench.execute import run as run_module
 from simbench.bench.execute.run import Interrupted, run_grid
