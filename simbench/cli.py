@@ -362,6 +362,8 @@ def run(
     if failed.above(allow_failed):
         print(f"failed: {failed}", file=sys.stderr)
         raise typer.Exit(1)
+    if as_json and failed.methods:  # a plug-in's failures end no run, and are told where people look
+        print(failed, file=sys.stderr)
 
 
 @app.command()
