@@ -161,8 +161,8 @@ def _warm_up(name: str) -> None:
         judge_one(name, module, Prepared(record if module.METHOD.needs_mv else record.blind()), True, module.METHOD.defaults())
 
 
-def _judge_there(name, record, front_end, part, known, modes, thresholds) -> list[dict]:
-    """Judge a record where this runs, in the plug-in's own process, and return its answers as tables."""
+def _judge_there(name, record, front_end, part, known, modes, thresholds) -> list[Verdict]:
+    """Judge a record where this runs, in the plug-in's own process."""
     prepared = Prepared(record, front_end, part=part)
     for signal in (record.op, record.pv, record.sp, record.mv):
         if signal is not None:
@@ -174,7 +174,7 @@ def _judge_there(name, record, front_end, part, known, modes, thresholds) -> lis
             raise TypeError(f"answers with a {type(verdict).__name__}, which is no Verdict")
         if verdict.reason.startswith((" ", ";")):  # notes of the house follow a reason that is none
             raise ValueError("answers without a reason")
-    return [dict(vars(verdict)) for verdict in found]
+    return found
 
 
 def check_thresholds(name: str, method: Method, chosen: Mapping[str, float]) -> dict[str, float]:

@@ -9,7 +9,6 @@ import pkgutil
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
 from functools import cached_property
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -328,11 +327,11 @@ class _DetectorHost(Host):
         return stub
 
 
-def _describe_detector(source: str) -> dict[str, Any] | None:
-    """Import a detector where this runs, in its own process, and return its description as plain values."""
+def _describe_detector(source: str) -> Method | None:
+    """Import a detector where this runs, in its own process, and return its description."""
     methods.host_entries = False
     method = methods.load(methods.add_file(source) if os.sep in source else source).METHOD
-    return {**asdict(method), "exempt": {}} if isinstance(method, Method) else None
+    return method if isinstance(method, Method) else None
 
 
 methods = Detectors("detector", "detectors.methods", "simbench.detectors", ("METHOD", "detect"), RESERVED)

@@ -81,6 +81,8 @@ def run(
     scores, failed = score_run(folder, raw=raw), read_failures(folder)
     told = {"run": str(folder), "failed": failed.as_json(), **scores.as_json()}
     show(told if as_json else f"{scores.as_text()}\n\n{_line(failed)}run: {folder}", as_json)
+    if as_json and failed.methods:  # a plug-in's failures end no run, and are told where people look
+        print(failed, file=sys.stderr)
     if failed.above(allow_failed):
         print(f"failed: {failed}", file=sys.stderr)
         raise typer.Exit(1)

@@ -63,7 +63,7 @@ VALVE = {
     "no python": (HEAD, "def (", "SyntaxError"),
     "lacks a step": ("def step(", "def stepp(", "step"),
     "no parameters": ("PARAMETERS = {", "PARAMETERS = 3\nX = {", "PARAMETERS"),
-    "a word as parameter": ("PARAMETERS = {", 'PARAMETERS = {"k": "many"}\nX = {', "vars"),
+    "a word as parameter": ("PARAMETERS = {", 'PARAMETERS = {"k": "many"}\nX = {', "PARAMETERS"),
     "friction is a word": ("FRICTION = True", 'FRICTION = "yes"', "FRICTION"),
 }
 EFFECT = {
