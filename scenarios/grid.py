@@ -241,7 +241,7 @@ class Grid:
         """
         repeat, cell = divmod(index, self.cells)
         number, values = self._place(cell)
-        # cells that differ in the disturbance alone share plant, sampling and noise: no setting tells them apart
+        # cells that differ in the disturbance alone share the plant: no setting of it tells them apart
         shared = np.random.default_rng([self.content.seed, repeat, number, *self._without(number, values, "disturbance")])
         rng = np.random.default_rng([self.content.seed, repeat, number, cell, 1])
         tags: dict[str, float | int | str | None] = {"grid": self.name, "cell": cell, "repeat": repeat}
@@ -252,6 +252,9 @@ class Grid:
         ranges = {**self.content.draw, **block.draw}
         # every setting is drawn, also those an axis replaces: one axis more must not shift the other draws
         settings.update({key: draw(ranges[key], shared) for key in sorted(ranges)})
+        # the record's own numbers cell by cell: shared, they would let a classifier know cells again
+        each = np.random.default_rng([self.content.seed, repeat, number, cell, 2])
+        settings.update({key: draw(ranges[key], each) for key in Rules.FIELDS if key in ranges})
         settings.update(values)
         settings["step"] = float(settings.get("step", 0.0)) * (1.0 if shared.random() < 0.5 else -1.0)
         # what stands in the record beside valve and load is shared as well: it must not tell siblings apart
