@@ -9,7 +9,7 @@ export OPENBLAS_NUM_THREADS := 1
 export OPENBLAS_CORETYPE := Haswell
 export NPY_DISABLE_CPU_FEATURES := X86_V4 AVX512_ICL AVX512_SPR
 
-.PHONY: bench check leak real test lint perf shares docs site clean
+.PHONY: bench check leak real results test lint perf shares docs site clean
 
 bench: $(READY)            ## the main job: simulate a labelled grid, run the detectors, score them
 	rm -rf runs/bench
@@ -33,6 +33,10 @@ real: $(READY)             ## every record of real loops, every method, scored b
 	@mkdir -p runs
 	$(BIN)/simbench detect ../shared/data/real --labels ../shared/data/real/records.csv --why > runs/real_records.txt
 	mv runs/real_records.txt results/real_records.txt
+
+results: $(READY)          ## every file of results/ again, or those of FILES, by the commands that results/README.md lists
+	@mkdir -p runs
+	$(BIN)/python -m results.studies.remake $(FILES)
 
 leak: $(READY)             ## can a scenario's settings alone predict its label? They must not
 	$(BIN)/python -m results.studies.leak

@@ -77,8 +77,8 @@ def trust(
     -----
     The probability weighs the likelihood that friction brings over none, and the procedure's verdict, by three numbers that
     `python -m results.studies.trust_learn` finds on simulated loops. What the other methods say of record and twins adds
-    nothing to it: most are blind where no limit cycle stands out of the load, and there the likelihood still tells. Of the methods
-    that agree with it, twins say which is worth reading here, and how much friction it would have shown.
+    nothing to it: most are blind where no limit cycle stands out of the load, and there the likelihood still tells. Of the
+    methods that agree with it, twins say which is worth reading here, and how much friction it would have shown.
 
     Twins know only what the identified loop knows: with a loop that changed within the record, or a plant unlike first order
     with dead time, claims are too sure. Even odds of stiction are assumed before looking.
