@@ -8,7 +8,7 @@ import math
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -30,6 +30,7 @@ from simbench.loop.guest import add_parts
 from simbench.loop.run import Run
 
 Thresholds = Mapping[str, Mapping[str, float]]
+HELD = 80  # records simulated before they are judged in drawn order
 
 
 @dataclass
@@ -111,14 +112,23 @@ def work(
     rows: dict[str, list] = {name: [] for name in tables.SCENARIOS.names}
     verdicts: dict[str, list] = {name: [] for name in tables.VERDICTS.names}
     piece = Piece(number, b"", b"", 0, 0, 0.0, 0.0, 0.0)
+    rng = np.random.default_rng([grid.content.seed, number])
+    held: list[_Case] = []
     # one thread per worker: with more, sums in linear algebra come out in another order
     with threadpool_limits(1):
         for index in groups:
             since = time.perf_counter()
-            scenarios = settled(grid.group(index))
+            held += [_simulated(scenario, index, wrong) for scenario, wrong in settled(grid.group(index))]
             piece.simulating += time.perf_counter() - since
-            for scenario, wrong in scenarios:
-                _one(scenario, index, chosen, ORACLE in methods, rows, verdicts, piece, keep, wrong, front_end)
+            if len(held) >= HELD or index == groups[-1]:
+                since = time.perf_counter()
+                # a sticky loop comes before its siblings in a grid: what is asked next must not follow from what was asked last
+                order = rng.permutation(len(held))
+                found = {int(k): _asked(held[k], chosen, ORACLE in methods, front_end) for k in order}
+                piece.judging += time.perf_counter() - since
+                for k, case in enumerate(held):
+                    _note(case, *found[k], rows, verdicts, piece, keep)
+                held = []
     piece.scenarios = tables.encode(rows, tables.SCENARIOS, number)
     piece.verdicts = tables.encode(verdicts, tables.VERDICTS, number)
     piece.total = time.perf_counter() - began
@@ -165,19 +175,21 @@ def judge_both(
     return blind, found
 
 
-def _one(
-    scenario: Scenario,
-    group: int,
-    chosen: Thresholds,
-    oracle: bool,
-    rows: dict,
-    verdicts: dict,
-    piece: Piece,
-    keep: int,
-    error: str | None,
-    front_end: str,
-) -> None:
-    since = time.perf_counter()
+class _Case(NamedTuple):
+    """A scenario simulated, with its truth, before anybody judges it; no run where it ended in an error."""
+
+    scenario: Scenario
+    group: int
+    run: Run | None
+    cycled: Cycled
+    columns: Theory
+    error: str | None
+
+
+Found = list[tuple[Verdict, Verdict, str | None, float]]
+
+
+def _simulated(scenario: Scenario, group: int, error: str | None) -> _Case:
     run, cycled, columns = None, Cycled("unclear"), NO_THEORY
     try:
         if error is None:
@@ -185,38 +197,36 @@ def _one(
             columns = theory(scenario.loop)
     except Exception as fault:  # whatever a model does on numbers of its own: one scenario, not the run
         error, run, cycled = said_of(fault), None, Cycled("unclear")
-    ident = scenario.id
-    then = time.perf_counter()
-    piece.simulating += then - since
-    if run is None:
-        failed = [Verdict(m, NO_DECISION, reason=f"failed: {error}") for m in (*chosen, *[ORACLE] * oracle)]
-        prepared, found = None, [(v, v, error, 0.0) for v in failed]
-    else:
-        prepared, found = judge_both(run.record, chosen, front_end)
-        if oracle:
-            since = time.perf_counter()
-            said, wrong = oracle_of(scenario, run)
-            found.append((said, said, wrong, time.perf_counter() - since))
-    piece.judging += time.perf_counter() - then
-    _add(rows, _scenario_row(scenario, ident, group, run, cycled, columns, prepared, error))
+    return _Case(scenario, group, run, cycled, columns, error)
+
+
+def _asked(case: _Case, chosen: Thresholds, oracle: bool, front_end: str) -> tuple[Prepared | None, Found]:
+    if case.run is None:
+        failed = [Verdict(m, NO_DECISION, reason=f"failed: {case.error}") for m in (*chosen, *[ORACLE] * oracle)]
+        return None, [(v, v, case.error, 0.0) for v in failed]
+    prepared, found = judge_both(case.run.record, chosen, front_end)
+    if oracle:
+        since = time.perf_counter()
+        said, wrong = oracle_of(case.scenario, case.run)
+        found.append((said, said, wrong, time.perf_counter() - since))
+    return prepared, found
+
+
+def _note(
+    case: _Case, prepared: Prepared | None, found: Found, rows: dict, verdicts: dict, piece: Piece, keep: int
+) -> None:
+    ident = case.scenario.id
+    _add(rows, _scenario_row(case, ident, prepared))
     for front, raw, raised, seconds in found:
         _add(verdicts, _verdict_row(ident, front, raw, raised, seconds))
     piece.count += 1
-    piece.failures += sum(raised is not None for _, _, raised, _ in found) or int(error is not None)
-    if run is not None and len(piece.kept) < keep:
-        piece.kept.append((ident, run.record))
+    piece.failures += sum(raised is not None for _, _, raised, _ in found) or int(case.error is not None)
+    if case.run is not None and len(piece.kept) < keep:
+        piece.kept.append((ident, case.run.record))
 
 
-def _scenario_row(
-    scenario: Scenario,
-    ident: str,
-    group: int,
-    run: Run | None,
-    cycled: Cycled,
-    columns: Theory,
-    prepared: Prepared | None,
-    error: str | None,
-) -> dict[str, Any]:
+def _scenario_row(case: _Case, ident: str, prepared: Prepared | None) -> dict[str, Any]:
+    scenario, group, run, cycled, columns, error = case
     loop, tags = scenario.loop, scenario.tags
     row: dict[str, Any] = {name: tags.get(name) for name in tables.TAGS}
     row.update(

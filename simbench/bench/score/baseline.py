@@ -23,7 +23,7 @@ EMPTY = {
 }
 KEPT = (
     "format", "grid", "grid_hash", "seed", "overrides", "scenarios", "methods", "thresholds", "plugins", "command",
-    "code", "commit", "versions", "machine", "complete", "counts", "records_hash",
+    "code", "commit", "versions", "machine", "complete", "counts", "records_hash", "sealed",
 )  # fmt: skip
 COLUMNS = (
     "method", "truth", "process", "n", "positives", "applicable", "accuracy_applicable", "accuracy_decided", "no_decision",
