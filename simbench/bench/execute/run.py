@@ -329,6 +329,7 @@ def _budgets(names: Sequence[str]) -> tuple[int, int]:
 
 def _about(name: str) -> dict[str, Any]:
     if name == ORACLE:
-        return {"front_end": False, "needs_mv": False, "role": ORACLE, "budget": "full"}
+        return {"front_end": False, "needs_mv": False, "role": ORACLE, "budget": "full", "fitted_on": []}
     method = registry.load(name).METHOD
-    return {"front_end": method.front_end, "needs_mv": method.needs_mv, "role": method.role, "budget": method.budget}
+    kept = ("front_end", "needs_mv", "role", "budget")
+    return {**{name: getattr(method, name) for name in kept}, "fitted_on": list(method.fitted_on)}

@@ -25,12 +25,12 @@ ROLE_YARDSTICK = "yardstick"
 ROWS = (
     "method", "truth", "front_end", "process", "n", "applicable", "accuracy_applicable", "accuracy_decided", "no_decision",
     "found", "false_alarms", "accuracy_all", "auc", "lo", "hi", "sees_mv", "rank", "found_at_5", "cost", "risk_coverage",
-    "cost_lo", "cost_hi", "found_at_5_lo", "found_at_5_hi", "positives",
+    "home", "cost_lo", "cost_hi", "found_at_5_lo", "found_at_5_hi", "positives",
 )  # fmt: skip
 PLANNED = (0.01, 0.03)  # differences for which the table says how many loops they take
 KINDS = ("", "see the valve position MV, ranked apart", "yardsticks, not ranked", "nonlinearity tests, not ranked")
 HEAD = (
-    "rank", "method", "n", "cost", "95 %", "accuracy", "95 %", "undecided", "found", "false al.", "at 5 %", "95 %", "AUC", "risk",
+    "rank", "method", "n", "cost", "95 %", "accuracy", "95 %", "none", "found", "false al.", "at 5 %", "95 %", "AUC", "risk",
     "of all",
 )  # fmt: skip
 
@@ -249,7 +249,7 @@ def _resolved(scores: Scores, mode: str, process: str) -> str:
 def _legend(scores: Scores) -> list[str]:
     text = (
         f"n: loops that the method's source covers; all columns but the last are over those, - where fewer than {LEAST}. cost, which "
-        f"ranks: an error 1, no decision {scores.undecided:g}. accuracy: no decision is not right. found: of cycling loops, false "
+        f"ranks: an error 1, no decision {scores.undecided:g}. accuracy: no decision is not right; none: its share. found: of cycling loops, false "
         "al.: of the others. at 5 %: found at 5 % false alarms, threshold from other groups. risk: area under the risk-coverage "
         "curve, threshold from other groups. of all: accuracy over everything, where a method that does not apply is wrong. A "
         "method made for a part of the loops (rank -) is ranked among those. blind classifier: gradient boosting on sampling, "

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from detectors.verdict import NO_STICTION, STICTION
+from scenarios.grid import grid_names, load_grid
 from simbench.bench.score.folds import folds_of, found_at, out_of_fold, risk_coverage
 from simbench.bench.score.ranks import Ranks, rank_methods
 from simbench.bench.score.result import ALL, FRONT, RAW, ROLE_YARDSTICK, UNDECIDED, Scores, kind_of
@@ -39,6 +40,7 @@ class Answers(NamedTuple):
     applies: np.ndarray
     failed: np.ndarray
     runtime: np.ndarray
+    home: str = "no"
 
 
 def score_run(folder: str | Path, raw: bool = False, undecided: float = UNDECIDED) -> Scores:
@@ -117,12 +119,22 @@ def answers_of(book: Book, mode: str = FRONT) -> Iterator[Answers]:
         about = book.manifest["methods"][method]
         applies = book.applicable[i] != 0
         yield Answers(
-            method, about["role"], about["needs_mv"], verdicts[i], scores[i], applies, book.failed[i], book.runtime[i]
-        )
+            method, about["role"], about["needs_mv"], verdicts[i], scores[i], applies, book.failed[i], book.runtime[i],
+            home_of(about.get("fitted_on", ()), book),
+        )  # fmt: skip
     nothing = np.zeros(book.ids.size)
     for name, code in YARDSTICKS.items():
         said = np.full(book.ids.size, code)
         yield Answers(name, ROLE_YARDSTICK, False, said, nothing, nothing == 0, nothing != 0, nothing)
+
+
+def home_of(fitted_on: Iterable[str], book: Book) -> str:
+    """Return whether a method's constants were fitted to this grid ("fitted here"), to one with the same blocks, or "no"."""
+    known = [name for name in fitted_on if name in grid_names()]
+    blocks = {block.name for name in known for block in load_grid(name).content.block}
+    if book.manifest["grid"] in known:
+        return "fitted here"
+    return "siblings" if blocks & set(book.axes["block"]) else "no"
 
 
 def blind_answers(book: Book) -> Answers:
@@ -175,7 +187,7 @@ def _row(block: _Block, a: Answers, cost: float, interval: bool = True) -> dict[
     found = int((yes & positive).sum())
     # where a method does not apply it does not decide: nothing right is added
     of = ((right, m), (right, m - undecided), (undecided, m), (found, p), (int(yes.sum()) - found, m - p), (right, n))
-    row: dict[str, Any] = {"method": a.method, **block.place, "role": a.role, "sees_mv": a.sees_mv}
+    row: dict[str, Any] = {"method": a.method, **block.place, "role": a.role, "sees_mv": a.sees_mv, "home": a.home}
     row.update(n=n, n_all=block.size, positives=int(block.positive.sum()), applicable=m)
     lo, hi = (bound.tolist() for bound in wilson(*zip(*of, strict=True)))
     for name, (hits, trials), *ends in zip(RATES, of, lo, hi, strict=True):
