@@ -177,6 +177,13 @@ class Grid:
         kept = {k: v for k, v in self.content.model_dump().items() if k not in ("title", "source", "expected")}
         return content_hash({"content": kept, "overrides": self.overrides})
 
+    @property
+    def cells_hash(self) -> str:
+        """16 hex digits of what the grid asks, whatever its seed, repeats and name."""
+        without = ("title", "source", "expected", *GRID_KEYS)
+        kept = {k: v for k, v in self.content.model_dump().items() if k not in without}
+        return content_hash({"content": kept, "overrides": self.overrides})
+
     @cached_property
     def _cells(self) -> list[tuple[int, int]]:
         # (first cell, number of cells) of each block

@@ -150,6 +150,7 @@ def run_grid(
             {
                 "grid": plan.name,
                 "grid_hash": plan.hash,
+                "cells_hash": plan.cells_hash,
                 "grid_content": plan.content.model_dump(mode="json"),
                 "overrides": plan.overrides,
                 "seed": plan.content.seed,

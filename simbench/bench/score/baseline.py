@@ -22,7 +22,7 @@ EMPTY = {
     "verdicts": ("score_raw", "reason", "reason_raw", "indices", "S_lo", "S_hi", "J_lo", "J_hi", "S_unit", "runtime_s"),
 }
 KEPT = (
-    "format", "grid", "grid_hash", "seed", "overrides", "scenarios", "methods", "thresholds", "plugins", "command",
+    "format", "grid", "grid_hash", "cells_hash", "seed", "overrides", "scenarios", "methods", "thresholds", "plugins", "command",
     "code", "commit", "versions", "machine", "complete", "counts", "records_hash", "sealed",
 )  # fmt: skip
 COLUMNS = (
