@@ -212,9 +212,7 @@ def _asked(case: _Case, chosen: Thresholds, oracle: bool, front_end: str) -> tup
     return prepared, found
 
 
-def _note(
-    case: _Case, prepared: Prepared | None, found: Found, rows: dict, verdicts: dict, piece: Piece, keep: int
-) -> None:
+def _note(case: _Case, prepared: Prepared | None, found: Found, rows: dict, verdicts: dict, piece: Piece, keep: int) -> None:
     ident = case.scenario.id
     _add(rows, _scenario_row(case, ident, prepared))
     for front, raw, raised, seconds in found:

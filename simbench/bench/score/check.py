@@ -230,7 +230,9 @@ def _differing(folder: str | Path) -> Iterator[str]:
     yield from (f"method {m} differs from itself on {k} of {asked} records asked twice" for m, k in differ.items() if k)
 
 
-def _answers(book: Book, method: int, label: str, at: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _answers(
+    book: Book, method: int, label: str, at: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     # a baseline keeps 24 bits of a score
     truth, verdict, score = book.truth[label], book.verdict[method], book.score[method].astype(np.float32)
     covered = book.applicable[method] != 0
@@ -258,7 +260,13 @@ def _tests(before: tuple, now: tuple, paired: bool) -> Iterator[dict[str, Any]]:
         else:
             yield {**row, "p": rate_drop(int(a.sum()), a.size, int(b.sum()), b.size, UNPAIRED)}
     p = auc_drop(score_a, score_b, truth_a) if paired else auc_drop_unpaired(score_a, truth_a, score_b, truth_b, UNPAIRED)
-    yield {"what": "AUC", "n": min(truth_a.size, truth_b.size), "before": auc(score_a, truth_a).value, "now": auc(score_b, truth_b).value, "p": p}
+    yield {
+        "what": "AUC",
+        "n": min(truth_a.size, truth_b.size),
+        "before": auc(score_a, truth_a).value,
+        "now": auc(score_b, truth_b).value,
+        "p": p,
+    }
 
 
 def _share(right: np.ndarray) -> float:

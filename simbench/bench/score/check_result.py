@@ -26,8 +26,9 @@ class Check:
     problems : tuple of str
         What fails without any statistics: missing methods or scenarios, new errors, a changed truth.
     tests : DataFrame
-        method, label, what ("detection": share of the positives called sticky, "rejection": of the negatives called healthy,
-        "no miss", "no false alarm": the same with no decision allowed, "right": of all, "AUC"), n (loops it covers), before, now, lost, won (cases, paired only),
+        method, label, what ("right": of all, "detection": share of the positives called sticky, "rejection": of the negatives
+        called healthy, "no miss", "no false alarm": the same with no decision allowed, "AUC"), n (of them, where the method
+        covers the loop), before, now, lost, won (cases, paired only),
         p (Holm-corrected), seen (smallest drop found in 8 of 10 such runs), worse.
     flips : DataFrame
         Every changed verdict: scenario_id (the baseline's), method, was, now, record ("same" or "other"), sticky, cycled,
@@ -73,7 +74,8 @@ class Check:
     def as_json(self) -> dict[str, Any]:
         """Return everything as JSON types."""
         tables = {name: plain(getattr(self, name)) for name in ("tests", "flips")}
-        return {"answer": self.answer, "failed": self.failed, "paired": self.paired, "basis": self.basis, "reasons": self.reasons, **tables}
+        about = {"answer": self.answer, "failed": self.failed, "paired": self.paired, "basis": self.basis}
+        return {**about, "reasons": self.reasons, **tables}
 
     def as_junit(self) -> str:
         """Return JUnit XML: one test case per method, and one for the tables themselves."""

@@ -48,7 +48,7 @@ def rank_methods(right: np.ndarray, groups: np.ndarray | None = None) -> Ranks:
     The variance of a difference is the group bootstrap's (whole groups drawn with replacement), in its closed form for many
     draws: the sum over groups of their squared share in it. It is not taken smaller than for methods whose errors have nothing
     to do with each other, p (1 - p) + q (1 - q): a near copy of a method is no rival, however surely a paired test tells it
-    from its original (`simbench score --paired`). The largest pair's 1.96 sd is the resolution, for all alike. A method's rank is
+    from its original (`simbench score --paired`). The largest pair's 1.96 sd is the resolution, for all. A method's rank is
     one more than the number of methods that are better by that much. Not for choosing between two versions of one method:
     that is a paired test's work.
 
@@ -62,12 +62,13 @@ def rank_methods(right: np.ndarray, groups: np.ndarray | None = None) -> Ranks:
     m, n = right.shape
     if m == 0 or n == 0:
         return Ranks(np.ones(m, dtype=int), float("nan"), float("nan"))
-    # a method alone is held against one as good; one success and one failure added: few loops never show a rate exactly
+    # a method alone is held against one as good
     pairs = combinations(range(m), 2) if m > 1 else [(0, 0)]
     earned = right.astype(float)
     place = np.arange(n) if groups is None else np.unique(groups, return_inverse=True)[1]
     centred = earned - earned.mean(axis=1, keepdims=True)
     shares = np.array([np.bincount(place, row) for row in centred])
+    # one success and one failure added: few loops never show a rate exactly
     alone = [float(np.var(np.r_[row, 0.0, 1.0])) for row in earned]
     spread = max(max(float(np.sum((shares[i] - shares[j]) ** 2)) / n, alone[i] + alone[j]) for i, j in pairs)
     resolution = float(stats.norm.ppf(0.5 + LEVEL / 2) * np.sqrt(spread / n))
@@ -97,4 +98,3 @@ def loops_needed(difference: float, spread: float) -> int:
     """
     z = float(stats.norm.ppf(0.5 + LEVEL / 2) + stats.norm.ppf(POWER))
     return int(np.ceil(z * z * spread / difference**2))
-

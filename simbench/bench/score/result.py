@@ -46,8 +46,9 @@ class Scores:
         scenarios with a truth, positives; applicable: on how many the method's source covers the loop; over those, with
         Wilson intervals (NAME_lo, NAME_hi), accuracy_applicable (no decision is wrong), accuracy_decided, no_decision, found
         (of positives, no decision is not found), false_alarms (of negatives), auc over records with a score, with DeLong's
-        interval; cost (an error 1, no decision `undecided`), found_at_5 (found at 5 % false alarms, threshold from other groups),
-        risk_coverage (area: mean error among the surest answers); accuracy_all over everything; rank among its kind (none where it covers less than 95 % of the loops); errors;
+        interval; cost (an error 1, no decision `undecided`) and rank by it among its kind (none where it covers less than 95 %
+        of the loops); found_at_5 (found at 5 % false alarms, threshold from other groups); risk_coverage (area under the
+        curve: mean error of the surest answers); accuracy_all over everything; home, where its constants were fitted; errors;
         median runtime in ms.
     by_axis : DataFrame
         The same against `cycled` by axis and value, without AUC's interval and rank.
@@ -171,7 +172,8 @@ def as_text(scores: Scores) -> str:
         rows = scores.ranking("cycled", mode, process)
         if len(rows):
             lines += ["", _title(rows, mode, process), *_block(rows), _resolved(scores, mode, process)]
-    lines += ["", *_legend(scores), "", *_left_out(scores), "", *_dead_band(scores), "", "labels that disagree", *_plain(scores.disagreement)]
+    lines += ["", *_legend(scores), "", *_left_out(scores), "", *_dead_band(scores)]
+    lines += ["", "labels that disagree", *_plain(scores.disagreement)]
     return "\n".join(lines)
 
 
@@ -218,9 +220,9 @@ def _block(rows: pd.DataFrame) -> list[str]:
         def ends(lo: float, hi: float, few: bool = few) -> str:
             return "-" if few or math.isnan(lo) else f"{lo:.2f}-{hi:.2f}"
 
-        rates = (r.cost, ends(r.cost_lo, r.cost_hi), r.accuracy_applicable, ends(r.accuracy_applicable_lo, r.accuracy_applicable_hi),
-                 r.no_decision, r.found, r.false_alarms, r.found_at_5, ends(r.found_at_5_lo, r.found_at_5_hi), r.auc,
-                 r.risk_coverage, r.accuracy_all)  # fmt: skip
+        accuracy = ends(r.accuracy_applicable_lo, r.accuracy_applicable_hi)
+        rates = (r.cost, ends(r.cost_lo, r.cost_hi), r.accuracy_applicable, accuracy, r.no_decision, r.found, r.false_alarms,
+                 r.found_at_5, ends(r.found_at_5_lo, r.found_at_5_hi), r.auc, r.risk_coverage, r.accuracy_all)  # fmt: skip
         lines.append(
             (
                 ("" if r.kind else "-") if r.rank is None or math.isnan(r.rank) else f"{r.rank:.0f}",
@@ -248,12 +250,12 @@ def _resolved(scores: Scores, mode: str, process: str) -> str:
 
 def _legend(scores: Scores) -> list[str]:
     text = (
-        f"n: loops that the method's source covers; all columns but the last are over those, - where fewer than {LEAST}. cost, which "
-        f"ranks: an error 1, no decision {scores.undecided:g}. accuracy: no decision is not right; none: its share. found: of cycling loops, false "
-        "al.: of the others. at 5 %: found at 5 % false alarms, threshold from other groups. risk: area under the risk-coverage "
-        "curve, threshold from other groups. of all: accuracy over everything, where a method that does not apply is wrong. A "
-        "method made for a part of the loops (rank -) is ranked among those. blind classifier: gradient boosting on sampling, "
-        "length, noise and process of the loops that oscillate, learned on other groups."
+        f"n: loops that the method's source covers; all columns but the last are over those, - where fewer than {LEAST}. "
+        f"cost, which ranks: an error 1, no decision {scores.undecided:g}. accuracy: no decision is not right; none: its share. "
+        "found: of cycling loops, false al.: of the others. at 5 %: found at 5 % false alarms, threshold from other groups. "
+        "risk: area under the risk-coverage curve, threshold from other groups. of all: accuracy over everything, where a "
+        "method that does not apply is wrong. A method made for a part of the loops (rank -) is ranked among those. blind "
+        "classifier: gradient boosting on sampling, length, noise and process of loops that oscillate, learned on other groups."
     )
     return textwrap.wrap(text, 126)
 
@@ -263,8 +265,9 @@ def _left_out(scores: Scores) -> list[str]:
     rows = rows[(rows["mode"] == scores.first) & (rows.role != ROLE_YARDSTICK) & (rows.n > 0)] if len(rows) else rows
     lines = [("method", "of", "n", "stiction", "95 %", "no stiction", "no decision")]
     for r in rows.itertuples():
-        shares = (f"{r.stiction:.3f}", f"{r.stiction_lo:.2f}-{r.stiction_hi:.2f}", f"{r.no_stiction:.3f}", f"{r.no_decision:.3f}")
-        lines.append((r.method, r.of, str(r.n), *(shares if r.n >= LEAST else "----")))
+        ends = f"{r.stiction_lo:.2f}-{r.stiction_hi:.2f}"
+        shares = (f"{r.stiction:.3f}", ends, f"{r.no_stiction:.3f}", f"{r.no_decision:.3f}")
+        lines.append((r.method, r.of, str(r.n), *(shares if r.n >= LEAST else ("-",) * 4)))
     title = "left out of every row above: what detectors say of entrained and unclear loops, and of those they do not apply to"
     return [title, *columns(lines)] if len(lines) > 1 else ["no loop is left out"]
 

@@ -14,7 +14,7 @@ from scenarios.grid import grid_names, load_grid
 from simbench.bench.score.folds import folds_of, found_at, out_of_fold, risk_coverage
 from simbench.bench.score.ranks import Ranks, rank_methods
 from simbench.bench.score.result import ALL, FRONT, RAW, ROLE_YARDSTICK, UNDECIDED, Scores, kind_of
-from simbench.bench.statistics import area, auc, dense_ranks, wilson
+from simbench.bench.statistics import area, auc, dense_ranks, rate, wilson
 from simbench.bench.store.reading import CODES, TRUTHS, Book
 from simbench.bench.store.tables import AXES
 
@@ -159,7 +159,7 @@ def axis_values(book: Book, axis: str) -> Iterator[tuple[str, np.ndarray]]:
 
 
 class _Block(NamedTuple):
-    """The loops of one row: how many, which have the truth asked for, which of these are positive, and their groups and folds."""
+    """The loops of one row: how many, which have the truth asked for, and of these which are positive, in what group, fold."""
 
     place: dict[str, Any]
     size: int
@@ -196,9 +196,8 @@ def _row(block: _Block, a: Answers, cost: float, interval: bool = True) -> dict[
     row["cost"], row["cost_lo"], row["cost_hi"] = _mean_of_groups(1.0 - _earned(said, positive, cost), groups)
     score = a.score[here]
     if interval:
-        hits = found_at(score, positive, folds) if 0 < p < m else 0
-        lo, hi = wilson(hits, p)
-        row["found_at_5"], row["found_at_5_lo"], row["found_at_5_hi"] = hits / p if 0 < p < m else math.nan, float(lo), float(hi)
+        ends = rate(found_at(score, positive, folds), p) if 0 < p < m else rate(0, 0)
+        row["found_at_5"], row["found_at_5_lo"], row["found_at_5_hi"] = ends
         row["risk_coverage"] = float(risk_coverage(score, positive, folds).mean()) if m else math.nan
     if not (known := score >= 0).all():
         score, positive = score[known], positive[known]
