@@ -126,14 +126,15 @@ def check(
     as_json: Json = False,
 ) -> None:
     """Compare a run with a baseline; exit 1 when accuracy regressed, or when nobody could tell."""
-    from simbench.bench.score.check import check_run, update_baseline
+    from simbench.bench.execute.again import check_and_ask_again
+    from simbench.bench.score.check import update_baseline
     from simbench.files import refuse_own_input, whole_file
 
     refuse_own_input([junit, markdown], [folder, against])
     if update:
         print(update_baseline(folder, against))
         return
-    result = check_run(folder, against, margin)
+    result = check_and_ask_again(folder, against, margin)
     for path, text in ((junit, result.as_junit()), (markdown, result.as_markdown())):
         if path is not None:
             with whole_file(path) as f:

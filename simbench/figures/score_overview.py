@@ -1,7 +1,8 @@
 """Score overview: all detectors on one sheet, best first, healthy and sticky loops apart.
 
 One row per method, sorted by cost where it applies; methods that see MV, yardsticks and nonlinearity tests stand apart.
-Under a share, half the width of its 95 % interval; empty: fewer than 20 loops. A share under "healthy" or "sticky, at rest" is that of the answer no stiction, under "cycling" that of the answer stiction.
+A share under "healthy" or "sticky, at rest" is that of the answer no stiction, under "cycling" that of the answer stiction;
+below it half the width of its 95 % interval; empty: fewer than 20 loops.
 """
 
 from __future__ import annotations

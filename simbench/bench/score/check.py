@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -13,18 +12,12 @@ import pandas as pd
 from scipy import stats
 
 from detectors.errors import UserError
-from detectors.judge import check_thresholds
-from detectors.plugins.registry import methods as registry
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION
-from scenarios.spec import Loop
-from simbench.bench.execute.work import judge_both, record_hash
 from simbench.bench.score.baseline import read_book, write_baseline
 from simbench.bench.score.check_result import Check
 from simbench.bench.score.pairing import Pairs, pair
 from simbench.bench.statistics import auc, auc_drop, auc_drop_unpaired, holm, mcnemar, rate_drop
-from simbench.bench.store.manifest import code_hash, read_manifest
-from simbench.bench.store.reading import CODES, Book, RunError, read_table
-from simbench.loop.simulate import simulate
+from simbench.bench.store.reading import CODES, Book, RunError
 
 LEVEL = 0.05
 MARGIN = 0.01  # of a rate, paired: what falls by less is no regression, however sure the fall is
@@ -33,7 +26,6 @@ UNPAIRED = 0.02  # the same between runs of other loops
 # same place of a grid, of other loops; where it is not, the check cannot tell
 REACH = {"same": 0.02, "place": 0.05, "other": 0.15}
 POWER = 0.8
-ASKED_AGAIN = 200  # records of a run on which every detector is asked a second time
 LABELS = ("sticky", "cycled")
 # what is counted: among positives or negatives, which answers are good; "no decision" is neither right nor wrong
 COUNTED = {
@@ -74,11 +66,9 @@ def check_run(folder: str | Path, against: str | Path, margin: float = MARGIN) -
     otherwise; an unchanged detector then loses as often as it wins, which is what these tests ask. Other loops: one-sided
     two-sample tests of a drop beyond 2 points. All are Holm-corrected to a chance of 5 % that unchanged detectors fail; on the
     very same records, where an unchanged detector answers the same, to 5 % a method. Only loops that a method covers count.
-    Where a drop that matters (`REACH`) would not have been found, the check cannot tell, and fails. A share of the run's
-    records is simulated and judged once more: a detector that differs from itself fails.
+    Where a drop that matters (`REACH`) would not have been found, the check cannot tell, and fails.
     """
-    check = replace(compare_books(read_book(folder), read_book(against), margin), home=str(against))
-    return replace(check, problems=(*check.problems, *_differing(folder)))
+    return replace(compare_books(read_book(folder), read_book(against), margin), home=str(against))
 
 
 def compare_books(now: Book, before: Book, margin: float = MARGIN) -> Check:
@@ -203,31 +193,6 @@ def _unseen(tests: pd.DataFrame, basis: str) -> Iterator[str]:
         if changed and not row["seen"] <= REACH[basis] and not tests.loc[tests["method"] == row["method"], "worse"].any():
             why = f"only a loss of {row['seen']:.3f} would have been found" if row["n"] else "it covers none"
             yield f"{row['method']}: cannot tell on the {row['n']} loops that it covers: {why}, {REACH[basis]:g} is asked for"
-
-
-def _differing(folder: str | Path) -> Iterator[str]:
-    """Ask every built-in method once more about a share of a run's records, and name those that answer otherwise."""
-    manifest = read_manifest(folder)
-    if manifest["code"] != code_hash():  # what another code answers is no second answer of the same detector
-        return
-    names = [m for m in manifest["methods"] if m in registry.names() and m not in manifest["plugins"]]
-    chosen = {m: check_thresholds(m, registry.load(m).METHOD, manifest["thresholds"].get(m, {})) for m in names}
-    rows = read_table(folder, "scenarios", ["scenario_id", "loop", "seed", "record_hash"])
-    order = np.random.default_rng(0).permutation(rows.num_rows)[:ASKED_AGAIN]
-    first: dict[tuple[str, str], tuple[str, float]] = {}
-    columns = ["scenario_id", "method", "verdict", "score"]
-    for row in read_table(folder, "verdicts", columns).to_pylist():
-        first[row["scenario_id"], row["method"]] = row["verdict"], np.nan if row["score"] is None else row["score"]
-    differ, asked = dict.fromkeys(names, 0), 0
-    for row in rows.take(order).to_pylist():
-        record = simulate(Loop.from_table(json.loads(row["loop"])), row["seed"]).record
-        if record_hash(record) != row["record_hash"]:  # another processor: another record
-            continue
-        asked += 1
-        for said, _, _, _ in judge_both(record, chosen, manifest.get("front_end", "acf"))[1]:
-            verdict, score = first[row["scenario_id"], said.method]
-            differ[said.method] += said.verdict != verdict or not np.allclose(said.score, score, 1e-6, 0, equal_nan=True)
-    yield from (f"method {m} differs from itself on {k} of {asked} records asked twice" for m, k in differ.items() if k)
 
 
 def _answers(

@@ -251,11 +251,11 @@ def _resolved(scores: Scores, mode: str, process: str) -> str:
 def _legend(scores: Scores) -> list[str]:
     text = (
         f"n: loops that the method's source covers; all columns but the last are over those, - where fewer than {LEAST}. "
-        f"cost, which ranks: an error 1, no decision {scores.undecided:g}. accuracy: no decision is not right; none: its share. "
-        "found: of cycling loops, false al.: of the others. at 5 %: found at 5 % false alarms, threshold from other groups. "
+        f"cost, which ranks: an error 1, no decision {scores.undecided:g}. accuracy: no decision is not right; none: its share."
+        " found: of cycling loops, false al.: of the others. at 5 %: found at 5 % false alarms, threshold from other groups. "
         "risk: area under the risk-coverage curve, threshold from other groups. of all: accuracy over everything, where a "
-        "method that does not apply is wrong. A method made for a part of the loops (rank -) is ranked among those. blind "
-        "classifier: gradient boosting on sampling, length, noise and process of loops that oscillate, learned on other groups."
+        "method that does not apply is wrong. A method made for a part of the loops (rank -) is ranked among those. "
+        "blind classifier: gradient boosting on sampling, length, noise and process of loops that oscillate, learned on others."
     )
     return textwrap.wrap(text, 126)
 

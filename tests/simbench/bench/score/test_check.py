@@ -9,7 +9,6 @@ import pytest
 from typer.testing import CliRunner
 
 from detectors.judge import judge
-from detectors.methods import he
 from detectors.records.io import read_record
 from simbench.bench.execute.run import run_grid
 from simbench.bench.score.baseline import read_book
@@ -155,20 +154,6 @@ def test_the_same_cells_under_another_name_are_compared(book):
     for run in (base, other):
         run.manifest["cells_hash"] = "c"
     assert compare_books(other, base).answer == "passed"
-
-
-def test_a_detector_that_answers_otherwise_the_second_time_is_reported(tmp_path, monkeypatch):
-    rng, honest = np.random.default_rng(0), he.detect
-
-    def moody(prepared, **thresholds):
-        verdict = honest(prepared, **thresholds)
-        return replace(verdict, score=verdict.score + (rng.random() < 0.1))
-
-    monkeypatch.setattr(he, "detect", moody)
-    run = run_grid("smoke", tmp_path / "run", ["he", "horch"])
-    problems = check_run(run, run).problems
-    assert len(problems) == 1
-    assert problems[0].startswith("method he differs from itself on ")
 
 
 def test_flips_are_named_with_what_they_were(base, with_answers):
