@@ -164,7 +164,7 @@ def as_text(scores: Scores) -> str:
     """
     m, table = scores.manifest, scores.table
     size = int(table.n_all.max()) if len(table) else 0
-    seal = "sealed: seeds drawn as it began" if m.get("sealed") else "not sealed: seeds known beforehand"
+    seal = f"sealed: seed {m['seed']} drawn as it began" if m.get("sealed") else "not sealed: seed known beforehand"
     lines = [f"grid {m['grid']} ({m['grid_hash']}), {size} scenarios, {seal}"]
     modes = (scores.first, next(x for x in ("front end", "raw") if x != scores.first))
     blocks = [(modes[0], p) for p in ("all", "self-regulating", "integrating")] + [(modes[1], "all")]
