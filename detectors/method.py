@@ -61,6 +61,8 @@ class Method:
         Keyword arguments of `detect` that a user or a calibration may set.
     exempt : dict of str to str
         Cases of the contract test that do not apply to the method, each with the reason.
+    fitted_on : tuple of str
+        Grids whose loops, of other seeds, the method's constants were fitted to.
     published : dict of str to float
         Thresholds at which the method is its source and nothing else; empty when its defaults are that, or when the source
         gives no numbers. `NAME@published` is the method with these.
@@ -78,6 +80,7 @@ class Method:
     cannot_cope: tuple[str, ...] = ()
     thresholds: dict[str, Threshold] = field(default_factory=dict)
     exempt: dict[str, str] = field(default_factory=dict)
+    fitted_on: tuple[str, ...] = ()
     published: dict[str, float] = field(default_factory=dict)
 
     def defaults(self) -> dict[str, float]:
@@ -87,4 +90,4 @@ class Method:
     def as_published(self) -> Method:
         """Return the method with the thresholds of its source as defaults."""
         at = {k: replace(t, default=self.published.get(k, t.default)) for k, t in self.thresholds.items()}
-        return replace(self, title=f"{self.title}, as published", thresholds=at, published={})
+        return replace(self, title=f"{self.title}, as published", thresholds=at, fitted_on=(), published={})

@@ -27,6 +27,8 @@ ROLES, BUDGETS = ("stiction", "nonlinearity", "quantification"), ("fast", "full"
 # PV in another unit, and OP with its span in another
 UNITS = ((0.02, -7.0), (-30.0, 2000.0))
 OP_UNITS = ((0.16, 4.0), (40.0, -300.0))
+FAINT = 1e-6  # of a signal's range: no verdict of any record may hang on this
+LEVELS = (0.0, 7.0)  # of the set point, for records that are asked about in another order
 DEAD = ("constant", "short", "no period")
 
 
@@ -92,9 +94,10 @@ def check_detector(name: str) -> Contract:
     Notes
     -----
     Six plain records for every process type the method is made for, judged as `detectors.judge` does; the verdict must not
-    follow the unit of PV or of OP, nor change the second time. A detector asked directly about a dead record answers, or
-    refuses in one sentence (`UserError`). NaN reaches it only as the period of a record that has none: a `LoopRecord` holds no
-    other. Not a benchmark: a detector that keeps the contract may still be wrong everywhere else.
+    follow the unit of PV or of OP, nor change the second time, nor follow what was asked before, nor a noise of 1e-6. A
+    detector asked directly about a dead record answers, or refuses in one sentence (`UserError`). NaN reaches it only as the
+    period of a record that has none: a `LoopRecord` holds no other. Not a benchmark: a detector that keeps the contract may
+    still be wrong everywhere else.
 
     Examples
     --------
@@ -108,6 +111,8 @@ def check_detector(name: str) -> Contract:
     broken = [*_thresholds(module)]
     for process in module.METHOD.process:
         broken += _cases(name, module, process)
+        broken += _order(name, module, process)
+        broken += _faint_noise(name, module, process)
         broken += _units(name, module, process)
         broken += _inputs(name, module, process)
         broken += _dead(module, process)
@@ -195,6 +200,32 @@ def _cases(name: str, module: ModuleType, process: str) -> Iterator[str]:
     again = _judged(name, module, example_record("stiction", process))
     if _plain(first) != _plain(again):
         yield f"is not deterministic: asked twice about one record ({process}), it gives two answers{_difference(first, again)}"
+
+
+def _order(name: str, module: ModuleType, process: str) -> Iterator[str]:
+    """Ask about siblings at two set points, then in another order and twice running: a memory answers otherwise."""
+    records = []
+    for level in LEVELS:
+        for case in ("stiction", "healthy"):
+            plain = example_record(case, process)
+            records.append(replace(plain, pv=plain.pv + level, sp=np.full(plain.n, 50.0 + level)))
+    first = [_plain(_judged(name, module, record)) for record in records]
+    for k in (3, 3, 2, 1, 0, 0):
+        if _plain(_judged(name, module, records[k])) != first[k]:
+            yield f"depends on what was asked before: the same record ({process}) gets another answer after another one"
+            return
+
+
+def _faint_noise(name: str, module: ModuleType, process: str) -> Iterator[str]:
+    rng = np.random.default_rng(0)
+    for case in ("stiction", "healthy", "sine"):
+        record = example_record(case, process)
+        seen = {s: getattr(record, s) for s in ("op", "pv")}
+        noisy = replace(record, **{s: x + FAINT * np.ptp(x) * rng.standard_normal(x.size) for s, x in seen.items()})
+        asked, moved = (_word(_judged(name, module, r)) for r in (record, noisy))
+        if asked != moved:
+            what = f"{asked!r} becomes {moved!r} on the record {case!r} ({process})"
+            yield f"hangs on the last digits: {what} under a noise of 1e-6"
 
 
 def _units(name: str, module: ModuleType, process: str) -> Iterator[str]:

@@ -76,7 +76,7 @@ EFFECT = {
     "signals of another length": (APPLY, "setup.sp = np.zeros(3)", "mine"),
     "a word as signal": (APPLY, "setup.Td = 'loud'", "mine"),
     "block unknown": ('BLOCK = "sensor"', 'BLOCK = "roof"', "roof"),
-    "acts nowhere": ('ACTS = "loop"', 'ACTS = 3', "ACTS"),
+    "acts nowhere": ('ACTS = "loop"', "ACTS = 3", "ACTS"),
     "import raises": (HEAD, "1 / 0", "ZeroDivisionError"),
 }
 
