@@ -19,11 +19,11 @@ from detectors.record import PROCESSES, LoopRecord
 from detectors.records.io import read_record
 from simbench.bench.statistics import wilson
 from simbench.files import answered, folder
+from simbench.gap.stiction.friction import FRICTION, friction
+from simbench.gap.stiction.pace import resampled
 from simbench.plant.indices import judged
 from simbench.plant.trust.calibration import ASKED, EvidenceWeights, calls
 from simbench.plant.trust.candidate_loops import in_percent
-from simbench.plant.trust.friction import FRICTION, friction
-from simbench.plant.trust.pace import resampled
 from simbench.plant.trust.trust import LIKELY
 from simbench.usage import exit_code
 

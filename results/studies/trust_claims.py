@@ -15,11 +15,11 @@ from detectors.verdict import NO_STICTION, STICTION
 from results.studies.trust_learn import TESTING, kept, looked_at
 from scenarios.spec import Loop, Part, Scenario
 from simbench.bench.statistics import mcnemar, wilson
+from simbench.gap.stiction.friction import FRICTION, friction
 from simbench.loop.setup import plain_setup
 from simbench.loop.simulate import simulate
 from simbench.plant.indices import judged
 from simbench.plant.trust.calibration import ASKED, EvidenceWeights, calls
-from simbench.plant.trust.friction import FRICTION, friction
 from simbench.plant.trust.result import SOUND, UNSEEN
 from simbench.plant.trust.trust import LIKELY, trust
 from simbench.usage import exit_code

@@ -20,10 +20,10 @@ from scenarios.grid import load_grid
 from scenarios.spec import Scenario
 from simbench.bench.scenario.resolve import resolve
 from simbench.files import FileError, answered, folder
+from simbench.gap.stiction.friction import FRICTION, friction
 from simbench.loop.simulate import simulate
 from simbench.plant.indices import judged
 from simbench.plant.trust.calibration import ASKED, EvidenceWeights, evidence
-from simbench.plant.trust.friction import FRICTION, friction
 from simbench.usage import exit_code
 
 GRID = "plant"

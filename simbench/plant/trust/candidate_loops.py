@@ -12,8 +12,8 @@ from detectors.record import LoopRecord
 from detectors.signal.oscillation import find_oscillation
 from scenarios.spec import Loop, Part
 from simbench.gap.closed_loop.runs import ClosedLoops
+from simbench.gap.stiction.friction import FRICTION, OUTSIDE, friction
 from simbench.loop.setup import plain_setup
-from simbench.plant.trust.friction import FRICTION, OUTSIDE, friction
 
 ROOM = 2.0  # OP ranges left free on either side of a record whose unit of OP is unknown
 ARCHIVE = ("quantisation", "compression", "outliers", "op_quantisation")  # effects that single samples prove

@@ -19,13 +19,12 @@ from simbench.gap.intake.partial import completed
 from simbench.gap.intake.refuse import refuse_unfit
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.situation import Situation, load_memory
+from simbench.gap.stiction.pace import at_its_pace
 from simbench.loop.effects import EFFECTS
-from simbench.plant.trust.calibration import GAIN
-from simbench.plant.trust.pace import at_its_pace
 
 FRICTION = "stiction"  # the effect whose size is asked for
 OUTSIDE = "oscillation"  # what swings a sound loop
-ENOUGH = 10.0 * GAIN[1]  # nats beyond which more say nothing more
+ENOUGH = 30.0  # nats beyond which more say nothing more
 
 
 def friction(record: LoopRecord, loop: Loop | None = None) -> Assessment:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from detectors.record import LoopRecord
-from simbench.plant.trust.pace import SHORTEST, at_its_pace
+from simbench.gap.stiction.pace import SHORTEST, at_its_pace
 
 
 def slow(n, period=400.0, noise=0.0):

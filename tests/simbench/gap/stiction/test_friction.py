@@ -11,9 +11,9 @@ from simbench.gap.decide.assess import assess
 from simbench.gap.decide.identified import plausible
 from simbench.gap.intake.check import check
 from simbench.gap.intake.identify import exact_controller, identify
-from simbench.plant.trust import friction as module
-from simbench.plant.trust.friction import ENOUGH, FRICTION, OUTSIDE, friction
-from simbench.plant.trust.pace import at_its_pace
+from simbench.gap.stiction import friction as module
+from simbench.gap.stiction.friction import ENOUGH, FRICTION, OUTSIDE, friction
+from simbench.gap.stiction.pace import at_its_pace
 
 
 @pytest.mark.parametrize(("seed", "effects"), [(5, (FRICTION,)), (8, (OUTSIDE,)), (2, ("load_steps",))])
