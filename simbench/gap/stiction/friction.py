@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
-from detectors.errors import UserError
+import numpy as np
+
+from detectors.errors import RecordError, UserError
+from detectors.judge import UNFIT
+from detectors.prepared import Prepared
 from detectors.record import LoopRecord
-from scenarios.spec import Loop, Sampling
+from scenarios.spec import Loop, Part, Sampling
 from simbench.gap.candidates import beside_the_load, fit_candidates, possible_effects
 from simbench.gap.decide.assess import Assessment, assess
 from simbench.gap.decide.identified import plausible, remarks
@@ -15,65 +19,107 @@ from simbench.gap.effects import NOT_TRIED, recogniser
 from simbench.gap.intake.check import check
 from simbench.gap.intake.identify import exact_controller, identify
 from simbench.gap.intake.other_loop import refuse_other_plant
-from simbench.gap.intake.partial import completed
+from simbench.gap.intake.partial import Partial, completed
 from simbench.gap.intake.refuse import refuse_unfit
 from simbench.gap.likelihood.engine import Engine
+from simbench.gap.likelihood.model import NUISANCES, Spec, valve_of
 from simbench.gap.situation import Situation, load_memory
 from simbench.gap.stiction.pace import at_its_pace
-from simbench.loop.effects import EFFECTS
+from simbench.gap.stiction.probability import BOUNDS, Evidence, log_odds, probability
+from simbench.loop.effects import EFFECTS, block_of
+from simbench.loop.setup import plain_setup
 
-FRICTION = "stiction"  # the effect whose size is asked for
+FRICTION, BAND = "stiction", "deadband"  # the effect whose size is asked for, and friction without a jump
 OUTSIDE = "oscillation"  # what swings a sound loop
-ENOUGH = 30.0  # nats beyond which more say nothing more
+ENOUGH = 10.0 * BOUNDS[1]  # nats beyond which more say nothing more
+SHORTEST = 60  # samples
+ROOM = 2.0  # OP ranges left free on either side of a record whose unit of OP is unknown
 
 
-def friction(record: LoopRecord, loop: Loop | None = None) -> Assessment:
-    """Fit a loop to a record with a sound valve, with friction, and with an oscillation from outside.
+@dataclass(frozen=True, eq=False)
+class Friction:
+    """A record's loop fitted with a sound valve, with friction, and with an oscillation from outside, and what that showed."""
 
-    Parameters
-    ----------
-    record : LoopRecord
-        With OP in %.
-    loop : Loop, optional
-        Plant and controller where they are known; identified from the record otherwise.
+    found: Assessment
+    evidence: Evidence
 
-    Returns
-    -------
-    Assessment
-        Friction's gain is the one that a diagnosis of the record finds, at half its cost; where that leaves doubt and samples
-        are closer than the loop moves, that of a diagnosis at the loop's pace if it is larger: between close samples lies what
-        no plant of first order describes, between distant ones slips are lost, and with them a part of J. What single samples
-        prove is proven by all of them.
+    @property
+    def log_odds(self) -> float:
+        """Log-odds of stiction."""
+        return log_odds(self.evidence)
 
-    Raises
-    ------
-    detectors.errors.UserError
-        In one sentence, when no loop can be identified, or record and loop cannot be compared.
+    @property
+    def probability(self) -> float:
+        """Probability of stiction."""
+        return probability(self.log_odds)
 
-    Examples
-    --------
-    >>> from random_case import random_case
-    >>> found = friction(random_case(5, ("stiction",)).record)
-    >>> found.log_likelihood_gains[FRICTION] > 10
-    True
+    @property
+    def fitted(self) -> tuple[float, float] | None:
+        """S and J (%) of the friction that explains the record best; None where none was fitted."""
+        own = self.found.parameters.get(FRICTION)
+        return None if own is None else (float(own["S"]), float(own["J"]))
+
+
+def probability_of_stiction(record: LoopRecord, loop: Loop | Partial | None = None) -> float | None:
+    """Return the probability of stiction as every verb shows it; None where the record cannot be judged."""
+    try:
+        return friction(record, loop).probability
+    except UserError:
+        return None
+
+
+def friction(record: LoopRecord, loop: Loop | Partial | None = None) -> Friction:
+    """Weigh friction on one record, beside the loop where it is known, identified from the record otherwise.
+
+    The evidence is that of all samples; where that leaves doubt and samples are closer than the loop moves, that of the record
+    at the loop's pace if it is larger: between close samples lies what no plant of first order describes, between distant ones
+    slips are lost, and with them a part of J. What single samples prove is proven by all of them.
+
+    Raises a UserError, in one sentence, where the record is unfit, no loop can be identified, or both cannot be compared.
     """
     from threadpoolctl import threadpool_limits
 
+    where = f"record {record.tag!r}" if record.tag else "record"
+    refuse_unfit(record, where)
+    flags = Prepared(record.blind()).flags
+    unfit = next((flags[f].evidence for f in UNFIT if f in flags), "")
+    if record.n < SHORTEST:
+        unfit = f"{record.n} samples; at least {SHORTEST} are needed"
+    if unfit:
+        raise RecordError(f"{where} unfit: {unfit}")
+    record = in_percent(record)[0]
+    if isinstance(loop, Loop):
+        loop = with_sound_valve(loop)
     # thousands of tiny matrices: threads would only wait for each other
     with threadpool_limits(limits=1):
-        refuse_unfit(record, f"record {record.tag!r}" if record.tag else "record")
         # a loop that is known is known at its own sampling, and MV shows a slip where it happens
         slow = at_its_pace(record) if loop is None and record.mv is None else record
         if slow is record:
             whole, given, _ = completed(record, loop)
-            return _fitted(record, whole, given)
+            return _measured(_fitted(record, whole, given))
         every = _as_it_is(record)
         if every is not None and every.log_likelihood_gains[FRICTION] >= ENOUGH:
-            return every
+            return _measured(every)
         own = _at_pace(slow, record)
         if every is None and own is None:
-            return _fitted(record, identify(record))
-        return max(filter(None, (every, own)), key=lambda f: f.log_likelihood_gains[FRICTION])
+            return _measured(_fitted(record, identify(record)))
+        return _measured(max(filter(None, (every, own)), key=lambda f: f.log_likelihood_gains[FRICTION]))
+
+
+def with_sound_valve(loop: Loop) -> Loop:
+    """Return a loop without the friction of its valve."""
+    return loop.model_copy(update={"valve": Part(name="ideal")}) if plain_setup(loop, 0).sticky else loop
+
+
+def in_percent(record: LoopRecord) -> tuple[LoopRecord, float]:
+    """Return the record with OP in %, and how many units of its OP one % is."""
+    if record.op_percent is not None:
+        lo, hi = record.op_span or (0.0, 100.0)
+        return replace(record, op=record.op_percent, op_span=(0.0, 100.0)), (hi - lo) / 100.0
+    lo, hi = float(record.op.min()), float(record.op.max())
+    span = (hi - lo) or 1.0
+    lo, wide = lo - ROOM * span, (1 + 2 * ROOM) * span
+    return replace(record, op=(record.op - lo) * (100.0 / wide), op_span=(0.0, 100.0)), wide / 100.0
 
 
 def _fitted(record: LoopRecord, loop: Loop, given: Collection[str] = ()) -> Assessment:
@@ -122,3 +168,43 @@ def _few(s: Situation) -> Assessment:
     gains = dict.fromkeys(EFFECTS, NOT_TRIED) | {e: float(c.log_likelihood_gain) for e, c in fitted.items()}
     parameters = {e: recogniser(e).numbers(c.fit, s) for e, c in fitted.items() if c.used} | s.proven
     return Assessment(s, base, fitted, parameters, [], base, gains)
+
+
+def _measured(found: Assessment) -> Friction:
+    """Return the assessment with the evidence that is weighed."""
+    gains, s = found.log_likelihood_gains, found.situation
+    if s.record.mv is not None:
+        # what MV does beside OP is the valve: another map may explain it, nothing outside can
+        rivals = (gains[e] for e in EFFECTS if block_of(e) == "valve" and e not in (FRICTION, BAND))
+        return Friction(found, Evidence(max(gains[FRICTION], gains[BAND]), max(rivals)))
+    gain, fit = gains[FRICTION], found.candidates[FRICTION].fit
+    if not found.candidates[FRICTION].used:
+        return Friction(found, Evidence(gain, gains[OUTSIDE], share=0.0))
+    span = float(np.quantile(s.op, 0.99) - np.quantile(s.op, 0.01)) or 1.0
+    moves = np.sign(np.diff(valve_of(fit.spec, fit.theta, s.data.u)))
+    at = np.flatnonzero(moves)
+    turned = at[1:][moves[at[1:]] != moves[at[:-1]]]
+    early = int(np.sum(turned < s.data.n // 2))
+    halves = gains_of_halves(found, FRICTION) if gain > 0.0 else (0.5 * gain, 0.5 * gain)
+    return Friction(found, Evidence(gain, gains[OUTSIDE], halves, fit.theta["S"] / span, (early, turned.size - early)))
+
+
+def gains_of_halves(found: Assessment, effect: str) -> tuple[float, float]:
+    """Return by how many nats friction explains each half of the record better than none, its numbers held."""
+    d, fit = found.situation.data, found.candidates[effect].fit
+    half, out = d.n // 2, []
+    for cut in (slice(0, half), slice(half, d.n)):
+        part = replace(d, u=np.ascontiguousarray(d.u[cut]), y=np.ascontiguousarray(d.y[cut]))
+        engine = Engine(part, max(0.1 * half, 5.0))
+        spec, bare = (_within(f.spec, cut) for f in (fit, found.base))
+        # where in its band the valve stands at the cut is anybody's guess
+        tries = [engine.fit(replace(spec, start=begin), fit.theta, search=NUISANCES, steps=8) for begin in (-1.0, 0.0, 1.0)]
+        # the same plant and load are free on both sides
+        without = engine.fit(bare, {**found.base.theta, **fit.theta}, steps=8)
+        out.append(max(t.loglik for t in tries) - without.loglik)
+    return out[0], out[1]
+
+
+def _within(spec: Spec, cut: slice) -> Spec:
+    """Return a spec for a part of the record."""
+    return replace(spec, channels=(), jumps=tuple(k - cut.start for k in spec.jumps if cut.start < k < cut.stop))
