@@ -15,7 +15,7 @@ from scenarios.spec import Loop
 from simbench.gap.candidates import alike, smallest_detectable
 from simbench.gap.closed_loop.next_test import choose
 from simbench.gap.closed_loop.runs import ClosedLoops
-from simbench.gap.decide.assess import SURE, Assessment, assess, capped
+from simbench.gap.decide.assess import LIMITS, SURE, Assessment, assess, capped
 from simbench.gap.decide.classify import Classified, classify
 from simbench.gap.decide.identified import plausible
 from simbench.gap.intake.check import SAME_TS, check
@@ -26,6 +26,8 @@ from simbench.gap.situation import load_memory
 from simbench.gap.stiction.friction import friction
 from simbench.gap.stiction.probability import NO, pooled, probability
 from simbench.loop.effects import EFFECTS, NONE, block_of
+
+WIDE = 1.5  # floors, beyond which a gap is wide
 
 
 def diagnose(
@@ -150,12 +152,20 @@ def closing(weights: Classified, found: Assessment, runs: ClosedLoops) -> Classi
     Classified
         Unchanged where the gap does not stand out of its floor, or nothing was named.
     """
-    effects = [e for e in named_by(weights, found) if e in EFFECTS]
+    named = named_by(weights, found)
+    effects = [e for e in named if e in EFFECTS]
     if not effects:
-        return weights
+        return _unless_wide(weights, found, runs) if named == [NONE] and not found.situation.trusted else weights
     gap = runs.shrink(effects)
     widens = gap.hi < 0.0 if found.shown(effects[0]) else gap.after >= gap.before
     return weights.refuted(effects[0]) if gap.resolvable and widens else weights
+
+
+def _unless_wide(weights: Classified, found: Assessment, runs: ClosedLoops) -> Classified:
+    """Return "unknown" for "none" where a wide gap stays that is not the load's: the best model leaves something behind."""
+    gap = runs.shrink([])
+    left, block = max((found.tests[name] / limit, block) for name, (limit, block) in LIMITS.items())
+    return weights.refuted(NONE, block) if gap.recalibrated > WIDE * gap.floor and left > 1.0 else weights
 
 
 def report(found: Assessment, weights: Classified, runs: ClosedLoops, more: Sequence[str] = ()) -> GapReport:

@@ -34,11 +34,11 @@ class Classified:
         whole = sum(sums.values())
         return {b: v / whole for b, v in sums.items()}
 
-    def refuted(self, effect: str) -> Classified:
-        """Return the same with the probability of an effect given to `unknown`, in the effect's block."""
+    def refuted(self, effect: str, block: str = "") -> Classified:
+        """Return the same with the probability of an effect, or of none, given to `unknown`, in a block or the effect's own."""
         p = dict(self.probability)
         p[UNKNOWN], p[effect] = p[effect] + p[UNKNOWN], 0.0
-        return Classified(p, block_of(effect))
+        return Classified(p, block or block_of(effect))
 
     def block(self, answer: str) -> str:
         """Return the block of an answer; that of `unknown` is the one that fails."""
