@@ -33,7 +33,7 @@ from simbench.confirm.rig import run_rig
 from simbench.files import answered, folder
 from simbench.gap.stiction.friction import friction
 from simbench.gap.stiction.pace import resampled
-from simbench.gap.stiction.probability import Evidence, log_odds, probability
+from simbench.gap.stiction.probability import FrictionEvidence, log_odds, probability
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.simulate import simulate
 from simbench.usage import exit_code
@@ -152,27 +152,27 @@ def asked(simulator: str, number: int) -> dict[str, Any]:
     return about | {"evidence": _plain(found.evidence), "cycles": record.duration / _period(record)}
 
 
-def _plain(e: Evidence) -> list[Any]:
+def _plain(e: FrictionEvidence) -> list[Any]:
     return [[float(v) for v in x] if isinstance(x, tuple) else float(x) for x in astuple(e)]
 
 
-def evidence_of(row: dict[str, Any]) -> Evidence:
+def evidence_of(row: dict[str, Any]) -> FrictionEvidence:
     """Return the evidence of a row that was kept."""
     gain, outside, halves, share, reversals = row["evidence"]
-    return Evidence(gain, outside, tuple(halves), share, tuple(reversals))
+    return FrictionEvidence(gain, outside, tuple(halves), share, tuple(reversals))
 
 
 def _nats(x: float, low: float = -1.0, high: float = 3.0) -> float:
     return min(max(x / 10.0, low), high)
 
 
-def _shown(e: Evidence, most: int = 2) -> float:
+def _shown(e: FrictionEvidence, most: int = 2) -> float:
     """Return twice the weaker half's gain where both halves could show it, the whole's otherwise."""
     return 2.0 * min(e.halves) if sum(e.reversals) > most else e.gain
 
 
 # what is tried; the first is what the product weighs
-RULES: dict[str, Callable[[Evidence], Sequence[float]]] = {
+RULES: dict[str, Callable[[FrictionEvidence], Sequence[float]]] = {
     "gain beyond outside times share": lambda e: [_nats(e.gain - max(e.outside, 0.0)) * min(e.share, 1.0)],
     "gain": lambda e: [_nats(e.gain)],
     "gain, share": lambda e: [_nats(e.gain), np.log(np.clip(e.share, 0.02, 1.0))],
@@ -204,7 +204,7 @@ def balanced(y: np.ndarray, groups: Sequence[str]) -> np.ndarray:
     return np.array([len(keys) / len(set(keys)) / keys.count(k) for k in keys])
 
 
-def left_out(rows: list[dict[str, Any]], rule: Callable[[Evidence], Sequence[float]]) -> np.ndarray:
+def left_out(rows: list[dict[str, Any]], rule: Callable[[FrictionEvidence], Sequence[float]]) -> np.ndarray:
     """Return the probabilities that a rule learned on the other simulators gives."""
     x, y, at = _table(rows, rule)
     p = np.empty(len(rows))
@@ -215,7 +215,7 @@ def left_out(rows: list[dict[str, Any]], rule: Callable[[Evidence], Sequence[flo
 
 
 def _table(
-    rows: list[dict[str, Any]], rule: Callable[[Evidence], Sequence[float]]
+    rows: list[dict[str, Any]], rule: Callable[[FrictionEvidence], Sequence[float]]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     x = np.array([rule(evidence_of(r)) for r in rows])
     return x, np.array([r["sticky"] for r in rows]), np.array([r["simulator"] for r in rows])

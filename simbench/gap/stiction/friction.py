@@ -25,7 +25,7 @@ from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import NUISANCES, Spec, valve_of
 from simbench.gap.situation import Situation, load_memory
 from simbench.gap.stiction.pace import at_its_pace
-from simbench.gap.stiction.probability import BOUNDS, Evidence, log_odds, probability
+from simbench.gap.stiction.probability import BOUNDS, FrictionEvidence, log_odds, probability
 from simbench.loop.effects import EFFECTS, block_of
 from simbench.loop.setup import plain_setup
 
@@ -41,7 +41,7 @@ class Friction:
     """A record's loop fitted with a sound valve, with friction, and with an oscillation from outside, and what that showed."""
 
     found: Assessment
-    evidence: Evidence
+    evidence: FrictionEvidence
 
     @property
     def log_odds(self) -> float:
@@ -176,17 +176,17 @@ def _measured(found: Assessment) -> Friction:
     if s.record.mv is not None:
         # what MV does beside OP is the valve: another map may explain it, nothing outside can
         rivals = (gains[e] for e in EFFECTS if block_of(e) == "valve" and e not in (FRICTION, BAND))
-        return Friction(found, Evidence(max(gains[FRICTION], gains[BAND]), max(rivals)))
+        return Friction(found, FrictionEvidence(max(gains[FRICTION], gains[BAND]), max(rivals)))
     gain, fit = gains[FRICTION], found.candidates[FRICTION].fit
     if not found.candidates[FRICTION].used:
-        return Friction(found, Evidence(gain, gains[OUTSIDE], share=0.0))
+        return Friction(found, FrictionEvidence(gain, gains[OUTSIDE], share=0.0))
     span = float(np.quantile(s.op, 0.99) - np.quantile(s.op, 0.01)) or 1.0
     moves = np.sign(np.diff(valve_of(fit.spec, fit.theta, s.data.u)))
     at = np.flatnonzero(moves)
     turned = at[1:][moves[at[1:]] != moves[at[:-1]]]
     early = int(np.sum(turned < s.data.n // 2))
     halves = gains_of_halves(found, FRICTION) if gain > 0.0 else (0.5 * gain, 0.5 * gain)
-    return Friction(found, Evidence(gain, gains[OUTSIDE], halves, fit.theta["S"] / span, (early, turned.size - early)))
+    return Friction(found, FrictionEvidence(gain, gains[OUTSIDE], halves, fit.theta["S"] / span, (early, turned.size - early)))
 
 
 def gains_of_halves(found: Assessment, effect: str) -> tuple[float, float]:

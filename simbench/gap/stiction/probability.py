@@ -17,7 +17,7 @@ SHARED = 0.75  # correlation of the log-odds of one loop's records, given the tr
 
 
 @dataclass(frozen=True)
-class Evidence:
+class FrictionEvidence:
     """What the likelihood of one record measured of friction.
 
     `gain` (nats) of friction over none, its numbers paid for; `outside` the gain of an oscillation from outside; `halves` the
@@ -32,7 +32,7 @@ class Evidence:
     reversals: tuple[int, int] = (0, 0)
 
 
-def log_odds(e: Evidence) -> float:
+def log_odds(e: FrictionEvidence) -> float:
     """Return the log-odds of stiction, even odds before looking."""
     nats = min(max((e.gain - max(e.outside, 0.0)) / 10.0, BOUNDS[0]), BOUNDS[1])
     return OFFSET + WEIGHT * nats * min(e.share, 1.0)
