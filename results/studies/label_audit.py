@@ -38,7 +38,7 @@ def measured(record: LoopRecord) -> dict[str, Any]:
     except UserError as why:
         return {"odds": None, "why": str(why)}
     e = found.evidence
-    return {"odds": found.log_odds, "gain": e.gain, "outside": e.outside, "share": e.share, "reversals": sum(e.reversals)}
+    return {"odds": found.log_odds, "gain": e.gain, "outside": e.outside, "share": e.share}
 
 
 def windows(record: LoopRecord) -> list[LoopRecord]:
@@ -129,7 +129,7 @@ def _speaks(parts: list[dict[str, Any]], sticky: bool) -> str:
     odds, i, p = (min if sticky else max)(judged, key=lambda x: x[0])
     where = ("first", "middle", "last")[i]
     said = f"friction {p['gain']:+.0f} nats, from outside {p['outside']:+.0f}, band {p['share']:.0%} of OP's range"
-    return f"{where} half {probability(odds):.2f} ({said}, {p['reversals']} reversals)"
+    return f"{where} half {probability(odds):.2f} ({said})"
 
 
 if __name__ == "__main__":

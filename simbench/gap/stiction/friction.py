@@ -22,9 +22,8 @@ from simbench.gap.intake.other_loop import refuse_other_plant
 from simbench.gap.intake.partial import Partial, completed
 from simbench.gap.intake.refuse import refuse_unfit
 from simbench.gap.likelihood.engine import Engine
-from simbench.gap.likelihood.model import NUISANCES, Spec, valve_of
 from simbench.gap.situation import Situation, load_memory
-from simbench.gap.stiction.pace import at_its_pace
+from simbench.gap.stiction.pace import at_its_pace, unheld
 from simbench.gap.stiction.probability import BOUNDS, FrictionEvidence, log_odds, probability
 from simbench.loop.effects import EFFECTS, block_of
 from simbench.loop.setup import plain_setup
@@ -90,6 +89,8 @@ def friction(record: LoopRecord, loop: Loop | Partial | None = None) -> Friction
     record = in_percent(record)[0]
     if isinstance(loop, Loop):
         loop = with_sound_valve(loop)
+    if loop is None and record.mv is None:
+        record = unheld(record)
     # thousands of tiny matrices: threads would only wait for each other
     with threadpool_limits(limits=1):
         # a loop that is known is known at its own sampling, and MV shows a slip where it happens
@@ -177,34 +178,7 @@ def _measured(found: Assessment) -> Friction:
         # what MV does beside OP is the valve: another map may explain it, nothing outside can
         rivals = (gains[e] for e in EFFECTS if block_of(e) == "valve" and e not in (FRICTION, BAND))
         return Friction(found, FrictionEvidence(max(gains[FRICTION], gains[BAND]), max(rivals)))
-    gain, fit = gains[FRICTION], found.candidates[FRICTION].fit
-    if not found.candidates[FRICTION].used:
-        return Friction(found, FrictionEvidence(gain, gains[OUTSIDE], share=0.0))
+    one = found.candidates[FRICTION]
     span = float(np.quantile(s.op, 0.99) - np.quantile(s.op, 0.01)) or 1.0
-    moves = np.sign(np.diff(valve_of(fit.spec, fit.theta, s.data.u)))
-    at = np.flatnonzero(moves)
-    turned = at[1:][moves[at[1:]] != moves[at[:-1]]]
-    early = int(np.sum(turned < s.data.n // 2))
-    halves = gains_of_halves(found, FRICTION) if gain > 0.0 else (0.5 * gain, 0.5 * gain)
-    return Friction(found, FrictionEvidence(gain, gains[OUTSIDE], halves, fit.theta["S"] / span, (early, turned.size - early)))
-
-
-def gains_of_halves(found: Assessment, effect: str) -> tuple[float, float]:
-    """Return by how many nats friction explains each half of the record better than none, its numbers held."""
-    d, fit = found.situation.data, found.candidates[effect].fit
-    half, out = d.n // 2, []
-    for cut in (slice(0, half), slice(half, d.n)):
-        part = replace(d, u=np.ascontiguousarray(d.u[cut]), y=np.ascontiguousarray(d.y[cut]))
-        engine = Engine(part, max(0.1 * half, 5.0))
-        spec, bare = (_within(f.spec, cut) for f in (fit, found.base))
-        # where in its band the valve stands at the cut is anybody's guess
-        tries = [engine.fit(replace(spec, start=begin), fit.theta, search=NUISANCES, steps=8) for begin in (-1.0, 0.0, 1.0)]
-        # the same plant and load are free on both sides
-        without = engine.fit(bare, {**found.base.theta, **fit.theta}, steps=8)
-        out.append(max(t.loglik for t in tries) - without.loglik)
-    return out[0], out[1]
-
-
-def _within(spec: Spec, cut: slice) -> Spec:
-    """Return a spec for a part of the record."""
-    return replace(spec, channels=(), jumps=tuple(k - cut.start for k in spec.jumps if cut.start < k < cut.stop))
+    share = one.fit.theta["S"] / span if one.used else 0.0
+    return Friction(found, FrictionEvidence(gains[FRICTION], gains[OUTSIDE], share))

@@ -9,10 +9,11 @@ from dataclasses import dataclass
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 
 # learned by `python -m results.studies.stiction_probability`, every simulator left out in turn
-OFFSET, WEIGHT = -0.64, 2.57
-BOUNDS = (-1.0, 3.0)  # tens of nats between which evidence counts; beyond, a model's errors are larger
+OFFSET, WEIGHT = -0.18, 2.1
+BOUNDS = (-0.5, 3.0)  # tens of nats between which evidence counts; beyond, a model's errors are larger
+WIDE = 0.5  # share of OP's range from which on a band counts in full: a valve that makes the loop cycle moves OP by S to 1.2 S
 EDGE = 0.99  # no probability is surer than the loops it was learned on can show
-YES, NO = 0.75, 0.5  # probability from which stiction is claimed, and below which it is denied; between them, cannot tell
+YES, NO = 0.7, 0.5  # probability from which stiction is claimed, and below which it is denied; between them, cannot tell
 SHARED = 0.75  # correlation of the log-odds of one loop's records, given the truth
 
 
@@ -20,22 +21,22 @@ SHARED = 0.75  # correlation of the log-odds of one loop's records, given the tr
 class FrictionEvidence:
     """What the likelihood of one record measured of friction.
 
-    `gain` (nats) of friction over none, its numbers paid for; `outside` the gain of an oscillation from outside; `halves` the
-    same gain in each half of the record, all numbers held but the load's; `share` the fitted band over OP's range; `reversals`
-    of the fitted valve in each half.
+    `gain` (nats) of friction over none, its numbers paid for; `outside` the gain of an oscillation from outside; `share` the
+    fitted band over OP's range.
     """
 
     gain: float
     outside: float = 0.0
-    halves: tuple[float, float] = (math.nan, math.nan)
     share: float = 1.0
-    reversals: tuple[int, int] = (0, 0)
 
 
 def log_odds(e: FrictionEvidence) -> float:
-    """Return the log-odds of stiction, even odds before looking."""
+    """Return the log-odds of stiction, even odds before looking.
+
+    What friction gains beyond an oscillation from outside counts by the share of OP's range that its band spans.
+    """
     nats = min(max((e.gain - max(e.outside, 0.0)) / 10.0, BOUNDS[0]), BOUNDS[1])
-    return OFFSET + WEIGHT * nats * min(e.share, 1.0)
+    return OFFSET + WEIGHT * nats * (min(e.share / WIDE, 1.0) if nats > 0.0 else 1.0)
 
 
 def pooled(odds: Sequence[float]) -> float:

@@ -18,16 +18,16 @@ KEY = "probability_of_stiction"
 
 
 def test_more_nats_speak_for_friction_and_what_an_oscillation_explains_does_not():
-    odds = [log_odds(FrictionEvidence(gain, halves=(gain / 2, gain / 2))) for gain in (-20.0, -5.0, 0.0, 5.0, 20.0, 1e4)]
+    odds = [log_odds(FrictionEvidence(gain)) for gain in (-20.0, -5.0, 0.0, 5.0, 20.0, 1e4)]
     assert odds == sorted(odds)
     assert odds[-1] > odds[0]
-    swung = FrictionEvidence(20.0, outside=20.0, halves=(10.0, 10.0))
-    assert log_odds(swung) == pytest.approx(log_odds(FrictionEvidence(0.0, halves=(0.0, 0.0))))
+    swung = FrictionEvidence(20.0, outside=20.0)
+    assert log_odds(swung) == pytest.approx(log_odds(FrictionEvidence(0.0)))
 
 
 def test_a_band_that_spans_little_of_what_op_does_counts_less():
-    wide, narrow = (log_odds(FrictionEvidence(100.0, halves=(50.0, 50.0), share=share)) for share in (1.0, 0.05))
-    none = log_odds(FrictionEvidence(0.0, halves=(0.0, 0.0)))
+    wide, narrow = (log_odds(FrictionEvidence(100.0, share=share)) for share in (1.0, 0.05))
+    none = log_odds(FrictionEvidence(0.0))
     assert wide > narrow
     assert narrow - none < 0.5 * (wide - none)
 
