@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 
 # learned by `python -m results.studies.stiction_probability`, every simulator left out in turn
-OFFSET, WEIGHT = -0.18, 2.1
+OFFSET, WEIGHT = -0.31, 2.12
 BOUNDS = (-0.5, 3.0)  # tens of nats between which evidence counts; beyond, a model's errors are larger
 WIDE = 0.5  # share of OP's range from which on a band counts in full: a valve that makes the loop cycle moves OP by S to 1.2 S
 EDGE = 0.99  # no probability is surer than the loops it was learned on can show

@@ -55,7 +55,7 @@ def test_friction_is_tried_beside_what_swings_the_loop_from_outside(behind, monk
     whole = twins._driven
     monkeypatch.setattr(twins, "_driven", lambda *a: driven.append(1) or whole(*a))
     cell = [(1.0, 0.5)]
-    swung = replace(behind, gain=-5.0, period=40.0 * behind.record.Ts)
+    swung = replace(behind, log_odds=-5.0, period=40.0 * behind.record.Ts)
     draw_twins(swung, 0, 8, cells=cell)
     assert driven
     driven.clear()
