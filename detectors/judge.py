@@ -81,7 +81,9 @@ def judge(
     for name in methods:
         module = registry.load(name)
         prepared = blind
-        if module.METHOD.needs_mv:
+        if module.METHOD.whole:
+            prepared = Prepared(replace(record, meta={}), front_end)
+        elif module.METHOD.needs_mv:
             prepared = sighted = sighted or blind.sighted(replace(record, meta={}))
         chosen = check_thresholds(name, module.METHOD, (thresholds or {}).get(name, {}))
         verdicts += answers(name, prepared, (raw,), chosen)[0]

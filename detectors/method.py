@@ -57,6 +57,8 @@ class Method:
         False for a method that brings its own oscillation test.
     cannot_cope : tuple of str
         Data-quality flags under which the method abstains.
+    whole : bool
+        Judged on the whole record, never on a half that oscillates, and with MV where it was recorded.
     thresholds : dict of str to Threshold
         Keyword arguments of `detect` that a user or a calibration may set.
     exempt : dict of str to str
@@ -78,6 +80,7 @@ class Method:
     min_periods: float = 3.0
     front_end: bool = True
     cannot_cope: tuple[str, ...] = ()
+    whole: bool = False
     thresholds: dict[str, Threshold] = field(default_factory=dict)
     exempt: dict[str, str] = field(default_factory=dict)
     fitted_on: tuple[str, ...] = ()

@@ -60,12 +60,23 @@ class PluginFolder:
         self.make_host: Callable[[Path | str, float], Any] = _no_host
         self.host_entries = False
         self._hosts: dict[str, tuple[tuple, Any]] = {}  # with the file they were made of
+        self._above: dict[str, str] = {}
         self._files: dict[str, ModuleType] = {}
         self._loaded: dict[str, ModuleType] = {}
 
     def names(self) -> list[str]:
         """Return every known name, sorted; nothing is imported."""
         return sorted(self._own | set(self._entry_points) | set(self._files))
+
+    def lend(self, name: str, module: str) -> None:
+        """Make a plug-in of the house known that needs more than this package; it is asked for by name alone, in no set."""
+        if importlib.util.find_spec(module.partition(".")[0]) is not None:
+            self._above[name] = module
+
+    @property
+    def lent(self) -> list[str]:
+        """Plug-ins that are asked for by name alone."""
+        return sorted(self._above)
 
     def load(self, name: str) -> ModuleType:
         """Import one plug-in.
@@ -89,9 +100,10 @@ class PluginFolder:
         if name in self._files:
             return self._files[name]
         if name not in self._loaded:
-            if name not in self.names():
-                raise UnknownName(self.kind, name, self.names())
-            self._loaded[name] = self._checked(self._outside(name) or importlib.import_module(f"{self.package}.{name}"), name)
+            if name not in self._above and name not in self.names():
+                raise UnknownName(self.kind, name, sorted({*self.names(), *self._above}))
+            own = self._above.get(name, f"{self.package}.{name}")
+            self._loaded[name] = self._checked(self._outside(name) or importlib.import_module(own), name)
         return self._loaded[name]
 
     def add_file(self, path: str | Path) -> str:
@@ -197,7 +209,7 @@ class PluginFolder:
         return None if found is None else found[1]
 
     def _taken(self, name: str) -> bool:
-        return name in self.reserved or name in self._own or name in self._entry_points
+        return name in self.reserved or name in self._own or name in self._above or name in self._entry_points
 
     def own_file(self, path: str | Path) -> bool:
         """Return whether a file is that of a built-in plug-in."""
@@ -214,7 +226,7 @@ class PluginFolder:
     @cached_property
     def _entry_points(self) -> dict:
         # reads the metadata of every installed distribution: once is enough; none takes a name that means something already
-        return {e.name: e for e in entry_points(group=self.group) if e.name not in self._own and e.name not in self.reserved}
+        return {e.name: e for e in entry_points(group=self.group) if e.name not in {*self._own, *self._above, *self.reserved}}
 
     def _outside(self, name: str) -> ModuleType | None:
         """Return what another distribution publishes under a name, or what stands for it here."""
@@ -336,3 +348,5 @@ def _describe_detector(source: str) -> Method | None:
 
 methods = Detectors("detector", "detectors.methods", "simbench.detectors", ("METHOD", "detect"), RESERVED)
 methods.make_host, methods.host_entries = _DetectorHost, True
+# stands above this package, which may stand alone
+methods.lend("likelihood", "simbench.gap.stiction.method")

@@ -157,7 +157,10 @@ def judge_both(
     for name, values in chosen.items():
         method: Method = registry.load(name).METHOD
         since, prepared = time.perf_counter(), blind
-        if method.needs_mv:
+        if method.whole and blind.part:
+            # ranked with those that do not see MV
+            prepared = Prepared(record.blind(), front_end)
+        elif method.needs_mv:
             prepared = sighted = sighted or blind.sighted(record)
         # with an oscillation the front end lets everything pass
         modes = (True, False) if method.front_end and not sustained else (True,)
