@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -18,6 +18,7 @@ from detectors.signal.standstill import steady_valve
 
 STILL = 1e-9  # of a signal's range: less is rounding
 FRONT_ENDS = ("acf", "hagglund")
+DENSEST = 64.0  # samples per period that are judged; a denser record is averaged by twos until it has no more
 HALVES = (2, 1, 0)  # quarters at which they start: the last half, the middle one, the first
 
 
@@ -35,6 +36,8 @@ class Prepared:
         Intermediate results that methods on the same record share, by name; `share` fills it.
     part : (int, int), optional
         Samples start..stop-1 of the record that was given, where not all of it is judged; `prepare` finds them.
+    step : int
+        Samples of the record that was given to one of `record`, which holds their means.
 
     Examples
     --------
@@ -48,6 +51,7 @@ class Prepared:
     front_end: str = "acf"
     shared: dict = field(default_factory=dict)
     part: tuple[int, int] | None = None
+    step: int = 1
 
     @cached_property
     def flags(self) -> dict[str, Flag]:
@@ -157,19 +161,23 @@ class Prepared:
         """Return what `detectors.signal.standstill` says of the signal that stands for MV."""
         return self.share(f"steady valve {self.record.mv is None}", lambda: steady_valve(position, self.period))
 
-    def half_cycles(self, name: str) -> np.ndarray:
+    def half_cycles(self, name: str, cleaned: bool = True) -> np.ndarray:
         """Return the half cycles of "op" or "pv" as positive humps of one length, shape (m, points).
 
-        Those in the first and last half period are left out: drift is only guessed there.
+        Those in the first and last half period are left out: drift is only guessed there. Not cleaned: between the zero
+        crossings of the signal less its mean, as the sources have it.
         """
         period = self.period
+        if not cleaned:
+            x = self.signal(name)
+            return self.share(f"raw half cycles {name}", lambda: split(x - x.mean(), period))
         inner = slice(round(period / 2), -round(period / 2))
         return self.share(f"half cycles {name}", lambda: split(self.clean(name)[inner], period))
 
     def sighted(self, record: LoopRecord) -> Prepared:
         """Return the same for the same record, all of it, with MV; what was found without MV is kept."""
-        record = record if self.part is None else record.window(*self.part)
-        other = Prepared(record, self.front_end, dict(self.shared), self.part)
+        record = thinned(record if self.part is None else record.window(*self.part), self.step)
+        other = Prepared(record, self.front_end, dict(self.shared), self.part, self.step)
         other.__dict__.update(oscillation=self.oscillation, flags=self.flags)
         return other
 
@@ -185,6 +193,30 @@ class Prepared:
         return self.shared[name]
 
 
+def thinned(record: LoopRecord, step: int) -> LoopRecord:
+    """Return the record of means over `step` samples, the last ones left out where they fill no step."""
+    if step == 1:
+        return record
+    signals = {name: getattr(record, name) for name in ("op", "pv", "sp", "mv")}
+    n = record.n // step
+    means = {k: None if x is None else x[: n * step].reshape(n, step).mean(axis=1) for k, x in signals.items()}
+    return replace(record, Ts=record.Ts * step, **means)
+
+
+def _at_density(record: LoopRecord, front_end: str, part: tuple[int, int] | None = None) -> Prepared:
+    """Prepare a record at no more than `DENSEST` samples per period, by powers of two: so that the density it came at, of
+    those a factor of two apart, makes no difference."""
+    dense = Prepared(record, front_end, part=part)
+    period, step = dense.oscillation.period_s / record.Ts, 1
+    while period > DENSEST * step:
+        step *= 2
+    if step == 1 or record.n < 3 * step:
+        return dense
+    thin = Prepared(thinned(record, step), front_end, part=part, step=step)
+    # what oscillates in neither way is left as it came: its valve may be seen all the same
+    return thin if thin.oscillation.sustained or dense.oscillation.sustained else dense
+
+
 def prepare(record: LoopRecord, front_end: str = "acf") -> Prepared:
     """Prepare a record for judging: all of it, or a half that oscillates where the whole does not.
 
@@ -198,7 +230,8 @@ def prepare(record: LoopRecord, front_end: str = "acf") -> Prepared:
     Returns
     -------
     Prepared
-        Of the first that oscillates: the whole, its last half, its middle half, its first half; else of the whole.
+        Of the first that oscillates: the whole, its last half, its middle half, its first half; else of the whole. Means of
+        two, four, ... samples where a period has more than 64 of them.
 
     Notes
     -----
@@ -214,14 +247,14 @@ def prepare(record: LoopRecord, front_end: str = "acf") -> Prepared:
     >>> prepare(LoopRecord(op=swing, pv=swing, Ts=1.0)).part
     (600, 1200)
     """
-    whole = Prepared(record, front_end)
+    whole = _at_density(record, front_end)
     if whole.oscillation.sustained or front_end == "hagglund":  # whose memory forgets by itself what is long past
         return whole
     for quarter in HALVES:
         part = quarter * record.n // 4, (quarter + 2) * record.n // 4
         if part[1] - part[0] < 3:
             return whole
-        half = Prepared(record.window(*part), front_end, part=part)
+        half = _at_density(record.window(*part), front_end, part)
         found = half.oscillation
         # the unit of S and J is the whole record's
         if found.sustained and found.lasting > LASTING**0.5 and half.record.S_unit == record.S_unit:

@@ -18,7 +18,7 @@ from detectors.contract.watch import Watched, watch
 from detectors.judge import judge_one
 from detectors.method import Method, Threshold
 from detectors.plugins.registry import methods
-from detectors.prepared import Prepared
+from detectors.prepared import Prepared, prepare, thinned
 from detectors.record import PROCESSES, LoopRecord
 from detectors.signal.oscillation import Oscillation
 from detectors.verdict import NO_DECISION, STICTION, VERDICTS, Verdict
@@ -27,6 +27,7 @@ ROLES, BUDGETS = ("stiction", "nonlinearity", "quantification"), ("fast", "full"
 # PV in another unit, and OP with its span in another
 UNITS = ((0.02, -7.0), (-30.0, 2000.0))
 OP_UNITS = ((0.16, 4.0), (40.0, -300.0))
+THINNED = (2, 4, 8)  # samples of a dense record to one
 DEAD = ("constant", "short", "no period")
 
 
@@ -92,7 +93,8 @@ def check_detector(name: str) -> Contract:
     Notes
     -----
     Six plain records for every process type the method is made for, judged as `detectors.judge` does; the verdict must not
-    follow the unit of PV or of OP, nor change the second time. A detector asked directly about a dead record answers, or
+    follow the unit of PV, of OP or of time, nor the sign of both, nor how densely a record is sampled, nor, where the method
+    claims it, the direction of time, nor change the second time. A detector asked directly about a dead record answers, or
     refuses in one sentence (`UserError`). NaN reaches it only as the period of a record that has none: a `LoopRecord` holds no
     other. Not a benchmark: a detector that keeps the contract may still be wrong everywhere else.
 
@@ -109,6 +111,7 @@ def check_detector(name: str) -> Contract:
     for process in module.METHOD.process:
         broken += _cases(name, module, process)
         broken += _units(name, module, process)
+        broken += _moves(name, module, process)
         broken += _inputs(name, module, process)
         broken += _dead(module, process)
     return Contract("detector", name, tuple(dict.fromkeys(broken)))
@@ -179,6 +182,39 @@ def _cases(name: str, module: ModuleType, process: str) -> Iterator[str]:
         yield f"is not deterministic: asked twice about one record ({process}), it gives two answers{_difference(first, again)}"
 
 
+def turned(record: LoopRecord) -> LoopRecord:
+    """Return the loop of a valve that closes under OP and a transmitter of the other sign: OP spans 0..100."""
+    flipped = {k: None if getattr(record, k) is None else sign - getattr(record, k)
+               for k, sign in (("op", 100.0), ("mv", 100.0), ("pv", 0.0), ("sp", 0.0))}  # fmt: skip
+    return replace(record, **flipped, pv_span=None)
+
+
+def backwards(record: LoopRecord) -> LoopRecord:
+    """Return the record with its last sample first."""
+    signals = {k: getattr(record, k) for k in ("op", "pv", "sp", "mv")}
+    return replace(record, **{k: None if x is None else x[::-1] for k, x in signals.items()})
+
+
+def _moves(name: str, module: ModuleType, process: str) -> Iterator[str]:
+    """Judge records with the sign, the time or the sampling changed; a dense one is the plain loop, eight times as often."""
+    for case in ("stiction", "healthy", "sine"):
+        record = replace(example_record(case, process), op_span=(0.0, 100.0))
+        asked = _word(_judged(name, module, record))
+        others = {"the sign of OP and PV": turned(record), "the unit of time": replace(record, Ts=record.Ts / 3600.0)}
+        if module.METHOD.reversible:
+            others["the direction of time, which it claims not to"] = backwards(record)
+        for what, other in others.items():
+            moved = _word(_judged(name, module, other))
+            if moved != asked:
+                yield f"follows {what}: {asked!r} becomes {moved!r} on the record {case!r} ({process})"
+    dense = example_record("dense", process)
+    asked = _word(_judged(name, module, dense))
+    for step in THINNED:
+        moved = _word(_judged(name, module, thinned(dense, step)))
+        if moved != asked:
+            yield f"follows the sampling: {asked!r} becomes {moved!r} on a dense record ({process}) averaged by {step} samples"
+
+
 def _units(name: str, module: ModuleType, process: str) -> Iterator[str]:
     for case in ("stiction", "healthy", "sine"):
         record = replace(example_record(case, process), op_span=(0.0, 100.0))
@@ -231,7 +267,7 @@ def _judged(name: str, module: ModuleType, record: LoopRecord) -> Watched:
 
     seen = record if module.METHOD.needs_mv else record.blind()
     spied: Any = SimpleNamespace(METHOD=module.METHOD, detect=detect)
-    found = watch(lambda: judge_one(name, spied, Prepared(seen), False, module.METHOD.defaults()))
+    found = watch(lambda: judge_one(name, spied, prepare(seen), False, module.METHOD.defaults()))
     if found.refusal:
         found.faults.append(f"refuses ({found.refusal}) where an answer is due")
     if own:
