@@ -212,7 +212,7 @@ def _moves(name: str, module: ModuleType, process: str) -> Iterator[str]:
     for step in THINNED:
         moved = _word(_judged(name, module, thinned(dense, step)))
         if moved != asked:
-            yield f"follows the sampling: {asked!r} becomes {moved!r} on a dense record ({process}) averaged by {step} samples"
+            yield f"follows the sampling: {asked!r} becomes {moved!r} on a dense record ({process}), of {step} samples one"
 
 
 def _units(name: str, module: ModuleType, process: str) -> Iterator[str]:

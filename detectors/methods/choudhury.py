@@ -30,6 +30,7 @@ from detectors.signal.oscillation import oscillation_of, regular_segment
 from detectors.signal.surrogates import nonlinearity_index
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
+DENSEST = 64.0  # samples per period of the filtered signals; a record has twice as many at most
 WIDE = 25.0  # % of span; beyond it the valve's characteristic may be the nonlinearity (Choudhury 2004)
 
 METHOD = Method(
@@ -121,8 +122,10 @@ def detect(
     # the surrogates name no frequencies: the oscillation's stands in
     around = (1.0 / period, 1.0 / period) if surrogate > 0.5 else higher.peak
     op = record.op if record.op_percent is None else record.op_percent
+    step = 1 if period <= DENSEST else 2
+    around = (step * around[0], step * around[1])
     low, high = (given or found for given, found in zip((low, high), boundaries(around), strict=True))
-    op, pv = band_pass(op, low, high), band_pass(record.pv, low, high)
+    op, pv, period = band_pass(op[::step], low, high), band_pass(record.pv[::step], low, high), period / step
     cut = slice(*(_most_regular(op) if segment > 0.5 else regular_segment(op, period, round(4 * period))))
     found = fit_ellipse(op[cut], pv[cut])
     fitness = S = 0.0
