@@ -18,7 +18,8 @@ from detectors.signal.standstill import steady_valve
 
 STILL = 1e-9  # of a signal's range: less is rounding
 FRONT_ENDS = ("acf", "hagglund")
-DENSEST = 128.0  # samples per period that are judged; a denser record is halved until it has no more
+# samples per period that are judged (Jelali 2013, section 11.7.2); a denser record is halved until it has no more
+DENSEST = 250.0
 HALVES = (2, 1, 0)  # quarters at which they start: the last half, the middle one, the first
 
 
@@ -248,7 +249,7 @@ def prepare(record: LoopRecord, front_end: str = "acf") -> Prepared:
     -------
     Prepared
         Of the first that oscillates: the whole, its last half, its middle half, its first half; else of the whole. Every
-        second, fourth, ... sample of it where a period has more than 128.
+        second, fourth, ... sample of it where a period has more than 250.
 
     Notes
     -----

@@ -2,12 +2,11 @@
 
 Needs: PV and OP (SP where it moves), either process type, 256 samples; with `surrogate` 12 cycles of at least 7 samples.
 Parameters: `surrogate` (1 or 0): step 1 asks NPI > 1 in place of the bicoherence; `ngi_low`, `nli_low` as in bicoherence;
-`fitness_low` (-); `low`, `high` (cycles per sample): boundaries of the filter chosen by hand, 0 for those of step 2; `segment`
-(0 or 1), own, 1 in the source.
+`fitness_low` (-); `low`, `high` (cycles per sample): boundaries of the filter chosen by hand, 0 for those of step 2.
 Indices: ngi, nli (or npi), fitness, S_apparent.
 Rule: step 1, the error is linear: no stiction (tuning or an outside oscillation); step 2, zero-phase band-pass around
-the bicoherence peak; step 3, the four most regular cycles (segment = 1: the most regular of the stretches of 1000 samples gives
-the period, that of the stretches of four periods is taken); step 4, an ellipse with fitness >= 0.6: stiction, and the
+the bicoherence peak; step 3, the most regular of the stretches of 1000 samples gives the period, the most
+regular one of four periods is taken; step 4, an ellipse with fitness >= 0.6: stiction, and the
 chord along OP is the apparent stiction; else another valve problem. OP moving over more than 25 % of its span is said: the
 valve's characteristic may then be the nonlinearity.
 Not for: symmetric cycles, which step 1 does not see, neither by bicoherence nor by surrogates.
@@ -26,11 +25,11 @@ from detectors.prepared import Prepared
 from detectors.signal.bicoherence import NGI_LOW, NLI_LOW, boundaries, error_bicoherence
 from detectors.signal.conditioning import band_pass, drift
 from detectors.signal.ellipse import fit_ellipse
-from detectors.signal.oscillation import oscillation_of, regular_segment
+from detectors.signal.oscillation import oscillation_of
 from detectors.signal.surrogates import nonlinearity_index
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
-DENSEST = 64.0  # samples per period of the filtered signals; a record has twice as many at most
+DENSEST = 64.0  # samples per period of the filtered signals
 WIDE = 25.0  # % of span; beyond it the valve's characteristic may be the nonlinearity (Choudhury 2004)
 
 METHOD = Method(
@@ -44,9 +43,7 @@ METHOD = Method(
         "fitness_low": Threshold(0.6, "-", 0.0, 1.0, "Choudhury 2006", "at or above: the points form an ellipse"),
         "low": Threshold(0.0, "1/sample", 0.0, 0.5, "Procedure 11.3, step 2", "lower boundary by hand; 0: from the peak"),
         "high": Threshold(0.0, "1/sample", 0.0, 0.5, "Procedure 11.3, step 2", "upper boundary by hand; 0: from the peak"),
-        "segment": Threshold(0.0, "-", 0.0, 1.0, "own; 1 in Procedure 11.3, step 3", "1: by regularity; 0: by correlation"),
     },
-    published={"segment": 1.0},
     exempt={"stiction": "step 1 is blind to a symmetric cycle, which has no even harmonics"},
 )
 
@@ -72,7 +69,6 @@ def detect(
     surrogate: float = 0.0,
     low: float = 0.0,
     high: float = 0.0,
-    segment: float = 0.0,
 ) -> Verdict:
     """Judge a record by Procedure 11.3.
 
@@ -88,8 +84,6 @@ def detect(
         1: step 1 by surrogates.
     low, high : float
         Boundaries of the filter (cycles per sample); 0: about the peak of the bicoherence.
-    segment : float
-        1: step 3 as printed.
 
     Returns
     -------
@@ -122,11 +116,13 @@ def detect(
     # the surrogates name no frequencies: the oscillation's stands in
     around = (1.0 / period, 1.0 / period) if surrogate > 0.5 else higher.peak
     op = record.op if record.op_percent is None else record.op_percent
-    step = 1 if period <= DENSEST else 2
+    step = max(1, 2 ** int(np.ceil(np.log2(period / DENSEST))))
+    n = record.n // step
+    op, pv = (x[: n * step].reshape(n, step).mean(axis=1) for x in (op, record.pv))
     around = (step * around[0], step * around[1])
     low, high = (given or found for given, found in zip((low, high), boundaries(around), strict=True))
-    op, pv, period = band_pass(op[::step], low, high), band_pass(record.pv[::step], low, high), period / step
-    cut = slice(*(_most_regular(op) if segment > 0.5 else regular_segment(op, period, round(4 * period))))
+    op, pv = band_pass(op, low, high), band_pass(pv, low, high)
+    cut = slice(*_most_regular(op))
     found = fit_ellipse(op[cut], pv[cut])
     fitness = S = 0.0
     if found is not None:

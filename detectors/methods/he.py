@@ -31,9 +31,7 @@ METHOD = Method(
         "eta_low": Threshold(0.4, "-", 0.0, 1.0, "He 2007", "at or below: sine, no stiction"),
         "eta_high": Threshold(0.6, "-", 0.0, 1.0, "He 2007", "at or above: triangle, stiction"),
         "two_line": Threshold(0.0, "-", 0.0, 1.0, "He 2007; the chapter has 1, Eq 11.11", "1: two free lines; 0: a free apex"),
-        "cleaned": Threshold(
-            1.0, "-", 0.0, 1.0, "own; 0 in He 2007, Procedure 11.2", "1: half cycles without drift and noise; 0: as they come"
-        ),
+        "cleaned": Threshold(1.0, "-", 0.0, 1.0, "own; 0 in He 2007, Procedure 11.2", "1: drift and noise are taken off first"),
     },
     published={"cleaned": 0.0},
     chapter={"two_line": 1.0},

@@ -2,8 +2,7 @@
 outside.
 
 Needs: OP and PV of a self-regulating process under PI, three periods of a sustained oscillation.
-Parameters: `drho_low`, `drho_high`, `dtau_low`, `dtau_high` (-), from the phase margins pi/6 and pi/3 of Horch (1999);
-`harmonics` (-), own, 0 in the source: OP and PV without drift and without what is faster than so many harmonics.
+Parameters: `drho_low`, `drho_high`, `dtau_low`, `dtau_high` (-), from the phase margins pi/6 and pi/3 of Horch (1999).
 Indices: dtau in 0..1 (shift of the function's axis), drho in 0..1 (its height at lag 0 against its peak).
 Rule: stiction when dtau >= 2/3 and drho >= 1/3; no stiction when dtau <= 1/3 and drho <= 0.072; otherwise, and when
 the two disagree, no decision (Eqs 11.8 and 11.9).
@@ -31,9 +30,7 @@ METHOD = Method(
         "dtau_high": Threshold(2 / 3, "-", 0.0, 1.0, "margin pi/3, Eq 11.8", "at or above: odd, stiction"),
         "drho_low": Threshold(0.0718, "-", 0.0, 1.0, "margin pi/6, Eq 11.9", "at or below: even, no stiction"),
         "drho_high": Threshold(1 / 3, "-", 0.0, 1.0, "margin pi/3, Eq 11.8", "at or above: odd, stiction"),
-        "harmonics": Threshold(3.0, "-", 0.0, 1e3, "own; 0 in Eqs 11.6 to 11.8", "kept of OP and PV; 0: both as they come"),
     },
-    published={"harmonics": 0.0},
 )
 
 
@@ -72,9 +69,7 @@ def correlation_indices(op: np.ndarray, pv: np.ndarray) -> tuple[float, float]:
     return float(abs(tau_l - tau_r) / (tau_l + tau_r)), float((top - now) / (top + now))
 
 
-def detect(
-    prepared: Prepared, *, dtau_low: float, dtau_high: float, drho_low: float, drho_high: float, harmonics: float = 3.0
-) -> Verdict:
+def detect(prepared: Prepared, *, dtau_low: float, dtau_high: float, drho_low: float, drho_high: float) -> Verdict:
     """Judge a record by the symmetry of its cross-correlation.
 
     Parameters
@@ -83,8 +78,6 @@ def detect(
         The record.
     dtau_low, dtau_high, drho_low, drho_high : float
         Bounds of the two indices (-).
-    harmonics : float
-        Kept of OP and PV; 0: both are taken as they come (-).
 
     Returns
     -------
@@ -98,9 +91,7 @@ def detect(
     >>> detect(Prepared(LoopRecord(np.sin(t), np.cos(t), 0.1)), **METHOD.defaults()).verdict
     'stiction'
     """
-    shortest = prepared.period / harmonics if harmonics > 0.0 else 0.0
-    signals = (prepared.band(name, shortest) if shortest else prepared.signal(name) for name in ("op", "pv"))
-    dtau, drho = correlation_indices(*signals)
+    dtau, drho = correlation_indices(prepared.record.op, prepared.record.pv)
     if not np.isfinite(dtau):
         return Verdict("horch", NO_DECISION, reason="the cross-correlation of OP and PV does not cross zero")
     # for a sinusoid both measure one phase: drho = (1 - cos d)/(1 + cos d), dtau = d/(pi/2)

@@ -36,10 +36,8 @@ METHOD = Method(
     budget="full",
     min_periods=4.0,
     thresholds={
-        "score_low": Threshold(0.2, "-", 0.0, 1.0, "own; 0.5 with weighed = 0", "at or below: a following valve fits as well"),
-        "score_high": Threshold(
-            0.35, "-", 0.0, 1.0, "own; 0.5 with weighed = 0", "at or above: the valve stands still for long"
-        ),
+        "score_low": Threshold(0.35, "-", 0.0, 1.0, "own; 0.5 with weighed = 0", "at or below: a following valve fits as well"),
+        "score_high": Threshold(0.35, "-", 0.0, 1.0, "own; 0.5 with weighed = 0", "at or above: it stands still for long"),
         "weighed": Threshold(1.0, "-", 0.0, 1.0, "own; 0 in the source, which decides by the mode", "1: share times evidence"),
     },
     published={"weighed": 0.0, "score_low": 0.5, "score_high": 0.5},

@@ -2,8 +2,7 @@
 
 Needs: PV, three periods of a sustained oscillation; both process types (behind an integrator the relay's answer is a
 triangle).
-Parameters: `bound` (-), half width of the uncertain zone, published; `left_out` (-), own, 0 in the source; `cleaned` (1 or
-0), own, 0 in the source: drift and noise are taken off first.
+Parameters: `bound` (-), half width of the uncertain zone, published; `left_out` (-), own, 0 in the source.
 Indices: eta_rossi in -1..1, from sine to relay.
 Rule: eta_rossi = (E_sine - E_relay) / (E_sine + E_relay), errors averaged over the typical nine tenths of PV's half
 cycles (Eq 11.14), E_relay the least over the square-wave answers of all first-order lags, from square to triangle;
@@ -35,19 +34,9 @@ METHOD = Method(
     cannot_cope=("undersampled",),
     thresholds={
         "bound": Threshold(0.21, "-", 0.0, 1.0, "Rossi & Scali 2005", "above: stiction; below its negative: no stiction"),
-        "left_out": Threshold(
-            0.1, "-", 0.0, 0.9, "own; 0 in Eq 11.14, a mean over all", "share of odd half cycles that do not count"
-        ),
-        "cleaned": Threshold(
-            1.0,
-            "-",
-            0.0,
-            1.0,
-            "own; 0 in Rossi & Scali 2005, Eq 11.14",
-            "1: half cycles without drift and noise; 0: as they come",
-        ),
+        "left_out": Threshold(0.1, "-", 0.0, 0.9, "own; 0 in Eq 11.14, a mean", "share of odd half cycles that do not count"),
     },
-    published={"left_out": 0.0, "cleaned": 0.0},
+    published={"left_out": 0.0},
 )
 
 
@@ -81,7 +70,7 @@ def relay_index(humps: np.ndarray, left_out: float = 0.1) -> float:
     return (sine - relay) / (sine + relay) if sine + relay > 0 else 0.0
 
 
-def detect(prepared: Prepared, *, bound: float, left_out: float = 0.1, cleaned: float = 1.0) -> Verdict:
+def detect(prepared: Prepared, *, bound: float, left_out: float = 0.1) -> Verdict:
     """Judge a record by the shape of PV.
 
     Parameters
@@ -92,8 +81,6 @@ def detect(prepared: Prepared, *, bound: float, left_out: float = 0.1, cleaned: 
         Half width of the uncertain zone (-).
     left_out : float
         Share of the half cycles, the odd ones, that does not count (-).
-    cleaned : float
-        1: drift and noise are taken off first.
 
     Returns
     -------
@@ -107,7 +94,7 @@ def detect(prepared: Prepared, *, bound: float, left_out: float = 0.1, cleaned: 
     >>> detect(Prepared(LoopRecord(np.cos(t), np.sin(t), 0.1)), bound=0.21).verdict
     'no_stiction'
     """
-    humps = prepared.half_cycles("pv", cleaned > 0.5)
+    humps = prepared.half_cycles("pv", cleaned=False)
     if len(humps) < 4:
         return Verdict("rossi_scali", NO_DECISION, reason=f"{len(humps)} half cycles in PV; at least 4 are needed")
     index = relay_index(humps, left_out)

@@ -32,9 +32,7 @@ METHOD = Method(
     cannot_cope=("undersampled",),
     thresholds={
         "R_low": Threshold(1.0, "-", 0.0, 10.0, "Singhal & Salsbury 2005", "above: stiction"),
-        "cleaned": Threshold(
-            1.0, "-", 0.0, 1.0, "own; 0 in Singhal & Salsbury 2005", "1: half cycles without drift and noise; 0: as they come"
-        ),
+        "cleaned": Threshold(1.0, "-", 0.0, 1.0, "own; 0 in the source", "1: drift and noise are taken off first"),
     },
     published={"cleaned": 0.0},
     exempt={"sine": "its R is 1 but for sampling, and so is the published bound"},

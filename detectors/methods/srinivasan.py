@@ -1,8 +1,8 @@
 """Srinivasan 2005: every cycle of OP and PV is matched with a square, a triangle, a saw-tooth and a sine; the pair decides.
 
 Needs: OP and PV, six cycles of at least 8 samples.
-Parameters: `own_pairs` (0 or 1), own, 0 in Table 11.2: (triangle, triangle) counts for self-regulating loops as well;
-`by_kind` (0 or 1): where the kind of loop is known only its column of Table 11.2 counts. The label that most cycles carry wins.
+Parameters: `by_kind` (0 or 1), own 0: where the kind of loop is known only its column of Table 11.2 counts. The label that
+most cycles carry wins.
 Indices: triangle_op, square_pv ... share of the cycles of either signal with each label (0..1), under the keys op_square,
 op_triangle, op_sawtooth, op_sine, pv_...
 Rule: (OP, PV) found in Table 11.2: stiction; sine and sine: none; any other pair: no decision. Shapes of the chapter's table:
@@ -30,11 +30,8 @@ HARMONICS = 9.0
 GUARD = 0.25  # a crossing counts when the signal then passes this many standard deviations
 LABELS = ("square", "triangle", "sawtooth", "sine")
 # Table 11.2 (OP, PV); a level loop's parabolic OP is nearest to the sine
-FAST, SLOW, LEVEL = (
-    {("triangle", "square"), ("square", "square")},
-    {("triangle", "sine")},
-    {("triangle", "triangle"), ("sine", "triangle")},
-)
+FAST, SLOW = {("triangle", "square"), ("square", "square")}, {("triangle", "sine")}
+LEVEL = {("triangle", "triangle"), ("sine", "triangle")}
 COLUMNS = {"flow": FAST, "pressure": SLOW, "temperature": SLOW}
 
 METHOD = Method(
@@ -42,12 +39,9 @@ METHOD = Method(
     source="Srinivasan et al. 2005, Table 11.2",
     min_periods=6.0,
     thresholds={
-        "own_pairs": Threshold(
-            1.0, "-", 0.0, 1.0, "own; 0 in Table 11.2", "1: (triangle, triangle) is one, self-regulating too"
-        ),
         "by_kind": Threshold(0.0, "-", 0.0, 1.0, "own; 1 in Table 11.2", "1: only the column of a known kind of loop"),
     },
-    published={"own_pairs": 0.0, "by_kind": 1.0},
+    published={"by_kind": 1.0},
 )
 
 
@@ -112,15 +106,13 @@ def label_shares(found: np.ndarray) -> np.ndarray:
     return np.bincount(nearest, minlength=len(LABELS)) / m
 
 
-def detect(prepared: Prepared, *, own_pairs: float = 1.0, by_kind: float = 0.0) -> Verdict:
+def detect(prepared: Prepared, *, by_kind: float = 0.0) -> Verdict:
     """Judge a record by the pair of shapes of OP and PV.
 
     Parameters
     ----------
     prepared : Prepared
         The record.
-    own_pairs : float
-        1: (triangle, triangle) counts for self-regulating loops as well.
     by_kind : float
         1: only the column of Table 11.2 for the record's kind counts.
 
@@ -154,8 +146,6 @@ def detect(prepared: Prepared, *, own_pairs: float = 1.0, by_kind: float = 0.0) 
     pairs = LEVEL if prepared.integrating else FAST | SLOW
     if by_kind > 0.5 and not prepared.integrating:
         pairs = COLUMNS.get(str(prepared.record.kind), pairs)
-    if own_pairs > 0.5 and not prepared.integrating:
-        pairs = pairs | {("triangle", "triangle")}
     if pair in pairs:
         return Verdict("srinivasan", STICTION, score, indices, reason=f"{said}: a pair of Table 11.2")
     if pair == ("sine", "sine"):

@@ -47,7 +47,7 @@ TRANSFORMATIONS: dict[str, Callable[[LoopRecord], LoopRecord]] = {
 
 
 def dense_records(grids: dict[str, int]) -> Iterator[LoopRecord]:
-    """Yield so many loops of each grid, spread over its groups; one sample of eight still gives 64 a period."""
+    """Yield so many loops of each grid, spread over its groups; one sample of eight still gives 125 a period."""
     for grid, wanted in grids.items():
         content = load_grid(grid, {"seed": SEED, "repeats": 1})
         step, given = max(content.group_count // wanted, 1), 0
@@ -107,7 +107,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m results.studies.invariance", description=__doc__)
     parser.add_argument("-n", type=int, default=250, help="loops of either grid, chapter and plant")
     chosen = parser.parse_args(arguments)
-    print(f"{chosen.n} loops of chapter and of plant, seed {SEED}, at 512 samples a period or more")
+    print(f"{chosen.n} loops of chapter and of plant, seed {SEED}, at 1000 samples a period or more")
     print("flips: stiction against no stiction")
     print("\n".join(table(rows({"chapter": chosen.n, "plant": chosen.n}))))
     return 0
