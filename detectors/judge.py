@@ -262,8 +262,8 @@ def judge_one(name: str, module: ModuleType, prepared: Prepared, raw: bool, thre
     elif record.process not in method.process:
         made_for = " and ".join(method.process)
         return finished(answer(NO_DECISION, f"made for {made_for} processes; this one is {record.process}", False))
-    if record.n < method.min_samples:
-        reason = f"too short: {record.n} samples; at least {method.min_samples} are needed"
+    if record.n * prepared.step < method.min_samples:
+        reason = f"too short: {record.n * prepared.step} samples; at least {method.min_samples} are needed"
         return finished(answer(NO_DECISION, reason))
     for flag in (*UNFIT, *method.cannot_cope) if prepared.flags else ():
         if flag in prepared.flags:

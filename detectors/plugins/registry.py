@@ -288,12 +288,12 @@ def _refuse_limit(seconds: float) -> None:
         raise ParameterError(f"time limit {seconds} s; a number above 0 is needed")
 
 
-PUBLISHED = "published"
+PUBLISHED, CHAPTER = "published", "chapter"
 RESERVED = ("all", "fast", "full", "oracle", "always_no", "always_yes")
 
 
 class Detectors(PluginFolder):
-    """The detectors; `NAME@published` is a detector with the thresholds of its source.
+    """The detectors; `NAME@published` is a detector with the thresholds of its source, `NAME@chapter` with the chapter's.
 
     Those of other distributions live in processes of their own, as a user's files do.
 
@@ -306,13 +306,18 @@ class Detectors(PluginFolder):
     def load(self, name: str) -> ModuleType:
         """Import one detector, or the published variant of one; see `PluginFolder.load`."""
         base, at, variant = name.partition("@")
-        if at and variant != PUBLISHED:
+        if at and variant not in (PUBLISHED, CHAPTER):
             raise UnknownName(self.kind, name, [*self.names(), *self.variants()])
         module = super().load(base)
         if not at:
             return module
+        if variant == CHAPTER and not module.METHOD.chapter:
+            chapters = [f"{n}@{CHAPTER}" for n in self.names() if super(Detectors, self).load(n).METHOD.chapter]
+            raise UnknownName(self.kind, name, [f"{base}@{PUBLISHED}", *chapters])
         shown = ModuleType(name, module.__doc__)
-        shown.__dict__.update(METHOD=module.METHOD.as_published(), detect=module.detect, __file__=module.__file__)
+        shown.__dict__.update(
+            METHOD=module.METHOD.as_published(variant == CHAPTER), detect=module.detect, __file__=module.__file__
+        )
         return shown
 
     def host_of(self, name: str) -> Any:
@@ -320,8 +325,8 @@ class Detectors(PluginFolder):
         return super().host_of(name.partition("@")[0])
 
     def variants(self) -> list[str]:
-        """Return NAME@published of every detector whose defaults are not those of its source."""
-        return [f"{name}@{PUBLISHED}" for name in self.names() if super(Detectors, self).load(name).METHOD.published]
+        """Return NAME@published of every detector."""
+        return [f"{name}@{PUBLISHED}" for name in self.names()]
 
 
 class _DetectorHost(Host):
