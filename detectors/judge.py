@@ -155,7 +155,7 @@ def _hosted(host: Host, name: str, prepared: Prepared, modes: tuple[bool, ...], 
 
 def _warm_up(name: str) -> None:
     """Judge a plain record once: what the plug-in imports and compiles when first asked stands ready for every copy."""
-    from detectors.contract.example_loop import example_loop
+    from detectors.example_loop import example_loop
 
     module = registry.load(name)
     with contextlib.suppress(BaseException), warnings.catch_warnings():

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from detectors.contract.example_loop import CASES, example_record
 from detectors.contract.watch import Guarded, call_guarded
+from detectors.example_loop import CASES, example_record
 from detectors.judge import judge_one
 from detectors.method import Method, Threshold
 from detectors.plugins.registry import PluginFolder, methods

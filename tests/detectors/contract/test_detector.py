@@ -7,9 +7,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from detectors.contract.detector import Contract, check_detector
-from detectors.contract.example_loop import CASES, example_record
 from detectors.contract.watch import call_guarded
 from detectors.errors import RecordError
+from detectors.example_loop import CASES, example_record
 from detectors.judge import judge
 from detectors.plugins.registry import methods
 from detectors.prepared import Prepared
