@@ -268,6 +268,8 @@ CONTRACTS = {
     "never ends": ("while True: pass", "longer than"),
     "takes all memory": ("x = [np.ones(10_000_000) for _ in range(1000)]", "MemoryError"),
     "writes to both": ("os.write(1, b'noise'); os.write(2, b'noise'); raise OSError", "OSError"),
+    "looks around": (f"try: open('/proc/1/cmdline')\n    except OSError: pass\n    {FINE}", "may not look at /proc/1/cmdline"),
+    "simulates again": (f"try: import scenarios.grid\n    except OSError: pass\n    {FINE}", "may not import scenarios"),
 }  # fmt: skip
 
 

@@ -254,7 +254,7 @@ def child(tmp_path, jobs, file, sigint="default_int_handler"):
         import sys
         from simbench.bench.execute.run import Interrupted, run_grid
         from scenarios.grid import make_grid
-        sys.path.insert(0, {str(os.path.dirname(__file__))!r})
+        sys.path.insert(0, {str(os.path.dirname(os.path.dirname(__file__)))!r})
         from conftest import SMALL
         if __name__ == "__main__":
             signal.signal(signal.SIGINT, signal.{sigint})
@@ -274,8 +274,8 @@ def test_a_killed_run_is_resumed_without_repeating_or_losing_anything(small, tmp
     file = plugin(tmp_path, stops(tmp_path))
     process = child(tmp_path, 1, file)
     kill_when_it_stops(tmp_path, process.pid)
-    process.communicate(timeout=240)
-    assert process.returncode == -signal.SIGKILL
+    _, err = process.communicate(timeout=240)
+    assert process.returncode == -signal.SIGKILL, err
     run = tmp_path / "run"
     whole = {f.name: f.stat().st_mtime_ns for f in (run / "receipts").glob("*.json")}
     assert 0 < len(whole) < 8
