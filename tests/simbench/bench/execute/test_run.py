@@ -275,8 +275,8 @@ def test_a_killed_run_is_resumed_without_repeating_or_losing_anything(small, tmp
     file = plugin(tmp_path, stops(tmp_path))
     process = child(tmp_path, 1, file)
     kill_when_it_stops(tmp_path, process.pid)
-    process.communicate(timeout=240)
-    assert process.returncode == -signal.SIGKILL
+    _, err = process.communicate(timeout=240)
+    assert process.returncode == -signal.SIGKILL, err
     run = tmp_path / "run"
     whole = {f.name: f.stat().st_mtime_ns for f in (run / "receipts").glob("*.json")}
     assert 0 < len(whole) < 8
