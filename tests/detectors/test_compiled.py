@@ -1,6 +1,7 @@
 """Compiled kernels: read from disk by the next process, compiled anew when anything they rest on changes."""
 
 import os
+import pickle
 import subprocess
 import sys
 
@@ -84,3 +85,32 @@ def test_lanes_give_the_plain_functions_bits():
     fast = compiled(running_sums)(x)
     assert np.array_equal(fast, running_sums(x))
     assert fast.ctypes.data % 64 == 0
+
+
+class Trap:
+    def __reduce__(self):
+        return os.system, ("echo caught > trap",)
+
+
+@pytest.mark.parametrize("suffix", ["nbi", "nbc"])
+def test_a_trap_in_place_of_a_compiled_kernel_is_not_sprung(tmp_path, suffix):
+    (tmp_path / "kernel.py").write_text(KERNEL)
+    (tmp_path / "helper.py").write_text(HELPER.format(factor=3.0))
+    run(tmp_path)
+    for file in (tmp_path / "cache").rglob(f"*.{suffix}"):
+        file.write_bytes(pickle.dumps(Trap()))
+    assert run(tmp_path) == (7.0, 0)
+    assert not (tmp_path / "trap").exists()
+
+
+@pytest.mark.skipif(os.name != "posix" or os.getuid() != 0, reason="needs a file of another user")
+def test_compiled_kernels_in_another_users_folder_are_left_alone(tmp_path):
+    (tmp_path / "kernel.py").write_text(KERNEL)
+    (tmp_path / "helper.py").write_text(HELPER.format(factor=3.0))
+    run(tmp_path)
+    (cache,) = (tmp_path / "cache").iterdir()
+    assert cache.stat().st_mode & 0o077 == 0
+    os.chown(cache, 12345, 12345)
+    before = sorted(cache.rglob("*"))
+    assert run(tmp_path) == (7.0, 0)
+    assert sorted(cache.rglob("*")) == before

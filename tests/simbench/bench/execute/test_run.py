@@ -15,6 +15,7 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 from joblib import Parallel, delayed
+from killing import kill_when_it_stops, stops
 
 from detectors.errors import UserError
 from detectors.judge import judge
@@ -261,7 +262,7 @@ def child(tmp_path, jobs, file, sigint="default_int_handler"):
         import sys
         from simbench.bench.execute.run import Interrupted, run_grid
         from scenarios.grid import make_grid
-        sys.path.insert(0, {str(os.path.dirname(__file__))!r})
+        sys.path.insert(0, {str(os.path.dirname(os.path.dirname(__file__)))!r})
         from conftest import SMALL
         if __name__ == "__main__":
             signal.signal(signal.SIGINT, signal.{sigint})
@@ -277,37 +278,11 @@ def child(tmp_path, jobs, file, sigint="default_int_handler"):
     return subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
-def killing(tmp_path, how):
-    """A detector that kills its process at the 20th record, once."""
-    return plugin(
-        tmp_path,
-        f"""
-        seen = pathlib.Path({str(tmp_path)!r}) / "seen"
-        with seen.open("a") as f:
-            f.write("x")
-        if seen.stat().st_size == 20:
-            os.kill({how}, signal.SIGKILL)
-        """,
-    )
-
-
-def counting(tmp_path):
-    """A detector that takes its time and leaves a mark for every record it judges."""
-    return plugin(
-        tmp_path,
-        f"""
-        import time
-        with (pathlib.Path({str(tmp_path)!r}) / "seen").open("a") as f:
-            f.write("x")
-        time.sleep(0.3)
-        """,
-    )
-
-
 def test_a_killed_run_is_resumed_without_repeating_or_losing_anything(small, tmp_path):
-    file = killing(tmp_path, "os.getppid()")
+    file = plugin(tmp_path, stops(tmp_path))
     process = child(tmp_path, 1, file)
-    process.communicate()
+    kill_when_it_stops(tmp_path, process.pid)
+    process.communicate(timeout=240)
     assert process.returncode == -signal.SIGKILL
     run = tmp_path / "run"
     whole = {f.name: f.stat().st_mtime_ns for f in (run / "receipts").glob("*.json")}
@@ -315,15 +290,16 @@ def test_a_killed_run_is_resumed_without_repeating_or_losing_anything(small, tmp
     run_grid(small, run, ["he"], plugins=[file], resume=True)
     judged = (tmp_path / "seen").stat().st_size
     pieces = 32 - 4 * len(whole)
-    assert judged == 20 + pieces  # the pieces that were whole were not judged again
+    assert judged == 20 + 1 + pieces  # the pieces that were whole were not judged again
     undisturbed = run_grid(small, tmp_path / "other", ["he"], plugins=[file])
     assert_same(run, undisturbed)
 
 
 def test_a_worker_that_dies_is_replaced(small, tmp_path):
-    file = killing(tmp_path, "os.getppid()")
+    file = plugin(tmp_path, stops(tmp_path))
     process = child(tmp_path, 2, file)
-    _, err = process.communicate()
+    kill_when_it_stops(tmp_path)
+    _, err = process.communicate(timeout=240)
     assert process.returncode == 0, err
     assert_same(tmp_path / "run", run_grid(small, tmp_path / "other", ["he"], plugins=[file]))
 
@@ -342,6 +318,19 @@ def test_workers_that_keep_dying_end_the_run_with_advice(small, tmp_path, monkey
     with pytest.raises(RunError, match=r"keep dying .*--resume"):
         run_grid(small, tmp_path / "run", ["he"])
     assert len(tries) == run_module.LIVES
+
+
+def counting(tmp_path):
+    """A detector that takes its time and leaves a mark for every record it judges."""
+    return plugin(
+        tmp_path,
+        f"""
+        import time
+        with (pathlib.Path({str(tmp_path)!r}) / "seen").open("a") as f:
+            f.write("x")
+        time.sleep(0.3)
+        """,
+    )
 
 
 def interrupt(process, tmp_path, sent):
