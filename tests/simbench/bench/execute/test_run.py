@@ -77,13 +77,20 @@ def test_both_tables_are_keyed_by_scenario_and_method(finished):
     ]
 
 
-def test_two_workers_give_the_same_bits_as_one(small, finished, tmp_path):
-    assert_same(run_grid(small, tmp_path / "two", METHODS, 2), finished)
+@pytest.fixture(scope="module")
+def by_two(tmp_path_factory):
+    """The run by two workers."""
+    grid = make_grid(SMALL, "small", {"repeats": 2})
+    return run_grid(grid, tmp_path_factory.mktemp("two") / "run", METHODS, 2)
 
 
-def test_joblib_finds_its_own_processes_after_a_run(small, tmp_path):
+def test_two_workers_give_the_same_bits_as_one(by_two, finished):
+    assert_same(by_two, finished)
+
+
+@pytest.mark.usefixtures("by_two")
+def test_joblib_finds_its_own_processes_after_a_run():
     """As `simbench report` after `simbench run` in one process."""
-    run_grid(small, tmp_path / "run", METHODS, 2)
     assert Parallel(2)(delayed(abs)(-i) for i in range(3)) == [0, 1, 2]
 
 
