@@ -5,6 +5,8 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
+# a fault of the program fails what is made, as a traceback does
+export SIMBENCH_RAISE := 1
 # a sticky loop is chaotic: without these, machines with and without AVX-512 would not give the same bits
 export OPENBLAS_CORETYPE := Haswell
 export NPY_DISABLE_CPU_FEATURES := X86_V4 AVX512_ICL AVX512_SPR
