@@ -169,15 +169,17 @@ VERBS = [
     "check run --against b", "figure table-11-4 -o f", "valve --model kano op.csv -o v.csv", "gap study . --grid smoke",
 ]  # fmt: skip
 OPTIONS = [
-    "--op-span", "--pv-span", "--ts", "--method", "--columns", "--kind", "--loop", "--set", "--axis", "--seed", "--kick", "--param",
-    "-j", "--time-limit", "--until-width", "--front-end", "--address", "--backend", "-o", "--html", "--csv",
+    "--op-span", "--pv-span", "--ts", "--method", "--columns", "--kind", "--loop", "--set", "--axis", "--seed", "--kick",
+    "--param", "-j", "--time-limit", "--until-width", "--front-end", "--address", "--backend", "-o", "--html", "--csv",
 ]  # fmt: skip
 HOSTILE = [
-    "0", "-1", "nan", "1e309", "a=b", "K=1", "op=pv", "..", "", "s3://k:secret@h/x", "ftp://me:secret@127.0.0.1:1/a", "memory://x",
-    "local:///proc/x", "data:/x", "::", "1_0", "seed=1_0", "\udcff", "=1", "x" * 300, "self", "pipe.csv",
+    "0", "-1", "nan", "1e309", "a=b", "K=1", "op=pv", "..", "", "s3://k:secret@h/x", "ftp://me:secret@127.0.0.1:1/a",
+    "memory://x", "local:///proc/x", "data:/x", "::", "1_0", "seed=1_0", "\udcff", "=1", "x" * 300, "self", "pipe.csv",
 ]  # fmt: skip
 WORDS = st.one_of(
-    st.sampled_from(HOSTILE), st.floats().map(str), st.text(max_size=6).filter(lambda t: "\0" not in t and not t.startswith("-")),
+    st.sampled_from(HOSTILE),
+    st.floats().map(str),
+    st.text(max_size=6).filter(lambda t: "\0" not in t and not t.startswith("-")),
 )  # fmt: skip
 
 

@@ -227,6 +227,7 @@ def test_wrong_thresholds(refused, tmp_path, verb, content):
 
 def test_a_fault_of_the_program_is_one_sentence_that_names_its_log(capsys, monkeypatch):
     monkeypatch.delenv(usage.RAISED)
+
     def fault():
         raise ZeroDivisionError("nobody\nthought of this")
 
