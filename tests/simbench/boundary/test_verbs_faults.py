@@ -84,7 +84,7 @@ def clean(home, name):
     return folder
 
 
-ALWAYS = [(verb, fault) for verb in ("simulate", "leave-out") for fault in ("no space", "kill after")]
+ALWAYS = [("simulate", "no space"), ("simulate", "kill after"), ("detect", "no space")]
 RARELY = [(verb, fault) for verb in QUICK for fault in FAULTS if (verb, fault) not in ALWAYS]
 
 
