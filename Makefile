@@ -8,6 +8,8 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 # a module compiled by one process is compiled for the next, whatever the shell says
 export PYTHONDONTWRITEBYTECODE :=
+# a fault of the program fails what is made, as a traceback does
+export SIMBENCH_RAISE := 1
 # a sticky loop is chaotic: without these, machines with and without AVX-512 would not give the same bits
 export OPENBLAS_CORETYPE := Haswell
 export NPY_DISABLE_CPU_FEATURES := X86_V4 AVX512_ICL AVX512_SPR
