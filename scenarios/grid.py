@@ -23,6 +23,7 @@ Names = str | tuple[str, ...]
 Scale = Literal["S", "J", "period", "pv"]
 GRID_KEYS = ("seed", "repeats")
 MOST_REPEATS = 1_000_000
+MOST_VALUES = 10_000  # of one axis
 
 
 class Disturbance(_Table):
@@ -417,6 +418,11 @@ def make_grid(
             overrides[key] = value
         else:
             raise SpecError(f"{name}: cannot set {key!r}, {suggestion(key, (*GRID_KEYS, *SETTINGS))}")
+    blocks = table["block"] if isinstance(table.get("block"), list) else []
+    for axes_of in [part.get("axes") for part in (table, *blocks) if isinstance(part, dict)]:
+        for key, values in axes_of.items() if isinstance(axes_of, dict) else ():
+            if isinstance(values, list) and len(values) > MOST_VALUES:
+                raise SpecError(f"{name}: axis {key!r} has {len(values)} values; at most {MOST_VALUES} are allowed")
     content = checked(GridFile, table, name)
     if changed:
         content = _with_axes(content, changed, name)

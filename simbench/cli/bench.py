@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from detectors.errors import ParameterError
 from simbench.cli.common import (
     EffectPlugin,
     FrontEnd,
@@ -64,6 +65,8 @@ def run(
     from simbench.bench.scenario.oracle import ORACLE
     from simbench.bench.score.scoring import score_run
 
+    if out is not None and str(out).startswith("memory:/"):
+        raise ParameterError(f"-o {out}: memory is gone when this command ends; a folder or a URL that lasts is needed")
     axes = {k: [number(v) for v in str(values).split(",")] for k, values in pairs(axis or [], "--axis", text=True).items()}
     try:
         folder = run_grid(
@@ -80,6 +83,8 @@ def run(
     scores, failed = score_run(folder, raw=raw), read_failures(folder)
     told = {"run": str(folder), "failed": failed.as_json(), **scores.as_json()}
     show(told if as_json else f"{scores.as_text()}\n\n{_line(failed)}run: {folder}", as_json)
+    if as_json and failed.methods:  # a plug-in's failures end no run, and are told where people look
+        print(failed, file=sys.stderr)
     if failed.above(allow_failed):
         print(f"failed: {failed}", file=sys.stderr)
         raise typer.Exit(1)

@@ -13,13 +13,15 @@ from simbench.cli.common import Json, app, examples, show
 
 @app.command(epilog=examples("contract my_detector.py"))
 def contract(
-    path: Annotated[Path, typer.Argument(metavar="FILE", help="A detector, valve, effect, recogniser (.py) or grid (.toml).")],
+    path: Annotated[
+        Path, typer.Argument(metavar="FILE", help="A detector, valve, effect, recogniser, world (.py) or grid (.toml).")
+    ],
     as_json: Json = False,
 ) -> None:
     """Check whether a plug-in keeps its contract; exit 1 when it does not."""
-    from simbench.contract.apart import check_apart
+    from simbench.contract import check_in_subprocess
 
-    found = check_apart(path)
+    found = check_in_subprocess(path)
     show(found.as_json() if as_json else found.as_text(), as_json)
     if not found.kept:
         raise typer.Exit(1)

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from detectors.errors import ParameterError
+from detectors.errors import ParameterError, masked
 
 _BARE: dict[str, Any] = {
     "add_completion": False,
@@ -58,7 +58,7 @@ def method_completion(incomplete: str) -> list[str]:
     """Return the method ids that begin so."""
     from detectors.plugins.registry import methods
 
-    return [name for name in ("all", "fast", "full", *methods.names()) if name.startswith(incomplete)]
+    return [name for name in ("all", "fast", "full", *methods.names(), *methods.lent) if name.startswith(incomplete)]
 
 
 def grid_completion(incomplete: str) -> list[str]:
@@ -81,6 +81,8 @@ def threshold_file(path: Path | None) -> dict[str, dict[str, float]]:
     """Return the thresholds of a file, checked; none without one."""
     if path is None:
         return {}
+    if path.exists() and not path.is_file() and not path.is_dir():  # a pipe would be waited for
+        raise ParameterError(f"thresholds {path} are no file; a JSON file is needed")
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -113,12 +115,12 @@ def pairs(words: list[str], option: str, text: bool = False) -> dict[str, Any]:
 def number(text: str) -> Any:
     """Return a word as a number where it is one."""
     try:
-        return float(text)
+        return text if "_" in text else float(text)
     except ValueError:
         return text
 
 
 def show(content: Any, as_json: bool) -> None:
     """Print an answer, as JSON where asked."""
-    print(json.dumps(content, indent=1, allow_nan=False) if as_json else content)
+    print(masked(json.dumps(content, indent=1, allow_nan=False) if as_json else content))
     sys.stdout.flush()

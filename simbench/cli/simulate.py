@@ -25,7 +25,7 @@ def simulate(
 ) -> None:
     """Run one closed loop and write its record."""
     from simbench.files import refuse_own_input, write_record
-    from simbench.loop.guest import guest_parts, simulated
+    from simbench.loop.hosted import hosted_parts, simulated
 
     if (loop is None) == (from_run is None):
         raise ParameterError("simulate needs either a loop file, or --from RUN with --id ID")
@@ -34,7 +34,7 @@ def simulate(
     if not abs(kick) <= 100.0:
         raise ParameterError(f"--kick {kick:g}; an offset of OP within -100 to 100 % is needed")
     refuse_own_input([out], [loop])
-    with guest_parts(valve_plugin or [], effect_plugin or [], time_limit):
+    with hosted_parts(valve_plugin or [], effect_plugin or [], time_limit):
         if from_run is not None:
             from simbench.bench.store.reading import read_scenario
 
@@ -64,11 +64,11 @@ def valve(
 ) -> None:
     """Send a column `op` through one valve model."""
     from simbench.files import refuse_own_input
-    from simbench.loop.guest import guest_parts, response
+    from simbench.loop.hosted import hosted_parts, response
     from simbench.loop.response import valve_file
 
     refuse_own_input([out], [source])
-    with guest_parts(valve_plugin or [], seconds=time_limit):
+    with hosted_parts(valve_plugin or [], seconds=time_limit):
         valve_file(source, out, model, pairs(param or [], "--param"), response)
 
 

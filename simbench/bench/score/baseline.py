@@ -15,7 +15,7 @@ from simbench.bench.store.checksums import RunError, digest
 from simbench.bench.store.manifest import read_manifest, write_manifest
 from simbench.bench.store.reading import Book, read_table
 from simbench.files import folder as make_folder
-from simbench.files import whole_file
+from simbench.files import whole_file, write_table
 
 EMPTY = {
     "scenarios": ("flags",),
@@ -68,9 +68,7 @@ def write_baseline(run: str | Path, baseline: str | Path) -> None:
             f.write(out.getvalue())
     write_manifest(baseline, {**manifest, "tables": digests})
     table = score_run(baseline).table
-    with whole_file(baseline / "scores.csv") as f:
-        rows = table.loc[table["mode"] == FRONT, list(COLUMNS)]
-        rows.to_csv(f, index=False, float_format="%.4f", lineterminator="\n")
+    write_table(table.loc[table["mode"] == FRONT, list(COLUMNS)], baseline / "scores.csv", float_format="%.4f")
     remember(baseline, manifest, table)
 
 

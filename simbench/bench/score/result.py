@@ -13,6 +13,7 @@ from detectors.report.report import columns
 from detectors.views import page_part
 from simbench.bench.score.ranks import Ranks, loops_needed
 from simbench.bench.store.place import Place, place_of
+from simbench.files import csv_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -133,8 +134,7 @@ class Scores:
     def write(self, folder: str | Path | Place) -> None:
         """Write scores.csv and scores_by_axis.csv."""
         for name, frame in (("scores", self.table), ("scores_by_axis", self.by_axis)):
-            text = frame.to_csv(index=False, float_format="%.5g", lineterminator="\n")
-            place_of(folder).write(f"{name}.csv", text.encode())
+            place_of(folder).write(f"{name}.csv", csv_text(frame, float_format="%.5g").encode())
 
 
 def kind_of(role: str, sees_mv: bool) -> int:

@@ -8,8 +8,8 @@ from typing import Any
 import pandas as pd
 
 from detectors.report.report import score_units
-from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
-from simbench.files import whole_file
+from detectors.verdict import NO_DECISION, NO_STICTION, PROBABILITY, STICTION, Verdict
+from simbench.files import write_table
 from simbench.html.page import render
 from simbench.html.svg import inline_svg
 from simbench.plant.episodes import marks
@@ -68,8 +68,7 @@ def write_fleet(fleet: Fleet, path: str | Path, labels: dict[str, dict[str, str]
         parts.append(section("refused", "Left out", points=[f"{n}: {why}" for n, why in fleet.refused.items()]))
     write(path, "A plant's loops", f"{len(fleet.members)} records, the most urgent first", parts)
     beside = Path(path).with_suffix(".csv")
-    with whole_file(beside) as f:
-        frame.to_csv(f, index=False)
+    write_table(frame, beside)
     return beside
 
 
@@ -90,7 +89,7 @@ def table(fleet: Fleet) -> pd.DataFrame:
         row: dict[str, Any] = {
             "rank": rank,
             "loop": m.name,
-            "probability": m.found.probability,
+            PROBABILITY: m.found.probability,
             "answer": m.found.answer,
             "S": m.size[0] if m.size else None,
             "J": m.size[1] if m.size else None,
@@ -103,6 +102,8 @@ def table(fleet: Fleet) -> pd.DataFrame:
             "sticky cycles": when.sticky if when.several else None,
             "cycles": when.cycles if when.several else None,
         }
+        if any(other.pooled != other.found.probability for other in fleet.members):
+            row["pooled over its loop's records"] = m.pooled
         if any(other.label for other in fleet.members):
             row["label"] = m.label.replace("_", " ")
         rows.append(row | {v.method: _word(v) for v in m.verdicts})

@@ -7,9 +7,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from detectors.contract.detector import Contract, check_detector
-from detectors.contract.example_loop import CASES, example_record
-from detectors.contract.watch import watch
+from detectors.contract.watch import call_guarded
 from detectors.errors import RecordError
+from detectors.example_loop import CASES, example_record
 from detectors.judge import judge
 from detectors.plugins.registry import methods
 from detectors.prepared import Prepared
@@ -135,7 +135,7 @@ def test_a_detector_asked_directly_refuses_a_dead_record_in_one_sentence():
 
 
 def test_watching_lets_nobody_else_hear_it(capsys):
-    found = watch(lambda: print("aloud") or 7)
+    found = call_guarded(lambda: print("aloud") or 7)
     assert (found.value, found.faults, capsys.readouterr().out) == (7, ["prints 'aloud'"], "")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 
 import numpy as np
@@ -290,7 +291,9 @@ def test_one_fault_in_a_piece_is_worked_again(finished, unfinished, tmp_path, ki
 def test_what_a_killed_process_left_behind_blocks_nothing(tmp_path):
     run = tmp_path / "run"
     run.mkdir()
-    (run / f".manifest.json.{2**22 + 5}").write_text('{"for')
+    left = run / f".manifest.json.{2**22 + 5}"
+    left.write_text('{"for')
+    os.utime(left, (0, 0))
     assert resumed(run)
     assert not [f for f in run.iterdir() if f.name.startswith(".")]
 

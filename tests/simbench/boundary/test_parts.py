@@ -12,9 +12,9 @@ import pandas as pd
 import pytest
 
 from detectors.errors import ParameterError
-from detectors.plugins import host as guest
+from detectors.plugins import host
 from simbench.cli import main
-from simbench.loop import guest as parts
+from simbench.loop import hosted as parts
 from simbench.loop.effects import EFFECTS as VOCABULARY
 from simbench.loop.effects import PLUGINS as EFFECTS
 from simbench.loop.parameters import VALVES
@@ -63,7 +63,7 @@ VALVE = {
     "no python": (HEAD, "def (", "SyntaxError"),
     "lacks a step": ("def step(", "def stepp(", "step"),
     "no parameters": ("PARAMETERS = {", "PARAMETERS = 3\nX = {", "PARAMETERS"),
-    "a word as parameter": ("PARAMETERS = {", 'PARAMETERS = {"k": "many"}\nX = {', "vars"),
+    "a word as parameter": ("PARAMETERS = {", 'PARAMETERS = {"k": "many"}\nX = {', "PARAMETERS"),
     "friction is a word": ("FRICTION = True", 'FRICTION = "yes"', "FRICTION"),
 }
 EFFECT = {
@@ -102,14 +102,14 @@ def nothing_remains():
     yield
     assert (VALVES.names(), EFFECTS.names()) == before
     assert not parts._hosts
-    assert not VALVES._guests
-    assert not EFFECTS._guests
+    assert not VALVES._hosts
+    assert not EFFECTS._hosts
 
 
 @pytest.fixture
 def short(monkeypatch, request):
-    monkeypatch.setattr(guest, "BYTES", 1 << 30)
-    monkeypatch.setattr(parts, "START", 60.0 if "never" not in request.node.callspec.id else 10.0)
+    monkeypatch.setattr(host, "BYTES", 1 << 30)
+    monkeypatch.setattr(host, "START", 60.0 if "never" not in request.node.callspec.id else 10.0)
 
 
 @pytest.mark.parametrize("name", VALVE)
@@ -179,7 +179,7 @@ def test_a_name_that_means_something_already_is_refused(refused, tmp_path, optio
 def test_two_files_of_one_name_are_refused_and_nothing_is_known_afterwards(tmp_path):
     (tmp_path / "b").mkdir()
     first, second = hostile(tmp_path, PLAY, HEAD, "pass"), hostile(tmp_path / "b", PLAY, HEAD, "pass")
-    with pytest.raises(ParameterError, match="taken"), parts.guest_parts([first, second]):
+    with pytest.raises(ParameterError, match="taken"), parts.hosted_parts([first, second]):
         pass
 
 

@@ -16,6 +16,7 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 from joblib import Parallel, delayed
+from killing import kill_when_it_stops, stops
 
 import scenarios
 from detectors.errors import UserError
@@ -226,6 +227,7 @@ def test_a_record_is_simulated_again_from_its_id(finished):
         assert record_hash(simulate(scenario.loop, scenario.seed).record) == row.record_hash
 
 
+@pytest.mark.slow  # it compiles kinds of loops that no other test needs
 def test_a_batch_of_a_runs_loops_has_the_bits_of_the_run(finished):
     """A run simulates one loop after the other, and would find the same with many at once."""
     ids = tables(finished)[1].set_index("scenario_id").record_hash
@@ -257,7 +259,7 @@ def child(tmp_path, jobs, file, sigint="default_int_handler"):
         import sys
         from simbench.bench.execute.run import Interrupted, run_grid
         from scenarios.grid import make_grid
-        sys.path.insert(0, {str(os.path.dirname(__file__))!r})
+        sys.path.insert(0, {str(os.path.dirname(os.path.dirname(__file__)))!r})
         from conftest import SMALL
         if __name__ == "__main__":
             signal.signal(signal.SIGINT, signal.{sigint})
@@ -273,24 +275,11 @@ def child(tmp_path, jobs, file, sigint="default_int_handler"):
     return subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
-def killing(tmp_path, how):
-    """A detector that kills its process at the 20th record, once."""
-    return plugin(
-        tmp_path,
-        f"""
-        seen = pathlib.Path({str(tmp_path)!r}) / "seen"
-        with seen.open("a") as f:
-            f.write("x")
-        if seen.stat().st_size == 20:
-            os.kill({how}, signal.SIGKILL)
-        """,
-    )
-
-
 def test_a_killed_run_is_resumed_without_repeating_or_losing_anything(small, tmp_path):
-    file = killing(tmp_path, "os.getppid()")
+    file = plugin(tmp_path, stops(tmp_path))
     process = child(tmp_path, 1, file)
-    process.communicate(timeout=120)
+    kill_when_it_stops(tmp_path, process.pid)
+    process.communicate(timeout=240)
     assert process.returncode == -signal.SIGKILL
     run = tmp_path / "run"
     whole = {f.name: f.stat().st_mtime_ns for f in (run / "receipts").glob("*.json")}
@@ -298,15 +287,16 @@ def test_a_killed_run_is_resumed_without_repeating_or_losing_anything(small, tmp
     run_grid(small, run, ["he"], plugins=[file], resume=True)
     judged = (tmp_path / "seen").stat().st_size
     pieces = 32 - 4 * len(whole)
-    assert judged == 20 + pieces  # the pieces that were whole were not judged again
+    assert judged == 20 + 1 + pieces  # the pieces that were whole were not judged again
     undisturbed = run_grid(small, tmp_path / "other", ["he"], plugins=[file])
     assert_same(run, undisturbed)
 
 
 def test_a_worker_that_dies_is_replaced(small, tmp_path):
-    file = killing(tmp_path, "os.getppid()")
+    file = plugin(tmp_path, stops(tmp_path))
     process = child(tmp_path, 2, file)
-    _, err = process.communicate(timeout=120)
+    kill_when_it_stops(tmp_path)
+    _, err = process.communicate(timeout=240)
     assert process.returncode == 0, err
     assert_same(tmp_path / "run", run_grid(small, tmp_path / "other", ["he"], plugins=[file]))
 
@@ -327,31 +317,44 @@ def test_workers_that_keep_dying_end_the_run_with_advice(small, tmp_path, monkey
     assert len(tries) == run_module.LIVES
 
 
+def counting(tmp_path):
+    """A detector that takes its time and leaves a mark for every record it judges."""
+    return plugin(
+        tmp_path,
+        f"""
+        import time
+        with (pathlib.Path({str(tmp_path)!r}) / "seen").open("a") as f:
+            f.write("x")
+        time.sleep(0.3)
+        """,
+    )
+
+
 def interrupt(process, tmp_path, sent):
-    """Stop a run once a piece of it is whole; return what it printed and the seconds it took to end."""
-    deadline = time.monotonic() + 60
+    """Stop a run once a piece of it is whole; return what it printed, and how many records it judged after that."""
     while not list((tmp_path / "run" / "receipts").glob("*.json")):
-        assert time.monotonic() < deadline
+        assert process.poll() is None
         time.sleep(0.05)
-    since = time.monotonic()
+    seen = tmp_path / "seen"
+    before = seen.stat().st_size
     process.send_signal(sent)
-    out, err = process.communicate(timeout=30)
-    return out, err, time.monotonic() - since
+    out, err = process.communicate()
+    return out, err, seen.stat().st_size - before
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_ctrl_c_ends_within_two_seconds_and_says_how_to_resume(tmp_path, jobs):
-    process = child(tmp_path, jobs, plugin(tmp_path, "import time; time.sleep(0.3)"))
-    out, err, took = interrupt(process, tmp_path, signal.SIGINT)
+def test_ctrl_c_ends_at_once_and_says_how_to_resume(tmp_path, jobs):
+    process = child(tmp_path, jobs, counting(tmp_path))
+    out, err, judged = interrupt(process, tmp_path, signal.SIGINT)
     assert process.returncode == 130, err
     assert "continue with --resume" in out
     assert "Traceback" not in err
-    # the bar is 2 s on a free machine; here others may be at work
-    assert took < 4.0
+    # those at work when it came, and what was judged before it came
+    assert judged <= 4 * jobs
 
 
 def test_sigterm_ends_a_background_job_whose_shell_ignores_ctrl_c(tmp_path):
-    process = child(tmp_path, 1, plugin(tmp_path, "import time; time.sleep(0.3)"), sigint="SIG_IGN")
+    process = child(tmp_path, 1, counting(tmp_path), sigint="SIG_IGN")
     out, err, _ = interrupt(process, tmp_path, signal.SIGTERM)
     assert process.returncode == 130, err
     assert "continue with --resume" in out
