@@ -8,6 +8,7 @@ import sys
 import textwrap
 import time
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,14 +18,17 @@ import pytest
 from joblib import Parallel, delayed
 from killing import kill_when_it_stops, stops
 
+import scenarios
 from detectors.errors import UserError
 from detectors.judge import judge
 from scenarios.grid import make_grid
 from simbench.bench.execute import pieces, workers
 from simbench.bench.execute import plugin_host as guests
 from simbench.bench.execute import run as run_module
+from simbench.bench.execute import work as work_module
 from simbench.bench.execute.run import Interrupted, run_grid
 from simbench.bench.execute.work import record_hash
+from simbench.bench.score.scoring import score_run
 from simbench.bench.store import manifest as manifest_module
 from simbench.bench.store import reading as store
 from simbench.bench.store.checksums import digest
@@ -616,3 +620,57 @@ def test_another_front_end_is_chosen_for_a_whole_run(finished, small, tmp_path):
     with pytest.raises(UserError, match="unknown front end"):
         run_grid(small, tmp_path / "none", ["he"], front_end="fourier")
     assert not (tmp_path / "none").exists()
+
+
+def test_records_are_asked_about_in_an_order_that_tells_nothing_and_stand_in_the_grids(small, tmp_path, monkeypatch):
+    asked, judge_both = [], work_module.judge_both
+
+    def heard(record, *rest):
+        asked.append(record_hash(record))
+        return judge_both(record, *rest)
+
+    monkeypatch.setattr(work_module, "judge_both", heard)
+    folder = run_grid(make_grid(SMALL, "small", {"repeats": 40}), tmp_path / "run", ["he"])
+    rows = pd.read_parquet(folder / "scenarios.parquet")
+    assert sorted(asked) == sorted(rows.record_hash)
+    place = {mark: k for k, mark in enumerate(asked)}
+    came = np.array([place[mark] for mark in rows.record_hash])
+    sticky, healthy = came[(rows.member == "sticky").to_numpy()], came[(rows.member == "healthy").to_numpy()]
+    # a sticky loop stands right before its sibling in the grid; asked about, it comes first as often as last
+    assert 0.4 < np.mean(sticky < healthy) < 0.6
+    assert np.mean(healthy - sticky == 1) < 0.1
+
+
+def test_a_memory_of_the_loop_before_tells_nothing(tmp_path):
+    """A cheat: the same set point as the loop before means a healthy sibling."""
+    file = tmp_path / "cheat.py"
+    file.write_text(
+        "from detectors.method import Method\nfrom detectors.verdict import Verdict\n"
+        'METHOD = Method(title="cheat", source="own", front_end=False)\nLAST = [None]\n'
+        "def detect(prepared):\n"
+        "    same, LAST[0] = LAST[0] == prepared.record.sp.tobytes(), prepared.record.sp.tobytes()\n"
+        '    return Verdict("cheat", "no_stiction" if same else "stiction", 0.0, reason="as before")\n'
+    )
+    folder = run_grid(make_grid(SMALL, "small", {"repeats": 10}), tmp_path / "run", [], plugins=[file])
+    book = Book.read(folder)
+    known = book.truth["cycled"] >= 0
+    assert np.mean(book.verdict[0][known] == book.truth["cycled"][known]) <= 0.6
+
+
+def test_a_sealed_run_draws_its_seed_and_tells_it_at_the_end(tmp_path, monkeypatch):
+    file, opened = tmp_path / "small.toml", []
+    file.write_text((Path(scenarios.__path__[0]) / "grids" / "smoke.toml").read_text().replace("expected = 48\n", ""))
+    axes = {"disturbance": ["none"], "S_over_2J": [0.5]}
+    honest = run_module.pieces.open_run
+    monkeypatch.setattr(run_module.pieces, "open_run", lambda p, m, r: opened.append(m) or honest(p, m, r))
+    folder = run_grid(file, tmp_path / "a", ["he"], axes=axes, sealed=True)
+    assert [opened[0][key] for key in ("seed", "grid_hash", "grid_content")] == [None, None, None]
+    told = read_manifest(folder)
+    assert told["sealed"] is True
+    assert told["seed"] != 1
+    assert f"sealed: seed {told['seed']}" in score_run(folder).as_text()
+    # an honest method gives the same bits when the seed is known beforehand
+    assert_same(folder, run_grid(file, tmp_path / "b", ["he"], axes=axes, sets={"seed": told["seed"]}))
+    assert read_manifest(tmp_path / "b")["sealed"] is False
+    with pytest.raises(RunError, match="draws its own seed"):
+        run_grid(file, tmp_path / "c", ["he"], sets={"seed": 4}, sealed=True)
