@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from detectors.contract.detector import Contract
-from detectors.contract.watch import watch
+from detectors.contract.watch import call_guarded
 from scenarios.spec import Loop
 from simbench.blind.world import EFFECTS, WORLDS
 from simbench.loop.effects import BLOCKS, NONE, UNKNOWN
@@ -31,7 +31,7 @@ def check_world(name: str) -> Contract:
     broken, notes = list(_description(module)), []
     entries = [] if broken else _entries(module)
     for entry in entries:
-        drawn = watch(lambda entry=entry: module.draw(SEED, INDEX, entry))
+        drawn = call_guarded(lambda entry=entry: module.draw(SEED, INDEX, entry))
         asked = " ".join(str(entry[key]) for key in ("kind", "effect") if key in entry)
         if drawn.refusal is not None:
             notes.append(f"does not draw {asked}: {drawn.refusal}")
@@ -63,7 +63,7 @@ def _entries(module: ModuleType) -> list[dict[str, Any]]:
 
 def _faults(module: ModuleType, entry: dict[str, Any], item: Any) -> list[str]:
     """Return what is wrong with what a world drew, and with the loop that it runs again."""
-    found = watch(lambda: [*_signals(item, entry), *_truth(item, entry), *_again(module, entry, item)])
+    found = call_guarded(lambda: [*_signals(item, entry), *_truth(item, entry), *_again(module, entry, item)])
     return found.faults + ([str(found.refusal)] if found.refusal else []) + (found.value or [])
 
 
