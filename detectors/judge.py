@@ -81,7 +81,9 @@ def judge(
     for name in methods:
         module = registry.load(name)
         prepared = blind
-        if module.METHOD.needs_mv:
+        if module.METHOD.whole:
+            prepared = Prepared(replace(record, meta={}), front_end)
+        elif module.METHOD.needs_mv:
             prepared = sighted = sighted or blind.sighted(replace(record, meta={}))
         chosen = check_thresholds(name, module.METHOD, (thresholds or {}).get(name, {}))
         verdicts += answers(name, prepared, (raw,), chosen)[0]
@@ -153,7 +155,7 @@ def _hosted(host: Host, name: str, prepared: Prepared, modes: tuple[bool, ...], 
 
 def _warm_up(name: str) -> None:
     """Judge a plain record once: what the plug-in imports and compiles when first asked stands ready for every copy."""
-    from detectors.contract.example_loop import example_loop
+    from detectors.example_loop import example_loop
 
     module = registry.load(name)
     with contextlib.suppress(BaseException), warnings.catch_warnings():
@@ -161,8 +163,8 @@ def _warm_up(name: str) -> None:
         judge_one(name, module, Prepared(record if module.METHOD.needs_mv else record.blind()), True, module.METHOD.defaults())
 
 
-def _judge_there(name, record, front_end, part, known, modes, thresholds) -> list[dict]:
-    """Judge a record where this runs, in the plug-in's own process, and return its answers as tables."""
+def _judge_there(name, record, front_end, part, known, modes, thresholds) -> list[Verdict]:
+    """Judge a record where this runs, in the plug-in's own process."""
     prepared = Prepared(record, front_end, part=part)
     for signal in (record.op, record.pv, record.sp, record.mv):
         if signal is not None:
@@ -174,7 +176,7 @@ def _judge_there(name, record, front_end, part, known, modes, thresholds) -> lis
             raise TypeError(f"answers with a {type(verdict).__name__}, which is no Verdict")
         if verdict.reason.startswith((" ", ";")):  # notes of the house follow a reason that is none
             raise ValueError("answers without a reason")
-    return [dict(vars(verdict)) for verdict in found]
+    return found
 
 
 def check_thresholds(name: str, method: Method, chosen: Mapping[str, float]) -> dict[str, float]:
@@ -260,8 +262,8 @@ def judge_one(name: str, module: ModuleType, prepared: Prepared, raw: bool, thre
     elif record.process not in method.process:
         made_for = " and ".join(method.process)
         return finished(answer(NO_DECISION, f"made for {made_for} processes; this one is {record.process}", False))
-    if record.n < method.min_samples:
-        reason = f"too short: {record.n} samples; at least {method.min_samples} are needed"
+    if record.n * prepared.step < method.min_samples:
+        reason = f"too short: {record.n * prepared.step} samples; at least {method.min_samples} are needed"
         return finished(answer(NO_DECISION, reason))
     for flag in (*UNFIT, *method.cannot_cope) if prepared.flags else ():
         if flag in prepared.flags:

@@ -11,6 +11,7 @@ from typing import Any
 STICTION = "stiction"
 NO_STICTION = "no_stiction"
 NO_DECISION = "no_decision"
+PROBABILITY = "probability_of_stiction"  # its key in every answer
 VERDICTS = (STICTION, NO_STICTION, NO_DECISION)
 
 Level = float | tuple[float, float] | None
@@ -89,9 +90,10 @@ class Verdict:
         Returns
         -------
         dict
-            Every field; NaN and infinities become null.
+            Every field, and the probability of stiction where the method gives one; NaN and infinities become null.
         """
-        return _plain(asdict(self))
+        own = {k: self.indices[k] for k in (PROBABILITY,) if k in self.indices}
+        return _plain(asdict(self) | own)
 
 
 def _plain(value: Any) -> Any:

@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from detectors.contract.example_loop import CASES, example_record
 from detectors.contract.watch import Guarded, call_guarded
+from detectors.example_loop import CASES, example_record
 from detectors.judge import judge_one
 from detectors.method import Method, Threshold
 from detectors.plugins.registry import PluginFolder, methods
-from detectors.prepared import Prepared
+from detectors.prepared import Prepared, prepare, thinned
 from detectors.record import PROCESSES, LoopRecord
 from detectors.signal.oscillation import Oscillation
 from detectors.verdict import NO_DECISION, STICTION, Verdict, wrong_types
@@ -27,6 +27,9 @@ ROLES, BUDGETS = ("stiction", "nonlinearity", "quantification"), ("fast", "full"
 # PV in another unit, and OP with its span in another
 UNITS = ((0.02, -7.0), (-30.0, 2000.0))
 OP_UNITS = ((0.16, 4.0), (40.0, -300.0))
+FAINT = 1e-6  # of a signal's range: no verdict of any record may hang on this
+LEVELS = (0.0, 7.0)  # of the set point, for records that are asked about in another order
+THINNED = (2, 4, 8)  # samples of a dense record to one
 DEAD = ("constant", "short", "no period")
 
 
@@ -92,9 +95,11 @@ def check_detector(name: str) -> Contract:
     Notes
     -----
     Six plain records for every process type the method is made for, judged as `detectors.judge` does; the verdict must not
-    follow the unit of PV or of OP, nor change the second time. A detector asked directly about a dead record answers, or
-    refuses in one sentence (`UserError`). NaN reaches it only as the period of a record that has none: a `LoopRecord` holds no
-    other. Not a benchmark: a detector that keeps the contract may still be wrong everywhere else.
+    follow the unit of PV, of OP or of time, nor the sign of both, nor how densely a record is sampled, nor, where the method
+    claims it, the direction of time, nor change the second time, nor follow what was asked before, nor a noise of 1e-6. A
+    detector asked directly about a dead record answers, or refuses in one sentence (`UserError`). NaN reaches it only as the
+    period of a record that has none: a `LoopRecord` holds no other. Not a benchmark: a detector that keeps the contract may
+    still be wrong everywhere else.
 
     Examples
     --------
@@ -108,7 +113,10 @@ def check_detector(name: str) -> Contract:
     broken = [*_thresholds(module)]
     for process in module.METHOD.process:
         broken += _cases(name, module, process)
+        broken += _order(name, module, process)
+        broken += _faint_noise(name, module, process)
         broken += _units(name, module, process)
+        broken += _moves(name, module, process)
         broken += _inputs(name, module, process)
         broken += _dead(module, process)
     return Contract("detector", name, tuple(dict.fromkeys(broken)))
@@ -197,6 +205,65 @@ def _cases(name: str, module: ModuleType, process: str) -> Iterator[str]:
         yield f"is not deterministic: asked twice about one record ({process}), it gives two answers{_difference(first, again)}"
 
 
+def _order(name: str, module: ModuleType, process: str) -> Iterator[str]:
+    """Ask about siblings at two set points, then in another order and twice running: a memory answers otherwise."""
+    records = []
+    for level in LEVELS:
+        for case in ("stiction", "healthy"):
+            plain = example_record(case, process)
+            records.append(replace(plain, pv=plain.pv + level, sp=np.full(plain.n, 50.0 + level)))
+    first = [_plain(_judged(name, module, record)) for record in records]
+    for k in (3, 3, 2, 1, 0, 0):
+        if _plain(_judged(name, module, records[k])) != first[k]:
+            yield f"depends on what was asked before: the same record ({process}) gets another answer after another one"
+            return
+
+
+def _faint_noise(name: str, module: ModuleType, process: str) -> Iterator[str]:
+    rng = np.random.default_rng(0)
+    for case in ("stiction", "healthy", "sine"):
+        record = example_record(case, process)
+        seen = {s: getattr(record, s) for s in ("op", "pv")}
+        noisy = replace(record, **{s: x + FAINT * np.ptp(x) * rng.standard_normal(x.size) for s, x in seen.items()})
+        asked, moved = (_word(_judged(name, module, r)) for r in (record, noisy))
+        if asked != moved:
+            what = f"{asked!r} becomes {moved!r} on the record {case!r} ({process})"
+            yield f"hangs on the last digits: {what} under a noise of 1e-6"
+
+
+def turned(record: LoopRecord) -> LoopRecord:
+    """Return the loop of a valve that closes under OP and a transmitter of the other sign: OP spans 0..100."""
+    flipped = {k: None if getattr(record, k) is None else sign - getattr(record, k)
+               for k, sign in (("op", 100.0), ("mv", 100.0), ("pv", 0.0), ("sp", 0.0))}  # fmt: skip
+    return replace(record, **flipped, pv_span=None)
+
+
+def backwards(record: LoopRecord) -> LoopRecord:
+    """Return the record with its last sample first."""
+    signals = {k: getattr(record, k) for k in ("op", "pv", "sp", "mv")}
+    return replace(record, **{k: None if x is None else x[::-1] for k, x in signals.items()})
+
+
+def _moves(name: str, module: ModuleType, process: str) -> Iterator[str]:
+    """Judge records with the sign, the time or the sampling changed; a dense one is the plain loop, eight times as often."""
+    for case in ("stiction", "healthy", "sine"):
+        record = replace(example_record(case, process), op_span=(0.0, 100.0))
+        asked = _word(_judged(name, module, record))
+        others = {"the sign of OP and PV": turned(record), "the unit of time": replace(record, Ts=record.Ts / 3600.0)}
+        if module.METHOD.reversible:
+            others["the direction of time, which it claims not to"] = backwards(record)
+        for what, other in others.items():
+            moved = _word(_judged(name, module, other))
+            if moved != asked:
+                yield f"follows {what}: {asked!r} becomes {moved!r} on the record {case!r} ({process})"
+    dense = example_record("dense", process)
+    asked = _word(_judged(name, module, dense))
+    for step in THINNED:
+        moved = _word(_judged(name, module, thinned(dense, step)))
+        if moved != asked:
+            yield f"follows the sampling: {asked!r} becomes {moved!r} on a dense record ({process}), of {step} samples one"
+
+
 def _units(name: str, module: ModuleType, process: str) -> Iterator[str]:
     for case in ("stiction", "healthy", "sine"):
         record = replace(example_record(case, process), op_span=(0.0, 100.0))
@@ -249,7 +316,7 @@ def _judged(name: str, module: ModuleType, record: LoopRecord) -> Guarded:
 
     seen = record if module.METHOD.needs_mv else record.blind()
     spied: Any = SimpleNamespace(METHOD=module.METHOD, detect=detect)
-    found = call_guarded(lambda: judge_one(name, spied, Prepared(seen), False, module.METHOD.defaults()))
+    found = call_guarded(lambda: judge_one(name, spied, prepare(seen), False, module.METHOD.defaults()))
     if found.refusal:
         found.faults.append(f"refuses ({found.refusal}) where an answer is due")
     if own:

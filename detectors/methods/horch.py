@@ -91,7 +91,7 @@ def detect(prepared: Prepared, *, dtau_low: float, dtau_high: float, drho_low: f
     >>> detect(Prepared(LoopRecord(np.sin(t), np.cos(t), 0.1)), **METHOD.defaults()).verdict
     'stiction'
     """
-    dtau, drho = correlation_indices(*(prepared.band(name, prepared.period / 3) for name in ("op", "pv")))
+    dtau, drho = correlation_indices(prepared.record.op, prepared.record.pv)
     if not np.isfinite(dtau):
         return Verdict("horch", NO_DECISION, reason="the cross-correlation of OP and PV does not cross zero")
     # for a sinusoid both measure one phase: drho = (1 - cos d)/(1 + cos d), dtau = d/(pi/2)

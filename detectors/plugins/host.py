@@ -89,7 +89,7 @@ class Host:
         return before
 
     def call(self, function: Callable, *arguments: Any, seconds=0.0, most: int = MESSAGE, fork=False) -> Any:
-        """Return what a module's function gives there: tables, lists, words, numbers and arrays; PluginError where nothing comes.
+        """Return what a module's function gives there, in tables, lists, words, numbers and arrays; PluginError for nothing.
 
         `most` is the size of an answer in bytes; `fork` asks a copy of the process, which forgets the question.
         """

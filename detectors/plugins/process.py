@@ -8,7 +8,6 @@ from __future__ import annotations
 import base64
 import contextlib
 import ctypes
-import importlib.util
 import json
 import mmap
 import os
@@ -21,6 +20,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -147,13 +147,15 @@ def _answer(work: Callable[[], Any]) -> bytes:
 
 
 def plain(value: Any) -> Any:
-    """Return tables, lists, words and numbers of Python's; an array of numbers as the text of its bytes.
+    """Return tables, lists, words and numbers of Python's; an array as its bytes in text, an object as its fields.
 
     Examples
     --------
     >>> plain({"mv": np.zeros(1), "S": np.float64(2.0)})
     {'mv': {'float64': 'AAAAAAAAAAA='}, 'S': 2.0}
     """
+    if is_dataclass(value):
+        value = {f.name: getattr(value, f.name) for f in fields(value)}
     if isinstance(value, dict):
         return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
@@ -176,12 +178,11 @@ def _settled(rules: dict[str, Any]) -> list[str]:
     """Set limits and walls before anything of others is imported; return what this platform lacks, in sentences."""
     sys.dont_write_bytecode = True
     lacking = [] if FORKS else ["a plug-in may remember here what it was asked before: this platform cannot fork"]
-    if importlib.util.find_spec("resource"):
+    try:
         import resource
 
         resource.setrlimit(resource.RLIMIT_DATA, (rules["bytes"],) * 2)
-        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    else:
+    except ImportError:
         lacking.append("plug-ins have no limit on memory here: this platform has none")
     from detectors.compiled import _cache_folder
 

@@ -9,7 +9,6 @@ import pkgutil
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
 from functools import cached_property
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -61,12 +60,23 @@ class PluginFolder:
         self.make_host: Callable[[Path | str, float], Any] = _no_host
         self.host_entries = False
         self._hosts: dict[str, tuple[tuple, Any]] = {}  # with the file they were made of
+        self._above: dict[str, str] = {}
         self._files: dict[str, ModuleType] = {}
         self._loaded: dict[str, ModuleType] = {}
 
     def names(self) -> list[str]:
         """Return every known name, sorted; nothing is imported."""
         return sorted(self._own | set(self._entry_points) | set(self._files))
+
+    def lend(self, name: str, module: str) -> None:
+        """Make a plug-in of the house known that needs more than this package; it is asked for by name alone, in no set."""
+        if importlib.util.find_spec(module.partition(".")[0]) is not None:
+            self._above[name] = module
+
+    @property
+    def lent(self) -> list[str]:
+        """Plug-ins that are asked for by name alone."""
+        return sorted(self._above)
 
     def load(self, name: str) -> ModuleType:
         """Import one plug-in.
@@ -90,9 +100,10 @@ class PluginFolder:
         if name in self._files:
             return self._files[name]
         if name not in self._loaded:
-            if name not in self.names():
-                raise UnknownName(self.kind, name, self.names())
-            self._loaded[name] = self._checked(self._outside(name) or importlib.import_module(f"{self.package}.{name}"), name)
+            if name not in self._above and name not in self.names():
+                raise UnknownName(self.kind, name, sorted({*self.names(), *self._above}))
+            own = self._above.get(name, f"{self.package}.{name}")
+            self._loaded[name] = self._checked(self._outside(name) or importlib.import_module(own), name)
         return self._loaded[name]
 
     def add_file(self, path: str | Path) -> str:
@@ -198,7 +209,7 @@ class PluginFolder:
         return None if found is None else found[1]
 
     def _taken(self, name: str) -> bool:
-        return name in self.reserved or name in self._own or name in self._entry_points
+        return name in self.reserved or name in self._own or name in self._above or name in self._entry_points
 
     def own_file(self, path: str | Path) -> bool:
         """Return whether a file is that of a built-in plug-in."""
@@ -215,7 +226,7 @@ class PluginFolder:
     @cached_property
     def _entry_points(self) -> dict:
         # reads the metadata of every installed distribution: once is enough; none takes a name that means something already
-        return {e.name: e for e in entry_points(group=self.group) if e.name not in self._own and e.name not in self.reserved}
+        return {e.name: e for e in entry_points(group=self.group) if e.name not in {*self._own, *self._above, *self.reserved}}
 
     def _outside(self, name: str) -> ModuleType | None:
         """Return what another distribution publishes under a name, or what stands for it here."""
@@ -277,12 +288,12 @@ def _refuse_limit(seconds: float) -> None:
         raise ParameterError(f"time limit {seconds} s; a number above 0 is needed")
 
 
-PUBLISHED = "published"
+PUBLISHED, CHAPTER = "published", "chapter"
 RESERVED = ("all", "fast", "full", "oracle", "always_no", "always_yes")
 
 
 class Detectors(PluginFolder):
-    """The detectors; `NAME@published` is a detector with the thresholds of its source.
+    """The detectors; `NAME@published` is a detector with the thresholds of its source, `NAME@chapter` with the chapter's.
 
     Those of other distributions live in processes of their own, as a user's files do.
 
@@ -295,13 +306,18 @@ class Detectors(PluginFolder):
     def load(self, name: str) -> ModuleType:
         """Import one detector, or the published variant of one; see `PluginFolder.load`."""
         base, at, variant = name.partition("@")
-        if at and variant != PUBLISHED:
+        if at and variant not in (PUBLISHED, CHAPTER):
             raise UnknownName(self.kind, name, [*self.names(), *self.variants()])
         module = super().load(base)
         if not at:
             return module
+        if variant == CHAPTER and not module.METHOD.chapter:
+            chapters = [f"{n}@{CHAPTER}" for n in self.names() if super(Detectors, self).load(n).METHOD.chapter]
+            raise UnknownName(self.kind, name, [f"{base}@{PUBLISHED}", *chapters])
         shown = ModuleType(name, module.__doc__)
-        shown.__dict__.update(METHOD=module.METHOD.as_published(), detect=module.detect, __file__=module.__file__)
+        shown.__dict__.update(
+            METHOD=module.METHOD.as_published(variant == CHAPTER), detect=module.detect, __file__=module.__file__
+        )
         return shown
 
     def host_of(self, name: str) -> Any:
@@ -309,8 +325,8 @@ class Detectors(PluginFolder):
         return super().host_of(name.partition("@")[0])
 
     def variants(self) -> list[str]:
-        """Return NAME@published of every detector whose defaults are not those of its source."""
-        return [f"{name}@{PUBLISHED}" for name in self.names() if super(Detectors, self).load(name).METHOD.published]
+        """Return NAME@published of every detector."""
+        return [f"{name}@{PUBLISHED}" for name in self.names()]
 
 
 class _DetectorHost(Host):
@@ -328,12 +344,14 @@ class _DetectorHost(Host):
         return stub
 
 
-def _describe_detector(source: str) -> dict[str, Any] | None:
-    """Import a detector where this runs, in its own process, and return its description as plain values."""
+def _describe_detector(source: str) -> Method | None:
+    """Import a detector where this runs, in its own process, and return its description."""
     methods.host_entries = False
     method = methods.load(methods.add_file(source) if os.sep in source else source).METHOD
-    return {**asdict(method), "exempt": {}} if isinstance(method, Method) else None
+    return method if isinstance(method, Method) else None
 
 
 methods = Detectors("detector", "detectors.methods", "simbench.detectors", ("METHOD", "detect"), RESERVED)
 methods.make_host, methods.host_entries = _DetectorHost, True
+# stands above this package, which may stand alone
+methods.lend("likelihood", "simbench.gap.stiction.method")

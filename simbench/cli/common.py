@@ -58,7 +58,7 @@ def method_completion(incomplete: str) -> list[str]:
     """Return the method ids that begin so."""
     from detectors.plugins.registry import methods
 
-    return [name for name in ("all", "fast", "full", *methods.names()) if name.startswith(incomplete)]
+    return [name for name in ("all", "fast", "full", *methods.names(), *methods.lent) if name.startswith(incomplete)]
 
 
 def grid_completion(incomplete: str) -> list[str]:

@@ -103,14 +103,19 @@ def diagnose(
     """Take one record through the chapter's whole diagnosis, step by step."""
     from detectors.procedure import diagnose as procedure
     from detectors.records.io import read_record
+    from detectors.verdict import PROBABILITY
+    from simbench.gap.stiction.friction import probability_of_stiction
 
     refuse_picture(picture, path)
-    diagnosis = procedure(read_record(path, process=process, kind=kind, op_span=op_span, pv_span=pv_span))
+    record = read_record(path, process=process, kind=kind, op_span=op_span, pv_span=pv_span)
+    diagnosis, p = procedure(record), probability_of_stiction(record)
     if picture is not None:
         from simbench.figures import draw_path
 
         draw_path(diagnosis, picture)
-    show(diagnosis.as_json() if as_json else diagnosis.as_text(), as_json)
+    said = "cannot be said" if p is None else f"{p:.2f}"
+    text = f"{diagnosis.as_text()}\nProbability of stiction: {said}."
+    show(diagnosis.as_json() | {PROBABILITY: p} if as_json else text, as_json)
     if power:
         _print_power(path, ["all"], as_json, process=process, kind=kind, op_span=op_span, pv_span=pv_span)
 

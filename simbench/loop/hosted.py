@@ -117,9 +117,8 @@ def _describe_parts(files: list[tuple[str, str]]) -> list[dict[str, Any]]:
         module = folder.load(folder.add_file(source) if os.sep in source else source)
         if not isinstance(module.PARAMETERS, dict):
             raise TypeError(f"PARAMETERS is a {type(module.PARAMETERS).__name__}, a dict of Number and Choice is needed")
-        rules = {str(key): {"number": isinstance(rule, Number), **vars(rule)} for key, rule in module.PARAMETERS.items()}
-        words = {word: getattr(module, word) for word in ("SOURCE", "FRICTION", "BLOCK", "ACTS") if hasattr(module, word)}
-        said.append({**words, "doc": (module.__doc__ or "").strip().partition("\n\n")[0], "PARAMETERS": rules})
+        words = {word: getattr(module, word, None) for word in ("SOURCE", "FRICTION", "BLOCK", "ACTS", "PARAMETERS")}
+        said.append({**words, "doc": (module.__doc__ or "").strip().partition("\n\n")[0]})
     return said
 
 
@@ -149,12 +148,7 @@ def simulated(loop: Loop, seed: int = 0, kick: float = 0.0) -> Run:
     if host is None:
         return simulate(loop, seed, kick=kick)
     with _helped():
-        return run_of(host.ask(plain_simulate, loop, seed, kick, samples=loop.sampling.n), loop)
-
-
-def plain_simulate(loop: Loop, seed: int, kick: float) -> dict[str, Any]:
-    """Simulate, and return plain values."""
-    return plain_run(simulate(loop, seed, kick=kick))
+        return run_of(host.ask(partial(simulate, kick=kick), loop, seed, samples=loop.sampling.n), loop)
 
 
 def response(model: str, op: np.ndarray, parameters: Mapping[str, Any], Ts: float) -> np.ndarray:
@@ -178,21 +172,16 @@ def _helped() -> Iterator[None]:
         raise PluginError(f"{error}; `simbench contract FILE` says what such a file needs") from None
 
 
-def plain_run(run: Run) -> dict[str, Any]:
-    """Return a run without a tail as plain values."""
-    r = run.record
-    known = {"process": r.process, "sticky": run.sticky, "load_in": run.load_in, "load_out": run.load_out, "valve": run.mv}
-    return {**known, **{name: getattr(r, name) for name in SIGNALS}}
-
-
 def run_of(said: Any, loop: Loop) -> Run:
     """Return the run that plain values describe; PluginError where they describe none of this loop."""
-    n = loop.sampling.n
-    signals = [said.get(k) if isinstance(said, dict) else None for k in (*SIGNALS, "load_in", "load_out", "valve")]
+    n, said = loop.sampling.n, said if isinstance(said, dict) else {}
+    recorded = said.get("record")
+    known = {**said, **(recorded if isinstance(recorded, dict) else {}), "valve": said.get("mv")}
+    signals = [known.get(k) for k in (*SIGNALS, "load_in", "load_out", "valve")]
     if not all(isinstance(s, np.ndarray) and s.shape == (n,) and np.isfinite(s).all() for s in signals):
         raise PluginError("its loop gives signals that are not finite, or of another length")
     op, pv, sp, mv, load_in, load_out, valve = signals
-    record = LoopRecord(op=op, pv=pv, sp=sp, mv=mv, Ts=loop.sampling.Ts, process=said["process"], op_span=(0.0, 100.0))
+    record = LoopRecord(op=op, pv=pv, sp=sp, mv=mv, Ts=loop.sampling.Ts, process=known.get("process"), op_span=(0.0, 100.0))
     return Run(record, load_in, load_out, None, said["sticky"] is True, valve)
 
 
@@ -215,7 +204,7 @@ def _stub(kind: str, name: str, said: Mapping[str, Any]) -> ModuleType:
 
 def _rule(key: str, said: Mapping[str, Any]) -> Number | Choice:
     default, says = said.get("default"), str(said.get("says", ""))
-    if said.get("number") is not True:
+    if "names" in said:
         names = said.get("names")
         if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
             raise PluginError(f"parameter {key} is neither a Number nor a Choice of words")

@@ -34,7 +34,7 @@ def sticky(loop):
 @pytest.mark.parametrize("module", [he, rossi_scali, singhal_salsbury])
 def test_four_half_cycles_are_enough_and_three_are_not(module):
     few, enough = (
-        module.detect(Seen(integrating=False, half_cycles=lambda name, n=n: np.tile(HUMP, (n, 1))), **module.METHOD.defaults())
+        module.detect(Seen(integrating=False, half_cycles=lambda name, cleaned=True, n=n: np.tile(HUMP, (n, 1))), **module.METHOD.defaults())
         for n in (3, 4)
     )
     assert few.verdict == "no_decision"

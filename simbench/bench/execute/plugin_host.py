@@ -18,7 +18,7 @@ from scenarios.spec import Loop, Noise, Scenario, SetPoint
 from simbench.bench.scenario.oracle import ORACLE, judge_oracle
 from simbench.bench.scenario.resolve import resolve
 from simbench.bench.scenario.truth import CYCLED, Cycled, simulate_with_truth
-from simbench.loop.hosted import PartHost, host_of, parts_of_loop, plain_run, run_of
+from simbench.loop.hosted import PartHost, host_of, parts_of_loop, run_of
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.run import Run
 from simbench.theory.tables import truth_columns
@@ -34,18 +34,7 @@ def said_of(error: BaseException) -> str:
 
 
 def settled(group: Group) -> list[tuple[Scenario, str | None]]:
-    """Return the scenarios of a group; a draft, with the error, where its rules cannot be settled.
-
-    Parameters
-    ----------
-    group : Group
-        What another's part takes part in is settled in its process, and touches no sibling.
-
-    Returns
-    -------
-    list of (Scenario, str or None)
-        One per draft, in order.
-    """
+    """Return the scenarios of a group; a draft, with the error, where its rules cannot be settled."""
     found: dict[int, tuple[Scenario, str | None]] = {}
     parties: dict[PartHost | None, list[int]] = {}
     for i, draft in enumerate(group.drafts):
@@ -72,8 +61,8 @@ def truth(loop: Loop, seed: int) -> tuple[Run, Cycled]:
     host = host_of(parts_of_loop(loop))
     if host is None:
         return simulate_with_truth(loop, seed)
-    said = host.ask(plain_truth, loop, seed, samples=loop.sampling.n)
-    run = run_of(said.get("run") if isinstance(said, dict) else None, loop)
+    whole, said = _pair(host.ask(simulate_with_truth, loop, seed, samples=loop.sampling.n))
+    run = run_of(whole, loop)
     if said.get("answer") not in CYCLED:
         raise PluginError(f"its loop's truth is {said.get('answer')!r}; allowed: {', '.join(CYCLED)}")
     return run, Cycled(said["answer"], number_of(said.get("period"), "period"), number_of(said.get("swing"), "swing"))
@@ -85,24 +74,13 @@ def oracle_of(scenario: Scenario, run: Run) -> tuple[Verdict, str | None]:
     if host is None:
         return judge_oracle(scenario, run), None
     try:
-        return verdict_of(ORACLE, host.ask(plain_oracle, scenario, run)), None
+        return verdict_of(ORACLE, host.ask(judge_oracle, scenario, run)), None
     except UserError as wrong:
         return Verdict(ORACLE, NO_DECISION, reason=f"failed: {said_of(wrong)}"), said_of(wrong)
 
 
 def theory(loop: Loop) -> Theory:
-    """Return what theory says of a loop: predicted, refined, exists, period, amplitude, and why there is none of it.
-
-    Parameters
-    ----------
-    loop : Loop
-        Whose parts may live here or in the process of another's.
-
-    Returns
-    -------
-    tuple
-        All None but the reason where theory does not apply or fails: the record stands without it.
-    """
+    """Return what theory says of a loop: predicted, refined, exists, period, amplitude, and why there is none of it."""
     # theory knows neither noise nor loads nor the set point: siblings share its answer
     quiet = loop.model_copy(update={"noise": Noise(), "disturbance": (), "setpoint": SetPoint(value=loop.pv0)})
     host = host_of(parts_of_loop(loop))
@@ -117,22 +95,6 @@ def plain_resolve(group: Group) -> list[dict[str, Any]]:
     return [{"loop": s.loop.to_table(), "tags": s.tags} for s in resolve(group)]
 
 
-def plain_truth(loop: Loop, seed: int) -> dict[str, Any]:
-    """Simulate with truth, and return plain values."""
-    run, cycled = simulate_with_truth(loop, seed)
-    return {"run": plain_run(run), **vars(cycled)}
-
-
-def plain_oracle(scenario: Scenario, run: Run) -> dict[str, Any]:
-    """Ask the oracle, and return plain values."""
-    return dict(vars(judge_oracle(scenario, run)))
-
-
-def plain_theory(text: str) -> list[Any]:
-    """Ask theory, and return plain values."""
-    return list(_theory(text))
-
-
 @lru_cache(maxsize=256)
 def _theory(text: str) -> Theory:
     with np.errstate(all="ignore"):  # candidate cycles that grow without bound
@@ -142,7 +104,7 @@ def _theory(text: str) -> Theory:
 
 
 def _theory_there(host: PartHost, quiet: Loop) -> Theory:
-    said = host.ask(plain_theory, quiet.model_dump_json())
+    said = host.ask(_theory, quiet.model_dump_json())
     if not isinstance(said, list) or len(said) != 6:
         raise PluginError("its loop's theory cannot be understood")
     *exist, period, amplitude, why = said
@@ -150,6 +112,10 @@ def _theory_there(host: PartHost, quiet: Loop) -> Theory:
         raise PluginError("its loop's theory cannot be understood")
     predicted, refined, exists = (None if v is None else bool(v) for v in exist)
     return predicted, refined, exists, period, amplitude, None if why is None else str(why)[:LONGEST]
+
+
+def _pair(said: Any) -> list[dict]:
+    return said if isinstance(said, list) and len(said) == 2 and all(isinstance(s, dict) for s in said) else [{}, {}]
 
 
 def _host_of_draft(twin: Loop, draft: Draft) -> PartHost | None:

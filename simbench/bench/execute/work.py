@@ -30,6 +30,7 @@ from simbench.loop.hosted import add_parts
 from simbench.loop.run import Run
 
 Thresholds = Mapping[str, Mapping[str, float]]
+HELD = 80  # records simulated before they are judged in drawn order
 
 
 @dataclass(frozen=True)
@@ -109,18 +110,23 @@ def work(
     own = [m for m in methods if m != ORACLE]
     chosen = {m: check_thresholds(m, registry.load(m).METHOD, (thresholds or {}).get(m, {})) for m in own}
     asked = _Questions(chosen, ORACLE in methods, front_end)
-    settling, found, kept = 0.0, [], []
+    rng = np.random.default_rng([grid.content.seed, number])
+    settling, found, kept, held = 0.0, [], [], []
     # one thread per worker: with more, sums in linear algebra come out in another order
     with one_thread():
         for index in groups:
             since = time.perf_counter()
             scenarios = settled(grid.group(index))
             settling += time.perf_counter() - since
-            for scenario, wrong in scenarios:
-                one = _judged(_simulated(scenario, index, wrong), asked)
-                if one.record is not None and len(kept) < keep:
-                    kept.append((one.row["scenario_id"], one.record))
-                found.append(replace(one, record=None))
+            held += [_simulated(scenario, index, wrong) for scenario, wrong in scenarios]
+            if len(held) >= HELD or index == groups[-1]:
+                # a sticky loop comes before its siblings in a grid: what is asked next must not follow from what was asked last
+                judged = {int(k): _judged(held[k], asked) for k in rng.permutation(len(held))}
+                for _, one in sorted(judged.items()):
+                    if one.record is not None and len(kept) < keep:
+                        kept.append((one.row["scenario_id"], one.record))
+                    found.append(replace(one, record=None))
+                held = []
     return Piece(
         number,
         tables.encode(_columns(tables.SCENARIOS.names, [f.row for f in found]), tables.SCENARIOS, number),
@@ -151,7 +157,10 @@ def judge_both(
     for name, values in chosen.items():
         method: Method = registry.load(name).METHOD
         since, prepared = time.perf_counter(), blind
-        if method.needs_mv:
+        if method.whole and blind.part:
+            # ranked with those that do not see MV
+            prepared = Prepared(record.blind(), front_end)
+        elif method.needs_mv:
             prepared = sighted = sighted or blind.sighted(record)
         # with an oscillation the front end lets everything pass
         modes = (True, False) if method.front_end and not sustained else (True,)

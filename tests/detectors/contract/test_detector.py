@@ -7,9 +7,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from detectors.contract.detector import Contract, check_detector
-from detectors.contract.example_loop import CASES, example_record
 from detectors.contract.watch import call_guarded
 from detectors.errors import RecordError
+from detectors.example_loop import CASES, example_record
 from detectors.judge import judge
 from detectors.plugins.registry import methods
 from detectors.prepared import Prepared
@@ -105,6 +105,22 @@ def test_each_way_of_breaking_it_is_one_sentence(contract_of, old, new, words):
     found = contract_of(SOUND.replace(old, new))
     assert any(words in sentence for sentence in found.broken), found.broken
     assert not any("\n" in sentence for sentence in found.broken)
+
+
+def test_a_memory_of_the_last_set_point_is_found(contract_of):
+    remembers = """
+    CALLS.append(None if prepared.record.sp is None else float(prepared.record.sp[0]))
+    if CALLS[-1] is not None and CALLS[-2:-1] == CALLS[-1:]:
+        return Verdict("own", NO_STICTION, -9.0, reason="a sibling")
+"""
+    found = contract_of(SOUND.replace("    CALLS.append(None)\n", remembers))
+    assert any("depends on what was asked before" in sentence for sentence in found.broken), found.broken
+
+
+def test_a_verdict_that_knows_a_record_by_its_last_digits_is_found(contract_of):
+    text = SOUND.replace("CALLS = []", "CALLS, MORE = [], []")
+    found = contract_of(text.replace("more > least", "(MORE.append(more) or abs(more - MORE[0]) < 1e-12)"))
+    assert any("hangs on the last digits: 'stiction' becomes" in sentence for sentence in found.broken), found.broken
 
 
 def test_an_exempt_case_needs_its_reason(contract_of):

@@ -63,7 +63,7 @@ VALVE = {
     "no python": (HEAD, "def (", "SyntaxError"),
     "lacks a step": ("def step(", "def stepp(", "step"),
     "no parameters": ("PARAMETERS = {", "PARAMETERS = 3\nX = {", "PARAMETERS"),
-    "a word as parameter": ("PARAMETERS = {", 'PARAMETERS = {"k": "many"}\nX = {', "vars"),
+    "a word as parameter": ("PARAMETERS = {", 'PARAMETERS = {"k": "many"}\nX = {', "PARAMETERS"),
     "friction is a word": ("FRICTION = True", 'FRICTION = "yes"', "FRICTION"),
 }
 EFFECT = {
@@ -76,7 +76,7 @@ EFFECT = {
     "signals of another length": (APPLY, "setup.sp = np.zeros(3)", "mine"),
     "a word as signal": (APPLY, "setup.Td = 'loud'", "mine"),
     "block unknown": ('BLOCK = "sensor"', 'BLOCK = "roof"', "roof"),
-    "acts nowhere": ('ACTS = "loop"', 'ACTS = 3', "ACTS"),
+    "acts nowhere": ('ACTS = "loop"', "ACTS = 3", "ACTS"),
     "import raises": (HEAD, "1 / 0", "ZeroDivisionError"),
 }
 

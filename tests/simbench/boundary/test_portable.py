@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -91,10 +92,38 @@ def test_commands_answer_with_the_same_bits_as_without_the_blockade(blocked, tmp
     put(tmp_path, loop())
     said = {}
     for name, blockade, jobs in (("free", False, "1"), ("blocked", True, "1"), ("two", True, "2")):
-        said[name] = blocked(commands(tmp_path / name, jobs), blockade).replace(name, "")
+        text = blocked(commands(tmp_path / name, jobs), blockade)
+        said[name] = re.sub(r'"\w+_ms": .*', "", text)
     assert said["free"] == said["blocked"] == said["two"]
     for table in ("verdicts", "scenarios"):
         free, *others = (pd.read_parquet(tmp_path / n / "run" / f"{table}.parquet") for n in said)
         for other in others:
             pd.testing.assert_frame_equal(free.drop(columns="runtime_s", errors="ignore"), other[free.columns].drop(
                 columns="runtime_s", errors="ignore"), check_exact=True)  # fmt: skip
+
+
+def test_a_plug_in_is_asked_in_a_process_of_its_own_and_told_what_is_lacking(blocked, tmp_path):
+    (tmp_path / "mine.py").write_text(PLUGIN)
+    said = blocked(f"""
+import os, sys
+from detectors.detection import detect
+from detectors.record import LoopRecord
+sys.stderr = sys.stdout
+wave = [k % 7 for k in range(600)]
+for verdict in detect(LoopRecord(wave, wave[::-1], 1.0), ["horch"], plugins=[{str(tmp_path / "mine.py")!r}]):
+    print(verdict.method, verdict.reason.replace(f"process {{os.getpid()}}", "the same process"))
+""")
+    assert "mine process" in said
+    assert "the same process" not in said
+    assert "no limit on memory" in said
+    assert "may remember" in said
+
+
+PLUGIN = """
+import os
+from detectors.method import Method
+from detectors.verdict import Verdict
+METHOD = Method(title="mine", source="nobody", front_end=False)
+def detect(prepared):
+    return Verdict("x", "stiction", reason=f"process {os.getpid()}")
+"""

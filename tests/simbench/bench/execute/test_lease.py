@@ -24,7 +24,8 @@ def quick(monkeypatch):
 def test_the_second_is_told_who_works_there_and_the_folder_is_free_afterwards(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "argv", ["simbench", "run", "s3://ann:secret@host/x"])
     with lease(tmp_path):
-        with pytest.raises(RunError, match=rf"process {os.getpid()} on .* works there since .*; wait for its end") as told, lease(tmp_path):
+        words = rf"process {os.getpid()} on .* works there since .*; wait for its end"
+        with pytest.raises(RunError, match=words) as told, lease(tmp_path):
             pass
         assert "secret" not in str(told.value)
         assert (tmp_path / LEASE).exists()

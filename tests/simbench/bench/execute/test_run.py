@@ -15,13 +15,12 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 from joblib import Parallel, delayed
+from killing import kill_when_it_stops, stops
 
 from detectors.errors import UserError
 from detectors.judge import judge
 from scenarios.grid import make_grid
 from simbench.bench.execute import pieces, workers
-from killing import kill_when_it_stops, stops
-
 from simbench.bench.execute import plugin_host as guests
 from simbench.bench.execute import run as run_module
 from simbench.bench.execute.run import Interrupted, run_grid
@@ -256,7 +255,7 @@ def child(tmp_path, jobs, file, sigint="default_int_handler"):
         import sys
         from simbench.bench.execute.run import Interrupted, run_grid
         from scenarios.grid import make_grid
-        sys.path.insert(0, {str(os.path.dirname(__file__))!r})
+        sys.path.insert(0, {str(os.path.dirname(os.path.dirname(__file__)))!r})
         from conftest import SMALL
         if __name__ == "__main__":
             signal.signal(signal.SIGINT, signal.{sigint})
@@ -312,6 +311,19 @@ def test_workers_that_keep_dying_end_the_run_with_advice(small, tmp_path, monkey
     with pytest.raises(RunError, match=r"keep dying .*--resume"):
         run_grid(small, tmp_path / "run", ["he"])
     assert len(tries) == run_module.LIVES
+
+
+def counting(tmp_path):
+    """A detector that takes its time and leaves a mark for every record it judges."""
+    return plugin(
+        tmp_path,
+        f"""
+        import time
+        with (pathlib.Path({str(tmp_path)!r}) / "seen").open("a") as f:
+            f.write("x")
+        time.sleep(0.3)
+        """,
+    )
 
 
 def interrupt(process, tmp_path, sent):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from detectors.record import LoopRecord
-from simbench.plant.trust.pace import SHORTEST, at_its_pace
+from simbench.gap.stiction.pace import HELD, SHORTEST, at_its_pace, unheld
 
 
 def slow(n, period=400.0, noise=0.0):
@@ -50,3 +50,21 @@ def test_mv_is_left_out_with_the_samples():
     record = slow(12_000)
     with_mv = LoopRecord(op=record.op, pv=record.pv, mv=record.op, Ts=2.0)
     assert at_its_pace(with_mv).mv is None
+
+
+@pytest.mark.parametrize(("k", "phase"), [(2, 0), (4, 3)])
+def test_a_pv_that_is_held_keeps_one_sample_of_each_hold(k, phase):
+    pv = np.sin(np.arange(1000) / 9.0)
+    held = np.roll(np.repeat(pv[::k], k), phase)
+    seen = unheld(LoopRecord(op=np.cos(np.arange(1000) / 9.0), pv=held, Ts=1.0))
+    assert seen.Ts == k
+    assert np.all(np.diff(seen.pv[1:-1]) != 0.0)
+    assert HELD <= seen.n <= 1000 // k
+
+
+def test_a_pv_that_moves_or_rests_at_random_is_left_as_it_is():
+    rng = np.random.default_rng(0)
+    moving = LoopRecord(op=rng.standard_normal(600), pv=rng.standard_normal(600), Ts=1.0)
+    assert unheld(moving) is moving
+    resting = LoopRecord(op=moving.op, pv=np.round(np.cumsum(moving.pv) / 4), Ts=1.0)
+    assert unheld(resting) is resting

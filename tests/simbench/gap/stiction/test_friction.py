@@ -11,16 +11,16 @@ from simbench.gap.decide.assess import assess
 from simbench.gap.decide.identified import plausible
 from simbench.gap.intake.check import check
 from simbench.gap.intake.identify import exact_controller, identify
-from simbench.plant.trust import friction as module
-from simbench.plant.trust.friction import ENOUGH, FRICTION, OUTSIDE, friction
-from simbench.plant.trust.pace import at_its_pace
+from simbench.gap.stiction import friction as module
+from simbench.gap.stiction.friction import ENOUGH, FRICTION, OUTSIDE, friction
+from simbench.gap.stiction.pace import at_its_pace
 
 
 @pytest.mark.parametrize(("seed", "effects"), [(5, (FRICTION,)), (8, (OUTSIDE,)), (2, ("load_steps",))])
 @pytest.mark.parametrize("known", [False, True])
 def test_its_gain_and_size_are_those_of_the_diagnosis(seed, effects, known):
     case = random_case(seed, effects)
-    alone, slow = friction(case.record, case.baseline if known else None), at_its_pace(case.record)
+    alone, slow = friction(case.record, case.baseline if known else None).found, at_its_pace(case.record)
     whole = [diagnose(case.record, case.baseline if known else None).behind.found]
     if not known and slow is not case.record:
         whole.append(plausible(assess(check(slow, identify(slow, controller=exact_controller(case.record)), trusted=False))))
@@ -48,7 +48,7 @@ def test_the_likelier_of_two_views_of_a_record_is_kept(monkeypatch, share):
         return replace(found, log_likelihood_gains=gains)
 
     monkeypatch.setattr(module, "_fitted", worse_at_pace)
-    assert friction(record).log_likelihood_gains[FRICTION] == pytest.approx(0.8 * ENOUGH)
+    assert friction(record).evidence.gain == pytest.approx(0.8 * ENOUGH)
     assert asked == [record.Ts, slow.Ts]
 
 
@@ -58,7 +58,7 @@ def test_what_single_samples_prove_is_proven_by_all_of_them(monkeypatch):
     rounded = replace(record, pv=np.round(record.pv / step) * step)
     assert at_its_pace(rounded).n < rounded.n
     monkeypatch.setattr(module, "_as_it_is", lambda record: None)
-    found = friction(rounded)
+    found = friction(rounded).found
     assert found.situation.proven["quantisation"]["step"] == pytest.approx(step)
     assert found.parameters["quantisation"] == found.situation.proven["quantisation"]
     assert found.situation.data.n == at_its_pace(rounded).n
