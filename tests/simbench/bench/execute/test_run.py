@@ -489,7 +489,7 @@ def test_a_kill_between_the_last_steps_is_tidied_up(small, finished, tmp_path, s
         ({"backend": "dask"}, "needs --address"),
         ({"backend": "dask", "address": "tcp://127.0.0.1:1"}, "no dask scheduler"),
         ({"methods": ["hee"]}, "he"),
-        ({"until_width": 2.0}, "between 0 and 1"),
+        ({"until_width": 2.0}, r"between 0\.001 and 1"),
         ({"thresholds": {"he": {"eta_hihg": 1}}}, "eta_high"),
         ({"thresholds": {"yamashita": {"rho3_min": 1}}}, "not among the methods"),
         ({"plugins": ["absent.py"]}, "does not exist"),
