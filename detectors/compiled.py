@@ -10,6 +10,7 @@ import os
 import pickle
 import sys
 import tempfile
+from collections.abc import Iterator
 from functools import cache, lru_cache
 from pathlib import Path
 from types import FunctionType, ModuleType
@@ -80,6 +81,19 @@ def compiled(function: FunctionType):
     """
     text = f'@njit(cache=True, error_model="numpy")\n{inspect.getsource(function)}'
     return getattr(cached_module(function.__name__.strip("_"), _used(function), text, "numpy"), function.__name__)
+
+
+@contextlib.contextmanager
+def one_thread() -> Iterator[None]:
+    """Keep linear algebra to one thread where its libraries can be found: with more, sums come out in another order."""
+    from threadpoolctl import threadpool_limits
+
+    try:
+        limits = threadpool_limits(1)
+    except OSError:  # this system does not say which libraries are loaded: the environment alone decides
+        limits = contextlib.nullcontext()
+    with limits:
+        yield
 
 
 def cached_module(kind: str, parts: dict[str, Any], text: str, error_model: str = "python") -> ModuleType:

@@ -39,7 +39,7 @@ class Evidence:
 
 
 # Fitted to simulated loops (grids "chapter" and "plant", another seed than theirs) by
-# `python -m results.studies.procedure_weights`.
+# `python -m results.studies.procedure_weights`: log-odds on these grids, elsewhere a score and no probability.
 BIAS = {False: -0.15, True: -1.35}
 EVIDENCE: dict[bool, tuple[Evidence, ...]] = {
     False: (

@@ -24,8 +24,8 @@ from detectors.views import page_part
 if TYPE_CHECKING:
     import pandas as pd
 
-# log-odds; between them, probability 0.4 to 2/3, the evidence is not enough: fewer than 1 in 20 of 2893 loops of grid plant
-# that do not cycle, of five seeds other than its own, exceed 0.7
+# log-odds on the grids that the weights were fitted to; between them the evidence is not enough: fewer than 1 in 20 of 2893
+# loops of grid plant that do not cycle, of five seeds other than its own, exceed 0.7; at 0.4 more do
 ODDS_LOW, ODDS_HIGH = -0.4, 0.7
 FOLLOW_MIN = 0.2  # own: 1 % of simulated healthy flow loops under steps, ramps and random pressure exceed it
 QUIET = -3.0  # log-odds of a loop that does not oscillate and whose valve is not seen to stand still

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+import numbers
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
 STICTION = "stiction"
 NO_STICTION = "no_stiction"
 NO_DECISION = "no_decision"
+PROBABILITY = "probability_of_stiction"  # its key in every answer
 VERDICTS = (STICTION, NO_STICTION, NO_DECISION)
 
 Level = float | tuple[float, float] | None
@@ -87,9 +90,10 @@ class Verdict:
         Returns
         -------
         dict
-            Every field; NaN and infinities become null.
+            Every field, and the probability of stiction where the method gives one; NaN and infinities become null.
         """
-        return _plain(asdict(self))
+        own = {k: self.indices[k] for k in (PROBABILITY,) if k in self.indices}
+        return _plain(asdict(self) | own)
 
 
 def _plain(value: Any) -> Any:
@@ -101,3 +105,28 @@ def _plain(value: Any) -> Any:
         return value
     number = float(value)
     return number if math.isfinite(number) else None
+
+
+def wrong_types(v: Any) -> Iterator[str]:
+    """Say what of an answer is not as `Verdict` describes it."""
+    if not isinstance(v, Verdict):
+        yield f"answers {v!r}, a detectors.verdict.Verdict is needed"
+        return
+    if v.verdict not in VERDICTS:
+        yield f"answers {v.verdict!r}, allowed: {', '.join(VERDICTS)}"
+    if not isinstance(v.reason, str) or not v.reason.strip():
+        yield f"gives no reason for {v.verdict!r}"
+    if not _number(v.score):
+        yield f"gives the score {v.score!r}, a number is needed (NaN for none)"
+    if not isinstance(v.indices, dict) or not all(isinstance(k, str) and _number(x) for k, x in v.indices.items()):
+        yield f"gives the indices {v.indices!r}, names with numbers are needed"
+    for key, level in (("S", v.S), ("J", v.J)):
+        ends = level if isinstance(level, tuple) else (level,)
+        if level is not None and (len(ends) > 2 or not all(_number(x) and math.isfinite(x) for x in ends)):
+            yield f"gives {key} = {level!r}, a finite number, (lo, hi) or None is needed"
+    if v.applicable not in (True, False, None):
+        yield f"gives applicable = {v.applicable!r}; true, false or None is needed"
+
+
+def _number(x: Any) -> bool:
+    return isinstance(x, numbers.Real) and not isinstance(x, bool)

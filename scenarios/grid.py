@@ -178,6 +178,13 @@ class Grid:
         kept = {k: v for k, v in self.content.model_dump().items() if k not in ("title", "source", "expected")}
         return content_hash({"content": kept, "overrides": self.overrides})
 
+    @property
+    def cells_hash(self) -> str:
+        """16 hex digits of what the grid asks, whatever its seed, repeats and name."""
+        without = ("title", "source", "expected", *GRID_KEYS)
+        kept = {k: v for k, v in self.content.model_dump().items() if k not in without}
+        return content_hash({"content": kept, "overrides": self.overrides})
+
     @cached_property
     def _cells(self) -> list[tuple[int, int]]:
         # (first cell, number of cells) of each block
@@ -242,7 +249,7 @@ class Grid:
         """
         repeat, cell = divmod(index, self.cells)
         number, values = self._place(cell)
-        # cells that differ in the disturbance alone share plant, sampling and noise: no setting tells them apart
+        # cells that differ in the disturbance alone share the plant: no setting of it tells them apart
         shared = np.random.default_rng([self.content.seed, repeat, number, *self._without(number, values, "disturbance")])
         rng = np.random.default_rng([self.content.seed, repeat, number, cell, 1])
         tags: dict[str, float | int | str | None] = {"grid": self.name, "cell": cell, "repeat": repeat}
@@ -253,6 +260,9 @@ class Grid:
         ranges = {**self.content.draw, **block.draw}
         # every setting is drawn, also those an axis replaces: one axis more must not shift the other draws
         settings.update({key: draw(ranges[key], shared) for key in sorted(ranges)})
+        # the record's own numbers cell by cell: shared, they would let a classifier know cells again
+        each = np.random.default_rng([self.content.seed, repeat, number, cell, 2])
+        settings.update({key: draw(ranges[key], each) for key in Rules.FIELDS if key in ranges})
         settings.update(values)
         settings["step"] = float(settings.get("step", 0.0)) * (1.0 if shared.random() < 0.5 else -1.0)
         # what stands in the record beside valve and load is shared as well: it must not tell siblings apart

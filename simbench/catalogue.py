@@ -36,7 +36,7 @@ def catalogue(what: str) -> list[dict[str, str]]:
         return [{"name": n, "says": (g := load_grid(n)).title, "source": g.source} for n in grid_names()]
     folder = {"detectors": methods, "valves": VALVES, "effects": PLUGINS, "figures": FIGURES}[what]
     rows = []
-    for name in folder.names():
+    for name in sorted({*folder.names(), *folder.lent}):
         module = folder.load(name)
         source = module.METHOD.source if what == "detectors" else module.SOURCE
         # a figure's public id is its file name with hyphens

@@ -9,6 +9,7 @@ import json
 import os
 import platform
 import re
+import time
 import zlib
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
@@ -25,7 +26,9 @@ READ = (".csv", ".json", ".mat", ".parquet", ".pq", ".toml", ".txt", ".xls", ".x
 URL = re.compile(r"([A-Za-z][A-Za-z0-9+._-]+(?:::[^/]*)?):/+(.*)")
 
 
-HOST = f"{zlib.crc32(platform.node().encode()):08x}"  # in the names of temporary files: those of other machines are let be
+# in the names of temporary files: those of other machines and containers are let be
+HOST = f"{zlib.crc32(f'{platform.node()} {os.stat(os.sep).st_dev}'.encode()):08x}"
+QUIET = 2.0  # s without a change, after which a temporary file of no process that is seen here is nobody's
 # the name of a file, or a plug-in's text, may be no Unicode
 TEXT: dict[str, Any] = {"encoding": "utf-8", "newline": "", "errors": "backslashreplace"}
 
@@ -91,7 +94,8 @@ def remove_stale_temporaries(place: Path) -> None:
     """Remove what killed processes of this machine left half-written in a folder."""
     for file in place.glob(f".*.{HOST}.*"):
         with contextlib.suppress(OSError, ValueError):  # an open file of another process cannot be removed on Windows
-            if os.name != "posix" or not _lives(int(file.suffix[1:])):
+            quiet = time.time() - file.stat().st_mtime > QUIET  # its writer may live unseen, in another space of processes
+            if os.name != "posix" or (quiet and not _lives(int(file.suffix[1:]))):
                 file.unlink()
 
 

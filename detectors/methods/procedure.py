@@ -1,9 +1,9 @@
 """The chapter's diagnosis procedure as a method of its own: quality, oscillation, saturation, then the detectors together.
 
 Needs: OP and PV; where the loop does not oscillate, MV or the PV of a flow loop.
-Parameters: `odds_low`, `odds_high` (log-odds), own: probabilities 0.4 and 2/3; `follow_min` (-), own, from simulated loops;
-`weighted` (1 or 0), own: in the source a majority of verdicts decides; `veto` (0 or 1): in the source a nonlinearity that is
-not seen ends the search.
+Parameters: `odds_low`, `odds_high` (log-odds on the grids that the weights were fitted to), own: a score, no probability;
+`follow_min` (-), own, from simulated loops; `weighted` (1 or 0), own: in the source a majority of verdicts decides; `veto`
+(0 or 1): in the source a nonlinearity that is not seen ends the search.
 Indices: log_odds (stiction against none, from the weighted indices of the detectors), follow (0..1, a dead band between OP
 and the valve seen without an oscillation), ngi, nli, regularity, period_s.
 Rule: log_odds >= odds_high stiction, <= odds_low none. Without a sustained oscillation: stiction where the valve is seen to
@@ -23,6 +23,7 @@ METHOD = Method(
     title="the diagnosis procedure as a whole",
     source="Jelali 2013, section 11.9",
     front_end=False,
+    fitted_on=("chapter", "plant"),
     thresholds={
         "odds_low": Threshold(ODDS_LOW, "log-odds", -20.0, 20.0, "own", "at or below: no stiction"),
         "odds_high": Threshold(ODDS_HIGH, "log-odds", -20.0, 20.0, "own", "at or above: stiction"),

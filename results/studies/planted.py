@@ -15,7 +15,7 @@ import numpy as np
 from tqdm import tqdm
 
 from detectors.report.report import choose_methods
-from results.studies.trust_learn import loops
+from results.studies.trust_claims import loops
 from scenarios.spec import Loop, Part, Scenario
 from simbench.bench.statistics import wilson
 from simbench.files import answered, folder, write_record

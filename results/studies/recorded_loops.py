@@ -17,14 +17,13 @@ from tqdm import tqdm
 from detectors.errors import UserError
 from detectors.record import PROCESSES, LoopRecord
 from detectors.records.io import read_record
+from detectors.verdict import STICTION
 from simbench.bench.statistics import wilson
 from simbench.files import answered, folder
+from simbench.gap.stiction.friction import friction
+from simbench.gap.stiction.pace import resampled
+from simbench.gap.stiction.probability import YES, pooled, probability
 from simbench.plant.indices import judged
-from simbench.plant.trust.calibration import ASKED, EvidenceWeights, calls
-from simbench.plant.trust.candidate_loops import in_percent
-from simbench.plant.trust.friction import FRICTION, friction
-from simbench.plant.trust.pace import resampled
-from simbench.plant.trust.trust import LIKELY
 from simbench.usage import exit_code
 
 
@@ -58,6 +57,7 @@ def lattice(steps: int) -> Callable[[LoopRecord], LoopRecord]:
     return rounded
 
 
+PROCEDURE, LIKELIHOOD = "procedure", "likelihood"
 PANEL: dict[str, Callable[[LoopRecord], LoopRecord]] = {
     "every 2nd sample": every(2), "every 3rd sample": every(3), "every 5th sample": every(5),
     "mean of 2": mean_of(2), "mean of 3": mean_of(3), "PV held for 2": held(2), "PV held for 4": held(4),
@@ -80,44 +80,26 @@ def _exception(x: np.ndarray, share: float) -> np.ndarray:
 
 
 def weighed(record: LoopRecord) -> dict[str, Any]:
-    """Return what a record's verdict and likelihood say.
-
-    Parameters
-    ----------
-    record : LoopRecord
-
-    Returns
-    -------
-    dict
-        procedure (says stiction), likelihood (friction fits better, None where no loop can be identified), trust (probability
-        above `LIKELY`).
-    """
-    said = calls(judged(record, [ASKED]))
+    """Return whether the procedure says stiction of a record, and the log-odds of it; None where it cannot be judged."""
+    said = judged(record, [PROCEDURE])[0].verdict == STICTION
     try:
-        gain = friction(in_percent(record)[0]).log_likelihood_gains[FRICTION]
+        return {PROCEDURE: said, "odds": friction(record).log_odds}
     except UserError:
-        return {ASKED: said, "likelihood": None, "trust": False}
-    return {ASKED: said, "likelihood": gain > 0, "trust": EvidenceWeights.read().probability(gain, said) > LIKELY}
+        return {PROCEDURE: said, "odds": None}
 
 
 def counted(rows: pd.DataFrame, method: str) -> list[str]:
-    """Return found and false alarms of one method, by record and by unit (most of its records).
+    """Return found and false alarms of one method, by record, by loop and by unit.
 
-    Parameters
-    ----------
-    rows : DataFrame
-        Columns sticky, unit, and one per method.
-    method : str
-
-    Returns
-    -------
-    list of str
+    A loop or unit is called by most of its records, by the likelihood from their pooled log-odds.
     """
     out = []
-    called = rows.assign(called=rows[method].fillna(value=False).astype(bool))
-    units = called.groupby(["unit", "sticky"]).called.mean().gt(0.5).reset_index()
-    for what, table in (("records", called), ("units", units)):
-        text = f"{method:<12} by {what:<8}"
+    for what in ("record", "loop", "unit"):
+        keys = [rows.index] if what == "record" else [rows[what], rows.sticky]
+        table = pd.DataFrame(
+            {"sticky": bool(part.sticky.iloc[0]), "called": _called(part, method)} for _, part in rows.groupby(keys)
+        )
+        text = f"{method:<12} by {what:<7}"
         for kind, name in ((True, "found"), (False, "false alarms")):
             here = table[table.sticky == kind].called
             lo, hi = wilson(here.sum(), here.size) if here.size else (0.0, 1.0)
@@ -126,13 +108,20 @@ def counted(rows: pd.DataFrame, method: str) -> list[str]:
     return out
 
 
+def _called(part: pd.DataFrame, method: str) -> bool:
+    if method == PROCEDURE:
+        return bool(part[PROCEDURE].mean() > 0.5)
+    odds = part.odds.dropna()
+    return bool(odds.size and probability(pooled(list(odds))) > YES)
+
+
 def records(where: Path) -> list[tuple[Any, LoopRecord]]:
     """Return the usable primary records whose label nobody doubts, each with its line of `records.csv`.
 
     Parameters
     ----------
     where : Path
-        `records.csv` (columns id, unit_group, label, label_doubt, usable, primary, dynamics) and ID.csv files.
+        `records.csv` (columns id, loop, unit_group, label, label_doubt, usable, primary, dynamics) and ID.csv files.
 
     Returns
     -------
@@ -157,10 +146,11 @@ def main(arguments: list[str] | None = None) -> int:
     folder(given.output)
     read = records(given.folder)
     rows = pd.DataFrame(
-        {"unit": m.unit_group, "sticky": m.label == "stiction", **answered(given.output / f"{m.id}.json", partial(weighed, r))}
+        {"unit": m.unit_group, "loop": m.loop, "sticky": m.label == "stiction"}
+        | answered(given.output / f"{m.id}.json", partial(weighed, r))
         for m, r in tqdm(read, file=sys.stderr)
     )
-    print("\n".join(line for method in (ASKED, "likelihood", "trust") for line in counted(rows, method)))
+    print("\n".join(line for method in (PROCEDURE, LIKELIHOOD) for line in counted(rows, method)))
     if given.panel:
         first = list(dict(reversed([((m.unit_group, m.label), (m, r)) for m, r in read])).values())
         print("\n".join(_panel(first, given.output)))
@@ -171,15 +161,19 @@ def _panel(chosen: list[tuple[Any, LoopRecord]], out: Path) -> list[str]:
     added: list[str] = []
     sound = lost = 0
     for m, r in tqdm(chosen, file=sys.stderr):
-        before = answered(out / f"{m.id}.json", partial(weighed, r))["trust"]
+        before = _sure(answered(out / f"{m.id}.json", partial(weighed, r)))
         for i, (name, change) in enumerate(PANEL.items()):
-            after = answered(out / f"{m.id}-{i}.json", partial(weighed, change(r)))["trust"]
+            after = _sure(answered(out / f"{m.id}-{i}.json", partial(weighed, change(r))))
             lost += before and not after
             if after and not before:
                 added.append(f"added: {m.id}, {m.label}, {name}")
                 sound += m.label != "stiction"
     said = f"{len(added)} confident verdicts of stiction added, {sound} of them where the label says none; {lost} lost"
     return ["", f"{len(chosen)} records changed in {len(PANEL)} ways: {said}", *added]
+
+
+def _sure(row: dict[str, Any]) -> bool:
+    return row["odds"] is not None and probability(row["odds"]) > YES
 
 
 if __name__ == "__main__":

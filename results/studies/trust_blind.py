@@ -16,22 +16,13 @@ from typing import Any
 from tqdm import tqdm
 
 from detectors.records.io import read_record
+from results.studies.stiction_probability import entry
 from results.studies.trust_claims import claimed, who_is_right
-from simbench.blind.making import PLANTS, STRENGTHS, write_item
+from simbench.blind.making import write_item
 from simbench.blind.world import WORLDS
 from simbench.files import answered, folder
 
-FRICTION = "stiction"
-SOUND = ("none", "oscillation", "load_steps", "detuning")  # what a loop without friction has, in turn
 SEED = 18  # loops of seeds 14 to 17 were looked at while rules were chosen
-
-
-def entry(number: int) -> dict[str, Any]:
-    """Return what the loop of a number has, as the worlds are asked for it."""
-    turn = number // 2
-    about = {"mv": False, "plant": PLANTS[turn % len(PLANTS)], "strength": STRENGTHS[turn % len(STRENGTHS)]}
-    effect = FRICTION if number % 2 else SOUND[turn % len(SOUND)]
-    return {"kind": "none", "mv": False} if effect == "none" else {"kind": "single", "effect": effect, **about}
 
 
 def asked(world: str, number: int) -> dict[str, Any]:

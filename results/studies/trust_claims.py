@@ -3,33 +3,80 @@
 from __future__ import annotations
 
 import argparse
+import sys
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from tqdm import tqdm
 
 from detectors.errors import UserError
 from detectors.record import LoopRecord
 from detectors.report.report import choose_methods
 from detectors.verdict import NO_STICTION, STICTION
-from results.studies.trust_learn import TESTING, kept, looked_at
+from scenarios.errors import SpecError
+from scenarios.grid import load_grid
 from scenarios.spec import Loop, Part, Scenario
+from simbench.bench.scenario.resolve import resolve
 from simbench.bench.statistics import mcnemar, wilson
+from simbench.files import FileError, answered, folder
+from simbench.gap.stiction.friction import probability_of_stiction
+from simbench.gap.stiction.probability import YES
 from simbench.loop.setup import plain_setup
 from simbench.loop.simulate import simulate
 from simbench.plant.indices import judged
-from simbench.plant.trust.calibration import ASKED, EvidenceWeights, calls
-from simbench.plant.trust.friction import FRICTION, friction
 from simbench.plant.trust.result import SOUND, UNSEEN
-from simbench.plant.trust.trust import LIKELY, trust
+from simbench.plant.trust.trust import trust
 from simbench.usage import exit_code
 
+GRID = "plant"
+TESTING = 12  # seed of the order in which loops are drawn
+PROCEDURE = "procedure"  # beside which trust stands
 RUNS = 10  # of the true loop, sticky and healthy each
 FITTED = 3  # of the sticky ones, in which friction's likelihood is asked for as well
 CLOSE = 0.1  # by which a claim may differ from what was measured
 BOOTSTRAPS = 1000
 PLAIN, BURIED = 0.8, 0.3  # found less false alarms by the best method: plainly visible above, buried below
 BINS = 4  # of probability, for its calibration
+
+
+def loops(count: int, seed: int, grid: str = GRID) -> Iterator[Scenario]:
+    """Yield loops of a grid in random order: one of each group, then the others; even seeds draw from odd groups."""
+    source, rng = load_grid(grid), np.random.default_rng(seed)
+    groups = rng.permutation(np.arange((seed + 1) % 2, source.group_count, 2))
+    others: list[Scenario] = []
+    for index in groups[:count]:
+        try:
+            members = list(resolve(source.group(int(index))))
+        except (UserError, SpecError):
+            continue
+        yield members.pop(int(rng.integers(len(members))))
+        others += members
+    yield from others[: max(count - groups.size, 0)]
+
+
+def looked_at(scenario: Scenario) -> dict[str, Any]:
+    """Return whether one loop sticks, the probability of stiction without MV, and whether the procedure calls it."""
+    run = simulate(scenario.loop, scenario.seed)
+    record = run.record.blind()
+    called = judged(record, [PROCEDURE])[0].verdict == STICTION
+    return {"sticky": run.sticky, "probability": probability_of_stiction(record), PROCEDURE: called}
+
+
+def kept(out: Path, count: int, seed: int, ask: Callable[[Scenario], dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return what is found of loops of the grid; those looked at before are read from the folder."""
+    folder(out)
+    rows = []
+    for scenario in tqdm(loops(count, seed), total=count, file=sys.stderr):
+        try:
+            rows.append(answered(out / f"{scenario.id}.json", partial(ask, scenario)))
+        except FileError:
+            raise
+        except UserError as error:
+            print(f"left out {scenario.id}: {error}", file=sys.stderr)
+    return rows
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -98,15 +145,9 @@ def measured(scenario: Scenario, methods: list[str]) -> dict[str, Any]:
 
 def fitted(loop: Loop, seed: int) -> float:
     """Return the share of runs of a loop in which trust calls stiction probable."""
-    weights, found = EvidenceWeights.read(), []
-    for i in range(FITTED):
-        record = simulate(loop, seed + 1000 + i).record.blind()
-        try:
-            gain = friction(record).log_likelihood_gains[FRICTION]
-        except UserError:
-            continue
-        found.append(weights.probability(gain, calls(judged(record, [ASKED]))) > LIKELY)
-    return float(np.mean(found)) if found else 0.0
+    found = [probability_of_stiction(simulate(loop, seed + 1000 + i).record.blind()) for i in range(FITTED)]
+    said = [p > YES for p in found if p is not None]
+    return float(np.mean(said)) if said else 0.0
 
 
 def shares(loop: Loop, seed: int, methods: list[str]) -> dict[str, float]:
@@ -162,8 +203,8 @@ def _at(cells: list[dict[str, float]], S: float, J: float) -> float:
 
 
 def _probability(rows: list[dict[str, Any]]) -> list[str]:
-    weights = EvidenceWeights.read()
-    p = np.array([weights.probability(r["gain"], r["said"][ASKED][0] == STICTION) for r in rows])
+    rows = [r for r in rows if r["probability"] is not None]
+    p = np.array([r["probability"] for r in rows])
     sticky = np.array([r["sticky"] for r in rows])
     # trust assumes even odds before looking: sticky and healthy loops count the same
     w = np.where(sticky, 0.5 / max(sticky.sum(), 1), 0.5 / max((~sticky).sum(), 1))
@@ -178,10 +219,10 @@ def _probability(rows: list[dict[str, Any]]) -> list[str]:
     lines.append(
         f"expected calibration error {_error(p, sticky, w):.3f} (95 % of bootstraps {lo:.3f} to {hi:.3f}: upwards biased)"
     )
-    right = {"trust": p > 0.5, ASKED: np.array([r["said"][ASKED][0] == STICTION for r in rows])}
+    right = {"trust": p > 0.5, PROCEDURE: np.array([r[PROCEDURE] for r in rows])}
     share = {name: 0.5 * (called[sticky].mean() + (~called[~sticky]).mean()) for name, called in right.items()}
     lines.append(f"right, sticky and healthy loops counting the same: {', '.join(f'{n} {s:.2f}' for n, s in share.items())}")
-    sure = p > LIKELY
+    sure = p > YES
     lines.append(
         f"stiction claimed: {out_of(int(sure[sticky].sum()), int(sticky.sum()))} of the sticky, "
         f"{out_of(int(sure[~sticky].sum()), int((~sticky).sum()))} of the healthy"

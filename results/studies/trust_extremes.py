@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from detectors.report.report import choose_methods
-from results.studies.trust_claims import BURIED, PLAIN, fitted, out_of, shares
-from results.studies.trust_learn import TESTING, kept
+from results.studies.trust_claims import BURIED, PLAIN, TESTING, fitted, kept, out_of, shares
 from scenarios.spec import Loop, Part, Scenario
 from simbench.loop.simulate import simulate
 from simbench.plant.study.strengths import Size

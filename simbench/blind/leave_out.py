@@ -19,11 +19,11 @@ from detectors.errors import ParameterError, UserError
 from detectors.records.io import read_record
 from scenarios.spec import load_loop
 from simbench.blind.making import PLANTS, write_item
-from simbench.blind.world import OWN, WORLDS
+from simbench.blind.world import EFFECTS, OWN, WORLDS
 from simbench.files import folder, remove_stale_temporaries, whole_file, write_table
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.effects import left_out
-from simbench.loop.effects import EFFECTS, NONE, UNKNOWN, block_of
+from simbench.loop.effects import NONE, UNKNOWN, block_of
 
 STRENGTHS = ("strong", "medium")
 COLUMNS = ("record", "effect", "strength", "said", "block", "nearest", "before", "left", "resolvable", "back", "after", "error")

@@ -20,18 +20,12 @@ from tqdm import tqdm
 from detectors.errors import ParameterError
 from scenarios.spec import Loop
 from simbench.blind import seal
-from simbench.blind.world import OWN, WORLDS
+from simbench.blind.world import OWN, PLANNED, WORLDS
 from simbench.files import folder, refuse_own_input, whole_file
 
 PLANTS = ("foptd", "foptd", "integrating")
 NEEDS_T = "time_constant_mismatch"
 STRENGTHS = ("weak", "medium", "strong")
-# in this order since the first set was sealed: a seed means the same records for ever
-PLANNED = (
-    "stiction", "deadband", "deadzone", "valve_lag", "valve_characteristic", "gain_mismatch", "time_constant_mismatch",
-    "dead_time_mismatch", "extra_lag", "noise", "quantisation", "sensor_lag", "compression", "outliers", "drift",
-    "oscillation", "load_steps", "load_drift", "saturation", "detuning", "error_deadband", "op_quantisation",
-)  # fmt: skip
 COLUMNS = (
     "id", "world", "kind", "block", "effect", "block2", "effect2", "strength", "ratio", "shrinkage", "gap_before", "gap_after",
     "floor", "parameters", "parameters2", "foreign", "mv", "plant", "controller", "sp_moves", "case", "seed",

@@ -9,21 +9,26 @@ from typing import Any
 import numpy as np
 from joblib import Parallel, delayed
 
-from detectors.errors import RecordError
+from detectors.compiled import one_thread
+from detectors.errors import RecordError, UserError
 from detectors.record import LoopRecord
 from scenarios.spec import Loop
 from simbench.gap.candidates import alike, smallest_detectable
 from simbench.gap.closed_loop.next_test import choose
 from simbench.gap.closed_loop.runs import ClosedLoops
-from simbench.gap.decide.assess import SURE, Assessment, assess, capped
+from simbench.gap.decide.assess import LIMITS, SURE, Assessment, assess, capped
 from simbench.gap.decide.classify import Classified, classify
 from simbench.gap.decide.identified import plausible
-from simbench.gap.intake.check import SAME_TS, check
+from simbench.gap.intake.check import check
 from simbench.gap.intake.partial import Partial, completed
-from simbench.gap.intake.refuse import refuse_unfit
+from simbench.gap.intake.refuse import SAME_TS, refuse_unfit
 from simbench.gap.report.result import Behind, Gap, GapReport, Ranked
 from simbench.gap.situation import load_memory
+from simbench.gap.stiction.friction import friction
+from simbench.gap.stiction.probability import NO, pooled, probability
 from simbench.loop.effects import EFFECTS, NONE, block_of
+
+WIDE = 1.5  # floors, beyond which a gap is wide
 
 
 def diagnose(
@@ -62,8 +67,6 @@ def diagnose(
     >>> diagnose(case.record, case.baseline).effect
     'detuning'
     """
-    from threadpoolctl import threadpool_limits
-
     records = [record] if isinstance(record, LoopRecord) else list(record)
     if not records:
         raise RecordError("no record to diagnose")
@@ -73,33 +76,41 @@ def diagnose(
             f"records judged together must have one Ts; it is {paces[0]:g} s in one and {paces[-1]:g} s in another"
         )
     # thousands of tiny matrices: threads would only wait for each other
-    with threadpool_limits(limits=1):
+    with one_thread():
         found, more = _assess_all(records, baseline, jobs)
         runs = ClosedLoops(found, seed)
         return report(found, closing(classify(found), found, runs), runs, more)
 
 
-def _assess_one(record: LoopRecord, baseline: Loop | Partial | None) -> Assessment:
+def _assess_one(record: LoopRecord, baseline: Loop | Partial | None) -> tuple[Assessment, float | None]:
+    """Return the assessment of one record, and the log-odds of stiction where they can be said."""
     refuse_unfit(record, f"record {record.tag!r}" if record.tag else "record")
     loop, given, said = completed(record, baseline)
     situation = check(record, loop, trusted="plant" in given, tuned="controller" in given)
     found = assess(replace(situation, notes=[*situation.notes, *said]))
-    return found if situation.trusted else plausible(found)
+    try:
+        odds = friction(record, baseline).log_odds
+    except UserError:
+        odds = None
+    return found if situation.trusted else plausible(found, odds is None or probability(odds) >= NO), odds
 
 
 def _assess_all(records: list[LoopRecord], baseline: Loop | Partial | None, jobs: int) -> tuple[Assessment, list[str]]:
     """Assess every record; evidence adds up, and the longest record carries the fits, the parameters and the gap."""
     with Parallel(n_jobs=jobs if len(records) > 1 else 1) as parallel:
-        every: list[Any] = list(parallel(delayed(_assess_one)(r, baseline) for r in records))
+        pairs: list[Any] = list(parallel(delayed(_assess_one)(r, baseline) for r in records))
+    every = [found for found, _ in pairs]
+    odds = [one for _, one in pairs if one is not None]
     main = max(every, key=lambda f: f.situation.record.n)
-    if len(every) == 1:
+    others = tuple(f for f in every if f is not main)
+    main = replace(main, stiction=probability(pooled(odds)) if odds else None)
+    if not others:
         return main, []
     gains = {e: capped(float(sum(f.log_likelihood_gains[e] for f in every))) for e in main.log_likelihood_gains}
     proven = [e for e in main.log_likelihood_gains if any(e in f.situation.proven for f in every)]
     gains |= dict.fromkeys(proven, SURE)
-    parameters = {e: p for f in [*every, main] for e, p in f.parameters.items()}
+    parameters = {e: p for f in [*others, main] for e, p in f.parameters.items()}
     chosen = main.chosen or max((f.chosen for f in every), key=len)
-    others = tuple(f for f in every if f is not main)
     said = f"{len(every)} records judged together; gap and parameters are those of {main.situation.record.tag or 'the longest'}"
     return replace(main, log_likelihood_gains=gains, parameters=parameters, chosen=chosen, beside=others), [said]
 
@@ -140,12 +151,20 @@ def closing(weights: Classified, found: Assessment, runs: ClosedLoops) -> Classi
     Classified
         Unchanged where the gap does not stand out of its floor, or nothing was named.
     """
-    effects = [e for e in named_by(weights, found) if e in EFFECTS]
+    named = named_by(weights, found)
+    effects = [e for e in named if e in EFFECTS]
     if not effects:
-        return weights
+        return _unless_wide(weights, found, runs) if named == [NONE] and not found.situation.trusted else weights
     gap = runs.shrink(effects)
     widens = gap.hi < 0.0 if found.shown(effects[0]) else gap.after >= gap.before
     return weights.refuted(effects[0]) if gap.resolvable and widens else weights
+
+
+def _unless_wide(weights: Classified, found: Assessment, runs: ClosedLoops) -> Classified:
+    """Return "unknown" for "none" where a wide gap stays that is not the load's: the best model leaves something behind."""
+    gap = runs.shrink([])
+    left, block = max((found.tests[name] / limit, block) for name, (limit, block) in LIMITS.items())
+    return weights.refuted(NONE, block) if gap.recalibrated > WIDE * gap.floor and left > 1.0 else weights
 
 
 def report(found: Assessment, weights: Classified, runs: ClosedLoops, more: Sequence[str] = ()) -> GapReport:
@@ -200,7 +219,7 @@ def report(found: Assessment, weights: Classified, runs: ClosedLoops, more: Sequ
     return GapReport(
         block=weights.block(first), effect=first, effects=answers, group=group, ranking=tuple(lines),
         gap=gap, shrinkage=shrinkage, blocks=weights.shares, next_test=advice, notes=tuple(notes),
-        behind=Behind(found, runs, main, sizes, separation),
+        probability_of_stiction=found.stiction, behind=Behind(found, runs, main, sizes, separation),
     )  # fmt: skip
 
 

@@ -13,15 +13,11 @@ from detectors.records.io import read_record
 from detectors.signal.lattice import lattice, root_lattice, written_unit
 from results.studies.plant_data import by_flag, by_unit_group, diagnose_folder
 from scenarios.spec import Loop
-from simbench.gap.candidates import fit_candidates
-from simbench.gap.decide.assess import Assessment, assess
-from simbench.gap.decide.identified import in_both_halves, plausible, remarks
+from simbench.gap.decide.assess import assess
+from simbench.gap.decide.identified import plausible, remarks
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.intake.check import check
 from simbench.gap.intake.identify import identify
-from simbench.gap.likelihood.engine import Engine
-from simbench.gap.likelihood.model import Spec
-from simbench.gap.situation import load_memory
 from simbench.loop.simulate import simulate
 
 REAL = Path(__file__).parents[3] / "shared" / "data" / "real"
@@ -143,16 +139,6 @@ def test_a_set_point_that_never_rests_does_not_move_in_steps():
 def test_set_point_steps_are_said_beside_a_baseline_too():
     notes = check(record_of(FLOW, "self-regulating"), Loop.from_table(FLOW)).notes
     assert "set-point steps: SP moves in 2 steps, the largest 5" in notes
-
-
-def test_friction_in_both_halves_is_asked_of_a_record_with_1_over_f_load_too():
-    record = record_of(FLOW | STICKY, "self-regulating", kick=6.0)
-    situation = check(record, identify(record), trusted=False)
-    engine = Engine(situation.data, load_memory(situation))
-    base = engine.fit(Spec(pink=True), engine.start())
-    friction = fit_candidates(engine, base, ["stiction"])
-    found = Assessment(situation, base, friction, {}, [], base)
-    assert in_both_halves(found, "stiction")
 
 
 def test_unit_groups_count_alike_and_doubtful_labels_do_not_count():

@@ -34,28 +34,36 @@ def test_exception_keeps_every_change_beyond_its_band(wave):
     assert not (np.abs(np.diff(wave.pv, 2)) < 1e-9).any()
 
 
-def test_a_unit_is_called_by_most_of_its_records():
-    rows = pd.DataFrame(
-        {"unit": list("aaabbc"), "sticky": [True] * 3 + [False] * 3, "trust": [True, True, False, True, False, False]}
-    )
-    by_record, by_unit = counted(rows, "trust")
+def test_a_unit_is_called_by_most_of_its_records_and_by_the_likelihood_from_all_of_them():
+    rows = pd.DataFrame({
+        "unit": list("aaabbc"), "loop": list("aaabbc"), "sticky": [True] * 3 + [False] * 3,
+        "procedure": [True, False, False, True, False, False], "odds": [4.0, 4.0, -1.0, 3.0, -3.0, None],
+    })  # fmt: skip
+    by_record, by_loop, by_unit = counted(rows, "likelihood")
     assert "found 2 of 3" in by_record
     assert "false alarms 1 of 3" in by_record
-    assert "found 1 of 1" in by_unit
+    assert "found 1 of 1" in by_loop
     assert "false alarms 0 of 2" in by_unit
+    assert "found 0 of 1" in counted(rows, "procedure")[2]
 
 
 def test_only_records_with_a_label_that_nobody_doubts_are_asked_about_and_once(wave, tmp_path, monkeypatch, capsys):
-    good = {"unit_group": "u", "label": "stiction", "label_doubt": "", "usable": 1, "primary": 1, "dynamics": "integrating"}
+    good = {
+        "unit_group": "u",
+        "loop": "l",
+        "label": "stiction",
+        "label_doubt": "",
+        "usable": 1,
+        "primary": 1,
+        "dynamics": "integrating",
+    }
     rows = [good, good | {"label_doubt": "why"}, good | {"label": "unknown"}, good | {"primary": 0}]
     pd.DataFrame([{"id": f"r{i}", **row} for i, row in enumerate(rows)]).to_csv(tmp_path / "records.csv", index=False)
     for i in range(4):
         write_record(wave, tmp_path / f"r{i}.csv")
     asked = []
-    monkeypatch.setattr(
-        recorded, "weighed", lambda r: asked.append(r.process) or {"procedure": True, "likelihood": None, "trust": False}
-    )
+    monkeypatch.setattr(recorded, "weighed", lambda r: asked.append(r.process) or {"procedure": True, "odds": None})
     for _ in range(2):
         assert recorded.main([str(tmp_path), "-o", str(tmp_path / "kept")]) == 0
     assert asked == ["integrating"]
-    assert "procedure    by units    found 1 of 1" in capsys.readouterr().out
+    assert "procedure    by unit    found 1 of 1" in capsys.readouterr().out

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from results.studies import trust_claims as claims
-from results.studies import trust_learn as learn
-from results.studies.trust_learn import LEARNING, TESTING, fit, kept, loops
+from results.studies.trust_claims import TESTING, kept, loops
 
 
 def row(sticky, probability, verdict, visible, S, healthy, found, said="cannot tell"):
@@ -57,10 +56,7 @@ def test_sticky_and_healthy_loops_weigh_the_same_in_the_calibration():
 
 
 def test_a_probability_is_held_against_the_share_that_sticks():
-    rows = [
-        {"sticky": i % 2 == 0, "gain": 40.0 if i % 2 == 0 else -40.0, "said": {"procedure": ["no_stiction", None]}}
-        for i in range(8)
-    ]
+    rows = [{"sticky": i % 2 == 0, "probability": 0.999 if i % 2 == 0 else 0.001, "procedure": False} for i in range(8)]
     lines = claims._probability(rows)
     assert lines[0] == "probability of stiction, 8 loops, 4 sticky: claimed, share sticky, loops"
     assert [line.split()[1:] for line in lines[1:3]] == [["0.00", "4"], ["1.00", "4"]]
@@ -79,16 +75,9 @@ def test_an_abstention_is_not_right():
     assert not claims._right("no_decision", False)
 
 
-def test_loops_learned_on_are_never_tested_on():
-    learned = {s.tags["cell"] for s in loops(6, LEARNING)}
-    tested = {s.tags["cell"] for s in loops(6, TESTING)}
-    assert learned
-    assert not learned & tested
-
-
 def test_where_loops_outnumber_groups_the_other_loops_of_the_groups_follow_once(monkeypatch):
-    monkeypatch.setattr(learn, "load_grid", lambda name: SimpleNamespace(group_count=9, group=lambda i: i))
-    monkeypatch.setattr(learn, "resolve", lambda i: [(i, "sticky"), (i, "healthy")])
+    monkeypatch.setattr(claims, "load_grid", lambda name: SimpleNamespace(group_count=9, group=lambda i: i))
+    monkeypatch.setattr(claims, "resolve", lambda i: [(i, "sticky"), (i, "healthy")])
     few, more, most = (list(loops(count, TESTING)) for count in (3, 6, 100))
     assert few == more[:3] == most[:3]
     assert more == most[:6]
@@ -96,22 +85,8 @@ def test_where_loops_outnumber_groups_the_other_loops_of_the_groups_follow_once(
     assert sorted(i for i, _ in most[:4]) == [1, 3, 5, 7]
 
 
-def test_a_calibration_learned_on_telling_evidence_believes_it():
-    def loop(i, sticky, gain, verdict):
-        return {"sticky": sticky, "gain": gain, "valve": f"kind {i % 6}", "said": {"procedure": [verdict, None]}}
-
-    rows = [loop(i, i % 2 == 0, 20.0 * (-1) ** i, "stiction" if i % 2 == 0 else "no_stiction") for i in range(60)]
-    rows += [loop(i, i % 4 > 1, 0.0, "no_decision") for i in range(24)]
-    found = fit(rows)
-    assert found.probability(20.0, True) > 0.8
-    assert found.probability(-20.0, False) < 0.2
-    assert 0.3 < found.probability(0.0, False) < 0.7
-    assert found.loops == 84
-    assert found.log_loss < 0.5
-
-
 def test_what_was_found_is_not_looked_for_again(tmp_path):
     seen = []
     for _ in range(2):
-        rows = kept(tmp_path, 2, LEARNING, lambda s: seen.append(s.id) or {"sticky": True})
+        rows = kept(tmp_path, 2, TESTING, lambda s: seen.append(s.id) or {"sticky": True})
     assert len(seen) == len(rows) == len(list(tmp_path.iterdir()))

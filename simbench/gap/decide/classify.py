@@ -8,6 +8,7 @@ import numpy as np
 from scipy.special import expit, softmax
 
 from simbench.gap.decide.assess import ASKED, Assessment
+from simbench.gap.effects import recogniser
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 
 TEMPERATURE = 0.35  # of the softmax: such likelihoods overstate, as no model of load and noise is quite true
@@ -33,11 +34,11 @@ class Classified:
         whole = sum(sums.values())
         return {b: v / whole for b, v in sums.items()}
 
-    def refuted(self, effect: str) -> Classified:
-        """Return the same with the probability of an effect given to `unknown`, in the effect's block."""
+    def refuted(self, effect: str, block: str = "") -> Classified:
+        """Return the same with the probability of an effect, or of none, given to `unknown`, in a block or the effect's own."""
         p = dict(self.probability)
         p[UNKNOWN], p[effect] = p[effect] + p[UNKNOWN], 0.0
-        return Classified(p, block_of(effect))
+        return Classified(p, block or block_of(effect))
 
     def block(self, answer: str) -> str:
         """Return the block of an answer; that of `unknown` is the one that fails."""
@@ -87,5 +88,14 @@ def classify(found: Assessment) -> Classified:
     if ratio < 1.0 or set(found.chosen[:1]) & set(found.situation.proven):
         # while no test fails, or beside what is there without doubt, "unknown" is never the first answer
         q = min(q, 0.99 * float(known.max()) / (1.0 + float(known.max())))
-    p = dict(zip((*EFFECTS, NONE), (float(x) for x in (1.0 - q) * known)))
-    return Classified({**p, UNKNOWN: q}, block)
+    p = {**dict(zip((*EFFECTS, NONE), (float(x) for x in (1.0 - q) * known))), UNKNOWN: q}
+    if found.stiction is not None and not found.situation.trusted:
+        p = _beside_friction(p, found.stiction)
+    return Classified(p, block)
+
+
+def _beside_friction(p: dict[str, float], stiction: float) -> dict[str, float]:
+    """Return probabilities in which friction has the one it has in every verb; the others share the rest as before."""
+    bands = {e for e in EFFECTS if recogniser(e).band is not None}
+    friction = sum(p[e] for e in bands)
+    return {e: v * (stiction / friction if e in bands else (1.0 - stiction) / (1.0 - friction)) for e, v in p.items()}

@@ -20,6 +20,7 @@ SLIPPING = (kernels.STICK, kernels.CREEP)  # maps with a jump
 KEPT, CHILDREN = 30, 6  # different peaks followed, and points tried around each
 SPREADS = (0.03, 0.012)  # of log S around them, ever closer
 ROUGH = ("S", "J", "D", "c")  # in which the likelihood has corners
+TINY = 10  # widths below what OP's jitter hides
 HOPELESS = 4.0  # nats below the base from which a grid's best point is not worth refining
 
 
@@ -172,10 +173,9 @@ def promising(fit: Fit, base: Fit) -> bool:
 
 
 def band_sizes(data: Data, count: int) -> np.ndarray:
-    """Return widths to try, from below OP's jitter to its range."""
+    """Return widths to try, from next to none, lest a sound valve be none of the family, to beyond OP's range."""
     span = float(np.quantile(data.u, 0.995) - np.quantile(data.u, 0.005)) or 1.0
-    low = max(0.02 * span, 0.05)
-    return np.geomspace(low, max(1.2 * span, 2 * low), count)
+    return span * np.concatenate([np.geomspace(0.001, 0.017, TINY), np.geomspace(0.02, 1.2, count)])
 
 
 def plants(engine: Engine, base: Fit) -> list[dict[str, float]]:

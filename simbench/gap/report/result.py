@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from detectors.verdict import PROBABILITY
 from detectors.views import page_part
 from scenarios.spec import Loop
 from simbench.gap.closed_loop.gap import Shrinkage
@@ -78,6 +79,8 @@ class GapReport:
     next_test : str
         The measurement or test that separates the remaining candidates best.
     notes : tuple of str
+    probability_of_stiction : float or None
+        The same in every verb, pooled over the records; None where it cannot be said.
     behind : Behind
     """
 
@@ -91,6 +94,7 @@ class GapReport:
     blocks: dict[str, float]
     next_test: str
     notes: tuple[str, ...]
+    probability_of_stiction: float | None
     behind: Behind = field(repr=False)
 
     def as_json(self) -> dict[str, Any]:
@@ -128,6 +132,7 @@ class GapReport:
             "blocks": dict(self.blocks),
             "next_test": self.next_test,
             "notes": list(self.notes),
+            PROBABILITY: self.probability_of_stiction,
         }
 
     def to_frame(self) -> pd.DataFrame:
@@ -223,6 +228,8 @@ class GapReport:
         if self.shrinkage:
             s = self.shrinkage
             lines.append(f"shrinkage: {s['value']:.2f} [{s['lo']:.2f}, {s['hi']:.2f}]")
+        if self.probability_of_stiction is not None:
+            lines.append(f"probability of stiction: {self.probability_of_stiction:.2f}")
         lines.append("")
         lines += [f"{r.probability:6.3f}  {r.effect:24s}{numbers(r.effect, r.parameters, '')}" for r in self.ranking[:6]]
         lines += ["", f"next: {self.next_test}"] + [f"note: {n}" for n in self.notes]

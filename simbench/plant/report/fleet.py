@@ -11,6 +11,7 @@ from detectors.record import LoopRecord
 from detectors.records.io import read_folder, read_labels
 from detectors.report.report import choose_methods
 from detectors.verdict import Verdict
+from simbench.gap.stiction.probability import pooled, probability
 from simbench.plant.episodes import OverTime
 from simbench.plant.indices import judged
 from simbench.plant.report.advice import Advice, advise
@@ -46,6 +47,8 @@ class FleetLoop:
     root : str or None
         Likely root of that oscillation; itself where it is the root.
     advice : Advice
+    pooled : float or None
+        Probability of stiction from all records of this loop.
     """
 
     name: str
@@ -57,6 +60,7 @@ class FleetLoop:
     event: int | None
     root: str | None
     advice: Advice
+    pooled: float | None = None
 
     @property
     def probability(self) -> float:
@@ -130,6 +134,7 @@ def survey(
     names = choose_methods(["all"])
     about = [(name, r, names, known.get(name, {}).get("label", ""), seed) for name, r in records.items()]
     members: list[FleetLoop] = resumed(_one, about, jobs=jobs, keep=keep, what="loops")
+    members = _with_pooled(members, {name: row["loop"] for name, row in known.items()})
     members, events = _joined(members, {m.name: Prepared(records[m.name].blind()) for m in members})
     members.sort(key=lambda m: (-round(m.probability, 1), -(m.size or (0.0, 0.0))[0], m.name))
     return Fleet(tuple(members), events, refused, tuple(names))
@@ -143,10 +148,20 @@ def _one(name: str, record: LoopRecord, methods: list[str], label: str, seed: in
     said = tuple(by_method[name] for name in methods)
     size = None
     behind = found.behind
-    if behind is not None and behind.fitted and (behind.gain or 0.0) > 0 and (found.probability or 0.0) >= 0.5:
+    if behind is not None and behind.fitted and behind.gain > 0 and behind.probability >= 0.5:
         size = (behind.fitted[0] * behind.percent, behind.fitted[1] * behind.percent)
     when = found.over_time or OverTime(NOTHING, (), 0, 0)
     return FleetLoop(name, found, said, when, size, label, None, None, Advice("", ""))
+
+
+def _with_pooled(members: list[FleetLoop], loops: Mapping[str, str]) -> list[FleetLoop]:
+    """Return the members with what the records of one loop say together."""
+    odds: dict[str, list[float]] = {}
+    for m in members:
+        if m.found.behind is not None:
+            odds.setdefault(loops.get(m.name, m.name), []).append(m.found.behind.log_odds)
+    together = {name: probability(pooled(every)) for name, every in odds.items()}
+    return [replace(m, pooled=together.get(loops.get(m.name, m.name))) for m in members]
 
 
 def _nonlinearity(verdicts: tuple[Verdict, ...]) -> float:

@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 
 from detectors.report.report import score_units
-from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
+from detectors.verdict import NO_DECISION, NO_STICTION, PROBABILITY, STICTION, Verdict
 from simbench.files import write_table
 from simbench.html.page import render
 from simbench.html.svg import inline_svg
@@ -89,7 +89,7 @@ def table(fleet: Fleet) -> pd.DataFrame:
         row: dict[str, Any] = {
             "rank": rank,
             "loop": m.name,
-            "probability": m.found.probability,
+            PROBABILITY: m.found.probability,
             "answer": m.found.answer,
             "S": m.size[0] if m.size else None,
             "J": m.size[1] if m.size else None,
@@ -102,6 +102,8 @@ def table(fleet: Fleet) -> pd.DataFrame:
             "sticky cycles": when.sticky if when.several else None,
             "cycles": when.cycles if when.several else None,
         }
+        if any(other.pooled != other.found.probability for other in fleet.members):
+            row["pooled over its loop's records"] = m.pooled
         if any(other.label for other in fleet.members):
             row["label"] = m.label.replace("_", " ")
         rows.append(row | {v.method: _word(v) for v in m.verdicts})

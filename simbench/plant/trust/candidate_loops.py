@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
-
-import numpy as np
 
 from detectors.record import LoopRecord
 from detectors.signal.oscillation import find_oscillation
-from scenarios.spec import Loop, Part
+from scenarios.spec import Loop
 from simbench.gap.closed_loop.runs import ClosedLoops
-from simbench.loop.setup import plain_setup
-from simbench.plant.trust.friction import FRICTION, OUTSIDE, friction
+from simbench.gap.stiction.friction import FRICTION, OUTSIDE, friction, in_percent, with_sound_valve
+from simbench.gap.stiction.probability import probability
 
-ROOM = 2.0  # OP ranges left free on either side of a record whose unit of OP is unknown
 ARCHIVE = ("quantisation", "compression", "outliers", "op_quantisation")  # effects that single samples prove
 
 
@@ -33,8 +30,8 @@ class Around:
         The loop with the friction that explains the record best, and the load that is then left; None where none was fitted.
     fitted : (float, float) or None
         S and J (%) of `sticky`.
-    gain : float or None
-        Log-likelihood (nats) that friction brings over none.
+    gain, log_odds : float
+        Log-likelihood (nats) that friction brings over none, and the log-odds of stiction.
     trusted : bool
         Plant and tuning are those of a loop file, not identified.
     period : float or None
@@ -48,11 +45,17 @@ class Around:
     healthy: tuple[Loop, ...]
     sticky: Loop | None
     fitted: tuple[float, float] | None
-    gain: float | None
+    gain: float
+    log_odds: float
     trusted: bool
     period: float | None
     percent: float
     notes: tuple[str, ...]
+
+    @property
+    def probability(self) -> float:
+        """Probability of stiction."""
+        return probability(self.log_odds)
 
 
 def around(record: LoopRecord, loop: Loop | None = None) -> Around:
@@ -83,10 +86,10 @@ def around(record: LoopRecord, loop: Loop | None = None) -> Around:
     """
     notes = []
     record, percent = in_percent(record)
-    if loop is not None and plain_setup(loop, 0).sticky:
-        loop = loop.model_copy(update={"valve": Part(name="ideal")})
+    if loop is not None and with_sound_valve(loop) is not loop:
         notes.append("the loop file's valve has friction; twins are drawn with and without it")
-    found = friction(record, loop)
+    weighed = friction(record, loop)
+    found = weighed.found
     loops = ClosedLoops(found, 0)
     archive = [e for e in ARCHIVE if e in found.situation.proven]
     healthy = [loops.loop(archive)]
@@ -95,13 +98,10 @@ def around(record: LoopRecord, loop: Loop | None = None) -> Around:
         healthy.append(loops.loop([*archive, OUTSIDE]))
         if gains.get(OUTSIDE, 0.0) > 0:
             healthy.reverse()
-    sticky = fitted = None
-    if FRICTION in found.parameters:
-        sticky = loops.loop([*archive, FRICTION])
-        fitted = (float(found.parameters[FRICTION]["S"]), float(found.parameters[FRICTION]["J"]))
+    sticky = None if weighed.fitted is None else loops.loop([*archive, FRICTION])
     swing = find_oscillation(record.op, record.pv, record.Ts)
     return Around(
-        record, tuple(healthy), sticky, fitted, _finite(gains.get(FRICTION)), loop is not None,
+        record, tuple(healthy), sticky, weighed.fitted, weighed.evidence.gain, weighed.log_odds, loop is not None,
         swing.period_s if swing.sustained else None, percent, (*notes, *found.situation.notes),
     )  # fmt: skip
 
@@ -124,18 +124,3 @@ def without(loop: Loop, names: tuple[str, ...]) -> Loop:
 def archived(loop: Loop) -> list[Mapping[str, Any]]:
     """Return what an archive or a transmitter does to the loop's record, effect by effect."""
     return [e for e in loop.to_table().get("effect", []) if e["name"] in ARCHIVE]
-
-
-def in_percent(record: LoopRecord) -> tuple[LoopRecord, float]:
-    """Return the record with OP in %, and how many units of its OP one % is."""
-    if record.op_percent is not None:
-        lo, hi = record.op_span or (0.0, 100.0)
-        return replace(record, op=record.op_percent, op_span=(0.0, 100.0)), (hi - lo) / 100.0
-    lo, hi = float(record.op.min()), float(record.op.max())
-    span = (hi - lo) or 1.0
-    lo, wide = lo - ROOM * span, (1 + 2 * ROOM) * span
-    return replace(record, op=(record.op - lo) * (100.0 / wide), op_span=(0.0, 100.0)), wide / 100.0
-
-
-def _finite(value: float | None) -> float | None:
-    return None if value is None or not np.isfinite(value) else float(value)

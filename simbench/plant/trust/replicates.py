@@ -14,7 +14,6 @@ from detectors.signal.oscillation import find_oscillation
 from scenarios.errors import SpecError
 from scenarios.spec import Loop
 from simbench.loop.simulate import simulate
-from simbench.plant.trust.calibration import EvidenceWeights
 from simbench.plant.trust.candidate_loops import Around, with_friction
 
 LEVELS = 5  # values of S
@@ -158,7 +157,7 @@ def _twin(a: Around, S: float, J: float, change: Change, stream: list[int], numb
 
 def _sticky_base(a: Around, number: int) -> Loop:
     """Return the loop that friction is put into: under friction part of the motion is the valve's, how much nobody knows."""
-    if a.sticky is not None and number * GOLDEN % 1.0 < EvidenceWeights.read().probability(a.gain, called=False):
+    if a.sticky is not None and number * GOLDEN % 1.0 < a.probability:
         return a.sticky
     return a.healthy[number % len(a.healthy)]
 
@@ -168,9 +167,7 @@ def _after(run: LoopRecord, ahead: int) -> LoopRecord:
     return run.window(ahead, run.n)
 
 
-def _driven(
-    table: dict[str, Any], a: Around, kind: str, seed: int, ahead: int, rng: np.random.Generator
-) -> dict[str, Any]:
+def _driven(table: dict[str, Any], a: Around, kind: str, seed: int, ahead: int, rng: np.random.Generator) -> dict[str, Any]:
     """Return a sound loop that another one swings as much as the record swings, at about its period."""
     assert a.period is not None
     own = [part | {"amplitude": QUIETER * part["amplitude"]} for part in table["disturbance"]]

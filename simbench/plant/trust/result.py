@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from detectors.record import LoopRecord
-from detectors.verdict import NO_STICTION, STICTION, Verdict
+from detectors.verdict import NO_STICTION, PROBABILITY, STICTION, Verdict
 from simbench.plant.episodes import OverTime
 from simbench.plant.trust.candidate_loops import Around
 from simbench.plant.trust.power import Cell, Rule
@@ -89,6 +89,7 @@ class Trust:
             "best": best.verdict.method if best else None,
             "smallest_visible": None if seen is None else {"S": seen[0], "J": seen[1]},
             "probability": self.probability,
+            PROBABILITY: self.probability,
             "twins": len(self.twins),
             "notes": [self.sentence(), *self._asides(), *(r.sentence() for r in self.helps), *self.notes],
         }
@@ -113,9 +114,9 @@ class Trust:
 
     def _sources(self) -> str:
         """Return what the probability is made of."""
-        gain = self.behind.gain if self.behind else None
-        if gain is None:
+        if self.behind is None:
             return ""
+        gain = self.behind.gain
         return f" (with friction the fit is {abs(gain):.0f} nats {'better' if gain > 0 else 'worse'})"
 
     def _asides(self) -> list[str]:

@@ -14,9 +14,9 @@ from detectors.record import LoopRecord
 from detectors.report.report import choose_methods
 from detectors.verdict import STICTION, Verdict
 from scenarios.spec import Loop
+from simbench.gap.stiction.probability import NO, YES
 from simbench.plant.episodes import over_time
 from simbench.plant.indices import judged
-from simbench.plant.trust.calibration import ASKED, EvidenceWeights, calls
 from simbench.plant.trust.candidate_loops import Around, around
 from simbench.plant.trust.power import (
     Cell,
@@ -33,8 +33,6 @@ from simbench.plant.trust.result import OPEN, SOUND, STICKY, UNSEEN, MethodTrust
 HEALTHY, EACH = 80, 12  # twins with a sound valve, and in every cell of S and J
 LONG, THINNEST = 8000, 0.3  # samples of a record from which fewer twins are drawn, and at least this share of them
 FEW, ENOUGH = 10, 16  # twins of a kind below which nothing is said, and drawn of a long record: loops may run away
-LIKELY = 0.75  # probability from which stiction is claimed
-EVEN = 0.5  # below it a size that four of five records would show is denied: it stands there in one case of ten at most
 
 
 def trust(
@@ -75,10 +73,9 @@ def trust(
 
     Notes
     -----
-    The probability weighs the likelihood that friction brings over none, and the procedure's verdict, by three numbers that
-    `python -m results.studies.trust_learn` finds on simulated loops. What the other methods say of record and twins adds
-    nothing to it: most are blind where no limit cycle stands out of the load, and there the likelihood still tells. Of the methods
-    that agree with it, twins say which is worth reading here, and how much friction it would have shown.
+    The probability is that of `simbench.gap.stiction`, the same in every verb. What the methods say of record and twins adds
+    nothing to it: most are blind where no limit cycle stands out of the load, and there the likelihood still tells. Of the
+    methods that agree with it, twins say which is worth reading here, and how much friction it would have shown.
 
     Twins know only what the identified loop knows: with a loop that changed within the record, or a plant unlike first order
     with dead time, claims are too sure. Even odds of stiction are assumed before looking.
@@ -102,8 +99,7 @@ def trust(
         if loop is not None:
             raise
         return _without_twins(record, said, f"no loop could be identified: {error}")
-    asked = said if ASKED in names else judged(record, [ASKED])
-    probability = EvidenceWeights.read().probability(behind.gain, calls(asked))
+    probability = behind.probability
     share = float(np.clip(LONG / record.n, THINNEST, 1.0))
     sound = max(round(share * healthy), min(healthy, ENOUGH))
     twins = draw_twins(behind, sound, max(round(share * each), 2), seed=seed)
@@ -134,7 +130,7 @@ def _weighed(
     rows = [_row(said[i], read[i], of[i], S, J) for i in range(len(names))]
     rows.sort(key=lambda m: (m.verdict.applicable is False, m.says != wanted, -m.rule.right))
     seen = smallest_visible(shown)
-    answer = STICKY if probability > LIKELY else UNSEEN if seen is None else SOUND if probability < EVEN else OPEN
+    answer = STICKY if probability > YES else UNSEEN if seen is None else SOUND if probability < NO else OPEN
     helps: tuple[Remedy, ...] = ()
     if help_wanted and answer != STICKY:
         helps = remedies(behind, names, _invisible(shown, seen), behind.percent, record.S_unit, seed)
@@ -172,7 +168,7 @@ def _without_twins(
     record: LoopRecord, said: list[Verdict], why: str, behind: Around | None = None, probability: float | None = None
 ) -> Trust:
     rows = tuple(MethodTrust(v, Rule(v.method, None, 0.5), float("nan"), (), 1.0) for v in said)
-    answer = STICKY if (probability or 0.0) > LIKELY else OPEN
+    answer = STICKY if (probability or 0.0) > YES else OPEN
     notes = () if behind is None else behind.notes
     when = None if behind is None else over_time(record)
     return Trust(answer, rows, None, (), probability, (), (), (why, *notes), record, behind, when)

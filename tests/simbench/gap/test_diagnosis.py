@@ -1,5 +1,6 @@
 """From scores and probabilities to the answer: what is named, refuted, compared, advised and noted, on stand-ins."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,8 +9,10 @@ import pytest
 from detectors.errors import RecordError
 from simbench.gap import diagnosis
 from simbench.gap.closed_loop.gap import Shrinkage
+from simbench.gap.decide.assess import LIMITS
 from simbench.gap.decide.classify import Classified
 from simbench.gap.diagnosis import _advice, closing, diagnose, named_by, report
+from simbench.gap.stiction.probability import pooled, probability
 from simbench.loop.effects import EFFECTS
 
 P = {"stiction": 0.5, "gain_mismatch": 0.2, "quantisation": 0.1, "none": 0.1, "deadband": 0.05, "unknown": 0.05}
@@ -25,18 +28,20 @@ def gap(before=4.0, after=1.0, *, value=0.9, lo=0.7, hi=0.95, resolvable=True):
     return Shrinkage(before, 3.0, after, 0.8, resolvable, value, lo, hi, {})
 
 
-def situation(op=(45.0, 55.0), K=-1.5, *, integrating=False, known=True, faithful=True, mv=None):
+def situation(op=(45.0, 55.0), K=-1.5, *, integrating=False, known=True, faithful=True, mv=None, trusted=True):
     pv = np.resize([1.0, -1.0], 100)
     return SimpleNamespace(
         op=np.array(op), data=SimpleNamespace(K=K), integrating=integrating, record=SimpleNamespace(pv=pv, mv=mv),
         law=SimpleNamespace(known=known), archive=SimpleNamespace(faithful=faithful), notes=["noted"],
+        trusted=trusted,
     )  # fmt: skip
 
 
-def found(*chosen, parameters=None, shown=(), s=None, noise=0.1):
+def found(*chosen, parameters=None, shown=(), s=None, noise=0.1, tests=None):
     return SimpleNamespace(
         chosen=list(chosen), parameters=NUMBERS if parameters is None else parameters, shown=lambda e: e in shown,
         situation=s or situation(), unexplained={"valve": "MV strays"}, base=SimpleNamespace(theta={"noise_std": noise}),
+        stiction=0.5, tests=dict.fromkeys(LIMITS, 0.0) | (tests or {}),
     )  # fmt: skip
 
 
@@ -89,6 +94,14 @@ def test_nothing_named_is_nothing_refuted():
     same = weighed(none=0.9, stiction=0.1)
     assert closing(same, found("stiction"), loops) is same
     assert loops.shrunk == []
+
+
+@pytest.mark.parametrize(("floor", "left", "unknown"), [(2.1, 20.0, False), (0.8, 5.0, False), (0.8, 20.0, True)])
+def test_none_is_said_beside_a_narrow_gap_or_one_that_the_load_explains(floor, left, unknown):
+    wide = found(s=situation(trusted=False), tests={"memory": left})
+    weights = closing(weighed(none=0.9, stiction=0.1), wide, Loops(replace(gap(), floor=floor)))
+    assert (weights.probability["unknown"] > 0.8) == unknown
+    assert weights.block("unknown") == ("disturbance" if unknown else "process")
 
 
 @pytest.fixture
@@ -182,7 +195,7 @@ def assessment(n, gains, *, proven=(), chosen=(), parameters=None, tag=""):
 
 def together(monkeypatch, *every):
     queue = iter(every)
-    monkeypatch.setattr(diagnosis, "_assess_one", lambda r, baseline: next(queue))
+    monkeypatch.setattr(diagnosis, "_assess_one", lambda r, baseline: (next(queue), 1.0))
     return diagnosis._assess_all([SimpleNamespace()] * len(every), None, 1)
 
 
@@ -202,6 +215,7 @@ def test_evidence_of_several_records_adds_up_and_the_longest_carries_the_fit(mon
     assert found.chosen == ["noise", "stiction"]
     assert [f.situation.record.n for f in found.beside] == [500, 700]
     assert said == ["3 records judged together; gap and parameters are those of FIC1"]
+    assert found.stiction == pytest.approx(probability(pooled([1.0] * 3)))
     assert together(monkeypatch, short)[1] == []
     assert "those of the longest" in together(monkeypatch, short, more)[1][0]
 

@@ -11,7 +11,6 @@ from detectors.record import LoopRecord
 from scenarios.spec import load_loop
 from simbench.loop.simulate import simulate
 from simbench.plant.trust import replicates as twins
-from simbench.plant.trust.calibration import EvidenceWeights
 from simbench.plant.trust.candidate_loops import around, with_friction
 from simbench.plant.trust.replicates import Change, draw_twins, levels
 
@@ -56,7 +55,7 @@ def test_friction_is_tried_beside_what_swings_the_loop_from_outside(behind, monk
     whole = twins._driven
     monkeypatch.setattr(twins, "_driven", lambda *a: driven.append(1) or whole(*a))
     cell = [(1.0, 0.5)]
-    swung = replace(behind, gain=-5.0, period=40.0 * behind.record.Ts)
+    swung = replace(behind, log_odds=-5.0, period=40.0 * behind.record.Ts)
     draw_twins(swung, 0, 8, cells=cell)
     assert driven
     driven.clear()
@@ -64,11 +63,11 @@ def test_friction_is_tried_beside_what_swings_the_loop_from_outside(behind, monk
     assert not driven
 
 
-@pytest.mark.parametrize("gain", [-5.0, 5.0, 300.0])
-def test_sticky_twins_share_the_two_explanations_by_their_probability(behind, gain):
-    weighed = replace(behind, gain=gain)
+@pytest.mark.parametrize("odds", [-1.0, 0.5, 4.0])
+def test_sticky_twins_share_the_two_explanations_by_their_probability(behind, odds):
+    weighed = replace(behind, log_odds=odds)
     share = np.mean([twins._sticky_base(weighed, number) is weighed.sticky for number in range(200)])
-    assert share == pytest.approx(EvidenceWeights.read().probability(gain, called=False), abs=0.02)
+    assert share == pytest.approx(weighed.probability, abs=0.02)
 
 
 def test_cells_span_small_and_large_friction(behind):

@@ -13,7 +13,7 @@ from simbench.cli import main
 from simbench.files import write_record
 from simbench.loop.simulate import simulate
 from simbench.plant.report.fleet import EACH, HEALTHY
-from simbench.plant.trust.calibration import EvidenceWeights
+from simbench.plant.trust.candidate_loops import Around
 from simbench.plant.trust.result import OPEN, SOUND, STICKY, UNSEEN
 from simbench.plant.trust.trust import FEW as LEAST
 from simbench.plant.trust.trust import trust
@@ -89,7 +89,7 @@ def test_the_smallest_visible_is_that_of_the_method_most_often_right_whatever_it
 
 @pytest.mark.parametrize(("probability", "answer"), [(0.8, STICKY), (0.6, OPEN), (0.4, SOUND), (0.1, SOUND)])
 def test_a_size_that_would_show_is_denied_where_stiction_is_not_the_more_probable(sticky, monkeypatch, probability, answer):
-    monkeypatch.setattr(EvidenceWeights, "probability", lambda *a, **called: probability)
+    monkeypatch.setattr(Around, "probability", probability)
     found = trust(sticky, **FEW, help_wanted=False)
     assert found.smallest_visible is not None
     assert found.answer == answer
@@ -97,7 +97,8 @@ def test_a_size_that_would_show_is_denied_where_stiction_is_not_the_more_probabl
 
 def test_json_has_the_contracts_keys_and_finite_numbers(found):
     answer = json.loads(json.dumps(found.as_json(), allow_nan=False))
-    assert set(answer) == {"methods", "best", "smallest_visible", "probability", "twins", "notes"}
+    assert set(answer) == {"methods", "best", "smallest_visible", "probability", "probability_of_stiction", "twins", "notes"}
+    assert answer["probability_of_stiction"] == answer["probability"]
     for row in answer["methods"]:
         assert set(row) == {"method", "applicable", "verdict", "false_alarms", "power", "likelihood_ratio"}
         assert all(set(c) == {"S", "J", "found", "lo", "hi"} for c in row["power"])
@@ -114,7 +115,7 @@ def test_of_methods_made_for_the_loop_that_agree_with_the_probability_the_best_o
 
 
 def test_where_no_method_agrees_with_the_probability_the_text_says_so(sticky, monkeypatch):
-    monkeypatch.setattr(EvidenceWeights, "probability", lambda *a, **called: 0.1)
+    monkeypatch.setattr(Around, "probability", 0.1)
     found = trust(sticky, methods=["procedure"], healthy=15, each=2, help_wanted=False)
     assert found.best.says == STICTION
     assert "none agrees with the probability" in found.as_text()
@@ -145,13 +146,6 @@ def test_a_given_loop_with_friction_in_its_valve_still_has_healthy_twins(sticky)
     assert answer.behind.trusted
     assert any("friction" in n for n in answer.notes)
     assert min(answer.twins) == (0.0, 0.0)
-
-
-def test_calibration_moves_with_its_evidence_and_is_never_certain():
-    c = EvidenceWeights.read()
-    assert c.probability(0.0, True) > c.probability(0.0, False) == c.probability(None, False)
-    assert c.probability(40.0, False) > c.probability(0.0, False) > c.probability(-40.0, False)
-    assert 0.0 < c.probability(-1e9, False) < c.probability(1e9, True) < 1.0
 
 
 def test_the_verbs_answer_on_files(tmp_path, capsys, sticky):

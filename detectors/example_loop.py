@@ -1,0 +1,151 @@
+"""A plain control loop with a sticky valve, one sample at a time: records to try a detector on without a simulator."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import numpy as np
+
+from detectors.record import LoopRecord
+
+
+def example_loop(
+    S: float = 5.0,
+    J: float = 2.0,
+    process: str = "self-regulating",
+    K: float = 1.0,
+    T: float = 10.0,
+    Td: float = 2.0,
+    Kc: float = 1.0,
+    Ti: float = 10.0,
+    Ts: float = 1.0,
+    n: int = 1500,
+    noise: float = 0.0,
+    load: np.ndarray | None = None,
+    kick: float = 4.0,
+    seed: int = 0,
+    kind: str | None = None,
+) -> LoopRecord:
+    """Run a PI loop about OP = PV = 50 whose valve sticks as Choudhury's two-parameter model does.
+
+    Parameters
+    ----------
+    S, J : float
+        Dead-band plus stick band and slip jump (% of travel); both 0: an ideal valve.
+    process : {"self-regulating", "integrating"}
+        First-order lag or integrator, with dead time.
+    K, T, Td : float
+        Gain (PV units per %; per % and s when integrating), time constant and dead time (s).
+    Kc, Ti : float
+        Controller gain (% per PV unit) and integral time (s).
+    Ts : float
+        Sampling period (s).
+    n : int
+        Samples.
+    noise : float
+        Std of white noise on PV (PV units).
+    load : ndarray, shape (n,), optional
+        Added to MV (%).
+    kick : float
+        Offset of OP (%) at the start: a sticky loop left at rest may stay there.
+    seed : int
+        Of the noise.
+    kind : str, optional
+        What the loop controls.
+
+    Returns
+    -------
+    LoopRecord
+        OP, PV and MV.
+
+    Notes
+    -----
+    For trying detectors; `simbench` simulates every other loop, faster and with everything a plant has.
+
+    Examples
+    --------
+    >>> example_loop(n=400).n, float(np.ptp(example_loop(S=0.0, J=0.0, n=400).mv[300:])) < 0.1
+    (400, True)
+    """
+    random = np.random.default_rng(seed).standard_normal(n) * noise
+    load = np.zeros(n) if load is None else load
+    pole = math.exp(-Ts / T) if process == "self-regulating" else 1.0
+    gain = K * (1.0 - pole) if process == "self-regulating" else K * Ts
+    delay = round(Td / Ts)
+    fs, fd = (S + J) / 2.0, (S - J) / 2.0
+    x, valve, way, moving, before, integral = 0.0, 50.0, 0, False, 50.0, kick
+    op, pv, mv = np.empty(n), np.empty(n), np.empty(n)
+    for k in range(n):
+        pv[k] = 50.0 + x + random[k]
+        error = 50.0 - pv[k]
+        integral += Kc * Ts / Ti * error
+        wanted = 50.0 + Kc * error + integral
+        u = min(max(wanted, 0.0), 100.0)
+        integral += u - wanted
+        if moving and (u - before) * way <= 0:
+            moving = False
+        if not moving and abs(u - valve) > fs:
+            way, moving = (1, True) if u > valve else (-1, True)
+        if moving:
+            valve = u - way * fd
+        before = u
+        op[k], mv[k] = u, valve
+        late = k - delay
+        x = pole * x + (gain * (mv[late] - 50.0 + load[late]) if late >= 0 else 0.0)
+    return LoopRecord(op=op, pv=pv, mv=mv, Ts=Ts, process=process, kind=kind, op_span=(0.0, 100.0), tag="plain loop")
+
+
+# OP a triangle, PV a rounded square, the two together close to an ellipse; a level: PV a triangle
+OBVIOUS = {
+    "self-regulating": {"T": 6.0, "Td": 6.0, "Kc": 0.25, "Ti": 5.0, "noise": 0.1, "n": 2500, "kind": "flow"},
+    "integrating": {"process": "integrating", "K": 0.1, "Td": 1.0, "Kc": 1.5, "Ti": 30.0, "noise": 0.05, "n": 2000},
+}
+CASES = {
+    "stiction": "a sticky valve cycling in plain sight",
+    "healthy": "the same loop with an ideal valve under a wandering load",
+    "sine": "a healthy loop under a sine",
+    "noise": "noise alone",
+    "constant": "nothing ever moves",
+    "short": "20 samples",
+}
+
+
+@cache
+def example_record(case: str, process: str) -> LoopRecord:
+    """Return one of six records about whose valve nobody can be in doubt.
+
+    Parameters
+    ----------
+    case : str
+        A key of `CASES`, or "dense": the first, sampled eight times as often.
+    process : {"self-regulating", "integrating"}
+        Type of the process.
+
+    Returns
+    -------
+    LoopRecord
+        With MV; a flow loop when self-regulating.
+
+    Examples
+    --------
+    >>> example_record("short", "integrating").n
+    20
+    """
+    rng, about = np.random.default_rng(3), {"process": process, "kind": "flow" if process == "self-regulating" else "level"}
+    if case == "stiction":
+        return example_loop(**OBVIOUS[process])
+    if case == "dense":
+        return example_loop(**{**OBVIOUS[process], "Ts": 0.125, "n": 8 * int(OBVIOUS[process]["n"])})
+    if case == "short":
+        return example_loop(**OBVIOUS[process]).window(0, 20)
+    if case == "healthy":
+        load = 0.2 * np.cumsum(rng.standard_normal(2500))
+        return example_loop(**{**OBVIOUS[process], "S": 0.0, "J": 0.0, "load": load})
+    if case == "sine":
+        op = 50.0 + 5.0 * np.sin(2 * np.pi * np.arange(2000.0) / 50.3)
+        return LoopRecord(op=op, pv=100.0 - op, mv=op, Ts=1.0, **about)
+    if case == "noise":
+        op, pv, mv = 50.0 + rng.standard_normal((3, 2000))
+        return LoopRecord(op=op, pv=pv, mv=mv, Ts=1.0, **about)
+    return LoopRecord(op=np.full(2000, 50.0), pv=np.full(2000, 3.0), mv=np.full(2000, 50.0), Ts=1.0, **about)

@@ -1,0 +1,323 @@
+"""Learn the probability of stiction: `python -m results.studies.stiction_probability FOLDER` looks at loops of four simulators.
+
+Half of the loops stick. Records are as plants write them: whole, windows of half a cycle to two, sampled too seldom, held, of
+an OP that hardly moves, with a drifting load, a set point that moves, retuned in the middle. Rules are learned on three
+simulators and scored on the fourth. Answers are kept in the folder; it goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from detectors.errors import UserError
+from detectors.record import LoopRecord
+from detectors.records.io import read_record
+from detectors.signal.oscillation import find_oscillation
+from scenarios.errors import SpecError
+from scenarios.grid import load_grid
+from scenarios.spec import Loop
+from simbench.bench.scenario.resolve import resolve
+from simbench.blind.making import PLANTS, STRENGTHS, write_item
+from simbench.blind.world import WORLDS
+from simbench.confirm.rig import run_rig
+from simbench.files import answered, folder
+from simbench.gap.decide.assess import Assessment
+from simbench.gap.likelihood.engine import Engine
+from simbench.gap.likelihood.model import NUISANCES, Spec, valve_of
+from simbench.gap.stiction.friction import FRICTION, Friction, friction
+from simbench.gap.stiction.pace import resampled
+from simbench.gap.stiction.probability import OFFSET, WEIGHT, FrictionEvidence, log_odds, probability
+from simbench.loop.resolve import resolve_loop
+from simbench.loop.simulate import simulate
+from simbench.usage import exit_code
+
+STICTION, NOTHING = "stiction", "none"
+SOUND = (NOTHING, "oscillation", "load_steps", "detuning")  # what a loop without friction has, in turn
+GRID = "plant"
+SIMULATORS = ("own", "mill", "refinery", GRID)
+SEED = 77
+LONGEST = 1000  # samples of a record that are looked at
+FORMS = ("whole", "window", "whole", "seldom", "whole", "window", "held", "whole", "window", "small")
+LOOP_FORMS = ("drift", "moves", "retuned")  # what only a loop that is simulated here can do
+BINS = 10
+
+
+def entry(number: int) -> dict[str, Any]:
+    """Return what the loop of a number has, as the worlds are asked for it: every other one sticks."""
+    turn = number // 2
+    about = {"mv": False, "plant": PLANTS[turn % len(PLANTS)], "strength": STRENGTHS[turn % len(STRENGTHS)]}
+    effect = STICTION if number % 2 else SOUND[turn % len(SOUND)]
+    return {"kind": "none", "mv": False} if effect == NOTHING else {"kind": "single", "effect": effect, **about}
+
+
+def drawn(simulator: str, number: int) -> tuple[LoopRecord, bool, str]:
+    """Return the record of a number, whether its valve sticks, and how it was recorded."""
+    rng = np.random.default_rng([SEED, SIMULATORS.index(simulator), number])
+    form = FORMS[number // 2 % len(FORMS)]
+    if simulator == GRID:
+        if number // 2 % 3 == 2:
+            form = LOOP_FORMS[number // 6 % 3]
+        record, sticky = _of_grid(number, form, rng)
+    else:
+        item = WORLDS.load(simulator).draw(SEED, number, entry(number))
+        with tempfile.TemporaryDirectory() as place:
+            record, sticky = read_record(write_item(item, Path(place), "loop")[0]), number % 2 == 1
+    return _recorded(replace(record, mv=None, meta={}), form, rng), sticky, form
+
+
+def _of_grid(number: int, form: str, rng: np.random.Generator) -> tuple[LoopRecord, bool]:
+    source = load_grid(GRID)
+    while True:
+        members = list(resolve(source.group(int(rng.integers(source.group_count)))))
+        runs = [(s, simulate(s.loop, s.seed)) for s in members]
+        fit = [(s, r) for s, r in runs if r.sticky == bool(number % 2)]
+        if fit:
+            break
+    scenario, run = fit[int(rng.integers(len(fit)))]
+    if form in LOOP_FORMS or form == "window":
+        run_record = _rerun(scenario.loop, run.record, form, scenario.seed, rng)
+        return run_record or run.record, run.sticky
+    return run.record, run.sticky
+
+
+def _rerun(loop: Loop, record: LoopRecord, form: str, seed: int, rng: np.random.Generator) -> LoopRecord | None:
+    """Return the loop's record under a drifting load, a set point that moves or a new tuning, or sampled more densely."""
+    table, period = loop.to_table(), _period(record)
+    cycles = float(rng.uniform(0.5, 2.0)) if form == "window" else float(rng.uniform(4.0, 15.0))
+    n = int(rng.integers(300, LONGEST))
+    Ts = cycles * period / n
+    table["sampling"] = {"Ts": Ts, "n": 2 * n}
+    size = float(np.ptp(record.op)) / 3.0
+    loads = list(table.get("disturbance", []))
+    if form in ("drift", "window"):
+        kind = ("ramp", "random_walk")[int(rng.integers(2))]
+        loads.append({"type": kind, "amplitude": size * float(rng.uniform(0.5, 3.0)), "period": 2 * n * Ts, "at": "input"})
+    if form == "moves":
+        value, height = table["setpoint"]["value"], float(np.std(record.pv))
+        times = np.sort(rng.uniform(0.0, 2 * n * Ts, 6))
+        table["setpoint"] = {"value": value, "steps": [[float(t), value + height * float(rng.normal())] for t in times]}
+    try:
+        new = Loop.from_table(table | {"disturbance": loads}, "rerun")
+        if form != "retuned":
+            out = simulate(new, seed).record
+            return out.window(n, 2 * n)
+        factor = np.where(np.arange(2 * n) < 1.5 * n, 1.0, float(rng.choice((0.4, 0.6, 1.5))))
+        setup = resolve_loop(new, seed)
+        trace = run_rig([setup], gain=[factor])[0]
+        return LoopRecord(op=trace.op[n:], pv=trace.pv[n:], sp=setup.sp[n : 2 * n], Ts=Ts, op_span=(0.0, 100.0))
+    except (UserError, SpecError):
+        return None
+
+
+def _period(record: LoopRecord) -> float:
+    """Return the period (s) of the record, or where it does not oscillate a fifth of its length."""
+    found = find_oscillation(record.op, record.pv, record.Ts)
+    return found.period_s if np.isfinite(found.period_s) and found.period_s < record.duration else 0.2 * record.duration
+
+
+def _recorded(r: LoopRecord, form: str, rng: np.random.Generator) -> LoopRecord:
+    """Return the record as a plant writes it."""
+    period = _period(r) / r.Ts
+    if form == "window" and r.n > 250:
+        n = int(np.clip(rng.uniform(0.5, 2.0) * period, 200, min(r.n, LONGEST)))
+        begin = int(rng.integers(r.n - n + 1))
+        return r.window(begin, begin + n)
+    if form == "seldom":
+        k = int(np.clip(period / rng.uniform(4.0, 10.0), 1, r.n // 150 or 1))
+        r = resampled(r, lambda x: x[::k], k) if k > 1 else r
+    if form == "held":
+        k = int(rng.integers(2, 6))
+        r = replace(r, pv=np.repeat(r.pv[::k], k)[: r.n])
+    if form == "small":
+        r = replace(r, op=r.op.mean() + (r.op - r.op.mean()) * float(rng.uniform(0.05, 1.0)) / (np.ptp(r.op) or 1.0))
+    begin = int(rng.integers(r.n - LONGEST + 1)) if r.n > LONGEST else 0
+    return r.window(begin, min(begin + LONGEST, r.n))
+
+
+def asked(simulator: str, number: int) -> dict[str, Any]:
+    """Return what one record's likelihood measured of friction, and the truth; no evidence where it cannot be judged."""
+    record, sticky, form = drawn(simulator, number)
+    about = {"simulator": simulator, "number": number, "sticky": bool(sticky), "form": form, "n": record.n}
+    try:
+        found = friction(record)
+    except UserError as why:
+        return about | {"evidence": None, "why": str(why)}
+    return about | {"evidence": _more(found), "cycles": record.duration / _period(record)}
+
+
+@dataclass(frozen=True)
+class MoreEvidence(FrictionEvidence):
+    """The evidence with what was tried beside it: gain of each half of the record, reversals of the fitted valve in each."""
+
+    halves: tuple[float, float] = (0.0, 0.0)
+    reversals: tuple[int, int] = (0, 0)
+
+
+def _more(found: Friction) -> list[Any]:
+    e, one = found.evidence, found.found.candidates[FRICTION]
+    if not one.used:
+        return [e.gain, e.outside, [0.5 * e.gain] * 2, e.share, [0, 0]]
+    d = found.found.situation.data
+    moves = np.sign(np.diff(valve_of(one.fit.spec, one.fit.theta, d.u)))
+    at = np.flatnonzero(moves)
+    turned = at[1:][moves[at[1:]] != moves[at[:-1]]]
+    early = int(np.sum(turned < d.n // 2))
+    halves = gains_of_halves(found.found, FRICTION) if e.gain > 0.0 else (0.5 * e.gain, 0.5 * e.gain)
+    return [float(e.gain), float(e.outside), [float(h) for h in halves], float(e.share), [early, turned.size - early]]
+
+
+def evidence_of(row: dict[str, Any]) -> MoreEvidence:
+    """Return the evidence of a row that was kept."""
+    gain, outside, halves, share, reversals = row["evidence"]
+    return MoreEvidence(gain, outside, share, tuple(halves), tuple(reversals))
+
+
+def gains_of_halves(found: Assessment, effect: str) -> tuple[float, float]:
+    """Return by how many nats friction explains each half of the record better than none, its numbers held."""
+    d, fit = found.situation.data, found.candidates[effect].fit
+    half, out = d.n // 2, []
+    for cut in (slice(0, half), slice(half, d.n)):
+        part = replace(d, u=np.ascontiguousarray(d.u[cut]), y=np.ascontiguousarray(d.y[cut]))
+        engine = Engine(part, max(0.1 * half, 5.0))
+        spec, bare = (_within(f.spec, cut) for f in (fit, found.base))
+        # where in its band the valve stands at the cut is anybody's guess
+        tries = [engine.fit(replace(spec, start=begin), fit.theta, search=NUISANCES, steps=8) for begin in (-1.0, 0.0, 1.0)]
+        # the same plant and load are free on both sides
+        without = engine.fit(bare, {**found.base.theta, **fit.theta}, steps=8)
+        out.append(max(t.loglik for t in tries) - without.loglik)
+    return out[0], out[1]
+
+
+def _within(spec: Spec, cut: slice) -> Spec:
+    """Return a spec for a part of the record."""
+    return replace(spec, channels=(), jumps=tuple(k - cut.start for k in spec.jumps if cut.start < k < cut.stop))
+
+
+def _nats(x: float, low: float = -1.0, high: float = 3.0) -> float:
+    return min(max(x / 10.0, low), high)
+
+
+def _shown(e: MoreEvidence, most: int = 2) -> float:
+    """Return twice the weaker half's gain where both halves could show it, the whole's otherwise."""
+    return 2.0 * min(e.halves) if sum(e.reversals) > most else e.gain
+
+
+# what is tried; the first is what the product weighs
+RULES: dict[str, Callable[[MoreEvidence], Sequence[float]]] = {
+    "as in the product, learned": lambda e: [(log_odds(e) - OFFSET) / WEIGHT],
+    "gain beyond outside times share": lambda e: [_nats(e.gain - max(e.outside, 0.0)) * min(e.share, 1.0)],
+    "gain": lambda e: [_nats(e.gain)],
+    "gain, share": lambda e: [_nats(e.gain), np.log(np.clip(e.share, 0.02, 1.0))],
+    "gain beyond outside, share": lambda e: [
+        _nats(e.gain - max(e.outside, 0.0)), np.log(np.clip(e.share, 0.02, 1.0))],
+    "least, halves always, share": lambda e: [
+        _nats(min(e.gain, e.gain - max(e.outside, 0.0), _shown(e, -1))), np.log(np.clip(e.share, 0.02, 1.0))],
+    "least, halves above two reversals, share": lambda e: [
+        _nats(min(e.gain - max(e.outside, 0.0), _shown(e))), np.log(np.clip(e.share, 0.02, 1.0))],
+}  # fmt: skip
+
+
+def learned(x: np.ndarray, y: np.ndarray, groups: Sequence[str]) -> Any:
+    """Return a logistic model in which every simulator counts the same, and in each sticky and sound loops."""
+    from sklearn.linear_model import LogisticRegression
+
+    return LogisticRegression(C=100.0, max_iter=1000).fit(x, y, sample_weight=balanced(y, groups))
+
+
+def balanced(y: np.ndarray, groups: Sequence[str]) -> np.ndarray:
+    """Return weights by which every group counts the same, and in each both labels."""
+    keys = [f"{g}{v}" for g, v in zip(groups, y)]
+    return np.array([len(keys) / len(set(keys)) / keys.count(k) for k in keys])
+
+
+def left_out(rows: list[dict[str, Any]], rule: Callable[[MoreEvidence], Sequence[float]]) -> np.ndarray:
+    """Return the probabilities that a rule learned on the other simulators gives."""
+    x, y, at = _table(rows, rule)
+    p = np.empty(len(rows))
+    for name in set(at):
+        here = at == name
+        p[here] = learned(x[~here], y[~here], at[~here]).predict_proba(x[here])[:, 1]
+    return np.clip(p, 0.01, 0.99)
+
+
+def _table(
+    rows: list[dict[str, Any]], rule: Callable[[MoreEvidence], Sequence[float]]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    x = np.array([rule(evidence_of(r)) for r in rows])
+    return x, np.array([r["sticky"] for r in rows]), np.array([r["simulator"] for r in rows])
+
+
+def scores(p: np.ndarray, y: np.ndarray) -> tuple[float, float, float]:
+    """Return log-loss, AUC and calibration error, sticky and sound loops counting the same."""
+    from sklearn.metrics import log_loss, roc_auc_score
+
+    w = balanced(y, [""] * y.size)
+    bins = np.minimum((p * BINS).astype(int), BINS - 1)
+    error = sum(abs(np.sum(w[bins == b] * (p[bins == b] - y[bins == b]))) for b in range(BINS)) / w.sum()
+    return float(log_loss(y, p, sample_weight=w)), float(roc_auc_score(y, p)), float(error)
+
+
+def compared(rows: list[dict[str, Any]]) -> list[str]:
+    """Return log-loss, AUC and calibration error of every rule on every simulator, learned on the others."""
+    at, y = np.array([r["simulator"] for r in rows]), np.array([r["sticky"] for r in rows])
+    names = [s for s in SIMULATORS if s in set(at)]
+    lines = [f"{len(rows)} records: " + ", ".join(f"{s} {np.sum(at == s)} ({np.sum(y[at == s])} sticky)" for s in names)]
+    lines.append(f"{'log-loss / AUC / calibration error':<46}" + "".join(f"{s:>19}" for s in (*names, "all but plant")))
+    tried = {name: left_out(rows, rule) for name, rule in RULES.items()}
+    tried["as it stands in the product"] = np.array([probability(log_odds(evidence_of(r))) for r in rows])
+    for name, p in tried.items():
+        each = {s: scores(p[at == s], y[at == s]) for s in names}
+        each["mean"] = tuple(np.mean([v for s, v in each.items() if s != GRID], axis=0))
+        lines.append(f"{name:<46}" + "".join(f"   {a:.3f} {b:.2f} {c:.3f}" for a, b, c in each.values()))
+    return lines
+
+
+def by_form(rows: list[dict[str, Any]]) -> list[str]:
+    """Return log-loss and AUC by how records were written."""
+    p, y = np.array([probability(log_odds(evidence_of(r))) for r in rows]), np.array([r["sticky"] for r in rows])
+    lines = []
+    for form in dict.fromkeys((*FORMS, *LOOP_FORMS)):
+        here = np.array([r["form"] == form for r in rows])
+        if len(set(y[here])) == 2:
+            loss, area, _ = scores(p[here], y[here])
+            lines.append(f"{form:<10} {here.sum():>4} records   {loss:.3f} {area:.2f}")
+    return lines
+
+
+def kept(out: Path, count: int, simulators: Sequence[str]) -> list[dict[str, Any]]:
+    """Return what was measured of so many loops of each simulator; those looked at before are read from the folder."""
+    folder(out)
+    jobs = [(s, i) for i in range(count) for s in simulators]
+    rows = []
+    for s, i in tqdm(jobs, file=sys.stderr, mininterval=30.0):
+        rows.append(answered(out / f"{s}-{i}.json", partial(asked, s, i)))
+    return [r for r in rows if r["evidence"] is not None]
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Look at simulated loops and print the numbers of `simbench/gap/stiction/probability.py`, beside what others would do."""
+    parser = argparse.ArgumentParser(prog="python -m results.studies.stiction_probability", description=__doc__)
+    parser.add_argument("out", type=Path, metavar="FOLDER", help="Where what was found is kept; goes on where it stopped.")
+    parser.add_argument("-n", type=int, default=200, help="Loops of each simulator [200].")
+    parser.add_argument("--simulators", nargs="+", default=list(SIMULATORS), choices=SIMULATORS)
+    given = parser.parse_args(arguments)
+    rows = kept(given.out, given.n, given.simulators)
+    print("\n".join([*compared(rows), "", *by_form(rows), ""]))
+    for name, rule in RULES.items():
+        model = learned(*_table(rows, rule))
+        print(f"{name}: {model.intercept_[0]:+.3f} {' '.join(f'{w:+.3f}' for w in model.coef_[0])}")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(exit_code(main))

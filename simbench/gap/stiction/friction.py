@@ -1,0 +1,183 @@
+"""Friction weighed against a sound valve by the likelihood of the record: the diagnosis with nothing else asked."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from detectors.compiled import one_thread
+from detectors.errors import RecordError, UserError
+from detectors.judge import UNFIT
+from detectors.prepared import Prepared
+from detectors.record import LoopRecord
+from scenarios.spec import Loop, Part, Sampling
+from simbench.gap.candidates import beside_the_load, fit_candidates, possible_effects
+from simbench.gap.decide.assess import Assessment, assess
+from simbench.gap.decide.identified import plausible, remarks
+from simbench.gap.effects import NOT_TRIED, recogniser
+from simbench.gap.intake.check import check
+from simbench.gap.intake.identify import exact_controller, identify
+from simbench.gap.intake.other_loop import refuse_other_plant
+from simbench.gap.intake.partial import Partial, completed
+from simbench.gap.intake.refuse import refuse_unfit
+from simbench.gap.likelihood.engine import Engine
+from simbench.gap.situation import Situation, load_memory
+from simbench.gap.stiction.pace import at_its_pace, unheld
+from simbench.gap.stiction.probability import BOUNDS, FrictionEvidence, log_odds, probability
+from simbench.loop.effects import EFFECTS, block_of
+from simbench.loop.setup import plain_setup
+
+FRICTION, BAND = "stiction", "deadband"  # the effect whose size is asked for, and friction without a jump
+OUTSIDE = "oscillation"  # what swings a sound loop
+ENOUGH = 10.0 * BOUNDS[1]  # nats beyond which more say nothing more
+SHORTEST = 60  # samples
+ROOM = 2.0  # OP ranges left free on either side of a record whose unit of OP is unknown
+
+
+@dataclass(frozen=True, eq=False)
+class Friction:
+    """A record's loop fitted with a sound valve, with friction, and with an oscillation from outside, and what that showed."""
+
+    found: Assessment
+    evidence: FrictionEvidence
+
+    @property
+    def log_odds(self) -> float:
+        """Log-odds of stiction."""
+        return log_odds(self.evidence)
+
+    @property
+    def probability(self) -> float:
+        """Probability of stiction."""
+        return probability(self.log_odds)
+
+    @property
+    def fitted(self) -> tuple[float, float] | None:
+        """S and J (%) of the friction that explains the record best; None where none was fitted."""
+        own = self.found.parameters.get(FRICTION)
+        return None if own is None else (float(own["S"]), float(own["J"]))
+
+
+def probability_of_stiction(record: LoopRecord, loop: Loop | Partial | None = None) -> float | None:
+    """Return the probability of stiction as every verb shows it; None where the record cannot be judged."""
+    try:
+        return friction(record, loop).probability
+    except UserError:
+        return None
+
+
+def friction(record: LoopRecord, loop: Loop | Partial | None = None) -> Friction:
+    """Weigh friction on one record, beside the loop where it is known, identified from the record otherwise.
+
+    The evidence is that of all samples; where that leaves doubt and samples are closer than the loop moves, that of the record
+    at the loop's pace if it is larger: between close samples lies what no plant of first order describes, between distant ones
+    slips are lost, and with them a part of J. What single samples prove is proven by all of them.
+
+    Raises a UserError, in one sentence, where the record is unfit, no loop can be identified, or both cannot be compared.
+    """
+    where = f"record {record.tag!r}" if record.tag else "record"
+    refuse_unfit(record, where)
+    flags = Prepared(record.blind()).flags
+    unfit = next((flags[f].evidence for f in UNFIT if f in flags), "")
+    if record.n < SHORTEST:
+        unfit = f"{record.n} samples; at least {SHORTEST} are needed"
+    if unfit:
+        raise RecordError(f"{where} unfit: {unfit}")
+    record = in_percent(record)[0]
+    if isinstance(loop, Loop):
+        loop = with_sound_valve(loop)
+    if loop is None and record.mv is None:
+        record = unheld(record)
+    # thousands of tiny matrices: threads would only wait for each other
+    with one_thread():
+        # a loop that is known is known at its own sampling, and MV shows a slip where it happens
+        slow = at_its_pace(record) if loop is None and record.mv is None else record
+        if slow is record:
+            whole, given, _ = completed(record, loop)
+            return _measured(_fitted(record, whole, given))
+        every = _as_it_is(record)
+        if every is not None and every.log_likelihood_gains[FRICTION] >= ENOUGH:
+            return _measured(every)
+        own = _at_pace(slow, record)
+        if every is None and own is None:
+            return _measured(_fitted(record, identify(record)))
+        return _measured(max(filter(None, (every, own)), key=lambda f: f.log_likelihood_gains[FRICTION]))
+
+
+def with_sound_valve(loop: Loop) -> Loop:
+    """Return a loop without the friction of its valve."""
+    return loop.model_copy(update={"valve": Part(name="ideal")}) if plain_setup(loop, 0).sticky else loop
+
+
+def in_percent(record: LoopRecord) -> tuple[LoopRecord, float]:
+    """Return the record with OP in %, and how many units of its OP one % is."""
+    if record.op_percent is not None:
+        lo, hi = record.op_span or (0.0, 100.0)
+        return replace(record, op=record.op_percent, op_span=(0.0, 100.0)), (hi - lo) / 100.0
+    lo, hi = float(record.op.min()), float(record.op.max())
+    span = (hi - lo) or 1.0
+    lo, wide = lo - ROOM * span, (1 + 2 * ROOM) * span
+    return replace(record, op=(record.op - lo) * (100.0 / wide), op_span=(0.0, 100.0)), wide / 100.0
+
+
+def _fitted(record: LoopRecord, loop: Loop, given: Collection[str] = ()) -> Assessment:
+    """Return the assessment beside a loop of which plant, controller, or both, or none, were given."""
+    s = check(record, loop, trusted="plant" in given, tuned="controller" in given)
+    # MV is judged beside OP by the whole diagnosis alone
+    found = _few(s) if record.mv is None else assess(s)
+    return found if s.trusted else plausible(found)
+
+
+def _as_it_is(record: LoopRecord) -> Assessment | None:
+    """Return the assessment of all samples; None where no loop can be identified from them."""
+    try:
+        return _fitted(record, identify(record))
+    except UserError:
+        return None
+
+
+def _at_pace(slow: LoopRecord, record: LoopRecord) -> Assessment | None:
+    """Return the assessment of fewer samples; None where no loop can be identified from them."""
+    try:
+        return _as_sampled(_fitted(slow, identify(slow, controller=exact_controller(record))), record)
+    except UserError:
+        return None
+
+
+def _as_sampled(found: Assessment, record: LoopRecord) -> Assessment:
+    """Return the assessment with what single samples of the whole record prove, and what must be known of them."""
+    s = found.situation
+    own = s.baseline.model_copy(update={"sampling": Sampling(Ts=record.Ts, n=record.n)})
+    whole = check(record, own, trusted=False)
+    parameters = {e: p for e, p in found.parameters.items() if e not in s.proven} | whole.proven
+    said = replace(s, proven=whole.proven, notes=[*whole.notes, *remarks(whole)])
+    return replace(found, situation=said, parameters=parameters)
+
+
+def _few(s: Situation) -> Assessment:
+    """Return the assessment of a record without MV in which only friction and what moves like it were tried."""
+    if s.trusted and s.tuned:
+        refuse_other_plant(s)
+    engine = Engine(s.data, load_memory(s))
+    # a load that jumps is tried for its own sake by none of the rooms above, but friction must explain more than it does
+    tried = [e for e in possible_effects(s) if e in (FRICTION, OUTSIDE) or recogniser(e).ordinary]
+    bare = engine.base()
+    base, fitted = beside_the_load(engine, bare, fit_candidates(engine, bare, tried))
+    gains = dict.fromkeys(EFFECTS, NOT_TRIED) | {e: float(c.log_likelihood_gain) for e, c in fitted.items()}
+    parameters = {e: recogniser(e).numbers(c.fit, s) for e, c in fitted.items() if c.used} | s.proven
+    return Assessment(s, base, fitted, parameters, [], base, gains)
+
+
+def _measured(found: Assessment) -> Friction:
+    """Return the assessment with the evidence that is weighed."""
+    gains, s = found.log_likelihood_gains, found.situation
+    if s.record.mv is not None:
+        # what MV does beside OP is the valve: another map may explain it, nothing outside can
+        rivals = (gains[e] for e in EFFECTS if block_of(e) == "valve" and e not in (FRICTION, BAND))
+        return Friction(found, FrictionEvidence(max(gains[FRICTION], gains[BAND]), max(rivals)))
+    one = found.candidates[FRICTION]
+    span = float(np.quantile(s.op, 0.99) - np.quantile(s.op, 0.01)) or 1.0
+    share = one.fit.theta["S"] / span if one.used else 0.0
+    return Friction(found, FrictionEvidence(gains[FRICTION], gains[OUTSIDE], share))

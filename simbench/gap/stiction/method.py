@@ -1,0 +1,72 @@
+"""Likelihood: how much likelier the record is with a sticky valve than with a sound one, as a probability.
+
+Looks for a valve map that explains, through a plant identified from the record, what PV does beside OP, better than load, noise
+and an oscillation from outside do.
+Needs: OP and PV, oscillating or not; MV, where recorded, in place of PV. SP helps to tell the controller's direction.
+Parameters: `yes`, `no` (-): probabilities from which stiction is claimed, and below which it is denied.
+Indices: probability_of_stiction (even odds before looking; the number that every verb shows), gain, outside (nats that
+friction, and an oscillation from outside, bring over none), share (fitted band over OP's range).
+Rule: probability_of_stiction > yes stiction, < no none; between them, no decision. S and J are the fitted valve's.
+Not for: loops that were retuned or changed their plant within the record, plants far from first order with dead time.
+Source: generalised likelihood ratio, Kay (1998), Detection Theory, section 6.4.2; weights learned on simulated loops
+(`results/stiction_probability.txt`).
+"""
+
+from __future__ import annotations
+
+from detectors.errors import UserError
+from detectors.method import Method, Threshold
+from detectors.prepared import Prepared
+from detectors.verdict import NO_DECISION, PROBABILITY, Verdict
+from simbench.gap.stiction.friction import SHORTEST, friction, in_percent
+from simbench.gap.stiction.probability import NO, YES, verdict
+
+NAME = "likelihood"
+METHOD = Method(
+    title="likelihood of a sticky valve against a sound one",
+    source="Kay 1998, section 6.4.2; own weights",
+    budget="full",
+    min_samples=SHORTEST,
+    front_end=False,
+    whole=True,
+    thresholds={
+        "yes": Threshold(YES, "-", 0.0, 1.0, "own, simulated loops", "above: stiction"),
+        "no": Threshold(NO, "-", 0.0, 1.0, "own, simulated loops", "below: no stiction"),
+    },
+)
+
+
+def detect(prepared: Prepared, *, yes: float, no: float) -> Verdict:
+    """Judge a record by the likelihood.
+
+    Parameters
+    ----------
+    prepared : Prepared
+        The whole record, with MV where it was recorded.
+    yes, no : float
+        Probabilities above which stiction is claimed, and below which it is denied.
+
+    Returns
+    -------
+    Verdict
+        `score` is the log-odds.
+
+    Examples
+    --------
+    >>> from random_case import random_case
+    >>> detect(Prepared(random_case(5, ("stiction",)).record), **METHOD.defaults()).verdict
+    'stiction'
+    """
+    record = prepared.record
+    try:
+        found = friction(record)
+    except UserError as why:
+        return Verdict(NAME, NO_DECISION, reason=str(why))
+    p, e = found.probability, found.evidence
+    unit = in_percent(record)[1]
+    S, J = (None, None) if found.fitted is None or e.gain <= 0.0 else (x * unit for x in found.fitted)
+    said = f"probability of stiction {p:.2f}: friction brings {e.gain:+.0f} nats, an oscillation from outside {e.outside:+.0f}"
+    if e.gain > 0.0:
+        said += f"; its band spans {e.share:.0%} of OP's range"
+    indices = {PROBABILITY: p, "gain": e.gain, "outside": e.outside, "share": e.share}
+    return Verdict(NAME, verdict(p, yes, no), found.log_odds, indices, S=S, J=J, reason=said)

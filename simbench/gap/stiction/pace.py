@@ -1,0 +1,48 @@
+"""A record sampled no more densely than its loop moves: between closer samples lies what no plant of first order describes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from detectors.record import LoopRecord
+from detectors.signal.oscillation import find_oscillation
+
+LEAST = 0.2  # of PV's standard deviation, that PV moves from sample to sample
+SHORTEST = 250  # samples that are left
+REGULAR = 0.9  # share of PV's changes that fall on every k-th sample, where PV is held for k
+HELD = 100  # samples that are left of a PV that is held, at least
+FEWEST = 20.0  # samples of a period that are left of a sustained oscillation: it may stand beside a larger drift
+
+
+def at_its_pace(record: LoopRecord) -> LoopRecord:
+    """Return a record with so many samples left out that PV moves from one to the next; the same where it moves already.
+
+    A sine keeps some thirty samples a period, an oscillation beside a larger drift twenty; noise of a seventh of PV's standard
+    deviation keeps all.
+    """
+    pv, k = np.asarray(record.pv), 1
+    swing = find_oscillation(record.op, pv, record.Ts)
+    most = swing.period_s / record.Ts / FEWEST if swing.sustained else np.inf
+    while k + 1 <= min(most, pv.size // SHORTEST) and np.std(pv[k:] - pv[:-k]) < LEAST * np.std(pv):
+        k += 1
+    return record if k == 1 else resampled(record, lambda x: x[::k], k)
+
+
+def unheld(record: LoopRecord) -> LoopRecord:
+    """Return a record whose PV is held for k samples with the first of each k alone; the same where it is not held."""
+    changes = np.flatnonzero(np.diff(np.asarray(record.pv))) + 1
+    if changes.size < HELD:
+        return record
+    k = int(np.median(np.diff(changes)))
+    phase = int(np.bincount(changes % k).argmax())
+    regular = k > 1 and np.mean(changes % k == phase) >= REGULAR
+    return resampled(record, lambda x: x[phase::k], k) if regular else record
+
+
+def resampled(record: LoopRecord, change: Callable[[np.ndarray], np.ndarray], k: int) -> LoopRecord:
+    """Return a record in which every signal but MV, which is left out, has one sample in place of k."""
+    signals = {name: change(getattr(record, name)) for name in ("op", "pv", "sp") if getattr(record, name) is not None}
+    return replace(record, Ts=record.Ts * k, mv=None, **signals)

@@ -1,0 +1,54 @@
+"""Probability of stiction: what one record's likelihood measured of friction, weighed by numbers learned on simulated loops."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from detectors.verdict import NO_DECISION, NO_STICTION, STICTION
+
+# learned by `python -m results.studies.stiction_probability`, every simulator left out in turn
+OFFSET, WEIGHT = -0.31, 2.12
+BOUNDS = (-0.5, 3.0)  # tens of nats between which evidence counts; beyond, a model's errors are larger
+WIDE = 0.5  # share of OP's range from which on a band counts in full: a valve that makes the loop cycle moves OP by S to 1.2 S
+EDGE = 0.99  # no probability is surer than the loops it was learned on can show
+YES, NO = 0.7, 0.5  # probability from which stiction is claimed, and below which it is denied; between them, cannot tell
+SHARED = 0.75  # correlation of the log-odds of one loop's records, given the truth
+
+
+@dataclass(frozen=True)
+class FrictionEvidence:
+    """What the likelihood of one record measured of friction.
+
+    `gain` (nats) of friction over none, its numbers paid for; `outside` the gain of an oscillation from outside; `share` the
+    fitted band over OP's range.
+    """
+
+    gain: float
+    outside: float = 0.0
+    share: float = 1.0
+
+
+def log_odds(e: FrictionEvidence) -> float:
+    """Return the log-odds of stiction, even odds before looking.
+
+    What friction gains beyond an oscillation from outside counts by the share of OP's range that its band spans.
+    """
+    nats = min(max((e.gain - max(e.outside, 0.0)) / 10.0, BOUNDS[0]), BOUNDS[1])
+    return OFFSET + WEIGHT * nats * (min(e.share / WIDE, 1.0) if nats > 0.0 else 1.0)
+
+
+def pooled(odds: Sequence[float]) -> float:
+    """Return the log-odds from several records of one loop, whose errors are largely the same."""
+    return sum(odds) / (1.0 + SHARED * (len(odds) - 1))
+
+
+def probability(odds: float) -> float:
+    """Return the probability of log-odds, within what the loops learned on can show."""
+    return min(max(0.5 * (1.0 + math.tanh(0.5 * odds)), 1.0 - EDGE), EDGE)
+
+
+def verdict(p: float, yes: float = YES, no: float = NO) -> str:
+    """Return what a probability of stiction says: yes, no, or cannot tell."""
+    return STICTION if p > yes else NO_STICTION if p < no else NO_DECISION

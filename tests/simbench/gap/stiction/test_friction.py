@@ -1,0 +1,64 @@
+"""Friction asked for alone is the friction that the whole diagnosis finds."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from random_case import random_case
+
+from simbench.gap import diagnose
+from simbench.gap.decide.assess import assess
+from simbench.gap.decide.identified import plausible
+from simbench.gap.intake.check import check
+from simbench.gap.intake.identify import exact_controller, identify
+from simbench.gap.stiction import friction as module
+from simbench.gap.stiction.friction import ENOUGH, FRICTION, OUTSIDE, friction
+from simbench.gap.stiction.pace import at_its_pace
+
+
+@pytest.mark.parametrize(("seed", "effects"), [(5, (FRICTION,)), (8, (OUTSIDE,)), (2, ("load_steps",))])
+@pytest.mark.parametrize("known", [False, True])
+def test_its_gain_and_size_are_those_of_the_diagnosis(seed, effects, known):
+    case = random_case(seed, effects)
+    alone, slow = friction(case.record, case.baseline if known else None).found, at_its_pace(case.record)
+    whole = [diagnose(case.record, case.baseline if known else None).behind.found]
+    if not known and slow is not case.record:
+        whole.append(plausible(assess(check(slow, identify(slow, controller=exact_controller(case.record)), trusted=False))))
+    best = max(whole, key=lambda found: found.log_likelihood_gains[FRICTION])
+    # what is beyond doubt as sampled is not asked again
+    if best.log_likelihood_gains[FRICTION] > ENOUGH:
+        best = next(f for f in whole if f.log_likelihood_gains[FRICTION] > ENOUGH)
+    assert alone.log_likelihood_gains[FRICTION] == pytest.approx(best.log_likelihood_gains[FRICTION], abs=1e-6)
+    assert alone.parameters.get(FRICTION) == pytest.approx(best.parameters.get(FRICTION))
+
+
+@pytest.mark.parametrize("share", [0.0, 0.6])
+def test_the_likelier_of_two_views_of_a_record_is_kept(monkeypatch, share):
+    """Slips between samples are lost where samples are left out; what remains at full sampling must then be found."""
+    record = random_case(5, (FRICTION,)).record
+    slow = at_its_pace(record)
+    assert slow is not record
+    fitted = module._fitted
+    asked = []
+
+    def worse_at_pace(r, loop, given=()):
+        asked.append(r.Ts)
+        found = fitted(r, loop, given)
+        gains = found.log_likelihood_gains | ({FRICTION: share * ENOUGH} if r.Ts == slow.Ts else {FRICTION: 0.8 * ENOUGH})
+        return replace(found, log_likelihood_gains=gains)
+
+    monkeypatch.setattr(module, "_fitted", worse_at_pace)
+    assert friction(record).evidence.gain == pytest.approx(0.8 * ENOUGH)
+    assert asked == [record.Ts, slow.Ts]
+
+
+def test_what_single_samples_prove_is_proven_by_all_of_them(monkeypatch):
+    record = random_case(5, (FRICTION,)).record
+    step = 0.15 * float(np.std(record.pv))
+    rounded = replace(record, pv=np.round(record.pv / step) * step)
+    assert at_its_pace(rounded).n < rounded.n
+    monkeypatch.setattr(module, "_as_it_is", lambda record: None)
+    found = friction(rounded).found
+    assert found.situation.proven["quantisation"]["step"] == pytest.approx(step)
+    assert found.parameters["quantisation"] == found.situation.proven["quantisation"]
+    assert found.situation.data.n == at_its_pace(rounded).n

@@ -1,0 +1,70 @@
+"""A record is thinned to the pace at which its loop moves, and to no other."""
+
+import numpy as np
+import pytest
+
+from detectors.record import LoopRecord
+from simbench.gap.stiction.pace import HELD, SHORTEST, at_its_pace, unheld
+
+
+def slow(n, period=400.0, noise=0.0):
+    t, rng = np.arange(n), np.random.default_rng(0)
+    pv = np.sin(2 * np.pi * t / period) + noise * rng.standard_normal(n)
+    return LoopRecord(op=50 + np.cos(2 * np.pi * t / period), pv=pv, sp=0 * pv, Ts=2.0)
+
+
+def test_a_sine_keeps_some_thirty_samples_a_period():
+    found = at_its_pace(slow(12_000))
+    assert 28 <= 400 * 2.0 / found.Ts <= 33
+    k = round(found.Ts / 2.0)
+    assert np.array_equal(found.pv, slow(12_000).pv[::k])
+    assert found.n == found.op.size == found.sp.size
+
+
+def test_noise_that_moves_from_sample_to_sample_keeps_all():
+    record = slow(12_000, noise=0.12)
+    assert at_its_pace(record) is record
+
+
+def test_an_oscillation_beside_a_larger_drift_keeps_its_shape():
+    record, period = slow(12_000, period=60.0), 60.0 * 2.0
+    drift = 30.0 * np.sin(2 * np.pi * np.arange(12_000) / 9000.0)
+    found = at_its_pace(LoopRecord(op=record.op, pv=record.pv + drift, Ts=2.0))
+    assert 20 <= period / found.Ts <= 40
+
+
+@pytest.mark.parametrize("n", [SHORTEST, 2 * SHORTEST - 1, 2 * SHORTEST + 1, 1000])
+def test_enough_samples_are_left(n):
+    assert at_its_pace(slow(n)).n >= SHORTEST
+
+
+@pytest.mark.parametrize("k", [2, 3, 4])
+def test_a_record_sampled_less_often_ends_at_the_same_pace(k):
+    record = slow(24_000)
+    other = LoopRecord(op=record.op[::k], pv=record.pv[::k], Ts=record.Ts * k)
+    finest = at_its_pace(record).Ts
+    assert finest <= at_its_pace(other).Ts < finest + other.Ts
+
+
+def test_mv_is_left_out_with_the_samples():
+    record = slow(12_000)
+    with_mv = LoopRecord(op=record.op, pv=record.pv, mv=record.op, Ts=2.0)
+    assert at_its_pace(with_mv).mv is None
+
+
+@pytest.mark.parametrize(("k", "phase"), [(2, 0), (4, 3)])
+def test_a_pv_that_is_held_keeps_one_sample_of_each_hold(k, phase):
+    pv = np.sin(np.arange(1000) / 9.0)
+    held = np.roll(np.repeat(pv[::k], k), phase)
+    seen = unheld(LoopRecord(op=np.cos(np.arange(1000) / 9.0), pv=held, Ts=1.0))
+    assert seen.Ts == k
+    assert np.all(np.diff(seen.pv[1:-1]) != 0.0)
+    assert HELD <= seen.n <= 1000 // k
+
+
+def test_a_pv_that_moves_or_rests_at_random_is_left_as_it_is():
+    rng = np.random.default_rng(0)
+    moving = LoopRecord(op=rng.standard_normal(600), pv=rng.standard_normal(600), Ts=1.0)
+    assert unheld(moving) is moving
+    resting = LoopRecord(op=moving.op, pv=np.round(np.cumsum(moving.pv) / 4), Ts=1.0)
+    assert unheld(resting) is resting

@@ -1,0 +1,91 @@
+"""One probability of stiction: monotone in its evidence, never certain, and the same whoever shows it."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from random_case import random_case
+
+from detectors.judge import judge
+from simbench.cli import main
+from simbench.files import write_record
+from simbench.gap.stiction.probability import EDGE, NO, SHARED, YES, FrictionEvidence, log_odds, pooled, probability, verdict
+from simbench.plant.report.fleet import survey
+from simbench.plant.report.page import table
+
+KEY = "probability_of_stiction"
+
+
+def test_more_nats_speak_for_friction_and_what_an_oscillation_explains_does_not():
+    odds = [log_odds(FrictionEvidence(gain)) for gain in (-20.0, -5.0, 0.0, 5.0, 20.0, 1e4)]
+    assert odds == sorted(odds)
+    assert odds[-1] > odds[0]
+    swung = FrictionEvidence(20.0, outside=20.0)
+    assert log_odds(swung) == pytest.approx(log_odds(FrictionEvidence(0.0)))
+
+
+def test_a_band_that_spans_little_of_what_op_does_counts_less():
+    wide, narrow = (log_odds(FrictionEvidence(100.0, share=share)) for share in (1.0, 0.05))
+    none = log_odds(FrictionEvidence(0.0))
+    assert wide > narrow
+    assert narrow - none < 0.5 * (wide - none)
+
+
+def test_no_probability_is_certain():
+    assert probability(1e9) == EDGE
+    assert probability(-1e9) == pytest.approx(1.0 - EDGE)
+    assert probability(0.0) == 0.5
+
+
+def test_records_of_one_loop_count_together_but_not_as_often_as_they_were_taken():
+    assert pooled([1.5]) == 1.5
+    assert pooled([1.0, 1.0]) == pytest.approx(2.0 / (1.0 + SHARED))
+    assert 1.0 < pooled([1.0] * 50) < 1.0 / SHARED
+    assert pooled([2.0, -2.0]) == 0.0
+
+
+def test_between_yes_and_no_it_cannot_be_told():
+    assert [verdict(p) for p in (NO - 1e-9, NO, YES, YES + 1e-9)] == ["no_stiction", "no_decision", "no_decision", "stiction"]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Return two records of 600 samples, one of a sticky loop."""
+    place = tmp_path_factory.mktemp("records")
+    for name, effects in (("sticky", ("stiction",)), ("sound", ())):
+        write_record(random_case(7, effects).record.window(0, 600), place / f"{name}.csv")
+    return place
+
+
+def answer(capsys, *words):
+    assert main([str(w) for w in (*words, "--json")]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_every_verb_shows_the_same_number(folder, capsys, monkeypatch):
+    monkeypatch.setattr("simbench.plant.trust.trust.draw_twins", lambda *a, **k: [])
+    listed = table(survey(folder, jobs=1)).set_index("loop")
+    for name in ("sticky", "sound"):
+        record = folder / f"{name}.csv"
+        [said] = answer(capsys, "detect", record, "--method", "likelihood")
+        shown = [
+            said[KEY],
+            said["indices"][KEY],
+            answer(capsys, "diagnose", record)[KEY],
+            answer(capsys, "trust", record, "--method", "he")[KEY],
+            answer(capsys, "gap", "diagnose", record, "--identify")[KEY],
+            listed.loc[name, KEY],
+        ]
+        assert np.ptp(shown) < 1e-9
+        assert math.isclose(said["score"], math.log(shown[0] / (1 - shown[0])), abs_tol=1e-6)
+    assert listed.loc["sticky", KEY] > listed.loc["sound", KEY]
+
+
+def test_what_cannot_be_judged_has_no_probability(folder, tmp_path):
+    from detectors.record import LoopRecord
+
+    flat = LoopRecord(op=np.full(300, 50.0), pv=np.sin(np.arange(300.0)), Ts=1.0)
+    [said] = judge(flat, ["likelihood"])
+    assert said.verdict == "no_decision"
+    assert KEY not in said.indices

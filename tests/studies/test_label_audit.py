@@ -1,0 +1,43 @@
+"""Turned labels are found where the evidence is clear, and nothing is suspected where it agrees."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from random_case import random_case
+
+from results.studies import label_audit as audit
+
+
+@pytest.fixture
+def loops():
+    sticky = np.arange(24) % 3 == 0
+    odds = np.where(sticky, 3.0, -1.0) + 0.3 * np.random.default_rng(0).standard_normal(24)
+    return pd.DataFrame({"unit": [f"u{i // 2}" for i in range(24)], "sticky": sticky, "odds": odds})
+
+
+def test_turned_labels_stand_among_the_first_suspected(loops):
+    found, false = audit.turned(loops)
+    assert found > 0.95
+    assert false < 0.05
+
+
+def test_a_label_is_doubted_by_what_other_units_say(loops):
+    labels = loops.sticky.to_numpy().copy()
+    labels[0] = False
+    p = audit.doubts(loops, labels)
+    assert p.argmax() == 0
+    assert p[0] > audit.SUSPECTED > np.delete(p, 0).max()
+
+
+def test_evidence_that_says_nothing_leaves_the_doubt_of_before(loops):
+    p = audit.doubts(loops.assign(odds=0.0), loops.sticky.to_numpy())
+    assert p == pytest.approx(np.full(24, audit.WRONG), abs=0.05)
+
+
+def test_windows_are_halves_that_cover_the_record():
+    record = random_case(5).record
+    parts = audit.windows(record)
+    assert len(parts) == audit.WINDOWS
+    assert {p.n for p in parts} == {record.n // 2}
+    assert parts[0].op[0] == record.op[0]
+    assert parts[-1].op[-1] == record.op[-1]
