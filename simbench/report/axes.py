@@ -33,6 +33,6 @@ def section(run: RunData) -> Markup:
         "found": "found", "false_alarms": "false alarms", "no_decision": "undecided",
     }  # fmt: skip
     # a rate of few loops says nothing
-    here = here.where((here["applicable"] >= LEAST) | here.columns.isin(["axis", "value", "method", "n", "applicable"]))
+    here = here.mask(here["applicable"] < LEAST).assign(**{k: here[k] for k in ("axis", "value", "method", "n", "applicable")})
     digits = dict.fromkeys(["accuracy", "from", "to", "found", "false alarms", "undecided"], "{:.3f}".format)
     return render("axes.html", table=sortable(here[list(names)].rename(columns=names), formats=digits))
