@@ -97,6 +97,7 @@ def score(
     report: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Report with pictures to write.")] = None,
     against: Annotated[Path | None, typer.Option("--compare", metavar="RUN", help="A second run, paired by scenario.")] = None,
     paired: Annotated[bool, typer.Option("--paired", help="Compare this run's methods with each other, paired.")] = False,
+    cost: Annotated[float, typer.Option("--cost", min=0.0, max=1.0, help="Of no decision; an error costs 1.")] = 0.5,
     as_json: Json = False,
 ) -> None:
     """Score a run: accuracy, no-decision rate, AUC, with intervals, by grid axis."""
@@ -105,7 +106,7 @@ def score(
     from simbench.files import refuse_own_input
 
     refuse_own_input([report], [folder, against])
-    scores, failed = score_run(folder, raw=raw), read_failures(folder)
+    scores, failed = score_run(folder, raw, cost), read_failures(folder)
     content: Any = {**scores.as_json(), "failed": failed.as_json()} if as_json else f"{_line(failed)}{scores.as_text()}"
     if against is not None or paired:
         from simbench.bench.score.compare import compare

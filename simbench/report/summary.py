@@ -15,11 +15,13 @@ from simbench.report.page import render
 
 TITLE = "Summary"
 COLUMNS = {
+    "cost": "cost",
     "accuracy": "accuracy_applicable",
     "of decided": "accuracy_decided",
     "undecided": "no_decision",
     "found": "found",
     "false alarms": "false_alarms",
+    "at 5 % false alarms": "found_at_5",
     "AUC": "auc",
 }
 SHARES = (*COLUMNS, "by sticky", "by predicted", "of all", "applies")
@@ -54,8 +56,9 @@ def section(run: RunData) -> Markup:
         limits = f"{percent(best['accuracy_applicable_lo'])} to {percent(best['accuracy_applicable_hi'])}"
         tiles.append((percent(best["accuracy_applicable"]), f"right by {best['method']}, the best on OP and PV ({limits})"))
     if not math.isnan(run.scores.resolution):
-        tiles.append((f"{run.scores.resolution:.3f}", "smallest difference of accuracy that this run resolves"))
+        tiles.append((f"{run.scores.resolution:.3f}", "smallest difference of cost that this run resolves"))
     tiles.append((str(len(run.errors)), "failures"))
+    tiles.append(("sealed", "seeds drawn as it began") if run.scores.manifest.get("sealed") else ("not sealed", "seeds known"))
     other = next(m for m in (FRONT, RAW) if m != mode)
     blocks = [(mode, process) for process in LOOPS] + [(other, "all")]
     tables = [(f"{LOOPS[p]}, {FRONTS[m]}", readable(run.scores, m, p)) for m, p in blocks]
