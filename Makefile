@@ -3,25 +3,35 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+READY_TEST := $(VENV)/.ready-test
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
+# a module compiled by one process is compiled for the next, whatever the shell says
+export PYTHONDONTWRITEBYTECODE :=
+# a fault of the program fails what is made, as a traceback does
+export SIMBENCH_RAISE := 1
 # a sticky loop is chaotic: without these, machines with and without AVX-512 would not give the same bits
 export OPENBLAS_CORETYPE := Haswell
 export NPY_DISABLE_CPU_FEATURES := X86_V4 AVX512_ICL AVX512_SPR
 
-.PHONY: bench check leak real test lint perf shares docs site clean
+.PHONY: bench check leak real results test test-all rules lint perf shares docs site clean
 
 bench: $(READY)            ## the main job: simulate a labelled grid, run the detectors, score them
 	rm -rf runs/bench
 	$(BIN)/simbench run chapter -o runs/bench --method fast,oracle -j 2
 	$(BIN)/simbench score runs/bench --report runs/bench/report.html
 
-test: $(READY) lint        ## every test, and the rules of the house
-	$(BIN)/python -m pytest -n 2 --dist worksteal
+test: $(READY_TEST) rules  ## the tests of every change, and the rules of the house
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow"
 
-lint: $(READY)
+test-all: lint             ## these, the types, and what only a release needs
+	FUZZ=120 $(BIN)/python -m pytest -n 2 --dist worksteal
+
+rules: $(READY_TEST)       ## how the code is written, and who imports whom
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports
+
+lint: rules                ## these, and the types, which take as long as a quarter of the tests
 	$(BIN)/pyright
 
 check: $(READY)            ## has any detector's accuracy regressed against the committed baseline?
@@ -34,17 +44,21 @@ real: $(READY)             ## every record of real loops, every method, scored b
 	$(BIN)/simbench detect ../shared/data/real --labels ../shared/data/real/records.csv --why > runs/real_records.txt
 	mv runs/real_records.txt results/real_records.txt
 
+results: $(READY_TEST)     ## every file of results/ again, or those of FILES, by the commands that results/README.md lists
+	@mkdir -p runs
+	$(BIN)/python -m results.studies.remake $(FILES)
+
 leak: $(READY)             ## can a scenario's settings alone predict its label? They must not
 	$(BIN)/python -m results.studies.leak
 
-perf: $(READY)             ## what the loop, each detector and a whole scenario cost: ratios and shares of CPU time
+perf: $(READY_TEST)        ## what the loop, each detector and a whole scenario cost: ratios and shares of CPU time
 	@failed=0; for part in perf perf_batch perf_detectors perf_shares; do \
 		$(BIN)/python tests/reference/$$part.py || failed=1; done; exit $$failed
 
-shares: $(READY)           ## what a scenario is made of, against the committed shares: never times
+shares: $(READY_TEST)      ## what a scenario is made of, against the committed shares: never times
 	$(BIN)/python tests/reference/perf_shares.py
 
-docs: $(READY)             ## the gallery, and every published number beside ours
+docs: $(READY_TEST)        ## the gallery, and every published number beside ours
 	$(BIN)/simbench figure all -o results/figures
 	@mkdir -p runs
 	$(BIN)/simbench simulate docs/example/loop.toml -o runs/example.csv --seed 1
@@ -52,18 +66,20 @@ docs: $(READY)             ## the gallery, and every published number beside our
 	$(BIN)/python -m results.studies.chapter --isdb ../shared/data/real
 	$(BIN)/python -m results.studies.gallery
 
-site: $(READY)             ## tutorials that run, API, detectors, formats, glossary as pages
+site: $(READY_TEST)        ## tutorials that run, API, detectors, formats, glossary as pages
 	$(BIN)/python -m sphinx -W --keep-going -q docs/site runs/site
 
+# the product alone, and with what tests, studies and pages need; modules are compiled when first imported, kernels when first run
+INSTALL = (test -x $(BIN)/pip || $(PYTHON) -m venv $(VENV)) && \
+	$(BIN)/pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt -e
+
 $(READY): pyproject.toml constraints.txt
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test]'
-	# what is compiled, compiled now: the first call then costs what later ones do
-	rm -rf $(VENV)/first
-	$(BIN)/simbench run smoke -o $(VENV)/first >/dev/null
-	$(BIN)/simbench simulate docs/example/loop.toml -o $(VENV)/first/rec.csv --seed 1 >/dev/null
-	$(BIN)/simbench detect $(VENV)/first/rec.csv >/dev/null
+	$(INSTALL) .
 	touch $@
+
+$(READY_TEST): pyproject.toml constraints.txt
+	$(INSTALL) '.[test]'
+	touch $(READY) $@
 
 clean:
 	rm -rf $(VENV) build runs *.egg-info

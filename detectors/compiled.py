@@ -10,6 +10,7 @@ import os
 import pickle
 import sys
 import tempfile
+from collections.abc import Iterator
 from functools import cache, lru_cache
 from pathlib import Path
 from types import FunctionType, ModuleType
@@ -82,6 +83,19 @@ def compiled(function: FunctionType):
     return getattr(cached_module(function.__name__.strip("_"), _used(function), text, "numpy"), function.__name__)
 
 
+@contextlib.contextmanager
+def one_thread() -> Iterator[None]:
+    """Keep linear algebra to one thread where its libraries can be found: with more, sums come out in another order."""
+    from threadpoolctl import threadpool_limits
+
+    try:
+        limits = threadpool_limits(1)
+    except OSError:  # this system does not say which libraries are loaded: the environment alone decides
+        limits = contextlib.nullcontext()
+    with limits:
+        yield
+
+
 def cached_module(kind: str, parts: dict[str, Any], text: str, error_model: str = "python") -> ModuleType:
     """Write `text` to a module in which the names of `parts` are known, functions compiled, and import it.
 
@@ -139,13 +153,12 @@ def _checked_cache() -> type:
             return hashlib.sha256(content).digest() + content
 
         def _load_index(self):
+            mark = pickle.dumps(self._version, protocol=-1)  # numba's own version stands before what carries the checksum
             try:
-                with open(self._index_path, "rb") as f:
-                    version, content = pickle.load(f), f.read()
-                stamp, overloads = pickle.loads(_sound(content))
+                stamp, overloads = pickle.loads(_sound(Path(self._index_path).read_bytes().removeprefix(mark)))
             except Exception:  # whatever a damaged pickle raises
                 return {}
-            return overloads if (version, stamp) == (self._version, self._source_stamp) else {}
+            return overloads if stamp == self._source_stamp else {}
 
         def _load_data(self, name):
             return pickle.loads(_sound(Path(self._data_path(name)).read_bytes()))
@@ -286,9 +299,14 @@ def _numba_version() -> str:
 
 @lru_cache(maxsize=1)
 def _cache_folder() -> Path:
+    """Return a folder that this user alone can write: what lies there is executed."""
     base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "stiction-simbench"
     try:
         base.mkdir(parents=True, exist_ok=True)
+        if os.name == "posix":  # elsewhere a user's own folders are closed to others
+            if base.stat().st_uid != os.getuid():
+                raise PermissionError
+            base.chmod(0o700)
         with tempfile.TemporaryFile(dir=base):
             return base
     except OSError:

@@ -80,7 +80,7 @@ def detect(
     if isinstance(source, (str, Path)):
         return judge_files(source, asked, raw=raw, front_end=front_end, plugins=plugins, thresholds=thresholds, **about)
     record = as_record(source, **about)
-    with registry.guests(plugins) as added:
+    with registry.hosted(plugins) as added:
         names = choose_methods(asked)
         names += [a for a in added if a not in names]
         verdicts = judge(record, names, raw=raw, front_end=front_end, thresholds=thresholds)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import re
 from collections.abc import Iterable, Iterator
 from difflib import get_close_matches
 
@@ -61,6 +62,24 @@ def naming(place: object) -> Iterator[None]:
         if str(place) in str(error):
             raise
         raise ParameterError(f"{place}: {error}") from error
+
+
+SECRETS = re.compile(
+    r"""(?P<before>[a-z][\w+.-]*:/+)[^/\s"']*@|(?<![^\s"'])[^\s/"'@:]+:[^\s/"'@]*@"""
+    r"""|(?P<key>[?&][\w-]*(?:pass|secret|token|key|sig|credential)[\w-]*=)[^&\s"']+""",
+    re.IGNORECASE,
+)
+
+
+def masked(text: object) -> str:
+    """Return a text with user, password and keys of every URL in it replaced by `***`.
+
+    Examples
+    --------
+    >>> masked("ftp://me:secret@host/run: no such file"), masked("https://host/run?sig=a1b2&x=1")
+    ('ftp://***@host/run: no such file', 'https://host/run?sig=***&x=1')
+    """
+    return SECRETS.sub(lambda m: f"{m['key']}***" if m["key"] else f"{m['before'] or ''}***@", str(text))
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

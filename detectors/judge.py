@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from types import ModuleType
@@ -10,14 +12,15 @@ import numpy as np
 
 from detectors.errors import ParameterError, nearest
 from detectors.method import Method
-from detectors.plugins.host import GuestError
+from detectors.plugins.host import Host, PluginError
+from detectors.plugins.rebuilt import verdict_of
 from detectors.plugins.registry import methods as registry
 from detectors.prepared import FRONT_ENDS, Prepared, prepare
 from detectors.record import LoopRecord
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 # A record with one of these flags says nothing about its valve, whatever the method.
-UNFIT = ("dead_op", "dead_pv", "manual", "saturated")
+UNFIT = ("dead_op", "dead_pv", "manual", "saturated", "outside_span")
 
 
 LONGEST = 300  # characters of an error's text
@@ -126,16 +129,53 @@ def answers(
     str or None
         What went wrong.
     """
-    guest = registry.guest(name)
+    host = registry.host_of(name)
     try:
-        if guest is not None:
-            return guest.judge(name, prepared, modes, thresholds), None
+        if host is not None:
+            return _hosted(host, name, prepared, modes, thresholds), None
         module = registry.load(name)
         return [judge_one(name, module, prepared, raw, dict(thresholds)) for raw in modes], None
     except Exception as wrong:  # a detector may fail in any way; the others must not
-        said = str(wrong) if isinstance(wrong, GuestError) else f"{type(wrong).__name__}: {wrong}"
+        said = str(wrong) if isinstance(wrong, PluginError) else f"{type(wrong).__name__}: {wrong}"
         error = " ".join(said.split())[:LONGEST]
         return [Verdict(name, NO_DECISION, reason=f"{FAILED}{error}")] * len(modes), error
+
+
+def _hosted(host: Host, name: str, prepared: Prepared, modes: tuple[bool, ...], thresholds: dict) -> list[Verdict]:
+    """Ask the process of a plug-in, which answers about every record as if it were the first."""
+    if host.fresh():
+        host.call(_warm_up, name)
+    known = {name: value for name in ("oscillation", "flags") if (value := prepared.__dict__.get(name)) is not None}
+    asked = (name, prepared.record, prepared.front_end, prepared.part, known, modes, thresholds)
+    answer = host.call(_judge_there, *asked, seconds=host.seconds * len(modes), fork=True)
+    if not isinstance(answer, list) or len(answer) != len(modes):
+        raise PluginError("answered with something that is no verdict")
+    return [verdict_of(name, one) for one in answer]
+
+
+def _warm_up(name: str) -> None:
+    """Judge a plain record once: what the plug-in imports and compiles when first asked stands ready for every copy."""
+    module, t = registry.load(name), np.arange(1200.0) / 8.0
+    op, pv = 50.0 + 5.0 * np.sin(t), 50.0 - 5.0 * np.sin(t - 1.0)
+    with contextlib.suppress(BaseException), warnings.catch_warnings():
+        record = LoopRecord(op, pv, 1.0, mv=op, process=module.METHOD.process[0], kind="flow", op_span=(0.0, 100.0))
+        judge_one(name, module, Prepared(record if module.METHOD.needs_mv else record.blind()), True, module.METHOD.defaults())
+
+
+def _judge_there(name, record, front_end, part, known, modes, thresholds) -> list[Verdict]:
+    """Judge a record where this runs, in the plug-in's own process."""
+    prepared = Prepared(record, front_end, part=part)
+    for signal in (record.op, record.pv, record.sp, record.mv):
+        if signal is not None:
+            signal.flags.writeable = False
+    prepared.__dict__.update(known)
+    found = [judge_one(name, registry.load(name), prepared, raw, dict(thresholds)) for raw in modes]
+    for verdict in found:
+        if not isinstance(verdict, Verdict):
+            raise TypeError(f"answers with a {type(verdict).__name__}, which is no Verdict")
+        if verdict.reason.startswith((" ", ";")):  # notes of the house follow a reason that is none
+            raise ValueError("answers without a reason")
+    return found
 
 
 def check_thresholds(name: str, method: Method, chosen: Mapping[str, float]) -> dict[str, float]:
@@ -221,8 +261,8 @@ def judge_one(name: str, module: ModuleType, prepared: Prepared, raw: bool, thre
     elif record.process not in method.process:
         made_for = " and ".join(method.process)
         return finished(answer(NO_DECISION, f"made for {made_for} processes; this one is {record.process}", False))
-    if record.n < method.min_samples:
-        reason = f"too short: {record.n} samples; at least {method.min_samples} are needed"
+    if record.n * prepared.step < method.min_samples:
+        reason = f"too short: {record.n * prepared.step} samples; at least {method.min_samples} are needed"
         return finished(answer(NO_DECISION, reason))
     for flag in (*UNFIT, *method.cannot_cope) if prepared.flags else ():
         if flag in prepared.flags:

@@ -55,6 +55,8 @@ class Method:
         Fewer oscillation periods than this: no decision.
     front_end : bool
         False for a method that brings its own oscillation test.
+    reversible : bool
+        Whether its verdict is the same for the record read backwards.
     cannot_cope : tuple of str
         Data-quality flags under which the method abstains.
     whole : bool
@@ -63,9 +65,13 @@ class Method:
         Keyword arguments of `detect` that a user or a calibration may set.
     exempt : dict of str to str
         Cases of the contract test that do not apply to the method, each with the reason.
+    fitted_on : tuple of str
+        Grids whose loops, of other seeds, the method's constants were fitted to.
     published : dict of str to float
         Thresholds at which the method is its source and nothing else; empty when its defaults are that, or when the source
         gives no numbers. `NAME@published` is the method with these.
+    chapter : dict of str to float
+        The same where Jelali's chapter differs from the method's source; `NAME@chapter`.
     """
 
     title: str
@@ -77,17 +83,22 @@ class Method:
     min_samples: int = 60
     min_periods: float = 3.0
     front_end: bool = True
+    reversible: bool = False
     cannot_cope: tuple[str, ...] = ()
     whole: bool = False
     thresholds: dict[str, Threshold] = field(default_factory=dict)
     exempt: dict[str, str] = field(default_factory=dict)
+    fitted_on: tuple[str, ...] = ()
     published: dict[str, float] = field(default_factory=dict)
+    chapter: dict[str, float] = field(default_factory=dict)
 
     def defaults(self) -> dict[str, float]:
         """Return the default of every threshold."""
         return {name: t.default for name, t in self.thresholds.items()}
 
-    def as_published(self) -> Method:
-        """Return the method with the thresholds of its source as defaults."""
-        at = {k: replace(t, default=self.published.get(k, t.default)) for k, t in self.thresholds.items()}
-        return replace(self, title=f"{self.title}, as published", thresholds=at, published={})
+    def as_published(self, chapter: bool = False) -> Method:
+        """Return the method with the thresholds of its source, or of the chapter, as defaults."""
+        its = self.published | (self.chapter if chapter else {})
+        at = {k: replace(t, default=its.get(k, t.default)) for k, t in self.thresholds.items()}
+        where = "in the chapter" if chapter else "as published"
+        return replace(self, title=f"{self.title}, {where}", thresholds=at, fitted_on=(), published={}, chapter={})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,13 +11,15 @@ from detectors.errors import RecordError
 from detectors.quality import Flag, inspect
 from detectors.record import LoopRecord
 from detectors.signal.conditioning import clear_harmonics, drift, loop_sign, mirrored_spectrum, smooth, snapped
-from detectors.signal.half_cycles import split
+from detectors.signal.half_cycles import midline, split
 from detectors.signal.load_disturbances import oscillation_by_loads
-from detectors.signal.oscillation import LASTING, Oscillation, find_oscillation
+from detectors.signal.oscillation import LASTING, Oscillation, find_oscillation, wandering
 from detectors.signal.standstill import steady_valve
 
 STILL = 1e-9  # of a signal's range: less is rounding
 FRONT_ENDS = ("acf", "hagglund")
+# samples per period that are judged (Jelali 2013, section 11.7.2); a denser record is halved until it has no more
+DENSEST = 250.0
 HALVES = (2, 1, 0)  # quarters at which they start: the last half, the middle one, the first
 
 
@@ -35,6 +37,8 @@ class Prepared:
         Intermediate results that methods on the same record share, by name; `share` fills it.
     part : (int, int), optional
         Samples start..stop-1 of the record that was given, where not all of it is judged; `prepare` finds them.
+    step : int
+        Samples of the record that was given to one of `record`.
 
     Examples
     --------
@@ -48,6 +52,7 @@ class Prepared:
     front_end: str = "acf"
     shared: dict = field(default_factory=dict)
     part: tuple[int, int] | None = None
+    step: int = 1
 
     @cached_property
     def flags(self) -> dict[str, Flag]:
@@ -121,15 +126,18 @@ class Prepared:
         """Return "travel", or "pv" about the middle of its range and in shares of that; shape (n,).
 
         Searches meet candidates that are equally good. Which one wins shall not depend on how a unit rounds: both signals
-        are set on a grid of 1e-6 % of travel and 1e-7 of PV's range.
+        are set on a grid of 1e-6 % of travel and 1e-7 of PV's range. Nor shall it depend on which way is up: both are turned
+        so that OP leaves the middle half of its range upward first.
         """
+        turn = self.share("searchable turn", lambda: first_way(self.record.op))
         if name == "pv":
             pv = self.record.pv
             low, high = float(pv.min()), float(pv.max())
-            return self.share("searchable pv", lambda: snapped((pv - 0.5 * (low + high)) / ((high - low) or 1.0)))
+            return self.share("searchable pv", lambda: turn * snapped((pv - 0.5 * (low + high)) / ((high - low) or 1.0)))
         if self.record.op_percent is None:
-            return self.record.op
-        return self.share("searchable travel", lambda: snapped(self.signal("travel"), 2.0**-20))
+            return turn * self.record.op
+        travel = self.signal("travel")
+        return self.share("searchable travel", lambda: snapped(travel if turn > 0.0 else 100.0 - travel, 2.0**-20))
 
     def clear_harmonics(self, name: str) -> float:
         """Return up to which harmonic a signal stands above its noise, see `detectors.signal.conditioning`."""
@@ -144,7 +152,11 @@ class Prepared:
 
     def _level(self, name: str) -> np.ndarray:
         x = self.signal(name)
-        level = x - drift(x, self.period)
+        if self.oscillation.swings:  # a mean over one period would take part of the longer cycles away
+            at = wandering(self.record.op)
+            level = -self.record.e if name == "pv" or at is None else x - midline(x, at)
+        else:
+            level = x - drift(x, self.period)
         # a signal that stood still for a period leaves rounding, whose signs hang on the unit
         level[np.abs(level) <= STILL * np.ptp(x)] = 0.0
         return level
@@ -157,19 +169,25 @@ class Prepared:
         """Return what `detectors.signal.standstill` says of the signal that stands for MV."""
         return self.share(f"steady valve {self.record.mv is None}", lambda: steady_valve(position, self.period))
 
-    def half_cycles(self, name: str) -> np.ndarray:
+    def half_cycles(self, name: str, cleaned: bool = True) -> np.ndarray:
         """Return the half cycles of "op" or "pv" as positive humps of one length, shape (m, points).
 
-        Those in the first and last half period are left out: drift is only guessed there.
+        Those in the first and last half period are left out: drift is only guessed there. Not cleaned: between the zero
+        crossings of the signal less its mean, as the sources have it.
         """
         period = self.period
+        if not cleaned:
+            x = self.signal(name)
+            return self.share(f"raw half cycles {name}", lambda: split(x - x.mean(), period))
+        if self.oscillation.swings:
+            return self.share(f"half cycles {name}", lambda: split(self.clean(name), period, longest=np.inf))
         inner = slice(round(period / 2), -round(period / 2))
         return self.share(f"half cycles {name}", lambda: split(self.clean(name)[inner], period))
 
     def sighted(self, record: LoopRecord) -> Prepared:
         """Return the same for the same record, all of it, with MV; what was found without MV is kept."""
-        record = record if self.part is None else record.window(*self.part)
-        other = Prepared(record, self.front_end, dict(self.shared), self.part)
+        record = thinned(record if self.part is None else record.window(*self.part), self.step)
+        other = Prepared(record, self.front_end, dict(self.shared), self.part, self.step)
         other.__dict__.update(oscillation=self.oscillation, flags=self.flags)
         return other
 
@@ -185,6 +203,38 @@ class Prepared:
         return self.shared[name]
 
 
+def first_way(x: np.ndarray) -> float:
+    """Return the side, 1 or -1, on which a signal leaves the middle half of its range first."""
+    low, high = float(x.min()), float(x.max())
+    away = x - 0.5 * (low + high)
+    return -1.0 if away[np.argmax(np.abs(away) > 0.25 * (high - low))] < 0.0 else 1.0
+
+
+def thinned(record: LoopRecord, step: int) -> LoopRecord:
+    """Return the record of every so many-th sample: means would blur the jumps of a valve."""
+    if step == 1:
+        return record
+    signals = {name: getattr(record, name) for name in ("op", "pv", "sp", "mv")}
+    return replace(record, Ts=record.Ts * step, **{k: None if x is None else x[::step] for k, x in signals.items()})
+
+
+def _at_density(record: LoopRecord, front_end: str, part: tuple[int, int] | None = None) -> Prepared:
+    """Prepare a record at no more than `DENSEST` samples per period, by powers of two: so that the density it came at, of
+    those a factor of two apart, makes no difference."""
+    dense = Prepared(record, front_end, part=part)
+    period, step = dense.oscillation.period_s / record.Ts, 1
+    while period > DENSEST * step:
+        step *= 2
+    if step == 1 or record.n < 4 * step:
+        return dense
+    if part is not None:  # a start that every density has
+        late = part[0] % step
+        record, part = record.window(late and step - late, record.n), (part[0] + (late and step - late), part[1])
+    thin = Prepared(thinned(record, step), front_end, part=part, step=step)
+    # what oscillates in neither way is left as it came: its valve may be seen all the same
+    return thin if thin.oscillation.sustained or dense.oscillation.sustained else dense
+
+
 def prepare(record: LoopRecord, front_end: str = "acf") -> Prepared:
     """Prepare a record for judging: all of it, or a half that oscillates where the whole does not.
 
@@ -198,7 +248,8 @@ def prepare(record: LoopRecord, front_end: str = "acf") -> Prepared:
     Returns
     -------
     Prepared
-        Of the first that oscillates: the whole, its last half, its middle half, its first half; else of the whole.
+        Of the first that oscillates: the whole, its last half, its middle half, its first half; else of the whole. Every
+        second, fourth, ... sample of it where a period has more than 250.
 
     Notes
     -----
@@ -214,14 +265,14 @@ def prepare(record: LoopRecord, front_end: str = "acf") -> Prepared:
     >>> prepare(LoopRecord(op=swing, pv=swing, Ts=1.0)).part
     (600, 1200)
     """
-    whole = Prepared(record, front_end)
+    whole = _at_density(record, front_end)
     if whole.oscillation.sustained or front_end == "hagglund":  # whose memory forgets by itself what is long past
         return whole
     for quarter in HALVES:
         part = quarter * record.n // 4, (quarter + 2) * record.n // 4
         if part[1] - part[0] < 3:
             return whole
-        half = Prepared(record.window(*part), front_end, part=part)
+        half = _at_density(record.window(*part), front_end, part)
         found = half.oscillation
         # the unit of S and J is the whole record's
         if found.sustained and found.lasting > LASTING**0.5 and half.record.S_unit == record.S_unit:

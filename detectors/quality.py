@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from detectors.record import LoopRecord
+from detectors.record import MOST_OUTSIDE, LoopRecord
 from detectors.signal.holds import holds, still
 from detectors.signal.lattice import lattice, written_unit
 from detectors.signal.lines import straight
@@ -48,7 +48,8 @@ def inspect(record: LoopRecord, oscillation: Oscillation | None = None) -> dict[
     -------
     dict of str to Flag
         `dead_op`, `dead_pv`: it never changes. `manual`: OP changes too seldom for a controller. `saturated`: OP
-        stands at a limit. `gaps`: as the loader says. `quantised_op`, `quantised_pv`: values on a coarse grid.
+        stands at a limit. `outside_span`: OP or PV is not where its span says. `gaps`: as the loader says.
+        `quantised_op`, `quantised_pv`: values on a coarse grid.
         `compressed`: straight lines between kept samples. `held`: OP and PV stand still together, over and over.
         `frozen`: PV stands still for once while OP moves. `undersampled`: less than 8 samples per period.
         `moving_sp`, `off_setpoint`: the set point changes, or PV stays away from it. `spikes`: isolated outliers in PV.
@@ -75,6 +76,9 @@ def _findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]:
     for name in alive:
         if not alive[name]:
             yield Flag(f"dead_{name}", f"{name.upper()} never changes")
+    for name in ("op", "pv"):
+        if (share := record.outside(name)) > MOST_OUTSIDE:
+            yield Flag("outside_span", f"{name.upper()} lies outside {name}_span in {share:.0%} of the samples")
     for note in record.notes:
         if note.startswith("gaps"):
             yield Flag("gaps", note)

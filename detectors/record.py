@@ -27,6 +27,8 @@ KIND_ALIASES = {
 # Beyond these a power of four, as statistics use it, leaves the range of double numbers.
 LARGEST, SMALLEST = 1e60, 1e-60
 FASTEST, SLOWEST = 1e-12, 1e12  # s between samples
+OVER_RANGE = 0.1  # of its span by which a sound signal may go beyond it: 4..20 mA means 3.8 to 20.5, a fault 3.6 or 21
+MOST_OUTSIDE = 0.05  # share of the samples that may lie further out, before the span is taken for another signal's
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,6 +148,14 @@ class LoopRecord:
         """Whether OP moves within 0..1 and no span tells its unit: a share of 1 judged as % would be wrong by a factor 100."""
         lo, hi = float(self.op.min()), float(self.op.max())
         return self.op_span is None and 0.0 <= lo < hi <= 1.0
+
+    def outside(self, name: str, margin: float = OVER_RANGE) -> float:
+        """Return the share of OP's or PV's samples that lie beyond its span by more than `margin` of it; 0 without a span."""
+        span, x = getattr(self, f"{name}_span"), getattr(self, name)
+        if span is None:
+            return 0.0
+        over = margin * (span[1] - span[0])
+        return float(np.mean((x < span[0] - over) | (x > span[1] + over)))
 
     @property
     def S_unit(self) -> str:

@@ -10,10 +10,12 @@ import traceback
 from collections.abc import Callable
 from pathlib import Path
 
-from detectors.errors import UserError
+from detectors.errors import UserError, masked
 
 LOG = "simbench-fault-"  # begins the name of a fault's log, in the system's folder of temporary files
+RAISED = "SIMBENCH_RAISE"  # set where tests run: a fault of the program is a traceback there, no sentence
 LOGS = 20  # kept there, the newest
+LONGEST = 950  # characters of a sentence; of a longer one its beginning and its end are said
 
 
 def exit_code(work: Callable[[], int | None], *known: type[Exception]) -> int:
@@ -36,6 +38,8 @@ def exit_code(work: Callable[[], int | None], *known: type[Exception]) -> int:
     >>> exit_code(lambda: None), exit_code(lambda: 1)
     (0, 1)
     """
+    if hasattr(sys.stdout, "reconfigure"):  # the name of a file may be no text
+        sys.stdout.reconfigure(errors="backslashreplace")
     try:
         return int(work() or 0)
     except (UserError, *known) as error:
@@ -49,8 +53,11 @@ def exit_code(work: Callable[[], int | None], *known: type[Exception]) -> int:
     except OSError as error:
         kind = {NotADirectoryError: "; a folder is needed", IsADirectoryError: "; a file is needed"}.get(type(error), "")
         return complain(f"{error.filename or 'output'}: {(error.strerror or str(error)).lower()}{kind}")
+    except RuntimeError as error:
+        loop = str(error).startswith("Symlink loop")
+        return complain(f"{error}; a path that leads to a file or folder is needed" if loop else _fault(error))
     except KeyboardInterrupt as error:
-        print(str(error) or "interrupted", file=sys.stderr)
+        print(masked(error) or "interrupted", file=sys.stderr)
         return 130
     except SystemExit as stop:
         # argparse has printed its help or its complaint by then, click found its reader gone (1)
@@ -70,17 +77,20 @@ def complain(sentence: str) -> int:
     -------
     int
     """
-    print(f"error: {' '.join(sentence.split())}", file=sys.stderr)
+    said = masked(" ".join(sentence.split()))
+    print(f"error: {said if len(said) <= LONGEST else f'{said[: LONGEST - 300]} [...] {said[-290:]}'}", file=sys.stderr)
     return 2
 
 
 def _fault(error: Exception) -> str:
     """Write the traceback of an error nobody foresaw to a log file, and return the sentence that names it."""
+    if os.environ.get(RAISED):
+        raise error
     said = " ".join(f"{type(error).__name__}: {error}".split())[:200]
     try:
         handle, log = tempfile.mkstemp(prefix=LOG, suffix=".log")
         with open(handle, "w", encoding="utf-8", errors="backslashreplace") as f:
-            f.write(f"{sys.argv}\n\n{''.join(traceback.format_exception(error))}")
+            f.write(masked(f"{sys.argv}\n\n{''.join(traceback.format_exception(error))}"))
         _drop_old_logs(Path(log).parent)
     except OSError:
         log = "no log file, as none could be written"

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import numbers
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -103,3 +105,28 @@ def _plain(value: Any) -> Any:
         return value
     number = float(value)
     return number if math.isfinite(number) else None
+
+
+def wrong_types(v: Any) -> Iterator[str]:
+    """Say what of an answer is not as `Verdict` describes it."""
+    if not isinstance(v, Verdict):
+        yield f"answers {v!r}, a detectors.verdict.Verdict is needed"
+        return
+    if v.verdict not in VERDICTS:
+        yield f"answers {v.verdict!r}, allowed: {', '.join(VERDICTS)}"
+    if not isinstance(v.reason, str) or not v.reason.strip():
+        yield f"gives no reason for {v.verdict!r}"
+    if not _number(v.score):
+        yield f"gives the score {v.score!r}, a number is needed (NaN for none)"
+    if not isinstance(v.indices, dict) or not all(isinstance(k, str) and _number(x) for k, x in v.indices.items()):
+        yield f"gives the indices {v.indices!r}, names with numbers are needed"
+    for key, level in (("S", v.S), ("J", v.J)):
+        ends = level if isinstance(level, tuple) else (level,)
+        if level is not None and (len(ends) > 2 or not all(_number(x) and math.isfinite(x) for x in ends)):
+            yield f"gives {key} = {level!r}, a finite number, (lo, hi) or None is needed"
+    if v.applicable not in (True, False, None):
+        yield f"gives applicable = {v.applicable!r}; true, false or None is needed"
+
+
+def _number(x: Any) -> bool:
+    return isinstance(x, numbers.Real) and not isinstance(x, bool)

@@ -23,6 +23,7 @@ Names = str | tuple[str, ...]
 Scale = Literal["S", "J", "period", "pv"]
 GRID_KEYS = ("seed", "repeats")
 MOST_REPEATS = 1_000_000
+MOST_VALUES = 10_000  # of one axis
 
 
 class Disturbance(_Table):
@@ -177,6 +178,13 @@ class Grid:
         kept = {k: v for k, v in self.content.model_dump().items() if k not in ("title", "source", "expected")}
         return content_hash({"content": kept, "overrides": self.overrides})
 
+    @property
+    def cells_hash(self) -> str:
+        """16 hex digits of what the grid asks, whatever its seed, repeats and name."""
+        without = ("title", "source", "expected", *GRID_KEYS)
+        kept = {k: v for k, v in self.content.model_dump().items() if k not in without}
+        return content_hash({"content": kept, "overrides": self.overrides})
+
     @cached_property
     def _cells(self) -> list[tuple[int, int]]:
         # (first cell, number of cells) of each block
@@ -241,7 +249,7 @@ class Grid:
         """
         repeat, cell = divmod(index, self.cells)
         number, values = self._place(cell)
-        # cells that differ in the disturbance alone share plant, sampling and noise: no setting tells them apart
+        # cells that differ in the disturbance alone share the plant: no setting of it tells them apart
         shared = np.random.default_rng([self.content.seed, repeat, number, *self._without(number, values, "disturbance")])
         rng = np.random.default_rng([self.content.seed, repeat, number, cell, 1])
         tags: dict[str, float | int | str | None] = {"grid": self.name, "cell": cell, "repeat": repeat}
@@ -252,6 +260,9 @@ class Grid:
         ranges = {**self.content.draw, **block.draw}
         # every setting is drawn, also those an axis replaces: one axis more must not shift the other draws
         settings.update({key: draw(ranges[key], shared) for key in sorted(ranges)})
+        # the record's own numbers cell by cell: shared, they would let a classifier know cells again
+        each = np.random.default_rng([self.content.seed, repeat, number, cell, 2])
+        settings.update({key: draw(ranges[key], each) for key in Rules.FIELDS if key in ranges})
         settings.update(values)
         settings["step"] = float(settings.get("step", 0.0)) * (1.0 if shared.random() < 0.5 else -1.0)
         # what stands in the record beside valve and load is shared as well: it must not tell siblings apart
@@ -407,6 +418,11 @@ def make_grid(
             overrides[key] = value
         else:
             raise SpecError(f"{name}: cannot set {key!r}, {suggestion(key, (*GRID_KEYS, *SETTINGS))}")
+    blocks = table["block"] if isinstance(table.get("block"), list) else []
+    for axes_of in [part.get("axes") for part in (table, *blocks) if isinstance(part, dict)]:
+        for key, values in axes_of.items() if isinstance(axes_of, dict) else ():
+            if isinstance(values, list) and len(values) > MOST_VALUES:
+                raise SpecError(f"{name}: axis {key!r} has {len(values)} values; at most {MOST_VALUES} are allowed")
     content = checked(GridFile, table, name)
     if changed:
         content = _with_axes(content, changed, name)

@@ -7,17 +7,34 @@ import csv
 import io
 import json
 import os
+import platform
 import re
+import time
+import zlib
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING, Any
 
-from detectors.errors import ParameterError, UserError
+from detectors.errors import ParameterError, UserError, masked
 from detectors.record import LoopRecord
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 READ = (".csv", ".json", ".mat", ".parquet", ".pq", ".toml", ".txt", ".xls", ".xlsx")  # what commands read of a folder
 # `Path` makes one slash of two; a single letter is a drive
-URL = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+):/+(.*)")
+URL = re.compile(r"([A-Za-z][A-Za-z0-9+._-]+(?:::[^/]*)?):/+(.*)")
+
+
+# in the names of temporary files: those of other machines and containers are let be
+HOST = f"{zlib.crc32(f'{platform.node()} {os.stat(os.sep).st_dev}'.encode()):08x}"
+QUIET = 2.0  # s without a change, after which a temporary file of no process that is seen here is nobody's
+# the name of a file, or a plug-in's text, may be no Unicode
+TEXT: dict[str, Any] = {"encoding": "utf-8", "newline": "", "errors": "backslashreplace"}
+
+
+# what spreadsheets compute; signed numbers are none, whatever their decimal sign
+FORMULA = re.compile(r"\s*(?:[=@]|[+-](?![\d.,e+\- ]*$))")
 
 
 class FileError(UserError, OSError):
@@ -54,11 +71,11 @@ def whole_file(path: str | Path, mode: str = "w") -> Iterator[IO]:
     """
     path = _local(path)
     special = path.exists() and not path.is_file()
-    temporary = path if special else path.with_name(f".{path.name}.{os.getpid()}")
+    temporary = path if special else path.with_name(f".{path.name}.{HOST}.{os.getpid()}")
     try:
         if path.is_dir():
             raise IsADirectoryError(21, "it is a folder")
-        with open(temporary, mode, encoding=None if "b" in mode else "utf-8", newline=None if "b" in mode else "") as f:
+        with open(temporary, mode, **({} if "b" in mode else TEXT)) as f:
             yield f
             f.flush()
             if not special:
@@ -73,10 +90,29 @@ def whole_file(path: str | Path, mode: str = "w") -> Iterator[IO]:
                 temporary.unlink()
 
 
+def remove_stale_temporaries(place: Path) -> None:
+    """Remove what killed processes of this machine left half-written in a folder."""
+    for file in place.glob(f".*.{HOST}.*"):
+        with contextlib.suppress(OSError, ValueError):  # an open file of another process cannot be removed on Windows
+            quiet = time.time() - file.stat().st_mtime > QUIET  # its writer may live unseen, in another space of processes
+            if os.name != "posix" or (quiet and not _lives(int(file.suffix[1:]))):
+                file.unlink()
+
+
+def _lives(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:  # another user's
+        return True
+    return True
+
+
 def _local(path: str | Path) -> Path:
     url = URL.match(str(path))
     if url is not None:
-        raise FileError(f"{path} cannot be written: scheme {url[1]!r} is unknown; give a path on this machine")
+        raise FileError(f"{masked(path)} cannot be written: scheme {url[1]!r} is unknown; give a path on this machine")
     return Path(path)
 
 
@@ -139,14 +175,27 @@ def refuse_own_input(outputs: Iterable[str | Path | None], inputs: Iterable[str 
     read: set[Path] = set()
     for path in (Path(p) for p in inputs if p is not None):
         inside = [f for f in path.rglob("*") if f.suffix.lower() in READ] if path.is_dir() else [path]
-        read |= {f.resolve() for f in inside}
+        read |= {_real(f) for f in inside}
     for path in map(_local, wanted):
-        if path.resolve() in read:
+        if _real(path) in read:
             raise FileError(f"{path} is read by this command; it is not written over, name another file")
-        if [p.resolve() for p in wanted].count(path.resolve()) > 1 and (path.is_file() or not path.exists()):
+        if path.is_symlink() and _real(path).is_symlink():
+            raise FileError(f"{path} cannot be written: it is a link that leads back to itself; name another file")
+        if [_real(p) for p in wanted].count(_real(path)) > 1 and (path.is_file() or not path.exists()):
             raise FileError(f"{path} is named for two outputs; each needs a file of its own")
         if path.is_dir() or not path.absolute().parent.is_dir():
             raise FileError(f"{path} cannot be written: it is a folder, or its folder is missing")
+        if (path.is_file() or not path.exists()) and not _writable(path.absolute().parent):
+            raise FileError(f"{path} cannot be written: permission denied")
+        remove_stale_temporaries(path.absolute().parent)
+
+
+def _writable(place: Path) -> bool:
+    return os.access(place, os.W_OK, effective_ids=os.access in os.supports_effective_ids)
+
+
+def _real(path: Path) -> Path:
+    return Path(os.path.realpath(path))  # `resolve` raises on a link that leads back to itself
 
 
 def folder(path: str | Path) -> Path:
@@ -156,7 +205,7 @@ def folder(path: str | Path) -> Path:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise FileError(f"folder {path} cannot be made: {(error.strerror or str(error)).lower()}") from None
-    if not os.access(path, os.W_OK):
+    if not _writable(path):
         raise FileError(f"folder {path} cannot be written: permission denied")
     return path
 
@@ -186,6 +235,24 @@ def refuse_kind(path: str | Path) -> None:
     suffix = Path(path).suffix.lower()
     if suffix in READ and suffix not in (".csv", ".txt"):
         raise FileError(f"{path}: what is written is CSV; a name that ends in .csv is needed")
+
+
+def plain_cell(value: Any) -> Any:
+    """Return a cell of a table so that no spreadsheet computes it: text that begins like a formula gets an apostrophe."""
+    text = value.replace("\r", " ") if isinstance(value, str) else value  # which would end a line
+    return f"'{text}" if isinstance(value, str) and FORMULA.match(value) else text
+
+
+def csv_text(table: DataFrame, **how: Any) -> str:
+    """Return a table as CSV without its index, its texts and names by `plain_cell`."""
+    texts = {name: table[name].map(plain_cell) for name in table.select_dtypes(exclude="number")}
+    return table.assign(**texts).rename(columns=plain_cell).to_csv(index=False, lineterminator="\n", **how)
+
+
+def write_table(table: DataFrame, path: str | Path, **how: Any) -> None:
+    """Write a table as `csv_text` has it, whole or not at all; raises FileError."""
+    with whole_file(path) as f:
+        f.write(csv_text(table, **how))
 
 
 def record_text(record: LoopRecord) -> str:

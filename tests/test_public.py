@@ -37,11 +37,13 @@ def run():
     return sb.Loop(**TABLES).simulate(seed=1)
 
 
-def test_importing_takes_no_more_than_a_tenth_of_a_second():
-    code = "import sys, time; t = time.perf_counter(); import simbench; print(time.perf_counter() - t, *sys.modules)"
-    out = [subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout for _ in range(3)]
-    assert min(float(o.split()[0]) for o in out) < 0.1
-    assert not {"numpy", "pandas", "numba", "detectors"} & set(out[0].split())
+def test_importing_brings_in_next_to_nothing():
+    code = "import sys; import simbench; print(*sys.modules)"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert not {"numpy", "pandas", "numba", "detectors"} & set(out)
+    # what Python brings itself, and a handful
+    bare = subprocess.run([sys.executable, "-c", "import sys; print(*sys.modules)"], capture_output=True, text=True, check=True)
+    assert len(set(out) - set(bare.stdout.split())) < 60
 
 
 @pytest.mark.parametrize("name", [f"{p.__name__}:{n}" for p in PACKAGES for n in p.__all__])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 from copy import deepcopy
 from importlib import import_module
 from pathlib import Path
@@ -60,8 +61,8 @@ def test_the_house_as_it_stands_breaks_no_wall(house):
         ("simbench.blind.worlds.own.loops", "simbench.loop.valves.choudhury", "rooms stand above what they use"),
         ("simbench.blind.score", "simbench.gap.report.result", "rooms stand above what they use"),
         ("simbench.blind.claims", "detectors.signal.oscillation", "the blind check asks no detector"),
-        ("simbench.gap.decide.assess", "simbench.blind.alike", "only the command line knows the blind check"),
-        ("simbench.bench.execute.run", "simbench.blind.making", "only the command line knows the blind check"),
+        ("simbench.gap.decide.assess", "simbench.blind.score", "only the command line and the contract know the blind check"),
+        ("simbench.bench.execute.run", "simbench.blind.making", "only the command line and the contract know the blind check"),
         ("detectors.quality", "simbench.loop.plant", "detectors is usable alone"),
     ],
 )
@@ -76,3 +77,53 @@ def test_a_module_without_a_place_breaks_the_order_of_rooms(house, module):
     graph = deepcopy(house)
     graph.add_module(module)
     assert broken(graph)
+
+
+PLUGINS = (
+    "detectors.methods", "simbench.loop.valves", "simbench.loop.effects", "simbench.gap.effects", "simbench.figures",
+    "simbench.blind.worlds",
+)  # fmt: skip
+HOSTS = ("detectors.__main__", "detectors.plugins.process")
+ROOT = Path(__file__).parents[1]
+
+
+def doors(graph):
+    """Return the modules where a user comes in: verbs, public names, plug-ins, and what a host process runs."""
+    found = {"simbench.cli", *HOSTS} | graph.find_descendants("simbench.cli")
+    for folder in PLUGINS:
+        found |= {m for m in graph.find_children(folder) if not m.rpartition(".")[2].startswith("_")}
+    for stub in (ROOT / "simbench").rglob("*.pyi"):
+        for node in ast.walk(ast.parse(stub.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom):
+                found |= {str(node.module), *(f"{node.module}.{name.name}" for name in node.names)}
+    return found & graph.modules
+
+
+def unreached(graph):
+    """Return the modules of the wheel that no way from a door leads to; a package is reached with what it holds."""
+    reached, ahead = set(), list(doors(graph))
+    while ahead:
+        module = ahead.pop()
+        if module not in reached:
+            reached.add(module)
+            ahead += graph.find_modules_directly_imported_by(module)
+    ours = {m for m in graph.modules if m.partition(".")[0] in ("simbench", "detectors", "scenarios")}
+    return {m for m in ours - reached if not graph.find_children(m)}
+
+
+def test_every_module_is_reached_from_a_verb_a_public_name_or_a_kind_of_plugin(house):
+    assert unreached(house) == set()
+
+
+@pytest.mark.parametrize("study", ["simbench.bench.study", "detectors.attic"])
+def test_a_module_that_only_imports_is_not_reached(house, study):
+    graph = deepcopy(house)
+    graph.add_module(study)
+    graph.add_import(importer=study, imported="simbench.bench.statistics")
+    assert unreached(graph) == {study}
+
+
+def test_no_room_has_more_than_twenty_files_but_those_of_plugins():
+    rooms = {p.parent for name in ("simbench", "detectors", "scenarios") for p in (ROOT / name).rglob("*.py")}
+    plugins = {ROOT / folder.replace(".", "/") for folder in PLUGINS}
+    assert {str(r): n for r in rooms - plugins if (n := len(list(r.glob("*.py")))) > 20} == {}

@@ -5,28 +5,31 @@ from __future__ import annotations
 import inspect
 import json
 import math
-import numbers
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from detectors.contract.example_loop import CASES, example_record
-from detectors.contract.watch import Watched, watch
+from detectors.contract.watch import Guarded, call_guarded
+from detectors.example_loop import CASES, example_record
 from detectors.judge import judge_one
 from detectors.method import Method, Threshold
-from detectors.plugins.registry import methods
-from detectors.prepared import Prepared
+from detectors.plugins.registry import PluginFolder, methods
+from detectors.prepared import Prepared, prepare, thinned
 from detectors.record import PROCESSES, LoopRecord
 from detectors.signal.oscillation import Oscillation
-from detectors.verdict import NO_DECISION, STICTION, VERDICTS, Verdict
+from detectors.verdict import NO_DECISION, STICTION, Verdict, wrong_types
 
 ROLES, BUDGETS = ("stiction", "nonlinearity", "quantification"), ("fast", "full")
 # PV in another unit, and OP with its span in another
 UNITS = ((0.02, -7.0), (-30.0, 2000.0))
 OP_UNITS = ((0.16, 4.0), (40.0, -300.0))
+FAINT = 1e-6  # of a signal's range: no verdict of any record may hang on this
+LEVELS = (0.0, 7.0)  # of the set point, for records that are asked about in another order
+THINNED = (2, 4, 8)  # samples of a dense record to one
 DEAD = ("constant", "short", "no period")
 
 
@@ -37,7 +40,7 @@ class Contract:
     Parameters
     ----------
     kind, name : str
-        "detector", "valve", "effect", "recogniser" or "grid", and its id.
+        "detector", "valve", "effect", "recogniser", "world" or "grid", and its id.
     broken : tuple of str
         One sentence for every point that does not hold.
     notes : tuple of str
@@ -92,9 +95,11 @@ def check_detector(name: str) -> Contract:
     Notes
     -----
     Six plain records for every process type the method is made for, judged as `detectors.judge` does; the verdict must not
-    follow the unit of PV or of OP, nor change the second time. A detector asked directly about a dead record answers, or
-    refuses in one sentence (`UserError`). NaN reaches it only as the period of a record that has none: a `LoopRecord` holds no
-    other. Not a benchmark: a detector that keeps the contract may still be wrong everywhere else.
+    follow the unit of PV, of OP or of time, nor the sign of both, nor how densely a record is sampled, nor, where the method
+    claims it, the direction of time, nor change the second time, nor follow what was asked before, nor a noise of 1e-6. A
+    detector asked directly about a dead record answers, or refuses in one sentence (`UserError`). NaN reaches it only as the
+    period of a record that has none: a `LoopRecord` holds no other. Not a benchmark: a detector that keeps the contract may
+    still be wrong everywhere else.
 
     Examples
     --------
@@ -108,10 +113,31 @@ def check_detector(name: str) -> Contract:
     broken = [*_thresholds(module)]
     for process in module.METHOD.process:
         broken += _cases(name, module, process)
+        broken += _order(name, module, process)
+        broken += _faint_noise(name, module, process)
         broken += _units(name, module, process)
+        broken += _moves(name, module, process)
         broken += _inputs(name, module, process)
         broken += _dead(module, process)
     return Contract("detector", name, tuple(dict.fromkeys(broken)))
+
+
+def check_added(folder: PluginFolder, check: Callable[[str], Contract], path: str | Path) -> Contract:
+    """Import a file as a plug-in of a folder and check it; what it does besides is broken too."""
+    name = Path(path).stem
+    added = call_guarded(lambda: folder.add_file(path))
+    if added.refusal is not None:
+        raise added.refusal
+    try:
+        found = check(name)
+    finally:
+        folder.forget(name)
+    return replace(found, broken=(*(f"{fault}, when imported" for fault in added.faults), *found.broken))
+
+
+def plain_check(path: str) -> dict[str, Any]:
+    """Check a detector's file where this runs, in its own process, and return the findings as JSON types."""
+    return check_added(methods, check_detector, path).as_json()
 
 
 def _description(module: ModuleType) -> Iterator[str]:
@@ -179,6 +205,65 @@ def _cases(name: str, module: ModuleType, process: str) -> Iterator[str]:
         yield f"is not deterministic: asked twice about one record ({process}), it gives two answers{_difference(first, again)}"
 
 
+def _order(name: str, module: ModuleType, process: str) -> Iterator[str]:
+    """Ask about siblings at two set points, then in another order and twice running: a memory answers otherwise."""
+    records = []
+    for level in LEVELS:
+        for case in ("stiction", "healthy"):
+            plain = example_record(case, process)
+            records.append(replace(plain, pv=plain.pv + level, sp=np.full(plain.n, 50.0 + level)))
+    first = [_plain(_judged(name, module, record)) for record in records]
+    for k in (3, 3, 2, 1, 0, 0):
+        if _plain(_judged(name, module, records[k])) != first[k]:
+            yield f"depends on what was asked before: the same record ({process}) gets another answer after another one"
+            return
+
+
+def _faint_noise(name: str, module: ModuleType, process: str) -> Iterator[str]:
+    rng = np.random.default_rng(0)
+    for case in ("stiction", "healthy", "sine"):
+        record = example_record(case, process)
+        seen = {s: getattr(record, s) for s in ("op", "pv")}
+        noisy = replace(record, **{s: x + FAINT * np.ptp(x) * rng.standard_normal(x.size) for s, x in seen.items()})
+        asked, moved = (_word(_judged(name, module, r)) for r in (record, noisy))
+        if asked != moved:
+            what = f"{asked!r} becomes {moved!r} on the record {case!r} ({process})"
+            yield f"hangs on the last digits: {what} under a noise of 1e-6"
+
+
+def turned(record: LoopRecord) -> LoopRecord:
+    """Return the loop of a valve that closes under OP and a transmitter of the other sign: OP spans 0..100."""
+    flipped = {k: None if getattr(record, k) is None else sign - getattr(record, k)
+               for k, sign in (("op", 100.0), ("mv", 100.0), ("pv", 0.0), ("sp", 0.0))}  # fmt: skip
+    return replace(record, **flipped, pv_span=None)
+
+
+def backwards(record: LoopRecord) -> LoopRecord:
+    """Return the record with its last sample first."""
+    signals = {k: getattr(record, k) for k in ("op", "pv", "sp", "mv")}
+    return replace(record, **{k: None if x is None else x[::-1] for k, x in signals.items()})
+
+
+def _moves(name: str, module: ModuleType, process: str) -> Iterator[str]:
+    """Judge records with the sign, the time or the sampling changed; a dense one is the plain loop, eight times as often."""
+    for case in ("stiction", "healthy", "sine"):
+        record = replace(example_record(case, process), op_span=(0.0, 100.0))
+        asked = _word(_judged(name, module, record))
+        others = {"the sign of OP and PV": turned(record), "the unit of time": replace(record, Ts=record.Ts / 3600.0)}
+        if module.METHOD.reversible:
+            others["the direction of time, which it claims not to"] = backwards(record)
+        for what, other in others.items():
+            moved = _word(_judged(name, module, other))
+            if moved != asked:
+                yield f"follows {what}: {asked!r} becomes {moved!r} on the record {case!r} ({process})"
+    dense = example_record("dense", process)
+    asked = _word(_judged(name, module, dense))
+    for step in THINNED:
+        moved = _word(_judged(name, module, thinned(dense, step)))
+        if moved != asked:
+            yield f"follows the sampling: {asked!r} becomes {moved!r} on a dense record ({process}), of {step} samples one"
+
+
 def _units(name: str, module: ModuleType, process: str) -> Iterator[str]:
     for case in ("stiction", "healthy", "sine"):
         record = replace(example_record(case, process), op_span=(0.0, 100.0))
@@ -205,7 +290,7 @@ def _inputs(name: str, module: ModuleType, process: str) -> Iterator[str]:
         prepared.half_cycles(signal)
     held = {**{s: getattr(prepared.record, s) for s in ("op", "pv", "mv")}, **prepared.shared}
     before = {k: np.array(v, copy=True) for k, v in held.items() if isinstance(v, np.ndarray)}
-    watch(lambda: judge_one(name, module, prepared, True, module.METHOD.defaults()))
+    call_guarded(lambda: judge_one(name, module, prepared, True, module.METHOD.defaults()))
     for key, values in before.items():
         if not np.array_equal(held[key], values, equal_nan=True):
             yield f"writes into what it was given: {key!r} is another after detect ({process})"
@@ -216,12 +301,12 @@ def _dead(module: ModuleType, process: str) -> Iterator[str]:
         prepared = Prepared(replace(example_record("noise" if case == "no period" else case, process)))
         if case == "no period":
             prepared.__dict__["oscillation"] = Oscillation(False, 0.0, math.nan)
-        found = watch(lambda p=prepared: module.detect(p, **module.METHOD.defaults()))
-        faults = found.faults or ([] if found.refusal else list(_wrong_types(found.value)))
+        found = call_guarded(lambda p=prepared: module.detect(p, **module.METHOD.defaults()))
+        faults = found.faults or ([] if found.refusal else list(wrong_types(found.value)))
         yield from (f"{fault}, asked directly about a dead record ({case}, {process})" for fault in faults)
 
 
-def _judged(name: str, module: ModuleType, record: LoopRecord) -> Watched:
+def _judged(name: str, module: ModuleType, record: LoopRecord) -> Guarded:
     """Judge a record as every run does, and note what the detector's own answer lacks."""
     own: list[Any] = []
 
@@ -231,48 +316,24 @@ def _judged(name: str, module: ModuleType, record: LoopRecord) -> Watched:
 
     seen = record if module.METHOD.needs_mv else record.blind()
     spied: Any = SimpleNamespace(METHOD=module.METHOD, detect=detect)
-    found = watch(lambda: judge_one(name, spied, Prepared(seen), False, module.METHOD.defaults()))
+    found = call_guarded(lambda: judge_one(name, spied, prepare(seen), False, module.METHOD.defaults()))
     if found.refusal:
         found.faults.append(f"refuses ({found.refusal}) where an answer is due")
     if own:
-        wrong = list(_wrong_types(own[0]))
+        wrong = list(wrong_types(own[0]))
         found.faults = wrong if not isinstance(own[0], Verdict) else [*found.faults, *wrong]
     return found
 
 
-def _wrong_types(v: Any) -> Iterator[str]:
-    """Say what of an answer is not as `Verdict` describes it."""
-    if not isinstance(v, Verdict):
-        yield f"answers {v!r}, a detectors.verdict.Verdict is needed"
-    else:
-        if v.verdict not in VERDICTS:
-            yield f"answers {v.verdict!r}, allowed: {', '.join(VERDICTS)}"
-        if not isinstance(v.reason, str) or not v.reason.strip():
-            yield f"gives no reason for {v.verdict!r}"
-        if not _number(v.score):
-            yield f"gives the score {v.score!r}, a number is needed (NaN for none)"
-        if not isinstance(v.indices, dict) or not all(isinstance(k, str) and _number(x) for k, x in v.indices.items()):
-            yield f"gives the indices {v.indices!r}, names with numbers are needed"
-        for key, level in (("S", v.S), ("J", v.J)):
-            if level is not None and not all(_number(x) for x in (level if isinstance(level, tuple) else (level,))):
-                yield f"gives {key} = {level!r}, a number, (lo, hi) or None is needed"
-        if v.applicable not in (True, False, None):
-            yield f"gives applicable = {v.applicable!r}; true, false or None is needed"
-
-
-def _number(x: Any) -> bool:
-    return isinstance(x, numbers.Real) and not isinstance(x, bool)
-
-
-def _word(found: Watched) -> str:
+def _word(found: Guarded) -> str:
     return "an error" if found.faults else found.value.verdict
 
 
-def _plain(found: Watched) -> str:
+def _plain(found: Guarded) -> str:
     return repr(found.faults) if found.faults else json.dumps(found.value.as_json())
 
 
-def _difference(first: Watched, second: Watched) -> str:
+def _difference(first: Guarded, second: Guarded) -> str:
     a, b = ({"answer": f.faults} if f.faults else f.value.as_json() for f in (first, second))
     key = next((k for k in a if a[k] != b.get(k)), "answer")
     return f", {key} {a.get(key)!r} and {b.get(key)!r}"

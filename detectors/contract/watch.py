@@ -13,7 +13,7 @@ from detectors.errors import UserError
 
 
 @dataclass
-class Watched:
+class Guarded:
     """What a call to a plug-in returned, and what it did besides."""
 
     value: Any = None
@@ -21,7 +21,7 @@ class Watched:
     faults: list[str] = field(default_factory=list)
 
 
-def watch(work: Callable[[], Any]) -> Watched:
+def call_guarded(work: Callable[[], Any]) -> Guarded:
     """Call a plug-in and note what no plug-in may do: raise, warn or print.
 
     Parameters
@@ -30,15 +30,15 @@ def watch(work: Callable[[], Any]) -> Watched:
 
     Returns
     -------
-    Watched
+    Guarded
         `refusal` is an error that a user is told in one sentence: whether that is allowed depends on what was asked.
 
     Examples
     --------
-    >>> watch(lambda: 1 / 0).faults
+    >>> call_guarded(lambda: 1 / 0).faults
     ['raises ZeroDivisionError (division by zero)']
     """
-    found, said = Watched(), io.StringIO()
+    found, said = Guarded(), io.StringIO()
     with warnings.catch_warnings(record=True) as warned, redirect_stdout(said), redirect_stderr(said):
         warnings.simplefilter("always")
         try:

@@ -2,16 +2,18 @@
 
 Needs: PV and OP (SP where it moves), either process type, 256 samples; with `surrogate` 12 cycles of at least 7 samples.
 Parameters: `surrogate` (1 or 0): step 1 asks NPI > 1 in place of the bicoherence; `ngi_low`, `nli_low` as in bicoherence;
-`fitness_low` (-); all published.
+`fitness_low` (-); `low`, `high` (cycles per sample): boundaries of the filter chosen by hand, 0 for those of step 2.
 Indices: ngi, nli (or npi), fitness, S_apparent.
 Rule: step 1, the error is linear: no stiction (tuning or an outside oscillation); step 2, zero-phase band-pass around
-the bicoherence peak; step 3, the four most regular cycles; step 4, an ellipse with fitness >= 0.6: stiction, and the
+the bicoherence peak; step 3, the most regular of the stretches of 1000 samples gives the period, the most
+regular one of four periods is taken; step 4, an ellipse with fitness >= 0.6: stiction, and the
 chord along OP is the apparent stiction; else another valve problem. OP moving over more than 25 % of its span is said: the
 valve's characteristic may then be the nonlinearity.
 Not for: symmetric cycles, which step 1 does not see, neither by bicoherence nor by surrogates.
 Source: M.A.A.S. Choudhury, S.L. Shah, N.F. Thornhill, D.S. Shook (2006), Control Engineering Practice 14, 1395-1412;
 Jelali (2013), Procedure 11.3, with its surrogate branch. The boundaries, max(0.004, f_min - 0.05) and min(0.5, f_max + 0.05)
-per sample about the peak of the bicoherence, often need tuning by hand (Manum 2006).
+per sample about the peak of the bicoherence, often need tuning by hand (Manum 2006). Samples are those of a
+record thinned to at most 64 per period, as the chapter asks above 250.
 """
 
 from __future__ import annotations
@@ -20,14 +22,14 @@ import numpy as np
 
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
-from detectors.signal.bicoherence import NGI_LOW, NLI_LOW, error_bicoherence
+from detectors.signal.bicoherence import NGI_LOW, NLI_LOW, boundaries, error_bicoherence
 from detectors.signal.conditioning import band_pass, drift
 from detectors.signal.ellipse import fit_ellipse
-from detectors.signal.oscillation import regular_segment
+from detectors.signal.oscillation import oscillation_of
 from detectors.signal.surrogates import nonlinearity_index
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
-LOWEST, BESIDE = 0.004, 0.05  # cycles per sample: lowest filter boundary, distance of either from the peak
+DENSEST = 64.0  # samples per period of the filtered signals
 WIDE = 25.0  # % of span; beyond it the valve's characteristic may be the nonlinearity (Choudhury 2004)
 
 METHOD = Method(
@@ -39,12 +41,35 @@ METHOD = Method(
         "ngi_low": Threshold(NGI_LOW, "-", -1.0, 1.0, "Choudhury 2004", "above: non-Gaussian"),
         "nli_low": Threshold(NLI_LOW, "-", -1.0, 1.0, "Choudhury 2004", "above: a pair stands out"),
         "fitness_low": Threshold(0.6, "-", 0.0, 1.0, "Choudhury 2006", "at or above: the points form an ellipse"),
+        "low": Threshold(0.0, "1/sample", 0.0, 0.5, "Procedure 11.3, step 2", "lower boundary by hand; 0: from the peak"),
+        "high": Threshold(0.0, "1/sample", 0.0, 0.5, "Procedure 11.3, step 2", "upper boundary by hand; 0: from the peak"),
     },
     exempt={"stiction": "step 1 is blind to a symmetric cycle, which has no even harmonics"},
 )
 
 
-def detect(prepared: Prepared, *, ngi_low: float, nli_low: float, fitness_low: float, surrogate: float = 0.0) -> Verdict:
+def _most_regular(op: np.ndarray) -> tuple[int, int]:
+    """Return the stretch of step 3: the period of the most regular 1000 samples, then the most regular four periods."""
+    length = min(1000, op.size)
+    for again in (True, False):
+        starts = range(0, op.size - length + 1, length)
+        start, found = max(((a, oscillation_of(op[a : a + length])) for a in starts), key=lambda f: f[1].regularity)
+        if not (again and length > 4.0 * found.period_s):
+            break
+        length = round(4.0 * found.period_s)
+    return start, start + length
+
+
+def detect(
+    prepared: Prepared,
+    *,
+    ngi_low: float,
+    nli_low: float,
+    fitness_low: float,
+    surrogate: float = 0.0,
+    low: float = 0.0,
+    high: float = 0.0,
+) -> Verdict:
     """Judge a record by Procedure 11.3.
 
     Parameters
@@ -57,6 +82,8 @@ def detect(prepared: Prepared, *, ngi_low: float, nli_low: float, fitness_low: f
         Bound of step 4 (-).
     surrogate : float
         1: step 1 by surrogates.
+    low, high : float
+        Boundaries of the filter (cycles per sample); 0: about the peak of the bicoherence.
 
     Returns
     -------
@@ -89,9 +116,13 @@ def detect(prepared: Prepared, *, ngi_low: float, nli_low: float, fitness_low: f
     # the surrogates name no frequencies: the oscillation's stands in
     around = (1.0 / period, 1.0 / period) if surrogate > 0.5 else higher.peak
     op = record.op if record.op_percent is None else record.op_percent
-    low, high = max(LOWEST, min(around) - BESIDE), min(0.5, max(around) + BESIDE)
-    op, pv = band_pass(op, low, high), band_pass(record.pv, low, high)
-    cut = slice(*regular_segment(op, period, round(4 * period)))
+    step = max(1, 2 ** int(np.ceil(np.log2(period / DENSEST))))
+    n = record.n // step
+    op, pv = (x[: n * step].reshape(n, step).mean(axis=1) for x in (op, record.pv))
+    around = (step * around[0], step * around[1])
+    low, high = (given or found for given, found in zip((low, high), boundaries(around), strict=True))
+    op, pv = band_pass(op, low, high), band_pass(pv, low, high)
+    cut = slice(*_most_regular(op))
     found = fit_ellipse(op[cut], pv[cut])
     fitness = S = 0.0
     if found is not None:

@@ -1,7 +1,8 @@
 """Ellipse fit: behind a sticky valve PV drawn over OP runs round an ellipse; without it the points scatter or lie on a line.
 
 Needs: PV and OP, an oscillation; the fit is made to the four most regular cycles, drift and noise removed.
-Parameters: `fitness_low` (-), published.
+Parameters: `fitness_low` (-), published; `harmonics` (-), own: kept of OP and PV; 0, as in the source: the filter of Procedure
+11.3, step 2, about the peak of the bicoherence.
 Indices: fitness (share of points within 10 % of the ellipse, 0..1), S_apparent (chord through the centre along OP).
 Rule: fitness >= 0.6: stiction; else none.
 Not for: deciding alone. Any oscillation with a phase shift between OP and PV draws an ellipse, sticky or not; the paper asks
@@ -15,23 +16,27 @@ import numpy as np
 
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
+from detectors.signal.bicoherence import boundaries, error_bicoherence
+from detectors.signal.conditioning import band_pass
 from detectors.signal.ellipse import fit_ellipse
 from detectors.signal.oscillation import regular_segment
-from detectors.verdict import NO_STICTION, STICTION, Verdict
+from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
-HARMONICS = 3.0  # the fundamental and what makes its corners; higher ones are mostly noise
 DEAD = 1e-9  # of a signal's range over the record: what moves by less stands still
 
 METHOD = Method(
     title="ellipse fitted to PV over OP",
     source="Choudhury et al. 2006, Eq 11.15",
+    reversible=True,
     thresholds={
         "fitness_low": Threshold(0.6, "-", 0.0, 1.0, "Choudhury 2006", "at or above: the points form an ellipse"),
+        "harmonics": Threshold(3.0, "-", 0.0, 1e3, "own; 0 in Procedure 11.3, step 2", "kept of OP and PV; 0: about the peak"),
     },
+    published={"harmonics": 0.0},
 )
 
 
-def detect(prepared: Prepared, *, fitness_low: float) -> Verdict:
+def detect(prepared: Prepared, *, fitness_low: float, harmonics: float = 3.0) -> Verdict:
     """Judge a record by the ellipse of PV over OP.
 
     Parameters
@@ -40,6 +45,8 @@ def detect(prepared: Prepared, *, fitness_low: float) -> Verdict:
         The record.
     fitness_low : float
         Least share of points near the ellipse (-).
+    harmonics : float
+        Kept of OP and PV, the fundamental and what makes its corners; 0: the filter of Procedure 11.3 (-).
 
     Returns
     -------
@@ -54,7 +61,13 @@ def detect(prepared: Prepared, *, fitness_low: float) -> Verdict:
     'stiction'
     """
     record, period = prepared.record, prepared.period
-    op, pv = (prepared.band(name, period / HARMONICS) for name in ("travel", "pv"))
+    if harmonics <= 0.0:
+        higher = prepared.share("bicoherence", lambda: error_bicoherence(record.e, period))
+        if higher is None:
+            return Verdict("ellipse", NO_DECISION, reason="too short: fewer than four segments of 64 samples")
+        op, pv = (band_pass(prepared.signal(name), *boundaries(higher.peak)) for name in ("travel", "pv"))
+    else:
+        op, pv = (prepared.band(name, period / harmonics) for name in ("travel", "pv"))
     cut = slice(*regular_segment(op, period, round(4 * period)))
     # of an oscillation that has died out rounding is left, and that depends on the unit
     moves = all(np.ptp(x[cut]) > DEAD * np.ptp(prepared.signal(name)) for name, x in (("op", op), ("pv", pv)))

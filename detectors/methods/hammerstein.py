@@ -1,10 +1,11 @@
 """Hammerstein: the sticky valve and the linear plant that best turn OP into PV; without stiction a straight valve does as well.
 
 Needs: OP and PV, either process type, four periods of at least 8 samples. OP in % (or a span) for S and J in % of travel.
-Parameters: `score_low`, `score_high` (-), own, from simulated loops; `S_low` (% of travel), the chapter's 0.5 %.
+Parameters: `score_low`, `score_high` (-), own, from simulated loops, 0 in the source: there S alone decides; `S_low` (% of
+travel), the chapter's 0.5 %; `output_error` (1 or 0), own: 0, as in the source, a linear part fitted by one-step errors.
 Indices: gain (error a sticky valve takes off that of a straight one, 0..1), share ((S + J) over the swing of OP: a cycle of
 the valve's own swings by no more than about S + J), error (unexplained share of the variance of PV), S_hat, J_hat, T_s, Td_s.
-Rule: score = gain min(share, 1); >= 0.2 and S >= 0.5 %: stiction; <= 0.08 or S below it: none. S is an
+Rule: score = gain min(share, 1); >= 0.03 and S >= 0.5 %: stiction; below it: none. S is an
 interval that covers what both maps say, J a number where the record fixes it, else the interval of all values that fit as well.
 The valve is Choudhury's map or one that stops within every sample (He's), whichever explains PV better.
 Not for: loops whose PV is moved from outside more than by the valve (error above one half: no decision); J, wherever the
@@ -19,9 +20,13 @@ import numpy as np
 
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
+from detectors.signal.arx import fit_plant
 from detectors.signal.hammerstein import fit_hammerstein, swing
+from detectors.signal.stiction_map import valve_position
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Level, Verdict
 
+SAMPLES = 30  # per period at least, after averaging, of the one-step fit
+SHARES, JUMPS = np.arange(1, 11) / 10.0, np.arange(7) / 4.0  # of S in OP's swing and of J in S, tried by it
 BEYOND = 1.3  # S is looked for this far beyond what fits: so it holds in nine of ten loops of any family (bench/families.py)
 
 METHOD = Method(
@@ -29,10 +34,12 @@ METHOD = Method(
     source="Srinivasan et al. 2005b, Jelali 2008",
     min_periods=4.0,
     thresholds={
-        "score_low": Threshold(0.08, "-", 0.0, 1.0, "own, simulated loops", "at or below: a straight valve fits as well"),
-        "score_high": Threshold(0.2, "-", 0.0, 1.0, "own, simulated loops", "at or above: only a sticky valve fits"),
+        "score_low": Threshold(0.03, "-", 0.0, 1.0, "own; 0 in Jelali 2008: S decides", "at or below: a straight one will do"),
+        "score_high": Threshold(0.03, "-", 0.0, 1.0, "own; 0 in Jelali 2008: S decides", "at or above: a sticky one is needed"),
         "S_low": Threshold(0.5, "% of travel", 0.0, 100.0, "chapter, section 11.1", "below: negligible"),
+        "output_error": Threshold(1.0, "-", 0.0, 1.0, "own; 0 in Jelali 2008, an ARX part", "1: simulation; 0: one-step"),
     },
+    published={"output_error": 0.0, "score_low": 0.0, "score_high": 0.0},
 )
 
 
@@ -41,7 +48,20 @@ def interval(best: float, span: tuple[float, float], width: float) -> Level:
     return best if span[1] - span[0] <= width else span
 
 
-def detect(prepared: Prepared, *, score_low: float, score_high: float, S_low: float) -> Verdict:
+def _one_step(op: np.ndarray, pv: np.ndarray, period: float, usual: float) -> tuple[dict[str, float], str]:
+    """Return the S and J whose valve leaves the smallest one-step errors of y(k) = a y(k-1) + b v(k-1-nd) + c, on a grid."""
+    q = max(1, int(period / SAMPLES))
+    n = op.size // q
+    u, y = (x[: n * q].reshape(n, q).mean(axis=1) for x in (op, pv))
+    delays = range(max(2, round(0.5 * period / q)))
+    tried = [(0.0, 0.0), *((s * usual, s * j * usual) for s in SHARES for j in JUMPS)]
+    error, S, J = min((fit_plant(valve_position(u, S, J, limits=(-np.inf, np.inf)), y, delays)[4], S, J) for S, J in tried)
+    straight = fit_plant(u, y, delays)[4]
+    gain = max(1.0 - error / straight, 0.0) if straight > 0.0 else 0.0
+    return {"gain": gain, "share": (S + J) / usual, "S_hat": S, "J_hat": J}, f"S = {S:.2g}, J = {J:.2g} leave the least errors"
+
+
+def detect(prepared: Prepared, *, score_low: float, score_high: float, S_low: float, output_error: float = 1.0) -> Verdict:
     """Judge a record by whether a sticky valve explains PV better than a straight one.
 
     Parameters
@@ -52,6 +72,8 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float, S_low: fl
         Bounds of the score (-).
     S_low : float
         Smallest S that counts (% of travel; not applied to OP in unknown units).
+    output_error : float
+        1: the linear part by simulation errors; 0: by one-step errors, on a grid of S and J.
 
     Returns
     -------
@@ -76,6 +98,11 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float, S_low: fl
     usual = swing(op, period)
     if usual <= 0.0:
         return Verdict("hammerstein", NO_DECISION, reason="OP stands still in most cycles")
+    if output_error <= 0.5:
+        indices, fit = _one_step(op, pv, period, usual)
+        S, score = indices["S_hat"], indices["gain"] * min(indices["share"], 1.0)
+        sticks = S >= (S_low if record.op_percent is not None else 1e-9) and score >= score_high
+        return Verdict("hammerstein", STICTION if sticks else NO_STICTION, score, indices, S=S if sticks else None, reason=fit)
     found = prepared.share("hammerstein", lambda: fit_hammerstein(op, pv, period, prepared.integrating, limits, record.Ts))
     gain = max(1.0 - found.error / max(found.error_linear, 1e-12), 0.0) if found.error_linear > 1e-6 else 0.0
     share = (found.S + found.J) / usual

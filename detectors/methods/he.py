@@ -2,7 +2,8 @@
 to a sine.
 
 Needs: OP of a self-regulating process (the controller integrates), PV of an integrating one; three periods.
-Parameters: `eta_low`, `eta_high` (-), published.
+Parameters: `eta_low`, `eta_high` (-), published; `two_line` (0 or 1): the triangle of Eq 11.11, two free lines, decides in
+place of He's; `cleaned` (1 or 0), own: drift and noise are taken off first. `he@chapter` has two_line = 1.
 Indices: eta in 0..1 (triangle with free apex and zero ends; decides), eta_two_line in 0..1 (the chapter's two
 straight lines, which have four free parameters against the sine's two and lean to "triangle" in noise).
 Rule: eta = MSE_sine / (MSE_sine + MSE_triangle), averaged over the half cycles;
@@ -29,7 +30,11 @@ METHOD = Method(
     thresholds={
         "eta_low": Threshold(0.4, "-", 0.0, 1.0, "He 2007", "at or below: sine, no stiction"),
         "eta_high": Threshold(0.6, "-", 0.0, 1.0, "He 2007", "at or above: triangle, stiction"),
+        "two_line": Threshold(0.0, "-", 0.0, 1.0, "He 2007; the chapter has 1, Eq 11.11", "1: two free lines; 0: a free apex"),
+        "cleaned": Threshold(1.0, "-", 0.0, 1.0, "own; 0 in He 2007, Procedure 11.2", "1: drift and noise are taken off first"),
     },
+    published={"cleaned": 0.0},
+    chapter={"two_line": 1.0},
 )
 
 
@@ -62,7 +67,7 @@ def triangle_indices(humps: np.ndarray) -> tuple[float, float]:
     return eta, two_line
 
 
-def detect(prepared: Prepared, *, eta_low: float, eta_high: float) -> Verdict:
+def detect(prepared: Prepared, *, eta_low: float, eta_high: float, two_line: float = 0.0, cleaned: float = 1.0) -> Verdict:
     """Judge a record by the shape of OP (self-regulating) or PV (integrating).
 
     Parameters
@@ -71,11 +76,15 @@ def detect(prepared: Prepared, *, eta_low: float, eta_high: float) -> Verdict:
         The record.
     eta_low, eta_high : float
         Bounds of eta (-).
+    two_line : float
+        1: eta_two_line decides.
+    cleaned : float
+        1: drift and noise are taken off first.
 
     Returns
     -------
     Verdict
-        `score` is eta.
+        `score` is the eta that decides.
 
     Examples
     --------
@@ -85,10 +94,11 @@ def detect(prepared: Prepared, *, eta_low: float, eta_high: float) -> Verdict:
     'stiction'
     """
     name = "PV" if prepared.integrating else "OP"
-    humps = prepared.half_cycles(name.lower())
+    humps = prepared.half_cycles(name.lower(), cleaned > 0.5)
     if len(humps) < 4:
         return Verdict("he", NO_DECISION, reason=f"{len(humps)} half cycles in {name}; at least 4 are needed")
-    eta, two_line = triangle_indices(humps)
+    free_apex, lines = triangle_indices(humps)
+    eta = lines if two_line > 0.5 else free_apex
     if eta >= eta_high:
         verdict, said = STICTION, "triangular"
     elif eta <= eta_low:
@@ -96,4 +106,4 @@ def detect(prepared: Prepared, *, eta_low: float, eta_high: float) -> Verdict:
     else:
         verdict, said = NO_DECISION, "between triangle and sine"
     reason = f"{name} is {said}: eta = {eta:.2f} over {len(humps)} half cycles"
-    return Verdict("he", verdict, eta, {"eta": eta, "eta_two_line": two_line}, reason=reason)
+    return Verdict("he", verdict, eta, {"eta": free_apex, "eta_two_line": lines}, reason=reason)

@@ -24,6 +24,7 @@ METHOD = Method(
     title="odd cross-correlation of OP and PV",
     source="Horch 1999, Eqs 11.6-11.9",
     process=("self-regulating",),
+    reversible=True,
     cannot_cope=("undersampled",),
     thresholds={
         "dtau_low": Threshold(1 / 3, "-", 0.0, 1.0, "margin pi/6, Eq 11.9", "at or below: even, no stiction"),
@@ -91,7 +92,7 @@ def detect(prepared: Prepared, *, dtau_low: float, dtau_high: float, drho_low: f
     >>> detect(Prepared(LoopRecord(np.sin(t), np.cos(t), 0.1)), **METHOD.defaults()).verdict
     'stiction'
     """
-    dtau, drho = correlation_indices(*(prepared.band(name, prepared.period / 3) for name in ("op", "pv")))
+    dtau, drho = correlation_indices(prepared.record.op, prepared.record.pv)
     if not np.isfinite(dtau):
         return Verdict("horch", NO_DECISION, reason="the cross-correlation of OP and PV does not cross zero")
     # for a sinusoid both measure one phase: drho = (1 - cos d)/(1 + cos d), dtau = d/(pi/2)

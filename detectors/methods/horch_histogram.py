@@ -3,12 +3,13 @@ histogram tells.
 
 Needs: PV, three periods of a sustained oscillation; made for integrating processes (second difference of PV), works
 on self-regulating ones (first difference) in the author's own extension.
-Parameters: `bound` (-) of the score; 0.5 takes the smaller error, as published.
+Parameters: `bound` (-) of the score; 0.5 takes the smaller error, as published; `least_A` (std of the data), own, 0 in the
+source: the smallest A of a camel.
 Indices: mse_camel, mse_gauss >= 0, errors of the two fitted densities.
 Rule: the histogram of the filtered difference is fitted by a Gaussian (kinks in PV leave a central peak: stiction)
 and by the density of
-A cos(phi) plus Gaussian noise (a camel: no stiction); score = mse_camel / (mse_camel + mse_gauss). The camel's A is
-at least one std of the data, because with A = 0 it is a Gaussian and a free fit ties.
+A cos(phi) plus Gaussian noise (a camel: no stiction); score = mse_camel / (mse_camel + mse_gauss). With A = 0 the
+camel is a Gaussian and a free fit ties. The source names no cut-off; here it is the highest harmonic that noise leaves clear.
 Not for: noisy PV of a fast process: twice differenced noise is Gaussian too, and the filter's cut-off then decides.
 Source: A. Horch (2006), Control Engineering Practice 14; Jelali (2013), Sect 11.5.
 
@@ -34,22 +35,27 @@ from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 METHOD = Method(
     title="histogram of PV's second difference: Gaussian or camel",
     source="Horch 2006",
+    reversible=True,
     cannot_cope=("undersampled",),
     thresholds={
         "bound": Threshold(0.5, "-", 0.0, 1.0, "Horch 2006", "above: Gaussian, stiction; else camel, none"),
+        "least_A": Threshold(1.0, "std", 0.0, 1.5, "own; 0 in Horch 2006", "a camel's humps lie at least so far out"),
     },
+    published={"least_A": 0.0},
 )
 
 BINS = np.linspace(-3.5, 3.5, 31)  # in std of the data
 
 
-def density_errors(d: np.ndarray) -> tuple[float, float]:
+def density_errors(d: np.ndarray, least_A: float = 1.0) -> tuple[float, float]:
     """Return the errors of the best bounded camel and the best Gaussian density.
 
     Parameters
     ----------
     d : ndarray, shape (n,)
         Differenced signal, not constant.
+    least_A : float
+        Smallest A of a camel, in std of `d`.
 
     Returns
     -------
@@ -68,12 +74,12 @@ def density_errors(d: np.ndarray) -> tuple[float, float]:
     """
     z = (d - d.mean()) / d.std()
     found = np.histogram(z, BINS)[0] / (z.size * (BINS[1] - BINS[0]))
-    gaussians, camels = _densities()
+    gaussians, camels = _densities(least_A)
     camel, gauss = (float(((family - found) ** 2).mean(axis=1).min()) for family in (camels, gaussians))
     return camel, gauss
 
 
-def detect(prepared: Prepared, *, bound: float) -> Verdict:
+def detect(prepared: Prepared, *, bound: float, least_A: float = 1.0) -> Verdict:
     """Judge a record by the histogram of the differences of PV.
 
     Parameters
@@ -82,6 +88,8 @@ def detect(prepared: Prepared, *, bound: float) -> Verdict:
         The record.
     bound : float
         Bound of the score (-).
+    least_A : float
+        Smallest A of a camel (std of the differences).
 
     Returns
     -------
@@ -106,21 +114,21 @@ def detect(prepared: Prepared, *, bound: float) -> Verdict:
     d = d[edge:-edge]
     if d.size < 60 or d.std() == 0.0:
         return Verdict("horch_histogram", NO_DECISION, reason=f"{d.size} differences; at least 60 are needed")
-    camel, gauss = density_errors(d)
+    camel, gauss = density_errors(d, least_A)
     score = camel / (camel + gauss) if camel + gauss > 0 else 0.5
     verdict, said = (STICTION, "a central peak") if score > bound else (NO_STICTION, "two humps")
     reason = f"differences of PV have {said}: mse_camel = {camel:.3g}, mse_gauss = {gauss:.3g}"
     return Verdict("horch_histogram", verdict, score, {"mse_camel": camel, "mse_gauss": gauss}, reason=reason)
 
 
-@lru_cache(maxsize=1)
-def _densities() -> tuple[np.ndarray, np.ndarray]:
-    """Gaussians of std 0.15..1.5 and camels of A 1..1.6, std 0.1..1, as mean densities of the bins."""
+@lru_cache(maxsize=4)
+def _densities(least_A: float) -> tuple[np.ndarray, np.ndarray]:
+    """Gaussians of std 0.15..1.5 and camels of A `least_A`..1.6, std 0.1..1, as mean densities of the bins."""
     edge = BINS[None]
     width = BINS[1] - BINS[0]
     gaussians = np.diff(_normal(edge / np.geomspace(0.15, 1.5, 30)[:, None]), axis=1) / width
     phase = (np.arange(60) + 0.5) * (np.pi / 60)
-    A, sigma = (g.reshape(-1, 1, 1) for g in np.meshgrid(np.linspace(1.0, 1.6, 13), np.geomspace(0.1, 1.0, 10)))
+    A, sigma = (g.reshape(-1, 1, 1) for g in np.meshgrid(np.linspace(least_A, 1.6, 13), np.geomspace(0.1, 1.0, 10)))
     camels = np.diff(_normal((BINS - A * np.cos(phase)[:, None]) / sigma).mean(axis=1), axis=1) / width
     return gaussians, camels
 

@@ -1,10 +1,10 @@
 """Horch & Isaksson 1998: one model of a valve that stands still beside one of a valve that follows OP; which explains PV?
 
 Needs: OP and PV, either process type, four periods of at least 8 samples.
-Parameters: `score_low`, `score_high` (-), own, from simulated loops.
+Parameters: `score_low`, `score_high` (-), own, from simulated loops; in the source the likelier model decides, 0.5.
 Indices: stuck_share (mean probability that the valve stands still, 0..1), evidence (log-likelihood the two models together
 gain on the following valve alone, per sample).
-Rule: score = stuck_share (1 - exp(-2 evidence)); >= score_high stiction, <= score_low none.
+Rule: score = stuck_share; >= score_high stiction, <= score_low none.
 A bank of two Kalman filters (standing: v(k) = v(k-1); following: v(k) = u(k)) behind one first-order plant, mixed at every
 sample as an interacting multiple model. The paper has a known plant; here it comes from the Hammerstein fit.
 Not for: records from which no plant can be identified; PV moved from outside, which the filter takes for the valve.
@@ -35,9 +35,10 @@ METHOD = Method(
     budget="full",
     min_periods=4.0,
     thresholds={
-        "score_low": Threshold(0.2, "-", 0.0, 1.0, "own, simulated loops", "at or below: a following valve fits as well"),
-        "score_high": Threshold(0.35, "-", 0.0, 1.0, "own, simulated loops", "at or above: the valve stands still for long"),
+        "score_low": Threshold(0.35, "-", 0.0, 1.0, "own; 0.5 in the source", "at or below: a following valve fits as well"),
+        "score_high": Threshold(0.35, "-", 0.0, 1.0, "own; 0.5 in the source", "at or above: it stands still for long"),
     },
+    published={"score_low": 0.5, "score_high": 0.5},
 )
 
 
@@ -139,7 +140,7 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
     Returns
     -------
     Verdict
-        `score` is stuck_share times the weight of the evidence.
+        `score` is stuck_share.
 
     Examples
     --------
@@ -177,10 +178,9 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
     following = two_models(u, y, a, b, noise, 1.0)[1]
     evidence = (both - following) / n
     share = float(standing.mean())
-    score = share * (1.0 - math.exp(-2.0 * max(evidence, 0.0)))
     reason = f"the valve stands still {share:.0%} of the time; two models gain {evidence:.2g} per sample on a following valve"
-    verdict = STICTION if score >= score_high else NO_STICTION if score <= score_low else NO_DECISION
-    return Verdict("horch_isaksson", verdict, score, {"stuck_share": share, "evidence": evidence}, reason=reason)
+    verdict = STICTION if share >= score_high else NO_STICTION if share <= score_low else NO_DECISION
+    return Verdict("horch_isaksson", verdict, share, {"stuck_share": share, "evidence": evidence}, reason=reason)
 
 
 def _aligned(u: np.ndarray, y: np.ndarray, a: float, half: int, sign: float) -> tuple[float, float, np.ndarray]:

@@ -23,6 +23,7 @@ METHOD = Method(
     title="the diagnosis procedure as a whole",
     source="Jelali 2013, section 11.9",
     front_end=False,
+    fitted_on=("chapter", "plant"),
     thresholds={
         "odds_low": Threshold(ODDS_LOW, "log-odds", -20.0, 20.0, "own", "at or below: no stiction"),
         "odds_high": Threshold(ODDS_HIGH, "log-odds", -20.0, 20.0, "own", "at or above: stiction"),

@@ -34,7 +34,7 @@ METHOD = Method(
     cannot_cope=("undersampled",),
     thresholds={
         "bound": Threshold(0.21, "-", 0.0, 1.0, "Rossi & Scali 2005", "above: stiction; below its negative: no stiction"),
-        "left_out": Threshold(0.1, "-", 0.0, 0.9, "own; the source has 0", "share of odd half cycles that do not count"),
+        "left_out": Threshold(0.1, "-", 0.0, 0.9, "own; 0 in Eq 11.14, a mean", "share of odd half cycles that do not count"),
     },
     published={"left_out": 0.0},
 )
@@ -94,7 +94,7 @@ def detect(prepared: Prepared, *, bound: float, left_out: float = 0.1) -> Verdic
     >>> detect(Prepared(LoopRecord(np.cos(t), np.sin(t), 0.1)), bound=0.21).verdict
     'no_stiction'
     """
-    humps = prepared.half_cycles("pv")
+    humps = prepared.half_cycles("pv", cleaned=False)
     if len(humps) < 4:
         return Verdict("rossi_scali", NO_DECISION, reason=f"{len(humps)} half cycles in PV; at least 4 are needed")
     index = relay_index(humps, left_out)

@@ -1,7 +1,7 @@
 """Singhal & Salsbury 2005: a sticky valve lets the error grow slowly and fall fast, so each half cycle peaks late.
 
 Needs: PV of a self-regulating process under PI, three periods of a sustained oscillation.
-Parameters: `R_low` (-), published.
+Parameters: `R_low` (-), published; `cleaned` (1 or 0), own, 0 in the source: drift and noise are taken off first.
 Indices: r_area > 0, mean of the areas before over the areas after the peak of the half cycles of the error.
 Rule: R = mean(A1 / A2); R > 1: stiction; else none.
 Not for: integrating processes (R = 1 with stiction); processes with a long dead time; errors in which noise moves the
@@ -32,7 +32,9 @@ METHOD = Method(
     cannot_cope=("undersampled",),
     thresholds={
         "R_low": Threshold(1.0, "-", 0.0, 10.0, "Singhal & Salsbury 2005", "above: stiction"),
+        "cleaned": Threshold(1.0, "-", 0.0, 1.0, "own; 0 in the source", "1: drift and noise are taken off first"),
     },
+    published={"cleaned": 0.0},
     exempt={"sine": "its R is 1 but for sampling, and so is the published bound"},
 )
 
@@ -60,7 +62,7 @@ def area_ratio(humps: np.ndarray) -> float:
     return float(np.mean(np.maximum(before, floor) / np.maximum(after, floor)))
 
 
-def detect(prepared: Prepared, *, R_low: float) -> Verdict:
+def detect(prepared: Prepared, *, R_low: float, cleaned: float = 1.0) -> Verdict:
     """Judge a record by where the half cycles of the error have their peak.
 
     Parameters
@@ -69,6 +71,8 @@ def detect(prepared: Prepared, *, R_low: float) -> Verdict:
         The record.
     R_low : float
         Bound of R (-).
+    cleaned : float
+        1: drift and noise are taken off first.
 
     Returns
     -------
@@ -82,7 +86,7 @@ def detect(prepared: Prepared, *, R_low: float) -> Verdict:
     >>> detect(Prepared(LoopRecord(np.cos(t), np.sin(t), 0.1)), R_low=1.2).verdict
     'no_stiction'
     """
-    humps = prepared.half_cycles("pv")
+    humps = prepared.half_cycles("pv", cleaned > 0.5)
     if len(humps) < 4:
         return Verdict("singhal_salsbury", NO_DECISION, reason=f"{len(humps)} half cycles; at least 4 are needed")
     R = area_ratio(humps)

@@ -1,7 +1,8 @@
 """Srinivasan 2005: every cycle of OP and PV is matched with a square, a triangle, a saw-tooth and a sine; the pair decides.
 
 Needs: OP and PV, six cycles of at least 8 samples.
-Parameters: none; the label that most cycles carry wins.
+Parameters: `by_kind` (0 or 1), own 0: where the kind of loop is known only its column of Table 11.2 counts. The label that
+most cycles carry wins.
 Indices: triangle_op, square_pv ... share of the cycles of either signal with each label (0..1), under the keys op_square,
 op_triangle, op_sawtooth, op_sine, pv_...
 Rule: (OP, PV) found in Table 11.2: stiction; sine and sine: none; any other pair: no decision. Shapes of the chapter's table:
@@ -18,7 +19,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from detectors.method import Method
+from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
 from detectors.signal.oscillation import zero_crossings
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
@@ -29,15 +30,18 @@ HARMONICS = 9.0
 GUARD = 0.25  # a crossing counts when the signal then passes this many standard deviations
 LABELS = ("square", "triangle", "sawtooth", "sine")
 # Table 11.2 (OP, PV); a level loop's parabolic OP is nearest to the sine
-STICKY = {
-    "self-regulating": {("triangle", "square"), ("square", "square"), ("triangle", "sine"), ("triangle", "triangle")},
-    "integrating": {("triangle", "triangle"), ("sine", "triangle")},
-}
+FAST, SLOW = {("triangle", "square"), ("square", "square")}, {("triangle", "sine")}
+LEVEL = {("triangle", "triangle"), ("sine", "triangle")}
+COLUMNS = {"flow": FAST, "pressure": SLOW, "temperature": SLOW}
 
 METHOD = Method(
     title="shape of every cycle by dynamic time warping",
     source="Srinivasan et al. 2005, Table 11.2",
     min_periods=6.0,
+    thresholds={
+        "by_kind": Threshold(0.0, "-", 0.0, 1.0, "own; 1 in Table 11.2", "1: only the column of a known kind of loop"),
+    },
+    published={"by_kind": 1.0},
 )
 
 
@@ -102,13 +106,15 @@ def label_shares(found: np.ndarray) -> np.ndarray:
     return np.bincount(nearest, minlength=len(LABELS)) / m
 
 
-def detect(prepared: Prepared) -> Verdict:
+def detect(prepared: Prepared, *, by_kind: float = 0.0) -> Verdict:
     """Judge a record by the pair of shapes of OP and PV.
 
     Parameters
     ----------
     prepared : Prepared
         The record.
+    by_kind : float
+        1: only the column of Table 11.2 for the record's kind counts.
 
     Returns
     -------
@@ -137,7 +143,10 @@ def detect(prepared: Prepared) -> Verdict:
     seen = {name: LABELS[int(np.argmax(s))] for name, s in shares.items()}
     pair = tuple("triangle" if seen[n] == "sawtooth" else seen[n] for n in ("OP", "PV"))
     said = ", ".join(f"{n} looks like a {seen[n]} ({shares[n].max():.0%} of the cycles)" for n in ("OP", "PV"))
-    if pair in STICKY["integrating" if prepared.integrating else "self-regulating"]:
+    pairs = LEVEL if prepared.integrating else FAST | SLOW
+    if by_kind > 0.5 and not prepared.integrating:
+        pairs = COLUMNS.get(str(prepared.record.kind), pairs)
+    if pair in pairs:
         return Verdict("srinivasan", STICTION, score, indices, reason=f"{said}: a pair of Table 11.2")
     if pair == ("sine", "sine"):
         return Verdict("srinivasan", NO_STICTION, score, indices, reason=said)

@@ -18,6 +18,7 @@ import numpy as np
 from detectors.compiled import LANES, compiled, lanes
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
+from detectors.signal.arx import fit_plant
 from detectors.signal.hammerstein import moving_mean, strongest_segment, swing
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
@@ -25,7 +26,6 @@ SAMPLES = 30  # per period at least, after averaging
 LENGTH = 400  # averaged samples
 ROUNDS = 3
 PRICE = 0.5  # of a jump, in ln(n) times the error variance; own, simulated loops
-ILL = 1e-10  # share of a sum of squares; what is left of it below this is rounding
 STARTS = (0.0, 0.4)  # half widths of the dead band that gives the first guess of the valve, shares of OP's swing
 
 METHOD = Method(
@@ -103,65 +103,6 @@ def _jumps(u, r, penalty, x):
         for k in range(last, stop):
             x[k] = u[last]
         stop, last = last, origin[last]
-
-
-def fit_plant(x: np.ndarray, y: np.ndarray, delays: range) -> tuple[float, float, float, int, float]:
-    """Return (a, b, c, delay, mean squared error) of y(k) = a y(k-1) + b x(k-1-delay) + c, the best delay of several."""
-    found = np.empty(5)
-    if compiled(_plant)(np.ascontiguousarray(x), np.ascontiguousarray(y), delays[0], delays[-1] + 1, found):
-        return (*found[:3].tolist(), int(found[3]), float(found[4]))
-    return fit_plant_by_columns(x, y, delays)
-
-
-def fit_plant_by_columns(x: np.ndarray, y: np.ndarray, delays: range) -> tuple[float, float, float, int, float]:
-    """Do the same by stacked columns: slow, but also for a valve that hardly moves, whose column is nearly that of the ones."""
-    first = delays[-1] + 1
-    best = (0.0, 0.0, 0.0, 0, np.inf)
-    target, before = y[first:], y[first - 1 : -1]
-    for d in delays:
-        A = np.column_stack([before, x[first - 1 - d : x.size - 1 - d], np.ones(target.size)])
-        a, b, c = np.linalg.lstsq(A, target, rcond=None)[0]
-        error = float(np.mean((target - A @ (a, b, c)) ** 2))
-        if error < best[4]:
-            best = (float(a), float(b), float(c), d, error)
-    return best
-
-
-def _plant(x, y, least, most, found):
-    """Fill `found` with (a, b, c, delay, error) by the normal equations; return whether these were well conditioned."""
-    first, n = most, y.size
-    m = n - first
-    found[4] = np.inf
-    mean_z = mean_y = 0.0
-    for k in range(first, n):
-        mean_z += y[k - 1] / m
-        mean_y += y[k] / m
-    zz = zy = 0.0
-    for k in range(first, n):
-        zz += (y[k - 1] - mean_z) * (y[k - 1] - mean_z)
-        zy += (y[k - 1] - mean_z) * (y[k] - mean_y)
-    for d in range(least, most):
-        mean_x = 0.0
-        for k in range(first, n):
-            mean_x += x[k - 1 - d] / m
-        xx = xy = xz = 0.0
-        for k in range(first, n):
-            v = x[k - 1 - d] - mean_x
-            xx += v * v
-            xy += v * (y[k] - mean_y)
-            xz += v * (y[k - 1] - mean_z)
-        det = zz * xx - xz * xz
-        if not det > ILL * zz * xx or xx <= ILL * m * mean_x * mean_x:
-            return False
-        a, b = (zy * xx - xy * xz) / det, (xy * zz - zy * xz) / det
-        c = mean_y - a * mean_z - b * mean_x
-        error = 0.0
-        for k in range(first, n):
-            left = y[k] - (a * y[k - 1] + b * x[k - 1 - d] + c)
-            error += left * left / m
-        if error < found[4]:
-            found[0], found[1], found[2], found[3], found[4] = a, b, c, d, error
-    return True
 
 
 def _first_guess(u, band, x):

@@ -1,66 +1,74 @@
-"""Guests: plug-ins of strangers, each in a process of its own, with a limit on time and memory.
+"""The one host of third-party plug-ins: a process of their own that answers questions in plain values, within limits.
 
-What a guest raises, prints, changes, or never finishes touches no other verdict: it becomes a reason of its own.
+What a plug-in raises, prints, changes, starts or never finishes touches nothing else: it becomes a sentence about itself.
 """
 
 from __future__ import annotations
 
 import atexit
+import base64
 import contextlib
-import fcntl
 import json
-import math
-import numbers
 import os
 import pickle
-import select
-import signal
+import queue
+import re
 import struct
 import subprocess
 import sys
-import time
+import threading
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
-from types import ModuleType
-from typing import Any
+from typing import IO, Any
 
-from detectors.errors import ParameterError, UserError
-from detectors.method import Method, Threshold
-from detectors.prepared import Prepared
-from detectors.record import PROCESSES
-from detectors.verdict import VERDICTS, Verdict
+import numpy as np
 
-SECONDS = 60.0  # per record
+from detectors.errors import UserError
+
+SECONDS = 60.0  # per question
 START = 60.0  # s for its process to begin, and to import the plug-in for the first time
+GRACE = 5.0  # s within which all that it started is ended
 BYTES = 2 << 30  # of memory
 MESSAGE = 1 << 20  # bytes of an answer
-PIPE = 1 << 20  # bytes of a question on its way
 STRIKES = 3  # processes lost in one piece of work, after which the plug-in is asked no more there
-WORDS = {"title": str, "source": str, "role": str, "budget": str}
-NUMBERS = {"min_samples": int, "min_periods": float}
+NEVER_TOLD = ("PWD", "OLDPWD", "_", "PYTEST_CURRENT_TEST")  # environment that says where the run works
+LONGEST = 300  # characters of an error's text
+ESCAPES = re.compile(r"\x1b(\[[0-?]*[ -/]*[@-~]|\][^\x07\x1b]*(\x07|\x1b\\)|.)?", re.DOTALL)
 
 
-class GuestError(UserError):
-    """What a guest did instead of answering."""
+class PluginError(UserError):
+    """What a plug-in did instead of answering; `refusal` is the sentence of an error that a user can put right."""
+
+    def __init__(self, said: str, refusal: str | None = None) -> None:
+        super().__init__(said)
+        self.refusal = refusal
 
 
 class Host:
-    """A process that runs code of strangers and answers questions, with a limit on time and memory.
+    """A process that imports plug-ins of others and answers questions, with a limit on time and, where there is one, on memory.
 
     Parameters
     ----------
-    words : list of str
-        The module to run, see `detectors.host_process.serve`, and its arguments behind the pipes and the parent.
+    load : callable or None
+        Function of a module that imports the plug-in there and returns, in plain values, what it says of itself.
+    *arguments
+        Of `load`.
     seconds : float
-        Time it may take for an answer, where no other is said.
-    most : int
-        Bytes of an answer.
+        Time it may take for an answer.
+    folders : iterable of str
+        Where it may write, beside a folder for its process that goes with it.
+    detector : bool
+        Whether it may import nothing that knows a benchmark's truth.
     """
 
-    def __init__(self, words: list[str], seconds: float = SECONDS, most: int = MESSAGE) -> None:
-        self.seconds, self.strikes, self.most = seconds, 0, most
-        self._words = words
+    def __init__(self, load: Callable | None, *arguments: Any, seconds: float = SECONDS, folders=(), detector=False) -> None:
+        self.seconds, self.strikes = seconds, 0
+        self.refused: dict[str, None] = {}  # what it tried to do and may not
+        self._load = (load, arguments)
+        self._rules = {"folders": [str(f) for f in folders], "detector": detector}
         self._process: subprocess.Popen | None = None
-        self._to = self._back = -1
+        self._said, self._fresh = None, True
         self._owner = os.getpid()
         atexit.register(self.close)
 
@@ -69,238 +77,161 @@ class Host:
         """Number of the process, where one was started."""
         return None if self._process is None else self._process.pid
 
-    def close(self) -> None:
-        """End the process and all it started."""
+    def described(self) -> Any:
+        """Return what the plug-in says of itself; PluginError where it cannot be imported."""
+        self._begin()
+        return self._said
+
+    def fresh(self) -> bool:
+        """Return whether nothing has been asked of its process yet, and start it if need be; True once per process."""
+        self._begin()
+        before, self._fresh = self._fresh, False
+        return before
+
+    def call(self, function: Callable, *arguments: Any, seconds=0.0, most: int = MESSAGE, fork=False) -> Any:
+        """Return what a module's function gives there, in tables, lists, words, numbers and arrays; PluginError for nothing.
+
+        `most` is the size of an answer in bytes; `fork` asks a copy of the process, which forgets the question.
+        """
+        self._begin()
+        question = (pickle.dumps((function, arguments)), most, fork)
+        return self._ask(question, seconds or self.seconds, most)
+
+    def close(self) -> str:
+        """End the process and all that it started; return how it ended."""
         process, self._process = self._process, None
         if process is None or self._owner != os.getpid():
-            return
-        for handle in (self._to, self._back):
-            with contextlib.suppress(OSError):
-                os.close(handle)
-        with contextlib.suppress(OSError):
-            os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
+            return "no exit status"
+        process.terminate()
+        self._questions.put(None)
+        last: dict[str, Any] = {}
+        with contextlib.suppress(queue.Empty, ValueError, RecursionError, subprocess.TimeoutExpired):
+            while (said := self._answers.get(timeout=GRACE)) is not None:
+                last = json.loads(said)
+            process.wait(GRACE)
+        process.kill()
+        code = process.wait()
+        if last.get("left"):
+            print(f"a plug-in left {last['left']} processes behind, which were ended", file=sys.stderr)
+        return cleaned(last.get("ended")) or (f"signal {-code}" if code < 0 else f"exit status {code}")
 
-    def refuse_lost(self) -> None:
-        """Raise GuestError when the process was lost too often to be asked again."""
+    def _begin(self) -> None:
         if self.strikes >= STRIKES:
-            raise GuestError(f"asked no more, as its process was lost {STRIKES} times in this piece of work")
-
-    def _start(self) -> None:
-        read_mine, self._to = os.pipe()
-        self._back, write_mine = os.pipe()
-        module, *more = self._words
-        words = [sys.executable, "-m", module, *map(str, (read_mine, write_mine, os.getpid())), *more]
+            raise PluginError(f"asked no more, as its process was lost {STRIKES} times in this piece of work")
+        if self._process is not None and self._owner == os.getpid():
+            return
         home = str(Path(__file__).resolve().parents[2])
-        paths = os.pathsep.join([home, *filter(None, [os.environ.get("PYTHONPATH")])])
+        paths = [home, *(os.path.abspath(p) for p in os.environ.get("PYTHONPATH", "").split(os.pathsep) if p)]
+        known = {key: value for key, value in os.environ.items() if key not in NEVER_TOLD}
+        known |= {"PYTHONPATH": os.pathsep.join(paths), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+        self._process = process = subprocess.Popen(
+            [sys.executable, "-m", "detectors.plugins.process"], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL, start_new_session=True, env=known, bufsize=0,
+        )  # fmt: skip
+        self._owner, self._fresh = os.getpid(), True
+        self._questions, self._answers = queue.SimpleQueue(), queue.SimpleQueue()
+        # a thread that alone touches the pipes: not every platform waits for one with a time limit
+        talk = (process.stdin, process.stdout, self._questions, self._answers)
+        threading.Thread(target=_talk, args=talk, daemon=True).start()
         try:
-            self._process = subprocess.Popen(
-                words, pass_fds=(read_mine, write_mine), start_new_session=True, stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-                env={**os.environ, "PYTHONPATH": paths, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
-            )  # fmt: skip
-        finally:
-            os.close(read_mine)
-            os.close(write_mine)
-        for handle in (self._to, self._back):
-            os.set_blocking(handle, False)
-        if hasattr(fcntl, "F_SETPIPE_SZ"):
-            with contextlib.suppress(OSError):  # a question in one piece: both processes are woken once
-                fcntl.fcntl(self._to, fcntl.F_SETPIPE_SZ, PIPE)
-        self._owner = os.getpid()
-        self._read(time.monotonic() + START)
+            for lacking in self._ask({**self._rules, "bytes": BYTES}, START):
+                _tell(lacking)
+            self._said = self._ask((pickle.dumps(self._load), MESSAGE, False), START) if self._load[0] else None
+        except PluginError:
+            self.close()
+            raise
 
-    def ask(self, message: dict[str, Any], seconds: float, times: int = 1) -> Any:
-        """Return the answer to a question that may take a time, or several such; GuestError where none comes."""
-        content = pickle.dumps({**message, "seconds": seconds * times, "bytes": BYTES})
+    def _ask(self, question: Any, seconds: float, most: int = MESSAGE) -> Any:
+        self._questions.put((pickle.dumps(question), most))
         try:
-            if self._process is None or self._owner != os.getpid():
-                self._process = None
-                self._start()
-            until = time.monotonic() + seconds * times
-            self._write(struct.pack("<Q", len(content)) + content, until)
-            answer = json.loads(self._read(until))
-        except TimeoutError:
+            said = self._answers.get(timeout=seconds)
+            answer = {"ended": ""} if said is None else json.loads(said)
+            if not isinstance(answer, dict):
+                raise ValueError
+            if "ended" in answer:
+                self._answers.put(said)
+                raise PluginError(f"ended its process ({self._lose()})")
+            answer = cleaned(answer)
+            self.refused |= dict.fromkeys(map(str, answer.get("refused", ())))
+            if "error" in answer:
+                raise PluginError(str(answer["error"])[:LONGEST], answer.get("refusal"))
+            return _arrays(answer.get("answer"))
+        except queue.Empty:
             self._lose()
-            raise GuestError(f"took longer than {seconds:g} s") from None
-        except (EOFError, OSError):
-            raise GuestError(f"ended its process ({self._lose()})") from None
-        except (ValueError, RecursionError):
+            raise PluginError(f"took longer than {seconds:g} s") from None
+        except (ValueError, TypeError, RecursionError):
             self._lose()
-            raise GuestError("answered with something that cannot be understood") from None
-        if not isinstance(answer, dict) or "error" in answer:
-            raise GuestError(str(answer["error"])[:300] if isinstance(answer, dict) else "answered with nothing")
-        return answer.get("answer")
+            raise PluginError("answered with something that cannot be understood") from None
 
     def _lose(self) -> str:
         self.strikes += 1
-        process = self._process
-        if process is not None:
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                process.wait(1.0)
-        code = None if process is None else process.returncode
-        self.close()
-        return "no exit status" if code is None else f"signal {-code}" if code < 0 else f"exit status {code}"
-
-    def _write(self, content: bytes, until: float) -> None:
-        left = memoryview(content)
-        while left:
-            try:
-                left = left[os.write(self._to, left) :]
-            except BlockingIOError:
-                self._wait(self._to, select.POLLOUT, until)
-
-    def _read(self, until: float) -> bytes:
-        """Return one answer: its size, 8 bytes, then what it says. Usually one look at the pipe finds all of it."""
-        parts, size = b"", 8
-        while len(parts) < size:
-            self._wait(self._back, select.POLLIN, until)
-            part = os.read(self._back, 1 << 16)
-            if not part:
-                raise EOFError
-            parts += part
-            if size == 8 and len(parts) >= 8:
-                size += struct.unpack("<Q", parts[:8])[0]
-                if size > self.most:
-                    raise ValueError(f"an answer of {size} bytes")
-        return parts[8:]
-
-    @staticmethod
-    def _wait(handle: int, event: int, until: float) -> None:
-        poll = select.poll()
-        poll.register(handle, event)
-        if not poll.poll(max(0.0, until - time.monotonic()) * 1e3):
-            raise TimeoutError
+        return self.close()
 
 
-class Guest(Host):
-    """One detector in a process of its own.
-
-    Parameters
-    ----------
-    source : Path or str
-        A file, or the name under which another distribution publishes it; it is imported by that process alone.
-    seconds : float
-        Time it may take for a record.
+def cleaned(value: Any) -> Any:
+    """Return plain values whose texts are one line each that every terminal, table and page can show.
 
     Examples
     --------
-    >>> import tempfile
-    >>> file = Path(tempfile.mkdtemp()) / "mine.py"
-    >>> _ = file.write_text("import sys\\nsys.exit(3)\\n")
-    >>> Guest(file).describe()
-    Traceback (most recent call last):
-    detectors.plugins.host.GuestError: SystemExit: 3
+    >>> cleaned({"a\\x1b[31m": ["b\\n c\\ud800", 1]})
+    {'a': ['b c?', 1]}
     """
-
-    def __init__(self, source: Path | str, seconds: float = SECONDS) -> None:
-        super().__init__(["detectors.host_process", str(source)], seconds)
-
-    def describe(self) -> Method:
-        """Return what the plug-in says of itself.
-
-        Raises
-        ------
-        GuestError
-            When it cannot be imported, or says nothing that can be understood.
-        """
-        return _method(self.ask({"do": "describe"}, START))
-
-    def stub(self) -> ModuleType:
-        """Return what stands for the plug-in outside its own process: its description of itself; GuestError as `describe`."""
-        method = self.describe()
-        stub = ModuleType("guest", method.title)
-        stub.__dict__.update(METHOD=method, detect=None, __file__=None)
-        return stub
-
-    def judge(self, name: str, prepared: Prepared, modes: tuple[bool, ...], thresholds: dict[str, float]) -> list[Verdict]:
-        """Return the plug-in's verdict on a record for every mode (raw or not), under the name it was asked by.
-
-        Raises
-        ------
-        GuestError
-            When it raised, took too long, took too much memory, ended its process, or answered with no verdict.
-        """
-        self.refuse_lost()
-        known = {name: value for name in ("oscillation", "flags") if (value := prepared.__dict__.get(name)) is not None}
-        about = {"record": prepared.record, "front_end": prepared.front_end, "part": prepared.part, "known": known}
-        asked = {"do": "judge", **about, "modes": modes, "thresholds": thresholds}
-        answer = self.ask(asked, self.seconds, len(modes))
-        if not isinstance(answer, list) or len(answer) != len(modes):
-            raise GuestError("answered with something that is no verdict")
-        return [verdict_of(name, one) for one in answer]
+    if isinstance(value, str):
+        if value.isprintable():
+            return value
+        shown = "".join(c if c.isprintable() else " " if c.isspace() else "?" for c in ESCAPES.sub("", value))
+        return " ".join(shown.split())
+    if isinstance(value, dict):
+        return {cleaned(k): cleaned(v) for k, v in value.items()}
+    return [cleaned(v) for v in value] if isinstance(value, list) else value
 
 
-def number_of(value: Any, what: str) -> float:
-    """Return what a guest gave as a float, or raise GuestError."""
-    if isinstance(value, bool) or not isinstance(value, numbers.Real):
-        raise GuestError(f"gives {what} = {value!r}, which is no number")
-    return float(value)
+def _arrays(value: Any) -> Any:
+    if isinstance(value, dict):
+        if set(value) == {"float64"}:
+            return np.frombuffer(base64.b64decode(value["float64"]), dtype="<f8").astype(float)
+        return {k: _arrays(v) for k, v in value.items()}
+    return [_arrays(v) for v in value] if isinstance(value, list) else value
 
 
-def verdict_of(name: str, said: Any) -> Verdict:
-    """Rebuild a verdict from plain values, each checked; nothing of the guest's own classes crosses over."""
-    word = said.get("verdict") if isinstance(said, dict) else said
-    if not isinstance(said, dict) or not isinstance(word, str) or word not in VERDICTS:
-        raise GuestError(f"answers {word!r}; allowed: {', '.join(VERDICTS)}")
-    if not isinstance(said.get("reason"), str) or not said["reason"].strip():
-        raise GuestError("gives no reason")
-    if said.get("applicable") not in (True, False, None):
-        raise GuestError(f"gives applicable = {said['applicable']!r}; true, false or null is needed")
-    indices = said.get("indices")
-    if not isinstance(indices, dict):
-        raise GuestError("gives indices that are no table of numbers")
-    levels = {}
-    for key in ("S", "J"):
-        level = said.get(key)
-        ends = level if isinstance(level, list) else [level]
-        if level is not None and (len(ends) not in (1, 2) or not all(math.isfinite(number_of(v, key)) for v in ends)):
-            raise GuestError(f"gives {key} = {level!r}; a number, [lo, hi] or null is needed")
-        levels[key] = None if level is None else tuple(map(float, ends)) if isinstance(level, list) else float(level)
-    return Verdict(
-        name, said["verdict"], score=number_of(said.get("score"), "score"), applicable=said.get("applicable"),
-        indices={str(k): number_of(v, str(k)) for k, v in indices.items()}, S_unit=str(said.get("S_unit", "% of travel")),
-        reason=said["reason"], **levels,
-    )  # fmt: skip
+def _talk(to: IO[bytes], back: IO[bytes], questions: queue.SimpleQueue, answers: queue.SimpleQueue) -> None:
+    """Hand over questions and take answers, each behind its size in 8 bytes, until there is None of either."""
+    most = MESSAGE
+    with to, back:
+        while True:
+            asked = questions.get()
+            if asked is not None:
+                content, most = asked
+                with contextlib.suppress(OSError):  # the process is gone: what it said last is still to be read
+                    _put(to, content)
+            size = _taken(back, 8)
+            length = struct.unpack("<Q", size)[0] if size else 0
+            if size is not None and length > most:
+                answers.put(b"")
+                return
+            answers.put(None if size is None else _taken(back, length))
+            if size is None:
+                return
 
 
-def _method(said: Any) -> Method:
-    """Rebuild a plug-in's description of itself from plain values, each checked."""
-    if not isinstance(said, dict):
-        raise GuestError("METHOD is no detectors.method.Method")
-    fields: dict[str, Any] = {}
-    for key, kind in WORDS.items():
-        if not isinstance(said.get(key), kind) or not said[key]:
-            raise GuestError(f"METHOD.{key} = {said.get(key)!r}; words are needed")
-        fields[key] = said[key]
-    fields |= {key: kind(number_of(said.get(key), f"METHOD.{key}")) for key, kind in NUMBERS.items()}
-    for key in ("needs_mv", "front_end"):
-        if not isinstance(said.get(key), bool):
-            raise GuestError(f"METHOD.{key} = {said.get(key)!r}; true or false is needed")
-        fields[key] = said[key]
-    process = said.get("process")
-    if not isinstance(process, list) or not process or any(p not in PROCESSES for p in process):
-        raise GuestError(f"METHOD.process = {process!r}; known: {', '.join(PROCESSES)}")
-    flags = said.get("cannot_cope")
-    if not isinstance(flags, list) or not all(isinstance(f, str) for f in flags):
-        raise GuestError(f"METHOD.cannot_cope = {flags!r}; names of flags are needed")
-    rules = said.get("thresholds")
-    if not isinstance(rules, dict) or not all(isinstance(r, dict) for r in rules.values()):
-        raise GuestError("METHOD.thresholds is no table of detectors.method.Threshold")
-    thresholds = {
-        str(key): Threshold(
-            *(number_of(r.get("default"), f"{key}.default"), str(r.get("unit"))),
-            *(number_of(r.get(end), f"{key}.{end}") for end in ("low", "high")), str(r.get("source")), str(r.get("says")),
-        )
-        for key, r in rules.items()
-    }  # fmt: skip
-    return Method(**fields, process=tuple(process), cannot_cope=tuple(flags), thresholds=thresholds)
+def _put(to: IO[bytes], content: bytes) -> None:
+    left = memoryview(struct.pack("<Q", len(content)) + content)
+    while left:
+        left = left[to.write(left) :]
 
 
-def refuse_name(path: Path, kind: str, taken: bool) -> None:
-    """Raise ParameterError when a file's stem cannot be the id of a plug-in, or is one that means something already."""
-    name = path.stem
-    if not name.isidentifier() or name != name.lower():
-        raise ParameterError(f"{kind} file {path}: {name!r} is no id; small letters, digits and _ are needed; rename the file")
-    if taken:
-        raise ParameterError(f"{kind} file {path}: the name {name!r} is taken; another is needed: rename the file")
+def _taken(back: IO[bytes], size: int) -> bytes | None:
+    """Return that many bytes, or None where the other end is closed."""
+    parts = []
+    while size:
+        part = back.read(min(size, 1 << 16))
+        if not part:
+            return None
+        parts.append(part)
+        size -= len(part)
+    return b"".join(parts)
+
+
+@cache
+def _tell(sentence: str) -> None:
+    print(sentence, file=sys.stderr)

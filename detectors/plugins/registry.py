@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import os
 import pkgutil
 import sys
 from collections.abc import Callable, Iterable, Iterator
@@ -15,9 +16,9 @@ from types import ModuleType
 from typing import Any
 
 from detectors.errors import ParameterError, UnknownName, UserError
-from detectors.plugins.host import SECONDS, Guest, refuse_name
-
-MakeHost = Callable[[Path | str, float], Any]
+from detectors.method import Method
+from detectors.plugins.host import SECONDS, Host
+from detectors.plugins.rebuilt import method_of
 
 
 class PluginFolder:
@@ -38,8 +39,10 @@ class PluginFolder:
 
     Attributes
     ----------
-    entry_host : callable or None
-        (name, seconds) -> the process in which what another distribution publishes lives; None: it is imported here.
+    make_host : callable
+        (file or published name, seconds) -> the process in which it lives, which has a `stub()` to stand for it here.
+    host_entries : bool
+        Whether what another distribution publishes lives in such a process; else it is imported here.
 
     Examples
     --------
@@ -54,8 +57,9 @@ class PluginFolder:
         self.group = group
         self.required = required
         self.reserved = reserved
-        self.entry_host: MakeHost | None = None
-        self._guests: dict[str, tuple[tuple, Any]] = {}
+        self.make_host: Callable[[Path | str, float], Any] = _no_host
+        self.host_entries = False
+        self._hosts: dict[str, tuple[tuple, Any]] = {}  # with the file they were made of
         self._above: dict[str, str] = {}
         self._files: dict[str, ModuleType] = {}
         self._loaded: dict[str, ModuleType] = {}
@@ -139,29 +143,8 @@ class PluginFolder:
         self._files[name] = self._checked(module, name)
         return name
 
-    def add_guest(self, path: str | Path, seconds: float = SECONDS, host: MakeHost = Guest) -> str:
-        """Register a plug-in's file without importing it: a process of its own does, see `detectors.plugins.host`.
-
-        Parameters
-        ----------
-        path : str or Path
-            The file; its stem becomes the plug-in's name.
-        seconds : float
-            Time it may take for a record.
-        host : callable
-            (file, seconds) -> the process, which has a `stub()` to stand for the plug-in here.
-
-        Returns
-        -------
-        str
-            The name.
-
-        Raises
-        ------
-        ParameterError
-            When the file is missing, takes a name that means something already, cannot be imported, or does not say of
-            itself what a plug-in must.
-        """
+    def add_hosted(self, path: str | Path, seconds: float = SECONDS) -> str:
+        """Register a plug-in's file without importing it: a process of its own does; otherwise as `add_file`."""
         path = Path(path)
         name = path.stem
         if not path.is_file():
@@ -169,46 +152,48 @@ class PluginFolder:
         refuse_name(path, self.kind, self._taken(name))
         _refuse_limit(seconds)
         key = (path.resolve(), path.stat().st_mtime_ns)
-        guest = self._guests.get(name)
-        if guest is None or guest[0] != key:
-            if guest is not None:
-                guest[1].close()
-            process = host(path.resolve(), seconds)
-            self._files[name] = self._stub(process, f"{self.kind} file {path}")
-            self._guests[name] = (key, process)
+        known = self._hosts.get(name)
+        if known is None or known[0] != key:
+            if known is not None:
+                known[1].close()
+            host = self.make_host(path.resolve(), seconds)
+            self._files[name] = self._stub(host, f"{self.kind} file {path}")
+            self._hosts[name] = (key, host)
         return name
 
-    def add_guests(self, paths: Iterable[str | Path], seconds: float = SECONDS, host: MakeHost = Guest) -> list[str]:
-        """Register several files as `add_guest` does; two of one name are refused. Every guest known is asked again."""
+    def add_all_hosted(self, paths: Iterable[str | Path], seconds: float = SECONDS) -> list[str]:
+        """Register several files as `add_hosted` does; two of one name are refused. Every plug-in known is asked again."""
         _refuse_limit(seconds)
         files = list(dict.fromkeys(Path(p).resolve() for p in paths))
         names = [f.stem for f in files]
         for file in files:
             refuse_name(file, self.kind, names.count(file.stem) > 1)
-        added = [self.add_guest(f, seconds, host) for f in files]
-        for _, process in self._guests.values():
-            process.seconds, process.strikes = seconds, 0
+        added = [self.add_hosted(f, seconds) for f in files]
+        for name, (file, host) in self._hosts.items():
+            host.strikes = 0
+            if name in added or not file:  # one that is published
+                host.seconds = seconds
         return added
 
     @contextmanager
-    def guests(self, paths: Iterable[str | Path], seconds: float = SECONDS, host: MakeHost = Guest) -> Iterator[list[str]]:
+    def hosted(self, paths: Iterable[str | Path], seconds: float = SECONDS) -> Iterator[list[str]]:
         """Register several files for one question only: afterwards the names known are those of before."""
         before = set(self._files)
         try:
-            yield self.add_guests(paths, seconds, host)
+            yield self.add_all_hosted(paths, seconds)
         finally:
             for name in set(self._files) - before:
                 self.forget(name)
 
     @contextmanager
-    def entries_hosted(self, host: MakeHost) -> Iterator[None]:
+    def entries_hosted(self) -> Iterator[None]:
         """Let what other distributions publish live in processes of their own, for one question only."""
-        before, self.entry_host = self.entry_host, host
+        before, self.host_entries = self.host_entries, True
         self._forget_entries()
         try:
             yield
         finally:
-            self.entry_host = before
+            self.host_entries = before
             self._forget_entries()
 
     def _forget_entries(self) -> None:
@@ -216,11 +201,11 @@ class PluginFolder:
             self._loaded.pop(name, None)
             self.forget(name)
 
-    def guest(self, name: str) -> Any:
+    def host_of(self, name: str) -> Any:
         """Return the process a plug-in lives in; None for those of the house."""
-        if self.entry_host is not None and name in self._entry_points and name not in self._files:
+        if self.host_entries and name in self._entry_points and name not in self._files:
             self.load(name)
-        found = self._guests.get(name)
+        found = self._hosts.get(name)
         return None if found is None else found[1]
 
     def _taken(self, name: str) -> bool:
@@ -234,7 +219,7 @@ class PluginFolder:
     def forget(self, name: str) -> None:
         """Take a file that was added out again."""
         self._files.pop(name, None)
-        found = self._guests.pop(name, None)
+        found = self._hosts.pop(name, None)
         if found is not None:
             found[1].close()
 
@@ -249,14 +234,14 @@ class PluginFolder:
         if point is None:
             return None
         where = f"{self.kind} {name!r} of {point.dist.name if point.dist else 'another distribution'} ({point.value})"
-        if self.entry_host is None:
+        if not self.host_entries:
             try:
                 return point.load()
             except (Exception, SystemExit) as error:  # it may fail in any way; the user needs its distribution's name
                 raise self._useless(where, repr(error)) from error
-        host = self.entry_host(name, SECONDS)
+        host = self.make_host(name, SECONDS)
         stub = self._stub(host, where)
-        self._guests[name] = ((), host)
+        self._hosts[name] = ((), host)
         return stub
 
     @cached_property
@@ -280,7 +265,22 @@ class PluginFolder:
         missing = [a for a in self.required if not hasattr(module, a)]
         if missing:
             raise ParameterError(f"{self.kind} {name!r} ({module.__file__}) lacks {', '.join(missing)}, which it needs")
+        for a in (a for a in self.required if a.islower() and not callable(getattr(module, a))):
+            raise ParameterError(f"{self.kind} {name!r} ({module.__file__}): {a} = {getattr(module, a)!r:.60} is no function")
         return module
+
+
+def _no_host(source: Path | str, seconds: float) -> Any:
+    raise ParameterError(f"{source}: plug-ins of this kind are not taken from others")
+
+
+def refuse_name(path: Path, kind: str, taken: bool) -> None:
+    """Raise ParameterError when a file's stem cannot be the id of a plug-in, or is one that means something already."""
+    name = path.stem
+    if not name.isidentifier() or name != name.lower():
+        raise ParameterError(f"{kind} file {path}: {name!r} is no id; small letters, digits and _ are needed; rename the file")
+    if taken:
+        raise ParameterError(f"{kind} file {path}: the name {name!r} is taken; another is needed: rename the file")
 
 
 def _refuse_limit(seconds: float) -> None:
@@ -288,15 +288,14 @@ def _refuse_limit(seconds: float) -> None:
         raise ParameterError(f"time limit {seconds} s; a number above 0 is needed")
 
 
-PUBLISHED = "published"
+PUBLISHED, CHAPTER = "published", "chapter"
 RESERVED = ("all", "fast", "full", "oracle", "always_no", "always_yes")
 
 
 class Detectors(PluginFolder):
-    """The detectors; `NAME@published` is a detector with the thresholds of its source.
+    """The detectors; `NAME@published` is a detector with the thresholds of its source, `NAME@chapter` with the chapter's.
 
-    Those of other distributions live in processes of their own, as a user's files do; `entry_host = None` imports them
-    here, which such a process alone may do.
+    Those of other distributions live in processes of their own, as a user's files do.
 
     Examples
     --------
@@ -307,25 +306,56 @@ class Detectors(PluginFolder):
     def load(self, name: str) -> ModuleType:
         """Import one detector, or the published variant of one; see `PluginFolder.load`."""
         base, at, variant = name.partition("@")
-        if at and variant != PUBLISHED:
+        if at and variant not in (PUBLISHED, CHAPTER):
             raise UnknownName(self.kind, name, [*self.names(), *self.variants()])
         module = super().load(base)
         if not at:
             return module
+        if variant == CHAPTER and not module.METHOD.chapter:
+            chapters = [f"{n}@{CHAPTER}" for n in self.names() if super(Detectors, self).load(n).METHOD.chapter]
+            raise UnknownName(self.kind, name, [f"{base}@{PUBLISHED}", *chapters])
         shown = ModuleType(name, module.__doc__)
-        shown.__dict__.update(METHOD=module.METHOD.as_published(), detect=module.detect, __file__=module.__file__)
+        shown.__dict__.update(
+            METHOD=module.METHOD.as_published(variant == CHAPTER), detect=module.detect, __file__=module.__file__
+        )
         return shown
 
-    def guest(self, name: str) -> Any:
+    def host_of(self, name: str) -> Any:
         """Return the process a detector, or the published variant of it, lives in; None for those of the house."""
-        return super().guest(name.partition("@")[0])
+        return super().host_of(name.partition("@")[0])
 
     def variants(self) -> list[str]:
-        """Return NAME@published of every detector whose defaults are not those of its source."""
-        return [f"{name}@{PUBLISHED}" for name in self.names() if super(Detectors, self).load(name).METHOD.published]
+        """Return NAME@published of every detector."""
+        return [f"{name}@{PUBLISHED}" for name in self.names()]
+
+
+class _DetectorHost(Host):
+    """The process of one detector."""
+
+    def __init__(self, source: Path | str, seconds: float) -> None:
+        folders = [source.parent] if isinstance(source, Path) else []
+        super().__init__(_describe_detector, str(source), seconds=seconds, folders=folders, detector=True)
+
+    def stub(self) -> ModuleType:
+        """Return what stands for the plug-in outside its own process: its description of itself."""
+        method = method_of(self.described())
+        stub = ModuleType("hosted", method.title)
+        stub.__dict__.update(METHOD=method, detect=_elsewhere, __file__=None)
+        return stub
+
+
+def _elsewhere(*_: Any, **__: Any) -> None:
+    raise ParameterError("this detector is a plug-in, which answers in a process of its own alone")
+
+
+def _describe_detector(source: str) -> Method | None:
+    """Import a detector where this runs, in its own process, and return its description."""
+    methods.host_entries = False
+    method = methods.load(methods.add_file(source) if os.sep in source else source).METHOD
+    return method if isinstance(method, Method) else None
 
 
 methods = Detectors("detector", "detectors.methods", "simbench.detectors", ("METHOD", "detect"), RESERVED)
-methods.entry_host = Guest
+methods.make_host, methods.host_entries = _DetectorHost, True
 # stands above this package, which may stand alone
 methods.lend("likelihood", "simbench.gap.stiction.method")

@@ -284,6 +284,8 @@ def _cell(sheet: Sheet, name: str, row: int) -> str:
 
 def _value(text: str, comma: bool, row: int, name: str, sheet: Sheet, where: str) -> float:
     try:
+        if "_" in text:  # which Python reads as nothing, and no plant writes in a number
+            raise ValueError
         if comma:
             return float(text.replace(".", "").replace(",", ".")) if "," in text or COMMA.fullmatch(text) else float(text)
         return float(text.replace(",", ""))

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from detectors.errors import RecordError, nearest
-from detectors.record import KIND_ALIASES, KINDS, PROCESSES, LoopRecord
+from detectors.record import KIND_ALIASES, KINDS, MOST_OUTSIDE, PROCESSES, LoopRecord
 from detectors.records.archive import Series, base_step, hold, stored_on_change
 from detectors.records.clock import seconds
 from detectors.records.gaps import BRIDGED, JITTER, MOST_MISSING, whole
@@ -214,7 +215,23 @@ def _record(sheet: Sheet, chosen: Mapping[str, str], loop: str | None, Ts: float
     else:
         Ts = float(np.median(np.diff(t))) if given is None else float(given)
         t, signals, notes = whole(t, signals, Ts, where)
-    return LoopRecord(Ts=Ts, notes=(*sheet.notes, *notes), **signals, **about)
+    record = LoopRecord(Ts=Ts, notes=(*sheet.notes, *notes), **signals, **about)
+    return replace(record, notes=(*record.notes, *_outside(record, where)))
+
+
+def _outside(record: LoopRecord, where: str) -> list[str]:
+    """Refuse a span that is another signal's; say of how many samples a signal leaves its own."""
+    said = []
+    for name in ("op", "pv"):
+        lo, hi = getattr(record, f"{name}_span") or (0.0, 0.0)
+        told = f"{name.upper()} lies outside {name}_span {lo:g} to {hi:g} in"
+        if (share := record.outside(name)) > MOST_OUTSIDE:
+            x = getattr(record, name)
+            needed = f"it is {x.min():.4g} to {x.max():.4g}; the values that mean 0 and 100 % are needed"
+            raise RecordError(f"{where}: {told} {share:.0%} of the samples, {needed}")
+        if share := record.outside(name, 0.0):
+            said.append(f"span: {told} {share:.1%} of the samples")
+    return said
 
 
 def _wide(sheet: Sheet, chosen: Mapping[str, str], loop: str | None, Ts: float | None, about: dict, where: str):

@@ -42,8 +42,8 @@ def read_loops(path: Path) -> dict[str, Any]:
     """
     from scipy.io import loadmat
 
-    if not path.exists():
-        raise RecordError(f"file {path} does not exist")
+    if not path.is_file():  # a pipe would be waited for
+        raise RecordError(f"file {path} {'is no file' if path.exists() else 'does not exist'}; an ISDB file is needed")
     try:
         data = loadmat(path, struct_as_record=False, squeeze_me=True)["cdata"]
     except KeyError:

@@ -144,7 +144,7 @@ def unit(name: str) -> str:
 
 def shown(names: Sequence[str]) -> str:
     """Return the first names of many, for a message."""
-    return ", ".join(map(str, names[:12])) + (", ..." if len(names) > 12 else "")
+    return ", ".join(str(name)[:60] for name in names[:12]) + (", ..." if len(names) > 12 else "")
 
 
 def ends_with(name: str, among: Sequence[str]) -> list[str] | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import zipfile
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -210,7 +211,8 @@ def _table(path: Path, rows: list[list[str]], lines: list[int], is_head: Callabl
         kept.append(line)
     if not any(names):
         raise RecordError(f"file {path} has no header line; the names of its columns are needed first")
-    twice = next((n for n in names if n and [m.lower() for m in names].count(n.lower()) > 1), None)
+    times = Counter(n.lower() for n in names)
+    twice = next((n for n in names if n and times[n.lower()] > 1), None)
     if twice:
         raise RecordError(f"file {path}: column {twice!r} appears twice; one is needed")
     columns = dict(zip(names, (list(c) for c in zip(*body, strict=True)) if body else [[] for _ in names], strict=True))

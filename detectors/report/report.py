@@ -174,7 +174,7 @@ def judge_files(
     UserError
         For anything the user can put right: files, methods, thresholds.
     """
-    with registry.guests(plugins, time_limit) as added:
+    with registry.hosted(plugins, time_limit) as added:
         names = choose_methods(methods)
         names += [a for a in added if a not in names]
         for method in thresholds or {}:

@@ -11,6 +11,7 @@ SEGMENT = 128  # samples per segment, half overlapping
 FLOOR = 1e-4  # of the mean power: frequencies below it are rounding or leakage, not signal
 NGI_LOW, NLI_LOW = 0.001, 0.01  # published limits, Choudhury, Shah & Thornhill (2004)
 SAMPLES_PER_PERIOD = 32  # so that a segment holds four periods
+LOWEST, BESIDE = 0.004, 0.05  # cycles per sample: lowest filter boundary, distance of either from the peak
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,11 @@ class Bicoherence:
         """Frequencies (f1, f2) of the largest squared bicoherence, cycles per sample."""
         k = int(np.argmax(self.bic2))
         return float(self.f1[k]), float(self.f2[k])
+
+
+def boundaries(peak: tuple[float, float]) -> tuple[float, float]:
+    """Return the filter boundaries of Procedure 11.3, step 2, about two frequencies (cycles per sample)."""
+    return max(LOWEST, min(peak) - BESIDE), min(0.5, max(peak) + BESIDE)
 
 
 def bicoherence(x: np.ndarray, segment: int = SEGMENT) -> Bicoherence:

@@ -13,7 +13,12 @@ POINTS = 40  # samples per resampled half cycle
 GUARD = 0.25  # a crossing counts when the signal then passes this many standard deviations
 
 
-def split(x: np.ndarray, period: float, points: int = POINTS) -> np.ndarray:
+def midline(x: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Return the line through the middles of the swings between reversals `at`, level beyond the first and the last."""
+    return np.interp(np.arange(x.size), 0.5 * (at[1:] + at[:-1]), 0.5 * (x[at[1:]] + x[at[:-1]]))
+
+
+def split(x: np.ndarray, period: float, points: int = POINTS, longest: float = 1.0) -> np.ndarray:
     """Cut an oscillation into its significant half cycles.
 
     Parameters
@@ -24,12 +29,14 @@ def split(x: np.ndarray, period: float, points: int = POINTS) -> np.ndarray:
         Its period in samples.
     points : int
         Samples per half cycle after resampling, at the middles of equal parts.
+    longest : float
+        Longest half cycle, in periods; inf for periods that wander.
 
     Returns
     -------
     ndarray, shape (m, points)
-        Every half cycle as a positive hump; those shorter than a quarter or longer than twice half a period are left
-        out.
+        Every half cycle as a positive hump; those shorter than a quarter of half a period, and longer than `longest`, are
+        left out.
 
     Examples
     --------
@@ -38,7 +45,7 @@ def split(x: np.ndarray, period: float, points: int = POINTS) -> np.ndarray:
     """
     at = zero_crossings(x, GUARD * float(x.std()))
     start, length = at[:-1], np.diff(at)
-    fit = (length > 0.125 * period) & (length < period)
+    fit = (length > 0.125 * period) & (length < longest * period)
     start, length = start[fit], length[fit]
     place = start[:, None] + length[:, None] * ((np.arange(points) + 0.5) / points)
     k = np.minimum(place.astype(int), x.size - 2)

@@ -12,9 +12,7 @@ SUPERVISION = 50.0  # integral times of the controller
 SMALLEST = 0.01  # amplitude that matters, as a share of PV's span
 
 
-def oscillation_by_loads(
-    op: np.ndarray, pv: np.ndarray, e: np.ndarray, Ts: float, span: float | None = None
-) -> Oscillation:
+def oscillation_by_loads(op: np.ndarray, pv: np.ndarray, e: np.ndarray, Ts: float, span: float | None = None) -> Oscillation:
     """Find the oscillation of a loop by Hagglund's load disturbances: the front end of those who look at the error alone.
 
     Parameters

@@ -11,7 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from detectors.compiled import compiled
 from detectors.signal.autocorrelation import decay_ratio, detrend, fast_size, lasting, zero_crossings
+from detectors.signal.conditioning import snapped
 
 CROSSINGS = 11  # Thornhill 2003: the first 11 zero crossings of the ACF, 10 intervals
 REGULAR = 1.0  # r > 1: the spread of the intervals is below a third of their mean
@@ -20,6 +22,9 @@ LASTING = 1.0 / 3.0  # amplitude of the last third over that of the first: below
 HIGH_PASS = (np.inf, 1 / 6, 1 / 18, 1 / 54)  # moving means removed before a further look, as shares of the record
 MOST_LOADS = 10  # Hagglund 1995: more of them within the supervision time are an oscillation
 SHORTEST_MEAN = 20  # samples; a shorter moving mean would leave nothing but noise
+# own, from simulated loops: swings of OP that count whichever least size they need, over a factor of it, and are alike
+LEAST_SWINGS = np.geomspace(0.08, 0.95, 30)  # shares of OP's range tried as the least swing between two reversals
+GAP, ALIKE, SWINGS, FEWER, STILL_ON = 1.6, 0.22, 14, 1.15, 2.0
 
 
 @dataclass(frozen=True)
@@ -43,6 +48,8 @@ class Oscillation:
         Amplitude in the last third of the record over that in the first third.
     loads : float
         Load disturbances in the memory of Hagglund's detector; NaN when another one judged.
+    swings : int
+        Swings of OP of one size, of a cycle whose period wanders; 0 where the period is what was judged.
     """
 
     sustained: bool
@@ -52,10 +59,13 @@ class Oscillation:
     decay_ratio: float = float("nan")
     lasting: float = float("nan")
     loads: float = float("nan")
+    swings: int = 0
 
     @property
     def evidence(self) -> str:
         """The number that says whether it is sustained."""
+        if self.swings and np.isnan(self.loads):
+            return f"{self.swings} swings of OP of one size, whose period wanders (r = {self.regularity:.2f})"
         return f"r = {self.regularity:.2f}" if np.isnan(self.loads) else f"{self.loads:.1f} of more than {MOST_LOADS} loads"
 
 
@@ -75,7 +85,8 @@ def find_oscillation(op: np.ndarray, pv: np.ndarray, Ts: float) -> Oscillation:
     Returns
     -------
     Oscillation
-        `sustained` needs r > 1, R > 0.5 and an amplitude that lasts, all in the same signal.
+        `sustained` needs r > 1, R > 0.5 and an amplitude that lasts, all in the same signal; or a cycle whose period
+        wanders, see `wandering`.
 
     Notes
     -----
@@ -89,7 +100,77 @@ def find_oscillation(op: np.ndarray, pv: np.ndarray, Ts: float) -> Oscillation:
     (True, 50.3)
     """
     found = [replace(oscillation_of(x, Ts), signal=name) for name, x in (("op", op), ("pv", pv))]
-    return max(found, key=lambda o: (o.sustained, o.regularity))
+    best = max(found, key=lambda o: (o.sustained, o.regularity))
+    at = None if best.sustained else wandering(op)
+    if at is None:
+        return best
+    period = 2.0 * float(at[-1] - at[0]) / (at.size - 1)
+    return Oscillation(True, best.regularity, period * Ts, "op", best.decay_ratio, best.lasting, swings=at.size - 1)
+
+
+def wandering(op: np.ndarray) -> np.ndarray | None:
+    """Return the reversals of a cycle whose period wanders and whose swing does not, or None where there is none.
+
+    Parameters
+    ----------
+    op : ndarray, shape (n,)
+        Controller output, any unit, either sign.
+
+    Returns
+    -------
+    ndarray of int, shape (swings + 1,), or None
+        Samples at which OP turns for good, the first one left out.
+
+    Notes
+    -----
+    Own. What sets a sticky valve free is a swing of OP by S, however long that takes: its swings are alike, and so are their
+    number and places whether a swing must have a third or a half of their size to count. Noise and loads have swings of every
+    size: the more is asked for, the fewer are left. Not for loads that step by one size.
+
+    Examples
+    --------
+    >>> t = np.cumsum(np.random.default_rng(0).uniform(0.05, 0.2, 2000))
+    >>> wandering(np.arcsin(np.sin(t))).size > 70, wandering(np.random.default_rng(1).standard_normal(2000).cumsum()) is None
+    (True, True)
+    """
+    low, high = float(op.min()), float(op.max())
+    if not high > low:
+        return None
+    # what counts as a reversal shall not hang on the unit
+    x = snapped((op - 0.5 * (low + high)) / (high - low))
+    at = np.empty(x.size, dtype=np.int64)
+    turn = compiled(_reversals)
+    count = np.array([turn(x, least, at) for least in LEAST_SWINGS]) - 1
+    held = count * FEWER >= count[:, None]  # [i, j]: as many are left at j as at i
+    widest = [int(np.argmin(np.append(row[i:], False))) - 1 for i, row in enumerate(held & (count >= SWINGS))]
+    i = int(np.argmax(widest))
+    end = i + widest[i]
+    if widest[i] < 0 or LEAST_SWINGS[end] < GAP * LEAST_SWINGS[i]:
+        return None
+    at = at[1 : turn(x, LEAST_SWINGS[end], at)]
+    size, time = np.abs(np.diff(x[at])), np.diff(at)
+    alike, lasts = size.std() <= ALIKE * size.mean(), op.size - at[-1] <= STILL_ON * time.max()
+    return at.copy() if alike and lasts else None
+
+
+def _reversals(x, least, at):
+    """Fill `at` with the places where a signal turns and then goes back by more than `least`; return their number."""
+    count, low, high, way = 0, 0, 0, 0
+    for k in range(1, x.size):
+        if way >= 0:
+            if x[k] > x[high]:
+                high = k
+            elif x[high] - x[k] > least:
+                at[count] = high
+                count, way, low = count + 1, -1, k
+                continue
+        if way <= 0:
+            if x[k] < x[low]:
+                low = k
+            elif x[k] - x[low] > least:
+                at[count] = low
+                count, way, high = count + 1, 1, k
+    return count
 
 
 def oscillation_of(x: np.ndarray, Ts: float = 1.0) -> Oscillation:

@@ -1,4 +1,4 @@
-"""Study of the gate, quick: detectors broken on purpose, and rewritten in ways that change nothing that matters."""
+"""Study of the gate: 40 detectors broken on purpose, 40 changed in ways that change nothing that matters."""
 
 from __future__ import annotations
 
@@ -14,21 +14,34 @@ from unittest.mock import patch
 
 import numpy as np
 
+from detectors.judge import judge_one
 from detectors.methods import ellipse, he, horch_histogram, rossi_scali
 from detectors.plugins.registry import methods as registry
+from detectors.prepared import prepare
 from detectors.record import LoopRecord
 from detectors.report.report import table
 from detectors.signal import hammerstein
 from detectors.signal.ellipse import Ellipse
-from results.studies.check_study import BROKEN, _answers, _broken, _with
+from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 from scenarios.spec import Loop
+from simbench.bench.execute.again import differing
 from simbench.bench.execute.run import run_grid
+from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.score.check import compare_books
-from simbench.bench.store.reading import Book, read_table
+from simbench.bench.store.reading import CODES, Book, RunError, read_table
 from simbench.loop.simulate import simulate
 from simbench.usage import exit_code
 
-BREAKS = 20
+BREAKS = HARMLESS = 40
+AT_RANDOM = 0.02  # of the answers of a detector that is not itself
+# what a detector broken on purpose answers, from its true codes and scores
+BROKEN = {
+    "always stiction": lambda said, score: (np.full_like(said, CODES[STICTION]), score),
+    "never stiction": lambda said, score: (np.full_like(said, CODES[NO_STICTION]), score),
+    "never decides": lambda said, score: (np.full_like(said, CODES[NO_DECISION]), np.full_like(score, np.nan)),
+    "answers another record": lambda said, score: (np.roll(said, 7), np.roll(score, 7)),
+    "score upside down": lambda said, score: (said, -score),
+}
 LAST_BITS = 4e-16  # another order of sums
 
 
@@ -122,13 +135,89 @@ def _last_bits(record: LoopRecord, rng: np.random.Generator) -> LoopRecord:
     return replace(record, op=shaken(record.op), pv=shaken(record.pv), mv=mv)
 
 
+def worsened(base: Book, method: str, rng: np.random.Generator) -> Iterator[tuple[str, Book]]:
+    """Yield a run in which one method has become a little worse on the loops that it covers, in each way of its own."""
+    i = base.methods.index(method)
+    said, score, truth, covered = base.verdict[i], base.score[i], base.truth["cycled"], base.applicable[i] != 0
+
+    def moved(at: np.ndarray, share: float, to: str) -> Book:
+        chosen = rng.choice(np.flatnonzero(at), round(share * (at | (covered & (truth == truth[at][0]))).sum()), replace=False)
+        other = said.copy()
+        other[chosen] = CODES[to]
+        return _with(base, i, other, score)
+
+    yield "finds 2 points less", moved(covered & (truth == 1) & (said == 1), 0.02, NO_STICTION)
+    yield "2.2 points more false alarms", moved(covered & (truth == 0) & (said == 0), 0.022, STICTION)
+    right = covered & (said == truth) & (truth >= 0)
+    lost = rng.choice(np.flatnonzero(right), round(0.02 * (covered & (truth >= 0)).sum()), replace=False)
+    other = said.copy()
+    other[lost] = 1 - other[lost]
+    yield "right on 2 points less", _with(base, i, other, score)
+    mixed, shuffled = score.copy(), np.flatnonzero(covered & (rng.random(score.size) < 0.2))
+    mixed[shuffled] = score[rng.permutation(shuffled)]
+    yield "AUC 5 points less", _with(base, i, said, mixed)
+
+
+def few(base: Book, method: str, cells: str | None) -> Book:
+    """Return two loops that call themselves the grid, a method wrong on both."""
+    at = [
+        int(np.flatnonzero((base.truth["cycled"] == k) & (base.applicable[base.methods.index(method)] != 0))[0]) for k in (0, 1)
+    ]
+    arrays = {
+        name: getattr(base, name)[:, at] for name in ("verdict", "verdict_raw", "score", "score_raw", "applicable", "failed")
+    }
+    more = {name: getattr(base, name)[at] for name in ("ids", "hashes", "places", "oscillating", "groups", "design")}
+    tables = {name: {k: v[at] for k, v in getattr(base, name).items()} for name in ("axes", "truth")}
+    about = {**base.manifest, "grid_hash": "two loops", "cells_hash": cells or base.manifest.get("cells_hash")}
+    two = replace(base, manifest=about, **arrays, **more, **tables)
+    two = replace(two, ids=np.array(["x", "y"], dtype="S16"))
+    i = base.methods.index(method)
+    return _with(two, i, 1 - two.truth["cycled"], two.score[i])
+
+
+def caught(now: Book, base: Book) -> bool:
+    """Whether the gate lets a run not pass."""
+    try:
+        return compare_books(now, base).answer != "passed"
+    except RunError:
+        return True
+
+
+def _at_random(folder: Path, method: str) -> bool:
+    """Whether a detector is caught that answers 2 % of the records at random when it is asked again."""
+    rng, module = np.random.default_rng(0), registry.load(method)
+    honest = module.detect
+
+    def moody(prepared, **thresholds) -> Verdict:
+        verdict = honest(prepared, **thresholds)
+        return verdict if rng.random() > AT_RANDOM else replace(verdict, verdict=STICTION, score=rng.random())
+
+    with patch.object(module, "detect", moody):
+        return any(f"method {method} " in said for said in differing(folder))
+
+
+def _without(base: Book, i: int) -> Book:
+    wide = ("verdict", "verdict_raw", "score", "score_raw", "applicable", "failed", "runtime")
+    kept = tuple(m for k, m in enumerate(base.methods) if k != i)
+    return replace(base, methods=kept, **{name: np.delete(getattr(base, name), i, axis=0) for name in wide})
+
+
+def _reordered(base: Book, seed: int) -> Book:
+    turn = np.random.default_rng(seed).permutation(base.ids.size)
+    wide = ("verdict", "verdict_raw", "score", "score_raw", "applicable", "failed", "runtime")
+    long = ("ids", "hashes", "places", "oscillating", "groups", "design")
+    tables = {name: {k: v[turn] for k, v in getattr(base, name).items()} for name in ("axes", "truth")}
+    arrays = {name: getattr(base, name)[:, turn] for name in wide} | {name: getattr(base, name)[turn] for name in long}
+    return replace(base, **arrays, **tables)
+
+
 def study(grid: str, axes: dict[str, list], methods: tuple[str, ...] = ("fast",)) -> list[dict[str, object]]:
-    """Return what the gate says of every broken and every rewritten detector.
+    """Return what the gate says of every broken and every harmlessly changed detector.
 
     Parameters
     ----------
     grid : str
-        Name or path.
+        Name or path, or the folder of a finished run of built-in methods.
     axes : dict of str to list
         Fewer values of its axes.
     methods : tuple of str
@@ -137,21 +226,55 @@ def study(grid: str, axes: dict[str, list], methods: tuple[str, ...] = ("fast",)
     Returns
     -------
     list of dict
-        method, what, flips, failed, as_wanted.
+        method, what, flips, failed (the gate did not pass it), as_wanted.
     """
+    rng = np.random.default_rng(0)
     with tempfile.TemporaryDirectory() as home:
-        folder = run_grid(grid, Path(home) / "base", methods, axes=axes)
+        there = (Path(grid) / "manifest.json").exists()
+        folder = Path(grid) if there else run_grid(grid, Path(home) / "base", methods, axes=axes)
         base = Book.read(folder)
+        if ORACLE in base.methods:
+            base = _without(base, base.methods.index(ORACLE))
+        small = [base.methods[k % len(base.methods)] for k in (0, 3, 6, 9)]
+        cases = [(m, how, now, True) for m in small for how, now in worsened(base, m, rng)]
+        cases += [(m, f"2 loops of {of}", few(base, m, of), True) for m in small[:2] for of in (None, "another grid")]
         ways = [(m, how) for how in BROKEN for m in base.methods]
-        step = max(len(ways) // BREAKS, 1)
-        cases = [(m, how, _broken(base, m, how), True) for m, how in ways[::step][:BREAKS]]
+        left = BREAKS - len(cases) - 2  # two answer at random
+        chosen = [ways[k] for k in np.linspace(0, len(ways) - 1, min(left, len(ways))).round().astype(int)]
+        cases += [(m, how, _broken(base, m, how), True) for m, how in chosen]
         cases += [(m, how, now, False) for m, how, now in rewritten(base, folder)]
-        rows = []
+        others = HARMLESS - sum(not wanted for *_, wanted in cases)
+        cases += [("all", f"other order {seed}", _reordered(base, seed), False) for seed in range(max(others, 0))]
+        rows = [{"method": m, "what": "2 % at random", "flips": None, "failed": _at_random(folder, m)} for m in small[:2]]
+        rows = [{**row, "as_wanted": row["failed"]} for row in rows]
         for method, what, now, wanted in cases:
-            found = compare_books(now, base)
-            kind = {"method": method, "what": what, "flips": len(found.flips), "failed": found.failed}
-            rows.append({**kind, "as_wanted": found.failed == wanted})
+            failed = caught(now, base)
+            flips = int((now.verdict != base.verdict).sum()) if now.verdict.shape == base.verdict.shape else None
+            rows.append({"method": method, "what": what, "flips": flips, "failed": failed, "as_wanted": failed == wanted})
     return rows
+
+
+def _broken(base: Book, method: str, how: str) -> Book:
+    i = base.methods.index(method)
+    return _with(base, i, *BROKEN[how](base.verdict[i], base.score[i]))
+
+
+def _with(base: Book, i: int, said: np.ndarray, score: np.ndarray) -> Book:
+    verdict, scores = base.verdict.copy(), base.score.copy()
+    verdict[i], scores[i] = said, score
+    return replace(base, verdict=verdict, score=scores)
+
+
+def _answers(record: LoopRecord, chosen: list[tuple[str, dict[str, float]]]) -> list[tuple[int, float]]:
+    blind = prepare(record.blind())
+    sighted = blind.sighted(record)
+    found = []
+    for name, values in chosen:
+        module = registry.load(name)
+        verdict = judge_one(name, module, sighted if module.METHOD.needs_mv else blind, False, values)
+        unheard = module.METHOD.front_end and not blind.oscillation.sustained and verdict.verdict != NO_DECISION
+        found.append((CODES[verdict.verdict], -np.inf if unheard else verdict.score))
+    return found
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -167,10 +290,10 @@ def main(arguments: list[str] | None = None) -> int:
     int
     """
     parser = argparse.ArgumentParser(prog="python -m results.studies.gate", description=__doc__)
-    parser.add_argument("grid", nargs="?", default="ci", help="name or file")
-    parser.add_argument("--disturbance", nargs="+", default=["none"], help="only loops with these")
+    parser.add_argument("grid", nargs="?", default="ci", help="name or file, or the folder of a run")
+    parser.add_argument("--disturbance", nargs="+", help="only loops with these (default: all)")
     chosen = parser.parse_args(arguments)
-    rows = study(chosen.grid, {"disturbance": chosen.disturbance})
+    rows = study(chosen.grid, {"disturbance": chosen.disturbance} if chosen.disturbance else {})
     print("\n".join(table(rows)))
     right = sum(bool(row["as_wanted"]) for row in rows)
     print(f"{right} of {len(rows)} as wanted")

@@ -24,7 +24,8 @@ from detectors.errors import ParameterError, UserError
 from detectors.record import LoopRecord
 from scenarios.spec import Loop
 from simbench.blind.distance import RESOLVABLE, Cloud, cloud, features
-from simbench.blind.making import PLANNED, PLANTS
+from simbench.blind.making import PLANTS
+from simbench.blind.world import PLANNED
 from simbench.blind.worlds.own import loops, oracle, sizes
 from simbench.blind.worlds.own.drawing import baseline_table
 from simbench.blind.worlds.own.faults import NEEDS_PLANT, Parameters, fault

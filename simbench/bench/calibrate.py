@@ -17,7 +17,7 @@ from scenarios.grid import load_grid
 from simbench.bench.execute.run import run_grid
 from simbench.bench.statistics import auc, wilson
 from simbench.bench.store.reading import Book
-from simbench.files import folder, whole_file
+from simbench.files import folder, whole_file, write_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -99,8 +99,7 @@ class Calibration:
         with whole_file(where / "thresholds.json") as f:
             json.dump(self.as_json(), f, indent=1)
         for name, frame in (("calibration", self.table), ("roc", self.roc)):
-            with whole_file(where / f"{name}.csv") as f:
-                frame.to_csv(f, index=False, float_format="%.6g", lineterminator="\n")
+            write_table(frame, where / f"{name}.csv", float_format="%.6g")
 
 
 def calibrate(

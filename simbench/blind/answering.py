@@ -15,6 +15,8 @@ from typing import Any
 from tqdm import tqdm
 
 from detectors.errors import ParameterError
+from simbench.files import folder as make_folder
+from simbench.files import remove_stale_temporaries, whole_file
 
 Diagnose = Callable[[Path, Path], dict[str, Any]]
 COST = "cost.csv"
@@ -51,11 +53,11 @@ def answer(folder: str | Path, diagnose: Diagnose, jobs: int = 1) -> int:
     if bare:
         raise ParameterError(f"withheld: {bare[0]} has no baseline {Path(bare[0]).with_suffix('.toml')} beside it")
     place = folder / "answers"
-    place.mkdir(exist_ok=True)
+    remove_stale_temporaries(make_folder(place))
+    remove_stale_temporaries(folder)
     todo = [r for r in records if not _answered(place / f"{r.stem}.json")]
     cost = folder / COST
-    if not cost.exists():
-        cost.write_text("id,cpu_s\n", encoding="utf-8")
+    costs = cost.read_text(encoding="utf-8") if cost.exists() else "id,cpu_s\n"
     workers = (os.cpu_count() or 1) if jobs < 0 else max(1, jobs)
     context = multiprocessing.get_context("spawn")  # nothing of this process, which may know more, is inherited
     pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_blindfold, initargs=(str(folder),))
@@ -65,11 +67,11 @@ def answer(folder: str | Path, diagnose: Diagnose, jobs: int = 1) -> int:
         for done in as_completed(jobs_of):
             name = jobs_of[done]
             found, cpu = done.result()
-            partial = place / f".{name}.tmp"
-            partial.write_text(json.dumps(found, indent=1), encoding="utf-8")
-            partial.replace(place / f"{name}.json")  # whole or not at all: a run that is cut off can be resumed
-            with cost.open("a", encoding="utf-8") as lines:
-                lines.write(f"{name},{cpu:.3f}\n")
+            costs += f"{name},{cpu:.3f}\n"
+            # whole or not at all: a call that is cut off can be resumed
+            for file, text in ((place / f"{name}.json", json.dumps(found, indent=1)), (cost, costs)):
+                with whole_file(file) as f:
+                    f.write(text)
             bar.update()
     return len(todo)
 

@@ -9,11 +9,11 @@ import numpy as np
 import pandas as pd
 
 from detectors.errors import ParameterError
-from simbench.blind.alike import Facts, indistinguishable
 from simbench.blind.distance import RESOLVABLE, Scale, Signals, cloud, features
 from simbench.blind.score import claimed_shrinkage
 from simbench.blind.world import WORLDS
 from simbench.loop.effects import EFFECTS, FOLLOWS, Choice
+from simbench.loop.effects._alike import Circumstances, indistinguishable
 
 SEEDS = 10
 CANDIDATES = 5
@@ -24,7 +24,7 @@ def true_shrinkages(
     found: Mapping[str, Any],
     record: pd.DataFrame,
     baseline: Mapping[str, Any],
-    facts: Facts,
+    here: Circumstances,
     world: str,
 ) -> list[dict[str, Any]]:
     """Return claimed and true shrinkage of the answer's best candidates.
@@ -41,7 +41,7 @@ def true_shrinkages(
         The record's columns sp, op, pv.
     baseline : mapping
         Tables of the loop file.
-    facts : Facts
+    here : Circumstances
     world : str
         Which one drew the record.
 
@@ -62,7 +62,7 @@ def true_shrinkages(
     if before.distance(values) < RESOLVABLE * before.floor:
         return []
     ranked = sorted(found.get("ranking") or [], key=lambda r: -(r.get("probability") or 0.0))
-    group = indistinguishable(str(truth["effect"]), facts)
+    group = indistinguishable(str(truth["effect"]), here)
     rows = []
     for candidate in [r for r in ranked if r["effect"] in EFFECTS and r.get("parameters")][:CANDIDATES]:
         claimed = claimed_shrinkage(candidate, found)

@@ -19,10 +19,11 @@ from detectors.errors import ParameterError, UserError
 from detectors.records.io import read_record
 from scenarios.spec import load_loop
 from simbench.blind.making import PLANTS, write_item
-from simbench.blind.world import OWN, WORLDS
+from simbench.blind.world import EFFECTS, OWN, WORLDS
+from simbench.files import folder, remove_stale_temporaries, whole_file, write_table
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.effects import left_out
-from simbench.loop.effects import EFFECTS, NONE, UNKNOWN, block_of
+from simbench.loop.effects import NONE, UNKNOWN, block_of
 
 STRENGTHS = ("strong", "medium")
 COLUMNS = ("record", "effect", "strength", "said", "block", "nearest", "before", "left", "resolvable", "back", "after", "error")
@@ -65,33 +66,36 @@ def leave_out(out: str | Path, world: str = OWN, n: int = 4, seed: int = 0, jobs
     drawn_by = WORLDS.load(world)
     names = {f"{world}-{seed}-{e}-{i}": (i, e) for e in EFFECTS for i in range(n)}
     table = out / "leave_out.csv"
-    done = pd.read_csv(table, keep_default_na=False) if table.exists() else pd.DataFrame(columns=COLUMNS)
+    remove_stale_temporaries(folder(out))
+    # as text: numbers that are written once more must not lose a digit
+    done = pd.read_csv(table, keep_default_na=False, dtype=str) if table.exists() else pd.DataFrame(columns=COLUMNS)
     strange = [r for r in done.record if not str(r).startswith(f"{world}-{seed}-")]
     if strange:
         raise ParameterError(f"leave-out: {table} holds {strange[0]}, not world {world!r} and seed {seed}; choose a new folder")
-    (out / "records").mkdir(parents=True, exist_ok=True)
+    remove_stale_temporaries(folder(out / "records"))
     todo = [name for name in names if name not in set(done.record)]
     # processes that live on from another call may stand in another folder
     records = (out / "records").absolute()
     with Parallel(n_jobs=jobs, return_as="generator") as parallel:
         rows = parallel(delayed(_one)(records, name, *names[name], drawn_by.draw, seed) for name in todo)
         for row in tqdm(rows, total=len(names), initial=len(names) - len(todo), desc="left out", file=sys.stderr, delay=1.0):
-            pd.DataFrame([row], columns=COLUMNS).to_csv(table, mode="a", header=not table.exists(), index=False)
+            done = pd.DataFrame([*done.to_dict("records"), row], columns=COLUMNS)
+            write_table(done, table)
     found = pd.read_csv(table, keep_default_na=False)
     found = found.loc[found.record.isin(list(names))].reset_index(drop=True)
-    summary(found).to_csv(out / "table.csv", index=False)
+    write_table(summary(found), out / "table.csv")
     draw(summary(found), out / "leave_out.png")
     return found
 
 
-def _one(folder: Path, name: str, i: int, effect: str, draw_item: Any, seed: int) -> dict[str, Any]:
+def _one(place: Path, name: str, i: int, effect: str, draw_item: Any, seed: int) -> dict[str, Any]:
     """Draw one record, and diagnose it without and with its effect."""
     strength = STRENGTHS[i % 2]
     row = dict.fromkeys(COLUMNS, "") | {"record": name, "effect": effect, "strength": strength}
     number = 1000 * list(EFFECTS).index(effect) + i
     entry = {"kind": "single", "effect": effect, "strength": strength, "mv": i % 4 < 2, "plant": PLANTS[i % 3]}
     try:
-        record_file, baseline_file = write_item(draw_item(seed, number, entry), folder, name)
+        record_file, baseline_file = write_item(draw_item(seed, number, entry), place, name)
         record, baseline = read_record(record_file), load_loop(baseline_file)
         with left_out(effect):
             without = diagnose(record, baseline)
@@ -179,4 +183,5 @@ def draw(table: pd.DataFrame, path: Path) -> None:
     axes.set_xlabel("gap left, relative to the gap before (median)")
     axes.set_xlim(left=0.0)
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, fontsize=8, frameon=False)
-    figure.savefig(path, dpi=120)
+    with whole_file(path, "wb") as f:
+        figure.savefig(f, format="png", dpi=120)

@@ -10,6 +10,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from shutil import rmtree
 from typing import Any
 
 import numpy as np
@@ -19,18 +20,12 @@ from tqdm import tqdm
 from detectors.errors import ParameterError
 from scenarios.spec import Loop
 from simbench.blind import seal
-from simbench.blind.world import OWN, WORLDS
-from simbench.files import folder, refuse_own_input
+from simbench.blind.world import OWN, PLANNED, WORLDS
+from simbench.files import folder, refuse_own_input, whole_file
 
 PLANTS = ("foptd", "foptd", "integrating")
 NEEDS_T = "time_constant_mismatch"
 STRENGTHS = ("weak", "medium", "strong")
-# in this order since the first set was sealed: a seed means the same records for ever
-PLANNED = (
-    "stiction", "deadband", "deadzone", "valve_lag", "valve_characteristic", "gain_mismatch", "time_constant_mismatch",
-    "dead_time_mismatch", "extra_lag", "noise", "quantisation", "sensor_lag", "compression", "outliers", "drift",
-    "oscillation", "load_steps", "load_drift", "saturation", "detuning", "error_deadband", "op_quantisation",
-)  # fmt: skip
 COLUMNS = (
     "id", "world", "kind", "block", "effect", "block2", "effect2", "strength", "ratio", "shrinkage", "gap_before", "gap_after",
     "floor", "parameters", "parameters2", "foreign", "mv", "plant", "controller", "sp_moves", "case", "seed",
@@ -125,8 +120,9 @@ def answers_csv(answers: list[dict[str, Any]]) -> str:
 def write_item(item: Any, folder: Path, name: str) -> tuple[Path, Path]:
     """Write what a world drew as name.csv, the record, and name.toml, its baseline, and return both files."""
     record, baseline = folder / f"{name}.csv", folder / f"{name}.toml"
-    record.write_text(record_csv(item.columns), encoding="utf-8")
-    baseline.write_text(Loop.from_table(item.baseline, name).to_toml(), encoding="utf-8")
+    for file, text in ((record, record_csv(item.columns)), (baseline, Loop.from_table(item.baseline, name).to_toml())):
+        with whole_file(file) as f:
+            f.write(text)
     return record, baseline
 
 
@@ -190,8 +186,13 @@ def make(
     text = answers_csv([item.answer | {"id": name, "world": world} for name, item in zip(names, items, strict=True)])
     sealed = seal.seal(text)
     print(f"commitment {sealed.commitment}", file=sys.stderr, flush=True)
-    (out / "records").mkdir(parents=True)
-    for name, item in zip(names, items, strict=True):
-        write_item(item, out / "records", name)
-    seal.write(sealed, out, key)
+    half = out / ".records"  # until all of it stands; a call that was killed begins anew
+    rmtree(half, ignore_errors=True)
+    try:
+        for name, item in zip(names, items, strict=True):
+            write_item(item, folder(half), name)
+        seal.write(sealed, out, key)
+        half.rename(out / "records")
+    finally:
+        rmtree(half, ignore_errors=True)
     return sealed.commitment

@@ -20,8 +20,10 @@ from simbench.blind.answering import COST
 from simbench.blind.claims import true_shrinkages
 from simbench.blind.levels import Figure, Share, by_effect, levels
 from simbench.blind.picture import confusion, draw
-from simbench.blind.score import group_facts, judge_record
+from simbench.blind.score import judge_record, true_circumstances
 from simbench.blind.world import OWN
+from simbench.files import folder as make_folder
+from simbench.files import whole_file, write_table
 
 PLAIN = "answers.csv"
 
@@ -57,12 +59,12 @@ def open_(folder: str | Path, key: str | Path | None = None, out: str | Path | N
     judged, claims = [], []
     for row in tqdm(truth, desc="scored", file=sys.stderr, delay=1.0):
         record, baseline = _record(folder, row["id"])
-        facts = group_facts(row, baseline, record)
+        here = true_circumstances(row, baseline, record)
         found = _answer(folder / "answers" / f"{row['id']}.json")
-        judged.append(judge_record(row, found, facts))
+        judged.append(judge_record(row, found, here))
         if judged[-1]["kind"] == "single" and row.get("case") and found is not None:
             claims += [
-                {"id": row["id"], **c} for c in true_shrinkages(row, found, record, baseline, facts, row.get("world") or world)
+                {"id": row["id"], **c} for c in true_shrinkages(row, found, record, baseline, here, row.get("world") or world)
             ]
     table = pd.DataFrame(judged)
     figures = levels(table) + _claim_figures(pd.DataFrame(claims)) + _cost(folder)
@@ -75,12 +77,12 @@ def open_(folder: str | Path, key: str | Path | None = None, out: str | Path | N
         "figures": [f.row() for f in figures],
         "by_effect": json.loads(effects.to_json(orient="records")),
     }
-    out.mkdir(parents=True, exist_ok=True)
-    (out / PLAIN).write_text(text, encoding="utf-8")
-    (out / "score.json").write_text(json.dumps(score, indent=1), encoding="utf-8")
-    pd.DataFrame(score["figures"]).to_csv(out / "score.csv", index=False)
-    effects.to_csv(out / "by_effect.csv", index=False)
-    table.to_csv(out / "records.csv", index=False)
+    make_folder(out)
+    for name, content in ((PLAIN, text), ("score.json", json.dumps(score, indent=1))):
+        with whole_file(out / name) as f:
+            f.write(content)
+    for name, frame in (("score", pd.DataFrame(score["figures"])), ("by_effect", effects), ("records", table)):
+        write_table(frame, out / f"{name}.csv")
     draw(confusion(table), out)
     return score | {"markdown": markdown(figures, effects)}
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from simbench.files import whole_file
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN
 
 
@@ -68,5 +69,6 @@ def draw(counts: pd.DataFrame, out: Path, stem: str = "confusion") -> list[Path]
     axes.set_title("What was there, what was named (colour: share of the row)", fontsize=10)
     paths = [out / f"{stem}.png", out / f"{stem}.svg"]
     for path in paths:
-        figure.savefig(path, dpi=130)
+        with whole_file(path, "wb") as f:
+            figure.savefig(f, format=path.suffix[1:], dpi=130)
     return paths

@@ -8,12 +8,12 @@ from typing import Any
 
 import pandas as pd
 
-from simbench.blind.alike import Facts, facts_of, indistinguishable
 from simbench.blind.distance import RESOLVABLE
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN, Number
+from simbench.loop.effects._alike import Circumstances, circumstances, indistinguishable
 
 
-def judge_record(truth: Mapping[str, Any], found: Mapping[str, Any] | None, facts: Facts) -> dict[str, Any]:
+def judge_record(truth: Mapping[str, Any], found: Mapping[str, Any] | None, here: Circumstances) -> dict[str, Any]:
     """Compare one answer with the truth.
 
     Parameters
@@ -23,7 +23,7 @@ def judge_record(truth: Mapping[str, Any], found: Mapping[str, Any] | None, fact
         An effect id that is not in the vocabulary is foreign.
     found : mapping or None
         The JSON of `gap diagnose`; None = not answered, which is wrong.
-    facts : Facts
+    here : Circumstances
         Of the record, for the group of the true effect.
 
     Returns
@@ -38,7 +38,7 @@ def judge_record(truth: Mapping[str, Any], found: Mapping[str, Any] | None, fact
     found = found if found is not None and answered else {"effect": "", "block": "", "ranking": []}
     named, order = str(found["effect"]), first_three(found)
     block = _text(truth.get("block")) or (EFFECTS[effect].block if effect in EFFECTS else effect)
-    group = indistinguishable(effect, facts) if not foreign else frozenset({UNKNOWN})
+    group = indistinguishable(effect, here) if not foreign else frozenset({UNKNOWN})
     wanted = UNKNOWN if foreign else effect
     probability = {str(r["effect"]): r.get("probability") or 0.0 for r in found.get("ranking", [])}
     ratio = _number(truth.get("ratio"))
@@ -53,12 +53,12 @@ def judge_record(truth: Mapping[str, Any], found: Mapping[str, Any] | None, fact
         "foreign": (_text(truth.get("foreign")) or effect) if foreign else "",
         "strength": _text(truth.get("strength")),
         "ratio": ratio,
-        "mv": facts.mv,
+        "mv": here.mv,
         "answered": answered,
         "named": named,
         "named_block": str(found.get("block", "")),
         "probability": probability.get(named, 0.0),
-        "probability_of_group": sum(p for e, p in probability.items() if e in indistinguishable(named, facts)),
+        "probability_of_group": sum(p for e, p in probability.items() if e in indistinguishable(named, here)),
         "first": named == wanted,
         "in_group": in_group,
         "top3": wanted in order,
@@ -143,30 +143,12 @@ def _parameter_error(effect: str, truth: Any, found: Mapping[str, Any]) -> float
     return max(errors, default=None)
 
 
-def group_facts(truth: Mapping[str, Any], baseline: Mapping[str, Any], record: pd.DataFrame) -> Facts:
-    """Return the facts that decide the true effect's group, from baseline, record and true parameters.
-
-    Parameters
-    ----------
-    truth : mapping
-        One row of answers.csv.
-    baseline : mapping
-        Tables of the loop file.
-    record : pandas.DataFrame
-        Columns op, pv, optionally sp and mv.
-
-    Returns
-    -------
-    Facts
-    """
+def true_circumstances(truth: Mapping[str, Any], baseline: Mapping[str, Any], record: pd.DataFrame) -> Circumstances:
+    """Return what decides the true effect's group, from baseline, record and the row of answers.csv."""
     signal = {c: record[c].to_numpy(float) if c in record else None for c in ("sp", "op", "pv", "mv")}
-    parameters = truth.get("parameters")
-    return facts_of(
-        baseline,
-        **signal,
-        effect=_text(truth.get("effect")),
-        parameters=parameters if isinstance(parameters, Mapping) else None,
-    )
+    p, noise = truth.get("parameters"), float(baseline.get("noise", {}).get("std", 0.0))
+    effect, p = _text(truth.get("effect")), p if isinstance(p, Mapping) else None
+    return circumstances(baseline.get("plant", {}), noise, **signal, effect=effect, parameters=p)
 
 
 def _text(value: Any) -> str:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from detectors.errors import ParameterError
+from simbench.files import whole_file
 
 SEALED, COMMITMENT = "answers.sealed", "commitment.txt"
 
@@ -83,13 +84,13 @@ def unseal(content: bytes, key: bytes, salt: bytes, commitment: str) -> str:
 
 def write(sealed: Sealed, folder: Path, key: Path) -> None:
     """Write sealed answers and commitment into the folder, and the key into its own file readable by its owner only."""
-    (folder / SEALED).write_bytes(sealed.content)
-    (folder / COMMITMENT).write_text(sealed.commitment + "\n", encoding="utf-8")
-    key.parent.mkdir(parents=True, exist_ok=True)
-    key.touch(mode=0o600)
-    key.write_text(
-        json.dumps({"key": sealed.key.hex(), "salt": sealed.salt.hex(), "commitment": sealed.commitment}), encoding="utf-8"
-    )
+    secret = {"key": sealed.key.hex(), "salt": sealed.salt.hex(), "commitment": sealed.commitment}
+    told = {folder / SEALED: sealed.content, folder / COMMITMENT: f"{sealed.commitment}\n".encode()}
+    for file, content in {**told, key: json.dumps(secret).encode()}.items():
+        with whole_file(file, "wb") as f:
+            if file == key:
+                Path(f.name).chmod(0o600)
+            f.write(content)
 
 
 def read(folder: Path, key: Path) -> str:

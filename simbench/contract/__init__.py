@@ -1,4 +1,4 @@
-"""Does this detector, valve, effect, recogniser or grid keep its contract?"""
+"""Does this detector, valve, effect, recogniser, world or grid keep its contract?"""
 
 from __future__ import annotations
 
@@ -6,24 +6,28 @@ import ast
 from collections.abc import Callable
 from pathlib import Path
 
-from detectors.contract.detector import Contract, check_detector
-from detectors.contract.watch import watch
+from detectors.contract.detector import Contract, check_added, check_detector, plain_check
 from detectors.errors import ParameterError
+from detectors.plugins.host import Host, PluginError
 from detectors.plugins.registry import PluginFolder, methods
+from simbench.blind.world import WORLDS
 from simbench.contract.effect import check_effect
 from simbench.contract.grid import check_grid
 from simbench.contract.recogniser import check_recogniser
 from simbench.contract.valve import check_valve
+from simbench.contract.world import check_world
 from simbench.gap.effects import PLUGINS as RECOGNISERS
 from simbench.loop.effects import PLUGINS as EFFECTS
 from simbench.loop.parameters import VALVES
 
+SECONDS = 600.0  # for all that is asked of one plug-in
 # an effect may hold a valve's steps too: the kind of which most is there, the first of equals
 KINDS: dict[str, tuple[PluginFolder, Callable[[str], Contract]]] = {
     "detector": (methods, check_detector),
     "recogniser": (RECOGNISERS, check_recogniser),
     "effect": (EFFECTS, check_effect),
     "valve": (VALVES, check_valve),
+    "world": (WORLDS, check_world),
 }
 
 
@@ -33,8 +37,8 @@ def check_file(path: str | Path) -> Contract:
     Parameters
     ----------
     path : str or Path
-        A grid (.toml), or a Python file that is a detector, valve, effect or recogniser by what it defines. Its stem is the
-        plug-in's name.
+        A grid (.toml), or a Python file that is a detector, valve, effect, recogniser or world by what it defines. Its stem is
+        the plug-in's name.
 
     Returns
     -------
@@ -59,16 +63,39 @@ def check_file(path: str | Path) -> Contract:
     missing = [name for name in folder.required if name not in defined]
     if missing:
         return Contract(kind, path.stem, (f"{', '.join(missing)} {'is' if len(missing) == 1 else 'are'} not defined",))
-    if folder.own_file(path):
-        return check(path.stem)
-    added = watch(lambda: folder.add_file(path))
-    if added.refusal is not None:
-        raise added.refusal
+    return check(path.stem) if folder.own_file(path) else check_added(folder, check, path)
+
+
+def check_in_subprocess(path: str | Path, seconds: float = SECONDS) -> Contract:
+    """Check one file as `check_file` does, in a process of its own: one that ends it, never answers or looks around is named.
+
+    Examples
+    --------
+    >>> from simbench.loop.valves import ideal
+    >>> check_in_subprocess(ideal.__file__).kept
+    True
+    """
+    kind = kind_of(path)
+    if kind == "grid":
+        return check_file(path)
+    path = Path(path).resolve()
+    detector = kind == "detector" and not methods.own_file(path) and {*methods.required} <= _defined(path)
+    host = Host(None, folders=[path.parent], detector=detector)
     try:
-        found = check(path.stem)
+        said = host.call(plain_check, str(path), seconds=seconds) if detector else host.call(_plain, str(path), seconds=seconds)
+        broken, notes = ([str(one) for one in said[key]] for key in ("broken", "notes"))
+    except PluginError as error:
+        if error.refusal:
+            raise ParameterError(error.refusal) from None
+        broken, notes = [str(error)], []
     finally:
-        folder.forget(path.stem)
-    return Contract(kind, path.stem, (*(f"{fault}, when imported" for fault in added.faults), *found.broken), found.notes)
+        host.close()
+    broken += [what for what in host.refused if "__pycache__" not in what]
+    return Contract(kind, path.stem, tuple(dict.fromkeys(broken)), tuple(notes))
+
+
+def _plain(path: str) -> dict:
+    return check_file(path).as_json()
 
 
 def kind_of(path: str | Path) -> str:

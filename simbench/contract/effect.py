@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from detectors.contract.detector import Contract
-from detectors.contract.watch import Watched, watch
+from detectors.contract.watch import Guarded, call_guarded
 from detectors.errors import RecordError
 from detectors.record import LoopRecord
 from scenarios.spec import Loop
@@ -157,8 +157,8 @@ def _loop(name: str, parameters: dict[str, float | str], table: dict[str, Any] =
     return Loop.from_table({**table, "effect": [{"name": name, **parameters}]})
 
 
-def _run(name: str, parameters: dict[str, float | str], table: dict[str, Any] = LOOP) -> Watched:
-    found = watch(lambda: simulate(_loop(name, parameters, table), seed=3).record)
+def _run(name: str, parameters: dict[str, float | str], table: dict[str, Any] = LOOP) -> Guarded:
+    found = call_guarded(lambda: simulate(_loop(name, parameters, table), seed=3).record)
     if isinstance(found.refusal, RecordError):  # what the effect made of the signals is none
         found.faults.append(f"makes a record that is none ({found.refusal})")
     return found

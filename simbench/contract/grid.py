@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from detectors.contract.detector import Contract
-from detectors.contract.watch import watch
+from detectors.contract.watch import call_guarded
 from scenarios.errors import SpecError
 from scenarios.grid import Grid, Group, load_grid
 from scenarios.spec import Scenario, read_toml
@@ -76,7 +76,7 @@ def _scenarios(grid: Grid, groups: list[Group]) -> Iterator[str]:
     chosen = range(len(groups)) if grid.content.loop is not None else sorted({*grid.samples(), *_spread(len(groups))})
     ids: dict[str, str] = {}
     for i in chosen:
-        settled = watch(lambda i=i: resolve(groups[i]))
+        settled = call_guarded(lambda i=i: resolve(groups[i]))
         said = settled.faults or ([str(settled.refusal)] if settled.refusal else [])
         yield from (f"group {i}: {fault}" for fault in said)
         for scenario in settled.value or ():
@@ -88,7 +88,7 @@ def _scenarios(grid: Grid, groups: list[Group]) -> Iterator[str]:
 
 
 def _part_faults(scenario: Scenario) -> list[str]:
-    found = watch(lambda: resolve_loop(scenario.loop, scenario.seed))
+    found = call_guarded(lambda: resolve_loop(scenario.loop, scenario.seed))
     return found.faults or ([str(found.refusal)] if found.refusal else [])
 
 

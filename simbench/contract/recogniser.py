@@ -7,7 +7,7 @@ from functools import cache, partial
 from typing import Any
 
 from detectors.contract.detector import Contract
-from detectors.contract.watch import watch
+from detectors.contract.watch import call_guarded
 from detectors.errors import UserError
 from scenarios.spec import Loop
 from simbench.gap.effects import PLUGINS, Recogniser
@@ -75,13 +75,13 @@ def _faults(name: str, r: Recogniser) -> Iterator[str]:
         yield f"needs = {r.needs!r}, allowed: '', 'plant', 'tuning'"
     if r.replaces not in ("", "K", "T", "Td"):
         yield f"replaces = {r.replaces!r}, allowed: '', 'K', 'T', 'Td'"
-    proven = watch(lambda: r.proven(situation))
+    proven = call_guarded(lambda: r.proven(situation))
     yield from (f"{fault}, in proven" for fault in proven.faults)
     if not proven.faults and proven.value is not None:
         yield f"proves the effect ({proven.value}) in a record that has none"
     if r.fit is None:
         return
-    fit, twice = (watch(partial(r.fit, engine, base)) for _ in range(2))
+    fit, twice = (call_guarded(partial(r.fit, engine, base)) for _ in range(2))
     if fit.faults:
         yield from (f"{fault}, in fit" for fault in fit.faults)
         return
@@ -100,7 +100,7 @@ def _faults(name: str, r: Recogniser) -> Iterator[str]:
 
 
 def _number_faults(name: str, r: Recogniser, best: Fit, situation: Situation) -> Iterator[str]:
-    numbers = watch(lambda: r.numbers(best, situation))
+    numbers = call_guarded(lambda: r.numbers(best, situation))
     yield from (f"{fault}, in numbers" for fault in numbers.faults)
     if numbers.faults:
         return

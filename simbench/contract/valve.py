@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from detectors.contract.detector import Contract
-from detectors.contract.watch import watch
+from detectors.contract.watch import call_guarded
 from detectors.errors import UserError
 from simbench.contract.band import band_fault
 from simbench.loop.parameters import VALVES, Choice, Number, valve_parameters
@@ -140,7 +140,7 @@ def _step_faults(module: ModuleType, table: dict[str, Any]) -> Iterator[str]:
             states.append(module.step(u, states[-1], p))
         return states
 
-    first, second = watch(walk), watch(walk)
+    first, second = call_guarded(walk), call_guarded(walk)
     if first.faults or first.refusal:
         yield from (f"{fault}, in start or step" for fault in first.faults or [f"refuses ({first.refusal})"])
         return
@@ -160,8 +160,8 @@ def _run_faults(name: str, table: dict[str, Any]) -> Iterator[str]:
     rng = np.random.default_rng(1)
     op = np.clip(50.0 + np.cumsum(rng.normal(0.0, 8.0, 80) * (rng.random(80) > 0.25)), -10.0, 110.0)
     given = op.copy()
-    slow = watch(lambda: valve_response(name, op, table, 0.5, plain=True))
-    fast = watch(lambda: valve_response(name, op, table, 0.5))
+    slow = call_guarded(lambda: valve_response(name, op, table, 0.5, plain=True))
+    fast = call_guarded(lambda: valve_response(name, op, table, 0.5))
     for found, how in ((slow, "in plain Python"), (fast, "compiled")):
         said = found.faults or ([f"refuses ({found.refusal})"] if found.refusal else [])
         yield from (f"{' '.join(fault.split())[:300]}, {how}" for fault in said)
@@ -180,7 +180,7 @@ def _run_faults(name: str, table: dict[str, Any]) -> Iterator[str]:
 
 def _label_faults(module: ModuleType, table: dict[str, Any]) -> Iterator[str]:
     p = valve_parameters(module, table, 1.0)
-    found = watch(lambda: module.mapped_SJ(p) if hasattr(module, "mapped_SJ") else (0.0, 0.0))
+    found = call_guarded(lambda: module.mapped_SJ(p) if hasattr(module, "mapped_SJ") else (0.0, 0.0))
     if found.faults or not isinstance(found.value, tuple) or len(found.value) != 2:
         said = found.faults[0] if found.faults else f"is {found.value!r}, two numbers (S, J) are needed"
         yield f"mapped_SJ {said}"

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from detectors.errors import RecordError, UnknownName
 from detectors.records.io import RECORD_FILES
 from simbench.figures._records import NeedsRecord
-from simbench.files import folder, whole_file
+from simbench.files import folder, remove_stale_temporaries, whole_file, write_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -100,6 +100,7 @@ def make_figures(
     if isdb is not None and Path(isdb).is_file() and Path(isdb).suffix.lower() not in (".mat", *RECORD_FILES):
         raise RecordError(f"{isdb} holds no records; an ISDB .mat file or a folder of records is needed")
     target = folder(out)
+    remove_stale_temporaries(target)
     return [_one(name, target, {"run": run, "isdb": isdb}) for name in wanted]
 
 
@@ -119,8 +120,7 @@ def _one(name: str, target: Path, given: dict[str, str | Path | None]) -> Drawn:
     picture = figure.draw(numbers)
     _save(picture, files[0], "svg")
     _save(picture, files[1], "png")
-    with whole_file(files[2]) as f:
-        numbers.to_csv(f, index=False, float_format="%.6g", lineterminator="\n")
+    write_table(numbers, files[2], float_format="%.6g")
     return Drawn(name, files)
 
 

@@ -8,7 +8,8 @@ from __future__ import annotations
 import pandas as pd
 from matplotlib.figure import Figure
 
-from detectors.methods.choudhury import BESIDE, LOWEST, METHOD
+from detectors.methods.choudhury import METHOD
+from detectors.signal.bicoherence import BESIDE, LOWEST
 from simbench.figures._sketch import arrow, box, draw_sketch, sketch
 
 SOURCE = "own drawing after Jelali (2013), Fig. 11.19 and Procedure 11.3; detectors/methods/choudhury.py"

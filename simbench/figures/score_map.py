@@ -1,7 +1,7 @@
 """Score map: how often each detector is right, over dead time and the shape of stiction, plants drawn apart.
 
-The row "none" holds healthy valves: what is missing there to 1 is false alarms and abstentions together. Hatched: the method is
-not made for such a process.
+The row "none" holds healthy valves: what is missing there to 1 is false alarms and abstentions together. Under each share stand
+the half width of its 95 % interval and the number of loops; empty: fewer than 20. Hatched: not made for such a process.
 """
 
 from __future__ import annotations
@@ -13,7 +13,9 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from simbench.bench.score.result import LEAST
 from simbench.bench.score.scoring import answers_of
+from simbench.bench.statistics import wilson
 from simbench.bench.store.reading import CODES, Book
 from simbench.figures._score import SHARES, hatch
 from simbench.figures._style import panels, styled
@@ -36,7 +38,7 @@ def data(run: str | Path) -> pd.DataFrame:
     -------
     DataFrame
         method, plant, ratio (Td/T, or Td/Ti of integrating loops), S_over_2J (0 healthy, inf dead-band), n, applicable (of
-        n), right and no_decision (shares of the applicable; NaN where there are none).
+        n), right and no_decision (shares of the applicable; NaN where there are none), lo, hi (95 % interval of right).
     """
     return cells(Book.read(run))
 
@@ -58,8 +60,9 @@ def cells(book: Book) -> pd.DataFrame:
                     said = a.said[cell & a.applies]
                     right, undecided = said == positive[cell & a.applies], said == CODES["no_decision"]
                     shares = [float(x.mean()) if said.size else np.nan for x in (right, undecided)]
-                    rows.append((a.method, plant, ratio, shape, int(cell.sum()), said.size, *shares))
-    columns = ["method", "plant", "ratio", "S_over_2J", "n", "applicable", "right", "no_decision"]
+                    ends = map(float, wilson(int(right.sum()), said.size))
+                    rows.append((a.method, plant, ratio, shape, int(cell.sum()), said.size, *shares, *ends))
+    columns = ["method", "plant", "ratio", "S_over_2J", "n", "applicable", "right", "no_decision", "lo", "hi"]
     return pd.DataFrame(rows, columns=columns).sort_values("method", kind="stable", ignore_index=True)
 
 
@@ -115,8 +118,10 @@ def draw_bar() -> Figure:
 
 
 def _map(axes: Axes, part: pd.DataFrame, name: str):
-    table = part.pivot(index="S_over_2J", columns="ratio", values="right").sort_index()
-    applies = part.pivot(index="S_over_2J", columns="ratio", values="applicable").sort_index()
+    shown = part.assign(right=part["right"].where(part["applicable"] >= LEAST), half=(part["hi"] - part["lo"]) / 2)
+    table, applies, half = (
+        shown.pivot(index="S_over_2J", columns="ratio", values=v).sort_index() for v in ("right", "applicable", "half")
+    )
     edges = [np.arange(k + 1) - 0.5 for k in table.shape]
     image = axes.pcolormesh(edges[1], edges[0], table.to_numpy(), **SHARES)
     axes.set_xticks(range(table.shape[1]), [f"{r:.2g}" for r in table.columns])
@@ -125,7 +130,8 @@ def _map(axes: Axes, part: pd.DataFrame, name: str):
         if applies.to_numpy()[i, j] == 0:
             hatch(axes, j, i)
         elif not np.isnan(value):
-            axes.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=7, color="white" if value < 0.55 else "#000001")
+            says = f"{value:.2f}\n±{half.to_numpy()[i, j]:.2f}\n{applies.to_numpy()[i, j]:.0f}"
+            axes.text(j, i, says, ha="center", va="center", fontsize=4.5, color="white" if value < 0.55 else "#000001")
     axes.set_xlabel(name)
     axes.set_ylabel("S/2J")
     axes.spines[:].set_visible(False)

@@ -1,7 +1,8 @@
 """Score overview: all detectors on one sheet, best first, healthy and sticky loops apart.
 
-One row per method, sorted by accuracy where it applies; methods that see MV, yardsticks and nonlinearity tests stand apart.
-A share under "healthy" or "sticky, at rest" is that of the answer no stiction, under "cycling" that of the answer stiction.
+One row per method, sorted by cost where it applies; methods that see MV, yardsticks and nonlinearity tests stand apart.
+A share under "healthy" or "sticky, at rest" is that of the answer no stiction, under "cycling" that of the answer stiction;
+below it half the width of its 95 % interval; empty: fewer than 20 loops.
 """
 
 from __future__ import annotations
@@ -13,7 +14,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from detectors.verdict import NO_STICTION, STICTION
-from simbench.bench.score.scoring import answers_of, score_book
+from simbench.bench.score.result import LEAST
+from simbench.bench.score.scoring import answers_of, blind_answers, score_book
+from simbench.bench.statistics import wilson
 from simbench.bench.store.reading import CODES, Book
 from simbench.figures._score import SHARES, hatch
 from simbench.figures._style import panels, styled
@@ -47,7 +50,7 @@ def overview(book: Book) -> pd.DataFrame:
     cycles, rests = book.truth["cycled"] == 1, book.truth["cycled"] == 0
     band = np.isinf(book.axes["S_over_2J"])
     parts = (healthy & rests & still, healthy & rests & ~still, ~healthy & rests, cycles & ~band, cycles & band)
-    answers = {a.method: a for a in answers_of(book)}
+    answers = {a.method: a for a in (*answers_of(book), blind_answers(book))}
     rows = []
     for r in score_book(book).ranking().itertuples():
         a = answers[str(r.method)]
@@ -76,7 +79,7 @@ def draw(data: pd.DataFrame) -> Figure:
     figure, axes = panels(1, len(ratios), 2.7 + 0.66 * (wide + 1), 0.27 * size + 1.75, sharey=True, width_ratios=ratios)
     names = [f"{m.method}  {m.rank:.0f}" if m.rank == m.rank else f"{m.method}   " for m in methods.itertuples()]
     whole = methods["accuracy"].to_numpy(dtype=float)[:, None]
-    image = _cells(axes[0, 0], whole, np.ones_like(whole))
+    image = _cells(axes[0, 0], whole, data.groupby("method", sort=False)["applicable"].sum().to_numpy(dtype=float)[:, None])
     axes[0, 0].set(xticks=[0], yticks=range(size))
     axes[0, 0].set_xticklabels(["accuracy"], rotation=35, ha="right")
     axes[0, 0].set_yticklabels(names)
@@ -87,7 +90,7 @@ def draw(data: pd.DataFrame) -> Figure:
             part.pivot(index="method", columns="loops", values=v).reindex(index=methods.method, columns=loops)
             for v in ("right", "n", "applicable")
         )
-        _cells(place, shares.to_numpy(dtype=float), applies.to_numpy())
+        _cells(place, shares.to_numpy(dtype=float), applies.to_numpy(dtype=float))
         place.set(xticks=range(len(loops)))
         place.set_xticklabels([f"{x} ({n[x].max()})" for x in loops], rotation=35, ha="right")
         place.set_title(f"{process}: right answers")
@@ -104,12 +107,15 @@ def draw(data: pd.DataFrame) -> Figure:
 
 def _cells(axes, shares: np.ndarray, applies: np.ndarray):
     edges = [np.arange(k + 1) - 0.5 for k in shares.shape]
+    shares = np.where(applies >= LEAST, shares, np.nan)
+    lo, hi = wilson(np.nan_to_num(shares) * applies, applies)
     image = axes.pcolormesh(edges[1], edges[0], shares, **SHARES)
     for (i, j), value in np.ndenumerate(shares):
         if not applies[i, j]:
             hatch(axes, j, i)
         elif not np.isnan(value):
-            axes.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=7, color="white" if value < 0.55 else "#000001")
+            says, dark = f"{value:.2f}\n±{(hi[i, j] - lo[i, j]) / 2:.2f}", value < 0.55
+            axes.text(j, i, says, ha="center", va="center", fontsize=5.5, color="white" if dark else "#000001")
     axes.set_ylim(shares.shape[0] - 0.5, -0.5)
     axes.spines[:].set_visible(False)
     axes.tick_params(length=0)

@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from simbench.gap.effects import Parameters, recogniser
+import numpy as np
+
+from simbench.gap.effects import Parameters, Recogniser, recogniser
 from simbench.gap.effects._smallest import Probe
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, size_penalty
 from simbench.gap.likelihood.search import SMOOTH, promising, settle
-from simbench.gap.situation import Circumstances, Situation, circumstances
+from simbench.gap.situation import Situation
 from simbench.loop.effects import BLOCKS, EFFECTS, block_of
+from simbench.loop.effects._alike import circumstances, indistinguishable
 
 LAST = 15.0  # most nats of an effect that the load may have made: anything else that explains as much is named first
 
@@ -187,35 +190,9 @@ def alike(effect: str, s: Situation, p: Mapping[str, float | str] | None = None)
     tuple of str
         Sorted.
     """
-    if effect not in EFFECTS:
-        return (effect,)
-    traits = recogniser(effect).traits(p or {}, s.baseline.to_table()["plant"], s.baseline.noise.std)
-    return tuple(sorted(look_alikes(effect, circumstances(s, traits))))
-
-
-def look_alikes(effect: str, here: Circumstances) -> frozenset[str]:
-    """Return the effects that share a group with one under some circumstances, itself included.
-
-    Parameters
-    ----------
-    effect : str
-        Effect id.
-    here : Circumstances
-        With the traits of this effect.
-
-    Returns
-    -------
-    frozenset of str
-
-    Examples
-    --------
-    >>> sorted(look_alikes("extra_lag", Circumstances(mv=True)))
-    ['extra_lag', 'sensor_lag']
-    """
-    groups = {name for name, belongs in recogniser(effect).alike.items() if belongs(here)}
-    return frozenset(
-        {effect} | {e for e in EFFECTS for name, belongs in recogniser(e).alike.items() if name in groups and belongs(here)}
-    )
+    plant, r = s.baseline.to_table()["plant"], s.record
+    here = circumstances(plant, s.baseline.noise.std, r.sp, s.op, np.asarray(r.pv), r.mv, effect, p)
+    return tuple(sorted(e for e in indistinguishable(effect, here) if e == effect or recogniser(e) != Recogniser()))
 
 
 def smallest_detectable(s: Situation, base: Fit, longest_load: float) -> dict[str, tuple[float, str]]:

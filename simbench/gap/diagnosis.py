@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from joblib import Parallel, delayed
 
+from detectors.compiled import one_thread
 from detectors.errors import RecordError, UserError
 from detectors.record import LoopRecord
 from scenarios.spec import Loop
@@ -18,9 +19,9 @@ from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import LIMITS, SURE, Assessment, assess, capped
 from simbench.gap.decide.classify import Classified, classify
 from simbench.gap.decide.identified import plausible
-from simbench.gap.intake.check import SAME_TS, check
+from simbench.gap.intake.check import check
 from simbench.gap.intake.partial import Partial, completed
-from simbench.gap.intake.refuse import refuse_unfit
+from simbench.gap.intake.refuse import SAME_TS, refuse_unfit
 from simbench.gap.report.result import Behind, Gap, GapReport, Ranked
 from simbench.gap.situation import load_memory
 from simbench.gap.stiction.friction import friction
@@ -66,8 +67,6 @@ def diagnose(
     >>> diagnose(case.record, case.baseline).effect
     'detuning'
     """
-    from threadpoolctl import threadpool_limits
-
     records = [record] if isinstance(record, LoopRecord) else list(record)
     if not records:
         raise RecordError("no record to diagnose")
@@ -77,7 +76,7 @@ def diagnose(
             f"records judged together must have one Ts; it is {paces[0]:g} s in one and {paces[-1]:g} s in another"
         )
     # thousands of tiny matrices: threads would only wait for each other
-    with threadpool_limits(limits=1):
+    with one_thread():
         found, more = _assess_all(records, baseline, jobs)
         runs = ClosedLoops(found, seed)
         return report(found, closing(classify(found), found, runs), runs, more)

@@ -14,7 +14,6 @@ from simbench.gap.likelihood.model import Data
 from simbench.gap.sensor.samples import Samples
 from simbench.loop.response import valve_response
 
-NOISE_SHOWS = 0.25  # of the variance of PV's changes that the stated noise must make up for its smoothing to be seen
 LOAD_MEMORY = 4.0  # longest correlation time of an ordinary load, in time scales of the loop; a slower one drifts
 
 
@@ -23,18 +22,18 @@ class Archive:
     """What single samples prove of the PV on record.
 
     `rounding` is a lattice's step and where PV was put on it: in the "loop", where the controller sees it, or in the "record"
-    alone. `thinning` is the largest error of the lines that an archive drew between the samples it kept. `spikes` are the share
+    alone. `band` is the largest error of the lines that an archive drew between the samples it kept. `spikes` are the share
     of samples hit, their mean height, and where. What was not found is None or 0.
     """
 
     rounding: tuple[float, str] | None = None
-    thinning: float = 0.0
+    band: float = 0.0
     spikes: tuple[float, float, str] | None = None
 
     @property
     def faithful(self) -> bool:
         """Whether PV on record is PV, but for its digits."""
-        return self.rounding is None and self.thinning == 0.0 and self.spikes is None
+        return self.rounding is None and self.band == 0.0 and self.spikes is None
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +72,7 @@ class Situation:
         """Block and words of everything that single samples or the controller's law show without doubt."""
         found = {
             "rounding": (self.archive.rounding is not None, "sensor", "PV stands on a lattice"),
-            "thinning": (self.archive.thinning > 0.0, "sensor", "PV runs on straight lines"),
+            "band": (self.archive.band > 0.0, "sensor", "PV runs on straight lines"),
             "spikes": (self.archive.spikes is not None, "sensor", "single samples of PV stand far off their neighbours"),
             "limits": (self.law.limits is not None, "controller", "OP stands at a value while the law pushes on"),
             "gap": (self.law.gap > 0.0, "controller", "OP rests while the error is small"),
@@ -118,62 +117,3 @@ def load_memory(situation: Situation) -> float:
         # an integrating plant has no time constant of its own; its loop has
         pace = d.Td + 1.0 / max(abs(d.K * control.Kc), 1e-9)
     return float(np.clip(LOAD_MEMORY * pace, 5.0, 0.2 * d.n))
-
-
-@dataclass(frozen=True)
-class Circumstances:
-    """What of record, baseline and effect decides which effects look alike.
-
-    Parameters
-    ----------
-    integrating : bool
-        The plant integrates.
-    sp_moves : bool
-        SP moves by more than the noise within the record.
-    mv : bool
-        The valve position is recorded.
-    noise_shows : bool
-        The stated noise makes up at least `NOISE_SHOWS` of the variance of PV's sample-to-sample change.
-    op_jitter : float
-        Median-based standard deviation of OP's sample-to-sample change (%).
-    slip : float or None
-        Slip-jump of the valve in question (%); None = unknown, which never counts as alike.
-    slow : bool
-        The slow signal in question moves PV by less than the noise within one open-loop settling time scale T + Td.
-    ramp : bool
-        The slow signal in question is a ramp: what wanders beside it stays below the noise within T + Td. A ramp at the input
-        of a self-regulating plant is a ramp on PV less a constant, which the unknown operating point takes.
-    """
-
-    integrating: bool = False
-    sp_moves: bool = False
-    mv: bool = False
-    noise_shows: bool = False
-    op_jitter: float = 0.0
-    slip: float | None = None
-    slow: bool = False
-    ramp: bool = False
-
-
-def circumstances(s: Situation, traits: dict[str, Any]) -> Circumstances:
-    """Return the circumstances of one effect.
-
-    Parameters
-    ----------
-    s : Situation
-    traits : dict
-        slip, slow, ramp, as far as the effect in question has them.
-
-    Returns
-    -------
-    Circumstances
-    """
-    noise, change, jitter = s.baseline.noise.std, np.diff(np.asarray(s.record.pv)), np.diff(s.op)
-    return Circumstances(
-        integrating=s.integrating,
-        sp_moves=s.record.sp is not None and bool(np.ptp(s.record.sp) > 2 * noise),
-        mv=s.record.mv is not None,
-        noise_shows=bool(2 * noise**2 >= NOISE_SHOWS * change.var()) and noise > 0,
-        op_jitter=float(1.4826 * np.median(np.abs(jitter - np.median(jitter)))),
-        **traits,
-    )

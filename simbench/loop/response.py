@@ -19,7 +19,7 @@ from detectors.records.gaps import JITTER
 from detectors.records.historian import read_numbers
 from detectors.records.roles import TIME_NAMES
 from detectors.records.tables import read_sheet
-from simbench.files import refuse_kind, whole_file
+from simbench.files import plain_cell, refuse_kind, whole_file
 from simbench.loop.parameters import VALVES, valve_parameters
 
 _TRACE = '''
@@ -180,8 +180,8 @@ def valve_file(
     columns["mv"] = (respond or valve_response)(model, op, parameters or {}, Ts).tolist()
     with whole_file(out) as f:
         writer = csv.writer(f, lineterminator="\n")
-        writer.writerow(columns)
-        writer.writerows(zip(*columns.values()))
+        writer.writerow(map(plain_cell, columns))
+        writer.writerows(map(plain_cell, row) for row in zip(*columns.values()))
 
 
 @cache

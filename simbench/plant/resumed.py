@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import fields, is_dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
-from joblib import Memory, Parallel, delayed
+import joblib
+import numpy as np
+from joblib import Parallel, delayed
+from pydantic import BaseModel
 from tqdm import tqdm
 
-from simbench.files import folder
+from detectors.errors import UserError
+from simbench.bench.store.checksums import opened, sealed
+from simbench.files import folder, whole_file
+
+NAMED = "of"  # key under which an encoded object names its class
 
 
 def resumed(
@@ -22,13 +31,13 @@ def resumed(
     Parameters
     ----------
     ask : function
-        Of a module; what it is asked about decides its answer.
+        Of a module; what it is asked about decides its answer. What it says that it returns may be kept.
     about : sequence of tuple
         Its arguments, one tuple a question.
     jobs : int
         Processes; -1 = all cores.
     keep : path, optional
-        Folder in which answers are kept; those of another version of the package are not used.
+        Folder in which answers are kept as JSON; those of another version of the package are not used.
     what : str
         Named beside the progress.
 
@@ -39,15 +48,69 @@ def resumed(
     Raises
     ------
     FileError
-        When the folder cannot be made.
+        When an answer cannot be kept.
 
     Examples
     --------
     >>> resumed(max, [(1, 2), (4, 3)], jobs=1, keep=None, what="larger ones")
     [2, 4]
     """
-    # processes that live on from another call may stand in another folder
-    one = ask if keep is None else Memory(folder(Path(keep).absolute() / version("stiction-simbench")), verbose=0).cache(ask)
+    calls = [delayed(ask)(*a) for a in about]
+    if keep is not None:
+        # processes that live on from another call may stand in another folder
+        place = folder(Path(keep).absolute() / version("stiction-simbench"))
+        calls = [delayed(_kept)(ask, place / f"{ask.__name__}-{joblib.hash(a)}.json", a) for a in about]
     with Parallel(n_jobs=min(jobs, max(len(about), 1)) if jobs > 0 else jobs, return_as="generator") as parallel:
-        answers = parallel(delayed(one)(*a) for a in about)
-        return list(tqdm(answers, total=len(about), file=sys.stderr, desc=what))
+        return list(tqdm(parallel(calls), total=len(about), file=sys.stderr, desc=what))
+
+
+def _kept(ask: Callable[..., Any], file: Path, about: tuple[Any, ...]) -> Any:
+    """Return the answer in a file; where there is none, or not what was written, ask and keep it."""
+    try:
+        content = opened(json.loads(file.read_text(encoding="utf-8")), file)
+        return _decoded(content["answer"], {c.__name__: c for c in _classes(get_type_hints(ask)["return"])})
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, UserError):
+        answer = ask(*about)
+    with whole_file(file) as f:
+        json.dump(sealed({"answer": _encoded(answer)}), f)
+    return answer
+
+
+def _classes(hint: Any) -> set[type]:
+    """Return the data classes and models that an annotation speaks of, and those of their fields."""
+    found, todo = set(), [hint]
+    while todo:
+        hint = todo.pop()
+        todo += get_args(hint)
+        if isinstance(hint, type) and (is_dataclass(hint) or issubclass(hint, BaseModel)) and hint not in found:
+            found.add(hint)
+            todo += get_type_hints(hint).values()
+    return found
+
+
+def _encoded(value: Any) -> Any:
+    if isinstance(value, (list, tuple, dict)):
+        many = [[k, v] for k, v in value.items()] if isinstance(value, dict) else value
+        inside = [_encoded(v) for v in many]
+        return inside if isinstance(value, list) else {NAMED: type(value).__name__, "with": inside}
+    if isinstance(value, np.ndarray):
+        return {NAMED: "ndarray", "with": value.tolist(), "dtype": value.dtype.str, "shape": value.shape}
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, BaseModel) or is_dataclass(value):
+        names = type(value).model_fields if isinstance(value, BaseModel) else [f.name for f in fields(value) if f.init]
+        return {NAMED: type(value).__name__, "with": {name: _encoded(getattr(value, name)) for name in names}}
+    return value
+
+
+def _decoded(value: Any, classes: dict[str, type]) -> Any:
+    if isinstance(value, list):
+        return [_decoded(v, classes) for v in value]
+    if not isinstance(value, dict):
+        return value
+    name, inside = value[NAMED], value["with"]
+    if name == "ndarray":
+        return np.array(inside, dtype=value["dtype"]).reshape(value["shape"])
+    if name in ("tuple", "dict"):
+        return {"tuple": tuple, "dict": dict}[name](_decoded(inside, classes))
+    return classes[name](**{k: _decoded(v, classes) for k, v in inside.items()})

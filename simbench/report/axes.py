@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from markupsafe import Markup
 
+from simbench.bench.score.result import LEAST
 from simbench.html.table import sortable
 from simbench.report.data import RunData
 from simbench.report.page import render
@@ -31,5 +32,7 @@ def section(run: RunData) -> Markup:
         "accuracy_applicable": "accuracy", "accuracy_applicable_lo": "from", "accuracy_applicable_hi": "to",
         "found": "found", "false_alarms": "false alarms", "no_decision": "undecided",
     }  # fmt: skip
+    # a rate of few loops says nothing
+    here = here.where((here["applicable"] >= LEAST) | here.columns.isin(["axis", "value", "method", "n", "applicable"]))
     digits = dict.fromkeys(["accuracy", "from", "to", "found", "false alarms", "undecided"], "{:.3f}".format)
     return render("axes.html", table=sortable(here[list(names)].rename(columns=names), formats=digits))

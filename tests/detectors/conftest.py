@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from detectors.contract.example_loop import example_loop
+from detectors.example_loop import example_loop
 
 REAL = Path(__file__).parents[2].parent / "shared" / "data" / "real"
 

@@ -1,6 +1,7 @@
 """Compiled kernels: read from disk by the next process, compiled anew when anything they rest on changes."""
 
 import os
+import pickle
 import subprocess
 import sys
 
@@ -40,23 +41,31 @@ def test_a_constant_from_a_file_without_kernels_counts_as_well(tmp_path):
     assert run(tmp_path) == (9.0, 0)
 
 
-DAMAGE = [("py", "half"), ("py", "text"), ("nbi", "one bit"), ("nbi", "empty"), ("nbc", "one bit"), ("nbc", "half")]
+DAMAGE = [("py", "text"), ("nbi", "one bit"), ("nbc", "half")]
+DAMAGE += [pytest.param(*more, marks=pytest.mark.slow) for more in (("py", "half"), ("nbi", "empty"), ("nbc", "one bit"))]
+
+
+@pytest.fixture(scope="module")
+def filled(tmp_path_factory):
+    """A folder with a kernel and its cache, which every test leaves whole."""
+    folder = tmp_path_factory.mktemp("filled")
+    (folder / "kernel.py").write_text(KERNEL)
+    (folder / "helper.py").write_text(HELPER.format(factor=3.0))
+    run(folder)
+    return folder
 
 
 @pytest.mark.parametrize(("suffix", "damage"), DAMAGE)
-def test_a_damaged_file_of_the_cache_is_made_anew_and_never_executed(tmp_path, suffix, damage):
-    (tmp_path / "kernel.py").write_text(KERNEL)
-    (tmp_path / "helper.py").write_text(HELPER.format(factor=3.0))
-    run(tmp_path)
-    files = [f for f in (tmp_path / "cache").rglob(f"*.{suffix}") if "kernel" in f.name]
+def test_a_damaged_file_of_the_cache_is_made_anew_and_never_executed(filled, suffix, damage):
+    files = [f for f in (filled / "cache").rglob(f"*.{suffix}") if "kernel" in f.name]
     assert files
     for file in files:
         content = bytearray(file.read_bytes())
         content[len(content) // 2] ^= 4
         spoilt = {"half": content[: len(content) // 2], "one bit": content, "empty": b"", "text": b"raise SystemExit(3)"}
         file.write_bytes(bytes(spoilt[damage]))
-    assert run(tmp_path) == (7.0, 0)
-    assert run(tmp_path) == (7.0, 1)
+    assert run(filled) == (7.0, 0)
+    assert run(filled) == (7.0, 1)
 
 
 def running_sums(x):
@@ -76,3 +85,32 @@ def test_lanes_give_the_plain_functions_bits():
     fast = compiled(running_sums)(x)
     assert np.array_equal(fast, running_sums(x))
     assert fast.ctypes.data % 64 == 0
+
+
+class Trap:
+    def __reduce__(self):
+        return os.system, ("echo caught > trap",)
+
+
+@pytest.mark.parametrize("suffix", ["nbi", "nbc"])
+def test_a_trap_in_place_of_a_compiled_kernel_is_not_sprung(tmp_path, suffix):
+    (tmp_path / "kernel.py").write_text(KERNEL)
+    (tmp_path / "helper.py").write_text(HELPER.format(factor=3.0))
+    run(tmp_path)
+    for file in (tmp_path / "cache").rglob(f"*.{suffix}"):
+        file.write_bytes(pickle.dumps(Trap()))
+    assert run(tmp_path) == (7.0, 0)
+    assert not (tmp_path / "trap").exists()
+
+
+@pytest.mark.skipif(os.name != "posix" or os.getuid() != 0, reason="needs a file of another user")
+def test_compiled_kernels_in_another_users_folder_are_left_alone(tmp_path):
+    (tmp_path / "kernel.py").write_text(KERNEL)
+    (tmp_path / "helper.py").write_text(HELPER.format(factor=3.0))
+    run(tmp_path)
+    (cache,) = (tmp_path / "cache").iterdir()
+    assert cache.stat().st_mode & 0o077 == 0
+    os.chown(cache, 12345, 12345)
+    before = sorted(cache.rglob("*"))
+    assert run(tmp_path) == (7.0, 0)
+    assert sorted(cache.rglob("*")) == before

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from detectors.contract.example_loop import example_record
 from detectors.detection import detect
+from detectors.example_loop import example_record
 from detectors.record import LoopRecord
 
 

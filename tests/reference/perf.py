@@ -15,6 +15,7 @@ from c_loop import build
 from scenarios.spec import Loop
 from simbench.loop import controller, kernel, sensor
 from simbench.loop.resolve import resolve_loop
+from simbench.loop.response import valve_response
 from simbench.loop.setup import parts_of
 
 N = 5000
@@ -154,6 +155,14 @@ def main() -> int:
     assert same < 1e-9, f"python-control differs by {same} within 300 samples"
     p, o = interleaved(control_run, lambda: short.run(short.compiled), repeats=[1, 300])
     rows.append(("python-control input_output_response / compiled loop", p, o, 10_000.0))
+    op = np.clip(50.0 + np.cumsum(np.random.default_rng(0).normal(0.0, 2.0, 2000)), 0.0, 100.0)
+    exact = {"S": 5.0, "J": 2.0}
+    p, o = interleaved(
+        lambda: valve_response("coulomb", op, {**exact, "substep": 1e-4}, 1.0),
+        lambda: valve_response("coulomb", op, exact, 1.0),
+        repeats=[1, 20],
+    )
+    rows.append(("a valve with friction in substeps of 0.1 ms / exactly", p, o, 100.0))
     return table(f"one loop of {N} samples", rows)
 
 

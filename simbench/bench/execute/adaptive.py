@@ -21,6 +21,7 @@ from simbench.bench.store.reading import parts
 MOST_REPEATS = 5000
 BLIND_REPEATS = 16  # a cell without a single yes or no by then never gets one
 PIECE = 80  # scenarios
+NARROWEST = 0.001  # interval that may be asked for: four million trials
 
 
 def next_round(

@@ -151,6 +151,8 @@ def _parameters(where: str, schema: Mapping[str, Any], given: Mapping[str, Any],
             if key in scaled and isinstance(end, (int, float)):
                 if low is not None and low >= 0.0 > end:
                     yield f"{where}: {key} = {end:g}; it must not be below 0"
+                elif end == 0.0 and getattr(schema[key], "positive", False):
+                    yield f"{where}: {key} = 0; it must be above 0"
                 continue
             try:
                 schema[key].read(end, key, where)

@@ -5,12 +5,14 @@ from __future__ import annotations
 import contextlib
 import json
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from simbench.bench.execute.lease import lease
 from simbench.bench.execute.work import Piece
 from simbench.bench.score.scoring import score_book
 from simbench.bench.store.checksums import KINDS, TABLES, RunError, digest, opened, partition, sealed
@@ -51,6 +53,13 @@ class Receipt:
     found: bool = False
 
 
+def held(place: Place) -> AbstractContextManager[None]:
+    """Hold a run's folder alone, where it is one of a file system."""
+    if place.local is None:
+        return contextlib.nullcontext()
+    return lease(make_folder(place.local), ("", RECEIPTS, *(f"{kind}.parquet" for kind in KINDS)))
+
+
 def open_run(path: str | Path | Place, manifest: dict[str, Any], resume: bool) -> Place:
     """Make or reopen a run's folder.
 
@@ -73,10 +82,6 @@ def open_run(path: str | Path | Place, manifest: dict[str, Any], resume: bool) -
         When the folder holds something else, or a run that differs (and in what).
     """
     place = place_of(path)
-    if place.local is not None:
-        make_folder(place.local)
-        for sub in ("", RECEIPTS, *(f"{kind}.parquet" for kind in KINDS)):
-            sweep(place.local / sub)
     there = place.names()
     if not there:
         write_manifest(place, manifest)
@@ -87,15 +92,6 @@ def open_run(path: str | Path | Place, manifest: dict[str, Any], resume: bool) -
     else:
         refuse_to_mix(place, manifest)
     return place
-
-
-def sweep(folder: Path) -> None:
-    """Remove what a killed process left half-written: `.NAME.PID` of a process that is gone."""
-    for file in folder.glob(".*.[0-9]*"):
-        number = file.suffix[1:]
-        if number.isdigit() and not Path(f"/proc/{number}").exists():
-            with contextlib.suppress(OSError):
-                file.unlink()
 
 
 def write_piece(place: Place, piece: Piece, key: str) -> Receipt:

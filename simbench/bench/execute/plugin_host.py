@@ -1,4 +1,4 @@
-"""What a piece of a run asks of a loop, asked where the loop's parts live: here, or in the process of a stranger's."""
+"""What a piece of a run asks of a loop, asked where the loop's parts live: here, or in the process of another's."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from detectors.errors import UserError
-from detectors.plugins.host import GuestError, number_of, verdict_of
+from detectors.plugins.host import PluginError
+from detectors.plugins.rebuilt import number_of, verdict_of
 from detectors.verdict import NO_DECISION, Verdict
 from scenarios.cell import Draft
 from scenarios.grid import Group
@@ -17,7 +18,7 @@ from scenarios.spec import Loop, Noise, Scenario, SetPoint
 from simbench.bench.scenario.oracle import ORACLE, judge_oracle
 from simbench.bench.scenario.resolve import resolve
 from simbench.bench.scenario.truth import CYCLED, Cycled, simulate_with_truth
-from simbench.loop.guest import PartHost, host_of, parts_of_loop, plain_run, run_of
+from simbench.loop.hosted import PartHost, host_of, parts_of_loop, run_of
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.run import Run
 from simbench.theory.tables import truth_columns
@@ -33,18 +34,7 @@ def said_of(error: BaseException) -> str:
 
 
 def settled(group: Group) -> list[tuple[Scenario, str | None]]:
-    """Return the scenarios of a group; a draft, with the error, where its rules cannot be settled.
-
-    Parameters
-    ----------
-    group : Group
-        What a stranger's part takes part in is settled in its process, and touches no sibling.
-
-    Returns
-    -------
-    list of (Scenario, str or None)
-        One per draft, in order.
-    """
+    """Return the scenarios of a group; a draft, with the error, where its rules cannot be settled."""
     found: dict[int, tuple[Scenario, str | None]] = {}
     parties: dict[PartHost | None, list[int]] = {}
     for i, draft in enumerate(group.drafts):
@@ -60,7 +50,7 @@ def settled(group: Group) -> list[tuple[Scenario, str | None]]:
 
 
 def refuse_unsettled(group: Group) -> None:
-    """Raise UserError when a cell's scenarios cannot be set up; what a stranger's part does there is a row of the run."""
+    """Raise UserError when a cell's scenarios cannot be set up; what another's part does there is a row of the run."""
     own = tuple(d for d in group.drafts if _host_of_draft(group.twin, d) is None)
     for scenario in resolve(replace(group, drafts=own)) if own else ():
         resolve_loop(scenario.loop, scenario.seed)
@@ -71,37 +61,26 @@ def truth(loop: Loop, seed: int) -> tuple[Run, Cycled]:
     host = host_of(parts_of_loop(loop))
     if host is None:
         return simulate_with_truth(loop, seed)
-    said = host.call(plain_truth, loop, seed, samples=loop.sampling.n)
-    run = run_of(said.get("run") if isinstance(said, dict) else None, loop)
+    whole, said = _pair(host.ask(simulate_with_truth, loop, seed, samples=loop.sampling.n))
+    run = run_of(whole, loop)
     if said.get("answer") not in CYCLED:
-        raise GuestError(f"its loop's truth is {said.get('answer')!r}; allowed: {', '.join(CYCLED)}")
+        raise PluginError(f"its loop's truth is {said.get('answer')!r}; allowed: {', '.join(CYCLED)}")
     return run, Cycled(said["answer"], number_of(said.get("period"), "period"), number_of(said.get("swing"), "swing"))
 
 
 def oracle_of(scenario: Scenario, run: Run) -> tuple[Verdict, str | None]:
-    """Return `judge_oracle(scenario, run)`, wherever the loop's parts live, and the error where a stranger's gave none."""
+    """Return `judge_oracle(scenario, run)`, wherever the loop's parts live, and the error where another's gave none."""
     host = host_of(parts_of_loop(scenario.loop))
     if host is None:
         return judge_oracle(scenario, run), None
     try:
-        return verdict_of(ORACLE, host.call(plain_oracle, scenario, run)), None
+        return verdict_of(ORACLE, host.ask(judge_oracle, scenario, run)), None
     except UserError as wrong:
         return Verdict(ORACLE, NO_DECISION, reason=f"failed: {said_of(wrong)}"), said_of(wrong)
 
 
 def theory(loop: Loop) -> Theory:
-    """Return what theory says of a loop: predicted, refined, exists, period, amplitude, and why there is none of it.
-
-    Parameters
-    ----------
-    loop : Loop
-        Whose parts may live here or in the process of a stranger's.
-
-    Returns
-    -------
-    tuple
-        All None but the reason where theory does not apply or fails: the record stands without it.
-    """
+    """Return what theory says of a loop: predicted, refined, exists, period, amplitude, and why there is none of it."""
     # theory knows neither noise nor loads nor the set point: siblings share its answer
     quiet = loop.model_copy(update={"noise": Noise(), "disturbance": (), "setpoint": SetPoint(value=loop.pv0)})
     host = host_of(parts_of_loop(loop))
@@ -116,22 +95,6 @@ def plain_resolve(group: Group) -> list[dict[str, Any]]:
     return [{"loop": s.loop.to_table(), "tags": s.tags} for s in resolve(group)]
 
 
-def plain_truth(loop: Loop, seed: int) -> dict[str, Any]:
-    """Simulate with truth, and return plain values."""
-    run, cycled = simulate_with_truth(loop, seed)
-    return {"run": plain_run(run), **vars(cycled)}
-
-
-def plain_oracle(scenario: Scenario, run: Run) -> dict[str, Any]:
-    """Ask the oracle, and return plain values."""
-    return dict(vars(judge_oracle(scenario, run)))
-
-
-def plain_theory(text: str) -> list[Any]:
-    """Ask theory, and return plain values."""
-    return list(_theory(text))
-
-
 @lru_cache(maxsize=256)
 def _theory(text: str) -> Theory:
     with np.errstate(all="ignore"):  # candidate cycles that grow without bound
@@ -141,14 +104,18 @@ def _theory(text: str) -> Theory:
 
 
 def _theory_there(host: PartHost, quiet: Loop) -> Theory:
-    said = host.call(plain_theory, quiet.model_dump_json())
+    said = host.ask(_theory, quiet.model_dump_json())
     if not isinstance(said, list) or len(said) != 6:
-        raise GuestError("its loop's theory cannot be understood")
+        raise PluginError("its loop's theory cannot be understood")
     *exist, period, amplitude, why = said
     if not all(v is None or isinstance(v, (bool, float, int)) for v in (*exist, period, amplitude)):
-        raise GuestError("its loop's theory cannot be understood")
+        raise PluginError("its loop's theory cannot be understood")
     predicted, refined, exists = (None if v is None else bool(v) for v in exist)
     return predicted, refined, exists, period, amplitude, None if why is None else str(why)[:LONGEST]
+
+
+def _pair(said: Any) -> list[dict]:
+    return said if isinstance(said, list) and len(said) == 2 and all(isinstance(s, dict) for s in said) else [{}, {}]
 
 
 def _host_of_draft(twin: Loop, draft: Draft) -> PartHost | None:
@@ -157,7 +124,7 @@ def _host_of_draft(twin: Loop, draft: Draft) -> PartHost | None:
 
 
 def _settled_there(host: PartHost, part: Group) -> list[Scenario]:
-    said = host.call(plain_resolve, part, samples=sum(len(d.loop.model_dump_json()) for d in part.drafts))
+    said = host.ask(plain_resolve, part, samples=sum(len(d.loop.model_dump_json()) for d in part.drafts))
     if not isinstance(said, list) or len(said) != len(part.drafts) or not all(isinstance(s, dict) for s in said):
-        raise GuestError("its cell has other loops than asked for")
+        raise PluginError("its cell has other loops than asked for")
     return [Scenario(loop=Loop.from_table(s.get("loop"), "cell"), seed=part.seed, tags=s.get("tags")) for s in said]

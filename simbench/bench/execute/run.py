@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import pickle
+import secrets
 import signal
 import sys
 import threading
@@ -14,7 +15,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, cast
 
-from detectors.errors import UserError, nearest
+from detectors.errors import UserError, masked, nearest
 from detectors.judge import check_thresholds, known_front_end
 from detectors.plugins.host import SECONDS
 from detectors.plugins.registry import methods as registry
@@ -29,7 +30,7 @@ from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.store.checksums import RunError, check_tables, file_digest
 from simbench.bench.store.manifest import describe, read_manifest, run_key
 from simbench.bench.store.place import Place, place_of
-from simbench.loop.guest import guest_parts
+from simbench.loop.hosted import hosted_parts
 
 BACKENDS = ("loky", "dask", "ray")
 LIVES = 3  # how often dead workers are replaced before the run gives up
@@ -61,6 +62,7 @@ def run_grid(
     time_limit: float = SECONDS,
     valve_plugins: Iterable[str | Path] = (),
     effect_plugins: Iterable[str | Path] = (),
+    sealed: bool = False,
 ) -> Path:
     """Simulate a grid, judge it by detectors, and write both tables.
 
@@ -102,6 +104,8 @@ def run_grid(
         Seconds a plug-in may take for a record.
     valve_plugins, effect_plugins : iterable of str or Path
         Files of further valve models and effects, which the grid names.
+    sealed : bool
+        Draw the grid's seed now, and write it only when the run ends: nobody can have prepared for these loops.
 
     Returns
     -------
@@ -126,12 +130,15 @@ def run_grid(
     began = time.perf_counter()
     if backend not in BACKENDS:
         raise RunError(f"unknown backend {backend!r}: {nearest(backend, BACKENDS)}")
-    if until_width is not None and not 0 < until_width < 1:
-        raise RunError(f"until_width = {until_width}; a number between 0 and 1 is needed")
+    if until_width is not None and not adaptive.NARROWEST <= until_width < 1:
+        raise RunError(f"until_width = {until_width}; a number between {adaptive.NARROWEST} and 1 is needed")
     stages = tuple(tuple(str(Path(p).resolve()) for p in some) for some in (valve_plugins, effect_plugins))
-    plan = grid if isinstance(grid, Grid) else load_grid(grid, sets, axes)
+    if sealed and (resume or isinstance(grid, Grid) or "seed" in (sets or {})):
+        raise RunError("a sealed run draws its own seed: it takes a grid by name or file, without --resume and --set seed=")
+    drawn = {"seed": secrets.randbits(62)} if sealed else {}
+    plan = grid if isinstance(grid, Grid) else load_grid(grid, {**(sets or {}), **drawn}, axes)
     files = [str(Path(p).resolve()) for p in plugins]
-    with registry.guests(files, time_limit) as added, guest_parts(*stages, time_limit):
+    with registry.hosted(files, time_limit) as added, hosted_parts(*stages, time_limit):
         asked = [part.strip() for text in methods for part in text.split(",")]
         names = choose_methods(m for m in asked if m != ORACLE)
         names += [a for a in added if a not in names]
@@ -143,6 +150,7 @@ def run_grid(
             {
                 "grid": plan.name,
                 "grid_hash": plan.hash,
+                "cells_hash": plan.cells_hash,
                 "grid_content": plan.content.model_dump(mode="json"),
                 "overrides": plan.overrides,
                 "seed": plan.content.seed,
@@ -153,15 +161,18 @@ def run_grid(
                 "until_width": until_width,
                 "raw": raw,
                 "front_end": known_front_end(front_end),
-                "command": " ".join(sys.argv),
+                "command": masked(" ".join(sys.argv)),
+                "sealed": sealed,
             }
         )
+        telling = ("grid_hash", "grid_content", "seed") if sealed else ()
         chosen = {k: dict(v) for k, v in (thresholds or {}).items()}
         settings = (tuple(names), tuple(files), chosen, keep, time_limit, stages, front_end)
         where = Path("runs") / plan.name if out is None else out
         place = place_of(where)
-        with _workers(backend, address, jobs) as run:
-            pieces.open_run(place, manifest, resume)
+        place.refuse_unkept()
+        with _workers(backend, address, jobs) as run, pieces.held(place):
+            pieces.open_run(place, {**manifest, **dict.fromkeys(telling)}, resume)
             if pieces.is_finished(place):
                 check_tables(place, read_manifest(place))
                 return _path(place)
@@ -186,7 +197,7 @@ def _workers(backend: str, address: str | None, jobs: int) -> AbstractContextMan
 
 def _path(place: Place) -> Path:
     # a URL is no path, but stands wherever a run's folder is asked for
-    return cast(Path, str(place)) if place.local is None else place.local
+    return cast(Path, place.url) if place.local is None else place.local
 
 
 class _Task:
@@ -320,6 +331,7 @@ def _budgets(names: Sequence[str]) -> tuple[int, int]:
 
 def _about(name: str) -> dict[str, Any]:
     if name == ORACLE:
-        return {"front_end": False, "needs_mv": False, "role": ORACLE, "budget": "full"}
+        return {"front_end": False, "needs_mv": False, "role": ORACLE, "budget": "full", "fitted_on": []}
     method = registry.load(name).METHOD
-    return {"front_end": method.front_end, "needs_mv": method.needs_mv, "role": method.role, "budget": method.budget}
+    kept = ("front_end", "needs_mv", "role", "budget")
+    return {**{name: getattr(method, name) for name in kept}, "fitted_on": list(method.fitted_on)}

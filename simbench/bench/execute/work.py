@@ -7,12 +7,12 @@ import json
 import math
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
+from detectors.compiled import one_thread
 from detectors.judge import answers, check_thresholds
 from detectors.method import Method
 from detectors.plugins.host import SECONDS
@@ -26,28 +26,19 @@ from simbench.bench.execute.plugin_host import NO_THEORY, Theory, oracle_of, sai
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.scenario.truth import Cycled
 from simbench.bench.store import tables
-from simbench.loop.guest import add_parts
+from simbench.loop.hosted import add_parts
 from simbench.loop.run import Run
 
 Thresholds = Mapping[str, Mapping[str, float]]
+HELD = 80  # records simulated before they are judged in drawn order
 
 
-@dataclass
+@dataclass(frozen=True)
 class Piece:
-    """What a worker hands back.
+    """What a worker hands back: two parquet files, how much there is and failed, seconds, and the records asked for.
 
-    Parameters
-    ----------
-    number : int
-        Which piece of the run.
-    scenarios, verdicts : bytes
-        Parquet files.
-    count, failures : int
-        Scenarios, and verdicts or simulations that ended in an error.
-    simulating, judging, total : float
-        Seconds spent on simulation with its truth, on detectors, and altogether.
-    kept : list of (str, LoopRecord)
-        Records asked for, by scenario id.
+    `count` and `failures` are of scenarios, and of verdicts or simulations that ended in an error; `simulating` has the truth's
+    seconds, too; `kept` are records by scenario id.
     """
 
     number: int
@@ -59,6 +50,41 @@ class Piece:
     judging: float
     total: float
     kept: list[tuple[str, LoopRecord]] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class _Questions:
+    """What every scenario of a piece is asked: thresholds by method id, whether by the oracle too, what finds oscillations."""
+
+    chosen: Thresholds
+    oracle: bool
+    front_end: str
+
+
+@dataclass(frozen=True)
+class _Simulated:
+    """A scenario of a group with its truth and theory; why there is no run where there is none, and the seconds it took."""
+
+    scenario: Scenario
+    ident: str
+    group: int
+    run: Run | None
+    cycled: Cycled
+    theory: Theory
+    error: str | None
+    seconds: float
+
+
+@dataclass(frozen=True)
+class _Judged:
+    """A scenario's rows, how many of its answers are errors, its seconds, and its record where there is one."""
+
+    row: dict[str, Any]
+    verdicts: list[dict[str, Any]]
+    failures: int
+    simulating: float
+    judging: float
+    record: LoopRecord | None
 
 
 def work(
@@ -73,56 +99,45 @@ def work(
     stages: tuple[tuple[str, ...], ...] = ((), ()),
     front_end: str = "acf",
 ) -> Piece:
-    """Simulate, label and judge some groups of a grid.
+    """Simulate, label and judge some groups of a grid: a function of the arguments alone, but for its times.
 
-    Parameters
-    ----------
-    grid : Grid
-        The grid.
-    number : int
-        Of the piece.
-    groups : sequence of int
-        Which groups.
-    methods : sequence of str
-        Method ids.
-    plugins : iterable of str
-        Detector files outside the package.
-    thresholds : mapping
-        Other thresholds than the methods' own, by method id.
-    keep : int
-        Records to hand back, from the first on.
-    seconds : float
-        Time a plug-in may take for a record.
-    stages : (tuple of str, tuple of str)
-        Files of valve models and of effects outside the package.
-    front_end : str
-        What says whether a loop oscillates.
-
-    Returns
-    -------
-    Piece
-        A function of the arguments alone, but for its times.
+    `plugins` and `stages` are files outside the package: detectors, and valve models and effects; `seconds` is the time one may
+    take for a record, `keep` how many records are handed back, from the first on.
     """
     began = time.perf_counter()
     add_parts(*stages, seconds)
-    registry.add_guests(plugins, seconds)
+    registry.add_all_hosted(plugins, seconds)
     own = [m for m in methods if m != ORACLE]
     chosen = {m: check_thresholds(m, registry.load(m).METHOD, (thresholds or {}).get(m, {})) for m in own}
-    rows: dict[str, list] = {name: [] for name in tables.SCENARIOS.names}
-    verdicts: dict[str, list] = {name: [] for name in tables.VERDICTS.names}
-    piece = Piece(number, b"", b"", 0, 0, 0.0, 0.0, 0.0)
+    asked = _Questions(chosen, ORACLE in methods, front_end)
+    rng = np.random.default_rng([grid.content.seed, number])
+    settling, found, kept, held = 0.0, [], [], []
     # one thread per worker: with more, sums in linear algebra come out in another order
-    with threadpool_limits(1):
+    with one_thread():
         for index in groups:
             since = time.perf_counter()
             scenarios = settled(grid.group(index))
-            piece.simulating += time.perf_counter() - since
-            for scenario, wrong in scenarios:
-                _one(scenario, index, chosen, ORACLE in methods, rows, verdicts, piece, keep, wrong, front_end)
-    piece.scenarios = tables.encode(rows, tables.SCENARIOS, number)
-    piece.verdicts = tables.encode(verdicts, tables.VERDICTS, number)
-    piece.total = time.perf_counter() - began
-    return piece
+            settling += time.perf_counter() - since
+            held += [_simulated(scenario, index, wrong) for scenario, wrong in scenarios]
+            if len(held) >= HELD or index == groups[-1]:
+                # a sticky loop comes before its siblings in a grid: what is asked next must not follow from what was asked last
+                judged = {int(k): _judged(held[k], asked) for k in rng.permutation(len(held))}
+                for _, one in sorted(judged.items()):
+                    if one.record is not None and len(kept) < keep:
+                        kept.append((one.row["scenario_id"], one.record))
+                    found.append(replace(one, record=None))
+                held = []
+    return Piece(
+        number,
+        tables.encode(_columns(tables.SCENARIOS.names, [f.row for f in found]), tables.SCENARIOS, number),
+        tables.encode(_columns(tables.VERDICTS.names, [row for f in found for row in f.verdicts]), tables.VERDICTS, number),
+        len(found),
+        sum(f.failures for f in found),
+        settling + sum(f.simulating for f in found),
+        sum(f.judging for f in found),
+        time.perf_counter() - began,
+        kept,
+    )
 
 
 def judge_both(
@@ -130,21 +145,8 @@ def judge_both(
 ) -> tuple[Prepared, list[tuple[Verdict, Verdict, str | None, float]]]:
     """Judge a record by several methods, with and without the common oscillation front end.
 
-    Parameters
-    ----------
-    record : LoopRecord
-        With MV; methods that do not declare that they need it do not see it.
-    chosen : mapping
-        All thresholds of every method, by method id.
-    front_end : str
-        What says whether the loop oscillates.
-
-    Returns
-    -------
-    prepared : Prepared
-        The blinded record and what was found in it.
-    list of (Verdict, Verdict, str or None, float)
-        Per method: with front end, without, the error if it raised one, and its seconds.
+    Returns the blinded record with what was found in it, and per method the verdict with the front end, the one without, the
+    error if it raised one, and its seconds; methods that do not declare that they need MV do not see it.
     """
     since = time.perf_counter()
     blind, sighted = prepare(record.blind(), front_end), None
@@ -168,18 +170,7 @@ def judge_both(
     return blind, found
 
 
-def _one(
-    scenario: Scenario,
-    group: int,
-    chosen: Thresholds,
-    oracle: bool,
-    rows: dict,
-    verdicts: dict,
-    piece: Piece,
-    keep: int,
-    error: str | None,
-    front_end: str,
-) -> None:
+def _simulated(scenario: Scenario, group: int, error: str | None) -> _Simulated:
     since = time.perf_counter()
     run, cycled, columns = None, Cycled("unclear"), NO_THEORY
     try:
@@ -188,64 +179,59 @@ def _one(
             columns = theory(scenario.loop)
     except Exception as fault:  # whatever a model does on numbers of its own: one scenario, not the run
         error, run, cycled = said_of(fault), None, Cycled("unclear")
-    ident = scenario.id
+    return _Simulated(scenario, scenario.id, group, run, cycled, columns, error, time.perf_counter() - since)
+
+
+def _judged(it: _Simulated, asked: _Questions) -> _Judged:
     then = time.perf_counter()
-    piece.simulating += then - since
-    if run is None:
-        failed = [Verdict(m, NO_DECISION, reason=f"failed: {error}") for m in (*chosen, *[ORACLE] * oracle)]
-        prepared, found = None, [(v, v, error, 0.0) for v in failed]
+    if it.run is None:
+        methods = (*asked.chosen, *[ORACLE] * asked.oracle)
+        failed = [Verdict(m, NO_DECISION, reason=f"failed: {it.error}") for m in methods]
+        prepared, found = None, [(v, v, it.error, 0.0) for v in failed]
     else:
-        prepared, found = judge_both(run.record, chosen, front_end)
-        if oracle:
+        prepared, found = judge_both(it.run.record, asked.chosen, asked.front_end)
+        if asked.oracle:
             since = time.perf_counter()
-            said, wrong = oracle_of(scenario, run)
+            said, wrong = oracle_of(it.scenario, it.run)
             found.append((said, said, wrong, time.perf_counter() - since))
-    piece.judging += time.perf_counter() - then
-    _add(rows, _scenario_row(scenario, ident, group, run, cycled, columns, prepared, error))
-    for front, raw, raised, seconds in found:
-        _add(verdicts, _verdict_row(ident, front, raw, raised, seconds))
-    piece.count += 1
-    piece.failures += sum(raised is not None for _, _, raised, _ in found) or int(error is not None)
-    if run is not None and len(piece.kept) < keep:
-        piece.kept.append((ident, run.record))
+    judging = time.perf_counter() - then
+    return _Judged(
+        _scenario_row(it, prepared),
+        [_verdict_row(it.ident, *answer) for answer in found],
+        sum(raised is not None for _, _, raised, _ in found) or int(it.error is not None),
+        it.seconds,
+        judging,
+        it.run.record if it.run is not None else None,
+    )
 
 
-def _scenario_row(
-    scenario: Scenario,
-    ident: str,
-    group: int,
-    run: Run | None,
-    cycled: Cycled,
-    columns: Theory,
-    prepared: Prepared | None,
-    error: str | None,
-) -> dict[str, Any]:
-    loop, tags = scenario.loop, scenario.tags
+def _scenario_row(it: _Simulated, prepared: Prepared | None) -> dict[str, Any]:
+    loop, tags = it.scenario.loop, it.scenario.tags
     row: dict[str, Any] = {name: tags.get(name) for name in tables.TAGS}
     row.update(
-        scenario_id=ident,
-        group=group,
-        seed=scenario.seed,
-        cycled=cycled.answer,
-        cycle_period=cycled.period,
-        cycle_swing=cycled.swing,
+        scenario_id=it.ident,
+        group=it.group,
+        seed=it.scenario.seed,
+        cycled=it.cycled.answer,
+        cycle_period=it.cycled.period,
+        cycle_swing=it.cycled.swing,
         Ts=loop.sampling.Ts,
         n=loop.sampling.n,
         noise_std=loop.noise.std,
         loop=json.dumps(loop.to_table()),
         tags=json.dumps(tags),
-        error=error,
+        error=it.error,
     )
-    row.update(zip(("predicted", "refined", "theory", "theory_period", "theory_amplitude", "theory_reason"), columns))
-    if run is not None and prepared is not None:
+    row.update(zip(("predicted", "refined", "theory", "theory_period", "theory_amplitude", "theory_reason"), it.theory))
+    if it.run is not None and prepared is not None:
         found = prepared.oscillation
         row.update(
-            sticky=run.sticky,
+            sticky=it.run.sticky,
             oscillating=found.sustained,
             regularity=found.regularity,
             period_s=found.period_s,
             flags=",".join(sorted(prepared.flags)),
-            record_hash=record_hash(run.record),
+            record_hash=record_hash(it.run.record),
         )
     return row
 
@@ -288,6 +274,5 @@ def _ends(level: float | tuple[float, float] | None) -> tuple[float, float]:
     return (float(level[0]), float(level[1])) if isinstance(level, tuple) else (float(level), float(level))
 
 
-def _add(columns: dict[str, list], row: Mapping[str, Any]) -> None:
-    for name, column in columns.items():
-        column.append(row.get(name))
+def _columns(names: Iterable[str], rows: Sequence[Mapping[str, Any]]) -> dict[str, list]:
+    return {name: [row.get(name) for row in rows] for name in names}

@@ -194,9 +194,11 @@ def _client(address: str | None) -> Any:
         raise RunError("backend dask needs --address, the scheduler's tcp://HOST:PORT")
     try:
         from distributed import Client
+        from distributed.comm.addressing import resolve_address
     except ImportError:
         raise RunError("backend dask needs the package distributed; install stiction-simbench[dask]") from None
     try:
+        resolve_address(address)  # a client of an address that is none complains once more when it is thrown away
         return Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError) as error:
         raise RunError(f"no dask scheduler answers at {address}: {error}; its tcp://HOST:PORT is needed") from None

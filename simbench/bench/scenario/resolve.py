@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from detectors.errors import ParameterError
+from detectors.prepared import prepare
 from scenarios.cell import Draft, Rules, Scaled
 from scenarios.grid import Group
 from scenarios.spec import Loop, Noise, Sampling, Scenario, SetPoint
@@ -23,6 +24,8 @@ from simbench.theory.cycle import cycle_start
 
 FIRST = 40  # samples per period of the run that measures the cycle
 PERIODS = 10  # its length
+PASSES = 4  # of a record's period and its sampling: a new sampling moves the period a little
+SETTLED = 0.05  # two periods as near as this (in logarithm) are one
 DIGITS = 3  # ids must not hang on the last bits of a simulation
 
 
@@ -56,14 +59,15 @@ def resolve(group: Group) -> list[Scenario]:
     Returns
     -------
     list of Scenario
-        One per draft; all share sampling, noise and set point.
+        One per draft; all share samples per period, periods, noise and set point. Each is sampled by its own period: what a
+        record's sampling and length are must not tell who is sticky.
     """
     if group.rules.empty:
         return [Scenario(loop=d.loop, seed=group.seed, tags=d.tags) for d in group.drafts]
     twin, cycle = group.twin, measure_cycle(group.twin)
     if group.rules.w_Ti is not None:
         twin, cycle = _with_w_Ti(twin, cycle, float(group.rules.w_Ti))
-    loops = [_settled(d, group.rules, twin, cycle) for d in group.drafts]
+    loops = [_own_sampling(d, group, twin, cycle) for d in group.drafts]
     return [Scenario(loop=loop, seed=group.seed, tags=_tags(d, loop)) for d, loop in zip(group.drafts, loops, strict=True)]
 
 
@@ -227,13 +231,25 @@ def _with_w_Ti(twin: Loop, cycle: Cycle, wanted: float) -> tuple[Loop, Cycle]:
     return twin, cycle
 
 
-def _settled(draft: Draft, rules: Rules, twin: Loop, cycle: Cycle) -> Loop:
+def _own_sampling(draft: Draft, group: Group, twin: Loop, cycle: Cycle) -> Loop:
+    """Settle a draft by the period of its own oscillation; by its sticky twin's where it does not oscillate."""
+    own, loop = cycle.period, _settled(draft, group.rules, twin, cycle, cycle.period)
+    for _ in range(PASSES if group.rules.samples_per_period is not None else 0):
+        found = prepare(simulate(loop, group.seed).record.blind()).oscillation
+        if not found.sustained or abs(math.log(found.period_s / own)) < SETTLED:
+            break
+        own = found.period_s
+        loop = _settled(draft, group.rules, twin, cycle, own)
+    return loop
+
+
+def _settled(draft: Draft, rules: Rules, twin: Loop, cycle: Cycle, own: float) -> Loop:
     table = draft.loop.to_table()
     if rules.w_Ti is not None:
         table["controller"].update(Ti=significant(twin.controller.Ti or 1.0), Kc=significant(twin.controller.Kc))
     if rules.samples_per_period is not None:
         per = float(rules.samples_per_period)
-        table["sampling"] = {"Ts": significant(cycle.period / per), "n": round(per * float(rules.periods or FIRST))}
+        table["sampling"] = {"Ts": significant(own / per), "n": round(per * float(rules.periods or FIRST))}
     if rules.noise_ratio is not None:
         table["noise"] = {"std": significant(rules.noise_ratio * cycle.pv_std)}
     S, J = band(twin)
@@ -245,7 +261,7 @@ def _settled(draft: Draft, rules: Rules, twin: Loop, cycle: Cycle) -> Loop:
     if draft.mv_noise > 0:
         table["noise"]["mv_std"] = significant(draft.mv_noise * S)
     if draft.moves:
-        _move_setpoint(table["setpoint"], draft.moves, unit)
+        _move_setpoint(table["setpoint"], draft.moves, {**unit, "period": own})
     for load in draft.loads:
         size = cycle.pv_std if load["at"] == "output" else S
         table.setdefault("disturbance", []).append(_absolute(load, size, cycle.period))

@@ -15,15 +15,15 @@ from simbench.bench.store.checksums import RunError, digest
 from simbench.bench.store.manifest import read_manifest, write_manifest
 from simbench.bench.store.reading import Book, read_table
 from simbench.files import folder as make_folder
-from simbench.files import whole_file
+from simbench.files import whole_file, write_table
 
 EMPTY = {
     "scenarios": ("flags",),
     "verdicts": ("score_raw", "reason", "reason_raw", "indices", "S_lo", "S_hi", "J_lo", "J_hi", "S_unit", "runtime_s"),
 }
 KEPT = (
-    "format", "grid", "grid_hash", "seed", "overrides", "scenarios", "methods", "thresholds", "plugins", "command",
-    "code", "commit", "versions", "machine", "complete", "counts", "records_hash",
+    "format", "grid", "grid_hash", "cells_hash", "seed", "overrides", "scenarios", "methods", "thresholds", "plugins",
+    "command", "code", "commit", "versions", "machine", "complete", "counts", "records_hash", "sealed",
 )  # fmt: skip
 COLUMNS = (
     "method", "truth", "process", "n", "positives", "applicable", "accuracy_applicable", "accuracy_decided", "no_decision",
@@ -68,9 +68,7 @@ def write_baseline(run: str | Path, baseline: str | Path) -> None:
             f.write(out.getvalue())
     write_manifest(baseline, {**manifest, "tables": digests})
     table = score_run(baseline).table
-    with whole_file(baseline / "scores.csv") as f:
-        rows = table.loc[table["mode"] == FRONT, list(COLUMNS)]
-        rows.to_csv(f, index=False, float_format="%.4f", lineterminator="\n")
+    write_table(table.loc[table["mode"] == FRONT, list(COLUMNS)], baseline / "scores.csv", float_format="%.4f")
     remember(baseline, manifest, table)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy import stats
 
 from detectors.errors import UserError
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION
@@ -21,9 +22,14 @@ from simbench.bench.store.reading import CODES, Book, RunError
 LEVEL = 0.05
 MARGIN = 0.01  # of a rate, paired: what falls by less is no regression, however sure the fall is
 UNPAIRED = 0.02  # the same between runs of other loops
+# a drop of the share of right answers that must be found with this power: of the same records, of records that differ in the
+# same place of a grid, of other loops; where it is not, the check cannot tell
+REACH = {"same": 0.02, "place": 0.05, "other": 0.15}
+POWER = 0.8
 LABELS = ("sticky", "cycled")
 # what is counted: among positives or negatives, which answers are good; "no decision" is neither right nor wrong
 COUNTED = {
+    "right": (None, ()),
     "detection": (True, (STICTION,)),
     "rejection": (False, (NO_STICTION,)),
     "no miss": (True, (STICTION, NO_DECISION)),
@@ -50,7 +56,7 @@ def check_run(folder: str | Path, against: str | Path, margin: float = MARGIN) -
     Raises
     ------
     RunError
-        When a folder is no finished run, was written in another format, or the two are of different grids.
+        When a folder is no finished run, was written in another format, or the two are of grids of other cells.
 
     Notes
     -----
@@ -58,18 +64,22 @@ def check_run(folder: str | Path, against: str | Path, margin: float = MARGIN) -
     the other: a gate on accuracy alone would see little of it. Loops in the same place of the same grid: exact one-sided
     McNemar tests and DeLong's test of the AUC. Records there may differ, as another processor simulates a chaotic loop
     otherwise; an unchanged detector then loses as often as it wins, which is what these tests ask. Other loops: one-sided
-    two-sample tests of a drop beyond 2 points. All are Holm-corrected to a chance of 5 % that unchanged detectors fail.
+    two-sample tests of a drop beyond 2 points. All are Holm-corrected to a chance of 5 % that unchanged detectors fail; on the
+    very same records, where an unchanged detector answers the same, to 5 % a method. Only loops that a method covers count.
+    Where a drop that matters (`REACH`) would not have been found, the check cannot tell, and fails.
     """
     return replace(compare_books(read_book(folder), read_book(against), margin), home=str(against))
 
 
 def compare_books(now: Book, before: Book, margin: float = MARGIN) -> Check:
     """Compare a run with a baseline, both as arrays; returns and errors as `check_run`."""
-    grids = [b.manifest.get("grid") for b in (now, before)]
-    if grids[0] != grids[1]:
-        raise RunError(f"the run is of grid {grids[0]!r}, the baseline of {grids[1]!r}; run the baseline's grid")
+    grids, cells = ([b.manifest.get(key) for b in (now, before)] for key in ("grid", "cells_hash"))
+    if (grids[0] != grids[1]) if None in cells else (cells[0] != cells[1]):
+        content = "" if None in cells else f" ({cells[0]} and {cells[1]}: other cells)"
+        raise RunError(f"the run is of grid {grids[0]!r}, the baseline of {grids[1]!r}{content}; run the baseline's grid")
     pairs = pair(now, before)
     paired = pairs.now.size > 0
+    basis = "other" if not paired else "same" if pairs.same.all() else "place"
     problems = _problems(now, before, pairs)
     rows: list[dict[str, Any]] = []
     flips: list[pd.DataFrame] = []
@@ -82,11 +92,17 @@ def compare_books(now: Book, before: Book, margin: float = MARGIN) -> Check:
             two = _answers(now, i, label, pairs.now[alike] if paired else None)
             rows += [{"method": method, "label": label, **row} for row in _tests(one, two, paired)]
         flips.append(_flips(now, i, before, j, pairs))
-    tests = pd.DataFrame(rows, columns=["method", "label", "what", "before", "now", "lost", "won", "p"])
-    tests["p"] = holm(tests["p"])
+    tests = pd.DataFrame(rows, columns=["method", "label", "what", "n", "before", "now", "lost", "won", "p"])
+    each = tests.groupby("method", sort=False)["p"]
+    # an unchanged detector gives the same answers on the same records: only what changed can fail by chance
+    tests["p"] = each.transform(holm) if basis == "same" else holm(tests["p"])
+    size = len(COUNTED) * len(LABELS) + len(LABELS) if basis == "same" else len(tests)
+    tests["seen"] = [_seen(row, basis, size) for row in tests.to_dict("records")]
     tests["worse"] = (tests["p"] < LEVEL) & (tests["before"] - tests["now"] > (margin if paired else 0.0))
-    basis = _basis(now, before, pairs, margin)
-    return Check(paired, basis, tuple(problems), tests, pd.concat(flips, ignore_index=True) if flips else pd.DataFrame())
+    unseen = tuple(_unseen(tests, basis))
+    said = f"{_basis(now, before, pairs, margin)}; a loss of {100 * REACH[basis]:g} points must be found in 8 of 10 such runs"
+    every = pd.concat(flips, ignore_index=True) if flips else pd.DataFrame()
+    return Check(paired, said, tuple(problems), tests, every, unseen=unseen)
 
 
 def update_baseline(folder: str | Path, baseline: str | Path) -> str:
@@ -158,28 +174,64 @@ def _basis(now: Book, before: Book, pairs: Pairs, margin: float) -> str:
     )
 
 
-def _answers(book: Book, method: int, label: str, at: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _seen(row: dict[str, Any], basis: str, tests: int) -> float:
+    """Return the smallest drop of a rate that is found with `POWER`; NaN for an AUC."""
+    n, level = row["n"], LEVEL / tests
+    if row["what"] == "AUC" or n == 0:
+        return float("nan")
+    if basis == "other":
+        spread = np.sqrt(2 * max(row["before"] * (1 - row["before"]), 1 / (n + 2)) / n)
+        return float(min(UNPAIRED + spread * (stats.norm.isf(level) + stats.norm.ppf(POWER)), 1.0))
+    least = np.ceil(-np.log2(level))  # cases lost, none won, that an exact test takes for a drop
+    return float(min(stats.gamma.ppf(POWER, least) / n, 1.0))
+
+
+def _unseen(tests: pd.DataFrame, basis: str) -> Iterator[str]:
+    """Name the methods whose loss nobody could have found: too few loops that they cover, and answers that changed."""
+    for row in tests[(tests["what"] == "right") & (tests["label"] == "cycled")].to_dict("records"):
+        changed = basis != "same" or row["lost"] > 0
+        if changed and not row["seen"] <= REACH[basis] and not tests.loc[tests["method"] == row["method"], "worse"].any():
+            why = f"only a loss of {row['seen']:.3f} would have been found" if row["n"] else "it covers none"
+            yield f"{row['method']}: cannot tell on the {row['n']} loops that it covers: {why}, {REACH[basis]:g} is asked for"
+
+
+def _answers(
+    book: Book, method: int, label: str, at: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     # a baseline keeps 24 bits of a score
     truth, verdict, score = book.truth[label], book.verdict[method], book.score[method].astype(np.float32)
+    covered = book.applicable[method] != 0
     if at is not None:
-        truth, verdict, score = truth[at], verdict[at], score[at]
-    known = truth >= 0
-    return truth[known] == 1, verdict[known], score[known]
+        truth, verdict, score, covered = truth[at], verdict[at], score[at], covered[at]
+    return truth, verdict, score, covered
 
 
 def _tests(before: tuple, now: tuple, paired: bool) -> Iterator[dict[str, Any]]:
-    (truth_a, said_a, score_a), (truth_b, said_b, score_b) = before, now
+    # side by side, a loop that the method covered before counts: what it gives up now it has lost
+    covered = [before[3], before[3] if paired else now[3]]
+    used = [cover & (side[0] >= 0) for cover, side in zip(covered, (before, now), strict=True)]
+    sides = [tuple(x[use] for x in side[:3]) for use, side in zip(used, (before, now), strict=True)]
+    (truth_a, said_a, score_a), (truth_b, said_b, score_b) = ((truth == 1, said, score) for truth, said, score in sides)
     for what, (positive, good) in COUNTED.items():
-        codes = [CODES[word] for word in good]
-        a, b = np.isin(said_a[truth_a == positive], codes), np.isin(said_b[truth_b == positive], codes)
-        row: dict[str, Any] = {"what": what, "before": _share(a), "now": _share(b)}
+        if positive is None:
+            a, b = said_a == truth_a, said_b == truth_b
+        else:
+            codes = [CODES[word] for word in good]
+            a, b = np.isin(said_a[truth_a == positive], codes), np.isin(said_b[truth_b == positive], codes)
+        row: dict[str, Any] = {"what": what, "n": min(a.size, b.size), "before": _share(a), "now": _share(b)}
         if paired:
             row.update(lost=int((a & ~b).sum()), won=int((~a & b).sum()))
             yield {**row, "p": mcnemar(row["lost"], row["won"], worse=True)}
         else:
             yield {**row, "p": rate_drop(int(a.sum()), a.size, int(b.sum()), b.size, UNPAIRED)}
     p = auc_drop(score_a, score_b, truth_a) if paired else auc_drop_unpaired(score_a, truth_a, score_b, truth_b, UNPAIRED)
-    yield {"what": "AUC", "before": auc(score_a, truth_a).value, "now": auc(score_b, truth_b).value, "p": p}
+    yield {
+        "what": "AUC",
+        "n": min(truth_a.size, truth_b.size),
+        "before": auc(score_a, truth_a).value,
+        "now": auc(score_b, truth_b).value,
+        "p": p,
+    }
 
 
 def _share(right: np.ndarray) -> float:

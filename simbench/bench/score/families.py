@@ -13,6 +13,7 @@ from simbench.bench.store.reading import read_table
 if TYPE_CHECKING:
     import pandas as pd
 
+
 def read(run: str | Path) -> pd.DataFrame:
     """Read a run of grid families as one row per scenario and method.
 

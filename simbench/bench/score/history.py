@@ -11,7 +11,7 @@ import pandas as pd
 
 from detectors.errors import UserError
 from simbench.bench.store.manifest import RunError
-from simbench.files import whole_file
+from simbench.files import write_table
 
 FILE = "history.csv"
 SCORES = ("accuracy_applicable", "found", "false_alarms")
@@ -99,6 +99,4 @@ def remember(baseline: Path, manifest: dict[str, Any], table: pd.DataFrame) -> N
     last, same = (part[told].reset_index(drop=True).astype(str) for part in (old[old["baseline"] == number - 1], new))
     if last.equals(same):
         return
-    with whole_file(file) as f:
-        joined = pd.concat([old, new], ignore_index=True) if len(old) else new
-        joined.to_csv(f, index=False, lineterminator="\n")
+    write_table(pd.concat([old, new], ignore_index=True) if len(old) else new, file)

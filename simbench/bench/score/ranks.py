@@ -19,7 +19,7 @@ class Ranks(NamedTuple):
     rank : ndarray, shape (m,)
         1 = no method is better by a difference the run resolves; methods that cannot be told apart share a rank.
     resolution : float
-        Smallest difference of accuracy that counts; NaN without methods or loops.
+        Smallest difference of the mean that counts; NaN without methods or loops.
     spread : float
         Largest variance of a difference times the number of loops; what `loops_needed` takes.
     """
@@ -29,13 +29,15 @@ class Ranks(NamedTuple):
     spread: float
 
 
-def rank_methods(right: np.ndarray) -> Ranks:
-    """Rank methods by how often each is right on the same loops.
+def rank_methods(right: np.ndarray, groups: np.ndarray | None = None) -> Ranks:
+    """Rank methods by what each earns on the same loops.
 
     Parameters
     ----------
-    right : ndarray of bool, shape (m, n)
-        Whether m methods are right on n loops; no decision is not right.
+    right : ndarray, shape (m, n)
+        What m methods earn on n loops: 1 where right, 0 where wrong, between them for no decision.
+    groups : ndarray of int, shape (n,), optional
+        Loops of one group hang together; each stands alone when absent.
 
     Returns
     -------
@@ -43,10 +45,10 @@ def rank_methods(right: np.ndarray) -> Ranks:
 
     Notes
     -----
-    The difference of two accuracies on n loops has the variance d/n, d the share of loops on which one of the two alone is
-    right (McNemar's test, normal form). d is not taken smaller than for methods whose errors have nothing to do with each
-    other, p (1 - p) + q (1 - q): a near copy of a method is no rival, however surely a paired test tells it from its original
-    (`simbench score --paired`). The largest pair's 1.96 sqrt(d/n) is the resolution, for all pairs alike. A method's rank is
+    The variance of a difference is the group bootstrap's (whole groups drawn with replacement), in its closed form for many
+    draws: the sum over groups of their squared share in it. It is not taken smaller than for methods whose errors have nothing
+    to do with each other, p (1 - p) + q (1 - q): a near copy of a method is no rival, however surely a paired test tells it
+    from its original (`simbench score --paired`). The largest pair's 1.96 sd is the resolution, for all. A method's rank is
     one more than the number of methods that are better by that much. Not for choosing between two versions of one method:
     that is a paired test's work.
 
@@ -62,9 +64,15 @@ def rank_methods(right: np.ndarray) -> Ranks:
         return Ranks(np.ones(m, dtype=int), float("nan"), float("nan"))
     # a method alone is held against one as good
     pairs = combinations(range(m), 2) if m > 1 else [(0, 0)]
-    spread = max(_spread(right[i], right[j]) for i, j in pairs)
+    earned = right.astype(float)
+    place = np.arange(n) if groups is None else np.unique(groups, return_inverse=True)[1]
+    centred = earned - earned.mean(axis=1, keepdims=True)
+    shares = np.array([np.bincount(place, row) for row in centred])
+    # one success and one failure added: few loops never show a rate exactly
+    alone = [float(np.var(np.r_[row, 0.0, 1.0])) for row in earned]
+    spread = max(max(float(np.sum((shares[i] - shares[j]) ** 2)) / n, alone[i] + alone[j]) for i, j in pairs)
     resolution = float(stats.norm.ppf(0.5 + LEVEL / 2) * np.sqrt(spread / n))
-    accuracy = right.mean(axis=1)
+    accuracy = earned.mean(axis=1)
     better = accuracy[None, :] - accuracy[:, None] >= resolution
     return Ranks(1 + better.sum(axis=1), resolution, spread)
 
@@ -90,9 +98,3 @@ def loops_needed(difference: float, spread: float) -> int:
     """
     z = float(stats.norm.ppf(0.5 + LEVEL / 2) + stats.norm.ppf(POWER))
     return int(np.ceil(z * z * spread / difference**2))
-
-
-def _spread(one: np.ndarray, two: np.ndarray) -> float:
-    # one success and one failure added: a method that is always right on few loops is not known exactly
-    p, q = ((x.sum() + 1.0) / (x.size + 2.0) for x in (one, two))
-    return max(float((one != two).mean()), float(p * (1 - p) + q * (1 - q)))

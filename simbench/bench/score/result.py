@@ -13,22 +13,26 @@ from detectors.report.report import columns
 from detectors.views import page_part
 from simbench.bench.score.ranks import Ranks, loops_needed
 from simbench.bench.store.place import Place, place_of
+from simbench.files import csv_text
 
 if TYPE_CHECKING:
     import pandas as pd
 
 FRONT, RAW = "front end", "raw"
 ALL = "all"
+UNDECIDED = 0.5  # cost of no decision; an error costs 1
+LEAST = 20  # loops: a rate of fewer says nothing, and is not shown
 ROLE_YARDSTICK = "yardstick"
 ROWS = (
     "method", "truth", "front_end", "process", "n", "applicable", "accuracy_applicable", "accuracy_decided", "no_decision",
-    "found", "false_alarms", "accuracy_all", "auc", "lo", "hi", "sees_mv", "rank",
+    "found", "false_alarms", "accuracy_all", "auc", "lo", "hi", "sees_mv", "rank", "found_at_5", "cost", "risk_coverage",
+    "home", "cost_lo", "cost_hi", "found_at_5_lo", "found_at_5_hi", "positives",
 )  # fmt: skip
 PLANNED = (0.01, 0.03)  # differences for which the table says how many loops they take
 KINDS = ("", "see the valve position MV, ranked apart", "yardsticks, not ranked", "nonlinearity tests, not ranked")
 HEAD = (
-    "rank", "method", "applies", "accuracy", "95 %", "decided", "undecided", "found", "false al.", "AUC",
-    "sticky", "predicted", "of all",
+    "rank", "method", "n", "cost", "95 %", "accuracy", "95 %", "none", "found", "false al.", "at 5 %", "95 %", "AUC", "risk",
+    "of all",
 )  # fmt: skip
 
 
@@ -43,30 +47,38 @@ class Scores:
         scenarios with a truth, positives; applicable: on how many the method's source covers the loop; over those, with
         Wilson intervals (NAME_lo, NAME_hi), accuracy_applicable (no decision is wrong), accuracy_decided, no_decision, found
         (of positives, no decision is not found), false_alarms (of negatives), auc over records with a score, with DeLong's
-        interval; accuracy_all over everything; rank among its kind (none where it covers less than 95 % of the loops); errors;
+        interval; cost (an error 1, no decision `undecided`) and rank by it among its kind (none where it covers less than 95 %
+        of the loops); found_at_5 (found at 5 % false alarms, threshold from other groups); risk_coverage (area under the
+        curve: mean error of the surest answers); accuracy_all over everything; home, where its constants were fitted; errors;
         median runtime in ms.
     by_axis : DataFrame
         The same against `cycled` by axis and value, without AUC's interval and rank.
     disagreement : DataFrame
         How often sticky, predicted and cycled say what together.
+    left_out : DataFrame
+        method, mode, of ("entrained", "unclear", "does not apply"), n, and the shares of the three answers with intervals.
     standing : dict of (truth, mode, process) to Ranks
         What the run can resolve, among methods that see OP and PV only.
     manifest : dict
         Of the run.
     first : str
         The mode shown first.
+    undecided : float
+        Cost of no decision.
     """
 
     table: pd.DataFrame
     by_axis: pd.DataFrame
     disagreement: pd.DataFrame
+    left_out: pd.DataFrame
     standing: dict[tuple[str, str, str], Ranks]
     manifest: dict[str, Any]
     first: str = FRONT
+    undecided: float = UNDECIDED
 
     @property
     def resolution(self) -> float:
-        """Smallest difference of accuracy against `cycled` that the run resolves, all loops, the mode shown first."""
+        """Smallest difference of cost against `cycled` that the run resolves, all loops, the mode shown first."""
         return self.standing["cycled", self.first, ALL].resolution
 
     def ranking(self, truth: str = "cycled", mode: str | None = None, process: str = ALL) -> pd.DataFrame:
@@ -75,8 +87,7 @@ class Scores:
         rows = t[(t.truth == truth) & (t["mode"] == (mode or self.first)) & (t.process == process)]
         kind = [kind_of(role, mv) for role, mv in zip(rows.role, rows.sees_mv)]
         keys = {"kind": kind, "partial": rows["rank"].isna()}
-        order = ["kind", "partial", "accuracy_applicable"]
-        return rows.assign(**keys).sort_values(order, ascending=[True, True, False], kind="stable")
+        return rows.assign(**keys).sort_values(["kind", "partial", "cost"], kind="stable")
 
     def as_text(self) -> str:
         """Return the tables for a terminal."""
@@ -116,15 +127,14 @@ class Scores:
         return rows[["accuracy_applicable"]].plot.barh(**{**look, **options})
 
     def _repr_html_(self) -> str:
-        keys = ["rank", "method", "n", "applicable", "accuracy_applicable", "accuracy_decided", "no_decision", "found"]
-        said = f"methods closer than {self.resolution:.3f} in accuracy share a rank"
+        keys = ["rank", "method", "n", "applicable", "cost", "accuracy_applicable", "accuracy_decided", "no_decision", "found"]
+        said = f"methods closer than {self.resolution:.3f} in cost share a rank"
         return page_part(said, self.to_frame()[[*keys, "false_alarms", "auc"]])
 
     def write(self, folder: str | Path | Place) -> None:
         """Write scores.csv and scores_by_axis.csv."""
         for name, frame in (("scores", self.table), ("scores_by_axis", self.by_axis)):
-            text = frame.to_csv(index=False, float_format="%.5g", lineterminator="\n")
-            place_of(folder).write(f"{name}.csv", text.encode())
+            place_of(folder).write(f"{name}.csv", csv_text(frame, float_format="%.5g").encode())
 
 
 def kind_of(role: str, sees_mv: bool) -> int:
@@ -154,14 +164,16 @@ def as_text(scores: Scores) -> str:
     """
     m, table = scores.manifest, scores.table
     size = int(table.n_all.max()) if len(table) else 0
-    lines = [f"grid {m['grid']} ({m['grid_hash']}), {size} scenarios"]
+    seal = f"sealed: seed {m['seed']} drawn as it began" if m.get("sealed") else "not sealed: seed known beforehand"
+    lines = [f"grid {m['grid']} ({m['grid_hash']}), {size} scenarios, {seal}"]
     modes = (scores.first, next(x for x in ("front end", "raw") if x != scores.first))
     blocks = [(modes[0], p) for p in ("all", "self-regulating", "integrating")] + [(modes[1], "all")]
     for mode, process in blocks:
         rows = scores.ranking("cycled", mode, process)
         if len(rows):
-            lines += ["", _title(rows, mode, process), *_block(scores, rows, mode, process), _resolved(scores, mode, process)]
-    lines += ["", *_legend(), "", *_dead_band(scores), "", "labels that disagree", *_plain(scores.disagreement)]
+            lines += ["", _title(rows, mode, process), *_block(rows), _resolved(scores, mode, process)]
+    lines += ["", *_legend(scores), "", *_left_out(scores), "", *_dead_band(scores)]
+    lines += ["", "labels that disagree", *_plain(scores.disagreement)]
     return "\n".join(lines)
 
 
@@ -183,10 +195,13 @@ def as_json(scores: Scores) -> dict[str, Any]:
     return {
         "grid": scores.manifest["grid"],
         "grid_hash": scores.manifest["grid_hash"],
+        "sealed": bool(scores.manifest.get("sealed")),
+        "undecided": scores.undecided,
         "rows": _records(table[list(ROWS)] if len(table) else table),
         "resolution": None if math.isnan(resolution) else resolution,
         "by_axis": _records(scores.by_axis),
         "disagreement": _records(scores.disagreement),
+        "left_out": _records(scores.left_out),
     }
 
 
@@ -197,23 +212,23 @@ def _title(rows: pd.DataFrame, mode: str, process: str) -> str:
     return f"{loops} against cycled ({first.n}, {first.positives} cycling), {front} the oscillation front end"
 
 
-def _block(scores: Scores, rows: pd.DataFrame, mode: str, process: str) -> list[str]:
-    t = scores.table[(scores.table["mode"] == mode) & (scores.table.process == process)]
-    other = {(r.method, r.truth): r.accuracy_applicable for r in t.itertuples()}
+def _block(rows: pd.DataFrame) -> list[str]:
     lines, kinds = [HEAD], []
     for r in rows.itertuples():
-        none = r.applicable == 0
-        rates = (r.accuracy_decided, r.no_decision, r.found, r.false_alarms, r.auc)
+        few = r.applicable < LEAST
+
+        def ends(lo: float, hi: float, few: bool = few) -> str:
+            return "-" if few or math.isnan(lo) else f"{lo:.2f}-{hi:.2f}"
+
+        accuracy = ends(r.accuracy_applicable_lo, r.accuracy_applicable_hi)
+        rates = (r.cost, ends(r.cost_lo, r.cost_hi), r.accuracy_applicable, accuracy, r.no_decision, r.found, r.false_alarms,
+                 r.found_at_5, ends(r.found_at_5_lo, r.found_at_5_hi), r.auc, r.risk_coverage, r.accuracy_all)  # fmt: skip
         lines.append(
             (
                 ("" if r.kind else "-") if r.rank is None or math.isnan(r.rank) else f"{r.rank:.0f}",
                 r.method,
-                "no" if none else f"{r.applicable / r.n:.3f}",
-                _short(r.accuracy_applicable),
-                "-" if none else f"{r.accuracy_applicable_lo:.3f}-{r.accuracy_applicable_hi:.3f}",
-                *(_short(x) for x in rates),
-                *(_short(other.get((r.method, truth), math.nan)) for truth in ("sticky", "predicted")),
-                _short(r.accuracy_all),
+                str(r.applicable),
+                *(x if isinstance(x, str) else "-" if few else _short(x) for x in rates),
             )
         )
         kinds.append(r.kind)
@@ -233,14 +248,28 @@ def _resolved(scores: Scores, mode: str, process: str) -> str:
     return f"{near}; a difference of {more} would be resolved in 9 of 10 runs"
 
 
-def _legend() -> list[str]:
+def _legend(scores: Scores) -> list[str]:
     text = (
-        "applies: share of loops that the method's source covers; all columns but the last are over those. decided: right "
-        "of decided. found: of cycling loops, false al.: of the others, no decision counted as neither. sticky, predicted: "
-        "accuracy against these truths. of all: accuracy over everything, where a method that does not apply is wrong. A "
-        "method made for a part of the loops (rank -) is ranked among those."
+        f"n: loops that the method's source covers; all columns but the last are over those, - where fewer than {LEAST}. "
+        f"cost, which ranks: an error 1, no decision {scores.undecided:g}. accuracy: no decision is not right; none: its share."
+        " found: of cycling loops, false al.: of the others. at 5 %: found at 5 % false alarms, threshold from other groups. "
+        "risk: area under the risk-coverage curve, threshold from other groups. of all: accuracy over everything, where a "
+        "method that does not apply is wrong. A method made for a part of the loops (rank -) is ranked among those. "
+        "blind classifier: gradient boosting on sampling, length, noise and process of loops that oscillate, learned on others."
     )
     return textwrap.wrap(text, 126)
+
+
+def _left_out(scores: Scores) -> list[str]:
+    rows = scores.left_out
+    rows = rows[(rows["mode"] == scores.first) & (rows.role != ROLE_YARDSTICK) & (rows.n > 0)] if len(rows) else rows
+    lines = [("method", "of", "n", "stiction", "95 %", "no stiction", "no decision")]
+    for r in rows.itertuples():
+        ends = f"{r.stiction_lo:.2f}-{r.stiction_hi:.2f}"
+        shares = (f"{r.stiction:.3f}", ends, f"{r.no_stiction:.3f}", f"{r.no_decision:.3f}")
+        lines.append((r.method, r.of, str(r.n), *(shares if r.n >= LEAST else ("-",) * 4)))
+    title = "left out of every row above: what detectors say of entrained and unclear loops, and of those they do not apply to"
+    return [title, *columns(lines)] if len(lines) > 1 else ["no loop is left out"]
 
 
 def _dead_band(scores: Scores) -> list[str]:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from detectors.verdict import NO_STICTION, STICTION
+from scenarios.grid import grid_names, load_grid
+from simbench.bench.score.folds import folds_of, found_at, out_of_fold, risk_coverage
 from simbench.bench.score.ranks import Ranks, rank_methods
-from simbench.bench.score.result import ALL, FRONT, RAW, ROLE_YARDSTICK, Scores, kind_of
-from simbench.bench.statistics import area, auc, dense_ranks, wilson
+from simbench.bench.score.result import ALL, FRONT, RAW, ROLE_YARDSTICK, UNDECIDED, Scores, kind_of
+from simbench.bench.statistics import area, auc, dense_ranks, rate, wilson
 from simbench.bench.store.reading import CODES, TRUTHS, Book
 from simbench.bench.store.tables import AXES
 
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
 PROCESSES = {ALL: None, "self-regulating": "foptd", "integrating": "integrating"}
 # rates with Wilson intervals, in the order they are shown
 RATES = ("accuracy_applicable", "accuracy_decided", "no_decision", "found", "false_alarms", "accuracy_all")
+LEFT_OUT = ("entrained", "unclear")
 YARDSTICKS = {"always no": CODES[NO_STICTION], "always yes": CODES[STICTION]}
 COVERED = 0.95  # of a block's loops: a method made for fewer has no rank there
 
@@ -37,9 +40,10 @@ class Answers(NamedTuple):
     applies: np.ndarray
     failed: np.ndarray
     runtime: np.ndarray
+    home: str = "no"
 
 
-def score_run(folder: str | Path, raw: bool = False) -> Scores:
+def score_run(folder: str | Path, raw: bool = False, undecided: float = UNDECIDED) -> Scores:
     """Score a finished run.
 
     Parameters
@@ -48,6 +52,8 @@ def score_run(folder: str | Path, raw: bool = False) -> Scores:
         Of the run.
     raw : bool
         Show the scores without the oscillation front end first.
+    undecided : float
+        Cost of no decision; an error costs 1. Methods are ranked by their mean cost.
 
     Returns
     -------
@@ -58,30 +64,32 @@ def score_run(folder: str | Path, raw: bool = False) -> Scores:
     RunError
         When there is no finished run.
     """
-    return score_book(Book.read(folder), raw)
+    return score_book(Book.read(folder), raw, undecided)
 
 
-def score_book(book: Book, raw: bool = False) -> Scores:
+def score_book(book: Book, raw: bool = False, undecided: float = UNDECIDED) -> Scores:
     """Score a run that is in memory; see `score_run`."""
-    rows, by_axis, standing = [], [], {}
+    rows, by_axis, standing, left_out = [], [], {}, []
+    told = blind_answers(book)
     for mode in (FRONT, RAW):
         # the order of the scores is all that counts, and found once
-        everyone = [a._replace(score=dense_ranks(a.score)) for a in answers_of(book, mode)]
+        everyone = [a._replace(score=dense_ranks(a.score)) for a in (*answers_of(book, mode), told)]
+        left_out += _left_out(book, mode, everyone)
         for truth in TRUTHS:
             for process, name in PROCESSES.items():
                 here = np.ones(book.ids.size, dtype=bool) if name is None else book.axes["process"] == name
                 place = {"truth": truth, "mode": mode, "front_end": mode == FRONT, "process": process}
                 block = _block(book, truth, here, place)
-                found = [_row(block, a) for a in everyone]
-                standing[truth, mode, process] = _rank(block, everyone, found)
+                found = [_row(block, a, undecided) for a in everyone]
+                standing[truth, mode, process] = _rank(block, everyone, found, undecided)
                 rows += found
         for axis in AXES:
             for value, chosen in axis_values(book, axis):
                 place = {"axis": axis, "value": value, "truth": "cycled", "mode": mode, "front_end": mode == FRONT}
                 block = _block(book, "cycled", chosen, place)
-                by_axis += [_row(block, a, interval=False) for a in everyone]
+                by_axis += [_row(block, a, undecided, interval=False) for a in everyone]
     frames = [_frame(part, {"axis": "", "value": "", **rows[0]}) for part in (rows, by_axis)]
-    return Scores(*frames, _disagreement(book), standing, book.manifest, RAW if raw else FRONT)
+    return Scores(*frames, _disagreement(book), _frame(left_out, {}), standing, book.manifest, RAW if raw else FRONT, undecided)
 
 
 def _frame(rows: list[dict[str, Any]], example: dict[str, Any]) -> pd.DataFrame:
@@ -111,12 +119,32 @@ def answers_of(book: Book, mode: str = FRONT) -> Iterator[Answers]:
         about = book.manifest["methods"][method]
         applies = book.applicable[i] != 0
         yield Answers(
-            method, about["role"], about["needs_mv"], verdicts[i], scores[i], applies, book.failed[i], book.runtime[i]
-        )
+            method, about["role"], about["needs_mv"], verdicts[i], scores[i], applies, book.failed[i], book.runtime[i],
+            home_of(about.get("fitted_on", ()), book),
+        )  # fmt: skip
     nothing = np.zeros(book.ids.size)
     for name, code in YARDSTICKS.items():
         said = np.full(book.ids.size, code)
         yield Answers(name, ROLE_YARDSTICK, False, said, nothing, nothing == 0, nothing != 0, nothing)
+
+
+def home_of(fitted_on: Iterable[str], book: Book) -> str:
+    """Return whether a method's constants were fitted to this grid ("fitted here"), to one with the same blocks, or "no"."""
+    known = [name for name in fitted_on if name in grid_names()]
+    blocks = {block.name for name in known for block in load_grid(name).content.block}
+    if book.manifest["grid"] in known:
+        return "fitted here"
+    return "siblings" if blocks & set(book.axes["block"]) else "no"
+
+
+def blind_answers(book: Book) -> Answers:
+    """Return what a classifier says that knows sampling, length, noise and process of an oscillating loop, and no signal."""
+    known = book.oscillating & (book.truth["cycled"] >= 0)
+    chance = np.full(book.ids.size, -np.inf)  # behind the front end, as all others
+    chance[book.oscillating] = 0.5
+    chance[known] = out_of_fold(book.design[known], book.truth["cycled"][known] == 1, book.groups[known])
+    said, nothing = (chance > 0.5).astype(np.int8), np.zeros(book.ids.size)
+    return Answers("blind classifier", ROLE_YARDSTICK, False, said, chance, nothing == 0, nothing != 0, nothing)
 
 
 def axis_values(book: Book, axis: str) -> Iterator[tuple[str, np.ndarray]]:
@@ -131,24 +159,27 @@ def axis_values(book: Book, axis: str) -> Iterator[tuple[str, np.ndarray]]:
 
 
 class _Block(NamedTuple):
-    """The loops of one row: how many, which of them have the truth asked for, and which of these are positive."""
+    """The loops of one row: how many, which have the truth asked for, and of these which are positive, in what group, fold."""
 
     place: dict[str, Any]
     size: int
     use: np.ndarray
     positive: np.ndarray
+    groups: np.ndarray
+    folds: np.ndarray
 
 
 def _block(book: Book, truth: str, chosen: np.ndarray, place: dict[str, Any]) -> _Block:
     use = np.flatnonzero(chosen & (book.truth[truth] >= 0))
-    return _Block(place, int(chosen.sum()), use, book.truth[truth][use] == 1)
+    groups = book.groups[use]
+    return _Block(place, int(chosen.sum()), use, book.truth[truth][use] == 1, groups, folds_of(groups))
 
 
-def _row(block: _Block, a: Answers, interval: bool = True) -> dict[str, Any]:
+def _row(block: _Block, a: Answers, cost: float, interval: bool = True) -> dict[str, Any]:
     use, applies, positive = block.use, a.applies[block.use], block.positive
-    here = use
+    here, groups, folds = use, block.groups, block.folds
     if not applies.all():
-        here, positive = use[applies], positive[applies]
+        here, positive, groups, folds = use[applies], positive[applies], groups[applies], folds[applies]
     said = a.said[here]
     n, m, p, right = use.size, said.size, int(positive.sum()), int((said == positive).sum())
     undecided = int((said == CODES["no_decision"]).sum())
@@ -156,13 +187,18 @@ def _row(block: _Block, a: Answers, interval: bool = True) -> dict[str, Any]:
     found = int((yes & positive).sum())
     # where a method does not apply it does not decide: nothing right is added
     of = ((right, m), (right, m - undecided), (undecided, m), (found, p), (int(yes.sum()) - found, m - p), (right, n))
-    row: dict[str, Any] = {"method": a.method, **block.place, "role": a.role, "sees_mv": a.sees_mv}
+    row: dict[str, Any] = {"method": a.method, **block.place, "role": a.role, "sees_mv": a.sees_mv, "home": a.home}
     row.update(n=n, n_all=block.size, positives=int(block.positive.sum()), applicable=m)
     lo, hi = (bound.tolist() for bound in wilson(*zip(*of, strict=True)))
     for name, (hits, trials), *ends in zip(RATES, of, lo, hi, strict=True):
         row[name] = hits / trials if trials else math.nan
         row[f"{name}_lo"], row[f"{name}_hi"] = ends
+    row["cost"], row["cost_lo"], row["cost_hi"] = _mean_of_groups(1.0 - _earned(said, positive, cost), groups)
     score = a.score[here]
+    if interval:
+        ends = rate(found_at(score, positive, folds), p) if 0 < p < m else rate(0, 0)
+        row["found_at_5"], row["found_at_5_lo"], row["found_at_5_hi"] = ends
+        row["risk_coverage"] = float(risk_coverage(score, positive, folds).mean()) if m else math.nan
     if not (known := score >= 0).all():
         score, positive = score[known], positive[known]
     row["scored"] = score.size
@@ -175,7 +211,41 @@ def _row(block: _Block, a: Answers, interval: bool = True) -> dict[str, Any]:
     return row
 
 
-def _rank(block: _Block, everyone: list[Answers], rows: list[dict[str, Any]]) -> Ranks:
+def _earned(said: np.ndarray, positive: np.ndarray, cost: float) -> np.ndarray:
+    """Return 1 where right, 0 where wrong, and 1 less its cost where nothing was decided."""
+    return np.where(said == CODES["no_decision"], 1.0 - cost, said == positive)
+
+
+def _mean_of_groups(values: np.ndarray, groups: np.ndarray) -> tuple[float, float, float]:
+    """Return a mean with its 95 % interval; values of one group hang together."""
+    if not values.size:
+        return math.nan, 0.0, 1.0
+    mean = float(values.mean())
+    shares = np.bincount(np.unique(groups, return_inverse=True)[1], values - mean)
+    # one value of 0 and one of 1 added: few loops that all cost the same do not show the cost exactly
+    variance = max(float(shares @ shares) / values.size, float(np.var(np.r_[values, 0.0, 1.0])))
+    half = 1.96 * math.sqrt(variance / values.size)
+    return mean, max(mean - half, 0.0), min(mean + half, 1.0)
+
+
+def _left_out(book: Book, mode: str, everyone: list[Answers]) -> list[dict[str, Any]]:
+    """Count what every method says of loops that no score against `cycled` holds, and of those it does not apply to."""
+    rows = []
+    for a in everyone:
+        known = book.truth["cycled"] >= 0
+        kinds = {word: (book.truth["cycled_word"] == word) & a.applies for word in LEFT_OUT}
+        for of, chosen in {**kinds, "does not apply": known & ~a.applies}.items():
+            n = int(chosen.sum())
+            row: dict[str, Any] = {"method": a.method, "mode": mode, "role": a.role, "of": of, "n": n}
+            for word, code in CODES.items():
+                said = int((a.said[chosen] == code).sum())
+                row[word] = said / n if n else math.nan
+                row[f"{word}_lo"], row[f"{word}_hi"] = map(float, wilson(said, n))
+            rows.append(row)
+    return rows
+
+
+def _rank(block: _Block, everyone: list[Answers], rows: list[dict[str, Any]], cost: float) -> Ranks:
     """Write a rank into each row of a block: methods that see MV among themselves, yardsticks and partial ones not at all."""
     use, standing = block.use, []
     for row in rows:
@@ -184,8 +254,8 @@ def _rank(block: _Block, everyone: list[Answers], rows: list[dict[str, Any]]) ->
         mine = [k for k, a in enumerate(everyone) if kind_of(a.role, a.sees_mv) == kind]
         # a rank compares methods on the same loops
         members = [k for k in mine if rows[k]["applicable"] >= COVERED * max(rows[k]["n"], 1)]
-        right = np.array([(everyone[k].said[use] == block.positive) & everyone[k].applies[use] for k in members], dtype=bool)
-        standing.append(rank_methods(right.reshape(len(members), use.size)))
+        earned = [_earned(everyone[k].said[use], block.positive, cost) * everyone[k].applies[use] for k in members]
+        standing.append(rank_methods(np.reshape(earned, (len(members), use.size)), block.groups))
         for k, rank in zip(members, standing[-1].rank, strict=True):
             rows[k]["rank"] = int(rank)
     return standing[0] if standing[0].rank.size else standing[1]

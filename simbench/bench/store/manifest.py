@@ -20,7 +20,7 @@ MANIFEST = "manifest.json"
 BINDING = ("format", "grid_hash", "methods", "front_end", "thresholds", "plugins", "until_width", "code", "versions")
 LIBRARIES = ("stiction-simbench", "numpy", "scipy", "numba", "scikit-learn", "dtaidistance")
 
-# files of this folder that decide what the tables hold
+# files of this room that decide what the tables hold
 DECISIVE = ("motion", "oracle", "resolve", "tables", "truth", "work")
 
 
@@ -119,7 +119,7 @@ def code_hash() -> str:
     ours = Path(simbench.__path__[0])
     rooms = [Path(detectors.__path__[0]), Path(scenarios.__path__[0]), ours / "loop", ours / "theory", ours / "gap" / "effects"]
     files = [file for room in rooms for file in sorted(room.rglob("*.py"))]
-    for file in files + [ours / "bench" / f"{name}.py" for name in DECISIVE]:
+    for file in files + [f for f in sorted((ours / "bench").rglob("*.py")) if f.stem in DECISIVE]:
         digest.update(file.name.encode())
         digest.update(file.read_bytes())
     return digest.hexdigest()[:16]

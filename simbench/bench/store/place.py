@@ -6,7 +6,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-from detectors.errors import nearest
+from detectors.errors import masked, nearest
 from simbench.files import URL, FileError, whole_file
 from simbench.files import folder as make_folder
 
@@ -22,6 +22,7 @@ class Place:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
+        self.url = str(folder)  # what names it to `place_of`, passwords and all
 
     def __str__(self) -> str:
         return str(self._folder)
@@ -51,6 +52,9 @@ class Place:
         folder = self._folder / sub
         return sorted(f.name for f in folder.iterdir() if not f.name.startswith(".")) if folder.is_dir() else []
 
+    def refuse_unkept(self) -> None:
+        """Raise FileError where what is written cannot be listed and read back; a folder of this machine can."""
+
     def remove(self, sub: str) -> None:
         """Remove a folder and all in it, if it is there."""
         shutil.rmtree(self._folder / sub, ignore_errors=True)
@@ -76,18 +80,18 @@ class RemotePlace(Place):
         import fsspec
         from fsspec.registry import available_protocols
 
-        self._url = f"{scheme}://{path.rstrip('/')}"
+        self.url = f"{scheme}://{path.rstrip('/')}"
         if scheme not in available_protocols():
-            raise FileError(
-                f"{self._url} cannot be written: scheme {scheme!r} is unknown: {nearest(scheme, available_protocols())}"
-            )
+            raise FileError(f"{self} cannot be written: scheme {scheme!r} is unknown: {nearest(scheme, available_protocols())}")
         try:
-            self._files, self._root = fsspec.core.url_to_fs(self._url)
+            self._files, self._root = fsspec.core.url_to_fs(self.url)
         except Exception as error:  # each scheme's own library has its own errors
-            raise FileError(f"{self._url} cannot be reached: {_said(error)}") from None
+            # one that only stands in front of another
+            said = "it is no place by itself" if isinstance(error, (TypeError, AttributeError)) else _said(error)
+            raise FileError(f"{self} cannot be reached: {said}; a place that can be written is needed") from None
 
     def __str__(self) -> str:
-        return self._url
+        return masked(self.url)
 
     @property
     def local(self) -> None:
@@ -104,7 +108,7 @@ class RemotePlace(Place):
         except FileNotFoundError:
             raise
         except Exception as error:
-            raise FileError(f"{self._url}/{name}: {what} failed: {_said(error)}") from None
+            raise FileError(f"{self}/{name}: {what} failed: {_said(error)}") from None
 
     def read(self, name: str) -> bytes:
         """Return a file's content; raises OSError."""
@@ -114,7 +118,7 @@ class RemotePlace(Place):
         """Write a file; raises FileError."""
         try:
             self._do("pipe_file", name, content)
-        except FileNotFoundError:  # where folders are not made by writing into them
+        except (FileNotFoundError, FileError):  # where folders are not made by writing into them
             self._do("makedirs", name.rpartition("/")[0], True)
             self._do("pipe_file", name, content)
 
@@ -128,6 +132,19 @@ class RemotePlace(Place):
             return []
         names = (path.rstrip("/").rsplit("/", 1)[-1] for path in found)
         return sorted(n for n in names if not n.startswith("."))
+
+    def refuse_unkept(self) -> None:
+        """Raise FileError where what is written cannot be listed, read back and removed, before anything is simulated."""
+        try:
+            self.write("trial/whole", b"whole")
+            kept = self.names("trial") == ["whole"] and self.read("trial/whole") == b"whole"
+            self.remove("trial")
+            if kept and not self.names("trial"):
+                return
+            why = "what is written there reads back otherwise"
+        except OSError as error:
+            why = str(error)
+        raise FileError(f"{self} keeps no run ({why}); a place that can be written, listed and read is needed")
 
     def remove(self, sub: str) -> None:
         """Remove a folder and all in it, if it is there."""
@@ -164,10 +181,10 @@ def place_of(path: str | Path | Place) -> Place:
     url = URL.match(str(path))
     if url is None:
         return Place(Path(path))
-    if url[1] == "file":
+    if url[1] in ("file", "local"):
         return Place(Path(f"/{url[2]}"))
     return RemotePlace(url[1], url[2])
 
 
 def _said(error: Exception) -> str:
-    return " ".join(str(error).split()) or type(error).__name__
+    return masked(" ".join(str(error).split())) or type(error).__name__

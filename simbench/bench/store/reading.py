@@ -128,6 +128,10 @@ class Book:
         sticky, predicted, cycled: 1 positive, 0 negative, -1 left out; `cycled_word` holds the four words.
     oscillating : ndarray of bool, shape (n,)
         What the common front end said.
+    groups : ndarray of int, shape (n,)
+        Cell and repeat: the siblings of one group share plant, noise and set point.
+    design : ndarray, shape (n, 6)
+        What is known of a loop without its signals, as `simbench.bench.score.folds.BLIND` names it.
     methods : tuple of str
         Method ids.
     verdict, verdict_raw : ndarray of int8, shape (m, n)
@@ -149,6 +153,8 @@ class Book:
     axes: dict[str, np.ndarray]
     truth: dict[str, np.ndarray]
     oscillating: np.ndarray
+    groups: np.ndarray
+    design: np.ndarray
     methods: tuple[str, ...]
     verdict: np.ndarray
     verdict_raw: np.ndarray
@@ -191,7 +197,9 @@ def _scenario_columns(place: Place, manifest: Mapping[str, Any]) -> dict[str, An
     axes: dict[str, np.ndarray] = {a: np.empty(n, dtype=object if a in WORDS else float) for a in (*WORDS, *NUMBERS)}
     truth = {t: np.empty(n, dtype=np.int8) for t in TRUTHS}
     oscillating, places = np.empty(n, dtype=bool), [np.empty(0, dtype="S")]
-    columns = ["scenario_id", "record_hash", "cell", "repeat", *axes, *TRUTHS, "oscillating"]
+    groups, design = np.empty(n, dtype=np.int64), np.empty((n, 6))
+    sampling = ("period_s", "n", "Ts", "noise_std")
+    columns = ["scenario_id", "record_hash", "cell", "repeat", "group", *axes, *TRUTHS, "oscillating", *sampling]
     for rows, part in _sliced(place, manifest, "scenarios", columns, n):
         ids[rows], hashes[rows] = _ids(part.column("scenario_id")), _ids(part.column("record_hash"))
         for name in WORDS:
@@ -205,10 +213,15 @@ def _scenario_columns(place: Place, manifest: Mapping[str, Any]) -> dict[str, An
         places.append(np.array(joined.to_pylist(), dtype="S"))
         cycled[rows] = _words(part.column("cycled"))
         oscillating[rows] = _flags(part.column("oscillating")) == 1
+        groups[rows] = part.column("group").to_numpy()
+        period, length, Ts, noise = (part.column(c).to_numpy(zero_copy_only=False).astype(float) for c in sampling)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            whole = (period / Ts, length * Ts / period, length, Ts, noise, axes["process"][rows] == "integrating")
+        design[rows] = np.column_stack(whole)
     truth["cycled"][:] = np.select([cycled == "yes", cycled == "no"], [1, 0], -1)
     truth["cycled_word"] = cycled
     marks = {"ids": ids, "hashes": hashes, "places": np.concatenate(places)}
-    return {**marks, "axes": axes, "truth": truth, "oscillating": oscillating}
+    return {**marks, "axes": axes, "truth": truth, "oscillating": oscillating, "groups": groups, "design": design}
 
 
 def _verdict_columns(place: Place, manifest: Mapping[str, Any], ids: np.ndarray) -> dict[str, np.ndarray]:

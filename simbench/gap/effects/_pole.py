@@ -11,8 +11,6 @@ from simbench.gap.likelihood.model import Fit, Spec
 from simbench.gap.likelihood.search import plants
 from simbench.gap.situation import Situation
 
-GROUP = "one more series pole"  # MV separates a valve's, noise smoothed by the filter a sensor's
-
 
 def pole(where: str) -> Callable[[Engine, Fit], tuple[Fit, float]]:
     """Return the fit with one more series pole in the valve, the plant or the sensor."""

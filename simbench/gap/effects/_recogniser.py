@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from simbench.gap.effects._smallest import Probe
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit
 from simbench.gap.likelihood.valve_map import MapSearch
-from simbench.gap.situation import Circumstances, Situation
+from simbench.gap.situation import Situation
 
 Parameters = dict[str, float | str]
 NOT_TRIED = -10.0  # nats of an effect for which nothing could speak
@@ -70,10 +70,6 @@ class Recogniser:
         Offset of OP (%) that starts a cycle: a sticky loop left at rest may stay there.
     lead : function (parameters, half, K) -> float
         How far (%) OP's mean over the record lies from where the record began; `half` of the record in s, K of the plant.
-    alike : mapping of str to function (Circumstances) -> bool
-        Groups of effects that signals cannot tell apart, by a name all members share, and when this effect belongs to them.
-    traits : function (parameters, plant, noise) -> dict
-        What the effect adds to the circumstances; plant is the loop file's table, noise the stated std.
     smallest : function (Probe) -> (float, unit) or None
         The size that would have shown in this record.
     draw : function (Yardstick, rng) -> Size, optional
@@ -104,8 +100,6 @@ class Recogniser:
     replaces: str = ""
     kick: Callable[[Mapping[str, float | str]], float] = lambda p: 0.0
     lead: Callable[[Mapping[str, float | str], float, float], float] = lambda p, half, K: 0.0
-    alike: Mapping[str, Callable[[Circumstances], bool]] = field(default_factory=dict)
-    traits: Callable[[Mapping[str, float | str], Mapping[str, float | str], float], dict] = lambda p, plant, noise: {}
     smallest: Callable[[Probe], tuple[float, str] | None] = lambda probe: None
     draw: Callable[[Yardstick, np.random.Generator], Size] | None = None
 

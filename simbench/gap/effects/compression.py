@@ -14,7 +14,7 @@ def draw(y: Yardstick, rng: np.random.Generator) -> Size:
 
 
 RECOGNISER = Recogniser(
-    proven=lambda s: {"band": s.archive.thinning} if s.archive.thinning > 0.0 else None,
-    claims="thinning",
+    proven=lambda s: {"band": s.archive.band} if s.archive.band > 0.0 else None,
+    claims="band",
     draw=draw,
 )

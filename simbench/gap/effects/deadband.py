@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from simbench.gap.effects._draw import Size, Yardstick, between
-from simbench.gap.effects._friction import jitter_hides_the_jump
 from simbench.gap.effects._recogniser import Recogniser, clip
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
@@ -30,8 +29,6 @@ RECOGNISER = Recogniser(
     by_mv=lambda search: search.zoom(kernels.PLAY, ("S",), [(s, 0.0) for s in search.sizes], 1.0),
     band=lambda p: float(p["S"]),
     bends_plant=True,
-    alike={"friction": jitter_hides_the_jump},
-    traits=lambda p, plant, noise: {"slip": 0.0},
     smallest=lambda probe: probe.band(kernels.PLAY),
     draw=draw,
 )

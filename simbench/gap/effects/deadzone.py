@@ -43,6 +43,5 @@ RECOGNISER = Recogniser(
     numbers=numbers,
     by_mv=by_mv,
     needs="plant",
-    alike={"local gain": lambda c: not c.sp_moves and not c.mv},
     draw=draw,
 )

@@ -6,10 +6,9 @@ import numpy as np
 
 from simbench.gap.effects._draw import Size, Yardstick, between
 from simbench.gap.effects._recogniser import Parameters, Recogniser
-from simbench.gap.effects._slow import LINEAR, ramp, slow, traits
 from simbench.gap.effects._smallest import Probe
 from simbench.gap.likelihood.engine import Engine
-from simbench.gap.likelihood.model import Fit, Spec
+from simbench.gap.likelihood.model import LINEAR, Fit, Spec
 from simbench.gap.situation import Situation
 
 
@@ -52,8 +51,6 @@ RECOGNISER = Recogniser(
     numbers=numbers,
     # the controller moves OP against a ramp that it takes for PV
     lead=lambda p, half, K: float(p["rate"]) * half / K,
-    alike={"slow": slow, "ramp": ramp},
-    traits=lambda p, plant, noise: traits(p, plant, noise, at_input=False),
     smallest=smallest,
     draw=draw,
 )

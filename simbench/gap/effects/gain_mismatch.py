@@ -22,9 +22,5 @@ RECOGNISER = Recogniser(
     needs="plant",
     bends_plant=True,
     replaces="K",
-    alike={
-        "local gain": lambda c: not c.sp_moves and not c.mv,
-        "gain over time constant": lambda c: not c.sp_moves and not c.integrating,
-    },
     draw=_draw.ratio(6.0),
 )

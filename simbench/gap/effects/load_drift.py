@@ -6,10 +6,9 @@ import numpy as np
 
 from simbench.gap.effects._draw import Size, Yardstick, between
 from simbench.gap.effects._recogniser import Parameters, Recogniser
-from simbench.gap.effects._slow import LINEAR, ramp, slow, traits
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
-from simbench.gap.likelihood.model import Fit, Spec, input_gain
+from simbench.gap.likelihood.model import LINEAR, Fit, Spec, input_gain
 from simbench.gap.situation import Situation
 
 
@@ -43,7 +42,5 @@ RECOGNISER = Recogniser(
     numbers=numbers,
     bends_plant=True,
     lead=lambda p, half, K: float(p["rate"]) * half,
-    alike={"slow": slow, "ramp": ramp},
-    traits=lambda p, plant, noise: traits(p, plant, noise, at_input=True),
     draw=draw,
 )

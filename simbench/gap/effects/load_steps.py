@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +10,6 @@ from scipy.special import gammaln
 
 from simbench.gap.effects._draw import Size, Yardstick, between
 from simbench.gap.effects._recogniser import Parameters, Recogniser, clip
-from simbench.gap.effects._slow import slow
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, Spec, input_gain, lag_of, size_penalty
@@ -126,12 +124,6 @@ def ordinary(fit: Fit, base: Fit) -> bool:
     return alone or small or not fit.spec.lasting
 
 
-def traits(p: Mapping, plant: Mapping, noise: float) -> dict[str, bool]:
-    """Return whether a jump moves PV by less than the noise."""
-    known = plant.get("T") is not None and "size" in p
-    return {"slow": abs(float(plant["K"])) * abs(float(p["size"])) < noise} if known else {}
-
-
 def draw(y: Yardstick, rng: np.random.Generator) -> Size:
     """Draw how many."""
     rate = float(rng.uniform(4, 25)) / y.seconds
@@ -144,7 +136,5 @@ RECOGNISER = Recogniser(
     ordinary=ordinary,
     bends_plant=True,
     leaves_traces=True,
-    alike={"slow": slow},
-    traits=traits,
     draw=draw,
 )

@@ -43,8 +43,8 @@ def draw(y: Yardstick, rng: np.random.Generator) -> Size:
 RECOGNISER = Recogniser(
     fit=fit,
     numbers=numbers,
-    # rounding and thinning make a noise of their own
-    drowned=lambda s: s.archive.rounding is not None or s.archive.thinning > 0.0,
+    # rounding and compression make a noise of their own
+    drowned=lambda s: s.archive.rounding is not None or s.archive.band > 0.0,
     needs="plant",
     smallest=lambda probe: None if probe.engine.data.noise == 0 else probe.factor("noise_std"),
     draw=draw,

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from simbench.gap.effects import _draw
-from simbench.gap.effects._pole import GROUP, pole, tau
+from simbench.gap.effects._pole import pole, tau
 from simbench.gap.effects._recogniser import Recogniser
 
 RECOGNISER = Recogniser(
     fit=pole("sensor"),
     numbers=tau,
     needs="plant",
-    alike={GROUP: lambda c: not c.noise_shows},
     smallest=lambda probe: probe.pole("sensor"),
     draw=_draw.lag,
 )

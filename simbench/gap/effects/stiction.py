@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from simbench.gap.effects._draw import Size, Yardstick, between
-from simbench.gap.effects._friction import jitter_hides_the_jump
 from simbench.gap.effects._recogniser import Parameters, Recogniser, clip
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
@@ -58,8 +57,6 @@ RECOGNISER = Recogniser(
     bends_plant=True,
     leaves_traces=True,
     kick=lambda p: float(p["S"]),
-    alike={"friction": jitter_hides_the_jump},
-    traits=lambda p, plant, noise: {"slip": float(p["J"])} if "J" in p else {},
     smallest=lambda probe: probe.band(kernels.STICK),
     draw=draw,
 )

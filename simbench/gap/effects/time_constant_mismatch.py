@@ -13,7 +13,6 @@ RECOGNISER = Recogniser(
     needs="plant",
     bends_plant=True,
     replaces="T",
-    alike={"gain over time constant": lambda c: not c.sp_moves and not c.integrating},
     smallest=lambda probe: None if probe.engine.data.T == 0 else probe.factor("T"),
     draw=_draw.ratio(8.0),
 )

@@ -47,7 +47,6 @@ RECOGNISER = Recogniser(
     numbers=lambda fit, s: {"R": clip(fit.theta["R"], 0.01, 100.0)},
     by_mv=by_mv,
     needs="plant",
-    alike={"local gain": lambda c: not c.sp_moves and not c.mv},
     smallest=smallest,
     draw=draw,
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from simbench.gap.effects import _draw
-from simbench.gap.effects._pole import GROUP, pole, tau
+from simbench.gap.effects._pole import pole, tau
 from simbench.gap.effects._recogniser import Recogniser
 from simbench.gap.likelihood.valve_map import Found, MapSearch, lagged
 
@@ -22,7 +22,6 @@ RECOGNISER = Recogniser(
     numbers=tau,
     by_mv=by_mv,
     needs="plant",
-    alike={GROUP: lambda c: not c.mv},
     smallest=lambda probe: probe.pole("valve"),
     draw=_draw.lag,
 )

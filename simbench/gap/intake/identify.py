@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from detectors.errors import RecordError
@@ -39,15 +41,15 @@ def identify(record: LoopRecord, plant: Plant | None = None, controller: Control
     -----
     Not a model to design a controller with: in closed loop and without excitation K and T are known only as K/T.
     """
-    op = record.op if record.op_percent is None else record.op_percent
-    noise, law = 0.0, _law(record, op, 1.0 if plant is None else float(np.sign(plant.K)))
+    it = _Unidentified(record)
+    noise, law = 0.0, it.law(1.0 if plant is None else float(np.sign(plant.K)))
     if plant is None:
         # friction and feedback turn the sign of a plant; what OP does about PV shows the controller's direction
         shown = float(np.sign(law.Kc)) if law.residual < HALF and np.isfinite(law.Kc) else 0.0
-        plant, noise = _identified_plant(record, op, shown if controller is None else controller.sign)
+        plant, noise = it.plant(shown if controller is None else controller.sign)
     if controller is None:
         sign = 1.0 if plant.K > 0 else -1.0
-        controller = _controller(law if law.known else _law(record, op, sign), record, op, sign)
+        controller = it.controller(law if law.known else it.law(sign), sign)
     return Loop(plant=plant, controller=controller, sampling=Sampling(Ts=record.Ts, n=record.n), noise=Noise(std=noise))
 
 
@@ -62,59 +64,71 @@ def exact_controller(record: LoopRecord) -> Controller | None:
     -------
     Controller or None
     """
-    op = record.op if record.op_percent is None else record.op_percent
-    law = _law(record, op, 1.0)
-    return _controller(law, record, op, float(np.sign(law.Kc))) if law.known and np.isfinite(law.Kc) and law.Kc else None
+    it = _Unidentified(record)
+    law = it.law(1.0)
+    return it.controller(law, float(np.sign(law.Kc))) if law.known and np.isfinite(law.Kc) and law.Kc else None
 
 
-def _identified_plant(record: LoopRecord, op: np.ndarray, sign: float) -> tuple[Plant, float]:
-    """Return the plant, its gain of a sign where that is not 0, and the standard deviation of the noise."""
-    samples = inspect_samples(record.pv, record.op)
-    pv = cleaned(np.asarray(record.pv), samples.spikes)
-    u = np.ascontiguousarray(op if record.mv is None else record.mv, dtype=float)
-    integrating, fit = _plant(record, u, pv, samples.digits, sign)
-    K = sign * abs(fit.K) if sign else fit.K
-    if not (np.isfinite(K) and K != 0.0):
-        where = f"record {record.tag!r}" if record.tag else "record"
-        raise RecordError(f"{where}: no plant can be identified: PV does not answer to OP (K = {K:g})")
-    dead, noise = fit.theta["Td"] * record.Ts, fit.theta["noise_std"]
-    if integrating:
-        return Plant(type="integrating", K=K / record.Ts, Td=dead), noise
-    return Plant(type="foptd", K=K, T=fit.theta["T"] * record.Ts, Td=dead), noise
+@dataclass(frozen=True, eq=False)
+class _Unidentified:
+    """A record of whose loop nothing is known yet; OP in % where its span is known."""
 
+    record: LoopRecord
 
-def _law(record: LoopRecord, op: np.ndarray, sign: float) -> Law:
-    rough, slow = _rough_gain(op, np.asarray(record.pv)), 20.0 * record.Ts
-    return examine_law(op, np.asarray(record.pv), record.sp, record.Ts, sign * rough, slow, trusted=False)
+    @property
+    def op(self) -> np.ndarray:
+        return self.record.op if self.record.op_percent is None else self.record.op_percent
 
+    @property
+    def rough_gain(self) -> float:
+        change = float(np.std(np.diff(np.asarray(self.record.pv))))
+        return float(np.std(np.diff(self.op))) / change if change > 0 else 1.0
 
-def _controller(law: Law, record: LoopRecord, op: np.ndarray, sign: float) -> Controller:
-    Kc = abs(law.Kc) if np.isfinite(law.Kc) and law.Kc != 0 else _rough_gain(op, np.asarray(record.pv))
-    direction = "reverse" if sign > 0 else "direct"
-    if law.known and np.isinf(law.Ti):
-        return Controller(type="P", Kc=Kc, direction=direction)
-    Ti = law.Ti if np.isfinite(law.Ti) and law.Ti > 0 else 20.0 * record.Ts
-    return Controller(type="PI", Kc=Kc, Ti=Ti, direction=direction)
+    def law(self, sign: float) -> Law:
+        r = self.record
+        return examine_law(self.op, np.asarray(r.pv), r.sp, r.Ts, sign * self.rough_gain, 20.0 * r.Ts, trusted=False)
 
+    def controller(self, law: Law, sign: float) -> Controller:
+        Kc = abs(law.Kc) if np.isfinite(law.Kc) and law.Kc != 0 else self.rough_gain
+        direction = "reverse" if sign > 0 else "direct"
+        if law.known and np.isinf(law.Ti):
+            return Controller(type="P", Kc=Kc, direction=direction)
+        Ti = law.Ti if np.isfinite(law.Ti) and law.Ti > 0 else 20.0 * self.record.Ts
+        return Controller(type="PI", Kc=Kc, Ti=Ti, direction=direction)
 
-def _plant(record: LoopRecord, u: np.ndarray, pv: np.ndarray, resolution: float, sign: float) -> tuple[bool, Fit]:
-    """Return whether the plant integrates, and its fit; an unknown process is the likelier one, friction allowed to both."""
-    if record.process is not None:
-        integrating = record.process == "integrating"
-        return integrating, fit_plant(u, pv, integrating, resolution, sign)
-    fits, score = {}, {}
-    for integrating in (False, True):
-        fit = fits[integrating] = fit_plant(u, pv, integrating, resolution, sign)
-        # a time constant is one number more to fit
-        score[integrating] = fit.loglik - (0.0 if integrating else size_penalty(record.n, 1.0))
-        if record.mv is None:
-            # behind a valve that rests between its slips any plant looks as if it integrated
-            T = 0.0 if integrating else fit.theta["T"]
-            engine = Engine(Data(u, pv, fit.K, T, fit.theta["Td"], 0.0, resolution, trusted=False), max(0.1 * record.n, 20.0))
-            # a band without a jump tells as much of it as one with, at a fifth of the cost
-            score[integrating] += max(0.0, fit_candidates(engine, fit, [BAND])[BAND].log_likelihood_gain)
-    integrating = score[True] > score[False]
-    return integrating, fits[integrating]
+    def plant(self, sign: float) -> tuple[Plant, float]:
+        """Return the plant, its gain of a sign where that is not 0, and the standard deviation of the noise."""
+        r, samples = self.record, inspect_samples(self.record.pv, self.record.op)
+        u = np.ascontiguousarray(self.op if r.mv is None else r.mv, dtype=float)
+        integrating, fit = self._fit(u, cleaned(np.asarray(r.pv), samples.spikes), samples.digits, sign)
+        K = sign * abs(fit.K) if sign else fit.K
+        if not (np.isfinite(K) and K != 0.0):
+            where = f"record {r.tag!r}" if r.tag else "record"
+            raise RecordError(f"{where}: no plant can be identified: PV does not answer to OP (K = {K:g})")
+        dead, noise = fit.theta["Td"] * r.Ts, fit.theta["noise_std"]
+        if integrating:
+            return Plant(type="integrating", K=K / r.Ts, Td=dead), noise
+        return Plant(type="foptd", K=K, T=fit.theta["T"] * r.Ts, Td=dead), noise
+
+    def _fit(self, u: np.ndarray, pv: np.ndarray, resolution: float, sign: float) -> tuple[bool, Fit]:
+        """Return whether the plant integrates, and its fit; of an unknown process the likelier, friction allowed to both."""
+        r = self.record
+        if r.process is not None:
+            integrating = r.process == "integrating"
+            return integrating, fit_plant(u, pv, integrating, resolution, sign)
+        fits, score = {}, {}
+        for integrating in (False, True):
+            fit = fits[integrating] = fit_plant(u, pv, integrating, resolution, sign)
+            # a time constant is one number more to fit
+            score[integrating] = fit.loglik - (0.0 if integrating else size_penalty(r.n, 1.0))
+            if r.mv is None:
+                # behind a valve that rests between its slips any plant looks as if it integrated
+                T = 0.0 if integrating else fit.theta["T"]
+                engine = Engine(Data(u, pv, fit.K, T, fit.theta["Td"], 0.0, resolution, trusted=False), max(0.1 * r.n, 20.0))
+                # a band without a jump tells as much of it as one with, at a fifth of the cost
+                score[integrating] += max(0.0, fit_candidates(engine, fit, [BAND])[BAND].log_likelihood_gain)
+        integrating = score[True] > score[False]
+        return integrating, fits[integrating]
 
 
 def fit_plant(op: np.ndarray, pv: np.ndarray, integrating: bool, resolution: float, sign: float = 0.0) -> Fit:
@@ -163,8 +177,3 @@ def meaningful(mv: bool, tuned: bool) -> set[str]:
     """
     known = {"", "tuning"} if tuned else {""}
     return {e for e in EFFECTS if recogniser(e).needs in known or (mv and block_of(e) == "valve")}
-
-
-def _rough_gain(op: np.ndarray, pv: np.ndarray) -> float:
-    change = float(np.std(np.diff(pv)))
-    return float(np.std(np.diff(op))) / change if change > 0 else 1.0

@@ -8,12 +8,37 @@ from detectors.errors import RecordError
 from detectors.record import LoopRecord
 from detectors.signal.holds import still
 from simbench.gap.controller.pi_law import Law
+from simbench.gap.intake.observed import Observed
+from simbench.gap.intake.other_loop import refuse_other_controller
 
+SAME_TS = 0.01
 FEWEST = 100  # samples; below this the spread of every statistic swallows the gap
 MOST = 50_000  # samples; beyond this the search takes hours
 NEAR_SHUT = 15.0  # % of mean OP, below which a valve of any characteristic is nearly a factor
 LEVEL = 0.15  # agreement of MV's slope and level, relative, from which both are one factor
 SCALES = {0.16: (3.8, 20.5, "mA"), 0.01: (0.0, 1.0, "a share of 1")}  # of OP, beside %
+
+
+def refuse_unusable(it: Observed) -> None:
+    """Refuse a record that is too short or still, sampled at another pace, in other units, or of another controller."""
+    op, r, control = it.op, it.record, it.baseline.controller
+    refuse_unfit(r, it.where)
+    _refuse_other_pace(it)
+    if r.mv is not None:
+        refuse_mv_units(np.asarray(r.mv), op, it.where)
+    if it.tuned:
+        refuse_op_units(np.asarray(r.op), it.law, it.Kc, control.Ti, it.where)
+        if it.samples.step == 0.0:
+            # what a coarse PV makes of an error can look like any gain
+            refuse_other_controller(it.law, it.Kc, it.where)
+
+
+def _refuse_other_pace(it: Observed) -> None:
+    found, Ts = it.record.Ts, it.baseline.sampling.Ts
+    if abs(found / Ts - 1.0) > SAME_TS:
+        raise RecordError(
+            f"{it.where}: Ts = {found:g} s by its time column, but the baseline says Ts = {Ts:g} s; they must agree within 1 %"
+        )
 
 
 def refuse_mv_units(mv: np.ndarray, op: np.ndarray, where: str) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from detectors.compiled import one_thread
 from detectors.errors import RecordError, UserError
 from detectors.judge import UNFIT
 from detectors.prepared import Prepared
@@ -76,8 +77,6 @@ def friction(record: LoopRecord, loop: Loop | Partial | None = None) -> Friction
 
     Raises a UserError, in one sentence, where the record is unfit, no loop can be identified, or both cannot be compared.
     """
-    from threadpoolctl import threadpool_limits
-
     where = f"record {record.tag!r}" if record.tag else "record"
     refuse_unfit(record, where)
     flags = Prepared(record.blind()).flags
@@ -92,7 +91,7 @@ def friction(record: LoopRecord, loop: Loop | Partial | None = None) -> Friction
     if loop is None and record.mv is None:
         record = unheld(record)
     # thousands of tiny matrices: threads would only wait for each other
-    with threadpool_limits(limits=1):
+    with one_thread():
         # a loop that is known is known at its own sampling, and MV shows a slip where it happens
         slow = at_its_pace(record) if loop is None and record.mv is None else record
         if slow is record:

@@ -31,11 +31,12 @@ ORDER = (
 
 @dataclass(frozen=True)
 class Effect:
-    """An effect's block, its parameters, and its meaning in one line."""
+    """An effect's block, its parameters, its meaning in one line, and the groups (`_alike`) it may be mistaken within."""
 
     block: str
     parameters: Mapping[str, Number | Choice]
     says: str
+    alike: tuple[str, ...] = ()
 
     @property
     def identity(self) -> dict[str, float | str]:
@@ -44,7 +45,10 @@ class Effect:
 
 
 class Vocabulary(Mapping[str, Effect]):
-    """All effects by their id, read from their files when first asked for."""
+    """Effects by their id, read from their files when first asked for: all there are, or `only` those named."""
+
+    def __init__(self, only: tuple[str, ...] = ()) -> None:
+        self._only = only
 
     def __getitem__(self, name: str) -> Effect:
         return self._all[name]
@@ -57,7 +61,7 @@ class Vocabulary(Mapping[str, Effect]):
 
     @cached_property
     def _all(self) -> dict[str, Effect]:
-        names = [*ORDER, *(name for name in PLUGINS.names() if name not in ORDER)]
+        names = self._only or [*ORDER, *(name for name in PLUGINS.names() if name not in ORDER)]
         return {name: _described(PLUGINS.load(name)) for name in names}
 
 
@@ -67,7 +71,8 @@ EFFECTS = Vocabulary()
 def _described(module: ModuleType) -> Effect:
     first = (module.__doc__ or "").strip().partition("\n\n")[0]
     # "Dead-band: backlash between OP and MV." says what the effect is behind its name
-    return Effect(module.BLOCK, module.PARAMETERS, " ".join(first.partition(": ")[2].split()).rstrip("."))
+    says = " ".join(first.partition(": ")[2].split()).rstrip(".")
+    return Effect(module.BLOCK, module.PARAMETERS, says, tuple(getattr(module, "ALIKE", ())))
 
 
 def block_of(effect: str) -> str:

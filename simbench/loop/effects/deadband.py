@@ -13,6 +13,7 @@ PARAMETERS = {
     "S": Number("% of travel", low=0.0, high=100.0, identity=0.0, says="width of the band (offset while moving is S/2)"),
 }
 ACTS = "loop"
+ALIKE = ("friction",)
 
 
 def apply(setup, p, rng):

@@ -16,6 +16,7 @@ PARAMETERS = {
     ),
 }
 ACTS = "loop"
+ALIKE = ("local gain",)
 
 
 def apply(setup, p, rng):

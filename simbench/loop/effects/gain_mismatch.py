@@ -11,6 +11,7 @@ PARAMETERS = {
     "factor": Number("", low=0.05, high=20.0, identity=1.0, says="K of the plant / K of the baseline"),
 }
 ACTS = "loop"
+ALIKE = ("local gain", "gain over time constant")
 
 
 def apply(setup, p, rng):

@@ -15,6 +15,7 @@ PARAMETERS = {
     "walk": Number("%/sqrt(s)", low=0.0, default=0.0, says="random walk beside it"),
 }
 ACTS = "loop"
+ALIKE = ("slow", "ramp")
 
 
 def apply(setup, p, rng):

@@ -14,6 +14,7 @@ PARAMETERS = {
     "size": Number("%", low=0.0, high=100.0, identity=0.0, says="std of the levels about the mean load"),
 }
 ACTS = "loop"
+ALIKE = ("slow",)
 
 
 def apply(setup, p, rng):

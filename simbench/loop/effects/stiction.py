@@ -16,6 +16,7 @@ PARAMETERS = {
     "J": Number("% of travel", low=0.0, high=100.0, identity=0.0, says="slip-jump"),
 }
 ACTS = "loop"
+ALIKE = ("friction",)
 
 
 def apply(setup, p, rng):

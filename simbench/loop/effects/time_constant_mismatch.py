@@ -14,6 +14,7 @@ PARAMETERS = {
     "factor": Number("", low=0.05, high=20.0, identity=1.0, says="T of the plant / T of the baseline"),
 }
 ACTS = "loop"
+ALIKE = ("gain over time constant",)
 
 
 def apply(setup, p, rng):

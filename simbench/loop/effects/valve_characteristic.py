@@ -11,6 +11,7 @@ PARAMETERS = {
     "R": Number("", low=0.01, high=100.0, identity=1.0, says="ratio of the local gains at OP = 100 and OP = 0"),
 }
 ACTS = "loop"
+ALIKE = ("local gain",)
 
 
 def apply(setup, p, rng):

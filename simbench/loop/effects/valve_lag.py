@@ -12,6 +12,7 @@ PARAMETERS = {
     "tau": Number("s", low=0.0, identity=0.0, says="time constant"),
 }
 ACTS = "loop"
+ALIKE = ("series pole",)
 
 
 def apply(setup, p, rng):

@@ -9,7 +9,7 @@ import pandas as pd
 
 from detectors.report.report import score_units
 from detectors.verdict import NO_DECISION, NO_STICTION, PROBABILITY, STICTION, Verdict
-from simbench.files import whole_file
+from simbench.files import write_table
 from simbench.html.page import render
 from simbench.html.svg import inline_svg
 from simbench.plant.episodes import marks
@@ -68,8 +68,7 @@ def write_fleet(fleet: Fleet, path: str | Path, labels: dict[str, dict[str, str]
         parts.append(section("refused", "Left out", points=[f"{n}: {why}" for n, why in fleet.refused.items()]))
     write(path, "A plant's loops", f"{len(fleet.members)} records, the most urgent first", parts)
     beside = Path(path).with_suffix(".csv")
-    with whole_file(beside) as f:
-        frame.to_csv(f, index=False)
+    write_table(frame, beside)
     return beside
 
 

@@ -167,9 +167,7 @@ def _after(run: LoopRecord, ahead: int) -> LoopRecord:
     return run.window(ahead, run.n)
 
 
-def _driven(
-    table: dict[str, Any], a: Around, kind: str, seed: int, ahead: int, rng: np.random.Generator
-) -> dict[str, Any]:
+def _driven(table: dict[str, Any], a: Around, kind: str, seed: int, ahead: int, rng: np.random.Generator) -> dict[str, Any]:
     """Return a sound loop that another one swings as much as the record swings, at about its period."""
     assert a.period is not None
     own = [part | {"amplitude": QUIETER * part["amplitude"]} for part in table["disturbance"]]

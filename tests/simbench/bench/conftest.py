@@ -65,6 +65,8 @@ def make_book(
             "cycled_word": np.array(["unclear", "no", "yes"])[truth + 1],
         },
         oscillating=np.ones(n, dtype=bool),
+        groups=np.arange(n),
+        design=np.ones((n, 6)),
         methods=methods,
         verdict=verdict,
         verdict_raw=verdict,

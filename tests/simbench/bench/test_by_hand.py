@@ -239,7 +239,7 @@ def test_who_is_ranked_with_whom(role, sees_mv, kind):
     [(0.45, 0.55, True), (0.55, 0.5, True), (0.449, 0.5, False), (0.551, 0.5, False), (0.5, 0.551, False)],
 )
 def test_a_grid_is_fair_up_to_and_with_its_bounds(positives, auc, fair):
-    found = Fairness({"yes": 5, "no": 4}, positives, {"a": 0.5, "b": auc})
+    found = Fairness({"yes": 5, "no": 4}, positives, auc, 0.5, {}, 9)
     assert found.fair is fair
     lines = found.as_text().splitlines()
     assert lines[:4] == ["yes       5", "no        4", "entrained 0", "unclear   0"]
@@ -334,10 +334,10 @@ def test_the_commit_is_read_from_a_checkout_on_a_branch_off_it_and_from_a_linked
 
 
 def test_a_piece_adds_up_its_seconds(small, monkeypatch):
-    """Every look at the clock is a second later than the last: settling takes 1 s, truth and verdicts 1 s a scenario each."""
+    """Every look at the clock is a second later than the last: a group is settled and simulated in one stretch."""
     seconds = iter(range(10**6))
     monkeypatch.setattr(work.time, "perf_counter", lambda: float(next(seconds)))
     piece = work.work(small, 0, [0], ["he"])
     assert piece.count == 2
-    assert piece.simulating == 1.0 + piece.count
+    assert piece.simulating == 1.0
     assert 0 < piece.judging < piece.total

@@ -7,15 +7,15 @@ import pandas as pd
 import pytest
 
 from detectors.errors import ParameterError
-from simbench.blind.alike import Facts
 from simbench.blind.claims import true_shrinkages
 from simbench.blind.levels import Share, by_effect, calibration, levels
 from simbench.blind.opening import open_
 from simbench.blind.score import claimed_shrinkage, first_three, judge_record
 from simbench.blind.worlds import own
 from simbench.loop.effects import EFFECTS
+from simbench.loop.effects._alike import Circumstances
 
-FACTS = Facts(integrating=False, sp_moves=True, mv=False)
+FACTS = Circumstances(sp_moves=True)
 GAP = {"before": 3.0, "recalibrated": 2.5, "after": 1.0, "floor": 1.0, "resolvable": True}
 
 
@@ -131,10 +131,10 @@ def test_no_answer_is_wrong():
 @pytest.mark.parametrize(
     ("facts", "named", "in_group", "block_right"),
     [
-        (Facts(False, True, False), "extra_lag", True, True),  # without MV a valve's lag is any lag
-        (Facts(False, True, True), "extra_lag", False, False),
-        (Facts(False, True, True), "stiction", False, True),
-        (Facts(False, True, True), "valve_lag", True, True),
+        (Circumstances(False, True, False), "extra_lag", True, True),  # without MV a valve's lag is any lag
+        (Circumstances(False, True, True), "extra_lag", False, False),
+        (Circumstances(False, True, True), "stiction", False, True),
+        (Circumstances(False, True, True), "valve_lag", True, True),
     ],
 )
 def test_group_and_block_follow_the_facts(facts, named, in_group, block_right):

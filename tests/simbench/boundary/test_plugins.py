@@ -14,11 +14,11 @@ import pytest
 
 from detectors.detection import detect
 from detectors.errors import ParameterError
-from detectors.plugins import host as guest
+from detectors.plugins import host
 from detectors.plugins.registry import methods
 from detectors.record import LoopRecord
 from simbench.cli import main
-from simbench.contract import apart
+from simbench.contract import check_in_subprocess
 
 HEAD = """
 import os, sys, time, json
@@ -100,10 +100,10 @@ def alone() -> list[dict]:
 
 @pytest.mark.parametrize("name", HOSTILE)
 def test_a_hostile_plug_in_is_named_and_the_others_do_not_notice(tmp_path, alone, name, monkeypatch):
-    monkeypatch.setattr(guest, "BYTES", 400 << 20)
+    monkeypatch.setattr(host, "BYTES", 400 << 20)
     body, word = HOSTILE[name]
     file = plugin(tmp_path, body)
-    methods.add_guest(file, seconds=1.5)
+    methods.add_hosted(file, seconds=1.5)
     found = {v.method: v for _, v in detect(RECORD, ["stranger", *OTHERS]).verdicts}
     assert [found[m].as_json() for m in OTHERS] == alone
     offender = found["stranger"]
@@ -167,8 +167,8 @@ def test_two_files_of_one_name_do_not_stand_for_each_other(tmp_path):
     (tmp_path / "b").mkdir()
     first, second = (plugin(tmp_path / d, FINE) for d in "ab")
     with pytest.raises(ParameterError, match="taken"):
-        methods.add_guests([first, second])
-    assert methods.add_guests([first, first]) == ["stranger"]
+        methods.add_all_hosted([first, second])
+    assert methods.add_all_hosted([first, first]) == ["stranger"]
 
 
 def test_missing_plug_ins_are_named(refused, tmp_path):
@@ -193,18 +193,14 @@ def test_a_run_with_an_offender_is_the_run_without_it_for_all_others(tmp_path, c
     pd.testing.assert_frame_equal(one, own, check_exact=True)
 
 
-def test_a_guest_ends_with_its_parent(tmp_path):
+def test_a_plug_in_ends_with_its_parent(tmp_path):
     file = plugin(tmp_path, f"open({str(tmp_path / 'pid')!r}, 'w').write(str(os.getpid())); time.sleep(1000)")
     code = f"""
 import numpy as np
-from detectors import guest
 from detectors.detection import detect
 t = np.arange(600.0)
 detect(dict(op=np.sin(t / 8), pv=np.cos(t / 8), Ts=1.0), ["horch"], plugins=[{str(file)!r}])
 """
-    from detectors.plugins.host import SECONDS
-
-    assert SECONDS == 60.0
     code = code.replace("dict(op=np.sin(t / 8), pv=np.cos(t / 8), Ts=1.0)", "LoopRecord(np.sin(t / 8), np.cos(t / 8), 1.0)")
     parent = subprocess.Popen([sys.executable, "-c", "from detectors.record import LoopRecord" + code])
     until = time.monotonic() + 60.0
@@ -241,15 +237,15 @@ def published(tmp_path, monkeypatch):
 
 
 def test_a_published_detector_lives_in_a_process_of_its_own(published, alone, tmp_path):
-    tells = f"open({str(tmp_path / 'pid')!r}, 'w').write(str(os.getpid())); {FINE}"
+    tells = FINE.replace('"because"', "str(os.getpid())")
     published(("pid", tells), ("mad", HOSTILE["exits hard"][0]))
     found = {v.method: v for _, v in detect(RECORD, ["mad", "pid", "pid@published", *OTHERS]).verdicts}
     assert [found[m].as_json() for m in OTHERS] == alone
     assert found["pid"].verdict == found["pid@published"].verdict == "stiction"
-    assert int((tmp_path / "pid").read_text()) != os.getpid()
+    assert int(found["pid"].reason.partition(";")[0]) != os.getpid()
     assert "exit status 7" in found["mad"].reason
     # what it did in one question is forgotten in the next
-    for _ in range(guest.STRIKES):
+    for _ in range(host.STRIKES):
         assert "exit status 7" in detect(RECORD, ["mad"]).verdicts[0][1].reason
 
 
@@ -272,13 +268,15 @@ CONTRACTS = {
     "never ends": ("while True: pass", "longer than"),
     "takes all memory": ("x = [np.ones(10_000_000) for _ in range(1000)]", "MemoryError"),
     "writes to both": ("os.write(1, b'noise'); os.write(2, b'noise'); raise OSError", "OSError"),
+    "looks around": (f"try: open('/proc/1/cmdline')\n    except OSError: pass\n    {FINE}", "may not look at /proc/1/cmdline"),
+    "simulates again": (f"try: import scenarios.grid\n    except OSError: pass\n    {FINE}", "may not import scenarios"),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("name", CONTRACTS)
 def test_a_contract_is_checked_apart(tmp_path, capfd, monkeypatch, name):
-    monkeypatch.setattr(apart, "BYTES", 400 << 20)
-    monkeypatch.setattr(apart.check_apart, "__defaults__", (30.0 if name == "never ends" else 300.0,))
+    monkeypatch.setattr(host, "BYTES", 400 << 20)
+    monkeypatch.setattr(check_in_subprocess, "__defaults__", (10.0 if name == "never ends" else 300.0,))
     body, word = CONTRACTS[name]
     file = plugin(tmp_path, body)
     file.write_text('"""A stranger."""\n' + file.read_text().replace(", **thresholds", ""))

@@ -62,13 +62,18 @@ def test_probabilities_and_shares_sum_to_one(sticky):
     assert [r.probability for r in sticky.ranking] == sorted((r.probability for r in sticky.ranking), reverse=True)
 
 
+def slow(effect, parameters):
+    """A further effect of a block of which one is asked always."""
+    return pytest.param(effect, parameters, marks=pytest.mark.slow)
+
+
 @pytest.mark.parametrize(("effect", "parameters"), [
-    ("stiction", {"S": 6.0, "J": 3.0}), ("deadband", {"S": 5.0}), ("gain_mismatch", {"factor": 1.7}),
-    ("time_constant_mismatch", {"factor": 2.0}), ("dead_time_mismatch", {"extra": 6.0}), ("noise", {"factor": 2.5}),
-    ("quantisation", {"step": 0.4, "at": "loop"}), ("compression", {"band": 0.4}), ("outliers", {"rate": 0.01, "size": 2.0}),
-    ("oscillation", {"amplitude": 3.0, "period": 77.0}), ("saturation", {"lo": 48.5, "hi": 100.0}),
-    ("detuning", {"Kc_factor": 1.6, "Ti_factor": 1.0}), ("error_deadband", {"width": 0.4}), ("op_quantisation", {"step": 0.5}),
-    ("sensor_lag", {"tau": 5.0}), ("valve_characteristic", {"R": 60.0}),
+    ("stiction", {"S": 6.0, "J": 3.0}), ("gain_mismatch", {"factor": 1.7}), ("quantisation", {"step": 0.4, "at": "loop"}),
+    ("oscillation", {"amplitude": 3.0, "period": 77.0}), ("detuning", {"Kc_factor": 1.6, "Ti_factor": 1.0}),
+    slow("deadband", {"S": 5.0}), slow("valve_characteristic", {"R": 60.0}), slow("time_constant_mismatch", {"factor": 2.0}),
+    slow("dead_time_mismatch", {"extra": 6.0}), slow("noise", {"factor": 2.5}), slow("compression", {"band": 0.4}),
+    slow("outliers", {"rate": 0.01, "size": 2.0}), slow("sensor_lag", {"tau": 5.0}), slow("error_deadband", {"width": 0.4}),
+    slow("saturation", {"lo": 48.5, "hi": 100.0}), slow("op_quantisation", {"step": 0.5}),
 ])  # fmt: skip
 def test_a_plain_effect_is_named_with_its_size(effect, parameters):
     found = ask(blind(record((effect, parameters))))
@@ -202,7 +207,7 @@ def test_records_of_another_pace_are_not_judged_together():
         ask([one, replace(one, Ts=2.0)])
 
 
-@pytest.mark.parametrize("mv", [True, False])
+@pytest.mark.parametrize("mv", [pytest.param(True, marks=pytest.mark.slow), False])
 @pytest.mark.parametrize("effect", [{"name": "stiction", "S": 5.0, "J": 2.0}, {"name": "gain_mismatch", "factor": 1.6}, None])
 def test_a_loop_without_noise_is_no_riddle(effect, mv):
     table = {

@@ -1,4 +1,4 @@
-"""What every room is told of a record: facts, circumstances and the memory of an ordinary load, by hand."""
+"""What every room is told of a record: facts and the memory of an ordinary load, by hand."""
 
 from types import SimpleNamespace
 
@@ -9,7 +9,7 @@ from detectors.record import LoopRecord
 from scenarios.spec import Loop, Part
 from simbench.gap.controller.pi_law import Law
 from simbench.gap.likelihood.model import Data
-from simbench.gap.situation import Archive, Circumstances, Situation, circumstances, load_memory, through_valve
+from simbench.gap.situation import Archive, Situation, load_memory, through_valve
 
 N = 1000
 PV, OP = np.resize([1.0, -1.0], N), 50.0 + np.resize([0.0, 1.0, 1.0], N)
@@ -48,35 +48,8 @@ def test_a_vessels_time_scale_is_its_loops(K, memory):
     assert load_memory(situation(plant=VESSEL, T=0.0, K=K)) == pytest.approx(memory)
 
 
-@pytest.mark.parametrize(("noise", "shows"), [(0.0, False), (0.70, False), (0.72, True)])
-def test_noise_shows_from_a_quarter_of_the_variance_of_pvs_changes(noise, shows):
-    # PV jumps by 2 at every sample: a variance of 4, and noise of 0.71 makes 1 of it
-    assert circumstances(situation(noise=noise), {}).noise_shows == shows
-
-
-@pytest.mark.parametrize(("move", "moves"), [(0.0, False), (0.19, False), (0.21, True)])
-def test_a_set_point_moves_from_twice_the_noise(move, moves):
-    assert circumstances(situation(sp=np.linspace(0.0, move, N)), {}).sp_moves == moves
-    assert not circumstances(situation(), {}).sp_moves
-
-
-@pytest.mark.parametrize("drift", [0.0, 0.3])
-def test_ops_jitter_is_the_robust_size_of_its_changes_about_their_median(drift):
-    # changes of 1, 0 and -1 beside the drift: a median distance of 1
-    assert circumstances(situation(op=OP + drift * np.arange(N)), {}).op_jitter == pytest.approx(1.4826)
-
-
-def test_circumstances_are_the_records_and_the_effects():
-    assert circumstances(situation(mv=OP), {"slip": 0.4, "slow": True, "ramp": True}) == Circumstances(
-        mv=True, slip=0.4, slow=True, ramp=True, op_jitter=pytest.approx(1.4826)
-    )
-    assert circumstances(situation(plant=VESSEL), {}).integrating
-    assert not any(getattr(Circumstances(), name) for name in Circumstances.__dataclass_fields__)
-    assert Circumstances().slip is None
-
-
 @pytest.mark.parametrize(("archive", "law", "facts"), [
-    ({}, {}, {}), ({"rounding": (0.5, "loop")}, {}, {"rounding": "sensor"}), ({"thinning": 0.1}, {}, {"thinning": "sensor"}),
+    ({}, {}, {}), ({"rounding": (0.5, "loop")}, {}, {"rounding": "sensor"}), ({"band": 0.1}, {}, {"band": "sensor"}),
     ({"spikes": (0.01, 2.0, "loop")}, {}, {"spikes": "sensor"}), ({}, {"limits": (0.0, 60.0)}, {"limits": "controller"}),
     ({}, {"gap": 0.1}, {"gap": "controller"}), ({}, {"step": 0.1}, {"step": "controller"}),
     ({}, {"tuning": (2.0, 1.0)}, {"tuning": "controller"}),

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from detectors.errors import ParameterError, UnknownName
+from simbench.blind.world import EFFECTS
 from simbench.blind.worlds.mill.foreign import KINDS
 from simbench.blind.worlds.mill.loops import baseline, draw_loop, logu
 from simbench.blind.worlds.mill.oracle import BANDS, CLOUD, TRIALS, Cloud, cloud, ratio, strength_of
@@ -16,7 +17,7 @@ from simbench.blind.worlds.mill.rig import Case
 from simbench.blind.worlds.mill.scales import Scales
 from simbench.blind.worlds.mill.sizes import family
 from simbench.blind.worlds.mill.statistics import Record
-from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
+from simbench.loop.effects import NONE, UNKNOWN
 
 LOOPS, VARIANTS = 200, 2  # loops drawn for one entry; directions, periods and seeds tried on each
 # effects that these signals cannot tell apart, or nearly: no record holds two of one row

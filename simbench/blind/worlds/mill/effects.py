@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from detectors.errors import ParameterError, UnknownName
+from simbench.blind.world import EFFECTS
 from simbench.blind.worlds.mill import valve
 from simbench.blind.worlds.mill.archive import spikes
 from simbench.blind.worlds.mill.foreign import KINDS
 from simbench.blind.worlds.mill.nature import levels
 from simbench.blind.worlds.mill.rig import Case, Rig, keep
-from simbench.loop.effects import EFFECTS, Choice
+from simbench.loop.effects import Choice
 
 Parameters = dict[str, Any]
 

@@ -7,11 +7,12 @@ from collections.abc import Callable
 import numpy as np
 
 from detectors.errors import ParameterError
+from simbench.blind.world import EFFECTS
 from simbench.blind.worlds.mill import foreign_sizes
 from simbench.blind.worlds.mill.foreign import KINDS
 from simbench.blind.worlds.mill.loops import either, logu, signif
 from simbench.blind.worlds.mill.scales import Family, Parameters, Scales, limits
-from simbench.loop.effects import EFFECTS, Choice
+from simbench.loop.effects import Choice
 
 
 def family(effect: str, rng: np.random.Generator, s: Scales) -> Family:

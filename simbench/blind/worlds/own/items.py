@@ -9,13 +9,15 @@ from typing import Any
 import numpy as np
 
 from detectors.errors import ParameterError
-from simbench.blind.alike import LAGS, SLOW
 from simbench.blind.distance import RESOLVABLE, cloud
+from simbench.blind.world import EFFECTS
 from simbench.blind.worlds.own import drawing, faults, loops, oracle, sizes
 from simbench.blind.worlds.own.loops import Fault, Signals, TrueLoop
-from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
+from simbench.loop.effects import NONE, UNKNOWN
 
 LOOPS_TO_TRY = 200
+# effects that are one signal: never drawn together
+SAME = ({"valve_lag", "extra_lag", "sensor_lag"}, {"drift", "load_drift", "load_steps"})
 TWO_BAND = (2.2, 6.0)  # ratio of each of two effects alone
 
 
@@ -105,7 +107,7 @@ def _one(case: TrueLoop, seed: int, entry: dict[str, Any], rng: np.random.Genera
 
 def _two(case: TrueLoop, seed: int, entry: dict[str, Any], rng: np.random.Generator) -> DrawnRecord | None:
     names = tuple(str(x) for x in rng.choice([e for e in faults.KNOWN if _possible(e, case)], 2, replace=False))
-    if EFFECTS[names[0]].block == EFFECTS[names[1]].block or any(set(names) <= group for group in (LAGS, SLOW)):
+    if EFFECTS[names[0]].block == EFFECTS[names[1]].block or any(set(names) <= group for group in SAME):
         return None
     case = _named(case, names)
     true = oracle.reference(case, seed)

@@ -8,10 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from detectors.errors import ParameterError, UnknownName
+from simbench.blind.world import EFFECTS
 from simbench.blind.worlds.refinery import foreign, loops, oracle, search
 from simbench.blind.worlds.refinery.search import Misfit, healthy, prepared
 from simbench.blind.worlds.refinery.simulation import run
-from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
+from simbench.loop.effects import NONE, UNKNOWN
 
 LOOPS = 200  # loops drawn before an entry is given up
 KEPT = 12  # loops drawn in the same classes before the classes themselves are drawn anew

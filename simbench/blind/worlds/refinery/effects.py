@@ -12,9 +12,10 @@ from collections.abc import Callable
 import numpy as np
 
 from detectors.errors import ParameterError
+from simbench.blind.world import EFFECTS
 from simbench.blind.worlds.refinery import loads, valves
 from simbench.blind.worlds.refinery.simulation import Setup
-from simbench.loop.effects import EFFECTS, Choice
+from simbench.loop.effects import Choice
 
 Apply = Callable[[Setup, dict, dict], None]
 

@@ -7,11 +7,11 @@ import math
 import numpy as np
 
 from detectors.errors import UnknownName
+from simbench.blind.world import EFFECTS
 from simbench.blind.worlds.refinery import foreign, oracle
 from simbench.blind.worlds.refinery.effects import APPLY, complete
 from simbench.blind.worlds.refinery.simulation import Setup, build, run
 from simbench.blind.worlds.refinery.sizes import FOREIGN_SIZES, SIZES, Size
-from simbench.loop.effects import EFFECTS
 
 CLOUD, SHOWN = 12, 6  # realisations without and with the effect that make a ratio; the first shown is the record's own
 STEPS = 10  # sizes tried on one loop

@@ -22,9 +22,10 @@ def scenarios(grid, groups):
         yield from resolve(loaded.group(int(index)))
 
 
-def test_300_cells_of_the_chapter_are_labelled_alike():
+@pytest.mark.parametrize("cells", [40, pytest.param(300, marks=pytest.mark.slow)])
+def test_cells_of_the_chapter_are_labelled_alike(cells):
     differ, answers = [], []
-    for scenario in scenarios("chapter", 300):
+    for scenario in scenarios("chapter", cells):
         run, found = simulate_with_truth(scenario.loop, scenario.seed)
         predicted, exists, *_ = theory(scenario.loop)
         again = cycled(scenario.loop, scenario.seed)
@@ -39,9 +40,9 @@ def test_300_cells_of_the_chapter_are_labelled_alike():
     assert not differ
     # a third word for the same thing: what was called yes goes on in the twin once the noise is off
     yes = [again for answer, again in answers if answer == "yes"]
-    assert len(yes) > 200
+    assert len(yes) > 2 / 3 * cells
     assert yes.count("yes") >= 0.995 * len(yes)
-    assert {answer for answer, _ in answers} == {"yes", "no", "entrained", "unclear"}
+    assert {answer for answer, _ in answers} >= {"yes", "no", "entrained"} | ({"unclear"} if cells == 300 else set())
 
 
 @pytest.mark.parametrize("grid", ["smoke", "table-11-3"])

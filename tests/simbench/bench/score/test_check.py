@@ -103,6 +103,59 @@ def test_a_threshold_that_trades_misses_for_false_alarms_fails_at_equal_accuracy
     assert ("m0", "detection") not in worse(check)
 
 
+@pytest.mark.parametrize("loss", [0.02, 0.03])
+def test_a_loss_on_the_loops_that_a_method_covers_is_not_thinned_by_the_rest(book, loss):
+    """As many loops as in grid ci, 38 % of them covered."""
+    rng, found, n = np.random.default_rng(8), 0, 2129
+    truth, covered = np.arange(n) % 2, np.arange(n) % 50 < 19
+    said = np.where(rng.random(n) < 0.7, truth, 1 - truth)
+    base = book([said], truth, scores_of(rng, said))
+    base.applicable[0] = covered
+    for _ in range(40):
+        lost = covered & (said == truth) & (rng.random(n) < loss / 0.7)
+        now = with_verdicts(base, np.where(lost, 1 - said, said))
+        found += compare_books(now, base).failed
+    assert found >= 32  # power .8
+
+
+def scores_of(rng, said):
+    return said + rng.normal(0, 0.4, said.size)
+
+
+def with_verdicts(run, said):
+    return replace(run, verdict=said[None].astype(np.int8))
+
+
+def test_where_a_loss_could_not_have_been_found_the_check_cannot_tell(book, tmp_path):
+    truth = np.arange(48) % 2
+    base = book([truth], truth)
+    now = with_verdicts(base, np.where(np.arange(48) < 3, 1 - truth, truth))
+    check = compare_books(now, base)
+    assert (check.failed, check.answer) == (False, "cannot tell")
+    assert "cannot tell on the 48 loops" in check.as_text()
+    assert 'failures="1"' in check.as_junit()
+    assert compare_books(base, base).answer == "passed", "the same answers leave nothing to be found"
+
+
+def test_a_few_loops_of_a_grid_do_not_pass_for_the_grid(book):
+    truth = np.arange(48) % 2
+    base = book([truth], truth, grid="smoke", grid_hash="a")
+    two = book([[0, 0]], [1, 0], grid="smoke", grid_hash="b", ids=["x", "y"])
+    assert compare_books(two, base).answer != "passed"
+    for run, cells in ((base, "c"), (two, "d")):
+        run.manifest["cells_hash"] = cells
+    with pytest.raises(RunError, match="other cells"):
+        compare_books(two, base)
+
+
+def test_the_same_cells_under_another_name_are_compared(book):
+    truth = np.arange(600) % 2
+    base, other = (book([truth], truth, grid=name) for name in ("ci", "copy"))
+    for run in (base, other):
+        run.manifest["cells_hash"] = "c"
+    assert compare_books(other, base).answer == "passed"
+
+
 def test_flips_are_named_with_what_they_were(base, with_answers):
     verdict = base.verdict[0].copy()
     verdict[7] = 2

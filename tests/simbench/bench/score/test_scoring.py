@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -151,7 +152,9 @@ def test_both_tables_are_printed_and_raw_can_come_first(finished, scores):
 def test_json_is_the_contracts(scores):
     found = json.loads(json.dumps(scores.as_json(), allow_nan=False))
     keys = "method,truth,front_end,process,n,applicable,accuracy_applicable,accuracy_decided,no_decision,found,false_alarms"
-    assert {",".join(row) for row in found["rows"]} == {f"{keys},accuracy_all,auc,lo,hi,sees_mv,rank"}
+    new = "found_at_5,cost,risk_coverage,home,cost_lo,cost_hi,found_at_5_lo,found_at_5_hi,positives"
+    assert {",".join(row) for row in found["rows"]} == {f"{keys},accuracy_all,auc,lo,hi,sees_mv,rank,{new}"}
+    assert (found["sealed"], found["undecided"]) == (False, 0.5)
     assert {row["process"] for row in found["rows"]} == {"all", "self-regulating", "integrating"}
     assert {row["front_end"] for row in found["rows"]} == {True, False}
     assert 0 < found["resolution"] < 1
@@ -163,8 +166,51 @@ def test_the_csv_is_small_and_readable(finished, scores):
     file = finished / "scores.csv"
     assert file.stat().st_size < 60_000
     frame = pd.read_csv(file)
-    # modes, truths, processes; three methods and two yardsticks
-    assert len(frame) == len(scores.table) == 2 * 3 * 3 * 5
+    # modes, truths, processes; three methods and three yardsticks
+    assert len(frame) == len(scores.table) == 2 * 3 * 3 * 6
+
+
+def test_cost_counts_no_decision_as_half_an_error_or_as_asked(book):
+    truth = np.tile([1, 0], 30)
+    said = np.where(np.arange(60) < 30, truth, np.where(np.arange(60) < 50, 2, 1 - truth))
+    run = book(said, truth)
+    assert score_book(run).ranking().set_index("method").loc["m0", "cost"] == pytest.approx((10 + 20 / 2) / 60)
+    assert score_book(run, undecided=1.0).ranking().set_index("method").loc["m0", "cost"] == pytest.approx(0.5)
+
+
+def test_the_table_is_ranked_by_cost_not_by_silence(book):
+    rng = np.random.default_rng(4)
+    truth = np.tile([1, 0], 500)
+    said = np.array([np.where(rng.random(1000) < 0.5, truth, 2), np.where(rng.random(1000) < 0.62, truth, 1 - truth)])
+    shown = score_book(book(said, truth)).ranking().set_index("method")
+    assert shown.loc["m0", "accuracy_applicable"] < shown.loc["m1", "accuracy_applicable"]
+    assert shown.loc[["m0", "m1"], "rank"].tolist() == [1, 2]
+
+
+def test_a_blind_classifier_stands_beside_the_other_yardsticks_and_learns_a_planted_tell(book):
+    rng = np.random.default_rng(5)
+    truth = rng.integers(0, 2, 400)
+    run = book(truth, truth)
+    designs = rng.normal(size=(400, 6)), np.column_stack([truth + rng.normal(0, 0.1, 400), np.ones((400, 5))])
+    tables = (score_book(replace(run, design=x)).ranking().set_index("method") for x in designs)
+    fair, told = (table.loc["blind classifier"] for table in tables)
+    assert fair.accuracy_applicable < 0.62
+    assert told.accuracy_applicable > 0.95
+
+
+def test_what_is_said_of_left_out_loops_is_counted(book):
+    truth = np.r_[np.ones(30), np.zeros(30), np.full(25, -1)].astype(int)
+    run = book(np.r_[np.zeros(60), np.ones(20), np.full(5, 2)], truth)
+    left = score_book(run).left_out
+    row = left[(left.method == "m0") & (left["mode"] == FRONT) & (left.of == "unclear")].iloc[0]
+    assert (row.n, row.stiction, row.no_decision) == (25, 0.8, 0.2)
+    assert row.stiction_lo < 0.8 < row.stiction_hi
+
+
+def test_a_rate_of_fewer_than_20_loops_is_not_printed(book):
+    truth = np.tile([1, 0], 9)
+    line = next(x for x in score_book(book(truth, truth)).as_text().splitlines() if " m0 " in x)
+    assert line.split()[:4] == ["1", "m0", "18", "-"]
 
 
 def test_median_runtimes_are_there(scores):

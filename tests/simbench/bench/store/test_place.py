@@ -2,6 +2,8 @@
 
 import uuid
 
+import fsspec
+import fsspec.implementations.memory
 import numpy as np
 import pytest
 
@@ -131,3 +133,54 @@ def test_a_place_writes_reads_lists_and_removes(tmp_path, url):
         place.remove("sub")
         place.remove("sub")
         assert place.names("sub") == []
+
+
+def test_a_local_url_is_the_folder_it_names(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert place_of(f"local://{tmp_path}/run").local == tmp_path / "run"
+
+
+def test_the_command_line_refuses_a_run_that_is_gone_when_it_ends(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", "smoke", "-o", "memory://run"]) == 2
+    assert "memory is gone when this command ends; a folder or a URL that lasts is needed" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_server_that_keeps_nothing_is_noticed_before_anything_is_simulated(url, small, monkeypatch):
+    monkeypatch.setattr(fsspec.implementations.memory.MemoryFileSystem, "pipe_file", lambda self, path, value: None)
+    monkeypatch.setattr(run_module, "work", None)
+    with pytest.raises(FileError, match=r"keeps no run .*; a place that can be written, listed and read is needed"):
+        run_grid(small, url, METHODS)
+
+
+@pytest.mark.parametrize(
+    ("url", "words"),
+    [
+        ("data:/text/run", "keeps no run .* is needed"),
+        ("simplecache::memory://run", "'simplecache::memory' is unknown"),
+        ("dir://run", "by itself; a place that can be written is needed"),
+        ("arrow_hdfs://me:secret@host/run", r"arrow_hdfs://\*\*\*@host/run"),
+    ],
+)
+def test_what_cannot_be_kept_is_refused_before_anything_is_simulated(url, words, small, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(run_module, "work", None)
+    with pytest.raises(FileError, match=words):
+        run_grid(small, url, METHODS)
+    assert not list(tmp_path.iterdir())
+
+
+def test_no_password_stands_in_a_run_or_in_what_is_printed(small, url, monkeypatch, capsys):
+    secret = f"memory://me:secret@host/{uuid.uuid4().hex}"
+    monkeypatch.setattr("sys.argv", ["simbench", "run", "small", "-o", secret])
+    assert run_grid(small, secret, METHODS) == secret
+    place = place_of(secret)
+    assert str(place).startswith("memory://***@host/")
+    assert b"***@host" in place.read("manifest.json")
+    assert not any(b"secret" in place.read(name) for name in place.names() if "." in name and "parquet" not in name)
+    assert main(["score", secret, "--json"]) == 0
+    assert main(["score", f"{secret}x"]) == 2
+    said = capsys.readouterr()
+    assert "secret" not in said.out + said.err
+    place.remove("")

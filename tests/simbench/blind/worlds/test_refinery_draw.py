@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import json
-import time
 from functools import lru_cache
 from pathlib import Path
 
@@ -172,15 +171,6 @@ def test_classes_of_the_loop_do_not_depend_on_the_entry():
         same = (case["n"], case["Ts"], case["controller"]["type"]) == (expected["n"], expected["Ts"], expected["controller"])
         changed += not same
     assert changed <= 0.1 * len(drawn())
-
-
-@pytest.mark.slow
-def test_a_record_costs_less_than_a_second_and_a_half():
-    refinery.draw(1, 0, {"kind": "none"})
-    start = time.process_time()
-    for i in range(12):
-        refinery.draw(23, i, SINGLES[(5 * i) % len(SINGLES)])
-    assert (time.process_time() - start) / 12 < 1.5
 
 
 def test_a_record_without_effect_holds_none():

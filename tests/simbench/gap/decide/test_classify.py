@@ -140,7 +140,7 @@ def test_a_refuted_effect_gives_its_probability_to_unknown_in_its_own_block(foun
 @pytest.mark.parametrize(("times", "low", "high"), [(0.1, 0.1, 0.25), (0.5, 0.3, 0.45), (2.0, 0.55, 0.7), (10.0, 0.75, 0.9)])
 def test_unknown_grows_with_how_far_a_test_is_beyond_its_limit(times, low, high):
     sound = quiet(assessed("blind"), noise=20.0)
-    archive = replace(sound.situation.archive, rounding=None, thinning=0.0, spikes=None)
+    archive = replace(sound.situation.archive, rounding=None, band=0.0, spikes=None)
     sound = replace(sound, situation=replace(sound.situation, archive=archive, trusted=True))
     failing = replace(sound, tests={**sound.tests, "memory": times * 15.0})
     assert low < classify(failing).probability[UNKNOWN] < high

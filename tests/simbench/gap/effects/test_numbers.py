@@ -6,15 +6,11 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from simbench.gap.candidates import look_alikes
 from simbench.gap.effects import Recogniser, load_drift, load_steps, oscillation, outliers, recogniser
 from simbench.gap.effects._draw import Yardstick, between
-from simbench.gap.effects._friction import jitter_hides_the_jump
 from simbench.gap.effects._lattice import levels_of
 from simbench.gap.effects._recogniser import clip
-from simbench.gap.effects._slow import ramp, slow, traits
 from simbench.gap.likelihood import kernels
-from simbench.gap.situation import Circumstances
 from simbench.loop.effects import EFFECTS
 
 PLANT = {"K": -2.0, "T": 20.0, "Td": 5.0}
@@ -103,34 +99,6 @@ def test_a_load_drifts_by_a_ramp_that_enters_before_the_plant(T):
         assert 1000 - 1000 * line[-1] == pytest.approx(T + 0.5, abs=0.1)
     else:
         assert line[-1] == pytest.approx(500.0, rel=2e-3)
-
-
-@pytest.mark.parametrize(("rate", "walk", "at_input", "is_slow", "is_ramp"), [
-    (0.0019, 0.0, True, True, True), (0.0021, 0.0, True, False, True), (-0.0021, 0.0, True, False, True),
-    (0.0039, 0.0, False, True, True), (0.0041, 0.0, False, False, True), (0.0, 0.0095, True, True, False),
-    (0.0, 0.0105, True, False, False), (0.001, 0.0045, True, True, True), (0.001, 0.0055, True, False, True),
-    (0.001, 0.0105, True, False, False), (0.0, 0.0195, False, True, False), (0.0, 0.0205, False, False, False),
-])  # fmt: skip
-def test_what_moves_pv_by_less_than_the_noise_within_t_and_td_is_slow(rate, walk, at_input, is_slow, is_ramp):
-    # K = 2 and T + Td = 25 s: a rate of 0.002 %/s, or a walk of 0.01 %/sqrt(s), moves PV by the noise of 0.1
-    found = traits({"rate": rate, "walk": walk}, PLANT, 0.1, at_input)
-    assert found == {"slow": is_slow, "ramp": is_ramp}
-    assert traits({"rate": rate}, PLANT | {"T": None}, 0.1, at_input) == {}
-    for name, rule in (("slow", slow), ("ramp", ramp)):
-        assert rule(Circumstances(**found)) == found[name]
-        assert not rule(Circumstances(integrating=True, **found))
-
-
-@pytest.mark.parametrize(("size", "is_slow"), [(0.04, True), (-0.04, True), (0.06, False)])
-def test_a_small_jump_of_the_load_is_slow(size, is_slow):
-    assert load_steps.traits({"size": size}, PLANT, 0.1) == {"slow": is_slow}
-
-
-@pytest.mark.parametrize(("jitter", "slip", "mv", "hidden"), [
-    (1.0, 0.8, False, True), (1.0, 1.2, False, False), (1.0, 0.8, True, False), (1.0, None, False, False),
-])  # fmt: skip
-def test_a_jump_smaller_than_ops_jitter_does_not_show(jitter, slip, mv, hidden):
-    assert jitter_hides_the_jump(Circumstances(op_jitter=jitter, slip=slip, mv=mv)) == hidden
 
 
 @pytest.mark.parametrize(("after", "gone"), [(0.0, True), (0.45, True), (0.55, False), (1.0, False)])
@@ -299,11 +267,6 @@ def test_a_proportional_controller_has_no_integral_to_detune(integral):
     assert factors == ({1.0, 8.0, 1 / 8.0} if integral else {1.0})
 
 
-@pytest.mark.parametrize("effect", list(EFFECTS))
-def test_where_everything_shows_nothing_is_alike(effect):
-    assert look_alikes(effect, Circumstances(sp_moves=True, mv=True, noise_shows=True)) == {effect}
-
-
 @pytest.mark.parametrize("unit", [0.2, 1.0, 3.0])
 def test_evidence_for_spikes_has_no_unit(unit):
     x, places = innovations(9.0, 12)
@@ -371,7 +334,7 @@ def test_what_a_file_does_not_say_of_an_effect_adds_nothing():
     bare = Recogniser()
     assert (bare.kick({"S": 3.0}), bare.lead({"rate": 1.0}, 100.0, 2.0), bare.numbers(None, None)) == (0.0, 0.0, {})
     assert bare.proven(None) is bare.by_innovations(None, None) is bare.smallest(None) is None
-    assert (bare.remark(None), bare.traits({}, {}, 0.1), dict(bare.alike)) == ("", {}, {})
+    assert bare.remark(None) == ""
     assert bare.possible(None)
     assert not bare.drowned(None)
     # an exact map leaves little of an ideal valve's misfit, friction most of it
@@ -393,11 +356,11 @@ def test_a_yardstick_is_the_loops_own_size():
     assert (still.op, still.op_change, still.pv) == (0.05, 1e-3, 0.0)
 
 
-@pytest.mark.parametrize(("noise", "rounding", "thinning", "drowned"), [
+@pytest.mark.parametrize(("noise", "rounding", "band", "drowned"), [
     (0.1, None, 0.0, False), (0.1, (0.5, "loop"), 0.0, True), (0.1, None, 0.2, True),
 ])  # fmt: skip
-def test_noise_is_not_judged_where_rounding_or_thinning_makes_its_own(noise, rounding, thinning, drowned):
-    s = SimpleNamespace(archive=SimpleNamespace(rounding=rounding, thinning=thinning))
+def test_noise_is_not_judged_where_rounding_or_compression_makes_its_own(noise, rounding, band, drowned):
+    s = SimpleNamespace(archive=SimpleNamespace(rounding=rounding, band=band))
     assert recogniser("noise").drowned(s) == drowned
 
 

@@ -9,15 +9,8 @@ import pytest
 from detectors.errors import RecordError
 from detectors.record import LoopRecord
 from simbench.gap.controller.pi_law import Law
-from simbench.gap.intake.check import (
-    _apart,
-    _archive,
-    _lines_where_apart,
-    _percent,
-    _rounding,
-    _spikes,
-    _unexplained,
-)
+from simbench.gap.intake.archive import _archive, _lines_where_apart, _resolution, _spikes, _unexplained
+from simbench.gap.intake.observed import Observed
 from simbench.gap.sensor.samples import Samples
 from simbench.gap.situation import Archive
 
@@ -31,8 +24,10 @@ LAW = Law(0.0, 0.0, 1.0, 20.0)
 HIDDEN = replace(LAW, reason="no law", recovered_pv=PV + 1.0)
 
 
-def record(pv=PV):
-    return LoopRecord(op=OP, pv=pv, Ts=1.0)
+def seen_in(law, samples, pv=PV, noise=0.1, op=OP):
+    """Return a record with what its law and samples show."""
+    apart = Observed.apart.fget(SimpleNamespace(law=law))
+    return SimpleNamespace(record=SimpleNamespace(op=op, pv=pv, n=N), law=law, samples=samples, noise=noise, apart=apart)
 
 
 def lattice(step):
@@ -48,7 +43,7 @@ def lattice(step):
     (replace(PLAIN, straight=0.16), LAW, Archive()),
 ])  # fmt: skip
 def test_a_lattice_counts_from_where_it_hides_something_and_where_op_did_not_see_it_it_is_the_archives(samples, law, archive):
-    found, plant_pv, mismatch = _archive(record(), law, samples, 0.1)
+    found, plant_pv, mismatch = _archive(seen_in(law, samples))
     assert (found, mismatch) == (archive, "")
     # behind an archive that hides something, the plant's PV is the one that the controller saw
     assert np.array_equal(plant_pv, PV + 1.0 if law is HIDDEN else PV)
@@ -56,14 +51,14 @@ def test_a_lattice_counts_from_where_it_hides_something_and_where_op_did_not_see
 
 def test_a_thinned_archive_is_as_thin_as_its_lines_are_off_what_op_saw():
     seen = PV + np.where(np.arange(N) < 50, 0.4, 0.01)
-    found, _, _ = _archive(record(), replace(LAW, reason="no law", recovered_pv=seen), replace(PLAIN, straight=0.18), 0.1)
+    found, _, _ = _archive(seen_in(replace(LAW, reason="no law", recovered_pv=seen), replace(PLAIN, straight=0.18)))
     # 0.98 of the samples lie as near as the largest of the lines
-    assert found.thinning == pytest.approx(0.4)
+    assert found.band == pytest.approx(0.4)
     few = PV + np.where(np.arange(N) < 15, 0.4, 0.01)
     barely = replace(LAW, reason="no law", recovered_pv=few)
-    assert _archive(record(), barely, replace(PLAIN, straight=0.18), 0.1)[0].thinning < 0.02
+    assert _archive(seen_in(barely, replace(PLAIN, straight=0.18)))[0].band < 0.02
     # where nothing tells, half of what PV moves
-    blind, plant_pv, _ = _archive(record(), LAW, replace(PLAIN, straight=0.18), 0.1)
+    blind, plant_pv, _ = _archive(seen_in(LAW, replace(PLAIN, straight=0.18)))
     assert blind == Archive(None, pytest.approx(0.5 * np.std(np.diff(PV))))
     assert plant_pv is not None
     assert np.array_equal(plant_pv, PV)
@@ -71,7 +66,7 @@ def test_a_thinned_archive_is_as_thin_as_its_lines_are_off_what_op_saw():
 
 def test_a_mean_is_the_archives_and_no_effect():
     mean = replace(LAW, averaged=True, recovered_pv=PV + 1.0)
-    found, plant_pv, _ = _archive(record(), mean, PLAIN, 0.1)
+    found, plant_pv, _ = _archive(seen_in(mean, PLAIN))
     assert found.faithful
     assert np.array_equal(plant_pv, PV + 1.0)
 
@@ -81,8 +76,8 @@ def test_lines_through_a_mean_count_once_they_are_further_off_it_than_the_noise(
     seen = PV + np.random.default_rng(5).normal(0.0, 0.5, N)
     pv = 0.5 * (seen + np.append(seen[0], seen[:-1])) + np.where(np.arange(N) % 9 == 0, 0.3, 0.0)
     law = replace(LAW, averaged=True, recovered_pv=seen)
-    found, plant_pv, _ = _archive(record(pv), law, replace(PLAIN, straight=0.3), noise)
-    assert (found.thinning > 0.0) == thinned
+    found, plant_pv, _ = _archive(seen_in(law, replace(PLAIN, straight=0.3), pv, noise))
+    assert (found.band > 0.0) == thinned
     assert np.array_equal(plant_pv, seen)
 
 
@@ -95,20 +90,20 @@ def test_a_few_straight_lines_where_pv_is_not_what_op_saw_are_a_thinned_archive(
         if i < share * places:
             pv[k - 1 : k + 2] = np.linspace(pv[k - 1], pv[k + 1], 3)
             seen[k - 1 : k + 2] = pv[k - 1 : k + 2] + np.array([0.0, 1.0, 0.0])
-    assert _lines_where_apart(pv, seen, PLAIN, 0.0) == lined
-    assert not _lines_where_apart(pv, None, PLAIN, 0.0)
+    law = replace(LAW, recovered_pv=seen)
+    assert _lines_where_apart(seen_in(law, PLAIN, pv)) == lined
     # what digits or blur leave is no distance
-    assert not _lines_where_apart(pv, seen, replace(PLAIN, resolution=0.35), 0.0)
-    assert not _lines_where_apart(pv, seen, PLAIN, 0.21)
-    assert _lines_where_apart(pv, seen, PLAIN, 0.19) == lined
+    assert not _lines_where_apart(seen_in(law, replace(PLAIN, resolution=0.35), pv))
+    assert not _lines_where_apart(seen_in(replace(law, blur=0.21), PLAIN, pv))
+    assert _lines_where_apart(seen_in(replace(law, blur=0.19), PLAIN, pv)) == lined
 
 
 @pytest.mark.parametrize(("archive", "gap", "mismatch", "foreign", "said"), [
     (Archive(), 0.0, "", "", "no law"), (Archive(), 0.0, "", "skips scans", "skips scans"),
     (Archive(), 0.0, "moves", "skips scans", "moves"),
     # behind a known archive or dead-band a law need not be exact
-    (Archive(thinning=0.1), 0.0, "", "skips scans", ""), (Archive(), 0.1, "", "skips scans", ""),
-    (Archive(thinning=0.1), 0.0, "moves", "", "moves"),
+    (Archive(band=0.1), 0.0, "", "skips scans", ""), (Archive(), 0.1, "", "skips scans", ""),
+    (Archive(band=0.1), 0.0, "moves", "", "moves"),
 ])  # fmt: skip
 def test_why_no_law_holds_is_said_unless_what_stands_between_is_known(archive, gap, mismatch, foreign, said):
     assert _unexplained(replace(LAW, reason="no law", gap=gap, foreign=foreign), archive, mismatch) == said
@@ -116,22 +111,23 @@ def test_why_no_law_holds_is_said_unless_what_stands_between_is_known(archive, g
 
 @pytest.mark.parametrize(("rounding", "unit"), [(None, 0.05), ((0.3, "loop"), 0.3), ((0.3, "record"), 0.001)])
 def test_the_engine_is_told_the_digits_that_are_in_its_pv(rounding, unit):
-    assert _rounding(Archive(rounding), lattice(0.05)) == unit
+    assert _resolution(Archive(rounding), lattice(0.05)) == unit
 
 
 @pytest.mark.parametrize(("law", "apart"), [(LAW, False), (HIDDEN, True), (replace(HIDDEN, reason=""), False),
                                             (replace(HIDDEN, recovered_pv=None), False)])  # fmt: skip
 def test_an_archive_is_apart_where_op_says_another_pv_and_the_recorded_one_explains_nothing(law, apart):
-    assert _apart(law) == apart
+    assert seen_in(law, PLAIN).apart == apart
 
 
 def test_op_in_other_units_is_refused_only_where_a_law_or_a_plant_is_compared():
     raw = LoopRecord(op=np.linspace(200.0, 900.0, 200), pv=PV[:200], Ts=1.0)
-    with pytest.raises(RecordError, match="OP runs from 200 to 900"):
-        _percent(raw, "record", True)
-    assert np.array_equal(_percent(raw, "record", False), raw.op)
+    for trusted, tuned in ((True, True), (True, False), (False, True)):
+        with pytest.raises(RecordError, match="OP runs from 200 to 900"):
+            _ = Observed(raw, None, trusted, tuned).op
+    assert np.array_equal(Observed(raw, None, False, False).op, raw.op)
     spanned = replace(raw, op_span=(0.0, 1000.0))
-    assert _percent(spanned, "record", True)[[0, -1]] == pytest.approx([20.0, 90.0])
+    assert Observed(spanned, None, True, True).op[[0, -1]] == pytest.approx([20.0, 90.0])
 
 
 PLACES, HEIGHTS = np.array([100, 300, 500, 700]), np.array([3.0, -3.0, 4.0, 3.0])
@@ -150,7 +146,7 @@ def spiky(count=4):
 @pytest.mark.parametrize(("count", "found"), [(2, False), (3, True), (4, True)])
 def test_three_spikes_are_an_effect_that_the_controller_saw_where_its_law_holds_on_them(count, found):
     pv = hit(places=PLACES[:count], heights=HEIGHTS[:count])
-    spikes, plant_pv, mismatch = _spikes(record(pv), replace(LAW, recovered_pv=pv), spiky(count), pv, False)
+    spikes, plant_pv, mismatch = _spikes(seen_in(replace(LAW, recovered_pv=pv), spiky(count), pv), pv, False)
     assert mismatch == ""
     if found:
         assert spikes == (count / N, pytest.approx(np.mean(np.abs(HEIGHTS[:count]))), "loop")
@@ -158,25 +154,25 @@ def test_three_spikes_are_an_effect_that_the_controller_saw_where_its_law_holds_
         assert np.abs(plant_pv - PV).max() < 0.5
     else:
         assert spikes is None
-    assert _spikes(record(pv), replace(LAW, recovered_pv=pv), spiky(count), pv, True)[0] is None
+    assert _spikes(seen_in(replace(LAW, recovered_pv=pv), spiky(count), pv), pv, True)[0] is None
 
 
 def test_spikes_that_op_did_not_see_are_the_records_and_the_plants_pv_is_what_op_saw():
     pv = hit()
     for samples in (spiky(), PLAIN):
-        spikes, plant_pv, mismatch = _spikes(record(pv), replace(LAW, recovered_pv=PV), samples, pv, False)
+        spikes, plant_pv, mismatch = _spikes(seen_in(replace(LAW, recovered_pv=PV), samples, pv), pv, False)
         assert spikes == (4 / N, pytest.approx(3.25), "record")
         assert np.array_equal(plant_pv, PV)
         assert mismatch == ""
     # below a few times what digits leave uncertain nothing is one
-    assert _spikes(record(pv), replace(LAW, recovered_pv=PV, blur=0.9), PLAIN, pv, False)[0] is None
-    assert _spikes(record(pv), replace(LAW, recovered_pv=PV, blur=0.5), PLAIN, pv, False)[0] is not None
+    assert _spikes(seen_in(replace(LAW, recovered_pv=PV, blur=0.9), PLAIN, pv), pv, False)[0] is None
+    assert _spikes(seen_in(replace(LAW, recovered_pv=PV, blur=0.5), PLAIN, pv), pv, False)[0] is not None
 
 
 @pytest.mark.parametrize(("height", "said"), [(2.0, "OP moves as no PV on record makes it move"), (0.1, "")])
 def test_op_that_sees_spikes_which_pv_does_not_show_is_a_mismatch_unless_they_are_specks(height, said):
     seen = hit(heights=height * np.sign(HEIGHTS))
-    spikes, plant_pv, mismatch = _spikes(record(), replace(LAW, recovered_pv=seen), PLAIN, PV, False)
+    spikes, plant_pv, mismatch = _spikes(seen_in(replace(LAW, recovered_pv=seen), PLAIN), PV, False)
     assert (spikes, mismatch) == (None, said)
     assert np.array_equal(plant_pv, PV if said else seen)
 
@@ -186,6 +182,6 @@ def test_where_no_pv_is_recovered_ops_jumps_tell_who_saw_the_spikes(answers, pla
     pv, op = hit(), OP * 0.0 + 50.0
     if answers:
         op[PLACES] -= HEIGHTS
-    spikes, plant_pv, _ = _spikes(SimpleNamespace(op=op, pv=pv, n=N), LAW, spiky(), pv, False)
+    spikes, plant_pv, _ = _spikes(seen_in(LAW, spiky(), pv, op=op), pv, False)
     assert spikes == (4 / N, pytest.approx(3.25), place)
     assert np.abs(plant_pv - PV).max() < 0.5

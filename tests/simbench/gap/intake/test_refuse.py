@@ -10,8 +10,9 @@ from detectors.errors import RecordError
 from detectors.record import LoopRecord
 from simbench.gap.controller.pi_law import Law
 from simbench.gap.intake import other_loop
-from simbench.gap.intake.check import _answered, _moves_of, _refuse_other_pace, stands_out
-from simbench.gap.intake.refuse import moving_slope, refuse_mv_units, refuse_op_units, refuse_unfit
+from simbench.gap.intake.archive import _answered, stands_out
+from simbench.gap.intake.observed import _moves_of
+from simbench.gap.intake.refuse import _refuse_other_pace, moving_slope, refuse_mv_units, refuse_op_units, refuse_unfit
 
 SINE = np.sin(np.arange(600) / 20.0)
 OP = 50.0 + 5.0 * SINE
@@ -172,8 +173,9 @@ def test_another_plant_is_asked_for_by_the_tuning_and_must_be_proven(monkeypatch
 
 @pytest.mark.parametrize(("Ts", "refused"), [(1.0, False), (1.008, False), (0.992, False), (1.012, True), (0.988, True)])
 def test_the_sampling_periods_agree_within_a_hundredth(Ts, refused):
-    record, baseline = SimpleNamespace(Ts=Ts), SimpleNamespace(sampling=SimpleNamespace(Ts=1.0))
-    assert bool(said(_refuse_other_pace, record, baseline, "record")) == refused
+    baseline = SimpleNamespace(sampling=SimpleNamespace(Ts=1.0))
+    it = SimpleNamespace(record=SimpleNamespace(Ts=Ts), baseline=baseline, where="record")
+    assert bool(said(_refuse_other_pace, it)) == refused
 
 
 @pytest.mark.parametrize(("moves", "steps"), [(0, False), (1, True), (90, True), (110, False)])
@@ -201,4 +203,5 @@ def test_the_controller_answers_a_spike_it_saw(share, seen, late):
     op, places, heights = np.zeros(200), np.array([30, 90, 150]), np.array([2.0, -3.0, 4.0])
     for k, h in zip(places, heights):
         op[k + late] = -0.7 * share * h
-    assert _answered(SimpleNamespace(op=op, n=200), replace(LAW, Kc=0.7, late=late), places, heights) == seen
+    it = SimpleNamespace(record=SimpleNamespace(op=op, n=200), law=replace(LAW, Kc=0.7, late=late))
+    assert _answered(it, places, heights) == seen

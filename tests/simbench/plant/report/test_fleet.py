@@ -144,7 +144,7 @@ def test_answers_are_kept_where_the_call_stands_though_its_processes_began_elsew
         kept = Path("kept") if name == "now" else None
         assert resumed(likely, [(0.2,), (0.8,)], jobs=2, keep=kept, what="numbers") == ["no_stiction", "stiction"]
     assert not any((tmp_path / "before").iterdir())
-    assert len(list((tmp_path / "now" / "kept").rglob("output.pkl"))) == 2
+    assert len(list((tmp_path / "now" / "kept").rglob("*.json"))) == 2
 
 
 def test_of_nothing_nothing_is_asked():

@@ -118,7 +118,7 @@ def example_record(case: str, process: str) -> LoopRecord:
     Parameters
     ----------
     case : str
-        A key of `CASES`.
+        A key of `CASES`, or "dense": the first, sampled eight times as often.
     process : {"self-regulating", "integrating"}
         Type of the process.
 
@@ -135,6 +135,8 @@ def example_record(case: str, process: str) -> LoopRecord:
     rng, about = np.random.default_rng(3), {"process": process, "kind": "flow" if process == "self-regulating" else "level"}
     if case == "stiction":
         return example_loop(**OBVIOUS[process])
+    if case == "dense":
+        return example_loop(**{**OBVIOUS[process], "Ts": 0.125, "n": 8 * int(OBVIOUS[process]["n"])})
     if case == "short":
         return example_loop(**OBVIOUS[process]).window(0, 20)
     if case == "healthy":

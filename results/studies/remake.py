@@ -1,0 +1,49 @@
+"""Print results again: `python -m results.studies.remake [FILE ...]` runs the commands that results/README.md lists."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+from detectors.errors import ParameterError, nearest
+from simbench.usage import exit_code
+
+ROOT = Path(__file__).parents[2]
+
+
+def listed(text: str) -> dict[str, list[str]]:
+    """Return, for every row of the table, its file or folder and the shell commands that write it, in their order."""
+    rows = [line.split("|")[1:3] for line in text.splitlines() if line.startswith("| `")]
+    return {re.findall(r"`([^`]+)`", file)[0]: re.findall(r"`([^`]+)`", commands) for file, commands in rows}
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the commands of the chosen rows, or of all; 1 when one fails, which is named."""
+    table = listed((ROOT / "results" / "README.md").read_text(encoding="utf-8"))
+    parser = argparse.ArgumentParser(prog="python -m results.studies.remake", description=__doc__)
+    parser.add_argument("files", metavar="FILE", nargs="*", help="As the table names them [all].")
+    parser.add_argument("--list", action="store_true", help="Only say what would be run.")
+    chosen = parser.parse_args(arguments)
+    for name in chosen.files:
+        if name not in table:
+            raise ParameterError(f"no row of results/README.md is called {name!r}: {nearest(name, table)}")
+    failed = []
+    # what this interpreter's environment offers comes first
+    environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
+    for name in chosen.files or table:
+        for command in table[name]:
+            print(f"{name}: {command}", flush=True)
+            if not chosen.list and subprocess.run(["bash", "-ec", command], cwd=ROOT, env=environment).returncode:
+                failed.append(name)
+                break
+    if failed:
+        print(f"failed: {', '.join(failed)}", file=sys.stderr)
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(exit_code(main))

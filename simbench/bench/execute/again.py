@@ -1,0 +1,53 @@
+"""Asked again: a detector that answers otherwise the second time fails the check, whatever its rates."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from detectors.judge import check_thresholds
+from detectors.plugins.registry import methods as registry
+from scenarios.spec import Loop
+from simbench.bench.execute.work import judge_both, record_hash
+from simbench.bench.score.check import MARGIN, check_run
+from simbench.bench.score.check_result import Check
+from simbench.bench.store.manifest import code_hash, read_manifest
+from simbench.bench.store.reading import read_table
+from simbench.loop.simulate import simulate
+
+ASKED_AGAIN = 200  # records of a run
+
+
+def check_and_ask_again(folder: str | Path, against: str | Path, margin: float = MARGIN) -> Check:
+    """Compare a run with a baseline as `check_run` does, and ask its methods once more about a share of its records."""
+    check = check_run(folder, against, margin)
+    return replace(check, problems=(*check.problems, *differing(folder)))
+
+
+def differing(folder: str | Path) -> Iterator[str]:
+    """Ask every built-in method once more about a share of a run's records, and name those that answer otherwise."""
+    manifest = read_manifest(folder)
+    if manifest["code"] != code_hash():  # what another code answers is no second answer of the same detector
+        return
+    names = [m for m in manifest["methods"] if m in registry.names() and m not in manifest["plugins"]]
+    chosen = {m: check_thresholds(m, registry.load(m).METHOD, manifest["thresholds"].get(m, {})) for m in names}
+    rows = read_table(folder, "scenarios", ["scenario_id", "loop", "seed", "record_hash"])
+    order = np.random.default_rng(0).permutation(rows.num_rows)[:ASKED_AGAIN]
+    first: dict[tuple[str, str], tuple[str, float]] = {}
+    columns = ["scenario_id", "method", "verdict", "score"]
+    for row in read_table(folder, "verdicts", columns).to_pylist():
+        first[row["scenario_id"], row["method"]] = row["verdict"], np.nan if row["score"] is None else row["score"]
+    differ, asked = dict.fromkeys(names, 0), 0
+    for row in rows.take(order).to_pylist():
+        record = simulate(Loop.from_table(json.loads(row["loop"])), row["seed"]).record
+        if record_hash(record) != row["record_hash"]:  # another processor: another record
+            continue
+        asked += 1
+        for said, _, _, _ in judge_both(record, chosen, manifest.get("front_end", "acf"))[1]:
+            verdict, score = first[row["scenario_id"], said.method]
+            differ[said.method] += said.verdict != verdict or not np.allclose(said.score, score, 1e-6, 0, equal_nan=True)
+    yield from (f"method {m} differs from itself on {k} of {asked} records asked twice" for m, k in differ.items() if k)

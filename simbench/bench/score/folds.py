@@ -1,0 +1,117 @@
+"""What is learned on some groups of loops and judged on the others: thresholds, and a classifier that never sees a signal."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from simbench.bench.statistics import class_counts
+
+FOLDS = 5
+ALARMS = 0.05  # false alarms at which "found_at_5" asks how much is found
+LEAST = 100  # loops below which gradient boosting has nothing to split
+# of the record and the design, without its signals' shape
+BLIND = ("samples per period", "periods in the record", "n", "Ts", "noise std", "process")
+
+
+def folds_of(groups: np.ndarray) -> np.ndarray:
+    """Return a fold (0 to 4) for every loop; groups stay whole.
+
+    Examples
+    --------
+    >>> folds_of(np.array([3, 3, 8, 9, 9])).tolist()
+    [0, 0, 2, 1, 1]
+    """
+    unique, place = np.unique(groups, return_inverse=True)
+    return np.random.default_rng(0).permutation(unique.size)[place] % FOLDS
+
+
+def found_at(ranks: np.ndarray, positive: np.ndarray, fold: np.ndarray, alarms: float = ALARMS) -> int:
+    """Count positives above a threshold that lets so many false alarms through on the other folds.
+
+    Parameters
+    ----------
+    ranks : ndarray of int, shape (n,)
+        As `dense_ranks` gives them; -1 = no score, never found.
+    positive : ndarray of bool, shape (n,)
+    fold : ndarray of int, shape (n,)
+    alarms : float
+        Share of the negatives.
+
+    Returns
+    -------
+    int
+    """
+    found = 0
+    for k in np.unique(fold):
+        healthy = np.sort(ranks[(fold != k) & ~positive])[::-1]
+        # nothing to learn a threshold from: nothing is found
+        cut = healthy[int(alarms * healthy.size)] if healthy.size else ranks.max(initial=0)
+        found += int((ranks[(fold == k) & positive] > cut).sum())
+    return found
+
+
+def risk_coverage(ranks: np.ndarray, positive: np.ndarray, fold: np.ndarray) -> np.ndarray:
+    """Return the risk of a method that is asked for its surest answers only: one value for every number of answers.
+
+    Parameters
+    ----------
+    ranks, positive, fold : ndarray, shape (n,)
+        As `found_at`.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Share of errors among the 1, 2, ... n surest. The answer is forced: score above the threshold that errs least on the
+        other folds; its sureness is the distance from it, in shares of their scores. No score: last, and half an error.
+
+    Notes
+    -----
+    El-Yaniv and Wiener (2010), J. Mach. Learn. Res. 11, 1605; the mean of the curve is its area.
+    """
+    wrong, sure = np.full(ranks.size, 0.5), np.full(ranks.size, -1.0)
+    for k in np.unique(fold):
+        known = (fold != k) & (ranks >= 0)
+        here = (fold == k) & (ranks >= 0)
+        if not known.any():
+            continue
+        ups, downs = class_counts(ranks[known], positive[known])
+        # errors when the lowest 0, 1, ... different scores are called healthy
+        errors = np.r_[0, np.cumsum(ups)] + downs.sum() - np.r_[0, np.cumsum(downs)]
+        levels = np.unique(ranks[known])
+        best = int(errors.argmin())
+        share = np.r_[0, np.cumsum(ups + downs)] / known.sum()
+        place = 0.5 * (share[np.searchsorted(levels, ranks[here])] + share[np.searchsorted(levels, ranks[here], side="right")])
+        wrong[here] = (place > share[best]) != positive[here]
+        sure[here] = np.abs(place - share[best])
+    order = np.argsort(-sure, kind="stable")
+    _, tied, size = np.unique(-sure[order], return_inverse=True, return_counts=True)
+    mean = np.bincount(tied, wrong[order]) / size if order.size else np.empty(0)  # answers equally sure come in any order
+    return np.cumsum(mean[tied]) / np.arange(1, order.size + 1)
+
+
+def out_of_fold(features: np.ndarray, label: np.ndarray, groups: np.ndarray) -> np.ndarray:
+    """Return the probability of a label by gradient boosting, learned on other groups than those it is asked about.
+
+    Parameters
+    ----------
+    features : ndarray, shape (n, m)
+    label : ndarray of bool, shape (n,)
+    groups : ndarray of int, shape (n,)
+        Loops of one group stay in one fold.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        With fewer than 100 loops, or one label, the share of the label in the other folds.
+    """
+    fold, said = folds_of(groups), np.full(label.size, 0.5)
+    for k in np.unique(fold):
+        there, here = fold != k, fold == k
+        if there.any():
+            said[here] = label[there].mean()
+        if label.size >= LEAST and 0 < label[there].sum() < there.sum():
+            from sklearn.ensemble import HistGradientBoostingClassifier  # here, for it takes a second to load
+
+            model = HistGradientBoostingClassifier(random_state=0).fit(features[there], label[there])
+            said[here] = model.predict_proba(features[here])[:, 1]
+    return said

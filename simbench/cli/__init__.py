@@ -1,0 +1,91 @@
+"""The command line: one verb, one function call."""
+
+from __future__ import annotations
+
+import os
+import sys
+from itertools import pairwise
+from typing import Annotated, Any
+
+# before numpy is imported: on records of this size BLAS threads only wait for each other
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import typer
+
+from detectors.errors import ParameterError
+
+# each registers its verbs, in the order of the help
+from simbench.cli import simulate, detect, plant, bench, confirm, gap, catalogue  # isort: skip  # noqa: F401
+from simbench.cli.common import app
+from simbench.usage import exit_code
+
+# typer has carried its own copy of click since 0.2x; its public error leads to the classes of whichever it uses
+CommandError: Any = typer.BadParameter.__mro__[2]
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        print(version("stiction-simbench"))
+        raise typer.Exit
+
+
+@app.callback()
+def about(
+    version: Annotated[bool, typer.Option("--version", is_eager=True, callback=_version, help="Print the version.")] = False,
+) -> None:
+    """A closed-loop testbench for valve-stiction detectors."""
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line.
+
+    Parameters
+    ----------
+    arguments : list of str, optional
+        In place of sys.argv.
+
+    Returns
+    -------
+    int
+        0 done, 1 a gate failed, 2 wrong usage, file or configuration (said in one sentence on stderr), 130 interrupted.
+    """
+    return exit_code(lambda: _command(arguments))
+
+
+def entry() -> None:
+    """Console script."""
+    sys.exit(main())
+
+
+def _command(arguments: list[str] | None) -> int | None:
+    command = typer.main.get_command(app)
+    try:
+        return command.main(args=arguments, prog_name="simbench", standalone_mode=False)
+    except CommandError as error:
+        raise ParameterError(_usage(error, sys.argv[1:] if arguments is None else arguments)) from None
+    except typer.Abort as error:
+        raise KeyboardInterrupt(str(error)) from None
+
+
+def _usage(error: Any, arguments: list[str]) -> str:
+    message = error.format_message().strip()
+    if message.startswith("Invalid value for "):
+        # the sentence names the option and what is allowed, not what was given
+        option, _, allowed = message.partition(": ")
+        given = [v for k, v in pairwise(arguments) if k.lstrip("-") and f"'{k}'" in option]
+        message = f"{option}: {given[0][:80]!r}: {allowed}" if given else message
+    context = getattr(error, "ctx", None)
+    if "unexpected extra argument" in message and context is not None:
+        message += f"; allowed: {' '.join(context.command.collect_usage_pieces(context))}"
+    if message.startswith("Usage:"):
+        return "a verb is missing: " + ", ".join(_verbs(context))
+    if "such command" in message and "mean" not in message:
+        message += f" Known: {', '.join(_verbs(context))}"
+    return message[0].lower() + message[1:]
+
+
+def _verbs(context: Any) -> list[str]:
+    return [] if context is None else context.command.list_commands(context)

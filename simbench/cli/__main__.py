@@ -1,0 +1,5 @@
+"""`python -m simbench.cli`."""
+
+from simbench.cli import entry
+
+entry()

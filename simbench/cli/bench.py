@@ -1,0 +1,222 @@
+"""Grids run, scored, compared, drawn."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from detectors.errors import ParameterError
+from simbench.cli.common import (
+    EffectPlugin,
+    FrontEnd,
+    Jobs,
+    Json,
+    Limit,
+    Plugin,
+    Thresholds,
+    ValvePlugin,
+    app,
+    examples,
+    grid_completion,
+    number,
+    pairs,
+    refuse_picture,
+    show,
+    threshold_file,
+)
+
+
+@app.command(epilog=examples("run smoke -o runs/smoke", "run chapter -o runs/chapter -j 2 --method fast,oracle --resume"))
+def run(
+    grid: Annotated[str, typer.Argument(help="Name of a grid, or a TOML file.", autocompletion=grid_completion)],
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="Folder of the run, or a URL [runs/GRID].")] = None,
+    jobs: Jobs = 1,
+    method: Annotated[
+        list[str] | None, typer.Option(metavar="ID", help="Method ids, fast, full, oracle; repeatable [fast, oracle].")
+    ] = None,
+    raw: Annotated[bool, typer.Option("--raw", help="Only without the oscillation front end.")] = False,
+    front_end: FrontEnd = "acf",
+    plugin: Plugin = None,
+    valve_plugin: ValvePlugin = None,
+    effect_plugin: EffectPlugin = None,
+    time_limit: Limit = 60.0,
+    backend: Annotated[str, typer.Option(metavar="loky|dask|ray", help="Who works the pieces.")] = "loky",
+    address: Annotated[str | None, typer.Option(metavar="URL", help="Of a running scheduler.")] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on where an earlier run stopped.")] = False,
+    until_width: Annotated[
+        float | None, typer.Option(metavar="W", help="Add seeds until accuracy's interval is this narrow.")
+    ] = None,
+    sets: Annotated[list[str] | None, typer.Option("--set", metavar="K=V", help="Repeatable.")] = None,
+    axis: Annotated[list[str] | None, typer.Option(metavar="K=a,b,c", help="Other values of an axis; repeatable.")] = None,
+    thresholds: Thresholds = None,
+    allow_failed: Annotated[
+        float, typer.Option(metavar="SHARE", min=0.0, max=1.0, help="Of scenarios, or of a built-in method's records.")
+    ] = 0.0,
+    large: Annotated[bool, typer.Option("--large", help="Yes, more than a million scenarios.")] = False,
+    sealed: Annotated[bool, typer.Option("--sealed", help="Draw the seeds now, write them when the run ends.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Simulate a grid of scenarios, judge every record by every method, and score."""
+    from simbench.bench.execute.failures import read_failures
+    from simbench.bench.execute.run import Interrupted, run_grid
+    from simbench.bench.scenario.oracle import ORACLE
+    from simbench.bench.score.scoring import score_run
+
+    if out is not None and str(out).startswith("memory:/"):
+        raise ParameterError(f"-o {out}: memory is gone when this command ends; a folder or a URL that lasts is needed")
+    axes = {k: [number(v) for v in str(values).split(",")] for k, values in pairs(axis or [], "--axis", text=True).items()}
+    try:
+        folder = run_grid(
+            grid, out or Path("runs") / Path(grid).stem, tuple(method or ["fast", ORACLE]), jobs, raw=raw,
+            front_end=front_end, plugins=plugin or [],
+            backend=backend, address=address, resume=resume, until_width=until_width, sets=pairs(sets or [], "--set"),
+            axes=axes, thresholds=threshold_file(thresholds), large=large, time_limit=time_limit,
+            valve_plugins=valve_plugin or [], effect_plugins=effect_plugin or [],
+            sealed=sealed,
+        )  # fmt: skip
+    except Interrupted as stop:  # said here: the command-line library turns Ctrl-C into a bare exit code
+        print(stop, file=sys.stderr)
+        raise typer.Exit(130) from None
+    scores, failed = score_run(folder, raw=raw), read_failures(folder)
+    told = {"run": str(folder), "failed": failed.as_json(), **scores.as_json()}
+    show(told if as_json else f"{scores.as_text()}\n\n{_line(failed)}run: {folder}", as_json)
+    if as_json and failed.methods:  # a plug-in's failures end no run, and are told where people look
+        print(failed, file=sys.stderr)
+    if failed.above(allow_failed):
+        print(f"failed: {failed}", file=sys.stderr)
+        raise typer.Exit(1)
+
+
+@app.command(epilog=examples("score runs/chapter --report report.html", "score runs/new --compare runs/old"))
+def score(
+    folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
+    raw: Annotated[bool, typer.Option("--raw", help="Verdicts without the oscillation front end.")] = False,
+    report: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Report with pictures to write.")] = None,
+    against: Annotated[Path | None, typer.Option("--compare", metavar="RUN", help="A second run, paired by scenario.")] = None,
+    paired: Annotated[bool, typer.Option("--paired", help="Compare this run's methods with each other, paired.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Score a run: accuracy, no-decision rate, AUC, with intervals, by grid axis."""
+    from simbench.bench.execute.failures import read_failures
+    from simbench.bench.score.scoring import score_run
+    from simbench.files import refuse_own_input
+
+    refuse_own_input([report], [folder, against])
+    scores, failed = score_run(folder, raw=raw), read_failures(folder)
+    content: Any = {**scores.as_json(), "failed": failed.as_json()} if as_json else f"{_line(failed)}{scores.as_text()}"
+    if against is not None or paired:
+        from simbench.bench.score.compare import compare
+
+        comparison = compare(folder, against, raw=raw)
+        content = {**content, "comparison": comparison.as_json()} if as_json else f"{content}\n\n{comparison.as_text()}"
+    show(content, as_json)
+    if report is not None:
+        from simbench.report import write_report
+
+        write_report(folder, report)
+        print(f"report: {report.resolve()}", file=sys.stderr if as_json else sys.stdout)
+
+
+@app.command(epilog=examples("check runs/ci --against results/baseline"))
+def check(
+    folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
+    against: Annotated[Path, typer.Option(metavar="DIR", help="Baseline.")],
+    junit: Annotated[Path | None, typer.Option(metavar="FILE.xml", help="JUnit summary to write.")] = None,
+    markdown: Annotated[Path | None, typer.Option(metavar="FILE.md", help="Markdown summary to write.")] = None,
+    update: Annotated[bool, typer.Option("--update", help="Make this run the baseline, and show the difference.")] = False,
+    margin: Annotated[float, typer.Option(min=0.0, max=1.0, help="A rate may fall by this much.")] = 0.01,
+    as_json: Json = False,
+) -> None:
+    """Compare a run with a baseline; exit 1 when accuracy regressed, or when nobody could tell."""
+    from simbench.bench.execute.again import check_and_ask_again
+    from simbench.bench.score.check import update_baseline
+    from simbench.files import refuse_own_input, whole_file
+
+    refuse_own_input([junit, markdown], [folder, against])
+    if update:
+        print(update_baseline(folder, against))
+        return
+    result = check_and_ask_again(folder, against, margin)
+    for path, text in ((junit, result.as_junit()), (markdown, result.as_markdown())):
+        if path is not None:
+            with whole_file(path) as f:
+                f.write(text)
+    show(result.as_json() if as_json else result.as_text(), as_json)
+    if result.answer != "passed":
+        raise typer.Exit(1)
+
+
+@app.command(epilog=examples("history results/baseline -o history.svg"))
+def history(
+    baseline: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a baseline.")] = Path("results/baseline"),
+    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE.svg", help="Picture to write.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Show how accuracy moved over the baselines kept."""
+    from simbench.bench.score.history import read_history
+
+    refuse_picture(out)
+    found = read_history(baseline)
+    if out is not None:
+        from simbench.figures import draw_history
+
+        draw_history(found, out)
+    show(found.as_json() if as_json else found.as_text(), as_json)
+
+
+@app.command(epilog=examples("calibrate chapter --false-alarm 0.05 -o cal"))
+def calibrate(
+    grid: Annotated[str, typer.Argument(help="Name of a grid, or a TOML file.")],
+    false_alarm: Annotated[float, typer.Option(help="Wanted share of healthy loops called sticky.")] = 0.05,
+    method: Annotated[list[str] | None, typer.Option(metavar="ID", help="Method ids, fast or full; repeatable.")] = None,
+    jobs: Jobs = 1,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="Folder for thresholds and ROC curves.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Find each method's threshold for a wanted false-alarm rate."""
+    from simbench.bench.calibrate import calibrate as run_calibration
+
+    found = run_calibration(grid, false_alarm, tuple(method or ["fast"]), jobs, out=out)
+    show(found.as_json() if as_json else found.as_text(), as_json)
+
+
+@app.command(epilog=examples("worst horch -o worst.toml --budget 500"))
+def worst(
+    method: Annotated[str, typer.Argument(help="Method id.")],
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="Loop file to write.")] = None,
+    budget: Annotated[int, typer.Option(min=1, help="Loops to try.")] = 2000,
+    seed: Annotated[int, typer.Option(min=0)] = 0,
+    as_json: Json = False,
+) -> None:
+    """Search the healthy loop on which a method is most confidently wrong."""
+    from simbench.bench.worst import worst as search
+    from simbench.files import whole_file
+
+    found = search(method, budget=budget, seed=seed)
+    if out is not None:
+        with whole_file(out) as f:
+            f.write(found.to_toml())
+    show(found.as_json() if as_json else found.as_text(), as_json)
+
+
+@app.command(epilog=examples("figure fig-11-9 -o figures", "figure all -o figures"))
+def figure(
+    ids: Annotated[list[str], typer.Argument(metavar="ID|all", help="Figure ids.")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder to write to.")],
+    run_folder: Annotated[Path | None, typer.Option("--run", metavar="RUN", help="Run for the figures that show one.")] = None,
+    isdb: Annotated[Path | None, typer.Option(metavar="FILE|DIR", help="Real records.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Draw the chapter's figures and tables, each with the numbers drawn beside it."""
+    from simbench.figures import make_figures
+
+    drawn = make_figures(ids, out, run=run_folder, isdb=isdb)
+    rows = [{"id": d.id, "files": [str(f) for f in d.files], "left_out": d.left_out} for d in drawn]
+    show(rows if as_json else "\n".join(f"{r['id']}: {r['left_out'] or ', '.join(r['files'])}" for r in rows), as_json)
+
+
+def _line(failed: Any) -> str:
+    return f"failed: {failed}\n\n" if str(failed) else ""

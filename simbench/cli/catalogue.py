@@ -1,0 +1,42 @@
+"""What there is, and whether a plug-in keeps its contract."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from detectors.errors import ParameterError, nearest
+from simbench.cli.common import Json, app, examples, show
+
+
+@app.command(epilog=examples("contract my_detector.py"))
+def contract(
+    path: Annotated[
+        Path, typer.Argument(metavar="FILE", help="A detector, valve, effect, recogniser, world (.py) or grid (.toml).")
+    ],
+    as_json: Json = False,
+) -> None:
+    """Check whether a plug-in keeps its contract; exit 1 when it does not."""
+    from simbench.contract import check_in_subprocess
+
+    found = check_in_subprocess(path)
+    show(found.as_json() if as_json else found.as_text(), as_json)
+    if not found.kept:
+        raise typer.Exit(1)
+
+
+@app.command("list", epilog=examples("list detectors", "list grids --json"))
+def list_(
+    what: Annotated[str, typer.Argument(help="detectors, valves, grids, effects or figures.")],
+    as_json: Json = False,
+) -> None:
+    """List what there is, one line and source each."""
+    from simbench.catalogue import KINDS, catalogue
+
+    if what not in KINDS:
+        raise ParameterError(f"nothing to list under {what!r}: {nearest(what, KINDS)}")
+    rows = catalogue(what)
+    width = max((len(r["name"]) for r in rows), default=0)
+    show(rows if as_json else "\n".join(f"{r['name']:<{width}}  {r['says']} [{r['source']}]" for r in rows), as_json)

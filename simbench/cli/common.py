@@ -1,0 +1,126 @@
+"""What the verbs share: the applications they belong to, options, and how an answer is printed."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from detectors.errors import ParameterError, masked
+
+_BARE: dict[str, Any] = {
+    "add_completion": False,
+    "no_args_is_help": True,
+    "rich_markup_mode": None,
+    "pretty_exceptions_enable": False,
+}
+app = typer.Typer(help="A closed-loop testbench for valve-stiction detectors.", **{**_BARE, "add_completion": True})
+confirm_app = typer.Typer(help="Is it the valve? The chapter's confirmation tests, on a simulated loop or on records.", **_BARE)
+gap_app = typer.Typer(help="Why is the simulation unlike the plant?", **_BARE)
+withheld_app = typer.Typer(help="The blind check of the gap diagnosis.", **_BARE)
+app.add_typer(confirm_app, name="confirm")
+app.add_typer(gap_app, name="gap")
+gap_app.add_typer(withheld_app, name="withheld")
+
+
+def examples(*lines: str) -> str:
+    """Return what ends the help of a verb: its examples, unwrapped."""
+    return "\b\nExamples:\n" + "\n".join(f"  simbench {line}" for line in lines)
+
+
+def _workers(jobs: int) -> int:
+    most = max(64, 4 * (os.cpu_count() or 1))
+    if jobs == 0 or jobs < -1 or jobs > most:
+        raise ParameterError(f"-j {jobs}; worker processes are 1 to {most}, or -1 for one on every core")
+    return jobs
+
+
+Json = Annotated[bool, typer.Option("--json", help="JSON, and nothing else, on stdout.")]
+Jobs = Annotated[int, typer.Option("-j", "--jobs", callback=_workers, help="Worker processes; -1 = all cores.")]
+Plugin = Annotated[list[Path] | None, typer.Option(metavar="FILE.py", help="File of a further detector; repeatable.")]
+Limit = Annotated[float, typer.Option("--time-limit", metavar="S", help="Seconds a plug-in may take for a record or scenario.")]
+ValvePlugin = Annotated[list[Path] | None, typer.Option(metavar="FILE.py", help="File of a further valve model; repeatable.")]
+EffectPlugin = Annotated[list[Path] | None, typer.Option(metavar="FILE.py", help="File of a further effect; repeatable.")]
+Thresholds = Annotated[
+    Path | None, typer.Option(metavar="FILE.json", help="Other thresholds than the published ones, as calibrate writes them.")
+]
+Span = Annotated[tuple[float, float] | None, typer.Option(metavar="LO HI", help="Values that mean 0 and 100 %.")]
+Power = Annotated[bool, typer.Option("--power", help="Also say what this record could have shown, from twins of its loop.")]
+FrontEnd = Annotated[str, typer.Option(metavar="acf|hagglund", help="What says whether a loop oscillates.")]
+World = Annotated[str, typer.Option(metavar="NAME", help="Independent simulator that draws the records.")]
+
+
+def method_completion(incomplete: str) -> list[str]:
+    """Return the method ids that begin so."""
+    from detectors.plugins.registry import methods
+
+    return [name for name in ("all", "fast", "full", *methods.names(), *methods.lent) if name.startswith(incomplete)]
+
+
+def grid_completion(incomplete: str) -> list[str]:
+    """Return the grids that begin so."""
+    from scenarios.grid import grid_names
+
+    return [name for name in grid_names() if name.startswith(incomplete)]
+
+
+def refuse_picture(path: Path | None, *read: Path | None) -> None:
+    """Refuse, before any work, a picture that would stand in place of what is read, or is of no known kind."""
+    from simbench.files import picture_kind, refuse_own_input
+
+    refuse_own_input([path], read)
+    if path is not None:
+        picture_kind(path)
+
+
+def threshold_file(path: Path | None) -> dict[str, dict[str, float]]:
+    """Return the thresholds of a file, checked; none without one."""
+    if path is None:
+        return {}
+    if path.exists() and not path.is_file() and not path.is_dir():  # a pipe would be waited for
+        raise ParameterError(f"thresholds {path} are no file; a JSON file is needed")
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ParameterError(f"thresholds {path} cannot be read: {(error.strerror or str(error)).lower()}") from None
+    except (ValueError, RecursionError) as error:
+        said = " ".join(str(error).split())[:200]
+        raise ParameterError(f"thresholds {path} are no JSON ({said}); a table of method ids is needed") from None
+    if not isinstance(found, dict) or not all(isinstance(v, dict) for v in found.values()):
+        raise ParameterError(f"thresholds {path}: a table of method ids to tables of numbers is needed")
+    for method, values in found.items():
+        for name, value in values.items():
+            if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= 1e60:
+                raise ParameterError(f"thresholds {path}: {method}.{name} = {str(value)[:60]!r}; a finite number is needed")
+    return found
+
+
+def pairs(words: list[str], option: str, text: bool = False) -> dict[str, Any]:
+    """Return NAME=VALUE words as a table."""
+    pairs = {}
+    for word in words:
+        name, equals, value = word.partition("=")
+        if not equals or not name:
+            raise ParameterError(f"{option} {word!r}: NAME=VALUE is needed")
+        if name in pairs:
+            raise ParameterError(f"{option} {word!r}: {name} = {pairs[name]} was given already; once is allowed")
+        pairs[name] = value if text else number(value)
+    return pairs
+
+
+def number(text: str) -> Any:
+    """Return a word as a number where it is one."""
+    try:
+        return text if "_" in text else float(text)
+    except ValueError:
+        return text
+
+
+def show(content: Any, as_json: bool) -> None:
+    """Print an answer, as JSON where asked."""
+    print(masked(json.dumps(content, indent=1, allow_nan=False) if as_json else content))
+    sys.stdout.flush()

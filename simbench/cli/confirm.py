@@ -1,0 +1,82 @@
+"""Is it the valve? The confirmation tests."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from detectors.errors import ParameterError, naming
+from simbench.cli.common import Json, Span, confirm_app, examples, refuse_picture, show
+
+
+@confirm_app.command("gain-change", epilog=examples("confirm gain-change loop.toml"))
+def gain_change(
+    loop: Annotated[Path | None, typer.Argument(metavar="LOOP.toml")] = None,
+    records: Annotated[tuple[Path, Path] | None, typer.Option(metavar="BEFORE.csv AFTER.csv", help="Not a loop.")] = None,
+    ratio: Annotated[
+        float | None,
+        typer.Option("--ratio", "--factor", metavar="R", help="New gain over old; read off the records when absent."),
+    ] = None,
+    op_span: Span = None,
+    picture: Annotated[Path | None, typer.Option(help="Picture to write (SVG or PNG).")] = None,
+    as_json: Json = False,
+) -> None:
+    """Does the period follow the controller gain?"""
+    _one_of("confirm gain-change", loop, "--records BEFORE.csv AFTER.csv", records)
+    refuse_picture(picture, loop, *(records or ()))
+    if loop is None:
+        from detectors.records.io import read_record
+        from simbench.confirm.recorded import gain_change_recorded
+
+        assert records is not None
+        before, after = (read_record(path, op_span=op_span) for path in records)
+        found = gain_change_recorded(before, after, ratio)
+    else:
+        from scenarios.spec import load_loop
+        from simbench.confirm.gain_change import gain_change as test
+
+        with naming(loop):
+            found = test(load_loop(loop)) if ratio is None else test(load_loop(loop), ratio)
+    _confirmed(found, picture, as_json)
+
+
+@confirm_app.command(epilog=examples("confirm travel loop.toml --picture travel.svg"))
+def travel(
+    loop: Annotated[Path | None, typer.Argument(metavar="LOOP.toml")] = None,
+    record: Annotated[Path | None, typer.Option(metavar="REC.csv", help="Of such a test, in place of a loop.")] = None,
+    process: Annotated[str | None, typer.Option(help="Of the record: self-regulating or integrating.")] = None,
+    op_span: Span = None,
+    picture: Annotated[Path | None, typer.Option(help="Picture to write (SVG or PNG).")] = None,
+    as_json: Json = False,
+) -> None:
+    """Valve travel test: small steps of OP until PV moves, same direction and reversed; a loop is graded by Table 11.1."""
+    _one_of("confirm travel", loop, "--record REC.csv", record)
+    refuse_picture(picture, loop, record)
+    if loop is None:
+        from detectors.records.io import read_record
+        from simbench.confirm.recorded import travel_recorded
+
+        assert record is not None
+        found = travel_recorded(read_record(record, process=process, op_span=op_span))
+    else:
+        from scenarios.spec import load_loop
+        from simbench.confirm.grade import graded_test
+
+        with naming(loop):
+            found = graded_test(load_loop(loop))
+    _confirmed(found, picture, as_json)
+
+
+def _one_of(verb: str, loop: Path | None, option: str, other: Any) -> None:
+    if (loop is None) == (other is None):
+        raise ParameterError(f"{verb} needs either a loop file, or {option}")
+
+
+def _confirmed(result: Any, picture: Path | None, as_json: bool) -> None:
+    if picture is not None:
+        from simbench.figures._style import write_picture
+
+        write_picture(result.plot(), picture)
+    show(result.as_json() if as_json else result.as_text(), as_json)

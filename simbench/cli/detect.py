@@ -1,0 +1,127 @@
+"""Records judged."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from simbench.cli.common import (
+    FrontEnd,
+    Json,
+    Limit,
+    Plugin,
+    Power,
+    Span,
+    Thresholds,
+    app,
+    examples,
+    method_completion,
+    refuse_picture,
+    show,
+    threshold_file,
+)
+
+
+@app.command(
+    epilog=examples(
+        "detect rec.csv --kind flow --why",
+        "detect export.csv --columns op=FIC101.OUT,pv=FIC101.MEAS --html verdict.html",
+        "detect folder --labels records.csv --csv verdicts.csv",
+    )
+)
+def detect(
+    path: Annotated[Path, typer.Argument(metavar="REC.csv|DIR", help="Record, or folder of records.")],
+    method: Annotated[
+        list[str] | None,
+        typer.Option(metavar="ID", help="Method ids, all, fast or full; repeatable.", autocompletion=method_completion),
+    ] = None,
+    process: Annotated[str | None, typer.Option(help="self-regulating or integrating.")] = None,
+    kind: Annotated[str | None, typer.Option(help="flow, level, pressure, temperature or analyser.")] = None,
+    op_span: Span = None,
+    pv_span: Span = None,
+    columns: Annotated[list[str] | None, typer.Option(metavar="op=NAME,pv=NAME", help="Which column is what.")] = None,
+    Ts: Annotated[float | None, typer.Option("--ts", metavar="S", help="Sampling period (s), where no column says it.")] = None,
+    loop: Annotated[str | None, typer.Option(metavar="N", help="Loop of a file with several: FIC101, chemicals.loop1.")] = None,
+    labels: Annotated[Path | None, typer.Option(help="Table with id and label: judge and score its records.")] = None,
+    raw: Annotated[bool, typer.Option("--raw", help="Without the oscillation front end.")] = False,
+    front_end: FrontEnd = "acf",
+    plugin: Plugin = None,
+    time_limit: Limit = 60.0,
+    thresholds: Thresholds = None,
+    power: Power = False,
+    why: Annotated[bool, typer.Option("--why", help="Each method's reason below the table.")] = False,
+    csv: Annotated[Path | None, typer.Option("--csv", metavar="FILE.csv", help="Table of the verdicts to write.")] = None,
+    html: Annotated[Path | None, typer.Option("--html", metavar="FILE.html", help="Page to write.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Judge a record, or a folder of records, by one or all detectors."""
+    from detectors.records.roles import column_pairs
+    from detectors.report.report import failed, judge_files, table
+    from simbench.files import refuse_kind, refuse_own_input
+
+    refuse_kind(csv or "")
+    refuse_own_input([csv, html], [path, labels, thresholds, *(plugin or [])])
+    report = judge_files(
+        path, method or ["all"], process=process, kind=kind, op_span=op_span, pv_span=pv_span, labels=labels, raw=raw,
+        front_end=front_end, plugins=plugin or [], thresholds=threshold_file(thresholds), columns=column_pairs(columns),
+        Ts=Ts, loop=loop, time_limit=time_limit,
+    )  # fmt: skip
+    for name, sentence in report.refused.items():
+        print(f"left out {name}: {sentence}", file=sys.stderr)
+    for sentence in failed(report.verdicts):
+        print(sentence, file=sys.stderr)
+    if as_json and report.scores:
+        print("\n".join(["score by unit:", *table(report.scores)]), file=sys.stderr)
+    show(report.as_json() if as_json else report.as_text(why=why, colour=sys.stdout.isatty()), as_json)
+    if csv is not None:
+        from simbench.files import write_table
+
+        write_table(report.to_frame(), csv)
+    if html is not None:
+        from simbench.plant.verdict_page import write_page
+
+        write_page(report, html)
+        print(f"page: {html.resolve()}", file=sys.stderr if as_json else sys.stdout)
+    if power:
+        _print_power(path, method or ["all"], as_json, process=process, kind=kind, op_span=op_span, pv_span=pv_span)
+
+
+@app.command(epilog=examples("diagnose rec.csv --kind flow --picture path.svg"))
+def diagnose(
+    path: Annotated[Path, typer.Argument(metavar="REC.csv")],
+    process: Annotated[str | None, typer.Option(help="self-regulating or integrating.")] = None,
+    kind: Annotated[str | None, typer.Option(help="flow, level, pressure, temperature or analyser.")] = None,
+    op_span: Span = None,
+    pv_span: Span = None,
+    picture: Annotated[Path | None, typer.Option(help="Picture of the path taken (SVG or PNG).")] = None,
+    power: Power = False,
+    as_json: Json = False,
+) -> None:
+    """Take one record through the chapter's whole diagnosis, step by step."""
+    from detectors.procedure import diagnose as procedure
+    from detectors.records.io import read_record
+    from detectors.verdict import PROBABILITY
+    from simbench.gap.stiction.friction import probability_of_stiction
+
+    refuse_picture(picture, path)
+    record = read_record(path, process=process, kind=kind, op_span=op_span, pv_span=pv_span)
+    diagnosis, p = procedure(record), probability_of_stiction(record)
+    if picture is not None:
+        from simbench.figures import draw_path
+
+        draw_path(diagnosis, picture)
+    said = "cannot be said" if p is None else f"{p:.2f}"
+    text = f"{diagnosis.as_text()}\nProbability of stiction: {said}."
+    show(diagnosis.as_json() | {PROBABILITY: p} if as_json else text, as_json)
+    if power:
+        _print_power(path, ["all"], as_json, process=process, kind=kind, op_span=op_span, pv_span=pv_span)
+
+
+def _print_power(path: Path, methods: list[str], as_json: bool, **about: Any) -> None:
+    from simbench.plant.command import power_lines
+
+    # beside JSON nothing else may stand on stdout
+    print("\n".join(power_lines(path, methods, **about)), file=sys.stderr if as_json else sys.stdout)

@@ -1,0 +1,122 @@
+"""Why is the simulation unlike the plant? And the blind check of what answers that."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from detectors.errors import ParameterError
+from simbench.cli.common import Jobs, Json, Span, World, examples, gap_app, show, withheld_app
+
+
+@gap_app.command(
+    "diagnose", epilog=examples("gap diagnose rec.csv --baseline loop.toml --html gap.html --write-loop fixed.toml")
+)
+def gap_diagnose(
+    records: Annotated[list[Path], typer.Argument(metavar="REC.csv ...", help="Records of one loop, judged together.")],
+    baseline: Annotated[
+        Path | None,
+        typer.Option(metavar="LOOP.toml", help="The simulation that does not fit; [plant] or [controller] may be missing."),
+    ] = None,
+    identify: Annotated[bool, typer.Option("--identify", help="No baseline: estimate one from the record.")] = False,
+    jobs: Jobs = 1,
+    no_bootstrap: Annotated[bool, typer.Option("--no-bootstrap", hidden=True)] = False,
+    html: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Report to write.")] = None,
+    write_loop: Annotated[Path | None, typer.Option(metavar="FIXED.toml", help="Loop file with the effect in it.")] = None,
+    picture: Annotated[Path | None, typer.Option(help="The diagnosis on one sheet (SVG, PNG or PDF).")] = None,
+    process: Annotated[str | None, typer.Option(help="self-regulating or integrating; for --identify.")] = None,
+    op_span: Span = None,
+    window: Annotated[tuple[int, int] | None, typer.Option(metavar="FROM TO", help="Samples to judge.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Say where record and simulation differ, which effect explains it, and how far it shrinks."""
+    from simbench.gap.command import diagnose_files
+
+    if (baseline is None) == (not identify):
+        raise ParameterError("gap diagnose needs either --baseline LOOP.toml or --identify")
+    report = diagnose_files(
+        records, baseline, jobs=jobs, html=html, write_loop=write_loop, picture=picture,
+        process=process, op_span=op_span, window=window,
+    )  # fmt: skip
+    show(report.as_json() if as_json else report.as_text(), as_json)
+
+
+@gap_app.command("leave-out", epilog=examples("gap leave-out withheld -j 2"))
+def leave_out_(
+    out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for records, table and picture.")],
+    world: World = "own",
+    n: Annotated[int, typer.Option("-n", "--records", min=1, help="Records per effect.")] = 4,
+    seed: Annotated[int, typer.Option(min=0)] = 0,
+    jobs: Jobs = 1,
+    as_json: Json = False,
+) -> None:
+    """Take every effect out of the library in turn: what is said then, and how far the gap shrinks once it is back."""
+    from simbench.blind.leave_out import leave_out, summary
+
+    table = summary(leave_out(out, world, n, seed, jobs))
+    text = table.to_string(index=False, float_format="%.2f", na_rep="-")
+    show(json.loads(table.to_json(orient="records")) if as_json else text, as_json)
+
+
+@gap_app.command("study", epilog=examples("gap study folder --grid chapter --html study.html --write-grid fixed.toml"))
+def gap_study(
+    records: Annotated[Path, typer.Argument(metavar="RECORDS", help="Folder of records.")],
+    grid: Annotated[str, typer.Option(help="Name of a grid, or a TOML file.")],
+    labels: Annotated[Path | None, typer.Option(help="Table with id and label: its records, by unit.")] = None,
+    html: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Page to write; a killed call goes on.")] = None,
+    write_grid: Annotated[Path | None, typer.Option(metavar="FILE.toml", help="The grid, with the effects found.")] = None,
+    jobs: Jobs = 2,
+    as_json: Json = False,
+) -> None:
+    """Say what separates a set of records from a grid, which effects explain it, and what each costs each detector."""
+    from simbench.plant.command import study_folder
+
+    found = study_folder(records, grid, labels, html=html, write_grid=write_grid, jobs=jobs)
+    show(found.as_json() if as_json else found.as_text(), as_json)
+
+
+@withheld_app.command(epilog=examples("gap withheld make check --key check.key --seed 1"))
+def make(
+    out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the check.")],
+    key: Annotated[Path, typer.Option(help="File for the key to the answers, outside DIR.")],
+    seed: Annotated[int, typer.Option(min=0)],
+    n: Annotated[int, typer.Option("-n", "--records", min=100, help="About how many records.")] = 600,
+    jobs: Jobs = 1,
+    world: World = "own",
+) -> None:
+    """Write shuffled records with hidden effects, and seal the answers."""
+    from simbench.blind.making import make as write
+
+    print(write(out, key, seed, n=n, jobs=jobs, world=world))
+
+
+@withheld_app.command(epilog=examples("gap withheld answer check -j 2"))
+def answer(
+    out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the check.")],
+    jobs: Jobs = 1,
+    no_bootstrap: Annotated[bool, typer.Option("--no-bootstrap", hidden=True)] = False,
+    world: World = "own",
+) -> None:
+    """Diagnose every record, without sight of the answers and whatever the world; resumes where it stopped."""
+    from simbench.blind.answering import answer as diagnose_all
+    from simbench.gap.command import one_file
+
+    print(f"{diagnose_all(out, one_file, jobs)} records diagnosed")
+
+
+@withheld_app.command("open", epilog=examples("gap withheld open check --key check.key"))
+def open_sealed(
+    out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the check.")],
+    key: Annotated[Path | None, typer.Option(help="Key file; not needed where answers.csv lies open.")] = None,
+    scores: Annotated[Path | None, typer.Option("--scores", metavar="DIR", help="Where the scores go.")] = None,
+    world: World = "own",
+    as_json: Json = False,
+) -> None:
+    """Score the answers against the truth."""
+    from simbench.blind.opening import open_ as score_answers
+
+    found = score_answers(out, key, scores, world)
+    show({k: v for k, v in found.items() if k != "markdown"} if as_json else found["markdown"], as_json)

@@ -1,0 +1,87 @@
+"""Loops simulated, valves driven, theory asked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from detectors.errors import ParameterError, naming
+from simbench.cli.common import EffectPlugin, Json, Limit, ValvePlugin, app, examples, pairs, show
+
+
+@app.command(epilog=examples("simulate loop.toml -o rec.csv --seed 1", "simulate --from runs/ci --id ID -o rec.csv"))
+def simulate(
+    loop: Annotated[Path | None, typer.Argument(metavar="LOOP.toml", help="Loop file.")] = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="Record to write (CSV).")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Root of all random numbers.")] = 0,
+    kick: Annotated[float, typer.Option(help="Offset of OP at sample 0 (%).")] = 0.0,
+    from_run: Annotated[Path | None, typer.Option("--from", metavar="RUN", help="Folder of a run.")] = None,
+    scenario: Annotated[str | None, typer.Option("--id", help="Scenario of that run.")] = None,
+    valve_plugin: ValvePlugin = None,
+    effect_plugin: EffectPlugin = None,
+    time_limit: Limit = 60.0,
+) -> None:
+    """Run one closed loop and write its record."""
+    from simbench.files import refuse_own_input, write_record
+    from simbench.loop.hosted import hosted_parts, simulated
+
+    if (loop is None) == (from_run is None):
+        raise ParameterError("simulate needs either a loop file, or --from RUN with --id ID")
+    if out is None:
+        raise ParameterError("simulate needs -o REC.csv, the record to write")
+    if not abs(kick) <= 100.0:
+        raise ParameterError(f"--kick {kick:g}; an offset of OP within -100 to 100 % is needed")
+    refuse_own_input([out], [loop])
+    with hosted_parts(valve_plugin or [], effect_plugin or [], time_limit):
+        if from_run is not None:
+            from simbench.bench.store.reading import read_scenario
+
+            if scenario is None:
+                raise ParameterError("simulate --from RUN needs --id, the scenario to repeat")
+            found = read_scenario(from_run, scenario)
+            result = simulated(found.loop, found.seed, kick)
+        else:
+            from scenarios.spec import load_loop
+
+            with naming(loop):
+                result = simulated(load_loop(loop), seed, kick)
+    write_record(result.record, out)
+    r = result.record
+    friction = "has friction" if result.sticky else "is without friction"
+    print(f"{out}: {r.n} samples, Ts = {r.Ts:g} s, {r.duration:g} s; the valve {friction}")
+
+
+@app.command(epilog=examples("valve --model choudhury --param S=5 --param J=2 op.csv -o mv.csv"))
+def valve(
+    source: Annotated[Path, typer.Argument(metavar="IN.csv", help="Table with a column op.")],
+    model: Annotated[str, typer.Option(help="Valve model.")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="Table to write, with a column mv.")],
+    param: Annotated[list[str] | None, typer.Option("--param", metavar="NAME=VALUE", help="Repeatable.")] = None,
+    valve_plugin: ValvePlugin = None,
+    time_limit: Limit = 60.0,
+) -> None:
+    """Send a column `op` through one valve model."""
+    from simbench.files import refuse_own_input
+    from simbench.loop.hosted import hosted_parts, response
+    from simbench.loop.response import valve_file
+
+    refuse_own_input([out], [source])
+    with hosted_parts(valve_plugin or [], seconds=time_limit):
+        valve_file(source, out, model, pairs(param or [], "--param"), response)
+
+
+@app.command(epilog=examples("predict loop.toml", "predict loop.toml --json"))
+def predict(
+    loop: Annotated[Path, typer.Argument(metavar="LOOP.toml")],
+    as_json: Json = False,
+) -> None:
+    """Say what theory expects of a loop: table, describing function, exact cycle."""
+    from scenarios.spec import load_loop
+    from simbench.theory.predict import as_text
+    from simbench.theory.predict import predict as theory
+
+    with naming(loop):
+        found = theory(load_loop(loop))
+    show(found if as_json else as_text(found), as_json)

@@ -1,0 +1,123 @@
+"""What stands between the PV on record and the PV that the controller saw: rounding, compression, means and spikes."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from detectors.signal.lattice import hides_nothing
+from detectors.signal.lines import on_line
+from detectors.signal.spikes import cleaned, isolated
+from simbench.gap.controller.pi_law import Law
+from simbench.gap.controller.recovered_pv import mean_of
+from simbench.gap.intake.observed import Observed
+from simbench.gap.sensor.samples import Samples
+from simbench.gap.situation import Archive
+
+STRAIGHT = 0.17  # share of samples on a line through their neighbours; exceptions of a quarter of the noise leave fewer
+SPECKS = 0.02  # of the variance of PV's moves, that an archive may differ from what the controller saw
+
+
+class Archived(NamedTuple):
+    """What the archive did, the PV the controller saw, the unit that rounds it, and why no PI law turns the error into OP."""
+
+    archive: Archive
+    plant_pv: np.ndarray
+    resolution: float
+    unexplained: str
+
+
+def archived(it: Observed) -> Archived:
+    """Return what stands between the PV on record and the plant's."""
+    archive, plant_pv, mismatch = _archive(it)
+    return Archived(archive, plant_pv, _resolution(archive, it.samples), _unexplained(it.law, archive, mismatch))
+
+
+def _resolution(archive: Archive, samples: Samples) -> float:
+    if archive.rounding is None:
+        return samples.digits
+    step, at = archive.rounding
+    return step if at == "loop" else samples.resolution
+
+
+def _unexplained(law: Law, archive: Archive, mismatch: str) -> str:
+    """Return why no PI law turns the recorded error into OP; nothing where what stands between is known."""
+    if not archive.faithful or law.gap > 0.0:
+        return mismatch
+    return mismatch or law.foreign or law.reason
+
+
+def _archive(it: Observed) -> tuple[Archive, np.ndarray, str]:
+    """Return what single samples prove of PV, the PV the controller saw, and why OP moves as no PV makes it move."""
+    law, samples = it.law, it.samples
+    pv, seen = np.asarray(it.record.pv), law.recovered_pv
+    place, band, step = "record" if it.apart else "loop", 0.0, 0.0
+    if samples.step > 0.0 and not hides_nothing(samples.step, pv):
+        step = samples.step
+    elif samples.straight > STRAIGHT:
+        kept = pv if seen is None else mean_of(pv, seen) if law.averaged else seen
+        size = float(np.quantile(np.abs(pv - kept), 0.98))
+        # noise that the archive's own mean has smoothed lies on lines sooner
+        band = (size or 0.5 * float(np.std(np.diff(pv)))) if not law.averaged or size > it.noise else 0.0
+    elif not hides_nothing(samples.digits, pv):
+        step = samples.digits
+    # a mean over a sample, or a few lines between samples kept, are the archive's and no effect: the controller saw PV
+    blurred = seen is not None and (law.averaged or _lines_where_apart(it))
+    plant_pv = np.asarray(seen) if blurred or (it.apart and (step or band)) else pv
+    spikes, plant_pv, mismatch = _spikes(it, plant_pv, band > 0.0 or blurred)
+    return Archive((step, place) if step else None, band, spikes), plant_pv, mismatch
+
+
+def _spikes(it: Observed, plant_pv: np.ndarray, thinned: bool) -> tuple[tuple[float, float, str] | None, np.ndarray, str]:
+    """Return spikes as `Archive` has them, PV without those the plant did not make, and why OP moves as no PV makes it."""
+    law, samples = it.law, it.samples
+    pv, seen, mismatch = np.asarray(it.record.pv), law.recovered_pv, ""
+    spikes, heights, place = samples.spikes, samples.heights, "loop"
+    if seen is not None and not law.foreign and not thinned:
+        only, sizes = isolated(pv - seen, 0.0)
+        # where the law is exact everywhere else, what is left of PV is the spikes alone
+        strong = np.abs(sizes) > max(1e-3 * float(np.std(pv)), 5.0 * law.blur)
+        only, sizes = only[strong], sizes[strong]
+        plain = only.size >= 2 and samples.step == 0.0
+        if plain and not stands_out(pv, only, sizes):
+            specks = SPECKS * float(np.var(np.diff(pv)))
+            near = bool(np.var(pv - seen) < specks)
+            if near or np.var(np.diff(pv - seen)) < specks:
+                # an archive that drops the samples least missed; a PV recovered a little off drifts away from it
+                return None, np.asarray(seen) if near else plant_pv, ""
+            mismatch = "OP moves as no PV on record makes it move"
+        elif plain:
+            spikes, heights, place, plant_pv = only, sizes, "record", np.asarray(seen)
+    elif spikes.size >= 3 and seen is None and not _answered(it, spikes, heights):
+        place = "record"
+    if spikes.size < 3 or thinned:
+        return None, plant_pv, mismatch
+    if place == "loop" or seen is None:
+        plant_pv = cleaned(plant_pv, spikes)
+    return (spikes.size / pv.size, float(np.mean(np.abs(heights))), place), plant_pv, mismatch
+
+
+def _lines_where_apart(it: Observed) -> bool:
+    """Return whether PV lies on straight lines wherever it is not what the controller saw: an archive thinned a little."""
+    pv, seen, digits = np.asarray(it.record.pv), it.law.recovered_pv, it.samples.digits
+    apart = np.abs(pv - seen) > max(3.0 * digits, 5.0 * it.law.blur, 1e-3 * float(np.std(pv)))
+    # at a decimal's distance a line through two samples kept is not quite straight
+    return bool(apart.sum() >= 10 and on_line(pv, digits)[apart].mean() > 0.5)
+
+
+def _answered(it: Observed, spikes: np.ndarray, heights: np.ndarray) -> bool:
+    """Return whether OP jumps with the spikes of PV as the controller's gain says."""
+    du = np.append(np.diff(it.record.op), 0.0)[np.clip(spikes - 1 + it.law.late, 0, it.record.n - 1)]
+    asked = -it.law.Kc * heights
+    return float(du @ asked) > 0.5 * float(asked @ asked)
+
+
+def stands_out(pv: np.ndarray, places: np.ndarray, heights: np.ndarray) -> bool:
+    """Return whether spikes that the controller did not see stand out of their neighbours in PV by just their height."""
+    inner = (places > 0) & (places < pv.size - 1)
+    k, h = places[inner], heights[inner]
+    if k.size < 2:
+        return False
+    off = pv[k] - 0.5 * (pv[k - 1] + pv[k + 1])
+    return float(np.median(np.abs(off - h))) < 0.5 * float(np.median(np.abs(h)))

@@ -1,0 +1,131 @@
+"""A record beside its baseline as it came: what its signals, the controller's law and single samples show by themselves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from detectors.errors import RecordError
+from detectors.quality import inspect
+from detectors.record import LoopRecord
+from detectors.signal.holds import holds
+from scenarios.spec import Loop
+from simbench.gap.controller.pi_law import Law, examine_law
+from simbench.gap.likelihood.model import Data
+from simbench.gap.sensor.samples import Samples, inspect_samples
+from simbench.gap.situation import through_valve
+
+STEPS = 0.1  # share of samples; a set point that moves more often is another controller's output
+STUCK = 0.01  # share of samples in standstills that no chance brings
+
+
+@dataclass(frozen=True, eq=False)
+class Observed:
+    """A record and its baseline; each of what they show is looked at once, when first asked for.
+
+    `trusted`: the baseline's plant is its author's, not identified from this record; `tuned`: its controller is.
+    """
+
+    record: LoopRecord
+    baseline: Loop
+    trusted: bool
+    tuned: bool
+
+    @property
+    def where(self) -> str:
+        """The record's name, as messages begin."""
+        return f"record {self.record.tag!r}" if self.record.tag else "record"
+
+    @cached_property
+    def op(self) -> np.ndarray:
+        """OP in %; as recorded where the scale is not known and nothing rests on it."""
+        r = self.record
+        if r.op_percent is not None:
+            return np.asarray(r.op_percent)
+        if self.trusted or self.tuned:
+            raise RecordError(
+                f"{self.where}: OP runs from {r.op.min():g} to {r.op.max():g}, which is not % of travel; "
+                "give --op-span, the values that mean 0 and 100 %"
+            )
+        return np.asarray(r.op)
+
+    @property
+    def sp(self) -> np.ndarray:
+        """Set point; the mean of PV stands for one that was not recorded."""
+        r = self.record
+        return np.full(r.n, r.pv.mean()) if r.sp is None else np.asarray(r.sp)
+
+    @property
+    def Kc(self) -> float:
+        """The baseline's gain with its sign (% per PV unit)."""
+        return self.baseline.controller.sign * self.baseline.controller.Kc
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of PV's noise as the baseline states it; 0 where that is not its author's."""
+        return self.baseline.noise.std if self.trusted else 0.0
+
+    @cached_property
+    def law(self) -> Law:
+        """What turned the error into OP."""
+        r, Ti = self.record, self.baseline.controller.Ti
+        return examine_law(self.op, r.pv, r.sp, r.Ts, self.Kc, Ti, self.tuned, self.noise)
+
+    @property
+    def apart(self) -> bool:
+        """Whether the archive is not what the controller saw."""
+        return self.law.recovered_pv is not None and bool(self.law.reason)
+
+    @cached_property
+    def samples(self) -> Samples:
+        """What single samples of PV show."""
+        return inspect_samples(self.record.pv, self.record.op, noise=self.noise)
+
+    @property
+    def frozen(self) -> bool:
+        """Whether PV rests while OP moves; without noise it stands still for the dead time alone."""
+        stuck = self.noise > 0.0 and self.samples.stuck > STUCK
+        return stuck or _held(self.record.pv, self.op) > max(20, 0.02 * self.record.n)
+
+    @property
+    def notes(self) -> list[str]:
+        """What the reader must know: data quality, the set point, a controller that cannot be told."""
+        said = [f"data quality: {flag.name}: {flag.evidence}" for flag in inspect(self.record).values()]
+        sp = self.record.sp
+        said += ["no set point recorded: the mean of PV stands for it"] if sp is None else _moves_of(sp)
+        known = not self.law.reason or self.apart
+        return said if known else [*said, f"controller: cannot tell, {self.law.reason}"]
+
+    def data(self, plant_pv: np.ndarray, resolution: float) -> Data:
+        """Return the engine's input, with the PV that the plant gave the controller and the unit that rounds it."""
+        r, plant = self.record, self.baseline.plant
+        integrating = plant.type == "integrating"
+        u = through_valve(self.op, self.baseline.valve, r.Ts) if r.mv is None else np.asarray(r.mv)
+        return Data(
+            u=np.ascontiguousarray(u, dtype=float),
+            y=np.ascontiguousarray(plant_pv, dtype=float),
+            K=plant.K * (r.Ts if integrating else 1.0),
+            T=0.0 if integrating else float(plant.T or 0.0) / r.Ts,
+            Td=plant.Td / r.Ts,
+            noise=self.noise,
+            resolution=resolution,
+            trusted=self.trusted,
+            late=self.law.late,
+        )
+
+
+def _held(pv: np.ndarray, op: np.ndarray) -> int:
+    """Return the most moves of OP within one run of equal samples of PV: a loop without noise comes to rest as a whole."""
+    lengths = holds(pv)
+    moves = np.append(False, np.abs(np.diff(op)) > 1e-9 * float(np.abs(op).max()))
+    return int(np.bincount(np.repeat(np.arange(lengths.size), lengths), moves).max())
+
+
+def _moves_of(sp: np.ndarray) -> list[str]:
+    moves = np.abs(np.diff(sp))
+    count = int(np.count_nonzero(moves))
+    if not 0 < count < STEPS * sp.size:
+        return []
+    return [f"set-point steps: SP moves in {count} step{'s' * (count > 1)}, the largest {float(moves.max()):.3g}"]

@@ -1,0 +1,47 @@
+"""Plug-ins that stop at a record until what works them was killed: they themselves may end no other process."""
+
+import os
+import signal
+import threading
+import time
+from pathlib import Path
+
+ABOVE = 3  # a copy for one question, what it is a copy of, what watches both, and the worker
+
+
+def stops(folder: Path, at: int = 20) -> str:
+    """What `detect` begins with: at its call of that number it waits; the first of a process is about a plain record."""
+    return f"""
+import os, pathlib, time
+seen, stop = pathlib.Path({str(folder)!r}) / "seen", pathlib.Path({str(folder)!r}) / "stop"
+with seen.open("a") as f:
+    f.write("x")
+if seen.stat().st_size == {at}:
+    stop.write_text(f"{{os.getpid()}} ")
+    while stop.exists():
+        time.sleep(0.01)
+"""
+
+
+def kill_when_it_stops(folder: Path, pid: int | None = None) -> threading.Thread:
+    """Kill a process, or whatever works the plug-in, once that has stopped."""
+    stop = folder / "stop"
+
+    def run() -> None:
+        until = time.monotonic() + 240.0
+        while not stop.exists() or not stop.read_text().endswith(" "):
+            if time.monotonic() > until:
+                return
+            time.sleep(0.02)
+        os.kill(pid or worker_of(int(stop.read_text())), signal.SIGKILL)
+        stop.unlink()
+
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    return thread
+
+
+def worker_of(copy: int) -> int:
+    for _ in range(ABOVE):
+        copy = int(Path(f"/proc/{copy}/stat").read_bytes().rpartition(b")")[2].split()[1])
+    return copy

@@ -1,0 +1,47 @@
+"""What is printed holds no password, whatever it stands in."""
+
+import pytest
+
+from detectors.errors import masked
+from detectors.usage import complain, exit_code
+
+
+@pytest.mark.parametrize(
+    ("text", "seen"),
+    [
+        ("s3://key:secret@host/run", "s3://***@host/run"),
+        ("'ftp://me:p@ss:secret@host:21/a' is gone", "'ftp://***@host:21/a' is gone"),
+        ("github://secret@host/a", "github://***@host/a"),
+        ("https:/me:secret@host/a", "https:/***@host/a"),
+        ("invalid address 'me:secret@127.0.0.1:1'", "invalid address '***@127.0.0.1:1'"),
+        ("https://host/a?sv=1&sig=secret&x=2", "https://host/a?sv=1&sig=***&x=2"),
+        ("https://host/a?X-Amz-Credential=secret", "https://host/a?X-Amz-Credential=***"),
+        ("a@b.c wrote 3:4 to s3://bucket/run", "a@b.c wrote 3:4 to s3://bucket/run"),
+    ],
+)
+def test_users_and_passwords_are_masked_and_nothing_else(text, seen):
+    assert masked(text) == seen
+
+
+def test_a_long_sentence_keeps_its_beginning_and_its_end_and_no_secret(capsys):
+    complain("bad s3://k:secret@h/run " + "x" * 30_000 + " a number is needed")
+    said = capsys.readouterr().err
+    assert len(said) < 1000
+    assert said.startswith("error: bad s3://***@h/run x")
+    assert said.endswith("x a number is needed\n")
+
+
+def test_a_faults_log_holds_no_secret(tmp_path, monkeypatch, capsys):
+    monkeypatch.delenv("SIMBENCH_RAISE")
+    import tempfile
+
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr("sys.argv", ["simbench", "run", "s3://k:secret@h/run"])
+
+    def fault():
+        raise ArithmeticError("s3://k:secret@h/run")
+
+    assert exit_code(fault) == 2
+    (log,) = tmp_path.iterdir()
+    assert "ArithmeticError" in log.read_text()
+    assert "secret" not in log.read_text() + capsys.readouterr().err

@@ -1,0 +1,78 @@
+"""What is learned on some groups and judged on the others, against counts by hand."""
+
+import numpy as np
+import pytest
+
+from simbench.bench.score.folds import folds_of, found_at, out_of_fold, risk_coverage
+from simbench.bench.score.ranks import rank_methods
+
+
+def test_groups_stay_whole_and_every_fold_is_used():
+    groups = np.repeat(np.arange(40), 3)
+    fold = folds_of(groups)
+    assert all(np.unique(fold[groups == g]).size == 1 for g in range(40))
+    assert np.bincount(fold).tolist() == [24] * 5
+
+
+def test_found_at_five_percent_takes_its_threshold_from_the_other_fold():
+    fold = np.repeat([0, 1], 40)
+    positive = np.tile(np.r_[np.ones(20, bool), np.zeros(20, bool)], 2)
+    # 20 negatives: one of them, 5 %, may lie above the threshold
+    ranks = np.r_[np.full(20, 30), np.arange(20), np.full(20, 18), np.arange(40, 60)]
+    # fold 0 is cut at the other's second largest negative, 58: nothing found; fold 1 at 18: ties are not above it
+    assert found_at(ranks, positive, fold) == 0
+    assert found_at(ranks, positive, 1 - fold) == 0
+    ranks[40:60] = 19
+    assert found_at(ranks, positive, fold) == 20
+
+
+def test_no_score_is_never_found():
+    positive = np.tile([True, False], 50)
+    assert found_at(np.where(positive, -1, 5), positive, np.arange(100) % 5) == 0
+
+
+def test_a_perfect_score_risks_nothing_and_no_score_half():
+    positive = np.tile([True, False], 100)
+    fold = np.arange(200) // 40
+    assert risk_coverage(positive.astype(int), positive, fold).max() == 0.0
+    assert risk_coverage(np.full(200, -1), positive, fold) == pytest.approx(0.5)
+
+
+def test_the_surest_answers_come_first_in_a_risk_coverage_curve():
+    rng = np.random.default_rng(2)
+    positive = rng.random(2000) < 0.5
+    score = positive + rng.normal(0, 0.7, 2000)
+    curve = risk_coverage(np.argsort(np.argsort(score)), positive, np.arange(2000) % 5)
+    assert curve[199] < 0.05 < 0.2 < curve[-1]
+    assert curve[-1] == pytest.approx(np.mean((score > 0.5) != positive), abs=0.02)
+
+
+def test_equally_sure_answers_have_the_same_risk_in_any_order():
+    positive = np.arange(100) < 50
+    curve = risk_coverage(np.zeros(100, dtype=int), positive, np.tile(np.arange(5), 20))
+    assert curve == pytest.approx(curve[-1])
+
+
+def test_a_classifier_is_not_asked_about_groups_it_learned_on():
+    rng = np.random.default_rng(1)
+    group = np.repeat(np.arange(60), 8)
+    label = rng.integers(0, 2, 60)[group] == 1  # a label of the group: known again only by its own settings
+    chance = out_of_fold(rng.normal(size=(60, 3))[group], label, group)
+    assert np.mean((chance > 0.5) == label) < 0.65
+    told = out_of_fold(np.column_stack([rng.normal(size=480), label]), label, group)
+    assert np.mean((told > 0.5) == label) == 1.0
+
+
+def test_siblings_that_stand_or_fall_together_widen_what_a_run_resolves():
+    rng = np.random.default_rng(3)
+    right = np.repeat(rng.random((2, 300)) < 0.7, 4, axis=1)
+    alone, whole = rank_methods(right), rank_methods(right, np.repeat(np.arange(300), 4))
+    assert whole.resolution == pytest.approx(2 * alone.resolution, rel=0.1)
+
+
+def test_the_closed_form_is_the_group_bootstraps_variance():
+    rng = np.random.default_rng(6)
+    right = np.repeat(rng.random((2, 200)) < [[0.8], [0.6]], 3, axis=1)
+    sums = (right[0].astype(float) - right[1]).reshape(200, 3).sum(axis=1)
+    drawn = [sums[rng.integers(0, 200, 200)].sum() / 600 for _ in range(4000)]
+    assert rank_methods(right, np.repeat(np.arange(200), 3)).spread / 600 == pytest.approx(np.var(drawn), rel=0.1)

@@ -1,0 +1,129 @@
+"""What runs where a platform has no fcntl, no resource, no fork, no alarm and no /proc: everything but a plug-in's limits."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from tests.simbench.boundary.test_loops import put
+from tests.simbench.boundary.test_loops import text as loop
+
+ROOT = Path(__file__).parents[3]
+# what every process of a blocked run does first, whoever starts it
+BLOCKADE = '''
+import os, signal, sys
+class Blocked:
+    def find_spec(self, name, path=None, target=None):
+        if name in ("fcntl", "resource"):
+            raise ImportError(f"{name} is blocked")
+sys.meta_path.insert(0, Blocked())
+for name in ("fcntl", "resource"):
+    sys.modules.pop(name, None)
+if WHOLE:  # multiprocessing's own processes are started by fork and exec alone on this system
+    for module, name in ((os, "fork"), (signal, "SIGALRM"), (signal, "setitimer")):
+        delattr(module, name)
+def no_proc(event, args):
+    if event in ("open", "os.listdir", "os.scandir") and str(args[0]).startswith("/proc"):
+        raise FileNotFoundError(2, "no such file or directory", args[0])
+sys.addaudithook(no_proc)
+'''
+EVERYTHING = """
+import importlib, pkgutil
+for package in ("detectors", "scenarios", "simbench"):
+    for module in pkgutil.walk_packages(importlib.import_module(package).__path__, package + "."):
+        if not module.name.endswith("__main__"):
+            importlib.import_module(module.name)
+"""
+
+
+@pytest.fixture(scope="module")
+def blocked(tmp_path_factory):
+    """Run Python code with the blockade, or without it; return what it prints."""
+    folder = tmp_path_factory.mktemp("blockade")
+    (folder / "sitecustomize.py").write_text(BLOCKADE.replace("WHOLE", "'loky' not in ' '.join(sys.orig_argv)"))
+
+    def run(code: str, blockade: bool = True) -> str:
+        paths = [str(folder)] * blockade + [str(ROOT)]
+        known = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
+        done = subprocess.run([sys.executable, "-c", code], env=known, capture_output=True, text=True, timeout=500)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    return run
+
+
+def commands(folder: Path, jobs: str) -> str:
+    return f"""
+import os, sys, pathlib
+from simbench.cli import main
+def do(*words):
+    code = main(list(map(str, words)))
+    assert code in (0, 1), code
+folder = pathlib.Path({str(folder)!r})
+folder.mkdir(exist_ok=True)
+os.chdir(folder)
+do("simulate", {str(folder.parent / "loop.toml")!r}, "-o", "rec.csv")
+do("detect", "rec.csv", "--json")
+do("gap", "diagnose", "rec.csv", "--baseline", {str(folder.parent / "loop.toml")!r}, "--json")
+do("trust", "rec.csv", "--loop", {str(folder.parent / "loop.toml")!r}, "--method", "horch", "--json")
+small = ["--set", "disturbance=none", "--set", "Td_over_T=0.3", "--set", "S_over_2J=0.5", "--set", "Td_over_Ti=0.05"]
+do("run", "smoke", *small, "-o", "run", "--method", "horch", "-j", {jobs!r}, "--json")
+do("score", "run", "--json")
+"""
+
+
+def test_every_module_imports(blocked):
+    blocked(EVERYTHING)
+
+
+def test_nothing_of_a_plug_in_is_started_or_imported_before_one_is_named(blocked):
+    names = "'fcntl', 'resource', 'detectors.plugins.process'"
+    said = blocked(f"import sys, simbench.cli, detectors.detection\nprint([m for m in ({names}) if m in sys.modules])", False)
+    assert "detectors.plugins.process" not in said
+
+
+def test_commands_answer_with_the_same_bits_as_without_the_blockade(blocked, tmp_path):
+    put(tmp_path, loop())
+    said = {}
+    for name, blockade, jobs in (("free", False, "1"), ("blocked", True, "1"), ("two", True, "2")):
+        text = blocked(commands(tmp_path / name, jobs), blockade)
+        said[name] = re.sub(r'"\w+_ms": .*', "", text)
+    assert said["free"] == said["blocked"] == said["two"]
+    for table in ("verdicts", "scenarios"):
+        free, *others = (pd.read_parquet(tmp_path / n / "run" / f"{table}.parquet") for n in said)
+        for other in others:
+            pd.testing.assert_frame_equal(free.drop(columns="runtime_s", errors="ignore"), other[free.columns].drop(
+                columns="runtime_s", errors="ignore"), check_exact=True)  # fmt: skip
+
+
+def test_a_plug_in_is_asked_in_a_process_of_its_own_and_told_what_is_lacking(blocked, tmp_path):
+    (tmp_path / "mine.py").write_text(PLUGIN)
+    said = blocked(f"""
+import os, sys
+from detectors.detection import detect
+from detectors.record import LoopRecord
+sys.stderr = sys.stdout
+wave = [50 + k % 7 for k in range(600)]
+for verdict in detect(LoopRecord(wave, wave[::-1], 1.0), ["horch"], plugins=[{str(tmp_path / "mine.py")!r}]):
+    print(verdict.method, verdict.reason.replace(f"process {{os.getpid()}}", "the same process"))
+""")
+    assert "mine process" in said
+    assert "the same process" not in said
+    assert "no limit on memory" in said
+    assert "may remember" in said
+
+
+PLUGIN = """
+import os
+from detectors.method import Method
+from detectors.verdict import Verdict
+METHOD = Method(title="mine", source="nobody", front_end=False)
+def detect(prepared):
+    return Verdict("x", "stiction", reason=f"process {os.getpid()}")
+"""

@@ -1,0 +1,52 @@
+"""Results are what listed commands print: every file has a row, every command exists, and a failing one is named."""
+
+from __future__ import annotations
+
+import importlib.util
+import shlex
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from results.studies import remake
+from simbench.usage import exit_code
+
+ROOT = Path(__file__).parents[2]
+TABLE = remake.listed((ROOT / "results" / "README.md").read_text(encoding="utf-8"))
+
+
+def test_every_kept_file_has_a_row():
+    kept = subprocess.run(["git", "ls-files", "results"], cwd=ROOT, capture_output=True, text=True, check=True).stdout.split()
+    results = [k.removeprefix("results/") for k in kept if not k.startswith("results/studies/") and not k.endswith("README.md")]
+    rows = [name for name in TABLE if name.endswith("/")]
+    assert len(results) > 50
+    assert [r for r in results if r not in TABLE and not any(r.startswith(folder) for folder in rows)] == []
+
+
+@pytest.mark.parametrize("name", TABLE)
+def test_a_row_names_commands_that_exist(name):
+    assert TABLE[name]
+    for command in TABLE[name]:
+        words = shlex.split(command.split(">")[0])
+        assert words[0] in ("simbench", "python", "make", "cp"), command
+        if words[:2] == ["python", "-m"]:
+            assert importlib.util.find_spec(words[2]), command
+        elif words[0] == "python":
+            assert (ROOT / words[1]).exists(), command
+
+
+def test_a_failing_command_is_named_and_ends_its_row(tmp_path, monkeypatch, capfd):
+    (tmp_path / "results").mkdir()
+    text = "| `a.txt` | `false`, `touch never` |\n| `b.txt` | `echo seen > b.txt` |\n"
+    (tmp_path / "results" / "README.md").write_text(text)
+    monkeypatch.setattr(remake, "ROOT", tmp_path)
+    assert remake.main([]) == 1
+    assert (tmp_path / "b.txt").read_text() == "seen\n"
+    assert not (tmp_path / "never").exists()
+    assert "failed: a.txt" in capfd.readouterr().err
+
+
+def test_an_unknown_row_is_answered_with_the_nearest(capsys):
+    assert exit_code(lambda: remake.main(["gat.txt"])) == 2
+    assert "gate.txt" in capsys.readouterr().err
