@@ -24,7 +24,7 @@ REST = "not cycling"
 
 
 def loops(grid: str, every: int) -> Iterator[tuple[str, bool, list[bool]]]:
-    """Yield family (or `REST`), whether the disturbance is strong, and whether it is sustained, by its swings, found by each method."""
+    """Yield family (or `REST`), whether the disturbance is strong, and: sustained, by its swings, found by each method."""
     content = load_grid(grid, {"seed": SEED, "repeats": 1})
     for index in range(0, content.group_count, every):
         for scenario in resolve(content.group(index)):

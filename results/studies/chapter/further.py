@@ -479,7 +479,9 @@ def _filters() -> Iterator[Row]:
     yield Row("Procedure 11.3, step 2", "periods above 250 samples are down-sampled", "can be", ours, len(set(found)) == 1, why)
     near = 0
     for record in records:
-        period = find_oscillation(record.op, record.pv, 1.0).period_s
+        period = prepare(record).oscillation.period_s / record.Ts
+        if not np.isfinite(period):
+            continue
         step = max(1, int(period / 32.0))
         start, stop = (step * k for k in _most_regular(record.op[::step]))
         near += abs((stop - start) / 4.0 / period - 1.0) < 0.1
