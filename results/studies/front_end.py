@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -38,7 +39,7 @@ def loops(grid: str, every: int) -> Iterator[tuple[str, bool, list[bool]]]:
             yield family, scenario.tags["disturbance"] == STRONG, said
 
 
-def rows(grid: str, every: int) -> list[dict[str, object]]:
+def rows(grid: str, every: int) -> list[dict[str, Any]]:
     """Return per family: n, share sustained, of these by the swings, and what each method finds; strong disturbances apart."""
     found: dict[tuple[bool, str], list[list[bool]]] = {}
     for family, strong, said in loops(grid, every):

@@ -313,6 +313,7 @@ def _movements() -> Iterator[Row]:
     plain, filtered = [], []
     for seed, loop in enumerate(loops()):
         r = record_of(loop, seed=seed)
+        assert r.mv is not None
         noisy = r.mv + 0.2 * r.mv.std() * np.random.default_rng(seed).standard_normal(r.n)
         period = find_oscillation(r.op, r.pv, 1.0).period_s
         plain.append(movement_indices(r.op, noisy)[2])
