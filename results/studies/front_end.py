@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +25,7 @@ REST = "not cycling"
 
 
 def loops(grid: str, every: int) -> Iterator[tuple[str, bool, list[bool]]]:
-    """Yield family (or `REST`), whether the disturbance is strong, and whether it is sustained, by swings, found by each method."""
+    """Yield family (or `REST`), whether the disturbance is strong, and: sustained, by its swings, found by each method."""
     content = load_grid(grid, {"seed": SEED, "repeats": 1})
     for index in range(0, content.group_count, every):
         for scenario in resolve(content.group(index)):
@@ -38,7 +39,7 @@ def loops(grid: str, every: int) -> Iterator[tuple[str, bool, list[bool]]]:
             yield family, scenario.tags["disturbance"] == STRONG, said
 
 
-def rows(grid: str, every: int) -> list[dict[str, object]]:
+def rows(grid: str, every: int) -> list[dict[str, Any]]:
     """Return per family: n, share sustained, of these by the swings, and what each method finds; strong disturbances apart."""
     found: dict[tuple[bool, str], list[list[bool]]] = {}
     for family, strong, said in loops(grid, every):

@@ -313,6 +313,7 @@ def _movements() -> Iterator[Row]:
     plain, filtered = [], []
     for seed, loop in enumerate(loops()):
         r = record_of(loop, seed=seed)
+        assert r.mv is not None
         noisy = r.mv + 0.2 * r.mv.std() * np.random.default_rng(seed).standard_normal(r.n)
         period = find_oscillation(r.op, r.pv, 1.0).period_s
         plain.append(movement_indices(r.op, noisy)[2])
@@ -479,7 +480,9 @@ def _filters() -> Iterator[Row]:
     yield Row("Procedure 11.3, step 2", "periods above 250 samples are down-sampled", "can be", ours, len(set(found)) == 1, why)
     near = 0
     for record in records:
-        period = find_oscillation(record.op, record.pv, 1.0).period_s
+        period = prepare(record).oscillation.period_s / record.Ts
+        if not np.isfinite(period):
+            continue
         step = max(1, int(period / 32.0))
         start, stop = (step * k for k in _most_regular(record.op[::step]))
         near += abs((stop - start) / 4.0 / period - 1.0) < 0.1
