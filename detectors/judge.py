@@ -76,7 +76,7 @@ def judge(
     >>> judge(LoopRecord(op=np.sin(t / 8), pv=-np.sin(t / 8), Ts=1.0), ["horch"])[0].verdict
     'no_stiction'
     """
-    blind, sighted = (prepare if halves else Prepared)(record.blind(), known_front_end(front_end)), None
+    blind, sighted = (prepare if halves else Prepared)(record.without_mv(), known_front_end(front_end)), None
     verdicts = []
     for name in methods:
         module = registry.load(name)
@@ -84,7 +84,7 @@ def judge(
         if module.METHOD.whole:
             prepared = Prepared(replace(record, meta={}), front_end)
         elif module.METHOD.needs_mv:
-            prepared = sighted = sighted or blind.sighted(replace(record, meta={}))
+            prepared = sighted = sighted or blind.with_mv(replace(record, meta={}))
         chosen = check_thresholds(name, module.METHOD, (thresholds or {}).get(name, {}))
         verdicts += answers(name, prepared, (raw,), chosen)[0]
     return verdicts
@@ -159,7 +159,9 @@ def _warm_up(name: str) -> None:
     op, pv = 50.0 + 5.0 * np.sin(t), 50.0 - 5.0 * np.sin(t - 1.0)
     with contextlib.suppress(BaseException), warnings.catch_warnings():
         record = LoopRecord(op, pv, 1.0, mv=op, process=module.METHOD.process[0], kind="flow", op_span=(0.0, 100.0))
-        judge_one(name, module, Prepared(record if module.METHOD.needs_mv else record.blind()), True, module.METHOD.defaults())
+        judge_one(
+            name, module, Prepared(record if module.METHOD.needs_mv else record.without_mv()), True, module.METHOD.defaults()
+        )
 
 
 def _judge_there(name, record, front_end, part, known, modes, thresholds) -> list[Verdict]:

@@ -184,7 +184,7 @@ class Prepared:
         inner = slice(round(period / 2), -round(period / 2))
         return self.share(f"half cycles {name}", lambda: split(self.clean(name)[inner], period))
 
-    def sighted(self, record: LoopRecord) -> Prepared:
+    def with_mv(self, record: LoopRecord) -> Prepared:
         """Return the same for the same record, all of it, with MV; what was found without MV is kept."""
         record = thinned(record if self.part is None else record.window(*self.part), self.step)
         other = Prepared(record, self.front_end, dict(self.shared), self.part, self.step)

@@ -214,7 +214,7 @@ class LoopRecord:
         frame = self.to_frame().drop(columns="t_s").describe().T[["min", "mean", "max", "std"]]
         return page_part(f"{self.tag or 'record'}: {about}", frame.reset_index(names="signal"))
 
-    def blind(self) -> LoopRecord:
+    def without_mv(self) -> LoopRecord:
         """Return the record as a detector may see it.
 
         Returns

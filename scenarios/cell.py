@@ -34,7 +34,7 @@ SETTINGS = {
     "move": "largest level of these steps about the first, in PV std of the sticky twin",
 }
 # settings that are words; all others are numbers
-WORDS = ("process", "controller", "disturbance", "tuning", "excitation", "effect")
+TAG_WORDS = ("process", "controller", "disturbance", "tuning", "excitation", "effect")
 # closed-loop time constant over dead time (foptd), gain over that of double poles (integrating), share of the ultimate gain (P)
 FOPTD_LAG = {"slow": 3.0, "medium": 1.5, "tight": 0.8}
 INTEGRATING_GAIN = {"slow": 0.6, "medium": 1.0, "tight": 1.5}

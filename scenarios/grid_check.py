@@ -6,14 +6,14 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
-from scenarios.cell import EXCITATIONS, FOPTD_LAG, SAME, SETTINGS, ULTIMATE, WORDS
+from scenarios.cell import EXCITATIONS, FOPTD_LAG, SAME, SETTINGS, TAG_WORDS, ULTIMATE
 from scenarios.errors import SpecError, suggestion
 
 MOST_CELLS = 1_000_000
 MOST_BUILT = 2000  # cells that are built to see whether they make a loop
 SHOWN = 12  # mistakes in one sentence
 # what a setting may be; 0 is allowed where the first number is
-LIMITS = {
+SETTING_LIMITS = {
     "Td_over_T": (0.0, 1e3), "Td_over_Ti": (0.0, 1e3), "S_over_2J": (1e-6, math.inf), "noise_ratio": (0.0, 1e3),
     "samples_per_period": (4.0, 1e4), "periods": (2.0, 1e4), "T": (1e-9, 1e9), "S": (1e-9, 100.0), "step": (0.0, 1e3),
     "speed": (1e-3, 1e3), "w_Ti": (1e-6, 1e6), "mv_noise": (0.0, 1e3), "moves": (0.0, 1e4), "move": (0.0, 1e3),
@@ -116,7 +116,7 @@ def _value(where: str, key: str, value: Any, known: Mapping[str, tuple]) -> Iter
     if key not in SETTINGS:
         if isinstance(value, float) and math.isnan(value):
             yield f"{where} has the value nan; a number is needed"
-    elif key in WORDS:
+    elif key in TAG_WORDS:
         if not isinstance(value, str):
             yield f"{where} has the value {value!r}; words are needed"
         elif key in known:
@@ -128,7 +128,7 @@ def _value(where: str, key: str, value: Any, known: Mapping[str, tuple]) -> Iter
 
 
 def _limits(where: str, key: str, value: float) -> Iterator[str]:
-    lo, hi = LIMITS.get(key, (-1e60, 1e60))
+    lo, hi = SETTING_LIMITS.get(key, (-1e60, 1e60))
     if not lo <= value <= hi:
         yield f"{where} has the value {value:g}; {lo:g} to {hi:g} is allowed"
 
@@ -136,7 +136,7 @@ def _limits(where: str, key: str, value: float) -> Iterator[str]:
 def _settings(where: str, ranges: Mapping[str, Any], known: Mapping[str, tuple]) -> Iterator[str]:
     for key, value in ranges.items():
         place = f"{where} {key}"
-        if key in WORDS:
+        if key in TAG_WORDS:
             yield from _names(place, value, known.get(key)) if _is_words(value) else [f"{place} = {value!r}; words are needed"]
         elif key in SETTINGS and (isinstance(value, str) or _is_words(value)):
             yield f"{place} = {value!r}; a number, or [lo, hi], is needed"

@@ -16,7 +16,7 @@ from scenarios.errors import SpecError, suggestion
 
 MAX_SAMPLES = 20_000_000  # a run holds about ten arrays of n doubles: 1.6 GB here
 MOST_CLAUSES = 12  # complaints in one sentence
-LARGEST = 1e60  # beyond it a record's statistics leave the range of double numbers
+LARGEST_NUMBER = 1e60  # beyond it a record's statistics leave the range of double numbers
 M = TypeVar("M", bound=BaseModel)
 Value = float | int | str | bool | list[Any]
 
@@ -29,9 +29,9 @@ def _number(value: Any) -> Any:
 
 Real = Annotated[float, BeforeValidator(_number)]
 Whole = Annotated[int, BeforeValidator(_number)]
-Finite = Annotated[Real, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
-Positive = Annotated[Real, Field(gt=0, le=LARGEST, allow_inf_nan=False)]
-NonNegative = Annotated[Real, Field(ge=0, le=LARGEST, allow_inf_nan=False)]
+Finite = Annotated[Real, Field(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER, allow_inf_nan=False)]
+Positive = Annotated[Real, Field(gt=0, le=LARGEST_NUMBER, allow_inf_nan=False)]
+NonNegative = Annotated[Real, Field(ge=0, le=LARGEST_NUMBER, allow_inf_nan=False)]
 
 
 class _Table(BaseModel):

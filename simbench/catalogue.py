@@ -9,7 +9,7 @@ from simbench.loop.effects import PLUGINS
 from simbench.loop.parameters import VALVES
 
 FIGURES = PluginFolder("figure", "simbench.figures", "simbench.figures", ("SOURCE", "data", "draw"))
-KINDS = ("detectors", "valves", "grids", "effects", "figures")
+LISTED_KINDS = ("detectors", "valves", "grids", "effects", "figures")
 
 
 def catalogue(what: str) -> list[dict[str, str]]:

@@ -314,7 +314,7 @@ def _judged(name: str, module: ModuleType, record: LoopRecord) -> Guarded:
         own.append(module.detect(prepared, **thresholds))
         return own[0]
 
-    seen = record if module.METHOD.needs_mv else record.blind()
+    seen = record if module.METHOD.needs_mv else record.without_mv()
     spied: Any = SimpleNamespace(METHOD=module.METHOD, detect=detect)
     found = call_guarded(lambda: judge_one(name, spied, prepare(seen), False, module.METHOD.defaults()))
     if found.refusal:

@@ -24,11 +24,11 @@ from detectors.prepared import Prepared
 from detectors.signal.oscillation import zero_crossings
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
-POINTS = 40  # samples per resampled cycle
+CYCLE_POINTS = 40  # samples per resampled cycle
 CYCLES = 40  # at most, spread over the record
 HARMONICS = 9.0
 GUARD = 0.25  # a crossing counts when the signal then passes this many standard deviations
-LABELS = ("square", "triangle", "sawtooth", "sine")
+SHAPES = ("square", "triangle", "sawtooth", "sine")
 # Table 11.2 (OP, PV); a level loop's parabolic OP is nearest to the sine
 FAST, SLOW = {("triangle", "square"), ("square", "square")}, {("triangle", "sine")}
 LEVEL = {("triangle", "triangle"), ("sine", "triangle")}
@@ -71,7 +71,7 @@ def cycles(x: np.ndarray, period: float) -> np.ndarray:
     at, length = at[:-2], at[2:] - at[:-2]
     fit = np.flatnonzero((length > 0.5 * period) & (length < 1.5 * period))
     fit = fit[np.linspace(0, fit.size - 1, min(fit.size, CYCLES)).astype(int)] if fit.size else fit
-    place = at[fit, None] + length[fit, None] * ((np.arange(POINTS) + 0.5) / POINTS)
+    place = at[fit, None] + length[fit, None] * ((np.arange(CYCLE_POINTS) + 0.5) / CYCLE_POINTS)
     k = np.minimum(place.astype(int), x.size - 2)
     y = way[fit, None] * (x[k] + (place - k) * (x[k + 1] - x[k]))
     y -= y.mean(axis=1, keepdims=True)
@@ -81,7 +81,7 @@ def cycles(x: np.ndarray, period: float) -> np.ndarray:
 @lru_cache(maxsize=1)
 def templates() -> tuple[np.ndarray, np.ndarray]:
     """Return the templates, shape (5, POINTS), mean 0 and std 1, and the index of each one's label in LABELS."""
-    t = (np.arange(POINTS) + 0.5) / POINTS
+    t = (np.arange(CYCLE_POINTS) + 0.5) / CYCLE_POINTS
     triangle = np.interp(t, [0, 0.25, 0.75, 1], [0, 1, -1, 0])
     rising = np.interp(t, [0, 0.5, 0.5001, 1], [0, 1, -1, 0])
     falling = np.interp(t, [0, 0.0001, 0.9999, 1], [0, 1, -1, 0])
@@ -97,13 +97,13 @@ def label_shares(found: np.ndarray) -> np.ndarray:
     m = len(found)
     distance = dtw.distance_matrix_fast(
         np.vstack([found, shapes]),
-        window=POINTS // 10,
+        window=CYCLE_POINTS // 10,
         block=((0, m), (m, m + len(shapes))),
         compact=True,
         parallel=False,
     )
     nearest = label[np.reshape(np.asarray(distance), (m, len(shapes))).argmin(axis=1)]
-    return np.bincount(nearest, minlength=len(LABELS)) / m
+    return np.bincount(nearest, minlength=len(SHAPES)) / m
 
 
 def detect(prepared: Prepared, *, by_kind: float = 0.0) -> Verdict:
@@ -137,10 +137,10 @@ def detect(prepared: Prepared, *, by_kind: float = 0.0) -> Verdict:
         if len(found) < 3:
             return Verdict("srinivasan", NO_DECISION, reason=f"{len(found)} whole cycles in {name}; at least 3 are needed")
         shares[name] = label_shares(found)
-        indices |= {f"{name.lower()}_{label}": float(s) for label, s in zip(LABELS, shares[name], strict=True)}
+        indices |= {f"{name.lower()}_{label}": float(s) for label, s in zip(SHAPES, shares[name], strict=True)}
     decisive = "PV" if prepared.integrating else "OP"
-    score = 1.0 - float(shares[decisive][LABELS.index("sine")])
-    seen = {name: LABELS[int(np.argmax(s))] for name, s in shares.items()}
+    score = 1.0 - float(shares[decisive][SHAPES.index("sine")])
+    seen = {name: SHAPES[int(np.argmax(s))] for name, s in shares.items()}
     pair = tuple("triangle" if seen[n] == "sawtooth" else seen[n] for n in ("OP", "PV"))
     said = ", ".join(f"{n} looks like a {seen[n]} ({shares[n].max():.0%} of the cycles)" for n in ("OP", "PV"))
     pairs = LEVEL if prepared.integrating else FAST | SLOW

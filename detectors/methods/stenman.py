@@ -26,7 +26,7 @@ SAMPLES = 30  # per period at least, after averaging
 LENGTH = 400  # averaged samples
 ROUNDS = 3
 PRICE = 0.5  # of a jump, in ln(n) times the error variance; own, simulated loops
-STARTS = (0.0, 0.4)  # half widths of the dead band that gives the first guess of the valve, shares of OP's swing
+FIRST_GUESSES = (0.0, 0.4)  # half widths of the dead band that gives the first guess of the valve, shares of OP's swing
 
 METHOD = Method(
     title="jumps of the valve by segmentation",
@@ -153,7 +153,7 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
     y = y / y.std()
     delays = range(max(2, round(0.5 * period)))
     linear = fit_plant(u, y, delays)
-    found = min((_alternate(u, y, band, delays) for band in STARTS), key=lambda f: f[0])
+    found = min((_alternate(u, y, band, delays) for band in FIRST_GUESSES), key=lambda f: f[0])
     cost, x = found
     jumps = int(np.count_nonzero(np.diff(x)))
     gain = max(1.0 - cost / linear[4], 0.0)

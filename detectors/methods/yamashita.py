@@ -33,7 +33,7 @@ METHOD = Method(
 
 # a pair of symbols (OP, valve) as 3 OP + valve with D = 0, S = 1, I = 2
 IS, DS, SS = 7, 1, 4
-FOLLOWS = {IS: (8, 5), DS: (0, 3)}  # II, SI and DD, SD: the valve catches up
+CATCH_UP = {IS: (8, 5), DS: (0, 3)}  # II, SI and DD, SD: the valve catches up
 UNRELATED = {IS: (0, 2, 3, 6, 1), DS: (2, 5, 6, 8, 7)}  # W of Eq 11.5: DD DI SD ID DS and DI SI ID II IS
 
 
@@ -99,7 +99,7 @@ def pattern_indices(pair: np.ndarray) -> tuple[float, float, float]:
     for kind in (IS, DS):
         here = run == kind
         stuck += length[here].sum()
-        followed += length[here & np.isin(follower, FOLLOWS[kind])].sum()
+        followed += length[here & np.isin(follower, CATCH_UP[kind])].sum()
         unrelated += length[here & np.isin(follower, UNRELATED[kind])].sum()
     return float(stuck / pair.size), float(followed / pair.size), float((stuck - unrelated) / pair.size)
 

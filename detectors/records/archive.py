@@ -8,7 +8,7 @@ import numpy as np
 
 from detectors.errors import RecordError
 
-ENOUGH = 30  # stored changes below which nothing is concluded
+STORED_CHANGES_NEEDED = 30  # stored changes below which nothing is concluded
 SMALL, RARE = 0.2, 0.02  # a change is small below this share of the median one; any sampled signal makes 10 % of these
 COMMON = 0.9  # share of equal intervals from which a signal is sampled more slowly, not stored on change
 TOLERANCE = 0.01  # of the sampling period
@@ -41,7 +41,7 @@ def stored_on_change(t: np.ndarray, x: np.ndarray) -> bool:
     False
     """
     change = np.abs(np.diff(x))[:-1]  # the last value may stand there only because the export ended
-    if change.size < ENOUGH or np.any(change == 0.0):
+    if change.size < STORED_CHANGES_NEEDED or np.any(change == 0.0):
         return False
     steps = np.rint(np.diff(t) / np.diff(t).min())
     common = np.unique(steps, return_counts=True)[1].max() / steps.size

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from detectors.errors import RecordError
-from detectors.records.roles import QUALITY, SIGNALS, TAGS, TIME_NAMES, VALUES, WORDS, ends_with, unit, words
+from detectors.records.roles import QUALITY, SIGNAL_WORDS, SIGNALS, TAG_COLUMNS, TIME_NAMES, VALUES, ends_with, unit, words
 from detectors.records.tables import Sheet
 
 NEEDED = "a number, or nothing for unknown, is needed"
@@ -208,14 +208,14 @@ def apply_quality(sheet: Sheet, roles: Mapping[str, str], signals: Mapping[str, 
 def long_columns(names: Sequence[str]) -> tuple[str, str, str] | None:
     """Return which columns of a long table are time, tag and value, None where it is not long."""
     low = {str(n).strip().lower().replace("_", " "): n for n in names}
-    parts = [next((low[w] for w in among if w in low), None) for among in (TIME_NAMES, TAGS, VALUES)]
+    parts = [next((low[w] for w in among if w in low), None) for among in (TIME_NAMES, TAG_COLUMNS, VALUES)]
     return None if None in parts else (str(parts[0]), str(parts[1]), str(parts[2]))
 
 
 def means(name: str, role: str) -> bool:
     """Whether a column's name says that it is this signal."""
 
-    return ends_with(name, WORDS[role]) is not None
+    return ends_with(name, SIGNAL_WORDS[role]) is not None
 
 
 def _bare(value: object) -> str:

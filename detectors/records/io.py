@@ -20,7 +20,7 @@ from detectors.records.long_table import read_series, unfold
 from detectors.records.roles import SIGNALS, TIME_NAMES, find_roles, shown, words
 from detectors.records.tables import Sheet, read_sheet, read_table
 
-LABELS = ("stiction", "no_stiction", "unknown")
+RECORD_LABELS = ("stiction", "no_stiction", "unknown")
 # what a loop without stiction may be said to have instead; more words may follow ("tuning problem")
 CAUSES = ("tuning", "disturbance", "load", "interaction", "sensor", "nonlinearity", "quantisation", "healthy", "other")
 RECORD_FILES = (".csv", ".txt", ".parquet", ".xlsx")  # what is read of a folder
@@ -188,8 +188,8 @@ def _label(text: str, where: str) -> str:
     word = "_".join(re.findall(r"[a-z]+", text.lower()))
     if text in ("", "nan"):
         return ""
-    if word not in LABELS and not word.startswith(CAUSES):
-        raise RecordError(f"{where}: label {text[:60]!r} is unknown, {nearest(word, (*LABELS, *CAUSES))}")
+    if word not in RECORD_LABELS and not word.startswith(CAUSES):
+        raise RecordError(f"{where}: label {text[:60]!r} is unknown, {nearest(word, (*RECORD_LABELS, *CAUSES))}")
     return word
 
 

@@ -10,17 +10,17 @@ from detectors.errors import RecordError, nearest
 SIGNALS = ("sp", "op", "pv", "mv")
 TIME_NAMES = ("t_s", "t", "time", "timestamp", "datetime", "date time", "date", "time stamp")
 # other words for a signal, as the last words of a column's name; CV and MV mean different things in different plants
-WORDS = {
+SIGNAL_WORDS = {
     "pv": ("pv", "meas", "measurement", "process value", "process variable"),
     "op": ("op", "out", "output", "co"),
     "sp": ("sp", "spt", "sv", "setpoint", "set point"),
     "mv": ("mv", "valve position"),
 }
 QUALITY = ("quality", "status", "qual", "validity")
-TAGS = ("tag", "tagname", "tag name", "point", "point name", "variable", "name")
+TAG_COLUMNS = ("tag", "tagname", "tag name", "point", "point name", "variable", "name")
 VALUES = ("value", "val")
 VALUE_SUFFIX = ("cv", "value", "val")  # of a control system's parameter: FIC101/PID1/PV.CV
-PHRASES = {w for among in (*WORDS.values(), TIME_NAMES, TAGS) for w in among if " " in w}
+PHRASES = {w for among in (*SIGNAL_WORDS.values(), TIME_NAMES, TAG_COLUMNS) for w in among if " " in w}
 
 
 def find_roles(names: Sequence[str], chosen: Mapping[str, str], where: str, loop: str | None = None) -> dict[str, str]:
@@ -67,7 +67,7 @@ def find_roles(names: Sequence[str], chosen: Mapping[str, str], where: str, loop
         raise RecordError(f"{where}: no column of loop {loop!r}; columns are: {shown(names)}")
     for role in ("t", *SIGNALS):
         among = names if role == "t" else mine
-        found = _candidates(among, TIME_NAMES if role == "t" else WORDS[role], role)
+        found = _candidates(among, TIME_NAMES if role == "t" else SIGNAL_WORDS[role], role)
         if role in roles or not found:
             continue
         if len(found) > 1:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from detectors.record import LoopRecord
 
-WORDS = {STICTION: "stiction", NO_STICTION: "no stiction", NO_DECISION: "no decision"}
+VERDICT_WORDS = {STICTION: "stiction", NO_STICTION: "no stiction", NO_DECISION: "no decision"}
 COLOURS = {STICTION: "red", NO_STICTION: "green", NO_DECISION: "yellow"}
 SIGNS = {STICTION: "S", NO_STICTION: "-", NO_DECISION: "?"}
 LEGEND = "S stiction, - no stiction, ? no decision, blank: the method is not made for this loop"
@@ -42,7 +42,7 @@ def sentence(verdicts: Sequence[Verdict]) -> str:
     '1 of 2 methods says stiction, 0 no stiction, 1 no decision'
     """
     if len(verdicts) == 1:
-        return f"{verdicts[0].method} says {WORDS[verdicts[0].verdict]}"
+        return f"{verdicts[0].method} says {VERDICT_WORDS[verdicts[0].verdict]}"
     whole = next((v for v in verdicts if v.method == "procedure"), None)
     asked = [v for v in verdicts if v is not whole and not _is_test(v.method)]
     others = [v for v in asked if v.applicable is not False]
@@ -51,7 +51,7 @@ def sentence(verdicts: Sequence[Verdict]) -> str:
     said = f"{count[STICTION]} of {len(others)} methods {'says' if count[STICTION] == 1 else 'say'} stiction, "
     said += f"{count[NO_STICTION]} no stiction, {count[NO_DECISION]} no decision"
     said += f"; {left_out} not made for this loop" if left_out else ""
-    return said + (f"; the procedure, which weighs them, says {WORDS[whole.verdict]}" if whole else "")
+    return said + (f"; the procedure, which weighs them, says {VERDICT_WORDS[whole.verdict]}" if whole else "")
 
 
 def notes_of(verdicts: Sequence[Verdict], record: LoopRecord | None = None) -> list[str]:
@@ -126,7 +126,7 @@ def as_text(
         for name, verdicts, record in found:
             shared = set(notes_of(verdicts, record))
             where = "" if name is None else f"{name}: "
-            lines += ["", *(f"{where}{v.method}: {WORDS[v.verdict]}. {own_reason(v, shared)}." for v in verdicts)]
+            lines += ["", *(f"{where}{v.method}: {VERDICT_WORDS[v.verdict]}. {own_reason(v, shared)}." for v in verdicts)]
     return "\n".join(lines).rstrip()
 
 
@@ -187,7 +187,9 @@ def _table(verdicts: Sequence[Verdict]) -> Any:
         score = f"{v.score:.3f}" if np.isfinite(v.score) else ""
         fits = {True: "yes", False: "no", None: "cannot tell"}[v.applicable]
         levels = ([level(v.S), level(v.J)] if v.S is not None else ["", ""]) if units else []
-        table.add_row(v.method, f"[{COLOURS[v.verdict]}]{WORDS[v.verdict]}[/]", score, *levels, *([fits] if told else []))
+        table.add_row(
+            v.method, f"[{COLOURS[v.verdict]}]{VERDICT_WORDS[v.verdict]}[/]", score, *levels, *([fits] if told else [])
+        )
     return table
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from detectors.signal.autocorrelation import zero_crossings
 
-POINTS = 40  # samples per resampled half cycle
+HALF_CYCLE_POINTS = 40  # samples per resampled half cycle
 GUARD = 0.25  # a crossing counts when the signal then passes this many standard deviations
 
 
@@ -18,7 +18,7 @@ def midline(x: np.ndarray, at: np.ndarray) -> np.ndarray:
     return np.interp(np.arange(x.size), 0.5 * (at[1:] + at[:-1]), 0.5 * (x[at[1:]] + x[at[:-1]]))
 
 
-def split(x: np.ndarray, period: float, points: int = POINTS, longest: float = 1.0) -> np.ndarray:
+def split(x: np.ndarray, period: float, points: int = HALF_CYCLE_POINTS, longest: float = 1.0) -> np.ndarray:
     """Cut an oscillation into its significant half cycles.
 
     Parameters
@@ -101,7 +101,7 @@ def typical_means(*errors: np.ndarray, left_out: float = 0.1) -> list[float]:
 
 
 @lru_cache(maxsize=8)
-def sines(points: int = POINTS) -> np.ndarray:
+def sines(points: int = HALF_CYCLE_POINTS) -> np.ndarray:
     """Return sines that start at the crossing, with frequencies around pi / length.
 
     Parameters
@@ -124,7 +124,7 @@ def sines(points: int = POINTS) -> np.ndarray:
 
 
 @lru_cache(maxsize=8)
-def half_sine(points: int = POINTS) -> np.ndarray:
+def half_sine(points: int = HALF_CYCLE_POINTS) -> np.ndarray:
     """Return the one sine that is zero at both ends.
 
     Parameters
@@ -145,7 +145,7 @@ def half_sine(points: int = POINTS) -> np.ndarray:
 
 
 @lru_cache(maxsize=8)
-def triangles(points: int = POINTS) -> np.ndarray:
+def triangles(points: int = HALF_CYCLE_POINTS) -> np.ndarray:
     """Return triangles with zero ends and the apex anywhere.
 
     Parameters
@@ -207,7 +207,7 @@ def _unit(shapes: np.ndarray) -> np.ndarray:
 
 
 @lru_cache(maxsize=8)
-def relays(points: int = POINTS) -> np.ndarray:
+def relays(points: int = HALF_CYCLE_POINTS) -> np.ndarray:
     """Return the steady answers of first-order lags to a square wave, each cut where it crosses zero.
 
     Parameters

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from detectors.compiled import compiled
-from detectors.signal.hammerstein_kernels import GROUP, MOVING_UP, descend, errors
+from detectors.signal.hammerstein_kernels import MOVING_UP, VALVES_SIDE_BY_SIDE, descend, errors
 from detectors.signal.oscillation import detrend
 
 SAMPLES = 50  # per period at least, of valve position and PV after averaging
@@ -21,10 +21,10 @@ J_SHARES = np.array([0.05, 0.35, 0.8, 1.3])  # of S
 S_FINE = np.concatenate([np.geomspace(0.04, 0.45, 8), np.linspace(0.48, 1.0, 27)])
 J_FINE = np.array([0.03, 0.15, 0.25, 0.35, 0.45, 0.6, 0.75, 0.9, 1.0, 1.1, 1.25, 1.4])
 J_PROFILE = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.25)  # of S
-ENOUGH = 2e-4  # share of the variance of PV below which errors say nothing: sampling, rounding
+LEAST_ERROR_SHARE = 2e-4  # share of the variance of PV below which errors say nothing: sampling, rounding
 PASSES, TOP = 2, 4  # of the dense grid, each with the best plant so far; candidates kept
 VALVES = (False, True)  # whether a moving valve stops within every sample: Choudhury's map, He's
-STARTS = (0.0, -0.5, 0.5)  # rest positions tried, as shares of the break-away band
+REST_POSITIONS = (0.0, -0.5, 0.5)  # rest positions tried, as shares of the break-away band
 AROUND = np.array([1.0, 0.5, 0.63, 0.79, 1.0, 1.26, 1.59, 2.0])  # times the inverse of a time constant
 
 
@@ -271,9 +271,9 @@ def _plants(search: _Search, ends: _Ends, integrating: bool) -> _Ends:
     return ends._replace(error=error[row, k], pole=fine[row, k], d=d[row, k])
 
 
-def _restarted(search: _Search, ends: _Ends, starts: tuple[float, ...] = (MOVING_UP, *STARTS), reach: int = 1) -> _Ends:
+def _restarted(search: _Search, ends: _Ends, starts: tuple[float, ...] = (MOVING_UP, *REST_POSITIONS), reach: int = 1) -> _Ends:
     """The candidates with those start states that suit this stretch best."""
-    tried = np.resize(starts, (ends.d.size, GROUP))  # a whole group shares its window of delays
+    tried = np.resize(starts, (ends.d.size, VALVES_SIDE_BY_SIDE))  # a whole group shares its window of delays
     low, count = search.window(ends.d, reach)
     error, _ = search.scan(ends.S[:, None], ends.J[:, None], tried, ends.pole[:, None], low[:, None], count[:, None])
     row, k = np.arange(ends.d.size), error.argmin(axis=1)
@@ -285,7 +285,7 @@ def _settle(search: _Search, ends: _Ends, integrating: bool, steps: tuple[float,
     for least in steps:
         ends = _plants(search, ends, integrating)
         ends = search.descend(ends, 4.0 * least, least, 2)
-        rest = _restarted(search, ends, STARTS, 2)
+        rest = _restarted(search, ends, REST_POSITIONS, 2)
         moving = ends.start == MOVING_UP
         ends = ends.better(rest._replace(error=np.where(moving, rest.error, np.inf)))
     return ends
@@ -300,7 +300,7 @@ def _ranges(search: _Search, best: _Ends):
     fixed = np.arange(ends.d.size) > 0
     tried = search.descend(ends, np.where(fixed, 0.05, 0.02), np.where(fixed, 0.012, 0.005), 3, fixed)
     # every half cycle counts as one independent piece of evidence
-    least = tried.error.min() * (1.0 + 3.84 / max(2.0 * search.cycles, 4.0)) + ENOUGH
+    least = tried.error.min() * (1.0 + 3.84 / max(2.0 * search.cycles, 4.0)) + LEAST_ERROR_SHARE
     inside = tried.error <= least
     S, J = tried.S[inside], tried.J[inside]
     if inside[0]:

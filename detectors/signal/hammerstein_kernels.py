@@ -15,7 +15,7 @@ from detectors.compiled import LANES, lanes, rows
 MOST_ROUNDS = 60  # of the pattern search
 TIE = 1e-12  # errors that differ by less are equal: rounding shall not choose the way
 MOVING_UP, MOVING_DOWN = 2.0, -2.0  # start of a valve that has just been moving; else a rest position
-GROUP = 8  # valves that share a window of delays: the trials of one point of `descend`
+VALVES_SIDE_BY_SIDE = 8  # valves that share a window of delays: the trials of one point of `descend`
 
 
 def state_before(u, S, J, start, lo, hi):
@@ -40,7 +40,7 @@ def errors(op, y, q, half, first, last, sign, lo, hi, stops, S, J, start, pole, 
     v, total = rows(n), rows(n + 1)
     for block in range(0, S.size, LANES):
         low, high = delay[block], delay[block]
-        for i in range(block, min(block + LANES, S.size), GROUP):
+        for i in range(block, min(block + LANES, S.size), VALVES_SIDE_BY_SIDE):
             low, high = min(low, delay[i]), max(high, delay[i])
         x = rows(n + high - low)
         moves(op, q, lo, hi, stops, S, J, start, block, v, total)
@@ -105,10 +105,10 @@ def answers(half, pole, delay, low, block, v, total, x):
             i = np.uintp(c)
             h = v[row + i] - (total[stop + i] - total[start + i]) * share
             now[c] = a[c] * now[c] + gain[c] * h if k > 0 else 0.0
-        for group in range(0, LANES, GROUP):
+        for group in range(0, LANES, VALVES_SIDE_BY_SIDE):
             late = delay[min(block + group, pole.size - 1)] - low
             place = np.uintp((k + late) * LANES + group)
-            for c in range(GROUP):
+            for c in range(VALVES_SIDE_BY_SIDE):
                 x[place + np.uintp(c)] = now[group + c]
 
 
@@ -210,13 +210,13 @@ def descend(op, y, q, half, first, last, sign, lo, hi, stops, points, start, del
     for p in range(m):
         search[p, AT], search[p, WIDTH] = FIRST, 1.0
         search[p, BASE : BASE + 3] = search[p, BEST : BEST + 3] = search[p, TRIAL : TRIAL + 3] = points[p]
-    room = max(m * GROUP, LANES)
+    room = max(m * VALVES_SIDE_BY_SIDE, LANES)
     S, J, pole, out = np.empty(room), np.empty(room), np.empty(room), np.empty((room, 2))
     starts, delays, counts = np.empty(room), np.empty(room, dtype=np.int64), np.empty(room, dtype=np.int64)
     active = np.arange(m)
     while active.size > 0:
         # the fewer points, the further ahead
-        each = GROUP * max(1, LANES // (GROUP * active.size))
+        each = VALVES_SIDE_BY_SIDE * max(1, LANES // (VALVES_SIDE_BY_SIDE * active.size))
         for g in range(active.size):
             p = active[g]
             ahead[:] = search[p]

@@ -10,7 +10,7 @@ import numpy as np
 
 from detectors.compiled import LANES, lanes
 
-MOST = 8  # neighbours, one list of `nearest` each
+MOST_NEIGHBOURS = 8  # neighbours, one list of `nearest` each
 
 
 def predicted(x, embedding, horizon, neighbours):

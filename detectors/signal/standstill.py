@@ -7,7 +7,7 @@ import numpy as np
 from detectors.signal.conditioning import clear_harmonics, drift, noise_variance, smooth
 
 STILL = 0.1  # movement over a twentieth of the period, in std of the valve's position, below which the valve stands still
-LEAST = 0.05  # shortest standstill, as a share of the period
+SHORTEST_STANDSTILL = 0.05  # shortest standstill, as a share of the period
 NOISY = 0.3  # bound over std at which a valve that follows a sine would seem to stand still in most places
 
 
@@ -87,5 +87,5 @@ def stuck_intervals(op: np.ndarray, still: np.ndarray, period: float, least_op: 
         return np.zeros(0, dtype=int), np.zeros(0)
     padded_op = np.append(op, op[-1])  # so that the last interval may end with the record
     moved = (np.maximum.reduceat(padded_op, edges) - np.minimum.reduceat(padded_op, edges))[::2]
-    counts = (stop - start >= LEAST * period) & (moved >= least_op)
+    counts = (stop - start >= SHORTEST_STANDSTILL * period) & (moved >= least_op)
     return (stop - start)[counts], moved[counts]

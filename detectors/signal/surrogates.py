@@ -8,14 +8,14 @@ import numpy as np
 
 from detectors.compiled import compiled
 from detectors.errors import ParameterError
-from detectors.signal.look_alikes import MOST, predicted
+from detectors.signal.look_alikes import MOST_NEIGHBOURS, predicted
 
 ITERATIONS = 10
 SAMPLES_PER_CYCLE = 10  # Thornhill 2005: 7 to 25
 CYCLES = 20  # at most; at least 12
 SURROGATES = 50
 NEIGHBOURS = 8
-LEAST = 0.01  # of the variance: the surrogates of a clean cycle are themselves off by rounding in rank and spectrum
+LEAST_VARIANCE = 0.01  # of the variance: the surrogates of a clean cycle are themselves off by rounding in rank and spectrum
 
 
 def end_matched(x: np.ndarray, period: float) -> np.ndarray:
@@ -128,8 +128,8 @@ def prediction_error(x: np.ndarray, embedding: int, horizon: int, neighbours: in
     >>> prediction_error(np.tile([0.0, 1.0, 0.0, -1.0], 30), 4, 4) < 1e-9
     True
     """
-    if not 1 <= neighbours <= MOST:
-        raise ParameterError(f"prediction_error: neighbours = {neighbours}; 1 to {MOST} are possible")
+    if not 1 <= neighbours <= MOST_NEIGHBOURS:
+        raise ParameterError(f"prediction_error: neighbours = {neighbours}; 1 to {MOST_NEIGHBOURS} are possible")
     return float(compiled(predicted)(np.ascontiguousarray(x), embedding, horizon, neighbours))
 
 
@@ -187,5 +187,5 @@ def nonlinearity_index(x: np.ndarray, period: float, seed: int = 0) -> Npi:
     x = (x - x.mean()) / max(float(x.std()), 1e-300)
     own = prediction_error(x, cycle, cycle)
     others = [prediction_error(y, cycle, cycle) for y in iaaft(x, SURROGATES, np.random.default_rng(seed))]
-    spread = max(float(np.std(others, ddof=1)), LEAST * x.size)
+    spread = max(float(np.std(others, ddof=1)), LEAST_VARIANCE * x.size)
     return Npi((float(np.mean(others)) - own) / (3.0 * spread), float(cycles))

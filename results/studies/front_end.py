@@ -32,7 +32,7 @@ def loops(grid: str, every: int) -> Iterator[tuple[str, bool, list[bool]]]:
             run, cycled = simulate_with_truth(scenario.loop, scenario.seed)
             if cycled.answer not in ("yes", "no"):
                 continue
-            record = run.record.blind()
+            record = run.record.without_mv()
             found = prepare(record).oscillation
             family = str(scenario.tags["valve"]) if cycled.answer == "yes" else REST
             said = [found.sustained, found.swings > 0, *(v.verdict == STICTION for v in judge(record, METHODS))]

@@ -28,7 +28,7 @@ from simbench.bench.execute.again import differing
 from simbench.bench.execute.run import run_grid
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.score.check import compare_books
-from simbench.bench.store.reading import CODES, Book, RunError, read_table
+from simbench.bench.store.reading import CODES, RunArrays, RunError, read_table
 from simbench.loop.simulate import simulate
 from simbench.usage import exit_code
 
@@ -94,7 +94,7 @@ REWRITES: dict[str, tuple[tuple[tuple[object, str, Callable], ...], tuple[str, .
 }
 
 
-def rewritten(base: Book, folder: Path) -> Iterator[tuple[str, str, Book]]:
+def rewritten(base: RunArrays, folder: Path) -> Iterator[tuple[str, str, RunArrays]]:
     """Yield a run as it comes out with one method rewritten, or with the last bits of its signals changed.
 
     Parameters
@@ -135,12 +135,12 @@ def _last_bits(record: LoopRecord, rng: np.random.Generator) -> LoopRecord:
     return replace(record, op=shaken(record.op), pv=shaken(record.pv), mv=mv)
 
 
-def worsened(base: Book, method: str, rng: np.random.Generator) -> Iterator[tuple[str, Book]]:
+def worsened(base: RunArrays, method: str, rng: np.random.Generator) -> Iterator[tuple[str, RunArrays]]:
     """Yield a run in which one method has become a little worse on the loops that it covers, in each way of its own."""
     i = base.methods.index(method)
     said, score, truth, covered = base.verdict[i], base.score[i], base.truth["cycled"], base.applicable[i] != 0
 
-    def moved(at: np.ndarray, share: float, to: str) -> Book:
+    def moved(at: np.ndarray, share: float, to: str) -> RunArrays:
         chosen = rng.choice(np.flatnonzero(at), round(share * (at | (covered & (truth == truth[at][0]))).sum()), replace=False)
         other = said.copy()
         other[chosen] = CODES[to]
@@ -158,7 +158,7 @@ def worsened(base: Book, method: str, rng: np.random.Generator) -> Iterator[tupl
     yield "AUC 5 points less", _with(base, i, said, mixed)
 
 
-def few(base: Book, method: str, cells: str | None) -> Book:
+def few(base: RunArrays, method: str, cells: str | None) -> RunArrays:
     """Return two loops that call themselves the grid, a method wrong on both."""
     at = [
         int(np.flatnonzero((base.truth["cycled"] == k) & (base.applicable[base.methods.index(method)] != 0))[0]) for k in (0, 1)
@@ -175,7 +175,7 @@ def few(base: Book, method: str, cells: str | None) -> Book:
     return _with(two, i, 1 - two.truth["cycled"], two.score[i])
 
 
-def caught(now: Book, base: Book) -> bool:
+def caught(now: RunArrays, base: RunArrays) -> bool:
     """Whether the gate lets a run not pass."""
     try:
         return compare_books(now, base).answer != "passed"
@@ -196,13 +196,13 @@ def _at_random(folder: Path, method: str) -> bool:
         return any(f"method {method} " in said for said in differing(folder))
 
 
-def _without(base: Book, i: int) -> Book:
+def _without(base: RunArrays, i: int) -> RunArrays:
     wide = ("verdict", "verdict_raw", "score", "score_raw", "applicable", "failed", "runtime")
     kept = tuple(m for k, m in enumerate(base.methods) if k != i)
     return replace(base, methods=kept, **{name: np.delete(getattr(base, name), i, axis=0) for name in wide})
 
 
-def _reordered(base: Book, seed: int) -> Book:
+def _reordered(base: RunArrays, seed: int) -> RunArrays:
     turn = np.random.default_rng(seed).permutation(base.ids.size)
     wide = ("verdict", "verdict_raw", "score", "score_raw", "applicable", "failed", "runtime")
     long = ("ids", "hashes", "places", "oscillating", "groups", "design")
@@ -232,7 +232,7 @@ def study(grid: str, axes: dict[str, list], methods: tuple[str, ...] = ("fast",)
     with tempfile.TemporaryDirectory() as home:
         there = (Path(grid) / "manifest.json").exists()
         folder = Path(grid) if there else run_grid(grid, Path(home) / "base", methods, axes=axes)
-        base = Book.read(folder)
+        base = RunArrays.read(folder)
         if ORACLE in base.methods:
             base = _without(base, base.methods.index(ORACLE))
         small = [base.methods[k % len(base.methods)] for k in (0, 3, 6, 9)]
@@ -254,20 +254,20 @@ def study(grid: str, axes: dict[str, list], methods: tuple[str, ...] = ("fast",)
     return rows
 
 
-def _broken(base: Book, method: str, how: str) -> Book:
+def _broken(base: RunArrays, method: str, how: str) -> RunArrays:
     i = base.methods.index(method)
     return _with(base, i, *BROKEN[how](base.verdict[i], base.score[i]))
 
 
-def _with(base: Book, i: int, said: np.ndarray, score: np.ndarray) -> Book:
+def _with(base: RunArrays, i: int, said: np.ndarray, score: np.ndarray) -> RunArrays:
     verdict, scores = base.verdict.copy(), base.score.copy()
     verdict[i], scores[i] = said, score
     return replace(base, verdict=verdict, score=scores)
 
 
 def _answers(record: LoopRecord, chosen: list[tuple[str, dict[str, float]]]) -> list[tuple[int, float]]:
-    blind = prepare(record.blind())
-    sighted = blind.sighted(record)
+    blind = prepare(record.without_mv())
+    sighted = blind.with_mv(record)
     found = []
     for name, values in chosen:
         module = registry.load(name)

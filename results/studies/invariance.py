@@ -64,7 +64,7 @@ def _dense(scenario: Scenario) -> LoopRecord:
     while True:
         loop = scenario.loop.with_("sampling.Ts", at.Ts / times).with_("sampling.n", at.n * times)
         record = simulate(loop, scenario.seed).record
-        period = prepare(record.blind()).oscillation.period_s / loop.sampling.Ts
+        period = prepare(record.without_mv()).oscillation.period_s / loop.sampling.Ts
         if times >= MOST or not period < max(THINNED) * DENSEST / 2:
             return replace(record, op_span=record.op_span or (0.0, 100.0))
         times *= 2
@@ -80,12 +80,12 @@ def rows(grids: dict[str, int]) -> list[dict[str, object]]:
     asked: Counter[tuple[str, str]] = Counter()
     found: Counter[tuple[str, str]] = Counter()
     for record in dense_records(grids):
-        plain = [v.verdict for v in (*judge(record.blind(), blind), *judge(record, mv))]
+        plain = [v.verdict for v in (*judge(record.without_mv(), blind), *judge(record, mv))]
         for what, change in TRANSFORMATIONS.items():
             # MV is in % whatever the unit of OP: the methods that see it keep OP's unit
             other = change(record)
             seen = record if what == "unit of OP and PV" else other
-            moved = [v.verdict for v in (*judge(other.blind(), blind), *judge(seen, mv))]
+            moved = [v.verdict for v in (*judge(other.without_mv(), blind), *judge(seen, mv))]
             for name, before, after in zip((*blind, *mv), plain, moved, strict=True):
                 if what == BACKWARDS and not registry.load(name).METHOD.reversible:
                     continue

@@ -103,7 +103,7 @@ def fairness(grid: Grid, every: int = 1) -> Fairness:
             counts[cycled.answer] += 1
             if cycled.answer not in (YES, NO):
                 continue
-            loop, seen = scenario.loop, prepare(run.record.blind())
+            loop, seen = scenario.loop, prepare(run.record.without_mv())
             period = seen.oscillation.period_s if seen.oscillation.sustained else np.nan
             Ts, n = loop.sampling.Ts, loop.sampling.n
             blind.append([period / Ts, n * Ts / period, n, Ts, loop.noise.std, loop.plant.type == "integrating"])

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simbench.bench.statistics import wilson
-from simbench.bench.store.reading import Book
+from simbench.bench.store.reading import RunArrays
 from simbench.usage import exit_code
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def sections(run: str | Path) -> pd.DataFrame:
     """
     import pandas as pd
 
-    book = Book.read(run)
+    book = RunArrays.read(run)
     rows = []
     for section in dict.fromkeys(book.axes["block"]):
         method, _, kind = str(section).partition(", ")

@@ -24,7 +24,7 @@ from simbench.loop.simulate import simulate
 from simbench.plant.study.forward_selection import Simulated, accuracy, draw, units, verdicts_on
 from simbench.plant.study.strengths import FRICTION, Size, absolute, with_effect
 from simbench.plant.study.study import against, read_fleet
-from simbench.plant.study.two_sample import Ruler, classifier_test, mmd_test
+from simbench.plant.study.two_sample import FeatureScaler, classifier_test, mmd_test
 from simbench.usage import exit_code
 
 GRID = "chapter"  # nothing archived, no friction but one valve's
@@ -93,9 +93,9 @@ def asked(effect: str, seed: int, records: int, groups: int) -> dict[str, Any]:
     strength = {k: float(rng.uniform(*ends)) for k, ends in STRENGTHS[effect].items()}
     with tempfile.TemporaryDirectory() as place:
         for i, s in enumerate(_fleet(records, seed, sound=effect == COMES_AND_GOES)):
-            size = Size.of(simulate(s.loop, s.seed).record.blind())
+            size = Size.of(simulate(s.loop, s.seed).record.without_mv())
             loop = plant(s.loop, effect, strength, size)
-            write_record(simulate(loop, s.seed).record.blind(), Path(place) / f"L{i}.csv")
+            write_record(simulate(loop, s.seed).record.without_mv(), Path(place) / f"L{i}.csv")
         simulated = sound(groups, seed) if effect == COMES_AND_GOES else draw(GRID, groups, seed)
         found = against(read_fleet(place), simulated, GRID, methods, seed=seed)
     # friction is what is asked for: a sibling stays sound
@@ -137,7 +137,7 @@ def sound(groups: int, seed: int) -> list[Simulated]:
 def _with(s: Simulated, effect: str, strength: dict[str, float]) -> Simulated:
     loop = plant(s.loop, effect, strength, s.size)
     sticky = s.sticky or effect == COMES_AND_GOES
-    return replace(s, loop=loop, record=simulate(loop, s.seed).record.blind(), sticky=sticky)
+    return replace(s, loop=loop, record=simulate(loop, s.seed).record.without_mv(), sticky=sticky)
 
 
 def told(rows: list[dict[str, Any]]) -> list[str]:
@@ -183,7 +183,7 @@ def healthy(runs: int, records: int, groups: int) -> list[str]:
     for _ in tqdm(range(runs), file=sys.stderr, desc="fleets without effect"):
         pick = rng.permutation(len(x))
         real, sim = x[pick[:records]], x[pick[records : records + groups]]
-        ruler = Ruler.of(sim, real)
+        ruler = FeatureScaler.of(sim, real)
         p = mmd_test(ruler, sim, real, rng)["p"], classifier_test(ruler.measured(sim), ruler.measured(real), rng)[1]
         small += np.array(p) <= LEVEL
     said = []

@@ -40,7 +40,7 @@ def collect(grid: str, seed: int, every: int = 1) -> dict[bool, tuple[np.ndarray
     for index in range(0, content.group_count, every):
         for scenario in resolve(content.group(index)):
             run, cycled = simulate_with_truth(scenario.loop, scenario.seed)
-            prepared = prepare(run.record.blind())
+            prepared = prepare(run.record.without_mv())
             if cycled.answer in ("yes", "no") and prepared.oscillation.sustained and "saturated" not in prepared.flags:
                 case = prepared.integrating
                 rows[case].append((centred(prepared, EVIDENCE[case]), cycled.answer == "yes"))

@@ -80,8 +80,8 @@ def simulated(grid: str, every: int, seed: int = SEED) -> tuple[np.ndarray, np.n
             run, cycled = simulate_with_truth(scenario.loop, scenario.seed)
             if cycled.answer not in ("yes", "no"):
                 continue
-            blind = prepare(run.record.blind())
-            seen = blind.sighted(replace(run.record, meta={}))
+            blind = prepare(run.record.without_mv())
+            seen = blind.with_mv(replace(run.record, meta={}))
             modules = [(m, registry.load(m), chosen) for m, _, chosen in variants()]
             found = [judge_one(m, at, seen if at.METHOD.needs_mv else blind, False, chosen) for m, at, chosen in modules]
             said.append([-1 if v.verdict == NO_DECISION else int(v.verdict == STICTION) for v in found])
@@ -134,8 +134,8 @@ def _real(records: Path, labels: Path) -> list[dict[str, Any]]:
     read = judge_files(records, ["kano_a"], labels=labels).records
     found = []
     for name, record in read.items():
-        blind = prepare(record.blind())
-        seen = blind.sighted(replace(record, meta={}))
+        blind = prepare(record.without_mv())
+        seen = blind.with_mv(replace(record, meta={}))
         for i, (m, _, chosen) in enumerate(variants()):
             at = registry.load(m)
             found.append((name, judge_one(m, at, seen if at.METHOD.needs_mv else blind, False, chosen).but(method=str(i))))

@@ -25,7 +25,7 @@ from results.studies.benchmark_cost import same_tables
 from scenarios.grid import chunks, load_grid
 from simbench.bench.execute import pieces
 from simbench.bench.execute.run import run_grid
-from simbench.bench.execute.work import Piece
+from simbench.bench.execute.work import Chunk
 from simbench.bench.store import tables
 from simbench.bench.store.manifest import read_manifest
 from simbench.bench.store.place import place_of
@@ -160,7 +160,7 @@ def _model(methods: str) -> Iterator[tuple[Path, dict[str, Any]]]:
         yield model, {k: v for k, v in said.items() if k not in ("tables", "counts", "records_hash")} | {"complete": False}
 
 
-def _made_up(model: Path, each: int, number: int) -> Iterator[Piece]:
+def _made_up(model: Path, each: int, number: int) -> Iterator[Chunk]:
     scenarios, verdicts = read_table(model, "scenarios"), read_table(model, "verdicts")
     rng, at = np.random.default_rng(0), np.arange(PIECE) % len(scenarios)
     many = scenarios.take(at), verdicts.take((at[:, None] * each + np.arange(each)).ravel())
@@ -168,7 +168,7 @@ def _made_up(model: Path, each: int, number: int) -> Iterator[Piece]:
         ids = np.array([f"{k * PIECE + i:016x}" for i in range(PIECE)])
         said = _with(_with(many[1], "scenario_id", np.repeat(ids, each)), "score", rng.normal(size=PIECE * each))
         both = (tables.as_parquet(table, k) for table in (_with(many[0], "scenario_id", ids), said))
-        yield Piece(k, *both, PIECE, 0, 0.0, 0.0, 0.0)
+        yield Chunk(k, *both, PIECE, 0, 0.0, 0.0, 0.0)
 
 
 def _with(table: pa.Table, column: str, values: np.ndarray) -> pa.Table:

@@ -60,7 +60,7 @@ def loops(count: int, seed: int, grid: str = GRID) -> Iterator[Scenario]:
 def looked_at(scenario: Scenario) -> dict[str, Any]:
     """Return whether one loop sticks, the probability of stiction without MV, and whether the procedure calls it."""
     run = simulate(scenario.loop, scenario.seed)
-    record = run.record.blind()
+    record = run.record.without_mv()
     called = judged(record, [PROCEDURE])[0].verdict == STICTION
     return {"sticky": run.sticky, "probability": probability_of_stiction(record), PROCEDURE: called}
 
@@ -109,7 +109,7 @@ def checked(scenario: Scenario) -> dict[str, Any]:
         of the record, None without twins; and what `measured` returns.
     """
     run = simulate(scenario.loop, scenario.seed)
-    return {"sticky": run.sticky, **claimed(run.record.blind()), **measured(scenario, choose_methods(["all"]))}
+    return {"sticky": run.sticky, **claimed(run.record.without_mv()), **measured(scenario, choose_methods(["all"]))}
 
 
 def claimed(record: LoopRecord) -> dict[str, Any]:
@@ -145,7 +145,7 @@ def measured(scenario: Scenario, methods: list[str]) -> dict[str, Any]:
 
 def fitted(loop: Loop, seed: int) -> float:
     """Return the share of runs of a loop in which trust calls stiction probable."""
-    found = [probability_of_stiction(simulate(loop, seed + 1000 + i).record.blind()) for i in range(FITTED)]
+    found = [probability_of_stiction(simulate(loop, seed + 1000 + i).record.without_mv()) for i in range(FITTED)]
     said = [p > YES for p in found if p is not None]
     return float(np.mean(said)) if said else 0.0
 
@@ -153,7 +153,8 @@ def fitted(loop: Loop, seed: int) -> float:
 def shares(loop: Loop, seed: int, methods: list[str]) -> dict[str, float]:
     """Return the share of runs of a loop that every method calls stiction."""
     called = [
-        [v.verdict == STICTION for v in judged(simulate(loop, seed + 1000 + i).record.blind(), methods)] for i in range(RUNS)
+        [v.verdict == STICTION for v in judged(simulate(loop, seed + 1000 + i).record.without_mv(), methods)]
+        for i in range(RUNS)
     ]
     return dict(zip(methods, np.mean(called, axis=0).tolist()))
 

@@ -41,7 +41,7 @@ def asked(scenario: Scenario) -> dict[str, Any]:
     """
     sound = scenario.loop.model_copy(update={"valve": Part(name="ideal")})
     rng, seed, methods = np.random.default_rng(scenario.seed), scenario.seed, choose_methods(["all"])
-    span = Size.of(simulate(sound, seed).record.blind()).op
+    span = Size.of(simulate(sound, seed).record.without_mv()).op
     alarms = shares(sound, seed, methods)
     out = {}
     for kind, ends in SIZES.items():
@@ -54,7 +54,7 @@ def asked(scenario: Scenario) -> dict[str, Any]:
 def _one(loop: Loop, seed: int, methods: list[str], alarms: dict[str, float]) -> dict[str, Any]:
     found = shares(loop, seed, methods)
     seen = max(found[m] - alarms[m] for m in methods)
-    answer = trust(simulate(loop, seed).record.blind(), help_wanted=False)
+    answer = trust(simulate(loop, seed).record.without_mv(), help_wanted=False)
     smallest = answer.smallest_visible
     return {
         # what detectors see needs no likelihood

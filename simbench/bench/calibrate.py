@@ -16,7 +16,7 @@ from detectors.errors import ParameterError
 from scenarios.grid import load_grid
 from simbench.bench.execute.run import run_grid
 from simbench.bench.statistics import auc, wilson
-from simbench.bench.store.reading import Book
+from simbench.bench.store.reading import RunArrays
 from simbench.files import folder, whole_file, write_table
 
 if TYPE_CHECKING:
@@ -150,7 +150,7 @@ def calibrate(
     with tempfile.TemporaryDirectory() as temporary:
         where = Path(temporary) if out is None else folder(out)
         books = [
-            Book.read(run_grid(grid, where / name, methods, jobs, resume=True, sets={**sets, "seed": seed}, **settings))
+            RunArrays.read(run_grid(grid, where / name, methods, jobs, resume=True, sets={**sets, "seed": seed}, **settings))
             for name, seed in (("seeds-a", seed_a), ("seeds-b", seed_b))
         ]
     found = calibrate_books(*books, false_alarm)
@@ -159,7 +159,7 @@ def calibrate(
     return found
 
 
-def calibrate_books(a: Book, b: Book, false_alarm: float) -> Calibration:
+def calibrate_books(a: RunArrays, b: RunArrays, false_alarm: float) -> Calibration:
     """Take cuts from run `a` and measure them on run `b`; see `calibrate`."""
     import pandas as pd
 
@@ -294,12 +294,12 @@ def roc(score: np.ndarray, positive: np.ndarray) -> pd.DataFrame:
     return pd.DataFrame(rates, columns=["threshold", "false_alarm", "detection"])
 
 
-def _labels(book: Book) -> np.ndarray:
+def _labels(book: RunArrays) -> np.ndarray:
     cycled = book.truth["cycled"]
     return cycled[cycled >= 0] == 1
 
 
-def _scores(scores: np.ndarray, book: Book, method: int) -> np.ndarray:
+def _scores(scores: np.ndarray, book: RunArrays, method: int) -> np.ndarray:
     return scores[method, book.truth["cycled"] >= 0].astype(float)
 
 

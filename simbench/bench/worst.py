@@ -23,7 +23,7 @@ from simbench.files import whole_file
 from simbench.loop.simulate import simulate
 from simbench.usage import exit_code
 
-CASES = Path(__file__).parent / "hard_negatives"
+HARD_NEGATIVES = Path(__file__).parent / "hard_negatives"
 EXPLORED = 0.6  # share of the budget spent far and wide, the rest around the best
 ELITE = 6
 TIME = 540.0  # s; a slow method on a slow machine stops here
@@ -48,8 +48,8 @@ RANGES = {
     "step": (0.1, 10.0),  # of the set point, PV units
 }
 # switches: share of loops that have it
-SHARES = {"P": 0.15, "input": 0.3, "noisy": 0.7, "coarse": 0.25, "limited": 0.2, "curved": 0.2, "stepped": 0.3}
-KEYS = ("process", "disturbance", *RANGES, *SHARES)
+OPTION_SHARES = {"P": 0.15, "input": 0.3, "noisy": 0.7, "coarse": 0.25, "limited": 0.2, "curved": 0.2, "stepped": 0.3}
+KEYS = ("process", "disturbance", *RANGES, *OPTION_SHARES)
 
 
 @dataclass(frozen=True)
@@ -198,7 +198,7 @@ def healthy_loop(at: dict[str, float], process: tuple[str, ...]) -> Loop:
     Loop
     """
     x = {k: significant(math.exp(math.log(lo) + at[k] * (math.log(hi) - math.log(lo)))) for k, (lo, hi) in RANGES.items()}
-    on = {k: at[k] < share for k, share in SHARES.items()}
+    on = {k: at[k] < share for k, share in OPTION_SHARES.items()}
     integrating = process[int(at["process"] * len(process))] == "integrating"
     kind = DISTURBANCES[int(at["disturbance"] * len(DISTURBANCES))]
     T = 10.0
@@ -276,7 +276,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=0)
     chosen = parser.parse_args(arguments)
     for name in registry.names() if chosen.all else chosen.methods:
-        path = CASES / f"{name}.toml"
+        path = HARD_NEGATIVES / f"{name}.toml"
         found = read_case(path) if chosen.rejudge else worst(name, chosen.budget, chosen.seed)
         with whole_file(path) as f:
             f.write(found.to_toml())

@@ -26,7 +26,20 @@ from simbench.gap.effects import left_out
 from simbench.loop.effects import NONE, UNKNOWN, block_of
 
 STRENGTHS = ("strong", "medium")
-COLUMNS = ("record", "effect", "strength", "said", "block", "nearest", "before", "left", "resolvable", "back", "after", "error")
+LEAVE_OUT_COLUMNS = (
+    "record",
+    "effect",
+    "strength",
+    "said",
+    "block",
+    "nearest",
+    "before",
+    "left",
+    "resolvable",
+    "back",
+    "after",
+    "error",
+)
 
 
 def leave_out(out: str | Path, world: str = OWN, n: int = 4, seed: int = 0, jobs: int = 1) -> pd.DataFrame:
@@ -68,7 +81,7 @@ def leave_out(out: str | Path, world: str = OWN, n: int = 4, seed: int = 0, jobs
     table = out / "leave_out.csv"
     remove_stale_temporaries(folder(out))
     # as text: numbers that are written once more must not lose a digit
-    done = pd.read_csv(table, keep_default_na=False, dtype=str) if table.exists() else pd.DataFrame(columns=COLUMNS)
+    done = pd.read_csv(table, keep_default_na=False, dtype=str) if table.exists() else pd.DataFrame(columns=LEAVE_OUT_COLUMNS)
     strange = [r for r in done.record if not str(r).startswith(f"{world}-{seed}-")]
     if strange:
         raise ParameterError(f"leave-out: {table} holds {strange[0]}, not world {world!r} and seed {seed}; choose a new folder")
@@ -79,7 +92,7 @@ def leave_out(out: str | Path, world: str = OWN, n: int = 4, seed: int = 0, jobs
     with Parallel(n_jobs=jobs, return_as="generator") as parallel:
         rows = parallel(delayed(_one)(records, name, *names[name], drawn_by.draw, seed) for name in todo)
         for row in tqdm(rows, total=len(names), initial=len(names) - len(todo), desc="left out", file=sys.stderr, delay=1.0):
-            done = pd.DataFrame([*done.to_dict("records"), row], columns=COLUMNS)
+            done = pd.DataFrame([*done.to_dict("records"), row], columns=LEAVE_OUT_COLUMNS)
             write_table(done, table)
     found = pd.read_csv(table, keep_default_na=False)
     found = found.loc[found.record.isin(list(names))].reset_index(drop=True)
@@ -91,7 +104,7 @@ def leave_out(out: str | Path, world: str = OWN, n: int = 4, seed: int = 0, jobs
 def _one(place: Path, name: str, i: int, effect: str, draw_item: Any, seed: int) -> dict[str, Any]:
     """Draw one record, and diagnose it without and with its effect."""
     strength = STRENGTHS[i % 2]
-    row = dict.fromkeys(COLUMNS, "") | {"record": name, "effect": effect, "strength": strength}
+    row = dict.fromkeys(LEAVE_OUT_COLUMNS, "") | {"record": name, "effect": effect, "strength": strength}
     number = 1000 * list(EFFECTS).index(effect) + i
     entry = {"kind": "single", "effect": effect, "strength": strength, "mv": i % 4 < 2, "plant": PLANTS[i % 3]}
     try:

@@ -26,7 +26,7 @@ from simbench.files import folder, refuse_own_input, whole_file
 PLANTS = ("foptd", "foptd", "integrating")
 NEEDS_T = "time_constant_mismatch"
 STRENGTHS = ("weak", "medium", "strong")
-COLUMNS = (
+ANSWER_COLUMNS = (
     "id", "world", "kind", "block", "effect", "block2", "effect2", "strength", "ratio", "shrinkage", "gap_before", "gap_after",
     "floor", "parameters", "parameters2", "foreign", "mv", "plant", "controller", "sp_moves", "case", "seed",
 )  # fmt: skip
@@ -110,7 +110,7 @@ def _plant(effect: str, turn: int) -> str:
 def answers_csv(answers: list[dict[str, Any]]) -> str:
     """Return the answers as the text of answers.csv; tables inside a cell are JSON."""
     text = io.StringIO()
-    writer = csv.DictWriter(text, COLUMNS, restval="", lineterminator="\n")
+    writer = csv.DictWriter(text, ANSWER_COLUMNS, restval="", lineterminator="\n")
     writer.writeheader()
     for row in answers:
         writer.writerow({k: json.dumps(v, sort_keys=True) if isinstance(v, dict) else v for k, v in row.items()})

@@ -25,7 +25,7 @@ from simbench.blind.world import OWN
 from simbench.files import folder as make_folder
 from simbench.files import whole_file, write_table
 
-PLAIN = "answers.csv"
+OPEN_ANSWERS = "answers.csv"
 
 
 def open_(folder: str | Path, key: str | Path | None = None, out: str | Path | None = None, world: str = OWN) -> dict[str, Any]:
@@ -78,7 +78,7 @@ def open_(folder: str | Path, key: str | Path | None = None, out: str | Path | N
         "by_effect": json.loads(effects.to_json(orient="records")),
     }
     make_folder(out)
-    for name, content in ((PLAIN, text), ("score.json", json.dumps(score, indent=1))):
+    for name, content in ((OPEN_ANSWERS, text), ("score.json", json.dumps(score, indent=1))):
         with whole_file(out / name) as f:
             f.write(content)
     for name, frame in (("score", pd.DataFrame(score["figures"])), ("by_effect", effects), ("records", table)):
@@ -156,9 +156,11 @@ def _truth(folder: Path, key: Path | None) -> tuple[str, str | None]:
         text = seal.read(folder, key)
         return text, (folder / seal.COMMITMENT).read_text(encoding="utf-8").strip()
     try:
-        return (folder / PLAIN).read_text(encoding="utf-8"), None
+        return (folder / OPEN_ANSWERS).read_text(encoding="utf-8"), None
     except OSError as error:
-        raise ParameterError(f"withheld: {folder} has neither {seal.SEALED} nor a readable {PLAIN}: {error.strerror}") from None
+        raise ParameterError(
+            f"withheld: {folder} has neither {seal.SEALED} nor a readable {OPEN_ANSWERS}: {error.strerror}"
+        ) from None
 
 
 def _record(folder: Path, name: str) -> tuple[pd.DataFrame, Mapping[str, Any]]:

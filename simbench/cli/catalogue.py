@@ -33,10 +33,10 @@ def list_(
     as_json: Json = False,
 ) -> None:
     """List what there is, one line and source each."""
-    from simbench.catalogue import KINDS, catalogue
+    from simbench.catalogue import LISTED_KINDS, catalogue
 
-    if what not in KINDS:
-        raise ParameterError(f"nothing to list under {what!r}: {nearest(what, KINDS)}")
+    if what not in LISTED_KINDS:
+        raise ParameterError(f"nothing to list under {what!r}: {nearest(what, LISTED_KINDS)}")
     rows = catalogue(what)
     width = max((len(r["name"]) for r in rows), default=0)
     show(rows if as_json else "\n".join(f"{r['name']:<{width}}  {r['says']} [{r['source']}]" for r in rows), as_json)

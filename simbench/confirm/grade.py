@@ -41,10 +41,10 @@ class Limit:
     high: float
 
 
-GAIN = Limit("process gain (%/%)", "1", "< 0.5: too small; 0.5 to 3: acceptable; > 3: too high", 0.5, 3.0)
+GAIN_LIMIT = Limit("process gain (%/%)", "1", "< 0.5: too small; 0.5 to 3: acceptable; > 3: too high", 0.5, 3.0)
 NOISE = Limit("noise band (%)", "0", "< 0.5: acceptable", 0.0, 0.5)
 HYSTERESIS = Limit("hysteresis (%)", "0", "< 3: acceptable; > 3: to be checked", 0.0, 3.0)
-STICTION = Limit("stiction (%)", "0", "1: desirable; > 1: to be checked", 0.0, 1.0)
+STICTION_LIMIT = Limit("stiction (%)", "0", "1: desirable; > 1: to be checked", 0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ def grade(loop: Loop, test: TravelTest | None = None, seed: int = 0) -> list[Gra
         _gain(loop, test, rest, last),
         _graded(NOISE, _band(test, rest), f"{SIGMAS:g} standard deviations of PV while OP rests"),
         _graded(HYSTERESIS, _hysteresis(loop), "separation of full strokes up and down, less the dead-band"),
-        _graded(STICTION, test.J, f"small steps of {test.increment:g} % until PV moves" if test.J else test.reason),
+        _graded(STICTION_LIMIT, test.J, f"small steps of {test.increment:g} % until PV moves" if test.J else test.reason),
     ]
 
 
@@ -176,14 +176,14 @@ def _graded(limit: Limit, value: float | None, reason: str) -> Grade:
 
 def _gain(loop: Loop, test: TravelTest, rest: int, last: int) -> Grade:
     if loop.plant.type == "integrating":
-        return _graded(GAIN, None, "an integrating process has no gain at rest")
+        return _graded(GAIN_LIMIT, None, "an integrating process has no gain at rest")
     if test.same_direction is None and test.reversed is None:
-        return _graded(GAIN, None, test.reason)
+        return _graded(GAIN_LIMIT, None, test.reason)
     # the last two levels of the big steps: the valve moved between them, or it moved from rest
     op, pv = test.trace.op, test.trace.pv
     few = min(6, rest)
     moved = pv[last - few + 1 : last + 1].mean() - pv[rest - few : rest].mean()
-    return _graded(GAIN, float(abs(moved / (op[last] - op[0]))), "PV over OP across the big steps")
+    return _graded(GAIN_LIMIT, float(abs(moved / (op[last] - op[0]))), "PV over OP across the big steps")
 
 
 def _band(test: TravelTest, rest: int) -> float:

@@ -8,7 +8,7 @@ from detectors.errors import ParameterError
 from detectors.record import LoopRecord
 from simbench.confirm.gain_change import GainChange, judge, measure
 from simbench.confirm.rig import Trace
-from simbench.confirm.travel import SHARE, SIGMAS, TravelTest
+from simbench.confirm.travel import MOVE_SHARE, SIGMAS, TravelTest
 
 EXPLAINED = 0.8  # of the variance of OP's increments by a PI controller, from which its gain is read off a record
 HELD = 5  # samples for which OP must rest between two steps
@@ -135,7 +135,7 @@ def travel_recorded(record: LoopRecord) -> TravelTest:
     for k, step in enumerate(steps):
         total += step  # with its sign: the valve stands where it last moved, however OP wanders before it moves again
         change = abs(seen[k + 1] - seen[since])
-        if change <= max(SIGMAS * np.sqrt(2.0) * max(error[k + 1], error[since]), SHARE * answer * abs(step), 1e-12):
+        if change <= max(SIGMAS * np.sqrt(2.0) * max(error[k + 1], error[since]), MOVE_SHARE * answer * abs(step), 1e-12):
             continue
         if side != 0.0 and abs(step) <= small:
             same = bool(np.sign(total) == side)

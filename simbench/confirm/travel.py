@@ -20,7 +20,7 @@ BIG_STEP = 10.0  # %, to overcome the band (Gerry and Ruel 2001: 5 to 10 %)
 SMALL_STEP = 0.2  # %
 CYCLES_ABOVE = 0.2  # %, stiction that will usually cycle (Gerry and Ruel 2001)
 SIGMAS = 5.0  # PV has moved when it changed by more than this many standard errors ...
-SHARE = 0.2  # ... and by more than this share of what one small step does to it
+MOVE_SHARE = 0.2  # ... and by more than this share of what one small step does to it
 SETTLED = 8.0  # lags waited after a step: e^-8 of the big step is left
 LONGEST_WINDOW = 1000  # samples of PV averaged, once it has settled
 
@@ -214,7 +214,7 @@ class _Manual:
     def steps_until_moved(self, step: float, phase: int) -> float | None:
         """Step OP until PV has moved and return the sum of the steps (%); None when OP's limit comes first."""
         before, count = self.seen, 0
-        bar = max(SIGMAS * np.sqrt(2) * self.error, SHARE * self.least_answer, 1e-12)
+        bar = max(SIGMAS * np.sqrt(2) * self.error, MOVE_SHARE * self.least_answer, 1e-12)
         while 0 <= self.op + step <= 100:
             self.op += step
             count += 1

@@ -22,7 +22,7 @@ from simbench.loop.parameters import VALVES
 
 SECONDS = 600.0  # for all that is asked of one plug-in
 # an effect may hold a valve's steps too: the kind of which most is there, the first of equals
-KINDS: dict[str, tuple[PluginFolder, Callable[[str], Contract]]] = {
+CONTRACTS: dict[str, tuple[PluginFolder, Callable[[str], Contract]]] = {
     "detector": (methods, check_detector),
     "recogniser": (RECOGNISERS, check_recogniser),
     "effect": (EFFECTS, check_effect),
@@ -59,7 +59,7 @@ def check_file(path: str | Path) -> Contract:
     path, kind = Path(path), kind_of(path)
     if kind == "grid":
         return check_grid(path)
-    (folder, check), defined = KINDS[kind], _defined(path)
+    (folder, check), defined = CONTRACTS[kind], _defined(path)
     missing = [name for name in folder.required if name not in defined]
     if missing:
         return Contract(kind, path.stem, (f"{', '.join(missing)} {'is' if len(missing) == 1 else 'are'} not defined",))
@@ -126,9 +126,9 @@ def kind_of(path: str | Path) -> str:
     if path.suffix == ".toml":
         return "grid"
     defined = _defined(path)
-    kind = max(KINDS, key=lambda k: _share(KINDS[k][0], defined))
-    if _share(KINDS[kind][0], defined) < 0.5:
-        needs = "; ".join(f"a {k} {', '.join(f.required)}" for k, (f, _) in KINDS.items())
+    kind = max(CONTRACTS, key=lambda k: _share(CONTRACTS[k][0], defined))
+    if _share(CONTRACTS[kind][0], defined) < 0.5:
+        needs = "; ".join(f"a {k} {', '.join(f.required)}" for k, (f, _) in CONTRACTS.items())
         raise ParameterError(f"{path} is no plug-in by what it defines; needed are for {needs}")
     return kind
 

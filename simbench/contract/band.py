@@ -14,7 +14,7 @@ STEP = 0.02  # % of travel by which OP moves per sample: slow against every valv
 # OP turns at ever other places: a valve that stops at every sample is met in every phase
 TURNS = (1.0, -1.0, 0.97, -1.03, 0.94, -0.91, 0.96, -0.99, 0.93, -0.95)
 NEAR = 0.15  # of S or J, and beside it
-LEAST = 0.3  # % of travel: within both together, a measured number is what was said
+BAND_TOLERANCE = 0.3  # % of travel: within both together, a measured number is what was said
 
 
 def measured_band(stages: list[tuple[ModuleType, Any]], reach: float, middle: float = 50.13) -> tuple[float, float]:
@@ -91,8 +91,8 @@ def band_fault(stages: list[tuple[ModuleType, Any]], S: float, J: float) -> str:
     found_S, found_J = measured_band(stages, float(np.clip(1.2 * S, 16.0, 48.0)))
     if not np.isfinite(found_S):
         return f"maps on S = {S:g}, but MV never follows a reversal of OP"
-    if abs(found_S - S) > NEAR * S + LEAST:
+    if abs(found_S - S) > NEAR * S + BAND_TOLERANCE:
         return f"maps on S = {S:g}, but MV follows a reversal of OP only after {found_S:.3g} % of travel"
-    if abs(found_J - J) > NEAR * J + LEAST:
+    if abs(found_J - J) > NEAR * J + BAND_TOLERANCE:
         return f"maps on J = {J:g}, but MV slips by {abs(round(found_J, 2)):g} % of travel"
     return ""

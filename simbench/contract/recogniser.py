@@ -19,7 +19,7 @@ from simbench.loop.effects import PLUGINS as EFFECTS
 from simbench.loop.parameters import resolve
 from simbench.loop.simulate import simulate
 
-LOOP: dict[str, Any] = {
+RECOGNISER_LOOP: dict[str, Any] = {
     "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0},
     "controller": {"type": "PI", "Kc": 1.0, "Ti": 20.0},
     "sampling": {"Ts": 1.0, "n": 300},
@@ -63,8 +63,8 @@ def check_recogniser(name: str) -> Contract:
 @cache
 def _compared() -> tuple[Situation, Engine, Fit]:
     """Return a short record beside its own baseline, and its fit without effect."""
-    loop = Loop.from_table(LOOP)
-    situation = check(simulate(loop, seed=5).record.blind(), loop)
+    loop = Loop.from_table(RECOGNISER_LOOP)
+    situation = check(simulate(loop, seed=5).record.without_mv(), loop)
     engine = Engine(situation.data, load_memory(situation))
     return situation, engine, engine.base()
 

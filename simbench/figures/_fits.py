@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from detectors.signal.half_cycles import GUARD, POINTS, sines, triangles
+from detectors.signal.half_cycles import GUARD, HALF_CYCLE_POINTS, sines, triangles
 from detectors.signal.oscillation import zero_crossings
 from simbench.figures._style import BLACK, BLUE, RED, label
 
@@ -35,7 +35,7 @@ def half_cycle_fits(x: np.ndarray, period: float) -> pd.DataFrame:
     for half, (start, length) in enumerate(zip(at[:-1], np.diff(at))):
         if not 0.125 * period < length < period:
             continue
-        sample = start + length * (np.arange(POINTS) + 0.5) / POINTS
+        sample = start + length * (np.arange(HALF_CYCLE_POINTS) + 0.5) / HALF_CYCLE_POINTS
         hump = np.interp(sample, np.arange(x.size), x)
         fits = {}
         for name, family in (("sine", sines()), ("triangle", triangles())):

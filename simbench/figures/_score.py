@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
 # few levels: a bar of colours is then drawn as lines, no picture is embedded in a page
-SHARES = {"vmin": 0.0, "vmax": 1.0, "cmap": colormaps["cividis"].resampled(20)}
+SHARE_COLOURS = {"vmin": 0.0, "vmax": 1.0, "cmap": colormaps["cividis"].resampled(20)}
 
 
 def hatch(axes: Axes, x: float, y: float) -> None:

@@ -12,7 +12,7 @@ from matplotlib.transforms import Bbox
 from simbench.figures._style import BLACK, BLUE, GREY, styled
 
 Point = tuple[float, float]
-COLUMNS = ["shape", "part", "x", "y", "text"]
+SKETCH_COLUMNS = ["shape", "part", "x", "y", "text"]
 NEAR = 1.6  # units; a line that ends closer than this before a box means it
 
 
@@ -38,7 +38,7 @@ def words(x: float, y: float, text: str) -> list[list]:
 
 def sketch(*parts: list[list]) -> pd.DataFrame:
     """Return the table of a sketch: shape, part (which points belong together), x, y, text."""
-    return pd.DataFrame([row for part in parts for row in part], columns=COLUMNS)
+    return pd.DataFrame([row for part in parts for row in part], columns=SKETCH_COLUMNS)
 
 
 @styled

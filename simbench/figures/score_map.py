@@ -16,14 +16,14 @@ from matplotlib.figure import Figure
 from simbench.bench.score.result import LEAST
 from simbench.bench.score.scoring import answers_of
 from simbench.bench.statistics import wilson
-from simbench.bench.store.reading import CODES, Book
-from simbench.figures._score import SHARES, hatch
+from simbench.bench.store.reading import CODES, RunArrays
+from simbench.figures._score import SHARE_COLOURS, hatch
 from simbench.figures._style import panels, styled
 
 SOURCE = "own; the grids of Choudhury et al. (2008), Fig. 9, and Jelali (2013), Table 11.3, as axes"
 PLANTS = {"self-regulating": ("foptd", "Td_over_T", "Td/T"), "integrating": ("integrating", "Td_over_Ti", "Td/Ti")}
 PER_ROW = 2  # methods side by side
-MOST = 8  # levels of an axis; more are put into so many groups of like size
+MOST_LEVELS = 8  # levels of an axis; more are put into so many groups of like size
 
 
 def data(run: str | Path) -> pd.DataFrame:
@@ -40,10 +40,10 @@ def data(run: str | Path) -> pd.DataFrame:
         method, plant, ratio (Td/T, or Td/Ti of integrating loops), S_over_2J (0 healthy, inf dead-band), n, applicable (of
         n), right and no_decision (shares of the applicable; NaN where there are none), lo, hi (95 % interval of right).
     """
-    return cells(Book.read(run))
+    return cells(RunArrays.read(run))
 
 
-def cells(book: Book) -> pd.DataFrame:
+def cells(book: RunArrays) -> pd.DataFrame:
     """Count right answers of a run in memory; see `data`."""
     known, positive = book.truth["cycled"] >= 0, book.truth["cycled"] == 1
     everyone = [a for a in answers_of(book) if a.method in book.methods]
@@ -74,10 +74,10 @@ def levels(values: np.ndarray) -> np.ndarray:
     >>> levels(np.array([0.0, 0.1, 0.1, np.inf])).tolist()
     [0.0, 0.1, 0.1, inf]
     """
-    if np.unique(values).size <= MOST:
+    if np.unique(values).size <= MOST_LEVELS:
         return values
     plain = np.isfinite(values) & (values > 0)
-    edges = np.quantile(values[plain], np.linspace(0, 1, MOST - 1))
+    edges = np.quantile(values[plain], np.linspace(0, 1, MOST_LEVELS - 1))
     middle = np.sqrt(edges[1:] * edges[:-1])
     group = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, middle.size - 1)
     return np.where(plain, [float(f"{m:.2g}") for m in middle[group]], values)
@@ -110,8 +110,8 @@ def draw(data: pd.DataFrame) -> Figure:
 def draw_bar() -> Figure:
     """Draw the colours of the maps alone, for pages that show one method a picture."""
     figure, axes = panels(1, 1, 4.0, 0.6)
-    levels = np.linspace(0.0, 1.0, SHARES["cmap"].N + 1)
-    axes[0, 0].pcolormesh(levels, [0, 1], levels[np.newaxis, :-1], **SHARES)
+    levels = np.linspace(0.0, 1.0, SHARE_COLOURS["cmap"].N + 1)
+    axes[0, 0].pcolormesh(levels, [0, 1], levels[np.newaxis, :-1], **SHARE_COLOURS)
     axes[0, 0].set_yticks([])
     axes[0, 0].set_xlabel("share of right answers")
     return figure
@@ -123,7 +123,7 @@ def _map(axes: Axes, part: pd.DataFrame, name: str):
         shown.pivot(index="S_over_2J", columns="ratio", values=v).sort_index() for v in ("right", "applicable", "half")
     )
     edges = [np.arange(k + 1) - 0.5 for k in table.shape]
-    image = axes.pcolormesh(edges[1], edges[0], table.to_numpy(), **SHARES)
+    image = axes.pcolormesh(edges[1], edges[0], table.to_numpy(), **SHARE_COLOURS)
     axes.set_xticks(range(table.shape[1]), [f"{r:.2g}" for r in table.columns])
     axes.set_yticks(range(table.shape[0]), [{0.0: "none", np.inf: "∞"}.get(s, f"{s:.2g}") for s in table.index])
     for (i, j), value in np.ndenumerate(table.to_numpy()):

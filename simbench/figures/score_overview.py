@@ -17,14 +17,14 @@ from detectors.verdict import NO_STICTION, STICTION
 from simbench.bench.score.result import LEAST
 from simbench.bench.score.scoring import answers_of, blind_answers, score_book
 from simbench.bench.statistics import wilson
-from simbench.bench.store.reading import CODES, Book
-from simbench.figures._score import SHARES, hatch
+from simbench.bench.store.reading import CODES, RunArrays
+from simbench.figures._score import SHARE_COLOURS, hatch
 from simbench.figures._style import panels, styled
 
 SOURCE = "own"
 PROCESSES = {"self-regulating": "foptd", "integrating": "integrating"}
-LOOPS = ("healthy", "healthy, disturbed", "sticky, at rest", "cycling, stick-slip", "cycling, dead-band")
-KINDS = ("OP and PV", "see MV", "yardsticks", "other tests")
+LOOP_KINDS = ("healthy", "healthy, disturbed", "sticky, at rest", "cycling, stick-slip", "cycling, dead-band")
+ROW_GROUPS = ("OP and PV", "see MV", "yardsticks", "other tests")
 
 
 def data(run: str | Path) -> pd.DataFrame:
@@ -41,10 +41,10 @@ def data(run: str | Path) -> pd.DataFrame:
         method, kind, rank, accuracy (where it applies), process, loops, n, applicable, right (share of the applicable); best
         method first.
     """
-    return overview(Book.read(run))
+    return overview(RunArrays.read(run))
 
 
-def overview(book: Book) -> pd.DataFrame:
+def overview(book: RunArrays) -> pd.DataFrame:
     """Count for a run in memory; see `data`."""
     healthy, still = book.truth["sticky"] == 0, book.axes["disturbance"] == "none"
     cycles, rests = book.truth["cycled"] == 1, book.truth["cycled"] == 0
@@ -55,12 +55,12 @@ def overview(book: Book) -> pd.DataFrame:
     for r in score_book(book).ranking().itertuples():
         a = answers[str(r.method)]
         for process, name in PROCESSES.items():
-            for loops, part in zip(LOOPS, parts, strict=True):
+            for loops, part in zip(LOOP_KINDS, parts, strict=True):
                 here = part & (book.axes["process"] == name)
                 said = a.said[here & a.applies]
                 wanted = CODES[STICTION if loops.startswith("cycling") else NO_STICTION]
                 share = float((said == wanted).mean()) if said.size else np.nan
-                place = (r.method, KINDS[int(r.kind)], r.rank, r.accuracy_applicable, process, loops)
+                place = (r.method, ROW_GROUPS[int(r.kind)], r.rank, r.accuracy_applicable, process, loops)
                 rows.append((*place, int(here.sum()), said.size, share))
     columns = ["method", "kind", "rank", "accuracy", "process", "loops", "n", "applicable", "right"]
     return pd.DataFrame(rows, columns=columns)
@@ -72,7 +72,7 @@ def draw(data: pd.DataFrame) -> Figure:
     methods = data.drop_duplicates("method")
     size = len(methods)
     there = data[data.n > 0]
-    columns = {process: [x for x in LOOPS if x in set(there.loops[there.process == process])] for process in PROCESSES}
+    columns = {process: [x for x in LOOP_KINDS if x in set(there.loops[there.process == process])] for process in PROCESSES}
     columns = {process: loops for process, loops in columns.items() if loops}
     wide = sum(map(len, columns.values()))
     ratios = [1.0, *(float(len(loops)) for loops in columns.values())]
@@ -109,7 +109,7 @@ def _cells(axes, shares: np.ndarray, applies: np.ndarray):
     edges = [np.arange(k + 1) - 0.5 for k in shares.shape]
     shares = np.where(applies >= LEAST, shares, np.nan)
     lo, hi = wilson(np.nan_to_num(shares) * applies, applies)
-    image = axes.pcolormesh(edges[1], edges[0], shares, **SHARES)
+    image = axes.pcolormesh(edges[1], edges[0], shares, **SHARE_COLOURS)
     for (i, j), value in np.ndenumerate(shares):
         if not applies[i, j]:
             hatch(axes, j, i)

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from detectors.methods.srinivasan import LABELS, cycles, label_shares
+from detectors.methods.srinivasan import SHAPES, cycles, label_shares
 from scenarios.spec import Loop
 from simbench.figures._cycles import sustained_cycle
 from simbench.figures._style import SIGNAL, label, panels, styled
@@ -62,7 +62,7 @@ def data() -> pd.DataFrame:
                     wave[signal] = np.interp(PHASE * period, np.arange(x.size), x / np.abs(x).max())
         for signal, shape in zip(("OP", "PV"), shapes):
             every = np.concatenate(found[signal])
-            agreement = sum(share for name, share in zip(LABELS, label_shares(every)) if name in COUNTS_AS[shape])
+            agreement = sum(share for name, share in zip(SHAPES, label_shares(every)) if name in COUNTS_AS[shape])
             frame = pd.DataFrame({"t/P (-)": PHASE, "value (-)": wave[signal]})
             about = {"process": process, "action": action, "signal": signal, "table": shape}
             rows.append(frame.assign(**about, agreement=agreement, cycles=len(every)))

@@ -12,7 +12,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from simbench.bench.score.families import rates, read
-from simbench.figures._score import SHARES
+from simbench.figures._score import SHARE_COLOURS
 from simbench.figures._style import panels, styled
 
 SOURCE = "own"
@@ -59,7 +59,7 @@ def draw(data: pd.DataFrame) -> Figure:
     ):
         part = data[data.cycling == cycling]
         grid = part.pivot(index="method", columns="valve", values="stiction").reindex(index=methods, columns=valves)
-        ax.pcolormesh(grid.to_numpy(), **SHARES)
+        ax.pcolormesh(grid.to_numpy(), **SHARE_COLOURS)
         for i, row in enumerate(grid.to_numpy()):
             for j, share in enumerate(row):
                 if share == share:

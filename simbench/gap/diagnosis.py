@@ -16,13 +16,13 @@ from scenarios.spec import Loop
 from simbench.gap.candidates import alike, smallest_detectable
 from simbench.gap.closed_loop.next_test import choose
 from simbench.gap.closed_loop.runs import ClosedLoops
-from simbench.gap.decide.assess import LIMITS, SURE, Assessment, assess, capped
+from simbench.gap.decide.assess import RESIDUAL_LIMITS, SURE, Assessment, assess, capped
 from simbench.gap.decide.classify import Classified, classify
 from simbench.gap.decide.identified import plausible
 from simbench.gap.intake.check import check
 from simbench.gap.intake.partial import Partial, completed
 from simbench.gap.intake.refuse import SAME_TS, refuse_unfit
-from simbench.gap.report.result import Behind, Gap, GapReport, Ranked
+from simbench.gap.report.result import DiagnosisDetails, Gap, GapReport, Ranked
 from simbench.gap.situation import load_memory
 from simbench.gap.stiction.friction import friction
 from simbench.gap.stiction.probability import NO, pooled, probability
@@ -163,7 +163,7 @@ def closing(weights: Classified, found: Assessment, runs: ClosedLoops) -> Classi
 def _unless_wide(weights: Classified, found: Assessment, runs: ClosedLoops) -> Classified:
     """Return "unknown" for "none" where a wide gap stays that is not the load's: the best model leaves something behind."""
     gap = runs.shrink([])
-    left, block = max((found.tests[name] / limit, block) for name, (limit, block) in LIMITS.items())
+    left, block = max((found.tests[name] / limit, block) for name, (limit, block) in RESIDUAL_LIMITS.items())
     return weights.refuted(NONE, block) if gap.recalibrated > WIDE * gap.floor and left > 1.0 else weights
 
 
@@ -219,7 +219,7 @@ def report(found: Assessment, weights: Classified, runs: ClosedLoops, more: Sequ
     return GapReport(
         block=weights.block(first), effect=first, effects=answers, group=group, ranking=tuple(lines),
         gap=gap, shrinkage=shrinkage, blocks=weights.shares, next_test=advice, notes=tuple(notes),
-        probability_of_stiction=found.stiction, behind=Behind(found, runs, main, sizes, separation),
+        probability_of_stiction=found.stiction, behind=DiagnosisDetails(found, runs, main, sizes, separation),
     )  # fmt: skip
 
 

@@ -53,7 +53,7 @@ BEGIN = """for l in range(ROW):
     LOADS
     STARTS
 """
-SAMPLE = """for l in range(ROW):
+SAMPLE_LOOP = """for l in range(ROW):
     w_new[l] = w_room[np.uintp(row + behind[FROM + l])]
 for l in range(ROW):
     sp[l] = point[FROM + l]
@@ -149,7 +149,7 @@ def _text(named: dict[str, type], sizes: tuple[int, ...], loaded: bool) -> str:
         before = f"{names[0]}[l]"
     body += [f"mv[l] = {before}", f"w[l] = mv[l] - base[l] + {'load_in[l]' if loaded else '0.0'}"]
     begin = _with(_with(BEGIN, "LOADS", loads), "STARTS", starts)
-    sample = _with(_with(SAMPLE, "BODY", body), "LOADED", LOADED.splitlines() if loaded else [])
+    sample = _with(_with(SAMPLE_LOOP, "BODY", body), "LOADED", LOADED.splitlines() if loaded else [])
     row = few() // 2
     text = TEXT
     for word, one in (("ROOMS", "".join(f"{n} = few_lanes()\n" for n in rooms)), ("BEGIN", begin), ("SAMPLE", sample)):

@@ -111,7 +111,9 @@ _MORE: dict[str, dict[str, Any]] = {
         "noise": Number("-", low=0.0, default=0.0, says="noise of the other loop over its J"),
     },
 }
-KINDS: dict[str, Callable[..., np.ndarray]] = {f.__name__: f for f in (sine, steps, ramp, random_walk, coloured, propagated)}
+DISTURBANCES: dict[str, Callable[..., np.ndarray]] = {
+    f.__name__: f for f in (sine, steps, ramp, random_walk, coloured, propagated)
+}
 PARAMETERS = {
     kind: {
         "amplitude": _AMPLITUDE,
@@ -120,7 +122,7 @@ PARAMETERS = {
         "start": _START,
         **_MORE.get(kind, {}),
     }
-    for kind in KINDS
+    for kind in DISTURBANCES
 }
 
 
@@ -155,9 +157,9 @@ def disturbance_signal(part: Part, total: int, Ts: float, rng: np.random.Generat
     >>> disturbance_signal(part, 4, 1.0, np.random.default_rng(0))
     ('output', array([0., 1., 2., 2.]))
     """
-    if part.name not in KINDS:
-        raise UnknownName("disturbance", part.name, KINDS)
+    if part.name not in DISTURBANCES:
+        raise UnknownName("disturbance", part.name, DISTURBANCES)
     p = resolve(PARAMETERS[part.name], part.parameters, f"disturbance {part.name!r}")
     t = np.arange(total) * Ts - p.start
-    signal = np.where(t >= 0, KINDS[part.name](t, Ts, p, rng), 0.0)
+    signal = np.where(t >= 0, DISTURBANCES[part.name](t, Ts, p, rng), 0.0)
     return AT[int(p.at)], signal

@@ -88,7 +88,7 @@ def over_time(record: LoopRecord, method: str = "procedure") -> OverTime:
     >>> over_time(LoopRecord(op=np.sin(t / 5), pv=np.cos(t / 5), Ts=1.0), "he").sentence()
     'stiction in 0 of 95 cycles by he, 15 windows'
     """
-    prepared = Prepared(record.blind())
+    prepared = Prepared(record.without_mv())
     period = prepared.oscillation.period_s / record.Ts
     if not np.isfinite(period) or not prepared.oscillation.sustained:
         period = record.n / (6.0 * CYCLES)
@@ -108,7 +108,7 @@ def _judged(record: LoopRecord, start: int, stop: int, method: str) -> Episode:
 
 def _counted(record: LoopRecord, episodes: Sequence[Episode]) -> tuple[int, int]:
     """Return how many periods the record holds, and how many lie only in windows that say stiction."""
-    period = Prepared(record.blind()).oscillation.period_s
+    period = Prepared(record.without_mv()).oscillation.period_s
     if not np.isfinite(period):
         return 0, 0
     middles = (np.arange(int(record.duration / period)) + 0.5) * period

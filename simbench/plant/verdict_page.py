@@ -50,7 +50,7 @@ def _table(report: Report) -> pd.DataFrame:
         {
             **({} if name is None else {"record": name}),
             "method": v.method,
-            "verdict": summary.WORDS[v.verdict],
+            "verdict": summary.VERDICT_WORDS[v.verdict],
             "score": v.score,
             "S, J": "" if v.S is None else f"{summary.level(v.S)}, {summary.level(v.J)} {v.S_unit}",
             "made for this loop": fits[v.applicable],

@@ -12,9 +12,9 @@ import pyarrow.compute as pc
 
 from detectors.verdict import NO_DECISION, STICTION
 from simbench.bench.score.scoring import Scores, score_run
-from simbench.bench.store.reading import CODES, Book, read_table
+from simbench.bench.store.reading import CODES, RunArrays, read_table
 
-TRUTHS = ("sticky", "predicted", "refined", "theory", "cycled")
+REPORTED_TRUTHS = ("sticky", "predicted", "refined", "theory", "cycled")
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,13 +32,13 @@ class RunData:
     """
 
     folder: Path | str
-    book: Book
+    book: RunArrays
     scores: Scores
 
     @classmethod
     def read(cls, folder: str | Path) -> RunData:
         """Read a finished run; raises `RunError` when there is none."""
-        return cls(folder, Book.read(folder), score_run(folder))
+        return cls(folder, RunArrays.read(folder), score_run(folder))
 
     def of(self, method: str) -> pd.DataFrame:
         """Return one row per scenario whose cycling is clear.
@@ -70,7 +70,7 @@ class RunData:
     @cached_property
     def truths(self) -> pd.DataFrame:
         """The five truths of every scenario."""
-        return read_table(self.folder, "scenarios", TRUTHS).to_pandas()
+        return read_table(self.folder, "scenarios", REPORTED_TRUTHS).to_pandas()
 
     @cached_property
     def errors(self) -> pd.DataFrame:

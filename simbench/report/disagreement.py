@@ -5,7 +5,7 @@ from __future__ import annotations
 from markupsafe import Markup
 
 from simbench.html.table import sortable
-from simbench.report.data import TRUTHS, RunData
+from simbench.report.data import REPORTED_TRUTHS, RunData
 from simbench.report.page import render
 
 TITLE = "Where the labels disagree"
@@ -23,7 +23,7 @@ def section(run: RunData) -> Markup:
     -------
     markupsafe.Markup
     """
-    names = list(TRUTHS)
+    names = list(REPORTED_TRUTHS)
     words = run.truths.astype(object).where(run.truths.notna(), "-").astype(str)
     words = words.replace({"True": "yes", "False": "no"})
     counted = words.groupby(names).size().rename("scenarios").reset_index().sort_values("scenarios", ascending=False)

@@ -11,7 +11,7 @@ from simbench.report.data import RunData
 from simbench.report.page import render
 
 TITLE = "Failures and abstentions"
-MOST = 50  # rows shown
+ROWS_SHOWN = 50  # rows shown
 
 
 def section(run: RunData) -> Markup:
@@ -29,11 +29,11 @@ def section(run: RunData) -> Markup:
     errors = run.errors
     reasons = run.abstentions.assign(why=run.abstentions["reason"].map(pattern))
     why = reasons.groupby(["method", "why"]).size().rename("verdicts").reset_index()
-    why = why.sort_values("verdicts", ascending=False).head(MOST)
+    why = why.sort_values("verdicts", ascending=False).head(ROWS_SHOWN)
     return render(
         "failures.html",
         count=len(errors),
-        errors=sortable(errors.head(MOST), long=["error"]),
+        errors=sortable(errors.head(ROWS_SHOWN), long=["error"]),
         why=sortable(why, long=["why"]),
     )
 

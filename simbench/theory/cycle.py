@@ -16,8 +16,8 @@ from simbench.theory.sampled import SampledLoop, sampled_loop
 
 BLOCK = 100  # half cycles averaged at a time; two blocks must agree
 STEADY = 0.005  # relative difference of two blocks that counts as agreement
-BLOCKS = 16
-MOST = 10**9  # samples of a march, some 10 s of work
+MARCH_BLOCKS = 16
+LONGEST_MARCH = 10**9  # samples of a march, some 10 s of work
 LOAD_STEPS = (0.4, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0)  # tried in turn, in multiples of the break-away
 
 # Why marching at all: inside one pattern (m, n) of whole samples the return map expands by about S/p (p the half swing of
@@ -122,12 +122,12 @@ def settled(loop: SampledLoop, state: tuple, multiplier: float | None) -> ExactC
     """March from a state until two blocks of half cycles agree; None when the valve comes to rest or its swing dies."""
     x, s, past = (a.copy() for a in state)
     means: list[np.ndarray] = []
-    left = MOST
-    for _ in range(BLOCKS):
+    left = LONGEST_MARCH
+    for _ in range(MARCH_BLOCKS):
         run = reversals(loop, x, s, past, BLOCK, left)
         left -= run.samples
         if run.count < BLOCK and not run.stalled:
-            asked = f"sampling.Ts = {loop.Ts:g} s: no cycle settles within {MOST:g} samples"
+            asked = f"sampling.Ts = {loop.Ts:g} s: no cycle settles within {LONGEST_MARCH:g} samples"
             raise ParameterError(f"{asked}; a longer Ts, or a larger gain K Kc, is needed")
         if run.count < BLOCK:
             return None

@@ -15,7 +15,7 @@ from simbench.theory.cycle import after_load_step, exact_cycle
 from simbench.theory.sampled import SampledLoop, sampled_loop, ultimate_gain
 from simbench.theory.tables import CONDITIONS, DEAD_BAND, TABLE_11_3, refined
 
-S = 5.0
+BAND_S = 5.0
 SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)  # of the ultimate gain
 UNLIMITED = 8.0  # K Kc (integrating: K Kc T) in its place without dead time
 JUMPS = (0.2, 0.5, 1.0, 1.5)  # J/S
@@ -130,14 +130,14 @@ def _loops(process: str, controller: str, nonlinearity: str) -> Iterator[Sampled
             table: dict[str, Any] = {
                 "plant": {**plant, "Td": Td},
                 "controller": {"type": "P", "Kc": 1.0} if Ti is None else {"type": "PI", "Kc": 1.0, "Ti": Ti},
-                "valve": {"model": "choudhury", "S": S, "J": 0.0},
+                "valve": {"model": "choudhury", "S": BAND_S, "J": 0.0},
                 "sampling": {"Ts": 0.1},
             }
             limit = ultimate_gain(sampled_loop(Loop.from_table(table))) if Td else None
             for share in SHARES:
                 for jump in (0.0,) if nonlinearity == DEAD_BAND else JUMPS:
                     table["controller"]["Kc"] = share * (limit or UNLIMITED)
-                    table["valve"]["J"] = jump * S
+                    table["valve"]["J"] = jump * BAND_S
                     yield sampled_loop(Loop.from_table(table))
 
 

@@ -7,8 +7,8 @@ from scipy.optimize import curve_fit, minimize_scalar
 from detectors.signal import half_cycles as h
 
 RNG = np.random.default_rng(21)
-POINT = (np.arange(h.POINTS) + 0.5) / h.POINTS
-SINE, TRIANGLE, SQUARE = np.sin(np.pi * POINT), np.minimum(POINT, 1 - POINT), np.ones(h.POINTS)
+POINT = (np.arange(h.HALF_CYCLE_POINTS) + 0.5) / h.HALF_CYCLE_POINTS
+SINE, TRIANGLE, SQUARE = np.sin(np.pi * POINT), np.minimum(POINT, 1 - POINT), np.ones(h.HALF_CYCLE_POINTS)
 
 
 def naive_sine(hump):
@@ -42,7 +42,7 @@ def naive_two_lines(hump):
 def humps(count=12):
     """Between sine, triangle and square, leaning, and noisy."""
     mixed = [a * SINE + b * 2 * TRIANGLE + 0.3 * c * SQUARE for a, b, c in RNG.random((count, 3))]
-    return np.array([x * (1 + 0.5 * (POINT - 0.5)) + 0.02 * RNG.standard_normal(h.POINTS) for x in mixed])
+    return np.array([x * (1 + 0.5 * (POINT - 0.5)) + 0.02 * RNG.standard_normal(h.HALF_CYCLE_POINTS) for x in mixed])
 
 
 def test_sine_misfit_equals_the_nonlinear_fit():
@@ -102,7 +102,7 @@ def test_peak_areas_are_the_areas():
     for apex in (0.2, 0.37, 0.5, 0.83):
         hump = np.minimum(POINT / apex, (1 - POINT) / (1 - apex))
         before, after = h.peak_areas(hump[None])
-        assert before[0] == pytest.approx(0.5 * apex, abs=0.7 / h.POINTS)
+        assert before[0] == pytest.approx(0.5 * apex, abs=0.7 / h.HALF_CYCLE_POINTS)
         assert before[0] + after[0] == pytest.approx(0.5, abs=1e-3)
     for w in (0.8, 1.0, 1.2):
         before, _ = h.peak_areas(np.sin(w * np.pi * POINT)[None])

@@ -6,9 +6,9 @@ import pytest
 from detectors.judge import judge
 from detectors.methods.he import triangle_indices
 from detectors.record import LoopRecord
-from detectors.signal.half_cycles import POINTS
+from detectors.signal.half_cycles import HALF_CYCLE_POINTS
 
-POINT = (np.arange(POINTS) + 0.5) / POINTS
+POINT = (np.arange(HALF_CYCLE_POINTS) + 0.5) / HALF_CYCLE_POINTS
 T = np.arange(4000) / 20
 
 
@@ -17,7 +17,7 @@ T = np.arange(4000) / 20
     [
         (np.sin(np.pi * POINT), 0.0, 0.0),
         (np.minimum(POINT, 1 - POINT), 1.0, 0.99),
-        (np.ones(POINTS), 0.340, 1.0),
+        (np.ones(HALF_CYCLE_POINTS), 0.340, 1.0),
     ],
 )
 def test_indices_of_the_three_waves(hump, eta, two_line):
@@ -27,7 +27,7 @@ def test_indices_of_the_three_waves(hump, eta, two_line):
 
 
 def test_noise_pulls_both_indices_to_one_half_and_the_two_lines_towards_triangle():
-    noise = np.random.default_rng(0).standard_normal((400, POINTS))
+    noise = np.random.default_rng(0).standard_normal((400, HALF_CYCLE_POINTS))
     eta, two_line = triangle_indices(np.sin(np.pi * POINT) + 0.3 * noise)
     assert 0.3 < eta < 0.5
     assert two_line > eta

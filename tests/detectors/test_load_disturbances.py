@@ -75,7 +75,7 @@ def test_it_can_be_chosen(loop):
     slow = loop(J=2.5, kick=6.0, n=2000, noise=0.02)
     first, second = (judge(slow, ["ellipse"], front_end=name)[0] for name in ("acf", "hagglund"))
     assert first.verdict != "no_stiction" or "no sustained" not in first.reason
-    loads = Prepared(slow.blind(), "hagglund").oscillation.loads
+    loads = Prepared(slow.without_mv(), "hagglund").oscillation.loads
     assert ("no sustained oscillation" in second.reason) == (loads <= 10)
     quiet = loop(S=0.0, J=0.0, noise=0.1, n=2000)
     assert judge(quiet, ["ellipse"], front_end="hagglund")[0].reason.startswith("no sustained oscillation (")

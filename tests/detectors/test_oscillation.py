@@ -1,6 +1,5 @@
 """The common front end: what oscillates, how regularly, how long, and where."""
 
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

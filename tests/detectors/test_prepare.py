@@ -69,8 +69,8 @@ def test_what_is_judged_is_the_half_alone_and_the_reason_says_so():
 
 def test_mv_is_cut_with_the_rest():
     whole = record(K >= 600, mv=np.linspace(40.0, 60.0, N))
-    blind = prepare(whole.blind())
-    assert list(blind.sighted(whole).record.mv) == list(whole.mv[600:])
+    blind = prepare(whole.without_mv())
+    assert list(blind.with_mv(whole).record.mv) == list(whole.mv[600:])
 
 
 def test_a_half_that_would_change_the_unit_of_s_is_left_alone():
@@ -100,7 +100,7 @@ def test_a_dense_record_is_judged_as_every_second_or_fourth_sample_of_it():
     for p in found:
         assert (p.record.Ts, p.record.n) == (2.0, 3000)
         assert p.record.op.tolist() == op[::4].tolist()
-    sighted = found[0].sighted(LoopRecord(op=op, pv=pv, mv=op, Ts=0.5))
+    sighted = found[0].with_mv(LoopRecord(op=op, pv=pv, mv=op, Ts=0.5))
     assert sighted.record.mv is not None
     assert sighted.record.mv.tolist() == op[::4].tolist()
 

@@ -6,9 +6,9 @@ import pytest
 from detectors.judge import judge
 from detectors.methods.rossi_scali import relay_index
 from detectors.record import LoopRecord
-from detectors.signal.half_cycles import POINTS, relays
+from detectors.signal.half_cycles import HALF_CYCLE_POINTS, relays
 
-POINT = (np.arange(POINTS) + 0.5) / POINTS
+POINT = (np.arange(HALF_CYCLE_POINTS) + 0.5) / HALF_CYCLE_POINTS
 T = np.arange(4000) / 20
 
 
@@ -17,7 +17,7 @@ T = np.arange(4000) / 20
     [
         (np.sin(np.pi * POINT), -1.0, -0.99),
         (np.minimum(POINT, 1 - POINT), 0.99, 1.0),
-        (np.ones(POINTS), 0.85, 1.0),
+        (np.ones(HALF_CYCLE_POINTS), 0.85, 1.0),
     ],
 )
 def test_index_of_sine_triangle_and_square(hump, low, high):

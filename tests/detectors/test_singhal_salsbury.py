@@ -6,9 +6,9 @@ import pytest
 from detectors.judge import judge
 from detectors.methods.singhal_salsbury import area_ratio
 from detectors.record import LoopRecord
-from detectors.signal.half_cycles import POINTS
+from detectors.signal.half_cycles import HALF_CYCLE_POINTS
 
-POINT = (np.arange(POINTS) + 0.5) / POINTS
+POINT = (np.arange(HALF_CYCLE_POINTS) + 0.5) / HALF_CYCLE_POINTS
 T = np.arange(4000) / 20
 
 
@@ -23,7 +23,7 @@ def test_ratio_is_the_geometric_one():
 
 
 def test_noise_alone_lifts_the_ratio_above_one():
-    noise = np.random.default_rng(1).standard_normal((60, POINTS))
+    noise = np.random.default_rng(1).standard_normal((60, HALF_CYCLE_POINTS))
     assert area_ratio(np.sin(np.pi * POINT) + 0.3 * noise) > 1.2
 
 

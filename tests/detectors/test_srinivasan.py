@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from detectors.judge import judge
-from detectors.methods.srinivasan import LABELS, POINTS, cycles, label_shares, templates
+from detectors.methods.srinivasan import CYCLE_POINTS, SHAPES, cycles, label_shares, templates
 from detectors.record import LoopRecord
 
 T = np.arange(3000) / 40  # cycles
@@ -34,18 +34,18 @@ def naive_dtw(a, b, window):
 
 def test_labels_are_those_of_plain_time_warping():
     rng = np.random.default_rng(0)
-    found = np.vstack([cycles(wave(s) + 0.15 * rng.standard_normal(T.size), 40.0)[:6] for s in LABELS])
+    found = np.vstack([cycles(wave(s) + 0.15 * rng.standard_normal(T.size), 40.0)[:6] for s in SHAPES])
     shapes, label = templates()
-    slow = [label[np.argmin([naive_dtw(c, s, POINTS // 10) for s in shapes])] for c in found]
+    slow = [label[np.argmin([naive_dtw(c, s, CYCLE_POINTS // 10) for s in shapes])] for c in found]
     assert np.array_equal(label_shares(found), np.bincount(slow, minlength=4) / len(slow))
 
 
-@pytest.mark.parametrize("shape", LABELS)
+@pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("turn", [1.0, -1.0])
 def test_each_shape_is_known_by_its_name(shape, turn):
     x = turn * wave(shape) + 0.05 * np.random.default_rng(1).standard_normal(T.size)
     shares = label_shares(cycles(x, 40.0))
-    assert LABELS[int(np.argmax(shares))] == shape
+    assert SHAPES[int(np.argmax(shares))] == shape
     assert shares.max() > 0.8
 
 

@@ -98,7 +98,7 @@ TABLE_11_2 = {
 def test_every_pair_of_shapes(monkeypatch, integrating, op, pv):
     monkeypatch.setattr(srinivasan, "cycles", lambda shape, period: [shape] * 3)
     monkeypatch.setattr(
-        srinivasan, "label_shares", lambda found: np.where([w == found[0] for w in srinivasan.LABELS], 0.7, 0.1)
+        srinivasan, "label_shares", lambda found: np.where([w == found[0] for w in srinivasan.SHAPES], 0.7, 0.1)
     )
     said = srinivasan.detect(Seen(period=8.0, integrating=integrating, band=lambda name, shortest: {"op": op, "pv": pv}[name]))
     alike = tuple(x.replace("sawtooth", "triangle") for x in (op, pv))

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from results.studies import store_study
-from simbench.bench.store.reading import Book
+from simbench.bench.store.reading import RunArrays
 
 
 def test_made_up_rows_are_a_run_that_can_be_scored(tmp_path, monkeypatch):
@@ -14,7 +14,7 @@ def test_made_up_rows_are_a_run_that_can_be_scored(tmp_path, monkeypatch):
 
     def noted(place, receipts, manifest):
         finish(place, receipts, manifest)
-        books.append(Book.read(place))
+        books.append(RunArrays.read(place))
 
     monkeypatch.setattr(store_study.pieces, "finish", noted)
     told = store_study.rows(2500, "he,yamashita")

@@ -53,7 +53,10 @@ def grid_page() -> str:
     ):  # fmt: skip
         lines += _section(title, model)
     lines += [*heading("Axes and drawn values", "-"), "Keys of ``[block.axes]``, ``[draw]`` and ``[block.draw]``:", ""]
-    limits = {key: "{:g} to {:g}".format(*grid_check.LIMITS[key]) if key in grid_check.LIMITS else "" for key in cell.SETTINGS}
+    limits = {
+        key: "{:g} to {:g}".format(*grid_check.SETTING_LIMITS[key]) if key in grid_check.SETTING_LIMITS else ""
+        for key in cell.SETTINGS
+    }
     lines += table(("key", "what it is", "limits"), [(f"``{k}``", plain(says), limits[k]) for k, says in cell.SETTINGS.items()])
     lines += [*heading("The smallest grid that comes with the package", "-"), ".. code-block:: toml", ""]
     lines += [f"   {line}".rstrip() for line in (GRIDS / "smoke.toml").read_text(encoding="utf-8").splitlines()]
@@ -102,7 +105,7 @@ def _bound(limit: Any) -> str:
     for kind, sign in SIGN.items():
         if isinstance(limit, kind):
             value = float(getattr(limit, kind.__name__.lower()))
-            return "" if abs(value) >= spec.LARGEST else f"{sign} {value:g}"
+            return "" if abs(value) >= spec.LARGEST_NUMBER else f"{sign} {value:g}"
     return ""
 
 
@@ -114,7 +117,7 @@ def _parameters(rules: Mapping[str, Number | Choice]) -> list[str]:
         if isinstance(rule, Choice):
             rows.append((f"``{name}``", "", plain(" or ".join(rule.names)), rule.default or "needed", plain(rule.says)))
             continue
-        least, most = (abs(x) < spec.LARGEST for x in (rule.low, rule.high))
+        least, most = (abs(x) < spec.LARGEST_NUMBER for x in (rule.low, rule.high))
         low = f"{'>' if rule.positive else '>='} {rule.low:g}" if least else ""
         limits = ", ".join(x for x in (low, f"<= {rule.high:g}" if most else "") if x)
         default = "needed" if rule.default is None else "follows" if rule.default != rule.default else f"{rule.default:g}"

@@ -11,7 +11,7 @@ from detectors.methods.choudhury import _most_regular
 from detectors.methods.he import triangle_indices
 from detectors.methods.horch import correlation_indices
 from detectors.methods.rossi_scali import relay_index
-from detectors.methods.srinivasan import LABELS, cycles, label_shares
+from detectors.methods.srinivasan import SHAPES, cycles, label_shares
 from detectors.methods.yamashita import movement_indices
 from detectors.prepared import prepare, thinned
 from detectors.record import LoopRecord
@@ -231,7 +231,7 @@ def _waves() -> Iterator[Row]:
     for name, x in shapes.items():
         noisy = x / x.std() + 0.05 * np.random.default_rng(1).standard_normal(x.size)
         share = label_shares(cycles(noisy, 40.0))
-        told.append(f"{name} is called {LABELS[int(share.argmax())]} ({share.max():.0%} of {len(cycles(noisy, 40.0))})")
+        told.append(f"{name} is called {SHAPES[int(share.argmax())]} ({share.max():.0%} of {len(cycles(noisy, 40.0))})")
     why = "four labels; sharp and smooth are one, a parabola counts as a sine; with by_kind = 1 (as published) a known kind of "
     why += "loop has its own column alone"
     yield Row("Table 11.2", "sharp and smooth triangle, parabola", "told apart", "; ".join(told), False, why)

@@ -12,14 +12,14 @@ from scenarios.grid import Grid, More
 from scenarios.grid_check import say
 from simbench.bench.execute.plugin_host import refuse_unsettled
 from simbench.bench.store.manifest import RunError
-from simbench.loop.disturbance import KINDS
+from simbench.loop.disturbance import DISTURBANCES
 from simbench.loop.disturbance import PARAMETERS as OF_LOADS
 from simbench.loop.effects import PLUGINS as EFFECTS
 from simbench.loop.parameters import VALVES
 
-MOST = 1_000_000  # scenarios without --large
+MOST_SCENARIOS = 1_000_000  # scenarios without --large
 # measured on the chapter's grid: a scenario without detectors, a fast and a slow method (s of one core); rows on disk (bytes)
-SECONDS, FAST, SLOW = 0.008, 0.0008, 0.05
+SECONDS, FAST_METHOD_SECONDS, FULL_METHOD_SECONDS = 0.008, 0.0008, 0.05
 ROW, VERDICT = 600, 70
 
 
@@ -72,14 +72,14 @@ def size_of(plan: Grid, fast: int, slow: int) -> GridSize:
     else:
         n = sum(_samples(plan, block) for block in plan.content.block) / len(plan.content.block)
     long = max(n / 1500.0, 0.2)  # the constants are for records of this length
-    seconds = scenarios * long * (SECONDS + FAST * fast + SLOW * slow)
+    seconds = scenarios * long * (SECONDS + FAST_METHOD_SECONDS * fast + FULL_METHOD_SECONDS * slow)
     return GridSize(plan.cells, scenarios, scenarios * n, scenarios * (ROW + VERDICT * (fast + slow)), seconds)
 
 
 def refuse_too_large(size: GridSize, name: str, large: bool) -> None:
     """Raise RunError when a run has more scenarios than anybody means by mistake, unless it is asked for."""
-    if size.scenarios > MOST and not large:
-        raise RunError(f"{name}: {size}; above {MOST} scenarios a run must be asked for with --large")
+    if size.scenarios > MOST_SCENARIOS and not large:
+        raise RunError(f"{name}: {size}; above {MOST_SCENARIOS} scenarios a run must be asked for with --large")
 
 
 def refuse_wrong_parts(plan: Grid) -> None:
@@ -115,8 +115,8 @@ def _wrong(plan: Grid) -> Iterator[str]:
     content = plan.content
     for name, load in content.disturbances.items():
         where = f"disturbance {name!r}"
-        if load.type not in KINDS:
-            yield f"{where}: type = {load.type!r} is unknown, {suggestion(load.type, KINDS)}"
+        if load.type not in DISTURBANCES:
+            yield f"{where}: type = {load.type!r} is unknown, {suggestion(load.type, DISTURBANCES)}"
             continue
         given = {"amplitude": load.amplitude, "period": load.period, **load.parameters}
         yield from _parameters(where, OF_LOADS[load.type], given, ("amplitude", "period", "lag", "start"))

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 
 from simbench.bench.execute.lease import lease
-from simbench.bench.execute.work import Piece
+from simbench.bench.execute.work import Chunk
 from simbench.bench.score.scoring import score_book
-from simbench.bench.store.checksums import KINDS, TABLES, RunError, digest, opened, partition, sealed
+from simbench.bench.store.checksums import TABLE_KINDS, TABLES, RunError, digest, opened, partition, sealed
 from simbench.bench.store.manifest import MANIFEST, read_manifest, refuse_to_mix, write_manifest
 from simbench.bench.store.place import Place, place_of
-from simbench.bench.store.reading import Book
+from simbench.bench.store.reading import RunArrays
 from simbench.files import folder as make_folder
 from simbench.files import record_text
 
@@ -57,7 +57,7 @@ def held(place: Place) -> AbstractContextManager[None]:
     """Hold a run's folder alone, where it is one of a file system."""
     if place.local is None:
         return contextlib.nullcontext()
-    return lease(make_folder(place.local), ("", RECEIPTS, *(f"{kind}.parquet" for kind in KINDS)))
+    return lease(make_folder(place.local), ("", RECEIPTS, *(f"{kind}.parquet" for kind in TABLE_KINDS)))
 
 
 def open_run(path: str | Path | Place, manifest: dict[str, Any], resume: bool) -> Place:
@@ -94,7 +94,7 @@ def open_run(path: str | Path | Place, manifest: dict[str, Any], resume: bool) -
     return place
 
 
-def write_piece(place: Place, piece: Piece, key: str) -> Receipt:
+def write_piece(place: Place, piece: Chunk, key: str) -> Receipt:
     """Put a finished piece on disk; it counts from the moment its receipt, the last file, stands under its name.
 
     Parameters
@@ -121,9 +121,9 @@ def write_piece(place: Place, piece: Piece, key: str) -> Receipt:
         return there
     for ident, record in piece.kept:
         place.write(f"records/{ident}.csv", record_text(record).encode())
-    for kind in KINDS:
+    for kind in TABLE_KINDS:
         place.write(partition_file(kind, piece.number), getattr(piece, kind))
-    marks = {kind: digest(getattr(piece, kind)) for kind in KINDS}
+    marks = {kind: digest(getattr(piece, kind)) for kind in TABLE_KINDS}
     times = (piece.simulating, piece.judging, piece.total)
     receipt = Receipt(piece.number, piece.count, piece.failures, *times, marks)
     place.write(receipt_file(piece.number), json.dumps(sealed({"run": key, **asdict(receipt)})).encode())
@@ -138,7 +138,7 @@ def find_receipt(place: Place, number: int, key: str) -> Receipt | None:
         said = opened(json.loads(place.read(receipt_file(number))), "receipt")
         if (said["run"], said["piece"]) != (key, number):
             return None
-        if any(digest(place.read(partition_file(kind, number))) != said["marks"][kind] for kind in KINDS):
+        if any(digest(place.read(partition_file(kind, number))) != said["marks"][kind] for kind in TABLE_KINDS):
             return None
         return Receipt(**{f.name: said[f.name] for f in fields(Receipt) if f.name != "found"}, found=True)
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, RunError):
@@ -162,7 +162,7 @@ def finish(place: Place, receipts: Sequence[Receipt], manifest: dict[str, Any]) 
     RunError
         When partitions are missing or not what their receipts say; the receipts then stay, and the run can be continued.
     """
-    for kind in KINDS:
+    for kind in TABLE_KINDS:
         lacking = {partition(r.piece) for r in receipts} - set(place.names(f"{kind}.parquet"))
         if lacking:
             raise RunError(f"{place}/{kind}.parquet lacks {min(lacking)}, which a worker wrote; name a place that all reach")
@@ -173,7 +173,7 @@ def finish(place: Place, receipts: Sequence[Receipt], manifest: dict[str, Any]) 
         "counts": {"scenarios": scenarios, "verdicts": scenarios * len(manifest["methods"]), "errors": errors},
         TABLES: marks_of(receipts),
     }
-    book = Book.read(place, whole)
+    book = RunArrays.read(place, whole)
     hashes = np.where(book.hashes == b"", b"-", book.hashes).tobytes().replace(b"\0", b"")
     whole["records_hash"] = digest(hashes)
     score_book(book).write(place)
@@ -183,7 +183,7 @@ def finish(place: Place, receipts: Sequence[Receipt], manifest: dict[str, Any]) 
 
 def marks_of(receipts: Sequence[Receipt]) -> dict[str, list[str]]:
     """Return the checksums of both tables' partitions, as a manifest holds them."""
-    return {kind: [r.marks[kind] for r in receipts] for kind in KINDS}
+    return {kind: [r.marks[kind] for r in receipts] for kind in TABLE_KINDS}
 
 
 def is_finished(place: Place) -> bool:

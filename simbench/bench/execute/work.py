@@ -34,7 +34,7 @@ HELD = 80  # records simulated before they are judged in drawn order
 
 
 @dataclass(frozen=True)
-class Piece:
+class Chunk:
     """What a worker hands back: two parquet files, how much there is and failed, seconds, and the records asked for.
 
     `count` and `failures` are of scenarios, and of verdicts or simulations that ended in an error; `simulating` has the truth's
@@ -98,7 +98,7 @@ def work(
     seconds: float = SECONDS,
     stages: tuple[tuple[str, ...], ...] = ((), ()),
     front_end: str = "acf",
-) -> Piece:
+) -> Chunk:
     """Simulate, label and judge some groups of a grid: a function of the arguments alone, but for its times.
 
     `plugins` and `stages` are files outside the package: detectors, and valve models and effects; `seconds` is the time one may
@@ -127,10 +127,12 @@ def work(
                         kept.append((one.row["scenario_id"], one.record))
                     found.append(replace(one, record=None))
                 held = []
-    return Piece(
+    return Chunk(
         number,
         tables.encode(_columns(tables.SCENARIOS.names, [f.row for f in found]), tables.SCENARIOS, number),
-        tables.encode(_columns(tables.VERDICTS.names, [row for f in found for row in f.verdicts]), tables.VERDICTS, number),
+        tables.encode(
+            _columns(tables.VERDICT_SCHEMA.names, [row for f in found for row in f.verdicts]), tables.VERDICT_SCHEMA, number
+        ),
         len(found),
         sum(f.failures for f in found),
         settling + sum(f.simulating for f in found),
@@ -149,7 +151,7 @@ def judge_both(
     error if it raised one, and its seconds; methods that do not declare that they need MV do not see it.
     """
     since = time.perf_counter()
-    blind, sighted = prepare(record.blind(), front_end), None
+    blind, sighted = prepare(record.without_mv(), front_end), None
     sustained = blind.oscillation.sustained
     blind.flags  # noqa: B018  found once, for all methods
     shared = (time.perf_counter() - since) / max(len(chosen), 1)
@@ -159,9 +161,9 @@ def judge_both(
         since, prepared = time.perf_counter(), blind
         if method.whole and blind.part:
             # ranked with those that do not see MV
-            prepared = Prepared(record.blind(), front_end)
+            prepared = Prepared(record.without_mv(), front_end)
         elif method.needs_mv:
-            prepared = sighted = sighted or blind.sighted(record)
+            prepared = sighted = sighted or blind.with_mv(record)
         # with an oscillation the front end lets everything pass
         modes = (True, False) if method.front_end and not sustained else (True,)
         said, error = answers(name, prepared, modes, dict(values))
@@ -207,7 +209,7 @@ def _judged(it: _Simulated, asked: _Questions) -> _Judged:
 
 def _scenario_row(it: _Simulated, prepared: Prepared | None) -> dict[str, Any]:
     loop, tags = it.scenario.loop, it.scenario.tags
-    row: dict[str, Any] = {name: tags.get(name) for name in tables.TAGS}
+    row: dict[str, Any] = {name: tags.get(name) for name in tables.TAG_KEYS}
     row.update(
         scenario_id=it.ident,
         group=it.group,

@@ -18,7 +18,7 @@ Task = Callable[[int, Sequence[int]], Receipt]
 Pieces = list[tuple[int, Sequence[int]]]
 Runner = Callable[[Task, Pieces], Iterator[Receipt]]
 PATIENCE = 6.0  # s, for a scheduler to be found, or for a lost one or the last worker to come back
-SLOW = 60.0  # s, for a scheduler to answer whose connection stands: its machine may be busy
+SCHEDULER_SECONDS = 60.0  # s, for a scheduler to answer whose connection stands: its machine may be busy
 FIRST = 300.0  # s, for the first worker: some clusters start them when there is work
 LOOK = 1.0  # s between two looks at workers from which nothing comes
 AHEAD = 1000  # pieces handed out and not yet done
@@ -211,7 +211,7 @@ def _gone(client: Any) -> tuple[str, float] | None:
             workers = client.sync(client.scheduler.ncores, callback_timeout=LOOK)
             return None if workers else (NO_WORKER, PATIENCE)
         except TimeoutError:
-            return "the dask scheduler does not answer", SLOW
+            return "the dask scheduler does not answer", SCHEDULER_SECONDS
         except OSError:
             pass
     return "the dask scheduler is gone", PATIENCE

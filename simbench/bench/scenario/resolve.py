@@ -235,7 +235,7 @@ def _own_sampling(draft: Draft, group: Group, twin: Loop, cycle: Cycle) -> Loop:
     """Settle a draft by the period of its own oscillation; by its sticky twin's where it does not oscillate."""
     own, loop = cycle.period, _settled(draft, group.rules, twin, cycle, cycle.period)
     for _ in range(PASSES if group.rules.samples_per_period is not None else 0):
-        found = prepare(simulate(loop, group.seed).record.blind()).oscillation
+        found = prepare(simulate(loop, group.seed).record.without_mv()).oscillation
         if not found.sustained or abs(math.log(found.period_s / own)) < SETTLED:
             break
         own = found.period_s

@@ -13,7 +13,7 @@ from simbench.bench.score.history import remember
 from simbench.bench.score.scoring import FRONT, score_run
 from simbench.bench.store.checksums import RunError, digest
 from simbench.bench.store.manifest import read_manifest, write_manifest
-from simbench.bench.store.reading import Book, read_table
+from simbench.bench.store.reading import RunArrays, read_table
 from simbench.files import folder as make_folder
 from simbench.files import whole_file, write_table
 
@@ -25,7 +25,7 @@ KEPT = (
     "format", "grid", "grid_hash", "cells_hash", "seed", "overrides", "scenarios", "methods", "thresholds", "plugins",
     "command", "code", "commit", "versions", "machine", "complete", "counts", "records_hash", "sealed",
 )  # fmt: skip
-COLUMNS = (
+BASELINE_COLUMNS = (
     "method", "truth", "process", "n", "positives", "applicable", "accuracy_applicable", "accuracy_decided", "no_decision",
     "found", "false_alarms", "accuracy_all", "auc", "rank", "errors",
 )  # fmt: skip
@@ -68,11 +68,11 @@ def write_baseline(run: str | Path, baseline: str | Path) -> None:
             f.write(out.getvalue())
     write_manifest(baseline, {**manifest, "tables": digests})
     table = score_run(baseline).table
-    write_table(table.loc[table["mode"] == FRONT, list(COLUMNS)], baseline / "scores.csv", float_format="%.4f")
+    write_table(table.loc[table["mode"] == FRONT, list(BASELINE_COLUMNS)], baseline / "scores.csv", float_format="%.4f")
     remember(baseline, manifest, table)
 
 
-def read_book(folder: str | Path) -> Book:
+def read_book(folder: str | Path) -> RunArrays:
     """Read a run or a baseline.
 
     Parameters
@@ -90,7 +90,7 @@ def read_book(folder: str | Path) -> Book:
         When it is neither, not finished, of another format, or a table is not the one its manifest speaks of.
     """
     try:
-        book = Book.read(folder)
+        book = RunArrays.read(folder)
     except (pa.ArrowException, OSError, ArithmeticError, LookupError, TypeError, ValueError) as error:
         raise RunError(f"{folder} is damaged: {' '.join(str(error).split())[:200]}; restore it, or run it again") from None
     if not book.ids.size or not book.methods:

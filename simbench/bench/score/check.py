@@ -17,7 +17,7 @@ from simbench.bench.score.baseline import read_book, write_baseline
 from simbench.bench.score.check_result import Check
 from simbench.bench.score.pairing import Pairs, pair
 from simbench.bench.statistics import auc, auc_drop, auc_drop_unpaired, holm, mcnemar, rate_drop
-from simbench.bench.store.reading import CODES, Book, RunError
+from simbench.bench.store.reading import CODES, RunArrays, RunError
 
 LEVEL = 0.05
 MARGIN = 0.01  # of a rate, paired: what falls by less is no regression, however sure the fall is
@@ -26,7 +26,7 @@ UNPAIRED = 0.02  # the same between runs of other loops
 # same place of a grid, of other loops; where it is not, the check cannot tell
 REACH = {"same": 0.02, "place": 0.05, "other": 0.15}
 POWER = 0.8
-LABELS = ("sticky", "cycled")
+CHECKED_TRUTHS = ("sticky", "cycled")
 # what is counted: among positives or negatives, which answers are good; "no decision" is neither right nor wrong
 COUNTED = {
     "right": (None, ()),
@@ -71,7 +71,7 @@ def check_run(folder: str | Path, against: str | Path, margin: float = MARGIN) -
     return replace(compare_books(read_book(folder), read_book(against), margin), home=str(against))
 
 
-def compare_books(now: Book, before: Book, margin: float = MARGIN) -> Check:
+def compare_books(now: RunArrays, before: RunArrays, margin: float = MARGIN) -> Check:
     """Compare a run with a baseline, both as arrays; returns and errors as `check_run`."""
     grids, cells = ([b.manifest.get(key) for b in (now, before)] for key in ("grid", "cells_hash"))
     if (grids[0] != grids[1]) if None in cells else (cells[0] != cells[1]):
@@ -85,7 +85,7 @@ def compare_books(now: Book, before: Book, margin: float = MARGIN) -> Check:
     flips: list[pd.DataFrame] = []
     for method in (m for m in before.methods if m in now.methods):
         i, j = now.methods.index(method), before.methods.index(method)
-        for label in LABELS:
+        for label in CHECKED_TRUTHS:
             # a loop whose truth differs is another case
             alike = before.truth[label][pairs.before] == now.truth[label][pairs.now]
             one = _answers(before, j, label, pairs.before[alike] if paired else None)
@@ -96,7 +96,7 @@ def compare_books(now: Book, before: Book, margin: float = MARGIN) -> Check:
     each = tests.groupby("method", sort=False)["p"]
     # an unchanged detector gives the same answers on the same records: only what changed can fail by chance
     tests["p"] = each.transform(holm) if basis == "same" else holm(tests["p"])
-    size = len(COUNTED) * len(LABELS) + len(LABELS) if basis == "same" else len(tests)
+    size = len(COUNTED) * len(CHECKED_TRUTHS) + len(CHECKED_TRUTHS) if basis == "same" else len(tests)
     tests["seen"] = [_seen(row, basis, size) for row in tests.to_dict("records")]
     tests["worse"] = (tests["p"] < LEVEL) & (tests["before"] - tests["now"] > (margin if paired else 0.0))
     unseen = tuple(_unseen(tests, basis))
@@ -139,12 +139,12 @@ def update_baseline(folder: str | Path, baseline: str | Path) -> str:
     return "\n".join(lines)
 
 
-def _problems(now: Book, before: Book, pairs: Pairs) -> list[str]:
+def _problems(now: RunArrays, before: RunArrays, pairs: Pairs) -> list[str]:
     found = [f"method {m} is in the baseline, not in the run" for m in before.methods if m not in now.methods]
     missing = before.ids.size - pairs.before.size
     if missing and (pairs.one_grid or pairs.now.size):
         found.append(f"{missing} of the baseline's {before.ids.size} scenarios are not in the run")
-    for label in LABELS:
+    for label in CHECKED_TRUTHS:
         moved = now.truth[label][pairs.now] != before.truth[label][pairs.before]
         changed = int((moved & pairs.same).sum())
         if changed:
@@ -157,7 +157,7 @@ def _problems(now: Book, before: Book, pairs: Pairs) -> list[str]:
     return found
 
 
-def _basis(now: Book, before: Book, pairs: Pairs, margin: float) -> str:
+def _basis(now: RunArrays, before: RunArrays, pairs: Pairs, margin: float) -> str:
     tests = f"exact paired tests, a drop of {100 * margin:g} points is allowed, Holm-corrected"
     differ = int((~pairs.same).sum())
     if pairs.now.size and not differ:
@@ -196,7 +196,7 @@ def _unseen(tests: pd.DataFrame, basis: str) -> Iterator[str]:
 
 
 def _answers(
-    book: Book, method: int, label: str, at: np.ndarray | None
+    book: RunArrays, method: int, label: str, at: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     # a baseline keeps 24 bits of a score
     truth, verdict, score = book.truth[label], book.verdict[method], book.score[method].astype(np.float32)
@@ -238,7 +238,7 @@ def _share(right: np.ndarray) -> float:
     return float(right.mean()) if right.size else float("nan")
 
 
-def _flips(now: Book, i: int, before: Book, j: int, pairs: Pairs) -> pd.DataFrame:
+def _flips(now: RunArrays, i: int, before: RunArrays, j: int, pairs: Pairs) -> pd.DataFrame:
     changed = now.verdict[i][pairs.now] != before.verdict[j][pairs.before]
     at, was_at = pairs.now[changed], pairs.before[changed]
     names = np.array([w for w, _ in sorted(CODES.items(), key=lambda item: item[1])])

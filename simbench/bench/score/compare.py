@@ -15,11 +15,11 @@ from detectors.errors import UserError, nearest
 from simbench.bench.score.baseline import read_book
 from simbench.bench.score.scoring import axis_values
 from simbench.bench.statistics import holm, mcnemar, mean_ranks, rate
-from simbench.bench.store.reading import TRUTHS, Book, RunError
+from simbench.bench.store.reading import TRUTHS, RunArrays, RunError
 from simbench.bench.store.tables import AXES
 
 LEVEL = 0.05
-ENOUGH = 0.8  # accuracy below this counts as broken down
+WORKING_ACCURACY = 0.8  # accuracy below this counts as broken down
 ALONE = ("nonlinearity", "quantification", "oracle")  # roles that are compared, but not ranked
 
 
@@ -72,7 +72,7 @@ class Comparison:
                 at=[f"{v} ({a:.2f})" for v, a in zip(self.breakdown["value"], self.breakdown["accuracy"])]
             )
             wide = cell.pivot(index="method", columns="axis", values="at").reindex(self.ranking["method"])
-            lines += ["", f"first value of each axis with accuracy below {ENOUGH:g}, and the accuracy there"]
+            lines += ["", f"first value of each axis with accuracy below {WORKING_ACCURACY:g}, and the accuracy there"]
             lines += [wide.dropna(how="all").rename_axis(columns=None).reset_index().to_string(index=False, na_rep="-")]
         return "\n".join(lines)
 
@@ -118,7 +118,7 @@ def compare(folder: str | Path, other: str | Path | None = None, truth: str = "c
     return between_methods(book, truth, raw) if other is None else between_runs(book, read_book(other), truth, raw)
 
 
-def between_methods(book: Book, truth: str = "cycled", raw: bool = False) -> Comparison:
+def between_methods(book: RunArrays, truth: str = "cycled", raw: bool = False) -> Comparison:
     """Compare all methods of a run pairwise; see `compare`."""
     use = book.truth[truth] >= 0
     right, applies = _right(book, truth, raw)[:, use], _applies(book)[:, use]
@@ -137,7 +137,7 @@ def between_methods(book: Book, truth: str = "cycled", raw: bool = False) -> Com
     return _comparison(book, truth, raw, right, applies, ranks, cd, rows)
 
 
-def between_runs(book: Book, other: Book, truth: str = "cycled", raw: bool = False) -> Comparison:
+def between_runs(book: RunArrays, other: RunArrays, truth: str = "cycled", raw: bool = False) -> Comparison:
     """Compare every method with itself in another run; see `compare`. `first` is this run, `second` the other."""
     _, at, other_at = np.intersect1d(book.ids, other.ids, return_indices=True)
     common = [m for m in book.methods if m in other.methods]
@@ -168,7 +168,7 @@ def breakdowns(by_axis: pd.DataFrame) -> pd.DataFrame:
     DataFrame
         Rows of `by_axis`; an axis along which a method holds has none.
     """
-    low = by_axis[by_axis["accuracy"] < ENOUGH]
+    low = by_axis[by_axis["accuracy"] < WORKING_ACCURACY]
     return low.groupby(["method", "axis"], sort=False).head(1).sort_values(["method", "axis"], kind="stable", ignore_index=True)
 
 
@@ -177,16 +177,16 @@ def plain(frame: pd.DataFrame) -> list[dict[str, Any]]:
     return frame.astype(object).where(frame.notna(), None).to_dict("records")
 
 
-def _right(book: Book, truth: str, raw: bool) -> np.ndarray:
+def _right(book: RunArrays, truth: str, raw: bool) -> np.ndarray:
     return (book.verdict_raw if raw else book.verdict) == book.truth[truth]
 
 
-def _applies(book: Book) -> np.ndarray:
+def _applies(book: RunArrays) -> np.ndarray:
     return book.applicable != 0  # what the record does not tell counts as applying
 
 
 def _comparison(
-    book: Book,
+    book: RunArrays,
     truth: str,
     raw: bool,
     right: np.ndarray,
@@ -207,7 +207,7 @@ def _comparison(
     return Comparison(truth, cases, ranking, cd, pairs, by_axis, breakdowns(by_axis))
 
 
-def _by_axis(book: Book, truth: str, raw: bool) -> Iterator[tuple]:
+def _by_axis(book: RunArrays, truth: str, raw: bool) -> Iterator[tuple]:
     right, known = _right(book, truth, raw), _applies(book) & (book.truth[truth] >= 0)
     for axis in AXES:
         for value, chosen in axis_values(book, axis):

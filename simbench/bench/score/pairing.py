@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simbench.bench.store.reading import Book
+from simbench.bench.store.reading import RunArrays
 
 
 class Pairs(NamedTuple):
@@ -28,7 +28,7 @@ class Pairs(NamedTuple):
     one_grid: bool
 
 
-def pair(now: Book, before: Book) -> Pairs:
+def pair(now: RunArrays, before: RunArrays) -> Pairs:
     """Pair the loops of two runs.
 
     Parameters

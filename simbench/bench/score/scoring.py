@@ -15,7 +15,7 @@ from simbench.bench.score.folds import folds_of, found_at, out_of_fold, risk_cov
 from simbench.bench.score.ranks import Ranks, rank_methods
 from simbench.bench.score.result import ALL, FRONT, RAW, ROLE_YARDSTICK, UNDECIDED, Scores, kind_of
 from simbench.bench.statistics import area, auc, dense_ranks, rate, wilson
-from simbench.bench.store.reading import CODES, TRUTHS, Book
+from simbench.bench.store.reading import CODES, TRUTHS, RunArrays
 from simbench.bench.store.tables import AXES
 
 if TYPE_CHECKING:
@@ -64,10 +64,10 @@ def score_run(folder: str | Path, raw: bool = False, undecided: float = UNDECIDE
     RunError
         When there is no finished run.
     """
-    return score_book(Book.read(folder), raw, undecided)
+    return score_book(RunArrays.read(folder), raw, undecided)
 
 
-def score_book(book: Book, raw: bool = False, undecided: float = UNDECIDED) -> Scores:
+def score_book(book: RunArrays, raw: bool = False, undecided: float = UNDECIDED) -> Scores:
     """Score a run that is in memory; see `score_run`."""
     rows, by_axis, standing, left_out = [], [], {}, []
     told = blind_answers(book)
@@ -100,7 +100,7 @@ def _frame(rows: list[dict[str, Any]], example: dict[str, Any]) -> pd.DataFrame:
     return pd.DataFrame(there) if there else pd.DataFrame(columns=list(rows[0] if rows else example))
 
 
-def answers_of(book: Book, mode: str = FRONT) -> Iterator[Answers]:
+def answers_of(book: RunArrays, mode: str = FRONT) -> Iterator[Answers]:
     """Yield what every method of a run said, and two yardsticks that always say the same.
 
     Parameters
@@ -128,7 +128,7 @@ def answers_of(book: Book, mode: str = FRONT) -> Iterator[Answers]:
         yield Answers(name, ROLE_YARDSTICK, False, said, nothing, nothing == 0, nothing != 0, nothing)
 
 
-def home_of(fitted_on: Iterable[str], book: Book) -> str:
+def home_of(fitted_on: Iterable[str], book: RunArrays) -> str:
     """Return whether a method's constants were fitted to this grid ("fitted here"), to one with the same blocks, or "no"."""
     known = [name for name in fitted_on if name in grid_names()]
     blocks = {block.name for name in known for block in load_grid(name).content.block}
@@ -137,7 +137,7 @@ def home_of(fitted_on: Iterable[str], book: Book) -> str:
     return "siblings" if blocks & set(book.axes["block"]) else "no"
 
 
-def blind_answers(book: Book) -> Answers:
+def blind_answers(book: RunArrays) -> Answers:
     """Return what a classifier says that knows sampling, length, noise and process of an oscillating loop, and no signal."""
     known = book.oscillating & (book.truth["cycled"] >= 0)
     chance = np.full(book.ids.size, -np.inf)  # behind the front end, as all others
@@ -147,7 +147,7 @@ def blind_answers(book: Book) -> Answers:
     return Answers("blind classifier", ROLE_YARDSTICK, False, said, chance, nothing == 0, nothing != 0, nothing)
 
 
-def axis_values(book: Book, axis: str) -> Iterator[tuple[str, np.ndarray]]:
+def axis_values(book: RunArrays, axis: str) -> Iterator[tuple[str, np.ndarray]]:
     """Yield every value of an axis as text, in order, with the scenarios that have it."""
     values = book.axes[axis]
     if values.dtype.kind == "f":
@@ -169,7 +169,7 @@ class _Block(NamedTuple):
     folds: np.ndarray
 
 
-def _block(book: Book, truth: str, chosen: np.ndarray, place: dict[str, Any]) -> _Block:
+def _block(book: RunArrays, truth: str, chosen: np.ndarray, place: dict[str, Any]) -> _Block:
     use = np.flatnonzero(chosen & (book.truth[truth] >= 0))
     groups = book.groups[use]
     return _Block(place, int(chosen.sum()), use, book.truth[truth][use] == 1, groups, folds_of(groups))
@@ -228,7 +228,7 @@ def _mean_of_groups(values: np.ndarray, groups: np.ndarray) -> tuple[float, floa
     return mean, max(mean - half, 0.0), min(mean + half, 1.0)
 
 
-def _left_out(book: Book, mode: str, everyone: list[Answers]) -> list[dict[str, Any]]:
+def _left_out(book: RunArrays, mode: str, everyone: list[Answers]) -> list[dict[str, Any]]:
     """Count what every method says of loops that no score against `cycled` holds, and of those it does not apply to."""
     rows = []
     for a in everyone:
@@ -261,7 +261,7 @@ def _rank(block: _Block, everyone: list[Answers], rows: list[dict[str, Any]], co
     return standing[0] if standing[0].rank.size else standing[1]
 
 
-def _disagreement(book: Book) -> pd.DataFrame:
+def _disagreement(book: RunArrays) -> pd.DataFrame:
     import pandas as pd
 
     def word(codes: np.ndarray) -> np.ndarray:

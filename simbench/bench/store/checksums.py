@@ -13,7 +13,7 @@ from simbench.bench.store.place import Place, place_of
 
 SEAL = "seal"
 TABLES = "tables"
-KINDS = ("verdicts", "scenarios")
+TABLE_KINDS = ("verdicts", "scenarios")
 
 
 class RunError(UserError):
@@ -129,7 +129,7 @@ def check_tables(folder: str | Path | Place, manifest: Mapping[str, Any]) -> Non
     """
     place = place_of(folder)
     refuse_unfinished(place, manifest)
-    for kind in KINDS:
+    for kind in TABLE_KINDS:
         for name, mark in table_files(place, manifest, kind):
             verified(place, name, mark)
 

@@ -19,7 +19,7 @@ from scenarios.spec import Loop, Scenario
 from simbench.bench.store.checksums import RunError, check_tables, refuse_unfinished, table_files, verified
 from simbench.bench.store.manifest import read_manifest
 from simbench.bench.store.place import Place, place_of
-from simbench.bench.store.tables import AXES, SCENARIOS, VERDICTS
+from simbench.bench.store.tables import AXES, SCENARIOS, VERDICT_SCHEMA
 
 TRUTHS = ("sticky", "predicted", "cycled")
 CODES = {NO_STICTION: 0, STICTION: 1, NO_DECISION: 2}
@@ -68,7 +68,7 @@ def read_table(
 ) -> pa.Table:
     """Return the rows of a table of a run or baseline for which an expression is true; parameters and errors as `parts`."""
     found = [part if only is None else part.filter(only) for part in parts(folder, kind, columns)]
-    schema = {"scenarios": SCENARIOS, "verdicts": VERDICTS}[kind]
+    schema = {"scenarios": SCENARIOS, "verdicts": VERDICT_SCHEMA}[kind]
     empty = schema.empty_table().select(list(columns or schema.names))
     return pa.concat_tables([t.replace_schema_metadata() for t in (found or [empty])])
 
@@ -109,7 +109,7 @@ def read_scenario(path: str | Path, scenario_id: str) -> Scenario:
 
 
 @dataclass(frozen=True, eq=False)
-class Book:
+class RunArrays:
     """A run's tables as arrays: n scenarios, m methods.
 
     Parameters
@@ -165,7 +165,7 @@ class Book:
     runtime: np.ndarray
 
     @classmethod
-    def read(cls, path: str | Path | Place, manifest: dict[str, Any] | None = None) -> Book:
+    def read(cls, path: str | Path | Place, manifest: dict[str, Any] | None = None) -> RunArrays:
         """Read a finished run.
 
         Parameters

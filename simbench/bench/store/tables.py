@@ -15,13 +15,13 @@ NUMBER = pa.float64()
 AXES = ("Td_over_T", "Td_over_Ti", "S_over_2J", "noise_ratio", "disturbance", "tuning", "samples_per_period")
 _WORDS = ("block", "member", "process", "controller", "valve", "disturbance", "tuning")
 _COUNTS = ("cell", "repeat")
-TAGS = (*_COUNTS, "block", "member", "process", "controller", "valve", *AXES)
+TAG_KEYS = (*_COUNTS, "block", "member", "process", "controller", "valve", *AXES)
 
 SCENARIOS = pa.schema(
     [
         ("scenario_id", TEXT),
         ("group", pa.int64()),
-        *((name, pa.int64() if name in _COUNTS else TEXT if name in _WORDS else NUMBER) for name in TAGS),
+        *((name, pa.int64() if name in _COUNTS else TEXT if name in _WORDS else NUMBER) for name in TAG_KEYS),
         ("seed", pa.int64()),
         ("sticky", pa.bool_()),
         ("predicted", pa.bool_()),
@@ -46,7 +46,7 @@ SCENARIOS = pa.schema(
         ("error", TEXT),
     ]
 )
-VERDICTS = pa.schema(
+VERDICT_SCHEMA = pa.schema(
     [
         ("scenario_id", TEXT),
         ("method", TEXT),

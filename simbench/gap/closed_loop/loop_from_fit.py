@@ -79,7 +79,7 @@ def fixed_loop(
     half = 0.5 * n * Ts
     # on an integrating plant a ramp of the measurement is a load
     gain = table["plant"]["K"] if d.T > 0 else np.inf
-    led = sum(recogniser(e).lead(p, half, gain) for e, p in effects.items())
+    led = sum(recogniser(e).mean_op_shift(p, half, gain) for e, p in effects.items())
     table["operating_point"] = {"op0": _clip(_rest(situation, fit) + led, 1.0, 99.0), "pv0": float(sp[0])}
     table["effect"] = [*table.get("effect", []), *({"name": e, **p} for e, p in effects.items())]
     if jumps and source.spec.jumps and source.spec.lasting:
@@ -101,7 +101,7 @@ def _load(fit: Fit) -> dict[str, float]:
 def load_parts(theta: Mapping[str, float]) -> list[tuple[float, float, float]]:
     """Return the parts of a fitted load: std of its steady effect on PV, correlation time, second time constant (samples)."""
     std, period, lag = theta["load"], theta["load_time"], lag_of(theta)
-    if lag == kernels.PINK:
+    if lag == kernels.PINK_LOAD:
         return [(std / np.sqrt(3.0), period / kernels.FRACTION**i, 0.0) for i in range(3)]
     if lag <= 0.1:
         return [(std, period, 0.0)]

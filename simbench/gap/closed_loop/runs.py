@@ -42,7 +42,10 @@ class ClosedLoops:
         return self.shared[key]
 
     def _after(self, effects: Sequence[str], load: Fit) -> Runs | None:
-        kick = max((recogniser(e).kick(self.found.parameters[e]) for e in effects if e in self.found.parameters), default=0.0)
+        kick = max(
+            (recogniser(e).initial_op_offset(self.found.parameters[e]) for e in effects if e in self.found.parameters),
+            default=0.0,
+        )
         return simulate_runs(self.found.situation, self.loop(effects, load), self.seed, kick)
 
     def shrink(self, effects: Sequence[str]) -> Shrinkage:

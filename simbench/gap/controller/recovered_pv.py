@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 FAITHFUL = 0.2  # misfit where the archive keeps PV exactly, relative to the misfit elsewhere, below which OP is believed
 ROUNDED = 0.35  # rms error of a rounded archive, in its steps, below which OP is believed; rounding alone gives 0.29
 MEAN_OVER = (-2, -1, 0, 1, 2)  # samples over which an archive may take a mean
-SUM, LEAST = 0.1, -0.2  # how far a mean's weights may miss 1 in sum, and the least of them
+SUM, LEAST_WEIGHT = 0.1, -0.2  # how far a mean's weights may miss 1 in sum, and the least of them
 BLURRED = 0.2  # of PV's moves, that such a mean may leave
 GRID = 60  # integral times tried, from a twentieth to twenty times the baseline's
 
@@ -89,7 +89,7 @@ def beside_a_mean(pv: np.ndarray, seen: np.ndarray) -> float:
     weights, mean = _mean(pv, seen)
     left = (pv - mean)[2:-2]
     size = 1.4826 * float(np.median(np.abs(left)))
-    one = abs(float(weights.sum()) - 1.0) < SUM and float(weights.min()) > LEAST
+    one = abs(float(weights.sum()) - 1.0) < SUM and float(weights.min()) > LEAST_WEIGHT
     rest = size / (float(np.std(np.diff(pv))) or 1.0)
     return rest if one and rest < BLURRED else np.inf
 
@@ -116,9 +116,7 @@ def _mean(pv: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return weights, y.mean() + (X - inner.mean(axis=0)) @ weights
 
 
-def hidden_law(
-    op: np.ndarray, e: np.ndarray, Kc: float, Ki: float, exact: np.ndarray, over: tuple[int, ...] = (0,)
-) -> Hidden:
+def hidden_law(op: np.ndarray, e: np.ndarray, Kc: float, Ki: float, exact: np.ndarray, over: tuple[int, ...] = (0,)) -> Hidden:
     """Fit the law by the error it implies, compared with the recorded one only where the archive kept it.
 
     A regression of OP on the recorded error would be biased by the archive's own error; here the error is the output.

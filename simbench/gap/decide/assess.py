@@ -124,7 +124,7 @@ def _scores(s: Situation, base: Fit, candidates: dict[str, Candidate]) -> tuple[
         found = recogniser(effect).by_innovations(base, s)
         if found is not None:
             gains[effect], parameters[effect] = found
-        if recogniser(effect).drowned(s):
+        if recogniser(effect).masked_by_archive(s):
             gains[effect] = min(gains[effect], 0.0)
     return gains, parameters, mv_unexplained
 
@@ -138,10 +138,10 @@ def _gains_on_top(
     return {e: float(c.log_likelihood_gain) for e, c in found.items()} | {e: gains[e] for e in order if e not in candidates}
 
 
-ASKED = 5.0  # nats that anything must bring: the price of having asked some thirty questions (ln 30 = 3.4), and half of it
+LEAST_NATS = 5.0  # nats that anything must bring: the price of having asked some thirty questions (ln 30 = 3.4), and half of it
 # what the residual tests of whole models do not exceed (98 to 99 % of development records), and the block that fails beyond;
 # a direction that no effect owns must bring three nats more than an effect must
-LIMITS = {
+RESIDUAL_LIMITS = {
     "memory": (15.0, "disturbance"),
     "input": (10.0, "process"),
     "bursts": (40.0, "sensor"),
@@ -152,7 +152,7 @@ LIMITS = {
 }
 # factor on the limits where samples were quantised, compressed or hit by spikes: the engine's PV is not the plant's
 LENIENT = 4.0
-PLAIN = 10.0  # times a limit, that what needs no statistics counts for
+PLAIN_TIMES = 10.0  # times a limit, that what needs no statistics counts for
 
 
 def failures(found: Assessment) -> list[tuple[float, str, str]]:
@@ -170,24 +170,24 @@ def failures(found: Assessment) -> list[tuple[float, str, str]]:
     situation = found.situation
     out: list[tuple[float, str, str]] = []
     if situation.unexplained_law:
-        out.append((PLAIN, "controller", situation.unexplained_law))
-    claimed = {recogniser(e).claims for e in EFFECTS}
+        out.append((PLAIN_TIMES, "controller", situation.unexplained_law))
+    claimed = {recogniser(e).explains for e in EFFECTS}
     out += [
-        (PLAIN, block, f"{words}, as no known effect makes it")
+        (PLAIN_TIMES, block, f"{words}, as no known effect makes it")
         for fact, (block, words) in situation.facts.items()
         if fact not in claimed
     ]
     if situation.frozen and situation.trusted:
-        out.append((PLAIN, "sensor", f"PV stands exactly still for {situation.samples.held} samples"))
+        out.append((PLAIN_TIMES, "sensor", f"PV stands exactly still for {situation.samples.held} samples"))
     if found.mv_unexplained:
-        out.append((PLAIN, "valve", "MV strays from OP as no known valve makes it"))
+        out.append((PLAIN_TIMES, "valve", "MV strays from OP as no known valve makes it"))
     if not situation.trusted:
         # a residual test asks whether a model is whole; one whose plant was identified never is
         return out
     rough = not situation.archive.faithful or situation.law.gap > 0.0
     traces = any(recogniser(e).leaves_traces for e in found.chosen)
     jumps = bool(found.final.spec.jumps)
-    for name, (limit, block) in LIMITS.items():
+    for name, (limit, block) in RESIDUAL_LIMITS.items():
         # spikes, and friction that is no two-parameter map, leave traces of their own; a load that jumps between samples too
         loose = rough or (traces and name in ("bursts", "memory")) or (jumps and name in ("bursts", "memory", "input"))
         limit *= LENIENT if loose else 1.0

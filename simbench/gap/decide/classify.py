@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import expit, softmax
 
-from simbench.gap.decide.assess import ASKED, Assessment
+from simbench.gap.decide.assess import LEAST_NATS, Assessment
 from simbench.gap.effects import recogniser
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 
 TEMPERATURE = 0.35  # of the softmax: such likelihoods overstate, as no model of load and noise is quite true
-BEHIND = 4.0  # nats by which the likeliest second effect follows the first ...
-PLAIN = 16.0  # ... if it brings so much on top of it, and less by what it lacks
+SECOND_EFFECT_NATS = 4.0  # nats by which the likeliest second effect follows the first ...
+PLAIN_SECOND_NATS = 16.0  # ... if it brings so much on top of it, and less by what it lacks
 SHARPNESS = 0.7  # of unknown, by the logarithm of how far the worst residual test is beyond its limit
 
 
@@ -79,10 +79,10 @@ def classify(found: Assessment) -> Classified:
         # evidence that comes on top of the first effect's, which gains over no effect at all do not show
         on_top = found.log_likelihood_gains_on_top or gains
         others = {e: g for e, g in on_top.items() if block_of(e) != block_of(first)}
-        most = max(PLAIN, *others.values())
+        most = max(PLAIN_SECOND_NATS, *others.values())
         for effect, gain in others.items():
-            gains[effect] = max(gains[effect], gains[first] - BEHIND - (most - gain))
-    known = softmax(TEMPERATURE * np.array([*gains.values(), ASKED]))
+            gains[effect] = max(gains[effect], gains[first] - SECOND_EFFECT_NATS - (most - gain))
+    known = softmax(TEMPERATURE * np.array([*gains.values(), LEAST_NATS]))
     ratio, block = found.worst_test
     q = float(expit(SHARPNESS * np.log(max(ratio, 1e-3))))
     if ratio < 1.0 or set(found.chosen[:1]) & set(found.situation.proven):

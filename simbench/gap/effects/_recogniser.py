@@ -44,7 +44,7 @@ class Recogniser:
     ordinary : function (fit, base) -> bool, optional
         Of what loads do by themselves as well: whether the fit shows no more than that. It is then allowed to every candidate,
         and only named where nothing else explains the record.
-    claims : str
+    explains : str
         The fact of single samples or of the law (`Situation.facts`) that is this effect's; what nobody claims is unexplained.
     by_mv : function (MapSearch) -> (nats over an ideal valve, parameters), optional
         Of a valve: MV given OP.
@@ -52,7 +52,7 @@ class Recogniser:
         Share of an ideal valve's misfit to MV that the map may leave before MV counts as unexplained.
     by_innovations : function (base, situation) -> (nats, parameters) or None
         Evidence in the innovations of the fit without effect, where the samples themselves were not conclusive.
-    drowned : function (situation) -> bool
+    masked_by_archive : function (situation) -> bool
         Whether something proven makes all the evidence of this effect.
     remark : function (situation) -> str
         What the record shows of it beside the answer; "" for nothing.
@@ -66,9 +66,9 @@ class Recogniser:
         Even the right fit leaves jumps, spells and heavy tails in the innovations.
     replaces : str
         The plant's number (K, T or Td) that the effect states in place of the fit.
-    kick : function (parameters) -> float
+    initial_op_offset : function (parameters) -> float
         Offset of OP (%) that starts a cycle: a sticky loop left at rest may stay there.
-    lead : function (parameters, half, K) -> float
+    mean_op_shift : function (parameters, half, K) -> float
         How far (%) OP's mean over the record lies from where the record began; `half` of the record in s, K of the plant.
     smallest : function (Probe) -> (float, unit) or None
         The size that would have shown in this record.
@@ -87,19 +87,19 @@ class Recogniser:
     possible: Callable[[Situation], bool] = _always
     proven: Callable[[Situation], Parameters | None] = lambda s: None
     ordinary: Callable[[Fit, Fit], bool] | None = None
-    claims: str = ""
+    explains: str = ""
     by_mv: Callable[[MapSearch], tuple[float, Parameters]] | None = None
     by_mv_leaves: float = 0.3
     by_innovations: Callable[[Fit, Situation], tuple[float, Parameters] | None] = lambda base, s: None
-    drowned: Callable[[Situation], bool] = _never
+    masked_by_archive: Callable[[Situation], bool] = _never
     remark: Callable[[Situation], str] = lambda s: ""
     needs: str = ""
     band: Callable[[Mapping[str, float | str]], float] | None = None
     bends_plant: bool = False
     leaves_traces: bool = False
     replaces: str = ""
-    kick: Callable[[Mapping[str, float | str]], float] = lambda p: 0.0
-    lead: Callable[[Mapping[str, float | str], float, float], float] = lambda p, half, K: 0.0
+    initial_op_offset: Callable[[Mapping[str, float | str]], float] = lambda p: 0.0
+    mean_op_shift: Callable[[Mapping[str, float | str], float, float], float] = lambda p, half, K: 0.0
     smallest: Callable[[Probe], tuple[float, str] | None] = lambda probe: None
     draw: Callable[[Yardstick, np.random.Generator], Size] | None = None
 

@@ -15,6 +15,6 @@ def draw(y: Yardstick, rng: np.random.Generator) -> Size:
 
 RECOGNISER = Recogniser(
     proven=lambda s: {"band": s.archive.band} if s.archive.band > 0.0 else None,
-    claims="band",
+    explains="band",
     draw=draw,
 )

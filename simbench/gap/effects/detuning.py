@@ -24,7 +24,7 @@ def draw(y: Yardstick, rng: np.random.Generator) -> Size:
 
 RECOGNISER = Recogniser(
     proven=lambda s: None if s.law.tuning is None else dict(zip(("Kc_factor", "Ti_factor"), s.law.tuning)),
-    claims="tuning",
+    explains="tuning",
     needs="tuning",
     smallest=smallest,
     draw=draw,

@@ -50,7 +50,7 @@ RECOGNISER = Recogniser(
     fit=fit,
     numbers=numbers,
     # the controller moves OP against a ramp that it takes for PV
-    lead=lambda p, half, K: float(p["rate"]) * half / K,
+    mean_op_shift=lambda p, half, K: float(p["rate"]) * half / K,
     smallest=smallest,
     draw=draw,
 )

@@ -24,7 +24,7 @@ def draw(y: Yardstick, rng: np.random.Generator) -> Size:
 
 RECOGNISER = Recogniser(
     proven=lambda s: {"width": s.law.gap} if s.law.gap > 0.0 else None,
-    claims="gap",
+    explains="gap",
     smallest=smallest,
     draw=draw,
 )

@@ -41,6 +41,6 @@ RECOGNISER = Recogniser(
     fit=fit,
     numbers=numbers,
     bends_plant=True,
-    lead=lambda p, half, K: float(p["rate"]) * half,
+    mean_op_shift=lambda p, half, K: float(p["rate"]) * half,
     draw=draw,
 )

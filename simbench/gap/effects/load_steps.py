@@ -18,7 +18,7 @@ from simbench.gap.situation import Situation
 
 AT_ONCE = 16  # jumps looked for before the load's other numbers are fitted again
 ROUNDS = 8
-LEAST = 1.0  # nats beyond their price, for which jumps are added
+NATS_OF_A_JUMP = 1.0  # nats beyond their price, for which jumps are added
 SHARES = (0.7, 0.2)  # of the load, that may be left beside jumps
 SMALL = 2.0  # standard deviations of the load, within which a jump is what it does by itself
 BESIDE = 0.25  # share of the load that must be left beside the jumps: a load that only jumps is an ordinary one
@@ -50,7 +50,7 @@ def _jumping(engine: Engine, base: Fit, lasting: bool, share: float) -> Fit:
             start = {"load_jump": height, **best.theta, "load": share * best.theta["load"]}
             # the base had bent its plant around the jumps
             one = _pruned(engine, engine.fit(trial, engine.fit(trial, start, search=SMOOTH, steps=8).theta, steps=4))
-            if one.loglik - best.loglik >= _price(one, n) - _price(best, n) + LEAST:
+            if one.loglik - best.loglik >= _price(one, n) - _price(best, n) + NATS_OF_A_JUMP:
                 better = one
             # of those found together some may have been the same
             found = found[: len(found) // 2]

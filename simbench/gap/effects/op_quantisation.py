@@ -26,7 +26,7 @@ def proven(s: Situation) -> Parameters | None:
 
 RECOGNISER = Recogniser(
     proven=proven,
-    claims="step",
+    explains="step",
     remark=lambda s: levels_of(np.asarray(s.record.op), np.asarray(s.record.pv)),
     draw=draw,
 )

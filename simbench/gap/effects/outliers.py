@@ -77,7 +77,7 @@ def draw(y: Yardstick, rng: np.random.Generator) -> Size:
 
 RECOGNISER = Recogniser(
     proven=proven,
-    claims="spikes",
+    explains="spikes",
     by_innovations=by_innovations,
     remark=remark,
     leaves_traces=True,

@@ -56,7 +56,7 @@ RECOGNISER = Recogniser(
     band=lambda p: float(p["S"]),
     bends_plant=True,
     leaves_traces=True,
-    kick=lambda p: float(p["S"]),
+    initial_op_offset=lambda p: float(p["S"]),
     smallest=lambda probe: probe.band(kernels.STICK),
     draw=draw,
 )

@@ -13,7 +13,7 @@ from simbench.gap.intake.other_loop import refuse_other_controller
 
 SAME_TS = 0.01
 FEWEST = 100  # samples; below this the spread of every statistic swallows the gap
-MOST = 50_000  # samples; beyond this the search takes hours
+LONGEST_RECORD = 50_000  # samples; beyond this the search takes hours
 NEAR_SHUT = 15.0  # % of mean OP, below which a valve of any characteristic is nearly a factor
 LEVEL = 0.15  # agreement of MV's slope and level, relative, from which both are one factor
 SCALES = {0.16: (3.8, 20.5, "mA"), 0.01: (0.0, 1.0, "a share of 1")}  # of OP, beside %
@@ -161,8 +161,10 @@ def refuse_unfit(record: LoopRecord, where: str) -> None:
     """
     if record.n < FEWEST:
         raise RecordError(f"{where}: {record.n} samples; a gap needs at least {FEWEST} to show")
-    if record.n > MOST:
-        raise RecordError(f"{where}: {record.n} samples; a gap is sought in at most {MOST}, cut some out with --window FROM TO")
+    if record.n > LONGEST_RECORD:
+        raise RecordError(
+            f"{where}: {record.n} samples; a gap is sought in at most {LONGEST_RECORD}, cut some out with --window FROM TO"
+        )
     for name, x in (("OP", record.op), ("PV", record.pv)):
         if still(x):
             raise RecordError(f"{where}: {name} is constant ({x[0]:g}); nothing moved, so nothing can be told")

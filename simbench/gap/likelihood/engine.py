@@ -17,7 +17,7 @@ from simbench.gap.likelihood.model import HOLDING, INNER, Data, Fit, Spec, delay
 
 NOMINAL = 0.10  # a baseline is trusted within +-10 %: the prior is flat there ...
 EDGE = 0.02  # ... and falls off with this standard deviation outside
-BEHIND = ("extra", INNER)  # poles that the load passes as well
+POLES_OF_LOAD = ("extra", INNER)  # poles that the load passes as well
 HALF = 0.5  # of the dead time, that may be a lag of the plant; a lag is looked for from shares of that
 LOGS = {"T", "load_time", "load_lag", "load", "noise_std"}
 SHAPING = {"T", "Td"}  # nuisances that change signals, not only the noise model
@@ -28,7 +28,7 @@ STEP = 1e-4  # of a parameter or its logarithm, for derivatives
 WHITE = 0.02  # the same about a noise correlation of 0, below half of which the filter takes noise for white
 LONGEST = 1.5  # of a parameter or its logarithm in one step
 IDLE = 1e-3  # curvature added to every parameter
-ENOUGH = 0.01  # nats below which a step is the last
+LAST_STEP_NATS = 0.01  # nats below which a step is the last
 COLOURED = 0.5  # std of the prior on the noise's correlation from sample to sample
 
 
@@ -152,7 +152,8 @@ class Engine:
         d = self.data
         tau = theta.get("tau", 0.0)
         white, log_var = kernels.whiten(
-            channels, theta["T"] if d.T > 0 else 0.0, tau if spec.pole in BEHIND else 0.0, theta["load_time"], lag_of(theta),
+            channels, theta["T"] if d.T > 0 else 0.0, tau if spec.pole in POLES_OF_LOAD else 0.0, theta["load_time"],
+            lag_of(theta),
             theta["load"], theta["load_walk"] if spec.load_walk else 0.0, theta["walk"] if spec.walk else 0.0,
             theta["noise_std"], theta["colour"], self.spread, *jumps_of(spec, theta),
         )  # fmt: skip
@@ -244,7 +245,7 @@ class Engine:
                     damping = max(0.1 * damping, 1e-6)
                     break
                 damping *= 10.0
-            if gained < ENOUGH:
+            if gained < LAST_STEP_NATS:
                 break
         return self.at(spec, unpack(x))
 
@@ -309,7 +310,7 @@ class Engine:
         """
         d = self.data
         T, Td = (theta["T"] if d.T > 0 else 0.0), theta["Td"]
-        tau = theta["tau"] if spec.pole in BEHIND else 0.0
+        tau = theta["tau"] if spec.pole in POLES_OF_LOAD else 0.0
         model = (theta["load_time"], lag_of(theta), theta["load"])
         onset = kernels.plant(self.onset, T, Td, tau)
         channels = np.vstack([d.y - d.y[0], *self.base_channels, onset, *spec.channels])

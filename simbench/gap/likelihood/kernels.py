@@ -11,10 +11,10 @@ import numpy as np
 from numba import njit
 
 IDEAL, PLAY, ZONE, STICK, CREEP, CURVE = range(6)
-PINK = -1.0  # as `load_lag`: a load of power 1/f
+PINK_LOAD = -1.0  # as `load_lag`: a load of power 1/f
 FRACTION = 5.0  # ratio of the time constants that add up to 1/f
 FEW, MANY = 16, 48  # valve maps filtered together, one waits while another computes: of long records few, or ...
-LONG = 5000  # ... of records up to this many samples many, which the processor's cache holds
+CACHED_SAMPLES = 5000  # ... of records up to this many samples many, which the processor's cache holds
 SKIP = 4  # first samples, which only settle the filter's unknown start
 REACH = 300  # samples after a jump of the load, over which the filter's gain follows it, or until its variance is ...
 SETTLED = 1e-6  # ... as constant as that from sample to sample
@@ -201,7 +201,7 @@ def whiten(
     `lasting` jump stays, any other is the load's own and fades as the load does.
     """
     m, n = channels.shape
-    smooth, parts = load_lag > 0.1, 3 if load_lag == PINK else 1
+    smooth, parts = load_lag > 0.1, 3 if load_lag == PINK_LOAD else 1
     has_tau, has_load_walk, has_walk, coloured = tau > 1e-3, load_walk > 0.0, walk > 0.0, abs(colour) > 0.01
     count = 0
     if jumps is not None:
@@ -347,7 +347,7 @@ def scan(
     """
     total, n = points.shape[0], u.size
     out = np.empty(total)
-    together = MANY if n <= LONG else FEW
+    together = MANY if n <= CACHED_SAMPLES else FEW
     batch = np.empty((together, n))
     for first in range(0, total, together):
         many = min(together, total - first)

@@ -201,7 +201,7 @@ def input_gain(fit: Fit, data: Data) -> float:
 
 def lag_of(theta: Mapping[str, float]) -> float:
     """Return the load's second time constant, or the mark of a 1/f load, which has none."""
-    return theta.get("load_lag", kernels.PINK)
+    return theta.get("load_lag", kernels.PINK_LOAD)
 
 
 def jumps_of(spec: Spec, theta: Mapping[str, float]) -> tuple[np.ndarray, float, bool] | tuple[()]:

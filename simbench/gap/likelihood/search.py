@@ -13,7 +13,7 @@ from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, Spec
 
 SMOOTH = ("load_time", "load_lag", "load", "noise_std", "colour", "load_jump")  # searched beside a valve
-STARTS = (-1.0, 0.0, 1.0)  # of MV within its band, in halves of it
+MV_STARTS = (-1.0, 0.0, 1.0)  # of MV within its band, in halves of it
 JUMPS = (-4.0, -1.5, 0.0, 1.5, 4.0)  # shares by which J is varied beside S, whose peak is narrower
 APART, UNLIKE = 0.08, 0.2  # differences of log S and of J/S from which on two points count as different peaks
 SLIPPING = (kernels.STICK, kernels.CREEP)  # maps with a jump
@@ -109,7 +109,7 @@ def followed(scan: Callable[[np.ndarray], np.ndarray], points: np.ndarray, value
         S = parents[:, 0] * np.exp(spread * rng.standard_normal(len(parents)))
         share = np.clip(parents[:, 1] / parents[:, 0] + 1.5 * spread * rng.standard_normal(len(parents)), 0.02, 1.0)
         # every other one begins where its parent does
-        start = np.where(np.arange(len(S)) % 2 == 0, parents[:, 2] / parents[:, 0], rng.choice(STARTS, len(S)) / 2)
+        start = np.where(np.arange(len(S)) % 2 == 0, parents[:, 2] / parents[:, 0], rng.choice(MV_STARTS, len(S)) / 2)
         children = np.column_stack([S, share * S, start * S])
         points = np.vstack([points[kept], children])
         values = np.concatenate([values[kept], scan(children)])
@@ -131,8 +131,8 @@ def around(kind: int, point: np.ndarray, share: float) -> np.ndarray:
     if kind == kernels.ZONE:
         return np.array([(x, b + shift * share * a, 0.0) for x in sizes for shift in (-1.0, -0.5, 0.0, 0.5, 1.0)])
     if kind == kernels.PLAY:
-        return np.array([(x, begin * x / 2, 0.0) for x in sizes for begin in STARTS])
-    return np.array([(x, b * (1 + y * share), begin * x / 2) for x in sizes for y in JUMPS for begin in STARTS])
+        return np.array([(x, begin * x / 2, 0.0) for x in sizes for begin in MV_STARTS])
+    return np.array([(x, b * (1 + y * share), begin * x / 2) for x in sizes for y in JUMPS for begin in MV_STARTS])
 
 
 def mapped(engine: Engine, spec: Spec, theta: dict[str, float], kind: int, point: np.ndarray) -> Fit:

@@ -41,7 +41,7 @@ class Gap:
 
 
 @dataclass(frozen=True, eq=False)
-class Behind:
+class DiagnosisDetails:
     """What stands behind an answer, for text, page and loop file.
 
     `detectable` holds, per effect, the smallest size that would have shown, with its unit; `separation`, per test, how far
@@ -95,7 +95,7 @@ class GapReport:
     next_test: str
     notes: tuple[str, ...]
     probability_of_stiction: float | None
-    behind: Behind = field(repr=False)
+    behind: DiagnosisDetails = field(repr=False)
 
     def as_json(self) -> dict[str, Any]:
         """Return the report as nested dicts and lists of JSON types.

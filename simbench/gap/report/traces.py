@@ -53,7 +53,9 @@ def gap_sizes(report: GapReport) -> dict[str, float]:
 
 def kick_of(report: GapReport, effects: list[str]) -> float:
     """Return the offset of OP (%) that starts a cycle under these effects: a sticky loop left at rest may stay there."""
-    return max((recogniser(r.effect).kick(r.parameters) for r in report.ranking if r.effect in effects), default=0.0)
+    return max(
+        (recogniser(r.effect).initial_op_offset(r.parameters) for r in report.ranking if r.effect in effects), default=0.0
+    )
 
 
 def recorded(report: GapReport) -> Traces:

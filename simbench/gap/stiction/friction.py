@@ -79,7 +79,7 @@ def friction(record: LoopRecord, loop: Loop | Partial | None = None) -> Friction
     """
     where = f"record {record.tag!r}" if record.tag else "record"
     refuse_unfit(record, where)
-    flags = Prepared(record.blind()).flags
+    flags = Prepared(record.without_mv()).flags
     unfit = next((flags[f].evidence for f in UNFIT if f in flags), "")
     if record.n < SHORTEST:
         unfit = f"{record.n} samples; at least {SHORTEST} are needed"

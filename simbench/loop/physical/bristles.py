@@ -12,7 +12,7 @@ MAX_STEPS = 1_000_000
 TOLERANCE = 1e-7
 # under a held force that the bristles can carry, slower than this (%/s) and balanced to this share of fs: at rest
 REST, BALANCE = 1e-4, 1e-6
-D = 1.0 / (2.0 + sqrt(2.0))
+ROSENBROCK_D = 1.0 / (2.0 + sqrt(2.0))
 E32 = 6.0 + sqrt(2.0)
 
 
@@ -29,7 +29,7 @@ def slide_bristles(u, ramp, x, r, z, h, fs, fd, vs, a, w2, g0, g1, soft, T):
             return x, 0.0, z, h
         t = min(h, T)
         acc, slip, acc_r, acc_z, slip_r, slip_z = slopes(u, x, r, z, fs, fd, vs, a, w2, g0, g1, soft)
-        c = t * D
+        c = t * ROSENBROCK_D
         push = c * w2 * ramp
         x1, r1, z1 = solve(c, r, acc + push, slip, w2, acc_r, acc_z, slip_r, slip_z)
         half = 0.5 * t

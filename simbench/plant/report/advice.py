@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from detectors.prepared import Prepared
 from simbench.plant.trust.result import OPEN, STICKY, UNSEEN, Trust
 
-VALVE, TUNING, UPSTREAM, MEASUREMENT, NONE = "valve", "tuning", "upstream", "measurement", "none"
+VALVE, TUNING, UPSTREAM, MEASUREMENT, NOBODY = "valve", "tuning", "upstream", "measurement", "none"
 
 
 @dataclass(frozen=True)
@@ -49,8 +49,8 @@ def advise(found: Trust, prepared: Prepared, root: str | None) -> Advice:
     if swinging:
         return Advice(TUNING, "check the tuning: the loop swings by itself without friction")
     if found.answer == UNSEEN:
-        return Advice(NONE, "nothing seen, and nothing could have been: record longer before the valve is called sound")
-    return Advice(NONE, "nothing to do")
+        return Advice(NOBODY, "nothing seen, and nothing could have been: record longer before the valve is called sound")
+    return Advice(NOBODY, "nothing to do")
 
 
 def _driven(found: Trust) -> bool:

@@ -135,7 +135,7 @@ def survey(
     about = [(name, r, names, known.get(name, {}).get("label", ""), seed) for name, r in records.items()]
     members: list[FleetLoop] = resumed(_one, about, jobs=jobs, keep=keep, what="loops")
     members = _with_pooled(members, {name: row["loop"] for name, row in known.items()})
-    members, events = _joined(members, {m.name: Prepared(records[m.name].blind()) for m in members})
+    members, events = _joined(members, {m.name: Prepared(records[m.name].without_mv()) for m in members})
     members.sort(key=lambda m: (-round(m.probability, 1), -(m.size or (0.0, 0.0))[0], m.name))
     return Fleet(tuple(members), events, refused, tuple(names))
 

@@ -24,10 +24,10 @@ from simbench.plant.indices import judged
 from simbench.plant.study.loop_features import by_unit, looks
 from simbench.plant.study.result import Contribution
 from simbench.plant.study.strengths import FRICTION, Size, absolute, with_effect
-from simbench.plant.study.two_sample import Ruler, mmd_squared
+from simbench.plant.study.two_sample import FeatureScaler, mmd_squared
 
-LEAST = 2  # loops in which an effect must be found to be tried
-MOST = 5  # effects joined one after the other
+FEWEST_LOOPS = 2  # loops in which an effect must be found to be tried
+MOST_EFFECTS = 5  # effects joined one after the other
 ROUNDS = 4  # in which a strength is measured again by the loop that has it
 
 
@@ -71,7 +71,7 @@ def draw(grid: str | Path, groups: int, seed: int) -> list[Simulated]:
             pick = int(rng.integers(len(members)))
             for i, s in enumerate(members):
                 run = simulate(s.loop, s.seed)
-                record = run.record.blind()
+                record = run.record.without_mv()
                 out.append(Simulated(str(index), s.loop, s.seed, record, run.sticky, Size.of(record), i == pick))
         except (UserError, SpecError):
             continue
@@ -82,7 +82,7 @@ def join(
     simulated: list[Simulated],
     found: Mapping[str, list[dict[str, Any]]],
     loops: int,
-    ruler: Ruler,
+    ruler: FeatureScaler,
     real_x: np.ndarray,
     base: np.ndarray,
     methods: list[str],
@@ -116,11 +116,13 @@ def join(
     effect is tried in the share found, in all loops and half way, in every place where it may act, and taken as it brings the
     grid nearest. Nothing joins once grid and plant are as near as two draws of one grid.
     """
-    left = {e: [v for w in _places(e, s) for v in _shares(e, w, loops, rng)] for e, s in found.items() if len(s) >= LEAST}
+    left = {
+        e: [v for w in _places(e, s) for v in _shares(e, w, loops, rng)] for e, s in found.items() if len(s) >= FEWEST_LOOPS
+    }
     now, out = simulated, []
     before = accuracy(simulated, base, methods)
     so_far, nearest = before, mmd_squared(ruler, units(simulated), real_x)
-    while left and len(out) < MOST and nearest > 0.0:
+    while left and len(out) < MOST_EFFECTS and nearest > 0.0:
         standing = [s for s in now if s.stands]
         far = {v: mmd_squared(ruler, units(_with(standing, v)), real_x) for ways in left.values() for v in ways}
         best = min(far, key=lambda v: far[v])
@@ -180,7 +182,7 @@ def _hit(s: Simulated, effect: str, strength: dict[str, Any]) -> Simulated:
         for _ in range(ROUNDS):
             loop = with_effect(before, effect, absolute(effect, strength, size))
             run = simulate(loop, s.seed)
-            record = run.record.blind()
+            record = run.record.without_mv()
             size, out = s.size.towards(Size.of(record)), replace(s, loop=loop, record=record, sticky=run.sticky)
     except (UserError, SpecError):
         pass

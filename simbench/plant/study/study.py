@@ -22,7 +22,7 @@ from simbench.plant.study.forward_selection import Simulated, accuracy, draw, jo
 from simbench.plant.study.loop_features import by_unit, looks
 from simbench.plant.study.result import Study
 from simbench.plant.study.strengths import NOT_LACKING, Size, relative
-from simbench.plant.study.two_sample import Ruler, classifier_test, feature_tests, mmd, mmd_test
+from simbench.plant.study.two_sample import FeatureScaler, classifier_test, feature_tests, mmd, mmd_test
 
 GROUPS = 40  # of the grid that are simulated
 BOOTSTRAPS = 500
@@ -145,7 +145,7 @@ def against(
     rng = np.random.default_rng(seed)
     names, real_x, _ = by_unit([looks(r) for r in records.values()], list(unit.values()))
     sim_x = units(simulated)
-    ruler = Ruler.of(sim_x, real_x)
+    ruler = FeatureScaler.of(sim_x, real_x)
     found, failed = effects_of(records, unit, real.folder, jobs=jobs, keep=keep)
     base = verdicts_on(simulated, methods)
     joined, moved = join(simulated, found, len(set(unit.values())), ruler, real_x, base, methods, rng)

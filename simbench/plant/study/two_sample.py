@@ -12,7 +12,7 @@ FOLDS = 5
 
 
 @dataclass(frozen=True, eq=False)
-class Ruler:
+class FeatureScaler:
     """How features are made comparable and how far two loops are apart; taken once, so that distances can be compared.
 
     Parameters
@@ -28,7 +28,7 @@ class Ruler:
     width: float
 
     @classmethod
-    def of(cls, simulated: np.ndarray, real: np.ndarray) -> Ruler:
+    def of(cls, simulated: np.ndarray, real: np.ndarray) -> FeatureScaler:
         """Return the ruler of two sets, shapes (loops, features)."""
         centre = np.median(simulated, axis=0)
         spread = 1.4826 * np.median(np.abs(simulated - centre), axis=0)
@@ -47,7 +47,7 @@ class Ruler:
         return np.exp(-_squares(self.measured(one), self.measured(other)) / (2 * self.width**2))
 
 
-def mmd(ruler: Ruler, one: np.ndarray, other: np.ndarray) -> float:
+def mmd(ruler: FeatureScaler, one: np.ndarray, other: np.ndarray) -> float:
     """Return the maximum mean discrepancy of two sets of loops.
 
     Parameters
@@ -68,20 +68,20 @@ def mmd(ruler: Ruler, one: np.ndarray, other: np.ndarray) -> float:
     --------
     >>> rng = np.random.default_rng(0)
     >>> a, b = rng.standard_normal((40, 3)), rng.standard_normal((40, 3)) + 3.0
-    >>> ruler = Ruler.of(a, b)
+    >>> ruler = FeatureScaler.of(a, b)
     >>> mmd(ruler, a, b) > 0.5
     True
     """
     return float(np.sqrt(max(mmd_squared(ruler, one, other), 0.0)))
 
 
-def mmd_squared(ruler: Ruler, one: np.ndarray, other: np.ndarray) -> float:
+def mmd_squared(ruler: FeatureScaler, one: np.ndarray, other: np.ndarray) -> float:
     """Return the unbiased estimate that `mmd` is the root of; of two sets alike, one may lie further below 0 than the other."""
     both = np.vstack([one, other])
     return _squared(ruler.kernel(both, both), np.arange(len(both)) < len(one))
 
 
-def mmd_test(ruler: Ruler, one: np.ndarray, other: np.ndarray, rng: np.random.Generator) -> dict[str, float]:
+def mmd_test(ruler: FeatureScaler, one: np.ndarray, other: np.ndarray, rng: np.random.Generator) -> dict[str, float]:
     """Return the distance, its 95 % bootstrap interval by loop, and the permutation p-value that there is none.
 
     Parameters
@@ -140,7 +140,9 @@ def classifier_test(one: np.ndarray, other: np.ndarray, rng: np.random.Generator
     return value, float((1 + sum(s >= value for s in shuffled)) / (1 + rounds))
 
 
-def feature_tests(ruler: Ruler, names: list[str], simulated: np.ndarray, real: np.ndarray) -> list[dict[str, float | str]]:
+def feature_tests(
+    ruler: FeatureScaler, names: list[str], simulated: np.ndarray, real: np.ndarray
+) -> list[dict[str, float | str]]:
     """Return per feature how far the real loops' median lies from the simulated, and a p-value held against all features.
 
     Parameters

@@ -17,7 +17,7 @@ ARCHIVE = ("quantisation", "compression", "outliers", "op_quantisation")  # effe
 
 
 @dataclass(frozen=True, eq=False)
-class Around:
+class CandidateLoops:
     """What may stand behind a record.
 
     Parameters
@@ -58,7 +58,7 @@ class Around:
         return probability(self.log_odds)
 
 
-def around(record: LoopRecord, loop: Loop | None = None) -> Around:
+def candidate_loops(record: LoopRecord, loop: Loop | None = None) -> CandidateLoops:
     """Identify the loop behind a record, with a sound valve and with friction.
 
     Parameters
@@ -80,7 +80,7 @@ def around(record: LoopRecord, loop: Loop | None = None) -> Around:
     Examples
     --------
     >>> from random_case import random_case
-    >>> found = around(random_case(5, ("stiction",)).record)
+    >>> found = candidate_loops(random_case(5, ("stiction",)).record)
     >>> found.fitted is not None, len(found.healthy) >= 1
     (True, True)
     """
@@ -100,7 +100,7 @@ def around(record: LoopRecord, loop: Loop | None = None) -> Around:
             healthy.reverse()
     sticky = None if weighed.fitted is None else loops.loop([*archive, FRICTION])
     swing = find_oscillation(record.op, record.pv, record.Ts)
-    return Around(
+    return CandidateLoops(
         record, tuple(healthy), sticky, weighed.fitted, weighed.evidence.gain, weighed.log_odds, loop is not None,
         swing.period_s if swing.sustained else None, percent, (*notes, *found.situation.notes),
     )  # fmt: skip

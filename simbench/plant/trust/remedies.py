@@ -9,7 +9,7 @@ import numpy as np
 
 from detectors.verdict import STICTION
 from simbench.plant.indices import judged
-from simbench.plant.trust.candidate_loops import ARCHIVE, Around, archived, without
+from simbench.plant.trust.candidate_loops import ARCHIVE, CandidateLoops, archived, without
 from simbench.plant.trust.replicates import Change, draw_twins
 
 TWINS = 24  # of each kind, per remedy
@@ -63,7 +63,7 @@ class Remedy:
 
 
 def remedies(
-    behind: Around, methods: Sequence[str], cell: tuple[float, float], percent: float, unit: str, seed: int
+    behind: CandidateLoops, methods: Sequence[str], cell: tuple[float, float], percent: float, unit: str, seed: int
 ) -> tuple[Remedy, ...]:
     """Simulate what could be recorded otherwise, and return what would show more, best first.
 
@@ -93,7 +93,7 @@ def remedies(
     return tuple(worth) or (Remedy("", "", S, unit, 0.0, 0.0, before),)
 
 
-def _changes(a: Around, S: float) -> list[tuple[str, Change]]:
+def _changes(a: CandidateLoops, S: float) -> list[tuple[str, Change]]:
     record, loop = a.record, a.healthy[0]
     out = []
     if record.n * 4 <= LONGEST:
@@ -110,7 +110,7 @@ def _changes(a: Around, S: float) -> list[tuple[str, Change]]:
 
 
 def _shares(
-    a: Around, methods: Sequence[str], cell: tuple[float, float], change: Change, seed: int
+    a: CandidateLoops, methods: Sequence[str], cell: tuple[float, float], change: Change, seed: int
 ) -> list[tuple[str, float, float]]:
     """Return per method the share of sticky and of healthy twins that it calls stiction."""
     twins = draw_twins(a, TWINS, TWINS, cells=[cell], change=change, seed=seed + 1)

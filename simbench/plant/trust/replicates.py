@@ -14,7 +14,7 @@ from detectors.signal.oscillation import find_oscillation
 from scenarios.errors import SpecError
 from scenarios.spec import Loop
 from simbench.loop.simulate import simulate
-from simbench.plant.trust.candidate_loops import Around, with_friction
+from simbench.plant.trust.candidate_loops import CandidateLoops, with_friction
 
 LEVELS = 5  # values of S
 SLIPS = (0.25, 1.0)  # J over S: a little slip-jump, and as much as there is band
@@ -64,7 +64,7 @@ class Change:
     loop: Callable[[Loop], Loop] | None = None
 
 
-def levels(around: Around) -> list[tuple[float, float]]:
+def levels(around: CandidateLoops) -> list[tuple[float, float]]:
     """Return the cells (S, J) in % that are tried around a record: five times S, each with little and with full slip-jump.
 
     Parameters
@@ -82,7 +82,7 @@ def levels(around: Around) -> list[tuple[float, float]]:
 
 
 def draw_twins(
-    around: Around,
+    around: CandidateLoops,
     healthy: int,
     each: int,
     *,
@@ -114,8 +114,8 @@ def draw_twins(
     Examples
     --------
     >>> from random_case import random_case
-    >>> from simbench.plant.trust.candidate_loops import around
-    >>> found = around(random_case(5, ("stiction",)).record)
+    >>> from simbench.plant.trust.candidate_loops import candidate_loops
+    >>> found = candidate_loops(random_case(5, ("stiction",)).record)
     >>> [round(t.S) for t in draw_twins(found, 1, 1, cells=[(4.0, 2.0)])]
     [0, 4]
     """
@@ -124,7 +124,7 @@ def draw_twins(
     return [t for t in drawn if t is not None]
 
 
-def _twin(a: Around, S: float, J: float, change: Change, stream: list[int], number: int) -> Twin | None:
+def _twin(a: CandidateLoops, S: float, J: float, change: Change, stream: list[int], number: int) -> Twin | None:
     rng = np.random.default_rng(stream)
     base = a.healthy[number % len(a.healthy)] if S <= 0 else _sticky_base(a, number)
     # friction that explains the record leaves nothing to be swung from outside
@@ -155,7 +155,7 @@ def _twin(a: Around, S: float, J: float, change: Change, stream: list[int], numb
     return None
 
 
-def _sticky_base(a: Around, number: int) -> Loop:
+def _sticky_base(a: CandidateLoops, number: int) -> Loop:
     """Return the loop that friction is put into: under friction part of the motion is the valve's, how much nobody knows."""
     if a.sticky is not None and number * GOLDEN % 1.0 < a.probability:
         return a.sticky
@@ -167,7 +167,9 @@ def _after(run: LoopRecord, ahead: int) -> LoopRecord:
     return run.window(ahead, run.n)
 
 
-def _driven(table: dict[str, Any], a: Around, kind: str, seed: int, ahead: int, rng: np.random.Generator) -> dict[str, Any]:
+def _driven(
+    table: dict[str, Any], a: CandidateLoops, kind: str, seed: int, ahead: int, rng: np.random.Generator
+) -> dict[str, Any]:
     """Return a sound loop that another one swings as much as the record swings, at about its period."""
     assert a.period is not None
     own = [part | {"amplitude": QUIETER * part["amplitude"]} for part in table["disturbance"]]

@@ -11,7 +11,7 @@ import numpy as np
 from detectors.record import LoopRecord
 from detectors.verdict import NO_STICTION, PROBABILITY, STICTION, Verdict
 from simbench.plant.episodes import OverTime
-from simbench.plant.trust.candidate_loops import Around
+from simbench.plant.trust.candidate_loops import CandidateLoops
 from simbench.plant.trust.power import Cell, Rule
 from simbench.plant.trust.remedies import Remedy
 
@@ -73,7 +73,7 @@ class Trust:
     helps: tuple[Remedy, ...]
     notes: tuple[str, ...]
     record: LoopRecord = field(repr=False)
-    behind: Around | None = field(repr=False, default=None)
+    behind: CandidateLoops | None = field(repr=False, default=None)
     over_time: OverTime | None = field(repr=False, default=None)
 
     @property

@@ -17,7 +17,7 @@ from scenarios.spec import Loop
 from simbench.gap.stiction.probability import NO, YES
 from simbench.plant.episodes import over_time
 from simbench.plant.indices import judged
-from simbench.plant.trust.candidate_loops import Around, around
+from simbench.plant.trust.candidate_loops import CandidateLoops, candidate_loops
 from simbench.plant.trust.power import (
     Cell,
     Rule,
@@ -31,8 +31,8 @@ from simbench.plant.trust.replicates import Twin, draw_twins
 from simbench.plant.trust.result import OPEN, SOUND, STICKY, UNSEEN, MethodTrust, Trust, likely
 
 HEALTHY, EACH = 80, 12  # twins with a sound valve, and in every cell of S and J
-LONG, THINNEST = 8000, 0.3  # samples of a record from which fewer twins are drawn, and at least this share of them
-FEW, ENOUGH = 10, 16  # twins of a kind below which nothing is said, and drawn of a long record: loops may run away
+LONG_RECORD, THINNEST = 8000, 0.3  # samples of a record from which fewer twins are drawn, and at least this share of them
+FEW, FEWEST_OF_LONG = 10, 16  # twins of a kind below which nothing is said, and drawn of a long record: loops may run away
 
 
 def trust(
@@ -89,19 +89,19 @@ def trust(
     """
     names = choose_methods(methods)
     said = judged(record, names)
-    prepared = Prepared(record.blind())
+    prepared = Prepared(record.without_mv())
     unfit = next((f"record unfit: {prepared.flags[f].evidence} (flag {f})" for f in UNFIT if f in prepared.flags), None)
     if unfit:
         return _without_twins(record, said, unfit)
     try:
-        behind = around(record, loop)
+        behind = candidate_loops(record, loop)
     except UserError as error:
         if loop is not None:
             raise
         return _without_twins(record, said, f"no loop could be identified: {error}")
     probability = behind.probability
-    share = float(np.clip(LONG / record.n, THINNEST, 1.0))
-    sound = max(round(share * healthy), min(healthy, ENOUGH))
+    share = float(np.clip(LONG_RECORD / record.n, THINNEST, 1.0))
+    sound = max(round(share * healthy), min(healthy, FEWEST_OF_LONG))
     twins = draw_twins(behind, sound, max(round(share * each), 2), seed=seed)
     sticky = np.array([t.S > 0 for t in twins], dtype=bool)
     if min(sticky.sum(), (~sticky).sum()) < FEW:
@@ -112,7 +112,7 @@ def trust(
 
 
 def _weighed(
-    record: LoopRecord, behind: Around, names: list[str], said: list[Verdict], probability: float, twins: list[Twin],
+    record: LoopRecord, behind: CandidateLoops, names: list[str], said: list[Verdict], probability: float, twins: list[Twin],
     help_wanted: bool, seed: int,
 ) -> Trust:  # fmt: skip
     S, J = (np.array([getattr(t, k) for t in twins]) for k in "SJ")
@@ -165,7 +165,7 @@ def _in_units(c: Cell, percent: float) -> Cell:
 
 
 def _without_twins(
-    record: LoopRecord, said: list[Verdict], why: str, behind: Around | None = None, probability: float | None = None
+    record: LoopRecord, said: list[Verdict], why: str, behind: CandidateLoops | None = None, probability: float | None = None
 ) -> Trust:
     rows = tuple(MethodTrust(v, Rule(v.method, None, 0.5), float("nan"), (), 1.0) for v in said)
     answer = STICKY if (probability or 0.0) > YES else OPEN

@@ -97,7 +97,7 @@ def test_it_is_told_nothing_of_the_run(ask, tmp_path, monkeypatch):
     (tmp_path / "secret-run").mkdir()
     monkeypatch.chdir(tmp_path / "secret-run")
     monkeypatch.setenv("PWD", str(tmp_path / "secret-run"))
-    verdict = ask('return say([sys.argv, sys.orig_argv, os.getcwd(), dict(os.environ), os.getppid()])')[0]
+    verdict = ask("return say([sys.argv, sys.orig_argv, os.getcwd(), dict(os.environ), os.getppid()])")[0]
     assert str(os.getpid()) not in verdict.reason
     assert "secret-run" not in verdict.reason
 

@@ -192,7 +192,7 @@ def test_holes_of_mv_and_of_sp_split_like_any_unless_that_costs_half_of_the_reco
 def test_notes_survive_blinding(tmp_path):
     pv = PV.astype(object).copy()
     pv[5] = ""
-    assert read_record(write(tmp_path, rows(pv=pv))).blind().notes
+    assert read_record(write(tmp_path, rows(pv=pv))).without_mv().notes
 
 
 BAD = {

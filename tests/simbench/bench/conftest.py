@@ -7,7 +7,7 @@ import pytest
 
 from scenarios.grid import make_grid
 from simbench.bench.execute.run import run_grid
-from simbench.bench.store.reading import Book
+from simbench.bench.store.reading import RunArrays
 
 SMALL = {
     "title": "small",
@@ -54,7 +54,7 @@ def make_book(
     empty = {a: np.full(n, np.nan) for a in ("Td_over_T", "Td_over_Ti", "S_over_2J", "noise_ratio", "samples_per_period")}
     score = verdict.astype(np.float32) if score is None else np.atleast_2d(np.asarray(score, dtype=np.float32))
     about = {"front_end": True, "needs_mv": False, "role": "stiction", "budget": "fast"}
-    return Book(
+    return RunArrays(
         manifest={"grid": grid, "grid_hash": grid_hash, "methods": dict.fromkeys(methods, about)},
         ids=ids,
         hashes=ids if hashes is None else np.asarray(hashes, dtype="S16"),

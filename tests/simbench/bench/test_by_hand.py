@@ -26,7 +26,7 @@ from simbench.bench.score.pairing import pair
 from simbench.bench.score.ranks import loops_needed, rank_methods
 from simbench.bench.score.result import kind_of
 from simbench.bench.store import manifest
-from simbench.bench.store.tables import AXES, SCENARIOS, VERDICTS, encode
+from simbench.bench.store.tables import AXES, SCENARIOS, VERDICT_SCHEMA, encode
 
 
 def test_ranks_of_nobody_of_one_and_of_two_that_are_far_apart():
@@ -82,9 +82,9 @@ def test_loops_of_one_grid_are_paired_by_place_and_of_two_by_id(book):
 
 
 def test_a_piece_of_a_table_keeps_its_types_and_its_number():
-    columns = {field.name: [None, None] for field in VERDICTS}
+    columns = {field.name: [None, None] for field in VERDICT_SCHEMA}
     columns.update(scenario_id=["a", "b"], score=[math.nan, 1.5], applicable=[True, None], runtime_s=[0.0, -math.inf])
-    read = pq.read_table(io.BytesIO(encode(columns, VERDICTS, 7)))
+    read = pq.read_table(io.BytesIO(encode(columns, VERDICT_SCHEMA, 7)))
     assert read.schema.metadata[b"piece"] == b"7"
     assert read.schema.metadata[b"format"] == b"1"
     assert read["score"].to_pylist() == [None, 1.5]

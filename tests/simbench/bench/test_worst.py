@@ -11,7 +11,17 @@ from detectors.errors import UserError
 from detectors.plugins.registry import methods
 from scenarios.spec import Loop
 from simbench.bench.scenario.resolve import sampled_ultimate_gain
-from simbench.bench.worst import CASES, KEYS, OSCILLATING, RANGES, SHARES, healthy_loop, read_case, recorded, worst
+from simbench.bench.worst import (
+    HARD_NEGATIVES,
+    KEYS,
+    OPTION_SHARES,
+    OSCILLATING,
+    RANGES,
+    healthy_loop,
+    read_case,
+    recorded,
+    worst,
+)
 from simbench.loop.parameters import VALVES
 from simbench.loop.simulate import simulate
 
@@ -36,7 +46,7 @@ def test_a_point_is_the_loop_its_numbers_say(seed):
     at = dict(zip(KEYS, np.random.default_rng(seed).random(len(KEYS))))
     loop = healthy_loop(at, ("self-regulating", "integrating"))
     x = {key: lo * (hi / lo) ** at[key] for key, (lo, hi) in RANGES.items()}
-    on = {key: at[key] < share for key, share in SHARES.items()}
+    on = {key: at[key] < share for key, share in OPTION_SHARES.items()}
     assert (loop.plant.type == "integrating") == (at["process"] >= 0.5)
     T = 10.0
     assert loop.plant.Td == pytest.approx(x["Td_over_T"] * T, rel=1e-2)
@@ -105,10 +115,10 @@ def test_every_method_has_its_case():
     # the files of the folder: another test may have registered a detector of its own
     folder = Path(import_module(methods.package).__path__[0])
     own = sorted(p.stem for p in folder.glob("*.py") if not p.stem.startswith("_"))
-    assert sorted(p.stem for p in CASES.glob("*.toml")) == own
+    assert sorted(p.stem for p in HARD_NEGATIVES.glob("*.toml")) == own
 
 
-@pytest.mark.parametrize("path", sorted(CASES.glob("*.toml")), ids=lambda p: p.stem)
+@pytest.mark.parametrize("path", sorted(HARD_NEGATIVES.glob("*.toml")), ids=lambda p: p.stem)
 def test_committed_cases_replay(path):
     said, found = recorded(path), read_case(path)
     assert isinstance(found.loop, Loop)

@@ -8,14 +8,14 @@ from typer.testing import CliRunner
 
 from detectors.errors import ParameterError
 from simbench.blind import leave_out as module
-from simbench.blind.leave_out import COLUMNS, leave_out, summary
+from simbench.blind.leave_out import LEAVE_OUT_COLUMNS, leave_out, summary
 from simbench.cli import app
 from simbench.gap.effects import PLUGINS, left_out, recogniser
 from simbench.loop.effects import EFFECTS
 
 
 def rows(*told):
-    return pd.DataFrame([dict.fromkeys(COLUMNS, "") | row for row in told], columns=COLUMNS)
+    return pd.DataFrame([dict.fromkeys(LEAVE_OUT_COLUMNS, "") | row for row in told], columns=LEAVE_OUT_COLUMNS)
 
 
 def row(effect, said, block, before=2.0, left=1.9, after=0.5, resolvable=True, **more):

@@ -21,7 +21,8 @@ LEAKS = re.compile(r"Traceback|fault of the program|object has no attribute|pyda
 # what would do instead: a range, a list, the nearest name, the kind of thing that is needed
 ALLOWED = re.compile(
     r"needed|needs|known|allowed|did you mean|must be|should be|at least|at most|\d to -?\d|either|ends in|asked for with"
-    r"|columns are", re.I
+    r"|columns are",
+    re.I,
 )
 # a file, folder, option or argument that is not there or cannot be used: its name is all there is to say
 ABSENT = re.compile(

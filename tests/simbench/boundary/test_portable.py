@@ -16,7 +16,7 @@ from tests.simbench.boundary.test_loops import text as loop
 
 ROOT = Path(__file__).parents[3]
 # what every process of a blocked run does first, whoever starts it
-BLOCKADE = '''
+BLOCKADE = """
 import os, signal, sys
 class Blocked:
     def find_spec(self, name, path=None, target=None):
@@ -32,7 +32,7 @@ def no_proc(event, args):
     if event in ("open", "os.listdir", "os.scandir") and str(args[0]).startswith("/proc"):
         raise FileNotFoundError(2, "no such file or directory", args[0])
 sys.addaudithook(no_proc)
-'''
+"""
 EVERYTHING = """
 import importlib, pkgutil
 for package in ("detectors", "scenarios", "simbench"):

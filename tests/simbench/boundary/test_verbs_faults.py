@@ -60,7 +60,7 @@ def home(tmp_path_factory):
 @pytest.fixture
 def cheap(monkeypatch):
     """What leave-out finds, without a diagnosis: this is about files."""
-    row = dict.fromkeys(leave_out.COLUMNS, "") | {"said": "unknown", "block": "valve", "before": 1 / 3, "left": 0.1}
+    row = dict.fromkeys(leave_out.LEAVE_OUT_COLUMNS, "") | {"said": "unknown", "block": "valve", "before": 1 / 3, "left": 0.1}
     row |= {"back": "none", "strength": "strong", "resolvable": True, "after": 0.1, "nearest": "none"}
 
     def one(place, name, i, effect, draw_item, seed):

@@ -5,10 +5,10 @@ import pandas as pd
 import pytest
 
 from simbench.bench.execute.run import run_grid
-from simbench.bench.store.reading import Book
+from simbench.bench.store.reading import RunArrays
 from simbench.figures import make_figures
 from simbench.figures.score_map import data, draw, levels
-from simbench.figures.score_overview import KINDS, overview
+from simbench.figures.score_overview import ROW_GROUPS, overview
 from simbench.figures.score_overview import draw as draw_overview
 
 
@@ -52,9 +52,9 @@ def test_what_a_method_is_not_made_for_is_hatched_and_no_share(run):
 
 
 def test_the_overview_sorts_methods_and_keeps_healthy_and_sticky_apart(run):
-    numbers = overview(Book.read(run))
+    numbers = overview(RunArrays.read(run))
     methods = numbers.drop_duplicates("method")
-    assert methods.kind.tolist() == sorted(methods.kind, key=KINDS.index)
+    assert methods.kind.tolist() == sorted(methods.kind, key=ROW_GROUPS.index)
     fair = methods[(methods.kind == "OP and PV") & methods["rank"].notna()]
     assert fair.accuracy.is_monotonic_decreasing
     both = pd.read_parquet(run / "verdicts.parquet").merge(pd.read_parquet(run / "scenarios.parquet"), on="scenario_id")

@@ -9,7 +9,7 @@ import pytest
 from detectors.errors import RecordError
 from simbench.gap import diagnosis
 from simbench.gap.closed_loop.gap import Shrinkage
-from simbench.gap.decide.assess import LIMITS
+from simbench.gap.decide.assess import RESIDUAL_LIMITS
 from simbench.gap.decide.classify import Classified
 from simbench.gap.diagnosis import _advice, closing, diagnose, named_by, report
 from simbench.gap.stiction.probability import pooled, probability
@@ -41,7 +41,7 @@ def found(*chosen, parameters=None, shown=(), s=None, noise=0.1, tests=None):
     return SimpleNamespace(
         chosen=list(chosen), parameters=NUMBERS if parameters is None else parameters, shown=lambda e: e in shown,
         situation=s or situation(), unexplained={"valve": "MV strays"}, base=SimpleNamespace(theta={"noise_std": noise}),
-        stiction=0.5, tests=dict.fromkeys(LIMITS, 0.0) | (tests or {}),
+        stiction=0.5, tests=dict.fromkeys(RESIDUAL_LIMITS, 0.0) | (tests or {}),
     )  # fmt: skip
 
 

@@ -20,7 +20,7 @@ LOOP = {
 
 
 def run(seed, **more):
-    return simulate(Loop.from_table(LOOP | more), seed, kick=5.0 if more else 0.0).record.blind()
+    return simulate(Loop.from_table(LOOP | more), seed, kick=5.0 if more else 0.0).record.without_mv()
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from scenarios.grid import make_grid
-from simbench.bench.execute.grid_check import MOST, GridSize, refuse_too_large, size_of
+from simbench.bench.execute.grid_check import MOST_SCENARIOS, GridSize, refuse_too_large, size_of
 from simbench.bench.scenario.resolve import resolve
 from simbench.bench.store.manifest import RunError
 
@@ -53,8 +53,8 @@ def test_the_time_said_is_that_of_a_run_within_a_factor(small):
 
 @pytest.mark.parametrize("large", [False, True])
 def test_a_run_that_must_be_asked_for(large):
-    refuse_too_large(GridSize(1, MOST, 1.0, 1.0, 1.0), "grid", large)
-    more = GridSize(1, MOST + 1, 1.0, 1.0, 1.0)
+    refuse_too_large(GridSize(1, MOST_SCENARIOS, 1.0, 1.0, 1.0), "grid", large)
+    more = GridSize(1, MOST_SCENARIOS + 1, 1.0, 1.0, 1.0)
     if large:
         refuse_too_large(more, "grid", large)
     else:

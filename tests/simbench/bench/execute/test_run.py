@@ -33,7 +33,7 @@ from simbench.bench.store import manifest as manifest_module
 from simbench.bench.store import reading as store
 from simbench.bench.store.checksums import digest
 from simbench.bench.store.manifest import RunError, read_manifest
-from simbench.bench.store.reading import Book, read_scenario
+from simbench.bench.store.reading import RunArrays, read_scenario
 from simbench.files import FileError
 from simbench.loop.batch import simulate_batch
 from simbench.loop.simulate import simulate
@@ -107,7 +107,7 @@ def test_one_file_a_table_reads_like_a_folder_of_partitions(finished, tmp_path):
         pq.write_table(pq.read_table(finished / f"{kind}.parquet"), single / f"{kind}.parquet")
         digests[kind] = digest((single / f"{kind}.parquet").read_bytes())
     manifest_module.write_manifest(single, {**read_manifest(finished), "tables": digests})
-    one, other = Book.read(finished), Book.read(single)
+    one, other = RunArrays.read(finished), RunArrays.read(single)
     for name in (
         "ids",
         "hashes",
@@ -129,7 +129,7 @@ def test_one_file_a_table_reads_like_a_folder_of_partitions(finished, tmp_path):
 
 def test_a_book_holds_what_the_tables_say(finished):
     verdicts, scenarios = tables(finished)
-    book = Book.read(finished)
+    book = RunArrays.read(finished)
     assert book.ids.astype(str).tolist() == scenarios.scenario_id.tolist()
     assert book.hashes.astype(str).tolist() == scenarios.record_hash.tolist()
     assert book.oscillating.tolist() == scenarios.oscillating.tolist()
@@ -448,7 +448,7 @@ def test_a_run_that_differs_is_not_mixed_with_the_old_one(small, finished, tmp_p
 def test_an_older_or_damaged_folder_is_refused_with_a_sentence(tmp_path, text, words):
     (tmp_path / "manifest.json").write_text(text)
     with pytest.raises(RunError, match=words):
-        Book.read(tmp_path)
+        RunArrays.read(tmp_path)
 
 
 def test_tables_that_do_not_belong_together_are_refused(finished, tmp_path):
@@ -456,7 +456,7 @@ def test_tables_that_do_not_belong_together_are_refused(finished, tmp_path):
     file = tmp_path / "run" / "verdicts.parquet" / "00000000.parquet"
     pd.read_parquet(file).iloc[::-1].to_parquet(file, index=False)
     with pytest.raises(RunError, match="not the table"):
-        Book.read(tmp_path / "run")
+        RunArrays.read(tmp_path / "run")
 
 
 def test_an_unfinished_run_is_not_scored(small, tmp_path):
@@ -465,7 +465,7 @@ def test_an_unfinished_run_is_not_scored(small, tmp_path):
         with pytest.raises(Interrupted, match="8 pieces are whole"):
             run_grid(small, tmp_path / "run", ["yamashita"])
     with pytest.raises(RunError, match="not finished"):
-        Book.read(tmp_path / "run")
+        RunArrays.read(tmp_path / "run")
 
 
 @pytest.mark.parametrize("step", ["score_book", "remove"])
@@ -611,7 +611,7 @@ def test_another_front_end_is_chosen_for_a_whole_run(finished, small, tmp_path):
     run = run_grid(small, tmp_path / "loads", ["he", "yamashita"], front_end="hagglund")
     assert read_manifest(run)["front_end"] == "hagglund"
     assert read_manifest(finished)["front_end"] == "acf"
-    one, other = (Book.read(folder) for folder in (finished, run))
+    one, other = (RunArrays.read(folder) for folder in (finished, run))
     assert (one.ids == other.ids).all()
     assert (one.verdict_raw == other.verdict_raw).all()
     assert (one.verdict != other.verdict).any()
@@ -652,7 +652,7 @@ def test_a_memory_of_the_loop_before_tells_nothing(tmp_path):
         '    return Verdict("cheat", "no_stiction" if same else "stiction", 0.0, reason="as before")\n'
     )
     folder = run_grid(make_grid(SMALL, "small", {"repeats": 10}), tmp_path / "run", [], plugins=[file])
-    book = Book.read(folder)
+    book = RunArrays.read(folder)
     known = book.truth["cycled"] >= 0
     assert np.mean(book.verdict[0][known] == book.truth["cycled"][known]) <= 0.6
 

@@ -6,7 +6,7 @@ import pytest
 from scenarios.spec import Loop, Scenario
 from simbench.bench.execute.run import run_grid
 from simbench.bench.scenario.oracle import judge_oracle
-from simbench.bench.store.reading import Book
+from simbench.bench.store.reading import RunArrays
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.simulate import simulate
 
@@ -88,7 +88,7 @@ def test_false_alarms_under_noise_are_rare():
 
 
 def test_a_run_has_an_oracle_row_when_asked_and_no_detector_is_better(tmp_path):
-    book = Book.read(run_grid("smoke", tmp_path / "run", ["he", "oracle", "yamashita"], progress=False))
+    book = RunArrays.read(run_grid("smoke", tmp_path / "run", ["he", "oracle", "yamashita"], progress=False))
     assert book.methods == ("he", "yamashita", "oracle")
     right = (book.verdict == book.truth["sticky"]).mean(axis=1)
     assert right[2] >= 0.98

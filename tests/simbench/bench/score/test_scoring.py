@@ -18,7 +18,7 @@ from simbench.bench.execute.run import run_grid
 from simbench.bench.execute.sweep import sweep
 from simbench.bench.score.scoring import FRONT, RAW, score_book, score_run
 from simbench.bench.statistics import wilson
-from simbench.bench.store.reading import Book
+from simbench.bench.store.reading import RunArrays
 
 LOOP = Loop.from_table(
     {
@@ -263,7 +263,7 @@ def test_the_roc_runs_from_corner_to_corner():
 
 def test_calibration_takes_cuts_from_other_seeds_than_it_measures_on(tmp_path):
     found = calibrate("smoke", 0.2, ["he", "yamashita"], out=tmp_path, sets={"disturbance": "sine"})
-    a, b = Book.read(tmp_path / "seeds-a"), Book.read(tmp_path / "seeds-b")
+    a, b = RunArrays.read(tmp_path / "seeds-a"), RunArrays.read(tmp_path / "seeds-b")
     assert found.about["seed_a"] != found.about["seed_b"]
     assert not set(a.ids) & set(b.ids)
     again = calibrate_books(a, b, 0.2)
@@ -322,7 +322,7 @@ def test_a_wrong_sweep_is_one_sentence(axes, words):
 
 
 def test_a_books_scores_are_the_runs(finished, joined):
-    book = Book.read(finished)
+    book = RunArrays.read(finished)
     assert book.methods == ("he", "horch", "yamashita")
     assert [i.decode() for i in book.ids] == joined[joined.method == "he"].scenario_id.tolist()
     he = joined[joined.method == "he"]

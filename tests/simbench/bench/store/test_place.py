@@ -14,7 +14,7 @@ from simbench.bench.score.baseline import write_baseline
 from simbench.bench.score.check import check_run
 from simbench.bench.score.scoring import score_run
 from simbench.bench.store.place import Place, place_of
-from simbench.bench.store.reading import Book, read_scenario, read_table
+from simbench.bench.store.reading import RunArrays, read_scenario, read_table
 from simbench.cli import main
 from simbench.files import FileError
 from simbench.report import write_report
@@ -42,7 +42,7 @@ def test_a_run_in_memory_has_the_bits_of_one_on_disk_and_is_read_by_every_verb(s
     shown = ["method", "truth", "mode", "process", "found", "auc", "rank"]
     assert score_run(url).table[shown].equals(score_run(finished).table[shown])
     assert read_failures(url).scenarios == 0
-    ident = Book.read(url).ids[0].decode()
+    ident = RunArrays.read(url).ids[0].decode()
     assert read_scenario(url, ident).id == ident
     write_baseline(url, tmp_path / "baseline")
     assert not check_run(url, tmp_path / "baseline").failed

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from simbench.gap.decide.assess import LIMITS, SURE, Assessment, capped
+from simbench.gap.decide.assess import RESIDUAL_LIMITS, SURE, Assessment, capped
 from simbench.gap.likelihood.model import Spec
 
 BLOCKS = {
@@ -35,7 +35,7 @@ def blocks(*args, **kwargs):
 @pytest.mark.parametrize("share", [-5.0, 0.95, 1.05])
 @pytest.mark.parametrize(("rough", "factor"), [({}, 1.0), ({"faithful": False}, 4.0), ({"gap": 0.1}, 4.0)])
 def test_a_residual_test_fails_in_its_block_beyond_its_limit(name, share, rough, factor):
-    assert set(LIMITS) == set(BLOCKS)
+    assert set(RESIDUAL_LIMITS) == set(BLOCKS)
     limit, block = BLOCKS[name]
     tests = QUIET | {name: share * factor * limit}
     assert blocks(situation(**rough), tests) == ({block} if share > 1.0 else set())

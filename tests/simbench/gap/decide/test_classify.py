@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from random_case import random_case
 
-from simbench.gap.decide.assess import ASKED, LIMITS, Assessment, assess
-from simbench.gap.decide.classify import BEHIND, PLAIN, TEMPERATURE, classify
+from simbench.gap.decide.assess import LEAST_NATS, RESIDUAL_LIMITS, Assessment, assess
+from simbench.gap.decide.classify import PLAIN_SECOND_NATS, SECOND_EFFECT_NATS, TEMPERATURE, classify
 from simbench.gap.intake.check import check
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 
@@ -48,7 +48,7 @@ def test_probabilities_are_in_the_contracts_order_and_sum_to_one(found):
 
 
 def test_an_effect_is_as_likely_as_none_at_the_price_of_asking(found):
-    p = classify(quiet(found, noise=ASKED)).probability
+    p = classify(quiet(found, noise=LEAST_NATS)).probability
     assert p["noise"] == pytest.approx(p[NONE])
     assert p["noise"] > 3 * p["drift"]
 
@@ -61,7 +61,7 @@ def test_a_nat_of_lead_counts_by_the_temperature_whatever_both_gained(found, lev
 
 def test_unknown_is_even_where_the_best_model_just_fails_a_test_and_takes_from_all_alike(found):
     sound = quiet(found, noise=20.0, drift=15.0)
-    failing = replace(sound, tests={**sound.tests, "memory": LIMITS["memory"][0]})
+    failing = replace(sound, tests={**sound.tests, "memory": RESIDUAL_LIMITS["memory"][0]})
     one, other = classify(sound), classify(failing)
     rough = not found.situation.archive.faithful
     assert other.probability[UNKNOWN] == pytest.approx(0.5) or rough
@@ -69,7 +69,7 @@ def test_unknown_is_even_where_the_best_model_just_fails_a_test_and_takes_from_a
         one.probability["noise"] / one.probability["drift"]
     )
     assert one.probability[UNKNOWN] < 0.01
-    assert other.unknown_block == LIMITS["memory"][1]
+    assert other.unknown_block == RESIDUAL_LIMITS["memory"][1]
 
 
 def test_what_needs_no_statistics_makes_the_answer_unknown_and_gives_its_block(found):
@@ -106,7 +106,9 @@ def test_no_second_effect_of_the_first_ones_block_follows_it(found):
 def test_beside_an_effect_that_needs_no_fit_every_gain_came_on_top(found):
     proven = quiet(found, quantisation=1000.0, stiction=15.0)
     p = classify(replace(proven, log_likelihood_gains_on_top={})).probability
-    assert p["stiction"] / p["quantisation"] == pytest.approx(np.exp(-TEMPERATURE * (BEHIND + PLAIN - 15.0)))
+    assert p["stiction"] / p["quantisation"] == pytest.approx(
+        np.exp(-TEMPERATURE * (SECOND_EFFECT_NATS + PLAIN_SECOND_NATS - 15.0))
+    )
 
 
 def test_residual_tests_do_not_judge_a_plant_that_was_identified(found):
@@ -125,7 +127,7 @@ def test_the_blocks_shares_are_the_sums_of_what_lies_in_them(found):
     whole = sum(sums.values())
     assert weights.shares == pytest.approx({b: v / whole for b, v in sums.items()})
     assert set(classify(quiet(found)).shares.values()) == {0.0}
-    assert ASKED > np.log(len(EFFECTS))
+    assert LEAST_NATS > np.log(len(EFFECTS))
 
 
 def test_a_refuted_effect_gives_its_probability_to_unknown_in_its_own_block(found):
@@ -148,7 +150,7 @@ def test_unknown_grows_with_how_far_a_test_is_beyond_its_limit(times, low, high)
 
 def test_unknown_is_never_the_answer_while_no_test_fails(found):
     even = quiet(found, **dict.fromkeys(list(EFFECTS)[:8], 12.0))
-    near = replace(even, tests={**even.tests, "memory": 0.9 * LIMITS["memory"][0]})
+    near = replace(even, tests={**even.tests, "memory": 0.9 * RESIDUAL_LIMITS["memory"][0]})
     p = classify(near).probability
     assert max(p, key=lambda e: p[e]) != UNKNOWN
     assert sum(p.values()) == pytest.approx(1.0)

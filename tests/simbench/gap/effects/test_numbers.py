@@ -332,11 +332,15 @@ def test_the_period_of_a_drawn_oscillation_lies_within_the_loops_pace_and_twenty
 
 def test_what_a_file_does_not_say_of_an_effect_adds_nothing():
     bare = Recogniser()
-    assert (bare.kick({"S": 3.0}), bare.lead({"rate": 1.0}, 100.0, 2.0), bare.numbers(None, None)) == (0.0, 0.0, {})
+    assert (bare.initial_op_offset({"S": 3.0}), bare.mean_op_shift({"rate": 1.0}, 100.0, 2.0), bare.numbers(None, None)) == (
+        0.0,
+        0.0,
+        {},
+    )
     assert bare.proven(None) is bare.by_innovations(None, None) is bare.smallest(None) is None
     assert bare.remark(None) == ""
     assert bare.possible(None)
-    assert not bare.drowned(None)
+    assert not bare.masked_by_archive(None)
     # an exact map leaves little of an ideal valve's misfit, friction most of it
     assert (bare.by_mv_leaves, recogniser("stiction").by_mv_leaves) == (0.3, 0.85)
 
@@ -361,7 +365,7 @@ def test_a_yardstick_is_the_loops_own_size():
 ])  # fmt: skip
 def test_noise_is_not_judged_where_rounding_or_compression_makes_its_own(noise, rounding, band, drowned):
     s = SimpleNamespace(archive=SimpleNamespace(rounding=rounding, band=band))
-    assert recogniser("noise").drowned(s) == drowned
+    assert recogniser("noise").masked_by_archive(s) == drowned
 
 
 @pytest.mark.parametrize("height", [6.0, 9.0])

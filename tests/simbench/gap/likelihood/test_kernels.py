@@ -116,7 +116,7 @@ LOAD = [(15.0, 1.3)]
 def test_whitening_is_cholesky_of_the_covariance(T, loads, more):
     y = np.random.default_rng(4).standard_normal(150)
     L = np.linalg.cholesky(covariance(150, T, loads, 0.4, 5.0, **more))
-    of = {"tau": 0.0, "load_walk": 0.0, "walk": 0.0, "colour": 0.0, "lag": kernels.PINK if len(loads) == 3 else 0.0} | more
+    of = {"tau": 0.0, "load_walk": 0.0, "walk": 0.0, "colour": 0.0, "lag": kernels.PINK_LOAD if len(loads) == 3 else 0.0} | more
     white, logs = kernels.whiten(
         y[None, :], T, of["tau"], 15.0, of["lag"], 1.3, of["load_walk"], of["walk"], 0.4, of["colour"], 5.0
     )  # fmt: skip

@@ -63,7 +63,7 @@ def test_an_effect_has_its_numbers_beside_plant_load_and_noise(spec, names):
     pink = spec.join(Spec(pink=True))
     assert pink.names == tuple(m for m in own if m != "load_lag") + names
     assert lag_of({"load_lag": 3.0}) == 3.0
-    assert lag_of({}) == kernels.PINK
+    assert lag_of({}) == kernels.PINK_LOAD
 
 
 def test_two_effects_joined_have_what_either_has_and_of_two_valves_the_second():

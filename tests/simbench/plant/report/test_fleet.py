@@ -43,7 +43,7 @@ STICKY = {"valve": {"model": "choudhury", "S": 6.0, "J": 4.0}}
 
 
 def run(seed, **more):
-    return simulate(Loop.from_table(LOOP | more), seed, kick=5.0 if more else 0.0).record.blind()
+    return simulate(Loop.from_table(LOOP | more), seed, kick=5.0 if more else 0.0).record.without_mv()
 
 
 def victim(source):

@@ -19,7 +19,7 @@ from simbench.plant.study.result import Contribution, Study
 from simbench.plant.study.strengths import Size, absolute, relative, scales, with_effect
 from simbench.plant.study.study import study
 from simbench.plant.study.study import study as plant_study
-from simbench.plant.study.two_sample import Ruler, classifier_test, feature_tests, mmd, mmd_test
+from simbench.plant.study.two_sample import FeatureScaler, classifier_test, feature_tests, mmd, mmd_test
 from simbench.plant.study.written_grid import write_grid
 
 
@@ -31,13 +31,13 @@ def test_the_distance_is_rejected_about_as_often_as_it_should_be_where_there_is_
     small = 0
     for seed in range(60):
         a, b = normal([seed, 0], 15), normal([seed, 1], 15)
-        small += mmd_test(Ruler.of(a, b), a, b, np.random.default_rng(seed))["p"] <= 0.1
+        small += mmd_test(FeatureScaler.of(a, b), a, b, np.random.default_rng(seed))["p"] <= 0.1
     assert 1 <= small <= 13
 
 
 def test_a_shift_is_found_by_kernel_and_by_classifier():
     a, b, rng = normal(0, 30), normal(1, 20, 1.2), np.random.default_rng(2)
-    ruler = Ruler.of(a, b)
+    ruler = FeatureScaler.of(a, b)
     found = mmd_test(ruler, a, b, rng)
     assert found["p"] < 0.01
     assert found["lo"] <= found["value"] <= found["hi"]
@@ -48,7 +48,7 @@ def test_a_shift_is_found_by_kernel_and_by_classifier():
 
 def test_the_kernel_distance_agrees_with_its_slow_form():
     a, b = normal(3, 7), normal(4, 6, 0.8)
-    ruler = Ruler.of(a, b)
+    ruler = FeatureScaler.of(a, b)
 
     def mean(x, y, same):
         k = ruler.kernel(x, y)
@@ -62,7 +62,7 @@ def test_the_kernel_distance_agrees_with_its_slow_form():
 def test_the_feature_that_differs_stands_first():
     a, b = normal(5, 30), normal(6, 30)
     b[:, 2] += 3.0
-    rows = feature_tests(Ruler.of(a, b), list("vwxyz"), a, b)
+    rows = feature_tests(FeatureScaler.of(a, b), list("vwxyz"), a, b)
     assert rows[0]["name"] == "x"
     assert float(rows[0]["shift"]) > 1.5
     assert all(float(r["p"]) > 0.05 for r in rows[1:])
@@ -96,7 +96,7 @@ def planted(tmp_path_factory):
     folder = tmp_path_factory.mktemp("plant")
     for i, s in enumerate(draw("smoke", 8, 7)[:8]):
         loop = with_effect(s.loop, "quantisation", {"step": 1.2 * s.size.pv, "at": "record"})
-        write_record(simulate(loop, s.seed).record.blind(), folder / f"L{i}.csv")
+        write_record(simulate(loop, s.seed).record.without_mv(), folder / f"L{i}.csv")
     return folder
 
 

@@ -11,13 +11,13 @@ from detectors.record import LoopRecord
 from scenarios.spec import load_loop
 from simbench.loop.simulate import simulate
 from simbench.plant.trust import replicates as twins
-from simbench.plant.trust.candidate_loops import around, with_friction
+from simbench.plant.trust.candidate_loops import candidate_loops, with_friction
 from simbench.plant.trust.replicates import Change, draw_twins, levels
 
 
 @pytest.fixture(scope="module")
 def behind():
-    return around(random_case(5, ("stiction",)).record)
+    return candidate_loops(random_case(5, ("stiction",)).record)
 
 
 def test_twins_have_the_records_length_sampling_and_signals(behind):
@@ -46,7 +46,7 @@ def test_a_healthy_twin_moves_about_as_much_as_the_record(behind):
 def test_a_set_point_that_moved_at_the_beginning_hides_no_twin():
     """What a loop does before its record, on its way to the first set point, must not count as its motion."""
     loop = load_loop(Path(__file__).parents[4] / "docs" / "example" / "loop.toml")
-    found = around(simulate(loop, 1).record.blind())
+    found = candidate_loops(simulate(loop, 1).record.without_mv())
     assert sum(t.S == 0 for t in draw_twins(found, 6, 1)) >= 4
 
 
@@ -97,7 +97,7 @@ def test_a_record_whose_op_has_no_unit_keeps_its_own():
     r = random_case(5, ("stiction",)).record
     odd = LoopRecord(op=1000.0 + 40.0 * r.op, pv=r.pv, sp=r.sp, Ts=r.Ts, process=r.process)
     assert odd.op_percent is None
-    found = around(odd)
+    found = candidate_loops(odd)
     assert found.percent > 0
     assert found.record.op.min() >= 0.0
     assert np.allclose(np.diff(found.record.op) * found.percent, np.diff(odd.op))

@@ -13,7 +13,7 @@ from simbench.cli import main
 from simbench.files import write_record
 from simbench.loop.simulate import simulate
 from simbench.plant.report.fleet import EACH, HEALTHY
-from simbench.plant.trust.candidate_loops import Around
+from simbench.plant.trust.candidate_loops import CandidateLoops
 from simbench.plant.trust.result import OPEN, SOUND, STICKY, UNSEEN
 from simbench.plant.trust.trust import FEW as LEAST
 from simbench.plant.trust.trust import trust
@@ -31,7 +31,7 @@ LOOP = {
 @pytest.fixture(scope="module")
 def sticky():
     loop = Loop.from_table(LOOP | {"valve": {"model": "choudhury", "S": 6.0, "J": 4.0}})
-    return simulate(loop, 1, kick=5.0).record.blind()
+    return simulate(loop, 1, kick=5.0).record.without_mv()
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +45,7 @@ def test_plain_stiction_is_called_so(found):
 
 
 def test_a_quiet_loop_is_denied_only_above_what_would_have_shown():
-    answer = trust(simulate(Loop.from_table(LOOP), 2).record.blind(), **FEW, help_wanted=False)
+    answer = trust(simulate(Loop.from_table(LOOP), 2).record.without_mv(), **FEW, help_wanted=False)
     assert answer.answer in (SOUND, UNSEEN, OPEN)
     assert answer.probability is not None
     assert answer.probability < 0.75
@@ -65,14 +65,14 @@ def test_a_record_whose_twins_do_not_move_as_it_does_is_still_judged(sticky, mon
 
 def test_a_set_point_step_at_the_start_of_a_record_leaves_it_its_twins():
     """Ahead of the record the twins stand at the old set point, which is no motion of theirs."""
-    record = simulate(load_loop(Path(__file__).parents[4] / "docs/example/loop.toml"), 1).record.blind().window(0, 1500)
+    record = simulate(load_loop(Path(__file__).parents[4] / "docs/example/loop.toml"), 1).record.without_mv().window(0, 1500)
     answer = trust(record, methods=["he"], healthy=30, each=4, help_wanted=False)
     assert answer.best is not None
     assert answer.power
 
 
 def test_a_long_record_of_a_plant_has_twins_enough_to_say_what_would_have_shown(sticky, monkeypatch):
-    monkeypatch.setattr("simbench.plant.trust.trust.LONG", 100)
+    monkeypatch.setattr("simbench.plant.trust.trust.LONG_RECORD", 100)
     few = trust(sticky, methods=["procedure"], healthy=HEALTHY, each=EACH, help_wanted=False)
     assert LEAST <= sum(S == 0 for S, _ in few.twins) <= HEALTHY
     assert few.power
@@ -89,7 +89,7 @@ def test_the_smallest_visible_is_that_of_the_method_most_often_right_whatever_it
 
 @pytest.mark.parametrize(("probability", "answer"), [(0.8, STICKY), (0.6, OPEN), (0.4, SOUND), (0.1, SOUND)])
 def test_a_size_that_would_show_is_denied_where_stiction_is_not_the_more_probable(sticky, monkeypatch, probability, answer):
-    monkeypatch.setattr(Around, "probability", probability)
+    monkeypatch.setattr(CandidateLoops, "probability", probability)
     found = trust(sticky, **FEW, help_wanted=False)
     assert found.smallest_visible is not None
     assert found.answer == answer
@@ -115,7 +115,7 @@ def test_of_methods_made_for_the_loop_that_agree_with_the_probability_the_best_o
 
 
 def test_where_no_method_agrees_with_the_probability_the_text_says_so(sticky, monkeypatch):
-    monkeypatch.setattr(Around, "probability", 0.1)
+    monkeypatch.setattr(CandidateLoops, "probability", 0.1)
     found = trust(sticky, methods=["procedure"], healthy=15, each=2, help_wanted=False)
     assert found.best.says == STICTION
     assert "none agrees with the probability" in found.as_text()
