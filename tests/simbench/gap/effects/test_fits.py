@@ -184,7 +184,7 @@ def test_a_dead_band_is_scanned_wherever_mv_began_in_it():
     found, price = fit("deadband", engine)
     sizes, points = scanned(engine, kernels.PLAY)
     # OP's inner range is 19.8 %
-    assert (len(sizes), sizes[0], sizes[-1], price) == (32, pytest.approx(0.396), pytest.approx(23.76), 1.0)
+    assert (len(sizes), sizes[0], sizes[-1], price) == (42, pytest.approx(0.0198), pytest.approx(23.76), 1.0)
     assert sorted(set(np.round(points[:, 1] / points[:, 0], 9))) == [-0.5, 0.0, 0.5]
     assert not points[:, 2].any()
     assert found.spec.valve == kernels.PLAY
@@ -196,7 +196,7 @@ def test_stiction_is_scanned_under_two_models():
     for kind in (kernels.STICK, kernels.CREEP):
         sizes, points = scanned(engine, kind)
         shares = sorted(set(np.round(points[:, 1] / points[:, 0], 9)))
-        assert (len(sizes), sizes[0], sizes[-1]) == (90, pytest.approx(0.396), pytest.approx(23.76))
+        assert (len(sizes), sizes[0], sizes[-1]) == (100, pytest.approx(0.0198), pytest.approx(23.76))
         # jumps from next to none to nearly all of the band, no gap wider than a fifth
         assert (shares[0], shares[-1]) == (0.06, 0.95)
         assert max(np.diff(shares)) < 0.2
@@ -207,7 +207,7 @@ def test_a_dead_zone_is_scanned_over_ops_range():
     engine = Engine(lambda spec, theta: 50.0)
     found, price = fit("deadzone", engine)
     sizes, points = scanned(engine, kernels.ZONE)
-    assert (len(sizes), price, found.spec.valve) == (12, 2.0, kernels.ZONE)
+    assert (len(sizes), price, found.spec.valve) == (22, 2.0, kernels.ZONE)
     assert np.unique(np.round(points[:, 1], 9)) == pytest.approx(np.linspace(40.2, 59.8, 13))
 
 

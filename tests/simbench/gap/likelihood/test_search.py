@@ -9,6 +9,7 @@ from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import Data, Fit, Spec
 from simbench.gap.likelihood.search import (
     KEPT,
+    TINY,
     around,
     band_sizes,
     better,
@@ -189,15 +190,13 @@ def test_an_idle_valve_changes_the_load_alone():
     assert (spec.pole, spec.valve, wide, steps) == ("", kernels.PLAY, pytest.approx(30.0), 10)
 
 
-@pytest.mark.parametrize(("low", "high", "ends"), [
-    (40.0, 60.0, (0.02 * 19.8, 1.2 * 19.8)), (50.0, 50.5, (0.05, 1.2 * 0.495)), (50.0, 50.04, (0.05, 0.1)),
-    (50.0, 50.0, (0.05, 1.2)),
-])  # fmt: skip
-def test_bands_are_tried_from_ops_jitter_to_its_range(low, high, ends):
-    sizes = band_sizes(data(u=np.linspace(low, high, 1001)), 7)
-    assert len(sizes) == 7
-    assert (sizes[0], sizes[-1]) == pytest.approx(ends, rel=1e-3)
-    assert sizes[1:] / sizes[:-1] == pytest.approx(sizes[1] / sizes[0])
+@pytest.mark.parametrize(("low", "high", "span"), [(40.0, 60.0, 19.8), (50.0, 50.04, 0.0396), (50.0, 50.0, 1.0)])
+def test_bands_are_tried_from_a_thousandth_of_ops_range_to_beyond_it_whatever_the_range(low, high, span):
+    sizes = band_sizes(data(u=np.linspace(low, high, 1001)), 7) / span
+    assert len(sizes) == TINY + 7
+    assert sizes[[0, TINY - 1, TINY, -1]] == pytest.approx([0.001, 0.017, 0.02, 1.2], rel=1e-3)
+    for part in (sizes[:TINY], sizes[TINY:]):
+        assert part[1:] / part[:-1] == pytest.approx(part[1] / part[0])
 
 
 def test_effects_are_looked_for_from_the_fitted_and_from_the_stated_plant():
