@@ -30,7 +30,7 @@ import numpy as np
 from detectors.errors import UserError
 
 SUBREAPER = 36  # PR_SET_CHILD_SUBREAPER of Linux: what loses its parent below this process becomes its child
-PATIENCE = 4.0  # s for all that a plug-in started to end
+END_SECONDS = 4.0  # s for all that a plug-in started to end
 FORKS = hasattr(os, "fork")
 WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 # what changes files, and at which of its arguments they stand
@@ -251,7 +251,7 @@ def _adopts() -> bool:
 def _end_children(own: set[int]) -> int:
     """End every process below this one, wherever it put itself; return how many there were beside its own."""
     found: set[int] = set()
-    until = time.monotonic() + PATIENCE
+    until = time.monotonic() + END_SECONDS
     _unwalled[0] = True
     try:
         while time.monotonic() < until:

@@ -24,7 +24,7 @@ MOST_LOADS = 10  # Hagglund 1995: more of them within the supervision time are a
 SHORTEST_MEAN = 20  # samples; a shorter moving mean would leave nothing but noise
 # own, from simulated loops: swings of OP that count whichever least size they need, over a factor of it, and are alike
 LEAST_SWINGS = np.geomspace(0.08, 0.95, 30)  # shares of OP's range tried as the least swing between two reversals
-GAP, ALIKE, SWINGS, FEWER, STILL_ON = 1.6, 0.22, 14, 1.15, 2.0
+GAP, ALIKE_SWINGS, SWINGS, FEWER, STILL_ON = 1.6, 0.22, 14, 1.15, 2.0
 
 
 @dataclass(frozen=True)
@@ -149,7 +149,7 @@ def wandering(op: np.ndarray) -> np.ndarray | None:
         return None
     at = at[1 : turn(x, LEAST_SWINGS[end], at)]
     size, time = np.abs(np.diff(x[at])), np.diff(at)
-    alike, lasts = size.std() <= ALIKE * size.mean(), op.size - at[-1] <= STILL_ON * time.max()
+    alike, lasts = size.std() <= ALIKE_SWINGS * size.mean(), op.size - at[-1] <= STILL_ON * time.max()
     return at.copy() if alike and lasts else None
 
 

@@ -22,7 +22,7 @@ from simbench.bench.statistics import wilson
 from simbench.files import answered, folder
 from simbench.gap.stiction.friction import friction
 from simbench.gap.stiction.pace import resampled
-from simbench.gap.stiction.probability import YES, pooled, probability
+from simbench.gap.stiction.probability import CLAIMED_FROM, pooled, probability
 from simbench.plant.indices import judged
 from simbench.usage import exit_code
 
@@ -112,7 +112,7 @@ def _called(part: pd.DataFrame, method: str) -> bool:
     if method == PROCEDURE:
         return bool(part[PROCEDURE].mean() > 0.5)
     odds = part.odds.dropna()
-    return bool(odds.size and probability(pooled(list(odds))) > YES)
+    return bool(odds.size and probability(pooled(list(odds))) > CLAIMED_FROM)
 
 
 def records(where: Path, doubted: bool = False) -> list[tuple[Any, LoopRecord]]:
@@ -165,7 +165,7 @@ def _panel(chosen: list[tuple[Any, LoopRecord]], out: Path) -> list[str]:
 
 
 def _sure(row: dict[str, Any]) -> bool:
-    return row["odds"] is not None and probability(row["odds"]) > YES
+    return row["odds"] is not None and probability(row["odds"]) > CLAIMED_FROM
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ from simbench.bench.scenario.resolve import resolve
 from simbench.bench.statistics import mcnemar, wilson
 from simbench.files import FileError, answered, folder
 from simbench.gap.stiction.friction import probability_of_stiction
-from simbench.gap.stiction.probability import YES
+from simbench.gap.stiction.probability import CLAIMED_FROM
 from simbench.loop.setup import plain_setup
 from simbench.loop.simulate import simulate
 from simbench.plant.indices import judged
@@ -146,7 +146,7 @@ def measured(scenario: Scenario, methods: list[str]) -> dict[str, Any]:
 def fitted(loop: Loop, seed: int) -> float:
     """Return the share of runs of a loop in which trust calls stiction probable."""
     found = [probability_of_stiction(simulate(loop, seed + 1000 + i).record.without_mv()) for i in range(FITTED)]
-    said = [p > YES for p in found if p is not None]
+    said = [p > CLAIMED_FROM for p in found if p is not None]
     return float(np.mean(said)) if said else 0.0
 
 
@@ -223,7 +223,7 @@ def _probability(rows: list[dict[str, Any]]) -> list[str]:
     right = {"trust": p > 0.5, PROCEDURE: np.array([r[PROCEDURE] for r in rows])}
     share = {name: 0.5 * (called[sticky].mean() + (~called[~sticky]).mean()) for name, called in right.items()}
     lines.append(f"right, sticky and healthy loops counting the same: {', '.join(f'{n} {s:.2f}' for n, s in share.items())}")
-    sure = p > YES
+    sure = p > CLAIMED_FROM
     lines.append(
         f"stiction claimed: {out_of(int(sure[sticky].sum()), int(sticky.sum()))} of the sticky, "
         f"{out_of(int(sure[~sticky].sum()), int((~sticky).sum()))} of the healthy"

@@ -19,7 +19,7 @@ from detectors.errors import ParameterError, UserError
 from detectors.records.io import read_record
 from scenarios.spec import load_loop
 from simbench.blind.making import PLANTS, write_item
-from simbench.blind.world import EFFECTS, OWN, WORLDS
+from simbench.blind.world import WORLD_EFFECTS, OWN, WORLDS
 from simbench.files import folder, remove_stale_temporaries, whole_file, write_table
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.effects import left_out
@@ -77,7 +77,7 @@ def leave_out(out: str | Path, world: str = OWN, n: int = 4, seed: int = 0, jobs
     """
     out = Path(out)
     drawn_by = WORLDS.load(world)
-    names = {f"{world}-{seed}-{e}-{i}": (i, e) for e in EFFECTS for i in range(n)}
+    names = {f"{world}-{seed}-{e}-{i}": (i, e) for e in WORLD_EFFECTS for i in range(n)}
     table = out / "leave_out.csv"
     remove_stale_temporaries(folder(out))
     # as text: numbers that are written once more must not lose a digit
@@ -105,7 +105,7 @@ def _one(place: Path, name: str, i: int, effect: str, draw_item: Any, seed: int)
     """Draw one record, and diagnose it without and with its effect."""
     strength = STRENGTHS[i % 2]
     row = dict.fromkeys(LEAVE_OUT_COLUMNS, "") | {"record": name, "effect": effect, "strength": strength}
-    number = 1000 * list(EFFECTS).index(effect) + i
+    number = 1000 * list(WORLD_EFFECTS).index(effect) + i
     entry = {"kind": "single", "effect": effect, "strength": strength, "mv": i % 4 < 2, "plant": PLANTS[i % 3]}
     try:
         record_file, baseline_file = write_item(draw_item(seed, number, entry), place, name)
@@ -137,7 +137,7 @@ def summary(found: pd.DataFrame) -> pd.DataFrame:
         row), nearest (the known effect named most often instead), left and back (medians of the gap that is left, relative to
         the gap before, without the effect and with it), named (share named right once it is back).
     """
-    rows = [_summary(effect, found[found.effect == effect]) for effect in EFFECTS]
+    rows = [_summary(effect, found[found.effect == effect]) for effect in WORLD_EFFECTS]
     return pd.DataFrame([*rows, _summary("all", found)])
 
 
@@ -146,7 +146,7 @@ def _summary(effect: str, part: pd.DataFrame) -> dict[str, Any]:
     seen = part[(part.error == "") & (part.resolvable.astype(str) == "True")]
     row: dict[str, Any] = {
         "effect": effect,
-        "block": block_of(effect) if effect in EFFECTS else "",
+        "block": block_of(effect) if effect in WORLD_EFFECTS else "",
         "n": len(seen),
         "failed": failed,
     }

@@ -15,4 +15,4 @@ PLANNED = (
     "dead_time_mismatch", "extra_lag", "noise", "quantisation", "sensor_lag", "compression", "outliers", "drift",
     "oscillation", "load_steps", "load_drift", "saturation", "detuning", "error_deadband", "op_quantisation",
 )  # fmt: skip
-EFFECTS = Vocabulary(PLANNED)
+WORLD_EFFECTS = Vocabulary(PLANNED)

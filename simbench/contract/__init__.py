@@ -20,7 +20,7 @@ from simbench.gap.effects import PLUGINS as RECOGNISERS
 from simbench.loop.effects import PLUGINS as EFFECTS
 from simbench.loop.parameters import VALVES
 
-SECONDS = 600.0  # for all that is asked of one plug-in
+CONTRACT_SECONDS = 600.0  # for all that is asked of one plug-in
 # an effect may hold a valve's steps too: the kind of which most is there, the first of equals
 CONTRACTS: dict[str, tuple[PluginFolder, Callable[[str], Contract]]] = {
     "detector": (methods, check_detector),
@@ -66,7 +66,7 @@ def check_file(path: str | Path) -> Contract:
     return check(path.stem) if folder.own_file(path) else check_added(folder, check, path)
 
 
-def check_in_subprocess(path: str | Path, seconds: float = SECONDS) -> Contract:
+def check_in_subprocess(path: str | Path, seconds: float = CONTRACT_SECONDS) -> Contract:
     """Check one file as `check_file` does, in a process of its own: one that ends it, never answers or looks around is named.
 
     Examples

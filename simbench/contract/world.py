@@ -12,11 +12,11 @@ import numpy as np
 from detectors.contract.detector import Contract
 from detectors.contract.watch import call_guarded
 from scenarios.spec import Loop
-from simbench.blind.world import EFFECTS, WORLDS
+from simbench.blind.world import WORLD_EFFECTS, WORLDS
 from simbench.loop.effects import BLOCKS, NONE, UNKNOWN
 
 SEED, INDEX = 5, 3
-COLUMNS = ("t", "sp", "op", "pv")
+RECORD_COLUMNS = ("t", "sp", "op", "pv")
 ANSWER = ("kind", "block", "effect", "foreign", "mv", "plant", "controller", "sp_moves", "case", "seed")
 NOISY = {"effect": "noise", "parameters": {"factor": 30.0, "std": 0.0}}  # an effect that acts in every loop
 
@@ -49,7 +49,7 @@ def _description(module: ModuleType) -> Iterator[str]:
         yield "FOREIGN is no dict of faults that the vocabulary lacks, with the block of each"
         return
     for kind, block in module.FOREIGN.items():
-        if kind in EFFECTS:
+        if kind in WORLD_EFFECTS:
             yield f"foreign fault {kind!r} is an effect of the vocabulary"
         if block not in BLOCKS:
             yield f"foreign fault {kind!r} is of block {block!r}, allowed: {', '.join(BLOCKS)}"
@@ -68,7 +68,7 @@ def _faults(module: ModuleType, entry: dict[str, Any], item: Any) -> list[str]:
 
 
 def _signals(item: Any, entry: dict[str, Any]) -> Iterator[str]:
-    missing = [c for c in COLUMNS if c not in item.columns]
+    missing = [c for c in RECORD_COLUMNS if c not in item.columns]
     if missing:
         yield f"columns lack {', '.join(missing)}"
     if ("mv" in item.columns) != entry["mv"]:
@@ -92,7 +92,7 @@ def _truth(item: Any, entry: dict[str, Any]) -> Iterator[str]:
     if entry["kind"] == "foreign" and said["foreign"] != entry["effect"]:
         yield f"the answer's foreign fault is {said['foreign']!r}, asked was {entry['effect']!r}"
     for effect, table, block in (("effect", "parameters", "block"), ("effect2", "parameters2", "block2")):
-        known = EFFECTS.get(said.get(effect, ""))
+        known = WORLD_EFFECTS.get(said.get(effect, ""))
         if known is None:
             continue
         if not set(said.get(table, {})) <= set(known.parameters):

@@ -25,7 +25,7 @@ from simbench.gap.intake.refuse import SAME_TS, refuse_unfit
 from simbench.gap.report.result import DiagnosisDetails, Gap, GapReport, Ranked
 from simbench.gap.situation import load_memory
 from simbench.gap.stiction.friction import friction
-from simbench.gap.stiction.probability import NO, pooled, probability
+from simbench.gap.stiction.probability import DENIED_BELOW, pooled, probability
 from simbench.loop.effects import EFFECTS, NONE, block_of
 
 WIDE = 1.5  # floors, beyond which a gap is wide
@@ -92,7 +92,7 @@ def _assess_one(record: LoopRecord, baseline: Loop | Partial | None) -> tuple[As
         odds = friction(record, baseline).log_odds
     except UserError:
         odds = None
-    return found if situation.trusted else plausible(found, odds is None or probability(odds) >= NO), odds
+    return found if situation.trusted else plausible(found, odds is None or probability(odds) >= DENIED_BELOW), odds
 
 
 def _assess_all(records: list[LoopRecord], baseline: Loop | Partial | None, jobs: int) -> tuple[Assessment, list[str]]:

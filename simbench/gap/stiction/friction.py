@@ -32,7 +32,7 @@ from simbench.loop.setup import plain_setup
 FRICTION, BAND = "stiction", "deadband"  # the effect whose size is asked for, and friction without a jump
 OUTSIDE = "oscillation"  # what swings a sound loop
 ENOUGH = 10.0 * BOUNDS[1]  # nats beyond which more say nothing more
-SHORTEST = 60  # samples
+SHORTEST_ASKED = 60  # samples
 ROOM = 2.0  # OP ranges left free on either side of a record whose unit of OP is unknown
 
 
@@ -81,8 +81,8 @@ def friction(record: LoopRecord, loop: Loop | Partial | None = None) -> Friction
     refuse_unfit(record, where)
     flags = Prepared(record.without_mv()).flags
     unfit = next((flags[f].evidence for f in UNFIT if f in flags), "")
-    if record.n < SHORTEST:
-        unfit = f"{record.n} samples; at least {SHORTEST} are needed"
+    if record.n < SHORTEST_ASKED:
+        unfit = f"{record.n} samples; at least {SHORTEST_ASKED} are needed"
     if unfit:
         raise RecordError(f"{where} unfit: {unfit}")
     record = in_percent(record)[0]

@@ -18,20 +18,20 @@ from detectors.errors import UserError
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
 from detectors.verdict import NO_DECISION, PROBABILITY, Verdict
-from simbench.gap.stiction.friction import SHORTEST, friction, in_percent
-from simbench.gap.stiction.probability import NO, YES, verdict
+from simbench.gap.stiction.friction import SHORTEST_ASKED, friction, in_percent
+from simbench.gap.stiction.probability import DENIED_BELOW, CLAIMED_FROM, verdict
 
 NAME = "likelihood"
 METHOD = Method(
     title="likelihood of a sticky valve against a sound one",
     source="Kay 1998, section 6.4.2; own weights",
     budget="full",
-    min_samples=SHORTEST,
+    min_samples=SHORTEST_ASKED,
     front_end=False,
     whole=True,
     thresholds={
-        "yes": Threshold(YES, "-", 0.0, 1.0, "own, simulated loops", "above: stiction"),
-        "no": Threshold(NO, "-", 0.0, 1.0, "own, simulated loops", "below: no stiction"),
+        "yes": Threshold(CLAIMED_FROM, "-", 0.0, 1.0, "own, simulated loops", "above: stiction"),
+        "no": Threshold(DENIED_BELOW, "-", 0.0, 1.0, "own, simulated loops", "below: no stiction"),
     },
 )
 

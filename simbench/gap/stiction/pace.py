@@ -11,7 +11,7 @@ from detectors.record import LoopRecord
 from detectors.signal.oscillation import find_oscillation
 
 LEAST = 0.2  # of PV's standard deviation, that PV moves from sample to sample
-SHORTEST = 250  # samples that are left
+SHORTEST_LEFT = 250  # samples that are left
 REGULAR = 0.9  # share of PV's changes that fall on every k-th sample, where PV is held for k
 HELD = 100  # samples that are left of a PV that is held, at least
 FEWEST = 20.0  # samples of a period that are left of a sustained oscillation: it may stand beside a larger drift
@@ -26,7 +26,7 @@ def at_its_pace(record: LoopRecord) -> LoopRecord:
     pv, k = np.asarray(record.pv), 1
     swing = find_oscillation(record.op, pv, record.Ts)
     most = swing.period_s / record.Ts / FEWEST if swing.sustained else np.inf
-    while k + 1 <= min(most, pv.size // SHORTEST) and np.std(pv[k:] - pv[:-k]) < LEAST * np.std(pv):
+    while k + 1 <= min(most, pv.size // SHORTEST_LEFT) and np.std(pv[k:] - pv[:-k]) < LEAST * np.std(pv):
         k += 1
     return record if k == 1 else resampled(record, lambda x: x[::k], k)
 

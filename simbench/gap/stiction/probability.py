@@ -13,7 +13,7 @@ OFFSET, WEIGHT = -0.23, 2.09
 BOUNDS = (-0.5, 3.0)  # tens of nats between which evidence counts; beyond, a model's errors are larger
 WIDE = 0.4  # share of OP's range from which on a band counts in full, below it by its square: a sticky valve moves OP by S
 EDGE = 0.99  # no probability is surer than the loops it was learned on can show
-YES, NO = 0.7, 0.5  # probability from which stiction is claimed, and below which it is denied; between them, cannot tell
+CLAIMED_FROM, DENIED_BELOW = 0.7, 0.5  # probability from which stiction is claimed, and below which it is denied; between them, cannot tell
 SHARED = 0.75  # correlation of the log-odds of one loop's records, given the truth
 
 
@@ -50,6 +50,6 @@ def probability(odds: float) -> float:
     return min(max(0.5 * (1.0 + math.tanh(0.5 * odds)), 1.0 - EDGE), EDGE)
 
 
-def verdict(p: float, yes: float = YES, no: float = NO) -> str:
+def verdict(p: float, yes: float = CLAIMED_FROM, no: float = DENIED_BELOW) -> str:
     """Return what a probability of stiction says: yes, no, or cannot tell."""
     return STICTION if p > yes else NO_STICTION if p < no else NO_DECISION

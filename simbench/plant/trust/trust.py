@@ -14,7 +14,7 @@ from detectors.record import LoopRecord
 from detectors.report.report import choose_methods
 from detectors.verdict import STICTION, Verdict
 from scenarios.spec import Loop
-from simbench.gap.stiction.probability import NO, YES
+from simbench.gap.stiction.probability import DENIED_BELOW, CLAIMED_FROM
 from simbench.plant.episodes import over_time
 from simbench.plant.indices import judged
 from simbench.plant.trust.candidate_loops import CandidateLoops, candidate_loops
@@ -130,7 +130,7 @@ def _weighed(
     rows = [_row(said[i], read[i], of[i], S, J) for i in range(len(names))]
     rows.sort(key=lambda m: (m.verdict.applicable is False, m.says != wanted, -m.rule.right))
     seen = smallest_visible(shown)
-    answer = STICKY if probability > YES else UNSEEN if seen is None else SOUND if probability < NO else OPEN
+    answer = STICKY if probability > CLAIMED_FROM else UNSEEN if seen is None else SOUND if probability < DENIED_BELOW else OPEN
     helps: tuple[Remedy, ...] = ()
     if help_wanted and answer != STICKY:
         helps = remedies(behind, names, _invisible(shown, seen), behind.percent, record.S_unit, seed)
@@ -168,7 +168,7 @@ def _without_twins(
     record: LoopRecord, said: list[Verdict], why: str, behind: CandidateLoops | None = None, probability: float | None = None
 ) -> Trust:
     rows = tuple(MethodTrust(v, Rule(v.method, None, 0.5), float("nan"), (), 1.0) for v in said)
-    answer = STICKY if (probability or 0.0) > YES else OPEN
+    answer = STICKY if (probability or 0.0) > CLAIMED_FROM else OPEN
     notes = () if behind is None else behind.notes
     when = None if behind is None else over_time(record)
     return Trust(answer, rows, None, (), probability, (), (), (why, *notes), record, behind, when)

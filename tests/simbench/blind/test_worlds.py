@@ -10,7 +10,7 @@ import pytest
 
 from detectors.errors import ParameterError, UnknownName
 from simbench.blind.making import Plan, make
-from simbench.blind.world import EFFECTS, WORLDS
+from simbench.blind.world import WORLD_EFFECTS, WORLDS
 from simbench.blind.worlds.mill import drawing as mill
 from simbench.blind.worlds.refinery import drawing as refinery
 from simbench.loop.effects import BLOCKS
@@ -25,7 +25,7 @@ def test_a_world_names_foreign_kinds_in_at_least_four_blocks(name):
     assert len(foreign) >= 8
     assert len(set(foreign.values())) >= 4
     assert set(foreign.values()) <= set(BLOCKS)
-    assert not set(foreign) & set(EFFECTS)
+    assert not set(foreign) & set(WORLD_EFFECTS)
 
 
 @pytest.mark.parametrize("name", WORLDS.names())

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from detectors.errors import ParameterError, UnknownName
-from simbench.blind.world import EFFECTS
+from simbench.blind.world import WORLD_EFFECTS
 from simbench.blind.worlds.mill.foreign import KINDS
 from simbench.blind.worlds.mill.loops import baseline, draw_loop, logu
 from simbench.blind.worlds.mill.oracle import BANDS, CLOUD, TRIALS, Cloud, cloud, ratio, strength_of
@@ -109,7 +109,7 @@ def _check(entry: dict[str, Any]) -> None:
     if kind not in ("none", "single", "two", "foreign"):
         raise UnknownName("kind", str(kind), ["none", "single", "two", "foreign"], "entry")
     if kind in ("single", "foreign"):
-        known = EFFECTS if kind == "single" else KINDS
+        known = WORLD_EFFECTS if kind == "single" else KINDS
         if entry.get("effect") not in known:
             raise UnknownName("effect", str(entry.get("effect")), known, f"entry of kind {kind!r}")
         if entry.get("strength") not in BANDS:
@@ -162,7 +162,7 @@ def _believed(case: Case, effect: str) -> None:
         plant["K"] = nominal["K"]
     if effect in ("time_constant_mismatch", "dead_time_mismatch", "extra_lag"):
         case["plant"] = {**nominal, "K": plant["K"], "lags": []}
-    block = EFFECTS[effect].block if effect in EFFECTS else KINDS[effect].block
+    block = WORLD_EFFECTS[effect].block if effect in WORLD_EFFECTS else KINDS[effect].block
     if block == "valve":
         case["known_band"] = 0.0
 
@@ -227,9 +227,9 @@ def _both(case: Case, entry: dict[str, Any], found: list[Found], seeds: list[int
 def _pair(rng: np.random.Generator) -> list[str]:
     """Two effects of different blocks that are not alike."""
     while True:
-        one, two = (str(e) for e in rng.choice(list(EFFECTS), 2, replace=False))
+        one, two = (str(e) for e in rng.choice(list(WORLD_EFFECTS), 2, replace=False))
         alike = any(one in row and two in row for row in ALIKE)
-        if EFFECTS[one].block != EFFECTS[two].block and not alike:
+        if WORLD_EFFECTS[one].block != WORLD_EFFECTS[two].block and not alike:
             return [one, two]
 
 
@@ -239,10 +239,10 @@ def _item(case: Case, entry: dict[str, Any], found: list[Found], value: float, r
     foreign = one["effect"] if kind == "foreign" and one else ""
     answer = {
         "kind": kind,
-        "block": NONE if one is None else KINDS[foreign].block if foreign else EFFECTS[one["effect"]].block,
+        "block": NONE if one is None else KINDS[foreign].block if foreign else WORLD_EFFECTS[one["effect"]].block,
         "effect": NONE if one is None else UNKNOWN if foreign else one["effect"],
         "effect2": two["effect"] if two else "",
-        "block2": EFFECTS[two["effect"]].block if two else "",
+        "block2": WORLD_EFFECTS[two["effect"]].block if two else "",
         "strength": entry["strength"] if kind in ("single", "foreign") else strength_of(value) if found else "",
         "ratio": round(value, 4),
         "parameters": one["parameters"] if one else {},

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from detectors.errors import ParameterError, UnknownName
-from simbench.blind.world import EFFECTS
+from simbench.blind.world import WORLD_EFFECTS
 from simbench.blind.worlds.mill import valve
 from simbench.blind.worlds.mill.archive import spikes
 from simbench.blind.worlds.mill.foreign import KINDS
@@ -50,10 +50,10 @@ def build(case: Case, effects: list[dict[str, Any]], nominal: bool = False) -> R
         seen.add(name)
         if name in KINDS:
             KINDS[name].act(rig, {**KINDS[name].identity, **entry.get("parameters", {})})
-        elif name in EFFECTS:
+        elif name in WORLD_EFFECTS:
             ACTS[name](rig, checked(name, entry.get("parameters", {})))
         else:
-            raise UnknownName("effect", name, [*EFFECTS, *KINDS])
+            raise UnknownName("effect", name, [*WORLD_EFFECTS, *KINDS])
     return rig
 
 
@@ -76,8 +76,8 @@ def checked(effect: str, parameters: Parameters) -> Parameters:
     ParameterError, UnknownName
         For a name the effect does not have, a word it does not know, or a number outside its bounds.
     """
-    known = EFFECTS[effect].parameters
-    full = dict(EFFECTS[effect].identity)
+    known = WORLD_EFFECTS[effect].parameters
+    full = dict(WORLD_EFFECTS[effect].identity)
     for key, value in parameters.items():
         if key not in known:
             raise UnknownName("parameter", key, known, f"effect {effect!r}")
@@ -259,4 +259,4 @@ def _op_quantisation(rig: Rig, p: Parameters) -> None:
     rig.law["step"] = p["step"]
 
 
-ACTS: dict[str, Callable[[Rig, Parameters], None]] = {name: globals()["_" + name] for name in EFFECTS}
+ACTS: dict[str, Callable[[Rig, Parameters], None]] = {name: globals()["_" + name] for name in WORLD_EFFECTS}

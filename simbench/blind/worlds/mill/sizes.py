@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from detectors.errors import ParameterError
-from simbench.blind.world import EFFECTS
+from simbench.blind.world import WORLD_EFFECTS
 from simbench.blind.worlds.mill import foreign_sizes
 from simbench.blind.worlds.mill.foreign import KINDS
 from simbench.blind.worlds.mill.loops import either, logu, signif
@@ -37,7 +37,7 @@ def family(effect: str, rng: np.random.Generator, s: Scales) -> Family:
         When this loop cannot have the effect at any size.
     """
     low, high, at = _FAMILIES[effect](rng, s)
-    rules = EFFECTS[effect].parameters if effect in EFFECTS else KINDS[effect].parameters
+    rules = WORLD_EFFECTS[effect].parameters if effect in WORLD_EFFECTS else KINDS[effect].parameters
     ranges = {k: q for k, q in rules.items() if not isinstance(q, Choice)}
 
     def within(size: float) -> Parameters:
@@ -180,4 +180,4 @@ def _op_quantisation(rng, s):
     return max(0.6 * s.move, 0.01), 20.0, lambda x: {"step": x}
 
 
-_FAMILIES: dict[str, Callable] = {name: globals()["_" + name] for name in EFFECTS} | foreign_sizes.FAMILIES
+_FAMILIES: dict[str, Callable] = {name: globals()["_" + name] for name in WORLD_EFFECTS} | foreign_sizes.FAMILIES

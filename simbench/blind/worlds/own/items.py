@@ -10,7 +10,7 @@ import numpy as np
 
 from detectors.errors import ParameterError
 from simbench.blind.distance import RESOLVABLE, cloud
-from simbench.blind.world import EFFECTS
+from simbench.blind.world import WORLD_EFFECTS
 from simbench.blind.worlds.own import drawing, faults, loops, oracle, sizes
 from simbench.blind.worlds.own.loops import Fault, Signals, TrueLoop
 from simbench.loop.effects import NONE, UNKNOWN
@@ -71,7 +71,7 @@ def _answer(case: TrueLoop, seed: int, **more: Any) -> dict[str, Any]:
 
 def _named(case: TrueLoop, names: tuple[str, ...]) -> TrueLoop:
     """Return the case as the named faults need it: no known dead-band beside another valve fault, mismatches exact."""
-    blocks = {faults.FOREIGN[name] if name in faults.FOREIGN else EFFECTS[name].block for name in names}
+    blocks = {faults.FOREIGN[name] if name in faults.FOREIGN else WORLD_EFFECTS[name].block for name in names}
     if "valve" in blocks:
         case = replace(case, play=0.0)
     exact = (case.K, case.T, case.Td - case.Ts * case.log_is_late)
@@ -100,14 +100,14 @@ def _one(case: TrueLoop, seed: int, entry: dict[str, Any], rng: np.random.Genera
     if foreign:
         known = {"block": faults.FOREIGN[name], "effect": UNKNOWN, "foreign": name}
     else:
-        known = {"block": EFFECTS[name].block, "effect": name, **_shrinkage(case, seed, signals, acts)}
+        known = {"block": WORLD_EFFECTS[name].block, "effect": name, **_shrinkage(case, seed, signals, acts)}
     about = {"kind": entry["kind"], "strength": entry["strength"], "ratio": round(ratio.expected, 3), "parameters": parameters}
     return DrawnRecord(case, signals, _answer(case, seed, **about, **known))
 
 
 def _two(case: TrueLoop, seed: int, entry: dict[str, Any], rng: np.random.Generator) -> DrawnRecord | None:
     names = tuple(str(x) for x in rng.choice([e for e in faults.KNOWN if _possible(e, case)], 2, replace=False))
-    if EFFECTS[names[0]].block == EFFECTS[names[1]].block or any(set(names) <= group for group in SAME):
+    if WORLD_EFFECTS[names[0]].block == WORLD_EFFECTS[names[1]].block or any(set(names) <= group for group in SAME):
         return None
     case = _named(case, names)
     true = oracle.reference(case, seed)
@@ -127,10 +127,10 @@ def _two(case: TrueLoop, seed: int, entry: dict[str, Any], rng: np.random.Genera
             case,
             seed,
             kind="two",
-            block=EFFECTS[names[0]].block,
+            block=WORLD_EFFECTS[names[0]].block,
             effect=names[0],
             parameters=sizes[0],
-            block2=EFFECTS[names[1]].block,
+            block2=WORLD_EFFECTS[names[1]].block,
             effect2=names[1],
             parameters2=sizes[1],
             strength=oracle.strength_of(both.expected),

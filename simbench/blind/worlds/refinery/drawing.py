@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from detectors.errors import ParameterError, UnknownName
-from simbench.blind.world import EFFECTS
+from simbench.blind.world import WORLD_EFFECTS
 from simbench.blind.worlds.refinery import foreign, loops, oracle, search
 from simbench.blind.worlds.refinery.search import Misfit, healthy, prepared
 from simbench.blind.worlds.refinery.simulation import run
@@ -25,7 +25,7 @@ SAME = (
     {"dead_time_mismatch", "valve_lag", "extra_lag", "sensor_lag"},
     {"time_constant_mismatch", "valve_lag", "sensor_lag"},
 )
-VALVE = frozenset(name for name, e in EFFECTS.items() if e.block == "valve")
+VALVE = frozenset(name for name, e in WORLD_EFFECTS.items() if e.block == "valve")
 EXACT = {"gain_mismatch": "K", "time_constant_mismatch": "T", "dead_time_mismatch": "Td"}
 NEEDS_FOPTD = {"time_constant_mismatch", "asymmetric_response", "heat_recycle"}
 
@@ -40,10 +40,10 @@ class Item(NamedTuple):
 
 def _pair(rng: np.random.Generator) -> tuple[str, str]:
     """Two effects of different blocks, each block as likely as the other, that can be told apart."""
-    blocks = sorted({e.block for e in EFFECTS.values()})
+    blocks = sorted({e.block for e in WORLD_EFFECTS.values()})
     while True:
         chosen = rng.choice(len(blocks), 2, replace=False)
-        a, b = (loops.pick(rng, tuple(n for n in sorted(EFFECTS) if EFFECTS[n].block == blocks[i])) for i in chosen)
+        a, b = (loops.pick(rng, tuple(n for n in sorted(WORLD_EFFECTS) if WORLD_EFFECTS[n].block == blocks[i])) for i in chosen)
         if not any(a in s and b in s for s in SAME):
             return a, b
 
@@ -54,7 +54,7 @@ def _names(entry: dict, rng: np.random.Generator) -> tuple[str, ...]:
         return ()
     if kind == "two":
         return _pair(rng)
-    known = {"single": EFFECTS, "foreign": foreign.FOREIGN}.get(str(kind))
+    known = {"single": WORLD_EFFECTS, "foreign": foreign.FOREIGN}.get(str(kind))
     if known is None:
         raise ParameterError(f"entry: kind = {kind!r} is unknown; allowed: none, single, two, foreign")
     if entry.get("effect") not in known:
@@ -67,7 +67,7 @@ def _names(entry: dict, rng: np.random.Generator) -> tuple[str, ...]:
 def _answer(entry: dict, case: dict, found: list[dict], ratio: float, seed: int) -> dict:
     ids = [item["effect"] for item in found]
     kind = entry["kind"]
-    block = [EFFECTS[i].block if i in EFFECTS else foreign.FOREIGN[i] for i in ids]
+    block = [WORLD_EFFECTS[i].block if i in WORLD_EFFECTS else foreign.FOREIGN[i] for i in ids]
     strength = next((s for s, (low, high) in oracle.BANDS.items() if low <= ratio <= high), "") if found else ""
     answer = {
         "kind": kind,

@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from detectors.errors import ParameterError
-from simbench.blind.world import EFFECTS
+from simbench.blind.world import WORLD_EFFECTS
 from simbench.blind.worlds.refinery import loads, valves
 from simbench.blind.worlds.refinery.simulation import Setup
 from simbench.loop.effects import Choice
@@ -28,11 +28,11 @@ def complete(effect: str, parameters: dict, case: dict) -> dict:
     ParameterError
         For an unknown name or word, or a number out of bounds.
     """
-    known = EFFECTS[effect].parameters
+    known = WORLD_EFFECTS[effect].parameters
     for name in parameters:
         if name not in known:
             raise ParameterError(f"{effect}: unknown parameter {name!r}; known: {', '.join(known)}")
-    full = {**EFFECTS[effect].identity, **({"c": case["m0"]} if effect == "deadzone" else {}), **parameters}
+    full = {**WORLD_EFFECTS[effect].identity, **({"c": case["m0"]} if effect == "deadzone" else {}), **parameters}
     for name, value in full.items():
         rule = known[name]
         if isinstance(rule, Choice):

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from detectors.errors import UnknownName
-from simbench.blind.world import EFFECTS
+from simbench.blind.world import WORLD_EFFECTS
 from simbench.blind.worlds.refinery import foreign, oracle
 from simbench.blind.worlds.refinery.effects import APPLY, complete
 from simbench.blind.worlds.refinery.simulation import Setup, build, run
@@ -34,12 +34,12 @@ def prepared(case: dict, wanted: list[dict], nominal: bool = False) -> Setup:
     setup = build(case, nominal)
     for item in wanted:
         name, parameters = item["effect"], dict(item.get("parameters", {}))
-        if name in EFFECTS:
+        if name in WORLD_EFFECTS:
             APPLY[name](setup, complete(name, parameters, case), case)
         elif name in foreign.FOREIGN:
             foreign.APPLY[name](setup, foreign.check(name, parameters), case)
         else:
-            raise UnknownName("effect", str(name), [*EFFECTS, *foreign.FOREIGN])
+            raise UnknownName("effect", str(name), [*WORLD_EFFECTS, *foreign.FOREIGN])
     return setup
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from detectors.record import LoopRecord
-from simbench.gap.stiction.pace import HELD, SHORTEST, at_its_pace, unheld
+from simbench.gap.stiction.pace import HELD, SHORTEST_LEFT, at_its_pace, unheld
 
 
 def slow(n, period=400.0, noise=0.0):
@@ -33,9 +33,9 @@ def test_an_oscillation_beside_a_larger_drift_keeps_its_shape():
     assert 20 <= period / found.Ts <= 40
 
 
-@pytest.mark.parametrize("n", [SHORTEST, 2 * SHORTEST - 1, 2 * SHORTEST + 1, 1000])
+@pytest.mark.parametrize("n", [SHORTEST_LEFT, 2 * SHORTEST_LEFT - 1, 2 * SHORTEST_LEFT + 1, 1000])
 def test_enough_samples_are_left(n):
-    assert at_its_pace(slow(n)).n >= SHORTEST
+    assert at_its_pace(slow(n)).n >= SHORTEST_LEFT
 
 
 @pytest.mark.parametrize("k", [2, 3, 4])
