@@ -17,7 +17,7 @@ from detectors.records.io import read_record
 from detectors.report.report import Report, choose_methods, judge_files
 
 
-class Recorded(Protocol):
+class _Recorded(Protocol):
     """Anything that carries a record, such as a simulated run."""
 
     @property
@@ -26,7 +26,7 @@ class Recorded(Protocol):
         ...
 
 
-Source = LoopRecord | Recorded | str | Path
+Source = LoopRecord | _Recorded | str | Path
 
 
 def detect(
@@ -79,7 +79,7 @@ def detect(
     asked = [methods] if isinstance(methods, str) else list(methods)
     if isinstance(source, (str, Path)):
         return judge_files(source, asked, raw=raw, front_end=front_end, plugins=plugins, thresholds=thresholds, **about)
-    record = as_record(source, **about)
+    record = _as_record(source, **about)
     with registry.hosted(plugins) as added:
         names = choose_methods(asked)
         names += [a for a in added if a not in names]
@@ -114,10 +114,10 @@ def diagnose(source: Source, **about: Any) -> Diagnosis:
     'no_stiction'
     """
     bounds = {k: about.pop(k) for k in ("odds_low", "odds_high", "follow_min") if k in about}
-    return procedure(as_record(source, **about), **bounds)
+    return procedure(_as_record(source, **about), **bounds)
 
 
-def as_record(source: Source, **about: Any) -> LoopRecord:
+def _as_record(source: Source, **about: Any) -> LoopRecord:
     """Return the record that a source holds.
 
     Parameters

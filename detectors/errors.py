@@ -64,7 +64,7 @@ def naming(place: object) -> Iterator[None]:
         raise ParameterError(f"{place}: {error}") from error
 
 
-SECRETS = re.compile(
+_SECRETS = re.compile(
     r"""(?P<before>[a-z][\w+.-]*:/+)[^/\s"']*@|(?<![^\s"'])[^\s/"'@:]+:[^\s/"'@]*@"""
     r"""|(?P<key>[?&][\w-]*(?:pass|secret|token|key|sig|credential)[\w-]*=)[^&\s"']+""",
     re.IGNORECASE,
@@ -79,7 +79,7 @@ def masked(text: object) -> str:
     >>> masked("ftp://me:secret@host/run: no such file"), masked("https://host/run?sig=a1b2&x=1")
     ('ftp://***@host/run: no such file', 'https://host/run?sig=***&x=1')
     """
-    return SECRETS.sub(lambda m: f"{m['key']}***" if m["key"] else f"{m['before'] or ''}***@", str(text))
+    return _SECRETS.sub(lambda m: f"{m['key']}***" if m["key"] else f"{m['before'] or ''}***@", str(text))
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

@@ -97,7 +97,7 @@ def example_loop(
 
 
 # OP a triangle, PV a rounded square, the two together close to an ellipse; a level: PV a triangle
-OBVIOUS = {
+_OBVIOUS = {
     "self-regulating": {"T": 6.0, "Td": 6.0, "Kc": 0.25, "Ti": 5.0, "noise": 0.1, "n": 2500, "kind": "flow"},
     "integrating": {"process": "integrating", "K": 0.1, "Td": 1.0, "Kc": 1.5, "Ti": 30.0, "noise": 0.05, "n": 2000},
 }
@@ -134,14 +134,14 @@ def example_record(case: str, process: str) -> LoopRecord:
     """
     rng, about = np.random.default_rng(3), {"process": process, "kind": "flow" if process == "self-regulating" else "level"}
     if case == "stiction":
-        return example_loop(**OBVIOUS[process])
+        return example_loop(**_OBVIOUS[process])
     if case == "dense":
-        return example_loop(**{**OBVIOUS[process], "Ts": 0.125, "n": 8 * int(OBVIOUS[process]["n"])})
+        return example_loop(**{**_OBVIOUS[process], "Ts": 0.125, "n": 8 * int(_OBVIOUS[process]["n"])})
     if case == "short":
-        return example_loop(**OBVIOUS[process]).window(0, 20)
+        return example_loop(**_OBVIOUS[process]).window(0, 20)
     if case == "healthy":
         load = 0.2 * np.cumsum(rng.standard_normal(2500))
-        return example_loop(**{**OBVIOUS[process], "S": 0.0, "J": 0.0, "load": load})
+        return example_loop(**{**_OBVIOUS[process], "S": 0.0, "J": 0.0, "load": load})
     if case == "sine":
         op = 50.0 + 5.0 * np.sin(2 * np.pi * np.arange(2000.0) / 50.3)
         return LoopRecord(op=op, pv=100.0 - op, mv=op, Ts=1.0, **about)

@@ -23,11 +23,11 @@ from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 UNFIT = ("dead_op", "dead_pv", "manual", "saturated", "outside_span")
 
 
-LONGEST = 300  # characters of an error's text
+_LONGEST = 300  # characters of an error's text
 FAILED = "failed: "  # begins the reason of a method that gave no verdict
 
 # Cuts on the score that every method understands; `simbench calibrate` finds them for a wanted share of errors.
-CUTS = ("stiction_above", "no_stiction_below")
+_CUTS = ("stiction_above", "no_stiction_below")
 
 
 def judge(
@@ -137,7 +137,7 @@ def answers(
         return [judge_one(name, module, prepared, raw, dict(thresholds)) for raw in modes], None
     except Exception as wrong:  # a detector may fail in any way; the others must not
         said = str(wrong) if isinstance(wrong, PluginError) else f"{type(wrong).__name__}: {wrong}"
-        error = " ".join(said.split())[:LONGEST]
+        error = " ".join(said.split())[:_LONGEST]
         return [Verdict(name, NO_DECISION, reason=f"{FAILED}{error}")] * len(modes), error
 
 
@@ -205,11 +205,11 @@ def check_thresholds(name: str, method: Method, chosen: Mapping[str, float]) -> 
     if "no_stiction_below" in chosen and "stiction_above" not in chosen:
         raise ParameterError(f"method {name!r}: no_stiction_below needs stiction_above beside it")
     for key, value in chosen.items():
-        if key in CUTS:
+        if key in _CUTS:
             values[key] = float(value)
             continue
         if key not in values:
-            raise ParameterError(f"method {name!r} has no threshold {key!r}: {nearest(key, (*values, *CUTS))}")
+            raise ParameterError(f"method {name!r} has no threshold {key!r}: {nearest(key, (*values, *_CUTS))}")
         rule = method.thresholds[key]
         if not rule.low <= value <= rule.high:
             raise ParameterError(f"method {name!r}: {key} = {value} {rule.unit}; allowed: {rule.low} to {rule.high}")
@@ -239,9 +239,9 @@ def judge_one(name: str, module: ModuleType, prepared: Prepared, raw: bool, thre
     """
     method: Method = module.METHOD
     record = prepared.record
-    cuts = {key: thresholds[key] for key in CUTS if key in thresholds}
+    cuts = {key: thresholds[key] for key in _CUTS if key in thresholds}
     if cuts:
-        thresholds = {key: value for key, value in thresholds.items() if key not in CUTS}
+        thresholds = {key: value for key, value in thresholds.items() if key not in _CUTS}
 
     def answer(verdict: str, reason: str, applicable: bool | None = True) -> Verdict:
         return Verdict(name, verdict, applicable=applicable, reason=reason)

@@ -16,11 +16,11 @@ from detectors.signal.load_disturbances import oscillation_by_loads
 from detectors.signal.oscillation import LASTING, Oscillation, find_oscillation, wandering
 from detectors.signal.standstill import steady_valve
 
-STILL = 1e-9  # of a signal's range: less is rounding
+_STILL = 1e-9  # of a signal's range: less is rounding
 FRONT_ENDS = ("acf", "hagglund")
 # samples per period that are judged (Jelali 2013, section 11.7.2); a denser record is halved until it has no more
 DENSEST = 250.0
-HALVES = (2, 1, 0)  # quarters at which they start: the last half, the middle one, the first
+_HALVES = (2, 1, 0)  # quarters at which they start: the last half, the middle one, the first
 
 
 @dataclass
@@ -129,7 +129,7 @@ class Prepared:
         are set on a grid of 1e-6 % of travel and 1e-7 of PV's range. Nor shall it depend on which way is up: both are turned
         so that OP leaves the middle half of its range upward first.
         """
-        turn = self.share("searchable turn", lambda: first_way(self.record.op))
+        turn = self.share("searchable turn", lambda: _first_way(self.record.op))
         if name == "pv":
             pv = self.record.pv
             low, high = float(pv.min()), float(pv.max())
@@ -158,7 +158,7 @@ class Prepared:
         else:
             level = x - drift(x, self.period)
         # a signal that stood still for a period leaves rounding, whose signs hang on the unit
-        level[np.abs(level) <= STILL * np.ptp(x)] = 0.0
+        level[np.abs(level) <= _STILL * np.ptp(x)] = 0.0
         return level
 
     def smooth_op(self) -> np.ndarray:
@@ -203,7 +203,7 @@ class Prepared:
         return self.shared[name]
 
 
-def first_way(x: np.ndarray) -> float:
+def _first_way(x: np.ndarray) -> float:
     """Return the side, 1 or -1, on which a signal leaves the middle half of its range first."""
     low, high = float(x.min()), float(x.max())
     away = x - 0.5 * (low + high)
@@ -268,7 +268,7 @@ def prepare(record: LoopRecord, front_end: str = "acf") -> Prepared:
     whole = _at_density(record, front_end)
     if whole.oscillation.sustained or front_end == "hagglund":  # whose memory forgets by itself what is long past
         return whole
-    for quarter in HALVES:
+    for quarter in _HALVES:
         part = quarter * record.n // 4, (quarter + 2) * record.n // 4
         if part[1] - part[0] < 3:
             return whole

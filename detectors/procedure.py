@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 # loops of grid plant that do not cycle, of five seeds other than its own, exceed 0.7; at 0.4 more do
 ODDS_LOW, ODDS_HIGH = -0.4, 0.7
 FOLLOW_MIN = 0.2  # own: 1 % of simulated healthy flow loops under steps, ramps and random pressure exceed it
-QUIET = -3.0  # log-odds of a loop that does not oscillate and whose valve is not seen to stand still
-PER_FOLLOW = 8.0  # log-odds per unit of the score of `valve_follow` above its bound
-S_SMALL = 0.5  # % of travel, chapter section 11.1
+_QUIET = -3.0  # log-odds of a loop that does not oscillate and whose valve is not seen to stand still
+_PER_FOLLOW = 8.0  # log-odds per unit of the score of `valve_follow` above its bound
+_S_SMALL = 0.5  # % of travel, chapter section 11.1
 
 # question -> (text, {answer: next question or conclusion})
 FLOW: dict[str, tuple[str, dict[str, str]]] = {
@@ -47,7 +47,7 @@ FLOW: dict[str, tuple[str, dict[str, str]]] = {
         {"stiction": "level", "no stiction": "linear", "undecided": "open"},
     ),
     "level": (
-        f"Is S above {S_SMALL} % of travel?",
+        f"Is S above {_S_SMALL} % of travel?",
         {"yes": "sticky", "no": "slight", "cannot tell": "sticky"},
     ),
 }
@@ -72,7 +72,7 @@ CONCLUSIONS: dict[str, tuple[str, str]] = {
 
 
 @dataclass(frozen=True)
-class Step:
+class _Step:
     """One question of the procedure, answered.
 
     Parameters
@@ -125,7 +125,7 @@ class Diagnosis:
     S: Level
     J: Level
     S_unit: str
-    steps: tuple[Step, ...]
+    steps: tuple[_Step, ...]
     verdicts: tuple[Verdict, ...]
     indices: dict[str, float] = field(default_factory=dict)
 
@@ -261,7 +261,7 @@ def walk(prepared: Prepared, rules: ProcedureRules) -> Diagnosis:
     while now in FLOW:
         question, answers = FLOW[now]
         answer, evidence, reason = getattr(course, now)()
-        steps.append(Step(now, question, answer, evidence, reason))
+        steps.append(_Step(now, question, answer, evidence, reason))
         now = answers[answer]
     verdict, following = CONCLUSIONS[now]
     found = verdict == STICTION
@@ -303,7 +303,7 @@ class _Course:
         o = self.prepared.oscillation
         self.indices |= {"regularity": o.regularity, "period_s": o.period_s}
         if not o.sustained:
-            self.score = QUIET
+            self.score = _QUIET
             return "no", f"no sustained oscillation ({o.evidence})", "Look at the valve itself, where it is seen."
         part = self.prepared.part
         where = f", in samples {part[0]} to {part[1] - 1}" if part else ""
@@ -316,7 +316,7 @@ class _Course:
         op, limits = _travel(self.prepared.record)
         found: Follow = valve_follow(op, position, limits)
         self.indices["follow"] = found.score
-        self.score = max(PER_FOLLOW * (found.score - self.rules.follow_min), QUIET)
+        self.score = max(_PER_FOLLOW * (found.score - self.rules.follow_min), _QUIET)
         numbers = f"{note}: dead band explains {1 - found.error:.0%}, straight valve {1 - found.error_linear:.0%}"
         numbers += f", {found.reversals} reversals"
         if found.score < self.rules.follow_min:
@@ -341,7 +341,7 @@ class _Course:
         if found.nonlinear():
             return "yes", numbers, "The oscillation is born or bent inside a nonlinear element."
         if self.rules.veto:
-            self.score = QUIET
+            self.score = _QUIET
             return "no", numbers, "A linear loop oscillates by its tuning or from outside."
         return "not seen", numbers, "This rules nothing out: a symmetric cycle hides from the bicoherence."
 
@@ -389,9 +389,9 @@ class _Course:
             return "cannot tell", "S is not known in % of travel", "Confirm before any work on the valve."
         lo, hi = self.S if isinstance(self.S, tuple) else (self.S, self.S)
         said = f"S = {lo:.2g} %" if lo == hi else f"S = {lo:.2g} to {hi:.2g} %"
-        if hi < S_SMALL:
+        if hi < _S_SMALL:
             return "no", said, "Stiction of this size does little harm."
-        if lo < S_SMALL:
+        if lo < _S_SMALL:
             return "cannot tell", said, "Confirm before any work on the valve."
         return "yes", said, "Confirm by cheap tests first, before the cost of downtime."
 

@@ -15,15 +15,15 @@ from detectors.signal.oscillation import Oscillation, find_oscillation
 from detectors.signal.spikes import isolated, off_line
 from detectors.signal.tails import heavy_tails
 
-SATURATED = 0.05  # share of samples at a limit
-OPERATOR = 0.01  # changes of OP per sample, below which a person and not a controller moves it
-STEPS = 0.1  # steps of the values over the std of the signal
-FEWEST = 4  # levels of a signal that is called quantised
-COLLINEAR = 0.1  # share of moving samples that lie on the straight line through their neighbours
-UNDERSAMPLED = 8.0  # samples per period
-FROZEN = 0.05  # longest stand-still, as a share of the record
-SPIKES = 0.002  # share of isolated outliers
-HELD = 0.15  # share of samples in which OP and PV both repeat themselves
+_SATURATED = 0.05  # share of samples at a limit
+_OPERATOR = 0.01  # changes of OP per sample, below which a person and not a controller moves it
+_STEPS = 0.1  # steps of the values over the std of the signal
+_FEWEST = 4  # levels of a signal that is called quantised
+_COLLINEAR = 0.1  # share of moving samples that lie on the straight line through their neighbours
+_UNDERSAMPLED = 8.0  # samples per period
+_FROZEN = 0.05  # longest stand-still, as a share of the record
+_SPIKES = 0.002  # share of isolated outliers
+_HELD = 0.15  # share of samples in which OP and PV both repeat themselves
 
 
 @dataclass(frozen=True)
@@ -84,10 +84,10 @@ def _findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]:
             yield Flag("gaps", note)
     if alive["op"]:
         changes = int(np.count_nonzero(np.diff(record.op)))
-        if changes < max(3.0, OPERATOR * n):
+        if changes < max(3.0, _OPERATOR * n):
             yield Flag("manual", f"OP changes {changes} times in {n} samples")
         share, limit = saturation(record.op, record.pv, record.op_percent)
-        if share > SATURATED:
+        if share > _SATURATED:
             yield Flag("saturated", f"OP stands at {limit:g} in {share:.0%} of the samples")
         yield from _steps("op", record.op, steps(record.op, record.pv))
     if alive["pv"]:
@@ -96,9 +96,9 @@ def _findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]:
         same = (step == 0.0) & (np.diff(record.op) == 0.0)
         often = np.count_nonzero(same[1:] & ~same[:-1]) > n / 50.0
         # a loop that comes to rest creeps by its last digit; a historian that stores changes only moves by visible ones
-        if same.mean() > HELD and often and np.median(step[step > 0.0]) > 0.01 * record.pv.std():
+        if same.mean() > _HELD and often and np.median(step[step > 0.0]) > 0.01 * record.pv.std():
             yield Flag("held", f"OP and PV repeat themselves together in {same.mean():.0%} of the samples")
-    if oscillation.sustained and oscillation.period_s < UNDERSAMPLED * record.Ts:
+    if oscillation.sustained and oscillation.period_s < _UNDERSAMPLED * record.Ts:
         yield Flag("undersampled", f"{oscillation.period_s / record.Ts:.1f} samples per period of the oscillation")
 
 
@@ -109,13 +109,13 @@ def _pv_findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]
     share, lines = straight(pv, step)
     periods = record.duration / oscillation.period_s if oscillation.sustained else 0.0
     # an integrating process draws two straight lines per cycle by itself
-    compressed = share > COLLINEAR and lines > max(4.0 * periods, n / 50.0)
+    compressed = share > _COLLINEAR and lines > max(4.0 * periods, n / 50.0)
     if compressed:
         yield Flag("compressed", f"{share:.0%} of PV's moving samples lie on straight lines between others")
     runs = holds(pv)
     k = int(runs.argmax())
     longest, usual = int(runs[k]), float(np.sort(runs)[-4:-1].mean()) if runs.size > 3 else 1.0
-    if longest > max(20.0, FROZEN * n) and longest > 3.0 * usual:
+    if longest > max(20.0, _FROZEN * n) and longest > 3.0 * usual:
         start = int(runs[:k].sum())
         # at rest OP stands still as well
         if record.op[start : start + longest].std() > 0.1 * record.op.std():
@@ -129,13 +129,13 @@ def _pv_findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]
             yield Flag("off_setpoint", f"PV stays {off:.3g} away from SP and moves by {spread:.3g} only")
     # the samples that an archive kept stand off the lines it drew
     outliers = 0 if compressed else isolated(pv, step)[0].size
-    if outliers > SPIKES * n and not heavy_tails(off_line(pv)[0]):
+    if outliers > _SPIKES * n and not heavy_tails(off_line(pv)[0]):
         yield Flag("spikes", f"{outliers} isolated outliers in PV")
 
 
 def _steps(name: str, x: np.ndarray, step: float) -> Iterator[Flag]:
     # fewer levels may be the positions of a valve that knows no others
-    if step > STEPS * x.std() and np.unique(x).size >= FEWEST:
+    if step > _STEPS * x.std() and np.unique(x).size >= _FEWEST:
         yield Flag(f"quantised_{name}", f"{name.upper()} moves in steps of {step:.3g}, {step / x.std():.0%} of its std")
 
 

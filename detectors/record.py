@@ -25,9 +25,9 @@ KIND_ALIASES = {
 
 
 # Beyond these a power of four, as statistics use it, leaves the range of double numbers.
-LARGEST, SMALLEST = 1e60, 1e-60
-FASTEST, SLOWEST = 1e-12, 1e12  # s between samples
-OVER_RANGE = 0.1  # of its span by which a sound signal may go beyond it: 4..20 mA means 3.8 to 20.5, a fault 3.6 or 21
+LARGEST, _SMALLEST = 1e60, 1e-60
+_FASTEST, _SLOWEST = 1e-12, 1e12  # s between samples
+_OVER_RANGE = 0.1  # of its span by which a sound signal may go beyond it: 4..20 mA means 3.8 to 20.5, a fault 3.6 or 21
 MOST_OUTSIDE = 0.05  # share of the samples that may lie further out, before the span is taken for another signal's
 
 
@@ -103,8 +103,8 @@ class LoopRecord:
         Ts = float(self.Ts)
         if not (np.isfinite(Ts) and Ts > 0):
             raise RecordError(f"{where}: Ts = {self.Ts} s; the sampling period must be a number above 0")
-        if not FASTEST <= Ts <= SLOWEST:
-            raise RecordError(f"{where}: Ts = {Ts:g} s; a sampling period is {FASTEST:g} to {SLOWEST:g} s")
+        if not _FASTEST <= Ts <= _SLOWEST:
+            raise RecordError(f"{where}: Ts = {Ts:g} s; a sampling period is {_FASTEST:g} to {_SLOWEST:g} s")
         object.__setattr__(self, "Ts", Ts)
         object.__setattr__(self, "process", _word(self.process, "process", PROCESSES, {}, where))
         object.__setattr__(self, "kind", _word(self.kind, "kind", KINDS, KIND_ALIASES, where))
@@ -149,7 +149,7 @@ class LoopRecord:
         lo, hi = float(self.op.min()), float(self.op.max())
         return self.op_span is None and 0.0 <= lo < hi <= 1.0
 
-    def outside(self, name: str, margin: float = OVER_RANGE) -> float:
+    def outside(self, name: str, margin: float = _OVER_RANGE) -> float:
         """Return the share of OP's or PV's samples that lie beyond its span by more than `margin` of it; 0 without a span."""
         span, x = getattr(self, f"{name}_span"), getattr(self, name)
         if span is None:
@@ -305,8 +305,8 @@ def _signal(value: Any, name: str, n: int, where: str) -> np.ndarray:
         bad = int(np.argmin(np.isfinite(array)))
         raise RecordError(f"{where}: {name.upper()} is {array[bad]} at sample {bad}; finite numbers are needed")
     largest = float(np.abs(array).max(initial=0.0))
-    if largest > LARGEST or 0.0 < largest < SMALLEST:
-        allowed = f"0, or sizes from {SMALLEST:g} to {LARGEST:g}, are needed"
+    if largest > LARGEST or 0.0 < largest < _SMALLEST:
+        allowed = f"0, or sizes from {_SMALLEST:g} to {LARGEST:g}, are needed"
         raise RecordError(f"{where}: the largest {name.upper()} is {largest:g} in size; {allowed}")
     array.flags.writeable = False
     return array

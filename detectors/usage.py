@@ -15,7 +15,7 @@ from detectors.errors import UserError, masked
 LOG = "simbench-fault-"  # begins the name of a fault's log, in the system's folder of temporary files
 RAISED = "SIMBENCH_RAISE"  # set where tests run: a fault of the program is a traceback there, no sentence
 LOGS = 20  # kept there, the newest
-LONGEST = 950  # characters of a sentence; of a longer one its beginning and its end are said
+_LONGEST = 950  # characters of a sentence; of a longer one its beginning and its end are said
 
 
 def exit_code(work: Callable[[], int | None], *known: type[Exception]) -> int:
@@ -78,7 +78,7 @@ def complain(sentence: str) -> int:
     int
     """
     said = masked(" ".join(sentence.split()))
-    print(f"error: {said if len(said) <= LONGEST else f'{said[: LONGEST - 300]} [...] {said[-290:]}'}", file=sys.stderr)
+    print(f"error: {said if len(said) <= _LONGEST else f'{said[: _LONGEST - 300]} [...] {said[-290:]}'}", file=sys.stderr)
     return 2
 
 

@@ -37,13 +37,13 @@ SETTINGS = {
 TAG_WORDS = ("process", "controller", "disturbance", "tuning", "excitation", "effect")
 # closed-loop time constant over dead time (foptd), gain over that of double poles (integrating), share of the ultimate gain (P)
 FOPTD_LAG = {"slow": 3.0, "medium": 1.5, "tight": 0.8}
-INTEGRATING_GAIN = {"slow": 0.6, "medium": 1.0, "tight": 1.5}
-P_SHARE = {"slow": 0.15, "medium": 0.35, "tight": 0.6}
+_INTEGRATING_GAIN = {"slow": 0.6, "medium": 1.0, "tight": 1.5}
+_P_SHARE = {"slow": 0.15, "medium": 0.35, "tight": 0.6}
 # of a healthy loop that oscillates by its own tuning: gain over the ultimate gain of the sampled loop
 ULTIMATE = {"aggressive": 0.9, "saturating": 1.5}
 SAME = "same"
 EXCITATIONS = ("setpoint", "load", "both")
-REST = 50.0  # SP, PV and OP before the excitation
+_REST = 50.0  # SP, PV and OP before the excitation
 
 
 @dataclass(frozen=True)
@@ -261,12 +261,12 @@ def _loop_table(s: Mapping[str, Any], where: str) -> dict[str, Any]:
         lag = FOPTD_LAG[s["tuning"]] / speed * max(Td, 0.1 * T)
         Kc, Ti = T / (K * (lag + Td)), min(T, 4.0 * (lag + Td))
         if s["controller"] == "P":
-            Kc = P_SHARE[s["tuning"]] * speed * ultimate_gain(max(ratio, 0.01)) / K
+            Kc = _P_SHARE[s["tuning"]] * speed * ultimate_gain(max(ratio, 0.01)) / K
         size = K * s["S"]
     elif s["process"] == "integrating":
         Ti, Td = T, float(s["Td_over_Ti"]) * T
         plant = {"type": "integrating", "K": K / T, "Td": Td}
-        Kc = INTEGRATING_GAIN[s["tuning"]] * speed * 4.0 / K
+        Kc = _INTEGRATING_GAIN[s["tuning"]] * speed * 4.0 / K
         size = s["S"] / Kc
     else:
         raise SpecError(f"{where}: process {s['process']!r}, {suggestion(str(s['process']), ('foptd', 'integrating'))}")
@@ -275,12 +275,12 @@ def _loop_table(s: Mapping[str, Any], where: str) -> dict[str, Any]:
         "plant": plant,
         "controller": controller,
         "sampling": {"Ts": max(Td, 0.1 * T) / 10.0, "n": 1000},
-        "setpoint": {"value": REST},
+        "setpoint": {"value": _REST},
     }
     if s["excitation"] != "load" and s["step"] != 0.0:
         # against the load the set point goes the other way: more loops reach their cycle
         step = s["step"] if s["excitation"] == "setpoint" else -abs(s["step"])
-        table["setpoint"]["steps"] = [[0.0, REST + step * size]]
+        table["setpoint"]["steps"] = [[0.0, _REST + step * size]]
     if s["excitation"] != "setpoint":
         # a load that is there from the first sample on: a ramp that takes no time
         table["disturbance"] = [{"type": "ramp", "amplitude": abs(s["step"]) * s["S"], "period": 1e-3 * T, "at": "input"}]

@@ -18,12 +18,12 @@ from scenarios.errors import SpecError, suggestion
 from scenarios.grid_check import refuse_mistakes
 from scenarios.spec import Loop, Real, Value, Whole, _Table, checked, content_hash, read_toml
 
-Range = Real | tuple[Real, Real]
-Names = str | tuple[str, ...]
-Scale = Literal["S", "J", "period", "pv"]
-GRID_KEYS = ("seed", "repeats")
-MOST_REPEATS = 1_000_000
-MOST_VALUES = 10_000  # of one axis
+_Range = Real | tuple[Real, Real]
+_Names = str | tuple[str, ...]
+_Scale = Literal["S", "J", "period", "pv"]
+_GRID_KEYS = ("seed", "repeats")
+_MOST_REPEATS = 1_000_000
+_MOST_VALUES = 10_000  # of one axis
 
 
 class Disturbance(_Table):
@@ -31,9 +31,9 @@ class Disturbance(_Table):
 
     type: str
     at: str = "output"
-    amplitude: Range
-    period: Range
-    parameters: dict[str, Range] = Field(default_factory=dict)
+    amplitude: _Range
+    period: _Range
+    parameters: dict[str, _Range] = Field(default_factory=dict)
 
 
 class More(_Table):
@@ -43,8 +43,8 @@ class More(_Table):
     """
 
     name: str | None = None
-    parameters: dict[str, Range | Names] = Field(default_factory=dict)
-    scale: dict[str, Scale] = Field(default_factory=dict)
+    parameters: dict[str, _Range | _Names] = Field(default_factory=dict)
+    scale: dict[str, _Scale] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _known(self) -> Self:
@@ -63,9 +63,9 @@ class Member(_Table):
     """One of the scenarios that share a cell: a valve, and what else sets it apart from its siblings."""
 
     name: str
-    valve: Names
-    tuning: Names | None = None
-    disturbance: Names | None = None
+    valve: _Names
+    tuning: _Names | None = None
+    disturbance: _Names | None = None
     where: dict[str, Annotated[tuple[Value, ...], Field(min_length=1)]] = Field(default_factory=dict)
 
 
@@ -77,7 +77,7 @@ class Block(_Table):
     process: str = "foptd"
     controller: str = "PI"
     axes: dict[str, tuple[Value, ...]] = Field(default_factory=dict)
-    draw: dict[str, Range | Names] = Field(default_factory=dict)
+    draw: dict[str, _Range | _Names] = Field(default_factory=dict)
     member: tuple[Member, ...] = ()
 
 
@@ -88,8 +88,8 @@ class GridFile(_Table):
     source: str = "own"
     expected: int | None = None
     seed: Annotated[Whole, Field(ge=0, lt=2**63)] = 0
-    repeats: Annotated[Whole, Field(ge=1, le=MOST_REPEATS)] = 1
-    draw: dict[str, Range | Names] = Field(default_factory=dict)
+    repeats: Annotated[Whole, Field(ge=1, le=_MOST_REPEATS)] = 1
+    draw: dict[str, _Range | _Names] = Field(default_factory=dict)
     disturbances: dict[str, Disturbance] = Field(default_factory=dict)
     valves: dict[str, More] = Field(default_factory=dict)
     effects: dict[str, More] = Field(default_factory=dict)
@@ -181,7 +181,7 @@ class Grid:
     @property
     def cells_hash(self) -> str:
         """16 hex digits of what the grid asks, whatever its seed, repeats and name."""
-        without = ("title", "source", "expected", *GRID_KEYS)
+        without = ("title", "source", "expected", *_GRID_KEYS)
         kept = {k: v for k, v in self.content.model_dump().items() if k not in without}
         return content_hash({"content": kept, "overrides": self.overrides})
 
@@ -271,10 +271,10 @@ class Grid:
         seed = int(rng.integers(2**31))
         members = []
         for member in self._present(number, values):
-            own = dict(settings, valve=pick(member.valve, rng))
+            own = dict(settings, valve=_pick(member.valve, rng))
             for key in ("tuning", "disturbance"):
                 if getattr(member, key) is not None:
-                    own[key] = pick(getattr(member, key), rng)
+                    own[key] = _pick(getattr(member, key), rng)
             loads = self._disturbance(own.get("disturbance", "none"), rng)
             name = str(own["valve"])
             own["valve"] = self.content.valves.get(name, More()).drawn(name, rng)
@@ -333,17 +333,17 @@ class Grid:
         return [m for m in members if all(values[key] in allowed for key, allowed in m.where.items())]
 
 
-def draw(allowed: Range | Names, rng: np.random.Generator) -> float | str:
+def draw(allowed: _Range | _Names, rng: np.random.Generator) -> float | str:
     """Return a fixed value as it is, one of several names, or a value drawn evenly in logarithm from (lo, hi)."""
     if not isinstance(allowed, tuple):
         return allowed
     if isinstance(allowed[0], str):
-        return pick(allowed, rng)
+        return _pick(allowed, rng)
     lo, hi = allowed
     return float(np.exp(rng.uniform(math.log(lo), math.log(hi))))
 
 
-def pick(names: Names, rng: np.random.Generator) -> str:
+def _pick(names: _Names, rng: np.random.Generator) -> str:
     """Return one of several names, each as likely."""
     return names if isinstance(names, str) else names[int(rng.integers(len(names)))]
 
@@ -410,25 +410,25 @@ def make_grid(
     overrides: dict[str, Value] = {}
     changed: dict[str, tuple[Value, ...]] = {key: tuple(values) for key, values in (axes or {}).items()}
     for key, value in (sets or {}).items():
-        if key in GRID_KEYS:
+        if key in _GRID_KEYS:
             table[key] = int(value) if isinstance(value, float) and value.is_integer() else value
         elif key in SETTINGS and "block" in table:
             changed[key] = (value,)
         elif "." in key or "loop" in table:
             overrides[key] = value
         else:
-            raise SpecError(f"{name}: cannot set {key!r}, {suggestion(key, (*GRID_KEYS, *SETTINGS))}")
+            raise SpecError(f"{name}: cannot set {key!r}, {suggestion(key, (*_GRID_KEYS, *SETTINGS))}")
     blocks = table["block"] if isinstance(table.get("block"), list) else []
     for axes_of in [part.get("axes") for part in (table, *blocks) if isinstance(part, dict)]:
         for key, values in axes_of.items() if isinstance(axes_of, dict) else ():
-            if isinstance(values, list) and len(values) > MOST_VALUES:
-                raise SpecError(f"{name}: axis {key!r} has {len(values)} values; at most {MOST_VALUES} are allowed")
+            if isinstance(values, list) and len(values) > _MOST_VALUES:
+                raise SpecError(f"{name}: axis {key!r} has {len(values)} values; at most {_MOST_VALUES} are allowed")
     content = checked(GridFile, table, name)
     if changed:
         content = _with_axes(content, changed, name)
     for key in overrides:
         if key not in Rules.FIELDS and (key.partition(".")[0] not in Loop.model_fields or "." not in key):
-            raise SpecError(f"{name}: cannot set {key!r}, {suggestion(key, (*GRID_KEYS, *SETTINGS))}")
+            raise SpecError(f"{name}: cannot set {key!r}, {suggestion(key, (*_GRID_KEYS, *SETTINGS))}")
     grid = Grid(name, content, overrides)
     refuse_mistakes(grid)
     untouched = not changed and not overrides

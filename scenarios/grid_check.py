@@ -9,16 +9,16 @@ from typing import Any
 from scenarios.cell import EXCITATIONS, FOPTD_LAG, SAME, SETTINGS, TAG_WORDS, ULTIMATE
 from scenarios.errors import SpecError, suggestion
 
-MOST_CELLS = 1_000_000
-MOST_BUILT = 2000  # cells that are built to see whether they make a loop
-SHOWN = 12  # mistakes in one sentence
+_MOST_CELLS = 1_000_000
+_MOST_BUILT = 2000  # cells that are built to see whether they make a loop
+_SHOWN = 12  # mistakes in one sentence
 # what a setting may be; 0 is allowed where the first number is
 SETTING_LIMITS = {
     "Td_over_T": (0.0, 1e3), "Td_over_Ti": (0.0, 1e3), "S_over_2J": (1e-6, math.inf), "noise_ratio": (0.0, 1e3),
     "samples_per_period": (4.0, 1e4), "periods": (2.0, 1e4), "T": (1e-9, 1e9), "S": (1e-9, 100.0), "step": (0.0, 1e3),
     "speed": (1e-3, 1e3), "w_Ti": (1e-6, 1e6), "mv_noise": (0.0, 1e3), "moves": (0.0, 1e4), "move": (0.0, 1e3),
 }  # fmt: skip
-ATS = ("input", "output")
+_ATS = ("input", "output")
 
 
 def refuse_mistakes(grid: Any) -> None:
@@ -36,16 +36,16 @@ def refuse_mistakes(grid: Any) -> None:
         lists without a value, too many cells, and cells that make no loop.
     """
     found = list(dict.fromkeys(_mistakes(grid.content)))
-    if not found and grid.cells > MOST_CELLS:
-        found = [f"{grid.cells:.3g} cells; at most {MOST_CELLS} are simulated"]
+    if not found and grid.cells > _MOST_CELLS:
+        found = [f"{grid.cells:.3g} cells; at most {_MOST_CELLS} are simulated"]
     say(grid.name, found or _no_loops(grid))
 
 
 def say(name: str, mistakes: list[str]) -> None:
     """Raise SpecError with all mistakes in one sentence, if there are any."""
     if mistakes:
-        more = f"; and {len(mistakes) - SHOWN} more" if len(mistakes) > SHOWN else ""
-        raise SpecError(f"{name}: {'; '.join(mistakes[:SHOWN])}{more}")
+        more = f"; and {len(mistakes) - _SHOWN} more" if len(mistakes) > _SHOWN else ""
+        raise SpecError(f"{name}: {'; '.join(mistakes[:_SHOWN])}{more}")
 
 
 def _mistakes(content: Any) -> Iterator[str]:
@@ -60,8 +60,8 @@ def _mistakes(content: Any) -> Iterator[str]:
     yield from _settings("[draw]", content.draw, known)
     for name, load in content.disturbances.items():
         where = f"disturbance {name!r}"
-        if load.at not in ATS:
-            yield f"{where}: at = {load.at!r} is unknown, {suggestion(load.at, ATS)}"
+        if load.at not in _ATS:
+            yield f"{where}: at = {load.at!r} is unknown, {suggestion(load.at, _ATS)}"
         for key, value in (("amplitude", load.amplitude), ("period", load.period), *load.parameters.items()):
             yield from _range(f"{where}: {key}", value)
     for kind, parts in (("valve", content.valves), ("effect", content.effects)):
@@ -186,13 +186,13 @@ def _word(where: str, value: str, known: tuple) -> Iterator[str]:
 def _no_loops(grid: Any) -> list[str]:
     """Build cells evenly over the grid, a few thousand at most; what they complain of, each complaint once."""
     found: dict[str, None] = {}
-    for cell in range(0, grid.cells, max(1, grid.cells // MOST_BUILT)):
+    for cell in range(0, grid.cells, max(1, grid.cells // _MOST_BUILT)):
         try:
             grid.group(cell)
         except SpecError as error:
             found[str(error).removeprefix(f"{grid.name}: ")] = None
         except (ArithmeticError, ValueError) as error:
             found[f"cell {cell} makes no loop: {error}"] = None
-        if len(found) > SHOWN:
+        if len(found) > _SHOWN:
             break
     return list(found)

@@ -15,7 +15,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from scenarios.errors import SpecError, suggestion
 
 MAX_SAMPLES = 20_000_000  # a run holds about ten arrays of n doubles: 1.6 GB here
-MOST_CLAUSES = 12  # complaints in one sentence
+_MOST_CLAUSES = 12  # complaints in one sentence
 LARGEST_NUMBER = 1e60  # beyond it a record's statistics leave the range of double numbers
 M = TypeVar("M", bound=BaseModel)
 Value = float | int | str | bool | list[Any]
@@ -29,9 +29,9 @@ def _number(value: Any) -> Any:
 
 Real = Annotated[float, BeforeValidator(_number)]
 Whole = Annotated[int, BeforeValidator(_number)]
-Finite = Annotated[Real, Field(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER, allow_inf_nan=False)]
-Positive = Annotated[Real, Field(gt=0, le=LARGEST_NUMBER, allow_inf_nan=False)]
-NonNegative = Annotated[Real, Field(ge=0, le=LARGEST_NUMBER, allow_inf_nan=False)]
+_Finite = Annotated[Real, Field(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER, allow_inf_nan=False)]
+_Positive = Annotated[Real, Field(gt=0, le=LARGEST_NUMBER, allow_inf_nan=False)]
+_NonNegative = Annotated[Real, Field(ge=0, le=LARGEST_NUMBER, allow_inf_nan=False)]
 
 
 class _Table(BaseModel):
@@ -45,9 +45,9 @@ class Plant(_Table):
     """
 
     type: Literal["foptd", "integrating"]
-    K: Finite
-    T: Positive | None = None
-    Td: NonNegative = 0.0
+    K: _Finite
+    T: _Positive | None = None
+    Td: _NonNegative = 0.0
 
     @model_validator(mode="after")
     def _whole(self) -> Self:
@@ -64,8 +64,8 @@ class Controller(_Table):
     """PI or P: Kc in % per PV unit, Ti in s; "reverse" raises OP when PV falls."""
 
     type: Literal["PI", "P"]
-    Kc: Positive
-    Ti: Positive | None = None
+    Kc: _Positive
+    Ti: _Positive | None = None
     direction: Literal["reverse", "direct"] = "reverse"
 
     @model_validator(mode="after")
@@ -82,32 +82,32 @@ class Controller(_Table):
         return 1.0 if self.direction == "reverse" else -1.0
 
 
-class OperatingPoint(_Table):
+class _OperatingPoint(_Table):
     """Where the run rests before it starts: OP in %, PV in its units (None: the set point's start value)."""
 
     op0: Annotated[Real, Field(ge=0, le=100, allow_inf_nan=False)] = 50.0
-    pv0: Finite | None = None
+    pv0: _Finite | None = None
 
 
 class Sampling(_Table):
     """Ts in s; n samples."""
 
-    Ts: Positive
+    Ts: _Positive
     n: Annotated[Whole, Field(ge=3, le=MAX_SAMPLES)] = 4000
 
 
 class Noise(_Table):
     """White measurement noise: std on PV (PV units), which the controller sees, mv_std on the recorded MV alone (%)."""
 
-    std: NonNegative = 0.0
-    mv_std: NonNegative | None = None
+    std: _NonNegative = 0.0
+    mv_std: _NonNegative | None = None
 
 
 class SetPoint(_Table):
     """Start value and later steps [[t in s, new value], ...]."""
 
-    value: Finite = 50.0
-    steps: tuple[tuple[NonNegative, Finite], ...] = ()
+    value: _Finite = 50.0
+    steps: tuple[tuple[_NonNegative, _Finite], ...] = ()
 
 
 class Part(BaseModel):
@@ -119,7 +119,7 @@ class Part(BaseModel):
 
 
 # The key that names the plug-in in each table of a loop file.
-NAME_KEY = {"valve": "model", "disturbance": "type", "effect": "name"}
+_NAME_KEY = {"valve": "model", "disturbance": "type", "effect": "name"}
 
 
 class Loop(_Table):
@@ -150,7 +150,7 @@ class Loop(_Table):
     plant: Plant
     controller: Controller
     sampling: Sampling
-    operating_point: OperatingPoint = OperatingPoint()
+    operating_point: _OperatingPoint = _OperatingPoint()
     valve: Part = Part(name="ideal")
     noise: Noise = Noise()
     setpoint: SetPoint = SetPoint()
@@ -200,7 +200,7 @@ class Loop(_Table):
             One sentence: the key, its value, what is allowed, the nearest known key.
         """
         table = dict(table)
-        for section, key in NAME_KEY.items():
+        for section, key in _NAME_KEY.items():
             if section in table:
                 many = section != "valve"
                 parts = table[section] if many else [table[section]]
@@ -218,7 +218,7 @@ class Loop(_Table):
         dict
         """
         table = self.model_dump(exclude_none=True)
-        for section, key in NAME_KEY.items():
+        for section, key in _NAME_KEY.items():
             parts = [{key: p.name, **p.parameters} for p in _parts(getattr(self, section))]
             table[section] = parts[0] if section == "valve" else parts
         return table
@@ -234,7 +234,7 @@ class Loop(_Table):
         for section, content in self.to_table().items():
             for part in content if isinstance(content, list) else [content]:
                 lines.append(f"[[{section}]]" if isinstance(content, list) else f"[{section}]")
-                lines += [f"{key} = {toml_value(value)}" for key, value in part.items()]
+                lines += [f"{key} = {_toml_value(value)}" for key, value in part.items()]
                 lines.append("")
         return "\n".join(lines)
 
@@ -358,16 +358,16 @@ def content_hash(content: Any) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def toml_value(value: Any) -> str:
+def _toml_value(value: Any) -> str:
     """Write one value in TOML."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False)
     if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(map(toml_value, value)) + "]"
+        return "[" + ", ".join(map(_toml_value, value)) + "]"
     if isinstance(value, dict):
-        return "{ " + ", ".join(f"{k} = {toml_value(v)}" for k, v in value.items()) + " }"
+        return "{ " + ", ".join(f"{k} = {_toml_value(v)}" for k, v in value.items()) + " }"
     if isinstance(value, float) and math.isinf(value):
         return "inf" if value > 0 else "-inf"
     return repr(value)
@@ -412,7 +412,7 @@ def _sentences(model: type[BaseModel], errors: list[Any], table: Any) -> str:
             for step in key:
                 value = value[step]
             clauses.append(f"{'.'.join(map(str, key))} = {_short(value)}; a number, [lo, hi] or names are needed")
-    return "; ".join(clauses[:MOST_CLAUSES]) + ("; and more" if len(clauses) > MOST_CLAUSES else "")
+    return "; ".join(clauses[:_MOST_CLAUSES]) + ("; and more" if len(clauses) > _MOST_CLAUSES else "")
 
 
 def _key(loc: tuple, table: Any, missing: bool) -> tuple:
@@ -431,7 +431,7 @@ def _key(loc: tuple, table: Any, missing: bool) -> tuple:
 def _sentence(model: type[BaseModel], error: Any) -> str:
     path = [p for p in error["loc"] if isinstance(p, (str, int))]
     if path[1:] and path[-1] == "name":  # the file's own word for it
-        path[-1] = NAME_KEY.get(str(path[0]), "name")
+        path[-1] = _NAME_KEY.get(str(path[0]), "name")
     place = ".".join(str(p) for p in path)
     kind, value = error["type"], error.get("input")
     if kind == "extra_forbidden":

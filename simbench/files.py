@@ -21,20 +21,20 @@ from detectors.record import LoopRecord
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-READ = (".csv", ".json", ".mat", ".parquet", ".pq", ".toml", ".txt", ".xls", ".xlsx")  # what commands read of a folder
+_READ = (".csv", ".json", ".mat", ".parquet", ".pq", ".toml", ".txt", ".xls", ".xlsx")  # what commands read of a folder
 # `Path` makes one slash of two; a single letter is a drive
 URL = re.compile(r"([A-Za-z][A-Za-z0-9+._-]+(?:::[^/]*)?):/+(.*)")
 
 
 # in the names of temporary files: those of other machines and containers are let be
 HOST = f"{zlib.crc32(f'{platform.node()} {os.stat(os.sep).st_dev}'.encode()):08x}"
-QUIET = 2.0  # s without a change, after which a temporary file of no process that is seen here is nobody's
+_QUIET = 2.0  # s without a change, after which a temporary file of no process that is seen here is nobody's
 # the name of a file, or a plug-in's text, may be no Unicode
-TEXT: dict[str, Any] = {"encoding": "utf-8", "newline": "", "errors": "backslashreplace"}
+_TEXT: dict[str, Any] = {"encoding": "utf-8", "newline": "", "errors": "backslashreplace"}
 
 
 # what spreadsheets compute; signed numbers are none, whatever their decimal sign
-FORMULA = re.compile(r"\s*(?:[=@]|[+-](?![\d.,e+\- ]*$))")
+_FORMULA = re.compile(r"\s*(?:[=@]|[+-](?![\d.,e+\- ]*$))")
 
 
 class FileError(UserError, OSError):
@@ -75,7 +75,7 @@ def whole_file(path: str | Path, mode: str = "w") -> Iterator[IO]:
     try:
         if path.is_dir():
             raise IsADirectoryError(21, "it is a folder")
-        with open(temporary, mode, **({} if "b" in mode else TEXT)) as f:
+        with open(temporary, mode, **({} if "b" in mode else _TEXT)) as f:
             yield f
             f.flush()
             if not special:
@@ -94,7 +94,7 @@ def remove_stale_temporaries(place: Path) -> None:
     """Remove what killed processes of this machine left half-written in a folder."""
     for file in place.glob(f".*.{HOST}.*"):
         with contextlib.suppress(OSError, ValueError):  # an open file of another process cannot be removed on Windows
-            quiet = time.time() - file.stat().st_mtime > QUIET  # its writer may live unseen, in another space of processes
+            quiet = time.time() - file.stat().st_mtime > _QUIET  # its writer may live unseen, in another space of processes
             if os.name != "posix" or (quiet and not _lives(int(file.suffix[1:]))):
                 file.unlink()
 
@@ -174,7 +174,7 @@ def refuse_own_input(outputs: Iterable[str | Path | None], inputs: Iterable[str 
         return
     read: set[Path] = set()
     for path in (Path(p) for p in inputs if p is not None):
-        inside = [f for f in path.rglob("*") if f.suffix.lower() in READ] if path.is_dir() else [path]
+        inside = [f for f in path.rglob("*") if f.suffix.lower() in _READ] if path.is_dir() else [path]
         read |= {_real(f) for f in inside}
     for path in map(_local, wanted):
         if _real(path) in read:
@@ -233,14 +233,14 @@ def write_record(record: LoopRecord, path: str | Path) -> None:
 def refuse_kind(path: str | Path) -> None:
     """Refuse a name that says another kind of table than the CSV that is written: nobody could read it back."""
     suffix = Path(path).suffix.lower()
-    if suffix in READ and suffix not in (".csv", ".txt"):
+    if suffix in _READ and suffix not in (".csv", ".txt"):
         raise FileError(f"{path}: what is written is CSV; a name that ends in .csv is needed")
 
 
 def plain_cell(value: Any) -> Any:
     """Return a cell of a table so that no spreadsheet computes it: text that begins like a formula gets an apostrophe."""
     text = value.replace("\r", " ") if isinstance(value, str) else value  # which would end a line
-    return f"'{text}" if isinstance(value, str) and FORMULA.match(value) else text
+    return f"'{text}" if isinstance(value, str) and _FORMULA.match(value) else text
 
 
 def csv_text(table: DataFrame, **how: Any) -> str:

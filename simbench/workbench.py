@@ -21,21 +21,21 @@ from simbench.theory.predict import predict
 if TYPE_CHECKING:
     import pandas as pd
 
-Table = Mapping[str, Any]
+_Table = Mapping[str, Any]
 
 
-class Sections(TypedDict, total=False):
+class _Sections(TypedDict, total=False):
     """Sections of a loop, as in a loop file; times in s, OP, MV and valve parameters in %."""
 
-    plant: Required[Table]
-    controller: Required[Table]
-    sampling: Required[Table]
-    valve: Table
-    noise: Table
-    setpoint: Table
-    operating_point: Table
-    disturbance: Sequence[Table]
-    effect: Sequence[Table]
+    plant: Required[_Table]
+    controller: Required[_Table]
+    sampling: Required[_Table]
+    valve: _Table
+    noise: _Table
+    setpoint: _Table
+    operating_point: _Table
+    disturbance: Sequence[_Table]
+    effect: Sequence[_Table]
 
 
 class Loop(spec.Loop):
@@ -76,7 +76,7 @@ class Loop(spec.Loop):
     600
     """
 
-    def __init__(self, **sections: Unpack[Sections]) -> None:
+    def __init__(self, **sections: Unpack[_Sections]) -> None:
         checked = spec.Loop.from_table(dict(sections), "Loop")
         super().__init__(**dict(checked))  # pyright: ignore[reportCallIssue]
 

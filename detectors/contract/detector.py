@@ -23,14 +23,14 @@ from detectors.record import PROCESSES, LoopRecord
 from detectors.signal.oscillation import Oscillation
 from detectors.verdict import NO_DECISION, STICTION, Verdict, wrong_types
 
-ROLES, BUDGETS = ("stiction", "nonlinearity", "quantification"), ("fast", "full")
+_ROLES, _BUDGETS = ("stiction", "nonlinearity", "quantification"), ("fast", "full")
 # PV in another unit, and OP with its span in another
-UNITS = ((0.02, -7.0), (-30.0, 2000.0))
-OP_UNITS = ((0.16, 4.0), (40.0, -300.0))
-FAINT = 1e-6  # of a signal's range: no verdict of any record may hang on this
-LEVELS = (0.0, 7.0)  # of the set point, for records that are asked about in another order
+_UNITS = ((0.02, -7.0), (-30.0, 2000.0))
+_OP_UNITS = ((0.16, 4.0), (40.0, -300.0))
+_FAINT = 1e-6  # of a signal's range: no verdict of any record may hang on this
+_LEVELS = (0.0, 7.0)  # of the set point, for records that are asked about in another order
 THINNED = (2, 4, 8)  # samples of a dense record to one
-DEAD = ("constant", "short", "no period")
+_DEAD = ("constant", "short", "no period")
 
 
 @dataclass(frozen=True)
@@ -150,8 +150,8 @@ def _description(module: ModuleType) -> Iterator[str]:
     for word in ("title", "source"):
         if not str(getattr(method, word)).strip():
             yield f"METHOD.{word} is empty"
-    for words, allowed, of in ((method.process, PROCESSES, "process"), ((method.role,), ROLES, "role"),
-                               ((method.budget,), BUDGETS, "budget"), (method.exempt, CASES, "exempt")):  # fmt: skip
+    for words, allowed, of in ((method.process, PROCESSES, "process"), ((method.role,), _ROLES, "role"),
+                               ((method.budget,), _BUDGETS, "budget"), (method.exempt, CASES, "exempt")):  # fmt: skip
         if isinstance(words, str) or any(w not in allowed for w in words) or (of == "process" and not words):
             yield f"METHOD.{of} = {words!r}, allowed: {', '.join(allowed)}"
     for case, reason in method.exempt.items():
@@ -196,7 +196,7 @@ def _cases(name: str, module: ModuleType, process: str) -> Iterator[str]:
                 yield f"says {verdict.verdict!r} on {on}: {verdict.reason}"
         elif verdict.verdict == STICTION:
             yield f"says 'stiction' on {on}: {verdict.reason}"
-        elif verdict.verdict != NO_DECISION and case in DEAD:
+        elif verdict.verdict != NO_DECISION and case in _DEAD:
             yield f"says {verdict.verdict!r} on {on}, of which nothing can be said"
         elif verdict.score >= best:
             yield f"scores {verdict.score:.3g} on {on} and {best:.3g} where the valve sticks; a larger score must mean stickier"
@@ -208,7 +208,7 @@ def _cases(name: str, module: ModuleType, process: str) -> Iterator[str]:
 def _order(name: str, module: ModuleType, process: str) -> Iterator[str]:
     """Ask about siblings at two set points, then in another order and twice running: a memory answers otherwise."""
     records = []
-    for level in LEVELS:
+    for level in _LEVELS:
         for case in ("stiction", "healthy"):
             plain = example_record(case, process)
             records.append(replace(plain, pv=plain.pv + level, sp=np.full(plain.n, 50.0 + level)))
@@ -224,7 +224,7 @@ def _faint_noise(name: str, module: ModuleType, process: str) -> Iterator[str]:
     for case in ("stiction", "healthy", "sine"):
         record = example_record(case, process)
         seen = {s: getattr(record, s) for s in ("op", "pv")}
-        noisy = replace(record, **{s: x + FAINT * np.ptp(x) * rng.standard_normal(x.size) for s, x in seen.items()})
+        noisy = replace(record, **{s: x + _FAINT * np.ptp(x) * rng.standard_normal(x.size) for s, x in seen.items()})
         asked, moved = (_word(_judged(name, module, r)) for r in (record, noisy))
         if asked != moved:
             what = f"{asked!r} becomes {moved!r} on the record {case!r} ({process})"
@@ -270,12 +270,12 @@ def _units(name: str, module: ModuleType, process: str) -> Iterator[str]:
         if not (module.METHOD.needs_mv and process == "integrating"):
             record = replace(record, mv=None)  # MV is recorded in %, whatever the unit of OP
         asked = _word(_judged(name, module, record))
-        for a, b in UNITS:
+        for a, b in _UNITS:
             moved = _word(_judged(name, module, replace(record, pv=a * record.pv + b)))
             if moved != asked:
                 yield f"follows PV's unit: {asked!r} becomes {moved!r} on the record {case!r} ({process}) with {a:g} PV + {b:g}"
                 break
-        for a, b in OP_UNITS if record.mv is None else ():
+        for a, b in _OP_UNITS if record.mv is None else ():
             moved = _word(_judged(name, module, replace(record, op=a * record.op + b, op_span=(b, 100.0 * a + b))))
             if moved != asked:
                 yield f"follows OP's unit: {asked!r} becomes {moved!r} on the record {case!r} ({process}) with {a:g} OP + {b:g}"
@@ -297,7 +297,7 @@ def _inputs(name: str, module: ModuleType, process: str) -> Iterator[str]:
 
 
 def _dead(module: ModuleType, process: str) -> Iterator[str]:
-    for case in DEAD:
+    for case in _DEAD:
         prepared = Prepared(replace(example_record("noise" if case == "no period" else case, process)))
         if case == "no period":
             prepared.__dict__["oscillation"] = Oscillation(False, 0.0, math.nan)

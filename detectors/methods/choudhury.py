@@ -29,8 +29,8 @@ from detectors.signal.oscillation import oscillation_of
 from detectors.signal.surrogates import nonlinearity_index
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
-DENSEST = 64.0  # samples per period of the filtered signals
-WIDE = 25.0  # % of span; beyond it the valve's characteristic may be the nonlinearity (Choudhury 2004)
+_DENSEST = 64.0  # samples per period of the filtered signals
+_WIDE = 25.0  # % of span; beyond it the valve's characteristic may be the nonlinearity (Choudhury 2004)
 
 METHOD = Method(
     title="nonlinearity, then an ellipse of PV over OP",
@@ -116,7 +116,7 @@ def detect(
     # the surrogates name no frequencies: the oscillation's stands in
     around = (1.0 / period, 1.0 / period) if surrogate > 0.5 else higher.peak
     op = record.op if record.op_percent is None else record.op_percent
-    step = max(1, 2 ** int(np.ceil(np.log2(period / DENSEST))))
+    step = max(1, 2 ** int(np.ceil(np.log2(period / _DENSEST))))
     n = record.n // step
     op, pv = (x[: n * step].reshape(n, step).mean(axis=1) for x in (op, record.pv))
     around = (step * around[0], step * around[1])
@@ -136,6 +136,6 @@ def detect(
         reason = f"nonlinear ({told}), but no ellipse ({fitness:.0%} of the points): another valve problem"
         return Verdict("choudhury", NO_STICTION, score, indices, reason=reason)
     reason = f"nonlinear ({told}) and {fitness:.0%} of the points on an ellipse"
-    if record.op_percent is not None and np.ptp(record.op_percent) > WIDE:
+    if record.op_percent is not None and np.ptp(record.op_percent) > _WIDE:
         reason += f"; OP moves over {np.ptp(record.op_percent):.0f} %, so look at the valve's characteristic as well"
     return Verdict("choudhury", STICTION, score, indices, S=S, reason=reason)

@@ -22,7 +22,7 @@ from detectors.signal.ellipse import fit_ellipse
 from detectors.signal.oscillation import regular_segment
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
-DEAD = 1e-9  # of a signal's range over the record: what moves by less stands still
+_DEAD = 1e-9  # of a signal's range over the record: what moves by less stands still
 
 METHOD = Method(
     title="ellipse fitted to PV over OP",
@@ -70,7 +70,7 @@ def detect(prepared: Prepared, *, fitness_low: float, harmonics: float = 3.0) ->
         op, pv = (prepared.band(name, period / harmonics) for name in ("travel", "pv"))
     cut = slice(*regular_segment(op, period, round(4 * period)))
     # of an oscillation that has died out rounding is left, and that depends on the unit
-    moves = all(np.ptp(x[cut]) > DEAD * np.ptp(prepared.signal(name)) for name, x in (("op", op), ("pv", pv)))
+    moves = all(np.ptp(x[cut]) > _DEAD * np.ptp(prepared.signal(name)) for name, x in (("op", op), ("pv", pv)))
     found = fit_ellipse(op[cut], pv[cut]) if moves else None
     if found is None:
         return Verdict("ellipse", NO_STICTION, 0.0, {"fitness": 0.0}, reason="PV over OP is no ellipse")

@@ -25,8 +25,8 @@ from detectors.signal.hammerstein import fit_hammerstein, swing
 from detectors.signal.stiction_map import valve_position
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Level, Verdict
 
-SAMPLES = 30  # per period at least, after averaging, of the one-step fit
-SHARES, JUMPS = np.arange(1, 11) / 10.0, np.arange(7) / 4.0  # of S in OP's swing and of J in S, tried by it
+_SAMPLES = 30  # per period at least, after averaging, of the one-step fit
+_SHARES, _JUMPS = np.arange(1, 11) / 10.0, np.arange(7) / 4.0  # of S in OP's swing and of J in S, tried by it
 BEYOND = 1.3  # S is looked for this far beyond what fits: so it holds in nine of ten loops of any family (bench/families.py)
 
 METHOD = Method(
@@ -50,11 +50,11 @@ def interval(best: float, span: tuple[float, float], width: float) -> Level:
 
 def _one_step(op: np.ndarray, pv: np.ndarray, period: float, usual: float) -> tuple[dict[str, float], str]:
     """Return the S and J whose valve leaves the smallest one-step errors of y(k) = a y(k-1) + b v(k-1-nd) + c, on a grid."""
-    q = max(1, int(period / SAMPLES))
+    q = max(1, int(period / _SAMPLES))
     n = op.size // q
     u, y = (x[: n * q].reshape(n, q).mean(axis=1) for x in (op, pv))
     delays = range(max(2, round(0.5 * period / q)))
-    tried = [(0.0, 0.0), *((s * usual, s * j * usual) for s in SHARES for j in JUMPS)]
+    tried = [(0.0, 0.0), *((s * usual, s * j * usual) for s in _SHARES for j in _JUMPS)]
     error, S, J = min((fit_plant(valve_position(u, S, J, limits=(-np.inf, np.inf)), y, delays)[4], S, J) for S, J in tried)
     straight = fit_plant(u, y, delays)[4]
     gain = max(1.0 - error / straight, 0.0) if straight > 0.0 else 0.0

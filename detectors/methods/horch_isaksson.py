@@ -24,9 +24,9 @@ from detectors.prepared import Prepared
 from detectors.signal.hammerstein import fit_hammerstein, moving_mean, strongest_segment, swing
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
-SAMPLES = 30  # per period at least, after averaging
-LENGTH = 500  # averaged samples
-STAY = 0.95  # probability that the valve goes on doing what it did
+_SAMPLES = 30  # per period at least, after averaging
+_LENGTH = 500  # averaged samples
+_STAY = 0.95  # probability that the valve goes on doing what it did
 LOOSE = 0.02  # std of the valve's position about its model, shares of OP's swing per sample
 
 METHOD = Method(
@@ -42,7 +42,7 @@ METHOD = Method(
 )
 
 
-def two_models(u: np.ndarray, y: np.ndarray, a: float, b: float, noise: float, stay: float = STAY) -> tuple[np.ndarray, float]:
+def two_models(u: np.ndarray, y: np.ndarray, a: float, b: float, noise: float, stay: float = _STAY) -> tuple[np.ndarray, float]:
     """Run both filters over a record.
 
     Parameters
@@ -161,8 +161,8 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
     if scale <= 0:
         return Verdict("horch_isaksson", NO_DECISION, reason="OP stands still in most cycles")
     plant = prepared.share("hammerstein", lambda: fit_hammerstein(op, pv, period, prepared.integrating, limits, record.Ts))
-    q = max(1, int(period / SAMPLES))
-    start, stop = strongest_segment(op, period, min(record.n, LENGTH * q))
+    q = max(1, int(period / _SAMPLES))
+    start, stop = strongest_segment(op, period, min(record.n, _LENGTH * q))
     n = (stop - start) // q
     u, y = (x[start : start + n * q].reshape(n, q).mean(axis=1) for x in (op, pv))
     half = max(round(period / q / 2), 1)

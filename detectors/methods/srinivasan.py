@@ -25,13 +25,13 @@ from detectors.signal.oscillation import zero_crossings
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 CYCLE_POINTS = 40  # samples per resampled cycle
-CYCLES = 40  # at most, spread over the record
-HARMONICS = 9.0
-GUARD = 0.25  # a crossing counts when the signal then passes this many standard deviations
+_CYCLES = 40  # at most, spread over the record
+_HARMONICS = 9.0
+_GUARD = 0.25  # a crossing counts when the signal then passes this many standard deviations
 SHAPES = ("square", "triangle", "sawtooth", "sine")
 # Table 11.2 (OP, PV); a level loop's parabolic OP is nearest to the sine
 FAST, SLOW = {("triangle", "square"), ("square", "square")}, {("triangle", "sine")}
-LEVEL = {("triangle", "triangle"), ("sine", "triangle")}
+_LEVEL = {("triangle", "triangle"), ("sine", "triangle")}
 COLUMNS = {"flow": FAST, "pressure": SLOW, "temperature": SLOW}
 
 METHOD = Method(
@@ -58,7 +58,7 @@ def cycles(x: np.ndarray, period: float) -> np.ndarray:
     Returns
     -------
     ndarray, shape (m, POINTS)
-        The same for `x` and `-x`, so that the sign of the plant's gain tells nothing. At most `CYCLES` of them; those
+        The same for `x` and `-x`, so that the sign of the plant's gain tells nothing. At most `_CYCLES` of them; those
         shorter than half or longer than one and a half periods are left out.
 
     Examples
@@ -66,11 +66,11 @@ def cycles(x: np.ndarray, period: float) -> np.ndarray:
     >>> cycles(np.sin(2 * np.pi * np.arange(400) / 40), 40.0).shape
     (17, 40)
     """
-    at = zero_crossings(x, GUARD * float(x.std()))
+    at = zero_crossings(x, _GUARD * float(x.std()))
     way = np.where(x[np.minimum(at.astype(int) + 1, x.size - 1)] > 0, 1.0, -1.0)[:-2]
     at, length = at[:-2], at[2:] - at[:-2]
     fit = np.flatnonzero((length > 0.5 * period) & (length < 1.5 * period))
-    fit = fit[np.linspace(0, fit.size - 1, min(fit.size, CYCLES)).astype(int)] if fit.size else fit
+    fit = fit[np.linspace(0, fit.size - 1, min(fit.size, _CYCLES)).astype(int)] if fit.size else fit
     place = at[fit, None] + length[fit, None] * ((np.arange(CYCLE_POINTS) + 0.5) / CYCLE_POINTS)
     k = np.minimum(place.astype(int), x.size - 2)
     y = way[fit, None] * (x[k] + (place - k) * (x[k + 1] - x[k]))
@@ -133,7 +133,7 @@ def detect(prepared: Prepared, *, by_kind: float = 0.0) -> Verdict:
         return Verdict("srinivasan", NO_DECISION, reason=f"{period:.1f} samples per cycle; at least 8 are needed")
     shares, indices = {}, {}
     for name in ("OP", "PV"):
-        found = cycles(prepared.band(name.lower(), period / HARMONICS), period)
+        found = cycles(prepared.band(name.lower(), period / _HARMONICS), period)
         if len(found) < 3:
             return Verdict("srinivasan", NO_DECISION, reason=f"{len(found)} whole cycles in {name}; at least 3 are needed")
         shares[name] = label_shares(found)
@@ -143,7 +143,7 @@ def detect(prepared: Prepared, *, by_kind: float = 0.0) -> Verdict:
     seen = {name: SHAPES[int(np.argmax(s))] for name, s in shares.items()}
     pair = tuple("triangle" if seen[n] == "sawtooth" else seen[n] for n in ("OP", "PV"))
     said = ", ".join(f"{n} looks like a {seen[n]} ({shares[n].max():.0%} of the cycles)" for n in ("OP", "PV"))
-    pairs = LEVEL if prepared.integrating else FAST | SLOW
+    pairs = _LEVEL if prepared.integrating else FAST | SLOW
     if by_kind > 0.5 and not prepared.integrating:
         pairs = COLUMNS.get(str(prepared.record.kind), pairs)
     if pair in pairs:

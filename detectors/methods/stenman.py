@@ -22,11 +22,11 @@ from detectors.signal.arx import fit_plant
 from detectors.signal.hammerstein import moving_mean, strongest_segment, swing
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
-SAMPLES = 30  # per period at least, after averaging
-LENGTH = 400  # averaged samples
-ROUNDS = 3
-PRICE = 0.5  # of a jump, in ln(n) times the error variance; own, simulated loops
-FIRST_GUESSES = (0.0, 0.4)  # half widths of the dead band that gives the first guess of the valve, shares of OP's swing
+_SAMPLES = 30  # per period at least, after averaging
+_LENGTH = 400  # averaged samples
+_ROUNDS = 3
+_PRICE = 0.5  # of a jump, in ln(n) times the error variance; own, simulated loops
+_FIRST_GUESSES = (0.0, 0.4)  # half widths of the dead band that gives the first guess of the valve, shares of OP's swing
 
 METHOD = Method(
     title="jumps of the valve by segmentation",
@@ -140,8 +140,8 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
     period = prepared.period
     if period < 8:
         return Verdict("stenman", NO_DECISION, reason=f"{period:.1f} samples per cycle; at least 8 are needed")
-    q = max(1, int(period / SAMPLES))
-    start, stop = strongest_segment(prepared.searchable("travel"), period, min(record.n, LENGTH * q))
+    q = max(1, int(period / _SAMPLES))
+    start, stop = strongest_segment(prepared.searchable("travel"), period, min(record.n, _LENGTH * q))
     n = (stop - start) // q
     op, pv = (x[start : start + n * q].reshape(n, q).mean(axis=1) for x in map(prepared.searchable, ("travel", "pv")))
     period /= q
@@ -153,7 +153,7 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
     y = y / y.std()
     delays = range(max(2, round(0.5 * period)))
     linear = fit_plant(u, y, delays)
-    found = min((_alternate(u, y, band, delays) for band in FIRST_GUESSES), key=lambda f: f[0])
+    found = min((_alternate(u, y, band, delays) for band in _FIRST_GUESSES), key=lambda f: f[0])
     cost, x = found
     jumps = int(np.count_nonzero(np.diff(x)))
     gain = max(1.0 - cost / linear[4], 0.0)
@@ -171,9 +171,9 @@ def _alternate(u: np.ndarray, y: np.ndarray, band: float, delays: range) -> tupl
     x = np.empty(u.size)
     compiled(_first_guess)(u, band, x)
     best = (np.inf, x)
-    for _ in range(ROUNDS):
+    for _ in range(_ROUNDS):
         a, b, c, d, error = fit_plant(x, y, delays)
-        price = PRICE * error * np.log(u.size)
+        price = _PRICE * error * np.log(u.size)
         cost = error + price * np.count_nonzero(np.diff(x)) / u.size
         best = min(best, (cost, x), key=lambda f: f[0])
         if abs(b) < 1e-6:

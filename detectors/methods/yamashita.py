@@ -33,8 +33,8 @@ METHOD = Method(
 
 # a pair of symbols (OP, valve) as 3 OP + valve with D = 0, S = 1, I = 2
 IS, DS, SS = 7, 1, 4
-CATCH_UP = {IS: (8, 5), DS: (0, 3)}  # II, SI and DD, SD: the valve catches up
-UNRELATED = {IS: (0, 2, 3, 6, 1), DS: (2, 5, 6, 8, 7)}  # W of Eq 11.5: DD DI SD ID DS and DI SI ID II IS
+_CATCH_UP = {IS: (8, 5), DS: (0, 3)}  # II, SI and DD, SD: the valve catches up
+_UNRELATED = {IS: (0, 2, 3, 6, 1), DS: (2, 5, 6, 8, 7)}  # W of Eq 11.5: DD DI SD ID DS and DI SI ID II IS
 
 
 def movement_indices(op: np.ndarray, mv: np.ndarray, step: int = 1) -> tuple[float, float, float]:
@@ -99,8 +99,8 @@ def pattern_indices(pair: np.ndarray) -> tuple[float, float, float]:
     for kind in (IS, DS):
         here = run == kind
         stuck += length[here].sum()
-        followed += length[here & np.isin(follower, CATCH_UP[kind])].sum()
-        unrelated += length[here & np.isin(follower, UNRELATED[kind])].sum()
+        followed += length[here & np.isin(follower, _CATCH_UP[kind])].sum()
+        unrelated += length[here & np.isin(follower, _UNRELATED[kind])].sum()
     return float(stuck / pair.size), float(followed / pair.size), float((stuck - unrelated) / pair.size)
 
 

@@ -28,13 +28,13 @@ from detectors.errors import UserError
 
 SECONDS = 60.0  # per question
 START = 60.0  # s for its process to begin, and to import the plug-in for the first time
-GRACE = 5.0  # s within which all that it started is ended
+_GRACE = 5.0  # s within which all that it started is ended
 BYTES = 2 << 30  # of memory
 MESSAGE = 1 << 20  # bytes of an answer
 STRIKES = 3  # processes lost in one piece of work, after which the plug-in is asked no more there
-NEVER_TOLD = ("PWD", "OLDPWD", "_", "PYTEST_CURRENT_TEST")  # environment that says where the run works
-LONGEST = 300  # characters of an error's text
-ESCAPES = re.compile(r"\x1b(\[[0-?]*[ -/]*[@-~]|\][^\x07\x1b]*(\x07|\x1b\\)|.)?", re.DOTALL)
+_NEVER_TOLD = ("PWD", "OLDPWD", "_", "PYTEST_CURRENT_TEST")  # environment that says where the run works
+_LONGEST = 300  # characters of an error's text
+_ESCAPES = re.compile(r"\x1b(\[[0-?]*[ -/]*[@-~]|\][^\x07\x1b]*(\x07|\x1b\\)|.)?", re.DOTALL)
 
 
 class PluginError(UserError):
@@ -106,9 +106,9 @@ class Host:
         self._questions.put(None)
         last: dict[str, Any] = {}
         with contextlib.suppress(queue.Empty, ValueError, RecursionError, subprocess.TimeoutExpired):
-            while (said := self._answers.get(timeout=GRACE)) is not None:
+            while (said := self._answers.get(timeout=_GRACE)) is not None:
                 last = json.loads(said)
-            process.wait(GRACE)
+            process.wait(_GRACE)
         process.kill()
         code = process.wait()
         if last.get("left"):
@@ -122,7 +122,7 @@ class Host:
             return
         home = str(Path(__file__).resolve().parents[2])
         paths = [home, *(os.path.abspath(p) for p in os.environ.get("PYTHONPATH", "").split(os.pathsep) if p)]
-        known = {key: value for key, value in os.environ.items() if key not in NEVER_TOLD}
+        known = {key: value for key, value in os.environ.items() if key not in _NEVER_TOLD}
         known |= {"PYTHONPATH": os.pathsep.join(paths), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
         self._process = process = subprocess.Popen(
             [sys.executable, "-m", "detectors.plugins.process"], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
@@ -154,7 +154,7 @@ class Host:
             answer = cleaned(answer)
             self.refused |= dict.fromkeys(map(str, answer.get("refused", ())))
             if "error" in answer:
-                raise PluginError(str(answer["error"])[:LONGEST], answer.get("refusal"))
+                raise PluginError(str(answer["error"])[:_LONGEST], answer.get("refusal"))
             return _arrays(answer.get("answer"))
         except queue.Empty:
             self._lose()
@@ -179,7 +179,7 @@ def cleaned(value: Any) -> Any:
     if isinstance(value, str):
         if value.isprintable():
             return value
-        shown = "".join(c if c.isprintable() else " " if c.isspace() else "?" for c in ESCAPES.sub("", value))
+        shown = "".join(c if c.isprintable() else " " if c.isspace() else "?" for c in _ESCAPES.sub("", value))
         return " ".join(shown.split())
     if isinstance(value, dict):
         return {cleaned(k): cleaned(v) for k, v in value.items()}

@@ -29,21 +29,21 @@ import numpy as np
 
 from detectors.errors import UserError
 
-SUBREAPER = 36  # PR_SET_CHILD_SUBREAPER of Linux: what loses its parent below this process becomes its child
-END_SECONDS = 4.0  # s for all that a plug-in started to end
-FORKS = hasattr(os, "fork")
-WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
+_SUBREAPER = 36  # PR_SET_CHILD_SUBREAPER of Linux: what loses its parent below this process becomes its child
+_END_SECONDS = 4.0  # s for all that a plug-in started to end
+_FORKS = hasattr(os, "fork")
+_WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 # what changes files, and at which of its arguments they stand
-CHANGES = {
+_CHANGES = {
     **dict.fromkeys(("chmod", "chown", "mkdir", "remove", "rmdir", "setxattr", "removexattr", "truncate", "utime"), (0,)),
     **dict.fromkeys(("link", "rename"), (0, 1)), "symlink": (1,),
 }  # fmt: skip
 STARTS = ("subprocess.Popen", "os.system", "os.exec", "os.fork", "os.forkpty", "os.posix_spawn", "os.spawn", "os.startfile")
-TALKS = ("connect", "bind", "sendto", "sendmsg", "getaddrinfo", "gethostbyname")
+_TALKS = ("connect", "bind", "sendto", "sendmsg", "getaddrinfo", "gethostbyname")
 # what a detector may import of the benchmark: its public names that stand in `detectors`
-KNOWN = ("simbench", "simbench.lazy")
-HARMLESS = ("/proc/cpuinfo", "/proc/meminfo")  # of the machine; libraries read these, and their own process's maps
-WATCHED = ("open", "import", "os.", "socket.", "subprocess.")
+_KNOWN = ("simbench", "simbench.lazy")
+_HARMLESS = ("/proc/cpuinfo", "/proc/meminfo")  # of the machine; libraries read these, and their own process's maps
+_WATCHED = ("open", "import", "os.", "socket.", "subprocess.")
 
 _asked = mmap.mmap(-1, 8)  # shared by both processes: which copy answers at the moment
 _unwalled = [False]  # while this file works itself
@@ -60,7 +60,7 @@ def main() -> None:
     tempfile.tempdir = folder
     os.chdir(folder)
     try:
-        (_supervise if FORKS else _serve)(read, write)
+        (_supervise if _FORKS else _serve)(read, write)
     finally:
         os.chdir(os.path.dirname(folder))
         shutil.rmtree(folder, ignore_errors=True)
@@ -104,7 +104,7 @@ def _serve(read: int, write: int, adopts: bool = False) -> None:
             function, arguments = pickle.loads(packed)
             return function(*arguments)
 
-        content = _copy_answers(read, write, work, most) if fork and FORKS else _answer(work)
+        content = _copy_answers(read, write, work, most) if fork and _FORKS else _answer(work)
         left = _end_children(set()) if adopts else 0
         if left:
             content = json.dumps({"error": f"left {left} process{'es' * (left > 1)} behind, which had to be ended"}).encode()
@@ -179,7 +179,7 @@ def _sentence(error: BaseException) -> str:
 def _settled(rules: dict[str, Any]) -> list[str]:
     """Set limits and walls before anything of others is imported; return what this platform lacks, in sentences."""
     sys.dont_write_bytecode = True
-    lacking = [] if FORKS else ["a plug-in may remember here what it was asked before: this platform cannot fork"]
+    lacking = [] if _FORKS else ["a plug-in may remember here what it was asked before: this platform cannot fork"]
     try:
         import resource
 
@@ -211,27 +211,27 @@ def _wall(folders: list[str], trees: list[str], detector: bool) -> Callable[[str
     def wish(event: str, args: tuple) -> str | None:
         if event == "import":
             name = args[0]
-            known = not detector or name.partition(".")[0] not in ("simbench", "scenarios") or name in KNOWN
+            known = not detector or name.partition(".")[0] not in ("simbench", "scenarios") or name in _KNOWN
             return None if known else f"import {name}: a detector sees records alone"
         if event in ("open", "os.listdir", "os.scandir", "os.chdir"):
             path = real(args[0])
-            if (path + os.sep).startswith("/proc/") and path not in (f"/proc/{os.getpid()}/maps", *HARMLESS):
+            if (path + os.sep).startswith("/proc/") and path not in (f"/proc/{os.getpid()}/maps", *_HARMLESS):
                 return f"look at {path}"
             # a folder that is held open would hide where a name in it leads
             held = event == "open" and args[1] is None and os.path.isdir(path)
-            return f"write {path}" if event == "open" and (args[2] & WRITES or held) and foreign(path) else None
+            return f"write {path}" if event == "open" and (args[2] & _WRITES or held) and foreign(path) else None
         if event in STARTS:
             return f"start a process ({event})"
         if event in ("os.kill", "os.killpg"):
             return "end another process" if args[0] != os.getpid() else None
         room, _, deed = event.partition(".")
         if room == "socket":
-            return f"use the network ({event})" if deed in TALKS else None
-        touched = [real(args[k]) for k in CHANGES.get(deed, ())] if room == "os" else []
+            return f"use the network ({event})" if deed in _TALKS else None
+        touched = [real(args[k]) for k in _CHANGES.get(deed, ())] if room == "os" else []
         return next((f"{deed} {path}" for path in touched if foreign(path)), None)
 
     def hook(event: str, args: tuple) -> None:
-        if _unwalled[0] or not event.startswith(WATCHED):
+        if _unwalled[0] or not event.startswith(_WATCHED):
             return
         why = wish(event, args)
         if why is not None:
@@ -244,14 +244,14 @@ def _wall(folders: list[str], trees: list[str], detector: bool) -> Callable[[str
 def _adopts() -> bool:
     """Make what loses its parent below this process its child, where the platform can."""
     with contextlib.suppress(OSError, AttributeError):
-        return os.path.exists("/proc/self/stat") and ctypes.CDLL(None).prctl(SUBREAPER, 1, 0, 0, 0) == 0
+        return os.path.exists("/proc/self/stat") and ctypes.CDLL(None).prctl(_SUBREAPER, 1, 0, 0, 0) == 0
     return False
 
 
 def _end_children(own: set[int]) -> int:
     """End every process below this one, wherever it put itself; return how many there were beside its own."""
     found: set[int] = set()
-    until = time.monotonic() + END_SECONDS
+    until = time.monotonic() + _END_SECONDS
     _unwalled[0] = True
     try:
         while time.monotonic() < until:

@@ -10,9 +10,9 @@ from detectors.plugins.host import PluginError
 from detectors.record import PROCESSES
 from detectors.verdict import Verdict, wrong_types
 
-VERDICT = vars(Verdict("x", "no_decision", reason="x"))
+_VERDICT = vars(Verdict("x", "no_decision", reason="x"))
 METHOD = {key: value for key, value in vars(Method("x", "x")).items() if key not in ("exempt", "published")}
-THRESHOLD = vars(Threshold(0.0, "x", 0.0, 0.0, "x", "x"))
+_THRESHOLD = vars(Threshold(0.0, "x", 0.0, 0.0, "x", "x"))
 
 
 def number_of(value: Any, what: str) -> float:
@@ -28,7 +28,7 @@ def number_of(value: Any, what: str) -> float:
 def verdict_of(name: str, said: Any) -> Verdict:
     """Rebuild a verdict under the name it was asked by, or raise PluginError."""
     said = said if isinstance(said, dict) else {}
-    fields = {key: tuple(v) if isinstance(v := said.get(key), list) else v for key in VERDICT}
+    fields = {key: tuple(v) if isinstance(v := said.get(key), list) else v for key in _VERDICT}
     verdict = Verdict(name, "no_decision", reason="x").but(**{**fields, "method": name})
     for wrong in wrong_types(verdict):
         raise PluginError(f"{wrong:.300}")
@@ -45,7 +45,7 @@ def method_of(said: Any) -> Method:
     if not fields["process"] or not set(fields["process"]) <= set(PROCESSES):
         raise PluginError(f"METHOD.process = {fields['process']}; known: {', '.join(PROCESSES)}")
     rules = {
-        key: Threshold(**{k: _like(example, rule.get(k), f"{key}.{k}") for k, example in THRESHOLD.items()})
+        key: Threshold(**{k: _like(example, rule.get(k), f"{key}.{k}") for k, example in _THRESHOLD.items()})
         for key, rule in fields["thresholds"].items()
     }
     return Method(**{**fields, "thresholds": rules})

@@ -128,7 +128,7 @@ class PluginFolder:
         name = path.stem
         if not path.is_file():
             raise ParameterError(f"{self.kind} file {path} does not exist")
-        refuse_name(path, self.kind, self._taken(name))
+        _refuse_name(path, self.kind, self._taken(name))
         spec = importlib.util.spec_from_file_location(f"plugin_{name}", path)
         if spec is None or spec.loader is None:
             raise ParameterError(f"{self.kind} file {path} is no Python file; one that ends in .py is needed")
@@ -149,7 +149,7 @@ class PluginFolder:
         name = path.stem
         if not path.is_file():
             raise ParameterError(f"{self.kind} file {path} does not exist")
-        refuse_name(path, self.kind, self._taken(name))
+        _refuse_name(path, self.kind, self._taken(name))
         _refuse_limit(seconds)
         key = (path.resolve(), path.stat().st_mtime_ns)
         known = self._hosts.get(name)
@@ -167,7 +167,7 @@ class PluginFolder:
         files = list(dict.fromkeys(Path(p).resolve() for p in paths))
         names = [f.stem for f in files]
         for file in files:
-            refuse_name(file, self.kind, names.count(file.stem) > 1)
+            _refuse_name(file, self.kind, names.count(file.stem) > 1)
         added = [self.add_hosted(f, seconds) for f in files]
         for name, (file, host) in self._hosts.items():
             host.strikes = 0
@@ -274,7 +274,7 @@ def _no_host(source: Path | str, seconds: float) -> Any:
     raise ParameterError(f"{source}: plug-ins of this kind are not taken from others")
 
 
-def refuse_name(path: Path, kind: str, taken: bool) -> None:
+def _refuse_name(path: Path, kind: str, taken: bool) -> None:
     """Raise ParameterError when a file's stem cannot be the id of a plug-in, or is one that means something already."""
     name = path.stem
     if not name.isidentifier() or name != name.lower():
@@ -288,11 +288,11 @@ def _refuse_limit(seconds: float) -> None:
         raise ParameterError(f"time limit {seconds} s; a number above 0 is needed")
 
 
-PUBLISHED, CHAPTER = "published", "chapter"
-RESERVED = ("all", "fast", "full", "oracle", "always_no", "always_yes")
+PUBLISHED, _CHAPTER = "published", "chapter"
+_RESERVED = ("all", "fast", "full", "oracle", "always_no", "always_yes")
 
 
-class Detectors(PluginFolder):
+class _Detectors(PluginFolder):
     """The detectors; `NAME@published` is a detector with the thresholds of its source, `NAME@chapter` with the chapter's.
 
     Those of other distributions live in processes of their own, as a user's files do.
@@ -306,17 +306,17 @@ class Detectors(PluginFolder):
     def load(self, name: str) -> ModuleType:
         """Import one detector, or the published variant of one; see `PluginFolder.load`."""
         base, at, variant = name.partition("@")
-        if at and variant not in (PUBLISHED, CHAPTER):
+        if at and variant not in (PUBLISHED, _CHAPTER):
             raise UnknownName(self.kind, name, [*self.names(), *self.variants()])
         module = super().load(base)
         if not at:
             return module
-        if variant == CHAPTER and not module.METHOD.chapter:
-            chapters = [f"{n}@{CHAPTER}" for n in self.names() if super(Detectors, self).load(n).METHOD.chapter]
+        if variant == _CHAPTER and not module.METHOD.chapter:
+            chapters = [f"{n}@{_CHAPTER}" for n in self.names() if super(_Detectors, self).load(n).METHOD.chapter]
             raise UnknownName(self.kind, name, [f"{base}@{PUBLISHED}", *chapters])
         shown = ModuleType(name, module.__doc__)
         shown.__dict__.update(
-            METHOD=module.METHOD.as_published(variant == CHAPTER), detect=module.detect, __file__=module.__file__
+            METHOD=module.METHOD.as_published(variant == _CHAPTER), detect=module.detect, __file__=module.__file__
         )
         return shown
 
@@ -355,7 +355,7 @@ def _describe_detector(source: str) -> Method | None:
     return method if isinstance(method, Method) else None
 
 
-methods = Detectors("detector", "detectors.methods", "simbench.detectors", ("METHOD", "detect"), RESERVED)
+methods = _Detectors("detector", "detectors.methods", "simbench.detectors", ("METHOD", "detect"), _RESERVED)
 methods.make_host, methods.host_entries = _DetectorHost, True
 # stands above this package, which may stand alone
 methods.lend("likelihood", "simbench.gap.stiction.method")

@@ -8,10 +8,10 @@ import numpy as np
 
 from detectors.errors import RecordError
 
-STORED_CHANGES_NEEDED = 30  # stored changes below which nothing is concluded
-SMALL, RARE = 0.2, 0.02  # a change is small below this share of the median one; any sampled signal makes 10 % of these
-COMMON = 0.9  # share of equal intervals from which a signal is sampled more slowly, not stored on change
-TOLERANCE = 0.01  # of the sampling period
+_STORED_CHANGES_NEEDED = 30  # stored changes below which nothing is concluded
+_SMALL, _RARE = 0.2, 0.02  # a change is small below this share of the median one; any sampled signal makes 10 % of these
+_COMMON = 0.9  # share of equal intervals from which a signal is sampled more slowly, not stored on change
+_TOLERANCE = 0.01  # of the sampling period
 
 Series = tuple[np.ndarray, np.ndarray]
 
@@ -41,11 +41,11 @@ def stored_on_change(t: np.ndarray, x: np.ndarray) -> bool:
     False
     """
     change = np.abs(np.diff(x))[:-1]  # the last value may stand there only because the export ended
-    if change.size < STORED_CHANGES_NEEDED or np.any(change == 0.0):
+    if change.size < _STORED_CHANGES_NEEDED or np.any(change == 0.0):
         return False
     steps = np.rint(np.diff(t) / np.diff(t).min())
     common = np.unique(steps, return_counts=True)[1].max() / steps.size
-    return bool(np.mean(change < SMALL * np.median(change)) < RARE and common < COMMON)
+    return bool(np.mean(change < _SMALL * np.median(change)) < _RARE and common < _COMMON)
 
 
 def base_step(t: np.ndarray) -> float | None:
@@ -56,7 +56,7 @@ def base_step(t: np.ndarray) -> float | None:
         return None
     return (
         step
-        if np.all(np.abs(dt - np.rint(dt / step) * step) <= TOLERANCE * step * np.maximum(1.0, np.rint(dt / step)))
+        if np.all(np.abs(dt - np.rint(dt / step) * step) <= _TOLERANCE * step * np.maximum(1.0, np.rint(dt / step)))
         else None
     )
 
@@ -93,7 +93,7 @@ def hold(
     steps = {role: base_step(series[role][0]) for role in ("op", "pv")}
     if Ts is None:
         known = [s for s in steps.values() if s is not None]
-        if len(known) < 2 or abs(known[0] - known[1]) > TOLERANCE * max(known):
+        if len(known) < 2 or abs(known[0] - known[1]) > _TOLERANCE * max(known):
             told = ", ".join(f"{r.upper()} {'uneven' if s is None else f'every {s:g} s'}" for r, s in steps.items())
             raise RecordError(f"{where}: OP and PV have times of their own ({told}); say which sampling period Ts is needed")
         Ts = min(known)
@@ -101,7 +101,7 @@ def hold(
     grid = begin + Ts * np.arange(int(np.floor((end - begin) / Ts + 1e-6)) + 1)
     signals, notes = {}, []
     for role, (t, x) in series.items():
-        at = np.searchsorted(t, grid + TOLERANCE * Ts, side="right") - 1
+        at = np.searchsorted(t, grid + _TOLERANCE * Ts, side="right") - 1
         signals[role] = np.where(at >= 0, x[np.maximum(at, 0)], np.nan)
         held = float(np.mean(np.diff(at) == 0)) if at.size > 1 else 0.0
         if held > 0:

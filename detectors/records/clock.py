@@ -11,17 +11,17 @@ import numpy as np
 
 from detectors.errors import RecordError
 
-DATES = ("%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%Y/%m/%d", "%d-%b-%Y", "%d-%m-%Y", "%d-%b-%y", "%d/%m/%y", "%m/%d/%y")
-CLOCKS = ("%H:%M:%S", "%I:%M:%S %p", "%H:%M:%S.%f", "%I:%M:%S.%f %p", "%H:%M", "%I:%M %p")
-UNITS = {
+_DATES = ("%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%Y/%m/%d", "%d-%b-%Y", "%d-%m-%Y", "%d-%b-%y", "%d/%m/%y", "%m/%d/%y")
+_CLOCKS = ("%H:%M:%S", "%I:%M:%S %p", "%H:%M:%S.%f", "%I:%M:%S.%f %p", "%H:%M", "%I:%M %p")
+_UNITS = {
     "s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3, "milliseconds": 1e-3, "us": 1e-6,
     "min": 60.0, "mins": 60.0, "minute": 60.0, "minutes": 60.0, "h": 3600.0, "hr": 3600.0, "hour": 3600.0, "hours": 3600.0,
     "d": 86400.0, "day": 86400.0, "days": 86400.0,
 }  # fmt: skip
-EPOCHS = ((1e17, 1e-9, "nanoseconds"), (1e14, 1e-6, "microseconds"), (1e11, 1e-3, "milliseconds"))
-SHEET_DAYS = (25_000.0, 80_000.0)  # days since 1900 in which a spreadsheet counts the years 1968 to 2119
-MATLAB_DAYS = (718_000.0, 774_000.0)  # days since year 0 in which MATLAB counts the years 1965 to 2119
-DAY_STEP, SECOND_STEP = 0.002, 0.2  # steps below the first are days (173 s), above the second seconds; between: refused
+_EPOCHS = ((1e17, 1e-9, "nanoseconds"), (1e14, 1e-6, "microseconds"), (1e11, 1e-3, "milliseconds"))
+_SHEET_DAYS = (25_000.0, 80_000.0)  # days since 1900 in which a spreadsheet counts the years 1968 to 2119
+_MATLAB_DAYS = (718_000.0, 774_000.0)  # days since year 0 in which MATLAB counts the years 1965 to 2119
+_DAY_STEP, _SECOND_STEP = 0.002, 0.2  # steps below the first are days (173 s), above the second seconds; between: refused
 
 
 def seconds(
@@ -38,7 +38,7 @@ def seconds(
     Parameters
     ----------
     values : list or ndarray
-        Cells: numbers, ISO time stamps, or a date of `DATES` and a clock of `CLOCKS`.
+        Cells: numbers, ISO time stamps, or a date of `_DATES` and a clock of `_CLOCKS`.
     name, where : str
         Column and file, for messages.
     unit : str
@@ -89,22 +89,22 @@ def seconds(
 def _counted(t: np.ndarray, unit: str, name: str, where: str, notes: list[str]) -> np.ndarray:
     """Return seconds from numbers; without a unit they are seconds, unless no record could count so."""
     if unit:
-        if unit not in UNITS:
-            raise RecordError(f"{where}: {name} is in {unit!r}; known units of time: {', '.join(UNITS)}")
-        if UNITS[unit] != 1.0:
+        if unit not in _UNITS:
+            raise RecordError(f"{where}: {name} is in {unit!r}; known units of time: {', '.join(_UNITS)}")
+        if _UNITS[unit] != 1.0:
             notes.append(f"time: {name} is in {unit}")
-        return t * UNITS[unit]
+        return t * _UNITS[unit]
     finite = t[np.isfinite(t)]
     if finite.size < 2 or re.split(r"[^a-z]+", name.lower())[-1] in ("s", "sec", "seconds"):
         return t
-    for least, size, word in EPOCHS:
+    for least, size, word in _EPOCHS:
         if finite.min() > least:
             notes.append(f"time: {name} counts {word} since 1970")
             return (t - finite[0]) * size
     step = float(np.median(np.diff(finite)))
-    for (first, last), whose in ((SHEET_DAYS, "of a spreadsheet"), (MATLAB_DAYS, "of MATLAB")):
-        if first < finite.min() and finite.max() < last and 0 < step < SECOND_STEP:
-            if step > DAY_STEP:
+    for (first, last), whose in ((_SHEET_DAYS, "of a spreadsheet"), (_MATLAB_DAYS, "of MATLAB")):
+        if first < finite.min() and finite.max() < last and 0 < step < _SECOND_STEP:
+            if step > _DAY_STEP:
                 both = f"{step:.3g} s, or {step * 86400:.3g} s if it counts the days {whose}"
                 raise RecordError(f"{where}: {name} rises by {both}; name the column t_s, or write time stamps")
             notes.append(f"time: {name} counts the days {whose}")
@@ -113,7 +113,7 @@ def _counted(t: np.ndarray, unit: str, name: str, where: str, notes: list[str]) 
 
 
 def _forms() -> list[str]:
-    return ["iso", *(f"{date} {clock}" for clock in CLOCKS for date in DATES), *CLOCKS]
+    return ["iso", *(f"{date} {clock}" for clock in _CLOCKS for date in _DATES), *_CLOCKS]
 
 
 def _read(texts: list[str], unit: str, name: str, where: str, place: Callable[[int], str], notes: list[str]) -> np.ndarray:

@@ -8,8 +8,8 @@ from detectors.errors import RecordError
 
 BRIDGED = 3  # samples; a longer hole splits the record
 MOST_MISSING = 0.20  # share of a record that may be missing
-WORTH = 0.5  # share of the record that SP and MV may cost: the part without holes of theirs is at least so long
-FURTHEST = 1e12  # sampling periods from one sample to the next: beyond, whole numbers no longer count them
+_WORTH = 0.5  # share of the record that SP and MV may cost: the part without holes of theirs is at least so long
+_FURTHEST = 1e12  # sampling periods from one sample to the next: beyond, whole numbers no longer count them
 JITTER = 0.01  # deviation from Ts, as a share of it, above which time has a gap
 
 
@@ -42,8 +42,8 @@ def whole(t: np.ndarray, signals: dict[str, np.ndarray | None], Ts: float, where
         When more than 20 % is missing.
     """
     dt = np.diff(t)
-    if not (longest := float(dt.max(initial=0.0))) < FURTHEST * Ts:
-        needed = f"less than {FURTHEST:g} of them is needed"
+    if not (longest := float(dt.max(initial=0.0))) < _FURTHEST * Ts:
+        needed = f"less than {_FURTHEST:g} of them is needed"
         raise RecordError(f"{where}: a time step of {longest:g} s among steps of {Ts:g} s; {needed}")
     if np.any(np.abs(dt - Ts) > JITTER * Ts):
         place = np.concatenate([[0], np.cumsum(np.maximum(np.rint(dt / Ts), 1).astype(int))])
@@ -61,7 +61,7 @@ def whole(t: np.ndarray, signals: dict[str, np.ndarray | None], Ts: float, where
         both = used if x is None else used & np.isfinite(x)
         if both.any():
             low, high = _longest(place[both])
-            if high - low + 1 >= WORTH * (hi - lo + 1):
+            if high - low + 1 >= _WORTH * (hi - lo + 1):
                 used, lo, hi = both, low, high
     grid = np.arange(lo, hi + 1)
     out: dict[str, np.ndarray | None] = {}

@@ -12,23 +12,23 @@ from detectors.errors import RecordError
 from detectors.records.roles import QUALITY, SIGNAL_WORDS, SIGNALS, TAG_COLUMNS, TIME_NAMES, VALUES, ends_with, unit, words
 from detectors.records.tables import Sheet
 
-NEEDED = "a number, or nothing for unknown, is needed"
+_NEEDED = "a number, or nothing for unknown, is needed"
 # what stands in place of a number when there is none
-NO_VALUE = {
+_NO_VALUE = {
     "bad", "no data", "nodata", "no good data", "bad input", "bad quality", "bad data", "i/o timeout", "io timeout",
     "comm fail", "calc failed", "pt created", "scan off", "shutdown", "configure", "intf shut", "arc off-line", "no result",
     "out of serv", "no sample", "not connect", "over range", "under range", "digital state", "nan", "null", "none", "n/a",
     "#n/a", "na", "-", "--", "---", "?", "1.#qnan", "-1.#ind", "1.#inf",
 }  # fmt: skip
-GOOD, BAD = {"good", "g", "ok", "valid", "true"}, {"bad", "b", "invalid", "false"}
-UNSURE = {"uncertain", "questionable", "doubtful", "u", "substituted", "annotated"}
-MILLIAMPERE = (4.0, 20.0)
-OTHER_SPANS = {"v", "volt", "bar", "mbar", "kpa", "psi", "psig", "mm", "deg", "rpm", "hz"}
-SENTINELS = (-99999.0, -9999.0, -999.25, -999.0, 9999.0, 99999.0)
-POINT = re.compile(r"[+-]?(\d+|\d{1,3}(,\d{3})+)?(\.\d*)?(e[+-]?\d+)?", re.IGNORECASE)
-APART = re.compile(r"(?<=\d)[\u00a0\u202f' ](?=\d{3})")  # what stands between thousands
-GROUPS = re.compile(r"[+-]?[1-9]\d{0,2}([.,]\d{3})+")  # numbers that may be whole, or have three decimals
-COMMA = re.compile(r"[+-]?(\d+|\d{1,3}(\.\d{3})+)?(,\d*)?(e[+-]?\d+)?", re.IGNORECASE)
+_GOOD, _BAD = {"good", "g", "ok", "valid", "true"}, {"bad", "b", "invalid", "false"}
+_UNSURE = {"uncertain", "questionable", "doubtful", "u", "substituted", "annotated"}
+_MILLIAMPERE = (4.0, 20.0)
+_OTHER_SPANS = {"v", "volt", "bar", "mbar", "kpa", "psi", "psig", "mm", "deg", "rpm", "hz"}
+_SENTINELS = (-99999.0, -9999.0, -999.25, -999.0, 9999.0, 99999.0)
+_POINT = re.compile(r"[+-]?(\d+|\d{1,3}(,\d{3})+)?(\.\d*)?(e[+-]?\d+)?", re.IGNORECASE)
+_APART = re.compile(r"(?<=\d)[\u00a0\u202f' ](?=\d{3})")  # what stands between thousands
+_GROUPS = re.compile(r"[+-]?[1-9]\d{0,2}([.,]\d{3})+")  # numbers that may be whole, or have three decimals
+_COMMA = re.compile(r"[+-]?(\d+|\d{1,3}(\.\d{3})+)?(,\d*)?(e[+-]?\d+)?", re.IGNORECASE)
 
 
 def is_head(cells: Sequence[str], chosen: Mapping[str, str]) -> bool:
@@ -115,8 +115,8 @@ def op_span(unit_of_op: str, known: object, where: str, notes: list[str]) -> tup
         return None
     if unit_of_op == "ma":
         notes.append("unit: OP is in mA, 4 to 20 mA taken as 0 to 100 %")
-        return MILLIAMPERE
-    if unit_of_op in OTHER_SPANS:
+        return _MILLIAMPERE
+    if unit_of_op in _OTHER_SPANS:
         raise RecordError(f"{where}: OP is in {unit_of_op!r}; say which values mean 0 and 100 % (op_span)")
     return None
 
@@ -163,7 +163,7 @@ def read_numbers(sheet: Sheet, names: Sequence[str], where: str) -> dict[str, np
         infinite = np.flatnonzero(np.isinf(x))
         if infinite.size:
             row = int(infinite[0])
-            raise RecordError(f"{where}, {sheet.place(row)}: {name} is infinite ({_cell(sheet, name, row)}); {NEEDED}")
+            raise RecordError(f"{where}, {sheet.place(row)}: {name} is infinite ({_cell(sheet, name, row)}); {_NEEDED}")
         _refuse_sentinels(x, name, where)
     return out
 
@@ -222,7 +222,7 @@ def _bare(value: object) -> str:
     text = "" if value is None else str(value).strip()
     if text.isascii() and "'" not in text and " " not in text:
         return text
-    return APART.sub("", text) if text[:1].isdigit() or text[:1] in "+-" else text
+    return _APART.sub("", text) if text[:1].isdigit() or text[:1] in "+-" else text
 
 
 def _is_numeric(column: object) -> bool:
@@ -231,12 +231,12 @@ def _is_numeric(column: object) -> bool:
 
 def _numeric(text: str) -> bool:
     bare = _bare(text)
-    return any(c.isdigit() for c in bare) and bool(POINT.fullmatch(bare) or COMMA.fullmatch(bare))
+    return any(c.isdigit() for c in bare) and bool(_POINT.fullmatch(bare) or _COMMA.fullmatch(bare))
 
 
 def _state(text: str) -> bool:
     low = text.lower()
-    return low in NO_VALUE or low.startswith("[-11059]")
+    return low in _NO_VALUE or low.startswith("[-11059]")
 
 
 def _decimal_comma(texts: Sequence[str], sheet: Sheet, where: str) -> bool:
@@ -244,7 +244,7 @@ def _decimal_comma(texts: Sequence[str], sheet: Sheet, where: str) -> bool:
     if not any("," in t and _numeric(t) for t in texts):
         return False
     found = [t for t in texts if ("," in t or "." in t) and _numeric(t)]
-    point, comma = (all(rule.fullmatch(t) for t in found) for rule in (POINT, COMMA))
+    point, comma = (all(rule.fullmatch(t) for t in found) for rule in (_POINT, _COMMA))
     if point and comma:
         if sheet.delimiter == ";" and not any("." in t for t in found):
             return True  # such files exist because the comma is taken
@@ -253,7 +253,7 @@ def _decimal_comma(texts: Sequence[str], sheet: Sheet, where: str) -> bool:
             f"{where}: {example!r} may be {example.replace(',', '.')} or {example.replace(',', '')}; write points"
         )
     if not point and not comma:
-        one, other = (next(t for t in found if not rule.fullmatch(t)) for rule in (POINT, COMMA))
+        one, other = (next(t for t in found if not rule.fullmatch(t)) for rule in (_POINT, _COMMA))
         raise RecordError(f"{where}: {one!r} has a decimal comma, {other!r} a decimal point; one of them is needed")
     if point:
         sheet.notes.append("numbers: commas separate thousands")
@@ -264,7 +264,7 @@ def _refuse_thousands(column: Sequence[str], name: str, where: str) -> None:
     """Refuse 987 beside 1.012, which a program that separates thousands writes for 1012."""
     marked = [t for t in column if "," in t or "." in t]
     # most columns are told by their first number
-    if any(not GROUPS.fullmatch(t) and _numeric(t) for t in marked):
+    if any(not _GROUPS.fullmatch(t) and _numeric(t) for t in marked):
         return
     signed = [t for t in marked if _numeric(t)]
     plain = [abs(float(t)) for t in column if re.fullmatch(r"[+-]?[1-9]\d\d", t)]
@@ -287,17 +287,17 @@ def _value(text: str, comma: bool, row: int, name: str, sheet: Sheet, where: str
         if "_" in text:  # which Python reads as nothing, and no plant writes in a number
             raise ValueError
         if comma:
-            return float(text.replace(".", "").replace(",", ".")) if "," in text or COMMA.fullmatch(text) else float(text)
+            return float(text.replace(".", "").replace(",", ".")) if "," in text or _COMMA.fullmatch(text) else float(text)
         return float(text.replace(",", ""))
     except ValueError:
         if not text or _state(text):
             return np.nan
-        raise RecordError(f"{where}, {sheet.place(row)}: {name} is {text!r}; {NEEDED}") from None
+        raise RecordError(f"{where}, {sheet.place(row)}: {name} is {text!r}; {_NEEDED}") from None
 
 
 def _refuse_sentinels(x: np.ndarray, name: str, where: str) -> None:
     known = x[np.isfinite(x)]
-    for sentinel in SENTINELS:
+    for sentinel in _SENTINELS:
         rest = known[known != sentinel]
         if rest.size > 2 and rest.size < known.size and np.abs(rest - sentinel).min() > 10.0 * max(np.ptp(rest), 1.0):
             count, lo, hi = known.size - rest.size, rest.min(), rest.max()
@@ -319,8 +319,8 @@ def _judged(cells: Sequence[object], name: str, where: str) -> tuple[np.ndarray,
                 f"{where}: quality {name!r} holds {sorted(codes)[0]}; 0 to 255 with 192 as good is known, or words"
             )
         return np.array([q < 64 for q in numbers]), sum(64 <= q < 192 for q in numbers), True
-    odd = sorted(kinds - GOOD - BAD - UNSURE)
+    odd = sorted(kinds - _GOOD - _BAD - _UNSURE)
     if odd and len(odd) < len(kinds):
         raise RecordError(f"{where}: quality {name!r} says {odd[0]!r}; known: good, bad, uncertain")
-    bad = np.array([t in BAD for t in texts], dtype=bool)
-    return bad & (not odd), 0 if odd else sum(t in UNSURE for t in texts), not odd
+    bad = np.array([t in _BAD for t in texts], dtype=bool)
+    return bad & (not odd), 0 if odd else sum(t in _UNSURE for t in texts), not odd

@@ -20,9 +20,9 @@ from detectors.records.long_table import read_series, unfold
 from detectors.records.roles import SIGNALS, TIME_NAMES, find_roles, shown, words
 from detectors.records.tables import Sheet, read_sheet, read_table
 
-RECORD_LABELS = ("stiction", "no_stiction", "unknown")
+_RECORD_LABELS = ("stiction", "no_stiction", "unknown")
 # what a loop without stiction may be said to have instead; more words may follow ("tuning problem")
-CAUSES = ("tuning", "disturbance", "load", "interaction", "sensor", "nonlinearity", "quantisation", "healthy", "other")
+_CAUSES = ("tuning", "disturbance", "load", "interaction", "sensor", "nonlinearity", "quantisation", "healthy", "other")
 RECORD_FILES = (".csv", ".txt", ".parquet", ".xlsx")  # what is read of a folder
 
 
@@ -156,7 +156,7 @@ def read_labels(path: str | Path) -> dict[str, dict[str, str]]:
     dict of str to dict of str to str
         By record name: label, kind, process, loop, unit_group and every other column as text. Underscores in kind and
         process read as hyphens; words that a record does not know become "". A label is stiction, no_stiction, unknown or
-        nothing, or begins with a cause of `CAUSES`.
+        nothing, or begins with a cause of `_CAUSES`.
 
     Raises
     ------
@@ -188,8 +188,8 @@ def _label(text: str, where: str) -> str:
     word = "_".join(re.findall(r"[a-z]+", text.lower()))
     if text in ("", "nan"):
         return ""
-    if word not in RECORD_LABELS and not word.startswith(CAUSES):
-        raise RecordError(f"{where}: label {text[:60]!r} is unknown, {nearest(word, (*RECORD_LABELS, *CAUSES))}")
+    if word not in _RECORD_LABELS and not word.startswith(_CAUSES):
+        raise RecordError(f"{where}: label {text[:60]!r} is unknown, {nearest(word, (*_RECORD_LABELS, *_CAUSES))}")
     return word
 
 

@@ -12,7 +12,7 @@ from detectors.record import PROCESSES
 from detectors.records.tables import Columns
 
 # The file's own words for what a loop controls, in its type or comments.
-KIND_WORDS = {
+_KIND_WORDS = {
     "flow": "flow",
     "level": "level",
     "pressure": "pressure",
@@ -108,7 +108,7 @@ def _signals(entry: Any, loop: str) -> tuple[Columns, dict[str, Any]]:
     type_ = fields.get("type", "")
     about: dict[str, Any] = {"tag": loop, "meta": {"comments": comments.strip(), "type": str(type_)}}
     words = f"{type_} {comments}".lower()
-    about["kind"] = next((k for word, k in KIND_WORDS.items() if word in words), None)
+    about["kind"] = next((k for word, k in _KIND_WORDS.items() if word in words), None)
     # ISDB: 0 = self-regulating, 1 = integrating; some copies carry words instead
     about["process"] = {"0": PROCESSES[0], "1": PROCESSES[1]}.get(str(type_).removesuffix(".0"))
     if about["process"] is None and "integrating" in str(type_).lower():

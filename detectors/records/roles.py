@@ -19,8 +19,8 @@ SIGNAL_WORDS = {
 QUALITY = ("quality", "status", "qual", "validity")
 TAG_COLUMNS = ("tag", "tagname", "tag name", "point", "point name", "variable", "name")
 VALUES = ("value", "val")
-VALUE_SUFFIX = ("cv", "value", "val")  # of a control system's parameter: FIC101/PID1/PV.CV
-PHRASES = {w for among in (*SIGNAL_WORDS.values(), TIME_NAMES, TAG_COLUMNS) for w in among if " " in w}
+_VALUE_SUFFIX = ("cv", "value", "val")  # of a control system's parameter: FIC101/PID1/PV.CV
+_PHRASES = {w for among in (*SIGNAL_WORDS.values(), TIME_NAMES, TAG_COLUMNS) for w in among if " " in w}
 
 
 def find_roles(names: Sequence[str], chosen: Mapping[str, str], where: str, loop: str | None = None) -> dict[str, str]:
@@ -128,9 +128,9 @@ def words(name: str) -> list[str]:
     pieces = [p for p in re.split(r"[_\-]+", parts[-1]) if p] if parts else []
     # FIC101_PV is PV of a tag, PV_Quality a signal's, set_point one word in two; n_pv is something else
     tagged = any(c.isdigit() for p in [*parts[:-1], *pieces[:-1]] for c in p)
-    if tagged or " ".join(pieces) in PHRASES or (pieces and pieces[-1] in (*QUALITY, *VALUE_SUFFIX)):
+    if tagged or " ".join(pieces) in _PHRASES or (pieces and pieces[-1] in (*QUALITY, *_VALUE_SUFFIX)):
         parts = [*parts[:-1], *pieces]
-    return parts[:-1] if len(parts) > 1 and parts[-1] in VALUE_SUFFIX else parts
+    return parts[:-1] if len(parts) > 1 and parts[-1] in _VALUE_SUFFIX else parts
 
 
 def unit(name: str) -> str:
@@ -162,10 +162,10 @@ def _candidates(names: Sequence[str], among: Sequence[str], role: str) -> list[s
     if exact and (role == "t" or str(exact[0]).strip().lower() == role):
         return exact[:1]
     if role == "t":
-        return [n for n in names if unit_time(n) or ends_with(n, among) is not None]
+        return [n for n in names if _unit_time(n) or ends_with(n, among) is not None]
     return [n for n in names if ends_with(n, among[:1]) is not None] or [n for n in names if ends_with(n, among) is not None]
 
 
-def unit_time(name: str) -> bool:
+def _unit_time(name: str) -> bool:
     """Whether a name is a time with its unit behind an underscore, like t_min."""
     return bool(re.fullmatch(r"(?:t|time)_[a-z]+", str(name).strip().lower()))

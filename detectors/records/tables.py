@@ -18,8 +18,8 @@ MOST_ROWS = 1_000_000  # of a sheet
 MOST_UNPACKED = 300_000_000  # bytes of an Excel file's parts
 
 Columns = dict[str, list | np.ndarray]
-DELIMITERS = ",;\t|"
-PREAMBLE = 60  # lines in which the header is looked for
+_DELIMITERS = ",;\t|"
+_PREAMBLE = 60  # lines in which the header is looked for
 
 
 @dataclass
@@ -168,9 +168,9 @@ def _csv(path: Path, is_head: Callable[[Sequence[str]], bool]) -> Sheet:
     text, notes = _decoded(path)
     lines = text.splitlines()
     start, head = 0, lines[0] if lines else ""
-    delimiter = max(DELIMITERS, key=head.count)
-    for i, line in enumerate(lines[:PREAMBLE]):
-        fit = [d for d in DELIMITERS if d in line and is_head(next(_cells(path, [line], d), ([], 0))[0])]
+    delimiter = max(_DELIMITERS, key=head.count)
+    for i, line in enumerate(lines[:_PREAMBLE]):
+        fit = [d for d in _DELIMITERS if d in line and is_head(next(_cells(path, [line], d), ([], 0))[0])]
         if fit:
             start, delimiter = i, max(fit, key=line.count)
             break
@@ -197,7 +197,7 @@ def _cells(path: Path, lines: list[str], delimiter: str) -> Iterator[tuple[list[
 
 def _table(path: Path, rows: list[list[str]], lines: list[int], is_head: Callable[[Sequence[str]], bool]) -> Sheet:
     """Name the columns by the first row that does, else by the first row."""
-    start = next((i for i, row in enumerate(rows[:PREAMBLE]) if is_head(row)), 0)
+    start = next((i for i, row in enumerate(rows[:_PREAMBLE]) if is_head(row)), 0)
     names = [name.strip() for name in rows[start]] if rows else []
     while len(names) > 1 and not names[-1] and all(len(r) < len(names) or not r[len(names) - 1].strip() for r in rows[start:]):
         names.pop()

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from detectors.record import LoopRecord
 
-SETS = ("all", "fast", "full", PUBLISHED)
+_SETS = ("all", "fast", "full", PUBLISHED)
 
 
 @dataclass(frozen=True)
@@ -226,7 +226,7 @@ def choose_methods(names: Iterable[str]) -> list[str]:
     for name in (part.strip() for text in names for part in text.split(",")):
         if name == PUBLISHED:
             some = registry.variants()
-        elif name in SETS:
+        elif name in _SETS:
             some = [m for m in registry.names() if name != "fast" or registry.load(m).METHOD.budget == "fast"]
         else:
             registry.load(name)

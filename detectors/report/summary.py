@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from detectors.record import LoopRecord
 
 VERDICT_WORDS = {STICTION: "stiction", NO_STICTION: "no stiction", NO_DECISION: "no decision"}
-COLOURS = {STICTION: "red", NO_STICTION: "green", NO_DECISION: "yellow"}
-SIGNS = {STICTION: "S", NO_STICTION: "-", NO_DECISION: "?"}
-LEGEND = "S stiction, - no stiction, ? no decision, blank: the method is not made for this loop"
-WIDE = 400  # columns of a table that goes to a file: nothing is cut or wrapped
+_COLOURS = {STICTION: "red", NO_STICTION: "green", NO_DECISION: "yellow"}
+_SIGNS = {STICTION: "S", NO_STICTION: "-", NO_DECISION: "?"}
+_LEGEND = "S stiction, - no stiction, ? no decision, blank: the method is not made for this loop"
+_WIDE = 400  # columns of a table that goes to a file: nothing is cut or wrapped
 
 
 def sentence(verdicts: Sequence[Verdict]) -> str:
@@ -121,7 +121,7 @@ def as_text(
         lines += [*_about(name, record), sentence(verdicts), "", *_drawn(_table(verdicts), colour)]
         lines += ["", *(f"note: {n}" for n in [*_not_counted(verdicts), *notes_of(verdicts, record)])]
     elif found:
-        lines += [*_drawn(_matrix(found), colour), LEGEND]
+        lines += [*_drawn(_matrix(found), colour), _LEGEND]
     if why:
         for name, verdicts, record in found:
             shared = set(notes_of(verdicts, record))
@@ -188,7 +188,7 @@ def _table(verdicts: Sequence[Verdict]) -> Any:
         fits = {True: "yes", False: "no", None: "cannot tell"}[v.applicable]
         levels = ([level(v.S), level(v.J)] if v.S is not None else ["", ""]) if units else []
         table.add_row(
-            v.method, f"[{COLOURS[v.verdict]}]{VERDICT_WORDS[v.verdict]}[/]", score, *levels, *([fits] if told else [])
+            v.method, f"[{_COLOURS[v.verdict]}]{VERDICT_WORDS[v.verdict]}[/]", score, *levels, *([fits] if told else [])
         )
     return table
 
@@ -203,7 +203,7 @@ def _matrix(groups: Sequence[tuple[str | None, list[Verdict], LoopRecord | None]
         parts = [part[i : i + 4] for part in name.split("_") for i in range(0, len(part), 4)]
         table.add_column("\n".join(parts), justify="center", no_wrap=True)
     for name, verdicts, _ in groups:
-        signs = [" " if v.applicable is False else f"[{COLOURS[v.verdict]}]{SIGNS[v.verdict]}[/]" for v in verdicts]
+        signs = [" " if v.applicable is False else f"[{_COLOURS[v.verdict]}]{_SIGNS[v.verdict]}[/]" for v in verdicts]
         table.add_row(str(name), *signs)
     return table
 
@@ -212,7 +212,7 @@ def _drawn(table: Any, colour: bool) -> list[str]:
     from rich.console import Console
 
     out = io.StringIO()
-    Console(file=out, width=WIDE, force_terminal=colour, color_system="standard" if colour else None).print(table)
+    Console(file=out, width=_WIDE, force_terminal=colour, color_system="standard" if colour else None).print(table)
     return [line.rstrip() for line in out.getvalue().splitlines()]
 
 

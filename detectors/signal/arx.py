@@ -6,7 +6,7 @@ import numpy as np
 
 from detectors.compiled import compiled
 
-ILL = 1e-10  # share of a sum of squares; what is left of it below this is rounding
+_ILL = 1e-10  # share of a sum of squares; what is left of it below this is rounding
 
 
 def fit_plant(x: np.ndarray, y: np.ndarray, delays: range) -> tuple[float, float, float, int, float]:
@@ -55,7 +55,7 @@ def _plant(x, y, least, most, found):
             xy += v * (y[k] - mean_y)
             xz += v * (y[k - 1] - mean_z)
         det = zz * xx - xz * xz
-        if not det > ILL * zz * xx or xx <= ILL * m * mean_x * mean_x:
+        if not det > _ILL * zz * xx or xx <= _ILL * m * mean_x * mean_x:
             return False
         a, b = (zy * xx - xy * xz) / det, (xy * zz - zy * xz) / det
         c = mean_y - a * mean_z - b * mean_x

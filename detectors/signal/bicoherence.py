@@ -7,15 +7,15 @@ from functools import lru_cache
 
 import numpy as np
 
-SEGMENT = 128  # samples per segment, half overlapping
-FLOOR = 1e-4  # of the mean power: frequencies below it are rounding or leakage, not signal
+_SEGMENT = 128  # samples per segment, half overlapping
+_FLOOR = 1e-4  # of the mean power: frequencies below it are rounding or leakage, not signal
 NGI_LOW, NLI_LOW = 0.001, 0.01  # published limits, Choudhury, Shah & Thornhill (2004)
-SAMPLES_PER_PERIOD = 32  # so that a segment holds four periods
+_SAMPLES_PER_PERIOD = 32  # so that a segment holds four periods
 LOWEST, BESIDE = 0.004, 0.05  # cycles per sample: lowest filter boundary, distance of either from the peak
 
 
 @dataclass(frozen=True)
-class Bicoherence:
+class _Bicoherence:
     """Squared bicoherence over the principal triangle and what follows from it.
 
     Parameters
@@ -60,7 +60,7 @@ def boundaries(peak: tuple[float, float]) -> tuple[float, float]:
     return max(LOWEST, min(peak) - BESIDE), min(0.5, max(peak) + BESIDE)
 
 
-def bicoherence(x: np.ndarray, segment: int = SEGMENT) -> Bicoherence:
+def bicoherence(x: np.ndarray, segment: int = _SEGMENT) -> _Bicoherence:
     """Estimate the squared bicoherence of a signal by averaging over half-overlapping segments.
 
     Parameters
@@ -98,17 +98,17 @@ def bicoherence(x: np.ndarray, segment: int = SEGMENT) -> Bicoherence:
     joint = np.einsum("mk,mk->m", product, X[i + j].conj())
     power = np.einsum("mk,mk->m", product.real, product.real) + np.einsum("mk,mk->m", product.imag, product.imag)
     single = (X.real**2 + X.imag**2).sum(axis=1)
-    floor = FLOOR * single.mean()
+    floor = _FLOOR * single.mean()
     bic2 = np.abs(joint) ** 2 / np.maximum((power + floor**2 / K) * (single[i + j] + floor), 1e-300)
     m = bic2.size
     mean = float(bic2.mean())
     ngi = mean - (1.96 + np.sqrt(4.0 * m - 1.0)) ** 2 / (4.0 * K * m)
     top = float(bic2.max())
     nli = top - mean - 2.0 * float(bic2.std())
-    return Bicoherence(bic2, i / segment, j / segment, K, float(ngi), nli, float(top * K / (np.log(m) + 2.97)))
+    return _Bicoherence(bic2, i / segment, j / segment, K, float(ngi), nli, float(top * K / (np.log(m) + 2.97)))
 
 
-def error_bicoherence(e: np.ndarray, period: float) -> Bicoherence | None:
+def error_bicoherence(e: np.ndarray, period: float) -> _Bicoherence | None:
     """Estimate the bicoherence of a control error, thinned out so that a segment holds four periods.
 
     Parameters
@@ -136,9 +136,9 @@ def error_bicoherence(e: np.ndarray, period: float) -> Bicoherence | None:
     >>> found.height > 1.0
     True
     """
-    step = max(1, round(period / SAMPLES_PER_PERIOD)) if np.isfinite(period) else 1
+    step = max(1, round(period / _SAMPLES_PER_PERIOD)) if np.isfinite(period) else 1
     x = e[: e.size // step * step].reshape(-1, step).mean(axis=1)
-    segment = SEGMENT if x.size >= 8 * SEGMENT else SEGMENT // 2
+    segment = _SEGMENT if x.size >= 8 * _SEGMENT else _SEGMENT // 2
     if x.size < 4 * segment:
         return None
     found = bicoherence(x, segment)

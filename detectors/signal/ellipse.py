@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 TOLERANCE = 0.1  # a point counts as on the ellipse at 0.9 to 1.1 of its size
-FLAT = 1e6  # condition of points a thousand times as long as wide: a line; the fit of a thinner ellipse is rounding
+_FLAT = 1e6  # condition of points a thousand times as long as wide: a line; the fit of a thinner ellipse is rounding
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ def fit_ellipse(x: np.ndarray, y: np.ndarray) -> Ellipse | None:
     D1 = np.column_stack([u * u, u * v, v * v])
     D2 = np.column_stack([u, v, np.ones(u.size)])
     S1, S2, S3 = D1.T @ D1, D1.T @ D2, D2.T @ D2
-    if np.linalg.cond(S3) > FLAT:
+    if np.linalg.cond(S3) > _FLAT:
         return None
     T = -np.linalg.solve(S3, S2.T)
     M = (S1 + S2 @ T)[[2, 1, 0]] * np.array([[0.5], [-1.0], [0.5]])

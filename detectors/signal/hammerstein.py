@@ -12,24 +12,24 @@ from detectors.compiled import compiled
 from detectors.signal.hammerstein_kernels import MOVING_UP, VALVES_SIDE_BY_SIDE, descend, errors
 from detectors.signal.oscillation import detrend
 
-SAMPLES = 50  # per period at least, of valve position and PV after averaging
+_SAMPLES = 50  # per period at least, of valve position and PV after averaging
 # Periods and averaged samples looked at: the search wants few, since one missed jump spoils all that follow; the end, many.
-SHORT, FULL = (8, 360), (24, 700)
-TIMES = np.array([0.01, 0.04, 0.1, 0.25, 0.7])  # time constants tried, in periods; an integrator besides
-S_SHARES = np.concatenate([np.geomspace(0.04, 0.55, 6), np.linspace(0.64, 1.0, 10)])  # of the swing of OP
-J_SHARES = np.array([0.05, 0.35, 0.8, 1.3])  # of S
+SHORT, _FULL = (8, 360), (24, 700)
+_TIMES = np.array([0.01, 0.04, 0.1, 0.25, 0.7])  # time constants tried, in periods; an integrator besides
+_S_SHARES = np.concatenate([np.geomspace(0.04, 0.55, 6), np.linspace(0.64, 1.0, 10)])  # of the swing of OP
+_J_SHARES = np.array([0.05, 0.35, 0.8, 1.3])  # of S
 S_FINE = np.concatenate([np.geomspace(0.04, 0.45, 8), np.linspace(0.48, 1.0, 27)])
-J_FINE = np.array([0.03, 0.15, 0.25, 0.35, 0.45, 0.6, 0.75, 0.9, 1.0, 1.1, 1.25, 1.4])
-J_PROFILE = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.25)  # of S
-LEAST_ERROR_SHARE = 2e-4  # share of the variance of PV below which errors say nothing: sampling, rounding
-PASSES, TOP = 2, 4  # of the dense grid, each with the best plant so far; candidates kept
-VALVES = (False, True)  # whether a moving valve stops within every sample: Choudhury's map, He's
-REST_POSITIONS = (0.0, -0.5, 0.5)  # rest positions tried, as shares of the break-away band
-AROUND = np.array([1.0, 0.5, 0.63, 0.79, 1.0, 1.26, 1.59, 2.0])  # times the inverse of a time constant
+_J_FINE = np.array([0.03, 0.15, 0.25, 0.35, 0.45, 0.6, 0.75, 0.9, 1.0, 1.1, 1.25, 1.4])
+_J_PROFILE = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.25)  # of S
+_LEAST_ERROR_SHARE = 2e-4  # share of the variance of PV below which errors say nothing: sampling, rounding
+_PASSES, _TOP = 2, 4  # of the dense grid, each with the best plant so far; candidates kept
+_VALVES = (False, True)  # whether a moving valve stops within every sample: Choudhury's map, He's
+_REST_POSITIONS = (0.0, -0.5, 0.5)  # rest positions tried, as shares of the break-away band
+_AROUND = np.array([1.0, 0.5, 0.63, 0.79, 1.0, 1.26, 1.59, 2.0])  # times the inverse of a time constant
 
 
 @dataclass(frozen=True)
-class Hammerstein:
+class _Hammerstein:
     """A sticky valve and a first-order or integrating plant that turn OP into PV.
 
     Parameters
@@ -63,7 +63,7 @@ class _Search:
     def __init__(
         self, op: np.ndarray, pv: np.ndarray, period: float, limits: tuple[float, float], reach: tuple[int, int]
     ) -> None:
-        self.q = q = max(1, int(period / SAMPLES))
+        self.q = q = max(1, int(period / _SAMPLES))
         self.period = period / q
         start, stop = strongest_segment(op, period, min(op.size, int(reach[0] * period), reach[1] * q))
         # from the highest OP of the first cycle on: there a cycling valve has just been moving up
@@ -129,7 +129,7 @@ class _Search:
 
 def fit_hammerstein(
     op: np.ndarray, pv: np.ndarray, period: float, integrating: bool = False, limits=(0.0, 100.0), Ts: float = 1.0
-) -> Hammerstein:
+) -> _Hammerstein:
     """Find the valve's S and J and the plant behind it from OP and PV.
 
     Parameters
@@ -175,21 +175,21 @@ def fit_hammerstein(
     >>> round(fit_hammerstein(np.array(op), np.array(pv), 90.0).S, 1)
     5.0
     """
-    short, full = (_Search(op, pv, period, limits, reach) for reach in (SHORT, FULL))
-    poles = np.array([1.0]) if integrating else np.append(full.poles(TIMES), 1.0)
+    short, full = (_Search(op, pv, period, limits, reach) for reach in (SHORT, _FULL))
+    poles = np.array([1.0]) if integrating else np.append(full.poles(_TIMES), 1.0)
     # a valve without friction follows OP under either map
     linear = float(full.scan(0.0, 0.0, MOVING_UP, poles, 0, full.delays.size)[0].min())
-    fits = [_fit(short.under(stops), full.under(stops), poles, linear, Ts) for stops in VALVES]
+    fits = [_fit(short.under(stops), full.under(stops), poles, linear, Ts) for stops in _VALVES]
     best = min(fits, key=lambda fit: fit.error)
     # which map a valve follows is not known: S is what either says
     ends = [(min(fit.S, fit.S_range[0]), max(fit.S, fit.S_range[1])) for fit in fits]
     return replace(best, S_range=(min(lo for lo, _ in ends), max(hi for _, hi in ends)))
 
 
-def _fit(short: _Search, full: _Search, poles: np.ndarray, linear: float, Ts: float) -> Hammerstein:
+def _fit(short: _Search, full: _Search, poles: np.ndarray, linear: float, Ts: float) -> _Hammerstein:
     """The best fit of one of the two maps."""
     everywhere, integrating = full.delays.size, poles.size == 1
-    S, J = _grid(S_SHARES * full.swing, J_SHARES)
+    S, J = _grid(_S_SHARES * full.swing, _J_SHARES)
     stride = max(1, everywhere // 8)
     tried, at = short.scan(S, J, MOVING_UP, poles[:, None], 0, -(-everywhere // stride), stride)
     which = tried.argmin(axis=0)
@@ -197,21 +197,21 @@ def _fit(short: _Search, full: _Search, poles: np.ndarray, linear: float, Ts: fl
     found = _distinct(tried, S, J, 4)
     ends = _plants(short, _Ends.at(tried[found], S[found], J[found], poles[which[found]], at[found]), integrating)
     # noise on OP cuts valleys of 1 % of S: a dense grid with a good plant finds them, a descent does not
-    S, J = _grid(S_FINE * full.swing, J_FINE)
-    for _ in range(PASSES):
+    S, J = _grid(S_FINE * full.swing, _J_FINE)
+    for _ in range(_PASSES):
         best = ends.best(1)
         low, count = short.window(best.d, 1)
         tried, _ = short.scan(S, J, MOVING_UP, best.pole, low, count)
         found = _distinct(tried, S, J, 4)
         more = _Ends.at(tried[found], S[found], J[found], np.repeat(best.pole, len(found)), np.repeat(best.d, len(found)))
-        ends = _settle(short, ends.and_(more).best(TOP), integrating, (0.006,))
+        ends = _settle(short, ends.and_(more).best(_TOP), integrating, (0.006,))
     ends = _plants(full, _restarted(full, ends), integrating).best(2)
     ends = _settle(full, ends, integrating, (0.004, 0.001)).best(1)
     S_range, J_range = _ranges(short, ends)
     error, S_hat, J_hat, _, pole, d = (float(x[0]) for x in ends)
     T = np.inf if pole == 1.0 else -full.q * Ts / np.log(pole)
     dead = d * full.q * Ts
-    return Hammerstein(S_hat, J_hat, S_range, J_range, error, linear, full.sign, float(T), float(dead))
+    return _Hammerstein(S_hat, J_hat, S_range, J_range, error, linear, full.sign, float(T), float(dead))
 
 
 class _Ends(NamedTuple):
@@ -264,14 +264,16 @@ def _plants(search: _Search, ends: _Ends, integrating: bool) -> _Ends:
     """Improve the plants behind the valves: time constants around the present ones, any delay."""
     fine = ends.pole[:, None]
     if not integrating:
-        fine = np.exp(np.log(np.clip(fine, 1e-9, 0.9999)) * AROUND)
+        fine = np.exp(np.log(np.clip(fine, 1e-9, 0.9999)) * _AROUND)
         fine[:, 0] = ends.pole
     error, d = search.scan(ends.S[:, None], ends.J[:, None], ends.start[:, None], fine, 0, search.delays.size)
     row, k = np.arange(ends.d.size), error.argmin(axis=1)
     return ends._replace(error=error[row, k], pole=fine[row, k], d=d[row, k])
 
 
-def _restarted(search: _Search, ends: _Ends, starts: tuple[float, ...] = (MOVING_UP, *REST_POSITIONS), reach: int = 1) -> _Ends:
+def _restarted(
+    search: _Search, ends: _Ends, starts: tuple[float, ...] = (MOVING_UP, *_REST_POSITIONS), reach: int = 1
+) -> _Ends:
     """The candidates with those start states that suit this stretch best."""
     tried = np.resize(starts, (ends.d.size, VALVES_SIDE_BY_SIDE))  # a whole group shares its window of delays
     low, count = search.window(ends.d, reach)
@@ -285,7 +287,7 @@ def _settle(search: _Search, ends: _Ends, integrating: bool, steps: tuple[float,
     for least in steps:
         ends = _plants(search, ends, integrating)
         ends = search.descend(ends, 4.0 * least, least, 2)
-        rest = _restarted(search, ends, REST_POSITIONS, 2)
+        rest = _restarted(search, ends, _REST_POSITIONS, 2)
         moving = ends.start == MOVING_UP
         ends = ends.better(rest._replace(error=np.where(moving, rest.error, np.inf)))
     return ends
@@ -295,12 +297,12 @@ def _ranges(search: _Search, best: _Ends):
     """S and J that fit about as well: for each J of a list, S and the plant are free to make up for it."""
     start = _restarted(search, best)
     # first the valley itself, then one for every J
-    ends = _Ends(*(np.repeat(x, 1 + len(J_PROFILE)) for x in start))
-    ends.J[1:] = np.array(J_PROFILE) * ends.S[1:]
+    ends = _Ends(*(np.repeat(x, 1 + len(_J_PROFILE)) for x in start))
+    ends.J[1:] = np.array(_J_PROFILE) * ends.S[1:]
     fixed = np.arange(ends.d.size) > 0
     tried = search.descend(ends, np.where(fixed, 0.05, 0.02), np.where(fixed, 0.012, 0.005), 3, fixed)
     # every half cycle counts as one independent piece of evidence
-    least = tried.error.min() * (1.0 + 3.84 / max(2.0 * search.cycles, 4.0)) + LEAST_ERROR_SHARE
+    least = tried.error.min() * (1.0 + 3.84 / max(2.0 * search.cycles, 4.0)) + _LEAST_ERROR_SHARE
     inside = tried.error <= least
     S, J = tried.S[inside], tried.J[inside]
     if inside[0]:

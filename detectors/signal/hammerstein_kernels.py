@@ -12,7 +12,7 @@ import numpy as np
 
 from detectors.compiled import LANES, lanes, rows
 
-MOST_ROUNDS = 60  # of the pattern search
+_MOST_ROUNDS = 60  # of the pattern search
 TIE = 1e-12  # errors that differ by less are equal: rounding shall not choose the way
 MOVING_UP, MOVING_DOWN = 2.0, -2.0  # start of a valve that has just been moving; else a rest position
 VALVES_SIDE_BY_SIDE = 8  # valves that share a window of delays: the trials of one point of `descend`
@@ -45,7 +45,7 @@ def errors(op, y, q, half, first, last, sign, lo, hi, stops, S, J, start, pole, 
         x = rows(n + high - low)
         moves(op, q, lo, hi, stops, S, J, start, block, v, total)
         answers(half, pole, delay, low, block, v, total, x)
-        misfits(y, first, last, sign, low, count, stride, block, x, out)
+        _misfits(y, first, last, sign, low, count, stride, block, x, out)
 
 
 def moves(op, q, lo, hi, stops, S, J, start, block, v, total):
@@ -112,7 +112,7 @@ def answers(half, pole, delay, low, block, v, total, x):
                 x[place + np.uintp(c)] = now[group + c]
 
 
-def misfits(y, first, last, sign, low, count, stride, block, x, out):
+def _misfits(y, first, last, sign, low, count, stride, block, x, out):
     """Fill `out` for a block of valves from their plants' answers; PV's two gains come from the normal equations."""
     m = last - first
     sy = syy = 0.0
@@ -127,7 +127,7 @@ def misfits(y, first, last, sign, low, count, stride, block, x, out):
         at[c] = 0.0
         wanted[c] = count[min(block + c, count.size - 1)]
         most = max(most, count[min(block + c, count.size - 1)])
-    moments(y, first, m, first - low, x, sx, sxx, sxz, sxy)
+    _moments(y, first, m, first - low, x, sx, sxx, sxz, sxy)
     for i in range(most):
         top = first - low - i * stride
         if i > 0 and stride > 1:
@@ -163,7 +163,7 @@ def misfits(y, first, last, sign, low, count, stride, block, x, out):
         out[block + c, 0], out[block + c, 1] = best[c], at[c]
 
 
-def moments(y, first, m, top, x, sx, sxx, sxz, sxy):
+def _moments(y, first, m, top, x, sx, sxx, sxz, sxy):
     """Sums of x, its square, its product with itself one sample earlier and with y, over the `m` samples from `top` on."""
     for c in range(LANES):
         sx[c] = sxx[c] = sxz[c] = sxy[c] = 0.0
@@ -206,10 +206,10 @@ def descend(op, y, q, half, first, last, sign, lo, hi, stops, points, start, del
     on the bet that none pays; those behind one that does are thrown away. So the way is that of one trial after another.
     """
     m = len(points)
-    search, ahead = np.zeros((m, TRIAL + 3)), np.empty(TRIAL + 3)
+    search, ahead = np.zeros((m, _TRIAL + 3)), np.empty(_TRIAL + 3)
     for p in range(m):
-        search[p, AT], search[p, WIDTH] = FIRST, 1.0
-        search[p, BASE : BASE + 3] = search[p, BEST : BEST + 3] = search[p, TRIAL : TRIAL + 3] = points[p]
+        search[p, _AT], search[p, _WIDTH] = _FIRST, 1.0
+        search[p, _BASE : _BASE + 3] = search[p, _BEST : _BEST + 3] = search[p, _TRIAL : _TRIAL + 3] = points[p]
     room = max(m * VALVES_SIDE_BY_SIDE, LANES)
     S, J, pole, out = np.empty(room), np.empty(room), np.empty(room), np.empty((room, 2))
     starts, delays, counts = np.empty(room), np.empty(room, dtype=np.int64), np.empty(room, dtype=np.int64)
@@ -221,9 +221,9 @@ def descend(op, y, q, half, first, last, sign, lo, hi, stops, points, start, del
             p = active[g]
             ahead[:] = search[p]
             for t in range(g * each, (g + 1) * each):
-                S[t], J[t], pole[t] = ahead[TRIAL], ahead[TRIAL + 1], np.exp(-np.exp(ahead[TRIAL + 2]))
+                S[t], J[t], pole[t] = ahead[_TRIAL], ahead[_TRIAL + 1], np.exp(-np.exp(ahead[_TRIAL + 2]))
                 starts[t], delays[t], counts[t] = start[p], delay[p], count[p]
-                advance(ahead, steps[p], least[p], np.inf)
+                _advance(ahead, steps[p], least[p], np.inf)
         n = active.size * each
         valves = S[:n], J[:n], starts[:n], pole[:n], delays[:n], counts[:n]
         errors(op, y, q, half, first, last, sign, lo, hi, stops, *valves, 1, out[:n])
@@ -232,60 +232,60 @@ def descend(op, y, q, half, first, last, sign, lo, hi, stops, points, start, del
             p = active[g]
             for t in range(g * each, (g + 1) * each):
                 e = out[t, 0] if 0.0 < S[t] and 0.0 <= J[t] <= 1.5 * S[t] else 2.0
-                lost = search[p, AT] != FIRST and e < search[p, TOP] - TIE
-                advance(search[p], steps[p], least[p], e)
-                if lost or search[p, AT] == DONE:
+                lost = search[p, _AT] != _FIRST and e < search[p, _TOP] - TIE
+                _advance(search[p], steps[p], least[p], e)
+                if lost or search[p, _AT] == _DONE:
                     break
-            if search[p, AT] != DONE:
+            if search[p, _AT] != _DONE:
                 active[going] = p
                 going += 1
         active = active[:going]
     for p in range(m):
-        points[p], error[p] = search[p, BASE : BASE + 3], search[p, ERROR]
+        points[p], error[p] = search[p, _BASE : _BASE + 3], search[p, ERROR]
 
 
 # one pattern search, an array: what is tried now (a step, or one of these), the width of the steps, rounds, the errors of the
 # base and of the best point of this round, these two points, and the point that is tried
-FIRST, AGAIN, DONE = -2.0, -1.0, 9.0
-AT, WIDTH, ROUNDS, ERROR, TOP, BASE, BEST, TRIAL = 0, 1, 2, 3, 4, 5, 8, 11
+_FIRST, _AGAIN, _DONE = -2.0, -1.0, 9.0
+_AT, _WIDTH, _ROUNDS, ERROR, _TOP, _BASE, _BEST, _TRIAL = 0, 1, 2, 3, 4, 5, 8, 11
 
 
-def advance(search, steps, least, e):
+def _advance(search, steps, least, e):
     """Take the error `e` of the point that was tried into a pattern search, and say there what to try next."""
-    if search[AT] == DONE:
+    if search[_AT] == _DONE:
         return
-    if search[AT] == FIRST:
-        search[ERROR] = search[TOP] = e
-    elif e < search[TOP] - TIE:
-        search[TOP] = e
-        search[BEST : BEST + 3] = search[TRIAL : TRIAL + 3]
-    if search[AT] < 0.0:
-        search[AT] = 0.0
-        search[ROUNDS] += 1.0
+    if search[_AT] == _FIRST:
+        search[ERROR] = search[_TOP] = e
+    elif e < search[_TOP] - TIE:
+        search[_TOP] = e
+        search[_BEST : _BEST + 3] = search[_TRIAL : _TRIAL + 3]
+    if search[_AT] < 0.0:
+        search[_AT] = 0.0
+        search[_ROUNDS] += 1.0
     else:
-        search[AT] += 1.0
-    if search[AT] == 8.0 or (search[AT] == 6.0 and steps[2] == 0.0):
-        if search[TOP] < search[ERROR]:
+        search[_AT] += 1.0
+    if search[_AT] == 8.0 or (search[_AT] == 6.0 and steps[2] == 0.0):
+        if search[_TOP] < search[ERROR]:
             for c in range(3):
-                was, now = search[BASE + c], search[BEST + c]
-                search[TRIAL + c] = 2.0 * now - was if steps[c] > 0.0 else now
-                search[BASE + c] = now
-            search[ERROR], search[AT] = search[TOP], AGAIN
+                was, now = search[_BASE + c], search[_BEST + c]
+                search[_TRIAL + c] = 2.0 * now - was if steps[c] > 0.0 else now
+                search[_BASE + c] = now
+            search[ERROR], search[_AT] = search[_TOP], _AGAIN
             return
-        search[WIDTH] *= 0.5
-        search[BEST : BEST + 3] = search[BASE : BASE + 3]
-        search[AT] = 0.0
-        search[ROUNDS] += 1.0
+        search[_WIDTH] *= 0.5
+        search[_BEST : _BEST + 3] = search[_BASE : _BASE + 3]
+        search[_AT] = 0.0
+        search[_ROUNDS] += 1.0
     # an oscillation that died out leaves a valley without end, down which ever smaller steps would walk for minutes
-    if search[WIDTH] <= least or search[ROUNDS] > MOST_ROUNDS:
-        search[AT] = DONE
+    if search[_WIDTH] <= least or search[_ROUNDS] > _MOST_ROUNDS:
+        search[_AT] = _DONE
         return
-    i = int(search[AT])
-    way = search[WIDTH] if i % 2 == 0 else -search[WIDTH]
-    search[TRIAL : TRIAL + 3] = search[BEST : BEST + 3]
+    i = int(search[_AT])
+    way = search[_WIDTH] if i % 2 == 0 else -search[_WIDTH]
+    search[_TRIAL : _TRIAL + 3] = search[_BEST : _BEST + 3]
     if i < 2 or 4 <= i < 6:
-        search[TRIAL] += way * steps[0]
+        search[_TRIAL] += way * steps[0]
     if 2 <= i < 6:
-        search[TRIAL + 1] += way * steps[1]
+        search[_TRIAL + 1] += way * steps[1]
     if i >= 6:
-        search[TRIAL + 2] += way * steps[2]
+        search[_TRIAL + 2] += way * steps[2]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-SELDOM = 1e-3  # standstills of a length that a record of noise has by chance; longer ones are none
+_SELDOM = 1e-3  # standstills of a length that a record of noise has by chance; longer ones are none
 
 
 def still(x: np.ndarray) -> bool:
@@ -80,6 +80,6 @@ def stuck(x: np.ndarray, unit: float = 0.0) -> float:
     agree = unit / (2.5 * float(np.quantile(moving, 0.1)))
     if agree > 0.5:
         return 0.0
-    longest = 1.0 + np.log(SELDOM / x.size) / np.log(max(agree, 1e-9))
+    longest = 1.0 + np.log(_SELDOM / x.size) / np.log(max(agree, 1e-9))
     runs = holds(x)
     return float(runs[runs > max(longest, 4.0)].sum() / x.size)

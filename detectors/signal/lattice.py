@@ -6,14 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-UNITS = 10.0 ** -np.arange(-3.0, 10.0)
-COARSER = 5.0  # times the digits a column is written in, below which a spacing is not told from these
-OFF = 0.15  # of its spacing, by which a lattice's levels may be off it
-REPEATS = 20  # samples per level from which a lattice is plain
-BY_CHANCE = 1e-6  # probability that levels which lie anywhere are all as near to a lattice
-IMMATERIAL = 0.005  # of the variance of a signal's moves; rounding that adds less is the archive's, and changes nothing
-FEWEST_GAPS = 10  # for the mean length of the phases
-ON_LATTICE = 0.9  # mean length of the phases; ten values that lie anywhere reach it three times in 10 000
+_UNITS = 10.0 ** -np.arange(-3.0, 10.0)
+_COARSER = 5.0  # times the digits a column is written in, below which a spacing is not told from these
+_OFF = 0.15  # of its spacing, by which a lattice's levels may be off it
+_REPEATS = 20  # samples per level from which a lattice is plain
+_BY_CHANCE = 1e-6  # probability that levels which lie anywhere are all as near to a lattice
+_IMMATERIAL = 0.005  # of the variance of a signal's moves; rounding that adds less is the archive's, and changes nothing
+_FEWEST_GAPS = 10  # for the mean length of the phases
+_ON_LATTICE = 0.9  # mean length of the phases; ten values that lie anywhere reach it three times in 10 000
 
 
 def resolution(x: np.ndarray) -> float:
@@ -34,7 +34,7 @@ def resolution(x: np.ndarray) -> float:
     (0.01, 0.0)
     """
     # the first few values leave most units out
-    for unit in UNITS[_multiples(x[:20, None], UNITS)]:
+    for unit in _UNITS[_multiples(x[:20, None], _UNITS)]:
         if _multiples(x[:, None], unit)[0]:
             return float(unit)
     return 0.0
@@ -106,13 +106,13 @@ def lattice(x: np.ndarray, unit: float = 0.0) -> float:
     fine = unit + 1e-8 * (float(max(-rising[0], rising[-1])) or 1.0)
     gaps = np.diff(rising)
     gaps = gaps[gaps > 1.5 * fine]
-    if gaps.size == 0 or gaps.min() < COARSER * fine:
+    if gaps.size == 0 or gaps.min() < _COARSER * fine:
         return 0.0
     levels = np.unique(rising)
     step = float(gaps.min())
     near = gaps[gaps < 3.5 * step]
     step = float(near.sum() / np.round(near / step).sum())
-    repeats = x.size >= REPEATS * levels.size
+    repeats = x.size >= _REPEATS * levels.size
     if levels.size < 3:
         return step if repeats else 0.0
     place = levels - levels[0]
@@ -123,10 +123,10 @@ def lattice(x: np.ndarray, unit: float = 0.0) -> float:
         if step <= 0.0:
             return 0.0
     off = float(np.abs(place - step * np.round(place / step)).max())
-    if off > OFF * step + 0.6 * fine:
+    if off > _OFF * step + 0.6 * fine:
         return 0.0
     chance = min(2.0 * (off + fine) / step, 1.0) ** (levels.size - 2)
-    return float(step) if repeats or chance < BY_CHANCE else 0.0
+    return float(step) if repeats or chance < _BY_CHANCE else 0.0
 
 
 def root_lattice(x: np.ndarray) -> float:
@@ -178,7 +178,7 @@ def hides_nothing(step: float, x: np.ndarray) -> bool:
     >>> hides_nothing(0.3, x), hides_nothing(0.4, x)
     (True, False)
     """
-    return step**2 / 12.0 < IMMATERIAL * float(np.var(np.diff(x)))
+    return step**2 / 12.0 < _IMMATERIAL * float(np.var(np.diff(x)))
 
 
 class Written(NamedTuple):
@@ -228,7 +228,7 @@ def _anywhere(levels: np.ndarray, unit: float) -> float:
     """Return the step of the lattice on which nearly all levels stand."""
     gaps = np.diff(levels)
     gaps = gaps[gaps > 1.5 * unit]
-    if gaps.size < FEWEST_GAPS:
+    if gaps.size < _FEWEST_GAPS:
         return 0.0
     gaps = np.sort(gaps)
     small = gaps[: np.searchsorted(gaps, 1.5 * gaps[gaps.size // 20], side="right")]
@@ -239,7 +239,7 @@ def _anywhere(levels: np.ndarray, unit: float) -> float:
         # a few levels in the middle tell most signals that stand on none
         if _phase(levels[levels.size // 2 :][:16], step) < 0.6:
             return 0.0
-    return step if _phase(levels, step) > ON_LATTICE and step > 2.0 * unit else 0.0
+    return step if _phase(levels, step) > _ON_LATTICE and step > 2.0 * unit else 0.0
 
 
 def _phase(levels: np.ndarray, step: float) -> float:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-NOISY = 0.3  # of the noise, that rounding may hide before nothing lies on a line but what was drawn on it
-LARGE = 100.0  # roundings; of smaller moves, which lie on a line by chance, no share is taken
+_NOISY = 0.3  # of the noise, that rounding may hide before nothing lies on a line but what was drawn on it
+_LARGE = 100.0  # roundings; of smaller moves, which lie on a line by chance, no share is taken
 
 
 def on_line(x: np.ndarray, unit: float = 0.0, noise: float = 0.0) -> np.ndarray:
@@ -72,7 +72,7 @@ def _bends(x: np.ndarray, unit: float, noise: float) -> tuple[np.ndarray, float]
     first, second = np.diff(x), np.diff(x, 2)
     exact = 1e-6 * (float(np.ptp(x)) or 1.0)
     tolerance = max(2.1 * unit, exact)
-    noisy = tolerance <= NOISY * noise
+    noisy = tolerance <= _NOISY * noise
     # what has come to rest is straight by itself, but noise never rests
     least = 0.0 if noisy else max(2.0 * unit, 5.0 * exact)
     moving = (np.abs(first[1:]) > least) | (np.abs(first[:-1]) > least)
@@ -107,7 +107,7 @@ def straight(x: np.ndarray, unit: float = 0.0) -> tuple[float, int]:
     """
     size = np.abs(np.diff(x))
     usual = float(np.median(size[size > 0])) if size.any() else 0.0
-    large = size > max(0.1 * usual, LARGE * unit)
+    large = size > max(0.1 * usual, _LARGE * unit)
     moving = large[1:] & large[:-1]
     on = moving & on_line(x, unit)[1:-1]
     lines = int(np.count_nonzero(on & ~np.append(False, on[:-1])))

@@ -8,8 +8,8 @@ import numpy as np
 
 from detectors.signal.oscillation import MOST_LOADS, Oscillation, find_oscillation, iae_loads
 
-SUPERVISION = 50.0  # integral times of the controller
-SMALLEST = 0.01  # amplitude that matters, as a share of PV's span
+_SUPERVISION = 50.0  # integral times of the controller
+_SMALLEST = 0.01  # amplitude that matters, as a share of PV's span
 
 
 def oscillation_by_loads(op: np.ndarray, pv: np.ndarray, e: np.ndarray, Ts: float, span: float | None = None) -> Oscillation:
@@ -49,7 +49,7 @@ def oscillation_by_loads(op: np.ndarray, pv: np.ndarray, e: np.ndarray, Ts: floa
     span = float(np.ptp(pv)) if span is None else span
     if not (np.isfinite(period) and span > 0.0):
         return replace(found, sustained=False, loads=0.0)
-    loads = iae_loads(e, Ts, SMALLEST * span, period, np.exp(-Ts / (SUPERVISION * period)))
+    loads = iae_loads(e, Ts, _SMALLEST * span, period, np.exp(-Ts / (_SUPERVISION * period)))
     return replace(found, sustained=loads > MOST_LOADS and bool(np.isfinite(found.period_s)), loads=loads)
 
 

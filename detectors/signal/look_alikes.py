@@ -19,7 +19,7 @@ def predicted(x, embedding, horizon, neighbours):
     Pieces of `embedding` samples that overlap are no look-alikes. Of look-alikes equally far, the last that fit all count.
     """
     m = x.size - horizon - embedding + 1
-    far = distances(x, embedding, m)
+    far = _distances(x, embedding, m)
     edge = nearest(far, embedding, m, neighbours)
     ahead = x[embedding - 1 + horizon :]
     guess, count = np.zeros(m), np.zeros(m)
@@ -40,7 +40,7 @@ def predicted(x, embedding, horizon, neighbours):
     return total
 
 
-def distances(x, embedding, m):
+def _distances(x, embedding, m):
     """Return far[lag, LANES + i], the squared distance of pieces i and i + lag of `m`; infinite beyond the last pair."""
     far = np.full((m, m + 2 * LANES), np.inf)
     square = np.empty(x.size)

@@ -15,16 +15,16 @@ from detectors.compiled import compiled
 from detectors.signal.autocorrelation import decay_ratio, detrend, fast_size, lasting, zero_crossings
 from detectors.signal.conditioning import snapped
 
-CROSSINGS = 11  # Thornhill 2003: the first 11 zero crossings of the ACF, 10 intervals
-REGULAR = 1.0  # r > 1: the spread of the intervals is below a third of their mean
-DECAY = 0.5  # R > 0.5: the ACF loses less than half of its swing per half period (Miao & Seborg 1999)
+_CROSSINGS = 11  # Thornhill 2003: the first 11 zero crossings of the ACF, 10 intervals
+_REGULAR = 1.0  # r > 1: the spread of the intervals is below a third of their mean
+_DECAY = 0.5  # R > 0.5: the ACF loses less than half of its swing per half period (Miao & Seborg 1999)
 LASTING = 1.0 / 3.0  # amplitude of the last third over that of the first: below it, a transient has died out
-HIGH_PASS = (np.inf, 1 / 6, 1 / 18, 1 / 54)  # moving means removed before a further look, as shares of the record
+_HIGH_PASS = (np.inf, 1 / 6, 1 / 18, 1 / 54)  # moving means removed before a further look, as shares of the record
 MOST_LOADS = 10  # Hagglund 1995: more of them within the supervision time are an oscillation
-SHORTEST_MEAN = 20  # samples; a shorter moving mean would leave nothing but noise
+_SHORTEST_MEAN = 20  # samples; a shorter moving mean would leave nothing but noise
 # own, from simulated loops: swings of OP that count whichever least size they need, over a factor of it, and are alike
-LEAST_SWINGS = np.geomspace(0.08, 0.95, 30)  # shares of OP's range tried as the least swing between two reversals
-GAP, ALIKE_SWINGS, SWINGS, FEWER, STILL_ON = 1.6, 0.22, 14, 1.15, 2.0
+_LEAST_SWINGS = np.geomspace(0.08, 0.95, 30)  # shares of OP's range tried as the least swing between two reversals
+_GAP, _ALIKE_SWINGS, _SWINGS, _FEWER, _STILL_ON = 1.6, 0.22, 14, 1.15, 2.0
 
 
 @dataclass(frozen=True)
@@ -140,16 +140,16 @@ def wandering(op: np.ndarray) -> np.ndarray | None:
     x = snapped((op - 0.5 * (low + high)) / (high - low))
     at = np.empty(x.size, dtype=np.int64)
     turn = compiled(_reversals)
-    count = np.array([turn(x, least, at) for least in LEAST_SWINGS]) - 1
-    held = count * FEWER >= count[:, None]  # [i, j]: as many are left at j as at i
-    widest = [int(np.argmin(np.append(row[i:], False))) - 1 for i, row in enumerate(held & (count >= SWINGS))]
+    count = np.array([turn(x, least, at) for least in _LEAST_SWINGS]) - 1
+    held = count * _FEWER >= count[:, None]  # [i, j]: as many are left at j as at i
+    widest = [int(np.argmin(np.append(row[i:], False))) - 1 for i, row in enumerate(held & (count >= _SWINGS))]
     i = int(np.argmax(widest))
     end = i + widest[i]
-    if widest[i] < 0 or LEAST_SWINGS[end] < GAP * LEAST_SWINGS[i]:
+    if widest[i] < 0 or _LEAST_SWINGS[end] < _GAP * _LEAST_SWINGS[i]:
         return None
-    at = at[1 : turn(x, LEAST_SWINGS[end], at)]
+    at = at[1 : turn(x, _LEAST_SWINGS[end], at)]
     size, time = np.abs(np.diff(x[at])), np.diff(at)
-    alike, lasts = size.std() <= ALIKE_SWINGS * size.mean(), op.size - at[-1] <= STILL_ON * time.max()
+    alike, lasts = size.std() <= _ALIKE_SWINGS * size.mean(), op.size - at[-1] <= _STILL_ON * time.max()
     return at.copy() if alike and lasts else None
 
 
@@ -208,9 +208,9 @@ def oscillation_of(x: np.ndarray, Ts: float = 1.0) -> Oscillation:
     size = fast_size(n + n // 2)
     power = np.abs(np.fft.rfft(x, size)) ** 2
     f = np.arange(power.size) / size
-    for share in HIGH_PASS:
+    for share in _HIGH_PASS:
         window = share * n
-        if window < SHORTEST_MEAN:
+        if window < _SHORTEST_MEAN:
             break
         left = power if share == np.inf else power * (1.0 - np.sinc(f * window)) ** 2
         rho = np.fft.irfft(left, size)[: n // 2]
@@ -224,7 +224,7 @@ def oscillation_of(x: np.ndarray, Ts: float = 1.0) -> Oscillation:
 def _judge_acf(x: np.ndarray, rho: np.ndarray, Ts: float) -> Oscillation:
     first = int(np.argmax(rho < 0.0))
     band = 1.96 * np.sqrt((1.0 + 2.0 * float(rho[1:first] @ rho[1:first])) / x.size)
-    at = zero_crossings(rho, band)[:CROSSINGS]
+    at = zero_crossings(rho, band)[:_CROSSINGS]
     lobes = np.diff(at)
     if lobes.size < 3:
         return NOTHING
@@ -237,7 +237,7 @@ def _judge_acf(x: np.ndarray, rho: np.ndarray, Ts: float) -> Oscillation:
     r = period / max(3.0 * float(Tp.std(ddof=1)), 1e-6 * period)
     R = decay_ratio(rho, at)
     lasts = lasting(x, period)
-    return Oscillation(r > REGULAR and R > DECAY and lasts > LASTING, r, period * Ts, "", R, lasts)
+    return Oscillation(r > _REGULAR and R > _DECAY and lasts > LASTING, r, period * Ts, "", R, lasts)
 
 
 def regular_segment(x: np.ndarray, period: float, length: int) -> tuple[int, int]:

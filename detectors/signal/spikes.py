@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-SPIKE = 6.0  # robust standard deviations from which an isolated point is a spike
-FURTHER = 4.5  # the same where three spikes are sure: 2 in 100 000 by chance
-ALONE = 2.0  # times the spread of its neighbours about their line; a corner has 1.5, a step 1.25
+_SPIKE = 6.0  # robust standard deviations from which an isolated point is a spike
+_FURTHER = 4.5  # the same where three spikes are sure: 2 in 100 000 by chance
+_ALONE = 2.0  # times the spread of its neighbours about their line; a corner has 1.5, a step 1.25
 
 
 def isolated(x: np.ndarray, unit: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
@@ -47,18 +47,18 @@ def isolated(x: np.ndarray, unit: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     usual = np.abs(clean - _around(clean).mean(axis=0))
     floor = max(0.5 * unit, 1e-12)
     overall = max(1.4826 * float(np.median(usual)), floor)
-    if usual.max() <= SPIKE * overall:
+    if usual.max() <= _SPIKE * overall:
         return none
     from scipy.ndimage import maximum_filter1d, median_filter  # most records get by without
 
     # beyond what is usual now, at the edge of a burst of noise too
     now = maximum_filter1d(median_filter(usual, 31, mode="reflect"), 31)
-    local = FURTHER * np.maximum(1.4826 * now, floor)
+    local = _FURTHER * np.maximum(1.4826 * now, floor)
     for _ in range(10):
         off, near = off_line(clean)
         size = np.abs(off)
-        least = np.maximum((SPIKE if len(found) < 3 else FURTHER) * overall, local)
-        hit = (size > least) & (size > ALONE * near)
+        least = np.maximum((_SPIKE if len(found) < 3 else _FURTHER) * overall, local)
+        hit = (size > least) & (size > _ALONE * near)
         # of spikes that touch, only the larger is sure
         new = {int(k): float(off[k]) for k in np.flatnonzero(hit & (size >= maximum_filter1d(size, 5)))}
         if not new and len(found) >= 3:
@@ -112,7 +112,7 @@ def _touching(x: np.ndarray, least: np.ndarray) -> dict[int, float]:
             line = np.polyfit(at - k, x[at], 1)
             heights = x[both] - np.polyval(line, both - k)
             spread = float(np.ptp(x[at] - np.polyval(line, at - k)))
-            if np.all(np.abs(heights) > np.maximum(least[both], ALONE * spread)):
+            if np.all(np.abs(heights) > np.maximum(least[both], _ALONE * spread)):
                 out |= dict(zip(both.tolist(), heights.tolist(), strict=True))
     return out
 

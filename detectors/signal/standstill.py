@@ -6,9 +6,9 @@ import numpy as np
 
 from detectors.signal.conditioning import clear_harmonics, drift, noise_variance, smooth
 
-STILL = 0.1  # movement over a twentieth of the period, in std of the valve's position, below which the valve stands still
-SHORTEST_STANDSTILL = 0.05  # shortest standstill, as a share of the period
-NOISY = 0.3  # bound over std at which a valve that follows a sine would seem to stand still in most places
+_STILL = 0.1  # movement over a twentieth of the period, in std of the valve's position, below which the valve stands still
+_SHORTEST_STANDSTILL = 0.05  # shortest standstill, as a share of the period
+_NOISY = 0.3  # bound over std at which a valve that follows a sine would seem to stand still in most places
 
 
 def steady_valve(mv: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray, bool]:
@@ -46,10 +46,10 @@ def steady_valve(mv: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray,
     reach = max(round(0.05 * period), 1)
     left = 2.0 * noise_variance(mv) * min(2.0 * harmonics / period, 1.0)
     spread = float((clean - drift(clean, period)).std())
-    bound = max(STILL * spread, 3.0 * left**0.5)
+    bound = max(_STILL * spread, 3.0 * left**0.5)
     moved = np.abs(clean[reach:] - clean[:-reach])
     ends = np.concatenate([np.full(reach // 2, np.inf), moved, np.full(reach - reach // 2, np.inf)])
-    return clean, ends <= bound, bound < NOISY * spread
+    return clean, ends <= bound, bound < _NOISY * spread
 
 
 def stuck_intervals(op: np.ndarray, still: np.ndarray, period: float, least_op: float) -> tuple[np.ndarray, np.ndarray]:
@@ -87,5 +87,5 @@ def stuck_intervals(op: np.ndarray, still: np.ndarray, period: float, least_op: 
         return np.zeros(0, dtype=int), np.zeros(0)
     padded_op = np.append(op, op[-1])  # so that the last interval may end with the record
     moved = (np.maximum.reduceat(padded_op, edges) - np.minimum.reduceat(padded_op, edges))[::2]
-    counts = (stop - start >= SHORTEST_STANDSTILL * period) & (moved >= least_op)
+    counts = (stop - start >= _SHORTEST_STANDSTILL * period) & (moved >= least_op)
     return (stop - start)[counts], moved[counts]

@@ -7,7 +7,7 @@ import numpy as np
 from detectors.compiled import compiled
 from detectors.errors import ParameterError
 
-State = tuple[float, float, float, float]  # v, d (last direction of motion: -1, 0, 1), moving (0 or 1), u_prev
+_State = tuple[float, float, float, float]  # v, d (last direction of motion: -1, 0, 1), moving (0 or 1), u_prev
 
 
 def start(u0, lo=0.0, hi=100.0):
@@ -57,14 +57,14 @@ def step(u, state, S, J, lo=0.0, hi=100.0):
     return (min(max(x - d * 0.5 * (S - J), lo), hi), d, 1.0, x)
 
 
-def trace(op, S, J, state, lo, hi, v):
+def _trace(op, S, J, state, lo, hi, v):
     """Fill `v` with the valve position under every sample of `op`, from `state` on; `step` in a loop."""
     for k in range(op.size):
         state = step(op[k], state, S, J, lo, hi)
         v[k] = state[0]
 
 
-def valve_position(op, S: float, J: float, state: State | None = None, limits=(0.0, 100.0)) -> np.ndarray:
+def valve_position(op, S: float, J: float, state: _State | None = None, limits=(0.0, 100.0)) -> np.ndarray:
     """Return the position of an (S, J) valve driven by a recorded OP.
 
     Parameters
@@ -105,5 +105,5 @@ def valve_position(op, S: float, J: float, state: State | None = None, limits=(0
     if op.size:
         lo, hi = (float(x) for x in limits)
         first = start(float(op[0]), lo, hi) if state is None else tuple(float(x) for x in state)
-        compiled(trace)(op, float(S), float(J), first, lo, hi, v)
+        compiled(_trace)(op, float(S), float(J), first, lo, hi, v)
     return v

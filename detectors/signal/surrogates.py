@@ -10,12 +10,12 @@ from detectors.compiled import compiled
 from detectors.errors import ParameterError
 from detectors.signal.look_alikes import MOST_NEIGHBOURS, predicted
 
-ITERATIONS = 10
-SAMPLES_PER_CYCLE = 10  # Thornhill 2005: 7 to 25
-CYCLES = 20  # at most; at least 12
-SURROGATES = 50
-NEIGHBOURS = 8
-LEAST_VARIANCE = 0.01  # of the variance: the surrogates of a clean cycle are themselves off by rounding in rank and spectrum
+_ITERATIONS = 10
+_SAMPLES_PER_CYCLE = 10  # Thornhill 2005: 7 to 25
+_CYCLES = 20  # at most; at least 12
+_SURROGATES = 50
+_NEIGHBOURS = 8
+_LEAST_VARIANCE = 0.01  # of the variance: the surrogates of a clean cycle are themselves off by rounding in rank and spectrum
 
 
 def end_matched(x: np.ndarray, period: float) -> np.ndarray:
@@ -68,7 +68,7 @@ def iaaft(x: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
     Returns
     -------
     ndarray, shape (count, n)
-        Values exactly those of `x`, spectrum as close as `ITERATIONS` rounds bring it.
+        Values exactly those of `x`, spectrum as close as `_ITERATIONS` rounds bring it.
 
     Notes
     -----
@@ -87,7 +87,7 @@ def iaaft(x: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
     phases = np.exp(2j * np.pi * rng.random((count, amplitude.size)))
     y = np.fft.irfft(np.fft.rfft(x) * phases, x.size, axis=1)
     ranked, row = np.empty_like(y), np.arange(count)[:, None]
-    for _ in range(ITERATIONS):
+    for _ in range(_ITERATIONS):
         ranked[row, np.argsort(y, axis=1)] = values
         spectrum = np.fft.rfft(ranked, axis=1)
         size = np.abs(spectrum)
@@ -95,7 +95,7 @@ def iaaft(x: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
     return ranked
 
 
-def prediction_error(x: np.ndarray, embedding: int, horizon: int, neighbours: int = NEIGHBOURS) -> float:
+def prediction_error(x: np.ndarray, embedding: int, horizon: int, neighbours: int = _NEIGHBOURS) -> float:
     """Return the squared error of predicting a signal from what followed its nearest look-alikes.
 
     Parameters
@@ -134,7 +134,7 @@ def prediction_error(x: np.ndarray, embedding: int, horizon: int, neighbours: in
 
 
 @dataclass(frozen=True)
-class Npi:
+class _Npi:
     """Nonlinearity by predictability.
 
     Parameters
@@ -149,7 +149,7 @@ class Npi:
     cycles: float
 
 
-def nonlinearity_index(x: np.ndarray, period: float, seed: int = 0) -> Npi:
+def nonlinearity_index(x: np.ndarray, period: float, seed: int = 0) -> _Npi:
     """Compare how well a cyclic signal predicts itself with how well its surrogates do.
 
     Parameters
@@ -178,14 +178,14 @@ def nonlinearity_index(x: np.ndarray, period: float, seed: int = 0) -> Npi:
     >>> nonlinearity_index(np.sin(t / 8), 16 * np.pi).npi < 1
     True
     """
-    cycle = int(min(SAMPLES_PER_CYCLE, period))
+    cycle = int(min(_SAMPLES_PER_CYCLE, period))
     # the end of the record, where transients have died; matched before it is thinned out: half a sample of ten leaks
-    x = end_matched(x[-int((CYCLES + 2.5) * period) :], period)
+    x = end_matched(x[-int((_CYCLES + 2.5) * period) :], period)
     cycles = max(round(x.size / period), 1)
     total = np.concatenate([[0.0], np.cumsum(x)])
     x = np.diff(np.interp(np.linspace(0.0, x.size, cycles * cycle + 1), np.arange(total.size), total))
     x = (x - x.mean()) / max(float(x.std()), 1e-300)
     own = prediction_error(x, cycle, cycle)
-    others = [prediction_error(y, cycle, cycle) for y in iaaft(x, SURROGATES, np.random.default_rng(seed))]
-    spread = max(float(np.std(others, ddof=1)), LEAST_VARIANCE * x.size)
-    return Npi((float(np.mean(others)) - own) / (3.0 * spread), float(cycles))
+    others = [prediction_error(y, cycle, cycle) for y in iaaft(x, _SURROGATES, np.random.default_rng(seed))]
+    spread = max(float(np.std(others, ddof=1)), _LEAST_VARIANCE * x.size)
+    return _Npi((float(np.mean(others)) - own) / (3.0 * spread), float(cycles))

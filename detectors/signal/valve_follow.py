@@ -10,11 +10,11 @@ from detectors.compiled import compiled
 from detectors.signal.hammerstein_kernels import MOVING_DOWN, MOVING_UP, errors, state_before
 from detectors.signal.stiction_map import valve_position
 
-SAMPLES = 800  # at most, after averaging
-TIMES = np.array([1e-3, 2.0, 8.0])  # lags between valve and its measurement tried, in averaged samples
-DELAYS = 4  # averaged samples
-S_SHARES = np.linspace(0.08, 0.98, 24)  # of the range of OP
-J_SHARES = np.array([0.04, 0.4])  # of S: a dead band, and some slip
+_SAMPLES = 800  # at most, after averaging
+_TIMES = np.array([1e-3, 2.0, 8.0])  # lags between valve and its measurement tried, in averaged samples
+_DELAYS = 4  # averaged samples
+_S_SHARES = np.linspace(0.08, 0.98, 24)  # of the range of OP
+_J_SHARES = np.array([0.04, 0.4])  # of S: a dead band, and some slip
 
 
 @dataclass(frozen=True)
@@ -74,19 +74,19 @@ def valve_follow(op: np.ndarray, position: np.ndarray, limits=(0.0, 100.0)) -> F
     >>> found.error < 0.05 < found.error_linear, found.reversals
     (True, 3)
     """
-    q = max(1, -(-op.size // SAMPLES))
+    q = max(1, -(-op.size // _SAMPLES))
     n = op.size // q
     op = np.array(op[: n * q], dtype=float)
     y = position[: n * q].reshape(n, q).mean(axis=1)
-    common = (op, y - y.mean(), q, n, DELAYS + 2, n, 1.0, *(float(x) for x in limits), False)
-    S = np.append(0.0, np.repeat(S_SHARES * np.ptp(op), J_SHARES.size))
-    J = np.append(0.0, S[1:] * np.tile(J_SHARES, S_SHARES.size))
+    common = (op, y - y.mean(), q, n, _DELAYS + 2, n, 1.0, *(float(x) for x in limits), False)
+    S = np.append(0.0, np.repeat(_S_SHARES * np.ptp(op), _J_SHARES.size))
+    J = np.append(0.0, S[1:] * np.tile(_J_SHARES, _S_SHARES.size))
     # every valve with every start and lag
-    starts, shape = np.array([MOVING_UP, MOVING_DOWN, 0.0]), (3, TIMES.size, S.size)
-    valves = (S, J, starts[:, None, None], np.exp(-1.0 / TIMES)[:, None])
+    starts, shape = np.array([MOVING_UP, MOVING_DOWN, 0.0]), (3, _TIMES.size, S.size)
+    valves = (S, J, starts[:, None, None], np.exp(-1.0 / _TIMES)[:, None])
     valves = (np.broadcast_to(x, shape).ravel() for x in valves)
-    out = np.empty((3 * TIMES.size * S.size, 2))
-    low, count = np.full(len(out), 0 if q > 1 else 1), np.full(len(out), DELAYS)
+    out = np.empty((3 * _TIMES.size * S.size, 2))
+    low, count = np.full(len(out), 0 if q > 1 else 1), np.full(len(out), _DELAYS)
     compiled(errors)(*common, *valves, low, count, 1, out)
     error = out[:, 0].reshape(shape).min(axis=1)
     linear = float(error[2, 0])

@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     import pandas as pd
 
 OTHER_SEEDS = 104_729  # added to the grid's seed for the set that thresholds are taken from
-ROC_POINTS = 200
+_ROC_POINTS = 200
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration:
+class _Calibration:
     """Cuts found on seeds A and what they do on seeds B.
 
     Parameters
@@ -109,7 +109,7 @@ def calibrate(
     jobs: int = 1,
     out: str | Path | None = None,
     **settings: Any,
-) -> Calibration:
+) -> _Calibration:
     """Find each method's cut for a wanted false-alarm rate on seeds A, and measure it on seeds B.
 
     Parameters
@@ -159,7 +159,7 @@ def calibrate(
     return found
 
 
-def calibrate_books(a: RunArrays, b: RunArrays, false_alarm: float) -> Calibration:
+def calibrate_books(a: RunArrays, b: RunArrays, false_alarm: float) -> _Calibration:
     """Take cuts from run `a` and measure them on run `b`; see `calibrate`."""
     import pandas as pd
 
@@ -197,7 +197,7 @@ def calibrate_books(a: RunArrays, b: RunArrays, false_alarm: float) -> Calibrati
         "positives": int(positive.sum()),
         "negatives": int((~positive).sum()),
     }
-    return Calibration(false_alarm, pd.DataFrame(rows), pd.concat(curves, ignore_index=True), about)
+    return _Calibration(false_alarm, pd.DataFrame(rows), pd.concat(curves, ignore_index=True), about)
 
 
 def cut_for(healthy: np.ndarray, false_alarm: float) -> float:
@@ -252,7 +252,7 @@ def abstention(score: np.ndarray, positive: np.ndarray, wrong: float) -> tuple[f
     if score.size == 0:
         return -math.inf, math.inf
     # the smallest score is a candidate too: below it lies nothing
-    cuts = np.unique(np.quantile(score, np.linspace(0, 1, ROC_POINTS + 1), method="inverted_cdf"))
+    cuts = np.unique(np.quantile(score, np.linspace(0, 1, _ROC_POINTS + 1), method="inverted_cdf"))
     cuts = np.unique(np.concatenate([[-np.inf], cuts]))
     below = np.array([[(score <= c).sum(), (positive & (score <= c)).sum()] for c in cuts])
     above = np.array([[(score > c).sum(), (~positive & (score > c)).sum()] for c in cuts])
@@ -278,7 +278,7 @@ def roc(score: np.ndarray, positive: np.ndarray) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        At most `ROC_POINTS` + 2 rows, from (1, 1) or what has a score at all, to (0, 0).
+        At most `_ROC_POINTS` + 2 rows, from (1, 1) or what has a score at all, to (0, 0).
 
     Examples
     --------
@@ -288,7 +288,7 @@ def roc(score: np.ndarray, positive: np.ndarray) -> pd.DataFrame:
     import pandas as pd
 
     finite = np.where(np.isnan(score), -np.inf, score)
-    cuts = np.unique(np.quantile(finite, np.linspace(0, 1, ROC_POINTS + 1), method="inverted_cdf"))
+    cuts = np.unique(np.quantile(finite, np.linspace(0, 1, _ROC_POINTS + 1), method="inverted_cdf"))
     cuts = np.unique(np.concatenate([[-np.inf], cuts]))
     rates = [[c, (finite[~positive] > c).mean(), (finite[positive] > c).mean()] for c in cuts]
     return pd.DataFrame(rates, columns=["threshold", "false_alarm", "detection"])

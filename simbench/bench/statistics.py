@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from scipy import stats
 from scipy.special import ndtri
 
-LEVEL = 0.95
+_LEVEL = 0.95
 
 
 class Estimate(NamedTuple):
@@ -28,7 +28,7 @@ class Estimate(NamedTuple):
         return f"{self.value:.3f} ({self.lo:.3f} to {self.hi:.3f})"
 
 
-def wilson(right: ArrayLike, of: ArrayLike, level: float = LEVEL) -> tuple[np.ndarray, np.ndarray]:
+def wilson(right: ArrayLike, of: ArrayLike, level: float = _LEVEL) -> tuple[np.ndarray, np.ndarray]:
     """Return Wilson's score interval of a proportion.
 
     Parameters
@@ -65,7 +65,7 @@ def wilson(right: ArrayLike, of: ArrayLike, level: float = LEVEL) -> tuple[np.nd
     return lo, hi
 
 
-def rate(right: int, of: int, level: float = LEVEL) -> Estimate:
+def rate(right: int, of: int, level: float = _LEVEL) -> Estimate:
     """Return a proportion with Wilson's interval; NaN (0, 1) without trials.
 
     Parameters
@@ -186,7 +186,7 @@ def rate_drop(before: int, of_before: int, now: int, of_now: int, margin: float 
     return float(stats.norm.sf((p1 - p2 - margin) / error))
 
 
-def auc(score: ArrayLike, positive: ArrayLike, level: float = LEVEL) -> Estimate:
+def auc(score: ArrayLike, positive: ArrayLike, level: float = _LEVEL) -> Estimate:
     """Return the area under the ROC curve with DeLong's interval.
 
     Parameters
@@ -355,7 +355,7 @@ def auc_drop_unpaired(
     return float(stats.norm.sf(excess / np.sqrt(v1 + v2))) if v1 + v2 > 0 else float(excess <= 0)
 
 
-class Ranking(NamedTuple):
+class _Ranking(NamedTuple):
     """Mean ranks of several methods over the same cases, with what may be told apart."""
 
     mean_rank: np.ndarray
@@ -363,7 +363,7 @@ class Ranking(NamedTuple):
     critical_difference: float
 
 
-def mean_ranks(results: ArrayLike, level: float = LEVEL) -> Ranking:
+def mean_ranks(results: ArrayLike, level: float = _LEVEL) -> _Ranking:
     """Rank methods over many cases by Friedman's test and give Nemenyi's critical difference.
 
     Parameters
@@ -402,7 +402,7 @@ def mean_ranks(results: ArrayLike, level: float = LEVEL) -> Ranking:
     ranks = stats.rankdata(-x, axis=1)
     q = stats.studentized_range.ppf(level, methods, np.inf) / np.sqrt(2)
     p = 1.0 if np.all(ranks == ranks[:, :1]) else float(stats.friedmanchisquare(*x.T).pvalue)
-    return Ranking(ranks.mean(axis=0), p, float(q * np.sqrt(methods * (methods + 1) / (6 * cases))))
+    return _Ranking(ranks.mean(axis=0), p, float(q * np.sqrt(methods * (methods + 1) / (6 * cases))))
 
 
 def _ranked(score: ArrayLike) -> np.ndarray:

@@ -24,10 +24,10 @@ from simbench.loop.simulate import simulate
 from simbench.usage import exit_code
 
 HARD_NEGATIVES = Path(__file__).parent / "hard_negatives"
-EXPLORED = 0.6  # share of the budget spent far and wide, the rest around the best
-ELITE = 6
-TIME = 540.0  # s; a slow method on a slow machine stops here
-DISTURBANCES = ("none", "sine", "propagated", "coloured", "steps", "random_walk")
+_EXPLORED = 0.6  # share of the budget spent far and wide, the rest around the best
+_ELITE = 6
+_TIME = 540.0  # s; a slow method on a slow machine stops here
+_DISTURBANCES = ("none", "sine", "propagated", "coloured", "steps", "random_walk")
 OSCILLATING = ("sine", "propagated")
 # every entry: lowest and highest value, drawn evenly in logarithm; periods in dead times + lags, sizes in the load's
 RANGES = {
@@ -53,7 +53,7 @@ KEYS = ("process", "disturbance", *RANGES, *OPTION_SHARES)
 
 
 @dataclass(frozen=True)
-class Worst:
+class _Worst:
     """A healthy loop and what a method says about it.
 
     Parameters
@@ -112,7 +112,7 @@ class Worst:
         return "\n".join(head) + "\n\n" + self.loop.to_toml()
 
 
-def worst(method: str, budget: int = 2000, seed: int = 0) -> Worst:
+def worst(method: str, budget: int = 2000, seed: int = 0) -> _Worst:
     """Search the healthy loop on which a method is most confidently wrong.
 
     Parameters
@@ -156,11 +156,11 @@ def worst(method: str, budget: int = 2000, seed: int = 0) -> Worst:
         raise UserError(f"worst: budget = {budget}; at least 1 loop must be tried")
     rng = np.random.default_rng(seed)
     begun = time.monotonic()
-    elite: list[tuple[tuple[bool, float], np.ndarray, Worst]] = []
+    elite: list[tuple[tuple[bool, float], np.ndarray, _Worst]] = []
     drawn = fooled = tried = 0
-    explore = math.ceil(EXPLORED * budget)
+    explore = math.ceil(_EXPLORED * budget)
     for number in tqdm(range(budget), desc=f"worst {method}", unit="loop", file=sys.stderr, disable=None):
-        if time.monotonic() - begun > TIME:
+        if time.monotonic() - begun > _TIME:
             break
         if number < explore or not elite:
             point, run_seed = rng.random(len(KEYS)), int(rng.integers(2**31))
@@ -177,10 +177,10 @@ def worst(method: str, budget: int = 2000, seed: int = 0) -> Worst:
         wrong = verdict.verdict == STICTION
         fooled += wrong and number < explore
         rank = (wrong, verdict.score if math.isfinite(verdict.score) else -math.inf)
-        elite.append((rank, point, Worst(method, loop, run_seed, verdict, 0, 0, 0)))
-        elite = sorted(elite, key=lambda e: e[0], reverse=True)[:ELITE]
+        elite.append((rank, point, _Worst(method, loop, run_seed, verdict, 0, 0, 0)))
+        elite = sorted(elite, key=lambda e: e[0], reverse=True)[:_ELITE]
     best = elite[0][2]
-    return Worst(method, best.loop, best.seed, best.verdict, tried, drawn, fooled)
+    return _Worst(method, best.loop, best.seed, best.verdict, tried, drawn, fooled)
 
 
 def healthy_loop(at: dict[str, float], process: tuple[str, ...]) -> Loop:
@@ -200,7 +200,7 @@ def healthy_loop(at: dict[str, float], process: tuple[str, ...]) -> Loop:
     x = {k: significant(math.exp(math.log(lo) + at[k] * (math.log(hi) - math.log(lo)))) for k, (lo, hi) in RANGES.items()}
     on = {k: at[k] < share for k, share in OPTION_SHARES.items()}
     integrating = process[int(at["process"] * len(process))] == "integrating"
-    kind = DISTURBANCES[int(at["disturbance"] * len(DISTURBANCES))]
+    kind = _DISTURBANCES[int(at["disturbance"] * len(_DISTURBANCES))]
     T = 10.0
     Td = significant(x["Td_over_T"] * T)
     plant = {"type": "integrating", "K": 1 / T, "Td": Td} if integrating else {"type": "foptd", "K": 1.0, "T": T, "Td": Td}
@@ -233,7 +233,7 @@ def healthy_loop(at: dict[str, float], process: tuple[str, ...]) -> Loop:
     return loop.with_("controller.Kc", significant(x["gain"] * sampled_ultimate_gain(loop)))
 
 
-def read_case(path: str | Path) -> Worst:
+def read_case(path: str | Path) -> _Worst:
     """Read a loop file that `Worst.to_toml` wrote, and judge it again.
 
     Parameters
@@ -253,7 +253,7 @@ def read_case(path: str | Path) -> Worst:
     """
     loop, head = load_loop(path), recorded(path)
     verdict = judge(simulate(loop, head["seed"]).record, [head["method"]])[0]
-    return Worst(head["method"], loop, head["seed"], verdict, 1, 0, 0)
+    return _Worst(head["method"], loop, head["seed"], verdict, 1, 0, 0)
 
 
 def recorded(path: str | Path) -> dict[str, Any]:

@@ -18,11 +18,11 @@ from detectors.errors import ParameterError
 from simbench.files import folder as make_folder
 from simbench.files import remove_stale_temporaries, whole_file
 
-Diagnose = Callable[[Path, Path], dict[str, Any]]
+_Diagnose = Callable[[Path, Path], dict[str, Any]]
 COST = "cost.csv"
 
 
-def answer(folder: str | Path, diagnose: Diagnose, jobs: int = 1) -> int:
+def answer(folder: str | Path, diagnose: _Diagnose, jobs: int = 1) -> int:
     """Write answers/ID.json for every record that has none yet.
 
     Parameters
@@ -83,7 +83,7 @@ def _answered(path: Path) -> bool:
         return False
 
 
-def _one(diagnose: Diagnose, record: str) -> tuple[dict[str, Any], float]:
+def _one(diagnose: _Diagnose, record: str) -> tuple[dict[str, Any], float]:
     start = time.process_time()
     try:
         found = diagnose(Path(record), Path(record).with_suffix(".toml"))

@@ -15,8 +15,8 @@ from simbench.blind.world import WORLDS
 from simbench.loop.effects import EFFECTS, FOLLOWS, Choice
 from simbench.loop.effects._alike import Circumstances, indistinguishable
 
-SEEDS = 10
-CANDIDATES = 5
+_SEEDS = 10
+_CANDIDATES = 5
 
 
 def true_shrinkages(
@@ -51,8 +51,8 @@ def true_shrinkages(
         One per candidate that can act in this loop: effect, right (in the true effect's group), claimed, true. Empty without
         a resolvable gap.
     """
-    simulate, scale = WORLDS.load(world).simulate, scale_of(baseline, bool(np.ptp(record["sp"]) > 0.0))
-    seeds = [int(truth["seed"]) + 5000 + i for i in range(SEEDS)]
+    simulate, scale = WORLDS.load(world).simulate, _scale_of(baseline, bool(np.ptp(record["sp"]) > 0.0))
+    seeds = [int(truth["seed"]) + 5000 + i for i in range(_SEEDS)]
 
     def runs(effects: list[dict[str, Any]]) -> list[Signals]:
         return [_signals(simulate(truth, effects, s)) for s in seeds]
@@ -64,7 +64,7 @@ def true_shrinkages(
     ranked = sorted(found.get("ranking") or [], key=lambda r: -(r.get("probability") or 0.0))
     group = indistinguishable(str(truth["effect"]), here)
     rows = []
-    for candidate in [r for r in ranked if r["effect"] in EFFECTS and r.get("parameters")][:CANDIDATES]:
+    for candidate in [r for r in ranked if r["effect"] in EFFECTS and r.get("parameters")][:_CANDIDATES]:
         claimed = claimed_shrinkage(candidate, found)
         if claimed is None:
             continue
@@ -80,7 +80,7 @@ def true_shrinkages(
     return rows
 
 
-def scale_of(baseline: Mapping[str, Any], sp_moves: bool) -> Scale:
+def _scale_of(baseline: Mapping[str, Any], sp_moves: bool) -> Scale:
     """Return what the records of a loop are measured in, by its baseline.
 
     Parameters

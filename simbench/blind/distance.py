@@ -10,9 +10,9 @@ import numpy as np
 from scipy.signal import welch
 
 RESOLVABLE = 1.5  # gap over floor from which a gap counts as resolvable
-CAP = 40.0  # seed spreads a single feature can add: a share that is exactly 0 in the simulation must not decide alone
-LEAST_FLOOR = 0.3  # a loop that hardly varies from seed to seed must not turn differences that mean nothing into a gap
-BANDS = 6
+_CAP = 40.0  # seed spreads a single feature can add: a share that is exactly 0 in the simulation must not decide alone
+_LEAST_FLOOR = 0.3  # a loop that hardly varies from seed to seed must not turn differences that mean nothing into a gap
+_BANDS = 6
 
 
 class Signals(NamedTuple):
@@ -79,7 +79,7 @@ def features(s: Signals, scale: Scale) -> tuple[np.ndarray, np.ndarray]:
     log((np.diff(dop).std() + tiny) / (dop.std() + tiny))
     for x in (pv, op):
         f, power = welch(x, nperseg=min(512, x.size // 2))
-        edges = np.geomspace(f[1], 0.5, BANDS + 1)
+        edges = np.geomspace(f[1], 0.5, _BANDS + 1)
         for lo, hi in pairwise(edges):
             inside = (f >= lo * 0.999) & (f < hi * 1.001)
             log(float(power[inside].mean()) + tiny**2, 0.1)
@@ -152,7 +152,7 @@ class Cloud(NamedTuple):
 
     def distance(self, values: np.ndarray) -> float:
         """Return the mean over features of |value - mean| / spread, each capped."""
-        return float(np.minimum(np.abs(values - self.mean) / self.spread, CAP).mean())
+        return float(np.minimum(np.abs(values - self.mean) / self.spread, _CAP).mean())
 
 
 def cloud(runs: Iterable[Signals], scale: Scale) -> Cloud:
@@ -167,7 +167,7 @@ def cloud(runs: Iterable[Signals], scale: Scale) -> Cloud:
     Returns
     -------
     Cloud
-        `floor` is the mean distance of each run from the cloud of all others, but at least `LEAST_FLOOR`.
+        `floor` is the mean distance of each run from the cloud of all others, but at least `_LEAST_FLOOR`.
     """
     pairs = [features(run, scale) for run in runs]
     table = np.array([values for values, _ in pairs])
@@ -177,4 +177,4 @@ def cloud(runs: Iterable[Signals], scale: Scale) -> Cloud:
         others = np.delete(table, i, axis=0)
         own = Cloud(others.mean(0), np.hypot(others.std(0, ddof=1), blur), 0.0)
         left_out.append(own.distance(table[i]))
-    return Cloud(table.mean(0), np.hypot(table.std(0, ddof=1), blur), max(float(np.mean(left_out)), LEAST_FLOOR))
+    return Cloud(table.mean(0), np.hypot(table.std(0, ddof=1), blur), max(float(np.mean(left_out)), _LEAST_FLOOR))

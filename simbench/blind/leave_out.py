@@ -19,13 +19,13 @@ from detectors.errors import ParameterError, UserError
 from detectors.records.io import read_record
 from scenarios.spec import load_loop
 from simbench.blind.making import PLANTS, write_item
-from simbench.blind.world import WORLD_EFFECTS, OWN, WORLDS
+from simbench.blind.world import OWN, WORLD_EFFECTS, WORLDS
 from simbench.files import folder, remove_stale_temporaries, whole_file, write_table
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.effects import left_out
 from simbench.loop.effects import NONE, UNKNOWN, block_of
 
-STRENGTHS = ("strong", "medium")
+_STRENGTHS = ("strong", "medium")
 LEAVE_OUT_COLUMNS = (
     "record",
     "effect",
@@ -103,7 +103,7 @@ def leave_out(out: str | Path, world: str = OWN, n: int = 4, seed: int = 0, jobs
 
 def _one(place: Path, name: str, i: int, effect: str, draw_item: Any, seed: int) -> dict[str, Any]:
     """Draw one record, and diagnose it without and with its effect."""
-    strength = STRENGTHS[i % 2]
+    strength = _STRENGTHS[i % 2]
     row = dict.fromkeys(LEAVE_OUT_COLUMNS, "") | {"record": name, "effect": effect, "strength": strength}
     number = 1000 * list(WORLD_EFFECTS).index(effect) + i
     entry = {"kind": "single", "effect": effect, "strength": strength, "mv": i % 4 < 2, "plant": PLANTS[i % 3]}

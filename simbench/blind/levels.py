@@ -11,8 +11,8 @@ from scipy import stats
 
 from simbench.calibration import calibration_error
 
-SAMPLE_LEVEL = frozenset({"noise", "quantisation", "compression", "outliers"})
-COUNTED = ("medium", "strong")
+_SAMPLE_LEVEL = frozenset({"noise", "quantisation", "compression", "outliers"})
+_COUNTED = ("medium", "strong")
 """Strengths the levels are for; weak is shown beside them."""
 
 
@@ -88,12 +88,12 @@ def levels(table: pd.DataFrame) -> list[Share | Figure]:
     -------
     list of Share or Figure
     """
-    counted = COUNTED if table.strength.isin(("weak", *COUNTED)).any() else tuple(table.strength.unique())
+    counted = _COUNTED if table.strength.isin(("weak", *_COUNTED)).any() else tuple(table.strength.unique())
     single = table[(table.kind == "single") & table.strength.isin(counted)]
     none, two = table[table.kind == "none"], table[(table.kind == "two")]
     foreign = table[(table.kind == "foreign") & table.resolvable]
     valve = single[(single.block == "valve") & single.mv]
-    direct = single[(single.block == "controller") | single.effect.isin(SAMPLE_LEVEL)]
+    direct = single[(single.block == "controller") | single.effect.isin(_SAMPLE_LEVEL)]
     return [
         share("first answer right", single["first"], 0.85),
         share("right within its group", single.in_group, 0.95),

@@ -24,9 +24,9 @@ from simbench.blind.world import OWN, PLANNED, WORLDS
 from simbench.files import folder, refuse_own_input, whole_file
 
 PLANTS = ("foptd", "foptd", "integrating")
-NEEDS_T = "time_constant_mismatch"
+_NEEDS_T = "time_constant_mismatch"
 STRENGTHS = ("weak", "medium", "strong")
-ANSWER_COLUMNS = (
+_ANSWER_COLUMNS = (
     "id", "world", "kind", "block", "effect", "block2", "effect2", "strength", "ratio", "shrinkage", "gap_before", "gap_after",
     "floor", "parameters", "parameters2", "foreign", "mv", "plant", "controller", "sp_moves", "case", "seed",
 )  # fmt: skip
@@ -104,13 +104,13 @@ class Plan:
 
 def _plant(effect: str, turn: int) -> str:
     # an integrating plant has no time constant that could be another one
-    return PLANTS[0] if effect == NEEDS_T else PLANTS[turn % 3]
+    return PLANTS[0] if effect == _NEEDS_T else PLANTS[turn % 3]
 
 
-def answers_csv(answers: list[dict[str, Any]]) -> str:
+def _answers_csv(answers: list[dict[str, Any]]) -> str:
     """Return the answers as the text of answers.csv; tables inside a cell are JSON."""
     text = io.StringIO()
-    writer = csv.DictWriter(text, ANSWER_COLUMNS, restval="", lineterminator="\n")
+    writer = csv.DictWriter(text, _ANSWER_COLUMNS, restval="", lineterminator="\n")
     writer.writeheader()
     for row in answers:
         writer.writerow({k: json.dumps(v, sort_keys=True) if isinstance(v, dict) else v for k, v in row.items()})
@@ -120,13 +120,13 @@ def answers_csv(answers: list[dict[str, Any]]) -> str:
 def write_item(item: Any, folder: Path, name: str) -> tuple[Path, Path]:
     """Write what a world drew as name.csv, the record, and name.toml, its baseline, and return both files."""
     record, baseline = folder / f"{name}.csv", folder / f"{name}.toml"
-    for file, text in ((record, record_csv(item.columns)), (baseline, Loop.from_table(item.baseline, name).to_toml())):
+    for file, text in ((record, _record_csv(item.columns)), (baseline, Loop.from_table(item.baseline, name).to_toml())):
         with whole_file(file) as f:
             f.write(text)
     return record, baseline
 
 
-def record_csv(columns: Mapping[str, np.ndarray]) -> str:
+def _record_csv(columns: Mapping[str, np.ndarray]) -> str:
     """Return a record as the text of records/ID.csv."""
     rows = zip(*(c.tolist() for c in columns.values()), strict=True)
     return "\n".join([",".join(columns), *(",".join(f"{x:.8g}" for x in row) for row in rows)]) + "\n"
@@ -183,7 +183,7 @@ def make(
     order = np.random.default_rng([seed, len(entries)]).permutation(len(items))
     items = [items[i] for i in order]
     names = [f"r{i:0{max(4, int(math.log10(len(items))) + 1)}d}" for i in range(1, len(items) + 1)]
-    text = answers_csv([item.answer | {"id": name, "world": world} for name, item in zip(names, items, strict=True)])
+    text = _answers_csv([item.answer | {"id": name, "world": world} for name, item in zip(names, items, strict=True)])
     sealed = seal.seal(text)
     print(f"commitment {sealed.commitment}", file=sys.stderr, flush=True)
     half = out / ".records"  # until all of it stands; a call that was killed begins anew

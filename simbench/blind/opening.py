@@ -25,7 +25,7 @@ from simbench.blind.world import OWN
 from simbench.files import folder as make_folder
 from simbench.files import whole_file, write_table
 
-OPEN_ANSWERS = "answers.csv"
+_OPEN_ANSWERS = "answers.csv"
 
 
 def open_(folder: str | Path, key: str | Path | None = None, out: str | Path | None = None, world: str = OWN) -> dict[str, Any]:
@@ -55,7 +55,7 @@ def open_(folder: str | Path, key: str | Path | None = None, out: str | Path | N
     folder = Path(folder)
     out = Path(out) if out is not None else folder / "score"
     text, commitment = _truth(folder, Path(key) if key is not None else None)
-    truth = read_answers(text)
+    truth = _read_answers(text)
     judged, claims = [], []
     for row in tqdm(truth, desc="scored", file=sys.stderr, delay=1.0):
         record, baseline = _record(folder, row["id"])
@@ -78,7 +78,7 @@ def open_(folder: str | Path, key: str | Path | None = None, out: str | Path | N
         "by_effect": json.loads(effects.to_json(orient="records")),
     }
     make_folder(out)
-    for name, content in ((OPEN_ANSWERS, text), ("score.json", json.dumps(score, indent=1))):
+    for name, content in ((_OPEN_ANSWERS, text), ("score.json", json.dumps(score, indent=1))):
         with whole_file(out / name) as f:
             f.write(content)
     for name, frame in (("score", pd.DataFrame(score["figures"])), ("by_effect", effects), ("records", table)):
@@ -87,7 +87,7 @@ def open_(folder: str | Path, key: str | Path | None = None, out: str | Path | N
     return score | {"markdown": markdown(figures, effects)}
 
 
-def read_answers(text: str) -> list[dict[str, Any]]:
+def _read_answers(text: str) -> list[dict[str, Any]]:
     """Return the rows of answers.csv; cells that hold JSON tables are read.
 
     Parameters
@@ -156,10 +156,10 @@ def _truth(folder: Path, key: Path | None) -> tuple[str, str | None]:
         text = seal.read(folder, key)
         return text, (folder / seal.COMMITMENT).read_text(encoding="utf-8").strip()
     try:
-        return (folder / OPEN_ANSWERS).read_text(encoding="utf-8"), None
+        return (folder / _OPEN_ANSWERS).read_text(encoding="utf-8"), None
     except OSError as error:
         raise ParameterError(
-            f"withheld: {folder} has neither {seal.SEALED} nor a readable {OPEN_ANSWERS}: {error.strerror}"
+            f"withheld: {folder} has neither {seal.SEALED} nor a readable {_OPEN_ANSWERS}: {error.strerror}"
         ) from None
 
 

@@ -16,7 +16,7 @@ SEALED, COMMITMENT = "answers.sealed", "commitment.txt"
 
 
 @dataclass(frozen=True)
-class Sealed:
+class _Sealed:
     """Sealed bytes with the key that opens them.
 
     Parameters
@@ -35,7 +35,7 @@ class Sealed:
     commitment: str
 
 
-def seal(text: str) -> Sealed:
+def seal(text: str) -> _Sealed:
     """Seal a text under a fresh random key.
 
     The cipher is a one-time key stream: SHAKE-256 of the key, which is never used again.
@@ -55,10 +55,10 @@ def seal(text: str) -> Sealed:
     'id,effect'
     """
     key, salt, plain = secrets.token_bytes(32), secrets.token_bytes(32), text.encode()
-    return Sealed(_mix(plain, key), key, salt, _commit(plain, salt))
+    return _Sealed(_mix(plain, key), key, salt, _commit(plain, salt))
 
 
-def unseal(content: bytes, key: bytes, salt: bytes, commitment: str) -> str:
+def _unseal(content: bytes, key: bytes, salt: bytes, commitment: str) -> str:
     """Open sealed bytes and check them against the commitment.
 
     Parameters
@@ -82,7 +82,7 @@ def unseal(content: bytes, key: bytes, salt: bytes, commitment: str) -> str:
     return plain.decode()
 
 
-def write(sealed: Sealed, folder: Path, key: Path) -> None:
+def write(sealed: _Sealed, folder: Path, key: Path) -> None:
     """Write sealed answers and commitment into the folder, and the key into its own file readable by its owner only."""
     secret = {"key": sealed.key.hex(), "salt": sealed.salt.hex(), "commitment": sealed.commitment}
     told = {folder / SEALED: sealed.content, folder / COMMITMENT: f"{sealed.commitment}\n".encode()}
@@ -120,7 +120,7 @@ def read(folder: Path, key: Path) -> str:
         raise ParameterError(f"withheld: {key} is no key file") from None
     if published != parts.get("commitment"):
         raise ParameterError(f"withheld: the commitment in {folder} is not the one of the key {key}")
-    return unseal(content, secret, salt, published)
+    return _unseal(content, secret, salt, published)
 
 
 def _mix(data: bytes, key: bytes) -> bytes:

@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SHIFT = 0.10  # change of the period that confirms stiction, for a gain change of 30 to 50 % (Choudhury et al. 2005)
-KEPT = 2.0  # factor within which stiction keeps the amplitude of OP; an oscillation near the stability limit dies
+_KEPT = 2.0  # factor within which stiction keeps the amplitude of OP; an oscillation near the stability limit dies
 PERIODS = 12  # wanted before the change and after it
-SMALLEST = 0.01  # amplitude of OP (%) below which there is nothing to see
+_SMALLEST = 0.01  # amplitude of OP (%) below which there is nothing to see
 LONGEST = 100_000  # samples of one run
-BAND = 0.5  # of OP's std, which it must cross for a new cycle to begin
-WIDE = 1.96  # standard errors on either side of a 95 % interval
+_BAND = 0.5  # of OP's std, which it must cross for a new cycle to begin
+_WIDE = 1.96  # standard errors on either side of a 95 % interval
 NUDGES = (0.0, 3.0, 0.5, 1.0, 1.5, 2.0, 5.0, 8.0)  # load steps (%) tried in turn when a loop rests
 
 
@@ -193,9 +193,9 @@ def measure(op: np.ndarray, Ts: float, Kc: float) -> Phase:
     """Return period and amplitude of an oscillating OP; the period is NaN when it is not sustained."""
     found = oscillation_of(op, Ts)
     amplitude = float(np.sqrt(2) * op.std())
-    seen = found.sustained and amplitude > SMALLEST
+    seen = found.sustained and amplitude > _SMALLEST
     at_ends = max(_standing(op, float(op.min())), _standing(op, float(op.max())))
-    saturated = bool(amplitude > SMALLEST and at_ends > 0.02)
+    saturated = bool(amplitude > _SMALLEST and at_ends > 0.02)
     if not seen:
         return Phase(Kc, np.nan, amplitude, saturated)
     return Phase(Kc, found.period_s, amplitude, saturated, _period_error(op, Ts))
@@ -204,7 +204,7 @@ def measure(op: np.ndarray, Ts: float, Kc: float) -> Phase:
 def _period_error(op: np.ndarray, Ts: float) -> float:
     """Return the standard error of the mean cycle (s): cycles lie between upward crossings of a band around the mean."""
     x = op - op.mean()
-    band = BAND * x.std()
+    band = _BAND * x.std()
     side = np.where(x > band, 1, np.where(x < -band, -1, 0))
     out = np.flatnonzero(side)
     ups = out[1:][np.diff(side[out]) > 0]
@@ -216,7 +216,7 @@ def _period_error(op: np.ndarray, Ts: float) -> float:
 
 
 def _interval(value: float, error: float) -> tuple[float, float] | None:
-    return (value - WIDE * error, value + WIDE * error) if np.isfinite(value + error) else None
+    return (value - _WIDE * error, value + _WIDE * error) if np.isfinite(value + error) else None
 
 
 def _standing(op: np.ndarray, value: float) -> float:
@@ -276,7 +276,7 @@ def judge(before: Phase, after: Phase) -> tuple[str, str, float]:
     if shift <= SHIFT:
         return "no_stiction", f"{says}: the oscillation comes from outside this loop", shift
     ratio = after.amplitude / before.amplitude
-    if not 1 / KEPT <= ratio <= KEPT:
+    if not 1 / _KEPT <= ratio <= _KEPT:
         return "no_decision", f"{says}, but OP's amplitude changed {ratio:.2g}-fold: a loop near its stability limit", shift
     return "stiction", f"{says} while OP kept its amplitude", shift
 

@@ -15,13 +15,13 @@ from simbench.loop.response import valve_response
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SIGMAS = 4.0  # standard deviations in a noise band
-REST = 0.01  # % of travel: less is no motion
-TRAVERSE = 0.1  # % per sample
+_SIGMAS = 4.0  # standard deviations in a noise band
+_REST = 0.01  # % of travel: less is no motion
+_TRAVERSE = 0.1  # % per sample
 
 
 @dataclass(frozen=True)
-class Limit:
+class _Limit:
     """A line of the table.
 
     Parameters
@@ -41,14 +41,14 @@ class Limit:
     high: float
 
 
-GAIN_LIMIT = Limit("process gain (%/%)", "1", "< 0.5: too small; 0.5 to 3: acceptable; > 3: too high", 0.5, 3.0)
-NOISE = Limit("noise band (%)", "0", "< 0.5: acceptable", 0.0, 0.5)
-HYSTERESIS = Limit("hysteresis (%)", "0", "< 3: acceptable; > 3: to be checked", 0.0, 3.0)
-STICTION_LIMIT = Limit("stiction (%)", "0", "1: desirable; > 1: to be checked", 0.0, 1.0)
+GAIN_LIMIT = _Limit("process gain (%/%)", "1", "< 0.5: too small; 0.5 to 3: acceptable; > 3: too high", 0.5, 3.0)
+NOISE = _Limit("noise band (%)", "0", "< 0.5: acceptable", 0.0, 0.5)
+HYSTERESIS = _Limit("hysteresis (%)", "0", "< 3: acceptable; > 3: to be checked", 0.0, 3.0)
+STICTION_LIMIT = _Limit("stiction (%)", "0", "1: desirable; > 1: to be checked", 0.0, 1.0)
 
 
 @dataclass(frozen=True)
-class Grade:
+class _Grade:
     """One parameter of a loop, graded.
 
     Parameters
@@ -77,7 +77,7 @@ class Grade:
         return asdict(self)
 
 
-def grade(loop: Loop, test: TravelTest | None = None, seed: int = 0) -> list[Grade]:
+def grade(loop: Loop, test: TravelTest | None = None, seed: int = 0) -> list[_Grade]:
     """Measure a loop in manual, as an engineer would, and grade it by Table 11.1.
 
     Parameters
@@ -117,13 +117,13 @@ def grade(loop: Loop, test: TravelTest | None = None, seed: int = 0) -> list[Gra
     last = int(np.flatnonzero(test.phase == 0)[-1])
     return [
         _gain(loop, test, rest, last),
-        _graded(NOISE, _band(test, rest), f"{SIGMAS:g} standard deviations of PV while OP rests"),
+        _graded(NOISE, _band(test, rest), f"{_SIGMAS:g} standard deviations of PV while OP rests"),
         _graded(HYSTERESIS, _hysteresis(loop), "separation of full strokes up and down, less the dead-band"),
         _graded(STICTION_LIMIT, test.J, f"small steps of {test.increment:g} % until PV moves" if test.J else test.reason),
     ]
 
 
-def graded_test(loop: Loop) -> GradedTest:
+def graded_test(loop: Loop) -> _GradedTest:
     """Run the travel test on a loop and grade the loop by what it measured.
 
     Parameters
@@ -135,11 +135,11 @@ def graded_test(loop: Loop) -> GradedTest:
     GradedTest
     """
     test = travel_test(loop)
-    return GradedTest(test, tuple(grade(loop, test)))
+    return _GradedTest(test, tuple(grade(loop, test)))
 
 
 @dataclass(frozen=True, eq=False)
-class GradedTest:
+class _GradedTest:
     """A travel test and what Table 11.1 says of the loop.
 
     Parameters
@@ -149,7 +149,7 @@ class GradedTest:
     """
 
     test: TravelTest
-    grades: tuple[Grade, ...]
+    grades: tuple[_Grade, ...]
 
     def as_json(self) -> dict[str, Any]:
         """Return the test's outcome and, as `table_11_1`, the grades."""
@@ -169,12 +169,12 @@ class GradedTest:
         return self.test.plot()
 
 
-def _graded(limit: Limit, value: float | None, reason: str) -> Grade:
+def _graded(limit: _Limit, value: float | None, reason: str) -> _Grade:
     acceptable = None if value is None else limit.low <= value <= limit.high
-    return Grade(limit.parameter, value, limit.ideal, limit.practical, acceptable, reason)
+    return _Grade(limit.parameter, value, limit.ideal, limit.practical, acceptable, reason)
 
 
-def _gain(loop: Loop, test: TravelTest, rest: int, last: int) -> Grade:
+def _gain(loop: Loop, test: TravelTest, rest: int, last: int) -> _Grade:
     if loop.plant.type == "integrating":
         return _graded(GAIN_LIMIT, None, "an integrating process has no gain at rest")
     if test.same_direction is None and test.reversed is None:
@@ -187,15 +187,15 @@ def _gain(loop: Loop, test: TravelTest, rest: int, last: int) -> Grade:
 
 
 def _band(test: TravelTest, rest: int) -> float:
-    return float(SIGMAS * test.trace.pv[rest // 2 : rest].std())
+    return float(_SIGMAS * test.trace.pv[rest // 2 : rest].std())
 
 
 def _hysteresis(loop: Loop) -> float:
-    up = np.arange(0.0, 100.0 + TRAVERSE / 2, TRAVERSE)
+    up = np.arange(0.0, 100.0 + _TRAVERSE / 2, _TRAVERSE)
     n = up.size
     Ts = resolve_loop(loop, 0).Ts
     mv = valve_response(loop.valve.name, np.concatenate([up, up[::-1], up]), loop.valve.parameters, Ts)
     back, again = mv[n : 2 * n], mv[2 * n :]
-    moving = np.abs(back - back[0]) > REST
-    dead = TRAVERSE * float(np.argmax(moving)) if moving.any() else 100.0
+    moving = np.abs(back - back[0]) > _REST
+    dead = _TRAVERSE * float(np.argmax(moving)) if moving.any() else 100.0
     return max(float((back[::-1] - again).max()) - dead, 0.0)

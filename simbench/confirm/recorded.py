@@ -10,9 +10,9 @@ from simbench.confirm.gain_change import GainChange, judge, measure
 from simbench.confirm.rig import Trace
 from simbench.confirm.travel import MOVE_SHARE, SIGMAS, TravelTest
 
-EXPLAINED = 0.8  # of the variance of OP's increments by a PI controller, from which its gain is read off a record
-HELD = 5  # samples for which OP must rest between two steps
-LATE = 0.5  # of a hold counts as settled
+_EXPLAINED = 0.8  # of the variance of OP's increments by a PI controller, from which its gain is read off a record
+_HELD = 5  # samples for which OP must rest between two steps
+_LATE = 0.5  # of a hold counts as settled
 
 
 def controller_gain(record: LoopRecord) -> float | None:
@@ -33,7 +33,7 @@ def controller_gain(record: LoopRecord) -> float | None:
     found = np.linalg.lstsq(columns, steps, rcond=None)[0]
     left = steps - columns @ found
     explained = 1.0 - float(left @ left) / max(float(steps @ steps), 1e-300)
-    return abs(float(found[0])) if explained >= EXPLAINED else None
+    return abs(float(found[0])) if explained >= _EXPLAINED else None
 
 
 def gain_change_recorded(before: LoopRecord, after: LoopRecord, factor: float | None = None) -> GainChange:
@@ -122,9 +122,9 @@ def travel_recorded(record: LoopRecord) -> TravelTest:
     op = record.op if record.op_percent is None else record.op_percent
     starts = np.concatenate([[0], np.flatnonzero(np.diff(op)) + 1])
     lengths = np.diff(np.append(starts, op.size))
-    starts, lengths = starts[lengths >= HELD], lengths[lengths >= HELD]
+    starts, lengths = starts[lengths >= _HELD], lengths[lengths >= _HELD]
     if starts.size < 4:
-        raise ParameterError(f"travel test: OP rests {starts.size} times for {HELD} samples or more; at least 4 are needed")
+        raise ParameterError(f"travel test: OP rests {starts.size} times for {_HELD} samples or more; at least 4 are needed")
     seen, error = _readings(record, starts, lengths)
     steps = np.diff(op[starts])
     small = float(np.abs(steps).max()) / 3.0
@@ -153,7 +153,7 @@ def _readings(record: LoopRecord, starts: np.ndarray, lengths: np.ndarray) -> tu
     """PV's settled mean in every hold, on an integrating process its slope per second, with standard errors."""
     seen, error = np.empty(starts.size), np.empty(starts.size)
     for k, (start, length) in enumerate(zip(starts, lengths, strict=True)):
-        late = record.pv[start + int((1.0 - LATE) * length) : start + length]
+        late = record.pv[start + int((1.0 - _LATE) * length) : start + length]
         t = np.arange(late.size) * record.Ts
         line = np.polyfit(t, late, 1)
         sigma = float(np.std(late - np.polyval(line, t)))

@@ -16,13 +16,13 @@ from simbench.loop.resolve import resolve_loop
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-BIG_STEP = 10.0  # %, to overcome the band (Gerry and Ruel 2001: 5 to 10 %)
-SMALL_STEP = 0.2  # %
-CYCLES_ABOVE = 0.2  # %, stiction that will usually cycle (Gerry and Ruel 2001)
+_BIG_STEP = 10.0  # %, to overcome the band (Gerry and Ruel 2001: 5 to 10 %)
+_SMALL_STEP = 0.2  # %
+_CYCLES_ABOVE = 0.2  # %, stiction that will usually cycle (Gerry and Ruel 2001)
 SIGMAS = 5.0  # PV has moved when it changed by more than this many standard errors ...
 MOVE_SHARE = 0.2  # ... and by more than this share of what one small step does to it
-SETTLED = 8.0  # lags waited after a step: e^-8 of the big step is left
-LONGEST_WINDOW = 1000  # samples of PV averaged, once it has settled
+_SETTLED = 8.0  # lags waited after a step: e^-8 of the big step is left
+_LONGEST_WINDOW = 1000  # samples of PV averaged, once it has settled
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +118,7 @@ class TravelTest:
         return figure
 
 
-def travel_test(loop: Loop, increment: float = SMALL_STEP, big_step: float = BIG_STEP, seed: int = 0) -> TravelTest:
+def travel_test(loop: Loop, increment: float = _SMALL_STEP, big_step: float = _BIG_STEP, seed: int = 0) -> TravelTest:
     """Put a loop in manual and step its valve until PV moves.
 
     Parameters
@@ -182,11 +182,11 @@ class _Manual:
         lags = [1 / abs(p) for p in np.roots(setup.den) if abs(p) > 1e-12]
         self.integrating = setup.den[-1] == 0
         self.increment, self.Ts, self.op, self.k = increment, setup.Ts, setup.op0, 0
-        settle = int(np.ceil((setup.Td + SETTLED * sum(lags)) / self.Ts))
+        settle = int(np.ceil((setup.Td + _SETTLED * sum(lags)) / self.Ts))
         # an engineer waits until half a small step would show in the noise
         answer = abs(setup.num[-1] / setup.den[setup.den != 0][-1]) * increment / 2
         self.window = 10
-        while self.window < LONGEST_WINDOW and SIGMAS * np.sqrt(2) * self._error(setup.noise_std) > answer:
+        while self.window < _LONGEST_WINDOW and SIGMAS * np.sqrt(2) * self._error(setup.noise_std) > answer:
             self.window *= 2
         self.wait = settle + self.window
         steps = int(200 / increment + 100 / big_step) + 4
@@ -239,6 +239,6 @@ class _Manual:
         elif not sticky:
             reason = "PV follows small steps both ways: no stiction"
         else:
-            cycles = "" if same <= CYCLES_ABOVE + 1e-9 else ", enough to cycle under PI control"
+            cycles = "" if same <= _CYCLES_ABOVE + 1e-9 else ", enough to cycle under PI control"
             reason = f"band S {back:.3g} %, of which slip jump J {same:.3g} %{cycles}"
         return TravelTest(same, back, self.increment, wait, sticky, reason, self.Ts, np.array(self.phase), trace)

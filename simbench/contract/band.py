@@ -10,11 +10,11 @@ import numpy as np
 
 from simbench.loop.response import stages_response
 
-STEP = 0.02  # % of travel by which OP moves per sample: slow against every valve's own motion
+_STEP = 0.02  # % of travel by which OP moves per sample: slow against every valve's own motion
 # OP turns at ever other places: a valve that stops at every sample is met in every phase
-TURNS = (1.0, -1.0, 0.97, -1.03, 0.94, -0.91, 0.96, -0.99, 0.93, -0.95)
-NEAR = 0.15  # of S or J, and beside it
-BAND_TOLERANCE = 0.3  # % of travel: within both together, a measured number is what was said
+_TURNS = (1.0, -1.0, 0.97, -1.03, 0.94, -0.91, 0.96, -0.99, 0.93, -0.95)
+_NEAR = 0.15  # of S or J, and beside it
+_BAND_TOLERANCE = 0.3  # % of travel: within both together, a measured number is what was said
 
 
 def measured_band(stages: list[tuple[ModuleType, Any]], reach: float, middle: float = 50.13) -> tuple[float, float]:
@@ -49,8 +49,8 @@ def measured_band(stages: list[tuple[ModuleType, Any]], reach: float, middle: fl
     >>> [round(x, 1) for x in measured_band([(kano, valve_parameters(kano, {"S": 4, "J": 2}, 1.0))], 10.0)]
     [4.0, 2.0]
     """
-    ends = [0.0, *(reach * t for t in TURNS)]
-    branches = [np.arange(a, b, np.sign(b - a) * STEP) for a, b in pairwise(ends)]
+    ends = [0.0, *(reach * t for t in _TURNS)]
+    branches = [np.arange(a, b, np.sign(b - a) * _STEP) for a, b in pairwise(ends)]
     op = middle + np.concatenate(branches)
     mv = stages_response(tuple(stages), op, float(op[0]))
     travels, jumps = [], []
@@ -60,9 +60,9 @@ def measured_band(stages: list[tuple[ModuleType, Any]], reach: float, middle: fl
         moved = way * np.diff(mv[first - 1 : last])
         slope = float(moved[moved.size // 2 :].mean())
         under_way = np.flatnonzero(moved > 0.5 * slope)
-        if slope <= 1e-6 * STEP or not under_way.size:
+        if slope <= 1e-6 * _STEP or not under_way.size:
             return np.inf, 0.0
-        travels.append(max(under_way[0] - 1, 0) * STEP)  # what OP had travelled when MV still stood
+        travels.append(max(under_way[0] - 1, 0) * _STEP)  # what OP had travelled when MV still stood
         jumps.append(float(moved.max()) - slope)
     return float(min(travels)), float(np.median(jumps))
 
@@ -91,8 +91,8 @@ def band_fault(stages: list[tuple[ModuleType, Any]], S: float, J: float) -> str:
     found_S, found_J = measured_band(stages, float(np.clip(1.2 * S, 16.0, 48.0)))
     if not np.isfinite(found_S):
         return f"maps on S = {S:g}, but MV never follows a reversal of OP"
-    if abs(found_S - S) > NEAR * S + BAND_TOLERANCE:
+    if abs(found_S - S) > _NEAR * S + _BAND_TOLERANCE:
         return f"maps on S = {S:g}, but MV follows a reversal of OP only after {found_S:.3g} % of travel"
-    if abs(found_J - J) > NEAR * J + BAND_TOLERANCE:
+    if abs(found_J - J) > _NEAR * J + _BAND_TOLERANCE:
         return f"maps on J = {J:g}, but MV slips by {abs(round(found_J, 2)):g} % of travel"
     return ""

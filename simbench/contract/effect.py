@@ -23,7 +23,7 @@ from simbench.loop.parameters import Choice, Number
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.simulate import simulate
 
-EFFECT_LOOP: dict[str, Any] = {
+_EFFECT_LOOP: dict[str, Any] = {
     "plant": {"type": "foptd", "K": 1.5, "T": 20.0, "Td": 3.5},
     "controller": {"type": "PI", "Kc": 0.6, "Ti": 18.0},
     "sampling": {"Ts": 1.0, "n": 400},
@@ -31,13 +31,13 @@ EFFECT_LOOP: dict[str, Any] = {
     "setpoint": {"value": 50.0, "steps": [[60, 53], [200, 48]]},
     "disturbance": [{"type": "random_walk", "amplitude": 2.0, "period": 200.0}],
 }
-LEVEL = {
-    **EFFECT_LOOP,
+_LEVEL = {
+    **_EFFECT_LOOP,
     "plant": {"type": "integrating", "K": 0.05, "Td": 2.0},
     "controller": {"type": "PI", "Kc": 2.0, "Ti": 60.0},
 }
 # shares of the way from no strength to the end of the range; times its own size where there is no end
-SHARES, TIMES = (0.04, 0.3, 0.48, 0.9, 0.99, 0.9999, 1.0 - 1e-7), (0.5, 5.0, 50.0)
+_SHARES, _TIMES = (0.04, 0.3, 0.48, 0.9, 0.99, 0.9999, 1.0 - 1e-7), (0.5, 5.0, 50.0)
 
 
 def check_effect(name: str) -> Contract:
@@ -101,7 +101,7 @@ def strengths(module: ModuleType) -> Iterator[dict[str, float | str]]:
     """Yield parameters ever further away from those under which an effect does nothing, upwards first."""
     none = no_strength(module)
     for up in (True, False):
-        for i in range(len(SHARES)):
+        for i in range(len(_SHARES)):
             table = {k: none[k] if isinstance(r, Choice) else _away(r, i, up) for k, r in module.PARAMETERS.items()}
             if table != none:
                 yield table
@@ -110,12 +110,12 @@ def strengths(module: ModuleType) -> Iterator[dict[str, float | str]]:
 def _away(rule: Number, i: int, up: bool) -> float:
     end = rule.high if up and rule.high > rule.identity else rule.low if rule.low < rule.identity else rule.high
     if math.isfinite(end):
-        return rule.identity + SHARES[i] * (end - rule.identity)
-    return rule.identity + math.copysign(TIMES[min(i, len(TIMES) - 1)] * max(abs(rule.identity), 1.0), end)
+        return rule.identity + _SHARES[i] * (end - rule.identity)
+    return rule.identity + math.copysign(_TIMES[min(i, len(_TIMES) - 1)] * max(abs(rule.identity), 1.0), end)
 
 
 def _no_strength(name: str, module: ModuleType) -> Iterator[str]:
-    for table in (EFFECT_LOOP, LEVEL):
+    for table in (_EFFECT_LOOP, _LEVEL):
         found, plain = _run(name, no_strength(module), table), simulate(Loop.from_table(table), seed=3).record
         where = table["plant"]["type"]
         if found.faults:
@@ -125,7 +125,7 @@ def _no_strength(name: str, module: ModuleType) -> Iterator[str]:
 
 
 def _some_strength(name: str, module: ModuleType) -> Iterator[str]:
-    plain, refused = simulate(Loop.from_table(EFFECT_LOOP), seed=3).record, ""
+    plain, refused = simulate(Loop.from_table(_EFFECT_LOOP), seed=3).record, ""
     for table in strengths(module):
         found = _run(name, table)
         if found.faults:
@@ -140,7 +140,7 @@ def _some_strength(name: str, module: ModuleType) -> Iterator[str]:
             moved = "stays as it was" if module.ACTS == "loop" else "changes too"
             yield f"says ACTS = {module.ACTS!r}, but OP {moved} at {_shown(table)}"
         yield from _label(name, table)
-        short = _run(name, table, {**EFFECT_LOOP, "sampling": {"Ts": 1.0, "n": 3}})
+        short = _run(name, table, {**_EFFECT_LOOP, "sampling": {"Ts": 1.0, "n": 3}})
         yield from (f"{fault}, in a loop of 3 samples" for fault in short.faults)
         return
     yield f"does nothing at any strength tried{': ' + refused if refused else ''}"
@@ -148,7 +148,7 @@ def _some_strength(name: str, module: ModuleType) -> Iterator[str]:
 
 def _label(name: str, table: dict[str, float | str]) -> Iterator[str]:
     """Hold what the effect's valve stage does against what it maps on, where it brings one."""
-    plain = resolve_loop(Loop.from_table(EFFECT_LOOP), 3).valves
+    plain = resolve_loop(Loop.from_table(_EFFECT_LOOP), 3).valves
     setup = resolve_loop(_loop(name, table), 3)
     stages = [stage for stage in setup.valves if not any(stage[0] is module for module, _ in plain)]
     if len(stages) == 1:
@@ -157,11 +157,11 @@ def _label(name: str, table: dict[str, float | str]) -> Iterator[str]:
             yield f"brings a valve stage that {fault}, at {_shown(table)}"
 
 
-def _loop(name: str, parameters: dict[str, float | str], table: dict[str, Any] = EFFECT_LOOP) -> Loop:
+def _loop(name: str, parameters: dict[str, float | str], table: dict[str, Any] = _EFFECT_LOOP) -> Loop:
     return Loop.from_table({**table, "effect": [{"name": name, **parameters}]})
 
 
-def _run(name: str, parameters: dict[str, float | str], table: dict[str, Any] = EFFECT_LOOP) -> Guarded:
+def _run(name: str, parameters: dict[str, float | str], table: dict[str, Any] = _EFFECT_LOOP) -> Guarded:
     found = call_guarded(lambda: simulate(_loop(name, parameters, table), seed=3).record)
     if isinstance(found.refusal, RecordError):  # what the effect made of the signals is none
         found.faults.append(f"makes a record that is none ({found.refusal})")

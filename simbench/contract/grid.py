@@ -14,7 +14,7 @@ from scenarios.spec import Scenario, read_toml
 from simbench.bench.scenario.resolve import resolve
 from simbench.loop.resolve import resolve_loop
 
-GROUPS_SETTLED = 24  # groups that are settled by simulating their twin; one of every block at least
+_GROUPS_SETTLED = 24  # groups that are settled by simulating their twin; one of every block at least
 
 
 def check_grid(path: str | Path) -> Contract:
@@ -93,4 +93,4 @@ def _part_faults(scenario: Scenario) -> list[str]:
 
 
 def _spread(count: int) -> list[int]:
-    return sorted({i * count // GROUPS_SETTLED for i in range(GROUPS_SETTLED)}) if count else []
+    return sorted({i * count // _GROUPS_SETTLED for i in range(_GROUPS_SETTLED)}) if count else []

@@ -19,14 +19,14 @@ from simbench.loop.effects import PLUGINS as EFFECTS
 from simbench.loop.parameters import resolve
 from simbench.loop.simulate import simulate
 
-RECOGNISER_LOOP: dict[str, Any] = {
+_RECOGNISER_LOOP: dict[str, Any] = {
     "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0},
     "controller": {"type": "PI", "Kc": 1.0, "Ti": 20.0},
     "sampling": {"Ts": 1.0, "n": 300},
     "noise": {"std": 0.1},
     "setpoint": {"value": 50.0, "steps": [[60, 53], [150, 48]]},
 }
-WORSE = 0.1  # nats by which a search may miss the fit it began from
+_WORSE = 0.1  # nats by which a search may miss the fit it began from
 
 
 def check_recogniser(name: str) -> Contract:
@@ -63,7 +63,7 @@ def check_recogniser(name: str) -> Contract:
 @cache
 def _compared() -> tuple[Situation, Engine, Fit]:
     """Return a short record beside its own baseline, and its fit without effect."""
-    loop = Loop.from_table(RECOGNISER_LOOP)
+    loop = Loop.from_table(_RECOGNISER_LOOP)
     situation = check(simulate(loop, seed=5).record.without_mv(), loop)
     engine = Engine(situation.data, load_memory(situation))
     return situation, engine, engine.base()
@@ -91,7 +91,7 @@ def _faults(name: str, r: Recogniser) -> Iterator[str]:
     best, count = fit.value
     if not count >= 0:
         yield f"pays for {count!r} numbers; 0 or more are needed"
-    if best.loglik < base.loglik - WORSE:
+    if best.loglik < base.loglik - _WORSE:
         yield f"fits {base.loglik - best.loglik:.3g} nats worse than no effect at all; give the base itself back instead"
     if twice.faults or twice.value[0].loglik != best.loglik:
         yield "is not deterministic: the same record is fitted in two ways"

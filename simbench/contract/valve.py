@@ -16,7 +16,7 @@ from simbench.contract.band import band_fault
 from simbench.loop.parameters import VALVES, Choice, Number, valve_parameters
 from simbench.loop.response import valve_response
 
-AT_REST = 1e-6  # % of travel by which MV may settle where it starts
+_AT_REST = 1e-6  # % of travel by which MV may settle where it starts
 
 
 def check_valve(name: str) -> Contract:
@@ -50,7 +50,7 @@ def check_valve(name: str) -> Contract:
     broken = list(_description(module))
     if broken:
         return Contract("valve", name, tuple(broken))
-    tables, refused = example_tables(module)
+    tables, refused = _example_tables(module)
     if not tables:
         return Contract("valve", name, (f"refuses the parameters of its own ranges: {refused}",))
     for table in tables:
@@ -61,7 +61,7 @@ def check_valve(name: str) -> Contract:
     return Contract("valve", name, tuple(broken))
 
 
-def example_tables(module: ModuleType) -> tuple[list[dict[str, Any]], str]:
+def _example_tables(module: ModuleType) -> tuple[list[dict[str, Any]], str]:
     """Return two sets of parameters that a valve takes, and what it said to those it refused.
 
     Parameters
@@ -174,7 +174,7 @@ def _run_faults(name: str, table: dict[str, Any]) -> Iterator[str]:
     if slow.value.min() < 0.0 or slow.value.max() > 100.0:
         yield f"leaves its travel: MV from {slow.value.min():.4g} to {slow.value.max():.4g} %"
     rest, begun = valve_response(name, np.full(50, 37.5), table), module.start(37.5, valve_parameters(module, table, 1.0))[0]
-    if np.any(np.abs(rest - begun) > AT_REST):
+    if np.any(np.abs(rest - begun) > _AT_REST):
         yield f"does not stay at rest: MV goes from {begun:.6g} to {rest[-1]:.6g} % under an OP that stands still"
 
 

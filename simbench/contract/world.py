@@ -15,10 +15,10 @@ from scenarios.spec import Loop
 from simbench.blind.world import WORLD_EFFECTS, WORLDS
 from simbench.loop.effects import BLOCKS, NONE, UNKNOWN
 
-SEED, INDEX = 5, 3
-RECORD_COLUMNS = ("t", "sp", "op", "pv")
-ANSWER = ("kind", "block", "effect", "foreign", "mv", "plant", "controller", "sp_moves", "case", "seed")
-NOISY = {"effect": "noise", "parameters": {"factor": 30.0, "std": 0.0}}  # an effect that acts in every loop
+_SEED, _INDEX = 5, 3
+_RECORD_COLUMNS = ("t", "sp", "op", "pv")
+_ANSWER = ("kind", "block", "effect", "foreign", "mv", "plant", "controller", "sp_moves", "case", "seed")
+_NOISY = {"effect": "noise", "parameters": {"factor": 30.0, "std": 0.0}}  # an effect that acts in every loop
 
 
 def check_world(name: str) -> Contract:
@@ -31,7 +31,7 @@ def check_world(name: str) -> Contract:
     broken, notes = list(_description(module)), []
     entries = [] if broken else _entries(module)
     for entry in entries:
-        drawn = call_guarded(lambda entry=entry: module.draw(SEED, INDEX, entry))
+        drawn = call_guarded(lambda entry=entry: module.draw(_SEED, _INDEX, entry))
         asked = " ".join(str(entry[key]) for key in ("kind", "effect") if key in entry)
         if drawn.refusal is not None:
             notes.append(f"does not draw {asked}: {drawn.refusal}")
@@ -68,7 +68,7 @@ def _faults(module: ModuleType, entry: dict[str, Any], item: Any) -> list[str]:
 
 
 def _signals(item: Any, entry: dict[str, Any]) -> Iterator[str]:
-    missing = [c for c in RECORD_COLUMNS if c not in item.columns]
+    missing = [c for c in _RECORD_COLUMNS if c not in item.columns]
     if missing:
         yield f"columns lack {', '.join(missing)}"
     if ("mv" in item.columns) != entry["mv"]:
@@ -82,7 +82,7 @@ def _signals(item: Any, entry: dict[str, Any]) -> Iterator[str]:
 
 def _truth(item: Any, entry: dict[str, Any]) -> Iterator[str]:
     said = item.answer
-    missing = [key for key in ANSWER if key not in said]
+    missing = [key for key in _ANSWER if key not in said]
     if missing:
         yield f"the answer lacks {', '.join(missing)}"
         return
@@ -104,7 +104,7 @@ def _truth(item: Any, entry: dict[str, Any]) -> Iterator[str]:
 def _again(module: ModuleType, entry: dict[str, Any], item: Any) -> Iterator[str]:
     if entry["kind"] != "single":
         return
-    twice = module.draw(SEED, INDEX, entry)
+    twice = module.draw(_SEED, _INDEX, entry)
     if json.dumps(twice.answer) != json.dumps(item.answer) or not _same(twice.columns, item.columns):
         yield "two draws of one seed and index differ"
     # as it comes back from the file of answers
@@ -112,7 +112,7 @@ def _again(module: ModuleType, entry: dict[str, Any], item: Any) -> Iterator[str
     plain = module.simulate(answer, [], 9)
     if not _same(plain, module.simulate(answer, [], 9)):
         yield "simulate: two runs of one seed differ"
-    if np.array_equal(plain["pv"], module.simulate(answer, [NOISY], 9)["pv"]):
+    if np.array_equal(plain["pv"], module.simulate(answer, [_NOISY], 9)["pv"]):
         yield "simulate: noise thirty times as loud changes nothing"
     if module.simulate(answer, [], 9, nominal=True).keys() != item.columns.keys():
         yield "simulate: nominal=True, on the baseline's plant, returns other columns than draw"

@@ -17,7 +17,12 @@ from simbench.figures._style import BLACK, BLUE, GREY, RED, VERDICT, styled, wri
 if TYPE_CHECKING:
     from detectors.procedure import Diagnosis
 
-BOX, GAP, LINE, PAD = 2.9, 1.35, 0.155, 0.12  # inches: width of a question, room for an answer, height of a line, inner margin
+_BOX, _GAP, _LINE, _PAD = (
+    2.9,
+    1.35,
+    0.155,
+    0.12,
+)  # inches: width of a question, room for an answer, a line's height, margin
 
 
 def flow_table() -> pd.DataFrame:
@@ -54,7 +59,7 @@ def draw_flow(table: pd.DataFrame, taken: Collection[tuple[str, str]] = ()) -> F
             ends[row["source"]].append(row["target"])
             says[row["target"]] = row["verdict"] + "\n" + textwrap.fill(row["next"], 52)
     # rows from the top, as high as what stands in them
-    heights = {name: (text.count("\n") + 1) * LINE + 2 * PAD for name, text in {**texts, **says}.items()}
+    heights = {name: (text.count("\n") + 1) * _LINE + 2 * _PAD for name, text in {**texts, **says}.items()}
     top, middle = 0.0, {}
     for q in questions:
         beside = sum(heights[c] + 0.14 for c in ends[q]) - (0.14 if ends[q] else 0.0)
@@ -68,14 +73,14 @@ def draw_flow(table: pd.DataFrame, taken: Collection[tuple[str, str]] = ()) -> F
     place = {q: i for i, q in enumerate(questions)}
     skips = [(s, t) for s, t in zip(table["source"], table["target"]) if place.get(t, 0) > place[s] + 1]
     left = 0.3 + 0.42 * len(skips)
-    wide = left + BOX + GAP + 4.1
+    wide = left + _BOX + _GAP + 4.1
     figure = Figure(figsize=(wide, -top - 0.34 + 0.2))
     axes = figure.add_axes((0, 0, 1, 1))
     axes.set(xlim=(0, wide), ylim=(top + 0.34 - 0.1, 0.1))
     axes.set_axis_off()
 
     for q in questions:
-        _box(axes, left, middle[q], BOX, heights[q], texts[q], BLUE, q in {s for s, _ in taken})
+        _box(axes, left, middle[q], _BOX, heights[q], texts[q], BLUE, q in {s for s, _ in taken})
     for source, target in dict.fromkeys(zip(table["source"], table["target"])):
         part = table[(table["source"] == source) & (table["target"] == target)]
         # of several answers with one target only the one taken is named
@@ -84,17 +89,17 @@ def draw_flow(table: pd.DataFrame, taken: Collection[tuple[str, str]] = ()) -> F
         ink = RED if (source, told[0]) in taken else BLACK
         y, z = middle[source], middle[target]
         if target in says:
-            x, bend = left + BOX + GAP, left + BOX + 0.2
+            x, bend = left + _BOX + _GAP, left + _BOX + 0.2
             straight = len(ends[str(source)]) < 2
-            path, at = [(left + BOX, y), (x, z)] if straight else [(left + BOX, y), (bend, y), (bend, z), (x, z)], z
+            path, at = [(left + _BOX, y), (x, z)] if straight else [(left + _BOX, y), (bend, y), (bend, z), (x, z)], z
             if target not in ends[source]:
                 # it stands beside an earlier question, whose own answer has its place there: named where it leaves
                 at, low, lane = y + 0.35 * heights[source], z - 0.25 * heights[target], x - 0.15
-                path = [(left + BOX, at), (lane, at), (lane, low), (x, low)]
+                path = [(left + _BOX, at), (lane, at), (lane, low), (x, low)]
             _arrow(axes, path, ink)
             axes.text(bend + 0.05, at + 0.04, textwrap.fill(answers, 17), fontsize=7.5, va="bottom", color=ink)
         elif place[str(target)] == place[str(source)] + 1:
-            x = left + BOX / 2
+            x = left + _BOX / 2
             _arrow(axes, [(x, y - heights[source] / 2), (x, z + heights[target] / 2)], ink)
             axes.text(x + 0.07, y - heights[source] / 2 - 0.05, answers, fontsize=7.5, va="top", color=ink)
         else:
@@ -104,7 +109,7 @@ def draw_flow(table: pd.DataFrame, taken: Collection[tuple[str, str]] = ()) -> F
     for c, text in says.items():
         pairs = table[table["target"] == c][["source", "answer"]].itertuples(index=False, name=None)
         reached = any(p in taken for p in pairs)
-        _box(axes, left + BOX + GAP, middle[c], 3.95, heights[c], text, GREY, reached, bold=True)
+        _box(axes, left + _BOX + _GAP, middle[c], 3.95, heights[c], text, GREY, reached, bold=True)
     return figure
 
 
@@ -141,9 +146,9 @@ def _box(
         axes.text(x + width / 2, y, text, ha="center", va="center", fontsize=8.5)
         return
     head, _, rest = text.partition("\n")
-    top = y + height / 2 - PAD
+    top = y + height / 2 - _PAD
     axes.text(x + 0.1, top, head, va="top", fontsize=8.5, fontweight="bold")
-    axes.text(x + 0.1, top - LINE, rest, va="top", fontsize=8)
+    axes.text(x + 0.1, top - _LINE, rest, va="top", fontsize=8)
 
 
 def _arrow(axes: Axes, points: list[tuple[float, float]], colour: str) -> None:

@@ -13,7 +13,7 @@ from simbench.figures._style import BLUE, GREY, label
 
 
 @dataclass(frozen=True)
-class Marks:
+class _Marks:
     """Zero crossings (s, both positive), values at lag 0 and at the peak between them (-), and the two indices (-)."""
 
     tau_l: float
@@ -54,7 +54,7 @@ def correlation(op: np.ndarray, pv: np.ndarray, Ts: float, reach: float) -> pd.D
     return pd.DataFrame({"lag (s)": lags * Ts, "Phi (-)": np.array(phi) / scale, "dtau (-)": dtau, "drho (-)": drho})
 
 
-def marks(table: pd.DataFrame) -> Marks:
+def marks(table: pd.DataFrame) -> _Marks:
     """Find Horch's points on a drawn cross-correlation."""
     lag, phi = table["lag (s)"].to_numpy(), table["Phi (-)"].to_numpy()
     zero = int(np.argmin(np.abs(lag)))
@@ -68,10 +68,10 @@ def marks(table: pd.DataFrame) -> Marks:
     top = float(np.sign(phi[zero]) * np.abs(near).max())
     tau_l, tau_r = map(float, crossing)
     now = float(phi[zero])
-    return Marks(tau_l, tau_r, now, top, abs(tau_l - tau_r) / (tau_l + tau_r), abs(now - top) / abs(now + top))
+    return _Marks(tau_l, tau_r, now, top, abs(tau_l - tau_r) / (tau_l + tau_r), abs(now - top) / abs(now + top))
 
 
-def draw_correlation(axes: Axes, table: pd.DataFrame, title: str) -> Marks:
+def draw_correlation(axes: Axes, table: pd.DataFrame, title: str) -> _Marks:
     """Draw a cross-correlation with its zero crossings and its values at lag 0 and at the peak."""
     found = marks(table)
     axes.axhline(0, color=GREY, linewidth=0.6)

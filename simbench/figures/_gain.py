@@ -10,7 +10,7 @@ from scenarios.spec import Loop
 from simbench.confirm.gain_change import gain_change
 from simbench.figures._style import GREY, SIGNAL, label, note, panels
 
-SHOWN = 5.5  # periods on either side of the change
+_SHOWN = 5.5  # periods on either side of the change
 
 
 def gain_table(loop: Loop, factor: float) -> pd.DataFrame:
@@ -33,7 +33,7 @@ def gain_table(loop: Loop, factor: float) -> pd.DataFrame:
     t = (np.arange(found.trace.op.size) - found.changed) * found.Ts
     rows = []
     for phase, chosen in ((found.before, t < 0), (found.after, t >= 0)):
-        near = chosen & (np.abs(t) <= SHOWN * phase.period)
+        near = chosen & (np.abs(t) <= _SHOWN * phase.period)
         signals = {"t (s)": t[near], "OP (%)": found.trace.op[near], "PV": found.trace.pv[near] - loop.setpoint.value}
         # half peak-to-peak, without the transient right after the change
         amplitude = np.ptp(found.trace.op[chosen][-round(5 * phase.period / found.Ts) :]) / 2

@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 
 from simbench.figures._style import BLACK, BLUE, GREEN, GREY, ORANGE, PINK, RED, SKY, panels, styled
 
-COLOURS = (BLUE, RED, GREEN, ORANGE, SKY, PINK, BLACK, GREY)
-DASHES = ("-", "--", ":")
+_COLOURS = (BLUE, RED, GREEN, ORANGE, SKY, PINK, BLACK, GREY)
+_DASHES = ("-", "--", ":")
 
 
 @styled
@@ -32,7 +32,7 @@ def draw(table: pd.DataFrame) -> Figure:
     gap = max(float(last.max() - last.min()), 0.05) / max(len(last) - 1, 1) * 0.9
     at = float("-inf")
     for k, (method, value) in enumerate(last.items()):
-        style = {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k // len(COLOURS) % len(DASHES)]}
+        style = {"color": _COLOURS[k % len(_COLOURS)], "linestyle": _DASHES[k // len(_COLOURS) % len(_DASHES)]}
         line = wide[method]
         place.plot(range(len(line)), line, marker="o", **style)
         at = max(float(value), at + gap)

@@ -16,7 +16,7 @@ from simbench.files import folder, remove_stale_temporaries, whole_file, write_t
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-DPI = 110
+_DPI = 110
 NEEDS = {"isdb": "ISDB", "run": "--run"}
 
 
@@ -129,4 +129,4 @@ def _save(picture: Figure, path: Path, kind: str) -> None:
 
     # the same numbers give the same bytes: no date, and ids from a fixed salt
     with matplotlib.rc_context({"svg.hashsalt": path.stem, "path.simplify_threshold": 0.3}), whole_file(path, "wb") as f:
-        picture.savefig(f, format=kind, dpi=DPI, metadata={"Date": None} if kind == "svg" else {"Software": None})
+        picture.savefig(f, format=kind, dpi=_DPI, metadata={"Date": None} if kind == "svg" else {"Software": None})

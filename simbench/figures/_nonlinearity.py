@@ -13,7 +13,7 @@ from detectors.signal.ellipse import fit_ellipse
 from simbench.figures._ellipses import ellipse_points
 from simbench.figures._style import BLUE, GREY, RED, label, mosaic, note
 
-SEGMENT = 64
+_SEGMENT = 64
 
 
 def nonlinearity(record: LoopRecord, op: np.ndarray, pv: np.ndarray) -> pd.DataFrame:
@@ -37,10 +37,10 @@ def nonlinearity(record: LoopRecord, op: np.ndarray, pv: np.ndarray) -> pd.DataF
     RecordError
         When the record is too short for a bicoherence.
     """
-    if record.n < 4 * SEGMENT:
-        raise RecordError(f"{record.tag}: {record.n} samples; at least {4 * SEGMENT} are needed for a bicoherence")
+    if record.n < 4 * _SEGMENT:
+        raise RecordError(f"{record.tag}: {record.n} samples; at least {4 * _SEGMENT} are needed for a bicoherence")
     e = -pv if record.sp is None else record.sp - pv
-    higher = bicoherence(e, SEGMENT)
+    higher = bicoherence(e, _SEGMENT)
     rows = [
         pd.DataFrame({"part": "error", "t (s)": record.t, "e": e}),
         pd.DataFrame({"part": "bicoherence", "f1": higher.f1, "f2": higher.f2, "bic2 (-)": higher.bic2}),

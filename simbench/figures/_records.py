@@ -10,7 +10,7 @@ from detectors.records.io import read_record
 from detectors.records.isdb import read_loops
 
 # ISDB's sectors by the letters that the chapter's loop names begin with
-SECTORS = {"CHEM": "chemicals", "PAP": "pulpPapers", "POW": "power", "MIN": "mining", "MET": "metals", "BAS": "buildings"}
+_SECTORS = {"CHEM": "chemicals", "PAP": "pulpPapers", "POW": "power", "MIN": "mining", "MET": "metals", "BAS": "buildings"}
 
 
 class NeedsRecord(UserError):
@@ -46,7 +46,7 @@ def real_loop(isdb: str | Path, name: str, **about: str) -> LoopRecord:
                 return read_record(found[0], tag=name, **about)
     else:
         letters = name.rstrip("0123456789")
-        wanted = f"{SECTORS.get(letters, letters)}.loop{name[len(letters) :]}".lower()
+        wanted = f"{_SECTORS.get(letters, letters)}.loop{name[len(letters) :]}".lower()
         found = [loop for loop in read_loops(path) if loop.lower() == wanted]
         if found:
             return read_record(path, loop=found[0], tag=name, **about)

@@ -11,9 +11,9 @@ from matplotlib.transforms import Bbox
 
 from simbench.figures._style import BLACK, BLUE, GREY, styled
 
-Point = tuple[float, float]
-SKETCH_COLUMNS = ["shape", "part", "x", "y", "text"]
-NEAR = 1.6  # units; a line that ends closer than this before a box means it
+_Point = tuple[float, float]
+_SKETCH_COLUMNS = ["shape", "part", "x", "y", "text"]
+_NEAR = 1.6  # units; a line that ends closer than this before a box means it
 
 
 def box(x: float, y: float, text: str) -> list[list]:
@@ -21,12 +21,12 @@ def box(x: float, y: float, text: str) -> list[list]:
     return [["box", f"{text} at {x:g}, {y:g}", x, y, text]]
 
 
-def arrow(points: Sequence[Point], text: str = "", at: Point | None = None) -> list[list]:
+def arrow(points: Sequence[_Point], text: str = "", at: _Point | None = None) -> list[list]:
     """Return a line with a head at its last point, and a text beside its first stretch or at a place."""
     return _path("arrow", points, text, at)
 
 
-def line(points: Sequence[Point], text: str = "", at: Point | None = None) -> list[list]:
+def line(points: Sequence[_Point], text: str = "", at: _Point | None = None) -> list[list]:
     """Return a line without a head."""
     return _path("line", points, text, at)
 
@@ -38,7 +38,7 @@ def words(x: float, y: float, text: str) -> list[list]:
 
 def sketch(*parts: list[list]) -> pd.DataFrame:
     """Return the table of a sketch: shape, part (which points belong together), x, y, text."""
-    return pd.DataFrame([row for part in parts for row in part], columns=SKETCH_COLUMNS)
+    return pd.DataFrame([row for part in parts for row in part], columns=_SKETCH_COLUMNS)
 
 
 @styled
@@ -82,11 +82,11 @@ def _reach(start: np.ndarray, end: np.ndarray, boxes: Sequence[Bbox]) -> np.ndar
     near = [b for b in boxes if b.min[1 - along] <= end[1 - along] <= b.max[1 - along]]
     steps = [sign * (edge - end[along]) for b in near for edge in (b.min[along], b.max[along])]
     out = end.copy()
-    out[along] += sign * min((step for step in steps if -0.3 < step < NEAR), default=0.0)
+    out[along] += sign * min((step for step in steps if -0.3 < step < _NEAR), default=0.0)
     return out
 
 
-def _path(shape: str, points: Sequence[Point], text: str, at: Point | None) -> list[list]:
+def _path(shape: str, points: Sequence[_Point], text: str, at: _Point | None) -> list[list]:
     name = f"{shape} {points[0]} {points[-1]}"
     rows = [[shape, name, x, y, ""] for x, y in points]
     if text:

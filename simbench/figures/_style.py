@@ -18,15 +18,15 @@ from detectors.verdict import VERDICTS
 from simbench.files import picture_kind, whole_file
 
 # Okabe and Ito (2008), safe for colour-blind readers
-BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, RED, PINK = (
+BLACK, ORANGE, SKY, GREEN, _YELLOW, BLUE, RED, PINK = (
     "#000000", "#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00", "#CC79A7",
 )  # fmt: skip
 GREY = "#6E6E6E"
 SIGNAL = {"OP": BLUE, "MV": GREEN, "PV": RED, "SP": GREY}
 VERDICT = {verdict: verdict.replace("_", " ") for verdict in VERDICTS}
-LABEL_BOX = {"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
+_LABEL_BOX = {"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
 
-RC = {
+_RC = {
     "font.family": "DejaVu Sans",
     "font.size": 8.5,
     "axes.titlesize": 9,
@@ -53,7 +53,7 @@ def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
 
     @functools.wraps(draw)
     def wrapped(*args: Any) -> Figure:
-        with matplotlib.rc_context(RC):
+        with matplotlib.rc_context(_RC):
             return draw(*args)
 
     return wrapped
@@ -104,14 +104,14 @@ def label(axes: Axes, x: str, y: str, title: str = "") -> None:
 
 def note(axes: Axes, text: str, x: float = 0.02, y: float = 0.98, ha: str = "left", va: str = "top") -> None:
     """Write a remark inside a panel, at a place given as shares of its width and height."""
-    axes.text(x, y, text, transform=axes.transAxes, ha=ha, va=va, fontsize=7.5, bbox=LABEL_BOX, zorder=5)
+    axes.text(x, y, text, transform=axes.transAxes, ha=ha, va=va, fontsize=7.5, bbox=_LABEL_BOX, zorder=5)
 
 
 def span(axes: Axes, start: tuple[float, float], end: tuple[float, float], text: str, gap: tuple[float, float]) -> None:
     """Draw a two-headed arrow between two points and its name beside the middle, `gap` points away."""
     axes.annotate("", end, start, arrowprops={"arrowstyle": "<->", "linewidth": 0.9, "shrinkA": 0, "shrinkB": 0})
     middle = (np.add(start, end) / 2.0).tolist()
-    axes.annotate(text, middle, gap, textcoords="offset points", ha="center", va="center", fontsize=8, bbox=LABEL_BOX)
+    axes.annotate(text, middle, gap, textcoords="offset points", ha="center", va="center", fontsize=8, bbox=_LABEL_BOX)
 
 
 def table(frame: pd.DataFrame, widths: Sequence[int], framed: set[tuple[int, int]] = frozenset(), foot: str = "") -> Figure:  # type: ignore[assignment]

@@ -98,7 +98,7 @@ def fit_candidates(engine: Engine, base: Fit, effects: Iterable[str]) -> dict[st
         assert try_it is not None, effect
         fit, count = try_it(engine, base)
         if fit is not base and promising(fit, base):
-            fit = reshaped(engine, fit)
+            fit = _reshaped(engine, fit)
         gain = fit.loglik - base.loglik - size_penalty(engine.data.n, count)
         out[effect] = Candidate(effect, fit, gain, fit is not base)
     return out
@@ -153,7 +153,7 @@ def _on_top_of(engine: Engine, base: Fit, brought: float, candidates: dict[str, 
     return {e: max(again[e], alone[e], key=lambda c: c.log_likelihood_gain) for e in candidates}
 
 
-def reshaped(engine: Engine, fit: Fit) -> Fit:
+def _reshaped(engine: Engine, fit: Fit) -> Fit:
     """Return the fit under the other shape of load (1/f, or first and second order) where that is more likely.
 
     The base's shape was chosen without the effect, and may have been bent around it.

@@ -28,7 +28,7 @@ from simbench.gap.stiction.friction import friction
 from simbench.gap.stiction.probability import DENIED_BELOW, pooled, probability
 from simbench.loop.effects import EFFECTS, NONE, block_of
 
-WIDE = 1.5  # floors, beyond which a gap is wide
+_WIDE = 1.5  # floors, beyond which a gap is wide
 
 
 def diagnose(
@@ -164,7 +164,7 @@ def _unless_wide(weights: Classified, found: Assessment, runs: ClosedLoops) -> C
     """Return "unknown" for "none" where a wide gap stays that is not the load's: the best model leaves something behind."""
     gap = runs.shrink([])
     left, block = max((found.tests[name] / limit, block) for name, (limit, block) in RESIDUAL_LIMITS.items())
-    return weights.refuted(NONE, block) if gap.recalibrated > WIDE * gap.floor and left > 1.0 else weights
+    return weights.refuted(NONE, block) if gap.recalibrated > _WIDE * gap.floor and left > 1.0 else weights
 
 
 def report(found: Assessment, weights: Classified, runs: ClosedLoops, more: Sequence[str] = ()) -> GapReport:

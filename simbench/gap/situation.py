@@ -14,7 +14,7 @@ from simbench.gap.likelihood.model import Data
 from simbench.gap.sensor.samples import Samples
 from simbench.loop.response import valve_response
 
-LOAD_MEMORY = 4.0  # longest correlation time of an ordinary load, in time scales of the loop; a slower one drifts
+_LOAD_MEMORY = 4.0  # longest correlation time of an ordinary load, in time scales of the loop; a slower one drifts
 
 
 @dataclass(frozen=True)
@@ -116,4 +116,4 @@ def load_memory(situation: Situation) -> float:
     if situation.integrating:
         # an integrating plant has no time constant of its own; its loop has
         pace = d.Td + 1.0 / max(abs(d.K * control.Kc), 1e-9)
-    return float(np.clip(LOAD_MEMORY * pace, 5.0, 0.2 * d.n))
+    return float(np.clip(_LOAD_MEMORY * pace, 5.0, 0.2 * d.n))

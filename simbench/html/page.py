@@ -10,7 +10,7 @@ from markupsafe import Markup
 
 
 @cache
-def environment(room: str) -> Environment:
+def _environment(room: str) -> Environment:
     """Return a room's templates and the shared ones; every text is escaped, a missing value is an error."""
     loader = ChoiceLoader([PackageLoader(room, "templates"), PackageLoader("simbench.html", "templates")])
     return Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
@@ -32,4 +32,4 @@ def render(room: str, template: str, **values: Any) -> Markup:
     -------
     markupsafe.Markup
     """
-    return Markup(environment(room).get_template(template).render(**values))
+    return Markup(_environment(room).get_template(template).render(**values))

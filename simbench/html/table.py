@@ -8,12 +8,12 @@ from typing import Any
 
 import pandas as pd
 
-Format = Callable[[Any], str]
+_Format = Callable[[Any], str]
 
 
 def sortable(
     frame: pd.DataFrame,
-    formats: dict[str, Format] | None = None,
+    formats: dict[str, _Format] | None = None,
     long: Collection[str] = (),
     beside: dict[str, Sequence[str]] | None = None,
     matrix: bool = False,
@@ -74,7 +74,7 @@ def percent(value: float) -> str:
     return f"{100 * value:.1f} %"
 
 
-def _text(value: Any, how: Format | None) -> str:
+def _text(value: Any, how: _Format | None) -> str:
     if value is None or value is pd.NA or (isinstance(value, float) and math.isnan(value)):
         return ""
     if how is not None:

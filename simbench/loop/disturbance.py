@@ -14,8 +14,8 @@ from simbench.loop.parameters import Choice, Number, resolve
 from simbench.loop.run import Start, run_setup
 from simbench.loop.setup import plain_setup
 
-AT = ("input", "output")
-_PLACE = Choice(AT, default="input", says="input: in % of travel, between MV and plant; output: in PV units, on PV")
+_AT = ("input", "output")
+_PLACE = Choice(_AT, default="input", says="input: in % of travel, between MV and plant; output: in PV units, on PV")
 _AMPLITUDE = Number("% or PV units", low=0.0, says="size of the load")
 _START = Number("s", low=0.0, default=0.0, says="when it begins")
 
@@ -162,4 +162,4 @@ def disturbance_signal(part: Part, total: int, Ts: float, rng: np.random.Generat
     p = resolve(PARAMETERS[part.name], part.parameters, f"disturbance {part.name!r}")
     t = np.arange(total) * Ts - p.start
     signal = np.where(t >= 0, DISTURBANCES[part.name](t, Ts, p, rng), 0.0)
-    return AT[int(p.at)], signal
+    return _AT[int(p.at)], signal

@@ -24,10 +24,10 @@ from simbench.loop.response import valve_response
 from simbench.loop.run import Run
 from simbench.loop.simulate import simulate
 
-SIGNALS = ("op", "pv", "sp", "mv")
+_SIGNALS = ("op", "pv", "sp", "mv")
 SAMPLE = 100  # bytes of an answer, per sample
-FOLDERS = {folder.kind: folder for folder in (VALVES, EFFECTS)}
-Files = Iterable[str | Path]
+_FOLDERS = {folder.kind: folder for folder in (VALVES, EFFECTS)}
+_Files = Iterable[str | Path]
 
 
 class PartHost(Host):
@@ -63,12 +63,12 @@ class PartHost(Host):
 
 
 _hosts: dict[tuple, PartHost] = {}
-for _folder in FOLDERS.values():
+for _folder in _FOLDERS.values():
     _folder.make_host = lambda source, seconds, kind=_folder.kind: PartHost(((kind, source),), seconds)
 
 
 @contextlib.contextmanager
-def hosted_parts(valves: Files = (), effects: Files = (), seconds: float = SECONDS) -> Iterator[None]:
+def hosted_parts(valves: _Files = (), effects: _Files = (), seconds: float = SECONDS) -> Iterator[None]:
     """Make files of valve models and of effects known for one question; these, and what is installed, live in own processes."""
     with contextlib.ExitStack() as stack:
         stack.callback(_close)
@@ -78,7 +78,7 @@ def hosted_parts(valves: Files = (), effects: Files = (), seconds: float = SECON
         yield
 
 
-def add_parts(valves: Files, effects: Files, seconds: float = SECONDS) -> None:
+def add_parts(valves: _Files, effects: _Files, seconds: float = SECONDS) -> None:
     """Make files known as `hosted_parts` does, from here on; those known are asked again."""
     for folder, files in ((VALVES, valves), (EFFECTS, effects)):
         folder.host_entries = True
@@ -100,7 +100,7 @@ def host_of(parts: Iterable[tuple[str, str]]) -> PartHost | None:
     >>> host_of([("valve", "choudhury"), ("effect", "noise")]) is None
     True
     """
-    own = [host for kind, name in sorted(set(parts)) if (host := FOLDERS[kind].host_of(name)) is not None]
+    own = [host for kind, name in sorted(set(parts)) if (host := _FOLDERS[kind].host_of(name)) is not None]
     if len(own) < 2:
         return own[0] if own else None
     files = tuple(host.files[0] for host in own)
@@ -113,7 +113,7 @@ def _describe_parts(files: list[tuple[str, str]]) -> list[dict[str, Any]]:
     """Import parts where this runs, in their own process, and return their descriptions as plain values."""
     said = []
     for kind, source in files:
-        folder = FOLDERS[kind]
+        folder = _FOLDERS[kind]
         module = folder.load(folder.add_file(source) if os.sep in source else source)
         if not isinstance(module.PARAMETERS, dict):
             raise TypeError(f"PARAMETERS is a {type(module.PARAMETERS).__name__}, a dict of Number and Choice is needed")
@@ -177,7 +177,7 @@ def run_of(said: Any, loop: Loop) -> Run:
     n, said = loop.sampling.n, said if isinstance(said, dict) else {}
     recorded = said.get("record")
     known = {**said, **(recorded if isinstance(recorded, dict) else {}), "valve": said.get("mv")}
-    signals = [known.get(k) for k in (*SIGNALS, "load_in", "load_out", "valve")]
+    signals = [known.get(k) for k in (*_SIGNALS, "load_in", "load_out", "valve")]
     if not all(isinstance(s, np.ndarray) and s.shape == (n,) and np.isfinite(s).all() for s in signals):
         raise PluginError("its loop gives signals that are not finite, or of another length")
     op, pv, sp, mv, load_in, load_out, valve = signals

@@ -124,11 +124,11 @@ class Choice:
         return float(self.names.index(value))
 
 
-Schema = Mapping[str, Number | Choice]
+_Schema = Mapping[str, Number | Choice]
 
 
 def resolve(
-    schema: Schema,
+    schema: _Schema,
     table: Mapping[str, Any],
     where: str,
     complete: Callable[[dict[str, float], str], dict[str, float]] | None = None,
@@ -183,7 +183,7 @@ def resolve(
     if complete is not None:
         values = complete(values, where)
     values.update(extra)
-    return parameter_class(tuple(values))._make(values.values())
+    return _parameter_class(tuple(values))._make(values.values())
 
 
 def valve_parameters(module: ModuleType, table: Mapping[str, Any], Ts: float) -> Any:
@@ -227,7 +227,7 @@ def _valve_named(module: str) -> str:
 
 
 @cache
-def parameter_class(fields: tuple[str, ...]) -> type:
+def _parameter_class(fields: tuple[str, ...]) -> type:
     """Return the one namedtuple class with these fields; its name spells them, so that pickle finds it again."""
     return namedtuple("P__" + "__".join(fields), fields, module=__name__)
 
@@ -235,5 +235,5 @@ def parameter_class(fields: tuple[str, ...]) -> type:
 def __getattr__(name: str) -> type:
     # pickle and numba's disk cache look parameter classes up by name in this module
     if name.startswith("P__"):
-        return parameter_class(tuple(name[3:].split("__")))
+        return _parameter_class(tuple(name[3:].split("__")))
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

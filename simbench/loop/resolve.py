@@ -13,7 +13,7 @@ from simbench.loop.parameters import resolve
 from simbench.loop.setup import Setup, plain_setup
 
 # Independent random streams of one run: changing one part's numbers leaves the others' alone; the noise has stream 0.
-DISTURBANCE, EFFECT = 100, 200
+_DISTURBANCE, _EFFECT = 100, 200
 
 
 def resolve_loop(loop: Loop, seed: int, tail: int = 0, tf: Any = None, quiet: int | None = None) -> Setup:
@@ -50,7 +50,7 @@ def quiet_setup(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
     """Do all that `resolve_loop` does but for the noise, which is drawn last: effects may change its strength."""
     setup = plain_setup(loop, seed, tail, tf)
     for i, part in enumerate(loop.disturbance):
-        where, signal = disturbance_signal(part, setup.sp.size, setup.Ts, np.random.default_rng([seed, DISTURBANCE + i]))
+        where, signal = disturbance_signal(part, setup.sp.size, setup.Ts, np.random.default_rng([seed, _DISTURBANCE + i]))
         load = setup.load_in if where == "input" else setup.load_out
         load += setup.hold(signal)
     _apply_effects(setup)
@@ -85,4 +85,4 @@ def _apply_effects(setup: Setup) -> None:
     for i, part in enumerate(setup.loop.effect):
         effect = PLUGINS.load(part.name)
         p = resolve(effect.PARAMETERS, part.parameters, f"effect {part.name!r}")
-        effect.apply(setup, p, np.random.default_rng([setup.seed, EFFECT + i]))
+        effect.apply(setup, p, np.random.default_rng([setup.seed, _EFFECT + i]))

@@ -14,7 +14,7 @@ from scenarios.spec import Loop, Part
 from simbench.loop import controller, plant, sensor
 from simbench.loop.parameters import VALVES, valve_parameters
 
-NOISE, MV_NOISE = 0, 1  # random streams of their own
+_NOISE, MV_NOISE = 0, 1  # random streams of their own
 
 
 @dataclass
@@ -93,7 +93,7 @@ class Setup:
         """Draw the noise and add it to what is measured with PV, before sample `quiet`; last: effects change its strength."""
         if self.noise_std > 0:
             # from a stream of its own: a longer tail only appends
-            white = np.random.default_rng([self.seed, NOISE]).standard_normal(self.sp.size)
+            white = np.random.default_rng([self.seed, _NOISE]).standard_normal(self.sp.size)
             self.pv_add[:quiet] += self.noise_std * white[:quiet]
 
     def hold(self, signal: np.ndarray) -> np.ndarray:

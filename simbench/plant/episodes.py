@@ -12,14 +12,14 @@ from detectors.prepared import Prepared
 from detectors.record import LoopRecord
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 
-CYCLES = 12  # periods in a window: a detector needs several, and an episode should not drown in it
-SHIFT = 0.5  # of a window from one to the next
-SHORTEST = 120  # samples in a window
-WINDOWS = 60  # at most; a longer record is judged in longer steps
+_CYCLES = 12  # periods in a window: a detector needs several, and an episode should not drown in it
+_SHIFT = 0.5  # of a window from one to the next
+_SHORTEST = 120  # samples in a window
+_WINDOWS = 60  # at most; a longer record is judged in longer steps
 
 
 @dataclass(frozen=True)
-class Episode:
+class _Episode:
     """One window: start and end (s), and what was said of it."""
 
     start: float
@@ -44,7 +44,7 @@ class OverTime:
     """
 
     method: str
-    episodes: tuple[Episode, ...]
+    episodes: tuple[_Episode, ...]
     cycles: int
     sticky: int
 
@@ -91,22 +91,22 @@ def over_time(record: LoopRecord, method: str = "procedure") -> OverTime:
     prepared = Prepared(record.without_mv())
     period = prepared.oscillation.period_s / record.Ts
     if not np.isfinite(period) or not prepared.oscillation.sustained:
-        period = record.n / (6.0 * CYCLES)
-    size = int(max(CYCLES * period, SHORTEST))
+        period = record.n / (6.0 * _CYCLES)
+    size = int(max(_CYCLES * period, _SHORTEST))
     if record.n < 1.5 * size:
         return OverTime(method, (_judged(record, 0, record.n, method),), 0, 0)
-    step = max(int(SHIFT * size), (record.n - size) // WINDOWS, 1)
+    step = max(int(_SHIFT * size), (record.n - size) // _WINDOWS, 1)
     starts = [*range(0, record.n - size, step), record.n - size]
     episodes = tuple(_judged(record, k, k + size, method) for k in starts)
     return OverTime(method, episodes, *_counted(record, episodes))
 
 
-def _judged(record: LoopRecord, start: int, stop: int, method: str) -> Episode:
+def _judged(record: LoopRecord, start: int, stop: int, method: str) -> _Episode:
     verdict = judge(record.window(start, stop), [method], halves=False)[0]
-    return Episode(start * record.Ts, stop * record.Ts, verdict.verdict)
+    return _Episode(start * record.Ts, stop * record.Ts, verdict.verdict)
 
 
-def _counted(record: LoopRecord, episodes: Sequence[Episode]) -> tuple[int, int]:
+def _counted(record: LoopRecord, episodes: Sequence[_Episode]) -> tuple[int, int]:
     """Return how many periods the record holds, and how many lie only in windows that say stiction."""
     period = Prepared(record.without_mv()).oscillation.period_s
     if not np.isfinite(period):

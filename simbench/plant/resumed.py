@@ -20,7 +20,7 @@ from detectors.errors import UserError
 from simbench.bench.store.checksums import opened, sealed
 from simbench.files import folder, whole_file
 
-NAMED = "of"  # key under which an encoded object names its class
+_NAMED = "of"  # key under which an encoded object names its class
 
 
 def resumed(
@@ -92,14 +92,14 @@ def _encoded(value: Any) -> Any:
     if isinstance(value, (list, tuple, dict)):
         many = [[k, v] for k, v in value.items()] if isinstance(value, dict) else value
         inside = [_encoded(v) for v in many]
-        return inside if isinstance(value, list) else {NAMED: type(value).__name__, "with": inside}
+        return inside if isinstance(value, list) else {_NAMED: type(value).__name__, "with": inside}
     if isinstance(value, np.ndarray):
-        return {NAMED: "ndarray", "with": value.tolist(), "dtype": value.dtype.str, "shape": value.shape}
+        return {_NAMED: "ndarray", "with": value.tolist(), "dtype": value.dtype.str, "shape": value.shape}
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, BaseModel) or is_dataclass(value):
         names = type(value).model_fields if isinstance(value, BaseModel) else [f.name for f in fields(value) if f.init]
-        return {NAMED: type(value).__name__, "with": {name: _encoded(getattr(value, name)) for name in names}}
+        return {_NAMED: type(value).__name__, "with": {name: _encoded(getattr(value, name)) for name in names}}
     return value
 
 
@@ -108,7 +108,7 @@ def _decoded(value: Any, classes: dict[str, type]) -> Any:
         return [_decoded(v, classes) for v in value]
     if not isinstance(value, dict):
         return value
-    name, inside = value[NAMED], value["with"]
+    name, inside = value[_NAMED], value["with"]
     if name == "ndarray":
         return np.array(inside, dtype=value["dtype"]).reshape(value["shape"])
     if name in ("tuple", "dict"):

@@ -11,7 +11,7 @@ from detectors.report.report import Report
 from simbench.plant.page import section, write
 from simbench.plant.trust.pictures import draw_pv_op, draw_trend
 
-SHOWN = 12  # records drawn on one page
+_SHOWN = 12  # records drawn on one page
 
 
 def write_page(report: Report, path: str | Path) -> None:
@@ -32,7 +32,7 @@ def write_page(report: Report, path: str | Path) -> None:
     groups = report.groups()
     said = [f"{name + ': ' if name else ''}{summary.sentence(verdicts)}." for name, verdicts, _ in groups]
     parts = [section("answer", "The answer", said)]
-    for number, (name, verdicts, record) in enumerate(groups[:SHOWN]):
+    for number, (name, verdicts, record) in enumerate(groups[:_SHOWN]):
         if record is not None:
             title = name or record.tag or "The record"
             seen = [(draw_trend(record), "The record: PV (red), SP (grey), OP (blue)"), (draw_pv_op(record), "PV against OP")]

@@ -9,7 +9,7 @@ from simbench.report import axes, disagreement, failures, maps, overview, proven
 from simbench.report.data import RunData
 from simbench.report.page import render
 
-SECTIONS = (summary, overview, maps, roc, axes, disagreement, slowest, failures, provenance)
+_SECTIONS = (summary, overview, maps, roc, axes, disagreement, slowest, failures, provenance)
 
 
 def write_report(run_folder: str | Path, path: str | Path) -> None:
@@ -33,7 +33,7 @@ def write_report(run_folder: str | Path, path: str | Path) -> None:
     manifest = run.book.manifest
     commit = str(manifest.get("commit") or "unknown")[:12]
     origin = f"commit {commit}, grid {manifest['grid']} ({manifest['grid_hash']}), records {manifest.get('records_hash', '-')}"
-    sections = [{"id": s.__name__.rpartition(".")[2], "title": s.TITLE, "body": s.section(run)} for s in SECTIONS]
+    sections = [{"id": s.__name__.rpartition(".")[2], "title": s.TITLE, "body": s.section(run)} for s in _SECTIONS]
     text = render(
         "page.html",
         title=f"Stiction detectors on {manifest['grid']}",

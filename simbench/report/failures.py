@@ -11,7 +11,7 @@ from simbench.report.data import RunData
 from simbench.report.page import render
 
 TITLE = "Failures and abstentions"
-ROWS_SHOWN = 50  # rows shown
+_ROWS_SHOWN = 50  # rows shown
 
 
 def section(run: RunData) -> Markup:
@@ -27,18 +27,18 @@ def section(run: RunData) -> Markup:
     markupsafe.Markup
     """
     errors = run.errors
-    reasons = run.abstentions.assign(why=run.abstentions["reason"].map(pattern))
+    reasons = run.abstentions.assign(why=run.abstentions["reason"].map(_pattern))
     why = reasons.groupby(["method", "why"]).size().rename("verdicts").reset_index()
-    why = why.sort_values("verdicts", ascending=False).head(ROWS_SHOWN)
+    why = why.sort_values("verdicts", ascending=False).head(_ROWS_SHOWN)
     return render(
         "failures.html",
         count=len(errors),
-        errors=sortable(errors.head(ROWS_SHOWN), long=["error"]),
+        errors=sortable(errors.head(_ROWS_SHOWN), long=["error"]),
         why=sortable(why, long=["why"]),
     )
 
 
-def pattern(reason: str) -> str:
+def _pattern(reason: str) -> str:
     """Return a reason with its numbers as `#`, so that like reasons count together.
 
     Parameters

@@ -13,7 +13,7 @@ from simbench.report.data import RunData
 from simbench.report.page import render
 
 TITLE = "Provenance"
-SHOWN = {
+_SHOWN = {
     "grid": "grid",
     "grid_hash": "hash of the grid",
     "records_hash": "hash of the simulated records",
@@ -39,7 +39,7 @@ def section(run: RunData) -> Markup:
     markupsafe.Markup
     """
     manifest = run.book.manifest
-    rows = [(says, manifest.get(key)) for key, says in SHOWN.items()]
+    rows = [(says, manifest.get(key)) for key, says in _SHOWN.items()]
     rows += [(f"version of {name}", value) for name, value in manifest.get("versions", {}).items()]
     rows += [(f"threshold {m}.{k}", v) for m, chosen in manifest.get("thresholds", {}).items() for k, v in chosen.items()]
     frame = pd.DataFrame([(name, "" if value is None else str(value)) for name, value in rows], columns=["what", "value"])

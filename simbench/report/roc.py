@@ -17,11 +17,11 @@ from simbench.report.data import RunData
 from simbench.report.page import render
 
 TITLE = "ROC"
-COLOURS = (BLUE, RED, GREEN, ORANGE, SKY, PINK, GREY, BLACK)
-LINES = ("-", "--", ":")  # of the first eight, the second, the third
+_COLOURS = (BLUE, RED, GREEN, ORANGE, SKY, PINK, GREY, BLACK)
+_LINES = ("-", "--", ":")  # of the first eight, the second, the third
 
 
-class Curve(NamedTuple):
+class _Curve(NamedTuple):
     """One detector: its curve, the area below it in words, and the point its published threshold sits on."""
 
     method: str
@@ -48,7 +48,9 @@ def section(run: RunData) -> Markup:
         if run.role(method) == "stiction" and len(set(mine["positive"])) == 2:
             area = auc(mine["score"].to_numpy(dtype=float), mine["positive"].to_numpy())
             point = tuple(mine.loc[mine["positive"] == truth, "called"].mean() for truth in (False, True))
-            found.append((area.value, Curve(method, f"{area.value:.2f} ({area.lo:.2f}-{area.hi:.2f})", roc_curve(mine), point)))
+            found.append(
+                (area.value, _Curve(method, f"{area.value:.2f} ({area.lo:.2f}-{area.hi:.2f})", roc_curve(mine), point))
+            )
     curves = [curve for _, curve in sorted(found, key=lambda pair: -pair[0])]
     says = "ROC curves; areas: " + ", ".join(f"{c.method} {c.area}" for c in curves)
     return render("roc.html", picture=inline_svg(_draw(curves), "roc", says) if curves else None)
@@ -81,13 +83,13 @@ def roc_curve(judged: pd.DataFrame) -> pd.DataFrame:
 
 
 @styled
-def _draw(curves: Sequence[Curve]) -> Figure:
+def _draw(curves: Sequence[_Curve]) -> Figure:
     figure, grid = panels(1, 1, 7.6, 4.6)
     axes = grid[0, 0]
     axes.plot([0, 1], [0, 1], color=GREY, linestyle=":", linewidth=0.9)
     for i, curve in enumerate(curves):
-        colour = COLOURS[i % len(COLOURS)]
-        line = LINES[i // len(COLOURS) % len(LINES)]
+        colour = _COLOURS[i % len(_COLOURS)]
+        line = _LINES[i // len(_COLOURS) % len(_LINES)]
         says = f"{curve.method}  {curve.area}"
         axes.plot(curve.points["false_alarms"], curve.points["detections"], line, color=colour, linewidth=1.4, label=says)
         axes.plot(*curve.published, "o", color=colour, markersize=5)

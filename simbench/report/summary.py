@@ -14,7 +14,7 @@ from simbench.report.data import RunData
 from simbench.report.page import render
 
 TITLE = "Summary"
-SUMMARY_COLUMNS = {
+_SUMMARY_COLUMNS = {
     "cost": "cost",
     "accuracy": "accuracy_applicable",
     "of decided": "accuracy_decided",
@@ -24,10 +24,10 @@ SUMMARY_COLUMNS = {
     "at 5 % false alarms": "found_at_5",
     "AUC": "auc",
 }
-SHARES = (*SUMMARY_COLUMNS, "by sticky", "by predicted", "of all", "applies")
-FORMATS = dict.fromkeys(SHARES, "{:.3f}".format) | {"rank": "{:.0f}".format}
-FRONTS = {FRONT: "with the oscillation front end", RAW: "without it"}
-PROCESS_TITLES = {"all": "All loops", "self-regulating": "Self-regulating loops", "integrating": "Integrating loops"}
+_SHARES = (*_SUMMARY_COLUMNS, "by sticky", "by predicted", "of all", "applies")
+_FORMATS = dict.fromkeys(_SHARES, "{:.3f}".format) | {"rank": "{:.0f}".format}
+_FRONTS = {FRONT: "with the oscillation front end", RAW: "without it"}
+_PROCESS_TITLES = {"all": "All loops", "self-regulating": "Self-regulating loops", "integrating": "Integrating loops"}
 
 
 def section(run: RunData) -> Markup:
@@ -60,12 +60,12 @@ def section(run: RunData) -> Markup:
     tiles.append((str(len(run.errors)), "failures"))
     tiles.append(("sealed", "seeds drawn as it began") if run.scores.manifest.get("sealed") else ("not sealed", "seeds known"))
     other = next(m for m in (FRONT, RAW) if m != mode)
-    blocks = [(mode, process) for process in PROCESS_TITLES] + [(other, "all")]
-    tables = [(f"{PROCESS_TITLES[p]}, {FRONTS[m]}", readable(run.scores, m, p)) for m, p in blocks]
+    blocks = [(mode, process) for process in _PROCESS_TITLES] + [(other, "all")]
+    tables = [(f"{_PROCESS_TITLES[p]}, {_FRONTS[m]}", _readable(run.scores, m, p)) for m, p in blocks]
     return render("summary.html", tiles=tiles, tables=[(says, table) for says, table in tables if table is not None])
 
 
-def readable(scores: Scores, mode: str, process: str = "all") -> dict[str, Any] | None:
+def _readable(scores: Scores, mode: str, process: str = "all") -> dict[str, Any] | None:
     """Return one row per detector with the columns a reader compares; None when there are no such loops.
 
     Parameters
@@ -89,11 +89,11 @@ def readable(scores: Scores, mode: str, process: str = "all") -> dict[str, Any] 
     table = pd.DataFrame({"rank": ranking["rank"].astype(float), "detector": ranking["method"], "for": uses})
     table["applies"] = ranking["applicable"] / ranking["n"]
     beside = {}
-    for name, column in SUMMARY_COLUMNS.items():
+    for name, column in _SUMMARY_COLUMNS.items():
         table[name] = ranking[column]
         beside[name] = [f"{lo:.2f}-{hi:.2f}" for lo, hi in zip(ranking[f"{column}_lo"], ranking[f"{column}_hi"])]
     for truth in ("sticky", "predicted"):
         against = scores.ranking(truth, mode, process).set_index("method")["accuracy_applicable"]
         table[f"by {truth}"] = ranking["method"].map(against)
     table["of all"] = ranking["accuracy_all"]
-    return sortable(table.assign(**{"median (ms)": ranking["median_ms"]}), formats=FORMATS, beside=beside)
+    return sortable(table.assign(**{"median (ms)": ranking["median_ms"]}), formats=_FORMATS, beside=beside)

@@ -8,8 +8,8 @@ from simbench.theory.cycle import ExactCycle, at_rest
 from simbench.theory.march import reversals
 from simbench.theory.sampled import SampledLoop
 
-RATIO = 1.02  # of neighbouring kicks in the scan
-ROUNDS = 14  # blocks of half cycles a kick may take to settle
+_RATIO = 1.02  # of neighbouring kicks in the scan
+_ROUNDS = 14  # blocks of half cycles a kick may take to settle
 BLOCK = 30
 
 
@@ -49,7 +49,7 @@ def starts_cycle(loop: SampledLoop, cycle: ExactCycle, kick: float) -> bool:
 def reaches_cycle(loop: SampledLoop, cycle: ExactCycle, state: tuple) -> bool:
     """Whether the march from a state (x, s, past) ends in the limit cycle; the state is used up."""
     near = 0
-    for _ in range(ROUNDS):
+    for _ in range(_ROUNDS):
         run = reversals(loop, *state, BLOCK)
         if run.count < BLOCK:
             return False
@@ -83,7 +83,7 @@ def kick_min(loop: SampledLoop, cycle: ExactCycle) -> float | None:
     """
     if not 0 < loop.fs < loop.hi:
         return None
-    scan = loop.fs * 1.0005 * RATIO ** np.arange(int(np.log(loop.hi / loop.fs) / np.log(RATIO)) + 1)
+    scan = loop.fs * 1.0005 * _RATIO ** np.arange(int(np.log(loop.hi / loop.fs) / np.log(_RATIO)) + 1)
     before = False
     for i, kick in enumerate(scan):
         now = starts_cycle(loop, cycle, kick)

@@ -15,10 +15,10 @@ from simbench.theory.march import reversals
 from simbench.theory.sampled import SampledLoop, sampled_loop
 
 BLOCK = 100  # half cycles averaged at a time; two blocks must agree
-STEADY = 0.005  # relative difference of two blocks that counts as agreement
-MARCH_BLOCKS = 16
-LONGEST_MARCH = 10**9  # samples of a march, some 10 s of work
-LOAD_STEPS = (0.4, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0)  # tried in turn, in multiples of the break-away
+_STEADY = 0.005  # relative difference of two blocks that counts as agreement
+_MARCH_BLOCKS = 16
+_LONGEST_MARCH = 10**9  # samples of a march, some 10 s of work
+_LOAD_STEPS = (0.4, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0)  # tried in turn, in multiples of the break-away
 
 # Why marching at all: inside one pattern (m, n) of whole samples the return map expands by about S/p (p the half swing of
 # the valve), because a later break-away makes a larger jump. The cycle of the sampled loop is therefore irregular when
@@ -95,7 +95,7 @@ def exact_cycle(loop: SampledLoop) -> ExactCycle | None:
         cycle = settled(loop, on_half_cycle(loop, half), half.multiplier)
         if cycle is not None:
             return cycle
-    for size in LOAD_STEPS:
+    for size in _LOAD_STEPS:
         cycle = settled(loop, after_load_step(loop, size * loop.fs), None)
         if cycle is not None:
             return cycle
@@ -122,12 +122,12 @@ def settled(loop: SampledLoop, state: tuple, multiplier: float | None) -> ExactC
     """March from a state until two blocks of half cycles agree; None when the valve comes to rest or its swing dies."""
     x, s, past = (a.copy() for a in state)
     means: list[np.ndarray] = []
-    left = LONGEST_MARCH
-    for _ in range(MARCH_BLOCKS):
+    left = _LONGEST_MARCH
+    for _ in range(_MARCH_BLOCKS):
         run = reversals(loop, x, s, past, BLOCK, left)
         left -= run.samples
         if run.count < BLOCK and not run.stalled:
-            asked = f"sampling.Ts = {loop.Ts:g} s: no cycle settles within {LONGEST_MARCH:g} samples"
+            asked = f"sampling.Ts = {loop.Ts:g} s: no cycle settles within {_LONGEST_MARCH:g} samples"
             raise ParameterError(f"{asked}; a longer Ts, or a larger gain K Kc, is needed")
         if run.count < BLOCK:
             return None
@@ -136,7 +136,7 @@ def settled(loop: SampledLoop, state: tuple, multiplier: float | None) -> ExactC
             return None
         means.append(np.array([halves.mean(), np.abs(np.diff(run.extreme)).mean() / 2, swing]))
         # the first block is the transient
-        if len(means) > 2 and np.all(np.abs(means[-1] / means[-2] - 1) < STEADY):
+        if len(means) > 2 and np.all(np.abs(means[-1] / means[-2] - 1) < _STEADY):
             break
     else:
         if loop.J == 0 and means[-1][2] < means[-2][2]:

@@ -17,7 +17,7 @@ from simbench.theory.sampled import SampledLoop
 
 
 @dataclass(frozen=True, eq=False)
-class DescribingFunction:
+class _DescribingFunction:
     """Gain of a valve map for the fundamental of a sine of amplitude A (%), from `low` to `high`.
 
     Parameters
@@ -38,7 +38,7 @@ class DescribingFunction:
 
 
 @dataclass(frozen=True)
-class Intersection:
+class _Intersection:
     """A limit cycle predicted by the describing function.
 
     Parameters
@@ -56,7 +56,7 @@ class Intersection:
     stable: bool
 
 
-def stiction(S: float, J: float) -> DescribingFunction:
+def stiction(S: float, J: float) -> _DescribingFunction:
     """Describing function of the two-parameter stiction map; J = 0 is the dead-band.
 
     Parameters
@@ -95,10 +95,10 @@ def stiction(S: float, J: float) -> DescribingFunction:
         a = A * (sin - 1) - 2 * fd * sin + 0.5 * A * cos**2
         return 2 / np.pi * (b + 1j * a) / A
 
-    return DescribingFunction(N, 0.5 * S, np.inf)
+    return _DescribingFunction(N, 0.5 * S, np.inf)
 
 
-def deadzone(D: float) -> DescribingFunction:
+def deadzone(D: float) -> _DescribingFunction:
     """Describing function of a dead-zone around the operating point.
 
     Parameters
@@ -129,7 +129,7 @@ def deadzone(D: float) -> DescribingFunction:
         x = np.minimum(0.5 * D / A, 1.0)
         return (1 - 2 / np.pi * (np.arcsin(x) + x * np.sqrt(1 - x**2))).astype(complex)
 
-    return DescribingFunction(N, 0.5 * D, np.inf)
+    return _DescribingFunction(N, 0.5 * D, np.inf)
 
 
 def first_harmonic(
@@ -181,7 +181,7 @@ def first_harmonic(
     return out
 
 
-def measured(model: str, parameters: Mapping[str, Any], **settings: Any) -> DescribingFunction:
+def measured(model: str, parameters: Mapping[str, Any], **settings: Any) -> _DescribingFunction:
     """Describing function of any valve model, measured at 80 amplitudes and interpolated.
 
     Parameters
@@ -211,10 +211,10 @@ def measured(model: str, parameters: Mapping[str, Any], **settings: Any) -> Desc
         raise ParameterError(f"describing function: valve {model!r} does not move under a sine of {A[-1]:g} %")
     x, re, im = np.log(A[first:]), N.real[first:], N.imag[first:]
     real, imag = PchipInterpolator(x, re), PchipInterpolator(x, im)
-    return DescribingFunction(lambda a: real(np.log(a)) + 1j * imag(np.log(a)), float(A[first]), float(A[-1]))
+    return _DescribingFunction(lambda a: real(np.log(a)) + 1j * imag(np.log(a)), float(A[first]), float(A[-1]))
 
 
-def intersections(loop: SampledLoop, valve: DescribingFunction) -> list[Intersection]:
+def intersections(loop: SampledLoop, valve: _DescribingFunction) -> list[_Intersection]:
     """Find all limit cycles that the describing function predicts: L(j w) N(A) = -1.
 
     Parameters
@@ -262,7 +262,7 @@ def intersections(loop: SampledLoop, valve: DescribingFunction) -> list[Intersec
         F = 1 + loop.response(np.exp(x[0])) * valve.N(np.asarray(valve.low * (1 + np.exp(x[1]))))
         return [float(F.real), float(F.imag)]
 
-    found: list[Intersection] = []
+    found: list[_Intersection] = []
     for i, j in zip(*np.nonzero(brackets(F.real) & brackets(F.imag))):
         start = [0.5 * np.log(w[i] * w[i + 1]), 0.5 * np.log(a[j] * a[j + 1])]
         solved = root(gap, start)
@@ -271,11 +271,11 @@ def intersections(loop: SampledLoop, valve: DescribingFunction) -> list[Intersec
             continue
         period, A = 2 * np.pi / np.exp(solved.x[0]), valve.low * (1 + np.exp(solved.x[1]))
         if all(abs(np.log(period / f.period)) > 1e-6 for f in found):
-            found.append(Intersection(float(period), float(A), _attracts(loop, valve, 2 * np.pi / period, float(A))))
+            found.append(_Intersection(float(period), float(A), _attracts(loop, valve, 2 * np.pi / period, float(A))))
     return sorted(found, key=lambda f: f.period)
 
 
-def _attracts(loop: SampledLoop, valve: DescribingFunction, w: float, A: float) -> bool:
+def _attracts(loop: SampledLoop, valve: _DescribingFunction, w: float, A: float) -> bool:
     # Loeb: 1 + N(A) L(s) = 0 stays true when A grows by dA if s moves by ds = -(dN/dA L)/(N dL/ds) dA, with dL/ds = -j dL/dw;
     # the cycle attracts when a larger amplitude decays, Re ds < 0
     h = 1e-5

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-ENDED, STALLED, SPENT = 0, 1, 2
+_ENDED, _STALLED, _SPENT = 0, 1, 2
 
 
 @njit(cache=True)
@@ -29,7 +29,7 @@ def march(plant, control, valve, x, s, past, n_max, stall, samples, extreme, sto
     u, w, v, direction, moving = s[0], s[1], s[2], s[3], s[4]
     top = bottom = u
     found, last, newest = 0, 0, depth - 1
-    k, how, stood = 0, SPENT, 0
+    k, how, stood = 0, _SPENT, 0
     while k < n_max:
         k += 1
         new = past[(newest + 2) % depth]
@@ -68,10 +68,10 @@ def march(plant, control, valve, x, s, past, n_max, stall, samples, extreme, sto
         newest = (newest + 1) % depth
         past[newest] = v
         if found == samples.shape[0]:
-            how = ENDED
+            how = _ENDED
             break
         if k - last > stall:
-            how = STALLED
+            how = _STALLED
             break
     s[0], s[1], s[2], s[3], s[4] = u, w, v, direction, moving
     turned = past.copy()
@@ -81,7 +81,7 @@ def march(plant, control, valve, x, s, past, n_max, stall, samples, extreme, sto
 
 
 @dataclass(frozen=True, eq=False)
-class Reversals:
+class _Reversals:
     """Where the valve turned in a marched loop; arrays over the `count` half cycles that ended.
 
     Parameters
@@ -113,7 +113,7 @@ class Reversals:
         return len(self.sample)
 
 
-def reversals(loop, x: np.ndarray, s: np.ndarray, past: np.ndarray, count: int, most: int = 2**62) -> Reversals:
+def reversals(loop, x: np.ndarray, s: np.ndarray, past: np.ndarray, count: int, most: int = 2**62) -> _Reversals:
     """March a loop until its valve has reversed `count` times.
 
     Parameters
@@ -135,4 +135,4 @@ def reversals(loop, x: np.ndarray, s: np.ndarray, past: np.ndarray, count: int, 
     plant, control = (loop.A, loop.B_old, loop.B_new, loop.C), (loop.integral, loop.beta, loop.lo, loop.hi)
     valve = loop.fs, loop.fd, loop.resticks
     found, samples, how = march(plant, control, valve, x, s, past, most, loop.patience, *arrays)
-    return Reversals(*arrays[:, :found], samples=samples, stalled=how == STALLED)
+    return _Reversals(*arrays[:, :found], samples=samples, stalled=how == _STALLED)

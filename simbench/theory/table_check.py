@@ -15,15 +15,15 @@ from simbench.theory.cycle import after_load_step, exact_cycle
 from simbench.theory.sampled import SampledLoop, sampled_loop, ultimate_gain
 from simbench.theory.tables import CONDITIONS, DEAD_BAND, TABLE_11_3, refined
 
-BAND_S = 5.0
-SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)  # of the ultimate gain
-UNLIMITED = 8.0  # K Kc (integrating: K Kc T) in its place without dead time
-JUMPS = (0.2, 0.5, 1.0, 1.5)  # J/S
-LARGEST_LOAD = 6.0  # %
+_BAND_S = 5.0
+_SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)  # of the ultimate gain
+_UNLIMITED = 8.0  # K Kc (integrating: K Kc T) in its place without dead time
+_JUMPS = (0.2, 0.5, 1.0, 1.5)  # J/S
+_LARGEST_LOAD = 6.0  # %
 
 
 @dataclass(frozen=True)
-class CellCheck:
+class _CellCheck:
     """One cell of Table 11.3 against theory.
 
     Parameters
@@ -63,7 +63,7 @@ class CellCheck:
 
 def check_table_11_3(
     cycled: Mapping[tuple[str, str, str], tuple[int, int]] | None = None, *, load_steps: int = 25, seed: int = 0, every: int = 1
-) -> list[CellCheck]:
+) -> list[_CellCheck]:
     """Verify the eight cells of Table 11.3.
 
     Parameters
@@ -107,12 +107,12 @@ def check_table_11_3(
             if cycle is None:
                 continue
             exist += 1
-            steps = rng.uniform(-LARGEST_LOAD, LARGEST_LOAD, load_steps)
+            steps = rng.uniform(-_LARGEST_LOAD, _LARGEST_LOAD, load_steps)
             found = sum(reaches_cycle(loop, cycle, after_load_step(loop, step)) for step in steps)
             hits += found
             reached += found > 0
         share = hits / (exist * load_steps) if exist else float("nan")
-        checks.append(CellCheck(*key, table, len(loops), exist, right, reached, share, (cycled or {}).get(key), dict(differ)))
+        checks.append(_CellCheck(*key, table, len(loops), exist, right, reached, share, (cycled or {}).get(key), dict(differ)))
     return checks
 
 
@@ -130,18 +130,18 @@ def _loops(process: str, controller: str, nonlinearity: str) -> Iterator[Sampled
             table: dict[str, Any] = {
                 "plant": {**plant, "Td": Td},
                 "controller": {"type": "P", "Kc": 1.0} if Ti is None else {"type": "PI", "Kc": 1.0, "Ti": Ti},
-                "valve": {"model": "choudhury", "S": BAND_S, "J": 0.0},
+                "valve": {"model": "choudhury", "S": _BAND_S, "J": 0.0},
                 "sampling": {"Ts": 0.1},
             }
             limit = ultimate_gain(sampled_loop(Loop.from_table(table))) if Td else None
-            for share in SHARES:
-                for jump in (0.0,) if nonlinearity == DEAD_BAND else JUMPS:
-                    table["controller"]["Kc"] = share * (limit or UNLIMITED)
-                    table["valve"]["J"] = jump * BAND_S
+            for share in _SHARES:
+                for jump in (0.0,) if nonlinearity == DEAD_BAND else _JUMPS:
+                    table["controller"]["Kc"] = share * (limit or _UNLIMITED)
+                    table["valve"]["J"] = jump * _BAND_S
                     yield sampled_loop(Loop.from_table(table))
 
 
-def as_text(checks: list[CellCheck]) -> str:
+def as_text(checks: list[_CellCheck]) -> str:
     """Write the checked table.
 
     Parameters

@@ -14,7 +14,7 @@ from simbench.theory.cycle import ExactCycle, exact_cycle
 from simbench.theory.describing import deadzone, intersections, measured, stiction
 from simbench.theory.sampled import SampledLoop, mapped_valve, reduced
 
-TABLE_11_2_SOURCE = "Forsman (2000); Srinivasan et al. (2005a): the chapter's Table 11.2"
+_TABLE_11_2_SOURCE = "Forsman (2000); Srinivasan et al. (2005a): the chapter's Table 11.2"
 TABLE_11_2 = MappingProxyType(
     {
         # (process, what dominates) -> (OP, PV)
@@ -28,7 +28,7 @@ TABLE_11_2 = MappingProxyType(
 )
 """Typical shapes (OP, PV) of a loop with a sticky valve."""
 
-TABLE_11_3_SOURCE = "Choudhury, Shah and Thornhill (2008), Diagnosis of Process Nonlinearities and Valve Stiction: Table 11.3"
+_TABLE_11_3_SOURCE = "Choudhury, Shah and Thornhill (2008), Diagnosis of Process Nonlinearities and Valve Stiction: Table 11.3"
 DEAD_BAND, STICK_SLIP = "dead-band", "stick-slip"
 TABLE_11_3 = MappingProxyType(
     {
@@ -54,7 +54,7 @@ CONDITIONS = MappingProxyType(
 """Where the table is too coarse, and what decides instead."""
 
 
-MISFIT = 0.05  # rms difference, in jumps, between a valve and its (S, J) map that is worth a word
+_MISFIT = 0.05  # rms difference, in jumps, between a valve and its (S, J) map that is worth a word
 
 
 def cell(loop: SampledLoop) -> tuple[str, str, str] | None:
@@ -213,7 +213,7 @@ def _reason(loop: SampledLoop, cycle: ExactCycle | None) -> str:
             said.append(f"the table is too coarse here: {CONDITIONS[place]}")
         if max(abs(cycle.state[1][0]), cycle.amplitude) >= 0.98 * min(loop.hi, -loop.lo):
             said.append("OP reaches its limits in the cycle")
-        if loop.misfit > MISFIT:
+        if loop.misfit > _MISFIT:
             said.append("the valve moves otherwise than its (S, J): period and amplitude are those of the nearest (S, J) map")
         if cycle.irregularity > 0.01:
             said.append(f"half periods vary by {100 * cycle.irregularity:.0f} % (switching between samples)")

@@ -18,9 +18,9 @@ from simbench.bench.store.checksums import TABLES
 from simbench.bench.store.place import Place
 from simbench.bench.store.reading import parts
 
-MOST_REPEATS = 5000
-BLIND_REPEATS = 16  # a cell without a single yes or no by then never gets one
-PIECE = 80  # scenarios
+_MOST_REPEATS = 5000
+_BLIND_REPEATS = 16  # a cell without a single yes or no by then never gets one
+_PIECE = 80  # scenarios
 NARROWEST = 0.001  # interval that may be asked for: four million trials
 
 
@@ -53,7 +53,7 @@ def next_round(
     widths = _widths(right, known)
     per_repeat = np.maximum(known, 1) / np.maximum(repeats, 1)
     blind = known == 0
-    open_cells = np.where(blind, repeats < BLIND_REPEATS, widths > width) & (repeats < MOST_REPEATS)
+    open_cells = np.where(blind, repeats < _BLIND_REPEATS, widths > width) & (repeats < _MOST_REPEATS)
     sizes = np.array([grid.size(cell) for cell in range(grid.cells)])
     told["adaptive"] = {
         "width": width,
@@ -68,9 +68,9 @@ def next_round(
         # at most twice what there is: the estimate is rough while there is little
         more = int(np.clip(math.ceil(lacking / per_repeat[cell]), 1, max(repeats[cell], 1)))
         first = int(repeats[cell])
-        groups += [r * grid.cells + int(cell) for r in range(first, min(first + more, MOST_REPEATS))]
+        groups += [r * grid.cells + int(cell) for r in range(first, min(first + more, _MOST_REPEATS))]
     groups.sort()
-    step = max(PIECE // max(int(sizes.max()), 1), 1)
+    step = max(_PIECE // max(int(sizes.max()), 1), 1)
     return [groups[i : i + step] for i in range(0, len(groups), step)]
 
 

@@ -19,7 +19,7 @@ from simbench.bench.store.manifest import code_hash, read_manifest
 from simbench.bench.store.reading import read_table
 from simbench.loop.simulate import simulate
 
-ASKED_AGAIN = 200  # records of a run
+_ASKED_AGAIN = 200  # records of a run
 
 
 def check_and_ask_again(folder: str | Path, against: str | Path, margin: float = MARGIN) -> Check:
@@ -36,7 +36,7 @@ def differing(folder: str | Path) -> Iterator[str]:
     names = [m for m in manifest["methods"] if m in registry.names() and m not in manifest["plugins"]]
     chosen = {m: check_thresholds(m, registry.load(m).METHOD, manifest["thresholds"].get(m, {})) for m in names}
     rows = read_table(folder, "scenarios", ["scenario_id", "loop", "seed", "record_hash"])
-    order = np.random.default_rng(0).permutation(rows.num_rows)[:ASKED_AGAIN]
+    order = np.random.default_rng(0).permutation(rows.num_rows)[:_ASKED_AGAIN]
     first: dict[tuple[str, str], tuple[str, float]] = {}
     columns = ["scenario_id", "method", "verdict", "score"]
     for row in read_table(folder, "verdicts", columns).to_pylist():

@@ -19,8 +19,8 @@ from simbench.loop.parameters import VALVES
 
 MOST_SCENARIOS = 1_000_000  # scenarios without --large
 # measured on the chapter's grid: a scenario without detectors, a fast and a slow method (s of one core); rows on disk (bytes)
-SECONDS, FAST_METHOD_SECONDS, FULL_METHOD_SECONDS = 0.008, 0.0008, 0.05
-ROW, VERDICT = 600, 70
+_SECONDS, _FAST_METHOD_SECONDS, _FULL_METHOD_SECONDS = 0.008, 0.0008, 0.05
+ROW, _VERDICT = 600, 70
 
 
 @dataclass(frozen=True)
@@ -72,8 +72,8 @@ def size_of(plan: Grid, fast: int, slow: int) -> GridSize:
     else:
         n = sum(_samples(plan, block) for block in plan.content.block) / len(plan.content.block)
     long = max(n / 1500.0, 0.2)  # the constants are for records of this length
-    seconds = scenarios * long * (SECONDS + FAST_METHOD_SECONDS * fast + FULL_METHOD_SECONDS * slow)
-    return GridSize(plan.cells, scenarios, scenarios * n, scenarios * (ROW + VERDICT * (fast + slow)), seconds)
+    seconds = scenarios * long * (_SECONDS + _FAST_METHOD_SECONDS * fast + _FULL_METHOD_SECONDS * slow)
+    return GridSize(plan.cells, scenarios, scenarios * n, scenarios * (ROW + _VERDICT * (fast + slow)), seconds)
 
 
 def refuse_too_large(size: GridSize, name: str, large: bool) -> None:

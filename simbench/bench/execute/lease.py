@@ -20,7 +20,7 @@ LEASE = ".lease"
 BEAT = 0.5  # s between two heartbeats
 STALE = 5.0  # s without one, after which nobody works there
 OLD = 3600.0  # s without a change, after which what is half-written belongs to nobody
-SECRET = re.compile(r"(?<=://)[^/\s@]*@")
+_SECRET = re.compile(r"(?<=://)[^/\s@]*@")
 
 
 @contextlib.contextmanager
@@ -34,7 +34,7 @@ def lease(folder: Path, subfolders: tuple[str, ...] = ("",)) -> Iterator[None]:
     """
     file = folder / LEASE
     about = {"host": socket.gethostname(), "pid": os.getpid(), "since": time.strftime("%Y-%m-%d %H:%M:%S"),
-             "command": SECRET.sub("***@", " ".join(sys.argv))[:200], "token": uuid.uuid4().hex}  # fmt: skip
+             "command": _SECRET.sub("***@", " ".join(sys.argv))[:200], "token": uuid.uuid4().hex}  # fmt: skip
     folders = [folder / sub for sub in subfolders]
     while not _made(file, about):
         _wait_out(file, folders)

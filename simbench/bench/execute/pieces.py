@@ -22,7 +22,7 @@ from simbench.bench.store.reading import RunArrays
 from simbench.files import folder as make_folder
 from simbench.files import record_text
 
-RECEIPTS = "receipts"
+_RECEIPTS = "receipts"
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def held(place: Place) -> AbstractContextManager[None]:
     """Hold a run's folder alone, where it is one of a file system."""
     if place.local is None:
         return contextlib.nullcontext()
-    return lease(make_folder(place.local), ("", RECEIPTS, *(f"{kind}.parquet" for kind in TABLE_KINDS)))
+    return lease(make_folder(place.local), ("", _RECEIPTS, *(f"{kind}.parquet" for kind in TABLE_KINDS)))
 
 
 def open_run(path: str | Path | Place, manifest: dict[str, Any], resume: bool) -> Place:
@@ -178,7 +178,7 @@ def finish(place: Place, receipts: Sequence[Receipt], manifest: dict[str, Any]) 
     whole["records_hash"] = digest(hashes)
     score_book(book).write(place)
     write_manifest(place, whole)
-    place.remove(RECEIPTS)
+    place.remove(_RECEIPTS)
 
 
 def marks_of(receipts: Sequence[Receipt]) -> dict[str, list[str]]:
@@ -190,18 +190,18 @@ def is_finished(place: Place) -> bool:
     """Whether a run is whole; what a kill left of its receipts goes."""
     finished = bool(read_manifest(place)["complete"])
     if finished:
-        place.remove(RECEIPTS)
+        place.remove(_RECEIPTS)
     return finished
 
 
 def standing(place: Place) -> str:
     """Return how many pieces of a run are whole, and how to go on."""
-    return f"{len(place.names(RECEIPTS))} pieces are whole in {place}; continue with --resume"
+    return f"{len(place.names(_RECEIPTS))} pieces are whole in {place}; continue with --resume"
 
 
 def receipt_file(number: int) -> str:
     """Return where the receipt of a piece stands."""
-    return f"{RECEIPTS}/{number:08d}.json"
+    return f"{_RECEIPTS}/{number:08d}.json"
 
 
 def partition_file(kind: str, number: int) -> str:

@@ -25,12 +25,12 @@ from simbench.theory.tables import truth_columns
 
 Theory = tuple[bool | None, bool | None, bool | None, float | None, float | None, str | None]
 NO_THEORY: Theory = (None, None, None, None, None, None)
-LONGEST = 300  # characters of an error's text
+_LONGEST = 300  # characters of an error's text
 
 
 def said_of(error: BaseException) -> str:
     """Return an error in one line, as tables hold it."""
-    return " ".join(f"{type(error).__name__}: {error}".split())[:LONGEST]
+    return " ".join(f"{type(error).__name__}: {error}".split())[:_LONGEST]
 
 
 def settled(group: Group) -> list[tuple[Scenario, str | None]]:
@@ -90,7 +90,7 @@ def theory(loop: Loop) -> Theory:
         return *NO_THEORY[:-1], said_of(wrong)
 
 
-def plain_resolve(group: Group) -> list[dict[str, Any]]:
+def _plain_resolve(group: Group) -> list[dict[str, Any]]:
     """Resolve a group, and return plain values."""
     return [{"loop": s.loop.to_table(), "tags": s.tags} for s in resolve(group)]
 
@@ -111,7 +111,7 @@ def _theory_there(host: PartHost, quiet: Loop) -> Theory:
     if not all(v is None or isinstance(v, (bool, float, int)) for v in (*exist, period, amplitude)):
         raise PluginError("its loop's theory cannot be understood")
     predicted, refined, exists = (None if v is None else bool(v) for v in exist)
-    return predicted, refined, exists, period, amplitude, None if why is None else str(why)[:LONGEST]
+    return predicted, refined, exists, period, amplitude, None if why is None else str(why)[:_LONGEST]
 
 
 def _pair(said: Any) -> list[dict]:
@@ -124,7 +124,7 @@ def _host_of_draft(twin: Loop, draft: Draft) -> PartHost | None:
 
 
 def _settled_there(host: PartHost, part: Group) -> list[Scenario]:
-    said = host.ask(plain_resolve, part, samples=sum(len(d.loop.model_dump_json()) for d in part.drafts))
+    said = host.ask(_plain_resolve, part, samples=sum(len(d.loop.model_dump_json()) for d in part.drafts))
     if not isinstance(said, list) or len(said) != len(part.drafts) or not all(isinstance(s, dict) for s in said):
         raise PluginError("its cell has other loops than asked for")
     return [Scenario(loop=Loop.from_table(s.get("loop"), "cell"), seed=part.seed, tags=s.get("tags")) for s in said]

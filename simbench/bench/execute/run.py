@@ -32,7 +32,7 @@ from simbench.bench.store.manifest import describe, read_manifest, run_key
 from simbench.bench.store.place import Place, place_of
 from simbench.loop.hosted import hosted_parts
 
-BACKENDS = ("loky", "dask", "ray")
+_BACKENDS = ("loky", "dask", "ray")
 LIVES = 3  # how often dead workers are replaced before the run gives up
 
 
@@ -128,8 +128,8 @@ def run_grid(
     ['manifest.json', 'scenarios.parquet', 'scores.csv', 'scores_by_axis.csv', 'verdicts.parquet']
     """
     began = time.perf_counter()
-    if backend not in BACKENDS:
-        raise RunError(f"unknown backend {backend!r}: {nearest(backend, BACKENDS)}")
+    if backend not in _BACKENDS:
+        raise RunError(f"unknown backend {backend!r}: {nearest(backend, _BACKENDS)}")
     if until_width is not None and not adaptive.NARROWEST <= until_width < 1:
         raise RunError(f"until_width = {until_width}; a number between {adaptive.NARROWEST} and 1 is needed")
     stages = tuple(tuple(str(Path(p).resolve()) for p in some) for some in (valve_plugins, effect_plugins))

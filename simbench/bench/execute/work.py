@@ -30,7 +30,7 @@ from simbench.loop.hosted import add_parts
 from simbench.loop.run import Run
 
 Thresholds = Mapping[str, Mapping[str, float]]
-HELD = 80  # records simulated before they are judged in drawn order
+_HELD = 80  # records simulated before they are judged in drawn order
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ def work(
             scenarios = settled(grid.group(index))
             settling += time.perf_counter() - since
             held += [_simulated(scenario, index, wrong) for scenario, wrong in scenarios]
-            if len(held) >= HELD or index == groups[-1]:
+            if len(held) >= _HELD or index == groups[-1]:
                 # a sticky loop comes before its siblings in a grid: what is asked next must not follow from what was asked last
                 judged = {int(k): _judged(held[k], asked) for k in rng.permutation(len(held))}
                 for _, one in sorted(judged.items()):

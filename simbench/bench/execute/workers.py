@@ -14,16 +14,16 @@ from typing import Any
 from simbench.bench.execute.pieces import Receipt
 from simbench.bench.store.checksums import RunError
 
-Task = Callable[[int, Sequence[int]], Receipt]
-Pieces = list[tuple[int, Sequence[int]]]
-Runner = Callable[[Task, Pieces], Iterator[Receipt]]
+_Task = Callable[[int, Sequence[int]], Receipt]
+_Pieces = list[tuple[int, Sequence[int]]]
+Runner = Callable[[_Task, _Pieces], Iterator[Receipt]]
 PATIENCE = 6.0  # s, for a scheduler to be found, or for a lost one or the last worker to come back
-SCHEDULER_SECONDS = 60.0  # s, for a scheduler to answer whose connection stands: its machine may be busy
-FIRST = 300.0  # s, for the first worker: some clusters start them when there is work
-LOOK = 1.0  # s between two looks at workers from which nothing comes
-AHEAD = 1000  # pieces handed out and not yet done
-NO_WORKER = "no dask worker is there"
-ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
+_SCHEDULER_SECONDS = 60.0  # s, for a scheduler to answer whose connection stands: its machine may be busy
+_FIRST = 300.0  # s, for the first worker: some clusters start them when there is work
+_LOOK = 1.0  # s between two looks at workers from which nothing comes
+_AHEAD = 1000  # pieces handed out and not yet done
+_NO_WORKER = "no dask worker is there"
+_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 
 
 @contextlib.contextmanager
@@ -46,7 +46,7 @@ def on_processes(jobs: int) -> Iterator[Runner]:
     from joblib import effective_n_jobs
     from joblib.externals.loky import ProcessPoolExecutor
 
-    settings = {"max_workers": effective_n_jobs(jobs), "initializer": _ignore_interrupt, "env": ONE_THREAD}
+    settings = {"max_workers": effective_n_jobs(jobs), "initializer": _ignore_interrupt, "env": _ONE_THREAD}
     executor: Any = None  # its own: loky's reusable one would be taken by joblib for one of joblib's
 
     def end(kill: bool) -> None:
@@ -55,7 +55,7 @@ def on_processes(jobs: int) -> Iterator[Runner]:
             executor.shutdown(wait=True, kill_workers=kill)
         executor = None
 
-    def run(task: Task, missing: Pieces) -> Iterator[Receipt]:
+    def run(task: _Task, missing: _Pieces) -> Iterator[Receipt]:
         nonlocal executor
         executor = executor or ProcessPoolExecutor(**settings)
         try:
@@ -94,14 +94,14 @@ def on_cluster(address: str | None) -> Iterator[Runner]:
     """
     client = _client(address)
 
-    def run(task: Task, missing: Pieces) -> Iterator[Receipt]:
+    def run(task: _Task, missing: _Pieces) -> Iterator[Receipt]:
         return _handed_out(lambda *piece: client.submit(task, *piece, pure=False), missing, lambda: _gone(client))
 
     try:
         yield run
     finally:
         with contextlib.suppress(Exception):  # of a cluster that is gone
-            client.close(timeout=LOOK)
+            client.close(timeout=_LOOK)
 
 
 @contextlib.contextmanager
@@ -132,7 +132,7 @@ def on_ray(address: str | None, jobs: int) -> Iterator[Runner]:
     from joblib import effective_n_jobs
 
     where = {"num_cpus": effective_n_jobs(jobs), "include_dashboard": False} if address is None else {"address": address}
-    quiet = {"log_to_driver": False, "logging_level": "ERROR", "runtime_env": {"env_vars": ONE_THREAD}}
+    quiet = {"log_to_driver": False, "logging_level": "ERROR", "runtime_env": {"env_vars": _ONE_THREAD}}
     try:
         if address not in (None, "auto"):  # ray itself would go on asking for minutes
             host, _, port = address.rpartition("://")[2].rpartition(":")
@@ -142,7 +142,7 @@ def on_ray(address: str | None, jobs: int) -> Iterator[Runner]:
         said = str(error).splitlines()[0]
         raise RunError(f"no ray cluster answers at {address}: {said}; its HOST:PORT is needed") from None
 
-    def run(task: Task, missing: Pieces) -> Iterator[Receipt]:
+    def run(task: _Task, missing: _Pieces) -> Iterator[Receipt]:
         work = ray.remote(lambda *piece: task(*piece))
         try:
             yield from _handed_out(lambda *piece: work.remote(*piece).future(), missing, lambda: None)
@@ -159,7 +159,7 @@ def on_ray(address: str | None, jobs: int) -> Iterator[Runner]:
         ray.shutdown()
 
 
-def _handed_out(submit: Callable, missing: Pieces, gone: Callable[[], tuple[str, float] | None]) -> Iterator[Receipt]:
+def _handed_out(submit: Callable, missing: _Pieces, gone: Callable[[], tuple[str, float] | None]) -> Iterator[Receipt]:
     """Yield receipts as they come; `gone` says what is missing when none does, and for how long that may be."""
     done: queue.SimpleQueue = queue.SimpleQueue()
     waiting, left = set(), iter(missing)
@@ -169,16 +169,16 @@ def _handed_out(submit: Callable, missing: Pieces, gone: Callable[[], tuple[str,
             waiting.add(future := submit(*piece))
             future.add_done_callback(done.put)
 
-    hand_out(AHEAD)
+    hand_out(_AHEAD)
     since, begun = time.monotonic(), False
     while waiting:
         try:
-            future = done.get(timeout=LOOK)
+            future = done.get(timeout=_LOOK)
         except queue.Empty:
             lacking, quiet = gone(), time.monotonic() - since
             if lacking is None:
                 since, begun = time.monotonic(), True
-            elif quiet > (FIRST if lacking[0] == NO_WORKER and not begun else lacking[1]) - LOOK:
+            elif quiet > (_FIRST if lacking[0] == _NO_WORKER and not begun else lacking[1]) - _LOOK:
                 raise RunError(f"{lacking[0]}, and nothing came for {quiet:.0f} s") from None
             continue
         if future.cancelled():
@@ -208,10 +208,10 @@ def _gone(client: Any) -> tuple[str, float] | None:
     # the connection of a scheduler that died is closed at once; one that is only slow keeps it
     if client.status == "running":
         try:
-            workers = client.sync(client.scheduler.ncores, callback_timeout=LOOK)
-            return None if workers else (NO_WORKER, PATIENCE)
+            workers = client.sync(client.scheduler.ncores, callback_timeout=_LOOK)
+            return None if workers else (_NO_WORKER, PATIENCE)
         except TimeoutError:
-            return "the dask scheduler does not answer", SCHEDULER_SECONDS
+            return "the dask scheduler does not answer", _SCHEDULER_SECONDS
         except OSError:
             pass
     return "the dask scheduler is gone", PATIENCE

@@ -19,11 +19,11 @@ from simbench.usage import exit_code
 
 ORACLE = "oracle"
 SOURCE = "generalised likelihood ratio, Kay (1998), Detection Theory, section 6.4.2; penalty of Schwarz (1978)"
-BANDS = np.geomspace(0.1, 40.0, 31)  # S, % of travel
-JUMPS = np.linspace(0.0, 1.0, 9)  # J/S
-ZOOMS, AROUND = 3, 5  # rounds of refinement, candidates a side in each
-FLOOR = 1e-9  # of PV's range: what rounding leaves of a residual without noise
-UNSURE = 3.0  # nats: below this one answer is at most twenty times likelier than the other
+_BANDS = np.geomspace(0.1, 40.0, 31)  # S, % of travel
+_JUMPS = np.linspace(0.0, 1.0, 9)  # J/S
+_ZOOMS, _AROUND = 3, 5  # rounds of refinement, candidates a side in each
+_FLOOR = 1e-9  # of PV's range: what rounding leaves of a residual without noise
+_UNSURE = 3.0  # nats: below this one answer is at most twenty times likelier than the other
 
 
 def judge_oracle(scenario: Scenario, run: Run) -> Verdict:
@@ -65,7 +65,7 @@ def judge_oracle(scenario: Scenario, run: Run) -> Verdict:
     n, op, pv = setup.n, run.record.op, run.record.pv
     known = setup.pv0 + run.load_out[:n]
     predict = _predictor(setup, run.load_in[:n])
-    variance = setup.noise_std**2 + (FLOOR * max(float(np.ptp(pv)), 1e-3 * float(np.abs(pv).max()), 1e-9)) ** 2
+    variance = setup.noise_std**2 + (_FLOOR * max(float(np.ptp(pv)), 1e-3 * float(np.abs(pv).max()), 1e-9)) ** 2
 
     def misfit(mv: np.ndarray) -> float:
         residual = pv - known - predict(mv)
@@ -83,17 +83,17 @@ def judge_oracle(scenario: Scenario, run: Run) -> Verdict:
         indices={"log_likelihood_ratio": ratio},
         S=S,
         J=J,
-        applicable=None if abs(score) < UNSURE else True,
+        applicable=None if abs(score) < _UNSURE else True,
         reason=f"knowing plant, load and noise, the {likelier} valve is likelier by {abs(score):.3g} nats",
     )
 
 
 def _best_valve(misfit: Callable[[float, float], float]) -> tuple[float, float, float]:
     # a coarse lattice over all valves, then finer ones around the best so far
-    candidates = [(s, s * ratio) for s in BANDS for ratio in JUMPS]
-    factor, width, offsets = np.log(BANDS[1] / BANDS[0]), JUMPS[1], np.linspace(-1.0, 1.0, AROUND)
+    candidates = [(s, s * ratio) for s in _BANDS for ratio in _JUMPS]
+    factor, width, offsets = np.log(_BANDS[1] / _BANDS[0]), _JUMPS[1], np.linspace(-1.0, 1.0, _AROUND)
     best, S, J = np.inf, np.nan, np.nan
-    for _ in range(1 + ZOOMS):
+    for _ in range(1 + _ZOOMS):
         for s, j in candidates:
             found = misfit(float(s), float(j))
             if found < best:

@@ -22,15 +22,15 @@ from simbench.loop.parameters import VALVES, valve_parameters
 from simbench.loop.simulate import simulate
 from simbench.theory.cycle import cycle_start
 
-FIRST = 40  # samples per period of the run that measures the cycle
-PERIODS = 10  # its length
-PASSES = 4  # of a record's period and its sampling: a new sampling moves the period a little
-SETTLED = 0.05  # two periods as near as this (in logarithm) are one
-DIGITS = 3  # ids must not hang on the last bits of a simulation
+_FIRST = 40  # samples per period of the run that measures the cycle
+_PERIODS = 10  # its length
+_PASSES = 4  # of a record's period and its sampling: a new sampling moves the period a little
+_SETTLED = 0.05  # two periods as near as this (in logarithm) are one
+_DIGITS = 3  # ids must not hang on the last bits of a simulation
 
 
 @dataclass(frozen=True)
-class Cycle:
+class _Cycle:
     """How the sticky twin of a cell moves.
 
     Parameters
@@ -71,7 +71,7 @@ def resolve(group: Group) -> list[Scenario]:
     return [Scenario(loop=loop, seed=group.seed, tags=_tags(d, loop)) for d, loop in zip(group.drafts, loops, strict=True)]
 
 
-def measure_cycle(twin: Loop) -> Cycle:
+def measure_cycle(twin: Loop) -> _Cycle:
     """Run a sticky loop without noise and measure its cycle.
 
     Parameters
@@ -104,12 +104,12 @@ def measure_cycle(twin: Loop) -> Cycle:
 
 
 @lru_cache(maxsize=64)  # cells that differ in the disturbance alone share their twin
-def _measured(text: str) -> Cycle:
+def _measured(text: str) -> _Cycle:
     twin = Loop.model_validate_json(text)
     guess = period = first_guess(twin)
     try:
         for _ in range(4):
-            loop = _sampled(twin, period / FIRST, FIRST * PERIODS)
+            loop = _sampled(twin, period / _FIRST, _FIRST * _PERIODS)
             with np.errstate(all="ignore"):  # candidate cycles that grow without bound
                 start = cycle_start(loop)
             run = simulate(loop, 0, start=start)
@@ -118,13 +118,13 @@ def _measured(text: str) -> Cycle:
             if moved.reversals < 3:
                 break
             period = moved.period * loop.sampling.Ts
-            if 0.5 * FIRST < moved.period < 2.0 * FIRST:
-                return Cycle(period, float(np.std(run.record.pv[FIRST:])), True)
+            if 0.5 * _FIRST < moved.period < 2.0 * _FIRST:
+                return _Cycle(period, float(np.std(run.record.pv[_FIRST:])), True)
     except ParameterError:
         pass  # no cycle to start on, or none that theory can find
     S, _ = band(twin)
     size = 0.25 * S * abs(twin.plant.K) if twin.plant.type == "foptd" else 0.3 * S / twin.controller.Kc
-    return Cycle(guess, size, False)
+    return _Cycle(guess, size, False)
 
 
 def first_guess(loop: Loop) -> float:
@@ -209,14 +209,14 @@ def sampled_ultimate_gain(loop: Loop) -> float:
 
 def significant(x: float) -> float:
     """Return a number rounded to 3 significant digits, so that ids do not hang on a simulation's last bits."""
-    return float(f"{x:.{DIGITS}g}")
+    return float(f"{x:.{_DIGITS}g}")
 
 
 def _sampled(loop: Loop, Ts: float, n: int) -> Loop:
     return loop.model_copy(update={"sampling": Sampling(Ts=Ts, n=n)})
 
 
-def _with_w_Ti(twin: Loop, cycle: Cycle, wanted: float) -> tuple[Loop, Cycle]:
+def _with_w_Ti(twin: Loop, cycle: _Cycle, wanted: float) -> tuple[Loop, _Cycle]:
     # Ti moves the period, the period asks for another Ti: a damped fixed point in logarithms. Below its tuned value Ti takes
     # Kc down with it, so that the loop stays stable.
     Kc, tuned = twin.controller.Kc, twin.controller.Ti or 1.0
@@ -231,25 +231,25 @@ def _with_w_Ti(twin: Loop, cycle: Cycle, wanted: float) -> tuple[Loop, Cycle]:
     return twin, cycle
 
 
-def _own_sampling(draft: Draft, group: Group, twin: Loop, cycle: Cycle) -> Loop:
+def _own_sampling(draft: Draft, group: Group, twin: Loop, cycle: _Cycle) -> Loop:
     """Settle a draft by the period of its own oscillation; by its sticky twin's where it does not oscillate."""
     own, loop = cycle.period, _settled(draft, group.rules, twin, cycle, cycle.period)
-    for _ in range(PASSES if group.rules.samples_per_period is not None else 0):
+    for _ in range(_PASSES if group.rules.samples_per_period is not None else 0):
         found = prepare(simulate(loop, group.seed).record.without_mv()).oscillation
-        if not found.sustained or abs(math.log(found.period_s / own)) < SETTLED:
+        if not found.sustained or abs(math.log(found.period_s / own)) < _SETTLED:
             break
         own = found.period_s
         loop = _settled(draft, group.rules, twin, cycle, own)
     return loop
 
 
-def _settled(draft: Draft, rules: Rules, twin: Loop, cycle: Cycle, own: float) -> Loop:
+def _settled(draft: Draft, rules: Rules, twin: Loop, cycle: _Cycle, own: float) -> Loop:
     table = draft.loop.to_table()
     if rules.w_Ti is not None:
         table["controller"].update(Ti=significant(twin.controller.Ti or 1.0), Kc=significant(twin.controller.Kc))
     if rules.samples_per_period is not None:
         per = float(rules.samples_per_period)
-        table["sampling"] = {"Ts": significant(own / per), "n": round(per * float(rules.periods or FIRST))}
+        table["sampling"] = {"Ts": significant(own / per), "n": round(per * float(rules.periods or _FIRST))}
     if rules.noise_ratio is not None:
         table["noise"] = {"std": significant(rules.noise_ratio * cycle.pv_std)}
     S, J = band(twin)

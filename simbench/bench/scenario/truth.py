@@ -13,15 +13,15 @@ from simbench.loop.resolve import friction, quiet_setup
 from simbench.loop.run import Run
 from simbench.loop.simulate import simulate
 
-TAIL_PERIODS = 20
+_TAIL_PERIODS = 20
 MIN_REVERSALS = 6
-LASTING = 0.8  # last third of the tail over the first
-TWIN = 0.5  # a twin with an ideal valve that moves this much of it moves for another reason
-MOMENTS = (0.0, 0.25, 0.5, 0.75)  # of the record's last period, from its end back, at which the noise goes off
-FADING = 0.5  # below this the motion dies out; between this and LASTING it is not clear
-MAX_TAIL = 20_000  # samples
-YES, NO, ENTRAINED, UNCLEAR = "yes", "no", "entrained", "unclear"
-CYCLED = (YES, NO, ENTRAINED, UNCLEAR)
+_LASTING = 0.8  # last third of the tail over the first
+_TWIN = 0.5  # a twin with an ideal valve that moves this much of it moves for another reason
+_MOMENTS = (0.0, 0.25, 0.5, 0.75)  # of the record's last period, from its end back, at which the noise goes off
+_FADING = 0.5  # below this the motion dies out; between this and LASTING it is not clear
+_MAX_TAIL = 20_000  # samples
+YES, NO, _ENTRAINED, _UNCLEAR = "yes", "no", "entrained", "unclear"
+CYCLED = (YES, NO, _ENTRAINED, _UNCLEAR)
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def simulate_with_truth(loop: Loop, seed: int = 0, *, period: float | None = Non
     late = motion(run.mv[run.record.n // 2 :], bar / 4)
     if period is None:
         period = late.period * Ts
-        period = period if math.isfinite(period) else run.record.duration / TAIL_PERIODS
+        period = period if math.isfinite(period) else run.record.duration / _TAIL_PERIODS
     found = None
     for quiet in _quiet_from(loop, period / Ts):
         tail, moved = _tail(loop, seed, period / Ts, bar, quiet)
@@ -99,14 +99,14 @@ def simulate_with_truth(loop: Loop, seed: int = 0, *, period: float | None = Non
             return run, Cycled(YES, moved.period * Ts, moved.swing)
         # what the loop does from the record's end on counts first; earlier ends only make it unclear
         found = found or (said, moved)
-        if said == UNCLEAR:
-            found = (UNCLEAR, found[1])
+        if said == _UNCLEAR:
+            found = (_UNCLEAR, found[1])
     assert found is not None
     said, moved = found
     if said == NO and _moves(run, late, loop, seed, period / Ts, bar):
-        said = UNCLEAR
+        said = _UNCLEAR
     if said == NO and _driven(run) and np.ptp(run.mv[run.record.n // 2 :]) >= bar:
-        said = ENTRAINED
+        said = _ENTRAINED
     return run, Cycled(said, moved.period * Ts, moved.swing)
 
 
@@ -144,7 +144,7 @@ def healthy_twin(loop: Loop) -> Loop:
 
 
 def _samples(period: float) -> int:
-    return min(max(math.ceil(TAIL_PERIODS * period), 3 * TAIL_PERIODS), MAX_TAIL)
+    return min(max(math.ceil(_TAIL_PERIODS * period), 3 * _TAIL_PERIODS), _MAX_TAIL)
 
 
 def _quiet_from(loop: Loop, period: float) -> list[int]:
@@ -152,7 +152,7 @@ def _quiet_from(loop: Loop, period: float) -> list[int]:
     n = loop.sampling.n
     if quiet_setup(loop, 0).noise_std == 0:
         return [n]
-    return sorted({max(n - round(share * period), 0) for share in MOMENTS}, reverse=True)
+    return sorted({max(n - round(share * period), 0) for share in _MOMENTS}, reverse=True)
 
 
 def _tail(loop: Loop, seed: int, period: float, bar: float, quiet: int | None) -> tuple[np.ndarray, Motion]:
@@ -160,33 +160,33 @@ def _tail(loop: Loop, seed: int, period: float, bar: float, quiet: int | None) -
     while True:
         tail = simulate(loop, seed, tail=samples, quiet=quiet).mv[loop.sampling.n :]
         moved = motion(tail, bar / 4)
-        wanted = _samples(moved.period if moved.reversals > 2 else 2.0 * samples / TAIL_PERIODS)
+        wanted = _samples(moved.period if moved.reversals > 2 else 2.0 * samples / _TAIL_PERIODS)
         # a cycle that is slower than expected needs a longer tail; a valve that stands still does not
-        if np.ptp(tail[samples // 2 :]) < bar or wanted <= 1.25 * samples or samples >= MAX_TAIL:
+        if np.ptp(tail[samples // 2 :]) < bar or wanted <= 1.25 * samples or samples >= _MAX_TAIL:
             return tail, moved
         samples = wanted
 
 
 def _alone(loop: Loop, seed: int, tail: np.ndarray, moved: Motion, bar: float, quiet: int) -> str:
     """Say whether the valve goes on moving in one noise-free tail, and by itself."""
-    if _swings(moved, bar) and moved.lasting >= FADING:
+    if _swings(moved, bar) and moved.lasting >= _FADING:
         twin = simulate(healthy_twin(loop), seed, tail=tail.size, quiet=quiet).mv[loop.sampling.n :]
-        own = TWIN * largest_sine(tail, moved.period) > largest_sine(twin, moved.period)
-        return YES if own and moved.lasting >= LASTING else UNCLEAR
+        own = _TWIN * largest_sine(tail, moved.period) > largest_sine(twin, moved.period)
+        return YES if own and moved.lasting >= _LASTING else _UNCLEAR
     # still moving at the end, but too slowly for the longest tail
     if 0 < moved.reversals < MIN_REVERSALS and np.ptp(tail[-(tail.size // 3) :]) >= bar:
-        return UNCLEAR
+        return _UNCLEAR
     return NO
 
 
 def _moves(run: Run, late: Motion, loop: Loop, seed: int, period: float, bar: float) -> bool:
     """Whether the valve moves steadily all the same: undisturbed in the record, or as long as the noise goes on."""
-    if not _driven(run) and _swings(late, bar) and late.lasting >= LASTING:
+    if not _driven(run) and _swings(late, bar) and late.lasting >= _LASTING:
         return True
     if quiet_setup(loop, 0).noise_std == 0:
         return False
     _, moved = _tail(loop, seed, period, bar, None)
-    return _swings(moved, bar) and moved.lasting >= FADING
+    return _swings(moved, bar) and moved.lasting >= _FADING
 
 
 def _swings(moved: Motion, bar: float) -> bool:

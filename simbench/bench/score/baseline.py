@@ -17,15 +17,15 @@ from simbench.bench.store.reading import RunArrays, read_table
 from simbench.files import folder as make_folder
 from simbench.files import whole_file, write_table
 
-EMPTY = {
+_EMPTY = {
     "scenarios": ("flags",),
     "verdicts": ("score_raw", "reason", "reason_raw", "indices", "S_lo", "S_hi", "J_lo", "J_hi", "S_unit", "runtime_s"),
 }
-KEPT = (
+_KEPT = (
     "format", "grid", "grid_hash", "cells_hash", "seed", "overrides", "scenarios", "methods", "thresholds", "plugins",
     "command", "code", "commit", "versions", "machine", "complete", "counts", "records_hash", "sealed",
 )  # fmt: skip
-BASELINE_COLUMNS = (
+_BASELINE_COLUMNS = (
     "method", "truth", "process", "n", "positives", "applicable", "accuracy_applicable", "accuracy_decided", "no_decision",
     "found", "false_alarms", "accuracy_all", "auc", "rank", "errors",
 )  # fmt: skip
@@ -49,9 +49,9 @@ def write_baseline(run: str | Path, baseline: str | Path) -> None:
     """
     baseline = make_folder(baseline)
     whole = read_manifest(run)
-    manifest = {k: v for k, v in whole.items() if k in KEPT}
+    manifest = {k: v for k, v in whole.items() if k in _KEPT}
     digests = {}
-    for kind, empty in EMPTY.items():
+    for kind, empty in _EMPTY.items():
         table = read_table(run, kind)
         for name in empty:
             column = table.schema.get_field_index(name)
@@ -68,7 +68,7 @@ def write_baseline(run: str | Path, baseline: str | Path) -> None:
             f.write(out.getvalue())
     write_manifest(baseline, {**manifest, "tables": digests})
     table = score_run(baseline).table
-    write_table(table.loc[table["mode"] == FRONT, list(BASELINE_COLUMNS)], baseline / "scores.csv", float_format="%.4f")
+    write_table(table.loc[table["mode"] == FRONT, list(_BASELINE_COLUMNS)], baseline / "scores.csv", float_format="%.4f")
     remember(baseline, manifest, table)
 
 

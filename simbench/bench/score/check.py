@@ -19,16 +19,16 @@ from simbench.bench.score.pairing import Pairs, pair
 from simbench.bench.statistics import auc, auc_drop, auc_drop_unpaired, holm, mcnemar, rate_drop
 from simbench.bench.store.reading import CODES, RunArrays, RunError
 
-LEVEL = 0.05
+_LEVEL = 0.05
 MARGIN = 0.01  # of a rate, paired: what falls by less is no regression, however sure the fall is
-UNPAIRED = 0.02  # the same between runs of other loops
+_UNPAIRED = 0.02  # the same between runs of other loops
 # a drop of the share of right answers that must be found with this power: of the same records, of records that differ in the
 # same place of a grid, of other loops; where it is not, the check cannot tell
-REACH = {"same": 0.02, "place": 0.05, "other": 0.15}
-POWER = 0.8
-CHECKED_TRUTHS = ("sticky", "cycled")
+_REACH = {"same": 0.02, "place": 0.05, "other": 0.15}
+_POWER = 0.8
+_CHECKED_TRUTHS = ("sticky", "cycled")
 # what is counted: among positives or negatives, which answers are good; "no decision" is neither right nor wrong
-COUNTED = {
+_COUNTED = {
     "right": (None, ()),
     "detection": (True, (STICTION,)),
     "rejection": (False, (NO_STICTION,)),
@@ -66,7 +66,7 @@ def check_run(folder: str | Path, against: str | Path, margin: float = MARGIN) -
     otherwise; an unchanged detector then loses as often as it wins, which is what these tests ask. Other loops: one-sided
     two-sample tests of a drop beyond 2 points. All are Holm-corrected to a chance of 5 % that unchanged detectors fail; on the
     very same records, where an unchanged detector answers the same, to 5 % a method. Only loops that a method covers count.
-    Where a drop that matters (`REACH`) would not have been found, the check cannot tell, and fails.
+    Where a drop that matters (`_REACH`) would not have been found, the check cannot tell, and fails.
     """
     return replace(compare_books(read_book(folder), read_book(against), margin), home=str(against))
 
@@ -85,7 +85,7 @@ def compare_books(now: RunArrays, before: RunArrays, margin: float = MARGIN) -> 
     flips: list[pd.DataFrame] = []
     for method in (m for m in before.methods if m in now.methods):
         i, j = now.methods.index(method), before.methods.index(method)
-        for label in CHECKED_TRUTHS:
+        for label in _CHECKED_TRUTHS:
             # a loop whose truth differs is another case
             alike = before.truth[label][pairs.before] == now.truth[label][pairs.now]
             one = _answers(before, j, label, pairs.before[alike] if paired else None)
@@ -96,11 +96,11 @@ def compare_books(now: RunArrays, before: RunArrays, margin: float = MARGIN) -> 
     each = tests.groupby("method", sort=False)["p"]
     # an unchanged detector gives the same answers on the same records: only what changed can fail by chance
     tests["p"] = each.transform(holm) if basis == "same" else holm(tests["p"])
-    size = len(COUNTED) * len(CHECKED_TRUTHS) + len(CHECKED_TRUTHS) if basis == "same" else len(tests)
+    size = len(_COUNTED) * len(_CHECKED_TRUTHS) + len(_CHECKED_TRUTHS) if basis == "same" else len(tests)
     tests["seen"] = [_seen(row, basis, size) for row in tests.to_dict("records")]
-    tests["worse"] = (tests["p"] < LEVEL) & (tests["before"] - tests["now"] > (margin if paired else 0.0))
+    tests["worse"] = (tests["p"] < _LEVEL) & (tests["before"] - tests["now"] > (margin if paired else 0.0))
     unseen = tuple(_unseen(tests, basis))
-    said = f"{_basis(now, before, pairs, margin)}; a loss of {100 * REACH[basis]:g} points must be found in 8 of 10 such runs"
+    said = f"{_basis(now, before, pairs, margin)}; a loss of {100 * _REACH[basis]:g} points must be found in 8 of 10 such runs"
     every = pd.concat(flips, ignore_index=True) if flips else pd.DataFrame()
     return Check(paired, said, tuple(problems), tests, every, unseen=unseen)
 
@@ -144,7 +144,7 @@ def _problems(now: RunArrays, before: RunArrays, pairs: Pairs) -> list[str]:
     missing = before.ids.size - pairs.before.size
     if missing and (pairs.one_grid or pairs.now.size):
         found.append(f"{missing} of the baseline's {before.ids.size} scenarios are not in the run")
-    for label in CHECKED_TRUTHS:
+    for label in _CHECKED_TRUTHS:
         moved = now.truth[label][pairs.now] != before.truth[label][pairs.before]
         changed = int((moved & pairs.same).sum())
         if changed:
@@ -170,29 +170,29 @@ def _basis(now: RunArrays, before: RunArrays, pairs: Pairs, margin: float) -> st
         return f"{why} ({more}), as on another processor; {tests}"
     return (
         f"other loops than the baseline's; two-sample tests of {now.ids.size} against {before.ids.size} scenarios, "
-        f"a drop of {100 * UNPAIRED:g} points is allowed, Holm-corrected"
+        f"a drop of {100 * _UNPAIRED:g} points is allowed, Holm-corrected"
     )
 
 
 def _seen(row: dict[str, Any], basis: str, tests: int) -> float:
-    """Return the smallest drop of a rate that is found with `POWER`; NaN for an AUC."""
-    n, level = row["n"], LEVEL / tests
+    """Return the smallest drop of a rate that is found with `_POWER`; NaN for an AUC."""
+    n, level = row["n"], _LEVEL / tests
     if row["what"] == "AUC" or n == 0:
         return float("nan")
     if basis == "other":
         spread = np.sqrt(2 * max(row["before"] * (1 - row["before"]), 1 / (n + 2)) / n)
-        return float(min(UNPAIRED + spread * (stats.norm.isf(level) + stats.norm.ppf(POWER)), 1.0))
+        return float(min(_UNPAIRED + spread * (stats.norm.isf(level) + stats.norm.ppf(_POWER)), 1.0))
     least = np.ceil(-np.log2(level))  # cases lost, none won, that an exact test takes for a drop
-    return float(min(stats.gamma.ppf(POWER, least) / n, 1.0))
+    return float(min(stats.gamma.ppf(_POWER, least) / n, 1.0))
 
 
 def _unseen(tests: pd.DataFrame, basis: str) -> Iterator[str]:
     """Name the methods whose loss nobody could have found: too few loops that they cover, and answers that changed."""
     for row in tests[(tests["what"] == "right") & (tests["label"] == "cycled")].to_dict("records"):
         changed = basis != "same" or row["lost"] > 0
-        if changed and not row["seen"] <= REACH[basis] and not tests.loc[tests["method"] == row["method"], "worse"].any():
+        if changed and not row["seen"] <= _REACH[basis] and not tests.loc[tests["method"] == row["method"], "worse"].any():
             why = f"only a loss of {row['seen']:.3f} would have been found" if row["n"] else "it covers none"
-            yield f"{row['method']}: cannot tell on the {row['n']} loops that it covers: {why}, {REACH[basis]:g} is asked for"
+            yield f"{row['method']}: cannot tell on the {row['n']} loops that it covers: {why}, {_REACH[basis]:g} is asked for"
 
 
 def _answers(
@@ -212,7 +212,7 @@ def _tests(before: tuple, now: tuple, paired: bool) -> Iterator[dict[str, Any]]:
     used = [cover & (side[0] >= 0) for cover, side in zip(covered, (before, now), strict=True)]
     sides = [tuple(x[use] for x in side[:3]) for use, side in zip(used, (before, now), strict=True)]
     (truth_a, said_a, score_a), (truth_b, said_b, score_b) = ((truth == 1, said, score) for truth, said, score in sides)
-    for what, (positive, good) in COUNTED.items():
+    for what, (positive, good) in _COUNTED.items():
         if positive is None:
             a, b = said_a == truth_a, said_b == truth_b
         else:
@@ -223,8 +223,8 @@ def _tests(before: tuple, now: tuple, paired: bool) -> Iterator[dict[str, Any]]:
             row.update(lost=int((a & ~b).sum()), won=int((~a & b).sum()))
             yield {**row, "p": mcnemar(row["lost"], row["won"], worse=True)}
         else:
-            yield {**row, "p": rate_drop(int(a.sum()), a.size, int(b.sum()), b.size, UNPAIRED)}
-    p = auc_drop(score_a, score_b, truth_a) if paired else auc_drop_unpaired(score_a, truth_a, score_b, truth_b, UNPAIRED)
+            yield {**row, "p": rate_drop(int(a.sum()), a.size, int(b.sum()), b.size, _UNPAIRED)}
+    p = auc_drop(score_a, score_b, truth_a) if paired else auc_drop_unpaired(score_a, truth_a, score_b, truth_b, _UNPAIRED)
     yield {
         "what": "AUC",
         "n": min(truth_a.size, truth_b.size),

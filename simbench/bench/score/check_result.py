@@ -65,11 +65,11 @@ class Check:
 
     def as_text(self) -> str:
         """Return verdict, basis, reasons, what changed, and the scenarios that flipped."""
-        return as_text(self)
+        return _as_text(self)
 
     def as_markdown(self) -> str:
         """Return the same for a pull request's summary."""
-        return as_markdown(self)
+        return _as_markdown(self)
 
     def as_json(self) -> dict[str, Any]:
         """Return everything as JSON types."""
@@ -79,10 +79,10 @@ class Check:
 
     def as_junit(self) -> str:
         """Return JUnit XML: one test case per method, and one for the tables themselves."""
-        return as_junit(self)
+        return _as_junit(self)
 
 
-def as_text(check: Check) -> str:
+def _as_text(check: Check) -> str:
     """Return verdict, basis, reasons, what changed, and the scenarios that flipped.
 
     Parameters
@@ -105,8 +105,8 @@ def as_text(check: Check) -> str:
     return "\n".join(lines)
 
 
-def as_markdown(check: Check) -> str:
-    """Return the same for a pull request's summary; see `as_text`."""
+def _as_markdown(check: Check) -> str:
+    """Return the same for a pull request's summary; see `_as_text`."""
     lines = [f"### Detector check: {check.answer.lower()}", "", check.basis, ""]
     lines += [f"- {r}" for r in check.reasons] + [""] * bool(check.reasons)
     moved = _moved(check)
@@ -119,8 +119,8 @@ def as_markdown(check: Check) -> str:
     return "\n".join(lines) + "\n"
 
 
-def as_junit(check: Check) -> str:
-    """Return JUnit XML: one test case per method, and one for the tables themselves; see `as_text`."""
+def _as_junit(check: Check) -> str:
+    """Return JUnit XML: one test case per method, and one for the tables themselves; see `_as_text`."""
     suite = ElementTree.Element("testsuite", name="simbench check")
     cases = [("run", list(check.problems))]
     for method, rows in check.tests.groupby("method", sort=True):

@@ -18,13 +18,13 @@ from simbench.bench.statistics import holm, mcnemar, mean_ranks, rate
 from simbench.bench.store.reading import TRUTHS, RunArrays, RunError
 from simbench.bench.store.tables import AXES
 
-LEVEL = 0.05
-WORKING_ACCURACY = 0.8  # accuracy below this counts as broken down
-ALONE = ("nonlinearity", "quantification", "oracle")  # roles that are compared, but not ranked
+_LEVEL = 0.05
+_WORKING_ACCURACY = 0.8  # accuracy below this counts as broken down
+_ALONE = ("nonlinearity", "quantification", "oracle")  # roles that are compared, but not ranked
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class _Comparison:
     """Who answers better, and where.
 
     Parameters
@@ -62,7 +62,7 @@ class Comparison:
             lines += [f"mean ranks closer than {self.critical_difference:.2f} cannot be told apart (Nemenyi, 5 %)"]
         differ = self.pairs[self.pairs["differ"]].drop(columns="differ")
         alike = len(self.pairs) - len(differ)
-        lines += ["", f"{len(differ)} pairs differ (exact McNemar, Holm-corrected p < {LEVEL:g}), {alike} do not"]
+        lines += ["", f"{len(differ)} pairs differ (exact McNemar, Holm-corrected p < {_LEVEL:g}), {alike} do not"]
         ranked = self.ranking.dropna(subset=["mean_rank"])
         best = (ranked if len(ranked) else self.ranking)["method"].iloc[0]
         shown = differ[differ["first"].eq(best) | differ["second"].eq(best) | ~differ["second"].isin(self.ranking["method"])]
@@ -72,7 +72,7 @@ class Comparison:
                 at=[f"{v} ({a:.2f})" for v, a in zip(self.breakdown["value"], self.breakdown["accuracy"])]
             )
             wide = cell.pivot(index="method", columns="axis", values="at").reindex(self.ranking["method"])
-            lines += ["", f"first value of each axis with accuracy below {WORKING_ACCURACY:g}, and the accuracy there"]
+            lines += ["", f"first value of each axis with accuracy below {_WORKING_ACCURACY:g}, and the accuracy there"]
             lines += [wide.dropna(how="all").rename_axis(columns=None).reset_index().to_string(index=False, na_rep="-")]
         return "\n".join(lines)
 
@@ -83,7 +83,7 @@ class Comparison:
         return {"truth": self.truth, "cases": self.cases, "critical_difference": cd, **tables}
 
 
-def compare(folder: str | Path, other: str | Path | None = None, truth: str = "cycled", raw: bool = False) -> Comparison:
+def compare(folder: str | Path, other: str | Path | None = None, truth: str = "cycled", raw: bool = False) -> _Comparison:
     """Compare the methods of a run with each other, or with themselves in another run.
 
     Parameters
@@ -118,7 +118,7 @@ def compare(folder: str | Path, other: str | Path | None = None, truth: str = "c
     return between_methods(book, truth, raw) if other is None else between_runs(book, read_book(other), truth, raw)
 
 
-def between_methods(book: RunArrays, truth: str = "cycled", raw: bool = False) -> Comparison:
+def between_methods(book: RunArrays, truth: str = "cycled", raw: bool = False) -> _Comparison:
     """Compare all methods of a run pairwise; see `compare`."""
     use = book.truth[truth] >= 0
     right, applies = _right(book, truth, raw)[:, use], _applies(book)[:, use]
@@ -128,7 +128,7 @@ def between_methods(book: RunArrays, truth: str = "cycled", raw: bool = False) -
         one, other = (right[k, applies[i] & applies[j]] for k in (i, j))
         rows.append((names[i], names[j], int((one & ~other).sum()), int((~one & other).sum())))
     about = [book.manifest["methods"][m] for m in book.methods]
-    alike = np.array([a["role"] not in ALONE and not a["needs_mv"] for a in about])
+    alike = np.array([a["role"] not in _ALONE and not a["needs_mv"] for a in about])
     ranked = applies.all(axis=1) & alike
     ranks, cd = np.full(len(names), np.nan), float("nan")
     if ranked.sum() >= 3 and right.shape[1] >= 2:
@@ -137,7 +137,7 @@ def between_methods(book: RunArrays, truth: str = "cycled", raw: bool = False) -
     return _comparison(book, truth, raw, right, applies, ranks, cd, rows)
 
 
-def between_runs(book: RunArrays, other: RunArrays, truth: str = "cycled", raw: bool = False) -> Comparison:
+def between_runs(book: RunArrays, other: RunArrays, truth: str = "cycled", raw: bool = False) -> _Comparison:
     """Compare every method with itself in another run; see `compare`. `first` is this run, `second` the other."""
     _, at, other_at = np.intersect1d(book.ids, other.ids, return_indices=True)
     common = [m for m in book.methods if m in other.methods]
@@ -155,7 +155,7 @@ def between_runs(book: RunArrays, other: RunArrays, truth: str = "cycled", raw: 
     return _comparison(book, truth, raw, right, applies, np.full(len(book.methods), np.nan), float("nan"), rows)
 
 
-def breakdowns(by_axis: pd.DataFrame) -> pd.DataFrame:
+def _breakdowns(by_axis: pd.DataFrame) -> pd.DataFrame:
     """Return, for every method and axis, the first value at which accuracy is below 0.8.
 
     Parameters
@@ -168,7 +168,7 @@ def breakdowns(by_axis: pd.DataFrame) -> pd.DataFrame:
     DataFrame
         Rows of `by_axis`; an axis along which a method holds has none.
     """
-    low = by_axis[by_axis["accuracy"] < WORKING_ACCURACY]
+    low = by_axis[by_axis["accuracy"] < _WORKING_ACCURACY]
     return low.groupby(["method", "axis"], sort=False).head(1).sort_values(["method", "axis"], kind="stable", ignore_index=True)
 
 
@@ -194,17 +194,17 @@ def _comparison(
     ranks: np.ndarray,
     cd: float,
     rows: list[tuple],
-) -> Comparison:
+) -> _Comparison:
     cases = right.shape[1]
     accuracy = [(int(a.sum()), *rate(int(r[a].sum()), int(a.sum()))) for r, a in zip(right, applies)]
     ranking = pd.DataFrame(accuracy, columns=["n", "accuracy", "lo", "hi"]).assign(mean_rank=ranks)
     ranking.insert(0, "method", book.methods)
     pairs = pd.DataFrame(rows, columns=["first", "second", "only_first", "only_second"])
     pairs["p"] = holm([mcnemar(lost, won) for _, _, lost, won in rows])
-    pairs["differ"] = pairs["p"] < LEVEL
+    pairs["differ"] = pairs["p"] < _LEVEL
     by_axis = pd.DataFrame(_by_axis(book, truth, raw), columns=["method", "axis", "value", "n", "accuracy", "lo", "hi"])
     ranking = ranking.sort_values("accuracy", ascending=False, kind="stable", ignore_index=True)
-    return Comparison(truth, cases, ranking, cd, pairs, by_axis, breakdowns(by_axis))
+    return _Comparison(truth, cases, ranking, cd, pairs, by_axis, _breakdowns(by_axis))
 
 
 def _by_axis(book: RunArrays, truth: str, raw: bool) -> Iterator[tuple]:

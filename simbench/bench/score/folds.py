@@ -6,9 +6,9 @@ import numpy as np
 
 from simbench.bench.statistics import class_counts
 
-FOLDS = 5
-ALARMS = 0.05  # false alarms at which "found_at_5" asks how much is found
-LEAST = 100  # loops below which gradient boosting has nothing to split
+_FOLDS = 5
+_ALARMS = 0.05  # false alarms at which "found_at_5" asks how much is found
+_LEAST = 100  # loops below which gradient boosting has nothing to split
 # of the record and the design, without its signals' shape
 BLIND = ("samples per period", "periods in the record", "n", "Ts", "noise std", "process")
 
@@ -22,10 +22,10 @@ def folds_of(groups: np.ndarray) -> np.ndarray:
     [0, 0, 2, 1, 1]
     """
     unique, place = np.unique(groups, return_inverse=True)
-    return np.random.default_rng(0).permutation(unique.size)[place] % FOLDS
+    return np.random.default_rng(0).permutation(unique.size)[place] % _FOLDS
 
 
-def found_at(ranks: np.ndarray, positive: np.ndarray, fold: np.ndarray, alarms: float = ALARMS) -> int:
+def found_at(ranks: np.ndarray, positive: np.ndarray, fold: np.ndarray, alarms: float = _ALARMS) -> int:
     """Count positives above a threshold that lets so many false alarms through on the other folds.
 
     Parameters
@@ -109,7 +109,7 @@ def out_of_fold(features: np.ndarray, label: np.ndarray, groups: np.ndarray) -> 
         there, here = fold != k, fold == k
         if there.any():
             said[here] = label[there].mean()
-        if label.size >= LEAST and 0 < label[there].sum() < there.sum():
+        if label.size >= _LEAST and 0 < label[there].sum() < there.sum():
             from sklearn.ensemble import HistGradientBoostingClassifier  # here, for it takes a second to load
 
             model = HistGradientBoostingClassifier(random_state=0).fit(features[there], label[there])

@@ -13,9 +13,9 @@ from detectors.errors import UserError
 from simbench.bench.store.manifest import RunError
 from simbench.files import write_table
 
-HISTORY_FILE = "history.csv"
-SCORES = ("accuracy_applicable", "found", "false_alarms")
-HISTORY_COLUMNS = ("baseline", "commit", "records", "grid", "scenarios", "method", "rank", *SCORES)
+_HISTORY_FILE = "history.csv"
+_SCORES = ("accuracy_applicable", "found", "false_alarms")
+_HISTORY_COLUMNS = ("baseline", "commit", "records", "grid", "scenarios", "method", "rank", *_SCORES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,16 +61,16 @@ def read_history(baseline: str | Path) -> History:
     RunError
         When there is none, or it is no such table.
     """
-    file = Path(baseline) / HISTORY_FILE
+    file = Path(baseline) / _HISTORY_FILE
     if not file.is_file():
         raise RunError(
-            f"{baseline} holds no {HISTORY_FILE}: it is no baseline, or `simbench check --update` never wrote one there"
+            f"{baseline} holds no {_HISTORY_FILE}: it is no baseline, or `simbench check --update` never wrote one there"
         )
     try:
         table = pd.read_csv(file)
     except (ValueError, UserError) as error:
         raise RunError(f"{file} is no table: {error}") from None
-    missing = [c for c in HISTORY_COLUMNS if c not in table]
+    missing = [c for c in _HISTORY_COLUMNS if c not in table]
     if missing or table.empty:
         raise RunError(f"{file} is no history: {f'it lacks {missing[0]}' if missing else 'it is empty'}")
     return History(table)
@@ -90,14 +90,14 @@ def remember(baseline: Path, manifest: dict[str, Any], table: pd.DataFrame) -> N
     """
     rows = table[(table["truth"] == "cycled") & table["front_end"] & (table["process"] == "all")]
     rows = rows[rows["role"] != "yardstick"]
-    file = baseline / HISTORY_FILE
-    old = read_history(baseline).table if file.is_file() else pd.DataFrame(columns=list(HISTORY_COLUMNS))
+    file = baseline / _HISTORY_FILE
+    old = read_history(baseline).table if file.is_file() else pd.DataFrame(columns=list(_HISTORY_COLUMNS))
     number = int(old["baseline"].max()) + 1 if len(old) else 1
     about = {"baseline": number, "commit": str(manifest.get("commit") or "")[:12], "records": manifest.get("records_hash")}
     size = int(rows["n_all"].max()) if len(rows) else 0
-    new = rows[["method", "rank", *SCORES]].assign(**about, grid=manifest["grid"], scenarios=size)[list(HISTORY_COLUMNS)]
-    new = new.round(dict.fromkeys(SCORES, 4))
-    told = ["records", "method", *SCORES]
+    new = rows[["method", "rank", *_SCORES]].assign(**about, grid=manifest["grid"], scenarios=size)[list(_HISTORY_COLUMNS)]
+    new = new.round(dict.fromkeys(_SCORES, 4))
+    told = ["records", "method", *_SCORES]
     last, same = (part[told].reset_index(drop=True).astype(str) for part in (old[old["baseline"] == number - 1], new))
     if last.equals(same):
         return

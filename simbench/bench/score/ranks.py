@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import stats
 
-LEVEL, POWER = 0.95, 0.90
+_LEVEL, _POWER = 0.95, 0.90
 
 
 class Ranks(NamedTuple):
@@ -71,7 +71,7 @@ def rank_methods(right: np.ndarray, groups: np.ndarray | None = None) -> Ranks:
     # one success and one failure added: few loops never show a rate exactly
     alone = [float(np.var(np.r_[row, 0.0, 1.0])) for row in earned]
     spread = max(max(float(np.sum((shares[i] - shares[j]) ** 2)) / n, alone[i] + alone[j]) for i, j in pairs)
-    resolution = float(stats.norm.ppf(0.5 + LEVEL / 2) * np.sqrt(spread / n))
+    resolution = float(stats.norm.ppf(0.5 + _LEVEL / 2) * np.sqrt(spread / n))
     accuracy = earned.mean(axis=1)
     better = accuracy[None, :] - accuracy[:, None] >= resolution
     return Ranks(1 + better.sum(axis=1), resolution, spread)
@@ -96,5 +96,5 @@ def loops_needed(difference: float, spread: float) -> int:
     >>> loops_needed(0.03, 0.42)
     4904
     """
-    z = float(stats.norm.ppf(0.5 + LEVEL / 2) + stats.norm.ppf(POWER))
+    z = float(stats.norm.ppf(0.5 + _LEVEL / 2) + stats.norm.ppf(_POWER))
     return int(np.ceil(z * z * spread / difference**2))

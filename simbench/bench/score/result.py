@@ -23,13 +23,13 @@ ALL = "all"
 UNDECIDED = 0.5  # cost of no decision; an error costs 1
 LEAST = 20  # loops: a rate of fewer says nothing, and is not shown
 ROLE_YARDSTICK = "yardstick"
-ROWS = (
+_ROWS = (
     "method", "truth", "front_end", "process", "n", "applicable", "accuracy_applicable", "accuracy_decided", "no_decision",
     "found", "false_alarms", "accuracy_all", "auc", "lo", "hi", "sees_mv", "rank", "found_at_5", "cost", "risk_coverage",
     "home", "cost_lo", "cost_hi", "found_at_5_lo", "found_at_5_hi", "positives",
 )  # fmt: skip
-PLANNED = (0.01, 0.03)  # differences for which the table says how many loops they take
-KINDS = ("", "see the valve position MV, ranked apart", "yardsticks, not ranked", "nonlinearity tests, not ranked")
+_PLANNED = (0.01, 0.03)  # differences for which the table says how many loops they take
+_KINDS = ("", "see the valve position MV, ranked apart", "yardsticks, not ranked", "nonlinearity tests, not ranked")
 HEAD = (
     "rank", "method", "n", "cost", "95 %", "accuracy", "95 %", "none", "found", "false al.", "at 5 %", "95 %", "AUC", "risk",
     "of all",
@@ -91,11 +91,11 @@ class Scores:
 
     def as_text(self) -> str:
         """Return the tables for a terminal."""
-        return as_text(self)
+        return _as_text(self)
 
     def as_json(self) -> dict[str, Any]:
         """Return rows, resolution and what stands beside them as JSON types; NaN and infinity become null."""
-        return as_json(self)
+        return _as_json(self)
 
     def to_frame(self) -> pd.DataFrame:
         """Return the ranking against `cycled`, all loops.
@@ -150,7 +150,7 @@ def kind_of(role: str, sees_mv: bool) -> int:
     return 3 if role == "nonlinearity" else int(sees_mv)
 
 
-def as_text(scores: Scores) -> str:
+def _as_text(scores: Scores) -> str:
     """Return size, one block per process type, the other mode, dead-band cells, and labels that disagree.
 
     Parameters
@@ -177,7 +177,7 @@ def as_text(scores: Scores) -> str:
     return "\n".join(lines)
 
 
-def as_json(scores: Scores) -> dict[str, Any]:
+def _as_json(scores: Scores) -> dict[str, Any]:
     """Return {"rows", "resolution"} and grid, grid_hash, by_axis, disagreement, as JSON types.
 
     Parameters
@@ -197,7 +197,7 @@ def as_json(scores: Scores) -> dict[str, Any]:
         "grid_hash": scores.manifest["grid_hash"],
         "sealed": bool(scores.manifest.get("sealed")),
         "undecided": scores.undecided,
-        "rows": _records(table[list(ROWS)] if len(table) else table),
+        "rows": _records(table[list(_ROWS)] if len(table) else table),
         "resolution": None if math.isnan(resolution) else resolution,
         "by_axis": _records(scores.by_axis),
         "disagreement": _records(scores.disagreement),
@@ -235,7 +235,7 @@ def _block(rows: pd.DataFrame) -> list[str]:
     text = columns(lines)
     out = [text[0]]
     for line, kind, before in zip(text[1:], kinds, [0, *kinds], strict=False):
-        out += [f"-- {KINDS[kind]}"] * (kind != before) + [line]
+        out += [f"-- {_KINDS[kind]}"] * (kind != before) + [line]
     return out
 
 
@@ -243,7 +243,7 @@ def _resolved(scores: Scores, mode: str, process: str) -> str:
     standing = scores.standing["cycled", mode, process]
     if math.isnan(standing.resolution):
         return "no method covers these loops"
-    more = " and ".join(f"{d:g} by {loops_needed(d, standing.spread)} loops" for d in PLANNED)
+    more = " and ".join(f"{d:g} by {loops_needed(d, standing.spread)} loops" for d in _PLANNED)
     near = f"methods closer than {standing.resolution:.3f} share a rank"
     return f"{near}; a difference of {more} would be resolved in 9 of 10 runs"
 

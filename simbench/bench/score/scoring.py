@@ -21,15 +21,15 @@ from simbench.bench.store.tables import AXES
 if TYPE_CHECKING:
     import pandas as pd
 
-PROCESSES = {ALL: None, "self-regulating": "foptd", "integrating": "integrating"}
+_PROCESSES = {ALL: None, "self-regulating": "foptd", "integrating": "integrating"}
 # rates with Wilson intervals, in the order they are shown
-RATES = ("accuracy_applicable", "accuracy_decided", "no_decision", "found", "false_alarms", "accuracy_all")
-LEFT_OUT = ("entrained", "unclear")
-YARDSTICKS = {"always no": CODES[NO_STICTION], "always yes": CODES[STICTION]}
-COVERED = 0.95  # of a block's loops: a method made for fewer has no rank there
+_RATES = ("accuracy_applicable", "accuracy_decided", "no_decision", "found", "false_alarms", "accuracy_all")
+_LEFT_OUT = ("entrained", "unclear")
+_YARDSTICKS = {"always no": CODES[NO_STICTION], "always yes": CODES[STICTION]}
+_COVERED = 0.95  # of a block's loops: a method made for fewer has no rank there
 
 
-class Answers(NamedTuple):
+class _Answers(NamedTuple):
     """What one method said on all n scenarios of a run."""
 
     method: str
@@ -76,7 +76,7 @@ def score_book(book: RunArrays, raw: bool = False, undecided: float = UNDECIDED)
         everyone = [a._replace(score=dense_ranks(a.score)) for a in (*answers_of(book, mode), told)]
         left_out += _left_out(book, mode, everyone)
         for truth in TRUTHS:
-            for process, name in PROCESSES.items():
+            for process, name in _PROCESSES.items():
                 here = np.ones(book.ids.size, dtype=bool) if name is None else book.axes["process"] == name
                 place = {"truth": truth, "mode": mode, "front_end": mode == FRONT, "process": process}
                 block = _block(book, truth, here, place)
@@ -100,7 +100,7 @@ def _frame(rows: list[dict[str, Any]], example: dict[str, Any]) -> pd.DataFrame:
     return pd.DataFrame(there) if there else pd.DataFrame(columns=list(rows[0] if rows else example))
 
 
-def answers_of(book: RunArrays, mode: str = FRONT) -> Iterator[Answers]:
+def answers_of(book: RunArrays, mode: str = FRONT) -> Iterator[_Answers]:
     """Yield what every method of a run said, and two yardsticks that always say the same.
 
     Parameters
@@ -118,17 +118,17 @@ def answers_of(book: RunArrays, mode: str = FRONT) -> Iterator[Answers]:
     for i, method in enumerate(book.methods):
         about = book.manifest["methods"][method]
         applies = book.applicable[i] != 0
-        yield Answers(
+        yield _Answers(
             method, about["role"], about["needs_mv"], verdicts[i], scores[i], applies, book.failed[i], book.runtime[i],
-            home_of(about.get("fitted_on", ()), book),
+            _home_of(about.get("fitted_on", ()), book),
         )  # fmt: skip
     nothing = np.zeros(book.ids.size)
-    for name, code in YARDSTICKS.items():
+    for name, code in _YARDSTICKS.items():
         said = np.full(book.ids.size, code)
-        yield Answers(name, ROLE_YARDSTICK, False, said, nothing, nothing == 0, nothing != 0, nothing)
+        yield _Answers(name, ROLE_YARDSTICK, False, said, nothing, nothing == 0, nothing != 0, nothing)
 
 
-def home_of(fitted_on: Iterable[str], book: RunArrays) -> str:
+def _home_of(fitted_on: Iterable[str], book: RunArrays) -> str:
     """Return whether a method's constants were fitted to this grid ("fitted here"), to one with the same blocks, or "no"."""
     known = [name for name in fitted_on if name in grid_names()]
     blocks = {block.name for name in known for block in load_grid(name).content.block}
@@ -137,14 +137,14 @@ def home_of(fitted_on: Iterable[str], book: RunArrays) -> str:
     return "siblings" if blocks & set(book.axes["block"]) else "no"
 
 
-def blind_answers(book: RunArrays) -> Answers:
+def blind_answers(book: RunArrays) -> _Answers:
     """Return what a classifier says that knows sampling, length, noise and process of an oscillating loop, and no signal."""
     known = book.oscillating & (book.truth["cycled"] >= 0)
     chance = np.full(book.ids.size, -np.inf)  # behind the front end, as all others
     chance[book.oscillating] = 0.5
     chance[known] = out_of_fold(book.design[known], book.truth["cycled"][known] == 1, book.groups[known])
     said, nothing = (chance > 0.5).astype(np.int8), np.zeros(book.ids.size)
-    return Answers("blind classifier", ROLE_YARDSTICK, False, said, chance, nothing == 0, nothing != 0, nothing)
+    return _Answers("blind classifier", ROLE_YARDSTICK, False, said, chance, nothing == 0, nothing != 0, nothing)
 
 
 def axis_values(book: RunArrays, axis: str) -> Iterator[tuple[str, np.ndarray]]:
@@ -175,7 +175,7 @@ def _block(book: RunArrays, truth: str, chosen: np.ndarray, place: dict[str, Any
     return _Block(place, int(chosen.sum()), use, book.truth[truth][use] == 1, groups, folds_of(groups))
 
 
-def _row(block: _Block, a: Answers, cost: float, interval: bool = True) -> dict[str, Any]:
+def _row(block: _Block, a: _Answers, cost: float, interval: bool = True) -> dict[str, Any]:
     use, applies, positive = block.use, a.applies[block.use], block.positive
     here, groups, folds = use, block.groups, block.folds
     if not applies.all():
@@ -190,7 +190,7 @@ def _row(block: _Block, a: Answers, cost: float, interval: bool = True) -> dict[
     row: dict[str, Any] = {"method": a.method, **block.place, "role": a.role, "sees_mv": a.sees_mv, "home": a.home}
     row.update(n=n, n_all=block.size, positives=int(block.positive.sum()), applicable=m)
     lo, hi = (bound.tolist() for bound in wilson(*zip(*of, strict=True)))
-    for name, (hits, trials), *ends in zip(RATES, of, lo, hi, strict=True):
+    for name, (hits, trials), *ends in zip(_RATES, of, lo, hi, strict=True):
         row[name] = hits / trials if trials else math.nan
         row[f"{name}_lo"], row[f"{name}_hi"] = ends
     row["cost"], row["cost_lo"], row["cost_hi"] = _mean_of_groups(1.0 - _earned(said, positive, cost), groups)
@@ -228,12 +228,12 @@ def _mean_of_groups(values: np.ndarray, groups: np.ndarray) -> tuple[float, floa
     return mean, max(mean - half, 0.0), min(mean + half, 1.0)
 
 
-def _left_out(book: RunArrays, mode: str, everyone: list[Answers]) -> list[dict[str, Any]]:
+def _left_out(book: RunArrays, mode: str, everyone: list[_Answers]) -> list[dict[str, Any]]:
     """Count what every method says of loops that no score against `cycled` holds, and of those it does not apply to."""
     rows = []
     for a in everyone:
         known = book.truth["cycled"] >= 0
-        kinds = {word: (book.truth["cycled_word"] == word) & a.applies for word in LEFT_OUT}
+        kinds = {word: (book.truth["cycled_word"] == word) & a.applies for word in _LEFT_OUT}
         for of, chosen in {**kinds, "does not apply": known & ~a.applies}.items():
             n = int(chosen.sum())
             row: dict[str, Any] = {"method": a.method, "mode": mode, "role": a.role, "of": of, "n": n}
@@ -245,7 +245,7 @@ def _left_out(book: RunArrays, mode: str, everyone: list[Answers]) -> list[dict[
     return rows
 
 
-def _rank(block: _Block, everyone: list[Answers], rows: list[dict[str, Any]], cost: float) -> Ranks:
+def _rank(block: _Block, everyone: list[_Answers], rows: list[dict[str, Any]], cost: float) -> Ranks:
     """Write a rank into each row of a block: methods that see MV among themselves, yardsticks and partial ones not at all."""
     use, standing = block.use, []
     for row in rows:
@@ -253,7 +253,7 @@ def _rank(block: _Block, everyone: list[Answers], rows: list[dict[str, Any]], co
     for kind in (0, 1):
         mine = [k for k, a in enumerate(everyone) if kind_of(a.role, a.sees_mv) == kind]
         # a rank compares methods on the same loops
-        members = [k for k in mine if rows[k]["applicable"] >= COVERED * max(rows[k]["n"], 1)]
+        members = [k for k in mine if rows[k]["applicable"] >= _COVERED * max(rows[k]["n"], 1)]
         earned = [_earned(everyone[k].said[use], block.positive, cost) * everyone[k].applies[use] for k in members]
         standing.append(rank_methods(np.reshape(earned, (len(members), use.size)), block.groups))
         for k, rank in zip(members, standing[-1].rank, strict=True):

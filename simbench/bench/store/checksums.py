@@ -11,7 +11,7 @@ from typing import Any
 from detectors.errors import UserError
 from simbench.bench.store.place import Place, place_of
 
-SEAL = "seal"
+_SEAL = "seal"
 TABLES = "tables"
 TABLE_KINDS = ("verdicts", "scenarios")
 
@@ -40,16 +40,16 @@ def sealed(content: Mapping[str, Any]) -> dict[str, Any]:
     >>> opened(content, "manifest.json"), len(content["seal"])
     ({'grid': 'ci'}, 16)
     """
-    plain = {k: v for k, v in content.items() if k != SEAL}
-    return {**plain, SEAL: _of(plain)}
+    plain = {k: v for k, v in content.items() if k != _SEAL}
+    return {**plain, _SEAL: _of(plain)}
 
 
 def opened(content: Mapping[str, Any], where: object) -> dict[str, Any]:
     """Return sealed content without its checksum; raise RunError when it is not what was sealed."""
-    plain = {k: v for k, v in content.items() if k != SEAL}
-    if (mark := _of(plain)) != (told := content.get(SEAL)):
+    plain = {k: v for k, v in content.items() if k != _SEAL}
+    if (mark := _of(plain)) != (told := content.get(_SEAL)):
         changed = f"was changed after the run: its checksum is {mark}, {str(told)[:16]!r} is needed"
-        why = "carries no checksum, which is needed: it was written by an older simbench" if SEAL not in content else changed
+        why = "carries no checksum, which is needed: it was written by an older simbench" if _SEAL not in content else changed
         raise RunError(f"{where} {why}; run it again, or restore it")
     return plain
 

@@ -17,11 +17,11 @@ from simbench.bench.store.tables import FORMAT
 
 MANIFEST = "manifest.json"
 # what must be the same before old and new pieces may stand in one table
-BINDING = ("format", "grid_hash", "methods", "front_end", "thresholds", "plugins", "until_width", "code", "versions")
-LIBRARIES = ("stiction-simbench", "numpy", "scipy", "numba", "scikit-learn", "dtaidistance")
+_BINDING = ("format", "grid_hash", "methods", "front_end", "thresholds", "plugins", "until_width", "code", "versions")
+_LIBRARIES = ("stiction-simbench", "numpy", "scipy", "numba", "scikit-learn", "dtaidistance")
 
 # files of this room that decide what the tables hold
-DECISIVE = ("motion", "oracle", "resolve", "tables", "truth", "work")
+_DECISIVE = ("motion", "oracle", "resolve", "tables", "truth", "work")
 
 
 def describe(settings: Mapping[str, Any]) -> dict[str, Any]:
@@ -42,7 +42,7 @@ def describe(settings: Mapping[str, Any]) -> dict[str, Any]:
         **settings,
         "code": code_hash(),
         "commit": _commit(),
-        "versions": {"python": platform.python_version(), **{name: _version(name) for name in LIBRARIES}},
+        "versions": {"python": platform.python_version(), **{name: _version(name) for name in _LIBRARIES}},
         "machine": f"{platform.system()} {platform.machine()}",
         "complete": False,
     }
@@ -89,7 +89,7 @@ def write_manifest(where: Path | Place, manifest: Mapping[str, Any]) -> None:
 
 def run_key(manifest: Mapping[str, Any]) -> str:
     """Return 16 hex digits of what must be the same before two pieces may stand in one table."""
-    return digest(json.dumps({key: manifest[key] for key in BINDING}, sort_keys=True).encode())
+    return digest(json.dumps({key: manifest[key] for key in _BINDING}, sort_keys=True).encode())
 
 
 def refuse_to_mix(where: Place, manifest: Mapping[str, Any]) -> None:
@@ -103,7 +103,7 @@ def refuse_to_mix(where: Place, manifest: Mapping[str, Any]) -> None:
         Of the run about to go on.
     """
     old = read_manifest(where)
-    for key in BINDING:
+    for key in _BINDING:
         if old.get(key) != manifest[key]:
             raise RunError(f"{where} cannot be resumed: {_difference(key, old.get(key), manifest[key])}")
 
@@ -119,7 +119,7 @@ def code_hash() -> str:
     ours = Path(simbench.__path__[0])
     rooms = [Path(detectors.__path__[0]), Path(scenarios.__path__[0]), ours / "loop", ours / "theory", ours / "gap" / "effects"]
     files = [file for room in rooms for file in sorted(room.rglob("*.py"))]
-    for file in files + [f for f in sorted((ours / "bench").rglob("*.py")) if f.stem in DECISIVE]:
+    for file in files + [f for f in sorted((ours / "bench").rglob("*.py")) if f.stem in _DECISIVE]:
         digest.update(file.name.encode())
         digest.update(file.read_bytes())
     return digest.hexdigest()[:16]

@@ -60,7 +60,7 @@ class Place:
         shutil.rmtree(self._folder / sub, ignore_errors=True)
 
 
-class RemotePlace(Place):
+class _RemotePlace(Place):
     """A folder behind a URL, in memory, a bucket or elsewhere.
 
     Parameters
@@ -183,7 +183,7 @@ def place_of(path: str | Path | Place) -> Place:
         return Place(Path(path))
     if url[1] in ("file", "local"):
         return Place(Path(f"/{url[2]}"))
-    return RemotePlace(url[1], url[2])
+    return _RemotePlace(url[1], url[2])
 
 
 def _said(error: Exception) -> str:

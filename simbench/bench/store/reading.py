@@ -23,8 +23,8 @@ from simbench.bench.store.tables import AXES, SCENARIOS, VERDICT_SCHEMA
 
 TRUTHS = ("sticky", "predicted", "cycled")
 CODES = {NO_STICTION: 0, STICTION: 1, NO_DECISION: 2}
-WORDS = ("block", "member", "process", "controller", "valve", "disturbance", "tuning")
-NUMBERS = tuple(axis for axis in AXES if axis not in WORDS)
+_WORDS = ("block", "member", "process", "controller", "valve", "disturbance", "tuning")
+_NUMBERS = tuple(axis for axis in AXES if axis not in _WORDS)
 ID = np.dtype("S16")
 
 
@@ -194,7 +194,7 @@ class RunArrays:
 def _scenario_columns(place: Place, manifest: Mapping[str, Any]) -> dict[str, Any]:
     n = manifest["counts"]["scenarios"]
     ids, hashes, cycled = np.empty(n, dtype=ID), np.empty(n, dtype=ID), np.empty(n, dtype=object)
-    axes: dict[str, np.ndarray] = {a: np.empty(n, dtype=object if a in WORDS else float) for a in (*WORDS, *NUMBERS)}
+    axes: dict[str, np.ndarray] = {a: np.empty(n, dtype=object if a in _WORDS else float) for a in (*_WORDS, *_NUMBERS)}
     truth = {t: np.empty(n, dtype=np.int8) for t in TRUTHS}
     oscillating, places = np.empty(n, dtype=bool), [np.empty(0, dtype="S")]
     groups, design = np.empty(n, dtype=np.int64), np.empty((n, 6))
@@ -202,9 +202,9 @@ def _scenario_columns(place: Place, manifest: Mapping[str, Any]) -> dict[str, An
     columns = ["scenario_id", "record_hash", "cell", "repeat", "group", *axes, *TRUTHS, "oscillating", *sampling]
     for rows, part in _sliced(place, manifest, "scenarios", columns, n):
         ids[rows], hashes[rows] = _ids(part.column("scenario_id")), _ids(part.column("record_hash"))
-        for name in WORDS:
+        for name in _WORDS:
             axes[name][rows] = _words(part.column(name))
-        for name in NUMBERS:
+        for name in _NUMBERS:
             axes[name][rows] = part.column(name).to_numpy(zero_copy_only=False)
         for name in ("sticky", "predicted"):
             truth[name][rows] = _flags(part.column(name))

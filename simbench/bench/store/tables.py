@@ -10,8 +10,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 FORMAT = 1
-TEXT = pa.string()
-NUMBER = pa.float64()
+_TEXT = pa.string()
+_NUMBER = pa.float64()
 AXES = ("Td_over_T", "Td_over_Ti", "S_over_2J", "noise_ratio", "disturbance", "tuning", "samples_per_period")
 _WORDS = ("block", "member", "process", "controller", "valve", "disturbance", "tuning")
 _COUNTS = ("cell", "repeat")
@@ -19,52 +19,52 @@ TAG_KEYS = (*_COUNTS, "block", "member", "process", "controller", "valve", *AXES
 
 SCENARIOS = pa.schema(
     [
-        ("scenario_id", TEXT),
+        ("scenario_id", _TEXT),
         ("group", pa.int64()),
-        *((name, pa.int64() if name in _COUNTS else TEXT if name in _WORDS else NUMBER) for name in TAG_KEYS),
+        *((name, pa.int64() if name in _COUNTS else _TEXT if name in _WORDS else _NUMBER) for name in TAG_KEYS),
         ("seed", pa.int64()),
         ("sticky", pa.bool_()),
         ("predicted", pa.bool_()),
         ("refined", pa.bool_()),
         ("theory", pa.bool_()),
-        ("theory_period", NUMBER),
-        ("theory_amplitude", NUMBER),
-        ("theory_reason", TEXT),  # why theory has nothing to say of this loop
-        ("cycled", TEXT),
-        ("cycle_period", NUMBER),
-        ("cycle_swing", NUMBER),
-        ("Ts", NUMBER),
+        ("theory_period", _NUMBER),
+        ("theory_amplitude", _NUMBER),
+        ("theory_reason", _TEXT),  # why theory has nothing to say of this loop
+        ("cycled", _TEXT),
+        ("cycle_period", _NUMBER),
+        ("cycle_swing", _NUMBER),
+        ("Ts", _NUMBER),
         ("n", pa.int64()),
-        ("noise_std", NUMBER),
+        ("noise_std", _NUMBER),
         ("oscillating", pa.bool_()),
-        ("regularity", NUMBER),
-        ("period_s", NUMBER),
-        ("flags", TEXT),
-        ("record_hash", TEXT),
-        ("loop", TEXT),
-        ("tags", TEXT),
-        ("error", TEXT),
+        ("regularity", _NUMBER),
+        ("period_s", _NUMBER),
+        ("flags", _TEXT),
+        ("record_hash", _TEXT),
+        ("loop", _TEXT),
+        ("tags", _TEXT),
+        ("error", _TEXT),
     ]
 )
 VERDICT_SCHEMA = pa.schema(
     [
-        ("scenario_id", TEXT),
-        ("method", TEXT),
-        ("verdict", TEXT),
-        ("score", NUMBER),
-        ("verdict_raw", TEXT),
-        ("score_raw", NUMBER),
+        ("scenario_id", _TEXT),
+        ("method", _TEXT),
+        ("verdict", _TEXT),
+        ("score", _NUMBER),
+        ("verdict_raw", _TEXT),
+        ("score_raw", _NUMBER),
         ("applicable", pa.bool_()),
-        ("reason", TEXT),
-        ("reason_raw", TEXT),
-        ("indices", TEXT),
-        ("S_lo", NUMBER),
-        ("S_hi", NUMBER),
-        ("J_lo", NUMBER),
-        ("J_hi", NUMBER),
-        ("S_unit", TEXT),
-        ("error", TEXT),
-        ("runtime_s", NUMBER),
+        ("reason", _TEXT),
+        ("reason_raw", _TEXT),
+        ("indices", _TEXT),
+        ("S_lo", _NUMBER),
+        ("S_hi", _NUMBER),
+        ("J_lo", _NUMBER),
+        ("J_hi", _NUMBER),
+        ("S_unit", _TEXT),
+        ("error", _TEXT),
+        ("runtime_s", _NUMBER),
     ]
 )
 

@@ -13,10 +13,10 @@ from simbench.gap.closed_loop.summary_features import CAP, chance_of, distance, 
 from simbench.gap.situation import Situation
 from simbench.loop.simulate import simulate
 
-HELD_OUT = 0.35  # last share of the record, on which nothing is fitted
-SEEDS = 8
-RESOLVABLE = 1.5  # gap before over floor from which there is something to close
-WIDER = 1.6  # times the interval that seeds alone give: the simulated load is not quite the plant's (116 records, seed 303)
+_HELD_OUT = 0.35  # last share of the record, on which nothing is fitted
+_SEEDS = 8
+_RESOLVABLE = 1.5  # gap before over floor from which there is something to close
+_WIDER = 1.6  # times the interval that seeds alone give: the simulated load is not quite the plant's (116 records, seed 303)
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +29,7 @@ class Runs:
     pv: np.ndarray
 
 
-def simulate_runs(situation: Situation, loop: Loop, seed: int, kick: float = 0.0, seeds: int = SEEDS) -> Runs | None:
+def simulate_runs(situation: Situation, loop: Loop, seed: int, kick: float = 0.0, seeds: int = _SEEDS) -> Runs | None:
     """Simulate the record's whole length with several seeds and keep the held-out part's features.
 
     The part before is the warm-up: a sticky loop started at rest does not cycle at once.
@@ -70,7 +70,7 @@ def simulate_runs(situation: Situation, loop: Loop, seed: int, kick: float = 0.0
 
 def held_out(situation: Situation) -> int:
     """Return the first sample of the held-out part."""
-    return int((1.0 - HELD_OUT) * situation.record.n)
+    return int((1.0 - _HELD_OUT) * situation.record.n)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +111,7 @@ def measure(situation: Situation, before: Runs, recalibrated: Runs, after: Runs,
     spread = np.sqrt(np.mean([seed_spread(x) ** 2 for x in runs], axis=0))
     b, r, a = (distance(real, x, spread) for x in runs)
     f = floor_of(runs[2], spread)
-    resolvable = b >= RESOLVABLE * f
+    resolvable = b >= _RESOLVABLE * f
     per = {
         name: (float(abs(real[i] - runs[0][:, i].mean()) / spread[i]), float(abs(real[i] - runs[2][:, i].mean()) / spread[i]))
         for i, name in enumerate(named)
@@ -131,7 +131,7 @@ def measure(situation: Situation, before: Runs, recalibrated: Runs, after: Runs,
         before_d, after_d = (float(x.mean() + rng.choice(c)) for x, c in zip(far, chance))
         draws.append(closed(before_d, after_d, f))
     value = closed(b, a, f)
-    lo, hi = np.clip(value + WIDER * (np.quantile(draws, [0.05, 0.95]) - value), -1.0, 1.0)
+    lo, hi = np.clip(value + _WIDER * (np.quantile(draws, [0.05, 0.95]) - value), -1.0, 1.0)
     return Shrinkage(b, r, a, f, True, value, float(min(lo, value)), float(max(hi, value)), per)
 
 

@@ -13,7 +13,7 @@ from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import Fit, delay_of, input_gain, lag_of, valve_of
 from simbench.gap.situation import Situation
 
-COLOURED = 0.15  # correlation of the noise from sample to sample, below which it is as good as white
+_COLOURED = 0.15  # correlation of the noise from sample to sample, below which it is as good as white
 
 
 def fixed_loop(
@@ -69,7 +69,7 @@ def fixed_loop(
         {"type": "coloured", "amplitude": std / K, "period": period * Ts, **({"lag": lag * Ts} if lag > 0.0 else {})}
         for std, period, lag in load_parts(_load(source))
     ]
-    if source.theta["colour"] > COLOURED and "noise_std" not in source.spec.free:
+    if source.theta["colour"] > _COLOURED and "noise_std" not in source.spec.free:
         # noise that remembers is a load on PV itself
         remembers = -Ts / float(np.log(source.theta["colour"]))
         coloured = {"type": "coloured", "amplitude": source.theta["noise_std"], "period": remembers, "at": "output"}

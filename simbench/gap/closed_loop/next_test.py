@@ -14,9 +14,9 @@ from simbench.gap.closed_loop.summary_features import Features, features
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.run import run_setup
 
-SEEDS = 3
-SAMPLES = 1500  # length of a simulated test; longer ones separate no better, only slower
-SEPARATED = 1.0  # mean distance, in seed-to-seed standard deviations, from which a test is worth naming
+_SEEDS = 3
+_SAMPLES = 1500  # length of a simulated test; longer ones separate no better, only slower
+_SEPARATED = 1.0  # mean distance, in seed-to-seed standard deviations, from which a test is worth naming
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ def _with_mv(loop: Loop, du: float, dsp: float, seed: int) -> Features:
 
 
 def _sp_step(loop: Loop, du: float, dsp: float, seed: int) -> Features:
-    span = loop.sampling.Ts * SAMPLES
+    span = loop.sampling.Ts * _SAMPLES
     start = loop.setpoint.value
     steps = [[0.2 * span, start + dsp], [0.5 * span, start - dsp], [0.8 * span, start]]
     table = _short(loop).to_table()
@@ -59,7 +59,7 @@ def _gain_change(loop: Loop, du: float, dsp: float, seed: int) -> Features:
 
 
 def _bump(loop: Loop, du: float, dsp: float, seed: int) -> Features:
-    setup = resolve_loop(_short(loop, SAMPLES // 3), seed)
+    setup = resolve_loop(_short(loop, _SAMPLES // 3), seed)
     # in manual: a controller without gain keeps the bump
     setup.Kc = 1e-12
     record = run_setup(setup, kick=du).record
@@ -114,7 +114,7 @@ def choose(
         if test.name == "record MV" and mv:
             continue
         try:
-            runs = {e: [test.run(loops[e], du, dsp, seed + i) for i in range(SEEDS)] for e in names}
+            runs = {e: [test.run(loops[e], du, dsp, seed + i) for i in range(_SEEDS)] for e in names}
         except UserError:
             continue
         X = {e: np.array([list(f.values()) for f in r]) for e, r in runs.items()}
@@ -131,14 +131,14 @@ def choose(
     if not law_known:
         return "raw instead of archived data: the recorded PV is not the PV the controller saw", found
     best = max(found, key=lambda t: found[t], default=None)
-    if best is None or found[best] < SEPARATED:
+    if best is None or found[best] < _SEPARATED:
         return "a longer record: no single test separates the remaining candidates here", found
     test = next(t for t in TESTS if t.name == best)
     said = test.says.format(du=du, dsp=dsp)
     return f"{test.name}: {said} (separates {' and '.join(names[:3])} by {found[best]:.1f} standard deviations)", found
 
 
-def _short(loop: Loop, n: int = SAMPLES) -> Loop:
+def _short(loop: Loop, n: int = _SAMPLES) -> Loop:
     table = loop.to_table()
     table["sampling"]["n"] = n
     return Loop.from_table(table)

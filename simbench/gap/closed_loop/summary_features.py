@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-BANDS = 6  # octave-like bands of the spectra
-LAGS = (1, 3, 10, 30)
+_BANDS = 6  # octave-like bands of the spectra
+_LAGS = (1, 3, 10, 30)
 
 Features = dict[str, Any]  # numbers, or arrays of them where several runs are looked at together
 
@@ -44,12 +44,12 @@ def features(op: np.ndarray, pv: np.ndarray, sp: np.ndarray) -> Features:
         out[f"{name} at limit"] = np.log(0.01 + np.mean(ends, axis=-1))
         n = x.shape[-1]
         power = np.abs(np.fft.rfft(x * np.hanning(n))) ** 2
-        edges = np.unique(np.geomspace(2, power.shape[-1], BANDS + 1).astype(int))
+        edges = np.unique(np.geomspace(2, power.shape[-1], _BANDS + 1).astype(int))
         for i, (a, b) in enumerate(pairwise(edges)):
             out[f"{name} band {i + 1}"] = np.log(power[..., a:b].sum(axis=-1) / n + 1e-12)
         top = np.sort(power[..., 2:], axis=-1)[..., -3:].sum(axis=-1) / (power[..., 2:].sum(axis=-1) + 1e-12)
         out[f"{name} sharpness"] = np.log(0.001 + top)
-        for lag in LAGS:
+        for lag in _LAGS:
             out[f"{name} memory {lag}"] = np.mean(x[..., lag:] * x[..., :-lag], axis=-1) / size**2
         slow = np.array([part.mean(axis=-1) for part in np.array_split(x, 5, axis=-1)])
         out[f"{name} wander"] = np.std(slow, axis=0) / size

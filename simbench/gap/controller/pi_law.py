@@ -14,17 +14,17 @@ from simbench.gap.controller.regression import FORMS, LawFit, about_zero, by_ste
 from simbench.gap.controller.standstill import error_gap, limits_of, skips_scans
 from simbench.loop.effects.detuning import PARAMETERS as TUNING
 
-EXACT = 0.03  # residual of dOP, relative to dOP, below which the law is taken as known
-DIGITS = 2.5  # times what rounding leaves of the law, below which it is taken as known all the same ...
-CARD = 0.05  # % of OP: what an output card of 11 bits rounds to ...
-BLURRED = 0.1  # ... which no longer shows as a lattice where OP is written in more than this share of it
-HALF = 0.5  # ... unless that is half of all that OP does
-RESTING = 0.05  # share of samples in which a fine OP stands still, from which it is not the mean of a moving PV that hides
-RETUNED = 0.13  # |ln ratio| of Kc or Ti from which the tuning is another one
-FEW = 6  # samples kept by an archive from which it can be compared with what OP says of PV
-NEAR = 0.25  # half steps of a coarse OP beyond its own half step, below which a law explains OP
-FINER = 0.02  # of OP's lattice, to which rounding never brings a law
-THINNED = 0.25  # share of PV on straight lines from which the archive is known to have been thinned
+_EXACT = 0.03  # residual of dOP, relative to dOP, below which the law is taken as known
+_DIGITS = 2.5  # times what rounding leaves of the law, below which it is taken as known all the same ...
+_CARD = 0.05  # % of OP: what an output card of 11 bits rounds to ...
+_BLURRED = 0.1  # ... which no longer shows as a lattice where OP is written in more than this share of it
+_HALF = 0.5  # ... unless that is half of all that OP does
+_RESTING = 0.05  # share of samples in which a fine OP stands still, from which it is not the mean of a moving PV that hides
+_RETUNED = 0.13  # |ln ratio| of Kc or Ti from which the tuning is another one
+_FEW = 6  # samples kept by an archive from which it can be compared with what OP says of PV
+_NEAR = 0.25  # half steps of a coarse OP beyond its own half step, below which a law explains OP
+_FINER = 0.02  # of OP's lattice, to which rounding never brings a law
+_THINNED = 0.25  # share of PV on straight lines from which the archive is known to have been thinned
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +103,7 @@ def examine_law(
         shifted = (np.append(sp[0], sp[:-1]), np.append(sp[1:], sp[-1]))
         tries += [_examine(op, pv, s, Ts, Kc, Ti, trusted, noise) for s in shifted]
     # a law that is exact but for the set point's steps is only mended by what explains these
-    most = law.strays.size / 2 if law.foreign and law.residual < EXACT else op.size
+    most = law.strays.size / 2 if law.foreign and law.residual < _EXACT else op.size
     known = [t for t in tries if t.known and t.strays.size <= most]
     if known:
         # a mean explains much: it is believed where no alignment needs one, or only under another tuning
@@ -231,7 +231,7 @@ def _shown(asked: _Asked) -> _Shown:
     line = on_line(pv, asked.pv_is.unit, asked.noise) if grid == 0.0 else np.zeros(pv.size, dtype=bool)
     moving = np.diff(pv) != 0.0
     exact = ~line & (np.append(True, moving) | np.append(moving, True) | (grid > 0.0))
-    return _Shown(grid, line, exact, bool(line.mean() > THINNED) or grid > 0.0)
+    return _Shown(grid, line, exact, bool(line.mean() > _THINNED) or grid > 0.0)
 
 
 def _fitted(asked: _Asked, free: _Free, shown: _Shown) -> _Fitted:
@@ -242,7 +242,7 @@ def _fitted(asked: _Asked, free: _Free, shown: _Shown) -> _Fitted:
         bare = by_steps(du, e, rows, Kc, Ki, size, no_sp)
         off = du - bare.a * e[1:] - bare.b * e[:-1]
         # a law that meets OP far within its lattice leaves nothing for rounding: the lattice is PV's, handed on
-        coarse = float(np.quantile(np.abs(off[rows] - np.median(off[rows])), 0.9)) > FINER * asked.op_is.step
+        coarse = float(np.quantile(np.abs(off[rows] - np.median(off[rows])), 0.9)) > _FINER * asked.op_is.step
     fit, gap = None, error_gap(op, e, rows)
     within = rows & (np.maximum(np.abs(e[1:]), np.abs(e[:-1])) <= gap / 2)
     if gap > 0.0 and np.quantile(np.abs(Kc * np.diff(e) + Ki * e[1:])[within], 0.75) < max(
@@ -264,10 +264,10 @@ def _fitted(asked: _Asked, free: _Free, shown: _Shown) -> _Fitted:
         fit = by_steps(du, e, rows, Kc, Ki, size, no_sp)
     # OP that mostly stands still fits "no control at all" exactly
     collapsed = bool(abs(fit.a) < 0.02 * abs(Kc + Ki) and np.mean(du[rows] == 0.0) > 0.3)
-    card = CARD / np.sqrt(6.0) if written_unit(op) > BLURRED * CARD else 0.0
-    hidden = DIGITS * max(free.rounding, card) + 1e-9 * float(np.abs(op).max())
-    tolerance = max(EXACT, min(hidden / size, HALF))
-    tolerance = max(tolerance, NEAR) if coarse else tolerance
+    card = _CARD / np.sqrt(6.0) if written_unit(op) > _BLURRED * _CARD else 0.0
+    hidden = _DIGITS * max(free.rounding, card) + 1e-9 * float(np.abs(op).max())
+    tolerance = max(_EXACT, min(hidden / size, _HALF))
+    tolerance = max(tolerance, _NEAR) if coarse else tolerance
     return _Fitted(fit, e, rows, size, gap, bool(coarse), tolerance, collapsed)
 
 
@@ -313,7 +313,7 @@ def _hidden(law: Law, asked: _Asked, free: _Free, shown: _Shown, fitted: _Fitted
     if candidate is None:
         return law
     off = asked.pv - candidate
-    kept = bool(shown.rough and shown.exact.sum() >= FEW)
+    kept = bool(shown.rough and shown.exact.sum() >= _FEW)
     if kept:
         faithful = ROUNDED * shown.grid if shown.grid > 0.0 else FAITHFUL * float(np.std(off[shown.line]))
         kept = float(np.std(off[shown.exact])) < faithful
@@ -329,7 +329,7 @@ def _hidden(law: Law, asked: _Asked, free: _Free, shown: _Shown, fitted: _Fitted
 def _behind_a_mean(law: Law, asked: _Asked, free: _Free, fitted: _Fitted) -> Law | None:
     """Return the law, under the baseline's tuning or another, whose PV the archive took the mean of; None where none is."""
     op, e, inside, P = asked.op, fitted.e, free.inside, asked.Ti is None
-    if asked.op_is.step == 0.0 and np.mean(np.diff(op)[free.rows] == 0.0) > RESTING:
+    if asked.op_is.step == 0.0 and np.mean(np.diff(op)[free.rows] == 0.0) > _RESTING:
         return None
     Kc, Ki = asked.Kc, asked.Ki
     tunings = [(Kc + share * Ki, (1.0 - share) * Ki - Kc) for share in (FORMS if Ki else FORMS[:1])]
@@ -365,7 +365,7 @@ def _retuned(law: Law, asked: _Asked) -> tuple[float, float] | None:
     if not bounds.low <= Kc_factor <= bounds.high:
         return None
     shift = max(abs(np.log(max(Kc_factor, 1e-6))), abs(np.log(Ti_factor)))
-    return (Kc_factor, Ti_factor) if shift > RETUNED else None
+    return (Kc_factor, Ti_factor) if shift > _RETUNED else None
 
 
 def _first_guess(asked: _Asked, du: np.ndarray, size: float) -> tuple[float, float]:
@@ -375,7 +375,7 @@ def _first_guess(asked: _Asked, du: np.ndarray, size: float) -> tuple[float, flo
     rows = ~(held[1:] | held[:-1])
     if rows.sum() >= 20:
         fit = by_steps(du, asked.e, rows, Kc, Ki, size, asked.sp is None)
-        if fit.residual < EXACT and fit.a * Kc > 0.0 and abs(fit.a) > 0.02 * abs(Kc):
+        if fit.residual < _EXACT and fit.a * Kc > 0.0 and abs(fit.a) > 0.02 * abs(Kc):
             return fit.a, fit.b
     return Kc + Ki, -Kc
 
@@ -394,6 +394,6 @@ def _nearest_form(a: float, b: float, asked: _Asked) -> tuple[float, float]:
             continue
         ti = kc * Ts / integral if integral * Kc > 1e-9 * Kc * Kc else np.inf
         distance = abs(np.log(kc / Kc)) + (abs(np.log(ti / Ti)) if Ti and np.isfinite(ti) else (10.0 if Ti else 0.0))
-        if distance < best[0] and (share == FORMS[0] or distance < 2 * RETUNED):
+        if distance < best[0] and (share == FORMS[0] or distance < 2 * _RETUNED):
             best = (distance, kc, ti)
     return best[1], best[2]

@@ -11,13 +11,13 @@ from scipy.signal import lfilter
 FAITHFUL = 0.2  # misfit where the archive keeps PV exactly, relative to the misfit elsewhere, below which OP is believed
 ROUNDED = 0.35  # rms error of a rounded archive, in its steps, below which OP is believed; rounding alone gives 0.29
 MEAN_OVER = (-2, -1, 0, 1, 2)  # samples over which an archive may take a mean
-SUM, LEAST_WEIGHT = 0.1, -0.2  # how far a mean's weights may miss 1 in sum, and the least of them
-BLURRED = 0.2  # of PV's moves, that such a mean may leave
+_SUM, _LEAST_WEIGHT = 0.1, -0.2  # how far a mean's weights may miss 1 in sum, and the least of them
+_BLURRED = 0.2  # of PV's moves, that such a mean may leave
 GRID = 60  # integral times tried, from a twentieth to twenty times the baseline's
 
 
 @dataclass(frozen=True, eq=False)
-class Hidden:
+class _Hidden:
     """A PI law found through a poor archive: `a`, `b` of dOP = a e_k + b e_{k-1}, and its rms misfit to the recorded error.
 
     `base` is the rms misfit of the baseline's tuning.
@@ -89,9 +89,9 @@ def beside_a_mean(pv: np.ndarray, seen: np.ndarray) -> float:
     weights, mean = _mean(pv, seen)
     left = (pv - mean)[2:-2]
     size = 1.4826 * float(np.median(np.abs(left)))
-    one = abs(float(weights.sum()) - 1.0) < SUM and float(weights.min()) > LEAST_WEIGHT
+    one = abs(float(weights.sum()) - 1.0) < _SUM and float(weights.min()) > _LEAST_WEIGHT
     rest = size / (float(np.std(np.diff(pv))) or 1.0)
-    return rest if one and rest < BLURRED else np.inf
+    return rest if one and rest < _BLURRED else np.inf
 
 
 def mean_of(pv: np.ndarray, seen: np.ndarray) -> np.ndarray:
@@ -116,7 +116,7 @@ def _mean(pv: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return weights, y.mean() + (X - inner.mean(axis=0)) @ weights
 
 
-def hidden_law(op: np.ndarray, e: np.ndarray, Kc: float, Ki: float, exact: np.ndarray, over: tuple[int, ...] = (0,)) -> Hidden:
+def hidden_law(op: np.ndarray, e: np.ndarray, Kc: float, Ki: float, exact: np.ndarray, over: tuple[int, ...] = (0,)) -> _Hidden:
     """Fit the law by the error it implies, compared with the recorded one only where the archive kept it.
 
     A regression of OP on the recorded error would be biased by the archive's own error; here the error is the output.
@@ -149,7 +149,7 @@ def hidden_law(op: np.ndarray, e: np.ndarray, Kc: float, Ki: float, exact: np.nd
         X = np.column_stack([*around(op), np.ones(op.size)])[exact]
         beta = np.linalg.lstsq(X, y, rcond=None)[0]
         base = y - op[exact] / Kc
-        return Hidden(gain(beta), -gain(beta), float(np.std(y - X @ beta)), float(np.std(base)))
+        return _Hidden(gain(beta), -gain(beta), float(np.std(y - X @ beta)), float(np.std(base)))
     drive = np.append(0.0, np.diff(op))
     unit = np.zeros(op.size)
     unit[0] = 1.0
@@ -175,4 +175,4 @@ def hidden_law(op: np.ndarray, e: np.ndarray, Kc: float, Ki: float, exact: np.nd
     start = X0[:, -1]
     left = left - start * (start @ left) / max(float(start @ start), 1e-300)
     a = gain(beta)
-    return Hidden(a, -forget * a, float(found.fun), float(np.std(left)))
+    return _Hidden(a, -forget * a, float(found.fun), float(np.std(left)))

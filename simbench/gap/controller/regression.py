@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-ADDED = 200  # samples over which the errors of the digits add up to no more than a line
+_ADDED = 200  # samples over which the errors of the digits add up to no more than a line
 FORMS = (1.0, 0.5, 0.0)  # share of the newest error in the integral: backward, trapezoid, forward
 
 
@@ -63,11 +63,11 @@ def by_sums(op: np.ndarray, e: np.ndarray, inside: np.ndarray, Kc: float, Ki: fl
     """Fit OP = c + Kc e + Ki sum(e): the law behind a coarse output, whose error does not add up.
 
     After each stay at a limit the sum begins anew: c is another one. The digits of SP and PV add up as well, to a line over
-    `ADDED` samples, which is taken off.
+    `_ADDED` samples, which is taken off.
     """
     stay = np.cumsum(~inside)
     since = np.arange(op.size) - np.maximum.accumulate(np.where(inside, 0, np.arange(op.size)))
-    part = np.unique(np.column_stack([stay, since // ADDED]), axis=0, return_inverse=True)[1].reshape(-1)
+    part = np.unique(np.column_stack([stay, since // _ADDED]), axis=0, return_inverse=True)[1].reshape(-1)
     rows = inside & (np.bincount(part, inside)[part] >= 5)
     part, k = part[rows], np.flatnonzero(rows).astype(float)
 

@@ -6,13 +6,13 @@ import numpy as np
 
 from simbench.gap.controller.regression import about_zero, by_steps
 
-OBEYED = 0.03  # residual of a move, relative to the moves, below which it follows a PI law
-LEANT = 3.0  # steps of a coarse OP asked for during one stay at its extreme, from which that is a limit
-RESTS = 6  # pairs of samples at one extreme of OP, from which it is a limit if OP rests nowhere else
-OFTEN = 0.01  # share of samples in which OP stands still off its extremes, from which it does so at them by chance too
-SETTLED = 1e-3  # of the error's range, within which a loop without noise has settled and OP rests for that
-TOLD = 0.4  # share of the rarer kind of samples, standing or moving, that a band must tell from the other: no chance does
-STILL = 0.005  # share of samples with OP exactly at rest from which a gap in the error is looked for
+_OBEYED = 0.03  # residual of a move, relative to the moves, below which it follows a PI law
+_LEANT = 3.0  # steps of a coarse OP asked for during one stay at its extreme, from which that is a limit
+_RESTS = 6  # pairs of samples at one extreme of OP, from which it is a limit if OP rests nowhere else
+_OFTEN = 0.01  # share of samples in which OP stands still off its extremes, from which it does so at them by chance too
+_SETTLED = 1e-3  # of the error's range, within which a loop without noise has settled and OP rests for that
+_TOLD = 0.4  # share of the rarer kind of samples, standing or moving, that a band must tell from the other: no chance does
+_STILL = 0.005  # share of samples with OP exactly at rest from which a gap in the error is looked for
 
 
 def limits_of(
@@ -36,11 +36,11 @@ def limits_of(
         pushed = at & (sign * (want - edge) > margin)
         # standing twice at the very same extreme does not happen to an unlimited OP, unless it often stands
         repeated = at[1:] & at[:-1]
-        fine = step == 0.0 and elsewhere <= OFTEN * op.size
+        fine = step == 0.0 and elsewhere <= _OFTEN * op.size
         plain = pushed.sum() >= 2 if fine else repeated.sum() >= 2 and pushed.sum() >= 4
         # a controller that tracks its limit by a law of its own need not push; but OP rests nowhere else
-        rests = repeated.sum() >= RESTS and at_ends > 9 * elsewhere
-        if (plain and pushed.sum() >= 0.7 * at.sum()) or rests or (step > 0.0 and _leant_on(at, sign * asked) > LEANT * step):
+        rests = repeated.sum() >= _RESTS and at_ends > 9 * elsewhere
+        if (plain and pushed.sum() >= 0.7 * at.sum()) or rests or (step > 0.0 and _leant_on(at, sign * asked) > _LEANT * step):
             out[name] = edge
     return out
 
@@ -55,7 +55,7 @@ def _leant_on(at: np.ndarray, asked: np.ndarray) -> float:
 def error_gap(op: np.ndarray, e: np.ndarray, rows: np.ndarray) -> float:
     """Return the width of the band of |e| within which OP stands exactly still, 0 when there is none."""
     still = np.abs(np.diff(op)) <= 1e-9 * max(float(np.abs(op).max()), 1.0)
-    if still[rows].sum() < max(STILL * rows.sum(), 8.0):
+    if still[rows].sum() < max(_STILL * rows.sum(), 8.0):
         return 0.0
     # still exactly when this error and the one before are inside the band
     reach = np.maximum(np.abs(e[1:]), np.abs(e[:-1]))[rows]
@@ -70,7 +70,7 @@ def error_gap(op: np.ndarray, e: np.ndarray, rows: np.ndarray) -> float:
     edge = 0.5 * (reach[order[split]] + reach[order[split + 1]])
     wrong = np.count_nonzero(still != (reach <= edge))
     agree = 1.0 - wrong / max(min(still.sum(), (~still).sum()), 1)
-    return 2.0 * float(edge) if agree > TOLD and edge > SETTLED * float(np.ptp(e)) else 0.0
+    return 2.0 * float(edge) if agree > _TOLD and edge > _SETTLED * float(np.ptp(e)) else 0.0
 
 
 def skips_scans(op: np.ndarray, e: np.ndarray, inside: np.ndarray, size: float, unit: float) -> bool:
@@ -96,4 +96,4 @@ def skips_scans(op: np.ndarray, e: np.ndarray, inside: np.ndarray, size: float, 
     off = np.abs(y - X @ beta) / scale
     # nearly every move obeys; over all samples the standstills stay unexplained
     unexplained = np.isin(every.strays, np.flatnonzero(still) + 1).sum() >= 0.5 * (still & free).sum()
-    return bool(np.quantile(off, 0.8) < OBEYED and (every.residual > OBEYED or unexplained))
+    return bool(np.quantile(off, 0.8) < _OBEYED and (every.residual > _OBEYED or unexplained))

@@ -17,8 +17,8 @@ from simbench.gap.situation import Situation, load_memory
 from simbench.loop.effects import EFFECTS, NONE, block_of
 
 SURE = 1000.0  # nats that stand for evidence needing no statistics
-SECOND = 12.0  # nats a second effect must bring on top of the first
-FAINT = -5.0  # nats alone, below which an effect is not tried on top of another
+_SECOND = 12.0  # nats a second effect must bring on top of the first
+_FAINT = -5.0  # nats alone, below which an effect is not tried on top of another
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +93,7 @@ def assess(situation: Situation) -> Assessment:
     final, on_top = base, {}
     if len(chosen) < 2:
         best = next((e for e in order if block_of(e) not in {block_of(c) for c in chosen}), None)
-        if best is not None and gains[best] > (0.0 if not chosen else SECOND):
+        if best is not None and gains[best] > (0.0 if not chosen else _SECOND):
             chosen.append(best)
             final = candidates[best].fit if best in candidates else base
     if len(chosen) < 2:
@@ -101,7 +101,7 @@ def assess(situation: Situation) -> Assessment:
             situation, engine, final, [e for e in order if block_of(e) not in map(block_of, chosen)], gains, candidates
         )
         runner = max(on_top, key=lambda e: on_top[e], default=None)
-        if chosen and runner is not None and on_top[runner] > SECOND:
+        if chosen and runner is not None and on_top[runner] > _SECOND:
             chosen.append(runner)
             if runner in candidates:
                 final = fit_candidates(engine, final, [runner])[runner].fit
@@ -133,7 +133,7 @@ def _gains_on_top(
     s: Situation, engine: Engine, first: Fit, order: list[str], gains: dict[str, float], candidates: dict[str, Candidate]
 ) -> dict[str, float]:
     """Return what further effects bring on top of the first; what the engine does not see stands by itself."""
-    tried = [e for e in order if e in candidates and gains[e] > FAINT and recogniser(e).ordinary is None]
+    tried = [e for e in order if e in candidates and gains[e] > _FAINT and recogniser(e).ordinary is None]
     found = fit_candidates(engine, first, tried)
     return {e: float(c.log_likelihood_gain) for e, c in found.items()} | {e: gains[e] for e in order if e not in candidates}
 
@@ -151,8 +151,8 @@ RESIDUAL_LIMITS = {
     "level nats": (8.0, "process"),
 }
 # factor on the limits where samples were quantised, compressed or hit by spikes: the engine's PV is not the plant's
-LENIENT = 4.0
-PLAIN_TIMES = 10.0  # times a limit, that what needs no statistics counts for
+_LENIENT = 4.0
+_PLAIN_TIMES = 10.0  # times a limit, that what needs no statistics counts for
 
 
 def failures(found: Assessment) -> list[tuple[float, str, str]]:
@@ -170,17 +170,17 @@ def failures(found: Assessment) -> list[tuple[float, str, str]]:
     situation = found.situation
     out: list[tuple[float, str, str]] = []
     if situation.unexplained_law:
-        out.append((PLAIN_TIMES, "controller", situation.unexplained_law))
+        out.append((_PLAIN_TIMES, "controller", situation.unexplained_law))
     claimed = {recogniser(e).explains for e in EFFECTS}
     out += [
-        (PLAIN_TIMES, block, f"{words}, as no known effect makes it")
+        (_PLAIN_TIMES, block, f"{words}, as no known effect makes it")
         for fact, (block, words) in situation.facts.items()
         if fact not in claimed
     ]
     if situation.frozen and situation.trusted:
-        out.append((PLAIN_TIMES, "sensor", f"PV stands exactly still for {situation.samples.held} samples"))
+        out.append((_PLAIN_TIMES, "sensor", f"PV stands exactly still for {situation.samples.held} samples"))
     if found.mv_unexplained:
-        out.append((PLAIN_TIMES, "valve", "MV strays from OP as no known valve makes it"))
+        out.append((_PLAIN_TIMES, "valve", "MV strays from OP as no known valve makes it"))
     if not situation.trusted:
         # a residual test asks whether a model is whole; one whose plant was identified never is
         return out
@@ -190,7 +190,7 @@ def failures(found: Assessment) -> list[tuple[float, str, str]]:
     for name, (limit, block) in RESIDUAL_LIMITS.items():
         # spikes, and friction that is no two-parameter map, leave traces of their own; a load that jumps between samples too
         loose = rough or (traces and name in ("bursts", "memory")) or (jumps and name in ("bursts", "memory", "input"))
-        limit *= LENIENT if loose else 1.0
+        limit *= _LENIENT if loose else 1.0
         said = (
             f"the best model leaves something behind ({name.removesuffix(' nats')}: {found.tests[name]:.0f}, limit {limit:.0f})"
         )

@@ -14,7 +14,7 @@ from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 TEMPERATURE = 0.35  # of the softmax: such likelihoods overstate, as no model of load and noise is quite true
 SECOND_EFFECT_NATS = 4.0  # nats by which the likeliest second effect follows the first ...
 PLAIN_SECOND_NATS = 16.0  # ... if it brings so much on top of it, and less by what it lacks
-SHARPNESS = 0.7  # of unknown, by the logarithm of how far the worst residual test is beyond its limit
+_SHARPNESS = 0.7  # of unknown, by the logarithm of how far the worst residual test is beyond its limit
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ def classify(found: Assessment) -> Classified:
     -----
     `none` stands for a gain of `ASKED`; `unknown` takes the share that a logistic curve gives to the residual test which
     the best model fails by most, a half where it just fails. `TEMPERATURE` is where probability and frequency of right
-    answers meet best on 1456 development loops of three independent simulators, `SHARPNESS` the likeliest on 792 of them;
+    answers meet best on 1456 development loops of three independent simulators, `_SHARPNESS` the likeliest on 792 of them;
     where effects are rarer or subtler, the probabilities are too high.
 
     Examples
@@ -84,7 +84,7 @@ def classify(found: Assessment) -> Classified:
             gains[effect] = max(gains[effect], gains[first] - SECOND_EFFECT_NATS - (most - gain))
     known = softmax(TEMPERATURE * np.array([*gains.values(), LEAST_NATS]))
     ratio, block = found.worst_test
-    q = float(expit(SHARPNESS * np.log(max(ratio, 1e-3))))
+    q = float(expit(_SHARPNESS * np.log(max(ratio, 1e-3))))
     if ratio < 1.0 or set(found.chosen[:1]) & set(found.situation.proven):
         # while no test fails, or beside what is there without doubt, "unknown" is never the first answer
         q = min(q, 0.99 * float(known.max()) / (1.0 + float(known.max())))

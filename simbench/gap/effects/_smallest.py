@@ -10,8 +10,8 @@ from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, Spec
 from simbench.gap.situation import Situation
 
-NATS = 9.0  # what an effect of the stated size would bring: the price of a number and a clear lead over "none"
-STEPS = np.geomspace(0.02, 2.0, 14)  # from barely there to gross
+_NATS = 9.0  # what an effect of the stated size would bring: the price of a number and a clear lead over "none"
+_STEPS = np.geomspace(0.02, 2.0, 14)  # from barely there to gross
 
 
 class Probe:
@@ -22,13 +22,13 @@ class Probe:
         self.level = engine.evaluate(base.spec, base.theta)[0]
 
     def first(self, spec: Spec, numbers: Callable[[float], dict[str, float]], size: Callable[[float], float]) -> float:
-        """Return the size of the first step that costs `NATS` in likelihood, all else held; infinite where none does.
+        """Return the size of the first step that costs `_NATS` in likelihood, all else held; infinite where none does.
 
         Parameters
         ----------
         spec : Spec
             What is switched on.
-        numbers, size : function of a step of `STEPS`
+        numbers, size : function of a step of `_STEPS`
             The numbers forced on, and the size they stand for.
 
         Returns
@@ -37,8 +37,8 @@ class Probe:
             Re-fitted nuisances would hide a little more: read it as "about".
         """
         joined = self.base.spec.join(spec)
-        for step in STEPS:
-            if self.level - self.engine.evaluate(joined, {**self.base.theta, **numbers(step)})[0] > NATS:
+        for step in _STEPS:
+            if self.level - self.engine.evaluate(joined, {**self.base.theta, **numbers(step)})[0] > _NATS:
                 return float(size(step))
         return float("inf")
 

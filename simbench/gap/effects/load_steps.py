@@ -16,18 +16,18 @@ from simbench.gap.likelihood.model import Data, Fit, Spec, input_gain, lag_of, s
 from simbench.gap.likelihood.search import SMOOTH
 from simbench.gap.situation import Situation
 
-AT_ONCE = 16  # jumps looked for before the load's other numbers are fitted again
-ROUNDS = 8
-NATS_OF_A_JUMP = 1.0  # nats beyond their price, for which jumps are added
-SHARES = (0.7, 0.2)  # of the load, that may be left beside jumps
-SMALL = 2.0  # standard deviations of the load, within which a jump is what it does by itself
-BESIDE = 0.25  # share of the load that must be left beside the jumps: a load that only jumps is an ordinary one
+_AT_ONCE = 16  # jumps looked for before the load's other numbers are fitted again
+_ROUNDS = 8
+_NATS_OF_A_JUMP = 1.0  # nats beyond their price, for which jumps are added
+_SHARES = (0.7, 0.2)  # of the load, that may be left beside jumps
+_SMALL = 2.0  # standard deviations of the load, within which a jump is what it does by itself
+_BESIDE = 0.25  # share of the load that must be left beside the jumps: a load that only jumps is an ordinary one
 
 
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
     """Let the load jump wherever that explains the innovations well; the heights have one std, and all last or all fade."""
     n = engine.data.n
-    tries = [_jumping(engine, base, lasting, share) for lasting in (True, False) for share in SHARES]
+    tries = [_jumping(engine, base, lasting, share) for lasting in (True, False) for share in _SHARES]
     best = max(tries, key=lambda f: f.loglik - _price(f, n))
     # their std is one more number
     return best, _price(best, n) / size_penalty(n, 1.0) + 1.0
@@ -42,7 +42,7 @@ def _price(fit: Fit, n: int) -> float:
 def _jumping(engine: Engine, base: Fit, lasting: bool, share: float) -> Fit:
     """Return the fit with jumps added as long as they are worth their price; the load begins at a share of the last one's."""
     n, best = engine.data.n, base
-    for _ in range(ROUNDS):
+    for _ in range(_ROUNDS):
         found, height = _jumps(engine, best)
         found, better = [k for k in found if k not in best.spec.jumps], best
         while found and better is best:
@@ -50,7 +50,7 @@ def _jumping(engine: Engine, base: Fit, lasting: bool, share: float) -> Fit:
             start = {"load_jump": height, **best.theta, "load": share * best.theta["load"]}
             # the base had bent its plant around the jumps
             one = _pruned(engine, engine.fit(trial, engine.fit(trial, start, search=SMOOTH, steps=8).theta, steps=4))
-            if one.loglik - best.loglik >= _price(one, n) - _price(best, n) + NATS_OF_A_JUMP:
+            if one.loglik - best.loglik >= _price(one, n) - _price(best, n) + _NATS_OF_A_JUMP:
                 better = one
             # of those found together some may have been the same
             found = found[: len(found) // 2]
@@ -88,7 +88,7 @@ def _jumps(engine: Engine, fit: Fit) -> tuple[list[int], float]:
     conjugate = np.conj(np.fft.rfft(white, size))
     found: list[int] = []
     heights: list[float] = []
-    for _ in range(AT_ONCE):
+    for _ in range(_AT_ONCE):
         cross = np.fft.irfft(np.fft.rfft(residual, size) * conjugate, size)[:n]
         score = 0.5 * cross**2 / energy
         score[:edge], score[-5:] = 0.0, 0.0
@@ -118,9 +118,9 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
 
 def ordinary(fit: Fit, base: Fit) -> bool:
     """Return whether the jumps may be all that an ordinary load does: small, fading, or with nothing beside them."""
-    alone = fit.theta["load"] < BESIDE * base.theta["load"]
+    alone = fit.theta["load"] < _BESIDE * base.theta["load"]
     # a jump is two parts
-    small = np.sqrt(2.0) * fit.theta["load_jump"] < SMALL * fit.theta["load"]
+    small = np.sqrt(2.0) * fit.theta["load_jump"] < _SMALL * fit.theta["load"]
     return alone or small or not fit.spec.lasting
 
 

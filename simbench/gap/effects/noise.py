@@ -10,7 +10,7 @@ from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, Spec
 from simbench.gap.situation import Situation
 
-QUIETER = 4.0  # numbers that a noise below the stated level is priced at
+_QUIETER = 4.0  # numbers that a noise below the stated level is priced at
 
 
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
@@ -24,7 +24,7 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
         tries = [engine.fit(spec, {**base.theta, "noise_std": 2.0 * stated, "colour": 0.05}), engine.fit(spec, fresh)]
         best = max([best, *tries], key=lambda f: f.loglik)
     # less noise than stated is seldom less noise: something smooths it
-    return best, 1.0 if best.theta["noise_std"] >= stated else QUIETER
+    return best, 1.0 if best.theta["noise_std"] >= stated else _QUIETER
 
 
 def numbers(fit: Fit, s: Situation) -> Parameters:

@@ -10,7 +10,7 @@ from simbench.gap.effects._lattice import levels_of
 from simbench.gap.effects._recogniser import Parameters, Recogniser
 from simbench.gap.situation import Situation
 
-CARD = 0.025  # % of OP: what any output card of 12 bits rounds to
+_CARD = 0.025  # % of OP: what any output card of 12 bits rounds to
 
 
 def draw(y: Yardstick, rng: np.random.Generator) -> Size:
@@ -21,7 +21,7 @@ def draw(y: Yardstick, rng: np.random.Generator) -> Size:
 def proven(s: Situation) -> Parameters | None:
     """Tell a lattice of OP from an output card's and from one that changes nothing."""
     step = s.law.step
-    return {"step": step} if step > CARD and not hides_nothing(step, s.op) else None
+    return {"step": step} if step > _CARD and not hides_nothing(step, s.op) else None
 
 
 RECOGNISER = Recogniser(

@@ -11,7 +11,7 @@ from simbench.gap.likelihood.model import Fit, Spec, input_gain
 from simbench.gap.likelihood.search import SMOOTH
 from simbench.gap.situation import Situation
 
-LOWEST = 12  # bins of a spectrum four times as fine as the record's: three whole periods
+_LOWEST = 12  # bins of a spectrum four times as fine as the record's: three whole periods
 
 
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
@@ -25,7 +25,7 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
         w = 2 * np.pi * bin_ / (4 * n)
         return base.spec.join(Spec(channels=(np.sin(w * t), np.cos(w * t))))
 
-    best, value = float(LOWEST + int(np.argmax(power[LOWEST:-4]))), -np.inf
+    best, value = float(_LOWEST + int(np.argmax(power[_LOWEST:-4]))), -np.inf
     for step in (1.0, 0.3):
         keep = best
         for shift in (-2, -1, 0, 1, 2):

@@ -12,9 +12,9 @@ from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import Fit, size_penalty
 from simbench.gap.situation import Situation
 
-FAR = 4.0  # robust standard deviations from which an innovation may be a spike's
-GONE = 0.75  # of its height, that a spike must stand off the mean of its neighbours; a step stands off by half
-ALONE = 0.7  # of a spike, that its neighbours in the innovations stay below
+_FAR = 4.0  # robust standard deviations from which an innovation may be a spike's
+_GONE = 0.75  # of its height, that a spike must stand off the mean of its neighbours; a step stands off by half
+_ALONE = 0.7  # of a spike, that its neighbours in the innovations stay below
 
 
 def proven(s: Situation) -> Parameters | None:
@@ -29,10 +29,12 @@ def by_innovations(base: Fit, s: Situation) -> tuple[float, Parameters] | None:
         return None
     scale = 1.4826 * float(np.median(np.abs(x))) or 1.0
     z = np.abs(x) / scale
-    far = np.flatnonzero(z > FAR)
+    far = np.flatnonzero(z > _FAR)
     # a spike leaves one large innovation; a step or a slip leaves several of one sign
     alone = [
-        k for k in far if z[max(k - 2, 0) : k].max(initial=0) < ALONE * z[k] and z[k + 1 : k + 3].max(initial=0) < ALONE * z[k]
+        k
+        for k in far
+        if z[max(k - 2, 0) : k].max(initial=0) < _ALONE * z[k] and z[k + 1 : k + 3].max(initial=0) < _ALONE * z[k]
     ]
     # a spike is gone a sample later; what a load has moved is not
     pv = np.asarray(s.record.pv)
@@ -53,7 +55,7 @@ def _gone_again(pv: np.ndarray, k: int) -> bool:
     """Return whether PV stands off both its neighbours at sample k by about as much as it jumped there."""
     if not 1 <= k < pv.size - 1:
         return False
-    return bool(abs(pv[k] - 0.5 * (pv[k - 1] + pv[k + 1])) > GONE * abs(pv[k] - pv[k - 1]))
+    return bool(abs(pv[k] - 0.5 * (pv[k - 1] + pv[k + 1])) > _GONE * abs(pv[k] - pv[k - 1]))
 
 
 def remark(s: Situation) -> str:
@@ -65,7 +67,7 @@ def remark(s: Situation) -> str:
 def smallest(probe: Probe) -> tuple[float, str]:
     """Return the height that stands off the innovations."""
     spread = float(np.sqrt(np.mean(probe.base.residual[kernels.SKIP :] ** 2)))
-    return FAR * spread * probe.base.theta["noise_std"], "PV units"
+    return _FAR * spread * probe.base.theta["noise_std"], "PV units"
 
 
 def draw(y: Yardstick, rng: np.random.Generator) -> Size:

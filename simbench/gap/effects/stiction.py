@@ -13,15 +13,15 @@ from simbench.gap.likelihood.search import band_sizes, search_map
 from simbench.gap.likelihood.valve_map import Found, MapSearch
 from simbench.gap.situation import Situation
 
-JUMPS = (0.06, 0.15, 0.27, 0.42, 0.6, 0.78, 0.95)  # shares J/S scanned
-COARSE_JUMPS = (0.05, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.0)  # where MV is recorded
-MODELS = (kernels.STICK, kernels.CREEP)
+_JUMPS = (0.06, 0.15, 0.27, 0.42, 0.6, 0.78, 0.95)  # shares J/S scanned
+_COARSE_JUMPS = (0.05, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.0)  # where MV is recorded
+_MODELS = (kernels.STICK, kernels.CREEP)
 
 
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
     """Scan S and J/S under two valve models: peaks are a percent or two wide, a local search misses them."""
-    coarse = np.array([(s, s * j, 0.0) for s in band_sizes(engine.data, 90) for j in JUMPS])
-    tries = [search_map(engine, base, kind, coarse, few=True) for kind in MODELS]
+    coarse = np.array([(s, s * j, 0.0) for s in band_sizes(engine.data, 90) for j in _JUMPS])
+    tries = [search_map(engine, base, kind, coarse, few=True) for kind in _MODELS]
     return max(tries, key=lambda f: f.loglik), 2.5
 
 
@@ -32,7 +32,7 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
 
 def by_mv(search: MapSearch) -> Found:
     """Return the better of two maps with a jump."""
-    return max((search.slipping(kind, ("S", "J"), COARSE_JUMPS, 2.0) for kind in MODELS), key=lambda t: t[0])
+    return max((search.slipping(kind, ("S", "J"), _COARSE_JUMPS, 2.0) for kind in _MODELS), key=lambda t: t[0])
 
 
 def draw(y: Yardstick, rng: np.random.Generator) -> Size:

@@ -13,13 +13,13 @@ from simbench.gap.likelihood.model import Fit, Spec
 from simbench.gap.likelihood.search import idle
 from simbench.gap.likelihood.valve_map import Found, MapSearch
 
-RATIOS = (0.02, 0.05, 0.1, 0.25, 0.5, 2.0, 4.0, 10.0, 20.0, 50.0)
+_RATIOS = (0.02, 0.05, 0.1, 0.25, 0.5, 2.0, 4.0, 10.0, 20.0, 50.0)
 
 
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
     """Search the ratio of gains on both sides of 1, then refine."""
     spec = base.spec.join(Spec(valve=kernels.CURVE))
-    points = [{"R": r} for r in RATIOS]
+    points = [{"R": r} for r in _RATIOS]
     tries = [engine.grid(spec, theta, points)[0] for theta in (base.theta, idle(engine, base))]
     return max((engine.fit(spec, t.theta) for t in tries), key=lambda f: f.loglik), 1.0
 

@@ -15,11 +15,11 @@ from simbench.gap.intake.observed import Observed
 from simbench.gap.sensor.samples import Samples
 from simbench.gap.situation import Archive
 
-STRAIGHT = 0.17  # share of samples on a line through their neighbours; exceptions of a quarter of the noise leave fewer
-SPECKS = 0.02  # of the variance of PV's moves, that an archive may differ from what the controller saw
+_STRAIGHT = 0.17  # share of samples on a line through their neighbours; exceptions of a quarter of the noise leave fewer
+_SPECKS = 0.02  # of the variance of PV's moves, that an archive may differ from what the controller saw
 
 
-class Archived(NamedTuple):
+class _Archived(NamedTuple):
     """What the archive did, the PV the controller saw, the unit that rounds it, and why no PI law turns the error into OP."""
 
     archive: Archive
@@ -28,10 +28,10 @@ class Archived(NamedTuple):
     unexplained: str
 
 
-def archived(it: Observed) -> Archived:
+def archived(it: Observed) -> _Archived:
     """Return what stands between the PV on record and the plant's."""
     archive, plant_pv, mismatch = _archive(it)
-    return Archived(archive, plant_pv, _resolution(archive, it.samples), _unexplained(it.law, archive, mismatch))
+    return _Archived(archive, plant_pv, _resolution(archive, it.samples), _unexplained(it.law, archive, mismatch))
 
 
 def _resolution(archive: Archive, samples: Samples) -> float:
@@ -55,7 +55,7 @@ def _archive(it: Observed) -> tuple[Archive, np.ndarray, str]:
     place, band, step = "record" if it.apart else "loop", 0.0, 0.0
     if samples.step > 0.0 and not hides_nothing(samples.step, pv):
         step = samples.step
-    elif samples.straight > STRAIGHT:
+    elif samples.straight > _STRAIGHT:
         kept = pv if seen is None else mean_of(pv, seen) if law.averaged else seen
         size = float(np.quantile(np.abs(pv - kept), 0.98))
         # noise that the archive's own mean has smoothed lies on lines sooner
@@ -81,7 +81,7 @@ def _spikes(it: Observed, plant_pv: np.ndarray, thinned: bool) -> tuple[tuple[fl
         only, sizes = only[strong], sizes[strong]
         plain = only.size >= 2 and samples.step == 0.0
         if plain and not stands_out(pv, only, sizes):
-            specks = SPECKS * float(np.var(np.diff(pv)))
+            specks = _SPECKS * float(np.var(np.diff(pv)))
             near = bool(np.var(pv - seen) < specks)
             if near or np.var(np.diff(pv - seen)) < specks:
                 # an archive that drops the samples least missed; a PV recovered a little off drifts away from it

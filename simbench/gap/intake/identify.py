@@ -18,8 +18,8 @@ from simbench.gap.likelihood.model import Data, Fit, Spec, size_penalty
 from simbench.gap.sensor.samples import inspect_samples
 from simbench.loop.effects import EFFECTS, block_of
 
-BAND = min((e for e in EFFECTS if recogniser(e).band is not None), key=lambda e: len(EFFECTS[e].parameters))
-HALF = 0.5  # of what OP does, that a law may leave unexplained and still show its direction
+_BAND = min((e for e in EFFECTS if recogniser(e).band is not None), key=lambda e: len(EFFECTS[e].parameters))
+_HALF = 0.5  # of what OP does, that a law may leave unexplained and still show its direction
 
 
 def identify(record: LoopRecord, plant: Plant | None = None, controller: Controller | None = None) -> Loop:
@@ -45,7 +45,7 @@ def identify(record: LoopRecord, plant: Plant | None = None, controller: Control
     noise, law = 0.0, it.law(1.0 if plant is None else float(np.sign(plant.K)))
     if plant is None:
         # friction and feedback turn the sign of a plant; what OP does about PV shows the controller's direction
-        shown = float(np.sign(law.Kc)) if law.residual < HALF and np.isfinite(law.Kc) else 0.0
+        shown = float(np.sign(law.Kc)) if law.residual < _HALF and np.isfinite(law.Kc) else 0.0
         plant, noise = it.plant(shown if controller is None else controller.sign)
     if controller is None:
         sign = 1.0 if plant.K > 0 else -1.0
@@ -126,7 +126,7 @@ class _Unidentified:
                 T = 0.0 if integrating else fit.theta["T"]
                 engine = Engine(Data(u, pv, fit.K, T, fit.theta["Td"], 0.0, resolution, trusted=False), max(0.1 * r.n, 20.0))
                 # a band without a jump tells as much of it as one with, at a fifth of the cost
-                score[integrating] += max(0.0, fit_candidates(engine, fit, [BAND])[BAND].log_likelihood_gain)
+                score[integrating] += max(0.0, fit_candidates(engine, fit, [_BAND])[_BAND].log_likelihood_gain)
         integrating = score[True] > score[False]
         return integrating, fits[integrating]
 

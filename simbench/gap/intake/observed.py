@@ -17,8 +17,8 @@ from simbench.gap.likelihood.model import Data
 from simbench.gap.sensor.samples import Samples, inspect_samples
 from simbench.gap.situation import through_valve
 
-STEPS = 0.1  # share of samples; a set point that moves more often is another controller's output
-STUCK = 0.01  # share of samples in standstills that no chance brings
+_STEPS = 0.1  # share of samples; a set point that moves more often is another controller's output
+_STUCK = 0.01  # share of samples in standstills that no chance brings
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +86,7 @@ class Observed:
     @property
     def frozen(self) -> bool:
         """Whether PV rests while OP moves; without noise it stands still for the dead time alone."""
-        stuck = self.noise > 0.0 and self.samples.stuck > STUCK
+        stuck = self.noise > 0.0 and self.samples.stuck > _STUCK
         return stuck or _held(self.record.pv, self.op) > max(20, 0.02 * self.record.n)
 
     @property
@@ -126,6 +126,6 @@ def _held(pv: np.ndarray, op: np.ndarray) -> int:
 def _moves_of(sp: np.ndarray) -> list[str]:
     moves = np.abs(np.diff(sp))
     count = int(np.count_nonzero(moves))
-    if not 0 < count < STEPS * sp.size:
+    if not 0 < count < _STEPS * sp.size:
         return []
     return [f"set-point steps: SP moves in {count} step{'s' * (count > 1)}, the largest {float(moves.max()):.3g}"]

@@ -14,10 +14,10 @@ from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, Spec, size_penalty
 from simbench.gap.situation import Situation
 
-OTHER_LOOP = 10.0  # factor in Kc from which the baseline is another loop's, whatever the plant
-FAILS = 0.3  # share of OP's changes left over, below which the baseline's own law still explains them
-APART = 1.5  # factor in Kc and Ti from which the plant is asked whether it is the baseline's, and in K and time when it is not
-PROOF = 30.0  # nats by which another plant must beat every single effect on the baseline's
+_OTHER_LOOP = 10.0  # factor in Kc from which the baseline is another loop's, whatever the plant
+_FAILS = 0.3  # share of OP's changes left over, below which the baseline's own law still explains them
+_APART = 1.5  # factor in Kc and Ti from which the plant is asked whether it is the baseline's, and in K and time when it is not
+_PROOF = 30.0  # nats by which another plant must beat every single effect on the baseline's
 
 
 def refuse_other_controller(law: Law, Kc: float, where: str) -> None:
@@ -35,11 +35,11 @@ def refuse_other_controller(law: Law, Kc: float, where: str) -> None:
     ------
     RecordError
     """
-    if law.baseline_residual < FAILS:
+    if law.baseline_residual < _FAILS:
         return
     if law.known and law.residual < 0.03 and np.isfinite(law.Kc) and law.Kc != 0.0 and law.gap == 0.0:
         ratio = law.Kc / Kc
-        if ratio < 1.0 / OTHER_LOOP or ratio > OTHER_LOOP:
+        if ratio < 1.0 / _OTHER_LOOP or ratio > _OTHER_LOOP:
             raise RecordError(
                 f"{where}: its controller has Kc = {law.Kc:.3g}, the baseline's Kc = {Kc:.3g} (signs included); "
                 "this is the baseline of another loop"
@@ -73,7 +73,7 @@ def refuse_other_plant(s: Situation) -> None:
     # an integrating plant has a slope and a dead time; one that settles late in the record may well be one
     if data.T == 0 and not (lag < data.n / 30 and (_apart(gain / lag / data.K) or _apart((wait + 1.0) / (data.Td + 1.0)))):
         return
-    to_beat = max(other.loglik, own.base().loglik) - size_penalty(data.n, 3.0) - PROOF
+    to_beat = max(other.loglik, own.base().loglik) - size_penalty(data.n, 3.0) - _PROOF
     engine = Engine(data, 4.0 * (known + 1.0))
     base = engine.base()
     if base.loglik >= to_beat:
@@ -91,7 +91,7 @@ def refuse_other_plant(s: Situation) -> None:
 
 
 def _apart(ratio: float) -> bool:
-    return not 1.0 / APART < ratio < APART
+    return not 1.0 / _APART < ratio < _APART
 
 
 def _own_plant(data: Data, law: Law, Ts: float) -> tuple[Engine, Fit]:

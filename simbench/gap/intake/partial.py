@@ -11,7 +11,7 @@ from scenarios.spec import Loop, read_toml
 from simbench.gap.intake.identify import identify, meaningful
 from simbench.loop.effects import EFFECTS
 
-NEEDED = ("plant", "controller", "sampling")
+_NEEDED = ("plant", "controller", "sampling")
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ def read_baseline(path: str | Path) -> Loop | Partial:
         In one sentence, when there is no such file, what it says is not allowed, or it says nothing of the loop.
     """
     table = read_toml(path)
-    missing = frozenset(NEEDED) - set(table)
+    missing = frozenset(_NEEDED) - set(table)
     if not missing:
         return Loop.from_table(table, str(path))
     # what is said must be right by itself before the rest is looked for
@@ -108,7 +108,7 @@ def completed(record: LoopRecord, baseline: Loop | Partial | None) -> tuple[Loop
         taken["noise"] = found.noise
     loop = known.model_copy(update=taken)
     notes = [
-        f"baseline: no [{name}] given, identified from the record{_numbers(found, name)}" for name in NEEDED if name in missing
+        f"baseline: no [{name}] given, identified from the record{_numbers(found, name)}" for name in _NEEDED if name in missing
     ]
     given = both - missing
     if "plant" in missing:

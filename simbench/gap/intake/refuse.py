@@ -12,11 +12,11 @@ from simbench.gap.intake.observed import Observed
 from simbench.gap.intake.other_loop import refuse_other_controller
 
 SAME_TS = 0.01
-FEWEST = 100  # samples; below this the spread of every statistic swallows the gap
-LONGEST_RECORD = 50_000  # samples; beyond this the search takes hours
-NEAR_SHUT = 15.0  # % of mean OP, below which a valve of any characteristic is nearly a factor
-LEVEL = 0.15  # agreement of MV's slope and level, relative, from which both are one factor
-SCALES = {0.16: (3.8, 20.5, "mA"), 0.01: (0.0, 1.0, "a share of 1")}  # of OP, beside %
+_FEWEST = 100  # samples; below this the spread of every statistic swallows the gap
+_LONGEST_RECORD = 50_000  # samples; beyond this the search takes hours
+_NEAR_SHUT = 15.0  # % of mean OP, below which a valve of any characteristic is nearly a factor
+_LEVEL = 0.15  # agreement of MV's slope and level, relative, from which both are one factor
+_SCALES = {0.16: (3.8, 20.5, "mA"), 0.01: (0.0, 1.0, "a share of 1")}  # of OP, beside %
 
 
 def refuse_unusable(it: Observed) -> None:
@@ -71,7 +71,7 @@ def refuse_mv_units(mv: np.ndarray, op: np.ndarray, where: str) -> None:
         wrong = f"{span}, which is OP in mA"
     elif ahead < -0.9 or (ahead < -0.5 and slope is None and moving_slope(op, -mv) is not None):
         wrong = f"MV falls where OP rises (correlation {ahead:.2f})"
-    elif slope is not None and op.mean() > NEAR_SHUT and not 0.7 < level < 1.4 and abs(slope / level - 1.0) < LEVEL:
+    elif slope is not None and op.mean() > _NEAR_SHUT and not 0.7 < level < 1.4 and abs(slope / level - 1.0) < _LEVEL:
         wrong = f"{span} and is {level:.3g} times OP in level and in slope"
     elif ahead > 0.999 and _affine(mv, op):
         gain, offset = np.polyfit(op, mv, 1)
@@ -138,7 +138,7 @@ def refuse_op_units(op: np.ndarray, law: Law, Kc: float, Ti: float | None, where
     """
     if not law.known or (Ti and abs(law.Ti / Ti - 1.0) > 0.05):
         return
-    for factor, (low, high, unit) in SCALES.items():
+    for factor, (low, high, unit) in _SCALES.items():
         if low <= op.min() and op.max() <= high and abs(law.Kc / Kc / factor - 1.0) < 0.03:
             raise RecordError(
                 f"{where}: OP runs from {op.min():g} to {op.max():g} and answers PV with {factor:g} times the baseline's Kc: "
@@ -159,11 +159,11 @@ def refuse_unfit(record: LoopRecord, where: str) -> None:
     ------
     RecordError
     """
-    if record.n < FEWEST:
-        raise RecordError(f"{where}: {record.n} samples; a gap needs at least {FEWEST} to show")
-    if record.n > LONGEST_RECORD:
+    if record.n < _FEWEST:
+        raise RecordError(f"{where}: {record.n} samples; a gap needs at least {_FEWEST} to show")
+    if record.n > _LONGEST_RECORD:
         raise RecordError(
-            f"{where}: {record.n} samples; a gap is sought in at most {LONGEST_RECORD}, cut some out with --window FROM TO"
+            f"{where}: {record.n} samples; a gap is sought in at most {_LONGEST_RECORD}, cut some out with --window FROM TO"
         )
     for name, x in (("OP", record.op), ("PV", record.pv)):
         if still(x):

@@ -15,21 +15,21 @@ import numpy as np
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import HOLDING, INNER, Data, Fit, Spec, delay_of, jumps_of, lag_of, size_penalty, valve_of
 
-NOMINAL = 0.10  # a baseline is trusted within +-10 %: the prior is flat there ...
-EDGE = 0.02  # ... and falls off with this standard deviation outside
-POLES_OF_LOAD = ("extra", INNER)  # poles that the load passes as well
-HALF = 0.5  # of the dead time, that may be a lag of the plant; a lag is looked for from shares of that
-LOGS = {"T", "load_time", "load_lag", "load", "noise_std"}
-SHAPING = {"T", "Td"}  # nuisances that change signals, not only the noise model
-REDDEST = 0.8  # noise of more memory than this has passed a filter
-QUICK = 0.08  # of the longest memory a load may have: below it the prior ...
-QUICKER = 0.7  # ... falls off with this standard deviation of the logarithm
+_NOMINAL = 0.10  # a baseline is trusted within +-10 %: the prior is flat there ...
+_EDGE = 0.02  # ... and falls off with this standard deviation outside
+_POLES_OF_LOAD = ("extra", INNER)  # poles that the load passes as well
+_HALF = 0.5  # of the dead time, that may be a lag of the plant; a lag is looked for from shares of that
+_LOGS = {"T", "load_time", "load_lag", "load", "noise_std"}
+_SHAPING = {"T", "Td"}  # nuisances that change signals, not only the noise model
+_REDDEST = 0.8  # noise of more memory than this has passed a filter
+_QUICK = 0.08  # of the longest memory a load may have: below it the prior ...
+_QUICKER = 0.7  # ... falls off with this standard deviation of the logarithm
 STEP = 1e-4  # of a parameter or its logarithm, for derivatives
-WHITE = 0.02  # the same about a noise correlation of 0, below half of which the filter takes noise for white
-LONGEST = 1.5  # of a parameter or its logarithm in one step
-IDLE = 1e-3  # curvature added to every parameter
-LAST_STEP_NATS = 0.01  # nats below which a step is the last
-COLOURED = 0.5  # std of the prior on the noise's correlation from sample to sample
+_WHITE = 0.02  # the same about a noise correlation of 0, below half of which the filter takes noise for white
+_LONGEST = 1.5  # of a parameter or its logarithm in one step
+_IDLE = 1e-3  # curvature added to every parameter
+_LAST_STEP_NATS = 0.01  # nats below which a step is the last
+_COLOURED = 0.5  # std of the prior on the noise's correlation from sample to sample
 
 
 class Engine:
@@ -69,7 +69,7 @@ class Engine:
         tries = [first, self.fit(Spec(), smooth, steps=20), self.fit(Spec(pink=True), pink, steps=20)]
         best = max(tries, key=lambda f: f.loglik)
         # whole samples of dead time part the likelihood into valleys
-        ends = [self.data.Td * (1.0 + NOMINAL * side) for side in (-1, 1)]
+        ends = [self.data.Td * (1.0 + _NOMINAL * side) for side in (-1, 1)]
         tries = [self.fit(best.spec, {**best.theta, "Td": Td}) for Td in ends if abs(Td - best.theta["Td"]) > 0.25]
         return max([best, *tries], key=lambda f: f.loglik)
 
@@ -78,7 +78,7 @@ class Engine:
         if not self.data.trusted or self.data.Td == 0.0 or base.spec.pole:
             return base
         spec, Td = replace(base.spec, pole=INNER), base.theta["Td"]
-        taus = [share * HALF * self.data.Td for share in (0.2, 0.5)]
+        taus = [share * _HALF * self.data.Td for share in (0.2, 0.5)]
         tries = [self.fit(spec, {**base.theta, "tau": tau, "Td": max(Td - tau, 0.0)}) for tau in taus]
         best = max(tries, key=lambda f: f.loglik)
         return best if best.loglik > base.loglik + size_penalty(self.data.n, 1.0) else base
@@ -87,7 +87,7 @@ class Engine:
         """Return the search interval of one parameter."""
         d = self.data
         if name == "tau" and spec.pole == INNER:
-            return 0.05, 0.05 + HALF * d.Td
+            return 0.05, 0.05 + _HALF * d.Td
         for number in spec.own:
             if number.name == name:
                 return number.low(d), number.high(d)
@@ -107,7 +107,7 @@ class Engine:
             "load_lag": (0.05, self.longest_load),
             "load": (1e-3 * d.floor if d.T > 0 else 1e-8 * d.size, 100.0 * d.size),
             "noise_std": (d.floor, 10.0 * d.size),
-            "colour": (-REDDEST, REDDEST),
+            "colour": (-_REDDEST, _REDDEST),
         }[name]
 
     def evaluate(self, spec: Spec, theta: Mapping[str, float]) -> tuple[float, np.ndarray, np.ndarray]:
@@ -152,7 +152,7 @@ class Engine:
         d = self.data
         tau = theta.get("tau", 0.0)
         white, log_var = kernels.whiten(
-            channels, theta["T"] if d.T > 0 else 0.0, tau if spec.pole in POLES_OF_LOAD else 0.0, theta["load_time"],
+            channels, theta["T"] if d.T > 0 else 0.0, tau if spec.pole in _POLES_OF_LOAD else 0.0, theta["load_time"],
             lag_of(theta),
             theta["load"], theta["load_walk"] if spec.load_walk else 0.0, theta["walk"] if spec.walk else 0.0,
             theta["noise_std"], theta["colour"], self.spread, *jumps_of(spec, theta),
@@ -168,35 +168,35 @@ class Engine:
         A.flat[:: len(A) + 1] += 1e-12 * float(np.trace(A)) + 1e-300
         beta = np.linalg.solve(A, b)
         K = self.data.K
-        trust = (0.05, 20.0) if "K" in spec.free else (1 - NOMINAL, 1 + NOMINAL)
+        trust = (0.05, 20.0) if "K" in spec.free else (1 - _NOMINAL, 1 + _NOMINAL)
         low, high = sorted((K * trust[0], K * trust[1]))
         if not self.data.trusted or low <= beta[0] <= high:
             return beta, 0.0
         edge = low if beta[0] < low else high
-        weight = 1.0 / (EDGE * K) ** 2
+        weight = 1.0 / (_EDGE * K) ** 2
         A[0, 0] += weight
         b[0] += weight * edge
         beta = np.linalg.solve(A, b)
-        return beta, float((beta[0] - edge) / (EDGE * K))
+        return beta, float((beta[0] - edge) / (_EDGE * K))
 
     def _surprises(self, spec: Spec, theta: Mapping[str, float]) -> list[float]:
         """Return how far, in standard deviations, each parameter lies outside its prior."""
         d = self.data
-        out = [theta["colour"] / COLOURED]
+        out = [theta["colour"] / _COLOURED]
         if d.trusted:
             # what moves much quicker than the loop never gets through the plant: such a "load" is something else
             memory = theta["load_time"] + theta.get("load_lag", 0.0)
-            out.append(min(np.log(memory / (QUICK * self.longest_load)), 0.0) / QUICKER)
+            out.append(min(np.log(memory / (_QUICK * self.longest_load)), 0.0) / _QUICKER)
             if d.T > 0 and "T" not in spec.free:
-                out.append(_over(np.log(theta["T"] / d.T), np.log1p(NOMINAL), EDGE))
+                out.append(_over(np.log(theta["T"] / d.T), np.log1p(_NOMINAL), _EDGE))
             if "Td" not in spec.free:
                 # an archive that lags by a sample hides one sample of dead time
-                wide = NOMINAL * d.Td + d.late / 2 + 0.05
-                out.append(_over(delay_of(spec, theta) - d.Td + d.late / 2, wide, EDGE * d.Td + 0.03))
+                wide = _NOMINAL * d.Td + d.late / 2 + 0.05
+                out.append(_over(delay_of(spec, theta) - d.Td + d.late / 2, wide, _EDGE * d.Td + 0.03))
         if d.noise > 0 and "noise_std" not in spec.free:
             # what rounding adds to the stated noise is no effect
             stated = np.hypot(d.noise, d.resolution / np.sqrt(12.0))
-            out.append(_over(np.log(theta["noise_std"] / stated), np.log1p(0.05), EDGE))
+            out.append(_over(np.log(theta["noise_std"] / stated), np.log1p(0.05), _EDGE))
         return out
 
     def fit(self, spec: Spec, start: Mapping[str, float], search: tuple[str, ...] | None = None, steps: int = 10) -> Fit:
@@ -210,7 +210,7 @@ class Engine:
         theta = {m: start[m] for m in spec.names if m in start or m in names}
         box = np.array([self.bounds(spec, m) for m in names])
         box[:, 1] = np.maximum(box[:, 0], box[:, 1])
-        by_log = LOGS | {number.name for number in spec.own if number.log}
+        by_log = _LOGS | {number.name for number in spec.own if number.log}
         logs = np.array([m in by_log for m in names])
         box[logs] = np.log(box[logs])
 
@@ -234,9 +234,9 @@ class Engine:
                     break
                 H = curvature[np.ix_(free, free)]
                 # the last term holds a parameter that does nothing here, lest rounding drives it
-                H = H + damping * np.diag(np.diag(H)) + IDLE * np.eye(len(H))
+                H = H + damping * np.diag(np.diag(H)) + _IDLE * np.eye(len(H))
                 trial = x.copy()
-                trial[free] -= np.clip(np.linalg.solve(H, gradient[free]), -LONGEST, LONGEST)
+                trial[free] -= np.clip(np.linalg.solve(H, gradient[free]), -_LONGEST, _LONGEST)
                 trial = np.clip(trial, box[:, 0], box[:, 1])
                 then = self._terms(spec, unpack(trial))
                 new = 0.5 * float(then[0] @ then[0]) + then[1]
@@ -245,7 +245,7 @@ class Engine:
                     damping = max(0.1 * damping, 1e-6)
                     break
                 damping *= 10.0
-            if gained < LAST_STEP_NATS:
+            if gained < _LAST_STEP_NATS:
                 break
         return self.at(spec, unpack(x))
 
@@ -256,10 +256,10 @@ class Engine:
         left, level, beta, _, channels = now
         error = channels[0] - beta @ channels[1:]
         J, slope = np.empty((left.size, x.size)), np.empty(x.size)
-        shaping = SHAPING | {number.name for number in spec.own if number.shapes}
+        shaping = _SHAPING | {number.name for number in spec.own if number.shapes}
         surprise = left[self.data.n - kernels.SKIP]
         for i, name in enumerate(names):
-            step = WHITE if name == "colour" and abs(x[i]) < WHITE else STEP
+            step = _WHITE if name == "colour" and abs(x[i]) < _WHITE else STEP
             h = step if x[i] + step <= box[i, 1] else -step
             moved = x.copy()
             moved[i] += h
@@ -281,7 +281,7 @@ class Engine:
         X[:count] = white[1:, kernels.SKIP :].T
         if left[count] != 0.0:
             # the gain stands at the edge of its prior, which holds it
-            X[count, 0] = -1.0 / (EDGE * self.data.K)
+            X[count, 0] = -1.0 / (_EDGE * self.data.K)
         Q = np.linalg.qr(X)[0]
         return J - Q @ (Q.T @ J)
 
@@ -310,7 +310,7 @@ class Engine:
         """
         d = self.data
         T, Td = (theta["T"] if d.T > 0 else 0.0), theta["Td"]
-        tau = theta["tau"] if spec.pole in POLES_OF_LOAD else 0.0
+        tau = theta["tau"] if spec.pole in _POLES_OF_LOAD else 0.0
         model = (theta["load_time"], lag_of(theta), theta["load"])
         onset = kernels.plant(self.onset, T, Td, tau)
         channels = np.vstack([d.y - d.y[0], *self.base_channels, onset, *spec.channels])
@@ -320,7 +320,7 @@ class Engine:
         white[:, : kernels.SKIP] = 0.0
         basis = np.ascontiguousarray(np.linalg.qr(white[1:].T)[0].T)
         rest = white[0] - basis.T @ (basis @ white[0])
-        trust = (0.05, 20.0) if "K" in spec.free or not d.trusted else (1 - NOMINAL, 1 + NOMINAL)
+        trust = (0.05, 20.0) if "K" in spec.free or not d.trusted else (1 - _NOMINAL, 1 + _NOMINAL)
         low, high = sorted((d.K * trust[0], d.K * trust[1]))
         return kernels.scan(d.u, kind, points, T, Td, tau, *model, *noise, rest, basis, low, high, *jumps)
 

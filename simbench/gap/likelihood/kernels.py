@@ -13,12 +13,12 @@ from numba import njit
 IDEAL, PLAY, ZONE, STICK, CREEP, CURVE = range(6)
 PINK_LOAD = -1.0  # as `load_lag`: a load of power 1/f
 FRACTION = 5.0  # ratio of the time constants that add up to 1/f
-FEW, MANY = 16, 48  # valve maps filtered together, one waits while another computes: of long records few, or ...
-CACHED_SAMPLES = 5000  # ... of records up to this many samples many, which the processor's cache holds
+_FEW, _MANY = 16, 48  # valve maps filtered together, one waits while another computes: of long records few, or ...
+_CACHED_SAMPLES = 5000  # ... of records up to this many samples many, which the processor's cache holds
 SKIP = 4  # first samples, which only settle the filter's unknown start
-REACH = 300  # samples after a jump of the load, over which the filter's gain follows it, or until its variance is ...
-SETTLED = 1e-6  # ... as constant as that from sample to sample
-NEAR = 20  # samples after a jump, within which another one finds the filter still unsure of the first
+_REACH = 300  # samples after a jump of the load, over which the filter's gain follows it, or until its variance is ...
+_SETTLED = 1e-6  # ... as constant as that from sample to sample
+_NEAR = 20  # samples after a jump, within which another one finds the filter still unsure of the first
 
 
 @njit(cache=True)
@@ -77,7 +77,7 @@ def valve(u, kind, p0, p1, p2):
 
 
 @njit(cache=True)
-def respond(v, T, Td, out, weight):
+def _respond(v, T, Td, out, weight):
     """Add `weight` times the answer of e^(-Td s)/(T s + 1) (T <= 0: e^(-Td s)/s) to each row of `v` less its start, held."""
     delay = math.floor(Td + 1e-9)
     late = max(Td - delay, 0.0)
@@ -119,30 +119,30 @@ def respond(v, T, Td, out, weight):
 
 
 @njit(cache=True)
-def plants(v, T, Td, tau):
+def _plants(v, T, Td, tau):
     """Return the unit plant's answer to each row of MV `v` (m, n) as deviation from its start (`tau` > 0: one more pole)."""
     out = np.zeros(v.shape)
     if tau <= 1e-3:
-        respond(v, T, Td, out, 1.0)
+        _respond(v, T, Td, out, 1.0)
     elif T > 0.0:
         if abs(tau - T) < 1e-3 * T:
             tau = T * 1.002
-        respond(v, T, Td, out, T / (T - tau))
-        respond(v, tau, Td, out, -tau / (T - tau))
+        _respond(v, T, Td, out, T / (T - tau))
+        _respond(v, tau, Td, out, -tau / (T - tau))
     else:
-        respond(v, 0.0, Td, out, 1.0)
-        respond(v, tau, Td, out, -tau)
+        _respond(v, 0.0, Td, out, 1.0)
+        _respond(v, tau, Td, out, -tau)
     return out
 
 
 @njit(cache=True)
 def plant(v, T, Td, tau):
-    """Return the unit plant's answer to MV `v` (n,) as `plants` does."""
-    return plants(v.reshape(1, v.size), T, Td, tau)[0]
+    """Return the unit plant's answer to MV `v` (n,) as `_plants` does."""
+    return _plants(v.reshape(1, v.size), T, Td, tau)[0]
 
 
 @njit(cache=True)
-def riccati(F, Q, P, h, r, gain, Ph, FP, P_new):
+def _riccati(F, Q, P, h, r, gain, Ph, FP, P_new):
     """Take one step of the covariance `P` and write the filter's gain; return the innovation's variance."""
     s, S = h.size, r
     for i in range(s):
@@ -174,16 +174,16 @@ def riccati(F, Q, P, h, r, gain, Ph, FP, P_new):
 @njit(cache=True)
 def follow(F, Q, P, h, r, gain, Ph, FP, P_new, level, jump, gains, variances, covariances):
     """Write gain, innovation variance and covariance of the samples from a jump on; return the last that differs."""
-    for i in range(REACH):
+    for i in range(_REACH):
         if i < 2:
             P[level, level] += jump * jump
-        if i < NEAR:
+        if i < _NEAR:
             covariances[i] = P
-        variances[i] = riccati(F, Q, P, h, r, gain, Ph, FP, P_new)
+        variances[i] = _riccati(F, Q, P, h, r, gain, Ph, FP, P_new)
         gains[i] = gain
-        if i > 20 and abs(variances[i] - variances[i - 1]) < SETTLED * variances[i]:
+        if i > 20 and abs(variances[i] - variances[i - 1]) < _SETTLED * variances[i]:
             return i
-    return REACH - 1
+    return _REACH - 1
 
 
 @njit(cache=True)
@@ -265,8 +265,8 @@ def whiten(
     gain, Ph, FP, P_new = np.zeros(s), np.zeros(s), np.zeros((s, s)), np.zeros((s, s))
     log_var, S, sum_log, scale = 0.0, 1.0, 0.0, 1.0
     # a jump is followed by the same gains as the one before, unless they are close together
-    room = REACH if count > 0 else 0
-    gains, variances, covariances = np.zeros((room, s)), np.zeros(room), np.zeros((min(room, NEAR), s, s))
+    room = _REACH if count > 0 else 0
+    gains, variances, covariances = np.zeros((room, s)), np.zeros(room), np.zeros((min(room, _NEAR), s, s))
     scales, logs = np.zeros(room), np.zeros(room)
     live, start, last, since, upcoming = True, 0, -1, -1, 0
     for k in range(n):
@@ -278,7 +278,7 @@ def whiten(
                 for i in range(last + 1):
                     scales[i], logs[i] = 1.0 / math.sqrt(variances[i]), math.log(variances[i])
                 since = 0
-            elif not live and since >= min(NEAR, last):
+            elif not live and since >= min(_NEAR, last):
                 since = 0
             else:
                 if not live:
@@ -288,11 +288,11 @@ def whiten(
             if start > 0 and k - start < 2:
                 # a jump between two samples is part of one at each
                 P[level, level] += jump * jump
-            S_old, S = S, riccati(F, Q, P, h, r, gain, Ph, FP, P_new)
+            S_old, S = S, _riccati(F, Q, P, h, r, gain, Ph, FP, P_new)
             scale, log_var = 1.0 / math.sqrt(S), math.log(S)
-            if last >= 0 and k - start >= NEAR:
-                live, since = False, min(NEAR, last)
-            elif k - start > 20 and abs(S - S_old) < (1e-7 if start == 0 else SETTLED) * S:
+            if last >= 0 and k - start >= _NEAR:
+                live, since = False, min(_NEAR, last)
+            elif k - start > 20 and abs(S - S_old) < (1e-7 if start == 0 else _SETTLED) * S:
                 live = False
         elif since >= 0:
             for i in range(s):
@@ -347,14 +347,14 @@ def scan(
     """
     total, n = points.shape[0], u.size
     out = np.empty(total)
-    together = MANY if n <= CACHED_SAMPLES else FEW
+    together = _MANY if n <= _CACHED_SAMPLES else _FEW
     batch = np.empty((together, n))
     for first in range(0, total, together):
         many = min(together, total - first)
         for i in range(many):
             p = points[first + i]
             batch[i] = valve(u, kind, p[0], p[1], p[2])
-        now = plants(batch[:many], T, Td, tau)
+        now = _plants(batch[:many], T, Td, tau)
         white = whiten(now, T, tau, load_time, load_lag, load, 0.0, 0.0, noise, colour, spread, jumps, jump, lasting)[0]
         white[:, :SKIP] = 0.0
         along, gy = np.dot(white, basis.T), np.dot(white, rest)

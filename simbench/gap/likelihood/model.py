@@ -13,7 +13,7 @@ from simbench.gap.likelihood import kernels
 
 NUISANCES = ("T", "Td", "load_time", "load_lag", "load", "noise_std", "colour")
 HOLDING = (kernels.PLAY, kernels.STICK, kernels.CREEP)
-ABSENT = 1e-9
+_ABSENT = 1e-9
 LINEAR = 3  # linear coefficients before an effect's own: gain, bias or ramp, onset
 INNER = "inner"  # a pole that every plant may have in place of some of its dead time
 
@@ -56,7 +56,7 @@ class Data:
     @cached_property
     def floor(self) -> float:
         """Smallest noise std that is believed."""
-        return max(self.resolution / np.sqrt(12.0), 1e-6 * float(np.ptp(self.y)), ABSENT)
+        return max(self.resolution / np.sqrt(12.0), 1e-6 * float(np.ptp(self.y)), _ABSENT)
 
     @cached_property
     def size(self) -> float:
@@ -70,7 +70,7 @@ class Data:
 
 
 @dataclass(frozen=True)
-class Free:
+class _Free:
     """A number of an effect that is searched.
 
     Parameters
@@ -95,17 +95,17 @@ def _nothing(d: Data) -> float:
     return 0.0
 
 
-BAND = Free("S", _nothing, lambda d: 1.5 * d.span)
-JUMP = Free("J", _nothing, lambda d: d.span)
-WIDTH = Free("D", _nothing, lambda d: 2.0 * d.span)
-CENTRE = Free("c", lambda d: float(d.u.min()), lambda d: float(d.u.max()))
-RATIO = Free("R", lambda d: 0.01, lambda d: 100.0, log=True)
-TAU = Free("tau", lambda d: 0.05, lambda d: d.n / 5, log=True)
+BAND = _Free("S", _nothing, lambda d: 1.5 * d.span)
+JUMP = _Free("J", _nothing, lambda d: d.span)
+WIDTH = _Free("D", _nothing, lambda d: 2.0 * d.span)
+CENTRE = _Free("c", lambda d: float(d.u.min()), lambda d: float(d.u.max()))
+RATIO = _Free("R", lambda d: 0.01, lambda d: 100.0, log=True)
+TAU = _Free("tau", lambda d: 0.05, lambda d: d.n / 5, log=True)
 WALK, LOAD_WALK = (
-    Free(name, lambda d: 1e-8 * d.size, lambda d: d.size, log=True, shapes=False) for name in ("walk", "load_walk")
+    _Free(name, lambda d: 1e-8 * d.size, lambda d: d.size, log=True, shapes=False) for name in ("walk", "load_walk")
 )
-LOAD_JUMP = Free("load_jump", lambda d: 1e-3 * d.floor, lambda d: 100.0 * d.size, log=True, shapes=False)
-MAPS = {
+_LOAD_JUMP = _Free("load_jump", lambda d: 1e-3 * d.floor, lambda d: 100.0 * d.size, log=True, shapes=False)
+_MAPS = {
     kernels.PLAY: (BAND,),
     kernels.ZONE: (WIDTH, CENTRE),
     kernels.CURVE: (RATIO,),
@@ -119,7 +119,7 @@ class Moves:
     """A valve in words of its own: MV from OP `u` (n,) and the numbers searched. Slower than a compiled map, and as general."""
 
     mv: Callable[[np.ndarray, Mapping[str, float]], np.ndarray]
-    free: tuple[Free, ...]
+    free: tuple[_Free, ...]
 
 
 @dataclass(frozen=True)
@@ -157,10 +157,10 @@ class Spec:
         )
 
     @property
-    def own(self) -> tuple[Free, ...]:
+    def own(self) -> tuple[_Free, ...]:
         """Numbers of the effects switched on that are searched."""
-        more = ((TAU, self.pole), (WALK, self.walk), (LOAD_WALK, self.load_walk), (LOAD_JUMP, self.jumps))
-        maps = MAPS.get(self.valve, ()) + (self.moves.free if self.moves else ())
+        more = ((TAU, self.pole), (WALK, self.walk), (LOAD_WALK, self.load_walk), (_LOAD_JUMP, self.jumps))
+        maps = _MAPS.get(self.valve, ()) + (self.moves.free if self.moves else ())
         return (*maps, *(number for number, on in more if on))
 
     @property

@@ -9,7 +9,7 @@ from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, Spec, size_penalty, valve_of
 from simbench.gap.likelihood.valve_map import lagged
 
-NOTHING = 1e-4  # of PV's standard deviation: innovations below it are a simulation's, and nothing can be left behind in them
+_NOTHING = 1e-4  # of PV's standard deviation: innovations below it are a simulation's, and nothing can be left behind in them
 
 
 def tests_of(engine: Engine, fit: Fit) -> dict[str, float]:
@@ -19,7 +19,7 @@ def tests_of(engine: Engine, fit: Fit) -> dict[str, float]:
     n = engine.data.n - kernels.SKIP
     left = np.asarray(fit.residual)[kernels.SKIP :]
     log_variance = -2.0 * fit.loglik / n - float(left @ left) / n - np.log(2.0 * np.pi)
-    if np.exp(0.5 * log_variance) < NOTHING * engine.data.size:
+    if np.exp(0.5 * log_variance) < _NOTHING * engine.data.size:
         return dict.fromkeys(found, 0.0)
     return found
 

@@ -14,14 +14,14 @@ from simbench.gap.likelihood.model import Data, Fit, Spec
 
 SMOOTH = ("load_time", "load_lag", "load", "noise_std", "colour", "load_jump")  # searched beside a valve
 MV_STARTS = (-1.0, 0.0, 1.0)  # of MV within its band, in halves of it
-JUMPS = (-4.0, -1.5, 0.0, 1.5, 4.0)  # shares by which J is varied beside S, whose peak is narrower
-APART, UNLIKE = 0.08, 0.2  # differences of log S and of J/S from which on two points count as different peaks
-SLIPPING = (kernels.STICK, kernels.CREEP)  # maps with a jump
-KEPT, CHILDREN = 30, 6  # different peaks followed, and points tried around each
-SPREADS = (0.03, 0.012)  # of log S around them, ever closer
-ROUGH = ("S", "J", "D", "c")  # in which the likelihood has corners
+_JUMPS = (-4.0, -1.5, 0.0, 1.5, 4.0)  # shares by which J is varied beside S, whose peak is narrower
+_APART, _UNLIKE = 0.08, 0.2  # differences of log S and of J/S from which on two points count as different peaks
+_SLIPPING = (kernels.STICK, kernels.CREEP)  # maps with a jump
+KEPT, _CHILDREN = 30, 6  # different peaks followed, and points tried around each
+_SPREADS = (0.03, 0.012)  # of log S around them, ever closer
+_ROUGH = ("S", "J", "D", "c")  # in which the likelihood has corners
 TINY = 10  # widths below what OP's jitter hides
-HOPELESS = 4.0  # nats below the base from which a grid's best point is not worth refining
+_HOPELESS = 4.0  # nats below the base from which a grid's best point is not worth refining
 
 
 def search_map(engine: Engine, base: Fit, kind: int, coarse: np.ndarray, few: bool = False) -> Fit:
@@ -84,13 +84,13 @@ def scanned(engine: Engine, spec: Spec, theta: dict[str, float], kind: int, poin
     values = engine.scan(spec, theta, kind, points)
     tops: list[int] = []
     for i in np.argsort(-values):
-        if all(abs(np.log(points[i, 0] / points[j, 0])) > APART for j in tops):
+        if all(abs(np.log(points[i, 0] / points[j, 0])) > _APART for j in tops):
             tops.append(int(i))
-        if len(tops) == (3 if kind in SLIPPING else 2):
+        if len(tops) == (3 if kind in _SLIPPING else 2):
             break
-    near = np.vstack([around(kind, points[i], 0.5 * APART) for i in tops])
+    near = np.vstack([around(kind, points[i], 0.5 * _APART) for i in tops])
     high = engine.scan(spec, theta, kind, near)
-    if kind in SLIPPING:
+    if kind in _SLIPPING:
         points, values = np.vstack([points, near]), np.concatenate([values, high])
         best = followed(lambda children: engine.scan(spec, theta, kind, children), points, values)[0]
         return mapped(engine, spec, theta, kind, best)
@@ -103,9 +103,9 @@ def followed(scan: Callable[[np.ndarray], np.ndarray], points: np.ndarray, value
     The true peak is a percent or two wide in S, and on a coarse set its foot stands no higher than broad hills elsewhere.
     """
     rng = np.random.default_rng(0)
-    for turn, spread in enumerate(SPREADS):
+    for turn, spread in enumerate(_SPREADS):
         kept = different(points, values, 0.5**turn)
-        parents = np.repeat(points[kept], CHILDREN, axis=0)
+        parents = np.repeat(points[kept], _CHILDREN, axis=0)
         S = parents[:, 0] * np.exp(spread * rng.standard_normal(len(parents)))
         share = np.clip(parents[:, 1] / parents[:, 0] + 1.5 * spread * rng.standard_normal(len(parents)), 0.02, 1.0)
         # every other one begins where its parent does
@@ -118,7 +118,7 @@ def followed(scan: Callable[[np.ndarray], np.ndarray], points: np.ndarray, value
 
 def different(points: np.ndarray, values: np.ndarray, share: float) -> list[int]:
     """Return the best points of a map with a jump that differ in S or J/S, by a share of what sets peaks apart."""
-    cells = np.column_stack([np.log(points[:, 0]) / APART, points[:, 1] / points[:, 0] / UNLIKE]) // share
+    cells = np.column_stack([np.log(points[:, 0]) / _APART, points[:, 1] / points[:, 0] / _UNLIKE]) // share
     order = np.argsort(-values)
     _, first = np.unique(cells[order], axis=0, return_index=True)
     return [int(i) for i in order[np.sort(first)[:KEPT]]]
@@ -132,7 +132,7 @@ def around(kind: int, point: np.ndarray, share: float) -> np.ndarray:
         return np.array([(x, b + shift * share * a, 0.0) for x in sizes for shift in (-1.0, -0.5, 0.0, 0.5, 1.0)])
     if kind == kernels.PLAY:
         return np.array([(x, begin * x / 2, 0.0) for x in sizes for begin in MV_STARTS])
-    return np.array([(x, b * (1 + y * share), begin * x / 2) for x in sizes for y in JUMPS for begin in MV_STARTS])
+    return np.array([(x, b * (1 + y * share), begin * x / 2) for x in sizes for y in _JUMPS for begin in MV_STARTS])
 
 
 def mapped(engine: Engine, spec: Spec, theta: dict[str, float], kind: int, point: np.ndarray) -> Fit:
@@ -147,7 +147,7 @@ def mapped(engine: Engine, spec: Spec, theta: dict[str, float], kind: int, point
 
 def settle(engine: Engine, fit: Fit, steps: int = 3) -> Fit:
     """Return the fit after a few steps in everything but the valve's numbers."""
-    return engine.fit(fit.spec, fit.theta, search=tuple(m for m in fit.spec.names if m not in ROUGH), steps=steps)
+    return engine.fit(fit.spec, fit.theta, search=tuple(m for m in fit.spec.names if m not in _ROUGH), steps=steps)
 
 
 def narrow(engine: Engine, fit: Fit) -> Fit:
@@ -169,7 +169,7 @@ def narrow(engine: Engine, fit: Fit) -> Fit:
 
 def promising(fit: Fit, base: Fit) -> bool:
     """Return whether a search's best point may still beat the base."""
-    return fit.loglik > base.loglik - HOPELESS
+    return fit.loglik > base.loglik - _HOPELESS
 
 
 def band_sizes(data: Data, count: int) -> np.ndarray:

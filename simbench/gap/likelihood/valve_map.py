@@ -9,11 +9,11 @@ from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import size_penalty
 from simbench.gap.likelihood.search import followed
 
-PEAKS = 4  # of the best points of a grid over valve maps that are refined
-SHARES = (0.1, 0.05, 0.02, 0.01, 0.004, 0.001)  # of a point's numbers by which it is varied, ever finer
-STRETCH = 500  # samples in which the peaks of a map with a jump are looked for
-HOPELESS = -20.0  # nats below which nobody asks by how much
-AROUND = (-2, -1, 0, 1, 2)
+_PEAKS = 4  # of the best points of a grid over valve maps that are refined
+_SHARES = (0.1, 0.05, 0.02, 0.01, 0.004, 0.001)  # of a point's numbers by which it is varied, ever finer
+_STRETCH = 500  # samples in which the peaks of a map with a jump are looked for
+_HOPELESS = -20.0  # nats below which nobody asks by how much
+_AROUND = (-2, -1, 0, 1, 2)
 
 Found = tuple[float, dict[str, float | str]]
 
@@ -46,7 +46,7 @@ class MapSearch:
 
     def priced(self, level: float, parameters: dict[str, float | str], count: float) -> Found:
         """Return the answer for a model of that level with `count` fitted numbers."""
-        return max(float(self.healthy - level - size_penalty(self.op.size, count)), HOPELESS), parameters
+        return max(float(self.healthy - level - size_penalty(self.op.size, count)), _HOPELESS), parameters
 
     def best(self, found: list[tuple[float, float, float]], names: tuple[str, ...], count: float) -> Found:
         """Return the answer for the best of some levels with their numbers."""
@@ -76,13 +76,13 @@ class MapSearch:
             return -np.array([part.level(part.moved(kind, a, b)) for a, b, _ in points])
 
         points = np.array([(s, s * j, 0.0) for s in self.sizes for j in shares])
-        near = part.peaks(kind, [(a, b) for a, b, _ in followed(scan, points, scan(points))[:PEAKS]])
+        near = part.peaks(kind, [(a, b) for a, b, _ in followed(scan, points, scan(points))[:_PEAKS]])
         found = [*self.peaks(kind, [(a, b) for a, b, _ in points]), *self.peaks(kind, [(a, b) for _, a, b in near])]
         return self.best(found, names, count)
 
     def stretch(self) -> MapSearch:
         """Return the search over as many samples as are needed, where MV moves most."""
-        n, size = self.op.size, min(STRETCH, self.op.size)
+        n, size = self.op.size, min(_STRETCH, self.op.size)
         way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(self.mv)))])
         starts = np.arange(0, n - size + 1, max(size // 2, 1))
         first = int(starts[np.argmax(way[starts + size - 1] - way[starts])])
@@ -96,11 +96,11 @@ class MapSearch:
             return sorted((self.level(self.moved(kind, a, b)), a, b) for a, b in points)
 
         found = []
-        for _, a, b in tried(grid)[:PEAKS]:
-            for share in SHARES:
+        for _, a, b in tried(grid)[:_PEAKS]:
+            for share in _SHARES:
                 wide = a if kind == kernels.ZONE else b
-                ways = AROUND if b else (0,)
-                near = [(a * (1 + i * share / 2), b + j * share * wide) for i in AROUND for j in ways]
+                ways = _AROUND if b else (0,)
+                near = [(a * (1 + i * share / 2), b + j * share * wide) for i in _AROUND for j in ways]
                 value, a, b = tried(near)[0]
             found.append((value, a, b))
         return found

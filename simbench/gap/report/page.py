@@ -21,11 +21,11 @@ from simbench.html.svg import inline_svg
 from simbench.html.table import sortable
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
 
-render = partial(render_in, "simbench.gap.report")
-SHOWN = 6  # candidates drawn as bars; the table holds all
-SEEN = 0.005  # probability that is not rounded to 0
-POSSIBLE = 0.05  # probability from which a candidate is called still possible
-MEANING = {NONE: "the simulation lacks nothing", UNKNOWN: "something that no known effect explains"}
+_render = partial(render_in, "simbench.gap.report")
+_SHOWN = 6  # candidates drawn as bars; the table holds all
+_SEEN = 0.005  # probability that is not rounded to 0
+_POSSIBLE = 0.05  # probability from which a candidate is called still possible
+_MEANING = {NONE: "the simulation lacks nothing", UNKNOWN: "something that no known effect explains"}
 
 
 def write_page(report: GapReport, path: str | Path, command: Sequence[str] = ()) -> None:
@@ -65,7 +65,7 @@ def write_page(report: GapReport, path: str | Path, command: Sequence[str] = ())
         ("next", "What is open, and what to do next", _open(report)),
         ("reproduce", "How to reproduce", _reproduce(report, command)),
     ]
-    text = render(
+    text = _render(
         "page.html",
         title=f"{tag or 'Record'} against its simulation",
         subtitle="Sim-to-real gap of one control loop",
@@ -101,14 +101,14 @@ def _answer(report: GapReport) -> Markup:
         }
         for e in report.effects
     ]
-    return render("answer.html", sentence=report.sentence(), tiles=tiles, named=named if report.named else [])
+    return _render("answer.html", sentence=report.sentence(), tiles=tiles, named=named if report.named else [])
 
 
 def _where(report: GapReport) -> Markup:
     shares = report.blocks
     says = "control loop; share of the gap: " + ", ".join(f"{b} {100 * p:.0f} %" for b, p in shares.items())
-    behind = {b: [r for r in report.ranking if r.block == b and r.probability >= SEEN] for b in shares}
-    return render(
+    behind = {b: [r for r in report.ranking if r.block == b and r.probability >= _SEEN] for b in shares}
+    return _render(
         "where.html",
         svg=_picture(lambda: pictures.draw_blocks(shares), "blocks", says),
         any=any(shares.values()),
@@ -129,7 +129,7 @@ def _look(report: GapReport) -> Markup:
     if record.mv is not None:
         items.append((lambda: pictures.draw_loops("MV", *part), "mv-op", "MV over OP: record and simulations"))
     drawn = [{"svg": _picture(draw, name, says), "caption": says + "."} for draw, name, says in items]
-    return render(
+    return _render(
         "look.html",
         items=drawn,
         added=next((n for n in (runs.FIXED, runs.NEAREST) if n in simulated), ""),
@@ -139,7 +139,7 @@ def _look(report: GapReport) -> Markup:
 
 
 def _which(report: GapReport) -> Markup:
-    top = [r for r in report.ranking[:SHOWN] if r.probability >= SEEN] or list(report.ranking[:1])
+    top = [r for r in report.ranking[:_SHOWN] if r.probability >= _SEEN] or list(report.ranking[:1])
     frame = pd.DataFrame(
         {
             "effect": [words(r.effect) for r in report.ranking],
@@ -155,7 +155,7 @@ def _which(report: GapReport) -> Markup:
     says = "probabilities: " + ", ".join(f"{words(r.effect)} {r.probability:.2f}" for r in top)
     svg = _picture(lambda: pictures.draw_ranking([words(r.effect) for r in top], chances), "ranking", says)
     table = sortable(frame, {"probability": "{:.3f}".format}, long=("parameters",))
-    return render("which.html", svg=svg, table=table, meaning=meaning)
+    return _render("which.html", svg=svg, table=table, meaning=meaning)
 
 
 def _shrinkage(report: GapReport) -> Markup:
@@ -166,7 +166,7 @@ def _shrinkage(report: GapReport) -> Markup:
     features = pd.DataFrame([{"feature": k, "before": b, last: a} for k, (b, a) in per.items()])
     if len(features):
         features = features.sort_values("before", ascending=False)
-    return render(
+    return _render(
         "shrinkage.html",
         svg=_picture(lambda: pictures.draw_gap(sizes), "gap", says),
         resolvable=report.gap.resolvable,
@@ -186,11 +186,11 @@ def _open(report: GapReport) -> Markup:
     separation = report.behind.separation
     tests = pd.DataFrame({"test": list(separation), "separation": list(separation.values())})
     tests = tests.sort_values("separation", ascending=False)
-    return render(
+    return _render(
         "open.html",
         group=[words(e) for e in report.group] if len(report.group) > 1 else [],
         possible=[
-            (words(r.effect), r.probability) for r in report.ranking if r.effect not in answers and r.probability >= POSSIBLE
+            (words(r.effect), r.probability) for r in report.ranking if r.effect not in answers and r.probability >= _POSSIBLE
         ],
         next_test=report.next_test,
         notes=report.notes,
@@ -202,7 +202,7 @@ def _open(report: GapReport) -> Markup:
 
 
 def _reproduce(report: GapReport, command: Sequence[str]) -> Markup:
-    return render("reproduce.html", command=list(command), loop=report.fixed_loop().to_toml().strip())
+    return _render("reproduce.html", command=list(command), loop=report.fixed_loop().to_toml().strip())
 
 
 def _picture(draw: Callable[[], Any], name: str, says: str) -> Markup:
@@ -210,7 +210,7 @@ def _picture(draw: Callable[[], Any], name: str, says: str) -> Markup:
 
 
 def _meaning(effect: str) -> str:
-    return MEANING.get(effect) or EFFECTS[effect].says
+    return _MEANING.get(effect) or EFFECTS[effect].says
 
 
 def _column(values: Any) -> pd.Series:

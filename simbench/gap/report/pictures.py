@@ -13,10 +13,10 @@ from scipy.signal import welch
 from simbench.figures._style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, label, panels, styled
 from simbench.gap.report.traces import BASELINE, FIXED, NEAREST, TUNED, Traces
 
-WIDTH = 4.6  # inches; no wider, or the letters are too small on a phone
+_WIDTH = 4.6  # inches; no wider, or the letters are too small on a phone
 RECORD = "record"
 LOOK = {RECORD: (BLACK, "-"), BASELINE: (BLUE, "--"), TUNED: (GREEN, "-."), FIXED: (RED, "-"), NEAREST: (ORANGE, "-")}
-BEYOND = 2.0  # share of the record's range that a runaway simulation may be drawn beyond it
+_BEYOND = 2.0  # share of the record's range that a runaway simulation may be drawn beyond it
 
 _BOXES = {
     "controller": (0.72, 1.05, 0.92),
@@ -41,9 +41,9 @@ def draw_blocks(shares: Mapping[str, float]) -> Figure:
     -------
     matplotlib.figure.Figure
     """
-    figure = Figure(figsize=(WIDTH, 2.6))
+    figure = Figure(figsize=(_WIDTH, 2.6))
     axes = figure.add_axes((0, 0, 1, 1))
-    axes.set(xlim=(0, WIDTH), ylim=(0, 2.6))
+    axes.set(xlim=(0, _WIDTH), ylim=(0, 2.6))
     axes.set_axis_off()
     y, low = 1.05 + _HIGH / 2, 0.12 + _HIGH / 2
     first, second = 0.44, 3.1
@@ -91,7 +91,7 @@ def draw_traces(signal: str, record: Traces, runs: Mapping[str, Traces], start: 
     matplotlib.figure.Figure
     """
     every = {RECORD: record, **runs}
-    figure, grid = panels(len(every), 1, WIDTH, 0.5 + 1.15 * len(every), sharex=True, sharey=True)
+    figure, grid = panels(len(every), 1, _WIDTH, 0.5 + 1.15 * len(every), sharex=True, sharey=True)
     fill_traces(list(grid[:, 0]), signal, every, start, stop)
     return figure
 
@@ -127,7 +127,7 @@ def draw_loops(across: str, record: Traces, runs: Mapping[str, Traces], start: i
     """
     every = {RECORD: record, **runs}
     rows = (len(every) + 1) // 2
-    figure, grid = panels(rows, 2, WIDTH, 0.3 + 1.85 * rows, sharex=True, sharey=True)
+    figure, grid = panels(rows, 2, _WIDTH, 0.3 + 1.85 * rows, sharex=True, sharey=True)
     parts = {name: trace.part(start, stop) for name, trace in every.items()}
     for axes, (name, part) in zip(grid.flat, parts.items()):
         axes.plot(part.op, _signal(part, across), color=LOOK[name][0], linewidth=0.7, alpha=0.9)
@@ -164,7 +164,7 @@ def draw_spectra(record: Traces, runs: Mapping[str, Traces]) -> Figure:
     -------
     matplotlib.figure.Figure
     """
-    figure, grid = panels(2, 1, WIDTH, 4.4, sharex=True)
+    figure, grid = panels(2, 1, _WIDTH, 4.4, sharex=True)
     for axes, signal, unit in zip(grid[:, 0], ("PV", "OP"), ("PV units$^2$ s", "%$^2$ s")):
         for name, trace in {**runs, RECORD: record}.items():
             f, power = spectrum(_signal(trace, signal), trace.Ts)
@@ -219,7 +219,7 @@ def draw_ranking(names: Sequence[str], probabilities: Sequence[float]) -> Figure
     -------
     matplotlib.figure.Figure
     """
-    figure, grid = panels(1, 1, WIDTH, 0.65 + 0.28 * len(names))
+    figure, grid = panels(1, 1, _WIDTH, 0.65 + 0.28 * len(names))
     fill_ranking(grid[0, 0], names, probabilities)
     return figure
 
@@ -243,7 +243,7 @@ def draw_gap(sizes: Mapping[str, float]) -> Figure:
     -------
     matplotlib.figure.Figure
     """
-    figure, grid = panels(1, 1, WIDTH, 0.65 + 0.34 * len(sizes))
+    figure, grid = panels(1, 1, _WIDTH, 0.65 + 0.34 * len(sizes))
     fill_gap(grid[0, 0], sizes)
     return figure
 
@@ -275,8 +275,8 @@ def _limits(signals: Sequence[np.ndarray]) -> tuple[float, float]:
     """Return limits that hold the record, which comes first, and what is not far off it."""
     lo, hi = float(signals[0].min()), float(signals[0].max())
     wide = (hi - lo) or 1.0
-    low = max(min(float(s.min()) for s in signals), lo - BEYOND * wide)
-    high = min(max(float(s.max()) for s in signals), hi + BEYOND * wide)
+    low = max(min(float(s.min()) for s in signals), lo - _BEYOND * wide)
+    high = min(max(float(s.max()) for s in signals), hi + _BEYOND * wide)
     return low - 0.04 * wide, high + 0.04 * wide
 
 

@@ -9,8 +9,8 @@ from simbench.gap.report.pictures import RECORD, fill_gap, fill_ranking, fill_tr
 from simbench.gap.report.result import GapReport, words
 from simbench.gap.report.traces import gap_sizes, recorded, simulated, window
 
-SAMPLES = 400  # of the record's end: a few periods of most loops
-SHOWN = 5  # candidates
+_SAMPLES = 400  # of the record's end: a few periods of most loops
+_SHOWN = 5  # candidates
 
 
 @styled
@@ -29,9 +29,9 @@ def draw_sheet(report: GapReport) -> Figure:
     runs = {RECORD: recorded(report), **simulated(report)}
     figure = Figure(figsize=(9.0, 1.2 + 0.95 * len(runs)), layout="constrained")
     left, right = figure.subfigures(1, 2, width_ratios=[1.5, 1.0], squeeze=False)[0]
-    fill_traces(list(left.subplots(len(runs), 1, sharex=True)), "PV", runs, *window(report, SAMPLES))
+    fill_traces(list(left.subplots(len(runs), 1, sharex=True)), "PV", runs, *window(report, _SAMPLES))
     which, gap = right.subplots(2, 1)
-    top = [r for r in report.ranking if r.probability >= 0.005][:SHOWN]
+    top = [r for r in report.ranking if r.probability >= 0.005][:_SHOWN]
     fill_ranking(which, [words(r.effect) for r in top], [r.probability for r in top])
     fill_gap(gap, gap_sizes(report))
     label(which, "probability", "", "what is missing")

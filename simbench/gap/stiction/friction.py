@@ -29,11 +29,11 @@ from simbench.gap.stiction.probability import BOUNDS, FrictionEvidence, log_odds
 from simbench.loop.effects import EFFECTS, block_of
 from simbench.loop.setup import plain_setup
 
-FRICTION, BAND = "stiction", "deadband"  # the effect whose size is asked for, and friction without a jump
+FRICTION, _BAND = "stiction", "deadband"  # the effect whose size is asked for, and friction without a jump
 OUTSIDE = "oscillation"  # what swings a sound loop
 ENOUGH = 10.0 * BOUNDS[1]  # nats beyond which more say nothing more
 SHORTEST_ASKED = 60  # samples
-ROOM = 2.0  # OP ranges left free on either side of a record whose unit of OP is unknown
+_ROOM = 2.0  # OP ranges left free on either side of a record whose unit of OP is unknown
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +118,7 @@ def in_percent(record: LoopRecord) -> tuple[LoopRecord, float]:
         return replace(record, op=record.op_percent, op_span=(0.0, 100.0)), (hi - lo) / 100.0
     lo, hi = float(record.op.min()), float(record.op.max())
     span = (hi - lo) or 1.0
-    lo, wide = lo - ROOM * span, (1 + 2 * ROOM) * span
+    lo, wide = lo - _ROOM * span, (1 + 2 * _ROOM) * span
     return replace(record, op=(record.op - lo) * (100.0 / wide), op_span=(0.0, 100.0)), wide / 100.0
 
 
@@ -175,8 +175,8 @@ def _measured(found: Assessment) -> Friction:
     gains, s = found.log_likelihood_gains, found.situation
     if s.record.mv is not None:
         # what MV does beside OP is the valve: another map may explain it, nothing outside can
-        rivals = (gains[e] for e in EFFECTS if block_of(e) == "valve" and e not in (FRICTION, BAND))
-        return Friction(found, FrictionEvidence(max(gains[FRICTION], gains[BAND]), max(rivals)))
+        rivals = (gains[e] for e in EFFECTS if block_of(e) == "valve" and e not in (FRICTION, _BAND))
+        return Friction(found, FrictionEvidence(max(gains[FRICTION], gains[_BAND]), max(rivals)))
     one = found.candidates[FRICTION]
     span = float(np.quantile(s.op, 0.99) - np.quantile(s.op, 0.01)) or 1.0
     share = one.fit.theta["S"] / span if one.used else 0.0

@@ -19,7 +19,7 @@ from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
 from detectors.verdict import NO_DECISION, PROBABILITY, Verdict
 from simbench.gap.stiction.friction import SHORTEST_ASKED, friction, in_percent
-from simbench.gap.stiction.probability import DENIED_BELOW, CLAIMED_FROM, verdict
+from simbench.gap.stiction.probability import CLAIMED_FROM, DENIED_BELOW, verdict
 
 NAME = "likelihood"
 METHOD = Method(

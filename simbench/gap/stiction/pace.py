@@ -10,11 +10,11 @@ import numpy as np
 from detectors.record import LoopRecord
 from detectors.signal.oscillation import find_oscillation
 
-LEAST = 0.2  # of PV's standard deviation, that PV moves from sample to sample
+_LEAST = 0.2  # of PV's standard deviation, that PV moves from sample to sample
 SHORTEST_LEFT = 250  # samples that are left
-REGULAR = 0.9  # share of PV's changes that fall on every k-th sample, where PV is held for k
+_REGULAR = 0.9  # share of PV's changes that fall on every k-th sample, where PV is held for k
 HELD = 100  # samples that are left of a PV that is held, at least
-FEWEST = 20.0  # samples of a period that are left of a sustained oscillation: it may stand beside a larger drift
+_FEWEST = 20.0  # samples of a period that are left of a sustained oscillation: it may stand beside a larger drift
 
 
 def at_its_pace(record: LoopRecord) -> LoopRecord:
@@ -25,8 +25,8 @@ def at_its_pace(record: LoopRecord) -> LoopRecord:
     """
     pv, k = np.asarray(record.pv), 1
     swing = find_oscillation(record.op, pv, record.Ts)
-    most = swing.period_s / record.Ts / FEWEST if swing.sustained else np.inf
-    while k + 1 <= min(most, pv.size // SHORTEST_LEFT) and np.std(pv[k:] - pv[:-k]) < LEAST * np.std(pv):
+    most = swing.period_s / record.Ts / _FEWEST if swing.sustained else np.inf
+    while k + 1 <= min(most, pv.size // SHORTEST_LEFT) and np.std(pv[k:] - pv[:-k]) < _LEAST * np.std(pv):
         k += 1
     return record if k == 1 else resampled(record, lambda x: x[::k], k)
 
@@ -38,7 +38,7 @@ def unheld(record: LoopRecord) -> LoopRecord:
         return record
     k = int(np.median(np.diff(changes)))
     phase = int(np.bincount(changes % k).argmax())
-    regular = k > 1 and np.mean(changes % k == phase) >= REGULAR
+    regular = k > 1 and np.mean(changes % k == phase) >= _REGULAR
     return resampled(record, lambda x: x[phase::k], k) if regular else record
 
 

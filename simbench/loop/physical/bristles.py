@@ -7,29 +7,29 @@ g1 = s1/m of the bristles' stiffness and damping, soft = k/s0 turns a friction i
 from math import exp, nan, sqrt
 
 # per sample; a held OP takes about 200 steps until all is at rest, however long it is held
-MAX_STEPS = 1_000_000
+_MAX_STEPS = 1_000_000
 # error allowed per step, % of travel, in position and in bristle deflection (relative to its largest value there)
-TOLERANCE = 1e-7
+_TOLERANCE = 1e-7
 # under a held force that the bristles can carry, slower than this (%/s) and balanced to this share of fs: at rest
-REST, BALANCE = 1e-4, 1e-6
-ROSENBROCK_D = 1.0 / (2.0 + sqrt(2.0))
-E32 = 6.0 + sqrt(2.0)
+_REST, _BALANCE = 1e-4, 1e-6
+_ROSENBROCK_D = 1.0 / (2.0 + sqrt(2.0))
+_E32 = 6.0 + sqrt(2.0)
 
 
 def slide_bristles(u, ramp, x, r, z, h, fs, fd, vs, a, w2, g0, g1, soft, T):
     """Return (position, rate, deflection, h) after T s under OP `u` + `ramp` t; h is the step (s) to try next.
 
-    All NaN when the motion took more than `MAX_STEPS` steps. Rosenbrock method of order 2 with error estimate (Shampine
+    All NaN when the motion took more than `_MAX_STEPS` steps. Rosenbrock method of order 2 with error estimate (Shampine
     and Reichelt 1997, ode23s), whose order does not hang on the kink of |r| in the Jacobian.
     """
-    for _ in range(MAX_STEPS):
+    for _ in range(_MAX_STEPS):
         if T <= 0.0:
             return x, r, z, h
-        if ramp == 0.0 and abs(r) < REST and abs(u - x) < fs and abs(w2 * (u - x) - g0 * z) < BALANCE * w2 * fs:
+        if ramp == 0.0 and abs(r) < _REST and abs(u - x) < fs and abs(w2 * (u - x) - g0 * z) < _BALANCE * w2 * fs:
             return x, 0.0, z, h
         t = min(h, T)
         acc, slip, acc_r, acc_z, slip_r, slip_z = slopes(u, x, r, z, fs, fd, vs, a, w2, g0, g1, soft)
-        c = t * ROSENBROCK_D
+        c = t * _ROSENBROCK_D
         push = c * w2 * ramp
         x1, r1, z1 = solve(c, r, acc + push, slip, w2, acc_r, acc_z, slip_r, slip_z)
         half = 0.5 * t
@@ -45,12 +45,12 @@ def slide_bristles(u, ramp, x, r, z, h, fs, fd, vs, a, w2, g0, g1, soft, T):
         an, sn, _, _, _, _ = slopes(u + ramp * t, x_new, r_new, z_new, fs, fd, vs, a, w2, g0, g1, soft)
         x3, _, z3 = solve(
             c,
-            r_new - E32 * (x2 - rm) - 2.0 * (x1 - r),
-            an - E32 * (r2 - am) - 2.0 * (r1 - acc) + push,
-            sn - E32 * (z2 - sm) - 2.0 * (z1 - slip),
+            r_new - _E32 * (x2 - rm) - 2.0 * (x1 - r),
+            an - _E32 * (r2 - am) - 2.0 * (r1 - acc) + push,
+            sn - _E32 * (z2 - sm) - 2.0 * (z1 - slip),
             w2, acc_r, acc_z, slip_r, slip_z,
         )  # fmt: skip
-        error = t / 6.0 * max(abs(x1 - 2.0 * x2 + x3), abs(z1 - 2.0 * z2 + z3) / (fs * soft)) / TOLERANCE
+        error = t / 6.0 * max(abs(x1 - 2.0 * x2 + x3), abs(z1 - 2.0 * z2 + z3) / (fs * soft)) / _TOLERANCE
         if error > 1.0:
             h = t * max(0.2, 0.8 * error**-0.3333333333333333)
             continue

@@ -7,15 +7,15 @@ where it would come to rest if it went on sliding. The formulas hold for any dam
 from math import atan, cos, exp, inf, log, nan, pi, sin, sqrt
 
 # phases of motion within one sample; only an almost undamped valve on a stiff spring needs more than a few
-MAX_EVENTS = 10_000
+_MAX_EVENTS = 10_000
 
 
 def slide(u, x, r, fs, fd, a, w2, rest, T):
     """Return (position, rate) after T s under OP `u`; a rate that has fallen to `rest` counts as standing.
 
-    (NaN, NaN) when the valve was still stopping and starting after `MAX_EVENTS` phases.
+    (NaN, NaN) when the valve was still stopping and starting after `_MAX_EVENTS` phases.
     """
-    for _ in range(MAX_EVENTS):
+    for _ in range(_MAX_EVENTS):
         if r == 0.0:
             if abs(u - x) <= fs:
                 return x, 0.0

@@ -9,9 +9,9 @@ from math import exp, nan
 from simbench.loop.physical.motion import arrival_time, fall_time, free, stop_time
 
 # at 6 vs the Stribeck force is down to exp(-36), rounding error
-FAR = 6.0
+_FAR = 6.0
 # per sample; a passage of the tail takes about 100 steps, sliding in it about 200 per second
-MAX_STEPS = 1_000_000
+_MAX_STEPS = 1_000_000
 # error allowed per step: in % of travel, and as a share of the larger of rate and vs
 TOLERANCE_X = 1e-10
 TOLERANCE_R = 1e-8
@@ -20,9 +20,9 @@ TOLERANCE_R = 1e-8
 def slide_stribeck(u, x, r, h, fs, fd, vs, a, w2, rest, T):
     """Return (position, rate, h) after T s under OP `u`; h is the Runge-Kutta step (s) to try next.
 
-    (NaN, NaN, NaN) when the motion took more than `MAX_STEPS` steps.
+    (NaN, NaN, NaN) when the motion took more than `_MAX_STEPS` steps.
     """
-    for _ in range(MAX_STEPS):
+    for _ in range(_MAX_STEPS):
         if T <= 0.0:
             return x, r, h
         if r == 0.0:
@@ -32,12 +32,12 @@ def slide_stribeck(u, x, r, h, fs, fd, vs, a, w2, rest, T):
         else:
             d = 1.0 if r > 0.0 else -1.0
         # a little above FAR, so that a motion that has just fallen to it is in the tail
-        if d * r > 1.01 * FAR * vs:
+        if d * r > 1.01 * _FAR * vs:
             z = x - (u - d * fd)
             t = min(stop_time(z, r, a, w2), T)
             z1, r1 = free(z, r, a, w2, t)
-            if d * r1 <= FAR * vs:
-                t = fall_time(z, r, d, FAR * vs, a, w2, t)
+            if d * r1 <= _FAR * vs:
+                t = fall_time(z, r, d, _FAR * vs, a, w2, t)
                 z1, r1 = free(z, r, a, w2, t)
             x1 = x + (z1 - z)
             if x1 < 0.0 or x1 > 100.0:
@@ -67,23 +67,23 @@ def slide_stribeck(u, x, r, h, fs, fd, vs, a, w2, rest, T):
 
 def runge_kutta(u, x, r, d, h, fs, fd, vs, a, w2):
     """Return (position, rate, error) one step h later; error 1 is what is allowed. Dormand and Prince (1980), 5(4)."""
-    k1 = pull(u, x, r, d, fs, fd, vs, a, w2)
+    k1 = _pull(u, x, r, d, fs, fd, vs, a, w2)
     r2 = r + h * (k1 / 5.0)
-    k2 = pull(u, x + h * (r / 5.0), r2, d, fs, fd, vs, a, w2)
+    k2 = _pull(u, x + h * (r / 5.0), r2, d, fs, fd, vs, a, w2)
     r3 = r + h * (3.0 / 40.0 * k1 + 9.0 / 40.0 * k2)
-    k3 = pull(u, x + h * (3.0 / 40.0 * r + 9.0 / 40.0 * r2), r3, d, fs, fd, vs, a, w2)
+    k3 = _pull(u, x + h * (3.0 / 40.0 * r + 9.0 / 40.0 * r2), r3, d, fs, fd, vs, a, w2)
     r4 = r + h * (44.0 / 45.0 * k1 - 56.0 / 15.0 * k2 + 32.0 / 9.0 * k3)
-    k4 = pull(u, x + h * (44.0 / 45.0 * r - 56.0 / 15.0 * r2 + 32.0 / 9.0 * r3), r4, d, fs, fd, vs, a, w2)
+    k4 = _pull(u, x + h * (44.0 / 45.0 * r - 56.0 / 15.0 * r2 + 32.0 / 9.0 * r3), r4, d, fs, fd, vs, a, w2)
     c1, c2, c3, c4 = 19372.0 / 6561.0, -25360.0 / 2187.0, 64448.0 / 6561.0, -212.0 / 729.0
     r5 = r + h * (c1 * k1 + c2 * k2 + c3 * k3 + c4 * k4)
-    k5 = pull(u, x + h * (c1 * r + c2 * r2 + c3 * r3 + c4 * r4), r5, d, fs, fd, vs, a, w2)
+    k5 = _pull(u, x + h * (c1 * r + c2 * r2 + c3 * r3 + c4 * r4), r5, d, fs, fd, vs, a, w2)
     c1, c2, c3, c4, c5 = 9017.0 / 3168.0, -355.0 / 33.0, 46732.0 / 5247.0, 49.0 / 176.0, -5103.0 / 18656.0
     r6 = r + h * (c1 * k1 + c2 * k2 + c3 * k3 + c4 * k4 + c5 * k5)
-    k6 = pull(u, x + h * (c1 * r + c2 * r2 + c3 * r3 + c4 * r4 + c5 * r5), r6, d, fs, fd, vs, a, w2)
+    k6 = _pull(u, x + h * (c1 * r + c2 * r2 + c3 * r3 + c4 * r4 + c5 * r5), r6, d, fs, fd, vs, a, w2)
     c1, c3, c4, c5, c6 = 35.0 / 384.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0
     x1 = x + h * (c1 * r + c3 * r3 + c4 * r4 + c5 * r5 + c6 * r6)
     r1 = r + h * (c1 * k1 + c3 * k3 + c4 * k4 + c5 * k5 + c6 * k6)
-    k7 = pull(u, x1, r1, d, fs, fd, vs, a, w2)
+    k7 = _pull(u, x1, r1, d, fs, fd, vs, a, w2)
     e1, e3, e4 = 71.0 / 57600.0, -71.0 / 16695.0, 71.0 / 1920.0
     e5, e6, e7 = -17253.0 / 339200.0, 22.0 / 525.0, -1.0 / 40.0
     error_x = h * abs(e1 * r + e3 * r3 + e4 * r4 + e5 * r5 + e6 * r6 + e7 * r1)
@@ -91,6 +91,6 @@ def runge_kutta(u, x, r, d, h, fs, fd, vs, a, w2):
     return x1, r1, max(error_x / TOLERANCE_X, error_r / (TOLERANCE_R * max(abs(r1), vs)))
 
 
-def pull(u, x, r, d, fs, fd, vs, a, w2):
+def _pull(u, x, r, d, fs, fd, vs, a, w2):
     """Return the acceleration (%/s2) of a valve that moves in direction d against Stribeck and viscous friction."""
     return w2 * (u - x - d * (fd + (fs - fd) * exp(-(r / vs) * (r / vs)))) - 2.0 * a * r

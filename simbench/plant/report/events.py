@@ -8,10 +8,10 @@ import numpy as np
 
 from detectors.prepared import Prepared
 
-NEAR = 0.12  # logarithm of the ratio of two periods up to which they may be one
-LOCKED = 0.95  # mean resultant length of the phase difference from which two oscillations are one
-WIDE = 1.35  # half width of the band around the period, as a factor
-EDGE = 0.1  # of the record at either end where a filtered phase is not trusted
+_NEAR = 0.12  # logarithm of the ratio of two periods up to which they may be one
+_LOCKED = 0.95  # mean resultant length of the phase difference from which two oscillations are one
+_WIDE = 1.35  # half width of the band around the period, as a factor
+_EDGE = 0.1  # of the record at either end where a filtered phase is not trusted
 
 
 def shared_oscillations(records: Mapping[str, Prepared]) -> list[list[str]]:
@@ -64,10 +64,10 @@ def _together(one: Prepared, other: Prepared) -> bool:
     if abs(a.Ts / b.Ts - 1) > 0.01 or a.n != b.n:
         return False
     periods = np.array([one.oscillation.period_s, other.oscillation.period_s]) / a.Ts
-    if abs(np.log(periods[0] / periods[1])) > NEAR:
+    if abs(np.log(periods[0] / periods[1])) > _NEAR:
         return False
     period = float(np.sqrt(periods.prod()))
-    return phase_locking(a.pv, b.pv, period) > LOCKED
+    return phase_locking(a.pv, b.pv, period) > _LOCKED
 
 
 def phase_locking(x: np.ndarray, y: np.ndarray, period: float) -> float:
@@ -82,7 +82,7 @@ def phase_locking(x: np.ndarray, y: np.ndarray, period: float) -> float:
     -------
     float
     """
-    cut = int(EDGE * x.size)
+    cut = int(_EDGE * x.size)
     inner = slice(cut, x.size - cut)
     turn = np.angle(_analytic(x, period)[inner] * np.conj(_analytic(y, period)[inner]))
     return float(np.abs(np.exp(1j * turn).mean()))
@@ -93,7 +93,7 @@ def _analytic(x: np.ndarray, period: float) -> np.ndarray:
     line = np.linspace(x[0], x[-1], n)
     power = np.fft.fft((x - line) * np.hanning(n) ** 0.25)
     f = np.fft.fftfreq(n)
-    return np.fft.ifft(np.where((f > 1 / (WIDE * period)) & (f < WIDE / period), 2 * power, 0.0))
+    return np.fft.ifft(np.where((f > 1 / (_WIDE * period)) & (f < _WIDE / period), 2 * power, 0.0))
 
 
 def likely_root(group: Sequence[str], probability: Mapping[str, float], nonlinear: Mapping[str, float]) -> list[str]:

@@ -21,8 +21,8 @@ from simbench.plant.trust.result import STICKY, Trust
 from simbench.plant.trust.trust import trust
 
 HEALTHY, EACH = 16, 2  # twins per loop: enough to rank a plant; `simbench trust` draws more
-NOTHING = "procedure"  # whose windows are missing where a record cannot be judged
-NONLINEAR = "surrogate"  # whose score tells a source from its victims
+_NOTHING = "procedure"  # whose windows are missing where a record cannot be judged
+_NONLINEAR = "surrogate"  # whose score tells a source from its victims
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +150,7 @@ def _one(name: str, record: LoopRecord, methods: list[str], label: str, seed: in
     behind = found.behind
     if behind is not None and behind.fitted and behind.gain > 0 and behind.probability >= 0.5:
         size = (behind.fitted[0] * behind.percent, behind.fitted[1] * behind.percent)
-    when = found.over_time or OverTime(NOTHING, (), 0, 0)
+    when = found.over_time or OverTime(_NOTHING, (), 0, 0)
     return FleetLoop(name, found, said, when, size, label, None, None, Advice("", ""))
 
 
@@ -165,7 +165,7 @@ def _with_pooled(members: list[FleetLoop], loops: Mapping[str, str]) -> list[Fle
 
 
 def _nonlinearity(verdicts: tuple[Verdict, ...]) -> float:
-    return next((v.score for v in verdicts if v.method == NONLINEAR and v.score == v.score), 0.0)
+    return next((v.score for v in verdicts if v.method == _NONLINEAR and v.score == v.score), 0.0)
 
 
 def _joined(members: list[FleetLoop], prepared: Mapping[str, Prepared]) -> tuple[list[FleetLoop], tuple[tuple[str, ...], ...]]:

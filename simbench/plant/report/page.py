@@ -19,7 +19,7 @@ from simbench.plant.resumed import resumed
 from simbench.plant.trust.pictures import draw_pv_op, draw_trend
 from simbench.plant.trust.result import STICKY
 
-SIGN = {STICTION: "●", NO_STICTION: "·", NO_DECISION: "?"}
+_SIGN = {STICTION: "●", NO_STICTION: "·", NO_DECISION: "?"}
 
 
 def write_fleet(fleet: Fleet, path: str | Path, labels: dict[str, dict[str, str]] | None = None, *, jobs: int = 1) -> Path:
@@ -130,11 +130,11 @@ def _events(fleet: Fleet) -> list[str]:
 
 def _legend() -> str:
     says = {STICTION: "stiction", NO_STICTION: "no stiction", NO_DECISION: "no decision"}
-    return ", ".join(f"{SIGN[v]} {word}" for v, word in says.items()) + ", blank: not made for this loop."
+    return ", ".join(f"{_SIGN[v]} {word}" for v, word in says.items()) + ", blank: not made for this loop."
 
 
 def _matrix(frame: pd.DataFrame, fleet: Fleet) -> pd.DataFrame:
-    signs = {word.replace("_", " "): sign for word, sign in SIGN.items()} | {"not applicable": ""}
+    signs = {word.replace("_", " "): sign for word, sign in _SIGN.items()} | {"not applicable": ""}
     return pd.concat([frame[["rank", "loop"]], frame[list(fleet.methods)].map(lambda word: signs[word])], axis=1)
 
 

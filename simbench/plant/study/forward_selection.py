@@ -26,9 +26,9 @@ from simbench.plant.study.result import Contribution
 from simbench.plant.study.strengths import FRICTION, Size, absolute, with_effect
 from simbench.plant.study.two_sample import FeatureScaler, mmd_squared
 
-FEWEST_LOOPS = 2  # loops in which an effect must be found to be tried
-MOST_EFFECTS = 5  # effects joined one after the other
-ROUNDS = 4  # in which a strength is measured again by the loop that has it
+_FEWEST_LOOPS = 2  # loops in which an effect must be found to be tried
+_MOST_EFFECTS = 5  # effects joined one after the other
+_ROUNDS = 4  # in which a strength is measured again by the loop that has it
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,12 +117,12 @@ def join(
     grid nearest. Nothing joins once grid and plant are as near as two draws of one grid.
     """
     left = {
-        e: [v for w in _places(e, s) for v in _shares(e, w, loops, rng)] for e, s in found.items() if len(s) >= FEWEST_LOOPS
+        e: [v for w in _places(e, s) for v in _shares(e, w, loops, rng)] for e, s in found.items() if len(s) >= _FEWEST_LOOPS
     }
     now, out = simulated, []
     before = accuracy(simulated, base, methods)
     so_far, nearest = before, mmd_squared(ruler, units(simulated), real_x)
-    while left and len(out) < MOST_EFFECTS and nearest > 0.0:
+    while left and len(out) < _MOST_EFFECTS and nearest > 0.0:
         standing = [s for s in now if s.stands]
         far = {v: mmd_squared(ruler, units(_with(standing, v)), real_x) for ways in left.values() for v in ways}
         best = min(far, key=lambda v: far[v])
@@ -179,7 +179,7 @@ def _hit(s: Simulated, effect: str, strength: dict[str, Any]) -> Simulated:
     size, out = s.size, s
     before = s.loop.model_copy(update={"valve": Part(name="ideal")}) if effect in FRICTION else s.loop
     try:
-        for _ in range(ROUNDS):
+        for _ in range(_ROUNDS):
             loop = with_effect(before, effect, absolute(effect, strength, size))
             run = simulate(loop, s.seed)
             record = run.record.without_mv()

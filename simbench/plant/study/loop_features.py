@@ -8,7 +8,7 @@ from detectors.record import LoopRecord
 from detectors.signal.oscillation import find_oscillation
 from simbench.gap.closed_loop.summary_features import features
 
-SAMPLES = 100.0  # per period, beyond which a record counts as equally fine
+_SAMPLES = 100.0  # per period, beyond which a record counts as equally fine
 
 
 def looks(record: LoopRecord) -> dict[str, float]:
@@ -34,7 +34,7 @@ def looks(record: LoopRecord) -> dict[str, float]:
     period = swing.period_s / record.Ts
     known = np.isfinite(period) and period > 0
     out["regularity"] = float(np.log1p(max(swing.regularity, 0.0))) if np.isfinite(swing.regularity) else 0.0
-    out["samples per period"] = float(np.log(min(period, SAMPLES))) if known else float(np.log(SAMPLES))
+    out["samples per period"] = float(np.log(min(period, _SAMPLES))) if known else float(np.log(_SAMPLES))
     out["periods"] = float(np.log(record.n / period)) if known else 0.0
     out["sustained"] = float(swing.sustained)
     return {k: v if np.isfinite(v) else 0.0 for k, v in out.items()}

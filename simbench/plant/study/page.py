@@ -13,7 +13,7 @@ from simbench.figures._style import BLUE, GREY, RED, label, panels, styled
 from simbench.plant.page import section, write
 from simbench.plant.study.result import Study
 
-SHOWN = 12  # features drawn
+_SHOWN = 12  # features drawn
 
 
 def write_study(found: Study, path: str | Path) -> None:
@@ -40,7 +40,7 @@ def write_study(found: Study, path: str | Path) -> None:
     says = "Median of the real loops in spreads of the simulated ones; red where p < 0.05 among all features"
     parts = [
         section("answer", "The answer", [answer], tiles=tiles),
-        section("features", "By what they differ", pictures=[(draw_shifts(found.features[:SHOWN]), says)]),
+        section("features", "By what they differ", pictures=[(_draw_shifts(found.features[:_SHOWN]), says)]),
         section("effects", "What explains it", _explained(found), table=_effects(found) if found.effects else None),
         section("methods", "What it costs each detector", table=_methods(found)),
         section("limits", "What so few loops can and cannot show", _limits(found), points=found.notes),
@@ -49,7 +49,7 @@ def write_study(found: Study, path: str | Path) -> None:
 
 
 @styled
-def draw_shifts(features: Sequence[dict[str, float | str]]) -> Figure:
+def _draw_shifts(features: Sequence[dict[str, float | str]]) -> Figure:
     """Draw how far single features lie from the simulation's."""
     figure, axes = panels(1, 1, 5.0, 0.22 * len(features) + 0.8)
     ax, at = axes.ravel()[0], np.arange(len(features))[::-1]

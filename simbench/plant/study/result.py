@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-HALF_A_POINT = 0.005  # of accuracy, from which a cost is named
+_HALF_A_POINT = 0.005  # of accuracy, from which a cost is named
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Contribution:
 
     def costly(self) -> dict[str, float]:
         """Return what it costs the methods that it costs half a point or more, the dearest first."""
-        return {m: c for m, c in sorted(self.costs.items(), key=lambda kv: kv[1]) if c <= -HALF_A_POINT}
+        return {m: c for m, c in sorted(self.costs.items(), key=lambda kv: kv[1]) if c <= -_HALF_A_POINT}
 
 
 @dataclass(frozen=True, eq=False)

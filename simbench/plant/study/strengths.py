@@ -16,8 +16,8 @@ from simbench.loop.effects import EFFECTS, Choice
 # what compares with a baseline, not with a grid
 NOT_LACKING = ("gain_mismatch", "time_constant_mismatch", "dead_time_mismatch", "detuning", "noise")
 FRICTION = ("stiction", "deadband")  # what takes the place of the friction that a loop of the grid has
-GROWN = 2.0  # times that an effect may change a loop's size before its strength is measured by it no more
-REST = 40.0  # samples that stand for the period of a record without one
+_GROWN = 2.0  # times that an effect may change a loop's size before its strength is measured by it no more
+_REST = 40.0  # samples that stand for the period of a record without one
 
 
 @dataclass(frozen=True)
@@ -33,13 +33,13 @@ class Size:
         """Return the size of a record."""
         op = record.op if record.op_percent is None else record.op_percent
         swing = find_oscillation(record.op, record.pv, record.Ts)
-        period = swing.period_s if np.isfinite(swing.period_s) else REST * record.Ts
+        period = swing.period_s if np.isfinite(swing.period_s) else _REST * record.Ts
         span = float(np.quantile(op, 0.99) - np.quantile(op, 0.01))
         return cls(float(np.std(record.pv)) or 1.0, span or 1.0, float(period))
 
     def towards(self, other: Size) -> Size:
-        """Return the size of a loop that an effect has changed, by `GROWN` at most: it may make it run away."""
-        pv, op = (float(np.clip(b, a / GROWN, a * GROWN)) for a, b in ((self.pv, other.pv), (self.op, other.op)))
+        """Return the size of a loop that an effect has changed, by `_GROWN` at most: it may make it run away."""
+        pv, op = (float(np.clip(b, a / _GROWN, a * _GROWN)) for a, b in ((self.pv, other.pv), (self.op, other.op)))
         return Size(pv, op, self.period)
 
     def factor(self, unit: str) -> float:

@@ -24,8 +24,8 @@ from simbench.plant.study.result import Study
 from simbench.plant.study.strengths import NOT_LACKING, Size, relative
 from simbench.plant.study.two_sample import FeatureScaler, classifier_test, feature_tests, mmd, mmd_test
 
-GROUPS = 40  # of the grid that are simulated
-BOOTSTRAPS = 500
+_GROUPS = 40  # of the grid that are simulated
+_BOOTSTRAPS = 500
 
 
 def study(
@@ -34,7 +34,7 @@ def study(
     labels: str | Path | None = None,
     *,
     methods: Sequence[str] = ("fast",),
-    groups: int = GROUPS,
+    groups: int = _GROUPS,
     seed: int = 0,
     jobs: int = 1,
     keep: str | Path | None = None,
@@ -76,7 +76,7 @@ def study(
 
 
 @dataclass(frozen=True, eq=False)
-class RecordedFleet:
+class _RecordedFleet:
     """What was recorded in a plant: records by name, the unit of each, its line of the labels, files refused, and where."""
 
     records: Mapping[str, LoopRecord]
@@ -86,7 +86,7 @@ class RecordedFleet:
     folder: Path
 
 
-def read_fleet(folder: str | Path, labels: str | Path | None = None) -> RecordedFleet:
+def read_fleet(folder: str | Path, labels: str | Path | None = None) -> _RecordedFleet:
     """Read a set of records, and refuse one of too few loops.
 
     Parameters
@@ -110,11 +110,11 @@ def read_fleet(folder: str | Path, labels: str | Path | None = None) -> Recorded
     unit = {name: known.get(name, {}).get("unit_group", name) for name in records}
     if len(set(unit.values())) < 5:
         raise ParameterError(f"{folder}: {len(set(unit.values()))} loops; a study needs at least 5")
-    return RecordedFleet(records, unit, known, refused, Path(folder))
+    return _RecordedFleet(records, unit, known, refused, Path(folder))
 
 
 def against(
-    real: RecordedFleet,
+    real: _RecordedFleet,
     simulated: list[Simulated],
     grid: str,
     methods: list[str],
@@ -146,7 +146,7 @@ def against(
     names, real_x, _ = by_unit([looks(r) for r in records.values()], list(unit.values()))
     sim_x = units(simulated)
     ruler = FeatureScaler.of(sim_x, real_x)
-    found, failed = effects_of(records, unit, real.folder, jobs=jobs, keep=keep)
+    found, failed = _effects_of(records, unit, real.folder, jobs=jobs, keep=keep)
     base = verdicts_on(simulated, methods)
     joined, moved = join(simulated, found, len(set(unit.values())), ruler, real_x, base, methods, rng)
     labelled = _real_accuracy(records, unit, known, methods, rng)
@@ -165,7 +165,7 @@ def against(
     )  # fmt: skip
 
 
-def effects_of(
+def _effects_of(
     records: Mapping[str, LoopRecord], unit: Mapping[str, str], folder: Path, *, jobs: int = 1, keep: str | Path | None = None
 ) -> tuple[dict[str, list[dict[str, Any]]], list[str]]:
     """Diagnose one record of every unit, and return the effects found with their relative strengths.
@@ -235,7 +235,7 @@ def _real_accuracy(
     a, b = np.array(positive), np.array(negative)
     again = [
         0.5 * (a[rng.integers(len(a), size=len(a))].mean(axis=0) + b[rng.integers(len(b), size=len(b))].mean(axis=0))
-        for _ in range(BOOTSTRAPS)
+        for _ in range(_BOOTSTRAPS)
     ]
     value, (lo, hi) = 0.5 * (a.mean(axis=0) + b.mean(axis=0)), np.quantile(again, [0.025, 0.975], axis=0)
     return {m: {"value": float(value[i]), "lo": float(lo[i]), "hi": float(hi[i])} for i, m in enumerate(methods)}

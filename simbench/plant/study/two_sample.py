@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-PERMUTATIONS = 499
-BOOTSTRAPS = 200
-FOLDS = 5
+_PERMUTATIONS = 499
+_BOOTSTRAPS = 200
+_FOLDS = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,14 +98,14 @@ def mmd_test(ruler: FeatureScaler, one: np.ndarray, other: np.ndarray, rng: np.r
     both = np.vstack([one, other])
     kernel, first = ruler.kernel(both, both), np.arange(len(both)) < len(one)
     value = _mmd(kernel, first)
-    shuffled = [_mmd(kernel, rng.permutation(first)) for _ in range(PERMUTATIONS)]
+    shuffled = [_mmd(kernel, rng.permutation(first)) for _ in range(_PERMUTATIONS)]
     again = []
-    for _ in range(BOOTSTRAPS):
+    for _ in range(_BOOTSTRAPS):
         a, b = rng.integers(len(one), size=len(one)), len(one) + rng.integers(len(other), size=len(other))
         pick = np.r_[a, b]
         again.append(_mmd(kernel[np.ix_(pick, pick)], first, twins=pick[:, None] == pick[None, :]))
     lo, hi = np.quantile(again, [0.025, 0.975])
-    p = (1 + sum(s >= value for s in shuffled)) / (1 + PERMUTATIONS)
+    p = (1 + sum(s >= value for s in shuffled)) / (1 + _PERMUTATIONS)
     return {"value": value, "lo": float(min(lo, value)), "hi": float(max(hi, value)), "p": float(p)}
 
 
@@ -187,13 +187,13 @@ def _folds(first: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     fold = np.empty(first.size, dtype=int)
     for kind in (True, False):
         here = np.flatnonzero(first == kind)
-        fold[here] = rng.permutation(np.arange(here.size) % FOLDS)
+        fold[here] = rng.permutation(np.arange(here.size) % _FOLDS)
     return fold
 
 
 def _auc(x: np.ndarray, first: np.ndarray, fold: np.ndarray) -> float:
     out = np.zeros(first.size)
-    for i in range(FOLDS):
+    for i in range(_FOLDS):
         a, b = x[(fold != i) & first], x[(fold != i) & ~first]
         within = np.cov(np.vstack([a - a.mean(axis=0), b - b.mean(axis=0)]).T)
         # half of the covariance is shrunk to its diagonal: there are more features than loops

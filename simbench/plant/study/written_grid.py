@@ -17,7 +17,7 @@ from simbench.files import whole_file
 from simbench.plant.study.result import Contribution, Study
 from simbench.plant.study.strengths import FRICTION, scales
 
-PLACES = 20  # entries of the list that a loop's effect is drawn from
+_PLACES = 20  # entries of the list that a loop's effect is drawn from
 
 
 class NoGrid(ParameterError):
@@ -67,8 +67,8 @@ def _places(effects: Sequence[Contribution], own: Sequence[str]) -> list[str]:
     """Return the list an effect is drawn from: each found one by its share, what the grid had for the rest."""
     share = sum(e.share for e in effects)
     fit = min(1.0, 1.0 / share)
-    new = [f"found_{e.effect}" for e in effects for _ in range(max(round(PLACES * fit * e.share), 1))]
-    rest = max(PLACES - len(new), 0)
+    new = [f"found_{e.effect}" for e in effects for _ in range(max(round(_PLACES * fit * e.share), 1))]
+    rest = max(_PLACES - len(new), 0)
     return new + [own[i * len(own) // rest] for i in range(rest)]
 
 

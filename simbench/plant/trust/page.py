@@ -12,7 +12,7 @@ from simbench.plant.page import section, write
 from simbench.plant.trust.pictures import draw_power, draw_pv_op, draw_trend
 from simbench.plant.trust.result import Trust
 
-SHOWN = 3  # detectors drawn beside the one to trust
+_SHOWN = 3  # detectors drawn beside the one to trust
 
 
 def write_page(found: Trust, path: str | Path) -> None:
@@ -45,7 +45,7 @@ def write_page(found: Trust, path: str | Path) -> None:
     seen = [(trend, f"PV (red), SP (grey), OP (blue){shaded}"), (draw_pv_op(record), "PV against OP")]
     parts.append(section("record", "The record", pictures=seen))
     if found.power:
-        best = [m for m in found.methods if m.verdict.applicable is not False][:SHOWN]
+        best = [m for m in found.methods if m.verdict.applicable is not False][:_SHOWN]
         curves = {"as best read": found.power} | {m.verdict.method: m.power for m in best}
         says = (
             "Share of twins called stiction over S; the band is the 95 % interval of the method most often right on the twins, "

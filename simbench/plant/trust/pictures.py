@@ -11,8 +11,8 @@ from detectors.record import LoopRecord
 from simbench.figures._style import BLACK, BLUE, GREY, ORANGE, RED, SIGNAL, SKY, label, panels, styled
 from simbench.plant.trust.power import POWER, Cell
 
-POINTS = 700  # drawn of a trend; a longer record is drawn by the extremes of its pieces
-LINES = (BLACK, BLUE, ORANGE, RED, SKY)
+_POINTS = 700  # drawn of a trend; a longer record is drawn by the extremes of its pieces
+_LINES = (BLACK, BLUE, ORANGE, RED, SKY)
 
 
 @styled
@@ -41,7 +41,7 @@ def draw_pv_op(record: LoopRecord) -> Figure:
     figure, axes = panels(1, 1, 2.6, 2.6)
     _place(figure, left=0.35, right=0.965, bottom=0.165, top=0.93)
     ax = axes.ravel()[0]
-    k = np.unique(np.linspace(0, record.n - 1, min(record.n, 2 * POINTS)).astype(int))
+    k = np.unique(np.linspace(0, record.n - 1, min(record.n, 2 * _POINTS)).astype(int))
     ax.plot(record.op[k], record.pv[k], color=BLUE, lw=0.5, alpha=0.8)
     label(ax, _op(record), "PV")
     return figure
@@ -53,7 +53,7 @@ def draw_power(curves: Mapping[str, Sequence[Cell]], ratio: float, unit: str) ->
     figure, axes = panels(1, 1, 4.2, 2.6)
     ax = axes.ravel()[0]
     S: list[float] = []
-    for colour, (name, cells) in zip(LINES, curves.items()):
+    for colour, (name, cells) in zip(_LINES, curves.items()):
         line = [c for c in cells if round(c.J / c.S, 6) == ratio]
         S = [c.S for c in line]
         ax.plot(S, [c.found for c in line], "o-", color=colour, ms=3, lw=1.0, label=name)
@@ -81,8 +81,8 @@ def _op(record: LoopRecord) -> str:
 
 def _thin(x: np.ndarray) -> np.ndarray:
     """Return which samples to draw: all of a short signal, the extremes of every piece of a long one."""
-    if x.size <= 2 * POINTS:
+    if x.size <= 2 * _POINTS:
         return np.arange(x.size)
-    pieces = np.array_split(np.arange(x.size), POINTS)
+    pieces = np.array_split(np.arange(x.size), _POINTS)
     ends = [i for p in pieces for i in sorted({int(p[np.argmin(x[p])]), int(p[np.argmax(x[p])])})]
     return np.unique(np.array(ends, dtype=int))

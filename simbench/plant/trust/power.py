@@ -11,8 +11,8 @@ from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 from simbench.bench.statistics import wilson
 
 POWER = 0.8  # share that must be found of what is called visible
-ALARMS = 0.05  # share of healthy twins that a threshold chosen here may call sticky
-BETTER = 0.03  # by which a threshold chosen here must be right more often than the published rule to be advised
+_ALARMS = 0.05  # share of healthy twins that a threshold chosen here may call sticky
+_BETTER = 0.03  # by which a threshold chosen here must be right more often than the published rule to be advised
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ def readings(method: str, verdicts: Sequence[Verdict], sticky: np.ndarray) -> li
     half = np.arange(sticky.size) % 2 == 0
     tried = [_right(scores[here] > _cut(scores[~here & ~sticky]), sticky[here]) for here in (half, ~half)]
     chosen = Rule(method, cut, float(np.mean(tried)))
-    return [chosen, published] if chosen.right > published.right + BETTER else [published, chosen]
+    return [chosen, published] if chosen.right > published.right + _BETTER else [published, chosen]
 
 
 def _right(called: np.ndarray, sticky: np.ndarray, decided: np.ndarray | None = None) -> float:
@@ -144,7 +144,7 @@ def _right(called: np.ndarray, sticky: np.ndarray, decided: np.ndarray | None = 
 
 
 def _cut(healthy: np.ndarray) -> float:
-    return float(np.quantile(healthy, 1.0 - ALARMS, method="higher"))
+    return float(np.quantile(healthy, 1.0 - _ALARMS, method="higher"))
 
 
 def likelihood_ratio(said: str, verdicts: Sequence[str], sticky: np.ndarray) -> float:

@@ -12,9 +12,9 @@ from simbench.plant.indices import judged
 from simbench.plant.trust.candidate_loops import ARCHIVE, CandidateLoops, archived, without
 from simbench.plant.trust.replicates import Change, draw_twins
 
-TWINS = 24  # of each kind, per remedy
-WORTH = 0.2  # by which a remedy must raise found less false alarms to be named
-LONGEST = 20000  # samples beyond which a longer record is not simulated
+_TWINS = 24  # of each kind, per remedy
+_WORTH = 0.2  # by which a remedy must raise found less false alarms to be named
+_LONGEST = 20000  # samples beyond which a longer record is not simulated
 
 
 @dataclass(frozen=True)
@@ -89,14 +89,14 @@ def remedies(
     for what, change in _changes(behind, cell[0]):
         name, found, alarms = max(_shares(behind, methods, cell, change, seed), key=lambda row: row[1] - row[2])
         tried.append(Remedy(what, name, S, unit, found, alarms, before))
-    worth = sorted((r for r in tried if r.gain >= WORTH), key=lambda r: -r.gain)
+    worth = sorted((r for r in tried if r.gain >= _WORTH), key=lambda r: -r.gain)
     return tuple(worth) or (Remedy("", "", S, unit, 0.0, 0.0, before),)
 
 
 def _changes(a: CandidateLoops, S: float) -> list[tuple[str, Change]]:
     record, loop = a.record, a.healthy[0]
     out = []
-    if record.n * 4 <= LONGEST:
+    if record.n * 4 <= _LONGEST:
         out.append((f"{_hours(4 * record.duration)} of record in place of {_hours(record.duration)}", Change(longer=4.0)))
         out.append((f"a sample every {record.Ts / 3:.3g} s in place of every {record.Ts:.3g} s", Change(faster=3)))
     # as much PV as three times the band moves it; an integrating plant has no gain of that kind
@@ -113,7 +113,7 @@ def _shares(
     a: CandidateLoops, methods: Sequence[str], cell: tuple[float, float], change: Change, seed: int
 ) -> list[tuple[str, float, float]]:
     """Return per method the share of sticky and of healthy twins that it calls stiction."""
-    twins = draw_twins(a, TWINS, TWINS, cells=[cell], change=change, seed=seed + 1)
+    twins = draw_twins(a, _TWINS, _TWINS, cells=[cell], change=change, seed=seed + 1)
     sticky = np.array([t.S > 0 for t in twins], dtype=bool)
     if sticky.all() or not sticky.any():
         return [("", 0.0, 0.0)]

@@ -16,18 +16,18 @@ from scenarios.spec import Loop
 from simbench.loop.simulate import simulate
 from simbench.plant.trust.candidate_loops import CandidateLoops, with_friction
 
-LEVELS = 5  # values of S
-SLIPS = (0.25, 1.0)  # J over S: a little slip-jump, and as much as there is band
-WARM_UP = 0.3  # of the record's length, simulated ahead of it and cut off
-TRIES = 6  # draws before a loop that runs away is given up
-LARGER, SMALLER = 2.0, 0.4  # times the record's size that a loop without friction may move
-DRIVEN = ("sine", "propagated")  # what swings a sound loop from outside
-QUIETER = 0.4  # times the fitted loads beside such a swing, which they were fitted to
-GOLDEN = 0.5 * (5.0**0.5 - 1.0)  # its multiples fall evenly into every share
+_LEVELS = 5  # values of S
+_SLIPS = (0.25, 1.0)  # J over S: a little slip-jump, and as much as there is band
+_WARM_UP = 0.3  # of the record's length, simulated ahead of it and cut off
+_TRIES = 6  # draws before a loop that runs away is given up
+_LARGER, _SMALLER = 2.0, 0.4  # times the record's size that a loop without friction may move
+_DRIVEN = ("sine", "propagated")  # what swings a sound loop from outside
+_QUIETER = 0.4  # times the fitted loads beside such a swing, which they were fitted to
+_GOLDEN = 0.5 * (5.0**0.5 - 1.0)  # its multiples fall evenly into every share
 
 # standard deviations of the logarithms drawn: identified plants are known worse than stated ones
-UNCERTAIN = {"slow": 0.30, "K": 0.10, "Td": 0.25, "load": 0.20, "load_time": 0.30, "noise": 0.10}
-STATED = {"slow": 0.05, "K": 0.05, "Td": 0.05, "load": 0.20, "load_time": 0.30, "noise": 0.10}
+_UNCERTAIN = {"slow": 0.30, "K": 0.10, "Td": 0.25, "load": 0.20, "load_time": 0.30, "noise": 0.10}
+_STATED = {"slow": 0.05, "K": 0.05, "Td": 0.05, "load": 0.20, "load_time": 0.30, "noise": 0.10}
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +77,8 @@ def levels(around: CandidateLoops) -> list[tuple[float, float]]:
         From a tenth of what OP moves through (0.1 to 1 %) to twice that (5 to 15 %).
     """
     span = float(np.quantile(around.record.op, 0.99) - np.quantile(around.record.op, 0.01))
-    S = np.geomspace(np.clip(0.1 * span, 0.1, 1.0), np.clip(2.0 * span, 5.0, 15.0), LEVELS)
-    return [(float(s), float(r * s)) for r in SLIPS for s in S]
+    S = np.geomspace(np.clip(0.1 * span, 0.1, 1.0), np.clip(2.0 * span, 5.0, 15.0), _LEVELS)
+    return [(float(s), float(r * s)) for r in _SLIPS for s in S]
 
 
 def draw_twins(
@@ -131,13 +131,13 @@ def _twin(a: CandidateLoops, S: float, J: float, change: Change, stream: list[in
     outside = a.period is not None and base is not a.sticky
     if change.loop is not None:
         base = change.loop(base)
-    for attempt in range(TRIES):
+    for attempt in range(_TRIES):
         try:
-            table = perturbed(base.to_table(), STATED if a.trusted else UNCERTAIN, rng)
+            table = _perturbed(base.to_table(), _STATED if a.trusted else _UNCERTAIN, rng)
             ahead = _timed(table, a.record, change)
             seed = int(rng.integers(2**31))
-            if outside and (attempt >= TRIES // 2 or number % 2):
-                table = _driven(table, a, DRIVEN[number // 2 % 2], seed, ahead, rng)
+            if outside and (attempt >= _TRIES // 2 or number % 2):
+                table = _driven(table, a, _DRIVEN[number // 2 % 2], seed, ahead, rng)
             loop = Loop.from_table(table, "twin")
             run = _after(simulate(with_friction(loop, 0.0, 0.0), seed).record, ahead)
             if not _alike(run, a.record, change, own=S <= 0):
@@ -157,7 +157,7 @@ def _twin(a: CandidateLoops, S: float, J: float, change: Change, stream: list[in
 
 def _sticky_base(a: CandidateLoops, number: int) -> Loop:
     """Return the loop that friction is put into: under friction part of the motion is the valve's, how much nobody knows."""
-    if a.sticky is not None and number * GOLDEN % 1.0 < a.probability:
+    if a.sticky is not None and number * _GOLDEN % 1.0 < a.probability:
         return a.sticky
     return a.healthy[number % len(a.healthy)]
 
@@ -172,7 +172,7 @@ def _driven(
 ) -> dict[str, Any]:
     """Return a sound loop that another one swings as much as the record swings, at about its period."""
     assert a.period is not None
-    own = [part | {"amplitude": QUIETER * part["amplitude"]} for part in table["disturbance"]]
+    own = [part | {"amplitude": _QUIETER * part["amplitude"]} for part in table["disturbance"]]
     calm = table | {"disturbance": own, "effect": [e for e in table.get("effect", []) if e["name"] != "oscillation"]}
     drive: dict[str, Any] = {"type": kind, "amplitude": 1.0, "period": a.period * float(np.exp(0.05 * rng.standard_normal()))}
     if kind == "propagated":
@@ -189,13 +189,13 @@ def _alike(run: LoopRecord, record: LoopRecord, change: Change, own: bool) -> bo
     for name in ("op", "pv"):
         size, real = float(np.std(getattr(run, name))), float(np.std(getattr(record, name)))
         # a set-point step moves both, and that is what it is for
-        room = np.inf if change.step else LARGER * real
-        if not size <= room or (own and size < SMALLER * real) or not np.isfinite(size):
+        room = np.inf if change.step else _LARGER * real
+        if not size <= room or (own and size < _SMALLER * real) or not np.isfinite(size):
             return False
     return True
 
 
-def perturbed(table: dict[str, Any], by: dict[str, float], rng: np.random.Generator) -> dict[str, Any]:
+def _perturbed(table: dict[str, Any], by: dict[str, float], rng: np.random.Generator) -> dict[str, Any]:
     """Return a loop's table with plant, loads and noise drawn around what stands in it.
 
     In closed loop K and T of a self-regulating plant are known little better than their ratio: they move together.
@@ -223,7 +223,7 @@ def _timed(table: dict[str, Any], record: LoopRecord, change: Change) -> int:
     """Set length, sampling and set point in place; return how many samples come before the record."""
     Ts = record.Ts / change.faster
     n = int(record.n * change.longer * change.faster)
-    ahead = int(WARM_UP * record.n * change.faster)
+    ahead = int(_WARM_UP * record.n * change.faster)
     table["sampling"] = {"Ts": Ts, "n": n + ahead}
     point = table["setpoint"]
     steps = [[float(t) + ahead * Ts, float(v)] for t, v in point.get("steps", [])]

@@ -14,7 +14,7 @@ from detectors.record import LoopRecord
 from detectors.report.report import choose_methods
 from detectors.verdict import STICTION, Verdict
 from scenarios.spec import Loop
-from simbench.gap.stiction.probability import DENIED_BELOW, CLAIMED_FROM
+from simbench.gap.stiction.probability import CLAIMED_FROM, DENIED_BELOW
 from simbench.plant.episodes import over_time
 from simbench.plant.indices import judged
 from simbench.plant.trust.candidate_loops import CandidateLoops, candidate_loops
@@ -30,9 +30,9 @@ from simbench.plant.trust.remedies import Remedy, remedies
 from simbench.plant.trust.replicates import Twin, draw_twins
 from simbench.plant.trust.result import OPEN, SOUND, STICKY, UNSEEN, MethodTrust, Trust, likely
 
-HEALTHY, EACH = 80, 12  # twins with a sound valve, and in every cell of S and J
-LONG_RECORD, THINNEST = 8000, 0.3  # samples of a record from which fewer twins are drawn, and at least this share of them
-FEW, FEWEST_OF_LONG = 10, 16  # twins of a kind below which nothing is said, and drawn of a long record: loops may run away
+_HEALTHY, _EACH = 80, 12  # twins with a sound valve, and in every cell of S and J
+LONG_RECORD, _THINNEST = 8000, 0.3  # samples of a record from which fewer twins are drawn, and at least this share of them
+FEW, _FEWEST_OF_LONG = 10, 16  # twins of a kind below which nothing is said, and drawn of a long record: loops may run away
 
 
 def trust(
@@ -40,8 +40,8 @@ def trust(
     loop: Loop | None = None,
     methods: Sequence[str] = ("all",),
     *,
-    healthy: int = HEALTHY,
-    each: int = EACH,
+    healthy: int = _HEALTHY,
+    each: int = _EACH,
     help_wanted: bool = True,
     seed: int = 0,
 ) -> Trust:
@@ -100,8 +100,8 @@ def trust(
             raise
         return _without_twins(record, said, f"no loop could be identified: {error}")
     probability = behind.probability
-    share = float(np.clip(LONG_RECORD / record.n, THINNEST, 1.0))
-    sound = max(round(share * healthy), min(healthy, FEWEST_OF_LONG))
+    share = float(np.clip(LONG_RECORD / record.n, _THINNEST, 1.0))
+    sound = max(round(share * healthy), min(healthy, _FEWEST_OF_LONG))
     twins = draw_twins(behind, sound, max(round(share * each), 2), seed=seed)
     sticky = np.array([t.S > 0 for t in twins], dtype=bool)
     if min(sticky.sum(), (~sticky).sum()) < FEW:

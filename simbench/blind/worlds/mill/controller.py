@@ -12,7 +12,7 @@ PROPORTIONAL, VELOCITY, CONDITIONAL, TRACKING, CLAMPED = range(5)
 RULES = {"forward": (0.0, 1.0), "backward": (1.0, 0.0), "trapezoidal": (0.5, 0.5)}
 
 
-class Product(NamedTuple):
+class _Product(NamedTuple):
     """One controller block: its step function, its integral rule, what it is."""
 
     law: int
@@ -21,17 +21,17 @@ class Product(NamedTuple):
 
 
 PRODUCTS = {
-    "bias_p": Product(PROPORTIONAL, "backward", "P with a manual bias, positional"),
-    "velocity_backward": Product(VELOCITY, "backward", "increments added to the limited OP, newest error"),
-    "velocity_forward": Product(VELOCITY, "forward", "increments added to the limited OP, previous error"),
-    "velocity_trapezoidal": Product(VELOCITY, "trapezoidal", "increments added to the limited OP, mean error"),
-    "conditional_backward": Product(CONDITIONAL, "backward", "positional; no integration further into a limit"),
-    "conditional_trapezoidal": Product(CONDITIONAL, "trapezoidal", "positional; no integration further into a limit"),
-    "tracking_forward": Product(TRACKING, "forward", "positional; integral pulled back by the excess (back-calculation)"),
-    "tracking_backward": Product(TRACKING, "backward", "positional; integral pulled back by the excess (back-calculation)"),
-    "clamped_forward": Product(CLAMPED, "forward", "positional; the integral itself held within the limits"),
-    "clamped_backward": Product(CLAMPED, "backward", "positional; the integral itself held within the limits"),
-    "clamped_trapezoidal": Product(CLAMPED, "trapezoidal", "positional; the integral itself held within the limits"),
+    "bias_p": _Product(PROPORTIONAL, "backward", "P with a manual bias, positional"),
+    "velocity_backward": _Product(VELOCITY, "backward", "increments added to the limited OP, newest error"),
+    "velocity_forward": _Product(VELOCITY, "forward", "increments added to the limited OP, previous error"),
+    "velocity_trapezoidal": _Product(VELOCITY, "trapezoidal", "increments added to the limited OP, mean error"),
+    "conditional_backward": _Product(CONDITIONAL, "backward", "positional; no integration further into a limit"),
+    "conditional_trapezoidal": _Product(CONDITIONAL, "trapezoidal", "positional; no integration further into a limit"),
+    "tracking_forward": _Product(TRACKING, "forward", "positional; integral pulled back by the excess (back-calculation)"),
+    "tracking_backward": _Product(TRACKING, "backward", "positional; integral pulled back by the excess (back-calculation)"),
+    "clamped_forward": _Product(CLAMPED, "forward", "positional; the integral itself held within the limits"),
+    "clamped_backward": _Product(CLAMPED, "backward", "positional; the integral itself held within the limits"),
+    "clamped_trapezoidal": _Product(CLAMPED, "trapezoidal", "positional; the integral itself held within the limits"),
 }
 STATES = 3  # integral or bias, previous error, OP before anything is added to it
 

@@ -19,7 +19,7 @@ from simbench.blind.worlds.mill.sizes import family
 from simbench.blind.worlds.mill.statistics import Record
 from simbench.loop.effects import NONE, UNKNOWN
 
-LOOPS, VARIANTS = 200, 2  # loops drawn for one entry; directions, periods and seeds tried on each
+LOOPS, _VARIANTS = 200, 2  # loops drawn for one entry; directions, periods and seeds tried on each
 # effects that these signals cannot tell apart, or nearly: no record holds two of one row
 ALIKE = (
     ("valve_lag", "extra_lag", "sensor_lag", "dead_time_mismatch", "time_constant_mismatch"),
@@ -27,7 +27,7 @@ ALIKE = (
     ("gain_mismatch", "time_constant_mismatch", "valve_characteristic", "deadzone", "detuning"),
     ("stiction", "deadband", "deadzone", "error_deadband"),
 )
-BESIDE = 1.3  # least ratio of each of two effects when the other is in the loop already
+_BESIDE = 1.3  # least ratio of each of two effects when the other is in the loop already
 
 
 class Item(NamedTuple):
@@ -38,7 +38,7 @@ class Item(NamedTuple):
     answer: dict[str, Any]
 
 
-class Found(NamedTuple):
+class _Found(NamedTuple):
     """An effect of a size that suits."""
 
     effect: dict[str, Any]
@@ -71,7 +71,7 @@ def draw(seed: int, index: int, entry: dict[str, Any]) -> Item:
     for attempt in range(LOOPS):
         case = draw_loop(np.random.default_rng([seed, index, attempt]), wish)
         names = _names(entry, seed, index, attempt)
-        for variant in range(VARIANTS):
+        for variant in range(_VARIANTS):
             rng = np.random.default_rng([seed, index, attempt, variant, zlib.crc32(what.encode())])
             found = _try(deepcopy(case), entry, names, rng)
             if found is not None:
@@ -176,7 +176,7 @@ def _search(
     band: tuple,
     target: float,
     seeds: list[int],
-) -> Found | None:
+) -> _Found | None:
     """Bisect the logarithm of an effect's size until its ratio is within a tenth of the target, or at least within the band."""
     sizes = family(effect, rng, scales)
     lowest, highest = np.log(sizes.low), np.log(sizes.high)
@@ -200,11 +200,11 @@ def _search(
     return best
 
 
-def _found(case: Case, effect: str, parameters: dict[str, Any], seeds: list[int], healthy: Cloud) -> tuple[Found, bool]:
+def _found(case: Case, effect: str, parameters: dict[str, Any], seeds: list[int], healthy: Cloud) -> tuple[_Found, bool]:
     """An effect of a size, how visible it is, and whether its records are sound."""
     given = {"effect": effect, "parameters": parameters}
     value, records = ratio(case, [given], seeds, healthy)
-    return Found(given, value, records), all(sound(case, r, _limits([given])) for r in records)
+    return _Found(given, value, records), all(sound(case, r, _limits([given])) for r in records)
 
 
 def _limits(effects: list[dict[str, Any]]) -> tuple[float, float]:
@@ -213,12 +213,12 @@ def _limits(effects: list[dict[str, Any]]) -> tuple[float, float]:
     return (given[0]["lo"], given[0]["hi"]) if given else (0.0, 100.0)
 
 
-def _both(case: Case, entry: dict[str, Any], found: list[Found], seeds: list[int]) -> Item | None:
+def _both(case: Case, entry: dict[str, Any], found: list[_Found], seeds: list[int]) -> Item | None:
     """Two effects in one loop, each still visible beside the other."""
     effects = [f.effect for f in found]
     for other in effects:
         value, records = ratio(case, effects, seeds[:TRIALS], cloud(case, [other], seeds[TRIALS:]))
-        if value < BESIDE or not all(sound(case, r, _limits(effects)) for r in records):
+        if value < _BESIDE or not all(sound(case, r, _limits(effects)) for r in records):
             return None
     found = sorted(found, key=lambda f: -f.ratio)
     return _item(case, entry, found, found[1].ratio, records[0], seeds[0])
@@ -233,7 +233,7 @@ def _pair(rng: np.random.Generator) -> list[str]:
             return [one, two]
 
 
-def _item(case: Case, entry: dict[str, Any], found: list[Found], value: float, record: Record, seed: int) -> Item:
+def _item(case: Case, entry: dict[str, Any], found: list[_Found], value: float, record: Record, seed: int) -> Item:
     kind, mv = entry["kind"], bool(entry.get("mv", False))
     one, two = (*(f.effect for f in found), None, None)[:2]
     foreign = one["effect"] if kind == "foreign" and one else ""

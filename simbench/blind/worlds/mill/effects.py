@@ -51,13 +51,13 @@ def build(case: Case, effects: list[dict[str, Any]], nominal: bool = False) -> R
         if name in KINDS:
             KINDS[name].act(rig, {**KINDS[name].identity, **entry.get("parameters", {})})
         elif name in WORLD_EFFECTS:
-            ACTS[name](rig, checked(name, entry.get("parameters", {})))
+            ACTS[name](rig, _checked(name, entry.get("parameters", {})))
         else:
             raise UnknownName("effect", name, [*WORLD_EFFECTS, *KINDS])
     return rig
 
 
-def checked(effect: str, parameters: Parameters) -> Parameters:
+def _checked(effect: str, parameters: Parameters) -> Parameters:
     """Return all parameters of an effect of the vocabulary, those left out at identity.
 
     Parameters

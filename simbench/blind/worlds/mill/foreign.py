@@ -18,7 +18,7 @@ Parameters = dict[str, Any]
 _BIG = 1e9
 
 
-class Quantity(NamedTuple):
+class _Quantity(NamedTuple):
     """One number of a fault: unit, bounds, the value at which it does nothing, its meaning."""
 
     unit: str
@@ -28,12 +28,12 @@ class Quantity(NamedTuple):
     says: str
 
 
-class Kind(NamedTuple):
+class _Kind(NamedTuple):
     """A foreign fault: its block, its meaning, its numbers, what it does to a rig."""
 
     block: str
     says: str
-    parameters: dict[str, Quantity]
+    parameters: dict[str, _Quantity]
     act: Callable[[Rig, Parameters], None]
 
     @property
@@ -169,129 +169,129 @@ def _surge_bursts(rig: Rig, p: Parameters) -> None:
         rig.changes.append(("surge", change))
 
 
-KINDS: dict[str, Kind] = {
-    "scan_overrun": Kind(
+KINDS: dict[str, _Kind] = {
+    "scan_overrun": _Kind(
         "controller",
         "spells in which an overloaded processor runs the controller at every m-th scan only and holds OP between",
         {
-            "share": Quantity("-", 0.0, 0.95, 0.0, "share of the time"),
-            "length": Quantity("s", 0.0, _BIG, 100.0, "mean length of a spell"),
-            "scans": Quantity("samples", 1.0, 100.0, 1.0, "m; the integral does not know of the scans missed"),
+            "share": _Quantity("-", 0.0, 0.95, 0.0, "share of the time"),
+            "length": _Quantity("s", 0.0, _BIG, 100.0, "mean length of a spell"),
+            "scans": _Quantity("samples", 1.0, 100.0, 1.0, "m; the integral does not know of the scans missed"),
         },
         _scan_overrun,
     ),
-    "steam_feedforward": Kind(
+    "steam_feedforward": _Kind(
         "controller",
         "a feedforward from the measured load that the baseline does not know (three-element drum level)",
-        {"gain": Quantity("-", 0.0, 3.0, 0.0, "1 would cancel the load; measured with 1 % error")},
+        {"gain": _Quantity("-", 0.0, 3.0, 0.0, "1 would cancel the load; measured with 1 % error")},
         _steam_feedforward,
     ),
-    "manual_spells": Kind(
+    "manual_spells": _Kind(
         "controller",
         "spells in manual: OP stands, an operator corrects it now and then, the return is bumpless",
         {
-            "share": Quantity("-", 0.0, 0.9, 0.0, "share of the time in manual"),
-            "length": Quantity("s", 0.0, _BIG, 100.0, "mean length of a spell"),
+            "share": _Quantity("-", 0.0, 0.9, 0.0, "share of the time in manual"),
+            "length": _Quantity("s", 0.0, _BIG, 100.0, "mean length of a spell"),
         },
         _manual_spells,
     ),
-    "stroke_speed": Kind(
+    "stroke_speed": _Kind(
         "valve",
         "the stem travels at a limited speed (starved air supply, electric actuator, large damper)",
-        {"rate": Quantity("%/s", 0.0, _BIG, _BIG, "fastest travel")},
+        {"rate": _Quantity("%/s", 0.0, _BIG, _BIG, "fastest travel")},
         _stroke_speed,
     ),
-    "travel_stop": Kind(
+    "travel_stop": _Kind(
         "valve",
         "a mechanical stop or debris keeps the stem from part of its travel while OP goes on",
-        {"lo": Quantity("%", 0.0, 100.0, 0.0, "lower stop"), "hi": Quantity("%", 0.0, 100.0, 100.0, "upper stop")},
+        {"lo": _Quantity("%", 0.0, 100.0, 0.0, "lower stop"), "hi": _Quantity("%", 0.0, 100.0, 100.0, "upper stop")},
         _travel_stop,
     ),
-    "positioner_ringing": Kind(
+    "positioner_ringing": _Kind(
         "valve",
         "a pneumatic actuator whose positioner is tuned too hot: the stem rings after every move",
         {
-            "period": Quantity("s", 0.0, _BIG, 0.0, "natural period; 0 = a stiff positioner"),
-            "damping": Quantity("-", 0.02, 1.0, 0.2, "damping ratio"),
+            "period": _Quantity("s", 0.0, _BIG, 0.0, "natural period; 0 = a stiff positioner"),
+            "damping": _Quantity("-", 0.02, 1.0, 0.2, "damping ratio"),
         },
         _positioner_ringing,
     ),
-    "shrink_swell": Kind(
+    "shrink_swell": _Kind(
         "process",
         "inverse response (1 - a s)/(1 + .3 a s): drum level after feedwater, bark boiler after fuel",
-        {"lead": Quantity("s", 0.0, _BIG, 0.0, "a")},
+        {"lead": _Quantity("s", 0.0, _BIG, 0.0, "a")},
         _shrink_swell,
     ),
-    "header_resonance": Kind(
+    "header_resonance": _Kind(
         "process",
         "a lightly damped mode in series (steam or gas header, suction drum, long water main)",
         {
-            "period": Quantity("s", 0.0, _BIG, 0.0, "natural period; 0 = none"),
-            "damping": Quantity("-", 0.02, 1.0, 0.2, "damping ratio"),
+            "period": _Quantity("s", 0.0, _BIG, 0.0, "natural period; 0 = none"),
+            "damping": _Quantity("-", 0.02, 1.0, 0.2, "damping ratio"),
         },
         _header_resonance,
     ),
-    "titration": Kind(
+    "titration": _Kind(
         "process",
         "PV bends away from the set point like a titration curve, slope 1 at the set point",
         {
-            "width": Quantity("PV units", 0.0, _BIG, 0.0, "deviation at which it bends; 0 = straight"),
-            "shape": Quantity("-", -1.0, 1.0, 1.0, "+1 flattens (asinh: neutral point), -1 steepens (sinh: buffered)"),
+            "width": _Quantity("PV units", 0.0, _BIG, 0.0, "deviation at which it bends; 0 = straight"),
+            "shape": _Quantity("-", -1.0, 1.0, 1.0, "+1 flattens (asinh: neutral point), -1 steepens (sinh: buffered)"),
         },
         _titration,
     ),
-    "white_water_recycle": Kind(
+    "white_water_recycle": _Kind(
         "process",
         "a share of the flow comes back to the inlet after a long delay (white water, recycled condensate)",
-        {"share": Quantity("-", 0.0, 0.95, 0.0, "of the flow"), "delay": Quantity("s", 0.0, _BIG, 0.0, "round trip")},
+        {"share": _Quantity("-", 0.0, 0.95, 0.0, "of the flow"), "delay": _Quantity("s", 0.0, _BIG, 0.0, "round trip")},
         _white_water,
     ),
-    "frozen_spells": Kind(
+    "frozen_spells": _Kind(
         "sensor",
         "PV repeats its last value for spells (plugged impulse line, lost link)",
         {
-            "share": Quantity("-", 0.0, 0.9, 0.0, "share of the time"),
-            "length": Quantity("s", 0.0, _BIG, 100.0, "mean length of a spell"),
+            "share": _Quantity("-", 0.0, 0.9, 0.0, "share of the time"),
+            "length": _Quantity("s", 0.0, _BIG, 100.0, "mean length of a spell"),
         },
         _frozen_spells,
     ),
-    "scanner_hold": Kind(
+    "scanner_hold": _Kind(
         "sensor",
         "PV is held for part of every cycle (traversing scanner off the sheet, analyser while it purges)",
         {
-            "cycle": Quantity("s", 0.0, _BIG, 100.0, "cycle time"),
-            "held": Quantity("-", 0.0, 0.98, 0.0, "share of the cycle"),
+            "cycle": _Quantity("s", 0.0, _BIG, 100.0, "cycle time"),
+            "held": _Quantity("-", 0.0, 0.98, 0.0, "share of the cycle"),
         },
         _scanner_hold,
     ),
-    "entrained_air": Kind(
+    "entrained_air": _Kind(
         "sensor",
         "PV dips at random times and recovers over several samples (air in a flow tube, bubbles at a probe)",
         {
-            "rate": Quantity("1/s", 0.0, _BIG, 0.0, "dips per second"),
-            "depth": Quantity("PV units", 0.0, _BIG, 0.0, "mean depth"),
-            "length": Quantity("s", 0.0, _BIG, 10.0, "time constant of the recovery"),
+            "rate": _Quantity("1/s", 0.0, _BIG, 0.0, "dips per second"),
+            "depth": _Quantity("PV units", 0.0, _BIG, 0.0, "mean depth"),
+            "length": _Quantity("s", 0.0, _BIG, 10.0, "time constant of the recovery"),
         },
         _entrained_air,
     ),
-    "backwash_pulses": Kind(
+    "backwash_pulses": _Kind(
         "disturbance",
         "a rectangular load pulse at regular intervals (filter backwash, batch digester blow)",
         {
-            "height": Quantity("%", 0.0, 100.0, 0.0, "of the pulse, at the plant's input"),
-            "period": Quantity("s", 0.0, _BIG, 1000.0, "between pulses"),
-            "duty": Quantity("-", 0.0, 1.0, 0.1, "share of the period"),
+            "height": _Quantity("%", 0.0, 100.0, 0.0, "of the pulse, at the plant's input"),
+            "period": _Quantity("s", 0.0, _BIG, 1000.0, "between pulses"),
+            "duty": _Quantity("-", 0.0, 1.0, 0.1, "share of the period"),
         },
         _backwash,
     ),
-    "surge_bursts": Kind(
+    "surge_bursts": _Kind(
         "disturbance",
         "bursts of a few cycles that strike PV itself at random times (incipient compressor surge)",
         {
-            "amplitude": Quantity("PV units", 0.0, _BIG, 0.0, "largest swing of a mean burst"),
-            "period": Quantity("s", 0.0, _BIG, 10.0, "of its cycles"),
-            "cycles": Quantity("-", 1.0, 50.0, 6.0, "length of a burst"),
-            "rate": Quantity("1/s", 0.0, _BIG, 0.0, "bursts per second"),
+            "amplitude": _Quantity("PV units", 0.0, _BIG, 0.0, "largest swing of a mean burst"),
+            "period": _Quantity("s", 0.0, _BIG, 10.0, "of its cycles"),
+            "cycles": _Quantity("-", 1.0, 50.0, 6.0, "length of a burst"),
+            "rate": _Quantity("1/s", 0.0, _BIG, 0.0, "bursts per second"),
         },
         _surge_bursts,
     ),

@@ -16,7 +16,7 @@ from simbench.blind.worlds.mill.valve import FRICTION
 
 # time constant (integrating: the time the level or pressure takes to notice) in s, and Td over it; ranges of practice in
 # paper mills, water works, boiler houses and compressor stations (Bialkowski 1993; Shinskey, Process Control Systems, 4th ed.)
-SERVICES = {
+_SERVICES = {
     "flow": ("foptd", (0.5, 6.0), (0.05, 0.6)),
     "steam pressure": ("foptd", (2.0, 40.0), (0.05, 0.5)),
     "consistency": ("foptd", (5.0, 40.0), (0.3, 1.5)),
@@ -26,7 +26,7 @@ SERVICES = {
     "drum level": ("integrating", (5.0, 60.0), (0.1, 1.0)),
     "header pressure": ("integrating", (3.0, 100.0), (0.05, 1.5)),
 }
-SPANS = (1.0, 1.6, 2.5, 4.0, 6.0, 10.0, 14.0, 25.0, 40.0, 60.0, 100.0, 150.0, 250.0, 400.0, 600.0, 1000.0, 2500.0)
+_SPANS = (1.0, 1.6, 2.5, 4.0, 6.0, 10.0, 14.0, 25.0, 40.0, 60.0, 100.0, 150.0, 250.0, 400.0, 600.0, 1000.0, 2500.0)
 
 
 def logu(rng: np.random.Generator, low: float, high: float) -> float:
@@ -137,9 +137,9 @@ def baseline(case: Case) -> dict[str, Any]:
 def _try(rng: np.random.Generator, wish: str | None) -> Case | None:
     kind = "integrating" if rng.random() < 1 / 3 else "foptd"
     kind = wish or kind
-    services = [s for s in SERVICES.values() if s[0] == kind]
+    services = [s for s in _SERVICES.values() if s[0] == kind]
     _, times, ratios = services[rng.integers(len(services))]
-    T, span = logu(rng, *times), float(rng.choice(SPANS))
+    T, span = logu(rng, *times), float(rng.choice(_SPANS))
     Ts, Td = signif(T / logu(rng, 3.2, 39.0), 2), signif(T * logu(rng, *ratios), 4)
     plant = _plant(rng, kind, T, Td, span)
     case: Case = {

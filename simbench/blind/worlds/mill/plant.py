@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.optimize import minimize_scalar
 
-Plant = dict[str, Any]
+_Plant = dict[str, Any]
 
 
 class Discrete(NamedTuple):
@@ -22,7 +22,7 @@ class Discrete(NamedTuple):
     delay: int
 
 
-def discretise(plant: Plant, Ts: float) -> Discrete:
+def discretise(plant: _Plant, Ts: float) -> Discrete:
     """Return the plant sampled at Ts: exact for an input held over each sample, for any dead time.
 
     Parameters
@@ -49,7 +49,7 @@ def discretise(plant: Plant, Ts: float) -> Discrete:
     >>> g.delay, bool(abs(g.new[0] - 2 * (1 - np.exp(-0.1))) < 1e-12)
     (3, True)
     """
-    A, B, C = continuous(plant)
+    A, B, C = _continuous(plant)
     delay = math.floor(plant["Td"] / Ts + 1e-9)
     late = max(0.0, plant["Td"] - delay * Ts)
     if late < 1e-9 * Ts:
@@ -59,7 +59,7 @@ def discretise(plant: Plant, Ts: float) -> Discrete:
     return Discrete(np.ascontiguousarray(rest @ phi), np.ascontiguousarray(rest @ before), np.ascontiguousarray(new), C, delay)
 
 
-def continuous(plant: Plant) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _continuous(plant: _Plant) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return (A, B, C) of the plant without its dead time.
 
     Parameters
@@ -108,7 +108,7 @@ def fitted(T: float | None, Td: float, lags: list[float]) -> tuple[float | None,
         return T, Td + sum(lags)
     total = T + sum(lags)
     t = np.linspace(0.0, 6.0 * total, 400)
-    A, B, C = continuous({"type": "foptd", "K": 1.0, "T": T, "lags": lags})
+    A, B, C = _continuous({"type": "foptd", "K": 1.0, "T": T, "lags": lags})
     rest, new = _held(A, B, t[1])
     x, truth = np.zeros(len(B)), np.empty(len(t))
     for i in range(len(t)):

@@ -16,9 +16,9 @@ from simbench.blind.worlds.mill.loop import Element, Law, Place, Sensor, Signals
 from simbench.blind.worlds.mill.plant import discretise
 
 Case = dict[str, Any]
-Rows = dict[str, np.ndarray]
+_Rows = dict[str, np.ndarray]
 # changes the rows of signals in place, given its own random stream and the times
-Change = Callable[[np.random.Generator, np.ndarray, Rows], None]
+_Change = Callable[[np.random.Generator, np.ndarray, _Rows], None]
 
 
 @dataclass
@@ -34,7 +34,7 @@ class Rig:
     sensor: dict[str, float] = field(default_factory=dict)
     place: dict[str, float] = field(default_factory=dict)
     stages: list[Stage] = field(default_factory=list)
-    changes: list[tuple[str, Change]] = field(default_factory=list)
+    changes: list[tuple[str, _Change]] = field(default_factory=list)
 
     @classmethod
     def of(cls, case: Case, nominal: bool = False) -> Rig:
@@ -72,12 +72,12 @@ class Rig:
             columns[name] = archived(out[name][first[name] :][: case["n"]], stages, seed)
         return columns
 
-    def rows(self, seed: int) -> tuple[Rows, np.ndarray]:
+    def rows(self, seed: int) -> tuple[_Rows, np.ndarray]:
         """Return the signals from outside for this seed, one row a sample, and their times (s)."""
         case = self.case
         N, load, noise = case["warm"] + case["n"], case["load"], case["noise"]
         t = (np.arange(N) - case["warm"]) * case["Ts"]
-        rows: Rows = {k: np.zeros(N) for k in ("wander", "upset", "spikes", "forward")}
+        rows: _Rows = {k: np.zeros(N) for k in ("wander", "upset", "spikes", "forward")}
         rows |= {"mode": np.zeros(N, np.int8), "held": np.zeros(N, np.int8)}
         rows["sp"] = nature.set_point(case["setpoint"], t)
         rows["load"] = load["mean"] + load["std"] * nature.load(load["kind"], load["pace"], N, nature.stream(seed, "load"))

@@ -8,13 +8,13 @@ import numpy as np
 from numba import njit
 
 # what the compiled loop calls the friction in its valve
-NO_FRICTION, DEADZONE, CHOUDHURY, HE, COULOMB, KARNOPP, STRIBECK = range(7)
+NO_FRICTION, DEADZONE, CHOUDHURY, _HE, _COULOMB, _KARNOPP, _STRIBECK = range(7)
 FRICTION = {
     "choudhury": (CHOUDHURY, "Choudhury, Thornhill and Shah 2005: stops when OP reverses or stands"),
-    "he": (HE, "He, Wang, Pottmann and Qin 2007: stops at every sample"),
-    "coulomb": (COULOMB, "spring, diaphragm, mass, viscous and dry friction, solved exactly between samples"),
-    "karnopp": (KARNOPP, "the same stem, taken as stopped once it is slower than a limit (Karnopp 1985)"),
-    "stribeck": (STRIBECK, "friction that falls with speed, in small steps along the pressure's ramp"),
+    "he": (_HE, "He, Wang, Pottmann and Qin 2007: stops at every sample"),
+    "coulomb": (_COULOMB, "spring, diaphragm, mass, viscous and dry friction, solved exactly between samples"),
+    "karnopp": (_KARNOPP, "the same stem, taken as stopped once it is slower than a limit (Karnopp 1985)"),
+    "stribeck": (_STRIBECK, "friction that falls with speed, in small steps along the pressure's ramp"),
 }
 STATES = 3
 _STEPS = 32  # of the pressure's ramp within one sample
@@ -150,13 +150,13 @@ def friction(kind, u, state, fs, fd):
     """Return the position after one sample of the friction model `kind`, whose memory is `state`."""
     if kind == CHOUDHURY:
         return choudhury(u, state, fs, fd)
-    if kind == HE:
+    if kind == _HE:
         return he(u, state, fs, fd)
-    if kind == COULOMB:
+    if kind == _COULOMB:
         return coulomb(u, state, fs, fd, 0.0)
-    if kind == KARNOPP:
+    if kind == _KARNOPP:
         return coulomb(u, state, fs, fd, 0.1 * (fs + fd))
-    if kind == STRIBECK:
+    if kind == _STRIBECK:
         return stribeck(u, state, fs, fd)
     return u
 

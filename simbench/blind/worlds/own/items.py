@@ -15,10 +15,10 @@ from simbench.blind.worlds.own import drawing, faults, loops, oracle, sizes
 from simbench.blind.worlds.own.loops import Fault, Signals, TrueLoop
 from simbench.loop.effects import NONE, UNKNOWN
 
-LOOPS_TO_TRY = 200
+_LOOPS_TO_TRY = 200
 # effects that are one signal: never drawn together
-SAME = ({"valve_lag", "extra_lag", "sensor_lag"}, {"drift", "load_drift", "load_steps"})
-TWO_BAND = (2.2, 6.0)  # ratio of each of two effects alone
+_SAME = ({"valve_lag", "extra_lag", "sensor_lag"}, {"drift", "load_drift", "load_steps"})
+_TWO_BAND = (2.2, 6.0)  # ratio of each of two effects alone
 
 
 @dataclass(frozen=True)
@@ -49,19 +49,19 @@ def draw_item(seed: int, index: int, entry: dict[str, Any]) -> DrawnRecord:
     Raises
     ------
     ParameterError
-        When no loop out of `LOOPS_TO_TRY` can.
+        When no loop out of `_LOOPS_TO_TRY` can.
     """
     rng = np.random.default_rng([seed, index])
     build: Callable[..., DrawnRecord | None] = {"none": _none, "two": _two}.get(entry["kind"], _one)
     effect = entry.get("effect", "")
     moves = True if effect in faults.NEEDS_SP_STEPS else None
-    for i in range(LOOPS_TO_TRY):
-        wish = entry.get("plant") if i < LOOPS_TO_TRY // 2 else None  # rather the other plant than no record
+    for i in range(_LOOPS_TO_TRY):
+        wish = entry.get("plant") if i < _LOOPS_TO_TRY // 2 else None  # rather the other plant than no record
         case = drawing.draw(rng, plant=faults.NEEDS_PLANT.get(effect, wish), mv=entry["mv"], sp_moves=moves)
         item = build(case, int(rng.integers(2**31)), entry, rng)
         if item is not None:
             return item
-    raise ParameterError(f"withheld: no loop found that holds {entry} within {LOOPS_TO_TRY} tries")
+    raise ParameterError(f"withheld: no loop found that holds {entry} within {_LOOPS_TO_TRY} tries")
 
 
 def _answer(case: TrueLoop, seed: int, **more: Any) -> dict[str, Any]:
@@ -107,11 +107,11 @@ def _one(case: TrueLoop, seed: int, entry: dict[str, Any], rng: np.random.Genera
 
 def _two(case: TrueLoop, seed: int, entry: dict[str, Any], rng: np.random.Generator) -> DrawnRecord | None:
     names = tuple(str(x) for x in rng.choice([e for e in faults.KNOWN if _possible(e, case)], 2, replace=False))
-    if WORLD_EFFECTS[names[0]].block == WORLD_EFFECTS[names[1]].block or any(set(names) <= group for group in SAME):
+    if WORLD_EFFECTS[names[0]].block == WORLD_EFFECTS[names[1]].block or any(set(names) <= group for group in _SAME):
         return None
     case = _named(case, names)
     true = oracle.reference(case, seed)
-    found = [_sized(case, seed, name, TWO_BAND, true, rng) for name in names]
+    found = [_sized(case, seed, name, _TWO_BAND, true, rng) for name in names]
     if found[0] is None or found[1] is None:
         return None
     sizes = [found[0][0], found[1][0]]

@@ -119,10 +119,10 @@ class Prepared:
 
 
 Fault = Callable[[Prepared, np.random.Generator], None]
-NOISE, LOAD, FAULT, LOG = range(4)
+_NOISE, _LOAD, _FAULT, _LOG = range(4)
 
 
-def stream(seed: int, purpose: int) -> np.random.Generator:
+def _stream(seed: int, purpose: int) -> np.random.Generator:
     """Return an own random stream per purpose, so that a fault's strength does not shift anybody else's numbers."""
     return np.random.default_rng([seed, purpose])
 
@@ -155,8 +155,8 @@ def prepare(case: TrueLoop, seed: int) -> Prepared:
         case=case,
         physics=physics,
         sp=sp,
-        noise=case.noise_std * coloured(case.noise_colour, n, 2.0, stream(seed, NOISE)),
-        load=case.load_std * coloured(case.load_colour, n, case.load_tau / case.Ts, stream(seed, LOAD)),
+        noise=case.noise_std * coloured(case.noise_colour, n, 2.0, _stream(seed, _NOISE)),
+        load=case.load_std * coloured(case.load_colour, n, case.load_tau / case.Ts, _stream(seed, _LOAD)),
         sensor=zeros.copy(),
         skip=zeros.copy(),
         hold=zeros.copy(),
@@ -183,7 +183,7 @@ def simulate(case: TrueLoop, seed: int, faults: tuple[Fault, ...] = ()) -> Signa
     """
     setup = prepare(case, seed)
     for i, fault in enumerate(faults):
-        fault(setup, stream(seed, FAULT + 10 * i))
+        fault(setup, _stream(seed, _FAULT + 10 * i))
     n = setup.size
     op, pv, true, mv = (np.empty(n) for _ in range(4))
     sim.run(
@@ -203,7 +203,7 @@ def simulate(case: TrueLoop, seed: int, faults: tuple[Fault, ...] = ()) -> Signa
         true,
         mv,
     )
-    mv += case.mv_noise * stream(seed, LOG).standard_normal(n)
+    mv += case.mv_noise * _stream(seed, _LOG).standard_normal(n)
     late = int(case.log_is_late)
     rows = slice(setup.start, n)
     before = slice(setup.start - late, n - late)  # the scan logs OP before the controller has computed the new one

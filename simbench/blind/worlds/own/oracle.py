@@ -13,7 +13,7 @@ from simbench.blind.worlds.own.sizes import Habit
 
 STRENGTHS: dict[str, tuple[float, float]] = {"weak": (1.3, 2.0), "medium": (2.0, 4.0), "strong": (4.0, 12.0)}
 """Ratio gap(true loop without the fault) / floor. Strong has no upper end by definition; the generator stops at 12."""
-CLOUD, REAL = 16, 4
+CLOUD, _REAL = 16, 4
 _OFFSET = 1000  # seeds of the simulated cloud start here above the record's own
 
 
@@ -31,7 +31,7 @@ class Ratio(NamedTuple):
     own: float
 
 
-class TrueShrinkage(NamedTuple):
+class _TrueShrinkage(NamedTuple):
     """Gap of a record to the baseline without and with the fault, and the floor, all in seed spreads."""
 
     before: float
@@ -90,7 +90,7 @@ def reference(case: TrueLoop, seed: int) -> Reference:
     return Reference(cloud(runs, case.scale), habit)
 
 
-def sane(record: Signals) -> bool:
+def _sane(record: Signals) -> bool:
     """Return whether OP stays off the ends of its range: a loop that swings from stop to stop says nothing about its fault."""
     return bool(np.mean((record.op < 1.0) | (record.op > 99.0)) < 0.01)
 
@@ -110,8 +110,8 @@ def ratio(case: TrueLoop, seed: int, faults: tuple[Fault, ...], true: Cloud) -> 
     Ratio or None
         None when the fault drives the loop into its stops.
     """
-    runs = [simulate(case, seed + i, faults) for i in range(REAL)]
-    if not all(map(sane, runs)):
+    runs = [simulate(case, seed + i, faults) for i in range(_REAL)]
+    if not all(map(_sane, runs)):
         return None
     gaps = [true.distance(features(r, case.scale)[0]) / true.floor for r in runs]
     return Ratio(float(np.mean(gaps)), gaps[0])
@@ -162,7 +162,7 @@ def _if_own_fits(x: float, found: Ratio, band: tuple[float, float]) -> tuple[flo
     return (x, found) if 0.85 * band[0] <= found.own < 1.15 * band[1] else None
 
 
-def shrinkage(case: TrueLoop, seed: int, record: Signals, faults: tuple[Fault, ...]) -> TrueShrinkage:
+def shrinkage(case: TrueLoop, seed: int, record: Signals, faults: tuple[Fault, ...]) -> _TrueShrinkage:
     """Return how far the record's gap to the baseline handed out shrinks when faults are added to it.
 
     The load's and noise's statistics are the true ones in both; the plant is the nominal one in both.
@@ -183,4 +183,4 @@ def shrinkage(case: TrueLoop, seed: int, record: Signals, faults: tuple[Fault, .
     before = cloud([simulate(nominal, s) for s in seeds], case.scale)
     after = cloud([simulate(nominal, s, faults) for s in seeds], case.scale)
     # one yardstick for both: the spreads of the arm that holds the fault, as the floor's
-    return TrueShrinkage(after._replace(mean=before.mean).distance(values), after.distance(values), after.floor)
+    return _TrueShrinkage(after._replace(mean=before.mean).distance(values), after.distance(values), after.floor)

@@ -9,7 +9,7 @@ import numba as nb
 import numpy as np
 
 SUBSTEPS = 12
-IDEAL, PLAY, KARNOPP, STRIBECK, HE = range(5)
+_IDEAL, PLAY, KARNOPP, STRIBECK, HE = range(5)
 POSITION, VELOCITY = range(2)
 BACKWARD, FORWARD, TRAPEZOID = range(3)
 
@@ -40,7 +40,7 @@ class Physics(NamedTuple):
     derivative: float = 0.0  # s
     sp_weight: float = 1.0  # share of SP that the proportional part sees
     # valve, % of travel
-    friction: float = IDEAL
+    friction: float = _IDEAL
     fs: float = 0.0  # break-away
     fc: float = 0.0  # sliding friction
     slew: float = 0.0  # %/s the stem can move at most; 0 = any
@@ -178,7 +178,7 @@ def run(p, sp, noise, load, sensor, skip, hold, asleep, op_add, valve_add, gain,
                 goal = p.deadzone_centre + (size if away > 0 else -size)
             if asleep[k] > 0:
                 goal = stem
-            if p.friction == IDEAL:
+            if p.friction == _IDEAL:
                 most = p.slew * h if p.slew > 0 else 200.0
                 stem += min(max(goal - stem, -most), most)
             elif p.friction == PLAY:

@@ -11,7 +11,7 @@ import numpy as np
 from simbench.blind.worlds.own.faults import Parameters
 from simbench.blind.worlds.own.loops import TrueLoop
 
-Scale = Callable[[float], Parameters]
+_Scale = Callable[[float], Parameters]
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Habit:
     e_std: float
 
 
-def scale(name: str, case: TrueLoop, habit: Habit, rng: np.random.Generator) -> Scale:
+def scale(name: str, case: TrueLoop, habit: Habit, rng: np.random.Generator) -> _Scale:
     """Return the parameters of a fault as a function of one strength in 0..1, from barely to grossly present.
 
     Parameters
@@ -44,7 +44,7 @@ def scale(name: str, case: TrueLoop, habit: Habit, rng: np.random.Generator) -> 
     def log(lo: float, hi: float) -> Callable[[float], float]:
         return lambda x: float(f"{lo * (hi / lo) ** x:.4g}")
 
-    def one(key: str, lo: float, hi: float, **fixed: float) -> Scale:
+    def one(key: str, lo: float, hi: float, **fixed: float) -> _Scale:
         size = log(lo, hi)
         return lambda x: {key: size(x), **fixed}
 

@@ -15,7 +15,7 @@ FORMS = ("positional", "velocity")
 RULES = ("backward", "forward", "trapezoidal")
 WINDUPS = ("conditional", "back_calculation", "clamped")
 # places in the state array: integral, last error, last OP before rounding, last PV, filtered derivative, first scan done
-INTEGRAL, ERROR, OUT, PV, DERIVATIVE, STARTED = range(6)
+_INTEGRAL, ERROR, OUT, PV, _DERIVATIVE, _STARTED = range(6)
 
 
 class Controller(NamedTuple):
@@ -40,7 +40,7 @@ class Controller(NamedTuple):
 
 
 @numba.njit
-def shaped(e, c):
+def _shaped(e, c):
     """The error that the law sees: dead-band, then the error-squared mixture."""
     if abs(e) <= 0.5 * c.dead_width:
         return 0.0
@@ -50,7 +50,7 @@ def shaped(e, c):
 
 
 @numba.njit
-def area(e, last, c):
+def _area(e, last, c):
     """Integral of the error over one scan by the chosen rule, times Kc/Ti, in %."""
     if c.Ti <= 0.0:
         return 0.0
@@ -61,18 +61,18 @@ def area(e, last, c):
 @numba.njit
 def positional(proportional, step, lo, hi, state, c):
     """bias + P + I with the anti-windup on I; returns the limited output (%)."""
-    free = c.bias + proportional + state[INTEGRAL] + step
+    free = c.bias + proportional + state[_INTEGRAL] + step
     out = min(max(free, lo), hi)
     if c.windup == 0:
         if not ((free > hi and step > 0.0) or (free < lo and step < 0.0)):
-            state[INTEGRAL] += step
-        out = min(max(c.bias + proportional + state[INTEGRAL], lo), hi)
+            state[_INTEGRAL] += step
+        out = min(max(c.bias + proportional + state[_INTEGRAL], lo), hi)
     elif c.windup == 1:
         # tracking time Tt = Ti/2
-        state[INTEGRAL] += step + min(1.0, 2.0 * c.Ts / max(c.Ti, c.Ts)) * (out - free)
+        state[_INTEGRAL] += step + min(1.0, 2.0 * c.Ts / max(c.Ti, c.Ts)) * (out - free)
     else:
-        state[INTEGRAL] = min(max(state[INTEGRAL] + step, lo - c.bias), hi - c.bias)
-        out = min(max(c.bias + proportional + state[INTEGRAL], lo), hi)
+        state[_INTEGRAL] = min(max(state[_INTEGRAL] + step, lo - c.bias), hi - c.bias)
+        out = min(max(c.bias + proportional + state[_INTEGRAL], lo), hi)
     return out
 
 
@@ -82,30 +82,30 @@ def execute(sp, pv, manual, state, c):
 
     In manual OP stays, and both forms return to automatic without a bump.
     """
-    e = shaped(sp - pv, c)
-    if state[STARTED] == 0.0:
-        state[STARTED], state[ERROR], state[PV], state[OUT] = 1.0, e, pv, c.bias
-        state[INTEGRAL] = -c.Kc * e if c.Ti > 0.0 else 0.0
+    e = _shaped(sp - pv, c)
+    if state[_STARTED] == 0.0:
+        state[_STARTED], state[ERROR], state[PV], state[OUT] = 1.0, e, pv, c.bias
+        state[_INTEGRAL] = -c.Kc * e if c.Ti > 0.0 else 0.0
     d = 0.0
     if c.Td > 0.0:
         # filter Td/8, backward Euler
         keep = c.Td / 8.0 / (c.Td / 8.0 + c.Ts)
-        d = keep * state[DERIVATIVE] - c.Kc * c.Td * (1.0 - keep) * (pv - state[PV]) / c.Ts
+        d = keep * state[_DERIVATIVE] - c.Kc * c.Td * (1.0 - keep) * (pv - state[PV]) / c.Ts
     lo, hi = c.lo, c.hi
     if c.close_rate > 0.0:
         lo = max(lo, min(state[OUT] - c.close_rate * c.Ts, hi))
-    step = area(e, state[ERROR], c)
+    step = _area(e, state[ERROR], c)
     if manual:
         out = state[OUT]
         if c.Ti > 0.0:
-            state[INTEGRAL] = out - c.bias - c.Kc * e - d
+            state[_INTEGRAL] = out - c.bias - c.Kc * e - d
     elif c.velocity:
-        out = min(max(state[OUT] + c.Kc * (e - state[ERROR]) + step + d - state[DERIVATIVE], lo), hi)
+        out = min(max(state[OUT] + c.Kc * (e - state[ERROR]) + step + d - state[_DERIVATIVE], lo), hi)
     elif c.Ti > 0.0:
         out = positional(c.Kc * e + d, step, lo, hi, state, c)
     else:
         out = min(max(c.bias + c.Kc * e + d, lo), hi)
-    state[ERROR], state[OUT], state[PV], state[DERIVATIVE] = e, out, pv, d
+    state[ERROR], state[OUT], state[PV], state[_DERIVATIVE] = e, out, pv, d
     if c.op_step > 0.0:
         out = round(out / c.op_step) * c.op_step
     if c.quantum > 0.0:

@@ -15,7 +15,7 @@ from simbench.blind.worlds.refinery.simulation import run
 from simbench.loop.effects import NONE, UNKNOWN
 
 LOOPS = 200  # loops drawn before an entry is given up
-KEPT = 12  # loops drawn in the same classes before the classes themselves are drawn anew
+_KEPT = 12  # loops drawn in the same classes before the classes themselves are drawn anew
 
 # effects that no record of SP, OP and PV can tell apart; two of one set are never drawn together
 SAME = (
@@ -25,8 +25,8 @@ SAME = (
     {"dead_time_mismatch", "valve_lag", "extra_lag", "sensor_lag"},
     {"time_constant_mismatch", "valve_lag", "sensor_lag"},
 )
-VALVE = frozenset(name for name, e in WORLD_EFFECTS.items() if e.block == "valve")
-EXACT = {"gain_mismatch": "K", "time_constant_mismatch": "T", "dead_time_mismatch": "Td"}
+_VALVE = frozenset(name for name, e in WORLD_EFFECTS.items() if e.block == "valve")
+_EXACT = {"gain_mismatch": "K", "time_constant_mismatch": "T", "dead_time_mismatch": "Td"}
 NEEDS_FOPTD = {"time_constant_mismatch", "asymmetric_response", "heat_recycle"}
 
 
@@ -92,7 +92,7 @@ def _answer(entry: dict, case: dict, found: list[dict], ratio: float, seed: int)
 
 
 def _try(entry: dict, names: tuple[str, ...], classes: dict, rng: np.random.Generator) -> Item:
-    case = loops.draw_case(rng, classes, frozenset(EXACT[n] for n in names if n in EXACT), any(n in VALVE for n in names))
+    case = loops.draw_case(rng, classes, frozenset(_EXACT[n] for n in names if n in _EXACT), any(n in _VALVE for n in names))
     if case is None:
         raise Misfit
     case["mv"] = bool(entry.get("mv", False))
@@ -152,7 +152,7 @@ def draw(seed: int, index: int, entry: dict) -> Item:
     # the classes come from seed and index alone: the same whatever the entry asks for
     lottery = np.random.default_rng([seed, index, 2])
     for attempt in range(LOOPS):
-        if attempt % KEPT == 0:
+        if attempt % _KEPT == 0:
             classes = loops.draw_classes(lottery, wish)
         try:
             return _try(entry, names, classes, np.random.default_rng([seed, index, 3, attempt]))

@@ -25,14 +25,14 @@ def pink(rng: np.random.Generator, n: int, h: float, fastest: float) -> np.ndarr
     return sum(ornstein_uhlenbeck(rng, n, h, fastest * 3.0**i) for i in range(5)) / np.sqrt(5.0)
 
 
-def arrivals(rng: np.random.Generator, n: int, h: float, rate: float) -> np.ndarray:
+def _arrivals(rng: np.random.Generator, n: int, h: float, rate: float) -> np.ndarray:
     """Return the cells (sorted, shape (m,)) in which a Poisson process of `rate` per s has its events."""
     return np.sort(rng.integers(0, n, rng.poisson(rate * n * h)))
 
 
 def jumps(rng: np.random.Generator, n: int, h: float, rate: float) -> np.ndarray:
     """Return a level that is drawn anew, standard normal, at every event of a Poisson process."""
-    events = arrivals(rng, n, h, rate)
+    events = _arrivals(rng, n, h, rate)
     levels = rng.standard_normal(events.size + 1)
     return levels[np.searchsorted(events, np.arange(n), side="right")]
 
@@ -40,13 +40,13 @@ def jumps(rng: np.random.Generator, n: int, h: float, rate: float) -> np.ndarray
 def telegraph(rng: np.random.Generator, n: int, h: float, rate: float) -> np.ndarray:
     """Return a signal that switches between -1 and +1 at the events of a Poisson process."""
     start = rng.integers(0, 2)
-    return 2.0 * ((np.searchsorted(arrivals(rng, n, h, rate), np.arange(n), side="right") + start) % 2) - 1.0
+    return 2.0 * ((np.searchsorted(_arrivals(rng, n, h, rate), np.arange(n), side="right") + start) % 2) - 1.0
 
 
 def shot(rng: np.random.Generator, n: int, h: float, rate: float, decay: float) -> np.ndarray:
     """Return impulses of random height that die away with time `decay` (s), mean and variance 0 and 1."""
     kicks = np.zeros(n)
-    events = arrivals(rng, n, h, rate)
+    events = _arrivals(rng, n, h, rate)
     np.add.at(kicks, events, rng.exponential(1.0, events.size))
     x = np.asarray(lfilter([1.0], [1.0, -np.exp(-h / decay)], kicks))
     # Campbell: mean = rate decay E[height], variance = rate decay E[height^2] / 2

@@ -16,7 +16,7 @@ from simbench.blind.worlds.refinery.baseline import fitted
 from simbench.blind.worlds.refinery.simulation import build, run
 
 
-class Service(NamedTuple):
+class _Service(NamedTuple):
     """A measured variable of the refinery: its range in engineering units and customary scan periods (s)."""
 
     name: str
@@ -26,20 +26,20 @@ class Service(NamedTuple):
     periods: tuple[float, ...]
 
 
-SERVICES = (
-    Service("reflux flow, m3/h", False, 0.0, 160.0, (1.0, 2.0, 5.0)),
-    Service("stripping steam, kg/h", False, 0.0, 8000.0, (1.0, 2.0, 5.0)),
-    Service("fuel gas pressure, bar", False, 0.0, 6.0, (0.5, 1.0, 2.0)),
-    Service("column overhead pressure, kPa", False, 100.0, 450.0, (1.0, 5.0, 10.0)),
-    Service("compressor suction pressure, mbar", False, -50.0, 400.0, (0.5, 1.0, 2.0)),
-    Service("furnace outlet temperature, C", False, 250.0, 420.0, (5.0, 10.0, 20.0)),
-    Service("tray temperature, K", False, 350.0, 450.0, (5.0, 10.0, 30.0, 60.0)),
-    Service("cooler outlet temperature, F", False, 60.0, 260.0, (5.0, 10.0, 20.0)),
-    Service("overhead impurity, ppm", False, 0.0, 2500.0, (30.0, 60.0)),
-    Service("reflux drum level, %", True, 0.0, 100.0, (2.0, 5.0, 10.0)),
-    Service("column base level, mm", True, -600.0, 1400.0, (5.0, 10.0, 30.0)),
-    Service("surge tank level, m", True, 0.0, 12.0, (10.0, 30.0, 60.0)),
-    Service("gas holder pressure, mmH2O", True, 0.0, 900.0, (1.0, 2.0, 5.0)),
+_SERVICES = (
+    _Service("reflux flow, m3/h", False, 0.0, 160.0, (1.0, 2.0, 5.0)),
+    _Service("stripping steam, kg/h", False, 0.0, 8000.0, (1.0, 2.0, 5.0)),
+    _Service("fuel gas pressure, bar", False, 0.0, 6.0, (0.5, 1.0, 2.0)),
+    _Service("column overhead pressure, kPa", False, 100.0, 450.0, (1.0, 5.0, 10.0)),
+    _Service("compressor suction pressure, mbar", False, -50.0, 400.0, (0.5, 1.0, 2.0)),
+    _Service("furnace outlet temperature, C", False, 250.0, 420.0, (5.0, 10.0, 20.0)),
+    _Service("tray temperature, K", False, 350.0, 450.0, (5.0, 10.0, 30.0, 60.0)),
+    _Service("cooler outlet temperature, F", False, 60.0, 260.0, (5.0, 10.0, 20.0)),
+    _Service("overhead impurity, ppm", False, 0.0, 2500.0, (30.0, 60.0)),
+    _Service("reflux drum level, %", True, 0.0, 100.0, (2.0, 5.0, 10.0)),
+    _Service("column base level, mm", True, -600.0, 1400.0, (5.0, 10.0, 30.0)),
+    _Service("surge tank level, m", True, 0.0, 12.0, (10.0, 30.0, 60.0)),
+    _Service("gas holder pressure, mmH2O", True, 0.0, 900.0, (1.0, 2.0, 5.0)),
 )
 
 
@@ -73,7 +73,7 @@ def draw_classes(rng: np.random.Generator, plant: str | None = None) -> dict:
     dict
     """
     integrating = bool(rng.random() < 1 / 3)
-    fit = [s for s in SERVICES if s.integrating == (integrating if plant is None else plant == "integrating")]
+    fit = [s for s in _SERVICES if s.integrating == (integrating if plant is None else plant == "integrating")]
     service = fit[int(rng.integers(len(fit)))]
     Ts = pick(rng, service.periods)
     return {
@@ -192,7 +192,7 @@ def draw_case(
     -------
     dict or None
     """
-    service = next(s for s in SERVICES if s.name == classes["service"])
+    service = next(s for s in _SERVICES if s.name == classes["service"])
     # transmitters are ranged to the service: a span of 40 to 100 % of the tag's customary one
     span = (service.high - service.low) * rng.uniform(0.4, 1.0)
     value = rounded(service.low + (service.high - service.low) * rng.uniform(0.35, 0.7))

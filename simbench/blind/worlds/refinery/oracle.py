@@ -17,7 +17,7 @@ import numpy as np
 from scipy.fft import rfft
 
 BANDS = {"weak": (1.3, 2.0), "medium": (2.0, 4.0), "strong": (4.0, 12.0)}
-LOG = 0.05  # smallest scatter granted to a logarithm: 5 % in a size is nobody's finding
+_LOG = 0.05  # smallest scatter granted to a logarithm: 5 % in a size is nobody's finding
 SHARE = 0.02  # ... and to a share of samples or a correlation
 
 
@@ -96,14 +96,14 @@ def features(record: dict[str, np.ndarray], time: float) -> list[np.ndarray]:
     shapes = [v for x in (e, op, *differences[:2]) for v in _shape(x)]
     correlation = _correlations(e, e, lags) + _correlations(op, op, lags) + _correlations(e, op, (0, *lags))
     groups = [
-        (np.array([_log(float(np.std(x))) for x in (e, op, *differences)]), LOG),
-        (np.array(e_bands), 2 * LOG),
-        (np.array(op_bands), 2 * LOG),
-        (np.array(e_line), 2 * LOG),
-        (np.array(op_line), 2 * LOG),
+        (np.array([_log(float(np.std(x))) for x in (e, op, *differences)]), _LOG),
+        (np.array(e_bands), 2 * _LOG),
+        (np.array(op_bands), 2 * _LOG),
+        (np.array(e_line), 2 * _LOG),
+        (np.array(op_line), 2 * _LOG),
         (np.array(shapes), SHARE),
         (np.array(correlation), SHARE),
-        (np.array(_slow(e) + _slow(op)), 2 * LOG),
+        (np.array(_slow(e) + _slow(op)), 2 * _LOG),
         (np.array(_samples(pv)), SHARE),
         (np.array(_samples(op)), SHARE),
     ]

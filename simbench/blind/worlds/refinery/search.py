@@ -14,9 +14,9 @@ from simbench.blind.worlds.refinery.simulation import Setup, build, run
 from simbench.blind.worlds.refinery.sizes import FOREIGN_SIZES, SIZES, Size
 
 CLOUD, SHOWN = 12, 6  # realisations without and with the effect that make a ratio; the first shown is the record's own
-STEPS = 10  # sizes tried on one loop
-TWO = (2.0, 8.0)  # ratio of each of two effects alone
-BESIDE = 1.3  # ratio of each against the loop that has the other already
+_STEPS = 10  # sizes tried on one loop
+_TWO = (2.0, 8.0)  # ratio of each of two effects alone
+_BESIDE = 1.3  # ratio of each against the loop that has the other already
 
 
 class Misfit(Exception):
@@ -112,7 +112,7 @@ def sized(
     """
     low, high = math.log(size.low), math.log(size.high)
     at = rng.uniform(low, low + 0.6 * (high - low))
-    for _ in range(STEPS):
+    for _ in range(_STEPS):
         item = {"effect": name, "parameters": size.parameters(math.exp(at), shape, case)}
         ratio = bench.ratio([item])
         if band[0] <= ratio <= band[1]:
@@ -144,9 +144,9 @@ def two(names: tuple[str, str], case: dict, seeds: np.ndarray, rng: np.random.Ge
     found = []
     for name in names:
         shape = SIZES[name].shape(rng, case, bench.first)
-        found.append(sized(bench, name, SIZES[name], shape, case, TWO, rng))
+        found.append(sized(bench, name, SIZES[name], shape, case, _TWO, rng))
     (first, r1), (second, r2) = found
     for base, extra in ((first, second), (second, first)):
-        if not BESIDE <= Bench(case, [base], seeds).ratio([extra]) < math.inf:
+        if not _BESIDE <= Bench(case, [base], seeds).ratio([extra]) < math.inf:
             raise Misfit
     return [first, second], min(r1, r2)

@@ -14,9 +14,9 @@ from simbench.blind.worlds.refinery.setpoint import pattern
 from simbench.blind.worlds.refinery.valves import Valve
 
 # random streams of one realisation: an added effect never changes the load or the noise of the loop itself
-LOAD, NOISE, WHITE, DRIFT, SPIKES_LOOP, SPIKES_RECORD, HELD, MANUAL, EFFECT_LOAD = range(9)
+_LOAD, _NOISE, _WHITE, _DRIFT, _SPIKES_LOOP, _SPIKES_RECORD, _HELD, _MANUAL, _EFFECT_LOAD = range(9)
 
-LoadMaker = Callable[[np.random.Generator, int, float, int], np.ndarray]
+_LoadMaker = Callable[[np.random.Generator, int, float, int], np.ndarray]
 
 
 @dataclass
@@ -27,7 +27,7 @@ class Setup:
     controller: Controller
     valve: Valve
     sensor: Sensor
-    loads: list[LoadMaker] = field(default_factory=list)  # (rng, cells, h, cell of the record's middle) -> load in %
+    loads: list[_LoadMaker] = field(default_factory=list)  # (rng, cells, h, cell of the record's middle) -> load in %
     noise_std: float = 0.0
     white_std: float = 0.0  # added in quadrature, PV units
     drift: tuple[float, float] = (0.0, 0.0)  # rate, walk
@@ -92,22 +92,22 @@ def _signals(setup: Setup, case: dict, seed: int) -> Signals:
     warm, n = case["warm"], case["n"]
     count, h = warm + n, case["Ts"] / SUBSTEPS
     cells = count * SUBSTEPS
-    load = loads.ordinary(_stream(seed, LOAD), cells, h, case["load"])
+    load = loads.ordinary(_stream(seed, _LOAD), cells, h, case["load"])
     for i, maker in enumerate(setup.loads):
-        load = load + maker(_stream(seed, EFFECT_LOAD + i), cells, h, (warm + n // 2) * SUBSTEPS)
-    noise = setup.noise_std * loads.noise(_stream(seed, NOISE), count, case["noise"])
+        load = load + maker(_stream(seed, _EFFECT_LOAD + i), cells, h, (warm + n // 2) * SUBSTEPS)
+    noise = setup.noise_std * loads.noise(_stream(seed, _NOISE), count, case["noise"])
     if setup.white_std > 0.0:
-        noise = noise + setup.white_std * _stream(seed, WHITE).standard_normal(count)
+        noise = noise + setup.white_std * _stream(seed, _WHITE).standard_normal(count)
     error, spikes = np.zeros(count), np.zeros(count)
     held, manual = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
     if any(setup.drift):
-        error = loads.wander(_stream(seed, DRIFT), count, case["Ts"], *setup.drift, warm + n // 2)
+        error = loads.wander(_stream(seed, _DRIFT), count, case["Ts"], *setup.drift, warm + n // 2)
     if setup.spikes_loop[0] > 0.0:
-        spikes = loads.spikes(_stream(seed, SPIKES_LOOP), count, *setup.spikes_loop)
+        spikes = loads.spikes(_stream(seed, _SPIKES_LOOP), count, *setup.spikes_loop)
     if setup.frozen[1] > 0.0:
-        held = loads.gate(_stream(seed, HELD), count, *setup.frozen)
+        held = loads.gate(_stream(seed, _HELD), count, *setup.frozen)
     if setup.manual[1] > 0.0:
-        manual = loads.gate(_stream(seed, MANUAL), count, *setup.manual)
+        manual = loads.gate(_stream(seed, _MANUAL), count, *setup.manual)
     return Signals(pattern(case["setpoint"], warm, n, case["Ts"]), load, noise, error, spikes, held, manual)
 
 
@@ -140,7 +140,7 @@ def _archive(raw: tuple, sp: np.ndarray, setup: Setup, case: dict, seed: int) ->
     warm, n, how = case["warm"], case["n"], case["archive"]
     pv = (seen_mean if how["averaging"] else seen)[warm:]
     if setup.spikes_record[0] > 0.0:
-        pv = pv + loads.spikes(_stream(seed, SPIKES_RECORD), n, *setup.spikes_record)
+        pv = pv + loads.spikes(_stream(seed, _SPIKES_RECORD), n, *setup.spikes_record)
     pv = archive.lattice(pv, setup.record_quantum)
     if how["band"] > 0.0:
         pv = archive.exceptions(pv, how["band"])

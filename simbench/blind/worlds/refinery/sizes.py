@@ -17,33 +17,33 @@ import numpy as np
 
 from simbench.blind.worlds.refinery.loops import log_uniform, pick
 
-Rng = np.random.Generator
+_Rng = np.random.Generator
 GRID = np.linspace(0, 1, 201)
-Columns = dict[str, np.ndarray]
+_Columns = dict[str, np.ndarray]
 
 
 class Size(NamedTuple):
     """Shape, parameters at a size, smallest and largest size."""
 
-    shape: Callable[[Rng, dict, Columns], dict]
+    shape: Callable[[_Rng, dict, _Columns], dict]
     parameters: Callable[[float, dict, dict], dict]
     low: float
     high: float
 
 
-def _none(rng: Rng, case: dict, seen: Columns) -> dict:
+def _none(rng: _Rng, case: dict, seen: _Columns) -> dict:
     return {}
 
 
-def _sign(rng: Rng, case: dict, seen: Columns) -> dict:
+def _sign(rng: _Rng, case: dict, seen: _Columns) -> dict:
     return {"sign": float(rng.choice([-1.0, 1.0]))}
 
 
-def _mostly_up(rng: Rng, case: dict, seen: Columns) -> dict:
+def _mostly_up(rng: _Rng, case: dict, seen: _Columns) -> dict:
     return {"sign": 1.0 if rng.random() < 0.75 else -1.0}
 
 
-def _mix(rng: Rng, case: dict, seen: Columns) -> dict:
+def _mix(rng: _Rng, case: dict, seen: _Columns) -> dict:
     """Ramp alone, walk alone, or both."""
     angle = pick(rng, (0.0, math.pi / 2, float(rng.uniform(0.3, 1.3))))
     return {"ramp": math.cos(angle) * float(rng.choice([-1.0, 1.0])), "walk": abs(math.sin(angle))}
@@ -60,7 +60,7 @@ def _lag(size: float, shape: dict, case: dict) -> dict:
     return {"tau": max(size * case["time"], 0.15 * case["Ts"])}
 
 
-def _zone(rng: Rng, case: dict, seen: Columns) -> dict:
+def _zone(rng: _Rng, case: dict, seen: _Columns) -> dict:
     """Centre near the balance: a zone that OP never meets is no fault."""
     return {"c": float(np.clip(case["m0"] + rng.uniform(-0.5, 0.5) * case["scales"]["op"], 1.0, 99.0))}
 
@@ -70,29 +70,29 @@ def _dead_time(size: float, shape: dict, case: dict) -> dict:
     return {"extra": size * max(Td, 0.5 * case["time"]) if shape["sign"] > 0 else -min(size, 1.0) * Td}
 
 
-def _somewhere(rng: Rng, case: dict, seen: Columns) -> dict:
+def _somewhere(rng: _Rng, case: dict, seen: _Columns) -> dict:
     """Loop or record; an archive of means shows the transmitter's lattice no more, so there it is the archive's own."""
     return {"at": pick(rng, ("loop", "record")) if not case["archive"]["averaging"] else "record"}
 
 
-def _spikes(rng: Rng, case: dict, seen: Columns) -> dict:
+def _spikes(rng: _Rng, case: dict, seen: _Columns) -> dict:
     return {"rate": log_uniform(rng, 0.002, 0.03), "at": pick(rng, ("record", "loop"), (70, 30))}
 
 
-def _period(rng: Rng, case: dict, seen: Columns) -> dict:
+def _period(rng: _Rng, case: dict, seen: _Columns) -> dict:
     """From far above to far below the loop's bandwidth; at least ten periods in the record."""
     time = case["time"] + case["plant"]["Td"]
     low = max(6.0 * case["Ts"], 0.8 * time)
     return {"period": log_uniform(rng, low, max(min(25.0 * time, case["n"] * case["Ts"] / 10.0), 1.5 * low))}
 
 
-def _dwell(rng: Rng, case: dict, seen: Columns) -> dict:
+def _dwell(rng: _Rng, case: dict, seen: _Columns) -> dict:
     """Levels last from 10 plant times to an eighth of the record."""
     low = 10.0 * (case["time"] + case["plant"]["Td"])
     return {"rate": 1.0 / log_uniform(rng, low, max(case["n"] * case["Ts"] / 8.0, 1.5 * low))}
 
 
-def _sides(rng: Rng, case: dict, seen: Columns) -> dict:
+def _sides(rng: _Rng, case: dict, seen: _Columns) -> dict:
     """Which limit binds, and where OP lies without it."""
     side = pick(rng, ("low", "high", "both"), (40, 40, 20))
     return {"side": side} | {name: np.quantile(seen[name], GRID) for name in ("op", "pv")}
@@ -110,7 +110,7 @@ def _limits(signal: str, lowest: float, highest: float) -> Callable[[float, dict
     return parameters
 
 
-def _retuned(rng: Rng, case: dict, seen: Columns) -> dict:
+def _retuned(rng: _Rng, case: dict, seen: _Columns) -> dict:
     """Direction in (ln Kc, ln Ti): too brisk, too sluggish, or the integral alone."""
     if case["controller"]["Ti"] is None:
         return {"Kc": float(rng.choice([-1.0, 1.0])), "Ti": 0.0}
@@ -152,17 +152,17 @@ SIZES: dict[str, Size] = {
 }
 
 
-def _episode(rng: Rng, case: dict, seen: Columns) -> dict:
+def _episode(rng: _Rng, case: dict, seen: _Columns) -> dict:
     """Episodes of half to eight plant times, at most a fifteenth of the record."""
     time = (case["time"] + case["plant"]["Td"]) / case["Ts"]
     return {"length": min(max(log_uniform(rng, 0.5, 8.0) * time, 4.0), case["n"] / 15.0)}
 
 
-def _squared(rng: Rng, case: dict, seen: Columns) -> dict:
+def _squared(rng: _Rng, case: dict, seen: _Columns) -> dict:
     return {"full": case["scales"]["e"] * float(rng.uniform(1.5, 3.0))}
 
 
-def _swell(rng: Rng, case: dict, seen: Columns) -> dict:
+def _swell(rng: _Rng, case: dict, seen: _Columns) -> dict:
     return {"tau": case["time"] * float(rng.uniform(0.12, 0.35))}
 
 
@@ -171,15 +171,15 @@ def _inverse(size: float, shape: dict, case: dict) -> dict:
     return {"gain": size if case["plant"]["type"] == "foptd" else 1.0 + 4.0 * size, "tau": shape["tau"]}
 
 
-def _recycle(rng: Rng, case: dict, seen: Columns) -> dict:
+def _recycle(rng: _Rng, case: dict, seen: _Columns) -> dict:
     return {"delay": case["plant"]["Td"] + case["time"] * float(rng.uniform(0.5, 2.5))}
 
 
-def _slugs(rng: Rng, case: dict, seen: Columns) -> dict:
+def _slugs(rng: _Rng, case: dict, seen: _Columns) -> dict:
     return {**_period(rng, case, seen), "jitter": float(rng.uniform(0.2, 0.4))}
 
 
-def _showers(rng: Rng, case: dict, seen: Columns) -> dict:
+def _showers(rng: _Rng, case: dict, seen: _Columns) -> dict:
     return {
         "time": case["time"] * log_uniform(rng, 0.2, 2.0),
         "length": case["n"] * case["Ts"] * float(rng.uniform(0.03, 0.08)),

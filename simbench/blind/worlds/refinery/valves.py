@@ -15,9 +15,9 @@ import numba
 import numpy as np
 
 FRICTION = ("none", "choudhury", "he", "karnopp", "stribeck", "lugre")
-NO_FRICTION, CHOUDHURY, HE, KARNOPP, STRIBECK, LUGRE = range(6)
+_NO_FRICTION, CHOUDHURY, HE, KARNOPP, STRIBECK, LUGRE = range(6)
 # places in the state array; the direction of motion is 0 while stuck, the bristle is its deflection
-STEM, DIRECTION, LAST, BRISTLE, SPEED, PLAY, PLAY2, SHAFT, LAGGED = range(9)
+_STEM, _DIRECTION, _LAST, _BRISTLE, _SPEED, _PLAY, _PLAY2, _SHAFT, _LAGGED = range(9)
 
 
 class Valve(NamedTuple):
@@ -27,7 +27,7 @@ class Valve(NamedTuple):
     play: float = 0.0
     zone: float = 0.0
     zone_centre: float = 50.0
-    friction: int = NO_FRICTION
+    friction: int = _NO_FRICTION
     fs: float = 0.0
     fd: float = 0.0
     travel_time: float = 0.1  # viscous friction over spring stiffness, s
@@ -70,29 +70,29 @@ def untrim(mv: float, R: float) -> float:
 @numba.njit
 def choudhury(u, state, fs, fd):
     """Two-parameter model, one scan: stuck until |u - x| > fs, moving at offset fd until OP reverses or rests."""
-    if state[DIRECTION] != 0.0 and (u - state[LAST]) * state[DIRECTION] <= 0.0:
-        state[DIRECTION] = 0.0
-    if state[DIRECTION] != 0.0:
-        state[STEM] = u - state[DIRECTION] * fd
-    elif u - state[STEM] > fs:
-        state[DIRECTION] = 1.0
-        state[STEM] = u - fd
-    elif u - state[STEM] < -fs:
-        state[DIRECTION] = -1.0
-        state[STEM] = u + fd
-    state[LAST] = u
+    if state[_DIRECTION] != 0.0 and (u - state[_LAST]) * state[_DIRECTION] <= 0.0:
+        state[_DIRECTION] = 0.0
+    if state[_DIRECTION] != 0.0:
+        state[_STEM] = u - state[_DIRECTION] * fd
+    elif u - state[_STEM] > fs:
+        state[_DIRECTION] = 1.0
+        state[_STEM] = u - fd
+    elif u - state[_STEM] < -fs:
+        state[_DIRECTION] = -1.0
+        state[_STEM] = u + fd
+    state[_LAST] = u
 
 
 @numba.njit
 def he(u, state, fs, fd):
     """He's model (He, Wang, Pottmann, Qin 2007), one scan: the stem sticks again after every scan."""
-    residual = u - state[STEM]
+    residual = u - state[_STEM]
     if abs(residual) > fs:
-        state[STEM] = u - fd if residual > 0.0 else u + fd
+        state[_STEM] = u - fd if residual > 0.0 else u + fd
 
 
 @numba.njit
-def stribeck_speed(push, v):
+def _stribeck_speed(push, v):
     """Speed at which viscous plus Stribeck friction balances the push, on the stable branch; 0 where there is none."""
     x = (push - v.fd) / v.travel_time
     for _ in range(8):
@@ -110,38 +110,38 @@ def stribeck_speed(push, v):
 
 
 @numba.njit
-def slide(u, h, state, v):
+def _slide(u, h, state, v):
     """Karnopp's or Stribeck's stem over one fine step: exact between break-away and stop (force held)."""
-    if state[DIRECTION] == 0.0:
-        if abs(u - state[STEM]) <= v.fs:
+    if state[_DIRECTION] == 0.0:
+        if abs(u - state[_STEM]) <= v.fs:
             return
-        state[DIRECTION] = 1.0 if u > state[STEM] else -1.0
-    way = state[DIRECTION]
+        state[_DIRECTION] = 1.0 if u > state[_STEM] else -1.0
+    way = state[_DIRECTION]
     drag = v.fd
     if v.friction == STRIBECK:
-        speed = stribeck_speed(way * (u - state[STEM]), v)
+        speed = _stribeck_speed(way * (u - state[_STEM]), v)
         if speed <= 0.0:
-            state[DIRECTION] = 0.0
+            state[_DIRECTION] = 0.0
             return
         drag += (v.fs - v.fd) * math.exp(-((speed / v.stribeck_speed) ** 2))
-    left = way * (u - state[STEM]) - drag
+    left = way * (u - state[_STEM]) - drag
     if left <= v.slip_end:
-        state[DIRECTION] = 0.0
+        state[_DIRECTION] = 0.0
         return
-    state[STEM] += way * left * (1.0 - math.exp(-h / v.travel_time))
+    state[_STEM] += way * left * (1.0 - math.exp(-h / v.travel_time))
 
 
 @numba.njit
-def bristles(u, h, state, v):
+def _bristles(u, h, state, v):
     """LuGre (Canudas de Wit 1995) without inertia, implicit step: the speed solves one quadratic equation.
 
     Friction falls as exp(-|v|/vs) (Tustin 1947): with the square of v a slow stem would creep and never slip.
     """
     stiff = v.fs / v.bristle
-    limit = (v.fd + (v.fs - v.fd) * math.exp(-abs(state[SPEED]) / v.stribeck_speed)) / stiff
-    z, damping = state[BRISTLE], 0.2 * stiff * v.travel_time
+    limit = (v.fd + (v.fs - v.fd) * math.exp(-abs(state[_SPEED]) / v.stribeck_speed)) / stiff
+    z, damping = state[_BRISTLE], 0.2 * stiff * v.travel_time
     grip = stiff + damping / h
-    pull = u - state[STEM] + damping * z / h
+    pull = u - state[_STEM] + damping * z / h
     way = 1.0 if pull >= grip * z else -1.0
     z, pull = way * z, way * pull  # solved in the direction of motion
     viscous = v.travel_time + h
@@ -149,9 +149,9 @@ def bristles(u, h, state, v):
     b = grip * h + viscous - pull * h / limit
     c = grip * z - pull
     speed = (-b + math.sqrt(max(b * b - 4.0 * a * c, 0.0))) / (2.0 * a)
-    state[BRISTLE] = way * (z + h * speed) / (1.0 + h * speed / limit)
-    state[SPEED] = way * speed
-    state[STEM] += h * way * speed
+    state[_BRISTLE] = way * (z + h * speed) / (1.0 + h * speed / limit)
+    state[_SPEED] = way * speed
+    state[_STEM] += h * way * speed
 
 
 @numba.njit
@@ -159,19 +159,19 @@ def scan(op, state, v):
     """Once per scan: backlash, zone and the map-type frictions; returns what drives the stem until the next scan."""
     u = min(max(op, 0.0), 100.0)
     if v.known_play > 0.0:
-        state[PLAY] = play(u, state[PLAY], v.known_play)
-        u = state[PLAY]
+        state[_PLAY] = play(u, state[_PLAY], v.known_play)
+        u = state[_PLAY]
     if v.play > 0.0:
-        state[PLAY2] = play(u, state[PLAY2], v.play)
-        u = state[PLAY2]
+        state[_PLAY2] = play(u, state[_PLAY2], v.play)
+        u = state[_PLAY2]
     if v.zone > 0.0:
         u = dead_zone(u, v.zone, v.zone_centre)
     if v.friction == CHOUDHURY:
         choudhury(u, state, v.fs, v.fd)
-        u = state[STEM]
+        u = state[_STEM]
     elif v.friction == HE:
         he(u, state, v.fs, v.fd)
-        u = state[STEM]
+        u = state[_STEM]
     return u
 
 
@@ -180,25 +180,25 @@ def stroke(u, h, keep, state, v):
     """One fine step of `h` s from drive `u` to the flow position MV (%); `keep` = exp(-h/lag)."""
     if v.friction >= KARNOPP:
         if v.friction == LUGRE:
-            bristles(u, h, state, v)
+            _bristles(u, h, state, v)
         else:
-            slide(u, h, state, v)
-        u = state[STEM]
+            _slide(u, h, state, v)
+        u = state[_STEM]
     if v.speed > 0.0:
         move = v.speed * h
-        u = state[SHAFT] + min(max(u - state[SHAFT], -move), move)
+        u = state[_SHAFT] + min(max(u - state[_SHAFT], -move), move)
     u = min(max(u, v.stop_lo), v.stop_hi)
     if v.lag > 0.0:
-        middle = u if v.speed == 0.0 and v.friction < KARNOPP else 0.5 * (u + state[SHAFT])
-        state[LAGGED] = middle + (state[LAGGED] - middle) * keep
+        middle = u if v.speed == 0.0 and v.friction < KARNOPP else 0.5 * (u + state[_SHAFT])
+        state[_LAGGED] = middle + (state[_LAGGED] - middle) * keep
     else:
-        state[LAGGED] = u
-    state[SHAFT] = u
-    return trim(min(max(state[LAGGED], 0.0), 100.0), v.R)
+        state[_LAGGED] = u
+    state[_SHAFT] = u
+    return trim(min(max(state[_LAGGED], 0.0), 100.0), v.R)
 
 
 def rest(travel: float) -> np.ndarray:
     """Return the state of a valve at rest in mid-band at `travel` (%)."""
     state = np.zeros(9)
-    state[[STEM, LAST, PLAY, PLAY2, SHAFT, LAGGED]] = travel
+    state[[_STEM, _LAST, _PLAY, _PLAY2, _SHAFT, _LAGGED]] = travel
     return state

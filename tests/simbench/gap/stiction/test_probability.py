@@ -10,7 +10,17 @@ from random_case import random_case
 from detectors.judge import judge
 from simbench.cli import main
 from simbench.files import write_record
-from simbench.gap.stiction.probability import EDGE, DENIED_BELOW, SHARED, CLAIMED_FROM, FrictionEvidence, log_odds, pooled, probability, verdict
+from simbench.gap.stiction.probability import (
+    CLAIMED_FROM,
+    DENIED_BELOW,
+    EDGE,
+    SHARED,
+    FrictionEvidence,
+    log_odds,
+    pooled,
+    probability,
+    verdict,
+)
 from simbench.plant.report.fleet import survey
 from simbench.plant.report.page import table
 
@@ -46,7 +56,8 @@ def test_records_of_one_loop_count_together_but_not_as_often_as_they_were_taken(
 
 
 def test_between_yes_and_no_it_cannot_be_told():
-    assert [verdict(p) for p in (DENIED_BELOW - 1e-9, DENIED_BELOW, CLAIMED_FROM, CLAIMED_FROM + 1e-9)] == ["no_stiction", "no_decision", "no_decision", "stiction"]
+    edges = (DENIED_BELOW - 1e-9, DENIED_BELOW, CLAIMED_FROM, CLAIMED_FROM + 1e-9)
+    assert [verdict(p) for p in edges] == ["no_stiction", "no_decision", "no_decision", "stiction"]
 
 
 @pytest.fixture(scope="module")
