@@ -15,17 +15,7 @@ from detectors.usage import exit_code
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command line and return its exit code: 0 done, 2 wrong usage or file.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        In place of sys.argv.
-
-    Returns
-    -------
-    int
-    """
+    """Run the command line and return its exit code: 0 done, 2 wrong usage or file."""
     parser = argparse.ArgumentParser(prog="python -m detectors", description="Does this control valve stick?")
     parser.add_argument("path", help="record (CSV, parquet, Excel), folder of records, or ISDB .mat")
     parser.add_argument("--method", action="append", help="method id, or all, fast, full; repeatable (default: all)")

@@ -120,22 +120,6 @@ def diagnose(source: Source, **about: Any) -> Diagnosis:
 def _as_record(source: Source, **about: Any) -> LoopRecord:
     """Return the record that a source holds.
 
-    Parameters
-    ----------
-    source : LoopRecord, run, str or Path
-        A record, something with a `record`, or a record file.
-    **about
-        Fields of the record to set; for files everything that `read_record` takes.
-
-    Returns
-    -------
-    LoopRecord
-
-    Raises
-    ------
-    RecordError
-        For anything else.
-
     Examples
     --------
     >>> as_record(LoopRecord([1, 2, 3], [1, 2, 3], 1.0), kind="flow").kind

@@ -44,11 +44,6 @@ class UnknownName(UserError, LookupError):
 def naming(place: object) -> Iterator[None]:
     """Put the file (or whatever place) an error of a user's is in before its sentence, where that does not name it yet.
 
-    Parameters
-    ----------
-    place
-        File, folder or record.
-
     Examples
     --------
     >>> with naming("loop.toml"):
@@ -84,18 +79,6 @@ def masked(text: object) -> str:
 
 def nearest(name: str, known: Iterable[str]) -> str:
     """Say which known names come closest to a wrong one.
-
-    Parameters
-    ----------
-    name : str
-        What the user wrote.
-    known : iterable of str
-        What would have been understood.
-
-    Returns
-    -------
-    str
-        ``did you mean 'horch'?`` or the list of everything known.
 
     Examples
     --------

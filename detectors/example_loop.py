@@ -29,36 +29,6 @@ def example_loop(
 ) -> LoopRecord:
     """Run a PI loop about OP = PV = 50 whose valve sticks as Choudhury's two-parameter model does.
 
-    Parameters
-    ----------
-    S, J : float
-        Dead-band plus stick band and slip jump (% of travel); both 0: an ideal valve.
-    process : {"self-regulating", "integrating"}
-        First-order lag or integrator, with dead time.
-    K, T, Td : float
-        Gain (PV units per %; per % and s when integrating), time constant and dead time (s).
-    Kc, Ti : float
-        Controller gain (% per PV unit) and integral time (s).
-    Ts : float
-        Sampling period (s).
-    n : int
-        Samples.
-    noise : float
-        Std of white noise on PV (PV units).
-    load : ndarray, shape (n,), optional
-        Added to MV (%).
-    kick : float
-        Offset of OP (%) at the start: a sticky loop left at rest may stay there.
-    seed : int
-        Of the noise.
-    kind : str, optional
-        What the loop controls.
-
-    Returns
-    -------
-    LoopRecord
-        OP, PV and MV.
-
     Notes
     -----
     For trying detectors; `simbench` simulates every other loop, faster and with everything a plant has.
@@ -114,18 +84,6 @@ CASES = {
 @cache
 def example_record(case: str, process: str) -> LoopRecord:
     """Return one of six records about whose valve nobody can be in doubt.
-
-    Parameters
-    ----------
-    case : str
-        A key of `CASES`, or "dense": the first, sampled eight times as often.
-    process : {"self-regulating", "integrating"}
-        Type of the process.
-
-    Returns
-    -------
-    LoopRecord
-        With MV; a flow loop when self-regulating.
 
     Examples
     --------

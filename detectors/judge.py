@@ -41,35 +41,6 @@ def judge(
 ) -> list[Verdict]:
     """Judge one record by several methods, sharing what they have in common.
 
-    Parameters
-    ----------
-    record : LoopRecord
-        The record; MV and meta are hidden from methods that do not declare that they need MV.
-    methods : iterable of str
-        Method ids.
-    raw : bool
-        Skip the common oscillation front end.
-    thresholds : dict of method id to dict of threshold name to value, optional
-        Other thresholds than the methods' own; every method also takes `stiction_above` and `no_stiction_below`, cuts on
-        its score that overrule its own rule (between them: no decision), as a calibration finds them.
-    front_end : {"acf", "hagglund"}
-        What says whether the loop oscillates: the regularity of the autocorrelation, or Hagglund's load disturbances.
-    halves : bool
-        Judge a record that does not oscillate as a whole by a half that does (`prepared.prepare`); not for what is a piece of
-        a record already.
-
-    Returns
-    -------
-    list of Verdict
-        One per method, in the order asked for.
-
-    Raises
-    ------
-    UnknownName
-        For a method that does not exist.
-    ParameterError
-        For a front end that does not exist, a threshold that a method does not have or that is out of its range.
-
     Examples
     --------
     >>> t = np.arange(600.0)
@@ -91,16 +62,7 @@ def judge(
 
 
 def known_front_end(name: str) -> str:
-    """Return the name of a front end, or raise ParameterError with the nearest one.
-
-    Parameters
-    ----------
-    name : str
-
-    Returns
-    -------
-    str
-    """
+    """Return the name of a front end, or raise ParameterError with the nearest one."""
     if name not in FRONT_ENDS:
         raise ParameterError(f"unknown front end {name!r}: {nearest(name, FRONT_ENDS)}")
     return name
@@ -109,26 +71,7 @@ def known_front_end(name: str) -> str:
 def answers(
     name: str, prepared: Prepared, modes: tuple[bool, ...], thresholds: dict[str, float]
 ) -> tuple[list[Verdict], str | None]:
-    """Ask one method about one record; whatever it does, it costs no other method its answer.
-
-    Parameters
-    ----------
-    name : str
-        Method id.
-    prepared : Prepared
-        The record, blinded unless the method needs MV.
-    modes : tuple of bool
-        Each: skip the common oscillation front end?
-    thresholds : dict of str to float
-        All thresholds of the method, and cuts on its score.
-
-    Returns
-    -------
-    list of Verdict
-        One per mode; "no_decision" with the reason "failed: ..." where the method gave none.
-    str or None
-        What went wrong.
-    """
+    """Ask one method about one record; whatever it does, it costs no other method its answer."""
     host = registry.host_of(name)
     try:
         if host is not None:
@@ -181,26 +124,7 @@ def _judge_there(name, record, front_end, part, known, modes, thresholds) -> lis
 
 
 def check_thresholds(name: str, method: Method, chosen: Mapping[str, float]) -> dict[str, float]:
-    """Return the method's thresholds with the chosen ones in their place.
-
-    Parameters
-    ----------
-    name : str
-        Method id, for messages.
-    method : Method
-        Its description.
-    chosen : dict of str to float
-        What the user set.
-
-    Returns
-    -------
-    dict of str to float
-
-    Raises
-    ------
-    ParameterError
-        For an unknown threshold or a value outside its range.
-    """
+    """Return the method's thresholds with the chosen ones in their place."""
     values = method.defaults()
     if "no_stiction_below" in chosen and "stiction_above" not in chosen:
         raise ParameterError(f"method {name!r}: no_stiction_below needs stiction_above beside it")
@@ -218,25 +142,7 @@ def check_thresholds(name: str, method: Method, chosen: Mapping[str, float]) -> 
 
 
 def judge_one(name: str, module: ModuleType, prepared: Prepared, raw: bool, thresholds: dict[str, float]) -> Verdict:
-    """Judge a prepared record by one method, with everything that comes before the method itself.
-
-    Parameters
-    ----------
-    name : str
-        Method id.
-    module : module
-        Its plug-in.
-    prepared : Prepared
-        The record, blinded unless the method needs MV.
-    raw : bool
-        Skip the common oscillation front end.
-    thresholds : dict of str to float
-        All thresholds of the method, and cuts on its score.
-
-    Returns
-    -------
-    Verdict
-    """
+    """Judge a prepared record by one method, with everything that comes before the method itself."""
     method: Method = module.METHOD
     record = prepared.record
     cuts = {key: thresholds[key] for key in _CUTS if key in thresholds}

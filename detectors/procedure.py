@@ -179,13 +179,6 @@ class Diagnosis:
 def flow_chart() -> tuple[list[dict[str, str]], list[dict[str, str]]]:
     """Return the procedure as a flow chart.
 
-    Returns
-    -------
-    nodes : list of dict
-        id, text, kind ("question" or "conclusion"); a conclusion's text is its verdict.
-    edges : list of dict
-        source, answer, target.
-
     Examples
     --------
     >>> nodes, edges = flow_chart()
@@ -208,23 +201,6 @@ def diagnose(
     veto: bool = False,
 ) -> Diagnosis:
     """Take a record through the whole procedure.
-
-    Parameters
-    ----------
-    record : LoopRecord
-        The record; MV, where it was recorded, is used.
-    odds_low, odds_high : float
-        Log-odds below which the detectors together say no, and above which they say yes.
-    follow_min : float
-        Score of `valve_follow` from which a valve stands still (-).
-    weighted : bool
-        Weigh the detectors' indices; otherwise a majority of their verdicts decides, as in the source.
-    veto : bool
-        A nonlinearity that is not seen ends the search, as in the source.
-
-    Returns
-    -------
-    Diagnosis
 
     Notes
     -----

@@ -37,23 +37,6 @@ class Flag:
 def inspect(record: LoopRecord, oscillation: Oscillation | None = None) -> dict[str, Flag]:
     """Return the flags that a record raises, by name.
 
-    Parameters
-    ----------
-    record : LoopRecord
-        The record.
-    oscillation : Oscillation, optional
-        What the front end found in it; found here when absent.
-
-    Returns
-    -------
-    dict of str to Flag
-        `dead_op`, `dead_pv`: it never changes. `manual`: OP changes too seldom for a controller. `saturated`: OP
-        stands at a limit. `outside_span`: OP or PV is not where its span says. `gaps`: as the loader says.
-        `quantised_op`, `quantised_pv`: values on a coarse grid.
-        `compressed`: straight lines between kept samples. `held`: OP and PV stand still together, over and over.
-        `frozen`: PV stands still for once while OP moves. `undersampled`: less than 8 samples per period.
-        `moving_sp`, `off_setpoint`: the set point changes, or PV stays away from it. `spikes`: isolated outliers in PV.
-
     Notes
     -----
     Own rules; their limits stand at the head of the file. What a flag is worth depends on the method:
@@ -142,18 +125,6 @@ def _steps(name: str, x: np.ndarray, step: float) -> Iterator[Flag]:
 def steps(x: np.ndarray, other: np.ndarray) -> float:
     """Return the steps that a signal is written in: of its lattice, else of its decimals.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Signal.
-    other : ndarray, shape (n,)
-        Another column of the same record; it shows with how many digits the file was written.
-
-    Returns
-    -------
-    float
-        In units of x; 0 at full precision.
-
     Examples
     --------
     >>> x = 5 * np.sin(np.arange(300) / 9)
@@ -166,20 +137,6 @@ def steps(x: np.ndarray, other: np.ndarray) -> float:
 
 def saturation(op: np.ndarray, pv: np.ndarray, percent: np.ndarray | None = None) -> tuple[float, float]:
     """Return how much of the time OP stands at a limit, and at which.
-
-    Parameters
-    ----------
-    op, pv : ndarray, shape (n,)
-        Controller output and process variable, any units.
-    percent : ndarray, shape (n,), optional
-        The same in % of span, where that is known; 0 and 100 then are limits for certain.
-
-    Returns
-    -------
-    share : float
-        0..1; 0 when OP has no limit.
-    limit : float
-        In units of `op`.
 
     Notes
     -----

@@ -150,7 +150,20 @@ class LoopRecord:
         return self.op_span is None and 0.0 <= lo < hi <= 1.0
 
     def outside(self, name: str, margin: float = _OVER_RANGE) -> float:
-        """Return the share of OP's or PV's samples that lie beyond its span by more than `margin` of it; 0 without a span."""
+        """Return the share of samples that lie beyond the signal's span.
+
+        Parameters
+        ----------
+        name : {"op", "pv"}
+            The signal.
+        margin : float
+            Share of the span that a sample may lie beyond it.
+
+        Returns
+        -------
+        float
+            0 without a span.
+        """
         span, x = getattr(self, f"{name}_span"), getattr(self, name)
         if span is None:
             return 0.0

@@ -21,18 +21,6 @@ _LONGEST = 950  # characters of a sentence; of a longer one its beginning and it
 def exit_code(work: Callable[[], int | None], *known: type[Exception]) -> int:
     """Run a command and return its exit code.
 
-    Parameters
-    ----------
-    work : function () -> int or None
-    *known : type
-        Further errors, beside UserError, whose text is a sentence for the user.
-
-    Returns
-    -------
-    int
-        The command's own (None: 0); 2 wrong usage, file or configuration, or a fault of the program's own, said in one sentence
-        on stderr, the fault's traceback in a file that the sentence names; 130 interrupted.
-
     Examples
     --------
     >>> exit_code(lambda: None), exit_code(lambda: 1)
@@ -67,16 +55,7 @@ def exit_code(work: Callable[[], int | None], *known: type[Exception]) -> int:
 
 
 def complain(sentence: str) -> int:
-    """Print one sentence to stderr and return the exit code of wrong usage, 2.
-
-    Parameters
-    ----------
-    sentence : str
-
-    Returns
-    -------
-    int
-    """
+    """Print one sentence to stderr and return the exit code of wrong usage, 2."""
     said = masked(" ".join(sentence.split()))
     print(f"error: {said if len(said) <= _LONGEST else f'{said[: _LONGEST - 300]} [...] {said[-290:]}'}", file=sys.stderr)
     return 2

@@ -12,17 +12,6 @@ if TYPE_CHECKING:
 def page_part(sentence: str, frame: pd.DataFrame) -> str:
     """Return a sentence and a table as HTML.
 
-    Parameters
-    ----------
-    sentence : str
-        What the table says.
-    frame : DataFrame
-        The table; three significant digits are shown.
-
-    Returns
-    -------
-    str
-
     Examples
     --------
     >>> import pandas as pd

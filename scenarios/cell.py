@@ -125,32 +125,7 @@ def cell_group(
     overrides: Mapping[str, Value],
     where: str,
 ) -> tuple[Loop, Rules, tuple[Draft, ...]]:
-    """Build the sticky twin of a cell and the drafts of its members.
-
-    Parameters
-    ----------
-    settings : mapping
-        Axis values and drawn values, keys of `SETTINGS`.
-    members : iterable of (name, settings, loads)
-        `settings` of the member with its valve (`Scaled`); loads as in `Draft`.
-    tags : mapping
-        Common tags.
-    overrides : mapping
-        Dotted loop keys set from outside.
-    where : str
-        For messages.
-
-    Returns
-    -------
-    twin : Loop
-    rules : Rules
-    drafts : tuple of Draft
-
-    Raises
-    ------
-    SpecError
-        When a setting is missing or makes no loop.
-    """
+    """Build the sticky twin of a cell and the drafts of its members."""
     settings = {"speed": 1.0, "step": 0.0, "excitation": "setpoint", "tuning": "medium", **settings}
     table = _loop_table(settings, where)
     rules = Rules(**{name: settings.get(name) for name in Rules.FIELDS})
@@ -186,16 +161,6 @@ def cell_group(
 def loop_axes(loop: Loop) -> dict[str, float | int | str | None]:
     """Return the grid axes that a whole loop shows by itself.
 
-    Parameters
-    ----------
-    loop : Loop
-        Any loop.
-
-    Returns
-    -------
-    dict
-        Td_over_T or Td_over_Ti, S_over_2J, disturbance; what the loop does not have is None.
-
     Examples
     --------
     >>> loop_axes(Loop.from_table({"plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
@@ -222,16 +187,6 @@ def loop_axes(loop: Loop) -> dict[str, float | int | str | None]:
 
 def ultimate_gain(Td_over_T: float) -> float:
     """Return the ultimate K Kc of a first-order plant with dead time under P control.
-
-    Parameters
-    ----------
-    Td_over_T : float
-        Above 0.
-
-    Returns
-    -------
-    float
-        sqrt(1 + (w T)^2) at w Td + atan(w T) = pi.
 
     Examples
     --------

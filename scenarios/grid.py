@@ -231,22 +231,7 @@ class Grid:
         return self._sizes[index % len(self._sizes)]
 
     def group(self, index: int) -> Group:
-        """Build one group.
-
-        Parameters
-        ----------
-        index : int
-            0 .. ; indices beyond `group_count` are further repeats.
-
-        Returns
-        -------
-        Group
-
-        Raises
-        ------
-        SpecError
-            When the cell asks for an impossible loop.
-        """
+        """Build one group."""
         repeat, cell = divmod(index, self.cells)
         number, values = self._place(cell)
         # cells that differ in the disturbance alone share the plant: no setting of it tells them apart
@@ -366,24 +351,6 @@ def load_grid(
     name: str | Path, sets: Mapping[str, Value] | None = None, axes: Mapping[str, Sequence[Value]] | None = None
 ) -> Grid:
     """Read a grid by name or from a file.
-
-    Parameters
-    ----------
-    name : str or Path
-        "smoke", "table-11-3", "chapter", "own-ground", "ci", "plant", or the path of a TOML file.
-    sets : dict, optional
-        Overrides: "seed", "repeats", an axis or drawn setting (then fixed), or a dotted loop key.
-    axes : dict, optional
-        Axes in place of the file's: an axis name, or a dotted loop key of a grid with [loop].
-
-    Returns
-    -------
-    Grid
-
-    Raises
-    ------
-    SpecError
-        When there is no such grid, it cannot be read, or its count is not the expected one.
 
     Examples
     --------

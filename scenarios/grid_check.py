@@ -22,19 +22,7 @@ _ATS = ("input", "output")
 
 
 def refuse_mistakes(grid: Any) -> None:
-    """Raise one error that names every mistake of a grid.
-
-    Parameters
-    ----------
-    grid : scenarios.grid.Grid
-        As read; its schema holds.
-
-    Raises
-    ------
-    SpecError
-        Unknown names with the nearest known one, words for numbers, ranges that are empty or not above 0, axes and
-        lists without a value, too many cells, and cells that make no loop.
-    """
+    """Raise one error that names every mistake of a grid."""
     found = list(dict.fromkeys(_mistakes(grid.content)))
     if not found and grid.cells > _MOST_CELLS:
         found = [f"{grid.cells:.3g} cells; at most {_MOST_CELLS} are simulated"]

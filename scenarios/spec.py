@@ -343,17 +343,7 @@ def checked(model: type[M], table: dict[str, Any], where: str) -> M:
 
 
 def content_hash(content: Any) -> str:
-    """Return 16 hex digits that identify a nested table of numbers and names.
-
-    Parameters
-    ----------
-    content
-        JSON types; whole floats and integers of the same value hash alike.
-
-    Returns
-    -------
-    str
-    """
+    """Return 16 hex digits that identify a nested table of numbers and names."""
     text = json.dumps(_canonical(content), sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 

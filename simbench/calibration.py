@@ -8,20 +8,6 @@ import numpy as np
 def calibration_error(stated: np.ndarray, right: np.ndarray, bins: int = 10) -> float:
     """Return the expected calibration error (Naeini et al. 2015), equal-width bins.
 
-    Parameters
-    ----------
-    stated : ndarray, shape (n,)
-        Probabilities of the answers given; n at least 1.
-    right : ndarray, shape (n,)
-        Whether they were right.
-    bins : int
-
-    Returns
-    -------
-    float
-        Mean distance of stated probability and share right over the bins, weighted by their answers, which scikit-learn's
-        calibration_curve does not count.
-
     Examples
     --------
     >>> round(calibration_error(np.array([0.9, 0.9, 0.2, 0.2]), np.array([1, 1, 0, 0])), 3)

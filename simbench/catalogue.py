@@ -15,16 +15,6 @@ LISTED_KINDS = ("detectors", "valves", "grids", "effects", "figures")
 def catalogue(what: str) -> list[dict[str, str]]:
     """List the plug-ins of one kind.
 
-    Parameters
-    ----------
-    what : {"detectors", "valves", "grids", "effects", "figures"}
-        The kind.
-
-    Returns
-    -------
-    list of dict
-        name, says (one line), source.
-
     Examples
     --------
     >>> [row["name"] for row in catalogue("valves") if row["name"] == "choudhury"]

@@ -45,22 +45,6 @@ class FileError(UserError, OSError):
 def whole_file(path: str | Path, mode: str = "w") -> Iterator[IO]:
     """Open a file for writing that appears under its name only when all of it is on disk.
 
-    Parameters
-    ----------
-    path : str or Path
-        Where it shall stand; a device or pipe is written directly.
-    mode : {"w", "wb"}
-        Text (UTF-8) or bytes.
-
-    Yields
-    ------
-    file
-
-    Raises
-    ------
-    FileError
-        When the folder is missing or not writable, or the disk is full; an older file of that name then stays as it was.
-
     Examples
     --------
     >>> import tempfile
@@ -119,21 +103,6 @@ def _local(path: str | Path) -> Path:
 def answered(path: str | Path, ask: Callable[[], Any]) -> Any:
     """Return the answer kept in a file as JSON; where there is none yet, ask and keep it: a killed command goes on there.
 
-    Parameters
-    ----------
-    path : path
-    ask : callable
-        Returns what JSON can hold.
-
-    Returns
-    -------
-    object
-
-    Raises
-    ------
-    FileError
-        When the file cannot be written.
-
     Examples
     --------
     >>> import tempfile
@@ -158,17 +127,7 @@ def picture_kind(path: str | Path) -> str:
 
 
 def refuse_own_input(outputs: Iterable[str | Path | None], inputs: Iterable[str | Path | None]) -> None:
-    """Refuse, before any work, to write over what is read, two things into one file, or where nothing can stand.
-
-    Parameters
-    ----------
-    outputs, inputs : iterable of path or None
-        None stands for nothing; of a folder that is read, the tables and records in it count.
-
-    Raises
-    ------
-    FileError
-    """
+    """Refuse, before any work, to write over what is read, two things into one file, or where nothing can stand."""
     wanted = [Path(p) for p in outputs if p is not None]
     if not wanted:
         return
@@ -211,20 +170,7 @@ def folder(path: str | Path) -> Path:
 
 
 def write_record(record: LoopRecord, path: str | Path) -> None:
-    """Write a record as CSV with columns t_s, sp, op, pv, mv; every number reads back to the same bits.
-
-    Parameters
-    ----------
-    record : LoopRecord
-        What to write; signals that are None are left out.
-    path : str or Path
-        Where to.
-
-    Raises
-    ------
-    FileError
-        When it cannot be written.
-    """
+    """Write a record as CSV with columns t_s, sp, op, pv, mv; every number reads back to the same bits."""
     refuse_kind(path)
     with whole_file(path) as f:
         f.write(record_text(record))

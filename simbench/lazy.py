@@ -12,18 +12,6 @@ from typing import Any
 def attach(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
     """Return `__getattr__`, `__dir__` and `__all__` for a package whose public names stand in its stub.
 
-    Parameters
-    ----------
-    package : str
-        Its `__name__`.
-    file : str
-        Its `__file__`; the stub stands beside it. Every line ``from module import name as name`` is a public name.
-
-    Returns
-    -------
-    tuple of (function, function, list of str)
-        What the package assigns to its three special names.
-
     Notes
     -----
     A wrong name raises AttributeError that says the nearest right one.

@@ -11,14 +11,6 @@ from scenarios.errors import SpecError
 def exit_code(work: Callable[[], int | None]) -> int:
     """Run a command and return its exit code, as `detectors.usage.exit_code`; the errors of loop files are known too.
 
-    Parameters
-    ----------
-    work : function () -> int or None
-
-    Returns
-    -------
-    int
-
     Examples
     --------
     >>> exit_code(lambda: None), exit_code(lambda: 1)

@@ -82,6 +82,20 @@ def test_a_class_has_a_name_of_its_own():
     assert {name: places for name, places in homes.items() if len(places) > 1} == {}
 
 
+def test_a_constant_that_others_read_has_one_meaning():
+    # a plug-in is asked by these words: they belong to its file
+    own = (*PLUGINS, "simbench/blind/worlds", "simbench/gap/stiction/method.py")
+    homes: dict[str, set[str]] = {}
+    for path, name in zip(FILES, NAMES):
+        for node in ast.parse(path.read_text(encoding="utf-8")).body if not name.startswith(own) else ():
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target] if isinstance(node, ast.AnnAssign) else []
+            for word in (n.id for t in targets for n in ast.walk(t) if isinstance(n, ast.Name) and n.id.isupper()):
+                if not word.startswith("_") and word not in ("SOURCE", "PLUGINS", "TITLE"):
+                    homes.setdefault(word, set()).add(name)
+    assert len(homes) > 100
+    assert {word: places for word, places in homes.items() if len(places) > 1} == {}
+
+
 def test_what_is_known_of_an_effect_stands_in_its_own_files():
     own = ("simbench/loop/effects/", "simbench/gap/effects/", "simbench/blind/")
     ids, found = set(EFFECTS), []

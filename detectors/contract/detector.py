@@ -78,20 +78,6 @@ class Contract:
 def check_detector(name: str) -> Contract:
     """Check a detector against its contract.
 
-    Parameters
-    ----------
-    name : str
-        Method id; `detectors.plugins.registry.methods.add_file` gives that of a file.
-
-    Returns
-    -------
-    Contract
-
-    Raises
-    ------
-    UnknownName
-        For a method that does not exist.
-
     Notes
     -----
     Six plain records for every process type the method is made for, judged as `detectors.judge` does; the verdict must not

@@ -24,15 +24,6 @@ class Guarded:
 def call_guarded(work: Callable[[], Any]) -> Guarded:
     """Call a plug-in and note what no plug-in may do: raise, warn or print.
 
-    Parameters
-    ----------
-    work : function () -> anything
-
-    Returns
-    -------
-    Guarded
-        `refusal` is an error that a user is told in one sentence: whether that is allowed depends on what was asked.
-
     Examples
     --------
     >>> call_guarded(lambda: 1 / 0).faults

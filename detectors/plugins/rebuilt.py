@@ -11,7 +11,7 @@ from detectors.record import PROCESSES
 from detectors.verdict import Verdict, wrong_types
 
 _VERDICT = vars(Verdict("x", "no_decision", reason="x"))
-METHOD = {key: value for key, value in vars(Method("x", "x")).items() if key not in ("exempt", "published")}
+METHOD_FIELDS = {key: value for key, value in vars(Method("x", "x")).items() if key not in ("exempt", "published")}
 _THRESHOLD = vars(Threshold(0.0, "x", 0.0, 0.0, "x", "x"))
 
 
@@ -41,7 +41,7 @@ def method_of(said: Any) -> Method:
     """Rebuild a detector's description of itself, or raise PluginError."""
     if not isinstance(said, dict):
         raise PluginError("METHOD is no detectors.method.Method")
-    fields = {key: _like(example, said.get(key), f"METHOD.{key}") for key, example in METHOD.items()}
+    fields = {key: _like(example, said.get(key), f"METHOD.{key}") for key, example in METHOD_FIELDS.items()}
     if not fields["process"] or not set(fields["process"]) <= set(PROCESSES):
         raise PluginError(f"METHOD.process = {fields['process']}; known: {', '.join(PROCESSES)}")
     rules = {

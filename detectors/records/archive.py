@@ -19,16 +19,6 @@ Series = tuple[np.ndarray, np.ndarray]
 def stored_on_change(t: np.ndarray, x: np.ndarray) -> bool:
     """Whether the stored values of a signal look as if only changes beyond a dead-band were kept.
 
-    Parameters
-    ----------
-    t, x : ndarray, shape (n,)
-        Times (s) and stored values.
-
-    Returns
-    -------
-    bool
-        True when no value repeats the one before, small changes are absent, and the intervals are uneven.
-
     Notes
     -----
     A signal that is merely sampled, or that lost samples at random, makes about 10 % of its changes smaller than a fifth of
@@ -64,32 +54,7 @@ def base_step(t: np.ndarray) -> float | None:
 def hold(
     series: Mapping[str, Series], Ts: float | None, where: str
 ) -> tuple[np.ndarray, dict[str, np.ndarray], float, list[str]]:
-    """Put signals with times of their own on one even grid, every value held until the next.
-
-    Parameters
-    ----------
-    series : mapping of role to (times, values)
-        At least op and pv.
-    Ts : float or None
-        Sampling period (s); None = the step all times of OP and PV are multiples of.
-    where : str
-        File, for messages.
-
-    Returns
-    -------
-    t : ndarray, shape (n,)
-        Times (s), from the first at which OP and PV are known.
-    signals : dict of str to ndarray, shape (n,)
-        NaN before a signal's first value.
-    Ts : float
-    notes : list of str
-        Which share of each signal is held.
-
-    Raises
-    ------
-    RecordError
-        When OP and PV have no common step and no Ts was given.
-    """
+    """Put signals with times of their own on one even grid, every value held until the next."""
     steps = {role: base_step(series[role][0]) for role in ("op", "pv")}
     if Ts is None:
         known = [s for s in steps.values() if s is not None]

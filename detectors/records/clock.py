@@ -35,29 +35,6 @@ def seconds(
 ) -> np.ndarray:
     """Return a time column in seconds, from numbers or time stamps.
 
-    Parameters
-    ----------
-    values : list or ndarray
-        Cells: numbers, ISO time stamps, or a date of `_DATES` and a clock of `_CLOCKS`.
-    name, where : str
-        Column and file, for messages.
-    unit : str
-        What the header says that numbers count in; "" = seconds, unless they can only be something else.
-    place : function of row to str
-        Where a row stands in its file.
-    notes : list of str, optional
-        Takes what had to be assumed.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Strictly rising.
-
-    Raises
-    ------
-    RecordError
-        With the line, for a missing or unreadable time, time that does not rise, and time that can be read in two ways.
-
     Examples
     --------
     >>> t = seconds(["2024-05-31 14:05:00", "2024-05-31 14:05:10"], "time", "FIC101.csv")

@@ -14,33 +14,7 @@ JITTER = 0.01  # deviation from Ts, as a share of it, above which time has a gap
 
 
 def whole(t: np.ndarray, signals: dict[str, np.ndarray | None], Ts: float, where: str):
-    """Put the samples on an even grid, bridge short holes, keep the longest segment without a long one.
-
-    Parameters
-    ----------
-    t : ndarray, shape (n,)
-        Times (s), rising.
-    signals : dict of role to ndarray, shape (n,)
-        NaN where unknown; at least op and pv.
-    Ts : float
-        Sampling period (s).
-    where : str
-        File, for messages.
-
-    Returns
-    -------
-    t : ndarray, shape (m,)
-        Even times (s).
-    signals : dict of role to ndarray, shape (m,), or None
-        None for SP and MV whose holes would cost more than half of the record.
-    notes : tuple of str
-        "gaps: ..." for everything that was done.
-
-    Raises
-    ------
-    RecordError
-        When more than 20 % is missing.
-    """
+    """Put the samples on an even grid, bridge short holes, keep the longest segment without a long one."""
     dt = np.diff(t)
     if not (longest := float(dt.max(initial=0.0))) < _FURTHEST * Ts:
         needed = f"less than {_FURTHEST:g} of them is needed"

@@ -34,17 +34,6 @@ _COMMA = re.compile(r"[+-]?(\d+|\d{1,3}(\.\d{3})+)?(,\d*)?(e[+-]?\d+)?", re.IGNO
 def is_head(cells: Sequence[str], chosen: Mapping[str, str]) -> bool:
     """Whether some cells are the header of a record: PV and OP by name or choice, or time, tag and value.
 
-    Parameters
-    ----------
-    cells : sequence of str
-        One line of a file.
-    chosen : mapping of role to column
-        What the user says.
-
-    Returns
-    -------
-    bool
-
     Examples
     --------
     >>> is_head(["Time", "MEAS", "OUT"], {}), is_head(["Export of 3 May", ""], {})
@@ -56,20 +45,7 @@ def is_head(cells: Sequence[str], chosen: Mapping[str, str]) -> bool:
 
 
 def take_units(sheet: Sheet, chosen: Mapping[str, str]) -> dict[str, str]:
-    """Take rows of units or descriptions off the head of a table and return the units of its columns.
-
-    Parameters
-    ----------
-    sheet : Sheet
-        Loses these rows.
-    chosen : mapping of role to column
-        What the user says.
-
-    Returns
-    -------
-    dict of str to str
-        Unit in small letters by column name; from such a row, else from brackets in the name.
-    """
+    """Take rows of units or descriptions off the head of a table and return the units of its columns."""
     units = {name: unit(name) for name in sheet.columns}
     time = chosen.get("t") or next((n for n in sheet.columns if ends_with(n, TIME_NAMES) is not None), None)
     if not all(isinstance(c, list) for c in sheet.columns.values()):
@@ -89,28 +65,7 @@ def take_units(sheet: Sheet, chosen: Mapping[str, str]) -> dict[str, str]:
 
 
 def op_span(unit_of_op: str, known: object, where: str, notes: list[str]) -> tuple[float, float] | None:
-    """Return the span that OP's unit fixes; % is 0..100 by itself, 4..20 mA is a standard, others need to be told.
-
-    Parameters
-    ----------
-    unit_of_op : str
-        As written in the file.
-    known : span or None
-        What the user says.
-    where : str
-        File, for messages.
-    notes : list of str
-        Takes what was assumed.
-
-    Returns
-    -------
-    (lo, hi) or None
-
-    Raises
-    ------
-    RecordError
-        For a unit that is not % and has no standard span.
-    """
+    """Return the span that OP's unit fixes; % is 0..100 by itself, 4..20 mA is a standard, others need to be told."""
     if known is not None:
         return None
     if unit_of_op == "ma":
@@ -123,25 +78,6 @@ def op_span(unit_of_op: str, known: object, where: str, notes: list[str]) -> tup
 
 def read_numbers(sheet: Sheet, names: Sequence[str], where: str) -> dict[str, np.ndarray]:
     """Return columns as numbers; states such as "Bad" count as missing, and that is said.
-
-    Parameters
-    ----------
-    sheet : Sheet
-        Table; takes the notes.
-    names : sequence of str
-        Columns to convert; together they decide between decimal point and comma.
-    where : str
-        File, for messages.
-
-    Returns
-    -------
-    dict of str to ndarray, shape (n,)
-        NaN where unknown.
-
-    Raises
-    ------
-    RecordError
-        With the line, for text that is no number; for infinity, and for numbers that can be read in two ways.
 
     Examples
     --------
@@ -169,24 +105,7 @@ def read_numbers(sheet: Sheet, names: Sequence[str], where: str) -> dict[str, np
 
 
 def apply_quality(sheet: Sheet, roles: Mapping[str, str], signals: Mapping[str, np.ndarray], where: str) -> None:
-    """Blank the samples that a quality column calls bad.
-
-    Parameters
-    ----------
-    sheet : Sheet
-        Table; takes the notes.
-    roles : mapping of role to column
-        Which column is what.
-    signals : mapping of role to ndarray
-        Changed in place.
-    where : str
-        File, for messages.
-
-    Raises
-    ------
-    RecordError
-        For a quality column that is understood only in part.
-    """
+    """Blank the samples that a quality column calls bad."""
     for name, cells in sheet.columns.items():
         about = ends_with(name, QUALITY)
         if about is None or name in roles.values():

@@ -94,31 +94,7 @@ def read_folder(
     each: Mapping[str, Mapping[str, Any]] | None = None,
     **about: Any,
 ) -> tuple[dict[str, LoopRecord], dict[str, str]]:
-    """Read every loop record of a folder, or every loop of an ISDB .mat file.
-
-    Parameters
-    ----------
-    path : str or Path
-        Folder or .mat file.
-    names : iterable of str, optional
-        File stems (or loops) to read; all when absent.
-    each : dict of str to dict, optional
-        What is known of single records (process, kind, ...), by name.
-    **about
-        As in `read_record`, for all; goes before `each`.
-
-    Returns
-    -------
-    records : dict of str to LoopRecord
-        By file stem, sorted.
-    refused : dict of str to str
-        The sentence for every file that is no record.
-
-    Raises
-    ------
-    RecordError
-        When the folder is missing or holds no record at all.
-    """
+    """Read every loop record of a folder, or every loop of an ISDB .mat file."""
     path = Path(path)
     given = {k: v for k, v in about.items() if v is not None}
     if path.suffix.lower() == ".mat":
@@ -144,25 +120,7 @@ def read_folder(
 
 
 def read_labels(path: str | Path) -> dict[str, dict[str, str]]:
-    """Read a table of labels, one row per record.
-
-    Parameters
-    ----------
-    path : str or Path
-        CSV with a column `id` or `record`, and any of label, kind (or type), process (or dynamics), unit_group, loop.
-
-    Returns
-    -------
-    dict of str to dict of str to str
-        By record name: label, kind, process, loop, unit_group and every other column as text. Underscores in kind and
-        process read as hyphens; words that a record does not know become "". A label is stiction, no_stiction, unknown or
-        nothing, or begins with a cause of `_CAUSES`.
-
-    Raises
-    ------
-    RecordError
-        When the file cannot be read or has no such column, or a label is none: a misspelt one would count as its opposite.
-    """
+    """Read a table of labels, one row per record."""
     raw = read_table(Path(path))
     rows = {str(k).strip().lower(): v for k, v in raw.items()}
     key = next((k for k in ("id", "record") if k in rows), None)

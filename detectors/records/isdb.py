@@ -23,23 +23,7 @@ _KIND_WORDS = {
 
 
 def read_loops(path: Path) -> dict[str, Any]:
-    """Return every loop structure of the file under "sector.loopN".
-
-    Parameters
-    ----------
-    path : Path
-        The .mat file.
-
-    Returns
-    -------
-    dict of str to structure
-        With the fields SP, PV, OP, Ts, Type (0 self-regulating, 1 integrating) and Comments.
-
-    Raises
-    ------
-    RecordError
-        When the file is missing, damaged, or has no structure cdata.
-    """
+    """Return every loop structure of the file under "sector.loopN"."""
     from scipy.io import loadmat
 
     if not path.is_file():  # a pipe would be waited for
@@ -59,27 +43,7 @@ def read_loops(path: Path) -> dict[str, Any]:
 
 
 def read_loop(path: Path, loop: str | None) -> tuple[Columns, dict[str, Any]]:
-    """Return the signals of one loop and what the file says about it.
-
-    Parameters
-    ----------
-    path : Path
-        The .mat file.
-    loop : str or None
-        "sector.loopN"; None where the file holds one loop only.
-
-    Returns
-    -------
-    columns : dict of str to ndarray
-        sp, op, pv as far as they have the length of PV.
-    about : dict
-        Fields of the record: tag, Ts (s), kind, process, meta.
-
-    Raises
-    ------
-    RecordError
-        When the file is no ISDB file or holds no such loop.
-    """
+    """Return the signals of one loop and what the file says about it."""
     loops = read_loops(path)
     if loop is None:
         if len(loops) != 1:

@@ -13,29 +13,7 @@ from detectors.records.tables import Sheet
 
 
 def unfold(sheet: Sheet, loop: str | None, chosen: Mapping[str, str], where: str) -> dict[str, Sheet] | None:
-    """Take a long table (time, tag, value) apart.
-
-    Parameters
-    ----------
-    sheet : Sheet
-        Table.
-    loop : str, optional
-        The loop whose tags are wanted.
-    chosen : mapping of role to tag
-        What the user says.
-    where : str
-        File, for messages.
-
-    Returns
-    -------
-    dict of role to Sheet, or None
-        Each with columns t and value (and quality); None where the table is not long.
-
-    Raises
-    ------
-    RecordError
-        When no tag is PV or OP, or several are.
-    """
+    """Take a long table (time, tag, value) apart."""
     names = list(sheet.columns)
     found = long_columns(names)
     if found is None or {"pv", "op"} <= {r for r in SIGNALS for n in names if means(n, r)}:

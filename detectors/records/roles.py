@@ -26,27 +26,6 @@ _PHRASES = {w for among in (*SIGNAL_WORDS.values(), TIME_NAMES, TAG_COLUMNS) for
 def find_roles(names: Sequence[str], chosen: Mapping[str, str], where: str, loop: str | None = None) -> dict[str, str]:
     """Return which column plays which role.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Columns.
-    chosen : mapping of role to column
-        What the user says; goes before names.
-    where : str
-        File, for messages.
-    loop : str, optional
-        Columns of this loop alone ("FIC101").
-
-    Returns
-    -------
-    dict of str to str
-        Keys t, sp, op, pv, mv, as far as found.
-
-    Raises
-    ------
-    RecordError
-        When a chosen column is missing, or several may be the same signal.
-
     Examples
     --------
     >>> find_roles(["Time", "FIC101.MEAS", "FIC101.OUT (%)"], {}, "a.csv")
@@ -81,20 +60,6 @@ def find_roles(names: Sequence[str], chosen: Mapping[str, str], where: str, loop
 
 def column_pairs(texts: Sequence[str] | None) -> dict[str, str] | None:
     """Return what a command line says of columns.
-
-    Parameters
-    ----------
-    texts : sequence of str, optional
-        Like "op=FIC101.OUT,pv=FIC101.MEAS".
-
-    Returns
-    -------
-    dict of role to column, or None
-
-    Raises
-    ------
-    RecordError
-        For anything but ROLE=NAME.
 
     Examples
     --------

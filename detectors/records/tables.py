@@ -49,45 +49,12 @@ class Sheet:
 
 
 def read_table(path: Path) -> Columns:
-    """Read a table whose first line names its columns, its cells as they stand.
-
-    Parameters
-    ----------
-    path : Path
-        CSV (comma, semicolon or tab), .parquet or .xlsx.
-
-    Returns
-    -------
-    dict of str to list or ndarray
-        Cells by column name; text of a CSV is not converted yet.
-
-    Raises
-    ------
-    RecordError
-        As `read_sheet`.
-    """
+    """Read a table whose first line names its columns, its cells as they stand."""
     return read_sheet(path).columns
 
 
 def read_sheet(path: Path, is_head: Callable[[Sequence[str]], bool] = lambda cells: False) -> Sheet:
-    """Read a table, wherever in its file it begins.
-
-    Parameters
-    ----------
-    path : Path
-        CSV (comma, semicolon, tab or bar; UTF-8, UTF-16 or Windows-1252), .parquet or .xlsx.
-    is_head : function of cells to bool
-        Whether some cells name the columns that are needed; where no line does, the first one is the header.
-
-    Returns
-    -------
-    Sheet
-
-    Raises
-    ------
-    RecordError
-        When the file is missing, empty, binary, ragged or damaged.
-    """
+    """Read a table, wherever in its file it begins."""
     if not path.exists():
         raise RecordError(f"file {path} does not exist")
     if not path.is_file():

@@ -140,40 +140,7 @@ def judge_files(
     thresholds: Mapping[str, Mapping[str, float]] | None = None,
     time_limit: float = SECONDS,
 ) -> Report:
-    """Judge a record file, a folder of them, or an ISDB .mat file.
-
-    Parameters
-    ----------
-    path : str or Path
-        What to judge.
-    methods : iterable of str
-        Method ids, or "all", "fast", "full" (fast and slow ones, the same as all); commas inside are understood.
-    process, kind, op_span, pv_span : optional
-        What is known of every record, see LoopRecord; goes before what labels say.
-    columns, loop, Ts : optional
-        See `detectors.records.io.read_record`.
-    labels : str or Path, optional
-        Table of labels; its records alone are judged, with its kind and process, and scored.
-    raw : bool
-        Without the oscillation front end.
-    front_end : {"acf", "hagglund"}
-        What says whether a loop oscillates, see `detectors.judge.judge`.
-    plugins : iterable of str or Path
-        Detector files outside the package; they are judged too, in addition to `methods`.
-    thresholds : dict of method id to dict of str to float, optional
-        Other thresholds than the methods' own.
-    time_limit : float
-        Seconds a plug-in may take for a record.
-
-    Returns
-    -------
-    Report
-
-    Raises
-    ------
-    UserError
-        For anything the user can put right: files, methods, thresholds.
-    """
+    """Judge a record file, a folder of them, or an ISDB .mat file."""
     with registry.hosted(plugins, time_limit) as added:
         names = choose_methods(methods)
         names += [a for a in added if a not in names]
@@ -201,22 +168,6 @@ def judge_files(
 def choose_methods(names: Iterable[str]) -> list[str]:
     """Return method ids for names that may be sets of methods.
 
-    Parameters
-    ----------
-    names : iterable of str
-        Ids, "all", "fast", "full" or "published" (every method with rules of our own, without them: NAME@published);
-        "horch,he" counts as two.
-
-    Returns
-    -------
-    list of str
-        Without repetition, in the order asked for.
-
-    Raises
-    ------
-    UnknownName
-        With the nearest method.
-
     Examples
     --------
     >>> choose_methods(["horch,he", "he"])
@@ -238,21 +189,7 @@ def choose_methods(names: Iterable[str]) -> list[str]:
 def score_units(
     verdicts: Iterable[tuple[str | None, Verdict]], labels: Mapping[str, Mapping[str, str]]
 ) -> list[dict[str, Any]]:
-    """Score verdicts against labels, counted by unit: the records of one loop, or of loops that share an oscillation.
-
-    Parameters
-    ----------
-    verdicts : iterable of (str, Verdict)
-        Record name and verdict.
-    labels : dict of str to dict
-        As `detectors.records.io.read_labels` gives it; label "stiction" is a positive, "" and "unknown" are left out.
-
-    Returns
-    -------
-    list of dict
-        Per method: n_stiction, found, n_other, false_alarms, undecided, not_applicable, auc. A unit counts as stiction when
-        most of its decided records say so; one that the method is not made for counts in not_applicable alone.
-    """
+    """Score verdicts against labels, counted by unit: the records of one loop, or of loops that share an oscillation."""
     units: dict[str, dict[tuple[str, str], list[Verdict]]] = {}
     for name, verdict in verdicts:
         row = labels.get(str(name))
@@ -292,15 +229,6 @@ def table(rows: list[dict[str, Any]]) -> list[str]:
 
 def columns(lines: Sequence[Sequence[str]]) -> list[str]:
     """Return cells as lines of equal columns: for files, which have no width to which rich could fit a table.
-
-    Parameters
-    ----------
-    lines : sequence of sequence of str
-        As many cells in each.
-
-    Returns
-    -------
-    list of str
 
     Examples
     --------

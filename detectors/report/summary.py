@@ -27,15 +27,6 @@ _WIDE = 400  # columns of a table that goes to a file: nothing is cut or wrapped
 def sentence(verdicts: Sequence[Verdict]) -> str:
     """Say what the methods say together.
 
-    Parameters
-    ----------
-    verdicts : sequence of Verdict
-        Of one record.
-
-    Returns
-    -------
-    str
-
     Examples
     --------
     >>> sentence([Verdict("he", "stiction", reason="r"), Verdict("horch", "no_decision", reason="r")])
@@ -55,19 +46,7 @@ def sentence(verdicts: Sequence[Verdict]) -> str:
 
 
 def notes_of(verdicts: Sequence[Verdict], record: LoopRecord | None = None) -> list[str]:
-    """Return what is true of the record and not of one method: said by most of several, or by the loader.
-
-    Parameters
-    ----------
-    verdicts : sequence of Verdict
-        Of one record.
-    record : LoopRecord, optional
-        The record, for what its loader had to do.
-
-    Returns
-    -------
-    list of str
-    """
+    """Return what is true of the record and not of one method: said by most of several, or by the loader."""
     clauses = Counter(c for v in verdicts for c in dict.fromkeys(_clauses(v.reason)))
     least = max(2, (len(verdicts) + 1) // 2)
     return [*(record.notes if record else ()), *(c for c, n in clauses.items() if n >= least)]
@@ -75,17 +54,6 @@ def notes_of(verdicts: Sequence[Verdict], record: LoopRecord | None = None) -> l
 
 def own_reason(verdict: Verdict, shared: Collection[str]) -> str:
     """Return a verdict's reason without what is said of the whole record already.
-
-    Parameters
-    ----------
-    verdict : Verdict
-        One method's.
-    shared : collection of str
-        As `notes_of` gives them.
-
-    Returns
-    -------
-    str
 
     Examples
     --------
@@ -99,21 +67,7 @@ def own_reason(verdict: Verdict, shared: Collection[str]) -> str:
 def as_text(
     groups: Iterable[tuple[str | None, list[Verdict], LoopRecord | None]], *, why: bool = False, colour: bool = False
 ) -> str:
-    """Return summary and table, and the reasons where asked for.
-
-    Parameters
-    ----------
-    groups : iterable of (name or None, verdicts, record or None)
-        One per record; several become a matrix.
-    why : bool
-        Each method's reason below the table.
-    colour : bool
-        With colours, for a terminal.
-
-    Returns
-    -------
-    str
-    """
+    """Return summary and table, and the reasons where asked for."""
     found = list(groups)
     lines = []
     if len(found) == 1:
@@ -131,18 +85,7 @@ def as_text(
 
 
 def to_frame(verdicts: Iterable[tuple[str | None, Verdict]]) -> pd.DataFrame:
-    """Return one row per verdict, intervals and indices as columns of their own.
-
-    Parameters
-    ----------
-    verdicts : iterable of (record name or None, Verdict)
-        What was said.
-
-    Returns
-    -------
-    DataFrame
-        record (where there are names), method, verdict, score, S_lo, S_hi, J_lo, J_hi, S_unit, applicable, reason, indices.
-    """
+    """Return one row per verdict, intervals and indices as columns of their own."""
     import pandas as pd
 
     rows = []

@@ -8,15 +8,6 @@ import numpy as np
 def detrend(x: np.ndarray) -> np.ndarray:
     """Return the signal without its least-squares straight line, in units of its own std; zeros for a constant.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Any signal.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-
     Examples
     --------
     >>> detrend(np.array([1.0, 2.0, 3.0]))
@@ -33,15 +24,6 @@ def detrend(x: np.ndarray) -> np.ndarray:
 def fast_size(n: int) -> int:
     """Return a length >= n for which the FFT is fast: 2, 3 or 5 times a power of two.
 
-    Parameters
-    ----------
-    n : int
-        Smallest length.
-
-    Returns
-    -------
-    int
-
     Examples
     --------
     >>> fast_size(6000), fast_size(1025)
@@ -52,16 +34,6 @@ def fast_size(n: int) -> int:
 
 def acf(x: np.ndarray) -> np.ndarray:
     """Return the biased autocorrelation of a mean-free signal for lags below half its length, by FFT.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Mean-free, not all zero.
-
-    Returns
-    -------
-    ndarray, shape (n // 2,)
-        1 at lag 0.
 
     Examples
     --------
@@ -75,18 +47,6 @@ def acf(x: np.ndarray) -> np.ndarray:
 
 def zero_crossings(x: np.ndarray, band: float = 0.0) -> np.ndarray:
     """Return where a signal crosses zero for good, that is, leaves the band on the other side before it comes back.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Mean-free signal.
-    band : float
-        Half width of the band of noise, >= 0, in units of x.
-
-    Returns
-    -------
-    ndarray, shape (m,)
-        Positions in samples, linearly interpolated; of several sign changes inside the band, the middle one.
 
     Examples
     --------
@@ -112,20 +72,6 @@ def zero_crossings(x: np.ndarray, band: float = 0.0) -> np.ndarray:
 def decay_ratio(rho: np.ndarray, at: np.ndarray) -> float:
     """Return R = a/b of Miao & Seborg from an ACF and its zero crossings.
 
-    Parameters
-    ----------
-    rho : ndarray, shape (m,)
-        ACF from lag 0 on.
-    at : ndarray, shape (>= 4,)
-        Its zero crossings, in lags.
-
-    Returns
-    -------
-    float
-        a = height of the first maximum above the line through the first two minima, b = depth of the first minimum
-        below the line from
-        (0, 1) to that maximum. An ACF that shrinks by d per half period gives R = d.
-
     Examples
     --------
     >>> rho = np.cos(np.arange(200) / 8)
@@ -143,19 +89,6 @@ def decay_ratio(rho: np.ndarray, at: np.ndarray) -> float:
 
 def lasting(x: np.ndarray, period: float) -> float:
     """Return the amplitude of an oscillation in the last third of a signal over that in the first third.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Mean-free signal.
-    period : float
-        Its period in samples.
-
-    Returns
-    -------
-    float
-        0 when the last third does not oscillate at this period. The squared amplitude is the mean of x(k) [x(k-P) -
-        x(k-P/2)]: white noise and slow drift cancel in it.
 
     Examples
     --------

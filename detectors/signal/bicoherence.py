@@ -63,17 +63,6 @@ def boundaries(peak: tuple[float, float]) -> tuple[float, float]:
 def bicoherence(x: np.ndarray, segment: int = _SEGMENT) -> _Bicoherence:
     """Estimate the squared bicoherence of a signal by averaging over half-overlapping segments.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n,), n >= 4 segment
-        Signal, any unit; segments are made mean-free and weighted by a Hann window.
-    segment : int
-        Samples per segment; it should hold 3 or 4 periods of the slowest oscillation.
-
-    Returns
-    -------
-    Bicoherence
-
     Notes
     -----
     Source: Choudhury, Shah & Thornhill (2004), Automatica 40, 1719-1728: bic2 = |E X1 X2 X12*|^2 / (E|X1 X2|^2
@@ -110,18 +99,6 @@ def bicoherence(x: np.ndarray, segment: int = _SEGMENT) -> _Bicoherence:
 
 def error_bicoherence(e: np.ndarray, period: float) -> _Bicoherence | None:
     """Estimate the bicoherence of a control error, thinned out so that a segment holds four periods.
-
-    Parameters
-    ----------
-    e : ndarray, shape (n,)
-        Control error SP - PV, any unit.
-    period : float
-        Period of its oscillation in samples; NaN when there is none.
-
-    Returns
-    -------
-    Bicoherence or None
-        None when fewer than four segments of 64 samples are left. Frequencies refer to the samples of `e`.
 
     Notes
     -----

@@ -10,19 +10,6 @@ import numpy as np
 def band(x: np.ndarray, period: float, harmonics: float) -> np.ndarray:
     """Return the oscillation alone: drift slower than its period removed, noise above a harmonic of it removed.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Signal, any units.
-    period : float
-        Period of the oscillation in samples.
-    harmonics : float
-        Highest harmonic that is kept.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-
     Notes
     -----
     Not for records of less than three periods: what stands for drift then is a guess.
@@ -39,18 +26,6 @@ def band(x: np.ndarray, period: float, harmonics: float) -> np.ndarray:
 
 def clear_harmonics(x: np.ndarray, period: float) -> float:
     """Return up to which harmonic a triangle of this size and period stands above the white noise in the signal.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Oscillation with noise.
-    period : float
-        Period in samples.
-
-    Returns
-    -------
-    float
-        5 or more; half the period (no filter) for a clean signal.
 
     Notes
     -----
@@ -70,16 +45,6 @@ def clear_harmonics(x: np.ndarray, period: float) -> float:
 def noise_variance(x: np.ndarray) -> float:
     """Return the variance of the white noise in a signal that is smooth but for it.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Signal.
-
-    Returns
-    -------
-    float
-        In units of x squared, from the median of its squared third differences, so that kinks and jumps do not count.
-
     Examples
     --------
     >>> x = np.sin(np.arange(5000) / 20) + 0.1 * np.random.default_rng(0).standard_normal(5000)
@@ -94,19 +59,6 @@ def noise_variance(x: np.ndarray) -> float:
 
 def loop_sign(op: np.ndarray, pv: np.ndarray, reach: int = 1) -> float:
     """Return -1 where PV falls when the valve opens under OP, else +1.
-
-    Parameters
-    ----------
-    op, pv : ndarray, shape (n,)
-        Controller output and process variable, any units.
-    reach : int
-        Samples over which OP is differenced to both sides; an eighth of a period is good.
-
-    Returns
-    -------
-    float
-        Cause comes before effect: a PV that rises with OP lags it by up to half a period, in an open loop and under
-        PI. One that leads it by as much is a falling one. With neither lag nor lead the answer is +1.
 
     Notes
     -----
@@ -128,17 +80,6 @@ def loop_sign(op: np.ndarray, pv: np.ndarray, reach: int = 1) -> float:
 def snapped(x: np.ndarray, step: float = 2.0**-23) -> np.ndarray:
     """Return a signal on a grid far finer than any transmitter's, so that what rounding made unlike is alike again.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Signal, in a unit that does not depend on where it was recorded: % of travel, shares of its range.
-    step : float
-        Of the grid, a power of two: what is computed from its points is the same in every unit.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-
     Examples
     --------
     >>> 0.1 + 0.2 == 0.3, bool(snapped(np.array([0.1 + 0.2])) == snapped(np.array([0.3])))
@@ -149,17 +90,6 @@ def snapped(x: np.ndarray, step: float = 2.0**-23) -> np.ndarray:
 
 def band_pass(x: np.ndarray, low: float, high: float) -> np.ndarray:
     """Return the part of a signal between two frequencies, without shifting it in time.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Signal, any units; a straight line is taken off first, so that its ends meet.
-    low, high : float
-        Cycles per sample.
-
-    Returns
-    -------
-    ndarray, shape (n,)
 
     Notes
     -----
@@ -180,19 +110,6 @@ def band_pass(x: np.ndarray, low: float, high: float) -> np.ndarray:
 
 def drift(x: np.ndarray, period: float) -> np.ndarray:
     """Return the mean over one period around each sample, which holds no oscillation of that period.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Signal.
-    period : float
-        Period in samples; whole periods are averaged, with a fractional weight at both ends of the window.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        In the first and last half period, where the window is cut, the line through the two nearest whole windows
-        half a period apart.
 
     Examples
     --------
@@ -221,20 +138,6 @@ def drift(x: np.ndarray, period: float) -> np.ndarray:
 def smooth(x: np.ndarray, shortest: float, waves: Callable[[], np.ndarray] | None = None) -> np.ndarray:
     """Return the signal without what is faster than a period, zero-phase, its ends continued by their mirror image.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Signal.
-    shortest : float
-        Shortest period kept, in samples; below 2 nothing is removed. The gain falls from 1 to 0 as a cosine over the
-        next third of the band.
-    waves : callable, optional
-        Returns `mirrored_spectrum(x)`, where that is at hand.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-
     Examples
     --------
     >>> t = np.arange(500)
@@ -251,16 +154,6 @@ def smooth(x: np.ndarray, shortest: float, waves: Callable[[], np.ndarray] | Non
 
 def mirrored_spectrum(x: np.ndarray) -> np.ndarray:
     """Return the Fourier transform of a signal and its mirror image behind it, whose ends meet.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Signal.
-
-    Returns
-    -------
-    ndarray, shape (n + 1,), complex
-        At k / (2 n) cycles per sample.
 
     Examples
     --------

@@ -54,16 +54,6 @@ class Ellipse:
 def fit_ellipse(x: np.ndarray, y: np.ndarray) -> Ellipse | None:
     """Fit an ellipse to points by least squares, the ellipse condition built in.
 
-    Parameters
-    ----------
-    x, y : ndarray, shape (n,)
-        Points, any units; both are scaled inside.
-
-    Returns
-    -------
-    Ellipse or None
-        None when the points lie on a line or a point.
-
     Notes
     -----
     Source: Fitzgibbon, Pilu & Fisher (1999), IEEE PAMI 21, 476-480: minimise |D a|^2 subject to 4AC - B^2 = 1, in the

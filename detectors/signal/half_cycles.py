@@ -21,23 +21,6 @@ def midline(x: np.ndarray, at: np.ndarray) -> np.ndarray:
 def split(x: np.ndarray, period: float, points: int = HALF_CYCLE_POINTS, longest: float = 1.0) -> np.ndarray:
     """Cut an oscillation into its significant half cycles.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Oscillation without drift.
-    period : float
-        Its period in samples.
-    points : int
-        Samples per half cycle after resampling, at the middles of equal parts.
-    longest : float
-        Longest half cycle, in periods; inf for periods that wander.
-
-    Returns
-    -------
-    ndarray, shape (m, points)
-        Every half cycle as a positive hump; those shorter than a quarter of half a period, and longer than `longest`, are
-        left out.
-
     Examples
     --------
     >>> split(np.sin(2 * np.pi * np.arange(400) / 40), 40.0).shape
@@ -56,17 +39,6 @@ def split(x: np.ndarray, period: float, points: int = HALF_CYCLE_POINTS, longest
 def misfit(humps: np.ndarray, shapes: np.ndarray) -> np.ndarray:
     """Return the least mean squared error of each half cycle over a family of shapes, each with its best height.
 
-    Parameters
-    ----------
-    humps : ndarray, shape (m, points)
-        Half cycles.
-    shapes : ndarray, shape (family, points)
-        Candidate shapes, each of unit length (sum of squares 1).
-
-    Returns
-    -------
-    ndarray, shape (m,)
-
     Examples
     --------
     >>> float(misfit(3.0 * triangles()[:1], triangles())[0]) < 1e-12
@@ -78,17 +50,6 @@ def misfit(humps: np.ndarray, shapes: np.ndarray) -> np.ndarray:
 
 def typical_means(*errors: np.ndarray, left_out: float = 0.1) -> list[float]:
     """Return the mean of each kind of misfit over the half cycles that are like the others.
-
-    Parameters
-    ----------
-    *errors : ndarray, shape (m,)
-        Misfits of the same half cycles by different shapes.
-    left_out : float
-        Share of the half cycles, those that all shapes together fit worst: a load or set-point step went through them.
-
-    Returns
-    -------
-    list of float
 
     Examples
     --------
@@ -104,16 +65,6 @@ def typical_means(*errors: np.ndarray, left_out: float = 0.1) -> list[float]:
 def sines(points: int = HALF_CYCLE_POINTS) -> np.ndarray:
     """Return sines that start at the crossing, with frequencies around pi / length.
 
-    Parameters
-    ----------
-    points : int
-        Samples per half cycle.
-
-    Returns
-    -------
-    ndarray, shape (113, points)
-        w from 0.2 to 1.6 pi per half cycle.
-
     Examples
     --------
     >>> sines().shape
@@ -127,15 +78,6 @@ def sines(points: int = HALF_CYCLE_POINTS) -> np.ndarray:
 def half_sine(points: int = HALF_CYCLE_POINTS) -> np.ndarray:
     """Return the one sine that is zero at both ends.
 
-    Parameters
-    ----------
-    points : int
-        Samples per half cycle.
-
-    Returns
-    -------
-    ndarray, shape (1, points)
-
     Examples
     --------
     >>> half_sine().shape
@@ -147,15 +89,6 @@ def half_sine(points: int = HALF_CYCLE_POINTS) -> np.ndarray:
 @lru_cache(maxsize=8)
 def triangles(points: int = HALF_CYCLE_POINTS) -> np.ndarray:
     """Return triangles with zero ends and the apex anywhere.
-
-    Parameters
-    ----------
-    points : int
-        Samples per half cycle.
-
-    Returns
-    -------
-    ndarray, shape (81, points)
 
     Examples
     --------
@@ -169,15 +102,6 @@ def triangles(points: int = HALF_CYCLE_POINTS) -> np.ndarray:
 
 def two_line_misfit(humps: np.ndarray) -> np.ndarray:
     """Return the mean squared error of two free straight lines per half cycle, which share its largest sample.
-
-    Parameters
-    ----------
-    humps : ndarray, shape (m, points)
-        Half cycles.
-
-    Returns
-    -------
-    ndarray, shape (m,)
 
     Examples
     --------
@@ -210,16 +134,6 @@ def _unit(shapes: np.ndarray) -> np.ndarray:
 def relays(points: int = HALF_CYCLE_POINTS) -> np.ndarray:
     """Return the steady answers of first-order lags to a square wave, each cut where it crosses zero.
 
-    Parameters
-    ----------
-    points : int
-        Samples per half cycle.
-
-    Returns
-    -------
-    ndarray, shape (80, points)
-        Time constants from 0.02 (a square) to 200 half periods (a triangle with its apex in the middle).
-
     Examples
     --------
     >>> relays().shape
@@ -236,16 +150,6 @@ def relays(points: int = HALF_CYCLE_POINTS) -> np.ndarray:
 
 def peak_areas(humps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the area of each half cycle before and after its peak.
-
-    Parameters
-    ----------
-    humps : ndarray, shape (m, points)
-        Half cycles as positive humps, sampled at the middles of equal parts.
-
-    Returns
-    -------
-    before, after : ndarray, shape (m,)
-        In units of the signal times half cycles; the peak is placed by a parabola through the three highest samples.
 
     Examples
     --------

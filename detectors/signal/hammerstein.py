@@ -132,25 +132,6 @@ def fit_hammerstein(
 ) -> _Hammerstein:
     """Find the valve's S and J and the plant behind it from OP and PV.
 
-    Parameters
-    ----------
-    op : ndarray, shape (n,)
-        Controller output, % of travel with the default limits.
-    pv : ndarray, shape (n,)
-        Process variable, any unit.
-    period : float
-        Period of the oscillation in samples.
-    integrating : bool
-        Whether the plant integrates; else time constants and, for slow plants, an integrator are tried.
-    limits : (float, float)
-        Ends of travel.
-    Ts : float
-        Sampling period (s).
-
-    Returns
-    -------
-    Hammerstein
-
     Notes
     -----
     Source: Srinivasan, Rengaswamy, Narasimhan & Miller (2005), Ind. Eng. Chem. Res. 44, 6719-6728, and Jelali (2008), J.
@@ -313,20 +294,6 @@ def _ranges(search: _Search, best: _Ends):
 def strongest_segment(x: np.ndarray, period: float, length: int) -> tuple[int, int]:
     """Return the stretch of a signal with the largest covariance with itself one period later: large and regular.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Signal.
-    period : float
-        Period in samples.
-    length : int
-        Samples wanted.
-
-    Returns
-    -------
-    start, stop : int
-        As in a slice.
-
     Examples
     --------
     >>> t = np.arange(600)
@@ -345,18 +312,6 @@ def strongest_segment(x: np.ndarray, period: float, length: int) -> tuple[int, i
 
 def swing(op: np.ndarray, period: float) -> float:
     """Return the usual peak-to-peak of OP within a period, in its unit.
-
-    Parameters
-    ----------
-    op : ndarray, shape (n,)
-        Controller output.
-    period : float
-        Period in samples.
-
-    Returns
-    -------
-    float
-        Median over the whole cycles of the record.
 
     Examples
     --------

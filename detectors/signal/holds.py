@@ -10,15 +10,6 @@ _SELDOM = 1e-3  # standstills of a length that a record of noise has by chance; 
 def still(x: np.ndarray) -> bool:
     """Return whether a signal never changes by more than rounding.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Signal.
-
-    Returns
-    -------
-    bool
-
     Examples
     --------
     >>> still(np.array([1e6, 1e6 + 1e-7, 1e6])), still(np.array([1.0, 1.1]))
@@ -29,16 +20,6 @@ def still(x: np.ndarray) -> bool:
 
 def holds(x: np.ndarray) -> np.ndarray:
     """Return the lengths of the runs of equal samples, in order.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Signal.
-
-    Returns
-    -------
-    ndarray of int, shape (m,)
-        They add up to n.
 
     Examples
     --------
@@ -51,18 +32,6 @@ def holds(x: np.ndarray) -> np.ndarray:
 
 def stuck(x: np.ndarray, unit: float = 0.0) -> float:
     """Return the share of samples in exact standstills longer than noise, rounded to `unit`, has by chance.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Signal.
-    unit : float
-        What its values are rounded to; 0 for full precision.
-
-    Returns
-    -------
-    float
-        0..1; 0 where the signal stands still so often that nothing tells chance from a fault.
 
     Examples
     --------

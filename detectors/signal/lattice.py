@@ -19,15 +19,6 @@ _ON_LATTICE = 0.9  # mean length of the phases; ten values that lie anywhere rea
 def resolution(x: np.ndarray) -> float:
     """Return the largest power of ten of which every value is a multiple.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-
-    Returns
-    -------
-    float
-        In units of x; 0 when the numbers are not rounded.
-
     Examples
     --------
     >>> resolution(np.array([1.25, 3.5, 10.0])), resolution(np.array([1.25, np.pi]))
@@ -50,17 +41,6 @@ def _multiples(x: np.ndarray, units: np.ndarray) -> np.ndarray:
 def written_unit(x: np.ndarray, *others: np.ndarray) -> float:
     """Return the decimal unit a column is written in; one far coarser than its neighbours' digits is the signal's own lattice.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-    *others : ndarray
-        Other columns of the same file; they show with how many digits it was written.
-
-    Returns
-    -------
-    float
-        In units of x; 0 when the numbers are not rounded.
-
     Examples
     --------
     >>> x = np.array([1.0, 2.0, 4.0])
@@ -77,18 +57,6 @@ def written_unit(x: np.ndarray, *others: np.ndarray) -> float:
 
 def lattice(x: np.ndarray, unit: float = 0.0) -> float:
     """Return the spacing of the lattice, wherever it begins, on which all values of a signal stand.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Signal.
-    unit : float
-        Decimal unit it is written in, see `written_unit`; a lattice hardly coarser than that is found in any numbers.
-
-    Returns
-    -------
-    float
-        In units of x; 0 when the values lie anywhere.
 
     Notes
     -----
@@ -132,16 +100,6 @@ def lattice(x: np.ndarray, unit: float = 0.0) -> float:
 def root_lattice(x: np.ndarray) -> float:
     """Return the step, at the signal's mean, of the lattice on which its square stands.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Signal.
-
-    Returns
-    -------
-    float
-        In units of x; 0 when the squares lie anywhere.
-
     Notes
     -----
     A flow is the square root of the differential pressure that was digitised. The levels' phases over one step are put on a
@@ -160,17 +118,6 @@ def root_lattice(x: np.ndarray) -> float:
 
 def hides_nothing(step: float, x: np.ndarray) -> bool:
     """Return whether rounding to a step adds next to nothing to a signal's moves.
-
-    Parameters
-    ----------
-    step : float
-        In units of x.
-    x : ndarray, shape (n,)
-        Signal.
-
-    Returns
-    -------
-    bool
 
     Examples
     --------
@@ -199,16 +146,6 @@ class Written(NamedTuple):
 
 def written(x: np.ndarray, *others: np.ndarray) -> Written:
     """Return the digits and the lattice of a column, and which of them is no more than the way it was written.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-    *others : ndarray
-        Other columns of the same file, see `written_unit`.
-
-    Returns
-    -------
-    Written
 
     Examples
     --------

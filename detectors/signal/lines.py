@@ -11,21 +11,6 @@ _LARGE = 100.0  # roundings; of smaller moves, which lie on a line by chance, no
 def on_line(x: np.ndarray, unit: float = 0.0, noise: float = 0.0) -> np.ndarray:
     """Return which samples, moving at all, lie on a line through their neighbours.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Signal.
-    unit : float
-        What its values are rounded to; 0 for full precision.
-    noise : float
-        Standard deviation that every sample of the signal must have; 0 where it is not known.
-
-    Returns
-    -------
-    ndarray of bool, shape (n,)
-        All false where neither the usual move nor the noise is much larger than the rounding: then every sample may lie on
-        a line.
-
     Examples
     --------
     >>> kept = np.random.default_rng(0).standard_normal(101)
@@ -41,20 +26,6 @@ def on_line(x: np.ndarray, unit: float = 0.0, noise: float = 0.0) -> np.ndarray:
 
 def share_on_lines(x: np.ndarray, unit: float = 0.0, noise: float = 0.0) -> float:
     """Return the share of samples that lie on a line through their neighbours beyond those that do so by chance.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Signal.
-    unit : float
-        What its values are rounded to; 0 for full precision.
-    noise : float
-        Standard deviation that every sample of the signal must have; 0 where it is not known.
-
-    Returns
-    -------
-    float
-        0..1. Chance bends a signal by up to a tolerance as often as by one to two tolerances; a drawn line does not.
 
     Examples
     --------
@@ -83,20 +54,6 @@ def _bends(x: np.ndarray, unit: float, noise: float) -> tuple[np.ndarray, float]
 
 def straight(x: np.ndarray, unit: float = 0.0) -> tuple[float, int]:
     """Return how much of a signal's movement runs on straight lines between kept samples, and on how many.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Signal.
-    unit : float
-        What its values are rounded to; 0 for full precision.
-
-    Returns
-    -------
-    share : float
-        Samples on the line through their neighbours among those that move visibly to both sides, 0..1.
-    lines : int
-        Straight pieces of three samples or more.
 
     Examples
     --------

@@ -15,20 +15,6 @@ _SMALLEST = 0.01  # amplitude that matters, as a share of PV's span
 def oscillation_by_loads(op: np.ndarray, pv: np.ndarray, e: np.ndarray, Ts: float, span: float | None = None) -> Oscillation:
     """Find the oscillation of a loop by Hagglund's load disturbances: the front end of those who look at the error alone.
 
-    Parameters
-    ----------
-    op, pv, e : ndarray, shape (n,)
-        Controller output, process variable and control error, any units.
-    Ts : float
-        Sampling period (s).
-    span : float, optional
-        Of PV; when unknown, the range that PV covers stands in.
-
-    Returns
-    -------
-    Oscillation
-        As `find_oscillation`, but `sustained` means more than `MOST_LOADS` loads in memory, and a period in OP or PV.
-
     Notes
     -----
     Source: as `iae_loads`, with its smallest amplitude (1 % of span) and supervision time (50 integral times). The integral

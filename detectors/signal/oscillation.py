@@ -75,19 +75,6 @@ NOTHING = Oscillation(False, 0.0, float("nan"))
 def find_oscillation(op: np.ndarray, pv: np.ndarray, Ts: float) -> Oscillation:
     """Find the sustained oscillation of a loop in OP or PV, whichever shows it more regularly.
 
-    Parameters
-    ----------
-    op, pv : ndarray, shape (n,)
-        Controller output and process variable, any units, either sign.
-    Ts : float
-        Sampling period (s).
-
-    Returns
-    -------
-    Oscillation
-        `sustained` needs r > 1, R > 0.5 and an amplitude that lasts, all in the same signal; or a cycle whose period
-        wanders, see `wandering`.
-
     Notes
     -----
     Source: as `oscillation_of`. Not for loops with two oscillations of like strength: band-pass the record first.
@@ -110,16 +97,6 @@ def find_oscillation(op: np.ndarray, pv: np.ndarray, Ts: float) -> Oscillation:
 
 def wandering(op: np.ndarray) -> np.ndarray | None:
     """Return the reversals of a cycle whose period wanders and whose swing does not, or None where there is none.
-
-    Parameters
-    ----------
-    op : ndarray, shape (n,)
-        Controller output, any unit, either sign.
-
-    Returns
-    -------
-    ndarray of int, shape (swings + 1,), or None
-        Samples at which OP turns for good, the first one left out.
 
     Notes
     -----
@@ -176,19 +153,6 @@ def _reversals(x, least, at):
 def oscillation_of(x: np.ndarray, Ts: float = 1.0) -> Oscillation:
     """Find the sustained oscillation of one signal.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Any signal; a straight line and, where needed, ever shorter moving means are removed, until an oscillation
-        shows.
-    Ts : float
-        Sampling period (s).
-
-    Returns
-    -------
-    Oscillation
-        The first sustained one, else the most regular candidate.
-
     Notes
     -----
     Source: Thornhill, Huang & Zhang (2003), J. Process Control 13, 91-100, for r; Miao & Seborg (1999), Proc. IEEE
@@ -243,20 +207,6 @@ def _judge_acf(x: np.ndarray, rho: np.ndarray, Ts: float) -> Oscillation:
 def regular_segment(x: np.ndarray, period: float, length: int) -> tuple[int, int]:
     """Return the stretch of a signal in which it repeats itself best after one period.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Signal.
-    period : float
-        Period in samples.
-    length : int
-        Samples wanted; the whole signal is returned when it is shorter.
-
-    Returns
-    -------
-    start, stop : int
-        As in a slice.
-
     Notes
     -----
     Source: step 3 of Choudhury, Shah, Thornhill & Shook (2006), which compares r over a few segments; here the
@@ -283,24 +233,6 @@ def regular_segment(x: np.ndarray, period: float, length: int) -> tuple[int, int
 
 def iae_loads(e: np.ndarray, Ts: float, amplitude: float, period_s: float, gamma: float | None = None) -> float:
     """Return how many load disturbances Hagglund's detector holds in memory at its fullest; above 10 = oscillation.
-
-    Parameters
-    ----------
-    e : ndarray, shape (n,)
-        Control error; its mean is removed, so that an offset does not hide it.
-    Ts : float
-        Sampling period (s).
-    amplitude : float
-        Smallest amplitude that matters, in units of e; 1 % of the span of PV as published.
-    period_s : float
-        2 pi / w_i: the integral time of the controller, or the ultimate period (s).
-    gamma : float, optional
-        Forgetting factor per sample; published: 1 - Ts / T_sup with T_sup = 5 periods.
-
-    Returns
-    -------
-    float
-        Largest value of x(k) = gamma x(k-1) + load(k), where a load is a half cycle with integral |e| above 2 a / w.
 
     Notes
     -----

@@ -12,20 +12,6 @@ _ALONE = 2.0  # times the spread of its neighbours about their line; a corner ha
 def isolated(x: np.ndarray, unit: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """Return isolated one-sample spikes.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Signal.
-    unit : float
-        What its values are rounded to; 0 for full precision.
-
-    Returns
-    -------
-    places : ndarray of int, shape (m,)
-        Indices, rising.
-    heights : ndarray, shape (m,)
-        How far off they are, with sign (units of x).
-
     Notes
     -----
     A spike stands off the line through its four neighbours by far more than they stand off it themselves (a corner, a step
@@ -75,17 +61,6 @@ def isolated(x: np.ndarray, unit: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
 def cleaned(x: np.ndarray, spikes: np.ndarray) -> np.ndarray:
     """Return the signal with the spikes replaced by the line between their neighbours.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Signal.
-    spikes : ndarray of int, shape (m,)
-        Indices.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-
     Examples
     --------
     >>> cleaned(np.array([0.0, 9.0, 2.0]), np.array([1]))
@@ -119,16 +94,6 @@ def _touching(x: np.ndarray, least: np.ndarray) -> dict[int, float]:
 
 def off_line(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return how far each sample is off the line through its four neighbours, and how far these spread about it.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Signal; at least three samples.
-
-    Returns
-    -------
-    off, spread : ndarray, shape (n,)
-        In units of x.
 
     Examples
     --------

@@ -14,22 +14,6 @@ _NOISY = 0.3  # bound over std at which a valve that follows a sine would seem t
 def steady_valve(mv: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray, bool]:
     """Return the valve position without its noise, and where it stands still.
 
-    Parameters
-    ----------
-    mv : ndarray, shape (n,)
-        Valve position, any units.
-    period : float
-        Period of the oscillation in samples.
-
-    Returns
-    -------
-    clean : ndarray, shape (n,)
-        Smoothed position.
-    still : ndarray of bool, shape (n,)
-        Where it moves by less than a tenth of its std, or than the noise that is left, in a twentieth of the period.
-    clear : bool
-        False where noise hides whether the valve moves.
-
     Notes
     -----
     Own. Not for drift faster than the oscillation.
@@ -54,24 +38,6 @@ def steady_valve(mv: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray,
 
 def stuck_intervals(op: np.ndarray, still: np.ndarray, period: float, least_op: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the intervals in which the valve stands still while OP moves.
-
-    Parameters
-    ----------
-    op : ndarray, shape (n,)
-        Controller output without noise.
-    still : ndarray of bool, shape (n,)
-        Where the valve stands still.
-    period : float
-        Period in samples; intervals shorter than a twentieth of it do not count.
-    least_op : float
-        Intervals in which OP moves by less do not count, in units of OP.
-
-    Returns
-    -------
-    length : ndarray of int, shape (m,)
-        In samples.
-    moved : ndarray, shape (m,)
-        Range of OP in each, in units of OP.
 
     Examples
     --------

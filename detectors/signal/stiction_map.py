@@ -19,22 +19,6 @@ def start(u0, lo=0.0, hi=100.0):
 def step(u, state, S, J, lo=0.0, hi=100.0):
     """Move the valve by one sample.
 
-    Parameters
-    ----------
-    u : float
-        OP of this sample (% of travel, or any unit together with infinite limits).
-    state : tuple of 4 floats
-        (v, d, moving, u_prev): position, last direction of motion, 1.0 while moving, previous OP.
-    S, J : float
-        Dead band plus stick band, and slip jump, both >= 0, in the unit of `u`.
-    lo, hi : float
-        Ends of travel; OP and position are limited to them.
-
-    Returns
-    -------
-    tuple of 4 floats
-        The new state; its first entry is the valve position.
-
     Notes
     -----
     Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13, 641, in residual form: a valve at rest
@@ -66,27 +50,6 @@ def _trace(op, S, J, state, lo, hi, v):
 
 def valve_position(op, S: float, J: float, state: _State | None = None, limits=(0.0, 100.0)) -> np.ndarray:
     """Return the position of an (S, J) valve driven by a recorded OP.
-
-    Parameters
-    ----------
-    op : array_like, shape (n,)
-        Controller output, in % of travel with the default limits.
-    S, J : float
-        Dead band plus stick band, and slip jump, >= 0, in the unit of `op`.
-    state : tuple of 4 floats, optional
-        State before the first sample, see `step`; at rest in mid-band under op[0] when absent.
-    limits : (float, float)
-        Ends of travel; (-inf, inf) for OP in unknown units.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Valve position, in the unit of `op`.
-
-    Raises
-    ------
-    ParameterError
-        When S or J is negative or no number.
 
     Notes
     -----

@@ -21,17 +21,6 @@ _LEAST_VARIANCE = 0.01  # of the variance: the surrogates of a clean cycle are t
 def end_matched(x: np.ndarray, period: float) -> np.ndarray:
     """Cut a cyclic signal so that its end runs into its beginning in value and slope.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Signal.
-    period : float
-        Its period in samples; one to two and a half periods are cut off the end.
-
-    Returns
-    -------
-    ndarray, shape (<= n,)
-
     Notes
     -----
     Source: Stam, Pijn & Pritchard (1998), Physica D 112, 361-380. Anything but a whole number of cycles leaks into
@@ -55,20 +44,6 @@ def end_matched(x: np.ndarray, period: float) -> np.ndarray:
 
 def iaaft(x: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
     """Draw surrogates with the amplitude spectrum and the distribution of a signal.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Signal whose end matches its beginning.
-    count : int
-        Number of surrogates.
-    rng : numpy.random.Generator
-        Source of the random phases they start from.
-
-    Returns
-    -------
-    ndarray, shape (count, n)
-        Values exactly those of `x`, spectrum as close as `_ITERATIONS` rounds bring it.
 
     Notes
     -----
@@ -97,27 +72,6 @@ def iaaft(x: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
 
 def prediction_error(x: np.ndarray, embedding: int, horizon: int, neighbours: int = _NEIGHBOURS) -> float:
     """Return the squared error of predicting a signal from what followed its nearest look-alikes.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Signal in units of its std.
-    embedding : int
-        Samples compared.
-    horizon : int
-        Samples looked ahead.
-    neighbours : int
-        Look-alikes averaged, 1 to 8; those closer in time than one embedding are no look-alikes but the same piece.
-
-    Returns
-    -------
-    float
-        Sum over the record.
-
-    Raises
-    ------
-    ParameterError
-        For another number of neighbours.
 
     Notes
     -----
@@ -151,19 +105,6 @@ class _Npi:
 
 def nonlinearity_index(x: np.ndarray, period: float, seed: int = 0) -> _Npi:
     """Compare how well a cyclic signal predicts itself with how well its surrogates do.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Signal without drift, any unit.
-    period : float
-        Period in samples, at least 7.
-    seed : int
-        Of the surrogates; the same seed gives the same index.
-
-    Returns
-    -------
-    Npi
 
     Notes
     -----

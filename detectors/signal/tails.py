@@ -13,15 +13,6 @@ _NARROWEST = 0.01  # of the robust variance; values that stand still would draw 
 def heavy_tails(x: np.ndarray) -> bool:
     """Return whether Student's t is likelier than Gaussian samples among which some are far wider.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Samples about 0.
-
-    Returns
-    -------
-    bool
-
     Examples
     --------
     >>> rng = np.random.default_rng(6)

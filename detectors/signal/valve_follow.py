@@ -47,19 +47,6 @@ class Follow:
 def valve_follow(op: np.ndarray, position: np.ndarray, limits=(0.0, 100.0)) -> Follow:
     """Fit a straight and a sticky valve, each with a short lag, to a measured valve position.
 
-    Parameters
-    ----------
-    op : ndarray, shape (n,)
-        Controller output, % of travel with the default limits.
-    position : ndarray, shape (n,)
-        Valve position or what stands for it (the flow of a flow loop); any unit, rising with the valve's opening.
-    limits : (float, float)
-        Ends of travel.
-
-    Returns
-    -------
-    Follow
-
     Notes
     -----
     Source: Kano et al. (2004), method A: the position stands still while OP moves, then follows; here as a comparison of

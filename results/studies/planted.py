@@ -22,7 +22,7 @@ from simbench.files import answered, folder, write_record
 from simbench.loop.setup import plain_setup
 from simbench.loop.simulate import simulate
 from simbench.plant.study.forward_selection import Simulated, accuracy, draw, units, verdicts_on
-from simbench.plant.study.strengths import FRICTION, Size, absolute, with_effect
+from simbench.plant.study.strengths import FRICTION_EFFECT, Size, absolute, with_effect
 from simbench.plant.study.study import against, read_fleet
 from simbench.plant.study.two_sample import FeatureScaler, classifier_test, mmd_test
 from simbench.usage import exit_code
@@ -37,7 +37,7 @@ STRENGTHS: dict[str, dict[str, tuple[float, float]]] = {
     COMES_AND_GOES: {"S": (0.5, 1.5), "slip": (0.2, 1.0), "period": (8.0, 16.0)},
 }
 # by which of a diagnosis's names an effect is called right, where that is not its own
-CALLED = {COMES_AND_GOES: FRICTION}
+CALLED = {COMES_AND_GOES: FRICTION_EFFECT}
 WIDEST = 25.0  # % of travel
 POOL = 400  # loops from which healthy fleets and grids are drawn
 LEVEL = 0.05

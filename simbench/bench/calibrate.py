@@ -112,30 +112,6 @@ def calibrate(
 ) -> _Calibration:
     """Find each method's cut for a wanted false-alarm rate on seeds A, and measure it on seeds B.
 
-    Parameters
-    ----------
-    grid : str or Path
-        Name or file; its own seed is B.
-    false_alarm : float
-        Wanted share, between 0 and 1.
-    methods : iterable of str
-        Method ids, "fast" or "full".
-    jobs : int
-        Worker processes.
-    out : str or Path, optional
-        Folder for both runs and the results; finished runs in it are used again.
-    **settings
-        Further arguments of `run_grid`, such as sets.
-
-    Returns
-    -------
-    Calibration
-
-    Raises
-    ------
-    ParameterError
-        For a false-alarm rate out of range.
-
     Examples
     --------
     >>> found = calibrate("smoke", 0.1, ["he"])
@@ -203,18 +179,6 @@ def calibrate_books(a: RunArrays, b: RunArrays, false_alarm: float) -> _Calibrat
 def cut_for(healthy: np.ndarray, false_alarm: float) -> float:
     """Return the lowest cut that no more than the wanted share of healthy loops' scores exceed.
 
-    Parameters
-    ----------
-    healthy : ndarray, shape (n,)
-        Scores; NaN and -inf never exceed a cut.
-    false_alarm : float
-        Wanted share.
-
-    Returns
-    -------
-    float
-        One of the scores; -inf when fewer than the wanted share have a score at all.
-
     Examples
     --------
     >>> cut_for(np.arange(100.0), 0.05)
@@ -226,20 +190,6 @@ def cut_for(healthy: np.ndarray, false_alarm: float) -> float:
 
 def abstention(score: np.ndarray, positive: np.ndarray, wrong: float) -> tuple[float, float]:
     """Return the band of scores in which to abstain so that few of the decided are wrong and most are decided.
-
-    Parameters
-    ----------
-    score : ndarray, shape (n,)
-        NaN is never decided.
-    positive : ndarray of bool, shape (n,)
-        The truth.
-    wrong : float
-        Wanted share of wrong answers among the decided; one more wrong answer is assumed than was seen.
-
-    Returns
-    -------
-    low, high : float
-        No stiction at or below low, stiction above high; (-inf, inf) abstains from everything that has a finite score.
 
     Examples
     --------
@@ -267,18 +217,6 @@ def abstention(score: np.ndarray, positive: np.ndarray, wrong: float) -> tuple[f
 
 def roc(score: np.ndarray, positive: np.ndarray) -> pd.DataFrame:
     """Return points of the ROC curve: threshold, false_alarm, detection.
-
-    Parameters
-    ----------
-    score : ndarray, shape (n,)
-        NaN never exceeds a threshold.
-    positive : ndarray of bool, shape (n,)
-        The truth.
-
-    Returns
-    -------
-    DataFrame
-        At most `_ROC_POINTS` + 2 rows, from (1, 1) or what has a score at all, to (0, 0).
 
     Examples
     --------

@@ -31,18 +31,6 @@ class Estimate(NamedTuple):
 def wilson(right: ArrayLike, of: ArrayLike, level: float = _LEVEL) -> tuple[np.ndarray, np.ndarray]:
     """Return Wilson's score interval of a proportion.
 
-    Parameters
-    ----------
-    right, of : array_like of int, shape (m,) or scalar
-        Successes and trials.
-    level : float
-        Coverage.
-
-    Returns
-    -------
-    lo, hi : ndarray
-        Within 0..1; (0, 1) without trials.
-
     Notes
     -----
     Wilson (1927), J. Am. Stat. Assoc. 22, 209; vectorised form of `scipy.stats.binomtest(...).proportion_ci("wilson")`.
@@ -68,17 +56,6 @@ def wilson(right: ArrayLike, of: ArrayLike, level: float = _LEVEL) -> tuple[np.n
 def rate(right: int, of: int, level: float = _LEVEL) -> Estimate:
     """Return a proportion with Wilson's interval; NaN (0, 1) without trials.
 
-    Parameters
-    ----------
-    right, of : int
-        Successes and trials.
-    level : float
-        Coverage.
-
-    Returns
-    -------
-    Estimate
-
     Examples
     --------
     >>> str(rate(8, 10))
@@ -90,20 +67,6 @@ def rate(right: int, of: int, level: float = _LEVEL) -> Estimate:
 
 def mcnemar(lost: int, won: int, *, worse: bool = False) -> float:
     """Return the exact McNemar p-value of paired right/wrong answers.
-
-    Parameters
-    ----------
-    lost : int
-        Cases right before and wrong now.
-    won : int
-        Cases wrong before and right now.
-    worse : bool
-        Test only against getting worse (one-sided).
-
-    Returns
-    -------
-    float
-        1 when no case changed.
 
     Notes
     -----
@@ -124,16 +87,6 @@ def mcnemar(lost: int, won: int, *, worse: bool = False) -> float:
 def holm(p: ArrayLike) -> np.ndarray:
     """Return p-values corrected for their number.
 
-    Parameters
-    ----------
-    p : array_like, shape (m,)
-        Of m tests.
-
-    Returns
-    -------
-    ndarray, shape (m,)
-        Compared with a level A, they reject a true hypothesis in any of the m tests with probability A at most.
-
     Notes
     -----
     Holm (1979), Scand. J. Stat. 6, 65. It needs no independence; with thousands of tests it has little power.
@@ -153,18 +106,6 @@ def holm(p: ArrayLike) -> np.ndarray:
 
 def rate_drop(before: int, of_before: int, now: int, of_now: int, margin: float = 0.0) -> float:
     """Return the p-value of "the rate fell by no more than the margin", from two independent samples.
-
-    Parameters
-    ----------
-    before, of_before, now, of_now : int
-        Successes and trials of the two samples.
-    margin : float
-        A drop up to this is allowed.
-
-    Returns
-    -------
-    float
-        Small: the drop is larger than the margin. 1 when a sample is empty.
 
     Notes
     -----
@@ -188,20 +129,6 @@ def rate_drop(before: int, of_before: int, now: int, of_now: int, margin: float 
 
 def auc(score: ArrayLike, positive: ArrayLike, level: float = _LEVEL) -> Estimate:
     """Return the area under the ROC curve with DeLong's interval.
-
-    Parameters
-    ----------
-    score : array_like, shape (n,)
-        Larger = more positive; infinities are ranked; NaN counts as the smallest score.
-    positive : array_like of bool, shape (n,)
-        The truth.
-    level : float
-        Coverage.
-
-    Returns
-    -------
-    Estimate
-        Probability that a positive scores higher than a negative (ties half); NaN (0, 1) with one class only.
 
     Notes
     -----
@@ -228,17 +155,6 @@ def auc(score: ArrayLike, positive: ArrayLike, level: float = _LEVEL) -> Estimat
 
 def area(ranks: np.ndarray, positive: np.ndarray) -> float:
     """Return the area under the ROC curve of dense ranks; NaN with one class only.
-
-    Parameters
-    ----------
-    ranks : ndarray of int, shape (n,)
-        As `dense_ranks` gives them.
-    positive : ndarray of bool, shape (n,)
-        The truth.
-
-    Returns
-    -------
-    float
 
     Examples
     --------
@@ -286,18 +202,6 @@ def class_counts(ranks: np.ndarray, positive: np.ndarray) -> tuple[np.ndarray, n
 def auc_drop(before: ArrayLike, now: ArrayLike, positive: ArrayLike) -> float:
     """Return the p-value of "the AUC did not fall", from two scores of the same cases.
 
-    Parameters
-    ----------
-    before, now : array_like, shape (n,)
-        Scores, larger = more positive.
-    positive : array_like of bool, shape (n,)
-        The truth.
-
-    Returns
-    -------
-    float
-        1 when the ranking is the same, or with one class only.
-
     Notes
     -----
     DeLong's paired test (see `auc`), one-sided.
@@ -323,20 +227,6 @@ def auc_drop_unpaired(
     before: ArrayLike, positive_before: ArrayLike, now: ArrayLike, positive_now: ArrayLike, margin: float = 0.0
 ) -> float:
     """Return the p-value of "the AUC fell by no more than the margin", from two independent samples.
-
-    Parameters
-    ----------
-    before, now : array_like, shapes (n1,) and (n2,)
-        Scores, larger = more positive.
-    positive_before, positive_now : array_like of bool, same shapes
-        The truth.
-    margin : float
-        A drop up to this is allowed.
-
-    Returns
-    -------
-    float
-        1 when a sample has one class only.
 
     Notes
     -----
@@ -365,24 +255,6 @@ class _Ranking(NamedTuple):
 
 def mean_ranks(results: ArrayLike, level: float = _LEVEL) -> _Ranking:
     """Rank methods over many cases by Friedman's test and give Nemenyi's critical difference.
-
-    Parameters
-    ----------
-    results : array_like, shape (cases, methods)
-        Larger = better; ties share a rank.
-    level : float
-        1 - the chance to tell apart any two methods that are equal.
-
-    Returns
-    -------
-    Ranking
-        `mean_rank` (methods,), 1 = best; `p` of "all are alike"; two methods differ when their mean ranks do by more than
-        `critical_difference`.
-
-    Raises
-    ------
-    ValueError
-        With fewer than three methods or two cases.
 
     Notes
     -----

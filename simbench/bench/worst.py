@@ -115,27 +115,6 @@ class _Worst:
 def worst(method: str, budget: int = 2000, seed: int = 0) -> _Worst:
     """Search the healthy loop on which a method is most confidently wrong.
 
-    Parameters
-    ----------
-    method : str
-        Method id.
-    budget : int
-        Loops to simulate, at least 1; the search stops after 9 minutes in any case.
-    seed : int
-        Of the search.
-
-    Returns
-    -------
-    Worst
-        Largest score among the loops called sticky; where there is none, the largest score.
-
-    Raises
-    ------
-    UnknownName
-        For a method that does not exist.
-    UserError
-        For an empty budget.
-
     Notes
     -----
     First-order and integrating plants under loads (sine, the oscillation of another sticky loop, coloured noise, steps,
@@ -184,19 +163,7 @@ def worst(method: str, budget: int = 2000, seed: int = 0) -> _Worst:
 
 
 def healthy_loop(at: dict[str, float], process: tuple[str, ...]) -> Loop:
-    """Turn a point of the unit cube into a loop whose valve has no friction.
-
-    Parameters
-    ----------
-    at : dict of str to float
-        `KEYS`, each within 0..1.
-    process : tuple of str
-        Process types to choose from.
-
-    Returns
-    -------
-    Loop
-    """
+    """Turn a point of the unit cube into a loop whose valve has no friction."""
     x = {k: significant(math.exp(math.log(lo) + at[k] * (math.log(hi) - math.log(lo)))) for k, (lo, hi) in RANGES.items()}
     on = {k: at[k] < share for k, share in OPTION_SHARES.items()}
     integrating = process[int(at["process"] * len(process))] == "integrating"
@@ -234,23 +201,7 @@ def healthy_loop(at: dict[str, float], process: tuple[str, ...]) -> Loop:
 
 
 def read_case(path: str | Path) -> _Worst:
-    """Read a loop file that `Worst.to_toml` wrote, and judge it again.
-
-    Parameters
-    ----------
-    path : str or Path
-        The file.
-
-    Returns
-    -------
-    Worst
-        With the method's answer of today.
-
-    Raises
-    ------
-    UserError, SpecError
-        When it is no such file.
-    """
+    """Read a loop file that `Worst.to_toml` wrote, and judge it again."""
     loop, head = load_loop(path), recorded(path)
     verdict = judge(simulate(loop, head["seed"]).record, [head["method"]])[0]
     return _Worst(head["method"], loop, head["seed"], verdict, 1, 0, 0)

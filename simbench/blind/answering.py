@@ -23,28 +23,7 @@ COST = "cost.csv"
 
 
 def answer(folder: str | Path, diagnose: _Diagnose, jobs: int = 1) -> int:
-    """Write answers/ID.json for every record that has none yet.
-
-    Parameters
-    ----------
-    folder : path
-        Holds records/ID.csv and records/ID.toml.
-    diagnose : function (record file, baseline file) -> dict
-        Returns the JSON of `gap diagnose`; importable by name, as it runs in other processes.
-    jobs : int
-        Processes; -1 = all cores.
-
-    Returns
-    -------
-    int
-        Number of records diagnosed now. One that failed is kept as {"error": ...}, counts as wrong, and is tried again next
-        time. CPU-seconds per record are appended to cost.csv.
-
-    Raises
-    ------
-    ParameterError
-        When the folder holds no records, or a record has no baseline.
-    """
+    """Write answers/ID.json for every record that has none yet."""
     folder = Path(folder).resolve()
     records = sorted((folder / "records").glob("*.csv"))
     if not records:

@@ -30,26 +30,6 @@ def true_shrinkages(
     """Return claimed and true shrinkage of the answer's best candidates.
 
     Before: the true loop without its effect. After: the same with the claimed one.
-
-    Parameters
-    ----------
-    truth : mapping
-        A row of answers.csv with `case`, `seed` and `effect`, as the world wrote it.
-    found : mapping
-        The answer's JSON.
-    record : pandas.DataFrame
-        The record's columns sp, op, pv.
-    baseline : mapping
-        Tables of the loop file.
-    here : Circumstances
-    world : str
-        Which one drew the record.
-
-    Returns
-    -------
-    list of dict
-        One per candidate that can act in this loop: effect, right (in the true effect's group), claimed, true. Empty without
-        a resolvable gap.
     """
     simulate, scale = WORLDS.load(world).simulate, _scale_of(baseline, bool(np.ptp(record["sp"]) > 0.0))
     seeds = [int(truth["seed"]) + 5000 + i for i in range(_SEEDS)]
@@ -81,18 +61,7 @@ def true_shrinkages(
 
 
 def _scale_of(baseline: Mapping[str, Any], sp_moves: bool) -> Scale:
-    """Return what the records of a loop are measured in, by its baseline.
-
-    Parameters
-    ----------
-    baseline : mapping
-        Tables of the loop file.
-    sp_moves : bool
-
-    Returns
-    -------
-    Scale
-    """
+    """Return what the records of a loop are measured in, by its baseline."""
     plant, control = baseline["plant"], baseline["controller"]
     K, Kc, Ts = abs(float(plant["K"])), float(control["Kc"]), float(baseline["sampling"]["Ts"])
     # lambda tuning: the gain that was chosen says how fast the loop was meant to be

@@ -52,15 +52,6 @@ def features(s: Signals, scale: Scale) -> tuple[np.ndarray, np.ndarray]:
     """Return what the record looks like regardless of phase, and the difference below which each number means nothing.
 
     Means are left out: operating point and mean load are never an effect.
-
-    Parameters
-    ----------
-    s : Signals
-    scale : Scale
-
-    Returns
-    -------
-    values, meaningless : ndarray, shape (f,)
     """
     pv, op = (s.pv - s.sp) / scale.unit, s.op
     tiny = 1e-3 * scale.noise_std / scale.unit
@@ -156,19 +147,7 @@ class Cloud(NamedTuple):
 
 
 def cloud(runs: Iterable[Signals], scale: Scale) -> Cloud:
-    """Return centre, spread and floor of a set of runs that differ in their seeds only.
-
-    Parameters
-    ----------
-    runs : iterable of Signals
-        At least 3.
-    scale : Scale
-
-    Returns
-    -------
-    Cloud
-        `floor` is the mean distance of each run from the cloud of all others, but at least `_LEAST_FLOOR`.
-    """
+    """Return centre, spread and floor of a set of runs that differ in their seeds only."""
     pairs = [features(run, scale) for run in runs]
     table = np.array([values for values, _ in pairs])
     blur = np.median([b for _, b in pairs], axis=0)

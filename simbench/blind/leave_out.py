@@ -45,31 +45,6 @@ LEAVE_OUT_COLUMNS = (
 def leave_out(out: str | Path, world: str = OWN, n: int = 4, seed: int = 0, jobs: int = 1) -> pd.DataFrame:
     """Diagnose records of every effect without and with the effect in the library.
 
-    Parameters
-    ----------
-    out : path
-        Folder: records/ID.csv and ID.toml, leave_out.csv with a row per record, table.csv and leave_out.png.
-        What is there already is not done again.
-    world : str
-        Which simulator draws the records.
-    n : int
-        Records per effect, strong and medium in turn.
-    seed : int
-        Decides the records.
-    jobs : int
-        Processes; -1 = all cores.
-
-    Returns
-    -------
-    DataFrame
-        One row per record: what was said without the effect (`said`, its `block`, and the known effect `nearest` to it), the
-        gap `before`, what is `left` of it without the effect; what was said once the effect was `back`, and the gap `after`.
-
-    Raises
-    ------
-    ParameterError
-        When there is no such world, or the folder holds another world's or seed's rows.
-
     Notes
     -----
     `resolvable` says whether the gap stands out of its floor at all: of the others nobody can say anything. Not for an effect
@@ -123,20 +98,7 @@ def _one(place: Path, name: str, i: int, effect: str, draw_item: Any, seed: int)
 
 
 def summary(found: pd.DataFrame) -> pd.DataFrame:
-    """Return one row per effect, in the vocabulary's order, and one for all.
-
-    Parameters
-    ----------
-    found : DataFrame
-        From `leave_out`.
-
-    Returns
-    -------
-    DataFrame
-        effect, block, n (resolvable records), failed; unknown and block_right (shares of n, Wilson's 95 % interval in the last
-        row), nearest (the known effect named most often instead), left and back (medians of the gap that is left, relative to
-        the gap before, without the effect and with it), named (share named right once it is back).
-    """
+    """Return one row per effect, in the vocabulary's order, and one for all."""
     rows = [_summary(effect, found[found.effect == effect]) for effect in WORLD_EFFECTS]
     return pd.DataFrame([*rows, _summary("all", found)])
 
@@ -169,15 +131,7 @@ def _summary(effect: str, part: pd.DataFrame) -> dict[str, Any]:
 
 
 def draw(table: pd.DataFrame, path: Path) -> None:
-    """Draw how much of the gap is left without each effect, and with it; filled where the diagnosis said "unknown".
-
-    Parameters
-    ----------
-    table : DataFrame
-        From `summary`.
-    path : Path
-        PNG to write.
-    """
+    """Draw how much of the gap is left without each effect, and with it; filled where the diagnosis said "unknown"."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

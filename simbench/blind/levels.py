@@ -77,17 +77,7 @@ def _holds(value: float | None, level: float | None, at_most: bool) -> bool | No
 
 
 def levels(table: pd.DataFrame) -> list[Share | Figure]:
-    """Return every figure that has a level, in the order of the contract.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Rows of `judge_record`. Where no strengths are known, all records count as if medium or strong.
-
-    Returns
-    -------
-    list of Share or Figure
-    """
+    """Return every figure that has a level, in the order of the contract."""
     counted = _COUNTED if table.strength.isin(("weak", *_COUNTED)).any() else tuple(table.strength.unique())
     single = table[(table.kind == "single") & table.strength.isin(counted)]
     none, two = table[table.kind == "none"], table[(table.kind == "two")]
@@ -120,18 +110,7 @@ def levels(table: pd.DataFrame) -> list[Share | Figure]:
 
 
 def by_effect(table: pd.DataFrame) -> pd.DataFrame:
-    """Return first / group / top-3 / block / unknown / none shares per effect (or foreign kind) and strength.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Rows of `judge_record`.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Long form: effect, strength, measure, k, n, value, lo, hi.
-    """
+    """Return first / group / top-3 / block / unknown / none shares per effect (or foreign kind) and strength."""
     rows = []
     what = table.effect.where(table.kind != "foreign", "foreign: " + table.foreign).where(table.kind != "two", "two effects")
     for cell, part in table.groupby([table.kind, what, table.strength.replace("", "all")]):
@@ -150,18 +129,7 @@ def share(name: str, hits: Iterable[bool], level: float | None = None, at_most: 
 
 
 def calibration(table: pd.DataFrame, bins: int = 10) -> Figure:
-    """Return the expected calibration error of the named effect's probability (Naeini et al. 2015), equal-width bins.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Rows of `judge_record`; two-effect records are left out, as one name cannot be the whole answer there.
-    bins : int
-
-    Returns
-    -------
-    Figure
-    """
+    """Return the expected calibration error of the named effect's probability (Naeini et al. 2015), equal-width bins."""
     part = table[table.answered & (table.kind != "two")]
     error = calibration_error(part.probability.to_numpy(float), part["first"].to_numpy(float), bins) if len(part) else None
     return Figure("expected calibration error", error, len(part), 0.05, at_most=True)

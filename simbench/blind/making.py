@@ -55,22 +55,7 @@ class Plan:
 
     @classmethod
     def of(cls, n: int) -> Plan:
-        """Return the usual shares for about `n` records: 55 % single effects, 20 % none, the rest two effects and foreign.
-
-        Parameters
-        ----------
-        n : int
-            At least 100, so that every cell has a record.
-
-        Returns
-        -------
-        Plan
-
-        Raises
-        ------
-        ParameterError
-            When `n` is too small.
-        """
+        """Return the usual shares for about `n` records: 55 % single effects, 20 % none, the rest two effects and foreign."""
         if n < 100:
             raise ParameterError(
                 f"withheld: {n} records asked for; at least 100 are needed for one of each effect and strength"
@@ -135,35 +120,7 @@ def _record_csv(columns: Mapping[str, np.ndarray]) -> str:
 def make(
     out: str | Path, key: str | Path, seed: int, n: int = 600, plan: Plan | None = None, jobs: int = 1, world: str = OWN
 ) -> str:
-    """Write a withheld folder and, elsewhere, the key to its answers.
-
-    Parameters
-    ----------
-    out : path
-        Folder to write: records/ID.csv, records/ID.toml, answers.sealed, commitment.txt. It must not hold records yet.
-    key : path
-        File for the key; it must not lie inside `out`.
-    seed : int
-        Decides records and answers entirely (not the key).
-    n : int
-        About how many records; ignored when a plan is given.
-    plan : Plan, optional
-    jobs : int
-        Processes.
-    world : str
-        Which simulator draws the records.
-
-    Returns
-    -------
-    str
-        The commitment: SHA-256 of salt and answers, also printed to stderr before any record is written.
-
-    Raises
-    ------
-    ParameterError
-        When `out` holds records already, the key would lie inside it, there is no such world, or a cell of the plan cannot be
-        filled.
-    """
+    """Write a withheld folder and, elsewhere, the key to its answers."""
     out, key = Path(out), Path(key)
     if out.resolve() in key.resolve().parents:
         raise ParameterError(f"withheld: the key {key} would lie inside {out}; another folder is needed")

@@ -29,29 +29,7 @@ _OPEN_ANSWERS = "answers.csv"
 
 
 def open_(folder: str | Path, key: str | Path | None = None, out: str | Path | None = None, world: str = OWN) -> dict[str, Any]:
-    """Score answers/ID.json of a folder against its sealed answers, or against a plain answers.csv of someone else.
-
-    Parameters
-    ----------
-    folder : path
-        records/ID.csv, records/ID.toml, answers/ID.json, and answers.sealed or answers.csv (at least id, block, effect).
-    key : path, optional
-        Needed where the answers are sealed.
-    out : path, optional
-        Where score.json, score.csv, by_effect.csv, records.csv, answers.csv and confusion.png/.svg go; absent: `folder`/score.
-    world : str
-        Which one drew the records, where the answers do not say it themselves.
-
-    Returns
-    -------
-    dict
-        What score.json holds, and "markdown": the same as text, for printing.
-
-    Raises
-    ------
-    ParameterError
-        When the commitment does not hold, answers.csv lacks a column, or a record is missing.
-    """
+    """Score answers/ID.json of a folder against its sealed answers, or against a plain answers.csv of someone else."""
     folder = Path(folder)
     out = Path(out) if out is not None else folder / "score"
     text, commitment = _truth(folder, Path(key) if key is not None else None)
@@ -88,21 +66,7 @@ def open_(folder: str | Path, key: str | Path | None = None, out: str | Path | N
 
 
 def _read_answers(text: str) -> list[dict[str, Any]]:
-    """Return the rows of answers.csv; cells that hold JSON tables are read.
-
-    Parameters
-    ----------
-    text : str
-
-    Returns
-    -------
-    list of dict
-
-    Raises
-    ------
-    ParameterError
-        When id, block or effect is missing.
-    """
+    """Return the rows of answers.csv; cells that hold JSON tables are read."""
     frame = pd.read_csv(io.StringIO(text), dtype=str, keep_default_na=False)
     frame.columns = [c.strip().lower() for c in frame.columns]
     missing = [c for c in ("id", "block", "effect") if c not in frame]
@@ -112,18 +76,7 @@ def _read_answers(text: str) -> list[dict[str, Any]]:
 
 
 def markdown(figures: list[Share | Figure], effects: pd.DataFrame) -> str:
-    """Return the score as markdown tables.
-
-    Parameters
-    ----------
-    figures : list of Share or Figure
-    effects : pandas.DataFrame
-        From `levels.by_effect`.
-
-    Returns
-    -------
-    str
-    """
+    """Return the score as markdown tables."""
     lines = ["| figure (medium and strong) | value | 95 % interval | n | level | holds |", "|---|---|---|---|---|---|"]
     for f in figures:
         value = "-" if f.value is None else f"{f.value:.3f}"

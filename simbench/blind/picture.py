@@ -12,18 +12,7 @@ from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN
 
 
 def confusion(table: pd.DataFrame) -> pd.DataFrame:
-    """Return counts: one row per true effect (single effects, none, foreign), one column per name given.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Rows of `score.judge_record`.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Ordered by block; "no answer" is the last column where it occurs.
-    """
+    """Return counts: one row per true effect (single effects, none, foreign), one column per name given."""
     names = [e for b in BLOCKS for e in EFFECTS if EFFECTS[e].block == b] + [NONE, UNKNOWN]
     part = table[table.kind != "two"]
     counts = pd.crosstab(part.effect, part.named.where(part.named.isin(names), "no answer"))
@@ -33,21 +22,7 @@ def confusion(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def draw(counts: pd.DataFrame, out: Path, stem: str = "confusion") -> list[Path]:
-    """Draw the confusion counts as row shares and save PNG and SVG.
-
-    Parameters
-    ----------
-    counts : pandas.DataFrame
-        From `confusion`.
-    out : Path
-        Existing folder.
-    stem : str
-        File name without ending.
-
-    Returns
-    -------
-    list of Path
-    """
+    """Draw the confusion counts as row shares and save PNG and SVG."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

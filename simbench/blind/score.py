@@ -14,23 +14,7 @@ from simbench.loop.effects._alike import Circumstances, circumstances, indisting
 
 
 def judge_record(truth: Mapping[str, Any], found: Mapping[str, Any] | None, here: Circumstances) -> dict[str, Any]:
-    """Compare one answer with the truth.
-
-    Parameters
-    ----------
-    truth : mapping
-        One row of answers.csv: effect, block and, where known, effect2, block2, strength, ratio, shrinkage, parameters.
-        An effect id that is not in the vocabulary is foreign.
-    found : mapping or None
-        The JSON of `gap diagnose`; None = not answered, which is wrong.
-    here : Circumstances
-        Of the record, for the group of the true effect.
-
-    Returns
-    -------
-    dict
-        One row of the judged table.
-    """
+    """Compare one answer with the truth."""
     effect, second = _text(truth.get("effect")) or NONE, _text(truth.get("effect2"))
     foreign = effect not in EFFECTS and effect != NONE
     kind = "none" if effect == NONE else "foreign" if foreign else "two" if second else "single"
@@ -80,36 +64,14 @@ def judge_record(truth: Mapping[str, Any], found: Mapping[str, Any] | None, here
 
 
 def first_three(found: Mapping[str, Any]) -> list[str]:
-    """Return an answer's first three candidates: those it names, then its ranking, `none` and `unknown` included.
-
-    Parameters
-    ----------
-    found : mapping
-        The JSON of `gap diagnose`.
-
-    Returns
-    -------
-    list of str
-    """
+    """Return an answer's first three candidates: those it names, then its ranking, `none` and `unknown` included."""
     ranked = sorted(found.get("ranking") or [], key=lambda r: -(r.get("probability") or 0.0))
     named = [str(x["effect"]) for x in found.get("effects") or []] or [str(found["effect"])]
     return list(dict.fromkeys(named + [str(r["effect"]) for r in ranked]))[:3]
 
 
 def claimed_shrinkage(candidate: Mapping[str, Any], found: Mapping[str, Any]) -> float | None:
-    """Return the share of the gap a ranked candidate says it closes, None where the answer has no resolvable gap.
-
-    Parameters
-    ----------
-    candidate : mapping
-        An entry of the ranking.
-    found : mapping
-        The whole answer.
-
-    Returns
-    -------
-    float or None
-    """
+    """Return the share of the gap a ranked candidate says it closes, None where the answer has no resolvable gap."""
     gap = found.get("gap") or {}
     before, after, floor = (_number(x) for x in (candidate.get("gap_before"), candidate.get("gap_after"), gap.get("floor")))
     if before is None or after is None or floor is None or not gap.get("resolvable") or before <= floor:

@@ -40,14 +40,6 @@ def seal(text: str) -> _Sealed:
 
     The cipher is a one-time key stream: SHAKE-256 of the key, which is never used again.
 
-    Parameters
-    ----------
-    text : str
-
-    Returns
-    -------
-    Sealed
-
     Examples
     --------
     >>> s = seal("id,effect")
@@ -59,23 +51,7 @@ def seal(text: str) -> _Sealed:
 
 
 def _unseal(content: bytes, key: bytes, salt: bytes, commitment: str) -> str:
-    """Open sealed bytes and check them against the commitment.
-
-    Parameters
-    ----------
-    content, key, salt : bytes
-    commitment : str
-        As printed when the set was made.
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    ParameterError
-        When key, answers or commitment do not belong together.
-    """
+    """Open sealed bytes and check them against the commitment."""
     plain = _mix(content, key)
     if not hmac.compare_digest(_commit(plain, salt), commitment):
         raise ParameterError("withheld: the answers do not match the commitment; they, the key or the commitment were changed")
@@ -94,21 +70,7 @@ def write(sealed: _Sealed, folder: Path, key: Path) -> None:
 
 
 def read(folder: Path, key: Path) -> str:
-    """Return the text of answers.csv from a sealed folder and its key.
-
-    Parameters
-    ----------
-    folder, key : Path
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    ParameterError
-        When a file is missing or the commitment does not hold.
-    """
+    """Return the text of answers.csv from a sealed folder and its key."""
     try:
         parts = json.loads(key.read_text(encoding="utf-8"))
         content = (folder / SEALED).read_bytes()

@@ -40,18 +40,7 @@ def about(
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command line.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        In place of sys.argv.
-
-    Returns
-    -------
-    int
-        0 done, 1 a gate failed, 2 wrong usage, file or configuration (said in one sentence on stderr), 130 interrupted.
-    """
+    """Run the command line."""
     return exit_code(lambda: _command(arguments))
 
 

@@ -140,24 +140,6 @@ class GainChange:
 def gain_change(loop: Loop, factor: float = 0.6, seed: int = 0) -> GainChange:
     """Change the controller gain of an oscillating loop and see whether the period follows.
 
-    Parameters
-    ----------
-    loop : Loop
-        With its noise, disturbances and set point; its n is the least length before the change.
-    factor : float
-        New Kc over old, 0.5..0.7 (or up to 1.5); smaller is safer for the plant.
-    seed : int
-        Of noise and disturbances.
-
-    Returns
-    -------
-    GainChange
-
-    Raises
-    ------
-    ParameterError
-        When the gain changes by less than 20 % or more than threefold.
-
     Notes
     -----
     Stiction when the period shifts by more than 10 % and OP keeps its amplitude, which the valve's band sets. Near the

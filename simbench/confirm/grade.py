@@ -80,20 +80,6 @@ class _Grade:
 def grade(loop: Loop, test: TravelTest | None = None, seed: int = 0) -> list[_Grade]:
     """Measure a loop in manual, as an engineer would, and grade it by Table 11.1.
 
-    Parameters
-    ----------
-    loop : Loop
-        Its valve, plant and noise count; PV in % of its span.
-    test : TravelTest, optional
-        Of this loop; run here when absent.
-    seed : int
-        Of the noise, when the test is run here.
-
-    Returns
-    -------
-    list of Grade
-        Process gain, noise band, hysteresis, stiction.
-
     Notes
     -----
     Source: Jelali (2013), Table 11.1, after Ruel (2000); the limits of the gain, 0.5 and 3, as far as the text keeps them.
@@ -124,16 +110,7 @@ def grade(loop: Loop, test: TravelTest | None = None, seed: int = 0) -> list[_Gr
 
 
 def graded_test(loop: Loop) -> _GradedTest:
-    """Run the travel test on a loop and grade the loop by what it measured.
-
-    Parameters
-    ----------
-    loop : Loop
-
-    Returns
-    -------
-    GradedTest
-    """
+    """Run the travel test on a loop and grade the loop by what it measured."""
     test = travel_test(loop)
     return _GradedTest(test, tuple(grade(loop, test)))
 

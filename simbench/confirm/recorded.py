@@ -39,23 +39,6 @@ def controller_gain(record: LoopRecord) -> float | None:
 def gain_change_recorded(before: LoopRecord, after: LoopRecord, factor: float | None = None) -> GainChange:
     """Judge a change of controller gain from a record before it and one after it.
 
-    Parameters
-    ----------
-    before, after : LoopRecord
-        In automatic mode, the transient of the change left out; of the same sampling period.
-    factor : float, optional
-        New Kc over old; read off the records when absent.
-
-    Returns
-    -------
-    GainChange
-        Kc as the records show it, or 1 and `factor`.
-
-    Raises
-    ------
-    ParameterError
-        When the sampling periods differ, the gain changed by less than 20 %, or the records do not show it.
-
     Notes
     -----
     Source and limits as `simbench.confirm.gain_change.gain_change`.
@@ -85,20 +68,6 @@ def gain_change_recorded(before: LoopRecord, after: LoopRecord, factor: float | 
 
 def travel_recorded(record: LoopRecord) -> TravelTest:
     """Read S and J off the record of a valve travel test.
-
-    Parameters
-    ----------
-    record : LoopRecord
-        In manual mode, OP in steps and PV given time to settle after each; `process` says whether PV's slope is read.
-
-    Returns
-    -------
-    TravelTest
-
-    Raises
-    ------
-    ParameterError
-        When OP does not rest between at least three steps.
 
     Notes
     -----

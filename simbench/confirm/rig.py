@@ -46,27 +46,6 @@ def run_rig(
 ) -> list[Trace]:
     """Run one or more loops side by side, sample by sample.
 
-    Parameters
-    ----------
-    setups : sequence of Setup
-        Resolved loops with the same sampling period and length.
-    gain : sequence of (ndarray, shape (n,), or None), optional
-        Per loop, the factor on its Kc at every sample.
-    manual : sequence of (ndarray, shape (n,), or None), optional
-        Per loop, OP (%) set by hand in place of the controller.
-    influence : ndarray, shape (loops, loops), optional
-        [i, j]: load (%) at the input of plant i per unit by which PV of loop j is off its rest value.
-
-    Returns
-    -------
-    list of Trace
-        One per loop.
-
-    Raises
-    ------
-    ParameterError
-        When sampling periods or lengths differ.
-
     Notes
     -----
     Plain Python with the same steps as the compiled loop, and bit-equal to it when nothing is changed on the way; some

@@ -121,26 +121,6 @@ class TravelTest:
 def travel_test(loop: Loop, increment: float = _SMALL_STEP, big_step: float = _BIG_STEP, seed: int = 0) -> TravelTest:
     """Put a loop in manual and step its valve until PV moves.
 
-    Parameters
-    ----------
-    loop : Loop
-        Its valve, plant and noise count; controller, set-point steps and disturbances do not.
-    increment : float
-        Small step (%).
-    big_step : float
-        First step (%), repeated until PV moves.
-    seed : int
-        Of the noise.
-
-    Returns
-    -------
-    TravelTest
-
-    Raises
-    ------
-    ParameterError
-        When the steps are not 0 < increment < big_step <= 50.
-
     Notes
     -----
     Procedure 11.4 (Gerry and Ruel 2001) takes the small steps in the direction of the big one. On a two-parameter valve that

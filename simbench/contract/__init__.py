@@ -34,22 +34,6 @@ CONTRACTS: dict[str, tuple[PluginFolder, Callable[[str], Contract]]] = {
 def check_file(path: str | Path) -> Contract:
     """Check one file against the contract of its kind.
 
-    Parameters
-    ----------
-    path : str or Path
-        A grid (.toml), or a Python file that is a detector, valve, effect, recogniser or world by what it defines. Its stem is
-        the plug-in's name.
-
-    Returns
-    -------
-    Contract
-        One sentence for every broken point.
-
-    Raises
-    ------
-    ParameterError, SpecError
-        When there is no such file, it cannot be read or imported, its name is taken, or it is none of the kinds.
-
     Examples
     --------
     >>> from simbench.loop.valves import deadband
@@ -100,21 +84,6 @@ def _plain(path: str) -> dict:
 
 def kind_of(path: str | Path) -> str:
     """Return of which kind a plug-in is by what it defines; nothing of it is run.
-
-    Parameters
-    ----------
-    path : str or Path
-        The file.
-
-    Returns
-    -------
-    str
-        A key of `KINDS`, or "grid".
-
-    Raises
-    ------
-    ParameterError
-        When it cannot be read, or is none of the kinds.
 
     Examples
     --------

@@ -20,23 +20,6 @@ _BAND_TOLERANCE = 0.3  # % of travel: within both together, a measured number is
 def measured_band(stages: list[tuple[ModuleType, Any]], reach: float, middle: float = 50.13) -> tuple[float, float]:
     """Return the (S, J) that a chain of valve stages shows under an OP that creeps to and fro.
 
-    Parameters
-    ----------
-    stages : list of (module, parameters)
-        What OP passes, in order.
-    reach : float
-        How far OP goes to both sides of `middle` (%); above 0.7 S.
-    middle : float
-        In %.
-
-    Returns
-    -------
-    S : float
-        Least travel of OP after a reversal from which on MV moves with at least half the slope it has later on (% of travel);
-        inf when it never does.
-    J : float
-        Median over the branches of the largest step of MV beyond its slope (% of travel).
-
     Notes
     -----
     A valve that slides meets S at every reversal, one that stops at every sample needs S to S + J, by its phase. A hysteresis
@@ -69,16 +52,6 @@ def measured_band(stages: list[tuple[ModuleType, Any]], reach: float, middle: fl
 
 def band_fault(stages: list[tuple[ModuleType, Any]], S: float, J: float) -> str:
     """Return in which way a chain of valve stages does not do what it maps on; "" when it does.
-
-    Parameters
-    ----------
-    stages : list of (module, parameters)
-    S, J : float
-        What it says (% of travel).
-
-    Returns
-    -------
-    str
 
     Examples
     --------

@@ -20,20 +20,6 @@ _GROUPS_SETTLED = 24  # groups that are settled by simulating their twin; one of
 def check_grid(path: str | Path) -> Contract:
     """Check a grid file against its contract.
 
-    Parameters
-    ----------
-    path : str or Path
-        The TOML file.
-
-    Returns
-    -------
-    Contract
-
-    Raises
-    ------
-    SpecError
-        When there is no such file or it is no TOML.
-
     Notes
     -----
     Every group is built; at most `MOST` and one of every block are settled as a run would. Not checked, as it needs the whole

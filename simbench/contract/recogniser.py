@@ -32,20 +32,6 @@ _WORSE = 0.1  # nats by which a search may miss the fit it began from
 def check_recogniser(name: str) -> Contract:
     """Check how an effect is recognised against its contract, on a short record without any effect.
 
-    Parameters
-    ----------
-    name : str
-        Effect id.
-
-    Returns
-    -------
-    Contract
-
-    Raises
-    ------
-    UnknownName
-        For an effect nobody said how to recognise.
-
     Examples
     --------
     >>> check_recogniser("quantisation").broken

@@ -22,20 +22,6 @@ _AT_REST = 1e-6  # % of travel by which MV may settle where it starts
 def check_valve(name: str) -> Contract:
     """Check a valve model or stage against its contract.
 
-    Parameters
-    ----------
-    name : str
-        A model's name, see `VALVES.names()`.
-
-    Returns
-    -------
-    Contract
-
-    Raises
-    ------
-    UnknownName
-        For a valve that does not exist.
-
     Notes
     -----
     The band is measured under an OP that creeps to and fro, with two sets of parameters, and held against `mapped_SJ`: what a
@@ -63,17 +49,6 @@ def check_valve(name: str) -> Contract:
 
 def _example_tables(module: ModuleType) -> tuple[list[dict[str, Any]], str]:
     """Return two sets of parameters that a valve takes, and what it said to those it refused.
-
-    Parameters
-    ----------
-    module : module
-        The valve.
-
-    Returns
-    -------
-    tables : list of dict
-        Numbers without default lie inside their range; S = 4, J = 2 and S = 7, J = 1 where it has these.
-    refused : str
 
     Examples
     --------

@@ -37,19 +37,7 @@ def flow_table() -> pd.DataFrame:
 
 @styled
 def draw_flow(table: pd.DataFrame, taken: Collection[tuple[str, str]] = ()) -> Figure:
-    """Draw questions downwards and conclusions beside the question that leads to them.
-
-    Parameters
-    ----------
-    table : DataFrame
-        From `flow_table`; every answer leads to a later question or to a conclusion.
-    taken : collection of (source, answer)
-        Answers to mark.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+    """Draw questions downwards and conclusions beside the question that leads to them."""
     questions = list(dict.fromkeys(table["source"]))
     texts = {q: textwrap.fill(part["question"].iloc[0], 36) for q, part in table.groupby("source", sort=False)}
     ends: dict[str, list[str]] = {q: [] for q in questions}
@@ -114,22 +102,7 @@ def draw_flow(table: pd.DataFrame, taken: Collection[tuple[str, str]] = ()) -> F
 
 
 def draw_path(diagnosis: Diagnosis, path: str | Path) -> None:
-    """Write a picture of the procedure with the path one diagnosis took.
-
-    Parameters
-    ----------
-    diagnosis : Diagnosis
-        From `detectors.procedure.diagnose`.
-    path : str or Path
-        .svg, .png or .pdf file.
-
-    Raises
-    ------
-    ParameterError
-        For another kind of file.
-    FileError
-        When it cannot be written.
-    """
+    """Write a picture of the procedure with the path one diagnosis took."""
     write_picture(draw_flow(flow_table(), {(s.step, s.answer) for s in diagnosis.steps}), path)
 
 

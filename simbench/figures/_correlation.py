@@ -27,20 +27,6 @@ class _Marks:
 def correlation(op: np.ndarray, pv: np.ndarray, Ts: float, reach: float) -> pd.DataFrame:
     """Return the cross-correlation Phi(tau) = sum (PV(t + tau) - mean)(OP(t) - mean), scaled to -1..1.
 
-    Parameters
-    ----------
-    op, pv : ndarray, shape (n,)
-        Signals without drift.
-    Ts : float
-        Sampling period (s).
-    reach : float
-        Largest lag (s).
-
-    Returns
-    -------
-    DataFrame
-        lag (s), Phi (-), dtau (-), drho (-).
-
     Notes
     -----
     Horch (1999), Eqs 11.6 to 11.8 of the chapter; summed directly here, by FFT in the detector. Not for long records.

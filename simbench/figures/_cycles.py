@@ -17,25 +17,7 @@ from simbench.theory.sampled import sampled_loop
 
 
 def sustained_cycle(loop: Loop, periods: int) -> pd.DataFrame:
-    """Return whole periods of a sticky loop's own cycle, begun where OP crosses its mean upwards.
-
-    Parameters
-    ----------
-    loop : Loop
-        Noise-free, with a valve that has S and J.
-    periods : int
-        Wanted; at least as many go before.
-
-    Returns
-    -------
-    DataFrame
-        period (s), t (s), OP (%), MV (%), PV (deviation from SP).
-
-    Raises
-    ------
-    ParameterError
-        When the loop has no cycle.
-    """
+    """Return whole periods of a sticky loop's own cycle, begun where OP crosses its mean upwards."""
     Ts = loop.sampling.Ts
     found = exact_cycle(sampled_loop(loop))
     length = 1000 if found is None else round((2 * periods + 2) * found.period / Ts)
@@ -56,21 +38,7 @@ def sustained_cycle(loop: Loop, periods: int) -> pd.DataFrame:
 
 
 def draw_cycles(data: pd.DataFrame, keys: Sequence[str], titles: Sequence[str], pv_label: str) -> Figure:
-    """Draw OP, MV and PV over time, MV over OP and PV over OP, one column per loop.
-
-    Parameters
-    ----------
-    data : DataFrame
-        Rows of `sustained_cycle` with the columns `keys` that tell the loops apart.
-    keys, titles : sequence of str
-        Columns, and one title per loop in order.
-    pv_label : str
-        Quantity and unit of PV.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+    """Draw OP, MV and PV over time, MV over OP and PV over OP, one column per loop."""
     figure, axes = panels(5, len(titles), 11.0, 9.0)
     for j, (title, (_, cycle)) in enumerate(zip(titles, data.groupby(list(keys), sort=False))):
         t, op, mv, pv = (cycle[c].to_numpy() for c in ("t (s)", "OP (%)", "MV (%)", "PV"))

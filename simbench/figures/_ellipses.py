@@ -20,20 +20,7 @@ def ellipse_points(found: Ellipse, size: float = 1.0) -> tuple[np.ndarray, np.nd
 
 
 def ellipse_table(op: np.ndarray, pv: np.ndarray, found: Ellipse) -> pd.DataFrame:
-    """Return the plotted points and the ellipse with its two limits, in long form.
-
-    Parameters
-    ----------
-    op, pv : ndarray, shape (n,)
-        Points of the plot.
-    found : Ellipse
-        Fitted to them.
-
-    Returns
-    -------
-    DataFrame
-        curve ("data", "ellipse", "inner limit", "outer limit"), OP, PV, fitness (-), S_apparent (in units of OP).
-    """
+    """Return the plotted points and the ellipse with its two limits, in long form."""
     curves = {"data": (op, pv)}
     for name, size in (("ellipse", 1.0), ("inner limit", 1.0 - TOLERANCE), ("outer limit", 1.0 + TOLERANCE)):
         curves[name] = ellipse_points(found, size)

@@ -14,18 +14,6 @@ from simbench.figures._style import BLACK, BLUE, RED, label
 def half_cycle_fits(x: np.ndarray, period: float) -> pd.DataFrame:
     """Fit a sine and a triangle to every significant half cycle.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Oscillation without drift.
-    period : float
-        Its period (samples).
-
-    Returns
-    -------
-    DataFrame
-        half (number), sample (fractional index), signal, sine, triangle (all in units of x).
-
     Notes
     -----
     The same cut, families and least squares as `detectors.signal.half_cycles`, kept in place and sign.

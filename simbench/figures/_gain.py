@@ -14,21 +14,7 @@ _SHOWN = 5.5  # periods on either side of the change
 
 
 def gain_table(loop: Loop, factor: float) -> pd.DataFrame:
-    """Run the gain-change test and keep some periods around the change.
-
-    Parameters
-    ----------
-    loop : Loop
-        An oscillating loop.
-    factor : float
-        New Kc over old.
-
-    Returns
-    -------
-    DataFrame
-        t (s, 0 = change), OP (%), PV (deviation from SP), verdict, and of its side of the change Kc, period (s) and half
-        peak-to-peak of OP (%).
-    """
+    """Run the gain-change test and keep some periods around the change."""
     found = gain_change(loop, factor)
     t = (np.arange(found.trace.op.size) - found.changed) * found.Ts
     rows = []

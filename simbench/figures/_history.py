@@ -13,17 +13,7 @@ _DASHES = ("-", "--", ":")
 
 @styled
 def draw(table: pd.DataFrame) -> Figure:
-    """Draw the lines, each named at its right end, the names pushed apart.
-
-    Parameters
-    ----------
-    table : DataFrame
-        Rows of `simbench.bench.score.history`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+    """Draw the lines, each named at its right end, the names pushed apart."""
     wide = table.pivot(index="baseline", columns="method", values="accuracy_applicable")
     made = table.drop_duplicates("baseline").set_index("baseline")
     figure, axes = panels(1, 1, 7.0, 0.24 * wide.shape[1] + 1.6)

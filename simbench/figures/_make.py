@@ -55,31 +55,6 @@ def make_figures(
 ) -> list[Drawn]:
     """Draw figures and write ID.svg, ID.png and ID.csv for each.
 
-    Parameters
-    ----------
-    ids : iterable of str
-        Figure ids, or "all".
-    out : str or Path
-        Folder; made when absent.
-    run : str or Path, optional
-        Folder of a run, for the figures that show one.
-    isdb : str or Path, optional
-        ISDB .mat file or folder of real records, for the figures of real loops.
-
-    Returns
-    -------
-    list of Drawn
-        One per figure, in the order asked for; a figure whose data are not there is left out and says so.
-
-    Raises
-    ------
-    UnknownName
-        For an id that does not exist; the nearest is named.
-    RecordError
-        When `isdb` does not exist.
-    FileError
-        When the folder cannot be written.
-
     Examples
     --------
     >>> import tempfile

@@ -17,26 +17,7 @@ _SEGMENT = 64
 
 
 def nonlinearity(record: LoopRecord, op: np.ndarray, pv: np.ndarray) -> pd.DataFrame:
-    """Return trend, bicoherence, PV-OP plot and fitted ellipse in long form.
-
-    Parameters
-    ----------
-    record : LoopRecord
-        For its time and set point.
-    op, pv : ndarray, shape (n,)
-        Signals to draw, filtered or not.
-
-    Returns
-    -------
-    DataFrame
-        part ("error", "bicoherence", "data" or "ellipse"), t (s), e, f1, f2 (cycles/sample), bic2 (-), OP, PV, NGI (-),
-        NLI (-), fitness (-), S_apparent.
-
-    Raises
-    ------
-    RecordError
-        When the record is too short for a bicoherence.
-    """
+    """Return trend, bicoherence, PV-OP plot and fitted ellipse in long form."""
     if record.n < 4 * _SEGMENT:
         raise RecordError(f"{record.tag}: {record.n} samples; at least {4 * _SEGMENT} are needed for a bicoherence")
     e = -pv if record.sp is None else record.sp - pv
@@ -56,21 +37,7 @@ def nonlinearity(record: LoopRecord, op: np.ndarray, pv: np.ndarray) -> pd.DataF
 
 
 def draw_nonlinearity(data: pd.DataFrame, ellipse: bool, printed: str) -> Figure:
-    """Draw the three views side by side.
-
-    Parameters
-    ----------
-    data : DataFrame
-        From `nonlinearity`.
-    ellipse : bool
-        Draw the fitted ellipse as well.
-    printed : str
-        The chapter's numbers.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+    """Draw the three views side by side."""
     figure, axes = mosaic([["error", "bic", "xy"]], 9.0, 3.2)
     error, higher, points = (data[data.part == name] for name in ("error", "bicoherence", "data"))
     axes["error"].plot(error["t (s)"], error["e"], color=BLUE, linewidth=0.7)

@@ -18,26 +18,7 @@ class NeedsRecord(UserError):
 
 
 def real_loop(isdb: str | Path, name: str, **about: str) -> LoopRecord:
-    """Read one real loop.
-
-    Parameters
-    ----------
-    isdb : str or Path
-        ISDB .mat file, or folder with a file NAME.csv or ISDB_NAME.csv.
-    name : str
-        E.g. "CHEM1"; in a folder, any record's name.
-    **about
-        What the chapter says of it: kind, process.
-
-    Returns
-    -------
-    LoopRecord
-
-    Raises
-    ------
-    NeedsRecord
-        When it is not there.
-    """
+    """Read one real loop."""
     path = Path(isdb)
     if path.is_dir():
         for stem in (name, f"ISDB_{name}"):

@@ -60,22 +60,7 @@ def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
 
 
 def write_picture(figure: Figure, path: str | Path) -> None:
-    """Write a figure in the format that the file's name asks for.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        The picture.
-    path : str or Path
-        .svg, .png or .pdf file.
-
-    Raises
-    ------
-    ParameterError
-        For another kind of file.
-    FileError
-        When it cannot be written.
-    """
+    """Write a figure in the format that the file's name asks for."""
     kind = picture_kind(path)
     plain = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {"Software": None}}
     with matplotlib.rc_context({"svg.hashsalt": Path(path).stem}), whole_file(path, "wb") as f:
@@ -115,23 +100,7 @@ def span(axes: Axes, start: tuple[float, float], end: tuple[float, float], text:
 
 
 def table(frame: pd.DataFrame, widths: Sequence[int], framed: set[tuple[int, int]] = frozenset(), foot: str = "") -> Figure:  # type: ignore[assignment]
-    """Draw a table of texts.
-
-    Parameters
-    ----------
-    frame : DataFrame
-        Its texts; a newline breaks a line.
-    widths : sequence of int
-        Characters per column; longer texts are wrapped.
-    framed : set of (row, column)
-        Cells that get a frame.
-    foot : str
-        A remark below.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+    """Draw a table of texts."""
     head = [_wrap(str(c), w) for c, w in zip(frame.columns, widths)]
     body = [[_wrap(str(v), w) for v, w in zip(row, widths)] for row in frame.itertuples(index=False)]
     heights = [max(c.count("\n") + 1 for c in row) * 0.155 + 0.11 for row in [head, *body]]

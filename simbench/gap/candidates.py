@@ -46,52 +46,20 @@ class Fitted:
 
 
 def possible_effects(s: Situation) -> list[str]:
-    """Return the effects whose fit makes sense for this baseline and these signals.
-
-    Parameters
-    ----------
-    s : Situation
-
-    Returns
-    -------
-    list of str
-        In the vocabulary's order. What MV shows of the valve needs no fit.
-    """
+    """Return the effects whose fit makes sense for this baseline and these signals."""
     by_mv = s.record.mv is not None
     fitted = [e for e in EFFECTS if recogniser(e).fit is not None and not (by_mv and block_of(e) == "valve")]
     return [e for e in fitted if recogniser(e).possible(s)]
 
 
 def proven(s: Situation) -> dict[str, Parameters]:
-    """Return the effects that the controller's law or single samples show without doubt, with their parameters.
-
-    Parameters
-    ----------
-    s : Situation
-
-    Returns
-    -------
-    dict
-        The controller's first: its law is exact, and what stands between it and PV follows from it.
-    """
+    """Return the effects that the controller's law or single samples show without doubt, with their parameters."""
     found = {e: recogniser(e).proven(s) for e in sorted(EFFECTS, key=lambda e: BLOCKS.index(block_of(e)))}
     return {e: p for e, p in found.items() if p is not None}
 
 
 def fit_candidates(engine: Engine, base: Fit, effects: Iterable[str]) -> dict[str, Candidate]:
-    """Fit each effect on top of a base and return it with its penalised gain in nats.
-
-    Parameters
-    ----------
-    engine : Engine
-    base : Fit
-    effects : iterable of str
-        That have a fit.
-
-    Returns
-    -------
-    dict
-    """
+    """Fit each effect on top of a base and return it with its penalised gain in nats."""
     out = {}
     for effect in effects:
         try_it = recogniser(effect).fit
@@ -105,22 +73,7 @@ def fit_candidates(engine: Engine, base: Fit, effects: Iterable[str]) -> dict[st
 
 
 def beside_the_load(engine: Engine, base: Fit, candidates: dict[str, Candidate]) -> tuple[Fit, dict[str, Candidate]]:
-    """Allow to every candidate what the load may do by itself; return the base and the candidates, gains over the new base.
-
-    Parameters
-    ----------
-    engine : Engine
-    base : Fit
-        The fit without effect.
-    candidates : dict
-        From `fit_candidates` on that base.
-
-    Returns
-    -------
-    base : Fit
-    candidates : dict
-        The likelier of the two fits of each, with and without what the load does.
-    """
+    """Allow to every candidate what the load may do by itself; return the base and the candidates, gains over the new base."""
     for effect, one in candidates.items():
         ordinary = recogniser(effect).ordinary
         if ordinary is None or not one.used or one.log_likelihood_gain <= 0.0:
@@ -175,42 +128,14 @@ def _reshaped(engine: Engine, fit: Fit) -> Fit:
 
 
 def alike(effect: str, s: Situation, p: Mapping[str, float | str] | None = None) -> tuple[str, ...]:
-    """Return the effects that give the same SP, OP and PV (and MV where recorded) as one here, itself included.
-
-    Parameters
-    ----------
-    effect : str
-        An effect id; anything else (`none`, `unknown`) is alone.
-    s : Situation
-    p : mapping, optional
-        The effect's parameters, true or fitted.
-
-    Returns
-    -------
-    tuple of str
-        Sorted.
-    """
+    """Return the effects that give the same SP, OP and PV (and MV where recorded) as one here, itself included."""
     plant, r = s.baseline.to_table()["plant"], s.record
     here = circumstances(plant, s.baseline.noise.std, r.sp, s.op, np.asarray(r.pv), r.mv, effect, p)
     return tuple(sorted(e for e in indistinguishable(effect, here) if e == effect or recogniser(e) != Recogniser()))
 
 
 def smallest_detectable(s: Situation, base: Fit, longest_load: float) -> dict[str, tuple[float, str]]:
-    """Return the size of each effect that would have been found, with its unit.
-
-    Parameters
-    ----------
-    s : Situation
-    base : Fit
-        The fit without effect.
-    longest_load : float
-        As the base was fitted with (samples).
-
-    Returns
-    -------
-    dict of str to (float, str)
-        Infinite where no size up to the largest tried would show; without the effects of which nothing can be said.
-    """
+    """Return the size of each effect that would have been found, with its unit."""
     probe = Probe(Engine(s.data, longest_load), base, s)
     found = {e: recogniser(e).smallest(probe) for e in EFFECTS}
     return {e: size for e, size in found.items() if size is not None}

@@ -30,37 +30,6 @@ def diagnose_files(
 ) -> GapReport:
     """Diagnose the records of one loop beside its loop file.
 
-    Parameters
-    ----------
-    records : sequence of paths
-        Record files of the same loop; they are judged together.
-    baseline : path or None
-        Loop file of the simulation; what it lacks of plant, controller and sampling is identified from the records, and so is
-        everything where it is None.
-    jobs : int
-        Processes, where there are several records; -1 = all cores.
-    html : path, optional
-        Page to write.
-    write_loop : path, optional
-        Loop file to write: the baseline with the effect in it.
-    picture : path, optional
-        The diagnosis on one sheet: .svg, .png or .pdf.
-    window : (int, int), optional
-        First and last sample + 1 of the part of each record that is judged; all of it when absent.
-    **about
-        What the files do not say of the records: process, kind, op_span, pv_span.
-
-    Returns
-    -------
-    GapReport
-
-    Raises
-    ------
-    detectors.errors.UserError, scenarios.errors.SpecError
-        In one sentence, when a file cannot be read, or record and baseline cannot be compared.
-    FileError
-        When page or loop file cannot be written.
-
     Examples
     --------
     >>> import tempfile, pathlib

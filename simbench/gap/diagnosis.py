@@ -62,9 +62,11 @@ def diagnose(
 
     Examples
     --------
-    >>> from random_case import random_case
-    >>> case = random_case(3, ("detuning",))
-    >>> diagnose(case.record, case.baseline).effect
+    >>> import simbench as sb
+    >>> plant, controller = {"type": "foptd", "K": 1, "T": 10, "Td": 2}, {"type": "PI", "Kc": 1, "Ti": 10}
+    >>> more = {"sampling": {"Ts": 1, "n": 1500}, "noise": {"std": 0.1}, "setpoint": {"steps": [[100, 55], [700, 48]]}}
+    >>> told = sb.Loop(plant=plant, controller=controller, **more)
+    >>> diagnose(told.with_("controller.Kc", 1.6).simulate(1).record, told).effect
     'detuning'
     """
     records = [record] if isinstance(record, LoopRecord) else list(record)
@@ -116,18 +118,7 @@ def _assess_all(records: list[LoopRecord], baseline: Loop | Partial | None, jobs
 
 
 def named_by(weights: Classified, found: Assessment) -> list[str]:
-    """Return the answer: the most probable, and a second effect of another block that was found on top of it.
-
-    Parameters
-    ----------
-    weights : Classified
-    found : Assessment
-
-    Returns
-    -------
-    list of str
-        One or two of the effects, or `none`, or `unknown`.
-    """
+    """Return the answer: the most probable, and a second effect of another block that was found on top of it."""
     first = max(weights.probability, key=lambda e: weights.probability[e])
     if first not in EFFECTS or first not in found.chosen:
         return [first]
@@ -139,17 +130,6 @@ def closing(weights: Classified, found: Assessment, runs: ClosedLoops) -> Classi
 
     What single samples, the controller's law or MV show stands unless the gap widens beyond its interval: a twin may fail for
     its load's sake.
-
-    Parameters
-    ----------
-    weights : Classified
-    found : Assessment
-    runs : ClosedLoops
-
-    Returns
-    -------
-    Classified
-        Unchanged where the gap does not stand out of its floor, or nothing was named.
     """
     named = named_by(weights, found)
     effects = [e for e in named if e in EFFECTS]
@@ -168,21 +148,7 @@ def _unless_wide(weights: Classified, found: Assessment, runs: ClosedLoops) -> C
 
 
 def report(found: Assessment, weights: Classified, runs: ClosedLoops, more: Sequence[str] = ()) -> GapReport:
-    """Turn scores and probabilities into the answer.
-
-    Parameters
-    ----------
-    found : Assessment
-    weights : Classified
-    runs : ClosedLoops
-        Simulated loops of this assessment.
-    more : sequence of str
-        Further notes.
-
-    Returns
-    -------
-    GapReport
-    """
+    """Turn scores and probabilities into the answer."""
     situation = found.situation
     ranking = sorted(weights.probability.items(), key=lambda kv: -kv[1])
     named = named_by(weights, found)

@@ -17,19 +17,5 @@ def _environment(room: str) -> Environment:
 
 
 def render(room: str, template: str, **values: Any) -> Markup:
-    """Fill one template.
-
-    Parameters
-    ----------
-    room : str
-        Package whose folder `templates` is looked at first, e.g. "simbench.report".
-    template : str
-        File in it or in simbench/html/templates.
-    **values
-        What it speaks of.
-
-    Returns
-    -------
-    markupsafe.Markup
-    """
+    """Fill one template."""
     return Markup(_environment(room).get_template(template).render(**values))

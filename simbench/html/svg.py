@@ -14,19 +14,6 @@ from matplotlib.figure import Figure
 def inline_svg(figure: Figure, name: str, says: str) -> Markup:
     """Return a figure as an <svg> element for an HTML page.
 
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        What to show.
-    name : str
-        Unique on the page; keeps the element ids of two pictures apart.
-    says : str
-        What a reader who cannot see it is told.
-
-    Returns
-    -------
-    markupsafe.Markup
-
     Examples
     --------
     >>> figure = Figure(figsize=(1, 1))

@@ -20,23 +20,6 @@ def sortable(
 ) -> dict[str, Any]:
     """Return what the `sortable` macro of parts.html draws.
 
-    Parameters
-    ----------
-    frame : DataFrame
-        Its texts and numbers; missing values become empty cells.
-    formats : dict of column to function, optional
-        How numbers are written; three significant digits otherwise. Sorting uses the full number.
-    long : collection of str
-        Columns with sentences, which may wrap.
-    beside : dict of column to texts, optional
-        Written small with each value, e.g. its interval.
-    matrix : bool
-        One sign a cell, many columns: their names stand upright.
-
-    Returns
-    -------
-    dict
-
     Examples
     --------
     >>> table = sortable(pd.DataFrame({"a": [0.12345]}))
@@ -60,17 +43,7 @@ def sortable(
 
 
 def percent(value: float) -> str:
-    """Write a share in %, one decimal.
-
-    Parameters
-    ----------
-    value : float
-        0..1.
-
-    Returns
-    -------
-    str
-    """
+    """Write a share in %, one decimal."""
     return f"{100 * value:.1f} %"
 
 

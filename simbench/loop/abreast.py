@@ -76,7 +76,7 @@ LOADED = """for l in range(ROW):
 for l in range(ROW):
     load_out[l] = loads[1, np.uintp(row + FROM + l)]
 """
-FIXED = ("base", "x0", "w_old", "w_new", "w", "sp", "noise", "load_in", "load_out", "op", "mv", "c0", "c1")
+FIXED_ROOMS = ("base", "x0", "w_old", "w_new", "w", "sp", "noise", "load_in", "load_out", "op", "mv", "c0", "c1")
 
 
 @cache
@@ -87,25 +87,7 @@ def iterates(step: FunctionType) -> bool:
 
 @lru_cache(maxsize=256)
 def compiled(steps: tuple, stages: tuple[ModuleType, ...], classes: tuple, sizes: tuple[int, ...], loaded: bool):
-    """Return `abreast` compiled for one kind of loop, from the disk cache when it is there.
-
-    Parameters
-    ----------
-    steps : tuple of (str, function)
-        As `kernel.compiled` takes them, sorted.
-    stages : tuple of modules
-        The valve's stages.
-    classes : tuple
-        Named-tuple classes of the parameters: plant, controller, gap, sensor, and a tuple for the stages.
-    sizes : tuple of int
-        Numbers in the state of the sensor and of every stage.
-    loaded : bool
-        Whether anything is added at the plant's input or at its output.
-
-    Returns
-    -------
-    numba dispatcher
-    """
+    """Return `abreast` compiled for one kind of loop, from the disk cache when it is there."""
     *fixed, of_stages = classes
     named = {**{f"class{i}": c for i, c in enumerate(fixed)}, **{f"stage_class{i}": c for i, c in enumerate(of_stages)}}
     valve = {f"{what}{i}": getattr(m, what) for i, m in enumerate(stages) for what in ("start", "step")}
@@ -122,7 +104,7 @@ def _text(named: dict[str, type], sizes: tuple[int, ...], loaded: bool) -> str:
     states += [[f"v{i}_{j}" for j in range(size)] for i, size in enumerate(sizes[1:])]
     numbers = {name: [f"{name}_{f}" for f in cls._fields] for name, cls in named.items()}
     given = [*chain(*numbers.values())]
-    rooms = [*FIXED, *chain(*states), *given]
+    rooms = [*FIXED_ROOMS, *chain(*states), *given]
     made = {name: f"{name}({', '.join(f'{n}[l]' for n in rows)})" for name, rows in numbers.items()}
 
     def filled(names: list[str], value: str) -> str:

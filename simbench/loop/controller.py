@@ -59,16 +59,6 @@ def coarse_output(u, p):
 def transfer_function(controller):
     """Return C(s), from error to OP, of a loop file's controller.
 
-    Parameters
-    ----------
-    controller : scenarios.spec.Controller
-        Kc in % per PV unit, Ti in s.
-
-    Returns
-    -------
-    control.TransferFunction
-        s Kc (1 + 1/(Ti s)) or s Kc, with the sign s of the direction.
-
     Examples
     --------
     >>> from scenarios.spec import Controller

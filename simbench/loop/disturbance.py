@@ -129,28 +129,6 @@ PARAMETERS = {
 def disturbance_signal(part: Part, total: int, Ts: float, rng: np.random.Generator) -> tuple[str, np.ndarray]:
     """Return where a disturbance acts and its signal.
 
-    Parameters
-    ----------
-    part : Part
-        Type and parameters as in [[disturbance]].
-    total : int
-        Number of samples.
-    Ts : float
-        Sampling period (s).
-    rng : numpy.random.Generator
-        Stream of its own.
-
-    Returns
-    -------
-    at : {"input", "output"}
-    signal : ndarray, shape (total,)
-        In % of travel at the input, in PV units at the output; 0 before `start`.
-
-    Raises
-    ------
-    UnknownName, ParameterError
-        For an unknown type or parameter, or a value out of range.
-
     Examples
     --------
     >>> part = Part(name="ramp", parameters={"amplitude": 2.0, "period": 2.0, "at": "output"})

@@ -64,21 +64,7 @@ def naming(classes):
 
 
 def bind(steps: dict[str, FunctionType], stages: tuple[FunctionType, ...], classes: tuple) -> FunctionType:
-    """Return `closed_loop` in plain Python for the given steps: the slow, obvious twin of `compiled`.
-
-    Parameters
-    ----------
-    steps : dict
-        error_step, controller_step, output_step, plant_step, plant_output, sensor_step.
-    stages : tuple of functions
-        The valve's stages.
-    classes : tuple
-        Named-tuple classes of the parameters: plant, controller, gap, sensor, and a tuple for the stages.
-
-    Returns
-    -------
-    function
-    """
+    """Return `closed_loop` in plain Python for the given steps: the slow, obvious twin of `compiled`."""
     scope = _scope(stages, classes)
     exec(naming(classes) + valve_chain(len(stages)), scope)
     return FunctionType(closed_loop.__code__, {**globals(), **steps, **scope})

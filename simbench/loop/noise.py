@@ -27,17 +27,6 @@ _MASK, _U16, _U32 = np.uint64(0xFFFFFFFF), np.uint64(16), np.uint64(32)
 def draw(seeds, std, counts, out):
     """Add each lane's noise to its column of `out`: the first `counts` numbers of standard deviation `std`.
 
-    Parameters
-    ----------
-    seeds : ndarray of uint64, shape (lanes,), an even number
-        Of the runs.
-    std : ndarray, shape (lanes,)
-        Standard deviations.
-    counts : ndarray of int, shape (lanes,)
-        How many samples have noise.
-    out : ndarray, shape (n, lanes)
-        Changed in place.
-
     Examples
     --------
     >>> from detectors.compiled import compiled

@@ -37,16 +37,6 @@ class SampledPlant:
 def transfer_function(plant):
     """Return the delay-free part of a loop file's plant.
 
-    Parameters
-    ----------
-    plant : scenarios.spec.Plant
-        K in PV units per % (integrating: per % and s), T in s.
-
-    Returns
-    -------
-    control.TransferFunction
-        K/(T s + 1) or K/s.
-
     Examples
     --------
     >>> from scenarios.spec import Plant
@@ -65,23 +55,7 @@ def polynomials(plant) -> tuple[np.ndarray, np.ndarray]:
 
 
 def checked_polynomials(tf) -> tuple[np.ndarray, np.ndarray]:
-    """Accept a user's transfer function, or say why not.
-
-    Parameters
-    ----------
-    tf : control.TransferFunction
-        Continuous, single input and output, strictly proper, stable but for at most one pole at 0.
-
-    Returns
-    -------
-    num, den : ndarray
-        Coefficients, highest power of s first.
-
-    Raises
-    ------
-    ParameterError
-        For anything else: a discrete, multivariable, biproper or unstable plant.
-    """
+    """Accept a user's transfer function, or say why not."""
     if tf.ninputs != 1 or tf.noutputs != 1:
         raise ParameterError(f"plant has {tf.ninputs} inputs and {tf.noutputs} outputs; one of each is needed")
     if tf.dt not in (0, None):
@@ -103,24 +77,6 @@ def checked_polynomials(tf) -> tuple[np.ndarray, np.ndarray]:
 
 def sample(num: np.ndarray, den: np.ndarray, Td: float, Ts: float) -> SampledPlant:
     """Sample a plant exactly for an input that is constant over each sampling period.
-
-    Parameters
-    ----------
-    num, den : ndarray
-        Strictly proper transfer function, highest power of s first.
-    Td : float
-        Dead time (s), >= 0, any fraction of Ts.
-    Ts : float
-        Sampling period (s), > 0.
-
-    Returns
-    -------
-    SampledPlant
-
-    Raises
-    ------
-    ParameterError
-        When Td or Ts is out of range.
 
     Notes
     -----
@@ -148,18 +104,6 @@ def sample(num: np.ndarray, den: np.ndarray, Td: float, Ts: float) -> SampledPla
 
 def first_order(A, B, Td, Ts):
     """Sample first-order plants x' = A x + B w(t - Td), numbers or arrays.
-
-    Parameters
-    ----------
-    A, B : float or ndarray
-        1/s (0: integrating), and PV units per % and s.
-    Td, Ts : float or ndarray
-        Dead time and sampling period (s).
-
-    Returns
-    -------
-    a, b_old, b_new, delay : float or ndarray
-        As `SampledPlant` has them.
 
     Examples
     --------

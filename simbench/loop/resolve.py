@@ -17,30 +17,7 @@ _DISTURBANCE, _EFFECT = 100, 200
 
 
 def resolve_loop(loop: Loop, seed: int, tail: int = 0, tf: Any = None, quiet: int | None = None) -> Setup:
-    """Turn a loop into a setup: plug-ins looked up and checked, signals drawn, effects applied.
-
-    Parameters
-    ----------
-    loop : Loop
-        What to run.
-    seed : int
-        Root of every random stream of the run.
-    tail : int
-        Further samples over which set point and disturbances are frozen.
-    tf : control.TransferFunction, optional
-        Takes the place of the loop's plant (its dead time stays).
-    quiet : int, optional
-        First sample without measurement noise.
-
-    Returns
-    -------
-    Setup
-
-    Raises
-    ------
-    UnknownName, ParameterError
-        For a plug-in that does not exist, numbers it does not allow, or an unstable plant.
-    """
+    """Turn a loop into a setup: plug-ins looked up and checked, signals drawn, effects applied."""
     setup = quiet_setup(loop, seed, tail, tf)
     setup.draw_noise(quiet)
     return setup
@@ -59,14 +36,6 @@ def quiet_setup(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
 
 def friction(loop: Loop) -> list[tuple[float, float]]:
     """Return (S, J) in % of travel of every stage of the valve that has friction, effects included.
-
-    Parameters
-    ----------
-    loop : Loop
-
-    Returns
-    -------
-    list of (S, J)
 
     Examples
     --------

@@ -37,29 +37,6 @@ def valve_response(
 ) -> np.ndarray:
     """Return the valve position under an OP series.
 
-    Parameters
-    ----------
-    model : str
-        A valve model or stage, see `VALVES.names()`.
-    op : array_like, shape (n,)
-        Controller output, % of travel; values outside 0..100 act as their limit.
-    parameters : mapping, optional
-        The model's parameters.
-    Ts : float
-        Sampling period, s; the models without time of their own ignore it.
-    plain : bool
-        Run in Python sample by sample instead of compiled; the result is the same, bit for bit.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Valve position MV, % of travel. The valve starts at rest in mid-band under op[0].
-
-    Raises
-    ------
-    UnknownName, ParameterError
-        For an unknown model or parameter, a value out of range, OP that is not finite, or a solver that gave up.
-
     Examples
     --------
     >>> valve_response("choudhury", [50.0, 52.0, 54.0, 56.0, 55.0], {"S": 5.0, "J": 2.0})
@@ -92,22 +69,7 @@ def valve_response(
 
 
 def stages_response(stages: tuple, op: np.ndarray, rest: float) -> np.ndarray:
-    """Return what comes out of a chain of resolved valve stages under an OP series.
-
-    Parameters
-    ----------
-    stages : tuple of (module, parameters)
-        What OP passes, in order, as `simbench.loop.setup.Setup.valves` has it.
-    op : ndarray, shape (n,)
-        Controller output, %.
-    rest : float
-        Every stage starts at rest in mid-band under this (%).
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        In %; NaN from where a stage's motion did not come to an end.
-    """
+    """Return what comes out of a chain of resolved valve stages under an OP series."""
     for module, p in stages:
         state, out = tuple(float(s) for s in module.start(rest, p)), np.empty(op.size)
         _compiled_trace(module.step)(op, state, p, out)
@@ -123,27 +85,6 @@ def valve_file(
     respond: Callable[[str, np.ndarray, Mapping[str, Any], float], np.ndarray] | None = None,
 ) -> None:
     """Send the column `op` of a table through one valve model.
-
-    Parameters
-    ----------
-    source : str or Path
-        Table (CSV, .parquet or .xlsx) with a column `op` (% of travel), names in any case. The sampling period is the
-        median step of a time column (`t_s`, `t` or a timestamp); without one it is 1 s.
-    out : str or Path
-        CSV to write: the columns of `source` as they stand, and `mv` (% of travel), in place of one that was there.
-    model, parameters
-        As `valve_response`.
-    respond : callable, optional
-        What takes its place where the valve lives elsewhere.
-
-    Raises
-    ------
-    RecordError
-        A file that cannot be read, no column `op`, an empty OP cell, or uneven time.
-    FileError
-        When `out` cannot be written.
-    UnknownName, ParameterError
-        As `valve_response`.
 
     Examples
     --------

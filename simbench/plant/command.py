@@ -25,32 +25,7 @@ def trust_file(
     html: str | Path | None = None,
     **about: Any,
 ) -> Trust:
-    """Say of a record file which detector to believe, what could have been seen, and how probable stiction is.
-
-    Parameters
-    ----------
-    path : path
-        Record.
-    loop : path, optional
-        Loop file, where plant and controller are known.
-    methods : sequence of str
-        Method ids, "all", "fast" or "full".
-    html : path, optional
-        Page to write.
-    **about
-        What the file does not say of the record: process, kind, op_span, pv_span.
-
-    Returns
-    -------
-    Trust
-
-    Raises
-    ------
-    detectors.errors.UserError, scenarios.errors.SpecError
-        In one sentence, when a file cannot be read.
-    FileError
-        When the page cannot be written.
-    """
+    """Say of a record file which detector to believe, what could have been seen, and how probable stiction is."""
     refuse_own_input([html], [path, loop])
     found = trust(read_record(path, **about), None if loop is None else load_loop(loop), methods)
     if html is not None:
@@ -63,30 +38,7 @@ def trust_file(
 def report_folder(
     folder: str | Path, page: str | Path, labels: str | Path | None = None, *, jobs: int = 2
 ) -> tuple[Fleet, Path]:
-    """Judge a plant's loops and write them on one page; what a killed call had judged is kept beside it and used again.
-
-    Parameters
-    ----------
-    folder : path
-        Records.
-    page : path
-        Page to write; a CSV of the same name is written beside it.
-    labels : path, optional
-        Table with id and label.
-    jobs : int
-        Processes; -1 = all cores.
-
-    Returns
-    -------
-    Fleet
-    Path
-        The CSV.
-
-    Raises
-    ------
-    detectors.errors.UserError
-        In one sentence, when folder or labels cannot be read, or a file cannot be written.
-    """
+    """Judge a plant's loops and write them on one page; what a killed call had judged is kept beside it and used again."""
     from simbench.plant.report.page import write_fleet
 
     refuse_own_input([page, Path(page).with_suffix(".csv")], [folder, labels])
@@ -106,30 +58,7 @@ def study_folder(
     write_grid: str | Path | None = None,
     jobs: int = 2,
 ) -> Study:
-    """Compare a folder of records with a grid; what a killed call had diagnosed is kept beside its page, or grid, till then.
-
-    Parameters
-    ----------
-    folder : path
-    grid : str or path
-    labels : path, optional
-        Table with id and label.
-    html : path, optional
-        Page to write.
-    write_grid : path, optional
-        Grid to write, with the effects found in it.
-    jobs : int
-        Processes; -1 = all cores.
-
-    Returns
-    -------
-    Study
-
-    Raises
-    ------
-    detectors.errors.UserError, scenarios.errors.SpecError
-        In one sentence, when something cannot be read or written.
-    """
+    """Compare a folder of records with a grid; what a killed call had diagnosed is kept beside its page, or grid, till then."""
     from simbench.plant.study.study import study
 
     refuse_own_input([html, write_grid], [folder, labels, grid])

@@ -67,16 +67,6 @@ class OverTime:
 def over_time(record: LoopRecord, method: str = "procedure") -> OverTime:
     """Judge a record window by window.
 
-    Parameters
-    ----------
-    record : LoopRecord
-    method : str
-        Whose verdict is asked for.
-
-    Returns
-    -------
-    OverTime
-
     Notes
     -----
     A window is twelve periods of the record's oscillation, or a sixth of the record where it does not oscillate as a whole.

@@ -11,17 +11,7 @@ from detectors.verdict import NO_DECISION, Verdict
 
 
 def judged(record: LoopRecord, methods: Sequence[str]) -> list[Verdict]:
-    """Judge one record by every method; one that fails abstains.
-
-    Parameters
-    ----------
-    record : LoopRecord
-    methods : sequence of str
-
-    Returns
-    -------
-    list of Verdict
-    """
+    """Judge one record by every method; one that fails abstains."""
     for name in methods:
         registry.load(name)
     try:

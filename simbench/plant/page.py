@@ -31,28 +31,7 @@ def section(
     matrix: bool = False,
     points: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """Return one section of a page.
-
-    Parameters
-    ----------
-    name : str
-        Unique on the page; its anchor.
-    title : str
-    paragraphs : sequence of str
-    tiles : sequence of (value, what it is)
-    pictures : sequence of (Figure, caption)
-        The caption is also what a reader who cannot see it is told.
-    table : DataFrame, optional
-    long : sequence of str
-        Columns of it with sentences.
-    matrix : bool
-        Whether it holds one sign a cell.
-    points : sequence of str
-
-    Returns
-    -------
-    dict
-    """
+    """Return one section of a page."""
     drawn = [{"svg": inline_svg(f, f"{name}-{i}", says), "caption": says} for i, (f, says) in enumerate(pictures)]
     body: Markup = render(
         ROOM, "section.html", paragraphs=paragraphs, tiles=tiles, pictures=drawn, points=points,
@@ -62,20 +41,7 @@ def section(
 
 
 def write(path: str | Path, title: str, subtitle: str, sections: Sequence[dict[str, Any]]) -> None:
-    """Write a self-contained page, readable in light and dark and on a phone.
-
-    Parameters
-    ----------
-    path : path
-    title, subtitle : str
-    sections : sequence of dict
-        As `section` gives them.
-
-    Raises
-    ------
-    FileError
-        When the file cannot be written.
-    """
+    """Write a self-contained page, readable in light and dark and on a phone."""
     footer = f"simbench {version('stiction-simbench')}"
     text = render(ROOM, "page.html", title=title, subtitle=subtitle, sections=list(sections), footer=footer)
     with whole_file(path) as f:

@@ -28,28 +28,6 @@ def resumed(
 ) -> list[Any]:
     """Ask of each in turn, in several processes, and return the answers in order.
 
-    Parameters
-    ----------
-    ask : function
-        Of a module; what it is asked about decides its answer. What it says that it returns may be kept.
-    about : sequence of tuple
-        Its arguments, one tuple a question.
-    jobs : int
-        Processes; -1 = all cores.
-    keep : path, optional
-        Folder in which answers are kept as JSON; those of another version of the package are not used.
-    what : str
-        Named beside the progress.
-
-    Returns
-    -------
-    list
-
-    Raises
-    ------
-    FileError
-        When an answer cannot be kept.
-
     Examples
     --------
     >>> resumed(max, [(1, 2), (4, 3)], jobs=1, keep=None, what="larger ones")

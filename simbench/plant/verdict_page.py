@@ -15,20 +15,7 @@ _SHOWN = 12  # records drawn on one page
 
 
 def write_page(report: Report, path: str | Path) -> None:
-    """Write verdicts as one self-contained HTML page.
-
-    Parameters
-    ----------
-    report : Report
-        What was judged.
-    path : str or Path
-        Where to.
-
-    Raises
-    ------
-    FileError
-        When the file cannot be written.
-    """
+    """Write verdicts as one self-contained HTML page."""
     groups = report.groups()
     said = [f"{name + ': ' if name else ''}{summary.sentence(verdicts)}." for name, verdicts, _ in groups]
     parts = [section("answer", "The answer", said)]

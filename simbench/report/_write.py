@@ -13,22 +13,7 @@ _SECTIONS = (summary, overview, maps, roc, axes, disagreement, slowest, failures
 
 
 def write_report(run_folder: str | Path, path: str | Path) -> None:
-    """Write a run's report: one self-contained HTML file, readable in light and dark and on a phone.
-
-    Parameters
-    ----------
-    run_folder : str or Path
-        A finished run.
-    path : str or Path
-        The file.
-
-    Raises
-    ------
-    RunError
-        When there is no finished run.
-    FileError
-        When the file cannot be written.
-    """
+    """Write a run's report: one self-contained HTML file, readable in light and dark and on a phone."""
     run = RunData.read(run_folder)
     manifest = run.book.manifest
     commit = str(manifest.get("commit") or "unknown")[:12]

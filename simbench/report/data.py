@@ -41,19 +41,7 @@ class RunData:
         return cls(folder, RunArrays.read(folder), score_run(folder))
 
     def of(self, method: str) -> pd.DataFrame:
-        """Return one row per scenario whose cycling is clear.
-
-        Parameters
-        ----------
-        method : str
-            Method id.
-
-        Returns
-        -------
-        DataFrame
-            score, called (stiction), positive (cycled), right (no decision is wrong), and the grid's axes; loops that the
-            method is not made for are left out.
-        """
+        """Return one row per scenario whose cycling is clear."""
         book = self.book
         i = book.methods.index(method)
         clear = (book.truth["cycled"] >= 0) & (book.applicable[i] != 0)

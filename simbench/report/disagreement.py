@@ -12,17 +12,7 @@ TITLE = "Where the labels disagree"
 
 
 def section(run: RunData) -> Markup:
-    """Count the combinations of sticky, predicted, refined, theory and cycled.
-
-    Parameters
-    ----------
-    run : RunData
-        The run.
-
-    Returns
-    -------
-    markupsafe.Markup
-    """
+    """Count the combinations of sticky, predicted, refined, theory and cycled."""
     names = list(REPORTED_TRUTHS)
     words = run.truths.astype(object).where(run.truths.notna(), "-").astype(str)
     words = words.replace({"True": "yes", "False": "no"})

@@ -15,17 +15,7 @@ _ROWS_SHOWN = 50  # rows shown
 
 
 def section(run: RunData) -> Markup:
-    """List errors, and count the reasons of "no decision" with their numbers taken out.
-
-    Parameters
-    ----------
-    run : RunData
-        The run.
-
-    Returns
-    -------
-    markupsafe.Markup
-    """
+    """List errors, and count the reasons of "no decision" with their numbers taken out."""
     errors = run.errors
     reasons = run.abstentions.assign(why=run.abstentions["reason"].map(_pattern))
     why = reasons.groupby(["method", "why"]).size().rename("verdicts").reset_index()
@@ -40,15 +30,6 @@ def section(run: RunData) -> Markup:
 
 def _pattern(reason: str) -> str:
     """Return a reason with its numbers as `#`, so that like reasons count together.
-
-    Parameters
-    ----------
-    reason : str
-        One verdict's.
-
-    Returns
-    -------
-    str
 
     Examples
     --------

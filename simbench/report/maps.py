@@ -13,17 +13,7 @@ TITLE = "Maps"
 
 
 def section(run: RunData) -> Markup:
-    """Draw one map per detector, in the order of the score table: share of right verdicts over dead time and S/2J.
-
-    Parameters
-    ----------
-    run : RunData
-        The run.
-
-    Returns
-    -------
-    markupsafe.Markup
-    """
+    """Draw one map per detector, in the order of the score table: share of right verdicts over dead time and S/2J."""
     counted = cells(run.book)
     items = []
     there = set(counted["method"])

@@ -13,17 +13,7 @@ TITLE = "Overview"
 
 
 def section(run: RunData) -> Markup:
-    """Draw the share of right answers of every detector on every kind of loop.
-
-    Parameters
-    ----------
-    run : RunData
-        The run.
-
-    Returns
-    -------
-    markupsafe.Markup
-    """
+    """Draw the share of right answers of every detector on every kind of loop."""
     data = overview(run.book)
     if data.empty:
         return Markup("<p>No loop of this run is known to cycle or to rest, so that no answer is right or wrong.</p>")

@@ -27,17 +27,7 @@ _SHOWN = {
 
 
 def section(run: RunData) -> Markup:
-    """Show the manifest and the commands that repeat the run.
-
-    Parameters
-    ----------
-    run : RunData
-        The run.
-
-    Returns
-    -------
-    markupsafe.Markup
-    """
+    """Show the manifest and the commands that repeat the run."""
     manifest = run.book.manifest
     rows = [(says, manifest.get(key)) for key, says in _SHOWN.items()]
     rows += [(f"version of {name}", value) for name, value in manifest.get("versions", {}).items()]
@@ -48,15 +38,6 @@ def section(run: RunData) -> Markup:
 
 def reproduce(manifest: dict[str, Any]) -> list[str]:
     """Return the commands that give the same tables from a checkout of the same commit.
-
-    Parameters
-    ----------
-    manifest : dict
-        Of the run.
-
-    Returns
-    -------
-    list of str
 
     Examples
     --------

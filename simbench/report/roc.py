@@ -31,17 +31,7 @@ class _Curve(NamedTuple):
 
 
 def section(run: RunData) -> Markup:
-    """Draw one curve per detector, the largest area first, with the point its published threshold sits on.
-
-    Parameters
-    ----------
-    run : RunData
-        The run.
-
-    Returns
-    -------
-    markupsafe.Markup
-    """
+    """Draw one curve per detector, the largest area first, with the point its published threshold sits on."""
     found = []
     for method in run.book.methods:
         mine = run.of(method).dropna(subset=["score"])
@@ -58,16 +48,6 @@ def section(run: RunData) -> Markup:
 
 def roc_curve(judged: pd.DataFrame) -> pd.DataFrame:
     """Return false alarms and detections as the threshold falls through all scores.
-
-    Parameters
-    ----------
-    judged : DataFrame
-        Columns score (no NaN; -inf is a score) and positive.
-
-    Returns
-    -------
-    DataFrame
-        false_alarms, detections (-), from (0, 0) to (1, 1).
 
     Examples
     --------

@@ -13,17 +13,7 @@ TITLE = "Slowest detectors"
 
 
 def section(run: RunData) -> Markup:
-    """List time per record and share of the whole, and the ten slowest single records.
-
-    Parameters
-    ----------
-    run : RunData
-        The run.
-
-    Returns
-    -------
-    markupsafe.Markup
-    """
+    """List time per record and share of the whole, and the ten slowest single records."""
     ms = run.times
     cost = pd.DataFrame(
         {

@@ -31,17 +31,7 @@ _PROCESS_TITLES = {"all": "All loops", "self-regulating": "Self-regulating loops
 
 
 def section(run: RunData) -> Markup:
-    """Give size, balance, the best detector with its interval, failures, and all scores.
-
-    Parameters
-    ----------
-    run : RunData
-        The run.
-
-    Returns
-    -------
-    markupsafe.Markup
-    """
+    """Give size, balance, the best detector with its interval, failures, and all scores."""
     book, mode = run.book, run.scores.first
     cycle = book.truth["cycled"][book.truth["cycled"] >= 0] == 1
     tiles = [
@@ -66,22 +56,7 @@ def section(run: RunData) -> Markup:
 
 
 def _readable(scores: Scores, mode: str, process: str = "all") -> dict[str, Any] | None:
-    """Return one row per detector with the columns a reader compares; None when there are no such loops.
-
-    Parameters
-    ----------
-    scores : Scores
-        Of the run.
-    mode : str
-        With or without the oscillation front end.
-    process : str
-        "all", "self-regulating" or "integrating".
-
-    Returns
-    -------
-    dict or None
-        For the `sortable` macro; intervals stand small beside their value.
-    """
+    """Return one row per detector with the columns a reader compares; None when there are no such loops."""
     ranking = scores.ranking("cycled", mode, process)
     if ranking.empty:
         return None

@@ -10,24 +10,11 @@ from simbench.theory.sampled import SampledLoop
 
 _RATIO = 1.02  # of neighbouring kicks in the scan
 _ROUNDS = 14  # blocks of half cycles a kick may take to settle
-BLOCK = 30
+REVERSALS_WATCHED = 30
 
 
 def starts_cycle(loop: SampledLoop, cycle: ExactCycle, kick: float) -> bool:
     """Whether a loop at rest ends in its limit cycle when OP is offset by `kick` at sample 0.
-
-    Parameters
-    ----------
-    loop : SampledLoop
-        Plant, controller and valve.
-    cycle : ExactCycle
-        The cycle in question.
-    kick : float
-        Offset of OP (%); a PI controller keeps it as its integral, a P controller forgets it after one sample.
-
-    Returns
-    -------
-    bool
 
     Examples
     --------
@@ -50,8 +37,8 @@ def reaches_cycle(loop: SampledLoop, cycle: ExactCycle, state: tuple) -> bool:
     """Whether the march from a state (x, s, past) ends in the limit cycle; the state is used up."""
     near = 0
     for _ in range(_ROUNDS):
-        run = reversals(loop, *state, BLOCK)
-        if run.count < BLOCK:
+        run = reversals(loop, *state, REVERSALS_WATCHED)
+        if run.count < REVERSALS_WATCHED:
             return False
         period = 2 * np.diff(run.sample).mean() * loop.Ts
         swing = np.abs(np.diff(run.stop)).mean()
@@ -63,17 +50,6 @@ def reaches_cycle(loop: SampledLoop, cycle: ExactCycle, state: tuple) -> bool:
 
 def kick_min(loop: SampledLoop, cycle: ExactCycle) -> float | None:
     """Return the smallest kick (%) that starts the limit cycle from rest, or None when none within the limits of OP does.
-
-    Parameters
-    ----------
-    loop : SampledLoop
-        Plant, controller and valve.
-    cycle : ExactCycle
-        Its limit cycle.
-
-    Returns
-    -------
-    float or None
 
     Notes
     -----

@@ -56,20 +56,6 @@ class ExactCycle:
 def exact_cycle(loop: SampledLoop) -> ExactCycle | None:
     """Return the limit cycle of a sampled loop, or None when nothing keeps cycling.
 
-    Parameters
-    ----------
-    loop : SampledLoop
-        Plant, controller, limits and valve in deviations from rest.
-
-    Returns
-    -------
-    ExactCycle or None
-
-    Raises
-    ------
-    ParameterError
-        When a sampling period is so short that a march through its half cycles would take too long.
-
     Notes
     -----
     The march starts on the symmetric cycles that reproduce themselves (`half_cycles`), the attracting ones first; when
@@ -162,21 +148,6 @@ def after_load_step(loop: SampledLoop, load: float) -> tuple[np.ndarray, np.ndar
 
 def cycle_start(loop: Loop) -> Start:
     """Return where a simulation must begin to be on the loop's limit cycle: the valve has just stopped.
-
-    Parameters
-    ----------
-    loop : Loop
-        First-order or integrating plant, one valve with a mapped (S, J).
-
-    Returns
-    -------
-    Start
-        For `simbench.loop.simulate.simulate`.
-
-    Raises
-    ------
-    ParameterError
-        When the loop has no cycle, or a plant or valve of more than one stage.
 
     Examples
     --------

@@ -59,16 +59,6 @@ class _Intersection:
 def stiction(S: float, J: float) -> _DescribingFunction:
     """Describing function of the two-parameter stiction map; J = 0 is the dead-band.
 
-    Parameters
-    ----------
-    S, J : float
-        Dead-band plus stick band, and slip jump (%), S > 0.
-
-    Returns
-    -------
-    DescribingFunction
-        For A >= S/2; a smaller sine does not move the valve in its cycle.
-
     Notes
     -----
     Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13, 641, whose form is N = -(P_re - j P_im)/(pi A)
@@ -101,16 +91,6 @@ def stiction(S: float, J: float) -> _DescribingFunction:
 def deadzone(D: float) -> _DescribingFunction:
     """Describing function of a dead-zone around the operating point.
 
-    Parameters
-    ----------
-    D : float
-        Width (%), > 0.
-
-    Returns
-    -------
-    DescribingFunction
-        Real and below 1, for A > D/2.
-
     Notes
     -----
     Gelb and Vander Velde (1968), Multiple-Input Describing Functions, table B. -1/N runs along the real axis left of -1, so
@@ -136,26 +116,6 @@ def first_harmonic(
     model: str, parameters: Mapping[str, Any], A: ArrayLike, *, period: float = 100.0, samples: int = 1000, centre: float = 50.0
 ) -> np.ndarray:
     """Measure the describing function of any valve model: the fundamental of MV under a sine of OP.
-
-    Parameters
-    ----------
-    model : str
-        Valve model.
-    parameters : mapping
-        Its parameters.
-    A : array_like, shape (n,)
-        Amplitudes (%), below the distance of `centre` from the ends of travel.
-    period : float
-        Of the sine (s); matters for models with time of their own.
-    samples : int
-        Samples per period; matters for models that stop at every sample (He, Stenman).
-    centre : float
-        Mean of OP (%).
-
-    Returns
-    -------
-    ndarray, shape (n,), complex
-        MV's fundamental over OP's.
 
     Notes
     -----
@@ -184,20 +144,6 @@ def first_harmonic(
 def measured(model: str, parameters: Mapping[str, Any], **settings: Any) -> _DescribingFunction:
     """Describing function of any valve model, measured at 80 amplitudes and interpolated.
 
-    Parameters
-    ----------
-    model : str
-        Valve model.
-    parameters : mapping
-        Its parameters.
-    **settings
-        For `first_harmonic`.
-
-    Returns
-    -------
-    DescribingFunction
-        From the smallest amplitude that moves the valve up to 49 %.
-
     Examples
     --------
     >>> bool(abs(measured("stenman", {"d": 3.0}).N(10.0)) > 0.9)
@@ -216,19 +162,6 @@ def measured(model: str, parameters: Mapping[str, Any], **settings: Any) -> _Des
 
 def intersections(loop: SampledLoop, valve: _DescribingFunction) -> list[_Intersection]:
     """Find all limit cycles that the describing function predicts: L(j w) N(A) = -1.
-
-    Parameters
-    ----------
-    loop : SampledLoop
-        Its continuous frequency response counts, dead time included; sampling changes the result by far less than the error of
-        the describing function itself.
-    valve : DescribingFunction
-        Of its valve.
-
-    Returns
-    -------
-    list of Intersection
-        Shortest period first.
 
     Notes
     -----

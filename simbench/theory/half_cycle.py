@@ -63,17 +63,6 @@ class HalfCycle:
 def half_cycles(loop: SampledLoop) -> list[HalfCycle]:
     """Find the symmetric cycles of a loop, shortest first.
 
-    Parameters
-    ----------
-    loop : SampledLoop
-        Plant, controller and valve in deviations from rest.
-
-    Returns
-    -------
-    list of HalfCycle
-        Empty when there is none. Cycles that reach a limit of OP, whose valve stops on its way, or whose valve stands for
-        less than the dead time are not of this form; `simbench.theory.cycle` finds them by marching.
-
     Notes
     -----
     For L(s) = k e^(-Td s)/s and Ts -> 0 this gives P = 2 S/(k p) + 2 Td + k Td^2 and half peak-to-peak S/2 + k p Td/2 of OP,

@@ -114,23 +114,7 @@ class _Reversals:
 
 
 def reversals(loop, x: np.ndarray, s: np.ndarray, past: np.ndarray, count: int, most: int = 2**62) -> _Reversals:
-    """March a loop until its valve has reversed `count` times.
-
-    Parameters
-    ----------
-    loop : SampledLoop
-        Plant, controller and valve.
-    x, s, past : ndarray
-        State as `march` takes it; advanced in place.
-    count : int
-        Reversals wanted.
-    most : int
-        Samples after which to give up.
-
-    Returns
-    -------
-    Reversals
-    """
+    """March a loop until its valve has reversed `count` times."""
     arrays = np.zeros((4, count))
     plant, control = (loop.A, loop.B_old, loop.B_new, loop.C), (loop.integral, loop.beta, loop.lo, loop.hi)
     valve = loop.fs, loop.fd, loop.resticks

@@ -57,15 +57,6 @@ def predict(loop: Loop) -> dict[str, Any]:
 def as_text(found: dict[str, Any]) -> str:
     """Write a prediction in a few lines.
 
-    Parameters
-    ----------
-    found : dict
-        As `predict` returns it.
-
-    Returns
-    -------
-    str
-
     Examples
     --------
     >>> none = {"table_11_3": False, "refined": False, "describing_function": [], "exact": None, "reason": "no friction"}

@@ -139,21 +139,6 @@ class SampledLoop:
 def sampled_loop(loop: Loop) -> SampledLoop:
     """Reduce a loop file to what decides about its limit cycle.
 
-    Parameters
-    ----------
-    loop : Loop
-        Noise, disturbances and set-point steps are left out; effects are applied.
-
-    Returns
-    -------
-    SampledLoop
-
-    Raises
-    ------
-    ParameterError
-        When the loop holds something the (S, J) theory does not describe: a valve without mapped (S, J), two stages with
-        friction, a further valve stage, or a controller or sensor with more than P or PI action.
-
     Examples
     --------
     >>> loop = sampled_loop(Loop.from_table({
@@ -212,21 +197,7 @@ def _numbers(pair: Any) -> tuple[float, float]:
 
 @lru_cache(maxsize=1024)
 def nearest_map(stages: tuple, S: float, J: float) -> tuple[bool, float]:
-    """Say whether a valve follows OP or sticks again after every sample, and how far it is from the better (S, J) map.
-
-    Parameters
-    ----------
-    stages : tuple of (module, parameters)
-        What OP passes on its way to MV.
-    S, J : float
-        Mapped numbers (%).
-
-    Returns
-    -------
-    resticks : bool
-    misfit : float
-        rms difference over a triangular OP of one and a half break-aways, in units of J (at least S/10); 0 for S = J = 0.
-    """
+    """Say whether a valve follows OP or sticks again after every sample, and how far it is from the better (S, J) map."""
     reach = min(0.75 * (S + J), 50.0)
     if reach == 0:
         return False, 0.0

@@ -66,22 +66,6 @@ def check_table_11_3(
 ) -> list[_CellCheck]:
     """Verify the eight cells of Table 11.3.
 
-    Parameters
-    ----------
-    cycled : mapping, optional
-        (process, controller, nonlinearity) -> (loops that cycled, loops) of a grid run.
-    load_steps : int
-        Random load steps per loop, evenly in -6..6 %.
-    seed : int
-        Of the load steps.
-    every : int
-        Take only every n-th loop.
-
-    Returns
-    -------
-    list of CellCheck
-        In the table's order.
-
     Notes
     -----
     600 loops: three dead times (one of them 0), five gains of 0.1..0.9 of the ultimate gain, three integral times, four J/S;
@@ -142,17 +126,7 @@ def _loops(process: str, controller: str, nonlinearity: str) -> Iterator[Sampled
 
 
 def as_text(checks: list[_CellCheck]) -> str:
-    """Write the checked table.
-
-    Parameters
-    ----------
-    checks : list of CellCheck
-        As `check_table_11_3` returns it.
-
-    Returns
-    -------
-    str
-    """
+    """Write the checked table."""
     head = f"{'process':<16}{'control':<8}{'valve':<12}{'table':<7}{'exists':>9}{'reached':>9}{'steps':>7}{'grid':>9}"
     lines = [f"{head}  disagrees because"]
     for c in checks:

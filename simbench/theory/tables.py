@@ -66,35 +66,13 @@ def cell(loop: SampledLoop) -> tuple[str, str, str] | None:
 
 
 def table_11_3(loop: SampledLoop) -> bool:
-    """Return what Table 11.3 says of a loop; a valve without friction has no limit cycle.
-
-    Parameters
-    ----------
-    loop : SampledLoop
-        Friction models enter by their mapped (S, J).
-
-    Returns
-    -------
-    bool
-    """
+    """Return what Table 11.3 says of a loop; a valve without friction has no limit cycle."""
     place = cell(loop)
     return place is not None and TABLE_11_3[place]
 
 
 def refined(loop: SampledLoop, cycle: ExactCycle | None) -> bool:
     """Return Table 11.3's answer with the existence conditions of its two coarse cells.
-
-    Parameters
-    ----------
-    loop : SampledLoop
-        The loop.
-    cycle : ExactCycle or None
-        What `exact_cycle` found for it.
-
-    Returns
-    -------
-    bool
-        Whether a limit cycle exists; reaching it needs a start away from rest.
 
     Notes
     -----
@@ -123,28 +101,6 @@ def refined(loop: SampledLoop, cycle: ExactCycle | None) -> bool:
 
 def truth_columns(loop: Loop, *, kick: bool = False, waves: bool = True) -> tuple[bool | None, bool | None, dict[str, Any]]:
     """Return the theory's truth columns of one scenario.
-
-    Parameters
-    ----------
-    loop : Loop
-        Noise, disturbances and set-point steps are left out.
-    kick : bool
-        Compute `kick_min` too, which takes longer than all the rest.
-    waves : bool
-        Find all limit cycles of the describing function too, where the exact cycle alone says whether there is one.
-
-    Returns
-    -------
-    predicted, refined : bool or None
-        Table 11.3 as printed, and with its existence conditions; None where it has no cell.
-    theory : dict
-        exists (bool or None), by ("exact", "describing function" or None), period (s), amplitude (% of OP, half
-        peak-to-peak), multiplier, irregularity, kick_min, describing_function (list of Intersection), reason (str).
-
-    Raises
-    ------
-    UnknownName, ParameterError
-        For a plug-in that does not exist, or numbers it does not allow.
 
     Examples
     --------

@@ -27,28 +27,7 @@ NARROWEST = 0.001  # interval that may be asked for: four million trials
 def next_round(
     grid: Grid, place: Place, receipts: Sequence[Receipt], width: float, methods: Sequence[str], told: dict[str, Any]
 ) -> list[list[int]]:
-    """Return the groups that the next round must add, cut in pieces; none when every cell is known well enough.
-
-    Parameters
-    ----------
-    grid : Grid
-        The grid.
-    place : Place
-        Of the run.
-    receipts : sequence of Receipt
-        Of all pieces so far.
-    width : float
-        Wanted width of the 95 % interval of every method's accuracy against `cycled`, in every cell.
-    methods : sequence of str
-        Method ids.
-    told : dict
-        Gets `adaptive`: scenarios so far, and what the full product to the same width would have taken.
-
-    Returns
-    -------
-    list of list of int
-        A function of the finished pieces alone, so that a resumed run asks for the same.
-    """
+    """Return the groups that the next round must add, cut in pieces; none when every cell is known well enough."""
     right, known, repeats = _counts(grid, place, receipts, methods)
     widths = _widths(right, known)
     per_repeat = np.maximum(known, 1) / np.maximum(repeats, 1)
@@ -76,19 +55,6 @@ def next_round(
 
 def trials(share: np.ndarray, tried: int, width: float) -> int:
     """Return how many trials Wilson's interval needs to be this narrow, for the most demanding of several shares.
-
-    Parameters
-    ----------
-    share : ndarray, shape (m,)
-        Right over tried, so far.
-    tried : int
-        So far.
-    width : float
-        Wanted width.
-
-    Returns
-    -------
-    int
 
     Examples
     --------

@@ -58,17 +58,7 @@ class Failures:
 
 
 def read_failures(folder: str | Path) -> Failures:
-    """Count what failed in a finished run.
-
-    Parameters
-    ----------
-    folder : str or Path
-        Of the run.
-
-    Returns
-    -------
-    Failures
-    """
+    """Count what failed in a finished run."""
     manifest, filled = read_manifest(folder), pc.field("error").is_valid()
     unrun = read_table(folder, "scenarios", ["scenario_id", "error"], filled).to_pydict()
     raised = read_table(folder, "verdicts", ["scenario_id", "method", "error"], filled).to_pydict()

@@ -53,19 +53,7 @@ class GridSize:
 
 
 def size_of(plan: Grid, fast: int, slow: int) -> GridSize:
-    """Estimate a run's size without building a cell.
-
-    Parameters
-    ----------
-    plan : Grid
-        What to run.
-    fast, slow : int
-        Number of methods of either budget.
-
-    Returns
-    -------
-    GridSize
-    """
+    """Estimate a run's size without building a cell."""
     scenarios = len(plan)
     if plan.content.loop is not None:
         n = float(plan.content.loop.get("sampling", {}).get("n", 4000))
@@ -83,19 +71,7 @@ def refuse_too_large(size: GridSize, name: str, large: bool) -> None:
 
 
 def refuse_wrong_parts(plan: Grid) -> None:
-    """Raise one error that names every wrong disturbance, valve and effect of a grid, and try a cell of each block.
-
-    Parameters
-    ----------
-    plan : Grid
-
-    Raises
-    ------
-    scenarios.errors.SpecError
-        Unknown plug-ins and parameters with the nearest known ones, values out of range.
-    UserError
-        When a cell of a block, or a cell of a grid with a single loop, cannot be simulated.
-    """
+    """Raise one error that names every wrong disturbance, valve and effect of a grid, and try a cell of each block."""
     say(plan.name, list(dict.fromkeys(_wrong(plan))))
     with naming(f"grid {plan.name}"):
         for index in plan.samples():

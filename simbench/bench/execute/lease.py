@@ -25,13 +25,7 @@ _SECRET = re.compile(r"(?<=://)[^/\s@]*@")
 
 @contextlib.contextmanager
 def lease(folder: Path, subfolders: tuple[str, ...] = ("",)) -> Iterator[None]:
-    """Hold a folder alone; what a dead holder left half-written goes, where nothing of it moved for `STALE` seconds.
-
-    Raises
-    ------
-    RunError
-        When somebody works there, with who; nobody's clock and no process table is asked.
-    """
+    """Hold a folder alone; what a dead holder left half-written goes, where nothing of it moved for `STALE` seconds."""
     file = folder / LEASE
     about = {"host": socket.gethostname(), "pid": os.getpid(), "since": time.strftime("%Y-%m-%d %H:%M:%S"),
              "command": _SECRET.sub("***@", " ".join(sys.argv))[:200], "token": uuid.uuid4().hex}  # fmt: skip

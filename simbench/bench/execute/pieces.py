@@ -61,26 +61,7 @@ def held(place: Place) -> AbstractContextManager[None]:
 
 
 def open_run(path: str | Path | Place, manifest: dict[str, Any], resume: bool) -> Place:
-    """Make or reopen a run's folder.
-
-    Parameters
-    ----------
-    path : str, Path or Place
-        The folder.
-    manifest : dict
-        What is about to run.
-    resume : bool
-        Go on with what is there.
-
-    Returns
-    -------
-    Place
-
-    Raises
-    ------
-    RunError
-        When the folder holds something else, or a run that differs (and in what).
-    """
+    """Make or reopen a run's folder."""
     place = place_of(path)
     there = place.names()
     if not there:
@@ -95,27 +76,7 @@ def open_run(path: str | Path | Place, manifest: dict[str, Any], resume: bool) -
 
 
 def write_piece(place: Place, piece: Chunk, key: str) -> Receipt:
-    """Put a finished piece on disk; it counts from the moment its receipt, the last file, stands under its name.
-
-    Parameters
-    ----------
-    place : Place
-        Of the run.
-    piece : Piece
-    key : str
-        Of the run, see `simbench.bench.store.manifest.run_key`: a piece of another run never counts.
-
-    Returns
-    -------
-    Receipt
-
-    Raises
-    ------
-    FileError
-        When it cannot be written.
-    RunError
-        When it reads back otherwise.
-    """
+    """Put a finished piece on disk; it counts from the moment its receipt, the last file, stands under its name."""
     there = find_receipt(place, piece.number, key)
     if there is not None:  # somebody believed dead was only slow
         return there
@@ -146,22 +107,7 @@ def find_receipt(place: Place, number: int, key: str) -> Receipt | None:
 
 
 def finish(place: Place, receipts: Sequence[Receipt], manifest: dict[str, Any]) -> None:
-    """Score a run whose pieces are all there, and say in its manifest that it is whole.
-
-    Parameters
-    ----------
-    place : Place
-        Of the run.
-    receipts : sequence of Receipt
-        Of every piece, in order.
-    manifest : dict
-        What was run.
-
-    Raises
-    ------
-    RunError
-        When partitions are missing or not what their receipts say; the receipts then stay, and the run can be continued.
-    """
+    """Score a run whose pieces are all there, and say in its manifest that it is whole."""
     for kind in TABLE_KINDS:
         lacking = {partition(r.piece) for r in receipts} - set(place.names(f"{kind}.parquet"))
         if lacking:

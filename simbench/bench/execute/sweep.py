@@ -37,22 +37,7 @@ class Sweep:
         return len(self.grid)
 
     def verdicts(self, detectors: Iterable[str] = ("fast",), jobs: int = 1, **settings: Any) -> pd.DataFrame:
-        """Simulate and judge; one row per scenario and method, with the axes and the truth beside the verdict.
-
-        Parameters
-        ----------
-        detectors : iterable of str
-            Method ids, "fast" or "full".
-        jobs : int
-            Worker processes.
-        **settings
-            Further arguments of `run_grid`.
-
-        Returns
-        -------
-        DataFrame
-            The columns of the run's two tables; axes under their dotted names.
-        """
+        """Simulate and judge; one row per scenario and method, with the axes and the truth beside the verdict."""
         import pandas as pd
 
         names = [detectors] if isinstance(detectors, str) else list(detectors)
@@ -66,23 +51,6 @@ class Sweep:
 
     def score(self, detectors: Iterable[str] = ("fast",), jobs: int = 1, raw: bool = False, **settings: Any) -> pd.DataFrame:
         """Simulate, judge and score; one row per combination of axis values and method.
-
-        Parameters
-        ----------
-        detectors : iterable of str
-            Method ids, "fast" or "full".
-        jobs : int
-            Worker processes.
-        raw : bool
-            Without the oscillation front end.
-        **settings
-            Further arguments of `run_grid`.
-
-        Returns
-        -------
-        DataFrame
-            The axes, method, n (seeds), cycling (share that cycles), stiction, no_decision (shares of verdicts), accuracy
-            against `cycled` with Wilson's interval (over those that clearly do or do not), and the median score.
 
         Examples
         --------

@@ -28,18 +28,7 @@ _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM
 
 @contextlib.contextmanager
 def on_processes(jobs: int) -> Iterator[Runner]:
-    """Yield a function that has pieces worked by processes of this machine and gives each receipt back when it is there.
-
-    Parameters
-    ----------
-    jobs : int
-        How many; 1 = none but this, -1 = as many as there are cores.
-
-    Yields
-    ------
-    callable
-        It raises an error of joblib's own when a process was killed.
-    """
+    """Yield a function that has pieces worked by processes of this machine and gives each receipt back when it is there."""
     if jobs == 1:
         yield lambda task, missing: (task(number, groups) for number, groups in missing)
         return
@@ -74,24 +63,7 @@ def on_processes(jobs: int) -> Iterator[Runner]:
 
 @contextlib.contextmanager
 def on_cluster(address: str | None) -> Iterator[Runner]:
-    """Yield a function that has pieces worked by a dask cluster and gives each receipt back when it is there.
-
-    Parameters
-    ----------
-    address : str or None
-        Of the scheduler ("tcp://HOST:PORT").
-
-    Yields
-    ------
-    callable
-        It raises RunError when the scheduler, or every worker, has been gone for 6 s, or the scheduler silent for 60; a worker
-        that dies among others is no matter, its pieces are worked elsewhere.
-
-    Raises
-    ------
-    RunError
-        When no scheduler answers, or dask is not installed.
-    """
+    """Yield a function that has pieces worked by a dask cluster and gives each receipt back when it is there."""
     client = _client(address)
 
     def run(task: _Task, missing: _Pieces) -> Iterator[Receipt]:
@@ -106,25 +78,7 @@ def on_cluster(address: str | None) -> Iterator[Runner]:
 
 @contextlib.contextmanager
 def on_ray(address: str | None, jobs: int) -> Iterator[Runner]:
-    """Yield a function that has pieces worked by ray and gives each receipt back when it is there.
-
-    Parameters
-    ----------
-    address : str or None
-        Of a running cluster ("HOST:PORT", "ray://HOST:PORT" or "auto"); None = one of this machine's own, for this run.
-    jobs : int
-        Workers of such a one; -1 = as many as there are cores.
-
-    Yields
-    ------
-    callable
-        It raises RunError when ray gives up; a worker that dies is no matter, its piece is worked again.
-
-    Raises
-    ------
-    RunError
-        When no cluster answers, or ray is not installed.
-    """
+    """Yield a function that has pieces worked by ray and gives each receipt back when it is there."""
     try:
         import ray  # type: ignore[import-not-found]
     except ImportError:

@@ -58,17 +58,6 @@ class Motion:
 def motion(mv: np.ndarray, least: float) -> Motion:
     """Find where a valve turns back by more than `least`.
 
-    Parameters
-    ----------
-    mv : ndarray, shape (n,)
-        Valve position (%).
-    least : float
-        Smaller movements back (%) are no reversal, >= 0.
-
-    Returns
-    -------
-    Motion
-
     Notes
     -----
     Not for noisy position sensors with `least` below their noise: every sample then is a reversal.
@@ -105,20 +94,6 @@ def motion(mv: np.ndarray, least: float) -> Motion:
 
 def largest_sine(x: np.ndarray, period: float, factor: float = 3.0) -> float:
     """Return the largest amplitude of a sine in a signal, over periods within a factor of the given one.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Signal.
-    period : float
-        In samples.
-    factor : float
-        Periods from period/factor to period*factor are tried.
-
-    Returns
-    -------
-    float
-        In units of x.
 
     Examples
     --------

@@ -29,20 +29,6 @@ _UNSURE = 3.0  # nats: below this one answer is at most twenty times likelier th
 def judge_oracle(scenario: Scenario, run: Run) -> Verdict:
     """Ask whether PV fits OP better through a sticky valve than through an ideal one, knowing everything else.
 
-    Parameters
-    ----------
-    scenario : Scenario
-        The loop with its true plant, operating point and noise.
-    run : Run
-        Its simulation; OP, PV and the loads are used, MV is not.
-
-    Returns
-    -------
-    Verdict
-        Method "oracle", always a decision. `score`: log-likelihood ratio (nats) of the best sticky valve over the ideal
-        one, less ln n for its two numbers; > 0 is stiction. `S`, `J`: the best valve's, % of travel. `applicable` is None
-        where the score is within 3 nats of 0: nobody could know.
-
     Notes
     -----
     OP, sent through a valve and the known plant, predicts PV; what is left is the white noise of the sensor, so the ratio of
@@ -123,20 +109,7 @@ def _predictor(setup: Setup, load_in: np.ndarray):
 
 
 def study(grid: str, every: int = 1):
-    """Judge a grid's scenarios by the oracle.
-
-    Parameters
-    ----------
-    grid : str
-        Name or file.
-    every : int
-        Look at every so many-th group only.
-
-    Returns
-    -------
-    pandas.DataFrame
-        One row per scenario: sticky, cycled, noise_std, score, right.
-    """
+    """Judge a grid's scenarios by the oracle."""
     import pandas as pd
 
     from scenarios.grid import load_grid

@@ -49,19 +49,7 @@ class _Cycle:
 
 
 def resolve(group: Group) -> list[Scenario]:
-    """Settle the rules of one group.
-
-    Parameters
-    ----------
-    group : Group
-        One cell and repeat of a grid.
-
-    Returns
-    -------
-    list of Scenario
-        One per draft; all share samples per period, periods, noise and set point. Each is sampled by its own period: what a
-        record's sampling and length are must not tell who is sticky.
-    """
+    """Settle the rules of one group."""
     if group.rules.empty:
         return [Scenario(loop=d.loop, seed=group.seed, tags=d.tags) for d in group.drafts]
     twin, cycle = group.twin, measure_cycle(group.twin)
@@ -73,15 +61,6 @@ def resolve(group: Group) -> list[Scenario]:
 
 def measure_cycle(twin: Loop) -> _Cycle:
     """Run a sticky loop without noise and measure its cycle.
-
-    Parameters
-    ----------
-    twin : Loop
-        Its sampling is replaced; set-point steps and disturbances are left out.
-
-    Returns
-    -------
-    Cycle
 
     Notes
     -----
@@ -130,17 +109,6 @@ def _measured(text: str) -> _Cycle:
 def first_guess(loop: Loop) -> float:
     """Guess the period (s) of a sticky loop's cycle.
 
-    Parameters
-    ----------
-    loop : Loop
-        FOPTD or integrating.
-
-    Returns
-    -------
-    float
-        With slip jump, the exact law for L(s) = k e^(-s Td)/s with k Td held below 0.9; integrating under PI without,
-        twice that of a double integrator with gain k/Ti.
-
     Examples
     --------
     >>> first_guess(Loop.from_table({
@@ -175,16 +143,6 @@ def band(loop: Loop) -> tuple[float, float]:
 
 def sampled_ultimate_gain(loop: Loop) -> float:
     """Return the gain Kc at which the loop, sampled as it is, stops being stable.
-
-    Parameters
-    ----------
-    loop : Loop
-        With its final Ts.
-
-    Returns
-    -------
-    float
-        In % per PV unit.
 
     Examples
     --------
@@ -276,27 +234,6 @@ def _settled(draft: Draft, rules: Rules, twin: Loop, cycle: _Cycle, own: float) 
 
 def valve_table(name: str, cell: Mapping[str, Any], period: float, more: Mapping[str, Any]) -> dict[str, Any]:
     """Return the table of any valve file that has the (S, J) a cell asks for.
-
-    Parameters
-    ----------
-    name : str
-        A valve model or stage.
-    cell : mapping
-        S and J (% of travel; J = 0 when absent).
-    period : float
-        Of the cell's cycle (s): valves that change with time take their times from it.
-    more : mapping
-        Parameters that have the last word.
-
-    Returns
-    -------
-    dict
-        The [valve] table of a loop file.
-
-    Raises
-    ------
-    ParameterError
-        When no parameters of this valve have the (S, J) asked for.
 
     Examples
     --------

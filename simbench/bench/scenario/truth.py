@@ -46,27 +46,6 @@ class Cycled:
 def simulate_with_truth(loop: Loop, seed: int = 0, *, period: float | None = None) -> tuple[Run, Cycled]:
     """Run a loop, let it go on without noise under frozen disturbances and set point, and say whether it cycles.
 
-    Parameters
-    ----------
-    loop : Loop
-        What to run.
-    seed : int
-        Root of every random stream.
-    period : float, optional
-        Expected period (s) of the cycle; measured on the record when absent.
-
-    Returns
-    -------
-    run : Run
-        Its record is that of `simulate(loop, seed)`, bit for bit.
-    cycled : Cycled
-        yes: over the 20 periods behind the record MV reverses at least 6 times, by J/2 or more in the median (J = 0:
-        S/20), does not fade (last third at least 0.8 of the first), and its largest sine at any period within a factor 3
-        is more than twice that of the twin with an ideal valve. Set point and disturbances are frozen at the record's end;
-        the noise goes off there, or a quarter, half or three quarters of a period earlier: a state of rest may coexist with
-        the cycle, so that one of the four that goes on is enough. unclear: it moves on with the noise alone, or fades
-        slowly, or its twin moves as much.
-
     Notes
     -----
     A valve without friction is its own twin: never "yes". Not for loops that drift without end.
@@ -112,15 +91,6 @@ def simulate_with_truth(loop: Loop, seed: int = 0, *, period: float | None = Non
 
 def least_swing(loop: Loop) -> float:
     """Return the smallest swing of MV (%) that counts as a cycle: J/2, or S/20 of a valve without slip jump.
-
-    Parameters
-    ----------
-    loop : Loop
-        Any loop; a friction model enters by its mapped (S, J).
-
-    Returns
-    -------
-    float
 
     Examples
     --------

@@ -34,13 +34,6 @@ _BASELINE_COLUMNS = (
 def write_baseline(run: str | Path, baseline: str | Path) -> None:
     """Write a run as a baseline; its manifest comes last.
 
-    Parameters
-    ----------
-    run : str or Path
-        Folder of a finished run.
-    baseline : str or Path
-        Made when absent; an older baseline in it is replaced.
-
     Notes
     -----
     The tables keep their columns, those that no check needs are empty; scores keep 24 bits. The loops stay: every flip can be
@@ -73,22 +66,7 @@ def write_baseline(run: str | Path, baseline: str | Path) -> None:
 
 
 def read_book(folder: str | Path) -> RunArrays:
-    """Read a run or a baseline.
-
-    Parameters
-    ----------
-    folder : str or Path
-        Either.
-
-    Returns
-    -------
-    Book
-
-    Raises
-    ------
-    RunError
-        When it is neither, not finished, of another format, or a table is not the one its manifest speaks of.
-    """
+    """Read a run or a baseline."""
     try:
         book = RunArrays.read(folder)
     except (pa.ArrowException, OSError, ArithmeticError, LookupError, TypeError, ValueError) as error:

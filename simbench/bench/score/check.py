@@ -40,24 +40,6 @@ _COUNTED = {
 def check_run(folder: str | Path, against: str | Path, margin: float = MARGIN) -> Check:
     """Compare a run with a baseline.
 
-    Parameters
-    ----------
-    folder : str or Path
-        Folder of a finished run.
-    against : str or Path
-        Baseline written by `update_baseline`, or another run.
-    margin : float
-        A rate that falls by no more than this (paired) is no regression.
-
-    Returns
-    -------
-    Check
-
-    Raises
-    ------
-    RunError
-        When a folder is no finished run, was written in another format, or the two are of grids of other cells.
-
     Notes
     -----
     Rates are compared within the positives and within the negatives of each label, since a moved threshold trades one for
@@ -106,25 +88,7 @@ def compare_books(now: RunArrays, before: RunArrays, margin: float = MARGIN) -> 
 
 
 def update_baseline(folder: str | Path, baseline: str | Path) -> str:
-    """Make a run the baseline, and say what that changes.
-
-    Parameters
-    ----------
-    folder : str or Path
-        Folder of a finished run.
-    baseline : str or Path
-        Folder of the baseline; made when absent.
-
-    Returns
-    -------
-    str
-        The difference: methods that come and go, every rate that moved, the first changed verdicts.
-
-    Raises
-    ------
-    UserError
-        When the run cannot be read or the baseline not written.
-    """
+    """Make a run the baseline, and say what that changes."""
     now, there = read_book(folder), (Path(baseline) / "manifest.json").exists()
     lines = [f"baseline {baseline}: {now.ids.size} scenarios of grid {now.manifest['grid']} x {len(now.methods)} methods"]
     if there:

@@ -83,17 +83,7 @@ class Check:
 
 
 def _as_text(check: Check) -> str:
-    """Return verdict, basis, reasons, what changed, and the scenarios that flipped.
-
-    Parameters
-    ----------
-    check : Check
-        What to say.
-
-    Returns
-    -------
-    str
-    """
+    """Return verdict, basis, reasons, what changed, and the scenarios that flipped."""
     lines = [f"check {check.answer}: {check.basis}", *(f"- {r}" for r in check.reasons)]
     moved = _moved(check)
     if len(moved):

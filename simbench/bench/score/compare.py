@@ -86,26 +86,6 @@ class _Comparison:
 def compare(folder: str | Path, other: str | Path | None = None, truth: str = "cycled", raw: bool = False) -> _Comparison:
     """Compare the methods of a run with each other, or with themselves in another run.
 
-    Parameters
-    ----------
-    folder : str or Path
-        Folder of a finished run, or a baseline.
-    other : str or Path, optional
-        A second run; its methods are compared with those of the same name, scenario by scenario.
-    truth : {"sticky", "predicted", "cycled"}
-        What counts as right.
-    raw : bool
-        Take verdicts without the oscillation front end.
-
-    Returns
-    -------
-    Comparison
-
-    Raises
-    ------
-    UserError
-        When a folder holds no run, the label is unknown, or two runs have no scenario or no method in common.
-
     Notes
     -----
     An answer is right when it is the label; "no decision" is never right. Where a method does not apply it is not compared.
@@ -156,18 +136,7 @@ def between_runs(book: RunArrays, other: RunArrays, truth: str = "cycled", raw: 
 
 
 def _breakdowns(by_axis: pd.DataFrame) -> pd.DataFrame:
-    """Return, for every method and axis, the first value at which accuracy is below 0.8.
-
-    Parameters
-    ----------
-    by_axis : DataFrame
-        method, axis, value (in the axis's order), accuracy, lo, hi.
-
-    Returns
-    -------
-    DataFrame
-        Rows of `by_axis`; an axis along which a method holds has none.
-    """
+    """Return, for every method and axis, the first value at which accuracy is below 0.8."""
     low = by_axis[by_axis["accuracy"] < _WORKING_ACCURACY]
     return low.groupby(["method", "axis"], sort=False).head(1).sort_values(["method", "axis"], kind="stable", ignore_index=True)
 

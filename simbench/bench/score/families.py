@@ -15,19 +15,7 @@ if TYPE_CHECKING:
 
 
 def read(run: str | Path) -> pd.DataFrame:
-    """Read a run of grid families as one row per scenario and method.
-
-    Parameters
-    ----------
-    run : str or Path
-        Folder of a finished run.
-
-    Returns
-    -------
-    DataFrame
-        method, group, process, valve, disturbance, cycled (bool), oscillating, said (verdict), S (mapped, % of travel), S_lo,
-        S_hi and indices (dict, the score among them); scenarios that neither cycle nor rest are left out.
-    """
+    """Read a run of grid families as one row per scenario and method."""
 
     columns = ["scenario_id", "group", "process", "valve", "disturbance", "cycled", "oscillating", "tags"]
     scenarios = read_table(run, "scenarios", columns).to_pandas()
@@ -41,18 +29,7 @@ def read(run: str | Path) -> pd.DataFrame:
 
 
 def rates(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return what each method finds of each family, and its false alarms on loops that do not cycle.
-
-    Parameters
-    ----------
-    rows : DataFrame
-        As `read` gives it.
-
-    Returns
-    -------
-    DataFrame
-        method, valve, cycling (bool), n, stiction (share) with Wilson's lo and hi.
-    """
+    """Return what each method finds of each family, and its false alarms on loops that do not cycle."""
     hit = rows.assign(hit=rows.said == STICTION)
     found = hit.groupby(["method", "valve", "cycled"]).hit.agg(["size", "sum"]).reset_index()
     lo, hi = wilson(found["sum"], found["size"])

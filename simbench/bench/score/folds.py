@@ -26,21 +26,7 @@ def folds_of(groups: np.ndarray) -> np.ndarray:
 
 
 def found_at(ranks: np.ndarray, positive: np.ndarray, fold: np.ndarray, alarms: float = _ALARMS) -> int:
-    """Count positives above a threshold that lets so many false alarms through on the other folds.
-
-    Parameters
-    ----------
-    ranks : ndarray of int, shape (n,)
-        As `dense_ranks` gives them; -1 = no score, never found.
-    positive : ndarray of bool, shape (n,)
-    fold : ndarray of int, shape (n,)
-    alarms : float
-        Share of the negatives.
-
-    Returns
-    -------
-    int
-    """
+    """Count positives above a threshold that lets so many false alarms through on the other folds."""
     found = 0
     for k in np.unique(fold):
         healthy = np.sort(ranks[(fold != k) & ~positive])[::-1]
@@ -52,17 +38,6 @@ def found_at(ranks: np.ndarray, positive: np.ndarray, fold: np.ndarray, alarms: 
 
 def risk_coverage(ranks: np.ndarray, positive: np.ndarray, fold: np.ndarray) -> np.ndarray:
     """Return the risk of a method that is asked for its surest answers only: one value for every number of answers.
-
-    Parameters
-    ----------
-    ranks, positive, fold : ndarray, shape (n,)
-        As `found_at`.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Share of errors among the 1, 2, ... n surest. The answer is forced: score above the threshold that errs least on the
-        other folds; its sureness is the distance from it, in shares of their scores. No score: last, and half an error.
 
     Notes
     -----
@@ -90,20 +65,7 @@ def risk_coverage(ranks: np.ndarray, positive: np.ndarray, fold: np.ndarray) -> 
 
 
 def out_of_fold(features: np.ndarray, label: np.ndarray, groups: np.ndarray) -> np.ndarray:
-    """Return the probability of a label by gradient boosting, learned on other groups than those it is asked about.
-
-    Parameters
-    ----------
-    features : ndarray, shape (n, m)
-    label : ndarray of bool, shape (n,)
-    groups : ndarray of int, shape (n,)
-        Loops of one group stay in one fold.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        With fewer than 100 loops, or one label, the share of the label in the other folds.
-    """
+    """Return the probability of a label by gradient boosting, learned on other groups than those it is asked about."""
     fold, said = folds_of(groups), np.full(label.size, 0.5)
     for k in np.unique(fold):
         there, here = fold != k, fold == k

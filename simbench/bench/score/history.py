@@ -45,22 +45,7 @@ class History:
 
 
 def read_history(baseline: str | Path) -> History:
-    """Read the history that stands in a baseline's folder.
-
-    Parameters
-    ----------
-    baseline : str or Path
-        The folder.
-
-    Returns
-    -------
-    History
-
-    Raises
-    ------
-    RunError
-        When there is none, or it is no such table.
-    """
+    """Read the history that stands in a baseline's folder."""
     file = Path(baseline) / _HISTORY_FILE
     if not file.is_file():
         raise RunError(
@@ -77,17 +62,7 @@ def read_history(baseline: str | Path) -> History:
 
 
 def remember(baseline: Path, manifest: dict[str, Any], table: pd.DataFrame) -> None:
-    """Add a baseline's scores to its history; the same records and the same scores are not written twice.
-
-    Parameters
-    ----------
-    baseline : Path
-        Its folder.
-    manifest : dict
-        Of the run.
-    table : DataFrame
-        Its scores.
-    """
+    """Add a baseline's scores to its history; the same records and the same scores are not written twice."""
     rows = table[(table["truth"] == "cycled") & table["front_end"] & (table["process"] == "all")]
     rows = rows[rows["role"] != "yardstick"]
     file = baseline / _HISTORY_FILE

@@ -29,20 +29,7 @@ class Pairs(NamedTuple):
 
 
 def pair(now: RunArrays, before: RunArrays) -> Pairs:
-    """Pair the loops of two runs.
-
-    Parameters
-    ----------
-    now, before : Book
-        Two runs.
-
-    Returns
-    -------
-    Pairs
-        Of the same grid: loops in the same place (cell, repeat, member), whatever their id. A sticky loop is chaotic, and the
-        period that fixes its sampling is measured on one: another processor's last bits give another id and record to the
-        same place. Of other grids: loops with the same id and the same record.
-    """
+    """Pair the loops of two runs."""
     one_grid = now.manifest.get("grid_hash") == before.manifest.get("grid_hash")
     keys = (now.places, before.places) if one_grid else (now.ids, before.ids)
     _, at, was_at = np.intersect1d(*keys, return_indices=True)

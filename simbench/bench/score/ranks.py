@@ -32,17 +32,6 @@ class Ranks(NamedTuple):
 def rank_methods(right: np.ndarray, groups: np.ndarray | None = None) -> Ranks:
     """Rank methods by what each earns on the same loops.
 
-    Parameters
-    ----------
-    right : ndarray, shape (m, n)
-        What m methods earn on n loops: 1 where right, 0 where wrong, between them for no decision.
-    groups : ndarray of int, shape (n,), optional
-        Loops of one group hang together; each stands alone when absent.
-
-    Returns
-    -------
-    Ranks
-
     Notes
     -----
     The variance of a difference is the group bootstrap's (whole groups drawn with replacement), in its closed form for many
@@ -79,17 +68,6 @@ def rank_methods(right: np.ndarray, groups: np.ndarray | None = None) -> Ranks:
 
 def loops_needed(difference: float, spread: float) -> int:
     """Return how many loops tell a difference of accuracy apart in nine of ten runs.
-
-    Parameters
-    ----------
-    difference : float
-        Above 0, e.g. 0.03.
-    spread : float
-        Of `rank_methods`.
-
-    Returns
-    -------
-    int
 
     Examples
     --------

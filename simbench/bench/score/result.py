@@ -151,17 +151,7 @@ def kind_of(role: str, sees_mv: bool) -> int:
 
 
 def _as_text(scores: Scores) -> str:
-    """Return size, one block per process type, the other mode, dead-band cells, and labels that disagree.
-
-    Parameters
-    ----------
-    scores : Scores
-        Of a run.
-
-    Returns
-    -------
-    str
-    """
+    """Return size, one block per process type, the other mode, dead-band cells, and labels that disagree."""
     m, table = scores.manifest, scores.table
     size = int(table.n_all.max()) if len(table) else 0
     seal = f"sealed: seed {m['seed']} drawn as it began" if m.get("sealed") else "not sealed: seed known beforehand"
@@ -178,18 +168,7 @@ def _as_text(scores: Scores) -> str:
 
 
 def _as_json(scores: Scores) -> dict[str, Any]:
-    """Return {"rows", "resolution"} and grid, grid_hash, by_axis, disagreement, as JSON types.
-
-    Parameters
-    ----------
-    scores : Scores
-        Of a run.
-
-    Returns
-    -------
-    dict
-        lo and hi of a row are those of accuracy_applicable.
-    """
+    """Return {"rows", "resolution"} and grid, grid_hash, by_axis, disagreement, as JSON types."""
     table = scores.table.rename(columns={"accuracy_applicable_lo": "lo", "accuracy_applicable_hi": "hi"})
     resolution = scores.resolution
     return {

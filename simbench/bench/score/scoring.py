@@ -44,26 +44,7 @@ class _Answers(NamedTuple):
 
 
 def score_run(folder: str | Path, raw: bool = False, undecided: float = UNDECIDED) -> Scores:
-    """Score a finished run.
-
-    Parameters
-    ----------
-    folder : str or Path
-        Of the run.
-    raw : bool
-        Show the scores without the oscillation front end first.
-    undecided : float
-        Cost of no decision; an error costs 1. Methods are ranked by their mean cost.
-
-    Returns
-    -------
-    Scores
-
-    Raises
-    ------
-    RunError
-        When there is no finished run.
-    """
+    """Score a finished run."""
     return score_book(RunArrays.read(folder), raw, undecided)
 
 
@@ -101,19 +82,7 @@ def _frame(rows: list[dict[str, Any]], example: dict[str, Any]) -> pd.DataFrame:
 
 
 def answers_of(book: RunArrays, mode: str = FRONT) -> Iterator[_Answers]:
-    """Yield what every method of a run said, and two yardsticks that always say the same.
-
-    Parameters
-    ----------
-    book : Book
-        The run.
-    mode : {"front end", "raw"}
-        Behind the oscillation front end or without it.
-
-    Yields
-    ------
-    Answers
-    """
+    """Yield what every method of a run said, and two yardsticks that always say the same."""
     verdicts, scores = (book.verdict, book.score) if mode == FRONT else (book.verdict_raw, book.score_raw)
     for i, method in enumerate(book.methods):
         about = book.manifest["methods"][method]

@@ -66,26 +66,7 @@ def refuse_unfinished(place: Place, manifest: Mapping[str, Any]) -> None:
 
 
 def table_files(place: Place, manifest: Mapping[str, Any], kind: str) -> list[tuple[str, str]]:
-    """Return the files a table of a run or baseline is made of, in order, each with its checksum.
-
-    Parameters
-    ----------
-    place : Place
-        Of the run or baseline.
-    manifest : mapping
-        As `simbench.bench.store.manifest.read_manifest` gives it, or the checksums of what is there so far.
-    kind : {"scenarios", "verdicts"}
-
-    Returns
-    -------
-    list of (str, str)
-        One file for a baseline; for a run a folder of them, which holds nothing else once the run is finished.
-
-    Raises
-    ------
-    RunError
-        When other files stand there.
-    """
+    """Return the files a table of a run or baseline is made of, in order, each with its checksum."""
     marks, table = manifest.get(TABLES, {}).get(kind), f"{kind}.parquet"
     if not isinstance(marks, list):
         return [(table, str(marks))]
@@ -118,15 +99,7 @@ def verified(place: Place, name: str, mark: str) -> bytes:
 
 
 def check_tables(folder: str | Path | Place, manifest: Mapping[str, Any]) -> None:
-    """Raise RunError when a table of a run or baseline is not the one its manifest speaks of.
-
-    Parameters
-    ----------
-    folder : str, Path or Place
-        Of the run or baseline.
-    manifest : mapping
-        As `simbench.bench.store.manifest.read_manifest` gives it.
-    """
+    """Raise RunError when a table of a run or baseline is not the one its manifest speaks of."""
     place = place_of(folder)
     refuse_unfinished(place, manifest)
     for kind in TABLE_KINDS:

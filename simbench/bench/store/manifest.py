@@ -25,18 +25,7 @@ _DECISIVE = ("motion", "oracle", "resolve", "tables", "truth", "work")
 
 
 def describe(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a manifest: the settings of a run with the versions and the code it runs on.
-
-    Parameters
-    ----------
-    settings : mapping
-        Grid, its hash, seeds, methods, command and the like.
-
-    Returns
-    -------
-    dict
-        JSON types.
-    """
+    """Return a manifest: the settings of a run with the versions and the code it runs on."""
     return {
         "format": FORMAT,
         **settings,
@@ -49,22 +38,7 @@ def describe(settings: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def read_manifest(path: str | Path | Place) -> dict[str, Any]:
-    """Return the manifest of a run.
-
-    Parameters
-    ----------
-    path : str, Path or Place
-        Folder of the run.
-
-    Returns
-    -------
-    dict
-
-    Raises
-    ------
-    RunError
-        When there is no run, or one of another format version.
-    """
+    """Return the manifest of a run."""
     place = place_of(path)
     file = f"{place}/{MANIFEST}"
     try:
@@ -93,15 +67,7 @@ def run_key(manifest: Mapping[str, Any]) -> str:
 
 
 def refuse_to_mix(where: Place, manifest: Mapping[str, Any]) -> None:
-    """Raise RunError, with what differs, when a run on disk is not the one about to go on.
-
-    Parameters
-    ----------
-    where : Place
-        Of the run on disk.
-    manifest : mapping
-        Of the run about to go on.
-    """
+    """Raise RunError, with what differs, when a run on disk is not the one about to go on."""
     old = read_manifest(where)
     for key in _BINDING:
         if old.get(key) != manifest[key]:

@@ -155,20 +155,6 @@ class _RemotePlace(Place):
 def place_of(path: str | Path | Place) -> Place:
     """Return the place a path or URL names.
 
-    Parameters
-    ----------
-    path : str, Path or Place
-        A folder, `file:///FOLDER`, or SCHEME://... of anything fsspec has a library for.
-
-    Returns
-    -------
-    Place
-
-    Raises
-    ------
-    FileError
-        When the scheme is unknown, or its library not installed.
-
     Examples
     --------
     >>> place = place_of("memory://runs/a")

@@ -31,27 +31,7 @@ ID = np.dtype("S16")
 def parts(
     folder: str | Path | Place, kind: str, columns: Sequence[str] | None = None, manifest: Mapping[str, Any] | None = None
 ) -> Iterator[pa.Table]:
-    """Yield a table of a run or baseline part by part; whole scenarios in every part, no more than one in memory.
-
-    Parameters
-    ----------
-    folder : str, Path or Place
-        Of the run or baseline.
-    kind : {"scenarios", "verdicts"}
-    columns : sequence of str, optional
-        Not all.
-    manifest : mapping, optional
-        Of the run, where it is at hand; it may then be unfinished.
-
-    Yields
-    ------
-    pyarrow.Table
-
-    Raises
-    ------
-    RunError
-        When the run is not finished, or a file is not the one its manifest speaks of.
-    """
+    """Yield a table of a run or baseline part by part; whole scenarios in every part, no more than one in memory."""
     place = place_of(folder)
     if manifest is None:
         manifest = read_manifest(place)
@@ -74,24 +54,7 @@ def read_table(
 
 
 def read_scenario(path: str | Path, scenario_id: str) -> Scenario:
-    """Return one scenario of a run, from which its record can be simulated again.
-
-    Parameters
-    ----------
-    path : str or Path
-        Folder of a finished run.
-    scenario_id : str
-        Its id.
-
-    Returns
-    -------
-    Scenario
-
-    Raises
-    ------
-    RunError
-        When the run has no such scenario; the nearest id is named.
-    """
+    """Return one scenario of a run, from which its record can be simulated again."""
     check_tables(path, read_manifest(path))
     known: list[str] = []
     found: list[dict[str, Any]] = []
@@ -166,24 +129,7 @@ class RunArrays:
 
     @classmethod
     def read(cls, path: str | Path | Place, manifest: dict[str, Any] | None = None) -> RunArrays:
-        """Read a finished run.
-
-        Parameters
-        ----------
-        path : str, Path or Place
-            Its folder.
-        manifest : dict, optional
-            Of the run, where it is not yet written.
-
-        Returns
-        -------
-        Book
-
-        Raises
-        ------
-        RunError
-            When there is no finished run of this format version.
-        """
+        """Read a finished run."""
         place = place_of(path)
         manifest = read_manifest(place) if manifest is None else manifest
         refuse_unfinished(place, manifest)

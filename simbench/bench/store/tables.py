@@ -70,21 +70,7 @@ VERDICT_SCHEMA = pa.schema(
 
 
 def encode(columns: dict[str, list[Any]], schema: pa.Schema, number: int) -> bytes:
-    """Return columns as the bytes of a parquet file (zstd) that knows its number.
-
-    Parameters
-    ----------
-    columns : dict of str to list
-        All columns of the schema, of one length; None and NaN are null.
-    schema : pyarrow.Schema
-        `SCENARIOS` or `VERDICTS`.
-    number : int
-        Of the piece.
-
-    Returns
-    -------
-    bytes
-    """
+    """Return columns as the bytes of a parquet file (zstd) that knows its number."""
     arrays = [pa.array(_nulls(columns[f.name]), type=f.type) for f in schema]
     return as_parquet(pa.Table.from_arrays(arrays, schema=schema), number)
 

@@ -9,19 +9,7 @@ from simbench.gap.situation import Situation
 
 
 def as_archived(situation: Situation, op: np.ndarray, pv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return OP and PV of a simulated loop with what the archive did to the recorded ones.
-
-    Parameters
-    ----------
-    situation : Situation
-    op, pv : ndarray, shape (n,)
-        In % and PV units.
-
-    Returns
-    -------
-    op, pv : ndarray, shape (n,)
-        OP as late, and both on as fine a lattice as on record; a coarser one is an effect's business. PV as the same mean.
-    """
+    """Return OP and PV of a simulated loop with what the archive did to the recorded ones."""
     real_op, real_pv = situation.op, np.asarray(situation.record.pv)
     late = situation.law.late
     if late:

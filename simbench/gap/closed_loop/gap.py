@@ -33,21 +33,6 @@ def simulate_runs(situation: Situation, loop: Loop, seed: int, kick: float = 0.0
     """Simulate the record's whole length with several seeds and keep the held-out part's features.
 
     The part before is the warm-up: a sticky loop started at rest does not cycle at once.
-
-    Parameters
-    ----------
-    situation : Situation
-    loop : Loop
-    seed : int
-        First seed.
-    kick : float
-        Offset of OP (%) at the start.
-    seeds : int
-
-    Returns
-    -------
-    Arm or None
-        None when the loop cannot be simulated or runs away.
     """
     start = held_out(situation)
     op, pv, best = [], [], None
@@ -89,19 +74,7 @@ class Shrinkage:
 
 
 def measure(situation: Situation, before: Runs, recalibrated: Runs, after: Runs, seed: int = 0) -> Shrinkage:
-    """Compare three sets of runs with the record on the held-out part.
-
-    Parameters
-    ----------
-    situation : Situation
-    before, recalibrated, after : Arm
-    seed : int
-        Of the interval's resampling.
-
-    Returns
-    -------
-    Shrinkage
-    """
+    """Compare three sets of runs with the record on the held-out part."""
     start = held_out(situation)
     named = features(situation.op[start:], np.asarray(situation.record.pv)[start:], situation.sp[start:])
     real = np.array(list(named.values()))

@@ -25,28 +25,7 @@ def fixed_loop(
     load: Fit | None = None,
     jumps: bool = True,
 ) -> Loop:
-    """Return a loop file that simulates like the record.
-
-    Parameters
-    ----------
-    situation : Situation
-        Record and baseline.
-    fit : Fit
-        Its plant (within the baseline's trust unless released), bias and valve set the operating point.
-    effects : dict of str to dict
-        Effects to switch on.
-    plant : {"fitted", "baseline"}
-        Whether K, T and Td are taken from the fit or left as the baseline has them; a mismatch effect always stands on
-        the baseline's.
-    load : Fit, optional
-        Whose load to use; that of `fit` when absent.
-    jumps : bool
-        Whether the lasting jumps of that load are in it; not where they are the effect in question.
-
-    Returns
-    -------
-    Loop
-    """
+    """Return a loop file that simulates like the record."""
     record, d, base = situation.record, situation.data, situation.baseline
     Ts, n = record.Ts, record.n
     table: dict[str, Any] = base.to_table()

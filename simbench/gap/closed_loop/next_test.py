@@ -86,28 +86,7 @@ TESTS = (
 def choose(
     loops: dict[str, Loop], weights: dict[str, float], *, mv: bool, law_known: bool, du: float, dsp: float, seed: int = 0
 ) -> tuple[str, dict[str, float]]:
-    """Return the test that separates some candidate loops best, and the separation under each test.
-
-    Parameters
-    ----------
-    loops : dict of str to Loop
-        Candidate effects (or "none") and the loop file each stands for.
-    weights : dict of str to float
-        Their probabilities.
-    mv : bool
-        MV is recorded already.
-    law_known : bool
-        The recorded PV explains OP; if not, raw data come first.
-    du, dsp : float
-        Size of an OP bump (%) and of a set-point step (PV units).
-    seed : int
-
-    Returns
-    -------
-    sentence : str
-    separation : dict of str to float
-        Mean distance of the candidates' features in seed-to-seed standard deviations, weighted by probability.
-    """
+    """Return the test that separates some candidate loops best, and the separation under each test."""
     names = list(loops)
     found: dict[str, float] = {}
     for test in TESTS:

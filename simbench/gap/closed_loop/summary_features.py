@@ -14,18 +14,7 @@ Features = dict[str, Any]  # numbers, or arrays of them where several runs are l
 
 
 def features(op: np.ndarray, pv: np.ndarray, sp: np.ndarray) -> Features:
-    """Return the features of one (part of a) record, or of several at once.
-
-    Parameters
-    ----------
-    op, pv, sp : ndarray, shape (..., n)
-        In % and PV units.
-
-    Returns
-    -------
-    dict of str to ndarray, shape (...)
-        Logarithms of sizes and of band powers, correlations, and shares; no feature has a unit that a gap could hide in.
-    """
+    """Return the features of one (part of a) record, or of several at once."""
     e = pv - sp
     out: Features = {}
     for name, x in (("pv", e), ("op", op)):
@@ -67,18 +56,7 @@ CAP = 12.0  # seed-to-seed standard deviations; one absurd feature must not drow
 
 
 def distance(real: np.ndarray, sims: np.ndarray, spread: np.ndarray) -> float:
-    """Return the mean over features of |real - mean(sims)| in seed-to-seed standard deviations, capped.
-
-    Parameters
-    ----------
-    real : ndarray, shape (features,)
-    sims : ndarray, shape (seeds, features)
-    spread : ndarray, shape (features,)
-
-    Returns
-    -------
-    float
-    """
+    """Return the mean over features of |real - mean(sims)| in seed-to-seed standard deviations, capped."""
     return float(np.minimum(np.abs(real - sims.mean(axis=0)) / spread, CAP).mean())
 
 

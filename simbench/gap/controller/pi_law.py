@@ -66,29 +66,7 @@ def examine_law(
     op: np.ndarray, pv: np.ndarray, sp: np.ndarray | None, Ts: float, Kc: float, Ti: float | None, trusted: bool = True,
     noise: float = 0.0,
 ) -> Law:  # fmt: skip
-    """Judge the controller from SP, PV and OP.
-
-    Parameters
-    ----------
-    op, pv : ndarray, shape (n,)
-        In % and PV units.
-    sp : ndarray or None
-        Set point; None stands for an unknown constant.
-    Ts : float
-        Sampling period (s).
-    Kc : float
-        Baseline gain with the sign of the direction (% per PV unit).
-    Ti : float or None
-        Baseline integral time (s); None for a P controller.
-    trusted : bool
-        False: no baseline; tuning is only estimated.
-    noise : float
-        Stated standard deviation of PV's noise; 0 for none.
-
-    Returns
-    -------
-    Law
-    """
+    """Judge the controller from SP, PV and OP."""
     law = _examine(op, pv, sp, Ts, Kc, Ti, trusted, noise)
     if law.known and not law.averaged:
         return law

@@ -32,24 +32,7 @@ class _Hidden:
 def recover_pv(
     op: np.ndarray, e: np.ndarray, pv: np.ndarray, inside: np.ndarray, a: float, b: float, memoryless: bool
 ) -> np.ndarray | None:
-    """Return the PV that makes the controller write this OP.
-
-    Parameters
-    ----------
-    op, e, pv : ndarray, shape (n,)
-        OP (%), recorded error and recorded PV (PV units).
-    inside : ndarray of bool, shape (n,)
-        Where OP is off its limits; elsewhere OP tells nothing and PV stays as recorded.
-    a, b : float
-        Of dOP = a e_k + b e_{k-1}.
-    memoryless : bool
-        Whether the controller is a P controller.
-
-    Returns
-    -------
-    ndarray or None
-        None where the law cannot be inverted.
-    """
+    """Return the PV that makes the controller write this OP."""
     if a == 0.0:  # OP tells nothing of the error
         return None
     if memoryless:
@@ -73,19 +56,7 @@ def recover_pv(
 
 
 def beside_a_mean(pv: np.ndarray, seen: np.ndarray) -> float:
-    """Return what is left of an archive's PV beside a mean of what the controller saw, over a sample or within one.
-
-    Parameters
-    ----------
-    pv, seen : ndarray, shape (n,)
-        On record, and recovered from OP (PV units).
-
-    Returns
-    -------
-    float
-        Relative to PV's moves; infinite where the weights are no mean's (negative, or of another sum), as those of a
-        controller that is no PI are, or where too much is left.
-    """
+    """Return what is left of an archive's PV beside a mean of what the controller saw, over a sample or within one."""
     weights, mean = _mean(pv, seen)
     left = (pv - mean)[2:-2]
     size = 1.4826 * float(np.median(np.abs(left)))
@@ -95,17 +66,7 @@ def beside_a_mean(pv: np.ndarray, seen: np.ndarray) -> float:
 
 
 def mean_of(pv: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """Return the mean of what the controller saw, over a sample or within one, that is nearest to the archive's PV.
-
-    Parameters
-    ----------
-    pv, seen : ndarray, shape (n,)
-        On record, and recovered from OP (PV units).
-
-    Returns
-    -------
-    ndarray, shape (n,)
-    """
+    """Return the mean of what the controller saw, over a sample or within one, that is nearest to the archive's PV."""
     return _mean(pv, seen)[1]
 
 
@@ -120,21 +81,6 @@ def hidden_law(op: np.ndarray, e: np.ndarray, Kc: float, Ki: float, exact: np.nd
     """Fit the law by the error it implies, compared with the recorded one only where the archive kept it.
 
     A regression of OP on the recorded error would be biased by the archive's own error; here the error is the output.
-
-    Parameters
-    ----------
-    op, e : ndarray, shape (n,)
-        OP off its limits (%), and the recorded error (PV units).
-    Kc, Ki : float
-        Baseline's gain and gain times Ts/Ti (% per PV unit); Ki = 0 for a P controller.
-    exact : ndarray of bool, shape (n,)
-        Samples the archive kept.
-    over : tuple of int
-        Samples over which the archive took a mean of them, in weights of its own.
-
-    Returns
-    -------
-    Hidden
     """
     y, many = e[exact], len(over)
 

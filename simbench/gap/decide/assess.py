@@ -65,21 +65,7 @@ class Assessment(Fitted):
 
 
 def assess(situation: Situation) -> Assessment:
-    """Fit and score every effect.
-
-    Parameters
-    ----------
-    situation : Situation
-
-    Returns
-    -------
-    Assessment
-
-    Raises
-    ------
-    RecordError
-        When the fits show that the baseline is another loop's.
-    """
+    """Fit and score every effect."""
     if situation.trusted and situation.tuned:
         refuse_other_plant(situation)
     engine = Engine(situation.data, load_memory(situation))
@@ -156,17 +142,7 @@ _PLAIN_TIMES = 10.0  # times a limit, that what needs no statistics counts for
 
 
 def failures(found: Assessment) -> list[tuple[float, str, str]]:
-    """Return every test of one record as (times its limit, block, what was found).
-
-    Parameters
-    ----------
-    found : Assessment
-
-    Returns
-    -------
-    list of tuple
-        The law's first, then what single samples show, MV, and what the best model leaves behind.
-    """
+    """Return every test of one record as (times its limit, block, what was found)."""
     situation = found.situation
     out: list[tuple[float, str, str]] = []
     if situation.unexplained_law:

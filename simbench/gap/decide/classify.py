@@ -48,14 +48,6 @@ class Classified:
 def classify(found: Assessment) -> Classified:
     """Turn one record's scores into probabilities.
 
-    Parameters
-    ----------
-    found : Assessment
-
-    Returns
-    -------
-    Classified
-
     Notes
     -----
     `none` stands for a gain of `ASKED`; `unknown` takes the share that a logistic curve gives to the residual test which

@@ -21,11 +21,6 @@ _left_out: set[str] = set()
 def left_out(*effects: str) -> Iterator[None]:
     """Take effects out of the library while the block lasts: nobody recognises them, as if their files had gone.
 
-    Parameters
-    ----------
-    *effects : str
-        Effect ids.
-
     Examples
     --------
     >>> with left_out("stiction"):
@@ -45,15 +40,6 @@ def left_out(*effects: str) -> Iterator[None]:
 
 def recogniser(effect: str) -> Recogniser:
     """Return how an effect is recognised; one that is only simulated, because nobody said how, is never recognised.
-
-    Parameters
-    ----------
-    effect : str
-        Effect id.
-
-    Returns
-    -------
-    Recogniser
 
     Examples
     --------

@@ -22,20 +22,7 @@ class Probe:
         self.level = engine.evaluate(base.spec, base.theta)[0]
 
     def first(self, spec: Spec, numbers: Callable[[float], dict[str, float]], size: Callable[[float], float]) -> float:
-        """Return the size of the first step that costs `_NATS` in likelihood, all else held; infinite where none does.
-
-        Parameters
-        ----------
-        spec : Spec
-            What is switched on.
-        numbers, size : function of a step of `_STEPS`
-            The numbers forced on, and the size they stand for.
-
-        Returns
-        -------
-        float
-            Re-fitted nuisances would hide a little more: read it as "about".
-        """
+        """Return the size of the first step that costs `_NATS` in likelihood, all else held; infinite where none does."""
         joined = self.base.spec.join(spec)
         for step in _STEPS:
             if self.level - self.engine.evaluate(joined, {**self.base.theta, **numbers(step)})[0] > _NATS:

@@ -14,28 +14,7 @@ from simbench.gap.situation import Situation
 
 
 def check(record: LoopRecord, baseline: Loop, trusted: bool = True, tuned: bool | None = None) -> Situation:
-    """Refuse what cannot be compared, and settle what needs no fit.
-
-    Parameters
-    ----------
-    record : LoopRecord
-        SP (or None), OP, PV and, where known, MV.
-    baseline : Loop
-        The simulation's loop; set point, operating point and length are ignored.
-    trusted : bool
-        False when the baseline's plant was identified from this very record.
-    tuned : bool, optional
-        False when its controller was; as `trusted` when absent.
-
-    Returns
-    -------
-    Situation
-
-    Raises
-    ------
-    RecordError
-        Too short, constant OP or PV, another sampling period, MV or OP in other units, the baseline of another loop.
-    """
+    """Refuse what cannot be compared, and settle what needs no fit."""
     it = Observed(record, baseline, trusted, trusted if tuned is None else tuned)
     refuse_unusable(it)
     archive, plant_pv, resolution, unexplained = archived(it)

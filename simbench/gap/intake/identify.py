@@ -25,18 +25,6 @@ _HALF = 0.5  # of what OP does, that a law may leave unexplained and still show 
 def identify(record: LoopRecord, plant: Plant | None = None, controller: Controller | None = None) -> Loop:
     """Return a loop file that fits the record, without any effect in it.
 
-    Parameters
-    ----------
-    record : LoopRecord
-        OP, PV, and SP and MV where recorded; MV, if there, drives the plant. `process` decides between foptd and
-        integrating; where it is unknown the likelier of the two.
-    plant, controller : optional
-        What is known already; only the rest is identified.
-
-    Returns
-    -------
-    Loop
-
     Notes
     -----
     Not a model to design a controller with: in closed loop and without excitation K and T are known only as K/T.
@@ -54,16 +42,7 @@ def identify(record: LoopRecord, plant: Plant | None = None, controller: Control
 
 
 def exact_controller(record: LoopRecord) -> Controller | None:
-    """Return the controller whose law turns the recorded error into OP; None where no PI law does.
-
-    Parameters
-    ----------
-    record : LoopRecord
-
-    Returns
-    -------
-    Controller or None
-    """
+    """Return the controller whose law turns the recorded error into OP; None where no PI law does."""
     it = _Unidentified(record)
     law = it.law(1.0)
     return it.controller(law, float(np.sign(law.Kc))) if law.known and np.isfinite(law.Kc) and law.Kc else None
@@ -132,22 +111,7 @@ class _Unidentified:
 
 
 def fit_plant(op: np.ndarray, pv: np.ndarray, integrating: bool, resolution: float, sign: float = 0.0) -> Fit:
-    """Return the best first-order (or integrating) plant from OP to PV; a coarse grid, then a joint fit of its best point.
-
-    Parameters
-    ----------
-    op, pv : ndarray, shape (n,)
-    integrating : bool
-    resolution : float
-        Smallest step of PV.
-    sign : float
-        Of the plant's gain where it is known, 0 where not.
-
-    Returns
-    -------
-    Fit
-        Of that sign, unless no plant tried has it.
-    """
+    """Return the best first-order (or integrating) plant from OP to PV; a coarse grid, then a joint fit of its best point."""
     n = op.size
     gain = float(np.std(pv)) / (float(np.std(op)) or 1.0)
     slow = (0.0,) if integrating else (0.5, 1.5, 4.0, 10.0, 30.0)
@@ -162,18 +126,6 @@ def fit_plant(op: np.ndarray, pv: np.ndarray, integrating: bool, resolution: flo
 
 
 def meaningful(mv: bool, tuned: bool) -> set[str]:
-    """Return the effects that can be judged without a trusted plant.
-
-    Parameters
-    ----------
-    mv : bool
-        MV is recorded; MV given OP is the valve, whatever the plant.
-    tuned : bool
-        The controller's tuning was given.
-
-    Returns
-    -------
-    set of str
-    """
+    """Return the effects that can be judged without a trusted plant."""
     known = {"", "tuning"} if tuned else {""}
     return {e for e in EFFECTS if recogniser(e).needs in known or (mv and block_of(e) == "valve")}

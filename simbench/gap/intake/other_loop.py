@@ -21,20 +21,7 @@ _PROOF = 30.0  # nats by which another plant must beat every single effect on th
 
 
 def refuse_other_controller(law: Law, Kc: float, where: str) -> None:
-    """Refuse a baseline whose controller acts the other way, or ten times as much.
-
-    Parameters
-    ----------
-    law : Law
-    Kc : float
-        Baseline's gain with its sign (% per PV unit).
-    where : str
-        Names the record.
-
-    Raises
-    ------
-    RecordError
-    """
+    """Refuse a baseline whose controller acts the other way, or ten times as much."""
     if law.baseline_residual < _FAILS:
         return
     if law.known and law.residual < 0.03 and np.isfinite(law.Kc) and law.Kc != 0.0 and law.gap == 0.0:
@@ -51,14 +38,6 @@ def refuse_other_plant(s: Situation) -> None:
 
     Other tuning is an effect, and so is another gain, or other friction. Where the tuning is another one, another plant, in
     gain and in time, must explain PV better than every single effect on the baseline's plant before the loop is called another.
-
-    Parameters
-    ----------
-    s : Situation
-
-    Raises
-    ------
-    RecordError
     """
     data, law, Ts, control = s.data, s.law, s.record.Ts, s.baseline.controller
     if law.tuning is None or not _apart(law.tuning[0]) or (control.Ti and not _apart(law.tuning[1])):

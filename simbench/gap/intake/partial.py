@@ -31,21 +31,7 @@ class Partial:
 
 
 def read_baseline(path: str | Path) -> Loop | Partial:
-    """Read a loop file in which [plant] or [controller], and [sampling], may be missing.
-
-    Parameters
-    ----------
-    path : path
-
-    Returns
-    -------
-    Loop or Partial
-
-    Raises
-    ------
-    SpecError
-        In one sentence, when there is no such file, what it says is not allowed, or it says nothing of the loop.
-    """
+    """Read a loop file in which [plant] or [controller], and [sampling], may be missing."""
     table = read_toml(path)
     missing = frozenset(_NEEDED) - set(table)
     if not missing:
@@ -72,20 +58,6 @@ def _stand_ins(table: dict) -> dict:
 
 def completed(record: LoopRecord, baseline: Loop | Partial | None) -> tuple[Loop, frozenset[str], list[str]]:
     """Return a whole baseline: what is known of it, and from the record what is not.
-
-    Parameters
-    ----------
-    record : LoopRecord
-    baseline : Loop, Partial or None
-        None: nothing is known.
-
-    Returns
-    -------
-    loop : Loop
-    given : frozenset of str
-        "plant", "controller", or both, or none: what the baseline's author said.
-    notes : list of str
-        What a partial baseline took from the record, and which effects therefore cannot be judged.
 
     Examples
     --------

@@ -46,17 +46,6 @@ def refuse_mv_units(mv: np.ndarray, op: np.ndarray, where: str) -> None:
 
     A valve of any characteristic runs through (0, 0) and (100, 100): where its level is low its slope is not, and no valve
     moves against OP. One factor in both is a unit, but near (0, 0), where every valve is a factor.
-
-    Parameters
-    ----------
-    mv, op : ndarray, shape (n,)
-        As recorded, and in %.
-    where : str
-        Names the record.
-
-    Raises
-    ------
-    RecordError
     """
     low, high = float(mv.min()), float(mv.max())
     span = f"MV runs from {low:g} to {high:g}"
@@ -82,14 +71,6 @@ def refuse_mv_units(mv: np.ndarray, op: np.ndarray, where: str) -> None:
 
 def moving_slope(op: np.ndarray, mv: np.ndarray) -> float | None:
     """Return how far MV moves per % of OP while it moves, friction or not; None where it seldom does.
-
-    Parameters
-    ----------
-    op, mv : ndarray, shape (n,)
-
-    Returns
-    -------
-    float or None
 
     Examples
     --------
@@ -119,23 +100,7 @@ def _affine(mv: np.ndarray, op: np.ndarray) -> bool:
 
 
 def refuse_op_units(op: np.ndarray, law: Law, Kc: float, Ti: float | None, where: str) -> None:
-    """Refuse OP on another scale: the law is the baseline's but for the scale's factor, and OP lies within the scale.
-
-    Parameters
-    ----------
-    op : ndarray, shape (n,)
-        As recorded.
-    law : Law
-        What turned the error into OP.
-    Kc, Ti : float
-        Baseline's gain with its sign (% per PV unit) and integral time (s); None for a P controller.
-    where : str
-        Names the record.
-
-    Raises
-    ------
-    RecordError
-    """
+    """Refuse OP on another scale: the law is the baseline's but for the scale's factor, and OP lies within the scale."""
     if not law.known or (Ti and abs(law.Ti / Ti - 1.0) > 0.05):
         return
     for factor, (low, high, unit) in _SCALES.items():
@@ -147,18 +112,7 @@ def refuse_op_units(op: np.ndarray, law: Law, Kc: float, Ti: float | None, where
 
 
 def refuse_unfit(record: LoopRecord, where: str) -> None:
-    """Refuse a record that is too short, too long, or in which nothing moved.
-
-    Parameters
-    ----------
-    record : LoopRecord
-    where : str
-        Begins the sentence.
-
-    Raises
-    ------
-    RecordError
-    """
+    """Refuse a record that is too short, too long, or in which nothing moved."""
     if record.n < _FEWEST:
         raise RecordError(f"{where}: {record.n} samples; a gap needs at least {_FEWEST} to show")
     if record.n > _LONGEST_RECORD:

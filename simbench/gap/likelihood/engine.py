@@ -291,23 +291,7 @@ class Engine:
         return Fit(spec, loglik, dict(theta), beta, residual)
 
     def scan(self, spec: Spec, theta: Mapping[str, float], kind: int, points: np.ndarray) -> np.ndarray:
-        """Return the log-likelihood, up to a constant, of many valve maps with all else held; a fine grid costs little.
-
-        Parameters
-        ----------
-        spec : Spec
-            What is switched on besides the valve; no sensor pole.
-        theta : mapping
-            Nuisance parameters.
-        kind : int
-            Valve map.
-        points : ndarray, shape (p, 3)
-            Its numbers, as `kernels.valve` takes them.
-
-        Returns
-        -------
-        ndarray, shape (p,)
-        """
+        """Return the log-likelihood, up to a constant, of many valve maps with all else held; a fine grid costs little."""
         d = self.data
         T, Td = (theta["T"] if d.T > 0 else 0.0), theta["Td"]
         tau = theta["tau"] if spec.pole in _POLES_OF_LOAD else 0.0

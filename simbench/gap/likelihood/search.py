@@ -25,24 +25,7 @@ _HOPELESS = 4.0  # nats below the base from which a grid's best point is not wor
 
 
 def search_map(engine: Engine, base: Fit, kind: int, coarse: np.ndarray, few: bool = False) -> Fit:
-    """Find a valve map's numbers, in which the likelihood is rough: scan, let the nuisances settle, scan again, narrow down.
-
-    Parameters
-    ----------
-    engine : Engine
-    base : Fit
-        Without this map.
-    kind : int
-        Valve map.
-    coarse : ndarray, shape (p, 3)
-        Points to scan, as `kernels.valve` takes them.
-    few : bool
-        Scan from fewer nuisances, where the points are many.
-
-    Returns
-    -------
-    Fit
-    """
+    """Find a valve map's numbers, in which the likelihood is rough: scan, let the nuisances settle, scan again, narrow down."""
     best = None
     # at the load that "no effect" needed, peaks look flat: try quieter ones
     own, nominal, *others = plants(engine, base)

@@ -107,17 +107,6 @@ class MapSearch:
 
 
 def lagged(op: np.ndarray, tau: float) -> np.ndarray:
-    """Return a signal behind a first-order lag of `tau` samples, begun at rest.
-
-    Parameters
-    ----------
-    op : ndarray, shape (n,)
-    tau : float
-        In samples.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-    """
+    """Return a signal behind a first-order lag of `tau` samples, begun at rest."""
     a = np.exp(-1.0 / tau)
     return op[0] + lfilter([1.0 - a], [1.0, -a], op - op[0])

@@ -31,20 +31,6 @@ _MEANING = {NONE: "the simulation lacks nothing", UNKNOWN: "something that no kn
 def write_page(report: GapReport, path: str | Path, command: Sequence[str] = ()) -> None:
     """Write a diagnosis as one self-contained HTML page, readable in light and dark and on a phone.
 
-    Parameters
-    ----------
-    report : GapReport
-        Of `diagnose`; its details hold the record and the loops that are simulated for the pictures.
-    path : path
-        The file.
-    command : sequence of str
-        The command lines that repeat the diagnosis.
-
-    Raises
-    ------
-    FileError
-        When the file cannot be written.
-
     Examples
     --------
     >>> import pathlib, tempfile

@@ -30,17 +30,7 @@ _HIGH = 0.62
 
 @styled
 def draw_blocks(shares: Mapping[str, float]) -> Figure:
-    """Draw the control loop, every block the redder the more of the gap lies in it.
-
-    Parameters
-    ----------
-    shares : mapping of block to float
-        0..1.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+    """Draw the control loop, every block the redder the more of the gap lies in it."""
     figure = Figure(figsize=(_WIDTH, 2.6))
     axes = figure.add_axes((0, 0, 1, 1))
     axes.set(xlim=(0, _WIDTH), ylim=(0, 2.6))
@@ -73,23 +63,7 @@ def draw_blocks(shares: Mapping[str, float]) -> Figure:
 
 @styled
 def draw_traces(signal: str, record: Traces, runs: Mapping[str, Traces], start: int, stop: int) -> Figure:
-    """Draw one signal over time: the record on top, a panel per simulation below, all on the same axes.
-
-    Parameters
-    ----------
-    signal : {"PV", "OP"}
-        Which.
-    record : Traces
-        The plant's.
-    runs : mapping of name to Traces
-        Simulations.
-    start, stop : int
-        Samples drawn.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+    """Draw one signal over time: the record on top, a panel per simulation below, all on the same axes."""
     every = {RECORD: record, **runs}
     figure, grid = panels(len(every), 1, _WIDTH, 0.5 + 1.15 * len(every), sharex=True, sharey=True)
     fill_traces(list(grid[:, 0]), signal, every, start, stop)
@@ -112,19 +86,7 @@ def fill_traces(panels: Sequence[Axes], signal: str, every: Mapping[str, Traces]
 
 @styled
 def draw_loops(across: str, record: Traces, runs: Mapping[str, Traces], start: int, stop: int) -> Figure:
-    """Draw PV (or MV) over OP, a panel each for the record and every simulation, all on the same axes.
-
-    Parameters
-    ----------
-    across : {"PV", "MV"}
-        What stands upwards.
-    record, runs, start, stop
-        As for `draw_traces`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+    """Draw PV (or MV) over OP, a panel each for the record and every simulation, all on the same axes."""
     every = {RECORD: record, **runs}
     rows = (len(every) + 1) // 2
     figure, grid = panels(rows, 2, _WIDTH, 0.3 + 1.85 * rows, sharex=True, sharey=True)
@@ -151,19 +113,7 @@ def draw_loops(across: str, record: Traces, runs: Mapping[str, Traces], start: i
 
 @styled
 def draw_spectra(record: Traces, runs: Mapping[str, Traces]) -> Figure:
-    """Draw the power spectra of PV and OP over the whole length, record and simulations in one panel each.
-
-    Parameters
-    ----------
-    record : Traces
-        The plant's.
-    runs : mapping of name to Traces
-        Simulations.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+    """Draw the power spectra of PV and OP over the whole length, record and simulations in one panel each."""
     figure, grid = panels(2, 1, _WIDTH, 4.4, sharex=True)
     for axes, signal, unit in zip(grid[:, 0], ("PV", "OP"), ("PV units$^2$ s", "%$^2$ s")):
         for name, trace in {**runs, RECORD: record}.items():
@@ -182,18 +132,6 @@ def draw_spectra(record: Traces, runs: Mapping[str, Traces]) -> Figure:
 def spectrum(x: np.ndarray, Ts: float) -> tuple[np.ndarray, np.ndarray]:
     """Return frequencies (1/s) and power density by Welch's averages of at least seven half-overlapping pieces.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        At least 32 samples.
-    Ts : float
-        Sampling period (s).
-
-    Returns
-    -------
-    f, power : ndarray
-        Without frequency 0; powers that are exactly 0 are raised to the smallest number above.
-
     Examples
     --------
     >>> f, power = spectrum(np.sin(np.arange(400) * 2 * np.pi / 20), 1.0)
@@ -206,19 +144,7 @@ def spectrum(x: np.ndarray, Ts: float) -> tuple[np.ndarray, np.ndarray]:
 
 @styled
 def draw_ranking(names: Sequence[str], probabilities: Sequence[float]) -> Figure:
-    """Draw candidates as bars of their probability.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Most probable first.
-    probabilities : sequence of float
-        0..1.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+    """Draw candidates as bars of their probability."""
     figure, grid = panels(1, 1, _WIDTH, 0.65 + 0.28 * len(names))
     fill_ranking(grid[0, 0], names, probabilities)
     return figure
@@ -232,17 +158,7 @@ def fill_ranking(axes: Axes, names: Sequence[str], probabilities: Sequence[float
 
 @styled
 def draw_gap(sizes: Mapping[str, float]) -> Figure:
-    """Draw the gap of every simulation as a bar, beside the floor that seed-to-seed variation alone gives.
-
-    Parameters
-    ----------
-    sizes : mapping of name to float
-        Seed-to-seed standard deviations; names are before, recalibrated, after, nearest effect and, always, floor.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+    """Draw the gap of every simulation as a bar, beside the floor that seed-to-seed variation alone gives."""
     figure, grid = panels(1, 1, _WIDTH, 0.65 + 0.34 * len(sizes))
     fill_gap(grid[0, 0], sizes)
     return figure

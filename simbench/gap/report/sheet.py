@@ -15,17 +15,7 @@ _SHOWN = 5  # candidates
 
 @styled
 def draw_sheet(report: GapReport) -> Figure:
-    """Draw record and simulations over time at the left, probabilities and gap at the right.
-
-    Parameters
-    ----------
-    report : GapReport
-        Of `diagnose`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+    """Draw record and simulations over time at the left, probabilities and gap at the right."""
     runs = {RECORD: recorded(report), **simulated(report)}
     figure = Figure(figsize=(9.0, 1.2 + 0.95 * len(runs)), layout="constrained")
     left, right = figure.subfigures(1, 2, width_ratios=[1.5, 1.0], squeeze=False)[0]

@@ -66,20 +66,7 @@ def recorded(report: GapReport) -> Traces:
 
 
 def simulated(report: GapReport, seed: int = 0) -> dict[str, Traces]:
-    """Simulate the record's length with the baseline, the recalibrated loop and the loop with the named (or nearest) effect.
-
-    Parameters
-    ----------
-    report : GapReport
-        Of `diagnose`.
-    seed : int
-        Of load and noise; the same for all.
-
-    Returns
-    -------
-    dict of str to Traces
-        By name; a loop that cannot be simulated or runs away is left out.
-    """
+    """Simulate the record's length with the baseline, the recalibrated loop and the loop with the named (or nearest) effect."""
     runs, effects, close = report.behind.loops, report.named, nearest(report)
     runs.shrink(effects)
     before, tuned, _ = runs.kept[tuple(effects)]

@@ -42,19 +42,6 @@ class Samples:
 def inspect_samples(pv: np.ndarray, *others: np.ndarray, noise: float = 0.0) -> Samples:
     """Look at PV sample by sample.
 
-    Parameters
-    ----------
-    pv : ndarray, shape (n,)
-        As recorded.
-    *others : ndarray
-        Further columns of the same file; they show with how many digits it was written.
-    noise : float
-        Standard deviation of PV's noise before the archive; 0 where it is not known.
-
-    Returns
-    -------
-    Samples
-
     Examples
     --------
     >>> found = inspect_samples(np.round(np.random.default_rng(0).standard_normal(500) / 0.3137) * 0.3137)

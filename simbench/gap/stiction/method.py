@@ -39,18 +39,6 @@ METHOD = Method(
 def detect(prepared: Prepared, *, yes: float, no: float) -> Verdict:
     """Judge a record by the likelihood.
 
-    Parameters
-    ----------
-    prepared : Prepared
-        The whole record, with MV where it was recorded.
-    yes, no : float
-        Probabilities above which stiction is claimed, and below which it is denied.
-
-    Returns
-    -------
-    Verdict
-        `score` is the log-odds.
-
     Examples
     --------
     >>> from random_case import random_case

@@ -78,20 +78,6 @@ def _described(module: ModuleType) -> Effect:
 def block_of(effect: str) -> str:
     """Return the block of an effect id; `none` and `unknown` stand for themselves.
 
-    Parameters
-    ----------
-    effect : str
-        An effect id, "none" or "unknown".
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    KeyError
-        For any other word.
-
     Examples
     --------
     >>> block_of("stiction"), block_of("none")

@@ -36,25 +36,7 @@ SUBSTEP = Number("s", low=0.0, default=0.0, says="fixed integration step, 1e-4 i
 
 
 def complete_actuator(values: dict[str, float], where: str) -> dict[str, float]:
-    """Fill S and J from Fs and Fc or the other way round, and refuse a sub-step that is too large.
-
-    Parameters
-    ----------
-    values : dict of str to float
-        A model's parameters, NaN where they follow from others.
-    where : str
-        Begins every message.
-
-    Returns
-    -------
-    dict of str to float
-        Complete.
-
-    Raises
-    ------
-    ParameterError
-        As `complete_band` and `refuse_large_substep`.
-    """
+    """Fill S and J from Fs and Fc or the other way round, and refuse a sub-step that is too large."""
     refuse_large_substep(values, where)
     percent = 100.0 / (values["k"] * values["stroke"])
     return complete_band(values, where, ("Fs", "Fc"), percent, PUBLISHED_FRICTION)

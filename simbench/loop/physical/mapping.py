@@ -17,31 +17,6 @@ def complete_band(
 ) -> dict[str, float]:
     """Fill the pair that was not given from the pair that was.
 
-    Parameters
-    ----------
-    values : dict of str to float
-        Holds S, J and both `forces`; NaN where not given.
-    where : str
-        Begins every message.
-    forces : (str, str)
-        Names of the break-away and of the sliding friction, e.g. ("Fs", "Fc").
-    percent : float
-        % of travel per unit of force: 100/(k stroke) for forces in N.
-    defaults : (float, float), optional
-        Forces taken when not given.
-    overshoot : bool
-        Allow J > S, which no friction force can cause.
-
-    Returns
-    -------
-    dict of str to float
-        `values` with all four numbers.
-
-    Raises
-    ------
-    ParameterError
-        Half a pair, both pairs, J > S, or a sliding friction above the break-away friction.
-
     Notes
     -----
     S = percent (Fs + Fc), J = percent (Fs - Fc): force balance of the valve at rest and in slow motion, Choudhury,

@@ -19,20 +19,7 @@ class Advice:
 
 
 def advise(found: Trust, prepared: Prepared, root: str | None) -> Advice:
-    """Return what to do next with one loop.
-
-    Parameters
-    ----------
-    found : Trust
-    prepared : Prepared
-        Its record without MV.
-    root : str or None
-        The likely root of the oscillation that this loop shares with others; None where it shares none or is the root.
-
-    Returns
-    -------
-    Advice
-    """
+    """Return what to do next with one loop."""
     if found.probability is None:
         return Advice(_MEASUREMENT, f"get a record that can be judged: {found.notes[0]}")
     if root is not None:

@@ -17,16 +17,6 @@ _EDGE = 0.1  # of the record at either end where a filtered phase is not trusted
 def shared_oscillations(records: Mapping[str, Prepared]) -> list[list[str]]:
     """Return the groups of loops that oscillate together.
 
-    Parameters
-    ----------
-    records : mapping of name to Prepared
-        Records of one folder; those of the same sampling period and length are taken as simultaneous.
-
-    Returns
-    -------
-    list of list of str
-        Groups of two and more, each in the order given, the largest first.
-
     Notes
     -----
     The phase-locking value (J. P. Lachaux et al., 1999, Human Brain Mapping 8, eq. 1) of two PVs, band-passed around their
@@ -71,17 +61,7 @@ def _together(one: Prepared, other: Prepared) -> bool:
 
 
 def phase_locking(x: np.ndarray, y: np.ndarray, period: float) -> float:
-    """Return how constant the phase between two signals is around one period (samples): 1 = locked, near 0 = independent.
-
-    Parameters
-    ----------
-    x, y : ndarray, shape (n,)
-    period : float
-
-    Returns
-    -------
-    float
-    """
+    """Return how constant the phase between two signals is around one period (samples): 1 = locked, near 0 = independent."""
     cut = int(_EDGE * x.size)
     inner = slice(cut, x.size - cut)
     turn = np.angle(_analytic(x, period)[inner] * np.conj(_analytic(y, period)[inner]))
@@ -97,19 +77,5 @@ def _analytic(x: np.ndarray, period: float) -> np.ndarray:
 
 
 def likely_root(group: Sequence[str], probability: Mapping[str, float], nonlinear: Mapping[str, float]) -> list[str]:
-    """Return the loops of one event, the likely root first.
-
-    Parameters
-    ----------
-    group : sequence of str
-    probability : mapping of str to float
-        Of stiction.
-    nonlinear : mapping of str to float
-        How nonlinear each PV is (larger = more); each plant on the way filters an oscillation towards a sine.
-
-    Returns
-    -------
-    list of str
-        By probability of stiction in steps of a tenth, then by nonlinearity (N. F. Thornhill, 2005, J. Process Control 15).
-    """
+    """Return the loops of one event, the likely root first."""
     return sorted(group, key=lambda name: (-round(probability.get(name, 0.0), 1), -nonlinear.get(name, 0.0)))

@@ -104,30 +104,7 @@ class Fleet:
 def survey(
     folder: str | Path, labels: str | Path | None = None, *, jobs: int = 2, seed: int = 0, keep: str | Path | None = None
 ) -> Fleet:
-    """Judge every record of a folder, find what they share, and rank them.
-
-    Parameters
-    ----------
-    folder : path
-        Records of one plant; those of the same sampling and length are taken as simultaneous.
-    labels : path, optional
-        Table with id and label: its records alone are judged, with its kind and process.
-    jobs : int
-        Processes; -1 = all cores.
-    seed : int
-        Root of every random stream.
-    keep : path, optional
-        Folder in which judged loops are kept, so that a call that was killed goes on where it stopped.
-
-    Returns
-    -------
-    Fleet
-
-    Raises
-    ------
-    detectors.errors.UserError
-        When the folder or the labels cannot be read.
-    """
+    """Judge every record of a folder, find what they share, and rank them."""
     known = {} if labels is None else read_labels(labels)
     each = {name: {"kind": row["kind"], "process": row["process"]} for name, row in known.items()}
     records, refused = read_folder(folder, names=known or None, each=each)

@@ -23,28 +23,7 @@ _SIGN = {STICTION: "●", NO_STICTION: "·", NO_DECISION: "?"}
 
 
 def write_fleet(fleet: Fleet, path: str | Path, labels: dict[str, dict[str, str]] | None = None, *, jobs: int = 1) -> Path:
-    """Write a plant's loops as one self-contained page, and a CSV of the same name beside it.
-
-    Parameters
-    ----------
-    fleet : Fleet
-    path : path
-        The page.
-    labels : dict, optional
-        As `detectors.records.io.read_labels` gives them; adds the score of every method.
-    jobs : int
-        Processes that draw; -1 = all cores.
-
-    Returns
-    -------
-    Path
-        The CSV.
-
-    Raises
-    ------
-    FileError
-        When a file cannot be written.
-    """
+    """Write a plant's loops as one self-contained page, and a CSV of the same name beside it."""
     sticky = [m for m in fleet.members if m.found.answer == STICKY]
     tiles = [
         (str(len(fleet.members)), "loops judged"),
@@ -73,16 +52,7 @@ def write_fleet(fleet: Fleet, path: str | Path, labels: dict[str, dict[str, str]
 
 
 def table(fleet: Fleet) -> pd.DataFrame:
-    """Return one row per loop: what the page's ranking shows, and every method's verdict.
-
-    Parameters
-    ----------
-    fleet : Fleet
-
-    Returns
-    -------
-    DataFrame
-    """
+    """Return one row per loop: what the page's ranking shows, and every method's verdict."""
     rows = []
     for rank, m in enumerate(fleet.members, 1):
         seen, when = m.found.smallest_visible, m.over_time

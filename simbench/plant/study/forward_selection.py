@@ -23,7 +23,7 @@ from simbench.loop.simulate import simulate
 from simbench.plant.indices import judged
 from simbench.plant.study.loop_features import by_unit, looks
 from simbench.plant.study.result import Contribution
-from simbench.plant.study.strengths import FRICTION, Size, absolute, with_effect
+from simbench.plant.study.strengths import FRICTION_EFFECT, Size, absolute, with_effect
 from simbench.plant.study.two_sample import FeatureScaler, mmd_squared
 
 _FEWEST_LOOPS = 2  # loops in which an effect must be found to be tried
@@ -48,19 +48,7 @@ class Simulated:
 
 
 def draw(grid: str | Path, groups: int, seed: int) -> list[Simulated]:
-    """Simulate all loops of some groups of a grid.
-
-    Parameters
-    ----------
-    grid : str or path
-    groups : int
-    seed : int
-        Of their choice.
-
-    Returns
-    -------
-    list of Simulated
-    """
+    """Simulate all loops of some groups of a grid."""
     source = load_grid(grid)
     rng = np.random.default_rng([seed, 1])
     order = rng.permutation(source.group_count)[:groups]
@@ -89,26 +77,6 @@ def join(
     rng: np.random.Generator,
 ) -> tuple[list[Contribution], dict[str, float]]:
     """Join effects to the grid one after the other, the one that closes most of the distance first.
-
-    Parameters
-    ----------
-    simulated : list of Simulated
-    found : mapping of effect to list of dict
-        Relative strengths, one per unit that has it.
-    loops : int
-        Real units.
-    ruler : Ruler
-    real_x : ndarray, shape (loops, features)
-    base : ndarray, shape (simulated, methods)
-        Verdicts on the grid as it is.
-    methods : list of str
-    rng : numpy.random.Generator
-
-    Returns
-    -------
-    list of Contribution
-    dict of str to float
-        Accuracy of every method once all have joined.
 
     Notes
     -----
@@ -170,14 +138,14 @@ def _with(simulated: list[Simulated], way: Way) -> list[Simulated]:
     hit = {u: rng.random() < way.share for u in dict.fromkeys(s.unit for s in simulated)}
     drawn = {u: way.strengths[int(rng.integers(len(way.strengths)))] for u in hit}
     # friction is what is asked for: the loop that stands for its unit has it, a sound sibling stays sound
-    spared = way.effect in FRICTION
+    spared = way.effect in FRICTION_EFFECT
     return [_hit(s, way.effect, drawn[s.unit]) if hit[s.unit] and (s.stands or not spared) else s for s in simulated]
 
 
 def _hit(s: Simulated, effect: str, strength: dict[str, Any]) -> Simulated:
     """Return a loop with an effect as strong beside the loop as it then is; strengths were found on loops that have it."""
     size, out = s.size, s
-    before = s.loop.model_copy(update={"valve": Part(name="ideal")}) if effect in FRICTION else s.loop
+    before = s.loop.model_copy(update={"valve": Part(name="ideal")}) if effect in FRICTION_EFFECT else s.loop
     try:
         for _ in range(_ROUNDS):
             loop = with_effect(before, effect, absolute(effect, strength, size))
@@ -202,18 +170,7 @@ def verdicts_on(simulated: list[Simulated], methods: list[str]) -> np.ndarray:
 
 
 def accuracy(simulated: list[Simulated], verdicts: np.ndarray, methods: list[str]) -> dict[str, float]:
-    """Return the mean of the shares right of sticky and of healthy loops, by method; no decision is not right.
-
-    Parameters
-    ----------
-    simulated : list of Simulated
-    verdicts : ndarray, shape (loops, methods)
-    methods : list of str
-
-    Returns
-    -------
-    dict of str to float
-    """
+    """Return the mean of the shares right of sticky and of healthy loops, by method; no decision is not right."""
     truth = np.array([float(s.sticky) for s in simulated])
     right = verdicts == truth[:, None]
     # a grid that is more sticky than healthy must not reward those who say so

@@ -12,18 +12,7 @@ _SAMPLES = 100.0  # per period, beyond which a record counts as equally fine
 
 
 def looks(record: LoopRecord) -> dict[str, float]:
-    """Return the features of one record.
-
-    Parameters
-    ----------
-    record : LoopRecord
-
-    Returns
-    -------
-    dict of str to float
-        Shape, memory and rests of OP and PV, as the gap's measure takes them of signals brought to one size; regularity of the
-        oscillation; samples per period and periods (logarithms). The same for PV -> a PV + b, OP -> a OP + b, any unit of time.
-    """
+    """Return the features of one record."""
     op, pv = (_unit(x) for x in (record.op, record.pv))
     sp = np.full(record.n, record.pv.mean()) if record.sp is None else record.sp
     # OP turned with PV: a direct-acting loop is a reverse one in a mirror
@@ -41,21 +30,7 @@ def looks(record: LoopRecord) -> dict[str, float]:
 
 
 def by_unit(rows: list[dict[str, float]], units: list[str]) -> tuple[list[str], np.ndarray, list[str]]:
-    """Return features averaged over the records of a unit, so that a loop with many records counts once.
-
-    Parameters
-    ----------
-    rows : list of dict
-        As `looks` gives them.
-    units : list of str
-        Of each row.
-
-    Returns
-    -------
-    names : list of str
-    matrix : ndarray, shape (units, features)
-    units : list of str
-    """
+    """Return features averaged over the records of a unit, so that a loop with many records counts once."""
     names, order = list(rows[0]), list(dict.fromkeys(units))
     x = np.array([[row[n] for n in names] for row in rows])
     of = np.array(units)

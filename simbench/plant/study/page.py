@@ -17,18 +17,7 @@ _SHOWN = 12  # features drawn
 
 
 def write_study(found: Study, path: str | Path) -> None:
-    """Write a study as one self-contained HTML page.
-
-    Parameters
-    ----------
-    found : Study
-    path : path
-
-    Raises
-    ------
-    FileError
-        When the file cannot be written.
-    """
+    """Write a study as one self-contained HTML page."""
     d, (auc, p) = found.distance, found.classifier
     differ = "differ from" if d["p"] < 0.05 else "cannot be told from"
     answer = f"{found.loops} loops ({found.records} records) {differ} what grid {found.grid} simulates."

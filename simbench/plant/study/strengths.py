@@ -15,7 +15,7 @@ from simbench.loop.effects import EFFECTS, Choice
 
 # what compares with a baseline, not with a grid
 NOT_LACKING = ("gain_mismatch", "time_constant_mismatch", "dead_time_mismatch", "detuning", "noise")
-FRICTION = ("stiction", "deadband")  # what takes the place of the friction that a loop of the grid has
+FRICTION_EFFECT = ("stiction", "deadband")  # what takes the place of the friction that a loop of the grid has
 _GROWN = 2.0  # times that an effect may change a loop's size before its strength is measured by it no more
 _REST = 40.0  # samples that stand for the period of a record without one
 

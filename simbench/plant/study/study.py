@@ -41,31 +41,6 @@ def study(
 ) -> Study:
     """Compare a set of records with a grid.
 
-    Parameters
-    ----------
-    folder : path
-        Records; a loop file of a record's name beside it is its baseline, else that is identified.
-    grid : str or path
-    labels : path, optional
-        Table with id and label, and unit_group or loop: which records are one unit.
-    methods : sequence of str
-    groups : int
-        Of the grid that are simulated.
-    seed : int
-    jobs : int
-        Processes for the diagnoses; -1 = all cores.
-    keep : path, optional
-        Folder in which diagnoses are kept, so that a call that was killed goes on where it stopped.
-
-    Returns
-    -------
-    Study
-
-    Raises
-    ------
-    detectors.errors.UserError, scenarios.errors.SpecError
-        When folder, labels or grid cannot be read, or there are fewer than five loops.
-
     Notes
     -----
     Where a record has no label, or only one class is labelled, no accuracy is given. Effects are found by `gap diagnose`; one
@@ -87,23 +62,7 @@ class _RecordedFleet:
 
 
 def read_fleet(folder: str | Path, labels: str | Path | None = None) -> _RecordedFleet:
-    """Read a set of records, and refuse one of too few loops.
-
-    Parameters
-    ----------
-    folder : path
-    labels : path, optional
-        As `study` takes them.
-
-    Returns
-    -------
-    RecordedFleet
-
-    Raises
-    ------
-    detectors.errors.UserError
-        When folder or labels cannot be read, or there are fewer than five loops.
-    """
+    """Read a set of records, and refuse one of too few loops."""
     known = {} if labels is None else read_labels(labels)
     each = {name: {"kind": row["kind"], "process": row["process"]} for name, row in known.items()}
     records, refused = read_folder(folder, names=known or None, each=each)
@@ -123,24 +82,7 @@ def against(
     jobs: int = 1,
     keep: str | Path | None = None,
 ) -> Study:
-    """Compare what was recorded with simulated loops.
-
-    Parameters
-    ----------
-    real : RecordedFleet
-    simulated : list of Simulated
-    grid : str
-        How these are called.
-    methods : list of str
-        Ids.
-    seed, jobs : int
-    keep : path, optional
-        As `study` takes them.
-
-    Returns
-    -------
-    Study
-    """
+    """Compare what was recorded with simulated loops."""
     records, unit, known = real.records, real.unit, real.known
     rng = np.random.default_rng(seed)
     names, real_x, _ = by_unit([looks(r) for r in records.values()], list(unit.values()))
@@ -168,24 +110,7 @@ def against(
 def _effects_of(
     records: Mapping[str, LoopRecord], unit: Mapping[str, str], folder: Path, *, jobs: int = 1, keep: str | Path | None = None
 ) -> tuple[dict[str, list[dict[str, Any]]], list[str]]:
-    """Diagnose one record of every unit, and return the effects found with their relative strengths.
-
-    Parameters
-    ----------
-    records, unit : mapping by record name
-    folder : path
-        Where a record's baseline may lie beside it.
-    jobs : int
-    keep : path, optional
-        Folder in which diagnoses are kept.
-
-    Returns
-    -------
-    found : dict of effect to list of dict
-        One entry per unit that has it.
-    failed : list of str
-        Records that could not be diagnosed, each with its sentence.
-    """
+    """Diagnose one record of every unit, and return the effects found with their relative strengths."""
     about = []
     for name in {unit[name]: name for name in reversed(list(records))}.values():
         beside = folder / f"{name}.toml"

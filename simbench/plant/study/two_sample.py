@@ -50,16 +50,6 @@ class FeatureScaler:
 def mmd(ruler: FeatureScaler, one: np.ndarray, other: np.ndarray) -> float:
     """Return the maximum mean discrepancy of two sets of loops.
 
-    Parameters
-    ----------
-    ruler : Ruler
-    one, other : ndarray, shape (loops, features)
-
-    Returns
-    -------
-    float
-        Square root of the unbiased estimate, 0 where that is negative; at most sqrt(2).
-
     Notes
     -----
     A. Gretton et al. (2012), A kernel two-sample test, J. Machine Learning Research 13, eq. 3.
@@ -82,19 +72,7 @@ def mmd_squared(ruler: FeatureScaler, one: np.ndarray, other: np.ndarray) -> flo
 
 
 def mmd_test(ruler: FeatureScaler, one: np.ndarray, other: np.ndarray, rng: np.random.Generator) -> dict[str, float]:
-    """Return the distance, its 95 % bootstrap interval by loop, and the permutation p-value that there is none.
-
-    Parameters
-    ----------
-    ruler : Ruler
-    one, other : ndarray, shape (loops, features)
-    rng : numpy.random.Generator
-
-    Returns
-    -------
-    dict
-        value, lo, hi, p.
-    """
+    """Return the distance, its 95 % bootstrap interval by loop, and the permutation p-value that there is none."""
     both = np.vstack([one, other])
     kernel, first = ruler.kernel(both, both), np.arange(len(both)) < len(one)
     value = _mmd(kernel, first)
@@ -111,20 +89,6 @@ def mmd_test(ruler: FeatureScaler, one: np.ndarray, other: np.ndarray, rng: np.r
 
 def classifier_test(one: np.ndarray, other: np.ndarray, rng: np.random.Generator, rounds: int = 99) -> tuple[float, float]:
     """Return how well a shrunken linear discriminant tells two sets apart on loops left out, and the permutation p-value.
-
-    Parameters
-    ----------
-    one, other : ndarray, shape (loops, features)
-        As `Ruler.measured` gives them.
-    rng : numpy.random.Generator
-    rounds : int
-        Permutations.
-
-    Returns
-    -------
-    auc : float
-        0.5 = not at all.
-    p : float
 
     Notes
     -----
@@ -143,19 +107,7 @@ def classifier_test(one: np.ndarray, other: np.ndarray, rng: np.random.Generator
 def feature_tests(
     ruler: FeatureScaler, names: list[str], simulated: np.ndarray, real: np.ndarray
 ) -> list[dict[str, float | str]]:
-    """Return per feature how far the real loops' median lies from the simulated, and a p-value held against all features.
-
-    Parameters
-    ----------
-    ruler : Ruler
-    names : list of str
-    simulated, real : ndarray, shape (loops, features)
-
-    Returns
-    -------
-    list of dict
-        name, shift (in spreads of the simulation), p (Mann-Whitney, Holm over the features); most surely different first.
-    """
+    """Return per feature how far the real loops' median lies from the simulated, and a p-value held against all features."""
     from scipy.stats import mannwhitneyu
 
     from simbench.bench.statistics import holm

@@ -15,7 +15,7 @@ from scenarios.grid import grid_names, load_grid
 from scenarios.spec import read_toml
 from simbench.files import whole_file
 from simbench.plant.study.result import Contribution, Study
-from simbench.plant.study.strengths import FRICTION, scales
+from simbench.plant.study.strengths import FRICTION_EFFECT, scales
 
 _PLACES = 20  # entries of the list that a loop's effect is drawn from
 
@@ -25,29 +25,10 @@ class NoGrid(ParameterError):
 
 
 def write_grid(found: Study, path: str | Path) -> list[str]:
-    """Write the study's grid with the effects found in it, in their shares and strengths.
-
-    Parameters
-    ----------
-    found : Study
-    path : path
-        TOML file to write.
-
-    Returns
-    -------
-    list of str
-        Effects that a grid cannot draw (friction, which its valves have; a rate per time has no scale there), left out.
-
-    Raises
-    ------
-    FileError
-        When it cannot be written.
-    NoGrid
-        When nothing was found that a grid can draw.
-    """
+    """Write the study's grid with the effects found in it, in their shares and strengths."""
     base = Path(str(files("scenarios") / "grids" / f"{found.grid}.toml")) if found.grid in grid_names() else Path(found.grid)
     # a grid's valves have their friction from the grid
-    usable = [e for e in found.effects if e.effect not in FRICTION and scales(e.effect, e.strengths[0]) is not None]
+    usable = [e for e in found.effects if e.effect not in FRICTION_EFFECT and scales(e.effect, e.strengths[0]) is not None]
     if not usable:
         raise NoGrid(f"no grid is written to {path}: no effect was found that a grid can draw")
     text, own = base.read_text(encoding="utf-8"), read_toml(base).get("draw", {}).get("effect", ["none"])

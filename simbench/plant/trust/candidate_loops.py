@@ -61,22 +61,6 @@ class CandidateLoops:
 def candidate_loops(record: LoopRecord, loop: Loop | None = None) -> CandidateLoops:
     """Identify the loop behind a record, with a sound valve and with friction.
 
-    Parameters
-    ----------
-    record : LoopRecord
-        SP, OP, PV and, where recorded, MV.
-    loop : Loop, optional
-        Plant, controller and noise where they are known; friction in its valve is left out.
-
-    Returns
-    -------
-    Around
-
-    Raises
-    ------
-    detectors.errors.UserError
-        In one sentence, when no loop can be identified, or record and loop cannot be compared.
-
     Examples
     --------
     >>> from random_case import random_case

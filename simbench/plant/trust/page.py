@@ -16,18 +16,7 @@ _SHOWN = 3  # detectors drawn beside the one to trust
 
 
 def write_page(found: Trust, path: str | Path) -> None:
-    """Write a trust as one self-contained HTML page.
-
-    Parameters
-    ----------
-    found : Trust
-    path : path
-
-    Raises
-    ------
-    FileError
-        When the file cannot be written.
-    """
+    """Write a trust as one self-contained HTML page."""
     record = found.record
     answer = [found.sentence()]
     if found.best is not None:

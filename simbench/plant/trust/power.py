@@ -55,18 +55,7 @@ class Rule:
 
 
 def cells_of(S: np.ndarray, J: np.ndarray, called: np.ndarray) -> list[Cell]:
-    """Return the share called sticky in every cell (S, J) of the sticky twins.
-
-    Parameters
-    ----------
-    S, J : ndarray, shape (twins,)
-    called : ndarray of bool, shape (twins,)
-
-    Returns
-    -------
-    list of Cell
-        By J over S, then by S.
-    """
+    """Return the share called sticky in every cell (S, J) of the sticky twins."""
     keys = sorted({(round(j / s, 6), s, j) for s, j in zip(S, J) if s > 0})
     out = []
     for _, s, j in keys:
@@ -77,19 +66,7 @@ def cells_of(S: np.ndarray, J: np.ndarray, called: np.ndarray) -> list[Cell]:
 
 
 def smallest_visible(cells: Sequence[Cell], power: float = POWER) -> tuple[float, float] | None:
-    """Return the smallest S, with its J, from which on a share `power` is found.
-
-    Parameters
-    ----------
-    cells : sequence of Cell
-    power : float
-
-    Returns
-    -------
-    (S, J) or None
-        None where no cell is found often enough. Power is taken to grow with S at a given J over S (isotonic regression), and
-        read between two cells on log S; of several J over S the one that shows at the smaller S counts.
-    """
+    """Return the smallest S, with its J, from which on a share `power` is found."""
     from sklearn.isotonic import isotonic_regression
 
     best = None
@@ -109,21 +86,7 @@ def smallest_visible(cells: Sequence[Cell], power: float = POWER) -> tuple[float
 
 
 def readings(method: str, verdicts: Sequence[Verdict], sticky: np.ndarray) -> list[Rule]:
-    """Return how a method may be read on this loop: by its own rule, and by a threshold on its score that healthy twins set.
-
-    Parameters
-    ----------
-    method : str
-    verdicts : sequence of Verdict
-        Its verdicts on the twins.
-    sticky : ndarray of bool, shape (twins,)
-
-    Returns
-    -------
-    list of Rule
-        The better one first; the threshold must be better by a margin. It is set on one half of the healthy twins and judged on
-        the other, and the other way round; there is none for a method without scores.
-    """
+    """Return how a method may be read on this loop: by its own rule, and by a threshold on its score that healthy twins set."""
     own = np.array([v.verdict == STICTION for v in verdicts])
     undecided = np.array([v.verdict == NO_DECISION for v in verdicts])
     published = Rule(method, None, _right(own, sticky, ~undecided))

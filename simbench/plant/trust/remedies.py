@@ -65,25 +65,7 @@ class Remedy:
 def remedies(
     behind: CandidateLoops, methods: Sequence[str], cell: tuple[float, float], percent: float, unit: str, seed: int
 ) -> tuple[Remedy, ...]:
-    """Simulate what could be recorded otherwise, and return what would show more, best first.
-
-    Parameters
-    ----------
-    behind : Around
-    methods : sequence of str
-    cell : (float, float)
-        S and J (%) that this record does not show.
-    percent : float
-        Units of OP per %.
-    unit : str
-        Of S.
-    seed : int
-
-    Returns
-    -------
-    tuple of Remedy
-        Where nothing helps, one that says so.
-    """
+    """Simulate what could be recorded otherwise, and return what would show more, best first."""
     before = max(found - alarms for _, found, alarms in _shares(behind, methods, cell, Change(), seed))
     S, tried = cell[0] * percent, []
     for what, change in _changes(behind, cell[0]):

@@ -65,17 +65,7 @@ class Change:
 
 
 def levels(around: CandidateLoops) -> list[tuple[float, float]]:
-    """Return the cells (S, J) in % that are tried around a record: five times S, each with little and with full slip-jump.
-
-    Parameters
-    ----------
-    around : Around
-
-    Returns
-    -------
-    list of (float, float)
-        From a tenth of what OP moves through (0.1 to 1 %) to twice that (5 to 15 %).
-    """
+    """Return the cells (S, J) in % that are tried around a record: five times S, each with little and with full slip-jump."""
     span = float(np.quantile(around.record.op, 0.99) - np.quantile(around.record.op, 0.01))
     S = np.geomspace(np.clip(0.1 * span, 0.1, 1.0), np.clip(2.0 * span, 5.0, 15.0), _LEVELS)
     return [(float(s), float(r * s)) for r in _SLIPS for s in S]
@@ -91,25 +81,6 @@ def draw_twins(
     seed: int = 0,
 ) -> list[Twin]:
     """Simulate twins of a record.
-
-    Parameters
-    ----------
-    around : Around
-    healthy : int
-        How many with a sound valve.
-    each : int
-        How many in every cell (S, J).
-    cells : sequence of (S, J), optional
-        Those of `levels` when absent.
-    change : Change, optional
-        What is recorded otherwise than the record was.
-    seed : int
-        Root of every random stream.
-
-    Returns
-    -------
-    list of Twin
-        Of the record's own length, sampling and set point; fewer than asked for where the drawn loops run away.
 
     Examples
     --------

@@ -82,8 +82,8 @@ def trust(
 
     Examples
     --------
-    >>> from random_case import random_case
-    >>> found = trust(random_case(5, ("stiction",)).record, methods=["fast"], healthy=20, each=4, help_wanted=False)
+    >>> from detectors.example_loop import example_loop
+    >>> found = trust(example_loop(noise=0.1), methods=["fast"], healthy=20, each=4, help_wanted=False)
     >>> 0.0 <= found.probability <= 1.0
     True
     """

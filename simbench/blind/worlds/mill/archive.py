@@ -15,22 +15,6 @@ Stage = dict[str, Any]
 def archived(x: np.ndarray, stages: list[Stage], seed: int) -> np.ndarray:
     """Pass a signal through the stages in their order.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        What the control system held, in the signal's units.
-    stages : list of dict
-        Each with ``stage`` and its numbers:
-        ``average`` (mean of the two ends of an interval), ``spikes`` (rate, size: isolated, sign at random),
-        ``exception`` (band: a value is sent once it has moved by more; straight lines between), ``lattice`` (step),
-        ``door`` (band: swinging door, straight lines), ``digits`` (significant), ``decimals``.
-    seed : int
-        Seed of the run, for stages that throw dice.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-
     Examples
     --------
     >>> archived(np.array([1.234, 57.0]), [{"stage": "digits", "digits": 2}], 0).tolist()
@@ -42,34 +26,13 @@ def archived(x: np.ndarray, stages: list[Stage], seed: int) -> np.ndarray:
 
 
 def ordered(stages: list[Stage]) -> list[Stage]:
-    """Return the stages in the order in which a historian has them.
-
-    Parameters
-    ----------
-    stages : list of dict
-        As in `archived`.
-
-    Returns
-    -------
-    list of dict
-    """
+    """Return the stages in the order in which a historian has them."""
     order = list(_STAGES)
     return sorted(stages, key=lambda s: order.index(s["stage"]))
 
 
 def swinging_door(x: np.ndarray, band: float) -> np.ndarray:
     """Thin x and rebuild it by straight lines that miss no sample by more than the band.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        The signal.
-    band : float
-        Half width of the door, in the signal's units; 0 returns the signal itself.
-
-    Returns
-    -------
-    ndarray, shape (n,)
 
     Notes
     -----
@@ -83,19 +46,7 @@ def swinging_door(x: np.ndarray, band: float) -> np.ndarray:
 
 
 def significant(x: np.ndarray, digits: int) -> np.ndarray:
-    """Round each value to so many significant digits.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Values.
-    digits : int
-        1 or more.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-    """
+    """Round each value to so many significant digits."""
     size = np.where(x == 0.0, 1.0, np.abs(x))
     places = digits - 1 - np.floor(np.log10(size)).astype(int)
     y = np.empty(len(x))
@@ -105,23 +56,7 @@ def significant(x: np.ndarray, digits: int) -> np.ndarray:
 
 
 def spikes(n: int, rate: float, size: float, rng: np.random.Generator) -> np.ndarray:
-    """Return isolated one-sample errors: no two side by side, heights spread by a tenth about their mean, sign at random.
-
-    Parameters
-    ----------
-    n : int
-        Samples.
-    rate : float
-        Share of samples hit.
-    size : float
-        Mean height.
-    rng : numpy.random.Generator
-        Where the numbers come from.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-    """
+    """Return isolated one-sample errors: no two side by side, heights spread by a tenth about their mean, sign at random."""
     dice, sign, height = rng.random(n), rng.random(n) < 0.5, rng.standard_normal(n)
     # a hit is taken back where the sample before it was hit; the rate is raised for what that costs
     hit = dice < rate / max(1.0 - rate, 0.5)

@@ -47,24 +47,7 @@ class _Found(NamedTuple):
 
 
 def draw(seed: int, index: int, entry: dict[str, Any]) -> Item:
-    """Draw one record.
-
-    Parameters
-    ----------
-    seed, index : int
-        Of the set and of the record in it: the same pair has the same loop whatever the entry, as far as that loop can hold it.
-    entry : dict
-        kind "none" | "single" | "two" | "foreign", effect, strength "weak" | "medium" | "strong", mv, and perhaps plant.
-
-    Returns
-    -------
-    Item
-
-    Raises
-    ------
-    ParameterError, UnknownName
-        For an entry that makes no sense, or one that 200 drawn loops cannot hold.
-    """
+    """Draw one record."""
     _check(entry)
     what = f"{entry['kind']} {entry.get('effect', '')} {entry.get('strength', '')}"
     wish = "foptd" if entry.get("effect") == "time_constant_mismatch" else entry.get("plant")
@@ -80,21 +63,7 @@ def draw(seed: int, index: int, entry: dict[str, Any]) -> Item:
 
 
 def sound(case: Case, record: Record, limits: tuple[float, float] = (0.0, 100.0)) -> bool:
-    """Say whether a record is one that a plant would show: OP seldom at its limits, PV in reach of SP, both moving.
-
-    Parameters
-    ----------
-    case : dict
-        The loop.
-    record : dict of str to ndarray, shape (n,)
-        Columns sp, op, pv.
-    limits : tuple of float
-        Of OP that an effect sets; there it may stay.
-
-    Returns
-    -------
-    bool
-    """
+    """Say whether a record is one that a plant would show: OP seldom at its limits, PV in reach of SP, both moving."""
     op, pv = record["op"], record["pv"]
     if not (np.all(np.isfinite(pv)) and np.all(np.isfinite(op))):
         return False

@@ -21,26 +21,7 @@ Parameters = dict[str, Any]
 
 
 def build(case: Case, effects: list[dict[str, Any]], nominal: bool = False) -> Rig:
-    """Return the loop of a case with effects in it.
-
-    Parameters
-    ----------
-    case : dict
-        As `loops.draw_loop` makes it.
-    effects : list of dict
-        Each {"effect": id of the vocabulary or of `foreign.KINDS`, "parameters": {...}}; what is left out stands at identity.
-    nominal : bool
-        On the baseline's plant instead of the true one.
-
-    Returns
-    -------
-    Rig
-
-    Raises
-    ------
-    ParameterError, UnknownName
-        An unknown id or parameter, a value outside its bounds, an effect twice, or one that this loop cannot have.
-    """
+    """Return the loop of a case with effects in it."""
     rig = Rig.of(case, nominal)
     seen: set[str] = set()
     for entry in effects:
@@ -58,24 +39,7 @@ def build(case: Case, effects: list[dict[str, Any]], nominal: bool = False) -> R
 
 
 def _checked(effect: str, parameters: Parameters) -> Parameters:
-    """Return all parameters of an effect of the vocabulary, those left out at identity.
-
-    Parameters
-    ----------
-    effect : str
-        Its id.
-    parameters : dict
-        Some or all of its parameters.
-
-    Returns
-    -------
-    dict
-
-    Raises
-    ------
-    ParameterError, UnknownName
-        For a name the effect does not have, a word it does not know, or a number outside its bounds.
-    """
+    """Return all parameters of an effect of the vocabulary, those left out at identity."""
     known = WORLD_EFFECTS[effect].parameters
     full = dict(WORLD_EFFECTS[effect].identity)
     for key, value in parameters.items():

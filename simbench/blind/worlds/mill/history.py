@@ -12,23 +12,7 @@ from simbench.blind.worlds.mill.rig import Case, Rig
 
 
 def draw_set_point(rng: np.random.Generator, case: Case, pace: float) -> dict[str, Any]:
-    """Draw a plan for the set point: half of all loops hold it, the others step, ramp or follow a cascade's master.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Where the numbers come from.
-    case : dict
-        Loop so far: Ts, n, span, plant, controller.
-    pace : float
-        T + Td, s.
-
-    Returns
-    -------
-    dict
-        kind, value (PV units), and what `nature.set_point` reads. Moves are 1 to 6 % of span, less where OP would move by
-        more than 12 %: operators change a running plant in small steps.
-    """
+    """Draw a plan for the set point: half of all loops hold it, the others step, ramp or follow a cascade's master."""
     span = case["span"]
     zero = 0.0 if rng.random() < 0.5 else float(np.round(rng.uniform(-2.0, 4.0) * span))
     value = float(f"{zero + span * rng.uniform(0.25, 0.75):.4g}")
@@ -58,15 +42,7 @@ def draw_set_point(rng: np.random.Generator, case: Case, pace: float) -> dict[st
 
 
 def draw_archive(rng: np.random.Generator, case: Case) -> None:
-    """Draw transmitter, output card and archive into a case; every step of theirs is a fifth of the noise at most.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Where the numbers come from.
-    case : dict
-        Loop with its plant, controller, load and noise; changed in place.
-    """
+    """Draw transmitter, output card and archive into a case; every step of theirs is a fifth of the noise at most."""
     std, value = case["noise"]["std"], abs(case["setpoint"]["value"])
     if rng.random() < 0.35:  # 10 to 16 bits over the span, wherever the first count lies
         counts = case["span"] / 2.0 ** np.arange(10, 17)

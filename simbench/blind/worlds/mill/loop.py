@@ -179,19 +179,6 @@ def _run(A, old, new, c, delay, law, element, sensor, s, place):
 
 
 def run(plant: Discrete, law: Law, element: Element, sensor: Sensor, signals: Signals, place: Place) -> dict[str, np.ndarray]:
-    """Run the loop over all rows of the signals, from rest at the operating point.
-
-    Parameters
-    ----------
-    plant, law, element, sensor, place : Discrete, Law, Element, Sensor, Place
-        The loop's parts.
-    signals : Signals
-        Arrays of N samples.
-
-    Returns
-    -------
-    dict of str to ndarray, shape (N,)
-        ``pv`` as the controller saw it, ``op`` and ``mv`` in %.
-    """
+    """Run the loop over all rows of the signals, from rest at the operating point."""
     pv, op, mv = _run(plant.A, plant.old, plant.new, plant.c, plant.delay, law, element, sensor, signals, place)
     return {"pv": pv, "op": op, "mv": mv}

@@ -30,76 +30,22 @@ _SPANS = (1.0, 1.6, 2.5, 4.0, 6.0, 10.0, 14.0, 25.0, 40.0, 60.0, 100.0, 150.0, 2
 
 
 def logu(rng: np.random.Generator, low: float, high: float) -> float:
-    """Draw evenly in logarithm.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Where the number comes from.
-    low, high : float
-        Above 0.
-
-    Returns
-    -------
-    float
-    """
+    """Draw evenly in logarithm."""
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
 def either(rng: np.random.Generator) -> float:
-    """Draw a sign.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Where it comes from.
-
-    Returns
-    -------
-    float
-        +1 or -1.
-    """
+    """Draw a sign."""
     return 1.0 if rng.random() < 0.5 else -1.0
 
 
 def signif(x: float, digits: int) -> float:
-    """Round to so many significant digits, as an engineer writes a number down.
-
-    Parameters
-    ----------
-    x : float
-        A number.
-    digits : int
-        1 or more.
-
-    Returns
-    -------
-    float
-    """
+    """Round to so many significant digits, as an engineer writes a number down."""
     return float(f"{x:.{digits - 1}e}")
 
 
 def draw_loop(rng: np.random.Generator, wish: str | None = None) -> Case:
-    """Draw one healthy loop: all that `rig.Rig` needs, in JSON types.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Where the numbers come from.
-    wish : str or None
-        "foptd" or "integrating"; None: a third integrates.
-
-    Returns
-    -------
-    dict
-        Ts (s), n, warm (samples thrown away), span (PV units), op0 (%), plant, nominal, controller, known_band (%), friction,
-        transmitter, load, noise, setpoint, archive.
-
-    Raises
-    ------
-    ParameterError
-        When 60 tries give no loop with sound margins; does not happen in practice.
-    """
+    """Draw one healthy loop: all that `rig.Rig` needs, in JSON types."""
     for _ in range(60):
         case = _try(np.random.default_rng(rng.integers(2**63)), wish)
         if case is not None:
@@ -108,18 +54,7 @@ def draw_loop(rng: np.random.Generator, wish: str | None = None) -> Case:
 
 
 def baseline(case: Case) -> dict[str, Any]:
-    """Return what the plant's engineer believes: the tables of the loop file.
-
-    Parameters
-    ----------
-    case : dict
-        As `draw_loop` makes it.
-
-    Returns
-    -------
-    dict
-        plant, controller, sampling, noise, valve.
-    """
+    """Return what the plant's engineer believes: the tables of the loop file."""
     tuning = case["controller"]
     controller = {"type": "P" if tuning["product"] == "bias_p" else "PI", "Kc": tuning["Kc"], "direction": tuning["direction"]}
     if "Ti" in tuning:

@@ -14,41 +14,12 @@ SETPOINTS = ("constant", "steps", "ramps", "cascade")
 
 
 def stream(seed: int, name: str) -> np.random.Generator:
-    """Return a random stream of its own for each name, so that one part's draws never shift another's.
-
-    Parameters
-    ----------
-    seed : int
-        Seed of the run.
-    name : str
-        Whose stream.
-
-    Returns
-    -------
-    numpy.random.Generator
-    """
+    """Return a random stream of its own for each name, so that one part's draws never shift another's."""
     return np.random.default_rng([seed, zlib.crc32(name.encode())])
 
 
 def load(kind: str, pace: float, n: int, rng: np.random.Generator) -> np.ndarray:
-    """Return a load of mean 0 and standard deviation 1.
-
-    Parameters
-    ----------
-    kind : str
-        One of LOADS: wander (Ornstein-Uhlenbeck), one_over_f, rare_steps (a new level at random times), shot (pulses that
-        decay), telegraph (two levels).
-    pace : float
-        Samples: correlation time, mean time between steps, decay of a pulse, mean time at a level.
-    n : int
-        Samples.
-    rng : numpy.random.Generator
-        Where the numbers come from.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-    """
+    """Return a load of mean 0 and standard deviation 1."""
     if kind == "none":
         return np.zeros(n)
     if kind == "wander":
@@ -71,43 +42,13 @@ def load(kind: str, pace: float, n: int, rng: np.random.Generator) -> np.ndarray
 
 
 def levels(rate: float, n: int, rng: np.random.Generator) -> np.ndarray:
-    """Return a level of standard deviation 1 that is drawn anew at each jump.
-
-    Parameters
-    ----------
-    rate : float
-        Mean number of jumps per sample.
-    n : int
-        Samples.
-    rng : numpy.random.Generator
-        Where the numbers come from.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-    """
+    """Return a level of standard deviation 1 that is drawn anew at each jump."""
     which = np.cumsum(rng.random(n) < rate)
     return rng.standard_normal(n + 1)[which]
 
 
 def spells(rng: np.random.Generator, n: int, share: float, length: float) -> np.ndarray:
-    """Mark a share of the samples, in spells (a two-state Markov chain).
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Where the numbers come from.
-    n : int
-        Samples.
-    share : float
-        Of the samples, below 1.
-    length : float
-        Mean length of a spell, samples.
-
-    Returns
-    -------
-    ndarray of bool, shape (n,)
-    """
+    """Mark a share of the samples, in spells (a two-state Markov chain)."""
     begins = min(1.0, share / max(1.0 - share, 1e-3) / length)
     gaps = rng.geometric(begins, n // 2 + 2)
     lasts = rng.geometric(min(1.0, 1.0 / length), n // 2 + 2)
@@ -116,23 +57,7 @@ def spells(rng: np.random.Generator, n: int, share: float, length: float) -> np.
 
 
 def noise(kind: str, shape: float, n: int, rng: np.random.Generator) -> np.ndarray:
-    """Return measurement noise of mean 0 and standard deviation 1.
-
-    Parameters
-    ----------
-    kind : str
-        One of NOISES: white, ar1, heavy (Student's t), flow (white here; it grows with MV in the loop).
-    shape : float
-        ar1: correlation of neighbours; heavy: degrees of freedom, above 2.
-    n : int
-        Samples.
-    rng : numpy.random.Generator
-        Where the numbers come from.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-    """
+    """Return measurement noise of mean 0 and standard deviation 1."""
     if kind == "heavy":
         return rng.standard_t(shape, n) / np.sqrt(shape / (shape - 2.0))
     x = rng.standard_normal(n)
@@ -142,20 +67,7 @@ def noise(kind: str, shape: float, n: int, rng: np.random.Generator) -> np.ndarr
 
 
 def set_point(plan: dict[str, Any], t: np.ndarray) -> np.ndarray:
-    """Return the set point at the times t.
-
-    Parameters
-    ----------
-    plan : dict
-        ``value``; ``moves`` list of [from, to, new value] in s, straight between them (from = to: a step); for a cascade
-        ``seed``, ``tau`` (s) and ``std``: a twice smoothed wander.
-    t : ndarray, shape (n,)
-        s; 0 is the record's first sample, the warm-up lies before it.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-    """
+    """Return the set point at the times t."""
     sp = np.full(len(t), float(plan["value"]))
     for start, end, value in plan.get("moves", ()):
         share = np.clip((t - start) / (end - start), 0.0, 1.0) if end > start else (t >= start).astype(float)

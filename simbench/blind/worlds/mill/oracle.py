@@ -26,22 +26,7 @@ class Cloud(NamedTuple):
 
 
 def cloud(case: Case, effects: list[dict[str, Any]], seeds: list[int]) -> Cloud:
-    """Run a loop under several seeds.
-
-    Parameters
-    ----------
-    case : dict
-        The loop.
-    effects : list of dict
-        What is in it; empty for the loop without any effect.
-    seeds : list of int
-        Three or more.
-
-    Returns
-    -------
-    Cloud
-        ``own`` is the mean distance of each record from the cloud of all others.
-    """
+    """Run a loop under several seeds."""
     rig = build(case, effects)
     records = [rig.record(seed) for seed in seeds]
     x = np.array([_measured(case, r) for r in records])
@@ -58,21 +43,6 @@ def cloud(case: Case, effects: list[dict[str, Any]], seeds: list[int]) -> Cloud:
 def ratio(case: Case, effects: list[dict[str, Any]], seeds: list[int], without: Cloud) -> tuple[float, list[Record]]:
     """Return how many times further than the cloud's own records those with the effects lie from it, and the records.
 
-    Parameters
-    ----------
-    case : dict
-        The loop.
-    effects : list of dict
-        What is in it.
-    seeds : list of int
-        None of the cloud's.
-    without : Cloud
-        The loop without the effect in question.
-
-    Returns
-    -------
-    tuple of (float, list)
-
     Notes
     -----
     Distance = root mean square of the eight largest |x - mean| / spread (each at most 12) over some sixty statistics
@@ -87,15 +57,6 @@ def ratio(case: Case, effects: list[dict[str, Any]], seeds: list[int], without: 
 
 def strength_of(value: float) -> str:
     """Return the word for a ratio, "" outside all bands.
-
-    Parameters
-    ----------
-    value : float
-        As `ratio` gives it.
-
-    Returns
-    -------
-    str
 
     Examples
     --------

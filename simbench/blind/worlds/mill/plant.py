@@ -25,18 +25,6 @@ class Discrete(NamedTuple):
 def discretise(plant: _Plant, Ts: float) -> Discrete:
     """Return the plant sampled at Ts: exact for an input held over each sample, for any dead time.
 
-    Parameters
-    ----------
-    plant : dict
-        ``type`` "foptd" or "integrating"; ``K`` (PV units per %, integrating: per % and s), ``T`` (s, foptd), ``Td`` (s),
-        ``lags`` list of time constants (s) in series, ``sections`` list of further sections (see `_section`).
-    Ts : float
-        Sampling period, s.
-
-    Returns
-    -------
-    Discrete
-
     Notes
     -----
     With Td = d Ts + phi the delayed input is w(k-d-1) during the first phi of a sample and w(k-d) after it, so
@@ -60,17 +48,7 @@ def discretise(plant: _Plant, Ts: float) -> Discrete:
 
 
 def _continuous(plant: _Plant) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (A, B, C) of the plant without its dead time.
-
-    Parameters
-    ----------
-    plant : dict
-        As in `discretise`.
-
-    Returns
-    -------
-    tuple of ndarray, shapes (m, m), (m,), (m,)
-    """
+    """Return (A, B, C) of the plant without its dead time."""
     integrating = plant["type"] == "integrating"
     first = ("integrator", plant["K"]) if integrating else ("lag", plant["T"], plant["K"])
     A, B, C, _ = _section(first)
@@ -85,19 +63,6 @@ def _continuous(plant: _Plant) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def fitted(T: float | None, Td: float, lags: list[float]) -> tuple[float | None, float]:
     """Return T and Td of the first-order model whose step response agrees with that of a plant with small extra lags.
-
-    Parameters
-    ----------
-    T : float or None
-        Main time constant, s; None for an integrating plant.
-    Td : float
-        Dead time, s.
-    lags : list of float
-        Small time constants in series, s.
-
-    Returns
-    -------
-    tuple of (float or None, float)
 
     Notes
     -----
@@ -123,24 +88,7 @@ def fitted(T: float | None, Td: float, lags: list[float]) -> tuple[float | None,
 
 
 def margins(g: Discrete, Kc: float, per_sample: float, now: float, before: float) -> tuple[float, float]:
-    """Return the largest sensitivity and the loop gain at the phase crossover of plant and PI controller, both sampled.
-
-    Parameters
-    ----------
-    g : Discrete
-        The plant.
-    Kc : float
-        Controller gain with its sign, % per PV unit.
-    per_sample : float
-        Ts/Ti; 0 for a P controller.
-    now, before : float
-        Shares of the newest and the previous error in the integral's increment (see `controller.RULES`).
-
-    Returns
-    -------
-    tuple of float
-        max |1/(1+L)| and the largest |L| where L crosses the negative real axis (below 1: stable).
-    """
+    """Return the largest sensitivity and the loop gain at the phase crossover of plant and PI controller, both sampled."""
     w = np.geomspace(1e-3, math.pi, 400)
     z = np.exp(1j * w)
     m = len(g.c)

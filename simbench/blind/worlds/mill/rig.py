@@ -112,17 +112,5 @@ class Rig:
 
 
 def keep(tau: float, Ts: float) -> float:
-    """Return exp(-Ts/tau), what a first-order lag keeps of its state over one sample; 0 for tau = 0.
-
-    Parameters
-    ----------
-    tau : float
-        Time constant, s.
-    Ts : float
-        Sampling period, s.
-
-    Returns
-    -------
-    float
-    """
+    """Return exp(-Ts/tau), what a first-order lag keeps of its state over one sample; 0 for tau = 0."""
     return math.exp(-Ts / tau) if tau > 0.0 else 0.0

@@ -57,19 +57,7 @@ class Scales:
 
 
 def limits(s: Scales, side: int) -> tuple[float, float, Callable[[float], Parameters]]:
-    """Return limits that cut a share x of OP's healthy range off, with the bounds of x.
-
-    Parameters
-    ----------
-    s : Scales
-        The healthy loop.
-    side : int
-        0 above, 1 below, 2 half on each side.
-
-    Returns
-    -------
-    tuple of (float, float, callable)
-    """
+    """Return limits that cut a share x of OP's healthy range off, with the bounds of x."""
     n = len(s.op)
 
     def at(x: float) -> Parameters:

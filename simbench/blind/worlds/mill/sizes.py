@@ -16,26 +16,7 @@ from simbench.loop.effects import Choice
 
 
 def family(effect: str, rng: np.random.Generator, s: Scales) -> Family:
-    """Draw what an effect's size does not settle (direction, period, ratio of its numbers) and return its family.
-
-    Parameters
-    ----------
-    effect : str
-        Id of the vocabulary or of `foreign.KINDS`.
-    rng : numpy.random.Generator
-        Where the numbers come from.
-    s : Scales
-        The healthy loop.
-
-    Returns
-    -------
-    Family
-
-    Raises
-    ------
-    ParameterError
-        When this loop cannot have the effect at any size.
-    """
+    """Draw what an effect's size does not settle (direction, period, ratio of its numbers) and return its family."""
     low, high, at = _FAMILIES[effect](rng, s)
     rules = WORLD_EFFECTS[effect].parameters if effect in WORLD_EFFECTS else KINDS[effect].parameters
     ranges = {k: q for k, q in rules.items() if not isinstance(q, Choice)}

@@ -22,12 +22,7 @@ _FLOORS = {
 
 @cache
 def names() -> tuple[str, ...]:
-    """Return the statistics' names in the order of `measure`.
-
-    Returns
-    -------
-    tuple of str
-    """
+    """Return the statistics' names in the order of `measure`."""
     bands = [f"{lo}-{hi - 1}" for lo, hi in _BANDS]
     spectra = [f"power {s} {b}" for s in ("error", "op") for b in bands]
     cross = [f"coherency {part} {b}" for part in ("real", "imag") for b in bands[:_CROSS]]
@@ -42,32 +37,12 @@ def names() -> tuple[str, ...]:
 
 @cache
 def floors() -> np.ndarray:
-    """Return the smallest spread granted to each statistic.
-
-    Returns
-    -------
-    ndarray, shape (m,)
-    """
+    """Return the smallest spread granted to each statistic."""
     return np.array([_FLOORS[name.split(" ")[0]] for name in names()])
 
 
 def measure(record: Record, Kc: float, late: int) -> np.ndarray:
-    """Return the statistics of SP, OP and PV; MV is left out, so that visibility does not depend on its being recorded.
-
-    Parameters
-    ----------
-    record : dict of str to ndarray, shape (n,)
-        Columns sp, op, pv.
-    Kc : float
-        The baseline's gain with its sign, % per PV unit: the scale of the two gains that are measured.
-    late : int
-        Samples by which OP is logged late.
-
-    Returns
-    -------
-    ndarray, shape (m,)
-        In the order of `names`: sizes and powers as decimal logarithms, shares and correlations as they are.
-    """
+    """Return the statistics of SP, OP and PV; MV is left out, so that visibility does not depend on its being recorded."""
     pv, op = record["pv"], record["op"]
     error = record["sp"] - pv
     e, u = error - error.mean(), op - op.mean()

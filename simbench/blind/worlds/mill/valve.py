@@ -24,16 +24,6 @@ _SLOW, _FAST = 0.10, 0.03  # time constants of the stem, in samples: an actuator
 def friction_numbers(S: float, J: float) -> np.ndarray:
     """Return what the friction models need: break-away and sliding friction in % of travel.
 
-    Parameters
-    ----------
-    S, J : float
-        Dead-band plus stick-band and slip jump, % of travel.
-
-    Returns
-    -------
-    ndarray, shape (2,)
-        fs = (S+J)/2 and fd = (S-J)/2: Fs and Fc over stiffness times stroke (equations.md 1.1 and 1.8).
-
     Examples
     --------
     >>> friction_numbers(5.0, 2.0).tolist()
@@ -171,17 +161,6 @@ def installed(u, R):
 
 def opening(mv: float, R: float) -> float:
     """Return the OP at which a valve of ratio R passes `mv` (%): the inverse of its characteristic.
-
-    Parameters
-    ----------
-    mv : float
-        %.
-    R : float
-        Ratio of the local gains at OP = 100 and OP = 0.
-
-    Returns
-    -------
-    float
 
     Examples
     --------

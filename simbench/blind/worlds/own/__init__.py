@@ -29,26 +29,7 @@ class Item(NamedTuple):
 
 
 def draw(seed: int, index: int, entry: dict[str, Any]) -> Item:
-    """Draw a record that holds what the entry asks for.
-
-    Parameters
-    ----------
-    seed : int
-        Of the whole set.
-    index : int
-        Of the record in the plan.
-    entry : dict
-        kind, mv, and where they apply effect, strength, plant.
-
-    Returns
-    -------
-    Item
-
-    Raises
-    ------
-    ParameterError
-        When no loop that was drawn can hold it.
-    """
+    """Draw a record that holds what the entry asks for."""
     drawn = draw_item(seed, index, entry)
     return Item(_columns(drawn.case, drawn.signals), baseline_table(drawn.case), drawn.answer)
 
@@ -56,28 +37,7 @@ def draw(seed: int, index: int, entry: dict[str, Any]) -> Item:
 def simulate(
     answer: Mapping[str, Any], effects: Sequence[Mapping[str, Any]], seed: int, nominal: bool = False
 ) -> dict[str, np.ndarray]:
-    """Run the loop of an answer again with other effects in place of the true one.
-
-    Parameters
-    ----------
-    answer : mapping
-        Of `draw`.
-    effects : sequence of mappings
-        effect, parameters; a mismatch counts from the baseline's value. Empty: the loop without any.
-    seed : int
-        Of load and noise.
-    nominal : bool
-        With the baseline's plant instead of the true one.
-
-    Returns
-    -------
-    dict of str to ndarray
-
-    Raises
-    ------
-    ParameterError
-        When an effect cannot act in this loop.
-    """
+    """Run the loop of an answer again with other effects in place of the true one."""
     case = TrueLoop.from_dict(dict(answer["case"]))
     case = case.as_nominal() if nominal else case
     for each in effects:

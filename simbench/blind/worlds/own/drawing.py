@@ -15,19 +15,7 @@ from simbench.blind.worlds.own.loops import TrueLoop
 def draw(
     rng: np.random.Generator, *, plant: str | None = None, sp_moves: bool | None = None, mv: bool | None = None
 ) -> TrueLoop:
-    """Draw a loop a plant could have.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-    plant : {"foptd", "integrating"}, optional
-    sp_moves, mv : bool, optional
-        Fixed instead of drawn.
-
-    Returns
-    -------
-    TrueLoop
-    """
+    """Draw a loop a plant could have."""
     plant = plant or ("foptd" if rng.random() < 0.65 else "integrating")
     moves = bool(rng.random() < 0.55) if sp_moves is None else sp_moves
     Ts = float(rng.choice([0.5, 1.0, 1.0, 2.0, 5.0, 10.0]))
@@ -101,19 +89,7 @@ def _steps(rng: np.random.Generator, case: TrueLoop) -> tuple[tuple[float, float
 
 
 def baseline_table(case: TrueLoop, noise_std: float | None = None) -> dict:
-    """Return the loop file handed out with the record: the nominal plant, and no word about faults, loads or log.
-
-    Parameters
-    ----------
-    case : TrueLoop
-    noise_std : float, optional
-        Noise the author believes in (PV units); the case's own when absent.
-
-    Returns
-    -------
-    dict
-        Tables of the loop file.
-    """
+    """Return the loop file handed out with the record: the nominal plant, and no word about faults, loads or log."""
     K, T, Td = case.nominal
     plant = {"type": case.plant, "K": K, **({"T": T} if case.plant == "foptd" else {}), "Td": Td}
     controller = {

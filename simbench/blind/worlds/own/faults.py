@@ -16,19 +16,7 @@ Parameters = dict[str, float | str]
 
 
 def fault(name: str, p: Parameters) -> Fault:
-    """Return the fault as a function that changes a prepared run.
-
-    Parameters
-    ----------
-    name : str
-        An effect id or a foreign kind.
-    p : dict
-        Its parameters; names and units of `simbench.loop.effects` for effect ids.
-
-    Returns
-    -------
-    function (setup, rng) -> None
-    """
+    """Return the fault as a function that changes a prepared run."""
     return partial(_ACT[name], p=p)
 
 
@@ -254,18 +242,7 @@ NEEDS_PLANT = {"time_constant_mismatch": "foptd", "level_gain": "integrating"}
 
 @nb.njit(cache=True)
 def swinging_door(x: np.ndarray, band: float) -> np.ndarray:
-    """Thin a signal by the swinging door (Bristol 1990) and rebuild it by straight lines; the error stays within `band`.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-    band : float
-        Half width of the door, > 0.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-    """
+    """Thin a signal by the swinging door (Bristol 1990) and rebuild it by straight lines; the error stays within `band`."""
     out = x.copy()
     start, steep, flat = 0, np.inf, -np.inf
     for k in range(1, x.size):

@@ -31,26 +31,7 @@ class DrawnRecord:
 
 
 def draw_item(seed: int, index: int, entry: dict[str, Any]) -> DrawnRecord:
-    """Draw loops until one can hold what the entry asks for.
-
-    Parameters
-    ----------
-    seed : int
-        Of the whole set.
-    index : int
-        Of the record in the plan.
-    entry : dict
-        From `Plan.entries`.
-
-    Returns
-    -------
-    DrawnRecord
-
-    Raises
-    ------
-    ParameterError
-        When no loop out of `_LOOPS_TO_TRY` can.
-    """
+    """Draw loops until one can hold what the entry asks for."""
     rng = np.random.default_rng([seed, index])
     build: Callable[..., DrawnRecord | None] = {"none": _none, "two": _two}.get(entry["kind"], _one)
     effect = entry.get("effect", "")

@@ -128,18 +128,7 @@ def _stream(seed: int, purpose: int) -> np.random.Generator:
 
 
 def prepare(case: TrueLoop, seed: int) -> Prepared:
-    """Return the run of `case` without any fault.
-
-    Parameters
-    ----------
-    case : TrueLoop
-    seed : int
-        Of load and noise.
-
-    Returns
-    -------
-    Prepared
-    """
+    """Return the run of `case` without any fault."""
     n = case.warm_up + case.n
     sp = np.full(n, case.pv0)
     for t, value in case.steps:
@@ -168,19 +157,7 @@ def prepare(case: TrueLoop, seed: int) -> Prepared:
 
 
 def simulate(case: TrueLoop, seed: int, faults: tuple[Fault, ...] = ()) -> Signals:
-    """Run one loop and return what its historian would show.
-
-    Parameters
-    ----------
-    case : TrueLoop
-    seed : int
-    faults : tuple of functions (setup, rng) -> None
-        Applied in order; each gets a random stream of its own.
-
-    Returns
-    -------
-    Signals
-    """
+    """Run one loop and return what its historian would show."""
     setup = prepare(case, seed)
     for i, fault in enumerate(faults):
         fault(setup, _stream(seed, _FAULT + 10 * i))
@@ -214,24 +191,7 @@ def simulate(case: TrueLoop, seed: int, faults: tuple[Fault, ...] = ()) -> Signa
 
 
 def coloured(colour: str, n: int, tau: float, rng: np.random.Generator) -> np.ndarray:
-    """Return stationary noise of unit variance.
-
-    Parameters
-    ----------
-    colour : {"none", "white", "ou", "ar2", "pink", "flicker", "bluish", "heavy"}
-        Of loads, ou: Ornstein-Uhlenbeck with correlation time `tau`; ar2: a damped resonance of that time scale; pink: power
-        1/f above one cycle in 20 `tau`. Of sensors, flicker: white with a fifth of pink; bluish: neighbours slightly opposed;
-        heavy: white with Student's t on 8 degrees of freedom. Noise with a memory of its own kind is left out: first-order
-        smoothed noise is what a lagging sensor makes of white noise, and would have no true answer.
-    n : int
-    tau : float
-        In samples.
-    rng : numpy.random.Generator
-
-    Returns
-    -------
-    ndarray, shape (n,)
-    """
+    """Return stationary noise of unit variance."""
     white = rng.standard_normal(n + 500)
     if colour == "none":
         return np.zeros(n)

@@ -49,14 +49,6 @@ class _TrueShrinkage(NamedTuple):
 def strength_of(ratio: float) -> str:
     """Return the strength's name: "none" below 1.3, then weak, medium, strong.
 
-    Parameters
-    ----------
-    ratio : float
-
-    Returns
-    -------
-    str
-
     Examples
     --------
     >>> strength_of(1.9), strength_of(2.0), strength_of(50.0)
@@ -66,18 +58,7 @@ def strength_of(ratio: float) -> str:
 
 
 def reference(case: TrueLoop, seed: int) -> Reference:
-    """Simulate the loop without any fault.
-
-    Parameters
-    ----------
-    case : TrueLoop
-    seed : int
-        The record's own; the cloud uses others.
-
-    Returns
-    -------
-    Reference
-    """
+    """Simulate the loop without any fault."""
     runs = [simulate(case, seed + _OFFSET + i) for i in range(CLOUD)]
     op = np.concatenate([r.op for r in runs])
     lo, hi = np.quantile(op, (0.001, 0.999))
@@ -96,20 +77,7 @@ def _sane(record: Signals) -> bool:
 
 
 def ratio(case: TrueLoop, seed: int, faults: tuple[Fault, ...], true: Cloud) -> Ratio | None:
-    """Return gap / floor of the faulty loop against the true loop without the fault.
-
-    Parameters
-    ----------
-    case : TrueLoop
-    seed : int
-    faults : tuple of Fault
-    true : Cloud
-
-    Returns
-    -------
-    Ratio or None
-        None when the fault drives the loop into its stops.
-    """
+    """Return gap / floor of the faulty loop against the true loop without the fault."""
     runs = [simulate(case, seed + i, faults) for i in range(_REAL)]
     if not all(map(_sane, runs)):
         return None
@@ -120,23 +88,7 @@ def ratio(case: TrueLoop, seed: int, faults: tuple[Fault, ...], true: Cloud) -> 
 def find_strength(
     rate: Callable[[float], Ratio | None], band: tuple[float, float], rng: np.random.Generator, tries: int = 9
 ) -> tuple[float, Ratio] | None:
-    """Search the strength in 0..1 at which the ratio falls into a band.
-
-    Parameters
-    ----------
-    rate : function strength -> Ratio or None
-        None = too strong. It need not be monotone; the search then may fail.
-    band : (lo, hi)
-    rng : numpy.random.Generator
-        Draws the target within the band.
-    tries : int
-        Bisections.
-
-    Returns
-    -------
-    (strength, Ratio) or None
-        The record's own ratio is within 15 % of the band, too. None when the band cannot be reached with this loop.
-    """
+    """Search the strength in 0..1 at which the ratio falls into a band."""
     lo, hi = band
     target = float(np.exp(rng.uniform(np.log(lo * 1.05), np.log(hi * 0.95))))
     a, b = 0.0, 1.0
@@ -166,17 +118,6 @@ def shrinkage(case: TrueLoop, seed: int, record: Signals, faults: tuple[Fault, .
     """Return how far the record's gap to the baseline handed out shrinks when faults are added to it.
 
     The load's and noise's statistics are the true ones in both; the plant is the nominal one in both.
-
-    Parameters
-    ----------
-    case : TrueLoop
-    seed : int
-    record : Signals
-    faults : tuple of Fault
-
-    Returns
-    -------
-    Shrinkage
     """
     nominal, seeds = case.as_nominal(), [seed + 2 * _OFFSET + i for i in range(12)]
     values = features(record, case.scale)[0]

@@ -25,21 +25,7 @@ class Habit:
 
 
 def scale(name: str, case: TrueLoop, habit: Habit, rng: np.random.Generator) -> _Scale:
-    """Return the parameters of a fault as a function of one strength in 0..1, from barely to grossly present.
-
-    Parameters
-    ----------
-    name : str
-        Effect id or foreign kind.
-    case : TrueLoop
-    habit : Habit
-    rng : numpy.random.Generator
-        Draws what strength does not decide: direction, shape, J/S, where it acts.
-
-    Returns
-    -------
-    function (strength) -> parameters
-    """
+    """Return the parameters of a fault as a function of one strength in 0..1, from barely to grossly present."""
 
     def log(lo: float, hi: float) -> Callable[[float], float]:
         return lambda x: float(f"{lo * (hi / lo) ** x:.4g}")

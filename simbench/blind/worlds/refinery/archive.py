@@ -14,16 +14,6 @@ def swinging_door(x, band):
 
     The door keeps every point between two archived ones within `band` of their line (Bristol 1990, US patent 4669097):
     the slopes allowed by the points so far narrow until no line is left; then the point before is archived.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-    band : float
-        Half width, units of x.
-
-    Returns
-    -------
-    ndarray, shape (n,)
     """
     n = x.size
     out = x.copy()
@@ -70,17 +60,6 @@ def lattice(x: np.ndarray, step: float) -> np.ndarray:
 
 def printed(x: np.ndarray, style: str, places: int) -> np.ndarray:
     """Return `x` as the archive prints it: `places` significant digits, or `places` decimals.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-    style : str
-        "digits" or "decimals".
-    places : int
-
-    Returns
-    -------
-    ndarray, shape (n,)
 
     Examples
     --------

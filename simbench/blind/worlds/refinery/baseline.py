@@ -7,21 +7,7 @@ from scipy.optimize import least_squares
 
 
 def step_response(t: np.ndarray, T: float, lags: tuple[float, float]) -> np.ndarray:
-    """Return the unit step response of 1/((T s + 1)(lag1 s + 1)(lag2 s + 1)) by superposition of its modes.
-
-    Parameters
-    ----------
-    t : ndarray, shape (n,)
-        Times after the dead time, s; before 0 the response is 0.
-    T : float
-        Main time constant, s.
-    lags : tuple of two floats
-        s; 0 = absent; all that are above 0 must differ.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-    """
+    """Return the unit step response of 1/((T s + 1)(lag1 s + 1)(lag2 s + 1)) by superposition of its modes."""
     taus = [x for x in (T, *lags) if x > 0.0]
     y = np.ones_like(t)
     for i, tau in enumerate(taus):
@@ -32,15 +18,6 @@ def step_response(t: np.ndarray, T: float, lags: tuple[float, float]) -> np.ndar
 
 def fitted(plant: dict) -> dict:
     """Return type, K, T, Td of the first-order model whose step response comes closest to the plant's.
-
-    Parameters
-    ----------
-    plant : dict
-        type, K, T (None when integrating), Td, lag1, lag2.
-
-    Returns
-    -------
-    dict
 
     Examples
     --------

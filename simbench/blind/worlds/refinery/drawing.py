@@ -119,24 +119,6 @@ def _recorded(record: dict[str, np.ndarray], case: dict) -> dict[str, np.ndarray
 def draw(seed: int, index: int, entry: dict) -> Item:
     """Draw one labelled record.
 
-    Parameters
-    ----------
-    seed, index : int
-        Together with `entry` they give the record, bit for bit; at least 0.
-    entry : dict
-        {"kind": "none"}, {"kind": "single", "effect", "strength", "mv"}, {"kind": "two", "mv"} or {"kind": "foreign",
-        "effect", "strength", "mv"}; strength weak, medium or strong; mv: whether MV is recorded; "plant" is a wish.
-
-    Returns
-    -------
-    Item
-        columns (arrays of shape (n,): t in s, sp and pv in PV units, op and mv in %), baseline, answer.
-
-    Raises
-    ------
-    ParameterError
-        For an entry that is none, or when 200 drawn loops cannot hold it.
-
     Notes
     -----
     Not for studies of one loop under many effects: each call draws a new loop.
@@ -163,30 +145,6 @@ def draw(seed: int, index: int, entry: dict) -> Item:
 
 def simulate(answer: dict, effects: list[dict], seed: int, nominal: bool = False) -> dict[str, np.ndarray]:
     """Run the loop of a drawn record again: other load and noise, the same statistics and set point.
-
-    Parameters
-    ----------
-    answer : dict
-        `Item.answer`.
-    effects : list of dict
-        {"effect": id, "parameters": {...}} in place of the true effect; absent parameters stand at identity; a foreign
-        kind may stand for the id. Empty: the loop without any effect.
-    seed : int
-        At least 0; `answer["seed"]` with the true effect gives the record itself.
-    nominal : bool
-        With the baseline's plant instead of the true one.
-
-    Returns
-    -------
-    dict of ndarray, shape (n,)
-        The columns of the record.
-
-    Raises
-    ------
-    ParameterError
-        Where an effect cannot act in this loop, or its parameters are out of bounds.
-    UnknownName
-        For an effect that nobody knows.
 
     Notes
     -----

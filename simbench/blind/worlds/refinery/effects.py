@@ -21,13 +21,7 @@ Apply = Callable[[Setup, dict, dict], None]
 
 
 def complete(effect: str, parameters: dict, case: dict) -> dict:
-    """Return every parameter of an effect, absent ones at identity, each inside the vocabulary's bounds.
-
-    Raises
-    ------
-    ParameterError
-        For an unknown name or word, or a number out of bounds.
-    """
+    """Return every parameter of an effect, absent ones at identity, each inside the vocabulary's bounds."""
     known = WORLD_EFFECTS[effect].parameters
     for name in parameters:
         if name not in known:

@@ -57,12 +57,7 @@ PARAMETERS: dict[str, dict[str, tuple[str, float, float]]] = {
 
 
 def check(kind: str, parameters: dict) -> dict:
-    """Return the parameters of a foreign kind, complete and inside their bounds.
-
-    Raises
-    ------
-    ParameterError
-    """
+    """Return the parameters of a foreign kind, complete and inside their bounds."""
     known = PARAMETERS[kind]
     if set(parameters) != set(known):
         raise ParameterError(f"{kind}: parameters {sorted(parameters)}; needed: {', '.join(known)}")

@@ -78,22 +78,7 @@ def gate(rng: np.random.Generator, n: int, length: float, share: float) -> np.nd
 
 
 def ordinary(rng: np.random.Generator, n: int, h: float, spec: dict) -> np.ndarray:
-    """Return the loop's own load (%), shape (n,): `spec` names the kind, its times in s and its scale.
-
-    Parameters
-    ----------
-    rng : Generator
-    n : int
-        Number of fine steps.
-    h : float
-        Fine step, s.
-    spec : dict
-        kind (one of LOADS), time (s), rate (1/s), scale (%).
-
-    Returns
-    -------
-    ndarray, shape (n,)
-    """
+    """Return the loop's own load (%), shape (n,): `spec` names the kind, its times in s and its scale."""
     kind, time, rate, scale = spec["kind"], spec["time"], spec["rate"], spec["scale"]
     if kind == "none" or scale == 0.0:
         return np.zeros(n)

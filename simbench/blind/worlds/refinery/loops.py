@@ -60,18 +60,7 @@ def rounded(x: float, digits: int = 4) -> float:
 
 
 def draw_classes(rng: np.random.Generator, plant: str | None = None) -> dict:
-    """Return the classes of a loop; `plant` is a wish.
-
-    Parameters
-    ----------
-    rng : Generator
-    plant : str or None
-        "foptd" or "integrating"; None: a third integrates (levels and gas inventories of a refinery).
-
-    Returns
-    -------
-    dict
-    """
+    """Return the classes of a loop; `plant` is a wish."""
     integrating = bool(rng.random() < 1 / 3)
     fit = [s for s in _SERVICES if s.integrating == (integrating if plant is None else plant == "integrating")]
     service = fit[int(rng.integers(len(fit)))]
@@ -176,22 +165,7 @@ def _archive(rng: np.random.Generator, classes: dict, case: dict, dop: float) ->
 def draw_case(
     rng: np.random.Generator, classes: dict, exact: frozenset = frozenset(), valve_effect: bool = False
 ) -> dict | None:
-    """Return a loop of these classes as JSON types, or None when it does not behave like a working loop.
-
-    Parameters
-    ----------
-    rng : Generator
-    classes : dict
-        As `draw_classes` makes them.
-    exact : frozenset of str
-        Plant numbers (K, T, Td) in which baseline and truth agree, because they are the truth of the effect.
-    valve_effect : bool
-        Whether the effect lies in the valve; then the baseline's valve is ideal.
-
-    Returns
-    -------
-    dict or None
-    """
+    """Return a loop of these classes as JSON types, or None when it does not behave like a working loop."""
     service = next(s for s in _SERVICES if s.name == classes["service"])
     # transmitters are ranged to the service: a span of 40 to 100 % of the tag's customary one
     span = (service.high - service.low) * rng.uniform(0.4, 1.0)

@@ -74,20 +74,7 @@ def _samples(x: np.ndarray) -> list[float]:
 
 
 def features(record: dict[str, np.ndarray], time: float) -> list[np.ndarray]:
-    """Return the groups of statistics of one record.
-
-    Parameters
-    ----------
-    record : dict of ndarray
-        sp, op, pv, shape (n,).
-    time : float
-        The plant's time in samples: lags of the correlations.
-
-    Returns
-    -------
-    list of ndarray
-        One array a group; each number divided by the smallest scatter that matters.
-    """
+    """Return the groups of statistics of one record."""
     e, op, pv = record["sp"] - record["pv"], record["op"], record["pv"]
     lags = tuple(sorted({max(1, min(round(time * f), e.size // 4)) for f in (0.15, 0.5, 1.5, 4.0)}))
     differences = [np.diff(e), np.diff(op), np.diff(e, 2), np.diff(op, 2)]

@@ -24,13 +24,7 @@ class Misfit(Exception):
 
 
 def prepared(case: dict, wanted: list[dict], nominal: bool = False) -> Setup:
-    """Return the numbers of the loop of `case` with effects (ids of the vocabulary or foreign kinds) put in.
-
-    Raises
-    ------
-    ParameterError
-        For an unknown effect, bad parameters, or an effect that cannot act in this loop.
-    """
+    """Return the numbers of the loop of `case` with effects (ids of the vocabulary or foreign kinds) put in."""
     setup = build(case, nominal)
     for item in wanted:
         name, parameters = item["effect"], dict(item.get("parameters", {}))
@@ -104,11 +98,6 @@ def sized(
     """Search the size at which the ratio falls into `band`; return the effect's table and the ratio.
 
     The first size is random; then the bracket is halved, in the logarithm, towards the band.
-
-    Raises
-    ------
-    Misfit
-        When no size between the lowest and the highest gives it.
     """
     low, high = math.log(size.low), math.log(size.high)
     at = rng.uniform(low, low + 0.6 * (high - low))

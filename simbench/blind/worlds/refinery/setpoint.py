@@ -12,20 +12,6 @@ PATTERNS = ("constant", "steps", "ramps", "cascade")
 def pattern(spec: dict, warm: int, n: int, Ts: float) -> np.ndarray:
     """Return SP (PV units) for `warm` samples of earlier life and `n` recorded ones.
 
-    Parameters
-    ----------
-    spec : dict
-        kind (one of PATTERNS), value (PV units), knots [[sample of the record, level], ...] for steps and ramps,
-        size (PV units, std), time (s) and seed for cascade.
-    warm, n : int
-        Samples before and in the record.
-    Ts : float
-        Sampling period, s.
-
-    Returns
-    -------
-    ndarray, shape (warm + n,)
-
     Examples
     --------
     >>> pattern({"kind": "steps", "value": 5.0, "knots": [[2, 6.0]]}, 1, 4, 1.0).tolist()

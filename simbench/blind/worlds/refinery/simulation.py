@@ -40,18 +40,7 @@ class Setup:
 
 
 def build(case: dict, nominal: bool = False) -> Setup:
-    """Return the numbers of a loop without any effect; `nominal`: with the baseline's plant.
-
-    Parameters
-    ----------
-    case : dict
-        As `loops.draw_case` makes it.
-    nominal : bool
-
-    Returns
-    -------
-    Setup
-    """
+    """Return the numbers of a loop without any effect; `nominal`: with the baseline's plant."""
     plant, own = case["baseline"]["plant"] if nominal else case["plant"], case["controller"]
     integrating = plant["type"] == "integrating"
     sign = 1.0 if own["direction"] == "reverse" else -1.0
@@ -112,20 +101,7 @@ def _signals(setup: Setup, case: dict, seed: int) -> Signals:
 
 
 def run(setup: Setup, case: dict, seed: int) -> dict[str, np.ndarray]:
-    """Run the loop once and return what the archive holds; `mv` is always there.
-
-    Parameters
-    ----------
-    setup : Setup
-    case : dict
-    seed : int
-        Picks load, noise and every other random signal.
-
-    Returns
-    -------
-    dict of ndarray, shape (n,)
-        t (s), sp, op (%), pv, mv (%).
-    """
+    """Run the loop once and return what the archive holds; `mv` is always there."""
     signals = _signals(setup, case, seed)
     stem = valves.rest(valves.untrim(case["m0"], setup.valve.R))
     control = setup.controller._replace(bias=float(valves.untrim(case["m0"], setup.valve.R)))
