@@ -8,26 +8,30 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 # a module compiled by one process is compiled for the next, whatever the shell says
 export PYTHONDONTWRITEBYTECODE :=
+# a fault of the program fails what is made, as a traceback does
+export SIMBENCH_RAISE := 1
 # a sticky loop is chaotic: without these, machines with and without AVX-512 would not give the same bits
 export OPENBLAS_CORETYPE := Haswell
 export NPY_DISABLE_CPU_FEATURES := X86_V4 AVX512_ICL AVX512_SPR
 
-.PHONY: bench check leak real results test lint perf shares docs site clean
+.PHONY: bench check leak real results test test-all rules lint perf shares docs site clean
 
 bench: $(READY)            ## the main job: simulate a labelled grid, run the detectors, score them
 	rm -rf runs/bench
 	$(BIN)/simbench run chapter -o runs/bench --method fast,oracle -j 2
 	$(BIN)/simbench score runs/bench --report runs/bench/report.html
 
-test: lint                 ## the tests of every change, and the rules of the house
+test: $(READY_TEST) rules  ## the tests of every change, and the rules of the house
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow"
 
-test-all: lint             ## these, and what only a release needs
-	$(BIN)/python -m pytest -n 2 --dist worksteal
+test-all: lint             ## these, the types, and what only a release needs
+	FUZZ=120 $(BIN)/python -m pytest -n 2 --dist worksteal
 
-lint: $(READY_TEST)
+rules: $(READY_TEST)       ## how the code is written, and who imports whom
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports
+
+lint: rules                ## these, and the types, which take as long as a quarter of the tests
 	$(BIN)/pyright
 
 check: $(READY)            ## has any detector's accuracy regressed against the committed baseline?

@@ -155,11 +155,10 @@ def _hosted(host: Host, name: str, prepared: Prepared, modes: tuple[bool, ...], 
 
 def _warm_up(name: str) -> None:
     """Judge a plain record once: what the plug-in imports and compiles when first asked stands ready for every copy."""
-    from detectors.example_loop import example_loop
-
-    module = registry.load(name)
+    module, t = registry.load(name), np.arange(1200.0) / 8.0
+    op, pv = 50.0 + 5.0 * np.sin(t), 50.0 - 5.0 * np.sin(t - 1.0)
     with contextlib.suppress(BaseException), warnings.catch_warnings():
-        record = example_loop(process=module.METHOD.process[0], kind="flow")
+        record = LoopRecord(op, pv, 1.0, mv=op, process=module.METHOD.process[0], kind="flow", op_span=(0.0, 100.0))
         judge_one(name, module, Prepared(record if module.METHOD.needs_mv else record.blind()), True, module.METHOD.defaults())
 
 

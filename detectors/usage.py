@@ -13,6 +13,7 @@ from pathlib import Path
 from detectors.errors import UserError, masked
 
 LOG = "simbench-fault-"  # begins the name of a fault's log, in the system's folder of temporary files
+RAISED = "SIMBENCH_RAISE"  # set where tests run: a fault of the program is a traceback there, no sentence
 LOGS = 20  # kept there, the newest
 LONGEST = 950  # characters of a sentence; of a longer one its beginning and its end are said
 
@@ -83,6 +84,8 @@ def complain(sentence: str) -> int:
 
 def _fault(error: Exception) -> str:
     """Write the traceback of an error nobody foresaw to a log file, and return the sentence that names it."""
+    if os.environ.get(RAISED):
+        raise error
     said = " ".join(f"{type(error).__name__}: {error}".split())[:200]
     try:
         handle, log = tempfile.mkstemp(prefix=LOG, suffix=".log")

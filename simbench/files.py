@@ -185,7 +185,13 @@ def refuse_own_input(outputs: Iterable[str | Path | None], inputs: Iterable[str 
             raise FileError(f"{path} is named for two outputs; each needs a file of its own")
         if path.is_dir() or not path.absolute().parent.is_dir():
             raise FileError(f"{path} cannot be written: it is a folder, or its folder is missing")
+        if (path.is_file() or not path.exists()) and not _writable(path.absolute().parent):
+            raise FileError(f"{path} cannot be written: permission denied")
         remove_stale_temporaries(path.absolute().parent)
+
+
+def _writable(place: Path) -> bool:
+    return os.access(place, os.W_OK, effective_ids=os.access in os.supports_effective_ids)
 
 
 def _real(path: Path) -> Path:
@@ -199,7 +205,7 @@ def folder(path: str | Path) -> Path:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise FileError(f"folder {path} cannot be made: {(error.strerror or str(error)).lower()}") from None
-    if not os.access(path, os.W_OK):
+    if not _writable(path):
         raise FileError(f"folder {path} cannot be written: permission denied")
     return path
 

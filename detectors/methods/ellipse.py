@@ -27,6 +27,7 @@ DEAD = 1e-9  # of a signal's range over the record: what moves by less stands st
 METHOD = Method(
     title="ellipse fitted to PV over OP",
     source="Choudhury et al. 2006, Eq 11.15",
+    reversible=True,
     thresholds={
         "fitness_low": Threshold(0.6, "-", 0.0, 1.0, "Choudhury 2006", "at or above: the points form an ellipse"),
         "harmonics": Threshold(3.0, "-", 0.0, 1e3, "own; 0 in Procedure 11.3, step 2", "kept of OP and PV; 0: about the peak"),

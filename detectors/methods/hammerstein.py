@@ -5,7 +5,7 @@ Parameters: `score_low`, `score_high` (-), own, from simulated loops, 0 in the s
 travel), the chapter's 0.5 %; `output_error` (1 or 0), own: 0, as in the source, a linear part fitted by one-step errors.
 Indices: gain (error a sticky valve takes off that of a straight one, 0..1), share ((S + J) over the swing of OP: a cycle of
 the valve's own swings by no more than about S + J), error (unexplained share of the variance of PV), S_hat, J_hat, T_s, Td_s.
-Rule: score = gain min(share, 1); >= 0.02 and S >= 0.5 %: stiction; below it: none. S is an
+Rule: score = gain min(share, 1); >= 0.03 and S >= 0.5 %: stiction; below it: none. S is an
 interval that covers what both maps say, J a number where the record fixes it, else the interval of all values that fit as well.
 The valve is Choudhury's map or one that stops within every sample (He's), whichever explains PV better.
 Not for: loops whose PV is moved from outside more than by the valve (error above one half: no decision); J, wherever the
@@ -34,8 +34,8 @@ METHOD = Method(
     source="Srinivasan et al. 2005b, Jelali 2008",
     min_periods=4.0,
     thresholds={
-        "score_low": Threshold(0.02, "-", 0.0, 1.0, "own; 0 in Jelali 2008: S decides", "at or below: a straight one will do"),
-        "score_high": Threshold(0.02, "-", 0.0, 1.0, "own; 0 in Jelali 2008: S decides", "at or above: a sticky one is needed"),
+        "score_low": Threshold(0.03, "-", 0.0, 1.0, "own; 0 in Jelali 2008: S decides", "at or below: a straight one will do"),
+        "score_high": Threshold(0.03, "-", 0.0, 1.0, "own; 0 in Jelali 2008: S decides", "at or above: a sticky one is needed"),
         "S_low": Threshold(0.5, "% of travel", 0.0, 100.0, "chapter, section 11.1", "below: negligible"),
         "output_error": Threshold(1.0, "-", 0.0, 1.0, "own; 0 in Jelali 2008, an ARX part", "1: simulation; 0: one-step"),
     },

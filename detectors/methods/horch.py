@@ -24,6 +24,7 @@ METHOD = Method(
     title="odd cross-correlation of OP and PV",
     source="Horch 1999, Eqs 11.6-11.9",
     process=("self-regulating",),
+    reversible=True,
     cannot_cope=("undersampled",),
     thresholds={
         "dtau_low": Threshold(1 / 3, "-", 0.0, 1.0, "margin pi/6, Eq 11.9", "at or below: even, no stiction"),

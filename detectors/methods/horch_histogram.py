@@ -35,6 +35,7 @@ from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 METHOD = Method(
     title="histogram of PV's second difference: Gaussian or camel",
     source="Horch 2006",
+    reversible=True,
     cannot_cope=("undersampled",),
     thresholds={
         "bound": Threshold(0.5, "-", 0.0, 1.0, "Horch 2006", "above: Gaussian, stiction; else camel, none"),

@@ -1,11 +1,10 @@
 """Horch & Isaksson 1998: one model of a valve that stands still beside one of a valve that follows OP; which explains PV?
 
 Needs: OP and PV, either process type, four periods of at least 8 samples.
-Parameters: `score_low`, `score_high` (-), own, from simulated loops; `weighed` (1 or 0), own: in the source the mode's
-probability alone decides, which is the likelier one above 0.5.
+Parameters: `score_low`, `score_high` (-), own, from simulated loops; in the source the likelier model decides, 0.5.
 Indices: stuck_share (mean probability that the valve stands still, 0..1), evidence (log-likelihood the two models together
 gain on the following valve alone, per sample).
-Rule: score = stuck_share (1 - exp(-2 evidence)); >= score_high stiction, <= score_low none.
+Rule: score = stuck_share; >= score_high stiction, <= score_low none.
 A bank of two Kalman filters (standing: v(k) = v(k-1); following: v(k) = u(k)) behind one first-order plant, mixed at every
 sample as an interacting multiple model. The paper has a known plant; here it comes from the Hammerstein fit.
 Not for: records from which no plant can be identified; PV moved from outside, which the filter takes for the valve.
@@ -36,11 +35,10 @@ METHOD = Method(
     budget="full",
     min_periods=4.0,
     thresholds={
-        "score_low": Threshold(0.35, "-", 0.0, 1.0, "own; 0.5 with weighed = 0", "at or below: a following valve fits as well"),
-        "score_high": Threshold(0.35, "-", 0.0, 1.0, "own; 0.5 with weighed = 0", "at or above: it stands still for long"),
-        "weighed": Threshold(1.0, "-", 0.0, 1.0, "own; 0 in the source, which decides by the mode", "1: share times evidence"),
+        "score_low": Threshold(0.35, "-", 0.0, 1.0, "own; 0.5 in the source", "at or below: a following valve fits as well"),
+        "score_high": Threshold(0.35, "-", 0.0, 1.0, "own; 0.5 in the source", "at or above: it stands still for long"),
     },
-    published={"weighed": 0.0, "score_low": 0.5, "score_high": 0.5},
+    published={"score_low": 0.5, "score_high": 0.5},
 )
 
 
@@ -129,7 +127,7 @@ def _mix(one, other, w):
     return (z, v, zz, zv, w * (one[4] + dv * dv) + (1 - w) * (other[4] + ev * ev))
 
 
-def detect(prepared: Prepared, *, score_low: float, score_high: float, weighed: float = 1.0) -> Verdict:
+def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdict:
     """Judge a record by how probable it is that the valve stands still.
 
     Parameters
@@ -138,13 +136,11 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float, weighed: 
         The record.
     score_low, score_high : float
         Bounds of the score (-).
-    weighed : float
-        1: the share of time counts by the evidence that there are two modes at all.
 
     Returns
     -------
     Verdict
-        `score` is stuck_share times the weight of the evidence.
+        `score` is stuck_share.
 
     Examples
     --------
@@ -182,10 +178,9 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float, weighed: 
     following = two_models(u, y, a, b, noise, 1.0)[1]
     evidence = (both - following) / n
     share = float(standing.mean())
-    score = share * (1.0 - math.exp(-2.0 * max(evidence, 0.0))) if weighed > 0.5 else share
     reason = f"the valve stands still {share:.0%} of the time; two models gain {evidence:.2g} per sample on a following valve"
-    verdict = STICTION if score >= score_high else NO_STICTION if score <= score_low else NO_DECISION
-    return Verdict("horch_isaksson", verdict, score, {"stuck_share": share, "evidence": evidence}, reason=reason)
+    verdict = STICTION if share >= score_high else NO_STICTION if share <= score_low else NO_DECISION
+    return Verdict("horch_isaksson", verdict, share, {"stuck_share": share, "evidence": evidence}, reason=reason)
 
 
 def _aligned(u: np.ndarray, y: np.ndarray, a: float, half: int, sign: float) -> tuple[float, float, np.ndarray]:

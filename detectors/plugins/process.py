@@ -8,6 +8,7 @@ from __future__ import annotations
 import base64
 import contextlib
 import ctypes
+import gc
 import json
 import mmap
 import os
@@ -114,6 +115,7 @@ def _copy_answers(read: int, write: int, work: Callable[[], Any], most: int) -> 
     """Let a copy of this process answer: what it remembers of the question goes with it."""
     with tempfile.TemporaryFile() as answer:
         _unwalled[0] = True
+        gc.freeze()  # a collection in the copy would touch, and so copy, every object
         child = os.fork()
         _unwalled[0] = False
         if child == 0:

@@ -340,8 +340,12 @@ class _DetectorHost(Host):
         """Return what stands for the plug-in outside its own process: its description of itself."""
         method = method_of(self.described())
         stub = ModuleType("hosted", method.title)
-        stub.__dict__.update(METHOD=method, detect=None, __file__=None)
+        stub.__dict__.update(METHOD=method, detect=_elsewhere, __file__=None)
         return stub
+
+
+def _elsewhere(*_: Any, **__: Any) -> None:
+    raise ParameterError("this detector is a plug-in, which answers in a process of its own alone")
 
 
 def _describe_detector(source: str) -> Method | None:

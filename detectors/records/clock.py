@@ -20,6 +20,7 @@ UNITS = {
 }  # fmt: skip
 EPOCHS = ((1e17, 1e-9, "nanoseconds"), (1e14, 1e-6, "microseconds"), (1e11, 1e-3, "milliseconds"))
 SHEET_DAYS = (25_000.0, 80_000.0)  # days since 1900 in which a spreadsheet counts the years 1968 to 2119
+MATLAB_DAYS = (718_000.0, 774_000.0)  # days since year 0 in which MATLAB counts the years 1965 to 2119
 DAY_STEP, SECOND_STEP = 0.002, 0.2  # steps below the first are days (173 s), above the second seconds; between: refused
 
 
@@ -101,12 +102,13 @@ def _counted(t: np.ndarray, unit: str, name: str, where: str, notes: list[str]) 
             notes.append(f"time: {name} counts {word} since 1970")
             return (t - finite[0]) * size
     step = float(np.median(np.diff(finite)))
-    if SHEET_DAYS[0] < finite.min() and finite.max() < SHEET_DAYS[1] and 0 < step < SECOND_STEP:
-        if step > DAY_STEP:
-            both = f"{step:.3g} s, or {step * 86400:.3g} s if it counts the days of a spreadsheet"
-            raise RecordError(f"{where}: {name} rises by {both}; name the column t_s, or write time stamps")
-        notes.append(f"time: {name} counts the days of a spreadsheet")
-        return np.round((t - finite[0]) * 86400.0, 3)
+    for (first, last), whose in ((SHEET_DAYS, "of a spreadsheet"), (MATLAB_DAYS, "of MATLAB")):
+        if first < finite.min() and finite.max() < last and 0 < step < SECOND_STEP:
+            if step > DAY_STEP:
+                both = f"{step:.3g} s, or {step * 86400:.3g} s if it counts the days {whose}"
+                raise RecordError(f"{where}: {name} rises by {both}; name the column t_s, or write time stamps")
+            notes.append(f"time: {name} counts the days {whose}")
+            return np.round((t - finite[0]) * 86400.0, 3)
     return t
 
 

@@ -99,7 +99,7 @@ def main(arguments: list[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     folder(given.output)
     rows = []
-    for m, r in tqdm(records(given.folder), file=sys.stderr):
+    for m, r in tqdm(records(given.folder, doubted=True), file=sys.stderr):
         whole = answered(given.output / f"{m.id}.json", partial(weighed, r))
         parts = [answered(given.output / f"{m.id}-w{i}.json", partial(measured, w)) for i, w in enumerate(windows(r))]
         rows.append(

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -128,7 +129,7 @@ def rows(grids: dict[str, int], records: Path, labels: Path, seed: int = SEED) -
     return table_rows
 
 
-def _real(records: Path, labels: Path) -> list[dict[str, object]]:
+def _real(records: Path, labels: Path) -> list[dict[str, Any]]:
     """Score every variant, by its number, on real units."""
     read = judge_files(records, ["kano_a"], labels=labels).records
     found = []

@@ -115,20 +115,11 @@ def _called(part: pd.DataFrame, method: str) -> bool:
     return bool(odds.size and probability(pooled(list(odds))) > YES)
 
 
-def records(where: Path) -> list[tuple[Any, LoopRecord]]:
-    """Return the usable primary records whose label nobody doubts, each with its line of `records.csv`.
-
-    Parameters
-    ----------
-    where : Path
-        `records.csv` (columns id, loop, unit_group, label, label_doubt, usable, primary, dynamics) and ID.csv files.
-
-    Returns
-    -------
-    list of (line, LoopRecord)
-    """
+def records(where: Path, doubted: bool = False) -> list[tuple[Any, LoopRecord]]:
+    """Return the usable primary records of `records.csv`, each with its line; those with a doubted label where asked for."""
     table = pd.read_csv(where / "records.csv")
-    good = table[(table.usable == 1) & (table.primary == 1) & table.label_doubt.isna() & (table.label != "unknown")]
+    good = table[(table.usable == 1) & (table.primary == 1) & (table.label != "unknown")]
+    good = good if doubted else good[good.label_doubt.isna()]
     out = []
     for line in good.itertuples():
         process = str(line.dynamics).replace("_", "-")
@@ -141,10 +132,11 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m results.studies.recorded_loops", description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("-o", "--output", type=Path, required=True, help="Folder where the answers are kept.")
+    parser.add_argument("--doubted", action="store_true", help="also records whose label somebody doubts")
     parser.add_argument("--panel", action="store_true", help="also as an archive would have changed the first record of a unit")
     given = parser.parse_args(arguments)
     folder(given.output)
-    read = records(given.folder)
+    read = records(given.folder, given.doubted)
     rows = pd.DataFrame(
         {"unit": m.unit_group, "loop": m.loop, "sticky": m.label == "stiction"}
         | answered(given.output / f"{m.id}.json", partial(weighed, r))

@@ -32,6 +32,7 @@ def test_a_long_sentence_keeps_its_beginning_and_its_end_and_no_secret(capsys):
 
 
 def test_a_faults_log_holds_no_secret(tmp_path, monkeypatch, capsys):
+    monkeypatch.delenv("SIMBENCH_RAISE")
     import tempfile
 
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))

@@ -162,3 +162,44 @@ def test_hagglund_fills_its_memory_on_an_oscillation_only():
     assert o.iae_loads(e, 1.0, 0.5, 50.0, gamma=1.0) > 70
     assert o.iae_loads(0.4 * e, 1.0, 0.5, 50.0) == 0.0
     assert o.iae_loads(np.random.default_rng(0).standard_normal(2000), 1.0, 0.5, 50.0) < 2.0
+
+
+def wandering_cycle(seed=0, swings=60):
+    """Triangles of one height whose half periods lie between 8 and 160 samples."""
+    lengths = np.exp(np.random.default_rng(seed).uniform(np.log(8), np.log(160), swings)).astype(int)
+    ends = np.where(np.arange(swings + 1) % 2 == 0, 48.0, 52.0)
+    return np.interp(np.arange(lengths.sum()), np.concatenate([[0], np.cumsum(lengths)]), ends), lengths
+
+
+def test_a_cycle_of_one_swing_is_sustained_though_its_period_wanders():
+    op, lengths = wandering_cycle()
+    noisy = op + 0.1 * np.random.default_rng(1).standard_normal(op.size)
+    found = o.find_oscillation(noisy, np.zeros(op.size), 2.0)
+    assert found.sustained
+    assert found.swings >= 55
+    assert found.period_s == pytest.approx(2 * 2.0 * lengths.mean(), rel=0.05)
+    assert "swings of OP" in found.evidence
+
+
+@pytest.mark.parametrize("turned", [lambda x: -x, lambda x: 40.0 * x - 7.0, lambda x: 100.0 - x])
+def test_its_reversals_are_those_of_the_signal_in_any_unit(turned):
+    op, _ = wandering_cycle(3)
+    at, other = o.wandering(op), o.wandering(turned(op))
+    assert at is not None
+    assert other is not None
+    assert at.tolist() == other.tolist()
+
+
+@pytest.mark.parametrize("swings", ["random walk", "coloured noise", "growing", "over long ago", "few"])
+def test_swings_of_every_size_or_of_the_past_are_no_cycle(swings):
+    rng = np.random.default_rng(2)
+    walk = rng.standard_normal(3000).cumsum()
+    op, _ = wandering_cycle()
+    signal = {
+        "random walk": walk,
+        "coloured noise": np.convolve(rng.standard_normal(3000), np.exp(-np.arange(100) / 15), "same"),
+        "growing": (op - 50.0) * np.linspace(0.2, 2.0, op.size),
+        "over long ago": np.concatenate([op, np.full(op.size, 50.0)]),
+        "few": wandering_cycle(swings=10)[0],
+    }[swings]
+    assert o.wandering(signal) is None

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from detectors.judge import judge
-from detectors.prepared import prepare
+from detectors.prepared import prepare, thinned
 from detectors.procedure import diagnose
 from detectors.record import LoopRecord
 
@@ -88,3 +88,23 @@ def test_hagglund_s_detector_sees_the_whole_record():
 def test_a_record_too_short_to_be_halved_is_judged_as_it_is(n):
     ramp = np.arange(n) ** 2.0
     assert prepare(LoopRecord(op=ramp, pv=-ramp, Ts=1.0)).part is None
+
+
+def test_a_dense_record_is_judged_as_every_second_or_fourth_sample_of_it():
+    """Of 600 samples per period 150 are left, whichever of these the record came with."""
+    k = np.arange(12_000.0)
+    op, pv = np.arcsin(np.sin(2 * np.pi * k / 600)), np.sign(np.cos(2 * np.pi * k / 600))
+    dense = LoopRecord(op=op, pv=pv, Ts=0.5, process="self-regulating", sp=np.zeros(k.size))
+    found = [prepare(thinned(dense, step)) for step in (1, 2, 4)]
+    assert [p.step for p in found] == [4, 2, 1]
+    for p in found:
+        assert (p.record.Ts, p.record.n) == (2.0, 3000)
+        assert p.record.op.tolist() == op[::4].tolist()
+    sighted = found[0].sighted(LoopRecord(op=op, pv=pv, mv=op, Ts=0.5))
+    assert sighted.record.mv is not None
+    assert sighted.record.mv.tolist() == op[::4].tolist()
+
+
+def test_what_does_not_oscillate_keeps_its_samples():
+    noise = np.random.default_rng(0).standard_normal(6000).cumsum()
+    assert prepare(LoopRecord(op=noise, pv=noise, Ts=1.0)).step == 1

@@ -57,6 +57,7 @@ def test_each_shape_is_known_by_its_name(shape, turn):
         ("self-regulating", "triangle", "sine", "stiction"),
         ("self-regulating", "sine", "sine", "no_stiction"),
         ("self-regulating", "sine", "square", "no_decision"),
+        ("self-regulating", "triangle", "triangle", "no_decision"),
         ("integrating", "triangle", "triangle", "stiction"),
         ("integrating", "sine", "triangle", "stiction"),
         ("integrating", "sine", "sine", "no_stiction"),
@@ -68,3 +69,12 @@ def test_pair_of_shapes_decides(process, op, pv, expected):
     op, pv = (wave(s, shift) + 0.02 * rng.standard_normal(T.size) for s, shift in ((op, 0.0), (pv, 0.3)))
     verdict = judge(LoopRecord(50 + op, pv, 1.0, process=process), ["srinivasan"])[0]
     assert verdict.verdict == expected, verdict
+
+
+@pytest.mark.parametrize(("kind", "expected"), [("temperature", "stiction"), ("flow", "no_decision"), (None, "stiction")])
+def test_as_published_a_known_kind_of_loop_has_its_own_column_of_the_table(kind, expected):
+    rng = np.random.default_rng(2)
+    op, pv = (wave(s, shift) + 0.02 * rng.standard_normal(T.size) for s, shift in (("triangle", 0.0), ("sine", 0.3)))
+    record = LoopRecord(50 + op, pv, 1.0, process="self-regulating", kind=kind)
+    assert judge(record, ["srinivasan@published"])[0].verdict == expected
+    assert judge(record, ["srinivasan"])[0].verdict == "stiction"

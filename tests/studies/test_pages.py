@@ -100,6 +100,7 @@ def test_every_link_of_the_committed_gallery_hits():
         assert (ROOT / "docs" / link).is_file(), link
 
 
+@pytest.mark.slow  # every row of the chapter is computed again
 def test_pages_are_written_by_command_and_wrong_places_are_one_sentence(tmp_path, capsys):
     assert write_gallery(["-o", str(tmp_path / "gallery.md")]) == 0
     assert (tmp_path / "gallery.md").read_text(encoding="utf-8").startswith("# Gallery")

@@ -25,6 +25,7 @@ def test_made_up_rows_are_a_run_that_can_be_scored(tmp_path, monkeypatch):
     assert books[-1].methods == ("he", "yamashita")
 
 
+@pytest.mark.slow  # a smoke run
 def test_the_client_tells_its_time_apart(tmp_path, capsys):
     assert store_study._client(str(tmp_path / "run"), "smoke", "horch", "1", "") == 0
     told = json.loads(capsys.readouterr().out)

@@ -41,7 +41,8 @@ def methods_page() -> str:
     for name in methods.names():
         lines += [f".. _method-{name}:", "", *heading(name, "-")]
         found = re.split(rf"^({'|'.join(PARTS)}):", (methods.load(name).__doc__ or "").split("Example", 1)[0], flags=re.M)
-        lines += [plain(found[0]), "", *(f":{part}: {plain(says)}" for part, says in zip(found[1::2], found[2::2])), ""]
+        lines += [plain(found[0]), "", *(f":{part}: {plain(says)}" for part, says in zip(found[1::2], found[2::2]))]
+        lines += [f":Own rules: {_own_rules(methods.load(name).METHOD)}", ""]
     return "\n".join(lines)
 
 
@@ -54,6 +55,14 @@ def _row(name: str, shares: dict[str, dict[str, float]], real: dict[str, dict[st
     if unit:
         seen = (f"{unit['found']} of {unit['n_stiction']}", f"{unit['false_alarms']} of {unit['n_other']}")
     return f":ref:`{name} <method-{name}>`", *numbers, *seen, made, plain(about.title)
+
+
+def _own_rules(about: Method) -> str:
+    """Say which rules are none of the source's, and what they are there; `NAME@published` is the method without them."""
+    rules = (f"{k} = {about.thresholds[k].default:g}, {v:g} in the source" for k, v in about.published.items())
+    told = plain("; ".join(rules)) or "none"
+    chapter = ", ".join(f"{k} = {v:g}" for k, v in about.chapter.items())
+    return told + (f"; in the chapter {plain(chapter)}" if chapter else "")
 
 
 def loops() -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from results.studies.chapter import confirmation, methods, theory
+from results.studies.chapter import confirmation, further, methods, theory
 from results.studies.chapter.row import Row, Source
 
 HEAD = """# Chapter against code
@@ -24,9 +24,9 @@ def rows(isdb: Source = None) -> list[Row]:
     Returns
     -------
     list of Row
-        In the order of the chapter.
+        In the order of the chapter, what it says in passing last.
     """
-    return [row for part in (theory, methods, confirmation) for row in part.rows(isdb)]
+    return [row for part in (theory, methods, confirmation, further) for row in part.rows(isdb)]
 
 
 def page(found: list[Row]) -> str:
@@ -48,7 +48,7 @@ def page(found: list[Row]) -> str:
     """
     word = {True: "yes", False: "**no**", None: "not tried"}
     yes, no, none = (sum(row.agrees is answer for row in found) for answer in (True, False, None))
-    lines = [HEAD, f"{yes} reproduce, {no} do not, {none} could not be tried for want of the record.", ""]
+    lines = [HEAD, f"{yes} reproduce, {no} do not, {none} could not be tried.", ""]
     lines += ["| place | quantity | printed | ours | reproduced | why |", "|---|---|---|---|---|---|"]
     for row in found:
         cells = (row.place, row.what, row.printed, row.ours, word[row.agrees], row.why)

@@ -194,7 +194,7 @@ def _client(address: str | None) -> Any:
         raise RunError("backend dask needs --address, the scheduler's tcp://HOST:PORT")
     try:
         from distributed import Client
-        from distributed.comm import resolve_address
+        from distributed.comm.addressing import resolve_address
     except ImportError:
         raise RunError("backend dask needs the package distributed; install stiction-simbench[dask]") from None
     try:

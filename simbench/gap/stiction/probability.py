@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 
 # learned by `python -m results.studies.stiction_probability`, every simulator left out in turn
-OFFSET, WEIGHT = -0.31, 2.12
+OFFSET, WEIGHT = -0.23, 2.09
 BOUNDS = (-0.5, 3.0)  # tens of nats between which evidence counts; beyond, a model's errors are larger
-WIDE = 0.5  # share of OP's range from which on a band counts in full: a valve that makes the loop cycle moves OP by S to 1.2 S
+WIDE = 0.4  # share of OP's range from which on a band counts in full, below it by its square: a sticky valve moves OP by S
 EDGE = 0.99  # no probability is surer than the loops it was learned on can show
 YES, NO = 0.7, 0.5  # probability from which stiction is claimed, and below which it is denied; between them, cannot tell
 SHARED = 0.75  # correlation of the log-odds of one loop's records, given the truth
@@ -33,10 +33,11 @@ class FrictionEvidence:
 def log_odds(e: FrictionEvidence) -> float:
     """Return the log-odds of stiction, even odds before looking.
 
-    What friction gains beyond an oscillation from outside counts by the share of OP's range that its band spans.
+    What friction gains beyond an oscillation from outside counts by the share of OP's range that its band spans: a narrow band
+    is no cause of what the loop does, whatever its nats.
     """
     nats = min(max((e.gain - max(e.outside, 0.0)) / 10.0, BOUNDS[0]), BOUNDS[1])
-    return OFFSET + WEIGHT * nats * (min(e.share / WIDE, 1.0) if nats > 0.0 else 1.0)
+    return OFFSET + WEIGHT * nats * (min(e.share / WIDE, 1.0) ** 2 if nats > 0.0 else 1.0)
 
 
 def pooled(odds: Sequence[float]) -> float:

@@ -52,6 +52,9 @@ BROKEN = [
     ("if not prepared.oscillation.sustained:", "if 1 / np.ptp(prepared.record.pv) < 0:", "about a dead record (constant"),
     ("if not prepared.oscillation.sustained:", "if 1 / prepared.record.pv[50] < 0:", "raises IndexError"),
     ("if not prepared.oscillation.sustained:", "if int(prepared.oscillation.period_s) < 0:", "(no period, self-regulating)"),
+    ("more > least", "more > least and prepared.record.Ts > 0.01", "follows the unit of time: 'stiction' becomes"),
+    ("more > least", "more > least and prepared.record.pv.max() > 0", "follows the sign of OP and PV: 'stiction' becomes"),
+    ("more > least", "more > least or prepared.step < 3", "follows the sampling: "),
     ("more = ", "op = prepared.record.op; op.flags.writeable = True; op += 1.0; more = ", "'op' is another after detect"),
     ("more = ", "pv *= 1.1; more = ", "'clean pv' is another after detect"),
     ("more = ", "prepared.record.pv[0] = 0.0; more = ", "writes into what it was given (assignment destination is read-only)"),
@@ -123,6 +126,14 @@ def test_a_verdict_that_knows_a_record_by_its_last_digits_is_found(contract_of):
     assert any("hangs on the last digits: 'stiction' becomes" in sentence for sentence in found.broken), found.broken
 
 
+def test_the_direction_of_time_counts_only_for_a_method_that_claims_to_be_free_of_it(contract_of):
+    directed = SOUND.replace("more > least", "more > least and pv.argmax() < pv.size // 2")
+    claims = directed.replace("front_end=False", "front_end=False, reversible=True")
+    assert not any("direction of time" in sentence for sentence in contract_of(directed).broken)
+    assert any("follows the direction of time" in sentence for sentence in contract_of(claims).broken)
+    assert contract_of(SOUND.replace("front_end=False", "front_end=False, reversible=True")).kept
+
+
 def test_an_exempt_case_needs_its_reason(contract_of):
     named = SOUND.replace("more > least", "more < least").replace("min_samples=3", 'min_samples=3, exempt={"stiction": "R"}')
     assert contract_of(named).broken == ("METHOD.exempt: 'stiction' is left out without a reason",)
@@ -131,7 +142,7 @@ def test_an_exempt_case_needs_its_reason(contract_of):
 def test_a_detector_asked_directly_refuses_a_dead_record_in_one_sentence():
     dead = Prepared(example_record("constant", "self-regulating"))
     with pytest.raises(RecordError, match="no period found in OP or PV"):
-        methods.load("horch").detect(dead, **methods.load("horch").METHOD.defaults())
+        methods.load("ellipse").detect(dead, **methods.load("ellipse").METHOD.defaults())
 
 
 def test_watching_lets_nobody_else_hear_it(capsys):

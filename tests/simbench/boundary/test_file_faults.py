@@ -72,7 +72,10 @@ def whole(quick, tmp_path_factory):
     return folder, disk.count
 
 
-@pytest.mark.parametrize("fault", FAULTS)
+RARE = [pytest.param(fault, marks=pytest.mark.slow) for fault in FAULTS[1::2]]
+
+
+@pytest.mark.parametrize("fault", [*FAULTS[::2], *RARE])
 def test_every_file_operation_fails_once(quick, whole, tmp_path, fault, monkeypatch):
     expected, operations = tables(whole[0]), whole[1]
     assert operations > 30

@@ -23,7 +23,7 @@ from tests.simbench.boundary.test_loops import text as loop_text
 from tests.simbench.boundary.test_records import csv
 
 MANY = settings(
-    max_examples=int(os.environ.get("FUZZ", "120")),
+    max_examples=int(os.environ.get("FUZZ", "40")),
     derandomize=True,
     deadline=None,
     database=None,

@@ -193,7 +193,7 @@ def test_a_run_with_an_offender_is_the_run_without_it_for_all_others(tmp_path, c
     pd.testing.assert_frame_equal(one, own, check_exact=True)
 
 
-def test_a_guest_ends_with_its_parent(tmp_path):
+def test_a_plug_in_ends_with_its_parent(tmp_path):
     file = plugin(tmp_path, f"open({str(tmp_path / 'pid')!r}, 'w').write(str(os.getpid())); time.sleep(1000)")
     code = f"""
 import numpy as np
@@ -237,12 +237,12 @@ def published(tmp_path, monkeypatch):
 
 
 def test_a_published_detector_lives_in_a_process_of_its_own(published, alone, tmp_path):
-    tells = f"open({str(tmp_path / 'pid')!r}, 'w').write(str(os.getpid())); {FINE}"
+    tells = FINE.replace('"because"', "str(os.getpid())")
     published(("pid", tells), ("mad", HOSTILE["exits hard"][0]))
     found = {v.method: v for _, v in detect(RECORD, ["mad", "pid", "pid@published", *OTHERS]).verdicts}
     assert [found[m].as_json() for m in OTHERS] == alone
     assert found["pid"].verdict == found["pid@published"].verdict == "stiction"
-    assert int((tmp_path / "pid").read_text()) != os.getpid()
+    assert int(found["pid"].reason.partition(";")[0]) != os.getpid()
     assert "exit status 7" in found["mad"].reason
     # what it did in one question is forgotten in the next
     for _ in range(host.STRIKES):
@@ -268,6 +268,8 @@ CONTRACTS = {
     "never ends": ("while True: pass", "longer than"),
     "takes all memory": ("x = [np.ones(10_000_000) for _ in range(1000)]", "MemoryError"),
     "writes to both": ("os.write(1, b'noise'); os.write(2, b'noise'); raise OSError", "OSError"),
+    "looks around": (f"try: open('/proc/1/cmdline')\n    except OSError: pass\n    {FINE}", "may not look at /proc/1/cmdline"),
+    "simulates again": (f"try: import scenarios.grid\n    except OSError: pass\n    {FINE}", "may not import scenarios"),
 }  # fmt: skip
 
 

@@ -109,7 +109,7 @@ import os, sys
 from detectors.detection import detect
 from detectors.record import LoopRecord
 sys.stderr = sys.stdout
-wave = [k % 7 for k in range(600)]
+wave = [50 + k % 7 for k in range(600)]
 for verdict in detect(LoopRecord(wave, wave[::-1], 1.0), ["horch"], plugins=[{str(tmp_path / "mine.py")!r}]):
     print(verdict.method, verdict.reason.replace(f"process {{os.getpid()}}", "the same process"))
 """)

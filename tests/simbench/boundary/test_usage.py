@@ -225,7 +225,9 @@ def test_wrong_thresholds(refused, tmp_path, verb, content):
     assert not (tmp_path / "run").exists()
 
 
-def test_a_fault_of_the_program_is_one_sentence_that_names_its_log(capsys):
+def test_a_fault_of_the_program_is_one_sentence_that_names_its_log(capsys, monkeypatch):
+    monkeypatch.delenv(usage.RAISED)
+
     def fault():
         raise ZeroDivisionError("nobody\nthought of this")
 
@@ -239,6 +241,7 @@ def test_a_fault_of_the_program_is_one_sentence_that_names_its_log(capsys):
 
 
 def test_logs_of_faults_do_not_pile_up(capsys, tmp_path, monkeypatch):
+    monkeypatch.delenv(usage.RAISED)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     (tmp_path / "simbench-report.log").write_text("not ours")
     for number in range(usage.LOGS + 5):

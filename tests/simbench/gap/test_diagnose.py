@@ -207,7 +207,7 @@ def test_records_of_another_pace_are_not_judged_together():
         ask([one, replace(one, Ts=2.0)])
 
 
-@pytest.mark.parametrize("mv", [True, False])
+@pytest.mark.parametrize("mv", [pytest.param(True, marks=pytest.mark.slow), False])
 @pytest.mark.parametrize("effect", [{"name": "stiction", "S": 5.0, "J": 2.0}, {"name": "gain_mismatch", "factor": 1.6}, None])
 def test_a_loop_without_noise_is_no_riddle(effect, mv):
     table = {

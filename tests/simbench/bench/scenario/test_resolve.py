@@ -128,7 +128,9 @@ def test_w_Ti_of_the_cycle_is_what_the_cell_asks_for():
     assert 2 * math.pi * found.controller.Ti / measure_cycle(found).period == pytest.approx(1.0, rel=0.06)
 
 
-@pytest.mark.parametrize(("name", "every"), [("chapter", 7), ("ci", 4), ("table-11-3", 2)])
+@pytest.mark.parametrize(("name", "every"), [
+    ("ci", 4), pytest.param("chapter", 7, marks=pytest.mark.slow), pytest.param("table-11-3", 2, marks=pytest.mark.slow),
+])  # fmt: skip
 def test_a_grid_is_balanced(name, every):
     found = fairness(load_grid(name), every)
     # a subsample wanders by chance: two standard errors are granted, `make leak` grants none on the whole grid

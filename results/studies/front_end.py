@@ -1,0 +1,67 @@
+"""Front end: of the cycling loops of every valve family, how many are seen to oscillate, by the period and by the swings."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from detectors.judge import judge
+from detectors.prepared import prepare
+from detectors.report.report import table
+from detectors.verdict import STICTION
+from scenarios.grid import load_grid
+from simbench.bench.scenario.resolve import resolve
+from simbench.bench.scenario.truth import simulate_with_truth
+from simbench.usage import exit_code
+
+SEED = 4321  # of no loop on which a limit was chosen
+STRONG = "buried"  # disturbances that are larger than the cycle itself: counted apart
+METHODS = ("procedure", "hammerstein", "he", "horch_histogram")
+REST = "not cycling"
+
+
+def loops(grid: str, every: int) -> Iterator[tuple[str, bool, list[bool]]]:
+    """Yield family (or `REST`), whether the disturbance is strong, and: sustained, by its swings, found by each method."""
+    content = load_grid(grid, {"seed": SEED, "repeats": 1})
+    for index in range(0, content.group_count, every):
+        for scenario in resolve(content.group(index)):
+            run, cycled = simulate_with_truth(scenario.loop, scenario.seed)
+            if cycled.answer not in ("yes", "no"):
+                continue
+            record = run.record.blind()
+            found = prepare(record).oscillation
+            family = str(scenario.tags["valve"]) if cycled.answer == "yes" else REST
+            said = [found.sustained, found.swings > 0, *(v.verdict == STICTION for v in judge(record, METHODS))]
+            yield family, scenario.tags["disturbance"] == STRONG, said
+
+
+def rows(grid: str, every: int) -> list[dict[str, Any]]:
+    """Return per family: n, share sustained, of these by the swings, and what each method finds; strong disturbances apart."""
+    found: dict[tuple[bool, str], list[list[bool]]] = {}
+    for family, strong, said in loops(grid, every):
+        found.setdefault((strong, family), []).append(said)
+    head = ("sustained", "by its swings", *METHODS)
+    return [
+        {"disturbance": STRONG if strong else "other", "family": family, "n": len(said)}
+        | {key: f"{share:.3f}" for key, share in zip(head, np.mean(said, axis=0), strict=True)}
+        for (strong, family), said in sorted(found.items())
+    ]
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Print the table: `python -m results.studies.front_end`."""
+    parser = argparse.ArgumentParser(prog="python -m results.studies.front_end", description=__doc__)
+    parser.add_argument("--grid", default="families")
+    parser.add_argument("--every", type=int, default=1, help="every so many-th group")
+    chosen = parser.parse_args(arguments)
+    print(f"every {chosen.every}th group of {chosen.grid}, seed {SEED}, truth: cycled; shares of n")
+    print("\n".join(table(rows(chosen.grid, chosen.every))))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(exit_code(main))

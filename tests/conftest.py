@@ -1,0 +1,7 @@
+"""A fault of the program is a traceback wherever tests run, in the processes they start as well."""
+
+import os
+
+from detectors.usage import RAISED
+
+os.environ[RAISED] = "1"

@@ -1,0 +1,200 @@
+"""Input that once ended in a fault of the program, in silence or in minutes of nothing: one sentence each."""
+
+import math
+import os
+from importlib.resources import files
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from scenarios.grid import load_grid
+from simbench.cli import main
+from tests.simbench.boundary.test_fuzz import asked
+from tests.simbench.boundary.test_loops import text as loop_text
+
+MANY = settings(
+    max_examples=int(os.environ.get("FUZZ", "60")), derandomize=True, deadline=None, database=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)  # fmt: skip
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """A folder with a loop and a record in it, where the command stands."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "loop.toml").write_text(loop_text())
+    write(tmp_path / "rec.csv", np.arange(900))
+    (tmp_path / "self.csv").symlink_to("self.csv")
+    (tmp_path / "self").symlink_to("self")
+    for name in ("pipe.mat", "pipe.csv", "pipe.toml", "pipe.json"):
+        os.mkfifo(tmp_path / name)
+    return tmp_path
+
+
+def write(path, times, head: str = "t,op,pv") -> None:
+    op = [f"{50 + 6 * math.sin(k / 8):.4f}" for k in range(len(times))]
+    pv = [f"{30 + 5 * math.copysign(1, math.sin(k / 8 - 1)) + 0.1 * math.sin(7.1 * k):.4f}" for k in range(len(times))]
+    path.write_text("\n".join([head, *(",".join([repr(float(t)), *both]) for t, *both in zip(times, op, pv))]) + "\n")
+
+
+@pytest.mark.parametrize(
+    ("words", "needed"),
+    [
+        ("simulate loop.toml -o self.csv", "leads back to itself; name another file"),
+        ("detect rec.csv --csv self.csv", "leads back to itself; name another file"),
+        ("run smoke -o self", "cannot be made"),
+        ("detect self.csv", "does not exist"),
+        ("detect rec.csv --plugin self/x.py", ""),
+        ("detect pipe.mat", "is needed"),
+        ("detect pipe.csv", "is needed"),
+        ("detect rec.csv --thresholds pipe.json", "is needed"),
+        ("simulate pipe.toml -o out.csv", "is needed"),
+        ("run pipe.toml -o run", "is needed"),
+        ("run smoke -o run --until-width 1e-9", "0.001 and 1 is needed"),
+        ("run smoke -o run --set seed=5_0", "seed"),
+        ("simulate loop.toml -o ftp://me:secret@host/r.csv", "***@host/r.csv"),
+        ("run smoke -o nothing://me:secret@host/run", "***@host/run"),
+        ("run smoke -o run --backend dask --address tcp://me:secret@127.0.0.1:1", "***@"),
+    ],
+)
+def test_hostile_words_end_in_a_sentence(here, words, needed):
+    if "dask" in words:
+        pytest.importorskip("distributed")
+    before = sorted(p.name for p in here.iterdir())
+    code, said = asked(words.split())
+    assert code == 2
+    assert needed in said
+    assert "secret" not in said
+    assert sorted(p.name for p in here.iterdir()) == before
+
+
+@pytest.mark.parametrize("last", [1e300, 1e17, 1e308])
+def test_times_that_no_whole_number_counts_are_refused(here, refused, last):
+    write(here / "rec.csv", [*range(899), last])
+    refused(["detect", "rec.csv", "--method", "horch"], "time step", "is needed")
+
+
+def test_an_axis_without_end_is_refused_before_it_is_read_value_by_value(here, refused):
+    values = ", ".join(str(0.3 + k * 1e-7) for k in range(20_000))
+    (here / "grid.toml").write_text(GRID.replace("1.0", values))
+    refused(["run", "grid.toml", "-o", "run"], "'controller.Kc' has 20000 values; at most 10000 are allowed")
+
+
+GRID = """
+title = "t"
+[axes]
+"controller.Kc" = [1.0]
+[loop.plant]
+type = "foptd"
+K = 1
+T = 10
+[loop.controller]
+type = "P"
+Kc = 1
+"""
+
+
+def test_thousands_of_columns_are_read_in_a_moment(here):
+    """In time that grows with their number, not with its square: 9 s of the names' comparisons alone would be more."""
+    names = [f"x{k}" for k in range(20_000)]
+    rows = [",".join([str(k), str(k % 7), str(k % 5), *["1"] * 20_000]) for k in range(4)]
+    (here / "wide.csv").write_text("\n".join(["t,op,pv," + ",".join(names), *rows]))
+    code, _ = asked(["detect", "wide.csv", "--method", "horch", "--json"])
+    assert code == 0
+
+
+def test_a_file_in_another_alphabet_comes_back_as_a_short_sentence(here, refused):
+    (here / "e.csv").write_bytes((here / "rec.csv").read_text().encode("cp500"))
+    refused(["detect", "e.csv"], "e.csv: no PV column")
+
+
+def test_matlab_days_are_days(here, capsys):
+    write(here / "days.csv", 739_000.0 + np.arange(900) / 86400, "timestamp,op,pv")
+    assert main(["detect", "days.csv", "--method", "horch"]) == 0
+    said = capsys.readouterr().out
+    assert "Ts = 1 s" in said
+    assert "timestamp counts the days of MATLAB" in said
+
+
+def test_an_underscore_makes_no_number(here, refused):
+    text = (here / "rec.csv").read_text().splitlines()
+    (here / "rec.csv").write_text("\n".join([text[0], "0,5_0.3,30", *text[2:]]))
+    refused(["detect", "rec.csv"], "op is '5_0.3'", "line 2")
+
+
+def test_a_load_of_period_0_is_refused_before_anything_is_simulated(here, refused, monkeypatch):
+    from simbench.bench.execute import run
+
+    monkeypatch.setattr(run, "work", None)
+    grid = load_grid("smoke").content.model_dump(exclude_none=True)
+    assert grid["disturbances"]["sine"]["period"]
+    text = (files("scenarios") / "grids" / "smoke.toml").read_text().replace("period = [0.4, 2.5]", "period = 0", 1)
+    (here / "grid.toml").write_text(text)
+    refused(["run", "grid.toml", "-o", "run"], "disturbance 'sine': period = 0; it must be above 0")
+
+
+CLOSED = [
+    "simulate loop.toml -o closed/r.csv", "run smoke -o closed/run", "detect rec.csv --method horch --csv closed/v.csv",
+    "figure table-11-4 -o closed", "trust rec.csv --html closed/t.html",
+]  # fmt: skip
+
+
+@pytest.mark.skipif(os.getuid() == 0 and not hasattr(os, "seteuid"), reason="needs a user whom a folder can be closed to")
+def test_a_folder_closed_to_its_reader_is_named(here, refused):
+    closed = here / "closed"
+    closed.mkdir(mode=0o555)
+    root = os.geteuid() == 0
+    here.chmod(0o777)
+    import simbench.plant.command  # noqa: F401  the other user could not read what is imported later
+
+    if root:
+        for above in (here, *list(here.parents)[:3]):
+            above.chmod(above.stat().st_mode | 0o011)
+        os.seteuid(12345)
+    try:
+        for words in CLOSED:
+            code, said = asked(words.split())
+            assert (code, "permission denied" in said) == (2, True), said
+    finally:
+        if root:
+            os.seteuid(0)
+    assert not list(closed.iterdir())
+
+
+VERBS = [
+    "detect rec.csv", "diagnose rec.csv", "run smoke -o run", "simulate loop.toml -o out.csv", "list grids", "score run",
+    "check run --against b", "figure table-11-4 -o f", "valve --model kano op.csv -o v.csv", "gap study . --grid smoke",
+]  # fmt: skip
+OPTIONS = [
+    "--op-span", "--pv-span", "--ts", "--method", "--columns", "--kind", "--loop", "--set", "--axis", "--seed", "--kick",
+    "--param", "-j", "--time-limit", "--until-width", "--front-end", "--address", "--backend", "-o", "--html", "--csv",
+]  # fmt: skip
+HOSTILE = [
+    "0", "-1", "nan", "1e309", "a=b", "K=1", "op=pv", "..", "", "s3://k:secret@h/x", "ftp://me:secret@127.0.0.1:1/a",
+    "memory://x", "local:///proc/x", "data:/x", "::", "1_0", "seed=1_0", "\udcff", "=1", "x" * 300, "self", "pipe.csv",
+]  # fmt: skip
+WORDS = st.one_of(
+    st.sampled_from(HOSTILE),
+    st.floats().map(str),
+    st.text(max_size=6).filter(lambda t: "\0" not in t and not t.startswith("-")),
+)  # fmt: skip
+
+
+@MANY
+@given(
+    verb=st.sampled_from(VERBS),
+    options=st.lists(st.tuples(st.sampled_from(OPTIONS), WORDS, st.booleans()), min_size=1, max_size=3),
+)
+def test_options_at_random(here, verb, options):
+    from simbench.bench.execute import run
+
+    def never(*_, **__):
+        raise KeyboardInterrupt
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(run, "work", never)
+        code, said = asked([*verb.split(), *(w for name, word, twice in options for w in (name, *[word] * (1 + twice)))])
+    assert "secret" not in said
+    assert code in (0, 1, 2, 130)

@@ -1,0 +1,176 @@
+"""Every file operation of every verb that writes failed once: one sentence, nothing half-written, the same bits on going on."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from simbench.blind import leave_out
+from simbench.cli import main
+from simbench.files import HOST
+from tests.simbench.boundary.disk import FAULTS, Disk, Killed
+from tests.simbench.boundary.test_hostile import write
+from tests.simbench.boundary.test_loops import text as loop_text
+
+NOBODY = 2**22 + 5  # no process has this number
+QUICK = {
+    "simulate": "simulate ../loop.toml -o rec.csv",
+    "valve": "valve --model choudhury --param S=5 --param J=2 ../rec.csv -o mv.csv",
+    "detect": "detect ../rec.csv --method horch --csv v.csv --html v.html",
+    "diagnose": "diagnose ../rec.csv --picture path.svg",
+    "figure": "figure table-11-4 -o .",
+    "score": "score ../run --report report.html",
+    "check": "check ../run --against ../baseline --junit j.xml --markdown m.md",
+    "leave-out": "gap leave-out left -n 1",
+}
+HEAVY = {
+    "run": "run smoke -o run --method horch_histogram --resume",
+    "report": "report ../plant -o plant.html -j 1",
+    "trust": "trust ../rec.csv --html trust.html --method horch",
+    "gap diagnose": "gap diagnose ../rec.csv --identify --html gap.html --write-loop fixed.toml",
+    "gap study": "gap study ../plant --grid smoke --html study.html -j 1",
+    "withheld answer": "gap withheld answer held",
+    "calibrate": "calibrate smoke --method horch -o cal",
+}
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory):
+    """A loop, records, a run and its baseline, from which every verb reads."""
+    home = tmp_path_factory.mktemp("home")
+    (home / "loop.toml").write_text(loop_text())
+    write(home / "rec.csv", np.arange(900))
+    (home / "plant").mkdir()
+    for k in range(5):
+        write(home / "plant" / f"r{k}.csv", np.arange(300 + 20 * k))
+    assert main(["run", "smoke", "-o", str(home / "run"), "--method", "horch_histogram", "--set", "disturbance=none"]) == 0
+    assert main(["check", str(home / "run"), "--against", str(home / "baseline"), "--update"]) == 0
+    return home
+
+
+@pytest.fixture
+def cheap(monkeypatch):
+    """What leave-out finds, without a diagnosis: this is about files."""
+    row = dict.fromkeys(leave_out.COLUMNS, "") | {"said": "unknown", "block": "valve", "before": 1 / 3, "left": 0.1}
+    row |= {"back": "none", "strength": "strong", "resolvable": True, "after": 0.1, "nearest": "none"}
+
+    def one(place, name, i, effect, draw_item, seed):
+        return row | {"record": name, "effect": effect}
+
+    monkeypatch.setattr(leave_out, "_one", one)
+    monkeypatch.setattr(leave_out, "EFFECTS", dict(list(leave_out.EFFECTS.items())[:3]))
+
+
+def bits(folder) -> dict[str, bytes]:
+    """All files below a folder; of parquet and of times nothing, which `test_file_faults` compares."""
+    files = {str(f.relative_to(folder)): f for f in sorted(folder.rglob("*")) if f.is_file()}
+    timed = (".parquet", "manifest.json", "cost.csv", "scores.csv", "scores_by_axis.csv")
+    return {name: b"" if name.endswith(timed) else f.read_bytes() for name, f in files.items()}
+
+
+def clean(home, name):
+    folder = home / name
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    return folder
+
+
+ALWAYS = [("simulate", "no space"), ("simulate", "kill after"), ("detect", "no space")]
+RARELY = [(verb, fault) for verb in QUICK for fault in FAULTS if (verb, fault) not in ALWAYS]
+
+
+@pytest.mark.parametrize(("verb", "fault"), [*ALWAYS, *(pytest.param(*both, marks=pytest.mark.slow) for both in RARELY)])
+def test_every_operation_of_a_verb_fails_once(home, cheap, monkeypatch, capsys, verb, fault):
+    words = QUICK[verb].split()
+    monkeypatch.chdir(clean(home, "first"))  # what is made once for all, such as compiled kernels, is made here
+    assert main(words) == 0
+    monkeypatch.chdir(clean(home, "whole"))
+    with pytest.MonkeyPatch.context() as patch:
+        disk = Disk(patch)
+        assert main(words) == 0
+    expected = bits(home / "whole")
+    assert disk.count >= 3
+    capsys.readouterr()
+    for n in range(disk.count):
+        folder = clean(home, "failed")
+        monkeypatch.chdir(folder)
+        with pytest.MonkeyPatch.context() as patch:
+            failing = Disk(patch, n, fault)
+            try:
+                code = main(words)
+            except Killed:
+                code = -9
+        assert failing.failed
+        said = capsys.readouterr().err
+        if fault.startswith("kill"):
+            assert code == -9
+            for left in folder.rglob(f".*.{HOST}.{os.getpid()}"):
+                left.rename(left.with_suffix(f".{NOBODY}"))
+        else:
+            assert code == 2, said
+            last = said.splitlines()[-1]
+            assert last.startswith("error: "), said
+            assert os.strerror(errno.ENOSPC if fault == "no space" else errno.EIO).lower() in last
+            assert not [f for f in folder.rglob(".*") if f.is_file()]
+        for name, content in bits(folder).items():
+            if not name.rpartition("/")[2].startswith(".") and name != "left/leave_out.csv":  # which grows row by row
+                assert content == expected[name], (n, name)
+        assert main(words) == 0
+        assert bits(folder) == expected, n
+        capsys.readouterr()
+
+
+def test_a_table_that_grows_keeps_its_digits(home, cheap, monkeypatch):
+    folder = clean(home, "grown")
+    monkeypatch.chdir(folder)
+    assert main(["gap", "leave-out", "left", "-n", "1"]) == 0
+    first = (folder / "left" / "leave_out.csv").read_text()
+    assert main(["gap", "leave-out", "left", "-n", "2"]) == 0
+    again = (folder / "left" / "leave_out.csv").read_text()
+    assert again.startswith(first)
+    assert set(pd.read_csv(folder / "left" / "leave_out.csv").before) == {1 / 3}
+
+
+def started(words, folder):
+    return subprocess.Popen([sys.executable, "-m", "simbench.cli", *words], cwd=folder, stdout=subprocess.DEVNULL,
+                            stderr=subprocess.DEVNULL, start_new_session=True)  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("verb", [*QUICK, *HEAVY])
+def test_a_verb_killed_at_any_time_goes_on_to_the_same_bits(home, verb):
+    """`KILLS=4` of each by default: 60 in all."""
+    words = ({**QUICK, **HEAVY}[verb]).split()
+
+    def begun(name):
+        folder = clean(home, name)
+        if "held" in words:
+            (folder / "held").mkdir()
+            (folder / "held" / "records").mkdir()
+            for k in range(3):
+                shutil.copy(home / "rec.csv", folder / "held" / "records" / f"r{k}.csv")
+                shutil.copy(home / "loop.toml", folder / "held" / "records" / f"r{k}.toml")
+        return folder
+
+    whole = begun("whole")
+    since = time.monotonic()
+    assert started(words, whole).wait() == 0
+    took, expected = time.monotonic() - since, bits(whole)
+    kills = int(os.environ.get("KILLS", "4"))
+    for k in range(kills):
+        folder = begun("killed")
+        process = started(words, folder)
+        time.sleep(took * (0.4 + 0.55 * k / kills))
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        assert started(words, folder).wait() == 0
+        assert bits(folder) == expected, k
