@@ -27,7 +27,7 @@ _KEPT = (
 )  # fmt: skip
 _BASELINE_COLUMNS = (
     "method", "truth", "process", "n", "positives", "applicable", "accuracy_applicable", "accuracy_decided", "no_decision",
-    "found", "false_alarms", "accuracy_all", "auc", "rank", "errors",
+    "found", "false_alarms", "accuracy_all", "auc", "found_at_5", "cost", "risk_coverage", "rank", "errors",
 )  # fmt: skip
 
 
