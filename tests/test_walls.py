@@ -12,6 +12,8 @@ import pytest
 from importlinter.application.use_cases import read_user_options
 from importlinter.configuration import configure
 
+from detectors.plugins.registry import methods
+
 configure()
 OPTIONS = read_user_options(str(Path(__file__).parents[1] / "pyproject.toml"))
 CLASSES = {
@@ -83,7 +85,7 @@ PLUGINS = (
     "detectors.methods", "simbench.loop.valves", "simbench.loop.effects", "simbench.gap.effects", "simbench.figures",
     "simbench.blind.worlds",
 )  # fmt: skip
-HOSTS = ("detectors.__main__", "detectors.plugins.process")
+HOSTS = ("detectors.__main__", "detectors.plugins.process", *methods._above.values())
 ROOT = Path(__file__).parents[1]
 
 

@@ -99,7 +99,7 @@ def rewritten(base: RunArrays, folder: Path) -> Iterator[tuple[str, str, RunArra
 
     Parameters
     ----------
-    base : Book
+    base : RunArrays
         The run.
     folder : Path
         Its folder: every record is simulated again.
@@ -107,7 +107,7 @@ def rewritten(base: RunArrays, folder: Path) -> Iterator[tuple[str, str, RunArra
     Yields
     ------
     method, rewrite : str
-    now : Book
+    now : RunArrays
     """
     plan = [(m, how) for how, (_, who) in REWRITES.items() for m in who if m in base.methods]
     plan += [(m, "last bits") for m in base.methods]

@@ -25,7 +25,7 @@ class RunData:
     ----------
     folder : Path or str
         Where it lies.
-    book : Book
+    book : RunArrays
         Its tables as arrays.
     scores : Scores
         Behind the oscillation front end.

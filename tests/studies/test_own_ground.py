@@ -18,7 +18,7 @@ def scored(book, monkeypatch):
         truth, said = np.append(truth, np.full(unclear, -1)), np.append(said, np.ones(unclear, int))
         axes = {"block": np.full(truth.size, section), "noise_ratio": np.where(np.arange(truth.size) % 2, 0.05, 0.0)}
         made = book(said, truth, methods=[method], axes=axes)
-        monkeypatch.setattr(own_ground.Book, "read", lambda run: made)
+        monkeypatch.setattr(own_ground.RunArrays, "read", lambda run: made)
         return sections("run")
 
     return score
