@@ -20,8 +20,8 @@ import numpy as np
 
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
-from detectors.signal.arx import fit_plant
-from detectors.signal.hammerstein import fit_hammerstein, swing
+from detectors.signal.fits.arx import fit_plant
+from detectors.signal.fits.hammerstein import fit_hammerstein, swing
 from detectors.signal.stiction_map import valve_position
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Level, Verdict
 

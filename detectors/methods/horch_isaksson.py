@@ -21,7 +21,7 @@ import numpy as np
 from detectors.compiled import compiled
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
-from detectors.signal.hammerstein import fit_hammerstein, moving_mean, strongest_segment, swing
+from detectors.signal.fits.hammerstein import fit_hammerstein, moving_mean, strongest_segment, swing
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 _SAMPLES = 30  # per period at least, after averaging

@@ -18,8 +18,8 @@ import numpy as np
 from detectors.compiled import LANES, compiled, lanes
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
-from detectors.signal.arx import fit_plant
-from detectors.signal.hammerstein import moving_mean, strongest_segment, swing
+from detectors.signal.fits.arx import fit_plant
+from detectors.signal.fits.hammerstein import moving_mean, strongest_segment, swing
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 _SAMPLES = 30  # per period at least, after averaging

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from detectors.compiled import compiled
-from detectors.signal.hammerstein_kernels import MOVING_DOWN, MOVING_UP, errors, state_before
+from detectors.signal.fits.hammerstein_kernels import MOVING_DOWN, MOVING_UP, errors, state_before
 from detectors.signal.stiction_map import valve_position
 
 _SAMPLES = 800  # at most, after averaging

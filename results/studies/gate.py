@@ -20,8 +20,8 @@ from detectors.plugins.registry import methods as registry
 from detectors.prepared import prepare
 from detectors.record import LoopRecord
 from detectors.report.report import table
-from detectors.signal import hammerstein
 from detectors.signal.ellipse import Ellipse
+from detectors.signal.fits import hammerstein
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 from scenarios.spec import Loop
 from simbench.bench.execute.again import differing

@@ -14,6 +14,6 @@ What the command line and the report call (paths are str or Path; each raises `U
 - `calibrate.calibrate(grid, false_alarm, methods=("fast",), jobs=1, out=None) -> Calibration`: `.as_text()`,
   `.as_json()`, `.roc`.
 - `worst.worst(method, budget=2000, seed=0) -> Worst`: `.loop`, `.seed`, `.score`, `.as_text()`, `.to_toml()`.
-- `store.reading.read_scenario(folder, scenario_id) -> Scenario`, `store.reading.RunArrays.read(folder)`: a run's tables as arrays.
+- `store.reading.read_scenario(folder, scenario_id) -> Scenario`, `store.reading.RunArrays.read(folder)`: tables as arrays.
 - `execute.sweep.sweep(loop, axes, seeds=1).score(detectors) -> DataFrame`.
 """

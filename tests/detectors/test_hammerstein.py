@@ -7,8 +7,8 @@ import pytest
 
 from detectors.compiled import compiled
 from detectors.judge import judge
-from detectors.signal import hammerstein_kernels as kernels
-from detectors.signal.hammerstein import fit_hammerstein, moving_mean, strongest_segment, swing
+from detectors.signal.fits import hammerstein_kernels as kernels
+from detectors.signal.fits.hammerstein import fit_hammerstein, moving_mean, strongest_segment, swing
 from detectors.signal.oscillation import find_oscillation
 from detectors.signal.stiction_map import valve_position
 

@@ -9,7 +9,7 @@ from detectors.judge import judge
 from detectors.methods import horch_isaksson, stenman
 from detectors.methods.horch_isaksson import LOOSE, two_models
 from detectors.methods.stenman import best_jumps
-from detectors.signal.arx import fit_plant, fit_plant_by_columns
+from detectors.signal.fits.arx import fit_plant, fit_plant_by_columns
 
 
 def test_jumps_are_the_cheapest_of_all_courses():

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 
-# learned by `python -m results.studies.stiction_probability`, every simulator left out in turn
+# learned by `python -m results.studies.plant.stiction_probability`, every simulator left out in turn
 OFFSET, WEIGHT = -0.31, 2.12
 BOUNDS = (-0.5, 3.0)  # tens of nats between which evidence counts; beyond, a model's errors are larger
 _WIDE = 0.5  # share of OP's range from which on a band counts in full: a valve that makes the loop cycle moves OP by S to 1.2 S

@@ -1,4 +1,4 @@
-"""Do trust's claims hold? `python -m results.studies.trust_claims FOLDER` asks it about loops whose truth is known."""
+"""Do trust's claims hold? `python -m results.studies.plant.trust_claims FOLDER` asks it about loops whose truth is known."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def kept(out: Path, count: int, seed: int, ask: Callable[[Scenario], dict[str, A
 
 def main(arguments: list[str] | None = None) -> int:
     """Ask trust about simulated loops, run the same loops again and again, and print claims beside what was measured."""
-    parser = argparse.ArgumentParser(prog="python -m results.studies.trust_claims", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m results.studies.plant.trust_claims", description=__doc__)
     parser.add_argument("out", metavar="FOLDER", help="Where the answers are kept; goes on where it stopped.")
     parser.add_argument("-n", type=int, default=40, help="Loops to ask about [40].")
     parser.add_argument(

@@ -1,4 +1,4 @@
-"""Learn the probability of stiction: `python -m results.studies.stiction_probability FOLDER` looks at loops of four simulators.
+"""Learn the probability of stiction: `python -m results.studies.plant.stiction_probability FOLDER`, on four simulators.
 
 Half of the loops stick. Records are as plants write them: whole, windows of half a cycle to two, sampled too seldom, held, of
 an OP that hardly moves, with a drifting load, a set point that moves, retuned in the middle. Rules are learned on three
@@ -306,7 +306,7 @@ def kept(out: Path, count: int, simulators: Sequence[str]) -> list[dict[str, Any
 
 def main(arguments: list[str] | None = None) -> int:
     """Look at simulated loops and print the numbers of `simbench/gap/stiction/probability.py`, beside what others would do."""
-    parser = argparse.ArgumentParser(prog="python -m results.studies.stiction_probability", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m results.studies.plant.stiction_probability", description=__doc__)
     parser.add_argument("out", type=Path, metavar="FOLDER", help="Where what was found is kept; goes on where it stopped.")
     parser.add_argument("-n", type=int, default=200, help="Loops of each simulator [200].")
     parser.add_argument("--simulators", nargs="+", default=list(SIMULATORS), choices=SIMULATORS)

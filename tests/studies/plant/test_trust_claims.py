@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from results.studies import trust_claims as claims
-from results.studies.trust_claims import TESTING, kept, loops
+from results.studies.plant import trust_claims as claims
+from results.studies.plant.trust_claims import TESTING, kept, loops
 
 
 def row(sticky, probability, verdict, visible, S, healthy, found, said="cannot tell"):

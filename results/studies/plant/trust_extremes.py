@@ -1,4 +1,4 @@
-"""Is "cannot be seen" said where it is true? `python -m results.studies.trust_extremes FOLDER` buries it, or shows it."""
+"""Is "cannot be seen" said where it is true? `python -m results.studies.plant.trust_extremes FOLDER` buries it, or shows it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from detectors.report.report import choose_methods
-from results.studies.trust_claims import BURIED, PLAIN, TESTING, fitted, kept, out_of, shares
+from results.studies.plant.trust_claims import BURIED, PLAIN, TESTING, fitted, kept, out_of, shares
 from scenarios.spec import Loop, Part, Scenario
 from simbench.loop.simulate import simulate
 from simbench.plant.study.strengths import Size
@@ -97,7 +97,7 @@ def _below(row: dict[str, Any]) -> bool:
 
 def main(arguments: list[str] | None = None) -> int:
     """Ask trust about loops at both extremes, and print what it says; goes on where it stopped."""
-    parser = argparse.ArgumentParser(prog="python -m results.studies.trust_extremes", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m results.studies.plant.trust_extremes", description=__doc__)
     parser.add_argument("out", type=Path, metavar="FOLDER", help="Where the answers are kept; goes on where it stopped.")
     parser.add_argument("-n", type=int, default=60, help="Loops, each asked about twice [60].")
     given = parser.parse_args(arguments)

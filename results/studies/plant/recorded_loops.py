@@ -1,4 +1,4 @@
-"""Is stiction found in recorded loops? `python -m results.studies.recorded_loops FOLDER -o KEPT` asks of every labelled one."""
+"""Is stiction found in recorded loops? `python -m results.studies.plant.recorded_loops FOLDER -o KEPT` asks of every label."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ def records(where: Path, doubted: bool = False) -> list[tuple[Any, LoopRecord]]:
 
 def main(arguments: list[str] | None = None) -> int:
     """Weigh every record, and one per unit once an archive has had it in twelve ways; goes on where it stopped."""
-    parser = argparse.ArgumentParser(prog="python -m results.studies.recorded_loops", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m results.studies.plant.recorded_loops", description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("-o", "--output", type=Path, required=True, help="Folder where the answers are kept.")
     parser.add_argument("--doubted", action="store_true", help="also records whose label somebody doubts")

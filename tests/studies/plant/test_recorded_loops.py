@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 
 from detectors.record import LoopRecord
-from results.studies import recorded_loops as recorded
-from results.studies.recorded_loops import PANEL, counted
+from results.studies.plant import recorded_loops as recorded
+from results.studies.plant.recorded_loops import PANEL, counted
 from simbench.files import write_record
 
 

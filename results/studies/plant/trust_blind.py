@@ -1,7 +1,7 @@
 """Does the detector that trust picks per loop beat the best one of all, on loops of simulators that are not ours?
 
-`python -m results.studies.trust_blind FOLDER -n 100` draws loops of the blind worlds, half of them with stiction, half with
-another fault or none, asks trust about each record (no MV, no loop file), and prints who is right how often, with the paired
+`python -m results.studies.plant.trust_blind FOLDER -n 100` draws loops of the blind worlds, half of them with stiction, half
+with another fault or none, asks trust about each record (no MV, no loop file), and prints who is right how often, with the paired
 p-value against the best detector in hindsight. Answers are kept in the folder; it goes on where it stopped.
 """
 
@@ -16,8 +16,8 @@ from typing import Any
 from tqdm import tqdm
 
 from detectors.records.io import read_record
-from results.studies.stiction_probability import entry
-from results.studies.trust_claims import claimed, who_is_right
+from results.studies.plant.stiction_probability import entry
+from results.studies.plant.trust_claims import claimed, who_is_right
 from simbench.blind.making import write_item
 from simbench.blind.world import WORLDS
 from simbench.files import answered, folder

@@ -1,6 +1,6 @@
 """Only friction that is as visible as it was meant to be counts, and only a denial of it is one."""
 
-from results.studies.trust_extremes import told
+from results.studies.plant.trust_extremes import told
 
 
 def row(seen, said, S=1.0, visible=None, fitted=0.0):

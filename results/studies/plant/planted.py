@@ -1,4 +1,4 @@
-"""Does a study find what a fleet hides? `python -m results.studies.planted FOLDER` plants one effect in a fleet, and asks."""
+"""Does a study find what a fleet hides? `python -m results.studies.plant.planted FOLDER` plants one effect, and asks."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import numpy as np
 from tqdm import tqdm
 
 from detectors.report.report import choose_methods
-from results.studies.trust_claims import loops
+from results.studies.plant.trust_claims import loops
 from scenarios.spec import Loop, Part, Scenario
 from simbench.bench.statistics import wilson
 from simbench.files import answered, folder, write_record
@@ -195,7 +195,7 @@ def healthy(runs: int, records: int, groups: int) -> list[str]:
 
 def main(arguments: list[str] | None = None) -> int:
     """Plant each effect in fleets of several seeds, ask a study of each, and print what it found; goes on where it stopped."""
-    parser = argparse.ArgumentParser(prog="python -m results.studies.planted", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m results.studies.plant.planted", description=__doc__)
     parser.add_argument("out", type=Path, metavar="FOLDER", help="Where the answers are kept.")
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--records", type=int, default=30, help="Loops of a fleet [30].")

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from random_case import random_case
 
-from results.studies import label_audit as audit
+from results.studies.plant import label_audit as audit
 
 
 @pytest.fixture

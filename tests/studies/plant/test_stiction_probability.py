@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from random_case import random_case
 
-from results.studies import stiction_probability as study
-from results.studies.stiction_probability import gains_of_halves
+from results.studies.plant import stiction_probability as study
+from results.studies.plant.stiction_probability import gains_of_halves
 from simbench.gap.candidates import Candidate
 from simbench.gap.decide.assess import Assessment
 from simbench.gap.intake.check import check

@@ -1,4 +1,4 @@
-"""The diagnosis on labelled plant records without a baseline: `python -m results.studies.plant_data FOLDER`."""
+"""The diagnosis on labelled plant records without a baseline: `python -m results.studies.plant.plant_data FOLDER`."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from detectors.compiled import compiled
-from detectors.signal.hammerstein_kernels import MOVING_UP, VALVES_SIDE_BY_SIDE, descend, errors
+from detectors.signal.fits.hammerstein_kernels import MOVING_UP, VALVES_SIDE_BY_SIDE, descend, errors
 from detectors.signal.oscillation import detrend
 
 _SAMPLES = 50  # per period at least, of valve position and PV after averaging

@@ -11,7 +11,7 @@ import pytest
 
 from detectors.records.io import read_record
 from detectors.signal.lattice import lattice, root_lattice, written_unit
-from results.studies.plant_data import by_flag, by_unit_group, diagnose_folder
+from results.studies.plant.plant_data import by_flag, by_unit_group, diagnose_folder
 from scenarios.spec import Loop
 from simbench.gap.decide.assess import assess
 from simbench.gap.decide.identified import plausible, remarks
@@ -20,7 +20,7 @@ from simbench.gap.intake.check import check
 from simbench.gap.intake.identify import identify
 from simbench.loop.simulate import simulate
 
-REAL = Path(__file__).parents[3] / "shared" / "data" / "real"
+REAL = Path(__file__).parents[4] / "shared" / "data" / "real"
 on_plant_data = pytest.mark.skipif(not REAL.is_dir(), reason=f"{REAL}: no plant records here")
 
 FLOW = {

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from results.studies import planted
-from results.studies.planted import COMES_AND_GOES, STRENGTHS, plant, told
-from results.studies.trust_claims import TESTING, loops
+from results.studies.plant import planted
+from results.studies.plant.planted import COMES_AND_GOES, STRENGTHS, plant, told
+from results.studies.plant.trust_claims import TESTING, loops
 from simbench.loop.setup import plain_setup
 from simbench.loop.simulate import simulate
 from simbench.plant.study.strengths import Size

@@ -1,4 +1,4 @@
-"""Which labels would an independent reader doubt? `python -m results.studies.label_audit RECORDS -o KEPT` asks of every one.
+"""Which labels would a reader doubt? `python -m results.studies.plant.label_audit RECORDS -o KEPT` asks of every one.
 
 The log-odds of stiction of all records of a loop, calibrated on the loops of other units, against its label; then three labels
 at random are turned, again and again, to see whether those would be found.
@@ -18,7 +18,7 @@ from tqdm import tqdm
 
 from detectors.errors import UserError
 from detectors.record import LoopRecord
-from results.studies.recorded_loops import records, weighed
+from results.studies.plant.recorded_loops import records, weighed
 from simbench.files import answered, folder
 from simbench.gap.stiction.friction import friction
 from simbench.gap.stiction.probability import pooled, probability
@@ -93,7 +93,7 @@ def turned(loops: pd.DataFrame, seed: int = 0) -> tuple[float, float]:
 
 def main(arguments: list[str] | None = None) -> int:
     """Print every loop by how doubtful its label is, with what speaks and where, and how many turned labels are found."""
-    parser = argparse.ArgumentParser(prog="python -m results.studies.label_audit", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m results.studies.plant.label_audit", description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("-o", "--output", type=Path, required=True, help="Folder of `recorded_loops`, where answers are kept.")
     given = parser.parse_args(arguments)
