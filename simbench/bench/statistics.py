@@ -14,6 +14,7 @@ from scipy import stats
 from scipy.special import ndtri
 
 LEVEL = 0.95
+MOST_GROUPS = 5000  # of a bootstrap; more are drawn several at a time
 
 
 class Estimate(NamedTuple):
@@ -363,8 +364,8 @@ class Ranking(NamedTuple):
     critical_difference: float
 
 
-def mean_ranks(results: ArrayLike, level: float = LEVEL) -> Ranking:
-    """Rank methods over many cases by Friedman's test and give Nemenyi's critical difference.
+def mean_ranks(results: ArrayLike, level: float = LEVEL, groups: ArrayLike | None = None) -> Ranking:
+    """Rank methods over many cases by Friedman's test and give the critical difference, Nemenyi's or a group bootstrap's.
 
     Parameters
     ----------
@@ -372,6 +373,9 @@ def mean_ranks(results: ArrayLike, level: float = LEVEL) -> Ranking:
         Larger = better; ties share a rank.
     level : float
         1 - the chance to tell apart any two methods that are equal.
+    groups : array_like of int, shape (cases,), optional
+        Cases of one group hang together: the difference is then the level's quantile of the largest deviation between any two
+        mean ranks over 1000 draws of whole groups. Nemenyi's, for cases that stand alone, when absent.
 
     Returns
     -------
@@ -402,7 +406,13 @@ def mean_ranks(results: ArrayLike, level: float = LEVEL) -> Ranking:
     ranks = stats.rankdata(-x, axis=1)
     q = stats.studentized_range.ppf(level, methods, np.inf) / np.sqrt(2)
     p = 1.0 if np.all(ranks == ranks[:, :1]) else float(stats.friedmanchisquare(*x.T).pvalue)
-    return Ranking(ranks.mean(axis=0), p, float(q * np.sqrt(methods * (methods + 1) / (6 * cases))))
+    mean, apart = ranks.mean(axis=0), float(q * np.sqrt(methods * (methods + 1) / (6 * cases)))
+    if groups is not None:
+        place = np.unique(groups, return_inverse=True)[1] % MOST_GROUPS
+        shares = np.array([np.bincount(place, column) for column in (ranks - mean).T])
+        drawn = np.random.default_rng(0).poisson(1.0, (1000, shares.shape[1])) @ shares.T / cases
+        apart = float(np.quantile(np.ptp(drawn, axis=1), level))
+    return Ranking(mean, p, apart)
 
 
 def _ranked(score: ArrayLike) -> np.ndarray:
