@@ -85,7 +85,7 @@ REWRITES: dict[str, tuple[tuple[tuple[object, str, Callable], ...], tuple[str, .
         (
             (he, "triangles", lambda old: lambda *a: _unit(finer(old(*a)))),
             (rossi_scali, "relays", lambda old: lambda *a: _unit(finer(old(*a)))),
-            (horch_histogram, "_densities", lambda old: lambda: tuple(finer(x) for x in old())),
+            (horch_histogram, "_densities", lambda old: lambda *a: tuple(finer(x) for x in old(*a))),
             (hammerstein, "S_FINE", finer),
         ),
         ("he", "rossi_scali", "horch_histogram", "hammerstein", "procedure"),

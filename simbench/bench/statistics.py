@@ -14,6 +14,7 @@ from scipy import stats
 from scipy.special import ndtri
 
 _LEVEL = 0.95
+_MOST_GROUPS = 5000  # of a bootstrap; more are drawn several at a time
 
 
 class Estimate(NamedTuple):
@@ -253,8 +254,11 @@ class _Ranking(NamedTuple):
     critical_difference: float
 
 
-def mean_ranks(results: ArrayLike, level: float = _LEVEL) -> _Ranking:
-    """Rank methods over many cases by Friedman's test and give Nemenyi's critical difference.
+def mean_ranks(results: ArrayLike, level: float = _LEVEL, groups: ArrayLike | None = None) -> _Ranking:
+    """Rank methods over many cases by Friedman's test and give the critical difference, Nemenyi's or a group bootstrap's.
+
+    `results` are (cases, methods), larger = better. Cases of one of `groups` hang together: the difference is then the level's
+    quantile of the largest deviation between any two mean ranks over 1000 draws of whole groups.
 
     Notes
     -----
@@ -274,7 +278,13 @@ def mean_ranks(results: ArrayLike, level: float = _LEVEL) -> _Ranking:
     ranks = stats.rankdata(-x, axis=1)
     q = stats.studentized_range.ppf(level, methods, np.inf) / np.sqrt(2)
     p = 1.0 if np.all(ranks == ranks[:, :1]) else float(stats.friedmanchisquare(*x.T).pvalue)
-    return _Ranking(ranks.mean(axis=0), p, float(q * np.sqrt(methods * (methods + 1) / (6 * cases))))
+    mean, apart = ranks.mean(axis=0), float(q * np.sqrt(methods * (methods + 1) / (6 * cases)))
+    if groups is not None:
+        place = np.unique(groups, return_inverse=True)[1] % _MOST_GROUPS
+        shares = np.array([np.bincount(place, column) for column in (ranks - mean).T])
+        drawn = np.random.default_rng(0).poisson(1.0, (1000, shares.shape[1])) @ shares.T / cases
+        apart = float(np.quantile(np.ptp(drawn, axis=1), level))
+    return _Ranking(mean, p, apart)
 
 
 def _ranked(score: ArrayLike) -> np.ndarray:

@@ -90,7 +90,7 @@ def draw(data: pd.DataFrame) -> Figure:
     methods, plants = list(right.sort_values(ascending=False).index), [p for p in PLANTS if (data.plant == p).any()]
     side = min(PER_ROW, len(methods))
     rows = -(-len(methods) // side)
-    figure, axes = panels(rows, side * len(plants), 1.9 * side * len(plants) + 0.9, 1.75 * rows + 0.5)
+    figure, axes = panels(rows, side * len(plants), 1.9 * side * len(plants) + 0.9, 2.6 * rows + 0.5)
     image = None
     for k, method in enumerate(methods):
         for j, plant in enumerate(plants):

@@ -37,7 +37,8 @@ class _Comparison:
         method, n (scenarios it applies to), accuracy over those with interval (lo, hi), mean_rank (1 = best, ties shared; NaN
         for what is not ranked: methods that see MV or are made for a part of the scenarios), best first.
     critical_difference : float
-        Mean ranks closer than this cannot be told apart (Nemenyi, 5 %); NaN between two runs or for fewer than 3 methods.
+        Mean ranks closer than this cannot be told apart (group bootstrap, 5 %); NaN between two runs or for
+        fewer than 3 methods.
     pairs : DataFrame
         first, second, only_first, only_second (scenarios that both apply to and only one got right), p (exact McNemar,
         Holm-corrected), differ.
@@ -59,7 +60,7 @@ class _Comparison:
         """Return ranking, which methods differ from the best (or between two runs), and breakdowns, for a terminal."""
         lines = [f"{self.cases} scenarios, right against {self.truth!r}, with 95 % intervals", _text(self.ranking)]
         if not np.isnan(self.critical_difference):
-            lines += [f"mean ranks closer than {self.critical_difference:.2f} cannot be told apart (Nemenyi, 5 %)"]
+            lines += [f"mean ranks closer than {self.critical_difference:.2f} cannot be told apart (group bootstrap, 5 %)"]
         differ = self.pairs[self.pairs["differ"]].drop(columns="differ")
         alike = len(self.pairs) - len(differ)
         lines += ["", f"{len(differ)} pairs differ (exact McNemar, Holm-corrected p < {_LEVEL:g}), {alike} do not"]
@@ -112,7 +113,7 @@ def between_methods(book: RunArrays, truth: str = "cycled", raw: bool = False) -
     ranked = applies.all(axis=1) & alike
     ranks, cd = np.full(len(names), np.nan), float("nan")
     if ranked.sum() >= 3 and right.shape[1] >= 2:
-        found = mean_ranks(right[ranked].T)
+        found = mean_ranks(right[ranked].T, groups=book.groups[use])
         ranks[ranked], cd = found.mean_rank, found.critical_difference
     return _comparison(book, truth, raw, right, applies, ranks, cd, rows)
 

@@ -334,10 +334,10 @@ def test_the_commit_is_read_from_a_checkout_on_a_branch_off_it_and_from_a_linked
 
 
 def test_a_piece_adds_up_its_seconds(small, monkeypatch):
-    """Every look at the clock is a second later than the last: a group is settled and simulated in one stretch."""
+    """Every look at the clock is a second later than the last: settling takes 1 s, truth and verdicts 1 s a scenario each."""
     seconds = iter(range(10**6))
     monkeypatch.setattr(work.time, "perf_counter", lambda: float(next(seconds)))
     piece = work.work(small, 0, [0], ["he"])
     assert piece.count == 2
-    assert piece.simulating == 1.0
+    assert piece.simulating == 1.0 + piece.count
     assert 0 < piece.judging < piece.total

@@ -5,6 +5,7 @@ import pytest
 
 from simbench.bench.score.folds import folds_of, found_at, out_of_fold, risk_coverage
 from simbench.bench.score.ranks import rank_methods
+from simbench.bench.statistics import mean_ranks
 
 
 def test_groups_stay_whole_and_every_fold_is_used():
@@ -76,3 +77,12 @@ def test_the_closed_form_is_the_group_bootstraps_variance():
     sums = (right[0].astype(float) - right[1]).reshape(200, 3).sum(axis=1)
     drawn = [sums[rng.integers(0, 200, 200)].sum() / 600 for _ in range(4000)]
     assert rank_methods(right, np.repeat(np.arange(200), 3)).spread / 600 == pytest.approx(np.var(drawn), rel=0.1)
+
+
+def test_cases_that_hang_together_widen_the_critical_difference_and_lone_ones_do_not():
+    rng = np.random.default_rng(9)
+    right = rng.random((400, 5)) < 0.7
+    alone = mean_ranks(right, groups=np.arange(400)).critical_difference
+    thrice = np.repeat(right, 3, axis=0)
+    assert mean_ranks(thrice, groups=np.repeat(np.arange(400), 3)).critical_difference == pytest.approx(alone, rel=0.02)
+    assert mean_ranks(thrice, groups=np.arange(1200)).critical_difference < 0.7 * alone
