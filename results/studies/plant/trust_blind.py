@@ -1,8 +1,8 @@
 """Does the detector that trust picks per loop beat the best one of all, on loops of simulators that are not ours?
 
 `python -m results.studies.plant.trust_blind FOLDER -n 100` draws loops of the blind worlds, half of them with stiction, half
-with another fault or none, asks trust about each record (no MV, no loop file), and prints who is right how often, with the paired
-p-value against the best detector in hindsight. Answers are kept in the folder; it goes on where it stopped.
+with another fault or none, asks trust about each record (no MV, no loop file), and prints who is right how often, with the
+paired p-value against the best detector in hindsight. Answers are kept in the folder; it goes on where it stopped.
 """
 
 from __future__ import annotations
