@@ -67,7 +67,7 @@ def cheap(monkeypatch):
         return row | {"record": name, "effect": effect}
 
     monkeypatch.setattr(leave_out, "_one", one)
-    monkeypatch.setattr(leave_out, "EFFECTS", dict(list(leave_out.EFFECTS.items())[:3]))
+    monkeypatch.setattr(leave_out, "WORLD_EFFECTS", dict(list(leave_out.WORLD_EFFECTS.items())[:3]))
 
 
 def bits(folder) -> dict[str, bytes]:

@@ -167,7 +167,7 @@ def test_bars_are_as_long_as_they_say_from_the_top_down():
 ])  # fmt: skip
 def test_what_closes_and_what_grows_is_said_in_percent(monkeypatch, value, lo, hi, said):
     seen = {}
-    monkeypatch.setattr(page, "render", lambda template, **parts: seen.update(parts))
+    monkeypatch.setattr(page, "_render", lambda template, **parts: seen.update(parts))
     first = {"effect": "stiction", "block": "valve", "probability": 0.912, "parameters": {"S": 5.0, "J": 2.0}}
     page._answer(SimpleNamespace(
         gap=SimpleNamespace(before=4.0, after=1.25, floor=0.8, resolvable=True), shrinkage={"value": value, "lo": lo, "hi": hi},
