@@ -122,7 +122,7 @@ def _as_record(source: Source, **about: Any) -> LoopRecord:
 
     Examples
     --------
-    >>> as_record(LoopRecord([1, 2, 3], [1, 2, 3], 1.0), kind="flow").kind
+    >>> _as_record(LoopRecord([1, 2, 3], [1, 2, 3], 1.0), kind="flow").kind
     'flow'
     """
     if isinstance(source, (str, Path)):

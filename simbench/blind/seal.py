@@ -43,7 +43,7 @@ def seal(text: str) -> _Sealed:
     Examples
     --------
     >>> s = seal("id,effect")
-    >>> unseal(s.content, s.key, s.salt, s.commitment)
+    >>> _unseal(s.content, s.key, s.salt, s.commitment)
     'id,effect'
     """
     key, salt, plain = secrets.token_bytes(32), secrets.token_bytes(32), text.encode()

@@ -52,7 +52,7 @@ def _example_tables(module: ModuleType) -> tuple[list[dict[str, Any]], str]:
 
     Examples
     --------
-    >>> example_tables(VALVES.load("deadband"))[0]
+    >>> _example_tables(VALVES.load("deadband"))[0]
     [{'S': 4.0}, {'S': 7.0}]
     """
     found, refused = [], ""

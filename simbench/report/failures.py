@@ -33,7 +33,7 @@ def _pattern(reason: str) -> str:
 
     Examples
     --------
-    >>> pattern("too short: 2.4 periods; at least 3 are needed")
+    >>> _pattern("too short: 2.4 periods; at least 3 are needed")
     'too short: # periods; at least # are needed'
     """
     return re.sub(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?", "#", reason)

@@ -126,7 +126,7 @@ def test_numba_is_not_imported_with_the_module():
 def test_a_second_process_finds_the_compiled_kernel_on_disk():
     valve_position([50.0, 51.0], 1.0, 0.0)
     code = (
-        "from detectors.signal.stiction_map import *; valve_position([50.0, 51.0], 1.0, 0.0); "
-        "print(sum(compiled(trace).stats.cache_hits.values()))"
+        "from detectors.signal import stiction_map as m; m.valve_position([50.0, 51.0], 1.0, 0.0); "
+        "print(sum(m.compiled(m._trace).stats.cache_hits.values()))"
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "1"

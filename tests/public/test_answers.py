@@ -55,7 +55,7 @@ OPTIONS = {
     "diagnose": "--json",
     "confirm gain-change": "--records --ratio --json",
     "confirm travel": "--record --json",
-    "run": "-o -j --method --raw --plugin --backend --address --resume --until-width --set --axis --json",
+    "run": "-o -j --method --raw --plugin --backend --address --resume --until-width --set --axis --sealed --json",
     "score": "--paired --report --json",
     "check": "--against",
     "calibrate": "--false-alarm",
@@ -121,7 +121,7 @@ def test_names(answer):
     names = {
         kind: {row["name"] for row in answer(f"list {kind}")} for kind in ("detectors", "valves", "grids", "effects", "figures")
     }
-    assert names["detectors"] == METHODS
+    assert names["detectors"] == METHODS | {"likelihood"}
     assert names["effects"] == set().union(*EFFECTS.values())
     assert names["grids"] >= {"smoke", "table-11-3", "chapter", "own-ground", "ci", "plant"}
     assert names["figures"] >= {"score-map", "table-11-4"} | {f"fig-11-{k}" for k in range(4, 28)}
@@ -188,13 +188,23 @@ def test_score_and_the_run_tables(answer, place, capsys):
     rows = pd.DataFrame(found["rows"])
     assert set(rows) == {
         "method", "truth", "front_end", "process", "n", "applicable", "accuracy_applicable", "accuracy_decided", "no_decision",
-        "found", "false_alarms", "accuracy_all", "auc", "lo", "hi", "sees_mv", "rank",
+        "found", "false_alarms", "accuracy_all", "auc", "lo", "hi", "sees_mv", "rank", "found_at_5", "cost", "risk_coverage",
+        "home",
     }  # fmt: skip
     assert set(rows.truth) == {"sticky", "predicted", "cycled"}
     assert set(rows.process) == {"all", "self-regulating", "integrating"}
     assert set(rows.front_end) == {True, False}
-    assert set(rows.method) == {"horch", "he", "yamashita", "bicoherence", "oracle", "always no", "always yes"}
-    assert rows[rows.method.isin(["oracle", "always no", "always yes", "bicoherence"])]["rank"].isna().all()
+    assert set(rows.method) == {
+        "horch",
+        "he",
+        "yamashita",
+        "bicoherence",
+        "oracle",
+        "always no",
+        "always yes",
+        "blind classifier",
+    }
+    assert rows[rows.method.isin(["oracle", "always no", "always yes", "blind classifier", "bicoherence"])]["rank"].isna().all()
     assert finite(found)
     verdicts, scenarios = (pd.read_parquet(place / "run" / f"{t}.parquet") for t in ("verdicts", "scenarios"))
     assert not verdicts.duplicated(["scenario_id", "method"]).any()
@@ -219,7 +229,10 @@ def test_score_and_the_run_tables(answer, place, capsys):
 
 def test_gap_diagnose(answer, place):
     found = answer("gap diagnose sticky.csv --baseline model.toml --no-bootstrap")
-    assert set(found) == {"block", "effect", "effects", "group", "ranking", "gap", "shrinkage", "blocks", "next_test", "notes"}
+    assert set(found) == {
+        "block", "effect", "effects", "group", "ranking", "gap", "shrinkage", "blocks", "next_test", "notes",
+        "probability_of_stiction",
+    }  # fmt: skip
     assert (found["block"], found["effect"]) == ("valve", "stiction")
     assert set(found["effects"][0]) == {"block", "effect", "parameters", "probability"}
     assert 1 <= len(found["effects"]) <= 2
@@ -252,7 +265,7 @@ def test_the_baseline_samples_like_the_record(place, capsys, Ts, code):
 
 def test_trust(answer):
     found = answer("trust sticky.csv --method he,procedure")
-    assert set(found) == {"methods", "best", "smallest_visible", "probability", "twins", "notes"}
+    assert set(found) == {"methods", "best", "smallest_visible", "probability", "probability_of_stiction", "twins", "notes"}
     for m in found["methods"]:
         assert set(m) == {"method", "applicable", "verdict", "false_alarms", "power", "likelihood_ratio"}
         assert all(set(p) == {"S", "J", "found", "lo", "hi"} for p in m["power"])

@@ -26,8 +26,10 @@ ROLE_YARDSTICK = "yardstick"
 _ROWS = (
     "method", "truth", "front_end", "process", "n", "applicable", "accuracy_applicable", "accuracy_decided", "no_decision",
     "found", "false_alarms", "accuracy_all", "auc", "lo", "hi", "sees_mv", "rank", "found_at_5", "cost", "risk_coverage",
-    "home", "cost_lo", "cost_hi", "found_at_5_lo", "found_at_5_hi", "positives",
+    "home",
 )  # fmt: skip
+_PLACE = ("method", "truth", "front_end", "process")
+_INTERVALS = (*_PLACE, "cost_lo", "cost_hi", "found_at_5_lo", "found_at_5_hi", "positives")
 _PLANNED = (0.01, 0.03)  # differences for which the table says how many loops they take
 _KINDS = ("", "see the valve position MV, ranked apart", "yardsticks, not ranked", "nonlinearity tests, not ranked")
 HEAD = (
@@ -177,6 +179,7 @@ def _as_json(scores: Scores) -> dict[str, Any]:
         "sealed": bool(scores.manifest.get("sealed")),
         "undecided": scores.undecided,
         "rows": _records(table[list(_ROWS)] if len(table) else table),
+        "intervals": _records(table[list(_INTERVALS)] if len(table) else table),
         "resolution": None if math.isnan(resolution) else resolution,
         "by_axis": _records(scores.by_axis),
         "disagreement": _records(scores.disagreement),

@@ -579,7 +579,7 @@ def test_the_manifest_says_what_was_run(finished):
 
 def test_adaptive_runs_add_seeds_only_where_accuracy_is_vague(small, tmp_path):
     once = make_grid(small.content.model_dump(), "small", {"repeats": 1})
-    run = run_grid(once, tmp_path / "run", ["yamashita"], until_width=0.3)
+    run = run_grid(once, tmp_path / "run", ["he"], until_width=0.3)
     scenarios = pd.read_parquet(run / "scenarios.parquet")
     seeds = scenarios.groupby("cell").repeat.nunique()
     told = read_manifest(run)["adaptive"]

@@ -152,8 +152,10 @@ def test_both_tables_are_printed_and_raw_can_come_first(finished, scores):
 def test_json_is_the_contracts(scores):
     found = json.loads(json.dumps(scores.as_json(), allow_nan=False))
     keys = "method,truth,front_end,process,n,applicable,accuracy_applicable,accuracy_decided,no_decision,found,false_alarms"
-    new = "found_at_5,cost,risk_coverage,home,cost_lo,cost_hi,found_at_5_lo,found_at_5_hi,positives"
+    new = "found_at_5,cost,risk_coverage,home"
     assert {",".join(row) for row in found["rows"]} == {f"{keys},accuracy_all,auc,lo,hi,sees_mv,rank,{new}"}
+    within = {",".join(row) for row in found["intervals"]}
+    assert within == {"method,truth,front_end,process,cost_lo,cost_hi,found_at_5_lo,found_at_5_hi,positives"}
     assert (found["sealed"], found["undecided"]) == (False, 0.5)
     assert {row["process"] for row in found["rows"]} == {"all", "self-regulating", "integrating"}
     assert {row["front_end"] for row in found["rows"]} == {True, False}

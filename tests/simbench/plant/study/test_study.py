@@ -1,6 +1,7 @@
 """Records against a grid: no difference is found where there is none, a planted one is, and its name stands first."""
 
 import json
+from functools import wraps
 
 import numpy as np
 import pytest
@@ -13,12 +14,12 @@ from simbench.loop.simulate import simulate
 from simbench.plant.command import study_folder
 from simbench.plant.study import forward_selection as joining
 from simbench.plant.study import page as study_page
+from simbench.plant.study import study as plant_study
 from simbench.plant.study.forward_selection import draw
 from simbench.plant.study.loop_features import looks
 from simbench.plant.study.result import Contribution, Study
 from simbench.plant.study.strengths import Size, absolute, relative, scales, with_effect
 from simbench.plant.study.study import study
-from simbench.plant.study.study import study as plant_study
 from simbench.plant.study.two_sample import FeatureScaler, classifier_test, feature_tests, mmd, mmd_test
 from simbench.plant.study.written_grid import write_grid
 
@@ -116,13 +117,13 @@ def test_a_killed_study_goes_on_and_leaves_only_its_page(planted, tmp_path, monk
     page, asked, whole = tmp_path / "study.html", [], plant_study._diagnosed
     keep = tmp_path / "study.html.diagnosed"
 
+    @wraps(whole)  # what it returns is told by its annotations
     def until_the_third(record, baseline):
         asked.append(record.tag)
         if len(asked) == 3:
             raise KeyboardInterrupt
         return whole(record, baseline)
 
-    until_the_third.__module__, until_the_third.__qualname__ = "planted_study", "diagnosed"
     monkeypatch.setattr(plant_study, "_diagnosed", until_the_third)
     with pytest.raises(KeyboardInterrupt):
         study_folder(planted, "smoke", html=page, jobs=1)

@@ -79,10 +79,10 @@ def test_cells_span_small_and_large_friction(behind):
 
 def test_what_is_recorded_otherwise_is_recorded_otherwise(behind):
     n = behind.record.n
-    assert draw_twins(behind, 1, 0, change=Change(longer=2.0))[0].record.n == 2 * n
-    assert draw_twins(behind, 1, 0, change=Change(faster=3))[0].record.Ts == pytest.approx(behind.record.Ts / 3)
-    assert draw_twins(behind, 1, 0, change=Change(mv=True))[0].record.mv is not None
-    stepped = draw_twins(behind, 1, 0, change=Change(step=7.0))[0].record
+    assert draw_twins(behind, 6, 0, change=Change(longer=2.0))[0].record.n == 2 * n
+    assert draw_twins(behind, 6, 0, change=Change(faster=3))[0].record.Ts == pytest.approx(behind.record.Ts / 3)
+    assert draw_twins(behind, 6, 0, change=Change(mv=True))[0].record.mv is not None
+    stepped = draw_twins(behind, 6, 0, change=Change(step=7.0))[0].record
     assert stepped.sp is None or np.ptp(stepped.sp) >= 7.0
 
 
