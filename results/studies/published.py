@@ -40,7 +40,7 @@ def variants() -> Iterator[tuple[str, str, dict[str, float]]]:
     Examples
     --------
     >>> [v for m, v, _ in variants() if m == "rossi_scali"]
-    ['improved', 'left_out = 0', 'cleaned = 0', 'as published']
+    ['improved', 'as published']
     """
     for name in registry.names():
         method = registry.load(name).METHOD

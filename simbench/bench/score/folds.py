@@ -19,7 +19,7 @@ def folds_of(groups: np.ndarray) -> np.ndarray:
     Examples
     --------
     >>> folds_of(np.array([3, 3, 8, 9, 9])).tolist()
-    [0, 0, 2, 1, 1]
+    [2, 2, 0, 1, 1]
     """
     unique, place = np.unique(groups, return_inverse=True)
     return np.random.default_rng(0).permutation(unique.size)[place] % _FOLDS
