@@ -108,6 +108,7 @@ class Host:
         with contextlib.suppress(queue.Empty, ValueError, RecursionError, subprocess.TimeoutExpired):
             while (said := self._answers.get(timeout=_GRACE)) is not None:
                 last = json.loads(said)
+                self._questions.put(None)  # read on: nothing more comes, which is how an end is seen
             process.wait(_GRACE)
         process.kill()
         code = process.wait()
