@@ -70,7 +70,7 @@ class Data:
 
 
 @dataclass(frozen=True)
-class _FreeParameter:
+class Free:
     """A number of an effect that is searched.
 
     Parameters
@@ -95,16 +95,16 @@ def _nothing(d: Data) -> float:
     return 0.0
 
 
-BAND = _FreeParameter("S", _nothing, lambda d: 1.5 * d.span)
-JUMP = _FreeParameter("J", _nothing, lambda d: d.span)
-WIDTH = _FreeParameter("D", _nothing, lambda d: 2.0 * d.span)
-CENTRE = _FreeParameter("c", lambda d: float(d.u.min()), lambda d: float(d.u.max()))
-RATIO = _FreeParameter("R", lambda d: 0.01, lambda d: 100.0, log=True)
-TAU = _FreeParameter("tau", lambda d: 0.05, lambda d: d.n / 5, log=True)
+BAND = Free("S", _nothing, lambda d: 1.5 * d.span)
+JUMP = Free("J", _nothing, lambda d: d.span)
+WIDTH = Free("D", _nothing, lambda d: 2.0 * d.span)
+CENTRE = Free("c", lambda d: float(d.u.min()), lambda d: float(d.u.max()))
+RATIO = Free("R", lambda d: 0.01, lambda d: 100.0, log=True)
+TAU = Free("tau", lambda d: 0.05, lambda d: d.n / 5, log=True)
 WALK, LOAD_WALK = (
-    _FreeParameter(name, lambda d: 1e-8 * d.size, lambda d: d.size, log=True, shapes=False) for name in ("walk", "load_walk")
+    Free(name, lambda d: 1e-8 * d.size, lambda d: d.size, log=True, shapes=False) for name in ("walk", "load_walk")
 )
-_LOAD_JUMP = _FreeParameter("load_jump", lambda d: 1e-3 * d.floor, lambda d: 100.0 * d.size, log=True, shapes=False)
+_LOAD_JUMP = Free("load_jump", lambda d: 1e-3 * d.floor, lambda d: 100.0 * d.size, log=True, shapes=False)
 _MAPS = {
     kernels.PLAY: (BAND,),
     kernels.ZONE: (WIDTH, CENTRE),
@@ -119,7 +119,7 @@ class Moves:
     """A valve in words of its own: MV from OP `u` (n,) and the numbers searched. Slower than a compiled map, and as general."""
 
     mv: Callable[[np.ndarray, Mapping[str, float]], np.ndarray]
-    free: tuple[_FreeParameter, ...]
+    free: tuple[Free, ...]
 
 
 @dataclass(frozen=True)
@@ -157,7 +157,7 @@ class Spec:
         )
 
     @property
-    def own(self) -> tuple[_FreeParameter, ...]:
+    def own(self) -> tuple[Free, ...]:
         """Numbers of the effects switched on that are searched."""
         more = ((TAU, self.pole), (WALK, self.walk), (LOAD_WALK, self.load_walk), (_LOAD_JUMP, self.jumps))
         maps = _MAPS.get(self.valve, ()) + (self.moves.free if self.moves else ())
