@@ -9,7 +9,6 @@ import json
 import os
 import platform
 import re
-import time
 import zlib
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
@@ -26,9 +25,17 @@ _READ = (".csv", ".json", ".mat", ".parquet", ".pq", ".toml", ".txt", ".xls", ".
 URL = re.compile(r"([A-Za-z][A-Za-z0-9+._-]+(?:::[^/]*)?):/+(.*)")
 
 
-# in the names of temporary files: those of other machines and containers are let be
-HOST = f"{zlib.crc32(f'{platform.node()} {os.stat(os.sep).st_dev}'.encode()):08x}"
-_QUIET = 2.0  # s without a change, after which a temporary file of no process that is seen here is nobody's
+
+
+def _host() -> str:
+    """Return what tells this machine, and on it this container and space of process numbers, from others."""
+    space = ""
+    with contextlib.suppress(OSError):  # other systems, or processes that may not look, have none
+        space = os.readlink("/proc/self/ns/pid")
+    return f"{zlib.crc32(f'{platform.node()} {os.stat(os.sep).st_dev} {space}'.encode()):08x}"
+
+
+HOST = _host()  # in the names of temporary files: those of other machines are let be
 # the name of a file, or a plug-in's text, may be no Unicode
 _TEXT: dict[str, Any] = {"encoding": "utf-8", "newline": "", "errors": "backslashreplace"}
 
@@ -78,8 +85,7 @@ def remove_stale_temporaries(place: Path) -> None:
     """Remove what killed processes of this machine left half-written in a folder."""
     for file in place.glob(f".*.{HOST}.*"):
         with contextlib.suppress(OSError, ValueError):  # an open file of another process cannot be removed on Windows
-            quiet = time.time() - file.stat().st_mtime > _QUIET  # its writer may live unseen, in another space of processes
-            if os.name != "posix" or (quiet and not _lives(int(file.suffix[1:]))):
+            if os.name != "posix" or not _lives(int(file.suffix[1:])):
                 file.unlink()
 
 

@@ -1,6 +1,5 @@
 """Runs: the same bits however they are worked through, nothing finished is lost, nothing different is mixed."""
 
-import os
 import shutil
 import signal
 import subprocess
@@ -266,8 +265,8 @@ def child(tmp_path, jobs, file, sigint="default_int_handler"):
         import sys
         from simbench.bench.execute.run import Interrupted, run_grid
         from scenarios.grid import make_grid
-        sys.path.insert(0, {str(os.path.dirname(os.path.dirname(__file__)))!r})
-        from conftest import SMALL
+        sys.path.insert(0, {str(Path(__file__).parents[4] / "common")!r})
+        from bench_fixtures import SMALL
         if __name__ == "__main__":
             signal.signal(signal.SIGINT, signal.{sigint})
             try:

@@ -1,0 +1,109 @@
+"""A grid small enough to run in a second, one finished run of it, and runs made up in memory."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scenarios.grid import make_grid
+from simbench.bench.execute.run import run_grid
+from simbench.bench.store.reading import RunArrays
+
+SMALL = {
+    "title": "small",
+    "seed": 3,
+    "disturbances": {"sine": {"type": "sine", "amplitude": [0.7, 2.0], "period": [0.4, 2.5]}},
+    "draw": {"K": [0.5, 2], "T": [5, 50], "S": [2, 5], "samples_per_period": [20, 40], "periods": [18, 25], "step": 0.8},
+    "block": [
+        {
+            "name": "a",
+            "axes": {"Td_over_T": [0.3, 1.0], "S_over_2J": [0.5], "noise_ratio": [0.1], "disturbance": ["none", "sine"]},
+            "member": [{"name": "sticky", "valve": "choudhury"}, {"name": "healthy", "valve": "ideal"}],
+        },
+        {
+            "name": "b",
+            "process": "integrating",
+            "axes": {"Td_over_Ti": [0.05], "S_over_2J": [0.5, 2.0], "noise_ratio": [0.1], "disturbance": ["none", "sine"]},
+            "member": [{"name": "sticky", "valve": "choudhury"}, {"name": "healthy", "valve": "ideal"}],
+        },
+    ],
+}
+
+
+@pytest.fixture
+def small():
+    return make_grid(SMALL, "small", {"repeats": 2})
+
+
+@pytest.fixture(scope="session")
+def finished(tmp_path_factory):
+    """One run of the small grid with two methods, never to be changed."""
+    return run_grid(make_grid(SMALL, "small", {"repeats": 2}), tmp_path_factory.mktemp("runs") / "done", ["he", "yamashita"])
+
+
+def make_book(
+    verdict, truth, score=None, methods=None, ids=None, hashes=None, places=None, axes=None, grid="toy", grid_hash="g"
+):
+    """Return a run: verdict (m, n) of 0, 1, 2; truth (n,) of 1, 0, -1."""
+    verdict = np.atleast_2d(np.asarray(verdict, dtype=np.int8))
+    m, n = verdict.shape
+    methods = tuple(methods or (f"m{i}" for i in range(m)))
+    ids = np.array([f"{i:016d}" for i in range(n)] if ids is None else ids, dtype="S16")
+    truth = np.asarray(truth, dtype=np.int8)
+    words = {w: np.full(n, "w") for w in ("block", "member", "process", "controller", "valve", "disturbance", "tuning")}
+    empty = {a: np.full(n, np.nan) for a in ("Td_over_T", "Td_over_Ti", "S_over_2J", "noise_ratio", "samples_per_period")}
+    score = verdict.astype(np.float32) if score is None else np.atleast_2d(np.asarray(score, dtype=np.float32))
+    about = {"front_end": True, "needs_mv": False, "role": "stiction", "budget": "fast"}
+    return RunArrays(
+        manifest={"grid": grid, "grid_hash": grid_hash, "methods": dict.fromkeys(methods, about)},
+        ids=ids,
+        hashes=ids if hashes is None else np.asarray(hashes, dtype="S16"),
+        places=np.arange(n).astype(str) if places is None else np.asarray(places, dtype=str),
+        axes={**words, **empty, **(axes or {})},
+        truth={
+            **dict.fromkeys(("sticky", "predicted", "cycled"), truth),
+            "cycled_word": np.array(["unclear", "no", "yes"])[truth + 1],
+        },
+        oscillating=np.ones(n, dtype=bool),
+        groups=np.arange(n),
+        design=np.ones((n, 6)),
+        methods=methods,
+        verdict=verdict,
+        verdict_raw=verdict,
+        score=score,
+        score_raw=score,
+        applicable=np.ones((m, n), dtype=np.int8),
+        failed=np.zeros((m, n), dtype=bool),
+        runtime=np.zeros((m, n), dtype=np.float32),
+    )
+
+
+def change_answers(run, method, verdict, score=None):
+    """Return the run with other answers of one method."""
+    i = run.methods.index(method)
+    verdicts, scores = run.verdict.copy(), run.score.copy()
+    verdicts[i] = verdict
+    scores[i] = verdict if score is None else score
+    return replace(run, verdict=verdicts, verdict_raw=verdicts, score=scores, score_raw=scores)
+
+
+def answer_noisily(rng, truth, accuracy, methods=3):
+    """Return verdicts (methods, n) right with a probability, and scores that agree with them."""
+    right = rng.random((methods, truth.size)) < accuracy
+    verdict = np.where(right, truth == 1, truth == 0).astype(np.int8)
+    return verdict, verdict + rng.normal(0, 0.4, verdict.shape)
+
+
+@pytest.fixture
+def book():
+    return make_book
+
+
+@pytest.fixture
+def with_answers():
+    return change_answers
+
+
+@pytest.fixture
+def noisy():
+    return answer_noisily
