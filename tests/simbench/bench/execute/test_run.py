@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
+from bench_fixtures import SMALL
 from joblib import Parallel, delayed
 from killing import kill_when_it_stops, stops
 
@@ -36,7 +37,6 @@ from simbench.bench.store.reading import RunArrays, read_scenario
 from simbench.files import FileError
 from simbench.loop.batch import simulate_batch
 from simbench.loop.simulate import simulate
-from tests.simbench.bench.conftest import SMALL
 
 METHODS = ["he", "yamashita"]
 

@@ -10,11 +10,11 @@ import threading
 import time
 
 import pytest
+from bench_fixtures import SMALL
 
 from simbench.bench.execute.run import run_grid
 from simbench.bench.store.place import place_of
 from simbench.bench.store.reading import read_table
-from tests.simbench.bench.conftest import SMALL
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of the servers
 METHODS = ["he", "yamashita"]
