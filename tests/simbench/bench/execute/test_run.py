@@ -265,7 +265,7 @@ def child(tmp_path, jobs, file, sigint="default_int_handler"):
         import sys
         from simbench.bench.execute.run import Interrupted, run_grid
         from scenarios.grid import make_grid
-        sys.path.insert(0, {str(Path(__file__).parents[4] / "common")!r})
+        sys.path.insert(0, {str(Path(__file__).parents[3] / "common")!r})
         from bench_fixtures import SMALL
         if __name__ == "__main__":
             signal.signal(signal.SIGINT, signal.{sigint})
