@@ -79,7 +79,8 @@ def draw(data: pd.DataFrame) -> Figure:
     figure, axes = panels(1, len(ratios), 2.7 + 0.66 * (wide + 1), 0.27 * size + 1.75, sharey=True, width_ratios=ratios)
     names = [f"{m.method}  {m.rank:.0f}" if m.rank == m.rank else f"{m.method}   " for m in methods.itertuples()]
     whole = methods["accuracy"].to_numpy(dtype=float)[:, None]
-    image = _cells(axes[0, 0], whole, data.groupby("method", sort=False)["applicable"].sum().to_numpy(dtype=float)[:, None])
+    covered = np.asarray(data.groupby("method", sort=False)["applicable"].sum(), dtype=float)
+    image = _cells(axes[0, 0], whole, covered[:, None])
     axes[0, 0].set(xticks=[0], yticks=range(size))
     axes[0, 0].set_xticklabels(["accuracy"], rotation=35, ha="right")
     axes[0, 0].set_yticklabels(names)

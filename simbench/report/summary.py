@@ -21,7 +21,7 @@ _SUMMARY_COLUMNS = {
     "undecided": "no_decision",
     "found": "found",
     "false alarms": "false_alarms",
-    "at 5 % false alarms": "found_at_5",
+    "at 5 %": "found_at_5",
     "AUC": "auc",
 }
 _SHARES = (*_SUMMARY_COLUMNS, "by sticky", "by predicted", "of all", "applies")
