@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import re
 import socket
 import sys
 import threading
@@ -14,13 +13,13 @@ import uuid
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from detectors.errors import masked
 from simbench.bench.store.checksums import RunError
 
 LEASE = ".lease"
 BEAT = 0.5  # s between two heartbeats
 STALE = 5.0  # s without one, after which nobody works there
 OLD = 3600.0  # s without a change, after which what is half-written belongs to nobody
-_SECRET = re.compile(r"(?<=://)[^/\s@]*@")
 
 
 @contextlib.contextmanager
@@ -28,7 +27,7 @@ def lease(folder: Path, subfolders: tuple[str, ...] = ("",)) -> Iterator[None]:
     """Hold a folder alone; what a dead holder left half-written goes, where nothing of it moved for `STALE` seconds."""
     file = folder / LEASE
     about = {"host": socket.gethostname(), "pid": os.getpid(), "since": time.strftime("%Y-%m-%d %H:%M:%S"),
-             "command": _SECRET.sub("***@", " ".join(sys.argv))[:200], "token": uuid.uuid4().hex}  # fmt: skip
+             "command": masked(" ".join(sys.argv))[:200], "token": uuid.uuid4().hex}  # fmt: skip
     folders = [folder / sub for sub in subfolders]
     while not _made(file, about):
         _wait_out(file, folders)
