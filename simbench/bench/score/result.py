@@ -32,6 +32,7 @@ _PLACE = ("method", "truth", "front_end", "process")
 _INTERVALS = (
     *_PLACE, "cost_lo", "cost_hi", "found_at_5_lo", "found_at_5_hi", "positives", "oscillating", "cost_oscillating",
     "cost_oscillating_lo", "cost_oscillating_hi", "cost_over_blind", "cost_over_blind_lo", "cost_over_blind_hi",
+    "risk_coverage_lo", "risk_coverage_hi",
 )  # fmt: skip
 _PLANNED = (0.01, 0.03)  # differences for which the table says how many loops they take
 _KINDS = ("", "see the valve position MV, ranked apart", "yardsticks, not ranked", "nonlinearity tests, not ranked")

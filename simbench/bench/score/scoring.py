@@ -177,7 +177,8 @@ def _row(block: _Block, a: _Answers, cost: float, interval: bool = True) -> dict
             row[name], row[f"{name}_lo"], row[f"{name}_hi"] = _mean_of_groups(values[going], groups[going], least)
         ends = rate(found_at(score, positive, folds), p) if 0 < p < m else rate(0, 0)
         row["found_at_5"], row["found_at_5_lo"], row["found_at_5_hi"] = ends
-        row["risk_coverage"] = float(risk_coverage(score, positive, folds).mean()) if m else math.nan
+        ends = _mean_of_groups(risk_coverage(score, positive, folds)[1], groups)
+        row["risk_coverage"], row["risk_coverage_lo"], row["risk_coverage_hi"] = ends
     if not (known := score >= 0).all():
         score, positive = score[known], positive[known]
     row["scored"] = score.size

@@ -158,7 +158,7 @@ def test_json_is_the_contracts(scores):
     there = "oscillating,cost_oscillating,cost_oscillating_lo,cost_oscillating_hi"
     over = "cost_over_blind,cost_over_blind_lo,cost_over_blind_hi"
     ends = "cost_lo,cost_hi,found_at_5_lo,found_at_5_hi,positives"
-    assert within == {f"method,truth,front_end,process,{ends},{there},{over}"}
+    assert within == {f"method,truth,front_end,process,{ends},{there},{over},risk_coverage_lo,risk_coverage_hi"}
     assert (found["sealed"], found["undecided"]) == (False, 0.5)
     assert {row["process"] for row in found["rows"]} == {"all", "self-regulating", "integrating"}
     assert {row["front_end"] for row in found["rows"]} == {True, False}
