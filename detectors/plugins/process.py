@@ -42,6 +42,7 @@ STARTS = ("subprocess.Popen", "os.system", "os.exec", "os.fork", "os.forkpty", "
 _TALKS = ("connect", "bind", "sendto", "sendmsg", "getaddrinfo", "gethostbyname")
 # what a detector may import of the benchmark: its public names that stand in `detectors`
 _KNOWN = ("simbench", "simbench.lazy")
+_TRUTH = ("simbench", "scenarios", "results")  # beside `detectors`: what simulates a grid again, or has its labels
 _HARMLESS = ("/proc/cpuinfo", "/proc/meminfo")  # of the machine; libraries read these, and their own process's maps
 _WATCHED = ("open", "import", "os.", "socket.", "subprocess.")
 
@@ -197,6 +198,7 @@ def _wall(folders: list[str], trees: list[str], detector: bool) -> Callable[[str
     roots = tuple(map(os.path.realpath, [*trees, *(os.path.join(f, "__pycache__") for f in folders)]))
     beside = {os.path.realpath(f) for f in folders}
     house = os.path.realpath(Path(__file__).parents[2]) + os.sep
+    truth = tuple(house + room + os.sep for room in _TRUTH)
 
     def real(path: Any) -> str:
         return "" if path is None or isinstance(path, int) else os.path.realpath(os.fsdecode(path))
@@ -217,6 +219,10 @@ def _wall(folders: list[str], trees: list[str], detector: bool) -> Callable[[str
             path = real(args[0])
             if (path + os.sep).startswith("/proc/") and path not in (f"/proc/{os.getpid()}/maps", *_HARMLESS):
                 return f"look at {path}"
+            # what `import simbench` itself reads
+            public = os.path.basename(path).partition(".")[0] in ("__init__", "lazy")
+            if detector and event == "open" and path.startswith(truth) and not public:
+                return f"look at {path}: a detector sees records alone"
             # a folder that is held open would hide where a name in it leads
             held = event == "open" and args[1] is None and os.path.isdir(path)
             return f"write {path}" if event == "open" and (args[2] & _WRITES or held) and foreign(path) else None
