@@ -103,7 +103,7 @@ def test_a_hostile_plug_in_is_named_and_the_others_do_not_notice(tmp_path, alone
     monkeypatch.setattr(host, "BYTES", 400 << 20)
     body, word = HOSTILE[name]
     file = plugin(tmp_path, body)
-    methods.add_hosted(file, seconds=1.5)
+    methods.add_hosted(file, seconds=1.5 if word == "longer than" else 30.0)
     found = {v.method: v for _, v in detect(RECORD, ["stranger", *OTHERS]).verdicts}
     assert [found[m].as_json() for m in OTHERS] == alone
     offender = found["stranger"]
