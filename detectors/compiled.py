@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import hashlib
 import importlib.util
 import inspect
 import os
 import pickle
+import shutil
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -81,6 +83,16 @@ def compiled(function: FunctionType):
     """
     text = f'@njit(cache=True, error_model="numpy")\n{inspect.getsource(function)}'
     return getattr(cached_module(function.__name__.strip("_"), _used(function), text, "numpy"), function.__name__)
+
+
+def njit_cached(function: FunctionType):
+    """Return a function compiled by numba and cached beside it or for its user; where neither can be written, not cached."""
+    from numba import njit
+
+    try:
+        return njit(cache=True)(function)
+    except RuntimeError:  # numba finds no folder to write to, and gives up
+        return njit(function)
 
 
 @contextlib.contextmanager
@@ -310,4 +322,6 @@ def _cache_folder() -> Path:
         with tempfile.TemporaryFile(dir=base):
             return base
     except OSError:
-        return Path(tempfile.mkdtemp(prefix="stiction-simbench-"))
+        passing = tempfile.mkdtemp(prefix="stiction-simbench-")
+        atexit.register(shutil.rmtree, passing, ignore_errors=True)
+        return Path(passing)

@@ -88,6 +88,7 @@ def _hosted(host: Host, name: str, prepared: Prepared, modes: tuple[bool, ...], 
     """Ask the process of a plug-in, which answers about every record as if it were the first."""
     if host.fresh():
         host.call(_warm_up, name)
+    prepared.flags  # noqa: B018  found here, once for all methods
     known = {name: value for name in ("oscillation", "flags") if (value := prepared.__dict__.get(name)) is not None}
     asked = (name, prepared.record, prepared.front_end, prepared.part, known, modes, thresholds)
     answer = host.call(_judge_there, *asked, seconds=host.seconds * len(modes), fork=True)

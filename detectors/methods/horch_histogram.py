@@ -124,11 +124,12 @@ def detect(prepared: Prepared, *, bound: float, least_A: float = 1.0) -> Verdict
 @lru_cache(maxsize=4)
 def _densities(least_A: float) -> tuple[np.ndarray, np.ndarray]:
     """Gaussians of std 0.15..1.5 and camels of A `least_A`..1.6, std 0.1..1, as mean densities of the bins."""
+    # steps so small that the better family is not the one that a template happens to fall on
     edge = BINS[None]
     width = BINS[1] - BINS[0]
-    gaussians = np.diff(_normal(edge / np.geomspace(0.15, 1.5, 30)[:, None]), axis=1) / width
+    gaussians = np.diff(_normal(edge / np.geomspace(0.15, 1.5, 59)[:, None]), axis=1) / width
     phase = (np.arange(60) + 0.5) * (np.pi / 60)
-    A, sigma = (g.reshape(-1, 1, 1) for g in np.meshgrid(np.linspace(least_A, 1.6, 13), np.geomspace(0.1, 1.0, 10)))
+    A, sigma = (g.reshape(-1, 1, 1) for g in np.meshgrid(np.linspace(least_A, 1.6, 13), np.geomspace(0.1, 1.0, 19)))
     camels = np.diff(_normal((BINS - A * np.cos(phase)[:, None]) / sigma).mean(axis=1), axis=1) / width
     return gaussians, camels
 

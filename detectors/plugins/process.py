@@ -23,7 +23,7 @@ import time
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
@@ -42,6 +42,7 @@ STARTS = ("subprocess.Popen", "os.system", "os.exec", "os.fork", "os.forkpty", "
 _TALKS = ("connect", "bind", "sendto", "sendmsg", "getaddrinfo", "gethostbyname")
 # what a detector may import of the benchmark: its public names that stand in `detectors`
 _KNOWN = ("simbench", "simbench.lazy")
+_TRUTH = ("simbench", "scenarios", "results")  # beside `detectors`: what simulates a grid again, or has its labels
 _HARMLESS = ("/proc/cpuinfo", "/proc/meminfo")  # of the machine; libraries read these, and their own process's maps
 _WATCHED = ("open", "import", "os.", "socket.", "subprocess.")
 
@@ -97,6 +98,7 @@ def _supervise(read: int, write: int) -> None:
 
 def _serve(read: int, write: int, adopts: bool = False) -> None:
     _send(write, _answer(lambda: _settled(pickle.loads(_received(read)))))
+    said = tempfile.TemporaryFile(buffering=0)  # noqa: SIM115  of every copy in turn: to make one each time costs as much as a fork
     while True:
         question, most, fork = pickle.loads(_received(read))
 
@@ -104,33 +106,35 @@ def _serve(read: int, write: int, adopts: bool = False) -> None:
             function, arguments = pickle.loads(packed)
             return function(*arguments)
 
-        content = _copy_answers(read, write, work, most) if fork and _FORKS else _answer(work)
+        content = _copy_answers(read, write, said, work, most) if fork and _FORKS else _answer(work)
         left = _end_children(set()) if adopts else 0
         if left:
             content = json.dumps({"error": f"left {left} process{'es' * (left > 1)} behind, which had to be ended"}).encode()
         _send(write, content if len(content) <= most else b"")
 
 
-def _copy_answers(read: int, write: int, work: Callable[[], Any], most: int) -> bytes:
+def _copy_answers(read: int, write: int, answer: IO[bytes], work: Callable[[], Any], most: int) -> bytes:
     """Let a copy of this process answer: what it remembers of the question goes with it."""
-    with tempfile.TemporaryFile() as answer:
-        _unwalled[0] = True
-        gc.freeze()  # a collection in the copy would touch, and so copy, every object
-        child = os.fork()
-        _unwalled[0] = False
-        if child == 0:
-            os.close(read)
-            os.close(write)
-            status = 1
-            with contextlib.suppress(BaseException):
-                answer.write(_answer(work))
-                answer.flush()
-                status = 0
-            os._exit(status)
-        _asked[:] = struct.pack("<Q", child)
-        status = os.waitpid(child, 0)[1]
-        answer.seek(0)
-        content = answer.read(most + 1)
+    _unwalled[0] = True
+    gc.freeze()  # a collection in the copy would touch, and so copy, every object
+    child = os.fork()
+    _unwalled[0] = False
+    if child == 0:
+        os.close(read)
+        os.close(write)
+        status = 1
+        with contextlib.suppress(BaseException):
+            content = _answer(work)
+            while content:
+                content = content[answer.write(content) :]
+            status = 0
+        os._exit(status)
+    _asked[:] = struct.pack("<Q", child)
+    status = os.waitpid(child, 0)[1]
+    answer.seek(0)
+    content = answer.read(most + 1)
+    answer.seek(0)
+    answer.truncate()
     return content if content and not status else json.dumps({"error": f"ended its process ({_way(status)})"}).encode()
 
 
@@ -197,6 +201,7 @@ def _wall(folders: list[str], trees: list[str], detector: bool) -> Callable[[str
     roots = tuple(map(os.path.realpath, [*trees, *(os.path.join(f, "__pycache__") for f in folders)]))
     beside = {os.path.realpath(f) for f in folders}
     house = os.path.realpath(Path(__file__).parents[2]) + os.sep
+    truth = tuple(house + room + os.sep for room in _TRUTH)
 
     def real(path: Any) -> str:
         return "" if path is None or isinstance(path, int) else os.path.realpath(os.fsdecode(path))
@@ -217,6 +222,10 @@ def _wall(folders: list[str], trees: list[str], detector: bool) -> Callable[[str
             path = real(args[0])
             if (path + os.sep).startswith("/proc/") and path not in (f"/proc/{os.getpid()}/maps", *_HARMLESS):
                 return f"look at {path}"
+            # what `import simbench` itself reads
+            public = os.path.basename(path).partition(".")[0] in ("__init__", "lazy")
+            if detector and event == "open" and path.startswith(truth) and not public:
+                return f"look at {path}: a detector sees records alone"
             # a folder that is held open would hide where a name in it leads
             held = event == "open" and args[1] is None and os.path.isdir(path)
             return f"write {path}" if event == "open" and (args[2] & _WRITES or held) and foreign(path) else None

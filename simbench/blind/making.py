@@ -126,7 +126,8 @@ def make(
         raise ParameterError(f"withheld: the key {key} would lie inside {out}; another folder is needed")
     if (out / "records").exists():
         raise ParameterError(f"withheld: {out} holds records already; choose a new folder")
-    if key.exists():
+    # one without records is of a call that was killed: it begins anew
+    if key.exists() and not seal.is_key_of(key, out):
         raise ParameterError(f"withheld: {key} exists already; choose a new file")
     drawn_by = WORLDS.load(world)
     # before minutes of work

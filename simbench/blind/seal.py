@@ -69,6 +69,15 @@ def write(sealed: _Sealed, folder: Path, key: Path) -> None:
             f.write(content)
 
 
+def is_key_of(key: Path, folder: Path) -> bool:
+    """Return whether a file is the key to the answers sealed in a folder."""
+    try:
+        published = (folder / COMMITMENT).read_text(encoding="utf-8").strip()
+        return json.loads(key.read_text(encoding="utf-8"))["commitment"] == published
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
+
+
 def read(folder: Path, key: Path) -> str:
     """Return the text of answers.csv from a sealed folder and its key."""
     try:

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from detectors.compiled import njit_cached
 from simbench.theory.march import reversals
 from simbench.theory.sampled import SampledLoop
 
@@ -135,7 +135,7 @@ def _solved(head, T, powers, fs: float, q: np.ndarray) -> tuple[np.ndarray, np.n
     return (mirrored[:, -1, :-1] * z).sum(axis=1) + mirrored[:, -1, -1], z, Y
 
 
-@njit(cache=True)
+@njit_cached
 def _sign_changes(head, T, fs, waits):
     """Return the numbers q of samples after the head where the residual changes its sign from q to q + 1."""
     c = len(head)
@@ -165,7 +165,7 @@ def _sign_changes(head, T, fs, waits):
     return found[:count]
 
 
-@njit(cache=True)
+@njit_cached
 def _residual(head, T, powers, fs, q, Y, other, rows):
     """Return the residual as `_solved` does, to rounding; NaN where there is no cycle of this length."""
     c = len(head)
@@ -205,7 +205,7 @@ def _residual(head, T, powers, fs, q, Y, other, rows):
     return total
 
 
-@njit(cache=True)
+@njit_cached
 def _product(a, b, out):
     for i in range(a.shape[0]):
         for j in range(b.shape[1]):
@@ -252,7 +252,7 @@ def _one_half(loop: SampledLoop, half: HalfCycle) -> tuple[int, int, float]:
     return int(run.sample[1] - run.sample[0]), int(run.moved[1]), -float(run.extreme[1])
 
 
-@njit(cache=True)
+@njit_cached
 def _move(A, B_old, B_new, C, integral, beta, fd, delay, m, out):
     """Fill `out` with the state m + delay + 2 samples after z, as rows over the columns of z and 1."""
     order, columns = A.shape[0], out.shape[1]

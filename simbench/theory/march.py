@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
+
+from detectors.compiled import njit_cached
 
 _ENDED, _STALLED, _SPENT = 0, 1, 2
 
 
-@njit(cache=True)
+@njit_cached
 def march(plant, control, valve, x, s, past, n_max, stall, samples, extreme, stop, moved):
     """Advance the loop in place until `samples` is full of reversals, the valve stalls, or `n_max` samples are spent.
 

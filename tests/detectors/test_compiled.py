@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from detectors.compiled import LANES, compiled, lanes, rows
+from detectors.compiled import LANES, compiled, lanes, njit_cached, rows
 
 HELPER = "FACTOR = {factor}\ndef scaled(x):\n    return FACTOR * x\n"
 KERNEL = "from helper import scaled\ndef kernel(x):\n    return scaled(x) + 1.0\n"
@@ -114,3 +114,22 @@ def test_compiled_kernels_in_another_users_folder_are_left_alone(tmp_path):
     before = sorted(cache.rglob("*"))
     assert run(tmp_path) == (7.0, 0)
     assert sorted(cache.rglob("*")) == before
+
+
+def test_a_user_who_can_write_nowhere_has_kernels_all_the_same(monkeypatch):
+    from numba.core import caching
+
+    monkeypatch.setattr(caching.CacheImpl, "_locator_classes", [])
+    assert njit_cached(lambda x: 2.0 * x)(3.0) == 6.0
+
+
+def test_a_cache_of_one_process_goes_with_it(tmp_path):
+    (tmp_path / "kernel.py").write_text(KERNEL)
+    (tmp_path / "helper.py").write_text(HELPER.format(factor=3.0))
+    (tmp_path / "file").write_text("")
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "file"), "TMPDIR": str(tmp_path / "tmp")}
+    (tmp_path / "tmp").mkdir()
+    words = [sys.executable, "-c", RUN]
+    done = subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.split()[0] == "7.0"
+    assert list((tmp_path / "tmp").iterdir()) == []

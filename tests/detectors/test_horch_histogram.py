@@ -15,7 +15,7 @@ T = np.arange(4000) / 20
 def test_camel_density_is_the_integral_over_the_phase():
     width = h.BINS[1] - h.BINS[0]
     camels = h._densities(1.0)[1]
-    A, sigma = np.meshgrid(np.linspace(1.0, 1.6, 13), np.geomspace(0.1, 1.0, 10))
+    A, sigma = np.meshgrid(np.linspace(1.0, 1.6, 13), np.geomspace(0.1, 1.0, 19))
     for k in (0, 57, 129):
         a, s = A.ravel()[k], sigma.ravel()[k]
         for b in (3, 10, 15, 22):
@@ -32,6 +32,22 @@ def test_a_camel_is_never_a_gaussian():
     assert camel > 10 * gauss
     camel, gauss = h.density_errors(np.sin(np.arange(50_000) * 0.37))
     assert gauss > 10 * camel
+
+
+def test_templates_between_those_tried_turn_no_verdict():
+    def said(found, families):
+        gauss, camel = (float(((family - found) ** 2).mean(axis=1).min()) for family in families)
+        return camel > gauss
+
+    families, rng, turned, sticky = h._densities(1.0), np.random.default_rng(0), 0, 0
+    between = [np.r_[family, (family[1:] + family[:-1]) / 2] for family in families]
+    for _ in range(300):
+        d = rng.uniform(0.5, 1.5) * np.cos(rng.uniform(0, 2 * np.pi, 400)) + rng.uniform(0.3, 1.0) * rng.standard_normal(400)
+        found = np.histogram((d - d.mean()) / d.std(), h.BINS, density=True)[0]
+        sticky += said(found, families)
+        turned += said(found, families) != said(found, between)
+    assert 50 < sticky < 250
+    assert turned <= 1
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.05])

@@ -36,12 +36,14 @@ def found_at(ranks: np.ndarray, positive: np.ndarray, fold: np.ndarray, alarms: 
     return found
 
 
-def risk_coverage(ranks: np.ndarray, positive: np.ndarray, fold: np.ndarray) -> np.ndarray:
-    """Return the risk of a method that is asked for its surest answers only: one value for every number of answers.
+def risk_coverage(ranks: np.ndarray, positive: np.ndarray, fold: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the risk of a method that is asked for its surest answers only, for every number of answers, and of every loop.
+
+    The mean of either is the area under the curve; the spread of the loops' values is that of its estimate.
 
     Notes
     -----
-    El-Yaniv and Wiener (2010), J. Mach. Learn. Res. 11, 1605; the mean of the curve is its area.
+    El-Yaniv and Wiener (2010), J. Mach. Learn. Res. 11, 1605; the loops' values are the area's influence function.
     """
     wrong, sure = np.full(ranks.size, 0.5), np.full(ranks.size, -1.0)
     for k in np.unique(fold):
@@ -60,8 +62,16 @@ def risk_coverage(ranks: np.ndarray, positive: np.ndarray, fold: np.ndarray) -> 
         sure[here] = np.abs(place - share[best])
     order = np.argsort(-sure, kind="stable")
     _, tied, size = np.unique(-sure[order], return_inverse=True, return_counts=True)
-    mean = np.bincount(tied, wrong[order]) / size if order.size else np.empty(0)  # answers equally sure come in any order
-    return np.cumsum(mean[tied]) / np.arange(1, order.size + 1)
+
+    def shared(values: np.ndarray) -> np.ndarray:
+        return (np.bincount(tied, values, size.size) / size)[tied]  # answers equally sure come in any order
+
+    risk, place = shared(wrong[order]), np.arange(1, order.size + 1)
+    # a loop counts by its own error, and by moving all that are less sure one place down
+    own, moved = (shared(np.cumsum(x[::-1])[::-1]) for x in (1.0 / place, risk / place))
+    values = np.empty(order.size)
+    values[order] = wrong[order] * own - moved + (risk.mean() if risk.size else 0.0)
+    return np.cumsum(risk) / place, values
 
 
 def out_of_fold(features: np.ndarray, label: np.ndarray, groups: np.ndarray) -> np.ndarray:

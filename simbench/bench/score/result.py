@@ -29,7 +29,11 @@ _ROWS = (
     "home",
 )  # fmt: skip
 _PLACE = ("method", "truth", "front_end", "process")
-_INTERVALS = (*_PLACE, "cost_lo", "cost_hi", "found_at_5_lo", "found_at_5_hi", "positives")
+_INTERVALS = (
+    *_PLACE, "cost_lo", "cost_hi", "found_at_5_lo", "found_at_5_hi", "positives", "oscillating", "cost_oscillating",
+    "cost_oscillating_lo", "cost_oscillating_hi", "cost_over_blind", "cost_over_blind_lo", "cost_over_blind_hi",
+    "risk_coverage_lo", "risk_coverage_hi",
+)  # fmt: skip
 _PLANNED = (0.01, 0.03)  # differences for which the table says how many loops they take
 _KINDS = ("", "see the valve position MV, ranked apart", "yardsticks, not ranked", "nonlinearity tests, not ranked")
 HEAD = (
@@ -51,8 +55,9 @@ class Scores:
         (of positives, no decision is not found), false_alarms (of negatives), auc over records with a score, with DeLong's
         interval; cost (an error 1, no decision `undecided`) and rank by it among its kind (none where it covers less than 95 %
         of the loops); found_at_5 (found at 5 % false alarms, threshold from other groups); risk_coverage (area under the
-        curve: mean error of the surest answers); accuracy_all over everything; home, where its constants were fitted; errors;
-        median runtime in ms.
+        curve: mean error of the surest answers); cost_oscillating over the loops that oscillate, so many of them, and
+        cost_over_blind, the same less what the blind classifier costs there; accuracy_all over everything; home, where its
+        constants were fitted; errors; median runtime in ms.
     by_axis : DataFrame
         The same against `cycled` by axis and value, without AUC's interval and rank.
     disagreement : DataFrame
@@ -163,7 +168,7 @@ def _as_text(scores: Scores) -> str:
     for mode, process in blocks:
         rows = scores.ranking("cycled", mode, process)
         if len(rows):
-            lines += ["", _title(rows, mode, process), *_block(rows), _resolved(scores, mode, process)]
+            lines += ["", _title(rows, mode, process), *_block(rows), _resolved(scores, mode, process), *_over_blind(rows)]
     lines += ["", *_legend(scores), "", *_left_out(scores), "", *_dead_band(scores)]
     lines += ["", "labels that disagree", *_plain(scores.disagreement)]
     return "\n".join(lines)
@@ -230,6 +235,27 @@ def _resolved(scores: Scores, mode: str, process: str) -> str:
     return f"{near}; a difference of {more} would be resolved in 9 of 10 runs"
 
 
+def _over_blind(rows: pd.DataFrame) -> list[str]:
+    """Return what methods cost where the front end tells no label, beside the classifier that sees no signal."""
+    judged, blind = rows[rows.kind < 2], rows[rows.method == "blind classifier"].iloc[0]
+    if blind.oscillating < LEAST:
+        return []
+    covering = judged[~judged.partial]
+    said = (
+        f"{(covering.cost > blind.cost).sum()} of {len(covering)} methods cost more than the blind classifier, "
+        f"{(covering.accuracy_applicable < blind.accuracy_applicable).sum()} are right less often: whether a loop oscillates "
+        f"is most of its label. On the {blind.oscillating} that oscillate it costs {blind.cost_oscillating:.3f} "
+        f"({blind.cost_oscillating_lo:.2f}-{blind.cost_oscillating_hi:.2f}), and methods there:"
+    )
+    lines = [("method", "n", "cost", "95 %", "over blind", "95 %", "less than blind")]
+    for r in judged[judged.oscillating >= LEAST].itertuples():
+        ends = f"{r.cost_oscillating_lo:.2f}-{r.cost_oscillating_hi:.2f}"
+        over = f"{r.cost_over_blind_lo:+.2f} to {r.cost_over_blind_hi:+.2f}"
+        less = "yes" if r.cost_over_blind_hi < 0 else "no" if r.cost_over_blind_lo > 0 else "cannot tell"
+        lines.append((r.method, str(r.oscillating), _short(r.cost_oscillating), ends, f"{r.cost_over_blind:+.3f}", over, less))
+    return [*textwrap.wrap(said, 126), *columns(lines)]
+
+
 def _legend(scores: Scores) -> list[str]:
     text = (
         f"n: loops that the method's source covers; all columns but the last are over those, - where fewer than {LEAST}. "
@@ -237,7 +263,8 @@ def _legend(scores: Scores) -> list[str]:
         " found: of cycling loops, false al.: of the others. at 5 %: found at 5 % false alarms, threshold from other groups. "
         "risk: area under the risk-coverage curve, threshold from other groups. of all: accuracy over everything, where a "
         "method that does not apply is wrong. A method made for a part of the loops (rank -) is ranked among those. "
-        "blind classifier: gradient boosting on sampling, length, noise and process of loops that oscillate, learned on others."
+        "blind classifier: gradient boosting on sampling, length, noise and process of loops that oscillate, learned on others;"
+        " over blind: a method's cost less its own, same loops, interval by groups."
     )
     return textwrap.wrap(text, 126)
 

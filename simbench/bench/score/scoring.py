@@ -60,14 +60,14 @@ def score_book(book: RunArrays, raw: bool = False, undecided: float = UNDECIDED)
             for process, name in _PROCESSES.items():
                 here = np.ones(book.ids.size, dtype=bool) if name is None else book.axes["process"] == name
                 place = {"truth": truth, "mode": mode, "front_end": mode == FRONT, "process": process}
-                block = _block(book, truth, here, place)
+                block = _block(book, truth, here, place, told)
                 found = [_row(block, a, undecided) for a in everyone]
                 standing[truth, mode, process] = _rank(block, everyone, found, undecided)
                 rows += found
         for axis in AXES:
             for value, chosen in axis_values(book, axis):
                 place = {"axis": axis, "value": value, "truth": "cycled", "mode": mode, "front_end": mode == FRONT}
-                block = _block(book, "cycled", chosen, place)
+                block = _block(book, "cycled", chosen, place, told)
                 by_axis += [_row(block, a, undecided, interval=False) for a in everyone]
     frames = [_frame(part, {"axis": "", "value": "", **rows[0]}) for part in (rows, by_axis)]
     return Scores(*frames, _disagreement(book), _frame(left_out, {}), standing, book.manifest, RAW if raw else FRONT, undecided)
@@ -128,7 +128,10 @@ def axis_values(book: RunArrays, axis: str) -> Iterator[tuple[str, np.ndarray]]:
 
 
 class _Block(NamedTuple):
-    """The loops of one row: how many, which have the truth asked for, and of these which are positive, in what group, fold."""
+    """The loops of one row: how many, which have the truth asked for; of these which are positive, in what group and fold.
+
+    `oscillating` and `blind` are what the front end and the blind classifier say of these.
+    """
 
     place: dict[str, Any]
     size: int
@@ -136,19 +139,21 @@ class _Block(NamedTuple):
     positive: np.ndarray
     groups: np.ndarray
     folds: np.ndarray
+    oscillating: np.ndarray
+    blind: np.ndarray
 
 
-def _block(book: RunArrays, truth: str, chosen: np.ndarray, place: dict[str, Any]) -> _Block:
+def _block(book: RunArrays, truth: str, chosen: np.ndarray, place: dict[str, Any], blind: _Answers) -> _Block:
     use = np.flatnonzero(chosen & (book.truth[truth] >= 0))
-    groups = book.groups[use]
-    return _Block(place, int(chosen.sum()), use, book.truth[truth][use] == 1, groups, folds_of(groups))
+    positive, groups = book.truth[truth][use] == 1, book.groups[use]
+    return _Block(place, int(chosen.sum()), use, positive, groups, folds_of(groups), book.oscillating[use], blind.said[use])
 
 
 def _row(block: _Block, a: _Answers, cost: float, interval: bool = True) -> dict[str, Any]:
     use, applies, positive = block.use, a.applies[block.use], block.positive
-    here, groups, folds = use, block.groups, block.folds
+    here, groups, folds, going, blind = use, block.groups, block.folds, block.oscillating, block.blind
     if not applies.all():
-        here, positive, groups, folds = use[applies], positive[applies], groups[applies], folds[applies]
+        here, positive, groups, folds, going, blind = (x[applies] for x in (use, positive, groups, folds, going, blind))
     said = a.said[here]
     n, m, p, right = use.size, said.size, int(positive.sum()), int((said == positive).sum())
     undecided = int((said == CODES["no_decision"]).sum())
@@ -162,12 +167,18 @@ def _row(block: _Block, a: _Answers, cost: float, interval: bool = True) -> dict
     for name, (hits, trials), *ends in zip(_RATES, of, lo, hi, strict=True):
         row[name] = hits / trials if trials else math.nan
         row[f"{name}_lo"], row[f"{name}_hi"] = ends
-    row["cost"], row["cost_lo"], row["cost_hi"] = _mean_of_groups(1.0 - _earned(said, positive, cost), groups)
+    earned = _earned(said, positive, cost)
+    row["cost"], row["cost_lo"], row["cost_hi"] = _mean_of_groups(1.0 - earned, groups)
     score = a.score[here]
     if interval:
+        row["oscillating"] = int(going.sum())
+        over = _earned(blind, positive, cost) - earned
+        for name, values, least in (("cost_oscillating", 1.0 - earned, 0.0), ("cost_over_blind", over, -1.0)):
+            row[name], row[f"{name}_lo"], row[f"{name}_hi"] = _mean_of_groups(values[going], groups[going], least)
         ends = rate(found_at(score, positive, folds), p) if 0 < p < m else rate(0, 0)
         row["found_at_5"], row["found_at_5_lo"], row["found_at_5_hi"] = ends
-        row["risk_coverage"] = float(risk_coverage(score, positive, folds).mean()) if m else math.nan
+        ends = _mean_of_groups(risk_coverage(score, positive, folds)[1], groups)
+        row["risk_coverage"], row["risk_coverage_lo"], row["risk_coverage_hi"] = ends
     if not (known := score >= 0).all():
         score, positive = score[known], positive[known]
     row["scored"] = score.size
@@ -185,16 +196,16 @@ def _earned(said: np.ndarray, positive: np.ndarray, cost: float) -> np.ndarray:
     return np.where(said == CODES["no_decision"], 1.0 - cost, said == positive)
 
 
-def _mean_of_groups(values: np.ndarray, groups: np.ndarray) -> tuple[float, float, float]:
-    """Return a mean with its 95 % interval; values of one group hang together."""
+def _mean_of_groups(values: np.ndarray, groups: np.ndarray, least: float = 0.0) -> tuple[float, float, float]:
+    """Return a mean of values from `least` to 1 with its 95 % interval; values of one group hang together."""
     if not values.size:
-        return math.nan, 0.0, 1.0
+        return math.nan, least, 1.0
     mean = float(values.mean())
     shares = np.bincount(np.unique(groups, return_inverse=True)[1], values - mean)
     # one value of 0 and one of 1 added: few loops that all cost the same do not show the cost exactly
     variance = max(float(shares @ shares) / values.size, float(np.var(np.r_[values, 0.0, 1.0])))
     half = 1.96 * math.sqrt(variance / values.size)
-    return mean, max(mean - half, 0.0), min(mean + half, 1.0)
+    return mean, max(mean - half, least), min(mean + half, 1.0)
 
 
 def _left_out(book: RunArrays, mode: str, everyone: list[_Answers]) -> list[dict[str, Any]]:

@@ -8,7 +8,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from detectors.compiled import njit_cached
 
 IDEAL, PLAY, ZONE, STICK, CREEP, CURVE = range(6)
 PINK_LOAD = -1.0  # as `load_lag`: a load of power 1/f
@@ -21,7 +22,7 @@ _SETTLED = 1e-6  # ... as constant as that from sample to sample
 _NEAR = 20  # samples after a jump, within which another one finds the filter still unsure of the first
 
 
-@njit(cache=True)
+@njit_cached
 def valve(u, kind, p0, p1, p2):
     """Return MV (n,) for OP `u` (n,) through one valve map.
 
@@ -76,7 +77,7 @@ def valve(u, kind, p0, p1, p2):
     return v
 
 
-@njit(cache=True)
+@njit_cached
 def _respond(v, T, Td, out, weight):
     """Add `weight` times the answer of e^(-Td s)/(T s + 1) (T <= 0: e^(-Td s)/s) to each row of `v` less its start, held."""
     delay = math.floor(Td + 1e-9)
@@ -118,7 +119,7 @@ def _respond(v, T, Td, out, weight):
                 old = new
 
 
-@njit(cache=True)
+@njit_cached
 def _plants(v, T, Td, tau):
     """Return the unit plant's answer to each row of MV `v` (m, n) as deviation from its start (`tau` > 0: one more pole)."""
     out = np.zeros(v.shape)
@@ -135,13 +136,13 @@ def _plants(v, T, Td, tau):
     return out
 
 
-@njit(cache=True)
+@njit_cached
 def plant(v, T, Td, tau):
     """Return the unit plant's answer to MV `v` (n,) as `_plants` does."""
     return _plants(v.reshape(1, v.size), T, Td, tau)[0]
 
 
-@njit(cache=True)
+@njit_cached
 def _riccati(F, Q, P, h, r, gain, Ph, FP, P_new):
     """Take one step of the covariance `P` and write the filter's gain; return the innovation's variance."""
     s, S = h.size, r
@@ -171,7 +172,7 @@ def _riccati(F, Q, P, h, r, gain, Ph, FP, P_new):
     return S
 
 
-@njit(cache=True)
+@njit_cached
 def follow(F, Q, P, h, r, gain, Ph, FP, P_new, level, jump, gains, variances, covariances):
     """Write gain, innovation variance and covariance of the samples from a jump on; return the last that differs."""
     for i in range(_REACH):
@@ -186,7 +187,7 @@ def follow(F, Q, P, h, r, gain, Ph, FP, P_new, level, jump, gains, variances, co
     return _REACH - 1
 
 
-@njit(cache=True)
+@njit_cached
 def whiten(
     channels, T, tau, load_time, load_lag, load, load_walk, walk, noise, colour, spread, jumps=None, jump=0.0, lasting=True
 ):
@@ -335,7 +336,7 @@ def whiten(
     return out, sum_log
 
 
-@njit(cache=True)
+@njit_cached
 def scan(
     u, kind, points, T, Td, tau, load_time, load_lag, load, noise, colour, spread, rest, basis, low, high,
     jumps=None, jump=0.0, lasting=True,

@@ -22,6 +22,7 @@ from detectors.method import Method
 from detectors.verdict import Verdict
 METHOD = Method(title="mine", source="nobody", front_end=False)
 calls = []
+HOUSE = Path(sys.modules["detectors"].__file__).parents[1]
 def say(reason, score=0.0, **more):
     return Verdict("x", "stiction", score=score, reason=str(reason), **more)
 def detect(prepared):
@@ -69,6 +70,9 @@ WALLS = {
     "asks the network": 'socket.create_connection(("127.0.0.1", 9))',
     "imports grids": "import scenarios.grid",
     "imports the benchmark": "from simbench.bench.execute import run",
+    "reads a grid": 'open(HOUSE / "scenarios/grids/smoke.toml")',
+    "reads labels": 'open(HOUSE / "results/baseline/scenarios.parquet", "rb")',
+    "runs the simulator's text": 'exec(open(HOUSE / "simbench/loop/run.py").read())',
     "writes elsewhere": 'open({outside!r}, "w")',
     "makes a folder": "os.mkdir({outside!r})",
     "moves itself": "os.rename(__file__, {outside!r})",

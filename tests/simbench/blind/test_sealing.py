@@ -4,7 +4,10 @@ import csv
 import hashlib
 import io
 import json
+import os
+import signal
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -99,6 +102,25 @@ def test_a_changed_answer_commitment_or_key_is_noticed(made, tmp_path, broken):
     (tmp_path / "key").write_text(json.dumps(parts))
     with pytest.raises(ParameterError, match="commitment"):
         open_(tmp_path, tmp_path / "key")
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="a process is killed")
+def test_a_call_killed_between_its_key_and_its_records_begins_anew(made, tmp_path, monkeypatch):
+    child = os.fork()
+    if child == 0:
+        monkeypatch.setattr(Path, "rename", lambda *_: os.kill(os.getpid(), signal.SIGKILL))
+        make(tmp_path / "set", tmp_path / "k", seed=4, plan=PLAN)
+        os._exit(0)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -signal.SIGKILL
+    assert (tmp_path / "k").exists()
+    assert not (tmp_path / "set" / "records").exists()
+    with pytest.raises(ParameterError, match="exists already"):
+        make(tmp_path / "other", tmp_path / "k", seed=4, plan=PLAN)
+    make(tmp_path / "set", tmp_path / "k", seed=4, plan=PLAN)
+    assert seal.read(tmp_path / "set", tmp_path / "k") == seal.read(*made[:2])
+    assert {f.name for f in (tmp_path / "set").iterdir()} == {f.name for f in made[0].iterdir()}
+    for path in (made[0] / "records").iterdir():
+        assert path.read_bytes() == (tmp_path / "set" / "records" / path.name).read_bytes()
 
 
 def test_wrong_use_ends_in_one_sentence(made, tmp_path):

@@ -103,7 +103,7 @@ def test_a_hostile_plug_in_is_named_and_the_others_do_not_notice(tmp_path, alone
     monkeypatch.setattr(host, "BYTES", 400 << 20)
     body, word = HOSTILE[name]
     file = plugin(tmp_path, body)
-    methods.add_hosted(file, seconds=1.5)
+    methods.add_hosted(file, seconds=1.5 if word == "longer than" else 30.0)
     found = {v.method: v for _, v in detect(RECORD, ["stranger", *OTHERS]).verdicts}
     assert [found[m].as_json() for m in OTHERS] == alone
     offender = found["stranger"]
@@ -285,3 +285,81 @@ def test_a_contract_is_checked_apart(tmp_path, capfd, monkeypatch, name):
     assert not said["kept"]
     assert said["kind"] == "detector"
     assert any(word in one for one in said["broken"]), said["broken"]
+
+
+# what reaches out of its process: a file it must not write, a process that outlives it
+REACHING = {
+    "writes_elsewhere": "open({outside!r}, 'w').write('x')",
+    "makes_a_folder": "os.mkdir({outside!r})",
+    "moves_itself": "os.rename(__file__, {outside!r})",
+    "links_elsewhere": "os.symlink(__file__, {outside!r})",
+    "writes_where_it_works": "open('litter', 'w').write('x'); " + FINE,
+    "starts_a_shell": "os.system('sleep 1000 &')",
+    "leaves_a_thread": "import threading; threading.Thread(target=time.sleep, args=(1000,)).start(); " + FINE,
+    "leaves_a_process": """import ctypes; c = ctypes.CDLL(None)
+    if c.fork() == 0:
+        c.setsid()
+        if c.fork() == 0: time.sleep(1000)
+        os._exit(0)
+    """ + FINE,
+}  # fmt: skip
+RUN = f"""
+import sys
+import detectors.plugins.host as host
+from simbench.bench.execute.run import run_grid
+host.BYTES = 400 << 20
+run_grid("tiny.toml", sys.argv[1], {OTHERS}, plugins=sys.argv[2:], time_limit=1.0)
+"""
+TINY = """
+title = "tiny"
+seed = 3
+draw = { K = 1.0, T = 20.0, S = 4.0, step = 0.8, samples_per_period = 20.0, periods = 18.0 }
+[[block]]
+name = "a"
+axes = { Td_over_T = [0.3], S_over_2J = [0.5], noise_ratio = [0.1], disturbance = ["none"] }
+member = [{ name = "sticky", valve = "choudhury" }, { name = "healthy", valve = "ideal" }]
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="processes are found by their environment")
+def test_40_hostile_plug_ins_in_one_run_bend_no_other_verdict_and_leave_no_process_and_no_file(tmp_path):
+    import pandas as pd
+
+    bodies = {**{k: body for k, (body, _) in HOSTILE.items()}, **HARMLESS, **REACHING}
+    bodies = {"_".join(k.lower().split()): body.replace("{outside!r}", repr(str(tmp_path / "outside")))
+              for k, body in bodies.items()}  # fmt: skip
+    assert len(bodies) >= 40
+    files = []
+    for name, body in bodies.items():
+        (tmp_path / "plugins" / name).mkdir(parents=True)
+        files.append(plugin(tmp_path / "plugins" / name, body, f"x_{name}"))
+    for folder in ("tmp", "work"):
+        (tmp_path / folder).mkdir()
+    (tmp_path / "work" / "tiny.toml").write_text(TINY)
+    before = sorted(p for p in tmp_path.rglob("*") if "__pycache__" not in p.parts)
+    told = {**os.environ, "TMPDIR": str(tmp_path / "tmp"), "OF_THIS_RUN": str(tmp_path)}
+    for where, more in (("without", []), ("with", files)):
+        words = [sys.executable, "-c", RUN, tmp_path / where, *more]
+        done = subprocess.run(words, cwd=tmp_path / "work", env=told, capture_output=True)
+        assert done.returncode == 0, done.stderr.decode()[-2000:]
+
+    def left() -> list[int]:
+        found = []
+        for file in Path("/proc").glob("[0-9]*/environ"):
+            try:
+                found += [int(file.parent.name)] * (f"OF_THIS_RUN={tmp_path}".encode() in file.read_bytes())
+            except OSError:  # it has ended, or is another user's
+                continue
+        return found
+
+    until = time.monotonic() + 5.0
+    while left() and time.monotonic() < until:
+        time.sleep(0.1)
+    assert left() == []
+    one, two = (pd.read_parquet(tmp_path / d / "verdicts.parquet").drop(columns="runtime_s") for d in ("without", "with"))
+    own = two[two.method.isin(OTHERS)].reset_index(drop=True)
+    pd.testing.assert_frame_equal(one, own, check_exact=True)
+    assert two.method.nunique() == len(OTHERS) + len(bodies)
+    runs = {tmp_path / "with", tmp_path / "without"}
+    after = sorted(p for p in tmp_path.rglob("*") if "__pycache__" not in p.parts and not runs & {p, *p.parents})
+    assert after == before

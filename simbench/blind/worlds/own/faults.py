@@ -6,9 +6,9 @@ import math
 from collections.abc import Callable
 from functools import partial
 
-import numba as nb
 import numpy as np
 
+from detectors.compiled import njit_cached
 from simbench.blind.worlds.own import simulator as sim
 from simbench.blind.worlds.own.loops import Fault, Prepared
 
@@ -240,7 +240,7 @@ NEEDS_PLANT = {"time_constant_mismatch": "foptd", "level_gain": "integrating"}
 """A gain that follows PV is a valve characteristic on a plant whose PV follows OP; on a vessel it is its shape."""
 
 
-@nb.njit(cache=True)
+@njit_cached
 def swinging_door(x: np.ndarray, band: float) -> np.ndarray:
     """Thin a signal by the swinging door (Bristol 1990) and rebuild it by straight lines; the error stays within `band`."""
     out = x.copy()
@@ -256,7 +256,7 @@ def swinging_door(x: np.ndarray, band: float) -> np.ndarray:
     return out
 
 
-@nb.njit(cache=True)
+@njit_cached
 def _draw(x, a, b):
     for i in range(a + 1, b):
         x[i] = x[a] + (x[b] - x[a]) * (i - a) / (b - a)

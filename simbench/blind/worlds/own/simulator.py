@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
+
+from detectors.compiled import njit_cached
 
 SUBSTEPS = 12
 _IDEAL, PLAY, KARNOPP, STRIBECK, HE = range(5)
@@ -59,17 +60,17 @@ class Physics(NamedTuple):
     op0: float = 50.0
 
 
-@nb.njit(cache=True)
+@njit_cached
 def _play(u, v, band):
     return max(u - 0.5 * band, min(u + 0.5 * band, v))
 
 
-@nb.njit(cache=True)
+@njit_cached
 def _characteristic(x, R):
     return x if R == 1.0 else 100.0 * (R ** (x / 100.0) - 1.0) / (R - 1.0)
 
 
-@nb.njit(cache=True)
+@njit_cached
 def _stem(u, x, w, p, h):
     """One sub-step of stem position x (%) and velocity w (%/s) under OP u: spring, mass, dry friction in units of travel."""
     wn = p.speed / p.Ts
@@ -90,7 +91,7 @@ def _stem(u, x, w, p, h):
     return x + h * new, new
 
 
-@nb.njit(cache=True)
+@njit_cached
 def run(p, sp, noise, load, sensor, skip, hold, asleep, op_add, valve_add, gain, op, pv, true, mv):
     """Run the loop over len(sp) samples; fills op, pv (as the controller saw it), true (noise-free PV) and mv.
 

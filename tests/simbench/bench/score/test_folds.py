@@ -35,23 +35,39 @@ def test_no_score_is_never_found():
 def test_a_perfect_score_risks_nothing_and_no_score_half():
     positive = np.tile([True, False], 100)
     fold = np.arange(200) // 40
-    assert risk_coverage(positive.astype(int), positive, fold).max() == 0.0
-    assert risk_coverage(np.full(200, -1), positive, fold) == pytest.approx(0.5)
+    assert risk_coverage(positive.astype(int), positive, fold)[0].max() == 0.0
+    assert risk_coverage(np.full(200, -1), positive, fold)[0] == pytest.approx(0.5)
 
 
 def test_the_surest_answers_come_first_in_a_risk_coverage_curve():
     rng = np.random.default_rng(2)
     positive = rng.random(2000) < 0.5
     score = positive + rng.normal(0, 0.7, 2000)
-    curve = risk_coverage(np.argsort(np.argsort(score)), positive, np.arange(2000) % 5)
+    curve = risk_coverage(np.argsort(np.argsort(score)), positive, np.arange(2000) % 5)[0]
     assert curve[199] < 0.05 < 0.2 < curve[-1]
     assert curve[-1] == pytest.approx(np.mean((score > 0.5) != positive), abs=0.02)
 
 
 def test_equally_sure_answers_have_the_same_risk_in_any_order():
     positive = np.arange(100) < 50
-    curve = risk_coverage(np.zeros(100, dtype=int), positive, np.tile(np.arange(5), 20))
+    curve = risk_coverage(np.zeros(100, dtype=int), positive, np.tile(np.arange(5), 20))[0]
     assert curve == pytest.approx(curve[-1])
+
+
+def test_the_area_under_risk_and_coverage_scatters_as_a_bootstrap_of_whole_groups_says():
+    rng = np.random.default_rng(4)
+    group = np.repeat(np.arange(150), 4)
+    positive = rng.random(600) < 0.5
+    score = np.round(positive + np.repeat(rng.normal(0, 0.6, 150), 4) + rng.normal(0, 0.3, 600), 1)
+    ranks, fold = np.unique(score, return_inverse=True)[1], group % 5
+    curve, values = risk_coverage(ranks, positive, fold)
+    assert values.mean() == pytest.approx(curve.mean())
+    spread = np.sqrt(np.sum(np.bincount(group, values - values.mean()) ** 2)) / 600
+    drawn = []
+    for _ in range(300):
+        taken = (4 * rng.integers(0, 150, 150)[:, None] + np.arange(4)).ravel()
+        drawn.append(risk_coverage(ranks[taken], positive[taken], fold[taken])[0].mean())
+    assert spread == pytest.approx(np.std(drawn), rel=0.25)
 
 
 def test_a_classifier_is_not_asked_about_groups_it_learned_on():

@@ -155,7 +155,10 @@ def test_json_is_the_contracts(scores):
     new = "found_at_5,cost,risk_coverage,home"
     assert {",".join(row) for row in found["rows"]} == {f"{keys},accuracy_all,auc,lo,hi,sees_mv,rank,{new}"}
     within = {",".join(row) for row in found["intervals"]}
-    assert within == {"method,truth,front_end,process,cost_lo,cost_hi,found_at_5_lo,found_at_5_hi,positives"}
+    there = "oscillating,cost_oscillating,cost_oscillating_lo,cost_oscillating_hi"
+    over = "cost_over_blind,cost_over_blind_lo,cost_over_blind_hi"
+    ends = "cost_lo,cost_hi,found_at_5_lo,found_at_5_hi,positives"
+    assert within == {f"method,truth,front_end,process,{ends},{there},{over},risk_coverage_lo,risk_coverage_hi"}
     assert (found["sealed"], found["undecided"]) == (False, 0.5)
     assert {row["process"] for row in found["rows"]} == {"all", "self-regulating", "integrating"}
     assert {row["front_end"] for row in found["rows"]} == {True, False}
@@ -198,6 +201,32 @@ def test_a_blind_classifier_stands_beside_the_other_yardsticks_and_learns_a_plan
     fair, told = (table.loc["blind classifier"] for table in tables)
     assert fair.accuracy_applicable < 0.62
     assert told.accuracy_applicable > 0.95
+
+
+def test_where_loops_oscillate_a_method_is_held_against_the_blind_classifier(book):
+    """All that oscillates not is negative: a classifier that knows no more is right on most loops, and beats nobody there."""
+    rng = np.random.default_rng(6)
+    oscillating = np.arange(800) < 400
+    truth = np.where(oscillating, rng.integers(0, 2, 800), 0)
+    seeing = np.where(oscillating & (rng.random(800) < 0.25), 2, truth)
+    run = replace(book(np.array([seeing, oscillating, 1 - truth]), truth), oscillating=oscillating)
+    run = replace(run, design=rng.normal(size=(800, 6)))
+    scores = score_book(run)
+    table = scores.ranking().set_index("method")
+    assert table.loc["blind classifier", "accuracy_applicable"] > 0.7
+    assert (table.oscillating == 400).all()
+    undecided = (seeing[:400] == 2).mean()
+    assert table.loc["m0", "cost_oscillating"] == pytest.approx(0.5 * undecided)
+    blind = table.loc["blind classifier", "cost_oscillating"]
+    assert table.loc["m0", "cost_over_blind"] == pytest.approx(0.5 * undecided - blind)
+    assert table.loc["blind classifier", "cost_over_blind"] == 0.0
+    text = scores.as_text()
+    dearer, seldom = ((sign * table.loc[["m0", "m1", "m2"], name] > sign * table.loc["blind classifier", name]).sum()
+                      for sign, name in ((1, "cost"), (-1, "accuracy_applicable")))  # fmt: skip
+    assert f"{dearer} of 3 methods cost more than the blind classifier, {seldom} are right less" in " ".join(text.split())
+    after = text[text.index("less than blind") :].splitlines()
+    answers = {line.split()[0]: " ".join(line.split()[8:]) for line in after[1:4]}
+    assert answers == {"m0": "yes", "m1": "cannot tell", "m2": "no"}
 
 
 def test_what_is_said_of_left_out_loops_is_counted(book):
