@@ -176,7 +176,7 @@ def loop_axes(loop: Loop) -> dict[str, float | int | str | None]:
         ratio = S / (2 * J) if isinstance(J, (int, float)) and J > 0 else math.inf
     return {
         "Td_over_T": plant.Td / plant.T if plant.T else None,
-        "Td_over_Ti": plant.Td / Ti if plant.type == "integrating" and Ti else None,
+        "Td_over_Ti": plant.Td / Ti if plant.integrating and Ti else None,
         "S_over_2J": ratio,
         "disturbance": "+".join(d.name for d in loop.disturbance) or "none",
         "process": plant.type,

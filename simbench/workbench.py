@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Required, Self, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, Protocol, Required, Self, TypedDict, Unpack
 
 from detectors.views import page_part
 from scenarios import spec
@@ -14,6 +14,7 @@ from simbench.bench.execute.run import run_grid
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.score.result import Scores
 from simbench.bench.score.scoring import score_run
+from simbench.loop.plant import table_of
 from simbench.loop.run import Run
 from simbench.loop.simulate import simulate
 from simbench.theory.predict import predict
@@ -24,10 +25,18 @@ if TYPE_CHECKING:
 _Table = Mapping[str, Any]
 
 
+class _System(Protocol):
+    """A linear system of python-control: `control.tf(...)`, `control.ss(...)`."""
+
+    ninputs: Any
+    noutputs: Any
+    dt: Any
+
+
 class _Sections(TypedDict, total=False):
     """Sections of a loop, as in a loop file; times in s, OP, MV and valve parameters in %."""
 
-    plant: Required[_Table]
+    plant: Required[_Table | _System]
     controller: Required[_Table]
     sampling: Required[_Table]
     valve: _Table
@@ -43,10 +52,12 @@ class Loop(spec.Loop):
 
     Parameters
     ----------
-    plant : mapping
-        type "foptd" or "integrating", K (PV units per %, integrating: per % and s), T, Td (s).
+    plant : mapping or control.TransferFunction or control.StateSpace
+        type "foptd" or "integrating", K (PV units per %, integrating: per % and s), T, Td (s); type "tf", num and den (falling
+        powers of s), Td; or a plug-in's name and its parameters. A system of python-control is a "tf" without dead time.
     controller : mapping
-        type "PI" or "P", Kc (% per PV unit), Ti (s), direction "reverse" or "direct".
+        type "PI", "P" or "PID", Kc (% per PV unit), Ti (s), direction "reverse" or "direct"; PID: Td (s), N, form, b, c,
+        anti_windup, Tt (s), schedule, schedule_on; or a plug-in's name and its parameters.
     sampling : mapping
         Ts (s), n.
     operating_point : mapping, optional
@@ -77,7 +88,10 @@ class Loop(spec.Loop):
     """
 
     def __init__(self, **sections: Unpack[_Sections]) -> None:
-        checked = spec.Loop.from_table(dict(sections), "Loop")
+        table: dict[str, Any] = dict(sections)
+        if not isinstance(table.get("plant", {}), (Mapping, spec.Plant)) and hasattr(table["plant"], "ninputs"):
+            table["plant"] = table_of(table["plant"])
+        checked = spec.Loop.from_table(table, "Loop")
         super().__init__(**dict(checked))  # pyright: ignore[reportCallIssue]
 
     @classmethod

@@ -53,7 +53,8 @@ def test_public_functions_describe_their_parameters(path):
             assert not missing, f"{node.name}: the docstring does not speak of {missing}"
 
 
-PLUGINS = ["detectors/methods", "simbench/loop/valves", "simbench/loop/effects", "simbench/gap/effects", "simbench/figures"]
+PLUGINS = ["detectors/methods", "simbench/gap/effects", "simbench/figures"]
+PLUGINS += [f"simbench/loop/{kind}" for kind in ("valves", "effects", "plants", "controllers")]
 
 
 @pytest.mark.parametrize("folder", PLUGINS)

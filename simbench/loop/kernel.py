@@ -12,6 +12,7 @@ from detectors.compiled import cached_module
 # Bound by `bind` (plain Python, the slow twin) or by a generated module (compiled).
 error_step: Any = None
 controller_step: Any = None
+controller_kick: Any = None
 output_step: Any = None
 valve_step: Any = None
 plant_step: Any = None
@@ -31,9 +32,9 @@ def closed_loop(sp, load_in, load_out, noise, kick, op0, w, x, c, v, s, numbers,
     w_now, w_new = w[lag:], w[1:]
     for k in range(sp.shape[0]):
         s = sensor_step(plant_output(x, plant) + load_out[k], noise[k], s, sensor)
-        c = controller_step(error_step(sp[k] - s[0], gap), c, controller)
+        c = controller_step(error_step(sp[k] - s[0], gap), sp[k], c, controller)
         if k == 0:
-            c = (min(max(c[0] + kick, controller.lo), controller.hi), c[1])
+            c = controller_kick(c, kick, controller)
         u = output_step(c[0], gap)
         v = valve_step(u, v, valve)
         w_now[k] = v[-1][0] - op0 + load_in[k]

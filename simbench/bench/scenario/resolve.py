@@ -22,6 +22,7 @@ from simbench.loop import plant
 from simbench.loop.parameters import VALVES, valve_parameters
 from simbench.loop.simulate import simulate
 from simbench.theory.cycle import cycle_start
+from simbench.theory.sampled import sampled_loop, ultimate_gain
 
 _FIRST = 40  # samples per period of the run that measures the cycle
 _PERIODS = 10  # its length
@@ -103,7 +104,7 @@ def _measured(text: str) -> _Cycle:
     except ParameterError:
         pass  # no cycle to start on, or none that theory can find
     S, _ = band(twin)
-    size = 0.25 * S * abs(twin.plant.K) if twin.plant.type == "foptd" else 0.3 * S / twin.controller.Kc
+    size = 0.25 * S * abs(twin.plant.K) if not twin.plant.integrating else 0.3 * S / twin.controller.Kc
     return _Cycle(guess, size, False)
 
 
@@ -119,11 +120,12 @@ def first_guess(loop: Loop) -> float:
     94.4
     """
     S, J = band(loop)
-    Td, Ti = loop.plant.Td, loop.controller.Ti
-    k = abs(loop.plant.K) * loop.controller.Kc / (loop.plant.T or 1.0)
-    if Ti is not None and loop.plant.T is not None:
-        k *= max(1.0, loop.plant.T / Ti)  # more integral action than Ti = T: faster
-    if J == 0 and (loop.plant.T is not None or Ti is None):
+    like = plant.first_order_like(loop.plant)
+    Td, Ti = like.Td, loop.controller.Ti
+    k = abs(like.K) * loop.controller.Kc / (like.T or 1.0)
+    if Ti is not None and like.T is not None:
+        k *= max(1.0, like.T / Ti)  # more integral action than Ti = T: faster
+    if J == 0 and (like.T is not None or Ti is None):
         J = S / 3.0  # does not cycle: sampled like its neighbours that do
     if J > 0:
         speed = min(k * Td, 0.9)
@@ -153,6 +155,8 @@ def sampled_ultimate_gain(loop: Loop) -> float:
     2.26
     """
     Ts = loop.sampling.Ts
+    if loop.plant.type not in ("foptd", "integrating") or loop.controller.type not in ("P", "PI"):
+        return loop.controller.Kc * (ultimate_gain(sampled_loop(loop)) or 1.0)
     g = plant.sample(*plant.polynomials(loop.plant), loop.plant.Td, Ts)
     w = np.geomspace(1e-4, math.pi, 4000)
     z = np.exp(1j * w)
