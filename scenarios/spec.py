@@ -6,6 +6,7 @@ import hashlib
 import json
 import math
 import tomllib
+from collections.abc import Mapping
 from datetime import date, time
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar
@@ -19,7 +20,7 @@ MAX_SAMPLES = 20_000_000  # a run holds about ten arrays of n doubles: 1.6 GB he
 _MOST_CLAUSES = 12  # complaints in one sentence
 LARGEST_NUMBER = 1e60  # beyond it a record's statistics leave the range of double numbers
 M = TypeVar("M", bound=BaseModel)
-Value = float | int | str | bool | list[Any]
+Value = float | int | str | bool | list[Any] | dict[str, Any]
 
 
 def _number(value: Any) -> Any:
@@ -356,14 +357,42 @@ class Loop(_Table):
         SpecError
             For a key that the loop file does not have, or a value it does not allow.
         """
-        section, _, name = key.partition(".")
+        return self.with_all({key: value})
+
+    def with_all(self, changes: Mapping[str, Any]) -> Self:
+        """Return the loop with several keys changed at once: dotted ones, and sections as a whole, which come first.
+
+        Parameters
+        ----------
+        changes : mapping of str to value
+            section.name, or a section with its table (a list of tables for disturbance and effect).
+
+        Returns
+        -------
+        Loop
+
+        Raises
+        ------
+        SpecError
+            As `with_`.
+        """
+        if not changes:
+            return self
         table = self.to_table()
-        if section not in Loop.model_fields or not name:
-            raise SpecError(f"key {key!r} is not section.name: {suggestion(section, Loop.model_fields)}")
-        if isinstance(table.get(section), list):
-            raise SpecError(f"key {key!r}: [[{section}]] is a list and cannot be set by name")
-        table.setdefault(section, {})[name] = value
-        return type(self).from_table(table, f"with {key} = {value}")
+        for key, value in sorted(changes.items(), key=lambda change: "." in change[0]):
+            section, dot, name = key.partition(".")
+            if section not in Loop.model_fields or (dot and not name) or not (name or isinstance(value, (dict, list, tuple))):
+                known = suggestion(section, Loop.model_fields)
+                raise SpecError(f"key {key!r} is not section.name, nor a section with a table for its value: {known}")
+            if not name:
+                table[section] = value
+                continue
+            if isinstance(table.get(section), list):
+                raise SpecError(
+                    f"key {key!r}: [[{section}]] is a list and cannot be set by name; {section} = [...] sets it whole"
+                )
+            table[section] = {**table.get(section, {}), name: value}
+        return type(self).from_table(table, f"with {', '.join(f'{key} = {value}' for key, value in changes.items())}")
 
 
 class Scenario(_Table):

@@ -62,6 +62,8 @@ class Run:
         Whether the valve has friction.
     mv : ndarray, shape (n + tail,)
         Valve position (%) as it is; the record's may carry noise.
+    notes : tuple of str
+        What the reader must know of how it was computed.
     """
 
     record: LoopRecord
@@ -70,6 +72,7 @@ class Run:
     tail: LoopRecord | None
     sticky: bool
     mv: np.ndarray
+    notes: tuple[str, ...] = ()
 
     def to_frame(self) -> pd.DataFrame:
         """Return the record as a table.
@@ -130,7 +133,8 @@ def signals_of(
     x = plant_start(setup, parts, pv, () if start is None else start.state)
     s = sensor.full_start(pv) if parts.steps["sensor_step"] is sensor.full_step else sensor.plain_start(pv)
     op, measured, mv = np.empty(total), np.empty(total), np.empty(total)
-    make = kernel.bind if plain else kernel.compiled
+    outside = [f for f in (setup.plant_plugin, setup.control_plugin) if f is not None]
+    make = kernel.bind if plain else kernel.compiled_where_possible if outside else kernel.compiled
     make(parts.steps, parts.stages, parts.classes)(
         setup.sp, setup.load_in, setup.load_out, setup.pv_add, float(kick), setup.op0, w, x, c, tuple(v), s, parts.bare,
         op, measured, mv,
@@ -161,4 +165,7 @@ def finished_run(setup: Setup, op: np.ndarray, measured: np.ndarray, mv: np.ndar
         )
 
     tail = part(slice(n, None)) if setup.tail >= 3 else None
-    return Run(part(slice(0, n)), setup.load_in, setup.load_out, tail, setup.sticky, mv)
+    notes = [
+        why for found in (setup.plant_plugin, setup.control_plugin) if found and (why := kernel.runs_plainly(found[0].step))
+    ]
+    return Run(part(slice(0, n)), setup.load_in, setup.load_out, tail, setup.sticky, mv, tuple(notes))

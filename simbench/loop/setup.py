@@ -270,7 +270,7 @@ def _control_of(setup: Setup) -> tuple[dict[str, FunctionType], Any]:
 def control_start(setup: Setup, p: Any) -> tuple[float, ...]:
     """Return the controller's state at rest: there the error is 0, and a set point away from pv0 is a step at sample 0."""
     if setup.control_plugin is not None:
-        return tuple(float(x) for x in setup.control_plugin[0].start(p))
+        return _numbers_in(setup.control_plugin[0].start(p))
     if setup.loop.controller.type == "PID":
         return controller.pid_start(setup.op0, 0.0)
     return (controller.p_start if setup.Ti is None else controller.pi_start)(setup.op0, 0.0)
@@ -279,14 +279,20 @@ def control_start(setup: Setup, p: Any) -> tuple[float, ...]:
 def plant_start(setup: Setup, parts: Parts, pv: float, state: tuple[float, ...] = ()) -> Any:
     """Return the plant's state: at rest, with PV at `pv` where it is of first order, or the one given."""
     order, g = parts.sampled.order, parts.sampled
+    if setup.plant_plugin is not None:
+        rest = _numbers_in(setup.plant_plugin[0].start(parts.numbers[0]))
+        return (float(pv - setup.pv0), *rest[1:])
     second = parts.steps["plant_step"] is plant.second_order_step
     if state and second:
         return float(g.C @ state), float(g.C @ (g.A @ state - state))
     if state:
         return state if order == 1 else np.append(state, np.zeros(order))
-    if setup.plant_plugin is not None:
-        return tuple(float(x) for x in setup.plant_plugin[0].start(parts.numbers[0]))
     return (float(pv - setup.pv0),) if order == 1 else (0.0, 0.0) if second else np.zeros(2 * order)
+
+
+def _numbers_in(state: tuple) -> tuple:
+    """Return a plug-in's state with its numbers as floats; one in plain Python may hold other things too."""
+    return tuple(float(x) if isinstance(x, (int, float, np.number)) else x for x in state)
 
 
 def _plant_plugin(loop: Loop) -> tuple[ModuleType, Any] | None:

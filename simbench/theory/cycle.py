@@ -171,6 +171,8 @@ def cycle_start(loop: Loop) -> Start:
         reversals(sampled, x, s, past, 1, most=1)
     op0, op, w, mv = loop.operating_point.op0, *(float(value) for value in s[:3])
     ahead = sampled.A @ x + sampled.B_old * past[0] + sampled.B_new * past[1]
+    if sampled.order != 1 and loop.plant.parameters is not None:
+        raise ParameterError("cycle_start: a plant plug-in starts there only where it is of first order")
     pid, order = loop.controller.type == "PID", sampled.order - 2 * (sampled.kd > 0.0)
     return Start(
         op=op0 + op,

@@ -62,6 +62,8 @@ def run_grid(
     time_limit: float = SECONDS,
     valve_plugins: Iterable[str | Path] = (),
     effect_plugins: Iterable[str | Path] = (),
+    plant_plugins: Iterable[str | Path] = (),
+    controller_plugins: Iterable[str | Path] = (),
     sealed: bool = False,
 ) -> Path:
     """Simulate a grid, judge it by detectors, and write both tables.
@@ -78,13 +80,14 @@ def run_grid(
         raise RunError(f"unknown backend {backend!r}: {nearest(backend, _BACKENDS)}")
     if until_width is not None and not adaptive.NARROWEST <= until_width < 1:
         raise RunError(f"until_width = {until_width}; a number between {adaptive.NARROWEST} and 1 is needed")
-    stages = tuple(tuple(str(Path(p).resolve()) for p in some) for some in (valve_plugins, effect_plugins))
+    parts = (valve_plugins, effect_plugins, plant_plugins, controller_plugins)
+    stages = tuple(tuple(str(Path(p).resolve()) for p in some) for some in parts)
     if sealed and (resume or isinstance(grid, Grid) or "seed" in (sets or {})):
         raise RunError("a sealed run draws its own seed: it takes a grid by name or file, without --resume and --set seed=")
     drawn = {"seed": secrets.randbits(62)} if sealed else {}
     plan = grid if isinstance(grid, Grid) else load_grid(grid, {**(sets or {}), **drawn}, axes)
     files = [str(Path(p).resolve()) for p in plugins]
-    with registry.hosted(files, time_limit) as added, hosted_parts(*stages, time_limit):
+    with registry.hosted(files, time_limit) as added, hosted_parts(*stages, seconds=time_limit):
         asked = [part.strip() for text in methods for part in text.split(",")]
         names = choose_methods(m for m in asked if m != ORACLE)
         names += [a for a in added if a not in names]
@@ -103,7 +106,7 @@ def run_grid(
                 "scenarios": len(plan),
                 "methods": {n: _about(n) for n in names},
                 "thresholds": {k: dict(v) for k, v in (thresholds or {}).items()},
-                "plugins": _digests(("", files), ("valve ", stages[0]), ("effect ", stages[1])),
+                "plugins": _digests(("", files), *zip(("valve ", "effect ", "plant ", "controller "), stages)),
                 "until_width": until_width,
                 "raw": raw,
                 "front_end": known_front_end(front_end),

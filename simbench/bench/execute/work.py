@@ -105,7 +105,7 @@ def work(
     take for a record, `keep` how many records are handed back, from the first on.
     """
     began = time.perf_counter()
-    add_parts(*stages, seconds)
+    add_parts(*stages, seconds=seconds)
     registry.add_all_hosted(plugins, seconds)
     own = [m for m in methods if m != ORACLE]
     chosen = {m: check_thresholds(m, registry.load(m).METHOD, (thresholds or {}).get(m, {})) for m in own}

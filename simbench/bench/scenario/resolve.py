@@ -13,13 +13,14 @@ import numpy as np
 from detectors.errors import ParameterError
 from detectors.prepared import prepare
 from detectors.signal.oscillation import oscillation_of
-from scenarios.cell import Draft, Rules, Scaled
+from scenarios.cell import Draft, Rules, Scaled, overridden
 from scenarios.grid import Group
 from scenarios.spec import Loop, Noise, Sampling, Scenario, SetPoint
 from simbench.bench.scenario.motion import motion
 from simbench.bench.scenario.truth import least_swing
 from simbench.loop import plant
 from simbench.loop.parameters import VALVES, valve_parameters
+from simbench.loop.setup import plain_setup
 from simbench.loop.simulate import simulate
 from simbench.theory.cycle import cycle_start
 from simbench.theory.sampled import sampled_loop, ultimate_gain
@@ -155,9 +156,10 @@ def sampled_ultimate_gain(loop: Loop) -> float:
     2.26
     """
     Ts = loop.sampling.Ts
-    if loop.plant.type not in ("foptd", "integrating") or loop.controller.type not in ("P", "PI"):
+    setup = plain_setup(loop, 0)
+    if setup.not_linear or len(setup.den) != 2 or loop.controller.type == "PID":
         return loop.controller.Kc * (ultimate_gain(sampled_loop(loop)) or 1.0)
-    g = plant.sample(*plant.polynomials(loop.plant), loop.plant.Td, Ts)
+    g = plant.sample(setup.num, setup.den, loop.plant.Td, Ts)
     w = np.geomspace(1e-4, math.pi, 4000)
     z = np.exp(1j * w)
     G = (g.B_old[0] / z + g.B_new[0]) / (z - g.A[0, 0]) * g.C[0] * z ** -float(g.delay)
@@ -235,10 +237,7 @@ def _settled(draft: Draft, rules: Rules, twin: Loop, cycle: _Cycle, own: float) 
     loop = Loop.from_table(table, "cell")
     if draft.ultimate is not None:
         loop = loop.with_("controller.Kc", significant(draft.ultimate * sampled_ultimate_gain(loop)))
-    for key, value in (draft.overrides or {}).items():
-        if not (key.startswith("valve.") and loop.valve.name == "ideal"):
-            loop = loop.with_(key, value)
-    return loop
+    return overridden(loop, draft.overrides or {})
 
 
 def valve_table(name: str, cell: Mapping[str, Any], period: float, more: Mapping[str, Any]) -> dict[str, Any]:
