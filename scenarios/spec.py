@@ -63,6 +63,7 @@ class Plant(_Table):
         if table["type"] == "tf":
             return _read_tf(table)
         if table["type"] not in PLANT_TYPES:
+            _refuse_misspelt(table["type"], PLANT_TYPES)
             return _read_plugin(table, ("type", "Td"), {"K": 1.0})
         return table
 
@@ -119,8 +120,10 @@ class Controller(_Table):
     @model_validator(mode="before")
     @classmethod
     def _read(cls, table: Any) -> Any:
-        known = isinstance(table, dict) and isinstance(table.get("type"), str) and table["type"] not in CONTROLLER_TYPES
-        return _read_plugin(table, ("type", "direction"), {"Kc": 1.0}) if known else table
+        if not isinstance(table, dict) or not isinstance(table.get("type"), str) or table["type"] in CONTROLLER_TYPES:
+            return table
+        _refuse_misspelt(table["type"], CONTROLLER_TYPES)
+        return _read_plugin(table, ("type", "direction"), {"Kc": 1.0})
 
     @model_validator(mode="after")
     def _whole(self) -> Self:
@@ -150,6 +153,13 @@ class Controller(_Table):
 
 PLANT_TYPES, CONTROLLER_TYPES = ("foptd", "integrating", "tf"), ("PI", "P", "PID")
 _OF_PID = ("Td", "N", "form", "b", "c", "anti_windup", "Tt", "schedule", "schedule_on")
+
+
+def _refuse_misspelt(word: str, known: tuple[str, ...]) -> None:
+    """Refuse the letters of a built-in type in another order or case: no plug-in's name, but a slip."""
+    near = [k for k in known if sorted(k.lower()) == sorted(word.lower())]
+    if near:
+        raise ValueError(f"type = {word!r} is unknown; did you mean {near[0]!r}?")
 
 
 def _read_tf(table: dict[str, Any]) -> dict[str, Any]:

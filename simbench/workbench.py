@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, Required, Self, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, Literal, Protocol, Required, Self, TypedDict, Unpack
 
+from detectors.sources import Methods, named_methods
 from detectors.views import page_part
 from scenarios import spec
 from scenarios.grid import Grid
@@ -45,6 +46,30 @@ class _Sections(TypedDict, total=False):
     operating_point: _Table
     disturbance: Sequence[_Table]
     effect: Sequence[_Table]
+
+
+class _Settings(TypedDict, total=False):
+    """What else a run may be told."""
+
+    raw: bool
+    resume: bool
+    sets: Mapping[str, Any] | None
+    axes: Mapping[str, Sequence[Any]] | None
+    thresholds: Mapping[str, Mapping[str, float]] | None
+    plugins: Iterable[str | Path]
+    valve_plugins: Iterable[str | Path]
+    effect_plugins: Iterable[str | Path]
+    plant_plugins: Iterable[str | Path]
+    controller_plugins: Iterable[str | Path]
+    time_limit: float
+    until_width: float | None
+    keep: int
+    front_end: Literal["acf", "hagglund"]
+    sealed: bool
+    progress: bool | None
+    large: bool
+    backend: Literal["loky", "dask", "ray"]
+    address: str | None
 
 
 class Loop(spec.Loop):
@@ -190,11 +215,11 @@ def load_loop(path: str | Path) -> Loop:
 
 def run(
     grid: str | Path | Grid,
-    methods: str | Iterable[str] = ("fast", ORACLE),
+    methods: Methods = ("fast", ORACLE),
     *,
     out: str | Path | None = None,
     jobs: int = 1,
-    **settings: Any,
+    **settings: Unpack[_Settings],
 ) -> Path:
     """Simulate a grid of scenarios, judge every record by every method, and write both tables.
 
@@ -202,14 +227,16 @@ def run(
     ----------
     grid : str, Path or Grid
         Name, TOML file, or a grid at hand.
-    methods : str or iterable of str
-        Method ids, "fast", "full", "oracle".
+    methods : str, function, object with `detect`, or iterable of them
+        Method ids, "fast", "full", "oracle", and detectors of the caller, as in `simbench.detect`.
     out : str or Path, optional
         Folder of the run; runs/GRID when absent.
     jobs : int
         Worker processes; -1 = all cores.
     **settings
-        Further arguments of `simbench.bench.execute.run.run_grid`: raw, plugins, resume, sets, axes, thresholds, ...
+        Further arguments of `simbench.bench.execute.run.run_grid`: raw, resume, sets, axes, thresholds, plugins, valve_plugins,
+        effect_plugins, plant_plugins, controller_plugins, time_limit, until_width, keep, front_end, sealed, progress, large,
+        backend, address.
 
     Returns
     -------
@@ -228,7 +255,8 @@ def run(
     >>> score(folder).to_frame().method.tolist()[0]
     'horch'
     """
-    return run_grid(grid, out, [methods] if isinstance(methods, str) else methods, jobs, **settings)
+    names, own = named_methods(methods)
+    return run_grid(grid, out, names, jobs, own=own, **settings)
 
 
 def score(folder: str | Path, *, raw: bool = False) -> Scores:

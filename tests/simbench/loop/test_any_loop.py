@@ -130,8 +130,8 @@ def test_what_stands_for_a_plant_has_its_mean_delay():
 @pytest.mark.parametrize(
     ("sections", "words"),
     [
-        ({"plant": {"type": "fopdt", "K": 1, "T": 2}}, "foptd"),
-        ({"controller": {"type": "PDI", "Kc": 1}}, "PID"),
+        ({"plant": {"type": "tnk", "K": 1, "T": 2}}, "tank"),
+        ({"controller": {"type": "PIDD", "Kc": 1}}, "PID"),
     ],
 )
 def test_a_misspelt_part_names_the_nearest(sections, words):
