@@ -82,7 +82,7 @@ def compiled(function: FunctionType):
     True
     """
     text = f'@njit(cache=True, error_model="numpy")\n{inspect.getsource(function)}'
-    return getattr(cached_module(function.__name__.strip("_"), _used(function), text, "numpy"), function.__name__)
+    return getattr(cached_module(function.__name__.strip("_"), names_used(function), text, "numpy"), function.__name__)
 
 
 def njit_cached(function: FunctionType):
@@ -217,7 +217,7 @@ def _jitted(function: FunctionType, error_model: str):
         return _registers(LANES if function is lanes else few() // 2)
     if function is high_product:
         return _high_product()
-    called = {n: _jitted(g, error_model) for n, g in _used(function).items() if isinstance(g, FunctionType)}
+    called = {n: _jitted(g, error_model) for n, g in names_used(function).items() if isinstance(g, FunctionType)}
     copy = FunctionType(function.__code__, {**function.__globals__, **called}, function.__name__, function.__defaults__)
     copy.__module__, copy.__qualname__ = function.__module__, function.__qualname__
     # lanes stay in registers only where the loops over them stand in one function
@@ -267,7 +267,7 @@ def _high_product():
     return high
 
 
-def _used(function: FunctionType) -> dict[str, Any]:
+def names_used(function: FunctionType) -> dict[str, Any]:
     """What a function takes from its module, by name."""
     found = {n: function.__globals__[n] for n in function.__code__.co_names if n in function.__globals__}
     return {n: v for n, v in found.items() if v is not function}
@@ -280,7 +280,7 @@ def reached(functions: list[FunctionType]) -> set[FunctionType]:
         function = functions.pop()
         if function not in found:
             found.add(function)
-            functions = functions + [f for f in _used(function).values() if isinstance(f, FunctionType)]
+            functions = functions + [f for f in names_used(function).values() if isinstance(f, FunctionType)]
     return found
 
 
@@ -289,7 +289,7 @@ def _described(parts: dict[str, Any]) -> list[str]:
     told = []
     for name, part in parts.items():
         if isinstance(part, FunctionType):
-            used = {n: v for f in reached([part]) for n, v in _used(f).items() if not isinstance(v, FunctionType)}
+            used = {n: v for f in reached([part]) for n, v in names_used(f).items() if not isinstance(v, FunctionType)}
             told.append(f"{name} {part.__module__} {part.__qualname__} {_described(used)}")
         elif isinstance(part, (type, ModuleType)):
             told.append(f"{name} {part.__name__} {getattr(part, '_fields', ())}")

@@ -3,50 +3,79 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Unpack, overload
 
-from detectors.errors import RecordError
+from numpy.typing import ArrayLike
+
 from detectors.judge import judge
 from detectors.plugins.registry import methods as registry
 from detectors.procedure import Diagnosis
 from detectors.procedure import diagnose as procedure
-from detectors.record import LoopRecord
-from detectors.records.io import read_record
 from detectors.report.report import Report, choose_methods, judge_files
+from detectors.sources import About, Methods, as_plugin, as_record, named_methods
+
+if TYPE_CHECKING:
+    from detectors.record import LoopRecord
+    from detectors.sources import Source
+_Thresholds = Mapping[str, Mapping[str, float]]
 
 
-class _Recorded(Protocol):
-    """Anything that carries a record, such as a simulated run."""
-
-    @property
-    def record(self) -> LoopRecord:
-        """The record."""
-        ...
-
-
-Source = LoopRecord | _Recorded | str | Path
-
-
+@overload
 def detect(
     source: Source,
-    methods: str | Iterable[str] = "all",
+    methods: Methods = "all",
     *,
+    Ts: float | None = None,
     raw: bool = False,
-    front_end: str = "acf",
+    front_end: Literal["acf", "hagglund"] = "acf",
     plugins: Iterable[str | Path] = (),
-    thresholds: Mapping[str, Mapping[str, float]] | None = None,
-    **about: Any,
+    thresholds: _Thresholds | None = None,
+    **about: Unpack[About],
+) -> Report: ...
+@overload
+def detect(
+    *,
+    op: ArrayLike,
+    pv: ArrayLike,
+    Ts: float,
+    sp: ArrayLike | None = None,
+    mv: ArrayLike | None = None,
+    methods: Methods = "all",
+    raw: bool = False,
+    front_end: Literal["acf", "hagglund"] = "acf",
+    plugins: Iterable[str | Path] = (),
+    thresholds: _Thresholds | None = None,
+    **about: Unpack[About],
+) -> Report: ...
+def detect(
+    source: Source | None = None,
+    methods: Methods = "all",
+    *,
+    op: ArrayLike | None = None,
+    pv: ArrayLike | None = None,
+    Ts: float | None = None,
+    sp: ArrayLike | None = None,
+    mv: ArrayLike | None = None,
+    raw: bool = False,
+    front_end: Literal["acf", "hagglund"] = "acf",
+    plugins: Iterable[str | Path] = (),
+    thresholds: _Thresholds | None = None,
+    **about: Unpack[About],
 ) -> Report:
     """Does this valve stick? Ask one or all detectors.
 
     Parameters
     ----------
-    source : LoopRecord, run, str or Path
-        A record, a simulated run, a record file, or a folder of them.
-    methods : str or iterable of str
-        Method ids, or "all", "fast", "full".
+    source : LoopRecord, run, DataFrame, mapping, str or Path
+        A record, a simulated run, a table or dict with columns op, pv and t, a record file, or a folder of them.
+    methods : str, function, object with `detect`, or iterable of them
+        Method ids, "all", "fast", "full"; a function of a LoopRecord that returns true (stiction), false, None, a verdict's
+        word, one of these with a score, or a Verdict; an object whose `detect` does, copied before every record.
+    op, pv, sp, mv : array_like, shape (n,)
+        In place of a source: OP (%, or as `op_span` says), PV, SP (PV units), valve position (%).
+    Ts : float
+        Sampling period (s); of a source in place of its own.
     raw : bool
         Without the oscillation front end.
     front_end : {"acf", "hagglund"}
@@ -56,7 +85,7 @@ def detect(
     thresholds : dict of method id to dict of str to float, optional
         Other thresholds than the methods' own.
     **about
-        What is known of the record: process, kind, op_span, pv_span; for files also columns, loop, Ts and labels.
+        What is known of the record: process, kind, op_span, pv_span, tag; for tables columns; for files also loop and labels.
 
     Returns
     -------
@@ -75,11 +104,22 @@ def detect(
     >>> report = detect(LoopRecord(op=np.sin(t / 8), pv=-np.sin(t / 8), Ts=1.0), ["horch", "he"])
     >>> report["horch"].verdict, len(report)
     ('no_stiction', 2)
+    >>> def half(record):
+    ...     return record.op.mean() < 50.0
+    >>> detect(op=np.sin(t / 8), pv=-np.sin(t / 8), Ts=1.0, methods=half).to_frame().method.tolist()
+    ['half']
     """
-    asked = [methods] if isinstance(methods, str) else list(methods)
-    if isinstance(source, (str, Path)):
-        return judge_files(source, asked, raw=raw, front_end=front_end, plugins=plugins, thresholds=thresholds, **about)
-    record = _as_record(source, **about)
+    asked, own = named_methods(methods)
+    with registry.adopted({name: as_plugin(name, detector) for name, detector in own.items()}):
+        if isinstance(source, (str, Path)) and op is None and pv is None:
+            given: dict[str, Any] = {**about, **({} if Ts is None else {"Ts": Ts})}
+            return judge_files(source, asked, raw=raw, front_end=front_end, plugins=plugins, thresholds=thresholds, **given)
+        return _judged(
+            as_record(source, op=op, pv=pv, sp=sp, mv=mv, Ts=Ts, **about), asked, raw, front_end, plugins, thresholds
+        )
+
+
+def _judged(record: LoopRecord, asked: list[str], raw: bool, front_end: str, plugins: Any, thresholds: Any) -> Report:
     with registry.hosted(plugins) as added:
         names = choose_methods(asked)
         names += [a for a in added if a not in names]
@@ -87,15 +127,39 @@ def detect(
     return Report([(None, v) for v in verdicts], records={None: record})
 
 
-def diagnose(source: Source, **about: Any) -> Diagnosis:
+@overload
+def diagnose(
+    source: Source,
+    *,
+    Ts: float | None = None,
+    odds_low: float = ...,
+    odds_high: float = ...,
+    follow_min: float = ...,
+    **about: Unpack[About],
+) -> Diagnosis: ...
+@overload
+def diagnose(
+    *,
+    op: ArrayLike,
+    pv: ArrayLike,
+    Ts: float,
+    sp: ArrayLike | None = None,
+    mv: ArrayLike | None = None,
+    odds_low: float = ...,
+    odds_high: float = ...,
+    follow_min: float = ...,
+    **about: Unpack[About],
+) -> Diagnosis: ...
+def diagnose(source: Source | None = None, **about: Any) -> Diagnosis:
     """Take one record through the chapter's whole procedure, step by step.
 
     Parameters
     ----------
-    source : LoopRecord, run, str or Path
-        A record, a simulated run, or a record file.
+    source : LoopRecord, run, DataFrame, mapping, str or Path
+        A record, a simulated run, a table or dict with columns op, pv and t, or a record file.
     **about
-        What is known of it, as in `detect`; also odds_low, odds_high and follow_min, see `detectors.procedure.diagnose`.
+        Signals in place of a source, and what is known of it, as in `detect`;
+        also odds_low, odds_high and follow_min, see `detectors.procedure.diagnose`.
 
     Returns
     -------
@@ -114,20 +178,4 @@ def diagnose(source: Source, **about: Any) -> Diagnosis:
     'no_stiction'
     """
     bounds = {k: about.pop(k) for k in ("odds_low", "odds_high", "follow_min") if k in about}
-    return procedure(_as_record(source, **about), **bounds)
-
-
-def _as_record(source: Source, **about: Any) -> LoopRecord:
-    """Return the record that a source holds.
-
-    Examples
-    --------
-    >>> _as_record(LoopRecord([1, 2, 3], [1, 2, 3], 1.0), kind="flow").kind
-    'flow'
-    """
-    if isinstance(source, (str, Path)):
-        return read_record(source, **about)
-    record = source if isinstance(source, LoopRecord) else getattr(source, "record", None)
-    if not isinstance(record, LoopRecord):
-        raise RecordError(f"{type(source).__name__} is no record; a LoopRecord, a simulated run or a file is needed")
-    return replace(record, **about) if about else record
+    return procedure(as_record(source, **about), **bounds)

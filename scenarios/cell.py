@@ -132,7 +132,7 @@ def cell_group(
     if rules.samples_per_period is None or rules.periods is None:
         raise SpecError(f"{where}: samples_per_period and periods are needed, as axis or draw")
     twin_valve = _valve("choudhury", settings, where)
-    twin = _overridden(Loop.from_table({**table, "valve": twin_valve}, where), overrides)
+    twin = overridden(Loop.from_table({**table, "valve": twin_valve}, where), overrides)
     names = ("Td_over_T", "Td_over_Ti", "S_over_2J", "noise_ratio", "disturbance", "tuning", "samples_per_period")
     drafts = []
     for name, own, loads in members:
@@ -140,7 +140,7 @@ def cell_group(
         if tuning not in (*FOPTD_LAG, *ULTIMATE):
             raise SpecError(f"{where}: tuning {tuning!r} is unknown, {suggestion(str(tuning), (*FOPTD_LAG, *ULTIMATE))}")
         valve = _valve(own["valve"].name, settings, where)
-        loop = _overridden(Loop.from_table({**table, "valve": valve}, where), overrides)
+        loop = overridden(Loop.from_table({**table, "valve": valve}, where), overrides)
         found = {key: own.get(key) for key in names}
         found.update(
             member=name,
@@ -176,7 +176,7 @@ def loop_axes(loop: Loop) -> dict[str, float | int | str | None]:
         ratio = S / (2 * J) if isinstance(J, (int, float)) and J > 0 else math.inf
     return {
         "Td_over_T": plant.Td / plant.T if plant.T else None,
-        "Td_over_Ti": plant.Td / Ti if plant.type == "integrating" and Ti else None,
+        "Td_over_Ti": plant.Td / Ti if plant.integrating and Ti else None,
         "S_over_2J": ratio,
         "disturbance": "+".join(d.name for d in loop.disturbance) or "none",
         "process": plant.type,
@@ -253,9 +253,8 @@ def _valve(model: str, s: Mapping[str, Any], where: str) -> dict[str, Any]:
     return {"model": model, "S": S, "J": S / (2.0 * ratio)}
 
 
-def _overridden(loop: Loop, overrides: Mapping[str, Value]) -> Loop:
-    for key, value in overrides.items():
-        # a healthy sibling has no S to set
-        if not (key.startswith("valve.") and loop.valve.name == "ideal"):
-            loop = loop.with_(key, value)
-    return loop
+def overridden(loop: Loop, overrides: Mapping[str, Value]) -> Loop:
+    """Return a member's loop with the keys that have the last word."""
+    # a healthy sibling has no S to set
+    healthy = loop.valve.name == "ideal"
+    return loop.with_all({key: value for key, value in overrides.items() if not (healthy and key.partition(".")[0] == "valve")})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -103,7 +104,7 @@ class GridFile(_Table):
             raise ValueError("a grid has either [[block]] tables or one [loop] with [axes]")
         for block in self.block:
             for key in (*self.draw, *block.axes, *block.draw):
-                if key not in SETTINGS and "." not in key:
+                if key not in SETTINGS and not _of_loop(key):
                     raise ValueError(f"block {block.name!r}: unknown axis {key!r}, {suggestion(key, SETTINGS)}")
             for member in block.member:
                 for key in member.where:
@@ -265,20 +266,24 @@ class Grid:
             own["valve"] = self.content.valves.get(name, More()).drawn(name, rng)
             members.append((member.name, own, loads))
         tags["block"] = block.name
-        twin, rules, drafts = cell_group(settings, members, tags, self.overrides, f"{self.name}, block {block.name!r}")
+        # keys of the loop file, as axis or draw: they have the last word, but for what was set from outside
+        keys = {key: settings.pop(key) for key in list(settings) if _of_loop(key)}
+        overrides = {**keys, **self.overrides}
+        tags.update({key: _told(value) for key, value in keys.items()})
+        twin, rules, drafts = cell_group(settings, members, tags, overrides, f"{self.name}, block {block.name!r}")
         return Group(index, twin, rules, drafts, seed)
 
     def _plain(self, index: int, values: Mapping[str, Value], rng: np.random.Generator, tags: dict) -> Group:
         assert self.content.loop is not None
         loop = Loop.from_table(self.content.loop, self.name)
         rules: dict[str, Any] = {}
-        for key, value in {**values, **self.overrides}.items():
-            if key in Rules.FIELDS:
-                rules[key] = value
-            else:
-                loop = loop.with_(key, value)
+        settings = {**values, **self.overrides}
+        for key in [key for key in settings if key in Rules.FIELDS]:
+            rules[key] = settings.pop(key)
+        loop = loop.with_all(settings)
         seed = int(rng.integers(2**31))
-        tags = {**tags, "block": "loop", "member": "loop", **loop_axes(loop), **values}
+        told = {key: _told(value) for key, value in values.items()}
+        tags = {**tags, "block": "loop", "member": "loop", **loop_axes(loop), **told}
         twin = loop.model_copy(update={"noise": type(loop.noise)(), "disturbance": ()})
         return Group(index, twin, Rules(**rules), (Draft(loop, tags),), seed)
 
@@ -309,7 +314,9 @@ class Grid:
         return number, dict(reversed(values.items()))
 
     def _without(self, number: int, values: Mapping[str, Value], left_out: str) -> list[int]:
-        return [choices.index(values[key]) for key, choices in self._axes[number].items() if key != left_out]
+        # a key of the loop file that has one value is no choice: it shifts no draw
+        axes = {key: choices for key, choices in self._axes[number].items() if not _of_loop(key) or len(choices) > 1}
+        return [choices.index(values[key]) for key, choices in axes.items() if key != left_out]
 
     def _present(self, number: int, values: Mapping[str, Value]) -> Sequence[Member]:
         if not self.content.block:
@@ -331,6 +338,20 @@ def draw(allowed: _Range | _Names, rng: np.random.Generator) -> float | str:
 def _pick(names: _Names, rng: np.random.Generator) -> str:
     """Return one of several names, each as likely."""
     return names if isinstance(names, str) else names[int(rng.integers(len(names)))]
+
+
+def _of_loop(key: str) -> bool:
+    """Return whether an axis is a key of the loop file, or one of its sections whole, and none of a cell's settings."""
+    return key not in SETTINGS and ("." in key or key in Loop.model_fields)
+
+
+def _told(value: Any) -> float | int | str:
+    """Return an axis value as a tag: a table by the name of its part, or written out like a list."""
+    if not isinstance(value, (dict, list, tuple)):
+        return value
+    names = [str(value[k]) for k in ("model", "type", "name") if isinstance(value, dict) and k in value]
+    more = {k: v for k, v in value.items() if k not in ("model", "type", "name")} if names else value
+    return " ".join([*names, json.dumps(more, separators=(",", ":"))] if more or not names else names)
 
 
 def _moves(settings: Mapping[str, Any], rng: np.random.Generator) -> tuple[tuple[float, float], ...]:
@@ -410,7 +431,7 @@ def _with_axes(content: GridFile, axes: dict[str, tuple[Value, ...]], name: str)
     if content.loop is not None:
         return content.model_copy(update={"axes": {**content.axes, **axes}})
     for key in axes:
-        if key not in SETTINGS:
+        if key not in SETTINGS and not _of_loop(key):
             raise SpecError(f"{name}: unknown axis {key!r}, {suggestion(key, SETTINGS)}")
     # an axis that some blocks have is changed there; one that none has is added to all
     known = {key for block in content.block for key in (*block.axes, *block.draw, *content.draw)}

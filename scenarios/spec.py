@@ -6,19 +6,21 @@ import hashlib
 import json
 import math
 import tomllib
+from collections.abc import Mapping
 from datetime import date, time
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_serializer, model_validator
 
 from scenarios.errors import SpecError, suggestion
+from scenarios.polynomials import checked_polynomials
 
 MAX_SAMPLES = 20_000_000  # a run holds about ten arrays of n doubles: 1.6 GB here
 _MOST_CLAUSES = 12  # complaints in one sentence
 LARGEST_NUMBER = 1e60  # beyond it a record's statistics leave the range of double numbers
 M = TypeVar("M", bound=BaseModel)
-Value = float | int | str | bool | list[Any]
+Value = float | int | str | bool | list[Any] | dict[str, Any]
 
 
 def _number(value: Any) -> Any:
@@ -39,47 +41,155 @@ class _Table(BaseModel):
 
 
 class Plant(_Table):
-    """G(s) between valve and PV: K e^(-Td s)/(T s + 1), or K e^(-Td s)/s.
+    """G(s) between valve and PV: K e^(-Td s)/(T s + 1), K e^(-Td s)/s, num(s)/den(s) e^(-Td s), or a plug-in's.
 
-    K in PV units per % (integrating: per % and s), T and Td in s.
+    K in PV units per % (integrating: per % and s), T and Td in s; `num` and `den` in falling powers of s. Of a "tf" plant K
+    follows, and T where it is of first order; `parameters` are those of a plug-in, whose K and T count where it has them.
     """
 
-    type: Literal["foptd", "integrating"]
+    type: str
     K: _Finite
     T: _Positive | None = None
     Td: _NonNegative = 0.0
+    num: tuple[_Finite, ...] | None = None
+    den: tuple[_Finite, ...] | None = None
+    parameters: dict[str, Value] | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read(cls, table: Any) -> Any:
+        if not isinstance(table, dict) or not isinstance(table.get("type"), str):
+            return table
+        if table["type"] == "tf":
+            return _read_tf(table)
+        if table["type"] not in PLANT_TYPES:
+            _refuse_misspelt(table["type"], PLANT_TYPES)
+            return _read_plugin(table, ("type", "Td"), {"K": 1.0})
+        return table
 
     @model_validator(mode="after")
     def _whole(self) -> Self:
         if self.K == 0:
             raise ValueError("K = 0; the valve must act on PV")
+        for name in ("num", "den"):
+            if self.type in ("foptd", "integrating") and getattr(self, name) is not None:
+                raise ValueError(f"{name} belongs to a plant of type 'tf'; {self.type} needs K{', T' * (self.type == 'foptd')}")
         if self.type == "foptd" and self.T is None:
             raise ValueError("T is missing; foptd needs a time constant above 0 s")
         if self.type == "integrating" and self.T is not None:
             raise ValueError(f"T = {self.T}; an integrating plant has no time constant, no T is needed")
         return self
 
+    @model_serializer(mode="wrap")
+    def _written(self, handler: Any) -> dict[str, Any]:
+        return _flat(handler(self), {"tf": ("K", "T")}.get(self.type, ()) if self.parameters is None else ("K", "T"))
+
+    @property
+    def integrating(self) -> bool:
+        """Whether the plant integrates; a plug-in's own file says so, not its loop."""
+        return self.type == "integrating" if self.den is None else self.den[-1] == 0.0
+
+    @property
+    def known_gain(self) -> bool:
+        """Whether K is the plant's own, and not a stand-in for a plug-in that has none."""
+        return self.parameters is None or "K" in self.parameters
+
 
 class Controller(_Table):
-    """PI or P: Kc in % per PV unit, Ti in s; "reverse" raises OP when PV falls."""
+    """PI, P or PID: Kc in % per PV unit, times in s; "reverse" raises OP when PV falls. Other types are plug-ins.
 
-    type: Literal["PI", "P"]
+    PID: Td of the derivative, filtered with Td/N; weights b and c of SP in its P and D part; `form`; `anti_windup` with its
+    tracking time Tt; `schedule` = [[value, factor on Kc], ...] over `schedule_on`, straight between.
+    """
+
+    type: str
     Kc: _Positive
     Ti: _Positive | None = None
     direction: Literal["reverse", "direct"] = "reverse"
+    Td: _NonNegative | None = None
+    N: _Positive | None = None
+    form: Literal["positional", "velocity"] | None = None
+    b: _NonNegative | None = None
+    c: _NonNegative | None = None
+    anti_windup: Literal["clamping", "back-calculation"] | None = None
+    Tt: _Positive | None = None
+    schedule: tuple[tuple[_Finite, _Positive], ...] | None = None
+    schedule_on: Literal["pv", "op", "sp"] | None = None
+    parameters: dict[str, Value] | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read(cls, table: Any) -> Any:
+        if not isinstance(table, dict) or not isinstance(table.get("type"), str) or table["type"] in CONTROLLER_TYPES:
+            return table
+        _refuse_misspelt(table["type"], CONTROLLER_TYPES)
+        return _read_plugin(table, ("type", "direction"), {"Kc": 1.0})
 
     @model_validator(mode="after")
     def _whole(self) -> Self:
-        if self.type == "PI" and self.Ti is None:
-            raise ValueError("Ti is missing; a PI controller needs an integral time above 0 s")
+        if self.type in ("PI", "PID") and self.Ti is None:
+            raise ValueError(f"Ti is missing; a {self.type} controller needs an integral time above 0 s")
         if self.type == "P" and self.Ti is not None:
             raise ValueError(f"Ti = {self.Ti}; a P controller has none, no Ti is needed")
+        for name in _OF_PID if self.type in ("P", "PI") else ():
+            if getattr(self, name) is not None:
+                raise ValueError(f"{name} = {getattr(self, name)}; a {self.type} controller has none, type 'PID' is needed")
+        points = [x for x, _ in self.schedule or ()]
+        if self.schedule is not None and (not points or points != sorted(set(points))):
+            raise ValueError("schedule needs [[value, factor], ...] with rising values")
+        if self.schedule_on is not None and self.schedule is None:
+            raise ValueError(f"schedule_on = {self.schedule_on!r} without a schedule; [[value, factor], ...] is needed")
         return self
+
+    @model_serializer(mode="wrap")
+    def _written(self, handler: Any) -> dict[str, Any]:
+        return _flat(handler(self), () if self.parameters is None else ("Kc", "Ti"))
 
     @property
     def sign(self) -> float:
         """+1 for "reverse", -1 for "direct"."""
         return 1.0 if self.direction == "reverse" else -1.0
+
+
+PLANT_TYPES, CONTROLLER_TYPES = ("foptd", "integrating", "tf"), ("PI", "P", "PID")
+_OF_PID = ("Td", "N", "form", "b", "c", "anti_windup", "Tt", "schedule", "schedule_on")
+
+
+def _refuse_misspelt(word: str, known: tuple[str, ...]) -> None:
+    """Refuse the letters of a built-in type in another order or case: no plug-in's name, but a slip."""
+    near = [k for k in known if sorted(k.lower()) == sorted(word.lower())]
+    if near:
+        raise ValueError(f"type = {word!r} is unknown; did you mean {near[0]!r}?")
+
+
+def _read_tf(table: dict[str, Any]) -> dict[str, Any]:
+    """Return a table of num and den with the K, and of a first-order plant the T, that follow from them."""
+    given = [name for name in ("K", "T") if table.get(name) is not None]
+    if given:
+        raise ValueError(f"{given[0]} = {table[given[0]]}; a plant of type 'tf' has num, den and Td")
+    for name in ("num", "den"):
+        if table.get(name) is None:
+            raise ValueError(f"{name} is missing; a plant of type 'tf' needs num and den, numbers in falling powers of s")
+    num, den = checked_polynomials(table["num"], table["den"])
+    order, integrating = den.size - 1, den[-1] == 0.0
+    K = float(num[-1] / den[-2 if integrating else -1])
+    T = {"T": float(den[0] / den[1])} if order == 1 and not integrating else {}
+    return {**table, "num": num.tolist(), "den": den.tolist(), "K": K, **T}
+
+
+def _read_plugin(table: dict[str, Any], common: tuple[str, ...], default: dict[str, float]) -> dict[str, Any]:
+    """Return the table of a plug-in with its own parameters apart; what they share with the built-in parts counts as theirs."""
+    own = {k: v for k, v in table.items() if k not in (*common, "parameters")}
+    own.update(table.get("parameters") or {})
+    wanted = ("K", "T") if "K" in default else ("Kc", "Ti")
+    known = {k: own[k] for k in wanted if isinstance(own.get(k), (int, float)) and not isinstance(own[k], bool) and own[k]}
+    return {**{k: table[k] for k in common if k in table}, **default, **known, "parameters": own}
+
+
+def _flat(table: dict[str, Any], follow: tuple[str, ...]) -> dict[str, Any]:
+    """Return a part's table as a file writes it: without what follows, a plug-in's parameters among the rest."""
+    own = table.pop("parameters", None) or {}
+    return {**{k: v for k, v in table.items() if k not in follow and v is not None}, **own}
 
 
 class _OperatingPoint(_Table):
@@ -159,7 +269,7 @@ class Loop(_Table):
 
     @model_validator(mode="after")
     def _negative_feedback(self) -> Self:
-        if self.controller.sign * self.plant.K < 0:
+        if self.plant.known_gain and self.controller.sign * self.plant.K < 0:
             raise ValueError(
                 f"positive feedback: plant K = {self.plant.K} needs controller direction "
                 f"{'direct' if self.plant.K < 0 else 'reverse'!r}, not {self.controller.direction!r}"
@@ -257,14 +367,42 @@ class Loop(_Table):
         SpecError
             For a key that the loop file does not have, or a value it does not allow.
         """
-        section, _, name = key.partition(".")
+        return self.with_all({key: value})
+
+    def with_all(self, changes: Mapping[str, Any]) -> Self:
+        """Return the loop with several keys changed at once: dotted ones, and sections as a whole, which come first.
+
+        Parameters
+        ----------
+        changes : mapping of str to value
+            section.name, or a section with its table (a list of tables for disturbance and effect).
+
+        Returns
+        -------
+        Loop
+
+        Raises
+        ------
+        SpecError
+            As `with_`.
+        """
+        if not changes:
+            return self
         table = self.to_table()
-        if section not in Loop.model_fields or not name:
-            raise SpecError(f"key {key!r} is not section.name: {suggestion(section, Loop.model_fields)}")
-        if isinstance(table.get(section), list):
-            raise SpecError(f"key {key!r}: [[{section}]] is a list and cannot be set by name")
-        table.setdefault(section, {})[name] = value
-        return type(self).from_table(table, f"with {key} = {value}")
+        for key, value in sorted(changes.items(), key=lambda change: "." in change[0]):
+            section, dot, name = key.partition(".")
+            if section not in Loop.model_fields or (dot and not name) or not (name or isinstance(value, (dict, list, tuple))):
+                known = suggestion(section, Loop.model_fields)
+                raise SpecError(f"key {key!r} is not section.name, nor a section with a table for its value: {known}")
+            if not name:
+                table[section] = value
+                continue
+            if isinstance(table.get(section), list):
+                raise SpecError(
+                    f"key {key!r}: [[{section}]] is a list and cannot be set by name; {section} = [...] sets it whole"
+                )
+            table[section] = {**table.get(section, {}), name: value}
+        return type(self).from_table(table, f"with {', '.join(f'{key} = {value}' for key, value in changes.items())}")
 
 
 class Scenario(_Table):

@@ -7,6 +7,7 @@ from detectors.records.io import read_record as read_record
 from detectors.verdict import Verdict as Verdict
 from simbench import gap as gap
 from simbench.bench.execute.sweep import sweep as sweep
+from simbench.confirm.recorded import confirm as confirm
 from simbench.loop.batch import simulate_batch as simulate_batch
 from simbench.loop.simulate import simulate as simulate
 from simbench.plant.trust.trust import trust as trust

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Required, Self, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, Literal, Protocol, Required, Self, TypedDict, Unpack
 
+from detectors.sources import Methods, named_methods
 from detectors.views import page_part
 from scenarios import spec
 from scenarios.grid import Grid
@@ -14,6 +15,7 @@ from simbench.bench.execute.run import run_grid
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.score.result import Scores
 from simbench.bench.score.scoring import score_run
+from simbench.loop.plant import table_of
 from simbench.loop.run import Run
 from simbench.loop.simulate import simulate
 from simbench.theory.predict import predict
@@ -24,10 +26,18 @@ if TYPE_CHECKING:
 _Table = Mapping[str, Any]
 
 
+class _System(Protocol):
+    """A linear system of python-control: `control.tf(...)`, `control.ss(...)`."""
+
+    ninputs: Any
+    noutputs: Any
+    dt: Any
+
+
 class _Sections(TypedDict, total=False):
     """Sections of a loop, as in a loop file; times in s, OP, MV and valve parameters in %."""
 
-    plant: Required[_Table]
+    plant: Required[_Table | _System]
     controller: Required[_Table]
     sampling: Required[_Table]
     valve: _Table
@@ -38,15 +48,41 @@ class _Sections(TypedDict, total=False):
     effect: Sequence[_Table]
 
 
+class _Settings(TypedDict, total=False):
+    """What else a run may be told."""
+
+    raw: bool
+    resume: bool
+    sets: Mapping[str, Any] | None
+    axes: Mapping[str, Sequence[Any]] | None
+    thresholds: Mapping[str, Mapping[str, float]] | None
+    plugins: Iterable[str | Path]
+    valve_plugins: Iterable[str | Path]
+    effect_plugins: Iterable[str | Path]
+    plant_plugins: Iterable[str | Path]
+    controller_plugins: Iterable[str | Path]
+    time_limit: float
+    until_width: float | None
+    keep: int
+    front_end: Literal["acf", "hagglund"]
+    sealed: bool
+    progress: bool | None
+    large: bool
+    backend: Literal["loky", "dask", "ray"]
+    address: str | None
+
+
 class Loop(spec.Loop):
     """One control loop that simulates itself.
 
     Parameters
     ----------
-    plant : mapping
-        type "foptd" or "integrating", K (PV units per %, integrating: per % and s), T, Td (s).
+    plant : mapping or control.TransferFunction or control.StateSpace
+        type "foptd" or "integrating", K (PV units per %, integrating: per % and s), T, Td (s); type "tf", num and den (falling
+        powers of s), Td; or a plug-in's name and its parameters. A system of python-control is a "tf" without dead time.
     controller : mapping
-        type "PI" or "P", Kc (% per PV unit), Ti (s), direction "reverse" or "direct".
+        type "PI", "P" or "PID", Kc (% per PV unit), Ti (s), direction "reverse" or "direct"; PID: Td (s), N, form, b, c,
+        anti_windup, Tt (s), schedule, schedule_on; or a plug-in's name and its parameters.
     sampling : mapping
         Ts (s), n.
     operating_point : mapping, optional
@@ -77,7 +113,10 @@ class Loop(spec.Loop):
     """
 
     def __init__(self, **sections: Unpack[_Sections]) -> None:
-        checked = spec.Loop.from_table(dict(sections), "Loop")
+        table: dict[str, Any] = dict(sections)
+        if not isinstance(table.get("plant", {}), (Mapping, spec.Plant)) and hasattr(table["plant"], "ninputs"):
+            table["plant"] = table_of(table["plant"])
+        checked = spec.Loop.from_table(table, "Loop")
         super().__init__(**dict(checked))  # pyright: ignore[reportCallIssue]
 
     @classmethod
@@ -176,11 +215,11 @@ def load_loop(path: str | Path) -> Loop:
 
 def run(
     grid: str | Path | Grid,
-    methods: str | Iterable[str] = ("fast", ORACLE),
+    methods: Methods = ("fast", ORACLE),
     *,
     out: str | Path | None = None,
     jobs: int = 1,
-    **settings: Any,
+    **settings: Unpack[_Settings],
 ) -> Path:
     """Simulate a grid of scenarios, judge every record by every method, and write both tables.
 
@@ -188,14 +227,16 @@ def run(
     ----------
     grid : str, Path or Grid
         Name, TOML file, or a grid at hand.
-    methods : str or iterable of str
-        Method ids, "fast", "full", "oracle".
+    methods : str, function, object with `detect`, or iterable of them
+        Method ids, "fast", "full", "oracle", and detectors of the caller, as in `simbench.detect`.
     out : str or Path, optional
         Folder of the run; runs/GRID when absent.
     jobs : int
         Worker processes; -1 = all cores.
     **settings
-        Further arguments of `simbench.bench.execute.run.run_grid`: raw, plugins, resume, sets, axes, thresholds, ...
+        Further arguments of `simbench.bench.execute.run.run_grid`: raw, resume, sets, axes, thresholds, plugins, valve_plugins,
+        effect_plugins, plant_plugins, controller_plugins, time_limit, until_width, keep, front_end, sealed, progress, large,
+        backend, address.
 
     Returns
     -------
@@ -214,7 +255,8 @@ def run(
     >>> score(folder).to_frame().method.tolist()[0]
     'horch'
     """
-    return run_grid(grid, out, [methods] if isinstance(methods, str) else methods, jobs, **settings)
+    names, own = named_methods(methods)
+    return run_grid(grid, out, names, jobs, own=own, **settings)
 
 
 def score(folder: str | Path, *, raw: bool = False) -> Scores:

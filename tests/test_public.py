@@ -107,12 +107,43 @@ scores = sb.score(sb.run("smoke", jobs=2))
 resolved: float = scores.resolution
 said: str = sb.gap.diagnose(run.record, loop).sentence()
 swept = sb.sweep(loop, {"valve.S": [0, 2]})
+
+
+def mine(record: sb.LoopRecord) -> tuple[bool, float]:
+    return record.n > 3, 0.5
+
+
+class Level:
+    def __init__(self, level: float = 1.0) -> None:
+        self.level = level
+
+    def detect(self, record: sb.LoopRecord) -> bool:
+        return bool(record.pv.std() > self.level)
+
+
+own = sb.detect(op=[1.0, 2.0], pv=[1.0, 2.0], Ts=1.0, methods=[mine, Level(2.0), "horch"], process="integrating")
+table = sb.detect({"op": [1.0], "pv": [1.0], "t": [0.0]}, mine, kind="flow")
+folder = sb.run("smoke", ["horch", mine, Level()], sets={"repeats": 2}, resume=True)
+sure = sb.trust({"op": [1.0], "pv": [1.0]}, loop, [mine], Ts=1.0).probability
+gap = sb.gap.diagnose(op=[1.0], pv=[1.0], Ts=1.0, baseline=loop).effect
+travel = sb.confirm(op=[1.0], pv=[1.0], Ts=1.0).same_direction
+changed = sb.confirm(run, run.record, ratio=0.6).verdict
 """
 WRONG = {
     "sb.sweeep": "sweeep",
     "sb.Loop(plant={}, controller={}, sampling={}, vlave={})": "vlave",
     "sb.load_loop(3)": "Literal[3]",
-    "sb.detect()": "source",
+    "sb.detect()": "overloads",
+    "sb.detect(op=[1.0], pv=[1.0])": "overloads",
+    "sb.detect('a.csv', kind='flwo')": "flwo",
+    "sb.detect('a.csv', knd='flow')": "detect",
+    "sb.detect('a.csv', methods=3)": "detect",
+    "sb.detect('a.csv', lambda r: 3)": "detect",
+    "sb.run('smoke', jobs='2')": "jobs",
+    "sb.run('smoke', resum=True)": "resum",
+    "sb.trust('a.csv', methods=['horch'], heathy=3)": "heathy",
+    "sb.gap.diagnose('a.csv', None, proces='integrating')": "proces",
+    "sb.confirm('a.csv', 'b.csv', ratio='0.6')": "confirm",
 }
 
 
@@ -146,7 +177,7 @@ def test_a_loop_simulates_itself_and_is_the_loop_of_the_file(tmp_path, run):
         ({"plnt": {}}, "unknown key 'plnt': did you mean 'plant'"),
         ({"plant": {"type": "fopdt", "K": 1}}, "did you mean 'foptd'"),
         ({"valve": {"modle": "kano"}}, "lacks the key 'model'"),
-        ({"controller": {"type": "PI", "Kc": 1, "Ti": 5, "Td": 1}}, "unknown key 'controller.Td'"),
+        ({"controller": {"type": "PI", "Kc": 1, "Ti": 5, "Td": 1}}, "'PID' is needed"),
     ],
 )
 def test_a_wrong_loop_is_one_sentence(change, sentence):

@@ -82,8 +82,8 @@ def test_a_module_without_a_place_breaks_the_order_of_rooms(house, module):
 
 
 PLUGINS = (
-    "detectors.methods", "simbench.loop.valves", "simbench.loop.effects", "simbench.gap.effects", "simbench.figures",
-    "simbench.blind.worlds",
+    "detectors.methods", "simbench.loop.valves", "simbench.loop.effects", "simbench.loop.plants", "simbench.loop.controllers",
+    "simbench.gap.effects", "simbench.figures", "simbench.blind.worlds",
 )  # fmt: skip
 HOSTS = ("detectors.__main__", "detectors.plugins.process", *methods._above.values())
 ROOT = Path(__file__).parents[1]

@@ -7,7 +7,7 @@ import importlib.util
 import os
 import pkgutil
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
 from importlib.metadata import entry_points
@@ -215,6 +215,23 @@ class PluginFolder:
         """Return whether a file is that of a built-in plug-in."""
         folder = importlib.import_module(self.package).__path__[0]
         return Path(path).stem in self._own and Path(path).resolve().parent == Path(folder).resolve()
+
+    def adopt(self, modules: Mapping[str, ModuleType]) -> None:
+        """Make plug-ins known that stand in no file: a caller's own, who answers for them; they run where the caller does."""
+        for name in modules:
+            if self._taken(name):
+                raise ParameterError(f"{self.kind} {name!r}: the name is taken; another is needed: rename the function")
+        self._files.update(modules)
+
+    @contextmanager
+    def adopted(self, modules: Mapping[str, ModuleType]) -> Iterator[None]:
+        """Make a caller's own plug-ins known for one question only."""
+        before = dict(self._files)
+        self.adopt(modules)
+        try:
+            yield
+        finally:
+            self._files = before
 
     def forget(self, name: str) -> None:
         """Take a file that was added out again."""

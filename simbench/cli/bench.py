@@ -10,11 +10,13 @@ import typer
 
 from detectors.errors import ParameterError
 from simbench.cli.common import (
+    ControllerPlugin,
     EffectPlugin,
     FrontEnd,
     Jobs,
     Json,
     Limit,
+    PlantPlugin,
     Plugin,
     Thresholds,
     ValvePlugin,
@@ -42,6 +44,8 @@ def run(
     plugin: Plugin = None,
     valve_plugin: ValvePlugin = None,
     effect_plugin: EffectPlugin = None,
+    plant_plugin: PlantPlugin = None,
+    controller_plugin: ControllerPlugin = None,
     time_limit: Limit = 60.0,
     backend: Annotated[str, typer.Option(metavar="loky|dask|ray", help="Who works the pieces.")] = "loky",
     address: Annotated[str | None, typer.Option(metavar="URL", help="Of a running scheduler.")] = None,
@@ -74,7 +78,8 @@ def run(
             front_end=front_end, plugins=plugin or [],
             backend=backend, address=address, resume=resume, until_width=until_width, sets=pairs(sets or [], "--set"),
             axes=axes, thresholds=threshold_file(thresholds), large=large, time_limit=time_limit,
-            valve_plugins=valve_plugin or [], effect_plugins=effect_plugin or [],
+            valve_plugins=valve_plugin or [], effect_plugins=effect_plugin or [], plant_plugins=plant_plugin or [],
+            controller_plugins=controller_plugin or [],
             sealed=sealed,
         )  # fmt: skip
     except Interrupted as stop:  # said here: the command-line library turns Ctrl-C into a bare exit code

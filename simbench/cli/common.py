@@ -45,6 +45,10 @@ Plugin = Annotated[list[Path] | None, typer.Option(metavar="FILE.py", help="File
 Limit = Annotated[float, typer.Option("--time-limit", metavar="S", help="Seconds a plug-in may take for a record or scenario.")]
 ValvePlugin = Annotated[list[Path] | None, typer.Option(metavar="FILE.py", help="File of a further valve model; repeatable.")]
 EffectPlugin = Annotated[list[Path] | None, typer.Option(metavar="FILE.py", help="File of a further effect; repeatable.")]
+PlantPlugin = Annotated[list[Path] | None, typer.Option(metavar="FILE.py", help="File of a further plant; repeatable.")]
+ControllerPlugin = Annotated[
+    list[Path] | None, typer.Option(metavar="FILE.py", help="File of a further controller; repeatable.")
+]
 Thresholds = Annotated[
     Path | None, typer.Option(metavar="FILE.json", help="Other thresholds than the published ones, as calibrate writes them.")
 ]

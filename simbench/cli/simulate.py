@@ -8,7 +8,18 @@ from typing import Annotated
 import typer
 
 from detectors.errors import ParameterError, naming
-from simbench.cli.common import EffectPlugin, Json, Limit, ValvePlugin, app, examples, pairs, show
+from simbench.cli.common import (
+    ControllerPlugin,
+    EffectPlugin,
+    Json,
+    Limit,
+    PlantPlugin,
+    ValvePlugin,
+    app,
+    examples,
+    pairs,
+    show,
+)
 
 
 @app.command(epilog=examples("simulate loop.toml -o rec.csv --seed 1", "simulate --from runs/ci --id ID -o rec.csv"))
@@ -21,6 +32,8 @@ def simulate(
     scenario: Annotated[str | None, typer.Option("--id", help="Scenario of that run.")] = None,
     valve_plugin: ValvePlugin = None,
     effect_plugin: EffectPlugin = None,
+    plant_plugin: PlantPlugin = None,
+    controller_plugin: ControllerPlugin = None,
     time_limit: Limit = 60.0,
 ) -> None:
     """Run one closed loop and write its record."""
@@ -34,7 +47,8 @@ def simulate(
     if not abs(kick) <= 100.0:
         raise ParameterError(f"--kick {kick:g}; an offset of OP within -100 to 100 % is needed")
     refuse_own_input([out], [loop])
-    with hosted_parts(valve_plugin or [], effect_plugin or [], time_limit):
+    files = [given or [] for given in (valve_plugin, effect_plugin, plant_plugin, controller_plugin)]
+    with hosted_parts(*files, seconds=time_limit):
         if from_run is not None:
             from simbench.bench.store.reading import read_scenario
 
@@ -51,6 +65,8 @@ def simulate(
     r = result.record
     friction = "has friction" if result.sticky else "is without friction"
     print(f"{out}: {r.n} samples, Ts = {r.Ts:g} s, {r.duration:g} s; the valve {friction}")
+    for note in result.notes:
+        print(f"note: {note}")
 
 
 @app.command(epilog=examples("valve --model choudhury --param S=5 --param J=2 op.csv -o mv.csv"))

@@ -152,7 +152,7 @@ def _graded(limit: _Limit, value: float | None, reason: str) -> _Grade:
 
 
 def _gain(loop: Loop, test: TravelTest, rest: int, last: int) -> _Grade:
-    if loop.plant.type == "integrating":
+    if loop.plant.integrating:
         return _graded(GAIN_LIMIT, None, "an integrating process has no gain at rest")
     if test.same_direction is None and test.reversed is None:
         return _graded(GAIN_LIMIT, None, test.reason)

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any, Unpack, overload
+
 import numpy as np
+from numpy.typing import ArrayLike
 
 from detectors.errors import ParameterError
 from detectors.record import LoopRecord
+from detectors.sources import About, RecordSignals, as_record
 from simbench.confirm.gain_change import GainChange, judge, measure
 from simbench.confirm.rig import Trace
 from simbench.confirm.travel import MOVE_SHARE, SIGMAS, TravelTest
+
+if TYPE_CHECKING:
+    from detectors.sources import Source
 
 _EXPLAINED = 0.8  # of the variance of OP's increments by a PI controller, from which its gain is read off a record
 _HELD = 5  # samples for which OP must rest between two steps
@@ -64,6 +71,54 @@ def gain_change_recorded(before: LoopRecord, after: LoopRecord, factor: float | 
     op, pv = np.concatenate(signals), np.concatenate([before.pv, after.pv])
     trace = Trace(op, pv, np.full(op.size, np.nan))
     return GainChange(verdict, reason, *phases, shift, 0.0, before.Ts, before.n, trace)
+
+
+@overload
+def confirm(record: Source, **signals: Unpack[RecordSignals]) -> TravelTest: ...
+@overload
+def confirm(record: Source, after: Source, *, ratio: float | None = None, **signals: Unpack[RecordSignals]) -> GainChange: ...
+@overload
+def confirm(*, op: ArrayLike, pv: ArrayLike, Ts: float, sp: ArrayLike | None = None, **about: Unpack[About]) -> TravelTest: ...
+def confirm(
+    record: Source | None = None, after: Source | None = None, *, ratio: float | None = None, **signals: Any
+) -> TravelTest | GainChange:
+    """Is it the valve? Judge the record of a travel test, or the records before and after a change of controller gain.
+
+    Parameters
+    ----------
+    record : LoopRecord, run, DataFrame, mapping, str or Path
+        Of a travel test, or from before the change of gain; SP, OP, PV as `simbench.detect` takes them.
+    after : LoopRecord, run, DataFrame, mapping, str or Path, optional
+        From after the change of gain.
+    ratio : float, optional
+        Controller gain after over before; read off the records where it is not given.
+    **signals
+        op, pv, sp, mv, Ts in place of one record, and what is known of both, as in `simbench.detect`.
+
+    Returns
+    -------
+    TravelTest or GainChange
+
+    Raises
+    ------
+    RecordError
+        For what is no record, or two of different sampling.
+
+    Examples
+    --------
+    >>> t = np.arange(2000.0)
+    >>> one, two = ({"t": t, "op": 50 + np.sin(2 * np.pi * t / P), "pv": np.cos(2 * np.pi * t / P)} for P in (90, 150))
+    >>> confirm(one, two, ratio=0.6).verdict
+    'stiction'
+    """
+    first = as_record(record, **signals)
+    if after is None:
+        if ratio is not None:
+            raise ParameterError(
+                f"ratio = {ratio:g} without a second record; confirm(before, after, ratio={ratio:g}) is needed"
+            )
+        return travel_recorded(first)
+    return gain_change_recorded(first, as_record(after, **signals), ratio)
 
 
 def travel_recorded(record: LoopRecord) -> TravelTest:

@@ -10,8 +10,8 @@ import numpy as np
 
 from detectors.errors import ParameterError
 from scenarios.spec import MAX_SAMPLES, Loop
-from simbench.loop import controller, sensor
-from simbench.loop.setup import Setup, parts_of
+from simbench.loop import sensor
+from simbench.loop.setup import Setup, control_start, parts_of, plant_start
 
 
 def lengthened(loop: Loop, samples: int) -> Loop:
@@ -90,8 +90,8 @@ class LiveLoop:
         self.plant_p, self.control_p, self.gap_p, self.sensor_p, self.valve_p = parts.numbers
         self.lag = parts.sampled.delay + 1
         self.w = np.zeros(n + self.lag)
-        self.x: Any = (0.0,) if parts.sampled.order == 1 else np.zeros(2 * parts.sampled.order)
-        self.c = (controller.p_start if setup.Ti is None else controller.pi_start)(setup.op0, 0.0)
+        self.x: Any = plant_start(setup, parts, setup.pv0)
+        self.c = control_start(setup, self.control_p)
         full = self.steps["sensor_step"] is sensor.full_step
         self.s: Any = (sensor.full_start if full else sensor.plain_start)(setup.pv0)
         self.v = []
@@ -111,7 +111,8 @@ class LiveLoop:
         if by_hand is None:
             p = self.control_p._replace(Kc=gain * self.control_p.Kc)
             p = p._replace(Ki=gain * self.control_p.Ki) if setup.Ti is not None else p
-            self.c = steps["controller_step"](steps["error_step"](setup.sp[k] - self.s[0], self.gap_p), self.c, p)
+            e = steps["error_step"](setup.sp[k] - self.s[0], self.gap_p)
+            self.c = steps["controller_step"](e, setup.sp[k], self.c, p)
             u = steps["output_step"](self.c[0], self.gap_p)
         else:
             u = by_hand

@@ -1,4 +1,4 @@
-"""Does this detector, valve, effect, recogniser, world or grid keep its contract?"""
+"""Does this detector, valve, effect, recogniser, plant, controller, world or grid keep its contract?"""
 
 from __future__ import annotations
 
@@ -13,12 +13,13 @@ from detectors.plugins.registry import PluginFolder, methods
 from simbench.blind.world import WORLDS
 from simbench.contract.effect import check_effect
 from simbench.contract.grid import check_grid
+from simbench.contract.law import check_controller, check_plant
 from simbench.contract.recogniser import check_recogniser
 from simbench.contract.valve import check_valve
 from simbench.contract.world import check_world
 from simbench.gap.effects import PLUGINS as RECOGNISERS
 from simbench.loop.effects import PLUGINS as EFFECTS
-from simbench.loop.parameters import VALVES
+from simbench.loop.parameters import CONTROLLER_PLUGINS, PLANT_PLUGINS, VALVES
 
 CONTRACT_SECONDS = 600.0  # for all that is asked of one plug-in
 # an effect may hold a valve's steps too: the kind of which most is there, the first of equals
@@ -27,6 +28,8 @@ CONTRACTS: dict[str, tuple[PluginFolder, Callable[[str], Contract]]] = {
     "recogniser": (RECOGNISERS, check_recogniser),
     "effect": (EFFECTS, check_effect),
     "valve": (VALVES, check_valve),
+    "plant": (PLANT_PLUGINS, check_plant),
+    "controller": (CONTROLLER_PLUGINS, check_controller),
     "world": (WORLDS, check_world),
 }
 

@@ -41,7 +41,7 @@ def check_valve(name: str) -> Contract:
         return Contract("valve", name, (f"refuses the parameters of its own ranges: {refused}",))
     for table in tables:
         faults = list(_step_faults(module, table)) or list(_run_faults(name, table)) or list(_label_faults(module, table))
-        broken += [f"{fault}, with {_shown(table)}" for fault in faults]
+        broken += [f"{fault}, with {shown(table)}" for fault in faults]
         if faults:
             break
     return Contract("valve", name, tuple(broken))
@@ -57,7 +57,7 @@ def _example_tables(module: ModuleType) -> tuple[list[dict[str, Any]], str]:
     """
     found, refused = [], ""
     for percent, band in ((4.0, {"S": 4.0, "J": 2.0}), (7.0, {"S": 7.0, "J": 1.0})):
-        table = {key: _inside(rule, percent) for key, rule in module.PARAMETERS.items() if rule.default is None}
+        table = {key: inside(rule, percent) for key, rule in module.PARAMETERS.items() if rule.default is None}
         if set(band) <= set(module.PARAMETERS):
             table |= band
         try:
@@ -68,7 +68,8 @@ def _example_tables(module: ModuleType) -> tuple[list[dict[str, Any]], str]:
     return [t for i, t in enumerate(found) if t not in found[:i]], refused
 
 
-def _inside(rule: Number | Choice, percent: float) -> float | str:
+def inside(rule: Number | Choice, percent: float) -> float | str:
+    """Return a value that a parameter allows, so many percent into its range."""
     if isinstance(rule, Choice):
         return rule.names[-1]
     if math.isfinite(rule.low) and math.isfinite(rule.high):
@@ -169,7 +170,8 @@ def _label_faults(module: ModuleType, table: dict[str, Any]) -> Iterator[str]:
         yield fault
 
 
-def _shown(table: dict[str, Any]) -> str:
+def shown(table: dict[str, Any]) -> str:
+    """Return parameters in words."""
     return (
         ", ".join(f"{key} = {value if isinstance(value, str) else f'{value:g}'}" for key, value in table.items()) or "defaults"
     )

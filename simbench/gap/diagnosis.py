@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -12,6 +12,7 @@ from joblib import Parallel, delayed
 from detectors.compiled import one_thread
 from detectors.errors import RecordError, UserError
 from detectors.record import LoopRecord
+from detectors.sources import RecordSignals, as_record
 from scenarios.spec import Loop
 from simbench.gap.candidates import alike, smallest_detectable
 from simbench.gap.closed_loop.next_test import choose
@@ -28,28 +29,34 @@ from simbench.gap.stiction.friction import friction
 from simbench.gap.stiction.probability import DENIED_BELOW, pooled, probability
 from simbench.loop.effects import EFFECTS, NONE, block_of
 
+if TYPE_CHECKING:
+    from detectors.sources import Source
+
 _WIDE = 1.5  # floors, beyond which a gap is wide
 
 
 def diagnose(
-    record: LoopRecord | Sequence[LoopRecord],
-    baseline: Loop | Partial | None,
+    record: Source | Sequence[Source] | None = None,
+    baseline: Loop | Partial | None = None,
     *,
     jobs: int = 1,
     seed: int = 0,
+    **signals: Unpack[RecordSignals],
 ) -> GapReport:
     """Say where a simulation differs from a record, which effect it lacks, and how far adding it closes the gap.
 
     Parameters
     ----------
-    record : LoopRecord or sequence of them
-        SP, OP, PV and, where recorded, MV. Several records of one loop are judged together.
+    record : LoopRecord, run, DataFrame, mapping, str, Path, or sequence of them
+        SP, OP, PV and, where recorded, MV, as `simbench.detect` takes them. Several records of one loop are judged together.
     baseline : Loop, Partial or None
         The simulation; None identifies plant and tuning from the record, a partial one what it does not say.
     jobs : int
         Processes, where there are several records; -1 uses all cores.
     seed : int
         Root of every random stream.
+    **signals
+        op, pv, sp, mv, Ts in place of a record, and what is known of it, as in `simbench.detect`.
 
     Returns
     -------
@@ -69,7 +76,8 @@ def diagnose(
     >>> diagnose(told.with_("controller.Kc", 1.6).simulate(1).record, told).effect
     'detuning'
     """
-    records = [record] if isinstance(record, LoopRecord) else list(record)
+    many = isinstance(record, Sequence) and not isinstance(record, str)
+    records = [as_record(one, **signals) for one in (record if many else [record])]
     if not records:
         raise RecordError("no record to diagnose")
     paces = sorted({r.Ts for r in records})

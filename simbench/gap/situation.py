@@ -95,7 +95,7 @@ class Situation:
     @property
     def integrating(self) -> bool:
         """Whether the plant integrates."""
-        return self.baseline.plant.type == "integrating"
+        return self.baseline.plant.integrating
 
 
 def through_valve(op: np.ndarray, valve: Part, Ts: float) -> np.ndarray:

@@ -121,7 +121,7 @@ def _text(named: dict[str, type], sizes: tuple[int, ...], loaded: bool) -> str:
         f"y = plant_output((x0[l],), {made['class0']}) + {'load_out[l]' if loaded else '0.0'}",
         filled(states[0], f"sensor_step(y, noise[l], {state(states[0])}, {made['class3']})"),
         f"e = error_step(sp[l] - s0[l], {made['class2']})",
-        f"c0[l], c1[l] = controller_step(e, (c0[l], c1[l]), {made['class1']})",
+        f"c0[l], c1[l] = controller_step(e, sp[l], (c0[l], c1[l]), {made['class1']})",
         f"op[l] = output_step(c0[l], {made['class2']})",
     ]
     before = "op[l]"

@@ -1,4 +1,4 @@
-"""Valves and effects of others: what one takes part in is computed in a process of its own, and comes back as numbers."""
+"""Parts of others (valves, effects, plants, controllers): what one takes part in is computed in a process of its own."""
 
 from __future__ import annotations
 
@@ -16,22 +16,31 @@ from detectors.errors import ParameterError
 from detectors.plugins.host import MESSAGE, SECONDS, Host, PluginError
 from detectors.plugins.rebuilt import number_of
 from detectors.record import LoopRecord
-from scenarios.spec import Loop
+from scenarios.spec import CONTROLLER_TYPES, PLANT_TYPES, Loop
 from simbench.loop.effects import BLOCKS
 from simbench.loop.effects import PLUGINS as EFFECTS
-from simbench.loop.parameters import VALVES, Choice, Number
+from simbench.loop.parameters import CONTROLLER_PLUGINS, PLANT_PLUGINS, VALVES, Choice, Number
 from simbench.loop.response import valve_response
 from simbench.loop.run import Run
 from simbench.loop.simulate import simulate
 
 _SIGNALS = ("op", "pv", "sp", "mv")
+_LONGEST_NOTE = 300  # characters
 SAMPLE = 100  # bytes of an answer, per sample
-_FOLDERS = {folder.kind: folder for folder in (VALVES, EFFECTS)}
+_FOLDERS = {folder.kind: folder for folder in (VALVES, EFFECTS, PLANT_PLUGINS, CONTROLLER_PLUGINS)}
 _Files = Iterable[str | Path]
+_BOTH = (True, False)
+# what each kind says of itself beside SOURCE and PARAMETERS, and the words allowed
+_WORDS: dict[str, dict[str, tuple]] = {
+    "valve": {"FRICTION": _BOTH},
+    "effect": {"BLOCK": BLOCKS, "ACTS": ("loop", "record")},
+    "plant": {"INTEGRATING": _BOTH},
+    "controller": {"INTEGRAL": _BOTH},
+}
 
 
 class PartHost(Host):
-    """A process that knows one valve or effect of others, or the few of one loop: kind and file, or published name, of each."""
+    """A process that knows one part of others, or the few of one loop: kind and file, or published name, of each."""
 
     def __init__(self, files: tuple[tuple[str, Path | str], ...], seconds: float = SECONDS) -> None:
         words = [(kind, str(source)) for kind, source in files]
@@ -68,19 +77,21 @@ for _folder in _FOLDERS.values():
 
 
 @contextlib.contextmanager
-def hosted_parts(valves: _Files = (), effects: _Files = (), seconds: float = SECONDS) -> Iterator[None]:
-    """Make files of valve models and of effects known for one question; these, and what is installed, live in own processes."""
+def hosted_parts(
+    valves: _Files = (), effects: _Files = (), plants: _Files = (), controllers: _Files = (), seconds: float = SECONDS
+) -> Iterator[None]:
+    """Make files of parts known for one question; these, and what is installed, live in processes of their own."""
     with contextlib.ExitStack() as stack:
         stack.callback(_close)
-        for folder, files in ((VALVES, valves), (EFFECTS, effects)):
+        for folder, files in zip(_FOLDERS.values(), (valves, effects, plants, controllers), strict=True):
             stack.enter_context(folder.entries_hosted())
             stack.enter_context(folder.hosted(files, seconds))
         yield
 
 
-def add_parts(valves: _Files, effects: _Files, seconds: float = SECONDS) -> None:
+def add_parts(*files_of: _Files, seconds: float = SECONDS) -> None:
     """Make files known as `hosted_parts` does, from here on; those known are asked again."""
-    for folder, files in ((VALVES, valves), (EFFECTS, effects)):
+    for folder, files in zip(_FOLDERS.values(), files_of, strict=False):
         folder.host_entries = True
         folder.add_all_hosted(files, seconds)
     for host in _hosts.values():
@@ -117,7 +128,7 @@ def _describe_parts(files: list[tuple[str, str]]) -> list[dict[str, Any]]:
         module = folder.load(folder.add_file(source) if os.sep in source else source)
         if not isinstance(module.PARAMETERS, dict):
             raise TypeError(f"PARAMETERS is a {type(module.PARAMETERS).__name__}, a dict of Number and Choice is needed")
-        words = {word: getattr(module, word, None) for word in ("SOURCE", "FRICTION", "BLOCK", "ACTS", "PARAMETERS")}
+        words = {word: getattr(module, word, None) for word in ("SOURCE", "PARAMETERS", *_WORDS[kind])}
         said.append({**words, "doc": (module.__doc__ or "").strip().partition("\n\n")[0]})
     return said
 
@@ -135,7 +146,9 @@ def parts_of_loop(loop: Loop) -> set[tuple[str, str]]:
     """
     stages = [s for place in ("before", "behind") for s in _listed(loop.valve.parameters.get(place))]
     valves = {loop.valve.name, *(s.get("model") for s in stages if isinstance(s, dict))}
-    return {("valve", name) for name in valves if isinstance(name, str)} | {("effect", e.name) for e in loop.effect}
+    named = {("valve", name) for name in valves if isinstance(name, str)} | {("effect", e.name) for e in loop.effect}
+    laws = (("plant", loop.plant.type, PLANT_TYPES), ("controller", loop.controller.type, CONTROLLER_TYPES))
+    return named | {(kind, name) for kind, name, own in laws if name not in own}
 
 
 def _listed(value: Any) -> list:
@@ -182,21 +195,21 @@ def run_of(said: Any, loop: Loop) -> Run:
         raise PluginError("its loop gives signals that are not finite, or of another length")
     op, pv, sp, mv, load_in, load_out, valve = signals
     record = LoopRecord(op=op, pv=pv, sp=sp, mv=mv, Ts=loop.sampling.Ts, process=known.get("process"), op_span=(0.0, 100.0))
-    return Run(record, load_in, load_out, None, said["sticky"] is True, valve)
+    notes = tuple(str(note)[:_LONGEST_NOTE] for note in said.get("notes") or ())
+    return Run(record, load_in, load_out, None, said["sticky"] is True, valve, notes)
 
 
 def _stub(kind: str, name: str, said: Mapping[str, Any]) -> ModuleType:
     """Rebuild a part's description of itself from plain values, each checked."""
     stub = ModuleType(name, str(said.get("doc", "")))
-    of_effect = {"BLOCK": BLOCKS, "ACTS": ("loop", "record")}
-    for word, values in ({"FRICTION": (True, False)} if kind == "valve" else of_effect).items():
+    for word, values in _WORDS[kind].items():
         if said.get(word) not in values:
             raise PluginError(f"{word} = {said.get(word)!r}; allowed: {', '.join(str(v) for v in values)}")
         setattr(stub, word, said[word])
     rules = said.get("PARAMETERS")
     if not isinstance(rules, dict) or not all(isinstance(r, dict) for r in rules.values()):
         raise PluginError("PARAMETERS is no dict of Number and Choice")
-    functions = ("start", "step") if kind == "valve" else ("apply",)
+    functions = ("apply",) if kind == "effect" else ("start", "step")
     stub.__dict__.update({f: partial(_elsewhere, f"{kind} {name!r}") for f in functions})
     stub.__dict__.update(SOURCE=str(said.get("SOURCE")), PARAMETERS={k: _rule(k, r) for k, r in rules.items()}, __file__=None)
     return stub

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import inspect
+from collections.abc import Callable
 from functools import lru_cache
-from types import FunctionType
+from pathlib import Path
+from types import BuiltinFunctionType, FunctionType, ModuleType
 from typing import Any
 
-from detectors.compiled import cached_module
+import numpy as np
+
+from detectors.compiled import cached_module, names_used, reached
 
 # Bound by `bind` (plain Python, the slow twin) or by a generated module (compiled).
 error_step: Any = None
 controller_step: Any = None
+controller_kick: Any = None
 output_step: Any = None
 valve_step: Any = None
 plant_step: Any = None
@@ -31,9 +36,9 @@ def closed_loop(sp, load_in, load_out, noise, kick, op0, w, x, c, v, s, numbers,
     w_now, w_new = w[lag:], w[1:]
     for k in range(sp.shape[0]):
         s = sensor_step(plant_output(x, plant) + load_out[k], noise[k], s, sensor)
-        c = controller_step(error_step(sp[k] - s[0], gap), c, controller)
+        c = controller_step(error_step(sp[k] - s[0], gap), sp[k], c, controller)
         if k == 0:
-            c = (min(max(c[0] + kick, controller.lo), controller.hi), c[1])
+            c = controller_kick(c, kick, controller)
         u = output_step(c[0], gap)
         v = valve_step(u, v, valve)
         w_now[k] = v[-1][0] - op0 + load_in[k]
@@ -82,6 +87,41 @@ def compiled(steps: dict[str, FunctionType], stages: tuple[FunctionType, ...], c
     whose name carries the hash of every source that takes part: an edited valve never meets an old kernel.
     """
     return _compiled(tuple(sorted(steps.items())), stages, classes)
+
+
+# what a compiled step may find among the names of its module
+_COMPILED = (FunctionType, BuiltinFunctionType, type, ModuleType, int, float, np.ufunc, np.ndarray)
+_plainly: dict[FunctionType, str] = {}  # steps that numba cannot compile, and why
+
+
+def compiled_where_possible(
+    steps: dict[str, FunctionType], stages: tuple[FunctionType, ...], classes: tuple
+) -> Callable[..., None]:
+    """Return `closed_loop` as `compiled` does, or in plain Python where a step of others cannot be compiled."""
+    outside = [steps[name] for name in ("plant_step", "controller_step")]
+
+    def run(*arguments: Any) -> None:
+        from numba.core.errors import NumbaError, UnsupportedBytecodeError
+
+        for step in outside:
+            odd = [n for f in reached([step]) for n, v in names_used(f).items() if not isinstance(v, _COMPILED)]
+            if odd and step not in _plainly:
+                _plainly[step] = f"it uses {odd[0]}"
+        if not any(step in _plainly for step in outside):
+            try:
+                return compiled(steps, stages, classes)(*arguments)
+            except (NumbaError, UnsupportedBytecodeError) as error:
+                for step in (s for s in outside if Path(s.__code__.co_filename).parent != Path(__file__).parent):
+                    _plainly[step] = f"numba cannot compile it ({type(error).__name__})"
+        return bind(steps, stages, classes)(*arguments)
+
+    return run
+
+
+def runs_plainly(step: FunctionType) -> str:
+    """Return why a step runs in plain Python, in a sentence; "" of one that is compiled."""
+    name = Path(step.__code__.co_filename).stem
+    return f"{name!r} runs in plain Python, some 100 times slower: {_plainly[step]}" if step in _plainly else ""
 
 
 @lru_cache(maxsize=256)

@@ -13,8 +13,16 @@ from typing import Any
 from detectors.errors import ParameterError, UnknownName, nearest
 from detectors.plugins.registry import PluginFolder
 from detectors.record import LARGEST
+from scenarios.spec import CONTROLLER_TYPES, PLANT_TYPES
 
 VALVES = PluginFolder("valve", "simbench.loop.valves", "simbench.valves", ("SOURCE", "FRICTION", "PARAMETERS", "start", "step"))
+PLANT_PLUGINS = PluginFolder(
+    "plant", "simbench.loop.plants", "simbench.plants", ("SOURCE", "INTEGRATING", "PARAMETERS", "start", "step"), PLANT_TYPES
+)
+CONTROLLER_PLUGINS = PluginFolder(
+    "controller", "simbench.loop.controllers", "simbench.controllers", ("SOURCE", "INTEGRAL", "PARAMETERS", "start", "step"),
+    CONTROLLER_TYPES,
+)  # fmt: skip
 
 FOLLOWS = math.nan
 """Default of a number that follows from the others when it is not given (the plug-in's `complete` fills it)."""

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from collections import namedtuple
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.linalg import expm
 
 from detectors.errors import ParameterError
+from scenarios.polynomials import checked_polynomials
+from scenarios.spec import Plant
 
-# First-order plants, by far the most common, keep their state in a register; all others in an array.
+# Plants of first and second order, by far the most common, keep their state in registers; all others in an array.
 FirstOrder = namedtuple("FirstOrder", "a b_old b_new pv0")
+SecondOrder = namedtuple("SecondOrder", "keep pull b_old b_new ahead_old ahead_new pv0")
 General = namedtuple("General", "A B_old B_new C pv0")
 
 
@@ -50,29 +54,75 @@ def transfer_function(plant):
 
 def polynomials(plant) -> tuple[np.ndarray, np.ndarray]:
     """Return numerator and denominator (highest power first) of a loop file's plant without its dead time."""
-    den = [1.0, 0.0] if plant.type == "integrating" else [float(plant.T), 1.0]
+    if plant.den is not None and len(plant.den) > 2:
+        return np.array(plant.num), np.array(plant.den)
+    den = [1.0, 0.0] if plant.integrating else [float(plant.T), 1.0]
     return np.array([float(plant.K)]), np.array(den)
 
 
-def checked_polynomials(tf) -> tuple[np.ndarray, np.ndarray]:
+def table_of(system) -> dict:
+    """Return the [plant] table of a python-control system, as it was written: no coefficient is scaled.
+
+    Examples
+    --------
+    >>> import control
+    >>> table_of(control.tf([1.5], [10, 1]))
+    {'type': 'tf', 'num': [1.5], 'den': [10.0, 1.0]}
+    """
+    import control
+
+    tf = control.tf(system)
+    polynomials_of(tf)
+    num, den = ([float(x) for x in side[0][0]] for side in (tf.num, tf.den))
+    while len(num) > 1 and abs(num[0]) < 1e-14 * max(map(abs, num)):
+        num = num[1:]  # what the way from a state space leaves of a zero
+    return {"type": "tf", "num": num, "den": den}
+
+
+def polynomials_of(tf) -> tuple[np.ndarray, np.ndarray]:
     """Accept a user's transfer function, or say why not."""
     if tf.ninputs != 1 or tf.noutputs != 1:
         raise ParameterError(f"plant has {tf.ninputs} inputs and {tf.noutputs} outputs; one of each is needed")
     if tf.dt not in (0, None):
         raise ParameterError(f"plant is discrete (dt = {tf.dt}); a continuous transfer function is needed")
-    num, den = np.trim_zeros(tf.num[0][0], "f"), np.trim_zeros(tf.den[0][0], "f")
-    if num.size == 0:
-        raise ParameterError("plant is 0; the valve must act on PV")
-    if num.size >= den.size:
-        raise ParameterError("plant acts without any lag (not strictly proper); add the valve's or the sensor's time constant")
-    poles = np.roots(den)
-    scale = max(1.0, np.abs(poles).max())
-    at_zero = np.abs(poles) < 1e-9 * scale
-    unstable = poles[~at_zero & (poles.real >= 0)]
-    if unstable.size or at_zero.sum() > 1:
-        worst = unstable[np.argmax(unstable.real)] if unstable.size else 0.0
-        raise ParameterError(f"unstable plant: pole at {worst:.4g}; only stable plants, or with one integrator, are simulated")
+    try:
+        num, den = checked_polynomials(tf.num[0][0].astype(float), tf.den[0][0].astype(float))
+    except ValueError as error:
+        raise ParameterError(f"plant: {error}") from None
     return num / den[0], den / den[0]
+
+
+def first_order_like(plant: Plant) -> Plant:
+    """Return the first-order or integrating plant with a plant's gain, mean delay and, where there is one, spread in time.
+
+    Examples
+    --------
+    >>> first_order_like(Plant(type="tf", num=[2], den=[12, 7, 1], Td=1)).model_dump()
+    {'type': 'foptd', 'K': 2.0, 'T': 5.0, 'Td': 3.0}
+    """
+    if plant.den is None or len(plant.den) == 2:
+        return plant
+    den = np.array(plant.den[: -1 if plant.integrating else None])
+    (n1, n2), (d1, d2) = (np.append([0.0, 0.0], side)[-2:-4:-1] / side[-1] for side in (plant.num, den))
+    delay, spread = d1 - n1, d1**2 - 2.0 * d2 - (n1**2 - 2.0 * n2)
+    T = 0.0 if plant.integrating else float(np.sqrt(max(spread, (0.1 * d1) ** 2)))
+    table = {"type": "integrating"} if plant.integrating else {"type": "foptd", "T": T}
+    return Plant.model_validate({**table, "K": plant.K, "Td": max(plant.Td + delay - T, 0.0)})
+
+
+def stretched(plant: Plant, K: float, T: float, Td: float) -> dict[str, Any]:
+    """Return the table of a "tf" plant with its gain times `K`, its time constants times `T`, and dead time `Td` (s).
+
+    Examples
+    --------
+    >>> stretched(Plant(type="tf", num=[1.0], den=[2.0, 3.0, 1.0]), 2.0, 10.0, 0.5)["den"]
+    [200.0, 30.0, 1.0]
+    """
+    assert plant.num is not None
+    assert plant.den is not None
+    num, den = ([c * T**i for i, c in enumerate(reversed(side))][::-1] for side in (plant.num, plant.den))
+    per = T if plant.integrating else 1.0  # K of an integrating plant stands per second
+    return {"type": "tf", "num": [K * per * c for c in num], "den": den, "Td": Td}
 
 
 def sample(num: np.ndarray, den: np.ndarray, Td: float, Ts: float) -> SampledPlant:
@@ -121,6 +171,11 @@ def _split(Td, Ts):
     return delay, np.where(old < 1e-9 * Ts, 0.0, old)
 
 
+def whole_delay(Td: float, Ts: float) -> int:
+    """Return the whole samples of a dead time."""
+    return int(_split(Td, Ts)[0])
+
+
 def _answer(A, B, h):
     """State after an input of 1 held for h s."""
     still = A == 0
@@ -146,6 +201,18 @@ def _hold(A: np.ndarray, B: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarra
     return out[:order, :order], out[:order, order]
 
 
+def second_order(g: SampledPlant, den: np.ndarray, Ts: float, pv0: float) -> SecondOrder:
+    """Return the numbers of `second_order_step`: with D = A - 1, PV moves by C D x, and that by tr(D) and det(D).
+
+    Middleton and Goodwin (1990), Digital Control and Estimation: the delta operator, whose numbers do not crowd at 1 where Ts
+    is short beside the time constants.
+    """
+    change = np.expm1(np.roots(den) * Ts)
+    row = g.C @ (g.A - np.eye(2))
+    numbers = 1.0 + change.sum().real, change.prod().real, g.C @ g.B_old, g.C @ g.B_new, row @ g.B_old, row @ g.B_new
+    return SecondOrder(*map(float, numbers), pv0)
+
+
 def first_order_step(w_old, w_new, x, p):
     """One sample of a first-order plant; its state (deviation of PV, ) is a tuple."""
     # inputs first: only one product and one sum then wait for the previous sample
@@ -153,8 +220,14 @@ def first_order_step(w_old, w_new, x, p):
 
 
 def first_order_output(x, p):
-    """PV of a first-order plant before load and noise."""
+    """PV of a plant whose first state it is, before load and noise."""
     return p.pv0 + x[0]
+
+
+def second_order_step(w_old, w_new, x, p):
+    """One sample of a second-order plant; its state is (deviation of PV, its change without input), tuples both."""
+    ahead = (p.ahead_old * w_old + p.ahead_new * w_new) - p.pull * x[0]
+    return (p.b_old * w_old + p.b_new * w_new) + (x[0] + x[1]), ahead + p.keep * x[1]
 
 
 def general_step(w_old, w_new, x, p):

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from detectors.record import LoopRecord
-from simbench.loop import controller, kernel, sensor
-from simbench.loop.setup import MV_NOISE, Setup, parts_of
+from simbench.loop import kernel, sensor
+from simbench.loop.setup import MV_NOISE, Setup, control_start, parts_of, plant_start
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,11 +26,15 @@ class Start:
     error : float
         SP - PV (PV units) at that sample.
     pv : float
-        PV (PV units) at sample 0 before noise and output load; first-order and integrating plants only.
+        PV (PV units) at sample 0 before noise and output load; of first-order and integrating plants.
     valve : tuple of float
         State of the (one) valve model at that sample, as its `step` takes it.
     mv : tuple of float
         The last MVs (%), oldest first, as many as dead time + 1 sample need; the first fills what is missing.
+    state : tuple of float
+        State of a plant of higher order at sample 0; `pv` says it where there is none.
+    control : tuple of float
+        State of a PID one sample before the run; `op` and `error` say it where there is none.
     """
 
     op: float
@@ -38,6 +42,8 @@ class Start:
     pv: float
     valve: tuple[float, ...]
     mv: tuple[float, ...]
+    state: tuple[float, ...] = ()
+    control: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +62,8 @@ class Run:
         Whether the valve has friction.
     mv : ndarray, shape (n + tail,)
         Valve position (%) as it is; the record's may carry noise.
+    notes : tuple of str
+        What the reader must know of how it was computed.
     """
 
     record: LoopRecord
@@ -64,6 +72,7 @@ class Run:
     tail: LoopRecord | None
     sticky: bool
     mv: np.ndarray
+    notes: tuple[str, ...] = ()
 
     def to_frame(self) -> pd.DataFrame:
         """Return the record as a table.
@@ -107,8 +116,7 @@ def signals_of(
     total = setup.sp.size
     w = np.zeros(total + sampled.delay + 1)
     pv = setup.pv0
-    # at rest the error is 0 by definition: a set point away from pv0 is a step at sample 0
-    c = (controller.p_start if setup.Ti is None else controller.pi_start)(setup.op0, 0.0)
+    c = control_start(setup, parts.numbers[1])
     v = []
     u = setup.op0
     for module, p in setup.valves:
@@ -120,15 +128,13 @@ def signals_of(
         w[: sampled.delay + 1] = past[0]
         w[sampled.delay + 1 - past.size : sampled.delay + 1] = past
         pv = start.pv
-        c = (float(start.op), float(start.error))
+        c = start.control or (float(start.op), float(start.error))
         v = [tuple(float(x) for x in start.valve)]
-    if sampled.order == 1:
-        x: Any = (float(pv - setup.pv0),)
-    else:
-        x = np.zeros(2 * sampled.order)
+    x = plant_start(setup, parts, pv, () if start is None else start.state)
     s = sensor.full_start(pv) if parts.steps["sensor_step"] is sensor.full_step else sensor.plain_start(pv)
     op, measured, mv = np.empty(total), np.empty(total), np.empty(total)
-    make = kernel.bind if plain else kernel.compiled
+    outside = [f for f in (setup.plant_plugin, setup.control_plugin) if f is not None]
+    make = kernel.bind if plain else kernel.compiled_where_possible if outside else kernel.compiled
     make(parts.steps, parts.stages, parts.classes)(
         setup.sp, setup.load_in, setup.load_out, setup.pv_add, float(kick), setup.op0, w, x, c, tuple(v), s, parts.bare,
         op, measured, mv,
@@ -142,7 +148,7 @@ def finished_run(setup: Setup, op: np.ndarray, measured: np.ndarray, mv: np.ndar
     archived = measured
     for recorder in setup.recorders:
         archived = recorder(archived)
-    process = "integrating" if setup.den[-1] == 0 else "self-regulating"
+    process = "integrating" if setup.integrating else "self-regulating"
     recorded, mv_std = mv, setup.loop.noise.mv_std or 0.0
     if mv_std > 0:
         recorded = mv + mv_std * np.random.default_rng([setup.seed, MV_NOISE]).standard_normal(mv.size)
@@ -159,4 +165,7 @@ def finished_run(setup: Setup, op: np.ndarray, measured: np.ndarray, mv: np.ndar
         )
 
     tail = part(slice(n, None)) if setup.tail >= 3 else None
-    return Run(part(slice(0, n)), setup.load_in, setup.load_out, tail, setup.sticky, mv)
+    notes = [
+        why for found in (setup.plant_plugin, setup.control_plugin) if found and (why := kernel.runs_plainly(found[0].step))
+    ]
+    return Run(part(slice(0, n)), setup.load_in, setup.load_out, tail, setup.sticky, mv, tuple(notes))

@@ -9,10 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from detectors.errors import ParameterError
-from scenarios.spec import Loop, Part
+from detectors.errors import ParameterError, UnknownName
+from detectors.plugins.registry import PluginFolder
+from scenarios.polynomials import checked_polynomials
+from scenarios.spec import CONTROLLER_TYPES, PLANT_TYPES, Loop, Part
 from simbench.loop import controller, plant, sensor
-from simbench.loop.parameters import VALVES, valve_parameters
+from simbench.loop.parameters import CONTROLLER_PLUGINS, PLANT_PLUGINS, VALVES, resolve, valve_parameters
 
 _NOISE, MV_NOISE = 0, 1  # random streams of their own
 
@@ -23,7 +25,8 @@ class Setup:
 
     Signals have n + tail samples; loads are in % at the plant's input and in PV units at its output; `pv_add` is
     measured with PV (noise included). `valves` is the chain OP passes, each a plug-in with its resolved parameters.
-    `recorders` turn the PV the controller saw into the PV that is archived.
+    `recorders` turn the PV the controller saw into the PV that is archived. `num` and `den` mean nothing where
+    the plant is a plug-in without a transfer function.
     """
 
     loop: Loop
@@ -49,6 +52,8 @@ class Setup:
     sensor_tau: float = 0.0
     pv_step: float = 0.0
     recorders: list[Callable[[np.ndarray], np.ndarray]] = field(default_factory=list)
+    plant_plugin: tuple[ModuleType, Any] | None = None
+    control_plugin: tuple[ModuleType, Any] | None = None
 
     @property
     def Ts(self) -> float:
@@ -70,6 +75,20 @@ class Setup:
         module = VALVES.load(model) if isinstance(model, str) else model
         stage = (module, valve_parameters(module, parameters, self.Ts))
         self.valves.insert(0, stage) if first else self.valves.append(stage)
+
+    @property
+    def integrating(self) -> bool:
+        """Whether the plant integrates."""
+        return bool(self.plant_plugin[0].INTEGRATING) if self.plant_plugin is not None else bool(self.den[-1] == 0)
+
+    @property
+    def not_linear(self) -> str:
+        """What of plant and controller has no transfer function, in words; "" where both have one."""
+        if self.plant_plugin is not None and not hasattr(self.plant_plugin[0], "linear"):
+            return f"plant {self.loop.plant.type!r} has no transfer function"
+        if self.control_plugin is not None:
+            return f"controller {self.loop.controller.type!r} is a law of its own"
+        return "the controller's gain follows a schedule" if self.loop.controller.schedule is not None else ""
 
     @property
     def resting_mv(self) -> float:
@@ -126,8 +145,9 @@ def plain_setup(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
         For a valve that does not exist, numbers it does not allow, or an unstable plant.
     """
     total = loop.sampling.n + tail
-    num, den = plant.polynomials(loop.plant) if tf is None else plant.checked_polynomials(tf)
-    if loop.controller.sign * num[0] / den[den != 0][-1] < 0:
+    own = _plant_plugin(loop) if tf is None else None
+    num, den = plant.polynomials_of(tf) if tf is not None else plant.polynomials(loop.plant) if own is None else _linear(*own)
+    if (own is None or hasattr(own[0], "linear")) and loop.controller.sign * num[-1] / den[den != 0][-1] < 0:
         raise ParameterError("positive feedback: the plant's gain and the controller's direction have opposite signs")
     setup = Setup(
         loop=loop,
@@ -146,6 +166,8 @@ def plain_setup(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
         noise_std=loop.noise.std,
         pv_add=np.zeros(total),
         valves=_valves(loop.valve, loop.sampling.Ts),
+        plant_plugin=own,
+        control_plugin=_control_plugin(loop),
     )
     for t, value in sorted(loop.setpoint.steps):
         setup.sp[int(np.ceil(t / setup.Ts - 1e-9)) :] = value
@@ -181,26 +203,16 @@ class Parts:
 
 def parts_of(setup: Setup) -> Parts:
     """Choose the steps a setup needs, and resolve their parameters."""
-    sampled = plant.sample(setup.num, setup.den, setup.Td, setup.Ts)
-    first_order = sampled.order == 1
-    if first_order:
-        plant_p = plant.FirstOrder(float(sampled.A[0, 0]), float(sampled.B_old[0]), float(sampled.B_new[0]), setup.pv0)
-    else:
-        plant_p = plant.General(sampled.A, sampled.B_old, sampled.B_new, sampled.C, setup.pv0)
-    gain = setup.sign * setup.Kc
-    if setup.Ti is None:
-        control_p = controller.P(gain, setup.op0, setup.op_lo, setup.op_hi)
-    else:
-        control_p = controller.PI(gain, gain * setup.Ts / setup.Ti, setup.op_lo, setup.op_hi)
+    sampled, plant_steps, plant_p = _plant_of(setup)
+    control_steps, control_p = _control_of(setup)
     full_control = setup.error_gap > 0 or setup.op_step > 0
     full_sensor = setup.sensor_tau > 0 or setup.pv_step > 0
     follow = 1.0 - np.exp(-setup.Ts / setup.sensor_tau) if setup.sensor_tau > 0 else 1.0
     steps = {
         "error_step": controller.dead_error if full_control else controller.plain_error,
-        "controller_step": controller.p_step if setup.Ti is None else controller.pi_step,
+        **control_steps,
         "output_step": controller.coarse_output if full_control else controller.plain_output,
-        "plant_step": plant.first_order_step if first_order else plant.general_step,
-        "plant_output": plant.first_order_output if first_order else plant.general_output,
+        **plant_steps,
         "sensor_step": sensor.full_step if full_sensor else sensor.plain_step,
     }
     gap_p = controller.Gap(setup.error_gap / 2, setup.op_step) if full_control else controller.NoGap(0.0)
@@ -208,6 +220,115 @@ def parts_of(setup: Setup) -> Parts:
     valve_p = tuple(p for _, p in setup.valves)
     stages = tuple(module.step for module, _ in setup.valves)
     return Parts(sampled, steps, stages, (plant_p, control_p, gap_p, sensor_p, valve_p))
+
+
+def _plant_of(setup: Setup) -> tuple[plant.SampledPlant, dict[str, FunctionType], Any]:
+    """Return the sampled plant, its steps and their numbers."""
+    if setup.plant_plugin is not None:
+        module, p = setup.plant_plugin
+        num, den = _linear(module, p)
+        if not (np.array_equal(setup.num, num) and np.array_equal(setup.den, den)):
+            raise ParameterError(
+                f"an effect changes the transfer function of plant {setup.loop.plant.type!r}, which is a plug-in"
+            )
+        p = p._replace(Td=setup.Td, op0=setup.op0, pv0=setup.pv0)
+        empty = np.zeros(0)
+        sampled = plant.SampledPlant(np.zeros((0, 0)), empty, empty, empty, plant.whole_delay(setup.Td, setup.Ts))
+        return sampled, {"plant_step": module.step, "plant_output": plant.first_order_output}, p
+    sampled = plant.sample(setup.num, setup.den, setup.Td, setup.Ts)
+    old, new = sampled.B_old.tolist(), sampled.B_new.tolist()
+    if sampled.order == 1:
+        p = plant.FirstOrder(float(sampled.A[0, 0]), *old, *new, setup.pv0)
+        return sampled, {"plant_step": plant.first_order_step, "plant_output": plant.first_order_output}, p
+    if sampled.order == 2 and setup.loop.plant.type == "tf":
+        p = plant.second_order(sampled, setup.den, setup.Ts, setup.pv0)
+        return sampled, {"plant_step": plant.second_order_step, "plant_output": plant.first_order_output}, p
+    p = plant.General(sampled.A, sampled.B_old, sampled.B_new, sampled.C, setup.pv0)
+    return sampled, {"plant_step": plant.general_step, "plant_output": plant.general_output}, p
+
+
+def _control_of(setup: Setup) -> tuple[dict[str, FunctionType], Any]:
+    """Return the controller's steps and their numbers."""
+    gain, limits = setup.sign * setup.Kc, (setup.op_lo, setup.op_hi)
+    if setup.control_plugin is not None:
+        module, p = setup.control_plugin
+        tuned = {k: v for k, v in (("Kc", setup.Kc), ("Ti", setup.Ti)) if v is not None and k in p._fields}
+        if "Kc" not in tuned and setup.Kc != setup.loop.controller.Kc:
+            raise ParameterError(f"an effect changes Kc, which controller {setup.loop.controller.type!r} does not have")
+        p = p._replace(**tuned, op0=setup.op0, pv0=setup.pv0, lo=limits[0], hi=limits[1])
+        return {"controller_step": module.step, "controller_kick": controller.plugin_kicked}, p
+    if setup.Ti is None:
+        p = controller.P(gain, setup.op0, *limits)
+        return {"controller_step": controller.p_step, "controller_kick": controller.kicked}, p
+    if setup.loop.controller.type == "PID":
+        p = controller.pid_numbers(setup.loop.controller, gain, setup.Ti, setup.Ts, setup.pv0, *limits)
+        return {"controller_step": controller.pid_step, "controller_kick": controller.pid_kicked}, p
+    p = controller.PI(gain, gain * setup.Ts / setup.Ti, *limits)
+    return {"controller_step": controller.pi_step, "controller_kick": controller.kicked}, p
+
+
+def control_start(setup: Setup, p: Any) -> tuple[float, ...]:
+    """Return the controller's state at rest: there the error is 0, and a set point away from pv0 is a step at sample 0."""
+    if setup.control_plugin is not None:
+        return _numbers_in(setup.control_plugin[0].start(p))
+    if setup.loop.controller.type == "PID":
+        return controller.pid_start(setup.op0, 0.0)
+    return (controller.p_start if setup.Ti is None else controller.pi_start)(setup.op0, 0.0)
+
+
+def plant_start(setup: Setup, parts: Parts, pv: float, state: tuple[float, ...] = ()) -> Any:
+    """Return the plant's state: at rest, with PV at `pv` where it is of first order, or the one given."""
+    order, g = parts.sampled.order, parts.sampled
+    if setup.plant_plugin is not None:
+        rest = _numbers_in(setup.plant_plugin[0].start(parts.numbers[0]))
+        return (float(pv - setup.pv0), *rest[1:])
+    second = parts.steps["plant_step"] is plant.second_order_step
+    if state and second:
+        return float(g.C @ state), float(g.C @ (g.A @ state - state))
+    if state:
+        return state if order == 1 else np.append(state, np.zeros(order))
+    return (float(pv - setup.pv0),) if order == 1 else (0.0, 0.0) if second else np.zeros(2 * order)
+
+
+def _numbers_in(state: tuple) -> tuple:
+    """Return a plug-in's state with its numbers as floats; one in plain Python may hold other things too."""
+    return tuple(float(x) if isinstance(x, (int, float, np.number)) else x for x in state)
+
+
+def _plant_plugin(loop: Loop) -> tuple[ModuleType, Any] | None:
+    """Return a plug-in plant and its numbers: its PARAMETERS, then Td, Ts (s), op0 (%) and pv0."""
+    part = loop.plant
+    if part.type in PLANT_TYPES:
+        return None
+    module = _loaded(PLANT_PLUGINS, part.type, PLANT_TYPES)
+    more = {"Td": part.Td, "Ts": loop.sampling.Ts, "op0": loop.operating_point.op0, "pv0": loop.pv0}
+    own = {k: v for k, v in (part.parameters or {}).items() if v is not None}
+    return module, resolve(module.PARAMETERS, own, f"plant {part.type!r}", getattr(module, "complete", None), **more)
+
+
+def _control_plugin(loop: Loop) -> tuple[ModuleType, Any] | None:
+    """Return a plug-in controller and its numbers: its PARAMETERS, then sign, Ts (s), op0 (%), pv0, and OP's limits."""
+    part = loop.controller
+    if part.type in CONTROLLER_TYPES:
+        return None
+    module = _loaded(CONTROLLER_PLUGINS, part.type, CONTROLLER_TYPES)
+    more = {"sign": part.sign, "Ts": loop.sampling.Ts, "op0": loop.operating_point.op0, "pv0": loop.pv0, "lo": 0.0, "hi": 100.0}
+    own = part.parameters or {}
+    return module, resolve(module.PARAMETERS, own, f"controller {part.type!r}", getattr(module, "complete", None), **more)
+
+
+def _loaded(folder: PluginFolder, name: str, built_in: tuple[str, ...]) -> ModuleType:
+    known = (*built_in, *folder.names())
+    if name not in known:
+        raise UnknownName(folder.kind, name, known)
+    return folder.load(name)
+
+
+def _linear(module: ModuleType, p: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Return what a plug-in plant says of its transfer function; of one that has none what effects must leave as it is."""
+    if not hasattr(module, "linear"):
+        return np.array([1.0]), np.array([1.0, 1.0])
+    return checked_polynomials(*map(list, module.linear(p)))
 
 
 def _valves(part: Part, Ts: float) -> list[tuple[ModuleType, Any]]:

@@ -164,17 +164,33 @@ def cycle_start(loop: Loop) -> Start:
     cycle = exact_cycle(sampled)
     if cycle is None:
         raise ParameterError("cycle_start: this loop has no limit cycle to start on")
-    if sampled.order != 1 or loop.effect or stages:
-        raise ParameterError("cycle_start: only a first-order or integrating plant with one valve and no effect starts there")
+    if loop.effect or stages:
+        raise ParameterError("cycle_start: only a loop with one valve and no effect starts there")
     x, s, past = (a.copy() for a in cycle.state)
     while s[4] == 1.0:  # the march ends where the valve breaks away: let it come to its stop
         reversals(sampled, x, s, past, 1, most=1)
     op0, op, w, mv = loop.operating_point.op0, *(float(value) for value in s[:3])
     ahead = sampled.A @ x + sampled.B_old * past[0] + sampled.B_new * past[1]
+    if sampled.order != 1 and loop.plant.parameters is not None:
+        raise ParameterError("cycle_start: a plant plug-in starts there only where it is of first order")
+    pid, order = loop.controller.type == "PID", sampled.order - 2 * (sampled.kd > 0.0)
     return Start(
         op=op0 + op,
         error=loop.setpoint.value - loop.pv0 - w / sampled.gain,
-        pv=loop.pv0 + float(sampled.C @ ahead) / sampled.gain,
+        pv=loop.pv0 + float(sampled.C @ ahead) / sampled.gain if order == 1 and not pid else loop.pv0,
+        state=tuple(ahead[:order].tolist()) if order > 1 or pid else (),
+        control=_pid_state(loop, sampled, x, op, op0) if pid else (),
         valve=module.step(op0 + op, module.start(op0 + mv, p), p),
         mv=tuple(op0 + past[1:]),
     )
+
+
+def _pid_state(loop: Loop, sampled: SampledLoop, x: np.ndarray, op: float, op0: float) -> tuple[float, ...]:
+    """Return the state of a PID as its `step` takes it, from the state of the sampled loop."""
+    y, d = float(sampled.C @ x), 0.0
+    if sampled.kd > 0.0:
+        g = 1.0 / (1.0 + sampled.beta)
+        y = float(sampled.C[:-2] @ x[:-2]) / (1.0 + sampled.kd * g)
+        d = sampled.kd * ((sampled.fade - 1.0) * x[-2] + g * (1.0 - sampled.fade) * x[-1] + y)
+    kept = op0 + op if loop.controller.form == "velocity" else op0 + op + y + d
+    return op0 + op, kept, -y, -d, -y / sampled.gain

@@ -12,6 +12,7 @@ from detectors.compiled import compiled
 from detectors.errors import ParameterError
 from detectors.signal import stiction_map
 from scenarios.spec import Loop
+from simbench.loop import controller as controllers
 from simbench.loop import plant as plants
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.response import stages_response
@@ -54,6 +55,8 @@ class SampledLoop:
         Dead time (s).
     times : tuple of float
         The loop's time constants and dead time above 0 (s).
+    kd, fade : float
+        Of a PID: gain of its derivative over Kc, and what is left of it after a sample; 0 of P and PI.
     """
 
     A: np.ndarray
@@ -75,6 +78,8 @@ class SampledLoop:
     den: np.ndarray
     Td: float
     times: tuple[float, ...]
+    kd: float = 0.0
+    fade: float = 0.0
 
     @property
     def fs(self) -> float:
@@ -161,9 +166,13 @@ def reduced(setup: Setup, S: float, J: float) -> SampledLoop:
             raise ParameterError(f"theory: the controller has {says}; the cycle is known for plain P and PI only")
     if setup.sensor_tau > 0 or setup.pv_step > 0:
         raise ParameterError("theory: the sensor has a lag or rounds PV; the cycle is known for a plain sensor only")
+    if setup.not_linear:
+        raise ParameterError(f"theory: cannot tell, {setup.not_linear}; simulate the loop instead")
     flat = np.ascontiguousarray  # one memory layout, one compiled march
     sampled = plants.sample(setup.num, setup.den, setup.Td, setup.Ts)
     gain = setup.sign * setup.Kc
+    if setup.loop.controller.type == "PID" and setup.loop.controller.Td:
+        return _with_derivative(setup, sampled, gain, (S, J, resticks, misfit))
     poles = np.roots(setup.den)
     times = [setup.Td, setup.Ti or 0.0, setup.Ts, *(1 / abs(p) for p in poles if abs(p) > 1e-12)]
     return SampledLoop(
@@ -172,6 +181,33 @@ def reduced(setup: Setup, S: float, J: float) -> SampledLoop:
         beta=setup.Ts / setup.Ti if setup.Ti else 0.0, S=S, J=J, resticks=resticks, misfit=misfit, gain=gain,
         lo=setup.op_lo - setup.op0, hi=setup.op_hi - setup.op0,
         num=gain * setup.num, den=setup.den, Td=setup.Td, times=tuple(t for t in times if t > 0),
+    )  # fmt: skip
+
+
+def _with_derivative(setup: Setup, sampled: Any, gain: float, valve: tuple) -> SampledLoop:
+    """Reduce a loop with PID: what the derivative adds to PI is a filter of w, two more states of the plant.
+
+    With y = s Kc (PV - pv0), OP moves by -(w - w(k-1)) - beta w for w = (1 + D/PI) y, where D = kd (z - 1)/(z - fade) and
+    PI = ((1 + beta) z - 1)/(z - 1). Holds within the limits of OP, and there for the velocity form with clamping.
+    """
+    c, Ti, flat, n = setup.loop.controller, float(setup.Ti or 0.0), np.ascontiguousarray, sampled.order
+    p = controllers.pid_numbers(c, gain, Ti, setup.Ts, 0.0, 0.0, 100.0)
+    beta, Tf = setup.Ts / Ti, float(c.Td or 0.0) / controllers.derivative_filter(c)
+    a, g, through = p.fade, 1.0 / (1.0 + beta), p.kd / (1.0 + beta)
+    A = np.zeros((n + 2, n + 2))
+    A[:n, :n], A[n, :n] = sampled.A, gain * sampled.C
+    A[n, n:], A[n + 1, n] = (a + g, -a * g), 1.0
+    C = np.concatenate([gain * (1.0 + through) * sampled.C, through * np.array([a + g - 2.0, 1.0 - a * g])])
+    law = np.polymul([Ti, 1.0], [Tf, 1.0])
+    S, J, resticks, misfit = valve
+    poles = np.roots(setup.den)
+    times = [setup.Td, Ti, setup.Ts, Tf, float(c.Td or 0.0), *(1 / abs(p) for p in poles if abs(p) > 1e-12)]
+    return SampledLoop(
+        A=flat(A), B_old=np.append(sampled.B_old, [0.0, 0.0]), B_new=np.append(sampled.B_new, [0.0, 0.0]), C=flat(C),
+        delay=sampled.delay, Ts=setup.Ts, integral=True, beta=beta, S=S, J=J, resticks=resticks, misfit=misfit, gain=gain,
+        lo=setup.op_lo - setup.op0, hi=setup.op_hi - setup.op0,
+        num=gain * np.polymul(setup.num, np.polyadd(law, [Ti * float(c.Td or 0.0), 0.0, 0.0])), den=np.polymul(setup.den, law),
+        Td=setup.Td, times=tuple(t for t in times if t > 0), kd=p.kd, fade=p.fade,
     )  # fmt: skip
 
 

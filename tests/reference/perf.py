@@ -16,16 +16,20 @@ from scenarios.spec import Loop
 from simbench.loop import controller, kernel, sensor
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.response import valve_response
-from simbench.loop.setup import parts_of
+from simbench.loop.setup import parts_of, plant_start
 
 N = 5000
 ROUNDS = 9
 
 
-def loop_file(n: int = N) -> Loop:
+FOPTD = {"type": "foptd", "K": 1, "T": 10, "Td": 2.5}
+SECOND = {"type": "tf", "num": [1], "den": [20, 12, 1], "Td": 2.5}
+
+
+def loop_file(n: int = N, plant: dict = FOPTD) -> Loop:
     return Loop.from_table(
         {
-            "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2.5},
+            "plant": plant,
             "controller": {"type": "PI", "Kc": 1, "Ti": 10},
             "valve": {"model": "choudhury", "S": 5, "J": 2},
             "sampling": {"Ts": 1, "n": n},
@@ -38,8 +42,8 @@ def loop_file(n: int = N) -> Loop:
 class Case:
     """One resolved loop, ready to be run by every contender."""
 
-    def __init__(self, n: int = N) -> None:
-        self.setup = resolve_loop(loop_file(n), seed=1)
+    def __init__(self, n: int = N, plant: dict = FOPTD) -> None:
+        self.setup = resolve_loop(loop_file(n, plant), seed=1)
         self.parts = parts_of(self.setup)
         self.delay = self.parts.sampled.delay
         self.out = [np.empty(n) for _ in range(3)]
@@ -53,6 +57,9 @@ class Case:
             sensor.plain_start(self.setup.pv0),
             self.parts.bare,
         )
+        self.x = plant_start(self.setup, self.parts, self.setup.pv0)
+        if plant is not FOPTD:
+            return
         self.in_c = build()
         plant, control, _, _, ((S, J, _),) = self.parts.numbers
         s = self.setup
@@ -64,7 +71,7 @@ class Case:
     def run(self, function) -> list[np.ndarray]:
         s = self.setup
         self.w[: self.delay + 1] = 0.0
-        function(s.sp, s.load_in, s.load_out, s.pv_add, 0.0, s.op0, self.w, (0.0,), *self.start, *self.out)
+        function(s.sp, s.load_in, s.load_out, s.pv_add, 0.0, s.op0, self.w, self.x, *self.start, *self.out)
         return self.out
 
     def run_c(self) -> list[np.ndarray]:
@@ -83,8 +90,8 @@ def python_control(n: int):
     step, lag, Ts = s.valves[0][0].step, case.delay + 1, s.Ts
     # a block's output may depend on its input in the same sample: output and next state come from the same step
     pi_block = control.nlsys(
-        lambda t, x, u, _: np.array(controller.pi_step(u[0], (x[0], x[1]), pi)),
-        lambda t, x, u, _: np.array(controller.pi_step(u[0], (x[0], x[1]), pi)[:1]),
+        lambda t, x, u, _: np.array(controller.pi_step(u[0], 0.0, (x[0], x[1]), pi)),
+        lambda t, x, u, _: np.array(controller.pi_step(u[0], 0.0, (x[0], x[1]), pi)[:1]),
         inputs="e", outputs="op", states=2, dt=Ts, name="pi",
     )  # fmt: skip
     valve = control.nlsys(
@@ -149,6 +156,9 @@ def main() -> int:
     assert all(np.array_equal(a, b) for a, b in zip(expected, ours(), strict=True)), "plain and compiled loop differ"
     p, o = interleaved(plain, ours, repeats=[1, 100])
     rows.append(("plain Python twin / compiled loop", p, o, 40.0))
+    second = Case(plant=SECOND)
+    o, s = interleaved(ours, lambda: second.run(second.compiled), repeats=[200, 200])
+    rows.append(("foptd / tf of order 2 (at most 1.3 times the cost)", o, s, 1.0 / 1.3))
     short, control_run = python_control(1000)
     theirs, mine = control_run(), short.run(short.compiled)
     same = np.abs(theirs[:, :300] - np.array(mine[:2])[:, :300]).max()

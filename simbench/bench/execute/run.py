@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
+import inspect
 import pickle
 import secrets
 import signal
@@ -15,11 +17,14 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, cast
 
+import cloudpickle
+
 from detectors.errors import UserError, masked, nearest
 from detectors.judge import check_thresholds, known_front_end
 from detectors.plugins.host import SECONDS
 from detectors.plugins.registry import methods as registry
 from detectors.report.report import choose_methods
+from detectors.sources import as_plugin
 from scenarios.grid import Grid, chunks, load_grid
 from simbench.bench.execute import adaptive, pieces
 from simbench.bench.execute.grid_check import refuse_too_large, refuse_wrong_parts, size_of
@@ -62,7 +67,10 @@ def run_grid(
     time_limit: float = SECONDS,
     valve_plugins: Iterable[str | Path] = (),
     effect_plugins: Iterable[str | Path] = (),
+    plant_plugins: Iterable[str | Path] = (),
+    controller_plugins: Iterable[str | Path] = (),
     sealed: bool = False,
+    own: Mapping[str, Any] | None = None,
 ) -> Path:
     """Simulate a grid, judge it by detectors, and write both tables.
 
@@ -78,13 +86,16 @@ def run_grid(
         raise RunError(f"unknown backend {backend!r}: {nearest(backend, _BACKENDS)}")
     if until_width is not None and not adaptive.NARROWEST <= until_width < 1:
         raise RunError(f"until_width = {until_width}; a number between {adaptive.NARROWEST} and 1 is needed")
-    stages = tuple(tuple(str(Path(p).resolve()) for p in some) for some in (valve_plugins, effect_plugins))
+    parts = (valve_plugins, effect_plugins, plant_plugins, controller_plugins)
+    stages = tuple(tuple(str(Path(p).resolve()) for p in some) for some in parts)
     if sealed and (resume or isinstance(grid, Grid) or "seed" in (sets or {})):
         raise RunError("a sealed run draws its own seed: it takes a grid by name or file, without --resume and --set seed=")
     drawn = {"seed": secrets.randbits(62)} if sealed else {}
     plan = grid if isinstance(grid, Grid) else load_grid(grid, {**(sets or {}), **drawn}, axes)
     files = [str(Path(p).resolve()) for p in plugins]
-    with registry.hosted(files, time_limit) as added, hosted_parts(*stages, time_limit):
+    callers = own or {}
+    adopted = registry.adopted({name: as_plugin(name, detector) for name, detector in callers.items()})
+    with adopted, registry.hosted(files, time_limit) as added, hosted_parts(*stages, seconds=time_limit):
         asked = [part.strip() for text in methods for part in text.split(",")]
         names = choose_methods(m for m in asked if m != ORACLE)
         names += [a for a in added if a not in names]
@@ -103,7 +114,8 @@ def run_grid(
                 "scenarios": len(plan),
                 "methods": {n: _about(n) for n in names},
                 "thresholds": {k: dict(v) for k, v in (thresholds or {}).items()},
-                "plugins": _digests(("", files), ("valve ", stages[0]), ("effect ", stages[1])),
+                "plugins": _digests(("", files), *zip(("valve ", "effect ", "plant ", "controller "), stages))
+                | {f"own {name}": _source_digest(detector) for name, detector in callers.items()},
                 "until_width": until_width,
                 "raw": raw,
                 "front_end": known_front_end(front_end),
@@ -113,7 +125,7 @@ def run_grid(
         )
         telling = ("grid_hash", "grid_content", "seed") if sealed else ()
         chosen = {k: dict(v) for k, v in (thresholds or {}).items()}
-        settings = (tuple(names), tuple(files), chosen, keep, time_limit, stages, front_end)
+        settings = (tuple(names), tuple(files), chosen, keep, time_limit, stages, front_end, callers)
         where = Path("runs") / plan.name if out is None else out
         place = place_of(where)
         place.refuse_unkept()
@@ -151,7 +163,8 @@ class _Task:
 
     def __init__(self, grid: Grid, place: Place, key: str, settings: tuple) -> None:
         # packed once, not for every piece; a worker may stand in another folder
-        self._packed = pickle.dumps((grid, place.absolute(), key, settings))
+        # by value: a caller's own detector may stand in a notebook
+        self._packed = cloudpickle.dumps((grid, place.absolute(), key, settings))
 
     def __call__(self, number: int, groups: Sequence[int]) -> Receipt:
         grid, place, key, settings = _unpacked(self._packed)
@@ -268,6 +281,16 @@ def _check_settings(names: Sequence[str], thresholds: Thresholds) -> None:
 
 def _digests(*kinds: tuple[str, Iterable[str]]) -> dict[str, str]:
     return {f"{kind}{Path(f).stem}": file_digest(Path(f)) for kind, files in kinds for f in files}
+
+
+def _source_digest(detector: Any) -> str:
+    """Return what tells a caller's own detector from another of its name: its source, and its parameters where it says them."""
+    said = detector.get_params(deep=False) if hasattr(detector, "get_params") else getattr(detector, "__dict__", {})
+    try:
+        source = inspect.getsource(detector if inspect.isfunction(detector) else type(detector))
+    except (OSError, TypeError):  # typed into a shell
+        source = repr(getattr(getattr(detector, "__code__", None), "co_code", detector))
+    return hashlib.sha256(f"{source}{said}".encode()).hexdigest()
 
 
 def _budgets(names: Sequence[str]) -> tuple[int, int]:

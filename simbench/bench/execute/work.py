@@ -19,6 +19,7 @@ from detectors.plugins.host import SECONDS
 from detectors.plugins.registry import methods as registry
 from detectors.prepared import Prepared, prepare
 from detectors.record import LoopRecord
+from detectors.sources import as_plugin
 from detectors.verdict import NO_DECISION, Verdict
 from scenarios.grid import Grid
 from scenarios.spec import Scenario
@@ -96,17 +97,19 @@ def work(
     thresholds: Thresholds | None = None,
     keep: int = 0,
     seconds: float = SECONDS,
-    stages: tuple[tuple[str, ...], ...] = ((), ()),
+    stages: tuple[tuple[str, ...], ...] = (),
     front_end: str = "acf",
+    callers: Mapping[str, Any] | None = None,
 ) -> Chunk:
     """Simulate, label and judge some groups of a grid: a function of the arguments alone, but for its times.
 
-    `plugins` and `stages` are files outside the package: detectors, and valve models and effects; `seconds` is the time one may
-    take for a record, `keep` how many records are handed back, from the first on.
+    `plugins` and `stages` are files outside the package: detectors, and parts of loops; `callers` the caller's own detectors;
+    `seconds` is the time a file's may take for a record, `keep` how many records are handed back, from the first on.
     """
     began = time.perf_counter()
-    add_parts(*stages, seconds)
+    add_parts(*stages, seconds=seconds)
     registry.add_all_hosted(plugins, seconds)
+    registry.adopt({name: as_plugin(name, detector) for name, detector in (callers or {}).items()})
     own = [m for m in methods if m != ORACLE]
     chosen = {m: check_thresholds(m, registry.load(m).METHOD, (thresholds or {}).get(m, {})) for m in own}
     asked = _Questions(chosen, ORACLE in methods, front_end)

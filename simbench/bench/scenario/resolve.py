@@ -13,15 +13,17 @@ import numpy as np
 from detectors.errors import ParameterError
 from detectors.prepared import prepare
 from detectors.signal.oscillation import oscillation_of
-from scenarios.cell import Draft, Rules, Scaled
+from scenarios.cell import Draft, Rules, Scaled, overridden
 from scenarios.grid import Group
 from scenarios.spec import Loop, Noise, Sampling, Scenario, SetPoint
 from simbench.bench.scenario.motion import motion
 from simbench.bench.scenario.truth import least_swing
 from simbench.loop import plant
 from simbench.loop.parameters import VALVES, valve_parameters
+from simbench.loop.setup import plain_setup
 from simbench.loop.simulate import simulate
 from simbench.theory.cycle import cycle_start
+from simbench.theory.sampled import sampled_loop, ultimate_gain
 
 _FIRST = 40  # samples per period of the run that measures the cycle
 _PERIODS = 10  # its length
@@ -103,7 +105,7 @@ def _measured(text: str) -> _Cycle:
     except ParameterError:
         pass  # no cycle to start on, or none that theory can find
     S, _ = band(twin)
-    size = 0.25 * S * abs(twin.plant.K) if twin.plant.type == "foptd" else 0.3 * S / twin.controller.Kc
+    size = 0.25 * S * abs(twin.plant.K) if not twin.plant.integrating else 0.3 * S / twin.controller.Kc
     return _Cycle(guess, size, False)
 
 
@@ -119,11 +121,12 @@ def first_guess(loop: Loop) -> float:
     94.4
     """
     S, J = band(loop)
-    Td, Ti = loop.plant.Td, loop.controller.Ti
-    k = abs(loop.plant.K) * loop.controller.Kc / (loop.plant.T or 1.0)
-    if Ti is not None and loop.plant.T is not None:
-        k *= max(1.0, loop.plant.T / Ti)  # more integral action than Ti = T: faster
-    if J == 0 and (loop.plant.T is not None or Ti is None):
+    like = plant.first_order_like(loop.plant)
+    Td, Ti = like.Td, loop.controller.Ti
+    k = abs(like.K) * loop.controller.Kc / (like.T or 1.0)
+    if Ti is not None and like.T is not None:
+        k *= max(1.0, like.T / Ti)  # more integral action than Ti = T: faster
+    if J == 0 and (like.T is not None or Ti is None):
         J = S / 3.0  # does not cycle: sampled like its neighbours that do
     if J > 0:
         speed = min(k * Td, 0.9)
@@ -153,7 +156,10 @@ def sampled_ultimate_gain(loop: Loop) -> float:
     2.26
     """
     Ts = loop.sampling.Ts
-    g = plant.sample(*plant.polynomials(loop.plant), loop.plant.Td, Ts)
+    setup = plain_setup(loop, 0)
+    if setup.not_linear or len(setup.den) != 2 or loop.controller.type == "PID":
+        return loop.controller.Kc * (ultimate_gain(sampled_loop(loop)) or 1.0)
+    g = plant.sample(setup.num, setup.den, loop.plant.Td, Ts)
     w = np.geomspace(1e-4, math.pi, 4000)
     z = np.exp(1j * w)
     G = (g.B_old[0] / z + g.B_new[0]) / (z - g.A[0, 0]) * g.C[0] * z ** -float(g.delay)
@@ -231,10 +237,7 @@ def _settled(draft: Draft, rules: Rules, twin: Loop, cycle: _Cycle, own: float) 
     loop = Loop.from_table(table, "cell")
     if draft.ultimate is not None:
         loop = loop.with_("controller.Kc", significant(draft.ultimate * sampled_ultimate_gain(loop)))
-    for key, value in (draft.overrides or {}).items():
-        if not (key.startswith("valve.") and loop.valve.name == "ideal"):
-            loop = loop.with_(key, value)
-    return loop
+    return overridden(loop, draft.overrides or {})
 
 
 def valve_table(name: str, cell: Mapping[str, Any], period: float, more: Mapping[str, Any]) -> dict[str, Any]:

@@ -101,7 +101,7 @@ class Observed:
     def data(self, plant_pv: np.ndarray, resolution: float) -> Data:
         """Return the engine's input, with the PV that the plant gave the controller and the unit that rounds it."""
         r, plant = self.record, self.baseline.plant
-        integrating = plant.type == "integrating"
+        integrating = plant.integrating
         u = through_valve(self.op, self.baseline.valve, r.Ts) if r.mv is None else np.asarray(r.mv)
         return Data(
             u=np.ascontiguousarray(u, dtype=float),

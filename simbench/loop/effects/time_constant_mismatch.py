@@ -21,10 +21,13 @@ def apply(setup, p, rng):
     """Move the baseline's pole, and leave what other effects added to the plant."""
     if p.factor == 1.0:
         return
-    T = setup.loop.plant.T
-    if T is None:
-        raise ParameterError("effect 'time_constant_mismatch': an integrating plant has no time constant")
-    rest, remainder = np.polydiv(setup.den, [T, 1.0])
-    if np.abs(remainder).max() > 1e-9:
-        raise ParameterError(f"effect 'time_constant_mismatch': the plant has no pole at -1/T with T = {T:g} s")
-    setup.den = np.polymul(rest, [T * p.factor, 1.0])
+    own = setup.loop.plant
+    T = own.T
+    if T is None and own.den is None:
+        raise ParameterError(f"effect 'time_constant_mismatch': plant {own.type!r} has no time constant")
+    base = [T, 1.0] if T is not None else list(own.den)
+    rest, remainder = np.polydiv(setup.den, base)
+    if np.abs(remainder).max() > 1e-9 * max(base):
+        raise ParameterError("effect 'time_constant_mismatch': the plant has not the poles of its loop file")
+    order = len(base) - 1
+    setup.den = np.polymul(rest, [c * p.factor ** (order - i) for i, c in enumerate(base)])

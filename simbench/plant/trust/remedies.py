@@ -82,7 +82,7 @@ def _changes(a: CandidateLoops, S: float) -> list[tuple[str, Change]]:
         out.append((f"{_hours(4 * record.duration)} of record in place of {_hours(record.duration)}", Change(longer=4.0)))
         out.append((f"a sample every {record.Ts / 3:.3g} s in place of every {record.Ts:.3g} s", Change(faster=3)))
     # as much PV as three times the band moves it; an integrating plant has no gain of that kind
-    high = abs(loop.plant.K) * 3.0 * S if loop.plant.type == "foptd" else 4.0 * float(np.std(record.pv))
+    high = abs(loop.plant.K) * 3.0 * S if not loop.plant.integrating else 4.0 * float(np.std(record.pv))
     out.append((f"set-point steps of {high:.2g} PV units", Change(step=high)))
     if record.mv is None:
         out.append(("the valve's position (MV) recorded", Change(mv=True)))

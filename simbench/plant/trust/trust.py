@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
 from detectors.errors import UserError
 from detectors.judge import UNFIT
+from detectors.plugins.registry import methods as registry
 from detectors.prepared import Prepared
 from detectors.record import LoopRecord
 from detectors.report.report import choose_methods
+from detectors.sources import Methods, RecordSignals, as_plugin, as_record, named_methods
 from detectors.verdict import STICTION, Verdict
 from scenarios.spec import Loop
 from simbench.gap.stiction.probability import CLAIMED_FROM, DENIED_BELOW
@@ -30,37 +32,43 @@ from simbench.plant.trust.remedies import Remedy, remedies
 from simbench.plant.trust.replicates import Twin, draw_twins
 from simbench.plant.trust.result import OPEN, SOUND, STICKY, UNSEEN, MethodTrust, Trust, likely
 
+if TYPE_CHECKING:
+    from detectors.sources import Source
+
 _HEALTHY, _EACH = 80, 12  # twins with a sound valve, and in every cell of S and J
 LONG_RECORD, _THINNEST = 8000, 0.3  # samples of a record from which fewer twins are drawn, and at least this share of them
 FEW, _FEWEST_OF_LONG = 10, 16  # twins of a kind below which nothing is said, and drawn of a long record: loops may run away
 
 
 def trust(
-    record: LoopRecord,
+    record: Source | None = None,
     loop: Loop | None = None,
-    methods: Sequence[str] = ("all",),
+    methods: Methods = "all",
     *,
     healthy: int = _HEALTHY,
     each: int = _EACH,
     help_wanted: bool = True,
     seed: int = 0,
+    **signals: Unpack[RecordSignals],
 ) -> Trust:
     """Say which detector to believe on this loop, what its record could have shown, and how probable stiction is.
 
     Parameters
     ----------
-    record : LoopRecord
-        SP, OP, PV and, where recorded, MV.
+    record : LoopRecord, run, DataFrame, mapping, str or Path
+        SP, OP, PV and, where recorded, MV, as `simbench.detect` takes them.
     loop : Loop, optional
         The loop where it is known; otherwise it is identified from the record.
-    methods : sequence of str
-        Method ids, "all", "fast" or "full".
+    methods : str, function, object with `detect`, or iterable of them
+        Method ids, "all", "fast" or "full", and detectors of the caller, as in `simbench.detect`.
     healthy, each : int
         Twins with a sound valve, and per cell of S and J.
     help_wanted : bool
         Simulate what would help where the record shows too little.
     seed : int
         Root of every random stream.
+    **signals
+        op, pv, sp, mv, Ts in place of a record, and what is known of it, as in `simbench.detect`.
 
     Returns
     -------
@@ -87,7 +95,15 @@ def trust(
     >>> 0.0 <= found.probability <= 1.0
     True
     """
-    names = choose_methods(methods)
+    asked, own = named_methods(methods)
+    with registry.adopted({name: as_plugin(name, detector) for name, detector in own.items()}):
+        return _trust(as_record(record, **signals), loop, choose_methods(asked), (healthy, each), help_wanted, seed)
+
+
+def _trust(
+    record: LoopRecord, loop: Loop | None, names: list[str], counts: tuple[int, int], help_wanted: bool, seed: int
+) -> Trust:  # fmt: skip
+    healthy, each = counts
     said = judged(record, names)
     prepared = Prepared(record.without_mv())
     unfit = next((f"record unfit: {prepared.flags[f].evidence} (flag {f})" for f in UNFIT if f in prepared.flags), None)

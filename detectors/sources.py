@@ -1,0 +1,217 @@
+"""What counts in Python as a record, and as a detector: arrays, tables and runs; functions and objects with `detect`."""
+
+from __future__ import annotations
+
+import copy
+import inspect
+import math
+import numbers
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TypedDict
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from detectors.errors import ParameterError, RecordError
+from detectors.method import Method
+from detectors.prepared import Prepared
+from detectors.record import LoopRecord
+from detectors.records.io import read_record
+from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, VERDICTS, Verdict
+
+_SIGNALS, _TIMES = ("op", "pv", "sp", "mv"), ("t_s", "t", "time", "timestamp")
+_HINT = "for example detect(op=op, pv=pv, Ts=1.0), or a DataFrame or dict with columns op, pv and t"
+_WORDS = {True: STICTION, False: NO_STICTION, None: NO_DECISION}
+
+
+class Recorded(Protocol):
+    """Anything that carries a record, such as a simulated run."""
+
+    @property
+    def record(self) -> LoopRecord:
+        """The record."""
+        ...
+
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    Source = LoopRecord | Recorded | str | Path | Mapping[str, Any] | pd.DataFrame
+
+Answer = Verdict | str | bool | None | tuple[str | bool | None, float]
+"""A verdict, its word, true (stiction), false, None (no decision), or one of these words with a score."""
+
+
+class Judging(Protocol):
+    """A detector as an object: parameters in its constructor, no state; it is copied before every record."""
+
+    def detect(self, record: LoopRecord, /) -> Answer:
+        """Judge one record."""
+        ...
+
+
+Detector = str | Callable[[LoopRecord], Answer] | Judging
+Methods = Detector | Iterable[Detector]
+
+
+class About(TypedDict, total=False):
+    """What is known of a record beside its signals; `columns`, `loop` and `labels` are for tables and files."""
+
+    process: Literal["self-regulating", "integrating"] | None
+    kind: Literal["flow", "level", "pressure", "temperature", "analyser"] | None
+    op_span: tuple[float, float] | None
+    pv_span: tuple[float, float] | None
+    columns: Mapping[str, str] | None
+    tag: str
+    loop: str | None
+    labels: str | Path | None
+
+
+class RecordSignals(About, total=False):
+    """The signals of a record in place of a source, and what is known of it; Ts (s) is also a source's, in place of its own."""
+
+    op: ArrayLike
+    pv: ArrayLike
+    sp: ArrayLike | None
+    mv: ArrayLike | None
+    Ts: float | None
+
+
+def as_record(
+    source: Any = None,
+    *,
+    op: ArrayLike | None = None,
+    pv: ArrayLike | None = None,
+    sp: ArrayLike | None = None,
+    mv: ArrayLike | None = None,
+    Ts: float | None = None,
+    **about: Any,
+) -> LoopRecord:
+    """Return the record that arrays, a table, a run, a record or a file hold.
+
+    Examples
+    --------
+    >>> as_record({"t": [0, 2, 4], "OP": [1, 2, 3], "PV": [4, 5, 6]}, kind="flow").Ts
+    2.0
+    >>> as_record(op=[1, 2, 3], pv=[1, 2, 3], Ts=1.0).n
+    3
+    """
+    signals = {name: s for name, s in zip(_SIGNALS, (op, pv, sp, mv)) if s is not None}
+    if source is None:
+        missing = [name for name in ("op", "pv") if name not in signals] + ["Ts"] * (Ts is None)
+        if missing or Ts is None:
+            raise RecordError(f"no {' and no '.join(missing)} given; a record is needed, {_HINT}")
+        return LoopRecord(Ts=Ts, **signals, **about)
+    if signals:
+        raise RecordError(f"{', '.join(signals)} given beside a {type(source).__name__}; one of both is needed, {_HINT}")
+    if isinstance(source, (str, Path)):
+        return read_record(source, **about, **({} if Ts is None else {"Ts": Ts}))
+    if isinstance(source, Mapping) or (hasattr(source, "columns") and hasattr(source, "index")):
+        return _of_table(source, Ts, about.pop("columns", None) or {}, about)
+    record = source if isinstance(source, LoopRecord) else getattr(source, "record", None)
+    if not isinstance(record, LoopRecord):
+        raise RecordError(f"{type(source).__name__} is no record; a LoopRecord, a simulated run or a file is needed, {_HINT}")
+    changes = about if Ts is None else {**about, "Ts": Ts}
+    return replace(record, **changes) if changes else record
+
+
+def _of_table(table: Any, Ts: float | None, columns: Mapping[str, str], about: dict[str, Any]) -> LoopRecord:
+    """Return the record in the columns of a DataFrame, or in the arrays of a mapping."""
+    names = {str(name).strip().lower(): name for name in (table.keys() if isinstance(table, Mapping) else table.columns)}
+    names |= {role.lower(): name for role, name in columns.items()}
+    for name in ("op", "pv"):
+        if name not in names:
+            raise RecordError(f"no {name.upper()} column; columns are: {', '.join(map(str, table))}; {_HINT}")
+    time = next((table[names[t]] for t in _TIMES if t in names), None)
+    index = getattr(table, "index", None)
+    if time is None and np.asarray(index).dtype.kind == "M":
+        time = index
+    if Ts is None and time is None:
+        raise RecordError(f"no time column (t or t_s) and no sampling period Ts given; {_HINT}")
+    if Ts is None:
+        t = np.asarray(time)
+        if t.size < 3:
+            raise RecordError(f"{t.size} samples; at least 3 are needed")
+        steps = np.diff(t)
+        Ts = float(np.median(steps / np.timedelta64(1, "s") if t.dtype.kind == "M" else steps.astype(float)))
+    try:
+        signals = {s: np.asarray(table[names[s]], dtype=float) for s in _SIGNALS if s in names}
+    except (KeyError, TypeError, ValueError) as error:
+        raise RecordError(f"a column of the record holds what is no number: {error}") from None
+    return LoopRecord(Ts=Ts, **signals, **about)
+
+
+def named_methods(methods: Methods) -> tuple[list[str], dict[str, Any]]:
+    """Return the ids of methods, and by their ids those that are functions or objects of the caller.
+
+    Examples
+    --------
+    >>> def coin(record):
+    ...     return record.n % 2 == 0
+    >>> named_methods(["horch", coin])[0]
+    ['horch', 'coin']
+    """
+    single = isinstance(methods, str) or callable(methods) or hasattr(methods, "detect")
+    names: list[str] = []
+    own: dict[str, Any] = {}
+    for method in [methods] if single else methods:  # type: ignore[union-attr]
+        if isinstance(method, str):
+            names.append(method)
+            continue
+        name = _name_of(method)
+        if name in own:
+            raise ParameterError(f"two detectors are called {name!r}; a name of its own is needed for each (attribute `name`)")
+        own[name] = method
+        names.append(name)
+    return names, own
+
+
+def _name_of(detector: Any) -> str:
+    if isinstance(detector, type) or not (callable(detector) or callable(getattr(detector, "detect", None))):
+        form = "a method id, a function of a record, or an object with detect(record) is needed"
+        raise ParameterError(f"{detector!r:.60} is no detector; {form}, for example detect(record, ['horch', my_function])")
+    name = str(getattr(detector, "name", None) or getattr(detector, "__name__", type(detector).__name__)).lower()
+    if not name.isidentifier():
+        raise ParameterError(f"a detector is called {name!r}; a name of letters, digits and _ is needed: a function, no lambda")
+    return name
+
+
+def as_plugin(name: str, detector: Any) -> ModuleType:
+    """Return what stands among the detectors for a function or an object of the caller."""
+    says = (inspect.getdoc(detector) or name).strip().splitlines()[0]
+    found = getattr(detector, "METHOD", None)
+    method = found if isinstance(found, Method) else Method(title=says, source="the caller's own")
+
+    def detect(prepared: Prepared, **thresholds: float) -> Verdict:
+        return _verdict(name, _fresh(detector)(prepared.record, **thresholds))
+
+    module = ModuleType(name, says)
+    module.__dict__.update(METHOD=method, detect=detect, __file__=None)
+    return module
+
+
+def _fresh(detector: Any) -> Callable[..., Any]:
+    """Return the function, or the `detect` of a copy of the object: nothing it learns of one record is known at the next."""
+    if not hasattr(detector, "detect"):
+        return detector
+    if hasattr(detector, "get_params"):  # as scikit-learn's clone
+        return type(detector)(**detector.get_params(deep=False)).detect
+    return copy.deepcopy(detector).detect
+
+
+def _verdict(name: str, answer: Any) -> Verdict:
+    if isinstance(answer, Verdict):
+        return answer.but(method=name)
+    word, score = (
+        answer if isinstance(answer, Sequence) and not isinstance(answer, str) and len(answer) == 2 else (answer, None)
+    )
+    word = bool(word) if isinstance(word, np.bool_) else word
+    said = _WORDS.get(word) if word is None or isinstance(word, bool) else word
+    if said not in VERDICTS or not (score is None or isinstance(score, numbers.Real)):
+        form = f"a Verdict, one of {', '.join(VERDICTS)}, true, false or None, or one of them with a score, is needed"
+        raise ParameterError(f"answers {answer!r:.60}; {form}")
+    certain = {STICTION: 1.0, NO_STICTION: 0.0}.get(str(said), math.nan)
+    return Verdict(name, str(said), float(certain if score is None else score), reason=f"{name} says {said}")

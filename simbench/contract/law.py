@@ -1,0 +1,184 @@
+"""The contract every plant and controller plug-in keeps: what it says of itself, its rest, its step, and that it is a law."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from detectors.contract.detector import Contract
+from detectors.contract.watch import call_guarded
+from detectors.errors import UserError
+from detectors.plugins.registry import PluginFolder
+from scenarios.spec import Loop
+from simbench.contract.valve import inside, schema_faults, shown
+from simbench.loop import kernel
+from simbench.loop.parameters import CONTROLLER_PLUGINS, PLANT_PLUGINS
+from simbench.loop.plant import sample
+from simbench.loop.resolve import resolve_loop
+from simbench.loop.run import run_setup
+from simbench.loop.setup import Setup
+
+_LOOP: dict[str, Any] = {
+    "plant": {"type": "foptd", "K": 1.0, "T": 10.0, "Td": 2.3},
+    "controller": {"type": "PI", "Kc": 0.5, "Ti": 10.0},
+    "valve": {"model": "choudhury", "S": 3.0, "J": 1.0},
+    "sampling": {"Ts": 1.0, "n": 200},
+    "noise": {"std": 0.1},
+    "setpoint": {"value": 50.0, "steps": [[5, 55], [100, 45]]},
+}
+_KEPT = {
+    "plant": ("type", "Td", "Ts", "op0", "pv0"),
+    "controller": ("type", "direction", "sign", "Ts", "op0", "pv0", "lo", "hi"),
+}
+_AT_REST = 1e-9  # PV units or % by which what is at rest may move
+_SAME = 1e-6  # share of its answer by which a plant may miss the transfer function it says it has
+_LONG = 20_000  # samples under a constant error
+
+
+def check_plant(name: str) -> Contract:
+    """Check a plant against its contract.
+
+    Examples
+    --------
+    >>> check_plant("tank").broken
+    ()
+    """
+    return _check("plant", PLANT_PLUGINS, name)
+
+
+def check_controller(name: str) -> Contract:
+    """Check a controller against its contract.
+
+    Examples
+    --------
+    >>> check_controller("error_squared").broken
+    ()
+    """
+    return _check("controller", CONTROLLER_PLUGINS, name)
+
+
+def _check(kind: str, folder: PluginFolder, name: str) -> Contract:
+    module = folder.load(name)
+    broken = list(_description(kind, module))
+    if broken:
+        return Contract(kind, name, tuple(broken))
+    table = {key: inside(rule, 2.0) for key, rule in module.PARAMETERS.items() if rule.default is None}
+    loop = {**_LOOP, kind: {"type": name, **table, **({"Td": 2.3} if kind == "plant" else {})}}
+    try:
+        setup = resolve_loop(Loop.from_table(loop), 1)
+    except (UserError, ValueError) as error:
+        return Contract(kind, name, (f"refuses the parameters {shown(table)}: {error}",))
+    answers = _plant_faults(setup) if kind == "plant" else _controller_faults(setup)
+    broken = [f"{fault}, at {shown(table)}" for fault in (*answers, *_loop_faults(loop))]
+    return Contract(kind, name, tuple(dict.fromkeys(broken)), tuple(filter(None, [kernel.runs_plainly(module.step)])))
+
+
+def _description(kind: str, module: ModuleType) -> Iterator[str]:
+    if not (module.__doc__ or "").strip():
+        yield f"the file does not begin with a sentence on what the {kind} does"
+    if not str(module.SOURCE).strip():
+        yield "SOURCE is empty"
+    word = "INTEGRATING" if kind == "plant" else "INTEGRAL"
+    if not isinstance(getattr(module, word), bool):
+        yield f"{word} = {getattr(module, word)!r}, true or false is needed"
+    faults = list(schema_faults(module.PARAMETERS))
+    yield from faults
+    for key in _KEPT[kind] if not faults else ():
+        if key in module.PARAMETERS:
+            yield f"parameter {key} is what every {kind} has: it arrives in p, and needs no place in PARAMETERS"
+
+
+def _walked(what: str, start: Any, step: Any, count: int) -> tuple[list[tuple], list[str]]:
+    """Return the states from `start` over some steps, and what is wrong with them."""
+
+    def walk() -> list[tuple]:
+        states = [start()]
+        for k in range(count):
+            if not isinstance(states[-1], tuple) or not states[-1] or len(states[-1]) != len(states[0]):
+                break
+            states.append(step(k, states[-1]))
+        return states
+
+    found = call_guarded(walk)
+    if found.faults or found.refusal:
+        return [], [f"{fault}, {what}" for fault in found.faults or [f"refuses ({found.refusal})"]]
+    last = found.value[-1]
+    if not isinstance(last, tuple) or not last or len(last) != len(found.value[0]):
+        return [], [f"gives the state {last!r}; a tuple of one length throughout is needed, {what}"]
+    if not np.isfinite([s[0] for s in found.value]).all():
+        return [], [f"gives values that are not finite, {what}"]
+    return found.value, []
+
+
+def _plant_faults(setup: Setup) -> Iterator[str]:
+    assert setup.plant_plugin is not None
+    module, p = setup.plant_plugin
+
+    def under(w: float, count: int) -> tuple[np.ndarray, list[str]]:
+        states, faults = _walked(
+            f"with MV {w:g} % off rest", lambda: module.start(p), lambda k, s: module.step(w, w, s, p), count
+        )
+        return np.array([s[0] for s in states], dtype=float), faults
+
+    rest, faults = under(0.0, 100)
+    up, more = under(1.0, 400)
+    yield from (*faults, *more)
+    if faults or more:
+        return
+    if np.abs(rest).max() > _AT_REST:
+        yield f"does not stay at rest: PV moves by {np.abs(rest).max():.3g} under an MV that stands still"
+    if np.ptp(up) <= _AT_REST:
+        yield "does not answer: PV stays under an MV of 1 % off rest"
+    if not np.array_equal(up, under(1.0, 400)[0]):
+        yield "is not deterministic: the same MV gives another PV the second time"
+    if hasattr(module, "linear"):
+        g = sample(setup.num, setup.den, 0.0, setup.Ts)
+        x, told = np.zeros(g.order), [0.0]
+        for _ in range(400):
+            x = g.A @ x + g.B_old + g.B_new
+            told.append(float(g.C @ x))
+        if np.abs(up - told).max() > _SAME * np.abs(told).max():
+            yield f"says linear(p), but its step response differs from it by up to {np.abs(up - told).max():.3g}"
+
+
+def _controller_faults(setup: Setup) -> Iterator[str]:
+    assert setup.control_plugin is not None
+    module, p = setup.control_plugin
+
+    def under(e: float, count: int) -> tuple[np.ndarray, list[str]]:
+        sp = setup.pv0
+        states, faults = _walked(
+            f"under an error of {e:g}", lambda: module.start(p), lambda k, s: module.step(e, sp, s, p), count
+        )
+        return np.array([s[0] for s in states], dtype=float), faults
+
+    rest, faults = under(0.0, 100)
+    pushed, more = under(1.0, _LONG)
+    yield from (*faults, *more)
+    if faults or more:
+        return
+    if np.abs(rest - setup.op0).max() > _AT_REST:
+        yield f"does not stay at rest: OP moves by {np.abs(rest - setup.op0).max():.3g} % without an error"
+    if pushed.min() < p.lo or pushed.max() > p.hi:
+        yield f"leaves its limits: OP from {pushed.min():.4g} to {pushed.max():.4g}, within p.lo..p.hi is needed"
+    moves = abs(pushed[-1] - pushed[1]) > _AT_REST and (
+        pushed[-1] in (p.lo, p.hi) or abs(pushed[-1] - pushed[_LONG // 2]) > _AT_REST
+    )
+    if moves != module.INTEGRAL:
+        yield f"says INTEGRAL = {module.INTEGRAL}, and under a constant error OP {'moves on' if moves else 'comes to rest'}"
+
+
+def _loop_faults(table: dict[str, Any]) -> Iterator[str]:
+    found = []
+    for plain in (True, False):
+        run = call_guarded(lambda plain=plain: run_setup(resolve_loop(Loop.from_table(table), 1), plain=plain).record)
+        if run.faults or run.refusal:
+            how = "in plain Python" if plain else "compiled"
+            yield from (f"{' '.join(str(f).split())[:300]}, {how}" for f in run.faults or [f"refuses ({run.refusal})"])
+            return
+        found.append(run.value)
+    if not np.array_equal(found[0].pv, found[1].pv) or not np.array_equal(found[0].op, found[1].op):
+        yield "gives other numbers compiled than in plain Python"

@@ -1,0 +1,146 @@
+"""Arrays, tables and runs as records; functions and objects as detectors."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import simbench as sb
+from detectors.errors import ParameterError, RecordError
+from detectors.plugins.registry import methods as registry
+from detectors.record import LoopRecord
+from detectors.verdict import Verdict
+
+t = np.arange(600.0)
+OP, PV = 50.0 + np.sin(t / 8), 20.0 - np.sin(t / 8)
+FRAME = pd.DataFrame({"t": 2.0 * t, "OP": OP, "PV": PV})
+
+
+def mean_op(record):
+    """Says stiction where OP is below 60 % on average."""
+    return record.op.mean() < 60.0, 0.25
+
+
+class Level:
+    """Says stiction where PV moves by more than a level; remembers what it saw."""
+
+    def __init__(self, level=0.5):
+        self.level = level
+        self.seen = 0
+
+    def detect(self, record):
+        self.seen += 1
+        return Verdict("level", "stiction" if record.pv.std() > self.level else "no_stiction", float(self.seen), reason="std")
+
+
+class Cloned(Level):
+    """The same with scikit-learn's way of being copied."""
+
+    def get_params(self, deep=True):
+        return {"level": self.level}
+
+
+def test_arrays_tables_and_runs_are_judged_alike():
+    dated = FRAME.drop(columns="t").set_index(pd.Timestamp("2026-01-01") + pd.to_timedelta(2.0 * t, unit="s"))
+    record = LoopRecord(OP, PV, 2.0)
+    answers = [
+        sb.detect(source, ["horch", "he"]).as_json()
+        for source in (record, FRAME, dict(FRAME), {"op": OP, "pv": PV, "t": 2.0 * t}, dated)
+    ]
+    answers.append(sb.detect(op=OP, pv=PV, Ts=2.0, methods=["horch", "he"]).as_json())
+    answers.append(sb.detect({"a": OP, "b": PV}, ["horch", "he"], Ts=2.0, columns={"op": "a", "pv": "b"}).as_json())
+    assert all(answer == answers[0] for answer in answers)
+
+
+@pytest.mark.parametrize("detector", [Level(), Cloned()])
+def test_a_detector_keeps_no_state_between_records(detector):
+    for _ in range(2):
+        assert sb.detect(FRAME, detector, raw=True)[type(detector).__name__.lower()].score == 1.0
+    assert detector.seen == 0
+
+
+def test_a_function_stands_beside_the_methods_and_is_gone_afterwards():
+    frame = sb.detect(FRAME, [mean_op, "horch", Level(9.0)]).to_frame()
+    assert frame.method.tolist() == ["mean_op", "horch", "level"]
+    assert frame.verdict.tolist() == ["stiction", "no_stiction", "no_stiction"]
+    assert frame.score[0] == 0.25
+    assert "mean_op" not in registry.names()
+
+
+@pytest.mark.parametrize(
+    ("answer", "verdict"),
+    [(True, "stiction"), (np.False_, "no_stiction"), (None, "no_decision"), ("stiction", "stiction")],
+)
+def test_a_word_is_a_verdict(answer, verdict):
+    def said(record):
+        return answer
+
+    assert sb.detect(FRAME, said, raw=True)["said"].verdict == verdict
+
+
+def test_what_a_function_does_wrong_is_its_own_answer():
+    def wrong(record):
+        return "perhaps"
+
+    report = sb.detect(FRAME, [wrong, "horch"], raw=True)
+    assert "perhaps" in report["wrong"].reason
+    assert report["horch"].verdict == "no_stiction"
+
+
+def horch(record):
+    return True
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: sb.detect(op=OP, pv=PV), r"no Ts given.*Ts=1\.0"),
+        (lambda: sb.detect(FRAME, op=OP), "one of both"),
+        (lambda: sb.detect({"op": OP}), "no PV column"),
+        (lambda: sb.detect({"op": OP, "pv": PV}), "no sampling period"),
+        (lambda: sb.detect({"op": OP, "pv": ["x"] * 600}, Ts=1.0), "no number"),
+    ],
+)
+def test_what_is_no_record_is_shown_one(call, words):
+    with pytest.raises(RecordError, match=words):
+        call()
+
+
+@pytest.mark.parametrize(
+    ("methods", "words"),
+    [
+        ([lambda r: True], "no lambda"),
+        ([3], "no detector"),
+        ([Level], "no detector"),
+        ([Level(), Level()], "two"),
+        (horch, "taken"),
+    ],
+)
+def test_what_is_no_detector_is_refused(methods, words):
+    with pytest.raises(ParameterError, match=words):
+        sb.detect(FRAME, methods)
+
+
+def test_a_function_judges_a_grid_in_any_process(tmp_path):
+    tables = []
+    for jobs in (1, 2):
+        folder = sb.run("smoke", ["horch", mean_op, Level()], out=tmp_path / str(jobs), jobs=jobs, sets={"disturbance": "none"})
+        verdicts = pd.read_parquet(folder / "verdicts.parquet").drop(columns="runtime_s")
+        tables.append(verdicts)
+        scored = sb.score(folder).to_frame()
+        assert {"mean_op", "level"} <= set(scored.method)
+    assert tables[0].equals(tables[1])
+
+
+def test_trust_gap_and_confirm_take_the_same():
+    run = sb.Loop(
+        plant={"type": "foptd", "K": 1, "T": 10, "Td": 2}, controller={"type": "PI", "Kc": 1, "Ti": 10},
+        sampling={"Ts": 1, "n": 600}, noise={"std": 0.1}, setpoint={"steps": [[100, 55], [300, 48]]},
+    ).simulate(1)  # fmt: skip
+    frame = run.to_frame()
+    held = sb.trust(frame, methods=[mean_op, "horch"], healthy=6, each=1, help_wanted=False)
+    assert {m.verdict.method for m in held.methods} == {"mean_op", "horch"}
+    t = np.arange(2000.0)
+    one, two = ({"t": t, "op": 50 + np.sin(2 * np.pi * t / P), "pv": np.cos(2 * np.pi * t / P)} for P in (90, 150))
+    assert sb.confirm(one, two, ratio=0.6).verdict == "stiction"
+    with pytest.raises(RecordError, match="no Ts"):
+        sb.gap.diagnose(op=OP, pv=PV)
