@@ -108,7 +108,7 @@ def read_record(
             break
     if given.get("columns") and not columns:
         wanted = None  # what names its columns needs no tag in them
-    records, refused = _of_file(path, wanted, automatic=automatic, single=True, **given)
+    records, refused = _of_file(path, wanted, automatic=automatic, single=True, **_told({}, given))
     if refused:
         raise next(iter(refused.values()))
     return next(iter(records.values()))
@@ -187,8 +187,8 @@ def _of_source(file: Path, tag: str | None, loops: str | Path | None, given: dic
 
 def _told(row: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
     """Return what a table of loops says of one, under what the caller says."""
-    said = {k: v for k, v in row.items() if k not in ("tag", "file", "label", "loop", "unit_group")}
-    return {**said, **{k: v for k, v in given.items() if v is not None}}
+    both = {**row, **{k: v for k, v in given.items() if v is not None}}
+    return {k: v for k, v in both.items() if k not in ("tag", "file", "label", "loop", "unit_group")}
 
 
 def _of_file(
@@ -196,7 +196,7 @@ def _of_file(
     automatic: bool = True, **about: Any,
 ) -> tuple[dict[str, LoopRecord], dict[str, RecordError]]:  # fmt: skip
     """Return the records of a file by tag, and what was refused; of `single` only one is asked for."""
-    about = {k: v for k, v in about.items() if v is not None and k not in ("file", "label", "tag", "loop", "unit_group")}
+    about = {k: v for k, v in about.items() if v is not None}
     chosen, where = dict(columns or {}), str(path)
     if path.suffix.lower() == ".mat":
         from detectors.records.isdb import read_loop
@@ -292,7 +292,9 @@ def _record(
         about |= {} if span is None else {"op_span": span}
         t, signals, given = _long({r: p for r, p in parts.items() if r != MODE}, chosen, Ts, where)
         if MODE in parts:
-            modes = _held(t, *read_series(parts[MODE], MODE, where, chosen))
+            when, said = read_series(parts[MODE], MODE, where, chosen)
+            at = np.searchsorted(when, t, side="right") - 1
+            modes = np.where(at >= 0, said[np.maximum(at, 0)], "")
         sheet.notes += [note for part in parts.values() for note in part.notes]
     if t.size < 3:
         raise RecordError(f"{where}: {t.size} samples; at least 3 are needed")

@@ -125,16 +125,18 @@ def _parts(name: object) -> list[str]:
 
 def _ending(parts: Sequence[str]) -> tuple[str | None, int, int]:
     """Return which signal some words end with, in how many of them, and whether by its own word (0) or another (1)."""
-    cut = len(parts)
-    while cut > 1 and parts[cut - 1] in _VALUE_SUFFIX:
-        cut -= 1
-    best: tuple[str | None, int, int] = (None, 0, 1)
-    for role, among in SIGNAL_WORDS.items():
-        for rank, phrase in enumerate(among):
-            said = phrase.split()
-            if list(parts[max(cut - len(said), 0) : cut]) == said and len(said) > best[1]:
-                best = (role, len(said), min(rank, 1))
-    return (best[0], best[1] + len(parts) - cut, best[2]) if best[0] else best
+    for cut in range(len(parts), 0, -1):
+        best: tuple[str | None, int, int] = (None, 0, 1)
+        for role, among in SIGNAL_WORDS.items():
+            for rank, phrase in enumerate(among):
+                said = phrase.split()
+                if list(parts[max(cut - len(said), 0) : cut]) == said and len(said) > best[1]:
+                    best = (role, len(said), min(rank, 1))
+        if best[0]:
+            return best[0], best[1] + len(parts) - cut, best[2]
+        if parts[cut - 1] not in _VALUE_SUFFIX:
+            break
+    return None, 0, 1
 
 
 def find_loops(names: Sequence[str], chosen: Mapping[str, str], where: str, tag: str | None = None) -> dict[str, dict[str, str]]:
@@ -329,7 +331,8 @@ def _bracket(name: object) -> str:
 
 
 def _digits(words: Sequence[str]) -> str:
-    return "".join(c for c in "".join(words[-1:]) if c.isdigit())
+    """Return the number of a tag: of the last word that has one."""
+    return next((found for w in reversed(words) if (found := "".join(c for c in w if c.isdigit()))), "")
 
 
 def _alike(one: Sequence[str], other: Sequence[str]) -> bool:

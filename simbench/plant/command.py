@@ -36,14 +36,14 @@ def trust_file(
 
 
 def report_folder(
-    folder: str | Path, page: str | Path, labels: str | Path | None = None, *, jobs: int = 2
+    folder: str | Path, page: str | Path, labels: str | Path | None = None, *, jobs: int = 2, **about: Any
 ) -> tuple[Fleet, Path]:
     """Judge a plant's loops and write them on one page; what a killed call had judged is kept beside it and used again."""
     from simbench.plant.report.page import write_fleet
 
     refuse_own_input([page, Path(page).with_suffix(".csv")], [folder, labels])
     judged = Path(page).with_name(f"{Path(page).name}.judged")
-    fleet = survey(folder, labels, jobs=jobs, keep=judged)
+    fleet = survey(folder, labels, jobs=jobs, keep=judged, **about)
     beside = write_fleet(fleet, page, None if labels is None else read_labels(labels), jobs=jobs)
     rmtree(judged, ignore_errors=True)
     return fleet, beside

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from detectors.prepared import Prepared
 from detectors.record import LoopRecord
@@ -102,15 +103,16 @@ class Fleet:
 
 
 def survey(
-    folder: str | Path, labels: str | Path | None = None, *, jobs: int = 2, seed: int = 0, keep: str | Path | None = None
-) -> Fleet:
+    folder: str | Path, labels: str | Path | None = None, *, jobs: int = 2, seed: int = 0, keep: str | Path | None = None,
+    **about: Any,
+) -> Fleet:  # fmt: skip
     """Judge every record of a folder, find what they share, and rank them."""
     known = {} if labels is None else read_labels(labels)
     each = {name: {"kind": row["kind"], "process": row["process"]} for name, row in known.items()}
-    records, refused = read_folder(folder, names=known or None, each=each)
+    records, refused = read_folder(folder, names=known or None, each=each, **about)
     names = choose_methods(["all"])
-    about = [(name, r, names, known.get(name, {}).get("label", ""), seed) for name, r in records.items()]
-    members: list[FleetLoop] = resumed(_one, about, jobs=jobs, keep=keep, what="loops")
+    asked = [(name, r, names, known.get(name, {}).get("label", ""), seed) for name, r in records.items()]
+    members: list[FleetLoop] = resumed(_one, asked, jobs=jobs, keep=keep, what="loops")
     members = _with_pooled(members, {name: row["loop"] for name, row in known.items()})
     members, events = _joined(members, {m.name: Prepared(records[m.name].without_mv()) for m in members})
     members.sort(key=lambda m: (-round(m.probability, 1), -(m.size or (0.0, 0.0))[0], m.name))

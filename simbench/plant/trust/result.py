@@ -91,7 +91,7 @@ class Trust:
             "probability": self.probability,
             PROBABILITY: self.probability,
             "twins": len(self.twins),
-            "notes": [self.sentence(), *self._asides(), *(r.sentence() for r in self.helps), *self.notes],
+            "notes": [self.sentence(), *self._asides(), *(r.sentence() for r in self.helps), *self.notes, *self.record.notes],
         }
 
     def sentence(self) -> str:
