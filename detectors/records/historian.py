@@ -25,6 +25,7 @@ from detectors.records.roles import (
 )
 from detectors.records.tables import Sheet
 
+_LONG = 5000  # cells from which a column of numbers is read as a whole
 _NEEDED = "a number, or nothing for unknown, is needed"
 # what stands in place of a number when there is none
 _NO_VALUE = {
@@ -120,6 +121,9 @@ def read_numbers(sheet: Sheet, names: Sequence[str], where: str) -> dict[str, np
     >>> read_numbers(sheet, ["pv"], "FIC101.csv")["pv"], sheet.notes
     (array([1.5 ,  nan, 2.25]), ["status: 1 cells of pv say 'Bad' and count as missing"])
     """
+    quick = _plain_numbers(sheet, names)
+    if quick is not None:
+        return quick
     texts = {n: [_bare(v) for v in sheet.columns[n]] for n in names if not _is_numeric(sheet.columns[n])}
     out: dict[str, np.ndarray] = {n: np.asarray(sheet.columns[n], dtype=np.float64) for n in names if n not in texts}
     for name, column in texts.items():
@@ -135,6 +139,24 @@ def read_numbers(sheet: Sheet, names: Sequence[str], where: str) -> dict[str, np
         if infinite.size:
             row = int(infinite[0])
             raise RecordError(f"{where}, {sheet.place(row)}: {name} is infinite ({_cell(sheet, name, row)}); {_NEEDED}")
+        out[name] = _without_sentinels(x, name, sheet)
+    return out
+
+
+def _plain_numbers(sheet: Sheet, names: Sequence[str]) -> dict[str, np.ndarray] | None:
+    """Return long columns of finite numbers with a point that nothing else can be; None where they need a closer look."""
+    out = {}
+    for name in names:
+        cells = sheet.columns[name]
+        if len(cells) < _LONG or _is_numeric(cells):
+            return None
+        try:
+            x = np.array(cells, dtype=np.float64)
+        except (TypeError, ValueError):
+            return None
+        marked = next((c for c in cells if "." in c), None)
+        if not np.isfinite(x).all() or (marked is not None and all(_GROUPS.fullmatch(c) for c in cells if "." in c)):
+            return None
         out[name] = _without_sentinels(x, name, sheet)
     return out
 

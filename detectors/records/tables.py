@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import gc
 import re
 import zipfile
 from collections import Counter
@@ -78,7 +79,13 @@ def read_sheet(path: Path, is_head: Callable[[Sequence[str]], bool] = lambda cel
     except Exception as error:  # pandas passes on whatever its engine raises
         said = str(error).partition("\n")[0].partition(", you must")[0]  # advice to programmers
         raise RecordError(f"file {path} cannot be read as {suffix[1:]}: {said}; a whole file is needed") from error
-    return _csv(path, is_head)
+    collecting = gc.isenabled()
+    gc.disable()  # a million rows, none of them garbage, would be looked through again and again
+    try:
+        return _csv(path, is_head)
+    finally:
+        if collecting:
+            gc.enable()
 
 
 def _sheet(path: Path):
@@ -178,8 +185,11 @@ def _table(
     merged = _merged(names, [c.strip() for c in over])
     names = _distinct(merged)
     several_times = "" in names or names != merged
-    body, kept = [], []
-    for row, line in zip(rows[start + 1 :], lines[start + 1 :], strict=True):
+    body, kept = rows[start + 1 :], lines[start + 1 :]
+    even = all(len(row) == len(names) for row in body)
+    if not even:
+        body, kept = [], []
+    for row, line in () if even else zip(rows[start + 1 :], lines[start + 1 :], strict=True):
         while len(row) > len(names) and not row[-1].strip():
             row.pop()
         if len(row) < len(names) and several_times:
