@@ -64,7 +64,10 @@ def _findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]:
             yield Flag("outside_span", f"{name.upper()} lies outside {name}_span in {share:.0%} of the samples")
     for note in record.notes:
         if note.startswith("gaps"):
-            yield Flag("gaps", note)
+            left = f"; {record.duration / oscillation.period_s:.0f} periods of the loop are left" if oscillation.sustained else ""
+            yield Flag("gaps", f"{note}{left}")
+        if note.startswith("mode") and "never in automatic" in note:
+            yield Flag("manual", note)
     if alive["op"]:
         changes = int(np.count_nonzero(np.diff(record.op)))
         if changes < max(3.0, _OPERATOR * n):

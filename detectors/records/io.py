@@ -299,7 +299,9 @@ def _record(
     if t.size < 3:
         raise RecordError(f"{where}: {t.size} samples; at least 3 are needed")
     if modes is not None and automatic:
-        t, signals = _automatic(t, signals, modes, roles[MODE], sheet.notes)
+        t, signals, share = _automatic(t, signals, modes, roles[MODE], sheet.notes)
+        if share is not None:
+            about = {**about, "meta": {"automatic": share, **about.get("meta", {})}}
     began = float(t[0])
     series = {r: (t[np.isfinite(x)], x[np.isfinite(x)]) for r, x in signals.items() if np.isfinite(x).any()}
     if given is None and _on_change(t, series):
@@ -321,7 +323,7 @@ def _automatic(t: np.ndarray, signals: dict[str, np.ndarray], modes: np.ndarray,
     known = np.flatnonzero(modes != "")
     if not known.size:
         notes.append(f"mode: {name!r} is not understood and counts for nothing")
-        return t, signals
+        return t, signals, None
     # a historian stores a mode when it changes
     last = np.maximum.accumulate(np.where(modes != "", np.arange(modes.size), known[0]))
     held = modes[last]
@@ -331,15 +333,15 @@ def _automatic(t: np.ndarray, signals: dict[str, np.ndarray], modes: np.ndarray,
     begins, ends = np.flatnonzero(np.diff(on) == 1), np.flatnonzero(np.diff(on) == -1)
     if share[MAN] == 0.0:
         notes.append(f"mode: {said} of {held.size} samples")
-        return t, signals
+        return t, signals, 1.0
     if not begins.size or (ends - begins).max() < 3:
         notes.append(f"mode: {said}: the controller is never in automatic, which says nothing about cycles")
-        return t, signals
+        return t, signals, 0.0
     k = int(np.argmax(ends - begins))
     a, b = int(begins[k]), int(ends[k])
     part = f"judged samples {a} to {b - 1} of {held.size} ({(b - a) / held.size:.0%}), the longest stretch in automatic"
     notes.append(f"mode: {said}; {part}")
-    return t[a:b], {role: x[a:b] for role, x in signals.items()}
+    return t[a:b], {role: x[a:b] for role, x in signals.items()}, 1.0 - share[MAN]
 
 
 def _outside(record: LoopRecord, where: str) -> list[str]:
