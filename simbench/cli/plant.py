@@ -29,19 +29,26 @@ def trust_(
     say_assumed([found.record], as_json)
 
 
-@app.command("report", epilog=examples("report folder -o plant.html"))
+@app.command(
+    "report", epilog=examples("report folder -o plant.html --orders orders.xlsx", "report week2 -o w2/page.html --previous w1")
+)
 @reads()
 def report_(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Records of a plant's loops, or a file with several.")],
     labels: Annotated[Path | None, typer.Option(help="Table with id and label: judge its records.")] = None,
     out: Annotated[Path, typer.Option("-o", "--out", help="Page; a CSV is written beside it.")] = Path("report.html"),
+    orders: Annotated[Path | None, typer.Option(metavar="FILE.xlsx|.csv", help="Table of work orders to write.")] = None,
+    previous: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Of last week's report: causes that return are said to.")
+    ] = None,
     jobs: Jobs = 2,
     *,
     about: dict,
 ) -> None:
-    """Put a plant's loops on one page, ranked by probability and size of stiction."""
+    """Put a plant's loops on one page: who must do what, ranked by what the cause costs and how sure it is."""
     from simbench.plant.command import report_folder
 
-    fleet, beside = report_folder(folder, out, labels, jobs=jobs, **about)
+    fleet, beside = report_folder(folder, out, labels, jobs=jobs, orders=orders, previous=previous, **about)
     print(fleet.as_text())
+    say_assumed([m.found.record for m in fleet.members], as_json=False)
     print(f"page: {out.resolve()}; table: {beside.resolve()}")

@@ -36,15 +36,20 @@ def trust_file(
 
 
 def report_folder(
-    folder: str | Path, page: str | Path, labels: str | Path | None = None, *, jobs: int = 2, **about: Any
-) -> tuple[Fleet, Path]:
+    folder: str | Path, page: str | Path, labels: str | Path | None = None, *, jobs: int = 2,
+    orders: str | Path | None = None, previous: str | Path | None = None, **about: Any,
+) -> tuple[Fleet, Path]:  # fmt: skip
     """Judge a plant's loops and write them on one page; what a killed call had judged is kept beside it and used again."""
     from simbench.plant.report.page import write_fleet
+    from simbench.plant.report.work_orders import refuse_orders, write_orders
 
-    refuse_own_input([page, Path(page).with_suffix(".csv")], [folder, labels])
+    refuse_own_input([page, Path(page).with_suffix(".csv"), orders], [folder, labels])
+    refuse_orders(orders)
     judged = Path(page).with_name(f"{Path(page).name}.judged")
-    fleet = survey(folder, labels, jobs=jobs, keep=judged, **about)
+    fleet = survey(folder, labels, jobs=jobs, keep=judged, previous=previous, **about)
     beside = write_fleet(fleet, page, None if labels is None else read_labels(labels), jobs=jobs)
+    if orders is not None:
+        write_orders(fleet, orders)
     rmtree(judged, ignore_errors=True)
     return fleet, beside
 
