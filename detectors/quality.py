@@ -64,8 +64,8 @@ def _findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]:
             yield Flag("outside_span", f"{name.upper()} lies outside {name}_span in {share:.0%} of the samples")
     for note in record.notes:
         if note.startswith("gaps"):
-            left = f"; {record.duration / oscillation.period_s:.0f} periods of the loop are left" if oscillation.sustained else ""
-            yield Flag("gaps", f"{note}{left}")
+            periods = record.duration / oscillation.period_s if oscillation.sustained else 0.0
+            yield Flag("gaps", f"{note}; {periods:.0f} periods of the loop are left" if periods else note)
         if note.startswith("mode") and "never in automatic" in note:
             yield Flag("manual", note)
     if alive["op"]:

@@ -187,7 +187,7 @@ def _at_once(texts: list[str], form: str) -> np.ndarray | None:
 def _of_day(text: str, form: str) -> float | None:
     """Return the seconds of a time of day, None where it is of another form."""
     found = _CLOCK.fullmatch(text)
-    if found is None or bool(found[5]) != ("%p" in form) or bool(found[3]) != ("%S" in form) or bool(found[4]) != ("%f" in form):
+    if found is None or any(bool(found[k]) != (part in form) for k, part in ((3, "%S"), (4, "%f"), (5, "%p"))):
         return None
     hour, minute, second = int(found[1]), int(found[2]), int(found[3] or 0)
     if minute > 59 or second > 59 or hour > 23 or (found[5] and not 1 <= hour <= 12):

@@ -11,7 +11,7 @@ import numpy as np
 from detectors.errors import RecordError
 from detectors.record import LoopRecord
 from detectors.records.roles import (
-    PARAMETERS,
+    PARAMETER_COLUMNS,
     QUALITY,
     QUALITY_OF,
     SIGNALS,
@@ -36,7 +36,7 @@ _NO_VALUE = {
 }  # fmt: skip
 _GOOD = {"good", "g", "ok", "valid", "true", "gut", "bon", "bonne", "buena", "bueno", "buono", "好", "良好", "正常"}
 _BAD = {"bad", "b", "invalid", "false", "schlecht", "mauvais", "mauvaise", "mala", "malo", "cattivo", "坏", "差", "错误"}
-_UNSURE = {"uncertain", "questionable", "doubtful", "u", "substituted", "annotated", "unsicher", "incertain", "dudoso", "不确定"}
+_UNSURE = {"uncertain", "questionable", "doubtful", "u", "substituted", "annotated", "unsicher", "incertain", "不确定"}
 _FIRST_SURE = ("opcquality", "qstatus", "qlevel")  # where a historian writes several, these have one meaning
 _MILLIAMPERE = (4.0, 20.0)
 _OTHER_SPANS = {"v", "volt", "bar", "mbar", "kpa", "psi", "psig", "mm", "deg", "rpm", "hz", "counts"}
@@ -213,7 +213,7 @@ def long_columns(names: Sequence[str]) -> tuple[str, list[str], str] | None:
         parts[0] = next((n for n in names if ends_with(n, TIME_NAMES) is not None), None)
     if None in parts or len(set(parts)) < 3:
         return None
-    extra = next((low[w] for w in PARAMETERS if w in low and low[w] not in parts), None)
+    extra = next((low[w] for w in PARAMETER_COLUMNS if w in low and low[w] not in parts), None)
     return str(parts[0]), [str(parts[1]), *([extra] if extra else [])], str(parts[2])
 
 

@@ -129,8 +129,10 @@ def read_records(
         if row.get("file", path.name) != path.name or (tag is not None and row["tag"] != tag):
             continue
         try:  # what names its columns needs no tag in them
-            found, _ = _of_file(path, None if "columns" in row else row["tag"], single=True, **_told(row, given))
-            records |= {row["tag"]: replace(record, tag=row["tag"]) for record in found.values()}
+            found, not_read = _of_file(path, None if "columns" in row else row["tag"], single=True, **_told(row, given))
+            if not_read:
+                raise next(iter(not_read.values()))
+            records[row["tag"]] = replace(next(iter(found.values())), tag=row["tag"])
         except RecordError as error:
             said[row["tag"]] = str(error)
     return records, said
@@ -161,9 +163,9 @@ def read_folder(
     records: dict[str, LoopRecord] = {}
     refused: dict[str, str] = {}
     for name, (file, own) in sources.items():
-        if wanted is not None and name not in wanted and not any(w.startswith(f"{name} ") for w in wanted) and loops is None:
-            if len(sources) > 1:
-                continue
+        asked = wanted is None or loops is not None or any(w == name or w.startswith(f"{name} ") for w in wanted)
+        if not asked and len(sources) > 1:
+            continue
         found, not_read = _of_source(file, own, loops, {**(each or {}).get(name, {}), **given})
         several = len(found) + len(not_read) > 1
         for into, what in ((records, found), (refused, not_read)):
@@ -203,7 +205,7 @@ def _of_file(
 
         cells, found = read_loop(path, tag)
         Ts = Ts if Ts is not None else found.pop("Ts", None)
-        table = _Table(Sheet(cells), {}, None, where)
+        table = _Opened(Sheet(cells), {}, None, where)
         made = _record(table, find_loops(list(cells), chosen, where)[""], chosen, Ts, {**found, **about}, where, automatic)
         return {made.tag: made}, {}
     table = _opened(path, chosen)
@@ -255,7 +257,7 @@ def _label(text: str, where: str) -> str:
 
 
 @dataclass
-class _Table:
+class _Opened:
     """A file's table with the units of its columns and, where signals have times of their own, a part per tag."""
 
     sheet: Sheet
@@ -263,20 +265,20 @@ class _Table:
     parts: dict[str, Sheet] | None
     where: str
 
-    def own(self) -> _Table:
+    def own(self) -> _Opened:
         """Return the same with notes of its own, for one of several loops."""
         parts = None if self.parts is None else {name: replace(p, notes=[]) for name, p in self.parts.items()}
         return replace(self, sheet=replace(self.sheet, notes=[*self.sheet.notes]), parts=parts)
 
 
-def _opened(path: Path, chosen: Mapping[str, str]) -> _Table:
+def _opened(path: Path, chosen: Mapping[str, str]) -> _Opened:
     sheet = read_sheet(path, lambda cells: is_head(cells, chosen))
     units = take_units(sheet, chosen)
-    return _Table(sheet, units, unfold(sheet), str(path))
+    return _Opened(sheet, units, unfold(sheet), str(path))
 
 
 def _record(
-    table: _Table, roles: dict[str, str], chosen: Mapping[str, str], Ts: float | None, about: dict, where: str, automatic: bool
+    table: _Opened, roles: dict[str, str], chosen: Mapping[str, str], Ts: float | None, about: dict, where: str, automatic: bool
 ) -> LoopRecord:
     if Ts is not None and not 0 < Ts < np.inf:
         raise RecordError(f"{where}: Ts = {Ts} s; the sampling period must be a number above 0")
@@ -359,7 +361,7 @@ def _outside(record: LoopRecord, where: str) -> list[str]:
     return said
 
 
-def _wide(table: _Table, roles: dict[str, str], chosen: Mapping[str, str], Ts: float | None, about: dict, where: str):
+def _wide(table: _Opened, roles: dict[str, str], chosen: Mapping[str, str], Ts: float | None, about: dict, where: str):
     """Read a table with a column per signal: times, signals and modes as they stand in it, NaN where unknown."""
     sheet, units = table.sheet, table.units
     sheet.notes += [

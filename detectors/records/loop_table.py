@@ -33,7 +33,8 @@ def read_loop_table(path: str | Path) -> list[dict[str, Any]]:
         raise RecordError(f"table of loops {path} is no TOML: {error}; [[loop]] tables are needed") from None
     rows = found.get("loop")
     if not isinstance(rows, list) or not rows or set(found) != {"loop"}:
-        raise RecordError(f"table of loops {path}: it has {', '.join(found) or 'nothing'}; [[loop]] tables, one a tag, are needed")
+        has = ", ".join(found) or "nothing"
+        raise RecordError(f"table of loops {path}: it has {has}; [[loop]] tables, one a tag, are needed")
     return [_checked(row, f"table of loops {path}, loop {i}") for i, row in enumerate(rows, 1)]
 
 

@@ -17,7 +17,8 @@ _ROLES = ("t", *SIGNALS, MODE)
 TIME_NAMES = (
     "t s", "t", "time", "timestamp", "datetime", "date time", "date", "time stamp", "t stamp", "time string", "date and time",
     "zeitstempel", "zeit", "zeitpunkt", "datum", "datum uhrzeit", "uhrzeit", "datum zeit", "horodatage", "date heure", "heure",
-    "temps", "marca de tiempo", "fecha hora", "fecha y hora", "fecha", "hora", "tiempo", "ora", "时间戳", "时间", "日期时间", "日期",
+    "temps", "marca de tiempo", "fecha hora", "fecha y hora", "fecha", "hora", "tiempo", "ora",
+    "时间戳", "时间", "日期时间", "日期",
 )  # fmt: skip
 DATES, CLOCKS = ("date", "datum", "fecha", "日期"), ("time", "uhrzeit", "zeit", "heure", "hora", "ora", "时间")
 # other words for a signal, its own first; CV and MV mean different things in different plants. Accents are left out
@@ -25,8 +26,8 @@ SIGNAL_WORDS = {
     "pv": ("pv", "meas", "measurement", "measured value", "process value", "process variable", "pv in", "istwert", "ist",
            "regelgrosse", "regelgroesse", "mesure", "valeur mesuree", "medida", "medicion", "valor medido", "valor de proceso",
            "variable de proceso", "misura", "测量值", "测量", "过程值", "过程变量", "实际值", "被控变量"),
-    "op": ("op", "out", "output", "co", "controller output", "control output", "lmn", "stellgrosse", "stellgroesse", "stellwert",
-           "stellsignal", "reglerausgang", "ausgang", "sortie", "sortie regulateur", "commande", "salida",
+    "op": ("op", "out", "output", "co", "controller output", "control output", "lmn", "stellgrosse", "stellgroesse",
+           "stellwert", "stellsignal", "reglerausgang", "ausgang", "sortie", "sortie regulateur", "commande", "salida",
            "salida del controlador", "salida controlador", "uscita", "输出", "输出值", "控制器输出", "控制输出", "阀位指令"),
     "sp": ("sp", "spt", "sv", "setpoint", "set point", "setpt", "sollwert", "soll", "fuhrungsgrosse", "fuehrungsgroesse",
            "consigne", "consigna", "punto de consigna", "设定值", "设定", "给定值", "给定"),
@@ -43,14 +44,14 @@ TAG_COLUMNS = (
     "itemid", "item", "object", "tag path", "path", "series", "metric", "node id", "nodeid", "measurement", "data source",
     "messstelle", "repere", "etiqueta", "nombre", "标签", "标签名", "位号", "点名",
 )  # fmt: skip
-PARAMETERS = ("field", "parameter", "attribute", "property", "signal", "merkmal", "parametre", "parametro", "参数")
+PARAMETER_COLUMNS = ("field", "parameter", "attribute", "property", "signal", "merkmal", "parametre", "parametro", "参数")
 VALUES = ("value", "val", "var value", "varvalue", "wert", "messwert", "valeur", "valor", "值", "数值")
 # behind a signal's name: FIC101/PID1/PV.CV, FIC101.PV.Value, MODE.ACTUAL
 _VALUE_SUFFIX = ("cv", "value", "val", "f", "actual", "current", "raw", "avg", "mean", "last", "average", "wert")
 _UNITS = {
-    "pct", "percent", "prozent", "%", "kpa", "mpa", "hpa", "pa", "bar", "barg", "mbar", "psi", "psig", "degc", "degf", "celsius",
+    "pct", "percent", "prozent", "%", "kpa", "mpa", "hpa", "pa", "bar", "barg", "mbar", "psi", "psig", "degc", "degf",
     "m3h", "m3hr", "kgh", "kghr", "nm3h", "lpm", "gpm", "lmin", "mm", "cm", "ma", "v", "volt", "counts", "cnt", "ppm", "rpm",
-    "hz", "mmhg", "scfm", "kgs", "tph", "th", "c", "m",
+    "celsius", "hz", "mmhg", "scfm", "kgs", "tph", "th", "c", "m",
 }  # fmt: skip
 _SAME_UNIT = {"pct": "%", "percent": "%", "prozent": "%", "cnt": "counts", "raw": "counts"}
 _APART = re.compile(r"[./:\\|;=,@#\s_\-\u2013>]+")
@@ -139,7 +140,9 @@ def _ending(parts: Sequence[str]) -> tuple[str | None, int, int]:
     return None, 0, 1
 
 
-def find_loops(names: Sequence[str], chosen: Mapping[str, str], where: str, tag: str | None = None) -> dict[str, dict[str, str]]:
+def find_loops(
+    names: Sequence[str], chosen: Mapping[str, str], where: str, tag: str | None = None
+) -> dict[str, dict[str, str]]:
     """Return the loops that columns hold, by tag, each with the column of every signal.
 
     Examples
@@ -292,7 +295,8 @@ def column_pairs(texts: Sequence[str] | None) -> dict[str, str] | None:
 def no_column(role: str, roles: Mapping[str, str], names: Sequence[str], where: str) -> RecordError:
     """Return the refusal of a table without a signal, with a column that may be it."""
     said = f"{where}: no {role.upper()} column; columns are: {shown(names)}"
-    free = [n for n in names if n not in roles.values() and not is_time(n) and not is_quality(n) and parse(n).role is None and n]
+    free = [n for n in names if n and n not in roles.values() and parse(n).role is None]
+    free = [n for n in free if not is_time(n) and not is_quality(n)]
     if role == "op" and "mv" in roles:
         said, free = f"{said}; MV may be the controller's output: then say so", [roles["mv"]]
     if role == "op" and any(_parts(n)[-1:] == ["cv"] for n in free):

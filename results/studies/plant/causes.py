@@ -1,6 +1,6 @@
 """Are the causes that `report` names those that were simulated, are its what-ifs those of the true loop, and do sizes hold?
 
-`python -m results.studies.plant.causes -n 80` draws plants of loops with eight causes, stamped in weeks of their own, a tenth of
+`python -m results.studies.plant.causes -n 80` draws plants of loops with eight causes, stamped in weeks of their own, some of
 them upstream and downstream of each other, and prints how often the cause named is the one simulated, how many events join
 loops of different weeks, how often the action ranked first is the best of the true loop, and how far S lies within its
 interval under six archives.
@@ -8,7 +8,6 @@ interval under six archives.
 
 from __future__ import annotations
 
-import argparse
 from collections import Counter
 from dataclasses import replace
 from typing import Any
@@ -23,7 +22,6 @@ from scenarios.spec import Loop
 from simbench.loop.simulate import simulate
 from simbench.plant.report.causes import Causes, find_causes
 from simbench.plant.report.events import shared_oscillations
-from simbench.plant.report.what_if import what_if
 from simbench.plant.trust.candidate_loops import CandidateLoops, candidate_loops
 
 CAUSES = ("stiction", "dead-band", "tuning", "outside", "upstream", "sensor", "saturation", "healthy")
@@ -67,7 +65,8 @@ def drawn(cause: str, rng: np.random.Generator) -> tuple[LoopRecord, Loop]:
         table["controller"]["Kc"] *= table_margin(table) / float(rng.uniform(1.08, 1.3))
     if cause == "outside":
         period = float(rng.uniform(4, 15) * T)
-        table["disturbance"].append({"type": "sine", "amplitude": float(rng.uniform(0.8, 3.0)), "period": period, "at": "output"})
+        sine = {"type": "sine", "amplitude": float(rng.uniform(0.8, 3.0)), "period": period, "at": "output"}
+        table["disturbance"].append(sine)
         table["sampling"]["n"] = int(min(max(2000, 25 * period / table["sampling"]["Ts"]), 5000))
     if cause == "saturation":
         table["operating_point"] = {"op0": float(rng.uniform(97, 99))}

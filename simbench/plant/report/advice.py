@@ -25,7 +25,7 @@ def advise(found: Trust, prepared: Prepared, named: why.Cause, root: str | None,
     """Return what to do next with one loop, by the cause that its evidence names."""
     period = f"{prepared.oscillation.period_s:.3g} s"
     by_name = {a.name: a for a in actions}
-    if named.name == why.SATURATION:
+    if named.name == why.AT_LIMIT:
         return Advice(VALVE, f"free OP from its limit (valve size, operating point): {named.speaks_for[0]}; then record again")
     if named.name == why.SENSOR:
         return Advice(MEASUREMENT, f"check the transmitter: {named.speaks_for[0]}")
@@ -33,14 +33,14 @@ def advise(found: Trust, prepared: Prepared, named: why.Cause, root: str | None,
         return Advice(MEASUREMENT, f"get a record that can be judged: {found.notes[0]}")
     if named.name == why.NEIGHBOUR:
         return Advice(UPSTREAM, f"see to {root} first, which likely drives this oscillation, then record again")
-    if named.name == why.STICTION:
+    if named.name == why.STICKING:
         test = "confirm on the valve: change the controller gain and watch the period, or a travel test by hand"
         return Advice(VALVE, test + (f"; then {by_name[REPAIR].sentence()}" if REPAIR in by_name else ""))
-    if named.name == why.OUTSIDE:
+    if named.name == why.FROM_OUTSIDE:
         return Advice(UPSTREAM, f"look upstream for what oscillates with a period of {period}")
-    if named.name == why.TUNING:
+    if named.name == why.TIGHT:
         return Advice(TUNING, by_name[RETUNE].sentence() if RETUNE in by_name else f"retune: {named.speaks_for[0]}")
-    if named.name == why.NOTHING:
+    if named.name == why.NO_CAUSE:
         return Advice(NOBODY, "nothing to do")
     return _to_tell(found, prepared)
 

@@ -13,8 +13,9 @@ from simbench.plant.report.events import coherence
 from simbench.plant.report.margins import Margins, margins
 from simbench.plant.trust.candidate_loops import CandidateLoops
 
-STICTION, TUNING, OUTSIDE, NEIGHBOUR = "stiction", "tuning", "disturbance from outside", "another loop"
-SENSOR, SATURATION, NOTHING, NOT_TOLD = "sensor", "saturation", "none", "cannot tell"
+STICKING, TIGHT, FROM_OUTSIDE, NEIGHBOUR = "stiction", "tuning", "disturbance from outside", "another loop"
+SENSOR, AT_LIMIT, NO_CAUSE, NOT_TOLD = "sensor", "saturation", "none", "cannot tell"
+_TOLD_BY_FLAGS = {"saturated": AT_LIMIT, "frozen": SENSOR, "dead_pv": SENSOR, "dead_op": NOT_TOLD, "manual": NOT_TOLD}
 _NAMED_FROM = 0.6  # confidence below which no cause is named
 _APART = 0.15  # by which the likeliest must lead the next
 _KEPT = (0.9, 0.98)  # phase kept with one sine from which the swing is a line of the load, and from which surely
@@ -46,7 +47,7 @@ class Causes:
 def find_causes(prepared: Prepared, behind: CandidateLoops | None, root: str | None = None, sure: float = 0.0) -> Causes:
     """Weigh the causes of one loop's motion; `root` is the loop that drives it, `sure` that loop's probability of stiction."""
     flags, swing = prepared.flags, prepared.oscillation
-    for flag, name in (("saturated", SATURATION), ("frozen", SENSOR), ("dead_pv", SENSOR), ("dead_op", NOT_TOLD), ("manual", NOT_TOLD)):
+    for flag, name in _TOLD_BY_FLAGS.items():
         if flag in flags:
             found = Cause(name, 0.9 if name != NOT_TOLD else 0.0, (flags[flag].evidence,))
             return Causes(found, (found,))
@@ -67,14 +68,14 @@ def find_causes(prepared: Prepared, behind: CandidateLoops | None, root: str | N
     weighed.sort(key=lambda c: -c.confidence)
     first, second = weighed[:2]
     # friction of its own is a case of its own, whatever else swings with it
-    own = next(c for c in weighed if c.name == STICTION)
+    own = next(c for c in weighed if c.name == STICKING)
     if root is None and own.confidence > CLAIMED_FROM:
         return Causes(own, tuple(weighed))
     if root is not None and sure > CLAIMED_FROM and sure >= own.confidence - 0.1:
         return Causes(next(c for c in weighed if c.name == NEIGHBOUR), tuple(weighed))
     if first.confidence < _NAMED_FROM or first is own:
         return _open("no cause has enough evidence", tuple(weighed))
-    if first.confidence - second.confidence < _APART and {first.name, second.name} != {SENSOR, NOTHING}:
+    if first.confidence - second.confidence < _APART and {first.name, second.name} != {SENSOR, NO_CAUSE}:
         return _open(f"{first.name} and {second.name} are about as likely", tuple(weighed))
     return Causes(first, tuple(weighed))
 
@@ -91,43 +92,44 @@ def _margins(behind: CandidateLoops) -> Margins | None:
 
 def _stiction(behind: CandidateLoops, keeps: float) -> Cause:
     p = behind.probability
-    better = f"friction explains the record {'better' if behind.gain > 0 else 'worse'} than none (log-likelihood {behind.gain:+.0f})"
+    word = "better" if behind.gain > 0 else "worse"
+    better = f"friction explains the record {word} than none (log-likelihood {behind.gain:+.0f})"
     if p <= 0.5:
-        return Cause(STICTION, p, (), (better,))
+        return Cause(STICKING, p, (), (better,))
     size = "" if behind.fitted is None else f"; its best size is S = {behind.fitted[0]:.2g}, J = {behind.fitted[1]:.2g} %"
     bare = behind.fitted is not None and behind.fitted[1] < _BARE * behind.fitted[0]
     if bare and keeps > _KEPT[1] and behind.healthy[0].plant.type == "foptd":
-        why = "a band without a jump does not make a self-regulating loop swing, and the swing keeps its phase as one from outside"
-        return Cause(STICTION, min(p, CLAIMED_FROM - 0.05), (better + size,), (why,))
-    return Cause(STICTION, p, (better + size,))
+        why = "a band without a jump makes no self-regulating loop swing, and the swing keeps its phase as one from outside"
+        return Cause(STICKING, min(p, CLAIMED_FROM - 0.05), (better + size,), (why,))
+    return Cause(STICKING, p, (better + size,))
 
 
 def _tuning(known: Margins | None, swing: Oscillation, keeps: float, periods: float) -> Cause:
     if known is None:
-        return Cause(TUNING, 0.0, (), ("margins of this loop are unknown",))
+        return Cause(TIGHT, 0.0, (), ("margins of this loop are unknown",))
     said = known.sentence()
     if not swing.sustained:
-        return Cause(TUNING, 0.0, (), ("the loop does not swing", said))
+        return Cause(TIGHT, 0.0, (), ("the loop does not swing", said))
     if keeps > _KEPT[0]:
-        kept = f"the swing keeps its phase over {periods:.0f} periods ({keeps:.2f} of 1), as no loop does that noise keeps swinging"
-        return Cause(TUNING, 0.1, (), (kept, said))
+        kept = f"the swing keeps {keeps:.2f} of its phase over {periods:.0f} periods, as no loop does that noise keeps swinging"
+        return Cause(TIGHT, 0.1, (), (kept, said))
     ratio = max(known.period / swing.period_s, swing.period_s / known.period)
     if known.sensitivity < _TIGHT[0] or ratio > _NEAR:
-        return Cause(TUNING, 0.05, (), (f"{said}; the loop swings with {swing.period_s:.3g} s",))
+        return Cause(TIGHT, 0.05, (), (f"{said}; the loop swings with {swing.period_s:.3g} s",))
     tight = float(np.interp(known.sensitivity, _TIGHT, (0.5, 0.95)))
-    return Cause(TUNING, tight, (f"{said}, near the {swing.period_s:.3g} s with which it swings",))
+    return Cause(TIGHT, tight, (f"{said}, near the {swing.period_s:.3g} s with which it swings",))
 
 
 def _outside(behind: CandidateLoops, swing: Oscillation, keeps: float, periods: float) -> Cause:
     if not swing.sustained:
-        return Cause(OUTSIDE, 0.0, (), ("the loop does not swing",))
+        return Cause(FROM_OUTSIDE, 0.0, (), ("the loop does not swing",))
     said = f"over {periods:.0f} periods the swing keeps {keeps:.2f} of its phase: "
     if keeps < _KEPT[0]:
-        return Cause(OUTSIDE, 0.1, (), (f"{said}the load's spectrum shows no line",))
+        return Cause(FROM_OUTSIDE, 0.1, (), (f"{said}the load's spectrum shows no line",))
     gained = f"an oscillation from outside explains the record better than none (log-likelihood +{behind.outside:.0f})"
     sure = float(np.interp(keeps, _KEPT, (0.6, 0.95))) * float(np.interp(behind.probability, (0.4, 0.7), (1.0, 0.3)))
     told = f"{said}a line in the load's spectrum, narrower than a loop resonates"
-    return Cause(OUTSIDE, sure, (told, *([gained] if behind.outside > 0 else [])))
+    return Cause(FROM_OUTSIDE, sure, (told, *([gained] if behind.outside > 0 else [])))
 
 
 def _sensor(prepared: Prepared, behind: CandidateLoops) -> Cause:
@@ -151,11 +153,11 @@ _MOVED = 1.0  # % by which OP moves from sample to sample where noise wears the 
 
 def _nothing(behind: CandidateLoops, swing: Oscillation, known: Margins | None) -> Cause:
     if swing.sustained:
-        return Cause(NOTHING, 0.0, (), (f"the loop swings ({swing.evidence})",))
+        return Cause(NO_CAUSE, 0.0, (), (f"the loop swings ({swing.evidence})",))
     p = behind.probability
     if p >= DENIED_BELOW:
-        return Cause(NOTHING, 1.0 - p, (), ("friction is not ruled out",))
+        return Cause(NO_CAUSE, 1.0 - p, (), ("friction is not ruled out",))
     said = f"the loop does not swing, and friction explains nothing (probability {p:.2f})"
     if known is not None and known.sensitivity > _POOR:
-        return Cause(NOTHING, 0.7 * (1.0 - p), (said,), (known.sentence(),))
-    return Cause(NOTHING, 1.0 - p, (said,))
+        return Cause(NO_CAUSE, 0.7 * (1.0 - p), (said,), (known.sentence(),))
+    return Cause(NO_CAUSE, 1.0 - p, (said,))

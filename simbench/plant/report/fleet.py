@@ -19,7 +19,7 @@ from simbench.gap.stiction.probability import CLAIMED_FROM, pooled, probability
 from simbench.plant.episodes import OverTime
 from simbench.plant.indices import judged
 from simbench.plant.report.advice import VALVE, Advice, advise
-from simbench.plant.report.causes import NEIGHBOUR, NOT_TOLD, NOTHING, SENSOR, Cause, Causes, find_causes
+from simbench.plant.report.causes import NEIGHBOUR, NO_CAUSE, NOT_TOLD, SENSOR, Cause, Causes, find_causes
 from simbench.plant.report.cost import Cost, cost_of
 from simbench.plant.report.events import cascades, likely_root, shared_oscillations
 from simbench.plant.report.what_if import Action, what_if
@@ -121,7 +121,7 @@ class Fleet:
     def to_test(self) -> list[str]:
         """Return the fewest valves to touch: one per shared oscillation, its likely root, and loops that swing alone."""
         followers = {name for event in self.events for name in event[1:]}
-        inner = {a: b for a, b in self.cascades}
+        inner = dict(self.cascades)
         asked = [m for m in self.members if m.advice.job == VALVE and m.name not in followers]
         return list(dict.fromkeys(inner.get(m.name, m.name) if m.cause.name == NOT_TOLD else m.name for m in asked))
 
@@ -178,7 +178,7 @@ def causes_before(previous: str | Path) -> dict[str, str]:
 
 
 def _status(m: FleetLoop, before: Mapping[str, str]) -> str:
-    if m.cause.name in (NOT_TOLD, NOTHING):
+    if m.cause.name in (NOT_TOLD, NO_CAUSE):
         return ""
     return "again" if before.get(m.name) == m.cause.name else "new, watch"
 
@@ -247,7 +247,7 @@ def _joined(
 
 def _costs(m: FleetLoop) -> float:
     """Return the share of PV's variance that a loop's cause takes; without a measurement that can be trusted, all of it."""
-    if m.cause.name == NOTHING or m.cost is None:
+    if m.cause.name == NO_CAUSE or m.cost is None:
         return 0.0
     if m.cause.name == SENSOR:
         return 1.0

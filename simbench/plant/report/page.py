@@ -21,8 +21,8 @@ from simbench.plant.trust.pictures import draw_pv_op, draw_trend
 from simbench.plant.trust.result import STICKY
 
 _BESIDE = (  # in the table beside the page, and in the loop's own part of it
-    "speaks for", "speaks against", "OP share", "travel a day (%)", "reversals a day", "in automatic", "at a limit", "of today's",
-    "from", "to", "answer", "best action", "PV share", "S unit", "smallest visible S", "root",
+    "speaks for", "speaks against", "OP share", "travel a day (%)", "reversals a day", "in automatic", "at a limit",
+    "of today's", "from", "to", "answer", "best action", "PV share", "S unit", "smallest visible S", "root",
 )  # fmt: skip
 _FIRST = 12  # loops named per trade
 _TRADES = {
@@ -145,7 +145,7 @@ def _why(m: FleetLoop) -> list[str]:
 
 
 def _events(fleet: Fleet) -> list[str]:
-    pairs = [f"Cascade: the output of {a} is the set point of {b}; {b} is judged and repaired first." for a, b in fleet.cascades]
+    pairs = [f"Cascade: the output of {a} is the set point of {b}; {b} is repaired first." for a, b in fleet.cascades]
     if not fleet.events:
         return ["No two loops oscillate with one period and locked phases at one time.", *pairs]
     by_name = {m.name: m for m in fleet.members}

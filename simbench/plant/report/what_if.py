@@ -64,7 +64,8 @@ def compare(base: Loop, S: float, J: float, *, spread: float = 1.0, runs: int = 
     settings = retuned(base)
     found: dict[str, list[float]] = {}
     for name in _offered(base, S, J):
-        found[name] = [_variance(_changed(name, loop, s, j, settings), s if name != REPAIR else 0.0, i) for loop, s, j, i in drawn]
+        kicked = 0.0 if name == REPAIR else 1.0
+        found[name] = [_variance(_changed(name, loop, s, j, settings), kicked * s, i) for loop, s, j, i in drawn]
     today = np.array(found[LEAVE])
     sound = np.isfinite(today) & (today > 0)
     if sound.sum() < runs // 2:
@@ -79,7 +80,7 @@ def compare(base: Loop, S: float, J: float, *, spread: float = 1.0, runs: int = 
 
 
 def retuned(loop: Loop) -> dict[str, float]:
-    """Return the gain and integral time (s) of SIMC (Skogestad 2003) with a closed-loop time constant of twice the dead time."""
+    """Return gain and integral time (s) of SIMC (Skogestad 2003), its closed-loop time constant twice the dead time."""
     plant, Ts = loop.plant, loop.sampling.Ts
     dead = plant.Td + 0.5 * Ts
     wanted = max(2.0 * dead, 2.0 * Ts)

@@ -147,8 +147,8 @@ class Trust:
             agrees = best.says == likely(self.probability or 0.0)
             why = "of those that agree with the probability" if agrees else "though none agrees with the probability,"
             lines += [
-                f"Trust {_reading(best.rule)}: {why} most often right on this loop's twins, its simulated replicates ({best.rule.right:.0%}, sticky and"
-                f" healthy counting the same); here it says {best.says.replace('_', ' ')}.",
+                f"Trust {_reading(best.rule)}: {why} most often right on this loop's twins, its simulated replicates"
+                f" ({best.rule.right:.0%}, sticky and healthy counting the same); here it says {best.says.replace('_', ' ')}.",
                 "", *_table(self.methods),
             ]  # fmt: skip
         notes = [f"note: {n}" for n in (*self._asides()[1:], *self.notes)]

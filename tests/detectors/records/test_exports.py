@@ -80,7 +80,7 @@ def excel(*above):
     return sheet([*above, *([t.to_pydatetime() if hasattr(t, "to_pydatetime") else t, *v] for t, *v in zip(T, PV, OP, SP))])
 
 
-ALL = dict.fromkeys(("PV", "OP", "SP"), list(range(N)))
+ALL = {tag: range(N) for tag, _ in LOOP}
 WORDS = "%d-%b-%y %H:%M:%S"
 DA, BAD = [0 if k in (40, 41) else 192 for k in K], [0.0 if k in (40, 41) else v for k, v in enumerate(PV)]
 WONDER = "DateTime,TagName,Value,Quality,QualityDetail,OPCQuality"
@@ -98,7 +98,7 @@ READ = {
         beside(("Time", "FIC101.PV", "Time", "FIC101.OP", "Time", "FIC101.SP"), ALL, "%Y-%m-%d %H:%M:%S"), "csv", {}),
     "pi: server in the path": (three("Timestamp", r"\\PISRV\FIC101.PV", r"\\PISRV\FIC101.OP", r"\\PISRV\FIC101.SP", WORDS),
                                "csv", {}),
-    "pi: attributes of a frame": (three("Time", "Plant\\Unit1\\FIC101|PV", "Plant\\Unit1\\FIC101|OP", "Plant\\Unit1\\FIC101|SP"),
+    "pi: attributes of a frame": (three("Time", r"Plant\U1\FIC101|PV", r"Plant\U1\FIC101|OP", r"Plant\U1\FIC101|SP"),
                                   "csv", {}),
     "pi: long": ("Tag,Timestamp,Value\n" + rows(WORDS, lambda t, n, v: f"{n},{t},{v}"), "csv", {}),
     # AspenTech IP.21
@@ -133,13 +133,14 @@ READ = {
                                   "csv", {}),
     # Yokogawa
     "yokogawa: exaquantum": (three("Time", "FIC101.PV.Value", "FIC101.OP.Value", "FIC101.SV.Value"), "csv", {}),
-    "yokogawa: mode": (wide("Date,Time,FIC101.PV,FIC101.MV,FIC101.SV,FIC101.MODE", stamps("%Y/%m/%d"), stamps("%H:%M:%S"), PV, OP,
-                            SP, ["AUT"] * N), "csv", {"columns": {"op": "FIC101.MV"}}),
+    "yokogawa: mode": (wide("Date,Time,FIC101.PV,FIC101.MV,FIC101.SV,FIC101.MODE", stamps("%Y/%m/%d"), stamps("%H:%M:%S"),
+                            PV, OP, SP, ["AUT"] * N), "csv", {"columns": {"op": "FIC101.MV"}}),
     # Emerson
     "deltav: parameters": (three("Timestamp", "FIC101/PID1/PV.CV", "FIC101/PID1/OUT.CV", "FIC101/PID1/SP.CV"), "csv", {}),
     "deltav: mode": (wide("Timestamp,FIC101/PID1/PV.CV,FIC101/PID1/OUT.CV,FIC101/PID1/SP.CV,FIC101/PID1/MODE.ACTUAL",
                           stamps(), PV, OP, SP, [8] * N), "csv", {}),
-    "ovation": (wide("Date,Time,FIC101_PV,FIC101_OUT,FIC101_SP", stamps("%m/%d/%Y"), stamps("%I:%M:%S %p"), PV, OP, SP), "csv", {}),
+    "ovation": (wide("Date,Time,FIC101_PV,FIC101_OUT,FIC101_SP", stamps("%m/%d/%Y"), stamps("%I:%M:%S %p"), PV, OP, SP),
+                "csv", {}),
     # ABB, Siemens
     "abb: 800xA": (three("Time;".rstrip(";"), "FIC101.Pv", "FIC101.Out", "FIC101.Sp", sep=";"), "csv", {}),
     "abb: object": ("Object;Time;Value;Quality\n" + rows("%Y-%m-%d %H:%M:%S", lambda t, n, v: f"{n};{t};{v};Good"), "csv", {}),
@@ -153,7 +154,8 @@ READ = {
     "foxboro": (three("Time", "UNIT1:FIC101.MEAS", "UNIT1:FIC101.OUT", "UNIT1:FIC101.SPT"), "csv", {}),
     "rockwell": (three("Time", "FIC101.PV", "FIC101.CV", "FIC101.SP"), "csv", {"columns": {"op": "FIC101.CV"}}),
     # OPC, Influx, Grafana, Canary
-    "opc hda": ("ItemID,Timestamp,Value,Quality\n" + rows("%Y-%m-%dT%H:%M:%S.000Z", lambda t, n, v: f"{n},{t},{v},192"), "csv", {}),
+    "opc hda": ("ItemID,Timestamp,Value,Quality\n" + rows("%Y-%m-%dT%H:%M:%S.000Z", lambda t, n, v: f"{n},{t},{v},192"),
+                "csv", {}),
     "opc ua": (three("Time", "ns=2;s=FIC101.PV", "ns=2;s=FIC101.OP", "ns=2;s=FIC101.SP", sep="\t"), "txt", {}),
     "influx": ("_time,_value,_field,_measurement\n" + rows(
         "%Y-%m-%dT%H:%M:%SZ", lambda t, n, v: f"{t},{v},{n},FIC101", name="{}"), "csv", {}),
@@ -161,7 +163,8 @@ READ = {
     "canary": (wide("Timestamp,FIC101.PV.Value,FIC101.PV.Quality,FIC101.OP.Value,FIC101.OP.Quality", stamps(), BAD, DA, OP,
                     [192] * N), "csv", {}),
     # Excel
-    "excel: title and merged loop": (excel(["Trend", "", "", ""], ["", "FIC101", "", ""], ["Time", "PV", "OP", "SP"]), "xlsx", {}),
+    "excel: title and merged loop": (excel(["Trend", "", "", ""], ["", "FIC101", "", ""], ["Time", "PV", "OP", "SP"]),
+                                     "xlsx", {}),
     "excel: time merged down": (excel(["Report", "", "", ""], ["Time", "FIC101", "", ""], ["", "PV", "OP", "SP"]), "xlsx", {}),
     "excel: units below": (excel(["Time", "PV", "OP", "SP"], ["", "m3/h", "%", "m3/h"]), "xlsx", {}),
     "excel: separator said": ("sep=;\n" + wide("Time;PV;OP;SP", stamps(), comma(PV), comma(OP), comma(SP), sep=";"), "csv", {}),
