@@ -100,18 +100,19 @@ def diagnose(
     from detectors.procedure import diagnose as procedure
     from detectors.records.io import read_record
     from detectors.verdict import PROBABILITY
-    from simbench.gap.stiction.friction import probability_of_stiction
+    from simbench.plant.command import causes_of
 
     refuse_picture(picture, path)
     record = read_record(path, **about)
-    diagnosis, p = procedure(record), probability_of_stiction(record)
+    diagnosis, (causes, p) = procedure(record), causes_of(record)
     if picture is not None:
         from simbench.figures import draw_path
 
         draw_path(diagnosis, picture)
     said = "cannot be said" if p is None else f"{p:.2f}"
-    text = f"{diagnosis.as_text()}\nProbability of stiction: {said}."
-    show(diagnosis.as_json() | {PROBABILITY: p, "notes": [*record.notes]} if as_json else text, as_json)
+    text = "\n".join([diagnosis.as_text(), f"Probability of stiction: {said}.", *causes.as_lines()])
+    more = {PROBABILITY: p, "causes": causes.as_json(), "notes": [*record.notes]}
+    show(diagnosis.as_json() | more if as_json else text, as_json)
     say_assumed([record], as_json)
     if power:
         _print_power(path, ["all"], as_json, **about)

@@ -13,6 +13,19 @@ from simbench.plant.trust.result import OPEN, UNSEEN, Trust
 VALVE, TUNING, UPSTREAM, MEASUREMENT, NOBODY = "valve", "tuning", "upstream", "measurement", "none"
 
 
+_GAIN = "change the controller gain by 30 to 50 % and watch the period"
+NEXT = {  # of one record, by its cause
+    why.STICKING: f"maintenance: {_GAIN}, or a travel test by hand, then repair the valve",
+    why.TIGHT: "control engineer: retune the controller",
+    why.FROM_OUTSIDE: "operations: look upstream for what oscillates with this period",
+    why.NEIGHBOUR: "operations: see to the loop that drives it first",
+    why.SENSOR: "instruments: check the transmitter",
+    why.AT_LIMIT: "free OP from its limit (valve size, operating point), then record again",
+    why.NO_CAUSE: "nothing to do",
+    why.NOT_TOLD: f"control engineer: {_GAIN}; it tells friction from everything else",
+}
+
+
 @dataclass(frozen=True)
 class Advice:
     """Whose job, and what to do."""

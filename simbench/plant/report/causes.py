@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
@@ -42,6 +43,21 @@ class Causes:
 
     named: Cause
     weighed: tuple[Cause, ...]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the cause named and those weighed in JSON types."""
+        return {"named": asdict(self.named), "weighed": [asdict(c) for c in self.weighed]}
+
+    def as_lines(self) -> list[str]:
+        """Return the cause named, and of those weighed what speaks for and against."""
+        why = "; ".join((*self.named.speaks_for, *self.named.against))
+        return [f"Cause: {self.named.name} ({why})." if why else f"Cause: {self.named.name}.", *map(_line, self.weighed[:4])]
+
+
+def _line(c: Cause) -> str:
+    told = [f"for: {'; '.join(c.speaks_for)}"] if c.speaks_for else []
+    told += [f"against: {'; '.join(c.against)}"] if c.against else []
+    return f"  {c.name} ({c.confidence:.2f}): {'. '.join(told)}."
 
 
 def find_causes(prepared: Prepared, behind: CandidateLoops | None, root: str | None = None, sure: float = 0.0) -> Causes:

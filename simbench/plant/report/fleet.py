@@ -10,6 +10,7 @@ from typing import Any
 
 from detectors.errors import ParameterError, UserError
 from detectors.prepared import Prepared
+from detectors.quality import resolution
 from detectors.record import LoopRecord
 from detectors.records.io import read_folder, read_labels
 from detectors.records.tables import read_table
@@ -195,6 +196,8 @@ def _one(name: str, record: LoopRecord, methods: list[str], label: str, seed: in
     actions = what_if(behind, seed) if behind is not None else ()
     if behind is not None and behind.fitted and behind.gain > 0 and behind.probability >= 0.5:
         size = (behind.fitted[0] * behind.percent, behind.fitted[1] * behind.percent)
+        hidden, _ = resolution(record, Prepared(record.without_mv()).flags)
+        size = None if hidden > 0.5 * size[0] else size  # an archive that leaves out as much says no size
     when = found.over_time or OverTime(_NOTHING, (), 0, 0)
     return FleetLoop(name, found, said, when, size, label, None, None, Advice("", ""), cost=cost, actions=actions)
 

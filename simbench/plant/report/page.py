@@ -22,7 +22,7 @@ from simbench.plant.trust.result import STICKY
 
 _BESIDE = (  # in the table beside the page, and in the loop's own part of it
     "speaks for", "speaks against", "OP share", "travel a day (%)", "reversals a day", "in automatic", "at a limit",
-    "of today's", "from", "to", "answer", "best action", "PV share", "S unit", "smallest visible S", "root",
+    "of today's", "from", "to", "S from", "S to", "answer", "best action", "PV share", "S unit", "smallest visible S", "root",
 )  # fmt: skip
 _FIRST = 12  # loops named per trade
 _TRADES = {
@@ -86,6 +86,7 @@ def table(fleet: Fleet) -> pd.DataFrame:
             "answer": m.found.answer,
             "S": m.size[0] if m.size else None,
             "J": m.size[1] if m.size else None,
+            **dict(zip(("S from", "S to"), _interval(m), strict=True)),
             "S unit": m.found.record.S_unit,
             "cause": m.cause.name,
             "confidence": m.cause.confidence if m.cause.confidence else None,
@@ -107,6 +108,12 @@ def table(fleet: Fleet) -> pd.DataFrame:
         rows.append(row | {v.method: _word(v) for v in m.verdicts})
     frame = pd.DataFrame(rows)
     return frame.astype(dict.fromkeys(("oscillation", "sticky cycles", "cycles"), "Int64"))
+
+
+def _interval(m: FleetLoop) -> tuple[float | None, float | None]:
+    """Return the interval of S that the procedure states, as wide as the archive leaves it; None where it states none."""
+    S = next((v.S for v in m.verdicts if v.method == "procedure"), None)
+    return S if isinstance(S, tuple) else (S, S)
 
 
 def _priced(m: FleetLoop) -> dict[str, Any]:
@@ -134,11 +141,7 @@ def _word(v: Verdict) -> str:
 
 def _why(m: FleetLoop) -> list[str]:
     """Return the causes weighed, what the loop costs, what would help, and what reading its record assumed."""
-    lines = []
-    for c in () if m.causes is None else m.causes.weighed[:4]:
-        told = [f"for: {'; '.join(c.speaks_for)}"] if c.speaks_for else []
-        told += [f"against: {'; '.join(c.against)}"] if c.against else []
-        lines.append(f"{c.name} ({c.confidence:.2f}): {'. '.join(told)}.")
+    lines = [] if m.causes is None else m.causes.as_lines()
     lines += [f"Cost: {m.cost.sentence()}."] if m.cost is not None else []
     lines += [f"What if: {'. '.join(a.sentence() for a in m.actions)}."] if m.actions else []
     return lines + [f"Assumed: {note}." for note in m.found.record.notes]

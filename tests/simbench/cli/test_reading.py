@@ -42,7 +42,7 @@ def caught(monkeypatch):
 
     monkeypatch.setattr(plant_command, "trust", stop)
     monkeypatch.setattr(gap_command, "diagnose", stop)
-    monkeypatch.setattr("simbench.gap.stiction.friction.probability_of_stiction", lambda record: got.append(record))
+    monkeypatch.setattr(plant_command, "causes_of", stop)
     monkeypatch.setattr("simbench.confirm.recorded.travel_recorded", stop)
     monkeypatch.setattr("simbench.confirm.recorded.gain_change_recorded", stop)
     return got
