@@ -10,7 +10,7 @@ from detectors.prepared import Prepared
 from detectors.record import LoopRecord
 
 _DAY = 86400.0
-_HARMONICS, _BAND = 5, 0.12  # of the cycle that count, and the half width of each as a share of the fundamental
+_HARMONICS, _BAND = 9, 0.12  # of the cycle that count, and the half width of each as a share of the fundamental
 _DEAD = 0.1  # of OP's standard deviation, within which a change of direction is no reversal
 
 

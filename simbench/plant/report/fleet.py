@@ -20,7 +20,7 @@ from simbench.gap.stiction.probability import CLAIMED_FROM, pooled, probability
 from simbench.plant.episodes import OverTime
 from simbench.plant.indices import judged
 from simbench.plant.report.advice import VALVE, Advice, advise
-from simbench.plant.report.causes import NEIGHBOUR, NO_CAUSE, NOT_TOLD, SENSOR, Cause, Causes, find_causes
+from simbench.plant.report.causes import NEIGHBOUR, NO_CAUSE, NOT_TOLD, SENSOR, STICKING, TIGHT, Cause, Causes, find_causes
 from simbench.plant.report.cost import Cost, cost_of
 from simbench.plant.report.events import cascades, likely_root, shared_oscillations
 from simbench.plant.report.what_if import Action, what_if
@@ -235,8 +235,10 @@ def _joined(
         if slave is not None and probability[slave] > CLAIMED_FROM and prepared[m.name].oscillation.sustained:
             driven = slave
         causes = find_causes(prepared[m.name], m.found.behind, driven, probability.get(driven or "", 0.0))
-        advice = advise(m.found, prepared[m.name], causes.named, driven, m.actions)
-        out.append(replace(m, event=number, root=root, causes=causes, advice=advice))
+        # on a loop whose cause nobody knows an action is no advice
+        actions = m.actions if causes.named.name in (STICKING, TIGHT) else ()
+        advice = advise(m.found, prepared[m.name], causes.named, driven, actions)
+        out.append(replace(m, event=number, root=root, causes=causes, advice=advice, actions=actions))
     shares = {m.name: _costs(m) for m in out}
     followers = {event[0]: event[1:] for event in events}
     priced = []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,15 +12,18 @@ from detectors.errors import UserError
 from scenarios.spec import Loop
 from simbench.gap.stiction.probability import CLAIMED_FROM, DENIED_BELOW
 from simbench.loop.simulate import simulate
+from simbench.plant.report.margins import margins
 from simbench.plant.trust.candidate_loops import CandidateLoops, with_friction
 
 LEAVE, REPAIR, RETUNE, P_ONLY, COMPENSATE, RESIZE = "leave", "repair", "retune", "P-only", "dead-band compensation", "resize"
-_RUNS = 10  # of every action, each of another seed and loop
+_RUNS = 16  # of every action, each of another seed and loop
 _WARM_UP = 0.3  # of a run, before it counts
 _UNSURE = {"K": 0.12, "T": 0.25, "Td": 0.25, "S": 0.2}  # standard deviations of the logarithms drawn
-_JUMP = 0.35  # standard deviation of J over S
+_JUMP = 0.5  # standard deviation of J over S
 _LEFT = 0.2  # of the band that is no jump, that compensation leaves
 _KICK = 5.0  # % of OP: a sticky loop started at rest may stay there
+_STABLE, _TRIES = 1.15, 5  # gain margin that a draw keeps, and draws before the loop is taken as it was identified
+_ALIKE = 3.0  # factor of its variance within which a draw moves as the loop identified
 _SAME = 1e-9
 
 
@@ -52,23 +56,29 @@ def what_if(behind: CandidateLoops, seed: int = 0) -> tuple[Action, ...]:
     return compare(base, S, J, spread=0.3 if behind.trusted else 1.0, seed=seed)
 
 
-def compare(base: Loop, S: float, J: float, *, spread: float = 1.0, runs: int = _RUNS, seed: int = 0) -> tuple[Action, ...]:
-    """Return the actions on one loop with a friction of S and J, best first; `spread` scales what is not known of the loop."""
+def compare(
+    base: Loop, S: float, J: float, *, spread: float = 1.0, seed: int = 0, settings: Mapping[str, float] | None = None
+) -> tuple[Action, ...]:
+    """Return the actions on one loop with a friction of S and J, best first.
+
+    `spread` scales what is not known of the loop; `settings` are those to retune to, the loop's own without them.
+    """
     rng = np.random.default_rng(seed)
     drawn = []
-    for i in range(runs):
-        factors = {name: float(np.exp(spread * std * rng.standard_normal() * (i > 0))) for name, std in _UNSURE.items()}
+    for i in range(_RUNS):
+        factors = _factors(base, spread * (i > 0), rng)
         # of a record the jump is known far worse than the band
         jump = float(np.clip((J / S if S > 0 else 0.0) + _JUMP * spread * rng.standard_normal() * (i > 0), 0.0, 1.0))
         drawn.append((_varied(base, factors), S * factors["S"], jump * S * factors["S"], int(rng.integers(2**31))))
-    settings = retuned(base)
+    settings = settings or retuned(base)
     found: dict[str, list[float]] = {}
     for name in _offered(base, S, J):
         kicked = 0.0 if name == REPAIR else 1.0
         found[name] = [_variance(_changed(name, loop, s, j, settings), kicked * s, i) for loop, s, j, i in drawn]
     today = np.array(found[LEAVE])
-    sound = np.isfinite(today) & (today > 0)
-    if sound.sum() < runs // 2:
+    # a draw that does not move as the loop does is another loop's
+    sound = np.isfinite(today) & (today > today[0] / _ALIKE) & (today < today[0] * _ALIKE)
+    if not np.isfinite(today[0]) or sound.sum() < 0.4 * _RUNS:
         return ()
     out = []
     for name, values in found.items():
@@ -89,6 +99,17 @@ def retuned(loop: Loop) -> dict[str, float]:
     return {"Kc": plant.T / (abs(plant.K) * (wanted + dead)), "Ti": min(plant.T, 4.0 * (wanted + dead))}
 
 
+def _factors(base: Loop, spread: float, rng: np.random.Generator) -> dict[str, float]:
+    """Draw how far plant and friction may be from what was identified; a loop that would swing by itself is another one."""
+    factors = dict.fromkeys(_UNSURE, 1.0)
+    for _ in range(_TRIES):
+        tried = {name: float(np.exp(spread * std * rng.standard_normal())) for name, std in _UNSURE.items()}
+        known = margins(_varied(base, tried))
+        if known is None or known.gain > _STABLE:
+            return tried
+    return factors
+
+
 def _offered(base: Loop, S: float, J: float) -> list[str]:
     names = [LEAVE, RETUNE] if base.controller.type in ("P", "PI") and base.plant.type in ("foptd", "integrating") else [LEAVE]
     if S > 0:
@@ -97,7 +118,7 @@ def _offered(base: Loop, S: float, J: float) -> list[str]:
     return names
 
 
-def _changed(name: str, loop: Loop, S: float, J: float, settings: dict[str, float]) -> Loop | None:
+def _changed(name: str, loop: Loop, S: float, J: float, settings: Mapping[str, float]) -> Loop | None:
     """Return a loop after an action; None where the loop would be no loop."""
     table: dict[str, Any] = loop.to_table()
     if name == RETUNE:
@@ -136,7 +157,7 @@ def _variance(loop: Loop | None, S: float, seed: int) -> float:
     return float(np.mean((record.pv[late] - sp) ** 2)) + _SAME
 
 
-def _said(name: str, base: Loop, settings: dict[str, float]) -> str:
+def _said(name: str, base: Loop, settings: Mapping[str, float]) -> str:
     return {
         LEAVE: "leave it",
         REPAIR: "repair the valve (packing, positioner, actuator)",
