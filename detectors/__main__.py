@@ -25,7 +25,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--pv-span", nargs=2, type=float, metavar=("LO", "HI"))
     parser.add_argument("--columns", action="append", metavar="op=NAME,pv=NAME", help="which column is what")
     parser.add_argument("--ts", type=float, dest="Ts", metavar="S", help="sampling period (s), where no column says it")
-    parser.add_argument("--loop", help="loop of a file with several")
+    parser.add_argument("--tag", "--loop", metavar="TAG", help="loop of a file with several: FIC101, chemicals.loop1")
+    parser.add_argument("--loops", metavar="TABLE.toml", help="what is known of loops, a [[loop]] table per tag")
     parser.add_argument("--why", action="store_true", help="each method's reason below the table")
     parser.add_argument("--labels", help="table with id and label: judge and score its records")
     parser.add_argument("--raw", action="store_true", help="without the oscillation front end")
@@ -34,7 +35,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--json", action="store_true", help="JSON, and nothing else, on stdout")
     chosen = vars(parser.parse_args(arguments))
     as_json, methods, why = chosen.pop("json"), chosen.pop("method") or ["all"], chosen.pop("why")
-    return exit_code(lambda: _judge(as_json, why, methods=methods, **chosen))
+    command = ["python", "-m", "detectors", *(sys.argv[1:] if arguments is None else arguments)]
+    return exit_code(lambda: _judge(as_json, why, methods=methods, **chosen), command=command)
 
 
 def _judge(as_json: bool, why: bool, **asked: Any) -> int:

@@ -13,7 +13,19 @@ class UserError(Exception):
 
 
 class RecordError(UserError, ValueError):
-    """A loop record that cannot be read or judged at all."""
+    """A loop record that cannot be read or judged at all.
+
+    Parameters
+    ----------
+    sentence : str
+        What, where, the value, what is needed.
+    cure : str
+        Options with which the same command works, as they are typed.
+    """
+
+    def __init__(self, sentence: object = "", cure: str = "") -> None:
+        super().__init__(f"{sentence}; add {cure}" if cure else sentence)
+        self.sentence, self.cure = str(sentence), cure
 
 
 class ParameterError(UserError, ValueError):

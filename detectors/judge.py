@@ -16,13 +16,16 @@ from detectors.plugins.host import Host, PluginError
 from detectors.plugins.rebuilt import verdict_of
 from detectors.plugins.registry import methods as registry
 from detectors.prepared import FRONT_ENDS, Prepared, prepare
+from detectors.quality import resolution
 from detectors.record import LoopRecord
-from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
+from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Level, Verdict
 
 # A record with one of these flags says nothing about its valve, whatever the method.
 UNFIT = ("dead_op", "dead_pv", "manual", "saturated", "outside_span")
 
 
+_ASKS_OTHERS = "procedure"  # whose sizes are those of the methods it asked, as wide as theirs
+_HIDES = 0.5  # of S, from which what the archive leaves out is as large as what is looked for
 _LONGEST = 300  # characters of an error's text
 FAILED = "failed: "  # begins the reason of a method that gave no verdict
 
@@ -155,8 +158,9 @@ def judge_one(name: str, module: ModuleType, prepared: Prepared, raw: bool, thre
 
     def finished(verdict: Verdict) -> Verdict:
         joined = applicable if verdict.applicable is True else verdict.applicable
-        reason = "; ".join([verdict.reason, *notes])
-        return verdict.but(method=name, applicable=joined, reason=reason, S_unit=record.S_unit)
+        told = verdict if name == _ASKS_OTHERS else _as_archived(verdict, prepared)
+        reason = "; ".join([told.reason, *notes])
+        return told.but(method=name, applicable=joined, reason=reason, S_unit=record.S_unit)
 
     applicable: bool | None = True
     notes = []
@@ -193,6 +197,33 @@ def judge_one(name: str, module: ModuleType, prepared: Prepared, raw: bool, thre
         verdict = verdict.but(indices={**verdict.indices, **found})
     # a record that does not oscillate has no score to cut
     return finished(_cut(verdict, **cuts) if cuts and stopped is None and np.isfinite(verdict.score) else verdict)
+
+
+def _as_archived(verdict: Verdict, prepared: Prepared) -> Verdict:
+    """Return a verdict whose S and J are as wide as the archive leaves them, or not stated where it hides them."""
+    if verdict.S is None and verdict.J is None:
+        return verdict
+    record = prepared.record
+    op, pv = prepared.share("resolution", lambda: resolution(record, prepared.flags))
+    percent = 1.0 if record.op_percent is None or record.op_span is None else 100.0 / (record.op_span[1] - record.op_span[0])
+    lines = "compressed" in prepared.flags and isinstance(verdict.S, (int, float))
+    if op == 0.0 and pv == 0.0 and not lines:
+        return verdict
+    changes: dict[str, Level] = {}
+    said = "an archive drew straight lines between the values it kept: no size is stated" if lines else ""
+    for key in ("S", "J"):
+        value = getattr(verdict, key)
+        if value is None:
+            continue
+        lo, hi = (value, value) if isinstance(value, (int, float)) else value
+        band = op * percent + pv * hi
+        hides = key == "S" and band > _HIDES * hi
+        changes[key] = None if hides else (max(float(lo - band), 0.0), float(hi + band))
+        if hides:
+            said = f"the archive keeps OP to {op:.2g} and PV to {pv:.0%} of its range, which hides {key}"
+    if said:
+        changes = {"S": None, "J": None}
+    return verdict.but(**changes, reason=f"{verdict.reason}; {said}" if said else verdict.reason)
 
 
 def _unknown_unit(record: LoopRecord) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,7 +64,10 @@ def _findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]:
             yield Flag("outside_span", f"{name.upper()} lies outside {name}_span in {share:.0%} of the samples")
     for note in record.notes:
         if note.startswith("gaps"):
-            yield Flag("gaps", note)
+            periods = record.duration / oscillation.period_s if oscillation.sustained else 0.0
+            yield Flag("gaps", f"{note}; {periods:.0f} periods of the loop are left" if periods else note)
+        if note.startswith("mode") and "never in automatic" in note:
+            yield Flag("manual", note)
     if alive["op"]:
         changes = int(np.count_nonzero(np.diff(record.op)))
         if changes < max(3.0, _OPERATOR * n):
@@ -133,6 +136,27 @@ def steps(x: np.ndarray, other: np.ndarray) -> float:
     """
     unit = written_unit(x, other)
     return lattice(x, unit) or unit
+
+
+def resolution(record: LoopRecord, flags: Mapping[str, Flag]) -> tuple[float, float]:
+    """Return what an archive hides of OP (its unit), and of PV as a share of its range: deviation of exceptions, or steps.
+
+    Examples
+    --------
+    >>> op = np.repeat([50.0, 52.0, 50.0, 52.0], 50)
+    >>> resolution(LoopRecord(op, op, 1.0, notes=("archive: OP holds its last stored value in 90% of 200 samples",)), {})
+    (2.0, 0.0)
+    """
+    hidden = {"op": 0.0, "pv": 0.0}
+    for name in hidden:
+        x = getattr(record, name)
+        if any(note.startswith(f"archive: {name.upper()} holds") for note in record.notes):
+            changes = np.abs(np.diff(x))
+            # what is stored has moved by more than the deviation: the smallest changes come nearest to it
+            hidden[name] = float(np.quantile(changes[changes > 0.0], 0.1)) if np.any(changes > 0.0) else 0.0
+        if f"quantised_{name}" in flags:
+            hidden[name] = max(hidden[name], steps(x, record.pv if name == "op" else record.op))
+    return hidden["op"], hidden["pv"] / (float(np.ptp(record.pv)) or 1.0)
 
 
 def saturation(op: np.ndarray, pv: np.ndarray, percent: np.ndarray | None = None) -> tuple[float, float]:

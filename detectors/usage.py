@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import os
+import shlex
 import sys
 import tempfile
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from detectors.errors import UserError, masked
+from detectors.records.roles import column_pairs
 
 LOG = "simbench-fault-"  # begins the name of a fault's log, in the system's folder of temporary files
 RAISED = "SIMBENCH_RAISE"  # set where tests run: a fault of the program is a traceback there, no sentence
@@ -18,8 +20,8 @@ LOGS = 20  # kept there, the newest
 _LONGEST = 950  # characters of a sentence; of a longer one its beginning and its end are said
 
 
-def exit_code(work: Callable[[], int | None], *known: type[Exception]) -> int:
-    """Run a command and return its exit code.
+def exit_code(work: Callable[[], int | None], *known: type[Exception], command: Sequence[str] = ()) -> int:
+    """Run a command and return its exit code; a refusal that options would help ends with the command that has them.
 
     Examples
     --------
@@ -31,7 +33,8 @@ def exit_code(work: Callable[[], int | None], *known: type[Exception]) -> int:
     try:
         return int(work() or 0)
     except (UserError, *known) as error:
-        return complain(str(error))
+        cure = getattr(error, "cure", "")
+        return complain(f"{error.sentence}; try: {cured(command, cure)}" if cure and command else str(error))
     except MemoryError:
         return complain("not enough memory for this; ask for fewer samples or scenarios")
     except BrokenPipeError:
@@ -52,6 +55,30 @@ def exit_code(work: Callable[[], int | None], *known: type[Exception]) -> int:
         return int(stop.code or 0) if stop.code in (None, 0, 1) else 2
     except Exception as error:
         return complain(_fault(error))
+
+
+def cured(command: Sequence[str], cure: str) -> str:
+    """Return a command with further options, in place of its own of the same names.
+
+    Examples
+    --------
+    >>> cured(["simbench", "detect", "a.csv", "--tag", "X"], "--tag FIC101")
+    'simbench detect a.csv --tag FIC101'
+    """
+    option, *values = shlex.split(cure)
+    words, old, at = [], [], 0
+    while at < len(command):
+        name, equals, value = command[at].partition("=")
+        if name != option:
+            words.append(command[at])
+            at += 1
+            continue
+        old += [value] if equals else command[at + 1 : at + 1 + len(values)]
+        at += 1 if equals else 1 + len(values)
+    if option == "--columns":
+        both = (column_pairs(old) or {}) | (column_pairs(values) or {})
+        values = [",".join(f"{role}={name}" for role, name in both.items())]
+    return shlex.join([*words, option, *values])
 
 
 def complain(sentence: str) -> int:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from detectors.usage import exit_code as of_detectors
 from scenarios.errors import SpecError
 
 
-def exit_code(work: Callable[[], int | None]) -> int:
+def exit_code(work: Callable[[], int | None], command: Sequence[str] = ()) -> int:
     """Run a command and return its exit code, as `detectors.usage.exit_code`; the errors of loop files are known too.
 
     Examples
@@ -16,4 +16,4 @@ def exit_code(work: Callable[[], int | None]) -> int:
     >>> exit_code(lambda: None), exit_code(lambda: 1)
     (0, 1)
     """
-    return of_detectors(work, SpecError)
+    return of_detectors(work, SpecError, command=command)

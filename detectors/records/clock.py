@@ -11,8 +11,19 @@ import numpy as np
 
 from detectors.errors import RecordError
 
-_DATES = ("%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%Y/%m/%d", "%d-%b-%Y", "%d-%m-%Y", "%d-%b-%y", "%d/%m/%y", "%m/%d/%y")
+_DATES = (
+    "%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%Y/%m/%d", "%d-%b-%Y", "%d-%m-%Y", "%d-%b-%y", "%d/%m/%y", "%m/%d/%y", "%d.%m.%y",
+    "%Y-%m-%d", "%d %b %Y", "%Y.%m.%d", "%b %d, %Y", "%Y年%m月%d日", "%m-%d-%Y", "%a %b %d %Y",
+)  # fmt: skip
 _CLOCKS = ("%H:%M:%S", "%I:%M:%S %p", "%H:%M:%S.%f", "%I:%M:%S.%f %p", "%H:%M", "%I:%M %p")
+_CLOCK = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2})(?:[.,](\d{1,6}))?)?(?: ([AaPp][Mm]))?")
+_ZONE = re.compile(r"\s*(?:UTC|GMT|Z|CET|CEST|MEZ|MESZ)$|\s+[+-]\d\d:?\d\d$")
+# months of other languages, by their first letters without accents
+_MONTHS = {
+    "janv": "Jan", "ene": "Jan", "gen": "Jan", "fev": "Feb", "mar": "Mar", "mrz": "Mar", "maerz": "Mar", "avr": "Apr",
+    "abr": "Apr", "mai": "May", "mag": "May", "juin": "Jun", "giu": "Jun", "juil": "Jul", "lug": "Jul", "aou": "Aug",
+    "ago": "Aug", "set": "Sep", "sept": "Sep", "okt": "Oct", "ott": "Oct", "dez": "Dec", "dic": "Dec", "déc": "Dec",
+}  # fmt: skip
 _UNITS = {
     "s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3, "milliseconds": 1e-3, "us": 1e-6,
     "min": 60.0, "mins": 60.0, "minute": 60.0, "minutes": 60.0, "h": 3600.0, "hr": 3600.0, "hour": 3600.0, "hours": 3600.0,
@@ -21,6 +32,7 @@ _UNITS = {
 _EPOCHS = ((1e17, 1e-9, "nanoseconds"), (1e14, 1e-6, "microseconds"), (1e11, 1e-3, "milliseconds"))
 _SHEET_DAYS = (25_000.0, 80_000.0)  # days since 1900 in which a spreadsheet counts the years 1968 to 2119
 _MATLAB_DAYS = (718_000.0, 774_000.0)  # days since year 0 in which MATLAB counts the years 1965 to 2119
+_LONG = 5000  # rows from which a column of time stamps is read as a whole
 _DAY_STEP, _SECOND_STEP = 0.002, 0.2  # steps below the first are days (173 s), above the second seconds; between: refused
 
 
@@ -32,8 +44,9 @@ def seconds(
     unit: str = "",
     place: Callable[[int], str] = lambda row: f"line {row + 2}",
     notes: list[str] | None = None,
+    again: bool = False,
 ) -> np.ndarray:
-    """Return a time column in seconds, from numbers or time stamps.
+    """Return a time column in seconds, from numbers or time stamps; falling where the newest stands first.
 
     Examples
     --------
@@ -55,11 +68,16 @@ def seconds(
     if bad.size:
         given = str(values[bad[0]]).strip()[:60]
         raise RecordError(f"{where}, {place(bad[0])}: {name} is {given!r}; every sample needs its time, a finite one")
-    back = np.flatnonzero(np.diff(t) <= 0)
+    step = np.diff(t)
+    if t.size > 2 and np.all(step <= 0 if again else step < 0) and t[0] > t[-1]:
+        said.append(f"time: {name} falls; read from its end")
+        return t
+    back = np.flatnonzero(step < 0 if again else step <= 0)
     if back.size:
         was, now = values[back[0]], values[back[0] + 1]
-        said = f"{name} does not rise ({was}, then {now}); every sample needs a later time"
-        raise RecordError(f"{where}, {place(back[0] + 1)}: {said}")
+        why = f"{name} does not rise ({was}, then {now}); every sample needs a later time"
+        usual = float(np.median(step))
+        raise RecordError(f"{where}, {place(back[0] + 1)}: {why}", f"--ts {usual:g}" if usual > 0 and not again else "")
     return t
 
 
@@ -77,7 +95,7 @@ def _counted(t: np.ndarray, unit: str, name: str, where: str, notes: list[str]) 
     for least, size, word in _EPOCHS:
         if finite.min() > least:
             notes.append(f"time: {name} counts {word} since 1970")
-            return (t - finite[0]) * size
+            return t / round(1.0 / size)
     step = float(np.median(np.diff(finite)))
     for (first, last), whose in ((_SHEET_DAYS, "of a spreadsheet"), (_MATLAB_DAYS, "of MATLAB")):
         if first < finite.min() and finite.max() < last and 0 < step < _SECOND_STEP:
@@ -95,11 +113,20 @@ def _forms() -> list[str]:
 
 def _read(texts: list[str], unit: str, name: str, where: str, place: Callable[[int], str], notes: list[str]) -> np.ndarray:
     """Read a column of texts: as a whole it decides between numbers, day first and month first."""
+    texts = [_ZONE.sub("", text) for text in texts] if _ZONE.search(texts[0] if texts else "") else texts
+    if texts and re.search(r"[^\W\d_]{3,}", texts[0]):
+        texts = [re.sub(r"[^\W\d_]{3,}\.?", _month, text) for text in texts]
     plain = list(takewhile(lambda x: x is not None, (_time(text, "number") for text in texts)))
     if len(plain) == len(texts):
         return _counted(np.array(plain, dtype=float), unit, name, where, notes)
     furthest, whole = len(plain), {}
     for form in [f for f in _forms() if _time(texts[0], f) is not None]:
+        fast = _at_once(texts, form)
+        if fast is not None:
+            whole[form] = fast
+            if form == "iso":
+                break  # no other form begins with the year and a dash
+            continue
         t = list(takewhile(lambda x: x is not None, (_time(text, form) for text in texts)))
         furthest = max(furthest, len(t))
         if len(t) == len(texts):
@@ -119,15 +146,60 @@ def _likeliest(whole: dict[str, np.ndarray], name: str, where: str, notes: list[
     if others:
         largest = [float(np.diff(rising[f]).max()) for f in (form, others[0])]
         if largest[0] > 0.1 * largest[1]:
-            raise RecordError(f"{where}: {name} can be read as {form} and as {others[0]}; write dates as 2024-05-31")
+            said = f"{where}: {name} can be read as {form} and as {others[0]}; write dates as 2024-05-31"
+            raise RecordError(said, f"--ts {float(np.median(np.diff(rising[form]))):g}")
         notes.append(f"time: {name} read as {form}, as any other order of day and month leaves holes of days")
     return rising[form]
+
+
+def _month(found: re.Match) -> str:
+    word = found[0].rstrip(".").lower()
+    return next((m for begins, m in _MONTHS.items() if word.startswith(begins) and word not in ("march", "may")), found[0])
+
+
+def _at_once(texts: list[str], form: str) -> np.ndarray | None:
+    """Read a long column as a whole where that is the same as cell by cell; None where it cannot be."""
+    if len(texts) < _LONG:
+        return None
+    if form == "iso":
+        import pandas as pd
+
+        try:
+            stamps = pd.to_datetime(pd.Series(texts), format="ISO8601", utc=True)
+        except (ValueError, OverflowError):
+            return None
+        return stamps.to_numpy(dtype="datetime64[ns]").astype(np.int64) * 1e-9
+    date = form.rpartition(" %I" if "%I" in form else " %H")[0]
+    if not date:
+        return None
+    # a date stands on thousands of lines; no lists of parts, of which a million would keep the garbage collector busy
+    cut = [t.rfind(" ", 0, t.rfind(" ") if "%p" in form else None) for t in texts]
+    days = [text[:c] for text, c in zip(texts, cut, strict=True)]
+    times = [text[c + 1 :] for text, c in zip(texts, cut, strict=True)]
+    of_day = {d: _time(f"{d} {times[0]}", form) for d in set(days)}
+    of_time = {c: _of_day(c, form) for c in set(times)}
+    if None in of_day.values() or None in of_time.values():
+        return None
+    first = of_time[times[0]]
+    return np.array([of_day[d] for d in days]) + (np.array([of_time[c] for c in times]) - first)
+
+
+def _of_day(text: str, form: str) -> float | None:
+    """Return the seconds of a time of day, None where it is of another form."""
+    found = _CLOCK.fullmatch(text)
+    if found is None or any(bool(found[k]) != (part in form) for k, part in ((3, "%S"), (4, "%f"), (5, "%p"))):
+        return None
+    hour, minute, second = int(found[1]), int(found[2]), int(found[3] or 0)
+    if minute > 59 or second > 59 or hour > 23 or (found[5] and not 1 <= hour <= 12):
+        return None
+    hour = hour % 12 + 12 * (found[5].upper() == "PM") if found[5] else hour
+    return 3600.0 * hour + 60.0 * minute + second + (float(f"0.{found[4]}") if found[4] else 0.0)
 
 
 def _time(text: str, form: str) -> float | None:
     try:
         if form == "number":
-            return float(text.replace(",", "."))
+            return float(text.replace(",", ".")) if "_" not in text else None
         if form == "iso":
             stamp = datetime.fromisoformat(text)
         else:

@@ -60,7 +60,7 @@ def whole(t: np.ndarray, signals: dict[str, np.ndarray | None], Ts: float, where
         notes.insert(0, f"gaps: {bridged} of {grid.size} samples missing, bridged by straight lines")
     if grid.size < size:
         part = f"the longest part without a hole of more than {BRIDGED}"
-        notes.insert(0, f"gaps: judged samples {lo} to {hi} of {size}, {part}")
+        notes.insert(0, f"gaps: judged samples {lo} to {hi} of {size} ({grid.size / size:.0%}), {part}")
     if uneven:
         notes.append(f"gaps: {uneven} of {dt.size} time steps differ from Ts = {Ts:g} s by more than {JITTER:.0%}")
     return grid * Ts, out, tuple(notes)

@@ -4,14 +4,28 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
 from detectors.errors import RecordError
-from detectors.records.roles import QUALITY, SIGNAL_WORDS, SIGNALS, TAG_COLUMNS, TIME_NAMES, VALUES, ends_with, unit, words
+from detectors.record import LoopRecord
+from detectors.records.roles import (
+    PARAMETER_COLUMNS,
+    QUALITY,
+    QUALITY_OF,
+    SIGNALS,
+    TAG_COLUMNS,
+    TIME_NAMES,
+    VALUES,
+    ends_with,
+    parse,
+    plain,
+    unit,
+)
 from detectors.records.tables import Sheet
 
+_LONG = 5000  # cells from which a column of numbers is read as a whole
 _NEEDED = "a number, or nothing for unknown, is needed"
 # what stands in place of a number when there is none
 _NO_VALUE = {
@@ -20,10 +34,15 @@ _NO_VALUE = {
     "out of serv", "no sample", "not connect", "over range", "under range", "digital state", "nan", "null", "none", "n/a",
     "#n/a", "na", "-", "--", "---", "?", "1.#qnan", "-1.#ind", "1.#inf",
 }  # fmt: skip
-_GOOD, _BAD = {"good", "g", "ok", "valid", "true"}, {"bad", "b", "invalid", "false"}
-_UNSURE = {"uncertain", "questionable", "doubtful", "u", "substituted", "annotated"}
+_GOOD = {"good", "g", "ok", "valid", "true", "gut", "bon", "bonne", "buena", "bueno", "buono", "好", "良好", "正常"}
+_BAD = {"bad", "b", "invalid", "false", "schlecht", "mauvais", "mauvaise", "mala", "malo", "cattivo", "坏", "差", "错误"}
+_UNSURE = {"uncertain", "questionable", "doubtful", "u", "substituted", "annotated", "unsicher", "incertain", "不确定"}
+_FIRST_SURE = ("opcquality", "qstatus", "qlevel")  # where a historian writes several, these have one meaning
 _MILLIAMPERE = (4.0, 20.0)
-_OTHER_SPANS = {"v", "volt", "bar", "mbar", "kpa", "psi", "psig", "mm", "deg", "rpm", "hz"}
+_OTHER_SPANS = {"v", "volt", "bar", "mbar", "kpa", "psi", "psig", "mm", "deg", "rpm", "hz", "counts"}
+_CURRENT = (3.5, 20.6)  # what an output of 4 to 20 mA may read
+_LIKELY_SPANS = {"v": "1 5", "volt": "1 5", "bar": "0.2 1", "mbar": "200 1000", "kpa": "20 100", "psi": "3 15", "psig": "3 15"}
+_COUNTS = ((1023.0, "0 1023"), (4095.0, "0 4095"), (27648.0, "0 27648"), (32767.0, "0 32767"), (65535.0, "0 65535"))
 _SENTINELS = (-99999.0, -9999.0, -999.25, -999.0, 9999.0, 99999.0)
 _POINT = re.compile(r"[+-]?(\d+|\d{1,3}(,\d{3})+)?(\.\d*)?(e[+-]?\d+)?", re.IGNORECASE)
 _APART = re.compile(r"(?<=\d)[\u00a0\u202f' ](?=\d{3})")  # what stands between thousands
@@ -47,7 +66,7 @@ def is_head(cells: Sequence[str], chosen: Mapping[str, str]) -> bool:
 def take_units(sheet: Sheet, chosen: Mapping[str, str]) -> dict[str, str]:
     """Take rows of units or descriptions off the head of a table and return the units of its columns."""
     units = {name: unit(name) for name in sheet.columns}
-    time = chosen.get("t") or next((n for n in sheet.columns if ends_with(n, TIME_NAMES) is not None), None)
+    time = chosen.get("t") or next((n for n in sheet.columns if ends_with(n, TIME_NAMES) is not None or plain(n) == "t"), None)
     if not all(isinstance(c, list) for c in sheet.columns.values()):
         return units  # columns of numbers have no room for texts
     for _ in range(3):
@@ -72,8 +91,25 @@ def op_span(unit_of_op: str, known: object, where: str, notes: list[str]) -> tup
         notes.append("unit: OP is in mA, 4 to 20 mA taken as 0 to 100 %")
         return _MILLIAMPERE
     if unit_of_op in _OTHER_SPANS:
-        raise RecordError(f"{where}: OP is in {unit_of_op!r}; say which values mean 0 and 100 % (op_span)")
+        said = f"{where}: OP is in {unit_of_op!r}; which values mean 0 and 100 % is needed (op_span)"
+        raise RecordError(said, f"--op-span {_LIKELY_SPANS.get(unit_of_op, '0 100')}")
     return None
+
+
+def open_span(record: LoopRecord) -> list[str]:
+    """Return what must be said of an OP whose unit nothing tells: mA and counts look like numbers of any kind."""
+    if record.op_span is not None:
+        return []
+    lo, hi = float(record.op.min()), float(record.op.max())
+    runs = f"unit: OP runs from {lo:.4g} to {hi:.4g}"
+    if record.op_share:
+        return [f"{runs}: if that is a share of 1, add --op-span 0 1"]
+    if record.op_percent is None:
+        likely = next((span for top, span in _COUNTS if hi <= top and lo >= 0), f"{lo:.4g} {hi:.4g}")
+        return [f"{runs}, which is no %: S and J are in OP units; for % of travel add --op-span {likely}"]
+    if _CURRENT[0] <= lo < hi <= _CURRENT[1]:
+        return [f"{runs}, taken as %; if it is in mA, sizes are 6.25 times as large: add --op-span 4 20"]
+    return []
 
 
 def read_numbers(sheet: Sheet, names: Sequence[str], where: str) -> dict[str, np.ndarray]:
@@ -85,6 +121,9 @@ def read_numbers(sheet: Sheet, names: Sequence[str], where: str) -> dict[str, np
     >>> read_numbers(sheet, ["pv"], "FIC101.csv")["pv"], sheet.notes
     (array([1.5 ,  nan, 2.25]), ["status: 1 cells of pv say 'Bad' and count as missing"])
     """
+    quick = _plain_numbers(sheet, names)
+    if quick is not None:
+        return quick
     texts = {n: [_bare(v) for v in sheet.columns[n]] for n in names if not _is_numeric(sheet.columns[n])}
     out: dict[str, np.ndarray] = {n: np.asarray(sheet.columns[n], dtype=np.float64) for n in names if n not in texts}
     for name, column in texts.items():
@@ -100,20 +139,44 @@ def read_numbers(sheet: Sheet, names: Sequence[str], where: str) -> dict[str, np
         if infinite.size:
             row = int(infinite[0])
             raise RecordError(f"{where}, {sheet.place(row)}: {name} is infinite ({_cell(sheet, name, row)}); {_NEEDED}")
-        _refuse_sentinels(x, name, where)
+        out[name] = _without_sentinels(x, name, sheet)
     return out
 
 
-def apply_quality(sheet: Sheet, roles: Mapping[str, str], signals: Mapping[str, np.ndarray], where: str) -> None:
-    """Blank the samples that a quality column calls bad."""
-    for name, cells in sheet.columns.items():
-        about = ends_with(name, QUALITY)
-        if about is None or name in roles.values():
+def _plain_numbers(sheet: Sheet, names: Sequence[str]) -> dict[str, np.ndarray] | None:
+    """Return long columns of finite numbers with a point that nothing else can be; None where they need a closer look."""
+    out = {}
+    for name in names:
+        cells = sheet.columns[name]
+        if len(cells) < _LONG or _is_numeric(cells):
+            return None
+        try:
+            x = np.array(cells, dtype=np.float64)
+        except (TypeError, ValueError):
+            return None
+        marked = next((c for c in cells if "." in c), None)
+        if not np.isfinite(x).all() or (marked is not None and all(_GROUPS.fullmatch(c) for c in cells if "." in c)):
+            return None
+        out[name] = _without_sentinels(x, name, sheet)
+    return out
+
+
+def apply_quality(
+    sheet: Sheet, roles: Mapping[str, str], signals: Mapping[str, np.ndarray], where: str, chosen: Mapping[str, str]
+) -> None:
+    """Blank the samples that a quality column calls bad; of several about one signal, by the one of known meaning."""
+    if chosen.get(QUALITY_OF, "").lower() == "none":
+        return
+    about = {n: a for n in sheet.columns if n not in roles.values() and (a := ends_with(n, QUALITY)) is not None}
+    if QUALITY_OF in chosen:
+        about = {n: [] for n in sheet.columns if n == chosen[QUALITY_OF]}
+    for name, words in about.items():
+        if any(_sure(other) and not _sure(name) and about[other] in ([], words) for other in about):
             continue
-        mine = [r for r in signals if not about or means(" ".join(about), r) or words(roles[r]) == about]
+        mine = [r for r in signals if not words or _about(words, roles[r], r)]
         if not mine:
             continue
-        bad, unsure, understood = _judged(cells, name, where)
+        bad, unsure, understood = _judged(sheet.columns[name], name, where, _wonderware(sheet.columns))
         if not understood:
             sheet.notes.append(f"quality: column {name!r} is not understood and counts for nothing")
         for role in mine if bad.any() else ():
@@ -124,17 +187,39 @@ def apply_quality(sheet: Sheet, roles: Mapping[str, str], signals: Mapping[str, 
             sheet.notes.append(f"quality: {unsure} samples that {name!r} calls uncertain are kept")
 
 
-def long_columns(names: Sequence[str]) -> tuple[str, str, str] | None:
-    """Return which columns of a long table are time, tag and value, None where it is not long."""
-    low = {str(n).strip().lower().replace("_", " "): n for n in names}
+def _sure(name: str) -> bool:
+    return plain(name).replace("_", " ").split()[-1] in _FIRST_SURE or plain(name).endswith("opcquality")
+
+
+def _wonderware(names: Iterable[str]) -> bool:
+    """Whether a table is one of Wonderware, whose Quality is 0 where it is good."""
+    return any(plain(n) in ("vvalue", "qualitydetail", "opcquality") or plain(n).startswith("ww") for n in names)
+
+
+def _about(words: Sequence[str], column: str, role: str) -> bool:
+    """Whether a quality's name speaks of a signal: of its column, its loop, or the signal itself."""
+    said = parse(".".join(words))
+    mine = parse(column)
+    return said.role == role and said.loop in ((), mine.loop) if said.role else tuple(words) == mine.loop
+
+
+def long_columns(names: Sequence[str]) -> tuple[str, list[str], str] | None:
+    """Return which columns of a long table are time, tag (with what names its signal apart) and value; None: not long."""
+    low = {re.sub(r"^ip trend ", "", plain(n).replace("_", " ").strip()): n for n in names}
+    spaced = {" ".join(parse(n).loop) if parse(n).role is None else plain(n): n for n in names}
+    low = {**spaced, **low}
     parts = [next((low[w] for w in among if w in low), None) for among in (TIME_NAMES, TAG_COLUMNS, VALUES)]
-    return None if None in parts else (str(parts[0]), str(parts[1]), str(parts[2]))
+    if parts[0] is None:
+        parts[0] = next((n for n in names if ends_with(n, TIME_NAMES) is not None), None)
+    if None in parts or len(set(parts)) < 3:
+        return None
+    extra = next((low[w] for w in PARAMETER_COLUMNS if w in low and low[w] not in parts), None)
+    return str(parts[0]), [str(parts[1]), *([extra] if extra else [])], str(parts[2])
 
 
 def means(name: str, role: str) -> bool:
     """Whether a column's name says that it is this signal."""
-
-    return ends_with(name, SIGNAL_WORDS[role]) is not None
+    return parse(name).role == role
 
 
 def _bare(value: object) -> str:
@@ -214,32 +299,45 @@ def _value(text: str, comma: bool, row: int, name: str, sheet: Sheet, where: str
         raise RecordError(f"{where}, {sheet.place(row)}: {name} is {text!r}; {_NEEDED}") from None
 
 
-def _refuse_sentinels(x: np.ndarray, name: str, where: str) -> None:
+def _without_sentinels(x: np.ndarray, name: str, sheet: Sheet) -> np.ndarray:
+    """Count as missing the numbers far from all others that historians write for no data."""
     known = x[np.isfinite(x)]
     for sentinel in _SENTINELS:
         rest = known[known != sentinel]
         if rest.size > 2 and rest.size < known.size and np.abs(rest - sentinel).min() > 10.0 * max(np.ptp(rest), 1.0):
-            count, lo, hi = known.size - rest.size, rest.min(), rest.max()
-            raise RecordError(
-                f"{where}: {name} is {sentinel:g} in {count} samples and {lo:g} to {hi:g} otherwise; "
-                "if that means no data, leave these cells empty"
-            )
+            sheet.notes.append(f"status: {known.size - rest.size} cells of {name} hold {sentinel:g} and count as missing")
+            return np.where(x == sentinel, np.nan, x)
+    return x
 
 
-def _judged(cells: Sequence[object], name: str, where: str) -> tuple[np.ndarray, int, bool]:
+def _judged(cells: Sequence[object], name: str, where: str, inverted: bool) -> tuple[np.ndarray, int, bool]:
     """Return which samples are bad, how many unsure, and whether the column speaks of quality at all."""
-    texts = ["" if c is None else str(c).strip().lower() for c in cells]
-    kinds = set(texts) - {""}
-    codes = {t for t in kinds if re.fullmatch(r"\d+(\.0)?", t)}
-    if codes and codes == kinds:
-        numbers = [int(float(t)) if t else 192 for t in texts]
-        if max(numbers) < 192 or max(numbers) > 255:
-            raise RecordError(
-                f"{where}: quality {name!r} holds {sorted(codes)[0]}; 0 to 255 with 192 as good is known, or words"
-            )
-        return np.array([q < 64 for q in numbers]), sum(64 <= q < 192 for q in numbers), True
-    odd = sorted(kinds - _GOOD - _BAD - _UNSURE)
-    if odd and len(odd) < len(kinds):
-        raise RecordError(f"{where}: quality {name!r} says {odd[0]!r}; known: good, bad, uncertain")
-    bad = np.array([t in _BAD for t in texts], dtype=bool)
-    return bad & (not odd), 0 if odd else sum(t in _UNSURE for t in texts), not odd
+    texts = ["" if c is None or c != c else plain(c) for c in cells]
+    words = {t: _word(t) for t in set(texts)}
+    kinds = set(words.values()) - {""}
+    if kinds and all(isinstance(k, int) for k in kinds):
+        codes = np.array([192 if words[t] == "" else words[t] for t in texts], dtype=int)
+        last = plain(name).replace("_", " ").split()[-1]
+        if last in ("validity", "confidence") or (max(kinds) <= 1 and 1 in kinds and not inverted and last == "qlevel"):
+            return codes == 0, 0, True
+        if inverted and not _sure(name) and last != "detail" and "detail" not in last:
+            return (codes == 1) | (codes == 24), int(np.isin(codes, (16, 133)).sum()), True
+        if max(kinds) < 192:
+            said = f"{where}: quality {name!r} holds {min(kinds)}; 0 to 255 with 192 as good is known, or words"
+            raise RecordError(said, "--columns quality=none")
+        codes &= 255  # OPC UA and historians keep more above the lowest byte
+        return codes < 64, int(((codes >= 64) & (codes < 192)).sum()), True
+    odd = sorted(t for t, k in words.items() if t and k not in _GOOD | _BAD | _UNSURE)
+    if odd and len(odd) < len(set(texts) - {""}):
+        said = f"{where}: quality {name!r} says {odd[0]!r}; known: good, bad, uncertain"
+        raise RecordError(said, "--columns quality=none")
+    bad = np.array([words[t] in _BAD for t in texts], dtype=bool)
+    return bad & (not odd), 0 if odd else sum(words[t] in _UNSURE for t in texts), not odd
+
+
+def _word(text: str) -> str | int:
+    """Return the code in a cell of quality, or its first word: "Good, Non-specific", "192 (Good)"."""
+    code = re.match(r"\d+(?=(\.0)?(\s*[(\[].*)?$)", text)
+    if code:
+        return int(code[0])
+    return re.split(r"[\s,;:(\[_-]", text, maxsplit=1)[0]

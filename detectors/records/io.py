@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,14 +15,30 @@ from detectors.record import KIND_ALIASES, KINDS, MOST_OUTSIDE, PROCESSES, LoopR
 from detectors.records.archive import Series, base_step, hold, stored_on_change
 from detectors.records.clock import seconds
 from detectors.records.gaps import BRIDGED, JITTER, MOST_MISSING, whole
-from detectors.records.historian import apply_quality, is_head, op_span, read_numbers, take_units
+from detectors.records.historian import apply_quality, is_head, op_span, open_span, read_numbers, take_units
 from detectors.records.long_table import read_series, unfold
-from detectors.records.roles import SIGNALS, TIME_NAMES, find_roles, shown, words
-from detectors.records.tables import Sheet, read_sheet, read_table
+from detectors.records.loop_table import read_loop_table
+from detectors.records.mode import AUTO, CAS, MAN, mode
+from detectors.records.roles import (
+    CLOCKS,
+    DATES,
+    MODE,
+    SIGNALS,
+    TIME_NAMES,
+    find_loops,
+    find_time,
+    no_column,
+    parse,
+    plain,
+    several_loops,
+    unit,
+)
+from detectors.records.tables import BLANK, Sheet, read_sheet, read_table
 
 _RECORD_LABELS = ("stiction", "no_stiction", "unknown")
 # what a loop without stiction may be said to have instead; more words may follow ("tuning problem")
 _CAUSES = ("tuning", "disturbance", "load", "interaction", "sensor", "nonlinearity", "quantisation", "healthy", "other")
+_EPOCH = 1e8  # s since 1970 from which a time is one of the calendar
 RECORD_FILES = (".csv", ".txt", ".parquet", ".xlsx")  # what is read of a folder
 
 
@@ -30,8 +46,11 @@ def read_record(
     path: str | Path,
     *,
     columns: Mapping[str, str] | None = None,
+    tag: str | None = None,
     loop: str | None = None,
     Ts: float | None = None,
+    loops: str | Path | None = None,
+    automatic: bool = True,
     **about: Any,
 ) -> LoopRecord:
     """Read one loop record from a file.
@@ -39,15 +58,22 @@ def read_record(
     Parameters
     ----------
     path : str or Path
-        CSV, .parquet, .xlsx or ISDB .mat, wide (a column per signal) or long (time, tag, value).
+        CSV, .parquet, .xlsx or ISDB .mat: a column per signal, a row per time and tag, or a column of times per signal.
     columns : dict of role to column name, optional
-        Which column (long: tag) holds `t`, `sp`, `op`, `pv`, `mv`, where the names do not say so.
+        Which column (long: tag) holds `t`, `sp`, `op`, `pv`, `mv`, `mode`, where the names do not say so; `quality="none"`
+        reads no quality.
+    tag : str, optional
+        Of a file with several loops the one to read: "FIC101", "[default]Unit1/FIC101", of a .mat file "sector.loopN".
     loop : str, optional
-        "sector.loopN" of a .mat file; of a table with several loops the first words of its columns ("FIC101").
+        The same as `tag`.
     Ts : float, optional
         Sampling period (s), in place of the time column.
+    loops : str or Path, optional
+        A table of loops (TOML) that says of the tag what the caller does not, see `detectors.records.loop_table`.
+    automatic : bool
+        Where the controller's mode is recorded, return the longest stretch in automatic.
     **about
-        Other fields of the record: process, kind, op_span, pv_span, tag, meta.
+        Other fields of the record: process, kind, op_span, pv_span, meta.
 
     Returns
     -------
@@ -59,8 +85,9 @@ def read_record(
     Raises
     ------
     RecordError
-        In one sentence: missing, empty or binary file, no PV or OP column, or several, text where a number should be (with
-        its line), what can be read in two ways, time that does not rise, more than 20 % missing, fewer than 3 samples.
+        In one sentence that ends with the options that help: missing, empty or binary file, no PV or OP column, or several
+        loops, text where a number should be (with its line), what can be read in two ways, time that does not rise, more
+        than 20 % missing, fewer than 3 samples.
 
     Examples
     --------
@@ -72,29 +99,54 @@ def read_record(
     (2.0, [1.0, 1.2, 1.4, 1.5, 1.6], ('gaps: 1 of 5 samples missing, bridged by straight lines',))
     """
     path = Path(path)
-    if path.suffix.lower() == ".mat":
-        from detectors.records.isdb import read_loop
+    wanted = tag if tag is not None else loop
+    given = {"columns": columns, "Ts": Ts, **about}
+    for row in read_loop_table(loops) if loops is not None else []:
+        if (wanted is None and row.get("file", path.name) == path.name) or row["tag"] == wanted:
+            given = {**row, **{k: v for k, v in given.items() if v is not None}}
+            wanted = wanted if wanted is not None else row["tag"]
+            break
+    if given.get("columns") and not columns:
+        wanted = None  # what names its columns needs no tag in them
+    records, refused = _of_file(path, wanted, automatic=automatic, single=True, **_told({}, given))
+    if refused:
+        raise next(iter(refused.values()))
+    return next(iter(records.values()))
 
-        columns_of, found = read_loop(path, loop)
-        sheet, loop = Sheet(columns_of), None
-    else:
-        sheet, found = read_sheet(path, lambda cells: is_head(cells, columns or {})), {}
-    found.update({k: v for k, v in about.items() if v is not None})
-    found.setdefault("tag", path.stem)
-    Ts = Ts if Ts is not None else found.pop("Ts", None)
-    try:
-        return _record(sheet, columns or {}, loop, Ts, found, str(path))
-    except RecordError as error:
-        raise error if str(path) in str(error) else RecordError(f"{path}: {error}") from None
+
+def read_records(
+    path: str | Path, *, tag: str | None = None, loops: str | Path | None = None, **given: Any
+) -> tuple[dict[str, LoopRecord], dict[str, str]]:
+    """Read every loop of a file: records by tag, and of what is refused the sentence."""
+    path = Path(path)
+    if loops is None:
+        records, refused = _of_file(path, tag, **given)
+        if not records:
+            raise next(iter(refused.values()))
+        return records, {name: str(error) for name, error in refused.items()}
+    records, said = {}, {}
+    for row in read_loop_table(loops):
+        if row.get("file", path.name) != path.name or (tag is not None and row["tag"] != tag):
+            continue
+        try:  # what names its columns needs no tag in them
+            found, not_read = _of_file(path, None if "columns" in row else row["tag"], single=True, **_told(row, given))
+            if not_read:
+                raise next(iter(not_read.values()))
+            records[row["tag"]] = replace(next(iter(found.values())), tag=row["tag"])
+        except RecordError as error:
+            said[row["tag"]] = str(error)
+    return records, said
 
 
 def read_folder(
     path: str | Path,
     names: Iterable[str] | None = None,
     each: Mapping[str, Mapping[str, Any]] | None = None,
+    loops: str | Path | None = None,
+    tag: str | None = None,
     **about: Any,
 ) -> tuple[dict[str, LoopRecord], dict[str, str]]:
-    """Read every loop record of a folder, or every loop of an ISDB .mat file."""
+    """Read every loop of a folder, of a file with several, or of an ISDB .mat file."""
     path = Path(path)
     given = {k: v for k, v in about.items() if v is not None}
     if path.suffix.lower() == ".mat":
@@ -102,20 +154,73 @@ def read_folder(
 
         sources = {name: (path, name) for name in read_loops(path)}
     elif path.is_dir():
-        sources = {f.stem: (f, None) for f in sorted(path.iterdir()) if f.suffix.lower() in RECORD_FILES}
+        sources = {f.stem: (f, tag) for f in sorted(path.iterdir()) if f.suffix.lower() in RECORD_FILES}
+    elif path.is_file():
+        sources = {path.stem: (path, tag)}
     else:
         raise RecordError(f"folder {path} does not exist")
-    wanted = sources if names is None else [n for n in sources if n in set(names)]
-    records, refused = {}, {}
-    for name in wanted:
-        file, loop = sources[name]
-        try:
-            records[name] = read_record(file, loop=loop, **{**(each or {}).get(name, {}), **given})
-        except RecordError as error:
-            refused[name] = str(error)
+    wanted = None if names is None else set(names)
+    records: dict[str, LoopRecord] = {}
+    refused: dict[str, str] = {}
+    for name, (file, own) in sources.items():
+        asked = wanted is None or loops is not None or any(w == name or w.startswith(f"{name} ") for w in wanted)
+        if not asked and len(sources) > 1:
+            continue
+        found, not_read = _of_source(file, own, loops, {**(each or {}).get(name, {}), **given})
+        several = len(found) + len(not_read) > 1
+        for into, what in ((records, found), (refused, not_read)):
+            for label, value in what.items():
+                key = name if not several and loops is None else label if path.is_file() or loops else f"{name} {label}"
+                into[key if key not in into else f"{name} {label}"] = value  # pyright: ignore[reportArgumentType]
+    if wanted is not None:
+        records = {n: r for n, r in records.items() if n in wanted}
     if not records:
         first = next(iter(refused.values()), "it holds no .csv, .parquet, .xlsx or .mat file")
         raise RecordError(f"{path}: no loop record found ({first})")
+    return records, refused
+
+
+def _of_source(file: Path, tag: str | None, loops: str | Path | None, given: dict[str, Any]):
+    try:
+        return read_records(file, tag=tag, loops=loops, **given)
+    except RecordError as error:
+        return {}, {file.stem: str(error)}
+
+
+def _told(row: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a table of loops says of one, under what the caller says."""
+    both = {**row, **{k: v for k, v in given.items() if v is not None}}
+    return {k: v for k, v in both.items() if k not in ("tag", "file", "label", "loop", "unit_group")}
+
+
+def _of_file(
+    path: Path, tag: str | None, *, columns: Mapping[str, str] | None = None, Ts: float | None = None, single: bool = False,
+    automatic: bool = True, **about: Any,
+) -> tuple[dict[str, LoopRecord], dict[str, RecordError]]:  # fmt: skip
+    """Return the records of a file by tag, and what was refused; of `single` only one is asked for."""
+    about = {k: v for k, v in about.items() if v is not None}
+    chosen, where = dict(columns or {}), str(path)
+    if path.suffix.lower() == ".mat":
+        from detectors.records.isdb import read_loop
+
+        cells, found = read_loop(path, tag)
+        Ts = Ts if Ts is not None else found.pop("Ts", None)
+        table = _Opened(Sheet(cells), {}, None, where)
+        made = _record(table, find_loops(list(cells), chosen, where)[""], chosen, Ts, {**found, **about}, where, automatic)
+        return {made.tag: made}, {}
+    table = _opened(path, chosen)
+    names = list(table.parts or table.sheet.columns)
+    loops = find_loops(names, chosen, where, tag)
+    if single and len(loops) > 1:
+        raise several_loops(loops, where)
+    records, refused = {}, {}
+    for name, roles in loops.items():
+        label = name if len(loops) > 1 or tag is not None else path.stem
+        try:
+            own = {"tag": label or path.stem, **about}
+            records[label] = _record(table.own(), roles, chosen, Ts, own, where, automatic)
+        except RecordError as error:
+            refused[label] = error if where in str(error) else RecordError(f"{where}: {error.sentence}", error.cure)
     return records, refused
 
 
@@ -151,19 +256,55 @@ def _label(text: str, where: str) -> str:
     return word
 
 
-def _record(sheet: Sheet, chosen: Mapping[str, str], loop: str | None, Ts: float | None, about: dict, where: str) -> LoopRecord:
+@dataclass
+class _Opened:
+    """A file's table with the units of its columns and, where signals have times of their own, a part per tag."""
+
+    sheet: Sheet
+    units: dict[str, str]
+    parts: dict[str, Sheet] | None
+    where: str
+
+    def own(self) -> _Opened:
+        """Return the same with notes of its own, for one of several loops."""
+        parts = None if self.parts is None else {name: replace(p, notes=[]) for name, p in self.parts.items()}
+        return replace(self, sheet=replace(self.sheet, notes=[*self.sheet.notes]), parts=parts)
+
+
+def _opened(path: Path, chosen: Mapping[str, str]) -> _Opened:
+    sheet = read_sheet(path, lambda cells: is_head(cells, chosen))
+    units = take_units(sheet, chosen)
+    return _Opened(sheet, units, unfold(sheet), str(path))
+
+
+def _record(
+    table: _Opened, roles: dict[str, str], chosen: Mapping[str, str], Ts: float | None, about: dict, where: str, automatic: bool
+) -> LoopRecord:
     if Ts is not None and not 0 < Ts < np.inf:
         raise RecordError(f"{where}: Ts = {Ts} s; the sampling period must be a number above 0")
-    parts = unfold(sheet, loop, chosen, where)
-    if parts is None:
-        t, signals = _wide(sheet, chosen, loop, Ts, about, where)
+    sheet = table.sheet
+    _required(roles, list(table.parts or sheet.columns), where)
+    modes = None
+    if table.parts is None:
+        t, signals, modes = _wide(table, roles, chosen, Ts, about, where)
         given = Ts
     else:
-        _required(list(parts), list(dict.fromkeys(str(v) for c in parts.values() for v in list(c.columns)[1:2])), where)
-        t, signals, given = _long(parts, Ts, where)
+        parts = {role: table.parts[name] for role, name in roles.items()}
+        span = op_span(unit(roles["op"]), about.get("op_span"), where, sheet.notes)
+        about |= {} if span is None else {"op_span": span}
+        t, signals, given = _long({r: p for r, p in parts.items() if r != MODE}, chosen, Ts, where)
+        if MODE in parts:
+            when, said = read_series(parts[MODE], MODE, where, chosen)
+            at = np.searchsorted(when, t, side="right") - 1
+            modes = np.where(at >= 0, said[np.maximum(at, 0)], "")
         sheet.notes += [note for part in parts.values() for note in part.notes]
     if t.size < 3:
         raise RecordError(f"{where}: {t.size} samples; at least 3 are needed")
+    if modes is not None and automatic:
+        t, signals, share = _automatic(t, signals, modes, roles[MODE], sheet.notes)
+        if share is not None:
+            about = {**about, "meta": {"automatic": share, **about.get("meta", {})}}
+    began = float(t[0])
     series = {r: (t[np.isfinite(x)], x[np.isfinite(x)]) for r, x in signals.items() if np.isfinite(x).any()}
     if given is None and _on_change(t, series):
         t, signals, Ts, notes = hold(series, base_step(t), where)
@@ -173,8 +314,36 @@ def _record(sheet: Sheet, chosen: Mapping[str, str], loop: str | None, Ts: float
     else:
         Ts = float(np.median(np.diff(t))) if given is None else float(given)
         t, signals, notes = whole(t, signals, Ts, where)
+    if began > _EPOCH:  # events are shared by records of the same time only
+        about = {**about, "meta": {"start": float(t[0]) + (0.0 if t[0] >= began else began), **about.get("meta", {})}}
     record = LoopRecord(Ts=Ts, notes=(*sheet.notes, *notes), **signals, **about)
-    return replace(record, notes=(*record.notes, *_outside(record, where)))
+    return replace(record, notes=(*record.notes, *open_span(record), *_outside(record, where)))
+
+
+def _automatic(t: np.ndarray, signals: dict[str, np.ndarray], modes: np.ndarray, name: str, notes: list[str]):
+    """Return the longest stretch in automatic or cascade, and say what share of the record either is."""
+    known = np.flatnonzero(modes != "")
+    if not known.size:
+        notes.append(f"mode: {name!r} is not understood and counts for nothing")
+        return t, signals, None
+    # a historian stores a mode when it changes
+    last = np.maximum.accumulate(np.where(modes != "", np.arange(modes.size), known[0]))
+    held = modes[last]
+    share = {m: float(np.mean(held == m)) for m in (AUTO, CAS, MAN)}
+    said = ", ".join(f"{m} {s:.0%}" for m, s in share.items() if s > 0)
+    on = np.concatenate([[0], (held != MAN).astype(int), [0]])
+    begins, ends = np.flatnonzero(np.diff(on) == 1), np.flatnonzero(np.diff(on) == -1)
+    if share[MAN] == 0.0:
+        notes.append(f"mode: {said} of {held.size} samples")
+        return t, signals, 1.0
+    if not begins.size or (ends - begins).max() < 3:
+        notes.append(f"mode: {said}: the controller is never in automatic, which says nothing about cycles")
+        return t, signals, 0.0
+    k = int(np.argmax(ends - begins))
+    a, b = int(begins[k]), int(ends[k])
+    part = f"judged samples {a} to {b - 1} of {held.size} ({(b - a) / held.size:.0%}), the longest stretch in automatic"
+    notes.append(f"mode: {said}; {part}")
+    return t[a:b], {role: x[a:b] for role, x in signals.items()}, 1.0 - share[MAN]
 
 
 def _outside(record: LoopRecord, where: str) -> list[str]:
@@ -192,50 +361,53 @@ def _outside(record: LoopRecord, where: str) -> list[str]:
     return said
 
 
-def _wide(sheet: Sheet, chosen: Mapping[str, str], loop: str | None, Ts: float | None, about: dict, where: str):
-    """Read a table with a column per signal: times and signals as they stand in it, NaN where unknown."""
-    units = take_units(sheet, chosen)
-    roles = find_roles(list(sheet.columns), chosen, where, loop)
-    _required(list(roles), list(sheet.columns), where)
+def _wide(table: _Opened, roles: dict[str, str], chosen: Mapping[str, str], Ts: float | None, about: dict, where: str):
+    """Read a table with a column per signal: times, signals and modes as they stand in it, NaN where unknown."""
+    sheet, units = table.sheet, table.units
     sheet.notes += [
         f"columns: {role.upper()} is {name!r}"
         for role, name in roles.items()
-        if role != "t" and role not in chosen and words(name)[-1:] != [role]
+        if role not in (MODE, *chosen) and parse(name).rank
     ]
     read = read_numbers(sheet, [roles[s] for s in SIGNALS if s in roles], where)
     signals = {s: read[roles[s]] for s in SIGNALS if s in roles}
-    apply_quality(sheet, roles, signals, where)
+    apply_quality(sheet, roles, signals, where, chosen)
     span = op_span(units.get(roles["op"], ""), about.get("op_span"), where, sheet.notes)
     if span is not None:
         about["op_span"] = span
     n = signals["pv"].size
     if n < 3:
         raise RecordError(f"{where}: {n} samples; at least 3 are needed")
+    modes = mode(sheet.columns[roles[MODE]]) if MODE in roles else None
     if Ts is not None:
-        return np.arange(n) * float(Ts), signals
-    if "t" not in roles:
+        return np.arange(n) * float(Ts), signals, modes
+    name = find_time(list(sheet.columns), chosen, where)
+    if name is None:
         names = ", ".join(TIME_NAMES[:6])
-        raise RecordError(f"{where}: no time column ({names}) and no sampling period Ts given; either is needed")
-    name = roles["t"]
-    cells = _with_date(sheet, name)
-    return seconds(cells, name, where, unit=units.get(name, ""), place=sheet.place, notes=sheet.notes), signals
+        raise RecordError(f"{where}: no time column ({names}) and no sampling period Ts given; either is needed", "--ts 1")
+    t = seconds(_with_date(sheet, name), name, where, unit=units.get(name, ""), place=sheet.place, notes=sheet.notes)
+    if t[0] > t[-1]:
+        t, signals = t[::-1], {role: x[::-1] for role, x in signals.items()}
+        modes = None if modes is None else modes[::-1]
+    return t, signals, modes
 
 
 def _with_date(sheet: Sheet, name: str):
     """Join a column of dates and one of clock times."""
-    low = {str(n).strip().lower(): n for n in sheet.columns}
+    low = {plain(n): n for n in sheet.columns}
     cells = sheet.columns[name]
-    if not {"date", "time"} <= set(low) or not isinstance(cells, list):
+    date, clock = (next((low[w] for w in among if w in low), None) for among in (DATES, CLOCKS))
+    if date is None or clock is None or not isinstance(cells, list):
         return cells
-    if name != low["date"] and any(mark in str(c) for c in cells[:1] for mark in "-/"):
+    if name != date and any(mark in str(c) for c in cells[:1] for mark in "-/."):
         return cells  # it holds the date already
-    dates, clocks = sheet.columns[low["date"]], sheet.columns[low["time"]]
+    dates, clocks = sheet.columns[date], sheet.columns[clock]
     return [f"{str(d).split(' ')[0]} {c}" for d, c in zip(dates, clocks, strict=True)]
 
 
-def _long(parts: Mapping[str, Sheet], Ts: float | None, where: str):
+def _long(parts: Mapping[str, Sheet], chosen: Mapping[str, str], Ts: float | None, where: str):
     """Put the tags of a long table side by side; returns also the sampling period, where it was needed to do so."""
-    series = {role: read_series(part, role, where) for role, part in parts.items()}
+    series = {role: read_series(part, role, where, chosen) for role, part in parts.items()}
     for role in ("op", "pv"):
         if series[role][0].size < 3:
             raise RecordError(f"{where}: {series[role][0].size} samples of {role.upper()}; at least 3 are needed")
@@ -250,7 +422,9 @@ def _long(parts: Mapping[str, Sheet], Ts: float | None, where: str):
         return times, signals, None
     uneven = [r for r in ("op", "pv") if not _regular(series[r][0]) and not stored_on_change(*series[r])]
     if Ts is None and uneven:
-        raise RecordError(f"{where}: times of {' and '.join(uneven).upper()} are uneven; say which sampling period Ts to use")
+        usual = float(np.median(np.diff(series["pv"][0])))
+        said = f"{where}: times of {' and '.join(uneven).upper()} are uneven; say which sampling period Ts to use"
+        raise RecordError(said, f"--ts {usual:.3g}")
     t, signals, step, notes = hold(series, Ts, where)
     parts["pv"].notes += notes or ["archive: OP and PV have times of their own; OP is the last value before each PV"]
     return t, signals, step
@@ -286,11 +460,10 @@ def _on_change(t: np.ndarray, series: Mapping[str, Series]) -> bool:
     return bool(sparse) and all(stored_on_change(*series[role]) for role in sparse)
 
 
-def _required(roles: list[str], names: list[str], where: str) -> None:
+def _required(roles: Mapping[str, str], names: list[str], where: str) -> None:
     for role in ("pv", "op"):
         if role not in roles:
-            hint = "; MV may be the controller's output: then say so (columns op=MV)" if role == "op" and "mv" in roles else ""
-            raise RecordError(f"{where}: no {role.upper()} column; columns are: {shown(names)}{hint}")
+            raise no_column(role, roles, [n for n in names if not n.startswith(BLANK)], where)
 
 
 def _hyphens(word: str) -> str:

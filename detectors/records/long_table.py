@@ -1,43 +1,106 @@
-"""Long tables, as historians export several tags: one row per time, tag and value."""
+"""Tables whose signals have times of their own: one row per time, tag and value, or a column of times beside every signal."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
 from detectors.records.clock import seconds
 from detectors.records.historian import apply_quality, long_columns, means, read_numbers
-from detectors.records.roles import QUALITY, SIGNALS, ends_with, find_roles
-from detectors.records.tables import Sheet
+from detectors.records.mode import mode
+from detectors.records.roles import QUALITY, SIGNALS, ends_with, is_quality, is_time, parse
+from detectors.records.tables import BLANK, Sheet
+
+_STAMP = re.compile(r"\d{1,4}[-/.]\w{1,9}[-/.]\d{2,4}|\d:\d\d")
+_TIME = "t"  # the column of times in a part
 
 
-def unfold(sheet: Sheet, loop: str | None, chosen: Mapping[str, str], where: str) -> dict[str, Sheet] | None:
-    """Take a long table (time, tag, value) apart."""
+def unfold(sheet: Sheet) -> dict[str, Sheet] | None:
+    """Take a table apart whose signals have times of their own, tag by tag; None where they share one."""
     names = list(sheet.columns)
     found = long_columns(names)
-    if found is None or {"pv", "op"} <= {r for r in SIGNALS for n in names if means(n, r)}:
-        return None
-    time, tag, value = found
-    tags = [str(v).strip() for v in sheet.columns[tag]]
-    roles = find_roles(list(dict.fromkeys(tags)), {k: v for k, v in chosen.items() if k != "t"}, where, loop)
+    if found is not None and not {"pv", "op"} <= {r for r in SIGNALS for n in names if means(n, r)}:
+        return _long(sheet, *found)
+    return _paired(sheet)
+
+
+def read_series(
+    part: Sheet, role: str, where: str, chosen: Mapping[str, str], Ts: float | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the times (s) and values of one tag, what is missing left out; of a mode the words in place of numbers."""
+    name = next(n for n in part.columns if n != _TIME and not is_quality(n))
+    t = seconds(part.columns[_TIME], f"time of {name}", where, place=part.place, notes=part.notes, again=True)
+    if role == "mode":
+        cells = mode(part.columns[name])
+        return (t, cells) if t[0] <= t[-1] else (t[::-1], cells[::-1])
+    signal = {role: read_numbers(part, [name], where)[name]}
+    apply_quality(part, {role: name}, signal, where, chosen)
+    x = signal[role]
+    if t.size and t[0] > t[-1]:
+        t, x = t[::-1], x[::-1]
+    known = np.isfinite(x)
+    last = np.append(np.diff(t) > 0, True)  # of two values at one time the later one holds
+    return t[known & last], x[known & last]
+
+
+def _long(sheet: Sheet, time: str, tags: list[str], value: str) -> dict[str, Sheet]:
+    cells = [sheet.columns[name] for name in tags]
+    own = [str(v).strip() for v in cells[0]]
+    if len(tags) > 1 and not {"pv", "op"} <= {parse(n).role for n in set(own)}:
+        own = [f"{a}.{str(b).strip()}" for a, b in zip(own, cells[1], strict=True)]
+    rows: dict[str, list[int]] = {}
+    for i, name in enumerate(own):
+        rows.setdefault(name, []).append(i)
+    others = [n for n in sheet.columns if ends_with(n, QUALITY) is not None and n not in (time, value, *tags)]
     parts = {}
-    others = [n for n in names if ends_with(n, QUALITY) is not None]
-    for role in (r for r in SIGNALS if r in roles):
-        rows = [i for i, t in enumerate(tags) if t == roles[role]]
-        lines = [sheet.lines[i] for i in rows] if sheet.lines else []
-        columns = {new: [sheet.columns[old][i] for i in rows] for new, old in (("t", time), (roles[role], value))}
-        if others:
-            columns["quality"] = [sheet.columns[others[0]][i] for i in rows]
-        parts[role] = Sheet(columns, lines, sheet.delimiter)
+    for name, mine in rows.items():
+        pick = _picker(mine)
+        columns = {_TIME: pick(sheet.columns[time]), name or "value": pick(sheet.columns[value])}
+        columns |= {n: pick(sheet.columns[n]) for n in others}
+        parts[name] = Sheet(columns, pick(sheet.lines) if sheet.lines else [], sheet.delimiter)
     return parts
 
 
-def read_series(part: Sheet, role: str, where: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return the times (s) and values of one tag of a long table, what is missing left out."""
-    name = next(n for n in part.columns if n not in ("t", "quality"))
-    signal = {role: read_numbers(part, [name], where)[name]}
-    apply_quality(part, {role: name}, signal, where)
-    t = seconds(part.columns["t"], f"time of {name}", where, place=part.place, notes=part.notes)
-    known = np.isfinite(signal[role])
-    return t[known], signal[role][known]
+def _picker(rows: list[int]) -> Callable:
+    index = np.array(rows)
+    return lambda cells: cells[index] if isinstance(cells, np.ndarray) else [cells[i] for i in rows]
+
+
+def _paired(sheet: Sheet) -> dict[str, Sheet] | None:
+    """Take apart a table that has a column of times before every signal, as PI DataLink writes compressed data."""
+    names = list(sheet.columns)
+    times = [n for n in names if _holds_times(sheet, n)]
+    parts: dict[str, Sheet] = {}
+    for time in times:
+        at = names.index(time) + 1
+        value = names[at] if at < len(names) and names[at] not in times else None
+        if value is None:
+            return None
+        name = next((n for n in (value, time) if parse(n).role is not None), None)
+        if name is None:
+            name = next((".".join(found) for n in (time,) if (found := _before_time(n)) and parse(".".join(found)).role), None)
+        if name is None or name in parts:
+            return None
+        cells, when = sheet.columns[value], sheet.columns[time]
+        there = [i for i, c in enumerate(when) if str(c if c is not None else "").strip() not in ("", "NaT")]
+        pick = _picker(there)
+        columns = {_TIME: pick(when), name: pick(cells)}
+        after = names[at + 1] if at + 1 < len(names) else ""
+        if is_quality(after):
+            columns[after] = pick(sheet.columns[after])
+        parts[name] = Sheet(columns, pick(sheet.lines) if sheet.lines else [], sheet.delimiter)
+    return parts if len(parts) > 1 and {"pv", "op"} <= {parse(n).role for n in parts} else None
+
+
+def _before_time(name: str) -> list[str] | None:
+    return ends_with(name, ("timestamp", "time", "zeit", "zeitstempel", "datum", "date", "t"))
+
+
+def _holds_times(sheet: Sheet, name: str) -> bool:
+    cells = sheet.columns[name]
+    if isinstance(cells, np.ndarray):
+        return cells.dtype.kind == "M"
+    first = next((str(c).strip() for c in cells if c not in (None, "")), "")
+    return bool(_STAMP.search(first)) or (is_time(name) and not name.startswith(BLANK))

@@ -3,59 +3,274 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from shlex import quote
 
 from detectors.errors import RecordError, nearest
 
 SIGNALS = ("sp", "op", "pv", "mv")
-TIME_NAMES = ("t_s", "t", "time", "timestamp", "datetime", "date time", "date", "time stamp")
-# other words for a signal, as the last words of a column's name; CV and MV mean different things in different plants
+MODE, QUALITY_OF = "mode", "quality"
+_ROLES = ("t", *SIGNALS, MODE)
+TIME_NAMES = (
+    "t s", "t", "time", "timestamp", "datetime", "date time", "date", "time stamp", "t stamp", "time string", "date and time",
+    "zeitstempel", "zeit", "zeitpunkt", "datum", "datum uhrzeit", "uhrzeit", "datum zeit", "horodatage", "date heure", "heure",
+    "temps", "marca de tiempo", "fecha hora", "fecha y hora", "fecha", "hora", "tiempo", "ora",
+    "时间戳", "时间", "日期时间", "日期",
+)  # fmt: skip
+DATES, CLOCKS = ("date", "datum", "fecha", "日期"), ("time", "uhrzeit", "zeit", "heure", "hora", "ora", "时间")
+# other words for a signal, its own first; CV and MV mean different things in different plants. Accents are left out
 SIGNAL_WORDS = {
-    "pv": ("pv", "meas", "measurement", "process value", "process variable"),
-    "op": ("op", "out", "output", "co"),
-    "sp": ("sp", "spt", "sv", "setpoint", "set point"),
-    "mv": ("mv", "valve position"),
-}
-QUALITY = ("quality", "status", "qual", "validity")
-TAG_COLUMNS = ("tag", "tagname", "tag name", "point", "point name", "variable", "name")
-VALUES = ("value", "val")
-_VALUE_SUFFIX = ("cv", "value", "val")  # of a control system's parameter: FIC101/PID1/PV.CV
-_PHRASES = {w for among in (*SIGNAL_WORDS.values(), TIME_NAMES, TAG_COLUMNS) for w in among if " " in w}
+    "pv": ("pv", "meas", "measurement", "measured value", "process value", "process variable", "pv in", "istwert", "ist",
+           "regelgrosse", "regelgroesse", "mesure", "valeur mesuree", "medida", "medicion", "valor medido", "valor de proceso",
+           "variable de proceso", "misura", "测量值", "测量", "过程值", "过程变量", "实际值", "被控变量"),
+    "op": ("op", "out", "output", "co", "controller output", "control output", "lmn", "stellgrosse", "stellgroesse",
+           "stellwert", "stellsignal", "reglerausgang", "ausgang", "sortie", "sortie regulateur", "commande", "salida",
+           "salida del controlador", "salida controlador", "uscita", "输出", "输出值", "控制器输出", "控制输出", "阀位指令"),
+    "sp": ("sp", "spt", "sv", "setpoint", "set point", "setpt", "sollwert", "soll", "fuhrungsgrosse", "fuehrungsgroesse",
+           "consigne", "consigna", "punto de consigna", "设定值", "设定", "给定值", "给定"),
+    "mv": ("mv", "valve position", "position", "ventilstellung", "stellungsruckmeldung", "ruckmeldung", "rueckmeldung",
+           "position vanne", "posicion valvula", "posicion de valvula", "阀位反馈", "阀位", "阀门开度"),
+    MODE: ("mode", "controller mode", "modus", "betriebsart", "modo", "模式"),
+}  # fmt: skip
+QUALITY = (
+    "quality", "opcquality", "opc quality", "quality detail", "data quality", "status", "qual", "validity", "qstatus", "qlevel",
+    "confidence", "qualitat", "qualitaet", "qualite", "calidad", "qualita", "质量", "状态",
+)  # fmt: skip
+TAG_COLUMNS = (
+    "tag", "tagname", "tag name", "point", "point name", "pointname", "variable", "name", "varname", "var name", "item id",
+    "itemid", "item", "object", "tag path", "path", "series", "metric", "node id", "nodeid", "measurement", "data source",
+    "messstelle", "repere", "etiqueta", "nombre", "标签", "标签名", "位号", "点名",
+)  # fmt: skip
+PARAMETER_COLUMNS = ("field", "parameter", "attribute", "property", "signal", "merkmal", "parametre", "parametro", "参数")
+VALUES = ("value", "val", "var value", "varvalue", "wert", "messwert", "valeur", "valor", "值", "数值")
+# behind a signal's name: FIC101/PID1/PV.CV, FIC101.PV.Value, MODE.ACTUAL
+_VALUE_SUFFIX = ("cv", "value", "val", "f", "actual", "current", "raw", "avg", "mean", "last", "average", "wert")
+_UNITS = {
+    "pct", "percent", "prozent", "%", "kpa", "mpa", "hpa", "pa", "bar", "barg", "mbar", "psi", "psig", "degc", "degf",
+    "m3h", "m3hr", "kgh", "kghr", "nm3h", "lpm", "gpm", "lmin", "mm", "cm", "ma", "v", "volt", "counts", "cnt", "ppm", "rpm",
+    "celsius", "hz", "mmhg", "scfm", "kgs", "tph", "th", "c", "m",
+}  # fmt: skip
+_SAME_UNIT = {"pct": "%", "percent": "%", "prozent": "%", "cnt": "counts", "raw": "counts"}
+_APART = re.compile(r"[./:\\|;=,@#\s_\-\u2013>]+")
 
 
-def find_roles(names: Sequence[str], chosen: Mapping[str, str], where: str, loop: str | None = None) -> dict[str, str]:
-    """Return which column plays which role.
+@dataclass(frozen=True)
+class Name:
+    """A column's name taken apart: the words of its loop, the signal, and how surely it is that one."""
+
+    loop: tuple[str, ...]
+    role: str | None
+    unit: str
+    rank: int  # 0 the signal's own word, 1 another word for it
+    loose: bool  # joined by an underscore to a word without a digit: n_pv may be something else
+
+
+def plain(text: object) -> str:
+    """Return a text in small letters without accents.
 
     Examples
     --------
-    >>> find_roles(["Time", "FIC101.MEAS", "FIC101.OUT (%)"], {}, "a.csv")
-    {'t': 'Time', 'op': 'FIC101.OUT (%)', 'pv': 'FIC101.MEAS'}
+    >>> plain("Stellgröße"), plain("Qualité")
+    ('stellgrosse', 'qualite')
     """
-    roles = {}
-    for role, name in chosen.items():
-        role = "t" if role in TIME_NAMES else role
-        if role not in ("t", *SIGNALS):
-            raise RecordError(f"{where}: column mapping for {role!r}; {nearest(role, ('t', *SIGNALS))}")
+    bare = unicodedata.normalize("NFKD", str(text).strip())
+    return "".join(c for c in bare if not unicodedata.combining(c)).casefold()
+
+
+@lru_cache(4096)
+def parse(name: str) -> Name:
+    """Take the name of a column apart.
+
+    Examples
+    --------
+    >>> parse("[default]Unit1/FIC101/PV").loop, parse("op_pct").unit, parse("PV_FIC101").role
+    (('default', 'unit1', 'fic101'), '%', 'pv')
+    """
+    parts, unit_of = _parts(name), _bracket(name)
+    if not unit_of and len(parts) > 1 and parts[-1] in _UNITS and _ending(parts[:-1])[0]:
+        unit_of, parts = parts[-1], parts[:-1]
+    elif len(parts) > 2 and "".join(parts[-2:]) in _UNITS and _ending(parts[:-2])[0]:
+        unit_of, parts = "".join(parts[-2:]), parts[:-2]
+    unit_of = _SAME_UNIT.get(unit_of, unit_of)
+    role, size, rank = _ending(parts)
+    if role is not None:
+        loop = parts[: len(parts) - size]
+        loose = bool(loop) and not any(c.isdigit() for w in loop for c in w) and bool(re.search(r"[_\-]\w+\W*$", str(name)))
+        return Name(tuple(loop), role, unit_of, rank, loose)
+    for role, among in SIGNAL_WORDS.items():  # the signal may stand first: PV_FIC101
+        for rank, phrase in enumerate(among):
+            size = len(phrase.split())
+            if parts[:size] == phrase.split() and any(c.isdigit() for w in parts[size:] for c in w):
+                return Name(tuple(parts[size:]), role, unit_of, min(rank, 1), False)
+    return Name(tuple(parts), None, unit_of, 1, False)
+
+
+def _parts(name: object) -> list[str]:
+    """Return the words of a name, whatever separates them, without what stands in brackets behind them."""
+    text = str(name).strip()
+    lead = re.match(r"\[([^\]]*)\](?=.)", text)
+    rest = re.sub(r"[\[(][^\])]*[\])]?", " ", text[lead.end() :] if lead else text)
+    rest = re.sub(r"(?<=[a-zà-ÿ]{2})(?=[A-Z][a-z])", " ", rest)  # SetPoint
+    parts = [p for p in _APART.split(plain(f"{lead[1]} {rest}" if lead else rest)) if p]
+    if parts and parts[-1].endswith("%") and len(parts[-1]) > 1:
+        parts[-1:] = [parts[-1][:-1], "%"]
+    glued = re.fullmatch(r"(.*\d)(pv|op|sp|sv|mv|mode)", parts[-1]) if parts else None
+    counted = re.fullmatch(r"(pv|op|sp|sv|mv|out|mode)(\d{1,4})", parts[0]) if len(parts) == 1 else None
+    if glued:
+        return [*parts[:-1], *glued.groups()]
+    return [*reversed(counted.groups())] if counted else parts
+
+
+def _ending(parts: Sequence[str]) -> tuple[str | None, int, int]:
+    """Return which signal some words end with, in how many of them, and whether by its own word (0) or another (1)."""
+    for cut in range(len(parts), 0, -1):
+        best: tuple[str | None, int, int] = (None, 0, 1)
+        for role, among in SIGNAL_WORDS.items():
+            for rank, phrase in enumerate(among):
+                said = phrase.split()
+                if list(parts[max(cut - len(said), 0) : cut]) == said and len(said) > best[1]:
+                    best = (role, len(said), min(rank, 1))
+        if best[0]:
+            return best[0], best[1] + len(parts) - cut, best[2]
+        if parts[cut - 1] not in _VALUE_SUFFIX:
+            break
+    return None, 0, 1
+
+
+def find_loops(
+    names: Sequence[str], chosen: Mapping[str, str], where: str, tag: str | None = None
+) -> dict[str, dict[str, str]]:
+    """Return the loops that columns hold, by tag, each with the column of every signal.
+
+    Examples
+    --------
+    >>> find_loops(["Time", "FIC101.MEAS", "FIC101.OUT (%)", "LIC7/PV", "LIC7/OP"], {}, "a.csv")
+    {'FIC101': {'op': 'FIC101.OUT (%)', 'pv': 'FIC101.MEAS'}, 'LIC7': {'op': 'LIC7/OP', 'pv': 'LIC7/PV'}}
+    """
+    fixed = _chosen(names, chosen, where)
+    groups: dict[tuple[str, ...], dict[str, list[str]]] = {}
+    for name in names:
+        said = parse(name)
+        if said.role is not None and name not in fixed.values():
+            groups.setdefault(said.loop, {}).setdefault(said.role, []).append(name)
+    if {"pv", "op"} & set(fixed):
+        return {"": _one(names, groups, fixed, where, tag)}
+    whole = {loop: found for loop, found in groups.items() if {"pv", "op"} <= set(found)}
+    if tag is not None:
+        whole = _tagged(whole, tag) or {}
+        if len(whole) > 1:
+            raise _several(whole, where)
+        if not whole:
+            mine = [n for n in names if _within(_tag_words(tag), parse(n).loop)]
+            if not mine:
+                raise _no_loop(names, groups, tag, where)
+            groups = {k: v for k, v in groups.items() if _within(_tag_words(tag), k)}
+    if len(whole) > 1:
+        sure = {loop: found for loop, found in whole.items() if not any(parse(n).loose for c in found.values() for n in c)}
+        whole = sure or whole
+    if not whole:
+        return {"": _one(names, groups, fixed, where, tag)}
+    if len(whole) == 1:
+        loop, found = next(iter(whole.items()))
+        return {_shown_tag(loop, found): _one(names, groups, fixed, where, tag, loop)}
+    return {_shown_tag(loop, found): _picked(found, fixed, where) for loop, found in whole.items()}
+
+
+def _chosen(names: Sequence[str], chosen: Mapping[str, str], where: str) -> dict[str, str]:
+    """Return the columns that the caller names, checked; the time and quality are others' business."""
+    roles: dict[str, str] = {}
+    for given, name in chosen.items():
+        role = "t" if plain(given).replace("_", " ") in TIME_NAMES else given
+        if role not in (*_ROLES, QUALITY_OF):
+            raise RecordError(f"{where}: column mapping for {role!r}; {nearest(role, (*_ROLES, QUALITY_OF))}")
+        if role in ("t", QUALITY_OF):
+            continue
         if name not in names:
             raise RecordError(f"{where}: no column {name!r} for {role}, {nearest(name, names)}")
         if name in roles.values():
             raise RecordError(f"{where}: column {name!r} is named for two roles; each needs a column of its own")
         roles[role] = name
-    mine = [n for n in names if loop is None or words(loop) == words(n)[: len(words(loop))]]
-    if loop is not None and not mine:
-        raise RecordError(f"{where}: no column of loop {loop!r}; columns are: {shown(names)}")
-    for role in ("t", *SIGNALS):
-        among = names if role == "t" else mine
-        found = _candidates(among, TIME_NAMES if role == "t" else SIGNAL_WORDS[role], role)
-        if role in roles or not found:
+    return roles
+
+
+def _picked(found: Mapping[str, list[str]], fixed: Mapping[str, str], where: str) -> dict[str, str]:
+    """Return one column per signal of one loop: of the signal's own word, else of another."""
+    roles = dict(fixed)
+    for role in (*SIGNALS, MODE):
+        among = found.get(role, [])
+        if role in roles or not among:
             continue
-        if len(found) > 1:
-            what = "the time" if role == "t" else role.upper()
-            raise RecordError(f"{where}: {' or '.join(found)} may be {what}; name the loop, or the columns")
-        roles[role] = found[0]
-    if "t" in roles and "t" not in chosen:
-        _one_time(names, roles["t"], where)
-    return {role: roles[role] for role in ("t", *SIGNALS) if role in roles}
+        exact = [n for n in among if plain(n) == role]
+        best = exact[:1] or [n for n in among if parse(n).rank == min(parse(m).rank for m in among)]
+        actual = [n for n in best if "actual" in plain(n)]
+        if len(best) > 1 and role == MODE and len(actual) == 1:
+            best = actual
+        if len(best) > 1:
+            raise RecordError(f"{where}: {' or '.join(best)} may be {role.upper()}; one is needed", _columns({role: best[0]}))
+        roles[role] = best[0]
+    return {role: roles[role] for role in (*SIGNALS, MODE) if role in roles}
+
+
+def _one(
+    names: Sequence[str], groups: Mapping[tuple[str, ...], dict[str, list[str]]], fixed: dict[str, str], where: str,
+    tag: str | None, loop: tuple[str, ...] | None = None,
+) -> dict[str, str]:  # fmt: skip
+    """Return the signals of the only loop: its own columns, then such as name no other loop."""
+    if loop is None and "pv" in fixed:
+        loop = parse(fixed["pv"]).loop
+    own = {role: [n for n in c if not parse(n).loose or loop] for role, c in groups.get(loop or (), {}).items()}
+    digits = _digits(loop or ())
+    for role in (*SIGNALS, MODE):
+        if own.get(role):
+            continue
+        others = [n for found in groups.values() for n in found.get(role, []) if not parse(n).loose]
+        if loop:  # FT101.PV, FV101.OUT and FIC101.SP are one loop; what names another number is another's
+            others = [n for n in others if not parse(n).loop or (digits and _digits(parse(n).loop) == digits)]
+        if others:
+            own[role] = others
+    roles = _picked(own, fixed, where)
+    loops = {role: parse(roles[role]).loop for role in ("pv", "op") if role in roles and role not in fixed}
+    if len(loops) == 2 and all(loops.values()) and tag is None and not _alike(*loops.values()):
+        raise RecordError(
+            f"{where}: {roles['pv']} and {roles['op']} name two loops; which is PV and which OP is needed", _columns(roles)
+        )
+    return roles
+
+
+def find_time(names: Sequence[str], chosen: Mapping[str, str], where: str) -> str | None:
+    """Return the column of time; None without one."""
+    given = next((n for r, n in chosen.items() if plain(r).replace("_", " ") in TIME_NAMES), None)
+    if given is not None:
+        if given not in names:
+            raise RecordError(f"{where}: no column {given!r} for t, {nearest(given, names)}")
+        return given
+    exact = [n for w in TIME_NAMES for n in names if plain(n).replace("_", " ") == w]
+    if exact:
+        first = exact[0]
+        others = [n for n in names if n not in exact and re.match(r"(date|time)", plain(n)) and not is_quality(n)]
+        if others and not re.fullmatch(r"time_ms", plain(others[0])):
+            said = f"{first!r} and {others[0]!r} may both be times; say which, or export one"
+            raise RecordError(f"{where}: {said}", _columns({"t": first}))
+        return first
+    found = [n for n in names if is_time(n)]
+    if len(found) > 1:
+        raise RecordError(f"{where}: {' or '.join(found)} may be the time; one is needed", _columns({"t": found[0]}))
+    return found[0] if found else None
+
+
+def is_time(name: str) -> bool:
+    """Whether a name is that of a time, with its unit behind an underscore or a tag before it."""
+    parts = _parts(name)
+    ends = any(parts[-len(w.split()) :] == w.split() for w in TIME_NAMES if w not in ("t", "t s"))
+    return ends or plain(name) in ("t", "t_s") or bool(re.fullmatch(r"(?:t|time)_[a-z]+", plain(name)))
+
+
+def is_quality(name: str) -> bool:
+    """Whether a name is that of a quality."""
+    return ends_with(name, QUALITY) is not None
 
 
 def column_pairs(texts: Sequence[str] | None) -> dict[str, str] | None:
@@ -67,7 +282,7 @@ def column_pairs(texts: Sequence[str] | None) -> dict[str, str] | None:
     {'op': 'OUT', 'pv': 'MEAS', 't': 'clock'}
     """
     pairs = {}
-    for text in (part.strip() for word in texts or [] for part in word.split(",")):
+    for text in (part.strip() for word in texts or [] for part in re.split(r",(?=\s*\w+\s*=)", word)):
         role, equals, name = text.partition("=")
         if not (role and equals and name):
             raise RecordError(f"--columns {text!r}: ROLE=NAME is needed, like op=FIC101.OUT")
@@ -77,34 +292,27 @@ def column_pairs(texts: Sequence[str] | None) -> dict[str, str] | None:
     return pairs or None
 
 
-def _one_time(names: Sequence[str], time: str, where: str) -> None:
-    """Refuse a table in which signals have times of their own, such as Timestamp, PV, Timestamp.1, OP."""
-    exact = {str(n) for n in names if str(n).strip().lower() in TIME_NAMES}
-    others = [n for n in names if n not in exact and n != time and re.match(r"(date|time)", str(n).strip().lower())]
-    others = [n for n in others if ends_with(n, QUALITY) is None]
-    if others:
-        raise RecordError(f"{where}: {time!r} and {others[0]!r} may both be times; say which (columns t=NAME), or export one")
-
-
-def words(name: str) -> list[str]:
-    """Return a name as its words in small letters, without unit and value suffix."""
-    bare = re.sub(r"\s*[\[(].*$", "", str(name).strip().lower())
-    parts = [p for p in re.split(r"[./:\\ ]+", bare) if p]
-    pieces = [p for p in re.split(r"[_\-]+", parts[-1]) if p] if parts else []
-    # FIC101_PV is PV of a tag, PV_Quality a signal's, set_point one word in two; n_pv is something else
-    tagged = any(c.isdigit() for p in [*parts[:-1], *pieces[:-1]] for c in p)
-    if tagged or " ".join(pieces) in _PHRASES or (pieces and pieces[-1] in (*QUALITY, *_VALUE_SUFFIX)):
-        parts = [*parts[:-1], *pieces]
-    return parts[:-1] if len(parts) > 1 and parts[-1] in _VALUE_SUFFIX else parts
+def no_column(role: str, roles: Mapping[str, str], names: Sequence[str], where: str) -> RecordError:
+    """Return the refusal of a table without a signal, with a column that may be it."""
+    said = f"{where}: no {role.upper()} column; columns are: {shown(names)}"
+    free = [n for n in names if n and n not in roles.values() and parse(n).role is None]
+    free = [n for n in free if not is_time(n) and not is_quality(n)]
+    if role == "op" and "mv" in roles:
+        said, free = f"{said}; MV may be the controller's output: then say so", [roles["mv"]]
+    if role == "op" and any(_parts(n)[-1:] == ["cv"] for n in free):
+        free = [n for n in free if _parts(n)[-1] == "cv"]
+    known = {r: n for r, n in roles.items() if r in ("pv", "op")}
+    other = {"pv": "op", "op": "pv"}[role]
+    if free and (other in known or len(free) > 1):
+        guess = {role: free[0]} | ({} if other in known else {other: free[1]})
+        return RecordError(said, _columns(known | guess))
+    return RecordError(said)
 
 
 def unit(name: str) -> str:
-    """Return what stands in brackets at the end of a name, or behind the last underscore of a time."""
-    found = re.search(r"[\[(]\s*([^\])]*?)\s*[\])]\s*$", str(name))
-    if found:
-        return found.group(1).lower()
-    tail = re.fullmatch(r"(?:t|time|timestamp|elapsed)_([a-z]+)", str(name).strip().lower())
-    return tail.group(1) if tail and tail.group(1) != "stamp" else ""
+    """Return the unit in a name: in brackets at its end, behind a signal, or behind the last underscore of a time."""
+    tail = re.fullmatch(r"(?:t|time|timestamp|elapsed)_([a-z]+)", plain(name))
+    return parse(name).unit or (tail.group(1) if tail and tail.group(1) not in ("stamp", "string") else "")
 
 
 def shown(names: Sequence[str]) -> str:
@@ -114,23 +322,72 @@ def shown(names: Sequence[str]) -> str:
 
 def ends_with(name: str, among: Sequence[str]) -> list[str] | None:
     """Return the words of a name before one of some endings, or None without one."""
-    parts = words(name)
-    for ending in (e.split() for e in among):
+    parts = _parts(name)
+    for ending in sorted((e.split() for e in among), key=len, reverse=True):
         if parts[-len(ending) :] == ending:
             return parts[: -len(ending)]
     return None
 
 
-def _candidates(names: Sequence[str], among: Sequence[str], role: str) -> list[str]:
-    """Return the columns that may play a role: of the exact name, else of the role's own word, else of another word."""
-    exact = [n for w in among for n in names if str(n).strip().lower() == w]
-    if exact and (role == "t" or str(exact[0]).strip().lower() == role):
-        return exact[:1]
-    if role == "t":
-        return [n for n in names if _unit_time(n) or ends_with(n, among) is not None]
-    return [n for n in names if ends_with(n, among[:1]) is not None] or [n for n in names if ends_with(n, among) is not None]
+def _bracket(name: object) -> str:
+    found = re.search(r"[\[(]\s*([^\])]*?)\s*[\])]\s*$", str(name))
+    return found.group(1).lower() if found else ""
 
 
-def _unit_time(name: str) -> bool:
-    """Whether a name is a time with its unit behind an underscore, like t_min."""
-    return bool(re.fullmatch(r"(?:t|time)_[a-z]+", str(name).strip().lower()))
+def _digits(words: Sequence[str]) -> str:
+    """Return the number of a tag: of the last word that has one."""
+    return next((found for w in reversed(words) if (found := "".join(c for c in w if c.isdigit()))), "")
+
+
+def _alike(one: Sequence[str], other: Sequence[str]) -> bool:
+    return tuple(one) == tuple(other) or (bool(_digits(one)) and _digits(one) == _digits(other))
+
+
+def _tag_words(tag: str) -> list[str]:
+    return _parts(tag)
+
+
+def _within(words: Sequence[str], loop: Sequence[str]) -> bool:
+    n = len(words)
+    return any(list(loop[i : i + n]) == list(words) for i in range(len(loop) - n + 1))
+
+
+def _tagged(whole: Mapping[tuple[str, ...], dict[str, list[str]]], tag: str) -> dict[tuple[str, ...], dict[str, list[str]]]:
+    words = _tag_words(tag)
+    for fits in (lambda k: list(k) == words, lambda k: list(k[-len(words) :]) == words, lambda k: _within(words, k)):
+        found = {k: v for k, v in whole.items() if fits(k)}
+        if found:
+            return found
+    return {}
+
+
+def _several(whole: Mapping[tuple[str, ...], dict[str, list[str]]], where: str) -> RecordError:
+    tags = [_shown_tag(loop, found) for loop, found in whole.items()]
+    return several_loops({tag: _picked(found, {}, where) for tag, found in zip(tags, whole.values(), strict=True)}, where)
+
+
+def several_loops(loops: Mapping[str, Mapping[str, str]], where: str) -> RecordError:
+    """Return the refusal of a file with several loops where one record is needed."""
+    ops = [roles["op"] for roles in loops.values()]
+    said = f"{' or '.join(ops[:2])} may be OP: {len(loops)} loops, {shown(list(loops))}; the tag of one is needed"
+    return RecordError(f"{where}: {said}", f"--tag {quote(next(iter(loops)))}")
+
+
+def _no_loop(names: Sequence[str], groups: Mapping, tag: str, where: str) -> RecordError:
+    whole = [_shown_tag(loop, found) for loop, found in groups.items() if {"pv", "op"} <= set(found)]
+    near = nearest(tag, whole) if whole else ""
+    close = re.findall(r"'([^']+)'", near) or whole
+    said = f"{where}: no column of loop {tag!r}; columns are: {shown(names)}"
+    return RecordError(said, f"--tag {quote(close[0])}" if close else "")
+
+
+def _shown_tag(loop: Sequence[str], found: Mapping[str, list[str]]) -> str:
+    """Return the tag of a loop as its columns write it."""
+    name = found["pv"][0]
+    lower, last = name.casefold(), (loop[-1] if loop else "")
+    at = lower.rfind(last)
+    return name[: at + len(last)].strip(" _-.") if last and at >= 0 and len(lower) == len(name) else " ".join(loop)
+
+
+def _columns(roles: Mapping[str, str]) -> str:
+    return "--columns " + quote(",".join(f"{role}={name}" for role, name in roles.items()))

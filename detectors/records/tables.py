@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import gc
+import re
 import zipfile
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -14,12 +16,14 @@ import numpy as np
 
 from detectors.errors import RecordError
 
+BLANK = "\0"  # begins the name of a column that has none
 MOST_ROWS = 1_000_000  # of a sheet
 MOST_UNPACKED = 300_000_000  # bytes of an Excel file's parts
 
 Columns = dict[str, list | np.ndarray]
 _DELIMITERS = ",;\t|"
 _PREAMBLE = 60  # lines in which the header is looked for
+_OFTEN = {"time", "timestamp", "datetime", "date", "quality", "status", "value", "zeit", "zeitstempel", "horodatage", "fecha"}
 
 
 @dataclass
@@ -75,7 +79,13 @@ def read_sheet(path: Path, is_head: Callable[[Sequence[str]], bool] = lambda cel
     except Exception as error:  # pandas passes on whatever its engine raises
         said = str(error).partition("\n")[0].partition(", you must")[0]  # advice to programmers
         raise RecordError(f"file {path} cannot be read as {suffix[1:]}: {said}; a whole file is needed") from error
-    return _csv(path, is_head)
+    collecting = gc.isenabled()
+    gc.disable()  # a million rows, none of them garbage, would be looked through again and again
+    try:
+        return _csv(path, is_head)
+    finally:
+        if collecting:
+            gc.enable()
 
 
 def _sheet(path: Path):
@@ -134,19 +144,20 @@ def _csv(path: Path, is_head: Callable[[Sequence[str]], bool]) -> Sheet:
     """Read text by the delimiter under which a line names the signals; pandas' sniffer guesses, and says nothing of it."""
     text, notes = _decoded(path)
     lines = text.splitlines()
-    start, head = 0, lines[0] if lines else ""
+    start, head, above = 0, lines[0] if lines else "", []
     delimiter = max(_DELIMITERS, key=head.count)
     for i, line in enumerate(lines[:_PREAMBLE]):
         fit = [d for d in _DELIMITERS if d in line and is_head(next(_cells(path, [line], d), ([], 0))[0])]
         if fit:
             start, delimiter = i, max(fit, key=line.count)
+            above = next(_cells(path, [lines[i - 1]], delimiter), ([], 0))[0] if i else []
             break
     rows, numbers = [], []
     for cells, line in _cells(path, lines[start:], delimiter):
         if cells and cells != [""]:
             rows.append(cells)
             numbers.append(start + line)
-    found = _table(path, rows, numbers, lambda cells: True)
+    found = _table(path, rows, numbers, lambda cells: True, above)
     skipped = sum(bool(line.strip()) for line in lines[:start])
     found.notes = notes + [f"file: {skipped} lines above the header left out"] * (skipped > 0)
     found.delimiter = delimiter
@@ -162,20 +173,32 @@ def _cells(path: Path, lines: list[str], delimiter: str) -> Iterator[tuple[list[
         raise RecordError(f"{path}, line {rows.line_num}: {error}; shorter cells are needed") from error
 
 
-def _table(path: Path, rows: list[list[str]], lines: list[int], is_head: Callable[[Sequence[str]], bool]) -> Sheet:
-    """Name the columns by the first row that does, else by the first row."""
+def _table(
+    path: Path, rows: list[list[str]], lines: list[int], is_head: Callable[[Sequence[str]], bool], above: Sequence[str] = ()
+) -> Sheet:
+    """Name the columns by the first row that does, else by the first row; a row of loops above it names them further."""
     start = next((i for i, row in enumerate(rows[:_PREAMBLE]) if is_head(row)), 0)
     names = [name.strip() for name in rows[start]] if rows else []
     while len(names) > 1 and not names[-1] and all(len(r) < len(names) or not r[len(names) - 1].strip() for r in rows[start:]):
         names.pop()
-    body, kept = [], []
-    for row, line in zip(rows[start + 1 :], lines[start + 1 :], strict=True):
+    over = rows[start - 1] if start else above
+    merged = _merged(names, [c.strip() for c in over])
+    names = _distinct(merged)
+    several_times = "" in names or names != merged
+    body, kept = rows[start + 1 :], lines[start + 1 :]
+    even = all(len(row) == len(names) for row in body)
+    if not even:
+        body, kept = [], []
+    for row, line in () if even else zip(rows[start + 1 :], lines[start + 1 :], strict=True):
         while len(row) > len(names) and not row[-1].strip():
             row.pop()
+        if len(row) < len(names) and several_times:
+            row += [""] * (len(names) - len(row))  # of a time column per tag, the shorter series have ended
         if len(row) != len(names):
             raise RecordError(f"{path}, line {line}: {len(row)} cells; the header has {len(names)}, as many are needed")
         body.append(row)
         kept.append(line)
+    names = [name or f"{BLANK}{i}" for i, name in enumerate(names)] if any(names) else names
     if not any(names):
         raise RecordError(f"file {path} has no header line; the names of its columns are needed first")
     times = Counter(n.lower() for n in names)
@@ -183,5 +206,32 @@ def _table(path: Path, rows: list[list[str]], lines: list[int], is_head: Callabl
     if twice:
         raise RecordError(f"file {path}: column {twice!r} appears twice; one is needed")
     columns = dict(zip(names, (list(c) for c in zip(*body, strict=True)) if body else [[] for _ in names], strict=True))
-    above = sum(any(c.strip() for c in row) for row in rows[:start])
-    return Sheet(columns, kept, "", [f"file: {above} lines above the header left out"] * (above > 0))
+    skipped = sum(any(c.strip() for c in row) for row in rows[:start])
+    return Sheet(columns, kept, "", [f"file: {skipped} lines above the header left out"] * (skipped > 0))
+
+
+def _merged(names: list[str], over: list[str]) -> list[str]:
+    """Put the names of a row above, each over several columns, before the names of the columns that it covers."""
+    over = (over + [""] * len(names))[: len(names)]
+    low = [n.lower() for n in names if n]
+    covers = any(over[1:]) and (not over[0] or not names[0] or len(set(low)) < len(low))
+    if not covers or len(set(filter(None, over))) >= max(len(names) - 1, 2) or not names:
+        return names
+    out, last = [], ""
+    for name, above in zip(names, over, strict=True):
+        last = above or last
+        out.append(f"{last}.{name}" if name and last and not (last == over[0] and name == names[0]) else name or above)
+    return out
+
+
+def _distinct(names: list[str]) -> list[str]:
+    """Number the columns of time, of which a table may have one per signal."""
+    seen: Counter[str] = Counter()
+    out = []
+    for name in names:
+        word = re.sub(r"[^a-z]", "", name.lower())
+        if word in _OFTEN:
+            seen[word] += 1
+            name = name if seen[word] == 1 else f"{name}.{seen[word] - 1}"
+        out.append(name)
+    return out

@@ -14,7 +14,7 @@ from detectors.judge import FAILED, judge
 from detectors.plugins.host import SECONDS
 from detectors.plugins.registry import PUBLISHED
 from detectors.plugins.registry import methods as registry
-from detectors.records.io import read_folder, read_labels, read_record
+from detectors.records.io import read_folder, read_labels, read_records
 from detectors.report import summary
 from detectors.verdict import NO_DECISION, STICTION, Verdict
 from detectors.views import page_part
@@ -131,7 +131,9 @@ def judge_files(
     op_span: tuple[float, float] | None = None,
     pv_span: tuple[float, float] | None = None,
     columns: Mapping[str, str] | None = None,
+    tag: str | None = None,
     loop: str | None = None,
+    loops: str | Path | None = None,
     Ts: float | None = None,
     labels: str | Path | None = None,
     raw: bool = False,
@@ -148,21 +150,29 @@ def judge_files(
             if method not in names:
                 raise ParameterError(f"thresholds are given for {method!r}, which is not asked: {nearest(method, names)}")
         about = {"process": process, "kind": kind, "op_span": op_span, "pv_span": pv_span, "columns": columns, "Ts": Ts}
-        if not Path(path).is_dir() and (Path(path).suffix.lower() != ".mat" or not Path(path).exists()):
-            if labels is not None:
-                raise ParameterError(f"labels score a folder of records; {path} is no folder, which is needed")
-            record = read_record(path, loop=loop, **about)
-            verdicts = judge(record, names, raw=raw, thresholds=thresholds, front_end=front_end)
-            return Report([(None, v) for v in verdicts], records={None: record})
+        about |= {"tag": tag if tag is not None else loop, "loops": loops}
         known = {} if labels is None else read_labels(labels)
-        each = {name: {"kind": row["kind"], "process": row["process"]} for name, row in known.items()}
-        records, refused = read_folder(path, names=known or None, each=each, **about)
+        records, refused, alone = _records(Path(path), known, labels, about)
         verdicts = [
-            (name, verdict)
+            (None if alone else name, verdict)
             for name, record in records.items()
             for verdict in judge(record, names, raw=raw, thresholds=thresholds, front_end=front_end)
         ]
-        return Report(verdicts, refused, score_units(verdicts, known) if known else [], {**records})
+        kept = {None if alone else name: record for name, record in records.items()}
+        return Report(verdicts, refused, score_units(verdicts, known) if known else [], kept)
+
+
+def _records(path: Path, known: Mapping[str, Mapping[str, str]], labels: str | Path | None, about: dict[str, Any]):
+    """Return records by name, the sentences of those left out, and whether one record alone was asked for."""
+    folder = path.is_dir() or (path.suffix.lower() == ".mat" and path.exists() and about["tag"] is None)
+    if folder:
+        each = {name: {"kind": row["kind"], "process": row["process"]} for name, row in known.items()}
+        records, refused = read_folder(path, names=known or None, each=each, **about)
+        return records, refused, False
+    if labels is not None:
+        raise ParameterError(f"labels score a folder of records; {path} is no folder, which is needed")
+    records, refused = read_records(path, **about)
+    return records, refused, len(records) + len(refused) == 1
 
 
 def choose_methods(names: Iterable[str]) -> list[str]:

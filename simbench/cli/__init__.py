@@ -41,7 +41,7 @@ def about(
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line."""
-    return exit_code(lambda: _command(arguments))
+    return exit_code(lambda: _command(arguments), ["simbench", *(sys.argv[1:] if arguments is None else arguments)])
 
 
 def entry() -> None:

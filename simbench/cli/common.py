@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import functools
+import inspect
 import json
 import os
 import sys
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from detectors.errors import ParameterError, masked
+
+if TYPE_CHECKING:
+    from detectors.record import LoopRecord
 
 _BARE: dict[str, Any] = {
     "add_completion": False,
@@ -53,9 +59,59 @@ Thresholds = Annotated[
     Path | None, typer.Option(metavar="FILE.json", help="Other thresholds than the published ones, as calibrate writes them.")
 ]
 Span = Annotated[tuple[float, float] | None, typer.Option(metavar="LO HI", help="Values that mean 0 and 100 %.")]
+_READING: dict[str, Any] = {
+    "process": Annotated[str | None, typer.Option(help="self-regulating or integrating.")],
+    "kind": Annotated[str | None, typer.Option(help="flow, level, pressure, temperature or analyser.")],
+    "op_span": Span,
+    "pv_span": Span,
+    "columns": Annotated[list[str] | None, typer.Option(metavar="op=NAME,pv=NAME", help="Which column is what; repeatable.")],
+    "Ts": Annotated[float | None, typer.Option("--ts", metavar="S", help="Sampling period (s), where no column says it.")],
+    "tag": Annotated[str | None, typer.Option(metavar="TAG", help="Loop of a file with several: FIC101, chemicals.loop1.")],
+    "loops": Annotated[
+        Path | None, typer.Option(metavar="TABLE.toml", help="What is known of loops, a [[loop]] table per tag.")
+    ],
+}
 Power = Annotated[bool, typer.Option("--power", help="Also say what this record could have shown, from twins of its loop.")]
 FrontEnd = Annotated[str, typer.Option(metavar="acf|hagglund", help="What says whether a loop oscillates.")]
 World = Annotated[str, typer.Option(metavar="NAME", help="Independent simulator that draws the records.")]
+
+
+def reads(also_loop: bool = False) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a verb the options that say how a record is read and what is known of it; it takes them as `about`."""
+    options = dict(_READING)
+    if also_loop:  # as detect called its tag before every verb had one
+        said = typer.Option("--tag", "--loop", metavar="TAG", help="Loop of a file with several: FIC101, chemicals.loop1.")
+        options["tag"] = Annotated[str | None, said]
+
+    def given(verb: Callable[..., None]) -> Callable[..., None]:
+        own = inspect.signature(verb, eval_str=True)
+        named = inspect.Parameter.KEYWORD_ONLY
+        kept = [p.replace(kind=named) for name, p in own.parameters.items() if name != "about"]
+        added = [inspect.Parameter(name, named, default=None, annotation=kind) for name, kind in options.items()]
+
+        @functools.wraps(verb)
+        def asked(**values: Any) -> None:
+            from detectors.records.roles import column_pairs
+
+            about = {name: values.pop(name, None) for name in options}
+            about["columns"] = column_pairs(about["columns"])
+            verb(**values, about={name: value for name, value in about.items() if value is not None})
+
+        last = [p for p in kept if p.name == "as_json"]
+        asked.__signature__ = own.replace(parameters=[*(p for p in kept if p not in last), *added, *last])  # pyright: ignore[reportAttributeAccessIssue]
+        asked.__annotations__ = {p.name: p.annotation for p in (*kept, *added)}
+        return asked
+
+    return given
+
+
+def say_assumed(records: Iterable[LoopRecord], as_json: bool) -> None:
+    """Say under an answer what reading its records assumed: beside JSON, or of several records, on stderr."""
+    read = list(records)
+    for record in read:
+        whose = f"{record.tag}: " if len(read) > 1 else ""
+        for note in record.notes:
+            print(f"note: {whose}{note}", file=sys.stderr if as_json or whose else sys.stdout)
 
 
 def method_completion(incomplete: str) -> list[str]:

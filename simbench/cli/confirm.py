@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from detectors.errors import ParameterError, naming
-from simbench.cli.common import Json, Span, confirm_app, examples, refuse_picture, show
+from simbench.cli.common import Json, confirm_app, examples, reads, refuse_picture, say_assumed, show
+
+if TYPE_CHECKING:
+    from detectors.record import LoopRecord
 
 
 @confirm_app.command("gain-change", epilog=examples("confirm gain-change loop.toml"))
+@reads()
 def gain_change(
     loop: Annotated[Path | None, typer.Argument(metavar="LOOP.toml")] = None,
     records: Annotated[tuple[Path, Path] | None, typer.Option(metavar="BEFORE.csv AFTER.csv", help="Not a loop.")] = None,
@@ -19,20 +23,22 @@ def gain_change(
         float | None,
         typer.Option("--ratio", "--factor", metavar="R", help="New gain over old; read off the records when absent."),
     ] = None,
-    op_span: Span = None,
     picture: Annotated[Path | None, typer.Option(help="Picture to write (SVG or PNG).")] = None,
     as_json: Json = False,
+    *,
+    about: dict,
 ) -> None:
     """Does the period follow the controller gain?"""
     _one_of("confirm gain-change", loop, "--records BEFORE.csv AFTER.csv", records)
     refuse_picture(picture, loop, *(records or ()))
+    read: list[LoopRecord] = []
     if loop is None:
         from detectors.records.io import read_record
         from simbench.confirm.recorded import gain_change_recorded
 
         assert records is not None
-        before, after = (read_record(path, op_span=op_span) for path in records)
-        found = gain_change_recorded(before, after, ratio)
+        read = [read_record(path, **about) for path in records]
+        found = gain_change_recorded(read[0], read[1], ratio)
     else:
         from scenarios.spec import load_loop
         from simbench.confirm.gain_change import gain_change as test
@@ -40,26 +46,30 @@ def gain_change(
         with naming(loop):
             found = test(load_loop(loop)) if ratio is None else test(load_loop(loop), ratio)
     _confirmed(found, picture, as_json)
+    say_assumed(read, as_json)
 
 
 @confirm_app.command(epilog=examples("confirm travel loop.toml --picture travel.svg"))
+@reads()
 def travel(
     loop: Annotated[Path | None, typer.Argument(metavar="LOOP.toml")] = None,
     record: Annotated[Path | None, typer.Option(metavar="REC.csv", help="Of such a test, in place of a loop.")] = None,
-    process: Annotated[str | None, typer.Option(help="Of the record: self-regulating or integrating.")] = None,
-    op_span: Span = None,
     picture: Annotated[Path | None, typer.Option(help="Picture to write (SVG or PNG).")] = None,
     as_json: Json = False,
+    *,
+    about: dict,
 ) -> None:
     """Valve travel test: small steps of OP until PV moves, same direction and reversed; a loop is graded by Table 11.1."""
     _one_of("confirm travel", loop, "--record REC.csv", record)
     refuse_picture(picture, loop, record)
+    read: list[LoopRecord] = []
     if loop is None:
         from detectors.records.io import read_record
         from simbench.confirm.recorded import travel_recorded
 
         assert record is not None
-        found = travel_recorded(read_record(record, process=process, op_span=op_span))
+        read = [read_record(record, **about, automatic=False)]  # such a test is made by hand
+        found = travel_recorded(read[0])
     else:
         from scenarios.spec import load_loop
         from simbench.confirm.grade import graded_test
@@ -67,6 +77,7 @@ def travel(
         with naming(loop):
             found = graded_test(load_loop(loop))
     _confirmed(found, picture, as_json)
+    say_assumed(read, as_json)
 
 
 def _one_of(verb: str, loop: Path | None, option: str, other: Any) -> None:

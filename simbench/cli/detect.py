@@ -14,12 +14,13 @@ from simbench.cli.common import (
     Limit,
     Plugin,
     Power,
-    Span,
     Thresholds,
     app,
     examples,
     method_completion,
+    reads,
     refuse_picture,
+    say_assumed,
     show,
     threshold_file,
 )
@@ -32,19 +33,13 @@ from simbench.cli.common import (
         "detect folder --labels records.csv --csv verdicts.csv",
     )
 )
+@reads(also_loop=True)
 def detect(
     path: Annotated[Path, typer.Argument(metavar="REC.csv|DIR", help="Record, or folder of records.")],
     method: Annotated[
         list[str] | None,
         typer.Option(metavar="ID", help="Method ids, all, fast or full; repeatable.", autocompletion=method_completion),
     ] = None,
-    process: Annotated[str | None, typer.Option(help="self-regulating or integrating.")] = None,
-    kind: Annotated[str | None, typer.Option(help="flow, level, pressure, temperature or analyser.")] = None,
-    op_span: Span = None,
-    pv_span: Span = None,
-    columns: Annotated[list[str] | None, typer.Option(metavar="op=NAME,pv=NAME", help="Which column is what.")] = None,
-    Ts: Annotated[float | None, typer.Option("--ts", metavar="S", help="Sampling period (s), where no column says it.")] = None,
-    loop: Annotated[str | None, typer.Option(metavar="N", help="Loop of a file with several: FIC101, chemicals.loop1.")] = None,
     labels: Annotated[Path | None, typer.Option(help="Table with id and label: judge and score its records.")] = None,
     raw: Annotated[bool, typer.Option("--raw", help="Without the oscillation front end.")] = False,
     front_end: FrontEnd = "acf",
@@ -56,18 +51,18 @@ def detect(
     csv: Annotated[Path | None, typer.Option("--csv", metavar="FILE.csv", help="Table of the verdicts to write.")] = None,
     html: Annotated[Path | None, typer.Option("--html", metavar="FILE.html", help="Page to write.")] = None,
     as_json: Json = False,
+    *,
+    about: dict,
 ) -> None:
     """Judge a record, or a folder of records, by one or all detectors."""
-    from detectors.records.roles import column_pairs
     from detectors.report.report import failed, judge_files, table
     from simbench.files import refuse_kind, refuse_own_input
 
     refuse_kind(csv or "")
     refuse_own_input([csv, html], [path, labels, thresholds, *(plugin or [])])
     report = judge_files(
-        path, method or ["all"], process=process, kind=kind, op_span=op_span, pv_span=pv_span, labels=labels, raw=raw,
-        front_end=front_end, plugins=plugin or [], thresholds=threshold_file(thresholds), columns=column_pairs(columns),
-        Ts=Ts, loop=loop, time_limit=time_limit,
+        path, method or ["all"], labels=labels, raw=raw, front_end=front_end, plugins=plugin or [],
+        thresholds=threshold_file(thresholds), time_limit=time_limit, **about,
     )  # fmt: skip
     for name, sentence in report.refused.items():
         print(f"left out {name}: {sentence}", file=sys.stderr)
@@ -76,6 +71,8 @@ def detect(
     if as_json and report.scores:
         print("\n".join(["score by unit:", *table(report.scores)]), file=sys.stderr)
     show(report.as_json() if as_json else report.as_text(why=why, colour=sys.stdout.isatty()), as_json)
+    if as_json or len(report.groups()) > 1:  # of one record the text has them
+        say_assumed(report.records.values(), as_json)
     if csv is not None:
         from simbench.files import write_table
 
@@ -86,38 +83,39 @@ def detect(
         write_page(report, html)
         print(f"page: {html.resolve()}", file=sys.stderr if as_json else sys.stdout)
     if power:
-        _print_power(path, method or ["all"], as_json, process=process, kind=kind, op_span=op_span, pv_span=pv_span)
+        _print_power(path, method or ["all"], as_json, **about)
 
 
 @app.command(epilog=examples("diagnose rec.csv --kind flow --picture path.svg"))
+@reads()
 def diagnose(
     path: Annotated[Path, typer.Argument(metavar="REC.csv")],
-    process: Annotated[str | None, typer.Option(help="self-regulating or integrating.")] = None,
-    kind: Annotated[str | None, typer.Option(help="flow, level, pressure, temperature or analyser.")] = None,
-    op_span: Span = None,
-    pv_span: Span = None,
     picture: Annotated[Path | None, typer.Option(help="Picture of the path taken (SVG or PNG).")] = None,
     power: Power = False,
     as_json: Json = False,
+    *,
+    about: dict,
 ) -> None:
     """Take one record through the chapter's whole diagnosis, step by step."""
     from detectors.procedure import diagnose as procedure
     from detectors.records.io import read_record
     from detectors.verdict import PROBABILITY
-    from simbench.gap.stiction.friction import probability_of_stiction
+    from simbench.plant.command import causes_of
 
     refuse_picture(picture, path)
-    record = read_record(path, process=process, kind=kind, op_span=op_span, pv_span=pv_span)
-    diagnosis, p = procedure(record), probability_of_stiction(record)
+    record = read_record(path, **about)
+    diagnosis, (causes, p) = procedure(record), causes_of(record)
     if picture is not None:
         from simbench.figures import draw_path
 
         draw_path(diagnosis, picture)
     said = "cannot be said" if p is None else f"{p:.2f}"
-    text = f"{diagnosis.as_text()}\nProbability of stiction: {said}."
-    show(diagnosis.as_json() | {PROBABILITY: p} if as_json else text, as_json)
+    text = "\n".join([diagnosis.as_text(), f"Probability of stiction: {said}.", *causes.as_lines()])
+    more = {PROBABILITY: p, "causes": causes.as_json(), "notes": [*record.notes]}
+    show(diagnosis.as_json() | more if as_json else text, as_json)
+    say_assumed([record], as_json)
     if power:
-        _print_power(path, ["all"], as_json, process=process, kind=kind, op_span=op_span, pv_span=pv_span)
+        _print_power(path, ["all"], as_json, **about)
 
 
 def _print_power(path: Path, methods: list[str], as_json: bool, **about: Any) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +54,8 @@ def diagnose_files(
             runs = f"OP runs from {record.op.min():g} to {record.op.max():g}"
             raise RecordError(f"{path}: {runs}, which is not % of travel; --op-span, what means 0 and 100 %, is needed")
     report = diagnose(read if len(read) > 1 else read[0], loop, jobs=jobs)
+    assumed = dict.fromkeys(note for record in read for note in record.notes if note not in report.notes)
+    report = replace(report, notes=(*report.notes, *assumed))
     if write_loop is not None:
         with whole_file(write_loop) as f:
             f.write(_loop_text(report, [str(p) for p in records], baseline))
@@ -100,8 +103,10 @@ def _again(report: GapReport, records: Sequence[str | Path], baseline: str | Pat
     words = ["simbench", "gap", "diagnose", *map(str, records)]
     words += ["--identify"] if baseline is None else ["--baseline", str(baseline)]
     for name, value in about.items():
-        if value is not None:
-            words += [f"--{name.replace('_', '-')}", *map(str, value if isinstance(value, tuple) else [value])]
+        if isinstance(value, dict):
+            words += [f"--{name}", ",".join(f"{role}={column}" for role, column in value.items())]
+        elif value is not None:
+            words += [f"--{name.replace('_', '-').lower()}", *map(str, value if isinstance(value, tuple) else [value])]
     words += ["--write-loop", "fixed.toml"]
     kick = kick_of(report, report.named)
     return [shlex.join(words), "simbench simulate fixed.toml -o fixed.csv" + (f" --kick {kick:.3g}" if kick else "")]

@@ -15,6 +15,7 @@ from detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 _CYCLES = 12  # periods in a window: a detector needs several, and an episode should not drown in it
 _SHIFT = 0.5  # of a window from one to the next
 _SHORTEST = 120  # samples in a window
+_SWINGS = 0.4  # of a strong period's amplitude, from which a period counts as one that swings
 _WINDOWS = 60  # at most; a longer record is judged in longer steps
 
 
@@ -38,9 +39,9 @@ class OverTime:
     episodes : tuple of Episode
         Overlapping windows in order; a single one where the record is too short to be cut.
     cycles : int
-        Periods in the record; 0 where it does not oscillate.
+        Periods in which the record swings; 0 where it does not oscillate.
     sticky : int
-        Periods in windows that say stiction; where two windows overlap, both must.
+        Those of them in windows that say stiction; where two windows overlap, both must.
     """
 
     method: str
@@ -97,13 +98,24 @@ def _judged(record: LoopRecord, start: int, stop: int, method: str) -> _Episode:
 
 
 def _counted(record: LoopRecord, episodes: Sequence[_Episode]) -> tuple[int, int]:
-    """Return how many periods the record holds, and how many lie only in windows that say stiction."""
-    period = Prepared(record.without_mv()).oscillation.period_s
+    """Return how many periods of the record swing, and how many of them lie only in windows that say stiction."""
+    oscillation = Prepared(record.without_mv()).oscillation
+    period = oscillation.period_s
     if not np.isfinite(period):
         return 0, 0
-    middles = (np.arange(int(record.duration / period)) + 0.5) * period
+    count = int(record.duration / period)
+    middles = (np.arange(count) + 0.5) * period
+    size = np.array([swing(record.pv[int(k * period / record.Ts) :][: int(period / record.Ts) + 1]) for k in range(count)])
+    swings = size > _SWINGS * np.quantile(size, 0.9) if count else np.zeros(0, dtype=bool)
     held = [[e.verdict for e in episodes if e.start <= m < e.end] for m in middles]
-    return len(middles), sum(bool(v) and all(x == STICTION for x in v) for v in held)
+    sticky = [bool(v) and all(x == STICTION for x in v) for v in held]
+    return int(swings.sum()), int(np.sum(swings & np.array(sticky, dtype=bool)))
+
+
+def swing(x: np.ndarray) -> float:
+    """Return the amplitude of the one period that some samples are, by its first harmonic."""
+    turn = np.exp(-2j * np.pi * np.arange(x.size) / max(x.size, 1))
+    return float(abs(turn @ (x - x.mean()))) * 2.0 / max(x.size, 1)
 
 
 def marks(found: OverTime) -> list[tuple[float, float, str]]:

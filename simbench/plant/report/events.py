@@ -7,10 +7,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from detectors.prepared import Prepared
+from detectors.record import LoopRecord
 
 _NEAR = 0.12  # logarithm of the ratio of two periods up to which they may be one
 _LOCKED = 0.95  # mean resultant length of the phase difference from which two oscillations are one
 _WIDE = 1.35  # half width of the band around the period, as a factor
+_FOLLOWS = 0.995  # correlation from which a set point is another loop's output
+_FEWEST, _FEWEST_PERIODS = 20, 6  # samples, and periods, of common time below which nothing is concluded
 _EDGE = 0.1  # of the record at either end where a filtered phase is not trusted
 
 
@@ -20,8 +23,8 @@ def shared_oscillations(records: Mapping[str, Prepared]) -> list[list[str]]:
     Notes
     -----
     The phase-locking value (J. P. Lachaux et al., 1999, Human Brain Mapping 8, eq. 1) of two PVs, band-passed around their
-    common period. Two loops that cycle by themselves drift apart; a source and its victims do not. Not for records of
-    different times.
+    common period, over the time that both were recorded. Two loops that cycle by themselves drift apart; a source and its
+    victims do not. Records without time stamps are taken for records of one time where they are of one length.
 
     Examples
     --------
@@ -50,14 +53,59 @@ def shared_oscillations(records: Mapping[str, Prepared]) -> list[list[str]]:
 
 
 def _together(one: Prepared, other: Prepared) -> bool:
-    a, b = one.record, other.record
-    if abs(a.Ts / b.Ts - 1) > 0.01 or a.n != b.n:
+    both = same_time(one.record, other.record)
+    if both is None:
         return False
+    a, b = both
     periods = np.array([one.oscillation.period_s, other.oscillation.period_s]) / a.Ts
     if abs(np.log(periods[0] / periods[1])) > _NEAR:
         return False
     period = float(np.sqrt(periods.prod()))
-    return phase_locking(a.pv, b.pv, period) > _LOCKED
+    return a.n >= _FEWEST_PERIODS * period and phase_locking(a.pv, b.pv, period) > _LOCKED
+
+
+def same_time(a: LoopRecord, b: LoopRecord) -> tuple[LoopRecord, LoopRecord] | None:
+    """Return the parts of two records that were recorded at the same time; None where there are none, or it is unknown."""
+    if abs(a.Ts / b.Ts - 1) > 0.01:
+        return None
+    starts = [r.meta.get("start") for r in (a, b)]
+    if starts[0] is None or starts[1] is None:
+        return (a, b) if a.n == b.n and starts[0] is starts[1] else None
+    late = round((starts[1] - starts[0]) / a.Ts)
+    first, second = max(late, 0), max(-late, 0)
+    n = min(a.n - first, b.n - second)
+    return (a.window(first, first + n), b.window(second, second + n)) if n >= _FEWEST else None
+
+
+def cascades(records: Mapping[str, LoopRecord]) -> list[tuple[str, str]]:
+    """Return the pairs of outer and inner loop: the set point of the inner is the output of the outer.
+
+    Examples
+    --------
+    >>> op = np.cumsum(np.sin(np.arange(300.0) / 9))
+    >>> outer, inner = LoopRecord(op, -op, 1.0), LoopRecord(np.cos(op), 2 * op, 1.0, sp=2 * op + 1)
+    >>> cascades({"TIC1": outer, "FIC1": inner})
+    [('TIC1', 'FIC1')]
+    """
+    found = []
+    for inner, slave in records.items():
+        if slave.sp is None or np.ptp(slave.sp) == 0.0:
+            continue
+        best = max((_follows(record, slave), name) for name, record in records.items()) if len(records) > 1 else (0.0, "")
+        if best[1] != inner and best[0] > _FOLLOWS:
+            found.append((best[1], inner))
+    return found
+
+
+def _follows(master: LoopRecord, slave: LoopRecord) -> float:
+    """Return how well the output of one loop explains the set point of another, 1 = wholly; one sample may lie between."""
+    both = None if master is slave else same_time(master, slave)
+    if both is None or both[1].sp is None:
+        return 0.0
+    op, sp = both[0].op, both[1].sp
+    if np.ptp(op) == 0.0 or np.ptp(sp) == 0.0 or np.count_nonzero(np.diff(sp)) < _FEWEST:
+        return 0.0
+    return max(abs(float(np.corrcoef(op[: op.size - k], sp[k:])[0, 1])) for k in (0, 1))
 
 
 def phase_locking(x: np.ndarray, y: np.ndarray, period: float) -> float:
@@ -66,6 +114,22 @@ def phase_locking(x: np.ndarray, y: np.ndarray, period: float) -> float:
     inner = slice(cut, x.size - cut)
     turn = np.angle(_analytic(x, period)[inner] * np.conj(_analytic(y, period)[inner]))
     return float(np.abs(np.exp(1j * turn).mean()))
+
+
+def coherence(x: np.ndarray, period: float) -> float:
+    """Return how well a swing keeps phase with one sine near a period (samples): 1 = to the end, as no loop does by itself.
+
+    Examples
+    --------
+    >>> rng, t = np.random.default_rng(0), np.arange(4000.0)
+    >>> wandering = np.sin(t / 10 + 0.15 * np.cumsum(rng.standard_normal(4000)))
+    >>> coherence(np.sin(t / 10), 62.8) > 0.99, coherence(wandering, 62.8) < 0.7
+    (True, True)
+    """
+    cut = int(_EDGE * x.size)
+    swing = _analytic(x, period)[cut : x.size - cut]
+    unit = swing / np.maximum(np.abs(swing), 1e-300)
+    return float(np.abs(np.fft.fft(unit, 8 * unit.size)).max() / unit.size)
 
 
 def _analytic(x: np.ndarray, period: float) -> np.ndarray:

@@ -2,25 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import contextlib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
+from detectors.errors import ParameterError, UserError
 from detectors.prepared import Prepared
+from detectors.quality import resolution
 from detectors.record import LoopRecord
 from detectors.records.io import read_folder, read_labels
+from detectors.records.tables import read_table
 from detectors.report.report import choose_methods
 from detectors.verdict import Verdict
-from simbench.gap.stiction.probability import pooled, probability
+from simbench.gap.stiction.probability import CLAIMED_FROM, pooled, probability
 from simbench.plant.episodes import OverTime
 from simbench.plant.indices import judged
-from simbench.plant.report.advice import Advice, advise
-from simbench.plant.report.events import likely_root, shared_oscillations
+from simbench.plant.report.advice import VALVE, Advice, advise
+from simbench.plant.report.causes import NEIGHBOUR, NO_CAUSE, NOT_TOLD, SENSOR, STICKING, TIGHT, Cause, Causes, find_causes
+from simbench.plant.report.cost import Cost, cost_of
+from simbench.plant.report.events import cascades, likely_root, shared_oscillations
+from simbench.plant.report.what_if import Action, what_if
 from simbench.plant.resumed import resumed
 from simbench.plant.trust.result import STICKY, Trust
 from simbench.plant.trust.trust import trust
 
 HEALTHY, EACH = 16, 2  # twins per loop: enough to rank a plant; `simbench trust` draws more
+_FOLLOWER, _OPEN = 0.2, 0.3  # of a loop's own cost, where another drives it, and confidence where no cause is named
 _NOTHING = "procedure"  # whose windows are missing where a record cannot be judged
 _NONLINEAR = "surrogate"  # whose score tells a source from its victims
 
@@ -49,6 +58,15 @@ class FleetLoop:
     advice : Advice
     pooled : float or None
         Probability of stiction from all records of this loop.
+    causes : Causes or None
+        Why it moves, with what speaks for and against every cause.
+    cost : Cost or None
+    actions : tuple of Action
+        What would help, best first.
+    priority : float
+        What the cause costs, as a share of PV's variance summed over the loops that swing with it, times its confidence.
+    status : str
+        "new, watch", or "again" where the same cause was named before.
     """
 
     name: str
@@ -61,6 +79,16 @@ class FleetLoop:
     root: str | None
     advice: Advice
     pooled: float | None = None
+    causes: Causes | None = None
+    cost: Cost | None = None
+    actions: tuple[Action, ...] = ()
+    priority: float = 0.0
+    status: str = ""
+
+    @property
+    def cause(self) -> Cause:
+        """The cause named, or "cannot tell"."""
+        return Cause(NOT_TOLD, 0.0) if self.causes is None else self.causes.named
 
     @property
     def probability(self) -> float:
@@ -81,40 +109,79 @@ class Fleet:
     refused : dict of str to str
         Files that are no records, each with its sentence.
     methods : tuple of str
+    cascades : tuple of (str, str)
+        Outer and inner loop of every cascade.
     """
 
     members: tuple[FleetLoop, ...]
     events: tuple[tuple[str, ...], ...]
     refused: Mapping[str, str]
     methods: tuple[str, ...]
+    cascades: tuple[tuple[str, str], ...] = ()
+
+    def to_test(self) -> list[str]:
+        """Return the fewest valves to touch: one per shared oscillation, its likely root, and loops that swing alone."""
+        followers = {name for event in self.events for name in event[1:]}
+        inner = dict(self.cascades)
+        asked = [m for m in self.members if m.advice.job == VALVE and m.name not in followers]
+        return list(dict.fromkeys(inner.get(m.name, m.name) if m.cause.name == NOT_TOLD else m.name for m in asked))
 
     def as_text(self) -> str:
         """Return the ranking for people, one line a loop."""
-        head = f"{'rank':<5}{'loop':<34} {'p':>5}  {'S':>6}  {'job':<12} what to do next"
+        head = f"{'rank':<5}{'loop':<34} {'p':>5}  {'S':>6}  {'cause':<24} {'job':<12} what to do next"
         lines = [head]
         for rank, m in enumerate(self.members, 1):
             p = "" if m.found.probability is None else f"{m.probability:.2f}"
             S = "" if m.size is None else f"{m.size[0]:.2g}"
-            lines.append(f"{rank:<5}{m.name:<34} {p:>5}  {S:>6}  {m.advice.job:<12} {m.advice.do}")
+            lines.append(f"{rank:<5}{m.name:<34} {p:>5}  {S:>6}  {m.cause.name:<24} {m.advice.job:<12} {m.advice.do}")
         for i, event in enumerate(self.events, 1):
             lines.append(f"oscillation {i}: {', '.join(event)} share one period; likely root {event[0]}")
+        lines += [f"cascade: the output of {a} is the set point of {b}; judge {b} first" for a, b in self.cascades]
+        if self.to_test():
+            lines.append(f"fewest valves to test: {', '.join(self.to_test())}")
         return "\n".join([*lines, *(f"left out {n}: {why}" for n, why in self.refused.items())])
 
 
 def survey(
-    folder: str | Path, labels: str | Path | None = None, *, jobs: int = 2, seed: int = 0, keep: str | Path | None = None
-) -> Fleet:
+    folder: str | Path, labels: str | Path | None = None, *, jobs: int = 2, seed: int = 0, keep: str | Path | None = None,
+    previous: str | Path | None = None, **about: Any,
+) -> Fleet:  # fmt: skip
     """Judge every record of a folder, find what they share, and rank them."""
     known = {} if labels is None else read_labels(labels)
     each = {name: {"kind": row["kind"], "process": row["process"]} for name, row in known.items()}
-    records, refused = read_folder(folder, names=known or None, each=each)
+    records, refused = read_folder(folder, names=known or None, each=each, **about)
     names = choose_methods(["all"])
-    about = [(name, r, names, known.get(name, {}).get("label", ""), seed) for name, r in records.items()]
-    members: list[FleetLoop] = resumed(_one, about, jobs=jobs, keep=keep, what="loops")
+    asked = [(name, r, names, known.get(name, {}).get("label", ""), seed) for name, r in records.items()]
+    members: list[FleetLoop] = resumed(_one, asked, jobs=jobs, keep=keep, what="loops")
     members = _with_pooled(members, {name: row["loop"] for name, row in known.items()})
-    members, events = _joined(members, {m.name: Prepared(records[m.name].without_mv()) for m in members})
-    members.sort(key=lambda m: (-round(m.probability, 1), -(m.size or (0.0, 0.0))[0], m.name))
-    return Fleet(tuple(members), events, refused, tuple(names))
+    timed = {m.name: replace(records[m.name], mv=None) for m in members}  # with the time of the calendar
+    pairs = cascades(timed)
+    members, events = _joined(members, {name: Prepared(record) for name, record in timed.items()}, pairs)
+    before = {} if previous is None else causes_before(previous)
+    members = [replace(m, status=_status(m, before)) for m in members]
+    members.sort(key=lambda m: (-round(m.priority, 2), -round(m.probability, 1), -(m.size or (0.0, 0.0))[0], m.name))
+    return Fleet(tuple(members), events, refused, tuple(names), tuple(pairs))
+
+
+def causes_before(previous: str | Path) -> dict[str, str]:
+    """Return the causes that the tables of an earlier report's folder name, by loop."""
+    folder, found = Path(previous), {}
+    if not folder.is_dir():
+        raise ParameterError(f"--previous {previous}: the folder of an earlier report's page and table is needed")
+    for file in sorted(folder.glob("*.csv")):
+        with contextlib.suppress(UserError):
+            columns = read_table(file)
+            if {"loop", "cause"} <= set(columns):
+                found |= dict(zip(map(str, columns["loop"]), map(str, columns["cause"]), strict=True))
+    if not found:
+        raise ParameterError(f"--previous {previous}: no table of an earlier report in it; the .csv beside its page is needed")
+    return found
+
+
+def _status(m: FleetLoop, before: Mapping[str, str]) -> str:
+    if m.cause.name in (NOT_TOLD, NO_CAUSE):
+        return ""
+    return "again" if before.get(m.name) == m.cause.name else "new, watch"
 
 
 def _one(name: str, record: LoopRecord, methods: list[str], label: str, seed: int) -> FleetLoop:
@@ -125,10 +192,14 @@ def _one(name: str, record: LoopRecord, methods: list[str], label: str, seed: in
     said = tuple(by_method[name] for name in methods)
     size = None
     behind = found.behind
+    cost = cost_of(Prepared(record.without_mv()), record)
+    actions = what_if(behind, seed) if behind is not None else ()
     if behind is not None and behind.fitted and behind.gain > 0 and behind.probability >= 0.5:
         size = (behind.fitted[0] * behind.percent, behind.fitted[1] * behind.percent)
+        hidden, _ = resolution(record, Prepared(record.without_mv()).flags)
+        size = None if hidden > 0.5 * size[0] else size  # an archive that leaves out as much says no size
     when = found.over_time or OverTime(_NOTHING, (), 0, 0)
-    return FleetLoop(name, found, said, when, size, label, None, None, Advice("", ""))
+    return FleetLoop(name, found, said, when, size, label, None, None, Advice("", ""), cost=cost, actions=actions)
 
 
 def _with_pooled(members: list[FleetLoop], loops: Mapping[str, str]) -> list[FleetLoop]:
@@ -145,16 +216,44 @@ def _nonlinearity(verdicts: tuple[Verdict, ...]) -> float:
     return next((v.score for v in verdicts if v.method == _NONLINEAR and v.score == v.score), 0.0)
 
 
-def _joined(members: list[FleetLoop], prepared: Mapping[str, Prepared]) -> tuple[list[FleetLoop], tuple[tuple[str, ...], ...]]:
-    """Return the members with their events and what to do next, and the events."""
+def _joined(
+    members: list[FleetLoop], prepared: Mapping[str, Prepared], pairs: Sequence[tuple[str, str]]
+) -> tuple[list[FleetLoop], tuple[tuple[str, ...], ...]]:
+    """Return the members with their events, causes, priorities and what to do next, and the events."""
     probability = {m.name: m.probability for m in members}
     nonlinear = {m.name: _nonlinearity(m.verdicts) for m in members}
     events = [tuple(likely_root(g, probability, nonlinear)) for g in shared_oscillations(prepared)]
     place = {name: (i, event[0]) for i, event in enumerate(events, 1) for name in event}
+    inner = dict(pairs)
     out = []
     for m in members:
         number, root = place.get(m.name, (None, None))
         # a loop as surely sticky as its root is a case of its own
         driven = root if root not in (None, m.name) and m.found.answer != STICKY else None
-        out.append(replace(m, event=number, root=root, advice=advise(m.found, prepared[m.name], driven)))
-    return out, tuple(events)
+        # a cascade's outer loop swings with its inner one, whose valve it is
+        slave = inner.get(m.name)
+        if slave is not None and probability[slave] > CLAIMED_FROM and prepared[m.name].oscillation.sustained:
+            driven = slave
+        causes = find_causes(prepared[m.name], m.found.behind, driven, probability.get(driven or "", 0.0))
+        # on a loop whose cause nobody knows an action is no advice
+        actions = m.actions if causes.named.name in (STICKING, TIGHT) else ()
+        advice = advise(m.found, prepared[m.name], causes.named, driven, actions)
+        out.append(replace(m, event=number, root=root, causes=causes, advice=advice, actions=actions))
+    shares = {m.name: _costs(m) for m in out}
+    followers = {event[0]: event[1:] for event in events}
+    priced = []
+    for m in out:
+        both = shares[m.name] + sum(shares[name] for name in followers.get(m.name, ()))
+        if m.cause.name == NEIGHBOUR:
+            both *= _FOLLOWER
+        priced.append(replace(m, priority=both * (_OPEN if m.cause.name == NOT_TOLD else m.cause.confidence)))
+    return priced, tuple(events)
+
+
+def _costs(m: FleetLoop) -> float:
+    """Return the share of PV's variance that a loop's cause takes; without a measurement that can be trusted, all of it."""
+    if m.cause.name == NO_CAUSE or m.cost is None:
+        return 0.0
+    if m.cause.name == SENSOR:
+        return 1.0
+    return max(m.cost.pv_share, m.cost.saturated)

@@ -14,11 +14,21 @@ from simbench.html.page import render
 from simbench.html.svg import inline_svg
 from simbench.plant.episodes import marks
 from simbench.plant.page import ROOM, section, write
+from simbench.plant.report.advice import MEASUREMENT, TUNING, UPSTREAM, VALVE, best
 from simbench.plant.report.fleet import Fleet, FleetLoop
 from simbench.plant.resumed import resumed
 from simbench.plant.trust.pictures import draw_pv_op, draw_trend
 from simbench.plant.trust.result import STICKY
 
+_BESIDE = (  # in the table beside the page, and in the loop's own part of it
+    "speaks for", "speaks against", "OP share", "travel a day (%)", "reversals a day", "in automatic", "at a limit",
+    "of today's", "from", "to", "S from", "S to", "answer", "best action", "PV share", "S unit", "smallest visible S", "root",
+)  # fmt: skip
+_FIRST = 12  # loops named per trade
+_TRADES = {
+    VALVE: "Maintenance, at the valve", TUNING: "Control engineer, tuning", UPSTREAM: "Operations, upstream",
+    MEASUREMENT: "Instruments, measurement or recording",
+}  # fmt: skip
 _SIGN = {STICTION: "●", NO_STICTION: "·", NO_DECISION: "?"}
 
 
@@ -32,9 +42,10 @@ def write_fleet(fleet: Fleet, path: str | Path, labels: dict[str, dict[str, str]
         (str(sum(m.found.probability is None for m in fleet.members)), "records that cannot be judged"),
     ]
     frame = table(fleet)
-    shown = frame[[c for c in frame.columns if c not in fleet.methods]]
+    shown = frame[[c for c in frame.columns if c not in (*fleet.methods, *_BESIDE)]]
     parts = [
-        section("ranking", "Where to go first", tiles=tiles, table=shown, long=["next"]),
+        section("jobs", "Who must do what", _jobs(fleet), tiles=tiles),
+        section("ranking", "Where to go first", table=shown, long=["next"]),
         section("events", "Oscillations that loops share", _events(fleet)),
         section("matrix", "Detectors and loops", [_legend()], table=_matrix(frame, fleet), matrix=True),
     ]
@@ -51,6 +62,18 @@ def write_fleet(fleet: Fleet, path: str | Path, labels: dict[str, dict[str, str]
     return beside
 
 
+def _jobs(fleet: Fleet) -> list[str]:
+    """Return a sentence per trade, the most urgent loops first, and the fewest valves to test."""
+    lines = []
+    for job, who in _TRADES.items():
+        mine = [f"{m.name} ({m.cause.name}{', ' + m.status if m.status else ''})" for m in fleet.members if m.advice.job == job]
+        if mine:
+            lines.append(f"{who}: {', '.join(mine[:_FIRST])}{', ...' if len(mine) > _FIRST else ''}.")
+    if fleet.to_test():
+        lines.append(f"Fewest valves to test: {', '.join(fleet.to_test())}.")
+    return lines or ["Nobody has anything to do."]
+
+
 def table(fleet: Fleet) -> pd.DataFrame:
     """Return one row per loop: what the page's ranking shows, and every method's verdict."""
     rows = []
@@ -63,9 +86,15 @@ def table(fleet: Fleet) -> pd.DataFrame:
             "answer": m.found.answer,
             "S": m.size[0] if m.size else None,
             "J": m.size[1] if m.size else None,
+            **dict(zip(("S from", "S to"), _interval(m), strict=True)),
             "S unit": m.found.record.S_unit,
+            "cause": m.cause.name,
+            "confidence": m.cause.confidence if m.cause.confidence else None,
+            "priority": m.priority,
+            "status": m.status,
             "job": m.advice.job,
             "next": m.advice.do,
+            **_priced(m),
             "oscillation": m.event,
             "root": m.root,
             "smallest visible S": seen[0] if seen else None,
@@ -81,13 +110,47 @@ def table(fleet: Fleet) -> pd.DataFrame:
     return frame.astype(dict.fromkeys(("oscillation", "sticky cycles", "cycles"), "Int64"))
 
 
+def _interval(m: FleetLoop) -> tuple[float | None, float | None]:
+    """Return the interval of S that the procedure states, as wide as the archive leaves it; None where it states none."""
+    S = next((v.S for v in m.verdicts if v.method == "procedure"), None)
+    return S if isinstance(S, tuple) else (S, S)
+
+
+def _priced(m: FleetLoop) -> dict[str, Any]:
+    """Return what a loop costs, what speaks for and against its cause, and what would help most."""
+    cost, first = m.cost, best(m.actions)
+    return {
+        "PV share": None if cost is None else cost.pv_share,
+        "OP share": None if cost is None else cost.op_share,
+        "travel a day (%)": None if cost is None else cost.travel,
+        "reversals a day": None if cost is None else cost.reversals,
+        "in automatic": None if cost is None else cost.automatic,
+        "at a limit": None if cost is None else cost.saturated,
+        "speaks for": "; ".join(m.cause.speaks_for),
+        "speaks against": "; ".join(m.cause.against),
+        "best action": "" if first is None else first.what,
+        "of today's": None if first is None else first.variance,
+        "from": None if first is None else first.lo,
+        "to": None if first is None else first.hi,
+    }
+
+
 def _word(v: Verdict) -> str:
     return "not applicable" if v.applicable is False else v.verdict.replace("_", " ")
 
 
+def _why(m: FleetLoop) -> list[str]:
+    """Return the causes weighed, what the loop costs, what would help, and what reading its record assumed."""
+    lines = [] if m.causes is None else m.causes.as_lines()
+    lines += [f"Cost: {m.cost.sentence()}."] if m.cost is not None else []
+    lines += [f"What if: {'. '.join(a.sentence() for a in m.actions)}."] if m.actions else []
+    return lines + [f"Assumed: {note}." for note in m.found.record.notes]
+
+
 def _events(fleet: Fleet) -> list[str]:
+    pairs = [f"Cascade: the output of {a} is the set point of {b}; {b} is repaired first." for a, b in fleet.cascades]
     if not fleet.events:
-        return ["No two loops oscillate with one period and locked phases."]
+        return ["No two loops oscillate with one period and locked phases at one time.", *pairs]
     by_name = {m.name: m for m in fleet.members}
     lines = []
     for i, event in enumerate(fleet.events, 1):
@@ -95,7 +158,7 @@ def _events(fleet: Fleet) -> list[str]:
         sure = root.probability >= 0.5
         why = f"probability of stiction {root.probability:.2f}" if sure else "its PV is the least like a sine"
         lines.append(f"Oscillation {i}: {', '.join(event)}. Likely root: {event[0]} ({why}); the others may follow it.")
-    return lines
+    return lines + pairs
 
 
 def _legend() -> str:
@@ -122,6 +185,7 @@ def _article(rank: int, m: FleetLoop) -> dict[str, Any]:
         "sentence": m.found.sentence(),
         "job": m.advice.job,
         "do": m.advice.do,
+        "why": _why(m),
         "pictures": [{"svg": trend, "caption": caption}, {"svg": plane, "caption": "PV against OP"}],
         "verdicts": "; ".join(said),
         "power": m.found.power_line(),

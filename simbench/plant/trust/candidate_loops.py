@@ -39,6 +39,8 @@ class CandidateLoops:
     percent : float
         Units of the record's own OP per % of travel.
     notes : tuple of str
+    outside : float
+        Log-likelihood (nats) that an oscillation from outside brings over none.
     """
 
     record: LoopRecord
@@ -51,6 +53,7 @@ class CandidateLoops:
     period: float | None
     percent: float
     notes: tuple[str, ...]
+    outside: float = 0.0
 
     @property
     def probability(self) -> float:
@@ -87,6 +90,7 @@ def candidate_loops(record: LoopRecord, loop: Loop | None = None) -> CandidateLo
     return CandidateLoops(
         record, tuple(healthy), sticky, weighed.fitted, weighed.evidence.gain, weighed.log_odds, loop is not None,
         swing.period_s if swing.sustained else None, percent, (*notes, *found.situation.notes),
+        max(float(gains.get(OUTSIDE, 0.0)), 0.0),
     )  # fmt: skip
 
 

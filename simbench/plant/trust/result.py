@@ -91,7 +91,7 @@ class Trust:
             "probability": self.probability,
             PROBABILITY: self.probability,
             "twins": len(self.twins),
-            "notes": [self.sentence(), *self._asides(), *(r.sentence() for r in self.helps), *self.notes],
+            "notes": [self.sentence(), *self._asides(), *(r.sentence() for r in self.helps), *self.notes, *self.record.notes],
         }
 
     def sentence(self) -> str:
@@ -117,7 +117,7 @@ class Trust:
         if self.behind is None:
             return ""
         gain = self.behind.gain
-        return f" (with friction the fit is {abs(gain):.0f} nats {'better' if gain > 0 else 'worse'})"
+        return f" (friction makes the record {'likelier' if gain > 0 else 'less likely'}, by {abs(gain):.0f} of log-likelihood)"
 
     def _asides(self) -> list[str]:
         """Return how the best method is to be read, and what it says over time, as far as there is something to say."""
@@ -147,8 +147,8 @@ class Trust:
             agrees = best.says == likely(self.probability or 0.0)
             why = "of those that agree with the probability" if agrees else "though none agrees with the probability,"
             lines += [
-                f"Trust {_reading(best.rule)}: {why} most often right on this loop's twins ({best.rule.right:.0%}, sticky and"
-                f" healthy counting the same); here it says {best.says.replace('_', ' ')}.",
+                f"Trust {_reading(best.rule)}: {why} most often right on this loop's twins, its simulated replicates"
+                f" ({best.rule.right:.0%}, sticky and healthy counting the same); here it says {best.says.replace('_', ' ')}.",
                 "", *_table(self.methods),
             ]  # fmt: skip
         notes = [f"note: {n}" for n in (*self._asides()[1:], *self.notes)]

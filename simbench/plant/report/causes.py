@@ -1,0 +1,179 @@
+"""Why a loop moves: every cause with what speaks for and against it; none is named because the others are not."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from detectors.prepared import Prepared
+from detectors.signal.oscillation import Oscillation
+from simbench.gap.stiction.probability import CLAIMED_FROM, DENIED_BELOW
+from simbench.plant.report.events import coherence
+from simbench.plant.report.margins import Margins, margins
+from simbench.plant.trust.candidate_loops import CandidateLoops
+
+STICKING, TIGHT, FROM_OUTSIDE, NEIGHBOUR = "stiction", "tuning", "disturbance from outside", "another loop"
+SENSOR, AT_LIMIT, NO_CAUSE, NOT_TOLD = "sensor", "saturation", "none", "cannot tell"
+_TOLD_BY_FLAGS = {"saturated": AT_LIMIT, "frozen": SENSOR, "dead_pv": SENSOR, "dead_op": NOT_TOLD, "manual": NOT_TOLD}
+_NAMED_FROM = 0.6  # confidence below which no cause is named
+_APART = 0.15  # by which the likeliest must lead the next
+_KEPT = (0.9, 0.98)  # phase kept with one sine from which the swing is a line of the load, and from which surely
+_TIGHT = (2.2, 4.0)  # largest sensitivity from which tuning may be the cause, and from which it surely can
+_BARE = 0.1  # of S, below which J is no jump
+_POOR = 1.9  # largest sensitivity from which a loop at rest is not sound either
+_NEAR = 1.4  # factor between the period of the loop and that of its resonance up to which they are one
+_NOISY = 0.75  # share of PV's variance that changes from sample to sample, from which it is noise that moves the valve
+
+
+@dataclass(frozen=True)
+class Cause:
+    """One cause: how sure the evidence makes it (0 to 1), what speaks for it and what against."""
+
+    name: str
+    confidence: float
+    speaks_for: tuple[str, ...] = ()
+    against: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Causes:
+    """The cause named, or "cannot tell" with why, and every cause that was weighed, likeliest first."""
+
+    named: Cause
+    weighed: tuple[Cause, ...]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the cause named and those weighed in JSON types."""
+        return {"named": asdict(self.named), "weighed": [asdict(c) for c in self.weighed]}
+
+    def as_lines(self) -> list[str]:
+        """Return the cause named, and of those weighed what speaks for and against."""
+        why = "; ".join((*self.named.speaks_for, *self.named.against))
+        return [f"Cause: {self.named.name} ({why})." if why else f"Cause: {self.named.name}.", *map(_line, self.weighed[:4])]
+
+
+def _line(c: Cause) -> str:
+    told = [f"for: {'; '.join(c.speaks_for)}"] if c.speaks_for else []
+    told += [f"against: {'; '.join(c.against)}"] if c.against else []
+    return f"  {c.name} ({c.confidence:.2f}): {'. '.join(told)}."
+
+
+def find_causes(prepared: Prepared, behind: CandidateLoops | None, root: str | None = None, sure: float = 0.0) -> Causes:
+    """Weigh the causes of one loop's motion; `root` is the loop that drives it, `sure` that loop's probability of stiction."""
+    flags, swing = prepared.flags, prepared.oscillation
+    for flag, name in _TOLD_BY_FLAGS.items():
+        if flag in flags:
+            found = Cause(name, 0.9 if name != NOT_TOLD else 0.0, (flags[flag].evidence,))
+            return Causes(found, (found,))
+    if behind is None:
+        return _open("no loop could be identified from this record", ())
+    known, keeps, periods = _margins(behind), 0.0, 0.0
+    if swing.sustained:
+        periods = behind.record.duration / swing.period_s
+        keeps = coherence(behind.record.pv, swing.period_s / behind.record.Ts)
+    weighed = [
+        _stiction(behind, keeps), _tuning(known, swing, keeps, periods), _outside(behind, swing, keeps, periods),
+        _sensor(prepared, behind),
+    ]  # fmt: skip
+    if root is not None:
+        why = f"shares period, phase and time with {root}, whose valve sticks with probability {sure:.2f}"
+        weighed.append(Cause(NEIGHBOUR, sure, (why,)))
+    weighed.append(_nothing(behind, swing, known))
+    weighed.sort(key=lambda c: -c.confidence)
+    first, second = weighed[:2]
+    # friction of its own is a case of its own, whatever else swings with it
+    own = next(c for c in weighed if c.name == STICKING)
+    if root is None and own.confidence > CLAIMED_FROM:
+        return Causes(own, tuple(weighed))
+    if root is not None and sure > CLAIMED_FROM and sure >= own.confidence - 0.1:
+        return Causes(next(c for c in weighed if c.name == NEIGHBOUR), tuple(weighed))
+    if first.confidence < _NAMED_FROM or first is own:
+        return _open("no cause has enough evidence", tuple(weighed))
+    if first.confidence - second.confidence < _APART and {first.name, second.name} != {SENSOR, NO_CAUSE}:
+        return _open(f"{first.name} and {second.name} are about as likely", tuple(weighed))
+    return Causes(first, tuple(weighed))
+
+
+def _open(why: str, weighed: tuple[Cause, ...]) -> Causes:
+    return Causes(Cause(NOT_TOLD, 0.0, (), (why,)), weighed)
+
+
+def _margins(behind: CandidateLoops) -> Margins | None:
+    """Return the margins of the loop that explains the record best."""
+    own = behind.sticky if behind.sticky is not None and behind.probability > 0.5 else behind.healthy[0]
+    return margins(own)
+
+
+def _stiction(behind: CandidateLoops, keeps: float) -> Cause:
+    p = behind.probability
+    word = "better" if behind.gain > 0 else "worse"
+    better = f"friction explains the record {word} than none (log-likelihood {behind.gain:+.0f})"
+    if p <= 0.5:
+        return Cause(STICKING, p, (), (better,))
+    size = "" if behind.fitted is None else f"; its best size is S = {behind.fitted[0]:.2g}, J = {behind.fitted[1]:.2g} %"
+    bare = behind.fitted is not None and behind.fitted[1] < _BARE * behind.fitted[0]
+    if bare and keeps > _KEPT[1] and behind.healthy[0].plant.type == "foptd":
+        why = "a band without a jump makes no self-regulating loop swing, and the swing keeps its phase as one from outside"
+        return Cause(STICKING, min(p, CLAIMED_FROM - 0.05), (better + size,), (why,))
+    return Cause(STICKING, p, (better + size,))
+
+
+def _tuning(known: Margins | None, swing: Oscillation, keeps: float, periods: float) -> Cause:
+    if known is None:
+        return Cause(TIGHT, 0.0, (), ("margins of this loop are unknown",))
+    said = known.sentence()
+    if not swing.sustained:
+        return Cause(TIGHT, 0.0, (), ("the loop does not swing", said))
+    if keeps > _KEPT[0]:
+        kept = f"the swing keeps {keeps:.2f} of its phase over {periods:.0f} periods, as no loop does that noise keeps swinging"
+        return Cause(TIGHT, 0.1, (), (kept, said))
+    ratio = max(known.period / swing.period_s, swing.period_s / known.period)
+    if known.sensitivity < _TIGHT[0] or ratio > _NEAR:
+        return Cause(TIGHT, 0.05, (), (f"{said}; the loop swings with {swing.period_s:.3g} s",))
+    tight = float(np.interp(known.sensitivity, _TIGHT, (0.5, 0.95)))
+    return Cause(TIGHT, tight, (f"{said}, near the {swing.period_s:.3g} s with which it swings",))
+
+
+def _outside(behind: CandidateLoops, swing: Oscillation, keeps: float, periods: float) -> Cause:
+    if not swing.sustained:
+        return Cause(FROM_OUTSIDE, 0.0, (), ("the loop does not swing",))
+    said = f"over {periods:.0f} periods the swing keeps {keeps:.2f} of its phase: "
+    if keeps < _KEPT[0]:
+        return Cause(FROM_OUTSIDE, 0.1, (), (f"{said}the load's spectrum shows no line",))
+    gained = f"an oscillation from outside explains the record better than none (log-likelihood +{behind.outside:.0f})"
+    sure = float(np.interp(keeps, _KEPT, (0.6, 0.95))) * float(np.interp(behind.probability, (0.4, 0.7), (1.0, 0.3)))
+    told = f"{said}a line in the load's spectrum, narrower than a loop resonates"
+    return Cause(FROM_OUTSIDE, sure, (told, *([gained] if behind.outside > 0 else [])))
+
+
+def _sensor(prepared: Prepared, behind: CandidateLoops) -> Cause:
+    record = prepared.record
+    std = float(np.std(record.pv))
+    noise = min(float(behind.healthy[0].noise.std) / std, 1.0) if std > 0 else 0.0
+    steps = np.diff(record.op)
+    turns = float(np.mean(steps[1:] * steps[:-1] < 0)) if steps.size > 1 else 0.0
+    said = f"noise is {noise**2:.0%} of PV's variance, and OP turns in {turns:.0%} of the samples"
+    if "spikes" in prepared.flags:
+        return Cause(SENSOR, 0.7, (prepared.flags["spikes"].evidence,))
+    percent = record.op_percent
+    moved = float(np.std(steps)) if percent is not None else 0.0
+    if noise**2 > _NOISY and turns > 0.4 and moved > _MOVED and not prepared.oscillation.sustained:
+        return Cause(SENSOR, 0.8, (f"{said}: the valve follows the noise, by {moved:.2g} % from sample to sample",))
+    return Cause(SENSOR, 0.05, (), (said,))
+
+
+_MOVED = 1.0  # % by which OP moves from sample to sample where noise wears the valve
+
+
+def _nothing(behind: CandidateLoops, swing: Oscillation, known: Margins | None) -> Cause:
+    if swing.sustained:
+        return Cause(NO_CAUSE, 0.0, (), (f"the loop swings ({swing.evidence})",))
+    p = behind.probability
+    if p >= DENIED_BELOW:
+        return Cause(NO_CAUSE, 1.0 - p, (), ("friction is not ruled out",))
+    said = f"the loop does not swing, and friction explains nothing (probability {p:.2f})"
+    if known is not None and known.sensitivity > _POOR:
+        return Cause(NO_CAUSE, 0.7 * (1.0 - p), (said,), (known.sentence(),))
+    return Cause(NO_CAUSE, 1.0 - p, (said,))

@@ -1,0 +1,104 @@
+"""What a loop's motion costs: the share of its variance that the cycle causes, and what the valve travels for it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from detectors.prepared import Prepared
+from detectors.record import LoopRecord
+
+_DAY = 86400.0
+_HARMONICS, _BAND = 9, 0.12  # of the cycle that count, and the half width of each as a share of the fundamental
+_DEAD = 0.1  # of OP's standard deviation, within which a change of direction is no reversal
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What the record shows of a loop's cost.
+
+    Parameters
+    ----------
+    pv_share, op_share : float
+        Share of the variance of PV and of OP that the cycle carries; 0 where the loop does not swing.
+    travel : float or None
+        Valve travel a day, in % (100 = once from end to end); None where the unit of OP is unknown.
+    reversals : float
+        Reversals of the valve a day.
+    automatic : float or None
+        Share of the time in automatic; None where no mode was recorded.
+    saturated : float
+        Share of the time with OP at a limit.
+    """
+
+    pv_share: float
+    op_share: float
+    travel: float | None
+    reversals: float
+    automatic: float | None
+    saturated: float
+
+    def sentence(self) -> str:
+        """Return the cost in words."""
+        said = [f"the cycle carries {self.pv_share:.0%} of PV's and {self.op_share:.0%} of OP's variance"]
+        if self.travel is not None:
+            said.append(f"the valve travels {self.travel / 100:.3g} full strokes and turns {self.reversals:.3g} times a day")
+        if self.automatic is not None:
+            said.append(f"in automatic {self.automatic:.0%} of the time")
+        if self.saturated > 0:
+            said.append(f"OP at a limit {self.saturated:.0%} of the time")
+        return "; ".join(said)
+
+
+def cost_of(prepared: Prepared, record: LoopRecord) -> Cost:
+    """Return what a record shows of its loop's cost; of MV where it was recorded, else of OP."""
+    swing, days = prepared.oscillation, record.duration / _DAY
+    shares = [cycle_share(x, swing.period_s / record.Ts) if swing.sustained else 0.0 for x in (record.pv, record.op)]
+    percent = record.mv if record.mv is not None else record.op_percent
+    moved = record.op if percent is None else percent
+    travel = None if percent is None else float(np.abs(np.diff(percent)).sum()) / days
+    at_limit = 0.0
+    if record.op_percent is not None:
+        at_limit = float(np.mean((record.op_percent <= 1e-6) | (record.op_percent >= 100.0 - 1e-6)))
+    automatic = record.meta.get("automatic")
+    return Cost(shares[0], shares[1], travel, reversals(moved) / days, automatic, at_limit)
+
+
+def cycle_share(x: np.ndarray, period: float) -> float:
+    """Return the share of a signal's variance at a period (samples) and its harmonics.
+
+    Examples
+    --------
+    >>> rng, t = np.random.default_rng(0), np.arange(5000.0)
+    >>> round(cycle_share(np.sin(t / 10) + 0.5 * rng.standard_normal(5000), 62.8), 1)
+    0.7
+    """
+    line = np.polyval(np.polyfit(np.arange(x.size), x, 1), np.arange(x.size))
+    power = np.abs(np.fft.rfft((x - line) * np.hanning(x.size))) ** 2
+    f = np.fft.rfftfreq(x.size)
+    total = float(power[1:].sum())
+    if total <= 0.0 or not np.isfinite(period):
+        return 0.0
+    near = np.abs(f - 1.0 / period) <= 0.3 / period
+    peak = float(f[near][np.argmax(power[near])]) if near.any() else 1.0 / period
+    inside = np.zeros(f.size, dtype=bool)
+    for k in range(1, _HARMONICS + 1):
+        inside |= np.abs(f - k * peak) <= max(_BAND * peak, 2.0 / x.size)
+    inside[0] = False
+    # what lies between the harmonics lies beneath them too
+    beneath = float(np.median(power[1:][~inside[1:]])) if (~inside[1:]).any() else 0.0
+    return float(np.clip((power[inside] - beneath).sum() / total, 0.0, 1.0))
+
+
+def reversals(x: np.ndarray) -> int:
+    """Return how often a signal turns by more than a tenth of its standard deviation."""
+    band, last, way, count = _DEAD * float(np.std(x)), float(x[0]), 0, 0
+    for value in x.tolist():
+        step = value - last
+        if abs(step) <= band:
+            continue
+        now = 1 if step > 0 else -1
+        count += way == -now
+        way, last = now, value
+    return count

@@ -1,0 +1,44 @@
+"""How near an identified loop is to swinging by itself: margins, largest sensitivity, and the period at which it resonates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenarios.spec import Loop
+
+_POINTS = 1500
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Gain margin, largest sensitivity, and the period (s) of the largest sensitivity; `stable` by the gain margin."""
+
+    gain: float
+    sensitivity: float
+    period: float
+
+    def sentence(self) -> str:
+        """Return the margins in words."""
+        return f"gain margin {self.gain:.2g}, largest sensitivity {self.sensitivity:.2g} at a period of {self.period:.3g} s"
+
+
+def margins(loop: Loop) -> Margins | None:
+    """Return the margins of a loop, the hold of its sampling counted as half a sample of dead time; None of other plants."""
+    plant, pi = loop.plant, loop.controller
+    if plant.type not in ("foptd", "integrating") or pi.type not in ("P", "PI"):
+        return None
+    Ts = loop.sampling.Ts
+    slow = max((plant.T or 0.0) if plant.type == "foptd" else 0.0, pi.Ti or 0.0, plant.Td, 10.0 * Ts)
+    w = np.geomspace(0.02 / slow, np.pi / Ts, _POINTS)
+    s = 1j * w
+    process = abs(plant.K) / (s if plant.type == "integrating" else 1.0 + s * plant.T)
+    controller = pi.Kc * (1.0 if pi.type == "P" else 1.0 + 1.0 / (s * pi.Ti))
+    open_loop = process * controller * np.exp(-s * (plant.Td + 0.5 * Ts))
+    phase = np.unwrap(np.angle(open_loop))
+    crossed = np.flatnonzero((phase[:-1] > -np.pi) & (phase[1:] <= -np.pi))
+    gain = float("inf") if not crossed.size else 1.0 / float(np.abs(open_loop[crossed]).max())
+    size = 1.0 / np.abs(1.0 + open_loop)
+    k = int(np.argmax(size))
+    return Margins(gain, float(size[k]), float(2.0 * np.pi / w[k]))

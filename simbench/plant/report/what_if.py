@@ -1,0 +1,168 @@
+"""What would help: the identified loop simulated with its valve repaired, retuned, compensated, resized, or left alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from detectors.errors import UserError
+from scenarios.spec import Loop
+from simbench.gap.stiction.probability import CLAIMED_FROM, DENIED_BELOW
+from simbench.loop.simulate import simulate
+from simbench.plant.report.margins import margins
+from simbench.plant.trust.candidate_loops import CandidateLoops, with_friction
+
+LEAVE, REPAIR, RETUNE, P_ONLY, COMPENSATE, RESIZE = "leave", "repair", "retune", "P-only", "dead-band compensation", "resize"
+_RUNS = 16  # of every action, each of another seed and loop
+_WARM_UP = 0.3  # of a run, before it counts
+_UNSURE = {"K": 0.12, "T": 0.25, "Td": 0.25, "S": 0.2}  # standard deviations of the logarithms drawn
+_JUMP = 0.5  # standard deviation of J over S
+_LEFT = 0.2  # of the band that is no jump, that compensation leaves
+_KICK = 5.0  # % of OP: a sticky loop started at rest may stay there
+_STABLE, _TRIES = 1.15, 5  # gain margin that a draw keeps, and draws before the loop is taken as it was identified
+_ALIKE = 3.0  # factor of its variance within which a draw moves as the loop identified
+_SAME = 1e-9
+
+
+@dataclass(frozen=True)
+class Action:
+    """One thing to do, and what PV's variance about its set point would be, as a share of today's, with its 90 % interval."""
+
+    name: str
+    what: str
+    variance: float
+    lo: float
+    hi: float
+
+    def sentence(self) -> str:
+        """Return what it would do in words."""
+        return f"{self.what}: PV variance {self.variance:.0%} of today's ({self.lo:.0%} to {self.hi:.0%})"
+
+
+def what_if(behind: CandidateLoops, seed: int = 0) -> tuple[Action, ...]:
+    """Return what the actions would do to the variance of PV, best first.
+
+    Empty where the loop cannot be simulated, or where friction is neither claimed nor ruled out: an action on a loop whose
+    valve nobody knows is no advice.
+    """
+    claimed = behind.sticky is not None and behind.probability > CLAIMED_FROM
+    if not claimed and behind.probability >= DENIED_BELOW:
+        return ()
+    base = behind.sticky if claimed and behind.sticky is not None else behind.healthy[0]
+    S, J = behind.fitted if claimed and behind.fitted is not None else (0.0, 0.0)
+    return compare(base, S, J, spread=0.3 if behind.trusted else 1.0, seed=seed)
+
+
+def compare(
+    base: Loop, S: float, J: float, *, spread: float = 1.0, seed: int = 0, settings: Mapping[str, float] | None = None
+) -> tuple[Action, ...]:
+    """Return the actions on one loop with a friction of S and J, best first.
+
+    `spread` scales what is not known of the loop; `settings` are those to retune to, the loop's own without them.
+    """
+    rng = np.random.default_rng(seed)
+    drawn = []
+    for i in range(_RUNS):
+        factors = _factors(base, spread * (i > 0), rng)
+        # of a record the jump is known far worse than the band
+        jump = float(np.clip((J / S if S > 0 else 0.0) + _JUMP * spread * rng.standard_normal() * (i > 0), 0.0, 1.0))
+        drawn.append((_varied(base, factors), S * factors["S"], jump * S * factors["S"], int(rng.integers(2**31))))
+    settings = settings or retuned(base)
+    found: dict[str, list[float]] = {}
+    for name in _offered(base, S, J):
+        kicked = 0.0 if name == REPAIR else 1.0
+        found[name] = [_variance(_changed(name, loop, s, j, settings), kicked * s, i) for loop, s, j, i in drawn]
+    today = np.array(found[LEAVE])
+    # a draw that does not move as the loop does is another loop's
+    sound = np.isfinite(today) & (today > today[0] / _ALIKE) & (today < today[0] * _ALIKE)
+    if not np.isfinite(today[0]) or sound.sum() < 0.4 * _RUNS:
+        return ()
+    out = []
+    for name, values in found.items():
+        ratio = np.array(values)[sound] / today[sound]
+        ratio = np.where(np.isfinite(ratio), ratio, 99.0)
+        lo, hi = np.quantile(ratio, (0.05, 0.95))
+        out.append(Action(name, _said(name, base, settings), float(np.median(ratio)), float(lo), float(hi)))
+    return tuple(sorted(out, key=lambda a: (round(a.variance, 2), a.name != LEAVE)))
+
+
+def retuned(loop: Loop) -> dict[str, float]:
+    """Return gain and integral time (s) of SIMC (Skogestad 2003), its closed-loop time constant twice the dead time."""
+    plant, Ts = loop.plant, loop.sampling.Ts
+    dead = plant.Td + 0.5 * Ts
+    wanted = max(2.0 * dead, 2.0 * Ts)
+    if plant.type == "integrating":
+        return {"Kc": 1.0 / (abs(plant.K) * (wanted + dead)), "Ti": 4.0 * (wanted + dead)}
+    return {"Kc": plant.T / (abs(plant.K) * (wanted + dead)), "Ti": min(plant.T, 4.0 * (wanted + dead))}
+
+
+def _factors(base: Loop, spread: float, rng: np.random.Generator) -> dict[str, float]:
+    """Draw how far plant and friction may be from what was identified; a loop that would swing by itself is another one."""
+    factors = dict.fromkeys(_UNSURE, 1.0)
+    for _ in range(_TRIES):
+        tried = {name: float(np.exp(spread * std * rng.standard_normal())) for name, std in _UNSURE.items()}
+        known = margins(_varied(base, tried))
+        if known is None or known.gain > _STABLE:
+            return tried
+    return factors
+
+
+def _offered(base: Loop, S: float, J: float) -> list[str]:
+    names = [LEAVE, RETUNE] if base.controller.type in ("P", "PI") and base.plant.type in ("foptd", "integrating") else [LEAVE]
+    if S > 0:
+        names += [REPAIR, P_ONLY, RESIZE] if len(names) > 1 else [REPAIR]
+        names += [COMPENSATE] if J < 0.9 * S else []
+    return names
+
+
+def _changed(name: str, loop: Loop, S: float, J: float, settings: Mapping[str, float]) -> Loop | None:
+    """Return a loop after an action; None where the loop would be no loop."""
+    table: dict[str, Any] = loop.to_table()
+    if name == RETUNE:
+        table["controller"] |= {"type": "PI", **settings}
+    if name == P_ONLY:
+        table["controller"] = {k: v for k, v in table["controller"].items() if k != "Ti"} | {"type": "P"}
+    if name == RESIZE:  # the same flow of a valve half as large: half the gain of plant, twice that of controller
+        table["plant"]["K"] *= 0.5
+        table["controller"]["Kc"] *= 2.0
+    if name == REPAIR:
+        S = J = 0.0
+    if name == COMPENSATE:
+        S = J + _LEFT * (S - J)
+    try:
+        return with_friction(Loop.from_table(table, "what if"), S, min(J, S))
+    except UserError:
+        return None
+
+
+def _varied(loop: Loop, factors: dict[str, float]) -> Loop:
+    """Return a loop whose plant is as different as the identified one may be."""
+    table = loop.to_table()
+    table["plant"] |= {k: table["plant"][k] * factors[k] for k in ("K", "T", "Td") if table["plant"].get(k)}
+    return Loop.from_table(table, "what if")
+
+
+def _variance(loop: Loop | None, S: float, seed: int) -> float:
+    if loop is None:
+        return float("nan")
+    try:
+        record = simulate(loop, seed, kick=_KICK if S > 0 else 0.0).record
+    except UserError:
+        return float("nan")
+    late = slice(int(_WARM_UP * record.n), None)
+    sp = record.pv[late].mean() if record.sp is None else record.sp[late]
+    return float(np.mean((record.pv[late] - sp) ** 2)) + _SAME
+
+
+def _said(name: str, base: Loop, settings: Mapping[str, float]) -> str:
+    return {
+        LEAVE: "leave it",
+        REPAIR: "repair the valve (packing, positioner, actuator)",
+        RETUNE: f"retune to Kc = {settings['Kc']:.3g}, Ti = {settings['Ti']:.3g} s",
+        P_ONLY: f"P-only with Kc = {base.controller.Kc:.3g}, where an offset is allowed",
+        COMPENSATE: "compensate the dead band in the controller",
+        RESIZE: "fit a valve of half the size, where OP has the range",
+    }[name]

@@ -1,0 +1,326 @@
+"""One loop as twelve systems export it: read right, or refused with the command that reads it; never silently wrong."""
+
+from __future__ import annotations
+
+import shlex
+from datetime import datetime, timedelta
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from detectors.errors import RecordError
+from detectors.records.io import read_record, read_records
+from detectors.records.roles import column_pairs
+from detectors.usage import cured
+
+N, TS = 300, 5.0
+START = datetime(2024, 3, 4, 22, 50, 0)
+K = np.arange(N)
+OP = np.round(48 + 6 * np.abs((K % 50) / 25 - 1) + 0.3 * np.sin(K), 2)
+PV = np.round(1210 + 15 * np.sin(K / 8) + 2 * np.cos(1.7 * K), 1)
+SP = np.full(N, 1210.0)
+T = [START + timedelta(seconds=TS * k) for k in range(N)]
+BAND_OP, BAND_PV = 0.9, 4.0
+LOOP = (("PV", PV), ("OP", OP), ("SP", SP))
+
+
+def stamps(form="%Y-%m-%d %H:%M:%S"):
+    return [t.strftime(form) for t in T]
+
+
+def wide(head, *columns, sep=","):
+    return "\n".join([head, *(sep.join(map(str, row)) for row in zip(*columns, strict=True))]) + "\n"
+
+
+def three(time, pv, op, sp, form="%Y-%m-%d %H:%M:%S", sep=","):
+    return wide(sep.join((time, pv, op, sp)), stamps(form), PV, OP, SP, sep=sep)
+
+
+def comma(values):
+    return [f"{v}".replace(".", ",") for v in values]
+
+
+def kept(values, band):
+    """Return the samples an exception report keeps: those further than `band` from the last one kept, and the ends."""
+    out = [0]
+    for k in range(1, N):
+        if abs(values[k] - values[out[-1]]) > band:
+            out.append(k)
+    return sorted({*out, N - 1})
+
+
+COMPRESSED = {"PV": kept(PV, BAND_PV), "OP": kept(OP, BAND_OP), "SP": [0, N - 1]}
+
+
+def rows(form, line, tags=LOOP, name="FIC101.{}", keep=None, newest=False):
+    """Return a row per time and tag, as `line` writes it of time, tag and value."""
+    found = [(k, tag, x[k]) for k in range(N) for tag, x in tags if keep is None or k in keep[tag]]
+    found = sorted(found, key=lambda r: r[0] * (-1 if newest else 1))
+    return "\n".join(line(T[k].strftime(form), name.format(tag), v) for k, tag, v in found) + "\n"
+
+
+def beside(heads, when, form, second=None):
+    """Return a column of times before every signal, each series as long as it is."""
+    series = [[(T[k].strftime(form), x[k]) for k in when[tag]] for tag, x in LOOP]
+    lines = [",".join(heads), *([",".join(second)] if second else [])]
+    for i in range(max(map(len, series))):
+        lines.append(",".join(f"{s[i][0]},{s[i][1]}" if i < len(s) else "," for s in series))
+    return "\n".join(lines) + "\n"
+
+
+def sheet(table, **options):
+    def write(path):
+        pd.DataFrame(table).to_excel(path, header=False, index=False, **options)
+
+    return write
+
+
+def excel(*above):
+    return sheet([*above, *([t.to_pydatetime() if hasattr(t, "to_pydatetime") else t, *v] for t, *v in zip(T, PV, OP, SP))])
+
+
+ALL = {tag: range(N) for tag, _ in LOOP}
+WORDS = "%d-%b-%y %H:%M:%S"
+DA, BAD = [0 if k in (40, 41) else 192 for k in K], [0.0 if k in (40, 41) else v for k, v in enumerate(PV)]
+WONDER = "DateTime,TagName,Value,Quality,QualityDetail,OPCQuality"
+GERMAN = "%d.%m.%Y %H:%M:%S"
+
+# system: export -> (content, suffix, options)
+READ = {
+    # AVEVA PI: DataLink, Vision, PI Web API
+    "pi: compressed, time per tag": (beside(("FIC101.PV", "", "FIC101.OP", "", "FIC101.SP", ""), COMPRESSED, WORDS), "csv", {}),
+    "pi: compressed, two heads": (
+        beside(("FIC101.PV", "", "FIC101.OP", "", "FIC101.SP", ""), COMPRESSED, WORDS, ("Timestamp", "Value") * 3), "csv", {}),
+    "pi: compressed, time named each": (
+        beside(("Timestamp", "FIC101.PV", "Timestamp", "FIC101.OP", "Timestamp", "FIC101.SP"), COMPRESSED, WORDS), "csv", {}),
+    "pi: sampled, time per tag": (
+        beside(("Time", "FIC101.PV", "Time", "FIC101.OP", "Time", "FIC101.SP"), ALL, "%Y-%m-%d %H:%M:%S"), "csv", {}),
+    "pi: server in the path": (three("Timestamp", r"\\PISRV\FIC101.PV", r"\\PISRV\FIC101.OP", r"\\PISRV\FIC101.SP", WORDS),
+                               "csv", {}),
+    "pi: attributes of a frame": (three("Time", r"Plant\U1\FIC101|PV", r"Plant\U1\FIC101|OP", r"Plant\U1\FIC101|SP"),
+                                  "csv", {}),
+    "pi: long": ("Tag,Timestamp,Value\n" + rows(WORDS, lambda t, n, v: f"{n},{t},{v}"), "csv", {}),
+    # AspenTech IP.21
+    "ip21: trend": ("NAME,IP_TREND_TIME,IP_TREND_VALUE\n" + rows(WORDS + ".0", lambda t, n, v: f"{n},{t},{v}"), "csv", {}),
+    "ip21: with status": ("NAME,IP_TREND_TIME,IP_TREND_VALUE,IP_TREND_QSTATUS\n"
+                          + rows(WORDS + ".0", lambda t, n, v: f"{n},{t},{v},Good"), "csv", {}),
+    "ip21: newest first": ("NAME,IP_TREND_TIME,IP_TREND_VALUE\n"
+                           + rows(WORDS + ".0", lambda t, n, v: f"{n},{t},{v}", newest=True), "csv", {}),
+    # Wonderware
+    "wonderware: both qualities": (
+        WONDER + "\n" + rows("%Y-%m-%d %H:%M:%S.000", lambda t, n, v: f"{t},{n},{v},0,192,192"), "csv", {}),
+    "wonderware: values and vvalue": ("DateTime,TagName,Value,vValue,Quality,OPCQuality\n"
+                                      + rows("%Y-%m-%d %H:%M:%S", lambda t, n, v: f"{t},{n},{v},{v},0,192"), "csv", {}),
+    "wonderware: wide": (three("DateTime", "FIC101.PV", "FIC101.OP", "FIC101.SP", "%m/%d/%Y %I:%M:%S %p"), "csv", {}),
+    # Ignition
+    "ignition: path": (three("t_stamp", "[default]Unit1/FIC101/PV", "[default]Unit1/FIC101/OP", "[default]Unit1/FIC101/SP"),
+                       "csv", {}),
+    "ignition: folders of another loop": (
+        wide("t_stamp,[default]U1/FIC101/PV,[default]U1/FIC101/OP,[default]U1/FIC102/PV,[default]U1/FIC102/OP",
+             stamps(), PV, OP, OP, PV), "csv", {"tag": "FIC101"}),
+    "ignition: long": ("t_stamp,Path,Value\n"
+                       + rows("%Y-%m-%d %H:%M:%S", lambda t, n, v: f"{t},{n},{v}", name="[default]Unit1/FIC101/{}"), "csv", {}),
+    "ignition: milliseconds": (wide("t_stamp,Unit1/FIC101/PV,Unit1/FIC101/OP,Unit1/FIC101/SP",
+                                    [1709592600000 + 5000 * int(k) for k in K], PV, OP, SP), "csv", {}),
+    # Honeywell
+    "honeywell: experion": (three("Time", "FIC101.PV", "FIC101.OP", "FIC101.SP", "%d/%m/%Y %H:%M:%S"), "csv", {}),
+    "honeywell: DACA": (three("TIMESTAMP", "FIC101.DACA.PV", "FIC101.PIDA.OP", "FIC101.PIDA.SP"), "csv",
+                        {"columns": {"pv": "FIC101.DACA.PV"}}),
+    "honeywell: PHD": ("TAGNAME,TIMESTAMP,VALUE,CONFIDENCE\n"
+                       + rows("%m/%d/%Y %H:%M:%S", lambda t, n, v: f"{n},{t},{v},100"), "csv", {}),
+    "honeywell: mode as number": (wide("Time,FIC101.PV,FIC101.OP,FIC101.SP,FIC101.MODE", stamps(), PV, OP, SP, [1] * N),
+                                  "csv", {}),
+    # Yokogawa
+    "yokogawa: exaquantum": (three("Time", "FIC101.PV.Value", "FIC101.OP.Value", "FIC101.SV.Value"), "csv", {}),
+    "yokogawa: mode": (wide("Date,Time,FIC101.PV,FIC101.MV,FIC101.SV,FIC101.MODE", stamps("%Y/%m/%d"), stamps("%H:%M:%S"),
+                            PV, OP, SP, ["AUT"] * N), "csv", {"columns": {"op": "FIC101.MV"}}),
+    # Emerson
+    "deltav: parameters": (three("Timestamp", "FIC101/PID1/PV.CV", "FIC101/PID1/OUT.CV", "FIC101/PID1/SP.CV"), "csv", {}),
+    "deltav: mode": (wide("Timestamp,FIC101/PID1/PV.CV,FIC101/PID1/OUT.CV,FIC101/PID1/SP.CV,FIC101/PID1/MODE.ACTUAL",
+                          stamps(), PV, OP, SP, [8] * N), "csv", {}),
+    "ovation": (wide("Date,Time,FIC101_PV,FIC101_OUT,FIC101_SP", stamps("%m/%d/%Y"), stamps("%I:%M:%S %p"), PV, OP, SP),
+                "csv", {}),
+    # ABB, Siemens
+    "abb: 800xA": (three("Time;".rstrip(";"), "FIC101.Pv", "FIC101.Out", "FIC101.Sp", sep=";"), "csv", {}),
+    "abb: object": ("Object;Time;Value;Quality\n" + rows("%Y-%m-%d %H:%M:%S", lambda t, n, v: f"{n};{t};{v};Good"), "csv", {}),
+    "siemens: wincc": ("VarName;TimeString;VarValue;Validity;Time_ms\n" + rows(
+        GERMAN, lambda t, n, v: f'"{n}";"{t}";{str(v).replace(".", ",")};1;45355951388,8'), "csv", {}),
+    "siemens: pcs 7": (three("Zeitstempel", "FIC101/PID.PV_IN", "FIC101/PID.LMN", "FIC101/PID.SP", GERMAN, sep=";"), "csv", {}),
+    # Proficy, Foxboro, Rockwell
+    "proficy": ("Tagname,TimeStamp,Value,DataQuality\n"
+                + rows("%m/%d/%Y %H:%M:%S", lambda t, n, v: f"{n},{t},{v},Good NonSpecific"), "csv", {}),
+    "ifix": (three("Time", "FIX.FIC101_PV.F_CV", "FIX.FIC101_OP.F_CV", "FIX.FIC101_SP.F_CV"), "csv", {}),
+    "foxboro": (three("Time", "UNIT1:FIC101.MEAS", "UNIT1:FIC101.OUT", "UNIT1:FIC101.SPT"), "csv", {}),
+    "rockwell": (three("Time", "FIC101.PV", "FIC101.CV", "FIC101.SP"), "csv", {"columns": {"op": "FIC101.CV"}}),
+    # OPC, Influx, Grafana, Canary
+    "opc hda": ("ItemID,Timestamp,Value,Quality\n" + rows("%Y-%m-%dT%H:%M:%S.000Z", lambda t, n, v: f"{n},{t},{v},192"),
+                "csv", {}),
+    "opc ua": (three("Time", "ns=2;s=FIC101.PV", "ns=2;s=FIC101.OP", "ns=2;s=FIC101.SP", sep="\t"), "txt", {}),
+    "influx": ("_time,_value,_field,_measurement\n" + rows(
+        "%Y-%m-%dT%H:%M:%SZ", lambda t, n, v: f"{t},{v},{n},FIC101", name="{}"), "csv", {}),
+    "grafana": ("Series;Time;Value\n" + rows("%Y-%m-%dT%H:%M:%S+00:00", lambda t, n, v: f"{n};{t};{v}"), "csv", {}),
+    "canary": (wide("Timestamp,FIC101.PV.Value,FIC101.PV.Quality,FIC101.OP.Value,FIC101.OP.Quality", stamps(), BAD, DA, OP,
+                    [192] * N), "csv", {}),
+    # Excel
+    "excel: title and merged loop": (excel(["Trend", "", "", ""], ["", "FIC101", "", ""], ["Time", "PV", "OP", "SP"]),
+                                     "xlsx", {}),
+    "excel: time merged down": (excel(["Report", "", "", ""], ["Time", "FIC101", "", ""], ["", "PV", "OP", "SP"]), "xlsx", {}),
+    "excel: units below": (excel(["Time", "PV", "OP", "SP"], ["", "m3/h", "%", "m3/h"]), "xlsx", {}),
+    "excel: separator said": ("sep=;\n" + wide("Time;PV;OP;SP", stamps(), comma(PV), comma(OP), comma(SP), sep=";"), "csv", {}),
+    # languages
+    "german": (wide("Datum;Uhrzeit;Istwert;Stellgröße;Sollwert", stamps("%d.%m.%Y"), stamps("%H:%M:%S"), comma(PV), comma(OP),
+                    comma(SP), sep=";"), "csv", {}),
+    "german, in its own code": (wide("Zeit;FIC101 Istwert;FIC101 Stellgröße;FIC101 Sollwert", stamps(GERMAN), comma(PV),
+                                     comma(OP), comma(SP), sep=";").encode("cp1252"), "csv", {}),
+    "german: mode and quality": (wide("Zeitstempel;FIC101.Istwert;FIC101.Stellwert;FIC101.Sollwert;FIC101.Betriebsart;Qualität",
+                                      stamps(GERMAN), comma(PV), comma(OP), comma(SP), ["Automatik"] * N, ["gut"] * N, sep=";"),
+                                 "csv", {}),
+    "french": (wide("Horodatage;Mesure;Sortie;Consigne", stamps("%d/%m/%Y %H:%M:%S"), comma(PV), comma(OP), comma(SP), sep=";"),
+               "csv", {}),
+    "french: signal first": (wide("Date;Heure;Mesure FIC101;Commande FIC101;Consigne FIC101", stamps("%d/%m/%Y"),
+                                  stamps("%H:%M:%S"), comma(PV), comma(OP), comma(SP), sep=";"), "csv", {}),
+    "spanish": (wide("Fecha y hora;FIC101 Medición;FIC101 Salida;FIC101 Consigna", stamps("%d/%m/%Y %H:%M:%S"), comma(PV),
+                     comma(OP), comma(SP), sep=";"), "csv", {}),
+    "chinese": (three("时间", "FIC101.测量值", "FIC101.输出", "FIC101.设定值", "%Y/%m/%d %H:%M:%S"), "csv", {}),
+    "chinese: long": ("时间,位号,值\n" + rows("%Y-%m-%d %H:%M:%S", lambda t, n, v: f"{t},{n},{v}"), "csv", {}),
+    # names
+    "unit behind": (three("time_s", "pv_kPa", "op_pct", "sp_kPa").replace("time_s", "time"), "csv", {}),
+    "signal first": (three("Time", "PV_FIC101", "OP_FIC101", "SP_FIC101"), "csv", {}),
+    "nothing between": (three("Time", "FIC101PV", "FIC101OP", "FIC101SP"), "csv", {}),
+    "words run together": (three("DateTime", "ProcessValue", "ControllerOutput", "SetPoint"), "csv", {}),
+    "words": (three("Date Time", "FIC101 Process Value", "FIC101 Controller Output", "FIC101 Set Point"), "csv", {}),
+    "transmitter and valve": (three("Time", "FT-101.PV", "FV-101.OUT", "FIC-101.SP"), "csv", {}),
+    "numbered": (wide("Time,PV1,OP1,PV2,OP2", stamps(), OP, PV, PV, OP), "csv", {"tag": "2"}),
+    "newest first": (wide("Time,PV,OP,SP", stamps()[::-1], PV[::-1], OP[::-1], SP[::-1]), "csv", {}),
+    "no separator but underscores": (three("time", "feed_flow_pv", "feed_flow_op", "feed_flow_sp"), "csv", {}),
+    "gain in parentheses": (three("Time (UTC)", "FIC101 PV (m3/h)", "FIC101 OP (%)", "FIC101 SP (m3/h)"), "csv", {}),
+}  # fmt: skip
+
+
+def written(folder, content, suffix):
+    path = folder / f"loop.{suffix}"
+    if callable(content):
+        content(path)
+    else:
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return path
+
+
+def right(record, compressed=False):
+    """Whether a record is the loop; of an archive its values hold until the next within the band of the exception report."""
+    if record.Ts != pytest.approx(TS, abs=1e-3) or record.n != N:
+        return False
+    far = [np.abs(record.op - OP).max() / BAND_OP, np.abs(record.pv - PV)[[k for k in K if k not in (40, 41)]].max() / BAND_PV]
+    return max(far) <= (1.0 if compressed else 0.0) and (record.sp is None or np.array_equal(record.sp, SP))
+
+
+def test_there_are_60_exports_of_twelve_systems_and_their_kin():
+    assert len(READ) >= 60
+
+
+@pytest.mark.parametrize("name", READ)
+def test_export_is_read_right(tmp_path, name):
+    content, suffix, options = READ[name]
+    record = read_record(written(tmp_path, content, suffix), **options)
+    assert right(record, "compressed" in name), (record.n, record.Ts, record.notes)
+
+
+TWO = (stamps(), PV, OP, OP, PV)
+# what is open -> (content, options, options of its cure)
+ASKED = {
+    "two loops": (wide("Time,FIC101.PV,FIC101.OP,LIC7.PV,LIC7.OP", *TWO), {}, ["--tag", "FIC101"]),
+    "a wrong tag": (wide("Time,FIC101.PV,FIC101.OP,LIC7.PV,LIC7.OP", *TWO), {"tag": "FIC110"}, ["--tag", "FIC101"]),
+    "two loops by path": (wide("Time,U1/FIC101/PV,U1/FIC101/OP,U1/LIC7/PV,U1/LIC7/OP", *TWO), {}, ["--tag", "U1/FIC101"]),
+    "MV is the output": (wide("Time,PV,SV,MV", stamps(), PV, SP, OP), {}, ["--columns", "pv=PV,op=MV"]),
+    "CV is the output": (wide("Time,FIC101.PV,FIC101.CV", stamps(), PV, OP), {}, ["--columns", "pv=FIC101.PV,op=FIC101.CV"]),
+    "unnamed signal": (wide("Time,Flow,OP", stamps(), PV, OP), {}, ["--columns", "op=OP,pv=Flow"]),
+    "two clocks": (wide("Local Time,UTC Time,PV,OP", stamps(), stamps(), PV, OP), {}, ["--columns", "t=Local Time"]),
+    "no time": (wide("PV,OP", PV, OP), {}, ["--ts", "1"]),
+    "clock set back": (wide("Time,PV,OP", [*stamps()[:200], *stamps()[100:200]], PV, OP), {}, ["--ts", "5"]),
+    "quality unknown": (wide("Time,PV,OP,Quality", stamps(), PV, OP, [7] * N), {}, ["--columns", "quality=none"]),
+    "volts": (wide("Time,PV,OP [V]", stamps(), PV, np.round(1 + 0.04 * OP, 3)), {}, ["--op-span", "1", "5"]),
+    "other numbers": (wide("Time,FT7.PV,FV8.OP", stamps(), PV, OP), {}, ["--columns", "op=FV8.OP,pv=FT7.PV"]),
+}  # fmt: skip
+
+
+def options_of(words):
+    values = dict.fromkeys(["--columns"], column_pairs(words[1:])) if words[0] == "--columns" else {}
+    values |= {"--tag": words[-1]} if words[0] == "--tag" else {"--ts": float(words[-1])} if words[0] == "--ts" else {}
+    names = {"--columns": "columns", "--tag": "tag", "--ts": "Ts"}
+    return {"op_span": (1, 5)} if words[0] == "--op-span" else {names[k]: v for k, v in values.items()}
+
+
+@pytest.mark.parametrize("name", ASKED)
+def test_refusal_ends_with_the_options_that_read_the_file(tmp_path, name):
+    content, options, cure = ASKED[name]
+    file = written(tmp_path, content, "csv")
+    with pytest.raises(RecordError) as caught:
+        read_record(file, **options)
+    assert shlex.split(caught.value.cure) == cure
+    assert str(caught.value).endswith(caught.value.cure)
+    record = read_record(file, **{**options, **options_of(cure)})
+    assert np.allclose(record.pv, PV)
+
+
+def test_cure_takes_the_place_of_the_option_that_was_wrong():
+    assert cured(["simbench", "detect", "a.csv", "--tag", "X", "--json"], "--tag Y") == "simbench detect a.csv --json --tag Y"
+    typed = ["simbench", "trust", "a.csv", "--columns", "pv=A"]
+    assert cured(typed, "--columns 'op=B C'") == "simbench trust a.csv --columns 'pv=A,op=B C'"
+
+
+def test_every_loop_of_a_file_is_a_record(tmp_path):
+    file = written(tmp_path, wide("Time,FIC101.PV,FIC101.OP,LIC7.PV,LIC7.OP", *TWO), "csv")
+    records, refused = read_records(file)
+    assert list(records) == ["FIC101", "LIC7"]
+    assert np.array_equal(records["LIC7"].op, PV)
+    assert not refused
+    tags = [(f"{loop}.{tag}", x) for loop in ("FIC101", "LIC7") for tag, x in LOOP]
+    long = "Tag,Time,Value\n" + rows("%Y-%m-%d %H:%M:%S", lambda t, n, v: f"{n},{t},{v}", tags, "{}")
+    records, _ = read_records(written(tmp_path, long, "txt"))
+    assert [right(r) for r in records.values()] == [True, True]
+
+
+def test_only_the_longest_stretch_in_automatic_is_read_and_the_shares_are_said(tmp_path):
+    modes = ["MAN"] * 60 + ["AUTO"] * 200 + ["MAN"] * 10 + ["CAS"] * 30
+    file = written(tmp_path, wide("Time,PV,OP,Mode", stamps(), PV, OP, modes), "csv")
+    record = read_record(file)
+    assert np.array_equal(record.pv, PV[60:260])
+    assert "AUTO 67%, CAS 10%, MAN 23%; judged samples 60 to 259 of 300 (67%)" in " ".join(record.notes)
+    assert read_record(file, automatic=False).n == N
+
+
+def test_a_mode_stored_on_change_holds_until_the_next(tmp_path):
+    tags = (*LOOP, ("MODE", ["MAN" if k < 100 else "AUTO" for k in K]))
+    keep = {**ALL, "MODE": [0, 100]}
+    long = "Tag,Time,Value\n" + rows("%Y-%m-%d %H:%M:%S", lambda t, n, v: f"{n},{t},{v}", tags, keep=keep)
+    record = read_record(written(tmp_path, long, "csv"))
+    assert np.array_equal(record.op, OP[100:])
+
+
+def test_an_output_that_may_be_in_milliamperes_or_counts_is_said(tmp_path):
+    low = written(tmp_path, wide("Time,PV,OP", stamps(), PV, np.round(4 + 0.16 * OP, 3)), "csv")
+    assert "add --op-span 4 20" in read_record(low).notes[-1]
+    assert read_record(low, op_span=(4, 20)).op_percent == pytest.approx(OP, abs=0.01)
+    counts = read_record(written(tmp_path, wide("Time,PV,OP", stamps(), PV, np.round(40.95 * OP)), "txt"))
+    assert "add --op-span 0 4095" in counts.notes[-1]
+    assert counts.S_unit == "OP units"
+
+
+def test_a_table_of_loops_says_what_the_file_does_not(tmp_path):
+    file = written(tmp_path, wide("Time,A,B,C,D", *TWO), "csv")
+    table = tmp_path / "plant.toml"
+    table.write_text('[[loop]]\ntag = "FIC1"\nkind = "flow"\nop_span = [0, 200]\ncolumns = {pv = "A", op = "B"}\n'
+                     '[[loop]]\ntag = "LIC2"\ncolumns = {pv = "C", op = "D"}\n')  # fmt: skip
+    records, _ = read_records(file, loops=table)
+    assert (records["FIC1"].kind, records["FIC1"].op_span, records["FIC1"].tag) == ("flow", (0.0, 200.0), "FIC1")
+    assert np.array_equal(records["LIC2"].pv, OP)
+    assert np.array_equal(read_record(file, loops=table, tag="LIC2").pv, OP)
+    table.write_text('[[loop]]\ntag = "A"\nknd = "flow"\n')
+    with pytest.raises(RecordError, match="unknown key 'knd', did you mean 'kind'"):
+        read_records(file, loops=table)
+
+
+def test_the_time_of_the_calendar_is_kept(tmp_path):
+    record = read_record(written(tmp_path, three("Time", "PV", "OP", "SP"), "csv"))
+    assert record.meta["start"] == pytest.approx((START - datetime(1970, 1, 1)).total_seconds())

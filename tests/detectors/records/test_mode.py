@@ -1,0 +1,23 @@
+"""Modes are read from the words and numbers of control systems; what is not understood is neither automatic nor manual."""
+
+import pytest
+
+from detectors.records.mode import mode
+
+
+@pytest.mark.parametrize(
+    ("cells", "said"),
+    [
+        (["AUTO", "man", "Cas", "RCAS", "Hand", "Automatik", "自动", "手动"], "AUTO MAN CAS CAS MAN AUTO AUTO MAN"),
+        ([0, 1, 2], "MAN AUTO CAS"),
+        (["16", "8.0", "4"], "MAN AUTO CAS"),
+        (["AUT", "IMAN", "P-AUTO"], "AUTO MAN AUTO"),
+        (["TRUE", "FALSE"], "AUTO MAN"),
+    ],
+)
+def test_words_and_numbers_of_control_systems_are_understood(cells, said):
+    assert mode(cells).tolist() == said.split()
+
+
+def test_what_is_empty_or_unknown_is_no_mode():
+    assert mode(["", None, float("nan"), "purple", 7.5, 900]).tolist() == [""] * 6

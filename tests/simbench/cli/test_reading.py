@@ -1,0 +1,101 @@
+"""Six verbs read one export the same way, from one set of options; a refusal ends with the command that works."""
+
+from __future__ import annotations
+
+import json
+import shlex
+
+import numpy as np
+import pytest
+
+from detectors.example_loop import example_loop
+from simbench import cli
+from simbench.gap import command as gap_command
+from simbench.plant import command as plant_command
+
+
+class _Read(Exception):
+    """Raised in place of a long computation, with the record that reached it."""
+
+
+@pytest.fixture(scope="module")
+def export(tmp_path_factory):
+    place = tmp_path_factory.mktemp("plant")
+    one, two = example_loop(noise=0.1), example_loop(noise=0.2)
+    cells = {"Time": one.t, "U1/FIC101/PV": one.pv, "U1/FIC101/OP": one.op, "U1/LIC7/PV": two.pv, "U1/LIC7/OP": two.op}
+    lines = [",".join(cells), *(",".join(f"{v:.6g}" for v in row) for row in zip(*cells.values(), strict=True))]
+    (place / "unit.csv").write_text("\n".join(lines) + "\n")
+    (place / "loop.toml").write_text(
+        '[plant]\ntype = "foptd"\nK = 1\nT = 10\nTd = 1\n[controller]\ntype = "PI"\nKc = 1\nTi = 10\n[sampling]\nTs = 1\n'
+    )
+    return place
+
+
+@pytest.fixture
+def caught(monkeypatch):
+    """Return the records that reached the computations of the slow verbs."""
+    got = []
+
+    def stop(record, *_, **__):
+        got.append(record)
+        raise _Read
+
+    monkeypatch.setattr(plant_command, "trust", stop)
+    monkeypatch.setattr(gap_command, "diagnose", stop)
+    monkeypatch.setattr(plant_command, "causes_of", stop)
+    monkeypatch.setattr("simbench.confirm.recorded.travel_recorded", stop)
+    monkeypatch.setattr("simbench.confirm.recorded.gain_change_recorded", stop)
+    return got
+
+
+VERBS = {
+    "diagnose": "diagnose {f}",
+    "trust": "trust {f}",
+    "gap diagnose": "gap diagnose {f} --identify",
+    "confirm travel": "confirm travel --record {f}",
+    "confirm gain-change": "confirm gain-change --records {f} {f} --ratio 0.5",
+}
+
+
+def typed(words):
+    try:
+        return cli.main(words)
+    except _Read:
+        return 0
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_the_command_that_a_refusal_ends_with_works(export, caught, capsys, verb):
+    assert typed(VERBS[verb].format(f=export / "unit.csv").split()) == 2
+    refusal = capsys.readouterr().err.strip()
+    program, *again = shlex.split(refusal.split("try: ")[1])
+    assert program == "simbench"
+    assert again[-2:] == ["--tag", "U1/FIC101"]
+    assert typed(again) == 0
+    assert caught[0].tag == "U1/FIC101"
+    assert not np.array_equal(caught[0].pv, example_loop(noise=0.2).pv)
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_what_is_known_of_a_record_is_said_alike(export, caught, verb):
+    words = VERBS[verb].format(f=export / "unit.csv").split()
+    known = ["--columns", "pv=U1/LIC7/PV,op=U1/LIC7/OP", "--ts", "3", "--op-span", "0", "200", "--kind", "level"]
+    assert typed([*words, *known, "--process", "integrating"]) == 0
+    record = caught[0]
+    assert (record.Ts, record.op_span, record.kind, record.process) == (3.0, (0.0, 200.0), "level", "integrating")
+
+
+def test_detect_judges_every_loop_of_a_file(export, capsys):
+    assert cli.main(["detect", str(export / "unit.csv"), "--method", "horch", "--json"]) == 0
+    assert [v["record"] for v in json.loads(capsys.readouterr().out)] == ["U1/FIC101", "U1/LIC7"]
+
+
+def test_what_reading_assumed_stands_under_the_answer(export, capsys, tmp_path):
+    file = tmp_path / "low.csv"
+    record = example_loop(noise=0.1)
+    op = 8 + 4 * (record.op - record.op.min()) / np.ptp(record.op)
+    file.write_text("t,op,pv\n" + "".join(f"{t},{o:.4f},{p:.5f}\n" for t, o, p in zip(record.t, op, record.pv, strict=True)))
+    assert cli.main(["diagnose", str(file)]) == 0
+    assert "add --op-span 4 20" in capsys.readouterr().out
+    assert cli.main(["diagnose", str(file), "--json"]) == 0
+    assert any("--op-span 4 20" in note for note in json.loads(capsys.readouterr().out)["notes"])

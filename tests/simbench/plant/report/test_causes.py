@@ -1,0 +1,66 @@
+"""A cause is named on its own evidence: a line from outside is not tuning, a loop at rest has none, what is open stays open."""
+
+import numpy as np
+import pytest
+
+from detectors.prepared import Prepared
+from scenarios.spec import Loop
+from simbench.loop.simulate import simulate
+from simbench.plant.report import causes
+from simbench.plant.report.causes import find_causes
+from simbench.plant.report.margins import margins
+from simbench.plant.trust.candidate_loops import candidate_loops
+
+LOOP = {
+    "plant": {"type": "foptd", "K": 1.0, "T": 30.0, "Td": 6.0},
+    "controller": {"type": "PI", "Kc": 1.5, "Ti": 30.0},
+    "noise": {"std": 0.05},
+    "disturbance": [{"type": "coloured", "amplitude": 0.3, "period": 15.0}],
+    "sampling": {"Ts": 2.0, "n": 1500},
+}
+SINE = {"type": "sine", "amplitude": 2.0, "period": 200.0, "at": "output"}
+
+
+def found(**more):
+    record = simulate(Loop.from_table(LOOP | more), 3, kick=5.0 if "valve" in more else 0.0).record.without_mv()
+    return find_causes(Prepared(record), candidate_loops(record))
+
+
+def test_a_sine_from_outside_is_a_disturbance_and_not_tuning():
+    said = found(disturbance=[*LOOP["disturbance"], SINE])
+    assert said.named.name == causes.FROM_OUTSIDE
+    against = next(c for c in said.weighed if c.name == causes.TIGHT).against
+    assert "of its phase" in against[0]
+
+
+def test_a_sticky_valve_is_stiction_with_its_size():
+    said = found(valve={"model": "choudhury", "S": 6.0, "J": 4.0})
+    assert said.named.name == causes.STICKING
+    assert "S = " in said.named.speaks_for[0]
+
+
+def test_tuning_is_named_where_the_margin_says_so():
+    said = found(controller={"type": "PI", "Kc": 6.4, "Ti": 30.0})
+    assert said.named.name == causes.TIGHT
+    assert "gain margin" in said.named.speaks_for[0]
+
+
+def test_a_loop_at_rest_has_no_cause():
+    assert found().named.name == causes.NO_CAUSE
+
+
+def test_a_record_without_a_loop_is_open_and_says_why():
+    record = simulate(Loop.from_table(LOOP), 3).record.without_mv()
+    said = find_causes(Prepared(record), None).named
+    assert (said.name, said.against) == (causes.NOT_TOLD, ("no loop could be identified from this record",))
+
+
+def test_margins_are_those_of_the_frequency_response():
+    loop = Loop.from_table(LOOP | {"controller": {"type": "P", "Kc": 2.0}})
+    known = margins(loop)
+    w = np.linspace(0.01, 1.0, 200_000)
+    response = 2.0 / (1 + 30j * w) * np.exp(-7j * w)
+    k = int(np.argmax(np.diff(np.sign(np.unwrap(np.angle(response)) + np.pi)) != 0))
+    assert known is not None
+    assert known.gain == pytest.approx(1 / abs(response[k]), rel=0.01)
+    assert known.sensitivity == pytest.approx(1 / np.abs(1 + response).min(), rel=0.01)
