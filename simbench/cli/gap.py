@@ -22,6 +22,10 @@ def gap_diagnose(
         typer.Option(metavar="LOOP.toml", help="The simulation that does not fit; [plant] or [controller] may be missing."),
     ] = None,
     identify: Annotated[bool, typer.Option("--identify", help="No baseline: estimate one from the record.")] = False,
+    test: Annotated[
+        list[str] | None,
+        typer.Option(metavar="REC.csv[:SETTINGS.toml]", help="A test of the same loop in other operation; repeatable."),
+    ] = None,
     jobs: Jobs = 1,
     no_bootstrap: Annotated[bool, typer.Option("--no-bootstrap", hidden=True)] = False,
     html: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Report to write.")] = None,
@@ -39,7 +43,7 @@ def gap_diagnose(
         raise ParameterError("gap diagnose needs either --baseline LOOP.toml or --identify")
     report = diagnose_files(
         records, baseline, jobs=jobs, html=html, write_loop=write_loop, picture=picture,
-        process=process, op_span=op_span, window=window,
+        process=process, op_span=op_span, window=window, tests=test or (),
     )  # fmt: skip
     show(report.as_json() if as_json else report.as_text(), as_json)
 

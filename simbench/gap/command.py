@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,8 @@ from detectors.record import LoopRecord
 from detectors.records.io import read_record
 from simbench.files import picture_kind, refuse_own_input, whole_file
 from simbench.gap.diagnosis import diagnose
-from simbench.gap.intake.partial import read_baseline
+from simbench.gap.intake.partial import Partial, read_baseline
+from simbench.gap.intake.recorded_test import operated, read_test, test_files
 from simbench.gap.report.result import GapReport
 from simbench.gap.report.traces import kick_of
 
@@ -26,6 +28,7 @@ def diagnose_files(
     write_loop: str | Path | None = None,
     picture: str | Path | None = None,
     window: tuple[int, int] | None = None,
+    tests: Sequence[str] = (),
     **about: Any,
 ) -> GapReport:
     """Diagnose the records of one loop beside its loop file.
@@ -43,16 +46,19 @@ def diagnose_files(
     """
     if not records:
         raise ParameterError("gap diagnose needs at least one record")
-    refuse_own_input([html, write_loop, picture], [*records, baseline])
+    if tests and baseline is None:
+        raise ParameterError("gap diagnose --test needs --baseline LOOP.toml: what is identified from a record cannot be tested")
+    refuse_own_input([html, write_loop, picture], [*records, baseline, *(part for t in tests for part in test_files(t) if part)])
     if picture is not None:
         picture_kind(picture)
     loop = None if baseline is None else read_baseline(baseline)
-    read = [_cut(read_record(path, **about), window, path) for path in records]
+    read = [_cut(_operated(read_record(path, **about), path), window, path) for path in records]
     for record, path in zip(read, records, strict=True):
         if record.op_share:
             runs = f"OP runs from {record.op.min():g} to {record.op.max():g}"
             raise RecordError(f"{path}: {runs}, which is not % of travel; --op-span, what means 0 and 100 %, is needed")
-    report = diagnose(read if len(read) > 1 else read[0], loop, jobs=jobs)
+    asked = [read_test(t, loop.loop if isinstance(loop, Partial) else loop, **about) for t in tests if loop is not None]
+    report = diagnose(read if len(read) > 1 else read[0], loop, tests=asked, jobs=jobs)
     if write_loop is not None:
         with whole_file(write_loop) as f:
             f.write(_loop_text(report, [str(p) for p in records], baseline))
@@ -64,7 +70,7 @@ def diagnose_files(
     if html is not None:
         from simbench.gap.report.page import write_page
 
-        write_page(report, html, _again(report, records, baseline, {**about, "window": window}))
+        write_page(report, html, _again(report, records, baseline, {**about, "window": window}, tests))
     return report
 
 
@@ -79,7 +85,15 @@ def _cut(record: LoopRecord, window: tuple[int, int] | None, path: str | Path) -
     first, last = window
     if not 0 <= first < last <= record.n:
         raise ParameterError(f"{path}: --window {first} {last}; samples FROM < TO within 0..{record.n} are needed")
-    return record.window(first, last)
+    cut = record.window(first, last)
+    manual = record.meta.get("manual")
+    return cut if manual is None else replace(cut, meta={**cut.meta, "manual": manual[first:last]})
+
+
+def _operated(record: LoopRecord, path: str | Path) -> LoopRecord:
+    """Return a record that knows where its `mode` says MAN."""
+    manual, _ = operated(path, record.n)
+    return replace(record, meta={**record.meta, "manual": manual}) if manual.any() else record
 
 
 def _loop_text(report: GapReport, records: list[str], baseline: str | Path | None) -> str:
@@ -95,10 +109,13 @@ def _loop_text(report: GapReport, records: list[str], baseline: str | Path | Non
     return "".join(f"# {' '.join(line.split())}\n" for line in lines) + "\n" + report.fixed_loop().to_toml()
 
 
-def _again(report: GapReport, records: Sequence[str | Path], baseline: str | Path | None, about: dict[str, Any]) -> list[str]:
+def _again(
+    report: GapReport, records: Sequence[str | Path], baseline: str | Path | None, about: dict[str, Any], tests: Sequence[str] = ()
+) -> list[str]:
     """Return the commands that repeat a diagnosis and simulate the fixed loop."""
     words = ["simbench", "gap", "diagnose", *map(str, records)]
     words += ["--identify"] if baseline is None else ["--baseline", str(baseline)]
+    words += [word for t in tests for word in ("--test", t)]
     for name, value in about.items():
         if value is not None:
             words += [f"--{name.replace('_', '-')}", *map(str, value if isinstance(value, tuple) else [value])]

@@ -17,13 +17,16 @@ from simbench.gap.candidates import alike, smallest_detectable
 from simbench.gap.closed_loop.next_test import choose
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import RESIDUAL_LIMITS, SURE, Assessment, assess, capped
+from simbench.gap.decide.beside_tests import other_plants
 from simbench.gap.decide.classify import Classified, classify
 from simbench.gap.decide.identified import plausible
+from simbench.gap.intake.beside_record import contradiction, modelled, refuse_twice
 from simbench.gap.intake.check import check
 from simbench.gap.intake.partial import Partial, completed
+from simbench.gap.intake.recorded_test import RecordedTest
 from simbench.gap.intake.refuse import SAME_TS, refuse_unfit
 from simbench.gap.report.result import DiagnosisDetails, Gap, GapReport, Ranked
-from simbench.gap.situation import load_memory
+from simbench.gap.situation import Situation, load_memory
 from simbench.gap.stiction.friction import friction
 from simbench.gap.stiction.probability import DENIED_BELOW, pooled, probability
 from simbench.loop.effects import EFFECTS, NONE, block_of
@@ -35,6 +38,7 @@ def diagnose(
     record: LoopRecord | Sequence[LoopRecord],
     baseline: Loop | Partial | None,
     *,
+    tests: Sequence[RecordedTest] = (),
     jobs: int = 1,
     seed: int = 0,
 ) -> GapReport:
@@ -46,6 +50,8 @@ def diagnose(
         SP, OP, PV and, where recorded, MV. Several records of one loop are judged together.
     baseline : Loop, Partial or None
         The simulation; None identifies plant and tuning from the record, a partial one what it does not say.
+    tests : sequence of RecordedTest
+        Tests of the same loop in other operation, judged with the (longest) record as one model.
     jobs : int
         Processes, where there are several records; -1 uses all cores.
     seed : int
@@ -72,6 +78,7 @@ def diagnose(
     records = [record] if isinstance(record, LoopRecord) else list(record)
     if not records:
         raise RecordError("no record to diagnose")
+    refuse_twice(tests)
     paces = sorted({r.Ts for r in records})
     if paces[-1] > (1.0 + SAME_TS) * paces[0]:
         raise RecordError(
@@ -79,17 +86,19 @@ def diagnose(
         )
     # thousands of tiny matrices: threads would only wait for each other
     with one_thread():
-        found, more = _assess_all(records, baseline, jobs)
+        found, more = _assess_all(records, baseline, jobs, tests)
         runs = ClosedLoops(found, seed)
         return report(found, closing(classify(found), found, runs), runs, more)
 
 
-def _assess_one(record: LoopRecord, baseline: Loop | Partial | None) -> tuple[Assessment, float | None]:
-    """Return the assessment of one record, and the log-odds of stiction where they can be said."""
+def _assess_one(
+    record: LoopRecord, baseline: Loop | Partial | None, tests: Sequence[RecordedTest] = ()
+) -> tuple[Assessment, float | None]:
+    """Return the assessment of one record, with its tests, and the log-odds of stiction where they can be said."""
     refuse_unfit(record, f"record {record.tag!r}" if record.tag else "record")
     loop, given, said = completed(record, baseline)
     situation = check(record, loop, trusted="plant" in given, tuned="controller" in given)
-    found = assess(replace(situation, notes=[*situation.notes, *said]))
+    found = beside_tests(replace(situation, notes=[*situation.notes, *said]), tests)
     try:
         odds = friction(record, baseline).log_odds
     except UserError:
@@ -97,10 +106,39 @@ def _assess_one(record: LoopRecord, baseline: Loop | Partial | None) -> tuple[As
     return found if situation.trusted else plausible(found, odds is None or probability(odds) >= DENIED_BELOW), odds
 
 
-def _assess_all(records: list[LoopRecord], baseline: Loop | Partial | None, jobs: int) -> tuple[Assessment, list[str]]:
-    """Assess every record; evidence adds up, and the longest record carries the fits, the parameters and the gap."""
+def beside_tests(situation: Situation, tests: Sequence[RecordedTest]) -> Assessment:
+    """Assess a record with those of its tests that nothing speaks against; what contradicts is said and not counted."""
+    kept, notes = [], []
+    for test in tests:
+        one = modelled(test, situation)
+        said = contradiction(test, one, situation)
+        if said:
+            notes.append(f"test: {test.name} contradicts the record and is not counted: {said}")
+        else:
+            kept.append(one)
+    found = assess(situation, kept)
+    if kept and situation.trusted:
+        others = other_plants(found, situation, kept)
+        if any(others):
+            notes += [
+                f"test: {one.name} contradicts the record and is not counted: {said}; the loop behind {one.name} is another"
+                for one, said in zip(kept, others) if said
+            ]  # fmt: skip
+            kept = [one for one, said in zip(kept, others) if not said]
+            found = assess(situation, kept)
+    if kept:
+        notes.append(f"tests: {', '.join(one.name for one in kept)} judged with the record as one model")
+    return replace(found, situation=replace(found.situation, notes=[*found.situation.notes, *notes]))
+
+
+def _assess_all(
+    records: list[LoopRecord], baseline: Loop | Partial | None, jobs: int, tests: Sequence[RecordedTest]
+) -> tuple[Assessment, list[str]]:
+    """Assess every record; evidence adds up, and the longest record carries the tests, the fits, parameters and the gap."""
+    longest = max(records, key=lambda r: r.n)
     with Parallel(n_jobs=jobs if len(records) > 1 else 1) as parallel:
-        pairs: list[Any] = list(parallel(delayed(_assess_one)(r, baseline) for r in records))
+        calls = (delayed(_assess_one)(r, baseline, tests if r is longest else ()) for r in records)
+        pairs: list[Any] = list(parallel(calls))
     every = [found for found, _ in pairs]
     odds = [one for _, one in pairs if one is not None]
     main = max(every, key=lambda f: f.situation.record.n)
