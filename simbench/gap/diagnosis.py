@@ -132,12 +132,12 @@ def beside_tests(situation: Situation, tests: Sequence[RecordedTest]) -> Assessm
 
 
 def _assess_all(
-    records: list[LoopRecord], baseline: Loop | Partial | None, jobs: int, tests: Sequence[RecordedTest]
+    records: list[LoopRecord], baseline: Loop | Partial | None, jobs: int, tests: Sequence[RecordedTest] = ()
 ) -> tuple[Assessment, list[str]]:
     """Assess every record; evidence adds up, and the longest record carries the tests, the fits, parameters and the gap."""
-    longest = max(records, key=lambda r: r.n)
+    longest = max(records, key=lambda r: r.n) if tests else None
     with Parallel(n_jobs=jobs if len(records) > 1 else 1) as parallel:
-        calls = (delayed(_assess_one)(r, baseline, tests if r is longest else ()) for r in records)
+        calls = (delayed(_assess_one)(r, baseline, *((tests,) if r is longest else ())) for r in records)
         pairs: list[Any] = list(parallel(calls))
     every = [found for found, _ in pairs]
     odds = [one for _, one in pairs if one is not None]
