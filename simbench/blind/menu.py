@@ -144,5 +144,5 @@ def _cell(name: str, x: float) -> str:
 def settings_toml(settings: Mapping[str, Mapping[str, Any]]) -> str:
     """Return a test's settings as TOML."""
     # of plain words, numbers and lists of numbers JSON is TOML
-    rows = [[f"[{name}]", *(f"{key} = {json.dumps(value)}" for key, value in table.items())] for name, table in settings.items()]
+    rows = [[f"[{name}]", *(f"{k} = {json.dumps(v)}" for k, v in table.items())] for name, table in settings.items()]
     return "\n".join("\n".join(part) + "\n" for part in rows)

@@ -48,6 +48,26 @@ def gap_diagnose(
     show(report.as_json() if as_json else report.as_text(), as_json)
 
 
+@gap_app.command("plan", epilog=examples("gap plan rec.csv --baseline loop.toml --limits limits.toml --html plan.html"))
+def gap_plan(
+    record: Annotated[Path, typer.Argument(metavar="REC.csv", help="The record that is not yet explained.")],
+    baseline: Annotated[Path, typer.Option(metavar="LOOP.toml", help="The simulation that does not fit.")],
+    limits: Annotated[Path | None, typer.Option(metavar="LIMITS.toml", help="What a test may do to PV, OP and time.")] = None,
+    test: Annotated[
+        list[str] | None,
+        typer.Option(metavar="REC.csv[:SETTINGS.toml]", help="A test that was run already; repeatable."),
+    ] = None,
+    html: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Page to write.")] = None,
+    op_span: Span = None,
+    as_json: Json = False,
+) -> None:
+    """Say which test to run next: what it would tell, its size, how long it lasts and what it does to the plant."""
+    from simbench.gap.command import plan_files
+
+    found = plan_files(record, baseline, limits=limits, tests=test or (), html=html, op_span=op_span)
+    show(found.as_json() if as_json else found.as_text(), as_json)
+
+
 @gap_app.command("leave-out", epilog=examples("gap leave-out withheld -j 2"))
 def leave_out_(
     out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for records, table and picture.")],

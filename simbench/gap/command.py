@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from detectors.compiled import one_thread
 from detectors.errors import ParameterError, RecordError
 from detectors.record import LoopRecord
 from detectors.records.io import read_record
@@ -15,6 +16,8 @@ from simbench.files import picture_kind, refuse_own_input, whole_file
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.intake.partial import Partial, read_baseline
 from simbench.gap.intake.recorded_test import operated, read_test, test_files
+from simbench.gap.plan.expected import Plan, plan
+from simbench.gap.plan.menu import read_limits
 from simbench.gap.report.result import GapReport
 from simbench.gap.report.traces import kick_of
 
@@ -47,8 +50,9 @@ def diagnose_files(
     if not records:
         raise ParameterError("gap diagnose needs at least one record")
     if tests and baseline is None:
-        raise ParameterError("gap diagnose --test needs --baseline LOOP.toml: what is identified from a record cannot be tested")
-    refuse_own_input([html, write_loop, picture], [*records, baseline, *(part for t in tests for part in test_files(t) if part)])
+        raise ParameterError("gap diagnose --test needs --baseline LOOP.toml, which all records are compared with")
+    told = [part for t in tests for part in test_files(t) if part]
+    refuse_own_input([html, write_loop, picture], [*records, baseline, *told])
     if picture is not None:
         picture_kind(picture)
     loop = None if baseline is None else read_baseline(baseline)
@@ -72,6 +76,29 @@ def diagnose_files(
 
         write_page(report, html, _again(report, records, baseline, {**about, "window": window}, tests))
     return report
+
+
+def plan_files(
+    record: str | Path,
+    baseline: str | Path,
+    *,
+    limits: str | Path | None = None,
+    tests: Sequence[str] = (),
+    html: str | Path | None = None,
+    **about: Any,
+) -> Plan:
+    """Say which test to run next on the loop of a record."""
+    refuse_own_input([html], [record, baseline, limits])
+    within = None if limits is None else read_limits(limits)
+    report = diagnose_files([record], baseline, tests=tests, **about)
+    with one_thread():
+        p = {r.effect: r.probability for r in report.ranking}
+        planned = plan(report.behind.found, p, report.behind.loops, within)
+    if html is not None:
+        from simbench.gap.report.plan_page import write_plan_page
+
+        write_plan_page(planned, report, html)
+    return planned
 
 
 def one_file(record: Path, baseline: Path) -> dict[str, Any]:
@@ -110,7 +137,11 @@ def _loop_text(report: GapReport, records: list[str], baseline: str | Path | Non
 
 
 def _again(
-    report: GapReport, records: Sequence[str | Path], baseline: str | Path | None, about: dict[str, Any], tests: Sequence[str] = ()
+    report: GapReport,
+    records: Sequence[str | Path],
+    baseline: str | Path | None,
+    about: dict[str, Any],
+    tests: Sequence[str] = (),
 ) -> list[str]:
     """Return the commands that repeat a diagnosis and simulate the fixed loop."""
     words = ["simbench", "gap", "diagnose", *map(str, records)]

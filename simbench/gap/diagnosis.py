@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 from joblib import Parallel, delayed
 
 from detectors.compiled import one_thread
@@ -14,7 +13,6 @@ from detectors.errors import RecordError, UserError
 from detectors.record import LoopRecord
 from scenarios.spec import Loop
 from simbench.gap.candidates import alike, smallest_detectable
-from simbench.gap.closed_loop.next_test import choose
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import RESIDUAL_LIMITS, SURE, Assessment, assess, capped
 from simbench.gap.decide.beside_tests import other_plants
@@ -25,6 +23,7 @@ from simbench.gap.intake.check import check
 from simbench.gap.intake.partial import Partial, completed
 from simbench.gap.intake.recorded_test import RecordedTest
 from simbench.gap.intake.refuse import SAME_TS, refuse_unfit
+from simbench.gap.plan.expected import plan
 from simbench.gap.report.result import DiagnosisDetails, Gap, GapReport, Ranked
 from simbench.gap.situation import Situation, load_memory
 from simbench.gap.stiction.friction import friction
@@ -32,6 +31,8 @@ from simbench.gap.stiction.probability import DENIED_BELOW, pooled, probability
 from simbench.loop.effects import EFFECTS, NONE, block_of
 
 _WIDE = 1.5  # floors, beyond which a gap is wide
+_EXPLANATIONS = 3  # that are simulated under each test, to say in passing which one to run next
+_QUICK_MENU = ("mv", "sp_steps", "bump", "stairs", "lab")
 
 
 def diagnose(
@@ -214,8 +215,10 @@ def report(found: Assessment, weights: Classified, runs: ClosedLoops, more: Sequ
         }
         for e in named
     )
-    advice, separation = _advice(found, runs, ranking)
+    advice, why, after_tests = _advice(found, weights, runs)
     notes = [*situation.notes, *more, *(f"{block}: {why}" for block, why in found.unexplained.items())]
+    if advice is None:
+        notes.append(f"next test: none, {why}")
     if not main.resolvable:
         notes.append(f"the gap ({main.before:.2f}) does not stand out of its floor ({main.floor:.2f}): no shrinkage is claimed")
     sizes = smallest_detectable(situation, found.base, load_memory(situation))
@@ -223,20 +226,18 @@ def report(found: Assessment, weights: Classified, runs: ClosedLoops, more: Sequ
     return GapReport(
         block=weights.block(first), effect=first, effects=answers, group=group, ranking=tuple(lines),
         gap=gap, shrinkage=shrinkage, blocks=weights.shares, next_test=advice, notes=tuple(notes),
-        probability_of_stiction=found.stiction, behind=DiagnosisDetails(found, runs, main, sizes, separation),
+        probability_of_stiction=found.stiction, behind=DiagnosisDetails(found, runs, main, sizes, after_tests),
     )  # fmt: skip
 
 
-def _advice(found: Assessment, runs: ClosedLoops, ranking: list[tuple[str, float]]) -> tuple[str, dict[str, float]]:
-    """Return the next test for the candidates still in play, and the separation under each test."""
+def _advice(
+    found: Assessment, weights: Classified, runs: ClosedLoops
+) -> tuple[dict[str, Any] | None, str, dict[str, float]]:
+    """Return the next test, why there is none, and the probability of a right answer after each test."""
     s = found.situation
-    alive = [(e, p) for e, p in ranking if (e in found.parameters or e == NONE) and p > 0.02][:3]
-    if len(alive) < 2:
-        spare = [(e, p) for e, p in ranking if (e in found.parameters or e == NONE) and (e, p) not in alive]
-        alive += spare[: 2 - len(alive)]
-    loops = {e: runs.loop([] if e == NONE else [e]) for e, _ in alive}
-    weights = {e: max(p, 0.02) for e, p in alive}
-    du = float(np.clip(np.ptp(s.op) / 2, 1.0, 10.0))
-    dsp = abs(s.data.K) * du if not s.integrating else max(float(np.std(s.record.pv)), 3.0 * found.base.theta["noise_std"])
-    known = s.law.known or s.archive.faithful
-    return choose(loops, weights, mv=s.record.mv is not None, law_known=known, du=du, dsp=dsp, seed=runs.seed)
+    if not (s.law.known or s.archive.faithful):
+        says = "log the loop without the archive between: the recorded PV is not the PV the controller saw"
+        raw = {"test": "raw", "size": 0.0, "hold_s": 0.0, "separates": [], "p_right_after": None, "says": says}
+        return raw, "", {}
+    planned = plan(found, weights.probability, runs, most=_EXPLANATIONS, runs=1, tests=_QUICK_MENU)
+    return planned.next_test, planned.why, {x.trial.id: x.p_right for x in planned.tests}

@@ -25,9 +25,9 @@ class Assessment(Fitted):
     """Scores of one record.
 
     `log_likelihood_gains` are nats over "no effect" for every effect that could be tried; `chosen` stands before `none`
-    and `unknown` are weighed; `valve_seen` whether MV was recorded, here or in a test; `tests` are the residual statistics of `final`; `mv_unexplained` whether MV strays as no map
-    makes it; `beside` the assessments of the loop's other records, judged together with this one; `stiction` the probability
-    of it, None where it cannot be said.
+    and `unknown` are weighed; `tests` are the residual statistics of `final`; `mv_unexplained` whether MV strays as no map
+    makes it; `valve_seen` whether MV was recorded, here or in a test; `beside` the assessments of the loop's other records,
+    judged together with this one; `stiction` the probability of it, None where it cannot be said.
     """
 
     log_likelihood_gains: dict[str, float] = field(default_factory=dict)
@@ -70,7 +70,8 @@ def assess(situation: Situation, tests: Sequence[ModelledTest] = ()) -> Assessme
         refuse_other_plant(situation)
     maps = valve_maps(situation, tests)
     engine = joint_engine(situation, tests, maps[0]) if tests else Engine(situation.data, load_memory(situation))
-    situation = replace(situation, data=engine.data, proven=situation.proven | {e: p for t in tests for e, p in t.proven.items()})
+    shown = {e: p for t in tests for e, p in t.proven.items()}
+    situation = replace(situation, data=engine.data, proven={**shown, **situation.proven})
     base = engine.base()
     candidates = fit_candidates(engine, base, effects_by_pv(situation, tests))
     for beside in (beside_the_load, beside_the_plant):

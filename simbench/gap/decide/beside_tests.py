@@ -54,12 +54,12 @@ def joint_engine(s: Situation, tests: Sequence[ModelledTest], maps: Maps) -> Joi
     out = []
     for data, pace, op, Ts, mv in parts:
         if mv is None and winner and maps[winner][0] > _BY_MV:
-            data = replace(data, u=_through(s, winner, maps[winner][1], op, Ts))
+            data = replace(data, u=through_effect(s, winner, maps[winner][1], op, Ts))
         out.append(Part(data, pace))
     return JointEngine(out, load_memory(s))
 
 
-def _through(s: Situation, effect: str, p: Parameters, op: np.ndarray, Ts: float) -> np.ndarray:
+def through_effect(s: Situation, effect: str, p: Parameters, op: np.ndarray, Ts: float) -> np.ndarray:
     """Return MV (%) as the baseline's valve with an effect makes it of OP."""
     table = s.baseline.to_table()
     table["effect"], table["sampling"] = [{"name": effect, **p}], {"Ts": Ts, "n": max(op.size, 3)}
@@ -94,12 +94,12 @@ def lab_gains(s: Situation, tests: Sequence[ModelledTest], base: Fit, parameters
         p = parameters["drift"]
         rate, walk = (float(p.get(name, 0.0)) for name in ("rate", "walk"))
         time = at * t.Ts
-        levels = [_of_walk(off, time, noise, share * walk, share * rate) for share in _SIZES]
-        total += max(levels) - _of_walk(off, time, noise, 0.0, 0.0)
+        levels = [drift_level(off, time, noise, share * walk, share * rate) for share in _SIZES]
+        total += max(levels) - drift_level(off, time, noise, 0.0, 0.0)
     return {"drift": total} if total else {}
 
 
-def _of_walk(off: np.ndarray, time: np.ndarray, noise: float, walk: float, rate: float) -> float:
+def drift_level(off: np.ndarray, time: np.ndarray, noise: float, walk: float, rate: float) -> float:
     """Return the log-likelihood of errors of a measurement: an unknown offset, a ramp either way, a walk, noise."""
     common = np.minimum.outer(time, time)
     slope = np.outer(time, time)

@@ -71,8 +71,8 @@ def contradiction(test: RecordedTest, found: ModelledTest, s: Situation) -> str:
     if law.Kc * Kc > 0 and max(map(abs, off)) < _RETUNED:
         return ""
     return (
-        f"its controller has Kc = {law.Kc:.3g} and Ti = {law.Ti:.3g} s, the record's with the stated settings Kc = {Kc:.3g} and "
-        f"Ti = {Ti:.3g} s; the tuning is not the one stated, or the loop behind {test.name} is another"
+        f"its controller has Kc = {law.Kc:.3g} and Ti = {law.Ti:.3g} s, the record's under the stated settings "
+        f"Kc = {Kc:.3g} and Ti = {Ti:.3g} s; the tuning is not the one stated, or the loop behind {test.name} is another"
     )
 
 

@@ -90,7 +90,7 @@ def operated(path: str | Path, n: int) -> tuple[np.ndarray, np.ndarray | None]:
         lab = lab if np.isfinite(lab).any() else None
     for name, x in (("mode", manual), ("lab", lab)):
         if x is not None and x.size != n:
-            raise RecordError(f"{path}: {name} has {x.size} rows, {n} were kept of the signals; a record without holes is needed")
+            raise RecordError(f"{path}: {name} has {x.size} rows, the signals {n}; a record without holes is needed")
     return manual, lab
 
 
@@ -124,7 +124,7 @@ def _loop(baseline: Loop, settings: dict[str, dict[str, Any]], record: LoopRecor
     control, Ts = settings.get("controller", {}), settings.get("sampling", {}).get("Ts")
     if Ts is not None and abs(record.Ts / Ts - 1.0) > 0.01:
         raise RecordError(
-            f"{where}: Ts = {record.Ts:g} s by its time column, but its [sampling] says Ts = {Ts:g} s; they must agree within 1 %"
+            f"{where}: Ts = {record.Ts:g} s by its time column, but its [sampling] says {Ts:g} s; they must agree within 1 %"
         )
     table = baseline.to_table()
     own = table["controller"]
