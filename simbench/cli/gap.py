@@ -110,11 +110,12 @@ def make(
     n: Annotated[int, typer.Option("-n", "--records", min=100, help="About how many records.")] = 600,
     jobs: Jobs = 1,
     world: World = "own",
+    tests: Annotated[bool, typer.Option("--tests", help="With what every test of the menu would show of each record.")] = False,
 ) -> None:
     """Write shuffled records with hidden effects, and seal the answers."""
     from simbench.blind.making import make as write
 
-    print(write(out, key, seed, n=n, jobs=jobs, world=world))
+    print(write(out, key, seed, n=n, jobs=jobs, world=world, tests=tests))
 
 
 @withheld_app.command(epilog=examples("gap withheld answer check -j 2"))
@@ -123,12 +124,13 @@ def answer(
     jobs: Jobs = 1,
     no_bootstrap: Annotated[bool, typer.Option("--no-bootstrap", hidden=True)] = False,
     world: World = "own",
+    tests: Annotated[int, typer.Option(metavar="N", help="Tests a record that the diagnosis may ask for, 0 to 2.")] = 0,
 ) -> None:
     """Diagnose every record, without sight of the answers and whatever the world; resumes where it stopped."""
     from simbench.blind.answering import answer as diagnose_all
     from simbench.gap.command import one_file
 
-    print(f"{diagnose_all(out, one_file, jobs)} records diagnosed")
+    print(f"{diagnose_all(out, one_file, jobs, tests)} records diagnosed")
 
 
 @withheld_app.command("open", epilog=examples("gap withheld open check --key check.key"))

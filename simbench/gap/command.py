@@ -101,9 +101,9 @@ def plan_files(
     return planned
 
 
-def one_file(record: Path, baseline: Path) -> dict[str, Any]:
-    """Return the JSON of `gap diagnose` for one record and its baseline, as the blind check's processes call it."""
-    return diagnose_files([record], baseline).as_json()
+def one_file(record: Path, baseline: Path, tests: Sequence[str] = ()) -> dict[str, Any]:
+    """Return the JSON of `gap diagnose` for one record, its baseline and tests, as the blind check's processes call it."""
+    return diagnose_files([record], baseline, tests=tests).as_json()
 
 
 def _cut(record: LoopRecord, window: tuple[int, int] | None, path: str | Path) -> LoopRecord:

@@ -129,7 +129,8 @@ def beside_tests(situation: Situation, tests: Sequence[RecordedTest]) -> Assessm
             found = assess(situation, kept)
     if kept:
         notes.append(f"tests: {', '.join(one.name for one in kept)} judged with the record as one model")
-    return replace(found, situation=replace(found.situation, notes=[*found.situation.notes, *notes]))
+    said = replace(found.situation, notes=[*found.situation.notes, *notes])
+    return replace(found, situation=said, asked=tuple(t.id for t in tests))
 
 
 def _assess_all(

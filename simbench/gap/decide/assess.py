@@ -27,7 +27,8 @@ class Assessment(Fitted):
     `log_likelihood_gains` are nats over "no effect" for every effect that could be tried; `chosen` stands before `none`
     and `unknown` are weighed; `tests` are the residual statistics of `final`; `mv_unexplained` whether MV strays as no map
     makes it; `valve_seen` whether MV was recorded, here or in a test; `beside` the assessments of the loop's other records,
-    judged together with this one; `stiction` the probability of it, None where it cannot be said.
+    judged together with this one; `stiction` the probability of it, None where it cannot be said; `asked` the tests of the
+    menu that were run.
     """
 
     log_likelihood_gains: dict[str, float] = field(default_factory=dict)
@@ -37,6 +38,7 @@ class Assessment(Fitted):
     valve_seen: bool = False
     beside: tuple[Assessment, ...] = ()
     stiction: float | None = None
+    asked: tuple[str, ...] = ()
 
     def shown(self, effect: str) -> bool:
         """Whether single samples, the controller's law or MV show an effect, and no likelihood of PV is needed."""

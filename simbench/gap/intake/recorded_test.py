@@ -126,6 +126,12 @@ def _loop(baseline: Loop, settings: dict[str, dict[str, Any]], record: LoopRecor
         raise RecordError(
             f"{where}: Ts = {record.Ts:g} s by its time column, but its [sampling] says {Ts:g} s; they must agree within 1 %"
         )
+    period = baseline.sampling.Ts
+    if Ts is None and abs(record.Ts / period - 1.0) > 0.01:
+        raise RecordError(
+            f"{where}: Ts = {record.Ts:g} s by its time column, the baseline's is {period:g} s; a log of another pace is "
+            "declared by Ts of [sampling] in the test's settings"
+        )
     table = baseline.to_table()
     own = table["controller"]
     for name in ("Kc", "Ti"):

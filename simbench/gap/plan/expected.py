@@ -135,7 +135,7 @@ def plan(
     bands = [band(found.parameters[e]) for e in effects if e in found.parameters and (band := recogniser(e).band) is not None]
     out, left_out = [], []
     for id_ in tests:
-        if (id_ == "mv" and found.valve_seen) or (id_ == "lab" and "drift" not in effects):
+        if id_ in found.asked or (id_ == "mv" and found.valve_seen) or (id_ == "lab" and "drift" not in effects):
             continue
         trial, why, excursion = sized(id_, s, files, min(bands, default=0.0), limits)
         nats = None if trial is None else _nats(trial, found, effects, files, runs)
