@@ -18,8 +18,9 @@ from simbench.gap.situation import ModelledTest, Situation, through_valve
 
 _RETUNED = 0.13  # |ln ratio| of Kc or Ti from which a test's tuning is not the one it states
 _LAW_ROWS = 60  # samples in automatic from which a controller can be compared
-_MOVING = 0.8  # share of samples in automatic in which OP moves, from which standstill and motion tell the mode
-_EDGE = 2  # samples at a change of mode that may be written down on either side of it
+_BRISK, _OFTEN = 20, 5  # samples at an end of a manual run, and moves among them, from which it is no operator's
+_ELSEWHERE = 10.0  # ranges of the record's PV, beyond which PV is another signal
+_EDGE = 1  # samples at a change of mode that may be written down on either side of it
 
 
 def modelled(test: RecordedTest, s: Situation) -> ModelledTest:
@@ -59,10 +60,15 @@ def _law(test: RecordedTest, rows: slice, s: Situation) -> Law | None:
 
 def contradiction(test: RecordedTest, found: ModelledTest, s: Situation) -> str:
     """Return why a test cannot be of the record's loop as it was declared; "" where nothing speaks against it."""
-    said = _shifted(test, found.law.late if found.law is not None else s.law.late)
     law = found.law
-    if said or law is None or not (s.tuned and s.law.known and law.known):
+    said = _shifted(test, s.op, law.late if law is not None else s.law.late) or _elsewhere(test, s)
+    if said or law is None or not (s.tuned and s.law.known):
         return said
+    if not law.known:
+        # what stands between error and OP in a foreign controller need not show in every record
+        why = f"in automatic OP does not follow the record's controller ({law.reason}); the loop behind {test.name} is another"
+        bare = s.archive.faithful and s.law.step == 0.0 and s.law.gap == 0.0 and s.law.limits is None
+        return why if bare and not law.foreign else ""
     control, stated = s.baseline.controller, test.loop.controller
     Kc = s.law.Kc * stated.Kc / control.Kc
     Ti = s.law.Ti * (stated.Ti / control.Ti if stated.Ti and control.Ti else 1.0)
@@ -76,33 +82,52 @@ def contradiction(test: RecordedTest, found: ModelledTest, s: Situation) -> str:
     )
 
 
-def _shifted(test: RecordedTest, late: int) -> str:
-    """Return whether OP moves like a controller's where `mode` says MAN, or rests like an operator's where it says AUTO."""
-    manual, op = test.manual, np.asarray(test.record.op)
-    if not manual.any() or manual.all():
+def _elsewhere(test: RecordedTest, s: Situation) -> str:
+    """Return whether PV runs so far from the record's that it is another signal."""
+    pv, own = test.record.pv, s.record.pv
+    far = _ELSEWHERE * float(np.ptp(own))
+    if pv.max() > own.min() - far and pv.min() < own.max() + far:
         return ""
-    moves = np.append(False, np.abs(np.diff(op)) > 1e-9 * float(np.abs(op).max()))
-    auto = ~manual
-    edge = _EDGE + late
-    starts, ends = (np.flatnonzero(np.diff(manual.astype(int)) == way) + 1 for way in (1, -1))
+    runs = f"PV runs from {pv.min():.4g} to {pv.max():.4g}, the record's from {own.min():.4g} to {own.max():.4g}"
+    return f"{runs}; the loop behind {test.name} is another"
+
+
+def _shifted(test: RecordedTest, usual: np.ndarray, late: int) -> str:
+    """Return whether OP moves like a controller's where `mode` says MAN, or rests like an operator's where it says AUTO.
+
+    `usual` is OP of the record, in automatic: how often it moves there, and how long it rests at most.
+    """
+    manual = test.manual
+    if not manual.any():
+        return ""
+    moves, edge = _moves(np.asarray(test.record.op)), _EDGE + late
+    rests = max(edge, 1.5 * _longest(~_moves(usual)[1:]))
     said = f"the mode column of {test.name} does not fit its OP, which"
-    # more than half of what is called automatic may be the operator's
-    if np.mean(moves[longest_run(auto)]) > 0.5 * _MOVING:
-        for k in starts:
-            if _length(moves[k:][manual[k:].cumprod().astype(bool)]) > edge:
-                return f"{said} still moves like a controller's in the first samples that are called MAN"
-        for k in ends:
-            if _length(moves[:k][::-1][manual[:k][::-1].cumprod().astype(bool)]) > edge:
-                return f"{said} moves like a controller's in the last samples that are called MAN"
-    for k in starts:
-        rest = ~moves[:k][::-1][auto[:k][::-1].cumprod().astype(bool)]
-        if _length(rest) > edge and np.mean(~rest[_length(rest) :]) > _MOVING:
-            return f"{said} stands still in the last samples that are called AUTO"
-    for k in ends:
-        rest = ~moves[k:][auto[k:].cumprod().astype(bool)]
-        if _length(rest) > edge and np.mean(~rest[_length(rest) :]) > _MOVING:
-            return f"{said} stands still in the first samples that are called AUTO"
+    for rows in _runs(manual):
+        # where an operator took over OP may jump to his first level
+        x = moves[rows]
+        for place, side in (("first", x[1:]), ("last", x[::-1])):
+            if _length(side) > edge or side[:_BRISK].sum() >= _OFTEN + late:
+                return f"{said} still moves like a controller's in the {place} samples that are called MAN"
+    for rows in _runs(~manual):
+        x = ~moves[rows]
+        for place, side, shown in (("first", x[1:], rows.start > 0), ("last", x[::-1], rows.stop < manual.size)):
+            if shown and _length(side) > rests:
+                return f"{said} stands still in the {place} samples that are called AUTO"
     return ""
+
+
+def _moves(op: np.ndarray) -> np.ndarray:
+    return np.append(False, np.abs(np.diff(op)) > 1e-9 * float(np.abs(op).max()))
+
+
+def _runs(x: np.ndarray) -> list[slice]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], x.astype(int), [0]]))).reshape(-1, 2)
+    return [slice(int(a), int(b)) for a, b in edges]
+
+
+def _longest(x: np.ndarray) -> int:
+    return max((rows.stop - rows.start for rows in _runs(x)), default=0)
 
 
 def _length(x: np.ndarray) -> int:
