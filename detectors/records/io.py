@@ -71,7 +71,8 @@ def read_record(
     loops : str or Path, optional
         A table of loops (TOML) that says of the tag what the caller does not, see `detectors.records.loop_table`.
     automatic : bool
-        Where the controller's mode is recorded, return the longest stretch in automatic.
+        Where the controller's mode is recorded, return the longest stretch in automatic; else all, `meta["manual"]` says
+        where OP was the operator's.
     **about
         Other fields of the record: process, kind, op_span, pv_span, meta.
 
@@ -300,11 +301,11 @@ def _record(
         sheet.notes += [note for part in parts.values() for note in part.notes]
     if t.size < 3:
         raise RecordError(f"{where}: {t.size} samples; at least 3 are needed")
-    if modes is not None and automatic:
-        t, signals, share = _automatic(t, signals, modes, roles[MODE], sheet.notes)
-        if share is not None:
-            about = {**about, "meta": {"automatic": share, **about.get("meta", {})}}
-    began = float(t[0])
+    held = None if modes is None else _mode_held(modes, roles[MODE], sheet.notes)
+    if held is not None and automatic:
+        t, signals, share = _automatic(t, signals, held, sheet.notes)
+        about = {**about, "meta": {"automatic": share, **about.get("meta", {})}}
+    began, recorded = float(t[0]), t
     series = {r: (t[np.isfinite(x)], x[np.isfinite(x)]) for r, x in signals.items() if np.isfinite(x).any()}
     if given is None and _on_change(t, series):
         t, signals, Ts, notes = hold(series, base_step(t), where)
@@ -314,21 +315,28 @@ def _record(
     else:
         Ts = float(np.median(np.diff(t))) if given is None else float(given)
         t, signals, notes = whole(t, signals, Ts, where)
+    begins = float(t[0]) + (0.0 if t[0] >= began else began)
     if began > _EPOCH:  # events are shared by records of the same time only
-        about = {**about, "meta": {"start": float(t[0]) + (0.0 if t[0] >= began else began), **about.get("meta", {})}}
+        about = {**about, "meta": {"start": begins, **about.get("meta", {})}}
+    if held is not None and not automatic and (held == MAN).any():
+        times = begins + (np.arange(signals["pv"].size) + 0.5) * Ts
+        manual = held[np.searchsorted(recorded, times) - 1] == MAN
+        about = {**about, "meta": {"manual": manual, **about.get("meta", {})}}
     record = LoopRecord(Ts=Ts, notes=(*sheet.notes, *notes), **signals, **about)
     return replace(record, notes=(*record.notes, *open_span(record), *_outside(record, where)))
 
 
-def _automatic(t: np.ndarray, signals: dict[str, np.ndarray], modes: np.ndarray, name: str, notes: list[str]):
-    """Return the longest stretch in automatic or cascade, and say what share of the record either is."""
+def _mode_held(modes: np.ndarray, name: str, notes: list[str]) -> np.ndarray | None:
+    """Return every sample's mode, None where no word of it is understood: a historian stores a mode when it changes."""
     known = np.flatnonzero(modes != "")
     if not known.size:
         notes.append(f"mode: {name!r} is not understood and counts for nothing")
-        return t, signals, None
-    # a historian stores a mode when it changes
-    last = np.maximum.accumulate(np.where(modes != "", np.arange(modes.size), known[0]))
-    held = modes[last]
+        return None
+    return modes[np.maximum.accumulate(np.where(modes != "", np.arange(modes.size), known[0]))]
+
+
+def _automatic(t: np.ndarray, signals: dict[str, np.ndarray], held: np.ndarray, notes: list[str]):
+    """Return the longest stretch in automatic or cascade, and say what share of the record either is."""
     share = {m: float(np.mean(held == m)) for m in (AUTO, CAS, MAN)}
     said = ", ".join(f"{m} {s:.0%}" for m, s in share.items() if s > 0)
     on = np.concatenate([[0], (held != MAN).astype(int), [0]])

@@ -15,23 +15,54 @@ from typing import Any
 from tqdm import tqdm
 
 from detectors.errors import ParameterError
+from simbench.blind import outcomes
 from simbench.files import folder as make_folder
 from simbench.files import remove_stale_temporaries, whole_file
 
-_Diagnose = Callable[[Path, Path], dict[str, Any]]
+_Diagnose = Callable[..., dict[str, Any]]
 COST = "cost.csv"
+MOST_TESTS = 2  # a record
 
 
-def answer(folder: str | Path, diagnose: _Diagnose, jobs: int = 1) -> int:
-    """Write answers/ID.json for every record that has none yet."""
+def answer(folder: str | Path, diagnose: _Diagnose, jobs: int = 1, tests: int = 0) -> int:
+    """Write answers/ID.json for every record that has none yet, and with tests answers-1/ID.json, answers-2/ID.json.
+
+    After each round the test that an answer asks for is opened, and logged; where none is asked for, the answer stands.
+    """
     folder = Path(folder).resolve()
+    if not 0 <= tests <= MOST_TESTS:
+        raise ParameterError(f"withheld: --tests {tests}; 0 to {MOST_TESTS} a record are allowed")
+    done = _round(folder, diagnose, jobs, {}, folder / "answers")
+    opened: dict[str, list[str]] = {}
+    for order in range(1, tests + 1):
+        before, place = answers_after(folder, order - 1), make_folder(answers_after(folder, order))
+        standing = set()
+        for file in sorted(before.glob("*.json")):
+            found = json.loads(file.read_text(encoding="utf-8"))
+            asked = (found.get("next_test") or {}).get("test")
+            if asked is None:
+                standing.add(file.stem)
+                with whole_file(place / file.name) as f:
+                    f.write(json.dumps(found, indent=1))
+            else:
+                opened.setdefault(file.stem, []).append(str(outcomes.open_one(folder, file.stem, asked, order)))
+        _round(folder, diagnose, jobs, {name: t for name, t in opened.items() if name not in standing}, place)
+    return done
+
+
+def answers_after(folder: Path, tests: int) -> Path:
+    """Return where the answers after so many tests lie."""
+    return folder / (f"answers-{tests}" if tests else "answers")
+
+
+def _round(folder: Path, diagnose: _Diagnose, jobs: int, tests: dict[str, list[str]], place: Path) -> int:
+    """Diagnose every record that has no answer in `place` yet, each with its tests."""
     records = sorted((folder / "records").glob("*.csv"))
     if not records:
         raise ParameterError(f"withheld: no records/*.csv in {folder}")
     bare = [r.name for r in records if not r.with_suffix(".toml").exists()]
     if bare:
         raise ParameterError(f"withheld: {bare[0]} has no baseline {Path(bare[0]).with_suffix('.toml')} beside it")
-    place = folder / "answers"
     remove_stale_temporaries(make_folder(place))
     remove_stale_temporaries(folder)
     todo = [r for r in records if not _answered(place / f"{r.stem}.json")]
@@ -42,7 +73,7 @@ def answer(folder: str | Path, diagnose: _Diagnose, jobs: int = 1) -> int:
     pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_blindfold, initargs=(str(folder),))
     bar = tqdm(total=len(records), initial=len(records) - len(todo), desc="diagnosed", file=sys.stderr, delay=1.0)
     with pool, bar:
-        jobs_of: dict[Future, str] = {pool.submit(_one, diagnose, str(r)): r.stem for r in todo}
+        jobs_of: dict[Future, str] = {pool.submit(_one, diagnose, str(r), tests.get(r.stem, [])): r.stem for r in todo}
         for done in as_completed(jobs_of):
             name = jobs_of[done]
             found, cpu = done.result()
@@ -62,24 +93,24 @@ def _answered(path: Path) -> bool:
         return False
 
 
-def _one(diagnose: _Diagnose, record: str) -> tuple[dict[str, Any], float]:
+def _one(diagnose: _Diagnose, record: str, tests: list[str]) -> tuple[dict[str, Any], float]:
     start = time.process_time()
     try:
-        found = diagnose(Path(record), Path(record).with_suffix(".toml"))
+        found = diagnose(Path(record), Path(record).with_suffix(".toml"), *([tests] if tests else []))
     except Exception as error:  # one bad record must not cost the others
         found = {"error": f"{type(error).__name__}: {error}"}
     return found, time.process_time() - start
 
 
 def _blindfold(folder: str) -> None:
-    """Make this process unable to open anything of the folder but its records."""
-    allowed = os.path.join(folder, "records")
+    """Make this process unable to open anything of the folder but its records and the tests that were opened."""
+    allowed = tuple(os.path.join(folder, name) + os.sep for name in ("records", outcomes.OPENED))
     root = folder + os.sep
 
     def watch(event: str, args: tuple[Any, ...]) -> None:
         if event == "open" and isinstance(args[0], (str, bytes, os.PathLike)):
             path = os.path.realpath(os.fsdecode(args[0]))
-            if path.startswith(root) and not path.startswith(allowed + os.sep):
+            if path.startswith(root) and not path.startswith(allowed):
                 raise PermissionError(f"withheld: {path} must not be read while answering")
 
     sys.addaudithook(watch)

@@ -19,7 +19,7 @@ from tqdm import tqdm
 
 from detectors.errors import ParameterError
 from scenarios.spec import Loop
-from simbench.blind import seal
+from simbench.blind import outcomes, seal
 from simbench.blind.world import OWN, PLANNED, WORLDS
 from simbench.files import folder, refuse_own_input, whole_file
 
@@ -118,9 +118,16 @@ def _record_csv(columns: Mapping[str, np.ndarray]) -> str:
 
 
 def make(
-    out: str | Path, key: str | Path, seed: int, n: int = 600, plan: Plan | None = None, jobs: int = 1, world: str = OWN
+    out: str | Path,
+    key: str | Path,
+    seed: int,
+    n: int = 600,
+    plan: Plan | None = None,
+    jobs: int = 1,
+    world: str = OWN,
+    tests: bool = False,
 ) -> str:
-    """Write a withheld folder and, elsewhere, the key to its answers."""
+    """Write a withheld folder and, elsewhere, the key to its answers; `tests`: with what every test of the menu would show."""
     out, key = Path(out), Path(key)
     if out.resolve() in key.resolve().parents:
         raise ParameterError(f"withheld: the key {key} would lie inside {out}; another folder is needed")
@@ -130,6 +137,8 @@ def make(
     if key.exists() and not seal.is_key_of(key, out):
         raise ParameterError(f"withheld: {key} exists already; choose a new file")
     drawn_by = WORLDS.load(world)
+    if tests and not hasattr(drawn_by, "test"):
+        raise ParameterError(f"withheld: world {world!r} runs no tests; it has no function test(answer, effects, seed, plan)")
     # before minutes of work
     folder(key.parent)
     refuse_own_input([key], [])
@@ -149,6 +158,8 @@ def make(
     try:
         for name, item in zip(names, items, strict=True):
             write_item(item, folder(half), name)
+        if tests:
+            outcomes.write(out, drawn_by.test, dict(zip(names, items, strict=True)), jobs)
         seal.write(sealed, out, key)
         half.rename(out / "records")
     finally:

@@ -16,7 +16,7 @@ from tqdm import tqdm
 from detectors.errors import ParameterError
 from scenarios.spec import read_toml
 from simbench.blind import seal
-from simbench.blind.answering import COST
+from simbench.blind.answering import COST, MOST_TESTS, answers_after
 from simbench.blind.claims import true_shrinkages
 from simbench.blind.levels import Figure, Share, by_effect, levels
 from simbench.blind.picture import confusion, draw
@@ -35,11 +35,15 @@ def open_(folder: str | Path, key: str | Path | None = None, out: str | Path | N
     text, commitment = _truth(folder, Path(key) if key is not None else None)
     truth = _read_answers(text)
     judged, claims = [], []
+    after: dict[str, list[dict[str, Any]]] = {str(i): [] for i in range(1, MOST_TESTS + 1) if answers_after(folder, i).exists()}
     for row in tqdm(truth, desc="scored", file=sys.stderr, delay=1.0):
         record, baseline = _record(folder, row["id"])
         here = true_circumstances(row, baseline, record)
         found = _answer(folder / "answers" / f"{row['id']}.json")
         judged.append(judge_record(row, found, here))
+        for tests, rows in after.items():
+            later = _answer(answers_after(folder, int(tests)) / f"{row['id']}.json")
+            rows.append(judge_record(row, later, here))
         if judged[-1]["kind"] == "single" and row.get("case") and found is not None:
             claims += [
                 {"id": row["id"], **c} for c in true_shrinkages(row, found, record, baseline, here, row.get("world") or world)
@@ -55,6 +59,8 @@ def open_(folder: str | Path, key: str | Path | None = None, out: str | Path | N
         "figures": [f.row() for f in figures],
         "by_effect": json.loads(effects.to_json(orient="records")),
     }
+    if after:
+        score["after_tests"] = {tests: [f.row() for f in levels(pd.DataFrame(rows))] for tests, rows in after.items()}
     make_folder(out)
     for name, content in ((_OPEN_ANSWERS, text), ("score.json", json.dumps(score, indent=1))):
         with whole_file(out / name) as f:
@@ -62,7 +68,10 @@ def open_(folder: str | Path, key: str | Path | None = None, out: str | Path | N
     for name, frame in (("score", pd.DataFrame(score["figures"])), ("by_effect", effects), ("records", table)):
         write_table(frame, out / f"{name}.csv")
     draw(confusion(table), out)
-    return score | {"markdown": markdown(figures, effects)}
+    for tests, rows in after.items():
+        write_table(pd.DataFrame(rows), out / f"records-{tests}.csv")
+    said = [f"\nAfter {tests} test(s):\n\n{markdown(levels(pd.DataFrame(rows)), None)}" for tests, rows in after.items()]
+    return score | {"markdown": markdown(figures, effects) + "".join(said)}
 
 
 def _read_answers(text: str) -> list[dict[str, Any]]:
@@ -75,15 +84,15 @@ def _read_answers(text: str) -> list[dict[str, Any]]:
     return [{str(k): _cell(v) for k, v in row.items()} for row in frame.to_dict("records")]
 
 
-def markdown(figures: list[Share | Figure], effects: pd.DataFrame) -> str:
-    """Return the score as markdown tables."""
+def markdown(figures: list[Share | Figure], effects: pd.DataFrame | None) -> str:
+    """Return the score as markdown tables; without `effects` the figures alone."""
     lines = ["| figure (medium and strong) | value | 95 % interval | n | level | holds |", "|---|---|---|---|---|---|"]
     for f in figures:
         value = "-" if f.value is None else f"{f.value:.3f}"
         interval = "[{:.2f}, {:.2f}]".format(*f.interval) if isinstance(f, Share) and f.n else ""
         level = "" if f.level is None else f"{'<=' if f.at_most else '>='} {f.level:g}"
         lines.append(f"| {f.name} | {value} | {interval} | {f.n} | {level} | {_yes(f.holds)} |")
-    for measure, title in (
+    for measure, title in () if effects is None else (
         ("first", "first answer right"),
         ("in_group", "right within its group"),
         ("block_right", "block right"),

@@ -23,6 +23,10 @@ def gap_diagnose(
         typer.Option(metavar="LOOP.toml", help="The simulation that does not fit; [plant] or [controller] may be missing."),
     ] = None,
     identify: Annotated[bool, typer.Option("--identify", help="No baseline: estimate one from the record.")] = False,
+    test: Annotated[
+        list[str] | None,
+        typer.Option(metavar="REC.csv[:SETTINGS.toml]", help="A test of the same loop in other operation; repeatable."),
+    ] = None,
     jobs: Jobs = 1,
     no_bootstrap: Annotated[bool, typer.Option("--no-bootstrap", hidden=True)] = False,
     html: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Report to write.")] = None,
@@ -40,9 +44,31 @@ def gap_diagnose(
         raise ParameterError("gap diagnose needs either --baseline LOOP.toml or --identify")
     report = diagnose_files(
         records, baseline, jobs=jobs, html=html, write_loop=write_loop, picture=picture,
-        window=window, **about,
+        window=window, tests=test or (), **about,
     )  # fmt: skip
     show(report.as_json() if as_json else report.as_text(), as_json)
+
+
+@gap_app.command("plan", epilog=examples("gap plan rec.csv --baseline loop.toml --limits limits.toml --html plan.html"))
+@reads()
+def gap_plan(
+    record: Annotated[Path, typer.Argument(metavar="REC.csv", help="The record that is not yet explained.")],
+    baseline: Annotated[Path, typer.Option(metavar="LOOP.toml", help="The simulation that does not fit.")],
+    limits: Annotated[Path | None, typer.Option(metavar="LIMITS.toml", help="What a test may do to PV, OP and time.")] = None,
+    test: Annotated[
+        list[str] | None,
+        typer.Option(metavar="REC.csv[:SETTINGS.toml]", help="A test that was run already; repeatable."),
+    ] = None,
+    html: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Page to write.")] = None,
+    as_json: Json = False,
+    *,
+    about: dict,
+) -> None:
+    """Say which test to run next: what it would tell, its size, how long it lasts and what it does to the plant."""
+    from simbench.gap.command import plan_files
+
+    found = plan_files(record, baseline, limits=limits, tests=test or (), html=html, **about)
+    show(found.as_json() if as_json else found.as_text(), as_json)
 
 
 @gap_app.command("leave-out", epilog=examples("gap leave-out withheld -j 2"))
@@ -87,11 +113,12 @@ def make(
     n: Annotated[int, typer.Option("-n", "--records", min=100, help="About how many records.")] = 600,
     jobs: Jobs = 1,
     world: World = "own",
+    tests: Annotated[bool, typer.Option("--tests", help="With what every test of the menu would show of each record.")] = False,
 ) -> None:
     """Write shuffled records with hidden effects, and seal the answers."""
     from simbench.blind.making import make as write
 
-    print(write(out, key, seed, n=n, jobs=jobs, world=world))
+    print(write(out, key, seed, n=n, jobs=jobs, world=world, tests=tests))
 
 
 @withheld_app.command(epilog=examples("gap withheld answer check -j 2"))
@@ -100,12 +127,13 @@ def answer(
     jobs: Jobs = 1,
     no_bootstrap: Annotated[bool, typer.Option("--no-bootstrap", hidden=True)] = False,
     world: World = "own",
+    tests: Annotated[int, typer.Option(metavar="N", help="Tests a record that the diagnosis may ask for, 0 to 2.")] = 0,
 ) -> None:
     """Diagnose every record, without sight of the answers and whatever the world; resumes where it stopped."""
     from simbench.blind.answering import answer as diagnose_all
     from simbench.gap.command import one_file
 
-    print(f"{diagnose_all(out, one_file, jobs)} records diagnosed")
+    print(f"{diagnose_all(out, one_file, jobs, tests)} records diagnosed")
 
 
 @withheld_app.command("open", epilog=examples("gap withheld open check --key check.key"))

@@ -45,9 +45,9 @@ class Fitted:
     final: Fit
 
 
-def possible_effects(s: Situation) -> list[str]:
-    """Return the effects whose fit makes sense for this baseline and these signals."""
-    by_mv = s.record.mv is not None
+def possible_effects(s: Situation, by_mv: bool | None = None) -> list[str]:
+    """Return the effects whose fit makes sense for this baseline and these signals; `by_mv`: MV is known, here or in a test."""
+    by_mv = s.record.mv is not None if by_mv is None else by_mv
     fitted = [e for e in EFFECTS if recogniser(e).fit is not None and not (by_mv and block_of(e) == "valve")]
     return [e for e in fitted if recogniser(e).possible(s)]
 
@@ -67,7 +67,7 @@ def fit_candidates(engine: Engine, base: Fit, effects: Iterable[str]) -> dict[st
         fit, count = try_it(engine, base)
         if fit is not base and promising(fit, base):
             fit = _reshaped(engine, fit)
-        gain = fit.loglik - base.loglik - size_penalty(engine.data.n, count)
+        gain = fit.loglik - base.loglik - size_penalty(engine.data.n, count + engine.more_numbers(fit.spec, base.spec))
         out[effect] = Candidate(effect, fit, gain, fit is not base)
     return out
 

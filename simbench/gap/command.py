@@ -8,12 +8,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from detectors.compiled import one_thread
 from detectors.errors import ParameterError, RecordError
 from detectors.record import LoopRecord
 from detectors.records.io import read_record
 from simbench.files import picture_kind, refuse_own_input, whole_file
 from simbench.gap.diagnosis import diagnose
-from simbench.gap.intake.partial import read_baseline
+from simbench.gap.intake.partial import Partial, read_baseline
+from simbench.gap.intake.recorded_test import read_test, test_files
+from simbench.gap.plan.expected import Plan, plan
+from simbench.gap.plan.menu import read_limits
 from simbench.gap.report.result import GapReport
 from simbench.gap.report.traces import kick_of
 
@@ -27,6 +31,7 @@ def diagnose_files(
     write_loop: str | Path | None = None,
     picture: str | Path | None = None,
     window: tuple[int, int] | None = None,
+    tests: Sequence[str] = (),
     **about: Any,
 ) -> GapReport:
     """Diagnose the records of one loop beside its loop file.
@@ -44,16 +49,20 @@ def diagnose_files(
     """
     if not records:
         raise ParameterError("gap diagnose needs at least one record")
-    refuse_own_input([html, write_loop, picture], [*records, baseline])
+    if tests and baseline is None:
+        raise ParameterError("gap diagnose --test needs --baseline LOOP.toml, which all records are compared with")
+    told = [part for t in tests for part in test_files(t) if part]
+    refuse_own_input([html, write_loop, picture], [*records, baseline, *told])
     if picture is not None:
         picture_kind(picture)
     loop = None if baseline is None else read_baseline(baseline)
-    read = [_cut(read_record(path, **about), window, path) for path in records]
+    read = [_cut(read_record(path, automatic=False, **about), window, path) for path in records]
     for record, path in zip(read, records, strict=True):
         if record.op_share:
             runs = f"OP runs from {record.op.min():g} to {record.op.max():g}"
             raise RecordError(f"{path}: {runs}, which is not % of travel; --op-span, what means 0 and 100 %, is needed")
-    report = diagnose(read if len(read) > 1 else read[0], loop, jobs=jobs)
+    asked = [read_test(t, loop.loop if isinstance(loop, Partial) else loop, **about) for t in tests if loop is not None]
+    report = diagnose(read if len(read) > 1 else read[0], loop, tests=asked, jobs=jobs)
     assumed = dict.fromkeys(note for record in read for note in record.notes if note not in report.notes)
     report = replace(report, notes=(*report.notes, *assumed))
     if write_loop is not None:
@@ -67,13 +76,36 @@ def diagnose_files(
     if html is not None:
         from simbench.gap.report.page import write_page
 
-        write_page(report, html, _again(report, records, baseline, {**about, "window": window}))
+        write_page(report, html, _again(report, records, baseline, {**about, "window": window}, tests))
     return report
 
 
-def one_file(record: Path, baseline: Path) -> dict[str, Any]:
-    """Return the JSON of `gap diagnose` for one record and its baseline, as the blind check's processes call it."""
-    return diagnose_files([record], baseline).as_json()
+def plan_files(
+    record: str | Path,
+    baseline: str | Path,
+    *,
+    limits: str | Path | None = None,
+    tests: Sequence[str] = (),
+    html: str | Path | None = None,
+    **about: Any,
+) -> Plan:
+    """Say which test to run next on the loop of a record."""
+    refuse_own_input([html], [record, baseline, limits])
+    within = None if limits is None else read_limits(limits)
+    report = diagnose_files([record], baseline, tests=tests, **about)
+    with one_thread():
+        p = {r.effect: r.probability for r in report.ranking}
+        planned = plan(report.behind.found, p, report.behind.loops, within)
+    if html is not None:
+        from simbench.gap.report.plan_page import write_plan_page
+
+        write_plan_page(planned, report, html)
+    return planned
+
+
+def one_file(record: Path, baseline: Path, tests: Sequence[str] = ()) -> dict[str, Any]:
+    """Return the JSON of `gap diagnose` for one record, its baseline and tests, as the blind check's processes call it."""
+    return diagnose_files([record], baseline, tests=tests).as_json()
 
 
 def _cut(record: LoopRecord, window: tuple[int, int] | None, path: str | Path) -> LoopRecord:
@@ -82,7 +114,9 @@ def _cut(record: LoopRecord, window: tuple[int, int] | None, path: str | Path) -
     first, last = window
     if not 0 <= first < last <= record.n:
         raise ParameterError(f"{path}: --window {first} {last}; samples FROM < TO within 0..{record.n} are needed")
-    return record.window(first, last)
+    cut = record.window(first, last)
+    manual = record.meta.get("manual")
+    return cut if manual is None else replace(cut, meta={**cut.meta, "manual": manual[first:last]})
 
 
 def _loop_text(report: GapReport, records: list[str], baseline: str | Path | None) -> str:
@@ -98,10 +132,17 @@ def _loop_text(report: GapReport, records: list[str], baseline: str | Path | Non
     return "".join(f"# {' '.join(line.split())}\n" for line in lines) + "\n" + report.fixed_loop().to_toml()
 
 
-def _again(report: GapReport, records: Sequence[str | Path], baseline: str | Path | None, about: dict[str, Any]) -> list[str]:
+def _again(
+    report: GapReport,
+    records: Sequence[str | Path],
+    baseline: str | Path | None,
+    about: dict[str, Any],
+    tests: Sequence[str] = (),
+) -> list[str]:
     """Return the commands that repeat a diagnosis and simulate the fixed loop."""
     words = ["simbench", "gap", "diagnose", *map(str, records)]
     words += ["--identify"] if baseline is None else ["--baseline", str(baseline)]
+    words += [word for t in tests for word in ("--test", t)]
     for name, value in about.items():
         if isinstance(value, dict):
             words += [f"--{name}", ",".join(f"{role}={column}" for role, column in value.items())]

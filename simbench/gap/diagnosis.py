@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Unpack
 
-import numpy as np
 from joblib import Parallel, delayed
 
 from detectors.compiled import one_thread
@@ -15,16 +14,19 @@ from detectors.record import LoopRecord
 from detectors.sources import RecordSignals, as_record
 from scenarios.spec import Loop
 from simbench.gap.candidates import alike, smallest_detectable
-from simbench.gap.closed_loop.next_test import choose
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import RESIDUAL_LIMITS, SURE, Assessment, assess, capped
+from simbench.gap.decide.beside_tests import other_plants
 from simbench.gap.decide.classify import Classified, classify
 from simbench.gap.decide.identified import plausible
+from simbench.gap.intake.beside_record import contradiction, modelled, refuse_twice
 from simbench.gap.intake.check import check
 from simbench.gap.intake.partial import Partial, completed
+from simbench.gap.intake.recorded_test import RecordedTest
 from simbench.gap.intake.refuse import SAME_TS, refuse_unfit
+from simbench.gap.plan.expected import plan
 from simbench.gap.report.result import DiagnosisDetails, Gap, GapReport, Ranked
-from simbench.gap.situation import load_memory
+from simbench.gap.situation import Situation, load_memory
 from simbench.gap.stiction.friction import friction
 from simbench.gap.stiction.probability import DENIED_BELOW, pooled, probability
 from simbench.loop.effects import EFFECTS, NONE, block_of
@@ -33,12 +35,15 @@ if TYPE_CHECKING:
     from detectors.sources import Source
 
 _WIDE = 1.5  # floors, beyond which a gap is wide
+_EXPLANATIONS = 3  # that are simulated under each test, to say in passing which one to run next
+_QUICK_MENU = ("mv", "sp_steps", "bump", "stairs", "lab")
 
 
 def diagnose(
     record: Source | Sequence[Source] | None = None,
     baseline: Loop | Partial | None = None,
     *,
+    tests: Sequence[RecordedTest] = (),
     jobs: int = 1,
     seed: int = 0,
     **signals: Unpack[RecordSignals],
@@ -51,6 +56,8 @@ def diagnose(
         SP, OP, PV and, where recorded, MV, as `simbench.detect` takes them. Several records of one loop are judged together.
     baseline : Loop, Partial or None
         The simulation; None identifies plant and tuning from the record, a partial one what it does not say.
+    tests : sequence of RecordedTest
+        Tests of the same loop in other operation, judged with the (longest) record as one model.
     jobs : int
         Processes, where there are several records; -1 uses all cores.
     seed : int
@@ -80,6 +87,7 @@ def diagnose(
     records = [as_record(one, **signals) for one in (record if many else [record])]
     if not records:
         raise RecordError("no record to diagnose")
+    refuse_twice(tests)
     paces = sorted({r.Ts for r in records})
     if paces[-1] > (1.0 + SAME_TS) * paces[0]:
         raise RecordError(
@@ -87,17 +95,19 @@ def diagnose(
         )
     # thousands of tiny matrices: threads would only wait for each other
     with one_thread():
-        found, more = _assess_all(records, baseline, jobs)
+        found, more = _assess_all(records, baseline, jobs, tests)
         runs = ClosedLoops(found, seed)
         return report(found, closing(classify(found), found, runs), runs, more)
 
 
-def _assess_one(record: LoopRecord, baseline: Loop | Partial | None) -> tuple[Assessment, float | None]:
-    """Return the assessment of one record, and the log-odds of stiction where they can be said."""
+def _assess_one(
+    record: LoopRecord, baseline: Loop | Partial | None, tests: Sequence[RecordedTest] = ()
+) -> tuple[Assessment, float | None]:
+    """Return the assessment of one record, with its tests, and the log-odds of stiction where they can be said."""
     refuse_unfit(record, f"record {record.tag!r}" if record.tag else "record")
     loop, given, said = completed(record, baseline)
     situation = check(record, loop, trusted="plant" in given, tuned="controller" in given)
-    found = assess(replace(situation, notes=[*situation.notes, *said]))
+    found = beside_tests(replace(situation, notes=[*situation.notes, *said]), tests)
     try:
         odds = friction(record, baseline).log_odds
     except UserError:
@@ -105,10 +115,40 @@ def _assess_one(record: LoopRecord, baseline: Loop | Partial | None) -> tuple[As
     return found if situation.trusted else plausible(found, odds is None or probability(odds) >= DENIED_BELOW), odds
 
 
-def _assess_all(records: list[LoopRecord], baseline: Loop | Partial | None, jobs: int) -> tuple[Assessment, list[str]]:
-    """Assess every record; evidence adds up, and the longest record carries the fits, the parameters and the gap."""
+def beside_tests(situation: Situation, tests: Sequence[RecordedTest]) -> Assessment:
+    """Assess a record with those of its tests that nothing speaks against; what contradicts is said and not counted."""
+    kept, notes = [], []
+    for test in tests:
+        one = modelled(test, situation)
+        said = contradiction(test, one, situation)
+        if said:
+            notes.append(f"test: {test.name} contradicts the record and is not counted: {said}")
+        else:
+            kept.append(one)
+    found = assess(situation, kept)
+    if kept and situation.trusted:
+        others = other_plants(found, situation, kept)
+        if any(others):
+            notes += [
+                f"test: {one.name} contradicts the record and is not counted: {said}; the loop behind {one.name} is another"
+                for one, said in zip(kept, others) if said
+            ]  # fmt: skip
+            kept = [one for one, said in zip(kept, others) if not said]
+            found = assess(situation, kept)
+    if kept:
+        notes.append(f"tests: {', '.join(one.name for one in kept)} judged with the record as one model")
+    said = replace(found.situation, notes=[*found.situation.notes, *notes])
+    return replace(found, situation=said, asked=tuple(t.id for t in tests))
+
+
+def _assess_all(
+    records: list[LoopRecord], baseline: Loop | Partial | None, jobs: int, tests: Sequence[RecordedTest] = ()
+) -> tuple[Assessment, list[str]]:
+    """Assess every record; evidence adds up, and the longest record carries the tests, the fits, parameters and the gap."""
+    longest = max(records, key=lambda r: r.n) if tests else None
     with Parallel(n_jobs=jobs if len(records) > 1 else 1) as parallel:
-        pairs: list[Any] = list(parallel(delayed(_assess_one)(r, baseline) for r in records))
+        calls = (delayed(_assess_one)(r, baseline, *((tests,) if r is longest else ())) for r in records)
+        pairs: list[Any] = list(parallel(calls))
     every = [found for found, _ in pairs]
     odds = [one for _, one in pairs if one is not None]
     main = max(every, key=lambda f: f.situation.record.n)
@@ -184,8 +224,10 @@ def report(found: Assessment, weights: Classified, runs: ClosedLoops, more: Sequ
         }
         for e in named
     )
-    advice, separation = _advice(found, runs, ranking)
+    advice, why, after_tests = _advice(found, weights, runs)
     notes = [*situation.notes, *more, *(f"{block}: {why}" for block, why in found.unexplained.items())]
+    if advice is None:
+        notes.append(f"next test: none, {why}")
     if not main.resolvable:
         notes.append(f"the gap ({main.before:.2f}) does not stand out of its floor ({main.floor:.2f}): no shrinkage is claimed")
     sizes = smallest_detectable(situation, found.base, load_memory(situation))
@@ -193,20 +235,18 @@ def report(found: Assessment, weights: Classified, runs: ClosedLoops, more: Sequ
     return GapReport(
         block=weights.block(first), effect=first, effects=answers, group=group, ranking=tuple(lines),
         gap=gap, shrinkage=shrinkage, blocks=weights.shares, next_test=advice, notes=tuple(notes),
-        probability_of_stiction=found.stiction, behind=DiagnosisDetails(found, runs, main, sizes, separation),
+        probability_of_stiction=found.stiction, behind=DiagnosisDetails(found, runs, main, sizes, after_tests),
     )  # fmt: skip
 
 
-def _advice(found: Assessment, runs: ClosedLoops, ranking: list[tuple[str, float]]) -> tuple[str, dict[str, float]]:
-    """Return the next test for the candidates still in play, and the separation under each test."""
+def _advice(
+    found: Assessment, weights: Classified, runs: ClosedLoops
+) -> tuple[dict[str, Any] | None, str, dict[str, float]]:
+    """Return the next test, why there is none, and the probability of a right answer after each test."""
     s = found.situation
-    alive = [(e, p) for e, p in ranking if (e in found.parameters or e == NONE) and p > 0.02][:3]
-    if len(alive) < 2:
-        spare = [(e, p) for e, p in ranking if (e in found.parameters or e == NONE) and (e, p) not in alive]
-        alive += spare[: 2 - len(alive)]
-    loops = {e: runs.loop([] if e == NONE else [e]) for e, _ in alive}
-    weights = {e: max(p, 0.02) for e, p in alive}
-    du = float(np.clip(np.ptp(s.op) / 2, 1.0, 10.0))
-    dsp = abs(s.data.K) * du if not s.integrating else max(float(np.std(s.record.pv)), 3.0 * found.base.theta["noise_std"])
-    known = s.law.known or s.archive.faithful
-    return choose(loops, weights, mv=s.record.mv is not None, law_known=known, du=du, dsp=dsp, seed=runs.seed)
+    if not (s.law.known or s.archive.faithful):
+        says = "log the loop without the archive between: the recorded PV is not the PV the controller saw"
+        raw = {"test": "raw", "size": 0.0, "hold_s": 0.0, "separates": [], "p_right_after": None, "says": says}
+        return raw, "", {}
+    planned = plan(found, weights.probability, runs, most=_EXPLANATIONS, runs=1, tests=_QUICK_MENU)
+    return planned.next_test, planned.why, {x.trial.id: x.p_right for x in planned.tests}

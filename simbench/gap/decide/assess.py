@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
-import numpy as np
-
-from simbench.gap.candidates import Candidate, Fitted, beside_the_load, beside_the_plant, fit_candidates, possible_effects
+from simbench.gap.candidates import Candidate, Fitted, beside_the_load, beside_the_plant, fit_candidates
+from simbench.gap.decide.beside_tests import Maps, effects_by_pv, joint_engine, lab_gains, valve_maps
 from simbench.gap.effects import NOT_TRIED, Parameters, recogniser
 from simbench.gap.intake.other_loop import refuse_other_plant
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit
 from simbench.gap.likelihood.residual_tests import tests_of
-from simbench.gap.likelihood.valve_map import MapSearch
-from simbench.gap.situation import Situation, load_memory
+from simbench.gap.situation import ModelledTest, Situation, load_memory
 from simbench.loop.effects import EFFECTS, NONE, block_of
 
 SURE = 1000.0  # nats that stand for evidence needing no statistics
@@ -27,21 +26,23 @@ class Assessment(Fitted):
 
     `log_likelihood_gains` are nats over "no effect" for every effect that could be tried; `chosen` stands before `none`
     and `unknown` are weighed; `tests` are the residual statistics of `final`; `mv_unexplained` whether MV strays as no map
-    makes it; `beside` the assessments of the loop's other records, judged together with this one; `stiction` the probability
-    of it, None where it cannot be said.
+    makes it; `valve_seen` whether MV was recorded, here or in a test; `beside` the assessments of the loop's other records,
+    judged together with this one; `stiction` the probability of it, None where it cannot be said; `asked` the tests of the
+    menu that were run.
     """
 
     log_likelihood_gains: dict[str, float] = field(default_factory=dict)
     tests: dict[str, float] = field(default_factory=dict)
     log_likelihood_gains_on_top: dict[str, float] = field(default_factory=dict)
     mv_unexplained: bool = False
+    valve_seen: bool = False
     beside: tuple[Assessment, ...] = ()
     stiction: float | None = None
+    asked: tuple[str, ...] = ()
 
     def shown(self, effect: str) -> bool:
         """Whether single samples, the controller's law or MV show an effect, and no likelihood of PV is needed."""
-        by_mv = self.situation.record.mv is not None and recogniser(effect).by_mv is not None
-        return by_mv or effect in self.situation.proven
+        return (self.valve_seen and recogniser(effect).by_mv is not None) or effect in self.situation.proven
 
     @property
     def failures(self) -> list[tuple[float, str, str]]:
@@ -64,16 +65,22 @@ class Assessment(Fitted):
         return out
 
 
-def assess(situation: Situation) -> Assessment:
-    """Fit and score every effect."""
+def assess(situation: Situation, tests: Sequence[ModelledTest] = ()) -> Assessment:
+    """Fit and score every effect, to a record alone or to one and its tests as one model."""
+    record = situation
     if situation.trusted and situation.tuned:
         refuse_other_plant(situation)
-    engine = Engine(situation.data, load_memory(situation))
+    maps = valve_maps(situation, tests)
+    engine = joint_engine(situation, tests, maps[0]) if tests else Engine(situation.data, load_memory(situation))
+    shown = {e: p for t in tests for e, p in t.proven.items()}
+    situation = replace(situation, data=engine.data, proven={**shown, **situation.proven})
     base = engine.base()
-    candidates = fit_candidates(engine, base, possible_effects(situation))
+    candidates = fit_candidates(engine, base, effects_by_pv(situation, tests))
     for beside in (beside_the_load, beside_the_plant):
         base, candidates = beside(engine, base, candidates)
-    gains, parameters, mv_unexplained = _scores(situation, base, candidates)
+    gains, parameters = _scores(situation, base, engine.main(base), candidates, maps[0])
+    for effect, nats in lab_gains(situation, tests, base, parameters).items():
+        gains[effect] = capped(gains[effect] + nats)
     chosen = sorted(situation.proven, key=lambda e: -gains[e])[:2]
     order = sorted((e for e in gains if e not in situation.proven), key=lambda e: -gains[e])
     final, on_top = base, {}
@@ -92,27 +99,33 @@ def assess(situation: Situation) -> Assessment:
             if runner in candidates:
                 final = fit_candidates(engine, final, [runner])[runner].fit
                 parameters[runner] = recogniser(runner).numbers(final, situation)
-    tests = tests_of(engine, final)
-    fitted = (situation, base, candidates, parameters, chosen, final)
-    return Assessment(*fitted, gains, tests, on_top, mv_unexplained)
+    left = tests_of(engine, final)
+    alone = {id(f): engine.main(f) for f in (base, final, *(c.fit for c in candidates.values()))}
+    candidates = {e: replace(c, fit=alone[id(c.fit)]) for e, c in candidates.items()}
+    situation = replace(situation, data=record.data)
+    fitted = (situation, alone[id(base)], candidates, parameters, chosen, alone[id(final)])
+    return Assessment(*fitted, gains, left, on_top, maps[1], bool(maps[0]))
 
 
-def _scores(s: Situation, base: Fit, candidates: dict[str, Candidate]) -> tuple[dict[str, float], dict[str, Parameters], bool]:
-    """Return every effect's gain (nats) and parameters, and whether MV strays from OP in a way that no map explains."""
+def _scores(
+    s: Situation, base: Fit, alone: Fit, candidates: dict[str, Candidate], maps: Maps
+) -> tuple[dict[str, float], dict[str, Parameters]]:
+    """Return every effect's gain (nats) and parameters; `alone` is the base as the record alone has it."""
     gains = {e: capped(float(c.log_likelihood_gain)) for e, c in candidates.items()}
     parameters = {e: recogniser(e).numbers(c.fit, s) for e, c in candidates.items() if c.used}
     for effect in EFFECTS:
         gains.setdefault(effect, NOT_TRIED)
     for effect, p in s.proven.items():
         gains[effect], parameters[effect] = SURE, p
-    mv_unexplained = s.record.mv is not None and _valve_by_mv(s, gains, parameters)
+    for effect, (gain, p) in maps.items():
+        gains[effect], parameters[effect] = capped(gain), p
     for effect in (e for e in EFFECTS if e not in s.proven):
-        found = recogniser(effect).by_innovations(base, s)
+        found = recogniser(effect).by_innovations(alone, s)
         if found is not None:
             gains[effect], parameters[effect] = found
         if recogniser(effect).masked_by_archive(s):
             gains[effect] = min(gains[effect], 0.0)
-    return gains, parameters, mv_unexplained
+    return gains, parameters
 
 
 def _gains_on_top(
@@ -178,15 +191,3 @@ def capped(gain: float) -> float:
     """Return a gain that stays below SURE and keeps its order: no likelihood outranks what single samples prove."""
     most = 0.9 * SURE
     return gain if gain <= most else most + 0.09 * SURE * (1.0 - most / gain)
-
-
-def _valve_by_mv(s: Situation, gains: dict[str, float], parameters: dict[str, Parameters]) -> bool:
-    """Score the valve's effects by MV given OP alone; return whether MV strays from OP in a way that no map explains."""
-    search = MapSearch(s.op, np.asarray(s.record.mv), s.record.Ts, s.expected_mv, s.expected_band)
-    maps = {e: by_mv(search) for e in EFFECTS if (by_mv := recogniser(e).by_mv) is not None}
-    for effect, (gain, p) in maps.items():
-        gains[effect], parameters[effect] = capped(gain), p
-    winner = max(maps, key=lambda e: maps[e][0])
-    healthy = float(np.exp(search.healthy / s.op.size))
-    left = healthy * float(np.exp(-max(maps[winner][0], 0.0) / s.op.size))
-    return left > recogniser(winner).by_mv_leaves * healthy and left > max(0.15, 0.03 * float(np.std(s.op)))

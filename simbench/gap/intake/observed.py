@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -18,6 +18,7 @@ from simbench.gap.sensor.samples import Samples, inspect_samples
 from simbench.gap.situation import through_valve
 
 _STEPS = 0.1  # share of samples; a set point that moves more often is another controller's output
+_LAW_ROWS = 60  # samples in automatic, from which the controller's law is asked
 _STUCK = 0.01  # share of samples in standstills that no chance brings
 
 
@@ -70,8 +71,16 @@ class Observed:
     @cached_property
     def law(self) -> Law:
         """What turned the error into OP."""
-        r, Ti = self.record, self.baseline.controller.Ti
-        return examine_law(self.op, r.pv, r.sp, r.Ts, self.Kc, Ti, self.tuned, self.noise)
+        r, Ti, manual = self.record, self.baseline.controller.Ti, self.record.meta.get("manual")
+        if manual is None or not np.any(manual):
+            return examine_law(self.op, r.pv, r.sp, r.Ts, self.Kc, Ti, self.tuned, self.noise)
+        # in manual OP is an input and no law is asked
+        rows = longest_run(~np.asarray(manual))
+        if rows.stop - rows.start < _LAW_ROWS:
+            return Law(0.0, 0.0, self.Kc, Ti or np.inf)
+        sp = None if r.sp is None else r.sp[rows]
+        law = examine_law(self.op[rows], r.pv[rows], sp, r.Ts, self.Kc, Ti, self.tuned, self.noise)
+        return replace(law, recovered_pv=None, averaged=False, reason="")
 
     @property
     def apart(self) -> bool:
@@ -114,6 +123,16 @@ class Observed:
             trusted=self.trusted,
             late=self.law.late,
         )
+
+
+def longest_run(x: np.ndarray) -> slice:
+    """Return the longest run of true samples."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(x, dtype=int), [0]])))
+    runs = edges.reshape(-1, 2)
+    if not len(runs):
+        return slice(0, 0)
+    first, last = runs[int(np.argmax(runs[:, 1] - runs[:, 0]))]
+    return slice(int(first), int(last))
 
 
 def _held(pv: np.ndarray, op: np.ndarray) -> int:

@@ -292,6 +292,16 @@ class Engine:
 
     def scan(self, spec: Spec, theta: Mapping[str, float], kind: int, points: np.ndarray) -> np.ndarray:
         """Return the log-likelihood, up to a constant, of many valve maps with all else held; a fine grid costs little."""
+        gy, gg = self._scanned(spec, theta, kind, points)
+        d = self.data
+        trust = (0.05, 20.0) if "K" in spec.free or not d.trusted else (1 - _NOMINAL, 1 + _NOMINAL)
+        low, high = sorted((d.K * trust[0], d.K * trust[1]))
+        seen = gg > 1e-12
+        K = np.where(seen, np.clip(gy / np.where(seen, gg, 1.0), low, high), 0.0)
+        return K * gy - 0.5 * K * K * gg
+
+    def _scanned(self, spec: Spec, theta: Mapping[str, float], kind: int, points: np.ndarray) -> np.ndarray:
+        """Return, of many valve maps, the plant's answer times PV and times itself, whitened."""
         d = self.data
         T, Td = (theta["T"] if d.T > 0 else 0.0), theta["Td"]
         tau = theta["tau"] if spec.pole in _POLES_OF_LOAD else 0.0
@@ -304,9 +314,15 @@ class Engine:
         white[:, : kernels.SKIP] = 0.0
         basis = np.ascontiguousarray(np.linalg.qr(white[1:].T)[0].T)
         rest = white[0] - basis.T @ (basis @ white[0])
-        trust = (0.05, 20.0) if "K" in spec.free or not d.trusted else (1 - _NOMINAL, 1 + _NOMINAL)
-        low, high = sorted((d.K * trust[0], d.K * trust[1]))
-        return kernels.scan(d.u, kind, points, T, Td, tau, *model, *noise, rest, basis, low, high, *jumps)
+        return kernels.scan(d.u, kind, points, T, Td, tau, *model, *noise, rest, basis, *jumps)
+
+    def more_numbers(self, spec: Spec, base: Spec) -> float:
+        """Return how many numbers an effect's own signals are fitted by beyond those of one record."""
+        return 0.0
+
+    def main(self, fit: Fit) -> Fit:
+        """Return a fit as the first record alone has it."""
+        return fit
 
     def grid(self, spec: Spec, theta: Mapping[str, float], points: list[dict[str, float]], keep: int = 1) -> list[Fit]:
         """Return the best of some points, each with two levels of the load: the one "none" needed may hide a narrow peak."""

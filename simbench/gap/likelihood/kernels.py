@@ -338,16 +338,16 @@ def whiten(
 
 @njit_cached
 def scan(
-    u, kind, points, T, Td, tau, load_time, load_lag, load, noise, colour, spread, rest, basis, low, high,
+    u, kind, points, T, Td, tau, load_time, load_lag, load, noise, colour, spread, rest, basis,
     jumps=None, jump=0.0, lasting=True,
 ):  # fmt: skip
-    """Return the log-likelihood (up to a constant) of many valve maps (points, 3) at one noise model.
+    """Return, of many valve maps (points, 3) at one noise model, the plant's answer times PV and times itself, whitened.
 
     `basis` (m, n) holds the whitened other channels, orthonormal, and `rest` the whitened PV less its part along them, both 0
-    in the first SKIP samples; only the plant's answer is filtered anew for each point, and its gain kept within low..high.
+    in the first SKIP samples; only the plant's answer is filtered anew for each point.
     """
     total, n = points.shape[0], u.size
-    out = np.empty(total)
+    out = np.empty((2, total))
     together = _MANY if n <= _CACHED_SAMPLES else _FEW
     batch = np.empty((together, n))
     for first in range(0, total, together):
@@ -363,6 +363,5 @@ def scan(
             gg = np.dot(white[i], white[i])
             for j in range(basis.shape[0]):
                 gg -= along[i, j] * along[i, j]
-            K = min(max(gy[i] / gg, low), high) if gg > 1e-12 else 0.0
-            out[first + i] = K * gy[i] - 0.5 * K * K * gg
+            out[0, first + i], out[1, first + i] = gy[i], gg
     return out

@@ -169,16 +169,16 @@ def _open(report: GapReport) -> Markup:
     ]
     hidden = [words(e) for e, (size, _) in sizes.items() if not math.isfinite(size)]
     answers = {e["effect"] for e in report.effects}
-    separation = report.behind.separation
-    tests = pd.DataFrame({"test": list(separation), "separation": list(separation.values())})
-    tests = tests.sort_values("separation", ascending=False)
+    after = report.behind.after_tests
+    right = "right after it"
+    tests = pd.DataFrame({"test": list(after), right: list(after.values())}).sort_values(right, ascending=False)
     return _render(
         "open.html",
         group=[words(e) for e in report.group] if len(report.group) > 1 else [],
         possible=[
             (words(r.effect), r.probability) for r in report.ranking if r.effect not in answers and r.probability >= _POSSIBLE
         ],
-        next_test=report.next_test,
+        next_test="" if report.next_test is None else f"{report.next_test['test']}: {report.next_test['says']}",
         notes=report.notes,
         resolvable=report.gap.resolvable,
         tests=sortable(tests) if len(tests) else None,

@@ -44,15 +44,15 @@ class Gap:
 class DiagnosisDetails:
     """What stands behind an answer, for text, page and loop file.
 
-    `detectable` holds, per effect, the smallest size that would have shown, with its unit; `separation`, per test, how far
-    apart the remaining candidates would be.
+    `detectable` holds, per effect, the smallest size that would have shown, with its unit; `after_tests`, per test, the
+    probability that the first answer is right after it.
     """
 
     found: Assessment
     loops: ClosedLoops
     shrinkage: Shrinkage
     detectable: dict[str, tuple[float, str]]
-    separation: dict[str, float]
+    after_tests: dict[str, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,8 +76,9 @@ class GapReport:
         value, lo, hi; None without a resolvable gap.
     blocks : dict
         Summed probability of what lies in each block; sums to 1, or all 0 when nothing is lacking.
-    next_test : str
-        The measurement or test that separates the remaining candidates best.
+    next_test : dict or None
+        The test that tells most: test, size, hold_s, separates, p_right_after, says; None, with its reason in the notes, where
+        nothing on the menu would help.
     notes : tuple of str
     probability_of_stiction : float or None
         The same in every verb, pooled over the records; None where it cannot be said.
@@ -92,7 +93,7 @@ class GapReport:
     gap: Gap
     shrinkage: dict[str, float] | None
     blocks: dict[str, float]
-    next_test: str
+    next_test: dict[str, Any] | None
     notes: tuple[str, ...]
     probability_of_stiction: float | None
     behind: DiagnosisDetails = field(repr=False)
@@ -130,7 +131,7 @@ class GapReport:
             },
             "shrinkage": None if self.shrinkage is None else dict(self.shrinkage),
             "blocks": dict(self.blocks),
-            "next_test": self.next_test,
+            "next_test": None if self.next_test is None else dict(self.next_test),
             "notes": list(self.notes),
             PROBABILITY: self.probability_of_stiction,
         }
@@ -232,7 +233,8 @@ class GapReport:
             lines.append(f"probability of stiction: {self.probability_of_stiction:.2f}")
         lines.append("")
         lines += [f"{r.probability:6.3f}  {r.effect:24s}{numbers(r.effect, r.parameters, '')}" for r in self.ranking[:6]]
-        lines += ["", f"next: {self.next_test}"] + [f"note: {n}" for n in self.notes]
+        told = [] if self.next_test is None else [f"next: {self.next_test['test']}: {self.next_test['says']}"]
+        lines += ["", *told] + [f"note: {n}" for n in self.notes]
         return "\n".join(lines)
 
 

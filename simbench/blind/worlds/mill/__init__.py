@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from simbench.blind.menu import TestPlan
 from simbench.blind.worlds.mill.drawing import Item, draw
 from simbench.blind.worlds.mill.effects import build
 from simbench.blind.worlds.mill.foreign import KINDS
 
-__all__ = ["FOREIGN", "TITLE", "Item", "draw", "simulate"]
+__all__ = ["FOREIGN", "TITLE", "Item", "draw", "simulate", "test"]
 
 TITLE = "mill: sampled time, exact discrete plants, PLC products, pneumatic stems, faults of mills, boilers and water works"
 FOREIGN: dict[str, str] = {name: kind.block for name, kind in KINDS.items()}
@@ -28,3 +29,16 @@ def simulate(answer: dict[str, Any], effects: list[dict[str, Any]], seed: int, n
     """
     record = build(answer["case"], effects, nominal).record(seed)
     return {k: v for k, v in record.items() if answer["mv"] or k != "mv"}
+
+
+def test(answer: dict[str, Any], effects: list[dict[str, Any]], seed: int, plan: TestPlan) -> dict[str, np.ndarray]:
+    """Run a test of the menu on the loop of a drawn record: columns as recorded, mode and lab where the plan has them."""
+    case, r = dict(answer["case"]), plan.faster
+    load = case["load"]
+    # paces of loads are in samples, the controller's law in its own scans
+    case |= {"n": plan.n, "Ts": case["Ts"] / r, "warm": case["warm"] * r, "load": load | {"pace": load["pace"] * r}}
+    rig = build(case, effects)
+    rig.Kc *= plan.Kc_ratio
+    rig.Ti = None if rig.Ti is None else rig.Ti / r
+    columns = rig.record(seed, plan)
+    return {k: v for k, v in columns.items() if answer["mv"] or plan.mv or k != "mv"}

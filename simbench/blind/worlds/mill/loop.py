@@ -70,6 +70,7 @@ class Signals(NamedTuple):
     forward: np.ndarray  # feedforward added to OP, %
     mode: np.ndarray  # int8: 0 automatic, 1 manual, 2 manual and the operator corrects, 3 scan missed
     held: np.ndarray  # int8: 1 = the measurement repeats its last value
+    hand: np.ndarray  # OP as an operator's test adds to where he took over, %; NaN without
 
 
 class Place(NamedTuple):
@@ -117,20 +118,20 @@ def _valve(u, memory, ring_state, band, kind, first, second, R, keep, rate, stop
 
 @njit
 def _run(A, old, new, c, delay, law, element, sensor, s, place):
-    """Return PV as the controller saw it, OP and MV, each (N,)."""
+    """Return PV as the controller saw it, OP, MV and PV as it is, each (N,)."""
     n, m = len(s.sp), len(c)
-    pv, op, mv, w = np.empty(n), np.empty(n), np.empty(n), np.zeros(n)
+    pv, op, mv, w, true = np.empty(n), np.empty(n), np.empty(n), np.zeros(n), np.empty(n)
     x, following = np.zeros(m), np.zeros(m)
     memory, ring_state, state = np.zeros(3 + valve.STATES), np.zeros(2), np.zeros(controller.STATES)
     memory[0], memory[3], memory[5] = place.op0, place.op0, place.op0
     memory[1], memory[2], ring_state[0] = place.mv0, place.mv0, place.mv0
     state[0], state[2] = place.op0, place.op0
-    filtered, before_pv, before_mv, u = place.pv0, place.pv0, place.mv0, place.op0
+    filtered, before_pv, before_mv, u, taken = place.pv0, place.pv0, place.mv0, place.op0, place.op0
     for k in range(n):
         y = 0.0
         for i in range(m):
             y += c[i] * x[i]
-        y = place.pv0 + _titrate(y, sensor.width, sensor.shape) + s.upset[k]
+        true[k] = y = place.pv0 + _titrate(y, sensor.width, sensor.shape) + s.upset[k]
         measured = y + s.wander[k] + s.noise[k] * (1.0 + sensor.flow * (before_mv - place.mv0))
         filtered = sensor.keep * filtered + (1.0 - sensor.keep) * measured
         now = filtered + s.spikes[k]
@@ -146,7 +147,12 @@ def _run(A, old, new, c, delay, law, element, sensor, s, place):
         e = law.sign * (s.sp[k] - now)
         if abs(e) <= law.deadband / 2.0:
             e = 0.0
-        if s.mode[k] == 0:
+        if not np.isnan(s.hand[k]):
+            if k == 0 or np.isnan(s.hand[k - 1]):
+                taken = state[2]
+            u = clip(taken + s.hand[k], law.lo, law.hi)
+            follow(law.product, e, state, law.Kc, u)
+        elif s.mode[k] == 0:
             u = control(law.product, e, state, law.Kc, law.ki, law.now, law.before, law.lo, law.hi, law.back)
         elif s.mode[k] < 3:
             u = clip(state[2] + (law.hand * e if s.mode[k] == 2 else 0.0), law.lo, law.hi)
@@ -175,10 +181,10 @@ def _run(A, old, new, c, delay, law, element, sensor, s, place):
                 total += A[i, j] * x[j]
             following[i] = total
         x[:] = following
-    return pv, op, mv
+    return pv, op, mv, true
 
 
 def run(plant: Discrete, law: Law, element: Element, sensor: Sensor, signals: Signals, place: Place) -> dict[str, np.ndarray]:
     """Run the loop over all rows of the signals, from rest at the operating point."""
-    pv, op, mv = _run(plant.A, plant.old, plant.new, plant.c, plant.delay, law, element, sensor, signals, place)
-    return {"pv": pv, "op": op, "mv": mv}
+    pv, op, mv, true = _run(plant.A, plant.old, plant.new, plant.c, plant.delay, law, element, sensor, signals, place)
+    return {"pv": pv, "op": op, "mv": mv, "true": true}

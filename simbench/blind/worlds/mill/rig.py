@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from simbench.blind.menu import TestPlan, operated
 from simbench.blind.worlds.mill import nature, valve
 from simbench.blind.worlds.mill.archive import Stage, archived, ordered
 from simbench.blind.worlds.mill.controller import PRODUCTS, PROPORTIONAL, RULES
@@ -56,21 +57,29 @@ class Rig:
             stages=list(case["archive"]["pv"]),
         )  # fmt: skip
 
-    def record(self, seed: int) -> dict[str, np.ndarray]:
-        """Run under a seed and return the record's columns t, sp, op, pv, mv (all of them), each (n,)."""
+    def record(self, seed: int, plan: TestPlan | None = None) -> dict[str, np.ndarray]:
+        """Run under a seed and return the record's columns t, sp, op, pv, mv (all of them), each (n,); or those of a test."""
         case, warm = self.case, self.case["warm"]
         rows, _ = self.rows(seed)
+        if plan is not None:
+            rows["sp"][:] = case["setpoint"]["value"]
+            rows["sp"][warm:] += plan.sp
+            rows["hand"][warm:] = plan.op
+            # between its scans the controller rests, however fast the log
+            between = (np.arange(rows["sp"].size) - warm) % plan.faster != 0
+            rows["mode"] = np.where(between, 3, rows["mode"]).astype(np.int8)
         plant = discretise(self.plant, case["Ts"])
         out = run(plant, self._law(), self._element(), self._sensor(), Signals(**rows), self._place())
         # a late logger writes what stood in the output register before this scan, the valve's answer with it
-        late = 1 if case["archive"]["op_late"] else 0
+        raw = plan is not None and plan.raw
+        late = 1 if case["archive"]["op_late"] and not raw else 0
         first = {"sp": warm, "pv": warm, "op": warm - late, "mv": warm - late}
         out["sp"] = rows["sp"]
         columns = {"t": np.round(np.arange(case["n"]) * case["Ts"], 9)}
         for name in ("sp", "op", "pv", "mv"):
             stages = ordered(self.stages) if name == "pv" else case["archive"][name]
-            columns[name] = archived(out[name][first[name] :][: case["n"]], stages, seed)
-        return columns
+            columns[name] = archived(out[name][first[name] :][: case["n"]], [] if raw else stages, seed)
+        return columns if plan is None else operated(columns, out["true"][warm:], plan, seed)
 
     def rows(self, seed: int) -> tuple[_Rows, np.ndarray]:
         """Return the signals from outside for this seed, one row a sample, and their times (s)."""
@@ -78,7 +87,7 @@ class Rig:
         N, load, noise = case["warm"] + case["n"], case["load"], case["noise"]
         t = (np.arange(N) - case["warm"]) * case["Ts"]
         rows: _Rows = {k: np.zeros(N) for k in ("wander", "upset", "spikes", "forward")}
-        rows |= {"mode": np.zeros(N, np.int8), "held": np.zeros(N, np.int8)}
+        rows |= {"mode": np.zeros(N, np.int8), "held": np.zeros(N, np.int8), "hand": np.full(N, np.nan)}
         rows["sp"] = nature.set_point(case["setpoint"], t)
         rows["load"] = load["mean"] + load["std"] * nature.load(load["kind"], load["pace"], N, nature.stream(seed, "load"))
         rows["noise"] = noise["std"] * nature.noise(noise["kind"], noise["shape"], N, nature.stream(seed, "noise"))

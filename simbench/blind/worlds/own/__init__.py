@@ -9,13 +9,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from detectors.errors import ParameterError
+from simbench.blind.menu import TestPlan, operated
 from simbench.blind.worlds.own import loops
 from simbench.blind.worlds.own.drawing import baseline_table
 from simbench.blind.worlds.own.faults import FOREIGN, NEEDS_PLANT, fault
 from simbench.blind.worlds.own.items import draw_item
 from simbench.blind.worlds.own.loops import TrueLoop
 
-__all__ = ["FOREIGN", "TITLE", "Item", "draw", "simulate"]
+__all__ = ["FOREIGN", "TITLE", "Item", "draw", "simulate", "test"]
 
 TITLE = "loops of a plant: stems with friction by force balance, velocity and position PI, a historian"
 
@@ -38,6 +39,21 @@ def simulate(
     answer: Mapping[str, Any], effects: Sequence[Mapping[str, Any]], seed: int, nominal: bool = False
 ) -> dict[str, np.ndarray]:
     """Run the loop of an answer again with other effects in place of the true one."""
+    case, acts = _faulty(answer, effects, nominal)
+    return _columns(case, loops.simulate(case, seed, acts))
+
+
+def test(answer: Mapping[str, Any], effects: Sequence[Mapping[str, Any]], seed: int, plan: TestPlan) -> dict[str, np.ndarray]:
+    """Run a test of the menu on the loop of an answer: columns as recorded, mode and lab where the plan has them."""
+    case, acts = _faulty(answer, effects, False)
+    signals, true = loops.test(case, seed, acts, plan)
+    timed = replace(case, n=plan.n, Ts=case.Ts / plan.faster, mv=case.mv or plan.mv)
+    return operated(_columns(timed, signals), true, plan, seed)
+
+
+def _faulty(
+    answer: Mapping[str, Any], effects: Sequence[Mapping[str, Any]], nominal: bool
+) -> tuple[TrueLoop, tuple[loops.Fault, ...]]:
     case = TrueLoop.from_dict(dict(answer["case"]))
     case = case.as_nominal() if nominal else case
     for each in effects:
@@ -45,8 +61,7 @@ def simulate(
         if plant != case.plant:
             raise ParameterError(f"withheld: {each['effect']} acts on a {plant} plant only; this one is {case.plant}")
         case = _from_baseline(case, each["effect"])
-    acts = tuple(fault(each["effect"], each["parameters"]) for each in effects)
-    return _columns(case, loops.simulate(case, seed, acts))
+    return case, tuple(fault(each["effect"], each["parameters"]) for each in effects)
 
 
 def _columns(case: TrueLoop, s: loops.Signals) -> dict[str, np.ndarray]:

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from simbench.blind.distance import Scale, Signals
+from simbench.blind.menu import TestPlan
 from simbench.blind.worlds.own import simulator as sim
 
 
@@ -105,6 +106,7 @@ class Prepared:
     op_add: np.ndarray
     valve_add: np.ndarray
     gain: np.ndarray
+    hand: np.ndarray
     archive: list[Callable[[np.ndarray], np.ndarray]] = field(default_factory=list)
 
     @property
@@ -153,6 +155,7 @@ def prepare(case: TrueLoop, seed: int) -> Prepared:
         op_add=zeros.copy(),
         valve_add=zeros.copy(),
         gain=np.ones(n),
+        hand=np.full(n, np.nan),
     )
 
 
@@ -161,7 +164,32 @@ def simulate(case: TrueLoop, seed: int, faults: tuple[Fault, ...] = ()) -> Signa
     setup = prepare(case, seed)
     for i, fault in enumerate(faults):
         fault(setup, _stream(seed, _FAULT + 10 * i))
-    n = setup.size
+    return shown(setup, seed)[0]
+
+
+def test(case: TrueLoop, seed: int, faults: tuple[Fault, ...], plan: TestPlan) -> tuple[Signals, np.ndarray]:
+    """Run a test of the menu on the loop; return what is logged of it, and PV as it truly is."""
+    r = plan.faster
+    if r > 1:
+        case = replace(case, Ts=case.Ts / r, Ti=case.Ti / r)
+    setup = prepare(replace(case, n=plan.n, steps=()), seed)
+    for i, fault in enumerate(faults):
+        fault(setup, _stream(seed, _FAULT + 10 * i))
+    setup.physics["Kc"] *= plan.Kc_ratio
+    setup.sp[setup.start :] += plan.sp
+    setup.hand[setup.start :] = plan.op
+    if r > 1:
+        setup.physics["speed"] = setup.physics.get("speed", sim.Physics().speed) / r
+        # the controller keeps its period
+        setup.skip = np.maximum(setup.skip, (np.arange(setup.size) - setup.start) % r != 0)
+    if plan.raw:
+        setup.archive.clear()
+    return shown(setup, seed, late=case.log_is_late and not plan.raw)
+
+
+def shown(setup: Prepared, seed: int, late: bool | None = None) -> tuple[Signals, np.ndarray]:
+    """Run what was prepared; return what the historian shows and PV as it truly is, over the record."""
+    case, n = setup.case, setup.size
     op, pv, true, mv = (np.empty(n) for _ in range(4))
     sim.run(
         sim.Physics(**setup.physics),
@@ -175,19 +203,20 @@ def simulate(case: TrueLoop, seed: int, faults: tuple[Fault, ...] = ()) -> Signa
         setup.op_add,
         setup.valve_add,
         setup.gain,
+        setup.hand,
         op,
         pv,
         true,
         mv,
     )
     mv += case.mv_noise * _stream(seed, _LOG).standard_normal(n)
-    late = int(case.log_is_late)
+    late = int(case.log_is_late if late is None else late)
     rows = slice(setup.start, n)
     before = slice(setup.start - late, n - late)  # the scan logs OP before the controller has computed the new one
     archived = pv[rows].copy()
     for record in setup.archive:
         archived = record(archived)
-    return Signals(sp=setup.sp[rows].copy(), op=op[before].copy(), pv=archived, mv=mv[before].copy())
+    return Signals(sp=setup.sp[rows].copy(), op=op[before].copy(), pv=archived, mv=mv[before].copy()), true[rows]
 
 
 def coloured(colour: str, n: int, tau: float, rng: np.random.Generator) -> np.ndarray:

@@ -92,12 +92,12 @@ def _stem(u, x, w, p, h):
 
 
 @njit_cached
-def run(p, sp, noise, load, sensor, skip, hold, asleep, op_add, valve_add, gain, op, pv, true, mv):
+def run(p, sp, noise, load, sensor, skip, hold, asleep, op_add, valve_add, gain, hand, op, pv, true, mv):
     """Run the loop over len(sp) samples; fills op, pv (as the controller saw it), true (noise-free PV) and mv.
 
     Shapes (n,): sp, noise, sensor in PV units; load, op_add, valve_add in %; gain is a factor on K; skip = 1: the controller
     misses its turn; hold = 1: the transmitter repeats its last value; asleep = 1: the valve does not
-    answer.
+    answer; hand is what an operator adds to the OP at which he took over, NaN in automatic.
     """
     n = sp.size
     h = p.Ts / SUBSTEPS
@@ -112,7 +112,7 @@ def run(p, sp, noise, load, sensor, skip, hold, asleep, op_add, valve_add, gain,
     keep_valve = math.exp(-h / p.valve_lag) if p.valve_lag > 0 else 0.0
     x = y_extra = y_inverse = y_sensor = slope = 0.0
     smoothed = 0.0
-    u = p.bias
+    u = before = taken = p.bias
     stem, velocity, position, backlash = u, 0.0, p.op0, u
     integral = derivative = e_before = p_before = d_before = y_before = y_held = 0.0
     first = True
@@ -158,6 +158,13 @@ def run(p, sp, noise, load, sensor, skip, hold, asleep, op_add, valve_add, gain,
             if limited != u and p.form == POSITION and p.Ti > 0:  # anti-windup: the integral gives back what was cut
                 integral += p.sign * (limited - u) / p.Kc
             u = limited
+        if not math.isnan(hand[k]):
+            if k == 0 or math.isnan(hand[k - 1]):
+                taken = before
+            u = min(max(taken + hand[k], p.lo), p.hi)
+            # no bump on the way back
+            integral = p.sign * (u - p.bias) / p.Kc - proportional
+        before = u
         first = False
         sent = u + op_add[k]
         if p.op_step > 0:

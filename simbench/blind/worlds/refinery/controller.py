@@ -114,6 +114,13 @@ def execute(sp, pv, manual, state, c):
 
 
 @numba.njit
+def take(sp, pv, out, state, c):
+    """One scan in an operator's hand: OP (%) is his, rounded and limited as ever; the law goes on from it without a bump."""
+    state[OUT] = min(max(out, c.lo), c.hi)
+    return execute(sp, pv, True, state, c)
+
+
+@numba.njit
 def at_rest():
     """Return the state of a controller before its first scan."""
     return np.zeros(6)

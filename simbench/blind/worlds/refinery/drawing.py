@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from detectors.errors import ParameterError, UnknownName
+from simbench.blind.menu import TestPlan
 from simbench.blind.world import WORLD_EFFECTS
 from simbench.blind.worlds.refinery import foreign, loops, oracle, search
 from simbench.blind.worlds.refinery.search import Misfit, healthy, prepared
@@ -159,3 +160,16 @@ def simulate(answer: dict, effects: list[dict], seed: int, nominal: bool = False
     """
     case = answer["case"]
     return _recorded(run(prepared(case, effects, nominal), case, seed), case)
+
+
+def test(answer: dict, effects: list[dict], seed: int, plan: TestPlan) -> dict[str, np.ndarray]:
+    """Run a test of the menu on the loop of a drawn record: columns as recorded, mode and lab where the plan has them."""
+    case, r = dict(answer["case"]), plan.faster
+    steady = {"kind": "constant", "value": case["setpoint"]["value"]}
+    case |= {"n": plan.n, "Ts": case["Ts"] / r, "warm": case["warm"] * r, "setpoint": steady}
+    setup = prepared(case, effects)
+    own = setup.controller
+    # the law keeps its own scan
+    setup.controller = own._replace(Kc=own.Kc * plan.Kc_ratio, Ti=own.Ti / r)
+    columns = run(setup, case, seed, plan)
+    return {name: x for name, x in columns.items() if name != "mv" or case["mv"] or plan.mv}

@@ -57,6 +57,8 @@ class Signals(NamedTuple):
     spikes: np.ndarray
     held: np.ndarray  # bool: the reading does not move
     manual: np.ndarray  # bool: OP does not move
+    hand: np.ndarray  # what an operator's test adds to the OP at which he took over, %; NaN without
+    between: np.ndarray  # bool: a row of a log faster than the scan
 
 
 @numba.njit
@@ -126,10 +128,11 @@ def _keeps(h, p, sensor_lag, valve_lag):
 def close_loop(p, c, v, s, x, m0, pv0, stem):
     """Run the loop over all scans of `x` (Signals) about the balance (MV `m0` %, PV `pv0`); `stem` is the valve's state.
 
-    Returns PV as the controller sees it, OP, MV at the end of each scan, and PV and MV averaged over the scan before.
+    Returns PV as the controller sees it, OP, MV at the end of each scan, PV and MV averaged over the scan before, and PV as
+    it is.
     """
     n, h = x.sp.size, c.Ts / SUBSTEPS
-    pv, op, mv, pv_mean, mv_mean = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    pv, op, mv, pv_mean, mv_mean, true = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     line, back = np.zeros(int(p.Td / h) + 3), np.zeros(int(p.recycle_delay / h) + 3)
     own, keeps = controller.at_rest(), _keeps(h, p, s.lag, v.lag)
     y, chain = np.zeros(2), np.full(4, x.sp[0] - pv0)  # chain: plant, then three lags
@@ -138,6 +141,7 @@ def close_loop(p, c, v, s, x, m0, pv0, stem):
     filtered = reading = average = x.sp[0]
     position = valve_average = m0
     cell = last = 0
+    taken = m0
     for k in range(n):
         if not x.held[k]:
             reading = _digitise(filtered, s) + x.spikes[k]
@@ -145,7 +149,15 @@ def close_loop(p, c, v, s, x, m0, pv0, stem):
         else:
             average = reading
         pv[k], pv_mean[k], mv_mean[k] = reading, average, valve_average
-        op[k] = controller.execute(x.sp[k], reading, x.manual[k], own, c)
+        true[k] = pv0 + chain[3]
+        if x.between[k]:
+            op[k] = op[k - 1] if k else m0
+        elif np.isnan(x.hand[k]):
+            op[k] = controller.execute(x.sp[k], reading, x.manual[k], own, c)
+        else:
+            if k == 0 or np.isnan(x.hand[k - 1]):
+                taken = own[controller.OUT]
+            op[k] = controller.take(x.sp[k], reading, taken + x.hand[k], own, c)
         drive = valves.scan(op[k], stem, v)
         noise = x.noise[min(k + 1, n - 1)]
         average = valve_average = 0.0
@@ -169,4 +181,4 @@ def close_loop(p, c, v, s, x, m0, pv0, stem):
             average += _digitise(filtered, s) / SUBSTEPS
             valve_average += position / SUBSTEPS
         mv[k] = position
-    return pv, op, mv, pv_mean, mv_mean
+    return pv, op, mv, pv_mean, mv_mean, true

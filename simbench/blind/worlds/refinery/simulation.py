@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from simbench.blind.menu import TestPlan, operated
 from simbench.blind.worlds.refinery import archive, loads, physics, valves
 from simbench.blind.worlds.refinery.controller import FORMS, RULES, WINDUPS, Controller
 from simbench.blind.worlds.refinery.physics import SUBSTEPS, Plant, Sensor, Signals
@@ -97,23 +98,34 @@ def _signals(setup: Setup, case: dict, seed: int) -> Signals:
         held = loads.gate(_stream(seed, _HELD), count, *setup.frozen)
     if setup.manual[1] > 0.0:
         manual = loads.gate(_stream(seed, _MANUAL), count, *setup.manual)
-    return Signals(pattern(case["setpoint"], warm, n, case["Ts"]), load, noise, error, spikes, held, manual)
+    none, scans = np.full(count, np.nan), np.zeros(count, dtype=bool)
+    return Signals(pattern(case["setpoint"], warm, n, case["Ts"]), load, noise, error, spikes, held, manual, none, scans)
 
 
-def run(setup: Setup, case: dict, seed: int) -> dict[str, np.ndarray]:
-    """Run the loop once and return what the archive holds; `mv` is always there."""
+def run(setup: Setup, case: dict, seed: int, plan: TestPlan | None = None) -> dict[str, np.ndarray]:
+    """Run the loop, or a test on it, once and return what the archive holds; `mv` is always there."""
     signals = _signals(setup, case, seed)
+    if plan is not None:
+        signals.sp[case["warm"] :] += plan.sp
+        signals.hand[case["warm"] :] = plan.op
+        signals.between[:] = (np.arange(signals.sp.size) - case["warm"]) % plan.faster != 0
     stem = valves.rest(valves.untrim(case["m0"], setup.valve.R))
     control = setup.controller._replace(bias=float(valves.untrim(case["m0"], setup.valve.R)))
     raw = physics.close_loop(
         setup.plant, control, setup.valve, setup.sensor, signals, float(case["m0"]), float(case["pv0"]), stem
     )
-    return _archive(raw, signals.sp, setup, case, seed)
+    columns = _archive(raw[:5], signals.sp, setup, case, seed, plan is not None and plan.raw)
+    return columns if plan is None else operated(columns, raw[5][case["warm"] :], plan, seed)
 
 
-def _archive(raw: tuple, sp: np.ndarray, setup: Setup, case: dict, seed: int) -> dict[str, np.ndarray]:
-    seen, op, mv, seen_mean, mv_mean = raw
+def _archive(
+    shown: tuple, sp: np.ndarray, setup: Setup, case: dict, seed: int, raw: bool = False
+) -> dict[str, np.ndarray]:
+    seen, op, mv, seen_mean, mv_mean = shown
     warm, n, how = case["warm"], case["n"], case["archive"]
+    if raw:
+        columns = {"sp": sp[warm:], "op": op[warm:], "pv": seen[warm:], "mv": mv[warm:]}
+        return {"t": np.round(np.arange(n) * case["Ts"], 6), **columns}
     pv = (seen_mean if how["averaging"] else seen)[warm:]
     if setup.spikes_record[0] > 0.0:
         pv = pv + loads.spikes(_stream(seed, _SPIKES_RECORD), n, *setup.spikes_record)

@@ -27,6 +27,8 @@ def signals(n, seed=0, load=0.0, noise=0.0, sp=PV0, **changed):
         "spikes": nothing,
         "held": np.zeros(n, dtype=bool),
         "manual": np.zeros(n, dtype=bool),
+        "hand": np.full(n, np.nan),
+        "between": np.zeros(n, dtype=bool),
     }
     return Signals(**{**base, **changed})
 
@@ -35,7 +37,8 @@ def loop(x, plant=None, controller=None, valve=None, sensor=None):
     plant = plant or Plant(False, 2.0, 20.0, 5.0)
     controller = controller or Controller(Kc=1.0, Ti=20.0, Ts=TS, bias=M0)
     valve = valve or Valve()
-    return physics.close_loop(plant, controller, valve, sensor or Sensor(), x, M0, PV0, valves.rest(valves.untrim(M0, valve.R)))
+    stem = valves.rest(valves.untrim(M0, valve.R))
+    return physics.close_loop(plant, controller, valve, sensor or Sensor(), x, M0, PV0, stem)[:5]
 
 
 class Twin:

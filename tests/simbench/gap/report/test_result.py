@@ -22,7 +22,7 @@ def report(effect="stiction", block="valve", effects=(STUCK,), *, gap=(4.0, 3.5,
         "group": ("stiction",),
         "ranking": RANKING,
         "blocks": SHARES,
-        "next_test": "bump it",
+        "next_test": {"test": "bump", "says": "bump it"},
         "notes": ("one", "two"),
     } | more
     return GapReport(
@@ -73,7 +73,7 @@ def test_a_terminal_shows_six_candidates_and_blocks_of_half_a_percent_and_more()
     ]  # fmt: skip
     assert lines[7] == " 0.914  stiction                S = 6.04, J = 3 % of travel"
     assert [line.split()[1] for line in lines[7:13]] == ["stiction", "none", *(f"effect_{i}" for i in range(4))]
-    assert lines[13:] == ["", "next: bump it", "note: one", "note: two"]
+    assert lines[13:] == ["", "next: bump: bump it", "note: one", "note: two"]
 
 
 def test_a_terminal_says_what_cannot_be_told_apart_and_when_nothing_can_be_claimed():

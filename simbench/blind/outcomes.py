@@ -1,0 +1,61 @@
+"""What every test of the menu would show of each record of a check: sealed one by one, opened one by one, and logged."""
+
+from __future__ import annotations
+
+import json
+import zlib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from joblib import Parallel, delayed
+
+from detectors.errors import ParameterError
+from simbench.blind import menu
+from simbench.files import folder, whole_file
+from simbench.loop.effects import NONE
+
+TESTS, OPENED, LOG = "tests", "opened", "opened.csv"
+_SEED = 9000  # added to a record's seed, with the test's place on the menu: other load, other noise
+
+
+def write(out: Path, test: Callable[..., Any], items: Mapping[str, Any], jobs: int) -> None:
+    """Write tests/ID-TEST.sealed of every record and test."""
+    place = folder(out / TESTS)
+    Parallel(n_jobs=jobs)(delayed(_write)(place, test, name, item) for name, item in items.items())
+
+
+def _write(place: Path, test: Callable[..., Any], name: str, item: Any) -> None:
+    for id_ in menu.MENU:
+        with whole_file(place / f"{name}-{id_}.sealed", "wb") as f:
+            f.write(zlib.compress(json.dumps(outcome(test, item, id_)).encode()))
+
+
+def outcome(test: Callable[..., Any], item: Any, id_: str) -> dict[str, str]:
+    """Return the two files of one test on a drawn record, as texts."""
+    a, plan = item.answer, menu.plan(id_, item.columns, item.baseline)
+    known = (a["effect"], a["effect2"]) if not a.get("foreign") else (a["foreign"], "")
+    acts = [
+        {"effect": e, "parameters": a[p]} for e, p in zip(known, ("parameters", "parameters2")) if e not in ("", NONE)
+    ]  # fmt: skip
+    columns = test(a, acts, int(a["seed"]) + _SEED + menu.MENU.index(id_), plan)
+    Ts = float(item.baseline["sampling"]["Ts"])
+    return {"csv": menu.test_csv(columns), "toml": menu.settings_toml(plan.settings(Ts))}
+
+
+def open_one(out: Path, name: str, id_: str, order: int) -> Path:
+    """Open one test of a record, log it, and return the record it shows; its settings lie beside it."""
+    sealed = out / TESTS / f"{name}-{id_}.sealed"
+    if not sealed.exists():
+        raise ParameterError(f"withheld: {out} holds no tests; make them with `gap withheld make --tests`")
+    shown = folder(out / OPENED) / f"{name}-{id_}.csv"
+    log = out / LOG
+    rows = log.read_text(encoding="utf-8") if log.exists() else "id,order,test\n"
+    if f"{name},{order},{id_}\n" not in rows:
+        with whole_file(log) as f:
+            f.write(f"{rows}{name},{order},{id_}\n")
+    texts = json.loads(zlib.decompress(sealed.read_bytes()))
+    for kind in ("toml", "csv"):
+        with whole_file(shown.with_suffix(f".{kind}")) as f:
+            f.write(texts[kind])
+    return shown

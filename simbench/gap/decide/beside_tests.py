@@ -1,0 +1,139 @@
+"""What tests add to a record: one engine over all, the valve by every MV, the sensor by lab samples."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from detectors.errors import UserError
+from simbench.gap.candidates import Fitted, possible_effects
+from simbench.gap.effects import Parameters, recogniser
+from simbench.gap.likelihood.engine import Engine
+from simbench.gap.likelihood.joint import JointEngine, Part
+from simbench.gap.likelihood.model import Fit, Spec
+from simbench.gap.likelihood.valve_map import MapSearch
+from simbench.gap.situation import ModelledTest, Situation, load_memory, through_valve
+from simbench.loop.effects import EFFECTS
+from simbench.loop.resolve import resolve_loop
+
+_BY_MV = 10.0  # nats that a valve found by MV must bring, before OP of the other records is sent through it
+_MOVES = 1e-6  # % that OP must move before MV shows anything
+_SIZES = (0.25, 0.5, 1.0, 2.0, 4.0)  # of a fitted drift, at which lab samples are asked
+_ANOTHER = 25.0  # nats by which a plant of its own must explain a test better than any explanation of the record ...
+_APART = 1.5  # ... and the factor in gain or time by which it is another
+
+Maps = dict[str, tuple[float, Parameters]]
+
+
+def valve_maps(s: Situation, tests: Sequence[ModelledTest]) -> tuple[Maps, bool]:
+    """Return what MV, wherever recorded, says of every valve effect, and whether it strays as none of them makes it."""
+    seen = [] if s.record.mv is None else [(s.op, np.asarray(s.record.mv), s.record.Ts)]
+    seen += [(t.op, t.mv, t.Ts) for t in tests if t.mv is not None and np.ptp(t.op) > _MOVES]
+    total: Maps = {}
+    strays = False
+    for op, mv, Ts in seen:
+        expected = np.clip(through_valve(op, s.baseline.valve, Ts), 0.0, 100.0)
+        search = MapSearch(op, mv, Ts, expected, s.expected_band)
+        maps = {e: by_mv(search) for e in EFFECTS if (by_mv := recogniser(e).by_mv) is not None}
+        winner = max(maps, key=lambda e: maps[e][0])
+        healthy = float(np.exp(search.healthy / op.size))
+        left = healthy * float(np.exp(-max(maps[winner][0], 0.0) / op.size))
+        strays |= left > recogniser(winner).by_mv_leaves * healthy and left > max(0.15, 0.03 * float(np.std(op)))
+        for e, (gain, p) in maps.items():
+            before, kept = total.get(e, (0.0, p))
+            total[e] = (before + gain, p if gain >= before else kept)
+    return total, strays
+
+
+def joint_engine(s: Situation, tests: Sequence[ModelledTest], maps: Maps) -> JointEngine:
+    """Return the engine over the record and its tests; where MV was recorded once, the valve is known in all."""
+    winner = max(maps, key=lambda e: maps[e][0], default="")
+    parts = [(s.data, 1.0, s.op, s.record.Ts, s.record.mv), *((t.data, t.pace, t.op, t.Ts, t.mv) for t in tests)]
+    out = []
+    for data, pace, op, Ts, mv in parts:
+        if mv is None and winner and maps[winner][0] > _BY_MV:
+            data = replace(data, u=through_effect(s, winner, maps[winner][1], op, Ts))
+        out.append(Part(data, pace))
+    return JointEngine(out, load_memory(s))
+
+
+def through_effect(s: Situation, effect: str, p: Parameters, op: np.ndarray, Ts: float) -> np.ndarray:
+    """Return MV (%) as the baseline's valve with an effect makes it of OP."""
+    table = s.baseline.to_table()
+    table["effect"], table["sampling"] = [{"name": effect, **p}], {"Ts": Ts, "n": max(op.size, 3)}
+    try:
+        valves = resolve_loop(type(s.baseline).from_table(table), 0).valves
+    except UserError:
+        return op
+    mv = np.asarray(op, dtype=float)
+    for module, parameters in valves:
+        state, out = module.start(float(mv[0]), parameters), np.empty(mv.size)
+        for k, u in enumerate(mv.tolist()):
+            state = module.step(u, state, parameters)
+            out[k] = state[0]
+        mv = out
+    return np.clip(mv, 0.0, 100.0)
+
+
+def effects_by_pv(s: Situation, tests: Sequence[ModelledTest]) -> list[str]:
+    """Return the effects that PV given OP is asked about: the valve's are not where MV was recorded."""
+    return possible_effects(s, s.record.mv is not None or any(t.mv is not None for t in tests))
+
+
+def lab_gains(s: Situation, tests: Sequence[ModelledTest], base: Fit, parameters: Mapping[str, Parameters]) -> dict[str, float]:
+    """Return nats that lab samples of the true PV add to a drifting measurement, as it was fitted, over a true one."""
+    total = 0.0
+    for t in tests:
+        if t.lab is None or "drift" not in parameters:
+            continue
+        at = np.flatnonzero(np.isfinite(t.lab))
+        off = t.data.y[at] - t.lab[at]
+        noise = float(np.hypot(base.theta["noise_std"], t.lab_std)) or float(np.std(off)) or 1.0
+        p = parameters["drift"]
+        rate, walk = (float(p.get(name, 0.0)) for name in ("rate", "walk"))
+        time = at * t.Ts
+        levels = [drift_level(off, time, noise, share * walk, share * rate) for share in _SIZES]
+        total += max(levels) - drift_level(off, time, noise, 0.0, 0.0)
+    return {"drift": total} if total else {}
+
+
+def drift_level(off: np.ndarray, time: np.ndarray, noise: float, walk: float, rate: float) -> float:
+    """Return the log-likelihood of errors of a measurement: an unknown offset, a ramp either way, a walk, noise."""
+    common = np.minimum.outer(time, time)
+    slope = np.outer(time, time)
+    C = noise**2 * np.eye(time.size) + walk**2 * common + rate**2 * slope + (10.0 * float(np.ptp(off) + noise)) ** 2
+    L = np.linalg.cholesky(C)
+    x = np.linalg.solve(L, off)
+    return -0.5 * float(x @ x) - float(np.log(np.diag(L)).sum())
+
+
+def other_plants(found: Fitted, s: Situation, tests: Sequence[ModelledTest]) -> list[str]:
+    """Return of each test in words the plant behind it, where it is another than under the likeliest fits of the record."""
+    engine = joint_engine(s, tests, {})
+    likely = sorted((c for c in found.candidates.values() if c.used), key=lambda c: -c.log_likelihood_gain)[:3]
+    fits = [found.base, *(c.fit for c in likely if c.log_likelihood_gain > 0.0)]
+    bare = [f for f in fits if not f.spec.channels and not f.spec.jumps] or [replace(found.base, spec=Spec())]
+    return [_other_plant(engine.engines[i], engine, i, bare) for i in range(1, len(engine.parts))]
+
+
+def _other_plant(own: Engine, engine: JointEngine, i: int, fits: Sequence[Fit]) -> str:
+    data, tries = own.data, []
+    for fit in fits:
+        spec, theta = engine.one_of(i, fit.spec, fit.theta)
+        # the record's plant, in the test's samples, held as a baseline is
+        plant = {"K": fit.K / (engine.parts[i].pace if data.T == 0.0 else 1.0), "Td": theta["Td"]}
+        held = Engine(replace(data, **plant, T=theta["T"] if data.T > 0.0 else 0.0), own.longest_load)
+        tries.append(held.fit(spec, theta))
+    same = max(tries, key=lambda f: f.loglik)
+    spec = same.spec.join(Spec(free=frozenset({"K", "T", "Td"})))
+    T, Td = same.theta.get("T", 0.0), same.theta["Td"]
+    starts = [{**same.theta, "T": T * f, "Td": Td * g} for f, g in ((1.0, 1.0), (0.4, 0.5), (2.5, 2.0))]
+    other = max((own.fit(spec, start) for start in starts), key=lambda f: f.loglik)
+    if other.loglik - same.loglik < _ANOTHER or same.K == 0.0:
+        return ""
+    gain, time = other.K / same.K, (other.theta.get("T", 0.0) + other.theta["Td"] + 1.0) / (T + Td + 1.0)
+    if all(1.0 / _APART < x < _APART for x in (gain, time)):
+        return ""
+    return f"PV answers OP with {gain:.2g} times the gain and {time:.2g} times as slowly as in the record"

@@ -1,0 +1,143 @@
+"""Test records beside the record they were made for: what the fits need of them, and what in them contradicts it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from detectors.errors import RecordError
+from detectors.signal.spikes import cleaned
+from simbench.gap.controller.pi_law import Law, examine_law
+from simbench.gap.intake.check import check
+from simbench.gap.intake.observed import longest_run
+from simbench.gap.intake.recorded_test import RecordedTest
+from simbench.gap.intake.refuse import SAME_TS, refuse_mv_units
+from simbench.gap.sensor.samples import inspect_samples
+from simbench.gap.situation import ModelledTest, Situation, through_valve
+
+_RETUNED = 0.13  # |ln ratio| of Kc or Ti from which a test's tuning is not the one it states
+_LAW_ROWS = 60  # samples in automatic from which a controller can be compared
+_BRISK, _OFTEN = 20, 5  # samples at an end of a manual run, and moves among them, from which it is no operator's
+_ELSEWHERE = 10.0  # ranges of the record's PV, beyond which PV is another signal
+_EDGE = 1  # samples at a change of mode that may be written down on either side of it
+
+
+def modelled(test: RecordedTest, s: Situation) -> ModelledTest:
+    """Return what the fits need of a test."""
+    r, op = test.record, np.asarray(test.record.op_percent)
+    if r.mv is not None:
+        refuse_mv_units(np.asarray(r.mv), op, test.path)
+    pace = s.record.Ts / r.Ts
+    plain = not test.manual.any() and abs(pace - 1.0) <= SAME_TS
+    law, proven = None, {}
+    if plain:
+        own = check(replace(r, tag=test.name, meta={}), test.loop, s.trusted, s.tuned)
+        law, data = own.law, own.data
+        proven = {e: p for e, p in own.proven.items() if e not in ("detuning", "noise")}
+    else:
+        samples = inspect_samples(r.pv, op, noise=s.data.noise)
+        pv = cleaned(np.asarray(r.pv, dtype=float), samples.spikes)
+        u = through_valve(op, s.baseline.valve, r.Ts) if r.mv is None else np.asarray(r.mv, dtype=float)
+        data = replace(s.data, u=np.ascontiguousarray(u), y=np.ascontiguousarray(pv), resolution=samples.digits)
+        rows = longest_run(~test.manual)
+        if abs(pace - 1.0) <= SAME_TS and rows.stop - rows.start >= _LAW_ROWS:
+            law = _law(test, rows, s)
+    return ModelledTest(
+        test.name, r.Ts, 1.0 if plain else pace, data, op, None if r.mv is None else np.asarray(r.mv, dtype=float),
+        test.lab, float(test.settings.get("test", {}).get("lab_std", 0.0)), law, proven,
+    )  # fmt: skip
+
+
+def _law(test: RecordedTest, rows: slice, s: Situation) -> Law | None:
+    r, control = test.record, test.loop.controller
+    sp = None if r.sp is None else np.asarray(r.sp)[rows]
+    op, pv = np.asarray(r.op_percent)[rows], np.asarray(r.pv)[rows]
+    if np.ptp(op) == 0.0:
+        return None
+    return examine_law(op, pv, sp, r.Ts, control.sign * control.Kc, control.Ti, s.tuned, s.data.noise)
+
+
+def contradiction(test: RecordedTest, found: ModelledTest, s: Situation) -> str:
+    """Return why a test cannot be of the record's loop as it was declared; "" where nothing speaks against it."""
+    law = found.law
+    said = _shifted(test, s.op, law.late if law is not None else s.law.late) or _elsewhere(test, s)
+    if said or law is None or not (s.tuned and s.law.known):
+        return said
+    if not law.known:
+        # what stands between error and OP in a foreign controller need not show in every record
+        why = f"in automatic OP does not follow the record's controller ({law.reason}); the loop behind {test.name} is another"
+        bare = s.archive.faithful and s.law.step == 0.0 and s.law.gap == 0.0 and s.law.limits is None
+        return why if bare and not law.foreign else ""
+    control, stated = s.baseline.controller, test.loop.controller
+    Kc = s.law.Kc * stated.Kc / control.Kc
+    Ti = s.law.Ti * (stated.Ti / control.Ti if stated.Ti and control.Ti else 1.0)
+    off = [np.log(abs(law.Kc / Kc))]
+    off += [np.log(law.Ti / Ti)] if np.isfinite(law.Ti) and np.isfinite(Ti) else []
+    if law.Kc * Kc > 0 and max(map(abs, off)) < _RETUNED:
+        return ""
+    return (
+        f"its controller has Kc = {law.Kc:.3g} and Ti = {law.Ti:.3g} s, the record's under the stated settings "
+        f"Kc = {Kc:.3g} and Ti = {Ti:.3g} s; the tuning is not the one stated, or the loop behind {test.name} is another"
+    )
+
+
+def _elsewhere(test: RecordedTest, s: Situation) -> str:
+    """Return whether PV runs so far from the record's that it is another signal."""
+    pv, own = test.record.pv, s.record.pv
+    far = _ELSEWHERE * float(np.ptp(own))
+    if pv.max() > own.min() - far and pv.min() < own.max() + far:
+        return ""
+    runs = f"PV runs from {pv.min():.4g} to {pv.max():.4g}, the record's from {own.min():.4g} to {own.max():.4g}"
+    return f"{runs}; the loop behind {test.name} is another"
+
+
+def _shifted(test: RecordedTest, usual: np.ndarray, late: int) -> str:
+    """Return whether OP moves like a controller's where `mode` says MAN, or rests like an operator's where it says AUTO.
+
+    `usual` is OP of the record, in automatic: how often it moves there, and how long it rests at most.
+    """
+    manual = test.manual
+    if not manual.any():
+        return ""
+    moves, edge = _moves(np.asarray(test.record.op)), _EDGE + late
+    rests = max(edge, 1.5 * _longest(~_moves(usual)[1:]))
+    said = f"the mode column of {test.name} does not fit its OP, which"
+    for rows in _runs(manual):
+        # where an operator took over OP may jump to his first level
+        x = moves[rows]
+        for place, side in (("first", x[1:]), ("last", x[::-1])):
+            if _length(side) > edge or side[:_BRISK].sum() >= _OFTEN + late:
+                return f"{said} still moves like a controller's in the {place} samples that are called MAN"
+    for rows in _runs(~manual):
+        x = ~moves[rows]
+        for place, side, shown in (("first", x[1:], rows.start > 0), ("last", x[::-1], rows.stop < manual.size)):
+            if shown and _length(side) > rests:
+                return f"{said} stands still in the {place} samples that are called AUTO"
+    return ""
+
+
+def _moves(op: np.ndarray) -> np.ndarray:
+    return np.append(False, np.abs(np.diff(op)) > 1e-9 * float(np.abs(op).max()))
+
+
+def _runs(x: np.ndarray) -> list[slice]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], x.astype(int), [0]]))).reshape(-1, 2)
+    return [slice(int(a), int(b)) for a, b in edges]
+
+
+def _longest(x: np.ndarray) -> int:
+    return max((rows.stop - rows.start for rows in _runs(x)), default=0)
+
+
+def _length(x: np.ndarray) -> int:
+    """Return how many samples are true before the first that is not."""
+    return int(x.cumprod().sum())
+
+
+def refuse_twice(tests: list[RecordedTest]) -> None:
+    """Refuse one file given twice: its evidence would count twice."""
+    paths = [t.path for t in tests]
+    twice = next((p for p in paths if paths.count(p) > 1), None)
+    if twice is not None:
+        raise RecordError(f"{twice}: given as a test twice; each counts once")

@@ -1,0 +1,105 @@
+"""One model over several records of a loop: plant, effect and noise shared, loads and operating points each their own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from simbench.gap.likelihood import kernels
+from simbench.gap.likelihood.engine import Engine
+from simbench.gap.likelihood.model import Data, Fit, Spec
+
+_TIMES = ("T", "tau", "load_time", "load_lag")
+_WALKS = ("walk", "load_walk")
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One record of a joint fit; `pace`: its samples to one of the first record's."""
+
+    data: Data
+    pace: float = 1.0
+
+
+class JointEngine(Engine):
+    """The likelihood of several records as one: what the first record's engine is for one, in units of its samples."""
+
+    def __init__(self, parts: Sequence[Part], longest_load: float) -> None:
+        first = parts[0].data
+        u, y = (np.concatenate([getattr(p.data, name) for p in parts]) for name in ("u", "y"))
+        super().__init__(replace(first, u=u, y=y), longest_load)
+        self.parts = tuple(parts)
+        self.engines = [Engine(p.data, longest_load * p.pace) for p in parts]
+        ends = np.cumsum([p.data.n for p in parts])
+        self.places = [slice(int(end - p.data.n), int(end)) for p, end in zip(parts, ends)]
+        self.spread = max(e.spread for e in self.engines)
+
+    def one_of(self, i: int, spec: Spec, theta: Mapping[str, float]) -> tuple[Spec, dict[str, float]]:
+        """Return spec and nonlinear parameters as one record has them, in its own samples."""
+        part, rows = self.parts[i], self.places[i]
+        jumps = tuple(k - rows.start for k in spec.jumps if rows.start + kernels.SKIP <= k < rows.stop)
+        spec = replace(spec, channels=tuple(c[rows] for c in spec.channels), jumps=jumps)
+        own = dict(theta)
+        # an archive that lags by a sample hides one sample of dead time, but not in every record
+        own["Td"] = max((own["Td"] + self.data.late) * part.pace - part.data.late, 0.0)
+        if part.pace != 1.0:
+            own |= {name: own[name] * part.pace for name in _TIMES if name in own}
+            own |= {name: own[name] / np.sqrt(part.pace) for name in _WALKS if name in own}
+            own["colour"] = own["colour"] ** part.pace ** -1.0 if own["colour"] > 0.0 else 0.0
+            if self.data.T == 0.0:
+                own["load"] /= part.pace
+        return spec, own
+
+    def more_numbers(self, spec: Spec, base: Spec) -> float:
+        """Return how many numbers an effect's own signals are fitted by beyond those of one record."""
+        return float((len(self.parts) - 1) * (len(spec.channels) - len(base.channels)))
+
+    def main(self, fit: Fit) -> Fit:
+        """Return a fit as the first record alone has it: plant and effect are those of all."""
+        own = self.engines[0].at(*self.one_of(0, fit.spec, fit.theta))
+        own.beta[0] = fit.beta[0]
+        own.theta.update({name: value for name, value in fit.theta.items() if name not in own.theta})
+        return own
+
+    def alone(self, fit: Fit) -> list[float]:
+        """Return the log-likelihood of every record under the plant and effect of a fit, gain fitted anew."""
+        return [engine.evaluate(*self.one_of(i, fit.spec, fit.theta))[0] for i, engine in enumerate(self.engines)]
+
+    def _channels(self, spec: Spec, theta: Mapping[str, float]) -> np.ndarray:
+        # PV, the plant's answer, every record's bias and onset; last the signals of an effect, the first record's at the end
+        whole, blocks, effects = np.zeros((2, self.data.n)), [], []
+        count = len(spec.channels)
+        for i, engine in enumerate(self.engines):
+            rows, own = self.places[i], engine._channels(*self.one_of(i, spec, theta))
+            whole[:, rows] = own[:2]
+            if self.data.T == 0.0:
+                whole[1, rows] /= self.parts[i].pace
+            for j, channel in enumerate(own[2:]):
+                placed = np.zeros(self.data.n)
+                placed[rows] = channel
+                (blocks if j < len(own) - 2 - count else effects).append(placed)
+        effects = [effects[i * count + j] for i in reversed(range(len(self.parts))) for j in range(count)]
+        return np.vstack([whole, *blocks, *effects])
+
+    def _whiten(self, spec: Spec, theta: Mapping[str, float], channels: np.ndarray) -> tuple[np.ndarray, float]:
+        white, level = np.zeros(channels.shape), 0.0
+        for i, engine in enumerate(self.engines):
+            rows = self.places[i]
+            here = channels[:, rows]
+            seen = np.flatnonzero(here.any(axis=1))
+            seen = seen if seen.size else np.array([0])
+            found, more = engine._whiten(*self.one_of(i, spec, theta), np.ascontiguousarray(here[seen]))
+            if i:
+                found[:, : kernels.SKIP] = 0.0
+            white[seen, rows] = found
+            level += more
+        return white, level
+
+    def _scanned(self, spec: Spec, theta: Mapping[str, float], kind: int, points: np.ndarray) -> np.ndarray:
+        total = np.zeros((2, len(points)))
+        for i, engine in enumerate(self.engines):
+            scale = 1.0 / self.parts[i].pace if self.data.T == 0.0 else 1.0
+            total += engine._scanned(*self.one_of(i, spec, theta), kind, points) * np.array([[scale], [scale**2]])
+        return total

@@ -1,0 +1,234 @@
+"""What a test may be expected to tell: today's explanations simulated under it, and judged by one another."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from scipy.special import softmax
+
+from detectors.record import LoopRecord
+from scenarios.spec import Loop
+from simbench.gap.closed_loop.runs import ClosedLoops
+from simbench.gap.decide.assess import Assessment
+from simbench.gap.decide.beside_tests import drift_level, through_effect
+from simbench.gap.decide.classify import TEMPERATURE
+from simbench.gap.effects import recogniser
+from simbench.gap.likelihood import kernels
+from simbench.gap.likelihood.engine import Engine
+from simbench.gap.likelihood.joint import JointEngine, Part
+from simbench.gap.likelihood.model import Data, Fit
+from simbench.gap.plan.menu import LAB_SAMPLES, Limits, Trial, sized
+from simbench.gap.situation import Situation, load_memory, through_valve
+from simbench.loop.effects import NONE, block_of
+
+_TESTS = ("mv", "sp_steps", "kc_half", "bump", "stairs", "still", "fast", "lab")
+_LIKELY = 0.02  # probability from which an explanation is simulated
+_NOTHING = 0.02  # gain in the probability of a right answer below which a test is not worth its while
+_MV_NOISE = 0.1  # % that a stem's position is known to
+_NUISANCES = ("T", "Td", "load_time", "load_lag", "load", "noise_std", "colour")
+_APART = 3.0  # nats, tempered, from which two explanations count as separated
+
+
+@dataclass(frozen=True, eq=False)
+class Expected:
+    """A test and what it may be expected to tell.
+
+    `nats` (runs, explanations, explanations): log-likelihood of what each explanation (second axis) makes of the test under
+    each (third).
+    """
+
+    trial: Trial
+    pv_excursion: float
+    pv_variance: float
+    nats: np.ndarray
+    information: float
+    p_right: float
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Tests by what they may be expected to tell, best first; the best pair; or why none would tell anything."""
+
+    effects: tuple[str, ...]
+    probability: np.ndarray
+    tests: tuple[Expected, ...]
+    pair: tuple[str, ...]
+    p_right: float
+    why: str = ""
+    left_out: tuple[str, ...] = field(default_factory=tuple)
+
+    @property
+    def best(self) -> Expected | None:
+        """The test to run next; None where none would tell anything."""
+        return self.tests[0] if self.tests and not self.why else None
+
+    @property
+    def next_test(self) -> dict[str, Any] | None:
+        """The test to run next, as the diagnosis says it."""
+        one = self.best
+        if one is None:
+            return None
+        return {
+            "test": one.trial.id, "size": one.trial.size, "hold_s": one.trial.hold_s, "separates": self.separated(one),
+            "p_right_after": one.p_right, "says": one.trial.says,
+        }  # fmt: skip
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the plan as the contract has it."""
+        tests = [
+            {
+                "id": x.trial.id, "settings": x.trial.settings, "information": x.information, "p_right": x.p_right,
+                "minutes": x.trial.minutes, "pv_excursion": x.pv_excursion, "pv_variance": x.pv_variance,
+                "op_travel": x.trial.op_travel, "separates": self.separated(x), "says": x.trial.says,
+            }
+            for x in self.tests
+        ]  # fmt: skip
+        return {"tests": tests, "pair": list(self.pair), "why": self.sentence()}
+
+    def sentence(self) -> str:
+        """Return the plan in a sentence."""
+        one = self.best
+        if one is None:
+            return self.why
+        said = f"{one.trial.id}: {one.trial.says}"
+        if len(self.pair) == 2 and self.p_right > one.p_right:
+            said += f"; the best pair is {' and '.join(self.pair)}, {self.p_right:.2f} after both"
+        right = f"right with probability {self.probability.max():.2f} now, {one.p_right:.2f} after it"
+        return f"{said} ({right}; separates {', '.join(self.separated(one))})"
+
+    def as_text(self) -> str:
+        """Return the plan for a terminal."""
+        lines = [self.sentence(), "", "p_right  information  minutes  PV excursion  test"]
+        lines += [
+            f"{x.p_right:7.2f}  {x.information:11.2f}  {x.trial.minutes:7.0f}  {x.pv_excursion:12.3g}  {x.trial.says}"
+            for x in self.tests
+        ]
+        return "\n".join(lines + [f"left out: {why}" for why in self.left_out])
+
+    def separated(self, one: Expected) -> list[str]:
+        """Return the explanations that a test tells from the likeliest."""
+        mean = one.nats.mean(axis=0)
+        apart = TEMPERATURE * (mean[0, 0] - mean[0] + np.diag(mean) - mean[:, 0])
+        return [self.effects[0], *(e for e, x in zip(self.effects[1:], apart[1:]) if x > _APART)]
+
+
+def plan(
+    found: Assessment, probability: Mapping[str, float], loops: ClosedLoops, limits: Limits | None = None, most: int = 4,
+    runs: int = 2, tests: Sequence[str] = _TESTS,
+) -> Plan:  # fmt: skip
+    """Simulate every test of the menu under the likeliest explanations and say what each would tell."""
+    s, limits = found.situation, limits or Limits()
+    ranking = sorted(probability.items(), key=lambda kv: -kv[1])
+    shown = [(e, p) for e, p in ranking if (e in found.parameters or e == NONE) and e not in s.proven]
+    shown = [x for i, x in enumerate(shown) if i < 2 or x[1] > _LIKELY][:most]
+    effects, p = tuple(e for e, _ in shown), np.array([p for _, p in shown])
+    now = float(p.max(initial=0.0))
+    if set(found.chosen) & set(s.proven) and probability[found.chosen[0]] > 0.5:
+        return Plan(effects, p, (), (), now, f"{found.chosen[0]} is shown by the record itself; no test would tell more")
+    if len(effects) < 2:
+        return Plan(effects, p, (), (), now, "one explanation is left; no test on the menu would tell more")
+    files = {e: loops.loop([] if e == NONE else [e]) for e in effects}
+    bands = [band(found.parameters[e]) for e in effects if e in found.parameters and (band := recogniser(e).band) is not None]
+    out, left_out = [], []
+    for id_ in tests:
+        if id_ in found.asked or (id_ == "mv" and found.valve_seen) or (id_ == "lab" and "drift" not in effects):
+            continue
+        trial, why, excursion = sized(id_, s, files, min(bands, default=0.0), limits)
+        nats = None if trial is None else _nats(trial, found, effects, files, runs)
+        if trial is None or nats is None:
+            left_out.append(why or f"{id_}: it cannot be simulated")
+            continue
+        information, right = _told(p, nats)
+        out.append(Expected(trial, excursion, _variance(trial, files), nats, information, right))
+    out.sort(key=lambda x: (-x.p_right, -x.information, x.trial.minutes))
+    pair: tuple[str, ...] = ()
+    best = max((x.p_right for x in out), default=now)
+    if len(out) > 1:
+        # of pairs that tell the same, the one whose first test tells more comes first
+        pairs = [(_told(p, a.nats + b.nats)[1], (a.trial.id, b.trial.id)) for a, b in combinations(out, 2)]
+        right, pair = max(pairs, key=lambda x: x[0])
+        best = max(best, right)
+    why = "" if best > now + _NOTHING else "no test on the menu would tell the remaining explanations apart"
+    return Plan(effects, p, tuple(out), () if why else pair, best, why, tuple(left_out))
+
+
+def _told(p: np.ndarray, nats: np.ndarray) -> tuple[float, float]:
+    """Return expected information (nats) and probability of a right answer after a test; what is not simulated stays open."""
+    share = p / p.sum()
+    log = np.log(np.maximum(share, 1e-12))
+    after = softmax(log + TEMPERATURE * nats, axis=2)
+    entropy = -np.sum(after * np.log(np.maximum(after, 1e-12)), axis=2).mean(axis=0)
+    return -float(share @ log) - float(share @ entropy), float(p @ after.max(axis=2).mean(axis=0))
+
+
+def _variance(trial: Trial, files: Mapping[str, Loop]) -> float:
+    record = trial.run(next(iter(files.values())), 0)
+    return 0.0 if record is None else float(np.var(record.pv))
+
+
+def _nats(
+    trial: Trial, found: Assessment, effects: Sequence[str], files: Mapping[str, Loop], runs: int
+) -> np.ndarray | None:
+    """Return log-likelihoods (runs, explanations, explanations) of simulated tests."""
+    out = np.zeros((runs, len(effects), len(effects)))
+    for i in range(runs):
+        for a, made_by in enumerate(effects):
+            record = trial.run(files[made_by], 1000 + i)
+            if record is None:
+                return None
+            for b, effect in enumerate(effects):
+                out[i, a, b] = _level(trial, record, found, effect, made_by, i)
+    # on average nothing explains a test better than what made it (Gibbs); a fit that does was merely found sooner
+    mean = out.mean(axis=0)
+    return out - np.maximum(mean - np.diag(mean)[:, None], 0.0)
+
+
+def _level(trial: Trial, record: LoopRecord, found: Assessment, effect: str, made_by: str, i: int) -> float:
+    s = found.situation
+    p = found.parameters.get(effect, {})
+    if trial.id == "lab":
+        return _lab_level(trial, found, effect, made_by, i)
+    op, level, by_mv = np.asarray(record.op), 0.0, trial.id == "mv" or s.record.mv is not None
+    if by_mv:
+        expected = through_effect(s, effect, p, op, trial.Ts) if block_of(effect) == "valve" else _healthy(s, op, trial.Ts)
+        off = float(np.mean((np.asarray(record.mv) - expected) ** 2))
+        level = -0.5 * op.size * float(np.log(off + _MV_NOISE**2))
+    u = np.asarray(record.mv) if by_mv else through_valve(op, s.baseline.valve, trial.Ts)
+    data = replace(s.data, u=np.ascontiguousarray(u), y=np.ascontiguousarray(record.pv), late=0)
+    fit = found.candidates[effect].fit if effect in found.candidates else found.base
+    return level + _likelihood(data, trial, s, fit, by_mv)
+
+
+def _healthy(s: Situation, op: np.ndarray, Ts: float) -> np.ndarray:
+    return np.clip(through_valve(op, s.baseline.valve, Ts), 0.0, 100.0)
+
+
+def _likelihood(data: Data, trial: Trial, s: Situation, fit: Fit, by_mv: bool) -> float:
+    """Return the log-likelihood of a test under a fit: its plant held as a baseline is, its effect as fitted, loads free."""
+    spec = replace(fit.spec, channels=(), jumps=(), free=frozenset(), start=0.0)
+    if by_mv:
+        spec = replace(spec, valve=kernels.IDEAL, moves=None, pole="" if spec.pole == "valve" else spec.pole)
+    pace = s.record.Ts / trial.Ts
+    pair = JointEngine([Part(s.data), Part(data, pace)], load_memory(s))
+    spec, theta = pair.one_of(1, replace(spec, channels=()), fit.theta)
+    K = (fit.K or s.data.K) / (pace if s.integrating else 1.0)
+    held = replace(data, K=K, T=theta["T"] if data.T > 0.0 else 0.0, Td=theta["Td"])
+    engine = Engine(held, pair.engines[1].longest_load)
+    return engine.fit(spec, theta, search=_NUISANCES, steps=3).loglik
+
+
+def _lab_level(trial: Trial, found: Assessment, effect: str, made_by: str, i: int) -> float:
+    """Return the log-likelihood of lab samples' differences from PV; only a drifting measurement makes any."""
+    rng = np.random.default_rng([1000 + i, 5])
+    time = np.linspace(0.0, trial.n * trial.Ts, LAB_SAMPLES)
+    noise = 1.1 * found.base.theta["noise_std"] or 1e-9
+    off = noise * rng.standard_normal(time.size)
+    p = found.parameters["drift"]
+    rate, walk = float(p["rate"]), float(p["walk"])
+    if made_by == "drift":
+        off = off + rate * time + walk * np.sqrt(time[1]) * np.cumsum(rng.standard_normal(time.size))
+    return drift_level(off, time, noise, walk, rate) if effect == "drift" else drift_level(off, time, noise, 0.0, 0.0)

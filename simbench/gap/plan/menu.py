@@ -1,0 +1,218 @@
+"""The menu of tests, sized for one loop and kept within limits; each simulated on a loop file as a person would do it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from detectors.errors import ParameterError, UserError, nearest
+from detectors.record import LoopRecord
+from scenarios.spec import Loop, read_toml
+from simbench.gap.situation import Situation
+from simbench.loop.resolve import resolve_loop
+from simbench.loop.run import run_setup
+
+LEAD = 120  # samples in automatic before an operator takes over
+_MOST = 1500  # samples of a test; longer ones tell little more, only later
+_FASTER = 4
+_TINY = 1e-9  # gain of a controller that follows the operator alone
+_MARGIN = 0.8  # of a limit on PV that the simulated excursion may use: the plant is not quite the model
+LAB_SAMPLES = 40
+_SAYS = {
+    "mv": "record the stem position (MV) beside SP, OP and PV, as operated, for {minutes:.0f} min",
+    "sp_steps": "step SP by {size:.3g} PV units: up, down, back, down, up, {hold:.0f} s each",
+    "kc_half": "halve Kc for {minutes:.0f} min and record, as operated",
+    "bump": "in manual, move OP by {size:.3g} %: base, up, down, base, {hold:.0f} s each",
+    "stairs": "in manual, move OP in small stairs of {size:.3g} %: up, down, up, {hold:.0f} s each",
+    "still": "in manual, leave OP where it is for {minutes:.0f} min",
+    "fast": "log the same loop four times as fast for {minutes:.0f} min",
+    "lab": "take 40 grab samples of the true process value within {minutes:.0f} min, in a column lab",
+}
+ACTIVE = ("sp_steps", "bump", "stairs")
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a test may do to the plant: ranges of PV and OP, how far PV and OP may leave where they stand, how long it lasts."""
+
+    pv: tuple[float, float] = (-np.inf, np.inf)
+    op: tuple[float, float] = (0.0, 100.0)
+    pv_excursion: float = np.inf
+    op_travel: float = np.inf
+    minutes: float = np.inf
+
+
+def read_limits(path: str | Path) -> Limits:
+    """Read limits: `pv` and `op` as [lo, hi], `pv_excursion`, `op_travel`, `minutes`; in tables [pv] and [op] lo and hi."""
+    out: dict[str, Any] = {}
+    for name, value in read_toml(path).items():
+        if name not in Limits.__dataclass_fields__:
+            raise ParameterError(f"{path}: limit {name!r} is unknown; {nearest(name, Limits.__dataclass_fields__)}")
+        pair = name in ("pv", "op")
+        if pair and isinstance(value, dict):
+            given = dict(value)
+            plain = {"lo": Limits().__getattribute__(name)[0], "hi": Limits().__getattribute__(name)[1]} | given
+            more = {"excursion": "pv_excursion", "travel": "op_travel"}
+            out |= {more[k]: plain.pop(k) for k in list(plain) if k in more and more[k].startswith(name)}
+            value = [plain.pop("lo"), plain.pop("hi"), *plain]
+        numbers = value if pair else [value]
+        sound = isinstance(numbers, list) and len(numbers) == (2 if pair else 1)
+        if not sound or not all(isinstance(x, (int, float)) and not np.isnan(x) for x in numbers):
+            raise ParameterError(f"{path}: {name} = {value!r}; {'[lo, hi]' if pair else 'a number'} is needed")
+        if (pair and not numbers[0] < numbers[1]) or (not pair and numbers[0] <= 0):
+            raise ParameterError(f"{path}: {name} = {value!r}; {'lo below hi' if pair else 'a number above 0'} is needed")
+        out[name] = (float(numbers[0]), float(numbers[1])) if pair else float(numbers[0])
+    return Limits(**out)
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A test on one loop: its size, SP or manual OP as deviation over its samples (OP NaN in automatic)."""
+
+    id: str
+    size: float
+    hold_s: float
+    Ts: float
+    n: int
+    sp: np.ndarray
+    op: np.ndarray
+
+    @property
+    def minutes(self) -> float:
+        """How long it lasts."""
+        return self.n * self.Ts / 60.0
+
+    @property
+    def op_travel(self) -> float:
+        """How far the operator moves OP (%)."""
+        return float(np.nanmax(np.abs(self.op), initial=0.0)) if np.isfinite(self.op).any() else 0.0
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """What the tables beside its record would say."""
+        test: dict[str, Any] = {"id": self.id}
+        if self.size:
+            test |= {"size": self.size, "hold_s": self.hold_s}
+        out: dict[str, Any] = {"test": test}
+        if self.id == "kc_half":
+            out["controller"] = {"Kc_ratio": 0.5}
+        if self.id == "fast":
+            out["sampling"] = {"Ts": self.Ts}
+        return out
+
+    @property
+    def says(self) -> str:
+        """The test in a sentence."""
+        return _SAYS[self.id].format(size=self.size, hold=self.hold_s, minutes=self.minutes)
+
+    def run(self, loop: Loop, seed: int) -> LoopRecord | None:
+        """Simulate the test on a loop file; None where the loop cannot be simulated."""
+        table = loop.to_table()
+        start = loop.setpoint.value
+        table["sampling"] = {"Ts": self.Ts, "n": self.n}
+        table["setpoint"] = {"value": start}
+        if self.id == "kc_half":
+            table["controller"]["Kc"] *= 0.5
+        try:
+            setup = resolve_loop(Loop.from_table(table), seed)
+            if np.isfinite(self.op).any():
+                # a controller of no gain hands an enormous set point on: OP is the operator's
+                sign = setup.Kc / abs(setup.Kc) * setup.sign
+                setup.Kc, setup.Ti = np.copysign(_TINY, setup.Kc), None
+                setup.sp = setup.pv0 + np.nan_to_num(self.op) / (_TINY * sign)
+            else:
+                setup.sp = setup.sp + self.sp
+            record = run_setup(setup).record
+        except UserError:
+            return None
+        return record if np.all(np.isfinite(record.pv)) and float(np.abs(record.pv).max()) < 1e9 else None
+
+
+def sized(id_: str, s: Situation, loops: Mapping[str, Loop], band: float, limits: Limits) -> tuple[Trial | None, str, float]:
+    """Return a test within limits, or None and why there is none, and PV's largest excursion on the explanations' loops.
+
+    `band`: width (%) of the friction that may be there, 0 without; stairs must be finer, so that it can stick.
+    """
+    d, Ts = s.data, s.record.Ts
+    gain = abs(d.K)
+    pace = d.Td + (1.0 / max(abs(d.K * s.baseline.controller.Kc), 1e-9) if s.integrating else d.T)
+    rest = float(np.mean(s.op))
+    room = min(rest - limits.op[0], limits.op[1] - rest, limits.op_travel)
+    size = float(np.clip(0.5 * np.ptp(s.op), 1.0, 10.0))
+    if id_ == "stairs":
+        size = 0.4 * band if band > 0.0 else 0.25 * size
+    steps = {"bump": 1.0, "stairs": 4.0}.get(id_, 0.0)
+    if steps and size * steps > room:
+        size = room / steps
+        if size <= 0.05:
+            return None, f"{id_}: OP has no room within its limits", 0.0
+    if id_ == "sp_steps":
+        size *= gain * (pace if s.integrating else 1.0)
+    for _ in range(6):
+        trial = _trial(id_, size, pace, s.integrating, Ts, s.record.n)
+        if trial.minutes > limits.minutes:
+            if id_ in ACTIVE:
+                return None, f"{id_}: {trial.minutes:.0f} min, more than the {limits.minutes:.0f} allowed", 0.0
+            n = int(60.0 * limits.minutes / trial.Ts)
+            if n < 200:
+                return None, f"{id_}: {limits.minutes:.0f} min are too few", 0.0
+            trial = Trial(id_, 0.0, 0.0, trial.Ts, n, trial.sp[:n], trial.op[:n])
+        excursion, inside = _excursion(trial, s, loops, limits)
+        if inside:
+            return trial, "", excursion
+        if id_ not in ACTIVE:
+            return None, f"{id_}: PV would leave its limits (excursion {excursion:.3g})", excursion
+        size *= 0.6
+    return None, f"{id_}: PV would leave its limits at any size worth its while", 0.0
+
+
+def _trial(id_: str, size: float, pace: float, integrating: bool, Ts: float, n: int) -> Trial:
+    hold, levels = 0, []
+    if id_ == "sp_steps":
+        hold, levels = int(np.clip(12.0 * pace, 20, _MOST // 5)), [1.0, -1.0, 0.0, -1.0, 1.0]
+    elif id_ == "bump":
+        hold, levels = int(np.clip(6.0 * pace, 15, _MOST // 4)), [0.0, 1.0, -1.0, 0.0]
+        if integrating:
+            hold, levels = max(int(pace), 5), [0.0, 1.0, 0.0, 0.0, -1.0, 0.0, 0.0]
+    elif id_ == "stairs":
+        hold, levels = int(np.clip(4.0 * pace, 10, _MOST // 14)), [1, 2, 3, 4, 3, 2, 1, 0, -1, -2, -1, 0]
+        if integrating:
+            hold, levels = max(int(pace), 5), [x * y for x in (1, 2, 3, 4) for y in (1, 0, -1, 0)]
+    moves = size * np.repeat(np.array(levels, dtype=float), hold)
+    if levels:
+        n = LEAD + moves.size
+    else:
+        n = min(n, _MOST) * (_FASTER if id_ == "fast" else 1)
+        n = min(n, 2 * _MOST)
+    sp, op = np.zeros(n), np.full(n, np.nan)
+    if id_ == "sp_steps":
+        sp[LEAD:] = moves
+    elif levels:
+        op[LEAD:] = moves
+    elif id_ == "still":
+        op[min(LEAD, n) :] = 0.0
+    period = Ts / _FASTER if id_ == "fast" else Ts
+    return Trial(id_, size if levels else 0.0, hold * Ts, period, n, sp, op)
+
+
+def _excursion(trial: Trial, s: Situation, loops: Mapping[str, Loop], limits: Limits) -> tuple[float, bool]:
+    """Return how far PV goes from SP's start under any explanation, and whether PV and OP stay within limits."""
+    if trial.id in ("mv", "fast", "lab"):
+        # as operated: what PV does anyway
+        return float(np.abs(s.record.pv - s.sp).max()), True
+    worst, inside = 0.0, True
+    for loop in loops.values():
+        record = trial.run(loop, 0)
+        if record is None:
+            continue
+        start = loop.setpoint.value
+        worst = max(worst, float(np.abs(record.pv - start).max()))
+        low, high = start - (start - limits.pv[0]) * _MARGIN, start + (limits.pv[1] - start) * _MARGIN
+        inside &= bool(record.pv.min() >= low and record.pv.max() <= high and worst <= _MARGIN * limits.pv_excursion)
+        inside &= bool(record.op.min() >= limits.op[0] - 1e-6 and record.op.max() <= limits.op[1] + 1e-6)
+        inside &= float(np.ptp(record.op[LEAD:])) <= 2.0 * limits.op_travel
+    return worst, inside

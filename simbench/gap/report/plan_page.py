@@ -1,0 +1,50 @@
+"""The page of a plan: which test to run next, what each would tell and cost."""
+
+from __future__ import annotations
+
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
+
+import pandas as pd
+
+from simbench.files import whole_file
+from simbench.gap.plan.expected import Plan
+from simbench.gap.report.result import GapReport, words
+from simbench.html.page import render as render_in
+from simbench.html.table import sortable
+
+_render = partial(render_in, "simbench.gap.report")
+
+
+def write_plan_page(plan: Plan, report: GapReport, path: str | Path) -> None:
+    """Write a plan as one self-contained HTML page."""
+    frame = pd.DataFrame(
+        {
+            "test": [x.trial.says for x in plan.tests],
+            "right after it": [x.p_right for x in plan.tests],
+            "information (nats)": [x.information for x in plan.tests],
+            "minutes": [x.trial.minutes for x in plan.tests],
+            "PV excursion": [x.pv_excursion for x in plan.tests],
+            "variance of PV": [x.pv_variance for x in plan.tests],
+            "travel of OP (%)": [x.trial.op_travel for x in plan.tests],
+        }
+    )
+    body = _render(
+        "plan.html",
+        believed=report.sentence(),
+        sentence=plan.sentence(),
+        explanations=[(words(e), float(p)) for e, p in zip(plan.effects, plan.probability)],
+        tests=sortable(frame) if len(frame) else None,
+        left_out=plan.left_out,
+    )
+    tag = report.behind.found.situation.record.tag
+    text = _render(
+        "page.html",
+        title=f"Which test next: {tag or 'record'}",
+        subtitle="Sim-to-real gap of one control loop",
+        sections=[{"id": "plan", "title": "The plan", "body": body}],
+        footer=f"simbench {version('stiction-simbench')}",
+    )
+    with whole_file(path) as f:
+        f.write(text)
