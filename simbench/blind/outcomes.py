@@ -40,7 +40,7 @@ def outcome(test: Callable[..., Any], item: Any, id_: str) -> dict[str, str]:
     ]  # fmt: skip
     columns = test(a, acts, int(a["seed"]) + _SEED + menu.MENU.index(id_), plan)
     Ts = float(item.baseline["sampling"]["Ts"])
-    return {"csv": menu.test_csv(columns), "toml": menu.settings_toml(plan.settings(Ts))}
+    return {"csv": menu.csv_of(columns), "toml": menu.settings_toml(plan.settings(Ts))}
 
 
 def open_one(out: Path, name: str, id_: str, order: int) -> Path:

@@ -15,7 +15,7 @@ from detectors.records.io import read_record
 from simbench.files import picture_kind, refuse_own_input, whole_file
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.intake.partial import Partial, read_baseline
-from simbench.gap.intake.recorded_test import read_test, test_files
+from simbench.gap.intake.recorded_test import files_of, read_test
 from simbench.gap.plan.expected import Plan, plan
 from simbench.gap.plan.menu import read_limits
 from simbench.gap.report.result import GapReport
@@ -51,7 +51,7 @@ def diagnose_files(
         raise ParameterError("gap diagnose needs at least one record")
     if tests and baseline is None:
         raise ParameterError("gap diagnose --test needs --baseline LOOP.toml, which all records are compared with")
-    told = [part for t in tests for part in test_files(t) if part]
+    told = [part for t in tests for part in files_of(t) if part]
     refuse_own_input([html, write_loop, picture], [*records, baseline, *told])
     if picture is not None:
         picture_kind(picture)

@@ -52,7 +52,7 @@ class RecordedTest:
 
 def read_test(given: str, baseline: Loop, **about: Any) -> RecordedTest:
     """Read RECORD[:SETTINGS.toml]; a TOML of the record's name beside it holds the settings where none is named."""
-    file, more = test_files(given)
+    file, more = files_of(given)
     beside = Path(file).with_suffix(".toml")
     table = read_toml(more) if more else read_toml(beside) if beside.is_file() else {}
     # a loop file of that name is a baseline
@@ -64,7 +64,7 @@ def read_test(given: str, baseline: Loop, **about: Any) -> RecordedTest:
     return test
 
 
-def test_files(given: str) -> tuple[str, str]:
+def files_of(given: str) -> tuple[str, str]:
     """Return the two files of RECORD[:SETTINGS.toml], the second "" where it is not named."""
     file, _, more = given.rpartition(":") if given.endswith(".toml") and ":" in given else (given, "", "")
     return file, more

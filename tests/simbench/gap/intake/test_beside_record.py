@@ -1,0 +1,79 @@
+"""What contradicts: a mode column that does not fit OP, another tuning, another loop; a sound test is left in peace."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from scenarios.spec import Loop
+from simbench.gap.intake.beside_record import contradiction, modelled
+from simbench.gap.intake.check import check
+from simbench.gap.intake.recorded_test import RecordedTest
+from simbench.gap.plan.menu import Limits, sized
+from simbench.loop.simulate import simulate
+
+LOOP = Loop.from_table({
+    "plant": {"type": "foptd", "K": 2.0, "T": 10.0, "Td": 2.0},
+    "controller": {"type": "PI", "Kc": 0.5, "Ti": 10.0},
+    "sampling": {"Ts": 1.0, "n": 600},
+    "noise": {"std": 0.2},
+    "operating_point": {"op0": 50.0, "pv0": 30.0},
+    "setpoint": {"value": 30.0},
+    "disturbance": [{"type": "coloured", "amplitude": 1.0, "period": 20.0}],
+})  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def situation():
+    return check(simulate(LOOP, 1).record, LOOP)
+
+
+def made(id_, situation, loop=LOOP, stated=LOOP):
+    trial = sized(id_, situation, {"none": LOOP}, 0.0, Limits())[0]
+    record = trial.run(loop, 5)
+    manual = np.isfinite(trial.op)
+    if manual.any():
+        # the operator takes over from a controller, whose OP the menu's own run does not show
+        lead = simulate(loop.with_("sampling.n", int(np.argmax(manual))), 6).record
+        op, pv = (np.concatenate([getattr(lead, c), getattr(record, c)[lead.n :]]) for c in ("op", "pv"))
+        record = SimpleNamespace(op=op, pv=pv)
+    from detectors.record import LoopRecord
+
+    sp = np.full(record.op.size, 30.0) if manual.any() else record.sp
+    whole = LoopRecord(op=record.op, pv=record.pv, sp=sp, Ts=1.0, op_span=(0.0, 100.0))
+    return RecordedTest(f"{id_}.csv", whole, manual, None, {"test": {"id": id_}}, stated)
+
+
+def said(test, situation):
+    return contradiction(test, modelled(test, situation), situation)
+
+
+@pytest.mark.parametrize("id_", ["sp_steps", "bump", "stairs", "still"])
+def test_nothing_is_said_of_a_sound_test(id_, situation):
+    assert said(made(id_, situation), situation) == ""
+
+
+@pytest.mark.parametrize("shift", [-10, 10])
+def test_a_mode_column_that_is_shifted_is_found(shift, situation):
+    test = made("bump", situation)
+    test.manual[:] = np.concatenate([test.manual[-shift:], np.ones(-shift, bool)]) if shift < 0 else np.roll(test.manual, shift)
+    test.manual[: max(shift, 0)] = False
+    assert "mode column of bump.csv" in said(test, situation)
+
+
+def test_another_tuning_than_the_stated_one_is_found(situation):
+    assert "tuning is not the one stated" in said(made("sp_steps", situation, LOOP.with_("controller.Kc", 0.25)), situation)
+    half = LOOP.with_("controller.Kc", 0.25)
+    assert said(made("sp_steps", situation, half, half), situation) == ""
+
+
+def test_another_loops_signals_are_found(situation):
+    far = Loop.from_table(LOOP.to_table() | {"operating_point": {"op0": 50.0, "pv0": 900.0}, "setpoint": {"value": 900.0}})
+    assert "the loop behind sp_steps.csv is another" in said(made("sp_steps", situation, far), situation)
+
+
+def test_in_manual_no_law_is_asked(situation):
+    found = modelled(made("bump", situation), situation)
+    assert found.proven == {}
+    assert found.law is not None
+    assert found.law.gap == 0.0
