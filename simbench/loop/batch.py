@@ -239,7 +239,8 @@ def _add_plain(kinds: dict, lane: Lane) -> bool:
 def _add_any(kinds: dict, lane: Lane) -> None:
     """Put a loop among its like as it is once its loads and effects stand, or run it by itself."""
     lane.setup = setup = quiet_setup(lane.loop, lane.seed)
-    if len(setup.den) != 2 or not 0 <= lane.seed < SEEDS or any(abreast.iterates(m.step) for m, _ in setup.valves):
+    lawful = setup.controller_law is not None or setup.sensor_law is not None
+    if lawful or len(setup.den) != 2 or not 0 <= lane.seed < SEEDS or any(abreast.iterates(m.step) for m, _ in setup.valves):
         setup.draw_noise()
         lane.room = np.array(signals_of(setup))[..., None]
         return

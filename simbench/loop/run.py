@@ -9,6 +9,7 @@ import numpy as np
 
 from detectors.record import LoopRecord
 from simbench.loop import controller, kernel, sensor
+from simbench.loop.laws import swapped
 from simbench.loop.setup import MV_NOISE, Setup, parts_of
 
 if TYPE_CHECKING:
@@ -108,7 +109,8 @@ def signals_of(
     w = np.zeros(total + sampled.delay + 1)
     pv = setup.pv0
     # at rest the error is 0 by definition: a set point away from pv0 is a step at sample 0
-    c = (controller.p_start if setup.Ti is None else controller.pi_start)(setup.op0, 0.0)
+    law = setup.controller_law is not None
+    c = (swapped.controller_start if law else controller.p_start if setup.Ti is None else controller.pi_start)(setup.op0, 0.0)
     v = []
     u = setup.op0
     for module, p in setup.valves:
@@ -126,7 +128,10 @@ def signals_of(
         x: Any = (float(pv - setup.pv0),)
     else:
         x = np.zeros(2 * sampled.order)
-    s = sensor.full_start(pv) if parts.steps["sensor_step"] is sensor.full_step else sensor.plain_start(pv)
+    if setup.sensor_law is not None:
+        s: Any = swapped.sensor_start(pv)
+    else:
+        s = sensor.full_start(pv) if parts.steps["sensor_step"] is sensor.full_step else sensor.plain_start(pv)
     op, measured, mv = np.empty(total), np.empty(total), np.empty(total)
     make = kernel.bind if plain else kernel.compiled
     make(parts.steps, parts.stages, parts.classes)(

@@ -12,6 +12,7 @@ import numpy as np
 from detectors.errors import ParameterError
 from scenarios.spec import Loop, Part
 from simbench.loop import controller, plant, sensor
+from simbench.loop.laws import swapped
 from simbench.loop.parameters import VALVES, valve_parameters
 
 _NOISE, MV_NOISE = 0, 1  # random streams of their own
@@ -23,7 +24,8 @@ class Setup:
 
     Signals have n + tail samples; loads are in % at the plant's input and in PV units at its output; `pv_add` is
     measured with PV (noise included). `valves` is the chain OP passes, each a plug-in with its resolved parameters.
-    `recorders` turn the PV the controller saw into the PV that is archived.
+    `recorders` turn the PV the controller saw into the PV that is archived. A `controller_law` or `sensor_law` gives the
+    numbers of the laws' own step (`simbench.loop.laws.swapped`), which then takes the place of the loop's.
     """
 
     loop: Loop
@@ -49,6 +51,8 @@ class Setup:
     sensor_tau: float = 0.0
     pv_step: float = 0.0
     recorders: list[Callable[[np.ndarray], np.ndarray]] = field(default_factory=list)
+    controller_law: Callable[[Setup], Any] | None = None
+    sensor_law: Callable[[Setup], Any] | None = None
 
     @property
     def Ts(self) -> float:
@@ -205,6 +209,10 @@ def parts_of(setup: Setup) -> Parts:
     }
     gap_p = controller.Gap(setup.error_gap / 2, setup.op_step) if full_control else controller.NoGap(0.0)
     sensor_p = sensor.Transmitter(float(follow), setup.pv_step) if full_sensor else sensor.Bare(0.0)
+    if setup.controller_law is not None:
+        steps["controller_step"], control_p = swapped.controller_step, setup.controller_law(setup)
+    if setup.sensor_law is not None:
+        steps["sensor_step"], sensor_p = swapped.sensor_step, setup.sensor_law(setup)
     valve_p = tuple(p for _, p in setup.valves)
     stages = tuple(module.step for module, _ in setup.valves)
     return Parts(sampled, steps, stages, (plant_p, control_p, gap_p, sensor_p, valve_p))

@@ -1,0 +1,281 @@
+"""Laws of blocks whose both sides are on record: the controller from error to OP, the valve from OP to MV, single samples of PV.
+
+A law is fitted to the first part of the record and judged by what it leaves on the rest, beside the best law without it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.signal import lfilter
+
+from detectors.signal.holds import holds
+from detectors.signal.lattice import written_unit
+from simbench.gap.controller.regression import FORMS
+from simbench.gap.discover.law import Law
+from simbench.gap.discover.moves import slewed
+from simbench.gap.effects import deadband, stiction
+from simbench.gap.likelihood.valve_map import MapSearch, lagged
+from simbench.gap.situation import Situation
+from simbench.loop.laws.forms import running_mean
+
+_EXPLAINS = 0.6  # share of what the law without the new term leaves, below which the term is the law
+_IDLE = 0.05  # share of samples in which OP stands though the law would move it
+_ENDS = 0.02  # share of samples of PV exactly at its largest or smallest
+_HELD = 0.02  # share of samples of PV that repeat the last one beyond chance
+_PRICE = 4.0  # nats of a change between running and idle
+
+_Numbers = dict[str, float]
+
+
+def controller_law(s: Situation, first: int) -> Law | None:
+    """Return the law between error and OP that the baseline's does not know; None where the baseline's explains OP."""
+    if s.law.known and not any(fact in s.facts for fact in ("limits", "gap", "step", "tuning")):
+        return None
+    law = _Controller.of(s)
+    plain, found = law.left({}), []
+    for form, guesses, names in _TERMS:
+        if guesses is not None:
+            found += [law.fitted(form, names, guess, first, plain) for guess in guesses(law)]
+    found += [law.idle(first, plain), law.limited(s, first, plain), law.resting(s, first, plain)]
+    good = [one for one in found if one is not None]
+    return max(good, key=lambda one: one.nats, default=None)
+
+
+class _Controller(NamedTuple):
+    """The controller's signals (OP in %, error in PV units), its own numbers, and the digits of OP."""
+
+    op: np.ndarray
+    e: np.ndarray
+    Kc: float
+    Ki: float
+    Ts: float
+    unit: float
+    newest: float = 1.0
+
+    @classmethod
+    def of(cls, s: Situation) -> _Controller:
+        pv = np.asarray(s.record.pv)
+        # an archive that stores PV before the controller ran
+        e = s.sp - (np.append(pv[0], pv[:-1]) if s.law.late else pv)
+        control, Ts = s.baseline.controller, s.record.Ts
+        Kc = control.sign * control.Kc
+        # digits of OP and PV, as far as they reach OP
+        unit = max(written_unit(s.op), abs(Kc) * written_unit(pv), 1e-6 * float(np.std(s.op)), 1e-9) / 3.0
+        law = cls(np.asarray(s.op), e, Kc, Kc * Ts / control.Ti if control.Ti else 0.0, Ts, unit)
+        # the form in which its integral counts the newest error
+        forms = [law._replace(newest=share) for share in FORMS]
+        return min(forms, key=lambda one: float(np.median(np.abs(one.left({})))))
+
+    def left(self, numbers: _Numbers) -> np.ndarray:
+        """Return what a law leaves of OP (n - 1,), each sample from the recorded one before."""
+        e, get = self.e, numbers.get
+        width = get("width", 0.0)
+        counts = np.where(np.abs(e) <= width / 2, 0.0, e) if width else e
+        counts = counts * (1.0 + get("square", 0.0) * np.abs(e)) + get("side", 0.0) * np.abs(e)
+        change = np.diff(counts)
+        gain, integral = get("gain", 1.0), get("integral", 1.0)
+        du = gain * (self.Kc * change + self.Ki / integral * (self.newest * counts[1:] + (1.0 - self.newest) * counts[:-1]))
+        du = du * np.maximum(1.0 + get("schedule", 0.0) * (self.op[:-1] - self.op.mean()), 0.05)
+        if get("Td", 0.0):
+            follow = 1.0 / (1.0 + max(get("filter", 0.0), 0.0) / self.Ts)
+            slope = lfilter([follow], [1.0, follow - 1.0], change)
+            du = du + gain * self.Kc * get("Td", 0.0) / self.Ts * np.diff(np.append(0.0, slope))
+        down, up = (self.Ts / x if x > 0.0 else np.inf for x in (get("down", 0.0), get("up", 0.0)))
+        return np.diff(self.op) - np.clip(du, -down, up)
+
+    def misfit(self, left: np.ndarray) -> float:
+        """Return the mean size of what is left; digits bound it from below."""
+        return float(np.mean(np.abs(left))) + self.unit
+
+    def law(self, form: str, numbers: _Numbers, first: int, plain: np.ndarray, left: np.ndarray, **more: Any) -> Law | None:
+        """Return the law where it leaves plainly less than the plain one of the samples it was not fitted to."""
+        ratio = self.misfit(left[first:]) / self.misfit(plain[first:])
+        if not ratio < _EXPLAINS:
+            return None
+        nats = -(self.op.size - first) * np.log(ratio) - more.pop("price", 0.0)
+        evidence = np.append(0.0, np.log((np.abs(plain) + self.unit) / (np.abs(left) + self.unit)))
+        return Law(form, numbers, float(nats), evidence=evidence, **more) if nats > 0.0 else None
+
+    def fitted(self, form: str, names: tuple[str, ...], guess: _Numbers, first: int, plain: np.ndarray) -> Law | None:
+        """Return a law with some of its numbers fitted robustly to the first part, from a guess."""
+        scale = max(self.misfit(plain[:first]), self.unit)
+
+        def misfit(x: np.ndarray) -> np.ndarray:
+            return self.left(dict(zip(names, x)))[:first] / scale
+
+        with np.errstate(all="ignore"):
+            found = least_squares(
+                misfit, [guess[m] for m in names], loss="soft_l1", f_scale=0.1, x_scale=[guess[m + "_by"] for m in names],
+                max_nfev=60,
+            )  # fmt: skip
+        numbers = {m: float(v) for m, v in zip(names, found.x)}
+        if not all(np.isfinite(v) for v in numbers.values()) or any(numbers.get(m, 1.0) < 0.0 for m in _POSITIVE):
+            return None
+        left = self.left(numbers)
+        spread = np.sqrt(np.maximum(np.diag(np.linalg.pinv(found.jac.T @ found.jac)), 0.0)) * float(np.std(misfit(found.x)))
+        intervals = {m: (v - 2 * float(d), v + 2 * float(d)) for (m, v), d in zip(numbers.items(), spread)}
+        return self.law(form, numbers, first, plain, left, intervals=intervals)
+
+    def idle(self, first: int, plain: np.ndarray) -> Law | None:
+        """Return the law of a controller that does not run in some samples, where OP stands though it should move."""
+        still = np.append(False, np.diff(self.op) == 0.0)
+        asked = np.append(0.0, np.abs(np.diff(self.op) - plain)) > 20 * self.unit
+        idle = still & asked
+        share = float(idle.mean())
+        if not _IDLE < share < 0.95:
+            return None
+        runs = np.flatnonzero(np.diff(np.concatenate([[0], idle.astype(int), [0]]))).reshape(-1, 2)
+        # what the error was when the controller last ran, and (bumpless return) just before
+        last = np.maximum.accumulate(np.where(idle, 0, np.arange(idle.size)))
+        tries = []
+        for before in (self.e[last[:-1]], self.e[:-1]):
+            left = np.diff(self.op) - np.where(idle[1:], 0.0, self.Kc * (self.e[1:] - before) + self.Ki * self.e[1:])
+            tries.append(left)
+        left = min(tries, key=self.misfit)
+        length = float(np.mean(runs[:, 1] - runs[:, 0])) * self.Ts
+        numbers = {"share": share, "length": length}
+        return self.law("idle", numbers, first, plain, left, on=idle, price=2 * len(runs) * _PRICE)
+
+    def limited(self, s: Situation, first: int, plain: np.ndarray) -> Law | None:
+        """Return the limits of OP that the law shows."""
+        if s.law.limits is None:
+            return None
+        low, high = s.law.limits
+        to = self.op[:-1] + np.diff(self.op) - plain
+        left = self.op[1:] - np.clip(to, low, high)
+        return self.law("limits", {"low": low, "high": high}, first, plain, left)
+
+    def resting(self, s: Situation, first: int, plain: np.ndarray) -> Law | None:
+        """Return the error within which OP rests, or the stairs in which it moves, that the law shows."""
+        if s.law.gap <= 0.0 and s.law.step <= 0.0:
+            return None
+        numbers = {"width": s.law.gap, "step": s.law.step}
+        # what stands on a lattice was looked for among many: the law's own search says that it is there
+        nats = 20.0 + 0.5 * (self.op.size - first) * float(s.law.step > 0.0 or s.law.gap > 0.0)
+        return Law("rest", {m: v for m, v in numbers.items() if v > 0.0}, nats)
+
+
+def _tunings(c: _Controller) -> list[_Numbers]:
+    return [{"gain": 1.0, "gain_by": 0.3, "integral": 1.0, "integral_by": 0.3}]
+
+
+def _regimes(c: _Controller) -> list[_Numbers]:
+    e, op = float(np.std(c.e)) or 1.0, float(np.std(c.op)) or 1.0
+    by = {"gain_by": 0.3, "square_by": 0.3 / e, "side_by": 0.2, "schedule_by": 0.2 / op}
+    plain = {"square": 0.0, "side": 0.0, "schedule": 0.0, "gain": 1.0}
+    return [by | plain, by | plain | {"square": 0.3 / e, "gain": 0.5}]
+
+
+def _derivatives(c: _Controller) -> list[_Numbers]:
+    pace = abs(c.Kc / c.Ki) * c.Ts if c.Ki else 10 * c.Ts
+    return [{"Td": share * pace, "Td_by": 0.1 * pace, "filter": 0.1 * share * pace, "filter_by": 0.05 * pace} for share in (0.05, 0.3)]
+
+
+def _speeds(c: _Controller) -> list[_Numbers]:
+    du = np.diff(c.op)
+    out = []
+    for down, up in ((0.05, None), (None, 0.95), (0.05, 0.95)):
+        slow_down = c.Ts / max(-float(np.quantile(du, down)), c.unit) if down else 0.0
+        slow_up = c.Ts / max(float(np.quantile(du, up)), c.unit) if up else 0.0
+        by = max(slow_down, slow_up, 1e-9)
+        out.append({"down": slow_down, "up": slow_up, "down_by": by, "up_by": by})
+    return out
+
+
+_POSITIVE = ("gain", "integral", "Td", "down", "up")
+_TERMS: tuple[tuple[str, Callable | None, tuple[str, ...]], ...] = (
+    ("tuning", _tunings, ("gain", "integral")),
+    ("regime", _regimes, ("gain", "square", "side", "schedule")),
+    ("derivative", _derivatives, ("Td", "filter")),
+    ("ramps", _speeds, ("down", "up")),
+)
+
+
+def valve_law(s: Situation, first: int) -> Law | None:
+    """Return the law from OP to MV where MV was recorded and does not follow OP as the baseline's valve does."""
+    if s.record.mv is None:
+        return None
+    op, mv, Ts = s.op, np.asarray(s.record.mv), s.record.Ts
+    span, n = float(np.ptp(op)) or 1.0, op.size
+    fine = 1e-3 * span
+
+    def misfit(v: np.ndarray, where: slice) -> float:
+        return float(np.sqrt(np.mean((mv - v)[where] ** 2))) + fine
+
+    learn, judge = slice(0, first), slice(first, n)
+    plain = s.expected_mv
+    tries: list[tuple[str, _Numbers, np.ndarray]] = []
+    search = MapSearch(op[learn], mv[learn], Ts, plain[learn], s.expected_band)
+    for module in (deadband, stiction):
+        by_mv = module.RECOGNISER.by_mv
+        assert by_mv is not None
+        _, p = by_mv(search)
+        band = {"S": float(p["S"]), "J": float(p.get("J", 0.0))}
+        kind = 3 if band["J"] > 0.0 else 1
+        whole = MapSearch(op, mv, Ts, plain)
+        tries.append(("memory", band, whole.moved(kind, band["S"], band["J"])))
+    knots = np.quantile(op[learn], (0.25, 0.5, 0.75))
+    X = np.column_stack([np.ones(n), op, *(np.maximum(op - q, 0.0) for q in knots)])
+    beta = np.linalg.lstsq(X[learn], mv[learn], rcond=None)[0]
+    numbers = {f"q{i + 1}": float(q) for i, q in enumerate(knots)} | {f"k{i + 1}": float(b) for i, b in enumerate(beta[2:])}
+    tries.append(("curve", numbers, X @ beta))
+    for rate in np.geomspace(0.02, 5.0, 25) * (float(np.std(np.diff(op))) or 1.0):
+        tries.append(("rate", {"slowness": Ts / float(rate)}, slewed(op, float(rate))))
+    for tau in np.geomspace(0.3, n / 20, 25):
+        tries.append(("rate", {"tau": float(tau) * Ts}, lagged(op, float(tau))))
+    low, high = float(np.min(mv[learn])), float(np.max(mv[learn]))
+    tries.append(("stops", {"low": low, "high": high}, np.clip(op, low, high)))
+    best = min(tries, key=lambda t: misfit(t[2], learn) * (1.0 + 0.02 * len(t[1])))
+    form, numbers, v = best
+    ratio = misfit(v, judge) / misfit(plain, judge)
+    if not ratio < _EXPLAINS:
+        return None
+    evidence = 0.5 * np.log(((mv - plain) ** 2 + fine**2) / ((mv - v) ** 2 + fine**2))
+    return Law(form, numbers, float(-(n - first) * np.log(ratio)), evidence=evidence)
+
+
+def sensor_law(s: Situation, first: int) -> Law | None:
+    """Return what single samples of PV show: stairs, ends of a range, spells in which it stands, a mean over a window."""
+    pv, Ts, n = np.asarray(s.record.pv), s.record.Ts, s.record.n
+    unit = max(s.samples.resolution, 1e-9 * float(np.ptp(pv)))
+    if s.archive.rounding is not None:
+        step = s.archive.rounding[0]
+        return Law("stairs", {"step": step}, float((n - first) * np.log(max(step / unit, 2.0))))
+    averaged = _mean_law(s, first)
+    if averaged is not None:
+        return averaged
+    chance = float(np.log(max(float(np.std(np.diff(pv))) / unit, 2.0)))
+    stands = np.append(False, np.diff(pv) == 0.0)
+    ends = {"low": pv == pv.min(), "high": pv == pv.max()}
+    clipped = {name: at for name, at in ends.items() if at.mean() > _ENDS and at[first:].sum() > 3}
+    if clipped and stands[np.any(list(clipped.values()), axis=0)].mean() > 0.3:
+        hits = sum(int(at[first:].sum()) for at in clipped.values())
+        numbers = {name: float(pv.min() if name == "low" else pv.max()) for name in clipped}
+        return Law("clipped", numbers, hits * chance, on=np.any(list(clipped.values()), axis=0))
+    long = stands & (holds(pv)[np.cumsum(~stands) - 1] >= 3)
+    if long.mean() > _HELD and (s.frozen or s.baseline.noise.std > unit):
+        runs = np.flatnonzero(np.diff(np.concatenate([[0], long.astype(int), [0]]))).reshape(-1, 2)
+        numbers = {"share": float(long.mean()), "length": float(np.mean(runs[:, 1] - runs[:, 0])) * Ts}
+        return Law("held", numbers, max(int(long[first:].sum()), 0) * chance, on=long)
+    return None
+
+
+def _mean_law(s: Situation, first: int) -> Law | None:
+    """Return the window over which the archive averages, where the PV that the controller saw is known and is not PV on record."""
+    if s.law.recovered_pv is None or s.archive.band > 0.0 or s.archive.spikes is not None:
+        return None
+    pv, seen = np.asarray(s.record.pv), np.asarray(s.law.recovered_pv)
+
+    def misfit(width: float, where: slice) -> float:
+        return float(np.std((pv - running_mean(seen, width))[where])) + 1e-6 * float(np.std(pv))
+
+    widths = np.arange(1.0, 40.0, 0.1)
+    width = min(widths, key=lambda w: misfit(w, slice(40, first)))
+    ratio = misfit(width, slice(first, None)) / misfit(1.0, slice(first, None))
+    if width <= 1.5 or not ratio < _EXPLAINS:
+        return None
+    return Law("averaged", {"window": float(width) * s.record.Ts}, float(-(s.record.n - first) * np.log(ratio)))
