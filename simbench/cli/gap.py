@@ -44,6 +44,23 @@ def gap_diagnose(
     show(report.as_json() if as_json else report.as_text(), as_json)
 
 
+@gap_app.command("discover", epilog=examples("gap discover rec.csv --baseline loop.toml --write-effect my_law.py --html law.html"))
+def gap_discover(
+    record: Annotated[Path, typer.Argument(metavar="REC.csv", help="Record of the loop.")],
+    baseline: Annotated[Path, typer.Option(metavar="LOOP.toml", help="The simulation that does not fit.")],
+    write_effect: Annotated[Path | None, typer.Option(metavar="FILE.py", help="The law as an effect to simulate.")] = None,
+    html: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Page to write.")] = None,
+    process: Annotated[str | None, typer.Option(help="self-regulating or integrating.")] = None,
+    op_span: Span = None,
+    as_json: Json = False,
+) -> None:
+    """Describe by a law what the simulation lacks and no known effect names: where, how, with what certificate."""
+    from simbench.gap.command import discover_file
+
+    found = discover_file(record, baseline, write_effect=write_effect, html=html, process=process, op_span=op_span)
+    show(found.as_json() if as_json else found.as_text(), as_json)
+
+
 @gap_app.command("leave-out", epilog=examples("gap leave-out withheld -j 2"))
 def leave_out_(
     out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for records, table and picture.")],

@@ -11,7 +11,11 @@ from detectors.errors import ParameterError, RecordError
 from detectors.record import LoopRecord
 from detectors.records.io import read_record
 from simbench.files import picture_kind, refuse_own_input, whole_file
+from scenarios.spec import load_loop
 from simbench.gap.diagnosis import diagnose
+from simbench.gap.discover.discovery import Discovery, discover
+from simbench.gap.discover.effect_file import refuse_effect_file
+from simbench.gap.discover.effect_file import write_effect as write_law
 from simbench.gap.intake.partial import read_baseline
 from simbench.gap.report.result import GapReport
 from simbench.gap.report.traces import kick_of
@@ -66,6 +70,31 @@ def diagnose_files(
 
         write_page(report, html, _again(report, records, baseline, {**about, "window": window}))
     return report
+
+
+def discover_file(
+    record: str | Path,
+    baseline: str | Path,
+    *,
+    write_effect: str | Path | None = None,
+    html: str | Path | None = None,
+    **about: Any,
+) -> Discovery:
+    """Describe by a law what the simulation of a loop file lacks of a record's file; progress goes to stderr."""
+    refuse_own_input([write_effect, html], [record, baseline])
+    if write_effect is not None:
+        refuse_effect_file(write_effect)
+    loop, read = load_loop(baseline), read_record(record, **about)
+    found = discover(read, loop, progress=True)
+    if write_effect is not None and found.law is not None:
+        said = f"Found by `simbench gap discover` in {Path(record).name} beside {Path(baseline).name}: {found.law.text}"
+        said += f"; {found.law.nats:.0f} nats on samples that it was not fitted to."
+        write_law(found.law, write_effect, said, f"fitted to {Path(record).name}")
+    if html is not None:
+        from simbench.gap.report.law_page import write_law_page
+
+        write_law_page(found, html)
+    return found
 
 
 def one_file(record: Path, baseline: Path) -> dict[str, Any]:

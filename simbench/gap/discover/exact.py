@@ -23,9 +23,11 @@ from simbench.gap.situation import Situation
 from simbench.loop.laws.forms import running_mean
 
 _EXPLAINS = 0.6  # share of what the law without the new term leaves, below which the term is the law
+_MEAN_EXPLAINS = 0.3  # the same where a mean of the archive's would explain OP as well
 _IDLE = 0.05  # share of samples in which OP stands though the law would move it
 _ENDS = 0.02  # share of samples of PV exactly at its largest or smallest
 _HELD = 0.02  # share of samples of PV that repeat the last one beyond chance
+_ORDINARY_MEAN = 3.0  # samples up to which a mean is any archive's
 _PRICE = 4.0  # nats of a change between running and idle
 
 _Numbers = dict[str, float]
@@ -33,7 +35,7 @@ _Numbers = dict[str, float]
 
 def controller_law(s: Situation, first: int) -> Law | None:
     """Return the law between error and OP that the baseline's does not know; None where the baseline's explains OP."""
-    if s.law.known and not any(fact in s.facts for fact in ("limits", "gap", "step", "tuning")):
+    if s.law.known and not s.law.averaged and not any(fact in s.facts for fact in ("limits", "gap", "step", "tuning")):
         return None
     law = _Controller.of(s)
     plain, found = law.left({}), []
@@ -42,7 +44,11 @@ def controller_law(s: Situation, first: int) -> Law | None:
             found += [law.fitted(form, names, guess, first, plain) for guess in guesses(law)]
     found += [law.idle(first, plain), law.limited(s, first, plain), law.resting(s, first, plain)]
     good = [one for one in found if one is not None]
-    return max(good, key=lambda one: one.nats, default=None)
+    best = max(good, key=lambda one: one.nats, default=None)
+    # a mean of the archive's looks like a term of the controller, but explains less
+    if best is not None and s.law.averaged and best.nats < -np.log(_MEAN_EXPLAINS) * (s.record.n - first):
+        return None
+    return best
 
 
 class _Controller(NamedTuple):
@@ -123,18 +129,22 @@ class _Controller(NamedTuple):
     def idle(self, first: int, plain: np.ndarray) -> Law | None:
         """Return the law of a controller that does not run in some samples, where OP stands though it should move."""
         still = np.append(False, np.diff(self.op) == 0.0)
-        asked = np.append(0.0, np.abs(np.diff(self.op) - plain)) > 20 * self.unit
-        idle = still & asked
+        asked = np.append(0.0, np.abs(np.diff(self.op) - plain))
+        runs = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(int), [0]]))).reshape(-1, 2)
+        runs = np.array([(a, b) for a, b in runs if asked[a:b].max() > (5 if b - a > 2 else 20) * self.unit], dtype=int).reshape(-1, 2)
+        idle = np.zeros(still.size, dtype=bool)
+        for a, b in runs:
+            idle[a:b] = True
         share = float(idle.mean())
         if not _IDLE < share < 0.95:
             return None
-        runs = np.flatnonzero(np.diff(np.concatenate([[0], idle.astype(int), [0]]))).reshape(-1, 2)
-        # what the error was when the controller last ran, and (bumpless return) just before
-        last = np.maximum.accumulate(np.where(idle, 0, np.arange(idle.size)))
+        # what the error was when the controller last ran, and (bumpless return) just before; each form of the integral
+        last = np.maximum.accumulate(np.where(idle, 0, np.arange(idle.size)))[:-1]
         tries = []
-        for before in (self.e[last[:-1]], self.e[:-1]):
-            left = np.diff(self.op) - np.where(idle[1:], 0.0, self.Kc * (self.e[1:] - before) + self.Ki * self.e[1:])
-            tries.append(left)
+        for before in (self.e[last], self.e[:-1]):
+            for newest in FORMS:
+                counts = newest * self.e[1:] + (1.0 - newest) * before
+                tries.append(np.diff(self.op) - np.where(idle[1:], 0.0, self.Kc * (self.e[1:] - before) + self.Ki * counts))
         left = min(tries, key=self.misfit)
         length = float(np.mean(runs[:, 1] - runs[:, 0])) * self.Ts
         numbers = {"share": share, "length": length}
@@ -167,7 +177,7 @@ def _regimes(c: _Controller) -> list[_Numbers]:
     e, op = float(np.std(c.e)) or 1.0, float(np.std(c.op)) or 1.0
     by = {"gain_by": 0.3, "square_by": 0.3 / e, "side_by": 0.2, "schedule_by": 0.2 / op}
     plain = {"square": 0.0, "side": 0.0, "schedule": 0.0, "gain": 1.0}
-    return [by | plain, by | plain | {"square": 0.3 / e, "gain": 0.5}]
+    return [by | plain, by | plain | {"square": 0.3 / e, "gain": 0.5, "side": 0.2, "schedule": 0.05 / op}]
 
 
 def _derivatives(c: _Controller) -> list[_Numbers]:
@@ -189,7 +199,9 @@ def _speeds(c: _Controller) -> list[_Numbers]:
 _POSITIVE = ("gain", "integral", "Td", "down", "up")
 _TERMS: tuple[tuple[str, Callable | None, tuple[str, ...]], ...] = (
     ("tuning", _tunings, ("gain", "integral")),
-    ("regime", _regimes, ("gain", "square", "side", "schedule")),
+    ("regime", _regimes, ("gain", "square")),
+    ("regime", _regimes, ("gain", "side")),
+    ("regime", _regimes, ("gain", "schedule")),
     ("derivative", _derivatives, ("Td", "filter")),
     ("ramps", _speeds, ("down", "up")),
 )
@@ -273,9 +285,8 @@ def _mean_law(s: Situation, first: int) -> Law | None:
     def misfit(width: float, where: slice) -> float:
         return float(np.std((pv - running_mean(seen, width))[where])) + 1e-6 * float(np.std(pv))
 
-    widths = np.arange(1.0, 40.0, 0.1)
-    width = min(widths, key=lambda w: misfit(w, slice(40, first)))
+    width = min(np.arange(1.0, 40.0, 0.1), key=lambda w: misfit(w, slice(40, first)))
     ratio = misfit(width, slice(first, None)) / misfit(1.0, slice(first, None))
-    if width <= 1.5 or not ratio < _EXPLAINS:
+    if width < _ORDINARY_MEAN or not ratio < _EXPLAINS:
         return None
     return Law("averaged", {"window": float(width) * s.record.Ts}, float(-(s.record.n - first) * np.log(ratio)))

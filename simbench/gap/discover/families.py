@@ -25,8 +25,8 @@ def _same(d: Data, own: _Numbers) -> tuple[Data, float]:
 
 
 def _own(own: _Numbers, fit: Fit) -> _Numbers:
-    mine = {number.name for number in fit.spec.own if number.name not in _LOAD}
-    return own | {name: fit.theta[name] for name in mine if name in fit.theta}
+    searched = {number.name for number in (fit.spec.moves.free if fit.spec.moves else ())} | own.keys()
+    return {name: fit.theta.get(name, own.get(name, 0.0)) for name in searched}
 
 
 @dataclass(frozen=True)
@@ -68,6 +68,8 @@ def fitted(family: Family, engine: Engine, null: Fit) -> tuple[float, Fit, _Numb
     return best
 
 
+_FAR = 3.0  # times its width, beyond which a bend is not followed
+_STEEPEST = 0.1  # share of the gain at the middle that may be left at the end of a curve
 _HOPELESS = 30.0  # nats below the null, from which a point of a family's grid is not refined
 
 
@@ -208,12 +210,16 @@ def _straightened(data: Data, own: _Numbers, middle: float) -> tuple[Data, float
     """Return the data with a bent reading of PV made straight, and the log of the density that this changes."""
     x, density = data.y - middle, 0.0
     if bend := own.get("bend", 0.0):
-        inner = np.clip(bend * x, -30.0, 30.0)
+        inner = np.clip(bend * x, -_FAR, _FAR)
+        # where all readings beyond one place would be the same, they would be known too well
+        density -= 1e9 if bend > 0 and np.abs(bend * x).max() > 0.8 * _FAR else 0.0
         density += float(np.sum(np.log(np.cosh(inner)))) if bend > 0 else -0.5 * float(np.sum(np.log1p((bend * x) ** 2)))
         x = np.sinh(inner) / bend if bend > 0 else np.arcsinh(bend * x) / bend
     if tilt := own.get("tilt", 0.0):
-        inner = np.maximum(1.0 + tilt * x, 0.02)
-        x, density = np.log(inner) / tilt, density - float(np.sum(np.log(inner)))
+        inner = np.maximum(1.0 + tilt * x, 1e-3)
+        # a reading beyond the end of the curve speaks against it
+        far = 1e9 if inner.min() < _STEEPEST else 0.0
+        x, density = np.log(inner) / tilt, density - float(np.sum(np.log(inner))) - far
     return replace(data, y=x + middle), density
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -23,16 +22,18 @@ _LEAST_NATS = 12.0  # nats on unseen samples from which a law is believed: no mo
 _JUDGED = 4  # families, the likeliest on the first part, that are asked on the rest
 _LEARNT = 5.0  # nats that a family must bring to the samples it was fitted to
 _SPELL, _LOUD = 10.0, 1.6  # mean length of a spell (samples) and how many times the quiet size, from which it is one
+_CREDIBLE, _STEPS = 1.92, (0.003, 0.01, 0.03, 0.1, 0.2, 0.4, 0.8)  # nats, and shares of a number, of its interval
 _PRICE = 6.0  # nats of a change from on to off
 
 
 class Found(NamedTuple):
-    """The law, its fit to the first part and the fit without it; None where no law pays, and then why."""
+    """The law, its fit to the first part and the fit without it; None where no law pays, and then why, and the block if known."""
 
     law: Law | None
     null: Fit
     fit: Fit
     why: str = ""
+    block: str = ""
 
 
 def chance(nats: float) -> float:
@@ -55,11 +56,14 @@ def search(s: Situation, first: int, progress: bool = False) -> Found:
             bar.update()
             if law is not None and law.nats > _LEAST_NATS:
                 return Found(law, null, null)
+        if s.unexplained_law:
+            why = f"the controller's law is broken, and no form describes how: {s.unexplained_law}"
+            return Found(None, null, null, why, "controller")
         law, fit, nats = _by_likelihood(s, learn, null, first, bar)
     if law is not None:
         return Found(law, null, fit)
-    if s.unexplained_law:
-        return Found(None, null, null, f"the controller's law is broken, and no form describes how: {s.unexplained_law}")
+    if s.frozen:
+        return Found(None, null, null, "PV stands still while OP moves, and no form describes when", "sensor")
     return Found(None, null, null, f"no form pays on samples that it was not fitted to (best {nats:.1f}, needed {_LEAST_NATS:.0f} nats)")
 
 
@@ -94,7 +98,8 @@ def _by_likelihood(s: Situation, learn: Engine, null: Fit, first: int, bar: tqdm
         most = max(most, nats)
         if nats > _LEAST_NATS:
             evidence = np.append(_evidence(fit, null, gain), _evidence(there, other, nats))
-            laws.append((gain + nats, Law(family.form, family.numbers(fit, own), nats, evidence), fit))
+            between = _intervals(family, learn, fit, own)
+            laws.append((gain + nats, Law(family.form, family.numbers(fit, own), float(nats), evidence, intervals=between), fit))
     loud = _loud(s, null, other, first)
     if loud is not None and loud.nats > _LEAST_NATS:
         laws.append((2.0 * loud.nats, loud, null))
@@ -102,6 +107,30 @@ def _by_likelihood(s: Situation, learn: Engine, null: Fit, first: int, bar: tqdm
         return None, null, most
     _, law, fit = max(laws, key=lambda t: t[0])
     return law, fit, law.nats
+
+
+def _intervals(family: Family, engine: Engine, fit: Fit, own: dict[str, float]) -> dict[str, tuple[float, float]]:
+    """Return the values of each number within two nats of its best, the others held."""
+
+    def level(one: dict[str, float]) -> float:
+        data, density = family.seen(engine.data, one)
+        return Engine(data, engine.longest_load).evaluate(fit.spec, {**fit.theta, **one})[0] + density
+
+    best, out = level(own), {}
+    for name in (m for m in own if m not in ("valve", "start")):
+        reached = [own[name], own[name]]
+        for side, way in enumerate((-1.0, 1.0)):
+            for share in _STEPS:
+                trial = own | {name: own[name] + way * share * (abs(own[name]) or 1.0)}
+                reached[side] = trial[name]
+                if best - level(trial) > _CREDIBLE:
+                    break
+        for value in reached:
+            one = replace(fit, theta={**fit.theta, name: value})
+            for key, number in family.numbers(one, own | {name: value}).items():
+                low, high = out.get(key, (number, number))
+                out[key] = (min(low, number), max(high, number))
+    return out
 
 
 def _evidence(fit: Fit, null: Fit, gain: float) -> np.ndarray:
@@ -156,11 +185,3 @@ def where(law: Law, price: float = _PRICE) -> np.ndarray:
     on = spells_of(evidence, price)
     against = float(evidence[~on].sum())
     return on if against < -2.0 * price and on.mean() < 0.9 else np.ones(evidence.size, dtype=bool)
-
-
-def blocks_of(s: Situation) -> Iterator[str]:
-    """Yield the blocks that a record shows to be broken without any statistics."""
-    if s.unexplained_law:
-        yield "controller"
-    if s.frozen:
-        yield "sensor"
