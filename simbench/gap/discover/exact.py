@@ -28,7 +28,7 @@ _IDLE = 0.05  # share of samples in which OP stands though the law would move it
 _ENDS = 0.02  # share of samples of PV exactly at its largest or smallest
 _HELD = 0.02  # share of samples of PV that repeat the last one beyond chance
 _ORDINARY_MEAN = 3.0  # samples up to which a mean is any archive's
-_PRICE = 4.0  # nats of a change between running and idle
+_PRICE = 1.5  # nats of a change between running and idle
 
 _Numbers = dict[str, float]
 
@@ -60,6 +60,7 @@ class _Controller(NamedTuple):
     Ki: float
     Ts: float
     unit: float
+    moves: np.ndarray
     newest: float = 1.0
 
     @classmethod
@@ -71,7 +72,7 @@ class _Controller(NamedTuple):
         Kc = control.sign * control.Kc
         # digits of OP and PV, as far as they reach OP
         unit = max(written_unit(s.op), abs(Kc) * written_unit(pv), 1e-6 * float(np.std(s.op)), 1e-9) / 3.0
-        law = cls(np.asarray(s.op), e, Kc, Kc * Ts / control.Ti if control.Ti else 0.0, Ts, unit)
+        law = cls(np.asarray(s.op), e, Kc, Kc * Ts / control.Ti if control.Ti else 0.0, Ts, unit, np.diff(s.sp))
         # the form in which its integral counts the newest error
         forms = [law._replace(newest=share) for share in FORMS]
         return min(forms, key=lambda one: float(np.median(np.abs(one.left({})))))
@@ -81,15 +82,16 @@ class _Controller(NamedTuple):
         e, get = self.e, numbers.get
         width = get("width", 0.0)
         counts = np.where(np.abs(e) <= width / 2, 0.0, e) if width else e
-        counts = counts * (1.0 + get("square", 0.0) * np.abs(e)) + get("side", 0.0) * np.abs(e)
-        change = np.diff(counts)
         gain, integral = get("gain", 1.0), get("integral", 1.0)
-        du = gain * (self.Kc * change + self.Ki / integral * (self.newest * counts[1:] + (1.0 - self.newest) * counts[:-1]))
+        counts = counts * (gain + get("square", 0.0) * np.abs(counts)) + get("side", 0.0) * np.abs(counts)
+        change = np.diff(counts)
+        adds = self.newest * counts[1:] + (1.0 - self.newest) * counts[:-1]
+        du = self.Kc * (change - (1.0 - get("weight", 1.0)) * self.moves) + self.Ki / integral * adds
         du = du * np.maximum(1.0 + get("schedule", 0.0) * (self.op[:-1] - self.op.mean()), 0.05)
         if get("Td", 0.0):
             follow = 1.0 / (1.0 + max(get("filter", 0.0), 0.0) / self.Ts)
-            slope = lfilter([follow], [1.0, follow - 1.0], change)
-            du = du + gain * self.Kc * get("Td", 0.0) / self.Ts * np.diff(np.append(0.0, slope))
+            slope = lfilter([follow], [1.0, follow - 1.0], change - self.moves)
+            du = du + self.Kc * get("Td", 0.0) / self.Ts * np.diff(np.append(0.0, slope))
         down, up = (self.Ts / x if x > 0.0 else np.inf for x in (get("down", 0.0), get("up", 0.0)))
         return np.diff(self.op) - np.clip(du, -down, up)
 
@@ -102,7 +104,7 @@ class _Controller(NamedTuple):
         ratio = self.misfit(left[first:]) / self.misfit(plain[first:])
         if not ratio < _EXPLAINS:
             return None
-        nats = -(self.op.size - first) * np.log(ratio) - more.pop("price", 0.0)
+        nats = -(left[first:].size) * np.log(ratio) - more.pop("price", 0.0)
         evidence = np.append(0.0, np.log((np.abs(plain) + self.unit) / (np.abs(left) + self.unit)))
         return Law(form, numbers, float(nats), evidence=evidence, **more) if nats > 0.0 else None
 
@@ -148,7 +150,8 @@ class _Controller(NamedTuple):
         left = min(tries, key=self.misfit)
         length = float(np.mean(runs[:, 1] - runs[:, 0])) * self.Ts
         numbers = {"share": share, "length": length}
-        return self.law("idle", numbers, first, plain, left, on=idle, price=2 * len(runs) * _PRICE)
+        # nothing but how often and how long is fitted: the spells may all lie in the first part
+        return self.law("idle", numbers, 0, plain, left, on=idle, price=2 * len(runs) * _PRICE)
 
     def limited(self, s: Situation, first: int, plain: np.ndarray) -> Law | None:
         """Return the limits of OP that the law shows."""
@@ -177,12 +180,12 @@ def _regimes(c: _Controller) -> list[_Numbers]:
     e, op = float(np.std(c.e)) or 1.0, float(np.std(c.op)) or 1.0
     by = {"gain_by": 0.3, "square_by": 0.3 / e, "side_by": 0.2, "schedule_by": 0.2 / op}
     plain = {"square": 0.0, "side": 0.0, "schedule": 0.0, "gain": 1.0}
-    return [by | plain, by | plain | {"square": 0.3 / e, "gain": 0.5, "side": 0.2, "schedule": 0.05 / op}]
+    return [by | plain, by | plain | {"square": 0.3 / e, "gain": 0.3, "side": 0.2, "schedule": 0.05 / op}]
 
 
 def _derivatives(c: _Controller) -> list[_Numbers]:
     pace = abs(c.Kc / c.Ki) * c.Ts if c.Ki else 10 * c.Ts
-    return [{"Td": share * pace, "Td_by": 0.1 * pace, "filter": 0.1 * share * pace, "filter_by": 0.05 * pace} for share in (0.05, 0.3)]
+    return [{"Td": share * pace, "Td_by": 0.1 * pace, "filter": 0.1 * share * pace, "filter_by": 0.05 * pace} for share in (0.05, 0.3, 1.0)]
 
 
 def _speeds(c: _Controller) -> list[_Numbers]:
@@ -203,6 +206,7 @@ _TERMS: tuple[tuple[str, Callable | None, tuple[str, ...]], ...] = (
     ("regime", _regimes, ("gain", "side")),
     ("regime", _regimes, ("gain", "schedule")),
     ("derivative", _derivatives, ("Td", "filter")),
+    ("weight", lambda c: [{"weight": 0.5, "weight_by": 0.5}], ("weight",)),
     ("ramps", _speeds, ("down", "up")),
 )
 
@@ -263,16 +267,16 @@ def sensor_law(s: Situation, first: int) -> Law | None:
     chance = float(np.log(max(float(np.std(np.diff(pv))) / unit, 2.0)))
     stands = np.append(False, np.diff(pv) == 0.0)
     ends = {"low": pv == pv.min(), "high": pv == pv.max()}
-    clipped = {name: at for name, at in ends.items() if at.mean() > _ENDS and at[first:].sum() > 3}
+    clipped = {name: at for name, at in ends.items() if at.mean() > _ENDS}
     if clipped and stands[np.any(list(clipped.values()), axis=0)].mean() > 0.3:
-        hits = sum(int(at[first:].sum()) for at in clipped.values())
+        hits = sum(int(at.sum()) for at in clipped.values())
         numbers = {name: float(pv.min() if name == "low" else pv.max()) for name in clipped}
         return Law("clipped", numbers, hits * chance, on=np.any(list(clipped.values()), axis=0))
     long = stands & (holds(pv)[np.cumsum(~stands) - 1] >= 3)
     if long.mean() > _HELD and (s.frozen or s.baseline.noise.std > unit):
         runs = np.flatnonzero(np.diff(np.concatenate([[0], long.astype(int), [0]]))).reshape(-1, 2)
         numbers = {"share": float(long.mean()), "length": float(np.mean(runs[:, 1] - runs[:, 0])) * Ts}
-        return Law("held", numbers, max(int(long[first:].sum()), 0) * chance, on=long)
+        return Law("held", numbers, int(long.sum()) * chance, on=long)
     return None
 
 

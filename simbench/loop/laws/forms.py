@@ -119,8 +119,8 @@ def _controller(setup: Any, **own: Any) -> None:
     def numbers(s: Any) -> swapped.LawPI:
         gain = s.sign * s.Kc
         plain = swapped.LawPI(
-            gain, gain * s.Ts / s.Ti if s.Ti else 0.0, s.op_lo, s.op_hi, 0.0, 0.0, 0.0, s.op0, 0.0, 1.0, np.inf, np.inf,
-            _idle_none(s),
+            gain, gain * s.Ts / s.Ti if s.Ti else 0.0, s.op_lo, s.op_hi, 1.0, 0.0, 0.0, 0.0, s.op0, 0.0, 1.0, np.inf, np.inf,
+            0.0, np.append(0.0, np.diff(s.sp)), _idle_none(s),
         )  # fmt: skip
         return (plain if before is None else before(s))._replace(**own)
 
@@ -171,11 +171,14 @@ def _derivative(setup: Any, p: Any, rng: np.random.Generator) -> None:
         _controller(setup, Kd=setup.sign * setup.Kc * p.Td / setup.Ts, follow=1.0 / (1.0 + p.filter / setup.Ts))
 
 
+def _weight(setup: Any, p: Any, rng: np.random.Generator) -> None:
+    if p.weight != 1.0:
+        _controller(setup, ignored=1.0 - p.weight)
+
+
 def _regime(setup: Any, p: Any, rng: np.random.Generator) -> None:
     if p.square or p.side or p.schedule or p.gain != 1.0:
-        gain = setup.sign * setup.Kc * p.gain
-        own = {"Kc": gain, "Ki": gain * setup.Ts / setup.Ti if setup.Ti else 0.0}
-        _controller(setup, square=p.square, side=p.side, schedule=p.schedule, middle=setup.op0, **own)
+        _controller(setup, base=p.gain, square=p.square, side=p.side, schedule=p.schedule, middle=setup.op0)
 
 
 def _ramps(setup: Any, p: Any, rng: np.random.Generator) -> None:
@@ -275,14 +278,16 @@ FORMS: dict[str, Form] = {
     "rough": Form("sensor", "the reading is noisier in spells", {
         "std": Number("PV units", low=0.0, identity=0.0, says="of the noise added"),
         "share": _SHARE, "length": _LENGTH}, _rough),
-    "derivative": Form("controller", "OP answers the error's speed too", {
+    "derivative": Form("controller", "OP answers PV's speed too", {
         "Td": Number("s", low=0.0, identity=0.0, says="derivative time"),
         "filter": Number("s", low=0.0, identity=0.0, says="of the derivative")}, _derivative),
     "regime": Form("controller", "the gain changes with the error or OP", {
-        "gain": Number("-", low=0.0, positive=True, identity=1.0, says="factor of Kc at no error"),
-        "square": Number("1/PV unit", low=-1e6, identity=0.0, says="growth of the gain per unit of |error|"),
+        "gain": Number("-", low=0.0, identity=1.0, says="factor of Kc at no error"),
+        "square": Number("1/PV unit", low=-1e6, identity=0.0, says="more of the factor per unit of |error|"),
         "side": Number("-", low=-1.0, high=1.0, identity=0.0, says="relative change of the gain by the error's sign"),
         "schedule": Number("1/%", low=-1.0, high=1.0, identity=0.0, says="relative change of the gain per % of OP")}, _regime),
+    "weight": Form("controller", "OP answers the set point otherwise than PV", {
+        "weight": Number("-", low=-10.0, high=10.0, identity=1.0, says="of the set point in the gain")}, _weight),
     "ramps": Form("controller", "OP moves at a limited speed", {
         "down": Number("s/%", low=0.0, identity=0.0, says="time for 1 % down"),
         "up": Number("s/%", low=0.0, identity=0.0, says="time for 1 % up")}, _ramps),

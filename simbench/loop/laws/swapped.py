@@ -6,7 +6,7 @@ from collections import namedtuple
 from math import asinh, expm1, sinh
 
 # numba tells named tuples apart by their names: no two in the loop may share one
-LawPI = namedtuple("LawPI", "Kc Ki lo hi square side schedule middle Kd follow down up idle")
+LawPI = namedtuple("LawPI", "Kc Ki lo hi base square side schedule middle Kd follow down up ignored moves idle")
 LawSensor = namedtuple("LawSensor", "follow step lo hi middle tilt bend idle")
 
 
@@ -23,9 +23,10 @@ def controller_step(e, state, p):
     before, slope, k = state[1]
     if p.idle[int(k)] > 0.0:
         return state[0], (before, slope, k + 1.0)
-    counts = e * (1.0 + p.square * abs(e)) + p.side * abs(e)
-    now = slope + p.follow * (counts - before - slope)
-    du = (p.Kc * (counts - before) + p.Ki * counts) * max(1.0 + p.schedule * (state[0] - p.middle), 0.05)
+    counts = e * (p.base + p.square * abs(e)) + p.side * abs(e)
+    # the derivative is PV's, and the gain may answer the set point less
+    now = slope + p.follow * (counts - before - p.moves[int(k)] - slope)
+    du = (p.Kc * (counts - before - p.ignored * p.moves[int(k)]) + p.Ki * counts) * max(1.0 + p.schedule * (state[0] - p.middle), 0.05)
     du = min(max(du + p.Kd * (now - slope), -p.down), p.up)
     return min(max(state[0] + du, p.lo), p.hi), (counts, now, k + 1.0)
 
