@@ -68,6 +68,14 @@ class Discovery:
             return f"No law is found: {self.why}."
         return f"In the {self.law.block} block, {self.law.text}."
 
+    def one_line(self) -> str:
+        """Return the finding and its certificate in one line."""
+        if self.law is None or self.gap is None:
+            return f"nothing that a law describes, {self.why}"
+        g, n = self.gap, self.situation.record.n - held_out(self.situation)
+        said = f"{self.law.text} ({self.law.block}; {self.law.nats:.0f} nats on {n} unseen samples"
+        return f"{said}, gap {g.recalibrated:.2f} -> {g.after:.2f}, floor {g.floor:.2f})"
+
     def as_text(self) -> str:
         """Return the discovery for a terminal."""
         lines = [self.sentence()]

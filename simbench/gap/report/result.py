@@ -11,6 +11,7 @@ from scenarios.spec import Loop
 from simbench.gap.closed_loop.gap import Shrinkage
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
+from simbench.gap.discover.discovery import Discovery
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN
 
 if TYPE_CHECKING:
@@ -82,6 +83,8 @@ class GapReport:
     probability_of_stiction : float or None
         The same in every verb, pooled over the records; None where it cannot be said.
     behind : Behind
+    looks_like : Discovery or None
+        Of an unknown effect: the law that describes it, or why none does.
     """
 
     block: str
@@ -96,6 +99,7 @@ class GapReport:
     notes: tuple[str, ...]
     probability_of_stiction: float | None
     behind: DiagnosisDetails = field(repr=False)
+    looks_like: Discovery | None = None
 
     def as_json(self) -> dict[str, Any]:
         """Return the report as nested dicts and lists of JSON types.
@@ -133,6 +137,7 @@ class GapReport:
             "next_test": self.next_test,
             "notes": list(self.notes),
             PROBABILITY: self.probability_of_stiction,
+            "looks_like": None if self.looks_like is None else self.looks_like.as_json(),
         }
 
     def to_frame(self) -> pd.DataFrame:
@@ -216,6 +221,8 @@ class GapReport:
         str
         """
         lines = [self.sentence(), ""]
+        if self.looks_like is not None:
+            lines.append(f"what it looks like: {self.looks_like.one_line()}")
         if len(self.group) > 1:
             lines.append("cannot be told apart here: " + ", ".join(self.group))
         if any(self.blocks.values()):
