@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from detectors.errors import ParameterError
-from simbench.cli.common import Jobs, Json, Span, World, examples, gap_app, show, withheld_app
+from simbench.cli.common import EffectPlugin, Jobs, Json, Span, World, examples, gap_app, show, withheld_app
 
 
 @gap_app.command(
@@ -27,6 +27,7 @@ def gap_diagnose(
     html: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Report to write.")] = None,
     write_loop: Annotated[Path | None, typer.Option(metavar="FIXED.toml", help="Loop file with the effect in it.")] = None,
     picture: Annotated[Path | None, typer.Option(help="The diagnosis on one sheet (SVG, PNG or PDF).")] = None,
+    effect_plugin: EffectPlugin = None,
     process: Annotated[str | None, typer.Option(help="self-regulating or integrating; for --identify.")] = None,
     op_span: Span = None,
     window: Annotated[tuple[int, int] | None, typer.Option(metavar="FROM TO", help="Samples to judge.")] = None,
@@ -39,7 +40,7 @@ def gap_diagnose(
         raise ParameterError("gap diagnose needs either --baseline LOOP.toml or --identify")
     report = diagnose_files(
         records, baseline, jobs=jobs, html=html, write_loop=write_loop, picture=picture,
-        process=process, op_span=op_span, window=window,
+        process=process, op_span=op_span, window=window, effect_plugins=effect_plugin or [],
     )  # fmt: skip
     show(report.as_json() if as_json else report.as_text(), as_json)
 

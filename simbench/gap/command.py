@@ -17,6 +17,7 @@ from simbench.gap.discover.discovery import Discovery, discover
 from simbench.gap.discover.effect_file import refuse_effect_file
 from simbench.gap.discover.effect_file import write_effect as write_law
 from simbench.gap.intake.partial import read_baseline
+from simbench.gap.discover.recognise import effects_known
 from simbench.gap.report.result import GapReport
 from simbench.gap.report.traces import kick_of
 
@@ -30,6 +31,7 @@ def diagnose_files(
     write_loop: str | Path | None = None,
     picture: str | Path | None = None,
     window: tuple[int, int] | None = None,
+    effect_plugins: Sequence[str | Path] = (),
     **about: Any,
 ) -> GapReport:
     """Diagnose the records of one loop beside its loop file.
@@ -56,7 +58,18 @@ def diagnose_files(
         if record.op_share:
             runs = f"OP runs from {record.op.min():g} to {record.op.max():g}"
             raise RecordError(f"{path}: {runs}, which is not % of travel; --op-span, what means 0 and 100 %, is needed")
-    report = diagnose(read if len(read) > 1 else read[0], loop, jobs=jobs)
+    with effects_known(effect_plugins):
+        # other processes do not know them
+        report = diagnose(read if len(read) > 1 else read[0], loop, jobs=1 if effect_plugins else jobs)
+        _write(report, records, baseline, {**about, "window": window, "effect-plugin": list(effect_plugins)}, write_loop, picture, html)
+    return report
+
+
+def _write(
+    report: GapReport, records: Sequence[str | Path], baseline: str | Path | None, about: dict[str, Any],
+    write_loop: str | Path | None, picture: str | Path | None, html: str | Path | None,
+) -> None:  # fmt: skip
+    """Write what was asked for of a report."""
     if write_loop is not None:
         with whole_file(write_loop) as f:
             f.write(_loop_text(report, [str(p) for p in records], baseline))
@@ -68,8 +81,7 @@ def diagnose_files(
     if html is not None:
         from simbench.gap.report.page import write_page
 
-        write_page(report, html, _again(report, records, baseline, {**about, "window": window}))
-    return report
+        write_page(report, html, _again(report, records, baseline, about))
 
 
 def discover_file(
@@ -129,7 +141,9 @@ def _again(report: GapReport, records: Sequence[str | Path], baseline: str | Pat
     words = ["simbench", "gap", "diagnose", *map(str, records)]
     words += ["--identify"] if baseline is None else ["--baseline", str(baseline)]
     for name, value in about.items():
-        if value is not None:
+        if isinstance(value, list):
+            words += [word for one in value for word in (f"--{name}", str(one))]
+        elif value is not None:
             words += [f"--{name.replace('_', '-')}", *map(str, value if isinstance(value, tuple) else [value])]
     words += ["--write-loop", "fixed.toml"]
     kick = kick_of(report, report.named)

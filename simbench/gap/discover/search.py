@@ -17,8 +17,9 @@ from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, input_gain, size_penalty
 from simbench.gap.situation import Situation, load_memory
 
-TRIED = 24  # forms asked of a record: the price of having asked so many questions (Bonferroni)
-_LEAST_NATS = 12.0  # nats on unseen samples from which a law is believed: no model of load and noise is quite true
+_TRIED = 24  # forms asked of a record: the price of having asked so many questions (Bonferroni)
+_CHANCE = 0.01  # of a law where none holds, above which it is not believed ...
+_LEAST_NATS = float(np.log(_TRIED / _CHANCE))  # ... in nats on unseen samples
 _JUDGED = 4  # families, the likeliest on the first part, that are asked on the rest
 _LEARNT = 5.0  # nats that a family must bring to the samples it was fitted to
 _SPELL, _LOUD = 10.0, 1.6  # mean length of a spell (samples) and how many times the quiet size, from which it is one
@@ -42,7 +43,7 @@ def chance(nats: float) -> float:
     With its numbers held, a law's likelihood ratio on samples that it was not fitted to exceeds 1/p with a chance of at most p
     (Wasserman, Ramdas & Balakrishnan 2020); the forms share it equally.
     """
-    return float(min(1.0, TRIED * np.exp(-min(nats, 700.0))))
+    return float(min(1.0, _TRIED * np.exp(-min(nats, 700.0))))
 
 
 def search(s: Situation, first: int, progress: bool = False) -> Found:
