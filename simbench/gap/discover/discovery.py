@@ -28,7 +28,7 @@ _SIDED = 0.3  # share by which the evidence above a middle must outweigh that be
 class Discovery:
     """What a record shows beside its simulation: a law with its certificate, or why there is none.
 
-    `loops` are the simulations before, recalibrated and with the law; `on` (n,) the samples in which the law acts.
+    `runs` are OP and PV of simulations: baseline, recalibrated and with the law; `on` (n,) the samples in which the law acts.
     """
 
     situation: Situation
@@ -39,7 +39,7 @@ class Discovery:
     nearest: str | None = None
     on: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=bool))
     gap: Shrinkage | None = None
-    loops: Mapping[str, Loop] = field(default_factory=dict)
+    runs: Mapping[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
 
     @property
     def windows(self) -> list[list[float]]:
@@ -121,7 +121,7 @@ def described(s: Situation, found: Found, seed: int = 0) -> Discovery:
     """Return a law beside where it acts, what it resembles and how far it closes the gap of the simulated loop."""
     if found.law is None:
         return Discovery(s, None, found.why, found.block)
-    gap, loops = _simulated(s, found, found.law, seed)
+    gap, runs = _simulated(s, found, found.law, seed)
     if gap is None:
         return Discovery(s, None, "the loop with the law in it cannot be simulated: it runs away", found.law.block)
     if gap.resolvable and gap.after > gap.before:
@@ -129,10 +129,10 @@ def described(s: Situation, found: Found, seed: int = 0) -> Discovery:
         return Discovery(s, None, why, found.law.block)
     acts = found.law.evidence is not None or found.law.on is not None
     on = where(found.law) if acts else np.ones(s.record.n, dtype=bool)
-    return Discovery(s, found.law, "", found.law.block, _regime(s, found.law), nearest(found.law, s.op), on, gap, loops)
+    return Discovery(s, found.law, "", found.law.block, _regime(s, found.law), nearest(found.law, s.op), on, gap, runs)
 
 
-def _simulated(s: Situation, found: Found, law: Law, seed: int) -> tuple[Shrinkage | None, dict[str, Loop]]:
+def _simulated(s: Situation, found: Found, law: Law, seed: int) -> tuple[Shrinkage | None, dict[str, tuple[np.ndarray, np.ndarray]]]:
     """Return the gap before, recalibrated and with the law, on the part of the record on which nothing was fitted."""
     fit, null = found.fit, found.null
     bare = fixed_loop(s, null, {}, plant="baseline", load=fit)
@@ -141,15 +141,15 @@ def _simulated(s: Situation, found: Found, law: Law, seed: int) -> tuple[Shrinka
         # a law of another gain or time is told of the baseline's
         plant = "baseline" if law.form == "size" else "fitted"
         with_law = fixed_loop(s, fit, {name: dict(law.numbers)}, plant=plant, load=fit)
-        loops = {"baseline": bare, "recalibrated": tuned, "with the law": with_law}
         kick = law.numbers["S"] if law.form == "memory" else 0.0
         before, again = simulate_runs(s, bare, seed), simulate_runs(s, tuned, seed)
         after = simulate_runs(s, with_law, seed, kick)
     if after is None or (before or again) is None:
-        return None, loops
+        return None, {}
     first = before or again
     assert first is not None
-    return measure(s, first, again or first, after, seed=seed), loops
+    named = zip(("baseline", "recalibrated", "with the law"), (first, again or first, after))
+    return measure(s, first, again or first, after, seed=seed), {name: (run.op, run.pv) for name, run in named}
 
 
 def _regime(s: Situation, law: Law) -> str:
