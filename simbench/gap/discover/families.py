@@ -20,10 +20,6 @@ _LOAD = (*NUISANCES, "load_jump")  # searched anew in every part of the record; 
 _Numbers = dict[str, float]
 
 
-def _same(d: Data, own: _Numbers) -> tuple[Data, float]:
-    return d, 0.0
-
-
 def _own(own: _Numbers, fit: Fit) -> _Numbers:
     searched = {number.name for number in (fit.spec.moves.free if fit.spec.moves else ())} | own.keys()
     return {name: fit.theta.get(name, own.get(name, 0.0)) for name in searched}
@@ -33,60 +29,55 @@ def _own(own: _Numbers, fit: Fit) -> _Numbers:
 class Family:
     """A family: its form, the engine's spec for a part of the record that begins at a sample, and where the search begins.
 
-    `numbers` are the law's in units of the loop file, of the engine's own, which `kept` takes from a fit; `seen` is what the law makes of the data and the log
-    of the density it changes; `price` counts what each part fits anew.
+    `numbers` are the law's in units of the loop file, of the engine's own, which `kept` takes from a fit; `seen` is the data as
+    the law takes them; `price` counts what each part fits anew.
     """
 
     form: str
     spec: Callable[[Data, int, _Numbers], Spec]
     starts: Callable[[Engine, Fit], list[_Numbers]]
     numbers: Callable[[Fit, _Numbers], _Numbers]
-    seen: Callable[[Data, _Numbers], tuple[Data, float]] = _same
+    seen: Callable[[Data, _Numbers], Data] = lambda d, own: d
     kept: Callable[[_Numbers, Fit], _Numbers] = _own
     price: float = 0.0
 
 
-def fitted(family: Family, engine: Engine, null: Fit) -> tuple[float, Fit, _Numbers] | None:
-    """Return log-likelihood, fit and the law's own numbers of the likeliest law of a family, beside its null."""
+def fitted(family: Family, engine: Engine, null: Fit) -> tuple[Fit, _Numbers] | None:
+    """Return fit and the law's own numbers of the likeliest law of a family, beside its null."""
     tries = []
     for own in family.starts(engine, null):
-        data, density = family.seen(engine.data, own)
-        there = engine if data is engine.data else Engine(data, engine.longest_load)
-        spec = null.spec.join(family.spec(data, 0, own))
+        spec = null.spec.join(family.spec(engine.data, 0, own))
         for share in (1.0, 0.3):
             theta = {**null.theta, **own, "load": share * null.theta["load"]}
-            tries.append((there.evaluate(spec, theta)[0] + density, there, spec, theta, own))
+            tries.append((engine.evaluate(spec, theta)[0], spec, theta, own))
     tries.sort(key=lambda t: -t[0])
-    best = None
-    for value, there, spec, theta, own in tries[:2]:
-        if value < null.loglik - _HOPELESS:
-            continue
-        fit = there.fit(spec, theta, steps=8)
-        density = family.seen(engine.data, own)[1]
-        if best is None or fit.loglik + density > best[0]:
-            best = (fit.loglik + density, fit, family.kept(own, fit))
-    return best
+    near = [t for t in tries[:2] if t[0] > null.loglik - _HOPELESS]
+    found = [(engine.fit(spec, theta, steps=8), own) for _, spec, theta, own in near]
+    if not found:
+        return None
+    best, own = max(found, key=lambda f: f[0].loglik)
+    return best, family.kept(own, best)
 
 
-_FAR = 3.0  # times its width, beyond which a bend is not followed
-_STEEPEST = 0.1  # share of the gain at the middle that may be left at the end of a curve
+def numbers_of(family: Family, own: _Numbers) -> float:
+    """Return how many numbers a law of a family pays for."""
+    return len(own.keys() - {"valve", "start"}) + family.price
+
+
 _HOPELESS = 30.0  # nats below the null, from which a point of a family's grid is not refined
 
 
 def judged(family: Family, own: _Numbers, fit: Fit, engine: Engine, null: Fit, begin: int) -> tuple[float, Fit]:
     """Return what a law with given numbers brings to a part of the record that begins at `begin`, and the part's fit."""
-    data, density = family.seen(engine.data, own)
+    data = family.seen(engine.data, own)
     there = engine if data is engine.data else Engine(data, engine.longest_load)
     spec = null.spec.join(family.spec(data, begin, own))
-    loads = tuple(m for m in _LOAD if m in spec.names)
-    tries = []
-    for nuisance in (null.theta, {k: v for k, v in fit.theta.items() if k in _LOAD}):
-        for start in ((-1.0, 0.0, 1.0) if spec.valve else (spec.start,)):
-            theta = {**null.theta, **nuisance, **own}
-            tries.append(there.at(replace(spec, start=start), theta))
+    loads = {k: v for k, v in fit.theta.items() if k in _LOAD}
+    starts = (-1.0, 0.0, 1.0) if spec.valve else (spec.start,)
+    tries = [there.at(replace(spec, start=x), {**null.theta, **more, **own}) for more in ({}, loads) for x in starts]
     best = max(tries, key=lambda f: f.loglik)
-    best = there.fit(best.spec, best.theta, search=loads, steps=8)
-    return best.loglik + density - null.loglik - size_penalty(data.n, family.price), best
+    best = there.fit(best.spec, best.theta, search=tuple(m for m in _LOAD if m in spec.names), steps=8)
+    return best.loglik - null.loglik - size_penalty(data.n, family.price), best
 
 
 def null_of(engine: Engine, jumps: Callable[[Engine, Fit], Fit]) -> Fit:
@@ -94,16 +85,12 @@ def null_of(engine: Engine, jumps: Callable[[Engine, Fit], Fit]) -> Fit:
     return engine.of_higher_order(jumps(engine, engine.base()))
 
 
-def _moves(form: str, mv: Callable[[np.ndarray, Any], np.ndarray], free: tuple[Free, ...]) -> Callable[..., Spec]:
+def _moves(mv: Callable[[np.ndarray, Any], np.ndarray], *free: Free) -> Callable[..., Spec]:
     return lambda d, begin, own: Spec(moves=Moves(mv, free))
 
 
-def _constant(value: float) -> Callable[[Data], float]:
-    return lambda d: value
-
-
 def _free(name: str, low: float, high: float, log: bool = False) -> Free:
-    return Free(name, _constant(low), _constant(high), log=log)
+    return Free(name, lambda d: low, lambda d: high, log=log)
 
 
 def families(s: Situation, integrating: bool, first: int) -> Iterator[Family]:
@@ -119,7 +106,7 @@ def families(s: Situation, integrating: bool, first: int) -> Iterator[Family]:
 
     if not by_mv:
         yield Family(
-            "curve", _moves("curve", bent, tuple(_free(f"k{i}", -0.98, 5.0) for i in (1, 2, 3))),
+            "curve", _moves(bent, *(_free(f"k{i}", -0.98, 5.0) for i in (1, 2, 3))),
             lambda e, f: [{f"k{i}": k * (i == j) for i in (1, 2, 3)} for j in (1, 2, 3) for k in (0.5, -0.4)],
             lambda f, own: {f"q{i + 1}": q for i, q in enumerate(knots)} | {f"k{i}": f.theta[f"k{i}"] for i in (1, 2, 3)},
         )  # fmt: skip
@@ -128,14 +115,14 @@ def families(s: Situation, integrating: bool, first: int) -> Iterator[Family]:
             yield _mapped("memory", stiction.fit, ("S", "J"), lambda f: {"S": f.theta["S"], "J": f.theta["J"]})
         steps = float(np.std(np.diff(op))) or 1.0
         yield Family(
-            "rate", _moves("rate", lambda u, p: slewed(u, p["r"]), (_free("r", 1e-3 * steps, 10 * steps, log=True),)),
+            "rate", _moves(lambda u, p: slewed(u, p["r"]), _free("r", 1e-3 * steps, 10 * steps, log=True)),
             lambda e, f: [{"r": float(r)} for r in steps * np.geomspace(0.02, 3.0, 12)],
             lambda f, own: {"slowness": Ts / f.theta["r"]},
         )  # fmt: skip
         ends = [float(q) for q in np.quantile(op, (0.02, 0.1, 0.25, 0.75, 0.9, 0.98))]
         yield Family(
-            "stops", _moves("stops", lambda u, p: np.clip(u, p["lo"], max(p["hi"], p["lo"] + 1e-3)),
-                            (_free("lo", low - 1.0, high), _free("hi", low, high + 1.0))),
+            "stops", _moves(lambda u, p: np.clip(u, p["lo"], max(p["hi"], p["lo"] + 1e-3)), _free("lo", low - 1.0, high),
+                            _free("hi", low, high + 1.0)),
             lambda e, f: [{"lo": a, "hi": high} for a in ends[:3]] + [{"lo": low, "hi": b} for b in ends[3:]]
             + [{"lo": a, "hi": b} for a, b in zip(ends[:3], ends[:2:-1])],
             lambda f, own: {k: v for k, v, off in (("low", f.theta["lo"], low), ("high", f.theta["hi"], high))
@@ -150,34 +137,21 @@ def families(s: Situation, integrating: bool, first: int) -> Iterator[Family]:
 
 
 def _process(s: Situation, d: Data, pace: float, Ts: float, integrating: bool) -> Iterator[Family]:
-    n = s.record.n
     for name in ("K", "T", "Td") if not integrating else ("K", "Td"):
         yield Family("size", lambda d, b, own, name=name: Spec() if own else Spec(free=frozenset({name})), lambda e, f: [{}],
-                     lambda f, own: _resized(own, d, Ts), lambda data, own: (replace(data, **own), 0.0),
+                     lambda f, own: _resized(own, d, Ts), lambda data, own: replace(data, **own),
                      lambda own, f, name=name: {name: f.K if name == "K" else f.theta[name]})  # fmt: skip
-    yield Family("pole", _moves("pole", lambda u, p: lagged(u, p["g"]), (_free("g", 0.1, 20 * pace, log=True),)),
+    yield Family("pole", _moves(lambda u, p: lagged(u, p["g"]), _free("g", 0.1, 20 * pace, log=True)),
                  lambda e, f: [{"g": pace * x} for x in np.geomspace(0.1, 4.0, 7)],
                  lambda f, own: {"tau": f.theta["g"] * Ts})  # fmt: skip
-    yield Family("zero", _moves("zero", lambda u, p: led(u, p["a"], p["g"]),
-                                (_free("a", -5 * pace, 5 * pace), _free("g", 0.2, 10 * pace, log=True))),
+    yield Family("zero", _moves(lambda u, p: led(u, p["a"], p["g"]), _free("a", -5 * pace, 5 * pace),
+                                _free("g", 0.2, 10 * pace, log=True)),
                  lambda e, f: [{"a": a * pace, "g": g * pace} for a in (-1.0, -0.3, 0.5, 1.5) for g in (0.1, 0.3, 1.0)],
                  lambda f, own: {"lead": f.theta["a"] * Ts, "lag": f.theta["g"] * Ts})  # fmt: skip
-    yield Family("resonance", _moves("resonance", lambda u, p: rung(u, p["P"], p["z"]),
-                                     (_free("P", 2.5, 40 * pace, log=True), _free("z", 0.02, 1.5, log=True))),
+    yield Family("resonance", _moves(lambda u, p: rung(u, p["P"], p["z"]), _free("P", 2.5, 40 * pace, log=True),
+                                     _free("z", 0.02, 1.5, log=True)),
                  lambda e, f: [{"P": P * pace, "z": z} for P in np.geomspace(0.3, 8.0, 8) for z in (0.1, 0.4)],
                  lambda f, own: {"period": f.theta["P"] * Ts, "damping": f.theta["z"]})  # fmt: skip
-    wide = float(np.std(d.y - s.sp)) or 1.0
-    for name, sizes in (("tilt", (-0.6, -0.3, -0.1, 0.1, 0.3, 0.6)), ("bend", (-0.8, -0.4, 0.4, 0.8, 1.6))):
-        yield Family("bent", lambda d, b, own: Spec(),
-                     lambda e, f, name=name, sizes=sizes: [{name: x / wide} for x in sizes],
-                     lambda f, own: dict(own), seen=lambda data, own: _straightened(data, own, float(s.sp[0])))  # fmt: skip
-
-    def ageing(data: Data, begin: int, own: _Numbers) -> Spec:
-        t = (begin + np.arange(data.n)) / n
-        return Spec(moves=Moves(lambda u, p: s.op.mean() + (u - s.op.mean()) * (1.0 + p["grow"] * t), (_free("grow", -0.9, 10.0),)))
-
-    yield Family("ageing", ageing, lambda e, f: [{"grow": x} for x in (-0.6, -0.3, 0.5, 1.5)],
-                 lambda f, own: {"growth": f.theta["grow"]})  # fmt: skip
 
 
 def _mapped(form: str, fit: Callable[[Engine, Fit], tuple[Fit, float]], names: tuple[str, ...], numbers: Callable) -> Family:
@@ -204,23 +178,6 @@ def _resized(own: _Numbers, d: Data, Ts: float) -> _Numbers:
     if name == "K":
         return {"gain": max(value / d.K, 0.01)}
     return {"pace": value / d.T} if name == "T" else {"delay": (value - d.Td) * Ts}
-
-
-def _straightened(data: Data, own: _Numbers, middle: float) -> tuple[Data, float]:
-    """Return the data with a bent reading of PV made straight, and the log of the density that this changes."""
-    x, density = data.y - middle, 0.0
-    if bend := own.get("bend", 0.0):
-        inner = np.clip(bend * x, -_FAR, _FAR)
-        # where all readings beyond one place would be the same, they would be known too well
-        density -= 1e9 if bend > 0 and np.abs(bend * x).max() > 0.8 * _FAR else 0.0
-        density += float(np.sum(np.log(np.cosh(inner)))) if bend > 0 else -0.5 * float(np.sum(np.log1p((bend * x) ** 2)))
-        x = np.sinh(inner) / bend if bend > 0 else np.arcsinh(bend * x) / bend
-    if tilt := own.get("tilt", 0.0):
-        inner = np.maximum(1.0 + tilt * x, 1e-3)
-        # a reading beyond the end of the curve speaks against it
-        far = 1e9 if inner.min() < _STEEPEST else 0.0
-        x, density = np.log(inner) / tilt, density - float(np.sum(np.log(inner))) - far
-    return replace(data, y=x + middle), density
 
 
 def _periodic(data: Data, begin: int, own: _Numbers) -> Spec:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from simbench.gap.closed_loop.gap import held_out
 from simbench.gap.discover.exact import controller_law, sensor_law, valve_law
-from simbench.gap.discover.families import families, fitted
+from simbench.gap.discover.families import families, fitted, numbers_of
 from simbench.gap.effects import Parameters, Recogniser, lent
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, size_penalty
@@ -49,8 +49,7 @@ def _seen(form: str, base: Fit, s: Situation) -> tuple[float, Parameters] | None
         found = fitted(family, engine, base) if family.form == form else None
         if found is None:
             continue
-        count = len([name for name in found[2] if name not in ("valve", "start")]) + family.price
-        gain = found[0] - base.loglik - size_penalty(s.data.n, count)
+        gain = found[0].loglik - base.loglik - size_penalty(s.data.n, numbers_of(family, found[1]))
         if best is None or gain > best[0]:
-            best = gain, family.numbers(found[1], found[2])
+            best = gain, family.numbers(*found)
     return None if best is None else (float(min(best[0], _MOST)), dict(best[1]))

@@ -11,7 +11,7 @@ from tqdm import tqdm
 
 from simbench.gap.candidates import fit_candidates
 from simbench.gap.discover.exact import controller_law, sensor_law, valve_law
-from simbench.gap.discover.families import Family, families, fitted, judged, null_of
+from simbench.gap.discover.families import Family, families, fitted, judged, null_of, numbers_of
 from simbench.gap.discover.law import Law, spells_of
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, input_gain, size_penalty
@@ -87,10 +87,9 @@ def _by_likelihood(s: Situation, learn: Engine, null: Fit, first: int, bar: tqdm
         found = fitted(family, learn, null)
         bar.update()
         if found is not None:
-            count = len([v for k, v in found[2].items() if k not in ("valve", "start")]) + family.price
-            gain = found[0] - null.loglik - size_penalty(learn.data.n, count)
+            gain = found[0].loglik - null.loglik - size_penalty(learn.data.n, numbers_of(family, found[1]))
             if gain > _LEARNT:
-                tries.append((gain, family, found[1], found[2]))
+                tries.append((gain, family, *found))
     tries.sort(key=lambda t: -t[0])
     laws: list[tuple[float, Law, Fit]] = []
     most = 0.0
@@ -114,8 +113,7 @@ def _intervals(family: Family, engine: Engine, fit: Fit, own: dict[str, float]) 
     """Return the values of each number within two nats of its best, the others held."""
 
     def level(one: dict[str, float]) -> float:
-        data, density = family.seen(engine.data, one)
-        return Engine(data, engine.longest_load).evaluate(fit.spec, {**fit.theta, **one})[0] + density
+        return Engine(family.seen(engine.data, one), engine.longest_load).evaluate(fit.spec, {**fit.theta, **one})[0]
 
     best, out = level(own), {}
     for name in (m for m in own if m not in ("valve", "start")):

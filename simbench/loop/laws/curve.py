@@ -1,26 +1,24 @@
-"""Curve, a valve stage: a static map whose slope changes at three knots, and which grows or shrinks along the record."""
+"""Curve, a valve stage: a static map whose slope changes at three knots."""
 
 from simbench.loop.parameters import Number
 
-SOURCE = "definition: MV = OP + sum k_i max(OP - q_i, 0), less the same at `centre`; times 1 + growth k"
+SOURCE = "definition: MV = OP + sum k_i max(OP - q_i, 0), less the same at `centre`"
 FRICTION = False
 PARAMETERS = {
     **{f"q{i}": Number("% of travel", low=0.0, high=100.0, default=50.0, says=f"knot {i}") for i in (1, 2, 3)},
     **{f"k{i}": Number("-", low=-10.0, high=10.0, default=0.0, says=f"change of slope at knot {i}") for i in (1, 2, 3)},
     "centre": Number("% of travel", low=0.0, high=100.0, default=50.0, says="OP that the map leaves where it is"),
-    "growth": Number("1/s", default=0.0, says="of the slope about the centre, per time"),
 }
 
 
 def start(u0, p):
-    """Return the state (v, s since the start) under input `u0` (%)."""
-    return (_bent(u0, p) - _bent(p.centre, p) + p.centre, 0.0)
+    """Return the state (v,) under input `u0` (%)."""
+    return (_bent(u0, p) - _bent(p.centre, p) + p.centre,)
 
 
 def step(u, state, p):
-    """One sample: input `u` (%) in, state out, v in % of travel."""
-    moved = (_bent(u, p) - _bent(p.centre, p)) * (1.0 + p.growth * state[1])
-    return (moved + p.centre, state[1] + p.Ts)
+    """One sample: input `u` (%) in, state (v,) out, v in % of travel."""
+    return (_bent(u, p) - _bent(p.centre, p) + p.centre,)
 
 
 def _bent(u, p):

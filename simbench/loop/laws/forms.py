@@ -34,7 +34,7 @@ def spells(n: int, share: float, length: float, rng: np.random.Generator) -> np.
     share, k, on = min(share, 0.95), 0, rng.random() < share
     while k < n:
         mean = length if on else length * (1.0 - share) / share
-        k_next = k + max(int(round(rng.exponential(max(mean, 1.0)))), 1)
+        k_next = k + max(round(rng.exponential(max(mean, 1.0))), 1)
         out[k:k_next], k, on = float(on), k_next, not on
     out[0] = 0.0
     return out
@@ -44,11 +44,6 @@ def _curve(setup: Any, p: Any, rng: np.random.Generator) -> None:
     if p.k1 or p.k2 or p.k3:
         own = {name: getattr(p, name) for name in ("q1", "q2", "q3", "k1", "k2", "k3")}
         setup.add_valve(curve, own | {"centre": setup.op0}, first=True)
-
-
-def _ageing(setup: Any, p: Any, rng: np.random.Generator) -> None:
-    if p.growth:
-        setup.add_valve(curve, {"centre": setup.op0, "growth": p.growth / (setup.n * setup.Ts)}, first=True)
 
 
 def _band(setup: Any, p: Any, rng: np.random.Generator) -> None:
@@ -96,17 +91,13 @@ def _size(setup: Any, p: Any, rng: np.random.Generator) -> None:
     setup.Td = max(setup.Td + p.delay, 0.0)
 
 
-def _idle_none(setup: Any) -> np.ndarray:
-    return np.zeros(setup.sp.size)
-
-
 def _sensor(setup: Any, **own: Any) -> None:
     """Put the sensor's step of the laws in place of the loop's; laws of one loop add up."""
     before = setup.sensor_law
 
     def numbers(s: Any) -> swapped.LawSensor:
         follow = 1.0 - np.exp(-s.Ts / s.sensor_tau) if s.sensor_tau > 0 else 1.0
-        plain = swapped.LawSensor(float(follow), s.pv_step, -np.inf, np.inf, s.pv0, 0.0, 0.0, _idle_none(s))
+        plain = swapped.LawSensor(float(follow), s.pv_step, -np.inf, np.inf, np.zeros(s.sp.size))
         return (plain if before is None else before(s))._replace(**own)
 
     setup.sensor_law = numbers
@@ -120,16 +111,11 @@ def _controller(setup: Any, **own: Any) -> None:
         gain = s.sign * s.Kc
         plain = swapped.LawPI(
             gain, gain * s.Ts / s.Ti if s.Ti else 0.0, s.op_lo, s.op_hi, 1.0, 0.0, 0.0, 0.0, s.op0, 0.0, 1.0, np.inf, np.inf,
-            0.0, np.append(0.0, np.diff(s.sp)), _idle_none(s),
+            0.0, np.append(0.0, np.diff(s.sp)), np.zeros(s.sp.size),
         )  # fmt: skip
         return (plain if before is None else before(s))._replace(**own)
 
     setup.controller_law = numbers
-
-
-def _bent(setup: Any, p: Any, rng: np.random.Generator) -> None:
-    if p.tilt or p.bend:
-        _sensor(setup, tilt=p.tilt, bend=p.bend)
 
 
 def _filter(setup: Any, p: Any, rng: np.random.Generator) -> None:
@@ -261,11 +247,6 @@ FORMS: dict[str, Form] = {
     "resonance": Form("process", "PV rings", {
         "period": Number("s", low=0.0, identity=0.0, says="natural period"),
         "damping": Number("-", low=0.01, high=2.0, identity=1.0, says="damping ratio")}, _resonance),
-    "bent": Form("process", "the gain changes with PV", {
-        "tilt": Number("1/PV unit", identity=0.0, says="relative change of the gain per PV unit"),
-        "bend": Number("1/PV unit", identity=0.0, says="above 0 flatter far from the set point, below 0 steeper")}, _bent),
-    "ageing": Form("process", "the gain changes along the record", {
-        "growth": Number("-", low=-1.0, high=20.0, identity=0.0, says="of the gain from begin to end")}, _ageing),
     "filter": Form("sensor", "PV is read through a lag", {"tau": _SECONDS}, _filter),
     "held": Form("sensor", "the reading stands still in spells", {"share": _SHARE, "length": _LENGTH}, _held),
     "clipped": Form("sensor", "the reading stops at ends of its range", {

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections import namedtuple
-from math import asinh, expm1, sinh
 
 # numba tells named tuples apart by their names: no two in the loop may share one
 LawPI = namedtuple("LawPI", "Kc Ki lo hi base square side schedule middle Kd follow down up ignored moves idle")
-LawSensor = namedtuple("LawSensor", "follow step lo hi middle tilt bend idle")
+LawSensor = namedtuple("LawSensor", "follow step lo hi idle")
 
 
 def controller_start(op0, e0):
@@ -26,7 +25,8 @@ def controller_step(e, state, p):
     counts = e * (p.base + p.square * abs(e)) + p.side * abs(e)
     # the derivative is PV's, and the gain may answer the set point less
     now = slope + p.follow * (counts - before - p.moves[int(k)] - slope)
-    du = (p.Kc * (counts - before - p.ignored * p.moves[int(k)]) + p.Ki * counts) * max(1.0 + p.schedule * (state[0] - p.middle), 0.05)
+    du = p.Kc * (counts - before - p.ignored * p.moves[int(k)]) + p.Ki * counts
+    du = du * max(1.0 + p.schedule * (state[0] - p.middle), 0.05)
     du = min(max(du + p.Kd * (now - slope), -p.down), p.up)
     return min(max(state[0] + du, p.lo), p.hi), (counts, now, k + 1.0)
 
@@ -37,16 +37,8 @@ def sensor_start(pv0):
 
 
 def sensor_step(y, noise, state, p):
-    """One sample of a bent reading, noise, filter, rounding and range; in idle samples the reading stands."""
-    d = y - p.middle
-    if p.tilt != 0.0:
-        # a loop that runs away must not end in an overflow
-        d = expm1(min(max(p.tilt * d, -30.0), 30.0)) / p.tilt
-    if p.bend > 0.0:
-        d = asinh(p.bend * d) / p.bend
-    elif p.bend < 0.0:
-        d = sinh(min(max(p.bend * d, -30.0), 30.0)) / p.bend
-    z = state[1] + p.follow * (p.middle + d + noise - state[1])
+    """One sample of noise, filter, rounding and range; in idle samples the reading stands."""
+    z = state[1] + p.follow * (y + noise - state[1])
     if p.idle[int(state[2])] > 0.0:
         return state[0], z, state[2] + 1.0
     x = p.step * float(round(z / p.step)) if p.step > 0.0 else z
