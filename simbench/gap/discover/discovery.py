@@ -14,7 +14,7 @@ from scenarios.spec import Loop
 from simbench.gap.closed_loop.gap import Shrinkage, held_out, measure, simulate_runs
 from simbench.gap.closed_loop.loop_from_fit import fixed_loop
 from simbench.gap.discover.effect_file import known
-from simbench.gap.discover.law import Law, windows_of
+from simbench.gap.law import Law, windows_of
 from simbench.gap.discover.nearest import nearest
 from simbench.gap.discover.search import Found, chance, search, where
 from simbench.gap.intake.check import check

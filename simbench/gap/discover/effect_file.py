@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 
 from detectors.errors import ParameterError
 from simbench.files import whole_file
-from simbench.gap.discover.law import Law
+from simbench.gap.law import Law
 from simbench.loop.effects import PLUGINS
 from simbench.loop.laws import FORMS
 

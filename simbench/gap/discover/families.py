@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from simbench.gap.discover.moves import led, rung, slewed
+from simbench.gap.discover.moves import led, rung
 from simbench.gap.effects import deadzone, stiction
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
@@ -115,7 +115,7 @@ def families(s: Situation, integrating: bool, first: int) -> Iterator[Family]:
             yield _mapped("memory", stiction.fit, ("S", "J"), lambda f: {"S": f.theta["S"], "J": f.theta["J"]})
         steps = float(np.std(np.diff(op))) or 1.0
         yield Family(
-            "rate", _moves(lambda u, p: slewed(u, p["r"]), _free("r", 1e-3 * steps, 10 * steps, log=True)),
+            "rate", _moves(lambda u, p: kernels.slewed(u, p["r"]), _free("r", 1e-3 * steps, 10 * steps, log=True)),
             lambda e, f: [{"r": float(r)} for r in steps * np.geomspace(0.02, 3.0, 12)],
             lambda f, own: {"slowness": Ts / f.theta["r"]},
         )  # fmt: skip

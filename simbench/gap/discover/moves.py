@@ -1,23 +1,11 @@
-"""What a law does to the signal between OP and PV, in samples: speed limits, zeros, resonances."""
+"""What a law does to the signal between OP and PV, in samples: zeros and resonances."""
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from scipy.signal import lfilter
 
 from simbench.gap.likelihood.valve_map import lagged
-
-
-@njit(cache=True)
-def slewed(u, rate):
-    """Return u (n,) followed at no more than `rate` per sample."""
-    v = np.empty(u.size)
-    x = u[0]
-    for k in range(u.size):
-        x += min(max(u[k] - x, -rate), rate)
-        v[k] = x
-    return v
 
 
 def led(u: np.ndarray, lead: float, lag: float) -> np.ndarray:

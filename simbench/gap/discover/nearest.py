@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from simbench.gap.discover.law import Law
+from simbench.gap.law import Law
 from simbench.loop.effects import EFFECTS
 
 _SLIPS = 0.12  # share of the band that a slip must make up for the law to look like stiction

@@ -8,7 +8,8 @@ from functools import partial
 from pathlib import Path
 
 from simbench.gap.closed_loop.gap import held_out
-from simbench.gap.discover.exact import controller_law, sensor_law, valve_law
+from simbench.gap.discover.valve import valve_law
+from simbench.gap.exact import controller_law, sensor_law
 from simbench.gap.discover.families import families, fitted, numbers_of
 from simbench.gap.effects import Parameters, Recogniser, lent
 from simbench.gap.likelihood.engine import Engine

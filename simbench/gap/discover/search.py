@@ -10,9 +10,10 @@ import numpy as np
 from tqdm import tqdm
 
 from simbench.gap.candidates import fit_candidates
-from simbench.gap.discover.exact import controller_law, sensor_law, valve_law
+from simbench.gap.discover.valve import valve_law
+from simbench.gap.exact import controller_law, sensor_law
 from simbench.gap.discover.families import Family, families, fitted, judged, null_of, numbers_of
-from simbench.gap.discover.law import Law, spells_of
+from simbench.gap.law import Law, spells_of
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, input_gain, size_penalty
 from simbench.gap.situation import Situation, load_memory

@@ -1,4 +1,4 @@
-"""Laws of blocks whose both sides are on record: the controller from error to OP, the valve from OP to MV, single samples of PV.
+"""Laws that need no likelihood: of the controller from error to OP, and of the sensor from single samples of PV.
 
 A law is fitted to the first part of the record and judged by what it leaves on the rest, beside the best law without it.
 """
@@ -6,6 +6,7 @@ A law is fitted to the first part of the record and judged by what it leaves on 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,15 +16,16 @@ from scipy.signal import lfilter
 from detectors.signal.holds import holds
 from detectors.signal.lattice import written_unit
 from simbench.gap.controller.regression import FORMS
-from simbench.gap.discover.law import Law
-from simbench.gap.discover.moves import slewed
-from simbench.gap.effects import deadband, stiction
-from simbench.gap.likelihood.valve_map import MapSearch, lagged
+from simbench.gap.law import Law
 from simbench.gap.situation import Situation
+from simbench.loop.laws import FORMS as FORMS_OF_LAWS
 from simbench.loop.laws.forms import running_mean
 
 _EXPLAINS = 0.6  # share of what the law without the new term leaves, below which the term is the law
 _MEAN_EXPLAINS = 0.3  # the same where a mean of the archive's would explain OP as well
+_LEARNT = 0.65  # share of the record that a law is fitted to, where the record is diagnosed
+_PROOF = 60.0  # nats from which a law needs no statistics
+_TOLD = 0.5  # nats a sample of what the law's own examination shows
 _IDLE = 0.05  # share of samples in which OP stands though the law would move it
 _ENDS = 0.02  # share of samples of PV exactly at its largest or smallest
 _HELD = 0.02  # share of samples of PV that repeat the last one beyond chance
@@ -33,22 +35,35 @@ _PRICE = 1.5  # nats of a change between running and idle
 _Numbers = dict[str, float]
 
 
+@lru_cache(maxsize=4)
 def controller_law(s: Situation, first: int) -> Law | None:
     """Return the law between error and OP that the baseline's does not know; None where the baseline's explains OP."""
     if s.law.known and not s.law.averaged and not any(fact in s.facts for fact in ("limits", "gap", "step", "tuning")):
         return None
+    if (told := _told(s, first)) is not None:
+        return told
     law = _Controller.of(s)
     plain, found = law.left({}), []
     for form, guesses, names in _TERMS:
         if guesses is not None:
             found += [law.fitted(form, names, guess, first, plain) for guess in guesses(law)]
-    found += [law.idle(first, plain), law.limited(s, first, plain), law.resting(s, first, plain)]
+    found.append(law.idle(first, plain))
     good = [one for one in found if one is not None]
     best = max(good, key=lambda one: one.nats, default=None)
     # a mean of the archive's looks like a term of the controller, but explains less
     if best is not None and s.law.averaged and best.nats < -np.log(_MEAN_EXPLAINS) * (s.record.n - first):
         return None
     return best
+
+
+def _told(s: Situation, first: int) -> Law | None:
+    """Return what the examination of the law has measured already: exact, so that every sample speaks for it."""
+    law, nats = s.law, _TOLD * (s.record.n - first)
+    if law.limits is not None:
+        return Law("limits", {"low": law.limits[0], "high": law.limits[1]}, nats)
+    if law.gap > 0.0 or law.step > 0.0:
+        return Law("rest", {m: v for m, v in (("width", law.gap), ("step", law.step)) if v > 0.0}, nats)
+    return None if law.tuning is None else Law("tuning", dict(zip(("gain", "integral"), law.tuning)), nats)
 
 
 class _Controller(NamedTuple):
@@ -153,28 +168,6 @@ class _Controller(NamedTuple):
         # nothing but how often and how long is fitted: the spells may all lie in the first part
         return self.law("idle", numbers, 0, plain, left, on=idle, price=2 * len(runs) * _PRICE)
 
-    def limited(self, s: Situation, first: int, plain: np.ndarray) -> Law | None:
-        """Return the limits of OP that the law shows."""
-        if s.law.limits is None:
-            return None
-        low, high = s.law.limits
-        to = self.op[:-1] + np.diff(self.op) - plain
-        left = self.op[1:] - np.clip(to, low, high)
-        return self.law("limits", {"low": low, "high": high}, first, plain, left)
-
-    def resting(self, s: Situation, first: int, plain: np.ndarray) -> Law | None:
-        """Return the error within which OP rests, or the stairs in which it moves, that the law shows."""
-        if s.law.gap <= 0.0 and s.law.step <= 0.0:
-            return None
-        numbers = {"width": s.law.gap, "step": s.law.step}
-        # what stands on a lattice was looked for among many: the law's own search says that it is there
-        nats = 20.0 + 0.5 * (self.op.size - first) * float(s.law.step > 0.0 or s.law.gap > 0.0)
-        return Law("rest", {m: v for m, v in numbers.items() if v > 0.0}, nats)
-
-
-def _tunings(c: _Controller) -> list[_Numbers]:
-    return [{"gain": 1.0, "gain_by": 0.3, "integral": 1.0, "integral_by": 0.3}]
-
 
 def _regimes(c: _Controller) -> list[_Numbers]:
     e, op = float(np.std(c.e)) or 1.0, float(np.std(c.op)) or 1.0
@@ -199,9 +192,8 @@ def _speeds(c: _Controller) -> list[_Numbers]:
     return out
 
 
-_POSITIVE = ("gain", "integral", "Td", "down", "up")
+_POSITIVE = ("gain", "Td", "down", "up")
 _TERMS: tuple[tuple[str, Callable | None, tuple[str, ...]], ...] = (
-    ("tuning", _tunings, ("gain", "integral")),
     ("regime", _regimes, ("gain", "square")),
     ("regime", _regimes, ("gain", "side")),
     ("regime", _regimes, ("gain", "schedule")),
@@ -211,49 +203,7 @@ _TERMS: tuple[tuple[str, Callable | None, tuple[str, ...]], ...] = (
 )
 
 
-def valve_law(s: Situation, first: int) -> Law | None:
-    """Return the law from OP to MV where MV was recorded and does not follow OP as the baseline's valve does."""
-    if s.record.mv is None:
-        return None
-    op, mv, Ts = s.op, np.asarray(s.record.mv), s.record.Ts
-    span, n = float(np.ptp(op)) or 1.0, op.size
-    fine = 1e-3 * span
-
-    def misfit(v: np.ndarray, where: slice) -> float:
-        return float(np.sqrt(np.mean((mv - v)[where] ** 2))) + fine
-
-    learn, judge = slice(0, first), slice(first, n)
-    plain = s.expected_mv
-    tries: list[tuple[str, _Numbers, np.ndarray]] = []
-    search = MapSearch(op[learn], mv[learn], Ts, plain[learn], s.expected_band)
-    for module in (deadband, stiction):
-        by_mv = module.RECOGNISER.by_mv
-        assert by_mv is not None
-        _, p = by_mv(search)
-        band = {"S": float(p["S"]), "J": float(p.get("J", 0.0))}
-        kind = 3 if band["J"] > 0.0 else 1
-        whole = MapSearch(op, mv, Ts, plain)
-        tries.append(("memory", band, whole.moved(kind, band["S"], band["J"])))
-    knots = np.quantile(op[learn], (0.25, 0.5, 0.75))
-    X = np.column_stack([np.ones(n), op, *(np.maximum(op - q, 0.0) for q in knots)])
-    beta = np.linalg.lstsq(X[learn], mv[learn], rcond=None)[0]
-    numbers = {f"q{i + 1}": float(q) for i, q in enumerate(knots)} | {f"k{i + 1}": float(b) for i, b in enumerate(beta[2:])}
-    tries.append(("curve", numbers, X @ beta))
-    for rate in np.geomspace(0.02, 5.0, 25) * (float(np.std(np.diff(op))) or 1.0):
-        tries.append(("rate", {"slowness": Ts / float(rate)}, slewed(op, float(rate))))
-    for tau in np.geomspace(0.3, n / 20, 25):
-        tries.append(("rate", {"tau": float(tau) * Ts}, lagged(op, float(tau))))
-    low, high = float(np.min(mv[learn])), float(np.max(mv[learn]))
-    tries.append(("stops", {"low": low, "high": high}, np.clip(op, low, high)))
-    best = min(tries, key=lambda t: misfit(t[2], learn) * (1.0 + 0.02 * len(t[1])))
-    form, numbers, v = best
-    ratio = misfit(v, judge) / misfit(plain, judge)
-    if not ratio < _EXPLAINS:
-        return None
-    evidence = 0.5 * np.log(((mv - plain) ** 2 + fine**2) / ((mv - v) ** 2 + fine**2))
-    return Law(form, numbers, float(-(n - first) * np.log(ratio)), evidence=evidence)
-
-
+@lru_cache(maxsize=4)
 def sensor_law(s: Situation, first: int) -> Law | None:
     """Return what single samples of PV show: stairs, ends of a range, spells in which it stands, a mean over a window."""
     pv, Ts, n = np.asarray(s.record.pv), s.record.Ts, s.record.n
@@ -294,3 +244,12 @@ def _mean_law(s: Situation, first: int) -> Law | None:
     if width < _ORDINARY_MEAN or not ratio < _EXPLAINS:
         return None
     return Law("averaged", {"window": float(width) * s.record.Ts}, float(-(s.record.n - first) * np.log(ratio)))
+
+
+def shown(s: Situation, form: str) -> dict[str, float | str] | None:
+    """Return the numbers of a form that controller or samples show without doubt, where nothing known does; None otherwise."""
+    if any(block == FORMS_OF_LAWS[form].block for block, _ in s.facts.values()) or not s.trusted:
+        return None
+    find = controller_law if FORMS_OF_LAWS[form].block == "controller" else sensor_law
+    law = find(s, int(_LEARNT * s.record.n))
+    return dict(law.numbers) if law is not None and law.form == form and law.nats > _PROOF else None
