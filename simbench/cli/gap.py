@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from detectors.errors import ParameterError
-from simbench.cli.common import Jobs, Json, World, examples, gap_app, reads, show, withheld_app
+from simbench.cli.common import EffectPlugin, Jobs, Json, World, examples, gap_app, reads, show, withheld_app
 
 
 @gap_app.command(
@@ -32,6 +32,7 @@ def gap_diagnose(
     html: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Report to write.")] = None,
     write_loop: Annotated[Path | None, typer.Option(metavar="FIXED.toml", help="Loop file with the effect in it.")] = None,
     picture: Annotated[Path | None, typer.Option(help="The diagnosis on one sheet (SVG, PNG or PDF).")] = None,
+    effect_plugin: EffectPlugin = None,
     window: Annotated[tuple[int, int] | None, typer.Option(metavar="FROM TO", help="Samples to judge.")] = None,
     as_json: Json = False,
     *,
@@ -44,7 +45,7 @@ def gap_diagnose(
         raise ParameterError("gap diagnose needs either --baseline LOOP.toml or --identify")
     report = diagnose_files(
         records, baseline, jobs=jobs, html=html, write_loop=write_loop, picture=picture,
-        window=window, tests=test or (), **about,
+        window=window, tests=test or (), effect_plugins=effect_plugin or (), **about,
     )  # fmt: skip
     show(report.as_json() if as_json else report.as_text(), as_json)
 
@@ -68,6 +69,26 @@ def gap_plan(
     from simbench.gap.command import plan_files
 
     found = plan_files(record, baseline, limits=limits, tests=test or (), html=html, **about)
+    show(found.as_json() if as_json else found.as_text(), as_json)
+
+
+@gap_app.command(
+    "discover", epilog=examples("gap discover rec.csv --baseline loop.toml --write-effect my_law.py --html law.html")
+)
+@reads()
+def gap_discover(
+    record: Annotated[Path, typer.Argument(metavar="REC.csv", help="Record of the loop.")],
+    baseline: Annotated[Path, typer.Option(metavar="LOOP.toml", help="The simulation that does not fit.")],
+    write_effect: Annotated[Path | None, typer.Option(metavar="FILE.py", help="The law as an effect to simulate.")] = None,
+    html: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Page to write.")] = None,
+    as_json: Json = False,
+    *,
+    about: dict,
+) -> None:
+    """Describe by a law what the simulation lacks and no known effect names: where, how, with what certificate."""
+    from simbench.gap.command import discover_file
+
+    found = discover_file(record, baseline, write_effect=write_effect, html=html, **about)
     show(found.as_json() if as_json else found.as_text(), as_json)
 
 

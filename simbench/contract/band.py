@@ -61,7 +61,10 @@ def band_fault(stages: list[tuple[ModuleType, Any]], S: float, J: float) -> str:
     >>> band_fault([stage], 4.0, 0.0), band_fault([stage], 0.0, 0.0)
     ('', 'maps on S = 0, but MV follows a reversal of OP only after 4 % of travel')
     """
-    found_S, found_J = measured_band(stages, float(np.clip(1.2 * S, 16.0, 48.0)))
+    reach = float(np.clip(1.2 * S, 16.0, 48.0))
+    if S == J == 0.0 and _without_memory(stages, reach):
+        return ""
+    found_S, found_J = measured_band(stages, reach)
     if not np.isfinite(found_S):
         return f"maps on S = {S:g}, but MV never follows a reversal of OP"
     if abs(found_S - S) > _NEAR * S + _BAND_TOLERANCE:
@@ -69,3 +72,10 @@ def band_fault(stages: list[tuple[ModuleType, Any]], S: float, J: float) -> str:
     if abs(found_J - J) > _NEAR * J + _BAND_TOLERANCE:
         return f"maps on J = {J:g}, but MV slips by {abs(round(found_J, 2)):g} % of travel"
     return ""
+
+
+def _without_memory(stages: list[tuple[ModuleType, Any]], reach: float, middle: float = 50.13) -> bool:
+    """Return whether MV takes the same way up and down: at a travel stop it stands too, but holds nothing back."""
+    up = middle + np.arange(-reach, reach, 50 * _STEP)
+    mv = stages_response(tuple(stages), np.concatenate([up, up[::-1]]), float(up[0]))
+    return bool(np.array_equal(mv[: up.size], mv[up.size :][::-1]))

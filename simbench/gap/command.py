@@ -12,8 +12,13 @@ from detectors.compiled import one_thread
 from detectors.errors import ParameterError, RecordError
 from detectors.record import LoopRecord
 from detectors.records.io import read_record
+from scenarios.spec import load_loop
 from simbench.files import picture_kind, refuse_own_input, whole_file
 from simbench.gap.diagnosis import diagnose
+from simbench.gap.discover.discovery import Discovery, discover
+from simbench.gap.discover.effect_file import refuse_effect_file
+from simbench.gap.discover.effect_file import write_effect as write_law
+from simbench.gap.discover.recognise import effects_known
 from simbench.gap.intake.partial import Partial, read_baseline
 from simbench.gap.intake.recorded_test import files_of, read_test
 from simbench.gap.plan.expected import Plan, plan
@@ -32,6 +37,7 @@ def diagnose_files(
     picture: str | Path | None = None,
     window: tuple[int, int] | None = None,
     tests: Sequence[str] = (),
+    effect_plugins: Sequence[str | Path] = (),
     **about: Any,
 ) -> GapReport:
     """Diagnose the records of one loop beside its loop file.
@@ -62,9 +68,22 @@ def diagnose_files(
             runs = f"OP runs from {record.op.min():g} to {record.op.max():g}"
             raise RecordError(f"{path}: {runs}, which is not % of travel; --op-span, what means 0 and 100 %, is needed")
     asked = [read_test(t, loop.loop if isinstance(loop, Partial) else loop, **about) for t in tests if loop is not None]
-    report = diagnose(read if len(read) > 1 else read[0], loop, tests=asked, jobs=jobs)
-    assumed = dict.fromkeys(note for record in read for note in record.notes if note not in report.notes)
-    report = replace(report, notes=(*report.notes, *assumed))
+    with effects_known(effect_plugins):
+        # other processes do not know them
+        jobs = 1 if effect_plugins else jobs
+        report = diagnose(read if len(read) > 1 else read[0], loop, tests=asked, jobs=jobs)
+        assumed = dict.fromkeys(note for record in read for note in record.notes if note not in report.notes)
+        report = replace(report, notes=(*report.notes, *assumed))
+        again = {**about, "window": window, "effect-plugin": list(effect_plugins), "test": list(tests)}
+        _write(report, records, baseline, again, write_loop, picture, html)
+    return report
+
+
+def _write(
+    report: GapReport, records: Sequence[str | Path], baseline: str | Path | None, about: dict[str, Any],
+    write_loop: str | Path | None, picture: str | Path | None, html: str | Path | None,
+) -> None:  # fmt: skip
+    """Write what was asked for of a report."""
     if write_loop is not None:
         with whole_file(write_loop) as f:
             f.write(_loop_text(report, [str(p) for p in records], baseline))
@@ -76,8 +95,32 @@ def diagnose_files(
     if html is not None:
         from simbench.gap.report.page import write_page
 
-        write_page(report, html, _again(report, records, baseline, {**about, "window": window}, tests))
-    return report
+        write_page(report, html, _again(report, records, baseline, about))
+
+
+def discover_file(
+    record: str | Path,
+    baseline: str | Path,
+    *,
+    write_effect: str | Path | None = None,
+    html: str | Path | None = None,
+    **about: Any,
+) -> Discovery:
+    """Describe by a law what the simulation of a loop file lacks of a record's file; progress goes to stderr."""
+    refuse_own_input([write_effect, html], [record, baseline])
+    if write_effect is not None:
+        refuse_effect_file(write_effect)
+    loop, read = load_loop(baseline), read_record(record, automatic=False, **about)
+    found = discover(read, loop, progress=True)
+    if write_effect is not None and found.law is not None:
+        said = f"Found by `simbench gap discover` in {Path(record).name} beside {Path(baseline).name}: {found.law.text}"
+        said += f"; {found.law.nats:.0f} nats on samples that it was not fitted to."
+        write_law(found.law, write_effect, said, f"fitted to {Path(record).name}")
+    if html is not None:
+        from simbench.gap.report.law_page import write_law_page
+
+        write_law_page(found, html)
+    return found
 
 
 def plan_files(
@@ -133,19 +176,16 @@ def _loop_text(report: GapReport, records: list[str], baseline: str | Path | Non
 
 
 def _again(
-    report: GapReport,
-    records: Sequence[str | Path],
-    baseline: str | Path | None,
-    about: dict[str, Any],
-    tests: Sequence[str] = (),
+    report: GapReport, records: Sequence[str | Path], baseline: str | Path | None, about: dict[str, Any]
 ) -> list[str]:
     """Return the commands that repeat a diagnosis and simulate the fixed loop."""
     words = ["simbench", "gap", "diagnose", *map(str, records)]
     words += ["--identify"] if baseline is None else ["--baseline", str(baseline)]
-    words += [word for t in tests for word in ("--test", t)]
     for name, value in about.items():
         if isinstance(value, dict):
             words += [f"--{name}", ",".join(f"{role}={column}" for role, column in value.items())]
+        elif isinstance(value, list):
+            words += [word for one in value for word in (f"--{name}", str(one))]
         elif value is not None:
             words += [f"--{name.replace('_', '-').lower()}", *map(str, value if isinstance(value, tuple) else [value])]
     words += ["--write-loop", "fixed.toml"]

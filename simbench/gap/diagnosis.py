@@ -14,11 +14,14 @@ from detectors.record import LoopRecord
 from detectors.sources import RecordSignals, as_record
 from scenarios.spec import Loop
 from simbench.gap.candidates import alike, smallest_detectable
+from simbench.gap.closed_loop.gap import held_out
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import RESIDUAL_LIMITS, SURE, Assessment, assess, capped
 from simbench.gap.decide.beside_tests import other_plants
 from simbench.gap.decide.classify import Classified, classify
 from simbench.gap.decide.identified import plausible
+from simbench.gap.discover.discovery import described
+from simbench.gap.discover.search import search
 from simbench.gap.intake.beside_record import contradiction, modelled, refuse_twice
 from simbench.gap.intake.check import check
 from simbench.gap.intake.partial import Partial, completed
@@ -29,7 +32,7 @@ from simbench.gap.report.result import DiagnosisDetails, Gap, GapReport, Ranked
 from simbench.gap.situation import Situation, load_memory
 from simbench.gap.stiction.friction import friction
 from simbench.gap.stiction.probability import DENIED_BELOW, pooled, probability
-from simbench.loop.effects import EFFECTS, NONE, block_of
+from simbench.loop.effects import EFFECTS, NONE, UNKNOWN, block_of
 
 if TYPE_CHECKING:
     from detectors.sources import Source
@@ -97,7 +100,14 @@ def diagnose(
     with one_thread():
         found, more = _assess_all(records, baseline, jobs, tests)
         runs = ClosedLoops(found, seed)
-        return report(found, closing(classify(found), found, runs), runs, more)
+        weights = closing(classify(found), found, runs)
+        if named_by(weights, found) != [UNKNOWN]:
+            return report(found, weights, runs, more)
+        like = described(found.situation, search(found.situation, held_out(found.situation)), seed)
+        if like.block:
+            # a law that pays on unseen samples says where, better than a test that fails
+            weights = replace(weights, unknown_block=like.block)
+        return replace(report(found, weights, runs, more), looks_like=like)
 
 
 def _assess_one(
@@ -182,17 +192,31 @@ def closing(weights: Classified, found: Assessment, runs: ClosedLoops) -> Classi
     named = named_by(weights, found)
     effects = [e for e in named if e in EFFECTS]
     if not effects:
-        return _unless_wide(weights, found, runs) if named == [NONE] and not found.situation.trusted else weights
+        return _unless_wide(weights, found, runs) if named == [NONE] else weights
     gap = runs.shrink(effects)
     widens = gap.hi < 0.0 if found.shown(effects[0]) else gap.after >= gap.before
     return weights.refuted(effects[0]) if gap.resolvable and widens else weights
 
 
 def _unless_wide(weights: Classified, found: Assessment, runs: ClosedLoops) -> Classified:
-    """Return "unknown" for "none" where a wide gap stays that is not the load's: the best model leaves something behind."""
-    gap = runs.shrink([])
+    """Return "unknown" for "none" where a wide gap stays that is not the load's.
+
+    Either the best model leaves something behind, or the record differs from its simulation in every stretch of it alike.
+    """
+    if not _wide(found, runs):
+        return weights
     left, block = max((found.tests[name] / limit, block) for name, (limit, block) in RESIDUAL_LIMITS.items())
-    return weights.refuted(NONE, block) if gap.recalibrated > _WIDE * gap.floor and left > 1.0 else weights
+    if left > 1.0 and not found.situation.trusted:
+        return weights.refuted(NONE, block)
+    lacks = runs.lacking
+    return weights if lacks is None or lacks.least <= _WIDE else weights.refuted(NONE, block if left > 1.0 else lacks.block)
+
+
+def _wide(found: Assessment, runs: ClosedLoops) -> bool:
+    """Return whether a gap stays that recalibration does not close; an identified baseline is recalibrated already."""
+    gap = runs.shrink([])
+    size = gap.recalibrated if found.situation.trusted else max(gap.before, gap.recalibrated)
+    return gap.resolvable and size > _WIDE * gap.floor
 
 
 def report(found: Assessment, weights: Classified, runs: ClosedLoops, more: Sequence[str] = ()) -> GapReport:
@@ -211,7 +235,8 @@ def report(found: Assessment, weights: Classified, runs: ClosedLoops, more: Sequ
     for e, p in ranking:
         before, after = (shown[e].before, shown[e].after) if e in shown else (main.before,) * 2 if e == NONE else (None, None)
         lines.append(Ranked(e, weights.block(e), float(p), before, after, found.parameters.get(e, {})))
-    gap = Gap(main.before, main.recalibrated, main.after, main.floor, main.resolvable)
+    by_load = first == NONE and _wide(found, runs)
+    gap = Gap(main.before, main.recalibrated, main.after, main.floor, main.resolvable and not by_load)
     shrinkage = None
     if main.value is not None and effects:
         shrinkage = {"value": main.value, "lo": main.lo, "hi": main.hi}
@@ -228,6 +253,12 @@ def report(found: Assessment, weights: Classified, runs: ClosedLoops, more: Sequ
     notes = [*situation.notes, *more, *(f"{block}: {why}" for block, why in found.unexplained.items())]
     if advice is None:
         notes.append(f"next test: none, {why}")
+    if by_load:
+        notes.append(
+            f"the gap ({main.recalibrated:.2f}, floor {main.floor:.2f}) comes and goes along the record: a draw of the load"
+        )
+    if first == UNKNOWN and runs.lacking is not None and runs.lacking.features:
+        notes.append(f"the simulation lacks: in the record {runs.lacking.sentence}")
     if not main.resolvable:
         notes.append(f"the gap ({main.before:.2f}) does not stand out of its floor ({main.floor:.2f}): no shrinkage is claimed")
     sizes = smallest_detectable(situation, found.base, load_memory(situation))

@@ -241,6 +241,7 @@ def _add_any(kinds: dict, lane: Lane) -> None:
     """Put a loop among its like as it is once its loads and effects stand, or run it by itself."""
     lane.setup = setup = quiet_setup(lane.loop, lane.seed)
     odd = setup.plant_plugin is not None or setup.loop.controller.type not in ("P", "PI") or len(setup.den) != 2
+    odd = odd or setup.controller_law is not None or setup.sensor_law is not None
     if odd or not 0 <= lane.seed < SEEDS or any(abreast.iterates(m.step) for m, _ in setup.valves):
         setup.draw_noise()
         lane.room = np.array(signals_of(setup))[..., None]

@@ -9,6 +9,7 @@ import numpy as np
 
 from detectors.record import LoopRecord
 from simbench.loop import kernel, sensor
+from simbench.loop.laws import swapped
 from simbench.loop.setup import MV_NOISE, Setup, control_start, parts_of, plant_start
 
 if TYPE_CHECKING:
@@ -131,7 +132,10 @@ def signals_of(
         c = start.control or (float(start.op), float(start.error))
         v = [tuple(float(x) for x in start.valve)]
     x = plant_start(setup, parts, pv, () if start is None else start.state)
-    s = sensor.full_start(pv) if parts.steps["sensor_step"] is sensor.full_step else sensor.plain_start(pv)
+    if setup.sensor_law is not None:
+        s: Any = swapped.sensor_start(pv)
+    else:
+        s = sensor.full_start(pv) if parts.steps["sensor_step"] is sensor.full_step else sensor.plain_start(pv)
     op, measured, mv = np.empty(total), np.empty(total), np.empty(total)
     outside = [f for f in (setup.plant_plugin, setup.control_plugin) if f is not None]
     make = kernel.bind if plain else kernel.compiled_where_possible if outside else kernel.compiled

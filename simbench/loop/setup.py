@@ -14,6 +14,7 @@ from detectors.plugins.registry import PluginFolder
 from scenarios.polynomials import checked_polynomials
 from scenarios.spec import CONTROLLER_TYPES, PLANT_TYPES, Loop, Part
 from simbench.loop import controller, plant, sensor
+from simbench.loop.laws import swapped
 from simbench.loop.parameters import CONTROLLER_PLUGINS, PLANT_PLUGINS, VALVES, resolve, valve_parameters
 
 _NOISE, MV_NOISE = 0, 1  # random streams of their own
@@ -25,8 +26,9 @@ class Setup:
 
     Signals have n + tail samples; loads are in % at the plant's input and in PV units at its output; `pv_add` is
     measured with PV (noise included). `valves` is the chain OP passes, each a plug-in with its resolved parameters.
-    `recorders` turn the PV the controller saw into the PV that is archived. `num` and `den` mean nothing where
-    the plant is a plug-in without a transfer function.
+    `recorders` turn the PV the controller saw into the PV that is archived. A `controller_law` or `sensor_law` gives the
+    numbers of the laws' own step (`simbench.loop.laws.swapped`), which then takes the place of the loop's. `num` and `den`
+    mean nothing where the plant is a plug-in without a transfer function.
     """
 
     loop: Loop
@@ -54,6 +56,8 @@ class Setup:
     recorders: list[Callable[[np.ndarray], np.ndarray]] = field(default_factory=list)
     plant_plugin: tuple[ModuleType, Any] | None = None
     control_plugin: tuple[ModuleType, Any] | None = None
+    controller_law: Callable[[Setup], Any] | None = None
+    sensor_law: Callable[[Setup], Any] | None = None
 
     @property
     def Ts(self) -> float:
@@ -217,6 +221,12 @@ def parts_of(setup: Setup) -> Parts:
     }
     gap_p = controller.Gap(setup.error_gap / 2, setup.op_step) if full_control else controller.NoGap(0.0)
     sensor_p = sensor.Transmitter(float(follow), setup.pv_step) if full_sensor else sensor.Bare(0.0)
+    if setup.controller_law is not None:
+        if steps["controller_kick"] is not controller.kicked:
+            raise ParameterError(f"an effect changes the law of controller {setup.loop.controller.type!r}, not of P or PI")
+        steps["controller_step"], control_p = swapped.controller_step, setup.controller_law(setup)
+    if setup.sensor_law is not None:
+        steps["sensor_step"], sensor_p = swapped.sensor_step, setup.sensor_law(setup)
     valve_p = tuple(p for _, p in setup.valves)
     stages = tuple(module.step for module, _ in setup.valves)
     return Parts(sampled, steps, stages, (plant_p, control_p, gap_p, sensor_p, valve_p))
@@ -269,6 +279,8 @@ def _control_of(setup: Setup) -> tuple[dict[str, FunctionType], Any]:
 
 def control_start(setup: Setup, p: Any) -> tuple[float, ...]:
     """Return the controller's state at rest: there the error is 0, and a set point away from pv0 is a step at sample 0."""
+    if setup.controller_law is not None:
+        return swapped.controller_start(setup.op0, 0.0)
     if setup.control_plugin is not None:
         return _numbers_in(setup.control_plugin[0].start(p))
     if setup.loop.controller.type == "PID":

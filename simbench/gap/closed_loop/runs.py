@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 from detectors.errors import RecordError
 from scenarios.spec import Loop
 from simbench.gap.candidates import Fitted
 from simbench.gap.closed_loop.gap import Runs, Shrinkage, measure, simulate_runs
+from simbench.gap.closed_loop.lacking import Lacking, lacking
 from simbench.gap.closed_loop.loop_from_fit import fixed_loop
 from simbench.gap.effects import recogniser
 from simbench.gap.likelihood.model import Fit
@@ -65,6 +67,12 @@ class ClosedLoops:
             self.kept[key] = (before, again or before, after or before)
             self.done[key] = measure(s, *self.kept[key], seed=self.seed)
         return self.done[key]
+
+    @cached_property
+    def lacking(self) -> Lacking | None:
+        """What the record has and the recalibrated loop has not; None where that cannot be simulated."""
+        f = self.found
+        return lacking(f.situation, fixed_loop(f.situation, f.base, {}, plant="fitted", load=f.base), self.seed)
 
     def rival(self, effects: Sequence[str], named: Sequence[str]) -> Shrinkage | None:
         """Return what other effects close under the load of the named ones; None where that loop cannot be simulated."""

@@ -9,12 +9,13 @@ from functools import cache
 from detectors.plugins.registry import PluginFolder
 from simbench.gap.effects._recogniser import NOT_TRIED, Parameters, Recogniser
 
-__all__ = ["NOT_TRIED", "PLUGINS", "Parameters", "Recogniser", "left_out", "recogniser"]
+__all__ = ["NOT_TRIED", "PLUGINS", "Parameters", "Recogniser", "left_out", "lent", "recogniser"]
 
 PLUGINS = PluginFolder("recognised effect", "simbench.gap.effects", "simbench.recognised", ("RECOGNISER",))
 
 
 _left_out: set[str] = set()
+_lent: dict[str, Recogniser] = {}
 
 
 @contextmanager
@@ -38,6 +39,16 @@ def left_out(*effects: str) -> Iterator[None]:
         _left_out.update(before)
 
 
+@contextmanager
+def lent(effect: str, how: Recogniser) -> Iterator[None]:
+    """Say how an effect of a file is recognised while the block lasts."""
+    _lent[effect] = how
+    try:
+        yield
+    finally:
+        _lent.pop(effect, None)
+
+
 def recogniser(effect: str) -> Recogniser:
     """Return how an effect is recognised; one that is only simulated, because nobody said how, is never recognised.
 
@@ -46,7 +57,7 @@ def recogniser(effect: str) -> Recogniser:
     >>> recogniser("stiction").fit is None, recogniser("saturation").fit is None
     (False, True)
     """
-    return Recogniser() if effect in _left_out else _of(effect)
+    return Recogniser() if effect in _left_out else _lent.get(effect) or _of(effect)
 
 
 @cache

@@ -78,6 +78,17 @@ def valve(u, kind, p0, p1, p2):
 
 
 @njit_cached
+def slewed(u, rate):
+    """Return u (n,) followed at no more than `rate` per sample."""
+    v = np.empty(u.size)
+    x = u[0]
+    for k in range(u.size):
+        x += min(max(u[k] - x, -rate), rate)
+        v[k] = x
+    return v
+
+
+@njit_cached
 def _respond(v, T, Td, out, weight):
     """Add `weight` times the answer of e^(-Td s)/(T s + 1) (T <= 0: e^(-Td s)/s) to each row of `v` less its start, held."""
     delay = math.floor(Td + 1e-9)

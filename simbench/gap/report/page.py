@@ -15,6 +15,8 @@ from markupsafe import Markup
 from simbench.files import whole_file
 from simbench.gap.report import pictures
 from simbench.gap.report import traces as runs
+from simbench.gap.report.law_page import law_section
+from simbench.gap.report.law_pictures import draw_lacking
 from simbench.gap.report.result import GapReport, numbers, words
 from simbench.html.page import render as render_in
 from simbench.html.svg import inline_svg
@@ -46,6 +48,7 @@ def write_page(report: GapReport, path: str | Path, command: Sequence[str] = ())
         ("answer", "The answer", _answer(report)),
         ("where", "Where the gap lies", _where(report)),
         ("look", "Record and simulation", _look(report)),
+        *_unnamed(report),
         ("which", "Which effect", _which(report)),
         ("shrinkage", "How far the gap shrinks", _shrinkage(report)),
         ("next", "What is open, and what to do next", _open(report)),
@@ -122,6 +125,19 @@ def _look(report: GapReport) -> Markup:
         absent=runs.BASELINE not in simulated,
         given=report.behind.found.situation.trusted,
     )
+
+
+def _unnamed(report: GapReport) -> list[tuple[str, str, Markup]]:
+    """Return the sections of an unknown effect: what it looks like, and what of the record the simulation lacks."""
+    if report.looks_like is None:
+        return []
+    lacks = report.behind.loops.lacking
+    body = law_section(report.looks_like)
+    if lacks is not None and lacks.features:
+        says = "features of the record that the simulation lacks: " + lacks.sentence
+        drawn = [{"svg": _picture(lambda: draw_lacking(lacks), "lacking", says), "caption": f"{says}."}]
+        body += _render("lacking.html", items=drawn)
+    return [("like", "What it looks like", body)]
 
 
 def _which(report: GapReport) -> Markup:

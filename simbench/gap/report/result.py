@@ -11,6 +11,7 @@ from scenarios.spec import Loop
 from simbench.gap.closed_loop.gap import Shrinkage
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
+from simbench.gap.discover.discovery import Discovery
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN
 
 if TYPE_CHECKING:
@@ -83,6 +84,8 @@ class GapReport:
     probability_of_stiction : float or None
         The same in every verb, pooled over the records; None where it cannot be said.
     behind : Behind
+    looks_like : Discovery or None
+        Of an unknown effect: the law that describes it, or why none does.
     """
 
     block: str
@@ -97,6 +100,7 @@ class GapReport:
     notes: tuple[str, ...]
     probability_of_stiction: float | None
     behind: DiagnosisDetails = field(repr=False)
+    looks_like: Discovery | None = None
 
     def as_json(self) -> dict[str, Any]:
         """Return the report as nested dicts and lists of JSON types.
@@ -132,9 +136,12 @@ class GapReport:
             "shrinkage": None if self.shrinkage is None else dict(self.shrinkage),
             "blocks": dict(self.blocks),
             "next_test": None if self.next_test is None else dict(self.next_test),
-            "notes": list(self.notes),
+            "notes": [*self._likeness(), *self.notes],
             PROBABILITY: self.probability_of_stiction,
         }
+
+    def _likeness(self) -> list[str]:
+        return [] if self.looks_like is None else [f"what it looks like: {self.looks_like.one_line()}"]
 
     def to_frame(self) -> pd.DataFrame:
         """Return the ranking.
@@ -216,7 +223,7 @@ class GapReport:
         -------
         str
         """
-        lines = [self.sentence(), ""]
+        lines = [self.sentence(), "", *self._likeness()]
         if len(self.group) > 1:
             lines.append("cannot be told apart here: " + ", ".join(self.group))
         if any(self.blocks.values()):

@@ -59,6 +59,10 @@ class Vocabulary(Mapping[str, Effect]):
     def __len__(self) -> int:
         return len(self._all)
 
+    def forget_all(self) -> None:
+        """Read the files again when next asked: one was added, or taken out."""
+        self.__dict__.pop("_all", None)
+
     @cached_property
     def _all(self) -> dict[str, Effect]:
         names = self._only or [*ORDER, *(name for name in PLUGINS.names() if name not in ORDER)]

@@ -1,0 +1,110 @@
+"""What of a record its simulation lacks, in words, and whether it stays along the record or comes and goes as a load does."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from detectors.errors import UserError
+from scenarios.spec import Loop
+from simbench.gap.closed_loop.as_archived import as_archived
+from simbench.gap.closed_loop.summary_features import distance, features, floor_of, seed_spread
+from simbench.gap.situation import Situation
+from simbench.loop.simulate import simulate
+
+_RUNS = 12
+_SHARE, _BEGINS = 0.35, (0.05, 0.3, 0.65)  # length and begins of the stretches compared, shares of the record
+_SAID = 3  # features put into words
+_PLAIN = 3.0  # seed-to-seed standard deviations from which a feature differs
+_WORDS = {
+    "size": ("swings more", "swings less"), "change": ("moves more from sample to sample", "moves less from sample to sample"),
+    "kurtosis": ("has rarer, larger swings", "swings more evenly"),
+    "change kurtosis": ("moves in rarer, larger jumps", "moves more evenly"),
+    "at rest": ("stands still more often", "stands still less often"),
+    "straight": ("runs on straight lines more often", "runs on straight lines less often"),
+    "at limit": ("stands at an end more often", "stands at an end less often"),
+    "sharpness": ("oscillates more sharply", "oscillates less sharply"),
+    "wander": ("wanders more", "wanders less"),
+    "memory": ("remembers longer", "remembers less"), "band": ("moves more", "moves less"),
+}  # fmt: skip
+_LINKS = {"op after pv": "OP follows PV otherwise", "pv after op": "PV follows OP otherwise"}
+
+
+@dataclass(frozen=True)
+class Lacking:
+    """Features in which a record differs from its simulation, each as (words, seed-to-seed standard deviations, block).
+
+    `least` is the smallest distance of any stretch of the record, in floors: small where the difference comes and goes.
+    """
+
+    least: float
+    features: tuple[tuple[str, float, str], ...]
+
+    @property
+    def block(self) -> str:
+        """The block in which features like these arise, a load where many blocks could make them."""
+        weight: dict[str, float] = {}
+        for _, size, block in self.features:
+            weight[block] = max(weight.get(block, 0.0), abs(size))
+        return max(weight, key=lambda b: weight[b], default="disturbance")
+
+    @property
+    def sentence(self) -> str:
+        """The plainest differences in words."""
+        return ", ".join(f"{words} ({abs(size):.0f} standard deviations)" for words, size, _ in self.features[:_SAID])
+
+
+def lacking(situation: Situation, loop: Loop, seed: int) -> Lacking | None:
+    """Return what a record has and runs of a loop have not; None where the loop cannot be simulated."""
+    n, runs = situation.record.n, []
+    for i in range(_RUNS):
+        try:
+            record = simulate(loop, seed=seed + i).record
+        except UserError:
+            return None
+        runs.append(as_archived(situation, np.asarray(record.op), np.asarray(record.pv)))
+    real, length = (situation.op, np.asarray(situation.record.pv)), int(_SHARE * n)
+    ratios, sizes, names = [], [], []
+    for begin in (int(share * n) for share in _BEGINS):
+        part = slice(begin, begin + length)
+        sp = situation.sp[part]
+        named = features(real[0][part], real[1][part], sp)
+        own = np.array(list(named.values()))
+        sims = np.array([list(features(op[part], pv[part], sp).values()) for op, pv in runs])
+        if not np.all(np.isfinite(sims)):
+            return None
+        spread, names = seed_spread(sims), list(named)
+        ratios.append(distance(own, sims, spread) / max(floor_of(sims, spread), 1e-9))
+        sizes.append((own - sims.mean(axis=0)) / spread)
+    # what differs in every stretch, in the same direction
+    same = np.all(np.sign(sizes) == np.sign(sizes[0]), axis=0)
+    least = np.where(same, np.min(np.abs(sizes), axis=0), 0.0) * np.sign(sizes[0])
+    found = [(name, float(z)) for name, z in zip(names, least) if abs(z) > _PLAIN]
+    found.sort(key=lambda f: -abs(f[1]))
+    said = tuple((_said(name, z, situation, length), z, _block(name)) for name, z in found)
+    return Lacking(float(min(ratios)), said)
+
+
+def _said(name: str, z: float, s: Situation, length: int) -> str:
+    for link, words in _LINKS.items():
+        if name.startswith(link):
+            return words
+    signal, _, what = name.partition(" ")
+    kind, _, number = what.partition(" ") if what.startswith(("band", "memory")) else (what, "", "")
+    words = _WORDS[kind][0 if z > 0 else 1]
+    if kind == "band":
+        edges = np.geomspace(2, length // 2 + 1, 7) if length > 4 else np.ones(7)
+        i = min(int(number), 6)
+        words += f" at periods of {length * s.record.Ts / edges[i]:.3g} to {length * s.record.Ts / edges[i - 1]:.3g} s"
+    elif kind == "memory":
+        words += f" over {int(number) * s.record.Ts:.3g} s"
+    return f"{signal.upper()} {words}"
+
+
+def _block(name: str) -> str:
+    if name.startswith(("op after pv", "op at", "op straight")):
+        return "controller"
+    if name.startswith(("pv at", "pv straight")):
+        return "sensor"
+    return "process" if name.startswith("pv after op") else "disturbance"

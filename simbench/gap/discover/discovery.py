@@ -1,0 +1,167 @@
+"""discover(): one record beside one loop file, from where it differs to a law that can be simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from detectors.compiled import one_thread
+from detectors.record import LoopRecord
+from scenarios.spec import Loop
+from simbench.gap.closed_loop.gap import Shrinkage, held_out, measure, simulate_runs
+from simbench.gap.closed_loop.loop_from_fit import fixed_loop
+from simbench.gap.discover.effect_file import known
+from simbench.gap.discover.nearest import nearest
+from simbench.gap.discover.search import Found, chance, search, where
+from simbench.gap.intake.check import check
+from simbench.gap.intake.refuse import refuse_unfit
+from simbench.gap.law import Law, windows_of
+from simbench.gap.situation import Situation
+
+_SIDED = 0.3  # share by which the evidence above a middle must outweigh that below it, to be called a regime
+
+
+@dataclass(frozen=True, eq=False)
+class Discovery:
+    """What a record shows beside its simulation: a law with its certificate, or why there is none.
+
+    `runs` are OP and PV of simulations: baseline, recalibrated and with the law; `on` (n,) the samples in which the law acts.
+    """
+
+    situation: Situation
+    law: Law | None
+    why: str
+    block: str
+    regime: str = ""
+    nearest: str | None = None
+    on: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=bool))
+    gap: Shrinkage | None = None
+    runs: Mapping[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+
+    @property
+    def windows(self) -> list[list[float]]:
+        """Begin and end (s since the first sample) of where the law acts."""
+        return windows_of(self.on, self.situation.record.Ts)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the discovery in JSON types, its keys as the contract has them."""
+        if self.law is None:
+            block = {"block": self.block} if self.block else {}
+            return {"law": None, "why": self.why, **block}
+        g = self.gap
+        assert g is not None
+        return {
+            "block": self.law.block,
+            "law": {"form": self.law.form, "numbers": dict(self.law.numbers), "text": self.law.text},
+            "windows": self.windows,
+            "certificate": {"nats": float(self.law.nats), "p": chance(self.law.nats)},
+            "gap": {"before": g.before, "recalibrated": g.recalibrated, "after": g.after, "floor": g.floor},
+            "nearest": self.nearest,
+        }
+
+    def sentence(self) -> str:
+        """Return the finding in one sentence."""
+        if self.law is None:
+            return f"No law is found: {self.why}."
+        return f"In the {self.law.block} block, {self.law.text}."
+
+    def one_line(self) -> str:
+        """Return the finding and its certificate in one line."""
+        if self.law is None or self.gap is None:
+            return f"nothing that a law describes, {self.why}"
+        g, n = self.gap, self.situation.record.n - held_out(self.situation)
+        said = f"{self.law.text} ({self.law.block}; {self.law.nats:.0f} nats on {n} unseen samples"
+        return f"{said}, gap {g.recalibrated:.2f} -> {g.after:.2f}, floor {g.floor:.2f})"
+
+    def as_text(self) -> str:
+        """Return the discovery for a terminal."""
+        lines = [self.sentence()]
+        if self.law is None:
+            return "\n".join([*lines, f"where: {self.block}"] if self.block else lines)
+        g, n = self.gap, self.situation.record.n
+        assert g is not None
+        share = float(self.on.mean()) if self.on.size else 1.0
+        spells = "the whole record" if share > 0.99 else f"{len(self.windows)} spells, {100 * share:.0f} % of the record"
+        lines.append(f"where: {spells}{f', {self.regime}' if self.regime else ''}")
+        lines.append(
+            f"certificate: {self.law.nats:.0f} nats on {n - held_out(self.situation)} samples that it was not fitted to"
+            f" (p <= {chance(self.law.nats):.2g} if none of the forms held)"
+        )
+        lines.append(
+            f"gap there: before {g.before:.2f}, recalibrated {g.recalibrated:.2f}, with the law {g.after:.2f}, floor {g.floor:.2f}"
+        )
+        lines.append(f"nearest known effect: {self.nearest.replace('_', ' ') if self.nearest else 'none'}")
+        return "\n".join(lines)
+
+
+def discover(record: LoopRecord, baseline: Loop, *, seed: int = 0, progress: bool = False) -> Discovery:
+    """Say where a record differs from its simulation, and describe how by a law that pays on samples it was not fitted to.
+
+    Examples
+    --------
+    >>> from scenarios.spec import Loop
+    >>> from simbench.loop.simulate import simulate
+    >>> plant, controller = {"type": "foptd", "K": 1, "T": 10, "Td": 2}, {"type": "PI", "Kc": 1, "Ti": 10}
+    >>> more = {"sampling": {"Ts": 1, "n": 1500}, "noise": {"std": 0.1}, "setpoint": {"steps": [[100, 55], [700, 48]]}}
+    >>> told = Loop(plant=plant, controller=controller, **more)
+    >>> found = discover(simulate(told.with_("controller.Kc", 1.6), 1).record, told)
+    >>> found.law.form, round(found.law.numbers["gain"], 3)
+    ('tuning', 1.6)
+    """
+    refuse_unfit(record, f"record {record.tag!r}" if record.tag else "record")
+    with one_thread():
+        situation = check(record, baseline)
+        return described(situation, search(situation, held_out(situation), progress), seed)
+
+
+def described(s: Situation, found: Found, seed: int = 0) -> Discovery:
+    """Return a law beside where it acts, what it resembles and how far it closes the gap of the simulated loop."""
+    if found.law is None:
+        return Discovery(s, None, found.why, found.block)
+    gap, runs = _simulated(s, found, found.law, seed)
+    if gap is None:
+        return Discovery(s, None, "the loop with the law in it cannot be simulated: it runs away", found.law.block)
+    if gap.resolvable and gap.after > gap.before:
+        why = f"the likeliest law ({found.law.text}) does not narrow the gap of the simulated loop"
+        return Discovery(s, None, why, found.law.block)
+    acts = found.law.evidence is not None or found.law.on is not None
+    on = where(found.law) if acts else np.ones(s.record.n, dtype=bool)
+    return Discovery(s, found.law, "", found.law.block, _regime(s, found.law), nearest(found.law, s.op), on, gap, runs)
+
+
+def _simulated(s: Situation, found: Found, law: Law, seed: int) -> tuple[Shrinkage | None, dict[str, tuple[np.ndarray, np.ndarray]]]:
+    """Return the gap before, recalibrated and with the law, on the part of the record on which nothing was fitted."""
+    fit, null = found.fit, found.null
+    bare = fixed_loop(s, null, {}, plant="baseline", load=fit)
+    tuned = fixed_loop(s, null, {}, plant="fitted", load=fit)
+    with known(law) as name:
+        # a law of another gain or time is told of the baseline's
+        plant = "baseline" if law.form == "size" else "fitted"
+        with_law = fixed_loop(s, fit, {name: dict(law.numbers)}, plant=plant, load=fit)
+        kick = law.numbers["S"] if law.form == "memory" else 0.0
+        before, again = simulate_runs(s, bare, seed), simulate_runs(s, tuned, seed)
+        after = simulate_runs(s, with_law, seed, kick)
+    if after is None or (before or again) is None:
+        return None, {}
+    first = before or again
+    assert first is not None
+    named = zip(("baseline", "recalibrated", "with the law"), (first, again or first, after))
+    return measure(s, first, again or first, after, seed=seed), {name: (run.op, run.pv) for name, run in named}
+
+
+def _regime(s: Situation, law: Law) -> str:
+    """Return where in OP, PV or the error's size the evidence lies, if plainly on one side of a middle."""
+    if law.evidence is None:
+        return ""
+    weight = np.maximum(np.asarray(law.evidence)[-s.record.n :], 0.0)
+    total, best = float(weight.sum()) or 1.0, ("", 0.0)
+    pv = np.asarray(s.record.pv)
+    for name, x, unit in (("OP", s.op, " %"), ("PV", pv, ""), ("|e|", np.abs(s.sp - pv), "")):
+        middle = float(np.median(x))
+        above = float(weight[-x.size :][x[-weight.size :] > middle].sum()) / total
+        if abs(above - 0.5) > max(_SIDED, abs(best[1])):
+            best = (f"mostly while {name} is {'above' if above > 0.5 else 'below'} {middle:.3g}{unit}", above - 0.5)
+    return best[0]

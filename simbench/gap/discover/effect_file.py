@@ -1,0 +1,69 @@
+"""A law written as an effect of the contract: a file that the simulator runs and the diagnosis knows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from detectors.errors import ParameterError
+from simbench.files import whole_file
+from simbench.gap.law import Law
+from simbench.loop.effects import PLUGINS
+from simbench.loop.laws import FORMS
+
+_TEXT = '''"""{name}: {says}.
+
+{found}
+"""
+
+from simbench.loop.laws import apply_law, law_parameters
+
+SOURCE = "{source}"
+BLOCK, ACTS = "{block}", "{acts}"
+FORM = "{form}"
+PARAMETERS = law_parameters(FORM, {numbers})
+
+
+def apply(setup, p, rng):
+    """Do what the law says, with its numbers or those of the loop file."""
+    apply_law(FORM, setup, p, rng)
+'''
+
+
+def refuse_effect_file(path: str | Path) -> None:
+    """Refuse, before any work, a file whose name can be no effect's."""
+    stem = Path(path).stem
+    if Path(path).suffix != ".py" or not stem.isidentifier() or stem != stem.lower():
+        raise ParameterError(f"--write-effect {path}: a Python file of small letters, digits and _ is needed, like my_law.py")
+    if stem in PLUGINS.names() or stem in PLUGINS.reserved:
+        raise ParameterError(f"--write-effect {path}: the effect {stem!r} is known already; another name is needed")
+
+
+def effect_text(law: Law, name: str, found: str, source: str) -> str:
+    """Return a law as the text of an effect's file."""
+    form = FORMS[law.form]
+    return _TEXT.format(
+        name=name, says=form.says, found=found, source=source.replace('"', "'"), block=form.block, acts=form.acts,
+        form=law.form, numbers=", ".join(f"{k}={float(v)!r}" for k, v in law.numbers.items()),
+    )  # fmt: skip
+
+
+def write_effect(law: Law, path: str | Path, found: str, source: str) -> None:
+    """Write a law as an effect's file."""
+    with whole_file(path) as f:
+        f.write(effect_text(law, Path(path).stem.replace("_", " ").capitalize(), found, source))
+
+
+@contextmanager
+def known(law: Law, name: str = "law_of_this_record") -> Iterator[str]:
+    """Make a law known as an effect while the block lasts, by the very file that would be written; yield its id."""
+    with TemporaryDirectory() as place:
+        file = Path(place) / f"{name}.py"
+        write_effect(law, file, "", "fitted")
+        PLUGINS.add_file(file)
+        try:
+            yield name
+        finally:
+            PLUGINS.forget(name)

@@ -1,0 +1,56 @@
+"""Effects from files known to the diagnosis: one that states a law's form is recognised as that law is found."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+from functools import partial
+from pathlib import Path
+
+from simbench.gap.closed_loop.gap import held_out
+from simbench.gap.discover.families import families, fitted, numbers_of
+from simbench.gap.discover.valve import valve_law
+from simbench.gap.effects import Parameters, Recogniser, lent
+from simbench.gap.exact import controller_law, sensor_law
+from simbench.gap.likelihood.engine import Engine
+from simbench.gap.likelihood.model import Fit, size_penalty
+from simbench.gap.situation import Situation, load_memory
+from simbench.loop.effects import EFFECTS, PLUGINS
+from simbench.loop.laws import FORMS
+
+_MOST = 900.0  # nats that stand for a law which nothing else explains
+
+
+@contextmanager
+def effects_known(files: Iterable[str | Path]) -> Iterator[list[str]]:
+    """Make the effects of files known while the block lasts; yield their ids. They run in this process, as the user asked."""
+    with ExitStack() as stack:
+        names = []
+        for file in files:
+            name = PLUGINS.add_file(file)
+            stack.callback(EFFECTS.forget_all)
+            stack.callback(PLUGINS.forget, name)
+            form = getattr(PLUGINS.load(name), "FORM", "")
+            if form in FORMS:
+                stack.enter_context(lent(name, Recogniser(by_innovations=partial(_seen, form))))
+            names.append(name)
+        EFFECTS.forget_all()
+        yield names
+
+
+def _seen(form: str, base: Fit, s: Situation) -> tuple[float, Parameters] | None:
+    """Return nats and numbers of a form of law in a whole record; None where it shows nothing of it."""
+    first = held_out(s)
+    exact = {"controller": controller_law, "sensor": sensor_law, "valve": valve_law}.get(FORMS[form].block)
+    law = exact(s, first) if exact is not None else None
+    if law is not None and law.form == form:
+        return min(law.nats, _MOST), dict(law.numbers)
+    engine, best = Engine(s.data, load_memory(s)), None
+    for family in families(s, s.data.T == 0.0, first):
+        found = fitted(family, engine, base) if family.form == form else None
+        if found is None:
+            continue
+        gain = found[0].loglik - base.loglik - size_penalty(s.data.n, numbers_of(family, found[1]))
+        if best is None or gain > best[0]:
+            best = gain, family.numbers(*found)
+    return None if best is None else (float(min(best[0], _MOST)), dict(best[1]))

@@ -1,0 +1,187 @@
+"""Which law: block by block, fitted to the first part of a record, and kept only if it pays on the rest."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from tqdm import tqdm
+
+from simbench.gap.candidates import fit_candidates
+from simbench.gap.discover.families import Family, families, fitted, judged, null_of, numbers_of
+from simbench.gap.discover.valve import valve_law
+from simbench.gap.exact import controller_law, sensor_law
+from simbench.gap.law import Law, spells_of
+from simbench.gap.likelihood.engine import Engine
+from simbench.gap.likelihood.model import Data, Fit, input_gain, size_penalty
+from simbench.gap.situation import Situation, load_memory
+
+_TRIED = 24  # forms asked of a record: the price of having asked so many questions (Bonferroni)
+_CHANCE = 0.01  # of a law where none holds, above which it is not believed ...
+_LEAST_NATS = float(np.log(_TRIED / _CHANCE))  # ... in nats on unseen samples
+_JUDGED = 4  # families, the likeliest on the first part, that are asked on the rest
+_LEARNT = 5.0  # nats that a family must bring to the samples it was fitted to
+_SPELL, _LOUD = 10.0, 1.6  # mean length of a spell (samples) and how many times the quiet size, from which it is one
+_CREDIBLE, _STEPS = 1.92, (0.003, 0.01, 0.03, 0.1, 0.2, 0.4, 0.8)  # nats, and shares of a number, of its interval
+_PRICE = 6.0  # nats of a change from on to off
+
+
+class Found(NamedTuple):
+    """The law, its fit to the first part and the fit without it; None where no law pays, and then why, and the block if known."""
+
+    law: Law | None
+    null: Fit
+    fit: Fit
+    why: str = ""
+    block: str = ""
+
+
+def chance(nats: float) -> float:
+    """Return the chance of so many nats on unseen samples by one of the forms where none holds.
+
+    With its numbers held, a law's likelihood ratio on samples that it was not fitted to exceeds 1/p with a chance of at most p
+    (Wasserman, Ramdas & Balakrishnan 2020); the forms share it equally.
+    """
+    return float(min(1.0, _TRIED * np.exp(-min(nats, 700.0))))
+
+
+def search(s: Situation, first: int, progress: bool = False) -> Found:
+    """Return the law of a record, learnt on samples before `first` and judged by those from there on."""
+    with tqdm(total=18, desc="laws", file=sys.stderr, disable=not progress, leave=False) as bar:
+        learn = Engine(_part(s.data, 0, first), load_memory(s))
+        null = null_of(learn, _jumps)
+        bar.update(3)
+        for find in (controller_law, sensor_law, valve_law):
+            law = find(s, first)
+            bar.update()
+            if law is not None and law.nats > _LEAST_NATS:
+                return Found(law, null, null)
+        if s.unexplained_law:
+            why = f"the controller's law is broken, and no form describes how: {s.unexplained_law}"
+            return Found(None, null, null, why, "controller")
+        law, fit, nats = _by_likelihood(s, learn, null, first, bar)
+    if law is not None:
+        return Found(law, null, fit)
+    if s.frozen:
+        return Found(None, null, null, "PV stands still while OP moves, and no form describes when", "sensor")
+    return Found(None, null, null, f"no form pays on samples that it was not fitted to (best {nats:.1f}, needed {_LEAST_NATS:.0f} nats)")
+
+
+def _part(d: Data, begin: int, end: int) -> Data:
+    return replace(d, u=d.u[begin:end].copy(), y=d.y[begin:end].copy())
+
+
+def _jumps(engine: Engine, base: Fit) -> Fit:
+    """Return the fit with what ordinary loads do by jumps."""
+    found = fit_candidates(engine, base, ["load_steps"])["load_steps"]
+    return found.fit if found.used and found.log_likelihood_gain > 0.0 else base
+
+
+def _by_likelihood(s: Situation, learn: Engine, null: Fit, first: int, bar: tqdm) -> tuple[Law | None, Fit, float]:
+    rest = Engine(_part(s.data, first, s.data.n), load_memory(s))
+    other = null_of(rest, _jumps)
+    bar.update(2)
+    tries: list[tuple[float, Family, Fit, dict[str, float]]] = []
+    for family in families(s, s.data.T == 0.0, first):
+        found = fitted(family, learn, null)
+        bar.update()
+        if found is not None:
+            gain = found[0].loglik - null.loglik - size_penalty(learn.data.n, numbers_of(family, found[1]))
+            if gain > _LEARNT:
+                tries.append((gain, family, *found))
+    tries.sort(key=lambda t: -t[0])
+    laws: list[tuple[float, Law, Fit]] = []
+    most = 0.0
+    for gain, family, fit, own in tries[:_JUDGED]:
+        nats, there = judged(family, own, fit, rest, other, first)
+        most = max(most, nats)
+        if nats > _LEAST_NATS:
+            evidence = np.append(_evidence(fit, null, gain), _evidence(there, other, nats))
+            between = _intervals(family, learn, fit, own)
+            laws.append((gain + nats, Law(family.form, family.numbers(fit, own), float(nats), evidence, intervals=between), fit))
+    loud = _loud(s, null, other, first)
+    if loud is not None and loud.nats > _LEAST_NATS:
+        laws.append((2.0 * loud.nats, loud, null))
+    if not laws:
+        return None, null, most
+    _, law, fit = max(laws, key=lambda t: t[0])
+    return law, fit, law.nats
+
+
+def _intervals(family: Family, engine: Engine, fit: Fit, own: dict[str, float]) -> dict[str, tuple[float, float]]:
+    """Return the values of each number within two nats of its best, the others held."""
+
+    def level(one: dict[str, float]) -> float:
+        return Engine(family.seen(engine.data, one), engine.longest_load).evaluate(fit.spec, {**fit.theta, **one})[0]
+
+    best, out = level(own), {}
+    for name in (m for m in own if m not in ("valve", "start")):
+        reached = [own[name], own[name]]
+        for side, way in enumerate((-1.0, 1.0)):
+            for share in _STEPS:
+                trial = own | {name: own[name] + way * share * (abs(own[name]) or 1.0)}
+                reached[side] = trial[name]
+                if best - level(trial) > _CREDIBLE:
+                    break
+        for value in reached:
+            one = replace(fit, theta={**fit.theta, name: value})
+            for key, number in family.numbers(one, own | {name: value}).items():
+                low, high = out.get(key, (number, number))
+                out[key] = (min(low, number), max(high, number))
+    return out
+
+
+def _evidence(fit: Fit, null: Fit, gain: float) -> np.ndarray:
+    """Return by how much each sample speaks for a fit beside its null; what is no square is shared by all."""
+    squares = 0.5 * (np.asarray(null.residual) ** 2 - np.asarray(fit.residual) ** 2)
+    return squares + (gain - float(squares.sum())) / squares.size
+
+
+def _loud(s: Situation, null: Fit, other: Fit, first: int) -> Law | None:
+    """Return the law of a load, or of noise, that is strong in spells: two sizes of the innovations."""
+    r = np.concatenate([np.asarray(null.residual), np.asarray(other.residual)])
+    r = np.clip(r, -8.0, 8.0)
+    learn = r[:first]
+    quiet, loud = float(np.quantile(np.abs(learn), 0.3)) / 0.385, 2.0 * float(np.std(learn))
+    on = np.zeros(first, dtype=bool)
+    for _ in range(6):
+        on = spells_of(_louder(learn, quiet, loud), _PRICE)
+        if not 0.02 < on.mean() < 0.9:
+            return None
+        quiet, loud = float(np.std(learn[~on])), float(np.std(learn[on]))
+    evidence = _louder(r, quiet, loud)
+    on = spells_of(evidence, _PRICE)
+    judge, changes = slice(first, None), np.abs(np.diff(on[first:].astype(int))).sum()
+    plain = float(np.sum(_louder(r[judge], quiet, float(np.std(r[judge])) + 1e-9)))
+    nats = float(evidence[judge][on[judge]].sum()) - plain - _PRICE * float(changes + 1)
+    runs = max(int(np.sum(np.diff(on.astype(int)) == 1)), 1)
+    length = float(on.sum()) / runs
+    if loud < _LOUD * quiet or length < _SPELL or nats <= 0.0:
+        return None
+    x, Ts = r[on], s.record.Ts
+    theta, share = null.theta, float(on.mean())
+    numbers = {"share": min(share, 0.95), "length": length * Ts}
+    more = float(np.sqrt(max(loud**2 - quiet**2, 0.0)) / quiet)
+    # a load is remembered from sample to sample, noise of the reading is taken back by the next one
+    if float(np.mean(x[1:] * x[:-1])) > -0.1 * float(np.mean(x * x)) and theta["load"] > 0.0:
+        load = {"std": min(more * theta["load"] / abs(input_gain(null, s.data)), 100.0), "time": theta["load_time"] * Ts}
+        return Law("bursts", load | numbers, nats, evidence=evidence, on=on)
+    return Law("rough", {"std": more * theta["noise_std"]} | numbers, nats, evidence=evidence, on=on)
+
+
+def _louder(r: np.ndarray, quiet: float, loud: float) -> np.ndarray:
+    """Return by how much each sample speaks for the louder of two normal sizes."""
+    return np.log(quiet / loud) + 0.5 * r * r * (quiet**-2.0 - loud**-2.0)
+
+
+def where(law: Law, price: float = _PRICE) -> np.ndarray:
+    """Return the samples (n,) in which a law acts: its own spells, or those that speak for it where the others speak against."""
+    assert law.evidence is not None or law.on is not None
+    if law.on is not None:
+        return law.on
+    evidence = np.asarray(law.evidence)
+    on = spells_of(evidence, price)
+    against = float(evidence[~on].sum())
+    return on if against < -2.0 * price and on.mean() < 0.9 else np.ones(evidence.size, dtype=bool)

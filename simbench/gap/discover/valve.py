@@ -1,0 +1,58 @@
+"""The law from OP to MV, where MV was recorded: fitted to the first part of the record, judged on the rest."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from simbench.gap.effects import deadband, stiction
+from simbench.gap.law import Law
+from simbench.gap.likelihood import kernels
+from simbench.gap.likelihood.valve_map import MapSearch, lagged
+from simbench.gap.situation import Situation
+
+_EXPLAINS = 0.6  # share of what the baseline's valve leaves of MV, below which a law explains it
+
+_Numbers = dict[str, float]
+
+
+def valve_law(s: Situation, first: int) -> Law | None:
+    """Return the law from OP to MV where MV was recorded and does not follow OP as the baseline's valve does."""
+    if s.record.mv is None:
+        return None
+    op, mv, Ts = s.op, np.asarray(s.record.mv), s.record.Ts
+    span, n = float(np.ptp(op)) or 1.0, op.size
+    fine = 1e-3 * span
+
+    def misfit(v: np.ndarray, where: slice) -> float:
+        return float(np.sqrt(np.mean((mv - v)[where] ** 2))) + fine
+
+    learn, judge = slice(0, first), slice(first, n)
+    plain = s.expected_mv
+    tries: list[tuple[str, _Numbers, np.ndarray]] = []
+    search = MapSearch(op[learn], mv[learn], Ts, plain[learn], s.expected_band)
+    for module in (deadband, stiction):
+        by_mv = module.RECOGNISER.by_mv
+        assert by_mv is not None
+        _, p = by_mv(search)
+        band = {"S": float(p["S"]), "J": float(p.get("J", 0.0))}
+        kind = kernels.STICK if band["J"] > 0.0 else kernels.PLAY
+        whole = MapSearch(op, mv, Ts, plain)
+        tries.append(("memory", band, whole.moved(kind, band["S"], band["J"])))
+    knots = np.quantile(op[learn], (0.25, 0.5, 0.75))
+    X = np.column_stack([np.ones(n), op, *(np.maximum(op - q, 0.0) for q in knots)])
+    beta = np.linalg.lstsq(X[learn], mv[learn], rcond=None)[0]
+    numbers = {f"q{i + 1}": float(q) for i, q in enumerate(knots)} | {f"k{i + 1}": float(b) for i, b in enumerate(beta[2:])}
+    tries.append(("curve", numbers, X @ beta))
+    for rate in np.geomspace(0.02, 5.0, 25) * (float(np.std(np.diff(op))) or 1.0):
+        tries.append(("rate", {"slowness": Ts / float(rate)}, kernels.slewed(op, float(rate))))
+    for tau in np.geomspace(0.3, n / 20, 25):
+        tries.append(("rate", {"tau": float(tau) * Ts}, lagged(op, float(tau))))
+    low, high = float(np.min(mv[learn])), float(np.max(mv[learn]))
+    tries.append(("stops", {"low": low, "high": high}, np.clip(op, low, high)))
+    best = min(tries, key=lambda t: misfit(t[2], learn) * (1.0 + 0.02 * len(t[1])))
+    form, numbers, v = best
+    ratio = misfit(v, judge) / misfit(plain, judge)
+    if not ratio < _EXPLAINS:
+        return None
+    evidence = 0.5 * np.log(((mv - plain) ** 2 + fine**2) / ((mv - v) ** 2 + fine**2))
+    return Law(form, numbers, float(-(n - first) * np.log(ratio)), evidence=evidence)

@@ -1,0 +1,41 @@
+"""Slew limit recognised: one number of how fast MV may follow OP, scanned from far below OP's own moves to beyond them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from simbench.gap.effects._recogniser import Recogniser
+from simbench.gap.likelihood.engine import Engine
+from simbench.gap.likelihood.kernels import slewed
+from simbench.gap.likelihood.model import Data, Fit, Free, Moves, Spec
+from simbench.gap.likelihood.search import plants
+from simbench.gap.likelihood.valve_map import Found, MapSearch
+
+
+def _moves(d: Data) -> float:
+    return float(np.std(np.diff(d.u))) or 1.0
+
+
+_RATE = Free("rate", lambda d: 1e-3 * _moves(d), lambda d: 10.0 * _moves(d), log=True)
+
+
+def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
+    """Scan the rate, then refine it with the nuisances."""
+    spec = base.spec.join(Spec(moves=Moves(lambda u, p: slewed(u, p["rate"]), (_RATE,))))
+    rates = _moves(engine.data) * np.geomspace(0.02, 3.0, 14)
+    points = [{**plant, "rate": float(rate)} for rate in rates for plant in plants(engine, base)]
+    tries = engine.grid(spec, base.theta, points, keep=2)
+    best = max((engine.fit(spec, t.theta) for t in tries), key=lambda f: f.loglik)
+    return (best, 1.0) if best.loglik > base.loglik else (base, 1.0)
+
+
+def by_mv(search: MapSearch) -> Found:
+    """Scan the rate finely."""
+    rates = (float(np.std(np.diff(search.op))) or 1.0) * np.geomspace(0.01, 5.0, 80)
+    level, best = min(((search.level(slewed(search.op, float(r))), float(r)) for r in rates), key=lambda t: t[0])
+    return search.priced(level, {"slowness": search.Ts / best}, 1.0)
+
+
+RECOGNISER = Recogniser(
+    fit=fit, numbers=lambda fit, s: {"slowness": s.record.Ts / fit.theta["rate"]}, by_mv=by_mv, needs="plant"
+)

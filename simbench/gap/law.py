@@ -1,0 +1,66 @@
+"""A law found in a record, as one data object: block, form, numbers, where it acts and what it brings on unseen samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from simbench.loop.laws import FORMS
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """A form with its numbers (units of the loop file), fitted to the first part of a record.
+
+    `nats` is what it brings on the samples it was not fitted to, `evidence` (n,) the same sample by sample over the record,
+    `intervals` the values of each number that do little worse, `on` (n,) the spells of one that comes and goes.
+    """
+
+    form: str
+    numbers: dict[str, float]
+    nats: float
+    evidence: np.ndarray | None = None
+    on: np.ndarray | None = None
+    intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
+    fit: object = None
+
+    @property
+    def block(self) -> str:
+        """Block of the form."""
+        return FORMS[self.form].block
+
+    @property
+    def text(self) -> str:
+        """The law in words, with its numbers."""
+        rules = FORMS[self.form].numbers
+        said = [
+            f"{name} = {value:.3g}{f' {rules[name].unit}' if rules[name].unit != '-' else ''}"
+            for name, value in self.numbers.items()
+            if value != rules[name].identity
+        ]
+        return f"{FORMS[self.form].says}: {', '.join(said)}"
+
+
+def spells_of(evidence: np.ndarray, price: float) -> np.ndarray:
+    """Return the likeliest on (True) and off states of a law whose `evidence` (n,) counts while it is on; a change costs `price`.
+
+    Viterbi (1967) with two states.
+    """
+    n = evidence.size
+    came_on, came_off = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
+    on, off = 0.0, 0.0
+    for k, gain in enumerate(evidence.tolist()):
+        came_on[k], came_off[k] = off - price > on, on - price > off
+        on, off = max(on, off - price) + gain, max(off, on - price)
+    state, out = on > off, np.zeros(n, dtype=bool)
+    for k in range(n - 1, -1, -1):
+        out[k] = state
+        state = (not came_on[k]) if state else bool(came_off[k])
+    return out
+
+
+def windows_of(on: np.ndarray, Ts: float) -> list[list[float]]:
+    """Return begin and end (s) of every run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], on.astype(int), [0]])))
+    return [[float(a * Ts), float(b * Ts)] for a, b in edges.reshape(-1, 2)]

@@ -1,0 +1,88 @@
+"""The page of a discovery: where the record differs, the law that describes it, and the simulation with the law in it."""
+
+from __future__ import annotations
+
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from markupsafe import Markup
+
+from simbench.files import whole_file
+from simbench.gap.closed_loop.gap import held_out
+from simbench.gap.discover.discovery import Discovery
+from simbench.gap.discover.search import chance
+from simbench.gap.report import law_pictures, pictures
+from simbench.gap.report.traces import Traces
+from simbench.html.page import render as render_in
+from simbench.html.svg import inline_svg
+from simbench.html.table import sortable
+from simbench.loop.laws import FORMS
+
+_render = partial(render_in, "simbench.gap.report")
+_MOST = 1200  # samples of a trace drawn
+
+
+def write_law_page(found: Discovery, path: str | Path) -> None:
+    """Write a discovery as one self-contained HTML page."""
+    sections = [{"id": "law", "title": "What it looks like", "body": law_section(found)}]
+    if found.law is not None:
+        sections.append({"id": "look", "title": "Record and simulation", "body": _beside(found)})
+    tag = found.situation.record.tag
+    text = _render(
+        "page.html", title=f"{tag or 'Record'} beside its simulation", subtitle="A law for what has no name", sections=sections,
+        footer=f"simbench {version('stiction-simbench')}",
+    )  # fmt: skip
+    with whole_file(path) as f:
+        f.write(text)
+
+
+def law_section(found: Discovery) -> Markup:
+    """Return the law, or why there is none: the sentence, where it acts, its curve, its numbers and its certificate."""
+    law, g = found.law, found.gap
+    if law is None or g is None:
+        return _render("law.html", sentence=found.sentence(), tiles=[], items=[], table=None, block=found.block)
+    tiles = [
+        (law.block, "block"),
+        (f"{law.nats:.0f} nats", f"on unseen samples (p <= {chance(law.nats):.1g} if no form held)"),
+        (f"{g.recalibrated:.2f} to {g.after:.2f}", f"gap, recalibrated and with the law, floor {g.floor:.2f}"),
+        ((found.nearest or "none").replace("_", " "), "nearest known effect"),
+    ]
+    rules = FORMS[law.form].numbers
+    rows = [
+        {
+            "number": name, "value": f"{value:.4g}", "unit": rules[name].unit,
+            "within two nats": "{:.3g} to {:.3g}".format(*law.intervals[name]) if name in law.intervals else "",
+            "what it is": rules[name].says,
+        }
+        for name, value in law.numbers.items()
+    ]  # fmt: skip
+    items = [
+        {"svg": inline_svg(law_pictures.draw_law(found), "law", law.text), "caption": f"The law: {FORMS[law.form].says}."},
+        {
+            "svg": inline_svg(law_pictures.draw_windows(found), "windows", "record with the law's spells shaded"),
+            "caption": f"Where it acts, shaded{f': {found.regime}' if found.regime else ''}.",
+        },
+    ]
+    return _render(
+        "law.html", sentence=found.sentence(), tiles=tiles, items=items, table=sortable(pd.DataFrame(rows)), block=law.block
+    )
+
+
+def _beside(found: Discovery) -> Markup:
+    s = found.situation
+    n, Ts = s.record.n, s.record.Ts
+    record = Traces(s.op, np.asarray(s.record.pv), s.sp, None, Ts)
+    runs = {name: Traces(op, pv, s.sp, None, Ts) for name, (op, pv) in found.runs.items()}
+    part = (record, runs, max(held_out(s), n - _MOST), n)
+    items = [
+        {"svg": inline_svg(draw(), name, says), "caption": f"{says}."}
+        for draw, name, says in (
+            (lambda: pictures.draw_traces("PV", *part), "pv", "PV over time, set point dotted: record and simulations"),
+            (lambda: pictures.draw_traces("OP", *part), "op", "OP over time: record and simulations"),
+            (lambda: pictures.draw_spectra(record, runs), "spectra", "Power spectra of PV and OP, whole record"),
+        )
+    ]
+    return _render("look.html", items=items, added="the law", absent=False, given=s.trusted)
