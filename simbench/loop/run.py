@@ -56,6 +56,8 @@ class Run:
         Whether the valve has friction.
     mv : ndarray, shape (n + tail,)
         Valve position (%) as it is; the record's may carry noise.
+    friction : (float, float)
+        Mapped S and J (% of travel) of the stickiest stage of the valve.
     """
 
     record: LoopRecord
@@ -64,6 +66,7 @@ class Run:
     tail: LoopRecord | None
     sticky: bool
     mv: np.ndarray
+    friction: tuple[float, float] = (0.0, 0.0)
 
     def to_frame(self) -> pd.DataFrame:
         """Return the record as a table.
@@ -159,4 +162,4 @@ def finished_run(setup: Setup, op: np.ndarray, measured: np.ndarray, mv: np.ndar
         )
 
     tail = part(slice(n, None)) if setup.tail >= 3 else None
-    return Run(part(slice(0, n)), setup.load_in, setup.load_out, tail, setup.sticky, mv)
+    return Run(part(slice(0, n)), setup.load_in, setup.load_out, tail, setup.sticky, mv, setup.friction)

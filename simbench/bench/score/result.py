@@ -59,6 +59,9 @@ class Scores:
         How often sticky, predicted and cycled say what together.
     left_out : DataFrame
         method, mode, of ("entrained", "unclear", "does not apply"), n, and the shares of the three answers with intervals.
+    quantification : DataFrame
+        method, family of valves, parameter (S or J), n sticky loops for which the method gave it, median_error (from the middle
+        of an interval) and width in shares of the valve's S, coverage of intervals that are said to hold nine in ten.
     standing : dict of (truth, mode, process) to Ranks
         What the run can resolve, among methods that see OP and PV only.
     manifest : dict
@@ -73,6 +76,7 @@ class Scores:
     by_axis: pd.DataFrame
     disagreement: pd.DataFrame
     left_out: pd.DataFrame
+    quantification: pd.DataFrame
     standing: dict[tuple[str, str, str], Ranks]
     manifest: dict[str, Any]
     first: str = FRONT
@@ -164,7 +168,7 @@ def _as_text(scores: Scores) -> str:
         rows = scores.ranking("cycled", mode, process)
         if len(rows):
             lines += ["", _title(rows, mode, process), *_block(rows), _resolved(scores, mode, process)]
-    lines += ["", *_legend(scores), "", *_left_out(scores), "", *_dead_band(scores)]
+    lines += ["", *_legend(scores), "", *_left_out(scores), "", *_dead_band(scores), "", *_quantified(scores)]
     lines += ["", "labels that disagree", *_plain(scores.disagreement)]
     return "\n".join(lines)
 
@@ -184,6 +188,7 @@ def _as_json(scores: Scores) -> dict[str, Any]:
         "by_axis": _records(scores.by_axis),
         "disagreement": _records(scores.disagreement),
         "left_out": _records(scores.left_out),
+        "quantification": _records(scores.quantification),
     }
 
 
@@ -262,6 +267,22 @@ def _dead_band(scores: Scores) -> list[str]:
         return ["no dead-band cell cycles here"]
     found = ", ".join(f"{r.method} {r.found:.2f}" for r in rows.itertuples() if not math.isnan(r.found))
     return textwrap.wrap(f"dead-band alone ({int(rows.positives.max())} cycling): found by {found}", 126)
+
+
+def _quantified(scores: Scores) -> list[str]:
+    """Return S and J beside each other, one row for a method on a family of valves."""
+    t = scores.quantification
+    lines = [("method", "family", *(f"{what} {p}" for p in "SJ" for what in ("n", "error", "held", "width")))]
+    for (method, family), rows in t[t.n >= LEAST].groupby(["method", "family"], sort=False):
+        found = {r.parameter: (str(r.n), *map(_short, (r.median_error, r.coverage, r.width))) for r in rows.itertuples()}
+        lines.append((method, family, *found.get("S", ("-",) * 4), *found.get("J", ("-",) * 4)))
+    if len(lines) == 1:
+        return [f"no method gives S or J of {LEAST} sticky loops of a family"]
+    text = (
+        "S and J of sticky loops by family of valves: median error and width in shares of the valve's S; held: share of the "
+        "intervals that hold the truth, nine in ten are said to; - where a method states no level."
+    )
+    return [*textwrap.wrap(text, 126), *columns(lines)]
 
 
 def _short(x: float) -> str:

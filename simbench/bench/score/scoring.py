@@ -12,6 +12,7 @@ import numpy as np
 from detectors.verdict import NO_STICTION, STICTION
 from scenarios.grid import grid_names, load_grid
 from simbench.bench.score.folds import folds_of, found_at, out_of_fold, risk_coverage
+from simbench.bench.score.quantification import quantification
 from simbench.bench.score.ranks import Ranks, rank_methods
 from simbench.bench.score.result import ALL, FRONT, RAW, ROLE_YARDSTICK, UNDECIDED, Scores, kind_of
 from simbench.bench.statistics import area, auc, dense_ranks, rate, wilson
@@ -70,7 +71,8 @@ def score_book(book: RunArrays, raw: bool = False, undecided: float = UNDECIDED)
                 block = _block(book, "cycled", chosen, place)
                 by_axis += [_row(block, a, undecided, interval=False) for a in everyone]
     frames = [_frame(part, {"axis": "", "value": "", **rows[0]}) for part in (rows, by_axis)]
-    return Scores(*frames, _disagreement(book), _frame(left_out, {}), standing, book.manifest, RAW if raw else FRONT, undecided)
+    beside = _disagreement(book), _frame(left_out, {}), quantification(book)
+    return Scores(*frames, *beside, standing, book.manifest, RAW if raw else FRONT, undecided)
 
 
 def _frame(rows: list[dict[str, Any]], example: dict[str, Any]) -> pd.DataFrame:
