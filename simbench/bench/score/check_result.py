@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import pandas as pd
 
 from simbench.bench.score.compare import plain
-from simbench.bench.score.quantification import COVERAGE, ERROR
+from simbench.bench.score.quantification import COVERAGE, MEDIAN_ERROR
 
 SHOWN = 20  # flipped scenarios in a text; JSON has all
 
@@ -137,7 +137,7 @@ def sentence(row: dict[str, Any]) -> str:
     """Return what became worse, from a row of the tests."""
     cases = "" if pd.isna(row["lost"]) else f", {row['lost']:.0f} lost and {row['won']:.0f} won"
     moved = f"{'rose' if row['now'] > row['before'] else 'fell'} from {row['before']:.3f} to {row['now']:.3f}"
-    of = f"of {row['label']}" if row["what"] in (COVERAGE, ERROR) else f"against {row['label']!r}"
+    of = f"of {row['label']}" if row["what"] in (COVERAGE, MEDIAN_ERROR) else f"against {row['label']!r}"
     return f"{row['method']}: {row['what']} {of} {moved}{cases} (p = {row['p']:.2g})"
 
 

@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 COLUMNS = ("method", "family", "parameter", "n", "median_error", "coverage", "width")
-ENOUGH = 60  # estimates of a family of valves: fewer are scored, but not checked
-COVERAGE, ERROR = "coverage", "median error"
-_ALLOWED = {COVERAGE: 0.03, ERROR: 0.02}  # moves that are no regression; errors in shares of S
+_ENOUGH = 60  # estimates of a family of valves: fewer are scored, but not checked
+COVERAGE, MEDIAN_ERROR = "coverage", "median error"
+_ALLOWED = {COVERAGE: 0.03, MEDIAN_ERROR: 0.02}  # moves that are no regression; errors in shares of S
 _ALLOWED_APART = 0.05  # more of either between runs of other loops
 _KEPT = 0.8  # of the loops whose S or J a method gave before, that it must still give to be compared
 
@@ -70,7 +70,7 @@ def compared(now: RunArrays, before: RunArrays, pairs: Pairs) -> tuple[list[dict
     ours, rows, untold = dict(list(new.groupby(keys))), [], []
     for key, one in old.groupby(keys, sort=False):
         method, parameter, family = key
-        if len(one) < ENOUGH or method not in now.methods:
+        if len(one) < _ENOUGH or method not in now.methods:
             continue
         two = ours.get(key, new[:0])
         if paired:
@@ -82,7 +82,7 @@ def compared(now: RunArrays, before: RunArrays, pairs: Pairs) -> tuple[list[dict
         if len(sides[1]) < wanted:
             untold.append(f"{method}: cannot tell of {parameter} of {family}: given {len(sides[1])} times, before {len(one)}")
             continue
-        for what, column in ((ERROR, "error"), (COVERAGE, "held")):
+        for what, column in ((MEDIAN_ERROR, "error"), (COVERAGE, "held")):
             a, b = (np.asarray(side[column], dtype=float) for side in sides)
             if np.isfinite(a).any():
                 test = _test(what, a, b, paired)
@@ -100,12 +100,12 @@ def _test(what: str, before: np.ndarray, now: np.ndarray, paired: bool) -> dict[
     row: dict[str, Any] = {"n": min(before.size, now.size), "allowed": allowed}
     if not row["n"]:
         return {**row, "before": float(before.mean()), "now": 0.0, "p": 0.0}
-    middle = np.median if what == ERROR else np.mean
+    middle = np.median if what == MEDIAN_ERROR else np.mean
     row.update(before=float(middle(before)), now=float(middle(now)))
     if paired:
         up, down = int((now > before).sum()), int((now < before).sum())
-        row["lost"], row["won"] = (up, down) if what == ERROR else (down, up)
+        row["lost"], row["won"] = (up, down) if what == MEDIAN_ERROR else (down, up)
         return {**row, "p": mcnemar(row["lost"], row["won"], worse=True)}
-    if what == ERROR:
+    if what == MEDIAN_ERROR:
         return {**row, "p": float(stats.mannwhitneyu(now - allowed, before, alternative="greater").pvalue)}
     return {**row, "p": rate_drop(int(before.sum()), before.size, int(now.sum()), now.size, allowed)}
