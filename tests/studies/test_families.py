@@ -89,7 +89,7 @@ def test_a_run_is_read_drawn_and_printed(run, capsys):
     assert {"choudhury", "lugre"} <= set(rows.valve)
     assert set(rows.method) == {"hammerstein", "he", "horch_histogram"}
     numbers = data(run)
-    assert set(numbers.columns) == {"method", "valve", "cycling", "n", "stiction", "lo", "hi"}
+    assert set(numbers.columns) == {"method", "valve", "cycling", "n", "stiction", "lo", "hi", "home"}
     if len(numbers):
         draw(numbers)
     main([str(run)])

@@ -23,6 +23,8 @@ ALL = "all"
 UNDECIDED = 0.5  # cost of no decision; an error costs 1
 LEAST = 20  # loops: a rate of fewer says nothing, and is not shown
 ROLE_YARDSTICK = "yardstick"
+# behind a method's name, by where its constants were fitted: on loops of this grid, of one with the same blocks, of neither
+HOME_MARKS = {"fitted here": "*", "siblings": "+", "no": ""}
 _ROWS = (
     "method", "truth", "front_end", "process", "n", "applicable", "accuracy_applicable", "accuracy_decided", "no_decision",
     "found", "false_alarms", "accuracy_all", "auc", "lo", "hi", "sees_mv", "rank", "found_at_5", "cost", "risk_coverage",
@@ -213,7 +215,7 @@ def _block(rows: pd.DataFrame) -> list[str]:
         lines.append(
             (
                 ("" if r.kind else "-") if r.rank is None or math.isnan(r.rank) else f"{r.rank:.0f}",
-                r.method,
+                r.method + HOME_MARKS[r.home],
                 str(r.applicable),
                 *(x if isinstance(x, str) else "-" if few else _short(x) for x in rates),
             )
@@ -241,7 +243,8 @@ def _legend(scores: Scores) -> list[str]:
         f"cost, which ranks: an error 1, no decision {scores.undecided:g}. accuracy: no decision is not right; none: its share."
         " found: of cycling loops, false al.: of the others. at 5 %: found at 5 % false alarms, threshold from other groups. "
         "risk: area under the risk-coverage curve, threshold from other groups. of all: accuracy over everything, where a "
-        "method that does not apply is wrong. A method made for a part of the loops (rank -) is ranked among those. "
+        "method that does not apply is wrong. * behind a method: its constants were fitted to other loops of this grid, + of "
+        "one with the same blocks. A method made for a part of the loops (rank -) is ranked among those. "
         "blind classifier: gradient boosting on sampling, length, noise and process of loops that oscillate, learned on others."
     )
     return textwrap.wrap(text, 126)
