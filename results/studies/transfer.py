@@ -43,6 +43,7 @@ GRIDS, BLIND, REAL = ("chapter", "plant"), ("own", "mill", "refinery"), "real"
 SEED = 90210  # of no grid and no blind check
 LENGTH, CYCLES = 256, 8  # samples and cycles of a record that the convolutions see
 DILATIONS = (1, 2, 4, 8, 16)
+BIASES = (-1.0, 0.3, 1.0)
 FOLDS, DRAWS = 5, 1000
 
 
@@ -149,9 +150,10 @@ def _scaled(x: np.ndarray) -> np.ndarray:
 
 
 def convolved(traces: np.ndarray) -> np.ndarray:
-    """Return shares of time in which convolutions of OP, PV and their sum are positive: MiniRocket's features.
+    """Return shares of time in which convolutions of OP, PV and their sum exceed a bias: MiniRocket's features.
 
-    Dempster, Schmidt and Webb (2021), KDD, 248: kernels of nine weights, three of them 2, the others -1, dilated; bias 0 here.
+    Dempster, Schmidt and Webb (2021), KDD, 248: kernels of nine weights, three of them 2, the others -1, dilated; biases are
+    `BIASES` times the convolution's standard deviation, as symmetric waves spend half of their time above 0.
 
     Parameters
     ----------
@@ -170,7 +172,9 @@ def convolved(traces: np.ndarray) -> np.ndarray:
             shifted = [x[:, k * step : k * step + size] for k in range(9)]
             whole = np.sum(shifted, axis=0)
             for three in combinations(range(9), 3):
-                found.append((3.0 * sum(shifted[k] for k in three) > whole).mean(axis=1))
+                out = 3.0 * sum(shifted[k] for k in three) - whole
+                spread = out.std(axis=1, keepdims=True)
+                found += [(out > bias * spread).mean(axis=1) for bias in BIASES]
     return np.column_stack(found)
 
 
@@ -391,8 +395,9 @@ def draw(found: list[dict[str, Any]], homes: dict[str, Home], names: list[str], 
         label(left, "", "", "Spearman of the methods' costs; diagonal: halves")
         for axis in (left.xaxis, left.yaxis):
             axis.set_ticks(range(len(where)), where)
-        for m in names:
-            right.plot(range(len(where)), [float(h.mean([m])[0]) for h in homes.values()], marker="o", markersize=3, label=m)
+        for k, m in enumerate(names):
+            costs = [float(h.mean([m])[0]) for h in homes.values()]
+            right.plot(range(len(where)), costs, "-" if k < 7 else "--", marker="o", markersize=3, label=m)
         label(right, "", "cost", "methods from home to home")
         right.set_xticks(range(len(where)), where)
         right.legend(fontsize=5, ncol=2)
