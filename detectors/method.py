@@ -67,6 +67,9 @@ class Method:
         Cases of the contract test that do not apply to the method, each with the reason.
     fitted_on : tuple of str
         Grids whose loops, of other seeds, the method's constants were fitted to.
+    stated : tuple of str
+        Which of S and J come as intervals that are said to hold the truth in nine cases of ten; any other interval is what fits
+        the record, without a level.
     published : dict of str to float
         Thresholds at which the method is its source and nothing else; empty when its defaults are that, or when the source
         gives no numbers. `NAME@published` is the method with these.
@@ -89,6 +92,7 @@ class Method:
     thresholds: dict[str, Threshold] = field(default_factory=dict)
     exempt: dict[str, str] = field(default_factory=dict)
     fitted_on: tuple[str, ...] = ()
+    stated: tuple[str, ...] = ()
     published: dict[str, float] = field(default_factory=dict)
     chapter: dict[str, float] = field(default_factory=dict)
 

@@ -6,7 +6,7 @@ Parameters: `fitness_low` (-), published; `harmonics` (-), own: kept of OP and P
 Indices: fitness (share of points within 10 % of the ellipse, 0..1), S_apparent (chord through the centre along OP).
 Rule: fitness >= 0.6: stiction; else none.
 Not for: deciding alone. Any oscillation with a phase shift between OP and PV draws an ellipse, sticky or not; the paper asks
-for a nonlinearity first (method choudhury). S_apparent is a mark of the loop, not the valve's S.
+for a nonlinearity first (method choudhury). S is the apparent stiction: a mark of the loop more than the valve's S.
 Source: M.A.A.S. Choudhury, S.L. Shah, N.F. Thornhill, D.S. Shook (2006), Control Engineering Practice 14, 1395-1412; Eq 11.15.
 """
 
@@ -79,5 +79,5 @@ def detect(prepared: Prepared, *, fitness_low: float, harmonics: float = 3.0) ->
     indices = {"fitness": fitness, "S_apparent": S}
     if fitness >= fitness_low:
         reason = f"{fitness:.0%} of the points lie on an ellipse; apparent stiction {S:.2g} {record.S_unit}"
-        return Verdict("ellipse", STICTION, fitness, indices, reason=reason)
+        return Verdict("ellipse", STICTION, fitness, indices, S=S, reason=reason)
     return Verdict("ellipse", NO_STICTION, fitness, indices, reason=f"no clear ellipse: {fitness:.0%} of the points lie on it")

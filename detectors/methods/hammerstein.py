@@ -6,7 +6,8 @@ travel), the chapter's 0.5 %; `output_error` (1 or 0), own: 0, as in the source,
 Indices: gain (error a sticky valve takes off that of a straight one, 0..1), share ((S + J) over the swing of OP: a cycle of
 the valve's own swings by no more than about S + J), error (unexplained share of the variance of PV), S_hat, J_hat, T_s, Td_s.
 Rule: score = gain min(share, 1); >= 0.03 and S >= 0.5 %: stiction; below it: none. S is an
-interval that covers what both maps say, J a number where the record fixes it, else the interval of all values that fit as well.
+interval around what both maps say, which holds in nine loops of ten; J a number where the record fixes it, else all values that
+fit as well, without a level.
 The valve is Choudhury's map or one that stops within every sample (He's), whichever explains PV better.
 Not for: loops whose PV is moved from outside more than by the valve (error above one half: no decision); J, wherever the
 valve only toggles between two positions: J and the gain of the plant then trade off.
@@ -27,7 +28,7 @@ from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Level, Verdict
 
 _SAMPLES = 30  # per period at least, after averaging, of the one-step fit
 _SHARES, _JUMPS = np.arange(1, 11) / 10.0, np.arange(7) / 4.0  # of S in OP's swing and of J in S, tried by it
-BEYOND = 1.3  # S is looked for this far beyond what fits: so it holds in nine of ten loops of any family (bench/families.py)
+_BEYOND = 1.3  # times what fits S is looked for, so that it holds in nine of ten loops (`results/families.txt`)
 
 METHOD = Method(
     title="sticky valve and linear plant fitted to OP and PV",
@@ -39,6 +40,7 @@ METHOD = Method(
         "S_low": Threshold(0.5, "% of travel", 0.0, 100.0, "chapter, section 11.1", "below: negligible"),
         "output_error": Threshold(1.0, "-", 0.0, 1.0, "own; 0 in Jelali 2008, an ARX part", "1: simulation; 0: one-step"),
     },
+    stated=("S",),
     published={"output_error": 0.0, "score_low": 0.0, "score_high": 0.0},
 )
 
@@ -115,7 +117,7 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float, S_low: fl
     fit = f"a sticky valve takes {gain:.0%} off the error of a straight one, S + J = {share:.2g} of OP's swing"
     if record.op_percent is not None and found.S < S_low:
         return Verdict("hammerstein", NO_STICTION, score, indices, reason=f"S = {found.S:.2g} % is negligible; {fit}")
-    S = found.S_range[0] / BEYOND, found.S_range[1] * BEYOND
+    S = found.S_range[0] / _BEYOND, found.S_range[1] * _BEYOND
     J = interval(found.J, found.J_range, 0.3 * found.S)
     if score >= score_high:
         return Verdict("hammerstein", STICTION, score, indices, S=S, J=J, reason=fit)

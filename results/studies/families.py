@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from detectors.evidence import EVIDENCE
-from detectors.methods.hammerstein import BEYOND
 from detectors.procedure import ODDS_HIGH
 from detectors.report.report import table
 from results.studies.procedure_weights import fit
 from simbench.bench.score.families import read
+from simbench.bench.score.quantification import estimates
+from simbench.bench.statistics import wilson
+from simbench.bench.store.reading import RunArrays
 from simbench.usage import exit_code
 
 if TYPE_CHECKING:
     import pandas as pd
 
 LIKE = "choudhury"  # the family every other is compared with, in the same cells
-VARYING = ("asymmetric", "time_varying", "intermittent")  # no single S
 PARTS = 2  # cells are told apart by their number: each part is judged with what was fitted on the others
 
 
@@ -60,37 +61,29 @@ def left_out(rows: pd.DataFrame) -> Iterator[dict[str, object]]:
         }
 
 
-def levels(rows: pd.DataFrame) -> Iterator[dict[str, object]]:
-    """Yield how well Hammerstein's S holds on undisturbed cycling loops that the front end sees.
+def sizes(books: Iterable[RunArrays]) -> Iterator[dict[str, object]]:
+    """Yield how well S and J of each family are told over several draws of the grid.
 
     Parameters
     ----------
-    rows : DataFrame
-        As `read` gives it; with hammerstein.
+    books : iterable of RunArrays
+        The runs.
 
     Yields
     ------
     dict
-        family, n; within 10 %, and within 0.5 % of travel: shares of S_hat; held: share of the reported intervals that hold S;
-        left out: the widening that holds nine tenths of the other families, and the share of this one that it holds.
+        method, parameter, family, n; median error and width in shares of the valve's S; held, of the intervals whose level is
+        stated, and its 95 % interval.
     """
-    here = rows[(rows.method == "hammerstein") & rows.cycled & (rows.disturbance == "none") & rows.oscillating]
-    here = here[here.indices.map(lambda i: "S_hat" in i) & ~here.valve.isin(VARYING) & here.S_lo.notna()]
-    hat = here.indices.map(lambda i: i["S_hat"])
-    inner = here.S_lo * BEYOND, here.S_hi / BEYOND
-    beyond = np.maximum(np.maximum(inner[0] / here.S, here.S / inner[1]), 1.0)
-    for family in dict.fromkeys(here.valve):
-        own = np.asarray(here.valve == family)
-        wide = float(np.quantile(beyond[~own], 0.9))
-        yield {
-            "family": family,
-            "n": int(own.sum()),
-            "within 10 %": float((np.abs(hat / here.S - 1) <= 0.1)[own].mean()),
-            "within 0.5 % of travel": float((np.abs(hat - here.S) <= 0.5)[own].mean()),
-            "held": float((beyond <= BEYOND)[own].mean()),
-            "left out: beyond": wide,
-            "left out: held": float((beyond <= wide)[own].mean()),
-        }
+    import pandas as pd
+
+    found = pd.concat([estimates(book) for book in books])
+    for (method, parameter, family), rows in found.groupby(["method", "parameter", "family"]):
+        held = rows.held.dropna()
+        lo, hi = wilson(held.sum(), max(held.size, 1))
+        ends = {"width": float(rows.width.median()), "held": float(held.mean()), "lo": float(lo), "hi": float(hi)}
+        place = {"method": method, "parameter": parameter, "family": family, "n": len(rows)}
+        yield {**place, "median error": float(rows.error.median()), **(ends if held.size else dict.fromkeys(ends, "-"))}
 
 
 def _evidence(rows: pd.DataFrame) -> pd.DataFrame:
@@ -126,7 +119,7 @@ def _odds(loops: pd.DataFrame, allowed: pd.Series) -> np.ndarray:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Print both tables of a run of grid families: `python -m results.studies.families RUN`.
+    """Print tables of runs of grid families, the first of the first alone: `python -m results.studies.families RUN [RUN ...]`.
 
     Parameters
     ----------
@@ -137,11 +130,11 @@ def main(arguments: list[str] | None = None) -> int:
     -------
     int
     """
-    rows = read((sys.argv[1:] if arguments is None else arguments)[0])
+    runs = sys.argv[1:] if arguments is None else arguments
     print("the procedure on each family, its weights fitted without it")
-    print("\n".join(table(list(left_out(rows)))))
-    print("\nS of hammerstein on undisturbed cycling loops; left out: interval widened to hold 0.9 of the other families")
-    print("\n".join(table(list(levels(rows)))))
+    print("\n".join(table(list(left_out(read(runs[0]))))))
+    print(f"\nS and J of sticky valves, {len(runs)} draws of the grid: errors and widths in shares of the valve's S")
+    print("\n".join(table(list(sizes(RunArrays.read(run) for run in runs)))))
     return 0
 
 

@@ -1,6 +1,7 @@
 """Critical difference: mean ranks of the detectors over a run's scenarios; bars that overlap cannot be told apart.
 
-Detectors that see the valve position MV are left out, and so are those made for a part of the scenarios.
+Detectors that see the valve position MV are left out, and so are those made for a part of the scenarios. Behind a name: *
+fitted on this grid, + on its siblings.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from detectors.errors import ParameterError
+from simbench.bench.score.result import HOME_MARKS
 from simbench.figures._style import BLUE, GREY, label, panels, styled
 
 SOURCE = "Demsar (2006), J. Mach. Learn. Res. 7, 1, figure 1, drawn with one bar per method"
@@ -26,7 +28,8 @@ def data(run) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        method, mean_rank (1 = best, ties shared), half_width (half the critical difference), accuracy, lo, hi, cases.
+        method, mean_rank (1 = best, ties shared), half_width (half the critical difference), accuracy, lo, hi, cases, home
+        (where its constants were fitted).
     """
     from simbench.bench.score.compare import compare
 
@@ -36,7 +39,7 @@ def data(run) -> pd.DataFrame:
         raise ParameterError(f"{run}: ranks need at least {needed}")
     ranked = found.ranking.dropna(subset=["mean_rank"]).sort_values("mean_rank", ignore_index=True)
     ranked.insert(2, "half_width", found.critical_difference / 2)
-    columns = ["method", "mean_rank", "half_width", "accuracy", "lo", "hi", "cases"]
+    columns = ["method", "mean_rank", "half_width", "accuracy", "lo", "hi", "cases", "home"]
     return ranked.assign(cases=found.cases).reindex(columns=columns)
 
 
@@ -49,7 +52,7 @@ def draw(data: pd.DataFrame) -> Figure:
     best = data.iloc[0]
     left.axvline(best["mean_rank"] + best["half_width"], color=GREY, linewidth=0.8, linestyle="--")
     label(left, "mean rank, bar = critical difference", "", "bars that overlap: not told apart")
-    left.set_yticks(place, data["method"])
+    left.set_yticks(place, data["method"] + data["home"].map(HOME_MARKS))
     reach = [data["accuracy"] - data["lo"], data["hi"] - data["accuracy"]]
     right.errorbar(data["accuracy"], place, xerr=reach, fmt="o", color=BLUE, elinewidth=1.2)
     label(right, "accuracy against cycled, 95 %", "", f"{int(best['cases'])} scenarios")

@@ -13,7 +13,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from simbench.bench.score.result import LEAST
+from simbench.bench.score.result import HOME_MARKS, LEAST
 from simbench.bench.score.scoring import answers_of
 from simbench.bench.statistics import wilson
 from simbench.bench.store.reading import CODES, RunArrays
@@ -38,7 +38,8 @@ def data(run: str | Path) -> pd.DataFrame:
     -------
     DataFrame
         method, plant, ratio (Td/T, or Td/Ti of integrating loops), S_over_2J (0 healthy, inf dead-band), n, applicable (of
-        n), right and no_decision (shares of the applicable; NaN where there are none), lo, hi (95 % interval of right).
+        n), right and no_decision (shares of the applicable; NaN where there are none), lo, hi (95 % interval of right), home
+        (where the method's constants were fitted).
     """
     return cells(RunArrays.read(run))
 
@@ -61,8 +62,8 @@ def cells(book: RunArrays) -> pd.DataFrame:
                     right, undecided = said == positive[cell & a.applies], said == CODES["no_decision"]
                     shares = [float(x.mean()) if said.size else np.nan for x in (right, undecided)]
                     ends = map(float, wilson(int(right.sum()), said.size))
-                    rows.append((a.method, plant, ratio, shape, int(cell.sum()), said.size, *shares, *ends))
-    columns = ["method", "plant", "ratio", "S_over_2J", "n", "applicable", "right", "no_decision", "lo", "hi"]
+                    rows.append((a.method, plant, ratio, shape, int(cell.sum()), said.size, *shares, *ends, a.home))
+    columns = ["method", "plant", "ratio", "S_over_2J", "n", "applicable", "right", "no_decision", "lo", "hi", "home"]
     return pd.DataFrame(rows, columns=columns).sort_values("method", kind="stable", ignore_index=True)
 
 
@@ -97,12 +98,14 @@ def draw(data: pd.DataFrame) -> Figure:
             place = axes[k // side, (k % side) * len(plants) + j]
             part = data[(data.method == method) & (data.plant == plant)]
             image = _map(place, part, PLANTS[plant][2])
-            place.set_title(f"{method}\n{plant}" if j == 0 else f"\n{plant}")
+            place.set_title(f"{method}{HOME_MARKS[part.home.iloc[0]]}\n{plant}" if j == 0 and len(part) else f"\n{plant}")
     for place in axes.ravel()[len(methods) * len(plants) :]:
         place.set_axis_off()
     if image is not None and len(methods) > 1:  # one map's numbers stand in its cells
         bar = figure.colorbar(image, ax=axes, location="right", shrink=0.5, aspect=40)
-        bar.set_label("share of right answers (no decision counts as wrong)\nhatched: does not apply")
+        bar.set_label(
+            "share of right answers (no decision counts as wrong)\n* fitted here, + on its siblings; hatched: does not apply"
+        )
     return figure
 
 

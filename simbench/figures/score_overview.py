@@ -14,7 +14,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from detectors.verdict import NO_STICTION, STICTION
-from simbench.bench.score.result import LEAST
+from simbench.bench.score.result import HOME_MARKS, LEAST
 from simbench.bench.score.scoring import answers_of, blind_answers, score_book
 from simbench.bench.statistics import wilson
 from simbench.bench.store.reading import CODES, RunArrays
@@ -38,8 +38,8 @@ def data(run: str | Path) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        method, kind, rank, accuracy (where it applies), process, loops, n, applicable, right (share of the applicable); best
-        method first.
+        method, home, kind, rank, accuracy (where it applies), process, loops, n, applicable, right (share of the applicable);
+        best method first.
     """
     return overview(RunArrays.read(run))
 
@@ -60,9 +60,9 @@ def overview(book: RunArrays) -> pd.DataFrame:
                 said = a.said[here & a.applies]
                 wanted = CODES[STICTION if loops.startswith("cycling") else NO_STICTION]
                 share = float((said == wanted).mean()) if said.size else np.nan
-                place = (r.method, ROW_GROUPS[int(r.kind)], r.rank, r.accuracy_applicable, process, loops)
+                place = (r.method, r.home, ROW_GROUPS[int(r.kind)], r.rank, r.accuracy_applicable, process, loops)
                 rows.append((*place, int(here.sum()), said.size, share))
-    columns = ["method", "kind", "rank", "accuracy", "process", "loops", "n", "applicable", "right"]
+    columns = ["method", "home", "kind", "rank", "accuracy", "process", "loops", "n", "applicable", "right"]
     return pd.DataFrame(rows, columns=columns)
 
 
@@ -77,7 +77,7 @@ def draw(data: pd.DataFrame) -> Figure:
     wide = sum(map(len, columns.values()))
     ratios = [1.0, *(float(len(loops)) for loops in columns.values())]
     figure, axes = panels(1, len(ratios), 2.7 + 0.66 * (wide + 1), 0.27 * size + 1.75, sharey=True, width_ratios=ratios)
-    names = [f"{m.method}  {m.rank:.0f}" if m.rank == m.rank else f"{m.method}   " for m in methods.itertuples()]
+    names = [f"{m.method}{HOME_MARKS[m.home]}  {m.rank:.0f}".replace("  nan", "   ") for m in methods.itertuples()]
     whole = methods["accuracy"].to_numpy(dtype=float)[:, None]
     covered = np.asarray(data.groupby("method", sort=False)["applicable"].sum(), dtype=float)
     image = _cells(axes[0, 0], whole, covered[:, None])
@@ -101,7 +101,7 @@ def draw(data: pd.DataFrame) -> Figure:
             if methods.kind.iloc[k] != methods.kind.iloc[k - 1]:
                 place.axhline(k - 0.5, color="white", linewidth=3)
     bar = figure.colorbar(image, ax=axes, location="right", shrink=0.7, aspect=30)
-    about = "number beside a name: rank; hatched: does not apply"
+    about = "number beside a name: rank; * fitted on this grid, + on its siblings; hatched: does not apply"
     bar.set_label(f"share right where it applies (no decision is not right)\n{about}")
     return figure
 

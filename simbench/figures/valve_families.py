@@ -1,7 +1,8 @@
 """Valve families: what each method finds of every friction model, and its false alarms on every healthy valve.
 
 Rows are methods, best first; columns are valve families in the same cells: left, the share of the cycling loops that are called
-sticky; right, the share of the loops that do not cycle and are called sticky all the same.
+sticky; right, the share of the loops that do not cycle and are called sticky all the same. Behind a name: * fitted on this
+grid, + on its siblings.
 """
 
 from __future__ import annotations
@@ -12,6 +13,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from simbench.bench.score.families import rates, read
+from simbench.bench.score.result import HOME_MARKS
+from simbench.bench.score.scoring import home_of
+from simbench.bench.store.reading import RunArrays
 from simbench.figures._score import SHARE_COLOURS
 from simbench.figures._style import panels, styled
 
@@ -30,8 +34,10 @@ def data(run: str | Path) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        method, valve, cycling, n, stiction (share) with Wilson's lo and hi; best method first.
+        method, valve, cycling, n, stiction (share) with Wilson's lo and hi, home (where the method's constants were fitted);
+        best method first.
     """
+    book = RunArrays.read(run)
     found = rates(read(run))
     found = found[found.n >= FEWEST]
     mean = (
@@ -45,6 +51,7 @@ def data(run: str | Path) -> pd.DataFrame:
         found.assign(place=found.method.map(place))
         .sort_values(["place", "cycling", "valve"], ignore_index=True)
         .drop(columns="place")
+        .assign(home=lambda rows: [home_of(method, book) for method in rows.method])
     )
 
 
@@ -52,6 +59,8 @@ def data(run: str | Path) -> pd.DataFrame:
 def draw(data: pd.DataFrame) -> Figure:
     """Draw both maps of shares, the share written into its field."""
     methods = list(dict.fromkeys(data.method))
+    homes = dict(zip(data.method, data.home, strict=True))
+    names = [method + HOME_MARKS[homes[method]] for method in methods]
     sticky, healthy = (sorted(set(data.valve[data.cycling == c])) for c in (True, False))
     figure, (axes,) = panels(1, 2, 1.6 + 0.42 * (len(sticky) + len(healthy)), 1.6 + 0.26 * len(methods), sharey=True)
     for ax, valves, cycling, title in zip(
@@ -73,7 +82,7 @@ def draw(data: pd.DataFrame) -> Figure:
                         color="w" if share < 0.55 else "k",
                     )
         ax.set_xticks([j + 0.5 for j in range(len(valves))], valves, rotation=60, ha="right")
-        ax.set_yticks([i + 0.5 for i in range(len(methods))], methods)
+        ax.set_yticks([i + 0.5 for i in range(len(methods))], names)
         ax.set_title(title)
         ax.set_ylim(len(methods), 0)
     return figure

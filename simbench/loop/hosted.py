@@ -195,8 +195,10 @@ def run_of(said: Any, loop: Loop) -> Run:
         raise PluginError("its loop gives signals that are not finite, or of another length")
     op, pv, sp, mv, load_in, load_out, valve = signals
     record = LoopRecord(op=op, pv=pv, sp=sp, mv=mv, Ts=loop.sampling.Ts, process=known.get("process"), op_span=(0.0, 100.0))
+    band = said.get("friction")
+    S, J = (number_of(x, "mapped_SJ") for x in (band if isinstance(band, (tuple, list)) and len(band) == 2 else (0.0, 0.0)))
     notes = tuple(str(note)[:_LONGEST_NOTE] for note in said.get("notes") or ())
-    return Run(record, load_in, load_out, None, said["sticky"] is True, valve, notes)
+    return Run(record, load_in, load_out, None, said["sticky"] is True, valve, (S, J), notes)
 
 
 def _stub(kind: str, name: str, said: Mapping[str, Any]) -> ModuleType:

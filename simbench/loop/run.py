@@ -63,6 +63,8 @@ class Run:
         Whether the valve has friction.
     mv : ndarray, shape (n + tail,)
         Valve position (%) as it is; the record's may carry noise.
+    friction : (float, float)
+        Mapped S and J (% of travel) of the stickiest stage of the valve.
     notes : tuple of str
         What the reader must know of how it was computed.
     """
@@ -73,6 +75,7 @@ class Run:
     tail: LoopRecord | None
     sticky: bool
     mv: np.ndarray
+    friction: tuple[float, float] = (0.0, 0.0)
     notes: tuple[str, ...] = ()
 
     def to_frame(self) -> pd.DataFrame:
@@ -172,4 +175,4 @@ def finished_run(setup: Setup, op: np.ndarray, measured: np.ndarray, mv: np.ndar
     notes = [
         why for found in (setup.plant_plugin, setup.control_plugin) if found and (why := kernel.runs_plainly(found[0].step))
     ]
-    return Run(part(slice(0, n)), setup.load_in, setup.load_out, tail, setup.sticky, mv, tuple(notes))
+    return Run(part(slice(0, n)), setup.load_in, setup.load_out, tail, setup.sticky, mv, setup.friction, tuple(notes))

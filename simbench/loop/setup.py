@@ -110,7 +110,12 @@ class Setup:
     @property
     def sticky(self) -> bool:
         """Whether any stage of the valve has friction: what it maps on decides, not how it or its numbers are called."""
-        return any(S > 0.0 for S, _ in self.bands)
+        return self.friction[0] > 0.0
+
+    @property
+    def friction(self) -> tuple[float, float]:
+        """Mapped (S, J) in % of travel of the stickiest stage."""
+        return max(self.bands, default=(0.0, 0.0))
 
     def draw_noise(self, quiet: int | None = None) -> None:
         """Draw the noise and add it to what is measured with PV, before sample `quiet`; last: effects change its strength."""

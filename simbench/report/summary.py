@@ -71,4 +71,5 @@ def _readable(scores: Scores, mode: str, process: str = "all") -> dict[str, Any]
         against = scores.ranking(truth, mode, process).set_index("method")["accuracy_applicable"]
         table[f"by {truth}"] = ranking["method"].map(against)
     table["of all"] = ranking["accuracy_all"]
+    table["fitted"] = ranking["home"].map({"fitted here": "on this grid", "siblings": "on its siblings"}).fillna("")
     return sortable(table.assign(**{"median (ms)": ranking["median_ms"]}), formats=_FORMATS, beside=beside)

@@ -5,10 +5,11 @@ import pandas as pd
 import pytest
 
 from detectors.evidence import EVIDENCE
-from results.studies.families import left_out, levels, main, read
+from results.studies.families import left_out, main, read, sizes
 from scenarios.grid import load_grid
 from simbench.bench.execute.run import run_grid
 from simbench.bench.score.families import rates
+from simbench.bench.store.reading import RunArrays
 from simbench.figures.valve_families import data, draw
 
 FAMILIES = ["choudhury", "he", "stribeck"]
@@ -76,11 +77,6 @@ def test_a_family_that_does_not_show_is_not_found():
     assert found["he"]["less than choudhury"] == 1.0
 
 
-def test_levels_hold_the_share_of_right_sizes():
-    for row in levels(made()):
-        assert (row["within 10 %"], row["held"], row["left out: held"]) == (1.0, 1.0, 1.0)
-
-
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     axes = {"disturbance": ["none"], "tuning": ["slow"], "S_over_2J": [1.0]}
@@ -93,8 +89,16 @@ def test_a_run_is_read_drawn_and_printed(run, capsys):
     assert {"choudhury", "lugre"} <= set(rows.valve)
     assert set(rows.method) == {"hammerstein", "he", "horch_histogram"}
     numbers = data(run)
-    assert set(numbers.columns) == {"method", "valve", "cycling", "n", "stiction", "lo", "hi"}
+    assert set(numbers.columns) == {"method", "valve", "cycling", "n", "stiction", "lo", "hi", "home"}
     if len(numbers):
         draw(numbers)
     main([str(run)])
-    assert "left out" in capsys.readouterr().out
+    assert "S and J of sticky valves, 1 draws" in capsys.readouterr().out
+
+
+def test_draws_of_the_grid_are_counted_together(run):
+    book = RunArrays.read(run)
+    one, two = ({(r["family"], r["parameter"]): r for r in sizes([book] * k) if r["method"] == "hammerstein"} for k in (1, 2))
+    assert two["choudhury", "S"]["n"] == 2 * one["choudhury", "S"]["n"]
+    assert two["choudhury", "S"]["held"] == one["choudhury", "S"]["held"]
+    assert two["choudhury", "J"]["held"] == "-"

@@ -300,7 +300,8 @@ def _budgets(names: Sequence[str]) -> tuple[int, int]:
 
 def _about(name: str) -> dict[str, Any]:
     if name == ORACLE:
-        return {"front_end": False, "needs_mv": False, "role": ORACLE, "budget": "full", "fitted_on": []}
+        return {"front_end": False, "needs_mv": False, "role": ORACLE, "budget": "full", "fitted_on": [], "stated": []}
     method = registry.load(name).METHOD
     kept = ("front_end", "needs_mv", "role", "budget")
-    return {**{name: getattr(method, name) for name in kept}, "fitted_on": list(method.fitted_on)}
+    lists = {name: list(getattr(method, name)) for name in ("fitted_on", "stated")}
+    return {**{name: getattr(method, name) for name in kept}, **lists}

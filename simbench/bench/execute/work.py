@@ -232,6 +232,8 @@ def _scenario_row(it: _Simulated, prepared: Prepared | None) -> dict[str, Any]:
         found = prepared.oscillation
         row.update(
             sticky=it.run.sticky,
+            S=it.run.friction[0],
+            J=it.run.friction[1],
             oscillating=found.sustained,
             regularity=found.regularity,
             period_s=found.period_s,

@@ -19,7 +19,7 @@ from simbench.files import whole_file, write_table
 
 _EMPTY = {
     "scenarios": ("flags",),
-    "verdicts": ("score_raw", "reason", "reason_raw", "indices", "S_lo", "S_hi", "J_lo", "J_hi", "S_unit", "runtime_s"),
+    "verdicts": ("score_raw", "reason", "reason_raw", "indices", "S_unit", "runtime_s"),
 }
 _KEPT = (
     "format", "grid", "grid_hash", "cells_hash", "seed", "overrides", "scenarios", "methods", "thresholds", "plugins",
@@ -36,9 +36,9 @@ def write_baseline(run: str | Path, baseline: str | Path) -> None:
 
     Notes
     -----
-    The tables keep their columns, those that no check needs are empty; scores keep 24 bits. The loops stay: every flip can be
-    simulated again. scores.csv is there for the eye: its difference in version control reads as accuracy gained and lost.
-    history.csv grows by one row per method.
+    The tables keep their columns, those that no check needs are empty; scores, S and J keep 24 bits. The loops stay: every flip
+    can be simulated again. scores.csv is there for the eye: its difference in version control reads as accuracy gained and
+    lost. history.csv grows by one row per method.
     """
     baseline = make_folder(baseline)
     whole = read_manifest(run)
@@ -50,9 +50,10 @@ def write_baseline(run: str | Path, baseline: str | Path) -> None:
             column = table.schema.get_field_index(name)
             table = table.set_column(column, table.schema.field(name), pa.nulls(table.num_rows, table.schema.field(name).type))
         if kind == "verdicts":
-            at = table.schema.get_field_index("score")
-            rounded = table.column("score").to_numpy(zero_copy_only=False).astype(np.float32).astype(float)
-            table = table.set_column(at, table.schema.field(at), pa.array(rounded, from_pandas=True))
+            for name in ("score", "S_lo", "S_hi", "J_lo", "J_hi"):
+                at = table.schema.get_field_index(name)
+                rounded = table.column(name).to_numpy(zero_copy_only=False).astype(np.float32).astype(float)
+                table = table.set_column(at, table.schema.field(at), pa.array(rounded, from_pandas=True))
         out = io.BytesIO()
         # whole scenarios in every row group
         pq.write_table(table, out, compression="zstd", row_group_size=500 * max(len(manifest["methods"]), 1))

@@ -14,8 +14,9 @@ from scipy import stats
 from detectors.errors import UserError
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from simbench.bench.score.baseline import read_book, write_baseline
-from simbench.bench.score.check_result import Check
+from simbench.bench.score.check_result import Check, sentence
 from simbench.bench.score.pairing import Pairs, pair
+from simbench.bench.score.quantification import COVERAGE, MEDIAN_ERROR, compared
 from simbench.bench.statistics import auc, auc_drop, auc_drop_unpaired, holm, mcnemar, rate_drop
 from simbench.bench.store.reading import CODES, RunArrays, RunError
 
@@ -74,14 +75,20 @@ def compare_books(now: RunArrays, before: RunArrays, margin: float = MARGIN) -> 
             two = _answers(now, i, label, pairs.now[alike] if paired else None)
             rows += [{"method": method, "label": label, **row} for row in _tests(one, two, paired)]
         flips.append(_flips(now, i, before, j, pairs))
+    of_sizes, untold = compared(now, before, pairs)
+    rows += of_sizes
     tests = pd.DataFrame(rows, columns=["method", "label", "what", "n", "before", "now", "lost", "won", "p"])
     each = tests.groupby("method", sort=False)["p"]
+    size = each.transform("size") if basis == "same" else pd.Series(len(tests), index=tests.index)
     # an unchanged detector gives the same answers on the same records: only what changed can fail by chance
     tests["p"] = each.transform(holm) if basis == "same" else holm(tests["p"])
-    size = len(_COUNTED) * len(_CHECKED_TRUTHS) + len(_CHECKED_TRUTHS) if basis == "same" else len(tests)
-    tests["seen"] = [_seen(row, basis, size) for row in tests.to_dict("records")]
-    tests["worse"] = (tests["p"] < _LEVEL) & (tests["before"] - tests["now"] > (margin if paired else 0.0))
-    unseen = tuple(_unseen(tests, basis))
+    tests["seen"] = [_seen(row, basis, k) for row, k in zip(tests.to_dict("records"), size, strict=True)]
+    allowed = [row.get("allowed", margin if paired else 0.0) for row in rows]
+    beyond = np.where(tests["what"] == MEDIAN_ERROR, -1.0, 1.0) * (tests["before"] - tests["now"]) > allowed
+    tests["worse"] = (tests["p"] < _LEVEL) & beyond
+    moved = tests[beyond & ~tests["worse"] & tests["what"].isin((MEDIAN_ERROR, COVERAGE))]
+    untold += [f"{sentence(row)}: cannot tell whether by chance" for row in moved.to_dict("records")]
+    unseen = (*_unseen(tests, basis), *untold)
     said = f"{_basis(now, before, pairs, margin)}; a loss of {100 * _REACH[basis]:g} points must be found in 8 of 10 such runs"
     every = pd.concat(flips, ignore_index=True) if flips else pd.DataFrame()
     return Check(paired, said, tuple(problems), tests, every, unseen=unseen)
@@ -139,9 +146,9 @@ def _basis(now: RunArrays, before: RunArrays, pairs: Pairs, margin: float) -> st
 
 
 def _seen(row: dict[str, Any], basis: str, tests: int) -> float:
-    """Return the smallest drop of a rate that is found with `_POWER`; NaN for an AUC."""
+    """Return the smallest drop of a rate that is found with `_POWER`; NaN for an AUC and a median error."""
     n, level = row["n"], _LEVEL / tests
-    if row["what"] == "AUC" or n == 0:
+    if row["what"] in ("AUC", MEDIAN_ERROR) or n == 0:
         return float("nan")
     if basis == "other":
         spread = np.sqrt(2 * max(row["before"] * (1 - row["before"]), 1 / (n + 2)) / n)

@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 import pandas as pd
 
 from simbench.bench.score.compare import plain
+from simbench.bench.score.quantification import COVERAGE, MEDIAN_ERROR
 
 SHOWN = 20  # flipped scenarios in a text; JSON has all
 
@@ -27,9 +28,9 @@ class Check:
         What fails without any statistics: missing methods or scenarios, new errors, a changed truth.
     tests : DataFrame
         method, label, what ("right": of all, "detection": share of the positives called sticky, "rejection": of the negatives
-        called healthy, "no miss", "no false alarm": the same with no decision allowed, "AUC"), n (of them, where the method
-        covers the loop), before, now, lost, won (cases, paired only),
-        p (Holm-corrected), seen (smallest drop found in 8 of 10 such runs), worse.
+        called healthy, "no miss", "no false alarm": the same with no decision allowed, "AUC", "coverage" and "median error" of
+        S and J of a family of valves), n (of them, where the method covers the loop), before, now, lost, won (cases, paired
+        only), p (Holm-corrected), seen (smallest drop found in 8 of 10 such runs), worse.
     flips : DataFrame
         Every changed verdict: scenario_id (the baseline's), method, was, now, record ("same" or "other"), sticky, cycled,
         block, disturbance.
@@ -135,8 +136,9 @@ def again(check: Check, scenario_id: str) -> str:
 def sentence(row: dict[str, Any]) -> str:
     """Return what became worse, from a row of the tests."""
     cases = "" if pd.isna(row["lost"]) else f", {row['lost']:.0f} lost and {row['won']:.0f} won"
-    moved = f"fell from {row['before']:.3f} to {row['now']:.3f}"
-    return f"{row['method']}: {row['what']} against {row['label']!r} {moved}{cases} (p = {row['p']:.2g})"
+    moved = f"{'rose' if row['now'] > row['before'] else 'fell'} from {row['before']:.3f} to {row['now']:.3f}"
+    of = f"of {row['label']}" if row["what"] in (COVERAGE, MEDIAN_ERROR) else f"against {row['label']!r}"
+    return f"{row['method']}: {row['what']} {of} {moved}{cases} (p = {row['p']:.2g})"
 
 
 def _moved(check: Check) -> pd.DataFrame:

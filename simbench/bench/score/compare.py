@@ -13,7 +13,7 @@ import pandas as pd
 
 from detectors.errors import UserError, nearest
 from simbench.bench.score.baseline import read_book
-from simbench.bench.score.scoring import axis_values
+from simbench.bench.score.scoring import axis_values, home_of
 from simbench.bench.statistics import holm, mcnemar, mean_ranks, rate
 from simbench.bench.store.reading import TRUTHS, RunArrays, RunError
 from simbench.bench.store.tables import AXES
@@ -35,7 +35,8 @@ class _Comparison:
         Scenarios both sides judged.
     ranking : DataFrame
         method, n (scenarios it applies to), accuracy over those with interval (lo, hi), mean_rank (1 = best, ties shared; NaN
-        for what is not ranked: methods that see MV or are made for a part of the scenarios), best first.
+        for what is not ranked: methods that see MV or are made for a part of the scenarios), home (where its constants were
+        fitted), best first.
     critical_difference : float
         Mean ranks closer than this cannot be told apart (group bootstrap, 5 %); NaN between two runs or for
         fewer than 3 methods.
@@ -169,6 +170,7 @@ def _comparison(
     accuracy = [(int(a.sum()), *rate(int(r[a].sum()), int(a.sum()))) for r, a in zip(right, applies)]
     ranking = pd.DataFrame(accuracy, columns=["n", "accuracy", "lo", "hi"]).assign(mean_rank=ranks)
     ranking.insert(0, "method", book.methods)
+    ranking["home"] = [home_of(method, book) for method in book.methods]
     pairs = pd.DataFrame(rows, columns=["first", "second", "only_first", "only_second"])
     pairs["p"] = holm([mcnemar(lost, won) for _, _, lost, won in rows])
     pairs["differ"] = pairs["p"] < _LEVEL

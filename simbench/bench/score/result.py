@@ -23,6 +23,8 @@ ALL = "all"
 UNDECIDED = 0.5  # cost of no decision; an error costs 1
 LEAST = 20  # loops: a rate of fewer says nothing, and is not shown
 ROLE_YARDSTICK = "yardstick"
+# behind a method's name, by where its constants were fitted: on loops of this grid, of one with the same blocks, of neither
+HOME_MARKS = {"fitted here": "*", "siblings": "+", "no": ""}
 _ROWS = (
     "method", "truth", "front_end", "process", "n", "applicable", "accuracy_applicable", "accuracy_decided", "no_decision",
     "found", "false_alarms", "accuracy_all", "auc", "lo", "hi", "sees_mv", "rank", "found_at_5", "cost", "risk_coverage",
@@ -64,6 +66,9 @@ class Scores:
         How often sticky, predicted and cycled say what together.
     left_out : DataFrame
         method, mode, of ("entrained", "unclear", "does not apply"), n, and the shares of the three answers with intervals.
+    quantification : DataFrame
+        method, family of valves, parameter (S or J), n sticky loops for which the method gave it, median_error (from the middle
+        of an interval) and width in shares of the valve's S, coverage of intervals that are said to hold nine in ten.
     standing : dict of (truth, mode, process) to Ranks
         What the run can resolve, among methods that see OP and PV only.
     manifest : dict
@@ -78,6 +83,7 @@ class Scores:
     by_axis: pd.DataFrame
     disagreement: pd.DataFrame
     left_out: pd.DataFrame
+    quantification: pd.DataFrame
     standing: dict[tuple[str, str, str], Ranks]
     manifest: dict[str, Any]
     first: str = FRONT
@@ -169,7 +175,7 @@ def _as_text(scores: Scores) -> str:
         rows = scores.ranking("cycled", mode, process)
         if len(rows):
             lines += ["", _title(rows, mode, process), *_block(rows), _resolved(scores, mode, process), *_over_blind(rows)]
-    lines += ["", *_legend(scores), "", *_left_out(scores), "", *_dead_band(scores)]
+    lines += ["", *_legend(scores), "", *_left_out(scores), "", *_dead_band(scores), "", *_quantified(scores)]
     lines += ["", "labels that disagree", *_plain(scores.disagreement)]
     return "\n".join(lines)
 
@@ -189,6 +195,7 @@ def _as_json(scores: Scores) -> dict[str, Any]:
         "by_axis": _records(scores.by_axis),
         "disagreement": _records(scores.disagreement),
         "left_out": _records(scores.left_out),
+        "quantification": _records(scores.quantification),
     }
 
 
@@ -213,7 +220,7 @@ def _block(rows: pd.DataFrame) -> list[str]:
         lines.append(
             (
                 ("" if r.kind else "-") if r.rank is None or math.isnan(r.rank) else f"{r.rank:.0f}",
-                r.method,
+                r.method + HOME_MARKS[r.home],
                 str(r.applicable),
                 *(x if isinstance(x, str) else "-" if few else _short(x) for x in rates),
             )
@@ -262,7 +269,8 @@ def _legend(scores: Scores) -> list[str]:
         f"cost, which ranks: an error 1, no decision {scores.undecided:g}. accuracy: no decision is not right; none: its share."
         " found: of cycling loops, false al.: of the others. at 5 %: found at 5 % false alarms, threshold from other groups. "
         "risk: area under the risk-coverage curve, threshold from other groups. of all: accuracy over everything, where a "
-        "method that does not apply is wrong. A method made for a part of the loops (rank -) is ranked among those. "
+        "method that does not apply is wrong. * behind a method: its constants were fitted to other loops of this grid, + of "
+        "one with the same blocks. A method made for a part of the loops (rank -) is ranked among those. "
         "blind classifier: gradient boosting on sampling, length, noise and process of loops that oscillate, learned on others;"
         " over blind: a method's cost less its own, same loops, interval by groups."
     )
@@ -289,6 +297,22 @@ def _dead_band(scores: Scores) -> list[str]:
         return ["no dead-band cell cycles here"]
     found = ", ".join(f"{r.method} {r.found:.2f}" for r in rows.itertuples() if not math.isnan(r.found))
     return textwrap.wrap(f"dead-band alone ({int(rows.positives.max())} cycling): found by {found}", 126)
+
+
+def _quantified(scores: Scores) -> list[str]:
+    """Return S and J beside each other, one row for a method on a family of valves."""
+    t = scores.quantification
+    lines = [("method", "family", *(f"{what} {p}" for p in "SJ" for what in ("n", "error", "held", "width")))]
+    for (method, family), rows in t[t.n >= LEAST].groupby(["method", "family"], sort=False):
+        found = {r.parameter: (str(r.n), *map(_short, (r.median_error, r.coverage, r.width))) for r in rows.itertuples()}
+        lines.append((method, family, *found.get("S", ("-",) * 4), *found.get("J", ("-",) * 4)))
+    if len(lines) == 1:
+        return [f"no method gives S or J of {LEAST} sticky loops of a family"]
+    text = (
+        "S and J of sticky loops by family of valves: median error and width in shares of the valve's S; held: share of the "
+        "intervals that hold the truth, nine in ten are said to; - where a method states no level."
+    )
+    return [*textwrap.wrap(text, 126), *columns(lines)]
 
 
 def _short(x: float) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -12,6 +12,7 @@ import numpy as np
 from detectors.verdict import NO_STICTION, STICTION
 from scenarios.grid import grid_names, load_grid
 from simbench.bench.score.folds import folds_of, found_at, out_of_fold, risk_coverage
+from simbench.bench.score.quantification import quantification
 from simbench.bench.score.ranks import Ranks, rank_methods
 from simbench.bench.score.result import ALL, FRONT, RAW, ROLE_YARDSTICK, UNDECIDED, Scores, kind_of
 from simbench.bench.statistics import area, auc, dense_ranks, rate, wilson
@@ -70,7 +71,8 @@ def score_book(book: RunArrays, raw: bool = False, undecided: float = UNDECIDED)
                 block = _block(book, "cycled", chosen, place, told)
                 by_axis += [_row(block, a, undecided, interval=False) for a in everyone]
     frames = [_frame(part, {"axis": "", "value": "", **rows[0]}) for part in (rows, by_axis)]
-    return Scores(*frames, _disagreement(book), _frame(left_out, {}), standing, book.manifest, RAW if raw else FRONT, undecided)
+    beside = _disagreement(book), _frame(left_out, {}), quantification(book)
+    return Scores(*frames, *beside, standing, book.manifest, RAW if raw else FRONT, undecided)
 
 
 def _frame(rows: list[dict[str, Any]], example: dict[str, Any]) -> pd.DataFrame:
@@ -89,7 +91,7 @@ def answers_of(book: RunArrays, mode: str = FRONT) -> Iterator[_Answers]:
         applies = book.applicable[i] != 0
         yield _Answers(
             method, about["role"], about["needs_mv"], verdicts[i], scores[i], applies, book.failed[i], book.runtime[i],
-            _home_of(about.get("fitted_on", ()), book),
+            home_of(method, book),
         )  # fmt: skip
     nothing = np.zeros(book.ids.size)
     for name, code in _YARDSTICKS.items():
@@ -97,9 +99,9 @@ def answers_of(book: RunArrays, mode: str = FRONT) -> Iterator[_Answers]:
         yield _Answers(name, ROLE_YARDSTICK, False, said, nothing, nothing == 0, nothing != 0, nothing)
 
 
-def _home_of(fitted_on: Iterable[str], book: RunArrays) -> str:
+def home_of(method: str, book: RunArrays) -> str:
     """Return whether a method's constants were fitted to this grid ("fitted here"), to one with the same blocks, or "no"."""
-    known = [name for name in fitted_on if name in grid_names()]
+    known = [name for name in book.manifest["methods"][method].get("fitted_on", ()) if name in grid_names()]
     blocks = {block.name for name in known for block in load_grid(name).content.block}
     if book.manifest["grid"] in known:
         return "fitted here"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,8 @@ CODES = {NO_STICTION: 0, STICTION: 1, NO_DECISION: 2}
 _WORDS = ("block", "member", "process", "controller", "valve", "disturbance", "tuning")
 _NUMBERS = tuple(axis for axis in AXES if axis not in _WORDS)
 ID = np.dtype("S16")
+_ENDS = ("S_lo", "S_hi", "J_lo", "J_hi")
+LEVELS = np.dtype([("loop", np.int64), ("method", np.int64), *((end, np.float32) for end in _ENDS)])  # as baselines keep them
 
 
 def parts(
@@ -107,6 +109,10 @@ class RunArrays:
         Whether the detector raised an error.
     runtime : ndarray of float32, shape (m, n)
         Seconds.
+    friction : ndarray, shape (n, 2)
+        Mapped S and J of the valve (% of travel); NaN in baselines that kept none.
+    levels : ndarray of LEVELS, shape (k,)
+        Every S and J that a method gave, with the numbers of loop and method; the ends of an interval, or twice a number.
     """
 
     manifest: dict[str, Any]
@@ -126,6 +132,8 @@ class RunArrays:
     applicable: np.ndarray
     failed: np.ndarray
     runtime: np.ndarray
+    friction: np.ndarray = field(default_factory=lambda: np.empty((0, 2)))
+    levels: np.ndarray = field(default_factory=lambda: np.empty(0, LEVELS))
 
     @classmethod
     def read(cls, path: str | Path | Place, manifest: dict[str, Any] | None = None) -> RunArrays:
@@ -143,9 +151,9 @@ def _scenario_columns(place: Place, manifest: Mapping[str, Any]) -> dict[str, An
     axes: dict[str, np.ndarray] = {a: np.empty(n, dtype=object if a in _WORDS else float) for a in (*_WORDS, *_NUMBERS)}
     truth = {t: np.empty(n, dtype=np.int8) for t in TRUTHS}
     oscillating, places = np.empty(n, dtype=bool), [np.empty(0, dtype="S")]
-    groups, design = np.empty(n, dtype=np.int64), np.empty((n, 6))
+    groups, design, friction = np.empty(n, dtype=np.int64), np.empty((n, 6)), np.full((n, 2), np.nan)
     sampling = ("period_s", "n", "Ts", "noise_std")
-    columns = ["scenario_id", "record_hash", "cell", "repeat", "group", *axes, *TRUTHS, "oscillating", *sampling]
+    columns = ["scenario_id", "record_hash", "cell", "repeat", "group", *axes, *TRUTHS, "oscillating", *sampling, "S", "J"]
     for rows, part in _sliced(place, manifest, "scenarios", columns, n):
         ids[rows], hashes[rows] = _ids(part.column("scenario_id")), _ids(part.column("record_hash"))
         for name in _WORDS:
@@ -164,10 +172,13 @@ def _scenario_columns(place: Place, manifest: Mapping[str, Any]) -> dict[str, An
         with np.errstate(divide="ignore", invalid="ignore"):
             whole = (period / Ts, length * Ts / period, length, Ts, noise, axes["process"][rows] == "integrating")
         design[rows] = np.column_stack(whole)
+        if "S" in part.column_names:  # baselines written before have none
+            friction[rows] = np.column_stack([part.column(name).to_numpy(zero_copy_only=False) for name in ("S", "J")])
     truth["cycled"][:] = np.select([cycled == "yes", cycled == "no"], [1, 0], -1)
     truth["cycled_word"] = cycled
     marks = {"ids": ids, "hashes": hashes, "places": np.concatenate(places)}
-    return {**marks, "axes": axes, "truth": truth, "oscillating": oscillating, "groups": groups, "design": design}
+    found = {"axes": axes, "truth": truth, "oscillating": oscillating, "groups": groups, "design": design}
+    return {**marks, **found, "friction": friction}
 
 
 def _verdict_columns(place: Place, manifest: Mapping[str, Any], ids: np.ndarray) -> dict[str, np.ndarray]:
@@ -175,7 +186,7 @@ def _verdict_columns(place: Place, manifest: Mapping[str, Any], ids: np.ndarray)
     kinds = {"verdict": np.int8, "verdict_raw": np.int8, "score": float, "score_raw": float, "applicable": np.int8}
     out = {name: np.empty((len(methods), n), dtype=kind) for name, kind in kinds.items()}
     out.update(failed=np.empty((len(methods), n), dtype=bool), runtime=np.empty((len(methods), n), dtype=np.float32))
-    columns = ["scenario_id", "method", *kinds, "error", "runtime_s"]
+    columns, levels = ["scenario_id", "method", *kinds, "error", "runtime_s", *_ENDS], [np.empty(0, LEVELS)]
     for rows, part in _sliced(place, manifest, "verdicts", columns, n, max(len(methods), 1)):
         _check_order(part, ids[rows], methods, place)
         found = {name: _codes(part.column(name)) for name in ("verdict", "verdict_raw")}
@@ -185,7 +196,19 @@ def _verdict_columns(place: Place, manifest: Mapping[str, Any], ids: np.ndarray)
         found["runtime"] = part.column("runtime_s").to_numpy(zero_copy_only=False)
         for name, values in found.items():
             out[name][:, rows] = values.reshape(-1, len(methods)).T
-    return out
+        levels.append(_levels(part, rows.start, len(methods)))
+    return {**out, "levels": np.concatenate(levels)}
+
+
+def _levels(part: pa.Table, start: int, methods: int) -> np.ndarray:
+    """Return the rows of a part in which a method gave S or J."""
+    ends = np.column_stack([part.column(end).cast(pa.float64()).to_numpy(zero_copy_only=False) for end in _ENDS])
+    given = np.flatnonzero(~np.isnan(ends).all(axis=1))
+    found = np.empty(given.size, LEVELS)
+    found["loop"], found["method"] = start + given // methods, given % methods
+    for k, end in enumerate(_ENDS):
+        found[end] = ends[given, k]
+    return found
 
 
 def _sliced(

@@ -24,6 +24,8 @@ SCENARIOS = pa.schema(
         *((name, pa.int64() if name in _COUNTS else _TEXT if name in _WORDS else _NUMBER) for name in TAG_KEYS),
         ("seed", pa.int64()),
         ("sticky", pa.bool_()),
+        ("S", _NUMBER),  # mapped, % of travel
+        ("J", _NUMBER),
         ("predicted", pa.bool_()),
         ("refined", pa.bool_()),
         ("theory", pa.bool_()),

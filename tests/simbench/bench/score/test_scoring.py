@@ -16,6 +16,7 @@ from simbench.bench.calibrate import abstention, calibrate, calibrate_books, cut
 from simbench.bench.execute.adaptive import trials
 from simbench.bench.execute.run import run_grid
 from simbench.bench.execute.sweep import sweep
+from simbench.bench.score.compare import between_methods
 from simbench.bench.score.scoring import FRONT, RAW, score_book, score_run
 from simbench.bench.statistics import wilson
 from simbench.bench.store.reading import RunArrays
@@ -380,3 +381,14 @@ def test_the_table_of_truths_begins_with_sticky_loops_that_should_cycle_and_do(s
     rows = scores.disagreement[["sticky", "predicted", "cycled"]].to_records(index=False).tolist()
     assert rows == sorted(rows, reverse=True)
     assert len({row[0] for row in rows}) == 2
+
+
+def test_a_method_fitted_on_this_grid_is_marked_in_the_tables(book):
+    truth = np.tile([1, 0], 30)
+    run = book(np.array([truth, truth]), truth, grid="chapter")
+    run.manifest["methods"]["m1"] = {**run.manifest["methods"]["m1"], "fitted_on": ["chapter"]}
+    lines = [x.split() for x in score_book(run).as_text().splitlines()]
+    assert any("m1*" in line for line in lines)
+    assert any("m0" in line for line in lines)
+    assert not any("m0*" in line for line in lines)
+    assert dict(between_methods(run).ranking[["method", "home"]].to_numpy()) == {"m0": "no", "m1": "fitted here"}

@@ -1,0 +1,451 @@
+"""Does the ranking transfer? `python -m results.studies.transfer FOLDER`: the methods' order on grids, worlds and real units.
+
+Every method that does without MV judges as many loops of each home, half of them sticky; its cost is that of the score table
+(an error 1, no decision .5), sticky and sound loops counting the same. Spearman's rank correlation of the costs between two
+homes says how far an order won on one holds on the other. Learned yardsticks stand beside the methods: gradient boosting on
+features of OP and PV, and a ridge on convolutions of both as recorded, each trained on one home and judged on all. Answers are
+kept in the folder; it goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from functools import partial
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy import stats
+from tqdm import tqdm
+
+from detectors.judge import judge
+from detectors.plugins.registry import methods as registry
+from detectors.record import LoopRecord
+from detectors.records.io import read_record
+from detectors.report.report import columns
+from detectors.signal.oscillation import detrend, find_oscillation
+from detectors.verdict import NO_DECISION, STICTION
+from results.studies.plant.recorded_loops import records
+from results.studies.plant.stiction_probability import entry
+from scenarios.grid import load_grid
+from simbench.bench.scenario.resolve import resolve
+from simbench.bench.scenario.truth import simulate_with_truth
+from simbench.blind.making import write_item
+from simbench.blind.world import WORLDS
+from simbench.files import answered, folder, write_table
+from simbench.usage import exit_code
+
+GRIDS, BLIND, REAL = ("chapter", "plant"), ("own", "mill", "refinery"), "real"
+SEED = 90210  # of no grid and no blind check
+LENGTH, CYCLES = 256, 8  # samples and cycles of a record that the convolutions see
+DILATIONS = (1, 2, 4, 8, 16)
+BIASES = (-1.0, 0.3, 1.0)
+FOLDS, DRAWS = 5, 1000
+
+
+def methods() -> list[str]:
+    """Return the methods that are ranked: those that see OP and PV alone, without nonlinearity tests.
+
+    Returns
+    -------
+    list of str
+    """
+    about = {name: registry.load(name).METHOD for name in (*registry.names(), *registry.lent)}
+    return [name for name, m in about.items() if not m.needs_mv and m.role != "nonlinearity"]
+
+
+def asked(home: str, number: int) -> dict[str, Any]:
+    """Judge one simulated loop, odd numbers sticky, by every method.
+
+    Parameters
+    ----------
+    home : str
+        Grid or blind world.
+    number : int
+        Of the loop.
+
+    Returns
+    -------
+    dict
+        sticky, group, said (method to 1, 0, or -1 for no decision), features, trace.
+    """
+    sticky = number % 2 == 1
+    if home in GRIDS:
+        return _judged(_of_grid(home, number, sticky), sticky, number)
+    item = WORLDS.load(home).draw(SEED, number, entry(number))
+    with tempfile.TemporaryDirectory() as place:
+        return _judged(read_record(write_item(item, Path(place), "loop")[0]), sticky, number)
+
+
+def _of_grid(grid: str, number: int, cycling: bool) -> LoopRecord:
+    source, rng = load_grid(grid, {"seed": SEED}), np.random.default_rng([SEED, GRIDS.index(grid), number])
+    while True:
+        members = list(resolve(source.group(int(rng.integers(source.group_count)))))
+        for i in rng.permutation(len(members)):
+            run, cycled = simulate_with_truth(members[i].loop, members[i].seed)
+            if cycled.answer == ("yes" if cycling else "no"):
+                return run.record.without_mv()
+
+
+def _judged(record: LoopRecord, sticky: bool, group: Any) -> dict[str, Any]:
+    said = {v.method: -1 if v.verdict == NO_DECISION else int(v.verdict == STICTION) for v in judge(record, methods())}
+    return {"sticky": sticky, "group": group, "said": said, "features": features(record), "trace": trace(record)}
+
+
+def features(record: LoopRecord) -> list[float]:
+    """Return what papers compute of OP and PV: shapes, spectra, their correlation, and how regularly they swing.
+
+    Parameters
+    ----------
+    record : LoopRecord
+        With at least some tens of samples.
+
+    Returns
+    -------
+    list of float
+    """
+    swing = find_oscillation(record.op, record.pv, record.Ts)
+    period = swing.period_s / record.Ts if np.isfinite(swing.period_s) else record.n / CYCLES
+    op, pv = (_scaled(detrend(np.asarray(x, dtype=float))) for x in (record.op, record.pv))
+    found = [float(swing.sustained), swing.regularity, record.n / period, period]
+    for x in (op, pv):
+        moves = np.diff(x)
+        power = np.abs(np.fft.rfft(x * np.hanning(x.size))) ** 2
+        at, total = np.fft.rfftfreq(x.size) * period, power.sum() or 1.0
+        lines = [power[np.abs(at - k) < 0.25].sum() / total for k in (1, 2, 3, 5)]
+        found += [stats.skew(x), stats.kurtosis(x), stats.skew(moves), stats.kurtosis(moves), *lines]
+        found += [np.mean(np.abs(moves) < 0.1 * (moves.std() or 1.0)), power[at > 10].sum() / total]
+    lags = [round(k * period / 8) for k in range(-4, 5)]
+    found += [float(np.mean(op[max(k, 0) : op.size + min(k, 0)] * pv[max(-k, 0) : pv.size + min(-k, 0)])) for k in lags]
+    found.append(float(np.mean(op[:-1] * pv[1:] - op[1:] * pv[:-1])) * period)
+    return [float(np.clip(x, -1e6, 1e6)) if np.isfinite(x) else 0.0 for x in found]
+
+
+def trace(record: LoopRecord) -> list[list[float]]:
+    """Return the middle cycles of OP and PV, each scaled and on as many samples.
+
+    Parameters
+    ----------
+    record : LoopRecord
+        With at least some tens of samples.
+
+    Returns
+    -------
+    list of list of float
+        Two rows.
+    """
+    swing = find_oscillation(record.op, record.pv, record.Ts)
+    wanted = CYCLES * swing.period_s / record.Ts if swing.sustained else record.n
+    half = 0.5 * min(wanted, record.n - 1)
+    at = np.linspace(0.5 * (record.n - 1) - half, 0.5 * (record.n - 1) + half, LENGTH)
+    return [np.round(_scaled(np.interp(at, np.arange(record.n), x)), 4).tolist() for x in (record.op, record.pv)]
+
+
+def _scaled(x: np.ndarray) -> np.ndarray:
+    return (x - x.mean()) / (x.std() or 1.0)
+
+
+def convolved(traces: np.ndarray) -> np.ndarray:
+    """Return shares of time in which convolutions of OP, PV and their sum exceed a bias: MiniRocket's features.
+
+    Dempster, Schmidt and Webb (2021), KDD, 248: kernels of nine weights, three of them 2, the others -1, dilated; biases are
+    `BIASES` times the convolution's standard deviation, as symmetric waves spend half of their time above 0.
+
+    Parameters
+    ----------
+    traces : ndarray, shape (n, 2, length)
+        Scaled OP and PV.
+
+    Returns
+    -------
+    ndarray, shape (n, kernels)
+    """
+    signals = [traces[:, 0], traces[:, 1], traces.sum(axis=1)]
+    found = []
+    for x in signals:
+        for step in DILATIONS:
+            size = x.shape[1] - 8 * step
+            shifted = [x[:, k * step : k * step + size] for k in range(9)]
+            whole = np.sum(shifted, axis=0)
+            for three in combinations(range(9), 3):
+                out = 3.0 * sum(shifted[k] for k in three) - whole
+                spread = out.std(axis=1, keepdims=True)
+                found += [(out > bias * spread).mean(axis=1) for bias in BIASES]
+    return np.column_stack(found)
+
+
+def _boosting() -> Any:
+    from sklearn.ensemble import HistGradientBoostingClassifier
+
+    return HistGradientBoostingClassifier(random_state=0, max_iter=60)
+
+
+def _ridge() -> Any:
+    from sklearn.linear_model import RidgeClassifierCV
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import StandardScaler
+
+    return make_pipeline(StandardScaler(), RidgeClassifierCV(np.logspace(0, 5, 8)))
+
+
+LEARNED: dict[str, tuple[str, Callable[[], Any]]] = {"boosting": ("features", _boosting), "convolutions": ("kernels", _ridge)}
+
+
+class Home:
+    """The loops of one grid, world or set of records, and what was said of them.
+
+    Parameters
+    ----------
+    rows : list of dict
+        As `asked` gives them.
+    """
+
+    def __init__(self, rows: list[dict[str, Any]]) -> None:
+        self.sticky = np.array([r["sticky"] for r in rows])
+        self.groups = np.unique([str(r["group"]) for r in rows], return_inverse=True)[1]
+        self.x = {"features": np.array([r["features"] for r in rows])}
+        self.x["kernels"] = convolved(np.array([r["trace"] for r in rows]))
+        self.costs = {m: _cost(np.array([r["said"][m] for r in rows]), self.sticky) for m in rows[0]["said"]}
+
+    def learn(self, name: str, homes: dict[str, Home], source: str) -> None:
+        """Train a yardstick here and judge every home; its own by folds.
+
+        Parameters
+        ----------
+        name : str
+            Of `LEARNED`.
+        homes : dict of str to Home
+            By name, this one among them.
+        source : str
+            Name of this one.
+        """
+        kind, make = LEARNED[name]
+        model = make().fit(self.x[kind], self.sticky)
+        for where, home in homes.items():
+            said = model.predict(home.x[kind])
+            if where == source:
+                for k in range(FOLDS):
+                    here = home.groups % FOLDS == k
+                    if not here.any():
+                        continue
+                    said[here] = make().fit(self.x[kind][~here], self.sticky[~here]).predict(self.x[kind][here])
+            home.costs[f"{name}, {source}"] = _cost(said.astype(int), home.sticky)
+
+    def mean(self, names: list[str], at: np.ndarray | None = None) -> np.ndarray:
+        """Return balanced costs of some methods, of all loops or of some.
+
+        Parameters
+        ----------
+        names : list of str
+            Methods.
+        at : ndarray of int, optional
+            Loops, which may come twice.
+
+        Returns
+        -------
+        ndarray
+        """
+        cost = np.array([self.costs[m] for m in names])
+        cost, sticky = (cost, self.sticky) if at is None else (cost[:, at], self.sticky[at])
+        return 0.5 * (cost[:, sticky].mean(axis=1) + cost[:, ~sticky].mean(axis=1))
+
+    def drawn(self, rng: np.random.Generator, half: int | None = None) -> np.ndarray:
+        """Return loops drawn again by whole groups, or those of one half of the groups.
+
+        Parameters
+        ----------
+        rng : Generator
+            Source of chance; the same state gives both halves.
+        half : {0, 1}, optional
+            Which half.
+
+        Returns
+        -------
+        ndarray of int
+        """
+        members = [np.flatnonzero(self.groups == g) for g in range(self.groups.max() + 1)]
+        while True:
+            chosen = rng.integers(len(members), size=len(members)) if half is None else rng.permutation(len(members))[half::2]
+            at = np.concatenate([members[g] for g in chosen])
+            if 0 < self.sticky[at].sum() < at.size:
+                return at
+
+
+def _cost(said: np.ndarray, sticky: np.ndarray) -> np.ndarray:
+    return np.where(said < 0, 0.5, said != sticky)
+
+
+def _rank(one: np.ndarray, other: np.ndarray) -> float:
+    return float(stats.spearmanr(one, other).statistic)
+
+
+def order(homes: dict[str, Home], names: list[str]) -> Iterator[dict[str, Any]]:
+    """Yield Spearman's correlation of the methods' costs between any two homes, and between the halves of one.
+
+    Parameters
+    ----------
+    homes : dict of str to Home
+        By name.
+    names : list of str
+        Methods.
+
+    Yields
+    ------
+    dict
+        first, second, spearman, lo, hi (95 %, loops drawn again by whole groups; of halves: the spread over splits).
+    """
+    rng = np.random.default_rng(SEED)
+    for a, b in combinations(homes, 2):
+        many = [_rank(*(homes[h].mean(names, homes[h].drawn(rng)) for h in (a, b))) for _ in range(DRAWS)]
+        value, ends = _rank(homes[a].mean(names), homes[b].mean(names)), np.nanquantile(many, [0.025, 0.975])
+        yield {"first": a, "second": b, "spearman": value, "lo": float(ends[0]), "hi": float(ends[1])}
+    for name, home in homes.items():
+        many = []
+        for k in range(DRAWS // 5):
+            halves = [home.drawn(np.random.default_rng([SEED, k]), half) for half in (0, 1)]
+            many.append(_rank(*(home.mean(names, at) for at in halves)))
+        ends = np.nanquantile(many, [0.025, 0.5, 0.975])
+        yield {"first": name, "second": name, "spearman": float(ends[1]), "lo": float(ends[0]), "hi": float(ends[2])}
+
+
+def kept(out: Path, count: int, real: Path) -> dict[str, Home]:
+    """Return every home with so many loops; answers given before are read from the folder.
+
+    Parameters
+    ----------
+    out : Path
+        Folder of the answers.
+    count : int
+        Loops of each grid and world.
+    real : Path
+        Folder of real records; left out where it does not exist.
+
+    Returns
+    -------
+    dict of str to Home
+    """
+    folder(out)
+    jobs = [(h, i) for i in range(count) for h in (*GRIDS, *BLIND)]
+    rows: dict[str, list[dict[str, Any]]] = {h: [] for h in (*GRIDS, *BLIND)}
+    for h, i in tqdm(jobs, file=sys.stderr, mininterval=30.0):
+        rows[h].append(answered(out / f"{h}-{i}.json", partial(asked, h, i)))
+    if real.exists():
+        ask = [(m, partial(_judged, r.without_mv(), m.label == "stiction", m.unit_group)) for m, r in records(real)]
+        rows[REAL] = [answered(out / f"{REAL}-{m.id}.json", one) for m, one in tqdm(ask, file=sys.stderr, mininterval=30.0)]
+    return {h: Home(found) for h, found in rows.items()}
+
+
+def table(homes: dict[str, Home], names: list[str]) -> list[str]:
+    """Return costs of methods and learned yardsticks in every home, best first on all but their own; * learned or fitted there.
+
+    Parameters
+    ----------
+    homes : dict of str to Home
+        By name.
+    names : list of str
+        Methods.
+
+    Returns
+    -------
+    list of str
+    """
+    fitted = {m: set(registry.load(m).METHOD.fitted_on) for m in names}
+    fitted |= {m: {m.partition(", ")[2]} for m in next(iter(homes.values())).costs if m not in names}
+    rows = {m: {h: float(home.mean([m])[0]) for h, home in homes.items()} for m in fitted}
+    abroad = {m: float(np.mean([c for h, c in row.items() if h not in fitted[m]])) for m, row in rows.items()}
+    lines = [("method", "abroad", *homes)]
+    for m in sorted(rows, key=abroad.__getitem__):
+        lines.append((m, f"{abroad[m]:.3f}", *(f"{c:.3f}{'*' * (h in fitted[m])}" for h, c in rows[m].items())))
+    return columns(lines)
+
+
+def draw(found: list[dict[str, Any]], homes: dict[str, Home], names: list[str], file: Path) -> None:
+    """Write a picture of the correlations and of every method's cost from home to home, and its numbers beside it.
+
+    Parameters
+    ----------
+    found : list of dict
+        As `order` yields them.
+    homes : dict of str to Home
+        By name.
+    names : list of str
+        Methods.
+    file : Path
+        SVG to write.
+    """
+    import pandas as pd
+
+    from simbench.figures._style import BLUE, label, panels, styled
+
+    @styled
+    def picture() -> Any:
+        figure, ((left, right),) = panels(1, 2, 9.0, 3.8)
+        where = list(homes)
+        for row in found:
+            i, j = where.index(row["first"]), where.index(row["second"])
+            for x, y in {(i, j), (j, i)}:
+                left.fill([x - 0.5, x + 0.5, x + 0.5, x - 0.5], [y - 0.5, y - 0.5, y + 0.5, y + 0.5],
+                          color=BLUE, alpha=float(np.clip(row["spearman"], 0.0, 1.0)) * 0.6, linewidth=0)  # fmt: skip
+                says = f"{row['spearman']:.2f}\n{row['lo']:.2f} to {row['hi']:.2f}"
+                left.text(x, y, says, ha="center", va="center", fontsize=6)
+        label(left, "", "", "Spearman of the methods' costs; diagonal: halves")
+        for axis in (left.xaxis, left.yaxis):
+            axis.set_ticks(range(len(where)), where)
+        for k, m in enumerate(names):
+            costs = [float(h.mean([m])[0]) for h in homes.values()]
+            right.plot(range(len(where)), costs, "-" if k < 7 else "--", marker="o", markersize=3, label=m)
+        label(right, "", "cost", "methods from home to home")
+        right.set_xticks(range(len(where)), where)
+        right.legend(fontsize=5, ncol=2)
+        return figure
+
+    picture().savefig(file)
+    write_table(pd.DataFrame(found), file.with_suffix(".csv"), float_format="%.4f")
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Print costs, how far the order of the methods holds, and draw both.
+
+    Parameters
+    ----------
+    arguments : list of str, optional
+        In place of sys.argv.
+
+    Returns
+    -------
+    int
+    """
+    parser = argparse.ArgumentParser(prog="python -m results.studies.transfer", description=__doc__)
+    parser.add_argument("out", type=Path, metavar="FOLDER", help="Where answers are kept; goes on where it stopped.")
+    parser.add_argument("-n", type=int, default=400, help="Loops of each grid and world [400].")
+    parser.add_argument("--records", type=Path, default=Path("../shared/data/real"), help="real records with a records.csv")
+    parser.add_argument("--picture", type=Path, help="SVG to write")
+    given = parser.parse_args(arguments)
+    homes, names = kept(given.out, given.n, given.records), methods()
+    for name in LEARNED:
+        for source in (*GRIDS, *BLIND):
+            homes[source].learn(name, homes, source)
+    found = list(order(homes, names))
+    print(
+        f"{', '.join(f'{h} {home.sticky.size} loops ({home.sticky.sum()} sticky)' for h, home in homes.items())}; seed {SEED}"
+    )
+    print(
+        "cost: an error 1, no decision .5, sticky and sound loops counting the same; abroad: mean over homes without *, where"
+    )
+    print("a method's constants were fitted, or a yardstick was trained (NAME, HOME: there, judged by folds)\n")
+    print("\n".join(table(homes, names)))
+    print(f"\nSpearman's correlation of the costs of {len(names)} methods, 95 % by drawing loops again; a home with itself:")
+    print("two halves of its loops, median and spread: an order cannot agree better with another home's than with itself\n")
+    lines = [(f["first"], f["second"], *(f"{f[k]:.2f}" for k in ("spearman", "lo", "hi"))) for f in found]
+    print("\n".join(columns([("first", "second", "spearman", "lo", "hi"), *lines])))
+    if given.picture is not None:
+        draw(found, homes, names, given.picture)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(exit_code(main))

@@ -1,0 +1,111 @@
+"""S and J scored: how far a method's S and J lie from the valve's, and whether intervals hold as often as they are said to."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy import stats
+
+from simbench.bench.score.pairing import Pairs
+from simbench.bench.statistics import mcnemar, rate_drop
+from simbench.bench.store.reading import RunArrays
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+COLUMNS = ("method", "family", "parameter", "n", "median_error", "coverage", "width")
+_ENOUGH = 60  # estimates of a family of valves: fewer are scored, but not checked
+COVERAGE, MEDIAN_ERROR = "coverage", "median error"
+_ALLOWED = {COVERAGE: 0.03, MEDIAN_ERROR: 0.02}  # moves that are no regression; errors in shares of S
+_ALLOWED_APART = 0.05  # more of either between runs of other loops
+_KEPT = 0.8  # of the loops whose S or J a method gave before, that it must still give to be compared
+
+
+def estimates(book: RunArrays) -> pd.DataFrame:
+    """Return every S and J that a method gave of a sticky valve, whose mapped S is the unit of errors and widths.
+
+    Columns: loop (its number in the run), method, family, parameter, error, width and held; the last two are NaN where the
+    method states no level for its interval, or gave a number.
+    """
+    import pandas as pd
+
+    given = book.levels[book.friction[book.levels["loop"], 0] > 0.0]
+    loop, method = given["loop"], np.array(book.methods, dtype=object)[given["method"]]
+    about = {m: book.manifest["methods"][m].get("stated", ()) for m in book.methods}
+    parts = []
+    for k, name in enumerate(("S", "J")):
+        lo, hi, truth = given[f"{name}_lo"], given[f"{name}_hi"], book.friction[loop, k]
+        S = book.friction[loop, 0]
+        stated = np.array([name in about[m] for m in method], dtype=bool) & (lo < hi)
+        part = pd.DataFrame({"loop": loop, "method": method, "family": book.axes["valve"][loop], "parameter": name})
+        part["error"] = np.abs(0.5 * (lo + hi) - truth) / S
+        part["width"] = np.where(stated, (hi - lo) / S, np.nan)
+        part["held"] = np.where(stated, (lo <= truth) & (truth <= hi), np.nan)
+        parts.append(part[~np.isnan(lo)])
+    return pd.concat(parts, ignore_index=True)
+
+
+def quantification(book: RunArrays) -> pd.DataFrame:
+    """Return how well every method tells S and J of each family of valves; errors and widths in shares of S."""
+    found = estimates(book).groupby(["method", "family", "parameter"], sort=False)
+    table = found.agg(
+        n=("error", "size"), median_error=("error", "median"), coverage=("held", "mean"), width=("width", "median")
+    )
+    order = {method: i for i, method in enumerate(book.methods)}
+    table = table.reset_index().assign(_place=lambda t: t.method.map(order), _S=lambda t: t.parameter == "J")
+    return table.sort_values(["_place", "_S", "family"], ignore_index=True)[list(COLUMNS)]
+
+
+def compared(now: RunArrays, before: RunArrays, pairs: Pairs) -> tuple[list[dict[str, Any]], list[str]]:
+    """Return the tests of a gate, median error and coverage of S and J by method and family, and what cannot be told.
+
+    `allowed` is what either may lose. A baseline that kept no S and J asks nothing.
+    """
+    old, new = (estimates(book) for book in (before, now))
+    paired = pairs.now.size > 0
+    if paired:
+        new["loop"] = new["loop"].map(dict(zip(pairs.now, pairs.before, strict=True)))
+    keys = ["method", "parameter", "family"]
+    ours, rows, untold = dict(list(new.groupby(keys))), [], []
+    for key, one in old.groupby(keys, sort=False):
+        method, parameter, family = key
+        if len(one) < _ENOUGH or method not in now.methods:
+            continue
+        two = ours.get(key, new[:0])
+        if paired:
+            both = one.merge(two, on="loop", suffixes=("_old", "_new"))
+            sides = [both.filter(like=end).rename(columns=lambda c: c[:-4]) for end in ("_old", "_new")]
+        else:
+            sides = [one, two]
+        wanted = _KEPT * len(one) * (1.0 if paired else now.ids.size / before.ids.size)
+        if len(sides[1]) < wanted:
+            untold.append(f"{method}: cannot tell of {parameter} of {family}: given {len(sides[1])} times, before {len(one)}")
+            continue
+        for what, column in ((MEDIAN_ERROR, "error"), (COVERAGE, "held")):
+            a, b = (np.asarray(side[column], dtype=float) for side in sides)
+            if np.isfinite(a).any():
+                test = _test(what, a, b, paired)
+                rows.append({"method": method, "label": f"{parameter} of {family}", "what": what, **test})
+    return rows, untold
+
+
+def _test(what: str, before: np.ndarray, now: np.ndarray, paired: bool) -> dict[str, Any]:
+    """Test whether errors grew, or intervals hold less often, loop by loop or between two sets of loops."""
+    allowed = _ALLOWED[what] + (0.0 if paired else _ALLOWED_APART)
+    if paired:  # an interval that is no longer given holds nothing
+        known = np.isfinite(before)
+        before, now = before[known], np.nan_to_num(now[known])
+    before, now = before[np.isfinite(before)], now[np.isfinite(now)]
+    row: dict[str, Any] = {"n": min(before.size, now.size), "allowed": allowed}
+    if not row["n"]:
+        return {**row, "before": float(before.mean()), "now": 0.0, "p": 0.0}
+    middle = np.median if what == MEDIAN_ERROR else np.mean
+    row.update(before=float(middle(before)), now=float(middle(now)))
+    if paired:
+        up, down = int((now > before).sum()), int((now < before).sum())
+        row["lost"], row["won"] = (up, down) if what == MEDIAN_ERROR else (down, up)
+        return {**row, "p": mcnemar(row["lost"], row["won"], worse=True)}
+    if what == MEDIAN_ERROR:
+        return {**row, "p": float(stats.mannwhitneyu(now - allowed, before, alternative="greater").pvalue)}
+    return {**row, "p": rate_drop(int(before.sum()), before.size, int(now.sum()), now.size, allowed)}

@@ -1,0 +1,71 @@
+"""Quantification: how far the S and J of each method lie from the valve's, by family of valves, and what its intervals hold.
+
+Left and middle: median error in shares of the valve's S. Right: share of the intervals for S or J that hold the truth, with its
+95 % interval, for methods that say nine in ten (band .87 to .93).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from detectors.errors import ParameterError
+from simbench.bench.score.quantification import quantification
+from simbench.bench.score.result import LEAST
+from simbench.bench.statistics import wilson
+from simbench.bench.store.reading import RunArrays
+from simbench.figures._style import GREY, label, panels, styled
+
+SOURCE = "own"
+_MARKS = "osD^vPX<>*"
+
+
+def data(run: str | Path) -> pd.DataFrame:
+    """Score S and J by method and family of valves.
+
+    Parameters
+    ----------
+    run : str or Path
+        Folder of a finished run with methods that give S or J, best of grid families.
+
+    Returns
+    -------
+    DataFrame
+        method, family, parameter, n, median_error, coverage, width, and lo and hi of the coverage; families of 20 and more.
+    """
+    found = quantification(RunArrays.read(run))
+    found = found[found.n >= LEAST].reset_index(drop=True)
+    if found.empty:
+        raise ParameterError(f"{run}: no method gives S or J of {LEAST} sticky loops of a family of valves")
+    lo, hi = wilson(found.coverage * found.n, found.n)
+    return found.assign(lo=lo, hi=hi)
+
+
+@styled
+def draw(data: pd.DataFrame) -> Figure:
+    """Draw errors of S and J, and coverage, one line for a family."""
+    families = sorted(set(data.family))
+    figure, (axes,) = panels(1, 3, 8.6, 1.7 + 0.3 * len(families), sharey=True)
+    marks = dict(zip(dict.fromkeys(data.method), _MARKS, strict=False))
+    for (method, parameter), rows in data.groupby(["method", "parameter"], sort=False):
+        place = [-families.index(f) for f in rows.family]
+        look = {"marker": marks.get(method, "."), "linestyle": "none", "fillstyle": "none", "label": method}
+        axes[int(parameter == "J")].plot(rows.median_error, place, **look)
+        known = rows[rows.coverage.notna()]
+        if len(known):
+            reach = [known.coverage - known.lo, known.hi - known.coverage]
+            place = [-families.index(f) for f in known.family]
+            look = {**look, "label": f"{method}, {parameter}", "capsize": 2}
+            axes[2].errorbar(known.coverage, place, xerr=reach, **look)
+    axes[2].axvspan(0.87, 0.93, color=GREY, alpha=0.3, linewidth=0)
+    for ax, title in zip(axes, ("error of S / S", "error of J / S", "intervals that hold the truth"), strict=True):
+        label(ax, title, "", "")
+        ax.set_yticks([-i for i in range(len(families))], families)
+        ax.grid(axis="x", linewidth=0.4, alpha=0.6)
+        if ax.get_legend_handles_labels()[0]:
+            ax.legend(fontsize=6)
+        ax.set_xlim(left=0.0)
+    axes[2].set_xlim(0.5, 1.0)
+    return figure

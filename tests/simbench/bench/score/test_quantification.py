@@ -1,0 +1,124 @@
+"""S and J scored: errors in shares of S, coverage of stated intervals alone, and a gate that sees both become worse."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from simbench.bench.execute.run import run_grid
+from simbench.bench.score.baseline import read_book, write_baseline
+from simbench.bench.score.check import compare_books
+from simbench.bench.score.quantification import quantification
+from simbench.bench.score.scoring import score_book, score_run
+from simbench.bench.store.reading import LEVELS
+from simbench.figures import make_figures
+from simbench.figures.quantification import data
+
+N = 200
+S, J = 4.0, 2.0
+
+
+@pytest.fixture
+def sized(book):
+    """Return a function that makes a run of 200 sticky loops with the S intervals and J numbers of one method."""
+
+    def make(lo, hi, j=J, stated=("S",)):
+        run = book(np.ones(N), np.ones(N), axes={"valve": np.array(["kano"] * N, dtype=object)})
+        levels = np.zeros(N, LEVELS)
+        levels["loop"] = np.arange(N)
+        levels["S_lo"], levels["S_hi"], levels["J_lo"], levels["J_hi"] = lo, hi, j, j
+        run.manifest["methods"]["m0"] = {**run.manifest["methods"]["m0"], "stated": stated}
+        return replace(run, friction=np.tile([S, J], (N, 1)), levels=levels)
+
+    return make
+
+
+def held(share, wide=1.0):
+    """Return ends of intervals of which a share holds S."""
+    out = np.arange(N) >= share * N
+    return np.where(out, S + 0.1, S - wide), np.where(out, S + 0.1 + wide, S + wide)
+
+
+def test_errors_and_widths_are_shares_of_s_and_coverage_is_counted(sized):
+    rows = {r.parameter: r for r in quantification(sized(*held(0.9), j=3.0)).itertuples()}
+    assert (rows["S"].family, rows["S"].n, rows["S"].coverage) == ("kano", N, pytest.approx(0.9))
+    assert rows["S"].width == pytest.approx(2.0 / S)
+    assert rows["S"].median_error == pytest.approx(0.0)
+    assert rows["J"].median_error == pytest.approx(1.0 / S)
+    assert np.isnan(rows["J"].coverage)
+
+
+def test_an_interval_without_a_stated_level_is_not_held_against_one(sized):
+    rows = quantification(sized(*held(0.5), stated=()))
+    assert rows.coverage.isna().all()
+    assert rows.width.isna().all()
+
+
+def test_healthy_loops_and_methods_without_s_have_no_row(sized, book):
+    healthy = replace(sized(*held(0.9)), friction=np.zeros((N, 2)))
+    assert quantification(healthy).empty
+    assert quantification(book(np.ones(5), np.ones(5))).empty
+    assert "no method gives S or J" in score_book(healthy).as_text()
+
+
+def test_the_gate_passes_what_did_not_change(sized):
+    found = compare_books(sized(*held(0.9)), sized(*held(0.9)))
+    assert found.answer == "passed"
+    assert set(found.tests.what) >= {"coverage", "median error"}
+
+
+def test_a_fall_of_coverage_fails(sized):
+    found = compare_books(sized(*held(0.7)), sized(*held(0.9)))
+    assert found.answer == "FAILED"
+    assert "coverage of S of kano fell from 0.900 to 0.700" in " ".join(found.reasons)
+
+
+def test_a_rise_of_the_median_error_fails(sized):
+    found = compare_books(sized(*held(0.9), j=J + 1.0), sized(*held(0.9), j=J))
+    assert found.answer == "FAILED"
+    assert "median error of J of kano rose from 0.000 to 0.250" in " ".join(found.reasons)
+
+
+def test_a_fall_within_the_margin_passes_and_one_that_may_be_chance_cannot_be_told(sized):
+    assert compare_books(sized(*held(0.88)), sized(*held(0.9))).answer == "passed"
+    other = np.random.default_rng(0).permutation(N)
+    lo, hi = held(0.86)
+    found = compare_books(sized(lo[other], hi[other]), sized(*held(0.9)))
+    assert found.answer == "cannot tell"
+
+
+def test_a_method_that_gives_no_size_any_more_cannot_be_compared(sized):
+    run = sized(*held(0.9))
+    found = compare_books(replace(run, levels=run.levels[: N // 2]), run)
+    assert found.answer == "cannot tell"
+    assert "given 100 times, before 200" in " ".join(found.reasons)
+
+
+def test_a_baseline_from_before_sizes_were_kept_asks_nothing(sized):
+    run = sized(*held(0.9))
+    assert compare_books(run, replace(run, levels=run.levels[:0])).answer == "passed"
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    return run_grid("smoke", tmp_path_factory.mktemp("sizes") / "run", ["hammerstein", "kano_a"], sets={"repeats": 3})
+
+
+def test_a_run_is_scored_printed_drawn_and_kept_as_baseline(finished, tmp_path):
+    found = json.loads(json.dumps(score_run(finished).as_json(), allow_nan=False))["quantification"]
+    keys = "method,family,parameter,n,median_error,coverage,width"
+    assert {",".join(row) for row in found} == {keys}
+    rows = {(r["method"], r["family"], r["parameter"]): r for r in found}
+    own = rows["hammerstein", "choudhury", "S"]
+    assert own["median_error"] < 0.3
+    assert own["coverage"] > 0.6
+    assert rows["kano_a", "choudhury", "S"]["coverage"] is None
+    assert "S and J of sticky loops" in score_run(finished).as_text()
+    (drawn,) = make_figures(["quantification"], tmp_path / "figure", run=finished)
+    assert len(drawn.files) == 3
+    assert set(data(finished).method) == {"hammerstein", "kano_a"}
+    write_baseline(finished, tmp_path / "base")
+    again = compare_books(read_book(finished), read_book(tmp_path / "base"))
+    assert again.answer == "passed"
+    assert (again.tests.query("what == 'median error'")[["before", "now"]].diff(axis=1)["now"] == 0).all()
