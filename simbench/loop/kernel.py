@@ -51,8 +51,8 @@ def closed_loop(sp, load_in, load_out, noise, kick, op0, w, x, c, v, s, numbers,
         mv[k] = v[-1][0]
 
 
-def cascade(sp, outer_noise, lo, per, point, load_in, load_out, noise, kick, op0, lags, w, x, c, v, s, X, C, numbers, op, pv, mv,
-            outer_op, outer_pv):  # fmt: skip
+def cascade(sp, outer_noise, lo, per, point, load_in, load_out, noise, kick, op0, lags, w, x, c, v, s, X, C, numbers,
+            op, pv, mv, outer_op, outer_pv):  # fmt: skip
     """Run a loop whose set point `point` is lo + per times the OP of another loop, which it fills too.
 
     Both plants are driven by the valve: the outer one is the two in series, so that both are sampled exactly. `lags` are their
