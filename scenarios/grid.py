@@ -85,7 +85,7 @@ class Block(_Table):
 class GridFile(_Table):
     """What a grid file holds: blocks of ruled cells, or one whole loop with axes of dotted keys."""
 
-    title: str
+    title: str = "own grid"
     source: str = "own"
     expected: int | None = None
     seed: Annotated[Whole, Field(ge=0, lt=2**63)] = 0

@@ -220,6 +220,30 @@ class SetPoint(_Table):
     steps: tuple[tuple[_NonNegative, _Finite], ...] = ()
 
 
+class Outer(_Table):
+    """The outer loop of a cascade: its OP, 0..100 % over `sp_span`, is the set point of the loop that has the valve.
+
+    Its plant leads from that loop's PV to its own; both are sampled together.
+    """
+
+    plant: Plant
+    controller: Controller
+    setpoint: SetPoint = SetPoint()
+    noise: Noise = Noise()
+    sp_span: tuple[_Finite, _Finite] = (0.0, 100.0)
+
+    @model_validator(mode="after")
+    def _closed(self) -> Self:
+        if self.plant.type not in PLANT_TYPES or self.controller.type not in CONTROLLER_TYPES:
+            kinds = f"plants {', '.join(PLANT_TYPES)} and controllers {', '.join(CONTROLLER_TYPES)}"
+            raise ValueError(f"an outer loop takes no plug-in; {kinds} are allowed")
+        if not self.sp_span[0] < self.sp_span[1]:
+            raise ValueError(f"sp_span = {list(self.sp_span)}; the set points at 0 and 100 % are needed, rising")
+        if self.controller.sign * self.plant.K < 0:
+            raise ValueError(f"positive feedback: outer plant K = {self.plant.K} under direction {self.controller.direction!r}")
+        return self
+
+
 class Part(BaseModel):
     """A plug-in (valve, disturbance, effect) as its name and its table of numbers; its own file checks the numbers."""
 
@@ -245,6 +269,8 @@ class Loop(_Table):
         The valve model; ideal when absent.
     disturbance, effect : tuple of Part
         What acts on the loop or its record.
+    outer : Outer, optional
+        The outer loop of a cascade, whose OP is this loop's set point.
 
     Examples
     --------
@@ -266,6 +292,18 @@ class Loop(_Table):
     setpoint: SetPoint = SetPoint()
     disturbance: tuple[Part, ...] = ()
     effect: tuple[Part, ...] = ()
+    outer: Outer | None = None
+
+    @model_validator(mode="after")
+    def _inner(self) -> Self:
+        if self.outer is None:
+            return self
+        if self.setpoint.steps:
+            raise ValueError("setpoint.steps: the set point of an inner loop is the outer OP; steps belong to [outer.setpoint]")
+        lo, hi = self.outer.sp_span
+        if not lo <= self.pv0 <= hi:
+            raise ValueError(f"PV rests at {self.pv0:g}, which the outer OP cannot ask for: sp_span = [{lo:g}, {hi:g}]")
+        return self
 
     @model_validator(mode="after")
     def _negative_feedback(self) -> Self:

@@ -62,6 +62,10 @@ def simulate(
             with naming(loop):
                 result = simulated(load_loop(loop), seed, kick)
     write_record(result.record, out)
+    if result.outer is not None:
+        outer = out.with_name(f"{out.stem}_outer{out.suffix}")
+        write_record(result.outer, outer)
+        print(f"{outer}: the outer loop; its OP is the set point of the inner one, in {out}")
     r = result.record
     friction = "has friction" if result.sticky else "is without friction"
     print(f"{out}: {r.n} samples, Ts = {r.Ts:g} s, {r.duration:g} s; the valve {friction}")

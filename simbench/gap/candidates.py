@@ -15,6 +15,7 @@ from simbench.gap.likelihood.search import SMOOTH, promising, settle
 from simbench.gap.situation import Situation
 from simbench.loop.effects import BLOCKS, EFFECTS, block_of
 from simbench.loop.effects._alike import circumstances, indistinguishable
+from simbench.loop.plant import first_order_like
 
 LAST = 15.0  # most nats of an effect that the load may have made: anything else that explains as much is named first
 
@@ -129,7 +130,7 @@ def _reshaped(engine: Engine, fit: Fit) -> Fit:
 
 def alike(effect: str, s: Situation, p: Mapping[str, float | str] | None = None) -> tuple[str, ...]:
     """Return the effects that give the same SP, OP and PV (and MV where recorded) as one here, itself included."""
-    plant, r = s.baseline.to_table()["plant"], s.record
+    plant, r = first_order_like(s.baseline.plant).model_dump(), s.record
     here = circumstances(plant, s.baseline.noise.std, r.sp, s.op, np.asarray(r.pv), r.mv, effect, p)
     return tuple(sorted(e for e in indistinguishable(effect, here) if e == effect or recogniser(e) != Recogniser()))
 

@@ -211,7 +211,8 @@ def _add_plain(kinds: dict, lane: Lane) -> bool:
     loop, Ts = lane.loop, lane.loop.sampling.Ts
     part, control, process = loop.valve, loop.controller, loop.plant
     odd = control.type not in ("P", "PI") or process.parameters is not None or len(process.den or ()) > 2
-    if odd or loop.disturbance or loop.effect or "before" in part.parameters or "behind" in part.parameters:
+    odd = odd or bool(loop.outer or loop.disturbance or loop.effect)
+    if odd or "before" in part.parameters or "behind" in part.parameters:
         return False
     module = VALVES.load(part.name)
     if abreast.iterates(module.step) or not 0 <= lane.seed < SEEDS:
@@ -240,9 +241,10 @@ def _add_plain(kinds: dict, lane: Lane) -> bool:
 def _add_any(kinds: dict, lane: Lane) -> None:
     """Put a loop among its like as it is once its loads and effects stand, or run it by itself."""
     lane.setup = setup = quiet_setup(lane.loop, lane.seed)
-    odd = setup.plant_plugin is not None or setup.loop.controller.type not in ("P", "PI") or len(setup.den) != 2
+    odd = setup.outer is not None or setup.plant_plugin is not None or setup.loop.controller.type not in ("P", "PI")
+    odd = odd or len(setup.den) != 2 or any(abreast.iterates(m.step) for m, _ in setup.valves)
     odd = odd or setup.controller_law is not None or setup.sensor_law is not None
-    if odd or not 0 <= lane.seed < SEEDS or any(abreast.iterates(m.step) for m, _ in setup.valves):
+    if odd or not 0 <= lane.seed < SEEDS:
         setup.draw_noise()
         lane.room = np.array(signals_of(setup))[..., None]
         return

@@ -198,7 +198,15 @@ def run_of(said: Any, loop: Loop) -> Run:
     band = said.get("friction")
     S, J = (number_of(x, "mapped_SJ") for x in (band if isinstance(band, (tuple, list)) and len(band) == 2 else (0.0, 0.0)))
     notes = tuple(str(note)[:_LONGEST_NOTE] for note in said.get("notes") or ())
-    return Run(record, load_in, load_out, None, said["sticky"] is True, valve, (S, J), notes)
+    return Run(record, load_in, load_out, None, said["sticky"] is True, valve, (S, J), notes, _outer_of(said.get("outer"), n))
+
+
+def _outer_of(said: Any, n: int) -> LoopRecord | None:
+    """Return the outer loop's record of a cascade that plain values describe; None where there is none."""
+    signals = {s: said.get(s) for s in ("op", "pv", "sp")} if isinstance(said, dict) else {}
+    if not signals or not all(isinstance(s, np.ndarray) and s.shape == (n,) for s in signals.values()):
+        return None
+    return LoopRecord(Ts=said["Ts"], process=said["process"], op_span=(0.0, 100.0), **signals)  # type: ignore[arg-type]
 
 
 def _stub(kind: str, name: str, said: Mapping[str, Any]) -> ModuleType:

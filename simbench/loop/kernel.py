@@ -22,6 +22,9 @@ valve_step: Any = None
 plant_step: Any = None
 plant_output: Any = None
 sensor_step: Any = None
+outer_step: Any = None
+outer_plant_step: Any = None
+outer_plant_output: Any = None
 named: Any = None
 
 
@@ -48,6 +51,32 @@ def closed_loop(sp, load_in, load_out, noise, kick, op0, w, x, c, v, s, numbers,
         mv[k] = v[-1][0]
 
 
+def cascade(sp, outer_noise, lo, per, point, load_in, load_out, noise, kick, op0, lags, w, x, c, v, s, X, C, numbers,
+            op, pv, mv, outer_op, outer_pv):  # fmt: skip
+    """Run a loop whose set point `point` is lo + per times the OP of another loop, which it fills too.
+
+    Both plants are driven by the valve: the outer one is the two in series, so that both are sampled exactly. `lags` are their
+    samples of dead time + 1, `w` begins with as many of the past as the longer has.
+    """
+    plant, controller, gap, sensor, outer_plant, outer, valve = named(numbers)
+    past = w.shape[0] - sp.shape[0]
+    w_now, w_in, w_out = w[past:], w[past - lags[0] :], w[past - lags[1] :]
+    for k in range(sp.shape[0]):
+        y = outer_plant_output(X, outer_plant) + outer_noise[k]
+        C = outer_step(sp[k] - y, sp[k], C, outer)
+        point[k] = lo + per * C[0]
+        s = sensor_step(plant_output(x, plant) + load_out[k], noise[k], s, sensor)
+        c = controller_step(error_step(point[k] - s[0], gap), point[k], c, controller)
+        if k == 0:
+            c = controller_kick(c, kick, controller)
+        u = output_step(c[0], gap)
+        v = valve_step(u, v, valve)
+        w_now[k] = v[-1][0] - op0 + load_in[k]
+        x = plant_step(w_in[k], w_in[k + 1], x, plant)
+        X = outer_plant_step(w_out[k], w_out[k + 1], X, outer_plant)
+        outer_op[k], outer_pv[k], op[k], pv[k], mv[k] = C[0], y, u, s[0], v[-1][0]
+
+
 def valve_chain(stages):
     """Return the text of a function that sends OP through the given number of valve stages in turn."""
     lines = ["def valve_step(u, v, p):"]
@@ -69,14 +98,14 @@ def naming(classes):
 
 
 def bind(steps: dict[str, FunctionType], stages: tuple[FunctionType, ...], classes: tuple) -> FunctionType:
-    """Return `closed_loop` in plain Python for the given steps: the slow, obvious twin of `compiled`."""
+    """Return `closed_loop`, or `cascade`, in plain Python for the given steps: the slow, obvious twin of `compiled`."""
     scope = _scope(stages, classes)
     exec(naming(classes) + valve_chain(len(stages)), scope)
-    return FunctionType(closed_loop.__code__, {**globals(), **steps, **scope})
+    return FunctionType(_loop_of(steps).__code__, {**globals(), **steps, **scope})
 
 
 def compiled(steps: dict[str, FunctionType], stages: tuple[FunctionType, ...], classes: tuple) -> FunctionType:
-    """Return `closed_loop` compiled for the given steps, from the disk cache when it is there.
+    """Return `closed_loop`, or `cascade`, compiled for the given steps, from the disk cache when it is there.
 
     Parameters, returns
         As `bind`.
@@ -126,10 +155,13 @@ def runs_plainly(step: FunctionType) -> str:
 
 @lru_cache(maxsize=256)
 def _compiled(steps, stages, classes):
-    text = (
-        f"@njit\n{naming(classes)}\n\n@njit\n{valve_chain(len(stages))}\n\n@njit(cache=True)\n{inspect.getsource(closed_loop)}"
-    )
-    return cached_module("loop", {**dict(steps), **_scope(stages, classes)}, text).closed_loop
+    loop = _loop_of(dict(steps))
+    text = f"@njit\n{naming(classes)}\n\n@njit\n{valve_chain(len(stages))}\n\n@njit(cache=True)\n{inspect.getsource(loop)}"
+    return getattr(cached_module("loop", {**dict(steps), **_scope(stages, classes)}, text), loop.__name__)
+
+
+def _loop_of(steps: dict[str, FunctionType]) -> FunctionType:
+    return cascade if "outer_step" in steps else closed_loop
 
 
 def _scope(stages, classes) -> dict:

@@ -110,6 +110,25 @@ def first_order_like(plant: Plant) -> Plant:
     return Plant.model_validate({**table, "K": plant.K, "Td": max(plant.Td + delay - T, 0.0)})
 
 
+def beyond_first_order(plant: Plant, Ts: float) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return numerator and denominator in z of what a sampled plant is behind `first_order_like`; None where that is all.
+
+    Examples
+    --------
+    >>> b, a = beyond_first_order(Plant(type="tf", num=[2], den=[12, 7, 1]), 0.5)
+    >>> round(float(b.sum() / a.sum()), 9)
+    1.0
+    """
+    like = first_order_like(plant)
+    if like is plant:
+        return None
+    (whole, alone) = (sample(*polynomials(p), 0.0, Ts) for p in (plant, like))
+    a = np.poly(whole.A)
+    b = np.poly(whole.A - np.outer(whole.B_new, whole.C)) - a
+    pole, push = alone.A[0, 0], float(alone.C @ alone.B_new)
+    return np.polymul(b[1:], [1.0, -pole]) / push, a
+
+
 def stretched(plant: Plant, K: float, T: float, Td: float) -> dict[str, Any]:
     """Return the table of a "tf" plant with its gain times `K`, its time constants times `T`, and dead time `Td` (s).
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from detectors.record import LoopRecord
 from simbench.loop import kernel, sensor
 from simbench.loop.laws import swapped
-from simbench.loop.setup import MV_NOISE, Setup, control_start, parts_of, plant_start
+from simbench.loop.setup import MV_NOISE, Parts, Setup, control_start, in_series, parts_of, plant_start
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -67,6 +67,8 @@ class Run:
         Mapped S and J (% of travel) of the stickiest stage of the valve.
     notes : tuple of str
         What the reader must know of how it was computed.
+    outer : LoopRecord or None
+        What was recorded of the outer loop, where the loop is the inner one of a cascade.
     """
 
     record: LoopRecord
@@ -77,6 +79,7 @@ class Run:
     mv: np.ndarray
     friction: tuple[float, float] = (0.0, 0.0)
     notes: tuple[str, ...] = ()
+    outer: LoopRecord | None = None
 
     def to_frame(self) -> pd.DataFrame:
         """Return the record as a table.
@@ -118,7 +121,9 @@ def signals_of(
     parts = parts_of(setup)
     sampled = parts.sampled
     total = setup.sp.size
-    w = np.zeros(total + sampled.delay + 1)
+    outer = None if setup.outer is None else in_series(setup, setup.outer)
+    lags = (sampled.delay + 1, 0 if outer is None else outer.sampled.delay + 1)
+    w = np.zeros(total + max(lags))
     pv = setup.pv0
     c = control_start(setup, parts.numbers[1])
     v = []
@@ -141,11 +146,33 @@ def signals_of(
         s = sensor.full_start(pv) if parts.steps["sensor_step"] is sensor.full_step else sensor.plain_start(pv)
     op, measured, mv = np.empty(total), np.empty(total), np.empty(total)
     outside = [f for f in (setup.plant_plugin, setup.control_plugin) if f is not None]
+    if outer is not None:
+        return _cascaded(setup, parts, outer, lags, kick, plain, (w, x, c, tuple(v), s, op, measured, mv))
     make = kernel.bind if plain else kernel.compiled_where_possible if outside else kernel.compiled
     make(parts.steps, parts.stages, parts.classes)(
         setup.sp, setup.load_in, setup.load_out, setup.pv_add, float(kick), setup.op0, w, x, c, tuple(v), s, parts.bare,
         op, measured, mv,
     )  # fmt: skip
+    return op, measured, mv
+
+
+def _cascaded(setup: Setup, parts: Parts, outer: Parts, lags: tuple[int, int], kick: float, plain: bool, rooms: tuple) -> tuple:
+    """Run both loops of a cascade; the inner set point stands in `setup.sp` afterwards, the outer OP and PV beside it."""
+    assert setup.outer is not None
+    assert setup.loop.outer is not None
+    w, x, c, v, s, op, measured, mv = rooms
+    master, (lo, hi) = setup.outer, setup.loop.outer.sp_span
+    steps = {"outer_plant_step": "plant_step", "outer_plant_output": "plant_output", "outer_step": "controller_step"}
+    steps = parts.steps | {name: outer.steps[own] for name, own in steps.items()}
+    plant_p, control_p, gap_p, sensor_p, valve_p = parts.numbers
+    both = replace(parts, steps=steps, numbers=(plant_p, control_p, gap_p, sensor_p, *outer.numbers[:2], valve_p))
+    X, C = plant_start(master, outer, master.pv0), control_start(master, outer.numbers[1])
+    signals = np.empty_like(op), np.empty_like(op)
+    (kernel.bind if plain else kernel.compiled)(both.steps, both.stages, both.classes)(
+        master.sp, master.pv_add, float(lo), float(hi - lo) / 100.0, setup.sp, setup.load_in, setup.load_out, setup.pv_add,
+        float(kick), setup.op0, lags, w, x, c, v, s, X, C, both.bare, op, measured, mv, *signals,
+    )  # fmt: skip
+    setup.outer_signals = signals
     return op, measured, mv
 
 
@@ -175,4 +202,10 @@ def finished_run(setup: Setup, op: np.ndarray, measured: np.ndarray, mv: np.ndar
     notes = [
         why for found in (setup.plant_plugin, setup.control_plugin) if found and (why := kernel.runs_plainly(found[0].step))
     ]
-    return Run(part(slice(0, n)), setup.load_in, setup.load_out, tail, setup.sticky, mv, setup.friction, tuple(notes))
+    run = Run(part(slice(0, n)), setup.load_in, setup.load_out, tail, setup.sticky, mv, setup.friction, tuple(notes))
+    if setup.outer is None or setup.outer_signals is None:
+        return run
+    master = "integrating" if setup.outer.integrating else "self-regulating"
+    op_, pv_ = (signal[:n] for signal in setup.outer_signals)
+    outer = LoopRecord(op=op_, pv=pv_, sp=setup.outer.sp[:n], Ts=setup.Ts, process=master, op_span=(0.0, 100.0))
+    return replace(run, outer=outer)

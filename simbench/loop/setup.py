@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from types import FunctionType, ModuleType
 from typing import Any
 
@@ -12,12 +12,12 @@ import numpy as np
 from detectors.errors import ParameterError, UnknownName
 from detectors.plugins.registry import PluginFolder
 from scenarios.polynomials import checked_polynomials
-from scenarios.spec import CONTROLLER_TYPES, PLANT_TYPES, Loop, Part
+from scenarios.spec import CONTROLLER_TYPES, PLANT_TYPES, Loop, Outer, Part
 from simbench.loop import controller, plant, sensor
 from simbench.loop.laws import swapped
 from simbench.loop.parameters import CONTROLLER_PLUGINS, PLANT_PLUGINS, VALVES, resolve, valve_parameters
 
-_NOISE, MV_NOISE = 0, 1  # random streams of their own
+_NOISE, MV_NOISE, _OUTER_NOISE = 0, 1, 2  # random streams of their own
 
 
 @dataclass
@@ -54,6 +54,8 @@ class Setup:
     sensor_tau: float = 0.0
     pv_step: float = 0.0
     recorders: list[Callable[[np.ndarray], np.ndarray]] = field(default_factory=list)
+    outer: Setup | None = None
+    outer_signals: tuple[np.ndarray, np.ndarray] | None = None
     plant_plugin: tuple[ModuleType, Any] | None = None
     control_plugin: tuple[ModuleType, Any] | None = None
     controller_law: Callable[[Setup], Any] | None = None
@@ -87,7 +89,9 @@ class Setup:
 
     @property
     def not_linear(self) -> str:
-        """What of plant and controller has no transfer function, in words; "" where both have one."""
+        """Why the loop has no transfer function from MV back to OP, in words; "" where it has one."""
+        if self.outer is not None:
+            return "the loop is the inner one of a cascade"
         if self.plant_plugin is not None and not hasattr(self.plant_plugin[0], "linear"):
             return f"plant {self.loop.plant.type!r} has no transfer function"
         if self.control_plugin is not None:
@@ -123,6 +127,9 @@ class Setup:
             # from a stream of its own: a longer tail only appends
             white = np.random.default_rng([self.seed, _NOISE]).standard_normal(self.sp.size)
             self.pv_add[:quiet] += self.noise_std * white[:quiet]
+        if self.outer is not None and self.outer.noise_std > 0:
+            white = np.random.default_rng([self.seed, _OUTER_NOISE]).standard_normal(self.sp.size)
+            self.outer.pv_add[:quiet] = self.outer.noise_std * white[:quiet]
 
     def hold(self, signal: np.ndarray) -> np.ndarray:
         """Freeze a signal at its last value over the tail."""
@@ -178,9 +185,32 @@ def plain_setup(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
         plant_plugin=own,
         control_plugin=_control_plugin(loop),
     )
-    for t, value in sorted(loop.setpoint.steps):
+    _step(setup, loop.setpoint.steps)
+    if loop.outer is not None:
+        setup.outer = _outer(setup, loop.outer)
+    return setup
+
+
+def _step(setup: Setup, steps: Iterable[tuple[float, float]]) -> None:
+    for t, value in sorted(steps):
         setup.sp[int(np.ceil(t / setup.Ts - 1e-9)) :] = value
     setup.hold(setup.sp)
+
+
+def _outer(inner: Setup, outer: Outer) -> Setup:
+    """Return the outer loop of a cascade, its plant without that of the inner loop, OP at rest where the inner PV rests."""
+    if inner.not_linear:
+        raise ParameterError(f"cascade: {inner.not_linear}; the inner loop of a cascade needs a plant with a transfer function")
+    num, den = plant.polynomials(outer.plant)
+    lo, hi = outer.sp_span
+    alone = {"plant": outer.plant, "controller": outer.controller, "setpoint": outer.setpoint, "outer": None}
+    setup = replace(
+        inner, loop=inner.loop.model_copy(update=alone), num=num, den=den, Td=outer.plant.Td, Kc=outer.controller.Kc,
+        Ti=outer.controller.Ti, op0=100.0 * (inner.pv0 - lo) / (hi - lo), pv0=outer.setpoint.value,
+        sp=np.full(inner.sp.size, outer.setpoint.value), noise_std=outer.noise.std, pv_add=np.zeros(inner.sp.size),
+        valves=[], recorders=[],
+    )  # fmt: skip
+    _step(setup, outer.setpoint.steps)
     return setup
 
 
@@ -229,12 +259,20 @@ def parts_of(setup: Setup) -> Parts:
     if setup.controller_law is not None:
         if steps["controller_kick"] is not controller.kicked:
             raise ParameterError(f"an effect changes the law of controller {setup.loop.controller.type!r}, not of P or PI")
+        if setup.outer is not None:
+            raise ParameterError("an effect changes the inner controller's law of a cascade, whose set point the outer OP moves")
         steps["controller_step"], control_p = swapped.controller_step, setup.controller_law(setup)
     if setup.sensor_law is not None:
         steps["sensor_step"], sensor_p = swapped.sensor_step, setup.sensor_law(setup)
     valve_p = tuple(p for _, p in setup.valves)
     stages = tuple(module.step for module, _ in setup.valves)
     return Parts(sampled, steps, stages, (plant_p, control_p, gap_p, sensor_p, valve_p))
+
+
+def in_series(inner: Setup, outer: Setup) -> Parts:
+    """Return the parts of a cascade's outer loop as the valve drives it: behind the inner plant and its dead time."""
+    num, den = np.polymul(inner.num, outer.num), np.polymul(inner.den, outer.den)
+    return parts_of(replace(outer, num=num, den=den, Td=inner.Td + outer.Td))
 
 
 def _plant_of(setup: Setup) -> tuple[plant.SampledPlant, dict[str, FunctionType], Any]:

@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from scenarios.spec import Loop
+from scenarios.spec import Loop, Plant
 from simbench.gap.effects import load_steps, recogniser
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import Fit, delay_of, input_gain, lag_of, valve_of
 from simbench.gap.situation import Situation
+from simbench.loop.plant import first_order_like, stretched
 
 _COLOURED = 0.15  # correlation of the noise from sample to sample, below which it is as good as white
 
@@ -34,7 +35,13 @@ def fixed_loop(
         own = {"K": fit.K / per if fit.K * d.K > 0 else base.plant.K, "Td": delay_of(fit.spec, fit.theta) * Ts}
         own |= {"T": fit.theta["T"] * Ts} if d.T > 0 else {}
         stated = {recogniser(e).replaces for e in effects}
-        table["plant"] |= {name: value for name, value in own.items() if name not in stated}
+        own = {name: value for name, value in own.items() if name not in stated}
+        if d.shape is None:
+            table["plant"] |= own
+        else:
+            like = first_order_like(base.plant)
+            slower = own["T"] / like.T if like.T and "T" in own else 1.0
+            table["plant"] = stretched(base.plant, own.get("K", like.K) / like.K, slower, own.get("Td", base.plant.Td))
     sp = situation.sp
     changes = np.flatnonzero(np.diff(sp)) + 1
     table["setpoint"] = {"value": float(sp[0]), "steps": [[float(k * Ts), float(sp[k])] for k in changes]}
@@ -57,7 +64,7 @@ def fixed_loop(
     # a ramp begins at 0: OP's mean lies half of it away from where the record began
     half = 0.5 * n * Ts
     # on an integrating plant a ramp of the measurement is a load
-    gain = table["plant"]["K"] if d.T > 0 else np.inf
+    gain = Plant.model_validate(table["plant"]).K if d.T > 0 else np.inf
     led = sum(recogniser(e).mean_op_shift(p, half, gain) for e, p in effects.items())
     table["operating_point"] = {"op0": _clip(_rest(situation, fit) + led, 1.0, 99.0), "pv0": float(sp[0])}
     table["effect"] = [*table.get("effect", []), *({"name": e, **p} for e, p in effects.items())]

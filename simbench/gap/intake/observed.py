@@ -16,6 +16,7 @@ from simbench.gap.controller.pi_law import Law, examine_law
 from simbench.gap.likelihood.model import Data
 from simbench.gap.sensor.samples import Samples, inspect_samples
 from simbench.gap.situation import through_valve
+from simbench.loop.plant import beyond_first_order, first_order_like
 
 _STEPS = 0.1  # share of samples; a set point that moves more often is another controller's output
 _LAW_ROWS = 60  # samples in automatic, from which the controller's law is asked
@@ -109,7 +110,7 @@ class Observed:
 
     def data(self, plant_pv: np.ndarray, resolution: float) -> Data:
         """Return the engine's input, with the PV that the plant gave the controller and the unit that rounds it."""
-        r, plant = self.record, self.baseline.plant
+        r, plant = self.record, first_order_like(self.baseline.plant)
         integrating = plant.integrating
         u = through_valve(self.op, self.baseline.valve, r.Ts) if r.mv is None else np.asarray(r.mv)
         return Data(
@@ -117,7 +118,8 @@ class Observed:
             y=np.ascontiguousarray(plant_pv, dtype=float),
             K=plant.K * (r.Ts if integrating else 1.0),
             T=0.0 if integrating else float(plant.T or 0.0) / r.Ts,
-            Td=plant.Td / r.Ts,
+            Td=self.baseline.plant.Td / r.Ts,
+            shape=beyond_first_order(self.baseline.plant, r.Ts),
             noise=self.noise,
             resolution=resolution,
             trusted=self.trusted,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from detectors.record import LoopRecord
 from scenarios.errors import SpecError
-from scenarios.spec import Loop, read_toml
+from scenarios.spec import CONTROLLER_TYPES, PLANT_TYPES, Loop, read_toml
 from simbench.gap.intake.identify import identify, meaningful
 from simbench.loop.effects import EFFECTS
 
@@ -70,7 +70,11 @@ def completed(record: LoopRecord, baseline: Loop | Partial | None) -> tuple[Loop
     if baseline is None:
         return identify(record), frozenset(), []
     if isinstance(baseline, Loop):
-        return baseline, both, []
+        laws = ((baseline.plant.type, PLANT_TYPES), (baseline.controller.type, CONTROLLER_TYPES))
+        for law in (law for law, known in laws if law not in known):
+            raise SpecError(f"baseline: {law!r} is a plug-in, of which no model is fitted; allowed: {', '.join(PLANT_TYPES)}")
+        # an inner loop is judged by its own record, set point included
+        return baseline.model_copy(update={"outer": None}), both, []
     known, missing = baseline.loop, baseline.missing
     found = identify(
         record, None if "plant" in missing else known.plant, None if "controller" in missing else known.controller

@@ -138,13 +138,13 @@ class Engine:
             follow = -np.expm1(-1.0 / tau)
             y = np.concatenate([y[:1], (y[1:] - (1.0 - follow) * y[:-1]) / follow])
             tau = 0.0
-        moved = valve_of(spec, theta, d.u)
+        moved = d.shaped(valve_of(spec, theta, d.u))
         g = kernels.plant(moved, T, theta["Td"], tau)
         # the input before the record may have stood elsewhere
-        begin = [kernels.plant(self.onset, T, theta["Td"], tau)]
+        begin = [kernels.plant(d.shaped(self.onset), T, theta["Td"], tau)]
         if spec.valve in HOLDING:
             # and a valve that holds may stand anywhere in its band until it first moves
-            begin.append(kernels.plant((moved == moved[0]).cumprod().astype(float), T, theta["Td"], tau))
+            begin.append(kernels.plant(d.shaped((moved == moved[0]).cumprod().astype(float)), T, theta["Td"], tau))
         return np.vstack([y - d.y[0], g, *self.base_channels, *begin, *spec.channels])
 
     def _whiten(self, spec: Spec, theta: Mapping[str, float], channels: np.ndarray) -> tuple[np.ndarray, float]:
@@ -303,7 +303,8 @@ class Engine:
     def _scanned(self, spec: Spec, theta: Mapping[str, float], kind: int, points: np.ndarray) -> np.ndarray:
         """Return, of many valve maps, the plant's answer times PV and times itself, whitened."""
         d = self.data
-        T, Td = (theta["T"] if d.T > 0 else 0.0), theta["Td"]
+        # a plant of higher order is near enough as a later one: what is found is fitted as it is
+        T, Td = (theta["T"] if d.T > 0 else 0.0), theta["Td"] + d.lateness
         tau = theta["tau"] if spec.pole in _POLES_OF_LOAD else 0.0
         model = (theta["load_time"], lag_of(theta), theta["load"])
         onset = kernels.plant(self.onset, T, Td, tau)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from scipy.signal import lfilter
 
 from simbench.gap.likelihood import kernels
 
@@ -36,6 +37,8 @@ class Data:
         Samples by which OP answers PV late in the archive.
     trusted : bool
         False: K, T, Td are mere starting values, free in every candidate.
+    shape : (b, a), optional
+        Of a baseline of higher order: the filter of unit gain between its input and that of the first-order plant K, T, Td.
     """
 
     u: np.ndarray
@@ -47,6 +50,19 @@ class Data:
     resolution: float = 0.0
     trusted: bool = True
     late: int = 0
+    shape: tuple[np.ndarray, np.ndarray] | None = None
+
+    def shaped(self, v: np.ndarray) -> np.ndarray:
+        """Return MV as it drives the first-order plant, from rest at its first value."""
+        return v if self.shape is None else v[0] + lfilter(*self.shape, v - v[0])
+
+    @cached_property
+    def lateness(self) -> float:
+        """Mean delay (samples) of the shape."""
+        if self.shape is None:
+            return 0.0
+        (b, a), at = self.shape, np.arange(self.shape[0].size)
+        return float(b @ at / b.sum() - a @ at / a.sum())
 
     @property
     def n(self) -> int:

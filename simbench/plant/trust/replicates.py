@@ -12,7 +12,8 @@ from detectors.errors import UserError
 from detectors.record import LoopRecord
 from detectors.signal.oscillation import find_oscillation
 from scenarios.errors import SpecError
-from scenarios.spec import Loop
+from scenarios.spec import Loop, Plant
+from simbench.loop.plant import stretched
 from simbench.loop.simulate import simulate
 from simbench.plant.trust.candidate_loops import CandidateLoops, with_friction
 
@@ -173,11 +174,19 @@ def _perturbed(table: dict[str, Any], by: dict[str, float], rng: np.random.Gener
     """
     z = {name: float(np.exp(std * rng.standard_normal())) for name, std in by.items()}
     plant = dict(table["plant"])
+    if plant["type"] == "tf":
+        own = Plant.model_validate(plant)
+        slow = 1.0 if own.integrating else z["slow"]
+        return _loads_perturbed(table, z) | {"plant": stretched(own, z["K"] * slow, slow, own.Td * z["Td"])}
     plant["K"] *= z["K"]
     if plant["type"] == "foptd":
         plant["K"] *= z["slow"]
         plant["T"] *= z["slow"]
     plant["Td"] = plant.get("Td", 0.0) * z["Td"]
+    return _loads_perturbed(table, z) | {"plant": plant}
+
+
+def _loads_perturbed(table: dict[str, Any], z: dict[str, float]) -> dict[str, Any]:
     loads = []
     for part in table.get("disturbance", []):
         part = dict(part)
@@ -187,7 +196,7 @@ def _perturbed(table: dict[str, Any], by: dict[str, float], rng: np.random.Gener
         loads.append(part)
     noise = dict(table.get("noise", {}))
     noise["std"] = noise.get("std", 0.0) * z["noise"]
-    return table | {"plant": plant, "disturbance": loads, "noise": noise}
+    return table | {"disturbance": loads, "noise": noise}
 
 
 def _timed(table: dict[str, Any], record: LoopRecord, change: Change) -> int:
