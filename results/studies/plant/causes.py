@@ -8,8 +8,11 @@ interval under six archives.
 
 from __future__ import annotations
 
+import argparse
+import tempfile
 from collections import Counter
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,6 +27,8 @@ from scenarios.spec import Loop
 from simbench.loop.simulate import simulate
 from simbench.plant.report.causes import Causes, find_causes
 from simbench.plant.report.events import shared_oscillations
+from simbench.plant.report.margins import margins
+from simbench.plant.report.what_if import LEAVE, REPAIR, compare, retuned, what_if
 from simbench.plant.trust.candidate_loops import CandidateLoops, candidate_loops
 
 CAUSES = ("stiction", "dead-band", "tuning", "outside", "upstream", "sensor", "saturation", "healthy")
@@ -91,8 +96,6 @@ def drawn(cause: str, rng: np.random.Generator) -> tuple[LoopRecord, Loop]:
 
 def table_margin(table: dict[str, Any]) -> float:
     """Return the gain margin of a table's loop."""
-    from simbench.plant.report.margins import margins
-
     found = margins(Loop.from_table(table))
     assert found is not None
     return found.gain
@@ -263,7 +266,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("-n", type=int, default=80, help="loops [80]")
     parser.add_argument("--archived", type=int, default=10, help="sticky loops per archive [10]")
-    parser.add_argument("--seed", type=int, default=33, help="loops of seeds 1 and 2 were looked at while rules were chosen [33]")
+    parser.add_argument("--seed", type=int, default=33, help="seeds 1 and 2 were looked at while rules were chosen [33]")
     given = parser.parse_args()
     loops = plant(given.n, given.seed)
     causes, events, behind = judged(loops)
