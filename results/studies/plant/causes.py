@@ -8,8 +8,11 @@ interval under six archives.
 
 from __future__ import annotations
 
+import argparse
+import tempfile
 from collections import Counter
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,10 +23,15 @@ from detectors.judge import judge
 from detectors.prepared import Prepared
 from detectors.record import LoopRecord
 from detectors.records.io import read_record
+from results.studies.plant.stiction_probability import PLANTS
 from scenarios.spec import Loop
+from simbench.blind.making import write_item
+from simbench.blind.world import WORLDS
 from simbench.loop.simulate import simulate
 from simbench.plant.report.causes import Causes, find_causes
 from simbench.plant.report.events import shared_oscillations
+from simbench.plant.report.margins import margins
+from simbench.plant.report.what_if import LEAVE, REPAIR, compare, retuned, what_if
 from simbench.plant.trust.candidate_loops import CandidateLoops, candidate_loops
 
 CAUSES = ("stiction", "dead-band", "tuning", "outside", "upstream", "sensor", "saturation", "healthy")
@@ -91,8 +99,6 @@ def drawn(cause: str, rng: np.random.Generator) -> tuple[LoopRecord, Loop]:
 
 def table_margin(table: dict[str, Any]) -> float:
     """Return the gain margin of a table's loop."""
-    from simbench.plant.report.margins import margins
-
     found = margins(Loop.from_table(table))
     assert found is not None
     return found.gain
@@ -127,6 +133,23 @@ def plant(n: int, seed: int) -> dict[str, tuple[str, LoopRecord, Loop | None]]:
     return out
 
 
+BLIND = {"stiction": "stiction", "oscillation": "outside", "saturation": "saturation", "none": "healthy"}
+
+
+def blind(world: str, n: int, seed: int) -> dict[str, tuple[str, LoopRecord, Loop | None]]:
+    """Return loops of an independent simulator by name, each in a week of its own."""
+    out: dict[str, tuple[str, LoopRecord, Loop | None]] = {}
+    with tempfile.TemporaryDirectory() as place:
+        for i in range(n):
+            effect = list(BLIND)[i % len(BLIND)]
+            about = {"plant": PLANTS[i // 4 % len(PLANTS)], "strength": "strong"}
+            asked = {"kind": "none"} if effect == "none" else {"kind": "single", "effect": effect, **about}
+            item = WORLDS.load(world).draw(seed, i, {**asked, "mv": False})
+            record = read_record(write_item(item, Path(place), "loop")[0])
+            out[f"{world}{i}"] = (BLIND[effect], replace(record, mv=None, meta={"start": 1.7e9 + i * WEEK}), None)
+    return out
+
+
 def judged(loops: dict[str, tuple[str, LoopRecord, Loop | None]]):
     """Return the causes found, the events, and the identified loops."""
     prepared = {name: Prepared(record) for name, (_, record, _) in loops.items()}
@@ -151,6 +174,8 @@ def told(loops: dict[str, Any], causes: dict[str, Causes], events: list[list[str
     lines, right, wrong = [], 0, 0
     for cause in CAUSES:
         said = Counter(causes[name].named.name for name, (truth, _, _) in loops.items() if truth == cause)
+        if not said:
+            continue
         good = sum(said[word] for word in SAYS[cause])
         open_ = said["cannot tell"]
         right, wrong = right + good, wrong + sum(said.values()) - good - open_
@@ -262,9 +287,17 @@ def main() -> int:
     """Draw, ask, and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("-n", type=int, default=80, help="loops [80]")
+    parser.add_argument("--worlds", nargs="*", default=["mill", "refinery"], help="[mill refinery]")
+    parser.add_argument("--blind", type=int, default=16, help="loops of each world [16]")
     parser.add_argument("--archived", type=int, default=10, help="sticky loops per archive [10]")
-    parser.add_argument("--seed", type=int, default=33, help="loops of seeds 1 and 2 were looked at while rules were chosen [33]")
+    parser.add_argument("--seed", type=int, default=33, help="seeds 1 and 2 were looked at while rules were chosen [33]")
     given = parser.parse_args()
+    for world in given.worlds:
+        loops = blind(world, given.blind, given.seed)
+        causes, events, _ = judged(loops)
+        print("\n".join([f"{world}, a simulator that is not ours:", *told(loops, causes, events)]))
+    if not given.n:
+        return 0
     loops = plant(given.n, given.seed)
     causes, events, behind = judged(loops)
     print("\n".join([*told(loops, causes, events), *helped(loops, behind), *sizes(given.archived, given.seed)]))
