@@ -27,7 +27,7 @@ from simbench.loop.effects import NONE, block_of
 
 _TESTS = ("mv", "sp_steps", "kc_half", "bump", "stairs", "still", "fast", "lab")
 _LIKELY = 0.02  # probability from which an explanation is simulated
-_NOTHING = 0.02  # gain in the probability of a right answer below which a test is not worth its while
+_NOTHING = 0.02  # gain in the probability of a right answer, and information in nats, up to which a test tells nothing
 _MV_NOISE = 0.1  # % that a stem's position is known to
 _NUISANCES = ("T", "Td", "load_time", "load_lag", "load", "noise_std", "colour")
 _APART = 3.0  # nats, tempered, from which two explanations count as separated
@@ -152,7 +152,8 @@ def plan(
         pairs = [(_told(p, a.nats + b.nats)[1], (a.trial.id, b.trial.id)) for a, b in combinations(out, 2)]
         right, pair = max(pairs, key=lambda x: x[0])
         best = max(best, right)
-    why = "" if best > now + _NOTHING else "no test on the menu would tell the remaining explanations apart"
+    tells = best > now + _NOTHING or max((x.information for x in out), default=0.0) > _NOTHING
+    why = "" if tells else "no test on the menu would tell the remaining explanations apart"
     return Plan(effects, p, tuple(out), () if why else pair, best, why, tuple(left_out))
 
 
