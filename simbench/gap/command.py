@@ -15,7 +15,7 @@ from detectors.records.io import read_record
 from simbench.files import picture_kind, refuse_own_input, whole_file
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.intake.partial import Partial, read_baseline
-from simbench.gap.intake.recorded_test import operated, read_test, files_of
+from simbench.gap.intake.recorded_test import files_of, operated, read_test
 from simbench.gap.plan.expected import Plan, plan
 from simbench.gap.plan.menu import read_limits
 from simbench.gap.report.result import GapReport
@@ -74,7 +74,12 @@ def diagnose_files(
     if html is not None:
         from simbench.gap.report.page import write_page
 
-        write_page(report, html, _again(report, records, baseline, {**about, "window": window}, tests))
+        told = None
+        if asked:
+            from simbench.gap.report.story import story
+
+            told = story(report, diagnose(read if len(read) > 1 else read[0], loop, jobs=jobs), asked)
+        write_page(report, html, _again(report, records, baseline, {**about, "window": window}, tests), told)
     return report
 
 

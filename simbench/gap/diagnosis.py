@@ -232,9 +232,7 @@ def report(found: Assessment, weights: Classified, runs: ClosedLoops, more: Sequ
     )  # fmt: skip
 
 
-def _advice(
-    found: Assessment, weights: Classified, runs: ClosedLoops
-) -> tuple[dict[str, Any] | None, str, dict[str, float]]:
+def _advice(found: Assessment, weights: Classified, runs: ClosedLoops) -> tuple[dict[str, Any] | None, str, dict[str, float]]:
     """Return the next test, why there is none, and the probability of a right answer after each test."""
     s = found.situation
     open_yet = max(weights.probability.values()) < _SETTLED and "raw" not in found.asked

@@ -114,7 +114,9 @@ def other_plants(found: Fitted, s: Situation, tests: Sequence[ModelledTest]) -> 
     engine = joint_engine(s, tests, {})
     likely = sorted((c for c in found.candidates.values() if c.used), key=lambda c: -c.log_likelihood_gain)[:3]
     fits = [found.base, *(c.fit for c in likely if c.log_likelihood_gain > 0.0)]
-    bare = [f for f in fits if not f.spec.channels and not f.spec.jumps] or [replace(found.base, spec=Spec(pink=found.base.spec.pink))]
+    # signals and jumps of an effect are of one record
+    plain = replace(found.base, spec=Spec(pink=found.base.spec.pink))
+    bare = [f for f in fits if not f.spec.channels and not f.spec.jumps] or [plain]
     return [_other_plant(engine.engines[i], engine, i, bare) for i in range(1, len(engine.parts))]
 
 

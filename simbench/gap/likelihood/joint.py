@@ -47,7 +47,7 @@ class JointEngine(Engine):
         if part.pace != 1.0:
             own |= {name: own[name] * part.pace for name in _TIMES if name in own}
             own |= {name: own[name] / np.sqrt(part.pace) for name in _WALKS if name in own}
-            own["colour"] = own["colour"] ** part.pace ** -1.0 if own["colour"] > 0.0 else 0.0
+            own["colour"] = own["colour"] ** part.pace**-1.0 if own["colour"] > 0.0 else 0.0
             if self.data.T == 0.0:
                 own["load"] /= part.pace
         return spec, own

@@ -171,9 +171,7 @@ def _variance(trial: Trial, files: Mapping[str, Loop]) -> float:
     return 0.0 if record is None else float(np.var(record.pv))
 
 
-def _nats(
-    trial: Trial, found: Assessment, effects: Sequence[str], files: Mapping[str, Loop], runs: int
-) -> np.ndarray | None:
+def _nats(trial: Trial, found: Assessment, effects: Sequence[str], files: Mapping[str, Loop], runs: int) -> np.ndarray | None:
     """Return log-likelihoods (runs, explanations, explanations) of simulated tests."""
     out = np.zeros((runs, len(effects), len(effects)))
     for i in range(runs):

@@ -5,7 +5,7 @@ import pytest
 
 from detectors.errors import UserError
 from scenarios.spec import Loop
-from simbench.gap.intake.recorded_test import MENU, operated, read_test, files_of
+from simbench.gap.intake.recorded_test import MENU, files_of, operated, read_test
 
 LOOP = Loop.from_table({
     "plant": {"type": "foptd", "K": 1.0, "T": 10.0, "Td": 2.0},

@@ -18,7 +18,10 @@ def data(seed, n=300, base=50.0, T=10.0, pace=1, K=1.5):
     return Data(u, y, 1.5, T, 2.0, 0.1)
 
 
-@pytest.mark.parametrize("spec", [Spec(), Spec(valve=kernels.PLAY), Spec(pole="extra"), Spec(channels=(np.linspace(0, 1, 300),))])
+RAMP = Spec(channels=(np.linspace(0, 1, 300),))
+
+
+@pytest.mark.parametrize("spec", [Spec(), Spec(valve=kernels.PLAY), Spec(pole="extra"), RAMP])
 def test_one_record_alone_is_judged_as_ever(spec):
     theta = THETA | {"S": 1.0, "tau": 3.0}
     one, joint = Engine(data(1), 40.0), JointEngine([Part(data(1))], 40.0)
