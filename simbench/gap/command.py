@@ -16,7 +16,7 @@ from simbench.files import picture_kind, refuse_own_input, whole_file
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.intake.partial import Partial, read_baseline
 from simbench.gap.intake.recorded_test import files_of, operated, read_test
-from simbench.gap.plan.expected import Plan, plan
+from simbench.gap.plan.expected import PlannedTests, plan
 from simbench.gap.plan.menu import read_limits
 from simbench.gap.report.result import GapReport
 from simbench.gap.report.traces import kick_of
@@ -91,7 +91,7 @@ def plan_files(
     tests: Sequence[str] = (),
     html: str | Path | None = None,
     **about: Any,
-) -> Plan:
+) -> PlannedTests:
     """Say which test to run next on the loop of a record."""
     refuse_own_input([html], [record, baseline, limits])
     within = None if limits is None else read_limits(limits)

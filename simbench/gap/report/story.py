@@ -25,11 +25,11 @@ _WIDTH = 4.6  # inches
 def story(report: GapReport, before: GapReport, tests: Sequence[RecordedTest]) -> Markup:
     """Return what was believed without the tests, what was asked and why, and what it changed; the records drawn."""
     chances = [{r.effect: r.probability for r in one.ranking} for one in (before, report)]
-    shown = [e for e in chances[1] if max(c[e] for c in chances) >= _SEEN]
+    shown = [e for e in chances[1] if max(c.get(e, 0.0) for c in chances) >= _SEEN]
     frame = pd.DataFrame(
         {
             "explanation": [words(e) for e in shown],
-            "without the tests": [chances[0][e] for e in shown],
+            "without the tests": [chances[0].get(e, 0.0) for e in shown],
             "with them": [chances[1][e] for e in shown],
         }
     )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from simbench.gap.plan import expected
-from simbench.gap.plan.expected import Expected, Plan, _told, plan
+from simbench.gap.plan.expected import Expected, PlannedTests, _told, plan
 
 P = np.array([0.5, 0.3, 0.1])
 
@@ -37,7 +37,7 @@ def test_a_test_that_parts_all_tells_all_that_was_open():
 def test_what_a_plan_says_has_the_contracts_keys():
     nats = told([[0, -100, 0], [-100, 0, 0], [0, 0, 0]])
     one = Expected(trial(), 3.0, 1.0, nats, 0.4, 0.8)
-    made = Plan(("stiction", "deadband", "none"), P, (one,), ("bump", "mv"), 0.85)
+    made = PlannedTests(("stiction", "deadband", "none"), P, (one,), ("bump", "mv"), 0.85)
     said = made.as_json()
     assert set(said) == {"tests", "pair", "why"}
     assert {"id", "settings", "information", "p_right", "minutes", "pv_excursion"} <= set(said["tests"][0])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from detectors.record import LoopRecord
-from simbench.gap.plan.expected import Expected, Plan
+from simbench.gap.plan.expected import Expected, PlannedTests
 from simbench.gap.report.plan_page import write_plan_page
 from simbench.gap.report.story import story
 
@@ -51,7 +51,7 @@ def test_the_story_says_what_was_believed_asked_run_and_changed(bump):
 def test_the_page_of_a_plan_shows_every_test_and_what_was_left_out(tmp_path):
     trial = SimpleNamespace(says="move OP by 2 %", minutes=12.0, op_travel=2.0, id="bump", size=2.0, hold_s=9.0, settings={})
     one = Expected(trial, 3.0, 1.5, np.zeros((1, 2, 2)), 0.4, 0.875)
-    made = Plan(("drift", "valve_lag"), np.array([0.4, 0.35]), (one,), (), 0.875, "", ("stairs: too long",))
+    made = PlannedTests(("drift", "valve_lag"), np.array([0.4, 0.35]), (one,), (), 0.875, "", ("stairs: too long",))
     write_plan_page(made, report("It may be drift."), tmp_path / "plan.html")
     html = (tmp_path / "plan.html").read_text(encoding="utf-8")
     for words in ("It may be drift.", "valve lag", "move OP by 2 %", "0.875", "stairs: too long", "FIC &lt;1&gt;"):
