@@ -25,8 +25,6 @@ _READ = (".csv", ".json", ".mat", ".parquet", ".pq", ".toml", ".txt", ".xls", ".
 URL = re.compile(r"([A-Za-z][A-Za-z0-9+._-]+(?:::[^/]*)?):/+(.*)")
 
 
-
-
 def _host() -> str:
     """Return what tells this machine, and on it this container and space of process numbers, from others."""
     space = ""

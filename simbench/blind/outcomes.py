@@ -15,7 +15,7 @@ from simbench.blind import menu
 from simbench.files import folder, whole_file
 from simbench.loop.effects import NONE
 
-TESTS, OPENED, LOG = "tests", "opened", "opened.csv"
+TESTS, OPENED, OPENED_LOG = "tests", "opened", "opened.csv"
 _SEED = 9000  # added to a record's seed, with the test's place on the menu: other load, other noise
 
 
@@ -49,7 +49,7 @@ def open_one(out: Path, name: str, id_: str, order: int) -> Path:
     if not sealed.exists():
         raise ParameterError(f"withheld: {out} holds no tests; make them with `gap withheld make --tests`")
     shown = folder(out / OPENED) / f"{name}-{id_}.csv"
-    log = out / LOG
+    log = out / OPENED_LOG
     rows = log.read_text(encoding="utf-8") if log.exists() else "id,order,test\n"
     if f"{name},{order},{id_}\n" not in rows:
         with whole_file(log) as f:

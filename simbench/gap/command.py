@@ -21,9 +21,10 @@ from simbench.gap.discover.effect_file import write_effect as write_law
 from simbench.gap.discover.recognise import effects_known
 from simbench.gap.intake.partial import Partial, read_baseline
 from simbench.gap.intake.recorded_test import files_of, read_test
-from simbench.gap.plan.expected import Plan, plan
+from simbench.gap.plan.expected import PlannedTests, plan
 from simbench.gap.plan.menu import read_limits
 from simbench.gap.report.result import GapReport
+from simbench.gap.report.story import story
 from simbench.gap.report.traces import kick_of
 
 
@@ -75,13 +76,15 @@ def diagnose_files(
         assumed = dict.fromkeys(note for record in read for note in record.notes if note not in report.notes)
         report = replace(report, notes=(*report.notes, *assumed))
         again = {**about, "window": window, "effect-plugin": list(effect_plugins), "test": list(tests)}
-        _write(report, records, baseline, again, write_loop, picture, html)
+        alone = diagnose(read if len(read) > 1 else read[0], loop, jobs=jobs) if html is not None and asked else None
+        told = None if alone is None else story(report, alone, asked)
+        _write(report, records, baseline, again, write_loop, picture, html, told)
     return report
 
 
 def _write(
     report: GapReport, records: Sequence[str | Path], baseline: str | Path | None, about: dict[str, Any],
-    write_loop: str | Path | None, picture: str | Path | None, html: str | Path | None,
+    write_loop: str | Path | None, picture: str | Path | None, html: str | Path | None, told: Any,
 ) -> None:  # fmt: skip
     """Write what was asked for of a report."""
     if write_loop is not None:
@@ -95,7 +98,7 @@ def _write(
     if html is not None:
         from simbench.gap.report.page import write_page
 
-        write_page(report, html, _again(report, records, baseline, about))
+        write_page(report, html, _again(report, records, baseline, about), told)
 
 
 def discover_file(
@@ -131,7 +134,7 @@ def plan_files(
     tests: Sequence[str] = (),
     html: str | Path | None = None,
     **about: Any,
-) -> Plan:
+) -> PlannedTests:
     """Say which test to run next on the loop of a record."""
     refuse_own_input([html], [record, baseline, limits])
     within = None if limits is None else read_limits(limits)

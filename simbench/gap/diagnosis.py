@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 
 _WIDE = 1.5  # floors, beyond which a gap is wide
 _EXPLANATIONS = 3  # that are simulated under each test, to say in passing which one to run next
+_SETTLED = 0.9  # probability from which nobody asks for the log behind the archive
 _QUICK_MENU = ("mv", "sp_steps", "bump", "stairs", "lab")
 
 
@@ -270,12 +271,11 @@ def report(found: Assessment, weights: Classified, runs: ClosedLoops, more: Sequ
     )  # fmt: skip
 
 
-def _advice(
-    found: Assessment, weights: Classified, runs: ClosedLoops
-) -> tuple[dict[str, Any] | None, str, dict[str, float]]:
+def _advice(found: Assessment, weights: Classified, runs: ClosedLoops) -> tuple[dict[str, Any] | None, str, dict[str, float]]:
     """Return the next test, why there is none, and the probability of a right answer after each test."""
     s = found.situation
-    if not (s.law.known or s.archive.faithful):
+    open_yet = max(weights.probability.values()) < _SETTLED and "raw" not in found.asked
+    if open_yet and not (s.law.known or s.archive.faithful):
         says = "log the loop without the archive between: the recorded PV is not the PV the controller saw"
         raw = {"test": "raw", "size": 0.0, "hold_s": 0.0, "separates": [], "p_right_after": None, "says": says}
         return raw, "", {}

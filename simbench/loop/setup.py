@@ -260,7 +260,7 @@ def parts_of(setup: Setup) -> Parts:
         if steps["controller_kick"] is not controller.kicked:
             raise ParameterError(f"an effect changes the law of controller {setup.loop.controller.type!r}, not of P or PI")
         if setup.outer is not None:
-            raise ParameterError("an effect changes the inner controller's law of a cascade, whose set point the outer OP moves")
+            raise ParameterError("an effect changes the inner controller's law of a cascade, whose SP the outer OP moves")
         steps["controller_step"], control_p = swapped.controller_step, setup.controller_law(setup)
     if setup.sensor_law is not None:
         steps["sensor_step"], sensor_p = swapped.sensor_step, setup.sensor_law(setup)

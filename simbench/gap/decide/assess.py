@@ -79,7 +79,7 @@ def assess(situation: Situation, tests: Sequence[ModelledTest] = ()) -> Assessme
     for beside in (beside_the_load, beside_the_plant):
         base, candidates = beside(engine, base, candidates)
     gains, parameters = _scores(situation, base, engine.main(base), candidates, maps[0])
-    for effect, nats in lab_gains(situation, tests, base, parameters).items():
+    for effect, nats in lab_gains(tests, base, parameters).items():
         gains[effect] = capped(gains[effect] + nats)
     chosen = sorted(situation.proven, key=lambda e: -gains[e])[:2]
     order = sorted((e for e in gains if e not in situation.proven), key=lambda e: -gains[e])

@@ -11,7 +11,7 @@ from detectors.errors import UserError
 from simbench.gap.candidates import Fitted, possible_effects
 from simbench.gap.effects import Parameters, recogniser
 from simbench.gap.likelihood.engine import Engine
-from simbench.gap.likelihood.joint import JointEngine, Part
+from simbench.gap.likelihood.joint import JointEngine, JointPart
 from simbench.gap.likelihood.model import Fit, Spec
 from simbench.gap.likelihood.valve_map import MapSearch
 from simbench.gap.situation import ModelledTest, Situation, load_memory, through_valve
@@ -55,7 +55,7 @@ def joint_engine(s: Situation, tests: Sequence[ModelledTest], maps: Maps) -> Joi
     for data, pace, op, Ts, mv in parts:
         if mv is None and winner and maps[winner][0] > _BY_MV:
             data = replace(data, u=through_effect(s, winner, maps[winner][1], op, Ts))
-        out.append(Part(data, pace))
+        out.append(JointPart(data, pace))
     return JointEngine(out, load_memory(s))
 
 
@@ -82,31 +82,25 @@ def effects_by_pv(s: Situation, tests: Sequence[ModelledTest]) -> list[str]:
     return possible_effects(s, s.record.mv is not None or any(t.mv is not None for t in tests))
 
 
-def lab_gains(s: Situation, tests: Sequence[ModelledTest], base: Fit, parameters: Mapping[str, Parameters]) -> dict[str, float]:
-    """Return nats that lab samples of the true PV add to a drifting measurement, as it was fitted, over a true one."""
-    total = 0.0
-    for t in tests:
-        if t.lab is None or "drift" not in parameters:
-            continue
-        at = np.flatnonzero(np.isfinite(t.lab))
-        off = t.data.y[at] - t.lab[at]
-        noise = float(np.hypot(base.theta["noise_std"], t.lab_std)) or float(np.std(off)) or 1.0
-        p = parameters["drift"]
-        rate, walk = (float(p.get(name, 0.0)) for name in ("rate", "walk"))
-        time = at * t.Ts
-        levels = [drift_level(off, time, noise, share * walk, share * rate) for share in _SIZES]
-        total += max(levels) - drift_level(off, time, noise, 0.0, 0.0)
-    return {"drift": total} if total else {}
+def lab_gains(tests: Sequence[ModelledTest], base: Fit, parameters: Mapping[str, Parameters]) -> dict[str, float]:
+    """Return nats that lab samples of the true PV add to effects that falsify the measurement, as they were fitted."""
+    total: dict[str, float] = {}
+    for effect, p in parameters.items():
+        by_lab = recogniser(effect).by_lab
+        for t in tests if by_lab is not None else ():
+            if t.lab is None:
+                continue
+            at = np.flatnonzero(np.isfinite(t.lab))
+            errors, times = t.data.y[at] - t.lab[at], at * t.Ts
+            noise = float(np.hypot(base.theta["noise_std"], t.lab_std)) or float(np.std(errors)) or 1.0
+            levels = [by_lab(scaled(p, share), errors, times, noise) for share in (0.0, *_SIZES)]
+            total[effect] = total.get(effect, 0.0) + max(levels[1:]) - levels[0]
+    return total
 
 
-def drift_level(off: np.ndarray, time: np.ndarray, noise: float, walk: float, rate: float) -> float:
-    """Return the log-likelihood of errors of a measurement: an unknown offset, a ramp either way, a walk, noise."""
-    common = np.minimum.outer(time, time)
-    slope = np.outer(time, time)
-    C = noise**2 * np.eye(time.size) + walk**2 * common + rate**2 * slope + (10.0 * float(np.ptp(off) + noise)) ** 2
-    L = np.linalg.cholesky(C)
-    x = np.linalg.solve(L, off)
-    return -0.5 * float(x @ x) - float(np.log(np.diag(L)).sum())
+def scaled(p: Parameters, share: float) -> Parameters:
+    """Return an effect's numbers by a share."""
+    return {name: share * x if isinstance(x, (int, float)) else x for name, x in p.items()}
 
 
 def other_plants(found: Fitted, s: Situation, tests: Sequence[ModelledTest]) -> list[str]:
@@ -114,7 +108,9 @@ def other_plants(found: Fitted, s: Situation, tests: Sequence[ModelledTest]) -> 
     engine = joint_engine(s, tests, {})
     likely = sorted((c for c in found.candidates.values() if c.used), key=lambda c: -c.log_likelihood_gain)[:3]
     fits = [found.base, *(c.fit for c in likely if c.log_likelihood_gain > 0.0)]
-    bare = [f for f in fits if not f.spec.channels and not f.spec.jumps] or [replace(found.base, spec=Spec())]
+    # signals and jumps of an effect are of one record
+    plain = replace(found.base, spec=Spec(pink=found.base.spec.pink))
+    bare = [f for f in fits if not f.spec.channels and not f.spec.jumps] or [plain]
     return [_other_plant(engine.engines[i], engine, i, bare) for i in range(1, len(engine.parts))]
 
 

@@ -50,6 +50,9 @@ class Recogniser:
         Of a valve: MV given OP.
     by_mv_leaves : float
         Share of an ideal valve's misfit to MV that the map may leave before MV counts as unexplained.
+    by_lab : function (parameters, errors, times, noise) -> float, optional
+        Log-likelihood of a measurement's errors, as lab samples at some times (s) show them, under the effect of that size;
+        only of effects that falsify the measurement.
     by_innovations : function (base, situation) -> (nats, parameters) or None
         Evidence in the innovations of the fit without effect, where the samples themselves were not conclusive.
     masked_by_archive : function (situation) -> bool
@@ -90,6 +93,7 @@ class Recogniser:
     explains: str = ""
     by_mv: Callable[[MapSearch], tuple[float, Parameters]] | None = None
     by_mv_leaves: float = 0.3
+    by_lab: Callable[[Mapping[str, float | str], np.ndarray, np.ndarray, float], float] | None = None
     by_innovations: Callable[[Fit, Situation], tuple[float, Parameters] | None] = lambda base, s: None
     masked_by_archive: Callable[[Situation], bool] = _never
     remark: Callable[[Situation], str] = lambda s: ""

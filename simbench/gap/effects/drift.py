@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from simbench.gap.effects._draw import Size, Yardstick, between
@@ -46,9 +48,19 @@ def draw(y: Yardstick, rng: np.random.Generator) -> Size:
     return lambda x: {"rate": 0.0, "walk": between(x, 0.1, 60.0) * unit / np.sqrt(y.seconds)}
 
 
+def by_lab(p: Mapping[str, float | str], errors: np.ndarray, times: np.ndarray, noise: float) -> float:
+    """Return the log-likelihood of errors that ramp and walk beside their noise, from an unknown offset."""
+    rate, walk, offset = float(p["rate"]), float(p["walk"]), 10.0 * (float(np.ptp(errors)) + noise)
+    ramps, walks = rate**2 * np.outer(times, times), walk**2 * np.minimum.outer(times, times)
+    L = np.linalg.cholesky(noise**2 * np.eye(times.size) + ramps + walks + offset**2)
+    x = np.linalg.solve(L, errors)
+    return -0.5 * float(x @ x) - float(np.log(np.diag(L)).sum())
+
+
 RECOGNISER = Recogniser(
     fit=fit,
     numbers=numbers,
+    by_lab=by_lab,
     # the controller moves OP against a ramp that it takes for PV
     mean_op_shift=lambda p, half, K: float(p["rate"]) * half / K,
     smallest=smallest,

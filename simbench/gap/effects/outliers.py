@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.special import gammaln
 
 from detectors.signal.tails import heavy_tails
 from simbench.gap.effects._draw import Size, Yardstick, between
@@ -14,6 +15,8 @@ from simbench.gap.situation import Situation
 
 _FAR = 4.0  # robust standard deviations from which an innovation may be a spike's
 _GONE = 0.75  # of its height, that a spike must stand off the mean of its neighbours; a step stands off by half
+_TAILS = (4.0, 6.0, 10.0, 20.0)  # degrees of freedom of heavy-tailed noise ...
+_SCALES = np.linspace(0.4, 1.0, 13)  # ... and its scales, in standard deviations
 _ALONE = 0.7  # of a spike, that its neighbours in the innovations stay below
 
 
@@ -45,10 +48,21 @@ def by_innovations(base: Fit, s: Situation) -> tuple[float, Parameters] | None:
     rate = len(alone) / x.size
     wide = float(np.std(heights)) + float(np.mean(heights))
     mixture = np.log((1 - rate) * np.exp(-0.5 * (x / scale) ** 2) / scale + rate * np.exp(-0.5 * (x / wide) ** 2) / wide)
-    plain = -0.5 * (x / float(np.std(x))) ** 2 - np.log(float(np.std(x)))
     at = "loop" if s.law.known else "record"
     parameters: Parameters = {"rate": rate, "size": float(np.mean(heights)) * base.theta["noise_std"], "at": at}
-    return float(np.sum(mixture - plain) - size_penalty(x.size, 2.0)), parameters
+    return float(np.sum(mixture) - _by_tails(x) - size_penalty(x.size, 2.0)), parameters
+
+
+def _by_tails(x: np.ndarray) -> float:
+    """Return the log-likelihood of noise without spikes, up to a constant: Gaussian, or Student's t with heavy tails."""
+    std = float(np.std(x))
+    best = float(np.sum(-0.5 * (x / std) ** 2 - np.log(std)))
+    for nu in _TAILS:
+        level = gammaln(0.5 * (nu + 1.0)) - gammaln(0.5 * nu) - 0.5 * np.log(0.5 * nu)
+        for scale in std * _SCALES:
+            t = level - 0.5 * (nu + 1.0) * np.log1p((x / scale) ** 2 / nu) - np.log(scale)
+            best = max(best, float(np.sum(t)))
+    return best
 
 
 def _gone_again(pv: np.ndarray, k: int) -> bool:

@@ -15,7 +15,7 @@ from detectors.records.tables import read_sheet
 from detectors.signal.holds import still
 from scenarios.spec import Loop, read_toml
 
-MENU = ("mv", "sp_steps", "kc_half", "bump", "stairs", "still", "raw", "fast", "lab")
+TEST_IDS = ("mv", "sp_steps", "kc_half", "bump", "stairs", "still", "raw", "fast", "lab")
 _TABLES = {
     "test": ("id", "sp_in_man", "base_op", "levels", "hold", "hold_s", "archive", "lab_std", "size"),
     "controller": ("Kc", "Kc_ratio", "Ti", "Ti_ratio", "type", "direction"),
@@ -100,8 +100,8 @@ def _settings(table: dict[str, Any], where: str) -> dict[str, dict[str, Any]]:
             if name != "test" and key not in ("type", "direction") and not (_number(value) and value > 0):
                 raise ParameterError(f"{where}: {name}.{key} = {value!r}; a number above 0 is needed")
     test = table.get("test", {})
-    if "id" in test and test["id"] not in MENU:
-        raise ParameterError(f"{where}: test.id = {test['id']!r}; {nearest(str(test['id']), MENU)}")
+    if "id" in test and test["id"] not in TEST_IDS:
+        raise ParameterError(f"{where}: test.id = {test['id']!r}; {nearest(str(test['id']), TEST_IDS)}")
     if "lab_std" in test and not (_number(test["lab_std"]) and test["lab_std"] >= 0):
         raise ParameterError(f"{where}: test.lab_std = {test['lab_std']!r}; a number of at least 0 is needed")
     return table

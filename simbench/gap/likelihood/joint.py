@@ -16,7 +16,7 @@ _WALKS = ("walk", "load_walk")
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class JointPart:
     """One record of a joint fit; `pace`: its samples to one of the first record's."""
 
     data: Data
@@ -26,7 +26,7 @@ class Part:
 class JointEngine(Engine):
     """The likelihood of several records as one: what the first record's engine is for one, in units of its samples."""
 
-    def __init__(self, parts: Sequence[Part], longest_load: float) -> None:
+    def __init__(self, parts: Sequence[JointPart], longest_load: float) -> None:
         first = parts[0].data
         u, y = (np.concatenate([getattr(p.data, name) for p in parts]) for name in ("u", "y"))
         super().__init__(replace(first, u=u, y=y), longest_load)
@@ -47,7 +47,7 @@ class JointEngine(Engine):
         if part.pace != 1.0:
             own |= {name: own[name] * part.pace for name in _TIMES if name in own}
             own |= {name: own[name] / np.sqrt(part.pace) for name in _WALKS if name in own}
-            own["colour"] = own["colour"] ** part.pace ** -1.0 if own["colour"] > 0.0 else 0.0
+            own["colour"] = own["colour"] ** part.pace**-1.0 if own["colour"] > 0.0 else 0.0
             if self.data.T == 0.0:
                 own["load"] /= part.pace
         return spec, own

@@ -14,12 +14,12 @@ from detectors.record import LoopRecord
 from scenarios.spec import Loop
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
-from simbench.gap.decide.beside_tests import drift_level, through_effect
+from simbench.gap.decide.beside_tests import scaled, through_effect
 from simbench.gap.decide.classify import TEMPERATURE
 from simbench.gap.effects import recogniser
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
-from simbench.gap.likelihood.joint import JointEngine, Part
+from simbench.gap.likelihood.joint import JointEngine, JointPart
 from simbench.gap.likelihood.model import Data, Fit
 from simbench.gap.plan.menu import LAB_SAMPLES, Limits, Trial, sized
 from simbench.gap.situation import Situation, load_memory, through_valve
@@ -27,7 +27,7 @@ from simbench.loop.effects import NONE, block_of
 
 _TESTS = ("mv", "sp_steps", "kc_half", "bump", "stairs", "still", "fast", "lab")
 _LIKELY = 0.02  # probability from which an explanation is simulated
-_NOTHING = 0.02  # gain in the probability of a right answer below which a test is not worth its while
+_NOTHING = 0.02  # gain in the probability of a right answer, and information in nats, up to which a test tells nothing
 _MV_NOISE = 0.1  # % that a stem's position is known to
 _NUISANCES = ("T", "Td", "load_time", "load_lag", "load", "noise_std", "colour")
 _APART = 3.0  # nats, tempered, from which two explanations count as separated
@@ -50,7 +50,7 @@ class Expected:
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class PlannedTests:
     """Tests by what they may be expected to tell, best first; the best pair; or why none would tell anything."""
 
     effects: tuple[str, ...]
@@ -119,7 +119,7 @@ class Plan:
 def plan(
     found: Assessment, probability: Mapping[str, float], loops: ClosedLoops, limits: Limits | None = None, most: int = 4,
     runs: int = 2, tests: Sequence[str] = _TESTS,
-) -> Plan:  # fmt: skip
+) -> PlannedTests:  # fmt: skip
     """Simulate every test of the menu under the likeliest explanations and say what each would tell."""
     s, limits = found.situation, limits or Limits()
     ranking = sorted(probability.items(), key=lambda kv: -kv[1])
@@ -128,14 +128,20 @@ def plan(
     effects, p = tuple(e for e, _ in shown), np.array([p for _, p in shown])
     now = float(p.max(initial=0.0))
     if set(found.chosen) & set(s.proven) and probability[found.chosen[0]] > 0.5:
-        return Plan(effects, p, (), (), now, f"{found.chosen[0]} is shown by the record itself; no test would tell more")
+        return PlannedTests(
+            effects, p, (), (), now, f"{found.chosen[0]} is shown by the record itself; no test would tell more"
+        )
     if len(effects) < 2:
-        return Plan(effects, p, (), (), now, "one explanation is left; no test on the menu would tell more")
+        return PlannedTests(effects, p, (), (), now, "one explanation is left; no test on the menu would tell more")
     files = {e: loops.loop([] if e == NONE else [e]) for e in effects}
     bands = [band(found.parameters[e]) for e in effects if e in found.parameters and (band := recogniser(e).band) is not None]
     out, left_out = [], []
     for id_ in tests:
-        if id_ in found.asked or (id_ == "mv" and found.valve_seen) or (id_ == "lab" and "drift" not in effects):
+        if (
+            id_ in found.asked
+            or (id_ == "mv" and found.valve_seen)
+            or (id_ == "lab" and not any(recogniser(e).by_lab for e in effects))
+        ):
             continue
         trial, why, excursion = sized(id_, s, files, min(bands, default=0.0), limits)
         nats = None if trial is None else _nats(trial, found, effects, files, runs)
@@ -152,8 +158,9 @@ def plan(
         pairs = [(_told(p, a.nats + b.nats)[1], (a.trial.id, b.trial.id)) for a, b in combinations(out, 2)]
         right, pair = max(pairs, key=lambda x: x[0])
         best = max(best, right)
-    why = "" if best > now + _NOTHING else "no test on the menu would tell the remaining explanations apart"
-    return Plan(effects, p, tuple(out), () if why else pair, best, why, tuple(left_out))
+    tells = best > now + _NOTHING or max((x.information for x in out), default=0.0) > _NOTHING
+    why = "" if tells else "no test on the menu would tell the remaining explanations apart"
+    return PlannedTests(effects, p, tuple(out), () if why else pair, best, why, tuple(left_out))
 
 
 def _told(p: np.ndarray, nats: np.ndarray) -> tuple[float, float]:
@@ -170,9 +177,7 @@ def _variance(trial: Trial, files: Mapping[str, Loop]) -> float:
     return 0.0 if record is None else float(np.var(record.pv))
 
 
-def _nats(
-    trial: Trial, found: Assessment, effects: Sequence[str], files: Mapping[str, Loop], runs: int
-) -> np.ndarray | None:
+def _nats(trial: Trial, found: Assessment, effects: Sequence[str], files: Mapping[str, Loop], runs: int) -> np.ndarray | None:
     """Return log-likelihoods (runs, explanations, explanations) of simulated tests."""
     out = np.zeros((runs, len(effects), len(effects)))
     for i in range(runs):
@@ -213,7 +218,7 @@ def _likelihood(data: Data, trial: Trial, s: Situation, fit: Fit, by_mv: bool) -
     if by_mv:
         spec = replace(spec, valve=kernels.IDEAL, moves=None, pole="" if spec.pole == "valve" else spec.pole)
     pace = s.record.Ts / trial.Ts
-    pair = JointEngine([Part(s.data), Part(data, pace)], load_memory(s))
+    pair = JointEngine([JointPart(s.data), JointPart(data, pace)], load_memory(s))
     spec, theta = pair.one_of(1, replace(spec, channels=()), fit.theta)
     K = (fit.K or s.data.K) / (pace if s.integrating else 1.0)
     held = replace(data, K=K, T=theta["T"] if data.T > 0.0 else 0.0, Td=theta["Td"])
@@ -222,13 +227,15 @@ def _likelihood(data: Data, trial: Trial, s: Situation, fit: Fit, by_mv: bool) -
 
 
 def _lab_level(trial: Trial, found: Assessment, effect: str, made_by: str, i: int) -> float:
-    """Return the log-likelihood of lab samples' differences from PV; only a drifting measurement makes any."""
+    """Return the log-likelihood of lab samples' differences from PV; only what falsifies the measurement makes any."""
     rng = np.random.default_rng([1000 + i, 5])
-    time = np.linspace(0.0, trial.n * trial.Ts, LAB_SAMPLES)
+    times = np.linspace(0.0, trial.n * trial.Ts, LAB_SAMPLES)
     noise = 1.1 * found.base.theta["noise_std"] or 1e-9
-    off = noise * rng.standard_normal(time.size)
-    p = found.parameters["drift"]
-    rate, walk = float(p["rate"]), float(p["walk"])
-    if made_by == "drift":
-        off = off + rate * time + walk * np.sqrt(time[1]) * np.cumsum(rng.standard_normal(time.size))
-    return drift_level(off, time, noise, walk, rate) if effect == "drift" else drift_level(off, time, noise, 0.0, 0.0)
+    errors = noise * rng.standard_normal(times.size)
+    (false,) = [e for e in found.parameters if recogniser(e).by_lab is not None][:1]
+    p, by_lab = found.parameters[false], recogniser(false).by_lab
+    assert by_lab is not None
+    if made_by == false:
+        steps = np.sqrt(times[1]) * rng.standard_normal(times.size)
+        errors = errors + float(p["rate"]) * times + float(p["walk"]) * np.cumsum(steps)
+    return by_lab(scaled(p, float(effect == false)), errors, times, noise)

@@ -30,8 +30,8 @@ _POSSIBLE = 0.05  # probability from which a candidate is called still possible
 _MEANING = {NONE: "the simulation lacks nothing", UNKNOWN: "something that no known effect explains"}
 
 
-def write_page(report: GapReport, path: str | Path, command: Sequence[str] = ()) -> None:
-    """Write a diagnosis as one self-contained HTML page, readable in light and dark and on a phone.
+def write_page(report: GapReport, path: str | Path, command: Sequence[str] = (), told: Markup | None = None) -> None:
+    """Write a diagnosis as one self-contained HTML page, readable in light and dark and on a phone; `told`: its story.
 
     Examples
     --------
@@ -46,6 +46,7 @@ def write_page(report: GapReport, path: str | Path, command: Sequence[str] = ())
     tag = report.behind.found.situation.record.tag
     parts: list[tuple[str, str, Markup]] = [
         ("answer", "The answer", _answer(report)),
+        *([("story", "What the tests changed", told)] if told is not None else []),
         ("where", "Where the gap lies", _where(report)),
         ("look", "Record and simulation", _look(report)),
         *_unnamed(report),

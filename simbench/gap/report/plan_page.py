@@ -9,7 +9,7 @@ from pathlib import Path
 import pandas as pd
 
 from simbench.files import whole_file
-from simbench.gap.plan.expected import Plan
+from simbench.gap.plan.expected import PlannedTests
 from simbench.gap.report.result import GapReport, words
 from simbench.html.page import render as render_in
 from simbench.html.table import sortable
@@ -17,7 +17,7 @@ from simbench.html.table import sortable
 _render = partial(render_in, "simbench.gap.report")
 
 
-def write_plan_page(plan: Plan, report: GapReport, path: str | Path) -> None:
+def write_plan_page(plan: PlannedTests, report: GapReport, path: str | Path) -> None:
     """Write a plan as one self-contained HTML page."""
     frame = pd.DataFrame(
         {

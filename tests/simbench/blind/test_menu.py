@@ -87,7 +87,7 @@ def asks(record, baseline, tests=()):
 
 def test_tests_are_opened_in_the_order_they_are_asked_for_and_logged(check):
     answer(check, asks, 1, 2)
-    assert (check / outcomes.LOG).read_text().splitlines() == ["id,order,test", "r0001,1,bump", "r0001,2,stairs"]
+    assert (check / outcomes.OPENED_LOG).read_text().splitlines() == ["id,order,test", "r0001,1,bump", "r0001,2,stairs"]
     assert '"seen": 2' in (answers_after(check, 2) / "r0001.json").read_text()
     assert '"seen": 0' in (answers_after(check, 0) / "r0001.json").read_text()
     assert sorted(p.name for p in (check / outcomes.OPENED).glob("*.csv")) == ["r0001-bump.csv", "r0001-stairs.csv"]

@@ -41,7 +41,7 @@ def found(*chosen, parameters=None, shown=(), s=None, noise=0.1, tests=None):
     return SimpleNamespace(
         chosen=list(chosen), parameters=NUMBERS if parameters is None else parameters, shown=lambda e: e in shown,
         situation=s or situation(), unexplained={"valve": "MV strays"}, base=SimpleNamespace(theta={"noise_std": noise}),
-        stiction=0.5, tests=dict.fromkeys(RESIDUAL_LIMITS, 0.0) | (tests or {}),
+        stiction=0.5, asked=(), tests=dict.fromkeys(RESIDUAL_LIMITS, 0.0) | (tests or {}),
     )  # fmt: skip
 
 

@@ -118,9 +118,7 @@ def run(setup: Setup, case: dict, seed: int, plan: TestPlan | None = None) -> di
     return columns if plan is None else operated(columns, raw[5][case["warm"] :], plan, seed)
 
 
-def _archive(
-    shown: tuple, sp: np.ndarray, setup: Setup, case: dict, seed: int, raw: bool = False
-) -> dict[str, np.ndarray]:
+def _archive(shown: tuple, sp: np.ndarray, setup: Setup, case: dict, seed: int, raw: bool = False) -> dict[str, np.ndarray]:
     seen, op, mv, seen_mean, mv_mean = shown
     warm, n, how = case["warm"], case["n"], case["archive"]
     if raw:

@@ -5,17 +5,19 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from simbench.gap.decide.beside_tests import drift_level, lab_gains
+from simbench.gap.decide.beside_tests import lab_gains
+from simbench.gap.effects import recogniser
 
+by_lab = recogniser("drift").by_lab
 TIME = np.linspace(0.0, 1000.0, 40)
 
 
 def test_a_walk_is_likelier_under_its_own_size_and_noise_under_none():
     rng = np.random.default_rng(0)
     walk = np.cumsum(rng.standard_normal(40)) * np.sqrt(TIME[1]) * 0.1
-    assert drift_level(walk, TIME, 0.1, 0.1, 0.0) > drift_level(walk, TIME, 0.1, 0.0, 0.0) + 50.0
+    assert by_lab({"rate": 0.0, "walk": 0.1}, walk, TIME, 0.1) > by_lab({"rate": 0.0, "walk": 0.0}, walk, TIME, 0.1) + 50.0
     still = 0.1 * rng.standard_normal(40)
-    assert drift_level(still, TIME, 0.1, 0.0, 0.0) > drift_level(still, TIME, 0.1, 0.1, 0.0) + 5.0
+    assert by_lab({"rate": 0.0, "walk": 0.0}, still, TIME, 0.1) > by_lab({"rate": 0.0, "walk": 0.1}, still, TIME, 0.1) + 5.0
 
 
 @pytest.mark.parametrize(("rate", "sign"), [(0.01, 1), (0.0, -1)])
@@ -28,12 +30,12 @@ def test_lab_samples_speak_for_a_drift_or_against_it(rate, sign):
     data = SimpleNamespace(y=true + rate * t + 0.1 * rng.standard_normal(1001))
     test = SimpleNamespace(lab=lab, data=data, lab_std=0.05, Ts=1.0)
     base = SimpleNamespace(theta={"noise_std": 0.1})
-    gains = lab_gains(SimpleNamespace(), [test], base, {"drift": {"rate": 0.01, "walk": 0.0}})
+    gains = lab_gains([test], base, {"drift": {"rate": 0.01, "walk": 0.0}})
     assert np.sign(gains["drift"]) == sign
     assert abs(gains["drift"]) > 1.0
 
 
 def test_without_lab_samples_or_a_fitted_drift_nothing_is_added():
     test = SimpleNamespace(lab=None)
-    assert lab_gains(SimpleNamespace(), [test], SimpleNamespace(), {"drift": {"rate": 1.0, "walk": 0.0}}) == {}
-    assert lab_gains(SimpleNamespace(), [], SimpleNamespace(), {}) == {}
+    assert lab_gains([test], SimpleNamespace(), {"drift": {"rate": 1.0, "walk": 0.0}}) == {}
+    assert lab_gains([], SimpleNamespace(), {}) == {}

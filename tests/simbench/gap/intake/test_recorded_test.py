@@ -5,7 +5,7 @@ import pytest
 
 from detectors.errors import UserError
 from scenarios.spec import Loop
-from simbench.gap.intake.recorded_test import MENU, files_of, read_test
+from simbench.gap.intake.recorded_test import TEST_IDS, files_of, read_test
 
 LOOP = Loop.from_table({
     "plant": {"type": "foptd", "K": 1.0, "T": 10.0, "Td": 2.0},
@@ -80,4 +80,4 @@ def test_a_log_of_another_pace_is_taken_where_it_is_declared(tmp_path):
 def test_the_menu_is_the_blind_checks():
     from simbench.blind import menu
 
-    assert menu.MENU == MENU
+    assert menu.MENU == TEST_IDS

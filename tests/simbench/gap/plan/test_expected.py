@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from simbench.gap.plan import expected
-from simbench.gap.plan.expected import Expected, Plan, _told, plan
+from simbench.gap.plan.expected import Expected, PlannedTests, _told, plan
 
 P = np.array([0.5, 0.3, 0.1])
 
@@ -16,7 +16,8 @@ def told(nats):
 
 
 def trial(id_="bump"):
-    return SimpleNamespace(id=id_, size=2.0, hold_s=60.0, minutes=9.0, op_travel=2.0, settings={"test": {"id": id_}}, says=f"do {id_}")
+    about = {"size": 2.0, "hold_s": 60.0, "minutes": 9.0, "op_travel": 2.0, "settings": {"test": {"id": id_}}}
+    return SimpleNamespace(id=id_, says=f"do {id_}", **about)
 
 
 def test_a_test_under_which_all_explain_the_same_tells_nothing():
@@ -36,20 +37,22 @@ def test_a_test_that_parts_all_tells_all_that_was_open():
 def test_what_a_plan_says_has_the_contracts_keys():
     nats = told([[0, -100, 0], [-100, 0, 0], [0, 0, 0]])
     one = Expected(trial(), 3.0, 1.0, nats, 0.4, 0.8)
-    made = Plan(("stiction", "deadband", "none"), P, (one,), ("bump", "mv"), 0.85)
+    made = PlannedTests(("stiction", "deadband", "none"), P, (one,), ("bump", "mv"), 0.85)
     said = made.as_json()
     assert set(said) == {"tests", "pair", "why"}
     assert {"id", "settings", "information", "p_right", "minutes", "pv_excursion"} <= set(said["tests"][0])
     assert said["pair"] == ["bump", "mv"]
     assert made.separated(one) == ["stiction", "deadband"]
-    assert made.next_test == {
-        "test": "bump", "size": 2.0, "hold_s": 60.0, "separates": ["stiction", "deadband"], "p_right_after": 0.8, "says": "do bump",
-    }  # fmt: skip
+    next_test = {"test": "bump", "size": 2.0, "hold_s": 60.0, "p_right_after": 0.8, "says": "do bump"}
+    assert made.next_test == next_test | {"separates": ["stiction", "deadband"]}
     assert "do bump" in made.as_text()
 
 
 def stub(monkeypatch, nats):
-    monkeypatch.setattr(expected, "sized", lambda id_, *more: (trial(id_), "", 3.0) if id_ in nats else (None, f"{id_}: no", 0.0))
+    def sized(id_, *more):
+        return (trial(id_), "", 3.0) if id_ in nats else (None, f"{id_}: no", 0.0)
+
+    monkeypatch.setattr(expected, "sized", sized)
     monkeypatch.setattr(expected, "_nats", lambda one, *more: told(nats[one.id]))
     monkeypatch.setattr(expected, "_variance", lambda *more: 1.0)
     s = SimpleNamespace(proven={})

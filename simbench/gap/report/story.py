@@ -1,0 +1,70 @@
+"""The story of a diagnosis that asked: what was believed before, which tests were run, what they changed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+import pandas as pd
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from simbench.figures._style import BLACK, GREY, label, panels, styled
+from simbench.gap.intake.recorded_test import RecordedTest
+from simbench.gap.report.result import GapReport, words
+from simbench.html.page import render as render_in
+from simbench.html.svg import inline_svg
+from simbench.html.table import sortable
+
+_render = partial(render_in, "simbench.gap.report")
+_SEEN = 0.01  # probability, before or after, from which an explanation is shown
+_WIDTH = 4.6  # inches
+
+
+def story(report: GapReport, before: GapReport, tests: Sequence[RecordedTest]) -> Markup:
+    """Return what was believed without the tests, what was asked and why, and what it changed; the records drawn."""
+    chances = [{r.effect: r.probability for r in one.ranking} for one in (before, report)]
+    shown = [e for e in chances[1] if max(c.get(e, 0.0) for c in chances) >= _SEEN]
+    frame = pd.DataFrame(
+        {
+            "explanation": [words(e) for e in shown],
+            "without the tests": [chances[0].get(e, 0.0) for e in shown],
+            "with them": [chances[1][e] for e in shown],
+        }
+    )
+    asked = before.next_test
+    items = [
+        {
+            "svg": inline_svg(_draw(test), f"test-{i}", f"{test.name}: PV and OP over time, manual shaded"),
+            "caption": f"{test.name}: PV with its set point, and OP; the operator's part is shaded.",
+        }
+        for i, test in enumerate(tests)
+    ]
+    return _render(
+        "story.html",
+        believed=before.sentence(),
+        asked="" if asked is None else asked["says"],
+        separates=[] if asked is None else [words(e) for e in asked["separates"]],
+        run=[f"{t.name}{f' ({t.id})' if t.id else ''}" for t in tests],
+        refused=[n for n in report.notes if n.startswith("test:")],
+        now=report.sentence(),
+        table=sortable(frame, dict.fromkeys(("without the tests", "with them"), "{:.3f}".format)),
+        items=items,
+    )
+
+
+@styled
+def _draw(test: RecordedTest) -> Figure:
+    r = test.record
+    figure, grid = panels(2, 1, _WIDTH, 2.8, sharex=True)
+    for axes, name, x in ((grid[0, 0], "PV", r.pv), (grid[1, 0], "OP (%)", r.op)):
+        axes.plot(r.t, x, color=BLACK, linewidth=0.9)
+        label(axes, "", name, "")
+        low, high = axes.get_ylim()
+        axes.fill_between(r.t, low, high, where=np.asarray(test.manual), color=GREY, alpha=0.25, linewidth=0)
+        axes.set_ylim(low, high)
+    if r.sp is not None:
+        grid[0, 0].plot(r.t, r.sp, color=GREY, linestyle=":", linewidth=1.0)
+    grid[1, 0].set_xlabel("time (s)")
+    return figure
