@@ -15,7 +15,7 @@ from tests.simbench.boundary.test_fuzz import asked
 from tests.simbench.boundary.test_loops import text as loop_text
 
 MANY = settings(
-    max_examples=int(os.environ.get("FUZZ", "60")), derandomize=True, deadline=None, database=None,
+    max_examples=int(os.environ.get("FUZZ", "60")), derandomize="FUZZ" not in os.environ, deadline=None, database=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )  # fmt: skip
 
