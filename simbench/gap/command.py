@@ -24,7 +24,6 @@ from simbench.gap.intake.recorded_test import files_of, read_test
 from simbench.gap.plan.expected import PlannedTests, plan
 from simbench.gap.plan.menu import read_limits
 from simbench.gap.report.result import GapReport
-from simbench.gap.report.story import story
 from simbench.gap.report.traces import kick_of
 
 
@@ -76,8 +75,11 @@ def diagnose_files(
         assumed = dict.fromkeys(note for record in read for note in record.notes if note not in report.notes)
         report = replace(report, notes=(*report.notes, *assumed))
         again = {**about, "window": window, "effect-plugin": list(effect_plugins), "test": list(tests)}
-        alone = diagnose(read if len(read) > 1 else read[0], loop, jobs=jobs) if html is not None and asked else None
-        told = None if alone is None else story(report, alone, asked)
+        told = None
+        if html is not None and asked:
+            from simbench.gap.report.story import story
+
+            told = story(report, diagnose(read if len(read) > 1 else read[0], loop, jobs=jobs), asked)
         _write(report, records, baseline, again, write_loop, picture, html, told)
     return report
 
@@ -178,9 +180,7 @@ def _loop_text(report: GapReport, records: list[str], baseline: str | Path | Non
     return "".join(f"# {' '.join(line.split())}\n" for line in lines) + "\n" + report.fixed_loop().to_toml()
 
 
-def _again(
-    report: GapReport, records: Sequence[str | Path], baseline: str | Path | None, about: dict[str, Any]
-) -> list[str]:
+def _again(report: GapReport, records: Sequence[str | Path], baseline: str | Path | None, about: dict[str, Any]) -> list[str]:
     """Return the commands that repeat a diagnosis and simulate the fixed loop."""
     words = ["simbench", "gap", "diagnose", *map(str, records)]
     words += ["--identify"] if baseline is None else ["--baseline", str(baseline)]
