@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from detectors.record import LoopRecord
 
+_UNDECIDED = 0.5  # cost of no decision; an error costs 1
 _SETS = ("all", "fast", "full", PUBLISHED)
 
 
@@ -82,7 +83,12 @@ class Report:
         str
         """
         text = summary.as_text(self.groups(), why=why, colour=colour)
-        return "\n".join([text, "", *table(self.scores)]) if self.scores else text
+        if not self.scores:
+            return text
+        sticky, units = max(((r["n_stiction"], r["n_stiction"] + r["n_other"]) for r in self.scores), key=lambda n: n[1])
+        said = f"cost, which ranks: an error 1, no decision {_UNDECIDED}; of {units} units always no costs"
+        said += f" {sticky / units:.2f}, always yes {1 - sticky / units:.2f}" if units else " nothing"
+        return "\n".join([text, "", *table(self.scores), said])
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row per verdict.
@@ -199,7 +205,7 @@ def choose_methods(names: Iterable[str]) -> list[str]:
 def score_units(
     verdicts: Iterable[tuple[str | None, Verdict]], labels: Mapping[str, Mapping[str, str]]
 ) -> list[dict[str, Any]]:
-    """Score verdicts against labels, counted by unit: the records of one loop, or of loops that share an oscillation."""
+    """Score verdicts against labels by cost, counted by unit: the records of a loop, or of loops that share an oscillation."""
     units: dict[str, dict[tuple[str, str], list[Verdict]]] = {}
     for name, verdict in verdicts:
         row = labels.get(str(name))
@@ -226,9 +232,18 @@ def score_units(
                 "undecided": sum(v is None for v in votes[True] + votes[False]),
                 "not_applicable": len(groups) - len(covered),
                 "auc": _auc(scores[True], scores[False]),
+                **_cost([_UNDECIDED if v is None else float(v is not sticky) for sticky in votes for v in votes[sticky]]),
             }
         )
-    return rows
+    return sorted(rows, key=lambda row: (np.isnan(row["cost"]), row["cost"]))
+
+
+def _cost(lost: list[float]) -> dict[str, float]:
+    if not lost:
+        return {"cost": float("nan"), "cost_lo": 0.0, "cost_hi": 1.0}
+    # one unit of 0 and one of 1 added: few that all cost the same do not show the cost exactly
+    mean, half = float(np.mean(lost)), 1.96 * float(np.sqrt(np.var([*lost, 0.0, 1.0]) / len(lost)))
+    return {"cost": mean, "cost_lo": max(mean - half, 0.0), "cost_hi": min(mean + half, 1.0)}
 
 
 def table(rows: list[dict[str, Any]]) -> list[str]:

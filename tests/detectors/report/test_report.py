@@ -51,7 +51,7 @@ def test_labels_pick_the_records_give_their_kind_and_score(folder):
     by_method = {row["method"]: row for row in report.scores}
     assert by_method["hammerstein"] == {
         "method": "hammerstein", "n_stiction": 1, "found": 1, "n_other": 1, "false_alarms": 0, "undecided": 0,
-        "not_applicable": 0, "auc": 1.0,
+        "not_applicable": 0, "auc": 1.0, "cost": 0.0, "cost_lo": 0.0, "cost_hi": pytest.approx(0.6, abs=0.01),
     }  # fmt: skip
     assert all("unknown" not in v.reason for _, v in report.verdicts)
     assert "n_stiction" in report.as_text()
@@ -89,6 +89,18 @@ def test_units_count_once_and_undecided_records_do_not_vote():
     row = score_units(verdicts, labels)[0]
     assert (row["n_stiction"], row["found"], row["n_other"], row["false_alarms"], row["undecided"]) == (1, 1, 2, 0, 1)
     assert row["auc"] == pytest.approx(0.25)
+    # A found, B as often yes as no and so not called sticky, C undecided
+    assert row["cost"] == pytest.approx(0.5 / 3)
+    assert 0.0 <= row["cost_lo"] < row["cost"] < row["cost_hi"] < 1.0
+
+
+def test_units_are_ranked_by_cost_beside_what_always_no_and_always_yes_cost():
+    said = {"m": ("stiction", "no_decision"), "n": ("no_stiction", "no_stiction"), "o": ("stiction", "no_stiction")}
+    verdicts = [(f"r{k}", Verdict(m, word, 0.0, reason="-")) for m, words in said.items() for k, word in enumerate(words)]
+    labels = {"r0": {"label": "stiction", "unit_group": "A"}, "r1": {"label": "tuning", "unit_group": "B"}}
+    rows = score_units(verdicts, labels)
+    assert [(row["method"], row["cost"]) for row in rows] == [("o", 0.0), ("m", 0.25), ("n", 0.5)]
+    assert "of 2 units always no costs 0.50, always yes 0.50" in Report(verdicts, scores=rows).as_text()
 
 
 def test_a_loop_that_does_not_oscillate_counts_in_the_area_below_every_score():

@@ -1,6 +1,6 @@
 """Loop files, grids and records at random: never a traceback, a hang or a sentence that says nothing.
 
-`FUZZ=5000 pytest tests/simbench/boundary/test_fuzz.py` draws more of each, anew every time; without it they are always the same.
+`FUZZ=5000 pytest tests/simbench/boundary/test_fuzz.py` draws more of each, anew every time; without it they stay the same.
 """
 
 from __future__ import annotations

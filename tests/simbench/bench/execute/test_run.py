@@ -660,6 +660,12 @@ def detect(prepared):
 """
 CHEATS = {
     "by_memory": "same, LAST[0] = LAST[0] == record.sp.tobytes(), record.sp.tobytes(); return told(not same)",
+    "by_memory_in_a_file": """
+    file = Path(__file__).with_suffix(".seen")
+    seen = file.read_text() if file.exists() else ""
+    mark = str(hash(record.sp.tobytes()) if record.sp is not None else 0)
+    file.write_text(seen + mark + " ")
+    return told(mark not in seen)""",
     "by_place": "CALLS.append(0); return told(len(CALLS) % 2)",
     # what told labels in grids whose sampling followed the sticky loop
     "by_samples_per_period": "return told(samples_per_period(record.op) > 15)",
@@ -705,12 +711,12 @@ def test_cheats_that_see_no_valve_are_right_by_chance_or_refused(tmp_path, grid)
         assert any("a plug-in may not" in said for said in reasons[name]) == (name in REFUSED), reasons[name]
 
 
-@pytest.mark.parametrize("name", REFUSED)
-def test_a_cheat_that_simulates_again_breaks_its_contract(tmp_path, name):
+@pytest.mark.parametrize("name", [*REFUSED, "by_memory_in_a_file"])
+def test_a_cheat_that_looks_elsewhere_breaks_its_contract(tmp_path, name):
     file = tmp_path / f"{name}.py"
     file.write_text('"""A cheat."""\n' + CHEAT.replace("{body}", CHEATS[name]).replace("GRID", "smoke"))
     broken = check_in_subprocess(file).broken
-    assert any("may not" in said for said in broken), broken
+    assert any(("may not" if name in REFUSED else "asked") in said for said in broken), broken
 
 
 def test_a_sealed_run_draws_its_seed_and_tells_it_at_the_end(tmp_path, monkeypatch):
