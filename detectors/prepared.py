@@ -10,6 +10,7 @@ import numpy as np
 from detectors.errors import RecordError
 from detectors.quality import Flag, inspect
 from detectors.record import LoopRecord
+from detectors.signal.autocorrelation import acf, detrend
 from detectors.signal.conditioning import clear_harmonics, drift, loop_sign, mirrored_spectrum, smooth, snapped
 from detectors.signal.half_cycles import midline, split
 from detectors.signal.load_disturbances import oscillation_by_loads
@@ -20,6 +21,7 @@ _STILL = 1e-9  # of a signal's range: less is rounding
 FRONT_ENDS = ("acf", "hagglund")
 # samples per period that are judged (Jelali 2013, section 11.7.2); a denser record is halved until it has no more
 DENSEST = 250.0
+_COARSEST = 64.0  # samples per period at which a half is still searched for an oscillation that it hides more densely
 _HALVES = (2, 1, 0)  # quarters at which they start: the last half, the middle one, the first
 
 
@@ -218,21 +220,38 @@ def thinned(record: LoopRecord, step: int) -> LoopRecord:
     return replace(record, Ts=record.Ts * step, **{k: None if x is None else x[::step] for k, x in signals.items()})
 
 
-def _at_density(record: LoopRecord, front_end: str, part: tuple[int, int] | None = None) -> Prepared:
+def _pace(op: np.ndarray) -> float:
+    """Return the period (samples) of an OP that need not oscillate: four times the lag at which its ACF first vanishes."""
+    flat = detrend(op)
+    return 4.0 * float(np.argmax(acf(flat) < 0.0)) if flat.any() else 0.0
+
+
+def _at_density(record: LoopRecord, front_end: str, part: tuple[int, int] | None = None, pace: float = 0.0) -> Prepared:
     """Prepare a record at no more than `DENSEST` samples per period, by powers of two: so that the density it came at, of
-    those a factor of two apart, makes no difference."""
+    those a factor of two apart, makes no difference. Where it does not oscillate it is looked at more coarsely, down to
+    `_COARSEST` samples of a period `pace`."""
     dense = Prepared(record, front_end, part=part)
-    period, step = dense.oscillation.period_s / record.Ts, 1
-    while period > DENSEST * step:
+    found, coarse = dense.oscillation, 1
+    while not found.sustained and pace > _COARSEST * coarse:
+        coarse *= 2
+        found = Prepared(thinned(record, coarse), front_end).oscillation
+    if not found.sustained:
+        found, coarse = dense.oscillation, 1
+    step, last = 1, found.period_s
+    # step by step, each asked for the period itself: near a bound a denser record may say another
+    while last > DENSEST * step * record.Ts and record.n >= 8 * step:
         step *= 2
-    if step == 1 or record.n < 4 * step:
-        return dense
-    if part is not None:  # a start that every density has
+        if step > coarse:
+            own = Prepared(thinned(record, step), front_end).oscillation.period_s
+            last = last if np.isnan(own) else own
+    if step > 1 and part is not None:  # a start that every density has
         late = part[0] % step
         record, part = record.window(late and step - late, record.n), (part[0] + (late and step - late), part[1])
-    thin = Prepared(thinned(record, step), front_end, part=part, step=step)
+    thin = dense if step == 1 else Prepared(thinned(record, step), front_end, part=part, step=step)
+    if coarse > 1:
+        thin.__dict__["oscillation"] = found
     # what oscillates in neither way is left as it came: its valve may be seen all the same
-    return thin if thin.oscillation.sustained or dense.oscillation.sustained else dense
+    return thin if thin.oscillation.sustained or found.sustained else dense
 
 
 def prepare(record: LoopRecord, front_end: str = "acf") -> Prepared:
@@ -268,11 +287,12 @@ def prepare(record: LoopRecord, front_end: str = "acf") -> Prepared:
     whole = _at_density(record, front_end)
     if whole.oscillation.sustained or front_end == "hagglund":  # whose memory forgets by itself what is long past
         return whole
+    pace = _pace(record.op)
     for quarter in _HALVES:
         part = quarter * record.n // 4, (quarter + 2) * record.n // 4
         if part[1] - part[0] < 3:
             return whole
-        half = _at_density(record.window(*part), front_end, part)
+        half = _at_density(record.window(*part), front_end, part, pace)
         found = half.oscillation
         # the unit of S and J is the whole record's
         if found.sustained and found.lasting > LASTING**0.5 and half.record.S_unit == record.S_unit:

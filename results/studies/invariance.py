@@ -70,6 +70,11 @@ def _dense(scenario: Scenario) -> LoopRecord:
         times *= 2
 
 
+def _said(record: LoopRecord, seen: LoopRecord, blind: list[str], mv: list[str], **how: bool) -> list[str]:
+    """Return the verdicts of methods that see OP and PV, then of those that see MV."""
+    return [v.verdict for v in (*judge(record.without_mv(), blind, **how), *judge(seen, mv, **how))]
+
+
 def rows(grids: dict[str, int]) -> list[dict[str, object]]:
     """Return per transformation, and per method, how often verdicts change."""
     names = registry.names()
@@ -80,13 +85,16 @@ def rows(grids: dict[str, int]) -> list[dict[str, object]]:
     asked: Counter[tuple[str, str]] = Counter()
     found: Counter[tuple[str, str]] = Counter()
     for record in dense_records(grids):
-        plain = [v.verdict for v in (*judge(record.without_mv(), blind), *judge(record, mv))]
+        plain = _said(record, record, blind, mv)
+        # what sets in is an oscillation and what dies out is none: the front end tells forwards from backwards, methods do not
+        whole = _said(record, record, blind, mv, raw=True, halves=False)
         for what, change in TRANSFORMATIONS.items():
             # MV is in % whatever the unit of OP: the methods that see it keep OP's unit
             other = change(record)
             seen = record if what == "unit of OP and PV" else other
-            moved = [v.verdict for v in (*judge(other.without_mv(), blind), *judge(seen, mv))]
-            for name, before, after in zip((*blind, *mv), plain, moved, strict=True):
+            how = {"raw": True, "halves": False} if what == BACKWARDS else {}
+            moved = _said(other, seen, blind, mv, **how)
+            for name, before, after in zip((*blind, *mv), whole if how else plain, moved, strict=True):
                 if what == BACKWARDS and not registry.load(name).METHOD.reversible:
                     continue
                 kind = "same" if before == after else "open" if NO_DECISION in (before, after) else "flip"
