@@ -63,10 +63,6 @@ class JointEngine(Engine):
         own.theta.update({name: value for name, value in fit.theta.items() if name not in own.theta})
         return own
 
-    def alone(self, fit: Fit) -> list[float]:
-        """Return the log-likelihood of every record under the plant and effect of a fit, gain fitted anew."""
-        return [engine.evaluate(*self.one_of(i, fit.spec, fit.theta))[0] for i, engine in enumerate(self.engines)]
-
     def _channels(self, spec: Spec, theta: Mapping[str, float]) -> np.ndarray:
         # PV, the plant's answer, every record's bias and onset; last the signals of an effect, the first record's at the end
         whole, blocks, effects = np.zeros((2, self.data.n)), [], []
