@@ -16,9 +16,9 @@ from detectors.signal.holds import still
 from scenarios.spec import Loop, read_toml
 
 TEST_IDS = ("mv", "sp_steps", "kc_half", "bump", "stairs", "still", "raw", "fast", "lab")
-_MODES = {"auto": False, "automatic": False, "cas": False, "cascade": False, "man": True, "manual": True}
+_MODES = {"": False, "auto": False, "automatic": False, "cas": False, "cascade": False, "man": True, "manual": True}
 _TABLES = {
-    "test": ("id", "sp_in_man", "base_op", "levels", "hold", "hold_s", "archive", "lab_std", "size"),
+    "test": (),  # whatever was planned may stand there
     "controller": ("Kc", "Kc_ratio", "Ti", "Ti_ratio", "type", "direction"),
     "sampling": ("Ts", "n"),
 }
@@ -76,7 +76,7 @@ def operated(path: str | Path, n: int) -> tuple[np.ndarray, np.ndarray | None]:
     columns = {str(k).strip().lower(): v for k, v in read_sheet(Path(path)).columns.items()} if _is_table(path) else {}
     manual = np.zeros(n, dtype=bool)
     if "mode" in columns:
-        words = [str(x).strip().lower() for x in columns["mode"]]
+        words = ["" if str(x) == "nan" else str(x).strip().lower() for x in columns["mode"]]
         wrong = next((w for w in words if w not in _MODES), None)
         if wrong is not None:
             raise RecordError(f"{path}: mode {wrong.upper()!r} is unknown; AUTO, MAN and CAS are allowed")
@@ -103,7 +103,7 @@ def _settings(table: dict[str, Any], where: str) -> dict[str, dict[str, Any]]:
         if name not in _TABLES or not isinstance(rows, dict):
             raise ParameterError(f"{where}: [{name}] is no table of a test's settings; {nearest(name, _TABLES)}")
         for key, value in rows.items():
-            if key not in _TABLES[name]:
+            if name != "test" and key not in _TABLES[name]:
                 raise ParameterError(f"{where}: {name}.{key} is unknown; {nearest(key, _TABLES[name])}")
             if name != "test" and key not in ("type", "direction") and not (_number(value) and value > 0):
                 raise ParameterError(f"{where}: {name}.{key} = {value!r}; a number above 0 is needed")
