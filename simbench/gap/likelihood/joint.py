@@ -26,6 +26,8 @@ class JointPart:
 class JointEngine(Engine):
     """The likelihood of several records as one: what the first record's engine is for one, in units of its samples."""
 
+    behind = 40.0
+
     def __init__(self, parts: Sequence[JointPart], longest_load: float) -> None:
         first = parts[0].data
         u, y = (np.concatenate([getattr(p.data, name) for p in parts]) for name in ("u", "y"))
