@@ -93,14 +93,12 @@ def markdown(figures: list[Share | Figure], effects: pd.DataFrame | None) -> str
         level = "" if f.level is None else f"{'<=' if f.at_most else '>='} {f.level:g}"
         lines.append(f"| {f.name} | {value} | {interval} | {f.n} | {level} | {_yes(f.holds)} |")
     for measure, title in (
-        ()
-        if effects is None
-        else (
-            ("first", "first answer right"),
-            ("in_group", "right within its group"),
-            ("block_right", "block right"),
-        )
+        ("first", "first answer right"),
+        ("in_group", "right within its group"),
+        ("block_right", "block right"),
     ):
+        if effects is None:
+            break
         part = effects[effects.measure == measure]
         order = [s for s in ("weak", "medium", "strong") if s in set(part.strength)]
         order += sorted(set(part.strength) - set(order))

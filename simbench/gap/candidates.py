@@ -102,9 +102,10 @@ def beside_the_plant(engine: Engine, base: Fit, candidates: dict[str, Candidate]
 
 def _on_top_of(engine: Engine, base: Fit, brought: float, candidates: dict[str, Candidate]) -> dict[str, Candidate]:
     """Return the likelier of the two fits of each: as it was, less what the new base brought (nats), or on top of that base."""
-    again = fit_candidates(engine, base, candidates)
+    best = max((c.log_likelihood_gain for c in candidates.values()), default=0.0)
+    again = fit_candidates(engine, base, [e for e, c in candidates.items() if c.log_likelihood_gain > best - engine.behind])
     alone = {e: replace(c, log_likelihood_gain=c.log_likelihood_gain - brought) for e, c in candidates.items()}
-    return {e: max(again[e], alone[e], key=lambda c: c.log_likelihood_gain) for e in candidates}
+    return {e: max(again.get(e, c), c, key=lambda c: c.log_likelihood_gain) for e, c in alone.items()}
 
 
 def _reshaped(engine: Engine, fit: Fit) -> Fit:

@@ -87,8 +87,8 @@ def lab_gains(tests: Sequence[ModelledTest], base: Fit, parameters: Mapping[str,
     total: dict[str, float] = {}
     for effect, p in parameters.items():
         by_lab = recogniser(effect).by_lab
-        for t in tests if by_lab is not None else ():
-            if t.lab is None:
+        for t in tests:
+            if by_lab is None or t.lab is None:
                 continue
             at = np.flatnonzero(np.isfinite(t.lab))
             errors, times = t.data.y[at] - t.lab[at], at * t.Ts

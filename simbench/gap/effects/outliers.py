@@ -15,7 +15,7 @@ from simbench.gap.situation import Situation
 
 _FAR = 4.0  # robust standard deviations from which an innovation may be a spike's
 _GONE = 0.75  # of its height, that a spike must stand off the mean of its neighbours; a step stands off by half
-_TAILS = (4.0, 6.0, 10.0, 20.0)  # degrees of freedom of heavy-tailed noise ...
+_TAILS = (6.0, 10.0, 20.0)  # degrees of freedom of heavy-tailed noise ...
 _SCALES = np.linspace(0.4, 1.0, 13)  # ... and its scales, in standard deviations
 _ALONE = 0.7  # of a spike, that its neighbours in the innovations stay below
 

@@ -33,7 +33,9 @@ _COLOURED = 0.5  # std of the prior on the noise's correlation from sample to sa
 
 
 class Engine:
-    """Evaluates and maximises the likelihood for one record."""
+    """Evaluates and maximises the likelihood for one record; `behind`: nats from which an effect is not fitted twice."""
+
+    behind = np.inf
 
     def __init__(self, data: Data, longest_load: float) -> None:
         self.data = data

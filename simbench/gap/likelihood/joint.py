@@ -26,6 +26,8 @@ class JointPart:
 class JointEngine(Engine):
     """The likelihood of several records as one: what the first record's engine is for one, in units of its samples."""
 
+    behind = 40.0
+
     def __init__(self, parts: Sequence[JointPart], longest_load: float) -> None:
         first = parts[0].data
         u, y = (np.concatenate([getattr(p.data, name) for p in parts]) for name in ("u", "y"))
@@ -62,10 +64,6 @@ class JointEngine(Engine):
         own.beta[0] = fit.beta[0]
         own.theta.update({name: value for name, value in fit.theta.items() if name not in own.theta})
         return own
-
-    def alone(self, fit: Fit) -> list[float]:
-        """Return the log-likelihood of every record under the plant and effect of a fit, gain fitted anew."""
-        return [engine.evaluate(*self.one_of(i, fit.spec, fit.theta))[0] for i, engine in enumerate(self.engines)]
 
     def _channels(self, spec: Spec, theta: Mapping[str, float]) -> np.ndarray:
         # PV, the plant's answer, every record's bias and onset; last the signals of an effect, the first record's at the end

@@ -47,26 +47,33 @@ class Limits:
 
 
 def read_limits(path: str | Path) -> Limits:
-    """Read limits: `pv` and `op` as [lo, hi], `pv_excursion`, `op_travel`, `minutes`; in tables [pv] and [op] lo and hi."""
-    out: dict[str, Any] = {}
-    for name, value in read_toml(path).items():
+    """Read limits: `pv` and `op` as [lo, hi] or as tables of lo, hi and excursion or travel; `minutes`."""
+    plain, out = Limits(), {}
+    for name, value in _flat(read_toml(path)).items():
         if name not in Limits.__dataclass_fields__:
             raise ParameterError(f"{path}: limit {name!r} is unknown; {nearest(name, Limits.__dataclass_fields__)}")
-        pair = name in ("pv", "op")
-        if pair and isinstance(value, dict):
-            given = dict(value)
-            plain = {"lo": Limits().__getattribute__(name)[0], "hi": Limits().__getattribute__(name)[1]} | given
-            more = {"excursion": "pv_excursion", "travel": "op_travel"}
-            out |= {more[k]: plain.pop(k) for k in list(plain) if k in more and more[k].startswith(name)}
-            value = [plain.pop("lo"), plain.pop("hi"), *plain]
+        pair = isinstance(getattr(plain, name), tuple)
         numbers = value if pair else [value]
-        sound = isinstance(numbers, list) and len(numbers) == (2 if pair else 1)
-        if not sound or not all(isinstance(x, (int, float)) and not np.isnan(x) for x in numbers):
+        if not isinstance(numbers, list) or len(numbers) != 1 + pair or not all(isinstance(x, (int, float)) for x in numbers):
             raise ParameterError(f"{path}: {name} = {value!r}; {'[lo, hi]' if pair else 'a number'} is needed")
-        if (pair and not numbers[0] < numbers[1]) or (not pair and numbers[0] <= 0):
+        if not (numbers[0] < numbers[-1] if pair else numbers[0] > 0):
             raise ParameterError(f"{path}: {name} = {value!r}; {'lo below hi' if pair else 'a number above 0'} is needed")
         out[name] = (float(numbers[0]), float(numbers[1])) if pair else float(numbers[0])
     return Limits(**out)
+
+
+def _flat(table: dict[str, Any]) -> dict[str, Any]:
+    """Return limits with [pv] and [op] as the names that stand for them alone."""
+    out = dict(table)
+    for name, more in (("pv", "excursion"), ("op", "travel")):
+        if isinstance(table.get(name), dict):
+            own = dict(out.pop(name))
+            if more in own:
+                out[f"{name}_{more}"] = own.pop(more)
+            lo, hi = getattr(Limits(), name)
+            # a key that is left is no pair of numbers, and refused as such
+            out[name] = [own.pop("lo", lo), own.pop("hi", hi), *own]
+    return out
 
 
 @dataclass(frozen=True, eq=False)

@@ -210,9 +210,9 @@ def shown(setup: Prepared, seed: int, late: bool | None = None) -> tuple[Signals
         mv,
     )
     mv += case.mv_noise * _stream(seed, _LOG).standard_normal(n)
-    late = int(case.log_is_late if late is None else late)
+    shift = int(case.log_is_late if late is None else late)
     rows = slice(setup.start, n)
-    before = slice(setup.start - late, n - late)  # the scan logs OP before the controller has computed the new one
+    before = slice(setup.start - shift, n - shift)  # the scan logs OP before the controller has computed the new one
     archived = pv[rows].copy()
     for record in setup.archive:
         archived = record(archived)
