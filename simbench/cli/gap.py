@@ -45,7 +45,9 @@ def gap_diagnose(
     show(report.as_json() if as_json else report.as_text(), as_json)
 
 
-@gap_app.command("discover", epilog=examples("gap discover rec.csv --baseline loop.toml --write-effect my_law.py --html law.html"))
+@gap_app.command(
+    "discover", epilog=examples("gap discover rec.csv --baseline loop.toml --write-effect my_law.py --html law.html")
+)
 def gap_discover(
     record: Annotated[Path, typer.Argument(metavar="REC.csv", help="Record of the loop.")],
     baseline: Annotated[Path, typer.Option(metavar="LOOP.toml", help="The simulation that does not fit.")],

@@ -10,14 +10,14 @@ from typing import Any
 from detectors.errors import ParameterError, RecordError
 from detectors.record import LoopRecord
 from detectors.records.io import read_record
-from simbench.files import picture_kind, refuse_own_input, whole_file
 from scenarios.spec import load_loop
+from simbench.files import picture_kind, refuse_own_input, whole_file
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.discover.discovery import Discovery, discover
 from simbench.gap.discover.effect_file import refuse_effect_file
 from simbench.gap.discover.effect_file import write_effect as write_law
-from simbench.gap.intake.partial import read_baseline
 from simbench.gap.discover.recognise import effects_known
+from simbench.gap.intake.partial import read_baseline
 from simbench.gap.report.result import GapReport
 from simbench.gap.report.traces import kick_of
 
@@ -61,7 +61,15 @@ def diagnose_files(
     with effects_known(effect_plugins):
         # other processes do not know them
         report = diagnose(read if len(read) > 1 else read[0], loop, jobs=1 if effect_plugins else jobs)
-        _write(report, records, baseline, {**about, "window": window, "effect-plugin": list(effect_plugins)}, write_loop, picture, html)
+        _write(
+            report,
+            records,
+            baseline,
+            {**about, "window": window, "effect-plugin": list(effect_plugins)},
+            write_loop,
+            picture,
+            html,
+        )
     return report
 
 

@@ -16,7 +16,7 @@ from simbench.gap.discover.discovery import discover
 from simbench.gap.discover.effect_file import known, refuse_effect_file, write_effect
 from simbench.gap.discover.nearest import nearest
 from simbench.gap.discover.search import chance
-from simbench.gap.law import Law, spells_of, windows_of
+from simbench.gap.law import FoundLaw, spells_of, windows_of
 from simbench.loop.effects import PLUGINS
 from simbench.loop.simulate import simulate
 
@@ -31,7 +31,7 @@ LOAD = [{"type": "coloured", "amplitude": 0.4, "period": 30.0}]
 
 def hidden(form, numbers, seed=4):
     """Return a record of the loop with a law in it."""
-    with known(Law(form, numbers, 0.0)) as name:
+    with known(FoundLaw(form, numbers, 0.0)) as name:
         return simulate(Loop.from_table({**TABLE, "disturbance": LOAD, "effect": [{"name": name, **numbers}]}), seed).record
 
 
@@ -63,11 +63,26 @@ def test_the_verb_writes_an_effect_that_keeps_the_contract_and_is_known_to_the_d
     monkeypatch.chdir(tmp_path)
     write_record(hidden("rate", {"slowness": 4.0}), tmp_path / "rec.csv")
     (tmp_path / "loop.toml").write_text(TOLD.to_toml())
-    words = ["gap", "discover", "rec.csv", "--baseline", "loop.toml", "--write-effect", "slow.py", "--html", "law.html", "--json"]
+    words = [
+        "gap",
+        "discover",
+        "rec.csv",
+        "--baseline",
+        "loop.toml",
+        "--write-effect",
+        "slow.py",
+        "--html",
+        "law.html",
+        "--json",
+    ]
     assert main(words) == 0
     said = json.loads(capsys.readouterr().out)
     assert list(said) == ["block", "law", "windows", "certificate", "gap", "nearest"]
-    assert (said["block"], list(said["law"]), list(said["certificate"])) == ("valve", ["form", "numbers", "text"], ["nats", "p"])
+    assert (said["block"], list(said["law"]), list(said["certificate"])) == (
+        "valve",
+        ["form", "numbers", "text"],
+        ["nats", "p"],
+    )
     assert list(said["gap"]) == ["before", "recalibrated", "after", "floor"]
     assert "What it looks like" in (tmp_path / "law.html").read_text(encoding="utf-8")
     assert check_file(tmp_path / "slow.py").broken == ()
@@ -79,7 +94,7 @@ def test_the_verb_writes_an_effect_that_keeps_the_contract_and_is_known_to_the_d
 
 
 def test_a_written_file_makes_the_law_s_own_curve(tmp_path):
-    law = Law("curve", {"q1": 45.0, "q2": 50.0, "q3": 55.0, "k1": 0.4, "k2": -0.2, "k3": 0.3}, 20.0)
+    law = FoundLaw("curve", {"q1": 45.0, "q2": 50.0, "q3": 55.0, "k1": 0.4, "k2": -0.2, "k3": 0.3}, 20.0)
     write_effect(law, tmp_path / "bent.py", "found", 'fitted to "x"')
     PLUGINS.add_file(tmp_path / "bent.py")
     try:
@@ -106,7 +121,7 @@ def test_a_file_whose_name_can_be_no_effect_s_is_refused(name):
     ("rest", {"width": 0.3}, "error_deadband"), ("rest", {"step": 0.3}, "op_quantisation"), ("bursts", {"std": 1.0}, None),
 ])  # fmt: skip
 def test_a_law_is_named_after_the_known_effect_it_resembles(form, numbers, named):
-    assert nearest(Law(form, numbers, 0.0), np.linspace(35.0, 65.0, 400)) == named
+    assert nearest(FoundLaw(form, numbers, 0.0), np.linspace(35.0, 65.0, 400)) == named
 
 
 def test_spells_are_where_the_evidence_outweighs_the_price_of_a_change():

@@ -7,7 +7,7 @@ import pytest
 
 from detectors.errors import ParameterError
 from scenarios.spec import Loop
-from simbench.loop.laws import FORMS, apply_law, law_parameters
+from simbench.loop.laws import LAW_FORMS, apply_law, law_parameters
 from simbench.loop.laws.forms import running_mean, spells
 from simbench.loop.parameters import resolve
 from simbench.loop.resolve import resolve_loop
@@ -38,16 +38,16 @@ def ran(form=None, numbers=None, *, plain=False):
 
 
 def test_every_form_is_tried_here():
-    assert NUMBERS.keys() == FORMS.keys()
+    assert NUMBERS.keys() == LAW_FORMS.keys()
 
 
-@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("form", LAW_FORMS)
 def test_a_form_does_nothing_at_rest_and_something_with_its_numbers(form):
     bare, still, moved = ran(), ran(form), ran(form, NUMBERS[form])
     assert np.array_equal(still.pv, bare.pv)
     assert np.array_equal(still.op, bare.op)
     assert not np.array_equal(moved.pv, bare.pv)
-    assert np.array_equal(moved.op, bare.op) == (FORMS[form].acts == "record")
+    assert np.array_equal(moved.op, bare.op) == (LAW_FORMS[form].acts == "record")
 
 
 @pytest.mark.parametrize("form", ["curve", "derivative", "idle", "held", "clipped"])
