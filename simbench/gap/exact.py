@@ -238,7 +238,7 @@ def sensor_law(s: Situation, first: int) -> FoundLaw | None:
 
 
 def _mean_law(s: Situation, first: int) -> FoundLaw | None:
-    """Return the window over which the archive averages, where the PV that the controller saw is known and is not PV on record."""
+    """Return the window over which the archive averages, where the controller saw another PV than the one on record."""
     if s.law.recovered_pv is None or s.archive.band > 0.0 or s.archive.spikes is not None:
         return None
     pv, seen = np.asarray(s.record.pv), np.asarray(s.law.recovered_pv)

@@ -43,10 +43,7 @@ class FoundLaw:
 
 
 def spells_of(evidence: np.ndarray, price: float) -> np.ndarray:
-    """Return the likeliest on (True) and off states of a law whose `evidence` (n,) counts while it is on; a change costs `price`.
-
-    Viterbi (1967) with two states.
-    """
+    """Return where (True) a law is likeliest on, whose `evidence` (n,) counts only there; a change costs `price` (Viterbi)."""
     n = evidence.size
     came_on, came_off = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
     on, off = 0.0, 0.0

@@ -91,7 +91,8 @@ class Discovery:
             f" (p <= {chance(self.law.nats):.2g} if none of the forms held)"
         )
         lines.append(
-            f"gap there: before {g.before:.2f}, recalibrated {g.recalibrated:.2f}, with the law {g.after:.2f}, floor {g.floor:.2f}"
+            f"gap there: before {g.before:.2f}, recalibrated {g.recalibrated:.2f}, with the law {g.after:.2f},"
+            f" floor {g.floor:.2f}"
         )
         lines.append(f"nearest known effect: {self.nearest.replace('_', ' ') if self.nearest else 'none'}")
         return "\n".join(lines)

@@ -1,4 +1,4 @@
-"""Families of laws between OP and PV, tried by the innovations' likelihood: each by its numbers and where their search begins."""
+"""Families of laws between OP and PV, tried by the innovations' likelihood: each by its numbers and first guesses."""
 
 from __future__ import annotations
 

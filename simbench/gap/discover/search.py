@@ -29,7 +29,7 @@ _PRICE = 6.0  # nats of a change from on to off
 
 
 class Found(NamedTuple):
-    """The law, its fit to the first part and the fit without it; None where no law pays, and then why, and the block if known."""
+    """The law, its fit to the first part and the fit without it; None where no law pays, then why, and the block if known."""
 
     law: FoundLaw | None
     null: Fit
@@ -181,7 +181,7 @@ def _louder(r: np.ndarray, quiet: float, loud: float) -> np.ndarray:
 
 
 def where(law: FoundLaw, price: float = _PRICE) -> np.ndarray:
-    """Return the samples (n,) in which a law acts: its own spells, or those that speak for it where the others speak against."""
+    """Return the samples (n,) in which a law acts: its own spells, or where the samples speak for it and the others against."""
     assert law.evidence is not None or law.on is not None
     if law.on is not None:
         return law.on

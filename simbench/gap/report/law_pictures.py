@@ -1,4 +1,4 @@
-"""Pictures of a law: where in the record it acts, the law in its own coordinates with its interval, what the simulation lacks."""
+"""Pictures of a law: where in the record it acts, the law in its coordinates with an interval, what is lacking."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def draw_lacking(lacks: Lacking) -> Figure:
 
 
 def _curve(found: Discovery, numbers: dict[str, float]) -> _Curve | None:
-    """Return what a valve makes of OP that goes to and fro, or a plant or sensor of a step, with a law's numbers in the loop."""
+    """Return what a valve makes of OP that goes to and fro, or a plant or sensor of a step, with a law in the loop."""
     s, law = found.situation, found.law
     assert law is not None
     setup = plain_setup(s.baseline, 0)

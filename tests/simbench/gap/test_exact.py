@@ -28,7 +28,8 @@ def test_a_sound_loop_shows_no_law():
 
 
 @pytest.mark.parametrize(("effect", "numbers", "form"), [
-    ("derivative_action", {"Td": 8.0, "filter": 1.0}, "derivative"), ("missed_executions", {"share": 0.3, "length": 8.0}, "idle"),
+    ("derivative_action", {"Td": 8.0, "filter": 1.0}, "derivative"),
+    ("missed_executions", {"share": 0.3, "length": 8.0}, "idle"),
 ])  # fmt: skip
 def test_a_term_of_the_controller_is_shown_with_its_numbers(effect, numbers, form):
     s = situation(effect, **numbers)

@@ -11,7 +11,8 @@ from simbench.loop.simulate import simulate
 
 LOOP = Loop.from_table({
     "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0}, "controller": {"type": "PI", "Kc": 1.0, "Ti": 20.0},
-    "sampling": {"Ts": 1.0, "n": 1500}, "noise": {"std": 0.2}, "disturbance": [{"type": "coloured", "amplitude": 1, "period": 30}],
+    "sampling": {"Ts": 1.0, "n": 1500}, "noise": {"std": 0.2},
+    "disturbance": [{"type": "coloured", "amplitude": 1, "period": 30}],
 })  # fmt: skip
 
 
