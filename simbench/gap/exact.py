@@ -16,9 +16,9 @@ from scipy.signal import lfilter
 from detectors.signal.holds import holds
 from detectors.signal.lattice import written_unit
 from simbench.gap.controller.regression import FORMS
-from simbench.gap.law import Law
+from simbench.gap.law import FoundLaw
 from simbench.gap.situation import Situation
-from simbench.loop.laws import FORMS as FORMS_OF_LAWS
+from simbench.loop.laws import LAW_FORMS
 from simbench.loop.laws.forms import running_mean
 
 _EXPLAINS = 0.6  # share of what the law without the new term leaves, below which the term is the law
@@ -36,7 +36,7 @@ _Numbers = dict[str, float]
 
 
 @lru_cache(maxsize=4)
-def controller_law(s: Situation, first: int) -> Law | None:
+def controller_law(s: Situation, first: int) -> FoundLaw | None:
     """Return the law between error and OP that the baseline's does not know; None where the baseline's explains OP."""
     if s.law.known and not s.law.averaged and not any(fact in s.facts for fact in ("limits", "gap", "step", "tuning")):
         return None
@@ -56,14 +56,14 @@ def controller_law(s: Situation, first: int) -> Law | None:
     return best
 
 
-def _told(s: Situation, first: int) -> Law | None:
+def _told(s: Situation, first: int) -> FoundLaw | None:
     """Return what the examination of the law has measured already: exact, so that every sample speaks for it."""
     law, nats = s.law, _TOLD * (s.record.n - first)
     if law.limits is not None:
-        return Law("limits", {"low": law.limits[0], "high": law.limits[1]}, nats)
+        return FoundLaw("limits", {"low": law.limits[0], "high": law.limits[1]}, nats)
     if law.gap > 0.0 or law.step > 0.0:
-        return Law("rest", {m: v for m, v in (("width", law.gap), ("step", law.step)) if v > 0.0}, nats)
-    return None if law.tuning is None else Law("tuning", dict(zip(("gain", "integral"), law.tuning)), nats)
+        return FoundLaw("rest", {m: v for m, v in (("width", law.gap), ("step", law.step)) if v > 0.0}, nats)
+    return None if law.tuning is None else FoundLaw("tuning", dict(zip(("gain", "integral"), law.tuning)), nats)
 
 
 class _Controller(NamedTuple):
@@ -114,16 +114,18 @@ class _Controller(NamedTuple):
         """Return the mean size of what is left; digits bound it from below."""
         return float(np.mean(np.abs(left))) + self.unit
 
-    def law(self, form: str, numbers: _Numbers, first: int, plain: np.ndarray, left: np.ndarray, **more: Any) -> Law | None:
+    def law(
+        self, form: str, numbers: _Numbers, first: int, plain: np.ndarray, left: np.ndarray, **more: Any
+    ) -> FoundLaw | None:
         """Return the law where it leaves plainly less than the plain one of the samples it was not fitted to."""
         ratio = self.misfit(left[first:]) / self.misfit(plain[first:])
         if not ratio < _EXPLAINS:
             return None
         nats = -(left[first:].size) * np.log(ratio) - more.pop("price", 0.0)
         evidence = np.append(0.0, np.log((np.abs(plain) + self.unit) / (np.abs(left) + self.unit)))
-        return Law(form, numbers, float(nats), evidence=evidence, **more) if nats > 0.0 else None
+        return FoundLaw(form, numbers, float(nats), evidence=evidence, **more) if nats > 0.0 else None
 
-    def fitted(self, form: str, names: tuple[str, ...], guess: _Numbers, first: int, plain: np.ndarray) -> Law | None:
+    def fitted(self, form: str, names: tuple[str, ...], guess: _Numbers, first: int, plain: np.ndarray) -> FoundLaw | None:
         """Return a law with some of its numbers fitted robustly to the first part, from a guess."""
         scale = max(self.misfit(plain[:first]), self.unit)
 
@@ -143,12 +145,14 @@ class _Controller(NamedTuple):
         intervals = {m: (v - 2 * float(d), v + 2 * float(d)) for (m, v), d in zip(numbers.items(), spread)}
         return self.law(form, numbers, first, plain, left, intervals=intervals)
 
-    def idle(self, first: int, plain: np.ndarray) -> Law | None:
+    def idle(self, first: int, plain: np.ndarray) -> FoundLaw | None:
         """Return the law of a controller that does not run in some samples, where OP stands though it should move."""
         still = np.append(False, np.diff(self.op) == 0.0)
         asked = np.append(0.0, np.abs(np.diff(self.op) - plain))
         runs = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(int), [0]]))).reshape(-1, 2)
-        runs = np.array([(a, b) for a, b in runs if asked[a:b].max() > (5 if b - a > 2 else 20) * self.unit], dtype=int).reshape(-1, 2)
+        runs = np.array(
+            [(a, b) for a, b in runs if asked[a:b].max() > (5 if b - a > 2 else 20) * self.unit], dtype=int
+        ).reshape(-1, 2)
         idle = np.zeros(still.size, dtype=bool)
         for a, b in runs:
             idle[a:b] = True
@@ -178,7 +182,10 @@ def _regimes(c: _Controller) -> list[_Numbers]:
 
 def _derivatives(c: _Controller) -> list[_Numbers]:
     pace = abs(c.Kc / c.Ki) * c.Ts if c.Ki else 10 * c.Ts
-    return [{"Td": share * pace, "Td_by": 0.1 * pace, "filter": 0.1 * share * pace, "filter_by": 0.05 * pace} for share in (0.05, 0.3, 1.0)]
+    return [
+        {"Td": share * pace, "Td_by": 0.1 * pace, "filter": 0.1 * share * pace, "filter_by": 0.05 * pace}
+        for share in (0.05, 0.3, 1.0)
+    ]
 
 
 def _speeds(c: _Controller) -> list[_Numbers]:
@@ -204,13 +211,13 @@ _TERMS: tuple[tuple[str, Callable | None, tuple[str, ...]], ...] = (
 
 
 @lru_cache(maxsize=4)
-def sensor_law(s: Situation, first: int) -> Law | None:
+def sensor_law(s: Situation, first: int) -> FoundLaw | None:
     """Return what single samples of PV show: stairs, ends of a range, spells in which it stands, a mean over a window."""
     pv, Ts, n = np.asarray(s.record.pv), s.record.Ts, s.record.n
     unit = max(s.samples.resolution, 1e-9 * float(np.ptp(pv)))
     if s.archive.rounding is not None:
         step = s.archive.rounding[0]
-        return Law("stairs", {"step": step}, float((n - first) * np.log(max(step / unit, 2.0))))
+        return FoundLaw("stairs", {"step": step}, float((n - first) * np.log(max(step / unit, 2.0))))
     averaged = _mean_law(s, first)
     if averaged is not None:
         return averaged
@@ -221,17 +228,17 @@ def sensor_law(s: Situation, first: int) -> Law | None:
     if clipped and stands[np.any(list(clipped.values()), axis=0)].mean() > 0.3:
         hits = sum(int(at.sum()) for at in clipped.values())
         numbers = {name: float(pv.min() if name == "low" else pv.max()) for name in clipped}
-        return Law("clipped", numbers, hits * chance, on=np.any(list(clipped.values()), axis=0))
+        return FoundLaw("clipped", numbers, hits * chance, on=np.any(list(clipped.values()), axis=0))
     long = stands & (holds(pv)[np.cumsum(~stands) - 1] >= 3)
     if long.mean() > _HELD and (s.frozen or s.baseline.noise.std > unit):
         runs = np.flatnonzero(np.diff(np.concatenate([[0], long.astype(int), [0]]))).reshape(-1, 2)
         numbers = {"share": float(long.mean()), "length": float(np.mean(runs[:, 1] - runs[:, 0])) * Ts}
-        return Law("held", numbers, int(long.sum()) * chance, on=long)
+        return FoundLaw("held", numbers, int(long.sum()) * chance, on=long)
     return None
 
 
-def _mean_law(s: Situation, first: int) -> Law | None:
-    """Return the window over which the archive averages, where the PV that the controller saw is known and is not PV on record."""
+def _mean_law(s: Situation, first: int) -> FoundLaw | None:
+    """Return the window over which the archive averages, where the controller saw another PV than the one on record."""
     if s.law.recovered_pv is None or s.archive.band > 0.0 or s.archive.spikes is not None:
         return None
     pv, seen = np.asarray(s.record.pv), np.asarray(s.law.recovered_pv)
@@ -243,13 +250,13 @@ def _mean_law(s: Situation, first: int) -> Law | None:
     ratio = misfit(width, slice(first, None)) / misfit(1.0, slice(first, None))
     if width < _ORDINARY_MEAN or not ratio < _EXPLAINS:
         return None
-    return Law("averaged", {"window": float(width) * s.record.Ts}, float(-(s.record.n - first) * np.log(ratio)))
+    return FoundLaw("averaged", {"window": float(width) * s.record.Ts}, float(-(s.record.n - first) * np.log(ratio)))
 
 
 def shown(s: Situation, form: str) -> dict[str, float | str] | None:
     """Return the numbers of a form that controller or samples show without doubt, where nothing known does; None otherwise."""
-    if any(block == FORMS_OF_LAWS[form].block for block, _ in s.facts.values()) or not s.trusted:
+    if any(block == LAW_FORMS[form].block for block, _ in s.facts.values()) or not s.trusted:
         return None
-    find = controller_law if FORMS_OF_LAWS[form].block == "controller" else sensor_law
+    find = controller_law if LAW_FORMS[form].block == "controller" else sensor_law
     law = find(s, int(_LEARNT * s.record.n))
     return dict(law.numbers) if law is not None and law.form == form and law.nats > _PROOF else None

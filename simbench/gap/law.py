@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from simbench.loop.laws import FORMS
+from simbench.loop.laws import LAW_FORMS
 
 
 @dataclass(frozen=True, eq=False)
-class Law:
+class FoundLaw:
     """A form with its numbers (units of the loop file), fitted to the first part of a record.
 
     `nats` is what it brings on the samples it was not fitted to, `evidence` (n,) the same sample by sample over the record,
@@ -28,25 +28,22 @@ class Law:
     @property
     def block(self) -> str:
         """Block of the form."""
-        return FORMS[self.form].block
+        return LAW_FORMS[self.form].block
 
     @property
     def text(self) -> str:
         """The law in words, with its numbers."""
-        rules = FORMS[self.form].numbers
+        rules = LAW_FORMS[self.form].numbers
         said = [
             f"{name} = {value:.3g}{f' {rules[name].unit}' if rules[name].unit != '-' else ''}"
             for name, value in self.numbers.items()
             if value != rules[name].identity
         ]
-        return f"{FORMS[self.form].says}: {', '.join(said)}"
+        return f"{LAW_FORMS[self.form].says}: {', '.join(said)}"
 
 
 def spells_of(evidence: np.ndarray, price: float) -> np.ndarray:
-    """Return the likeliest on (True) and off states of a law whose `evidence` (n,) counts while it is on; a change costs `price`.
-
-    Viterbi (1967) with two states.
-    """
+    """Return where (True) a law is likeliest on, whose `evidence` (n,) counts only there; a change costs `price` (Viterbi)."""
     n = evidence.size
     came_on, came_off = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
     on, off = 0.0, 0.0

@@ -18,7 +18,7 @@ from simbench.gap.discover.nearest import nearest
 from simbench.gap.discover.search import Found, chance, search, where
 from simbench.gap.intake.check import check
 from simbench.gap.intake.refuse import refuse_unfit
-from simbench.gap.law import Law, windows_of
+from simbench.gap.law import FoundLaw, windows_of
 from simbench.gap.situation import Situation
 
 _SIDED = 0.3  # share by which the evidence above a middle must outweigh that below it, to be called a regime
@@ -32,7 +32,7 @@ class Discovery:
     """
 
     situation: Situation
-    law: Law | None
+    law: FoundLaw | None
     why: str
     block: str
     regime: str = ""
@@ -91,7 +91,8 @@ class Discovery:
             f" (p <= {chance(self.law.nats):.2g} if none of the forms held)"
         )
         lines.append(
-            f"gap there: before {g.before:.2f}, recalibrated {g.recalibrated:.2f}, with the law {g.after:.2f}, floor {g.floor:.2f}"
+            f"gap there: before {g.before:.2f}, recalibrated {g.recalibrated:.2f}, with the law {g.after:.2f},"
+            f" floor {g.floor:.2f}"
         )
         lines.append(f"nearest known effect: {self.nearest.replace('_', ' ') if self.nearest else 'none'}")
         return "\n".join(lines)
@@ -132,7 +133,9 @@ def described(s: Situation, found: Found, seed: int = 0) -> Discovery:
     return Discovery(s, found.law, "", found.law.block, _regime(s, found.law), nearest(found.law, s.op), on, gap, runs)
 
 
-def _simulated(s: Situation, found: Found, law: Law, seed: int) -> tuple[Shrinkage | None, dict[str, tuple[np.ndarray, np.ndarray]]]:
+def _simulated(
+    s: Situation, found: Found, law: FoundLaw, seed: int
+) -> tuple[Shrinkage | None, dict[str, tuple[np.ndarray, np.ndarray]]]:
     """Return the gap before, recalibrated and with the law, on the part of the record on which nothing was fitted."""
     fit, null = found.fit, found.null
     bare = fixed_loop(s, null, {}, plant="baseline", load=fit)
@@ -152,7 +155,7 @@ def _simulated(s: Situation, found: Found, law: Law, seed: int) -> tuple[Shrinka
     return measure(s, first, again or first, after, seed=seed), {name: (run.op, run.pv) for name, run in named}
 
 
-def _regime(s: Situation, law: Law) -> str:
+def _regime(s: Situation, law: FoundLaw) -> str:
     """Return where in OP, PV or the error's size the evidence lies, if plainly on one side of a middle."""
     if law.evidence is None:
         return ""

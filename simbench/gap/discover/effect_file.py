@@ -9,9 +9,9 @@ from tempfile import TemporaryDirectory
 
 from detectors.errors import ParameterError
 from simbench.files import whole_file
-from simbench.gap.law import Law
+from simbench.gap.law import FoundLaw
 from simbench.loop.effects import PLUGINS
-from simbench.loop.laws import FORMS
+from simbench.loop.laws import LAW_FORMS
 
 _TEXT = '''"""{name}: {says}.
 
@@ -41,23 +41,23 @@ def refuse_effect_file(path: str | Path) -> None:
         raise ParameterError(f"--write-effect {path}: the effect {stem!r} is known already; another name is needed")
 
 
-def effect_text(law: Law, name: str, found: str, source: str) -> str:
+def effect_text(law: FoundLaw, name: str, found: str, source: str) -> str:
     """Return a law as the text of an effect's file."""
-    form = FORMS[law.form]
+    form = LAW_FORMS[law.form]
     return _TEXT.format(
         name=name, says=form.says, found=found, source=source.replace('"', "'"), block=form.block, acts=form.acts,
         form=law.form, numbers=", ".join(f"{k}={float(v)!r}" for k, v in law.numbers.items()),
     )  # fmt: skip
 
 
-def write_effect(law: Law, path: str | Path, found: str, source: str) -> None:
+def write_effect(law: FoundLaw, path: str | Path, found: str, source: str) -> None:
     """Write a law as an effect's file."""
     with whole_file(path) as f:
         f.write(effect_text(law, Path(path).stem.replace("_", " ").capitalize(), found, source))
 
 
 @contextmanager
-def known(law: Law, name: str = "law_of_this_record") -> Iterator[str]:
+def known(law: FoundLaw, name: str = "law_of_this_record") -> Iterator[str]:
     """Make a law known as an effect while the block lasts, by the very file that would be written; yield its id."""
     with TemporaryDirectory() as place:
         file = Path(place) / f"{name}.py"

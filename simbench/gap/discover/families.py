@@ -1,4 +1,4 @@
-"""Families of laws between OP and PV, tried by the innovations' likelihood: each by its numbers and where their search begins."""
+"""Families of laws between OP and PV, tried by the innovations' likelihood: each by its numbers and first guesses."""
 
 from __future__ import annotations
 
@@ -163,9 +163,7 @@ def _mapped(form: str, fit: Callable[[Engine, Fit], tuple[Fit, float]], names: t
             return []
         return [{m: best.theta[m] for m in names} | {"valve": best.spec.valve, "start": best.spec.start}]
 
-    return Family(
-        form, lambda d, b, own: Spec(valve=int(own["valve"]), start=own["start"]), starts, lambda f, own: numbers(f)
-    )
+    return Family(form, lambda d, b, own: Spec(valve=int(own["valve"]), start=own["start"]), starts, lambda f, own: numbers(f))
 
 
 def _zone_curve(f: Fit) -> _Numbers:

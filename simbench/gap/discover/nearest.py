@@ -1,41 +1,31 @@
-"""The known effect that a law resembles most."""
+"""The known effect that a law resembles most: its recogniser says which laws act as it does."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from simbench.gap.law import Law
+from simbench.gap.effects import recogniser
+from simbench.gap.law import FoundLaw
 from simbench.loop.effects import EFFECTS
 
-_SLIPS = 0.12  # share of the band that a slip must make up for the law to look like stiction
-_FLAT = 0.3  # of a curve's slope, that its flattest stretch may keep to look like a dead-zone
-# forms by the number that is not at rest: the effect that acts in the same way, the likelier first
-_LIKE = {
-    "slowness": ("slew_limit",), "tau": ("extra_lag",), "gain": ("gain_mismatch",), "pace": ("time_constant_mismatch",),
-    "delay": ("dead_time_mismatch",), "width": ("error_deadband",),
-}  # fmt: skip
-_FORMS = {
-    "filter": ("sensor_lag",), "stairs": ("quantisation",), "limits": ("saturation",), "tuning": ("detuning",),
-    "periodic": ("oscillation",), "averaged": ("averaging_archive",), "held": ("frozen_sensor",), "rough": ("noise",),
-    "stops": ("travel_stop",), "derivative": ("derivative_action",), "idle": ("missed_executions",),
-    "zero": ("inverse_response", "dead_time_mismatch"), "resonance": ("resonance", "extra_lag"), "pole": ("extra_lag",),
-    "regime": ("gain_scheduling", "detuning"), "weight": ("detuning",), "ramps": ("slew_limit",),
-}  # fmt: skip
+_SLIPS = 0.12  # share of the band that a slip must make up for the law to have one
+_FLAT = 0.3  # of a curve's slope, that its flattest stretch may keep to be flat
 
 
-def nearest(law: Law, op: np.ndarray) -> str | None:
+def nearest(law: FoundLaw, op: np.ndarray) -> str | None:
     """Return the id of the known effect that a law resembles; None where none does."""
     n = law.numbers
     if law.form == "memory":
-        return "stiction" if n.get("J", 0.0) > _SLIPS * n["S"] else "deadband"
-    if law.form == "curve":
+        said = ["memory J" if n.get("J", 0.0) > _SLIPS * n["S"] else "memory S"]
+    elif law.form == "curve":
         slopes = np.diff(curve_of(n, np.linspace(float(op.min()), float(op.max()), 60)))
-        return "deadzone" if slopes.min() < _FLAT * slopes.max() and slopes.argmin() not in (0, 58) else "valve_characteristic"
-    if law.form == "rate" and n.get("tau"):
-        return "valve_lag"
-    names = _FORMS.get(law.form) or next((like for key, like in _LIKE.items() if n.get(key)), ())
-    names = names or ("op_quantisation",) if law.form == "rest" else names
-    return next((name for name in names if name in EFFECTS), None)
+        inside = 0 < slopes.argmin() < slopes.size - 1
+        said = ["curve flat" if slopes.min() < _FLAT * slopes.max() and inside else "curve bent"]
+    else:
+        said = [law.form, *(f"{law.form} {name}" for name, value in n.items() if value)]
+    # an effect whose first law this is comes before one that only acts alike
+    order = sorted(EFFECTS, key=lambda e: said[0] not in recogniser(e).laws[:1])
+    return next((e for e in order if set(said) & set(recogniser(e).laws)), None)
 
 
 def curve_of(numbers: dict[str, float], u: np.ndarray) -> np.ndarray:

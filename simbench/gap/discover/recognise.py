@@ -16,7 +16,7 @@ from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, size_penalty
 from simbench.gap.situation import Situation, load_memory
 from simbench.loop.effects import EFFECTS, PLUGINS
-from simbench.loop.laws import FORMS
+from simbench.loop.laws import LAW_FORMS
 
 _MOST = 900.0  # nats that stand for a law which nothing else explains
 
@@ -31,7 +31,7 @@ def effects_known(files: Iterable[str | Path]) -> Iterator[list[str]]:
             stack.callback(EFFECTS.forget_all)
             stack.callback(PLUGINS.forget, name)
             form = getattr(PLUGINS.load(name), "FORM", "")
-            if form in FORMS:
+            if form in LAW_FORMS:
                 stack.enter_context(lent(name, Recogniser(by_innovations=partial(_seen, form))))
             names.append(name)
         EFFECTS.forget_all()
@@ -41,7 +41,7 @@ def effects_known(files: Iterable[str | Path]) -> Iterator[list[str]]:
 def _seen(form: str, base: Fit, s: Situation) -> tuple[float, Parameters] | None:
     """Return nats and numbers of a form of law in a whole record; None where it shows nothing of it."""
     first = held_out(s)
-    exact = {"controller": controller_law, "sensor": sensor_law, "valve": valve_law}.get(FORMS[form].block)
+    exact = {"controller": controller_law, "sensor": sensor_law, "valve": valve_law}.get(LAW_FORMS[form].block)
     law = exact(s, first) if exact is not None else None
     if law is not None and law.form == form:
         return min(law.nats, _MOST), dict(law.numbers)

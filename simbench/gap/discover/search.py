@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from tqdm import tqdm
 
-from simbench.gap.candidates import fit_candidates
 from simbench.gap.discover.families import Family, families, fitted, judged, null_of, numbers_of
 from simbench.gap.discover.valve import valve_law
+from simbench.gap.effects import load_steps
 from simbench.gap.exact import controller_law, sensor_law
-from simbench.gap.law import Law, spells_of
+from simbench.gap.law import FoundLaw, spells_of
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, input_gain, size_penalty
 from simbench.gap.situation import Situation, load_memory
@@ -29,9 +29,9 @@ _PRICE = 6.0  # nats of a change from on to off
 
 
 class Found(NamedTuple):
-    """The law, its fit to the first part and the fit without it; None where no law pays, and then why, and the block if known."""
+    """The law, its fit to the first part and the fit without it; None where no law pays, then why, and the block if known."""
 
-    law: Law | None
+    law: FoundLaw | None
     null: Fit
     fit: Fit
     why: str = ""
@@ -66,7 +66,9 @@ def search(s: Situation, first: int, progress: bool = False) -> Found:
         return Found(law, null, fit)
     if s.frozen:
         return Found(None, null, null, "PV stands still while OP moves, and no form describes when", "sensor")
-    return Found(None, null, null, f"no form pays on samples that it was not fitted to (best {nats:.1f}, needed {_LEAST_NATS:.0f} nats)")
+    return Found(
+        None, null, null, f"no form pays on samples that it was not fitted to (best {nats:.1f}, needed {_LEAST_NATS:.0f} nats)"
+    )
 
 
 def _part(d: Data, begin: int, end: int) -> Data:
@@ -75,11 +77,11 @@ def _part(d: Data, begin: int, end: int) -> Data:
 
 def _jumps(engine: Engine, base: Fit) -> Fit:
     """Return the fit with what ordinary loads do by jumps."""
-    found = fit_candidates(engine, base, ["load_steps"])["load_steps"]
-    return found.fit if found.used and found.log_likelihood_gain > 0.0 else base
+    fit, count = load_steps.fit(engine, base)
+    return fit if fit.loglik - base.loglik > size_penalty(engine.data.n, count) else base
 
 
-def _by_likelihood(s: Situation, learn: Engine, null: Fit, first: int, bar: tqdm) -> tuple[Law | None, Fit, float]:
+def _by_likelihood(s: Situation, learn: Engine, null: Fit, first: int, bar: tqdm) -> tuple[FoundLaw | None, Fit, float]:
     rest = Engine(_part(s.data, first, s.data.n), load_memory(s))
     other = null_of(rest, _jumps)
     bar.update(2)
@@ -92,7 +94,7 @@ def _by_likelihood(s: Situation, learn: Engine, null: Fit, first: int, bar: tqdm
             if gain > _LEARNT:
                 tries.append((gain, family, *found))
     tries.sort(key=lambda t: -t[0])
-    laws: list[tuple[float, Law, Fit]] = []
+    laws: list[tuple[float, FoundLaw, Fit]] = []
     most = 0.0
     for gain, family, fit, own in tries[:_JUDGED]:
         nats, there = judged(family, own, fit, rest, other, first)
@@ -100,7 +102,9 @@ def _by_likelihood(s: Situation, learn: Engine, null: Fit, first: int, bar: tqdm
         if nats > _LEAST_NATS:
             evidence = np.append(_evidence(fit, null, gain), _evidence(there, other, nats))
             between = _intervals(family, learn, fit, own)
-            laws.append((gain + nats, Law(family.form, family.numbers(fit, own), float(nats), evidence, intervals=between), fit))
+            laws.append(
+                (gain + nats, FoundLaw(family.form, family.numbers(fit, own), float(nats), evidence, intervals=between), fit)
+            )
     loud = _loud(s, null, other, first)
     if loud is not None and loud.nats > _LEAST_NATS:
         laws.append((2.0 * loud.nats, loud, null))
@@ -139,7 +143,7 @@ def _evidence(fit: Fit, null: Fit, gain: float) -> np.ndarray:
     return squares + (gain - float(squares.sum())) / squares.size
 
 
-def _loud(s: Situation, null: Fit, other: Fit, first: int) -> Law | None:
+def _loud(s: Situation, null: Fit, other: Fit, first: int) -> FoundLaw | None:
     """Return the law of a load, or of noise, that is strong in spells: two sizes of the innovations."""
     r = np.concatenate([np.asarray(null.residual), np.asarray(other.residual)])
     r = np.clip(r, -8.0, 8.0)
@@ -167,8 +171,8 @@ def _loud(s: Situation, null: Fit, other: Fit, first: int) -> Law | None:
     # a load is remembered from sample to sample, noise of the reading is taken back by the next one
     if float(np.mean(x[1:] * x[:-1])) > -0.1 * float(np.mean(x * x)) and theta["load"] > 0.0:
         load = {"std": min(more * theta["load"] / abs(input_gain(null, s.data)), 100.0), "time": theta["load_time"] * Ts}
-        return Law("bursts", load | numbers, nats, evidence=evidence, on=on)
-    return Law("rough", {"std": more * theta["noise_std"]} | numbers, nats, evidence=evidence, on=on)
+        return FoundLaw("bursts", load | numbers, nats, evidence=evidence, on=on)
+    return FoundLaw("rough", {"std": more * theta["noise_std"]} | numbers, nats, evidence=evidence, on=on)
 
 
 def _louder(r: np.ndarray, quiet: float, loud: float) -> np.ndarray:
@@ -176,8 +180,8 @@ def _louder(r: np.ndarray, quiet: float, loud: float) -> np.ndarray:
     return np.log(quiet / loud) + 0.5 * r * r * (quiet**-2.0 - loud**-2.0)
 
 
-def where(law: Law, price: float = _PRICE) -> np.ndarray:
-    """Return the samples (n,) in which a law acts: its own spells, or those that speak for it where the others speak against."""
+def where(law: FoundLaw, price: float = _PRICE) -> np.ndarray:
+    """Return the samples (n,) in which a law acts: its own spells, or where the samples speak for it and the others against."""
     assert law.evidence is not None or law.on is not None
     if law.on is not None:
         return law.on

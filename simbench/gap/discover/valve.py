@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from simbench.gap.effects import deadband, stiction
-from simbench.gap.law import Law
+from simbench.gap.law import FoundLaw
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.valve_map import MapSearch, lagged
 from simbench.gap.situation import Situation
@@ -15,7 +15,7 @@ _EXPLAINS = 0.6  # share of what the baseline's valve leaves of MV, below which 
 _Numbers = dict[str, float]
 
 
-def valve_law(s: Situation, first: int) -> Law | None:
+def valve_law(s: Situation, first: int) -> FoundLaw | None:
     """Return the law from OP to MV where MV was recorded and does not follow OP as the baseline's valve does."""
     if s.record.mv is None:
         return None
@@ -55,4 +55,4 @@ def valve_law(s: Situation, first: int) -> Law | None:
     if not ratio < _EXPLAINS:
         return None
     evidence = 0.5 * np.log(((mv - plain) ** 2 + fine**2) / ((mv - v) ** 2 + fine**2))
-    return Law(form, numbers, float(-(n - first) * np.log(ratio)), evidence=evidence)
+    return FoundLaw(form, numbers, float(-(n - first) * np.log(ratio)), evidence=evidence)

@@ -33,4 +33,5 @@ RECOGNISER = Recogniser(
     replaces="Td",
     smallest=smallest,
     draw=draw,
+    laws=("size delay", "zero"),
 )

@@ -31,4 +31,5 @@ RECOGNISER = Recogniser(
     bends_plant=True,
     smallest=lambda probe: probe.band(kernels.PLAY),
     draw=draw,
+    laws=("memory S",),
 )

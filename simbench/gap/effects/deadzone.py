@@ -44,4 +44,5 @@ RECOGNISER = Recogniser(
     by_mv=by_mv,
     needs="plant",
     draw=draw,
+    laws=("curve flat",),
 )

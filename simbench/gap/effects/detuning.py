@@ -28,4 +28,5 @@ RECOGNISER = Recogniser(
     needs="tuning",
     smallest=smallest,
     draw=draw,
+    laws=("tuning", "weight", "regime"),
 )

@@ -27,4 +27,5 @@ RECOGNISER = Recogniser(
     explains="gap",
     smallest=smallest,
     draw=draw,
+    laws=("rest width",),
 )

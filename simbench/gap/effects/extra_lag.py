@@ -12,4 +12,5 @@ RECOGNISER = Recogniser(
     needs="plant",
     smallest=lambda probe: probe.pole("extra"),
     draw=_draw.lag,
+    laws=("pole", "resonance"),
 )

@@ -23,4 +23,5 @@ RECOGNISER = Recogniser(
     bends_plant=True,
     replaces="K",
     draw=_draw.ratio(6.0),
+    laws=("size gain",),
 )

@@ -12,4 +12,5 @@ RECOGNISER = Recogniser(
     needs="plant",
     smallest=lambda probe: probe.pole("sensor"),
     draw=_draw.lag,
+    laws=("filter",),
 )

@@ -37,5 +37,9 @@ def by_mv(search: MapSearch) -> Found:
 
 
 RECOGNISER = Recogniser(
-    fit=fit, numbers=lambda fit, s: {"slowness": s.record.Ts / fit.theta["rate"]}, by_mv=by_mv, needs="plant"
+    fit=fit,
+    numbers=lambda fit, s: {"slowness": s.record.Ts / fit.theta["rate"]},
+    by_mv=by_mv,
+    needs="plant",
+    laws=("rate slowness", "ramps"),
 )

@@ -49,4 +49,5 @@ RECOGNISER = Recogniser(
     needs="plant",
     smallest=smallest,
     draw=draw,
+    laws=("curve bent",),
 )

@@ -24,4 +24,5 @@ RECOGNISER = Recogniser(
     needs="plant",
     smallest=lambda probe: probe.pole("valve"),
     draw=_draw.lag,
+    laws=("rate tau",),
 )

@@ -19,7 +19,7 @@ from simbench.gap.report.traces import Traces
 from simbench.html.page import render as render_in
 from simbench.html.svg import inline_svg
 from simbench.html.table import sortable
-from simbench.loop.laws import FORMS
+from simbench.loop.laws import LAW_FORMS
 
 _render = partial(render_in, "simbench.gap.report")
 _MOST = 1200  # samples of a trace drawn
@@ -50,7 +50,7 @@ def law_section(found: Discovery) -> Markup:
         (f"{g.recalibrated:.2f} to {g.after:.2f}", f"gap, recalibrated and with the law, floor {g.floor:.2f}"),
         ((found.nearest or "none").replace("_", " "), "nearest known effect"),
     ]
-    rules = FORMS[law.form].numbers
+    rules = LAW_FORMS[law.form].numbers
     rows = [
         {
             "number": name, "value": f"{value:.4g}", "unit": rules[name].unit,
@@ -60,7 +60,7 @@ def law_section(found: Discovery) -> Markup:
         for name, value in law.numbers.items()
     ]  # fmt: skip
     items = [
-        {"svg": inline_svg(law_pictures.draw_law(found), "law", law.text), "caption": f"The law: {FORMS[law.form].says}."},
+        {"svg": inline_svg(law_pictures.draw_law(found), "law", law.text), "caption": f"The law: {LAW_FORMS[law.form].says}."},
         {
             "svg": inline_svg(law_pictures.draw_windows(found), "windows", "record with the law's spells shaded"),
             "caption": f"Where it acts, shaded{f': {found.regime}' if found.regime else ''}.",

@@ -1,4 +1,4 @@
-"""Pictures of a law: where in the record it acts, the law in its own coordinates with its interval, what the simulation lacks."""
+"""Pictures of a law: where in the record it acts, the law in its coordinates with an interval, what is lacking."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from detectors.errors import UserError
 from simbench.figures._style import BLACK, BLUE, GREY, RED, label, panels, styled
 from simbench.gap.closed_loop.lacking import Lacking
 from simbench.gap.discover.discovery import Discovery
-from simbench.loop.laws import FORMS, apply_law, law_parameters
+from simbench.loop.laws import LAW_FORMS, apply_law, law_parameters
 from simbench.loop.parameters import resolve
 from simbench.loop.response import stages_response
 from simbench.loop.setup import plain_setup
@@ -75,7 +75,7 @@ def draw_lacking(lacks: Lacking) -> Figure:
 
 
 def _curve(found: Discovery, numbers: dict[str, float]) -> _Curve | None:
-    """Return what a valve makes of OP that goes to and fro, or a plant or sensor of a step, with a law's numbers in the loop."""
+    """Return what a valve makes of OP that goes to and fro, or a plant or sensor of a step, with a law in the loop."""
     s, law = found.situation, found.law
     assert law is not None
     setup = plain_setup(s.baseline, 0)
@@ -88,7 +88,12 @@ def _curve(found: Discovery, numbers: dict[str, float]) -> _Curve | None:
         low, high = float(s.op.min()), float(s.op.max())
         way = np.linspace(0.0, 2.5, 600)
         op = low + (high - low) * np.abs((way + 1.0) % 2.0 - 1.0)
-        return way * (high - low), stages_response(tuple(setup.valves), op, op[0]), "way of OP, up, down and up again (%)", "MV (%)"
+        return (
+            way * (high - low),
+            stages_response(tuple(setup.valves), op, op[0]),
+            "way of OP, up, down and up again (%)",
+            "MV (%)",
+        )
     if law.form in ("size", "pole", "zero", "resonance", "filter"):
         den = np.polymul(setup.den, [setup.sensor_tau, 1.0])
         t = np.linspace(0.0, 6.0 * (s.data.T + s.data.Td + 1.0) * s.record.Ts, 300)
@@ -105,7 +110,7 @@ def _numbers(found: Discovery) -> Figure:
     assert law is not None
     figure, grid = panels(len(law.numbers), 1, _WIDTH, 0.3 + 0.75 * len(law.numbers))
     for axes, (name, value) in zip(grid[:, 0], law.numbers.items()):
-        rule = FORMS[law.form].numbers[name]
+        rule = LAW_FORMS[law.form].numbers[name]
         axes.plot(law.intervals.get(name, (value, value)), [0, 0], color=RED, linewidth=3.0, alpha=0.4)
         axes.plot([value], [0], "o", color=RED)
         axes.set_yticks([])

@@ -15,7 +15,10 @@ from simbench.gap.report.traces import BASELINE, FIXED, NEAREST, TUNED, Traces
 
 _WIDTH = 4.6  # inches; no wider, or the letters are too small on a phone
 RECORD = "record"
-LOOK = {RECORD: (BLACK, "-"), BASELINE: (BLUE, "--"), TUNED: (GREEN, "-."), FIXED: (RED, "-"), NEAREST: (ORANGE, "-"), "with the law": (RED, "-")}
+LOOK = {
+    RECORD: (BLACK, "-"), BASELINE: (BLUE, "--"), TUNED: (GREEN, "-."), FIXED: (RED, "-"), NEAREST: (ORANGE, "-"),
+    "with the law": (RED, "-"),
+}  # fmt: skip
 _BEYOND = 2.0  # share of the record's range that a runaway simulation may be drawn beyond it
 
 _BOXES = {

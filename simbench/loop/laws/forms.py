@@ -226,7 +226,7 @@ _LENGTH = Number("s", low=0.0, positive=True, default=10.0, identity=10.0, says=
 _SECONDS = Number("s", low=0.0, identity=0.0, says="time constant")
 _KNOTS = {f"q{i}": Number("% of travel", low=0.0, high=100.0, identity=25.0 * i, says=f"knot {i}") for i in (1, 2, 3)}
 _SLOPES = {f"k{i}": Number("-", low=-1.0, high=5.0, identity=0.0, says=f"change of slope at knot {i}") for i in (1, 2, 3)}
-FORMS: dict[str, Form] = {
+LAW_FORMS: dict[str, Form] = {
     "curve": Form("valve", "MV follows OP along a bent line", {**_KNOTS, **_SLOPES}, _curve),
     "memory": Form("valve", "MV follows OP behind a band, and slips", {
         "S": Number("% of travel", low=0.0, high=100.0, identity=0.0, says="width of the loop of MV over OP"),
@@ -296,9 +296,9 @@ FORMS: dict[str, Form] = {
 
 def law_parameters(form: str, **fitted: float) -> dict[str, Number]:
     """Return the numbers of a form, as an effect's PARAMETERS, with the fitted values for defaults."""
-    return {name: replace(rule, default=fitted.get(name, rule.identity)) for name, rule in FORMS[form].numbers.items()}
+    return {name: replace(rule, default=fitted.get(name, rule.identity)) for name, rule in LAW_FORMS[form].numbers.items()}
 
 
 def apply_law(form: str, setup: Any, p: Any, rng: np.random.Generator) -> None:
     """Do to a setup what a form with its numbers `p` does."""
-    FORMS[form].act(setup, p, rng)
+    LAW_FORMS[form].act(setup, p, rng)

@@ -9,6 +9,7 @@ import pytest
 from detectors.errors import RecordError
 from simbench.gap import diagnosis
 from simbench.gap.closed_loop.gap import Shrinkage
+from simbench.gap.closed_loop.lacking import Lacking
 from simbench.gap.decide.assess import RESIDUAL_LIMITS
 from simbench.gap.decide.classify import Classified
 from simbench.gap.diagnosis import _advice, closing, diagnose, named_by, report
@@ -50,8 +51,8 @@ class Loops:
 
     seed = 7
 
-    def __init__(self, main=None, rivals=()):
-        self.main, self.rivals, self.shrunk, self.built = main or gap(), dict(rivals), [], []
+    def __init__(self, main=None, rivals=(), lacking=None):
+        self.main, self.rivals, self.shrunk, self.built, self.lacking = main or gap(), dict(rivals), [], [], lacking
 
     def shrink(self, effects):
         self.shrunk.append(list(effects))
@@ -90,18 +91,27 @@ def test_an_effect_that_does_not_narrow_the_gap_is_unknown_in_its_block(shrinkag
 
 
 def test_nothing_named_is_nothing_refuted():
-    loops = Loops(gap(after=9.0))
+    loops = Loops(gap(after=9.0, resolvable=False))
     same = weighed(none=0.9, stiction=0.1)
     assert closing(same, found("stiction"), loops) is same
-    assert loops.shrunk == []
+    assert loops.shrunk == [[]]
 
 
-@pytest.mark.parametrize(("floor", "left", "unknown"), [(2.1, 20.0, False), (0.8, 5.0, False), (0.8, 20.0, True)])
+@pytest.mark.parametrize(("floor", "left", "unknown"), [(2.8, 20.0, False), (0.8, 5.0, False), (0.8, 20.0, True)])
 def test_none_is_said_beside_a_narrow_gap_or_one_that_the_load_explains(floor, left, unknown):
     wide = found(s=situation(trusted=False), tests={"memory": left})
     weights = closing(weighed(none=0.9, stiction=0.1), wide, Loops(replace(gap(), floor=floor)))
     assert (weights.probability["unknown"] > 0.8) == unknown
     assert weights.block("unknown") == ("disturbance" if unknown else "process")
+
+
+@pytest.mark.parametrize(("least", "unknown"), [(1.4, False), (1.6, True)])
+@pytest.mark.parametrize("trusted", [True, False])
+def test_none_is_not_said_beside_a_gap_that_stays_along_the_record(trusted, least, unknown):
+    loops = Loops(gap(), lacking=Lacking(least, (("OP stands still more often", 9.0, "controller"),)))
+    weights = closing(weighed(none=0.9, stiction=0.1), found(s=situation(trusted=trusted)), loops)
+    assert (weights.probability["unknown"] > 0.8) == unknown
+    assert weights.block("unknown") == ("controller" if unknown else "process")
 
 
 @pytest.fixture

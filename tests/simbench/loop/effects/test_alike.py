@@ -22,8 +22,8 @@ def alike(effect, **here):
     return set(indistinguishable(effect, replace(BARE, **here)))
 
 
-def test_there_are_22_effects_in_five_blocks():
-    assert len(EFFECTS) == 22
+def test_there_are_26_effects_in_five_blocks():
+    assert len(EFFECTS) == 26
     assert {e.block for e in EFFECTS.values()} == set(BLOCKS)
     assert block_of("unknown") == "unknown"
     with pytest.raises(KeyError):

@@ -1,0 +1,35 @@
+"""What the record has and its simulation has not: nothing of its own loop, and in words what another loop lacks."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from scenarios.spec import Loop
+from simbench.gap.closed_loop.lacking import Lacking, lacking
+from simbench.gap.intake.check import check
+from simbench.loop.simulate import simulate
+
+LOOP = Loop.from_table({
+    "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0}, "controller": {"type": "PI", "Kc": 1.0, "Ti": 20.0},
+    "sampling": {"Ts": 1.0, "n": 1500}, "noise": {"std": 0.2},
+    "disturbance": [{"type": "coloured", "amplitude": 1, "period": 30}],
+})  # fmt: skip
+
+
+def test_a_loop_lacks_nothing_of_its_own_record():
+    found = lacking(check(simulate(LOOP, 9).record, LOOP), LOOP, 0)
+    assert found.least < 1.5
+    assert found.features == ()
+
+
+def test_what_stays_along_the_record_is_said_in_words_with_its_block():
+    record = simulate(LOOP, 9).record
+    held = np.repeat(np.asarray(record.op)[::5], 5)[: record.n]
+    found = lacking(check(replace(record, op=held), LOOP), LOOP, 0)
+    assert found.least > 1.5
+    assert found.block == "controller"
+    assert "OP stands still more often" in found.sentence
+
+
+def test_without_a_plain_difference_the_load_is_blamed():
+    assert Lacking(2.0, ()).block == "disturbance"

@@ -1,0 +1,131 @@
+"""A law is found where it acts, pays on unseen samples, closes the gap, and comes back as a file that simulates it."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from detectors.errors import ParameterError
+from scenarios.spec import Loop
+from simbench.cli import main
+from simbench.contract import check_file
+from simbench.files import write_record
+from simbench.gap.discover.discovery import discover
+from simbench.gap.discover.effect_file import known, refuse_effect_file, write_effect
+from simbench.gap.discover.nearest import nearest
+from simbench.gap.discover.search import chance
+from simbench.gap.law import FoundLaw, spells_of, windows_of
+from simbench.loop.effects import PLUGINS
+from simbench.loop.simulate import simulate
+
+TABLE = {
+    "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0}, "controller": {"type": "PI", "Kc": 1.0, "Ti": 20.0},
+    "sampling": {"Ts": 1.0, "n": 1600}, "noise": {"std": 0.1},
+    "setpoint": {"value": 50.0, "steps": [[100 * k, 50 + 4 * (-1) ** k] for k in range(1, 16)]},
+}  # fmt: skip
+TOLD = Loop.from_table(TABLE)
+LOAD = [{"type": "coloured", "amplitude": 0.4, "period": 30.0}]
+
+
+def hidden(form, numbers, seed=4):
+    """Return a record of the loop with a law in it."""
+    with known(FoundLaw(form, numbers, 0.0)) as name:
+        return simulate(Loop.from_table({**TABLE, "disturbance": LOAD, "effect": [{"name": name, **numbers}]}), seed).record
+
+
+@pytest.mark.parametrize(("form", "numbers", "block", "near"), [
+    ("rate", {"slowness": 4.0}, "valve", "slew_limit"), ("zero", {"lead": -20.0, "lag": 6.0}, "process", "dead_time_mismatch"),
+    ("derivative", {"Td": 8.0, "filter": 1.0}, "controller", "derivative_action"),
+    ("idle", {"share": 0.3, "length": 8.0}, "controller", "missed_executions"),
+    ("held", {"share": 0.2, "length": 12.0}, "sensor", "frozen_sensor"),
+    ("limits", {"low": 47.0, "high": 52.0}, "controller", "saturation"),
+])  # fmt: skip
+def test_a_hidden_law_is_found_in_its_form(form, numbers, block, near):
+    found = discover(hidden(form, numbers), TOLD)
+    assert found.law is not None, found.why
+    assert (found.law.form, found.law.block, found.nearest) == (form, block, near)
+    for name, value in numbers.items():
+        assert found.law.numbers.get(name, value) == pytest.approx(value, rel=0.5)
+    assert found.gap.after < found.gap.recalibrated
+    assert chance(found.law.nats) < 0.01
+
+
+def test_nothing_is_found_in_a_record_without_a_law():
+    found = discover(simulate(Loop.from_table({**TABLE, "disturbance": LOAD}), 5).record, TOLD)
+    assert found.law is None
+    assert found.as_json() == {"law": None, "why": found.why}
+    assert "unseen" in found.one_line() or "no form pays" in found.one_line()
+
+
+def test_the_verb_writes_an_effect_that_keeps_the_contract_and_is_known_to_the_diagnosis(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_record(hidden("rate", {"slowness": 4.0}), tmp_path / "rec.csv")
+    (tmp_path / "loop.toml").write_text(TOLD.to_toml())
+    words = [
+        "gap",
+        "discover",
+        "rec.csv",
+        "--baseline",
+        "loop.toml",
+        "--write-effect",
+        "slow.py",
+        "--html",
+        "law.html",
+        "--json",
+    ]
+    assert main(words) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert list(said) == ["block", "law", "windows", "certificate", "gap", "nearest"]
+    assert (said["block"], list(said["law"]), list(said["certificate"])) == (
+        "valve",
+        ["form", "numbers", "text"],
+        ["nats", "p"],
+    )
+    assert list(said["gap"]) == ["before", "recalibrated", "after", "floor"]
+    assert "What it looks like" in (tmp_path / "law.html").read_text(encoding="utf-8")
+    assert check_file(tmp_path / "slow.py").broken == ()
+    PLUGINS.forget("slow")
+    assert main(["gap", "diagnose", "rec.csv", "--baseline", "loop.toml", "--effect-plugin", "slow.py", "--json"]) == 0
+    ranked = {r["effect"] for r in json.loads(capsys.readouterr().out)["ranking"]}
+    assert "slow" in ranked
+    assert "slow" not in PLUGINS.names()
+
+
+def test_a_written_file_makes_the_law_s_own_curve(tmp_path):
+    law = FoundLaw("curve", {"q1": 45.0, "q2": 50.0, "q3": 55.0, "k1": 0.4, "k2": -0.2, "k3": 0.3}, 20.0)
+    write_effect(law, tmp_path / "bent.py", "found", 'fitted to "x"')
+    PLUGINS.add_file(tmp_path / "bent.py")
+    try:
+        record = simulate(Loop.from_table({**TABLE, "effect": [{"name": "bent"}]}), 1).record
+    finally:
+        PLUGINS.forget("bent")
+    knots = sum(law.numbers[f"k{i}"] * np.maximum(record.op - law.numbers[f"q{i}"], 0.0) for i in (1, 2, 3))
+    made = record.op + knots
+    assert record.mv - made == pytest.approx(np.full(record.n, record.mv[0] - made[0]), abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["law.txt", "My.py", "stiction.py", "none.py", "a-b.py"])
+def test_a_file_whose_name_can_be_no_effect_s_is_refused(name):
+    with pytest.raises(ParameterError, match="--write-effect"):
+        refuse_effect_file(name)
+
+
+@pytest.mark.parametrize(("form", "numbers", "named"), [
+    ("memory", {"S": 4.0, "J": 2.0}, "stiction"), ("memory", {"S": 4.0, "J": 0.1}, "deadband"),
+    ("curve", {"q1": 45.0, "q2": 55.0, "k1": -1.0, "k2": 1.0}, "deadzone"),
+    ("curve", {"q1": 40.0, "k1": 0.3, "q2": 50.0, "k2": 0.3}, "valve_characteristic"),
+    ("stairs", {"step": 0.3}, "quantisation"), ("limits", {"low": 40.0, "high": 60.0}, "saturation"),
+    ("rate", {"tau": 5.0}, "valve_lag"), ("rate", {"slowness": 5.0}, "slew_limit"), ("size", {"gain": 2.0}, "gain_mismatch"),
+    ("rest", {"width": 0.3}, "error_deadband"), ("rest", {"step": 0.3}, "op_quantisation"), ("bursts", {"std": 1.0}, None),
+])  # fmt: skip
+def test_a_law_is_named_after_the_known_effect_it_resembles(form, numbers, named):
+    assert nearest(FoundLaw(form, numbers, 0.0), np.linspace(35.0, 65.0, 400)) == named
+
+
+def test_spells_are_where_the_evidence_outweighs_the_price_of_a_change():
+    evidence = np.concatenate([np.full(50, -1.0), np.full(40, 1.0), np.full(3, -1.0), np.full(40, 1.0), np.full(50, -1.0)])
+    assert windows_of(spells_of(evidence, 6.0), 2.0) == [[100.0, 266.0]]
+    assert windows_of(spells_of(evidence, 1.0), 1.0) == [[50.0, 90.0], [93.0, 133.0]]
+    assert windows_of(spells_of(-np.ones(9), 1.0), 1.0) == []

@@ -1,0 +1,48 @@
+"""Laws that need no likelihood: silent where the baseline's law holds, exact where a term is missing."""
+
+import numpy as np
+import pytest
+
+from scenarios.spec import Loop
+from simbench.gap.exact import controller_law, sensor_law, shown
+from simbench.gap.intake.check import check
+from simbench.loop.simulate import simulate
+
+TABLE = {
+    "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0}, "controller": {"type": "PI", "Kc": 1.0, "Ti": 20.0},
+    "sampling": {"Ts": 1.0, "n": 1200}, "noise": {"std": 0.1}, "setpoint": {"value": 50.0, "steps": [[300, 54], [800, 49]]},
+}  # fmt: skip
+TOLD = Loop.from_table(TABLE)
+
+
+def situation(effect=None, **numbers):
+    effects = [] if effect is None else [{"name": effect, **numbers}]
+    return check(simulate(Loop.from_table({**TABLE, "effect": effects}), 3).record, TOLD)
+
+
+def test_a_sound_loop_shows_no_law():
+    s = situation()
+    assert controller_law(s, 780) is None
+    assert sensor_law(s, 780) is None
+    assert shown(s, "derivative") is None
+
+
+@pytest.mark.parametrize(("effect", "numbers", "form"), [
+    ("derivative_action", {"Td": 8.0, "filter": 1.0}, "derivative"),
+    ("missed_executions", {"share": 0.3, "length": 8.0}, "idle"),
+])  # fmt: skip
+def test_a_term_of_the_controller_is_shown_with_its_numbers(effect, numbers, form):
+    s = situation(effect, **numbers)
+    found = shown(s, form)
+    assert found is not None
+    assert found[next(iter(numbers))] == pytest.approx(next(iter(numbers.values())), rel=0.35)
+    assert effect in s.proven
+
+
+def test_repeats_of_pv_are_shown_where_they_stand():
+    s = situation("frozen_sensor", share=0.2, length=12.0)
+    law = sensor_law(s, 780)
+    assert law.form == "held"
+    still = np.append(False, np.diff(np.asarray(s.record.pv)) == 0.0)
+    assert np.mean(still[law.on]) == 1.0
+    assert "frozen_sensor" in s.proven
