@@ -16,8 +16,8 @@ MODE, QUALITY_OF = "mode", "quality"
 _ROLES = ("t", *SIGNALS, MODE)
 TIME_NAMES = (
     "t s", "t", "time", "timestamp", "ts", "datetime", "date time", "date", "time stamp", "t stamp", "time string",
-    "date and time", "zeitstempel", "zeit", "zeitpunkt", "datum", "datum uhrzeit", "uhrzeit", "datum zeit", "horodatage", "date heure",
-    "heure", "temps", "marca de tiempo", "fecha hora", "fecha y hora", "fecha", "hora", "tiempo", "ora",
+    "date and time", "zeitstempel", "zeit", "zeitpunkt", "datum", "datum uhrzeit", "uhrzeit", "datum zeit", "horodatage",
+    "date heure", "heure", "temps", "marca de tiempo", "fecha hora", "fecha y hora", "fecha", "hora", "tiempo", "ora",
     "时间戳", "时间", "日期时间", "日期",
 )  # fmt: skip
 DATES, CLOCKS = ("date", "datum", "fecha", "日期"), ("time", "uhrzeit", "zeit", "heure", "hora", "ora", "时间")

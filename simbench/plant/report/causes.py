@@ -22,6 +22,7 @@ _APART = 0.15  # by which the likeliest must lead the next
 _KEPT = (0.9, 0.98)  # phase kept with one sine from which the swing is a line of the load, and from which surely
 _TIGHT = (2.2, 4.0)  # largest sensitivity from which tuning may be the cause, and from which it surely can
 _BARE = 0.1  # of S, below which J is no jump
+_MOVED = 1.0  # % by which OP moves from sample to sample where noise wears the valve
 _POOR = 1.9  # largest sensitivity from which a loop at rest is not sound either
 _NEAR = 1.4  # factor between the period of the loop and that of its resonance up to which they are one
 _NOISY = 0.75  # share of PV's variance that changes from sample to sample, from which it is noise that moves the valve
@@ -162,10 +163,6 @@ def _sensor(prepared: Prepared, behind: CandidateLoops) -> Cause:
     if noise**2 > _NOISY and turns > 0.4 and moved > _MOVED and not prepared.oscillation.sustained:
         return Cause(SENSOR, 0.8, (f"{said}: the valve follows the noise, by {moved:.2g} % from sample to sample",))
     return Cause(SENSOR, 0.05, (), (said,))
-
-
-_MOVED = 1.0  # % by which OP moves from sample to sample where noise wears the valve
-
 
 def _nothing(behind: CandidateLoops, swing: Oscillation, known: Margins | None) -> Cause:
     if swing.sustained:
