@@ -6,6 +6,7 @@ import re
 import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from difflib import SequenceMatcher
 from functools import lru_cache
 from shlex import quote
 
@@ -176,10 +177,10 @@ def find_loops(
         if len(whole) > 1:
             raise _several(whole, where)
         if not whole:
-            mine = [n for n in names if _within(_tag_words(tag), parse(n).loop)]
+            mine = [n for n in names if _within(_parts(tag), parse(n).loop)]
             if not mine:
                 raise _no_loop(names, groups, tag, where)
-            groups = {k: v for k, v in groups.items() if _within(_tag_words(tag), k)}
+            groups = {k: v for k, v in groups.items() if _within(_parts(tag), k)}
     if len(whole) > 1:
         sure = {loop: found for loop, found in whole.items() if not any(parse(n).loose for c in found.values() for n in c)}
         whole = sure or whole
@@ -359,17 +360,13 @@ def _alike(one: Sequence[str], other: Sequence[str]) -> bool:
     return tuple(one) == tuple(other) or (bool(_digits(one)) and _digits(one) == _digits(other))
 
 
-def _tag_words(tag: str) -> list[str]:
-    return _parts(tag)
-
-
 def _within(words: Sequence[str], loop: Sequence[str]) -> bool:
     n = len(words)
     return any(list(loop[i : i + n]) == list(words) for i in range(len(loop) - n + 1))
 
 
 def _tagged(whole: Mapping[tuple[str, ...], dict[str, list[str]]], tag: str) -> dict[tuple[str, ...], dict[str, list[str]]]:
-    words = _tag_words(tag)
+    words = _parts(tag)
     for fits in (lambda k: list(k) == words, lambda k: list(k[-len(words) :]) == words, lambda k: _within(words, k)):
         found = {k: v for k, v in whole.items() if fits(k)}
         if found:
@@ -391,10 +388,11 @@ def several_loops(loops: Mapping[str, Mapping[str, str]], where: str) -> RecordE
 
 def _no_loop(names: Sequence[str], groups: Mapping, tag: str, where: str) -> RecordError:
     whole = [_shown_tag(loop, found) for loop, found in groups.items() if {"pv", "op"} <= set(found)]
-    near = nearest(tag, whole) if whole else ""
-    close = re.findall(r"'([^']+)'", near) or whole
     said = f"{where}: no column of loop {tag!r}; columns are: {shown(names)}"
-    return RecordError(said, f"--tag {quote(close[0])}" if close else "")
+    if not whole:
+        return RecordError(said)
+    close = max(whole, key=lambda name: SequenceMatcher(None, " ".join(_parts(name)[-1:]), plain(tag)).ratio())
+    return RecordError(said, f"--tag {quote(close)}")
 
 
 def _shown_tag(loop: Sequence[str], found: Mapping[str, list[str]]) -> str:
