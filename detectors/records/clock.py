@@ -10,10 +10,11 @@ from itertools import takewhile
 import numpy as np
 
 from detectors.errors import RecordError
+from detectors.records.roles import plain
 
 _DATES = (
     "%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%Y/%m/%d", "%d-%b-%Y", "%d-%m-%Y", "%d-%b-%y", "%d/%m/%y", "%m/%d/%y", "%d.%m.%y",
-    "%Y-%m-%d", "%d %b %Y", "%Y.%m.%d", "%b %d, %Y", "%Y年%m月%d日", "%m-%d-%Y", "%a %b %d %Y",
+    "%Y-%m-%d", "%d %b %Y", "%d. %b %Y", "%d/%b/%Y", "%Y.%m.%d", "%b %d, %Y", "%Y年%m月%d日", "%m-%d-%Y", "%a %b %d %Y",
 )  # fmt: skip
 _CLOCKS = ("%H:%M:%S", "%I:%M:%S %p", "%H:%M:%S.%f", "%I:%M:%S.%f %p", "%H:%M", "%I:%M %p")
 _CLOCK = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2})(?:[.,](\d{1,6}))?)?(?: ([AaPp][Mm]))?")
@@ -22,8 +23,9 @@ _ZONE = re.compile(r"\s*(?:UTC|GMT|Z|CET|CEST|MEZ|MESZ)$|\s+[+-]\d\d:?\d\d$")
 _MONTHS = {
     "janv": "Jan", "ene": "Jan", "gen": "Jan", "fev": "Feb", "mar": "Mar", "mrz": "Mar", "maerz": "Mar", "avr": "Apr",
     "abr": "Apr", "mai": "May", "mag": "May", "juin": "Jun", "giu": "Jun", "juil": "Jul", "lug": "Jul", "aou": "Aug",
-    "ago": "Aug", "set": "Sep", "sept": "Sep", "okt": "Oct", "ott": "Oct", "dez": "Dec", "dic": "Dec", "déc": "Dec",
+    "ago": "Aug", "set": "Sep", "sept": "Sep", "okt": "Oct", "ott": "Oct", "dez": "Dec", "dic": "Dec",
 }  # fmt: skip
+_ENGLISH = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
 _UNITS = {
     "s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3, "milliseconds": 1e-3, "us": 1e-6,
     "min": 60.0, "mins": 60.0, "minute": 60.0, "minutes": 60.0, "h": 3600.0, "hr": 3600.0, "hour": 3600.0, "hours": 3600.0,
@@ -153,8 +155,10 @@ def _likeliest(whole: dict[str, np.ndarray], name: str, where: str, notes: list[
 
 
 def _month(found: re.Match) -> str:
-    word = found[0].rstrip(".").lower()
-    return next((m for begins, m in _MONTHS.items() if word.startswith(begins) and word not in ("march", "may")), found[0])
+    word = plain(found[0].rstrip("."))
+    if word[:3].capitalize() in _ENGLISH:
+        return word[:3].capitalize()
+    return next((month for begins, month in _MONTHS.items() if word.startswith(begins)), found[0])
 
 
 def _at_once(texts: list[str], form: str) -> np.ndarray | None:

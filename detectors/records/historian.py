@@ -314,8 +314,8 @@ def _judged(cells: Sequence[object], name: str, where: str, inverted: bool) -> t
     """Return which samples are bad, how many unsure, and whether the column speaks of quality at all."""
     texts = ["" if c is None or c != c else plain(c) for c in cells]
     words = {t: _word(t) for t in set(texts)}
-    kinds = set(words.values()) - {""}
-    if kinds and all(isinstance(k, int) for k in kinds):
+    kinds = {k for k in words.values() if isinstance(k, int)}
+    if kinds and kinds == set(words.values()) - {""}:
         codes = np.array([192 if words[t] == "" else words[t] for t in texts], dtype=int)
         last = plain(name).replace("_", " ").split()[-1]
         if last in ("validity", "confidence") or (max(kinds) <= 1 and 1 in kinds and not inverted and last == "qlevel"):

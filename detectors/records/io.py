@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from detectors.records.archive import Series, base_step, hold, stored_on_change
 from detectors.records.clock import seconds
 from detectors.records.gaps import BRIDGED, JITTER, MOST_MISSING, whole
 from detectors.records.historian import apply_quality, is_head, op_span, open_span, read_numbers, take_units
-from detectors.records.long_table import read_series, unfold
+from detectors.records.long_table import is_stamped, read_series, unfold
 from detectors.records.loop_table import read_loop_table
 from detectors.records.mode import AUTO, CAS, MAN, mode
 from detectors.records.roles import (
@@ -291,6 +292,8 @@ def _record(
         given = Ts
     else:
         parts = {role: table.parts[name] for role, name in roles.items()}
+        odd = [(r, n) for r, n in roles.items() if r not in (MODE, *chosen) and parse(n).role != r]
+        sheet.notes += [f"columns: {role.upper()} is {name!r}" for role, name in odd]
         span = op_span(unit(roles["op"]), about.get("op_span"), where, sheet.notes)
         about |= {} if span is None else {"op_span": span}
         t, signals, given = _long({r: p for r, p in parts.items() if r != MODE}, chosen, Ts, where)
@@ -375,7 +378,7 @@ def _wide(table: _Opened, roles: dict[str, str], chosen: Mapping[str, str], Ts: 
     sheet.notes += [
         f"columns: {role.upper()} is {name!r}"
         for role, name in roles.items()
-        if role not in (MODE, *chosen) and parse(name).rank
+        if role not in (MODE, *chosen) and (parse(name).rank or parse(name).role != role)
     ]
     read = read_numbers(sheet, [roles[s] for s in SIGNALS if s in roles], where)
     signals = {s: read[roles[s]] for s in SIGNALS if s in roles}
@@ -392,7 +395,9 @@ def _wide(table: _Opened, roles: dict[str, str], chosen: Mapping[str, str], Ts: 
     name = find_time(list(sheet.columns), chosen, where)
     if name is None:
         names = ", ".join(TIME_NAMES[:6])
-        raise RecordError(f"{where}: no time column ({names}) and no sampling period Ts given; either is needed", "--ts 1")
+        stamped = next((n for n, cells in sheet.columns.items() if n not in roles.values() and is_stamped(cells)), None)
+        cure = "--ts 1" if stamped is None else f"--columns {quote(f't={stamped}')}"
+        raise RecordError(f"{where}: no time column ({names}) and no sampling period Ts given; either is needed", cure)
     t = seconds(_with_date(sheet, name), name, where, unit=units.get(name, ""), place=sheet.place, notes=sheet.notes)
     if t[0] > t[-1]:
         t, signals = t[::-1], {role: x[::-1] for role, x in signals.items()}

@@ -99,8 +99,12 @@ def _before_time(name: str) -> list[str] | None:
 
 
 def _holds_times(sheet: Sheet, name: str) -> bool:
-    cells = sheet.columns[name]
+    return is_stamped(sheet.columns[name]) or (is_time(name) and not name.startswith(BLANK))
+
+
+def is_stamped(cells: list | np.ndarray) -> bool:
+    """Whether a column begins with a time stamp."""
     if isinstance(cells, np.ndarray):
         return cells.dtype.kind == "M"
     first = next((str(c).strip() for c in cells if c not in (None, "")), "")
-    return bool(_STAMP.search(first)) or (is_time(name) and not name.startswith(BLANK))
+    return bool(_STAMP.search(first))

@@ -6,6 +6,7 @@ import re
 import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from difflib import SequenceMatcher
 from functools import lru_cache
 from shlex import quote
 
@@ -15,9 +16,9 @@ SIGNALS = ("sp", "op", "pv", "mv")
 MODE, QUALITY_OF = "mode", "quality"
 _ROLES = ("t", *SIGNALS, MODE)
 TIME_NAMES = (
-    "t s", "t", "time", "timestamp", "datetime", "date time", "date", "time stamp", "t stamp", "time string", "date and time",
-    "zeitstempel", "zeit", "zeitpunkt", "datum", "datum uhrzeit", "uhrzeit", "datum zeit", "horodatage", "date heure", "heure",
-    "temps", "marca de tiempo", "fecha hora", "fecha y hora", "fecha", "hora", "tiempo", "ora",
+    "t s", "t", "time", "timestamp", "ts", "datetime", "date time", "date", "time stamp", "t stamp", "time string",
+    "date and time", "zeitstempel", "zeit", "zeitpunkt", "datum", "datum uhrzeit", "uhrzeit", "datum zeit", "horodatage",
+    "date heure", "heure", "temps", "marca de tiempo", "fecha hora", "fecha y hora", "fecha", "hora", "tiempo", "ora",
     "时间戳", "时间", "日期时间", "日期",
 )  # fmt: skip
 DATES, CLOCKS = ("date", "datum", "fecha", "日期"), ("time", "uhrzeit", "zeit", "heure", "hora", "ora", "时间")
@@ -54,7 +55,10 @@ _UNITS = {
     "celsius", "hz", "mmhg", "scfm", "kgs", "tph", "th", "c", "m",
 }  # fmt: skip
 _SAME_UNIT = {"pct": "%", "percent": "%", "prozent": "%", "cnt": "counts", "raw": "counts"}
-_APART = re.compile(r"[./:\\|;=,@#\s_\-\u2013>]+")
+_APART = re.compile(r"(?:[^\w%]|_)+")
+# what may stand before the name of what is measured: Consigne débit; an output or a position may be the process's own
+_FIRST = {"setpoint", "sollwert", "istwert", "stellgrosse", "stellgroesse", "stellwert", "mesure", "consigne", "sortie",
+          "commande", "medida", "medicion", "consigna", "salida", "misura", "uscita"}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -103,7 +107,10 @@ def parse(name: str) -> Name:
     for role, among in SIGNAL_WORDS.items():  # the signal may stand first: PV_FIC101
         for rank, phrase in enumerate(among):
             size = len(phrase.split())
-            if parts[:size] == phrase.split() and any(c.isdigit() for w in parts[size:] for c in w):
+            numbered = any(c.isdigit() for w in parts[size:] for c in w)
+            if parts[:size] == phrase.split() and (numbered or (phrase in _FIRST and not is_time(name))):
+                if not numbered:
+                    return Name((), role, unit_of, 2, False)
                 return Name(tuple(parts[size:]), role, unit_of, min(rank, 1), False)
     return Name(tuple(parts), None, unit_of, 1, False)
 
@@ -156,18 +163,24 @@ def find_loops(
         said = parse(name)
         if said.role is not None and name not in fixed.values():
             groups.setdefault(said.loop, {}).setdefault(said.role, []).append(name)
+    for loop, found in groups.items():
+        # MV beside SV, and no OP, is the controller's output as Yokogawa names it; untagged it may be a valve's position
+        if loop and "op" not in found and len(found.get("mv", [])) == 1 and any(_says_sv(n) for n in found.get("sp", [])):
+            found["op"] = found.pop("mv")
     if {"pv", "op"} & set(fixed):
         return {"": _one(names, groups, fixed, where, tag)}
     whole = {loop: found for loop, found in groups.items() if {"pv", "op"} <= set(found)}
+    if len(whole) > 1:  # Mesure débit beside FIC101.PV is something else
+        whole = {k: v for k, v in whole.items() if min(parse(n).rank for n in (*v["pv"], *v["op"])) < 2} or whole
     if tag is not None:
         whole = _tagged(whole, tag) or {}
         if len(whole) > 1:
             raise _several(whole, where)
         if not whole:
-            mine = [n for n in names if _within(_tag_words(tag), parse(n).loop)]
+            mine = [n for n in names if _within(_parts(tag), parse(n).loop)]
             if not mine:
                 raise _no_loop(names, groups, tag, where)
-            groups = {k: v for k, v in groups.items() if _within(_tag_words(tag), k)}
+            groups = {k: v for k, v in groups.items() if _within(_parts(tag), k)}
     if len(whole) > 1:
         sure = {loop: found for loop, found in whole.items() if not any(parse(n).loose for c in found.values() for n in c)}
         whole = sure or whole
@@ -194,6 +207,10 @@ def _chosen(names: Sequence[str], chosen: Mapping[str, str], where: str) -> dict
             raise RecordError(f"{where}: column {name!r} is named for two roles; each needs a column of its own")
         roles[role] = name
     return roles
+
+
+def _says_sv(name: str) -> bool:
+    return any(p == "sv" for p in _parts(name)[-2:])
 
 
 def _picked(found: Mapping[str, list[str]], fixed: Mapping[str, str], where: str) -> dict[str, str]:
@@ -343,17 +360,13 @@ def _alike(one: Sequence[str], other: Sequence[str]) -> bool:
     return tuple(one) == tuple(other) or (bool(_digits(one)) and _digits(one) == _digits(other))
 
 
-def _tag_words(tag: str) -> list[str]:
-    return _parts(tag)
-
-
 def _within(words: Sequence[str], loop: Sequence[str]) -> bool:
     n = len(words)
     return any(list(loop[i : i + n]) == list(words) for i in range(len(loop) - n + 1))
 
 
 def _tagged(whole: Mapping[tuple[str, ...], dict[str, list[str]]], tag: str) -> dict[tuple[str, ...], dict[str, list[str]]]:
-    words = _tag_words(tag)
+    words = _parts(tag)
     for fits in (lambda k: list(k) == words, lambda k: list(k[-len(words) :]) == words, lambda k: _within(words, k)):
         found = {k: v for k, v in whole.items() if fits(k)}
         if found:
@@ -375,10 +388,11 @@ def several_loops(loops: Mapping[str, Mapping[str, str]], where: str) -> RecordE
 
 def _no_loop(names: Sequence[str], groups: Mapping, tag: str, where: str) -> RecordError:
     whole = [_shown_tag(loop, found) for loop, found in groups.items() if {"pv", "op"} <= set(found)]
-    near = nearest(tag, whole) if whole else ""
-    close = re.findall(r"'([^']+)'", near) or whole
     said = f"{where}: no column of loop {tag!r}; columns are: {shown(names)}"
-    return RecordError(said, f"--tag {quote(close[0])}" if close else "")
+    if not whole:
+        return RecordError(said)
+    close = max(whole, key=lambda name: SequenceMatcher(None, " ".join(_parts(name)[-1:]), plain(tag)).ratio())
+    return RecordError(said, f"--tag {quote(close)}")
 
 
 def _shown_tag(loop: Sequence[str], found: Mapping[str, list[str]]) -> str:

@@ -136,6 +136,9 @@ def _decoded(path: Path) -> tuple[str, list[str]]:
     try:
         return data.decode("utf-8-sig"), []
     except UnicodeDecodeError as error:
+        chinese = data.decode("gb18030", errors="replace")
+        if re.search("时间|日期|位号|测量值|设定值|输出", chinese[:4096]):
+            return chinese, [f"file: byte {error.start} is not UTF-8, read as GB 18030"]
         said = f"file: byte {error.start} is not UTF-8, read as Windows-1252; numbers are the same in both"
         return data.decode("cp1252", errors="replace"), [said]
 
@@ -152,6 +155,10 @@ def _csv(path: Path, is_head: Callable[[Sequence[str]], bool]) -> Sheet:
             start, delimiter = i, max(fit, key=line.count)
             above = next(_cells(path, [lines[i - 1]], delimiter), ([], 0))[0] if i else []
             break
+    if not any(d in line for line in lines[:_PREAMBLE] for d in _DELIMITERS):  # columns apart by spaces
+        start = next((i for i, line in enumerate(lines[:_PREAMBLE]) if is_head(line.split())), -1)
+        lines = [*lines[:start], *(" ".join(line.split()) for line in lines[start:])] if start >= 0 else lines
+        start, delimiter = max(start, 0), " " if start >= 0 else delimiter
     rows, numbers = [], []
     for cells, line in _cells(path, lines[start:], delimiter):
         if cells and cells != [""]:

@@ -137,6 +137,7 @@ def _table(verdicts: Sequence[Verdict]) -> Any:
 
 
 def _matrix(groups: Sequence[tuple[str | None, list[Verdict], LoopRecord | None]]) -> Any:
+    from rich.markup import escape
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
@@ -147,7 +148,7 @@ def _matrix(groups: Sequence[tuple[str | None, list[Verdict], LoopRecord | None]
         table.add_column("\n".join(parts), justify="center", no_wrap=True)
     for name, verdicts, _ in groups:
         signs = [" " if v.applicable is False else f"[{_COLOURS[v.verdict]}]{_SIGNS[v.verdict]}[/]" for v in verdicts]
-        table.add_row(str(name), *signs)
+        table.add_row(escape(str(name)), *signs)  # a path may begin with [default]
     return table
 
 

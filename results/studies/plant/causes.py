@@ -106,7 +106,7 @@ def table_margin(table: dict[str, Any]) -> float:
 
 def victim(source: LoopRecord, rng: np.random.Generator) -> LoopRecord:
     """Return a sound loop that the source's PV disturbs through a lag."""
-    heard = lfilter([0.1], [1.0, -0.9], source.pv - source.pv.mean()) * float(rng.uniform(1, 3))
+    heard = np.asarray(lfilter([0.1], [1.0, -0.9], source.pv - source.pv.mean())) * float(rng.uniform(1, 3))
     pv, op = np.zeros(source.n), np.zeros(source.n)
     y = integral = 0.0
     for k in range(source.n):

@@ -20,8 +20,10 @@ _TOLD_BY_FLAGS = {"saturated": AT_LIMIT, "frozen": SENSOR, "dead_pv": SENSOR, "d
 _NAMED_FROM = 0.6  # confidence below which no cause is named
 _APART = 0.15  # by which the likeliest must lead the next
 _KEPT = (0.9, 0.98)  # phase kept with one sine from which the swing is a line of the load, and from which surely
+_FEWEST_PERIODS = 12  # below which every swing keeps its phase
 _TIGHT = (2.2, 4.0)  # largest sensitivity from which tuning may be the cause, and from which it surely can
 _BARE = 0.1  # of S, below which J is no jump
+_MOVED = 1.0  # % by which OP moves from sample to sample where noise wears the valve
 _POOR = 1.9  # largest sensitivity from which a loop at rest is not sound either
 _NEAR = 1.4  # factor between the period of the loop and that of its resonance up to which they are one
 _NOISY = 0.75  # share of PV's variance that changes from sample to sample, from which it is noise that moves the valve
@@ -72,7 +74,7 @@ def find_causes(prepared: Prepared, behind: CandidateLoops | None, root: str | N
     known, keeps, periods = _margins(behind), 0.0, 0.0
     if swing.sustained:
         periods = behind.record.duration / swing.period_s
-        keeps = coherence(behind.record.pv, swing.period_s / behind.record.Ts)
+        keeps = coherence(behind.record.pv, swing.period_s / behind.record.Ts) if periods >= _FEWEST_PERIODS else float("nan")
     weighed = [
         _stiction(behind, keeps), _tuning(known, swing, keeps, periods), _outside(behind, swing, keeps, periods),
         _sensor(prepared, behind),
@@ -129,6 +131,9 @@ def _tuning(known: Margins | None, swing: Oscillation, keeps: float, periods: fl
     if keeps > _KEPT[0]:
         kept = f"the swing keeps {keeps:.2f} of its phase over {periods:.0f} periods, as no loop does that noise keeps swinging"
         return Cause(TIGHT, 0.1, (), (kept, said))
+    if np.isnan(keeps):
+        few = f"{periods:.0f} periods are too few to tell a line of the load from a resonance"
+        return Cause(TIGHT, 0.3, (), (few, said))
     ratio = max(known.period / swing.period_s, swing.period_s / known.period)
     if known.sensitivity < _TIGHT[0] or ratio > _NEAR:
         return Cause(TIGHT, 0.05, (), (f"{said}; the loop swings with {swing.period_s:.3g} s",))
@@ -139,6 +144,8 @@ def _tuning(known: Margins | None, swing: Oscillation, keeps: float, periods: fl
 def _outside(behind: CandidateLoops, swing: Oscillation, keeps: float, periods: float) -> Cause:
     if not swing.sustained:
         return Cause(FROM_OUTSIDE, 0.0, (), ("the loop does not swing",))
+    if np.isnan(keeps):
+        return Cause(FROM_OUTSIDE, 0.3, (), (f"{periods:.0f} periods are too few to tell a line of the load from a resonance",))
     said = f"over {periods:.0f} periods the swing keeps {keeps:.2f} of its phase: "
     if keeps < _KEPT[0]:
         return Cause(FROM_OUTSIDE, 0.1, (), (f"{said}the load's spectrum shows no line",))
@@ -162,10 +169,6 @@ def _sensor(prepared: Prepared, behind: CandidateLoops) -> Cause:
     if noise**2 > _NOISY and turns > 0.4 and moved > _MOVED and not prepared.oscillation.sustained:
         return Cause(SENSOR, 0.8, (f"{said}: the valve follows the noise, by {moved:.2g} % from sample to sample",))
     return Cause(SENSOR, 0.05, (), (said,))
-
-
-_MOVED = 1.0  # % by which OP moves from sample to sample where noise wears the valve
-
 
 def _nothing(behind: CandidateLoops, swing: Oscillation, known: Margins | None) -> Cause:
     if swing.sustained:

@@ -29,12 +29,12 @@ def margins(loop: Loop) -> Margins | None:
     plant, pi = loop.plant, loop.controller
     if plant.type not in ("foptd", "integrating") or pi.type not in ("P", "PI"):
         return None
-    Ts = loop.sampling.Ts
-    slow = max((plant.T or 0.0) if plant.type == "foptd" else 0.0, pi.Ti or 0.0, plant.Td, 10.0 * Ts)
+    Ts, T, Ti = loop.sampling.Ts, float(plant.T or 0.0), float(pi.Ti or np.inf)
+    slow = max(T, Ti if np.isfinite(Ti) else 0.0, plant.Td, 10.0 * Ts)
     w = np.geomspace(0.02 / slow, np.pi / Ts, _POINTS)
     s = 1j * w
-    process = abs(plant.K) / (s if plant.type == "integrating" else 1.0 + s * plant.T)
-    controller = pi.Kc * (1.0 if pi.type == "P" else 1.0 + 1.0 / (s * pi.Ti))
+    process = abs(plant.K) / (s if plant.type == "integrating" else 1.0 + s * T)
+    controller = pi.Kc * (1.0 if pi.type == "P" else 1.0 + 1.0 / (s * Ti))
     open_loop = process * controller * np.exp(-s * (plant.Td + 0.5 * Ts))
     phase = np.unwrap(np.angle(open_loop))
     crossed = np.flatnonzero((phase[:-1] > -np.pi) & (phase[1:] <= -np.pi))

@@ -96,7 +96,8 @@ def retuned(loop: Loop) -> dict[str, float]:
     wanted = max(2.0 * dead, 2.0 * Ts)
     if plant.type == "integrating":
         return {"Kc": 1.0 / (abs(plant.K) * (wanted + dead)), "Ti": 4.0 * (wanted + dead)}
-    return {"Kc": plant.T / (abs(plant.K) * (wanted + dead)), "Ti": min(plant.T, 4.0 * (wanted + dead))}
+    T = float(plant.T or 0.0)
+    return {"Kc": T / (abs(plant.K) * (wanted + dead)), "Ti": min(T, 4.0 * (wanted + dead))}
 
 
 def _factors(base: Loop, spread: float, rng: np.random.Generator) -> dict[str, float]:
@@ -126,8 +127,8 @@ def _changed(name: str, loop: Loop, S: float, J: float, settings: Mapping[str, f
     if name == P_ONLY:
         table["controller"] = {k: v for k, v in table["controller"].items() if k != "Ti"} | {"type": "P"}
     if name == RESIZE:  # the same flow of a valve half as large: half the gain of plant, twice that of controller
-        table["plant"]["K"] *= 0.5
-        table["controller"]["Kc"] *= 2.0
+        table["plant"] |= {"K": 0.5 * loop.plant.K}
+        table["controller"] |= {"Kc": 2.0 * loop.controller.Kc}
     if name == REPAIR:
         S = J = 0.0
     if name == COMPENSATE:

@@ -44,7 +44,8 @@ def write_page(found: Trust, path: str | Path) -> None:
         pictures = [(draw_power(curves, ratio, record.S_unit), f"{says}; J = {ratio:.3g} S") for ratio in ratios]
         parts.append(section("power", "What this record could have shown", pictures=pictures))
     parts.append(section("methods", "Whom to believe on this loop", table=_table(found), long=["reason"]))
-    points = [*(r.sentence() for r in found.helps), *found.notes, *summary.notes_of([m.verdict for m in found.methods])]
+    points = [*(r.sentence() for r in found.helps), *found.notes]
+    points += summary.notes_of([m.verdict for m in found.methods], record)  # what reading it assumed stands among them
     if points:
         parts.append(section("next", "What would help, and what to know", points=points))
     write(path, f"Stiction in {record.tag or 'this loop'}: what can be believed", "Detectors on twins of one loop", parts)

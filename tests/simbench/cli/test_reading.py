@@ -22,7 +22,7 @@ class _Read(Exception):
 def export(tmp_path_factory):
     place = tmp_path_factory.mktemp("plant")
     one, two = example_loop(noise=0.1), example_loop(noise=0.2)
-    cells = {"Time": one.t, "U1/FIC101/PV": one.pv, "U1/FIC101/OP": one.op, "U1/LIC7/PV": two.pv, "U1/LIC7/OP": two.op}
+    cells = {"Time": one.t, "[default]U1/FIC101/PV": one.pv, "[default]U1/FIC101/OP": one.op, "[default]U1/LIC7/PV": two.pv, "[default]U1/LIC7/OP": two.op}
     lines = [",".join(cells), *(",".join(f"{v:.6g}" for v in row) for row in zip(*cells.values(), strict=True))]
     (place / "unit.csv").write_text("\n".join(lines) + "\n")
     (place / "loop.toml").write_text(
@@ -70,16 +70,16 @@ def test_the_command_that_a_refusal_ends_with_works(export, caught, capsys, verb
     refusal = capsys.readouterr().err.strip()
     program, *again = shlex.split(refusal.split("try: ")[1])
     assert program == "simbench"
-    assert again[-2:] == ["--tag", "U1/FIC101"]
+    assert again[-2:] == ["--tag", "[default]U1/FIC101"]
     assert typed(again) == 0
-    assert caught[0].tag == "U1/FIC101"
+    assert caught[0].tag == "[default]U1/FIC101"
     assert not np.array_equal(caught[0].pv, example_loop(noise=0.2).pv)
 
 
 @pytest.mark.parametrize("verb", VERBS)
 def test_what_is_known_of_a_record_is_said_alike(export, caught, verb):
     words = VERBS[verb].format(f=export / "unit.csv").split()
-    known = ["--columns", "pv=U1/LIC7/PV,op=U1/LIC7/OP", "--ts", "3", "--op-span", "0", "200", "--kind", "level"]
+    known = ["--columns", "pv=[default]U1/LIC7/PV,op=[default]U1/LIC7/OP", "--ts", "3", "--op-span", "0", "200", "--kind", "level"]
     assert typed([*words, *known, "--process", "integrating"]) == 0
     record = caught[0]
     assert (record.Ts, record.op_span, record.kind, record.process) == (3.0, (0.0, 200.0), "level", "integrating")
@@ -87,7 +87,12 @@ def test_what_is_known_of_a_record_is_said_alike(export, caught, verb):
 
 def test_detect_judges_every_loop_of_a_file(export, capsys):
     assert cli.main(["detect", str(export / "unit.csv"), "--method", "horch", "--json"]) == 0
-    assert [v["record"] for v in json.loads(capsys.readouterr().out)] == ["U1/FIC101", "U1/LIC7"]
+    assert [v["record"] for v in json.loads(capsys.readouterr().out)] == ["[default]U1/FIC101", "[default]U1/LIC7"]
+
+
+def test_the_path_of_a_tag_stands_whole_in_the_matrix(export, capsys):
+    assert cli.main(["detect", str(export / "unit.csv"), "--method", "horch"]) == 0
+    assert "[default]U1/FIC101 " in capsys.readouterr().out
 
 
 def test_what_reading_assumed_stands_under_the_answer(export, capsys, tmp_path):
