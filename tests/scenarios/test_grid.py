@@ -212,7 +212,11 @@ def test_the_smallest_grid_that_a_refusal_shows_works(tmp_path, text):
 
 @pytest.mark.parametrize(
     ("text", "shown"),
-    [("title = 'x'", SMALLEST_LOOP), ("[[block]]\nname = 'a'", SMALLEST_BLOCK), (SMALLEST_LOOP + "\nrepaets = 2", SMALLEST_LOOP)],
+    [
+        ("title = 'x'", SMALLEST_LOOP),
+        ("[[block]]\nname = 'a'", SMALLEST_BLOCK),
+        (SMALLEST_LOOP + "\nrepaets = 2", SMALLEST_LOOP),
+    ],
 )
 def test_a_refused_grid_is_shown_the_smallest_of_its_form(tmp_path, text, shown):
     (tmp_path / "own.toml").write_text(text)
@@ -233,7 +237,8 @@ def test_a_section_is_an_axis_whose_parameters_differ_by_value(tmp_path):
 
 
 def test_a_key_of_the_loop_file_is_an_axis_of_a_block_and_shifts_no_draw(tmp_path):
-    own = SMALLEST_BLOCK.replace("Td_over_T = [0.2]", 'Td_over_T = [0.2], "setpoint.value" = [40]').replace("T = 10", "T = [5, 50]")
+    own = SMALLEST_BLOCK.replace("T = 10", "T = [5, 50]")
+    own = own.replace("Td_over_T = [0.2]", 'Td_over_T = [0.2], "setpoint.value" = [40]')
     for name, text in (("own", own), ("plain", own.replace(', "setpoint.value" = [40]', ""))):
         (tmp_path / f"{name}.toml").write_text(text)
     changed, plain = (load_grid(tmp_path / f"{name}.toml").group(0).drafts[0].loop for name in ("own", "plain"))
