@@ -13,7 +13,7 @@ from detectors.plugins.registry import methods as registry
 from detectors.procedure import Diagnosis
 from detectors.procedure import diagnose as procedure
 from detectors.report.report import Report, choose_methods, judge_files
-from detectors.sources import About, Methods, as_plugin, as_record, named_methods
+from detectors.sources import About, Methods, RecordSignals, as_plugin, as_record, named_methods
 
 if TYPE_CHECKING:
     from detectors.record import LoopRecord
@@ -127,30 +127,13 @@ def _judged(record: LoopRecord, asked: list[str], raw: bool, front_end: str, plu
     return Report([(None, v) for v in verdicts], records={None: record})
 
 
-@overload
-def diagnose(
-    source: Source,
-    *,
-    Ts: float | None = None,
-    odds_low: float = ...,
-    odds_high: float = ...,
-    follow_min: float = ...,
-    **about: Unpack[About],
-) -> Diagnosis: ...
-@overload
-def diagnose(
-    *,
-    op: ArrayLike,
-    pv: ArrayLike,
-    Ts: float,
-    sp: ArrayLike | None = None,
-    mv: ArrayLike | None = None,
-    odds_low: float = ...,
-    odds_high: float = ...,
-    follow_min: float = ...,
-    **about: Unpack[About],
-) -> Diagnosis: ...
-def diagnose(source: Source | None = None, **about: Any) -> Diagnosis:
+class _Procedure(RecordSignals, total=False):
+    odds_low: float
+    odds_high: float
+    follow_min: float
+
+
+def diagnose(source: Source | None = None, **about: Unpack[_Procedure]) -> Diagnosis:
     """Take one record through the chapter's whole procedure, step by step.
 
     Parameters
@@ -177,5 +160,6 @@ def diagnose(source: Source | None = None, **about: Any) -> Diagnosis:
     >>> diagnose(LoopRecord(np.sin(t), -np.sin(t), 1.0, process="self-regulating")).verdict
     'no_stiction'
     """
-    bounds = {k: about.pop(k) for k in ("odds_low", "odds_high", "follow_min") if k in about}
-    return procedure(as_record(source, **about), **bounds)
+    given: dict[str, Any] = {**about}
+    bounds = {k: given.pop(k) for k in ("odds_low", "odds_high", "follow_min") if k in given}
+    return procedure(as_record(source, **given), **bounds)

@@ -90,15 +90,7 @@ def as_record(
     Ts: float | None = None,
     **about: Any,
 ) -> LoopRecord:
-    """Return the record that arrays, a table, a run, a record or a file hold.
-
-    Examples
-    --------
-    >>> as_record({"t": [0, 2, 4], "OP": [1, 2, 3], "PV": [4, 5, 6]}, kind="flow").Ts
-    2.0
-    >>> as_record(op=[1, 2, 3], pv=[1, 2, 3], Ts=1.0).n
-    3
-    """
+    """Return the record that arrays, a table, a run, a record or a file hold."""
     signals = {name: s for name, s in zip(_SIGNALS, (op, pv, sp, mv)) if s is not None}
     if source is None:
         missing = [name for name in ("op", "pv") if name not in signals] + ["Ts"] * (Ts is None)
@@ -145,15 +137,7 @@ def _of_table(table: Any, Ts: float | None, columns: Mapping[str, str], about: d
 
 
 def named_methods(methods: Methods) -> tuple[list[str], dict[str, Any]]:
-    """Return the ids of methods, and by their ids those that are functions or objects of the caller.
-
-    Examples
-    --------
-    >>> def coin(record):
-    ...     return record.n % 2 == 0
-    >>> named_methods(["horch", coin])[0]
-    ['horch', 'coin']
-    """
+    """Return the ids of methods, and by their ids those that are functions or objects of the caller."""
     single = isinstance(methods, str) or callable(methods) or hasattr(methods, "detect")
     names: list[str] = []
     own: dict[str, Any] = {}

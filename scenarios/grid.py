@@ -384,7 +384,26 @@ def load_grid(
         label, table = Path(name).stem, read_toml(name)
     else:
         raise SpecError(f"unknown grid {str(name)!r}: {suggestion(str(name), grid_names())}")
-    return make_grid(table, label, sets, axes)
+    try:
+        return make_grid(table, label, sets, axes)
+    except SpecError as error:
+        if label == str(name):  # one of the house: what was asked of it is wrong
+            raise SpecError(f"{error}; for example --set repeats=2, --axis noise_ratio=0.1,0.3") from None
+        raise SpecError(f"{error}; {_smallest(table)}") from None
+
+
+SMALLEST_LOOP = (
+    'loop = { plant = { type = "foptd", K = 1, T = 10 }, controller = { type = "PI", Kc = 1, Ti = 10 }, '
+    'valve = { model = "choudhury", S = 5, J = 2 }, sampling = { Ts = 1 } }'
+)
+SMALLEST_BLOCK = (
+    'block = [{ name = "own", draw = { K = 1, T = 10, S = 5, samples_per_period = 30, periods = 20 }, '
+    'axes = { Td_over_T = [0.2], S_over_2J = [1.0] }, member = [{ name = "sticky", valve = "choudhury" }] }]'
+)
+
+
+def _smallest(table: Mapping[str, Any]) -> str:
+    return f"the smallest grid that works: {SMALLEST_BLOCK if 'block' in table else SMALLEST_LOOP}"
 
 
 def make_grid(

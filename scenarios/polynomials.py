@@ -11,13 +11,7 @@ _MOST_ORDER = 20
 
 
 def checked_polynomials(num: Any, den: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Return both as arrays without leading zeros, or raise ValueError that says why they are no plant.
-
-    Examples
-    --------
-    >>> [x.tolist() for x in checked_polynomials([0, 2], [10, 1])]
-    [[2.0], [10.0, 1.0]]
-    """
+    """Return both as arrays without leading zeros, or raise ValueError that says why they are no plant."""
     num, den = (_numbers(name, values) for name, values in (("num", num), ("den", den)))
     if num.size == 0 or num[-1] == 0.0:
         raise ValueError("num has no constant term: the valve has no lasting effect on PV; a last number besides 0 is needed")

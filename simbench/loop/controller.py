@@ -96,14 +96,7 @@ def scheduled(x, at, factor):
 
 
 def pid_numbers(c, Kc, Ti, Ts, pv0, lo, hi):
-    """Return the numbers of a loop file's PID for `pid_step`; `Kc` (signed) and `Ti` as effects left them.
-
-    Examples
-    --------
-    >>> from scenarios.spec import Controller
-    >>> pid_numbers(Controller(type="PID", Kc=2, Ti=10, Td=2, N=4), 2.0, 10.0, 0.5, 50.0, 0.0, 100.0)[:8]
-    (2.0, 0.1, 0.0, 100.0, 1.0, 0.0, 2.0, 0.5)
-    """
+    """Return the numbers of a loop file's PID for `pid_step`; `Kc` (signed) and `Ti` as effects left them."""
     Td = c.Td or 0.0
     lag = Td / derivative_filter(c)
     back = 0.0

@@ -61,14 +61,7 @@ def polynomials(plant) -> tuple[np.ndarray, np.ndarray]:
 
 
 def table_of(system) -> dict:
-    """Return the [plant] table of a python-control system, as it was written: no coefficient is scaled.
-
-    Examples
-    --------
-    >>> import control
-    >>> table_of(control.tf([1.5], [10, 1]))
-    {'type': 'tf', 'num': [1.5], 'den': [10.0, 1.0]}
-    """
+    """Return the [plant] table of a python-control system, as it was written: no coefficient is scaled."""
     import control
 
     tf = control.tf(system)
@@ -93,13 +86,7 @@ def polynomials_of(tf) -> tuple[np.ndarray, np.ndarray]:
 
 
 def first_order_like(plant: Plant) -> Plant:
-    """Return the first-order or integrating plant with a plant's gain, mean delay and, where there is one, spread in time.
-
-    Examples
-    --------
-    >>> first_order_like(Plant(type="tf", num=[2], den=[12, 7, 1], Td=1)).model_dump()
-    {'type': 'foptd', 'K': 2.0, 'T': 5.0, 'Td': 3.0}
-    """
+    """Return the first-order or integrating plant with a plant's gain, mean delay and, where there is one, spread in time."""
     if plant.den is None or len(plant.den) == 2:
         return plant
     den = np.array(plant.den[: -1 if plant.integrating else None])
@@ -111,14 +98,7 @@ def first_order_like(plant: Plant) -> Plant:
 
 
 def beyond_first_order(plant: Plant, Ts: float) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return numerator and denominator in z of what a sampled plant is behind `first_order_like`; None where that is all.
-
-    Examples
-    --------
-    >>> b, a = beyond_first_order(Plant(type="tf", num=[2], den=[12, 7, 1]), 0.5)
-    >>> round(float(b.sum() / a.sum()), 9)
-    1.0
-    """
+    """Return numerator and denominator in z of what a sampled plant is behind `first_order_like`; None where that is all."""
     like = first_order_like(plant)
     if like is plant:
         return None
@@ -130,13 +110,7 @@ def beyond_first_order(plant: Plant, Ts: float) -> tuple[np.ndarray, np.ndarray]
 
 
 def stretched(plant: Plant, K: float, T: float, Td: float) -> dict[str, Any]:
-    """Return the table of a "tf" plant with its gain times `K`, its time constants times `T`, and dead time `Td` (s).
-
-    Examples
-    --------
-    >>> stretched(Plant(type="tf", num=[1.0], den=[2.0, 3.0, 1.0]), 2.0, 10.0, 0.5)["den"]
-    [200.0, 30.0, 1.0]
-    """
+    """Return the table of a "tf" plant with its gain times `K`, its time constants times `T`, and dead time `Td` (s)."""
     assert plant.num is not None
     assert plant.den is not None
     num, den = ([c * T**i for i, c in enumerate(reversed(side))][::-1] for side in (plant.num, plant.den))

@@ -352,31 +352,24 @@ def _numbers_in(state: tuple) -> tuple:
 
 def _plant_plugin(loop: Loop) -> tuple[ModuleType, Any] | None:
     """Return a plug-in plant and its numbers: its PARAMETERS, then Td, Ts (s), op0 (%) and pv0."""
-    part = loop.plant
-    if part.type in PLANT_TYPES:
-        return None
-    module = _loaded(PLANT_PLUGINS, part.type, PLANT_TYPES)
-    more = {"Td": part.Td, "Ts": loop.sampling.Ts, "op0": loop.operating_point.op0, "pv0": loop.pv0}
-    own = {k: v for k, v in (part.parameters or {}).items() if v is not None}
-    return module, resolve(module.PARAMETERS, own, f"plant {part.type!r}", getattr(module, "complete", None), **more)
+    return _plugin(PLANT_PLUGINS, loop.plant, PLANT_TYPES, loop, Td=loop.plant.Td)
 
 
 def _control_plugin(loop: Loop) -> tuple[ModuleType, Any] | None:
-    """Return a plug-in controller and its numbers: its PARAMETERS, then sign, Ts (s), op0 (%), pv0, and OP's limits."""
-    part = loop.controller
-    if part.type in CONTROLLER_TYPES:
+    """Return a plug-in controller and its numbers: its PARAMETERS, then sign, OP's limits, Ts (s), op0 (%) and pv0."""
+    return _plugin(CONTROLLER_PLUGINS, loop.controller, CONTROLLER_TYPES, loop, sign=loop.controller.sign, lo=0.0, hi=100.0)
+
+
+def _plugin(folder: PluginFolder, part: Any, built_in: tuple[str, ...], loop: Loop, **more: float) -> Any:
+    if part.type in built_in:
         return None
-    module = _loaded(CONTROLLER_PLUGINS, part.type, CONTROLLER_TYPES)
-    more = {"sign": part.sign, "Ts": loop.sampling.Ts, "op0": loop.operating_point.op0, "pv0": loop.pv0, "lo": 0.0, "hi": 100.0}
-    own = part.parameters or {}
-    return module, resolve(module.PARAMETERS, own, f"controller {part.type!r}", getattr(module, "complete", None), **more)
-
-
-def _loaded(folder: PluginFolder, name: str, built_in: tuple[str, ...]) -> ModuleType:
     known = (*built_in, *folder.names())
-    if name not in known:
-        raise UnknownName(folder.kind, name, known)
-    return folder.load(name)
+    if part.type not in known:
+        raise UnknownName(folder.kind, part.type, known)
+    module, where = folder.load(part.type), f"{folder.kind} {part.type!r}"
+    own = {k: v for k, v in (part.parameters or {}).items() if v is not None}
+    more |= {"Ts": loop.sampling.Ts, "op0": loop.operating_point.op0, "pv0": loop.pv0}
+    return module, resolve(module.PARAMETERS, own, where, getattr(module, "complete", None), **more)
 
 
 def _linear(module: ModuleType, p: Any) -> tuple[np.ndarray, np.ndarray]:

@@ -54,6 +54,7 @@ CONDITIONS = MappingProxyType(
 """Where the table is too coarse, and what decides instead."""
 
 
+_NO_CELL = "Table 11.3 has no cell for PID: describing function and exact cycle answer"
 _MISFIT = 0.05  # rms difference, in jumps, between a valve and its (S, J) map that is worth a word
 
 
@@ -135,6 +136,9 @@ def truth_columns(loop: Loop, *, kick: bool = False, waves: bool = True) -> tupl
     if cycle is not None:
         theory.update({k: getattr(cycle, k) for k in ("period", "amplitude", "multiplier", "irregularity")})
         theory["kick_min"] = kick_min(sampled, cycle) if kick else None
+    if sampled.kd > 0.0:
+        theory["reason"] = "; ".join(filter(None, [_NO_CELL, theory["reason"]]))
+        return None, None, theory
     return table_11_3(sampled), refined(sampled, cycle), theory
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from scenarios.cell import SETTINGS, loop_axes, ultimate_gain
 from scenarios.errors import SpecError
-from scenarios.grid import chunks, grid_names, load_grid, make_grid
+from scenarios.grid import SMALLEST_BLOCK, SMALLEST_LOOP, chunks, grid_names, load_grid, make_grid
 from scenarios.spec import Loop
 
 PLAIN = {
@@ -202,3 +202,45 @@ def test_a_word_on_an_axis_of_numbers_is_refused():
         load_grid("smoke", axes={"S_over_2J": ["a"]})
     with pytest.raises(SpecError, match="words are needed"):
         load_grid("smoke", axes={"tuning": [1.0]})
+
+
+@pytest.mark.parametrize("text", [SMALLEST_LOOP, SMALLEST_BLOCK])
+def test_the_smallest_grid_that_a_refusal_shows_works(tmp_path, text):
+    (tmp_path / "own.toml").write_text(text)
+    assert len(load_grid(tmp_path / "own.toml")) == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("title = 'x'", SMALLEST_LOOP),
+        ("[[block]]\nname = 'a'", SMALLEST_BLOCK),
+        (SMALLEST_LOOP + "\nrepaets = 2", SMALLEST_LOOP),
+    ],
+)
+def test_a_refused_grid_is_shown_the_smallest_of_its_form(tmp_path, text, shown):
+    (tmp_path / "own.toml").write_text(text)
+    with pytest.raises(SpecError) as refused:
+        load_grid(tmp_path / "own.toml")
+    assert str(refused.value).endswith(shown)
+
+
+def test_a_section_is_an_axis_whose_parameters_differ_by_value(tmp_path):
+    axes = 'axes = { valve = [{ model = "choudhury", S = 5, J = 2 }, { model = "stenman", d = 3 }], "controller.Kc" = [1, 2] }'
+    (tmp_path / "own.toml").write_text(f"{SMALLEST_LOOP}\n{axes}")
+    grid = load_grid(tmp_path / "own.toml")
+    drafts = [group.drafts[0] for group in grid.groups()]
+    assert [(d.loop.valve.name, d.loop.controller.Kc) for d in drafts] == [
+        ("choudhury", 1), ("choudhury", 2), ("stenman", 1), ("stenman", 2)
+    ]  # fmt: skip
+    assert drafts[0].tags["valve"] == 'choudhury {"S":5,"J":2}'
+
+
+def test_a_key_of_the_loop_file_is_an_axis_of_a_block_and_shifts_no_draw(tmp_path):
+    own = SMALLEST_BLOCK.replace("T = 10", "T = [5, 50]")
+    own = own.replace("Td_over_T = [0.2]", 'Td_over_T = [0.2], "setpoint.value" = [40]')
+    for name, text in (("own", own), ("plain", own.replace(', "setpoint.value" = [40]', ""))):
+        (tmp_path / f"{name}.toml").write_text(text)
+    changed, plain = (load_grid(tmp_path / f"{name}.toml").group(0).drafts[0].loop for name in ("own", "plain"))
+    assert changed.setpoint.value == 40.0
+    assert changed.with_("setpoint.value", 50.0).plant == plain.plant

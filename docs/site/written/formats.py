@@ -16,7 +16,7 @@ from text import heading, plain, table
 from scenarios import cell, grid, grid_check, spec
 from simbench.loop.disturbance import PARAMETERS as LOADS
 from simbench.loop.effects import PLUGINS as EFFECTS
-from simbench.loop.parameters import VALVES, Choice, Number
+from simbench.loop.parameters import CONTROLLER_PLUGINS, PLANT_PLUGINS, VALVES, Choice, Number
 
 GRIDS = Path(grid.__file__).parent / "grids"
 WORD = {float: "number", int: "whole number", str: "text", bool: "true or false", dict: "table"}
@@ -30,9 +30,12 @@ def loop_page() -> str:
     lines = [*heading("Loop file"), says, ""]
     lines += [".. code-block:: toml", "", *(f"   {line}" for line in EXAMPLE.read_text(encoding="utf-8").splitlines()), ""]
     for name, field in spec.Loop.model_fields.items():
-        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel) and field.annotation is not spec.Part:
-            lines += _section(f"[{name}]", field.annotation)
+        for model in (field.annotation, *typing.get_args(field.annotation)):
+            if isinstance(model, type) and issubclass(model, BaseModel) and model is not spec.Part:
+                lines += _section(f"[{name}]", model)
     for title, key, parts in (
+        ("Further plants", "type", {n: PLANT_PLUGINS.load(n) for n in PLANT_PLUGINS.names()}),
+        ("Further controllers", "type", {n: CONTROLLER_PLUGINS.load(n) for n in CONTROLLER_PLUGINS.names()}),
         ("[valve]", "model", {n: VALVES.load(n) for n in VALVES.names()}),
         ("[[disturbance]]", "type", dict.fromkeys(LOADS)),
         ("[[effect]]", "name", {n: EFFECTS.load(n) for n in EFFECTS.names()}),

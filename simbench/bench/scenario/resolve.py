@@ -102,11 +102,31 @@ def _measured(text: str) -> _Cycle:
             period = moved.period * loop.sampling.Ts
             if 0.5 * _FIRST < moved.period < 2.0 * _FIRST:
                 return _Cycle(period, float(np.std(run.record.pv[_FIRST:])), True)
-    except ParameterError:
-        pass  # no cycle to start on, or none that theory can find
+    except ParameterError:  # no cycle to start on, or none that theory can find
+        if (found := _kicked(twin, guess)) is not None:
+            return found
     S, _ = band(twin)
     size = 0.25 * S * abs(twin.plant.K) if not twin.plant.integrating else 0.3 * S / twin.controller.Kc
     return _Cycle(guess, size, False)
+
+
+def _kicked(twin: Loop, period: float) -> _Cycle | None:
+    """Measure the cycle of a loop that theory does not know (own law, cascade) from a run that begins away from rest."""
+    S, J = band(twin)
+    if not plain_setup(twin, 0).not_linear:
+        return None
+    if twin.outer is None:
+        twin = twin.with_("setpoint.steps", [[0.0, twin.pv0 + abs(twin.plant.K) * S]])
+    for _ in range(3):
+        loop = _sampled(twin, period / _FIRST, 3 * _FIRST * _PERIODS)
+        run = simulate(loop, 0, kick=S + J if twin.outer is not None else 0.0)
+        moved = motion(run.mv[_FIRST * _PERIODS :], least_swing(loop) / 4)
+        if moved.reversals < 3:
+            return None
+        period = moved.period * loop.sampling.Ts
+        if 0.5 * _FIRST < moved.period < 2.0 * _FIRST:
+            return _Cycle(period, float(np.std(run.record.pv[_FIRST * _PERIODS :])), True)
+    return None
 
 
 def first_guess(loop: Loop) -> float:
