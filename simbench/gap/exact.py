@@ -42,6 +42,8 @@ def controller_law(s: Situation, first: int) -> FoundLaw | None:
         return None
     if (told := _told(s, first)) is not None:
         return told
+    if s.baseline.controller.type == "PID":
+        return None  # its terms are the baseline's own
     law = _Controller.of(s)
     plain, found = law.left({}), []
     for form, guesses, names in _TERMS:

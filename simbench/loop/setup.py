@@ -326,7 +326,7 @@ def control_start(setup: Setup, p: Any) -> tuple[float, ...]:
         return swapped.controller_start(setup.op0, 0.0)
     if setup.control_plugin is not None:
         return _numbers_in(setup.control_plugin[0].start(p))
-    if setup.loop.controller.type == "PID":
+    if setup.loop.controller.type == "PID" and setup.Ti is not None:
         return controller.pid_start(setup.op0, 0.0)
     return (controller.p_start if setup.Ti is None else controller.pi_start)(setup.op0, 0.0)
 

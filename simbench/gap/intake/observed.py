@@ -13,6 +13,7 @@ from detectors.record import LoopRecord
 from detectors.signal.holds import holds
 from scenarios.spec import Loop
 from simbench.gap.controller.pi_law import Law, examine_law
+from simbench.gap.controller.pid_law import examine_pid
 from simbench.gap.likelihood.model import Data
 from simbench.gap.sensor.samples import Samples, inspect_samples
 from simbench.gap.situation import through_valve
@@ -73,6 +74,10 @@ class Observed:
     def law(self) -> Law:
         """What turned the error into OP."""
         r, Ti, manual = self.record, self.baseline.controller.Ti, self.record.meta.get("manual")
+        if self.baseline.controller.type == "PID":
+            rows = slice(None) if manual is None else longest_run(~np.asarray(manual))
+            sp = None if r.sp is None else r.sp[rows]
+            return examine_pid(self.op[rows], r.pv[rows], sp, r.Ts, self.baseline.controller, self.baseline.pv0)
         if manual is None or not np.any(manual):
             return examine_law(self.op, r.pv, r.sp, r.Ts, self.Kc, Ti, self.tuned, self.noise)
         # in manual OP is an input and no law is asked

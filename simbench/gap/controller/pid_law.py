@@ -1,0 +1,36 @@
+"""The controller block under a PID baseline: do its settings turn the recorded error into the recorded OP?"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.signal import lfilter
+
+from detectors.signal.lattice import written_unit
+from scenarios.spec import Controller
+from simbench.gap.controller.pi_law import Law
+from simbench.loop.controller import pid_numbers
+
+_EXACT = 0.03  # of dOP, below which the settings are those of the record
+_DIGITS = 2.5  # digits of OP and PV, as far as they reach dOP, that they may leave
+
+
+def examine_pid(op: np.ndarray, pv: np.ndarray, sp: np.ndarray | None, Ts: float, settings: Controller, pv0: float) -> Law:
+    """Judge a PID from SP, PV and OP: positional and velocity form move OP alike between its limits."""
+    Ti = settings.Ti or np.inf
+    p = pid_numbers(settings, settings.sign * settings.Kc, Ti, Ts, pv0, -np.inf, np.inf)
+    r = (np.full(pv.size, pv.mean()) if sp is None else sp) - p.pv0
+    e = r - (pv - p.pv0)
+    seen = (pv, np.append(op[0], op[:-1]), r + p.pv0)[int(p.on)]
+    gain = np.interp(seen, p.at, p.factor)
+    rate = np.append(0.0, np.diff(e - (1.0 - p.c) * r))
+    moves = np.diff(gain * p.Kc * (e - (1.0 - p.b) * r) + lfilter([1.0], [1.0, -p.fade], gain * p.Kc * p.kd * rate))
+    free = np.diff(op) != 0.0
+    left = np.abs(np.diff(op) - moves - (gain * p.Ki * e)[1:])[free]
+    size = float(np.median(np.abs(np.diff(op)[free]))) if free.any() else 0.0
+    if size == 0.0:
+        return Law(1.0, 1.0, p.Kc, Ti, reason="OP stands nearly all the time")
+    residual = float(np.median(left)) / size
+    digits = _DIGITS * max(written_unit(op), abs(p.Kc) * (1.0 + p.kd) * written_unit(pv)) / size
+    known = residual < max(_EXACT, min(digits, 0.5))
+    why = "" if known else "the PID's settings do not turn the recorded PV into the recorded OP"
+    return Law(residual, residual, p.Kc, Ti, reason=why)
