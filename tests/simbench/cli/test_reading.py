@@ -22,7 +22,9 @@ class _Read(Exception):
 def export(tmp_path_factory):
     place = tmp_path_factory.mktemp("plant")
     one, two = example_loop(noise=0.1), example_loop(noise=0.2)
-    cells = {"Time": one.t, "[default]U1/FIC101/PV": one.pv, "[default]U1/FIC101/OP": one.op, "[default]U1/LIC7/PV": two.pv, "[default]U1/LIC7/OP": two.op}
+    cells = {"Time": one.t}
+    for tag, record in (("FIC101", one), ("LIC7", two)):
+        cells |= {f"[default]U1/{tag}/PV": record.pv, f"[default]U1/{tag}/OP": record.op}
     lines = [",".join(cells), *(",".join(f"{v:.6g}" for v in row) for row in zip(*cells.values(), strict=True))]
     (place / "unit.csv").write_text("\n".join(lines) + "\n")
     (place / "loop.toml").write_text(
@@ -79,7 +81,8 @@ def test_the_command_that_a_refusal_ends_with_works(export, caught, capsys, verb
 @pytest.mark.parametrize("verb", VERBS)
 def test_what_is_known_of_a_record_is_said_alike(export, caught, verb):
     words = VERBS[verb].format(f=export / "unit.csv").split()
-    known = ["--columns", "pv=[default]U1/LIC7/PV,op=[default]U1/LIC7/OP", "--ts", "3", "--op-span", "0", "200", "--kind", "level"]
+    columns = "pv=[default]U1/LIC7/PV,op=[default]U1/LIC7/OP"
+    known = ["--columns", columns, "--ts", "3", "--op-span", "0", "200", "--kind", "level"]
     assert typed([*words, *known, "--process", "integrating"]) == 0
     record = caught[0]
     assert (record.Ts, record.op_span, record.kind, record.process) == (3.0, (0.0, 200.0), "level", "integrating")
