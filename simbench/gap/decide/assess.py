@@ -99,7 +99,8 @@ def assess(situation: Situation, tests: Sequence[ModelledTest] = ()) -> Assessme
             if runner in candidates:
                 final = fit_candidates(engine, final, [runner])[runner].fit
                 parameters[runner] = recogniser(runner).numbers(final, situation)
-    left = tests_of(engine, final)
+    # the limits are those of one record, and what a plant of higher order leaves behind adds up over several
+    left = {name: value / (1 + len(tests)) for name, value in tests_of(engine, final).items()}
     alone = {id(f): engine.main(f) for f in (base, final, *(c.fit for c in candidates.values()))}
     candidates = {e: replace(c, fit=alone[id(c.fit)]) for e, c in candidates.items()}
     situation = replace(situation, data=record.data)

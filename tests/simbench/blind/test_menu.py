@@ -1,5 +1,7 @@
 """The menu of the blind check: every world runs every test, on the same loop, as the plan says."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -81,7 +83,7 @@ def check(tmp_path):
 def asks(record, baseline, tests=()):
     """Stand in for a diagnosis that asks for a bump, then for stairs, then for no more."""
     wanted = ["bump", "stairs"][len(tests) : len(tests) + 1]
-    seen = [t for t in tests if open(t, encoding="utf-8").read(2)]
+    seen = [t for t in tests if Path(t).read_text(encoding="utf-8")]
     return {"effect": "none", "seen": len(seen), "next_test": {"test": wanted[0]} if wanted else None}
 
 
