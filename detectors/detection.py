@@ -13,7 +13,7 @@ from detectors.plugins.registry import methods as registry
 from detectors.procedure import Diagnosis
 from detectors.procedure import diagnose as procedure
 from detectors.report.report import Report, choose_methods, judge_files
-from detectors.sources import About, Methods, RecordSignals, as_plugin, as_record, named_methods
+from detectors.sources import About, AboutFile, Methods, RecordSignals, as_plugin, as_record, named_methods
 
 if TYPE_CHECKING:
     from detectors.record import LoopRecord
@@ -31,7 +31,7 @@ def detect(
     front_end: Literal["acf", "hagglund"] = "acf",
     plugins: Iterable[str | Path] = (),
     thresholds: _Thresholds | None = None,
-    **about: Unpack[About],
+    **about: Unpack[AboutFile],
 ) -> Report: ...
 @overload
 def detect(
@@ -61,7 +61,7 @@ def detect(
     front_end: Literal["acf", "hagglund"] = "acf",
     plugins: Iterable[str | Path] = (),
     thresholds: _Thresholds | None = None,
-    **about: Unpack[About],
+    **about: Unpack[AboutFile],
 ) -> Report:
     """Does this valve stick? Ask one or all detectors.
 
@@ -131,6 +131,7 @@ class _Procedure(RecordSignals, total=False):
     odds_low: float
     odds_high: float
     follow_min: float
+    loop: str | None
 
 
 def diagnose(source: Source | None = None, **about: Unpack[_Procedure]) -> Diagnosis:

@@ -58,7 +58,7 @@ Methods = Detector | Iterable[Detector]
 
 
 class About(TypedDict, total=False):
-    """What is known of a record beside its signals; `columns`, `loop` and `labels` are for tables and files."""
+    """What is known of a record beside its signals; `columns` is for tables and files."""
 
     process: Literal["self-regulating", "integrating"] | None
     kind: Literal["flow", "level", "pressure", "temperature", "analyser"] | None
@@ -66,6 +66,11 @@ class About(TypedDict, total=False):
     pv_span: tuple[float, float] | None
     columns: Mapping[str, str] | None
     tag: str
+
+
+class AboutFile(About, total=False):
+    """What else is known of a file or folder: which of its loops, and labels to score by."""
+
     loop: str | None
     labels: str | Path | None
 

@@ -46,6 +46,7 @@ class _Sections(TypedDict, total=False):
     operating_point: _Table
     disturbance: Sequence[_Table]
     effect: Sequence[_Table]
+    outer: _Table
 
 
 class _Settings(TypedDict, total=False):
@@ -95,6 +96,8 @@ class Loop(spec.Loop):
         value, steps as pairs of time (s) and value.
     disturbance, effect : sequence of mappings, optional
         type or name, and its parameters.
+    outer : mapping, optional
+        Outer loop of a cascade, whose OP is this loop's set point: plant, controller, setpoint, noise, sp_span.
 
     Raises
     ------

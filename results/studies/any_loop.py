@@ -86,8 +86,8 @@ def by_control(loop: Loop, sp: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return PV and OP as deviations from rest: python-control samples plant and controller and closes the loop."""
     Ts, c = loop.sampling.Ts, loop.controller
     p = pid_numbers(c, c.sign * c.Kc, float(c.Ti or 0.0), Ts, 0.0, 0.0, 100.0)
-    integral = control.tf([p.Ki, 0.0], [1.0, -1.0], Ts)
-    slope = control.tf([p.Kc * p.kd, -p.Kc * p.kd], [1.0, -p.fade], Ts)
+    integral: Any = control.tf([p.Ki, 0.0], [1.0, -1.0], Ts)
+    slope: Any = control.tf([p.Kc * p.kd, -p.Kc * p.kd], [1.0, -p.fade], Ts)
     of_sp, of_pv = (control.ss(control.tf([p.Kc * b], [1.0], Ts) + integral + d * slope) for b, d in ((p.b, p.c), (1.0, 1.0)))
     whole = _sampled_plant(loop)
     left = control.ss(of_sp.A, of_sp.B, of_sp.C, of_sp.D, Ts, inputs="sp", outputs="ahead", name="left")
@@ -104,7 +104,7 @@ def _sampled_plant(loop: Loop) -> Any:
     delay = int(np.floor(Td / Ts + 1e-9))
     old = max(Td - delay * Ts, 0.0)
     whole, new = (control.sample_system(G, h, "zoh") for h in (Ts, Ts - old))
-    early = new.A @ control.sample_system(G, old, "zoh").B if old > 1e-9 * Ts else np.zeros_like(new.B)
+    early: Any = np.asarray(new.A) @ control.sample_system(G, old, "zoh").B if old > 1e-9 * Ts else np.zeros_like(new.B)
     n, m = len(whole.A), delay + 1  # the last m inputs, newest first
     A, B, C = np.zeros((n + m, n + m)), np.zeros((n + m, 1)), np.zeros((1, n + m))
     A[:n, :n], C[0, :n] = whole.A, G.C

@@ -87,8 +87,8 @@ def diagnose(
     >>> diagnose(told.with_("controller.Kc", 1.6).simulate(1).record, told).effect
     'detuning'
     """
-    many = isinstance(record, Sequence) and not isinstance(record, str)
-    records = [as_record(one, **signals) for one in (record if many else [record])]
+    several: list[Any] = list(record) if isinstance(record, Sequence) and not isinstance(record, str) else [record]
+    records = [as_record(one, **signals) for one in several]
     if not records:
         raise RecordError("no record to diagnose")
     refuse_twice(tests)

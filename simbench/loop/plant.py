@@ -64,7 +64,7 @@ def table_of(system) -> dict:
     """Return the [plant] table of a python-control system, as it was written: no coefficient is scaled."""
     import control
 
-    tf = control.tf(system)
+    tf: Any = control.tf(system)
     polynomials_of(tf)
     num, den = ([float(x) for x in side[0][0]] for side in (tf.num, tf.den))
     while len(num) > 1 and abs(num[0]) < 1e-14 * max(map(abs, num)):
