@@ -23,7 +23,7 @@ import time
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
@@ -97,6 +97,7 @@ def _supervise(read: int, write: int) -> None:
 
 def _serve(read: int, write: int, adopts: bool = False) -> None:
     _send(write, _answer(lambda: _settled(pickle.loads(_received(read)))))
+    said = tempfile.TemporaryFile(buffering=0)  # noqa: SIM115  of every copy in turn: to make one each time costs as much as a fork
     while True:
         question, most, fork = pickle.loads(_received(read))
 
@@ -104,33 +105,34 @@ def _serve(read: int, write: int, adopts: bool = False) -> None:
             function, arguments = pickle.loads(packed)
             return function(*arguments)
 
-        content = _copy_answers(read, write, work, most) if fork and _FORKS else _answer(work)
+        content = _copy_answers(read, write, said, work, most) if fork and _FORKS else _answer(work)
         left = _end_children(set()) if adopts else 0
         if left:
             content = json.dumps({"error": f"left {left} process{'es' * (left > 1)} behind, which had to be ended"}).encode()
         _send(write, content if len(content) <= most else b"")
 
 
-def _copy_answers(read: int, write: int, work: Callable[[], Any], most: int) -> bytes:
+def _copy_answers(read: int, write: int, answer: IO[bytes], work: Callable[[], Any], most: int) -> bytes:
     """Let a copy of this process answer: what it remembers of the question goes with it."""
-    with tempfile.TemporaryFile() as answer:
-        _unwalled[0] = True
-        gc.freeze()  # a collection in the copy would touch, and so copy, every object
-        child = os.fork()
-        _unwalled[0] = False
-        if child == 0:
-            os.close(read)
-            os.close(write)
-            status = 1
-            with contextlib.suppress(BaseException):
-                answer.write(_answer(work))
-                answer.flush()
-                status = 0
-            os._exit(status)
-        _asked[:] = struct.pack("<Q", child)
-        status = os.waitpid(child, 0)[1]
-        answer.seek(0)
-        content = answer.read(most + 1)
+    _unwalled[0] = True
+    gc.freeze()  # a collection in the copy would touch, and so copy, every object
+    child = os.fork()
+    _unwalled[0] = False
+    if child == 0:
+        os.close(read)
+        os.close(write)
+        status = 1
+        with contextlib.suppress(BaseException):
+            content, status = _answer(work), 0
+            while content:
+                content = content[answer.write(content) :]
+        os._exit(status)
+    _asked[:] = struct.pack("<Q", child)
+    status = os.waitpid(child, 0)[1]
+    answer.seek(0)
+    content = answer.read(most + 1)
+    answer.seek(0)
+    answer.truncate()
     return content if content and not status else json.dumps({"error": f"ended its process ({_way(status)})"}).encode()
 
 
