@@ -12,11 +12,11 @@ from detectors.judge import judge
 from detectors.plugins.registry import methods as registry
 from detectors.procedure import Diagnosis
 from detectors.procedure import diagnose as procedure
+from detectors.record import LoopRecord
 from detectors.report.report import Report, choose_methods, judge_files
 from detectors.sources import About, AboutFile, Methods, RecordSignals, as_plugin, as_record, named_methods
 
 if TYPE_CHECKING:
-    from detectors.record import LoopRecord
     from detectors.sources import Source
 _Thresholds = Mapping[str, Mapping[str, float]]
 

@@ -243,7 +243,7 @@ def _settled(draft: Draft, rules: Rules, twin: Loop, cycle: _Cycle, own: float) 
         table["noise"] = {"std": significant(rules.noise_ratio * cycle.pv_std)}
     S, J = band(twin)
     unit = {"S": S, "J": J, "period": cycle.period, "pv": cycle.pv_std}
-    if draft.loop.valve.name != "ideal":
+    if "ideal" not in (draft.loop.valve.name, draft.valve.name):  # a whole loop's valve stands as its grid says
         more = _scaled(draft.valve, unit)
         table["valve"] = valve_table(draft.loop.valve.name, table["valve"], cycle.period, more)
     table.setdefault("effect", []).extend({"name": e.name, **_scaled(e, unit)} for e in draft.effects)
