@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from simbench.gap.discover.moves import led, rung
-from simbench.gap.effects import deadzone, stiction
+from simbench.gap.effects import deadzone, load_steps, stiction
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import NUISANCES, Data, Fit, Free, Moves, Spec, input_gain, size_penalty
@@ -68,7 +68,7 @@ _HOPELESS = 30.0  # nats below the null, from which a point of a family's grid i
 
 
 def judged(family: Family, own: _Numbers, fit: Fit, engine: Engine, null: Fit, begin: int) -> tuple[float, Fit]:
-    """Return what a law with given numbers brings to a part of the record that begins at `begin`, and the part's fit."""
+    """Return the log-likelihood of a law with given numbers in a part of a record that begins at `begin`, and its fit."""
     data = family.seen(engine.data, own)
     there = engine if data is engine.data else Engine(data, engine.longest_load)
     spec = null.spec.join(family.spec(data, begin, own))
@@ -77,12 +77,15 @@ def judged(family: Family, own: _Numbers, fit: Fit, engine: Engine, null: Fit, b
     tries = [there.at(replace(spec, start=x), {**null.theta, **more, **own}) for more in ({}, loads) for x in starts]
     best = max(tries, key=lambda f: f.loglik)
     best = there.fit(best.spec, best.theta, search=tuple(m for m in _LOAD if m in spec.names), steps=8)
-    return best.loglik - null.loglik - size_penalty(data.n, family.price), best
+    return best.loglik - size_penalty(data.n, family.price), best
 
 
-def null_of(engine: Engine, jumps: Callable[[Engine, Fit], Fit]) -> Fit:
-    """Return the fit without a law: what ordinary loads do, and a plant with a lag for some of its dead time."""
-    return engine.of_higher_order(jumps(engine, engine.base()))
+def nulls_of(engine: Engine) -> list[tuple[Fit, float]]:
+    """Return the fits without a law, each with its price (nats): an ordinary load, and where it is worth it one that jumps."""
+    plain = engine.of_higher_order(engine.base())
+    jumping, count = load_steps.fit(engine, plain)
+    price = size_penalty(engine.data.n, count)
+    return [(plain, 0.0), *([(jumping, price)] if jumping.loglik - price > plain.loglik else [])]
 
 
 def _moves(mv: Callable[[np.ndarray, Any], np.ndarray], *free: Free) -> Callable[..., Spec]:

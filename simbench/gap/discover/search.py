@@ -9,9 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from tqdm import tqdm
 
-from simbench.gap.discover.families import Family, families, fitted, judged, null_of, numbers_of
+from simbench.gap.discover.families import Family, families, fitted, judged, nulls_of, numbers_of
 from simbench.gap.discover.valve import valve_law
-from simbench.gap.effects import load_steps
 from simbench.gap.exact import controller_law, sensor_law
 from simbench.gap.law import FoundLaw, spells_of
 from simbench.gap.likelihood.engine import Engine
@@ -51,7 +50,8 @@ def search(s: Situation, first: int, progress: bool = False) -> Found:
     """Return the law of a record, learnt on samples before `first` and judged by those from there on."""
     with tqdm(total=18, desc="laws", file=sys.stderr, disable=not progress, leave=False) as bar:
         learn = Engine(_part(s.data, 0, first), load_memory(s))
-        null = null_of(learn, _jumps)
+        nulls = nulls_of(learn)
+        null = max(nulls, key=_worth)[0]
         bar.update(3)
         for find in (controller_law, sensor_law, valve_law):
             law = find(s, first)
@@ -61,7 +61,7 @@ def search(s: Situation, first: int, progress: bool = False) -> Found:
         if s.unexplained_law:
             why = f"the controller's law is broken, and no form describes how: {s.unexplained_law}"
             return Found(None, null, null, why, "controller")
-        law, fit, nats = _by_likelihood(s, learn, null, first, bar)
+        law, fit, nats = _by_likelihood(s, learn, nulls, first, bar)
     if law is not None:
         return Found(law, null, fit)
     if s.frozen:
@@ -75,36 +75,43 @@ def _part(d: Data, begin: int, end: int) -> Data:
     return replace(d, u=d.u[begin:end].copy(), y=d.y[begin:end].copy())
 
 
-def _jumps(engine: Engine, base: Fit) -> Fit:
-    """Return the fit with what ordinary loads do by jumps."""
-    fit, count = load_steps.fit(engine, base)
-    return fit if fit.loglik - base.loglik > size_penalty(engine.data.n, count) else base
+def _worth(null: tuple[Fit, float]) -> float:
+    """Return a fit's log-likelihood less its price."""
+    return null[0].loglik - null[1]
 
 
-def _by_likelihood(s: Situation, learn: Engine, null: Fit, first: int, bar: tqdm) -> tuple[FoundLaw | None, Fit, float]:
+def _by_likelihood(
+    s: Situation, learn: Engine, nulls: list[tuple[Fit, float]], first: int, bar: tqdm
+) -> tuple[FoundLaw | None, Fit, float]:
+    """Return the law between OP and PV that pays, its fit, and its nats; a law may take the place of the load's jumps."""
     rest = Engine(_part(s.data, first, s.data.n), load_memory(s))
-    other = null_of(rest, _jumps)
+    others = nulls_of(rest)
+    null, other = max(nulls, key=_worth)[0], max(others, key=_worth)[0]
+    level, there_level = max(map(_worth, nulls)), max(map(_worth, others))
     bar.update(2)
     tries: list[tuple[float, Family, Fit, dict[str, float]]] = []
     for family in families(s, s.data.T == 0.0, first):
-        found = fitted(family, learn, null)
-        bar.update()
-        if found is not None:
-            gain = found[0].loglik - null.loglik - size_penalty(learn.data.n, numbers_of(family, found[1]))
-            if gain > _LEARNT:
+        for base, price in nulls:
+            found = fitted(family, learn, base)
+            if found is not None:
+                gain = found[0].loglik - price - level - size_penalty(learn.data.n, numbers_of(family, found[1]))
                 tries.append((gain, family, *found))
-    tries.sort(key=lambda t: -t[0])
+        bar.update()
+    tries = sorted((t for t in tries if t[0] > _LEARNT), key=lambda t: -t[0])
     laws: list[tuple[float, FoundLaw, Fit]] = []
     most = 0.0
     for gain, family, fit, own in tries[:_JUDGED]:
-        nats, there = judged(family, own, fit, rest, other, first)
+        value, there = max(
+            ((value - price, part) for base, price in others for value, part in [judged(family, own, fit, rest, base, first)]),
+            key=lambda t: t[0],
+        )
+        nats = value - there_level
         most = max(most, nats)
         if nats > _LEAST_NATS:
             evidence = np.append(_evidence(fit, null, gain), _evidence(there, other, nats))
             between = _intervals(family, learn, fit, own)
-            laws.append(
-                (gain + nats, FoundLaw(family.form, family.numbers(fit, own), float(nats), evidence, intervals=between), fit)
-            )
+            found_law = FoundLaw(family.form, family.numbers(fit, own), float(nats), evidence, intervals=between)
+            laws.append((gain + nats, found_law, fit))
     loud = _loud(s, null, other, first)
     if loud is not None and loud.nats > _LEAST_NATS:
         laws.append((2.0 * loud.nats, loud, null))

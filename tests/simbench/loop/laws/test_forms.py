@@ -19,10 +19,12 @@ LOOP = Loop.from_table({
 })  # fmt: skip
 NUMBERS = {
     "curve": {"q1": 45, "q2": 50, "q3": 55, "k1": 0.5, "k2": -0.3, "k3": 0.2}, "memory": {"S": 4, "J": 1},
-    "rate": {"slowness": 4}, "stops": {"low": 48, "high": 53}, "size": {"gain": 1.5, "pace": 1.3, "delay": 1}, "pole": {"tau": 5},
+    "rate": {"slowness": 4}, "stops": {"low": 48, "high": 53}, "size": {"gain": 1.5, "pace": 1.3, "delay": 1},
+    "pole": {"tau": 5},
     "zero": {"lead": -5, "lag": 3}, "resonance": {"period": 10, "damping": 0.2}, "filter": {"tau": 3},
     "held": {"share": 0.2, "length": 10}, "clipped": {"low": 49, "high": 51}, "averaged": {"window": 4.5},
-    "stairs": {"step": 0.5}, "rough": {"std": 1.0, "share": 0.3, "length": 20}, "derivative": {"Td": 3, "filter": 1}, "weight": {"weight": 0.4},
+    "stairs": {"step": 0.5}, "rough": {"std": 1.0, "share": 0.3, "length": 20},
+    "derivative": {"Td": 3, "filter": 1}, "weight": {"weight": 0.4},
     "regime": {"gain": 0.5, "square": 0.3, "side": 0.2, "schedule": 0.01}, "ramps": {"down": 2, "up": 3},
     "idle": {"share": 0.3, "length": 4}, "limits": {"low": 48, "high": 52}, "rest": {"width": 0.5, "step": 0.2},
     "tuning": {"gain": 1.5, "integral": 0.7}, "periodic": {"period": 40, "amplitude": 3, "second": 1, "growth": 2},
