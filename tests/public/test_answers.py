@@ -32,11 +32,13 @@ std = 0.1
 """
 VERDICT = {"method", "verdict", "score", "indices", "S", "J", "S_unit", "applicable", "reason"}
 EFFECTS = {
-    "valve": {"stiction", "deadband", "deadzone", "valve_lag", "valve_characteristic"},
+    "valve": {"stiction", "deadband", "deadzone", "valve_lag", "valve_characteristic", "slew_limit"},
     "process": {"gain_mismatch", "time_constant_mismatch", "dead_time_mismatch", "extra_lag"},
-    "sensor": {"noise", "quantisation", "sensor_lag", "compression", "outliers", "drift"},
+    "sensor": {"noise", "quantisation", "sensor_lag", "compression", "outliers", "drift", "frozen_sensor"},
     "disturbance": {"oscillation", "load_steps", "load_drift"},
-    "controller": {"saturation", "detuning", "error_deadband", "op_quantisation"},
+    "controller": {
+        "saturation", "detuning", "error_deadband", "op_quantisation", "derivative_action", "missed_executions",
+    },
 }
 METHODS = {
     "horch", "horch_histogram", "he", "rossi_scali", "yamashita", "kano_a", "kano_b", "singhal_salsbury", "choudhury",
