@@ -34,6 +34,8 @@ def api_pages() -> dict[str, str]:
         rows = []
         for name in names:
             thing = getattr(importlib.import_module(package), name)
+            if inspect.ismodule(thing):  # a room that is called: its function of the same name answers
+                thing = inspect.unwrap(getattr(importlib.import_module("simbench.confirm.recorded"), name))
             full = f"{package}.{name}"
             first = seen.setdefault(id(thing), full)
             if first == full:
@@ -46,9 +48,11 @@ def api_pages() -> dict[str, str]:
 
 def _page(package: str, name: str, thing: object) -> str:
     kind = "autoclass" if inspect.isclass(thing) else "autofunction"
-    lines = [*heading(f"{package}.{name}"), f".. currentmodule:: {package}", "", f".. {kind}:: {name}"]
+    home = thing.__module__ if name == "confirm" else package  # the package of that name stands before it
+    lines = [*heading(f"{package}.{name}"), f".. currentmodule:: {home}", "", f".. {kind}:: {name}"]
     return "\n".join([*lines, *(["   :members:"] if kind == "autoclass" else []), ""])
 
 
 def _is_module(module: ModuleType, name: str) -> bool:
-    return inspect.ismodule(getattr(module, name))
+    thing = getattr(module, name)
+    return inspect.ismodule(thing) and not callable(thing)
