@@ -153,7 +153,7 @@ def test_it_is_fitted_ranked_and_found_with_its_size(answer, seen):
     assert len(found["ranking"]) == 29
     assert sum(r["probability"] for r in found["ranking"]) == pytest.approx(1.0)
     assert found["shrinkage"]["value"] > 0.5
-    assert "slew limit" in found["text"]
+    assert "stroke limit" in found["text"]
 
 
 def test_it_is_not_found_where_it_is_not(answer):
