@@ -98,7 +98,7 @@ table = {
     "setpoint": {"value": 50.0, "steps": [[t, 50.0 + 5.0 * (i % 2)] for i, t in enumerate(range(100, 1500, 150))]},
     "disturbance": [{"type": "coloured", "amplitude": 0.5, "period": 30.0}],
 }
-limited = Loop.from_table({**table, "effect": [{"name": "slew_limit", "rate": 0.1}]})
+limited = Loop.from_table({**table, "effect": [{"name": "stroke_limit", "rate": 0.1}]})
 record, free = simulate(limited, seed=1).record, simulate(Loop.from_table(table), seed=1).record
 baseline = Loop.from_table({**table, "disturbance": []})
 out = {"listed": [row["name"] for row in catalogue("effects")], "moved": float(abs(record.mv - free.mv).max())}
@@ -119,15 +119,15 @@ def answer(tmp_path_factory):
     for folder in (package, about):
         folder.mkdir()
     (package / "__init__.py").write_text("")
-    (package / "slew_limit.py").write_text(DOES.lstrip())
-    (package / "slew_limit_recognised.py").write_text(RECOGNISED.lstrip())
+    (package / "stroke_limit.py").write_text(DOES.lstrip())
+    (package / "stroke_limit_recognised.py").write_text(RECOGNISED.lstrip())
     (about / "METADATA").write_text("Metadata-Version: 2.1\nName: stranger\nVersion: 1.0\n")
     (about / "entry_points.txt").write_text(
         dedent("""
             [simbench.effects]
-            slew_limit = stranger.slew_limit
+            stroke_limit = stranger.stroke_limit
             [simbench.recognised]
-            slew_limit = stranger.slew_limit_recognised
+            stroke_limit = stranger.stroke_limit_recognised
         """)
     )
     done = subprocess.run(
@@ -139,7 +139,7 @@ def answer(tmp_path_factory):
 
 
 def test_it_is_listed_and_simulated(answer):
-    assert "slew_limit" in answer["listed"]
+    assert "stroke_limit" in answer["listed"]
     assert answer["moved"] > 1.0
     assert answer["fastest"] == pytest.approx(0.1)
 
@@ -147,13 +147,13 @@ def test_it_is_listed_and_simulated(answer):
 @pytest.mark.parametrize("seen", ["blind", "with mv"])
 def test_it_is_fitted_ranked_and_found_with_its_size(answer, seen):
     found = answer[seen]
-    assert (found["effect"], found["block"]) == ("slew_limit", "valve")
+    assert (found["effect"], found["block"]) == ("stroke_limit", "valve")
     assert found["effects"][0]["parameters"]["rate"] == pytest.approx(0.1, rel=0.1)
-    assert found["ranking"][0]["effect"] == "slew_limit"
-    assert len(found["ranking"]) == 25
+    assert found["ranking"][0]["effect"] == "stroke_limit"
+    assert len(found["ranking"]) == 29
     assert sum(r["probability"] for r in found["ranking"]) == pytest.approx(1.0)
     assert found["shrinkage"]["value"] > 0.5
-    assert "slew limit" in found["text"]
+    assert "stroke limit" in found["text"]
 
 
 def test_it_is_not_found_where_it_is_not(answer):

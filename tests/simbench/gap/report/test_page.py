@@ -21,6 +21,7 @@ from simbench.gap.report.page import write_page
 from simbench.gap.report.pictures import draw_loops, draw_traces, spectrum
 from simbench.gap.report.sheet import draw_sheet
 from simbench.gap.report.traces import BASELINE, FIXED, NEAREST, TUNED, recorded, simulated, window
+from simbench.loop.effects import EFFECTS
 from simbench.loop.simulate import simulate
 
 BROWSER = Path(__file__).parents[2] / "report" / "chromium.py"
@@ -218,7 +219,7 @@ def test_in_a_browser_the_ranking_sorts_by_probability_both_ways(pages):
     with chromium.opened(pages / "sticky.html") as page:
         down, up = page.evaluate(code)
         assert page.errors == []
-    assert len(down) == 24
+    assert len(down) == len(EFFECTS) + 2
     assert down == sorted(down, reverse=True)
     assert up == sorted(up)
 
