@@ -78,7 +78,8 @@ def sizes(books: Iterable[RunArrays]) -> Iterator[dict[str, object]]:
     import pandas as pd
 
     found = pd.concat([estimates(book) for book in books])
-    for (method, parameter, family), rows in found.groupby(["method", "parameter", "family"]):
+    for key, rows in found.groupby(["method", "parameter", "family"]):
+        method, parameter, family = tuple(key)  # type: ignore[arg-type]
         held = rows.held.dropna()
         lo, hi = wilson(held.sum(), max(held.size, 1))
         ends = {"width": float(rows.width.median()), "held": float(held.mean()), "lo": float(lo), "hi": float(hi)}

@@ -49,7 +49,8 @@ def draw(data: pd.DataFrame) -> Figure:
     families = sorted(set(data.family))
     figure, (axes,) = panels(1, 3, 8.6, 1.7 + 0.3 * len(families), sharey=True)
     marks = dict(zip(dict.fromkeys(data.method), _MARKS, strict=False))
-    for (method, parameter), rows in data.groupby(["method", "parameter"], sort=False):
+    for key, rows in data.groupby(["method", "parameter"], sort=False):
+        method, parameter = tuple(key)  # type: ignore[arg-type]
         place = [-families.index(f) for f in rows.family]
         look = {"marker": marks.get(method, "."), "linestyle": "none", "fillstyle": "none", "label": method}
         axes[int(parameter == "J")].plot(rows.median_error, place, **look)

@@ -14,7 +14,7 @@ from simbench.bench.store.reading import RunArrays
 if TYPE_CHECKING:
     import pandas as pd
 
-COLUMNS = ("method", "family", "parameter", "n", "median_error", "coverage", "width")
+_COLUMNS = ("method", "family", "parameter", "n", "median_error", "coverage", "width")
 _ENOUGH = 60  # estimates of a family of valves: fewer are scored, but not checked
 COVERAGE, MEDIAN_ERROR = "coverage", "median error"
 _ALLOWED = {COVERAGE: 0.03, MEDIAN_ERROR: 0.02}  # moves that are no regression; errors in shares of S
@@ -54,7 +54,7 @@ def quantification(book: RunArrays) -> pd.DataFrame:
     )
     order = {method: i for i, method in enumerate(book.methods)}
     table = table.reset_index().assign(_place=lambda t: t.method.map(order), _S=lambda t: t.parameter == "J")
-    return table.sort_values(["_place", "_S", "family"], ignore_index=True)[list(COLUMNS)]
+    return table.sort_values(["_place", "_S", "family"], ignore_index=True).reindex(columns=list(_COLUMNS))
 
 
 def compared(now: RunArrays, before: RunArrays, pairs: Pairs) -> tuple[list[dict[str, Any]], list[str]]:
@@ -69,7 +69,7 @@ def compared(now: RunArrays, before: RunArrays, pairs: Pairs) -> tuple[list[dict
     keys = ["method", "parameter", "family"]
     ours, rows, untold = dict(list(new.groupby(keys))), [], []
     for key, one in old.groupby(keys, sort=False):
-        method, parameter, family = key
+        method, parameter, family = tuple(key)  # type: ignore[arg-type]
         if len(one) < _ENOUGH or method not in now.methods:
             continue
         two = ours.get(key, new[:0])

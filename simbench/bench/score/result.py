@@ -303,7 +303,8 @@ def _quantified(scores: Scores) -> list[str]:
     """Return S and J beside each other, one row for a method on a family of valves."""
     t = scores.quantification
     lines = [("method", "family", *(f"{what} {p}" for p in "SJ" for what in ("n", "error", "held", "width")))]
-    for (method, family), rows in t[t.n >= LEAST].groupby(["method", "family"], sort=False):
+    for key, rows in t[t.n >= LEAST].groupby(["method", "family"], sort=False):
+        method, family = tuple(key)  # type: ignore[arg-type]
         found = {r.parameter: (str(r.n), *map(_short, (r.median_error, r.coverage, r.width))) for r in rows.itertuples()}
         lines.append((method, family, *found.get("S", ("-",) * 4), *found.get("J", ("-",) * 4)))
     if len(lines) == 1:
