@@ -46,7 +46,7 @@ def law_section(found: Discovery) -> Markup:
         return _render("law.html", sentence=found.sentence(), tiles=[], items=[], table=None, block=found.block)
     tiles = [
         (law.block, "block"),
-        (f"{law.nats:.0f} nats", f"on unseen samples (p <= {chance(law.nats):.1g} if no form held)"),
+        (f"{law.nats:.0f}", f"of log-likelihood gained on unseen samples (p <= {chance(law.nats):.1g} if no form held)"),
         (f"{g.recalibrated:.2f} to {g.after:.2f}", f"gap, recalibrated and with the law, floor {g.floor:.2f}"),
         ((found.nearest or "none").replace("_", " "), "nearest known effect"),
     ]
@@ -54,7 +54,7 @@ def law_section(found: Discovery) -> Markup:
     rows = [
         {
             "number": name, "value": f"{value:.4g}", "unit": rules[name].unit,
-            "within two nats": "{:.3g} to {:.3g}".format(*law.intervals[name]) if name in law.intervals else "",
+            "interval": "{:.3g} to {:.3g}".format(*law.intervals[name]) if name in law.intervals else "",
             "what it is": rules[name].says,
         }
         for name, value in law.numbers.items()

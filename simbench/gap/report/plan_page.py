@@ -23,7 +23,7 @@ def write_plan_page(plan: PlannedTests, report: GapReport, path: str | Path) -> 
         {
             "test": [x.trial.says for x in plan.tests],
             "right after it": [x.p_right for x in plan.tests],
-            "information (nats)": [x.information for x in plan.tests],
+            "information": [x.information for x in plan.tests],
             "minutes": [x.trial.minutes for x in plan.tests],
             "PV excursion": [x.pv_excursion for x in plan.tests],
             "variance of PV": [x.pv_variance for x in plan.tests],
