@@ -82,8 +82,7 @@ class PlannedTests:
         tests = [
             {
                 "id": x.trial.id, "settings": x.trial.settings, "information": x.information, "p_right": x.p_right,
-                "minutes": x.trial.minutes, "pv_excursion": x.pv_excursion, "pv_variance": x.pv_variance,
-                "op_travel": x.trial.op_travel, "separates": self.separated(x), "says": x.trial.says,
+                "minutes": x.trial.minutes, "pv_excursion": x.pv_excursion,
             }
             for x in self.tests
         ]  # fmt: skip
