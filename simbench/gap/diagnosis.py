@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Unpack
 
+import numpy as np
 from joblib import Parallel, delayed
 
 from detectors.compiled import one_thread
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from detectors.sources import Source
 
 _WIDE = 1.5  # floors, beyond which a gap is wide
+_PREDICTED = 0.1  # of the least noise that is believed, below which the model predicts PV to its digits: nothing is missing
 _EXPLANATIONS = 3  # that are simulated under each test, to say in passing which one to run next
 _SETTLED = 0.9  # probability from which nobody asks for the log behind the archive
 _QUICK_MENU = ("mv", "sp_steps", "bump", "stairs", "lab")
@@ -204,7 +206,7 @@ def _unless_wide(weights: Classified, found: Assessment, runs: ClosedLoops) -> C
 
     Either the best model leaves something behind, or the record differs from its simulation in every stretch of it alike.
     """
-    if not _wide(found, runs):
+    if not _wide(found, runs) or float(np.std(found.base.residual)) < _PREDICTED:
         return weights
     left, block = max((found.tests[name] / limit, block) for name, (limit, block) in RESIDUAL_LIMITS.items())
     if left > 1.0 and not found.situation.trusted:

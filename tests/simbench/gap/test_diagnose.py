@@ -109,13 +109,13 @@ def test_two_effects_of_different_blocks_are_both_named():
     assert {e["effect"] for e in found.effects} == {"stiction", "quantisation"}
 
 
-def test_a_controller_that_skips_scans_is_unknown_in_the_controller():
+def test_a_controller_that_skips_scans_misses_executions():
     r = blind(record())
     e, op = r.sp - r.pv, [float(r.op[0])]
     for k in range(1, r.n):
         op.append(op[-1] if k % 7 in (0, 1) else op[-1] + 0.6 * (e[k] - e[k - 1]) + 0.6 / 18 * e[k])
     found = ask(replace(r, op=np.clip(op, 0, 100)))
-    assert (found.effect, found.block) == (UNKNOWN, "controller")
+    assert (found.effect, found.block) == ("missed_executions", "controller")
 
 
 def test_adding_the_effect_closes_the_gap_and_the_file_says_so(sticky):
@@ -171,7 +171,7 @@ def test_the_text_holds_the_answer(sticky):
     assert len(sticky.plot().patches) == 6
     assert sticky.sentence().split(",")[0] in sticky._repr_html_()
     assert "stiction" in text
-    assert "next:" in text
+    assert "next test: none" in text
 
 
 @pytest.mark.parametrize(("change", "sentence"), [

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from detectors.errors import RecordError
+from detectors.record import LoopRecord
 from simbench.gap import diagnosis
 from simbench.gap.closed_loop.gap import Shrinkage
 from simbench.gap.closed_loop.lacking import Lacking
@@ -41,7 +42,7 @@ def situation(op=(45.0, 55.0), K=-1.5, *, integrating=False, known=True, faithfu
 def found(*chosen, parameters=None, shown=(), s=None, noise=0.1, tests=None):
     return SimpleNamespace(
         chosen=list(chosen), parameters=NUMBERS if parameters is None else parameters, shown=lambda e: e in shown,
-        situation=s or situation(), unexplained={"valve": "MV strays"}, base=SimpleNamespace(theta={"noise_std": noise}),
+        situation=s or situation(), unexplained={"valve": "MV strays"}, base=SimpleNamespace(theta={"noise_std": noise}, residual=np.ones(9)),
         stiction=0.5, asked=(), tests=dict.fromkeys(RESIDUAL_LIMITS, 0.0) | (tests or {}),
     )  # fmt: skip
 
@@ -221,6 +222,6 @@ def test_records_of_one_pace_are_judged_together(monkeypatch, Ts, judged):
 
     monkeypatch.setattr(diagnosis, "_assess_all", assess_all)
     with pytest.raises(Reached if judged else RecordError):
-        diagnose([SimpleNamespace(Ts=1.0), SimpleNamespace(Ts=Ts)], None)
+        diagnose([LoopRecord(op=np.arange(9.0), pv=np.arange(9.0), Ts=one) for one in (1.0, Ts)], None)
     with pytest.raises(RecordError, match="no record"):
         diagnose([], None)
