@@ -42,7 +42,8 @@ def situation(op=(45.0, 55.0), K=-1.5, *, integrating=False, known=True, faithfu
 def found(*chosen, parameters=None, shown=(), s=None, noise=0.1, tests=None):
     return SimpleNamespace(
         chosen=list(chosen), parameters=NUMBERS if parameters is None else parameters, shown=lambda e: e in shown,
-        situation=s or situation(), unexplained={"valve": "MV strays"}, base=SimpleNamespace(theta={"noise_std": noise}, residual=np.ones(9)),
+        situation=s or situation(), unexplained={"valve": "MV strays"},
+        base=SimpleNamespace(theta={"noise_std": noise}, residual=np.array([1.0, -1.0])),
         stiction=0.5, asked=(), tests=dict.fromkeys(RESIDUAL_LIMITS, 0.0) | (tests or {}),
     )  # fmt: skip
 
