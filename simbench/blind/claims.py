@@ -11,8 +11,8 @@ import pandas as pd
 from detectors.errors import ParameterError
 from simbench.blind.distance import RESOLVABLE, Scale, Signals, cloud, features
 from simbench.blind.score import claimed_shrinkage
-from simbench.blind.world import WORLDS
-from simbench.loop.effects import EFFECTS, FOLLOWS, Choice
+from simbench.blind.world import WORLD_EFFECTS, WORLDS
+from simbench.loop.effects import FOLLOWS, Choice
 from simbench.loop.effects._alike import Circumstances, indistinguishable
 
 _SEEDS = 10
@@ -29,7 +29,7 @@ def true_shrinkages(
 ) -> list[dict[str, Any]]:
     """Return claimed and true shrinkage of the answer's best candidates.
 
-    Before: the true loop without its effect. After: the same with the claimed one.
+    Before: the true loop without its effect. After: the same with the claimed one; what no world draws is passed over.
     """
     simulate, scale = WORLDS.load(world).simulate, _scale_of(baseline, bool(np.ptp(record["sp"]) > 0.0))
     seeds = [int(truth["seed"]) + 5000 + i for i in range(_SEEDS)]
@@ -44,7 +44,7 @@ def true_shrinkages(
     ranked = sorted(found.get("ranking") or [], key=lambda r: -(r.get("probability") or 0.0))
     group = indistinguishable(str(truth["effect"]), here)
     rows = []
-    for candidate in [r for r in ranked if r["effect"] in EFFECTS and r.get("parameters")][:_CANDIDATES]:
+    for candidate in [r for r in ranked if r["effect"] in WORLD_EFFECTS and r.get("parameters")][:_CANDIDATES]:
         claimed = claimed_shrinkage(candidate, found)
         if claimed is None:
             continue
@@ -79,7 +79,7 @@ def _signals(columns: Mapping[str, Any] | pd.DataFrame) -> Signals:
 def _inside(effect: str, parameters: Mapping[str, Any]) -> dict[str, Any]:
     """The claimed parameters, cut to their bounds, the missing ones at their identity."""
     whole: dict[str, Any] = {}
-    for name, quantity in EFFECTS[effect].parameters.items():
+    for name, quantity in WORLD_EFFECTS[effect].parameters.items():
         if isinstance(quantity, Choice):
             word = parameters.get(name, quantity.names[0])
             whole[name] = word if word in quantity.names else quantity.names[0]

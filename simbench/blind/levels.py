@@ -96,7 +96,7 @@ def levels(table: pd.DataFrame) -> list[Share | Figure]:
         share("two effects: both among the first three", two.both_top3, 0.75),
         share("two effects: exactly these two named", two.both_named),
         share("two effects: the first named is one of them", two.one_of_two),
-        share("foreign: unknown, of the resolvable", foreign.called_unknown, 0.75),
+        share("foreign: unknown, of the resolvable", foreign["first"], 0.75),  # or called by its own name
         share("foreign: block right, of the resolvable", foreign.block_right),
         share("known effect called unknown", single.called_unknown, 0.03, at_most=True),
         share("known effect called none", single.called_none),

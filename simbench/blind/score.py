@@ -22,8 +22,10 @@ def judge_record(truth: Mapping[str, Any], found: Mapping[str, Any] | None, here
     found = found if found is not None and answered else {"effect": "", "block": "", "ranking": []}
     named, order = str(found["effect"]), first_three(found)
     block = _text(truth.get("block")) or (EFFECTS[effect].block if effect in EFFECTS else effect)
-    group = indistinguishable(effect, here) if not foreign else frozenset({UNKNOWN})
-    wanted = UNKNOWN if foreign else effect
+    strange = (_text(truth.get("foreign")) or effect) if foreign else ""
+    # a foreign kind may have joined the library since its world was written: its own name is as right as `unknown`
+    group = frozenset({UNKNOWN, strange}) if foreign else indistinguishable(effect, here)
+    right = group if foreign else {effect}
     probability = {str(r["effect"]): r.get("probability") or 0.0 for r in found.get("ranking", [])}
     ratio = _number(truth.get("ratio"))
     in_group = named in group
@@ -31,10 +33,10 @@ def judge_record(truth: Mapping[str, Any], found: Mapping[str, Any] | None, here
     return {
         "id": truth.get("id"),
         "kind": kind,
-        "effect": wanted,
+        "effect": UNKNOWN if foreign else effect,
         "block": block,
         "effect2": second,
-        "foreign": (_text(truth.get("foreign")) or effect) if foreign else "",
+        "foreign": strange,
         "strength": _text(truth.get("strength")),
         "ratio": ratio,
         "mv": here.mv,
@@ -43,9 +45,9 @@ def judge_record(truth: Mapping[str, Any], found: Mapping[str, Any] | None, here
         "named_block": str(found.get("block", "")),
         "probability": probability.get(named, 0.0),
         "probability_of_group": sum(p for e, p in probability.items() if e in indistinguishable(named, here)),
-        "first": named == wanted,
+        "first": named in right,
         "in_group": in_group,
-        "top3": wanted in order,
+        "top3": bool(right & set(order)),
         "top3_group": bool(group & set(order)),
         "block_right": in_group or str(found.get("block", "")) == block,
         "one_of_two": named in accepted,

@@ -26,6 +26,7 @@ ORDER = (
     "stiction", "deadband", "deadzone", "valve_lag", "valve_characteristic", "gain_mismatch", "time_constant_mismatch",
     "dead_time_mismatch", "extra_lag", "noise", "quantisation", "sensor_lag", "compression", "outliers", "drift",
     "oscillation", "load_steps", "load_drift", "saturation", "detuning", "error_deadband", "op_quantisation",
+    "derivative_action", "frozen_sensor", "missed_executions", "slew_limit",
 )  # fmt: skip
 
 

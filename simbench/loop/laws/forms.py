@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from detectors.errors import ParameterError
-from simbench.loop.laws import curve, swapped
 from simbench.loop.parameters import Number
+
+if TYPE_CHECKING:
+    from simbench.loop.laws import swapped
 
 _Act = Callable[[Any, Any, np.random.Generator], None]
 
@@ -42,6 +44,9 @@ def spells(n: int, share: float, length: float, rng: np.random.Generator) -> np.
 
 def _curve(setup: Any, p: Any, rng: np.random.Generator) -> None:
     if p.k1 or p.k2 or p.k3:
+        # steps are loaded where they act: the forms are words that effects share with simulators of others
+        from simbench.loop.laws import curve
+
         own = {name: getattr(p, name) for name in ("q1", "q2", "q3", "k1", "k2", "k3")}
         setup.add_valve(curve, own | {"centre": setup.op0}, first=True)
 
@@ -93,6 +98,8 @@ def _size(setup: Any, p: Any, rng: np.random.Generator) -> None:
 
 def _sensor(setup: Any, **own: Any) -> None:
     """Put the sensor's step of the laws in place of the loop's; laws of one loop add up."""
+    from simbench.loop.laws import swapped
+
     before = setup.sensor_law
 
     def numbers(s: Any) -> swapped.LawSensor:
@@ -105,6 +112,8 @@ def _sensor(setup: Any, **own: Any) -> None:
 
 def _controller(setup: Any, **own: Any) -> None:
     """Put the controller's step of the laws in place of the loop's; laws of one loop add up."""
+    from simbench.loop.laws import swapped
+
     before = setup.controller_law
 
     def numbers(s: Any) -> swapped.LawPI:

@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 from detectors.errors import ParameterError
 from simbench.blind import leave_out as module
 from simbench.blind.leave_out import LEAVE_OUT_COLUMNS, leave_out, summary
+from simbench.blind.world import WORLD_EFFECTS
 from simbench.cli import app
 from simbench.gap.effects import PLUGINS, left_out, recogniser
 from simbench.loop.effects import EFFECTS
@@ -45,7 +46,7 @@ def test_the_table_counts_resolvable_records_and_says_how_many_failed():
         row("drift", "noise", "sensor", resolvable=False), {"effect": "noise", "error": "PV is constant"},
     )  # fmt: skip
     table = summary(found).set_index("effect")
-    assert list(table.index) == [*EFFECTS, "all"]
+    assert list(table.index) == [*WORLD_EFFECTS, "all"]
     assert table.n["stiction"] == 2
     assert table.unknown["stiction"] == 0.5
     assert table.block_right["stiction"] == 1.0
@@ -58,7 +59,7 @@ def test_the_table_counts_resolvable_records_and_says_how_many_failed():
 
 
 def test_leaving_out_goes_on_where_it_stopped_and_refuses_another_worlds_rows(tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "WORLD_EFFECTS", {e: EFFECTS[e] for e in ("detuning", "saturation")})
+    monkeypatch.setattr(module, "WORLD_EFFECTS", {e: WORLD_EFFECTS[e] for e in ("detuning", "saturation")})
     first = leave_out(tmp_path, "own", n=1, seed=5)
     assert (tmp_path / "leave_out.png").stat().st_size > 5000
     monkeypatch.setattr(module, "_one", None)  # nothing is left to do

@@ -51,8 +51,9 @@ def test_an_unknown_world_is_refused_before_anything_is_written(tmp_path):
     assert not any(tmp_path.iterdir())
 
 
-def test_the_plan_holds_every_effect_of_the_vocabulary():
-    assert sorted(Plan().effects) == sorted(VOCABULARY)
+def test_the_plan_holds_every_effect_that_worlds_draw_and_the_vocabulary_knows_them_all():
+    assert list(Plan().effects) == list(WORLD_EFFECTS)
+    assert set(WORLD_EFFECTS) <= set(VOCABULARY)
 
 
 EFFECT = '''"""Sulking: PV stops for a while."""

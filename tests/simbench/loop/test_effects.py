@@ -31,6 +31,8 @@ STRONG = {
     "load_steps": {"rate": 0.01, "size": 4.0}, "load_drift": {"rate": 0.01, "walk": 0.2},
     "saturation": {"lo": 49.0, "hi": 51.0},
     "detuning": {"Kc_factor": 1.8, "Ti_factor": 0.6}, "error_deadband": {"width": 0.5}, "op_quantisation": {"step": 0.5},
+    "derivative_action": {"Td": 5.0, "filter": 1.0}, "frozen_sensor": {"share": 0.2, "length": 15.0},
+    "missed_executions": {"share": 0.2, "length": 15.0}, "slew_limit": {"slowness": 4.0},
 }  # fmt: skip
 
 
@@ -63,7 +65,9 @@ def test_the_vocabulary_is_data_and_loads_no_model():
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip().split(",")
     own = {name for name in loaded if name.startswith("simbench.") and not name.startswith("simbench.loop.effects")}
     # simbench.lazy: how the package finds its public names; it loads none of them
-    assert own == {"simbench.lazy", "simbench.loop", "simbench.loop.parameters"}
+    # simbench.loop.laws: forms that some effects share, their numbers with unit and bounds; their steps load when they act
+    laws = {"simbench.loop.laws", "simbench.loop.laws.forms"}
+    assert own == {"simbench.lazy", "simbench.loop", "simbench.loop.parameters", *laws}
     assert not {"numba", "scipy", "control", "pandas"} & set(loaded)
 
 

@@ -14,11 +14,12 @@ import pytest
 import simbench.blind.worlds.mill as mill
 from detectors.errors import ParameterError, UnknownName
 from scenarios.spec import Loop
+from simbench.blind.world import WORLD_EFFECTS
 from simbench.blind.worlds.mill.drawing import ALIKE, sound
 from simbench.blind.worlds.mill.loops import baseline, draw_loop
 from simbench.blind.worlds.mill.oracle import BANDS, cloud, ratio, strength_of
 from simbench.blind.worlds.mill.statistics import floors, measure, names
-from simbench.loop.effects import BLOCKS, EFFECTS, Choice
+from simbench.loop.effects import BLOCKS, Choice
 
 KEYS = {
     "kind", "block", "effect", "effect2", "block2", "strength", "ratio", "parameters", "parameters2", "foreign", "mv", "plant",
@@ -26,7 +27,7 @@ KEYS = {
 }  # fmt: skip
 SEED = 404
 ENTRIES = [
-    *({"kind": "single", "effect": e, "strength": list(BANDS)[i % 3], "mv": i % 2 == 0} for i, e in enumerate(EFFECTS)),
+    *({"kind": "single", "effect": e, "strength": list(BANDS)[i % 3], "mv": i % 2 == 0} for i, e in enumerate(WORLD_EFFECTS)),
     *({"kind": "foreign", "effect": f, "strength": list(BANDS)[i % 3], "mv": i % 2 == 1} for i, f in enumerate(mill.FOREIGN)),
     {"kind": "two", "mv": True},
     {"kind": "two", "mv": False},
@@ -47,7 +48,7 @@ def truth(answer):
 
 
 def within_vocabulary(effect, parameters):
-    rules = EFFECTS[effect].parameters
+    rules = WORLD_EFFECTS[effect].parameters
     assert set(parameters) == set(rules)
     for key, value in parameters.items():
         rule = rules[key]
@@ -77,7 +78,7 @@ def test_every_entry_gives_a_whole_item(number):
     else:
         for effect, block, parameters in (("effect", "block", "parameters"), ("effect2", "block2", "parameters2")):
             if answer[effect]:
-                assert answer[block] == EFFECTS[answer[effect]].block
+                assert answer[block] == WORLD_EFFECTS[answer[effect]].block
                 within_vocabulary(answer[effect], answer[parameters])
     if "strength" in entry:
         assert answer["strength"] == entry["strength"] == strength_of(answer["ratio"])
@@ -190,7 +191,7 @@ def test_foreign_kinds_are_many_and_strange():
     assert len(mill.FOREIGN) >= 8
     assert len(set(mill.FOREIGN.values())) >= 4
     assert set(mill.FOREIGN.values()) <= set(BLOCKS)
-    assert not set(mill.FOREIGN) & set(EFFECTS)
+    assert not set(mill.FOREIGN) & set(WORLD_EFFECTS)
 
 
 def test_statistics_are_phase_free_and_free_of_units_but_for_sizes():
@@ -207,7 +208,7 @@ def test_statistics_are_phase_free_and_free_of_units_but_for_sizes():
 
 
 def test_the_world_imports_nothing_that_it_judges():
-    words = ("simbench.blind.world", "simbench.loop.effects", "scenarios.spec", "detectors.errors")
+    words = ("simbench.blind.world", "simbench.blind.menu", "simbench.loop.effects", "scenarios.spec", "detectors.errors")
     allowed = ("simbench.blind.worlds.mill", *words)
     for path in Path(mill.__file__).parent.glob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):

@@ -14,13 +14,13 @@ import pytest
 from scipy.signal import lfilter
 
 from detectors.errors import ParameterError, UnknownName, UserError
+from simbench.blind.world import WORLD_EFFECTS
 from simbench.blind.worlds.mill import controller, loop, valve
 from simbench.blind.worlds.mill.controller import PRODUCTS, RULES
 from simbench.blind.worlds.mill.effects import build
 from simbench.blind.worlds.mill.foreign import KINDS
 from simbench.blind.worlds.mill.loops import draw_loop
 from simbench.blind.worlds.mill.plant import discretise
-from simbench.loop.effects import EFFECTS
 
 TWIN = runpy.run_path(str(Path(__file__).with_name("mill_twin.py")))
 FAMILY = {
@@ -134,10 +134,10 @@ def test_op_logged_late_is_the_same_loop_one_sample_on():
 # --- identity and refusal
 
 
-@pytest.mark.parametrize("name", [*EFFECTS, *KINDS])
+@pytest.mark.parametrize("name", [*WORLD_EFFECTS, *KINDS])
 def test_at_identity_an_effect_changes_no_bit(name):
     for case, healthy in drawn_loops():
-        identity = (EFFECTS.get(name) or KINDS[name]).identity
+        identity = (WORLD_EFFECTS.get(name) or KINDS[name]).identity
         for parameters in ({}, identity):
             same = run(case, name, **parameters)
             assert all(np.array_equal(healthy[k], same[k]) for k in healthy)

@@ -9,9 +9,10 @@ import pytest
 from detectors.errors import ParameterError
 from simbench.blind.distance import cloud, features
 from simbench.blind.making import Plan
+from simbench.blind.world import WORLD_EFFECTS
 from simbench.blind.worlds.own import drawing, faults, items, loops, oracle, sizes
 from simbench.blind.worlds.own import simulator as sim
-from simbench.loop.effects import BLOCKS, EFFECTS
+from simbench.loop.effects import BLOCKS
 
 RNG = np.random.default_rng
 
@@ -103,24 +104,24 @@ def test_the_stem_breaks_away_at_half_s_plus_j_and_slips_by_j(friction):
 
 
 @pytest.mark.parametrize("controller", ["PI", "P"])
-@pytest.mark.parametrize("effect", sorted(EFFECTS))
+@pytest.mark.parametrize("effect", sorted(WORLD_EFFECTS))
 def test_every_effect_at_strength_zero_is_the_plain_loop(effect, controller):
     case = drawing.draw(RNG(11), plant="foptd", sp_moves=True)
     case = replace(case, n=400, controller=controller, Ti=case.Ti if controller == "PI" else 0.0)
-    identity = dict(EFFECTS[effect].identity)
+    identity = dict(WORLD_EFFECTS[effect].identity)
     without, with_it = loops.simulate(case, 5), loops.simulate(case, 5, (faults.fault(effect, identity),))
     for a, b in zip(without, with_it, strict=True):
         np.testing.assert_array_equal(a, b)
 
 
-@pytest.mark.parametrize("name", [*EFFECTS, *faults.FOREIGN])
+@pytest.mark.parametrize("name", [*WORLD_EFFECTS, *faults.FOREIGN])
 def test_every_fault_shows_at_full_strength(name):
     case = replace(drawing.draw(RNG(4), plant=faults.NEEDS_PLANT.get(name, "foptd"), sp_moves=True), play=0.0)
     habit = sizes.Habit(case.op0 - 10, case.op0 + 10, 4.0, 2.0 * case.unit)
     size = sizes.scale(name, case, habit, RNG(1))
     weak, strong = size(0.0), size(1.0)
-    if name in EFFECTS:
-        known = EFFECTS[name].parameters
+    if name in WORLD_EFFECTS:
+        known = WORLD_EFFECTS[name].parameters
         assert set(weak) <= set(known)
         assert all(isinstance(v, str) or known[k].low <= v <= known[k].high for k, v in (weak | strong).items())
     a, b = loops.simulate(case, 3), loops.simulate(case, 3, (faults.fault(name, strong),))
@@ -130,7 +131,7 @@ def test_every_fault_shows_at_full_strength(name):
 def test_there_are_at_least_six_foreign_kinds_over_four_blocks_and_none_is_a_known_effect():
     assert len(faults.FOREIGN) >= 6
     assert set(faults.FOREIGN.values()) == set(BLOCKS) - {"disturbance"}
-    assert not set(faults.FOREIGN) & set(EFFECTS)
+    assert not set(faults.FOREIGN) & set(WORLD_EFFECTS)
 
 
 @pytest.mark.parametrize("colour", ["white", "ou", "ar2", "pink", "flicker", "bluish", "heavy"])
@@ -198,7 +199,7 @@ def test_two_effects_lie_in_different_blocks_and_are_not_one_group():
     for i in range(2):
         answer = items.draw_item(5, i, {"kind": "two", "mv": False}).answer
         assert answer["block"] != answer["block2"]
-        assert EFFECTS[answer["effect2"]].block == answer["block2"]
+        assert WORLD_EFFECTS[answer["effect2"]].block == answer["block2"]
 
 
 def test_the_nominal_plant_is_within_ten_percent_and_a_mismatch_counts_from_it_exactly():

@@ -12,12 +12,13 @@ import pytest
 
 from detectors.errors import ParameterError
 from scenarios.spec import Loop
+from simbench.blind.world import WORLD_EFFECTS
 from simbench.blind.worlds import refinery
 from simbench.blind.worlds.refinery import drawing, foreign, loops, oracle, search, simulation
-from simbench.loop.effects import BLOCKS, EFFECTS, Choice
+from simbench.loop.effects import BLOCKS, Choice
 
 STRENGTHS = ("weak", "medium", "strong")
-SINGLES = [{"kind": "single", "effect": e, "strength": STRENGTHS[i % 3], "mv": i % 2 == 0} for i, e in enumerate(EFFECTS)]
+SINGLES = [{"kind": "single", "effect": e, "strength": STRENGTHS[i % 3], "mv": i % 2 == 0} for i, e in enumerate(WORLD_EFFECTS)]
 STRANGE = [
     {"kind": "foreign", "effect": e, "strength": STRENGTHS[i % 3], "mv": i % 2 == 1} for i, e in enumerate(refinery.FOREIGN)
 ]
@@ -64,7 +65,7 @@ def test_title_and_foreign_kinds():
     assert len(refinery.FOREIGN) >= 8
     assert len(set(refinery.FOREIGN.values())) >= 4
     assert set(refinery.FOREIGN.values()) <= set(BLOCKS)
-    assert not set(refinery.FOREIGN) & set(EFFECTS)
+    assert not set(refinery.FOREIGN) & set(WORLD_EFFECTS)
     assert set(foreign.PARAMETERS) == set(refinery.FOREIGN)
 
 
@@ -76,7 +77,7 @@ def test_nothing_of_the_project_is_imported_but_the_shared_words():
             for name in names:
                 if name.split(".")[0] in ("simbench", "scenarios", "detectors"):
                     own = name.startswith("simbench.blind.worlds.refinery")
-                    words = ("simbench.blind.world", "simbench.loop.effects", "detectors.errors")
+                    words = ("simbench.blind.world", "simbench.blind.menu", "simbench.loop.effects", "detectors.errors")
                     assert own or name in words, f"{path.name} imports {name}"
 
 
@@ -130,11 +131,11 @@ def test_every_answer_is_in_the_vocabulary_and_its_bounds():
             (a["effect"], a["block"], a["parameters"]),
             (a["effect2"], a["block2"], a["parameters2"]),
         ):
-            if effect not in EFFECTS:
+            if effect not in WORLD_EFFECTS:
                 continue
-            assert block == EFFECTS[effect].block
+            assert block == WORLD_EFFECTS[effect].block
             for name, value in parameters.items():
-                rule = EFFECTS[effect].parameters[name]
+                rule = WORLD_EFFECTS[effect].parameters[name]
                 assert value in rule.names if isinstance(rule, Choice) else rule.low <= value <= rule.high, (effect, name)
             if effect == "stiction":
                 assert parameters["S"] >= 0.3
@@ -180,11 +181,11 @@ def test_a_record_without_effect_holds_none():
     assert all(np.array_equal(plain[c], item.columns[c]) for c in plain)
 
 
-@pytest.mark.parametrize("effect", EFFECTS)
+@pytest.mark.parametrize("effect", WORLD_EFFECTS)
 def test_effect_at_identity_changes_no_bit(effect):
     for answer in (a_loop(), a_loop(plant="integrating", load="pink", noise="flow", averaging=True, exceptions=True)):
         plain = refinery.simulate(answer, [], 3)
-        same = refinery.simulate(answer, [{"effect": effect, "parameters": dict(EFFECTS[effect].identity)}], 3)
+        same = refinery.simulate(answer, [{"effect": effect, "parameters": dict(WORLD_EFFECTS[effect].identity)}], 3)
         assert all(np.array_equal(plain[c], same[c]) for c in plain)
 
 

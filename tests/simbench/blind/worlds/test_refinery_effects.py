@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from simbench.blind.world import WORLD_EFFECTS
 from simbench.blind.worlds import refinery
 from simbench.blind.worlds.refinery import loops, simulation
 from simbench.blind.worlds.refinery.search import prepared
-from simbench.loop.effects import EFFECTS
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +45,7 @@ def test_every_effect_moves_something(answer):
         "load_steps": {"rate": 0.002, "size": 3.0}, "load_drift": {"rate": 1e-3}, "saturation": {"hi": answer["case"]["m0"]},
         "detuning": {"Kc_factor": 1.3}, "error_deadband": {"width": 5 * std}, "op_quantisation": {"step": 1.0},
     }  # fmt: skip
-    assert set(large) == set(EFFECTS)
+    assert set(large) == set(WORLD_EFFECTS)
     for effect, parameters in large.items():
         changed = record(answer, effect, **parameters)
         assert not np.array_equal(changed["pv"], plain["pv"]), effect
