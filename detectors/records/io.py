@@ -28,6 +28,7 @@ from detectors.records.roles import (
     TIME_NAMES,
     find_loops,
     find_time,
+    names_loops,
     no_column,
     parse,
     plain,
@@ -64,7 +65,8 @@ def read_record(
         Which column (long: tag) holds `t`, `sp`, `op`, `pv`, `mv`, `mode`, where the names do not say so; `quality="none"`
         reads no quality.
     tag : str, optional
-        Of a file with several loops the one to read: "FIC101", "[default]Unit1/FIC101", of a .mat file "sector.loopN".
+        Of a file with several loops the one to read: "FIC101", "[default]Unit1/FIC101", of a .mat file "sector.loopN"; where
+        no column names a loop, the name of the record.
     loop : str, optional
         The same as `tag`.
     Ts : float, optional
@@ -131,7 +133,8 @@ def read_records(
         if row.get("file", path.name) != path.name or (tag is not None and row["tag"] != tag):
             continue
         try:  # what names its columns needs no tag in them
-            found, not_read = _of_file(path, None if "columns" in row else row["tag"], single=True, **_told(row, given))
+            own = None if "columns" in row else row["tag"]
+            found, not_read = _of_file(path, own, single=True, may_name="file" in row, **_told(row, given))
             if not_read:
                 raise next(iter(not_read.values()))
             records[row["tag"]] = replace(next(iter(found.values())), tag=row["tag"])
@@ -197,9 +200,12 @@ def _told(row: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
 
 def _of_file(
     path: Path, tag: str | None, *, columns: Mapping[str, str] | None = None, Ts: float | None = None, single: bool = False,
-    automatic: bool = True, **about: Any,
+    automatic: bool = True, may_name: bool = True, **about: Any,
 ) -> tuple[dict[str, LoopRecord], dict[str, RecordError]]:  # fmt: skip
-    """Return the records of a file by tag, and what was refused; of `single` only one is asked for."""
+    """Return the records of a file by tag, and what was refused; of `single` only one is asked for.
+
+    `may_name`: where no column names a loop, the tag is the name of the only one.
+    """
     about = {k: v for k, v in about.items() if v is not None}
     chosen, where = dict(columns or {}), str(path)
     if path.suffix.lower() == ".mat":
@@ -212,12 +218,12 @@ def _of_file(
         return {made.tag: made}, {}
     table = _opened(path, chosen)
     names = list(table.parts or table.sheet.columns)
-    loops = find_loops(names, chosen, where, tag)
+    loops = find_loops(names, chosen, where, tag if names_loops(names) or not may_name else None)
     if single and len(loops) > 1:
         raise several_loops(loops, where)
     records, refused = {}, {}
     for name, roles in loops.items():
-        label = name if len(loops) > 1 or tag is not None else path.stem
+        label = (name or tag or "") if len(loops) > 1 or tag is not None else path.stem
         try:
             own = {"tag": label or path.stem, **about}
             records[label] = _record(table.own(), roles, chosen, Ts, own, where, automatic)
