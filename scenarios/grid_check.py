@@ -109,7 +109,7 @@ def _value(where: str, key: str, value: Any, known: Mapping[str, tuple]) -> Iter
             yield f"{where} has the value {value!r}; words are needed"
         elif key in known:
             yield from _word(where, value, known[key])
-    elif isinstance(value, (bool, str, list)):
+    elif isinstance(value, bool) or not isinstance(value, (int, float)):
         yield f"{where} has the value {value!r}; numbers are needed"
     else:
         yield from _limits(where, key, value)

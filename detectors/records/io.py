@@ -28,6 +28,7 @@ from detectors.records.roles import (
     TIME_NAMES,
     find_loops,
     find_time,
+    names_loops,
     no_column,
     parse,
     plain,
@@ -64,7 +65,8 @@ def read_record(
         Which column (long: tag) holds `t`, `sp`, `op`, `pv`, `mv`, `mode`, where the names do not say so; `quality="none"`
         reads no quality.
     tag : str, optional
-        Of a file with several loops the one to read: "FIC101", "[default]Unit1/FIC101", of a .mat file "sector.loopN".
+        Of a file with several loops the one to read: "FIC101", "[default]Unit1/FIC101", of a .mat file "sector.loopN"; where
+        no column names a loop, the name of the record.
     loop : str, optional
         The same as `tag`.
     Ts : float, optional
@@ -102,27 +104,27 @@ def read_record(
     """
     path = Path(path)
     wanted = tag if tag is not None else loop
-    given = {"columns": columns, "Ts": Ts, **about}
+    given, may_name = {"columns": columns, "Ts": Ts, **about}, True
     for row in read_loop_table(loops) if loops is not None else []:
         if (wanted is None and row.get("file", path.name) == path.name) or row["tag"] == wanted:
             given = {**row, **{k: v for k, v in given.items() if v is not None}}
-            wanted = wanted if wanted is not None else row["tag"]
+            wanted, may_name = (wanted, True) if wanted is not None else (row["tag"], "file" in row)
             break
     if given.get("columns") and not columns:
         wanted = None  # what names its columns needs no tag in them
-    records, refused = _of_file(path, wanted, automatic=automatic, single=True, **_told({}, given))
+    records, refused = _of_file(path, wanted, automatic=automatic, single=True, may_name=may_name, **_told({}, given))
     if refused:
         raise next(iter(refused.values()))
     return next(iter(records.values()))
 
 
 def read_records(
-    path: str | Path, *, tag: str | None = None, loops: str | Path | None = None, **given: Any
+    path: str | Path, *, tag: str | None = None, loops: str | Path | None = None, may_name: bool = True, **given: Any
 ) -> tuple[dict[str, LoopRecord], dict[str, str]]:
     """Read every loop of a file: records by tag, and of what is refused the sentence."""
     path = Path(path)
     if loops is None:
-        records, refused = _of_file(path, tag, **given)
+        records, refused = _of_file(path, tag, may_name=may_name, **given)
         if not records:
             raise next(iter(refused.values()))
         return records, {name: str(error) for name, error in refused.items()}
@@ -131,7 +133,8 @@ def read_records(
         if row.get("file", path.name) != path.name or (tag is not None and row["tag"] != tag):
             continue
         try:  # what names its columns needs no tag in them
-            found, not_read = _of_file(path, None if "columns" in row else row["tag"], single=True, **_told(row, given))
+            own = None if "columns" in row else row["tag"]
+            found, not_read = _of_file(path, own, single=True, may_name="file" in row, **_told(row, given))
             if not_read:
                 raise next(iter(not_read.values()))
             records[row["tag"]] = replace(next(iter(found.values())), tag=row["tag"])
@@ -168,7 +171,7 @@ def read_folder(
         asked = wanted is None or loops is not None or any(w == name or w.startswith(f"{name} ") for w in wanted)
         if not asked and len(sources) > 1:
             continue
-        found, not_read = _of_source(file, own, loops, {**(each or {}).get(name, {}), **given})
+        found, not_read = _of_source(file, own, loops, not path.is_dir(), {**(each or {}).get(name, {}), **given})
         several = len(found) + len(not_read) > 1
         for into, what in ((records, found), (refused, not_read)):
             for label, value in what.items():
@@ -182,9 +185,9 @@ def read_folder(
     return records, refused
 
 
-def _of_source(file: Path, tag: str | None, loops: str | Path | None, given: dict[str, Any]):
+def _of_source(file: Path, tag: str | None, loops: str | Path | None, may_name: bool, given: dict[str, Any]):
     try:
-        return read_records(file, tag=tag, loops=loops, **given)
+        return read_records(file, tag=tag, loops=loops, may_name=may_name, **given)
     except RecordError as error:
         return {}, {file.stem: str(error)}
 
@@ -197,9 +200,12 @@ def _told(row: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
 
 def _of_file(
     path: Path, tag: str | None, *, columns: Mapping[str, str] | None = None, Ts: float | None = None, single: bool = False,
-    automatic: bool = True, **about: Any,
+    automatic: bool = True, may_name: bool = True, **about: Any,
 ) -> tuple[dict[str, LoopRecord], dict[str, RecordError]]:  # fmt: skip
-    """Return the records of a file by tag, and what was refused; of `single` only one is asked for."""
+    """Return the records of a file by tag, and what was refused; of `single` only one is asked for.
+
+    `may_name`: where no column names a loop, the tag is that of the only one; a tag told of many files is not.
+    """
     about = {k: v for k, v in about.items() if v is not None}
     chosen, where = dict(columns or {}), str(path)
     if path.suffix.lower() == ".mat":
@@ -212,12 +218,12 @@ def _of_file(
         return {made.tag: made}, {}
     table = _opened(path, chosen)
     names = list(table.parts or table.sheet.columns)
-    loops = find_loops(names, chosen, where, tag)
+    loops = find_loops(names, chosen, where, tag if names_loops(names) or not may_name else None)
     if single and len(loops) > 1:
         raise several_loops(loops, where)
     records, refused = {}, {}
     for name, roles in loops.items():
-        label = name if len(loops) > 1 or tag is not None else path.stem
+        label = (name or tag or "") if len(loops) > 1 or tag is not None else path.stem
         try:
             own = {"tag": label or path.stem, **about}
             records[label] = _record(table.own(), roles, chosen, Ts, own, where, automatic)

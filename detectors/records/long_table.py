@@ -64,7 +64,7 @@ def _long(sheet: Sheet, time: str, tags: list[str], value: str) -> dict[str, She
 
 
 def _picker(rows: list[int]) -> Callable:
-    index = np.array(rows)
+    index = np.array(rows, dtype=np.intp)
     return lambda cells: cells[index] if isinstance(cells, np.ndarray) else [cells[i] for i in rows]
 
 
@@ -106,5 +106,5 @@ def is_stamped(cells: list | np.ndarray) -> bool:
     """Whether a column begins with a time stamp."""
     if isinstance(cells, np.ndarray):
         return cells.dtype.kind == "M"
-    first = next((str(c).strip() for c in cells if c not in (None, "")), "")
+    first = next((str(c).strip() for c in cells if c is not None and str(c)), "")
     return bool(_STAMP.search(first))

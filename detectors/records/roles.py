@@ -192,6 +192,11 @@ def find_loops(
     return {_shown_tag(loop, found): _picked(found, fixed, where) for loop, found in whole.items()}
 
 
+def names_loops(names: Sequence[str]) -> bool:
+    """Whether the column of any signal names the loop that it is of."""
+    return any(said.loop for said in map(parse, names) if said.role is not None)
+
+
 def _chosen(names: Sequence[str], chosen: Mapping[str, str], where: str) -> dict[str, str]:
     """Return the columns that the caller names, checked; the time and quality are others' business."""
     roles: dict[str, str] = {}
@@ -387,7 +392,7 @@ def several_loops(loops: Mapping[str, Mapping[str, str]], where: str) -> RecordE
 
 
 def _no_loop(names: Sequence[str], groups: Mapping, tag: str, where: str) -> RecordError:
-    whole = [_shown_tag(loop, found) for loop, found in groups.items() if {"pv", "op"} <= set(found)]
+    whole = [_shown_tag(loop, found) for loop, found in groups.items() if loop and {"pv", "op"} <= set(found)]
     said = f"{where}: no column of loop {tag!r}; columns are: {shown(names)}"
     if not whole:
         return RecordError(said)

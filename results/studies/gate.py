@@ -163,14 +163,8 @@ def few(base: RunArrays, method: str, cells: str | None) -> RunArrays:
     at = [
         int(np.flatnonzero((base.truth["cycled"] == k) & (base.applicable[base.methods.index(method)] != 0))[0]) for k in (0, 1)
     ]
-    arrays = {
-        name: getattr(base, name)[:, at] for name in ("verdict", "verdict_raw", "score", "score_raw", "applicable", "failed")
-    }
-    more = {name: getattr(base, name)[at] for name in ("ids", "hashes", "places", "oscillating", "groups", "design")}
-    tables = {name: {k: v[at] for k, v in getattr(base, name).items()} for name in ("axes", "truth")}
     about = {**base.manifest, "grid_hash": "two loops", "cells_hash": cells or base.manifest.get("cells_hash")}
-    two = replace(base, manifest=about, **arrays, **more, **tables)
-    two = replace(two, ids=np.array(["x", "y"], dtype="S16"))
+    two = replace(_loops(base, np.array(at)), manifest=about, ids=np.array(["x", "y"], dtype="S16"))
     i = base.methods.index(method)
     return _with(two, i, 1 - two.truth["cycled"], two.score[i])
 
@@ -199,16 +193,26 @@ def _at_random(folder: Path, method: str) -> bool:
 def _without(base: RunArrays, i: int) -> RunArrays:
     wide = ("verdict", "verdict_raw", "score", "score_raw", "applicable", "failed", "runtime")
     kept = tuple(m for k, m in enumerate(base.methods) if k != i)
-    return replace(base, methods=kept, **{name: np.delete(getattr(base, name), i, axis=0) for name in wide})
+    levels = base.levels[base.levels["method"] != i]  # a copy
+    levels["method"] -= levels["method"] > i
+    return replace(base, methods=kept, levels=levels, **{name: np.delete(getattr(base, name), i, axis=0) for name in wide})
 
 
 def _reordered(base: RunArrays, seed: int) -> RunArrays:
-    turn = np.random.default_rng(seed).permutation(base.ids.size)
+    return _loops(base, np.random.default_rng(seed).permutation(base.ids.size))
+
+
+def _loops(base: RunArrays, at: np.ndarray) -> RunArrays:
+    """Return a run of some of the loops, in the order given."""
     wide = ("verdict", "verdict_raw", "score", "score_raw", "applicable", "failed", "runtime")
-    long = ("ids", "hashes", "places", "oscillating", "groups", "design")
-    tables = {name: {k: v[turn] for k, v in getattr(base, name).items()} for name in ("axes", "truth")}
-    arrays = {name: getattr(base, name)[:, turn] for name in wide} | {name: getattr(base, name)[turn] for name in long}
-    return replace(base, **arrays, **tables)
+    long = ("ids", "hashes", "places", "oscillating", "groups", "design", "friction")
+    tables = {name: {k: v[at] for k, v in getattr(base, name).items()} for name in ("axes", "truth")}
+    arrays = {name: getattr(base, name)[:, at] for name in wide} | {name: getattr(base, name)[at] for name in long}
+    place = np.full(base.ids.size, -1)
+    place[at] = np.arange(at.size)
+    levels = base.levels[place[base.levels["loop"]] >= 0]  # a copy
+    levels["loop"] = place[levels["loop"]]
+    return replace(base, levels=levels, **arrays, **tables)
 
 
 def study(grid: str, axes: dict[str, list], methods: tuple[str, ...] = ("fast",)) -> list[dict[str, object]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from detectors.errors import UserError
@@ -30,5 +31,5 @@ def real_loop(isdb: str | Path, name: str, **about: str) -> LoopRecord:
         wanted = f"{_SECTORS.get(letters, letters)}.loop{name[len(letters) :]}".lower()
         found = [loop for loop in read_loops(path) if loop.lower() == wanted]
         if found:
-            return read_record(path, loop=found[0], tag=name, **about)
+            return replace(read_record(path, tag=found[0], **about), tag=name)
     raise NeedsRecord(f"needs ISDB loop {name}; {path} does not hold it")

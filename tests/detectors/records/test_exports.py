@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from detectors.errors import RecordError
-from detectors.records.io import read_record, read_records
+from detectors.records.io import read_folder, read_record, read_records
 from detectors.records.roles import column_pairs
 from detectors.usage import cured
 
@@ -328,6 +328,23 @@ def test_a_table_of_loops_says_what_the_file_does_not(tmp_path):
     table.write_text('[[loop]]\ntag = "A"\nknd = "flow"\n')
     with pytest.raises(RecordError, match="unknown key 'knd', did you mean 'kind'"):
         read_records(file, loops=table)
+
+
+def test_a_tag_names_the_loop_of_a_file_whose_columns_name_none_but_not_of_every_file(tmp_path):
+    file = written(tmp_path, three("Time", "PV", "OP", "SP"), "csv")
+    for record in (read_record(file, tag="FIC1"), read_record(file, loop="FIC1"), *read_records(file, tag="FIC1")[0].values()):
+        assert record.tag == "FIC1"
+        assert np.array_equal(record.pv, PV)
+    with pytest.raises(RecordError, match="no column of loop 'FIC1'"):
+        read_folder(tmp_path, tag="FIC1")
+    table = tmp_path / "plant.toml"
+    table.write_text('[[loop]]\ntag = "FIC1"\n[[loop]]\ntag = "LIC2"\n')
+    with pytest.raises(RecordError, match="no column of loop 'FIC1'") as refused:
+        read_record(file, loops=table)
+    assert "--tag" not in str(refused.value)
+    assert set(read_records(file, loops=table)[1]) == {"FIC1", "LIC2"}
+    table.write_text(f'[[loop]]\ntag = "FIC1"\nfile = "{file.name}"\n')
+    assert np.array_equal(read_records(file, loops=table)[0]["FIC1"].pv, PV)
 
 
 def test_the_time_of_the_calendar_is_kept(tmp_path):

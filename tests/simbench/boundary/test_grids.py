@@ -131,7 +131,6 @@ CHANGES = {
     "no blocks": (HEAD[HEAD.index("[[block]]") :], "", "block"),
     "no members": (HEAD[HEAD.index("[[block.member]]") :], "", "member"),
     "title as number": ('title = "a grid"', "title = 3", "title"),
-    "no title": ('title = "a grid"', "", "title"),
     "expected": ('title = "a grid"', 'title = "a grid"\nexpected = 7', "expected"),
     "both forms": ('title = "a grid"', 'title = "a grid"\nloop = {}', "either"),
     "mv noise as word": ("mv_noise = 0.01", 'mv_noise = "a"', "mv_noise"),
