@@ -327,11 +327,11 @@ def _record(
     begins = float(t[0]) + (0.0 if t[0] >= began else began)
     if began > _EPOCH:  # events are shared by records of the same time only
         about = {**about, "meta": {"start": begins, **about.get("meta", {})}}
-    if held is not None and not automatic and (held == MAN).any():
-        times = begins + (np.arange(signals["pv"].size) + 0.5) * Ts
-        manual = held[np.searchsorted(recorded, times) - 1] == MAN
-        about = {**about, "meta": {"manual": manual, **about.get("meta", {})}}
     record = LoopRecord(Ts=Ts, notes=(*sheet.notes, *notes), **signals, **about)
+    if held is not None and not automatic and (held == MAN).any():
+        times = begins + (np.arange(record.n) + 0.5) * Ts
+        manual = held[np.searchsorted(recorded, times) - 1] == MAN
+        record = replace(record, meta={"manual": manual, **record.meta})
     return replace(record, notes=(*record.notes, *open_span(record), *_outside(record, where)))
 
 

@@ -320,7 +320,7 @@ def _control_of(setup: Setup) -> tuple[dict[str, FunctionType], Any]:
     return {"controller_step": controller.pi_step, "controller_kick": controller.kicked}, p
 
 
-def control_start(setup: Setup, p: Any) -> tuple[float, ...]:
+def control_start(setup: Setup, p: Any) -> tuple[Any, ...]:
     """Return the controller's state at rest: there the error is 0, and a set point away from pv0 is a step at sample 0."""
     if setup.controller_law is not None:
         return swapped.controller_start(setup.op0, 0.0)

@@ -37,7 +37,12 @@ EFFECTS = {
     "sensor": {"noise", "quantisation", "sensor_lag", "compression", "outliers", "drift", "frozen_sensor"},
     "disturbance": {"oscillation", "load_steps", "load_drift"},
     "controller": {
-        "saturation", "detuning", "error_deadband", "op_quantisation", "derivative_action", "missed_executions",
+        "saturation",
+        "detuning",
+        "error_deadband",
+        "op_quantisation",
+        "derivative_action",
+        "missed_executions",
     },
 }
 METHODS = {
