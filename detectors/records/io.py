@@ -218,7 +218,10 @@ def _of_file(
         return {made.tag: made}, {}
     table = _opened(path, chosen)
     names = list(table.parts or table.sheet.columns)
-    loops = find_loops(names, chosen, where, tag if names_loops(names) or not may_name else None)
+    only = may_name and tag is not None and not names_loops(names)
+    if only and not chosen:
+        table.sheet.notes.append(f"tag: no column names a loop; the only one is read as {tag}")
+    loops = find_loops(names, chosen, where, None if only else tag)
     if single and len(loops) > 1:
         raise several_loops(loops, where)
     records, refused = {}, {}

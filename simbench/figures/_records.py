@@ -25,7 +25,7 @@ def real_loop(isdb: str | Path, name: str, **about: str) -> LoopRecord:
         for stem in (name, f"ISDB_{name}"):
             found = [f for f in sorted(path.glob(f"{stem}.*")) if f.suffix in (".csv", ".txt", ".parquet", ".xlsx")]
             if found:
-                return read_record(found[0], tag=name, **about)
+                return replace(read_record(found[0], **about), tag=name)
     else:
         letters = name.rstrip("0123456789")
         wanted = f"{_SECTORS.get(letters, letters)}.loop{name[len(letters) :]}".lower()

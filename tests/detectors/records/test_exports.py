@@ -334,6 +334,7 @@ def test_a_tag_names_the_loop_of_a_file_whose_columns_name_none_but_not_of_every
     file = written(tmp_path, three("Time", "PV", "OP", "SP"), "csv")
     for record in (read_record(file, tag="FIC1"), read_record(file, loop="FIC1"), *read_records(file, tag="FIC1")[0].values()):
         assert record.tag == "FIC1"
+        assert "tag: no column names a loop; the only one is read as FIC1" in record.notes
         assert np.array_equal(record.pv, PV)
     with pytest.raises(RecordError, match="no column of loop 'FIC1'"):
         read_folder(tmp_path, tag="FIC1")

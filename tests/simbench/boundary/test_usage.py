@@ -113,7 +113,7 @@ WRONG = [
     ("detect REC --columns op=op,op=pv", "already"), ("detect REC --columns op=pv,pv=pv", "two roles"),
     ("detect REC --columns op", "ROLE=NAME"), ("detect REC --columns xx=op", "xx"), ("detect REC --columns pv=PV2", "PV2"),
     ("detect REC --front-end acf2", "acf"), ("detect REC --front-end", "--front-end"), ("detect REC --ts 0", "Ts"),
-    ("detect REC --ts nan", "Ts"), ("detect REC --ts 1e-300", "Ts"), ("detect REC --loop FIC101", "FIC101"),
+    ("detect REC --ts nan", "Ts"), ("detect REC --ts 1e-300", "Ts"), ("detect TAGS --loop FIC101", "FIC101"),
     ("detect REC --method horch@publishd", "horch@publishd"), ("detect RECS --labels LABELS", "stictoin"),
     ("report RECS --labels LABELS", "stictoin"), ("gap study RECS --grid smoke --labels LABELS", "stictoin"),
     ("simulate LOOP -o x.parquet", ".csv"), ("valve REC --model ideal -o x.xlsx", ".csv"),
@@ -170,7 +170,7 @@ WRONG = [
 ]  # fmt: skip
 
 
-FILES = {"LABELS": "csv", "SLOW": "toml", "SHARE": "csv", "FAST": "toml"}
+FILES = {"LABELS": "csv", "SLOW": "toml", "SHARE": "csv", "TAGS": "csv", "FAST": "toml"}
 
 
 @pytest.mark.parametrize(("line", "word"), WRONG, ids=lambda v: v[:60])
@@ -185,6 +185,7 @@ def test_a_wrong_command(refused, tmp_path, line, word):
     (tmp_path / "fast.toml").write_text(text("sampling", "Ts", "1e-6"))
     share = "t,op,pv\n" + "".join(f"{k},{0.5 + k % 7 / 100},{50 + k % 5}\n" for k in range(300))
     (tmp_path / "share.csv").write_text(share)
+    (tmp_path / "tags.csv").write_text(RECORD.replace("sp,op,pv", "LIC7.SP,LIC7.OP,LIC7.PV", 1))
     before = loop.read_bytes()
     places = {"LOOP": loop, "REC": record, "OUT": tmp_path / "out", "DIR": empty, "RECS": records}
     places |= {name: tmp_path / f"{name.lower()}.{kind}" for name, kind in FILES.items()}
