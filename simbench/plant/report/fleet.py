@@ -223,6 +223,9 @@ def _joined(
     probability = {m.name: m.probability for m in members}
     nonlinear = {m.name: _nonlinearity(m.verdicts) for m in members}
     events = [tuple(likely_root(g, probability, nonlinear)) for g in shared_oscillations(prepared)]
+    # of two as surely sticky loops of a cascade the inner one has the valve
+    slaves = {a: b for a, b in pairs if probability[b] > CLAIMED_FROM}
+    events = [(b, *(x for x in e if x != b)) if (b := slaves.get(e[0])) in e else e for e in events]
     place = {name: (i, event[0]) for i, event in enumerate(events, 1) for name in event}
     inner = dict(pairs)
     out = []
