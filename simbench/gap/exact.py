@@ -47,8 +47,7 @@ def controller_law(s: Situation, first: int) -> FoundLaw | None:
     law = _Controller.of(s)
     plain, found = law.left({}), []
     for form, guesses, names in _TERMS:
-        if guesses is not None:
-            found += [law.fitted(form, names, guess, first, plain) for guess in guesses(law)]
+        found += [law.fitted(form, names, guess, first, plain) for guess in guesses(law)]
     found.append(law.idle(first, plain))
     good = [one for one in found if one is not None]
     best = max(good, key=lambda one: one.nats, default=None)
@@ -97,13 +96,10 @@ class _Controller(NamedTuple):
     def left(self, numbers: _Numbers) -> np.ndarray:
         """Return what a law leaves of OP (n - 1,), each sample from the recorded one before."""
         e, get = self.e, numbers.get
-        width = get("width", 0.0)
-        counts = np.where(np.abs(e) <= width / 2, 0.0, e) if width else e
-        gain, integral = get("gain", 1.0), get("integral", 1.0)
-        counts = counts * (gain + get("square", 0.0) * np.abs(counts)) + get("side", 0.0) * np.abs(counts)
+        counts = e * (get("gain", 1.0) + get("square", 0.0) * np.abs(e)) + get("side", 0.0) * np.abs(e)
         change = np.diff(counts)
         adds = self.newest * counts[1:] + (1.0 - self.newest) * counts[:-1]
-        du = self.Kc * (change - (1.0 - get("weight", 1.0)) * self.moves) + self.Ki / integral * adds
+        du = self.Kc * (change - (1.0 - get("weight", 1.0)) * self.moves) + self.Ki * adds
         du = du * np.maximum(1.0 + get("schedule", 0.0) * (self.op[:-1] - self.op.mean()), 0.05)
         if get("Td", 0.0):
             follow = 1.0 / (1.0 + max(get("filter", 0.0), 0.0) / self.Ts)
@@ -202,7 +198,7 @@ def _speeds(c: _Controller) -> list[_Numbers]:
 
 
 _POSITIVE = ("gain", "Td", "down", "up")
-_TERMS: tuple[tuple[str, Callable | None, tuple[str, ...]], ...] = (
+_TERMS: tuple[tuple[str, Callable[[_Controller], list[_Numbers]], tuple[str, ...]], ...] = (
     ("regime", _regimes, ("gain", "square")),
     ("regime", _regimes, ("gain", "side")),
     ("regime", _regimes, ("gain", "schedule")),

@@ -23,7 +23,6 @@ class FoundLaw:
     evidence: np.ndarray | None = None
     on: np.ndarray | None = None
     intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
-    fit: object = None
 
     @property
     def block(self) -> str:

@@ -17,6 +17,7 @@ from simbench.gap.likelihood.valve_map import MapSearch
 from simbench.gap.situation import ModelledTest, Situation, load_memory, through_valve
 from simbench.loop.effects import EFFECTS
 from simbench.loop.resolve import resolve_loop
+from simbench.loop.response import stages_response
 
 _BY_MV = 10.0  # nats that a valve found by MV must bring, before OP of the other records is sent through it
 _MOVES = 1e-6  # % that OP must move before MV shows anything
@@ -67,14 +68,7 @@ def through_effect(s: Situation, effect: str, p: Parameters, op: np.ndarray, Ts:
         valves = resolve_loop(type(s.baseline).from_table(table), 0).valves
     except UserError:
         return op
-    mv = np.asarray(op, dtype=float)
-    for module, parameters in valves:
-        state, out = module.start(float(mv[0]), parameters), np.empty(mv.size)
-        for k, u in enumerate(mv.tolist()):
-            state = module.step(u, state, parameters)
-            out[k] = state[0]
-        mv = out
-    return np.clip(mv, 0.0, 100.0)
+    return np.clip(stages_response(tuple(valves), np.ascontiguousarray(op, dtype=float), float(op[0])), 0.0, 100.0)
 
 
 def effects_by_pv(s: Situation, tests: Sequence[ModelledTest]) -> list[str]:
