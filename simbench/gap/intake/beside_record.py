@@ -8,7 +8,8 @@ import numpy as np
 
 from detectors.errors import RecordError
 from detectors.signal.spikes import cleaned
-from simbench.gap.controller.pi_law import Law, examine_law
+from simbench.gap.controller.examine import examine_controller
+from simbench.gap.controller.pi_law import Law
 from simbench.gap.intake.check import check
 from simbench.gap.intake.observed import longest_run
 from simbench.gap.intake.recorded_test import RecordedTest
@@ -50,12 +51,12 @@ def modelled(test: RecordedTest, s: Situation) -> ModelledTest:
 
 
 def _law(test: RecordedTest, rows: slice, s: Situation) -> Law | None:
-    r, control = test.record, test.loop.controller
+    r = test.record
     sp = None if r.sp is None else np.asarray(r.sp)[rows]
     op, pv = np.asarray(r.op_percent)[rows], np.asarray(r.pv)[rows]
     if np.ptp(op) == 0.0:
         return None
-    return examine_law(op, pv, sp, r.Ts, control.sign * control.Kc, control.Ti, s.tuned, s.data.noise)
+    return examine_controller(op, pv, sp, r.Ts, test.loop, s.tuned, s.data.noise)
 
 
 def contradiction(test: RecordedTest, found: ModelledTest, s: Situation) -> str:

@@ -12,8 +12,8 @@ from detectors.quality import inspect
 from detectors.record import LoopRecord
 from detectors.signal.holds import holds
 from scenarios.spec import Loop
-from simbench.gap.controller.pi_law import Law, examine_law
-from simbench.gap.controller.pid_law import examine_pid
+from simbench.gap.controller.examine import examine_controller
+from simbench.gap.controller.pi_law import Law
 from simbench.gap.likelihood.model import Data
 from simbench.gap.sensor.samples import Samples, inspect_samples
 from simbench.gap.situation import through_valve
@@ -73,19 +73,15 @@ class Observed:
     @cached_property
     def law(self) -> Law:
         """What turned the error into OP."""
-        r, Ti, manual = self.record, self.baseline.controller.Ti, self.record.meta.get("manual")
-        if self.baseline.controller.type == "PID":
-            rows = slice(None) if manual is None else longest_run(~np.asarray(manual))
-            sp = None if r.sp is None else r.sp[rows]
-            return examine_pid(self.op[rows], r.pv[rows], sp, r.Ts, self.baseline.controller, self.baseline.pv0)
+        r, manual = self.record, self.record.meta.get("manual")
         if manual is None or not np.any(manual):
-            return examine_law(self.op, r.pv, r.sp, r.Ts, self.Kc, Ti, self.tuned, self.noise)
+            return examine_controller(self.op, r.pv, r.sp, r.Ts, self.baseline, self.tuned, self.noise)
         # in manual OP is an input and no law is asked
         rows = longest_run(~np.asarray(manual))
         if rows.stop - rows.start < _LAW_ROWS:
-            return Law(0.0, 0.0, self.Kc, Ti or np.inf)
+            return Law(0.0, 0.0, self.Kc, self.baseline.controller.Ti or np.inf)
         sp = None if r.sp is None else r.sp[rows]
-        law = examine_law(self.op[rows], r.pv[rows], sp, r.Ts, self.Kc, Ti, self.tuned, self.noise)
+        law = examine_controller(self.op[rows], r.pv[rows], sp, r.Ts, self.baseline, self.tuned, self.noise)
         return replace(law, recovered_pv=None, averaged=False, reason="")
 
     @property

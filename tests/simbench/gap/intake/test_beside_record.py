@@ -53,6 +53,17 @@ def test_nothing_is_said_of_a_sound_test(id_, situation):
     assert said(made(id_, situation), situation) == ""
 
 
+@pytest.mark.parametrize("id_", ["sp_steps", "bump"])
+def test_nothing_is_said_of_a_sound_test_under_a_pid(id_):
+    loop = Loop.from_table(LOOP.to_table() | {"controller": {"type": "PID", "Kc": 0.5, "Ti": 10.0, "Td": 1.5}})
+    own = check(simulate(loop, 1).record, loop)
+    test = made(id_, own, loop, loop)
+    found = modelled(test, own)
+    assert found.law is not None
+    assert found.law.known
+    assert contradiction(test, found, own) == ""
+
+
 @pytest.mark.parametrize("shift", [-10, 10])
 def test_a_mode_column_that_is_shifted_is_found(shift, situation):
     test = made("bump", situation)
