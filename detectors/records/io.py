@@ -36,6 +36,7 @@ from detectors.records.roles import (
     unit,
 )
 from detectors.records.tables import BLANK, Sheet, read_sheet, read_table
+from detectors.signal.holds import runs_of
 
 _RECORD_LABELS = ("stiction", "no_stiction", "unknown")
 # what a loop without stiction may be said to have instead; more words may follow ("tuning problem")
@@ -351,16 +352,15 @@ def _automatic(t: np.ndarray, signals: dict[str, np.ndarray], held: np.ndarray, 
     """Return the longest stretch in automatic or cascade, and say what share of the record either is."""
     share = {m: float(np.mean(held == m)) for m in (AUTO, CAS, MAN)}
     said = ", ".join(f"{m} {s:.0%}" for m, s in share.items() if s > 0)
-    on = np.concatenate([[0], (held != MAN).astype(int), [0]])
-    begins, ends = np.flatnonzero(np.diff(on) == 1), np.flatnonzero(np.diff(on) == -1)
+    runs = runs_of(held != MAN)
+    lengths = runs[:, 1] - runs[:, 0]
     if share[MAN] == 0.0:
         notes.append(f"mode: {said} of {held.size} samples")
         return t, signals, 1.0
-    if not begins.size or (ends - begins).max() < 3:
+    if lengths.max(initial=0) < 3:
         notes.append(f"mode: {said}: the controller is never in automatic, which says nothing about cycles")
         return t, signals, 0.0
-    k = int(np.argmax(ends - begins))
-    a, b = int(begins[k]), int(ends[k])
+    a, b = map(int, runs[np.argmax(lengths)])
     part = f"judged samples {a} to {b - 1} of {held.size} ({(b - a) / held.size:.0%}), the longest stretch in automatic"
     notes.append(f"mode: {said}; {part}")
     return t[a:b], {role: x[a:b] for role, x in signals.items()}, 1.0 - share[MAN]

@@ -30,6 +30,17 @@ def holds(x: np.ndarray) -> np.ndarray:
     return np.diff(np.concatenate([[0], edges, [x.size]]))
 
 
+def runs_of(x: np.ndarray) -> np.ndarray:
+    """Return begin and end, shape (k, 2), of every run of true samples, in order.
+
+    Examples
+    --------
+    >>> runs_of(np.array([False, True, True, False, True])).tolist()
+    [[1, 3], [4, 5]]
+    """
+    return np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(x, dtype=int), [0]]))).reshape(-1, 2)
+
+
 def stuck(x: np.ndarray, unit: float = 0.0) -> float:
     """Return the share of samples in exact standstills longer than noise, rounded to `unit`, has by chance.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from detectors.signal.conditioning import clear_harmonics, drift, noise_variance, smooth
+from detectors.signal.holds import runs_of
 
 _STILL = 0.1  # movement over a twentieth of the period, in std of the valve's position, below which the valve stands still
 _SHORTEST_STANDSTILL = 0.05  # shortest standstill, as a share of the period
@@ -46,8 +47,7 @@ def stuck_intervals(op: np.ndarray, still: np.ndarray, period: float, least_op: 
     >>> [x.tolist() for x in stuck_intervals(op, still, 40.0, 2.0)]
     [[8], [7.0]]
     """
-    padded = np.concatenate([[False], still, [False]])
-    edges = np.flatnonzero(padded[1:] != padded[:-1])
+    edges = runs_of(still).ravel()
     start, stop = edges[::2], edges[1::2]
     if start.size == 0:
         return np.zeros(0, dtype=int), np.zeros(0)

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
-from detectors.signal.holds import holds
+from detectors.signal.holds import holds, runs_of
 from detectors.signal.lattice import written_unit
 from simbench.gap.controller.regression import FORMS
 from simbench.gap.law import FoundLaw
@@ -147,9 +147,8 @@ class _Controller(NamedTuple):
         """Return the law of a controller that does not run in some samples, where OP stands though it should move."""
         still = np.append(False, np.diff(self.op) == 0.0)
         asked = np.append(0.0, np.abs(np.diff(self.op) - plain))
-        runs = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(int), [0]]))).reshape(-1, 2)
         runs = np.array(
-            [(a, b) for a, b in runs if asked[a:b].max() > (5 if b - a > 2 else 20) * self.unit], dtype=int
+            [(a, b) for a, b in runs_of(still) if asked[a:b].max() > (5 if b - a > 2 else 20) * self.unit], dtype=int
         ).reshape(-1, 2)
         idle = np.zeros(still.size, dtype=bool)
         for a, b in runs:
@@ -229,7 +228,7 @@ def sensor_law(s: Situation, first: int) -> FoundLaw | None:
         return FoundLaw("clipped", numbers, hits * chance, on=np.any(list(clipped.values()), axis=0))
     long = stands & (holds(pv)[np.cumsum(~stands) - 1] >= 3)
     if long.mean() > _HELD and (s.frozen or s.baseline.noise.std > unit):
-        runs = np.flatnonzero(np.diff(np.concatenate([[0], long.astype(int), [0]]))).reshape(-1, 2)
+        runs = runs_of(long)
         numbers = {"share": float(long.mean()), "length": float(np.mean(runs[:, 1] - runs[:, 0])) * Ts}
         return FoundLaw("held", numbers, int(long.sum()) * chance, on=long)
     return None

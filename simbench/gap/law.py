@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from detectors.signal.holds import runs_of
 from simbench.loop.laws import LAW_FORMS
 
 
@@ -58,5 +59,4 @@ def spells_of(evidence: np.ndarray, price: float) -> np.ndarray:
 
 def windows_of(on: np.ndarray, Ts: float) -> list[list[float]]:
     """Return begin and end (s) of every run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], on.astype(int), [0]])))
-    return [[float(a * Ts), float(b * Ts)] for a, b in edges.reshape(-1, 2)]
+    return [[float(a * Ts), float(b * Ts)] for a, b in runs_of(on)]

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from detectors.errors import RecordError
+from detectors.signal.holds import runs_of
 from detectors.signal.spikes import cleaned
 from simbench.gap.controller.examine import examine_controller
 from simbench.gap.controller.pi_law import Law
@@ -123,8 +124,7 @@ def _moves(op: np.ndarray) -> np.ndarray:
 
 
 def _runs(x: np.ndarray) -> list[slice]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], x.astype(int), [0]]))).reshape(-1, 2)
-    return [slice(int(a), int(b)) for a, b in edges]
+    return [slice(int(a), int(b)) for a, b in runs_of(x)]
 
 
 def _longest(x: np.ndarray) -> int:

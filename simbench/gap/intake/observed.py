@@ -10,7 +10,7 @@ import numpy as np
 from detectors.errors import RecordError
 from detectors.quality import inspect
 from detectors.record import LoopRecord
-from detectors.signal.holds import holds
+from detectors.signal.holds import holds, runs_of
 from scenarios.spec import Loop
 from simbench.gap.controller.examine import examine_controller
 from simbench.gap.controller.pi_law import Law
@@ -130,8 +130,7 @@ class Observed:
 
 def longest_run(x: np.ndarray) -> slice:
     """Return the longest run of true samples."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(x, dtype=int), [0]])))
-    runs = edges.reshape(-1, 2)
+    runs = runs_of(x)
     if not len(runs):
         return slice(0, 0)
     first, last = runs[int(np.argmax(runs[:, 1] - runs[:, 0]))]
