@@ -379,11 +379,11 @@ def draw(found: list[dict[str, Any]], homes: dict[str, Home], names: list[str], 
     """
     import pandas as pd
 
-    from simbench.figures._style import BLUE, label, panels, styled
+    from simbench.figures._style import BLUE, label, panels, styled, write_picture
 
     @styled
     def picture() -> Any:
-        figure, ((left, right),) = panels(1, 2, 9.0, 3.8)
+        figure, ((left, right),) = panels(1, 2, 10.0, 3.8)
         where = list(homes)
         for row in found:
             i, j = where.index(row["first"]), where.index(row["second"])
@@ -400,10 +400,10 @@ def draw(found: list[dict[str, Any]], homes: dict[str, Home], names: list[str], 
             right.plot(range(len(where)), costs, "-" if k < 7 else "--", marker="o", markersize=3, label=m)
         label(right, "", "cost", "methods from home to home")
         right.set_xticks(range(len(where)), where)
-        right.legend(fontsize=5, ncol=2)
+        right.legend(fontsize=6, loc="center left", bbox_to_anchor=(1.0, 0.5))
         return figure
 
-    picture().savefig(file)
+    write_picture(picture(), file)
     write_table(pd.DataFrame(found), file.with_suffix(".csv"), float_format="%.4f")
 
 
