@@ -78,7 +78,7 @@ def seconds(
     if back.size:
         was, now = values[back[0]], values[back[0] + 1]
         why = f"{name} does not rise ({was}, then {now}); every sample needs a later time"
-        usual = float(np.median(step))
+        usual = float(np.median(step)) or float((t[-1] - t[0]) / step.size)
         raise RecordError(f"{where}, {place(back[0] + 1)}: {why}", f"--ts {usual:g}" if usual > 0 and not again else "")
     return t
 

@@ -38,7 +38,7 @@ _GOOD = {"good", "g", "ok", "valid", "true", "gut", "bon", "bonne", "buena", "bu
 _BAD = {"bad", "b", "invalid", "false", "schlecht", "mauvais", "mauvaise", "mala", "malo", "cattivo", "坏", "差", "错误"}
 _UNSURE = {"uncertain", "questionable", "doubtful", "u", "substituted", "annotated", "unsicher", "incertain", "不确定"}
 _FIRST_SURE = ("opcquality", "qstatus", "qlevel")  # where a historian writes several, these have one meaning
-_MILLIAMPERE = (4.0, 20.0)
+_SPANS = {"ma": ("mA", 4.0, 20.0), "m%": ("m%", 0.0, 1e5), "‰": ("‰", 0.0, 1e3)}  # that a unit of OP fixes
 _OTHER_SPANS = {"v", "volt", "bar", "mbar", "kpa", "psi", "psig", "mm", "deg", "rpm", "hz", "counts"}
 _CURRENT = (3.5, 20.6)  # what an output of 4 to 20 mA may read
 _LIKELY_SPANS = {"v": "1 5", "volt": "1 5", "bar": "0.2 1", "mbar": "200 1000", "kpa": "20 100", "psi": "3 15", "psig": "3 15"}
@@ -46,6 +46,8 @@ _COUNTS = ((1023.0, "0 1023"), (4095.0, "0 4095"), (27648.0, "0 27648"), (32767.
 _SENTINELS = (-99999.0, -9999.0, -999.25, -999.0, 9999.0, 99999.0)
 _POINT = re.compile(r"[+-]?(\d+|\d{1,3}(,\d{3})+)?(\.\d*)?(e[+-]?\d+)?", re.IGNORECASE)
 _APART = re.compile(r"(?<=\d)[\u00a0\u202f' ](?=\d{3})")  # what stands between thousands
+_WITH_UNIT = re.compile(r"([+-]?\d[\d.,' ]*)\s+((?:%|[^\W\d_]|°)[^\s]{0,7})")  # a cell that says its unit: 12,3 m3/h
+_SUMMARY = 12  # lines below a table that may sum it up
 _GROUPS = re.compile(r"[+-]?[1-9]\d{0,2}([.,]\d{3})+")  # numbers that may be whole, or have three decimals
 _COMMA = re.compile(r"[+-]?(\d+|\d{1,3}(\.\d{3})+)?(,\d*)?(e[+-]?\d+)?", re.IGNORECASE)
 
@@ -61,6 +63,27 @@ def is_head(cells: Sequence[str], chosen: Mapping[str, str]) -> bool:
     names = [c.strip() for c in cells]
     named = {r for r in SIGNALS for n in names if means(n, r)} | {r for r, name in chosen.items() if name in names}
     return {"pv", "op"} <= named or long_columns(names) is not None
+
+
+def take_rows(sheet: Sheet, chosen: Mapping[str, str]) -> None:
+    """Take rows off a table that are no samples: below it such as sum it up, and such as repeat the one above."""
+    if not all(isinstance(c, list) for c in sheet.columns.values()):
+        return
+    time = chosen.get("t") or next((n for n in sheet.columns if ends_with(n, TIME_NAMES) is not None), "")
+    cells, columns = sheet.columns.get(time, []), list(sheet.columns.values())
+    samples = [i for i, cell in enumerate(cells[-_SUMMARY:], max(len(cells) - _SUMMARY, 0)) if any(map(str.isdigit, str(cell)))]
+    end = samples[-1] + 1 if samples else len(cells)
+    if end < len(cells):
+        sheet.notes.append(f"file: {len(cells) - end} lines below the samples left out: {', '.join(map(str, cells[end:]))}")
+    again = {i for i in range(1, end) if cells[i] == cells[i - 1] and cells[i]}
+    # where stamps are coarse, samples may be alike
+    again = again if end - len(again) > 2 and all(c[i] == c[i - 1] for i in again for c in columns) else set()
+    if again:
+        sheet.notes.append(f"time: {len(again)} rows that repeat the one above left out")
+    if again or end < len(cells):
+        kept = [i for i in range(end) if i not in again]
+        sheet.columns = {name: [c[i] for i in kept] for name, c in sheet.columns.items()}
+        sheet.lines = [sheet.lines[i] for i in kept] if sheet.lines else []
 
 
 def take_units(sheet: Sheet, chosen: Mapping[str, str]) -> dict[str, str]:
@@ -80,6 +103,11 @@ def take_units(sheet: Sheet, chosen: Mapping[str, str]) -> dict[str, str]:
             del column[0]  # pyright: ignore[reportIndexIssue]
         sheet.notes.append(f"file: {sheet.place(0)} taken as units or descriptions: {', '.join(filter(None, first.values()))}")
         del sheet.lines[:1]
+    for name, column in sheet.columns.items():  # 12,3 m3/h
+        written = _WITH_UNIT.fullmatch(str(column[0]).strip()) if len(column) else None
+        if name != time and written and _numeric(written[1]):
+            sheet.columns[name] = [str(c).strip().removesuffix(written[2]).rstrip() for c in column]
+            units[name] = units[name] or written[2].lower()
     return units
 
 
@@ -87,9 +115,10 @@ def op_span(unit_of_op: str, known: object, where: str, notes: list[str]) -> tup
     """Return the span that OP's unit fixes; % is 0..100 by itself, 4..20 mA is a standard, others need to be told."""
     if known is not None:
         return None
-    if unit_of_op == "ma":
-        notes.append("unit: OP is in mA, 4 to 20 mA taken as 0 to 100 %")
-        return _MILLIAMPERE
+    if unit_of_op in _SPANS:
+        name, lo, hi = _SPANS[unit_of_op]
+        notes.append(f"unit: OP is in {name}, {lo:g} to {hi:g} {name} taken as 0 to 100 %")
+        return lo, hi
     if unit_of_op in _OTHER_SPANS:
         said = f"{where}: OP is in {unit_of_op!r}; which values mean 0 and 100 % is needed (op_span)"
         raise RecordError(said, f"--op-span {_LIKELY_SPANS.get(unit_of_op, '0 100')}")

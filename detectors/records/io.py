@@ -6,7 +6,6 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from shlex import quote
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from detectors.record import KIND_ALIASES, KINDS, MOST_OUTSIDE, PROCESSES, LoopR
 from detectors.records.archive import Series, base_step, hold, stored_on_change
 from detectors.records.clock import seconds
 from detectors.records.gaps import BRIDGED, JITTER, MOST_MISSING, whole
-from detectors.records.historian import apply_quality, is_head, op_span, open_span, read_numbers, take_units
+from detectors.records.historian import apply_quality, is_head, op_span, open_span, read_numbers, take_rows, take_units
 from detectors.records.long_table import is_stamped, read_series, unfold
 from detectors.records.loop_table import read_loop_table
 from detectors.records.mode import AUTO, CAS, MAN, mode
@@ -35,12 +34,13 @@ from detectors.records.roles import (
     several_loops,
     unit,
 )
-from detectors.records.tables import BLANK, Sheet, read_sheet, read_table
+from detectors.records.tables import BLANK, Sheet, read_sheets, read_table
 from detectors.signal.holds import runs_of
 
 _RECORD_LABELS = ("stiction", "no_stiction", "unknown")
 # what a loop without stiction may be said to have instead; more words may follow ("tuning problem")
 _CAUSES = ("tuning", "disturbance", "load", "interaction", "sensor", "nonlinearity", "quantisation", "healthy", "other")
+_MILLISECONDS = ("millitm", "millisecond", "milliseconds", "msec", "ms")
 _EPOCH = 1e8  # s since 1970 from which a time is one of the calendar
 RECORD_FILES = (".csv", ".txt", ".parquet", ".xlsx")  # what is read of a folder
 
@@ -105,27 +105,20 @@ def read_record(
     """
     path = Path(path)
     wanted = tag if tag is not None else loop
-    given, may_name = {"columns": columns, "Ts": Ts, **about}, True
+    given = {"columns": columns, "Ts": Ts, "automatic": automatic, **about}
     for row in read_loop_table(loops) if loops is not None else []:
         if (wanted is None and row.get("file", path.name) == path.name) or row["tag"] == wanted:
-            given = {**row, **{k: v for k, v in given.items() if v is not None}}
-            wanted, may_name = (wanted, True) if wanted is not None else (row["tag"], "file" in row)
-            break
-    if given.get("columns") and not columns:
-        wanted = None  # what names its columns needs no tag in them
-    records, refused = _of_file(path, wanted, automatic=automatic, single=True, may_name=may_name, **_told({}, given))
-    if refused:
-        raise next(iter(refused.values()))
-    return next(iter(records.values()))
+            return _of_row(path, row, given, named=wanted is not None)
+    return _only(_of_file(path, wanted, single=True, **_told({}, given)))
 
 
 def read_records(
-    path: str | Path, *, tag: str | None = None, loops: str | Path | None = None, may_name: bool = True, **given: Any
+    path: str | Path, *, tag: str | None = None, loops: str | Path | None = None, **given: Any
 ) -> tuple[dict[str, LoopRecord], dict[str, str]]:
     """Read every loop of a file: records by tag, and of what is refused the sentence."""
     path = Path(path)
     if loops is None:
-        records, refused = _of_file(path, tag, may_name=may_name, **given)
+        records, refused = _of_file(path, tag, **given)
         if not records:
             raise next(iter(refused.values()))
         return records, {name: str(error) for name, error in refused.items()}
@@ -133,15 +126,25 @@ def read_records(
     for row in read_loop_table(loops):
         if row.get("file", path.name) != path.name or (tag is not None and row["tag"] != tag):
             continue
-        try:  # what names its columns needs no tag in them
-            own = None if "columns" in row else row["tag"]
-            found, not_read = _of_file(path, own, single=True, may_name="file" in row, **_told(row, given))
-            if not_read:
-                raise next(iter(not_read.values()))
-            records[row["tag"]] = replace(next(iter(found.values())), tag=row["tag"])
+        try:
+            records[row["tag"]] = _of_row(path, row, given)
         except RecordError as error:
             said[row["tag"]] = str(error)
     return records, said
+
+
+def _of_row(path: Path, row: Mapping[str, Any], given: Mapping[str, Any], named: bool = False) -> LoopRecord:
+    """Return the loop of a table's row; where neither row nor caller (`named`) says the file, its columns must name the tag."""
+    tag = None if "columns" in row else row["tag"]
+    found = _of_file(path, tag, single=True, in_columns=not named and "file" not in row, **_told(row, given))
+    return replace(_only(found), tag=row["tag"])
+
+
+def _only(found: tuple[dict[str, LoopRecord], dict[str, RecordError]]) -> LoopRecord:
+    records, refused = found
+    if refused:
+        raise next(iter(refused.values()))
+    return next(iter(records.values()))
 
 
 def read_folder(
@@ -160,7 +163,8 @@ def read_folder(
 
         sources = {name: (path, name) for name in read_loops(path)}
     elif path.is_dir():
-        sources = {f.stem: (f, tag) for f in sorted(path.iterdir()) if f.suffix.lower() in RECORD_FILES}
+        # a tag told of many files picks a loop that their columns name, and names none
+        sources = {f.stem: (f, None) for f in sorted(path.iterdir()) if f.suffix.lower() in RECORD_FILES}
     elif path.is_file():
         sources = {path.stem: (path, tag)}
     else:
@@ -172,7 +176,10 @@ def read_folder(
         asked = wanted is None or loops is not None or any(w == name or w.startswith(f"{name} ") for w in wanted)
         if not asked and len(sources) > 1:
             continue
-        found, not_read = _of_source(file, own, loops, not path.is_dir(), {**(each or {}).get(name, {}), **given})
+        try:
+            found, not_read = read_records(file, tag=own, loops=loops, **{**(each or {}).get(name, {}), **given})
+        except RecordError as error:
+            found, not_read = {}, {file.stem: str(error)}
         several = len(found) + len(not_read) > 1
         for into, what in ((records, found), (refused, not_read)):
             for label, value in what.items():
@@ -180,17 +187,13 @@ def read_folder(
                 into[key if key not in into else f"{name} {label}"] = value  # pyright: ignore[reportArgumentType]
     if wanted is not None:
         records = {n: r for n, r in records.items() if n in wanted}
+    if tag is not None and path.is_dir():
+        records = {n: r for n, r in records.items() if r.tag == tag}
+        refused = refused if records else {"": f"no column of loop {tag!r} in any file"}
     if not records:
         first = next(iter(refused.values()), "it holds no .csv, .parquet, .xlsx or .mat file")
         raise RecordError(f"{path}: no loop record found ({first})")
     return records, refused
-
-
-def _of_source(file: Path, tag: str | None, loops: str | Path | None, may_name: bool, given: dict[str, Any]):
-    try:
-        return read_records(file, tag=tag, loops=loops, may_name=may_name, **given)
-    except RecordError as error:
-        return {}, {file.stem: str(error)}
 
 
 def _told(row: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
@@ -201,11 +204,11 @@ def _told(row: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
 
 def _of_file(
     path: Path, tag: str | None, *, columns: Mapping[str, str] | None = None, Ts: float | None = None, single: bool = False,
-    automatic: bool = True, may_name: bool = True, **about: Any,
+    automatic: bool = True, in_columns: bool = False, **about: Any,
 ) -> tuple[dict[str, LoopRecord], dict[str, RecordError]]:  # fmt: skip
     """Return the records of a file by tag, and what was refused; of `single` only one is asked for.
 
-    `may_name`: where no column names a loop, the tag is that of the only one; a tag told of many files is not.
+    A tag names the only loop where no column names one, unless it must stand `in_columns`.
     """
     about = {k: v for k, v in about.items() if v is not None}
     chosen, where = dict(columns or {}), str(path)
@@ -217,17 +220,21 @@ def _of_file(
         table = _Opened(Sheet(cells), {}, None, where)
         made = _record(table, find_loops(list(cells), chosen, where)[""], chosen, Ts, {**found, **about}, where, automatic)
         return {made.tag: made}, {}
-    table = _opened(path, chosen)
-    names = list(table.parts or table.sheet.columns)
-    only = may_name and tag is not None and not names_loops(names)
-    if only and not chosen:
-        table.sheet.notes.append(f"tag: no column names a loop; the only one is read as {tag}")
-    loops = find_loops(names, chosen, where, None if only else tag)
-    if single and len(loops) > 1:
-        raise several_loops(loops, where)
+    found: dict[str, tuple[_Opened, dict[str, str]]] = {}
+    tables = _opened(path, chosen, tag)
+    for sheet, table in tables.items():
+        names = list(table.parts or table.sheet.columns)
+        only = (bool(sheet) or (tag is not None and not in_columns)) and not names_loops(names)
+        if only and not sheet and not chosen:
+            table.sheet.notes.append(f"tag: no column names a loop; the only one is read as {tag}")
+        loops = find_loops(names, chosen, where, None if only or len(tables) > 1 else tag)
+        for name, roles in loops.items():
+            label = (name or sheet or tag or "") if len(loops) > 1 or sheet or tag is not None else path.stem
+            found[label if label not in found else f"{sheet} {label}"] = table, roles
+    if (single and len(found) > 1) or (len(tables) > 1 and tag is not None):
+        raise several_loops({name: roles for name, (_, roles) in found.items()}, where)
     records, refused = {}, {}
-    for name, roles in loops.items():
-        label = (name or tag or "") if len(loops) > 1 or tag is not None else path.stem
+    for label, (table, roles) in found.items():
         try:
             own = {"tag": label or path.stem, **about}
             records[label] = _record(table.own(), roles, chosen, Ts, own, where, automatic)
@@ -283,10 +290,17 @@ class _Opened:
         return replace(self, sheet=replace(self.sheet, notes=[*self.sheet.notes]), parts=parts)
 
 
-def _opened(path: Path, chosen: Mapping[str, str]) -> _Opened:
-    sheet = read_sheet(path, lambda cells: is_head(cells, chosen))
-    units = take_units(sheet, chosen)
-    return _Opened(sheet, units, unfold(sheet), str(path))
+def _opened(path: Path, chosen: Mapping[str, str], tag: str | None) -> dict[str, _Opened]:
+    """Return a file's table, of a workbook with several those of its sheets by name, or the one that a tag names."""
+    sheets = read_sheets(path, lambda cells: is_head(cells, chosen))
+    if len(sheets) > 1 and tag is not None:
+        sheets = {n: s for n, s in sheets.items() if plain(n) == plain(tag)} or sheets
+    several, out = len(sheets) > 1, {}
+    for name, sheet in sheets.items():
+        take_rows(sheet, chosen)
+        units = take_units(sheet, chosen)
+        out[name if several else ""] = _Opened(sheet, units, unfold(sheet), str(path))
+    return out
 
 
 def _record(
@@ -403,10 +417,11 @@ def _wide(table: _Opened, roles: dict[str, str], chosen: Mapping[str, str], Ts: 
         return np.arange(n) * float(Ts), signals, modes
     name = find_time(list(sheet.columns), chosen, where)
     if name is None:
+        name = next((n for n, cells in sheet.columns.items() if n not in roles.values() and is_stamped(cells)), None)
+        sheet.notes += [] if name is None else [f"time: {name!r} holds time stamps"]
+    if name is None:
         names = ", ".join(TIME_NAMES[:6])
-        stamped = next((n for n, cells in sheet.columns.items() if n not in roles.values() and is_stamped(cells)), None)
-        cure = "--ts 1" if stamped is None else f"--columns {quote(f't={stamped}')}"
-        raise RecordError(f"{where}: no time column ({names}) and no sampling period Ts given; either is needed", cure)
+        raise RecordError(f"{where}: no time column ({names}) and no sampling period Ts given; either is needed", "--ts 1")
     t = seconds(_with_date(sheet, name), name, where, unit=units.get(name, ""), place=sheet.place, notes=sheet.notes)
     if t[0] > t[-1]:
         t, signals = t[::-1], {role: x[::-1] for role, x in signals.items()}
@@ -424,6 +439,8 @@ def _with_date(sheet: Sheet, name: str):
     if name != date and any(mark in str(c) for c in cells[:1] for mark in "-/."):
         return cells  # it holds the date already
     dates, clocks = sheet.columns[date], sheet.columns[clock]
+    if (parts := next((sheet.columns[low[w]] for w in _MILLISECONDS if w in low), None)) is not None:
+        clocks = [f"{c}.{int(ms):03d}" if str(ms).isdigit() else c for c, ms in zip(clocks, parts, strict=True)]
     return [f"{str(d).split(' ')[0]} {c}" for d, c in zip(dates, clocks, strict=True)]
 
 

@@ -14,6 +14,7 @@ from detectors.records.roles import QUALITY, SIGNALS, ends_with, is_quality, is_
 from detectors.records.tables import BLANK, Sheet
 
 _STAMP = re.compile(r"\d{1,4}[-/.]\w{1,9}[-/.]\d{2,4}|\d:\d\d")
+_LOOKED = 60  # rows by which a table is told to hold one value each
 _TIME = "t"  # the column of times in a part
 
 
@@ -23,7 +24,23 @@ def unfold(sheet: Sheet) -> dict[str, Sheet] | None:
     found = long_columns(names)
     if found is not None and not {"pv", "op"} <= {r for r in SIGNALS for n in names if means(n, r)}:
         return _long(sheet, *found)
-    return _paired(sheet)
+    return _paired(sheet) or _interleaved(sheet)
+
+
+def _interleaved(sheet: Sheet) -> dict[str, Sheet] | None:
+    """Take apart a table with a column per signal in which every row holds the value of one."""
+    names = [n for n, c in sheet.columns.items() if parse(n).role is not None and isinstance(c, list)]
+    time = next((n for n in sheet.columns if is_time(n)), None)
+    begin = [sheet.columns[n][:_LOOKED] for n in names]
+    there = {parse(n).role for n, cells in zip(names, begin, strict=True) if any(cells)}
+    if time is None or not {"pv", "op"} <= there or any(sum(map(bool, row)) > 1 for row in zip(*begin, strict=True)):
+        return None
+    parts = {}
+    for name in names:
+        pick = _picker([i for i, cell in enumerate(sheet.columns[name]) if cell])
+        columns = {_TIME: pick(sheet.columns[time]), name: pick(sheet.columns[name])}
+        parts[name] = Sheet(columns, pick(sheet.lines) if sheet.lines else [], sheet.delimiter)
+    return parts
 
 
 def read_series(

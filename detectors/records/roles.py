@@ -29,7 +29,8 @@ SIGNAL_WORDS = {
            "variable de proceso", "misura", "测量值", "测量", "过程值", "过程变量", "实际值", "被控变量"),
     "op": ("op", "out", "output", "co", "controller output", "control output", "lmn", "stellgrosse", "stellgroesse",
            "stellwert", "stellsignal", "reglerausgang", "ausgang", "sortie", "sortie regulateur", "commande", "salida",
-           "salida del controlador", "salida controlador", "uscita", "输出", "输出值", "控制器输出", "控制输出", "阀位指令"),
+           "salida del controlador", "salida controlador", "uscita", "输出", "输出值", "控制器输出", "控制输出", "阀位指令",
+           "阀门开度指令"),
     "sp": ("sp", "spt", "sv", "setpoint", "set point", "setpt", "sollwert", "soll", "fuhrungsgrosse", "fuehrungsgroesse",
            "consigne", "consigna", "punto de consigna", "设定值", "设定", "给定值", "给定"),
     "mv": ("mv", "valve position", "position", "ventilstellung", "stellungsruckmeldung", "ruckmeldung", "rueckmeldung",
@@ -54,6 +55,7 @@ _UNITS = {
     "m3h", "m3hr", "kgh", "kghr", "nm3h", "lpm", "gpm", "lmin", "mm", "cm", "ma", "v", "volt", "counts", "cnt", "ppm", "rpm",
     "celsius", "hz", "mmhg", "scfm", "kgs", "tph", "th", "c", "m",
 }  # fmt: skip
+_DIN = {"w": "sp", "x": "pv", "y": "op"}  # behind a tag, as DIN 19226 calls them: TIC5.X
 _SAME_UNIT = {"pct": "%", "percent": "%", "prozent": "%", "cnt": "counts", "raw": "counts"}
 _APART = re.compile(r"(?:[^\w%]|_)+")
 # what may stand before the name of what is measured: Consigne débit; an output or a position may be the process's own
@@ -104,6 +106,8 @@ def parse(name: str) -> Name:
         loop = parts[: len(parts) - size]
         loose = bool(loop) and not any(c.isdigit() for w in loop for c in w) and bool(re.search(r"[_\-]\w+\W*$", str(name)))
         return Name(tuple(loop), role, unit_of, rank, loose)
+    if len(parts) > 1 and parts[-1] in _DIN and any(c.isdigit() for c in parts[-2]):
+        return Name(tuple(parts[:-1]), _DIN[parts[-1]], unit_of, 1, False)
     for role, among in SIGNAL_WORDS.items():  # the signal may stand first: PV_FIC101
         for rank, phrase in enumerate(among):
             size = len(phrase.split())
@@ -386,8 +390,9 @@ def _several(whole: Mapping[tuple[str, ...], dict[str, list[str]]], where: str) 
 
 def several_loops(loops: Mapping[str, Mapping[str, str]], where: str) -> RecordError:
     """Return the refusal of a file with several loops where one record is needed."""
-    ops = [roles["op"] for roles in loops.values()]
-    said = f"{' or '.join(ops[:2])} may be OP: {len(loops)} loops, {shown(list(loops))}; the tag of one is needed"
+    ops = list(dict.fromkeys(roles["op"] for roles in loops.values()))
+    said = f"{' or '.join(ops[:2])} may be OP: " if len(ops) > 1 else ""
+    said += f"{len(loops)} loops, {shown(list(loops))}; the tag of one is needed"
     return RecordError(f"{where}: {said}", f"--tag {quote(next(iter(loops)))}")
 
 

@@ -59,6 +59,11 @@ def read_table(path: Path) -> Columns:
 
 def read_sheet(path: Path, is_head: Callable[[Sequence[str]], bool] = lambda cells: False) -> Sheet:
     """Read a table, wherever in its file it begins."""
+    return next(iter(read_sheets(path, is_head).values()))
+
+
+def read_sheets(path: Path, is_head: Callable[[Sequence[str]], bool]) -> dict[str, Sheet]:
+    """Read the tables of a file by name: of a workbook every sheet with a header, or the first; else the only one."""
     if not path.exists():
         raise RecordError(f"file {path} does not exist")
     if not path.is_file():
@@ -70,10 +75,11 @@ def read_sheet(path: Path, is_head: Callable[[Sequence[str]], bool] = lambda cel
         if suffix in (".parquet", ".pq"):
             import pandas as pd
 
-            return Sheet(_from_frame(pd.read_parquet(path)))
+            return {"": Sheet(_from_frame(pd.read_parquet(path)))}
         if suffix in (".xlsx", ".xls"):
-            rows = [[_cell(v) for v in row] for row in _sheet(path).itertuples(index=False, name=None)]
-            return _table(path, rows, list(range(1, len(rows) + 1)), is_head)
+            sheets = _workbook(path)
+            whose = [name for name, rows in sheets.items() if any(map(is_head, rows[:_PREAMBLE]))] or list(sheets)[:1]
+            return {n: _table(path, sheets[n], list(range(1, len(sheets[n]) + 1)), is_head) for n in whose}
     except RecordError:
         raise
     except Exception as error:  # pandas passes on whatever its engine raises
@@ -82,14 +88,14 @@ def read_sheet(path: Path, is_head: Callable[[Sequence[str]], bool] = lambda cel
     collecting = gc.isenabled()
     gc.disable()  # a million rows, none of them garbage, would be looked through again and again
     try:
-        return _csv(path, is_head)
+        return {"": _csv(path, is_head)}
     finally:
         if collecting:
             gc.enable()
 
 
-def _sheet(path: Path):
-    """Read the first sheet; a small file that unpacks to a large one is refused before it fills the memory."""
+def _workbook(path: Path) -> dict[str, list[list[str]]]:
+    """Read the cells of every sheet; a small file that unpacks to a large one is refused before it fills the memory."""
     import pandas as pd
 
     if zipfile.is_zipfile(path):
@@ -97,10 +103,10 @@ def _sheet(path: Path):
             size = sum(item.file_size for item in packed.infolist())
         if size > MOST_UNPACKED:
             raise RecordError(f"file {path} unpacks to {size / 1e6:.0f} MB; at most {MOST_UNPACKED / 1e6:.0f} MB are read")
-    frame = pd.read_excel(path, header=None, dtype=object, nrows=MOST_ROWS + 2)
-    if len(frame) > MOST_ROWS + 1:
+    frames = pd.read_excel(path, header=None, dtype=object, nrows=MOST_ROWS + 2, sheet_name=None)
+    if max(map(len, frames.values())) > MOST_ROWS + 1:
         raise RecordError(f"file {path} has more than {MOST_ROWS} rows; at most that many are read")
-    return frame
+    return {n: [[_cell(v) for v in row] for row in f.itertuples(index=False, name=None)] for n, f in frames.items()}
 
 
 def _from_frame(frame) -> Columns:
@@ -153,7 +159,7 @@ def _csv(path: Path, is_head: Callable[[Sequence[str]], bool]) -> Sheet:
         fit = [d for d in _DELIMITERS if d in line and is_head(next(_cells(path, [line], d), ([], 0))[0])]
         if fit:
             start, delimiter = i, max(fit, key=line.count)
-            above = next(_cells(path, [lines[i - 1]], delimiter), ([], 0))[0] if i else []
+            above = next(_cells(path, [lines[i - 1]], delimiter), ([], 0))[0] if i and lines[i - 1][:1] != "#" else []
             break
     if not any(d in line for line in lines[:_PREAMBLE] for d in _DELIMITERS):  # columns apart by spaces
         start = next((i for i, line in enumerate(lines[:_PREAMBLE]) if is_head(line.split())), -1)

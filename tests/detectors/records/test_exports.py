@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta, timezone
 
 import numpy as np
 import pandas as pd
@@ -80,6 +80,22 @@ def excel(*above):
     return sheet([*above, *([t.to_pydatetime() if hasattr(t, "to_pydatetime") else t, *v] for t, *v in zip(T, PV, OP, SP))])
 
 
+def german(values):
+    return [f"{v:,.2f}".replace(",", " ").replace(".", ",").replace(" ", ".") for v in values]
+
+
+def book(**sheets):
+    def write(path):
+        with pd.ExcelWriter(path) as file:
+            for name, table in sheets.items():
+                pd.DataFrame(table).to_excel(file, sheet_name=name, header=False, index=False)
+
+    return write
+
+
+TABLE = [["Time", "PV", "OP", "SP"], *([t, *v] for t, *v in zip(T, PV, OP, SP, strict=True))]
+ZULU = [datetime(2026, 10, 25, 0, 50, tzinfo=UTC) + timedelta(seconds=TS * k) for k in range(N)]
+SUMMER = [t.astimezone(timezone(timedelta(hours=1 + (t.hour == 0)))).isoformat() for t in ZULU]
 ALL = {tag: range(N) for tag, _ in LOOP}
 WORDS = "%d-%b-%y %H:%M:%S"
 DA, BAD = [0 if k in (40, 41) else 192 for k in K], [0.0 if k in (40, 41) else v for k, v in enumerate(PV)]
@@ -203,6 +219,39 @@ READ = {
     "numbered": (wide("Time,PV1,OP1,PV2,OP2", stamps(), OP, PV, PV, OP), "csv", {"tag": "2"}),
     "newest first": (wide("Time,PV,OP,SP", stamps()[::-1], PV[::-1], OP[::-1], SP[::-1]), "csv", {}),
     "no separator but underscores": (three("time", "feed_flow_pv", "feed_flow_op", "feed_flow_sp"), "csv", {}),
+    # written before the reader was looked at
+    "thousand points and decimal commas": (
+        wide("Zeitstempel;Istwert;Stellgröße;Sollwert", stamps(GERMAN), *map(german, (PV, OP, SP)), sep=";").encode("cp1252"),
+        "csv", {}),
+    "utf-16, date and time apart": (
+        wide("Date\tTime\tF1.PV\tF1.OP\tF1.SP", stamps("%d/%m/%Y"), stamps("%H:%M:%S"), PV, OP, SP, sep="\t").encode("utf-16"),
+        "txt", {}),
+    "workbook: record behind a sheet of notes": (book(Info=[["Report", "Value"], ["Unit", "FCC"]], Trend=TABLE), "xlsx", {}),
+    "workbook: a sheet per loop": (book(FIC101=TABLE, LIC7=[[*row[:3], 0] for row in TABLE]), "xlsx", {"tag": "FIC101"}),
+    "time zone through the end of summer time": (wide("timestamp,pv,op,sp", SUMMER, PV, OP, SP), "csv", {}),
+    "letters of DIN": (
+        "timestamp,tag,value,quality\n" + rows("%s", lambda t, n, v: f"{t},{n},{v},Gut",
+        (("X", PV), ("Y", OP), ("W", SP)), "TIC5.{}"), "csv", {}),
+    "every row twice": (
+        wide("time,PV,OP,SP", *([x for x in column for _ in (0, 1)] for column in (stamps(), PV, OP, SP))), "csv", {}),
+    "summary below": (three("Time", "PV", "OP", "SP") + "Average,1210,50,1210\nMinimum,1190,40,1210\n", "csv", {}),
+    "four rows of heads": (
+        wide("Tag,FIC101.PV,FIC101.MV,FIC101.SV\nDescription,Flow,Output,Target\nUnits,m3/h,%,m3/h\nQuality,Good,Good,Good",
+        stamps("%Y/%m/%d %H:%M:%S"), PV, OP, SP), "csv", {}),
+    "milliseconds in a column": (
+        wide("Date;Time;Millitm;F1_PV;F1_CO;F1_SP", stamps("%m/%d/%Y"), stamps("%H:%M:%S"), [0] * N, PV, OP, SP, sep=";"),
+        "csv", {}),
+    "one value a row": (
+        wide("Date-Time,FIC101 PV (m³/h),FIC101 OP (%),FIC101 SP (m³/h)",
+        *zip(*((f"{t}Z", *("" if i != j else x[k] for j in range(3))) for k, t in enumerate(stamps("%Y-%m-%dT%H:%M:%S"))
+        for i, x in enumerate((PV, OP, SP))), strict=True)), "csv", {}),
+    "influx: annotated": (
+        "#group,false,false,false,false,true,true\n#datatype,string,long,dateTime:RFC3339,double,string,string\n#default,_result,,,,,\n"
+        ",result,table,_time,_value,_field,_measurement\n"
+        + rows("%Y-%m-%dT%H:%M:%SZ", lambda t, n, v: f",,0,{t},{v},{n},FIC101", name="{}").replace("PV", "pv"), "csv", {}),
+    "cells that say their unit": (
+        wide("Zeit;PV;OP;SP", stamps(GERMAN),
+        *([f"{v} {u}" for v in german(x)] for x, u in ((PV, "m3/h"), (OP, "%"), (SP, "m3/h"))), sep=";"), "csv", {}),
     "gain in parentheses": (three("Time (UTC)", "FIC101 PV (m3/h)", "FIC101 OP (%)", "FIC101 SP (m3/h)"), "csv", {}),
 }  # fmt: skip
 
@@ -270,6 +319,25 @@ def test_refusal_ends_with_the_options_that_read_the_file(tmp_path, name):
     assert str(caught.value).endswith(caught.value.cure)
     record = read_record(file, **{**options, **options_of(cure)})
     assert np.allclose(record.pv, PV)
+
+
+def test_samples_that_are_alike_under_a_coarse_stamp_are_no_repetition(tmp_path):
+    pv = np.where(K < 20, PV[0], PV)
+    file = written(tmp_path, wide("Time,PV,OP", stamps("%Y-%m-%d %H:%M"), pv, np.where(K < 20, OP[0], OP)), "csv")
+    with pytest.raises(RecordError, match="does not rise") as caught:
+        read_record(file)
+    assert caught.value.cure.startswith("--ts 4.8")
+    assert np.array_equal(read_record(file, Ts=TS).pv, pv)
+
+
+def test_every_sheet_of_a_workbook_is_a_loop_and_a_wrong_tag_is_none(tmp_path):
+    file = written(tmp_path, book(FIC101=TABLE, LIC7=[[t, b, a, c] for t, a, b, c in TABLE]), "xlsx")
+    records, _ = read_records(file)
+    assert [r.pv[0] for r in records.values()] == [PV[0], PV[0]]
+    assert np.array_equal(read_record(file, tag="LIC7").op, OP)
+    for wrong in ({}, {"tag": "TIC9"}):
+        with pytest.raises(RecordError, match=r"2 loops, FIC101, LIC7; .* add --tag FIC101"):
+            read_record(file, **wrong)
 
 
 def test_cure_takes_the_place_of_the_option_that_was_wrong():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import importlib
 import json
 import shlex
 
@@ -9,9 +11,12 @@ import numpy as np
 import pytest
 
 from detectors.example_loop import example_loop
+from detectors.records.io import read_record
 from simbench import cli
 from simbench.gap import command as gap_command
 from simbench.plant import command as plant_command
+from simbench.plant.report import fleet
+from tests.detectors.records import test_exports as exports
 
 
 class _Read(Exception):
@@ -45,8 +50,9 @@ def caught(monkeypatch):
     monkeypatch.setattr(plant_command, "trust", stop)
     monkeypatch.setattr(gap_command, "diagnose", stop)
     monkeypatch.setattr(plant_command, "causes_of", stop)
-    monkeypatch.setattr("simbench.confirm.recorded.travel_recorded", stop)
-    monkeypatch.setattr("simbench.confirm.recorded.gain_change_recorded", stop)
+    recorded = importlib.import_module("simbench.confirm.recorded")  # `simbench.confirm` is a function too
+    monkeypatch.setattr(recorded, "travel_recorded", stop)
+    monkeypatch.setattr(recorded, "gain_change_recorded", stop)
     return got
 
 
@@ -86,6 +92,43 @@ def test_what_is_known_of_a_record_is_said_alike(export, caught, verb):
     assert typed([*words, *known, "--process", "integrating"]) == 0
     record = caught[0]
     assert (record.Ts, record.op_span, record.kind, record.process) == (3.0, (0.0, 200.0), "level", "integrating")
+
+
+READERS = [*VERBS, "report"]
+
+
+@pytest.mark.parametrize("step", [pytest.param(1, marks=pytest.mark.slow), len(READERS)])
+@pytest.mark.parametrize("verb", READERS)
+def test_every_export_reaches_every_verb_as_the_same_record(tmp_path, caught, monkeypatch, verb, step):
+    monkeypatch.setattr(fleet, "resumed", lambda _ask, about, **_: caught.extend(a[1] for a in about) or [][0])
+    for name in list(exports.READ)[READERS.index(verb) % step :: step]:
+        content, suffix, options = exports.READ[name]
+        file = exports.written(tmp_path, content, suffix)
+        words = VERBS.get(verb, f"report {{f}} -o {tmp_path / 'page.html'}").format(f=file).split()
+        asked = {"columns": "--columns", "tag": "--tag", "Ts": "--ts"}
+        for key, value in options.items():
+            words += [asked[key], ",".join(f"{r}={n}" for r, n in value.items()) if key == "columns" else str(value)]
+        caught.clear()
+        with contextlib.suppress(IndexError):
+            assert typed(words) == 0, name
+        one = read_record(file, automatic=verb in ("diagnose", "trust", "report", "confirm gain-change"), **options)
+        assert (caught[0].pv.tobytes(), caught[0].op.tobytes(), caught[0].Ts) == (one.pv.tobytes(), one.op.tobytes(), one.Ts), (
+            name
+        )
+        assert caught[0].notes == one.notes, name
+
+
+@pytest.mark.parametrize("name", exports.ASKED)
+def test_what_a_verb_refuses_it_reads_when_its_command_is_typed(tmp_path, caught, capsys, name):
+    content, options, _ = exports.ASKED[name]
+    file = exports.written(tmp_path, content, "csv")
+    for verb, line in list(VERBS.items())[list(exports.ASKED).index(name) % 2 :: 2]:
+        words = [*line.format(f=file).split(), *(w for value in options.values() for w in ("--tag", value))]
+        assert typed(words) == 2, verb
+        _, *again = shlex.split(capsys.readouterr().err.strip().split("try: ")[1])
+        caught.clear()
+        assert typed(again) == 0, verb
+        assert np.allclose(caught[0].pv, exports.PV), verb
 
 
 def test_detect_judges_every_loop_of_a_file(export, capsys):
