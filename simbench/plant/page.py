@@ -28,6 +28,7 @@ def section(
     pictures: Sequence[tuple[Figure, str]] = (),
     table: pd.DataFrame | None = None,
     long: Sequence[str] = (),
+    beside: dict[str, Sequence[str]] | None = None,
     matrix: bool = False,
     points: Sequence[str] = (),
 ) -> dict[str, Any]:
@@ -35,7 +36,7 @@ def section(
     drawn = [{"svg": inline_svg(f, f"{name}-{i}", says), "caption": says} for i, (f, says) in enumerate(pictures)]
     body: Markup = render(
         ROOM, "section.html", paragraphs=paragraphs, tiles=tiles, pictures=drawn, points=points,
-        table=None if table is None else sortable(table, long=long, matrix=matrix),
+        table=None if table is None else sortable(table, long=long, beside=beside, matrix=matrix),
     )  # fmt: skip
     return {"id": name, "title": title, "body": body}
 

@@ -52,7 +52,8 @@ def advise(found: Trust, prepared: Prepared, named: why.Cause, root: str | None,
     if named.name == why.FROM_OUTSIDE:
         return Advice(UPSTREAM, f"look upstream for what oscillates with a period of {period}")
     if named.name == why.TIGHT:
-        return Advice(TUNING, by_name[RETUNE].sentence() if RETUNE in by_name else f"retune: {named.speaks_for[0]}")
+        helps = RETUNE in by_name and by_name[RETUNE].variance < 1.0  # else calmer, at the price of slower loads
+        return Advice(TUNING, by_name[RETUNE].sentence() if helps else f"retune, calmer: {named.speaks_for[0]}")
     if named.name == why.NO_CAUSE:
         return Advice(NOBODY, "nothing to do")
     return _to_tell(found, prepared)

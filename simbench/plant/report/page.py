@@ -23,6 +23,7 @@ from simbench.plant.trust.result import STICKY
 _BESIDE = (  # in the table beside the page, and in the loop's own part of it
     "speaks for", "speaks against", "OP share", "travel a day (%)", "reversals a day", "in automatic", "at a limit",
     "of today's", "from", "to", "S from", "S to", "answer", "best action", "PV share", "S unit", "smallest visible S", "root",
+    "cycles",
 )  # fmt: skip
 _FIRST = 12  # loops named per trade
 _TRADES = {
@@ -42,10 +43,12 @@ def write_fleet(fleet: Fleet, path: str | Path, labels: dict[str, dict[str, str]
         (str(sum(m.found.probability is None for m in fleet.members)), "records that cannot be judged"),
     ]
     frame = table(fleet)
-    shown = frame[[c for c in frame.columns if c not in (*fleet.methods, *_BESIDE)]]
+    # words that wrap, so that a screen of 1200 px holds every column
+    shown = frame[[c for c in frame.columns if c not in (*fleet.methods, *_BESIDE)]].rename(columns=lambda c: c.replace("_", " "))
+    of_all = {"sticky cycles": ["" if pd.isna(n) else f"of {n}" for n in frame["cycles"]]}
     parts = [
         section("jobs", "Who must do what", _jobs(fleet), tiles=tiles),
-        section("ranking", "Where to go first", table=shown, long=["next"]),
+        section("ranking", "Where to go first", table=shown, long=["next"], beside=of_all),
         section("events", "Oscillations that loops share", _events(fleet)),
         section("matrix", "Detectors and loops", [_legend()], table=_matrix(frame, fleet), matrix=True),
     ]
