@@ -54,30 +54,15 @@ KEYS = ("process", "disturbance", *RANGES, *OPTION_SHARES)
 
 @dataclass(frozen=True)
 class _Worst:
-    """A healthy loop and what a method says about it.
+    """A healthy loop and what a method says about it."""
 
-    Parameters
-    ----------
-    method : str
-        Method id.
-    loop : Loop
-        Its valve has no friction.
-    seed : int
-        Of its run.
-    verdict : Verdict
-        The method's answer.
-    tried, fooled : int
-        Loops simulated, and on how many of those drawn far and wide the method said stiction, of `drawn`.
-    drawn : int
-        Loops drawn far and wide.
-    """
-
-    method: str
-    loop: Loop
-    seed: int
-    verdict: Verdict
+    method: str  # method id
+    loop: Loop  # its valve has no friction
+    seed: int  # of its run
+    verdict: Verdict  # the method's answer
+    # tried, fooled: loops simulated, and on how many of those drawn far and wide the method said stiction, of `drawn`
     tried: int
-    drawn: int
+    drawn: int  # loops drawn far and wide
     fooled: int
 
     @property
@@ -115,18 +100,8 @@ class _Worst:
 def worst(method: str, budget: int = 2000, seed: int = 0) -> _Worst:
     """Search the healthy loop on which a method is most confidently wrong.
 
-    Notes
-    -----
-    First-order and integrating plants under loads (sine, the oscillation of another sticky loop, coloured noise, steps,
-    random walk), aggressive tuning, limits of OP, quantised PV and a valve characteristic: drawn evenly, then the best ones
-    are changed a little (an evolution strategy with shrinking steps). Not a false-alarm rate: loops are not drawn as plants
-    have them.
-
-    Examples
-    --------
-    >>> found = worst("horch", budget=30)
-    >>> found.tried, simulate(found.loop, found.seed).sticky
-    (30, False)
+    First-order and integrating plants under loads, aggressive tuning, limits of OP, quantised PV and a valve characteristic:
+    drawn evenly, then the best ones are changed a little (an evolution strategy with shrinking steps).
     """
     from tqdm import tqdm
 

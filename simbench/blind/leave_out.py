@@ -45,10 +45,7 @@ LEAVE_OUT_COLUMNS = (
 def leave_out(out: str | Path, world: str = OWN, n: int = 4, seed: int = 0, jobs: int = 1) -> pd.DataFrame:
     """Diagnose records of every effect without and with the effect in the library.
 
-    Notes
-    -----
-    `resolvable` says whether the gap stands out of its floor at all: of the others nobody can say anything. Not for an effect
-    that no world draws.
+    `resolvable` says whether the gap stands out of its floor at all: of the others nobody can say anything.
     """
     out = Path(out)
     drawn_by = WORLDS.load(world)

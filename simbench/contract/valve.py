@@ -50,8 +50,6 @@ def check_valve(name: str) -> Contract:
 def _example_tables(module: ModuleType) -> tuple[list[dict[str, Any]], str]:
     """Return two sets of parameters that a valve takes, and what it said to those it refused.
 
-    Examples
-    --------
     >>> _example_tables(VALVES.load("deadband"))[0]
     [{'S': 4.0}, {'S': 7.0}]
     """

@@ -22,21 +22,11 @@ NEEDS = {"isdb": "ISDB", "run": "--run"}
 
 @dataclass(frozen=True)
 class Drawn:
-    """What became of one figure.
+    """What became of one figure."""
 
-    Parameters
-    ----------
-    id : str
-        Public id.
-    files : tuple of Path
-        SVG, PNG and CSV; empty when it was left out.
-    left_out : str
-        Why it was not drawn; "" when it was.
-    """
-
-    id: str
-    files: tuple[Path, ...] = ()
-    left_out: str = ""
+    id: str  # public id
+    files: tuple[Path, ...] = ()  # SVG, PNG and CSV; empty when it was left out
+    left_out: str = ""  # why it was not drawn; "" when it was
 
 
 def figure_ids() -> list[str]:

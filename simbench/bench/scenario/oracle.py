@@ -29,23 +29,9 @@ _UNSURE = 3.0  # nats: below this one answer is at most twenty times likelier th
 def judge_oracle(scenario: Scenario, run: Run) -> Verdict:
     """Ask whether PV fits OP better through a sticky valve than through an ideal one, knowing everything else.
 
-    Notes
-    -----
     OP, sent through a valve and the known plant, predicts PV; what is left is the white noise of the sensor, so the ratio of
     likelihoods is (RSS ideal - RSS sticky)/(2 noise variance). S and J are not known to the oracle: the maximum over all of
-    them is taken (Kay 1998, section 6.4.2). Not for valves with further stages (lag, characteristic), nor for effects on
-    sensor or archive: the residual is then no white noise.
-
-    Examples
-    --------
-    >>> from scenarios.spec import Loop
-    >>> from simbench.loop.simulate import simulate
-    >>> loop = Loop.from_table({
-    ...     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2}, "controller": {"type": "PI", "Kc": 1, "Ti": 10},
-    ...     "valve": {"model": "choudhury", "S": 5, "J": 2}, "noise": {"std": 0.5},
-    ...     "sampling": {"Ts": 1, "n": 1000}, "setpoint": {"value": 50, "steps": [[10, 55]]}})
-    >>> judge_oracle(Scenario(loop=loop), simulate(loop)).verdict
-    'stiction'
+    them is taken (Kay 1998, section 6.4.2).
     """
     setup = resolve_loop(scenario.loop, scenario.seed)
     n, op, pv = setup.n, run.record.op, run.record.pv

@@ -16,37 +16,21 @@ SHOWN = 20  # flipped scenarios in a text; JSON has all
 
 @dataclass(frozen=True, eq=False)
 class Check:
-    """What a run says against its baseline.
+    """What a run says against its baseline."""
 
-    Parameters
-    ----------
-    paired : bool
-        Whether answers are compared loop by loop.
-    basis : str
-        Which test was used and why, in one sentence.
-    problems : tuple of str
-        What fails without any statistics: missing methods or scenarios, new errors, a changed truth.
-    tests : DataFrame
-        method, label, what ("right": of all, "detection": share of the positives called sticky, "rejection": of the negatives
-        called healthy, "no miss", "no false alarm": the same with no decision allowed, "AUC", "coverage" and "median error" of
-        S and J of a family of valves), n (of them, where the method covers the loop), before, now, lost, won (cases, paired
-        only), p (Holm-corrected), seen (smallest drop found in 8 of 10 such runs), worse.
-    flips : DataFrame
-        Every changed verdict: scenario_id (the baseline's), method, was, now, record ("same" or "other"), sticky, cycled,
-        block, disturbance.
-    home : str
-        Folder of the baseline, which holds the loops of the flips.
-    unseen : tuple of str
-        Methods of which nobody could tell whether they became worse, and why.
-    """
-
-    paired: bool
-    basis: str
-    problems: tuple[str, ...]
+    paired: bool  # whether answers are compared loop by loop
+    basis: str  # which test was used and why, in one sentence
+    problems: tuple[str, ...]  # what fails without any statistics: missing methods or scenarios, new errors, a changed truth
+    # method, label, what ("right": of all, "detection": share of the positives called sticky, "rejection": of the negatives
+    # called healthy, "no miss", "no false alarm": the same with no decision allowed, "AUC", "coverage" and "median error" of S
+    # and J of a family of valves), n (of them, where the method covers the loop), before, now, lost, won (cases, paired only),
+    # p (Holm-corrected), seen (smallest drop found in 8 of 10 such runs), worse
     tests: pd.DataFrame
+    # every changed verdict: scenario_id (the baseline's), method, was, now, record ("same" or "other"), sticky, cycled, block,
+    # disturbance
     flips: pd.DataFrame
-    home: str = "BASELINE"
-    unseen: tuple[str, ...] = ()
+    home: str = "BASELINE"  # folder of the baseline, which holds the loops of the flips
+    unseen: tuple[str, ...] = ()  # methods of which nobody could tell whether they became worse, and why
 
     @property
     def failed(self) -> bool:

@@ -152,11 +152,6 @@ class Scores:
 
 def kind_of(role: str, sees_mv: bool) -> int:
     """Return 0 for a stiction method on OP and PV, 1 for one that sees MV, 2 for yardsticks and the oracle, 3 for other tests.
-
-    Examples
-    --------
-    >>> kind_of("stiction", False), kind_of("quantification", True), kind_of("oracle", False), kind_of("nonlinearity", False)
-    (0, 1, 2, 3)
     """
     if role in ("oracle", ROLE_YARDSTICK):
         return 2

@@ -118,18 +118,7 @@ def _recorded(record: dict[str, np.ndarray], case: dict) -> dict[str, np.ndarray
 
 
 def draw(seed: int, index: int, entry: dict) -> Item:
-    """Draw one labelled record.
-
-    Notes
-    -----
-    Not for studies of one loop under many effects: each call draws a new loop.
-
-    Examples
-    --------
-    >>> item = draw(1, 0, {"kind": "none"})
-    >>> item.answer["effect"], sorted(item.columns)
-    ('none', ['op', 'pv', 'sp', 't'])
-    """
+    """Draw one labelled record."""
     names = _names(entry, np.random.default_rng([seed, index, 1]))
     wish = "foptd" if NEEDS_FOPTD & set(names) else entry.get("plant")
     # the classes come from seed and index alone: the same whatever the entry asks for
@@ -147,12 +136,6 @@ def draw(seed: int, index: int, entry: dict) -> Item:
 def simulate(answer: dict, effects: list[dict], seed: int, nominal: bool = False) -> dict[str, np.ndarray]:
     """Run the loop of a drawn record again: other load and noise, the same statistics and set point.
 
-    Notes
-    -----
-    Not for another length or sampling: those belong to the loop.
-
-    Examples
-    --------
     >>> item = draw(1, 0, {"kind": "none"})
     >>> again = simulate(item.answer, [], item.answer["seed"])
     >>> all((again[name] == item.columns[name]).all() for name in again)
