@@ -27,19 +27,8 @@ from simbench.loop.effects import NONE, UNKNOWN, block_of
 
 _STRENGTHS = ("strong", "medium")
 LEAVE_OUT_COLUMNS = (
-    "record",
-    "effect",
-    "strength",
-    "said",
-    "block",
-    "nearest",
-    "before",
-    "left",
-    "resolvable",
-    "back",
-    "after",
-    "error",
-)
+    "record", "effect", "strength", "said", "block", "nearest", "before", "left", "resolvable", "back", "after", "error",
+)  # fmt: skip
 
 
 def leave_out(out: str | Path, world: str = OWN, n: int = 4, seed: int = 0, jobs: int = 1) -> pd.DataFrame:

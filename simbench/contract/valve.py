@@ -170,6 +170,5 @@ def _label_faults(module: ModuleType, table: dict[str, Any]) -> Iterator[str]:
 
 def shown(table: dict[str, Any]) -> str:
     """Return parameters in words."""
-    return (
-        ", ".join(f"{key} = {value if isinstance(value, str) else f'{value:g}'}" for key, value in table.items()) or "defaults"
-    )
+    said = (f"{key} = {value if isinstance(value, str) else f'{value:g}'}" for key, value in table.items())
+    return ", ".join(said) or "defaults"
