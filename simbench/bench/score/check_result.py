@@ -50,11 +50,28 @@ class Check:
 
     def as_text(self) -> str:
         """Return verdict, basis, reasons, what changed, and the scenarios that flipped."""
-        return _as_text(self)
+        lines = [f"check {self.answer}: {self.basis}", *(f"- {r}" for r in self.reasons)]
+        moved = _moved(self)
+        if len(moved):
+            lines += ["", moved.to_string(index=False, float_format="%.3f")]
+        if len(self.flips):
+            shown = _worst_first(self).head(SHOWN)
+            lines += ["", f"{len(self.flips)} verdicts changed" + _cut(self), shown.to_string(index=False)]
+            lines += ["", "simulate one again:", again(self, str(shown["scenario_id"].iloc[0]))]
+        return "\n".join(lines)
 
     def as_markdown(self) -> str:
         """Return the same for a pull request's summary."""
-        return _as_markdown(self)
+        lines = [f"### Detector check: {self.answer.lower()}", "", self.basis, ""]
+        lines += [f"- {r}" for r in self.reasons] + [""] * bool(self.reasons)
+        moved = _moved(self)
+        lines += _table(moved) if len(moved) else ["No rate moved."]
+        if len(self.flips):
+            shown = _worst_first(self).head(SHOWN)
+            title = f"{len(self.flips)} verdicts changed{_cut(self)}"
+            lines += ["", f"<details><summary>{title}</summary>", "", *_table(shown), ""]
+            lines += ["", f"`{again(self, str(shown['scenario_id'].iloc[0]))}`", "", "</details>"]
+        return "\n".join(lines) + "\n"
 
     def as_json(self) -> dict[str, Any]:
         """Return everything as JSON types."""
@@ -64,52 +81,20 @@ class Check:
 
     def as_junit(self) -> str:
         """Return JUnit XML: one test case per method, and one for the tables themselves."""
-        return _as_junit(self)
-
-
-def _as_text(check: Check) -> str:
-    """Return verdict, basis, reasons, what changed, and the scenarios that flipped."""
-    lines = [f"check {check.answer}: {check.basis}", *(f"- {r}" for r in check.reasons)]
-    moved = _moved(check)
-    if len(moved):
-        lines += ["", moved.to_string(index=False, float_format="%.3f")]
-    if len(check.flips):
-        shown = _worst_first(check).head(SHOWN)
-        lines += ["", f"{len(check.flips)} verdicts changed" + _cut(check), shown.to_string(index=False)]
-        lines += ["", "simulate one again:", again(check, str(shown["scenario_id"].iloc[0]))]
-    return "\n".join(lines)
-
-
-def _as_markdown(check: Check) -> str:
-    """Return the same for a pull request's summary; see `_as_text`."""
-    lines = [f"### Detector check: {check.answer.lower()}", "", check.basis, ""]
-    lines += [f"- {r}" for r in check.reasons] + [""] * bool(check.reasons)
-    moved = _moved(check)
-    lines += _table(moved) if len(moved) else ["No rate moved."]
-    if len(check.flips):
-        shown = _worst_first(check).head(SHOWN)
-        title = f"{len(check.flips)} verdicts changed{_cut(check)}"
-        lines += ["", f"<details><summary>{title}</summary>", "", *_table(shown), ""]
-        lines += ["", f"`{again(check, str(shown['scenario_id'].iloc[0]))}`", "", "</details>"]
-    return "\n".join(lines) + "\n"
-
-
-def _as_junit(check: Check) -> str:
-    """Return JUnit XML: one test case per method, and one for the tables themselves; see `_as_text`."""
-    suite = ElementTree.Element("testsuite", name="simbench check")
-    cases = [("run", list(check.problems))]
-    for method, rows in check.tests.groupby("method", sort=True):
-        wrong = [sentence(row) for row in rows[rows["worse"]].to_dict("records")]
-        cases.append((str(method), [*wrong, *(said for said in check.unseen if said.startswith(f"{method}:"))]))
-    for name, wrong in cases:
-        case = ElementTree.SubElement(suite, "testcase", classname="simbench.check", name=name)
-        if wrong:
-            ElementTree.SubElement(case, "failure", message=wrong[0]).text = "\n".join(wrong)
-    suite.set("tests", str(len(cases)))
-    suite.set("failures", str(sum(bool(wrong) for _, wrong in cases)))
-    ElementTree.indent(suite)
-    # the declaration by hand: ElementTree would name the machine's locale
-    return f'<?xml version="1.0" encoding="utf-8"?>\n{ElementTree.tostring(suite, encoding="unicode")}\n'
+        suite = ElementTree.Element("testsuite", name="simbench check")
+        cases = [("run", list(self.problems))]
+        for method, rows in self.tests.groupby("method", sort=True):
+            wrong = [sentence(row) for row in rows[rows["worse"]].to_dict("records")]
+            cases.append((str(method), [*wrong, *(said for said in self.unseen if said.startswith(f"{method}:"))]))
+        for name, wrong in cases:
+            case = ElementTree.SubElement(suite, "testcase", classname="simbench.check", name=name)
+            if wrong:
+                ElementTree.SubElement(case, "failure", message=wrong[0]).text = "\n".join(wrong)
+        suite.set("tests", str(len(cases)))
+        suite.set("failures", str(sum(bool(wrong) for _, wrong in cases)))
+        ElementTree.indent(suite)
+        # the declaration by hand: ElementTree would name the machine's locale
+        return f'<?xml version="1.0" encoding="utf-8"?>\n{ElementTree.tostring(suite, encoding="unicode")}\n'
 
 
 def again(check: Check, scenario_id: str) -> str:
