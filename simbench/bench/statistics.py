@@ -46,9 +46,9 @@ def wilson(right: ArrayLike, of: ArrayLike, level: float = _LEVEL) -> tuple[np.n
     return lo, hi
 
 
-def rate(right: int, of: int, level: float = _LEVEL) -> Estimate:
+def rate(right: int, of: int) -> Estimate:
     """Return a proportion with Wilson's interval; NaN (0, 1) without trials."""
-    lo, hi = wilson(right, of, level)
+    lo, hi = wilson(right, of)
     return Estimate(right / of if of else float("nan"), float(lo), float(hi))
 
 

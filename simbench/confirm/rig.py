@@ -33,11 +33,7 @@ class Trace:
 
 
 def run_rig(
-    setups: Sequence[Setup],
-    *,
-    gain: Sequence[np.ndarray | None] | None = None,
-    manual: Sequence[np.ndarray | None] | None = None,
-    influence: np.ndarray | None = None,
+    setups: Sequence[Setup], *, gain: Sequence[np.ndarray | None] | None = None, influence: np.ndarray | None = None
 ) -> list[Trace]:
     """Run one or more loops side by side, sample by sample, in plain Python: bit-equal to the compiled loop."""
     n, Ts = setups[0].sp.size, setups[0].Ts
@@ -47,8 +43,7 @@ def run_rig(
     for k in range(n):
         for i, loop in enumerate(loops):
             factor = None if gain is None else gain[i]
-            by_hand = None if manual is None else manual[i]
-            loop.control(k, 1.0 if factor is None else factor[k], None if by_hand is None else float(by_hand[k]))
+            loop.control(k, 1.0 if factor is None else factor[k])
         for i, loop in enumerate(loops):
             load = 0.0
             if influence is not None:
