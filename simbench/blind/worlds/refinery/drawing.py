@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-from typing import NamedTuple
 
 import numpy as np
 
 from detectors.errors import ParameterError, UnknownName
 from simbench.blind.menu import TestPlan
-from simbench.blind.world import WORLD_EFFECTS
+from simbench.blind.world import WORLD_EFFECTS, Item
 from simbench.blind.worlds.refinery import foreign, loops, oracle, search
 from simbench.blind.worlds.refinery.search import Misfit, healthy, prepared
 from simbench.blind.worlds.refinery.simulation import run
@@ -29,14 +28,6 @@ SAME = (
 _VALVE = frozenset(name for name, e in WORLD_EFFECTS.items() if e.block == "valve")
 _EXACT = {"gain_mismatch": "K", "time_constant_mismatch": "T", "dead_time_mismatch": "Td"}
 NEEDS_FOPTD = {"time_constant_mismatch", "asymmetric_response", "heat_recycle"}
-
-
-class Item(NamedTuple):
-    """One labelled record: its columns, the tables of its baseline, the truth."""
-
-    columns: dict[str, np.ndarray]
-    baseline: dict
-    answer: dict
 
 
 def _pair(rng: np.random.Generator) -> tuple[str, str]:
