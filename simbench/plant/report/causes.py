@@ -170,6 +170,7 @@ def _sensor(prepared: Prepared, behind: CandidateLoops) -> Cause:
         return Cause(SENSOR, 0.8, (f"{said}: the valve follows the noise, by {moved:.2g} % from sample to sample",))
     return Cause(SENSOR, 0.05, (), (said,))
 
+
 def _nothing(behind: CandidateLoops, swing: Oscillation, known: Margins | None) -> Cause:
     if swing.sustained:
         return Cause(NO_CAUSE, 0.0, (), (f"the loop swings ({swing.evidence})",))

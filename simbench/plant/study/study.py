@@ -39,13 +39,7 @@ def study(
     jobs: int = 1,
     keep: str | Path | None = None,
 ) -> Study:
-    """Compare a set of records with a grid.
-
-    Notes
-    -----
-    Where a record has no label, or only one class is labelled, no accuracy is given. Effects are found by `gap diagnose`; one
-    that it does not know widens the distance and stays unexplained. A valve that sticks at times shows as friction.
-    """
+    """Compare a set of records, labelled or not, with a grid."""
     real, chosen = read_fleet(folder, labels), choose_methods(methods)
     return against(real, draw(grid, groups, seed), str(grid), chosen, seed=seed, jobs=jobs, keep=keep)
 

@@ -19,21 +19,9 @@ _LONGEST = 20000  # samples beyond which a longer record is not simulated
 
 @dataclass(frozen=True)
 class Remedy:
-    """One thing to record otherwise, and what it would show.
+    """One thing to record otherwise, and which share of sticky and of healthy twins the best method then calls stiction.
 
-    Parameters
-    ----------
-    what : str
-    method : str
-        The detector that then sees most.
-    S : float
-        Size tried, with full slip-jump.
-    unit : str
-        Of S.
-    found, alarms : float
-        Share of sticky and of healthy twins that it calls stiction.
-    before : float
-        Share found less false alarms of the record as it is, by the detector best at that.
+    `S` is the size tried, with full slip-jump; `before` the share found less false alarms of the record as it is.
     """
 
     what: str
