@@ -89,7 +89,7 @@ def join(
     }
     now, out = simulated, []
     before = accuracy(simulated, base, methods)
-    so_far, nearest = before, mmd_squared(ruler, units(simulated), real_x)
+    nearest = mmd_squared(ruler, units(simulated), real_x)
     while left and len(out) < _MOST_EFFECTS and nearest > 0.0:
         standing = [s for s in now if s.stands]
         far = {v: mmd_squared(ruler, units(_with(standing, v)), real_x) for ways in left.values() for v in ways}
@@ -99,14 +99,11 @@ def join(
         nearest = far[best]
         only = _with(simulated, best)
         reached = accuracy(only, verdicts_on(only, methods), methods)
-        alone = {m: reached[m] - before[m] for m in methods}
-        joined = only if now is simulated else _with(now, best)
-        after = reached if now is simulated else accuracy(joined, verdicts_on(joined, methods), methods)
-        change = {m: after[m] - so_far[m] for m in methods}
-        out.append(Contribution(best.effect, best.share, max(nearest, 0.0) ** 0.5, alone, change, best.strengths))
-        now, so_far = joined, after
+        costs = {m: reached[m] - before[m] for m in methods}
+        out.append(Contribution(best.effect, best.share, max(nearest, 0.0) ** 0.5, costs, best.strengths))
+        now = only if now is simulated else _with(now, best)
         del left[best.effect]
-    return out, so_far
+    return out, accuracy(now, verdicts_on(now, methods), methods) if out else before
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,16 +10,12 @@ _HALF_A_POINT = 0.005  # of accuracy, from which a cost is named
 
 @dataclass(frozen=True)
 class Contribution:
-    """One effect: share of loops that have it, distance once it has joined those before it, what it costs each method.
-
-    `costs` are changes of accuracy when it is added alone, `joined` when it is added to those before it.
-    """
+    """One effect: share of loops that have it, distance once it has joined those before it, what it alone costs each method."""
 
     effect: str
     share: float
     distance_after: float
     costs: dict[str, float]
-    joined: dict[str, float]
     strengths: tuple[dict[str, Any], ...] = field(repr=False)
 
     def costly(self) -> dict[str, float]:

@@ -69,9 +69,9 @@ def candidate_loops(record: LoopRecord, loop: Loop | None = None) -> CandidateLo
 
 def with_friction(loop: Loop, S: float, J: float) -> Loop:
     """Return a loop with stiction of S and J (%) in place of whatever stiction it has; S = 0 takes it out."""
-    table = loop.to_table()
-    rest = [e for e in table.get("effect", []) if e["name"] != FRICTION]
-    table["effect"] = rest if S <= 0 else [*rest, {"name": FRICTION, "S": float(S), "J": float(J)}]
+    table = without(loop, (FRICTION,)).to_table()
+    if S > 0:
+        table["effect"] = [*table.get("effect", []), {"name": FRICTION, "S": float(S), "J": float(J)}]
     return Loop.from_table(table, "twin")
 
 

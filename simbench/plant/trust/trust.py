@@ -115,7 +115,6 @@ def _trust(
         if loop is not None:
             raise
         return _without_twins(record, said, f"no loop could be identified: {error}")
-    probability = behind.probability
     share = float(np.clip(LONG_RECORD / record.n, _THINNEST, 1.0))
     sound = max(round(share * healthy), min(healthy, _FEWEST_OF_LONG))
     twins = draw_twins(behind, sound, max(round(share * each), 2), seed=seed)
@@ -123,16 +122,16 @@ def _trust(
     if min(sticky.sum(), (~sticky).sum()) < FEW:
         whose = "loop file's" if behind.trusted else "identified"
         why = f"what could have been seen is unknown: the {whose} loop does not move as the record does"
-        return _without_twins(record, said, why, behind, probability)
-    return _weighed(record, behind, names, said, probability, twins, help_wanted, seed)
+        return _without_twins(record, said, why, behind)
+    return _weighed(record, behind, names, said, twins, help_wanted, seed)
 
 
 def _weighed(
-    record: LoopRecord, behind: CandidateLoops, names: list[str], said: list[Verdict], probability: float, twins: list[Twin],
-    help_wanted: bool, seed: int,
+    record: LoopRecord, behind: CandidateLoops, names: list[str], said: list[Verdict], twins: list[Twin], help_wanted: bool,
+    seed: int,
 ) -> Trust:  # fmt: skip
     S, J = (np.array([getattr(t, k) for t in twins]) for k in "SJ")
-    sticky = S > 0
+    sticky, probability = S > 0, behind.probability
     verdicts = [judged(t.record, names) for t in twins]
     of = [[row[i] for row in verdicts] for i in range(len(names))]
     rules = [readings(name, v, sticky) for name, v in zip(names, of)]
@@ -180,10 +179,9 @@ def _in_units(c: Cell, percent: float) -> Cell:
     return c if percent == 1.0 else replace(c, S=c.S * percent, J=c.J * percent)
 
 
-def _without_twins(
-    record: LoopRecord, said: list[Verdict], why: str, behind: CandidateLoops | None = None, probability: float | None = None
-) -> Trust:
+def _without_twins(record: LoopRecord, said: list[Verdict], why: str, behind: CandidateLoops | None = None) -> Trust:
     rows = tuple(MethodTrust(v, Rule(v.method, None, 0.5), float("nan"), (), 1.0) for v in said)
+    probability = None if behind is None else behind.probability
     answer = STICKY if (probability or 0.0) > CLAIMED_FROM else OPEN
     notes = () if behind is None else behind.notes
     when = None if behind is None else over_time(record)
