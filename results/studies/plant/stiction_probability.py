@@ -11,7 +11,7 @@ import argparse
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -31,12 +31,9 @@ from simbench.blind.making import PLANTS, STRENGTHS, write_item
 from simbench.blind.world import WORLDS
 from simbench.confirm.rig import run_rig
 from simbench.files import answered, folder
-from simbench.gap.decide.assess import Assessment
-from simbench.gap.likelihood.engine import Engine
-from simbench.gap.likelihood.model import NUISANCES, Spec, valve_of
-from simbench.gap.stiction.friction import FRICTION, Friction, friction
+from simbench.gap.stiction.friction import friction
 from simbench.gap.stiction.pace import resampled
-from simbench.gap.stiction.probability import OFFSET, WEIGHT, FrictionEvidence, log_odds, probability
+from simbench.gap.stiction.probability import FrictionEvidence, log_odds, probability, regressors
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.simulate import simulate
 from simbench.usage import exit_code
@@ -152,78 +149,27 @@ def asked(simulator: str, number: int) -> dict[str, Any]:
         found = friction(record)
     except UserError as why:
         return about | {"evidence": None, "why": str(why)}
-    return about | {"evidence": _more(found), "cycles": record.duration / _period(record)}
+    e = found.evidence
+    return about | {"evidence": [e.gain, e.outside, e.share], "cycles": record.duration / _period(record)}
 
 
-@dataclass(frozen=True)
-class MoreEvidence(FrictionEvidence):
-    """The evidence with what was tried beside it: gain of each half of the record, reversals of the fitted valve in each."""
-
-    halves: tuple[float, float] = (0.0, 0.0)
-    reversals: tuple[int, int] = (0, 0)
-
-
-def _more(found: Friction) -> list[Any]:
-    e, one = found.evidence, found.found.candidates[FRICTION]
-    if not one.used:
-        return [e.gain, e.outside, [0.5 * e.gain] * 2, e.share, [0, 0]]
-    d = found.found.situation.data
-    moves = np.sign(np.diff(valve_of(one.fit.spec, one.fit.theta, d.u)))
-    at = np.flatnonzero(moves)
-    turned = at[1:][moves[at[1:]] != moves[at[:-1]]]
-    early = int(np.sum(turned < d.n // 2))
-    halves = gains_of_halves(found.found, FRICTION) if e.gain > 0.0 else (0.5 * e.gain, 0.5 * e.gain)
-    return [float(e.gain), float(e.outside), [float(h) for h in halves], float(e.share), [early, turned.size - early]]
-
-
-def evidence_of(row: dict[str, Any]) -> MoreEvidence:
+def evidence_of(row: dict[str, Any]) -> FrictionEvidence:
     """Return the evidence of a row that was kept."""
-    gain, outside, halves, share, reversals = row["evidence"]
-    return MoreEvidence(gain, outside, share, tuple(halves), tuple(reversals))
-
-
-def gains_of_halves(found: Assessment, effect: str) -> tuple[float, float]:
-    """Return by how many nats friction explains each half of the record better than none, its numbers held."""
-    d, fit = found.situation.data, found.candidates[effect].fit
-    half, out = d.n // 2, []
-    for cut in (slice(0, half), slice(half, d.n)):
-        part = replace(d, u=np.ascontiguousarray(d.u[cut]), y=np.ascontiguousarray(d.y[cut]))
-        engine = Engine(part, max(0.1 * half, 5.0))
-        spec, bare = (_within(f.spec, cut) for f in (fit, found.base))
-        # where in its band the valve stands at the cut is anybody's guess
-        tries = [engine.fit(replace(spec, start=begin), fit.theta, search=NUISANCES, steps=8) for begin in (-1.0, 0.0, 1.0)]
-        # the same plant and load are free on both sides
-        without = engine.fit(bare, {**found.base.theta, **fit.theta}, steps=8)
-        out.append(max(t.loglik for t in tries) - without.loglik)
-    return out[0], out[1]
-
-
-def _within(spec: Spec, cut: slice) -> Spec:
-    """Return a spec for a part of the record."""
-    return replace(spec, channels=(), jumps=tuple(k - cut.start for k in spec.jumps if cut.start < k < cut.stop))
+    return FrictionEvidence(*row["evidence"])
 
 
 def _nats(x: float, low: float = -1.0, high: float = 3.0) -> float:
     return min(max(x / 10.0, low), high)
 
 
-def _shown(e: MoreEvidence, most: int = 2) -> float:
-    """Return twice the weaker half's gain where both halves could show it, the whole's otherwise."""
-    return 2.0 * min(e.halves) if sum(e.reversals) > most else e.gain
-
-
 # what is tried; the first is what the product weighs
-RULES: dict[str, Callable[[MoreEvidence], Sequence[float]]] = {
-    "as in the product, learned": lambda e: [(log_odds(e) - OFFSET) / WEIGHT],
+RULES: dict[str, Callable[[FrictionEvidence], Sequence[float]]] = {
+    "as in the product, learned": regressors,
     "gain beyond outside times share": lambda e: [_nats(e.gain - max(e.outside, 0.0)) * min(e.share, 1.0)],
     "gain": lambda e: [_nats(e.gain)],
     "gain, share": lambda e: [_nats(e.gain), np.log(np.clip(e.share, 0.02, 1.0))],
     "gain beyond outside, share": lambda e: [
         _nats(e.gain - max(e.outside, 0.0)), np.log(np.clip(e.share, 0.02, 1.0))],
-    "least, halves always, share": lambda e: [
-        _nats(min(e.gain, e.gain - max(e.outside, 0.0), _shown(e, -1))), np.log(np.clip(e.share, 0.02, 1.0))],
-    "least, halves above two reversals, share": lambda e: [
-        _nats(min(e.gain - max(e.outside, 0.0), _shown(e))), np.log(np.clip(e.share, 0.02, 1.0))],
 }  # fmt: skip
 
 
@@ -240,7 +186,7 @@ def balanced(y: np.ndarray, groups: Sequence[str]) -> np.ndarray:
     return np.array([len(keys) / len(set(keys)) / keys.count(k) for k in keys])
 
 
-def left_out(rows: list[dict[str, Any]], rule: Callable[[MoreEvidence], Sequence[float]]) -> np.ndarray:
+def left_out(rows: list[dict[str, Any]], rule: Callable[[FrictionEvidence], Sequence[float]]) -> np.ndarray:
     """Return the probabilities that a rule learned on the other simulators gives."""
     x, y, at = _table(rows, rule)
     p = np.empty(len(rows))
@@ -251,7 +197,7 @@ def left_out(rows: list[dict[str, Any]], rule: Callable[[MoreEvidence], Sequence
 
 
 def _table(
-    rows: list[dict[str, Any]], rule: Callable[[MoreEvidence], Sequence[float]]
+    rows: list[dict[str, Any]], rule: Callable[[FrictionEvidence], Sequence[float]]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     x = np.array([rule(evidence_of(r)) for r in rows])
     return x, np.array([r["sticky"] for r in rows]), np.array([r["simulator"] for r in rows])

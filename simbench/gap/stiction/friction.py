@@ -174,9 +174,10 @@ def _measured(found: Assessment) -> Friction:
     """Return the assessment with the evidence that is weighed."""
     gains, s = found.log_likelihood_gains, found.situation
     if s.record.mv is not None:
-        # what MV does beside OP is the valve: another map may explain it, nothing outside can
+        # what MV does beside OP is the valve: another map may explain it, nothing outside can, and every band counts in full
         rivals = (gains[e] for e in EFFECTS if block_of(e) == "valve" and e not in (FRICTION, _BAND))
-        return Friction(found, FrictionEvidence(max(gains[FRICTION], gains[_BAND]), max(rivals)))
+        gain = max(gains[FRICTION], gains[_BAND])
+        return Friction(found, FrictionEvidence(gain, max(rivals), float(gain > 0.0)))
     one = found.candidates[FRICTION]
     span = float(np.quantile(s.op, 0.99) - np.quantile(s.op, 0.01)) or 1.0
     share = one.fit.theta["S"] / span if one.used else 0.0
