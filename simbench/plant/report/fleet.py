@@ -198,7 +198,7 @@ def _joined(
         slave = inner.get(m.name)
         if slave is not None and probability[slave] > CLAIMED_FROM and prepared[m.name].oscillation.sustained:
             driven = slave
-        causes = find_causes(prepared[m.name], m.found.behind, driven, probability.get(driven or "", 0.0))
+        causes = find_causes(prepared[m.name], m.found.behind or m.found.notes[0], driven, probability.get(driven or "", 0.0))
         # on a loop whose cause nobody knows an action is no advice
         actions = m.actions if causes.named.name in (STICKING, TIGHT) else ()
         advice = advise(m.found, prepared[m.name], causes.named, driven, actions)

@@ -114,7 +114,7 @@ def _trust(
     except UserError as error:
         if loop is not None:
             raise
-        return _without_twins(record, said, f"no loop could be identified: {error}")
+        return _without_twins(record, said, str(error))
     share = float(np.clip(LONG_RECORD / record.n, _THINNEST, 1.0))
     sound = max(round(share * healthy), min(healthy, _FEWEST_OF_LONG))
     twins = draw_twins(behind, sound, max(round(share * each), 2), seed=seed)
