@@ -42,7 +42,7 @@ STICTION, NOTHING = "stiction", "none"
 SOUND = (NOTHING, "oscillation", "load_steps", "detuning")  # what a loop without friction has, in turn
 GRID = "plant"
 SIMULATORS = ("own", "mill", "refinery", GRID)
-SEED = 77
+SEED = 79  # the product's numbers were learned, and its rule was chosen, on loops of seed 77
 LONGEST = 1000  # samples of a record that are looked at
 FORMS = ("whole", "window", "whole", "seldom", "whole", "window", "held", "whole", "window", "small")
 LOOP_FORMS = ("drift", "moves", "retuned")  # what only a loop that is simulated here can do
@@ -214,14 +214,21 @@ def scores(p: np.ndarray, y: np.ndarray) -> tuple[float, float, float]:
 
 
 def compared(rows: list[dict[str, Any]]) -> list[str]:
-    """Return log-loss, AUC and calibration error of every rule on every simulator, learned on the others."""
+    """Return log-loss, AUC and calibration error of every rule on every simulator, learned on the others.
+
+    A record that cannot be judged counts with even odds.
+    """
+    judged, silent = [r for r in rows if r["evidence"]], [r for r in rows if not r["evidence"]]
+    rows = judged + silent
     at, y = np.array([r["simulator"] for r in rows]), np.array([r["sticky"] for r in rows])
     names = [s for s in SIMULATORS if s in set(at)]
     lines = [f"{len(rows)} records: " + ", ".join(f"{s} {np.sum(at == s)} ({np.sum(y[at == s])} sticky)" for s in names)]
+    lines[0] += f"; {len(silent)} cannot be judged and count with even odds"
     lines.append(f"{'log-loss / AUC / calibration error':<46}" + "".join(f"{s:>19}" for s in (*names, "all but plant")))
-    tried = {name: left_out(rows, rule) for name, rule in RULES.items()}
-    tried["as it stands in the product"] = np.array([probability(log_odds(evidence_of(r))) for r in rows])
+    tried = {name: left_out(judged, rule) for name, rule in RULES.items()}
+    tried["as it stands in the product"] = np.array([probability(log_odds(evidence_of(r))) for r in judged])
     for name, p in tried.items():
+        p = np.append(p, np.full(len(silent), 0.5))
         each = {s: scores(p[at == s], y[at == s]) for s in names}
         each["mean"] = tuple(np.mean([v for s, v in each.items() if s != GRID], axis=0))
         lines.append(f"{name:<46}" + "".join(f"   {a:.3f} {b:.2f} {c:.3f}" for a, b, c in each.values()))
@@ -230,7 +237,8 @@ def compared(rows: list[dict[str, Any]]) -> list[str]:
 
 def by_form(rows: list[dict[str, Any]]) -> list[str]:
     """Return log-loss and AUC by how records were written."""
-    p, y = np.array([probability(log_odds(evidence_of(r))) for r in rows]), np.array([r["sticky"] for r in rows])
+    p = np.array([probability(log_odds(evidence_of(r))) if r["evidence"] else 0.5 for r in rows])
+    y = np.array([r["sticky"] for r in rows])
     lines = []
     for form in dict.fromkeys((*FORMS, *LOOP_FORMS)):
         here = np.array([r["form"] == form for r in rows])
@@ -247,7 +255,7 @@ def kept(out: Path, count: int, simulators: Sequence[str]) -> list[dict[str, Any
     rows = []
     for s, i in tqdm(jobs, file=sys.stderr, mininterval=30.0):
         rows.append(answered(out / f"{s}-{i}.json", partial(asked, s, i)))
-    return [r for r in rows if r["evidence"] is not None]
+    return rows
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -260,7 +268,7 @@ def main(arguments: list[str] | None = None) -> int:
     rows = kept(given.out, given.n, given.simulators)
     print("\n".join([*compared(rows), "", *by_form(rows), ""]))
     for name, rule in RULES.items():
-        model = learned(*_table(rows, rule))
+        model = learned(*_table([r for r in rows if r["evidence"]], rule))
         print(f"{name}: {model.intercept_[0]:+.3f} {' '.join(f'{w:+.3f}' for w in model.coef_[0])}")
     return 0
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from detectors.errors import ParameterError, UserError
+from detectors.judge import judge
 from detectors.prepared import Prepared
 from detectors.quality import resolution
 from detectors.record import LoopRecord
@@ -18,7 +19,6 @@ from detectors.report.report import choose_methods
 from detectors.verdict import Verdict
 from simbench.gap.stiction.probability import CLAIMED_FROM, pooled, probability
 from simbench.plant.episodes import OverTime
-from simbench.plant.indices import judged
 from simbench.plant.report.advice import VALVE, Advice, advise
 from simbench.plant.report.causes import NEIGHBOUR, NO_CAUSE, NOT_TOLD, SENSOR, STICKING, TIGHT, Cause, Causes, find_causes
 from simbench.plant.report.cost import Cost, cost_of
@@ -148,7 +148,7 @@ def _status(m: FleetLoop, before: Mapping[str, str]) -> str:
 def _one(name: str, record: LoopRecord, methods: list[str], label: str, seed: int) -> FleetLoop:
     found = trust(record, methods=["fast"], healthy=HEALTHY, each=EACH, help_wanted=False, seed=seed)
     asked = {m.verdict.method: m.verdict for m in found.methods}
-    others = judged(record, [name for name in methods if name not in asked])
+    others = judge(record, [name for name in methods if name not in asked])
     by_method = asked | {v.method: v for v in others}
     said = tuple(by_method[name] for name in methods)
     size = None

@@ -12,6 +12,7 @@ import numpy as np
 from tqdm import tqdm
 
 from detectors.errors import UserError
+from detectors.judge import judge
 from detectors.record import LoopRecord
 from detectors.verdict import STICTION
 from scenarios.errors import SpecError
@@ -20,7 +21,6 @@ from scenarios.spec import Loop, Part
 from simbench.bench.scenario.resolve import resolve
 from simbench.loop.effects import EFFECTS, Choice
 from simbench.loop.simulate import simulate
-from simbench.plant.indices import judged
 from simbench.plant.study.loop_features import by_unit, looks
 from simbench.plant.study.result import Contribution
 from simbench.plant.study.strengths import FRICTION_EFFECT, Size, absolute, with_effect
@@ -163,7 +163,7 @@ def units(simulated: list[Simulated]) -> np.ndarray:
 def verdicts_on(simulated: list[Simulated], methods: list[str]) -> np.ndarray:
     """Return 1 for stiction, 0 for no stiction, NaN for no decision, shape (loops, methods)."""
     code = {STICTION: 1.0, "no_stiction": 0.0}
-    return np.array([[code.get(v.verdict, np.nan) for v in judged(s.record, methods)] for s in simulated])
+    return np.array([[code.get(v.verdict, np.nan) for v in judge(s.record, methods)] for s in simulated])
 
 
 def accuracy(simulated: list[Simulated], verdicts: np.ndarray, methods: list[str]) -> dict[str, float]:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from detectors.judge import judge
 from detectors.verdict import STICTION
-from simbench.plant.indices import judged
 from simbench.plant.trust.candidate_loops import ARCHIVE, CandidateLoops, archived, without
 from simbench.plant.trust.replicates import Change, draw_twins
 
@@ -87,7 +87,7 @@ def _shares(
     sticky = np.array([t.S > 0 for t in twins], dtype=bool)
     if sticky.all() or not sticky.any():
         return [("", 0.0, 0.0)]
-    called = np.array([[v.verdict == STICTION for v in judged(t.record, methods)] for t in twins])
+    called = np.array([[v.verdict == STICTION for v in judge(t.record, methods)] for t in twins])
     return [(m, float(called[sticky, i].mean()), float(called[~sticky, i].mean())) for i, m in enumerate(methods)]
 
 

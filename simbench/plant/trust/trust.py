@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Unpack
 import numpy as np
 
 from detectors.errors import UserError
-from detectors.judge import UNFIT
+from detectors.judge import UNFIT, judge
 from detectors.plugins.registry import methods as registry
 from detectors.prepared import Prepared
 from detectors.record import LoopRecord
@@ -18,16 +18,8 @@ from detectors.verdict import STICTION, Verdict
 from scenarios.spec import Loop
 from simbench.gap.stiction.probability import CLAIMED_FROM, DENIED_BELOW
 from simbench.plant.episodes import over_time
-from simbench.plant.indices import judged
 from simbench.plant.trust.candidate_loops import CandidateLoops, candidate_loops
-from simbench.plant.trust.power import (
-    Cell,
-    Rule,
-    cells_of,
-    likelihood_ratio,
-    readings,
-    smallest_visible,
-)  # fmt: skip
+from simbench.plant.trust.power import Cell, Rule, cells_of, likelihood_ratio, readings, smallest_visible
 from simbench.plant.trust.remedies import Remedy, remedies
 from simbench.plant.trust.replicates import Twin, draw_twins
 from simbench.plant.trust.result import OPEN, SOUND, STICKY, UNSEEN, MethodTrust, Trust, likely
@@ -104,7 +96,7 @@ def _trust(
     record: LoopRecord, loop: Loop | None, names: list[str], counts: tuple[int, int], help_wanted: bool, seed: int
 ) -> Trust:  # fmt: skip
     healthy, each = counts
-    said = judged(record, names)
+    said = judge(record, names)
     prepared = Prepared(record.without_mv())
     unfit = next((f"record unfit: {prepared.flags[f].evidence} (flag {f})" for f in UNFIT if f in prepared.flags), None)
     if unfit:
@@ -132,7 +124,7 @@ def _weighed(
 ) -> Trust:  # fmt: skip
     S, J = (np.array([getattr(t, k) for t in twins]) for k in "SJ")
     sticky, probability = S > 0, behind.probability
-    verdicts = [judged(t.record, names) for t in twins]
+    verdicts = [judge(t.record, names) for t in twins]
     of = [[row[i] for row in verdicts] for i in range(len(names))]
     rules = [readings(name, v, sticky) for name, v in zip(names, of)]
     # a method made for other loops is no guide however well it did
