@@ -31,7 +31,7 @@ from simbench.gap.intake.refuse import SAME_TS, refuse_unfit
 from simbench.gap.plan.expected import plan
 from simbench.gap.report.result import DiagnosisDetails, Gap, GapReport, Ranked
 from simbench.gap.situation import Situation, load_memory
-from simbench.gap.stiction.friction import friction
+from simbench.gap.stiction.friction import FRICTION, friction
 from simbench.gap.stiction.probability import DENIED_BELOW, pooled, probability
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN, block_of
 
@@ -120,12 +120,14 @@ def _assess_one(
     refuse_unfit(record, f"record {record.tag!r}" if record.tag else "record")
     loop, given, said = completed(record, baseline)
     situation = check(record, loop, trusted="plant" in given, tuned="controller" in given)
-    found = beside_tests(replace(situation, notes=[*situation.notes, *said]), tests)
+    odds, silent = None, []
     try:
         odds = friction(record, baseline).log_odds
-    except UserError:
-        odds = None
-    return found if situation.trusted else plausible(found, odds is None or probability(odds) >= DENIED_BELOW), odds
+    except UserError as why:
+        silent = [f"{FRICTION}: cannot tell, {why}"]
+    found = beside_tests(replace(situation, notes=[*situation.notes, *said, *silent]), tests)
+    sticky = None if odds is None else probability(odds) >= DENIED_BELOW
+    return found if situation.trusted else plausible(found, sticky), odds
 
 
 def beside_tests(situation: Situation, tests: Sequence[RecordedTest]) -> Assessment:

@@ -26,13 +26,7 @@ _NAMED = "of"  # key under which an encoded object names its class
 def resumed(
     ask: Callable[..., Any], about: Sequence[tuple[Any, ...]], *, jobs: int, keep: str | Path | None, what: str
 ) -> list[Any]:
-    """Ask of each in turn, in several processes, and return the answers in order.
-
-    Examples
-    --------
-    >>> resumed(max, [(1, 2), (4, 3)], jobs=1, keep=None, what="larger ones")
-    [2, 4]
-    """
+    """Ask of each in turn, in several processes, and return the answers in order."""
     calls = [delayed(ask)(*a) for a in about]
     if keep is not None:
         # processes that live on from another call may stand in another folder
