@@ -75,8 +75,6 @@ class Recogniser:
         How far (%) OP's mean over the record lies from where the record began; `half` of the record in s, K of the plant.
     smallest : function (Probe) -> (float, unit) or None
         The size that would have shown in this record.
-    laws : tuple of str
-        Forms of an empirical law that act as this effect does, as "form" or "form number".
     draw : function (Yardstick, rng) -> Size, optional
         Draws all that is not size (direction, place, shape) and returns the parameters as a function of x, from 0, barely
         there, to 1, gross.
@@ -107,7 +105,6 @@ class Recogniser:
     initial_op_offset: Callable[[Mapping[str, float | str]], float] = lambda p: 0.0
     mean_op_shift: Callable[[Mapping[str, float | str], float, float], float] = lambda p, half, K: 0.0
     smallest: Callable[[Probe], tuple[float, str] | None] = lambda probe: None
-    laws: tuple[str, ...] = ()
     draw: Callable[[Yardstick, np.random.Generator], Size] | None = None
 
 
