@@ -20,7 +20,7 @@ _NOISE = 0.0  # nats over "no effect" of the best explanation, below which all a
 _HALF = 0.5  # share of the evidence that a block must carry
 _TIMES = 9.0  # times its limit, from which a test needs no statistics
 _FREEDOM = np.geomspace(2.0, 10.0, 4)  # degrees of freedom of the innovations' distribution that are tried
-_ORDINARY = 100.0  # nats that the tails of an ordinary load's innovations bring
+_ORDINARY = 70.0  # nats that the tails of an ordinary load's innovations bring
 _LOUD, _FOLLOWED = 4.0, 0.3  # robust deviations, and the share of one that the next sample keeps where a load made it
 
 

@@ -133,8 +133,7 @@ def described(s: Situation, found: Found, known: Callable[[], Assessment], seed:
             why = f"the likeliest law ({law.text}) lies elsewhere than most of the evidence"
         elif gap is None:
             why = "the loop with the law in it cannot be simulated: it runs away"
-        elif gap.resolvable and (gap.hi < 0.0 if found.block else gap.after > gap.before):
-            # what single samples show stands unless the gap plainly widens
+        elif gap.resolvable and gap.after > gap.before:
             why = f"the likeliest law ({law.text}) does not narrow the gap of the simulated loop"
     if law is None or why:
         return Discovery(s, None, f"{why}; {seen.words}", seen.block)

@@ -64,15 +64,16 @@ def search(s: Situation, first: int, progress: bool = False) -> Found:
             bar.update()
             if law is not None and law.nats > _LEAST_NATS:
                 return Found(law, null, null, block=law.block)
-        broken = [("controller", s.unexplained_law)] if s.unexplained_law else [*s.facts.values()]
-        broken += [("sensor", "PV stands still while OP moves")] if s.frozen else []
-        if broken:
-            return Found(None, null, null, f"{broken[0][1]}, and no form describes how", broken[0][0])
+        shown = [("controller", s.unexplained_law)] if s.unexplained_law else [*s.facts.values()]
+        shown += [("sensor", "PV stands still while OP moves")] if s.frozen else []
+        block, words = max(shown, key=lambda one: one[0] == "controller", default=("", ""))
+        if block == "controller":
+            return Found(None, null, null, f"{words}, and no form describes how", block)
         law, fit, nats, forms = _by_likelihood(s, learn, nulls, first, bar)
     if law is not None:
         return Found(law, null, fit)
     why = f"no form pays on samples that it was not fitted to (best {nats:.1f}, needed {_LEAST_NATS:.0f} nats)"
-    return Found(None, null, null, why, forms=forms)
+    return Found(None, null, null, f"{words}, and {why}" if words else why, block, forms)
 
 
 def _part(d: Data, begin: int, end: int) -> Data:
