@@ -77,14 +77,7 @@ def friction(record: LoopRecord, loop: Loop | Partial | None = None) -> Friction
 
     Raises a UserError, in one sentence, where the record is unfit, no loop can be identified, or both cannot be compared.
     """
-    where = f"record {record.tag!r}" if record.tag else "record"
-    refuse_unfit(record, where)
-    flags = Prepared(record.without_mv()).flags
-    unfit = next((flags[f].evidence for f in UNFIT if f in flags), "")
-    if record.n < SHORTEST_ASKED:
-        unfit = f"{record.n} samples; at least {SHORTEST_ASKED} are needed"
-    if unfit:
-        raise RecordError(f"{where} unfit: {unfit}")
+    _refuse(record)
     record = in_percent(record)[0]
     if isinstance(loop, Loop):
         loop = with_sound_valve(loop)
@@ -104,6 +97,26 @@ def friction(record: LoopRecord, loop: Loop | Partial | None = None) -> Friction
         if every is None and own is None:
             return _measured(_fitted(record, identify(record)))
         return _measured(max(filter(None, (every, own)), key=lambda f: f.log_likelihood_gains[FRICTION]))
+
+
+def friction_in(found: Assessment) -> Friction:
+    """Weigh friction in a record, and its tests, that were assessed beside a trusted loop with a sound valve.
+
+    Raises a UserError, in one sentence, where the record is unfit.
+    """
+    _refuse(found.situation.record)
+    return _measured(found)
+
+
+def _refuse(record: LoopRecord) -> None:
+    where = f"record {record.tag!r}" if record.tag else "record"
+    refuse_unfit(record, where)
+    flags = Prepared(record.without_mv()).flags
+    unfit = next((flags[f].evidence for f in UNFIT if f in flags), "")
+    if record.n < SHORTEST_ASKED:
+        unfit = f"{record.n} samples; at least {SHORTEST_ASKED} are needed"
+    if unfit:
+        raise RecordError(f"{where} unfit: {unfit}")
 
 
 def with_sound_valve(loop: Loop) -> Loop:
@@ -173,11 +186,12 @@ def _few(s: Situation) -> Assessment:
 def _measured(found: Assessment) -> Friction:
     """Return the assessment with the evidence that is weighed."""
     gains, s = found.log_likelihood_gains, found.situation
-    if s.record.mv is not None:
+    if found.valve_seen or s.record.mv is not None:
         # what MV does beside OP is the valve: another map may explain it, nothing outside can
         rivals = (gains[e] for e in EFFECTS if block_of(e) == "valve" and e not in (FRICTION, _BAND))
         return Friction(found, FrictionEvidence(max(gains[FRICTION], gains[_BAND]), max(rivals)))
-    one = found.candidates[FRICTION]
+    gains = gains | {e: float(c.log_likelihood_gain) for e, c in found.beside_load.items()}
+    one = (found.beside_load or found.candidates)[FRICTION]
     span = float(np.quantile(s.op, 0.99) - np.quantile(s.op, 0.01)) or 1.0
     share = one.fit.theta["S"] / span if one.used else 0.0
     return Friction(found, FrictionEvidence(gains[FRICTION], gains[OUTSIDE], share))
