@@ -214,7 +214,10 @@ def _unless_wide(weights: Classified, found: Assessment, runs: ClosedLoops) -> C
     if left > 1.0 and not found.situation.trusted:
         return weights.refuted(NONE, block)
     lacks = runs.lacking
-    return weights if lacks is None or lacks.least <= _WIDE else weights.refuted(NONE, block if left > 1.0 else lacks.block)
+    if lacks is None or lacks.least <= _WIDE or (left <= 1.0 and found.tested and lacks.block != "sensor"):
+        # tests under which the model is whole refute that plant, valve or load lack something
+        return weights
+    return weights.refuted(NONE, block if left > 1.0 else lacks.block)
 
 
 def _wide(found: Assessment, runs: ClosedLoops) -> bool:

@@ -28,7 +28,7 @@ class Assessment(Fitted):
     and `unknown` are weighed; `tests` are the residual statistics of `final`; `mv_unexplained` whether MV strays as no map
     makes it; `valve_seen` whether MV was recorded, here or in a test; `beside` the assessments of the loop's other records,
     judged together with this one; `stiction` the probability of it, None where it cannot be said; `asked` the tests of the
-    menu that were run; `beside_load` the candidates before the plant was allowed a higher order.
+    menu that were run; `tested` how many were judged with it; `beside_load` the candidates before the plant was allowed a higher order.
     """
 
     log_likelihood_gains: dict[str, float] = field(default_factory=dict)
@@ -39,6 +39,7 @@ class Assessment(Fitted):
     beside: tuple[Assessment, ...] = ()
     stiction: float | None = None
     asked: tuple[str, ...] = ()
+    tested: int = 0
     beside_load: dict[str, Candidate] = field(default_factory=dict)
 
     def shown(self, effect: str) -> bool:
@@ -106,7 +107,7 @@ def assess(situation: Situation, tests: Sequence[ModelledTest] = ()) -> Assessme
     candidates = {e: replace(c, fit=alone[id(c.fit)]) for e, c in candidates.items()}
     situation = replace(situation, data=record.data)
     fitted = (situation, alone[id(base)], candidates, parameters, chosen, alone[id(final)])
-    return Assessment(*fitted, gains, left, on_top, maps[1], bool(maps[0]), beside_load=beside_load)
+    return Assessment(*fitted, gains, left, on_top, maps[1], bool(maps[0]), tested=len(tests), beside_load=beside_load)
 
 
 def _scores(
