@@ -28,7 +28,8 @@ class Assessment(Fitted):
     and `unknown` are weighed; `tests` are the residual statistics of `final`; `mv_unexplained` whether MV strays as no map
     makes it; `valve_seen` whether MV was recorded, here or in a test; `beside` the assessments of the loop's other records,
     judged together with this one; `stiction` the probability of it, None where it cannot be said; `asked` the tests of the
-    menu that were run; `tested` how many were judged with it; `beside_load` the candidates before the plant was allowed a higher order.
+    menu that were run; `tested` how many were judged with it; `beside_load` the candidates before the plant was allowed a
+    higher order.
     """
 
     log_likelihood_gains: dict[str, float] = field(default_factory=dict)
