@@ -34,17 +34,7 @@ _ANSWER_COLUMNS = (
 
 @dataclass(frozen=True)
 class Plan:
-    """How many records of each kind.
-
-    Parameters
-    ----------
-    per_cell : int
-        Single-effect records per effect and strength.
-    none, two, foreign : int
-        Records without effect, with two effects from different blocks, with a foreign fault.
-    effects, strengths : tuple of str
-        Restrict the cells.
-    """
+    """How many records of each kind: `per_cell` of every effect and strength, none, two of different blocks, foreign faults."""
 
     per_cell: int = 5
     none: int = 120

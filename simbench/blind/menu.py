@@ -19,28 +19,12 @@ _LAB_STD = 0.5  # of the stated noise
 
 @dataclass(frozen=True, eq=False)
 class TestPlan:
-    """One test on a loop.
+    """One test on a loop: `n` samples at the log's own period.
 
-    Parameters
-    ----------
-    id : str
-    n : int
-        Samples, at the log's own period.
-    sp : ndarray, shape (n,)
-        Deviation of SP (PV units) from where it stands.
-    op : ndarray, shape (n,)
-        Deviation of OP (%) from where the operator takes over; NaN in automatic.
-    Kc_ratio : float
-        Factor on the controller's gain.
-    faster : int
-        Samples of the log in one of the controller.
-    raw : bool
-        Whether no archive stands between.
-    mv : bool
-        Whether the stem position is logged.
-    lab : ndarray of int
-        Samples at which the true process value is taken, and the std of its error (PV units).
-    lab_std : float
+    `sp` (n,): deviation of SP (PV units) from where it stands; `op` (n,): deviation of OP (%) from where the operator takes
+    over, NaN in automatic; `Kc_ratio`: factor on the controller's gain; `faster`: samples of the log in one of the controller;
+    `raw`: no archive stands between; `mv`: the stem is logged; `lab`: samples at which the true process value is taken, with
+    an error of std `lab_std` (PV units).
     """
 
     id: str

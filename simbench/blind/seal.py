@@ -17,17 +17,7 @@ SEALED, COMMITMENT = "answers.sealed", "commitment.txt"
 
 @dataclass(frozen=True)
 class _Sealed:
-    """Sealed bytes with the key that opens them.
-
-    Parameters
-    ----------
-    content : bytes
-        Ciphertext.
-    key, salt : bytes
-        32 random bytes each.
-    commitment : str
-        SHA-256 (hex) of salt followed by the plain text.
-    """
+    """Sealed bytes, their key and salt of 32 random bytes each, and the SHA-256 (hex) of salt followed by the plain text."""
 
     content: bytes
     key: bytes

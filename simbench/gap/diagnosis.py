@@ -31,7 +31,7 @@ from simbench.gap.intake.refuse import SAME_TS, refuse_unfit
 from simbench.gap.plan.expected import plan
 from simbench.gap.report.result import DiagnosisDetails, Gap, GapReport, Ranked
 from simbench.gap.situation import Situation, load_memory
-from simbench.gap.stiction.friction import friction, friction_in, with_sound_valve
+from simbench.gap.stiction.friction import friction
 from simbench.gap.stiction.probability import DENIED_BELOW, pooled, probability
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN, block_of
 
@@ -122,9 +122,7 @@ def _assess_one(
     situation = check(record, loop, trusted="plant" in given, tuned="controller" in given)
     found = beside_tests(replace(situation, notes=[*situation.notes, *said]), tests)
     try:
-        # what was fitted already is weighed as it is
-        sound = situation.trusted and situation.tuned and with_sound_valve(loop) is loop
-        odds = (friction_in(found) if sound else friction(record, baseline)).log_odds
+        odds = friction(record, baseline, found).log_odds
     except UserError:
         odds = None
     return found if situation.trusted else plausible(found, odds is None or probability(odds) >= DENIED_BELOW), odds

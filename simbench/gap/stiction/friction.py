@@ -68,7 +68,7 @@ def probability_of_stiction(record: LoopRecord, loop: Loop | Partial | None = No
         return None
 
 
-def friction(record: LoopRecord, loop: Loop | Partial | None = None) -> Friction:
+def friction(record: LoopRecord, loop: Loop | Partial | None = None, found: Assessment | None = None) -> Friction:
     """Weigh friction on one record, beside the loop where it is known, identified from the record otherwise.
 
     The evidence is that of all samples; where that leaves doubt and samples are closer than the loop moves, that of the record
@@ -77,7 +77,17 @@ def friction(record: LoopRecord, loop: Loop | Partial | None = None) -> Friction
 
     Raises a UserError, in one sentence, where the record is unfit, no loop can be identified, or both cannot be compared.
     """
-    _refuse(record)
+    where = f"record {record.tag!r}" if record.tag else "record"
+    refuse_unfit(record, where)
+    flags = Prepared(record.without_mv()).flags
+    unfit = next((flags[f].evidence for f in UNFIT if f in flags), "")
+    if record.n < SHORTEST_ASKED:
+        unfit = f"{record.n} samples; at least {SHORTEST_ASKED} are needed"
+    if unfit:
+        raise RecordError(f"{where} unfit: {unfit}")
+    # a record, and its tests, that was assessed beside this loop is weighed as it was fitted
+    if found is not None and isinstance(loop, Loop) and with_sound_valve(loop) is loop:
+        return _measured(found)
     record = in_percent(record)[0]
     if isinstance(loop, Loop):
         loop = with_sound_valve(loop)
@@ -97,26 +107,6 @@ def friction(record: LoopRecord, loop: Loop | Partial | None = None) -> Friction
         if every is None and own is None:
             return _measured(_fitted(record, identify(record)))
         return _measured(max(filter(None, (every, own)), key=lambda f: f.log_likelihood_gains[FRICTION]))
-
-
-def friction_in(found: Assessment) -> Friction:
-    """Weigh friction in a record, and its tests, that were assessed beside a trusted loop with a sound valve.
-
-    Raises a UserError, in one sentence, where the record is unfit.
-    """
-    _refuse(found.situation.record)
-    return _measured(found)
-
-
-def _refuse(record: LoopRecord) -> None:
-    where = f"record {record.tag!r}" if record.tag else "record"
-    refuse_unfit(record, where)
-    flags = Prepared(record.without_mv()).flags
-    unfit = next((flags[f].evidence for f in UNFIT if f in flags), "")
-    if record.n < SHORTEST_ASKED:
-        unfit = f"{record.n} samples; at least {SHORTEST_ASKED} are needed"
-    if unfit:
-        raise RecordError(f"{where} unfit: {unfit}")
 
 
 def with_sound_valve(loop: Loop) -> Loop:
