@@ -22,7 +22,6 @@ FRONT_ENDS = ("acf", "hagglund")
 # samples per period that are judged (Jelali 2013, section 11.7.2); a denser record is halved until it has no more
 DENSEST = 250.0
 _COARSEST = 64.0  # samples per period at which a half is still searched for an oscillation that it hides more densely
-_HALVES = (2, 1, 0)  # quarters at which they start: the last half, the middle one, the first
 
 
 @dataclass
@@ -232,9 +231,12 @@ def prepare(record: LoopRecord, front_end: str = "acf") -> Prepared:
     whole = _at_density(record, front_end)
     if whole.oscillation.sustained or front_end == "hagglund":  # whose memory forgets by itself what is long past
         return whole
-    pace = _pace(record.op)
-    for quarter in _HALVES:
-        part = quarter * record.n // 4, (quarter + 2) * record.n // 4
+    pace, step = _pace(record.op), 1
+    while pace > _COARSEST * step:
+        step *= 2
+    # starts and ends that every density has: half a swing earlier or later a half may seem to oscillate or not
+    quarter, middle = (-(-record.n // (k * step)) * step for k in (4, 2))
+    for part in ((middle, record.n), (quarter, quarter + middle), (0, middle)):
         if part[1] - part[0] < 3:
             return whole
         half = _at_density(record.window(*part), front_end, part, pace)

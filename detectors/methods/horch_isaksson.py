@@ -147,8 +147,8 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
     y = y - moving_mean(y, half)
     y = y / max(float(y.std()), 1e-300)
     a = 1.0 if np.isinf(plant.T_s) else math.exp(-q * record.Ts / max(plant.T_s, 1e-3 * record.Ts))
-    # the fit gives the dead time to within a sample
-    late = round(plant.Td_s / record.Ts / q)
+    # the fit gives the dead time to within a sample, and whose half it is shall not hang on the unit of time
+    late = round(round(plant.Td_s / record.Ts / q, 6))
     _, b, u = min((_aligned(np.roll(u, d), y, a, half, plant.sign) for d in (late, late + 1)), key=lambda f: f[0])
     noise = max(math.sqrt(max(plant.error, 1e-4)), 0.02)
     standing, both = two_models(u, y, a, b, noise)

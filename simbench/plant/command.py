@@ -9,16 +9,15 @@ from shutil import rmtree
 from typing import Any
 
 from detectors.errors import UserError
-from detectors.judge import UNFIT
 from detectors.prepared import Prepared
 from detectors.record import LoopRecord
 from detectors.records.io import read_folder, read_labels, read_record
 from scenarios.spec import load_loop
 from simbench.files import refuse_own_input
 from simbench.plant.report.causes import Causes, find_causes
-from simbench.plant.report.fleet import Fleet, survey
+from simbench.plant.report.fleet import JUDGED, Fleet, survey
 from simbench.plant.study.result import Study
-from simbench.plant.trust.candidate_loops import candidate_loops
+from simbench.plant.trust.candidate_loops import CandidateLoops, candidate_loops
 from simbench.plant.trust.result import Trust
 from simbench.plant.trust.trust import trust
 
@@ -45,28 +44,27 @@ def causes_of(record: LoopRecord) -> tuple[Causes, float | None]:
     """Return why one loop moves, on the evidence of its own record, and the probability of stiction."""
     prepared = Prepared(replace(record, mv=None))
     try:
-        behind = candidate_loops(record) if not any(flag in prepared.flags for flag in UNFIT) else None
-    except UserError:
-        behind = None
-    return find_causes(prepared, behind), None if behind is None else behind.probability
+        behind: CandidateLoops | str = candidate_loops(record)
+    except UserError as why:
+        behind = str(why)
+    return find_causes(prepared, behind), None if isinstance(behind, str) else behind.probability
 
 
 def report_folder(
     folder: str | Path, page: str | Path, labels: str | Path | None = None, *, jobs: int = 2,
     orders: str | Path | None = None, previous: str | Path | None = None, **about: Any,
 ) -> tuple[Fleet, Path]:  # fmt: skip
-    """Judge a plant's loops and write them on one page; what a killed call had judged is kept beside it and used again."""
+    """Judge a plant's loops and write them on one page; what was judged is kept beside it and used again."""
     from simbench.plant.report.page import write_fleet
     from simbench.plant.report.work_orders import refuse_orders, write_orders
 
     refuse_own_input([page, Path(page).with_suffix(".csv"), orders], [folder, labels])
     refuse_orders(orders)
-    judged = Path(page).with_name(f"{Path(page).name}.judged")
+    judged = Path(page).with_name(f"{Path(page).name}{JUDGED}")
     fleet = survey(folder, labels, jobs=jobs, keep=judged, previous=previous, **about)
     beside = write_fleet(fleet, page, None if labels is None else read_labels(labels), jobs=jobs)
     if orders is not None:
         write_orders(fleet, orders)
-    rmtree(judged, ignore_errors=True)
     return fleet, beside
 
 

@@ -63,7 +63,6 @@ class Recogniser:
     # how far (%) OP's mean over the record lies from where the record began; `half` of the record in s, K of the plant
     mean_op_shift: Callable[[Mapping[str, float | str], float, float], float] = lambda p, half, K: 0.0
     smallest: Callable[[Probe], tuple[float, str] | None] = lambda probe: None  # the size that would have shown in this record
-    laws: tuple[str, ...] = ()  # forms of an empirical law that act as this effect does, as "form" or "form number"
     # draws all that is not size (direction, place, shape) and returns the parameters as a function of x, from 0, barely there,
     # to 1, gross
     draw: Callable[[Yardstick, np.random.Generator], Size] | None = None

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from detectors.errors import ParameterError, UserError
+from detectors.judge import judge
 from detectors.prepared import Prepared
 from detectors.quality import resolution
 from detectors.record import LoopRecord
@@ -16,9 +18,9 @@ from detectors.records.io import read_folder, read_labels
 from detectors.records.tables import read_table
 from detectors.report.report import choose_methods
 from detectors.verdict import Verdict
+from simbench.files import folder as folder_made
 from simbench.gap.stiction.probability import CLAIMED_FROM, pooled, probability
 from simbench.plant.episodes import OverTime
-from simbench.plant.indices import judged
 from simbench.plant.report.advice import VALVE, Advice, advise
 from simbench.plant.report.causes import NEIGHBOUR, NO_CAUSE, NOT_TOLD, SENSOR, STICKING, TIGHT, Cause, Causes, find_causes
 from simbench.plant.report.cost import Cost, cost_of
@@ -28,6 +30,7 @@ from simbench.plant.resumed import resumed
 from simbench.plant.trust.result import STICKY, Trust
 from simbench.plant.trust.trust import trust
 
+JUDGED = ".judged"  # ends the name of the folder beside a page in which the answers on its loops are kept
 HEALTHY, EACH = 16, 2  # twins per loop: enough to rank a plant; `simbench trust` draws more
 _FOLLOWER, _OPEN = 0.2, 0.3  # of a loop's own cost, where another drives it, and confidence where no cause is named
 _NOTHING = "procedure"  # whose windows are missing where a record cannot be judged
@@ -36,37 +39,11 @@ _NONLINEAR = "surrogate"  # whose score tells a source from its victims
 
 @dataclass(frozen=True, eq=False)
 class FleetLoop:
-    """One loop of a plant.
+    """One loop of a plant: what few twins and the fast methods say, the verdicts of all methods, cause, cost and what to do.
 
-    Parameters
-    ----------
-    name : str
-        Record.
-    found : Trust
-        From few twins and the fast methods.
-    verdicts : tuple of Verdict
-        Of all methods on the record.
-    over_time : OverTime
-    size : (float, float) or None
-        S and J where stiction is the likelier, in the record's unit.
-    label : str
-        "" where none was given.
-    event : int or None
-        Number of the oscillation it shares, from 1.
-    root : str or None
-        Likely root of that oscillation; itself where it is the root.
-    advice : Advice
-    pooled : float or None
-        Probability of stiction from all records of this loop.
-    causes : Causes or None
-        Why it moves, with what speaks for and against every cause.
-    cost : Cost or None
-    actions : tuple of Action
-        What would help, best first.
-    priority : float
-        What the cause costs, as a share of PV's variance summed over the loops that swing with it, times its confidence.
-    status : str
-        "new, watch", or "again" where the same cause was named before.
+    `size` (S and J, in the record's unit) is given where stiction is the likelier; `event` numbers the oscillation it shares,
+    from 1, with its likely `root`; `pooled` is the probability of stiction from all records of the loop; `priority` the share
+    of PV's variance that its cause costs, summed over the loops that swing with it, times its confidence.
     """
 
     name: str
@@ -98,20 +75,7 @@ class FleetLoop:
 
 @dataclass(frozen=True, eq=False)
 class Fleet:
-    """A plant's loops, the most urgent first.
-
-    Parameters
-    ----------
-    members : tuple of FleetLoop
-        By probability in steps of a tenth, then by S.
-    events : tuple of tuple of str
-        Loops that share an oscillation, the likely root first.
-    refused : dict of str to str
-        Files that are no records, each with its sentence.
-    methods : tuple of str
-    cascades : tuple of (str, str)
-        Outer and inner loop of every cascade.
-    """
+    """A plant's loops, the most urgent first; `events` have their likely root first, `cascades` are outer and inner loop."""
 
     members: tuple[FleetLoop, ...]
     events: tuple[tuple[str, ...], ...]
@@ -148,6 +112,9 @@ def survey(
 ) -> Fleet:  # fmt: skip
     """Judge every record of a folder, find what they share, and rank them."""
     known = {} if labels is None else read_labels(labels)
+    before = {} if previous is None else _causes_before(previous)
+    if previous is not None and keep is not None:
+        _adopt(Path(previous), folder_made(keep))
     each = {name: {"kind": row["kind"], "process": row["process"]} for name, row in known.items()}
     records, refused = read_folder(folder, names=known or None, each=each, **about)
     names = choose_methods(["all"])
@@ -157,18 +124,17 @@ def survey(
     timed = {m.name: replace(records[m.name], mv=None) for m in members}  # with the time of the calendar
     pairs = cascades(timed)
     members, events = _joined(members, {name: Prepared(record) for name, record in timed.items()}, pairs)
-    before = {} if previous is None else causes_before(previous)
     members = [replace(m, status=_status(m, before)) for m in members]
     members.sort(key=lambda m: (-round(m.priority, 2), -round(m.probability, 1), -(m.size or (0.0, 0.0))[0], m.name))
     return Fleet(tuple(members), events, refused, tuple(names), tuple(pairs))
 
 
-def causes_before(previous: str | Path) -> dict[str, str]:
+def _causes_before(previous: str | Path) -> dict[str, str]:
     """Return the causes that the tables of an earlier report's folder name, by loop."""
-    folder, found = Path(previous), {}
-    if not folder.is_dir():
+    found: dict[str, str] = {}
+    if not Path(previous).is_dir():
         raise ParameterError(f"--previous {previous}: the folder of an earlier report's page and table is needed")
-    for file in sorted(folder.glob("*.csv")):
+    for file in sorted(Path(previous).glob("*.csv")):
         with contextlib.suppress(UserError):
             columns = read_table(file)
             if {"loop", "cause"} <= set(columns):
@@ -176,6 +142,14 @@ def causes_before(previous: str | Path) -> dict[str, str]:
     if not found:
         raise ParameterError(f"--previous {previous}: no table of an earlier report in it; the .csv beside its page is needed")
     return found
+
+
+def _adopt(previous: Path, keep: Path) -> None:
+    """Put the answers of an earlier report beside those of this one, which asks again where a record or setting is another."""
+    for file in previous.glob(f"*{JUDGED}/*.json"):
+        if not (keep / file.name).exists():
+            with contextlib.suppress(OSError):  # what cannot be read is judged anew
+                shutil.copyfile(file, keep / file.name)
 
 
 def _status(m: FleetLoop, before: Mapping[str, str]) -> str:
@@ -187,7 +161,7 @@ def _status(m: FleetLoop, before: Mapping[str, str]) -> str:
 def _one(name: str, record: LoopRecord, methods: list[str], label: str, seed: int) -> FleetLoop:
     found = trust(record, methods=["fast"], healthy=HEALTHY, each=EACH, help_wanted=False, seed=seed)
     asked = {m.verdict.method: m.verdict for m in found.methods}
-    others = judged(record, [name for name in methods if name not in asked])
+    others = judge(record, [name for name in methods if name not in asked])
     by_method = asked | {v.method: v for v in others}
     said = tuple(by_method[name] for name in methods)
     size = None
@@ -237,7 +211,7 @@ def _joined(
         slave = inner.get(m.name)
         if slave is not None and probability[slave] > CLAIMED_FROM and prepared[m.name].oscillation.sustained:
             driven = slave
-        causes = find_causes(prepared[m.name], m.found.behind, driven, probability.get(driven or "", 0.0))
+        causes = find_causes(prepared[m.name], m.found.behind or m.found.notes[0], driven, probability.get(driven or "", 0.0))
         # on a loop whose cause nobody knows an action is no advice
         actions = m.actions if causes.named.name in (STICKING, TIGHT) else ()
         advice = advise(m.found, prepared[m.name], causes.named, driven, actions)

@@ -79,7 +79,7 @@ def test_the_page_ranks_the_loops_and_stands_alone(records, tmp_path, capsys):
     assert text.count("<article") == 3
     assert "src=" not in text
     assert "http" not in text.replace("http://www.w3.org", "")
-    assert sorted(f.name for f in tmp_path.iterdir()) == ["page.csv", "page.html", "plant"]
+    assert sorted(f.name for f in tmp_path.iterdir()) == ["page.csv", "page.html", "page.html.judged", "plant"]
     if chromium.executable() is not None:
         with chromium.opened(page, 390) as shown:
             assert shown.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth") <= 0
@@ -108,6 +108,33 @@ def test_loops_judged_before_a_kill_are_not_judged_again(records, tmp_path, monk
     assert len(count) == 3
     monkeypatch.setattr(fleet, "trust", judge)
     assert fleet.survey(folder, jobs=1).as_text() == again.as_text()
+
+
+def test_a_second_week_judges_only_what_changed(records, tmp_path, monkeypatch):
+    for week, source in (("week1", "source"), ("week2", "other")):
+        (tmp_path / week).mkdir()
+        for loop, name in (("FIC101", source), ("LIC7", "quiet")):
+            write_record(records[name], tmp_path / week / f"{loop}.csv")
+    judge, asked = fleet.trust, []
+    monkeypatch.setattr(fleet, "trust", lambda record, **more: asked.append(record.tag) or judge(record, **more))
+
+    def week(name, *more):
+        asked.clear()
+        place = tmp_path / f"report {len(list(tmp_path.iterdir()))}"
+        place.mkdir()
+        assert main(["report", str(tmp_path / name), "-j", "1", "-o", str(place / "page.html"), *more]) == 0
+        return place, sorted(asked)
+
+    first, judged = week("week1")
+    assert judged == ["FIC101", "LIC7"]
+    same, judged = week("week1", "--previous", str(first))
+    assert judged == []
+    tables = [(place / "page.csv").read_text(encoding="utf-8") for place in (first, same)]
+    assert tables[0].replace("new, watch", "again").replace('"', "") == tables[1].replace('"', "")
+    second, judged = week("week2", "--previous", str(first))
+    assert judged == ["FIC101"]
+    assert len(list((second / "page.html.judged").iterdir())) == 2
+    assert week("week2", "--previous", str(second), "--process", "integrating")[1] == ["FIC101", "LIC7"]
 
 
 def test_answers_are_kept_where_the_call_stands_though_its_processes_began_elsewhere(tmp_path, monkeypatch):
