@@ -9,7 +9,6 @@ from shutil import rmtree
 from typing import Any
 
 from detectors.errors import UserError
-from detectors.judge import UNFIT
 from detectors.prepared import Prepared
 from detectors.record import LoopRecord
 from detectors.records.io import read_folder, read_labels, read_record
@@ -18,7 +17,7 @@ from simbench.files import refuse_own_input
 from simbench.plant.report.causes import Causes, find_causes
 from simbench.plant.report.fleet import JUDGED, Fleet, survey
 from simbench.plant.study.result import Study
-from simbench.plant.trust.candidate_loops import candidate_loops
+from simbench.plant.trust.candidate_loops import CandidateLoops, candidate_loops
 from simbench.plant.trust.result import Trust
 from simbench.plant.trust.trust import trust
 
@@ -45,10 +44,10 @@ def causes_of(record: LoopRecord) -> tuple[Causes, float | None]:
     """Return why one loop moves, on the evidence of its own record, and the probability of stiction."""
     prepared = Prepared(replace(record, mv=None))
     try:
-        behind = candidate_loops(record) if not any(flag in prepared.flags for flag in UNFIT) else None
-    except UserError:
-        behind = None
-    return find_causes(prepared, behind), None if behind is None else behind.probability
+        behind: CandidateLoops | str = candidate_loops(record)
+    except UserError as why:
+        behind = str(why)
+    return find_causes(prepared, behind), None if isinstance(behind, str) else behind.probability
 
 
 def report_folder(

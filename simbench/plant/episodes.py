@@ -30,18 +30,9 @@ class _Episode:
 
 @dataclass(frozen=True)
 class OverTime:
-    """Verdicts over time.
+    """Verdicts of a method over overlapping windows, a single one where the record is too short to be cut.
 
-    Parameters
-    ----------
-    method : str
-        Whose verdicts.
-    episodes : tuple of Episode
-        Overlapping windows in order; a single one where the record is too short to be cut.
-    cycles : int
-        Periods in which the record swings; 0 where it does not oscillate.
-    sticky : int
-        Those of them in windows that say stiction; where two windows overlap, both must.
+    `cycles` are the periods in which the record swings, `sticky` those of them that lie only in windows that say stiction.
     """
 
     method: str
@@ -66,18 +57,9 @@ class OverTime:
 
 
 def over_time(record: LoopRecord, method: str = "procedure") -> OverTime:
-    """Judge a record window by window.
+    """Judge a record window by window, for valves that stick at times and loops that were retuned.
 
-    Notes
-    -----
     A window is twelve periods of the record's oscillation, or a sixth of the record where it does not oscillate as a whole.
-    For valves that stick at times, or loops that were retuned within the record; a single verdict averages over both.
-
-    Examples
-    --------
-    >>> t = np.arange(3000.0)
-    >>> over_time(LoopRecord(op=np.sin(t / 5), pv=np.cos(t / 5), Ts=1.0), "he").sentence()
-    'stiction in 0 of 95 cycles by he, 15 windows'
     """
     prepared = Prepared(record.without_mv())
     period = prepared.oscillation.period_s / record.Ts

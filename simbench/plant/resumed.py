@@ -33,11 +33,6 @@ def resumed(
     """Ask of each in turn, in several processes, and return the answers in order.
 
     Answers that this very code gave to the same questions are read from `keep`; those that no question asks for are removed.
-
-    Examples
-    --------
-    >>> resumed(max, [(1, 2), (4, 3)], jobs=1, keep=None, what="larger ones")
-    [2, 4]
     """
     calls = [delayed(ask)(*a) for a in about]
     if keep is not None:

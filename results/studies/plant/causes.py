@@ -165,7 +165,7 @@ def judged(loops: dict[str, tuple[str, LoopRecord, Loop | None]]):
     for event in events:
         first = max(event, key=lambda name: sure[name])
         root |= {name: first for name in event if name != first}
-    causes = {n: find_causes(prepared[n], behind[n], root.get(n), sure.get(root.get(n, ""), 0.0)) for n in loops}
+    causes = {n: find_causes(prepared[n], behind[n] or "no loop", root.get(n), sure.get(root.get(n, ""), 0.0)) for n in loops}
     return causes, events, behind
 
 

@@ -15,6 +15,7 @@ import pandas as pd
 from tqdm import tqdm
 
 from detectors.errors import UserError
+from detectors.judge import judge
 from detectors.record import PROCESSES, LoopRecord
 from detectors.records.io import read_record
 from detectors.verdict import STICTION
@@ -23,7 +24,6 @@ from simbench.files import answered, folder
 from simbench.gap.stiction.friction import friction
 from simbench.gap.stiction.pace import resampled
 from simbench.gap.stiction.probability import CLAIMED_FROM, pooled, probability
-from simbench.plant.indices import judged
 from simbench.usage import exit_code
 
 
@@ -81,7 +81,7 @@ def _exception(x: np.ndarray, share: float) -> np.ndarray:
 
 def weighed(record: LoopRecord) -> dict[str, Any]:
     """Return whether the procedure says stiction of a record, and the log-odds of it; None where it cannot be judged."""
-    said = judged(record, [PROCEDURE])[0].verdict == STICTION
+    said = judge(record, [PROCEDURE])[0].verdict == STICTION
     try:
         return {PROCEDURE: said, "odds": friction(record).log_odds}
     except UserError:
@@ -145,23 +145,26 @@ def main(arguments: list[str] | None = None) -> int:
     print("\n".join(line for method in (PROCEDURE, LIKELIHOOD) for line in counted(rows, method)))
     if given.panel:
         first = list(dict(reversed([((m.unit_group, m.label), (m, r)) for m, r in read])).values())
-        print("\n".join(_panel(first, given.output)))
+        print("\n".join(panel(first, given.output)))
     return 0
 
 
-def _panel(chosen: list[tuple[Any, LoopRecord]], out: Path) -> list[str]:
+def panel(chosen: list[tuple[Any, LoopRecord]], out: Path) -> list[str]:
+    """Return the confident verdicts of stiction that archives add to records and take from them."""
     added: list[str] = []
-    sound = lost = 0
+    sound = lost = silent = 0
     for m, r in tqdm(chosen, file=sys.stderr):
         before = _sure(answered(out / f"{m.id}.json", partial(weighed, r)))
         for i, (name, change) in enumerate(PANEL.items()):
-            after = _sure(answered(out / f"{m.id}-{i}.json", partial(weighed, change(r))))
-            lost += before and not after
-            if after and not before:
+            row = answered(out / f"{m.id}-{i}.json", partial(weighed, change(r)))
+            silent += row["odds"] is None
+            lost += before and not _sure(row)
+            if _sure(row) and not before:
                 added.append(f"added: {m.id}, {m.label}, {name}")
                 sound += m.label != "stiction"
     said = f"{len(added)} confident verdicts of stiction added, {sound} of them where the label says none; {lost} lost"
-    return ["", f"{len(chosen)} records changed in {len(PANEL)} ways: {said}", *added]
+    more = f"; of {silent} of {len(chosen) * len(PANEL)} nothing can be told"
+    return ["", f"{len(chosen)} records changed in {len(PANEL)} ways: {said}{more}", *added]
 
 
 def _sure(row: dict[str, Any]) -> bool:

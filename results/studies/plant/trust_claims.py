@@ -13,6 +13,7 @@ import numpy as np
 from tqdm import tqdm
 
 from detectors.errors import UserError
+from detectors.judge import judge
 from detectors.record import LoopRecord
 from detectors.report.report import choose_methods
 from detectors.verdict import NO_STICTION, STICTION
@@ -26,7 +27,6 @@ from simbench.gap.stiction.friction import probability_of_stiction
 from simbench.gap.stiction.probability import CLAIMED_FROM
 from simbench.loop.setup import plain_setup
 from simbench.loop.simulate import simulate
-from simbench.plant.indices import judged
 from simbench.plant.trust.result import SOUND, UNSEEN
 from simbench.plant.trust.trust import trust
 from simbench.usage import exit_code
@@ -61,7 +61,7 @@ def looked_at(scenario: Scenario) -> dict[str, Any]:
     """Return whether one loop sticks, the probability of stiction without MV, and whether the procedure calls it."""
     run = simulate(scenario.loop, scenario.seed)
     record = run.record.without_mv()
-    called = judged(record, [PROCEDURE])[0].verdict == STICTION
+    called = judge(record, [PROCEDURE])[0].verdict == STICTION
     return {"sticky": run.sticky, "probability": probability_of_stiction(record), PROCEDURE: called}
 
 
@@ -153,7 +153,7 @@ def fitted(loop: Loop, seed: int) -> float:
 def shares(loop: Loop, seed: int, methods: list[str]) -> dict[str, float]:
     """Return the share of runs of a loop that every method calls stiction."""
     called = [
-        [v.verdict == STICTION for v in judged(simulate(loop, seed + 1000 + i).record.without_mv(), methods)]
+        [v.verdict == STICTION for v in judge(simulate(loop, seed + 1000 + i).record.without_mv(), methods)]
         for i in range(RUNS)
     ]
     return dict(zip(methods, np.mean(called, axis=0).tolist()))

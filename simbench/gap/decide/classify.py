@@ -54,16 +54,6 @@ def classify(found: Assessment) -> Classified:
     the best model fails by most, a half where it just fails. `TEMPERATURE` is where probability and frequency of right
     answers meet best on 1456 development loops of three independent simulators, `_SHARPNESS` the likeliest on 792 of them;
     where effects are rarer or subtler, the probabilities are too high.
-
-    Examples
-    --------
-    >>> from simbench.gap.decide.assess import assess
-    >>> from simbench.gap.intake.check import check
-    >>> from random_case import random_case
-    >>> case = random_case(3, ("detuning",))
-    >>> weights = classify(assess(check(case.record, case.baseline)))
-    >>> weights.probability["detuning"] > 0.8, round(sum(weights.probability.values()), 6)
-    (True, 1.0)
     """
     gains = {e: found.log_likelihood_gains[e] for e in EFFECTS}
     if found.chosen:

@@ -11,14 +11,16 @@ from simbench.gap.situation import Situation
 from simbench.loop.effects import EFFECTS, block_of
 
 
-def plausible(found: Assessment, sticky: bool = True) -> Assessment:
+def plausible(found: Assessment, sticky: bool | None = True) -> Assessment:
     """Keep of an assessment without trusted baseline what the record alone can carry.
 
     Effects that compare with a plant are dropped, and with a tuning, unless that was given; friction is chosen only where the
-    valve is `sticky`. Notes say what the samples show.
+    valve is `sticky`, and not weighed where that cannot be told (None). Notes say what the samples show.
     """
     s = found.situation
     kept = meaningful(s.record.mv is not None, s.tuned)
+    if sticky is None:
+        kept -= {e for e in kept if recogniser(e).band is not None}
     gains = {e: (g if e in kept else min(g, -10.0)) for e, g in found.log_likelihood_gains.items()}
     possible = [e for e in gains if gains[e] > 0 and (sticky or recogniser(e).band is None)]
     chosen = [e for e in found.chosen if e in s.proven and gains[e] > 0][:2]

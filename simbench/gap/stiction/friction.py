@@ -24,7 +24,7 @@ from simbench.gap.intake.partial import Partial, completed
 from simbench.gap.intake.refuse import refuse_unfit
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.situation import Situation, load_memory
-from simbench.gap.stiction.pace import at_its_pace, unheld
+from simbench.gap.stiction.pace import at_its_pace, own_samples, unheld
 from simbench.gap.stiction.probability import BOUNDS, FrictionEvidence, log_odds, probability
 from simbench.loop.effects import EFFECTS, block_of
 from simbench.loop.setup import plain_setup
@@ -33,6 +33,7 @@ FRICTION, _BAND = "stiction", "deadband"  # the effect whose size is asked for, 
 OUTSIDE = "oscillation"  # what swings a sound loop
 ENOUGH = 10.0 * BOUNDS[1]  # nats beyond which more say nothing more
 SHORTEST_ASKED = 60  # samples
+_OWN = 0.2  # share of PV's samples that must be its own (`python -m results.studies.plant.archives`)
 _ROOM = 2.0  # OP ranges left free on either side of a record whose unit of OP is unknown
 
 
@@ -68,7 +69,7 @@ def probability_of_stiction(record: LoopRecord, loop: Loop | Partial | None = No
         return None
 
 
-def friction(record: LoopRecord, loop: Loop | Partial | None = None) -> Friction:
+def friction(record: LoopRecord, loop: Loop | Partial | None = None, found: Assessment | None = None) -> Friction:
     """Weigh friction on one record, beside the loop where it is known, identified from the record otherwise.
 
     The evidence is that of all samples; where that leaves doubt and samples are closer than the loop moves, that of the record
@@ -85,11 +86,18 @@ def friction(record: LoopRecord, loop: Loop | Partial | None = None) -> Friction
         unfit = f"{record.n} samples; at least {SHORTEST_ASKED} are needed"
     if unfit:
         raise RecordError(f"{where} unfit: {unfit}")
+    # a record, and its tests, that was assessed beside this loop is weighed as it was fitted
+    if found is not None and isinstance(loop, Loop) and with_sound_valve(loop) is loop:
+        return _measured(found)
     record = in_percent(record)[0]
     if isinstance(loop, Loop):
         loop = with_sound_valve(loop)
     if loop is None and record.mv is None:
         record = unheld(record)
+        own = own_samples(record)
+        if own < max(SHORTEST_ASKED, _OWN * record.n):
+            what = "the archive repeats the others or draws straight lines between them, which looks like a valve that rests"
+            raise RecordError(f"{where} unfit: {own} of {record.n} samples of PV are its own; {what}")
     # thousands of tiny matrices: threads would only wait for each other
     with one_thread():
         # a loop that is known is known at its own sampling, and MV shows a slip where it happens
@@ -173,11 +181,13 @@ def _few(s: Situation) -> Assessment:
 def _measured(found: Assessment) -> Friction:
     """Return the assessment with the evidence that is weighed."""
     gains, s = found.log_likelihood_gains, found.situation
-    if s.record.mv is not None:
-        # what MV does beside OP is the valve: another map may explain it, nothing outside can
+    if found.valve_seen or s.record.mv is not None:
+        # what MV does beside OP is the valve: another map may explain it, nothing outside can, and every band counts in full
         rivals = (gains[e] for e in EFFECTS if block_of(e) == "valve" and e not in (FRICTION, _BAND))
-        return Friction(found, FrictionEvidence(max(gains[FRICTION], gains[_BAND]), max(rivals)))
-    one = found.candidates[FRICTION]
+        gain = max(gains[FRICTION], gains[_BAND])
+        return Friction(found, FrictionEvidence(gain, max(rivals), float(gain > 0.0)))
+    gains = gains | {e: float(c.log_likelihood_gain) for e, c in found.beside_load.items()}
+    one = (found.beside_load or found.candidates)[FRICTION]
     span = float(np.quantile(s.op, 0.99) - np.quantile(s.op, 0.01)) or 1.0
     share = one.fit.theta["S"] / span if one.used else 0.0
     return Friction(found, FrictionEvidence(gains[FRICTION], gains[OUTSIDE], share))

@@ -7,7 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from detectors.quality import steps
 from detectors.record import LoopRecord
+from detectors.signal.lines import share_on_lines
 from detectors.signal.oscillation import find_oscillation
 
 _LEAST = 0.2  # of PV's standard deviation, that PV moves from sample to sample
@@ -40,6 +42,13 @@ def unheld(record: LoopRecord) -> LoopRecord:
     phase = int(np.bincount(changes % k).argmax())
     regular = k > 1 and np.mean(changes % k == phase) >= _REGULAR
     return resampled(record, lambda x: x[phase::k], k) if regular else record
+
+
+def own_samples(record: LoopRecord) -> int:
+    """Return how many samples of PV are its own: an archive repeats the others, or draws straight lines between them."""
+    pv = np.asarray(record.pv)
+    drawn = share_on_lines(pv, steps(pv, record.op)) + float(np.mean(np.diff(pv) == 0.0))
+    return round(pv.size * max(1.0 - drawn, 0.0))
 
 
 def resampled(record: LoopRecord, change: Callable[[np.ndarray], np.ndarray], k: int) -> LoopRecord:

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 
 # learned by `python -m results.studies.plant.stiction_probability`, every simulator left out in turn
-OFFSET, WEIGHT = -0.31, 2.12
-BOUNDS = (-0.5, 3.0)  # tens of nats between which evidence counts; beyond, a model's errors are larger
+OFFSET, WEIGHT, BAND = 0.65, 1.53, 0.50
+BOUNDS = (-1.0, 3.0)  # tens of nats between which evidence counts; beyond, a model's errors are larger
+_NARROW = 0.02  # share of OP's range below which a band is none
 _WIDE = 0.5  # share of OP's range from which on a band counts in full: a valve that makes the loop cycle moves OP by S to 1.2 S
 EDGE = 0.99  # no probability is surer than the loops it was learned on can show
 CLAIMED_FROM, DENIED_BELOW = (
@@ -33,13 +34,21 @@ class FrictionEvidence:
     share: float = 1.0
 
 
-def log_odds(e: FrictionEvidence) -> float:
-    """Return the log-odds of stiction, even odds before looking.
+def regressors(e: FrictionEvidence) -> tuple[float, float]:
+    """Return what speaks for friction, in tens of nats, and the logarithm of the share of OP's range that its band spans.
 
-    What friction gains beyond an oscillation from outside counts by the share of OP's range that its band spans.
+    What friction gains beyond an oscillation from outside counts by that share. A narrow band speaks against friction as well:
+    the record would have shown a wide one.
     """
     nats = min(max((e.gain - max(e.outside, 0.0)) / 10.0, BOUNDS[0]), BOUNDS[1])
-    return OFFSET + WEIGHT * nats * (min(e.share / _WIDE, 1.0) if nats > 0.0 else 1.0)
+    shown = nats * (min(e.share / _WIDE, 1.0) if nats > 0.0 else 1.0)
+    return shown, math.log(min(max(e.share, _NARROW), 1.0))
+
+
+def log_odds(e: FrictionEvidence) -> float:
+    """Return the log-odds of stiction, even odds before looking."""
+    shown, band = regressors(e)
+    return OFFSET + WEIGHT * shown + BAND * band
 
 
 def pooled(odds: Sequence[float]) -> float:

@@ -62,15 +62,18 @@ def _line(c: Cause) -> str:
     return f"  {c.name} ({c.confidence:.2f}): {'. '.join(told)}."
 
 
-def find_causes(prepared: Prepared, behind: CandidateLoops | None, root: str | None = None, sure: float = 0.0) -> Causes:
-    """Weigh the causes of one loop's motion; `root` is the loop that drives it, `sure` that loop's probability of stiction."""
+def find_causes(prepared: Prepared, behind: CandidateLoops | str, root: str | None = None, sure: float = 0.0) -> Causes:
+    """Weigh the causes of one loop's motion; `behind` is what may stand behind it, or why that cannot be told.
+
+    `root` is the loop that drives it, `sure` that loop's probability of stiction.
+    """
     flags, swing = prepared.flags, prepared.oscillation
     for flag, name in _TOLD_BY_FLAGS.items():
         if flag in flags:
             found = Cause(name, 0.9 if name != NOT_TOLD else 0.0, (flags[flag].evidence,))
             return Causes(found, (found,))
-    if behind is None:
-        return _open("no loop could be identified from this record", ())
+    if isinstance(behind, str):
+        return _open(behind, ())
     known, keeps, periods = _margins(behind), 0.0, 0.0
     if swing.sustained:
         periods = behind.record.duration / swing.period_s
@@ -169,6 +172,7 @@ def _sensor(prepared: Prepared, behind: CandidateLoops) -> Cause:
     if noise**2 > _NOISY and turns > 0.4 and moved > _MOVED and not prepared.oscillation.sustained:
         return Cause(SENSOR, 0.8, (f"{said}: the valve follows the noise, by {moved:.2g} % from sample to sample",))
     return Cause(SENSOR, 0.05, (), (said,))
+
 
 def _nothing(behind: CandidateLoops, swing: Oscillation, known: Margins | None) -> Cause:
     if swing.sustained:

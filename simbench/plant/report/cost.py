@@ -16,20 +16,9 @@ _DEAD = 0.1  # of OP's standard deviation, within which a change of direction is
 
 @dataclass(frozen=True)
 class Cost:
-    """What the record shows of a loop's cost.
+    """What the record shows of a loop's cost: the cycle's share of the variance of PV and of OP, the valve's travel and turns.
 
-    Parameters
-    ----------
-    pv_share, op_share : float
-        Share of the variance of PV and of OP that the cycle carries; 0 where the loop does not swing.
-    travel : float or None
-        Valve travel a day, in % (100 = once from end to end); None where the unit of OP is unknown.
-    reversals : float
-        Reversals of the valve a day.
-    automatic : float or None
-        Share of the time in automatic; None where no mode was recorded.
-    saturated : float
-        Share of the time with OP at a limit.
+    `travel` (% a day, 100 = once from end to end) is None where the unit of OP is unknown, `automatic` without a recorded mode.
     """
 
     pv_share: float
@@ -66,14 +55,7 @@ def cost_of(prepared: Prepared, record: LoopRecord) -> Cost:
 
 
 def cycle_share(x: np.ndarray, period: float) -> float:
-    """Return the share of a signal's variance at a period (samples) and its harmonics.
-
-    Examples
-    --------
-    >>> rng, t = np.random.default_rng(0), np.arange(5000.0)
-    >>> round(cycle_share(np.sin(t / 10) + 0.5 * rng.standard_normal(5000), 62.8), 1)
-    0.7
-    """
+    """Return the share of a signal's variance at a period (samples) and its harmonics."""
     line = np.polyval(np.polyfit(np.arange(x.size), x, 1), np.arange(x.size))
     power = np.abs(np.fft.rfft((x - line) * np.hanning(x.size))) ** 2
     f = np.fft.rfftfreq(x.size)

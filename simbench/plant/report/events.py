@@ -18,21 +18,10 @@ _EDGE = 0.1  # of the record at either end where a filtered phase is not trusted
 
 
 def shared_oscillations(records: Mapping[str, Prepared]) -> list[list[str]]:
-    """Return the groups of loops that oscillate together.
+    """Return the groups of loops that oscillate together by the phase-locking value of their PVs (Lachaux et al. 1999, eq. 1).
 
-    Notes
-    -----
-    The phase-locking value (J. P. Lachaux et al., 1999, Human Brain Mapping 8, eq. 1) of two PVs, band-passed around their
-    common period, over the time that both were recorded. Two loops that cycle by themselves drift apart; a source and its
-    victims do not. Records without time stamps are taken for records of one time where they are of one length.
-
-    Examples
-    --------
-    >>> from detectors.record import LoopRecord
-    >>> t = np.arange(2000.0)
-    >>> def prepared(x): return Prepared(LoopRecord(op=x, pv=x, Ts=1.0))
-    >>> shared_oscillations({"a": prepared(np.sin(t / 8)), "b": prepared(np.cos(t / 8)), "c": prepared(np.sin(t / 9.7))})
-    [['a', 'b']]
+    Two loops that cycle by themselves drift apart; a source and its victims do not. Records without time stamps are taken for
+    records of one time where they are of one length.
     """
     swinging = [(name, p) for name, p in records.items() if p.oscillation.sustained and np.isfinite(p.oscillation.period_s)]
     parent = {name: name for name, _ in swinging}
@@ -78,15 +67,7 @@ def same_time(a: LoopRecord, b: LoopRecord) -> tuple[LoopRecord, LoopRecord] | N
 
 
 def cascades(records: Mapping[str, LoopRecord]) -> list[tuple[str, str]]:
-    """Return the pairs of outer and inner loop: the set point of the inner is the output of the outer.
-
-    Examples
-    --------
-    >>> op = np.cumsum(np.sin(np.arange(300.0) / 9))
-    >>> outer, inner = LoopRecord(op, -op, 1.0), LoopRecord(np.cos(op), 2 * op, 1.0, sp=2 * op + 1)
-    >>> cascades({"TIC1": outer, "FIC1": inner})
-    [('TIC1', 'FIC1')]
-    """
+    """Return the pairs of outer and inner loop: the set point of the inner is the output of the outer."""
     found = []
     for inner, slave in records.items():
         if slave.sp is None or np.ptp(slave.sp) == 0.0:
@@ -117,15 +98,7 @@ def phase_locking(x: np.ndarray, y: np.ndarray, period: float) -> float:
 
 
 def coherence(x: np.ndarray, period: float) -> float:
-    """Return how well a swing keeps phase with one sine near a period (samples): 1 = to the end, as no loop does by itself.
-
-    Examples
-    --------
-    >>> rng, t = np.random.default_rng(0), np.arange(4000.0)
-    >>> wandering = np.sin(t / 10 + 0.15 * np.cumsum(rng.standard_normal(4000)))
-    >>> coherence(np.sin(t / 10), 62.8) > 0.99, coherence(wandering, 62.8) < 0.7
-    (True, True)
-    """
+    """Return how well a swing keeps phase with one sine near a period (samples): 1 = to the end, as no loop does by itself."""
     cut = int(_EDGE * x.size)
     swing = _analytic(x, period)[cut : x.size - cut]
     unit = swing / np.maximum(np.abs(swing), 1e-300)

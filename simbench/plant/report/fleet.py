@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from detectors.errors import ParameterError, UserError
+from detectors.judge import judge
 from detectors.prepared import Prepared
 from detectors.quality import resolution
 from detectors.record import LoopRecord
@@ -20,7 +21,6 @@ from detectors.verdict import Verdict
 from simbench.files import folder as folder_made
 from simbench.gap.stiction.probability import CLAIMED_FROM, pooled, probability
 from simbench.plant.episodes import OverTime
-from simbench.plant.indices import judged
 from simbench.plant.report.advice import VALVE, Advice, advise
 from simbench.plant.report.causes import NEIGHBOUR, NO_CAUSE, NOT_TOLD, SENSOR, STICKING, TIGHT, Cause, Causes, find_causes
 from simbench.plant.report.cost import Cost, cost_of
@@ -39,37 +39,11 @@ _NONLINEAR = "surrogate"  # whose score tells a source from its victims
 
 @dataclass(frozen=True, eq=False)
 class FleetLoop:
-    """One loop of a plant.
+    """One loop of a plant: what few twins and the fast methods say, the verdicts of all methods, cause, cost and what to do.
 
-    Parameters
-    ----------
-    name : str
-        Record.
-    found : Trust
-        From few twins and the fast methods.
-    verdicts : tuple of Verdict
-        Of all methods on the record.
-    over_time : OverTime
-    size : (float, float) or None
-        S and J where stiction is the likelier, in the record's unit.
-    label : str
-        "" where none was given.
-    event : int or None
-        Number of the oscillation it shares, from 1.
-    root : str or None
-        Likely root of that oscillation; itself where it is the root.
-    advice : Advice
-    pooled : float or None
-        Probability of stiction from all records of this loop.
-    causes : Causes or None
-        Why it moves, with what speaks for and against every cause.
-    cost : Cost or None
-    actions : tuple of Action
-        What would help, best first.
-    priority : float
-        What the cause costs, as a share of PV's variance summed over the loops that swing with it, times its confidence.
-    status : str
-        "new, watch", or "again" where the same cause was named before.
+    `size` (S and J, in the record's unit) is given where stiction is the likelier; `event` numbers the oscillation it shares,
+    from 1, with its likely `root`; `pooled` is the probability of stiction from all records of the loop; `priority` the share
+    of PV's variance that its cause costs, summed over the loops that swing with it, times its confidence.
     """
 
     name: str
@@ -101,20 +75,7 @@ class FleetLoop:
 
 @dataclass(frozen=True, eq=False)
 class Fleet:
-    """A plant's loops, the most urgent first.
-
-    Parameters
-    ----------
-    members : tuple of FleetLoop
-        By probability in steps of a tenth, then by S.
-    events : tuple of tuple of str
-        Loops that share an oscillation, the likely root first.
-    refused : dict of str to str
-        Files that are no records, each with its sentence.
-    methods : tuple of str
-    cascades : tuple of (str, str)
-        Outer and inner loop of every cascade.
-    """
+    """A plant's loops, the most urgent first; `events` have their likely root first, `cascades` are outer and inner loop."""
 
     members: tuple[FleetLoop, ...]
     events: tuple[tuple[str, ...], ...]
@@ -200,7 +161,7 @@ def _status(m: FleetLoop, before: Mapping[str, str]) -> str:
 def _one(name: str, record: LoopRecord, methods: list[str], label: str, seed: int) -> FleetLoop:
     found = trust(record, methods=["fast"], healthy=HEALTHY, each=EACH, help_wanted=False, seed=seed)
     asked = {m.verdict.method: m.verdict for m in found.methods}
-    others = judged(record, [name for name in methods if name not in asked])
+    others = judge(record, [name for name in methods if name not in asked])
     by_method = asked | {v.method: v for v in others}
     said = tuple(by_method[name] for name in methods)
     size = None
@@ -250,7 +211,7 @@ def _joined(
         slave = inner.get(m.name)
         if slave is not None and probability[slave] > CLAIMED_FROM and prepared[m.name].oscillation.sustained:
             driven = slave
-        causes = find_causes(prepared[m.name], m.found.behind, driven, probability.get(driven or "", 0.0))
+        causes = find_causes(prepared[m.name], m.found.behind or m.found.notes[0], driven, probability.get(driven or "", 0.0))
         # on a loop whose cause nobody knows an action is no advice
         actions = m.actions if causes.named.name in (STICKING, TIGHT) else ()
         advice = advise(m.found, prepared[m.name], causes.named, driven, actions)

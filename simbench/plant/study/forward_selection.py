@@ -12,6 +12,7 @@ import numpy as np
 from tqdm import tqdm
 
 from detectors.errors import UserError
+from detectors.judge import judge
 from detectors.record import LoopRecord
 from detectors.verdict import STICTION
 from scenarios.errors import SpecError
@@ -20,7 +21,6 @@ from scenarios.spec import Loop, Part
 from simbench.bench.scenario.resolve import resolve
 from simbench.loop.effects import EFFECTS, Choice
 from simbench.loop.simulate import simulate
-from simbench.plant.indices import judged
 from simbench.plant.study.loop_features import by_unit, looks
 from simbench.plant.study.result import Contribution
 from simbench.plant.study.strengths import FRICTION_EFFECT, Size, absolute, with_effect
@@ -89,7 +89,7 @@ def join(
     }
     now, out = simulated, []
     before = accuracy(simulated, base, methods)
-    so_far, nearest = before, mmd_squared(ruler, units(simulated), real_x)
+    nearest = mmd_squared(ruler, units(simulated), real_x)
     while left and len(out) < _MOST_EFFECTS and nearest > 0.0:
         standing = [s for s in now if s.stands]
         far = {v: mmd_squared(ruler, units(_with(standing, v)), real_x) for ways in left.values() for v in ways}
@@ -99,14 +99,11 @@ def join(
         nearest = far[best]
         only = _with(simulated, best)
         reached = accuracy(only, verdicts_on(only, methods), methods)
-        alone = {m: reached[m] - before[m] for m in methods}
-        joined = only if now is simulated else _with(now, best)
-        after = reached if now is simulated else accuracy(joined, verdicts_on(joined, methods), methods)
-        change = {m: after[m] - so_far[m] for m in methods}
-        out.append(Contribution(best.effect, best.share, max(nearest, 0.0) ** 0.5, alone, change, best.strengths))
-        now, so_far = joined, after
+        costs = {m: reached[m] - before[m] for m in methods}
+        out.append(Contribution(best.effect, best.share, max(nearest, 0.0) ** 0.5, costs, best.strengths))
+        now = only if now is simulated else _with(now, best)
         del left[best.effect]
-    return out, so_far
+    return out, accuracy(now, verdicts_on(now, methods), methods) if out else before
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +163,7 @@ def units(simulated: list[Simulated]) -> np.ndarray:
 def verdicts_on(simulated: list[Simulated], methods: list[str]) -> np.ndarray:
     """Return 1 for stiction, 0 for no stiction, NaN for no decision, shape (loops, methods)."""
     code = {STICTION: 1.0, "no_stiction": 0.0}
-    return np.array([[code.get(v.verdict, np.nan) for v in judged(s.record, methods)] for s in simulated])
+    return np.array([[code.get(v.verdict, np.nan) for v in judge(s.record, methods)] for s in simulated])
 
 
 def accuracy(simulated: list[Simulated], verdicts: np.ndarray, methods: list[str]) -> dict[str, float]:

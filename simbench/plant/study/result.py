@@ -10,16 +10,12 @@ _HALF_A_POINT = 0.005  # of accuracy, from which a cost is named
 
 @dataclass(frozen=True)
 class Contribution:
-    """One effect: share of loops that have it, distance once it has joined those before it, what it costs each method.
-
-    `costs` are changes of accuracy when it is added alone, `joined` when it is added to those before it.
-    """
+    """One effect: share of loops that have it, distance once it has joined those before it, what it alone costs each method."""
 
     effect: str
     share: float
     distance_after: float
     costs: dict[str, float]
-    joined: dict[str, float]
     strengths: tuple[dict[str, Any], ...] = field(repr=False)
 
     def costly(self) -> dict[str, float]:
@@ -29,27 +25,9 @@ class Contribution:
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """Records against a grid; the fields are those of the JSON, and the classifier's answer.
+    """Records against a grid; the fields are those of the JSON, and the classifier's AUC with its p-value.
 
-    Parameters
-    ----------
-    records, loops : int
-    distance : dict
-        Kernel distance (maximum mean discrepancy) of loops: value, lo, hi, p.
-    classifier : (float, float)
-        AUC of a classifier that tells real from simulated loops, and its p-value.
-    features : list of dict
-        name, shift, p.
-    effects : tuple of Contribution
-        In order of contribution.
-    simulated : dict of str to float
-        Accuracy of every method on the grid, no decision counting as wrong.
-    real : dict of str to dict
-        The same on the labelled records, by loop: value, lo, hi; empty without labels.
-    moved : dict of str to float
-        Simulated accuracy once all effects have joined.
-    notes : tuple of str
-    grid : str
+    `simulated` and `real` are accuracies of every method, no decision counting as wrong; `moved` once all effects have joined.
     """
 
     records: int

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from detectors.errors import ParameterError, UserError
+from detectors.judge import judge
 from detectors.record import LoopRecord
 from detectors.records.io import read_folder, read_labels
 from detectors.report.report import choose_methods
 from detectors.verdict import STICTION
 from scenarios.spec import Loop, load_loop
 from simbench.gap import diagnose
-from simbench.plant.indices import judged
 from simbench.plant.resumed import resumed
 from simbench.plant.study.forward_selection import Simulated, accuracy, draw, join, units, verdicts_on
 from simbench.plant.study.loop_features import by_unit, looks
@@ -39,13 +39,7 @@ def study(
     jobs: int = 1,
     keep: str | Path | None = None,
 ) -> Study:
-    """Compare a set of records with a grid.
-
-    Notes
-    -----
-    Where a record has no label, or only one class is labelled, no accuracy is given. Effects are found by `gap diagnose`; one
-    that it does not know widens the distance and stays unexplained. A valve that sticks at times shows as friction.
-    """
+    """Compare a set of records, labelled or not, with a grid."""
     real, chosen = read_fleet(folder, labels), choose_methods(methods)
     return against(real, draw(grid, groups, seed), str(grid), chosen, seed=seed, jobs=jobs, keep=keep)
 
@@ -151,7 +145,7 @@ def _real_accuracy(
         label = known.get(name, {}).get("label", "unknown")
         if label not in ("", "unknown"):
             sticky = label == STICTION
-            right = [v.verdict == (STICTION if sticky else "no_stiction") for v in judged(record, methods)]
+            right = [v.verdict == (STICTION if sticky else "no_stiction") for v in judge(record, methods)]
             rows.setdefault(unit[name], []).append(np.array(right, dtype=float))
             truth[unit[name]] = sticky
     positive, negative = ([np.mean(rows[u], axis=0) for u in rows if truth[u] is kind] for kind in (True, False))

@@ -13,15 +13,7 @@ _FOLDS = 5
 
 @dataclass(frozen=True, eq=False)
 class FeatureScaler:
-    """How features are made comparable and how far two loops are apart; taken once, so that distances can be compared.
-
-    Parameters
-    ----------
-    centre, spread : ndarray, shape (features,)
-        Median, and 1.48 times the median deviation, of the simulated loops.
-    width : float
-        Kernel width: the median distance of two loops.
-    """
+    """How features are made comparable: median and spread of the simulated loops, and the median distance of two loops."""
 
     centre: np.ndarray
     spread: np.ndarray
@@ -48,20 +40,7 @@ class FeatureScaler:
 
 
 def mmd(ruler: FeatureScaler, one: np.ndarray, other: np.ndarray) -> float:
-    """Return the maximum mean discrepancy of two sets of loops.
-
-    Notes
-    -----
-    A. Gretton et al. (2012), A kernel two-sample test, J. Machine Learning Research 13, eq. 3.
-
-    Examples
-    --------
-    >>> rng = np.random.default_rng(0)
-    >>> a, b = rng.standard_normal((40, 3)), rng.standard_normal((40, 3)) + 3.0
-    >>> ruler = FeatureScaler.of(a, b)
-    >>> mmd(ruler, a, b) > 0.5
-    True
-    """
+    """Return the maximum mean discrepancy of two sets of loops (Gretton et al. 2012, J. Mach. Learn. Res. 13, eq. 3)."""
     return float(np.sqrt(max(mmd_squared(ruler, one, other), 0.0)))
 
 
@@ -90,9 +69,7 @@ def mmd_test(ruler: FeatureScaler, one: np.ndarray, other: np.ndarray, rng: np.r
 def classifier_test(one: np.ndarray, other: np.ndarray, rng: np.random.Generator, rounds: int = 99) -> tuple[float, float]:
     """Return how well a shrunken linear discriminant tells two sets apart on loops left out, and the permutation p-value.
 
-    Notes
-    -----
-    D. Lopez-Paz and M. Oquab (2017), Revisiting classifier two-sample tests, ICLR.
+    Lopez-Paz and Oquab (2017), Revisiting classifier two-sample tests, ICLR.
     """
     x, first = np.vstack([one, other]), np.arange(len(one) + len(other)) < len(one)
     fold = _folds(first, rng)

@@ -18,29 +18,10 @@ ARCHIVE = ("quantisation", "compression", "outliers", "op_quantisation")  # effe
 
 @dataclass(frozen=True, eq=False)
 class CandidateLoops:
-    """What may stand behind a record.
+    """What may stand behind a record (OP in %): loops without friction, the most plausible first, and the one with friction.
 
-    Parameters
-    ----------
-    record : LoopRecord
-        With OP in %.
-    healthy : tuple of Loop
-        Loops without friction that move like the record, most plausible first; each brings its own explanation of the motion.
-    sticky : Loop or None
-        The loop with the friction that explains the record best, and the load that is then left; None where none was fitted.
-    fitted : (float, float) or None
-        S and J (%) of `sticky`.
-    gain, log_odds : float
-        Log-likelihood (nats) that friction brings over none, and the log-odds of stiction.
-    trusted : bool
-        Plant and tuning are those of a loop file, not identified.
-    period : float or None
-        Of the record's sustained oscillation (s); None without one.
-    percent : float
-        Units of the record's own OP per % of travel.
-    notes : tuple of str
-    outside : float
-        Log-likelihood (nats) that an oscillation from outside brings over none.
+    `fitted` are S and J (%) of `sticky`; `gain` and `outside` the nats that friction, and an oscillation from outside, bring
+    over none; `period` (s) is that of a sustained oscillation, `percent` how many units of the record's own OP one % is.
     """
 
     record: LoopRecord
@@ -62,15 +43,7 @@ class CandidateLoops:
 
 
 def candidate_loops(record: LoopRecord, loop: Loop | None = None) -> CandidateLoops:
-    """Identify the loop behind a record, with a sound valve and with friction.
-
-    Examples
-    --------
-    >>> from random_case import random_case
-    >>> found = candidate_loops(random_case(5, ("stiction",)).record)
-    >>> found.fitted is not None, len(found.healthy) >= 1
-    (True, True)
-    """
+    """Identify the loop behind a record, with a sound valve and with friction."""
     notes = []
     record, percent = in_percent(record)
     if loop is not None and with_sound_valve(loop) is not loop:
@@ -96,9 +69,9 @@ def candidate_loops(record: LoopRecord, loop: Loop | None = None) -> CandidateLo
 
 def with_friction(loop: Loop, S: float, J: float) -> Loop:
     """Return a loop with stiction of S and J (%) in place of whatever stiction it has; S = 0 takes it out."""
-    table = loop.to_table()
-    rest = [e for e in table.get("effect", []) if e["name"] != FRICTION]
-    table["effect"] = rest if S <= 0 else [*rest, {"name": FRICTION, "S": float(S), "J": float(J)}]
+    table = without(loop, (FRICTION,)).to_table()
+    if S > 0:
+        table["effect"] = [*table.get("effect", []), {"name": FRICTION, "S": float(S), "J": float(J)}]
     return Loop.from_table(table, "twin")
 
 

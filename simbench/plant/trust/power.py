@@ -28,15 +28,9 @@ class Cell:
 
 @dataclass(frozen=True)
 class Rule:
-    """How a method should be read on this loop.
+    """How a method should be read on this loop: by its published rule, or by the score above which stiction is called.
 
-    Parameters
-    ----------
-    method : str
-    cut : float or None
-        Score above which stiction is called; None = the method's published rule.
-    right : float
-        Share of twins answered right, sticky and healthy ones counting the same; an abstention is not right.
+    `right` is the share of twins answered right, sticky and healthy ones counting the same; an abstention is not right.
     """
 
     method: str

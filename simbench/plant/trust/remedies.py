@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from detectors.judge import judge
 from detectors.verdict import STICTION
-from simbench.plant.indices import judged
 from simbench.plant.trust.candidate_loops import ARCHIVE, CandidateLoops, archived, without
 from simbench.plant.trust.replicates import Change, draw_twins
 
@@ -19,21 +19,9 @@ _LONGEST = 20000  # samples beyond which a longer record is not simulated
 
 @dataclass(frozen=True)
 class Remedy:
-    """One thing to record otherwise, and what it would show.
+    """One thing to record otherwise, and which share of sticky and of healthy twins the best method then calls stiction.
 
-    Parameters
-    ----------
-    what : str
-    method : str
-        The detector that then sees most.
-    S : float
-        Size tried, with full slip-jump.
-    unit : str
-        Of S.
-    found, alarms : float
-        Share of sticky and of healthy twins that it calls stiction.
-    before : float
-        Share found less false alarms of the record as it is, by the detector best at that.
+    `S` is the size tried, with full slip-jump; `before` the share found less false alarms of the record as it is.
     """
 
     what: str
@@ -99,7 +87,7 @@ def _shares(
     sticky = np.array([t.S > 0 for t in twins], dtype=bool)
     if sticky.all() or not sticky.any():
         return [("", 0.0, 0.0)]
-    called = np.array([[v.verdict == STICTION for v in judged(t.record, methods)] for t in twins])
+    called = np.array([[v.verdict == STICTION for v in judge(t.record, methods)] for t in twins])
     return [(m, float(called[sticky, i].mean()), float(called[~sticky, i].mean())) for i, m in enumerate(methods)]
 
 

@@ -44,18 +44,8 @@ class Twin:
 class Change:
     """What might have been recorded otherwise.
 
-    Parameters
-    ----------
-    longer : float
-        Times the record's length.
-    faster : int
-        Times as many samples in the same time; controller and record.
-    step : float
-        Height (PV units) of a set-point step every sixth of the record, up and down; 0 = none.
-    mv : bool
-        The valve position is recorded.
-    loop : callable, optional
-        Changes the loop, e.g. what the archive does.
+    Times the length, times as many samples in the same time, set-point steps of a height (PV units; 0: none) every sixth of the
+    record, the valve's position, and what changes the loop, as an archive does.
     """
 
     longer: float = 1.0
@@ -81,16 +71,7 @@ def draw_twins(
     change: Change | None = None,
     seed: int = 0,
 ) -> list[Twin]:
-    """Simulate twins of a record.
-
-    Examples
-    --------
-    >>> from random_case import random_case
-    >>> from simbench.plant.trust.candidate_loops import candidate_loops
-    >>> found = candidate_loops(random_case(5, ("stiction",)).record)
-    >>> [round(t.S) for t in draw_twins(found, 1, 1, cells=[(4.0, 2.0)])]
-    [0, 4]
-    """
+    """Simulate twins of a record."""
     plan = [(0.0, 0.0)] * healthy + [cell for cell in (cells if cells is not None else levels(around)) for _ in range(each)]
     drawn = (_twin(around, S, J, change or Change(), [seed, i], i) for i, (S, J) in enumerate(plan))
     return [t for t in drawn if t is not None]

@@ -41,27 +41,9 @@ class MethodTrust:
 class Trust:
     """What can be believed of this record.
 
-    Parameters
-    ----------
-    answer : str
-        "stiction", "no stiction", "cannot be seen in this record" or "cannot tell".
-    methods : tuple of MethodTrust
-        Those that agree with the probability first, most often right on the twins first.
-    smallest_visible : (S, J) or None
-        That the method most often right on the twins finds in four of five such records; in the unit of the record's S.
-    power : tuple of Cell
-        Of that method, read as its twins read it best.
-    probability : float or None
-        Of stiction; even odds before looking. None where no loop could be identified.
-    twins : tuple of (S, J)
-        Friction (%) of every twin; (0, 0) with a sound valve.
-    helps : tuple of Remedy
-        What else could be recorded, and what it would show.
-    notes : tuple of str
-    record : LoopRecord
-    behind : Around or None
-    over_time : OverTime or None
-        Verdicts window by window.
+    `methods` stand as they agree with the probability and are right on the twins; `smallest_visible` (S, J in the unit of the
+    record's S) and `power` are those of the method most often right on the twins, as read best; `probability` is None where no
+    loop could be identified; `twins` are S and J (%) of each.
     """
 
     answer: str

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Unpack
 import numpy as np
 
 from detectors.errors import UserError
-from detectors.judge import UNFIT
+from detectors.judge import UNFIT, judge
 from detectors.plugins.registry import methods as registry
 from detectors.prepared import Prepared
 from detectors.record import LoopRecord
@@ -18,16 +18,8 @@ from detectors.verdict import STICTION, Verdict
 from scenarios.spec import Loop
 from simbench.gap.stiction.probability import CLAIMED_FROM, DENIED_BELOW
 from simbench.plant.episodes import over_time
-from simbench.plant.indices import judged
 from simbench.plant.trust.candidate_loops import CandidateLoops, candidate_loops
-from simbench.plant.trust.power import (
-    Cell,
-    Rule,
-    cells_of,
-    likelihood_ratio,
-    readings,
-    smallest_visible,
-)  # fmt: skip
+from simbench.plant.trust.power import Cell, Rule, cells_of, likelihood_ratio, readings, smallest_visible
 from simbench.plant.trust.remedies import Remedy, remedies
 from simbench.plant.trust.replicates import Twin, draw_twins
 from simbench.plant.trust.result import OPEN, SOUND, STICKY, UNSEEN, MethodTrust, Trust, likely
@@ -104,7 +96,7 @@ def _trust(
     record: LoopRecord, loop: Loop | None, names: list[str], counts: tuple[int, int], help_wanted: bool, seed: int
 ) -> Trust:  # fmt: skip
     healthy, each = counts
-    said = judged(record, names)
+    said = judge(record, names)
     prepared = Prepared(record.without_mv())
     unfit = next((f"record unfit: {prepared.flags[f].evidence} (flag {f})" for f in UNFIT if f in prepared.flags), None)
     if unfit:
@@ -114,8 +106,7 @@ def _trust(
     except UserError as error:
         if loop is not None:
             raise
-        return _without_twins(record, said, f"no loop could be identified: {error}")
-    probability = behind.probability
+        return _without_twins(record, said, str(error))
     share = float(np.clip(LONG_RECORD / record.n, _THINNEST, 1.0))
     sound = max(round(share * healthy), min(healthy, _FEWEST_OF_LONG))
     twins = draw_twins(behind, sound, max(round(share * each), 2), seed=seed)
@@ -123,17 +114,17 @@ def _trust(
     if min(sticky.sum(), (~sticky).sum()) < FEW:
         whose = "loop file's" if behind.trusted else "identified"
         why = f"what could have been seen is unknown: the {whose} loop does not move as the record does"
-        return _without_twins(record, said, why, behind, probability)
-    return _weighed(record, behind, names, said, probability, twins, help_wanted, seed)
+        return _without_twins(record, said, why, behind)
+    return _weighed(record, behind, names, said, twins, help_wanted, seed)
 
 
 def _weighed(
-    record: LoopRecord, behind: CandidateLoops, names: list[str], said: list[Verdict], probability: float, twins: list[Twin],
-    help_wanted: bool, seed: int,
+    record: LoopRecord, behind: CandidateLoops, names: list[str], said: list[Verdict], twins: list[Twin], help_wanted: bool,
+    seed: int,
 ) -> Trust:  # fmt: skip
     S, J = (np.array([getattr(t, k) for t in twins]) for k in "SJ")
-    sticky = S > 0
-    verdicts = [judged(t.record, names) for t in twins]
+    sticky, probability = S > 0, behind.probability
+    verdicts = [judge(t.record, names) for t in twins]
     of = [[row[i] for row in verdicts] for i in range(len(names))]
     rules = [readings(name, v, sticky) for name, v in zip(names, of)]
     # a method made for other loops is no guide however well it did
@@ -180,10 +171,9 @@ def _in_units(c: Cell, percent: float) -> Cell:
     return c if percent == 1.0 else replace(c, S=c.S * percent, J=c.J * percent)
 
 
-def _without_twins(
-    record: LoopRecord, said: list[Verdict], why: str, behind: CandidateLoops | None = None, probability: float | None = None
-) -> Trust:
+def _without_twins(record: LoopRecord, said: list[Verdict], why: str, behind: CandidateLoops | None = None) -> Trust:
     rows = tuple(MethodTrust(v, Rule(v.method, None, 0.5), float("nan"), (), 1.0) for v in said)
+    probability = None if behind is None else behind.probability
     answer = STICKY if (probability or 0.0) > CLAIMED_FROM else OPEN
     notes = () if behind is None else behind.notes
     when = None if behind is None else over_time(record)

@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 from random_case import random_case
 
+from detectors.errors import RecordError
+from detectors.judge import judge
+from detectors.record import LoopRecord
 from simbench.gap import diagnose
 from simbench.gap.decide.assess import assess
 from simbench.gap.decide.identified import plausible
@@ -14,6 +17,8 @@ from simbench.gap.intake.identify import exact_controller, identify
 from simbench.gap.stiction import friction as module
 from simbench.gap.stiction.friction import ENOUGH, FRICTION, OUTSIDE, friction
 from simbench.gap.stiction.pace import at_its_pace
+from simbench.plant.trust.result import OPEN
+from simbench.plant.trust.trust import trust
 
 
 @pytest.mark.parametrize(("seed", "effects"), [(5, (FRICTION,)), (8, (OUTSIDE,)), (2, ("load_steps",))])
@@ -62,3 +67,20 @@ def test_what_single_samples_prove_is_proven_by_all_of_them(monkeypatch):
     assert found.situation.proven["quantisation"]["step"] == pytest.approx(step)
     assert found.parameters["quantisation"] == found.situation.proven["quantisation"]
     assert found.situation.data.n == at_its_pace(rounded).n
+
+
+def test_an_archive_that_draws_most_samples_leaves_nothing_to_tell_in_any_verb():
+    rng, t = np.random.default_rng(0), np.arange(900.0)
+    pv = np.sin(t / 60.0) + 0.002 * rng.standard_normal(900)
+    kept = np.arange(0, 900, 8)
+    archived = LoopRecord(op=50.0 + np.cos(t / 60.0), pv=np.interp(t, t[kept], pv[kept]), Ts=1.0, op_span=(0.0, 100.0))
+    with pytest.raises(RecordError, match="samples of PV are its own"):
+        friction(archived)
+    found = diagnose(archived)
+    assert found.probability_of_stiction is None
+    assert any(n.startswith(f"{FRICTION}: cannot tell") and "its own" in n for n in found.notes)
+    assert found.effect not in (FRICTION, "deadband")
+    told = trust(archived, methods=["he"])
+    assert told.answer == OPEN
+    assert "its own" in told.sentence()
+    assert "its own" in judge(archived, ["likelihood"])[0].reason

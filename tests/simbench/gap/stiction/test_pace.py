@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from detectors.record import LoopRecord
-from simbench.gap.stiction.pace import HELD, SHORTEST_LEFT, at_its_pace, unheld
+from simbench.gap.stiction.pace import HELD, SHORTEST_LEFT, at_its_pace, own_samples, unheld
 
 
 def slow(n, period=400.0, noise=0.0):
@@ -68,3 +68,14 @@ def test_a_pv_that_moves_or_rests_at_random_is_left_as_it_is():
     assert unheld(moving) is moving
     resting = LoopRecord(op=moving.op, pv=np.round(np.cumsum(moving.pv) / 4), Ts=1.0)
     assert unheld(resting) is resting
+
+
+@pytest.mark.parametrize(("change", "share"), [
+    (lambda x: x, 1.0),
+    (lambda x: np.repeat(x[::5], 5), 0.2),
+    (lambda x: np.interp(np.arange(x.size), np.arange(0, x.size, 5), x[::5]), 0.2),
+])  # fmt: skip
+def test_samples_that_an_archive_repeats_or_draws_are_not_its_own(change, share):
+    record = slow(1000, noise=0.1)
+    record = LoopRecord(op=record.op, pv=change(record.pv), Ts=record.Ts)
+    assert own_samples(record) == pytest.approx(share * record.n, abs=10)

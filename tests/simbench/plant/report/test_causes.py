@@ -51,8 +51,8 @@ def test_a_loop_at_rest_has_no_cause():
 
 def test_a_record_without_a_loop_is_open_and_says_why():
     record = simulate(Loop.from_table(LOOP), 3).record.without_mv()
-    said = find_causes(Prepared(record), None).named
-    assert (said.name, said.against) == (causes.NOT_TOLD, ("no loop could be identified from this record",))
+    said = find_causes(Prepared(record), "no plant can be identified").named
+    assert (said.name, said.against) == (causes.NOT_TOLD, ("no plant can be identified",))
 
 
 def test_margins_are_those_of_the_frequency_response():

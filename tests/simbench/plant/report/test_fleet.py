@@ -1,49 +1,22 @@
 """A folder of loops: a source and its victim are one event, the source is ranked first, and the page asks for nothing."""
 
 import csv
-import importlib.util
-import sys
 from pathlib import Path
 
+import chromium
 import numpy as np
 import pytest
+from recorded import STICKY, resting
 from scipy.signal import lfilter
 
 from detectors.prepared import Prepared
 from detectors.record import LoopRecord
-from scenarios.spec import Loop
 from simbench.cli import main
 from simbench.files import write_record
-from simbench.loop.simulate import simulate
 from simbench.plant.report import fleet
 from simbench.plant.report.events import likely_root, phase_locking, shared_oscillations
 from simbench.plant.resumed import resumed
 from simbench.plant.trust.result import likely
-
-
-def _chromium():
-    spec = importlib.util.spec_from_file_location("chromium_for_plant", Path(__file__).parents[2] / "report" / "chromium.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-chromium = _chromium()
-LOOP = {
-    "plant": {"type": "foptd", "K": 1.0, "T": 30.0, "Td": 3.0},
-    "controller": {"type": "PI", "Kc": 1.2, "Ti": 20.0},
-    "noise": {"std": 0.05},
-    "disturbance": [{"type": "coloured", "amplitude": 0.3, "period": 20.0}],
-    "sampling": {"Ts": 2.0, "n": 1500},
-}
-STICKY = {"valve": {"model": "choudhury", "S": 6.0, "J": 4.0}}
-
-
-def run(seed, **more):
-    return simulate(Loop.from_table(LOOP | more), seed, kick=5.0 if more else 0.0).record.without_mv()
 
 
 def victim(source):
@@ -61,9 +34,9 @@ def victim(source):
 
 @pytest.fixture(scope="module")
 def records():
-    source = run(1, **STICKY)
+    source = resting(1, **STICKY)
     slower = {"controller": {"type": "PI", "Kc": 1.2, "Ti": 23.0}}
-    return {"other": run(5, **STICKY, **slower), "quiet": run(3), "source": source, "victim": victim(source)}
+    return {"other": resting(5, **STICKY, **slower), "quiet": resting(3), "source": source, "victim": victim(source)}
 
 
 def test_a_source_and_its_victim_are_one_event_and_an_independent_cycle_is_not(records):

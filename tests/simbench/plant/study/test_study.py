@@ -161,9 +161,7 @@ def test_an_effect_is_tried_wherever_it_may_act_and_in_more_loops_than_it_was_fo
 
 
 def test_the_grid_written_draws_the_effect_in_its_share(tmp_path):
-    e = Contribution(
-        "quantisation", 0.5, 0.1, {"he": -0.1}, {"he": -0.1}, ({"step": 0.4, "at": "record"}, {"step": 0.6, "at": "loop"})
-    )
+    e = Contribution("quantisation", 0.5, 0.1, {"he": -0.1}, ({"step": 0.4, "at": "record"}, {"step": 0.6, "at": "loop"}))
     nothing = {"value": 0.3, "lo": 0.2, "hi": 0.4, "p": 0.01}
     found = Study(8, 8, nothing, (0.7, 0.1), [], (e,), {"he": 0.5}, {}, {"he": 0.4}, (), "plant")
     assert write_grid(found, tmp_path / "mine.toml") == []
@@ -180,7 +178,7 @@ def test_the_grid_written_draws_the_effect_in_its_share(tmp_path):
     ({"he": 0.02, "horch": 0.0}, "no method is less often right", "none"),
 ])  # fmt: skip
 def test_the_dearest_methods_are_named_and_none_where_an_effect_costs_nothing(costs, said, table):
-    e = Contribution("quantisation", 0.5, 0.1, costs, costs, ())
+    e = Contribution("quantisation", 0.5, 0.1, costs, ())
     nothing = {"value": 0.3, "lo": 0.2, "hi": 0.4, "p": 0.01}
     found = Study(8, 8, nothing, (0.7, 0.1), [], (e,), {}, {}, {}, (), "plant")
     assert f"+ quantisation: in 50% of the loops; distance then 0.10; {said}" in found.as_text()
