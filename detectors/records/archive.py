@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -44,11 +45,14 @@ def base_step(t: np.ndarray) -> float | None:
     step = float(dt.min()) if dt.size else 0.0
     if step <= 0:
         return None
-    return (
-        step
-        if np.all(np.abs(dt - np.rint(dt / step) * step) <= _TOLERANCE * step * np.maximum(1.0, np.rint(dt / step)))
-        else None
-    )
+    steps = np.rint(dt / step)
+    return step if np.all(np.abs(dt - steps * step) <= _TOLERANCE * step * np.maximum(1.0, steps)) else None
+
+
+def last_known(times: np.ndarray, t: np.ndarray, x: np.ndarray, before: Any = np.nan) -> np.ndarray:
+    """Return the last value stored at each of some times, `before` where there was none yet."""
+    at = np.searchsorted(t, times, side="right") - 1
+    return np.where(at >= 0, x[np.maximum(at, 0)], before)
 
 
 def hold(
@@ -67,7 +71,7 @@ def hold(
     signals, notes = {}, []
     for role, (t, x) in series.items():
         at = np.searchsorted(t, grid + _TOLERANCE * Ts, side="right") - 1
-        signals[role] = np.where(at >= 0, x[np.maximum(at, 0)], np.nan)
+        signals[role] = last_known(grid + _TOLERANCE * Ts, t, x)
         held = float(np.mean(np.diff(at) == 0)) if at.size > 1 else 0.0
         if held > 0:
             notes.append(f"archive: {role.upper()} holds its last stored value in {held:.0%} of {grid.size} samples")

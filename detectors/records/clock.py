@@ -17,7 +17,6 @@ _DATES = (
     "%Y-%m-%d", "%d %b %Y", "%d. %b %Y", "%d/%b/%Y", "%Y.%m.%d", "%b %d, %Y", "%Y年%m月%d日", "%m-%d-%Y", "%a %b %d %Y",
 )  # fmt: skip
 _CLOCKS = ("%H:%M:%S", "%I:%M:%S %p", "%H:%M:%S.%f", "%I:%M:%S.%f %p", "%H:%M", "%I:%M %p")
-_CLOCK = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2})(?:[.,](\d{1,6}))?)?(?: ([AaPp][Mm]))?")
 _ZONE = re.compile(r"\s*(?:UTC|GMT|Z|CET|CEST|MEZ|MESZ)$|\s+[+-]\d\d:?\d\d$")
 # months of other languages, by their first letters without accents
 _MONTHS = {
@@ -165,39 +164,14 @@ def _at_once(texts: list[str], form: str) -> np.ndarray | None:
     """Read a long column as a whole where that is the same as cell by cell; None where it cannot be."""
     if len(texts) < _LONG:
         return None
-    if form == "iso":
-        import pandas as pd
+    import pandas as pd
 
-        try:
-            stamps = pd.to_datetime(pd.Series(texts), format="ISO8601", utc=True)
-        except (ValueError, OverflowError):
-            return None
-        return stamps.to_numpy(dtype="datetime64[ns]").astype(np.int64) * 1e-9
-    date = form.rpartition(" %I" if "%I" in form else " %H")[0]
-    if not date:
+    cells = pd.Series(texts).str.replace(",", ".") if "%f" in form else pd.Series(texts)
+    try:
+        stamps = pd.to_datetime(cells, format="ISO8601" if form == "iso" else form, utc=True)
+    except (ValueError, OverflowError):
         return None
-    # a date stands on thousands of lines; no lists of parts, of which a million would keep the garbage collector busy
-    cut = [t.rfind(" ", 0, t.rfind(" ") if "%p" in form else None) for t in texts]
-    days = [text[:c] for text, c in zip(texts, cut, strict=True)]
-    times = [text[c + 1 :] for text, c in zip(texts, cut, strict=True)]
-    of_day = {d: _time(f"{d} {times[0]}", form) for d in set(days)}
-    of_time = {c: _of_day(c, form) for c in set(times)}
-    if None in of_day.values() or None in of_time.values():
-        return None
-    first = of_time[times[0]]
-    return np.array([of_day[d] for d in days]) + (np.array([of_time[c] for c in times]) - first)
-
-
-def _of_day(text: str, form: str) -> float | None:
-    """Return the seconds of a time of day, None where it is of another form."""
-    found = _CLOCK.fullmatch(text)
-    if found is None or any(bool(found[k]) != (part in form) for k, part in ((3, "%S"), (4, "%f"), (5, "%p"))):
-        return None
-    hour, minute, second = int(found[1]), int(found[2]), int(found[3] or 0)
-    if minute > 59 or second > 59 or hour > 23 or (found[5] and not 1 <= hour <= 12):
-        return None
-    hour = hour % 12 + 12 * (found[5].upper() == "PM") if found[5] else hour
-    return 3600.0 * hour + 60.0 * minute + second + (float(f"0.{found[4]}") if found[4] else 0.0)
+    return None if stamps.hasnans else stamps.to_numpy(dtype="datetime64[ns]").astype(np.int64) * 1e-9
 
 
 def _time(text: str, form: str) -> float | None:

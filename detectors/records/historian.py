@@ -82,8 +82,8 @@ def take_rows(sheet: Sheet, chosen: Mapping[str, str]) -> None:
         sheet.notes.append(f"time: {len(again)} rows that repeat the one above left out")
     if again or end < len(cells):
         kept = [i for i in range(end) if i not in again]
-        sheet.columns = {name: [c[i] for i in kept] for name, c in sheet.columns.items()}
-        sheet.lines = [sheet.lines[i] for i in kept] if sheet.lines else []
+        rest = sheet.part({name: name for name in sheet.columns}, kept)
+        sheet.columns, sheet.lines = rest.columns, rest.lines
 
 
 def take_units(sheet: Sheet, chosen: Mapping[str, str]) -> dict[str, str]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from detectors.errors import RecordError, nearest
 from detectors.record import KIND_ALIASES, KINDS, MOST_OUTSIDE, PROCESSES, LoopRecord
-from detectors.records.archive import Series, base_step, hold, stored_on_change
+from detectors.records.archive import Series, base_step, hold, last_known, stored_on_change
 from detectors.records.clock import seconds
 from detectors.records.gaps import BRIDGED, JITTER, MOST_MISSING, whole
 from detectors.records.historian import apply_quality, is_head, op_span, open_span, read_numbers, take_rows, take_units
@@ -27,6 +27,7 @@ from detectors.records.roles import (
     TIME_NAMES,
     find_loops,
     find_time,
+    is_loop,
     names_loops,
     no_column,
     parse,
@@ -188,7 +189,7 @@ def read_folder(
     if wanted is not None:
         records = {n: r for n, r in records.items() if n in wanted}
     if tag is not None and path.is_dir():
-        records = {n: r for n, r in records.items() if r.tag == tag}
+        records = {n: r for n, r in records.items() if is_loop(r.tag, tag)}
         refused = refused if records else {"": f"no column of loop {tag!r} in any file"}
     if not records:
         first = next(iter(refused.values()), "it holds no .csv, .parquet, .xlsx or .mat file")
@@ -323,8 +324,7 @@ def _record(
         t, signals, given = _long({r: p for r, p in parts.items() if r != MODE}, chosen, Ts, where)
         if MODE in parts:
             when, said = read_series(parts[MODE], MODE, where, chosen)
-            at = np.searchsorted(when, t, side="right") - 1
-            modes = np.where(at >= 0, said[np.maximum(at, 0)], "")
+            modes = last_known(t, when, said, "")
         sheet.notes += [note for part in parts.values() for note in part.notes]
     if t.size < 3:
         raise RecordError(f"{where}: {t.size} samples; at least 3 are needed")
@@ -457,7 +457,7 @@ def _long(parts: Mapping[str, Sheet], chosen: Mapping[str, str], Ts: float | Non
     )
     if Ts is None and (full or _on_change(times, series)):
         signals = {role: _at(times, *series[role]) for role in ("op", "pv")}
-        signals |= {role: _held(times, *series[role]) for role in ("sp", "mv") if role in series and series[role][0].size}
+        signals |= {role: last_known(times, *series[role]) for role in ("sp", "mv") if role in series and series[role][0].size}
         return times, signals, None
     uneven = [r for r in ("op", "pv") if not _regular(series[r][0]) and not stored_on_change(*series[r])]
     if Ts is None and uneven:
@@ -473,11 +473,6 @@ def _at(times: np.ndarray, t: np.ndarray, x: np.ndarray) -> np.ndarray:
     out = np.full(times.size, np.nan)
     out[np.searchsorted(times, t)] = x
     return out
-
-
-def _held(times: np.ndarray, t: np.ndarray, x: np.ndarray) -> np.ndarray:
-    at = np.searchsorted(t, times, side="right") - 1
-    return np.where(at >= 0, x[np.maximum(at, 0)], np.nan)
 
 
 def _regular(t: np.ndarray) -> bool:

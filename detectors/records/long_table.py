@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from detectors.records.tables import BLANK, Sheet
 
 _STAMP = re.compile(r"\d{1,4}[-/.]\w{1,9}[-/.]\d{2,4}|\d:\d\d")
 _LOOKED = 60  # rows by which a table is told to hold one value each
+_TIMES = ("timestamp", "time", "zeit", "zeitstempel", "datum", "date", "t")
 _TIME = "t"  # the column of times in a part
 
 
@@ -37,9 +38,7 @@ def _interleaved(sheet: Sheet) -> dict[str, Sheet] | None:
         return None
     parts = {}
     for name in names:
-        pick = _picker([i for i, cell in enumerate(sheet.columns[name]) if cell])
-        columns = {_TIME: pick(sheet.columns[time]), name: pick(sheet.columns[name])}
-        parts[name] = Sheet(columns, pick(sheet.lines) if sheet.lines else [], sheet.delimiter)
+        parts[name] = sheet.part({_TIME: time, name: name}, [i for i, cell in enumerate(sheet.columns[name]) if cell])
     return parts
 
 
@@ -71,18 +70,8 @@ def _long(sheet: Sheet, time: str, tags: list[str], value: str) -> dict[str, She
     for i, name in enumerate(own):
         rows.setdefault(name, []).append(i)
     others = [n for n in sheet.columns if ends_with(n, QUALITY) is not None and n not in (time, value, *tags)]
-    parts = {}
-    for name, mine in rows.items():
-        pick = _picker(mine)
-        columns = {_TIME: pick(sheet.columns[time]), name or "value": pick(sheet.columns[value])}
-        columns |= {n: pick(sheet.columns[n]) for n in others}
-        parts[name] = Sheet(columns, pick(sheet.lines) if sheet.lines else [], sheet.delimiter)
-    return parts
-
-
-def _picker(rows: list[int]) -> Callable:
-    index = np.array(rows, dtype=np.intp)
-    return lambda cells: cells[index] if isinstance(cells, np.ndarray) else [cells[i] for i in rows]
+    also = {n: n for n in others}
+    return {name: sheet.part({_TIME: time, name or "value": value, **also}, mine) for name, mine in rows.items()}
 
 
 def _paired(sheet: Sheet) -> dict[str, Sheet] | None:
@@ -95,24 +84,15 @@ def _paired(sheet: Sheet) -> dict[str, Sheet] | None:
         value = names[at] if at < len(names) and names[at] not in times else None
         if value is None:
             return None
-        name = next((n for n in (value, time) if parse(n).role is not None), None)
-        if name is None:
-            name = next((".".join(found) for n in (time,) if (found := _before_time(n)) and parse(".".join(found)).role), None)
+        # FIC101.PV.Time names its signal too
+        of_time = ".".join(ends_with(time, _TIMES) or ())
+        name = next((n for n in (value, time, of_time) if parse(n).role is not None), None)
         if name is None or name in parts:
             return None
-        cells, when = sheet.columns[value], sheet.columns[time]
-        there = [i for i, c in enumerate(when) if str(c if c is not None else "").strip() not in ("", "NaT")]
-        pick = _picker(there)
-        columns = {_TIME: pick(when), name: pick(cells)}
-        after = names[at + 1] if at + 1 < len(names) else ""
-        if is_quality(after):
-            columns[after] = pick(sheet.columns[after])
-        parts[name] = Sheet(columns, pick(sheet.lines) if sheet.lines else [], sheet.delimiter)
+        there = [i for i, c in enumerate(sheet.columns[time]) if str(c if c is not None else "").strip() not in ("", "NaT")]
+        after = {n: n for n in names[at + 1 : at + 2] if is_quality(n)}
+        parts[name] = sheet.part({_TIME: time, name: value, **after}, there)
     return parts if len(parts) > 1 and {"pv", "op"} <= {parse(n).role for n in parts} else None
-
-
-def _before_time(name: str) -> list[str] | None:
-    return ends_with(name, ("timestamp", "time", "zeit", "zeitstempel", "datum", "date", "t"))
 
 
 def _holds_times(sheet: Sheet, name: str) -> bool:

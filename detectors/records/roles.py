@@ -196,6 +196,11 @@ def find_loops(
     return {_shown_tag(loop, found): _picked(found, fixed, where) for loop, found in whole.items()}
 
 
+def is_loop(name: str, tag: str) -> bool:
+    """Whether a loop's name, which may be a path, holds the words of a tag."""
+    return _within(_parts(tag), _parts(name))
+
+
 def names_loops(names: Sequence[str]) -> bool:
     """Whether the column of any signal names the loop that it is of."""
     return any(said.loop for said in map(parse, names) if said.role is not None)

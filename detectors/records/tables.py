@@ -7,7 +7,7 @@ import gc
 import re
 import zipfile
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
@@ -28,28 +28,23 @@ _OFTEN = {"time", "timestamp", "datetime", "date", "quality", "status", "value",
 
 @dataclass
 class Sheet:
-    """A table as it stands in its file.
+    """A table as it stands in its file."""
 
-    Parameters
-    ----------
-    columns : dict of str to list or ndarray
-        Cells by column name.
-    lines : list of int
-        Line of the file on which each row stands; empty where a file has none.
-    delimiter : str
-        Between the cells of a CSV.
-    notes : list of str
-        What had to be done to read it.
-    """
-
-    columns: Columns
-    lines: list[int] = field(default_factory=list)
-    delimiter: str = ""
-    notes: list[str] = field(default_factory=list)
+    columns: Columns  # cells by name
+    lines: list[int] = field(default_factory=list)  # of the file on which each row stands; empty where a file has none
+    delimiter: str = ""  # between the cells of a CSV
+    notes: list[str] = field(default_factory=list)  # what had to be done to read it
 
     def place(self, row: int) -> str:
         """Say where a row stands."""
         return f"line {self.lines[row] if self.lines else row + 2}"
+
+    def part(self, names: Mapping[str, str], rows: Sequence[int]) -> Sheet:
+        """Return some rows of some columns, each under a new name, without the notes."""
+        index = np.array(rows, dtype=np.intp)
+        cells = {new: self.columns[name] for new, name in names.items()}
+        columns: Columns = {n: c[index] if isinstance(c, np.ndarray) else [c[i] for i in rows] for n, c in cells.items()}
+        return Sheet(columns, [self.lines[i] for i in rows] if self.lines else [], self.delimiter)
 
 
 def read_table(path: Path) -> Columns:

@@ -44,7 +44,7 @@ def write_fleet(fleet: Fleet, path: str | Path, labels: dict[str, dict[str, str]
     ]
     frame = table(fleet)
     # words that wrap, so that a screen of 1200 px holds every column
-    shown = frame[[c for c in frame.columns if c not in (*fleet.methods, *_BESIDE)]].rename(columns=lambda c: c.replace("_", " "))
+    shown = frame.drop(columns=[*fleet.methods, *_BESIDE]).rename(columns=lambda name: name.replace("_", " "))
     of_all = {"sticky cycles": ["" if pd.isna(n) else f"of {n}" for n in frame["cycles"]]}
     parts = [
         section("jobs", "Who must do what", _jobs(fleet), tiles=tiles),
