@@ -232,10 +232,11 @@ def _of_file(
         for name, roles in loops.items():
             label = (name or sheet or tag or "") if len(loops) > 1 or sheet or tag is not None else path.stem
             found[label if label not in found else f"{sheet} {label}"] = table, roles
-    if (single and len(found) > 1) or (len(tables) > 1 and tag is not None):
+    mine = {n: f for n, f in found.items() if len(tables) == 1 or tag is None or is_loop(n, tag)}
+    if not mine or (single and len(mine) > 1):
         raise several_loops({name: roles for name, (_, roles) in found.items()}, where)
     records, refused = {}, {}
-    for label, (table, roles) in found.items():
+    for label, (table, roles) in mine.items():
         try:
             own = {"tag": label or path.stem, **about}
             records[label] = _record(table.own(), roles, chosen, Ts, own, where, automatic)
@@ -311,16 +312,15 @@ def _record(
         raise RecordError(f"{where}: Ts = {Ts} s; the sampling period must be a number above 0")
     sheet = table.sheet
     _required(roles, list(table.parts or sheet.columns), where)
-    modes = None
+    other = [(r, n) for r, n in roles.items() if r not in (MODE, *chosen) and (parse(n).rank or parse(n).role != r)]
+    sheet.notes += [f"columns: {role.upper()} is {name!r}" for role, name in other]
+    span = op_span(table.units.get(roles["op"]) or unit(roles["op"]), about.get("op_span"), where, sheet.notes)
+    about |= {} if span is None else {"op_span": span}
+    modes, given = None, Ts
     if table.parts is None:
-        t, signals, modes = _wide(table, roles, chosen, Ts, about, where)
-        given = Ts
+        t, signals, modes = _wide(table, roles, chosen, Ts, where)
     else:
         parts = {role: table.parts[name] for role, name in roles.items()}
-        odd = [(r, n) for r, n in roles.items() if r not in (MODE, *chosen) and parse(n).role != r]
-        sheet.notes += [f"columns: {role.upper()} is {name!r}" for role, name in odd]
-        span = op_span(unit(roles["op"]), about.get("op_span"), where, sheet.notes)
-        about |= {} if span is None else {"op_span": span}
         t, signals, given = _long({r: p for r, p in parts.items() if r != MODE}, chosen, Ts, where)
         if MODE in parts:
             when, said = read_series(parts[MODE], MODE, where, chosen)
@@ -395,20 +395,12 @@ def _outside(record: LoopRecord, where: str) -> list[str]:
     return said
 
 
-def _wide(table: _Opened, roles: dict[str, str], chosen: Mapping[str, str], Ts: float | None, about: dict, where: str):
+def _wide(table: _Opened, roles: dict[str, str], chosen: Mapping[str, str], Ts: float | None, where: str):
     """Read a table with a column per signal: times, signals and modes as they stand in it, NaN where unknown."""
     sheet, units = table.sheet, table.units
-    sheet.notes += [
-        f"columns: {role.upper()} is {name!r}"
-        for role, name in roles.items()
-        if role not in (MODE, *chosen) and (parse(name).rank or parse(name).role != role)
-    ]
     read = read_numbers(sheet, [roles[s] for s in SIGNALS if s in roles], where)
     signals = {s: read[roles[s]] for s in SIGNALS if s in roles}
     apply_quality(sheet, roles, signals, where, chosen)
-    span = op_span(units.get(roles["op"], ""), about.get("op_span"), where, sheet.notes)
-    if span is not None:
-        about["op_span"] = span
     n = signals["pv"].size
     if n < 3:
         raise RecordError(f"{where}: {n} samples; at least 3 are needed")
