@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from calendar import month_abbr
 from collections.abc import Callable
 from datetime import UTC, datetime
 from itertools import takewhile
@@ -24,7 +25,6 @@ _MONTHS = {
     "abr": "Apr", "mai": "May", "mag": "May", "juin": "Jun", "giu": "Jun", "juil": "Jul", "lug": "Jul", "aou": "Aug",
     "ago": "Aug", "set": "Sep", "sept": "Sep", "okt": "Oct", "ott": "Oct", "dez": "Dec", "dic": "Dec",
 }  # fmt: skip
-_ENGLISH = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
 _UNITS = {
     "s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3, "milliseconds": 1e-3, "us": 1e-6,
     "min": 60.0, "mins": 60.0, "minute": 60.0, "minutes": 60.0, "h": 3600.0, "hr": 3600.0, "hour": 3600.0, "hours": 3600.0,
@@ -155,7 +155,7 @@ def _likeliest(whole: dict[str, np.ndarray], name: str, where: str, notes: list[
 
 def _month(found: re.Match) -> str:
     word = plain(found[0].rstrip("."))
-    if word[:3].capitalize() in _ENGLISH:
+    if word[:3].capitalize() in month_abbr:
         return word[:3].capitalize()
     return next((month for begins, month in _MONTHS.items() if word.startswith(begins)), found[0])
 

@@ -14,7 +14,6 @@ from detectors.records.roles import (
     PARAMETER_COLUMNS,
     QUALITY,
     QUALITY_OF,
-    SIGNALS,
     TAG_COLUMNS,
     TIME_NAMES,
     VALUES,
@@ -61,7 +60,7 @@ def is_head(cells: Sequence[str], chosen: Mapping[str, str]) -> bool:
     (True, False)
     """
     names = [c.strip() for c in cells]
-    named = {r for r in SIGNALS for n in names if means(n, r)} | {r for r, name in chosen.items() if name in names}
+    named = {parse(n).role for n in names} | {r for r, name in chosen.items() if name in names}
     return {"pv", "op"} <= named or long_columns(names) is not None
 
 
@@ -244,11 +243,6 @@ def long_columns(names: Sequence[str]) -> tuple[str, list[str], str] | None:
         return None
     extra = next((low[w] for w in PARAMETER_COLUMNS if w in low and low[w] not in parts), None)
     return str(parts[0]), [str(parts[1]), *([extra] if extra else [])], str(parts[2])
-
-
-def means(name: str, role: str) -> bool:
-    """Whether a column's name says that it is this signal."""
-    return parse(name).role == role
 
 
 def _bare(value: object) -> str:

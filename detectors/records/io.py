@@ -311,7 +311,9 @@ def _record(
     if Ts is not None and not 0 < Ts < np.inf:
         raise RecordError(f"{where}: Ts = {Ts} s; the sampling period must be a number above 0")
     sheet = table.sheet
-    _required(roles, list(table.parts or sheet.columns), where)
+    for role in ("pv", "op"):
+        if role not in roles:
+            raise no_column(role, roles, [n for n in table.parts or sheet.columns if not n.startswith(BLANK)], where)
     other = [(r, n) for r, n in roles.items() if r not in (MODE, *chosen) and (parse(n).rank or parse(n).role != r)]
     sheet.notes += [f"columns: {role.upper()} is {name!r}" for role, name in other]
     span = op_span(table.units.get(roles["op"]) or unit(roles["op"]), about.get("op_span"), where, sheet.notes)
@@ -484,12 +486,6 @@ def _on_change(t: np.ndarray, series: Mapping[str, Series]) -> bool:
         if when.size < (1 - MOST_MISSING) * size or np.diff(when).max(initial=0.0) > (BRIDGED + 1.5) * step:
             sparse.append(role)
     return bool(sparse) and all(stored_on_change(*series[role]) for role in sparse)
-
-
-def _required(roles: Mapping[str, str], names: list[str], where: str) -> None:
-    for role in ("pv", "op"):
-        if role not in roles:
-            raise no_column(role, roles, [n for n in names if not n.startswith(BLANK)], where)
 
 
 def _hyphens(word: str) -> str:

@@ -8,9 +8,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from detectors.records.clock import seconds
-from detectors.records.historian import apply_quality, long_columns, means, read_numbers
+from detectors.records.historian import apply_quality, long_columns, read_numbers
 from detectors.records.mode import mode
-from detectors.records.roles import QUALITY, SIGNALS, ends_with, is_quality, is_time, parse
+from detectors.records.roles import QUALITY, ends_with, is_quality, is_time, parse
 from detectors.records.tables import BLANK, Sheet
 
 _STAMP = re.compile(r"\d{1,4}[-/.]\w{1,9}[-/.]\d{2,4}|\d:\d\d")
@@ -23,7 +23,7 @@ def unfold(sheet: Sheet) -> dict[str, Sheet] | None:
     """Take a table apart whose signals have times of their own, tag by tag; None where they share one."""
     names = list(sheet.columns)
     found = long_columns(names)
-    if found is not None and not {"pv", "op"} <= {r for r in SIGNALS for n in names if means(n, r)}:
+    if found is not None and not {"pv", "op"} <= {parse(n).role for n in names}:
         return _long(sheet, *found)
     return _paired(sheet) or _interleaved(sheet)
 

@@ -179,7 +179,7 @@ def find_loops(
     if tag is not None:
         whole = _tagged(whole, tag) or {}
         if len(whole) > 1:
-            raise _several(whole, where)
+            raise several_loops({_shown_tag(loop, found): _picked(found, {}, where) for loop, found in whole.items()}, where)
         if not whole:
             mine = [n for n in names if _within(_parts(tag), parse(n).loop)]
             if not mine:
@@ -386,11 +386,6 @@ def _tagged(whole: Mapping[tuple[str, ...], dict[str, list[str]]], tag: str) -> 
         if found:
             return found
     return {}
-
-
-def _several(whole: Mapping[tuple[str, ...], dict[str, list[str]]], where: str) -> RecordError:
-    tags = [_shown_tag(loop, found) for loop, found in whole.items()]
-    return several_loops({tag: _picked(found, {}, where) for tag, found in zip(tags, whole.values(), strict=True)}, where)
 
 
 def several_loops(loops: Mapping[str, Mapping[str, str]], where: str) -> RecordError:
