@@ -221,20 +221,20 @@ def _of_file(
         table = _Opened(Sheet(cells), {}, None, where)
         made = _record(table, find_loops(list(cells), chosen, where)[""], chosen, Ts, {**found, **about}, where, automatic)
         return {made.tag: made}, {}
-    found: dict[str, tuple[_Opened, dict[str, str]]] = {}
+    loops: dict[str, tuple[_Opened, dict[str, str]]] = {}
     tables = _opened(path, chosen, tag)
     for sheet, table in tables.items():
         names = list(table.parts or table.sheet.columns)
         only = (bool(sheet) or (tag is not None and not in_columns)) and not names_loops(names)
         if only and not sheet and not chosen:
             table.sheet.notes.append(f"tag: no column names a loop; the only one is read as {tag}")
-        loops = find_loops(names, chosen, where, None if only or len(tables) > 1 else tag)
-        for name, roles in loops.items():
-            label = (name or sheet or tag or "") if len(loops) > 1 or sheet or tag is not None else path.stem
-            found[label if label not in found else f"{sheet} {label}"] = table, roles
-    mine = {n: f for n, f in found.items() if len(tables) == 1 or tag is None or is_loop(n, tag)}
+        named = find_loops(names, chosen, where, None if only or len(tables) > 1 else tag)
+        for name, roles in named.items():
+            label = (name or sheet or tag or "") if len(named) > 1 or sheet or tag is not None else path.stem
+            loops[label if label not in loops else f"{sheet} {label}"] = table, roles
+    mine = {n: f for n, f in loops.items() if len(tables) == 1 or tag is None or is_loop(n, tag)}
     if not mine or (single and len(mine) > 1):
-        raise several_loops({name: roles for name, (_, roles) in found.items()}, where)
+        raise several_loops({name: roles for name, (_, roles) in loops.items()}, where)
     records, refused = {}, {}
     for label, (table, roles) in mine.items():
         try:

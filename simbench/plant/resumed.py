@@ -50,7 +50,7 @@ def resumed(
 def _code() -> str:
     """Return what changes with any line of the sources that answer."""
     rooms = (detectors, scenarios, simbench)
-    return joblib.hash([f.read_bytes() for room in rooms for f in sorted(Path(room.__path__[0]).rglob("*.py"))])
+    return str(joblib.hash([f.read_bytes() for room in rooms for f in sorted(Path(room.__path__[0]).rglob("*.py"))]))
 
 
 def _kept(ask: Callable[..., Any], file: Path, about: tuple[Any, ...]) -> Any:
