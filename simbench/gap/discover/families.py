@@ -8,13 +8,14 @@ from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.signal import lfilter
 
-from simbench.gap.discover.moves import led, rung
 from simbench.gap.effects import deadzone, load_steps, stiction
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import NUISANCES, Fit, Free, Moves, Spec, size_penalty
 from simbench.gap.likelihood.search import MV_STARTS
+from simbench.gap.likelihood.valve_map import lagged
 from simbench.gap.situation import Situation
 
 _LOAD = (*NUISANCES, "load_jump")  # searched anew in every part of the record; a law's own numbers are not
@@ -119,13 +120,13 @@ def families(s: Situation, first: int) -> Iterator[Family]:
             yield Family("size", lambda own, name=name, size=size: _resized(size, own[name], s), Spec(free=frozenset({name})))
     yield Family(
         "zero", lambda own: {"lead": own["lead"] * Ts, "lag": own["lag"] * Ts},
-        _moves(lambda u, p: led(u, p["lead"], p["lag"]), _free("lead", -5 * pace, 5 * pace),
+        _moves(lambda u, p: _led(u, p["lead"], p["lag"]), _free("lead", -5 * pace, 5 * pace),
                _free("lag", 0.2, 10 * pace, True)),
         [{"lead": a * pace, "lag": g * pace} for a in (-1.0, -0.3, 0.0, 0.5, 1.5) for g in (0.1, 0.3, 1.0)],
     )  # fmt: skip
     yield Family(
         "resonance", lambda own: {"period": own["period"] * Ts, "damping": own["damping"]},
-        _moves(lambda u, p: rung(u, p["period"], p["damping"]), _free("period", 2.5, 40 * pace, True),
+        _moves(lambda u, p: _rung(u, p["period"], p["damping"]), _free("period", 2.5, 40 * pace, True),
                _free("damping", 0.02, 1.5, True)),
         [{"period": P * pace, "damping": z} for P in np.geomspace(0.3, 8.0, 8) for z in (0.1, 0.4)],
     )  # fmt: skip
@@ -172,3 +173,20 @@ def _resized(size: str, value: float, s: Situation) -> _Numbers:
     """Return a gain, a time constant or a dead time of the engine's as the law states it beside the baseline's."""
     d = s.data
     return {size: {"gain": max(value / d.K, 0.01), "pace": value / (d.T or 1.0), "delay": (value - d.Td) * s.record.Ts}[size]}
+
+
+def _led(u: np.ndarray, lead: float, lag: float) -> np.ndarray:
+    """Return u (n,) behind (lead s + 1)/(lag s + 1), in samples, begun at rest."""
+    slow = lagged(u, max(lag, 0.05))
+    return slow + (lead / max(lag, 0.05)) * (u - slow)
+
+
+def _rung(u: np.ndarray, period: float, damping: float) -> np.ndarray:
+    """Return u (n,) behind a pair of poles of a natural period (samples) and a damping, begun at rest."""
+    w, z = 2.0 * np.pi / period, min(damping, 0.999)
+    wd, a = w * np.sqrt(1.0 - z * z), np.exp(-z * w)
+    den = [1.0, -2.0 * a * np.cos(wd), a * a]
+    # the sampled pair with the same steady gain; its zero lies where the hold puts it
+    c, sn = np.cos(wd), np.sin(wd) * z * w / wd
+    num = [0.0, 1.0 - a * (c + sn), a * a + a * (sn - c)]
+    return u[0] + lfilter(num, den, u - u[0])
