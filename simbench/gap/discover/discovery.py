@@ -73,30 +73,25 @@ class Discovery:
         """Return the finding and its certificate in one line."""
         if self.law is None or self.gap is None:
             return f"nothing that a law describes, {self.why}"
-        g, n = self.gap, self.situation.record.n - held_out(self.situation)
-        said = f"{self.law.text} ({self.law.block}; {self.law.nats:.0f} nats on {n} unseen samples"
+        said, g = f"{self.law.text} ({self.law.block}; {self.law.nats:.0f} nats on unseen samples", self.gap
         return f"{said}, gap {g.recalibrated:.2f} -> {g.after:.2f}, floor {g.floor:.2f})"
 
     def as_text(self) -> str:
         """Return the discovery for a terminal."""
-        lines = [self.sentence()]
-        if self.law is None:
-            return "\n".join([*lines, f"where: {self.block}"] if self.block else lines)
-        g, n = self.gap, self.situation.record.n
-        assert g is not None
-        share = float(self.on.mean()) if self.on.size else 1.0
+        law, g = self.law, self.gap
+        if law is None or g is None:
+            return "\n".join([self.sentence(), *([f"where: {self.block}"] if self.block else [])])
+        share = float(self.on.mean())
         spells = "the whole record" if share > 0.99 else f"{len(self.windows)} spells, {100 * share:.0f} % of the record"
-        lines.append(f"where: {spells}{f', {self.regime}' if self.regime else ''}")
-        lines.append(
-            f"certificate: {self.law.nats:.0f} nats on {n - held_out(self.situation)} samples that it was not fitted to"
-            f" (p <= {chance(self.law.nats):.2g} if none of the forms held)"
-        )
-        lines.append(
+        return "\n".join([
+            self.sentence(),
+            f"where: {spells}{f', {self.regime}' if self.regime else ''}",
+            f"certificate: {law.nats:.0f} nats on samples that it was not fitted to"
+            f" (p <= {chance(law.nats):.2g} if none of the forms held)",
             f"gap there: before {g.before:.2f}, recalibrated {g.recalibrated:.2f}, with the law {g.after:.2f},"
-            f" floor {g.floor:.2f}"
-        )
-        lines.append(f"nearest known effect: {self.nearest.replace('_', ' ') if self.nearest else 'none'}")
-        return "\n".join(lines)
+            f" floor {g.floor:.2f}",
+            f"nearest known effect: {self.nearest.replace('_', ' ') if self.nearest else 'none'}",
+        ])  # fmt: skip
 
 
 def discover(record: LoopRecord, baseline: Loop, *, seed: int = 0, progress: bool = False) -> Discovery:

@@ -8,12 +8,12 @@ from functools import partial
 from pathlib import Path
 
 from simbench.gap.closed_loop.gap import held_out
-from simbench.gap.discover.families import families, fitted, numbers_of
+from simbench.gap.discover.families import families, fitted, gain_of
 from simbench.gap.discover.valve import valve_law
 from simbench.gap.effects import Parameters, Recogniser, lent
 from simbench.gap.exact import controller_law, sensor_law
 from simbench.gap.likelihood.engine import Engine
-from simbench.gap.likelihood.model import Fit, size_penalty
+from simbench.gap.likelihood.model import Fit
 from simbench.gap.situation import Situation, load_memory
 from simbench.loop.effects import EFFECTS, PLUGINS
 from simbench.loop.laws import LAW_FORMS
@@ -45,12 +45,8 @@ def _seen(form: str, base: Fit, s: Situation) -> tuple[float, Parameters] | None
     law = exact(s, first) if exact is not None else None
     if law is not None and law.form == form:
         return min(law.nats, _MOST), dict(law.numbers)
-    engine, best = Engine(s.data, load_memory(s)), None
-    for family in families(s, s.data.T == 0.0, first):
-        found = fitted(family, engine, base) if family.form == form else None
-        if found is None:
-            continue
-        gain = found[0].loglik - base.loglik - size_penalty(s.data.n, numbers_of(family, found[1]))
-        if best is None or gain > best[0]:
-            best = gain, family.numbers(*found)
+    engine = Engine(s.data, load_memory(s))
+    tried = [fitted(family, engine, base) for family in families(s, first) if family.form == form]
+    gains = [(gain_of(one, engine, base.loglik), one.numbers) for one in tried if one is not None]
+    best = max(gains, key=lambda g: g[0], default=None)
     return None if best is None else (float(min(best[0], _MOST)), dict(best[1]))

@@ -9,12 +9,12 @@ from typing import NamedTuple
 import numpy as np
 from tqdm import tqdm
 
-from simbench.gap.discover.families import Family, families, fitted, judged, nulls_of, numbers_of
+from simbench.gap.discover.families import Tried, families, fitted, gain_of, judged, nulls_of
 from simbench.gap.discover.valve import valve_law
 from simbench.gap.exact import controller_law, sensor_law
 from simbench.gap.law import FoundLaw, spells_of
 from simbench.gap.likelihood.engine import Engine
-from simbench.gap.likelihood.model import Data, Fit, input_gain, size_penalty
+from simbench.gap.likelihood.model import Data, Fit, input_gain
 from simbench.gap.situation import Situation, load_memory
 from simbench.loop.laws import LAW_FORMS
 
@@ -69,11 +69,10 @@ def search(s: Situation, first: int, progress: bool = False) -> Found:
         block, words = max(shown, key=lambda one: one[0] == "controller", default=("", ""))
         if block == "controller":
             return Found(None, null, null, f"{words}, and no form describes how", block)
-        law, fit, nats, forms = _by_likelihood(s, learn, nulls, first, bar)
-    if law is not None:
-        return Found(law, null, fit)
-    why = f"no form pays on samples that it was not fitted to (best {nats:.1f}, needed {_LEAST_NATS:.0f} nats)"
-    return Found(None, null, null, f"{words}, and {why}" if words else why, block, forms)
+        found = _by_likelihood(s, learn, nulls, first, bar)
+    if found.law is not None or not words:
+        return found
+    return found._replace(why=f"{words}, and {found.why}", block=block)
 
 
 def _part(d: Data, begin: int, end: int) -> Data:
@@ -85,66 +84,58 @@ def _worth(null: tuple[Fit, float]) -> float:
     return null[0].loglik - null[1]
 
 
-def _by_likelihood(
-    s: Situation, learn: Engine, nulls: list[tuple[Fit, float]], first: int, bar: tqdm
-) -> tuple[FoundLaw | None, Fit, float, tuple[tuple[str, float], ...]]:
-    """Return the law between OP and PV that pays, its fit, its nats and `Found.forms`; it may replace the load's jumps."""
+def _by_likelihood(s: Situation, learn: Engine, nulls: list[tuple[Fit, float]], first: int, bar: tqdm) -> Found:
+    """Return the law between OP and PV that pays, beside the nulls or in the place of the load's jumps."""
     rest = Engine(_part(s.data, first, s.data.n), load_memory(s))
     others = nulls_of(rest)
     null, other = max(nulls, key=_worth)[0], max(others, key=_worth)[0]
     level, there_level = max(map(_worth, nulls)), max(map(_worth, others))
     bar.update(2)
-    tries: list[tuple[float, Family, Fit, dict[str, float]]] = []
-    for family in families(s, s.data.T == 0.0, first):
-        for base, price in nulls:
-            found = fitted(family, learn, base)
-            if found is not None:
-                gain = found[0].loglik - price - level - size_penalty(learn.data.n, numbers_of(family, found[1]))
-                tries.append((gain, family, *found))
+    tries: list[tuple[float, Tried]] = []
+    for family in families(s, first):
+        laws = [(price, fitted(family, learn, base)) for base, price in nulls]
+        tries += [(gain_of(law, learn, level + price), law) for price, law in laws if law is not None]
         bar.update()
-    forms = tuple((LAW_FORMS[family.form].block, gain) for gain, family, *_ in tries)
+    forms = tuple((LAW_FORMS[law.family.form].block, gain) for gain, law in tries)
     tries = sorted((t for t in tries if t[0] > _LEARNT), key=lambda t: -t[0])
-    laws: list[tuple[float, FoundLaw, Fit]] = []
+    found: list[tuple[float, FoundLaw, Fit]] = []
     most = 0.0
-    for gain, family, fit, own in tries[:_JUDGED]:
-        value, there = max(
-            ((value - price, part) for base, price in others for value, part in [judged(family, own, fit, rest, base, first)]),
-            key=lambda t: t[0],
+    for gain, law in tries[:_JUDGED]:
+        there, nats = max(
+            ((fit, fit.loglik - price - there_level) for base, price in others for fit in [judged(law, rest, base)]),
+            key=lambda t: t[1],
         )
-        nats = value - there_level
         most = max(most, nats)
         if nats > _LEAST_NATS:
-            evidence = np.append(_evidence(fit, null, gain), _evidence(there, other, nats))
-            between = _intervals(family, learn, fit, own)
-            found_law = FoundLaw(family.form, family.numbers(fit, own), float(nats), evidence, intervals=between)
-            laws.append((gain + nats, found_law, fit))
+            evidence = np.append(_evidence(law.fit, null, gain), _evidence(there, other, nats))
+            known = FoundLaw(law.family.form, law.numbers, float(nats), evidence, intervals=_intervals(law, learn))
+            found.append((gain + nats, known, law.fit))
     loud = _loud(s, null, other, first)
     if loud is not None and loud.nats > _LEAST_NATS:
-        laws.append((2.0 * loud.nats, loud, null))
-    if not laws:
-        return None, null, most, forms
-    _, law, fit = max(laws, key=lambda t: t[0])
-    return law, fit, law.nats, forms
+        found.append((2.0 * loud.nats, loud, null))
+    if not found:
+        why = f"no form pays on samples that it was not fitted to (best {most:.1f}, needed {_LEAST_NATS:.0f} nats)"
+        return Found(None, null, null, why, forms=forms)
+    _, best, fit = max(found, key=lambda t: t[0])
+    return Found(best, null, fit, forms=forms)
 
 
-def _intervals(family: Family, engine: Engine, fit: Fit, own: dict[str, float]) -> dict[str, tuple[float, float]]:
+def _intervals(law: Tried, engine: Engine) -> dict[str, tuple[float, float]]:
     """Return the values of each number within two nats of its best, the others held."""
+    fit, out = law.fit, {}
 
-    def level(one: dict[str, float]) -> float:
-        return Engine(family.seen(engine.data, one), engine.longest_load).evaluate(fit.spec, {**fit.theta, **one})[0]
+    def loss(name: str, value: float) -> float:
+        return fit.loglik - engine.evaluate(fit.spec, {**fit.theta, name: value})[0]
 
-    best, out = level(own), {}
-    for name in (m for m in own if m not in ("valve", "start")):
-        reached = [own[name], own[name]]
+    for name, best in law.own.items():
+        reached = [best, best]
         for side, way in enumerate((-1.0, 1.0)):
             for share in _STEPS:
-                trial = own | {name: own[name] + way * share * (abs(own[name]) or 1.0)}
-                reached[side] = trial[name]
-                if best - level(trial) > _CREDIBLE:
+                reached[side] = best + way * share * (abs(best) or 1.0)
+                if loss(name, reached[side]) > _CREDIBLE:
                     break
         for value in reached:
-            one = replace(fit, theta={**fit.theta, name: value})
-            for key, number in family.numbers(one, own | {name: value}).items():
+            for key, number in law.family.numbers(law.own | {name: value}).items():
                 low, high = out.get(key, (number, number))
                 out[key] = (min(low, number), max(high, number))
     return out

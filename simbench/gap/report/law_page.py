@@ -59,13 +59,11 @@ def law_section(found: Discovery) -> Markup:
         }
         for name, value in law.numbers.items()
     ]  # fmt: skip
-    items = [
-        {"svg": inline_svg(law_pictures.draw_law(found), "law", law.text), "caption": f"The law: {LAW_FORMS[law.form].says}."},
-        {
-            "svg": inline_svg(law_pictures.draw_windows(found), "windows", "record with the law's spells shaded"),
-            "caption": f"Where it acts, shaded{f': {found.regime}' if found.regime else ''}.",
-        },
-    ]
+    where = inline_svg(law_pictures.draw_windows(found), "windows", "record with the law's spells shaded")
+    items = [{"svg": where, "caption": f"Where it acts, shaded{f': {found.regime}' if found.regime else ''}."}]
+    if law_pictures.law_curve(found) is not None:
+        drawn = inline_svg(law_pictures.draw_law(found), "law", law.text)
+        items.insert(0, {"svg": drawn, "caption": f"The law: {LAW_FORMS[law.form].says}."})
     return _render(
         "law.html", sentence=found.sentence(), tiles=tiles, items=items, table=sortable(pd.DataFrame(rows)), block=law.block
     )

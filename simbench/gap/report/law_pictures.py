@@ -11,7 +11,7 @@ from detectors.errors import UserError
 from simbench.figures._style import BLACK, BLUE, GREY, RED, label, panels, styled
 from simbench.gap.closed_loop.lacking import Lacking
 from simbench.gap.discover.discovery import Discovery
-from simbench.loop.laws import LAW_FORMS, apply_law, law_parameters
+from simbench.loop.laws import apply_law, law_parameters
 from simbench.loop.parameters import resolve
 from simbench.loop.response import stages_response
 from simbench.loop.setup import plain_setup
@@ -39,20 +39,18 @@ def draw_windows(found: Discovery) -> Figure:
 
 @styled
 def draw_law(found: Discovery) -> Figure:
-    """Draw the law in its block's coordinates with the band of its interval, or its numbers where it has no curve."""
-    law = found.law
+    """Draw a law that has a curve in its block's coordinates, with the band of its interval."""
+    law, curve = found.law, law_curve(found)
     assert law is not None
-    curve = _curve(found, law.numbers)
-    if curve is None:
-        return _numbers(found)
+    assert curve is not None
     x, y, across, up = curve
     figure, grid = panels(1, 1, _WIDTH, 3.0)
     axes: Axes = grid[0, 0]
     ends = [{**law.numbers, name: value} for name, pair in law.intervals.items() for value in pair]
-    near = [c[1] for c in (_curve(found, numbers) for numbers in ends) if c is not None]
+    near = [c[1] for c in (law_curve(found, numbers) for numbers in ends) if c is not None]
     if near:
         axes.fill_between(x, np.min([y, *near], axis=0), np.max([y, *near], axis=0), color=RED, alpha=0.2, linewidth=0)
-    plain = _curve(found, {})
+    plain = law_curve(found, {})
     if plain is not None:
         axes.plot(x, plain[1], color=GREY, linestyle=":", label="without it")
     axes.plot(x, y, color=RED, label="the law")
@@ -74,10 +72,13 @@ def draw_lacking(lacks: Lacking) -> Figure:
     return figure
 
 
-def _curve(found: Discovery, numbers: dict[str, float]) -> _Curve | None:
-    """Return what a valve makes of OP that goes to and fro, or a plant or sensor of a step, with a law in the loop."""
+def law_curve(found: Discovery, numbers: dict[str, float] | None = None) -> _Curve | None:
+    """Return what a valve makes of OP that goes to and fro, or a plant or sensor of a step, with a law in the loop; None where
+    the law has no curve.
+    """
     s, law = found.situation, found.law
     assert law is not None
+    numbers = dict(law.numbers) if numbers is None else numbers
     setup = plain_setup(s.baseline, 0)
     try:
         p = resolve(law_parameters(law.form), numbers, law.form)
@@ -88,13 +89,9 @@ def _curve(found: Discovery, numbers: dict[str, float]) -> _Curve | None:
         low, high = float(s.op.min()), float(s.op.max())
         way = np.linspace(0.0, 2.5, 600)
         op = low + (high - low) * np.abs((way + 1.0) % 2.0 - 1.0)
-        return (
-            way * (high - low),
-            stages_response(tuple(setup.valves), op, op[0]),
-            "way of OP, up, down and up again (%)",
-            "MV (%)",
-        )
-    if law.form in ("size", "pole", "zero", "resonance", "filter"):
+        moved = stages_response(tuple(setup.valves), op, op[0])
+        return way * (high - low), moved, "way of OP, up, down and up again (%)", "MV (%)"
+    if law.form in ("size", "zero", "resonance", "filter"):
         den = np.polymul(setup.den, [setup.sensor_tau, 1.0])
         t = np.linspace(0.0, 6.0 * (s.data.T + s.data.Td + 1.0) * s.record.Ts, 300)
         _, y = step((setup.num, den), T=t)
@@ -103,16 +100,3 @@ def _curve(found: Discovery, numbers: dict[str, float]) -> _Curve | None:
         e = np.quantile(s.sp - np.asarray(s.record.pv), np.linspace(0.01, 0.99, 99))
         return e, e * (p.gain + p.square * np.abs(e)) + p.side * np.abs(e), "error (PV units)", "error as it counts (PV units)"
     return None
-
-
-def _numbers(found: Discovery) -> Figure:
-    law = found.law
-    assert law is not None
-    figure, grid = panels(len(law.numbers), 1, _WIDTH, 0.3 + 0.75 * len(law.numbers))
-    for axes, (name, value) in zip(grid[:, 0], law.numbers.items()):
-        rule = LAW_FORMS[law.form].numbers[name]
-        axes.plot(law.intervals.get(name, (value, value)), [0, 0], color=RED, linewidth=3.0, alpha=0.4)
-        axes.plot([value], [0], "o", color=RED)
-        axes.set_yticks([])
-        label(axes, f"{name}{f' ({rule.unit})' if rule.unit != '-' else ''}: {rule.says}", "")
-    return figure

@@ -136,12 +136,6 @@ def _ramps(setup: Any, p: Any, rng: np.random.Generator) -> None:
     _controller(setup, down=down, up=up)
 
 
-def _periodic(setup: Any, p: Any, rng: np.random.Generator) -> None:
-    way = 2.0 * np.pi * np.arange(setup.sp.size) * setup.Ts / p.period
-    first, second = rng.uniform(0, 2 * np.pi, 2)
-    setup.load_in += setup.hold(p.amplitude * np.sin(way + first) + p.second * np.sin(2 * way + second))
-
-
 def _bursts(setup: Any, p: Any, rng: np.random.Generator) -> None:
     from scipy.signal import lfilter
 
@@ -220,10 +214,6 @@ LAW_FORMS: dict[str, Form] = {
     "tuning": Form("controller", "the same law with other numbers", {
         "gain": Number("-", low=0.0, positive=True, identity=1.0, says="factor of Kc"),
         "integral": Number("-", low=0.0, positive=True, identity=1.0, says="factor of Ti")}, _tuning),
-    "periodic": Form("disturbance", "a load comes again and again", {
-        "period": Number("s", low=0.0, positive=True, identity=100.0, says="of the load"),
-        "amplitude": Number("%", low=0.0, high=100.0, identity=0.0, says="at the plant's input"),
-        "second": Number("%", low=0.0, high=100.0, identity=0.0, says="amplitude of twice the frequency")}, _periodic),
     "bursts": Form("disturbance", "a load that is strong in spells", {
         "std": Number("%", low=0.0, high=100.0, identity=0.0, says="at the plant's input"),
         "time": Number("s", low=0.0, positive=True, identity=10.0, says="its memory"), **_SPELLS}, _bursts),

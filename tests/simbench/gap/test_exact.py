@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from scenarios.spec import Loop
-from simbench.gap.exact import controller_law, sensor_law, shown
+from simbench.gap.exact import _read_off, controller_law, sensor_law, shown
 from simbench.gap.intake.check import check
 from simbench.loop.simulate import simulate
 
@@ -46,3 +46,22 @@ def test_repeats_of_pv_are_shown_where_they_stand():
     still = np.append(False, np.diff(np.asarray(s.record.pv)) == 0.0)
     assert np.mean(still[law.on]) == 1.0
     assert "frozen_sensor" in s.proven
+
+
+def test_what_is_read_off_pays_by_how_often_it_comes_in_the_part_it_was_not_learnt_from():
+    often, never = np.zeros(1000, dtype=bool), np.zeros(1000, dtype=bool)
+    often[::5] = True
+    first, p, q = 650, 130.5 / 651, 1e-3
+    onwards = 70 * np.log(p / q) + 280 * np.log((1 - p) / (1 - q))
+    backwards = 130 * np.log((70.5 / 351) / q) + 520 * np.log((1 - 70.5 / 351) / (1 - q))
+    law = _read_off("held", {}, often, q, first)
+    assert law.nats == pytest.approx(max(onwards, backwards) - np.log(2.0))
+    assert _read_off("held", {}, never, q, first).nats < 0.0
+
+
+def test_another_tuning_is_fitted_to_the_first_part_and_pays_on_the_rest():
+    retuned = Loop.from_table(TABLE).with_("controller.Kc", 1.6).with_("controller.Ti", 30.0)
+    law = controller_law(check(simulate(retuned, 3).record, TOLD), 780)
+    assert law.form == "tuning"
+    assert law.numbers == pytest.approx({"gain": 1.6, "integral": 1.5}, rel=1e-3)
+    assert law.nats > 100.0

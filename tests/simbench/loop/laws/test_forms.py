@@ -28,7 +28,7 @@ NUMBERS = {
     "derivative": {"Td": 3, "filter": 1}, "weight": {"weight": 0.4},
     "regime": {"gain": 0.5, "square": 0.3, "side": 0.2, "schedule": 0.01}, "ramps": {"down": 2, "up": 3},
     "idle": {"share": 0.3, "length": 4}, "limits": {"low": 48, "high": 52}, "rest": {"width": 0.5, "step": 0.2},
-    "tuning": {"gain": 1.5, "integral": 0.7}, "periodic": {"period": 40, "amplitude": 3, "second": 1},
+    "tuning": {"gain": 1.5, "integral": 0.7},
     "bursts": {"std": 3, "time": 5, "share": 0.3, "length": 50},
 }  # fmt: skip
 
