@@ -109,6 +109,7 @@ def test_every_verb_shows_the_same_number(folder, capsys, monkeypatch):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(3600)
 def test_200_records_have_one_probability_whichever_verb_asks(monkeypatch):
     """Simulated loops, blind ones, and recorded ones where they are at hand; what adds nothing to the number is left out.
 
