@@ -58,28 +58,10 @@ def rows(count):
 def compiled(function: FunctionType):
     """Return a plain function compiled together with all plain functions it calls, from the disk cache when it is there.
 
-    Parameters
-    ----------
-    function : function
-        Plain Python over arrays and floats; its own slow twin. What it calls is found among the names of its module.
-
-    Returns
-    -------
-    numba dispatcher
-        Floats are neither contracted nor reordered: it gives the plain function's bits, but for numpy's pairwise sums.
-
-    Notes
-    -----
-    numba's disk cache only watches the file a function stands in. So each kernel is written to a module of its own whose
-    name carries the hash of every source that takes part: an edited helper never meets an old kernel. Division by zero
-    gives inf or NaN, as in numpy. Not for closures.
-
-    Examples
-    --------
-    >>> from detectors.signal.look_alikes import predicted
-    >>> x = np.sin(np.arange(60.0))
-    >>> bool(np.isclose(compiled(predicted)(x, 3, 1, 3), predicted(x, 3, 1, 3)))
-    True
+    Floats are neither contracted nor reordered: it gives the plain function's bits, but for numpy's pairwise sums; division by
+    zero gives inf or NaN. numba's disk cache only watches the file a function stands in. So each kernel is written to a module
+    of its own whose name carries the hash of every source that takes part: an edited helper never meets an old kernel. Not for
+    closures.
     """
     text = f'@njit(cache=True, error_model="numpy")\n{inspect.getsource(function)}'
     return getattr(cached_module(function.__name__.strip("_"), names_used(function), text, "numpy"), function.__name__)
@@ -109,23 +91,9 @@ def one_thread() -> Iterator[None]:
 
 
 def cached_module(kind: str, parts: dict[str, Any], text: str, error_model: str = "python") -> ModuleType:
-    """Write `text` to a module in which the names of `parts` are known, functions compiled, and import it.
+    """Write `text` to a module, found again on disk, in which the names of `parts` are known, functions compiled; import it.
 
-    Parameters
-    ----------
-    kind : str
-        Begins the module's name.
-    parts : dict of str to plain Python function, class, module or number
-        What the text calls.
-    text : str
-        Source that uses `njit` and the names of `parts`.
-    error_model : {"python", "numpy"}
-        What a division by zero in one of the parts does: raise, or give inf or NaN.
-
-    Returns
-    -------
-    module
-        It is found again on disk as long as no source changes.
+    A division by zero in one of the parts raises under the `error_model` "python", and gives inf or NaN under "numpy".
     """
     digest = hashlib.sha256(f"{sys.version}{_numba_version()}{few()}{error_model}{text}{_described(parts)}".encode())
     plain = [f for f in parts.values() if isinstance(f, FunctionType)]

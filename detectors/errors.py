@@ -56,8 +56,6 @@ class UnknownName(UserError, LookupError):
 def naming(place: object) -> Iterator[None]:
     """Put the file (or whatever place) an error of a user's is in before its sentence, where that does not name it yet.
 
-    Examples
-    --------
     >>> with naming("loop.toml"):
     ...     raise ParameterError("S = -1; it must be >= 0")
     Traceback (most recent call last):
@@ -79,21 +77,13 @@ _SECRETS = re.compile(
 
 
 def masked(text: object) -> str:
-    """Return a text with user, password and keys of every URL in it replaced by `***`.
-
-    Examples
-    --------
-    >>> masked("ftp://me:secret@host/run: no such file"), masked("https://host/run?sig=a1b2&x=1")
-    ('ftp://***@host/run: no such file', 'https://host/run?sig=***&x=1')
-    """
+    """Return a text with user, password and keys of every URL in it replaced by `***`."""
     return _SECRETS.sub(lambda m: f"{m['key']}***" if m["key"] else f"{m['before'] or ''}***@", str(text))
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
     """Say which known names come closest to a wrong one.
 
-    Examples
-    --------
     >>> nearest("horhc", ["horch", "he"])
     "did you mean 'horch'?"
     """

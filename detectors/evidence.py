@@ -11,24 +11,14 @@ from detectors.verdict import Verdict
 
 @dataclass(frozen=True)
 class Evidence:
-    """How one index of one method counts.
+    """How one index of one method counts."""
 
-    Parameters
-    ----------
-    method, index : str
-        Where the number comes from; index "score" is the method's score.
-    weight : float
-        Log-odds per unit of the index.
-    neutral : float
-        Value that speaks for neither side; also stands in where the method abstains.
-    low, high : float
-        The index is limited to this range.
-    """
-
+    # method, index: where the number comes from; index "score" is the method's score
     method: str
     index: str
-    weight: float
-    neutral: float
+    weight: float  # log-odds per unit of the index
+    neutral: float  # value that speaks for neither side; also stands in where the method abstains
+    # low, high: the index is limited to this range
     low: float
     high: float
 

@@ -29,14 +29,7 @@ def example_loop(
 ) -> LoopRecord:
     """Run a PI loop about OP = PV = 50 whose valve sticks as Choudhury's two-parameter model does.
 
-    Notes
-    -----
     For trying detectors; `simbench` simulates every other loop, faster and with everything a plant has.
-
-    Examples
-    --------
-    >>> example_loop(n=400).n, float(np.ptp(example_loop(S=0.0, J=0.0, n=400).mv[300:])) < 0.1
-    (400, True)
     """
     random = np.random.default_rng(seed).standard_normal(n) * noise
     load = np.zeros(n) if load is None else load
@@ -83,13 +76,7 @@ CASES = {
 
 @cache
 def example_record(case: str, process: str) -> LoopRecord:
-    """Return one of six records about whose valve nobody can be in doubt.
-
-    Examples
-    --------
-    >>> example_record("short", "integrating").n
-    20
-    """
+    """Return one of six records about whose valve nobody can be in doubt."""
     rng, about = np.random.default_rng(3), {"process": process, "kind": "flow" if process == "self-regulating" else "level"}
     if case == "stiction":
         return example_loop(**_OBVIOUS[process])

@@ -7,93 +7,46 @@ from dataclasses import dataclass, field, replace
 
 @dataclass(frozen=True)
 class Threshold:
-    """One number a verdict hangs on, with its meaning.
+    """One number a verdict hangs on, with its meaning."""
 
-    Parameters
-    ----------
-    default : float
-        The published value, or an own calibration where none is published.
-    unit : str
-        "-" for ratios.
-    low, high : float
-        What a user may set it to.
-    source : str
-        Where the default comes from.
-    says : str
-        What lies on its two sides, in one sentence.
-    """
-
-    default: float
-    unit: str
+    default: float  # the published value, or an own calibration where none is published
+    unit: str  # "-" for ratios
+    # low, high: what a user may set it to
     low: float
     high: float
-    source: str
-    says: str
+    source: str  # where the default comes from
+    says: str  # what lies on its two sides, in one sentence
 
 
 @dataclass(frozen=True)
 class Method:
-    """A detector's own description; the runner reads it before it runs the detector.
+    """A detector's own description; the runner reads it before it runs the detector."""
 
-    Parameters
-    ----------
-    title : str
-        What the method looks for, in a few words.
-    source : str
-        Author, year, equation.
-    process : tuple of str
-        Process types the method was made for.
-    needs_mv : bool
-        Whether it judges OP against the valve position (MV, or PV of a flow loop).
-    role : {"stiction", "nonlinearity", "quantification"}
-        Nonlinearity tests are left out of the stiction ranking.
-    budget : {"fast", "full"}
-        Whether it belongs to the quick set of methods.
-    min_samples : int
-        Fewer samples than this: no decision.
-    min_periods : float
-        Fewer oscillation periods than this: no decision.
-    front_end : bool
-        False for a method that brings its own oscillation test.
-    reversible : bool
-        Whether its verdict is the same for the record read backwards.
-    cannot_cope : tuple of str
-        Data-quality flags under which the method abstains.
-    whole : bool
-        Judged on the whole record, never on a half that oscillates, and with MV where it was recorded.
-    thresholds : dict of str to Threshold
-        Keyword arguments of `detect` that a user or a calibration may set.
-    exempt : dict of str to str
-        Cases of the contract test that do not apply to the method, each with the reason.
-    fitted_on : tuple of str
-        Grids whose loops, of other seeds, the method's constants were fitted to.
-    stated : tuple of str
-        Which of S and J come as intervals that are said to hold the truth in nine cases of ten; any other interval is what fits
-        the record, without a level.
-    published : dict of str to float
-        Thresholds at which the method is its source and nothing else; empty when its defaults are that, or when the source
-        gives no numbers. `NAME@published` is the method with these.
-    chapter : dict of str to float
-        The same where Jelali's chapter differs from the method's source; `NAME@chapter`.
-    """
-
-    title: str
-    source: str
-    process: tuple[str, ...] = ("self-regulating", "integrating")
-    needs_mv: bool = False
+    title: str  # what the method looks for, in a few words
+    source: str  # author, year, equation
+    process: tuple[str, ...] = ("self-regulating", "integrating")  # process types the method was made for
+    needs_mv: bool = False  # whether it judges OP against the valve position (MV, or PV of a flow loop)
+    # {"stiction", "nonlinearity", "quantification"}: nonlinearity tests are left out of the stiction ranking
     role: str = "stiction"
-    budget: str = "fast"
-    min_samples: int = 60
-    min_periods: float = 3.0
-    front_end: bool = True
-    reversible: bool = False
-    cannot_cope: tuple[str, ...] = ()
-    whole: bool = False
+    budget: str = "fast"  # {"fast", "full"}: whether it belongs to the quick set of methods
+    min_samples: int = 60  # fewer samples than this: no decision
+    min_periods: float = 3.0  # fewer oscillation periods than this: no decision
+    front_end: bool = True  # false for a method that brings its own oscillation test
+    reversible: bool = False  # whether its verdict is the same for the record read backwards
+    cannot_cope: tuple[str, ...] = ()  # data-quality flags under which the method abstains
+    whole: bool = False  # judged on the whole record, never on a half that oscillates, and with MV where it was recorded
+    # keyword arguments of `detect` that a user or a calibration may set
     thresholds: dict[str, Threshold] = field(default_factory=dict)
+    # cases of the contract test that do not apply to the method, each with the reason
     exempt: dict[str, str] = field(default_factory=dict)
-    fitted_on: tuple[str, ...] = ()
+    fitted_on: tuple[str, ...] = ()  # grids whose loops, of other seeds, the method's constants were fitted to
+    # which of S and J come as intervals that are said to hold the truth in nine cases of ten; any other interval is what fits
+    # the record, without a level
     stated: tuple[str, ...] = ()
+    # thresholds at which the method is its source and nothing else; empty when its defaults are that, or when the source gives
+    # no numbers. `NAME@published` is the method with these.
     published: dict[str, float] = field(default_factory=dict)
+    # the same where Jelali's chapter differs from the method's source; `NAME@chapter`
     chapter: dict[str, float] = field(default_factory=dict)
 
     def defaults(self) -> dict[str, float]:

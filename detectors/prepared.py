@@ -22,39 +22,19 @@ FRONT_ENDS = ("acf", "hagglund")
 # samples per period that are judged (Jelali 2013, section 11.7.2); a denser record is halved until it has no more
 DENSEST = 250.0
 _COARSEST = 64.0  # samples per period at which a half is still searched for an oscillation that it hides more densely
-_HALVES = (2, 1, 0)  # quarters at which they start: the last half, the middle one, the first
 
 
 @dataclass
 class Prepared:
-    """A record made ready for judging.
+    """A record made ready for judging."""
 
-    Parameters
-    ----------
-    record : LoopRecord
-        The record, blinded unless the method needs MV.
-    front_end : {"acf", "hagglund"}
-        What judges whether there is a sustained oscillation.
-    shared : dict
-        Intermediate results that methods on the same record share, by name; `share` fills it.
-    part : (int, int), optional
-        Samples start..stop-1 of the record that was given, where not all of it is judged; `prepare` finds them.
-    step : int
-        Samples of the record that was given to one of `record`.
-
-    Examples
-    --------
-    >>> t = np.arange(600.0)
-    >>> p = Prepared(LoopRecord(op=np.sin(t / 8), pv=np.cos(t / 8), Ts=1.0))
-    >>> p.oscillation.sustained
-    True
-    """
-
-    record: LoopRecord
-    front_end: str = "acf"
+    record: LoopRecord  # the record, blinded unless the method needs MV
+    front_end: str = "acf"  # {"acf", "hagglund"}: what judges whether there is a sustained oscillation
+    # intermediate results that methods on the same record share, by name; `share` fills it
     shared: dict = field(default_factory=dict)
+    # samples start..stop-1 of the record that was given, where not all of it is judged; `prepare` finds them
     part: tuple[int, int] | None = None
-    step: int = 1
+    step: int = 1  # samples of the record that was given to one of `record`
 
     @cached_property
     def flags(self) -> dict[str, Flag]:
@@ -76,17 +56,9 @@ class Prepared:
         return self.record.process == "integrating"
 
     def valve_position(self) -> tuple[np.ndarray | None, bool | None, str]:
-        """Return the signal that stands for MV, whether it may, and why.
+        """Return the signal that stands for MV, turned to rise with the valve's opening, or None; whether it may; and why.
 
-        Returns
-        -------
-        signal : ndarray, shape (n,), or None
-            MV where it was recorded, else PV of a flow loop or of a loop of unknown kind, turned so that it rises with the
-            valve's opening, else None.
-        applicable : bool or None
-            False when there is no such signal, None when PV of unknown kind stands in.
-        note : str
-            What was used, or why nothing can be.
+        MV where it was recorded, else PV of a flow loop or, `applicable` None, of a loop of unknown kind.
         """
         record = self.record
         if record.mv is not None:
@@ -106,13 +78,7 @@ class Prepared:
 
     @property
     def period(self) -> float:
-        """Period of the oscillation in samples.
-
-        Raises
-        ------
-        RecordError
-            Without an oscillation.
-        """
+        """Period of the oscillation in samples; RecordError without one."""
         if not np.isfinite(self.oscillation.period_s):
             raise RecordError("no period found in OP or PV")
         # what is cut by it shall not depend on the last digits, which the unit decides
@@ -127,9 +93,9 @@ class Prepared:
     def searchable(self, name: str) -> np.ndarray:
         """Return "travel", or "pv" about the middle of its range and in shares of that; shape (n,).
 
-        Searches meet candidates that are equally good. Which one wins shall not depend on how a unit rounds: both signals
-        are set on a grid of 1e-6 % of travel and 1e-7 of PV's range. Nor shall it depend on which way is up: both are turned
-        so that OP leaves the middle half of its range upward first.
+        Searches meet candidates that are equally good. Which one wins shall not depend on how a unit rounds: both signals are
+        set on a grid of 1e-6 % of travel and 1e-7 of PV's range. Nor shall it depend on which way is up: both are turned so
+        that OP leaves the middle half of its range upward first.
         """
         turn = self.share("searchable turn", lambda: _first_way(self.record.op))
         if name == "pv":
@@ -227,9 +193,9 @@ def _pace(op: np.ndarray) -> float:
 
 
 def _at_density(record: LoopRecord, front_end: str, part: tuple[int, int] | None = None, pace: float = 0.0) -> Prepared:
-    """Prepare a record at no more than `DENSEST` samples per period, by powers of two: so that the density it came at, of
-    those a factor of two apart, makes no difference. Where it does not oscillate it is looked at more coarsely, down to
-    `_COARSEST` samples of a period `pace`."""
+    """Prepare a record at no more than `DENSEST` samples per period, by powers of two: so that the density it came at, of those
+    a factor of two apart, makes no difference. Where it does not oscillate it is looked at more coarsely, down to `_COARSEST`
+    samples of a period `pace`."""
     dense = Prepared(record, front_end, part=part)
     found, coarse = dense.oscillation, 1
     while not found.sustained and pace > _COARSEST * coarse:
@@ -255,41 +221,22 @@ def _at_density(record: LoopRecord, front_end: str, part: tuple[int, int] | None
 
 
 def prepare(record: LoopRecord, front_end: str = "acf") -> Prepared:
-    """Prepare a record for judging: all of it, or a half that oscillates where the whole does not.
+    """Prepare a record for judging: all of it, or the first of its last, middle and first half that oscillates where the whole
+    does not.
 
-    Parameters
-    ----------
-    record : LoopRecord
-        The record, blinded unless the method needs MV.
-    front_end : {"acf", "hagglund"}
-        What judges whether there is a sustained oscillation.
-
-    Returns
-    -------
-    Prepared
-        Of the first that oscillates: the whole, its last half, its middle half, its first half; else of the whole. Every
-        second, fourth, ... sample of it where a period has more than 250.
-
-    Notes
-    -----
-    Source: step 3 of Choudhury, Shah, Thornhill & Shook (2006), Control Engineering Practice 14, 1395-1412: a segment with a
-    regular oscillation is chosen. A move of the set point or a valve that rests for a while breaks the regularity of a whole
-    record, not of each half. In a half an amplitude may fall as fast as in a whole record, and no faster. Not for signals that
-    shall stay aligned with others: `Prepared` takes a record as it is.
-
-    Examples
-    --------
-    >>> t = np.arange(1200.0)
-    >>> swing = 20 * np.exp(-t / 60) + np.where(t < 600, 0.0, np.sin(t / 8))
-    >>> prepare(LoopRecord(op=swing, pv=swing, Ts=1.0)).part
-    (600, 1200)
+    Step 3 of Choudhury, Shah, Thornhill and Shook (2006), Control Engineering Practice 14, 1395. A move of the set point or a
+    valve that rests for a while breaks the regularity of a whole record, not of each half. In a half an amplitude may fall as
+    fast as in a whole record, and no faster. Every second, fourth, ... sample where a period has more than 250.
     """
     whole = _at_density(record, front_end)
     if whole.oscillation.sustained or front_end == "hagglund":  # whose memory forgets by itself what is long past
         return whole
-    pace = _pace(record.op)
-    for quarter in _HALVES:
-        part = quarter * record.n // 4, (quarter + 2) * record.n // 4
+    pace, step = _pace(record.op), 1
+    while pace > _COARSEST * step:
+        step *= 2
+    # starts and ends that every density has: half a swing earlier or later a half may seem to oscillate or not
+    quarter, middle = (-(-record.n // (k * step)) * step for k in (4, 2))
+    for part in ((middle, record.n), (quarter, quarter + middle), (0, middle)):
         if part[1] - part[0] < 3:
             return whole
         half = _at_density(record.window(*part), front_end, part, pace)

@@ -73,61 +73,31 @@ CONCLUSIONS: dict[str, tuple[str, str]] = {
 
 @dataclass(frozen=True)
 class _Step:
-    """One question of the procedure, answered.
+    """One question of the procedure, answered."""
 
-    Parameters
-    ----------
-    step, question, answer : str
-        Which question, in words, and the answer taken.
-    evidence : str
-        The numbers behind the answer.
-    reason : str
-        What follows from it.
-    """
-
+    # step, question, answer: which question, in words, and the answer taken
     step: str
     question: str
     answer: str
-    evidence: str
-    reason: str
+    evidence: str  # the numbers behind the answer
+    reason: str  # what follows from it
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What the procedure found and how it came to it.
+    """What the procedure found and how it came to it."""
 
-    Parameters
-    ----------
-    verdict : {"stiction", "no_stiction", "no_decision"}
-        The answer.
-    score : float
-        Log-odds of stiction; NaN where the record is unfit.
-    conclusion : str
-        Key of CONCLUSIONS.
-    next_test : str
-        What to do now.
-    S, J : float, (lo, hi) or None
-        Level in `S_unit`.
-    S_unit : str
-        "% of travel" or "OP units".
-    steps : tuple of Step
-        The path taken.
-    verdicts : tuple of Verdict
-        Of the detectors that were asked.
-    indices : dict of str to float
-        Numbers of the procedure itself: log_odds, follow, ngi, nli.
-    """
-
-    verdict: str
-    score: float
-    conclusion: str
-    next_test: str
+    verdict: str  # {"stiction", "no_stiction", "no_decision"}: the answer
+    score: float  # log-odds of stiction; NaN where the record is unfit
+    conclusion: str  # key of CONCLUSIONS
+    next_test: str  # what to do now
+    # S, J: level in `S_unit`
     S: Level
     J: Level
-    S_unit: str
-    steps: tuple[_Step, ...]
-    verdicts: tuple[Verdict, ...]
-    indices: dict[str, float] = field(default_factory=dict)
+    S_unit: str  # "% of travel" or "OP units"
+    steps: tuple[_Step, ...]  # the path taken
+    verdicts: tuple[Verdict, ...]  # of the detectors that were asked
+    indices: dict[str, float] = field(default_factory=dict)  # numbers of the procedure itself: log_odds, follow, ngi, nli
 
     @property
     def reason(self) -> str:
@@ -161,13 +131,7 @@ class Diagnosis:
         return "\n".join([*lines, f"Verdict: {self.verdict.replace('_', ' ')}.", f"Next: {self.next_test}."])
 
     def to_frame(self) -> pd.DataFrame:
-        """Return the path taken.
-
-        Returns
-        -------
-        DataFrame
-            One row per question: step, question, answer, evidence, reason.
-        """
+        """Return the path taken."""
         import pandas as pd
 
         return pd.DataFrame([vars(s) for s in self.steps])
@@ -177,14 +141,7 @@ class Diagnosis:
 
 
 def flow_chart() -> tuple[list[dict[str, str]], list[dict[str, str]]]:
-    """Return the procedure as a flow chart.
-
-    Examples
-    --------
-    >>> nodes, edges = flow_chart()
-    >>> {e["target"] for e in edges} | {"quality"} == {n["id"] for n in nodes}
-    True
-    """
+    """Return the procedure as a flow chart."""
     nodes = [{"id": k, "text": text, "kind": "question"} for k, (text, _) in FLOW.items()]
     nodes += [{"id": k, "text": v.replace("_", " "), "kind": "conclusion"} for k, (v, _) in CONCLUSIONS.items()]
     edges = [{"source": k, "answer": a, "target": to} for k, (_, answers) in FLOW.items() for a, to in answers.items()]
@@ -202,19 +159,10 @@ def diagnose(
 ) -> Diagnosis:
     """Take a record through the whole procedure.
 
-    Notes
-    -----
-    Source: Jelali (2013), section 11.9. Where the chapter takes a majority vote, indices are weighted by what they were
-    worth on simulated loops, and a method that abstains adds nothing. A nonlinearity that is not seen rules nothing out:
-    symmetric cycles hide theirs from the bicoherence. A loop that does not oscillate is judged where its valve can be
-    seen, through MV or a flow. Not for loops in manual mode.
-
-    Examples
-    --------
-    >>> t = np.arange(3000) / 10
-    >>> found = diagnose(LoopRecord(np.sin(t), -np.sin(t), 1.0, process="self-regulating"))
-    >>> found.verdict, [s.step for s in found.steps]
-    ('no_stiction', ['quality', 'oscillation', 'saturation', 'nonlinearity', 'stiction'])
+    Source: Jelali (2013), section 11.9. Where the chapter takes a majority vote, indices are weighted by what they were worth
+    on simulated loops, and a method that abstains adds nothing. A nonlinearity that is not seen rules nothing out: symmetric
+    cycles hide theirs from the bicoherence. A loop that does not oscillate is judged where its valve can be seen, through MV or
+    a flow.
     """
     return walk(prepare(record), ProcedureRules(odds_low, odds_high, follow_min, weighted, veto))
 

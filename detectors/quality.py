@@ -37,17 +37,8 @@ class Flag:
 def inspect(record: LoopRecord, oscillation: Oscillation | None = None) -> dict[str, Flag]:
     """Return the flags that a record raises, by name.
 
-    Notes
-    -----
-    Own rules; their limits stand at the head of the file. What a flag is worth depends on the method:
-    `detectors.judge.UNFIT` names those under which all methods abstain. Not a test of the sensor: a wrong but lively
-    PV raises no flag.
-
-    Examples
-    --------
-    >>> t = np.arange(500.0)
-    >>> sorted(inspect(LoopRecord(op=np.full(500, 40.0), pv=np.sin(t), Ts=1.0)))
-    ['dead_op', 'undersampled']
+    Own rules; their limits stand at the head of the file. What a flag is worth depends on the method: `detectors.judge.UNFIT`
+    names those under which all methods abstain.
     """
     oscillation = find_oscillation(record.op, record.pv, record.Ts) if oscillation is None else oscillation
     return {flag.name: flag for flag in _findings(record, oscillation)}
@@ -126,14 +117,7 @@ def _steps(name: str, x: np.ndarray, step: float) -> Iterator[Flag]:
 
 
 def steps(x: np.ndarray, other: np.ndarray) -> float:
-    """Return the steps that a signal is written in: of its lattice, else of its decimals.
-
-    Examples
-    --------
-    >>> x = 5 * np.sin(np.arange(300) / 9)
-    >>> [round(steps(a, b), 6) for a, b in ((np.round(x * 2) / 2, x), (np.round(x, 3), np.round(x, 3)), (x, x))]
-    [0.5, 0.001, 0.0]
-    """
+    """Return the steps that a signal is written in: of its lattice, else of its decimals."""
     unit = written_unit(x, other)
     return lattice(x, unit) or unit
 
@@ -141,8 +125,6 @@ def steps(x: np.ndarray, other: np.ndarray) -> float:
 def resolution(record: LoopRecord, flags: Mapping[str, Flag]) -> tuple[float, float]:
     """Return what an archive hides of OP (its unit), and of PV as a share of its range: deviation of exceptions, or steps.
 
-    Examples
-    --------
     >>> op = np.repeat([50.0, 52.0, 50.0, 52.0], 50)
     >>> resolution(LoopRecord(op, op, 1.0, notes=("archive: OP holds its last stored value in 90% of 200 samples",)), {})
     (2.0, 0.0)
@@ -162,17 +144,9 @@ def resolution(record: LoopRecord, flags: Mapping[str, Flag]) -> tuple[float, fl
 def saturation(op: np.ndarray, pv: np.ndarray, percent: np.ndarray | None = None) -> tuple[float, float]:
     """Return how much of the time OP stands at a limit, and at which.
 
-    Notes
-    -----
-    Without a span an extreme value counts as a limit when OP stands there for 3 samples or more at a time, over three
-    times as long as anywhere else (the crest of a coarsely quantised triangle is no limit), twice or for a quarter of
-    the record, while PV moves on (at rest there is no limit either). Not for an OP that grazes its limit once.
-
-    Examples
-    --------
-    >>> t = np.arange(1000) / 20
-    >>> [round(x, 2) for x in saturation(np.clip(60 * np.sin(t), -40, 40), np.cos(t))]
-    [0.27, -40.0]
+    Without a span an extreme value counts as a limit when OP stands there for 3 samples or more at a time, over three times as
+    long as anywhere else (the crest of a coarsely quantised triangle is no limit), twice or for a quarter of the record, while
+    PV moves on (at rest there is no limit either).
     """
     best = (0.0, float("nan"))
     length = holds(op)

@@ -21,13 +21,7 @@ _LONGEST = 950  # characters of a sentence; of a longer one its beginning and it
 
 
 def exit_code(work: Callable[[], int | None], *known: type[Exception], command: Sequence[str] = ()) -> int:
-    """Run a command and return its exit code; a refusal that options would help ends with the command that has them.
-
-    Examples
-    --------
-    >>> exit_code(lambda: None), exit_code(lambda: 1)
-    (0, 1)
-    """
+    """Run a command and return its exit code; a refusal that options would help ends with the command that has them."""
     if hasattr(sys.stdout, "reconfigure"):  # the name of a file may be no text
         sys.stdout.reconfigure(errors="backslashreplace")
     try:
@@ -58,13 +52,7 @@ def exit_code(work: Callable[[], int | None], *known: type[Exception], command: 
 
 
 def cured(command: Sequence[str], cure: str) -> str:
-    """Return a command with further options, in place of its own of the same names.
-
-    Examples
-    --------
-    >>> cured(["simbench", "detect", "a.csv", "--tag", "X"], "--tag FIC101")
-    'simbench detect a.csv --tag FIC101'
-    """
+    """Return a command with further options, in place of its own of the same names."""
     option, *values = shlex.split(cure)
     words, old, at = [], [], 0
     while at < len(command):

@@ -12,8 +12,6 @@ if TYPE_CHECKING:
 def page_part(sentence: str, frame: pd.DataFrame) -> str:
     """Return a sentence and a table as HTML.
 
-    Examples
-    --------
     >>> import pandas as pd
     >>> page_part("S < 5", pd.DataFrame({"S": [1.23456]})).split("</p>")[0]
     '<p>S &lt; 5'

@@ -48,22 +48,13 @@ _REST = 50.0  # SP, PV and OP before the excitation
 
 @dataclass(frozen=True)
 class Rules:
-    """What one noise-free run of the sticky twin settles; None = the loop's own numbers stand.
+    """What one noise-free run of the sticky twin settles; None = the loop's own numbers stand."""
 
-    Parameters
-    ----------
-    samples_per_period, periods : float or None
-        Sampling of the whole group.
-    noise_ratio : float or None
-        Noise std over the twin's PV std.
-    w_Ti : float or None
-        Wanted 2 pi Ti / period.
-    """
-
+    # samples_per_period, periods: sampling of the whole group
     samples_per_period: float | None = None
     periods: float | None = None
-    noise_ratio: float | None = None
-    w_Ti: float | None = None
+    noise_ratio: float | None = None  # noise std over the twin's PV std
+    w_Ti: float | None = None  # wanted 2 pi Ti / period
     FIELDS: ClassVar[tuple[str, ...]] = ("samples_per_period", "periods", "noise_ratio", "w_Ti")
 
     @property
@@ -83,39 +74,19 @@ class Scaled:
 
 @dataclass(frozen=True)
 class Draft:
-    """One scenario before its rules are settled.
+    """One scenario before its rules are settled."""
 
-    Parameters
-    ----------
-    loop : Loop
-        Sampling, noise and (where `ultimate` says so) gain are first guesses.
-    tags : dict
-        Its place in the grid.
-    loads : tuple of dict
-        Disturbances, amplitude in PV std of the twin (at "input": in its S), times in its periods.
-    ultimate : float or None
-        Gain over the ultimate gain of the sampled loop.
-    overrides : dict
-        Dotted loop keys that have the last word.
-    valve : Scaled
-        Parameters beyond (S, J); a friction model takes the cell's (S, J) through its own mapping.
-    effects : tuple of Scaled
-        Of the loop file.
-    mv_noise : float
-        Std on the recorded MV, in S.
-    moves : tuple of (time in periods, level in PV std)
-        Set-point steps.
-    """
-
-    loop: Loop
-    tags: dict[str, float | int | str | None]
+    loop: Loop  # sampling, noise and (where `ultimate` says so) gain are first guesses
+    tags: dict[str, float | int | str | None]  # its place in the grid
+    # disturbances, amplitude in PV std of the twin (at "input": in its S), times in its periods
     loads: tuple[dict[str, Any], ...] = ()
-    ultimate: float | None = None
-    overrides: Mapping[str, Value] | None = None
+    ultimate: float | None = None  # gain over the ultimate gain of the sampled loop
+    overrides: Mapping[str, Value] | None = None  # dotted loop keys that have the last word
+    # parameters beyond (S, J); a friction model takes the cell's (S, J) through its own mapping
     valve: Scaled = Scaled("ideal")
-    effects: tuple[Scaled, ...] = ()
-    mv_noise: float = 0.0
-    moves: tuple[tuple[float, float], ...] = ()
+    effects: tuple[Scaled, ...] = ()  # of the loop file
+    mv_noise: float = 0.0  # std on the recorded MV, in S
+    moves: tuple[tuple[float, float], ...] = ()  # set-point steps
 
 
 def cell_group(
@@ -186,13 +157,7 @@ def loop_axes(loop: Loop) -> dict[str, float | int | str | None]:
 
 
 def ultimate_gain(Td_over_T: float) -> float:
-    """Return the ultimate K Kc of a first-order plant with dead time under P control.
-
-    Examples
-    --------
-    >>> round(ultimate_gain(1.0), 2)
-    2.26
-    """
+    """Return the ultimate K Kc of a first-order plant with dead time under P control."""
     lo, hi = 1e-9, math.pi / Td_over_T
     for _ in range(60):
         w = 0.5 * (lo + hi)

@@ -116,52 +116,22 @@ class GridFile(_Table):
 
 @dataclass(frozen=True)
 class Group:
-    """The scenarios of one cell and one repeat: they share plant, sampling, noise, set point and seed.
+    """The scenarios of one cell and one repeat: they share plant, sampling, noise, set point and seed."""
 
-    Parameters
-    ----------
-    index : int
-        Place in the grid.
-    twin : Loop
-        The cell's sticky loop without noise and disturbance; its sampling is a first guess.
-    rules : Rules
-        What is settled by running the twin.
-    drafts : tuple of Draft
-        The members.
-    seed : int
-        Of all members.
-    """
-
-    index: int
-    twin: Loop
-    rules: Rules
-    drafts: tuple[Draft, ...]
-    seed: int
+    index: int  # place in the grid
+    twin: Loop  # the cell's sticky loop without noise and disturbance; its sampling is a first guess
+    rules: Rules  # what is settled by running the twin
+    drafts: tuple[Draft, ...]  # the members
+    seed: int  # of all members
 
 
 @dataclass(frozen=True)
 class Grid:
-    """A grid, ready to be expanded group by group; nothing is kept in memory.
+    """A grid, ready to be expanded group by group; nothing is kept in memory."""
 
-    Parameters
-    ----------
-    name : str
-        Its name or file.
-    content : GridFile
-        The checked file, overrides applied.
-    overrides : dict
-        Dotted loop keys set from outside.
-
-    Examples
-    --------
-    >>> grid = load_grid("smoke")
-    >>> sum(len(group.drafts) for group in grid.groups()) == len(grid) == grid.content.expected
-    True
-    """
-
-    name: str
-    content: GridFile
-    overrides: dict[str, Value] = field(default_factory=dict)
+    name: str  # its name or file
+    content: GridFile  # the checked file, overrides applied
+    overrides: dict[str, Value] = field(default_factory=dict)  # dotted loop keys set from outside
 
     @property
     def title(self) -> str:

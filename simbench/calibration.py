@@ -8,8 +8,6 @@ import numpy as np
 def calibration_error(stated: np.ndarray, right: np.ndarray, bins: int = 10) -> float:
     """Return the expected calibration error (Naeini et al. 2015), equal-width bins.
 
-    Examples
-    --------
     >>> round(calibration_error(np.array([0.9, 0.9, 0.2, 0.2]), np.array([1, 1, 0, 0])), 3)
     0.15
     """

@@ -48,16 +48,7 @@ class FileError(UserError, OSError):
 
 @contextlib.contextmanager
 def whole_file(path: str | Path, mode: str = "w") -> Iterator[IO]:
-    """Open a file for writing that appears under its name only when all of it is on disk.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> target = Path(tempfile.mkdtemp()) / "a.txt"
-    >>> with whole_file(target) as f: _ = f.write("all of it")
-    >>> target.read_text()
-    'all of it'
-    """
+    """Open a file for writing that appears under its name only when all of it is on disk."""
     path = _local(path)
     special = path.exists() and not path.is_file()
     temporary = path if special else path.with_name(f".{path.name}.{HOST}.{os.getpid()}")
@@ -107,8 +98,6 @@ def _local(path: str | Path) -> Path:
 def answered(path: str | Path, ask: Callable[[], Any]) -> Any:
     """Return the answer kept in a file as JSON; where there is none yet, ask and keep it: a killed command goes on there.
 
-    Examples
-    --------
     >>> import tempfile
     >>> file = Path(tempfile.mkdtemp()) / "answer.json"
     >>> answered(file, lambda: [1, 2]), answered(file, lambda: [3])

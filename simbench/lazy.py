@@ -12,12 +12,8 @@ from typing import Any
 def attach(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
     """Return `__getattr__`, `__dir__` and `__all__` for a package whose public names stand in its stub.
 
-    Notes
-    -----
     A wrong name raises AttributeError that says the nearest right one.
 
-    Examples
-    --------
     >>> import simbench
     >>> "sweep" in dir(simbench)
     True

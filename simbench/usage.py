@@ -9,11 +9,5 @@ from scenarios.errors import SpecError
 
 
 def exit_code(work: Callable[[], int | None], command: Sequence[str] = ()) -> int:
-    """Run a command and return its exit code, as `detectors.usage.exit_code`; the errors of loop files are known too.
-
-    Examples
-    --------
-    >>> exit_code(lambda: None), exit_code(lambda: 1)
-    (0, 1)
-    """
+    """Run a command and return its exit code, as `detectors.usage.exit_code`; the errors of loop files are known too."""
     return of_detectors(work, SpecError, command=command)

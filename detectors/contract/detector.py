@@ -35,27 +35,13 @@ _DEAD = ("constant", "short", "no period")
 
 @dataclass(frozen=True)
 class Contract:
-    """Whether a plug-in keeps its contract.
+    """Whether a plug-in keeps its contract."""
 
-    Parameters
-    ----------
-    kind, name : str
-        "detector", "valve", "effect", "recogniser", "world" or "grid", and its id.
-    broken : tuple of str
-        One sentence for every point that does not hold.
-    notes : tuple of str
-        What is no breach and still good to know.
-
-    Examples
-    --------
-    >>> Contract("detector", "horch", ()).kept
-    True
-    """
-
+    # kind, name: "detector", "valve", "effect", "recogniser", "world" or "grid", and its id
     kind: str
     name: str
-    broken: tuple[str, ...]
-    notes: tuple[str, ...] = ()
+    broken: tuple[str, ...]  # one sentence for every point that does not hold
+    notes: tuple[str, ...] = ()  # what is no breach and still good to know
 
     @property
     def kept(self) -> bool:

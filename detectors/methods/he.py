@@ -39,27 +39,7 @@ METHOD = Method(
 
 
 def triangle_indices(humps: np.ndarray) -> tuple[float, float]:
-    """Return eta and eta_two_line of a set of half cycles.
-
-    Parameters
-    ----------
-    humps : ndarray, shape (m, points)
-        Half cycles as positive humps.
-
-    Returns
-    -------
-    eta, eta_two_line : float
-        0.5 when sine and triangle fit equally well.
-
-    Notes
-    -----
-    Not for one or two half cycles: their shape says little.
-
-    Examples
-    --------
-    >>> [round(x, 2) for x in triangle_indices(triangles()[30:50])]
-    [1.0, 1.0]
-    """
+    """Return eta and eta_two_line of half cycles, positive humps (m, points); 0.5 when sine and triangle fit equally well."""
     points = humps.shape[1]
     errors = misfit(humps, sines(points)), misfit(humps, triangles(points)), two_line_misfit(humps)
     sine, *others = (float(error.mean()) for error in errors)

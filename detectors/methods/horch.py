@@ -36,28 +36,7 @@ METHOD = Method(
 
 
 def correlation_indices(op: np.ndarray, pv: np.ndarray) -> tuple[float, float]:
-    """Return dtau and drho of Eqs 11.6 and 11.7.
-
-    Parameters
-    ----------
-    op, pv : ndarray, shape (n,)
-        Oscillations of OP and PV, any units.
-
-    Returns
-    -------
-    dtau, drho : float
-        NaN where the cross-correlation never crosses zero.
-
-    Notes
-    -----
-    Not for signals with drift: its cross-correlation has no zero crossing near lag 0.
-
-    Examples
-    --------
-    >>> t = np.arange(2000) / 10
-    >>> [round(x, 2) for x in correlation_indices(np.sin(t), np.cos(t))]
-    [1.0, 0.99]
-    """
+    """Return dtau and drho of Eqs 11.6 and 11.7; NaN where the cross-correlation never crosses zero, as with drift."""
     n = pv.size
     size = 1 << (2 * n).bit_length()
     phi = np.fft.irfft(np.fft.rfft(pv - pv.mean(), size) * np.conj(np.fft.rfft(op - op.mean(), size)), size)

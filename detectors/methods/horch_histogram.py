@@ -48,30 +48,7 @@ BINS = np.linspace(-3.5, 3.5, 31)  # in std of the data
 
 
 def density_errors(d: np.ndarray, least_A: float = 1.0) -> tuple[float, float]:
-    """Return the errors of the best bounded camel and the best Gaussian density.
-
-    Parameters
-    ----------
-    d : ndarray, shape (n,)
-        Differenced signal, not constant.
-    least_A : float
-        Smallest A of a camel, in std of `d`.
-
-    Returns
-    -------
-    mse_camel, mse_gauss : float
-        Mean squared error of the density of d in units of its std.
-
-    Notes
-    -----
-    Not for fewer than some hundred samples: the histogram is then noise.
-
-    Examples
-    --------
-    >>> camel, gauss = density_errors(np.sin(np.arange(3000) / 7.3))
-    >>> camel < gauss
-    True
-    """
+    """Return the mean squared errors of the best bounded camel and the best Gaussian density of `d`, in units of its std."""
     z = (d - d.mean()) / d.std()
     found = np.histogram(z, BINS)[0] / (z.size * (BINS[1] - BINS[0]))
     gaussians, camels = _densities(least_A)

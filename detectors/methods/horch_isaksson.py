@@ -43,34 +43,11 @@ METHOD = Method(
 
 
 def two_models(u: np.ndarray, y: np.ndarray, a: float, b: float, noise: float, stay: float = _STAY) -> tuple[np.ndarray, float]:
-    """Run both filters over a record.
+    """Return the probability (n,) that the valve stands, and the record's log-likelihood, of z(k+1) = a z(k) + b v(k) measured
+    as `y`.
 
-    Parameters
-    ----------
-    u : ndarray, shape (n,)
-        Where the following valve would be.
-    y : ndarray, shape (n,)
-        Measured output of z(k+1) = a z(k) + b v(k).
-    a, b : float
-        Plant.
-    noise : float
-        Std of the measurement noise.
-    stay : float
-        Probability of keeping the mode; 1 with a start in "following" is a plain Kalman filter.
-
-    Returns
-    -------
-    standing : ndarray, shape (n,)
-        Probability of the standing valve.
-    log_likelihood : float
-        Of the whole record.
-
-    Examples
-    --------
-    >>> u = np.sin(np.arange(200) / 10)
-    >>> standing, _ = two_models(u, 0 * u + 0.01 * np.cos(np.arange(200)), 0.5, 0.5, 0.02)
-    >>> bool(standing[50:].mean() > 0.8)
-    True
+    `u` is where the following valve would be; `noise` the measurement's std; `stay` the probability of keeping the mode: 1 with
+    a start in "following" is a plain Kalman filter.
     """
     standing = np.empty(u.size)
     total = compiled(_filtered)(*(np.ascontiguousarray(x, dtype=float) for x in (u, y)), a, b, noise, stay, standing)
@@ -170,8 +147,8 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
     y = y - moving_mean(y, half)
     y = y / max(float(y.std()), 1e-300)
     a = 1.0 if np.isinf(plant.T_s) else math.exp(-q * record.Ts / max(plant.T_s, 1e-3 * record.Ts))
-    # the fit gives the dead time to within a sample
-    late = round(plant.Td_s / record.Ts / q)
+    # the fit gives the dead time to within a sample, and whose half it is shall not hang on the unit of time
+    late = round(round(plant.Td_s / record.Ts / q, 6))
     _, b, u = min((_aligned(np.roll(u, d), y, a, half, plant.sign) for d in (late, late + 1)), key=lambda f: f[0])
     noise = max(math.sqrt(max(plant.error, 1e-4)), 0.02)
     standing, both = two_models(u, y, a, b, noise)

@@ -48,30 +48,9 @@ METHOD = Method(
 
 
 def side_distance(op: np.ndarray, mv: np.ndarray, moving: np.ndarray) -> float:
-    """Return the distance along OP of the lines of upward and downward movement.
+    """Return S - J in units of OP, the distance of the lines of upward and downward movement; NaN for one direction only.
 
-    Parameters
-    ----------
-    op, mv : ndarray, shape (n,)
-        Controller output and valve position without noise; the position rises with OP.
-    moving : ndarray of bool, shape (n,)
-        Where the valve moves.
-
-    Returns
-    -------
-    float
-        S - J in units of OP; NaN when the valve moves in one direction only.
-
-    Notes
-    -----
     The lines OP = a MV + b_up and a MV + b_down share the slope of the geometric mean regression within both groups.
-    Not for sides of a few samples.
-
-    Examples
-    --------
-    >>> op = np.array([2.0, 3.0, 4.0, 5.0, 2.0, 1.0, 0.0])
-    >>> side_distance(op, op + [-1, -1, -1, -1, 1, 1, 1], np.ones(7, dtype=bool))
-    2.0
     """
     step = np.diff(mv, prepend=mv[0])
     least = 1e-9 * float(np.ptp(mv))  # a valve at rest must not move by rounding

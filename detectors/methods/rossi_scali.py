@@ -41,29 +41,10 @@ METHOD = Method(
 
 
 def relay_index(humps: np.ndarray, left_out: float = 0.1) -> float:
-    """Return eta_rossi of a set of half cycles.
+    """Return eta_rossi of half cycles, positive humps (m, points): -1 for sines, 1 for triangles, squares and what lies
+    between.
 
-    Parameters
-    ----------
-    humps : ndarray, shape (m, points)
-        Half cycles as positive humps.
-    left_out : float
-        Share of them, the odd ones, that does not count.
-
-    Returns
-    -------
-    float
-        -1 for sines, +1 for triangles, squares and what lies between; 0 when both fit equally well.
-
-    Notes
-    -----
     The published triangle is the limit of the relay's answers for a slow process, so it needs no error of its own.
-    Not for one or two half cycles.
-
-    Examples
-    --------
-    >>> relay_index(relays()[20:40]) > 0.99
-    True
     """
     points = humps.shape[1]
     sine, relay = typical_means(misfit(humps, half_sine(points)), misfit(humps, relays(points)), left_out=left_out)

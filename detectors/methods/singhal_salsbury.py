@@ -40,23 +40,7 @@ METHOD = Method(
 
 
 def area_ratio(humps: np.ndarray) -> float:
-    """Return R, the mean of A1 / A2.
-
-    Parameters
-    ----------
-    humps : ndarray, shape (m, points)
-        Half cycles as positive humps.
-
-    Returns
-    -------
-    float
-
-    Examples
-    --------
-    >>> t = (np.arange(40) + 0.5) / 40
-    >>> round(area_ratio(np.sin(np.pi * t)[None].repeat(4, axis=0)), 2)
-    1.0
-    """
+    """Return R, the mean of A1 / A2 over half cycles, positive humps (m, points)."""
     before, after = peak_areas(humps)
     floor = 1e-3 * (before + after)
     return float(np.mean(np.maximum(before, floor) / np.maximum(after, floor)))

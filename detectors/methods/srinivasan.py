@@ -48,23 +48,8 @@ METHOD = Method(
 def cycles(x: np.ndarray, period: float) -> np.ndarray:
     """Cut an oscillation into cycles of one length, mean 0 and std 1: one from every zero crossing on, turned to begin upward.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Oscillation without drift.
-    period : float
-        Its period in samples.
-
-    Returns
-    -------
-    ndarray, shape (m, POINTS)
-        The same for `x` and `-x`, so that the sign of the plant's gain tells nothing. At most `_CYCLES` of them; those
-        shorter than half or longer than one and a half periods are left out.
-
-    Examples
-    --------
-    >>> cycles(np.sin(2 * np.pi * np.arange(400) / 40), 40.0).shape
-    (17, 40)
+    The same for `x` and `-x`, so that the sign of the plant's gain tells nothing; at most `_CYCLES`, those shorter than half or
+    longer than one and a half periods left out.
     """
     at = zero_crossings(x, _GUARD * float(x.std()))
     way = np.where(x[np.minimum(at.astype(int) + 1, x.size - 1)] > 0, 1.0, -1.0)[:-2]

@@ -41,27 +41,8 @@ METHOD = Method(
 
 
 def best_jumps(u: np.ndarray, r: np.ndarray, penalty: float) -> np.ndarray:
-    """Return the valve that keeps its place or jumps to OP and lies closest to its noisy measurement.
-
-    Parameters
-    ----------
-    u : ndarray, shape (n,)
-        OP.
-    r : ndarray, shape (n,)
-        Measurement of the valve position, in the unit of `u`.
-    penalty : float
-        Price of a jump, in squared units.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Position x minimising sum (r - x)^2 + penalty jumps, with x(k) = x(k-1) or u(k); exact.
-
-    Examples
-    --------
-    >>> best_jumps(np.array([0.0, 1.0, 2.0, 3.0]), np.array([0.0, 0.0, 2.0, 2.0]), 0.5)
-    array([0., 0., 2., 2.])
-    """
+    """Return the x that minimises sum (r - x)^2 + penalty jumps, exactly, where x(k) = x(k-1) or u(k): keep the place or jump
+    to OP."""
     x = np.empty(u.size)
     compiled(_jumps)(np.ascontiguousarray(u), np.ascontiguousarray(r), float(penalty), x)
     return x

@@ -38,56 +38,12 @@ _UNRELATED = {IS: (0, 2, 3, 6, 1), DS: (2, 5, 6, 8, 7)}  # W of Eq 11.5: DD DI S
 
 
 def movement_indices(op: np.ndarray, mv: np.ndarray, step: int = 1) -> tuple[float, float, float]:
-    """Return rho1, rho2 and rho3 of Eqs 11.3 to 11.5.
-
-    Parameters
-    ----------
-    op, mv : ndarray, shape (n,)
-        Controller output and valve position, any units.
-    step : int
-        Differences are taken over this many samples.
-
-    Returns
-    -------
-    rho1, rho2, rho3 : float
-        NaN when nothing moves by more than its own standard deviation.
-
-    Notes
-    -----
-    Not for signals that are constant: they have no standard deviation to count by.
-
-    Examples
-    --------
-    >>> op = np.sin(np.arange(1000) / 20)
-    >>> rho1, rho2, rho3 = movement_indices(op, np.round(op))
-    >>> 0 <= rho2 <= rho3 <= rho1 <= 1
-    True
-    """
+    """Return rho1, rho2 and rho3 of Eqs 11.3 to 11.5, differences taken over `step` samples; NaN when nothing moves."""
     return pattern_indices(3 * _symbols(op, step) + _symbols(mv, step))
 
 
 def pattern_indices(pair: np.ndarray) -> tuple[float, float, float]:
-    """Return rho1, rho2 and rho3 of a sequence of pairs of symbols.
-
-    Parameters
-    ----------
-    pair : ndarray of int, shape (n,)
-        3 OP + valve, each 0 for decreasing, 1 for steady, 2 for increasing.
-
-    Returns
-    -------
-    rho1, rho2, rho3 : float
-        NaN when all pairs are SS.
-
-    Notes
-    -----
-    Source: Yamashita (2006), Eqs 11.3 to 11.5. Not for raw signals: `movement_indices` makes the symbols.
-
-    Examples
-    --------
-    >>> IS, DD, II = 7, 0, 8
-    >>> [round(7 * x) for x in pattern_indices(np.array([IS, IS, IS, DD, IS, IS, II]))]
-    [5, 2, 2]
+    """Return rho1, rho2 and rho3 of pairs of symbols, 3 OP + valve (0 decreasing, 1 steady, 2 increasing); NaN when all are SS.
     """
     pair = pair[pair != SS]
     if pair.size == 0:

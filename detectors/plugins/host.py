@@ -48,18 +48,9 @@ class PluginError(UserError):
 class Host:
     """A process that imports plug-ins of others and answers questions, with a limit on time and, where there is one, on memory.
 
-    Parameters
-    ----------
-    load : callable or None
-        Function of a module that imports the plug-in there and returns, in plain values, what it says of itself.
-    *arguments
-        Of `load`.
-    seconds : float
-        Time it may take for an answer.
-    folders : iterable of str
-        Where it may write, beside a folder for its process that goes with it.
-    detector : bool
-        Whether it may import nothing that knows a benchmark's truth.
+    `load` is a module's function that imports the plug-in there and returns, in plain values, what it says of itself; an answer
+    may take `seconds`; it may write to `folders` beside one of its own; a `detector` may import nothing that knows a
+    benchmark's truth.
     """
 
     def __init__(self, load: Callable | None, *arguments: Any, seconds: float = SECONDS, folders=(), detector=False) -> None:
@@ -170,13 +161,7 @@ class Host:
 
 
 def cleaned(value: Any) -> Any:
-    """Return plain values whose texts are one line each that every terminal, table and page can show.
-
-    Examples
-    --------
-    >>> cleaned({"a\\x1b[31m": ["b\\n c\\ud800", 1]})
-    {'a': ['b c?', 1]}
-    """
+    """Return plain values whose texts are one line each that every terminal, table and page can show."""
     if isinstance(value, str):
         if value.isprintable():
             return value

@@ -155,8 +155,6 @@ def _answer(work: Callable[[], Any]) -> bytes:
 def plain(value: Any) -> Any:
     """Return tables, lists, words and numbers of Python's; an array as its bytes in text, an object as its fields.
 
-    Examples
-    --------
     >>> plain({"mv": np.zeros(1), "S": np.float64(2.0)})
     {'mv': {'float64': 'AAAAAAAAAAA='}, 'S': 2.0}
     """

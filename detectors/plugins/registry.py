@@ -24,31 +24,8 @@ from detectors.plugins.rebuilt import method_of
 class PluginFolder:
     """The plug-ins of one kind; a plug-in is a module, its name is its file name.
 
-    Parameters
-    ----------
-    kind : str
-        Word used in messages, e.g. "detector".
-    package : str
-        Import path of the folder whose modules are the built-in plug-ins.
-    group : str
-        Entry-point group by which other distributions add theirs.
-    required : tuple of str
-        Attributes every plug-in must have.
-    reserved : tuple of str
-        Names that mean something else where names of plug-ins are given.
-
-    Attributes
-    ----------
-    make_host : callable
-        (file or published name, seconds) -> the process in which it lives, which has a `stub()` to stand for it here.
-    host_entries : bool
-        Whether what another distribution publishes lives in such a process; else it is imported here.
-
-    Examples
-    --------
-    >>> folder = PluginFolder("detector", "detectors.methods", "simbench.detectors", ("METHOD", "detect"))
-    >>> "horch" in folder.names()
-    True
+    `package` holds the built-in ones, `group` is the entry-point group by which other distributions add theirs, `required` are
+    the attributes each must have, `reserved` names that mean something else where plug-ins are named.
     """
 
     def __init__(self, kind: str, package: str, group: str, required: tuple[str, ...], reserved: tuple[str, ...] = ()) -> None:
@@ -57,8 +34,9 @@ class PluginFolder:
         self.group = group
         self.required = required
         self.reserved = reserved
+        # (file or published name, seconds) -> the process in which it lives, which has a `stub()` to stand for it here
         self.make_host: Callable[[Path | str, float], Any] = _no_host
-        self.host_entries = False
+        self.host_entries = False  # whether what another distribution publishes lives in such a process; else imported here
         self._hosts: dict[str, tuple[tuple, Any]] = {}  # with the file they were made of
         self._above: dict[str, str] = {}
         self._files: dict[str, ModuleType] = {}
@@ -79,24 +57,8 @@ class PluginFolder:
         return sorted(self._above)
 
     def load(self, name: str) -> ModuleType:
-        """Import one plug-in.
-
-        Parameters
-        ----------
-        name : str
-            Its id.
-
-        Returns
-        -------
-        module
-
-        Raises
-        ------
-        UnknownName
-            With the nearest known names.
-        ParameterError
-            When the module lacks a required attribute.
-        """
+        """Import one plug-in by its id; UnknownName with the nearest known names, ParameterError when it lacks a required
+        attribute."""
         if name in self._files:
             return self._files[name]
         if name not in self._loaded:
@@ -107,23 +69,8 @@ class PluginFolder:
         return self._loaded[name]
 
     def add_file(self, path: str | Path) -> str:
-        """Register a plug-in from one Python file outside the package.
-
-        Parameters
-        ----------
-        path : str or Path
-            The file; its stem becomes the plug-in's name.
-
-        Returns
-        -------
-        str
-            The name.
-
-        Raises
-        ------
-        ParameterError
-            When the file is missing, cannot be imported, lacks a required attribute, or takes a built-in name.
-        """
+        """Register a plug-in from one Python file outside the package, named after its stem; ParameterError where it cannot be
+        used."""
         path = Path(path)
         name = path.stem
         if not path.is_file():
@@ -313,11 +260,6 @@ class _Detectors(PluginFolder):
     """The detectors; `NAME@published` is a detector with the thresholds of its source, `NAME@chapter` with the chapter's.
 
     Those of other distributions live in processes of their own, as a user's files do.
-
-    Examples
-    --------
-    >>> methods.load("rossi_scali@published").METHOD.defaults()["left_out"]
-    0.0
     """
 
     def load(self, name: str) -> ModuleType:

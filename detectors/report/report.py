@@ -30,24 +30,12 @@ _SETS = ("all", "fast", "full", PUBLISHED)
 
 @dataclass(frozen=True)
 class Report:
-    """What was judged and what came out.
+    """What was judged and what came out."""
 
-    Parameters
-    ----------
-    verdicts : list of (str or None, Verdict)
-        Record name (None for a single file) and verdict, records and methods in order.
-    refused : dict of str to str
-        Files of a folder that are no records, each with its sentence.
-    scores : list of dict
-        One row per method, when labels were given.
-    records : dict of (str or None) to LoopRecord
-        What was judged, by name.
-    """
-
-    verdicts: list[tuple[str | None, Verdict]]
-    refused: dict[str, str] = field(default_factory=dict)
-    scores: list[dict[str, Any]] = field(default_factory=list)
-    records: dict[str | None, LoopRecord] = field(default_factory=dict, repr=False)
+    verdicts: list[tuple[str | None, Verdict]]  # record name (None for a single file) and verdict, records and methods in order
+    refused: dict[str, str] = field(default_factory=dict)  # files of a folder that are no records, each with its sentence
+    scores: list[dict[str, Any]] = field(default_factory=list)  # one row per method, when labels were given
+    records: dict[str | None, LoopRecord] = field(default_factory=dict, repr=False)  # what was judged, by name
 
     def as_json(self) -> list[dict[str, Any]]:
         """Return one object per verdict; `record` is its first key for a folder."""
@@ -107,12 +95,7 @@ class Report:
         return page_part(summary.sentence(groups[0][1]) if len(groups) == 1 else f"{len(groups)} records", frame[keys])
 
     def groups(self) -> list[tuple[str | None, list[Verdict], LoopRecord | None]]:
-        """Return the verdicts record by record.
-
-        Returns
-        -------
-        list of (name or None, list of Verdict, LoopRecord or None)
-        """
+        """Return the verdicts record by record: name, verdicts, record."""
         groups: dict[str | None, list[Verdict]] = {}
         for name, verdict in self.verdicts:
             groups.setdefault(name, []).append(verdict)
@@ -182,13 +165,7 @@ def _records(path: Path, known: Mapping[str, Mapping[str, str]], labels: str | P
 
 
 def choose_methods(names: Iterable[str]) -> list[str]:
-    """Return method ids for names that may be sets of methods.
-
-    Examples
-    --------
-    >>> choose_methods(["horch,he", "he"])
-    ['horch', 'he']
-    """
+    """Return method ids for names that may be sets of methods."""
     chosen: list[str] = []
     for name in (part.strip() for text in names for part in text.split(",")):
         if name == PUBLISHED:
@@ -255,8 +232,6 @@ def table(rows: list[dict[str, Any]]) -> list[str]:
 def columns(lines: Sequence[Sequence[str]]) -> list[str]:
     """Return cells as lines of equal columns: for files, which have no width to which rich could fit a table.
 
-    Examples
-    --------
     >>> columns([("a", "b"), ("long", "c")])
     ['a     b', 'long  c']
     """

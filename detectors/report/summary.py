@@ -27,8 +27,6 @@ _WIDE = 400  # columns of a table that goes to a file: nothing is cut or wrapped
 def sentence(verdicts: Sequence[Verdict]) -> str:
     """Say what the methods say together.
 
-    Examples
-    --------
     >>> sentence([Verdict("he", "stiction", reason="r"), Verdict("horch", "no_decision", reason="r")])
     '1 of 2 methods says stiction, 0 no stiction, 1 no decision'
     """
@@ -55,8 +53,6 @@ def notes_of(verdicts: Sequence[Verdict], record: LoopRecord | None = None) -> l
 def own_reason(verdict: Verdict, shared: Collection[str]) -> str:
     """Return a verdict's reason without what is said of the whole record already.
 
-    Examples
-    --------
     >>> own_reason(Verdict("he", "stiction", reason="OP is triangular; OP taken as 0..100 %"), ["OP taken as 0..100 %"])
     'OP is triangular'
     """

@@ -32,9 +32,11 @@ def steady_valve(mv: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray,
     left = 2.0 * noise_variance(mv) * min(2.0 * harmonics / period, 1.0)
     spread = float((clean - drift(clean, period)).std())
     bound = max(_STILL * spread, 3.0 * left**0.5)
-    moved = np.abs(clean[reach:] - clean[:-reach])
-    ends = np.concatenate([np.full(reach // 2, np.inf), moved, np.full(reach - reach // 2, np.inf)])
-    return clean, ends <= bound, bound < _NOISY * spread
+    rests = np.abs(clean[reach:] - clean[:-reach]) <= bound
+    still = np.zeros(mv.size, dtype=bool)
+    for middle in {reach // 2, reach - reach // 2}:  # two samples where `reach` is odd: a record read backwards has the same
+        still[middle : middle + rests.size] |= rests
+    return clean, still, bound < _NOISY * spread
 
 
 def stuck_intervals(op: np.ndarray, still: np.ndarray, period: float, least_op: float) -> tuple[np.ndarray, np.ndarray]:

@@ -1,11 +1,12 @@
-"""A diagnosis that asks: sealed records of every world, scored alone, after one test and after two.
+"""A diagnosis that asks: sealed records of every world, scored alone, after tests it chose, a fixed pair and a random one.
 
-`python -m results.studies.asking DIR` makes, answers and opens what is not there yet, and prints the table.
+`python -m results.studies.asking DIR` makes, answers and opens what is not there yet, and prints all of its results.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,14 +14,22 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from scenarios.spec import read_toml
+from simbench.blind import outcomes
 from simbench.blind.answering import answer
 from simbench.blind.making import PLANTS, make
+from simbench.blind.menu import MENU
 from simbench.blind.opening import open_
+from simbench.blind.score import judge_record, true_circumstances
 from simbench.blind.world import PLANNED
+from simbench.files import folder as make_folder
+from simbench.files import whole_file
 from simbench.gap.command import one_file
 
-SEEDS = {"own": 310711, "mill": 310712, "refinery": 310713}  # named before anything was answered
+SEEDS = {"own": 312041, "mill": 312042, "refinery": 312043}  # named before anything was answered
 TESTS = 2
+PAIR = ("mv", "bump")  # the best fixed pair on development draws of another simulator
+FIXED, RANDOM = " + ".join(PAIR), "two at random"
 _NEEDS_T = "time_constant_mismatch"
 FIGURES = {
     "first": ("single", "first"), "group": ("single", "in_group"), "block": ("single", "block_right"),
@@ -33,10 +42,10 @@ class Mixture:
     """Medium and strong single effects, none, two and foreign, in fixed numbers; effects drawn without return."""
 
     seed: int
-    single: int = 16
-    none: int = 4
-    two: int = 3
-    foreign: int = 3
+    single: int = 6
+    none: int = 3
+    two: int = 0
+    foreign: int = 1
 
     def entries(self, foreign: list[str]) -> list[dict[str, Any]]:
         """Return one entry per record, as a world draws it."""
@@ -58,25 +67,62 @@ class Mixture:
         return out + [{"kind": k, "mv": i % 3 == 0} for k in ("none", "two") for i in range(getattr(self, k))]
 
 
-def table(folder: Path) -> pd.DataFrame:
-    """Return a row per world and number of tests."""
+def answer_otherwise(check: Path, strategy: str, seed: int) -> None:
+    """Write answers after two tests that the diagnosis did not choose; nothing is known of the record."""
+    place = make_folder(check.parent / f"{check.name}-{strategy.replace(' ', '')}")
+    rng = np.random.default_rng(seed)
+    for record in sorted((check / "records").glob("*.csv")):
+        drawn = [str(x) for x in rng.choice(MENU, TESTS, replace=False)]
+        file = place / f"{record.stem}.json"
+        if not file.exists():
+            ids = PAIR if strategy == FIXED else drawn
+            tests = [str(outcomes.open_one(check, record.stem, id_, i + 1)) for i, id_ in enumerate(ids)]
+            with whole_file(file) as f:
+                f.write(json.dumps(one_file(record, record.with_suffix(".toml"), tests)))
+
+
+def judged(check: Path, score: Path, strategy: str) -> pd.DataFrame:
+    """Return the answers of a strategy judged as `open_` judges the others."""
     rows = []
-    for world in SEEDS:
-        for tests in range(TESTS + 1):
-            file = folder / f"{world}-score" / (f"records-{tests}.csv" if tests else "records.csv")
-            if not file.exists():
-                continue
-            found = pd.read_csv(file, keep_default_na=False)
-            row: dict[str, Any] = {"world": world, "tests": tests, "n": len(found)}
-            for name, (kind, column) in FIGURES.items():
-                row[name] = _share(_true(found[found.kind == kind][column]))
-            none, foreign = found[found.kind == "none"], found[found.kind == "foreign"]
-            row["named where none is"] = _share(~_true(none.called_none) & ~_true(none.called_unknown))
-            row["foreign unknown or block"] = _share(_true(foreign.called_unknown) | _true(foreign.block_right))
-            known = found[found.kind.isin(["single", "none"])]
-            row["right where p > .9"] = _share(_true(known[known.probability.astype(float) > 0.9]["first"]))
-            rows.append(row)
+    for truth in pd.read_csv(score / "answers.csv", dtype=str, keep_default_na=False).to_dict("records"):
+        truth = {str(k): json.loads(v) if v.startswith("{") else v for k, v in truth.items()}
+        file = check.parent / f"{check.name}-{strategy.replace(' ', '')}" / f"{truth['id']}.json"
+        if file.exists():
+            record = check / "records" / f"{truth['id']}.csv"
+            here = true_circumstances(truth, read_toml(record.with_suffix(".toml")), pd.read_csv(record))
+            rows.append(judge_record(truth, json.loads(file.read_text(encoding="utf-8")), here))
     return pd.DataFrame(rows)
+
+
+def table(folder: Path) -> pd.DataFrame:
+    """Return a row per world and way of testing, and for all worlds together."""
+    found: dict[str, dict[str, pd.DataFrame]] = {}
+    for world in SEEDS:
+        score = folder / f"{world}-score"
+        for tests in range(TESTS + 1):
+            file = score / (f"records-{tests}.csv" if tests else "records.csv")
+            if file.exists():
+                found.setdefault(f"chosen {tests}" if tests else "alone", {})[world] = pd.read_csv(file, keep_default_na=False)
+        for strategy in (FIXED, RANDOM) if (score / "answers.csv").exists() else ():
+            other = judged(folder / world, score, strategy)
+            if len(other):
+                found.setdefault(strategy, {})[world] = other
+    rows = [_row(world, tests, one) for tests, worlds in found.items() for world, one in worlds.items()]
+    rows += [_row("all", tests, pd.concat(worlds.values())) for tests, worlds in found.items() if len(worlds) > 1]
+    return pd.DataFrame(rows)
+
+
+def _row(world: str, tests: str, found: pd.DataFrame) -> dict[str, Any]:
+    row: dict[str, Any] = {"world": world, "tests": tests, "n": len(found)}
+    for name, (kind, column) in FIGURES.items():
+        row[name] = _share(_true(found[found.kind == kind][column]))
+    none, foreign = found[found.kind == "none"], found[found.kind == "foreign"]
+    row["named where none is"] = _share(~_true(none.called_none) & ~_true(none.called_unknown))
+    row["none unknown"] = _share(_true(none.called_unknown))
+    row["foreign unknown or block"] = _share(_true(foreign.called_unknown) | _true(foreign.block_right))
+    known = found[found.kind.isin(["single", "none"])]
+    row["right where p > .9"] = _share(_true(known[known.probability.astype(float) > 0.9]["first"]))
+    return row
 
 
 def _true(x: pd.Series) -> pd.Series:
@@ -88,22 +134,24 @@ def _share(x: pd.Series) -> str:
 
 
 def main() -> None:
-    """Make, answer and open what is not there yet; print the table, and write it where asked."""
+    """Make, answer and open what is not there yet; print seeds, sizes and the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("-o", type=Path, help="CSV to write the table to.")
-    parser.add_argument("--worlds", nargs="*", default=list(SEEDS))
     given = parser.parse_args()
-    for world in given.worlds:
+    for world, seed in SEEDS.items():
         check, key = given.folder / world, given.folder / f"{world}.key"
         if not (check / "records").exists():
-            make(check, key, SEEDS[world], plan=Mixture(SEEDS[world]), world=world, tests=True)
+            make(check, key, seed, plan=Mixture(seed), world=world, tests=True)
         answer(check, one_file, 1, TESTS)
         open_(check, key, given.folder / f"{world}-score", world)
-    found = table(given.folder)
-    if given.o:
-        found.to_csv(given.o, index=False)
-    print(found.to_string(index=False))
+    for strategy in (FIXED, RANDOM):
+        for world, seed in SEEDS.items():
+            answer_otherwise(given.folder / world, strategy, seed)
+    plan = Mixture(0)
+    print(f"seeds {', '.join(f'{world} {seed}' for world, seed in SEEDS.items())}; answered sealed; of each world")
+    print(f"{plan.single} single effects (medium, strong), {plan.none} none, {plan.two} two, {plan.foreign} foreign")
+    print("chosen: the tests that the diagnosis asked for, at most so many; a shown or settled record asks for none")
+    print(table(given.folder).to_string(index=False))
 
 
 if __name__ == "__main__":

@@ -31,19 +31,9 @@ GRID = "table-11-3"  # every repeat has the same cells, so that time per scenari
 def kills(n: int, seed: int = 0, grid: str = GRID, methods: str = "he,horch,yamashita", jobs: int = 2) -> dict[str, Any]:
     """Kill runs at random moments, resume each, and compare the tables with an undisturbed run's.
 
-    Parameters
-    ----------
-    n : int
-        Kills (SIGKILL to the run and its workers), spread over as many runs as it takes.
-    seed : int
-        Of the moments.
-    grid, methods, jobs
-        What is run.
+    `n`: kills (SIGKILL to the run and its workers), spread over as many runs as it takes.
 
-    Returns
-    -------
-    dict
-        kills, runs, kills_after_first_piece, equal (all final tables equal to the undisturbed ones bit for bit).
+    Keys: kills, runs, kills_after_first_piece, equal (all final tables equal to the undisturbed ones bit for bit).
     """
     rng = np.random.default_rng(seed)
     with tempfile.TemporaryDirectory() as folder:
@@ -73,17 +63,7 @@ def kills(n: int, seed: int = 0, grid: str = GRID, methods: str = "he,horch,yama
 
 
 def same_tables(one: Path, other: Path) -> bool:
-    """Whether two runs' tables agree bit for bit, `runtime_s` excepted.
-
-    Parameters
-    ----------
-    one, other : Path
-        Folders of finished runs.
-
-    Returns
-    -------
-    bool
-    """
+    """Whether two runs' tables agree bit for bit, `runtime_s` excepted."""
     for kind in ("verdicts", "scenarios"):
         tables = [read_table(folder, kind) for folder in (one, other)]
         if kind == "verdicts":
@@ -96,18 +76,8 @@ def same_tables(one: Path, other: Path) -> bool:
 def sizes(counts: Sequence[int], methods: str = "fast", grid: str = GRID) -> list[dict[str, Any]]:
     """Run a grid at several sizes, one worker each, and measure memory, time per scenario and overhead.
 
-    Parameters
-    ----------
-    counts : sequence of int
-        Wanted numbers of scenarios.
-    methods, grid : str
-        What is run.
-
-    Returns
-    -------
-    list of dict
-        scenarios, peak_MB (resident), ms_per_scenario (wall, without start-up), cpu_ms and bytes (of the tables) per scenario,
-        overhead (share of the working time outside simulation and detectors).
+    Keys: scenarios, peak_MB (resident), ms_per_scenario (wall, without start-up), cpu_ms and bytes (of the tables) per
+    scenario, overhead (share of the working time outside simulation and detectors).
     """
     each = len(load_grid(grid, {"repeats": 1}))
     rows = []
@@ -136,20 +106,8 @@ def sizes(counts: Sequence[int], methods: str = "fast", grid: str = GRID) -> lis
 def speed(count: int, methods: str = "fast", grid: str = "chapter", jobs: int = 2) -> dict[str, Any]:
     """Time a run on several workers against as many independent processes.
 
-    Parameters
-    ----------
-    count : int
-        Scenarios.
-    methods, grid : str
-        What is run.
-    jobs : int
-        Workers.
-
-    Returns
-    -------
-    dict
-        scenarios, seconds, seconds_for_10000, independent_seconds, share (of the independent processes' speed), and cpu_share,
-        the same in processor time, which a busy machine blurs less but which does not see idling.
+    Keys: scenarios, seconds, seconds_for_10000, independent_seconds, share (of the independent processes' speed), and
+    cpu_share, the same in processor time, which a busy machine blurs less but which does not see idling.
     """
     each = len(load_grid(grid, {"repeats": 1}))
     repeats = max(math.ceil(count / each / jobs), 1)
@@ -177,17 +135,7 @@ def speed(count: int, methods: str = "fast", grid: str = "chapter", jobs: int = 
 def adaptive_cost(width: float, grid: str = "smoke", methods: str = "he,yamashita", jobs: int = 2) -> dict[str, Any]:
     """Compare an adaptive sweep with the full product that reaches the same width in every cell.
 
-    Parameters
-    ----------
-    width : float
-        Wanted width of the interval of accuracy.
-    grid, methods, jobs
-        What is run.
-
-    Returns
-    -------
-    dict
-        width, widest, scenarios, full_product, saved (share of the full product not needed).
+    Keys: width, widest, scenarios, full_product, saved (share of the full product not needed).
     """
     with tempfile.TemporaryDirectory() as folder:
         target = run_grid(grid, Path(folder) / "run", [methods], jobs, until_width=width)
@@ -224,15 +172,7 @@ def _child(target: str, grid: str, methods: str, jobs: str, sets: str) -> int:
 def main(arguments: list[str] | None = None) -> int:
     """Run one measurement, print it as JSON and, where asked, write it.
 
-    Parameters
-    ----------
-    arguments : list of str, optional
-        In place of sys.argv.
-
-    Returns
-    -------
-    int
-        1 when the tables of killed runs differ.
+    1 when the tables of killed runs differ.
     """
     chosen = list(sys.argv[1:] if arguments is None else arguments)
     if chosen[:1] == ["child"]:

@@ -32,33 +32,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Culprit:
-    """Which of several coupled loops makes them all oscillate.
+    """Which of several coupled loops makes them all oscillate."""
 
-    Parameters
-    ----------
-    culprit : int or None
-        Index of the loop; None when no gain, or more than one, sets the period.
-    reason : str
-        Why, in one sentence.
-    phases : tuple of (Phase, Phase)
-        Per loop, its OP before and after the change of its own gain.
-    shifts : tuple of float
-        Per loop, |P2/P1 - 1| after the change of its own gain; NaN without an oscillation.
-    Ts : float
-        Sampling period (s).
-    changed : int
-        Sample at which the gain changed.
-    op : ndarray, shape (loops, loops, n)
-        [i, j]: OP (%) of loop j in the run in which the gain of loop i changed.
-    """
-
-    culprit: int | None
-    reason: str
-    phases: tuple[tuple[Phase, Phase], ...]
-    shifts: tuple[float, ...]
-    Ts: float
-    changed: int
-    op: np.ndarray
+    culprit: int | None  # index of the loop; None when no gain, or more than one, sets the period
+    reason: str  # why, in one sentence
+    phases: tuple[tuple[Phase, Phase], ...]  # per loop, its OP before and after the change of its own gain
+    shifts: tuple[float, ...]  # per loop, |P2/P1 - 1| after the change of its own gain; NaN without an oscillation
+    Ts: float  # sampling period (s)
+    changed: int  # sample at which the gain changed
+    op: np.ndarray  # (loops, loops, n) [i, j]: OP (%) of loop j in the run in which the gain of loop i changed
 
     def as_json(self) -> dict[str, Any]:
         """Return the outcome without its signals."""
@@ -83,38 +65,11 @@ class Culprit:
 def find_culprit(loops: Sequence[Loop], influence: np.ndarray, factor: float = 0.6, seed: int = 0) -> Culprit:
     """Change the gain of each coupled loop in a run of its own and name the loop that sets the period.
 
-    Parameters
-    ----------
-    loops : sequence of Loop
-        Same sampling; the first one's n is the least length before the change.
-    influence : ndarray, shape (loops, loops)
-        [i, j]: load (%) at the input of plant i per unit by which PV of loop j is off its rest value.
-    factor : float
-        New Kc over old.
-    seed : int
-        Of noise and disturbances; loop i takes seed + i.
-
-    Returns
-    -------
-    Culprit
-
-    Raises
-    ------
-    ParameterError
-        When fewer than two loops are given, or `influence` does not fit them.
-
-    Notes
-    -----
-    An oscillation that enters a loop from its neighbour keeps its period when that loop's gain changes (Thornhill et al.
-    2003; the chapter's main use of the gain change). Where several gains move the period, the loop whose gain moves it at
-    least twice as far as any other is named. Loops at rest are nudged by load steps, as in `gain_change`. Not for loops so
-    tightly coupled that none oscillates without the other.
-
-    Examples
-    --------
-    >>> pair, influence = drawn_pair(np.random.default_rng(3), sticky=1)
-    >>> find_culprit(pair, influence).culprit
-    1
+    `influence[i, j]`: load (%) at the input of plant i per unit by which PV of loop j is off its rest value; `factor`: new Kc
+    over old; loop i takes the seed `seed` + i. An oscillation that enters a loop from its neighbour keeps its period when that
+    loop's gain changes (Thornhill et al. 2003; the chapter's main use of the gain change). Where several gains move the period,
+    the loop whose gain moves it at least twice as far as any other is named. Loops at rest are nudged by load steps, as in
+    `gain_change`. ParameterError when fewer than two loops are given, or `influence` does not fit them.
     """
     count = len(loops)
     if count < 2 or np.shape(influence) != (count, count):
@@ -170,24 +125,8 @@ def _named(shifts: Sequence[float]) -> tuple[int | None, str]:
 def drawn_pair(rng: np.random.Generator, sticky: int) -> tuple[list[Loop], np.ndarray]:
     """Draw two flow-like loops that push each other, of which only loop `sticky` has stiction.
 
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Of the draw: T 5..20 s, Td/T 0.1..0.5, Kc 0.2..0.5 of the ultimate gain, Ti/T 0.7..1.5, J/S 0.2..1, load of either
-        PV on the other plant 0.2..0.6 % per %, noise 0.02.
-    sticky : {0, 1}
-        The culprit.
-
-    Returns
-    -------
-    loops : list of Loop
-    influence : ndarray, shape (2, 2)
-
-    Examples
-    --------
-    >>> loops, influence = drawn_pair(np.random.default_rng(0), sticky=0)
-    >>> loops[0].valve.name, loops[1].valve.name, influence.shape
-    ('choudhury', 'ideal', (2, 2))
+    `rng`: of the draw: T 5..20 s, Td/T 0.1..0.5, Kc 0.2..0.5 of the ultimate gain, Ti/T 0.7..1.5, J/S 0.2..1, load of either PV
+    on the other plant 0.2..0.6 % per %, noise 0.02.
     """
     loops = []
     for i in range(2):

@@ -28,16 +28,10 @@ PARTS = 2  # cells are told apart by their number: each part is judged with what
 def left_out(rows: pd.DataFrame) -> Iterator[dict[str, object]]:
     """Yield the procedure on every family, its weights fitted without that family and without the cells it is judged on.
 
-    Parameters
-    ----------
-    rows : DataFrame
-        As `read` gives it; with the methods that the procedure weighs.
+    `rows`: as `read` gives it; with the methods that the procedure weighs.
 
-    Yields
-    ------
-    dict
-        family, n; found, and found where the loop oscillates; less: how much less than of `LIKE` in the same cells, with its
-        standard error; false alarms of the same weights.
+    Keys: family, n; found, and found where the loop oscillates; less: how much less than of `LIKE` in the same cells, with its
+    standard error; false alarms of the same weights.
     """
     loops = _evidence(rows)
     families = [v for v in dict.fromkeys(loops.valve) if loops[loops.valve == v].cycled.any()]
@@ -64,16 +58,8 @@ def left_out(rows: pd.DataFrame) -> Iterator[dict[str, object]]:
 def sizes(books: Iterable[RunArrays]) -> Iterator[dict[str, object]]:
     """Yield how well S and J of each family are told over several draws of the grid.
 
-    Parameters
-    ----------
-    books : iterable of RunArrays
-        The runs.
-
-    Yields
-    ------
-    dict
-        method, parameter, family, n; median error and width in shares of the valve's S; held, of the intervals whose level is
-        stated, and its 95 % interval.
+    Keys: method, parameter, family, n; median error and width in shares of the valve's S; held, of the intervals whose level is
+    stated, and its 95 % interval.
     """
     import pandas as pd
 
@@ -121,15 +107,6 @@ def _odds(loops: pd.DataFrame, allowed: pd.Series) -> np.ndarray:
 
 def main(arguments: list[str] | None = None) -> int:
     """Print tables of runs of grid families, the first of the first alone: `python -m results.studies.families RUN [RUN ...]`.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        In place of sys.argv.
-
-    Returns
-    -------
-    int
     """
     runs = sys.argv[1:] if arguments is None else arguments
     print("the procedure on each family, its weights fitted without it")

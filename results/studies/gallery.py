@@ -28,16 +28,7 @@ of loops: they are sketches.
 def gallery(pictures: Path, page: Path) -> str:
     """Return the page in Markdown.
 
-    Parameters
-    ----------
-    pictures : Path
-        Folder with ID.svg of the figures drawn.
-    page : Path
-        Where the page will stand; links are relative to it.
-
-    Returns
-    -------
-    str
+    `page`: where the page will stand; links are relative to it.
     """
     lines = [HEAD]
     for name in figure_ids():

@@ -46,13 +46,7 @@ LAST_BITS = 4e-16  # another order of sums
 
 
 def finer(steps: np.ndarray) -> np.ndarray:
-    """Return steps of a search, or templates along axis 0, with those half-way between neighbours.
-
-    Examples
-    --------
-    >>> finer(np.array([1.0, 2.0, 4.0]))
-    array([1. , 1.5, 2. , 3. , 4. ])
-    """
+    """Return steps of a search, or templates along axis 0, with those half-way between neighbours."""
     between = (steps[1:] + steps[:-1]) / 2
     return np.insert(steps, np.arange(1, len(steps)), between, axis=0)
 
@@ -64,8 +58,6 @@ def _unit(shapes: np.ndarray) -> np.ndarray:
 def exchanged(fit: Callable) -> Callable:
     """Return a fit of ellipses that takes PV for OP and OP for PV, and turns what it finds back: other arithmetic, one ellipse.
 
-    Examples
-    --------
     >>> t = np.linspace(0, 6, 50)
     >>> x, y = 50 + 3 * np.cos(t), 10 + np.sin(t + 1)
     >>> round(exchanged(ellipse.fit_ellipse)(x, y).apparent_stiction / ellipse.fit_ellipse(x, y).apparent_stiction, 9)
@@ -97,17 +89,7 @@ REWRITES: dict[str, tuple[tuple[tuple[object, str, Callable], ...], tuple[str, .
 def rewritten(base: RunArrays, folder: Path) -> Iterator[tuple[str, str, RunArrays]]:
     """Yield a run as it comes out with one method rewritten, or with the last bits of its signals changed.
 
-    Parameters
-    ----------
-    base : RunArrays
-        The run.
-    folder : Path
-        Its folder: every record is simulated again.
-
-    Yields
-    ------
-    method, rewrite : str
-    now : RunArrays
+    Yields (method, rewrite, the run now).
     """
     plan = [(m, how) for how, (_, who) in REWRITES.items() for m in who if m in base.methods]
     plan += [(m, "last bits") for m in base.methods]
@@ -218,19 +200,9 @@ def _loops(base: RunArrays, at: np.ndarray) -> RunArrays:
 def study(grid: str, axes: dict[str, list], methods: tuple[str, ...] = ("fast",)) -> list[dict[str, object]]:
     """Return what the gate says of every broken and every harmlessly changed detector.
 
-    Parameters
-    ----------
-    grid : str
-        Name or path, or the folder of a finished run of built-in methods.
-    axes : dict of str to list
-        Fewer values of its axes.
-    methods : tuple of str
-        Ids or sets.
+    `grid`: name or path, or the folder of a finished run of built-in methods.
 
-    Returns
-    -------
-    list of dict
-        method, what, flips, failed (the gate did not pass it), as_wanted.
+    Keys: method, what, flips, failed (the gate did not pass it), as_wanted.
     """
     rng = np.random.default_rng(0)
     with tempfile.TemporaryDirectory() as home:
@@ -282,17 +254,7 @@ def _answers(record: LoopRecord, chosen: list[tuple[str, dict[str, float]]]) -> 
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Print every case and how many came out as wanted: `python -m results.studies.gate`; 1 unless all did.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        In place of sys.argv.
-
-    Returns
-    -------
-    int
-    """
+    """Print every case and how many came out as wanted: `python -m results.studies.gate`; 1 unless all did."""
     parser = argparse.ArgumentParser(prog="python -m results.studies.gate", description=__doc__)
     parser.add_argument("grid", nargs="?", default="ci", help="name or file, or the folder of a run")
     parser.add_argument("--disturbance", nargs="+", help="only loops with these (default: all)")

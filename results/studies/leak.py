@@ -26,33 +26,15 @@ SETTINGS = ("noise std", "n", "set-point steps", "size of the step", "time of th
 
 @dataclass(frozen=True)
 class Fairness:
-    """What a grid gives away.
+    """What a grid gives away."""
 
-    Parameters
-    ----------
-    counts : dict
-        Scenarios by `cycled`.
-    positives : float
-        Share of yes among yes and no.
-    settings : float
-        AUC of `SETTINGS`, all loops.
-    blind : float
-        AUC of `BLIND`, loops that oscillate.
-    shape : dict of str to float
-        AUC with regularity and the saturation flag beside them, and of each alone: printed, not judged.
-    oscillating : int
-        Loops that oscillate.
-    most : float
-        Allowed for `blind`.
-    """
-
-    counts: dict[str, int]
-    positives: float
-    settings: float
-    blind: float
-    shape: dict[str, float]
-    oscillating: int
-    most: float = 0.60
+    counts: dict[str, int]  # scenarios by `cycled`
+    positives: float  # share of yes among yes and no
+    settings: float  # AUC of `SETTINGS`, all loops
+    blind: float  # AUC of `BLIND`, loops that oscillate
+    shape: dict[str, float]  # AUC with regularity and the saturation flag beside them, and of each alone: printed, not judged
+    oscillating: int  # loops that oscillate
+    most: float = 0.60  # allowed for `blind`
 
     @property
     def fair(self) -> bool:
@@ -80,19 +62,6 @@ def settings_of(scenario: Scenario) -> list[float]:
 def fairness(grid: Grid, every: int = 1) -> Fairness:
     """Simulate a grid, or every so many-th group of it, and try to tell its labels from what is not a signal.
 
-    Parameters
-    ----------
-    grid : Grid
-        The grid.
-    every : int
-        1 = all groups.
-
-    Returns
-    -------
-    Fairness
-
-    Notes
-    -----
     Gradient boosting, five folds, groups whole, labels `cycled` yes against no. With few scenarios the AUC has an error of
     about 0.58/sqrt(n); not for grids of one loop.
     """
@@ -126,30 +95,12 @@ def fairness(grid: Grid, every: int = 1) -> Fairness:
 
 
 def predictability(X: np.ndarray, label: np.ndarray, group: np.ndarray) -> float:
-    """Return the AUC of a classifier judged on other groups than it learned on.
-
-    Examples
-    --------
-    >>> rng = np.random.default_rng(0)
-    >>> X, label = rng.normal(size=(200, 2)), rng.random(200) < 0.5
-    >>> predictability(np.column_stack([X, label]), label, np.arange(200)) > 0.95
-    True
-    """
+    """Return the AUC of a classifier judged on other groups than it learned on."""
     return auc(out_of_fold(X, label, group), label).value
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Check grids: exit code 1 when one is unbalanced or gives its labels away.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        In place of sys.argv.
-
-    Returns
-    -------
-    int
-    """
+    """Check grids: exit code 1 when one is unbalanced or gives its labels away."""
     parser = argparse.ArgumentParser(prog="python -m results.studies.leak", description=__doc__)
     parser.add_argument("grid", nargs="*", default=JUDGED, help=f"names or files, of {', '.join(grid_names())} or own")
     parser.add_argument("--every", type=int, default=1, help="look at every so many-th group only")

@@ -23,16 +23,8 @@ MOST_UNDECIDED = 0.25
 def sections(run: str | Path) -> pd.DataFrame:
     """Score every section of a run of grid own-ground by its own method.
 
-    Parameters
-    ----------
-    run : str or Path
-        Folder of the run.
-
-    Returns
-    -------
-    DataFrame
-        section, method, noise_ratio (or "all"), n, right (of decided) with Wilson's interval, no_decision, bar, met. Sections
-        of methods that the run did not use are left out; `horch` has no bar, its verdict follows w Ti by design.
+    Columns: section, method, noise_ratio (or "all"), n, right (of decided) with Wilson's interval, no_decision, bar, met.
+    Sections of methods that the run did not use are left out; `horch` has no bar, its verdict follows w Ti by design.
     """
     import pandas as pd
 
@@ -70,17 +62,7 @@ def sections(run: str | Path) -> pd.DataFrame:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Print the sections of a run: `python -m results.studies.own_ground RUN`; 1 when a bar is missed.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        In place of sys.argv.
-
-    Returns
-    -------
-    int
-    """
+    """Print the sections of a run: `python -m results.studies.own_ground RUN`; 1 when a bar is missed."""
     found = sections((sys.argv[1:] if arguments is None else arguments)[0])
     print(found.to_string(index=False, float_format="{:.3f}".format))
     return int(not found[found.noise_ratio == "all"].met.all())

@@ -21,19 +21,9 @@ PENALTY = 1 / 3  # on squared weights, in loops: a weight needs support from man
 def collect(grid: str, seed: int, every: int = 1) -> dict[bool, tuple[np.ndarray, np.ndarray]]:
     """Judge the oscillating loops of a grid and keep the indices that the procedure weighs.
 
-    Parameters
-    ----------
-    grid : str
-        Name or path of a grid.
-    seed : int
-        In place of the grid's own, so that no loop of a benchmark is trained on.
-    every : int
-        Every so many-th group of the grid.
+    `seed`: in place of the grid's own, so that no loop of a benchmark is trained on.
 
-    Returns
-    -------
-    dict of bool (integrating) to (x, y)
-        x : ndarray, shape (loops, indices), as the procedure counts them before weighting; y : ndarray of bool, cycling.
+    By integrating: x (loops, indices) as the procedure counts them before weighting, and y, cycling.
     """
     content = load_grid(grid, {"seed": seed, "repeats": 1})
     rows: dict[bool, list[tuple[list[float], bool]]] = {False: [], True: []}
@@ -57,26 +47,7 @@ def centred(prepared: Prepared, evidence: tuple[Evidence, ...]) -> list[float]:
 
 
 def fit(x: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray]:
-    """Return bias and weights of the log-odds, both labels counted as equally frequent.
-
-    Parameters
-    ----------
-    x : ndarray, shape (loops, indices)
-        Centred indices.
-    y : ndarray of bool, shape (loops,)
-        Whether the loop cycles.
-
-    Returns
-    -------
-    bias : float
-    weights : ndarray, shape (indices,)
-
-    Examples
-    --------
-    >>> x = np.linspace(-1, 1, 40)[:, None]
-    >>> bias, weights = fit(x, x[:, 0] > 0)
-    >>> abs(bias) < 0.1, bool(weights[0] > 1)
-    (True, True)
+    """Return bias and weights (indices,) of the log-odds from centred indices (loops, indices), both labels equally frequent.
     """
     from sklearn.linear_model import LogisticRegression
 
@@ -85,17 +56,7 @@ def fit(x: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Print the weights that belong into detectors/evidence.py.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        In place of sys.argv.
-
-    Returns
-    -------
-    int
-    """
+    """Print the weights that belong into detectors/evidence.py."""
     parser = argparse.ArgumentParser(prog="python -m results.studies.procedure_weights", description=__doc__)
     parser.add_argument("--grid", nargs="+", default=["chapter", "plant"])
     parser.add_argument("--seed", type=int, default=111, help="other than the grids' own")

@@ -32,15 +32,7 @@ NO_RULE = "as published: no rule of our own"
 def variants() -> Iterator[tuple[str, str, dict[str, float]]]:
     """Yield every method: improved, without one of its own rules, as published, and as in the chapter where that differs.
 
-    Yields
-    ------
-    method, variant : str
-    thresholds : dict of str to float
-
-    Examples
-    --------
-    >>> [v for m, v, _ in variants() if m == "rossi_scali"]
-    ['improved', 'as published']
+    Yields (method, variant, thresholds).
     """
     for name in registry.names():
         method = registry.load(name).METHOD
@@ -57,21 +49,7 @@ def variants() -> Iterator[tuple[str, str, dict[str, float]]]:
 def simulated(grid: str, every: int, seed: int = SEED) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Judge the loops of a grid by every variant.
 
-    Parameters
-    ----------
-    grid : str
-        Name or path.
-    every : int
-        Every so many-th group of it.
-    seed : int
-        In place of the grid's own.
-
-    Returns
-    -------
-    said : ndarray of int, shape (variants, loops)
-        1 stiction, 0 none, -1 no decision.
-    applies : ndarray of bool, shape (variants, loops)
-    cycling : ndarray of bool, shape (loops,)
+    Returns said (variants, loops): 1 stiction, 0 none, -1 no decision; applies (variants, loops); cycling (loops,).
     """
     content = load_grid(grid, {"seed": seed, "repeats": 1})
     said, applies, cycling = [], [], []
@@ -93,21 +71,11 @@ def simulated(grid: str, every: int, seed: int = SEED) -> tuple[np.ndarray, np.n
 def rows(grids: dict[str, int], records: Path, labels: Path, seed: int = SEED) -> list[dict[str, object]]:
     """Return one row per variant.
 
-    Parameters
-    ----------
-    grids : dict of str to int
-        Grid and every so many-th group of it.
-    records, labels : Path
-        Folder of real records and the table of their labels; left out where absent.
-    seed : int
-        In place of the grids' own.
+    `records, labels`: folder of real records and the table of their labels; left out where absent.
 
-    Returns
-    -------
-    list of dict
-        method, variant; per grid: right (share of the loops that apply; no decision is wrong), found, false alarms, no
-        decision, gain of the improved method over this variant with McNemar's p; on real units: found, false alarms, undecided,
-        and what the improved method finds more, less what it raises more falsely.
+    Keys: method, variant; per grid: right (share of the loops that apply; no decision is wrong), found, false alarms, no
+    decision, gain of the improved method over this variant with McNemar's p; on real units: found, false alarms, undecided, and
+    what the improved method finds more, less what it raises more falsely.
     """
     table_rows: list[dict[str, object]] = [{"method": m, "variant": v} for m, v, _ in variants()]
     for grid, every in grids.items():
@@ -157,17 +125,7 @@ def _columns(grid: str, said: np.ndarray, applies: np.ndarray, cycling: np.ndarr
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Print the table: `python -m results.studies.published --records FOLDER`.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        In place of sys.argv.
-
-    Returns
-    -------
-    int
-    """
+    """Print the table: `python -m results.studies.published --records FOLDER`."""
     parser = argparse.ArgumentParser(prog="python -m results.studies.published", description=__doc__)
     parser.add_argument("--records", type=Path, default=Path("../shared/data/real"), help="real records with a records.csv")
     parser.add_argument("--every", type=int, default=1, help="every so many-th of the groups looked at by default")

@@ -58,28 +58,9 @@ class ShrinkageStudy:
 
 
 def on_the_way(effect: str, truth: Parameters, way: float, op_range: tuple[float, float] = (0.0, 100.0)) -> Parameters:
-    """Return an effect's parameters part of the way from identity to the truth.
+    """Return an effect's parameters part of the way from identity (0) to the truth (1) and beyond: ratios in their logarithm.
 
-    Parameters
-    ----------
-    effect : str
-    truth : dict
-    way : float
-        0 = does nothing, 1 = the truth; beyond 1 exaggerates.
-    op_range : (lo, hi)
-        Of OP without the effect (%): limits beyond it do nothing.
-
-    Returns
-    -------
-    dict
-        Ratios move in their logarithm, all else linearly; within the quantity's bounds.
-
-    Examples
-    --------
-    >>> on_the_way("gain_mismatch", {"factor": 4.0}, 0.5)
-    {'factor': 2.0}
-    >>> on_the_way("load_steps", {"rate": 0.01, "size": 3.0}, 0.5)
-    {'rate': 0.01, 'size': 1.5}
+    Limits beyond `op_range`, that of OP without the effect (%), do nothing.
     """
     out: Parameters = {}
     for name, value in truth.items():
@@ -100,21 +81,7 @@ def on_the_way(effect: str, truth: Parameters, way: float, op_range: tuple[float
 
 
 def study(n: int, seed: int, jobs: int = 1) -> ShrinkageStudy:
-    """Draw records with single effects and compare claimed with true shrinkage of known candidates.
-
-    Parameters
-    ----------
-    n : int
-        Records; effects take turns, then strengths.
-    seed : int
-        Decides everything.
-    jobs : int
-        Processes.
-
-    Returns
-    -------
-    ShrinkageStudy
-    """
+    """Draw records with single effects and compare claimed with true shrinkage of known candidates."""
     with Parallel(n_jobs=jobs, return_as="generator") as parallel:
         found = parallel(delayed(_one)(seed, i) for i in range(n))
         done: list[Any] = list(tqdm(found, total=n, desc="records", file=sys.stderr, delay=1.0))
@@ -146,19 +113,8 @@ def compare(item: DrawnRecord, index: int, rng: np.random.Generator) -> tuple[li
     Plant and load are those the diagnosis fits under the candidate; the candidate's own numbers are the known ones. The true
     share is measured with the generator's loop and loads: before without the fault, after with the candidate in its place.
 
-    Parameters
-    ----------
-    item : DrawnRecord
-    index : int
-    rng : numpy.random.Generator
-        Draws the wrong candidate.
-
-    Returns
-    -------
-    rows : list of dict
-        Empty where the generator or the diagnosis sees no resolvable gap, or the diagnosis refuses the record.
-    reason : str
-        Why there are none.
+    Returns the rows, none where the generator or the diagnosis sees no resolvable gap, or the diagnosis refuses the
+    record, and why there are none.
     """
     case, seed, effect = item.case, int(item.answer["seed"]), str(item.answer["effect"])
     truth = oracle.reference(case, seed)
@@ -187,18 +143,7 @@ def compare(item: DrawnRecord, index: int, rng: np.random.Generator) -> tuple[li
 
 
 def claimer(item: DrawnRecord, effects: list[str]) -> Callable[[str, Parameters], Any]:
-    """Return the diagnosis's measuring of one record: effect and known parameters to a `shrink.Shrinkage`.
-
-    Parameters
-    ----------
-    item : DrawnRecord
-    effects : list of str
-        That will be asked for.
-
-    Returns
-    -------
-    function
-    """
+    """Return the diagnosis's measuring of one record: effect and known parameters to a `shrink.Shrinkage`."""
     s = {name: np.char.mod("%.8g", x).astype(float) for name, x in item.signals._asdict().items()}
     record = LoopRecord(op=s["op"], pv=s["pv"], sp=s["sp"], mv=s["mv"] if item.case.mv else None, Ts=item.case.Ts)
     situation = check(record, Loop.from_table(baseline_table(item.case)))
@@ -217,24 +162,7 @@ def claimer(item: DrawnRecord, effects: list[str]) -> Callable[[str, Parameters]
 
 
 def true_share(case: TrueLoop, seed: int, values: np.ndarray, before: Cloud, effect: str, parameters: Parameters) -> float:
-    """Return the share of the record's gap to the faultless loop that a candidate closes in the generator, from -1 to 1.
-
-    Parameters
-    ----------
-    case : TrueLoop
-    seed : int
-        The record's own.
-    values : ndarray, shape (f,)
-        Features of the record.
-    before : Cloud
-        Of the loop without the fault.
-    effect : str
-    parameters : dict
-
-    Returns
-    -------
-    float
-    """
+    """Return the share of the record's gap to the faultless loop that a candidate closes in the generator, from -1 to 1."""
     act = fault(effect, parameters)
     after = cloud([loops.simulate(case, seed + 5000 + i, (act,)) for i in range(SEEDS)], case.scale)
     # one yardstick for both, the candidate's own
@@ -253,16 +181,7 @@ def _wrong(effect: str, case: TrueLoop, rng: np.random.Generator) -> str:
 
 def summary(found: ShrinkageStudy) -> dict[str, Any]:
     """Return rank correlations of claimed with true shrinkage, with 95 % intervals over records, how often the claimed interval
-    holds the truth, and medians along the way.
-
-    Parameters
-    ----------
-    found : ShrinkageStudy
-
-    Returns
-    -------
-    dict
-    """
+    holds the truth, and medians along the way."""
     t = found.pairs[found.pairs.resolvable.astype(bool)].astype({"claimed": float, "lo": float, "hi": float})
     held = ((t.lo <= t.true) & (t.true <= t.hi)).groupby(t.record).mean()
     groups = [g[["claimed", "true"]].to_numpy().T for _, g in t.groupby("record")]
@@ -293,14 +212,7 @@ def _spearman(pairs: np.ndarray) -> float:
 
 
 def draw(found: ShrinkageStudy, path: Path) -> None:
-    """Draw claimed against true shrinkage.
-
-    Parameters
-    ----------
-    found : ShrinkageStudy
-    path : Path
-        PNG.
-    """
+    """Draw claimed against true shrinkage."""
     from matplotlib import colormaps
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -324,17 +236,7 @@ def draw(found: ShrinkageStudy, path: Path) -> None:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the study and write pairs.csv, summary.json and scatter.png.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        In place of sys.argv.
-
-    Returns
-    -------
-    int
-    """
+    """Run the study and write pairs.csv, summary.json and scatter.png."""
     parser = argparse.ArgumentParser(prog="python -m results.studies.shrinkage", description=__doc__)
     parser.add_argument("-n", type=int, default=120, help="records")
     parser.add_argument("--seed", type=int, default=0)

@@ -38,19 +38,9 @@ PIECE = 1000  # scenarios of a made-up piece, as of a large grid's
 def cluster(count: int, grid: str = "smoke", method: str = "horch") -> dict[str, Any]:
     """Run a grid on a local dask cluster, kill a worker, the client and another worker, resume, and compare.
 
-    Parameters
-    ----------
-    count : int
-        Scenarios at least.
-    grid, method : str
-        What is run.
-
-    Returns
-    -------
-    dict
-        scenarios, pieces, killed_after (pieces that were whole at each kill), found (pieces the second client found whole),
-        equal (the tables are those of an undisturbed run on two processes, bit for bit), dask_us and processes_us: CPU time of
-        the client per scenario, to start (imports, a run of the grid's first repeat), to hand out and collect, to score.
+    Keys: scenarios, pieces, killed_after (pieces that were whole at each kill), found (pieces the second client found whole),
+    equal (the tables are those of an undisturbed run on two processes, bit for bit), dask_us and processes_us: CPU time of the
+    client per scenario, to start (imports, a run of the grid's first repeat), to hand out and collect, to score.
     """
     from distributed import Client, LocalCluster
 
@@ -120,20 +110,10 @@ def _charged(finish: Callable, spent: dict[str, float]) -> Callable:
 def rows(count: int, methods: str = "full") -> dict[str, Any]:
     """Make up a run of many rows, and measure its scoring.
 
-    Parameters
-    ----------
-    count : int
-        Rows at least: a scenario has one for every method.
-    methods : str
-        Methods or a set.
+    `count`: rows at least: a scenario has one for every method.
 
-    Returns
-    -------
-    dict
-        rows, scenarios, cpu_s (to read, check and score), peak_MB (resident, the making included).
+    Keys: rows, scenarios, cpu_s (to read, check and score), peak_MB (resident, the making included).
 
-    Notes
-    -----
     The rows of a small run of grid `smoke`, again and again, with ids of their own and random scores. The scoring is a run's
     own; of its time on the loops nothing is said.
     """
@@ -179,15 +159,7 @@ def _with(table: pa.Table, column: str, values: np.ndarray) -> pa.Table:
 def main(arguments: list[str] | None = None) -> int:
     """Run one measurement and print it as JSON: `python -m results.studies.store_study cluster` or `rows`.
 
-    Parameters
-    ----------
-    arguments : list of str, optional
-        In place of sys.argv.
-
-    Returns
-    -------
-    int
-        1 when tables differ.
+    1 when tables differ.
     """
     chosen = list(sys.argv[1:] if arguments is None else arguments)
     if chosen[:1] == ["client"]:

@@ -26,17 +26,10 @@ LONGEST = 5_000_000  # samples
 
 @dataclass(frozen=True)
 class Errors:
-    """Theory against simulation over many loops.
+    """Theory against simulation over many loops."""
 
-    Parameters
-    ----------
-    table : ndarray, shape (2, 2)
-        Loops by [predicted, cycled], 0 = no, 1 = yes.
-    period, amplitude : ndarray, shape (n,)
-        Relative errors of the prediction, one per simulated cycle.
-    """
-
-    table: np.ndarray
+    table: np.ndarray  # (2, 2) loops by [predicted, cycled], 0 = no, 1 = yes
+    # period, amplitude: (n,) relative errors of the prediction, one per simulated cycle
     period: np.ndarray
     amplitude: np.ndarray
 
@@ -56,17 +49,9 @@ class Errors:
 def drawn_loops(seed: int) -> Iterator[Loop]:
     """Yield random loops without end.
 
-    Parameters
-    ----------
-    seed : int
-        Of the draw.
-
-    Yields
-    ------
-    Loop
-        Both plants, P and PI; Td/T (integrating: Td/Ti) 0.05..2 and Ts Td/50..Td/3 evenly in their logarithms, J/S 0.1..1.5,
-        Kc 0.1..0.9 of the ultimate gain, Ti/T 0.3..3. Integrating loops with Td > Ti have no stable tuning: there the gain
-        refers to P control, and the cycle runs between the limits of OP.
+    Both plants, P and PI; Td/T (integrating: Td/Ti) 0.05..2 and Ts Td/50..Td/3 evenly in their logarithms, J/S 0.1..1.5, Kc
+    0.1..0.9 of the ultimate gain, Ti/T 0.3..3. Integrating loops with Td > Ti have no stable tuning: there the gain refers to P
+    control, and the cycle runs between the limits of OP.
     """
     rng = np.random.default_rng(seed)
     while True:
@@ -98,19 +83,9 @@ def tuned(integrating: bool, Td: float, Ti: float | None, share: float, J_over_S
 def simulated_cycle(loop: Loop, periods: int = 40, **start: Any) -> tuple[float, float] | None:
     """Simulate a loop until its last `periods` periods are steady and measure them.
 
-    Parameters
-    ----------
-    loop : Loop
-        Without noise; its n is ignored.
-    periods : int
-        Length of the tail, after a transient of 90 periods.
-    **start
-        kick or start, for `simulate`.
+    `periods`: length of the tail, after a transient of 90 periods.
 
-    Returns
-    -------
-    (period in s, half peak-to-peak of OP in %) or None
-        None when the valve stops reversing, or swings by less than J/2 (J = 0: S/200), or fades.
+    None when the valve stops reversing, or swings by less than J/2 (J = 0: S/200), or fades.
     """
     sampled = sampled_loop(loop)
     wanted, n = 2 * (periods + 90), 20_000
@@ -154,17 +129,7 @@ def starts(loop: Loop) -> Iterator[tuple[Loop, dict[str, float]]]:
 def predictions(loops: int, seed: int) -> tuple[Errors, Errors]:
     """Compare exact cycles with simulations of random loops, none dropped.
 
-    Parameters
-    ----------
-    loops : int
-        How many.
-    seed : int
-        Of the draw.
-
-    Returns
-    -------
-    exact, switching : Errors
-        Of `exact_cycle`, and of the switching times alone (`half_cycles`, no marching).
+    Of `exact_cycle`, and of the switching times alone (`half_cycles`, no marching).
     """
     tables = np.zeros((2, 2, 2), dtype=int)
     errors: tuple[list, list] = ([], [])
@@ -187,17 +152,7 @@ def predictions(loops: int, seed: int) -> tuple[Errors, Errors]:
 def kicks(loops: int, seed: int) -> tuple[int, int]:
     """Simulate 1.02 and 0.9 times the predicted smallest kick of random loops that have one.
 
-    Parameters
-    ----------
-    loops : int
-        How many loops with a `kick_min`.
-    seed : int
-        Of the draw.
-
-    Returns
-    -------
-    (int, int)
-        Loops that the larger kick starts and the smaller does not; loops drawn that cycle, but from no kick.
+    Loops that the larger kick starts and the smaller does not; loops drawn that cycle, but from no kick.
     """
     right = tried = unreachable = 0
     draw = drawn_loops(seed)
@@ -218,17 +173,9 @@ def kicks(loops: int, seed: int) -> tuple[int, int]:
 def existence_p(loops: int, seed: int) -> tuple[int, int]:
     """Start self-regulating P loops with stick-slip midway between the bounds that a cycle needs.
 
-    Parameters
-    ----------
-    loops : int
-        How many on each side of K Kc J/S = 1.
-    seed : int
-        Of the draw: K Kc J/S in 1.05..4 or 0.3..0.95, Td/T in {0, 0.2, 1}, Kc 0.1..0.8 of the ultimate gain.
+    `seed`: of the draw: K Kc J/S in 1.05..4 or 0.3..0.95, Td/T in {0, 0.2, 1}, Kc 0.1..0.8 of the ultimate gain.
 
-    Returns
-    -------
-    (int, int)
-        Loops that cycle at the end of 400 T, of those with K Kc J/S above 1 and of those below.
+    Loops that cycle at the end of 400 T, of those with K Kc J/S above 1 and of those below.
     """
     rng = np.random.default_rng(seed)
     counts = [0, 0]
@@ -259,17 +206,9 @@ def _cycles_from_midway(gain: float, Td: float, J: float) -> bool:
 def existence_pi(loops: int, seed: int) -> Errors:
     """Compare the existence condition of self-regulating PI loops with a dead-band with simulation.
 
-    Parameters
-    ----------
-    loops : int
-        How many: Td/T 0.05..2, Ti/T 0.3..3 and Td/Ts 5..20 evenly in their logarithms, Kc 0.1..0.9 of the ultimate gain.
-    seed : int
-        Of the draw.
+    `loops`: how many: Td/T 0.05..2, Ti/T 0.3..3 and Td/Ts 5..20 evenly in their logarithms, Kc 0.1..0.9 of the ultimate gain.
 
-    Returns
-    -------
-    Errors
-        Of `refined`; periods and amplitudes those of the exact cycle.
+    Of `refined`; periods and amplitudes those of the exact cycle.
     """
     rng = np.random.default_rng(seed)
     table = np.zeros((2, 2), dtype=int)

@@ -48,12 +48,7 @@ FOLDS, DRAWS = 5, 1000
 
 
 def methods() -> list[str]:
-    """Return the methods that are ranked: those that see OP and PV alone, without nonlinearity tests.
-
-    Returns
-    -------
-    list of str
-    """
+    """Return the methods that are ranked: those that see OP and PV alone, without nonlinearity tests."""
     about = {name: registry.load(name).METHOD for name in (*registry.names(), *registry.lent)}
     return [name for name, m in about.items() if not m.needs_mv and m.role != "nonlinearity"]
 
@@ -61,17 +56,7 @@ def methods() -> list[str]:
 def asked(home: str, number: int) -> dict[str, Any]:
     """Judge one simulated loop, odd numbers sticky, by every method.
 
-    Parameters
-    ----------
-    home : str
-        Grid or blind world.
-    number : int
-        Of the loop.
-
-    Returns
-    -------
-    dict
-        sticky, group, said (method to 1, 0, or -1 for no decision), features, trace.
+    Keys: sticky, group, said (method to 1, 0, or -1 for no decision), features, trace.
     """
     sticky = number % 2 == 1
     if home in GRIDS:
@@ -97,17 +82,7 @@ def _judged(record: LoopRecord, sticky: bool, group: Any) -> dict[str, Any]:
 
 
 def features(record: LoopRecord) -> list[float]:
-    """Return what papers compute of OP and PV: shapes, spectra, their correlation, and how regularly they swing.
-
-    Parameters
-    ----------
-    record : LoopRecord
-        With at least some tens of samples.
-
-    Returns
-    -------
-    list of float
-    """
+    """Return what papers compute of OP and PV: shapes, spectra, their correlation, and how regularly they swing."""
     swing = find_oscillation(record.op, record.pv, record.Ts)
     period = swing.period_s / record.Ts if np.isfinite(swing.period_s) else record.n / CYCLES
     op, pv = (_scaled(detrend(np.asarray(x, dtype=float))) for x in (record.op, record.pv))
@@ -126,18 +101,7 @@ def features(record: LoopRecord) -> list[float]:
 
 
 def trace(record: LoopRecord) -> list[list[float]]:
-    """Return the middle cycles of OP and PV, each scaled and on as many samples.
-
-    Parameters
-    ----------
-    record : LoopRecord
-        With at least some tens of samples.
-
-    Returns
-    -------
-    list of list of float
-        Two rows.
-    """
+    """Return the middle cycles of OP and PV, each scaled and on as many samples."""
     swing = find_oscillation(record.op, record.pv, record.Ts)
     wanted = CYCLES * swing.period_s / record.Ts if swing.sustained else record.n
     half = 0.5 * min(wanted, record.n - 1)
@@ -154,15 +118,6 @@ def convolved(traces: np.ndarray) -> np.ndarray:
 
     Dempster, Schmidt and Webb (2021), KDD, 248: kernels of nine weights, three of them 2, the others -1, dilated; biases are
     `BIASES` times the convolution's standard deviation, as symmetric waves spend half of their time above 0.
-
-    Parameters
-    ----------
-    traces : ndarray, shape (n, 2, length)
-        Scaled OP and PV.
-
-    Returns
-    -------
-    ndarray, shape (n, kernels)
     """
     signals = [traces[:, 0], traces[:, 1], traces.sum(axis=1)]
     found = []
@@ -196,13 +151,7 @@ LEARNED: dict[str, tuple[str, Callable[[], Any]]] = {"boosting": ("features", _b
 
 
 class Home:
-    """The loops of one grid, world or set of records, and what was said of them.
-
-    Parameters
-    ----------
-    rows : list of dict
-        As `asked` gives them.
-    """
+    """The loops of one grid, world or set of records, and what was said of them."""
 
     def __init__(self, rows: list[dict[str, Any]]) -> None:
         self.sticky = np.array([r["sticky"] for r in rows])
@@ -212,17 +161,7 @@ class Home:
         self.costs = {m: _cost(np.array([r["said"][m] for r in rows]), self.sticky) for m in rows[0]["said"]}
 
     def learn(self, name: str, homes: dict[str, Home], source: str) -> None:
-        """Train a yardstick here and judge every home; its own by folds.
-
-        Parameters
-        ----------
-        name : str
-            Of `LEARNED`.
-        homes : dict of str to Home
-            By name, this one among them.
-        source : str
-            Name of this one.
-        """
+        """Train a yardstick here and judge every home; its own by folds."""
         kind, make = LEARNED[name]
         model = make().fit(self.x[kind], self.sticky)
         for where, home in homes.items():
@@ -236,19 +175,7 @@ class Home:
             home.costs[f"{name}, {source}"] = _cost(said.astype(int), home.sticky)
 
     def mean(self, names: list[str], at: np.ndarray | None = None) -> np.ndarray:
-        """Return balanced costs of some methods, of all loops or of some.
-
-        Parameters
-        ----------
-        names : list of str
-            Methods.
-        at : ndarray of int, optional
-            Loops, which may come twice.
-
-        Returns
-        -------
-        ndarray
-        """
+        """Return balanced costs of some methods, of all loops or of some."""
         cost = np.array([self.costs[m] for m in names])
         cost, sticky = (cost, self.sticky) if at is None else (cost[:, at], self.sticky[at])
         return 0.5 * (cost[:, sticky].mean(axis=1) + cost[:, ~sticky].mean(axis=1))
@@ -256,16 +183,7 @@ class Home:
     def drawn(self, rng: np.random.Generator, half: int | None = None) -> np.ndarray:
         """Return loops drawn again by whole groups, or those of one half of the groups.
 
-        Parameters
-        ----------
-        rng : Generator
-            Source of chance; the same state gives both halves.
-        half : {0, 1}, optional
-            Which half.
-
-        Returns
-        -------
-        ndarray of int
+        `rng`: source of chance; the same state gives both halves.
         """
         members = [np.flatnonzero(self.groups == g) for g in range(self.groups.max() + 1)]
         while True:
@@ -286,17 +204,7 @@ def _rank(one: np.ndarray, other: np.ndarray) -> float:
 def order(homes: dict[str, Home], names: list[str]) -> Iterator[dict[str, Any]]:
     """Yield Spearman's correlation of the methods' costs between any two homes, and between the halves of one.
 
-    Parameters
-    ----------
-    homes : dict of str to Home
-        By name.
-    names : list of str
-        Methods.
-
-    Yields
-    ------
-    dict
-        first, second, spearman, lo, hi (95 %, loops drawn again by whole groups; of halves: the spread over splits).
+    Keys: first, second, spearman, lo, hi (95 %, loops drawn again by whole groups; of halves: the spread over splits).
     """
     rng = np.random.default_rng(SEED)
     for a, b in combinations(homes, 2):
@@ -315,18 +223,7 @@ def order(homes: dict[str, Home], names: list[str]) -> Iterator[dict[str, Any]]:
 def kept(out: Path, count: int, real: Path) -> dict[str, Home]:
     """Return every home with so many loops; answers given before are read from the folder.
 
-    Parameters
-    ----------
-    out : Path
-        Folder of the answers.
-    count : int
-        Loops of each grid and world.
-    real : Path
-        Folder of real records; left out where it does not exist.
-
-    Returns
-    -------
-    dict of str to Home
+    `real`: folder of real records; left out where it does not exist.
     """
     folder(out)
     jobs = [(h, i) for i in range(count) for h in (*GRIDS, *BLIND)]
@@ -341,17 +238,6 @@ def kept(out: Path, count: int, real: Path) -> dict[str, Home]:
 
 def table(homes: dict[str, Home], names: list[str]) -> list[str]:
     """Return costs of methods and learned yardsticks in every home, best first on all but their own; * learned or fitted there.
-
-    Parameters
-    ----------
-    homes : dict of str to Home
-        By name.
-    names : list of str
-        Methods.
-
-    Returns
-    -------
-    list of str
     """
     fitted = {m: set(registry.load(m).METHOD.fitted_on) for m in names}
     fitted |= {m: {m.partition(", ")[2]} for m in next(iter(homes.values())).costs if m not in names}
@@ -364,19 +250,7 @@ def table(homes: dict[str, Home], names: list[str]) -> list[str]:
 
 
 def draw(found: list[dict[str, Any]], homes: dict[str, Home], names: list[str], file: Path) -> None:
-    """Write a picture of the correlations and of every method's cost from home to home, and its numbers beside it.
-
-    Parameters
-    ----------
-    found : list of dict
-        As `order` yields them.
-    homes : dict of str to Home
-        By name.
-    names : list of str
-        Methods.
-    file : Path
-        SVG to write.
-    """
+    """Write a picture of the correlations and of every method's cost from home to home, and its numbers beside it."""
     import pandas as pd
 
     from simbench.figures._style import BLUE, label, panels, styled, write_picture
@@ -408,17 +282,7 @@ def draw(found: list[dict[str, Any]], homes: dict[str, Home], names: list[str], 
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Print costs, how far the order of the methods holds, and draw both.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        In place of sys.argv.
-
-    Returns
-    -------
-    int
-    """
+    """Print costs, how far the order of the methods holds, and draw both."""
     parser = argparse.ArgumentParser(prog="python -m results.studies.transfer", description=__doc__)
     parser.add_argument("out", type=Path, metavar="FOLDER", help="Where answers are kept; goes on where it stopped.")
     parser.add_argument("-n", type=int, default=400, help="Loops of each grid and world [400].")

@@ -28,27 +28,16 @@ _ROC_POINTS = 200
 
 @dataclass(frozen=True, eq=False)
 class _Calibration:
-    """Cuts found on seeds A and what they do on seeds B.
+    """Cuts found on seeds A and what they do on seeds B."""
 
-    Parameters
-    ----------
-    false_alarm : float
-        Wanted share of healthy loops called sticky; also the wanted share of wrong answers among the decided.
-    table : DataFrame
-        Per method, against `cycled`, with the front end, on seeds B: published_false_alarm, published_detection; cut (score
-        above = stiction), false_alarm, detection, auc, each with interval; informative (AUC's interval leaves out 0.5);
-        no_stiction_below and stiction_above of the calibrated abstention, its coverage and wrong_decided, all three without
-        the front end.
-    roc : DataFrame
-        Columns method, threshold, false_alarm, detection; seeds B.
-    about : dict
-        Grid, its hash, seeds A and B.
-    """
-
-    false_alarm: float
+    false_alarm: float  # wanted share of healthy loops called sticky; also the wanted share of wrong answers among the decided
+    # per method, against `cycled`, with the front end, on seeds B: published_false_alarm, published_detection; cut (score above
+    # = stiction), false_alarm, detection, auc, each with interval; informative (AUC's interval leaves out 0.5);
+    # no_stiction_below and stiction_above of the calibrated abstention, its coverage and wrong_decided, all three without the
+    # front end
     table: pd.DataFrame
-    roc: pd.DataFrame
-    about: dict[str, Any]
+    roc: pd.DataFrame  # columns method, threshold, false_alarm, detection; seeds B
+    about: dict[str, Any]  # grid, its hash, seeds A and B
 
     @property
     def thresholds(self) -> dict[str, dict[str, float]]:
@@ -110,14 +99,7 @@ def calibrate(
     out: str | Path | None = None,
     **settings: Any,
 ) -> _Calibration:
-    """Find each method's cut for a wanted false-alarm rate on seeds A, and measure it on seeds B.
-
-    Examples
-    --------
-    >>> found = calibrate("smoke", 0.1, ["he"])
-    >>> sorted(found.thresholds["he"])
-    ['stiction_above']
-    """
+    """Find each method's cut for a wanted false-alarm rate on seeds A, and measure it on seeds B."""
     if not 0.0 < false_alarm < 1.0:
         raise ParameterError(f"false_alarm = {false_alarm}; a share between 0 and 1 is needed")
     sets = dict(settings.pop("sets", None) or {})
@@ -177,26 +159,13 @@ def calibrate_books(a: RunArrays, b: RunArrays, false_alarm: float) -> _Calibrat
 
 
 def cut_for(healthy: np.ndarray, false_alarm: float) -> float:
-    """Return the lowest cut that no more than the wanted share of healthy loops' scores exceed.
-
-    Examples
-    --------
-    >>> cut_for(np.arange(100.0), 0.05)
-    94.0
-    """
+    """Return the lowest cut that no more than the wanted share of healthy loops' scores exceed."""
     ranked = np.sort(np.where(np.isnan(healthy), -np.inf, healthy))
     return float(ranked[max(math.ceil((1.0 - false_alarm) * ranked.size) - 1, 0)]) if ranked.size else math.nan
 
 
 def abstention(score: np.ndarray, positive: np.ndarray, wrong: float) -> tuple[float, float]:
-    """Return the band of scores in which to abstain so that few of the decided are wrong and most are decided.
-
-    Examples
-    --------
-    >>> score = np.array([0.0, 1, 2, 3, 4, 5, 6, 7] * 10)
-    >>> abstention(score, np.array([0, 0, 0, 1, 0, 1, 1, 1] * 10, dtype=bool), 0.05)
-    (2.0, 4.0)
-    """
+    """Return the band of scores in which to abstain so that few of the decided are wrong and most are decided."""
     known = ~np.isnan(score)
     score, positive = score[known], positive[known]
     if score.size == 0:
@@ -216,13 +185,7 @@ def abstention(score: np.ndarray, positive: np.ndarray, wrong: float) -> tuple[f
 
 
 def roc(score: np.ndarray, positive: np.ndarray) -> pd.DataFrame:
-    """Return points of the ROC curve: threshold, false_alarm, detection.
-
-    Examples
-    --------
-    >>> roc(np.array([1.0, 2.0]), np.array([False, True])).detection.tolist()
-    [1.0, 1.0, 0.0]
-    """
+    """Return points of the ROC curve: threshold, false_alarm, detection."""
     import pandas as pd
 
     finite = np.where(np.isnan(score), -np.inf, score)

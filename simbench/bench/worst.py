@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import argparse
 import math
 import sys
 import time
-import tomllib
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,13 +14,10 @@ from detectors.errors import UserError
 from detectors.judge import judge
 from detectors.plugins.registry import methods as registry
 from detectors.verdict import STICTION, Verdict
-from scenarios.spec import Loop, load_loop
+from scenarios.spec import Loop
 from simbench.bench.scenario.resolve import sampled_ultimate_gain, significant
-from simbench.files import whole_file
 from simbench.loop.simulate import simulate
-from simbench.usage import exit_code
 
-HARD_NEGATIVES = Path(__file__).parent / "hard_negatives"
 _EXPLORED = 0.6  # share of the budget spent far and wide, the rest around the best
 _ELITE = 6
 _TIME = 540.0  # s; a slow method on a slow machine stops here
@@ -53,31 +47,16 @@ KEYS = ("process", "disturbance", *RANGES, *OPTION_SHARES)
 
 
 @dataclass(frozen=True)
-class _Worst:
-    """A healthy loop and what a method says about it.
+class WorstCase:
+    """A healthy loop and what a method says about it."""
 
-    Parameters
-    ----------
-    method : str
-        Method id.
-    loop : Loop
-        Its valve has no friction.
-    seed : int
-        Of its run.
-    verdict : Verdict
-        The method's answer.
-    tried, fooled : int
-        Loops simulated, and on how many of those drawn far and wide the method said stiction, of `drawn`.
-    drawn : int
-        Loops drawn far and wide.
-    """
-
-    method: str
-    loop: Loop
-    seed: int
-    verdict: Verdict
+    method: str  # method id
+    loop: Loop  # its valve has no friction
+    seed: int  # of its run
+    verdict: Verdict  # the method's answer
+    # tried, fooled: loops simulated, and on how many of those drawn far and wide the method said stiction, of `drawn`
     tried: int
-    drawn: int
+    drawn: int  # loops drawn far and wide
     fooled: int
 
     @property
@@ -101,7 +80,7 @@ class _Worst:
         return {**found, "verdict": self.verdict.as_json(), "loop": self.loop.to_table()}
 
     def to_toml(self) -> str:
-        """Return the loop file, with seed and answer in comments that `read_case` understands."""
+        """Return the loop file, with seed and answer in comments."""
         head = [
             "# A healthy loop that this method calls sticky." if self.verdict.verdict == STICTION else "# A healthy loop.",
             f'# method = "{self.method}"',
@@ -112,21 +91,11 @@ class _Worst:
         return "\n".join(head) + "\n\n" + self.loop.to_toml()
 
 
-def worst(method: str, budget: int = 2000, seed: int = 0) -> _Worst:
+def worst(method: str, budget: int = 2000, seed: int = 0) -> WorstCase:
     """Search the healthy loop on which a method is most confidently wrong.
 
-    Notes
-    -----
-    First-order and integrating plants under loads (sine, the oscillation of another sticky loop, coloured noise, steps,
-    random walk), aggressive tuning, limits of OP, quantised PV and a valve characteristic: drawn evenly, then the best ones
-    are changed a little (an evolution strategy with shrinking steps). Not a false-alarm rate: loops are not drawn as plants
-    have them.
-
-    Examples
-    --------
-    >>> found = worst("horch", budget=30)
-    >>> found.tried, simulate(found.loop, found.seed).sticky
-    (30, False)
+    First-order and integrating plants under loads, aggressive tuning, limits of OP, quantised PV and a valve characteristic:
+    drawn evenly, then the best ones are changed a little (an evolution strategy with shrinking steps).
     """
     from tqdm import tqdm
 
@@ -135,7 +104,7 @@ def worst(method: str, budget: int = 2000, seed: int = 0) -> _Worst:
         raise UserError(f"worst: budget = {budget}; at least 1 loop must be tried")
     rng = np.random.default_rng(seed)
     begun = time.monotonic()
-    elite: list[tuple[tuple[bool, float], np.ndarray, _Worst]] = []
+    elite: list[tuple[tuple[bool, float], np.ndarray, WorstCase]] = []
     drawn = fooled = tried = 0
     explore = math.ceil(_EXPLORED * budget)
     for number in tqdm(range(budget), desc=f"worst {method}", unit="loop", file=sys.stderr, disable=None):
@@ -156,10 +125,10 @@ def worst(method: str, budget: int = 2000, seed: int = 0) -> _Worst:
         wrong = verdict.verdict == STICTION
         fooled += wrong and number < explore
         rank = (wrong, verdict.score if math.isfinite(verdict.score) else -math.inf)
-        elite.append((rank, point, _Worst(method, loop, run_seed, verdict, 0, 0, 0)))
+        elite.append((rank, point, WorstCase(method, loop, run_seed, verdict, 0, 0, 0)))
         elite = sorted(elite, key=lambda e: e[0], reverse=True)[:_ELITE]
     best = elite[0][2]
-    return _Worst(method, best.loop, best.seed, best.verdict, tried, drawn, fooled)
+    return WorstCase(method, best.loop, best.seed, best.verdict, tried, drawn, fooled)
 
 
 def healthy_loop(at: dict[str, float], process: tuple[str, ...]) -> Loop:
@@ -198,42 +167,3 @@ def healthy_loop(at: dict[str, float], process: tuple[str, ...]) -> Loop:
         table["effect"].append({"name": "saturation", "lo": 50.0 - x["limit"], "hi": 50.0 + x["limit"]})
     loop = Loop.from_table(table)
     return loop.with_("controller.Kc", significant(x["gain"] * sampled_ultimate_gain(loop)))
-
-
-def read_case(path: str | Path) -> _Worst:
-    """Read a loop file that `Worst.to_toml` wrote, and judge it again."""
-    loop, head = load_loop(path), recorded(path)
-    verdict = judge(simulate(loop, head["seed"]).record, [head["method"]])[0]
-    return _Worst(head["method"], loop, head["seed"], verdict, 1, 0, 0)
-
-
-def recorded(path: str | Path) -> dict[str, Any]:
-    """Return what the comments of a case say: method, seed, verdict, score."""
-    lines = Path(path).read_text(encoding="utf-8").splitlines()
-    said = tomllib.loads("\n".join(line[2:] for line in lines if line.startswith("# ") and " = " in line))
-    missing = [k for k in ("method", "seed", "verdict", "score") if k not in said]
-    if missing:
-        raise UserError(f"{path}: no comment says {' and '.join(missing)}; write such files with `simbench worst`")
-    return said
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Search and write one case per method, or judge the written ones again."""
-    parser = argparse.ArgumentParser(prog="python -m simbench.bench.worst", description=__doc__)
-    parser.add_argument("methods", nargs="*", metavar="METHOD", help="method ids")
-    parser.add_argument("--all", action="store_true", help="every method")
-    parser.add_argument("--rejudge", action="store_true", help="keep the loops, write today's answers")
-    parser.add_argument("--budget", type=int, default=2000, help="loops to try for each method")
-    parser.add_argument("--seed", type=int, default=0)
-    chosen = parser.parse_args(arguments)
-    for name in registry.names() if chosen.all else chosen.methods:
-        path = HARD_NEGATIVES / f"{name}.toml"
-        found = read_case(path) if chosen.rejudge else worst(name, chosen.budget, chosen.seed)
-        with whole_file(path) as f:
-            f.write(found.to_toml())
-        print(found.as_text().partition("\n\n")[0] + "\n", flush=True)
-    return 0
-
-
-if __name__ == "__main__":
-    raise SystemExit(exit_code(main))

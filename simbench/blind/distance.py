@@ -25,26 +25,14 @@ class Signals(NamedTuple):
 
 
 class Scale(NamedTuple):
-    """What the features are measured in.
+    """What the features are measured in."""
 
-    Parameters
-    ----------
-    Ts, speed : float
-        Sampling period and closed-loop time scale (s).
-    unit : float
-        PV units per %.
-    noise_std : float
-        Measurement noise (PV units).
-    step_unit : float
-        PV units per % of OP's answer to a set-point step.
-    sp_moves : bool
-    """
-
+    # Ts, speed: sampling period and closed-loop time scale (s)
     Ts: float
     speed: float
-    unit: float
-    noise_std: float
-    step_unit: float
+    unit: float  # PV units per %
+    noise_std: float  # measurement noise (PV units)
+    step_unit: float  # PV units per % of OP's answer to a set-point step
     sp_moves: bool
 
 

@@ -18,54 +18,47 @@ from tqdm import tqdm
 from detectors.errors import ParameterError, UserError
 from detectors.records.io import read_record
 from scenarios.spec import load_loop
+from simbench.blind import outcomes
 from simbench.blind.making import PLANTS, write_item
 from simbench.blind.world import OWN, WORLD_EFFECTS, WORLDS
 from simbench.files import folder, remove_stale_temporaries, whole_file, write_table
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.effects import left_out
+from simbench.gap.intake.recorded_test import read_test
 from simbench.loop.effects import NONE, UNKNOWN, block_of
 
 _STRENGTHS = ("strong", "medium")
 LEAVE_OUT_COLUMNS = (
-    "record",
-    "effect",
-    "strength",
-    "said",
-    "block",
-    "nearest",
-    "before",
-    "left",
-    "resolvable",
-    "back",
-    "after",
-    "error",
-)
+    "record", "effect", "strength", "said", "block", "nearest", "before", "left", "resolvable", "back", "after",
+    "asked", "error",
+)  # fmt: skip
 
 
-def leave_out(out: str | Path, world: str = OWN, n: int = 4, seed: int = 0, jobs: int = 1) -> pd.DataFrame:
-    """Diagnose records of every effect without and with the effect in the library.
+def leave_out(out: str | Path, world: str = OWN, n: int = 4, seed: int = 0, jobs: int = 1, tests: int = 0) -> pd.DataFrame:
+    """Diagnose records of every effect without and with the effect in the library, each with at most so many tests asked for.
 
-    Notes
-    -----
-    `resolvable` says whether the gap stands out of its floor at all: of the others nobody can say anything. Not for an effect
-    that no world draws.
+    `resolvable` says whether the gap stands out of its floor at all: of the others nobody can say anything.
     """
     out = Path(out)
     drawn_by = WORLDS.load(world)
-    names = {f"{world}-{seed}-{e}-{i}": (i, e) for e in WORLD_EFFECTS for i in range(n)}
+    if tests and not hasattr(drawn_by, "test"):
+        raise ParameterError(f"leave-out: world {world!r} runs no tests; it has no function test(answer, effects, seed, plan)")
+    one = (f"after-{tests}-" if tests else "") + f"{world}-{seed}-"
+    names = {f"{one}{e}-{i}": (i, e) for e in WORLD_EFFECTS for i in range(n)}
     table = out / "leave_out.csv"
     remove_stale_temporaries(folder(out))
     # as text: numbers that are written once more must not lose a digit
     done = pd.read_csv(table, keep_default_na=False, dtype=str) if table.exists() else pd.DataFrame(columns=LEAVE_OUT_COLUMNS)
-    strange = [r for r in done.record if not str(r).startswith(f"{world}-{seed}-")]
+    strange = [r for r in done.record if not str(r).startswith(one)]
     if strange:
-        raise ParameterError(f"leave-out: {table} holds {strange[0]}, not world {world!r} and seed {seed}; choose a new folder")
+        raise ParameterError(f"leave-out: {table} holds {strange[0]}, not what begins with {one!r}; choose a new folder")
     remove_stale_temporaries(folder(out / "records"))
     todo = [name for name in names if name not in set(done.record)]
     # processes that live on from another call may stand in another folder
     records = (out / "records").absolute()
     with Parallel(n_jobs=jobs, return_as="generator") as parallel:
-        rows = parallel(delayed(_one)(records, name, *names[name], drawn_by.draw, seed) for name in todo)
+        world_of = drawn_by.draw, getattr(drawn_by, "test", None)
+        rows = parallel(delayed(_one)(records, name, *names[name], *world_of, seed, tests) for name in todo)
         for row in tqdm(rows, total=len(names), initial=len(names) - len(todo), desc="left out", file=sys.stderr, delay=1.0):
             done = pd.DataFrame([*done.to_dict("records"), row], columns=LEAVE_OUT_COLUMNS)
             write_table(done, table)
@@ -76,24 +69,32 @@ def leave_out(out: str | Path, world: str = OWN, n: int = 4, seed: int = 0, jobs
     return found
 
 
-def _one(place: Path, name: str, i: int, effect: str, draw_item: Any, seed: int) -> dict[str, Any]:
-    """Draw one record, and diagnose it without and with its effect."""
+def _one(place: Path, name: str, i: int, effect: str, draw_item: Any, run_test: Any, seed: int, tests: int) -> dict[str, Any]:
+    """Draw one record, and diagnose it without and with its effect, beside the tests that were asked for without it."""
     strength = _STRENGTHS[i % 2]
     row = dict.fromkeys(LEAVE_OUT_COLUMNS, "") | {"record": name, "effect": effect, "strength": strength}
     number = 1000 * list(WORLD_EFFECTS).index(effect) + i
     entry = {"kind": "single", "effect": effect, "strength": strength, "mv": i % 4 < 2, "plant": PLANTS[i % 3]}
     try:
-        record_file, baseline_file = write_item(draw_item(seed, number, entry), place, name)
+        item = draw_item(seed, number, entry)
+        record_file, baseline_file = write_item(item, place, name)
         record, baseline = read_record(record_file), load_loop(baseline_file)
+        asked, run = [], []
         with left_out(effect):
             without = diagnose(record, baseline)
-        whole = diagnose(record, baseline)
+            while len(run) < tests and without.next_test is not None:
+                asked.append(without.next_test["test"])
+                texts = outcomes.outcome(run_test, item, asked[-1])
+                run.append(read_test(str(outcomes.shown(place, f"{name}-{asked[-1]}", texts)), baseline))
+                without = diagnose(record, baseline, tests=run)
+        whole = diagnose(record, baseline, tests=run)
     except UserError as e:
         return row | {"error": str(e)}
     known = [r.effect for r in without.ranking if r.effect not in (NONE, UNKNOWN)]
     return row | {
         "said": without.effect, "block": without.block, "nearest": known[0], "before": without.gap.before,
         "left": without.gap.after, "resolvable": without.gap.resolvable, "back": whole.effect, "after": whole.gap.after,
+        "asked": " ".join(asked),
     }  # fmt: skip
 
 
@@ -131,11 +132,13 @@ def _summary(effect: str, part: pd.DataFrame) -> dict[str, Any]:
 
 
 def draw(table: pd.DataFrame, path: Path) -> None:
-    """Draw how much of the gap is left without each effect, and with it; filled where the diagnosis said "unknown"."""
+    """Draw how much of the gap is left without each effect, and with it, filled where "unknown" was said; nothing of none."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     part = table[(table.effect != "all") & (table.n > 0)].iloc[::-1]
+    if part.empty:
+        return
     figure = Figure(figsize=(8.0, 0.3 * len(part) + 1.6), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()

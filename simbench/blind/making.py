@@ -34,22 +34,14 @@ _ANSWER_COLUMNS = (
 
 @dataclass(frozen=True)
 class Plan:
-    """How many records of each kind.
+    """How many records of each kind."""
 
-    Parameters
-    ----------
-    per_cell : int
-        Single-effect records per effect and strength.
-    none, two, foreign : int
-        Records without effect, with two effects from different blocks, with a foreign fault.
-    effects, strengths : tuple of str
-        Restrict the cells.
-    """
-
-    per_cell: int = 5
+    per_cell: int = 5  # single-effect records per effect and strength
+    # none, two, foreign: records without effect, with two effects from different blocks, with a foreign fault
     none: int = 120
     two: int = 75
     foreign: int = 75
+    # effects, strengths: restrict the cells
     effects: tuple[str, ...] = PLANNED
     strengths: tuple[str, ...] = STRENGTHS
 

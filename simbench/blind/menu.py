@@ -19,39 +19,17 @@ _LAB_STD = 0.5  # of the stated noise
 
 @dataclass(frozen=True, eq=False)
 class TestPlan:
-    """One test on a loop.
-
-    Parameters
-    ----------
-    id : str
-    n : int
-        Samples, at the log's own period.
-    sp : ndarray, shape (n,)
-        Deviation of SP (PV units) from where it stands.
-    op : ndarray, shape (n,)
-        Deviation of OP (%) from where the operator takes over; NaN in automatic.
-    Kc_ratio : float
-        Factor on the controller's gain.
-    faster : int
-        Samples of the log in one of the controller.
-    raw : bool
-        Whether no archive stands between.
-    mv : bool
-        Whether the stem position is logged.
-    lab : ndarray of int
-        Samples at which the true process value is taken, and the std of its error (PV units).
-    lab_std : float
-    """
+    """One test on a loop."""
 
     id: str
-    n: int
-    sp: np.ndarray
-    op: np.ndarray
-    Kc_ratio: float = 1.0
-    faster: int = 1
-    raw: bool = False
-    mv: bool = False
-    lab: np.ndarray | None = None
+    n: int  # samples, at the log's own period
+    sp: np.ndarray  # (n,) deviation of SP (PV units) from where it stands
+    op: np.ndarray  # (n,) deviation of OP (%) from where the operator takes over; NaN in automatic
+    Kc_ratio: float = 1.0  # factor on the controller's gain
+    faster: int = 1  # samples of the log in one of the controller
+    raw: bool = False  # whether no archive stands between
+    mv: bool = False  # whether the stem position is logged
+    lab: np.ndarray | None = None  # samples at which the true process value is taken, and the std of its error (PV units)
     lab_std: float = 0.0
 
     @property

@@ -48,14 +48,17 @@ def open_one(out: Path, name: str, id_: str, order: int) -> Path:
     sealed = out / TESTS / f"{name}-{id_}.sealed"
     if not sealed.exists():
         raise ParameterError(f"withheld: {out} holds no tests; make them with `gap withheld make --tests`")
-    shown = folder(out / OPENED) / f"{name}-{id_}.csv"
     log = out / OPENED_LOG
     rows = log.read_text(encoding="utf-8") if log.exists() else "id,order,test\n"
     if f"{name},{order},{id_}\n" not in rows:
         with whole_file(log) as f:
             f.write(f"{rows}{name},{order},{id_}\n")
-    texts = json.loads(zlib.decompress(sealed.read_bytes()))
+    return shown(folder(out / OPENED), f"{name}-{id_}", json.loads(zlib.decompress(sealed.read_bytes())))
+
+
+def shown(place: Path, name: str, texts: Mapping[str, str]) -> Path:
+    """Write the two files of a test and return its record."""
     for kind in ("toml", "csv"):
-        with whole_file(shown.with_suffix(f".{kind}")) as f:
+        with whole_file(place / f"{name}.{kind}") as f:
             f.write(texts[kind])
-    return shown
+    return place / f"{name}.csv"

@@ -17,22 +17,13 @@ SEALED, COMMITMENT = "answers.sealed", "commitment.txt"
 
 @dataclass(frozen=True)
 class _Sealed:
-    """Sealed bytes with the key that opens them.
+    """Sealed bytes with the key that opens them."""
 
-    Parameters
-    ----------
-    content : bytes
-        Ciphertext.
-    key, salt : bytes
-        32 random bytes each.
-    commitment : str
-        SHA-256 (hex) of salt followed by the plain text.
-    """
-
-    content: bytes
+    content: bytes  # ciphertext
+    # key, salt: 32 random bytes each
     key: bytes
     salt: bytes
-    commitment: str
+    commitment: str  # SHA-256 (hex) of salt followed by the plain text
 
 
 def seal(text: str) -> _Sealed:
@@ -40,8 +31,6 @@ def seal(text: str) -> _Sealed:
 
     The cipher is a one-time key stream: SHAKE-256 of the key, which is never used again.
 
-    Examples
-    --------
     >>> s = seal("id,effect")
     >>> _unseal(s.content, s.key, s.salt, s.commitment)
     'id,effect'

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
+import numpy as np
+
 from detectors.plugins.registry import PluginFolder
 from simbench.loop.effects import Vocabulary
 
@@ -16,3 +20,11 @@ PLANNED = (
     "oscillation", "load_steps", "load_drift", "saturation", "detuning", "error_deadband", "op_quantisation",
 )  # fmt: skip
 WORLD_EFFECTS = Vocabulary(PLANNED)
+
+
+class Item(NamedTuple):
+    """One record (columns t, sp, op, pv and mv where recorded), the baseline handed out with it, and the truth."""
+
+    columns: dict[str, np.ndarray]
+    baseline: dict[str, Any]
+    answer: dict[str, Any]

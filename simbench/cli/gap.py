@@ -98,13 +98,14 @@ def leave_out_(
     world: World = "own",
     n: Annotated[int, typer.Option("-n", "--records", min=1, help="Records per effect.")] = 4,
     seed: Annotated[int, typer.Option(min=0)] = 0,
+    tests: Annotated[int, typer.Option(min=0, metavar="N", help="Tests a record that the diagnosis may ask for.")] = 0,
     jobs: Jobs = 1,
     as_json: Json = False,
 ) -> None:
     """Take every effect out of the library in turn: what is said then, and how far the gap shrinks once it is back."""
     from simbench.blind.leave_out import leave_out, summary
 
-    table = summary(leave_out(out, world, n, seed, jobs))
+    table = summary(leave_out(out, world, n, seed, jobs, tests))
     text = table.to_string(index=False, float_format="%.2f", na_rep="-")
     show(json.loads(table.to_json(orient="records")) if as_json else text, as_json)
 

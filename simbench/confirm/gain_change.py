@@ -30,28 +30,15 @@ NUDGES = (0.0, 3.0, 0.5, 1.0, 1.5, 2.0, 5.0, 8.0)  # load steps (%) tried in tur
 
 @dataclass(frozen=True, eq=False)
 class Phase:
-    """An oscillation before or after the change of gain.
+    """An oscillation before or after the change of gain."""
 
-    Parameters
-    ----------
-    Kc : float
-        Controller gain (% per PV unit).
-    period : float
-        s; NaN when there is no sustained oscillation.
-    amplitude : float
-        Of OP (%), as sqrt(2) times its standard deviation.
-    saturated : bool
-        Whether OP stands at its lowest or highest value for more than 2 % of the time: at 0 or 100, or elsewhere for 3
-        samples or more at a time (the crest of a smooth wave may meet one value in every cycle).
-    error : float
-        Standard error of the period (s), from the spread of the cycles' lengths.
-    """
-
-    Kc: float
-    period: float
-    amplitude: float
+    Kc: float  # controller gain (% per PV unit)
+    period: float  # s; NaN when there is no sustained oscillation
+    amplitude: float  # of OP (%), as sqrt(2) times its standard deviation
+    # whether OP stands at its lowest or highest value for more than 2 % of the time: at 0 or 100, or elsewhere for 3 samples or
+    # more at a time (the crest of a smooth wave may meet one value in every cycle)
     saturated: bool
-    error: float = np.nan
+    error: float = np.nan  # standard error of the period (s), from the spread of the cycles' lengths
 
     def as_json(self) -> dict[str, Any]:
         """Return the numbers, the period with its 95 % interval; None where a number is missing."""
@@ -64,37 +51,18 @@ class Phase:
 
 @dataclass(frozen=True, eq=False)
 class GainChange:
-    """Outcome of a controller gain change.
+    """Outcome of a controller gain change."""
 
-    Parameters
-    ----------
-    verdict : {"stiction", "no_stiction", "no_decision"}
-        Confirmed, excluded, or cannot tell.
-    reason : str
-        Why, in one sentence.
-    before, after : Phase
-        The oscillation with the old gain and the new one.
-    shift : float
-        |P2/P1 - 1|; NaN when one of the periods is missing.
-    nudge : float
-        Load step (%) that was needed to set the loop moving; 0 = it oscillated by itself.
-    Ts : float
-        Sampling period (s).
-    changed : int
-        Sample at which the gain changed.
-    trace : Trace
-        OP, PV and MV of the run.
-    """
-
-    verdict: str
-    reason: str
+    verdict: str  # {"stiction", "no_stiction", "no_decision"}: confirmed, excluded, or cannot tell
+    reason: str  # why, in one sentence
+    # before, after: the oscillation with the old gain and the new one
     before: Phase
     after: Phase
-    shift: float
-    nudge: float
-    Ts: float
-    changed: int
-    trace: Trace
+    shift: float  # |P2/P1 - 1|; NaN when one of the periods is missing
+    nudge: float  # load step (%) that was needed to set the loop moving; 0 = it oscillated by itself
+    Ts: float  # sampling period (s)
+    changed: int  # sample at which the gain changed
+    trace: Trace  # OP, PV and MV of the run
 
     def as_json(self) -> dict[str, Any]:
         """Return the outcome without its signals; None where a number is missing."""
@@ -140,23 +108,10 @@ class GainChange:
 def gain_change(loop: Loop, factor: float = 0.6, seed: int = 0) -> GainChange:
     """Change the controller gain of an oscillating loop and see whether the period follows.
 
-    Notes
-    -----
     Stiction when the period shifts by more than 10 % and OP keeps its amplitude, which the valve's band sets. Near the
     stability limit of a healthy loop the period moves too: there the oscillation dies or collapses with the gain, and the
-    answer is no decision. A loop at rest is nudged by load steps, since it is the oscillation that is under test; when it
-    rests all the same there is nothing to confirm. Choudhury, Thornhill and Shah (2005); Thornhill, Cox and Paulonis (2003).
-    Not for loops whose oscillation the operator cannot let run for two dozen periods.
-
-    Examples
-    --------
-    >>> result = gain_change(Loop.from_table({
-    ...     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
-    ...     "controller": {"type": "PI", "Kc": 1, "Ti": 10},
-    ...     "valve": {"model": "choudhury", "S": 5, "J": 2},
-    ...     "sampling": {"Ts": 1, "n": 1500}}))
-    >>> result.verdict, round(result.before.period), round(result.after.period)
-    ('stiction', 91, 158)
+    answer is no decision. A loop at rest is nudged by load steps; when it rests all the same there is nothing to confirm.
+    Choudhury, Thornhill and Shah (2005); Thornhill, Cox and Paulonis (2003).
     """
     if not (1 / 3 <= factor <= 3 and abs(factor - 1) >= 0.2):
         raise ParameterError(f"gain change: factor = {factor}; at least 20 % more or less is needed, and at most threefold")

@@ -22,21 +22,13 @@ _TRAVERSE = 0.1  # % per sample
 
 @dataclass(frozen=True)
 class _Limit:
-    """A line of the table.
+    """A line of the table."""
 
-    Parameters
-    ----------
-    parameter : str
-        Name and unit.
-    ideal, practical : str
-        As printed.
-    low, high : float
-        Between them, ends included, the value is acceptable.
-    """
-
-    parameter: str
+    parameter: str  # name and unit
+    # ideal, practical: as printed
     ideal: str
     practical: str
+    # low, high: between them, ends included, the value is acceptable
     low: float
     high: float
 
@@ -49,28 +41,15 @@ STICTION_LIMIT = _Limit("stiction (%)", "0", "1: desirable; > 1: to be checked",
 
 @dataclass(frozen=True)
 class _Grade:
-    """One parameter of a loop, graded.
+    """One parameter of a loop, graded."""
 
-    Parameters
-    ----------
-    parameter : str
-        Name and unit.
-    value : float or None
-        Measured; None when the loop does not tell.
-    ideal, practical : str
-        The table's words.
-    acceptable : bool or None
-        None = cannot tell.
-    reason : str
-        How it was measured, or why it cannot be.
-    """
-
-    parameter: str
-    value: float | None
+    parameter: str  # name and unit
+    value: float | None  # measured; None when the loop does not tell
+    # ideal, practical: the table's words
     ideal: str
     practical: str
-    acceptable: bool | None
-    reason: str
+    acceptable: bool | None  # None = cannot tell
+    reason: str  # how it was measured, or why it cannot be
 
     def as_json(self) -> dict[str, Any]:
         """Return the fields as JSON types."""
@@ -80,23 +59,10 @@ class _Grade:
 def grade(loop: Loop, test: TravelTest | None = None, seed: int = 0) -> list[_Grade]:
     """Measure a loop in manual, as an engineer would, and grade it by Table 11.1.
 
-    Notes
-    -----
     Source: Jelali (2013), Table 11.1, after Ruel (2000); the limits of the gain, 0.5 and 3, as far as the text keeps them.
-    Process gain: PV over OP across the big steps of the travel test. Noise band: four standard deviations of PV while OP
-    rests. Hysteresis: largest separation of the valve's positions over full strokes up and down, less the dead-band. Stiction:
-    small steps in the direction of the last big one until PV moves, up to one step too large. Not for a loop whose PV is in
-    other units: gain and noise band would mean nothing.
-
-    Examples
-    --------
-    >>> loop = Loop.from_table({
-    ...     "plant": {"type": "foptd", "K": 1.2, "T": 5, "Td": 1},
-    ...     "controller": {"type": "PI", "Kc": 0.3, "Ti": 5},
-    ...     "valve": {"model": "choudhury", "S": 3, "J": 1.5},
-    ...     "sampling": {"Ts": 1}})
-    >>> [(g.parameter, g.acceptable) for g in grade(loop)][-1]
-    ('stiction (%)', False)
+    Process gain: PV over OP across the big steps of the travel test. Noise band: four standard deviations of PV while OP rests.
+    Hysteresis: largest separation of the valve's positions over full strokes up and down, less the dead-band. Stiction: small
+    steps in the direction of the last big one until PV moves, up to one step too large.
     """
     test = travel_test(loop, seed=seed) if test is None else test
     rest = round(test.wait / test.Ts)
@@ -117,13 +83,7 @@ def graded_test(loop: Loop) -> _GradedTest:
 
 @dataclass(frozen=True, eq=False)
 class _GradedTest:
-    """A travel test and what Table 11.1 says of the loop.
-
-    Parameters
-    ----------
-    test : TravelTest
-    grades : tuple of Grade
-    """
+    """A travel test and what Table 11.1 says of the loop."""
 
     test: TravelTest
     grades: tuple[_Grade, ...]

@@ -25,15 +25,7 @@ _LATE = 0.5  # of a hold counts as settled
 def controller_gain(record: LoopRecord) -> float | None:
     """Return the controller gain that a record shows, in OP units per PV unit; None when OP is not that of a PI controller.
 
-    Notes
-    -----
-    Least squares of OP's increments on the error's increments and the error. Not for controllers with derivative action.
-
-    Examples
-    --------
-    >>> e = np.sin(np.arange(500) / 9)
-    >>> round(controller_gain(LoopRecord(50 + 2 * e + 0.1 * np.cumsum(e), -e, 1.0, sp=np.zeros(500))), 3)
-    2.0
+    Least squares of OP's increments on the error's increments and the error.
     """
     steps, error = np.diff(record.op), record.e
     columns = np.column_stack([np.diff(error), error[1:]])
@@ -44,19 +36,7 @@ def controller_gain(record: LoopRecord) -> float | None:
 
 
 def gain_change_recorded(before: LoopRecord, after: LoopRecord, factor: float | None = None) -> GainChange:
-    """Judge a change of controller gain from a record before it and one after it.
-
-    Notes
-    -----
-    Source and limits as `simbench.confirm.gain_change.gain_change`.
-
-    Examples
-    --------
-    >>> t = np.arange(2000.0)
-    >>> one, two = (LoopRecord(50 + np.sin(2 * np.pi * t / P), np.cos(2 * np.pi * t / P), 1.0) for P in (90, 150))
-    >>> gain_change_recorded(one, two, 0.6).verdict
-    'stiction'
-    """
+    """Judge a change of controller gain from a record before it and one after it, as `gain_change` does."""
     if not np.isclose(before.Ts, after.Ts):
         raise ParameterError(f"gain change: Ts = {before.Ts:g} s before and {after.Ts:g} s after; one is needed for both")
     gains = (1.0, factor) if factor is not None else (controller_gain(before), controller_gain(after))
@@ -124,24 +104,9 @@ def confirm(
 def travel_recorded(record: LoopRecord) -> TravelTest:
     """Read S and J off the record of a valve travel test.
 
-    Notes
-    -----
-    Procedure 11.4 (Gerry and Ruel 2001). Steps add up until PV moves; the sum is J when it goes on in the direction of the
-    last movement, S when it goes against it. A sum that one step alone makes up says no more than that step: only sums of
-    small steps, up to a third of the largest, count. Not for PV that drifts by itself.
-
-    Examples
-    --------
-    >>> from simbench.confirm.travel import travel_test
-    >>> from scenarios.spec import Loop
-    >>> made = travel_test(Loop.from_table({
-    ...     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
-    ...     "controller": {"type": "PI", "Kc": 1, "Ti": 10},
-    ...     "valve": {"model": "choudhury", "S": 3.1, "J": 1.1},
-    ...     "sampling": {"Ts": 1}}))
-    >>> read = travel_recorded(LoopRecord(made.trace.op, made.trace.pv, 1.0, process="self-regulating"))
-    >>> round(read.J, 1), round(read.S, 1)
-    (1.2, 3.2)
+    Procedure 11.4 (Gerry and Ruel 2001). Steps add up until PV moves; the sum is J when it goes on in the direction of the last
+    movement, S when it goes against it. A sum that one step alone makes up says no more than that step: only sums of small
+    steps, up to a third of the largest, count.
     """
     op = record.op if record.op_percent is None else record.op_percent
     starts = np.concatenate([[0], np.flatnonzero(np.diff(op)) + 1])

@@ -24,45 +24,18 @@ def lengthened(loop: Loop, samples: int) -> Loop:
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """What one loop did.
+    """What one loop did."""
 
-    Parameters
-    ----------
-    op, pv, mv : ndarray, shape (n,)
-        Controller output (%), measured PV (PV units), valve position (%).
-    """
-
+    # op, pv, mv: (n,) controller output (%), measured PV (PV units), valve position (%)
     op: np.ndarray
     pv: np.ndarray
     mv: np.ndarray
 
 
 def run_rig(
-    setups: Sequence[Setup],
-    *,
-    gain: Sequence[np.ndarray | None] | None = None,
-    manual: Sequence[np.ndarray | None] | None = None,
-    influence: np.ndarray | None = None,
+    setups: Sequence[Setup], *, gain: Sequence[np.ndarray | None] | None = None, influence: np.ndarray | None = None
 ) -> list[Trace]:
-    """Run one or more loops side by side, sample by sample.
-
-    Notes
-    -----
-    Plain Python with the same steps as the compiled loop, and bit-equal to it when nothing is changed on the way; some
-    10 microseconds per sample and loop. Not for benchmarks.
-
-    Examples
-    --------
-    >>> from scenarios.spec import Loop
-    >>> from simbench.loop.resolve import resolve_loop
-    >>> loop = Loop.from_table({
-    ...     "plant": {"type": "foptd", "K": 2, "T": 10, "Td": 2},
-    ...     "controller": {"type": "PI", "Kc": 1, "Ti": 10},
-    ...     "sampling": {"Ts": 1, "n": 100}})
-    >>> [trace] = run_rig([resolve_loop(loop, 0)], manual=[np.full(100, 60.0)])
-    >>> round(float(trace.pv[-1]), 1)
-    70.0
-    """
+    """Run one or more loops side by side, sample by sample, in plain Python: bit-equal to the compiled loop."""
     n, Ts = setups[0].sp.size, setups[0].Ts
     if any(s.sp.size != n or s.Ts != Ts for s in setups):
         raise ParameterError("loops that run side by side need the same sampling period and length")
@@ -70,8 +43,7 @@ def run_rig(
     for k in range(n):
         for i, loop in enumerate(loops):
             factor = None if gain is None else gain[i]
-            by_hand = None if manual is None else manual[i]
-            loop.control(k, 1.0 if factor is None else factor[k], None if by_hand is None else float(by_hand[k]))
+            loop.control(k, 1.0 if factor is None else factor[k])
         for i, loop in enumerate(loops):
             load = 0.0
             if influence is not None:

@@ -27,40 +27,19 @@ _LONGEST_WINDOW = 1000  # samples of PV averaged, once it has settled
 
 @dataclass(frozen=True, eq=False)
 class TravelTest:
-    """Outcome of a valve travel test.
+    """Outcome of a valve travel test."""
 
-    Parameters
-    ----------
-    same_direction : float or None
-        Sum of the small steps (%) in the direction of the big one until PV moved: the slip jump J, and the stiction of the
-        printed procedure. None when the end of travel came first.
-    reversed : float or None
-        Sum of the small steps (%) against it until PV moved: dead-band plus stick band, S.
-    increment : float
-        Size of a small step (%); both sums may be too large by one.
-    wait : float
-        Time (s) given to every step.
-    sticky : bool or None
-        Whether S exceeds two small steps; None when it was not found.
-    reason : str
-        One sentence.
-    Ts : float
-        Sampling period (s).
-    phase : ndarray of int, shape (n,)
-        0 big steps, 1 small steps in the same direction, 2 reversed.
-    trace : Trace
-        OP (%), PV and MV (%) of the test.
-    """
-
+    # sum of the small steps (%) in the direction of the big one until PV moved: the slip jump J, and the stiction of the
+    # printed procedure. None when the end of travel came first.
     same_direction: float | None
-    reversed: float | None
-    increment: float
-    wait: float
-    sticky: bool | None
-    reason: str
-    Ts: float
-    phase: np.ndarray
-    trace: Trace
+    reversed: float | None  # sum of the small steps (%) against it until PV moved: dead-band plus stick band, S
+    increment: float  # size of a small step (%); both sums may be too large by one
+    wait: float  # Time (s) given to every step
+    sticky: bool | None  # whether S exceeds two small steps; None when it was not found
+    reason: str  # one sentence
+    Ts: float  # sampling period (s)
+    phase: np.ndarray  # (n,) 0 big steps, 1 small steps in the same direction, 2 reversed
+    trace: Trace  # OP (%), PV and MV (%) of the test
 
     @property
     def J(self) -> float | None:
@@ -121,23 +100,10 @@ class TravelTest:
 def travel_test(loop: Loop, increment: float = _SMALL_STEP, big_step: float = _BIG_STEP, seed: int = 0) -> TravelTest:
     """Put a loop in manual and step its valve until PV moves.
 
-    Notes
-    -----
     Procedure 11.4 (Gerry and Ruel 2001) takes the small steps in the direction of the big one. On a two-parameter valve that
-    measures the slip jump J, since the dead-band is already crossed; small steps in the opposite direction measure the
-    whole band S. PV has moved when its settled mean (integrating plants: its slope) changed by five standard errors, and
-    by a fifth of what a small step of a moving valve does. Not for a plant that may not be disturbed: an integrating one
-    drifts all the time.
-
-    Examples
-    --------
-    >>> result = travel_test(Loop.from_table({
-    ...     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
-    ...     "controller": {"type": "PI", "Kc": 1, "Ti": 10},
-    ...     "valve": {"model": "choudhury", "S": 3.1, "J": 1.1},
-    ...     "sampling": {"Ts": 1}}))
-    >>> round(result.J, 1), round(result.S, 1)
-    (1.2, 3.2)
+    measures the slip jump J, since the dead-band is already crossed; small steps in the opposite direction measure the whole
+    band S. PV has moved when its settled mean (integrating plants: its slope) changed by five standard errors, and by a fifth
+    of what a small step of a moving valve does.
     """
     if not 0 < increment < big_step <= 50:
         raise ParameterError(

@@ -55,12 +55,6 @@ def check_file(path: str | Path) -> Contract:
 
 def check_in_subprocess(path: str | Path, seconds: float = CONTRACT_SECONDS) -> Contract:
     """Check one file as `check_file` does, in a process of its own: one that ends it, never answers or looks around is named.
-
-    Examples
-    --------
-    >>> from simbench.loop.valves import ideal
-    >>> check_in_subprocess(ideal.__file__).kept
-    True
     """
     kind = kind_of(path)
     if kind == "grid":
@@ -86,14 +80,7 @@ def _plain(path: str) -> dict:
 
 
 def kind_of(path: str | Path) -> str:
-    """Return of which kind a plug-in is by what it defines; nothing of it is run.
-
-    Examples
-    --------
-    >>> from simbench.loop.valves import deadband
-    >>> kind_of(deadband.__file__)
-    'valve'
-    """
+    """Return of which kind a plug-in is by what it defines; nothing of it is run."""
     path = Path(path)
     if path.suffix == ".toml":
         return "grid"

@@ -20,17 +20,8 @@ _BAND_TOLERANCE = 0.3  # % of travel: within both together, a measured number is
 def measured_band(stages: list[tuple[ModuleType, Any]], reach: float, middle: float = 50.13) -> tuple[float, float]:
     """Return the (S, J) that a chain of valve stages shows under an OP that creeps to and fro.
 
-    Notes
-    -----
     A valve that slides meets S at every reversal, one that stops at every sample needs S to S + J, by its phase. A hysteresis
-    of many plays shows their mean width. Not for valves whose own motion takes longer than minutes.
-
-    Examples
-    --------
-    >>> from simbench.loop.parameters import VALVES, valve_parameters
-    >>> kano = VALVES.load("kano")
-    >>> [round(x, 1) for x in measured_band([(kano, valve_parameters(kano, {"S": 4, "J": 2}, 1.0))], 10.0)]
-    [4.0, 2.0]
+    of many plays shows their mean width.
     """
     ends = [0.0, *(reach * t for t in _TURNS)]
     branches = [np.arange(a, b, np.sign(b - a) * _STEP) for a, b in pairwise(ends)]
@@ -53,8 +44,6 @@ def measured_band(stages: list[tuple[ModuleType, Any]], reach: float, middle: fl
 def band_fault(stages: list[tuple[ModuleType, Any]], S: float, J: float) -> str:
     """Return in which way a chain of valve stages does not do what it maps on; "" when it does.
 
-    Examples
-    --------
     >>> from simbench.loop.parameters import VALVES, valve_parameters
     >>> play = VALVES.load("deadband")
     >>> stage = (play, valve_parameters(play, {"S": 4.0}, 1.0))

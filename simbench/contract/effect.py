@@ -16,7 +16,7 @@ from detectors.record import LoopRecord
 from scenarios.spec import Loop
 from simbench.contract.band import band_fault
 from simbench.contract.recogniser import check_recogniser
-from simbench.contract.valve import schema_faults
+from simbench.contract.valve import schema_faults, shown
 from simbench.gap.effects import PLUGINS as RECOGNISERS
 from simbench.loop.effects import BLOCKS, PLUGINS
 from simbench.loop.parameters import Choice, Number
@@ -107,7 +107,7 @@ def _no_strength(name: str, module: ModuleType) -> Iterator[str]:
         if found.faults:
             yield from (f"{fault}, at no strength ({where} plant)" for fault in found.faults)
         elif found.refusal is None and not _same(found.value, plain):
-            yield f"is not the identity at no strength: the record changes at {_shown(no_strength(module))} ({where} plant)"
+            yield f"is not the identity at no strength: the record changes at {shown(no_strength(module))} ({where} plant)"
 
 
 def _some_strength(name: str, module: ModuleType) -> Iterator[str]:
@@ -115,16 +115,16 @@ def _some_strength(name: str, module: ModuleType) -> Iterator[str]:
     for table in strengths(module):
         found = _run(name, table)
         if found.faults:
-            yield from (f"{fault}, at {_shown(table)}" for fault in found.faults)
+            yield from (f"{fault}, at {shown(table)}" for fault in found.faults)
             return
         refused = str(found.refusal or "")
         if found.refusal is not None or _same(found.value, plain):
             continue
         if not _same(found.value, _run(name, table).value):
-            yield f"is not deterministic: the same seed gives another record at {_shown(table)}; draw from apply's rng"
+            yield f"is not deterministic: the same seed gives another record at {shown(table)}; draw from apply's rng"
         if np.array_equal(found.value.op, plain.op) != (module.ACTS == "record"):
             moved = "stays as it was" if module.ACTS == "loop" else "changes too"
-            yield f"says ACTS = {module.ACTS!r}, but OP {moved} at {_shown(table)}"
+            yield f"says ACTS = {module.ACTS!r}, but OP {moved} at {shown(table)}"
         yield from _label(name, table)
         short = _run(name, table, {**_EFFECT_LOOP, "sampling": {"Ts": 1.0, "n": 3}})
         yield from (f"{fault}, in a loop of 3 samples" for fault in short.faults)
@@ -140,7 +140,7 @@ def _label(name: str, table: dict[str, float | str]) -> Iterator[str]:
     if len(stages) == 1:
         S, J = setup.bands[setup.valves.index(stages[0])]
         if fault := band_fault(stages, S, J):
-            yield f"brings a valve stage that {fault}, at {_shown(table)}"
+            yield f"brings a valve stage that {fault}, at {shown(table)}"
 
 
 def _loop(name: str, parameters: dict[str, float | str], table: dict[str, Any] = _EFFECT_LOOP) -> Loop:
@@ -156,7 +156,3 @@ def _run(name: str, parameters: dict[str, float | str], table: dict[str, Any] = 
 
 def _same(a: LoopRecord, b: LoopRecord) -> bool:
     return all(np.array_equal(getattr(a, s), getattr(b, s)) for s in ("op", "pv", "mv", "sp"))
-
-
-def _shown(table: dict[str, float | str]) -> str:
-    return ", ".join(f"{key} = {value if isinstance(value, str) else f'{value:g}'}" for key, value in table.items())

@@ -30,13 +30,7 @@ _WORSE = 0.1  # nats by which a search may miss the fit it began from
 
 
 def check_recogniser(name: str) -> Contract:
-    """Check how an effect is recognised against its contract, on a short record without any effect.
-
-    Examples
-    --------
-    >>> check_recogniser("quantisation").broken
-    ()
-    """
+    """Check how an effect is recognised against its contract, on a short record without any effect."""
     r = PLUGINS.load(name).RECOGNISER
     if not isinstance(r, Recogniser):
         return Contract(

@@ -50,8 +50,6 @@ def check_valve(name: str) -> Contract:
 def _example_tables(module: ModuleType) -> tuple[list[dict[str, Any]], str]:
     """Return two sets of parameters that a valve takes, and what it said to those it refused.
 
-    Examples
-    --------
     >>> _example_tables(VALVES.load("deadband"))[0]
     [{'S': 4.0}, {'S': 7.0}]
     """
@@ -172,6 +170,5 @@ def _label_faults(module: ModuleType, table: dict[str, Any]) -> Iterator[str]:
 
 def shown(table: dict[str, Any]) -> str:
     """Return parameters in words."""
-    return (
-        ", ".join(f"{key} = {value if isinstance(value, str) else f'{value:g}'}" for key, value in table.items()) or "defaults"
-    )
+    said = (f"{key} = {value if isinstance(value, str) else f'{value:g}'}" for key, value in table.items())
+    return ", ".join(said) or "defaults"

@@ -27,9 +27,7 @@ class _Marks:
 def correlation(op: np.ndarray, pv: np.ndarray, Ts: float, reach: float) -> pd.DataFrame:
     """Return the cross-correlation Phi(tau) = sum (PV(t + tau) - mean)(OP(t) - mean), scaled to -1..1.
 
-    Notes
-    -----
-    Horch (1999), Eqs 11.6 to 11.8 of the chapter; summed directly here, by FFT in the detector. Not for long records.
+    Horch (1999), Eqs 11.6 to 11.8 of the chapter; summed directly here, by FFT in the detector.
     """
     u, y = op - op.mean(), pv - pv.mean()
     lags = np.arange(-round(reach / Ts), round(reach / Ts) + 1)

@@ -30,17 +30,14 @@ def ellipse_table(op: np.ndarray, pv: np.ndarray, found: Ellipse) -> pd.DataFram
     )
 
 
-def draw_ellipse(axes: Axes, data: pd.DataFrame, op_label: str, pv_label: str, title: str = "", limits: bool = True) -> None:
+def draw_ellipse(axes: Axes, data: pd.DataFrame, op_label: str, pv_label: str, title: str = "") -> None:
     """Draw the points, the ellipse, its limits and the chord along OP through the centre."""
     points, ring = data[data.curve == "data"], data[data.curve == "ellipse"]
     axes.plot(points["OP"], points["PV"], ".", color=GREY, markersize=2, label="filtered data")
     axes.plot(ring["OP"], ring["PV"], color=RED, linewidth=1.6, label="ellipse")
-    if limits:
-        for name in ("inner limit", "outer limit"):
-            curve = data[data.curve == name]
-            axes.plot(
-                curve["OP"], curve["PV"], color=BLUE, linestyle="--", linewidth=0.9, label="±10 %" if name[0] == "i" else None
-            )
+    for name, says in (("inner limit", "±10 %"), ("outer limit", None)):
+        curve = data[data.curve == name]
+        axes.plot(curve["OP"], curve["PV"], color=BLUE, linestyle="--", linewidth=0.9, label=says)
     half = float(data["S_apparent"].iloc[0]) / 2
     x0, y0 = (float(ring[c].max() + ring[c].min()) / 2 for c in ("OP", "PV"))
     arrow = {"arrowstyle": "<->", "color": ORANGE, "linewidth": 1.6, "shrinkA": 0, "shrinkB": 0}

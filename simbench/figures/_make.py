@@ -11,32 +11,21 @@ from typing import TYPE_CHECKING
 from detectors.errors import RecordError, UnknownName
 from detectors.records.io import RECORD_FILES
 from simbench.figures._records import NeedsRecord
-from simbench.files import folder, remove_stale_temporaries, whole_file, write_table
+from simbench.files import folder, remove_stale_temporaries, write_table
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    pass
 
-_DPI = 110
 NEEDS = {"isdb": "ISDB", "run": "--run"}
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """What became of one figure.
+    """What became of one figure."""
 
-    Parameters
-    ----------
-    id : str
-        Public id.
-    files : tuple of Path
-        SVG, PNG and CSV; empty when it was left out.
-    left_out : str
-        Why it was not drawn; "" when it was.
-    """
-
-    id: str
-    files: tuple[Path, ...] = ()
-    left_out: str = ""
+    id: str  # public id
+    files: tuple[Path, ...] = ()  # SVG, PNG and CSV; empty when it was left out
+    left_out: str = ""  # why it was not drawn; "" when it was
 
 
 def figure_ids() -> list[str]:
@@ -81,6 +70,7 @@ def make_figures(
 
 def _one(name: str, target: Path, given: dict[str, str | Path | None]) -> Drawn:
     from simbench.catalogue import FIGURES
+    from simbench.figures._style import write_picture
 
     figure = FIGURES.load(name.replace("-", "_"))
     wants = [p for p in inspect.signature(figure.data).parameters if p in NEEDS]
@@ -93,15 +83,7 @@ def _one(name: str, target: Path, given: dict[str, str | Path | None]) -> Drawn:
         return Drawn(name, left_out=str(error))
     files = tuple(target / f"{name}{suffix}" for suffix in (".svg", ".png", ".csv"))
     picture = figure.draw(numbers)
-    _save(picture, files[0], "svg")
-    _save(picture, files[1], "png")
+    for file in files[:2]:
+        write_picture(picture, file, simplified=0.3)
     write_table(numbers, files[2], float_format="%.6g")
     return Drawn(name, files)
-
-
-def _save(picture: Figure, path: Path, kind: str) -> None:
-    import matplotlib
-
-    # the same numbers give the same bytes: no date, and ids from a fixed salt
-    with matplotlib.rc_context({"svg.hashsalt": path.stem, "path.simplify_threshold": 0.3}), whole_file(path, "wb") as f:
-        picture.savefig(f, format=kind, dpi=_DPI, metadata={"Date": None} if kind == "svg" else {"Software": None})

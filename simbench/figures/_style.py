@@ -59,11 +59,12 @@ def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
     return wrapped
 
 
-def write_picture(figure: Figure, path: str | Path) -> None:
-    """Write a figure in the format that the file's name asks for."""
+def write_picture(figure: Figure, path: str | Path, simplified: float | None = None) -> None:
+    """Write a figure in the format that the file's name asks for; the same numbers give the same bytes."""
     kind = picture_kind(path)
     plain = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {"Software": None}}
-    with matplotlib.rc_context({"svg.hashsalt": Path(path).stem}), whole_file(path, "wb") as f:
+    rc = {"svg.hashsalt": Path(path).stem} | ({"path.simplify_threshold": simplified} if simplified else {})
+    with matplotlib.rc_context(rc), whole_file(path, "wb") as f:
         figure.savefig(f, format=kind, dpi=110, metadata=plain[kind])
 
 

@@ -20,16 +20,8 @@ SOURCE = "Demsar (2006), J. Mach. Learn. Res. 7, 1, figure 1, drawn with one bar
 def data(run) -> pd.DataFrame:
     """Rank the detectors of a run.
 
-    Parameters
-    ----------
-    run : str or Path
-        Folder of a finished run with at least three stiction detectors that apply to all of it and do without MV.
-
-    Returns
-    -------
-    DataFrame
-        method, mean_rank (1 = best, ties shared), half_width (half the critical difference), accuracy, lo, hi, cases, home
-        (where its constants were fitted).
+    Columns: method, mean_rank (1 = best, ties shared), half_width (half the critical difference), accuracy, lo, hi, cases, home
+    (where its constants were fitted).
     """
     from simbench.bench.score.compare import compare
 

@@ -31,10 +31,7 @@ ASIDE = {
 def data() -> pd.DataFrame:
     """Walk each shape ten times and compute the indices.
 
-    Returns
-    -------
-    DataFrame
-        panel, OP, MV (no unit), symbol of the side that leaves the corner, rho1 (-), rho2 (-), rho3 (-).
+    Columns: panel, OP, MV (no unit), symbol of the side that leaves the corner, rho1 (-), rho2 (-), rho3 (-).
     """
     rows = []
     for panel, corners in SHAPES.items():

@@ -33,10 +33,8 @@ STICKY = {
 def data() -> pd.DataFrame:
     """Simulate both loops and correlate their second halves.
 
-    Returns
-    -------
-    DataFrame
-        panel, part ("trend" or "correlation"), t (s), OP (%), PV (deviation, PV units), lag (s), Phi (-), dtau (-), drho (-).
+    Columns: panel, part ("trend" or "correlation"), t (s), OP (%), PV (deviation, PV units), lag (s), Phi (-), dtau (-), drho
+    (-).
     """
     rows = []
     record = simulate(Loop.from_table(HEALTHY)).record.window(2000, 4000)

@@ -18,15 +18,7 @@ PRINTED = {"CHEM1": (0.73, 0.40), "PAP4": (0.13, 0.0)}
 def data(isdb: str) -> pd.DataFrame:
     """Correlate OP and PV of both loops, conditioned as the detector does.
 
-    Parameters
-    ----------
-    isdb : str or Path
-        ISDB file or folder of records.
-
-    Returns
-    -------
-    DataFrame
-        loop, lag (s), Phi (-), dtau (-), drho (-).
+    Columns: loop, lag (s), Phi (-), dtau (-), drho (-).
     """
     rows = []
     for name in PRINTED:

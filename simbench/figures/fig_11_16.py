@@ -36,10 +36,7 @@ def loop(w_Ti: float, Kc: float) -> Loop:
 def data() -> pd.DataFrame:
     """Simulate the three tunings, judge each by Horch's method and correlate its last 20 periods.
 
-    Returns
-    -------
-    DataFrame
-        w_Ti, Kc, verdict, lag (s), Phi (-), dtau (-), drho (-).
+    Columns: w_Ti, Kc, verdict, lag (s), Phi (-), dtau (-), drho (-).
     """
     rows = []
     for w_Ti, (_, Kc) in CASES.items():

@@ -18,10 +18,7 @@ SOURCE = "own drawing after Jelali (2013), Fig. 11.19 and Procedure 11.3; detect
 def data() -> pd.DataFrame:
     """Lay out the procedure from the method's own bounds.
 
-    Returns
-    -------
-    DataFrame
-        shape, part, x, y, text.
+    Columns: shape, part, x, y, text.
     """
     bounds = METHOD.defaults()
     return sketch(

@@ -16,10 +16,7 @@ SOURCE = "own drawing after Jelali (2013), Fig. 11.2"
 def data() -> pd.DataFrame:
     """Lay out tank, transmitter, controller and valve.
 
-    Returns
-    -------
-    DataFrame
-        shape, part, x, y, text.
+    Columns: shape, part, x, y, text.
     """
     return sketch(
         arrow([(-1.4, 2.6), (0.6, 2.6), (0.6, 1.9)], "inflow (load)", (-0.5, 2.8)),

@@ -28,10 +28,7 @@ LOOP = {
 def data() -> pd.DataFrame:
     """Simulate four periods, add measurement noise, filter, and fit.
 
-    Returns
-    -------
-    DataFrame
-        curve, OP (%), PV (%), fitness (-), S_apparent (%), and the ellipse's a, b (%) and alpha (rad).
+    Columns: curve, OP (%), PV (%), fitness (-), S_apparent (%), and the ellipse's a, b (%) and alpha (rad).
     """
     cycle = sustained_cycle(Loop.from_table(LOOP), periods=10)
     period = cycle["period (s)"].iloc[0]

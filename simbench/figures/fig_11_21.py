@@ -15,15 +15,7 @@ SOURCE = "Jelali (2013), Fig. 11.21 and Example 11.5; data: ISDB loop CHEM30"
 def data(isdb: str) -> pd.DataFrame:
     """Read CHEM30 and compute its bicoherence as it is.
 
-    Parameters
-    ----------
-    isdb : str or Path
-        ISDB file or folder of records.
-
-    Returns
-    -------
-    DataFrame
-        As `simbench.figures._nonlinearity.nonlinearity`.
+    As `simbench.figures._nonlinearity.nonlinearity`.
     """
     record = real_loop(isdb, "CHEM30", kind="flow")
     return nonlinearity(record, record.op, record.pv)

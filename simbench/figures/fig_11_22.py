@@ -17,15 +17,7 @@ SOURCE = "Jelali (2013), Fig. 11.22 and Example 11.5 (apparent stiction 0.43 %);
 def data(isdb: str) -> pd.DataFrame:
     """Filter CHEM30 around its oscillation and compute bicoherence and ellipse of its most regular stretch.
 
-    Parameters
-    ----------
-    isdb : str or Path
-        ISDB file or folder of records.
-
-    Returns
-    -------
-    DataFrame
-        As `simbench.figures._nonlinearity.nonlinearity`.
+    As `simbench.figures._nonlinearity.nonlinearity`.
     """
     record = real_loop(isdb, "CHEM30", kind="flow")
     period = find_oscillation(record.op, record.pv, record.Ts).period_s / record.Ts

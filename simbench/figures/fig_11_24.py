@@ -21,10 +21,7 @@ LOOP = {
 def data() -> pd.DataFrame:
     """Lower Kc from 1 to 0.6 in a sticky loop.
 
-    Returns
-    -------
-    DataFrame
-        As `simbench.figures._gain.gain_table`.
+    As `simbench.figures._gain.gain_table`.
     """
     return gain_table(Loop.from_table(LOOP), 0.6)
 

@@ -21,10 +21,7 @@ PHASES = {"sticking": RED, "jump": ORANGE, "motion": BLUE}
 def data() -> pd.DataFrame:
     """Drive Choudhury's valve once up, with a pause, and down.
 
-    Returns
-    -------
-    DataFrame
-        OP (%), MV (%), phase of the step that ends in the sample.
+    Columns: OP (%), MV (%), phase of the step that ends in the sample.
     """
     ramp = [(0, 50), (40, 10), (60, 10), (115, 65), (120, 65), (145, 90), (155, 90), (235, 10), (240, 10), (295, 65)]
     op = np.interp(np.arange(0.0, 295.25, 0.25), *zip(*ramp))

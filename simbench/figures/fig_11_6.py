@@ -22,15 +22,7 @@ LOOPS = (
 def data(isdb: str) -> pd.DataFrame:
     """Read four sticky flow loops.
 
-    Parameters
-    ----------
-    isdb : str or Path
-        ISDB file or folder of records.
-
-    Returns
-    -------
-    DataFrame
-        loop, t (s), OP, PV (both in the record's own units).
+    Columns: loop, t (s), OP, PV (both in the record's own units).
     """
     rows = []
     for name in LOOPS:

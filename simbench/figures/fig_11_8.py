@@ -34,10 +34,7 @@ def loop(panel: str, J: float) -> Loop:
 def data() -> pd.DataFrame:
     """Compute the curves and where they meet.
 
-    Returns
-    -------
-    DataFrame
-        panel, curve ("L", "-1/N" or "intersection"), J (%), Re (-), Im (-), w (rad/s), A (%), period (s).
+    Columns: panel, curve ("L", "-1/N" or "intersection"), J (%), Re (-), Im (-), w (rad/s), A (%), period (s).
     """
     rows = []
     for panel in PLANTS:

@@ -33,10 +33,7 @@ def loop(Td_over_T: float, S_over_2J: float) -> Loop:
 def data() -> pd.DataFrame:
     """Simulate six loops until they cycle and keep three periods.
 
-    Returns
-    -------
-    DataFrame
-        panel, Td_over_T, S_over_2J, period (s), t (s), OP (%), MV (%), PV (deviation from SP, % as K = 1).
+    Columns: panel, Td_over_T, S_over_2J, period (s), t (s), OP (%), MV (%), PV (deviation from SP, % as K = 1).
     """
     rows = []
     for panel, Td_over_T, S_over_2J in PANELS:

@@ -32,10 +32,7 @@ def loop(Td_over_Ti: float, S_over_2J: float) -> Loop:
 def data() -> pd.DataFrame:
     """Simulate six loops until they cycle and keep three periods.
 
-    Returns
-    -------
-    DataFrame
-        panel, Td_over_Ti, S_over_2J, period (s), t (s), OP (%), MV (%), PV (deviation from SP, PV units).
+    Columns: panel, Td_over_Ti, S_over_2J, period (s), t (s), OP (%), MV (%), PV (deviation from SP, PV units).
     """
     rows = []
     for panel, Td_over_Ti, S_over_2J in PANELS:

@@ -22,22 +22,8 @@ VALVES = {True: ("sticky valve", RED, "o"), False: ("healthy valve under a sine"
 def data(run: str | Path) -> pd.DataFrame:
     """Collect Horch's indices from the section `horch` of a run of grid own-ground.
 
-    Parameters
-    ----------
-    run : str or Path
-        Folder of the run.
-
-    Returns
-    -------
-    DataFrame
-        w_Ti (-), sticky, noise_ratio (-), dtau (-), drho (-), verdict; by w_Ti. It is the cotangent of the sampled
-        controller's phase lag, (2 Ti/Ts + 1) tan(w Ts/2): a backward-Euler integral leads the continuous one by half a
-        sample.
-
-    Raises
-    ------
-    ParameterError
-        When the run has no such section.
+    Columns: w_Ti (-), sticky, noise_ratio (-), dtau (-), drho (-), verdict; by w_Ti. It is the cotangent of the sampled
+    controller's phase lag, (2 Ti/Ts + 1) tan(w Ts/2): a backward-Euler integral leads the continuous one by half a sample.
     """
     scenarios, verdicts = (read_table(run, kind).to_pandas() for kind in ("scenarios", "verdicts"))
     both = scenarios[scenarios.block == "horch"].merge(verdicts[verdicts.method == "horch"], on="scenario_id")
@@ -55,16 +41,8 @@ def data(run: str | Path) -> pd.DataFrame:
 def switches(data: pd.DataFrame) -> pd.DataFrame:
     """Return at which w Ti the verdict changes.
 
-    Parameters
-    ----------
-    data : DataFrame
-        As `data` gives it.
-
-    Returns
-    -------
-    DataFrame
-        sticky, verdict ("stiction": given below this w Ti, "no_stiction": above), w_Ti, expected; w_Ti is where a cut
-        separates the verdict from the rest with the fewest exceptions.
+    Columns: sticky, verdict ("stiction": given below this w Ti, "no_stiction": above), w_Ti, expected; w_Ti is where a cut
+    separates the verdict from the rest with the fewest exceptions.
     """
     rows = []
     for sticky, part in data.groupby("sticky"):

@@ -25,15 +25,8 @@ _MARKS = "osD^vPX<>*"
 def data(run: str | Path) -> pd.DataFrame:
     """Score S and J by method and family of valves.
 
-    Parameters
-    ----------
-    run : str or Path
-        Folder of a finished run with methods that give S or J, best of grid families.
-
-    Returns
-    -------
-    DataFrame
-        method, family, parameter, n, median_error, coverage, width, and lo and hi of the coverage; families of 20 and more.
+    Columns: method, family, parameter, n, median_error, coverage, width, and lo and hi of the coverage; families of 20 and
+    more.
     """
     found = quantification(RunArrays.read(run))
     found = found[found.n >= LEAST].reset_index(drop=True)

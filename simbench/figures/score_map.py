@@ -29,17 +29,9 @@ MOST_LEVELS = 8  # levels of an axis; more are put into so many groups of like s
 def data(run: str | Path) -> pd.DataFrame:
     """Count right answers against `cycled`, with the oscillation front end.
 
-    Parameters
-    ----------
-    run : str or Path
-        Folder of a finished run.
-
-    Returns
-    -------
-    DataFrame
-        method, plant, ratio (Td/T, or Td/Ti of integrating loops), S_over_2J (0 healthy, inf dead-band), n, applicable (of
-        n), right and no_decision (shares of the applicable; NaN where there are none), lo, hi (95 % interval of right), home
-        (where the method's constants were fitted).
+    Columns: method, plant, ratio (Td/T, or Td/Ti of integrating loops), S_over_2J (0 healthy, inf dead-band), n, applicable (of
+    n), right and no_decision (shares of the applicable; NaN where there are none), lo, hi (95 % interval of right), home (where
+    the method's constants were fitted).
     """
     return cells(RunArrays.read(run))
 
@@ -68,13 +60,7 @@ def cells(book: RunArrays) -> pd.DataFrame:
 
 
 def levels(values: np.ndarray) -> np.ndarray:
-    """Return values as they are, or put into few groups, each named by its middle; 0 and inf keep a level of their own.
-
-    Examples
-    --------
-    >>> levels(np.array([0.0, 0.1, 0.1, np.inf])).tolist()
-    [0.0, 0.1, 0.1, inf]
-    """
+    """Return values as they are, or put into few groups, each named by its middle; 0 and inf keep a level of their own."""
     if np.unique(values).size <= MOST_LEVELS:
         return values
     plain = np.isfinite(values) & (values > 0)

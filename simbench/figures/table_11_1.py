@@ -20,10 +20,7 @@ VALVES = {
 def data() -> pd.DataFrame:
     """Measure three valves as an engineer would: in manual, by steps.
 
-    Returns
-    -------
-    DataFrame
-        parameter, ideal, practical, and per valve the measured value and whether it is acceptable (NAME: ok).
+    Columns: parameter, ideal, practical, and per valve the measured value and whether it is acceptable (NAME: ok).
     """
     graded = {name: grade(_loop(*valve)) for name, valve in VALVES.items()}
     first = next(iter(graded.values()))

@@ -26,16 +26,8 @@ FEWEST = 10  # loops: a share of fewer is not shown
 def data(run: str | Path) -> pd.DataFrame:
     """Count by method and valve family.
 
-    Parameters
-    ----------
-    run : str or Path
-        Folder of a finished run, best of grid families, where every family stands in the same cells.
-
-    Returns
-    -------
-    DataFrame
-        method, valve, cycling, n, stiction (share) with Wilson's lo and hi, home (where the method's constants were fitted);
-        best method first.
+    Columns: method, valve, cycling, n, stiction (share) with Wilson's lo and hi, home (where the method's constants were
+    fitted); best method first.
     """
     book = RunArrays.read(run)
     found = rates(read(run))

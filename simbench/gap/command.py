@@ -42,8 +42,6 @@ def diagnose_files(
 ) -> GapReport:
     """Diagnose the records of one loop beside its loop file.
 
-    Examples
-    --------
     >>> import tempfile, pathlib
     >>> from simbench.files import write_record
     >>> from random_case import random_case

@@ -106,9 +106,9 @@ def diagnose(
         weights = closing(classify(found), found, runs)
         if named_by(weights, found) != [UNKNOWN]:
             return report(found, weights, runs, more)
-        like = described(found.situation, search(found.situation, held_out(found.situation)), seed)
+        like = described(found.situation, search(found.situation, held_out(found.situation)), lambda: found, seed)
         if like.block:
-            # a law that pays on unseen samples says where, better than a test that fails
+            # a law that pays on unseen samples, or all the evidence together, says where better than a test that fails
             weights = replace(weights, unknown_block=like.block)
         return replace(report(found, weights, runs, more), looks_like=like)
 
@@ -120,12 +120,12 @@ def _assess_one(
     refuse_unfit(record, f"record {record.tag!r}" if record.tag else "record")
     loop, given, said = completed(record, baseline)
     situation = check(record, loop, trusted="plant" in given, tuned="controller" in given)
-    odds, silent = None, []
+    found = beside_tests(replace(situation, notes=[*situation.notes, *said]), tests)
     try:
-        odds = friction(record, baseline).log_odds
+        odds = friction(record, baseline, found).log_odds
     except UserError as why:
-        silent = [f"{FRICTION}: cannot tell, {why}"]
-    found = beside_tests(replace(situation, notes=[*situation.notes, *said, *silent]), tests)
+        odds, silent = None, f"{FRICTION}: cannot tell, {why}"
+        found = replace(found, situation=replace(found.situation, notes=[*found.situation.notes, silent]))
     sticky = None if odds is None else probability(odds) >= DENIED_BELOW
     return found if situation.trusted else plausible(found, sticky), odds
 
@@ -214,7 +214,10 @@ def _unless_wide(weights: Classified, found: Assessment, runs: ClosedLoops) -> C
     if left > 1.0 and not found.situation.trusted:
         return weights.refuted(NONE, block)
     lacks = runs.lacking
-    return weights if lacks is None or lacks.least <= _WIDE else weights.refuted(NONE, block if left > 1.0 else lacks.block)
+    if lacks is None or lacks.least <= _WIDE or (left <= 1.0 and found.tested and lacks.block != "sensor"):
+        # tests under which the model is whole refute that plant, valve or load lack something
+        return weights
+    return weights.refuted(NONE, block if left > 1.0 else lacks.block)
 
 
 def _wide(found: Assessment, runs: ClosedLoops) -> bool:

@@ -5,9 +5,9 @@ A law is fitted to the first part of the record and judged by what it leaves on 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -19,18 +19,15 @@ from simbench.gap.controller.regression import FORMS
 from simbench.gap.law import FoundLaw
 from simbench.gap.situation import Situation
 from simbench.loop.laws import LAW_FORMS
-from simbench.loop.laws.forms import running_mean
 
 _EXPLAINS = 0.6  # share of what the law without the new term leaves, below which the term is the law
 _MEAN_EXPLAINS = 0.3  # the same where a mean of the archive's would explain OP as well
 _LEARNT = 0.65  # share of the record that a law is fitted to, where the record is diagnosed
 _PROOF = 60.0  # nats from which a law needs no statistics
-_TOLD = 0.5  # nats a sample of what the law's own examination shows
 _IDLE = 0.05  # share of samples in which OP stands though the law would move it
 _ENDS = 0.02  # share of samples of PV exactly at its largest or smallest
+_REPEATS = 1e-3  # chance that OP repeats itself where the law asks for many times its digits
 _HELD = 0.02  # share of samples of PV that repeat the last one beyond chance
-_ORDINARY_MEAN = 3.0  # samples up to which a mean is any archive's
-_PRICE = 1.5  # nats of a change between running and idle
 
 _Numbers = dict[str, float]
 
@@ -38,33 +35,58 @@ _Numbers = dict[str, float]
 @lru_cache(maxsize=4)
 def controller_law(s: Situation, first: int) -> FoundLaw | None:
     """Return the law between error and OP that the baseline's does not know; None where the baseline's explains OP."""
-    if s.law.known and not s.law.averaged and not any(fact in s.facts for fact in ("limits", "gap", "step", "tuning")):
-        return None
-    if (told := _told(s, first)) is not None:
-        return told
-    if s.baseline.controller.type == "PID":
-        return None  # its terms are the baseline's own
+    told = _told(s, first)
+    if told or (s.law.known and not s.law.averaged) or s.baseline.controller.type == "PID":
+        # a PID's terms are the baseline's own
+        return max(told, key=lambda one: one.nats, default=None)
     law = _Controller.of(s)
-    plain, found = law.left({}), []
-    for form, guesses, names in _TERMS:
-        found += [law.fitted(form, names, guess, first, plain) for guess in guesses(law)]
-    found.append(law.idle(first, plain))
-    good = [one for one in found if one is not None]
-    best = max(good, key=lambda one: one.nats, default=None)
+    plain = law.left({})
+    found = [law.idle(first, plain), *(law.fitted(*term, first, plain) for term in law.terms())]
+    best = max((one for one in found if one is not None), key=lambda one: one.nats, default=None)
     # a mean of the archive's looks like a term of the controller, but explains less
-    if best is not None and s.law.averaged and best.nats < -np.log(_MEAN_EXPLAINS) * (s.record.n - first):
-        return None
-    return best
+    few = best is not None and s.law.averaged and best.nats < -np.log(_MEAN_EXPLAINS) * (s.record.n - first)
+    return None if few else best
 
 
-def _told(s: Situation, first: int) -> FoundLaw | None:
-    """Return what the examination of the law has measured already: exact, so that every sample speaks for it."""
-    law, nats = s.law, _TOLD * (s.record.n - first)
+def _told(s: Situation, first: int) -> list[FoundLaw]:
+    """Return the laws whose form the examination of OP has told already, each where it pays."""
+    law, op = s.law, s.op
+    unit = max(written_unit(op, np.asarray(s.record.pv)), 1e-6 * float(np.std(op)), 1e-9)
     if law.limits is not None:
-        return FoundLaw("limits", {"low": law.limits[0], "high": law.limits[1]}, nats)
-    if law.gap > 0.0 or law.step > 0.0:
-        return FoundLaw("rest", {m: v for m, v in (("width", law.gap), ("step", law.step)) if v > 0.0}, nats)
-    return None if law.tuning is None else FoundLaw("tuning", dict(zip(("gain", "integral"), law.tuning)), nats)
+        numbers = {"low": law.limits[0], "high": law.limits[1]}
+        return [_read_off("limits", numbers, np.isin(op, law.limits), unit / float(np.ptp(op)), first)]
+    out = []
+    if law.gap > 0.0:
+        still, moves = np.append(False, np.diff(op) == 0.0), float(np.std(np.diff(op)))
+        out.append(_read_off("rest", {"width": law.gap}, still, unit / moves, first))
+    if law.step > 0.0:
+        out.append(_read_off("rest", {"step": law.step}, _on_lattice(op, law.step, unit), unit / law.step, first))
+    if law.tuning is not None:
+        c, guess = _Controller.of(s), dict(zip(("gain", "integral"), law.tuning))
+        by = {name: 0.1 * value for name, value in guess.items()}
+        tries = [x.fitted("tuning", guess, by, first, c.left({})) for x in (c._replace(newest=share) for share in FORMS)]
+        out += [one for one in tries if one is not None]
+    return out
+
+
+def _on_lattice(x: np.ndarray, step: float, unit: float) -> np.ndarray:
+    return np.abs(x - x[0] - step * np.round((x - x[0]) / step)) < 0.75 * unit
+
+
+def _read_off(form: str, numbers: _Numbers, event: np.ndarray, q: float, first: int, on: np.ndarray | None = None) -> FoundLaw:
+    """Return a law that shows in single samples, whose numbers are read off, not fitted.
+
+    How often its `event` (n,) happens is learnt from one part of the record and judged on the other beside a chance `q` of
+    it, the better of both ways (Wasserman, Ramdas & Balakrishnan 2020, cross-fit).
+    """
+    q = float(np.clip(q, 1e-6, 0.5))
+
+    def nats(learn: np.ndarray, judge: np.ndarray) -> float:
+        p, hits = float(np.clip((learn.sum() + 0.5) / (learn.size + 1.0), q, 1.0 - 1e-6)), int(judge.sum())
+        return float(hits * np.log(p / q) + (judge.size - hits) * np.log((1.0 - p) / (1.0 - q)))
+
+    parts = event[:first], event[first:]
+    return FoundLaw(form, numbers, max(nats(*parts), nats(*parts[::-1])) - float(np.log(2.0)), on=on)
 
 
 class _Controller(NamedTuple):
@@ -99,7 +121,7 @@ class _Controller(NamedTuple):
         counts = e * (get("gain", 1.0) + get("square", 0.0) * np.abs(e)) + get("side", 0.0) * np.abs(e)
         change = np.diff(counts)
         adds = self.newest * counts[1:] + (1.0 - self.newest) * counts[:-1]
-        du = self.Kc * (change - (1.0 - get("weight", 1.0)) * self.moves) + self.Ki * adds
+        du = self.Kc * (change - (1.0 - get("weight", 1.0)) * self.moves) + self.Ki / get("integral", 1.0) * adds
         du = du * np.maximum(1.0 + get("schedule", 0.0) * (self.op[:-1] - self.op.mean()), 0.05)
         if get("Td", 0.0):
             follow = 1.0 / (1.0 + max(get("filter", 0.0), 0.0) / self.Ts)
@@ -112,36 +134,41 @@ class _Controller(NamedTuple):
         """Return the mean size of what is left; digits bound it from below."""
         return float(np.mean(np.abs(left))) + self.unit
 
-    def law(
-        self, form: str, numbers: _Numbers, first: int, plain: np.ndarray, left: np.ndarray, **more: Any
-    ) -> FoundLaw | None:
-        """Return the law where it leaves plainly less than the plain one of the samples it was not fitted to."""
-        ratio = self.misfit(left[first:]) / self.misfit(plain[first:])
-        if not ratio < _EXPLAINS:
-            return None
-        nats = -(left[first:].size) * np.log(ratio) - more.pop("price", 0.0)
-        evidence = np.append(0.0, np.log((np.abs(plain) + self.unit) / (np.abs(left) + self.unit)))
-        return FoundLaw(form, numbers, float(nats), evidence=evidence, **more) if nats > 0.0 else None
-
-    def fitted(self, form: str, names: tuple[str, ...], guess: _Numbers, first: int, plain: np.ndarray) -> FoundLaw | None:
-        """Return a law with some of its numbers fitted robustly to the first part, from a guess."""
+    def fitted(self, form: str, guess: _Numbers, by: _Numbers, first: int, plain: np.ndarray) -> FoundLaw | None:
+        """Return a law with its numbers fitted robustly to the first part, from a guess and in steps of `by`."""
         scale = max(self.misfit(plain[:first]), self.unit)
 
         def misfit(x: np.ndarray) -> np.ndarray:
-            return self.left(dict(zip(names, x)))[:first] / scale
+            return self.left(dict(zip(guess, x)))[:first] / scale
 
         with np.errstate(all="ignore"):
             found = least_squares(
-                misfit, [guess[m] for m in names], loss="soft_l1", f_scale=0.1, x_scale=[guess[m + "_by"] for m in names],
-                max_nfev=60,
+                misfit, [*guess.values()], loss="soft_l1", f_scale=0.1, x_scale=[*by.values()], max_nfev=60
             )  # fmt: skip
-        numbers = {m: float(v) for m, v in zip(names, found.x)}
-        if not all(np.isfinite(v) for v in numbers.values()) or any(numbers.get(m, 1.0) < 0.0 for m in _POSITIVE):
+        numbers = {m: float(v) for m, v in zip(guess, found.x)}
+        if not all(np.isfinite(v) and (v >= 0.0 or m not in _POSITIVE) for m, v in numbers.items()):
             return None
-        left = self.left(numbers)
         spread = np.sqrt(np.maximum(np.diag(np.linalg.pinv(found.jac.T @ found.jac)), 0.0)) * float(np.std(misfit(found.x)))
         intervals = {m: (v - 2 * float(d), v + 2 * float(d)) for (m, v), d in zip(numbers.items(), spread)}
-        return self.law(form, numbers, first, plain, left, intervals=intervals)
+        left = self.left(numbers)
+        ratio = self.misfit(left[first:]) / self.misfit(plain[first:])
+        evidence = np.append(0.0, np.log((np.abs(plain) + self.unit) / (np.abs(left) + self.unit)))
+        nats = -float(np.log(ratio)) * left[first:].size
+        return FoundLaw(form, numbers, nats, evidence, intervals=intervals) if ratio < _EXPLAINS else None
+
+    def terms(self) -> Iterator[tuple[str, _Numbers, _Numbers]]:
+        """Yield form, first guess and step of each term that may be missing."""
+        e, op, Ts = float(np.std(self.e)) or 1.0, float(np.std(self.op)) or 1.0, self.Ts
+        for name, step, guess in (("square", 0.3 / e, 0.3 / e), ("side", 0.2, 0.2), ("schedule", 0.2 / op, 0.05 / op)):
+            for gain, value in ((1.0, 0.0), (0.3, guess)):
+                yield "regime", {"gain": gain, name: value}, {"gain": 0.3, name: step}
+        pace = abs(self.Kc / self.Ki) * Ts if self.Ki else 10 * Ts
+        for share in (0.05, 0.3, 1.0):
+            yield "derivative", {"Td": share * pace, "filter": 0.1 * share * pace}, {"Td": 0.1 * pace, "filter": 0.05 * pace}
+        yield "weight", {"weight": 0.5}, {"weight": 0.5}
+        fall, rise = (Ts / max(float(np.quantile(side * np.diff(self.op), 0.95)), self.unit) for side in (-1.0, 1.0))
+        for down, up in ((fall, 0.0), (0.0, rise), (fall, rise)):
+            yield "ramps", {"down": down, "up": up}, dict.fromkeys(("down", "up"), max(down, up, 1e-9))
 
     def idle(self, first: int, plain: np.ndarray) -> FoundLaw | None:
         """Return the law of a controller that does not run in some samples, where OP stands though it should move."""
@@ -165,89 +192,34 @@ class _Controller(NamedTuple):
                 tries.append(np.diff(self.op) - np.where(idle[1:], 0.0, self.Kc * (self.e[1:] - before) + self.Ki * counts))
         left = min(tries, key=self.misfit)
         length = float(np.mean(runs[:, 1] - runs[:, 0])) * self.Ts
-        numbers = {"share": share, "length": length}
-        # nothing but how often and how long is fitted: the spells may all lie in the first part
-        return self.law("idle", numbers, 0, plain, left, on=idle, price=2 * len(runs) * _PRICE)
+        if not self.misfit(left) < _EXPLAINS * self.misfit(plain):
+            return None
+        return _read_off("idle", {"share": share, "length": length}, idle, _REPEATS, first, idle)
 
 
-def _regimes(c: _Controller) -> list[_Numbers]:
-    e, op = float(np.std(c.e)) or 1.0, float(np.std(c.op)) or 1.0
-    by = {"gain_by": 0.3, "square_by": 0.3 / e, "side_by": 0.2, "schedule_by": 0.2 / op}
-    plain = {"square": 0.0, "side": 0.0, "schedule": 0.0, "gain": 1.0}
-    return [by | plain, by | plain | {"square": 0.3 / e, "gain": 0.3, "side": 0.2, "schedule": 0.05 / op}]
-
-
-def _derivatives(c: _Controller) -> list[_Numbers]:
-    pace = abs(c.Kc / c.Ki) * c.Ts if c.Ki else 10 * c.Ts
-    return [
-        {"Td": share * pace, "Td_by": 0.1 * pace, "filter": 0.1 * share * pace, "filter_by": 0.05 * pace}
-        for share in (0.05, 0.3, 1.0)
-    ]
-
-
-def _speeds(c: _Controller) -> list[_Numbers]:
-    du = np.diff(c.op)
-    out = []
-    for down, up in ((0.05, None), (None, 0.95), (0.05, 0.95)):
-        slow_down = c.Ts / max(-float(np.quantile(du, down)), c.unit) if down else 0.0
-        slow_up = c.Ts / max(float(np.quantile(du, up)), c.unit) if up else 0.0
-        by = max(slow_down, slow_up, 1e-9)
-        out.append({"down": slow_down, "up": slow_up, "down_by": by, "up_by": by})
-    return out
-
-
-_POSITIVE = ("gain", "Td", "down", "up")
-_TERMS: tuple[tuple[str, Callable[[_Controller], list[_Numbers]], tuple[str, ...]], ...] = (
-    ("regime", _regimes, ("gain", "square")),
-    ("regime", _regimes, ("gain", "side")),
-    ("regime", _regimes, ("gain", "schedule")),
-    ("derivative", _derivatives, ("Td", "filter")),
-    ("weight", lambda c: [{"weight": 0.5, "weight_by": 0.5}], ("weight",)),
-    ("ramps", _speeds, ("down", "up")),
-)
+_POSITIVE = ("gain", "integral", "Td", "down", "up")
 
 
 @lru_cache(maxsize=4)
 def sensor_law(s: Situation, first: int) -> FoundLaw | None:
-    """Return what single samples of PV show: stairs, ends of a range, spells in which it stands, a mean over a window."""
-    pv, Ts, n = np.asarray(s.record.pv), s.record.Ts, s.record.n
+    """Return what single samples of PV show: stairs, ends of a range, spells in which it stands."""
+    pv = np.asarray(s.record.pv)
     unit = max(s.samples.resolution, 1e-9 * float(np.ptp(pv)))
     if s.archive.rounding is not None:
         step = s.archive.rounding[0]
-        return FoundLaw("stairs", {"step": step}, float((n - first) * np.log(max(step / unit, 2.0))))
-    averaged = _mean_law(s, first)
-    if averaged is not None:
-        return averaged
-    chance = float(np.log(max(float(np.std(np.diff(pv))) / unit, 2.0)))
+        return _read_off("stairs", {"step": step}, _on_lattice(pv, step, unit), min(unit / step, 0.5), first)
+    chance = unit / max(float(np.std(np.diff(pv))), unit)
     stands = np.append(False, np.diff(pv) == 0.0)
-    ends = {"low": pv == pv.min(), "high": pv == pv.max()}
-    clipped = {name: at for name, at in ends.items() if at.mean() > _ENDS}
-    if clipped and stands[np.any(list(clipped.values()), axis=0)].mean() > 0.3:
-        hits = sum(int(at.sum()) for at in clipped.values())
-        numbers = {name: float(pv.min() if name == "low" else pv.max()) for name in clipped}
-        return FoundLaw("clipped", numbers, hits * chance, on=np.any(list(clipped.values()), axis=0))
+    ends = {name: end for name, end in (("low", float(pv.min())), ("high", float(pv.max()))) if np.mean(pv == end) > _ENDS}
+    at_end = np.isin(pv, [*ends.values()])
+    if ends and stands[at_end].mean() > 0.3:
+        return _read_off("clipped", ends, at_end, chance, first, at_end)
     long = stands & (holds(pv)[np.cumsum(~stands) - 1] >= 3)
     if long.mean() > _HELD and (s.frozen or s.baseline.noise.std > unit):
         runs = runs_of(long)
-        numbers = {"share": float(long.mean()), "length": float(np.mean(runs[:, 1] - runs[:, 0])) * Ts}
-        return FoundLaw("held", numbers, int(long.sum()) * chance, on=long)
+        numbers = {"share": float(long.mean()), "length": float(np.mean(runs[:, 1] - runs[:, 0])) * s.record.Ts}
+        return _read_off("held", numbers, long, chance, first, long)
     return None
-
-
-def _mean_law(s: Situation, first: int) -> FoundLaw | None:
-    """Return the window over which the archive averages, where the controller saw another PV than the one on record."""
-    if s.law.recovered_pv is None or s.archive.band > 0.0 or s.archive.spikes is not None:
-        return None
-    pv, seen = np.asarray(s.record.pv), np.asarray(s.law.recovered_pv)
-
-    def misfit(width: float, where: slice) -> float:
-        return float(np.std((pv - running_mean(seen, width))[where])) + 1e-6 * float(np.std(pv))
-
-    width = min(np.arange(1.0, 40.0, 0.1), key=lambda w: misfit(w, slice(40, first)))
-    ratio = misfit(width, slice(first, None)) / misfit(1.0, slice(first, None))
-    if width < _ORDINARY_MEAN or not ratio < _EXPLAINS:
-        return None
-    return FoundLaw("averaged", {"window": float(width) * s.record.Ts}, float(-(s.record.n - first) * np.log(ratio)))
 
 
 def shown(s: Situation, form: str) -> dict[str, float | str] | None:

@@ -22,8 +22,8 @@ class Archive:
     """What single samples prove of the PV on record.
 
     `rounding` is a lattice's step and where PV was put on it: in the "loop", where the controller sees it, or in the "record"
-    alone. `band` is the largest error of the lines that an archive drew between the samples it kept. `spikes` are the share
-    of samples hit, their mean height, and where. What was not found is None or 0.
+    alone. `band` is the largest error of the lines that an archive drew between the samples it kept. `spikes` are the share of
+    samples hit, their mean height, and where. What was not found is None or 0.
     """
 
     rounding: tuple[float, str] | None = None
@@ -102,8 +102,8 @@ class Situation:
 class ModelledTest:
     """A test as the fits need it: the engine's input, OP and MV (%), lab samples of the true PV (NaN between) and their std.
 
-    `pace` are samples to one of the record's; `law` the controller's in automatic, None where it was not asked; `proven` as
-    in `Situation`.
+    `pace` are samples to one of the record's; `law` the controller's in automatic, None where it was not asked; `proven` as in
+    `Situation`.
     """
 
     name: str

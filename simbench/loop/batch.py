@@ -26,25 +26,14 @@ SEEDS = 2**64  # larger seeds take numpy's own way into its generator
 
 @dataclass(eq=False, slots=True)
 class Lane:
-    """One loop of a batch: what it is, and where its signals stand.
+    """One loop of a batch: what it is, and where its signals stand."""
 
-    Parameters
-    ----------
-    loop, seed
-        As `simulate` takes them.
-    setup : Setup, optional
-        Where the loop has loads or effects; a plain one is set up again when its run is asked for.
-    room : ndarray, shape (3, n or more, lanes), optional
-        OP, PV, MV of the loops that ran abreast.
-    column : int
-        Which of them this loop is.
-    """
-
+    # loop, seed: as `simulate` takes them
     loop: Loop
     seed: int
-    setup: Setup | None = None
-    room: Any = None
-    column: int = 0
+    setup: Setup | None = None  # where the loop has loads or effects; a plain one is set up again when its run is asked for
+    room: Any = None  # (3, n or more, lanes) OP, PV, MV of the loops that ran abreast
+    column: int = 0  # which of them this loop is
 
     @property
     def signals(self) -> np.ndarray:
@@ -53,13 +42,7 @@ class Lane:
 
 
 class Batch(Sequence):
-    """Runs of many loops; each becomes a `Run` when it is asked for.
-
-    Parameters
-    ----------
-    lanes : list of Lane
-        In the order of the loops.
-    """
+    """Runs of many loops; each becomes a `Run` when it is asked for."""
 
     def __init__(self, lanes: list[Lane]) -> None:
         self._lanes = lanes

@@ -59,8 +59,8 @@ def coloured(t, Ts, p, rng):
 def propagated(t, Ts, p, rng):
     """Return the PV of another sticky loop behind a first-order lag, scaled to half peak-to-peak `amplitude`.
 
-    The other loop is a FOPTD plant under PI with Ti = T and Td/T = 0.2; its time constant is chosen so that the exact
-    cycle of equations.md 2.3 has the wanted period. The shape of its waves, not their cause, reaches our loop.
+    The other loop is a FOPTD plant under PI with Ti = T and Td/T = 0.2; its time constant is chosen so that the exact cycle of
+    equations.md 2.3 has the wanted period. The shape of its waves, not their cause, reaches our loop.
     """
     # P = 2S/(k j) + 2 Td + k Td^2 with j = J/(2 - k Td) and k Td = 0.2, solved for k
     j = p.J / 1.8
@@ -127,14 +127,7 @@ PARAMETERS = {
 
 
 def disturbance_signal(part: Part, total: int, Ts: float, rng: np.random.Generator) -> tuple[str, np.ndarray]:
-    """Return where a disturbance acts and its signal.
-
-    Examples
-    --------
-    >>> part = Part(name="ramp", parameters={"amplitude": 2.0, "period": 2.0, "at": "output"})
-    >>> disturbance_signal(part, 4, 1.0, np.random.default_rng(0))
-    ('output', array([0., 1., 2., 2.]))
-    """
+    """Return where a disturbance acts and its signal."""
     if part.name not in DISTURBANCES:
         raise UnknownName("disturbance", part.name, DISTURBANCES)
     p = resolve(PARAMETERS[part.name], part.parameters, f"disturbance {part.name!r}")

@@ -106,8 +106,6 @@ def _close() -> None:
 def host_of(parts: Iterable[tuple[str, str]]) -> PartHost | None:
     """Return the process in which those of others among some parts (kind, name) live; None where all are of the house.
 
-    Examples
-    --------
     >>> host_of([("valve", "choudhury"), ("effect", "noise")]) is None
     True
     """
@@ -136,8 +134,6 @@ def _describe_parts(files: list[tuple[str, str]]) -> list[dict[str, Any]]:
 def parts_of_loop(loop: Loop) -> set[tuple[str, str]]:
     """Return kind and name of every valve stage and effect a loop names.
 
-    Examples
-    --------
     >>> loop = Loop.from_table({
     ...     "plant": {"type": "integrating", "K": 1}, "controller": {"type": "P", "Kc": 1}, "sampling": {"Ts": 1},
     ...     "valve": {"model": "lag", "T": 2.0}, "effect": [{"name": "stiction", "S": 5, "J": 2}]})

@@ -107,13 +107,8 @@ def bind(steps: dict[str, FunctionType], stages: tuple[FunctionType, ...], class
 def compiled(steps: dict[str, FunctionType], stages: tuple[FunctionType, ...], classes: tuple) -> FunctionType:
     """Return `closed_loop`, or `cascade`, compiled for the given steps, from the disk cache when it is there.
 
-    Parameters, returns
-        As `bind`.
-
-    Notes
-    -----
-    numba's disk cache only watches the file a function stands in. So each combination is written to a module of its own
-    whose name carries the hash of every source that takes part: an edited valve never meets an old kernel.
+    numba's disk cache only watches the file a function stands in. So each combination is written to a module of its own whose
+    name carries the hash of every source that takes part: an edited valve never meets an old kernel.
     """
     return _compiled(tuple(sorted(steps.items())), stages, classes)
 

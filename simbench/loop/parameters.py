@@ -30,36 +30,16 @@ FOLLOWS = math.nan
 
 @dataclass(frozen=True)
 class Number:
-    """A number with unit and bounds.
+    """A number with unit and bounds."""
 
-    Parameters
-    ----------
-    unit : str
-        E.g. "% of travel", "s", "N"; "" for a ratio.
-    low, high : float
-        Smallest and largest allowed value.
-    default : float or None
-        None: it must be given. `FOLLOWS`: the plug-in's `complete` computes it from the others.
-    says : str
-        What it is, in a few words.
-    positive : bool
-        Refuse `low` itself: the value must be larger.
-    identity : float
-        Value at which an effect does nothing; the default where it is not given.
-
-    Examples
-    --------
-    >>> Number("%", low=0.0, high=100.0).read(5, "S", "valve 'choudhury'")
-    5.0
-    """
-
-    unit: str
+    unit: str  # E.g. "% of travel", "s", "N"; "" for a ratio.
+    # low, high: smallest and largest allowed value
     low: float = -math.inf
     high: float = math.inf
-    default: float | None = None
-    says: str = ""
-    positive: bool = False
-    identity: float = math.nan
+    default: float | None = None  # None: it must be given. `FOLLOWS`: the plug-in's `complete` computes it from the others.
+    says: str = ""  # what it is, in a few words
+    positive: bool = False  # refuse `low` itself: the value must be larger
+    identity: float = math.nan  # value at which an effect does nothing; the default where it is not given
 
     def __post_init__(self) -> None:
         if math.isnan(self.identity) and self.default is not None:
@@ -104,26 +84,11 @@ def _start(value: Any) -> str:
 
 @dataclass(frozen=True)
 class Choice:
-    """One of a few words; it arrives in the time step as its index, a float.
+    """One of a few words; it arrives in the time step as its index, a float."""
 
-    Parameters
-    ----------
-    names : tuple of str
-        The allowed words, in the order of their index.
-    default : str or None
-        None: it must be given.
-    says : str
-        What is chosen.
-
-    Examples
-    --------
-    >>> Choice(("linear", "quick")).read("quick", "type", "valve 'characteristic'")
-    1.0
-    """
-
-    names: tuple[str, ...]
-    default: str | None = None
-    says: str = ""
+    names: tuple[str, ...]  # the allowed words, in the order of their index
+    default: str | None = None  # None: it must be given
+    says: str = ""  # what is chosen
 
     def read(self, value: Any, name: str, where: str) -> float:
         """Return the index of the word `value`, or raise `ParameterError` with the nearest word."""
@@ -142,38 +107,10 @@ def resolve(
     complete: Callable[[dict[str, float], str], dict[str, float]] | None = None,
     **extra: float,
 ) -> Any:
-    """Check a table of numbers against a plug-in's schema.
+    """Check a table of numbers against a plug-in's schema; return a namedtuple of its fields in order, then those of `extra`.
 
-    Parameters
-    ----------
-    schema : mapping of str to Number or Choice
-        The plug-in's PARAMETERS.
-    table : mapping of str to number or str
-        What the user wrote; missing keys take their default.
-    where : str
-        Begins every message, e.g. "valve 'choudhury'".
-    complete : callable, optional
-        `complete(values, where) -> values` fills the numbers that follow from the others (they arrive as NaN).
-    **extra : float
-        Appended as they are, e.g. ``Ts`` in s.
-
-    Returns
-    -------
-    namedtuple of float
-        The fields of `schema` in order, then those of `extra`.
-
-    Raises
-    ------
-    UnknownName
-        A key the schema lacks; the nearest is named.
-    ParameterError
-        A value that is missing, no number, not finite, or out of range.
-
-    Examples
-    --------
-    >>> p = resolve({"S": Number("%", low=0.0), "J": Number("%", low=0.0, default=0.0)}, {"S": 5}, "valve", Ts=1.0)
-    >>> p.S, p.J, p.Ts
-    (5.0, 0.0, 1.0)
+    Missing keys take their default; `complete(values, where) -> values` fills the numbers that follow from others (they arrive
+    as NaN). UnknownName for a key the schema lacks, ParameterError for a value that is missing, not finite, or out of range.
     """
     if not table.keys() <= schema.keys():
         raise UnknownName("parameter", next(name for name in table if name not in schema), schema, where)
@@ -195,32 +132,7 @@ def resolve(
 
 
 def valve_parameters(module: ModuleType, table: Mapping[str, Any], Ts: float) -> Any:
-    """Resolve the parameters of one valve model or valve stage.
-
-    Parameters
-    ----------
-    module : module
-        A file of simbench/loop/valves, or an outsider's with the same names.
-    table : mapping
-        What the user wrote.
-    Ts : float
-        Sampling period, s.
-
-    Returns
-    -------
-    namedtuple of float
-        The model's PARAMETERS in order, then ``Ts``; what its `start` and `step` take as ``p``.
-
-    Raises
-    ------
-    ParameterError, UnknownName
-        As `resolve`, or what the model's own `check` refuses.
-
-    Examples
-    --------
-    >>> valve_parameters(VALVES.load("deadband"), {"S": 5.0}, Ts=1.0).S
-    5.0
-    """
+    """Resolve the parameters of one valve model or stage: what its `start` and `step` take as `p`, the sampling period last."""
     # a look into its namespace: asking a module for what it lacks raises an error inside, which costs more than the numbers
     own = vars(module)
     p = resolve(own["PARAMETERS"], table, _valve_named(own["__name__"]), own.get("complete"), Ts=float(Ts))

@@ -39,14 +39,7 @@ class SampledPlant:
 
 
 def transfer_function(plant):
-    """Return the delay-free part of a loop file's plant.
-
-    Examples
-    --------
-    >>> from scenarios.spec import Plant
-    >>> transfer_function(Plant(type="foptd", K=2, T=10)).den[0][0].tolist()
-    [10.0, 1.0]
-    """
+    """Return the delay-free part of a loop file's plant."""
     import control
 
     return control.tf(*polynomials(plant))
@@ -121,14 +114,7 @@ def stretched(plant: Plant, K: float, T: float, Td: float) -> dict[str, Any]:
 def sample(num: np.ndarray, den: np.ndarray, Td: float, Ts: float) -> SampledPlant:
     """Sample a plant exactly for an input that is constant over each sampling period.
 
-    Notes
-    -----
     Astrom and Wittenmark (1997), Computer-Controlled Systems, section 2.3: sampling a system with a fractional delay.
-
-    Examples
-    --------
-    >>> sample(np.array([1.0]), np.array([10.0, 1.0]), Td=2.5, Ts=1.0).delay
-    2
     """
     if not (np.isfinite(Td) and Td >= 0):
         raise ParameterError(f"plant: Td = {Td} s; a number >= 0 is needed")
@@ -148,8 +134,6 @@ def sample(num: np.ndarray, den: np.ndarray, Td: float, Ts: float) -> SampledPla
 def first_order(A, B, Td, Ts):
     """Sample first-order plants x' = A x + B w(t - Td), numbers or arrays.
 
-    Examples
-    --------
     >>> [round(float(x), 3) for x in first_order(-0.1, 0.1, 2.5, 1.0)]
     [0.905, 0.046, 0.049, 2.0]
     """

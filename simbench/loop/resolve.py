@@ -35,16 +35,7 @@ def quiet_setup(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
 
 
 def friction(loop: Loop) -> list[tuple[float, float]]:
-    """Return (S, J) in % of travel of every stage of the valve that has friction, effects included.
-
-    Examples
-    --------
-    >>> loop = Loop.from_table({
-    ...     "plant": {"type": "integrating", "K": 1}, "controller": {"type": "P", "Kc": 1}, "sampling": {"Ts": 1},
-    ...     "valve": {"model": "lag", "T": 2.0}, "effect": [{"name": "stiction", "S": 5, "J": 2}]})
-    >>> friction(loop)
-    [(5.0, 2.0)]
-    """
+    """Return (S, J) in % of travel of every stage of the valve that has friction, effects included."""
     setup = plain_setup(loop, 0)
     _apply_effects(setup)
     return [(S, J) for S, J in setup.bands if S > 0.0]

@@ -35,13 +35,7 @@ def trace(op, state, p, mv):
 def valve_response(
     model: str, op: ArrayLike, parameters: Mapping[str, Any] | None = None, Ts: float = 1.0, *, plain: bool = False
 ) -> np.ndarray:
-    """Return the valve position under an OP series.
-
-    Examples
-    --------
-    >>> valve_response("choudhury", [50.0, 52.0, 54.0, 56.0, 55.0], {"S": 5.0, "J": 2.0})
-    array([50. , 50. , 52.5, 54.5, 54.5])
-    """
+    """Return the valve position under an OP series."""
     module = VALVES.load(model)
     if not (np.isfinite(Ts) and Ts > 0.0):
         raise ParameterError(f"valve {model!r}: Ts = {Ts} s must be a finite number > 0")
@@ -84,20 +78,7 @@ def valve_file(
     parameters: Mapping[str, Any] | None = None,
     respond: Callable[[str, np.ndarray, Mapping[str, Any], float], np.ndarray] | None = None,
 ) -> None:
-    """Send the column `op` of a table through one valve model.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> folder = Path(tempfile.mkdtemp())
-    >>> _ = (folder / "in.csv").write_text("t_s,OP\\n0,50\\n1,54\\n2,55\\n")
-    >>> valve_file(folder / "in.csv", folder / "out.csv", "choudhury", {"S": 5, "J": 2})
-    >>> print((folder / "out.csv").read_text().strip())
-    t_s,OP,mv
-    0,50,50.0
-    1,54,52.5
-    2,55,53.5
-    """
+    """Send the column `op` of a table through one valve model."""
     refuse_kind(out)
     sheet = read_sheet(Path(source))
     table = sheet.columns

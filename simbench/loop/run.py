@@ -18,33 +18,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Start:
-    """Where a run begins, when not in equilibrium.
+    """Where a run begins, when not in equilibrium."""
 
-    Parameters
-    ----------
-    op : float
-        OP (%) one sample before the run; a PI controller goes on from it.
-    error : float
-        SP - PV (PV units) at that sample.
-    pv : float
-        PV (PV units) at sample 0 before noise and output load; of first-order and integrating plants.
-    valve : tuple of float
-        State of the (one) valve model at that sample, as its `step` takes it.
-    mv : tuple of float
-        The last MVs (%), oldest first, as many as dead time + 1 sample need; the first fills what is missing.
-    state : tuple of float
-        State of a plant of higher order at sample 0; `pv` says it where there is none.
-    control : tuple of float
-        State of a PID one sample before the run; `op` and `error` say it where there is none.
-    """
-
-    op: float
-    error: float
-    pv: float
-    valve: tuple[float, ...]
+    op: float  # OP (%) one sample before the run; a PI controller goes on from it
+    error: float  # SP - PV (PV units) at that sample
+    pv: float  # PV (PV units) at sample 0 before noise and output load; of first-order and integrating plants
+    valve: tuple[float, ...]  # state of the (one) valve model at that sample, as its `step` takes it
+    # the last MVs (%), oldest first, as many as dead time + 1 sample need; the first fills what is missing
     mv: tuple[float, ...]
-    state: tuple[float, ...] = ()
-    control: tuple[float, ...] = ()
+    state: tuple[float, ...] = ()  # state of a plant of higher order at sample 0; `pv` says it where there is none
+    control: tuple[float, ...] = ()  # state of a PID one sample before the run; `op` and `error` say it where there is none
 
 
 @dataclass(frozen=True, eq=False)

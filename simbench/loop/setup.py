@@ -24,11 +24,11 @@ _NOISE, MV_NOISE, _OUTER_NOISE = 0, 1, 2  # random streams of their own
 class Setup:
     """Everything the compiled loop needs, still open to change.
 
-    Signals have n + tail samples; loads are in % at the plant's input and in PV units at its output; `pv_add` is
-    measured with PV (noise included). `valves` is the chain OP passes, each a plug-in with its resolved parameters.
-    `recorders` turn the PV the controller saw into the PV that is archived. A `controller_law` or `sensor_law` gives the
-    numbers of the laws' own step (`simbench.loop.laws.swapped`), which then takes the place of the loop's. `num` and `den`
-    mean nothing where the plant is a plug-in without a transfer function.
+    Signals have n + tail samples; loads are in % at the plant's input and in PV units at its output; `pv_add` is measured with
+    PV (noise included). `valves` is the chain OP passes, each a plug-in with its resolved parameters. `recorders` turn the PV
+    the controller saw into the PV that is archived. A `controller_law` or `sensor_law` gives the numbers of the laws' own step
+    (`simbench.loop.laws.swapped`), which then takes the place of the loop's. `num` and `den` mean nothing where the plant is a
+    plug-in without a transfer function.
     """
 
     loop: Loop
@@ -138,27 +138,9 @@ class Setup:
 
 
 def plain_setup(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
-    """Turn a loop into a setup without disturbances, effects and noise.
+    """Turn a loop into a setup without disturbances, effects and noise; set point and disturbances stand still over the tail.
 
-    Parameters
-    ----------
-    loop : Loop
-        What to run.
-    seed : int
-        Root of every random stream of the run.
-    tail : int
-        Further samples over which set point and disturbances are frozen.
-    tf : control.TransferFunction, optional
-        Takes the place of the loop's plant (its dead time stays).
-
-    Returns
-    -------
-    Setup
-
-    Raises
-    ------
-    UnknownName, ParameterError
-        For a valve that does not exist, numbers it does not allow, or an unstable plant.
+    `tf` takes the place of the loop's plant (its dead time stays).
     """
     total = loop.sampling.n + tail
     own = _plant_plugin(loop) if tf is None else None

@@ -15,7 +15,7 @@ from detectors.records.io import read_folder, read_labels, read_record
 from scenarios.spec import load_loop
 from simbench.files import refuse_own_input
 from simbench.plant.report.causes import Causes, find_causes
-from simbench.plant.report.fleet import Fleet, survey
+from simbench.plant.report.fleet import JUDGED, Fleet, survey
 from simbench.plant.study.result import Study
 from simbench.plant.trust.candidate_loops import CandidateLoops, candidate_loops
 from simbench.plant.trust.result import Trust
@@ -54,18 +54,17 @@ def report_folder(
     folder: str | Path, page: str | Path, labels: str | Path | None = None, *, jobs: int = 2,
     orders: str | Path | None = None, previous: str | Path | None = None, **about: Any,
 ) -> tuple[Fleet, Path]:  # fmt: skip
-    """Judge a plant's loops and write them on one page; what a killed call had judged is kept beside it and used again."""
+    """Judge a plant's loops and write them on one page; what was judged is kept beside it and used again."""
     from simbench.plant.report.page import write_fleet
     from simbench.plant.report.work_orders import refuse_orders, write_orders
 
     refuse_own_input([page, Path(page).with_suffix(".csv"), orders], [folder, labels])
     refuse_orders(orders)
-    judged = Path(page).with_name(f"{Path(page).name}.judged")
+    judged = Path(page).with_name(f"{Path(page).name}{JUDGED}")
     fleet = survey(folder, labels, jobs=jobs, keep=judged, previous=previous, **about)
     beside = write_fleet(fleet, page, None if labels is None else read_labels(labels), jobs=jobs)
     if orders is not None:
         write_orders(fleet, orders)
-    rmtree(judged, ignore_errors=True)
     return fleet, beside
 
 

@@ -1,12 +1,13 @@
-"""Many questions answered side by side; a call that was killed goes on where it stopped."""
+"""Many questions answered side by side; a call that was killed, or a later one, asks only what was not answered yet."""
 
 from __future__ import annotations
 
 import json
 import sys
+from base64 import b64decode, b64encode
 from collections.abc import Callable, Sequence
 from dataclasses import fields, is_dataclass
-from importlib.metadata import version
+from functools import cache
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
@@ -16,6 +17,9 @@ from joblib import Parallel, delayed
 from pydantic import BaseModel
 from tqdm import tqdm
 
+import detectors
+import scenarios
+import simbench
 from detectors.errors import UserError
 from simbench.bench.store.checksums import opened, sealed
 from simbench.files import folder, whole_file
@@ -26,14 +30,27 @@ _NAMED = "of"  # key under which an encoded object names its class
 def resumed(
     ask: Callable[..., Any], about: Sequence[tuple[Any, ...]], *, jobs: int, keep: str | Path | None, what: str
 ) -> list[Any]:
-    """Ask of each in turn, in several processes, and return the answers in order."""
+    """Ask of each in turn, in several processes, and return the answers in order.
+
+    Answers that this very code gave to the same questions are read from `keep`; those that no question asks for are removed.
+    """
     calls = [delayed(ask)(*a) for a in about]
     if keep is not None:
         # processes that live on from another call may stand in another folder
-        place = folder(Path(keep).absolute() / version("stiction-simbench"))
-        calls = [delayed(_kept)(ask, place / f"{ask.__name__}-{joblib.hash(a)}.json", a) for a in about]
+        place = folder(Path(keep).absolute())
+        files = [place / f"{ask.__name__}-{joblib.hash((_code(), a))}.json" for a in about]
+        for other in set(place.glob("*.json")) - set(files):
+            other.unlink(missing_ok=True)
+        calls = [delayed(_kept)(ask, file, a) for file, a in zip(files, about, strict=True)]
     with Parallel(n_jobs=min(jobs, max(len(about), 1)) if jobs > 0 else jobs, return_as="generator") as parallel:
         return list(tqdm(parallel(calls), total=len(about), file=sys.stderr, desc=what))
+
+
+@cache
+def _code() -> str:
+    """Return what changes with any line of the sources that answer."""
+    rooms = (detectors, scenarios, simbench)
+    return joblib.hash([f.read_bytes() for room in rooms for f in sorted(Path(room.__path__[0]).rglob("*.py"))])
 
 
 def _kept(ask: Callable[..., Any], file: Path, about: tuple[Any, ...]) -> Any:
@@ -44,7 +61,7 @@ def _kept(ask: Callable[..., Any], file: Path, about: tuple[Any, ...]) -> Any:
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, UserError):
         answer = ask(*about)
     with whole_file(file) as f:
-        json.dump(sealed({"answer": _encoded(answer)}), f)
+        f.write(json.dumps(sealed({"answer": _encoded(answer)})))
     return answer
 
 
@@ -66,7 +83,8 @@ def _encoded(value: Any) -> Any:
         inside = [_encoded(v) for v in many]
         return inside if isinstance(value, list) else {_NAMED: type(value).__name__, "with": inside}
     if isinstance(value, np.ndarray):
-        return {_NAMED: "ndarray", "with": value.tolist(), "dtype": value.dtype.str, "shape": value.shape}
+        content = b64encode(value.tobytes()).decode()
+        return {_NAMED: "ndarray", "with": content, "dtype": value.dtype.str, "shape": value.shape}
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, BaseModel) or is_dataclass(value):
@@ -82,7 +100,7 @@ def _decoded(value: Any, classes: dict[str, type]) -> Any:
         return value
     name, inside = value[_NAMED], value["with"]
     if name == "ndarray":
-        return np.array(inside, dtype=value["dtype"]).reshape(value["shape"])
+        return np.frombuffer(b64decode(inside), dtype=value["dtype"]).reshape(value["shape"]).copy()
     if name in ("tuple", "dict"):
         return {"tuple": tuple, "dict": dict}[name](_decoded(inside, classes))
     return classes[name](**{k: _decoded(v, classes) for k, v in inside.items()})

@@ -19,21 +19,11 @@ REPORTED_TRUTHS = ("sticky", "predicted", "refined", "theory", "cycled")
 
 @dataclass(frozen=True, eq=False)
 class RunData:
-    """One run as the report sees it.
+    """One run as the report sees it."""
 
-    Parameters
-    ----------
-    folder : Path or str
-        Where it lies.
-    book : RunArrays
-        Its tables as arrays.
-    scores : Scores
-        Behind the oscillation front end.
-    """
-
-    folder: Path | str
-    book: RunArrays
-    scores: Scores
+    folder: Path | str  # where it lies
+    book: RunArrays  # its tables as arrays
+    scores: Scores  # behind the oscillation front end
 
     @classmethod
     def read(cls, folder: str | Path) -> RunData:

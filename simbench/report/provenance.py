@@ -39,8 +39,6 @@ def section(run: RunData) -> Markup:
 def reproduce(manifest: dict[str, Any]) -> list[str]:
     """Return the commands that give the same tables from a checkout of the same commit.
 
-    Examples
-    --------
     >>> reproduce({"grid": "smoke", "commit": "0123", "methods": {"he": {}}, "overrides": {"sets": {"seed": 3}}})
     ['git checkout 0123', 'simbench run smoke -o again --set seed=3 --method he', 'simbench score again']
     """

@@ -47,14 +47,7 @@ def section(run: RunData) -> Markup:
 
 
 def roc_curve(judged: pd.DataFrame) -> pd.DataFrame:
-    """Return false alarms and detections as the threshold falls through all scores.
-
-    Examples
-    --------
-    >>> curve = roc_curve(pd.DataFrame({"score": [3.0, 2.0, 1.0], "positive": [True, False, True]}))
-    >>> curve["detections"].tolist()
-    [0.0, 0.5, 0.5, 1.0]
-    """
+    """Return false alarms and detections as the threshold falls through all scores."""
     from sklearn import metrics  # here, for it takes a second to load
 
     ranks = rankdata(judged["score"].to_numpy(dtype=float))  # the same curve, and finite

@@ -14,22 +14,7 @@ REVERSALS_WATCHED = 30
 
 
 def starts_cycle(loop: SampledLoop, cycle: ExactCycle, kick: float) -> bool:
-    """Whether a loop at rest ends in its limit cycle when OP is offset by `kick` at sample 0.
-
-    Examples
-    --------
-    >>> from scenarios.spec import Loop
-    >>> from simbench.theory.cycle import exact_cycle
-    >>> from simbench.theory.sampled import sampled_loop
-    >>> loop = sampled_loop(Loop.from_table({
-    ...     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
-    ...     "controller": {"type": "PI", "Kc": 1, "Ti": 10},
-    ...     "valve": {"model": "choudhury", "S": 5, "J": 2},
-    ...     "sampling": {"Ts": 0.5}}))
-    >>> cycle = exact_cycle(loop)
-    >>> starts_cycle(loop, cycle, 3.4), starts_cycle(loop, cycle, 3.9)
-    (False, True)
-    """
+    """Whether a loop at rest ends in its limit cycle when OP is offset by `kick` at sample 0."""
     return reaches_cycle(loop, cycle, at_rest(loop, kick))
 
 
@@ -51,11 +36,9 @@ def reaches_cycle(loop: SampledLoop, cycle: ExactCycle, state: tuple) -> bool:
 def kick_min(loop: SampledLoop, cycle: ExactCycle) -> float | None:
     """Return the smallest kick (%) that starts the limit cycle from rest, or None when none within the limits of OP does.
 
-    Notes
-    -----
     The scan grows by 2 % from the break-away S/2 + J/2, below which nothing moves. A start counts when the next kick of the
-    scan starts the cycle too: the basin of an irregular cycle has fringes of isolated kicks, which no one could apply
-    on purpose. Larger kicks may fail again.
+    scan starts the cycle too: the basin of an irregular cycle has fringes of isolated kicks, which no one could apply on
+    purpose. Larger kicks may fail again.
     """
     if not 0 < loop.fs < loop.hi:
         return None

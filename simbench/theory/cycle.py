@@ -27,52 +27,24 @@ _LOAD_STEPS = (0.4, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0)  # tried in turn, in multiples
 
 @dataclass(frozen=True, eq=False)
 class ExactCycle:
-    """The sustained oscillation of a sampled loop without noise and disturbance.
+    """The sustained oscillation of a sampled loop without noise and disturbance."""
 
-    Parameters
-    ----------
-    period : float
-        Mean time (s) between every second reversal of the valve.
-    amplitude : float
-        Mean half peak-to-peak of OP over a cycle (%).
-    swing : float
-        Mean distance (%) between the valve's turning points.
-    irregularity : float
-        Standard deviation of the half period over its mean.
-    multiplier : float or None
-        Growth of a deviation per half cycle, of the mean cycle; None when it was found by marching alone.
-    state : tuple
-        (x, s, past) as `simbench.theory.march` takes it, on the cycle.
-    """
-
-    period: float
-    amplitude: float
-    swing: float
-    irregularity: float
+    period: float  # mean time (s) between every second reversal of the valve
+    amplitude: float  # mean half peak-to-peak of OP over a cycle (%)
+    swing: float  # mean distance (%) between the valve's turning points
+    irregularity: float  # standard deviation of the half period over its mean
+    # growth of a deviation per half cycle, of the mean cycle; None when it was found by marching alone
     multiplier: float | None
-    state: tuple[np.ndarray, np.ndarray, np.ndarray]
+    state: tuple[np.ndarray, np.ndarray, np.ndarray]  # (x, s, past) as `simbench.theory.march` takes it, on the cycle
 
 
 def exact_cycle(loop: SampledLoop) -> ExactCycle | None:
     """Return the limit cycle of a sampled loop, or None when nothing keeps cycling.
 
-    Notes
-    -----
-    The march starts on the symmetric cycles that reproduce themselves (`half_cycles`), the attracting ones first; when
-    none persists, from a ladder of load steps. A cycle between the limits of OP is found in the same way. Valves that stick
-    again after every sample (He's; physical friction under a sampled OP) are marched as such. Not for valves that are no
-    (S, J) map at all (`SampledLoop.misfit`): asymmetric ones, hysteresis, pre-sliding; there it is an approximation.
-
-    Examples
-    --------
-    >>> loop = Loop.from_table({
-    ...     "plant": {"type": "integrating", "K": 0.1, "Td": 2},
-    ...     "controller": {"type": "P", "Kc": 2},
-    ...     "valve": {"model": "choudhury", "S": 5, "J": 5},
-    ...     "sampling": {"Ts": 0.02}})
-    >>> cycle = exact_cycle(sampled_loop(loop))
-    >>> round(cycle.period, 1), round(cycle.amplitude, 2)
-    (20.8, 3.13)
+    The march starts on the symmetric cycles that reproduce themselves (`half_cycles`), the attracting ones first; when none
+    persists, from a ladder of load steps. A cycle between the limits of OP is found in the same way. Valves that stick again
+    after every sample (He's; physical friction under a sampled OP) are marched as such. Not for valves that are no (S, J) map
+    at all (`SampledLoop.misfit`): asymmetric ones, hysteresis, pre-sliding; there it is an approximation.
     """
     if loop.fs == 0:
         return None
@@ -147,18 +119,7 @@ def after_load_step(loop: SampledLoop, load: float) -> tuple[np.ndarray, np.ndar
 
 
 def cycle_start(loop: Loop) -> Start:
-    """Return where a simulation must begin to be on the loop's limit cycle: the valve has just stopped.
-
-    Examples
-    --------
-    >>> loop = Loop.from_table({
-    ...     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
-    ...     "controller": {"type": "PI", "Kc": 1, "Ti": 10},
-    ...     "valve": {"model": "choudhury", "S": 5, "J": 2},
-    ...     "sampling": {"Ts": 0.5}})
-    >>> abs(cycle_start(loop).op - 50.0) < 3.0
-    True
-    """
+    """Return where a simulation must begin to be on the loop's limit cycle: the valve has just stopped."""
     sampled = sampled_loop(loop)
     [*stages, (module, p)] = resolve_loop(loop.model_copy(update={"disturbance": ()}), seed=0).valves
     cycle = exact_cycle(sampled)

@@ -18,17 +18,10 @@ from simbench.theory.sampled import SampledLoop
 
 @dataclass(frozen=True, eq=False)
 class _DescribingFunction:
-    """Gain of a valve map for the fundamental of a sine of amplitude A (%), from `low` to `high`.
+    """Gain of a valve map for the fundamental of a sine of amplitude A (%), from `low` to `high`."""
 
-    Parameters
-    ----------
-    N : callable
-        A (%) -> complex gain.
-    low, high : float
-        Amplitudes (%) between which N is known and not 0.
-    """
-
-    N: Callable[[np.ndarray], np.ndarray]
+    N: Callable[[np.ndarray], np.ndarray]  # A (%) -> complex gain
+    # low, high: amplitudes (%) between which N is known and not 0
     low: float
     high: float
 
@@ -39,36 +32,18 @@ class _DescribingFunction:
 
 @dataclass(frozen=True)
 class _Intersection:
-    """A limit cycle predicted by the describing function.
+    """A limit cycle predicted by the describing function."""
 
-    Parameters
-    ----------
-    period : float
-        s.
-    amplitude : float
-        Of the fundamental of OP (%).
-    stable : bool
-        Whether a small change of the amplitude dies out.
-    """
-
-    period: float
-    amplitude: float
-    stable: bool
+    period: float  # s
+    amplitude: float  # of the fundamental of OP (%)
+    stable: bool  # whether a small change of the amplitude dies out
 
 
 def stiction(S: float, J: float) -> _DescribingFunction:
     """Describing function of the two-parameter stiction map; J = 0 is the dead-band.
 
-    Notes
-    -----
-    Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13, 641, whose form is N = -(P_re - j P_im)/(pi A)
-    (the chapter's Eqs. 11.1 and 11.2 lost the signs). Not for other maps with the same S and J: He's valve, which stops at
-    every sample, or one that stops on its way.
-
-    Examples
-    --------
-    >>> print(f"{stiction(5.0, 2.5).N(5.0):.4f}")
-    0.8183-0.3183j
+    Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13, 641, whose form is N = -(P_re - j P_im)/(pi A) (the
+    chapter's Eqs. 11.1 and 11.2 lost the signs).
     """
     if not (S > 0 and J >= 0):
         raise ParameterError(f"describing function: S = {S}, J = {J}; S > 0 and J >= 0 are needed")
@@ -91,15 +66,8 @@ def stiction(S: float, J: float) -> _DescribingFunction:
 def deadzone(D: float) -> _DescribingFunction:
     """Describing function of a dead-zone around the operating point.
 
-    Notes
-    -----
     Gelb and Vander Velde (1968), Multiple-Input Describing Functions, table B. -1/N runs along the real axis left of -1, so
-    that a stable loop never meets it. Not for a zone away from the operating point.
-
-    Examples
-    --------
-    >>> print(f"{deadzone(2.0).N(2.0).real:.4f}")
-    0.3910
+    that a stable loop never meets it.
     """
     if not D > 0:
         raise ParameterError(f"describing function: D = {D}; a width above 0 is needed")
@@ -117,16 +85,8 @@ def first_harmonic(
 ) -> np.ndarray:
     """Measure the describing function of any valve model: the fundamental of MV under a sine of OP.
 
-    Notes
-    -----
-    A sine between S/2 and S/2 + J/2 has two steady answers, rest and full cycle; a first period with a larger amplitude
-    selects the cycle. Error about 0.2 times J over A per 1000 samples at the jumps.
-
-    Examples
-    --------
-    >>> N = first_harmonic("deadband", {"S": 5.0}, [5.0])
-    >>> bool(abs(N - stiction(5.0, 0.0).N(5.0)) < 1e-3)
-    True
+    A sine between S/2 and S/2 + J/2 has two steady answers, rest and full cycle; a first period with a larger amplitude selects
+    the cycle. Error about 0.2 times J over A per 1000 samples at the jumps.
     """
     A = np.atleast_1d(np.asarray(A, dtype=float))
     t = 2 * np.pi * np.arange(4 * samples) / samples
@@ -142,13 +102,7 @@ def first_harmonic(
 
 
 def measured(model: str, parameters: Mapping[str, Any], **settings: Any) -> _DescribingFunction:
-    """Describing function of any valve model, measured at 80 amplitudes and interpolated.
-
-    Examples
-    --------
-    >>> bool(abs(measured("stenman", {"d": 3.0}).N(10.0)) > 0.9)
-    True
-    """
+    """Describing function of any valve model, measured at 80 amplitudes and interpolated."""
     A = np.geomspace(0.05, 49.0, 80)
     N = first_harmonic(model, parameters, A, **settings)
     moves = np.nonzero(np.abs(N) < 1e-6)[0]
@@ -163,24 +117,9 @@ def measured(model: str, parameters: Mapping[str, Any], **settings: Any) -> _Des
 def intersections(loop: SampledLoop, valve: _DescribingFunction) -> list[_Intersection]:
     """Find all limit cycles that the describing function predicts: L(j w) N(A) = -1.
 
-    Notes
-    -----
-    Real and imaginary part of L N + 1 change sign in a cell of a grid in log frequency and log(A/low - 1); from there
-    Newton's method. Qualitative: OP is a triangle rather than a sine, periods are off by -22 to +38 %, and cycles exist
-    (PI with Ti > T + Td) where the curves do not meet. For numbers see `simbench.theory.cycle`.
-
-    Examples
-    --------
-    >>> from scenarios.spec import Loop
-    >>> from simbench.theory.sampled import sampled_loop
-    >>> loop = sampled_loop(Loop.from_table({
-    ...     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
-    ...     "controller": {"type": "PI", "Kc": 1, "Ti": 10},
-    ...     "valve": {"model": "choudhury", "S": 5, "J": 2},
-    ...     "sampling": {"Ts": 0.5}}))
-    >>> [found] = intersections(loop, stiction(5.0, 2.0))
-    >>> round(found.period, 1), round(found.amplitude, 3), found.stable
-    (122.9, 2.507, True)
+    Real and imaginary part of L N + 1 change sign in a cell of a grid in log frequency and log(A/low - 1); from there Newton's
+    method. Qualitative: OP is a triangle rather than a sine, periods are off by -22 to +38 %, and cycles exist (PI with Ti > T
+    + Td) where the curves do not meet. For numbers see `simbench.theory.cycle`.
     """
     w = np.geomspace(1e-5 / max(loop.times), 50 / min(loop.times), 500)
     top = min(1e3, valve.high / valve.low - 1)

@@ -25,28 +25,17 @@ from simbench.theory.sampled import SampledLoop
 
 @dataclass(frozen=True, eq=False)
 class HalfCycle:
-    """A symmetric cycle: the valve moves for `m` samples, stands for `n`, and all repeats with the opposite sign.
+    """A symmetric cycle: the valve moves for `m` samples, stands for `n`, and all repeats with the opposite sign."""
 
-    Parameters
-    ----------
-    n, m : float, int
-        Samples the valve stands and moves.
-    x : ndarray
-        Plant state one sample before the valve breaks away downwards.
-    op, mv : float
-        OP and MV (%, deviations) at that sample.
-    amplitude : float
-        Half peak-to-peak of OP (%).
-    multiplier : float
-        Factor by which a small deviation grows over one half cycle, averaged over where in the sample the switching falls.
-    """
-
+    # n, m: samples the valve stands and moves
     n: float
     m: int
-    x: np.ndarray
+    x: np.ndarray  # plant state one sample before the valve breaks away downwards
+    # op, mv: OP and MV (%, deviations) at that sample
     op: float
     mv: float
-    amplitude: float
+    amplitude: float  # half peak-to-peak of OP (%)
+    # factor by which a small deviation grows over one half cycle, averaged over where in the sample the switching falls
     multiplier: float
 
     @property
@@ -63,23 +52,8 @@ class HalfCycle:
 def half_cycles(loop: SampledLoop) -> list[HalfCycle]:
     """Find the symmetric cycles of a loop, shortest first.
 
-    Notes
-    -----
     For L(s) = k e^(-Td s)/s and Ts -> 0 this gives P = 2 S/(k p) + 2 Td + k Td^2 and half peak-to-peak S/2 + k p Td/2 of OP,
     with p = J/(2 - k Td).
-
-    Examples
-    --------
-    >>> from scenarios.spec import Loop
-    >>> from simbench.theory.sampled import sampled_loop
-    >>> loop = Loop.from_table({
-    ...     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
-    ...     "controller": {"type": "PI", "Kc": 1, "Ti": 10},
-    ...     "valve": {"model": "choudhury", "S": 5, "J": 2},
-    ...     "sampling": {"Ts": 0.02}})
-    >>> [half] = half_cycles(sampled_loop(loop))
-    >>> round(2 * half.samples * 0.02, 1), round(half.amplitude, 2), half.stable
-    (94.3, 2.61, True)
     """
     found: list[HalfCycle] = []
     tried: set[int] = set()

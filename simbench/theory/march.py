@@ -16,10 +16,10 @@ def march(plant, control, valve, x, s, past, n_max, stall, samples, extreme, sto
     """Advance the loop in place until `samples` is full of reversals, the valve stalls, or `n_max` samples are spent.
 
     `plant` = (A, B_old, B_new, C), scaled so that C x is what the controller subtracts from OP; `control` = (integral, beta,
-    lo, hi); `valve` = (fs, fd, whether it sticks again after every sample). `s` = [OP, C x, v, direction, moving]; `past` =
-    the last delay + 2 valve positions, newest last. Per reversal: the sample of the break-away, and of the half cycle that
-    it ends the extreme of OP, the position where the valve stopped, and the number of samples from break-away to the last
-    stop. All positions are deviations from rest in %. Returns (reversals, samples, how it ended).
+    lo, hi); `valve` = (fs, fd, whether it sticks again after every sample). `s` = [OP, C x, v, direction, moving]; `past` = the
+    last delay + 2 valve positions, newest last. Per reversal: the sample of the break-away, and of the half cycle that it ends
+    the extreme of OP, the position where the valve stopped, and the number of samples from break-away to the last stop. All
+    positions are deviations from rest in %. Returns (reversals, samples, how it ended).
     """
     A, B_old, B_new, C = plant
     integral, beta, lo, hi = control
@@ -83,30 +83,14 @@ def march(plant, control, valve, x, s, past, n_max, stall, samples, extreme, sto
 
 @dataclass(frozen=True, eq=False)
 class _Reversals:
-    """Where the valve turned in a marched loop; arrays over the `count` half cycles that ended.
+    """Where the valve turned in a marched loop; arrays over the `count` half cycles that ended."""
 
-    Parameters
-    ----------
-    sample : ndarray
-        Sample of the break-away into the other direction.
-    extreme : ndarray
-        Largest (moving up) or smallest OP (%) of the half cycle that ended there.
-    stop : ndarray
-        Position (%) where the valve had stopped.
-    moved : ndarray
-        Samples from the half cycle's own break-away to its last stop.
-    samples : int
-        Length of the march.
-    stalled : bool
-        Whether the valve stopped reversing.
-    """
-
-    sample: np.ndarray
-    extreme: np.ndarray
-    stop: np.ndarray
-    moved: np.ndarray
-    samples: int
-    stalled: bool
+    sample: np.ndarray  # sample of the break-away into the other direction
+    extreme: np.ndarray  # largest (moving up) or smallest OP (%) of the half cycle that ended there
+    stop: np.ndarray  # position (%) where the valve had stopped
+    moved: np.ndarray  # samples from the half cycle's own break-away to its last stop
+    samples: int  # length of the march
+    stalled: bool  # whether the valve stopped reversing
 
     @property
     def count(self) -> int:

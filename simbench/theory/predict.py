@@ -55,18 +55,7 @@ def predict(loop: Loop) -> dict[str, Any]:
 
 
 def as_text(found: dict[str, Any]) -> str:
-    """Write a prediction in a few lines.
-
-    Examples
-    --------
-    >>> none = {"table_11_3": False, "refined": False, "describing_function": [], "exact": None, "reason": "no friction"}
-    >>> print(as_text(none))
-    Table 11.3           no limit cycle
-    with its conditions  no limit cycle
-    describing function  no limit cycle
-    exact cycle          none
-    reason               no friction
-    """
+    """Write a prediction in a few lines."""
     word = {True: "limit cycle", False: "no limit cycle", None: "no cell"}
     waves = [
         f"{f['period']:.4g} s, OP +-{f['amplitude']:.4g} %, {'stable' if f['stable'] else 'unstable'}"

@@ -23,61 +23,36 @@ from simbench.loop.setup import Setup
 class SampledLoop:
     """A loop without noise and disturbance, in deviations from rest; OP, MV and w in % of travel.
 
-    Per sample: x(k+1) = A x(k) + B_old v(k-delay-1) + B_new v(k-delay), w = C x = s Kc (PV - pv0), and
-    OP(k) = OP(k-1) - (w(k) - w(k-1)) - beta w(k) (PI) or -w(k) (P), within lo..hi.
-
-    Parameters
-    ----------
-    A, B_old, B_new, C : ndarray
-        The sampled plant, scaled by the controller's signed gain.
-    delay : int
-        Whole samples of dead time.
-    Ts : float
-        Sampling period (s).
-    integral : bool
-        PI (True) or P.
-    beta : float
-        Ts/Ti; 0 for P.
-    S, J : float
-        Dead-band plus stick band, and slip jump (%).
-    resticks : bool
-        Whether the valve sticks again after every sample (He's, and physical friction under a sampled OP) or follows OP
-        until it turns.
-    misfit : float
-        How far the valve model is from that (S, J) map: rms difference over a test wave, in units of its jump.
-    lo, hi : float
-        Limits of OP and MV (%).
-    gain : float
-        s Kc, % per PV unit.
-    num, den : ndarray
-        w/v without dead time as a continuous transfer function, highest power of s first.
-    Td : float
-        Dead time (s).
-    times : tuple of float
-        The loop's time constants and dead time above 0 (s).
-    kd, fade : float
-        Of a PID: gain of its derivative over Kc, and what is left of it after a sample; 0 of P and PI.
+    Per sample: x(k+1) = A x(k) + B_old v(k-delay-1) + B_new v(k-delay), w = C x = s Kc (PV - pv0), and OP(k) = OP(k-1) - (w(k)
+    - w(k-1)) - beta w(k) (PI) or -w(k) (P), within lo..hi.
     """
 
+    # A, B_old, B_new, C: the sampled plant, scaled by the controller's signed gain
     A: np.ndarray
     B_old: np.ndarray
     B_new: np.ndarray
     C: np.ndarray
-    delay: int
-    Ts: float
-    integral: bool
-    beta: float
+    delay: int  # whole samples of dead time
+    Ts: float  # sampling period (s)
+    integral: bool  # PI (True) or P
+    beta: float  # Ts/Ti; 0 for P
+    # S, J: dead-band plus stick band, and slip jump (%)
     S: float
     J: float
+    # whether the valve sticks again after every sample (He's, and physical friction under a sampled OP) or follows OP until it
+    # turns
     resticks: bool
-    misfit: float
+    misfit: float  # how far the valve model is from that (S, J) map: rms difference over a test wave, in units of its jump
+    # lo, hi: limits of OP and MV (%)
     lo: float
     hi: float
-    gain: float
+    gain: float  # s Kc, % per PV unit
+    # num, den: w/v without dead time as a continuous transfer function, highest power of s first
     num: np.ndarray
     den: np.ndarray
-    Td: float
-    times: tuple[float, ...]
+    Td: float  # dead time (s)
+    times: tuple[float, ...]  # the loop's time constants and dead time above 0 (s)
+    # kd, fade: of a PID: gain of its derivative over Kc, and what is left of it after a sample; 0 of P and PI
     kd: float = 0.0
     fade: float = 0.0
 
@@ -142,18 +117,7 @@ class SampledLoop:
 
 
 def sampled_loop(loop: Loop) -> SampledLoop:
-    """Reduce a loop file to what decides about its limit cycle.
-
-    Examples
-    --------
-    >>> loop = sampled_loop(Loop.from_table({
-    ...     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
-    ...     "controller": {"type": "PI", "Kc": 1, "Ti": 10},
-    ...     "valve": {"model": "choudhury", "S": 5, "J": 2},
-    ...     "sampling": {"Ts": 0.5}}))
-    >>> loop.delay, loop.fs, loop.integrating
-    (4, 3.5, False)
-    """
+    """Reduce a loop file to what decides about its limit cycle."""
     setup = resolve_loop(loop.model_copy(update={"disturbance": ()}), seed=0)
     return reduced(setup, *mapped_valve(setup))
 
@@ -187,8 +151,8 @@ def reduced(setup: Setup, S: float, J: float) -> SampledLoop:
 def _with_derivative(setup: Setup, sampled: Any, gain: float, valve: tuple) -> SampledLoop:
     """Reduce a loop with PID: what the derivative adds to PI is a filter of w, two more states of the plant.
 
-    With y = s Kc (PV - pv0), OP moves by -(w - w(k-1)) - beta w for w = (1 + D/PI) y, where D = kd (z - 1)/(z - fade) and
-    PI = ((1 + beta) z - 1)/(z - 1). Holds within the limits of OP, and there for the velocity form with clamping.
+    With y = s Kc (PV - pv0), OP moves by -(w - w(k-1)) - beta w for w = (1 + D/PI) y, where D = kd (z - 1)/(z - fade) and PI =
+    ((1 + beta) z - 1)/(z - 1). Holds within the limits of OP, and there for the velocity form with clamping.
     """
     c, Ti, flat, n = setup.loop.controller, float(setup.Ti or 0.0), np.ascontiguousarray, sampled.order
     p = controllers.pid_numbers(c, gain, Ti, setup.Ts, 0.0, 0.0, 100.0)

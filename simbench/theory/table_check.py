@@ -24,41 +24,20 @@ _LARGEST_LOAD = 6.0  # %
 
 @dataclass(frozen=True)
 class _CellCheck:
-    """One cell of Table 11.3 against theory.
+    """One cell of Table 11.3 against theory."""
 
-    Parameters
-    ----------
-    process, controller, nonlinearity : str
-        The cell.
-    table : bool
-        Whether the table says limit cycle.
-    loops : int
-        Tunings, dead times and jumps tried.
-    exist : int
-        Loops with a limit cycle (exact theory).
-    conditions_right : int
-        Loops of which the refined condition says so rightly.
-    reached : int
-        Loops that at least one of the random load steps brought into the cycle.
-    steps_reached : float
-        Share of load steps that reached the cycle, of the loops that have one; NaN without any.
-    cycled : (int, int) or None
-        Loops that cycled, and loops, of this cell in a grid run.
-    disagreements : dict of str to int
-        Condition -> loops on which theory contradicts the table's word.
-    """
-
+    # process, controller, nonlinearity: the cell
     process: str
     controller: str
     nonlinearity: str
-    table: bool
-    loops: int
-    exist: int
-    conditions_right: int
-    reached: int
-    steps_reached: float
-    cycled: tuple[int, int] | None
-    disagreements: dict[str, int]
+    table: bool  # whether the table says limit cycle
+    loops: int  # tunings, dead times and jumps tried
+    exist: int  # loops with a limit cycle (exact theory)
+    conditions_right: int  # loops of which the refined condition says so rightly
+    reached: int  # loops that at least one of the random load steps brought into the cycle
+    steps_reached: float  # share of load steps that reached the cycle, of the loops that have one; NaN without any
+    cycled: tuple[int, int] | None  # loops that cycled, and loops, of this cell in a grid run
+    disagreements: dict[str, int]  # condition -> loops on which theory contradicts the table's word
 
 
 def check_table_11_3(
@@ -66,16 +45,8 @@ def check_table_11_3(
 ) -> list[_CellCheck]:
     """Verify the eight cells of Table 11.3.
 
-    Notes
-    -----
-    600 loops: three dead times (one of them 0), five gains of 0.1..0.9 of the ultimate gain, three integral times, four J/S;
-    S = 5 %. Load steps act on a loop at rest in mid-band, without noise.
-
-    Examples
-    --------
-    >>> checks = check_table_11_3(load_steps=2, every=29)
-    >>> len(checks), checks[0].exist
-    (8, 0)
+    600 loops: three dead times (one of them 0), five gains of 0.1..0.9 of the ultimate gain, three integral times, four J/S; S
+    = 5 %. Load steps act on a loop at rest in mid-band, without noise.
     """
     rng = np.random.default_rng(seed)
     checks = []

@@ -75,22 +75,9 @@ def table_11_3(loop: SampledLoop) -> bool:
 def refined(loop: SampledLoop, cycle: ExactCycle | None) -> bool:
     """Return Table 11.3's answer with the existence conditions of its two coarse cells.
 
-    Notes
-    -----
-    Self-regulating P with stick-slip: OP settles at r0 - K Kc v for a valve at v, and leaves both of two positions v and
-    v + J if and only if (r0 + fs)/(1 + g) - J < v < (r0 - fs)/(1 + g), fs = (S + J)/2, g = K Kc: there is room when
-    g J > S. Self-regulating PI with dead-band: the cycle itself decides.
-
-    Examples
-    --------
-    >>> from simbench.theory.sampled import sampled_loop
-    >>> loop = sampled_loop(Loop.from_table({
-    ...     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
-    ...     "controller": {"type": "P", "Kc": 3},
-    ...     "valve": {"model": "choudhury", "S": 5, "J": 2},
-    ...     "sampling": {"Ts": 0.5}}))
-    >>> table_11_3(loop), refined(loop, exact_cycle(loop))
-    (False, True)
+    Self-regulating P with stick-slip: OP settles at r0 - K Kc v for a valve at v, and leaves both of two positions v and v + J
+    if and only if (r0 + fs)/(1 + g) - J < v < (r0 - fs)/(1 + g), fs = (S + J)/2, g = K Kc: there is room when g J > S.
+    Self-regulating PI with dead-band: the cycle itself decides.
     """
     place = cell(loop)
     if place == ("self-regulating", "P", STICK_SLIP):
@@ -101,18 +88,7 @@ def refined(loop: SampledLoop, cycle: ExactCycle | None) -> bool:
 
 
 def truth_columns(loop: Loop, *, kick: bool = False, waves: bool = True) -> tuple[bool | None, bool | None, dict[str, Any]]:
-    """Return the theory's truth columns of one scenario.
-
-    Examples
-    --------
-    >>> predicted, exists, theory = truth_columns(Loop.from_table({
-    ...     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
-    ...     "controller": {"type": "PI", "Kc": 1, "Ti": 10},
-    ...     "valve": {"model": "choudhury", "S": 5, "J": 2},
-    ...     "sampling": {"Ts": 0.02}}))
-    >>> predicted, exists, theory["by"], round(theory["period"], 1)
-    (True, True, 'exact', 94.3)
-    """
+    """Return the theory's truth columns of one scenario."""
     theory: dict[str, Any] = dict.fromkeys(("exists", "by", "period", "amplitude", "multiplier", "irregularity", "kick_min"))
     theory.update(describing_function=[], reason="")
     setup = resolve_loop(loop.model_copy(update={"disturbance": ()}), seed=0)

@@ -16,36 +16,15 @@ RECORDS`; do not edit.
 def rows(isdb: Source = None) -> list[Row]:
     """Compute all rows.
 
-    Parameters
-    ----------
-    isdb : str or Path, optional
-        ISDB file or folder of real records; without it their rows stay empty.
+    `isdb`: ISDB file or folder of real records; without it their rows stay empty.
 
-    Returns
-    -------
-    list of Row
-        In the order of the chapter, what it says in passing last.
+    In the order of the chapter, what it says in passing last.
     """
     return [row for part in (theory, methods, confirmation, further) for row in part.rows(isdb)]
 
 
 def page(found: list[Row]) -> str:
-    """Return the page in Markdown.
-
-    Parameters
-    ----------
-    found : list of Row
-        From `rows`.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> print(page([Row("Eq. 1", "S", "0.43", "0.43", True)]).splitlines()[-1])
-    | Eq. 1 | S | 0.43 | 0.43 | yes |  |
-    """
+    """Return the page in Markdown."""
     word = {True: "yes", False: "**no**", None: "not tried"}
     yes, no, none = (sum(row.agrees is answer for row in found) for answer in (True, False, None))
     lines = [HEAD, f"{yes} reproduce, {no} do not, {none} could not be tried.", ""]

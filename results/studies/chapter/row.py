@@ -13,55 +13,18 @@ Source = str | Path | None  # ISDB file or folder of real records
 
 @dataclass(frozen=True)
 class Row:
-    """One published number.
+    """One published number."""
 
-    Parameters
-    ----------
-    place : str
-        Where the chapter prints it.
-    what : str
-        Quantity.
-    printed : str
-        As printed.
-    ours : str
-        From the code; "" when the data are not there.
-    agrees : bool or None
-        Whether it reproduces; None = cannot be tried.
-    why : str
-        What explains the difference, or how ours was obtained.
-    """
-
-    place: str
-    what: str
-    printed: str
-    ours: str
-    agrees: bool | None
-    why: str = ""
+    place: str  # where the chapter prints it
+    what: str  # quantity
+    printed: str  # as printed
+    ours: str  # from the code; "" when the data are not there
+    agrees: bool | None  # whether it reproduces; None = cannot be tried
+    why: str = ""  # what explains the difference, or how ours was obtained
 
 
 def number(place: str, what: str, printed: float, ours: float, within: float, why: str = "", digits: int = 2) -> Row:
-    """Return a row for a number that should agree within a tolerance.
-
-    Parameters
-    ----------
-    place, what, why : str
-        As in `Row`.
-    printed, ours : float
-        The two values.
-    within : float
-        Largest difference that still reproduces.
-    digits : int
-        Decimals shown.
-
-    Returns
-    -------
-    Row
-
-    Examples
-    --------
-    >>> number("Example 11.1", "rho1", 0.48, 0.487, 0.01).agrees
-    True
-    """
+    """Return a row for a number that should agree within a tolerance; `digits` decimals are shown."""
     return Row(place, what, f"{printed:.{digits}f}", f"{ours:.{digits}f}", bool(abs(ours - printed) <= within), why)
 
 

@@ -15,26 +15,14 @@ from simbench.bench.store.reading import read_table
 
 @dataclass(frozen=True)
 class Failures:
-    """What went wrong in a run without ending it.
+    """What went wrong in a run without ending it."""
 
-    Parameters
-    ----------
-    of : int
-        Scenarios of the run.
-    scenarios : int
-        How many could not be simulated.
-    methods : dict of str to int
-        On how many of the others each method raised; those that never did are left out.
-    plugins : tuple of str
-        Methods that came from the user's files.
-    reasons : dict of str to int
-        Error texts of scenarios ("simulation: ...") and methods ("ID: ..."), most frequent first.
-    """
-
-    of: int
-    scenarios: int
+    of: int  # scenarios of the run
+    scenarios: int  # how many could not be simulated
+    # on how many of the others each method raised; those that never did are left out
     methods: dict[str, int] = field(default_factory=dict)
-    plugins: tuple[str, ...] = ()
+    plugins: tuple[str, ...] = ()  # methods that came from the user's files
+    # error texts of scenarios ("simulation: ...") and methods ("ID: ..."), most frequent first
     reasons: dict[str, int] = field(default_factory=dict)
 
     def __str__(self) -> str:

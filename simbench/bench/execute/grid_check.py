@@ -25,24 +25,13 @@ ROW, _VERDICT = 600, 70
 
 @dataclass(frozen=True)
 class GridSize:
-    """How large a run will be, before it begins.
-
-    Parameters
-    ----------
-    cells, scenarios : int
-    samples : float
-        Of all records together.
-    bytes : float
-        On disk.
-    seconds : float
-        Of one core.
-    """
+    """How large a run will be, before it begins."""
 
     cells: int
     scenarios: int
-    samples: float
-    bytes: float
-    seconds: float
+    samples: float  # of all records together
+    bytes: float  # on disk
+    seconds: float  # of one core
 
     def __str__(self) -> str:
         """One clause."""

@@ -27,30 +27,18 @@ _RECEIPTS = "receipts"
 
 @dataclass(frozen=True)
 class Receipt:
-    """What a worker hands back in place of a piece.
+    """What a worker hands back in place of a piece."""
 
-    Parameters
-    ----------
-    piece : int
-        Number.
-    scenarios, failures : int
-        How many, and how many verdicts or simulations ended in an error.
-    simulating, judging, working : float
-        Seconds on simulation with its truth, on detectors, and altogether.
-    marks : dict of str to str
-        Checksum of the piece's partition of each table.
-    found : bool
-        It stood there already.
-    """
-
-    piece: int
+    piece: int  # number
+    # scenarios, failures: how many, and how many verdicts or simulations ended in an error
     scenarios: int
     failures: int
+    # simulating, judging, working: seconds on simulation with its truth, on detectors, and altogether
     simulating: float
     judging: float
     working: float
-    marks: dict[str, str] = field(default_factory=dict)
-    found: bool = False
+    marks: dict[str, str] = field(default_factory=dict)  # checksum of the piece's partition of each table
+    found: bool = False  # it stood there already
 
 
 def held(place: Place) -> AbstractContextManager[None]:

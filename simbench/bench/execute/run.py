@@ -72,15 +72,7 @@ def run_grid(
     sealed: bool = False,
     own: Mapping[str, Any] | None = None,
 ) -> Path:
-    """Simulate a grid, judge it by detectors, and write both tables.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> folder = run_grid("smoke", tempfile.mkdtemp(), ["horch"], sets={"disturbance": "none"})
-    >>> sorted(f.name for f in folder.iterdir())
-    ['manifest.json', 'scenarios.parquet', 'scores.csv', 'scores_by_axis.csv', 'verdicts.parquet']
-    """
+    """Simulate a grid, judge it by detectors, and write both tables."""
     began = time.perf_counter()
     if backend not in _BACKENDS:
         raise RunError(f"unknown backend {backend!r}: {nearest(backend, _BACKENDS)}")

@@ -22,15 +22,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Sweep:
-    """A loop and the values its keys shall take.
+    """A loop and the values its keys shall take."""
 
-    Parameters
-    ----------
-    grid : Grid
-        One cell per combination of values, one scenario per seed.
-    """
-
-    grid: Grid
+    grid: Grid  # one cell per combination of values, one scenario per seed
 
     def __len__(self) -> int:
         """Number of scenarios."""
@@ -50,19 +44,7 @@ class Sweep:
         return verdicts.merge(scenarios, on="scenario_id", suffixes=("", "_scenario"), validate="many_to_one")
 
     def score(self, detectors: Iterable[str] = ("fast",), jobs: int = 1, raw: bool = False, **settings: Any) -> pd.DataFrame:
-        """Simulate, judge and score; one row per combination of axis values and method.
-
-        Examples
-        --------
-        >>> loop = Loop.from_table({
-        ...     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
-        ...     "controller": {"type": "PI", "Kc": 1, "Ti": 10},
-        ...     "valve": {"model": "choudhury", "S": 5, "J": 2},
-        ...     "sampling": {"Ts": 1, "n": 2000}, "setpoint": {"value": 50, "steps": [[10, 55]]}})
-        >>> found = sweep(loop, {"valve.J": [0, 2]}).score("he")
-        >>> found[["valve.J", "cycling", "stiction"]].to_dict("list")
-        {'valve.J': [0, 2], 'cycling': [0.0, 1.0], 'stiction': [0.0, 1.0]}
-        """
+        """Simulate, judge and score; one row per combination of axis values and method."""
         import pandas as pd
 
         axes = list(self.grid.content.axes)

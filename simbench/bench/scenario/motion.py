@@ -9,21 +9,11 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Motion:
-    """Reversals of a valve position.
+    """Reversals of a valve position."""
 
-    Parameters
-    ----------
-    at : ndarray, shape (m,)
-        Sample indices of the reversals: the last sample before the valve turns back.
-    positions : ndarray, shape (m,)
-        Position (%) there.
-    n : int
-        Samples looked at.
-    """
-
-    at: np.ndarray
-    positions: np.ndarray
-    n: int
+    at: np.ndarray  # (m,) sample indices of the reversals: the last sample before the valve turns back
+    positions: np.ndarray  # (m,) position (%) there
+    n: int  # samples looked at
 
     @property
     def reversals(self) -> int:
@@ -56,17 +46,7 @@ class Motion:
 
 
 def motion(mv: np.ndarray, least: float) -> Motion:
-    """Find where a valve turns back by more than `least`.
-
-    Notes
-    -----
-    Not for noisy position sensors with `least` below their noise: every sample then is a reversal.
-
-    Examples
-    --------
-    >>> motion(np.array([0.0, 2.0, 2.0, 1.9, 3.0, 0.0, 0.0, 3.0]), 0.5).at.tolist()
-    [4, 6]
-    """
+    """Find where a valve turns back by more than `least`."""
     v = np.asarray(mv, dtype=float)
     moves = np.flatnonzero(v[1:] != v[:-1])
     # the only candidates: last samples of a stay between a move up and a move down
@@ -93,13 +73,7 @@ def motion(mv: np.ndarray, least: float) -> Motion:
 
 
 def largest_sine(x: np.ndarray, period: float, factor: float = 3.0) -> float:
-    """Return the largest amplitude of a sine in a signal, over periods within a factor of the given one.
-
-    Examples
-    --------
-    >>> round(largest_sine(3 * np.sin(np.arange(1000) / 10), 100.0), 1)
-    3.0
-    """
+    """Return the largest amplitude of a sine in a signal, over periods within a factor of the given one."""
     x = np.asarray(x, dtype=float) - np.mean(x)
     size = 4 << (x.size - 1).bit_length()  # zero-padded fourfold: a sine between two bins loses 3 % at most
     amplitude = np.abs(np.fft.rfft(x, size)) * (2.0 / x.size)

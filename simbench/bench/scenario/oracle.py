@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable
 
 import numpy as np
@@ -15,7 +14,6 @@ from simbench.loop import plant
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.run import Run
 from simbench.loop.setup import Setup
-from simbench.usage import exit_code
 
 ORACLE = "oracle"
 SOURCE = "generalised likelihood ratio, Kay (1998), Detection Theory, section 6.4.2; penalty of Schwarz (1978)"
@@ -29,23 +27,9 @@ _UNSURE = 3.0  # nats: below this one answer is at most twenty times likelier th
 def judge_oracle(scenario: Scenario, run: Run) -> Verdict:
     """Ask whether PV fits OP better through a sticky valve than through an ideal one, knowing everything else.
 
-    Notes
-    -----
     OP, sent through a valve and the known plant, predicts PV; what is left is the white noise of the sensor, so the ratio of
     likelihoods is (RSS ideal - RSS sticky)/(2 noise variance). S and J are not known to the oracle: the maximum over all of
-    them is taken (Kay 1998, section 6.4.2). Not for valves with further stages (lag, characteristic), nor for effects on
-    sensor or archive: the residual is then no white noise.
-
-    Examples
-    --------
-    >>> from scenarios.spec import Loop
-    >>> from simbench.loop.simulate import simulate
-    >>> loop = Loop.from_table({
-    ...     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2}, "controller": {"type": "PI", "Kc": 1, "Ti": 10},
-    ...     "valve": {"model": "choudhury", "S": 5, "J": 2}, "noise": {"std": 0.5},
-    ...     "sampling": {"Ts": 1, "n": 1000}, "setpoint": {"value": 50, "steps": [[10, 55]]}})
-    >>> judge_oracle(Scenario(loop=loop), simulate(loop)).verdict
-    'stiction'
+    them is taken (Kay 1998, section 6.4.2).
     """
     setup = resolve_loop(scenario.loop, scenario.seed)
     n, op, pv = setup.n, run.record.op, run.record.pv
@@ -106,53 +90,3 @@ def _predictor(setup: Setup, load_in: np.ndarray):
         return y
 
     return predict
-
-
-def study(grid: str, every: int = 1):
-    """Judge a grid's scenarios by the oracle."""
-    import pandas as pd
-
-    from scenarios.grid import load_grid
-    from simbench.bench.scenario.resolve import resolve
-    from simbench.bench.scenario.truth import simulate_with_truth
-
-    rows = []
-    loaded = load_grid(grid)
-    for index in range(0, loaded.group_count, every):
-        for scenario in resolve(loaded.group(index)):
-            run, cycled = simulate_with_truth(scenario.loop, scenario.seed)
-            said = judge_oracle(scenario, run)
-            rows.append(
-                {
-                    "scenario_id": scenario.id,
-                    "sticky": run.sticky,
-                    "cycled": cycled.answer,
-                    "noise_std": scenario.loop.noise.std,
-                    "score": said.score,
-                    "right": (said.verdict == STICTION) == run.sticky,
-                    **{k: scenario.tags.get(k) for k in ("block", "member", "noise_ratio", "disturbance")},
-                }
-            )
-    return pd.DataFrame(rows)
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Print how often the oracle is right on a grid; exit code 1 when below 98 % without noise."""
-    from simbench.bench.statistics import rate
-
-    parser = argparse.ArgumentParser(prog="python -m simbench.bench.scenario.oracle", description=__doc__)
-    parser.add_argument("grid", nargs="?", default="chapter", help="name or file")
-    parser.add_argument("--every", type=int, default=1, help="look at every so many-th group only")
-    chosen = parser.parse_args(arguments)
-    table = study(chosen.grid, chosen.every)
-    clean = table[table["noise_std"] == 0]
-    for name, part in (("all", table), ("no noise", clean), ("noise", table[table["noise_std"] > 0])):
-        print(f"{name:10s}{len(part):6d} scenarios, right {rate(int(part['right'].sum()), len(part))}")
-    wrong = table[~table["right"]]
-    if len(wrong):
-        print(wrong.drop(columns="right").to_string(index=False))
-    return int(len(clean) > 0 and clean["right"].mean() < 0.98)
-
-
-if __name__ == "__main__":
-    raise SystemExit(exit_code(main))

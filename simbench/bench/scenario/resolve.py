@@ -34,21 +34,11 @@ _DIGITS = 3  # ids must not hang on the last bits of a simulation
 
 @dataclass(frozen=True)
 class _Cycle:
-    """How the sticky twin of a cell moves.
+    """How the sticky twin of a cell moves."""
 
-    Parameters
-    ----------
-    period : float
-        Of MV (s).
-    pv_std : float
-        Of PV over the second half of the run (PV units).
-    exists : bool
-        False when no start set it going; then both are guesses.
-    """
-
-    period: float
-    pv_std: float
-    exists: bool
+    period: float  # of MV (s)
+    pv_std: float  # of PV over the second half of the run (PV units)
+    exists: bool  # False when no start set it going; then both are guesses
 
 
 def resolve(group: Group) -> list[Scenario]:
@@ -65,21 +55,8 @@ def resolve(group: Group) -> list[Scenario]:
 def measure_cycle(twin: Loop) -> _Cycle:
     """Run a sticky loop without noise and measure its cycle.
 
-    Notes
-    -----
-    The run starts on the cycle that theory finds for the sampled loop. Where there is none, the period is that of
-    `first_guess` and the amplitude that of a valve off by a quarter of its band.
-
-    Examples
-    --------
-    >>> cycle = measure_cycle(Loop.from_table({
-    ...     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
-    ...     "controller": {"type": "PI", "Kc": 1, "Ti": 10},
-    ...     "valve": {"model": "choudhury", "S": 5, "J": 2},
-    ...     "sampling": {"Ts": 1},
-    ...     "setpoint": {"value": 50, "steps": [[0, 55]]}}))
-    >>> cycle.exists, round(cycle.period / 94.4, 1)
-    (True, 1.0)
+    The run starts on the cycle that theory finds for the sampled loop. Where there is none, the period is that of `first_guess`
+    and the amplitude that of a valve off by a quarter of its band.
     """
     at_rest = {"setpoint": SetPoint(value=twin.pv0), "noise": Noise(), "disturbance": ()}
     return _measured(twin.model_copy(update=at_rest).model_dump_json())
@@ -130,16 +107,7 @@ def _kicked(twin: Loop, period: float) -> _Cycle | None:
 
 
 def first_guess(loop: Loop) -> float:
-    """Guess the period (s) of a sticky loop's cycle.
-
-    Examples
-    --------
-    >>> first_guess(Loop.from_table({
-    ...     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
-    ...     "controller": {"type": "PI", "Kc": 1, "Ti": 10},
-    ...     "valve": {"model": "choudhury", "S": 5, "J": 2}, "sampling": {"Ts": 1}}))
-    94.4
-    """
+    """Guess the period (s) of a sticky loop's cycle."""
     S, J = band(loop)
     like = plant.first_order_like(loop.plant)
     Td, Ti = like.Td, loop.controller.Ti
@@ -166,15 +134,7 @@ def band(loop: Loop) -> tuple[float, float]:
 
 
 def sampled_ultimate_gain(loop: Loop) -> float:
-    """Return the gain Kc at which the loop, sampled as it is, stops being stable.
-
-    Examples
-    --------
-    >>> slow = Loop.from_table({"plant": {"type": "foptd", "K": 1, "T": 10, "Td": 10},
-    ...     "controller": {"type": "P", "Kc": 1}, "sampling": {"Ts": 0.01}})
-    >>> round(sampled_ultimate_gain(slow), 2)
-    2.26
-    """
+    """Return the gain Kc at which the loop, sampled as it is, stops being stable."""
     Ts = loop.sampling.Ts
     setup = plain_setup(loop, 0)
     if setup.not_linear or len(setup.den) != 2 or loop.controller.type == "PID":
@@ -261,15 +221,7 @@ def _settled(draft: Draft, rules: Rules, twin: Loop, cycle: _Cycle, own: float) 
 
 
 def valve_table(name: str, cell: Mapping[str, Any], period: float, more: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the table of any valve file that has the (S, J) a cell asks for.
-
-    Examples
-    --------
-    >>> valve_table("stenman", {"S": 5.0, "J": 5.0}, 100.0, {})
-    {'model': 'stenman', 'd': 5.0}
-    >>> valve_table("lag", {"S": 5.0, "J": 5.0}, 100.0, {"T": 2.0})
-    {'model': 'lag', 'T': 2.0}
-    """
+    """Return the table of any valve file that has the (S, J) a cell asks for."""
     module = VALVES.load(name)
     S, J = float(cell["S"]), float(cell.get("J", 0.0))
     own: dict[str, Any] = {}

@@ -26,41 +26,18 @@ CYCLED = (YES, NO, _ENTRAINED, _UNCLEAR)
 
 @dataclass(frozen=True)
 class Cycled:
-    """Whether a loop cycles by itself because of its valve.
+    """Whether a loop cycles by itself because of its valve."""
 
-    Parameters
-    ----------
-    answer : {"yes", "no", "entrained", "unclear"}
-        entrained: it does not cycle alone, but the valve jumps under the disturbance.
-    period : float
-        Of MV in the tail (s); NaN when it does not swing.
-    swing : float
-        Median distance (%) between reversals of MV in the tail.
-    """
-
+    # {"yes", "no", "entrained", "unclear"}: entrained: it does not cycle alone, but the valve jumps under the disturbance
     answer: str
-    period: float = math.nan
-    swing: float = 0.0
+    period: float = math.nan  # of MV in the tail (s); NaN when it does not swing
+    swing: float = 0.0  # median distance (%) between reversals of MV in the tail
 
 
 def simulate_with_truth(loop: Loop, seed: int = 0, *, period: float | None = None) -> tuple[Run, Cycled]:
     """Run a loop, let it go on without noise under frozen disturbances and set point, and say whether it cycles.
 
-    Notes
-    -----
-    A valve without friction is its own twin: never "yes". Not for loops that drift without end.
-
-    Examples
-    --------
-    >>> loop = Loop.from_table({
-    ...     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
-    ...     "controller": {"type": "PI", "Kc": 1, "Ti": 10},
-    ...     "valve": {"model": "choudhury", "S": 5, "J": 2},
-    ...     "sampling": {"Ts": 1, "n": 2000},
-    ...     "setpoint": {"value": 50, "steps": [[10, 55]]}})
-    >>> run, cycled = simulate_with_truth(loop)
-    >>> cycled.answer, round(cycled.period / 94, 1)
-    ('yes', 1.0)
+    A valve without friction is its own twin: never "yes".
     """
     run = simulate(loop, seed)
     if not run.sticky:
@@ -90,15 +67,7 @@ def simulate_with_truth(loop: Loop, seed: int = 0, *, period: float | None = Non
 
 
 def least_swing(loop: Loop) -> float:
-    """Return the smallest swing of MV (%) that counts as a cycle: J/2, or S/20 of a valve without slip jump.
-
-    Examples
-    --------
-    >>> from scenarios.spec import load_loop
-    >>> base = {"plant": {"type": "integrating", "K": 1}, "controller": {"type": "P", "Kc": 1}, "sampling": {"Ts": 1}}
-    >>> least_swing(Loop.from_table({**base, "valve": {"model": "deadband", "S": 5}}))
-    0.25
-    """
+    """Return the smallest swing of MV (%) that counts as a cycle: J/2, or S/20 of a valve without slip jump."""
     bands = friction(loop)
     S, J = (max((band[i] for band in bands), default=0.0) for i in (0, 1))
     return max(J / 2 if J > 0 else S / 20, 1e-6)

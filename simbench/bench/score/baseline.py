@@ -34,8 +34,6 @@ _BASELINE_COLUMNS = (
 def write_baseline(run: str | Path, baseline: str | Path) -> None:
     """Write a run as a baseline; its manifest comes last.
 
-    Notes
-    -----
     The tables keep their columns, those that no check needs are empty; scores, S and J keep 24 bits. The loops stay: every flip
     can be simulated again. scores.csv is there for the eye: its difference in version control reads as accuracy gained and
     lost. history.csv grows by one row per method.

@@ -16,37 +16,21 @@ SHOWN = 20  # flipped scenarios in a text; JSON has all
 
 @dataclass(frozen=True, eq=False)
 class Check:
-    """What a run says against its baseline.
+    """What a run says against its baseline."""
 
-    Parameters
-    ----------
-    paired : bool
-        Whether answers are compared loop by loop.
-    basis : str
-        Which test was used and why, in one sentence.
-    problems : tuple of str
-        What fails without any statistics: missing methods or scenarios, new errors, a changed truth.
-    tests : DataFrame
-        method, label, what ("right": of all, "detection": share of the positives called sticky, "rejection": of the negatives
-        called healthy, "no miss", "no false alarm": the same with no decision allowed, "AUC", "coverage" and "median error" of
-        S and J of a family of valves), n (of them, where the method covers the loop), before, now, lost, won (cases, paired
-        only), p (Holm-corrected), seen (smallest drop found in 8 of 10 such runs), worse.
-    flips : DataFrame
-        Every changed verdict: scenario_id (the baseline's), method, was, now, record ("same" or "other"), sticky, cycled,
-        block, disturbance.
-    home : str
-        Folder of the baseline, which holds the loops of the flips.
-    unseen : tuple of str
-        Methods of which nobody could tell whether they became worse, and why.
-    """
-
-    paired: bool
-    basis: str
-    problems: tuple[str, ...]
+    paired: bool  # whether answers are compared loop by loop
+    basis: str  # which test was used and why, in one sentence
+    problems: tuple[str, ...]  # what fails without any statistics: missing methods or scenarios, new errors, a changed truth
+    # method, label, what ("right": of all, "detection": share of the positives called sticky, "rejection": of the negatives
+    # called healthy, "no miss", "no false alarm": the same with no decision allowed, "AUC", "coverage" and "median error" of S
+    # and J of a family of valves), n (of them, where the method covers the loop), before, now, lost, won (cases, paired only),
+    # p (Holm-corrected), seen (smallest drop found in 8 of 10 such runs), worse
     tests: pd.DataFrame
+    # every changed verdict: scenario_id (the baseline's), method, was, now, record ("same" or "other"), sticky, cycled, block,
+    # disturbance
     flips: pd.DataFrame
-    home: str = "BASELINE"
-    unseen: tuple[str, ...] = ()
+    home: str = "BASELINE"  # folder of the baseline, which holds the loops of the flips
+    unseen: tuple[str, ...] = ()  # methods of which nobody could tell whether they became worse, and why
 
     @property
     def failed(self) -> bool:
@@ -66,11 +50,28 @@ class Check:
 
     def as_text(self) -> str:
         """Return verdict, basis, reasons, what changed, and the scenarios that flipped."""
-        return _as_text(self)
+        lines = [f"check {self.answer}: {self.basis}", *(f"- {r}" for r in self.reasons)]
+        moved = _moved(self)
+        if len(moved):
+            lines += ["", moved.to_string(index=False, float_format="%.3f")]
+        if len(self.flips):
+            shown = _worst_first(self).head(SHOWN)
+            lines += ["", f"{len(self.flips)} verdicts changed" + _cut(self), shown.to_string(index=False)]
+            lines += ["", "simulate one again:", again(self, str(shown["scenario_id"].iloc[0]))]
+        return "\n".join(lines)
 
     def as_markdown(self) -> str:
         """Return the same for a pull request's summary."""
-        return _as_markdown(self)
+        lines = [f"### Detector check: {self.answer.lower()}", "", self.basis, ""]
+        lines += [f"- {r}" for r in self.reasons] + [""] * bool(self.reasons)
+        moved = _moved(self)
+        lines += _table(moved) if len(moved) else ["No rate moved."]
+        if len(self.flips):
+            shown = _worst_first(self).head(SHOWN)
+            title = f"{len(self.flips)} verdicts changed{_cut(self)}"
+            lines += ["", f"<details><summary>{title}</summary>", "", *_table(shown), ""]
+            lines += ["", f"`{again(self, str(shown['scenario_id'].iloc[0]))}`", "", "</details>"]
+        return "\n".join(lines) + "\n"
 
     def as_json(self) -> dict[str, Any]:
         """Return everything as JSON types."""
@@ -80,52 +81,20 @@ class Check:
 
     def as_junit(self) -> str:
         """Return JUnit XML: one test case per method, and one for the tables themselves."""
-        return _as_junit(self)
-
-
-def _as_text(check: Check) -> str:
-    """Return verdict, basis, reasons, what changed, and the scenarios that flipped."""
-    lines = [f"check {check.answer}: {check.basis}", *(f"- {r}" for r in check.reasons)]
-    moved = _moved(check)
-    if len(moved):
-        lines += ["", moved.to_string(index=False, float_format="%.3f")]
-    if len(check.flips):
-        shown = _worst_first(check).head(SHOWN)
-        lines += ["", f"{len(check.flips)} verdicts changed" + _cut(check), shown.to_string(index=False)]
-        lines += ["", "simulate one again:", again(check, str(shown["scenario_id"].iloc[0]))]
-    return "\n".join(lines)
-
-
-def _as_markdown(check: Check) -> str:
-    """Return the same for a pull request's summary; see `_as_text`."""
-    lines = [f"### Detector check: {check.answer.lower()}", "", check.basis, ""]
-    lines += [f"- {r}" for r in check.reasons] + [""] * bool(check.reasons)
-    moved = _moved(check)
-    lines += _table(moved) if len(moved) else ["No rate moved."]
-    if len(check.flips):
-        shown = _worst_first(check).head(SHOWN)
-        title = f"{len(check.flips)} verdicts changed{_cut(check)}"
-        lines += ["", f"<details><summary>{title}</summary>", "", *_table(shown), ""]
-        lines += ["", f"`{again(check, str(shown['scenario_id'].iloc[0]))}`", "", "</details>"]
-    return "\n".join(lines) + "\n"
-
-
-def _as_junit(check: Check) -> str:
-    """Return JUnit XML: one test case per method, and one for the tables themselves; see `_as_text`."""
-    suite = ElementTree.Element("testsuite", name="simbench check")
-    cases = [("run", list(check.problems))]
-    for method, rows in check.tests.groupby("method", sort=True):
-        wrong = [sentence(row) for row in rows[rows["worse"]].to_dict("records")]
-        cases.append((str(method), [*wrong, *(said for said in check.unseen if said.startswith(f"{method}:"))]))
-    for name, wrong in cases:
-        case = ElementTree.SubElement(suite, "testcase", classname="simbench.check", name=name)
-        if wrong:
-            ElementTree.SubElement(case, "failure", message=wrong[0]).text = "\n".join(wrong)
-    suite.set("tests", str(len(cases)))
-    suite.set("failures", str(sum(bool(wrong) for _, wrong in cases)))
-    ElementTree.indent(suite)
-    # the declaration by hand: ElementTree would name the machine's locale
-    return f'<?xml version="1.0" encoding="utf-8"?>\n{ElementTree.tostring(suite, encoding="unicode")}\n'
+        suite = ElementTree.Element("testsuite", name="simbench check")
+        cases = [("run", list(self.problems))]
+        for method, rows in self.tests.groupby("method", sort=True):
+            wrong = [sentence(row) for row in rows[rows["worse"]].to_dict("records")]
+            cases.append((str(method), [*wrong, *(said for said in self.unseen if said.startswith(f"{method}:"))]))
+        for name, wrong in cases:
+            case = ElementTree.SubElement(suite, "testcase", classname="simbench.check", name=name)
+            if wrong:
+                ElementTree.SubElement(case, "failure", message=wrong[0]).text = "\n".join(wrong)
+        suite.set("tests", str(len(cases)))
+        suite.set("failures", str(sum(bool(wrong) for _, wrong in cases)))
+        ElementTree.indent(suite)
+        # the declaration by hand: ElementTree would name the machine's locale
+        return f'<?xml version="1.0" encoding="utf-8"?>\n{ElementTree.tostring(suite, encoding="unicode")}\n'
 
 
 def again(check: Check, scenario_id: str) -> str:

@@ -25,37 +25,21 @@ _ALONE = ("nonlinearity", "quantification", "oracle")  # roles that are compared
 
 @dataclass(frozen=True, eq=False)
 class _Comparison:
-    """Who answers better, and where.
+    """Who answers better, and where."""
 
-    Parameters
-    ----------
-    truth : str
-        The label answers are compared with.
-    cases : int
-        Scenarios both sides judged.
-    ranking : DataFrame
-        method, n (scenarios it applies to), accuracy over those with interval (lo, hi), mean_rank (1 = best, ties shared; NaN
-        for what is not ranked: methods that see MV or are made for a part of the scenarios), home (where its constants were
-        fitted), best first.
-    critical_difference : float
-        Mean ranks closer than this cannot be told apart (group bootstrap, 5 %); NaN between two runs or for
-        fewer than 3 methods.
-    pairs : DataFrame
-        first, second, only_first, only_second (scenarios that both apply to and only one got right), p (exact McNemar,
-        Holm-corrected), differ.
-    by_axis : DataFrame
-        method, axis, value, n, accuracy, lo, hi.
-    breakdown : DataFrame
-        method, axis, value, accuracy, lo, hi: the first value of the axis at which accuracy is below 0.8.
-    """
-
-    truth: str
-    cases: int
+    truth: str  # the label answers are compared with
+    cases: int  # scenarios both sides judged
+    # method, n (scenarios it applies to), accuracy over those with interval (lo, hi), mean_rank (1 = best, ties shared; NaN for
+    # what is not ranked: methods that see MV or are made for a part of the scenarios), home (where its constants were fitted),
+    # best first
     ranking: pd.DataFrame
+    # mean ranks closer than this cannot be told apart (group bootstrap, 5 %); NaN between two runs or for fewer than 3 methods
     critical_difference: float
+    # first, second, only_first, only_second (scenarios that both apply to and only one got right), p (exact McNemar,
+    # Holm-corrected), differ
     pairs: pd.DataFrame
-    by_axis: pd.DataFrame
-    breakdown: pd.DataFrame
+    by_axis: pd.DataFrame  # method, axis, value, n, accuracy, lo, hi
+    breakdown: pd.DataFrame  # method, axis, value, accuracy, lo, hi: the first value of the axis at which accuracy is below 0.8
 
     def as_text(self) -> str:
         """Return ranking, which methods differ from the best (or between two runs), and breakdowns, for a terminal."""
@@ -88,11 +72,8 @@ class _Comparison:
 def compare(folder: str | Path, other: str | Path | None = None, truth: str = "cycled", raw: bool = False) -> _Comparison:
     """Compare the methods of a run with each other, or with themselves in another run.
 
-    Notes
-    -----
     An answer is right when it is the label; "no decision" is never right. Where a method does not apply it is not compared.
-    McNemar (1947), Holm (1979), Demsar (2006); see `simbench.bench.statistics`. Not for runs of different seeds:
-    nothing would be paired (`simbench check` compares those).
+    McNemar (1947), Holm (1979), Demsar (2006).
     """
     if truth not in TRUTHS:
         raise UserError(f"truth {truth!r} is unknown: {nearest(truth, TRUTHS)}")

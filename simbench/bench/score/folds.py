@@ -14,13 +14,7 @@ BLIND = ("samples per period", "periods in the record", "n", "Ts", "noise std", 
 
 
 def folds_of(groups: np.ndarray) -> np.ndarray:
-    """Return a fold (0 to 4) for every loop; groups stay whole.
-
-    Examples
-    --------
-    >>> folds_of(np.array([3, 3, 8, 9, 9])).tolist()
-    [2, 2, 0, 1, 1]
-    """
+    """Return a fold (0 to 4) for every loop; groups stay whole."""
     unique, place = np.unique(groups, return_inverse=True)
     return np.random.default_rng(0).permutation(unique.size)[place] % _FOLDS
 
@@ -41,8 +35,6 @@ def risk_coverage(ranks: np.ndarray, positive: np.ndarray, fold: np.ndarray) -> 
 
     The mean of either is the area under the curve; the spread of the loops' values is that of its estimate.
 
-    Notes
-    -----
     El-Yaniv and Wiener (2010), J. Mach. Learn. Res. 11, 1605; the loops' values are the area's influence function.
     """
     wrong, sure = np.full(ranks.size, 0.5), np.full(ranks.size, -1.0)

@@ -20,15 +20,10 @@ _HISTORY_COLUMNS = ("baseline", "commit", "records", "grid", "scenarios", "metho
 
 @dataclass(frozen=True, eq=False)
 class History:
-    """The baselines that were kept.
+    """The baselines that were kept."""
 
-    Parameters
-    ----------
-    table : DataFrame
-        One row per baseline (numbered from 1) and method: the commit and the hash of the records it was made with, scenarios,
-        rank and the rates against `cycled` with the oscillation front end, where the method applies.
-    """
-
+    # one row per baseline (numbered from 1) and method: the commit and the hash of the records it was made with, scenarios,
+    # rank and the rates against `cycled` with the oscillation front end, where the method applies
     table: pd.DataFrame
 
     def as_text(self) -> str:

@@ -10,22 +10,13 @@ from simbench.bench.store.reading import RunArrays
 
 
 class Pairs(NamedTuple):
-    """The loops two runs have in common.
+    """The loops two runs have in common."""
 
-    Parameters
-    ----------
-    now, before : ndarray of int, shape (m,)
-        Where each stands in either run.
-    same : ndarray of bool, shape (m,)
-        Whether the two records are the same, bit for bit.
-    one_grid : bool
-        Whether the runs are of the very same grid, so that a loop that is missing is a fault.
-    """
-
+    # now, before: (m,) where each stands in either run
     now: np.ndarray
     before: np.ndarray
-    same: np.ndarray
-    one_grid: bool
+    same: np.ndarray  # (m,) whether the two records are the same, bit for bit
+    one_grid: bool  # whether the runs are of the very same grid, so that a loop that is missing is a fault
 
 
 def pair(now: RunArrays, before: RunArrays) -> Pairs:

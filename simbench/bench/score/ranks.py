@@ -12,41 +12,22 @@ _LEVEL, _POWER = 0.95, 0.90
 
 
 class Ranks(NamedTuple):
-    """Who stands where.
+    """Who stands where."""
 
-    Parameters
-    ----------
-    rank : ndarray, shape (m,)
-        1 = no method is better by a difference the run resolves; methods that cannot be told apart share a rank.
-    resolution : float
-        Smallest difference of the mean that counts; NaN without methods or loops.
-    spread : float
-        Largest variance of a difference times the number of loops; what `loops_needed` takes.
-    """
-
+    # (m,) 1 = no method is better by a difference the run resolves; methods that cannot be told apart share a rank
     rank: np.ndarray
-    resolution: float
-    spread: float
+    resolution: float  # smallest difference of the mean that counts; NaN without methods or loops
+    spread: float  # largest variance of a difference times the number of loops; what `loops_needed` takes
 
 
 def rank_methods(right: np.ndarray, groups: np.ndarray | None = None) -> Ranks:
     """Rank methods by what each earns on the same loops.
 
-    Notes
-    -----
     The variance of a difference is the group bootstrap's (whole groups drawn with replacement), in its closed form for many
     draws: the sum over groups of their squared share in it. It is not taken smaller than for methods whose errors have nothing
     to do with each other, p (1 - p) + q (1 - q): a near copy of a method is no rival, however surely a paired test tells it
-    from its original (`simbench score --paired`). The largest pair's 1.96 sd is the resolution, for all. A method's rank is
-    one more than the number of methods that are better by that much. Not for choosing between two versions of one method:
-    that is a paired test's work.
-
-    Examples
-    --------
-    >>> rng = np.random.default_rng(1)
-    >>> right = np.array([rng.random(4000) < 0.8, rng.random(4000) < 0.8, rng.random(4000) < 0.7])
-    >>> rank_methods(right).rank.tolist()
-    [1, 1, 3]
+    from its original (`simbench score --paired`). The largest pair's 1.96 sd is the resolution, for all. A method's rank is one
+    more than the number of methods that are better by that much.
     """
     m, n = right.shape
     if m == 0 or n == 0:
@@ -67,12 +48,6 @@ def rank_methods(right: np.ndarray, groups: np.ndarray | None = None) -> Ranks:
 
 
 def loops_needed(difference: float, spread: float) -> int:
-    """Return how many loops tell a difference of accuracy apart in nine of ten runs.
-
-    Examples
-    --------
-    >>> loops_needed(0.03, 0.42)
-    4904
-    """
+    """Return how many loops tell a difference of accuracy apart in nine of ten runs."""
     z = float(stats.norm.ppf(0.5 + _LEVEL / 2) + stats.norm.ppf(_POWER))
     return int(np.ceil(z * z * spread / difference**2))

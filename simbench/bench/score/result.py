@@ -104,11 +104,37 @@ class Scores:
 
     def as_text(self) -> str:
         """Return the tables for a terminal."""
-        return _as_text(self)
+        m, table = self.manifest, self.table
+        size = int(table.n_all.max()) if len(table) else 0
+        seal = f"sealed: seed {m['seed']} drawn as it began" if m.get("sealed") else "not sealed: seed known beforehand"
+        lines = [f"grid {m['grid']} ({m['grid_hash']}), {size} scenarios, {seal}"]
+        modes = (self.first, next(x for x in ("front end", "raw") if x != self.first))
+        blocks = [(modes[0], p) for p in ("all", "self-regulating", "integrating")] + [(modes[1], "all")]
+        for mode, process in blocks:
+            rows = self.ranking("cycled", mode, process)
+            if len(rows):
+                lines += ["", _title(rows, mode, process), *_block(rows), _resolved(self, mode, process), *_over_blind(rows)]
+        lines += ["", *_legend(self), "", *_left_out(self), "", *_dead_band(self), "", *_quantified(self)]
+        lines += ["", "labels that disagree", *_plain(self.disagreement)]
+        return "\n".join(lines)
 
     def as_json(self) -> dict[str, Any]:
         """Return rows, resolution and what stands beside them as JSON types; NaN and infinity become null."""
-        return _as_json(self)
+        table = self.table.rename(columns={"accuracy_applicable_lo": "lo", "accuracy_applicable_hi": "hi"})
+        resolution = self.resolution
+        return {
+            "grid": self.manifest["grid"],
+            "grid_hash": self.manifest["grid_hash"],
+            "sealed": bool(self.manifest.get("sealed")),
+            "undecided": self.undecided,
+            "rows": _records(table[list(_ROWS)] if len(table) else table),
+            "intervals": _records(table[list(_INTERVALS)] if len(table) else table),
+            "resolution": None if math.isnan(resolution) else resolution,
+            "by_axis": _records(self.by_axis),
+            "disagreement": _records(self.disagreement),
+            "left_out": _records(self.left_out),
+            "quantification": _records(self.quantification),
+        }
 
     def to_frame(self) -> pd.DataFrame:
         """Return the ranking against `cycled`, all loops.
@@ -152,51 +178,10 @@ class Scores:
 
 def kind_of(role: str, sees_mv: bool) -> int:
     """Return 0 for a stiction method on OP and PV, 1 for one that sees MV, 2 for yardsticks and the oracle, 3 for other tests.
-
-    Examples
-    --------
-    >>> kind_of("stiction", False), kind_of("quantification", True), kind_of("oracle", False), kind_of("nonlinearity", False)
-    (0, 1, 2, 3)
     """
     if role in ("oracle", ROLE_YARDSTICK):
         return 2
     return 3 if role == "nonlinearity" else int(sees_mv)
-
-
-def _as_text(scores: Scores) -> str:
-    """Return size, one block per process type, the other mode, dead-band cells, and labels that disagree."""
-    m, table = scores.manifest, scores.table
-    size = int(table.n_all.max()) if len(table) else 0
-    seal = f"sealed: seed {m['seed']} drawn as it began" if m.get("sealed") else "not sealed: seed known beforehand"
-    lines = [f"grid {m['grid']} ({m['grid_hash']}), {size} scenarios, {seal}"]
-    modes = (scores.first, next(x for x in ("front end", "raw") if x != scores.first))
-    blocks = [(modes[0], p) for p in ("all", "self-regulating", "integrating")] + [(modes[1], "all")]
-    for mode, process in blocks:
-        rows = scores.ranking("cycled", mode, process)
-        if len(rows):
-            lines += ["", _title(rows, mode, process), *_block(rows), _resolved(scores, mode, process), *_over_blind(rows)]
-    lines += ["", *_legend(scores), "", *_left_out(scores), "", *_dead_band(scores), "", *_quantified(scores)]
-    lines += ["", "labels that disagree", *_plain(scores.disagreement)]
-    return "\n".join(lines)
-
-
-def _as_json(scores: Scores) -> dict[str, Any]:
-    """Return {"rows", "resolution"} and grid, grid_hash, by_axis, disagreement, as JSON types."""
-    table = scores.table.rename(columns={"accuracy_applicable_lo": "lo", "accuracy_applicable_hi": "hi"})
-    resolution = scores.resolution
-    return {
-        "grid": scores.manifest["grid"],
-        "grid_hash": scores.manifest["grid_hash"],
-        "sealed": bool(scores.manifest.get("sealed")),
-        "undecided": scores.undecided,
-        "rows": _records(table[list(_ROWS)] if len(table) else table),
-        "intervals": _records(table[list(_INTERVALS)] if len(table) else table),
-        "resolution": None if math.isnan(resolution) else resolution,
-        "by_axis": _records(scores.by_axis),
-        "disagreement": _records(scores.disagreement),
-        "left_out": _records(scores.left_out),
-        "quantification": _records(scores.quantification),
-    }
 
 
 def _title(rows: pd.DataFrame, mode: str, process: str) -> str:

@@ -32,14 +32,7 @@ def file_digest(path: Path) -> str:
 
 
 def sealed(content: Mapping[str, Any]) -> dict[str, Any]:
-    """Return JSON content with a checksum over all of it as its last key.
-
-    Examples
-    --------
-    >>> content = sealed({"grid": "ci"})
-    >>> opened(content, "manifest.json"), len(content["seal"])
-    ({'grid': 'ci'}, 16)
-    """
+    """Return JSON content with a checksum over all of it as its last key."""
     plain = {k: v for k, v in content.items() if k != _SEAL}
     return {**plain, _SEAL: _of(plain)}
 

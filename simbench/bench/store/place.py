@@ -12,13 +12,7 @@ from simbench.files import folder as make_folder
 
 
 class Place:
-    """A folder of this machine; every file in it appears whole or not at all.
-
-    Parameters
-    ----------
-    folder : Path
-        Made when something is written.
-    """
+    """A folder of this machine; every file in it appears whole or not at all."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -61,20 +55,7 @@ class Place:
 
 
 class _RemotePlace(Place):
-    """A folder behind a URL, in memory, a bucket or elsewhere.
-
-    Parameters
-    ----------
-    scheme : str
-        Decides who reads and writes it.
-    path : str
-        What stands behind the scheme.
-
-    Raises
-    ------
-    FileError
-        When nobody does.
-    """
+    """A folder behind a URL, in memory, a bucket or elsewhere; FileError when nobody reads and writes its scheme."""
 
     def __init__(self, scheme: str, path: str) -> None:
         import fsspec
@@ -153,15 +134,7 @@ class _RemotePlace(Place):
 
 
 def place_of(path: str | Path | Place) -> Place:
-    """Return the place a path or URL names.
-
-    Examples
-    --------
-    >>> place = place_of("memory://runs/a")
-    >>> place.write("parts/0", b"whole")
-    >>> str(place), place.names("parts"), place.read("parts/0")
-    ('memory://runs/a', ['0'], b'whole')
-    """
+    """Return the place a path or URL names."""
     if isinstance(path, Place):
         return path
     url = URL.match(str(path))

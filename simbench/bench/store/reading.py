@@ -75,64 +75,31 @@ def read_scenario(path: str | Path, scenario_id: str) -> Scenario:
 
 @dataclass(frozen=True, eq=False)
 class RunArrays:
-    """A run's tables as arrays: n scenarios, m methods.
+    """A run's tables as arrays: n scenarios, m methods."""
 
-    Parameters
-    ----------
-    manifest : dict
-        Of the run.
-    ids : ndarray of bytes, shape (n,)
-        Scenario ids.
-    hashes : ndarray of bytes, shape (n,)
-        Of the records.
-    places : ndarray of bytes, shape (n,)
-        Cell, repeat and member: where in its grid a scenario stands.
-    axes : dict of str to ndarray, shape (n,)
-        Grid axes and other tags: numbers (NaN where there is none) or words.
-    truth : dict of str to ndarray of int8, shape (n,)
-        sticky, predicted, cycled: 1 positive, 0 negative, -1 left out; `cycled_word` holds the four words.
-    oscillating : ndarray of bool, shape (n,)
-        What the common front end said.
-    groups : ndarray of int, shape (n,)
-        Cell and repeat: the siblings of one group share plant, noise and set point.
-    design : ndarray, shape (n, 6)
-        What is known of a loop without its signals, as `simbench.bench.score.folds.BLIND` names it.
-    methods : tuple of str
-        Method ids.
-    verdict, verdict_raw : ndarray of int8, shape (m, n)
-        0 no_stiction, 1 stiction, 2 no_decision; with and without front end.
-    score, score_raw : ndarray, shape (m, n)
-        NaN where there is none; with the front end, -inf where it found no oscillation.
-    applicable : ndarray of int8, shape (m, n)
-        Whether the method's source covers the loop: 1 yes, 0 no, -1 the record does not tell.
-    failed : ndarray of bool, shape (m, n)
-        Whether the detector raised an error.
-    runtime : ndarray of float32, shape (m, n)
-        Seconds.
-    friction : ndarray, shape (n, 2)
-        Mapped S and J of the valve (% of travel); NaN in baselines that kept none.
-    levels : ndarray of LEVELS, shape (k,)
-        Every S and J that a method gave, with the numbers of loop and method; the ends of an interval, or twice a number.
-    """
-
-    manifest: dict[str, Any]
-    ids: np.ndarray
-    hashes: np.ndarray
-    places: np.ndarray
-    axes: dict[str, np.ndarray]
+    manifest: dict[str, Any]  # of the run
+    ids: np.ndarray  # (n,) scenario ids
+    hashes: np.ndarray  # (n,) of the records
+    places: np.ndarray  # (n,) cell, repeat and member: where in its grid a scenario stands
+    axes: dict[str, np.ndarray]  # (n,) grid axes and other tags: numbers (NaN where there is none) or words
+    # (n,) sticky, predicted, cycled: 1 positive, 0 negative, -1 left out; `cycled_word` holds the four words
     truth: dict[str, np.ndarray]
-    oscillating: np.ndarray
-    groups: np.ndarray
-    design: np.ndarray
-    methods: tuple[str, ...]
+    oscillating: np.ndarray  # (n,) what the common front end said
+    groups: np.ndarray  # (n,) cell and repeat: the siblings of one group share plant, noise and set point
+    design: np.ndarray  # (n, 6) what is known of a loop without its signals, as `simbench.bench.score.folds.BLIND` names it
+    methods: tuple[str, ...]  # method ids
+    # verdict, verdict_raw: (m, n) 0 no_stiction, 1 stiction, 2 no_decision; with and without front end
     verdict: np.ndarray
     verdict_raw: np.ndarray
+    # score, score_raw: (m, n) NaN where there is none; with the front end, -inf where it found no oscillation
     score: np.ndarray
     score_raw: np.ndarray
-    applicable: np.ndarray
-    failed: np.ndarray
-    runtime: np.ndarray
+    applicable: np.ndarray  # (m, n) whether the method's source covers the loop: 1 yes, 0 no, -1 the record does not tell
+    failed: np.ndarray  # (m, n) whether the detector raised an error
+    runtime: np.ndarray  # (m, n) seconds
+    # (n, 2) mapped S and J of the valve (% of travel); NaN in baselines that kept none
     friction: np.ndarray = field(default_factory=lambda: np.empty((0, 2)))
+    # (k,) every S and J that a method gave, with the numbers of loop and method; the ends of an interval, or twice a number
     levels: np.ndarray = field(default_factory=lambda: np.empty(0, LEVELS))
 
     @classmethod

@@ -34,10 +34,9 @@ class Law:
     `residual` is the robust size of what the best law leaves of dOP, relative to dOP (`baseline_residual`: of the baseline's).
     Between error and OP may stand: `limits` of OP tighter than its range (lo, hi), a `gap` of the error in which OP rests (full
     width), a lattice of OP (`step`), and another `tuning` (factors of the baseline's Kc and Ti). `recovered_pv` is the PV the
-    controller must have seen (None when it cannot be recovered). `reason` says why the block cannot be judged, `foreign` why
-    it is no PI at all, `late` by how many samples OP answers late, `averaged` that the archive's PV is a mean, `blur` what the
-    digits leave uncertain of the recovered PV (PV units), `strays` the samples that an otherwise exact law does not
-    explain.
+    controller must have seen (None when it cannot be recovered). `reason` says why the block cannot be judged, `foreign` why it
+    is no PI at all, `late` by how many samples OP answers late, `averaged` that the archive's PV is a mean, `blur` what the
+    digits leave uncertain of the recovered PV (PV units), `strays` the samples that an otherwise exact law does not explain.
     """
 
     residual: float

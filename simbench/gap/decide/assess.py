@@ -28,7 +28,8 @@ class Assessment(Fitted):
     and `unknown` are weighed; `tests` are the residual statistics of `final`; `mv_unexplained` whether MV strays as no map
     makes it; `valve_seen` whether MV was recorded, here or in a test; `beside` the assessments of the loop's other records,
     judged together with this one; `stiction` the probability of it, None where it cannot be said; `asked` the tests of the
-    menu that were run.
+    menu that were run; `tested` how many were judged with it; `beside_load` the candidates before the plant was allowed a
+    higher order.
     """
 
     log_likelihood_gains: dict[str, float] = field(default_factory=dict)
@@ -39,6 +40,8 @@ class Assessment(Fitted):
     beside: tuple[Assessment, ...] = ()
     stiction: float | None = None
     asked: tuple[str, ...] = ()
+    tested: int = 0
+    beside_load: dict[str, Candidate] = field(default_factory=dict)
 
     def shown(self, effect: str) -> bool:
         """Whether single samples, the controller's law or MV show an effect, and no likelihood of PV is needed."""
@@ -76,8 +79,8 @@ def assess(situation: Situation, tests: Sequence[ModelledTest] = ()) -> Assessme
     situation = replace(situation, data=engine.data, proven={**shown, **situation.proven})
     base = engine.base()
     candidates = fit_candidates(engine, base, effects_by_pv(situation, tests))
-    for beside in (beside_the_load, beside_the_plant):
-        base, candidates = beside(engine, base, candidates)
+    base, beside_load = beside_the_load(engine, base, candidates)
+    base, candidates = beside_the_plant(engine, base, beside_load)
     gains, parameters = _scores(situation, base, engine.main(base), candidates, maps[0])
     for effect, nats in lab_gains(tests, base, parameters).items():
         gains[effect] = capped(gains[effect] + nats)
@@ -89,12 +92,12 @@ def assess(situation: Situation, tests: Sequence[ModelledTest] = ()) -> Assessme
         if best is not None and gains[best] > (0.0 if not chosen else _SECOND):
             chosen.append(best)
             final = candidates[best].fit if best in candidates else base
-    if len(chosen) < 2:
+    if len(chosen) == 1:
         on_top = _gains_on_top(
             situation, engine, final, [e for e in order if block_of(e) not in map(block_of, chosen)], gains, candidates
         )
         runner = max(on_top, key=lambda e: on_top[e], default=None)
-        if chosen and runner is not None and on_top[runner] > _SECOND:
+        if runner is not None and on_top[runner] > _SECOND:
             chosen.append(runner)
             if runner in candidates:
                 final = fit_candidates(engine, final, [runner])[runner].fit
@@ -105,7 +108,7 @@ def assess(situation: Situation, tests: Sequence[ModelledTest] = ()) -> Assessme
     candidates = {e: replace(c, fit=alone[id(c.fit)]) for e, c in candidates.items()}
     situation = replace(situation, data=record.data)
     fitted = (situation, alone[id(base)], candidates, parameters, chosen, alone[id(final)])
-    return Assessment(*fitted, gains, left, on_top, maps[1], bool(maps[0]))
+    return Assessment(*fitted, gains, left, on_top, maps[1], bool(maps[0]), tested=len(tests), beside_load=beside_load)
 
 
 def _scores(

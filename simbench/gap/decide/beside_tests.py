@@ -12,7 +12,7 @@ from simbench.gap.candidates import Fitted, possible_effects
 from simbench.gap.effects import Parameters, recogniser
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.joint import JointEngine, JointPart
-from simbench.gap.likelihood.model import Fit, Spec
+from simbench.gap.likelihood.model import Data, Fit, Spec
 from simbench.gap.likelihood.valve_map import MapSearch
 from simbench.gap.situation import ModelledTest, Situation, load_memory, through_valve
 from simbench.loop.effects import EFFECTS
@@ -20,6 +20,7 @@ from simbench.loop.resolve import resolve_loop
 from simbench.loop.response import stages_response
 
 _BY_MV = 10.0  # nats that a valve found by MV must bring, before OP of the other records is sent through it
+_DIGITS = 6  # decimals of MV (%) that are read
 _MOVES = 1e-6  # % that OP must move before MV shows anything
 _SIZES = (0.25, 0.5, 1.0, 2.0, 4.0)  # of a fitted drift, at which lab samples are asked
 _ANOTHER = 25.0  # nats by which a plant of its own must explain a test better than any explanation of the record ...
@@ -50,14 +51,22 @@ def valve_maps(s: Situation, tests: Sequence[ModelledTest]) -> tuple[Maps, bool]
 
 def joint_engine(s: Situation, tests: Sequence[ModelledTest], maps: Maps) -> JointEngine:
     """Return the engine over the record and its tests; where MV was recorded once, the valve is known in all."""
+    parts = [JointPart(_by_stem(s, s.data, s.op, s.record.Ts, s.record.mv, maps))]
+    parts += [JointPart(_by_stem(s, t.data, t.op, t.Ts, t.mv, maps), t.pace) for t in tests]
+    return JointEngine(parts, load_memory(s))
+
+
+def _by_stem(s: Situation, data: Data, op: np.ndarray, Ts: float, mv: np.ndarray | None, maps: Maps) -> Data:
+    """Return a record's data with MV for OP: as the valve found makes it, or as logged where that differs beyond its digits."""
     winner = max(maps, key=lambda e: maps[e][0], default="")
-    parts = [(s.data, 1.0, s.op, s.record.Ts, s.record.mv), *((t.data, t.pace, t.op, t.Ts, t.mv) for t in tests)]
-    out = []
-    for data, pace, op, Ts, mv in parts:
-        if mv is None and winner and maps[winner][0] > _BY_MV:
-            data = replace(data, u=through_effect(s, winner, maps[winner][1], op, Ts))
-        out.append(JointPart(data, pace))
-    return JointEngine(out, load_memory(s))
+    if not winner:
+        return data
+    sound = maps[winner][0] <= _BY_MV
+    made = through_valve(op, s.baseline.valve, Ts) if sound else through_effect(s, winner, maps[winner][1], op, Ts)
+    if mv is not None:
+        steps = np.diff(np.unique(np.round(mv, _DIGITS)))
+        made = np.where(np.abs(mv - made) <= steps.min(initial=np.inf), made, mv) if steps.size else mv
+    return replace(data, u=np.ascontiguousarray(made))
 
 
 def through_effect(s: Situation, effect: str, p: Parameters, op: np.ndarray, Ts: float) -> np.ndarray:
@@ -99,7 +108,7 @@ def scaled(p: Parameters, share: float) -> Parameters:
 
 def other_plants(found: Fitted, s: Situation, tests: Sequence[ModelledTest]) -> list[str]:
     """Return of each test in words the plant behind it, where it is another than under the likeliest fits of the record."""
-    engine = joint_engine(s, tests, {})
+    engine = joint_engine(s, tests, valve_maps(s, tests)[0])
     likely = sorted((c for c in found.candidates.values() if c.used), key=lambda c: -c.log_likelihood_gain)[:3]
     fits = [found.base, *(c.fit for c in likely if c.log_likelihood_gain > 0.0)]
     # signals and jumps of an effect are of one record

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,8 +13,9 @@ from detectors.record import LoopRecord
 from scenarios.spec import Loop
 from simbench.gap.closed_loop.gap import Shrinkage, held_out, measure, simulate_runs
 from simbench.gap.closed_loop.loop_from_fit import fixed_loop
-from simbench.gap.discover.effect_file import known
-from simbench.gap.discover.nearest import nearest
+from simbench.gap.decide.assess import Assessment, assess
+from simbench.gap.discover.blocks import located
+from simbench.gap.discover.effect_file import lent_effect
 from simbench.gap.discover.search import Found, chance, search, where
 from simbench.gap.intake.check import check
 from simbench.gap.intake.refuse import refuse_unfit
@@ -115,22 +116,29 @@ def discover(record: LoopRecord, baseline: Loop, *, seed: int = 0, progress: boo
     refuse_unfit(record, f"record {record.tag!r}" if record.tag else "record")
     with one_thread():
         situation = check(record, baseline)
-        return described(situation, search(situation, held_out(situation), progress), seed)
+        found = search(situation, held_out(situation), progress)
+        return described(situation, found, lambda: assess(situation), seed)
 
 
-def described(s: Situation, found: Found, seed: int = 0) -> Discovery:
-    """Return a law beside where it acts, what it resembles and how far it closes the gap of the simulated loop."""
-    if found.law is None:
-        return Discovery(s, None, found.why, found.block)
-    gap, runs = _simulated(s, found, found.law, seed)
-    if gap is None:
-        return Discovery(s, None, "the loop with the law in it cannot be simulated: it runs away", found.law.block)
-    if gap.resolvable and gap.after > gap.before:
-        why = f"the likeliest law ({found.law.text}) does not narrow the gap of the simulated loop"
-        return Discovery(s, None, why, found.law.block)
-    acts = found.law.evidence is not None or found.law.on is not None
-    on = where(found.law) if acts else np.ones(s.record.n, dtype=bool)
-    return Discovery(s, found.law, "", found.law.block, _regime(s, found.law), nearest(found.law, s.op), on, gap, runs)
+def described(s: Situation, found: Found, known: Callable[[], Assessment], seed: int = 0) -> Discovery:
+    """Return a law beside where it acts, what it resembles and how far it closes the gap; else the block of all evidence.
+
+    `known` assesses the effects of the library, where no law is certain.
+    """
+    law, why = found.law, found.why
+    seen = located(known(), found.forms, found.block)
+    gap, runs = (None, {}) if law is None else _simulated(s, found, law, seed)
+    if law is not None:
+        if seen.block not in ("", law.block):
+            why = f"the likeliest law ({law.text}) lies elsewhere than most of the evidence"
+        elif gap is None:
+            why = "the loop with the law in it cannot be simulated: it runs away"
+        elif gap.resolvable and gap.after > gap.before:
+            why = f"the likeliest law ({law.text}) does not narrow the gap of the simulated loop"
+    if law is None or why:
+        return Discovery(s, None, f"{why}; {seen.words}", seen.block)
+    on = np.ones(s.record.n, dtype=bool) if law.evidence is None and law.on is None else where(law)
+    return Discovery(s, law, "", law.block, _regime(s, law), seen.nearest.get(law.block), on, gap, runs)
 
 
 def _simulated(
@@ -140,7 +148,7 @@ def _simulated(
     fit, null = found.fit, found.null
     bare = fixed_loop(s, null, {}, plant="baseline", load=fit)
     tuned = fixed_loop(s, null, {}, plant="fitted", load=fit)
-    with known(law) as name:
+    with lent_effect(law) as name:
         # a law of another gain or time is told of the baseline's
         plant = "baseline" if law.form == "size" else "fitted"
         with_law = fixed_loop(s, fit, {name: dict(law.numbers)}, plant=plant, load=fit)

@@ -21,7 +21,7 @@ _TEXT = '''"""{name}: {says}.
 from simbench.loop.laws import apply_law, law_parameters
 
 SOURCE = "{source}"
-BLOCK, ACTS = "{block}", "{acts}"
+BLOCK, ACTS = "{block}", "loop"
 FORM = "{form}"
 PARAMETERS = law_parameters(FORM, {numbers})
 
@@ -45,7 +45,7 @@ def effect_text(law: FoundLaw, name: str, found: str, source: str) -> str:
     """Return a law as the text of an effect's file."""
     form = LAW_FORMS[law.form]
     return _TEXT.format(
-        name=name, says=form.says, found=found, source=source.replace('"', "'"), block=form.block, acts=form.acts,
+        name=name, says=form.says, found=found, source=source.replace('"', "'"), block=form.block,
         form=law.form, numbers=", ".join(f"{k}={float(v)!r}" for k, v in law.numbers.items()),
     )  # fmt: skip
 
@@ -57,7 +57,7 @@ def write_effect(law: FoundLaw, path: str | Path, found: str, source: str) -> No
 
 
 @contextmanager
-def known(law: FoundLaw, name: str = "law_of_this_record") -> Iterator[str]:
+def lent_effect(law: FoundLaw, name: str = "law_of_this_record") -> Iterator[str]:
     """Make a law known as an effect while the block lasts, by the very file that would be written; yield its id."""
     with TemporaryDirectory() as place:
         file = Path(place) / f"{name}.py"

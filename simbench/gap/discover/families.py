@@ -13,7 +13,6 @@ from simbench.gap.effects import deadzone, load_steps, stiction
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import NUISANCES, Data, Fit, Free, Moves, Spec, input_gain, size_penalty
-from simbench.gap.likelihood.valve_map import lagged
 from simbench.gap.situation import Situation
 
 _LOAD = (*NUISANCES, "load_jump")  # searched anew in every part of the record; a law's own numbers are not
@@ -144,12 +143,9 @@ def _process(s: Situation, d: Data, pace: float, Ts: float, integrating: bool) -
         yield Family("size", lambda d, b, own, name=name: Spec() if own else Spec(free=frozenset({name})), lambda e, f: [{}],
                      lambda f, own: _resized(own, d, Ts), lambda data, own: replace(data, **own),
                      lambda own, f, name=name: {name: f.K if name == "K" else f.theta[name]})  # fmt: skip
-    yield Family("pole", _moves(lambda u, p: lagged(u, p["g"]), _free("g", 0.1, 20 * pace, log=True)),
-                 lambda e, f: [{"g": pace * x} for x in np.geomspace(0.1, 4.0, 7)],
-                 lambda f, own: {"tau": f.theta["g"] * Ts})  # fmt: skip
     yield Family("zero", _moves(lambda u, p: led(u, p["a"], p["g"]), _free("a", -5 * pace, 5 * pace),
                                 _free("g", 0.2, 10 * pace, log=True)),
-                 lambda e, f: [{"a": a * pace, "g": g * pace} for a in (-1.0, -0.3, 0.5, 1.5) for g in (0.1, 0.3, 1.0)],
+                 lambda e, f: [{"a": a * pace, "g": g * pace} for a in (-1.0, -0.3, 0.0, 0.5, 1.5) for g in (0.1, 0.3, 1.0)],
                  lambda f, own: {"lead": f.theta["a"] * Ts, "lag": f.theta["g"] * Ts})  # fmt: skip
     yield Family("resonance", _moves(lambda u, p: rung(u, p["P"], p["z"]), _free("P", 2.5, 40 * pace, log=True),
                                      _free("z", 0.02, 1.5, log=True)),

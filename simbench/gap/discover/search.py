@@ -16,6 +16,7 @@ from simbench.gap.law import FoundLaw, spells_of
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, input_gain, size_penalty
 from simbench.gap.situation import Situation, load_memory
+from simbench.loop.laws import LAW_FORMS
 
 _TRIED = 24  # forms asked of a record: the price of having asked so many questions (Bonferroni)
 _CHANCE = 0.01  # of a law where none holds, above which it is not believed ...
@@ -28,13 +29,18 @@ _PRICE = 6.0  # nats of a change from on to off
 
 
 class Found(NamedTuple):
-    """The law, its fit to the first part and the fit without it; None where no law pays, then why, and the block if known."""
+    """The law, its fit to the first part and the fit without it; None where no law pays, then why.
+
+    `block` is set where single samples, the controller's law or MV show it; `forms` are block and nats (on the first part) of
+    what was tried by likelihood.
+    """
 
     law: FoundLaw | None
     null: Fit
     fit: Fit
     why: str = ""
     block: str = ""
+    forms: tuple[tuple[str, float], ...] = ()
 
 
 def chance(nats: float) -> float:
@@ -57,18 +63,17 @@ def search(s: Situation, first: int, progress: bool = False) -> Found:
             law = find(s, first)
             bar.update()
             if law is not None and law.nats > _LEAST_NATS:
-                return Found(law, null, null)
-        if s.unexplained_law:
-            why = f"the controller's law is broken, and no form describes how: {s.unexplained_law}"
-            return Found(None, null, null, why, "controller")
-        law, fit, nats = _by_likelihood(s, learn, nulls, first, bar)
+                return Found(law, null, null, block=law.block)
+        shown = [("controller", s.unexplained_law)] if s.unexplained_law else [*s.facts.values()]
+        shown += [("sensor", "PV stands still while OP moves")] if s.frozen else []
+        block, words = max(shown, key=lambda one: one[0] == "controller", default=("", ""))
+        if block == "controller":
+            return Found(None, null, null, f"{words}, and no form describes how", block)
+        law, fit, nats, forms = _by_likelihood(s, learn, nulls, first, bar)
     if law is not None:
         return Found(law, null, fit)
-    if s.frozen:
-        return Found(None, null, null, "PV stands still while OP moves, and no form describes when", "sensor")
-    return Found(
-        None, null, null, f"no form pays on samples that it was not fitted to (best {nats:.1f}, needed {_LEAST_NATS:.0f} nats)"
-    )
+    why = f"no form pays on samples that it was not fitted to (best {nats:.1f}, needed {_LEAST_NATS:.0f} nats)"
+    return Found(None, null, null, f"{words}, and {why}" if words else why, block, forms)
 
 
 def _part(d: Data, begin: int, end: int) -> Data:
@@ -82,8 +87,8 @@ def _worth(null: tuple[Fit, float]) -> float:
 
 def _by_likelihood(
     s: Situation, learn: Engine, nulls: list[tuple[Fit, float]], first: int, bar: tqdm
-) -> tuple[FoundLaw | None, Fit, float]:
-    """Return the law between OP and PV that pays, its fit, and its nats; a law may take the place of the load's jumps."""
+) -> tuple[FoundLaw | None, Fit, float, tuple[tuple[str, float], ...]]:
+    """Return the law between OP and PV that pays, its fit, its nats and `Found.forms`; it may replace the load's jumps."""
     rest = Engine(_part(s.data, first, s.data.n), load_memory(s))
     others = nulls_of(rest)
     null, other = max(nulls, key=_worth)[0], max(others, key=_worth)[0]
@@ -97,6 +102,7 @@ def _by_likelihood(
                 gain = found[0].loglik - price - level - size_penalty(learn.data.n, numbers_of(family, found[1]))
                 tries.append((gain, family, *found))
         bar.update()
+    forms = tuple((LAW_FORMS[family.form].block, gain) for gain, family, *_ in tries)
     tries = sorted((t for t in tries if t[0] > _LEARNT), key=lambda t: -t[0])
     laws: list[tuple[float, FoundLaw, Fit]] = []
     most = 0.0
@@ -116,9 +122,9 @@ def _by_likelihood(
     if loud is not None and loud.nats > _LEAST_NATS:
         laws.append((2.0 * loud.nats, loud, null))
     if not laws:
-        return None, null, most
+        return None, null, most, forms
     _, law, fit = max(laws, key=lambda t: t[0])
-    return law, fit, law.nats
+    return law, fit, law.nats, forms
 
 
 def _intervals(family: Family, engine: Engine, fit: Fit, own: dict[str, float]) -> dict[str, tuple[float, float]]:

@@ -20,16 +20,7 @@ _lent: dict[str, Recogniser] = {}
 
 @contextmanager
 def left_out(*effects: str) -> Iterator[None]:
-    """Take effects out of the library while the block lasts: nobody recognises them, as if their files had gone.
-
-    Examples
-    --------
-    >>> with left_out("stiction"):
-    ...     print(recogniser("stiction").fit)
-    None
-    >>> recogniser("stiction").fit is None
-    False
-    """
+    """Take effects out of the library while the block lasts: nobody recognises them, as if their files had gone."""
     before = set(_left_out)
     _left_out.update(effects)
     try:
@@ -50,13 +41,7 @@ def lent(effect: str, how: Recogniser) -> Iterator[None]:
 
 
 def recogniser(effect: str) -> Recogniser:
-    """Return how an effect is recognised; one that is only simulated, because nobody said how, is never recognised.
-
-    Examples
-    --------
-    >>> recogniser("stiction").fit is None, recogniser("saturation").fit is None
-    (False, True)
-    """
+    """Return how an effect is recognised; one that is only simulated, because nobody said how, is never recognised."""
     return Recogniser() if effect in _left_out else _lent.get(effect) or _of(effect)
 
 

@@ -14,31 +14,16 @@ Size = Callable[[float], dict[str, float | str]]
 
 @dataclass(frozen=True, eq=False)
 class Yardstick:
-    """How large things are in a loop that an effect is drawn for.
+    """How large things are in a loop that an effect is drawn for."""
 
-    Parameters
-    ----------
-    record : LoopRecord
-        Of the loop without effect.
-    noise : float
-        Standard deviation of the measurement noise (PV units).
-    lag, pace : float
-        T + Td of the plant and time scale of the closed loop (s).
-    gain : float
-        PV units that 1 % brings within the plant's time scale.
-    Td : float
-        Dead time (s) that shows in the archive.
-    integral : bool
-        Whether the controller has an integral.
-    """
-
-    record: LoopRecord
-    noise: float
+    record: LoopRecord  # of the loop without effect
+    noise: float  # standard deviation of the measurement noise (PV units)
+    # lag, pace: T + Td of the plant and time scale of the closed loop (s)
     lag: float
     pace: float
-    gain: float
-    Td: float
-    integral: bool
+    gain: float  # PV units that 1 % brings within the plant's time scale
+    Td: float  # dead time (s) that shows in the archive
+    integral: bool  # whether the controller has an integral
 
     @property
     def op(self) -> float:

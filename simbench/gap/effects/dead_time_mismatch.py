@@ -33,5 +33,4 @@ RECOGNISER = Recogniser(
     replaces="Td",
     smallest=smallest,
     draw=draw,
-    laws=("size delay", "zero"),
 )

@@ -31,5 +31,4 @@ RECOGNISER = Recogniser(
     bends_plant=True,
     smallest=lambda probe: probe.band(kernels.PLAY),
     draw=draw,
-    laws=("memory S",),
 )

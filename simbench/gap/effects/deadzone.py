@@ -44,5 +44,4 @@ RECOGNISER = Recogniser(
     by_mv=by_mv,
     needs="plant",
     draw=draw,
-    laws=("curve flat",),
 )

@@ -28,5 +28,4 @@ RECOGNISER = Recogniser(
     needs="tuning",
     smallest=smallest,
     draw=draw,
-    laws=("tuning", "weight", "regime"),
 )

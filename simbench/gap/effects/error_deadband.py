@@ -27,5 +27,4 @@ RECOGNISER = Recogniser(
     explains="gap",
     smallest=smallest,
     draw=draw,
-    laws=("rest width",),
 )

@@ -12,5 +12,4 @@ RECOGNISER = Recogniser(
     needs="plant",
     smallest=lambda probe: probe.pole("extra"),
     draw=_draw.lag,
-    laws=("pole", "resonance"),
 )

@@ -23,5 +23,4 @@ RECOGNISER = Recogniser(
     bends_plant=True,
     replaces="K",
     draw=_draw.ratio(6.0),
-    laws=("size gain",),
 )

@@ -48,5 +48,4 @@ RECOGNISER = Recogniser(
     needs="plant",
     smallest=lambda probe: None if probe.engine.data.noise == 0 else probe.factor("noise_std"),
     draw=draw,
-    laws=("rough",),
 )

@@ -29,5 +29,4 @@ RECOGNISER = Recogniser(
     explains="step",
     remark=lambda s: levels_of(np.asarray(s.record.op), np.asarray(s.record.pv)),
     draw=draw,
-    laws=("rest step",),
 )

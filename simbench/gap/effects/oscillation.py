@@ -54,4 +54,4 @@ def draw(y: Yardstick, rng: np.random.Generator) -> Size:
     return lambda x: {"amplitude": min(between(x, 0.05, 10.0) * y.op, 30.0), "period": period}
 
 
-RECOGNISER = Recogniser(fit=fit, numbers=numbers, draw=draw, laws=("periodic",))
+RECOGNISER = Recogniser(fit=fit, numbers=numbers, draw=draw)

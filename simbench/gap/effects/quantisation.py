@@ -33,5 +33,4 @@ RECOGNISER = Recogniser(
     remark=lambda s: levels_of(np.asarray(s.record.pv), np.asarray(s.record.op)),
     smallest=smallest,
     draw=draw,
-    laws=("stairs",),
 )

@@ -12,5 +12,4 @@ RECOGNISER = Recogniser(
     needs="plant",
     smallest=lambda probe: probe.pole("sensor"),
     draw=_draw.lag,
-    laws=("filter",),
 )

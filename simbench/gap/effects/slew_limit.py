@@ -41,5 +41,4 @@ RECOGNISER = Recogniser(
     numbers=lambda fit, s: {"slowness": s.record.Ts / fit.theta["rate"]},
     by_mv=by_mv,
     needs="plant",
-    laws=("rate slowness", "ramps"),
 )

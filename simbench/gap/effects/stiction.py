@@ -59,5 +59,4 @@ RECOGNISER = Recogniser(
     initial_op_offset=lambda p: float(p["S"]),
     smallest=lambda probe: probe.band(kernels.STICK),
     draw=draw,
-    laws=("memory J",),
 )

@@ -15,5 +15,4 @@ RECOGNISER = Recogniser(
     replaces="T",
     smallest=lambda probe: None if probe.engine.data.T == 0 else probe.factor("T"),
     draw=_draw.ratio(8.0),
-    laws=("size pace",),
 )

@@ -49,5 +49,4 @@ RECOGNISER = Recogniser(
     needs="plant",
     smallest=smallest,
     draw=draw,
-    laws=("curve bent",),
 )

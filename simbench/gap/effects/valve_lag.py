@@ -24,5 +24,4 @@ RECOGNISER = Recogniser(
     needs="plant",
     smallest=lambda probe: probe.pole("valve"),
     draw=_draw.lag,
-    laws=("rate tau",),
 )

@@ -23,12 +23,7 @@ _HALF = 0.5  # of what OP does, that a law may leave unexplained and still show 
 
 
 def identify(record: LoopRecord, plant: Plant | None = None, controller: Controller | None = None) -> Loop:
-    """Return a loop file that fits the record, without any effect in it.
-
-    Notes
-    -----
-    Not a model to design a controller with: in closed loop and without excitation K and T are known only as K/T.
-    """
+    """Return a loop file that fits the record, without any effect in it."""
     it = _Unidentified(record)
     noise, law = 0.0, it.law(1.0 if plant is None else float(np.sign(plant.K)))
     if plant is None:

@@ -16,17 +16,10 @@ _NEEDED = ("plant", "controller", "sampling")
 
 @dataclass(frozen=True)
 class Partial:
-    """A baseline that is not whole.
+    """A baseline that is not whole."""
 
-    Parameters
-    ----------
-    loop : Loop
-        Placeholders stand for what is missing.
-    missing : frozenset of str
-        Sections, of plant, controller and sampling, that the record must give; never both plant and controller.
-    """
-
-    loop: Loop
+    loop: Loop  # placeholders stand for what is missing
+    # sections, of plant, controller and sampling, that the record must give; never both plant and controller
     missing: frozenset[str]
 
 
@@ -59,8 +52,6 @@ def _stand_ins(table: dict) -> dict:
 def completed(record: LoopRecord, baseline: Loop | Partial | None) -> tuple[Loop, frozenset[str], list[str]]:
     """Return a whole baseline: what is known of it, and from the record what is not.
 
-    Examples
-    --------
     >>> from random_case import random_case
     >>> case = random_case(3, ("detuning",))
     >>> sorted(completed(case.record, case.baseline)[1]), sorted(completed(case.record, None)[1])

@@ -70,14 +70,7 @@ def refuse_mv_units(mv: np.ndarray, op: np.ndarray, where: str) -> None:
 
 
 def moving_slope(op: np.ndarray, mv: np.ndarray) -> float | None:
-    """Return how far MV moves per % of OP while it moves, friction or not; None where it seldom does.
-
-    Examples
-    --------
-    >>> op = 50 + 5 * np.sin(np.arange(500) / 20)
-    >>> round(moving_slope(op, 0.4 * op), 3)
-    0.4
-    """
+    """Return how far MV moves per % of OP while it moves, friction or not; None where it seldom does."""
     du, dv = np.diff(op), np.diff(mv)
     least = 0.3 * float(np.std(du))
     # a slip is one step; between two steps of one direction the valve slides with OP

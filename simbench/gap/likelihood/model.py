@@ -23,22 +23,10 @@ INNER = "inner"  # a pole that every plant may have in place of some of its dead
 class Data:
     """What the engine needs of a record and its baseline.
 
-    Parameters
-    ----------
-    u, y : ndarray, shape (n,)
-        Input of the plant (OP or MV, %) and PV.
-    K, T, Td : float
-        Baseline; T and Td in samples, T = 0 for an integrating plant (then K is per sample).
-    noise : float
-        Stated noise std (PV units), 0 = none stated.
-    resolution : float
-        Smallest step PV is written in; bounds the noise from below.
-    late : int
-        Samples by which OP answers PV late in the archive.
-    trusted : bool
-        False: K, T, Td are mere starting values, free in every candidate.
-    shape : (b, a), optional
-        Of a baseline of higher order: the filter of unit gain between its input and that of the first-order plant K, T, Td.
+    `u`, `y` (n,): input of the plant (OP or MV, %) and PV; `K`, `T`, `Td` of the baseline in samples (T = 0: integrating, K
+    per sample); `noise`: stated std (PV units), 0 where none is; `resolution`: smallest step PV is written in; `late`: samples
+    by which OP answers PV late in the archive; not `trusted`: K, T, Td are mere starting values; `shape` (b, a): of a baseline
+    of higher order, the filter of unit gain between its input and that of the first-order plant.
     """
 
     u: np.ndarray
@@ -87,18 +75,7 @@ class Data:
 
 @dataclass(frozen=True)
 class Free:
-    """A number of an effect that is searched.
-
-    Parameters
-    ----------
-    name : str
-    low, high : function of Data
-        Ends of the interval.
-    log : bool
-        Searched by its logarithm.
-    shapes : bool
-        Whether it changes signals; otherwise only the noise model.
-    """
+    """A number of an effect that is searched, by its logarithm or not; `shapes`: it changes more than the noise model."""
 
     name: str
     low: Callable[[Data], float]

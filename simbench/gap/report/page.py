@@ -31,18 +31,7 @@ _MEANING = {NONE: "the simulation lacks nothing", UNKNOWN: "something that no kn
 
 
 def write_page(report: GapReport, path: str | Path, command: Sequence[str] = (), told: Markup | None = None) -> None:
-    """Write a diagnosis as one self-contained HTML page, readable in light and dark and on a phone; `told`: its story.
-
-    Examples
-    --------
-    >>> import pathlib, tempfile
-    >>> from simbench.gap.diagnosis import diagnose
-    >>> from random_case import random_case
-    >>> case, file = random_case(3, ("detuning",)), pathlib.Path(tempfile.mkdtemp()) / "page.html"
-    >>> write_page(diagnose(case.record, case.baseline), file)
-    >>> "The simulation lacks detuning" in file.read_text(encoding="utf-8")
-    True
-    """
+    """Write a diagnosis as one self-contained HTML page, readable in light and dark and on a phone; `told`: its story."""
     tag = report.behind.found.situation.record.tag
     parts: list[tuple[str, str, Markup]] = [
         ("answer", "The answer", _answer(report)),

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, FancyBboxPatch
 from scipy.signal import welch
@@ -55,7 +56,7 @@ def draw_blocks(shares: Mapping[str, float]) -> Figure:
     for block, (left, lower, wide) in _BOXES.items():
         share = float(shares.get(block, 0.0))
         style = "round,pad=0,rounding_size=0.05"
-        face = (*_rgb(RED), 0.7 * share)
+        face = (*to_rgb(RED), 0.7 * share)
         axes.add_patch(FancyBboxPatch((left, lower), wide, _HIGH, style, facecolor=face, edgecolor=BLACK, linewidth=1.0))
         inside = [(block, "normal"), (f"{100 * share:.0f} %", "bold")]
         step = _HIGH / (len(inside) + 0.4)
@@ -133,14 +134,7 @@ def draw_spectra(record: Traces, runs: Mapping[str, Traces]) -> Figure:
 
 
 def spectrum(x: np.ndarray, Ts: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return frequencies (1/s) and power density by Welch's averages of at least seven half-overlapping pieces.
-
-    Examples
-    --------
-    >>> f, power = spectrum(np.sin(np.arange(400) * 2 * np.pi / 20), 1.0)
-    >>> float(f[np.argmax(power)])
-    0.05
-    """
+    """Return frequencies (1/s) and power density by Welch's averages of at least seven half-overlapping pieces."""
     f, power = welch(x, 1.0 / Ts, nperseg=max(32, min(1024, x.size // 4)))
     return f[1:], np.maximum(power[1:], np.finfo(float).tiny)
 
@@ -211,8 +205,3 @@ def _arrow(axes: Axes, points: Sequence[tuple[float, float]]) -> None:
     axes.plot(*zip(*points[:-1]), color=BLACK, linewidth=0.9, solid_joinstyle="miter")
     arrow = {"arrowstyle": "-|>", "color": BLACK, "linewidth": 0.9, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 7}
     axes.annotate("", points[-1], points[-2], arrowprops=arrow)
-
-
-def _rgb(colour: str) -> tuple[float, float, float]:
-    r, g, b = (int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5))
-    return r, g, b

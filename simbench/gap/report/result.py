@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from detectors.verdict import PROBABILITY
@@ -115,24 +115,8 @@ class GapReport:
             "effect": self.effect,
             "effects": [dict(e) for e in self.effects],
             "group": list(self.group),
-            "ranking": [
-                {
-                    "effect": r.effect,
-                    "block": r.block,
-                    "probability": r.probability,
-                    "gap_before": r.gap_before,
-                    "gap_after": r.gap_after,
-                    "parameters": dict(r.parameters),
-                }
-                for r in self.ranking
-            ],
-            "gap": {
-                "before": self.gap.before,
-                "recalibrated": self.gap.recalibrated,
-                "after": self.gap.after,
-                "floor": self.gap.floor,
-                "resolvable": self.gap.resolvable,
-            },
+            "ranking": [asdict(r) for r in self.ranking],
+            "gap": asdict(self.gap),
             "shrinkage": None if self.shrinkage is None else dict(self.shrinkage),
             "blocks": dict(self.blocks),
             "next_test": None if self.next_test is None else dict(self.next_test),

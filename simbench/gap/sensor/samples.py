@@ -20,8 +20,8 @@ class Samples:
     `resolution` is the decimal unit PV is written in (0 = full precision), `step` a lattice coarser than that (0 = none),
     `straight` the share of samples on a straight line with both neighbours beyond chance, `spikes` the indices of isolated
     points, `heights` how far off they are, `held` the longest exact standstill in samples, `stuck` the share of samples in
-    standstills longer than rounding and noise explain; `heavy` whether the largest samples are no spikes but the tails of
-    the noise.
+    standstills longer than rounding and noise explain; `heavy` whether the largest samples are no spikes but the tails of the
+    noise.
     """
 
     resolution: float
@@ -40,14 +40,7 @@ class Samples:
 
 
 def inspect_samples(pv: np.ndarray, *others: np.ndarray, noise: float = 0.0) -> Samples:
-    """Look at PV sample by sample.
-
-    Examples
-    --------
-    >>> found = inspect_samples(np.round(np.random.default_rng(0).standard_normal(500) / 0.3137) * 0.3137)
-    >>> round(found.step, 6)
-    0.3137
-    """
+    """Look at PV sample by sample."""
     is_written = written(pv, *others)
     unit, step = is_written.unit, is_written.step
     rounding = max(unit, step)

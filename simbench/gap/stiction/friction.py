@@ -69,7 +69,7 @@ def probability_of_stiction(record: LoopRecord, loop: Loop | Partial | None = No
         return None
 
 
-def friction(record: LoopRecord, loop: Loop | Partial | None = None) -> Friction:
+def friction(record: LoopRecord, loop: Loop | Partial | None = None, found: Assessment | None = None) -> Friction:
     """Weigh friction on one record, beside the loop where it is known, identified from the record otherwise.
 
     The evidence is that of all samples; where that leaves doubt and samples are closer than the loop moves, that of the record
@@ -86,6 +86,9 @@ def friction(record: LoopRecord, loop: Loop | Partial | None = None) -> Friction
         unfit = f"{record.n} samples; at least {SHORTEST_ASKED} are needed"
     if unfit:
         raise RecordError(f"{where} unfit: {unfit}")
+    # a record, and its tests, that was assessed beside this loop is weighed as it was fitted
+    if found is not None and isinstance(loop, Loop) and with_sound_valve(loop) is loop:
+        return _measured(found)
     record = in_percent(record)[0]
     if isinstance(loop, Loop):
         loop = with_sound_valve(loop)
@@ -178,12 +181,13 @@ def _few(s: Situation) -> Assessment:
 def _measured(found: Assessment) -> Friction:
     """Return the assessment with the evidence that is weighed."""
     gains, s = found.log_likelihood_gains, found.situation
-    if s.record.mv is not None:
+    if found.valve_seen or s.record.mv is not None:
         # what MV does beside OP is the valve: another map may explain it, nothing outside can, and every band counts in full
         rivals = (gains[e] for e in EFFECTS if block_of(e) == "valve" and e not in (FRICTION, _BAND))
         gain = max(gains[FRICTION], gains[_BAND])
         return Friction(found, FrictionEvidence(gain, max(rivals), float(gain > 0.0)))
-    one = found.candidates[FRICTION]
+    gains = gains | {e: float(c.log_likelihood_gain) for e, c in found.beside_load.items()}
+    one = (found.beside_load or found.candidates)[FRICTION]
     span = float(np.quantile(s.op, 0.99) - np.quantile(s.op, 0.01)) or 1.0
     share = one.fit.theta["S"] / span if one.used else 0.0
     return Friction(found, FrictionEvidence(gains[FRICTION], gains[OUTSIDE], share))

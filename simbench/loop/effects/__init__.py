@@ -81,11 +81,5 @@ def _described(module: ModuleType) -> Effect:
 
 
 def block_of(effect: str) -> str:
-    """Return the block of an effect id; `none` and `unknown` stand for themselves.
-
-    Examples
-    --------
-    >>> block_of("stiction"), block_of("none")
-    ('valve', 'none')
-    """
+    """Return the block of an effect id; `none` and `unknown` stand for themselves."""
     return effect if effect in (NONE, UNKNOWN) else EFFECTS[effect].block

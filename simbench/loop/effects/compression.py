@@ -22,24 +22,8 @@ def apply(setup, p, rng):
 
 
 def swinging_door(pv, band):
-    """Return PV as an archive rebuilds it after swinging-door compression.
-
-    Parameters
-    ----------
-    pv : ndarray, shape (n,)
-        Signal, PV units.
-    band : float
-        Half width of the door, PV units: no sample is further than this from its rebuilt value.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-
-    Examples
-    --------
-    >>> swinging_door(np.array([0.0, 1.0, 2.0, 3.0, 0.0]), 0.1).tolist()
-    [0.0, 1.0, 2.0, 3.0, 0.0]
-    """
+    """Return PV as an archive rebuilds it after swinging-door compression: no sample is further than `band` from its rebuilt
+    value."""
     kept, start, low, high = [0], 0, -np.inf, np.inf
     values = pv.tolist()
     for k in range(1, len(values)):

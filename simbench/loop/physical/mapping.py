@@ -17,13 +17,9 @@ def complete_band(
 ) -> dict[str, float]:
     """Fill the pair that was not given from the pair that was.
 
-    Notes
-    -----
-    S = percent (Fs + Fc), J = percent (Fs - Fc): force balance of the valve at rest and in slow motion, Choudhury,
-    Thornhill and Shah (2005). Not for an underdamped actuator, whose jump passes the balance.
+    S = percent (Fs + Fc), J = percent (Fs - Fc): force balance of the valve at rest and in slow motion, Choudhury, Thornhill
+    and Shah (2005).
 
-    Examples
-    --------
     >>> nan = float("nan")
     >>> complete_band({"S": 5.0, "J": 2.0, "fs": nan, "fd": nan}, "valve 'he'", ("fs", "fd"), 1.0)
     {'S': 5.0, 'J': 2.0, 'fs': 3.5, 'fd': 1.5}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,6 +18,7 @@ from detectors.records.io import read_folder, read_labels
 from detectors.records.tables import read_table
 from detectors.report.report import choose_methods
 from detectors.verdict import Verdict
+from simbench.files import folder as folder_made
 from simbench.gap.stiction.probability import CLAIMED_FROM, pooled, probability
 from simbench.plant.episodes import OverTime
 from simbench.plant.report.advice import VALVE, Advice, advise
@@ -28,6 +30,7 @@ from simbench.plant.resumed import resumed
 from simbench.plant.trust.result import STICKY, Trust
 from simbench.plant.trust.trust import trust
 
+JUDGED = ".judged"  # ends the name of the folder beside a page in which the answers on its loops are kept
 HEALTHY, EACH = 16, 2  # twins per loop: enough to rank a plant; `simbench trust` draws more
 _FOLLOWER, _OPEN = 0.2, 0.3  # of a loop's own cost, where another drives it, and confidence where no cause is named
 _NOTHING = "procedure"  # whose windows are missing where a record cannot be judged
@@ -109,6 +112,9 @@ def survey(
 ) -> Fleet:  # fmt: skip
     """Judge every record of a folder, find what they share, and rank them."""
     known = {} if labels is None else read_labels(labels)
+    before = {} if previous is None else _causes_before(previous)
+    if previous is not None and keep is not None:
+        _adopt(Path(previous), folder_made(keep))
     each = {name: {"kind": row["kind"], "process": row["process"]} for name, row in known.items()}
     records, refused = read_folder(folder, names=known or None, each=each, **about)
     names = choose_methods(["all"])
@@ -118,18 +124,17 @@ def survey(
     timed = {m.name: replace(records[m.name], mv=None) for m in members}  # with the time of the calendar
     pairs = cascades(timed)
     members, events = _joined(members, {name: Prepared(record) for name, record in timed.items()}, pairs)
-    before = {} if previous is None else causes_before(previous)
     members = [replace(m, status=_status(m, before)) for m in members]
     members.sort(key=lambda m: (-round(m.priority, 2), -round(m.probability, 1), -(m.size or (0.0, 0.0))[0], m.name))
     return Fleet(tuple(members), events, refused, tuple(names), tuple(pairs))
 
 
-def causes_before(previous: str | Path) -> dict[str, str]:
+def _causes_before(previous: str | Path) -> dict[str, str]:
     """Return the causes that the tables of an earlier report's folder name, by loop."""
-    folder, found = Path(previous), {}
-    if not folder.is_dir():
+    found: dict[str, str] = {}
+    if not Path(previous).is_dir():
         raise ParameterError(f"--previous {previous}: the folder of an earlier report's page and table is needed")
-    for file in sorted(folder.glob("*.csv")):
+    for file in sorted(Path(previous).glob("*.csv")):
         with contextlib.suppress(UserError):
             columns = read_table(file)
             if {"loop", "cause"} <= set(columns):
@@ -137,6 +142,14 @@ def causes_before(previous: str | Path) -> dict[str, str]:
     if not found:
         raise ParameterError(f"--previous {previous}: no table of an earlier report in it; the .csv beside its page is needed")
     return found
+
+
+def _adopt(previous: Path, keep: Path) -> None:
+    """Put the answers of an earlier report beside those of this one, which asks again where a record or setting is another."""
+    for file in previous.glob(f"*{JUDGED}/*.json"):
+        if not (keep / file.name).exists():
+            with contextlib.suppress(OSError):  # what cannot be read is judged anew
+                shutil.copyfile(file, keep / file.name)
 
 
 def _status(m: FleetLoop, before: Mapping[str, str]) -> str:

@@ -1,25 +1,16 @@
-"""Hard negatives: healthy by construction, found again from their files, and the committed ones replayed."""
-
-import math
-from importlib import import_module
-from pathlib import Path
+"""The search for hard negatives: healthy by construction, repeatable."""
 
 import numpy as np
 import pytest
 
 from detectors.errors import UserError
-from detectors.plugins.registry import methods
-from scenarios.spec import Loop
 from simbench.bench.scenario.resolve import sampled_ultimate_gain
 from simbench.bench.worst import (
-    HARD_NEGATIVES,
     KEYS,
     OPTION_SHARES,
     OSCILLATING,
     RANGES,
     healthy_loop,
-    read_case,
-    recorded,
     worst,
 )
 from simbench.loop.parameters import VALVES
@@ -80,14 +71,8 @@ def test_a_point_is_the_loop_its_numbers_say(seed):
             assert load.parameters["lag"] == pytest.approx(x["lag"] * period, rel=1e-2)
 
 
-def test_the_search_is_repeatable_and_its_file_reads_back(tmp_path):
-    short, again = worst("horch", budget=25, seed=1), worst("horch", budget=25, seed=1)
-    assert short.to_toml() == again.to_toml()
-    path = tmp_path / "case.toml"
-    path.write_text(short.to_toml())
-    found = read_case(path)
-    assert found.verdict == short.verdict
-    assert found.loop == short.loop
+def test_the_search_is_repeatable():
+    assert worst("horch", budget=25, seed=1).to_toml() == worst("horch", budget=25, seed=1).to_toml()
 
 
 def test_a_method_that_cries_stiction_is_caught(monkeypatch):
@@ -109,22 +94,3 @@ def test_wrong_requests_are_refused():
         worst("hroch", budget=1)
     with pytest.raises(UserError, match="budget"):
         worst("horch", budget=0)
-
-
-def test_every_method_has_its_case():
-    # the files of the folder: another test may have registered a detector of its own
-    folder = Path(import_module(methods.package).__path__[0])
-    own = sorted(p.stem for p in folder.glob("*.py") if not p.stem.startswith("_"))
-    assert sorted(p.stem for p in HARD_NEGATIVES.glob("*.toml")) == own
-
-
-@pytest.mark.parametrize("path", sorted(HARD_NEGATIVES.glob("*.toml")), ids=lambda p: p.stem)
-def test_committed_cases_replay(path):
-    said, found = recorded(path), read_case(path)
-    assert isinstance(found.loop, Loop)
-    assert not simulate(found.loop, found.seed).sticky
-    hint = f"the method changed: python -m simbench.bench.worst {found.method} (or --rejudge)"
-    assert (found.method, found.verdict.verdict) == (path.stem, said["verdict"]), hint
-    if math.isfinite(said["score"]):
-        # another library may round otherwise; verdicts are not that close to their thresholds
-        assert found.score == pytest.approx(said["score"], rel=1e-3, abs=1e-6), hint

@@ -73,3 +73,17 @@ def test_leaving_out_goes_on_where_it_stopped_and_refuses_another_worlds_rows(tm
     out = CliRunner().invoke(app, ["gap", "leave-out", str(tmp_path), "-n", "1", "--seed", "5", "--json"])
     assert out.exit_code == 0
     assert json.loads(out.stdout)[-1]["effect"] == "all"
+
+
+@pytest.mark.slow
+def test_tests_that_the_diagnosis_asks_for_are_run_and_named(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "WORLD_EFFECTS", {"gain_mismatch": WORLD_EFFECTS["gain_mismatch"]})
+    (found,) = leave_out(tmp_path, "own", n=1, seed=5, tests=1).to_dict("records")
+    assert found["error"] == ""
+    asked = found["asked"].split()
+    assert len(asked) <= 1
+    assert sorted(f.stem for f in (tmp_path / "records").glob("*.csv")) == sorted(
+        [found["record"], *(f"{found['record']}-{a}" for a in asked)]
+    )
+    with pytest.raises(ParameterError, match="choose a new folder"):
+        leave_out(tmp_path, "own", n=1, seed=5)

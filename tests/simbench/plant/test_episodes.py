@@ -4,23 +4,14 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from recorded import resting
 
 from detectors.record import LoopRecord
-from scenarios.spec import Loop
-from simbench.loop.simulate import simulate
 from simbench.plant.episodes import marks, over_time
-
-LOOP = {
-    "plant": {"type": "foptd", "K": 1.0, "T": 30.0, "Td": 3.0},
-    "controller": {"type": "PI", "Kc": 1.2, "Ti": 20.0},
-    "noise": {"std": 0.05},
-    "disturbance": [{"type": "coloured", "amplitude": 0.3, "period": 20.0}],
-    "sampling": {"Ts": 2.0, "n": 2500},
-}
 
 
 def run(seed, **more):
-    return simulate(Loop.from_table(LOOP | more), seed, kick=5.0 if more else 0.0).record.without_mv()
+    return resting(seed, 2500, **more)
 
 
 @pytest.fixture(scope="module")

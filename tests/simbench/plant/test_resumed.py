@@ -10,6 +10,7 @@ import pytest
 
 from detectors.record import LoopRecord
 from simbench.bench.store.checksums import sealed
+from simbench.plant import resumed as resuming
 from simbench.plant.resumed import resumed
 
 ASKED = []
@@ -85,3 +86,23 @@ def test_what_stands_in_place_of_an_answer_is_not_executed_and_asked_again(tmp_p
 def test_answers_to_other_questions_are_not_mistaken_for_this_one(tmp_path):
     answered(tmp_path)
     assert answered(tmp_path, [(0.8,)])[1] == [0.8]
+
+
+def test_what_nobody_asks_any_more_is_removed_and_other_sources_answer_anew(tmp_path, monkeypatch):
+    answered(tmp_path)
+    assert answered(tmp_path, [(0.7,)])[1] == []
+    assert len(list(tmp_path.iterdir())) == 1
+    monkeypatch.setattr(resuming, "_code", lambda: "another")
+    assert answered(tmp_path, [(0.7,)])[1] == [0.7]
+
+
+def test_an_array_of_another_kind_than_numbers_is_no_answer(tmp_path):
+    first, _ = answered(tmp_path)
+    for file in tmp_path.iterdir():
+        content = json.loads(file.read_text())
+        if isinstance(content["answer"], dict):
+            content["answer"]["with"]["record"]["with"]["pv"]["dtype"] = "|O"
+            file.write_text(json.dumps(sealed(content)))
+    again, asked = answered(tmp_path)
+    assert asked == [0.7]
+    assert again[0].record.pv.tobytes() == first[0].record.pv.tobytes()

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
-import sys
-from pathlib import Path
 
+import chromium
 import numpy as np
 import pandas as pd
 import pytest
+from chromium import needs_browser
 from sklearn.metrics import roc_auc_score
 
 from detectors.plugins.registry import methods
@@ -20,7 +19,6 @@ from simbench.report import write_report
 from simbench.report.data import RunData
 from simbench.report.roc import roc_curve
 
-HERE = Path(__file__).parent
 BROKEN = '''"""A detector that fails on every third record."""
 from detectors.method import Method
 from detectors.verdict import Verdict
@@ -34,18 +32,6 @@ def detect(prepared):
         raise ZeroDivisionError("on purpose <b>bold</b>")
     return Verdict("broken", "no_stiction", score=0.0, reason="never <i>sure</i>")
 '''
-
-
-def _chromium():
-    spec = importlib.util.spec_from_file_location("chromium_for_tests", HERE / "chromium.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-chromium = _chromium()
-needs_browser = pytest.mark.skipif(chromium.executable() is None, reason="no Chromium here: the page is checked as text only")
 
 
 @pytest.fixture(scope="module")

@@ -18,15 +18,7 @@ FOREIGN: dict[str, str] = {name: kind.block for name, kind in KINDS.items()}
 
 
 def simulate(answer: dict[str, Any], effects: list[dict[str, Any]], seed: int, nominal: bool = False) -> dict[str, np.ndarray]:
-    """Run the loop of a drawn record again: same statistics and set point, other load and noise, the given effects.
-
-    Examples
-    --------
-    >>> item = draw(1, 0, {"kind": "none", "mv": False})
-    >>> again = simulate(item.answer, [], item.answer["seed"])
-    >>> bool((again["pv"] == item.columns["pv"]).all())
-    True
-    """
+    """Run the loop of a drawn record again: same statistics and set point, other load and noise, the given effects."""
     record = build(answer["case"], effects, nominal).record(seed)
     return {k: v for k, v in record.items() if answer["mv"] or k != "mv"}
 

@@ -13,13 +13,7 @@ Stage = dict[str, Any]
 
 
 def archived(x: np.ndarray, stages: list[Stage], seed: int) -> np.ndarray:
-    """Pass a signal through the stages in their order.
-
-    Examples
-    --------
-    >>> archived(np.array([1.234, 57.0]), [{"stage": "digits", "digits": 2}], 0).tolist()
-    [1.2, 57.0]
-    """
+    """Pass a signal through the stages in their order."""
     for stage in stages:
         x = _STAGES[stage["stage"]](x, stage, stream(seed, "archive " + stage["stage"]))
     return x
@@ -34,10 +28,8 @@ def ordered(stages: list[Stage]) -> list[Stage]:
 def swinging_door(x: np.ndarray, band: float) -> np.ndarray:
     """Thin x and rebuild it by straight lines that miss no sample by more than the band.
 
-    Notes
-    -----
-    From the last archived point a cone is kept that passes every sample since within the band; a sample outside the cone
-    closes the segment at the sample before it (Bristol 1990, in the error-bounded form of plant historians).
+    From the last archived point a cone is kept that passes every sample since within the band; a sample outside the cone closes
+    the segment at the sample before it (Bristol 1990, in the error-bounded form of plant historians).
     """
     if band <= 0.0:
         return x.copy()

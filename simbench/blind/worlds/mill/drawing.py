@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from detectors.errors import ParameterError, UnknownName
-from simbench.blind.world import WORLD_EFFECTS
+from simbench.blind.world import WORLD_EFFECTS, Item
 from simbench.blind.worlds.mill.foreign import KINDS
 from simbench.blind.worlds.mill.loops import baseline, draw_loop, logu
 from simbench.blind.worlds.mill.oracle import BANDS, CLOUD, TRIALS, Cloud, cloud, ratio, strength_of
@@ -28,14 +28,6 @@ ALIKE = (
     ("stiction", "deadband", "deadzone", "error_deadband"),
 )
 _BESIDE = 1.3  # least ratio of each of two effects when the other is in the loop already
-
-
-class Item(NamedTuple):
-    """A record, its baseline and its truth."""
-
-    columns: dict[str, np.ndarray]
-    baseline: dict[str, Any]
-    answer: dict[str, Any]
 
 
 class _Found(NamedTuple):

@@ -43,8 +43,6 @@ def cloud(case: Case, effects: list[dict[str, Any]], seeds: list[int]) -> Cloud:
 def ratio(case: Case, effects: list[dict[str, Any]], seeds: list[int], without: Cloud) -> tuple[float, list[Record]]:
     """Return how many times further than the cloud's own records those with the effects lie from it, and the records.
 
-    Notes
-    -----
     Distance = root mean square of the eight largest |x - mean| / spread (each at most 12) over some sixty statistics
     (`statistics.measure`): what shows in few of them (single samples of PV, say) is not drowned by the others, and what shows
     in one alone is not called strong.
@@ -56,13 +54,7 @@ def ratio(case: Case, effects: list[dict[str, Any]], seeds: list[int], without: 
 
 
 def strength_of(value: float) -> str:
-    """Return the word for a ratio, "" outside all bands.
-
-    Examples
-    --------
-    >>> strength_of(2.5), strength_of(1.1)
-    ('medium', '')
-    """
+    """Return the word for a ratio, "" outside all bands."""
     return next((word for word, (low, high) in BANDS.items() if low <= value < high), "")
 
 

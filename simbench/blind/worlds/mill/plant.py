@@ -25,17 +25,9 @@ class Discrete(NamedTuple):
 def discretise(plant: _Plant, Ts: float) -> Discrete:
     """Return the plant sampled at Ts: exact for an input held over each sample, for any dead time.
 
-    Notes
-    -----
-    With Td = d Ts + phi the delayed input is w(k-d-1) during the first phi of a sample and w(k-d) after it, so
-    old = exp(A (Ts - phi)) integral_0^phi exp(A s) ds B and new = integral_0^(Ts - phi) exp(A s) ds B
-    (Astrom and Wittenmark, Computer-Controlled Systems, 3rd ed., section 2.3).
-
-    Examples
-    --------
-    >>> g = discretise({"type": "foptd", "K": 2.0, "T": 10.0, "Td": 3.0}, 1.0)
-    >>> g.delay, bool(abs(g.new[0] - 2 * (1 - np.exp(-0.1))) < 1e-12)
-    (3, True)
+    With Td = d Ts + phi the delayed input is w(k-d-1) during the first phi of a sample and w(k-d) after it, so old = exp(A (Ts
+    - phi)) integral_0^phi exp(A s) ds B and new = integral_0^(Ts - phi) exp(A s) ds B (Astrom and Wittenmark,
+    Computer-Controlled Systems, 3rd ed., section 2.3).
     """
     A, B, C = _continuous(plant)
     delay = math.floor(plant["Td"] / Ts + 1e-9)
@@ -64,8 +56,6 @@ def _continuous(plant: _Plant) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def fitted(T: float | None, Td: float, lags: list[float]) -> tuple[float | None, float]:
     """Return T and Td of the first-order model whose step response agrees with that of a plant with small extra lags.
 
-    Notes
-    -----
     The mean residence time T + Td is kept (the responses enclose the same area), the split is the one with the least squared
     difference. An integrating plant's ramp is late by Td plus all lags.
     """

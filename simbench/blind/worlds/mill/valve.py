@@ -22,13 +22,7 @@ _SLOW, _FAST = 0.10, 0.03  # time constants of the stem, in samples: an actuator
 
 
 def friction_numbers(S: float, J: float) -> np.ndarray:
-    """Return what the friction models need: break-away and sliding friction in % of travel.
-
-    Examples
-    --------
-    >>> friction_numbers(5.0, 2.0).tolist()
-    [3.5, 1.5]
-    """
+    """Return what the friction models need: break-away and sliding friction in % of travel."""
     return np.array([(S + J) / 2.0, (S - J) / 2.0])
 
 
@@ -162,8 +156,6 @@ def installed(u, R):
 def opening(mv: float, R: float) -> float:
     """Return the OP at which a valve of ratio R passes `mv` (%): the inverse of its characteristic.
 
-    Examples
-    --------
     >>> round(installed(opening(30.0, 20.0), 20.0), 9)
     30.0
     """

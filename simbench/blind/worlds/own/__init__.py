@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from detectors.errors import ParameterError
 from simbench.blind.menu import TestPlan, operated
+from simbench.blind.world import Item
 from simbench.blind.worlds.own import loops
 from simbench.blind.worlds.own.drawing import baseline_table
 from simbench.blind.worlds.own.faults import FOREIGN, NEEDS_PLANT, fault
@@ -19,14 +20,6 @@ from simbench.blind.worlds.own.loops import TrueLoop
 __all__ = ["FOREIGN", "TITLE", "Item", "draw", "simulate", "test"]
 
 TITLE = "loops of a plant: stems with friction by force balance, velocity and position PI, a historian"
-
-
-class Item(NamedTuple):
-    """One record (columns t, sp, op, pv and mv where recorded), the baseline handed out with it, and the truth."""
-
-    columns: dict[str, np.ndarray]
-    baseline: dict[str, Any]
-    answer: dict[str, Any]
 
 
 def draw(seed: int, index: int, entry: dict[str, Any]) -> Item:

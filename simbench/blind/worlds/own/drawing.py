@@ -88,7 +88,7 @@ def _steps(rng: np.random.Generator, case: TrueLoop) -> tuple[tuple[float, float
     return tuple(steps)
 
 
-def baseline_table(case: TrueLoop, noise_std: float | None = None) -> dict:
+def baseline_table(case: TrueLoop) -> dict:
     """Return the loop file handed out with the record: the nominal plant, and no word about faults, loads or log."""
     K, T, Td = case.nominal
     plant = {"type": case.plant, "K": K, **({"T": T} if case.plant == "foptd" else {}), "Td": Td}
@@ -104,7 +104,7 @@ def baseline_table(case: TrueLoop, noise_std: float | None = None) -> dict:
         "controller": controller,
         "valve": valve,
         "sampling": {"Ts": case.Ts, "n": case.n},
-        "noise": {"std": case.noise_std if noise_std is None else noise_std},
+        "noise": {"std": case.noise_std},
         "setpoint": {"value": case.pv0, "steps": [list(s) for s in case.steps]},
     }
 

@@ -47,13 +47,7 @@ class _TrueShrinkage(NamedTuple):
 
 
 def strength_of(ratio: float) -> str:
-    """Return the strength's name: "none" below 1.3, then weak, medium, strong.
-
-    Examples
-    --------
-    >>> strength_of(1.9), strength_of(2.0), strength_of(50.0)
-    ('weak', 'medium', 'strong')
-    """
+    """Return the strength's name: "none" below 1.3, then weak, medium, strong."""
     return next((name for name in ("strong", "medium", "weak") if ratio >= STRENGTHS[name][0]), "none")
 
 

@@ -96,8 +96,8 @@ def run(p, sp, noise, load, sensor, skip, hold, asleep, op_add, valve_add, gain,
     """Run the loop over len(sp) samples; fills op, pv (as the controller saw it), true (noise-free PV) and mv.
 
     Shapes (n,): sp, noise, sensor in PV units; load, op_add, valve_add in %; gain is a factor on K; skip = 1: the controller
-    misses its turn; hold = 1: the transmitter repeats its last value; asleep = 1: the valve does not
-    answer; hand is what an operator adds to the OP at which he took over, NaN in automatic.
+    misses its turn; hold = 1: the transmitter repeats its last value; asleep = 1: the valve does not answer; hand is what an
+    operator adds to the OP at which he took over, NaN in automatic.
     """
     n = sp.size
     h = p.Ts / SUBSTEPS

@@ -12,8 +12,8 @@ STYLES = ("digits", "decimals")
 def swinging_door(x, band):
     """Thin a series by a swinging door of half width `band` and rebuild it by straight lines.
 
-    The door keeps every point between two archived ones within `band` of their line (Bristol 1990, US patent 4669097):
-    the slopes allowed by the points so far narrow until no line is left; then the point before is archived.
+    The door keeps every point between two archived ones within `band` of their line (Bristol 1990, US patent 4669097): the
+    slopes allowed by the points so far narrow until no line is left; then the point before is archived.
     """
     n = x.size
     out = x.copy()
@@ -59,13 +59,7 @@ def lattice(x: np.ndarray, step: float) -> np.ndarray:
 
 
 def printed(x: np.ndarray, style: str, places: int) -> np.ndarray:
-    """Return `x` as the archive prints it: `places` significant digits, or `places` decimals.
-
-    Examples
-    --------
-    >>> printed(np.array([123.456, 0.0123456]), "digits", 4).tolist()
-    [123.5, 0.01235]
-    """
+    """Return `x` as the archive prints it: `places` significant digits, or `places` decimals."""
     if style == "decimals":
         return np.round(x, places)
     with np.errstate(divide="ignore"):

@@ -17,13 +17,7 @@ def step_response(t: np.ndarray, T: float, lags: tuple[float, float]) -> np.ndar
 
 
 def fitted(plant: dict) -> dict:
-    """Return type, K, T, Td of the first-order model whose step response comes closest to the plant's.
-
-    Examples
-    --------
-    >>> fitted({"type": "integrating", "K": 2.0, "T": None, "Td": 1.0, "lag1": 0.5, "lag2": 0.25})
-    {'type': 'integrating', 'K': 2.0, 'T': None, 'Td': 1.75}
-    """
+    """Return type, K, T, Td of the first-order model whose step response comes closest to the plant's."""
     lags = (plant["lag1"], plant["lag2"])
     model = {name: plant[name] for name in ("type", "K", "T", "Td")}
     if plant["type"] == "integrating":

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-from typing import NamedTuple
 
 import numpy as np
 
 from detectors.errors import ParameterError, UnknownName
 from simbench.blind.menu import TestPlan
-from simbench.blind.world import WORLD_EFFECTS
+from simbench.blind.world import WORLD_EFFECTS, Item
 from simbench.blind.worlds.refinery import foreign, loops, oracle, search
 from simbench.blind.worlds.refinery.search import Misfit, healthy, prepared
 from simbench.blind.worlds.refinery.simulation import run
@@ -29,14 +28,6 @@ SAME = (
 _VALVE = frozenset(name for name, e in WORLD_EFFECTS.items() if e.block == "valve")
 _EXACT = {"gain_mismatch": "K", "time_constant_mismatch": "T", "dead_time_mismatch": "Td"}
 NEEDS_FOPTD = {"time_constant_mismatch", "asymmetric_response", "heat_recycle"}
-
-
-class Item(NamedTuple):
-    """One labelled record: its columns, the tables of its baseline, the truth."""
-
-    columns: dict[str, np.ndarray]
-    baseline: dict
-    answer: dict
 
 
 def _pair(rng: np.random.Generator) -> tuple[str, str]:
@@ -118,18 +109,7 @@ def _recorded(record: dict[str, np.ndarray], case: dict) -> dict[str, np.ndarray
 
 
 def draw(seed: int, index: int, entry: dict) -> Item:
-    """Draw one labelled record.
-
-    Notes
-    -----
-    Not for studies of one loop under many effects: each call draws a new loop.
-
-    Examples
-    --------
-    >>> item = draw(1, 0, {"kind": "none"})
-    >>> item.answer["effect"], sorted(item.columns)
-    ('none', ['op', 'pv', 'sp', 't'])
-    """
+    """Draw one labelled record."""
     names = _names(entry, np.random.default_rng([seed, index, 1]))
     wish = "foptd" if NEEDS_FOPTD & set(names) else entry.get("plant")
     # the classes come from seed and index alone: the same whatever the entry asks for
@@ -147,12 +127,6 @@ def draw(seed: int, index: int, entry: dict) -> Item:
 def simulate(answer: dict, effects: list[dict], seed: int, nominal: bool = False) -> dict[str, np.ndarray]:
     """Run the loop of a drawn record again: other load and noise, the same statistics and set point.
 
-    Notes
-    -----
-    Not for another length or sampling: those belong to the loop.
-
-    Examples
-    --------
     >>> item = draw(1, 0, {"kind": "none"})
     >>> again = simulate(item.answer, [], item.answer["seed"])
     >>> all((again[name] == item.columns[name]).all() for name in again)

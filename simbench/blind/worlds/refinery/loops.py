@@ -209,8 +209,8 @@ def draw_case(
 def _friction(rng: np.random.Generator, Ts: float) -> dict:
     """The stem's own friction law, used when friction is asked for; an actuator travels fast against the scan.
 
-    LuGre slips near its break-away force only with short bristles and a Stribeck speed well above the bristles' and well
-    below the slip's; else the stem creeps.
+    LuGre slips near its break-away force only with short bristles and a Stribeck speed well above the bristles' and well below
+    the slip's; else the stem creeps.
     """
     model = pick(rng, ("choudhury", "he", "karnopp", "stribeck", "lugre"))
     return {

@@ -98,13 +98,7 @@ def features(record: dict[str, np.ndarray], time: float) -> list[np.ndarray]:
 
 
 class Cloud:
-    """The records of one loop without the effect, as the place from which distances are taken.
-
-    Parameters
-    ----------
-    members : list of (list of ndarray)
-        `features` of each record.
-    """
+    """The records of one loop without the effect, as the place from which distances are taken."""
 
     def __init__(self, members: list[list[np.ndarray]]) -> None:
         self._groups = [np.array(group) for group in zip(*members)]

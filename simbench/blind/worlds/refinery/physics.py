@@ -128,8 +128,8 @@ def _keeps(h, p, sensor_lag, valve_lag):
 def close_loop(p, c, v, s, x, m0, pv0, stem):
     """Run the loop over all scans of `x` (Signals) about the balance (MV `m0` %, PV `pv0`); `stem` is the valve's state.
 
-    Returns PV as the controller sees it, OP, MV at the end of each scan, PV and MV averaged over the scan before, and PV as
-    it is.
+    Returns PV as the controller sees it, OP, MV at the end of each scan, PV and MV averaged over the scan before, and PV as it
+    is.
     """
     n, h = x.sp.size, c.Ts / SUBSTEPS
     pv, op, mv, pv_mean, mv_mean, true = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)

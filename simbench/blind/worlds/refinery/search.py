@@ -56,16 +56,7 @@ def healthy(record: dict[str, np.ndarray], case: dict, effects: list[dict]) -> b
 
 
 class Bench:
-    """One loop with its cloud: measures the ratio of effects on it.
-
-    Parameters
-    ----------
-    case : dict
-    base : list of dict
-        Effects that every record of the cloud has already.
-    seeds : ndarray of int
-        One for each realisation of the cloud, then one for each shown.
-    """
+    """One loop with its cloud: measures the ratio of effects on it."""
 
     def __init__(self, case: dict, base: list[dict], seeds: np.ndarray) -> None:
         self._case, self._base = case, base

@@ -10,13 +10,7 @@ PATTERNS = ("constant", "steps", "ramps", "cascade")
 
 
 def pattern(spec: dict, warm: int, n: int, Ts: float) -> np.ndarray:
-    """Return SP (PV units) for `warm` samples of earlier life and `n` recorded ones.
-
-    Examples
-    --------
-    >>> pattern({"kind": "steps", "value": 5.0, "knots": [[2, 6.0]]}, 1, 4, 1.0).tolist()
-    [5.0, 5.0, 5.0, 6.0, 6.0]
-    """
+    """Return SP (PV units) for `warm` samples of earlier life and `n` recorded ones."""
     k = np.arange(-warm, n)
     if spec["kind"] == "constant":
         return np.full(warm + n, spec["value"])

@@ -4,27 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from recorded import FLOW, LOADED, recorded
 
 from scenarios.spec import Loop
 from simbench.gap.closed_loop.as_archived import as_archived
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.intake.check import check
-from simbench.loop.simulate import simulate
 
-BASE = {
-    "plant": {"type": "foptd", "K": 1.5, "T": 20, "Td": 3.5},
-    "controller": {"type": "PI", "Kc": 0.6, "Ti": 18},
-    "sampling": {"Ts": 1.0, "n": 1500},
-    "noise": {"std": 0.1},
-    "setpoint": {"value": 50, "steps": [[60, 53], [700, 48]]},
-}
-LOADED = BASE | {"disturbance": [{"type": "coloured", "amplitude": 0.6, "period": 30.0}]}
-LOOP = Loop.from_table(BASE)
+LOOP = Loop.from_table(FLOW)
 
 
 @pytest.fixture(scope="module")
 def record():
-    return replace(simulate(Loop.from_table(LOADED), seed=2).record, mv=None)
+    return replace(recorded(LOADED), mv=None)
 
 
 def digits(r):
@@ -41,7 +33,7 @@ def means(r):
 
 @pytest.mark.parametrize("archive", [digits, late, means])
 def test_a_simulated_record_is_kept_as_the_real_one_was(record, archive):
-    other = simulate(Loop.from_table(LOADED), seed=9).record
+    other = recorded(LOADED, seed=9)
     wanted = archive(other)
     op, pv = as_archived(check(archive(record), LOOP), other.op, other.pv)
     assert np.abs(op - wanted.op).max() < 1e-3 * np.std(other.op)

@@ -4,24 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from recorded import LOADED, recorded
 
-from scenarios.spec import Loop
 from simbench.gap.controller.pi_law import Law, examine_law
 from simbench.gap.controller.recovered_pv import beside_a_mean
-from simbench.loop.simulate import simulate
-
-BASE = {
-    "plant": {"type": "foptd", "K": 1.5, "T": 20, "Td": 3.5},
-    "controller": {"type": "PI", "Kc": 0.6, "Ti": 18},
-    "sampling": {"Ts": 1.0, "n": 1500},
-    "noise": {"std": 0.1},
-    "setpoint": {"value": 50, "steps": [[60, 53], [700, 48]]},
-    "disturbance": [{"type": "coloured", "amplitude": 0.6, "period": 30.0}],
-}
 
 
 def record(*effects, **changes):
-    return simulate(Loop.from_table({**BASE, **changes, "effect": [{"name": n, **p} for n, p in effects]}), seed=2).record
+    return recorded(LOADED, *effects, **changes)
 
 
 def law(r, Ti=18.0):

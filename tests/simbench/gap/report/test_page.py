@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
-import sys
 from dataclasses import replace
 from html import unescape
 from pathlib import Path
 
+import chromium
 import numpy as np
 import pytest
+from chromium import needs_browser
 from random_case import random_case
 
 from detectors.record import LoopRecord
@@ -24,7 +24,6 @@ from simbench.gap.report.traces import BASELINE, FIXED, NEAREST, TUNED, recorded
 from simbench.loop.effects import EFFECTS
 from simbench.loop.simulate import simulate
 
-BROWSER = Path(__file__).parents[2] / "report" / "chromium.py"
 HEALTHY = {
     "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0},
     "controller": {"type": "PI", "Kc": 1.5, "Ti": 20.0},
@@ -35,20 +34,6 @@ HEALTHY = {
 STICKY = {**HEALTHY, "valve": {"model": "choudhury", "S": 6.0, "J": 2.0}}
 TAG = "FIC <101> & co"
 COMMAND = ["simbench gap diagnose a.csv --baseline b.toml"]
-
-
-def _chromium():
-    spec = importlib.util.spec_from_file_location("chromium_for_gap", BROWSER)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-chromium = _chromium()
-needs_browser = pytest.mark.skipif(chromium.executable() is None, reason="no Chromium here: the page is checked as text only")
 
 
 @pytest.fixture(scope="module")

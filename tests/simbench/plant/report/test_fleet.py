@@ -1,49 +1,22 @@
 """A folder of loops: a source and its victim are one event, the source is ranked first, and the page asks for nothing."""
 
 import csv
-import importlib.util
-import sys
 from pathlib import Path
 
+import chromium
 import numpy as np
 import pytest
+from recorded import STICKY, resting
 from scipy.signal import lfilter
 
 from detectors.prepared import Prepared
 from detectors.record import LoopRecord
-from scenarios.spec import Loop
 from simbench.cli import main
 from simbench.files import write_record
-from simbench.loop.simulate import simulate
 from simbench.plant.report import fleet
 from simbench.plant.report.events import likely_root, phase_locking, shared_oscillations
 from simbench.plant.resumed import resumed
 from simbench.plant.trust.result import likely
-
-
-def _chromium():
-    spec = importlib.util.spec_from_file_location("chromium_for_plant", Path(__file__).parents[2] / "report" / "chromium.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-chromium = _chromium()
-LOOP = {
-    "plant": {"type": "foptd", "K": 1.0, "T": 30.0, "Td": 3.0},
-    "controller": {"type": "PI", "Kc": 1.2, "Ti": 20.0},
-    "noise": {"std": 0.05},
-    "disturbance": [{"type": "coloured", "amplitude": 0.3, "period": 20.0}],
-    "sampling": {"Ts": 2.0, "n": 1500},
-}
-STICKY = {"valve": {"model": "choudhury", "S": 6.0, "J": 4.0}}
-
-
-def run(seed, **more):
-    return simulate(Loop.from_table(LOOP | more), seed, kick=5.0 if more else 0.0).record.without_mv()
 
 
 def victim(source):
@@ -61,9 +34,9 @@ def victim(source):
 
 @pytest.fixture(scope="module")
 def records():
-    source = run(1, **STICKY)
+    source = resting(1, **STICKY)
     slower = {"controller": {"type": "PI", "Kc": 1.2, "Ti": 23.0}}
-    return {"other": run(5, **STICKY, **slower), "quiet": run(3), "source": source, "victim": victim(source)}
+    return {"other": resting(5, **STICKY, **slower), "quiet": resting(3), "source": source, "victim": victim(source)}
 
 
 def test_a_source_and_its_victim_are_one_event_and_an_independent_cycle_is_not(records):
@@ -106,7 +79,7 @@ def test_the_page_ranks_the_loops_and_stands_alone(records, tmp_path, capsys):
     assert text.count("<article") == 3
     assert "src=" not in text
     assert "http" not in text.replace("http://www.w3.org", "")
-    assert sorted(f.name for f in tmp_path.iterdir()) == ["page.csv", "page.html", "plant"]
+    assert sorted(f.name for f in tmp_path.iterdir()) == ["page.csv", "page.html", "page.html.judged", "plant"]
     if chromium.executable() is not None:
         with chromium.opened(page, 390) as shown:
             assert shown.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth") <= 0
@@ -135,6 +108,33 @@ def test_loops_judged_before_a_kill_are_not_judged_again(records, tmp_path, monk
     assert len(count) == 3
     monkeypatch.setattr(fleet, "trust", judge)
     assert fleet.survey(folder, jobs=1).as_text() == again.as_text()
+
+
+def test_a_second_week_judges_only_what_changed(records, tmp_path, monkeypatch):
+    for week, source in (("week1", "source"), ("week2", "other")):
+        (tmp_path / week).mkdir()
+        for loop, name in (("FIC101", source), ("LIC7", "quiet")):
+            write_record(records[name], tmp_path / week / f"{loop}.csv")
+    judge, asked = fleet.trust, []
+    monkeypatch.setattr(fleet, "trust", lambda record, **more: asked.append(record.tag) or judge(record, **more))
+
+    def week(name, *more):
+        asked.clear()
+        place = tmp_path / f"report {len(list(tmp_path.iterdir()))}"
+        place.mkdir()
+        assert main(["report", str(tmp_path / name), "-j", "1", "-o", str(place / "page.html"), *more]) == 0
+        return place, sorted(asked)
+
+    first, judged = week("week1")
+    assert judged == ["FIC101", "LIC7"]
+    same, judged = week("week1", "--previous", str(first))
+    assert judged == []
+    tables = [(place / "page.csv").read_text(encoding="utf-8") for place in (first, same)]
+    assert tables[0].replace("new, watch", "again").replace('"', "") == tables[1].replace('"', "")
+    second, judged = week("week2", "--previous", str(first))
+    assert judged == ["FIC101"]
+    assert len(list((second / "page.html.judged").iterdir())) == 2
+    assert week("week2", "--previous", str(second), "--process", "integrating")[1] == ["FIC101", "LIC7"]
 
 
 def test_answers_are_kept_where_the_call_stands_though_its_processes_began_elsewhere(tmp_path, monkeypatch):

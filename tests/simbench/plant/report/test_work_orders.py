@@ -2,20 +2,10 @@
 
 import pandas as pd
 import pytest
+from recorded import STICKY, resting
 
-from scenarios.spec import Loop
 from simbench.cli import main
 from simbench.files import write_record
-from simbench.loop.simulate import simulate
-
-LOOP = {
-    "plant": {"type": "foptd", "K": 1.0, "T": 30.0, "Td": 3.0},
-    "controller": {"type": "PI", "Kc": 1.2, "Ti": 20.0},
-    "noise": {"std": 0.05},
-    "disturbance": [{"type": "coloured", "amplitude": 0.3, "period": 20.0}],
-    "sampling": {"Ts": 2.0, "n": 1200},
-}
-STICKY = {"valve": {"model": "choudhury", "S": 6.0, "J": 4.0}}
 
 
 @pytest.fixture(scope="module")
@@ -23,8 +13,7 @@ def weeks(tmp_path_factory):
     place = tmp_path_factory.mktemp("weeks")
     (place / "week").mkdir()
     for name, more, seed in (("FIC101", STICKY, 1), ("LIC7", {}, 3)):
-        record = simulate(Loop.from_table(LOOP | more), seed, kick=5.0 if more else 0.0).record.without_mv()
-        write_record(record, place / "week" / f"{name}.csv")
+        write_record(resting(seed, 1200, **more), place / "week" / f"{name}.csv")
     for name in ("one", "two"):
         (place / name).mkdir()
     asked = ["report", str(place / "week"), "-j", "1", "-o"]

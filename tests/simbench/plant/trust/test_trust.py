@@ -5,6 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from recorded import RESTING, resting
+from recorded import STICKY as STUCK
 
 from detectors.record import LoopRecord
 from detectors.verdict import NO_STICTION, STICTION
@@ -19,19 +21,11 @@ from simbench.plant.trust.trust import FEW as LEAST
 from simbench.plant.trust.trust import trust
 
 FEW = {"methods": ["he,rossi_scali,procedure"], "healthy": 30, "each": 6}
-LOOP = {
-    "plant": {"type": "foptd", "K": 1.0, "T": 30.0, "Td": 3.0},
-    "controller": {"type": "PI", "Kc": 1.2, "Ti": 20.0},
-    "noise": {"std": 0.05},
-    "disturbance": [{"type": "coloured", "amplitude": 0.3, "period": 20.0}],
-    "sampling": {"Ts": 2.0, "n": 1500},
-}
 
 
 @pytest.fixture(scope="module")
 def sticky():
-    loop = Loop.from_table(LOOP | {"valve": {"model": "choudhury", "S": 6.0, "J": 4.0}})
-    return simulate(loop, 1, kick=5.0).record.without_mv()
+    return resting(1, **STUCK)
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +39,7 @@ def test_plain_stiction_is_called_so(found):
 
 
 def test_a_quiet_loop_is_denied_only_above_what_would_have_shown():
-    answer = trust(simulate(Loop.from_table(LOOP), 2).record.without_mv(), **FEW, help_wanted=False)
+    answer = trust(resting(2), **FEW, help_wanted=False)
     assert answer.answer in (SOUND, UNSEEN, OPEN)
     assert answer.probability is not None
     assert answer.probability < 0.75
@@ -140,7 +134,7 @@ def test_a_dead_record_is_no_error_and_no_verdict():
 
 
 def test_a_given_loop_with_friction_in_its_valve_still_has_healthy_twins(sticky):
-    loop = Loop.from_table(LOOP | {"valve": {"model": "choudhury", "S": 6.0, "J": 4.0}})
+    loop = Loop.from_table(RESTING | STUCK)
     answer = trust(sticky, loop, **FEW)
     assert answer.behind is not None
     assert answer.behind.trusted

@@ -14,6 +14,8 @@ from pathlib import Path
 from typing import Any
 from urllib.request import urlopen
 
+import pytest
+
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 FLAGS = (
     "--headless",
@@ -34,6 +36,7 @@ def executable() -> str | None:
     return next((path for name in NAMES if (path := shutil.which(name))), None)
 
 
+needs_browser = pytest.mark.skipif(executable() is None, reason="no Chromium here: the page is checked as text only")
 PAPER = 703  # px of A4 between margins of 12 mm
 OUTSIDE = """[...document.querySelectorAll("th, td, svg, pre, .tile")].filter(e => {
   const frame = e.closest(".scroll, .wide"), edge = document.documentElement.clientWidth + 1;
