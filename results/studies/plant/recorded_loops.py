@@ -142,6 +142,8 @@ def main(arguments: list[str] | None = None) -> int:
         | answered(given.output / f"{m.id}.json", partial(weighed, r))
         for m, r in tqdm(read, file=sys.stderr)
     )
+    if given.doubted:
+        print("\nwith loops whose label somebody doubts (--doubted)")
     print("\n".join(line for method in (PROCEDURE, LIKELIHOOD) for line in counted(rows, method)))
     if given.panel:
         first = list(dict(reversed([((m.unit_group, m.label), (m, r)) for m, r in read])).values())
