@@ -184,7 +184,7 @@ def main() -> None:
     """Make, answer and open what is not there yet; print seeds, sizes and the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--against", nargs="*", default=[], choices=(FIXED, RANDOM), help="Answer with tests chosen so as well.")
+    parser.add_argument("--against", nargs="*", default=[], choices=(FIXED, RANDOM), help="Answer with such tests too.")
     given = parser.parse_args()
     for world, seed in SEEDS.items():
         check, key = given.folder / world, given.folder / f"{world}.key"
