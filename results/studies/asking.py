@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -89,8 +90,7 @@ def judged(check: Path, score: Path, strategy: str) -> pd.DataFrame:
     rows = []
     for truth in truths(score):
         file = check.parent / f"{check.name}-{strategy.replace(' ', '')}" / f"{truth['id']}.json"
-        if file.exists():
-            rows.append(judge_record(truth, _read(file), true_circumstances(truth, *_baseline_and_record(check, truth))))
+        rows.append(judge_record(truth, _read(file), true_circumstances(truth, *_baseline_and_record(check, truth))))
     return pd.DataFrame(rows)
 
 
@@ -141,7 +141,7 @@ def _read(file: Path) -> dict[str, Any]:
     return json.loads(file.read_text(encoding="utf-8"))
 
 
-def table(folder: Path) -> pd.DataFrame:
+def table(folder: Path, against: Sequence[str] = ()) -> pd.DataFrame:
     """Return a row per world and way of testing, and for all worlds together."""
     found: dict[str, dict[str, pd.DataFrame]] = {}
     for world in SEEDS:
@@ -150,10 +150,8 @@ def table(folder: Path) -> pd.DataFrame:
             file = score / (f"records-{tests}.csv" if tests else "records.csv")
             if file.exists():
                 found.setdefault(f"chosen {tests}" if tests else "alone", {})[world] = pd.read_csv(file, keep_default_na=False)
-        for strategy in (FIXED, RANDOM) if (score / "answers.csv").exists() else ():
-            other = judged(folder / world, score, strategy)
-            if len(other):
-                found.setdefault(strategy, {})[world] = other
+        for strategy in against:
+            found.setdefault(strategy, {})[world] = judged(folder / world, score, strategy)
     rows = [_row(world, tests, one) for tests, worlds in found.items() for world, one in worlds.items()]
     rows += [_row("all", tests, pd.concat(worlds.values())) for tests, worlds in found.items() if len(worlds) > 1]
     return pd.DataFrame(rows)
@@ -199,7 +197,7 @@ def main() -> None:
     print(f"seeds {', '.join(f'{world} {seed}' for world, seed in SEEDS.items())}; answered sealed; of each world")
     print(f"{plan.single} single effects (medium, strong), {plan.none} none, {plan.two} two, {plan.foreign} foreign")
     print("chosen: the tests that the diagnosis asked for, at most so many; a shown or settled record asks for none")
-    print(table(given.folder).to_string(index=False))
+    print(table(given.folder, given.against).to_string(index=False))
     pairs = np.array(learned(given.folder))
     rank = stats.spearmanr(*pairs.T).statistic
     print(f"what tests were to add to the probability of a right answer, and added to the truth's: {len(pairs)} tests,")
