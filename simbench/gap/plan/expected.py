@@ -147,8 +147,8 @@ def plan(
         if trial is None or nats is None:
             left_out.append(why or f"{id_}: it cannot be simulated")
             continue
-        information, right = _told(p, nats)
-        out.append(Expected(trial, excursion, _variance(trial, files), nats, information, right))
+        record = trial.run(files[effects[0]], 0)
+        out.append(Expected(trial, excursion, 0.0 if record is None else float(np.var(record.pv)), nats, *_told(p, nats)))
     out.sort(key=lambda x: (-x.p_right, -x.information, x.trial.minutes))
     pair: tuple[str, ...] = ()
     best = max((x.p_right for x in out), default=now)
@@ -169,11 +169,6 @@ def _told(p: np.ndarray, nats: np.ndarray) -> tuple[float, float]:
     after = softmax(log + TEMPERATURE * nats, axis=2)
     entropy = -np.sum(after * np.log(np.maximum(after, 1e-12)), axis=2).mean(axis=0)
     return -float(share @ log) - float(share @ entropy), float(p @ after.max(axis=2).mean(axis=0))
-
-
-def _variance(trial: Trial, files: Mapping[str, Loop]) -> float:
-    record = trial.run(next(iter(files.values())), 0)
-    return 0.0 if record is None else float(np.var(record.pv))
 
 
 def _nats(trial: Trial, found: Assessment, effects: Sequence[str], files: Mapping[str, Loop], runs: int) -> np.ndarray | None:
@@ -198,17 +193,14 @@ def _level(trial: Trial, record: LoopRecord, found: Assessment, effect: str, mad
         return _lab_level(trial, found, effect, made_by, i)
     op, level, by_mv = np.asarray(record.op), 0.0, trial.id == "mv" or s.record.mv is not None
     if by_mv:
-        expected = through_effect(s, effect, p, op, trial.Ts) if block_of(effect) == "valve" else _healthy(s, op, trial.Ts)
+        valve = block_of(effect) == "valve"
+        expected = through_effect(s, effect, p, op, trial.Ts) if valve else through_valve(op, s.baseline.valve, trial.Ts)
         off = float(np.mean((np.asarray(record.mv) - expected) ** 2))
         level = -0.5 * op.size * float(np.log(off + _MV_NOISE**2))
     u = np.asarray(record.mv) if by_mv else through_valve(op, s.baseline.valve, trial.Ts)
     data = replace(s.data, u=np.ascontiguousarray(u), y=np.ascontiguousarray(record.pv), late=0)
     fit = found.candidates[effect].fit if effect in found.candidates else found.base
     return level + _likelihood(data, trial, s, fit, by_mv)
-
-
-def _healthy(s: Situation, op: np.ndarray, Ts: float) -> np.ndarray:
-    return np.clip(through_valve(op, s.baseline.valve, Ts), 0.0, 100.0)
 
 
 def _likelihood(data: Data, trial: Trial, s: Situation, fit: Fit, by_mv: bool) -> float:

@@ -39,12 +39,12 @@ def situation(op=(45.0, 55.0), K=-1.5, *, integrating=False, known=True, faithfu
     )  # fmt: skip
 
 
-def found(*chosen, parameters=None, shown=(), s=None, noise=0.1, tests=None):
+def found(*chosen, parameters=None, shown=(), s=None, noise=0.1, tests=None, tested=0):
     return SimpleNamespace(
         chosen=list(chosen), parameters=NUMBERS if parameters is None else parameters, shown=lambda e: e in shown,
         situation=s or situation(), unexplained={"valve": "MV strays"},
         base=SimpleNamespace(theta={"noise_std": noise}, residual=np.array([1.0, -1.0])),
-        stiction=0.5, asked=(), tests=dict.fromkeys(RESIDUAL_LIMITS, 0.0) | (tests or {}),
+        stiction=0.5, asked=(), tested=tested, tests=dict.fromkeys(RESIDUAL_LIMITS, 0.0) | (tests or {}),
     )  # fmt: skip
 
 
@@ -114,6 +114,17 @@ def test_none_is_not_said_beside_a_gap_that_stays_along_the_record(trusted, leas
     weights = closing(weighed(none=0.9, stiction=0.1), found(s=situation(trusted=trusted)), loops)
     assert (weights.probability["unknown"] > 0.8) == unknown
     assert weights.block("unknown") == ("controller" if unknown else "process")
+
+
+@pytest.mark.parametrize(("tested", "left", "block", "unknown"), [
+    (1, 0.0, "controller", False), (0, 0.0, "controller", True), (1, 20.0, "controller", True),
+    # no test of plant and valve says anything of what single samples show
+    (1, 0.0, "sensor", True),
+])  # fmt: skip
+def test_tests_under_which_the_model_is_whole_refute_a_gap_of_plant_valve_or_load(tested, left, block, unknown):
+    loops = Loops(gap(), lacking=Lacking(1.6, (("stands still more often", 9.0, block),)))
+    weights = closing(weighed(none=0.9, stiction=0.1), found(tests={"memory": left}, tested=tested), loops)
+    assert (weights.probability["unknown"] > 0.8) == unknown
 
 
 @pytest.fixture

@@ -5,8 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from simbench.gap.decide.beside_tests import lab_gains
+from scenarios.spec import Part
+from simbench.gap.decide.beside_tests import joint_engine, lab_gains
 from simbench.gap.effects import recogniser
+from simbench.gap.likelihood.model import Data
 
 by_lab = recogniser("drift").by_lab
 TIME = np.linspace(0.0, 1000.0, 40)
@@ -39,3 +41,16 @@ def test_without_lab_samples_or_a_fitted_drift_nothing_is_added():
     test = SimpleNamespace(lab=None)
     assert lab_gains([test], SimpleNamespace(), {"drift": {"rate": 1.0, "walk": 0.0}}) == {}
     assert lab_gains([], SimpleNamespace(), {}) == {}
+
+
+def test_mv_is_what_the_valve_makes_of_op_within_the_digits_it_was_logged_in():
+    rng = np.random.default_rng(2)
+    op = 50.0 + np.cumsum(rng.standard_normal(200))
+    mv = np.round(op, 1)
+    mv[100:] += 0.5
+    data = Data(op, op - 50.0, 1.0, 10.0, 2.0, 0.1)
+    baseline = SimpleNamespace(valve=Part(name="ideal"), controller=SimpleNamespace(Kc=1.0))
+    s = SimpleNamespace(data=data, op=op, baseline=baseline, record=SimpleNamespace(Ts=1.0, mv=mv), integrating=False)
+    seen = joint_engine(s, [], {"stiction": (0.0, {})}).parts[0].data.u
+    np.testing.assert_array_equal(seen[:100], op[:100])
+    np.testing.assert_array_equal(seen[100:], mv[100:])

@@ -17,7 +17,7 @@ def told(nats):
 
 def trial(id_="bump"):
     about = {"size": 2.0, "hold_s": 60.0, "minutes": 9.0, "op_travel": 2.0, "settings": {"test": {"id": id_}}}
-    return SimpleNamespace(id=id_, says=f"do {id_}", **about)
+    return SimpleNamespace(id=id_, says=f"do {id_}", **about, run=lambda loop, seed: None)
 
 
 def test_a_test_under_which_all_explain_the_same_tells_nothing():
@@ -54,7 +54,6 @@ def stub(monkeypatch, nats):
 
     monkeypatch.setattr(expected, "sized", sized)
     monkeypatch.setattr(expected, "_nats", lambda one, *more: told(nats[one.id]))
-    monkeypatch.setattr(expected, "_variance", lambda *more: 1.0)
     s = SimpleNamespace(proven={})
     numbers = {"stiction": {"S": 2.0, "J": 1.0}, "deadband": {"S": 1.5}}
     return SimpleNamespace(situation=s, parameters=numbers, chosen=["stiction"], valve_seen=False, asked=())

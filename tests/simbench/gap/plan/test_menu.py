@@ -62,6 +62,17 @@ def test_no_test_leaves_its_limits(id_, most):
         assert trial.op_travel <= 3.0 + 1e-9
 
 
+@pytest.mark.parametrize("id_", ["bump", "sp_steps", "stairs", "still"])
+def test_another_load_takes_no_test_out_of_its_limits(id_):
+    load = {"type": "coloured", "amplitude": 1.0, "period": 30.0}
+    loop = Loop.from_table(LOOP.to_table() | {"disturbance": [load], "noise": {"std": 0.2}})
+    limits = Limits(pv=(0.0, 60.0), op=(20.0, 80.0), pv_excursion=15.0, op_travel=10.0)
+    trial, _, _ = sized(id_, situation(), {"none": loop}, 0.0, limits)
+    runs = [trial.run(loop, 100 + seed) for seed in range(20)]
+    assert max(np.abs(r.pv - 30.0).max() for r in runs) <= limits.pv_excursion
+    assert all(limits.op[0] <= r.op.min() and r.op.max() <= limits.op[1] for r in runs)
+
+
 def test_a_test_that_would_last_too_long_is_left_out_and_a_passive_one_is_cut():
     limits = Limits(minutes=5.0)
     assert "more than the 5 allowed" in sized("stairs", situation(), {"none": LOOP}, 0.0, limits)[1]
