@@ -69,8 +69,8 @@ def zero_crossings(x: np.ndarray, band: float = 0.0) -> np.ndarray:
     return k + x[k] / (x[k] - x[k + 1])
 
 
-def decay_ratio(rho: np.ndarray, at: np.ndarray, clear: float = 1.0) -> float:
-    """Return R = a/b of Miao & Seborg from an ACF, its zero crossings and the share of the variance that is no white noise.
+def decay_ratio(rho: np.ndarray, at: np.ndarray) -> float:
+    """Return R = a/b of Miao & Seborg from an ACF and its zero crossings.
 
     Examples
     --------
@@ -83,7 +83,7 @@ def decay_ratio(rho: np.ndarray, at: np.ndarray, clear: float = 1.0) -> float:
     top = edges[1] + int(np.argmax(rho[edges[1] : edges[2] + 1]))
     low2 = edges[2] + int(np.argmin(rho[edges[2] : edges[3] + 1]))
     a = rho[top] - np.interp(top, [low1, low2], [rho[low1], rho[low2]])
-    b = np.interp(low1, [0, top], [clear, rho[top]]) - rho[low1]
+    b = np.interp(low1, [0, top], [1.0, rho[top]]) - rho[low1]
     return float(a / b)
 
 

@@ -13,12 +13,11 @@ import numpy as np
 
 from detectors.compiled import compiled
 from detectors.signal.autocorrelation import decay_ratio, detrend, fast_size, lasting, zero_crossings
-from detectors.signal.conditioning import noise_variance, snapped
+from detectors.signal.conditioning import snapped
 
 _CROSSINGS = 11  # Thornhill 2003: the first 11 zero crossings of the ACF, 10 intervals
 _REGULAR = 1.0  # r > 1: the spread of the intervals is below a third of their mean
-_DECAY = 0.62  # own, of R without white noise, which a signal has at lag 0 alone; with it R > 0.5 (Miao & Seborg 1999)
-_CLEAR = 0.5  # own; so much of the variance at least is no white noise: of noise alone nothing would be left to measure by
+_DECAY = 0.5  # R > 0.5: the ACF loses less than half of its swing per half period (Miao & Seborg 1999)
 LASTING = 1.0 / 3.0  # amplitude of the last third over that of the first: below it, a transient has died out
 _HIGH_PASS = (np.inf, 1 / 6, 1 / 18, 1 / 54)  # moving means removed before a further look, as shares of the record
 MOST_LOADS = 10  # Hagglund 1995: more of them within the supervision time are an oscillation
@@ -36,8 +35,7 @@ class Oscillation:
     regularity: float  # r = (1/3) mean(Tp) / std(Tp)
     period_s: float  # NaN when none was found
     signal: str = ""  # "op" or "pv", the more regular one
-    # R of Miao & Seborg, about d when the ACF less its white noise shrinks by d per half period; NaN with fewer than two minima
-    decay_ratio: float = float("nan")
+    decay_ratio: float = float("nan")  # R of Miao & Seborg, about d when the ACF shrinks by d per half period
     lasting: float = float("nan")  # amplitude in the last third of the record over that in the first
     loads: float = float("nan")  # in the memory of Hagglund's detector; NaN when another one judged
     swings: int = 0  # of OP, of one size, of a cycle whose period wanders; 0 where the period is what was judged
@@ -153,21 +151,20 @@ def oscillation_of(x: np.ndarray, Ts: float = 1.0) -> Oscillation:
     size = fast_size(n + n // 2)
     power = np.abs(np.fft.rfft(x, size)) ** 2
     f = np.arange(power.size) / size
-    noise = n * noise_variance(x)
     for share in _HIGH_PASS:
         window = share * n
         if window < _SHORTEST_MEAN:
             break
         left = power if share == np.inf else power * (1.0 - np.sinc(f * window)) ** 2
         rho = np.fft.irfft(left, size)[: n // 2]
-        found = _judge_acf(x, rho / rho[0], Ts, max(1.0 - noise / rho[0], _CLEAR))
+        found = _judge_acf(x, rho / rho[0], Ts)
         if found.sustained:
             return found
         best = max(best, found, key=lambda o: o.regularity)
     return best
 
 
-def _judge_acf(x: np.ndarray, rho: np.ndarray, Ts: float, clear: float) -> Oscillation:
+def _judge_acf(x: np.ndarray, rho: np.ndarray, Ts: float) -> Oscillation:
     first = int(np.argmax(rho < 0.0))
     band = 1.96 * np.sqrt((1.0 + 2.0 * float(rho[1:first] @ rho[1:first])) / x.size)
     at = zero_crossings(rho, band)[:_CROSSINGS]
@@ -181,7 +178,7 @@ def _judge_acf(x: np.ndarray, rho: np.ndarray, Ts: float, clear: float) -> Oscil
     Tp = 2.0 * np.diff(at)
     period = float(Tp.mean())
     r = period / max(3.0 * float(Tp.std(ddof=1)), 1e-6 * period)
-    R = decay_ratio(rho, at, clear)
+    R = decay_ratio(rho, at)
     lasts = lasting(x, period)
     return Oscillation(r > _REGULAR and R > _DECAY and lasts > LASTING, r, period * Ts, "", R, lasts)
 
