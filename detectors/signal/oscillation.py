@@ -24,42 +24,21 @@ MOST_LOADS = 10  # Hagglund 1995: more of them within the supervision time are a
 _SHORTEST_MEAN = 20  # samples; a shorter moving mean would leave nothing but noise
 # own, from simulated loops: swings of OP that count whichever least size they need, over a factor of it, and are alike
 _LEAST_SWINGS = np.geomspace(0.08, 0.95, 30)  # shares of OP's range tried as the least swing between two reversals
-_GAP, _ALIKE_SWINGS, _SWINGS, _FEWER, _STILL_ON = 1.6, 0.22, 14, 1.15, 2.0
+_GAP, _ALIKE_SWINGS, _SWINGS, _FEWER, _STILL_ON = 1.6, 0.22, 8, 1.15, 2.0
 
 
 @dataclass(frozen=True)
 class Oscillation:
-    """What the front end found.
+    """What the front end found."""
 
-    Parameters
-    ----------
-    sustained : bool
-        An oscillation is there and lasts to the end of the record.
-    regularity : float
-        r = (1/3) mean(Tp) / std(Tp); above 1 = regular.
-    period_s : float
-        Mean period (s); NaN when none was found.
-    signal : {"op", "pv", ""}
-        The one of the two signals in which it is more regular.
-    decay_ratio : float
-        R of Miao & Seborg, about d when the ACF shrinks by d per half period; NaN when the ACF has fewer than two
-        minima.
-    lasting : float
-        Amplitude in the last third of the record over that in the first third.
-    loads : float
-        Load disturbances in the memory of Hagglund's detector; NaN when another one judged.
-    swings : int
-        Swings of OP of one size, of a cycle whose period wanders; 0 where the period is what was judged.
-    """
-
-    sustained: bool
-    regularity: float
-    period_s: float
-    signal: str = ""
-    decay_ratio: float = float("nan")
-    lasting: float = float("nan")
-    loads: float = float("nan")
-    swings: int = 0
+    sustained: bool  # and lasting to the end of the record
+    regularity: float  # r = (1/3) mean(Tp) / std(Tp)
+    period_s: float  # NaN when none was found
+    signal: str = ""  # "op" or "pv", the more regular one
+    decay_ratio: float = float("nan")  # R of Miao & Seborg, about d when the ACF shrinks by d per half period
+    lasting: float = float("nan")  # amplitude in the last third of the record over that in the first
+    loads: float = float("nan")  # in the memory of Hagglund's detector; NaN when another one judged
+    swings: int = 0  # of OP, of one size, of a cycle whose period wanders; 0 where the period is what was judged
 
     @property
     def evidence(self) -> str:

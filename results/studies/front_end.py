@@ -9,10 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from detectors.judge import judge
 from detectors.prepared import prepare
 from detectors.report.report import table
-from detectors.verdict import STICTION
 from scenarios.grid import load_grid
 from simbench.bench.scenario.resolve import resolve
 from simbench.bench.scenario.truth import simulate_with_truth
@@ -20,13 +18,12 @@ from simbench.usage import exit_code
 
 SEED = 4321  # of no loop on which a limit was chosen
 STRONG = "buried"  # disturbances that are larger than the cycle itself: counted apart
-METHODS = ("procedure", "hammerstein", "he", "horch_histogram")
 REST = "not cycling"
 
 
-def loops(grid: str, every: int) -> Iterator[tuple[str, bool, list[bool]]]:
-    """Yield family (or `REST`), whether the disturbance is strong, and: sustained, by its swings, found by each method."""
-    content = load_grid(grid, {"seed": SEED, "repeats": 1})
+def loops(grid: str, every: int, seed: int = SEED, repeats: int = 1) -> Iterator[tuple[str, bool, list[bool]]]:
+    """Yield family (or `REST`), whether the disturbance is strong, and: sustained, by its swings."""
+    content = load_grid(grid, {"seed": seed, "repeats": repeats})
     for index in range(0, content.group_count, every):
         for scenario in resolve(content.group(index)):
             run, cycled = simulate_with_truth(scenario.loop, scenario.seed)
@@ -35,16 +32,15 @@ def loops(grid: str, every: int) -> Iterator[tuple[str, bool, list[bool]]]:
             record = run.record.without_mv()
             found = prepare(record).oscillation
             family = str(scenario.tags["valve"]) if cycled.answer == "yes" else REST
-            said = [found.sustained, found.swings > 0, *(v.verdict == STICTION for v in judge(record, METHODS))]
-            yield family, scenario.tags["disturbance"] == STRONG, said
+            yield family, scenario.tags["disturbance"] == STRONG, [found.sustained, found.swings > 0]
 
 
-def rows(grid: str, every: int) -> list[dict[str, Any]]:
-    """Return per family: n, share sustained, of these by the swings, and what each method finds; strong disturbances apart."""
+def rows(grid: str, every: int, seed: int = SEED, repeats: int = 1) -> list[dict[str, Any]]:
+    """Return per family: n, share sustained, of these by the swings; strong disturbances apart."""
     found: dict[tuple[bool, str], list[list[bool]]] = {}
-    for family, strong, said in loops(grid, every):
+    for family, strong, said in loops(grid, every, seed, repeats):
         found.setdefault((strong, family), []).append(said)
-    head = ("sustained", "by its swings", *METHODS)
+    head = ("sustained", "by its swings")
     return [
         {"disturbance": STRONG if strong else "other", "family": family, "n": len(said)}
         | {key: f"{share:.3f}" for key, share in zip(head, np.mean(said, axis=0), strict=True)}
@@ -57,9 +53,11 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m results.studies.front_end", description=__doc__)
     parser.add_argument("--grid", default="families")
     parser.add_argument("--every", type=int, default=1, help="every so many-th group")
+    parser.add_argument("--seed", type=int, default=SEED)
+    parser.add_argument("--repeats", type=int, default=1, help="draws of each cell")
     chosen = parser.parse_args(arguments)
-    print(f"every {chosen.every}th group of {chosen.grid}, seed {SEED}, truth: cycled; shares of n")
-    print("\n".join(table(rows(chosen.grid, chosen.every))))
+    print(f"every {chosen.every}th group of {chosen.grid}, {chosen.repeats} draws, seed {chosen.seed}; shares of n")
+    print("\n".join(table(rows(chosen.grid, chosen.every, chosen.seed, chosen.repeats))))
     return 0
 
 

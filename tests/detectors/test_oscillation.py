@@ -199,6 +199,6 @@ def test_swings_of_every_size_or_of_the_past_are_no_cycle(swings):
         "coloured noise": np.convolve(rng.standard_normal(3000), np.exp(-np.arange(100) / 15), "same"),
         "growing": (op - 50.0) * np.linspace(0.2, 2.0, op.size),
         "over long ago": np.concatenate([op, np.full(op.size, 50.0)]),
-        "few": wandering_cycle(swings=10)[0],
+        "few": wandering_cycle(swings=6)[0],
     }[swings]
     assert o.wandering(signal) is None
