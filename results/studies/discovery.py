@@ -141,15 +141,13 @@ def _foreign(rows: list[dict[str, Any]]) -> str:
     )
 
 
-def main(none: int = 67, times: int = 1, limit: float = 1e9) -> None:
-    """Print one line a record as it comes, then the table; stop drawing after so many seconds."""
-    rows, end = [], time.time() + limit
+def main(none: int = 67, times: int = 1) -> None:
+    """Print one line a record as it comes, then the table."""
+    rows = []
     with TemporaryDirectory() as place:
-        drawn = {world: entries(world, none, times) for world in WORLD_NAMES}
-        # the worlds take turns, so that a run that is stopped has seen all of them
-        for i in range(max(map(len, drawn.values()))):
-            for world in (w for w in WORLD_NAMES if i < len(drawn[w]) and time.time() < end):
-                rows.append(asked(world, i, drawn[world][i], Path(place)))
+        for world in WORLD_NAMES:
+            for i, entry in enumerate(entries(world, none, times)):
+                rows.append(asked(world, i, entry, Path(place)))
                 said = {k: (round(v, 2) if isinstance(v, float) else v) for k, v in rows[-1].items()}
                 print(said, file=sys.stderr, flush=True)
     print("\n".join(summary(rows)))
