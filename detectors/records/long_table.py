@@ -33,6 +33,8 @@ def _interleaved(sheet: Sheet) -> dict[str, Sheet] | None:
     names = [n for n, c in sheet.columns.items() if parse(n).role is not None and isinstance(c, list)]
     time = next((n for n in sheet.columns if is_time(n)), None)
     begin = [sheet.columns[n][:_LOOKED] for n in names]
+    if not all(isinstance(cell, str) for cells in begin for cell in cells):
+        return None
     there = {parse(n).role for n, cells in zip(names, begin, strict=True) if any(cells)}
     if time is None or not {"pv", "op"} <= there or any(sum(map(bool, row)) > 1 for row in zip(*begin, strict=True)):
         return None

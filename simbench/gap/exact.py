@@ -64,8 +64,10 @@ def _told(s: Situation, first: int) -> list[FoundLaw]:
     if law.tuning is not None:
         c, guess = _Controller.of(s), dict(zip(("gain", "integral"), law.tuning))
         by = {name: 0.1 * value for name, value in guess.items()}
-        tries = [x.fitted("tuning", guess, by, first, c.left({})) for x in (c._replace(newest=share) for share in FORMS)]
-        out += [one for one in tries if one is not None]
+        # in the form of the integral that the examination found: in another one other numbers are the same law
+        own = min((c._replace(newest=share) for share in FORMS), key=lambda one: float(np.median(np.abs(one.left(guess)))))
+        one = own.fitted("tuning", guess, by, first, c.left({}))
+        out += [one] if one is not None else []
     return out
 
 

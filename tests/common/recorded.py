@@ -24,7 +24,8 @@ STICKY = {"valve": {"model": "choudhury", "S": 6.0, "J": 4.0}}
 
 def recorded(table, *effects, seed=2, **changes):
     """Return the record of a loop with some effects, each (name, parameters), and other sections."""
-    return simulate(Loop.from_table({**table, **changes, "effect": [{"name": n, **p} for n, p in effects]}), seed).record
+    acting = {"effect": [{"name": n, **p} for n, p in effects]} if effects else {}
+    return simulate(Loop.from_table({**table, **changes, **acting}), seed).record
 
 
 def resting(seed, n=1500, **changes):

@@ -63,7 +63,7 @@ def cheap(monkeypatch):
     row = dict.fromkeys(leave_out.LEAVE_OUT_COLUMNS, "") | {"said": "unknown", "block": "valve", "before": 1 / 3, "left": 0.1}
     row |= {"back": "none", "strength": "strong", "resolvable": True, "after": 0.1, "nearest": "none"}
 
-    def one(place, name, i, effect, draw_item, seed):
+    def one(place, name, i, effect, draw_item, test, seed, tests):
         return row | {"record": name, "effect": effect}
 
     monkeypatch.setattr(leave_out, "_one", one)
