@@ -28,14 +28,11 @@ def steady_valve(mv: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray,
     """
     harmonics = clear_harmonics(mv, period)
     clean = smooth(mv, period / harmonics)
-    reach = max(round(0.05 * period), 1)
+    reach = 2 * max(round(0.025 * period), 1)  # even: read backwards, a record stands still at the same samples
     left = 2.0 * noise_variance(mv) * min(2.0 * harmonics / period, 1.0)
     spread = float((clean - drift(clean, period)).std())
     bound = max(_STILL * spread, 3.0 * left**0.5)
-    rests = np.abs(clean[reach:] - clean[:-reach]) <= bound
-    still = np.zeros(mv.size, dtype=bool)
-    for middle in {reach // 2, reach - reach // 2}:  # two samples where `reach` is odd: a record read backwards has the same
-        still[middle : middle + rests.size] |= rests
+    still = np.pad(np.abs(clean[reach:] - clean[:-reach]) <= bound, reach // 2)
     return clean, still, bound < _NOISY * spread
 
 
