@@ -41,7 +41,8 @@ check: $(READY)            ## has any detector's accuracy regressed against the 
 
 real: $(READY)             ## every record of real loops, every method, scored by unit
 	@mkdir -p runs
-	$(BIN)/simbench detect ../shared/data/real --labels ../shared/data/real/records.csv --why > runs/real_records.txt
+	$(BIN)/simbench detect ../shared/data/real --labels ../shared/data/real/records.csv --method full \
+		--method likelihood --why > runs/real_records.txt
 	mv runs/real_records.txt results/real_records.txt
 
 results: $(READY_TEST)     ## every file of results/ again, or those of FILES, by the commands that results/README.md lists
