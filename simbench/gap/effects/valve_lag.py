@@ -13,7 +13,7 @@ from simbench.gap.likelihood.valve_map import Found, MapSearch, lagged
 def by_mv(search: MapSearch) -> Found:
     """Scan the time constant finely."""
     taus = np.geomspace(0.2, search.op.size / 10, 120)
-    level, best = min(((search.level(lagged(search.op, x)), float(x)) for x in taus), key=lambda t: t[0])
+    level, best = min(((search.level(lagged(search.op, x, search.mv[0])), float(x)) for x in taus), key=lambda t: t[0])
     return search.priced(level, {"tau": best * search.Ts}, 1.0)
 
 

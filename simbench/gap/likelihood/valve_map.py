@@ -106,7 +106,7 @@ class MapSearch:
         return found
 
 
-def lagged(op: np.ndarray, tau: float) -> np.ndarray:
-    """Return a signal behind a first-order lag of `tau` samples, begun at rest."""
-    a = np.exp(-1.0 / tau)
-    return op[0] + lfilter([1.0 - a], [1.0, -a], op - op[0])
+def lagged(op: np.ndarray, tau: float, first: float | None = None) -> np.ndarray:
+    """Return a signal behind a first-order lag of `tau` samples, begun at `first` or at rest."""
+    a, start = np.exp(-1.0 / tau), op[0] if first is None else first
+    return start + lfilter([1.0 - a], [1.0, -a], op - start, zi=[(1.0 - a) * (start - op[0])])[0]

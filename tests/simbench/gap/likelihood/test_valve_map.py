@@ -75,6 +75,13 @@ def test_a_lag_answers_a_step_by_its_time_constant_and_begins_at_rest(tau):
     step = np.where(np.arange(60) >= 10, 53.0, 50.0)
     k = np.arange(60) - 9
     assert lagged(step, tau) == pytest.approx(50.0 + 3.0 * np.where(k > 0, 1.0 - np.exp(-k / tau), 0.0))
+    assert lagged(np.full(60, 50.0), tau, 54.0) == pytest.approx(50.0 + 4.0 * np.exp(-np.arange(60) / tau))
+
+
+def test_a_slow_valve_is_found_wherever_mv_stood_when_the_record_began():
+    nats, found = recogniser("valve_lag").by_mv(search(lagged(OP, 45.0, OP[0] + SPAN)))
+    assert nats > recogniser("slew_limit").by_mv(search(lagged(OP, 45.0, OP[0] + SPAN)))[0]
+    assert found["tau"] == pytest.approx(90.0, rel=0.1)
 
 
 @pytest.mark.parametrize("model", ["choudhury", "he", "kano"])
