@@ -1,12 +1,15 @@
 """A diagnosis that asks: sealed records of every world, scored alone, after tests it chose, a fixed pair and a random one.
 
-`python -m results.studies.asking DIR` makes, answers and opens what is not there yet, and prints all of its results.
+`python -m results.studies.asking DIR -n 40 --none 15 --two 8 --foreign 12 -j 2` makes, answers and opens what is not there yet
+(a call that was cut off goes on where it was) and prints a table a world. `--contradictions 60` gives the diagnosis tests that
+contradict their records and as many sound ones; `--plans 60` runs planned tests on the worlds' own loops against their limits.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,28 +17,35 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from joblib import Parallel, delayed
 from scipy import stats
+from tqdm import tqdm
 
+from detectors.errors import ParameterError
+from results.studies.asking_tests import contradicted, planned
 from scenarios.spec import read_toml
 from simbench.blind import outcomes
 from simbench.blind.answering import answer, answers_after
 from simbench.blind.claims import true_shrinkages
+from simbench.blind.levels import Share
 from simbench.blind.making import PLANTS, make
 from simbench.blind.menu import MENU
 from simbench.blind.opening import open_
 from simbench.blind.score import judge_record, true_circumstances
-from simbench.blind.world import PLANNED
+from simbench.blind.world import PLANNED, WORLDS
 from simbench.files import folder as make_folder
 from simbench.files import whole_file
 from simbench.gap.command import one_file
 from simbench.loop.effects import NONE, UNKNOWN
 
-SEEDS = {"own": 312041, "mill": 312042, "refinery": 312043}  # named before anything was answered
+SEED = 413041  # named before anything was answered: the first world's, the next ones' are the next numbers
+THREE = ("own", "mill", "refinery")
 TESTS = 2
 PAIR = ("mv", "bump")  # the best fixed pair on development draws of another simulator
 FIXED, RANDOM = " + ".join(PAIR), "two at random"
+_FRESH = 3  # records of the true loop on which a claimed shrinkage is looked at
 _NEEDS_T = "time_constant_mismatch"
-FIGURES = {
+_OF_KIND = {
     "first": ("single", "first"), "group": ("single", "in_group"), "block": ("single", "block_right"),
     "called unknown": ("single", "called_unknown"), "both of two": ("two", "both_named"),
 }  # fmt: skip
@@ -71,26 +81,46 @@ class Mixture:
         return out + [{"kind": k, "mv": i % 3 == 0} for k in ("none", "two") for i in range(getattr(self, k))]
 
 
-def answer_otherwise(check: Path, strategy: str, seed: int) -> None:
+def answer_sealed(folder: Path, world: str, plan: Mixture, jobs: int) -> None:
+    """Make, answer with tests that the diagnosis chose and open a world's records, as far as it is not done."""
+    check, key = folder / world, folder / f"{world}.key"
+    if not (check / "records").exists():
+        make(check, key, plan.seed, plan=plan, jobs=jobs, world=world, tests=True)
+    there, asked = len(list((check / "records").glob("*.csv"))), plan.single + plan.none + plan.two + plan.foreign
+    if there != asked:
+        raise ParameterError(f"{check}: {there} records, {asked} were asked for; another folder is needed")
+    if not (folder / f"{world}-score" / f"records-{TESTS}.csv").exists():
+        answer(check, one_file, jobs, TESTS)
+        open_(check, key, folder / f"{world}-score", world)
+
+
+def answer_otherwise(check: Path, strategy: str, seed: int, jobs: int = 1) -> None:
     """Write answers after two tests that the diagnosis did not choose; nothing is known of the record."""
-    place = make_folder(check.parent / f"{check.name}-{strategy.replace(' ', '')}")
-    rng = np.random.default_rng(seed)
+    place, rng, todo = _answers_by(check, strategy), np.random.default_rng(seed), []
     for record in sorted((check / "records").glob("*.csv")):
-        drawn = [str(x) for x in rng.choice(MENU, TESTS, replace=False)]
-        file = place / f"{record.stem}.json"
-        if not file.exists():
-            ids = PAIR if strategy == FIXED else drawn
-            tests = [str(outcomes.open_one(check, record.stem, id_, i + 1)) for i, id_ in enumerate(ids)]
-            with whole_file(file) as f:
-                f.write(json.dumps(one_file(record, record.with_suffix(".toml"), tests)))
+        ids = [str(x) for x in rng.choice(MENU, TESTS, replace=False)]
+        if not (place / f"{record.stem}.json").exists():
+            todo.append((record, list(PAIR) if strategy == FIXED else ids))
+    bar = tqdm(todo, desc=f"{check.name}, {strategy}", file=sys.stderr, delay=1.0)
+    Parallel(n_jobs=jobs)(delayed(_answer_one)(check, make_folder(place), record, ids) for record, ids in bar)
+
+
+def _answer_one(check: Path, place: Path, record: Path, ids: Sequence[str]) -> None:
+    tests = [str(outcomes.open_one(check, record.stem, id_, i + 1)) for i, id_ in enumerate(ids)]
+    with whole_file(place / f"{record.stem}.json") as f:
+        f.write(json.dumps(one_file(record, record.with_suffix(".toml"), tests)))
+
+
+def _answers_by(check: Path, strategy: str) -> Path:
+    return check.parent / f"{check.name}-{strategy.replace(' ', '')}"
 
 
 def judged(check: Path, score: Path, strategy: str) -> pd.DataFrame:
     """Return the answers of a strategy judged as `open_` judges the others."""
     rows = []
     for truth in truths(score):
-        file = check.parent / f"{check.name}-{strategy.replace(' ', '')}" / f"{truth['id']}.json"
-        rows.append(judge_record(truth, _read(file), true_circumstances(truth, *_baseline_and_record(check, truth))))
+        found = _read(_answers_by(check, strategy) / f"{truth['id']}.json")
+        rows.append(judge_record(truth, found, true_circumstances(truth, *_baseline_and_record(check, truth))))
     return pd.DataFrame(rows)
 
 
@@ -100,10 +130,10 @@ def truths(score: Path) -> list[dict[str, Any]]:
     return [{str(k): json.loads(v) if v.startswith("{") else v for k, v in row.items()} for row in rows]
 
 
-def learned(folder: Path) -> list[tuple[float, float]]:
+def learned(folder: Path, worlds: Sequence[str]) -> list[tuple[float, float]]:
     """Return of every test asked for what it was to add to a right answer's probability, and added to the truth's."""
     pairs = []
-    for world in SEEDS:
+    for world in worlds:
         for truth, tests in [(t, i) for t in truths(folder / f"{world}-score") for i in range(TESTS)]:
             before, after = (_read(answers_after(folder / world, tests + i) / f"{truth['id']}.json") for i in (0, 1))
             expected = (before.get("next_test") or {}).get("p_right_after")
@@ -114,22 +144,33 @@ def learned(folder: Path) -> list[tuple[float, float]]:
     return pairs
 
 
-def shrinkages(folder: Path) -> list[tuple[float, float, float, float]]:
+def shrinkages(folder: Path, worlds: Sequence[str]) -> list[tuple[float, float, float, float]]:
     """Return claimed shrinkage after all tests, its interval, and the true one on fresh records of the true loop."""
     rows = []
-    for world in SEEDS:
-        check = folder / world
+    for world in worlds:
         for truth in truths(folder / f"{world}-score"):
-            found = _read(answers_after(check, TESTS) / f"{truth['id']}.json")
+            found = _read(answers_after(folder / world, TESTS) / f"{truth['id']}.json")
             claimed = found["shrinkage"]
-            if claimed is None or truth["foreign"] or truth["effect"] == NONE or truth["effect2"]:
+            if claimed is None or truth["foreign"] or truth["effect"] == NONE or truth["effect2"] or len(found["effects"]) > 1:
                 continue
-            baseline, record = _baseline_and_record(check, truth)
-            here = true_circumstances(truth, baseline, record)
-            true = {c["effect"]: c["true"] for c in true_shrinkages(truth, found, record, baseline, here, world)}
-            if found["effect"] in true:
-                rows.append((claimed["value"], claimed["lo"], claimed["hi"], true[found["effect"]]))
+            true = fresh_shrinkage(truth, found, *_baseline_and_record(folder / world, truth), world)
+            if true is not None:
+                rows.append((claimed["value"], claimed["lo"], claimed["hi"], true))
     return rows
+
+
+def fresh_shrinkage(
+    truth: dict[str, Any], found: dict[str, Any], baseline: Any, record: pd.DataFrame, world: str
+) -> float | None:
+    """Return how far the effect named narrows the gap to other records of the true loop, their mean; None without a gap."""
+    here = true_circumstances(truth, baseline, record)
+    named = {**found, "ranking": [r for r in found["ranking"] if r["effect"] == found["effect"]]}
+    true, acts = [], [{"effect": truth["effect"], "parameters": truth["parameters"]}]
+    for i in range(_FRESH):
+        columns = WORLDS.load(world).simulate(truth, acts, int(truth["seed"]) + 7000 + i)
+        fresh = pd.DataFrame({name: columns[name] for name in ("sp", "op", "pv")})
+        true += [c["true"] for c in true_shrinkages(truth, named, fresh, baseline, here, world)]
+    return float(np.mean(true)) if true else None
 
 
 def _baseline_and_record(check: Path, truth: dict[str, Any]) -> tuple[Any, pd.DataFrame]:
@@ -141,10 +182,10 @@ def _read(file: Path) -> dict[str, Any]:
     return json.loads(file.read_text(encoding="utf-8"))
 
 
-def table(folder: Path, against: Sequence[str] = ()) -> pd.DataFrame:
-    """Return a row per world and way of testing, and for all worlds together."""
+def table(folder: Path, worlds: Sequence[str] = THREE, against: Sequence[str] = ()) -> pd.DataFrame:
+    """Return shares by figure, a column per way of testing, for each world and for all worlds together."""
     found: dict[str, dict[str, pd.DataFrame]] = {}
-    for world in SEEDS:
+    for world in worlds:
         score = folder / f"{world}-score"
         for tests in range(TESTS + 1):
             file = score / (f"records-{tests}.csv" if tests else "records.csv")
@@ -152,22 +193,24 @@ def table(folder: Path, against: Sequence[str] = ()) -> pd.DataFrame:
                 found.setdefault(f"chosen {tests}" if tests else "alone", {})[world] = pd.read_csv(file, keep_default_na=False)
         for strategy in against:
             found.setdefault(strategy, {})[world] = judged(folder / world, score, strategy)
-    rows = [_row(world, tests, one) for tests, worlds in found.items() for world, one in worlds.items()]
-    rows += [_row("all", tests, pd.concat(worlds.values())) for tests, worlds in found.items() if len(worlds) > 1]
-    return pd.DataFrame(rows)
+    for by_world in found.values():
+        if len(by_world) > 1:
+            by_world["all"] = pd.concat(by_world.values())
+    rows = [(world, _shares(one), tests) for tests, by_world in found.items() for world, one in by_world.items()]
+    out = {tests: {(w, figure): x for w, shares, t in rows for figure, x in shares.items() if t == tests} for tests in found}
+    order = [(world, figure) for world in (*worlds, "all") for figure in rows[0][1]]
+    return pd.DataFrame(out).reindex(pd.MultiIndex.from_tuples(order)).dropna(how="all")
 
 
-def _row(world: str, tests: str, found: pd.DataFrame) -> dict[str, Any]:
-    row: dict[str, Any] = {"world": world, "tests": tests, "n": len(found)}
-    for name, (kind, column) in FIGURES.items():
-        row[name] = _share(_true(found[found.kind == kind][column]))
+def _shares(found: pd.DataFrame) -> dict[str, str]:
+    out = {name: _share(_true(found[found.kind == kind][column])) for name, (kind, column) in _OF_KIND.items()}
     none, foreign = found[found.kind == "none"], found[found.kind == "foreign"]
-    row["named where none is"] = _share(~_true(none.called_none) & ~_true(none.called_unknown))
-    row["none unknown"] = _share(_true(none.called_unknown))
-    row["foreign unknown or block"] = _share(_true(foreign.called_unknown) | _true(foreign.block_right))
+    out["named where none is"] = _share(~_true(none.called_none) & ~_true(none.called_unknown))
+    out["none unknown"] = _share(_true(none.called_unknown))
+    out["foreign unknown or block"] = _share(_true(foreign.called_unknown) | _true(foreign.block_right))
     known = found[found.kind.isin(["single", "none"])]
-    row["right where p > .9"] = _share(_true(known[known.probability.astype(float) > 0.9]["first"]))
-    return row
+    out["right where p > .9"] = _share(_true(known[known.probability.astype(float) > 0.9]["first"]))
+    return out
 
 
 def _true(x: pd.Series) -> pd.Series:
@@ -175,36 +218,62 @@ def _true(x: pd.Series) -> pd.Series:
 
 
 def _share(x: pd.Series) -> str:
-    return f"{int(x.sum())}/{len(x)}"
+    share = Share("", int(x.sum()), len(x))
+    return f"{share.k}/{share.n} [{share.interval[0]:.2f}, {share.interval[1]:.2f}]" if share.n else "-"
+
+
+def print_sealed(folder: Path, worlds: Sequence[str], against: Sequence[str]) -> None:
+    """Print the table of every world, what tests told, and whether claimed shrinkages hold."""
+    print("chosen: the tests that the diagnosis asked for, at most so many; a shown or settled record asks for none")
+    print("95 % Wilson intervals")
+    found = table(folder, worlds, against)
+    for world in found.index.unique(0):
+        print(f"\n{world}\n{found.loc[world].to_string()}")
+    pairs = np.array(learned(folder, worlds)).reshape(-1, 2)
+    rank = stats.spearmanr(*pairs.T).statistic if len(pairs) > 2 else np.nan
+    print(f"\nwhat tests were to add to the probability of a right answer, and added to the truth's: {len(pairs)} tests,")
+    print(f"rank correlation {rank:.2f}")
+    value, lo, hi, true = np.array(shrinkages(folder, worlds)).reshape(-1, 4).T
+    rank = stats.spearmanr(value, true).statistic if true.size > 2 else np.nan
+    print(f"shrinkage after tests, on {_FRESH} fresh records of the true loop each: {true.size} claims,")
+    print(f"interval holds {_share(pd.Series((lo <= true) & (true <= hi)))}, rank correlation {rank:.2f}")
+    for name, x in (("claimed", value), ("true", true)):
+        quarters = ", ".join(f"{q:.2f}" for q in np.quantile(x, (0.0, 0.25, 0.5, 0.75, 1.0))) if x.size else "-"
+        print(f"{name}: least, quartiles, most {quarters}")
 
 
 def main() -> None:
-    """Make, answer and open what is not there yet; print seeds, sizes and the table."""
+    """Make, answer and open what is not there yet; print seeds, sizes and the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
+    parser.add_argument("-n", "--single", type=int, default=Mixture.single, help="Records of one effect in each world.")
+    for kind in ("none", "two", "foreign"):
+        parser.add_argument(
+            f"--{kind}", type=int, default=getattr(Mixture, kind), help=f"Records of kind {kind} in each world."
+        )
+    parser.add_argument("--seed", type=int, default=SEED, help=f"Of {THREE[0]}; the next worlds have the next.")
+    parser.add_argument("--worlds", nargs="*", default=THREE, choices=THREE)
     parser.add_argument("--against", nargs="*", default=[], choices=(FIXED, RANDOM), help="Answer with such tests too.")
+    parser.add_argument("--contradictions", type=int, default=0, metavar="N", help="Contradictory tests, and sound ones.")
+    parser.add_argument("--plans", type=int, default=0, metavar="N", help="Records whose planned tests are run.")
+    parser.add_argument("-j", "--jobs", type=int, default=1)
     given = parser.parse_args()
-    for world, seed in SEEDS.items():
-        check, key = given.folder / world, given.folder / f"{world}.key"
-        if not (check / "records").exists():
-            make(check, key, seed, plan=Mixture(seed), world=world, tests=True)
-        answer(check, one_file, 1, TESTS)
-        open_(check, key, given.folder / f"{world}-score", world)
+    seeds = {world: given.seed + i for i, world in enumerate(THREE) if world in given.worlds}
+    print(f"seeds {', '.join(f'{world} {seed}' for world, seed in seeds.items())}")
+    if given.contradictions:
+        print(contradicted(seeds, given.contradictions, given.jobs).to_string(index=False))
+    if given.plans:
+        print(planned(seeds, given.plans, given.jobs))
+    if given.contradictions or given.plans:
+        return
+    for world, seed in seeds.items():
+        answer_sealed(given.folder, world, Mixture(seed, given.single, given.none, given.two, given.foreign), given.jobs)
     for strategy in given.against:
-        for world, seed in SEEDS.items():
-            answer_otherwise(given.folder / world, strategy, seed)
-    plan = Mixture(0)
-    print(f"seeds {', '.join(f'{world} {seed}' for world, seed in SEEDS.items())}; answered sealed; of each world")
-    print(f"{plan.single} single effects (medium, strong), {plan.none} none, {plan.two} two, {plan.foreign} foreign")
-    print("chosen: the tests that the diagnosis asked for, at most so many; a shown or settled record asks for none")
-    print(table(given.folder, given.against).to_string(index=False))
-    pairs = np.array(learned(given.folder))
-    rank = stats.spearmanr(*pairs.T).statistic
-    print(f"what tests were to add to the probability of a right answer, and added to the truth's: {len(pairs)} tests,")
-    print(f"rank correlation {rank:.2f}")
-    value, lo, hi, true = np.array(shrinkages(given.folder)).T
-    inside, rank = int(((lo <= true) & (true <= hi)).sum()), stats.spearmanr(value, true).statistic
-    print(f"shrinkage after tests: interval holds {inside}/{len(true)}, rank correlation {rank:.2f}")
+        for world, seed in seeds.items():
+            answer_otherwise(given.folder / world, strategy, seed, given.jobs)
+    print(f"answered sealed; of each world {given.single} single effects (medium, strong), {given.none} none, {given.two} two,")
+    print(f"{given.foreign} foreign")
+    print_sealed(given.folder, list(seeds), given.against)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,128 @@
+"""What a diagnosis refuses of tests, and what planned tests do to the plant: on loops of the blind check's worlds.
+
+Printed by `python -m results.studies.asking DIR --contradictions N` and `--plans N`.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from joblib import Parallel, delayed
+from tqdm import tqdm
+
+from detectors.errors import UserError
+from detectors.records.io import read_record
+from scenarios.spec import load_loop
+from simbench.blind import outcomes
+from simbench.blind.making import PLANTS, write_item
+from simbench.blind.menu import TestPlan
+from simbench.blind.world import PLANNED, WORLDS, Item
+from simbench.gap.diagnosis import beside_tests, diagnose
+from simbench.gap.intake.check import check
+from simbench.gap.intake.recorded_test import read_test
+from simbench.gap.plan.expected import plan
+from simbench.gap.plan.menu import Limits
+from simbench.loop.effects import NONE
+
+OTHER_LOOP, TUNING, SHIFTED = "test of another loop", "tuning not as stated", "mode shifted by a minute"
+_KINDS = {OTHER_LOOP: ("mv", "sp_steps", "bump", "stairs"), TUNING: ("kc_half",), SHIFTED: ("bump", "stairs")}
+
+
+def contradicted(seeds: Mapping[str, int], n: int, jobs: int = 1) -> pd.DataFrame:
+    """Return how many of `n` contradictory tests are found, and how many of as many sound ones refused, by kind."""
+    bar = tqdm(range(n), desc="contradictions", file=sys.stderr, delay=1.0)
+    rows = pd.DataFrame(Parallel(n_jobs=jobs)(delayed(_contradict)(list(seeds.items()), i) for i in bar))
+    kinds = [(kind, rows[rows.kind == kind]) for kind in _KINDS] + [("all", rows)]
+    return pd.DataFrame(
+        {"kind": kind, "n": len(one), "found": int(one.found.sum()), "sound ones refused": int(one.wrongly.sum())}
+        for kind, one in kinds
+    )
+
+
+def _contradict(seeds: list[tuple[str, int]], i: int) -> dict[str, Any]:
+    world, seed = seeds[i // len(_KINDS) % len(seeds)]
+    kind, ids = list(_KINDS.items())[i % len(_KINDS)]
+    w, id_ = WORLDS.load(world), ids[i // len(_KINDS) % len(ids)]
+    item, other = (w.draw(seed, k, _entry(seed, k)) for k in (2 * i, 2 * i + 1))
+    own = outcomes.outcome(w.test, item, id_)
+    false = outcomes.outcome(w.test, other, id_) if kind == OTHER_LOOP else dict(own)
+    if kind == TUNING:
+        false["toml"] = false["toml"].split("[controller]")[0]
+    if kind == SHIFTED:
+        false["csv"] = _shifted(false["csv"], item, -1 if i % 2 else 1)
+    found, wrongly = (_refused(item, texts) for texts in (false, own))
+    return {"kind": kind, "world": world, "test": id_, "found": bool(found), "wrongly": bool(wrongly), "said": wrongly or found}
+
+
+def _entry(seed: int, i: int) -> dict[str, Any]:
+    """Return a record of a single effect, or every fourth of none."""
+    if i % 4 == 3:
+        return {"kind": "none", "mv": i % 3 == 0}
+    effect = str(np.random.default_rng([seed, i]).choice(PLANNED))
+    plant = PLANTS[0] if effect == "time_constant_mismatch" else PLANTS[i % 3]
+    return {"kind": "single", "effect": effect, "strength": ("medium", "strong")[i % 2], "mv": i % 3 == 0, "plant": plant}
+
+
+def _shifted(csv: str, item: Item, way: int) -> str:
+    """Return a test whose column of modes lies a minute, at least a sample, early or late."""
+    head, *rows = [line.split(",") for line in csv.splitlines()]
+    at, steps = head.index("mode"), max(1, round(60.0 / float(item.baseline["sampling"]["Ts"])))
+    modes = [row[at] for row in rows]
+    moved = np.clip(np.arange(len(rows)) - way * steps, 0, len(rows) - 1)
+    for row, k in zip(rows, moved):
+        row[at] = modes[k]
+    return "\n".join(map(",".join, [head, *rows])) + "\n"
+
+
+def _refused(item: Item, texts: Mapping[str, str]) -> str:
+    """Return what the diagnosis says against a test, "" where it counts it."""
+    with TemporaryDirectory() as place:
+        record, baseline = write_item(item, Path(place), "record")
+        loop = load_loop(baseline)
+        situation = check(read_record(record), loop)
+        try:
+            test = read_test(str(outcomes.shown(Path(place), "test", texts)), loop)
+            notes = beside_tests(situation, [test]).situation.notes
+        except UserError as error:
+            return str(error)
+    return next((note for note in notes if "contradicts the record" in note), "")
+
+
+def planned(seeds: Mapping[str, int], n: int, jobs: int = 1) -> str:
+    """Return in a sentence how many planned tests leave their limits on the true loops of `n` records."""
+    bar = tqdm(range(n), desc="plans", file=sys.stderr, delay=1.0)
+    found = [x for one in Parallel(n_jobs=jobs)(delayed(_run_plan)(list(seeds.items()), i) for i in bar) for x in one]
+    return f"planned tests run on the true loops of {n} records: {sum(found)} of {len(found)} left their limits"
+
+
+def _run_plan(seeds: list[tuple[str, int]], i: int) -> list[bool]:
+    """Return of every test planned for one record within drawn limits whether the true loop leaves them."""
+    world, seed = seeds[i % len(seeds)]
+    w, rng = WORLDS.load(world), np.random.default_rng([seed, i, 1])
+    item = w.draw(seed, i, _entry(seed, i))
+    with TemporaryDirectory() as place:
+        record, baseline = write_item(item, Path(place), "record")
+        report = diagnose(read_record(record), load_loop(baseline))
+    op, pv, sp = (np.asarray(item.columns[name]) for name in ("op", "pv", "sp"))
+    limits = Limits(
+        pv_excursion=float(rng.uniform(1.2, 4.0) * np.abs(pv - sp).max()), op_travel=float(rng.uniform(2.0, 15.0)),
+        op=(max(float(op.min()) - 5.0, 0.0), min(float(op.max()) + 5.0, 100.0)),
+    )  # fmt: skip
+    found = plan(report.behind.found, {r.effect: r.probability for r in report.ranking}, report.behind.loops, limits)
+    true = item.answer["effect"]
+    acts = [] if true == NONE else [{"effect": true, "parameters": item.answer["parameters"]}]
+    out = []
+    for test in (x.trial for x in found.tests if x.trial.op_travel or x.trial.id == "sp_steps"):
+        levels = np.asarray(test.op)
+        run = w.test(item.answer, acts, int(item.answer["seed"]) + 9500, TestPlan(test.id, test.n, np.asarray(test.sp), levels))
+        start, lead = float(run["sp"][0]), int(np.argmax(np.isfinite(levels) | (np.asarray(test.sp) != 0.0)))
+        far = float(np.abs(np.asarray(run["pv"])[lead:] - start).max())
+        moved = np.asarray(run["op"])[lead:]
+        out.append(far > limits.pv_excursion or bool(moved.min() < limits.op[0] - 1e-6 or moved.max() > limits.op[1] + 1e-6))
+    return out
