@@ -103,7 +103,7 @@ class ModelledTest:
     """A test as the fits need it: the engine's input, OP and MV (%), lab samples of the true PV (NaN between) and their std.
 
     `pace` are samples to one of the record's; `law` the controller's in automatic, None where it was not asked; `proven` as in
-    `Situation`.
+    `Situation`; `moved` whether somebody moved SP, or OP in manual.
     """
 
     name: str
@@ -116,6 +116,7 @@ class ModelledTest:
     lab_std: float = 0.0
     law: Law | None = None
     proven: dict[str, dict[str, float | str]] = field(default_factory=dict)
+    moved: bool = True
 
 
 def through_valve(op: np.ndarray, valve: Part, Ts: float) -> np.ndarray:

@@ -114,7 +114,8 @@ def other_plants(found: Fitted, s: Situation, tests: Sequence[ModelledTest]) -> 
     # signals and jumps of an effect are of one record
     plain = replace(found.base, spec=Spec(pink=found.base.spec.pink))
     bare = [f for f in fits if not f.spec.channels and not f.spec.jumps] or [plain]
-    return [_other_plant(engine.engines[i], engine, i, bare) for i in range(1, len(engine.parts))]
+    # a controller that answers nothing but the load shows load and plant in one, and any plant with its load
+    return [_other_plant(engine.engines[i], engine, i, bare) if t.moved else "" for i, t in enumerate(tests, start=1)]
 
 
 def _other_plant(own: Engine, engine: JointEngine, i: int, fits: Sequence[Fit]) -> str:

@@ -48,6 +48,7 @@ def modelled(test: RecordedTest, s: Situation) -> ModelledTest:
     return ModelledTest(
         test.name, r.Ts, 1.0 if plain else pace, data, op, None if r.mv is None else np.asarray(r.mv, dtype=float),
         test.lab, float(test.settings.get("test", {}).get("lab_std", 0.0)), law, proven,
+        any(x is not None and x.size and np.ptp(x) > 0.0 for x in (r.sp, op[test.manual])),
     )  # fmt: skip
 
 

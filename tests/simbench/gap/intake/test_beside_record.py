@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from scenarios.spec import Loop
+from simbench.gap.decide import beside_tests
+from simbench.gap.decide.assess import assess
 from simbench.gap.intake.beside_record import contradiction, modelled
 from simbench.gap.intake.check import check
 from simbench.gap.intake.recorded_test import RecordedTest
@@ -51,6 +53,14 @@ def said(test, situation):
 @pytest.mark.parametrize("id_", ["sp_steps", "bump", "stairs", "still"])
 def test_nothing_is_said_of_a_sound_test(id_, situation):
     assert said(made(id_, situation), situation) == ""
+
+
+@pytest.mark.parametrize(("id_", "moved"), [("sp_steps", True), ("bump", True), ("kc_half", False)])
+def test_a_plant_is_only_compared_where_somebody_moved_sp_or_op(id_, moved, situation, monkeypatch):
+    # load and plant of a loop that nobody moves are one thing, and a load of steps looks like another plant
+    monkeypatch.setattr(beside_tests, "_other_plant", lambda *_: "another")
+    test = modelled(made(id_, situation), situation)
+    assert beside_tests.other_plants(assess(situation), situation, [test]) == (["another"] if moved else [""])
 
 
 @pytest.mark.parametrize("id_", ["sp_steps", "bump"])
