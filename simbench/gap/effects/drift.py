@@ -13,6 +13,8 @@ from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import LINEAR, Fit, Spec
 from simbench.gap.situation import Situation
 
+_SURE_WITHIN = 0.2  # of its rate, that a ramp is known to from PV
+
 
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
     """Let the measurement walk, with a ramp on top; an integrating plant's balance is a ramp already."""
@@ -49,11 +51,11 @@ def draw(y: Yardstick, rng: np.random.Generator) -> Size:
 
 
 def by_lab(p: Mapping[str, float | str], errors: np.ndarray, times: np.ndarray, noise: float) -> float:
-    """Return the log-likelihood of errors that ramp and walk beside their noise, from an unknown offset."""
+    """Return the log-likelihood of errors that ramp, as PV did, and walk beside their noise, from an unknown offset."""
     rate, walk, offset = float(p["rate"]), float(p["walk"]), 10.0 * (float(np.ptp(errors)) + noise)
-    ramps, walks = rate**2 * np.outer(times, times), walk**2 * np.minimum.outer(times, times)
+    ramps, walks = (_SURE_WITHIN * rate) ** 2 * np.outer(times, times), walk**2 * np.minimum.outer(times, times)
     L = np.linalg.cholesky(noise**2 * np.eye(times.size) + ramps + walks + offset**2)
-    x = np.linalg.solve(L, errors)
+    x = np.linalg.solve(L, errors - rate * times)
     return -0.5 * float(x @ x) - float(np.log(np.diag(L)).sum())
 
 
