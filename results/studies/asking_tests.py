@@ -97,7 +97,8 @@ def _refused(item: Item, texts: Mapping[str, str]) -> str:
 def planned(seeds: Mapping[str, int], n: int, jobs: int = 1) -> str:
     """Return in a sentence how many planned tests leave their limits on the true loops of `n` records."""
     bar = tqdm(range(n), desc="plans", file=sys.stderr, delay=1.0)
-    found = [x for one in Parallel(n_jobs=jobs)(delayed(_run_plan)(list(seeds.items()), i) for i in bar) for x in one]
+    runs: Any = Parallel(n_jobs=jobs)(delayed(_run_plan)(list(seeds.items()), i) for i in bar)
+    found = [left for one in runs for left in one]
     return f"planned tests run on the true loops of {n} records: {sum(found)} of {len(found)} left their limits"
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from simbench.gap.candidates import Candidate, Fitted, beside_the_load, beside_the_plant, fit_candidates
-from simbench.gap.decide.beside_tests import Maps, effects_by_pv, joint_engine, lab_gains, valve_maps
+from simbench.gap.candidates import Candidate, Fitted, beside_the_load, beside_the_plant, fit_candidates, possible_effects
+from simbench.gap.decide.beside_tests import Maps, joint_engine, lab_gains, valve_maps
 from simbench.gap.effects import NOT_TRIED, Parameters, recogniser
 from simbench.gap.intake.other_loop import refuse_other_plant
 from simbench.gap.likelihood.engine import Engine
@@ -78,7 +78,8 @@ def assess(situation: Situation, tests: Sequence[ModelledTest] = ()) -> Assessme
     shown = {e: p for t in tests for e, p in t.proven.items()}
     situation = replace(situation, data=engine.data, proven={**shown, **situation.proven})
     base = engine.base()
-    candidates = fit_candidates(engine, base, effects_by_pv(situation, tests))
+    by_mv = situation.record.mv is not None or any(t.mv is not None for t in tests)
+    candidates = fit_candidates(engine, base, possible_effects(situation, by_mv))
     base, beside_load = beside_the_load(engine, base, candidates)
     base, candidates = beside_the_plant(engine, base, beside_load)
     gains, parameters = _scores(situation, base, engine.main(base), candidates, maps[0])
@@ -181,10 +182,10 @@ def failures(found: Assessment) -> list[tuple[float, str, str]]:
     traces = any(recogniser(e).leaves_traces for e in found.chosen)
     jumps = bool(found.final.spec.jumps)
     # of a valve that MV showed in a test alone the record's own slips are guessed, and one missed spoils all that follow
-    guessed = traces and found.valve_seen and situation.record.mv is None
+    rough |= traces and found.valve_seen and situation.record.mv is None
     for name, (limit, block) in RESIDUAL_LIMITS.items():
         # spikes, and friction that is no two-parameter map, leave traces of their own; a load that jumps between samples too
-        loose = rough or guessed or (traces and name in ("bursts", "memory")) or (jumps and name in ("bursts", "memory", "input"))
+        loose = rough or (traces and name in ("bursts", "memory")) or (jumps and name in ("bursts", "memory", "input"))
         limit *= _LENIENT if loose else 1.0
         said = (
             f"the best model leaves something behind ({name.removesuffix(' nats')}: {found.tests[name]:.0f}, limit {limit:.0f})"

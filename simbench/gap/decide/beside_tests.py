@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from detectors.errors import UserError
-from simbench.gap.candidates import Fitted, possible_effects
+from simbench.gap.candidates import Fitted
 from simbench.gap.effects import Parameters, recogniser
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.joint import JointEngine, JointPart
@@ -78,11 +78,6 @@ def through_effect(s: Situation, effect: str, p: Parameters, op: np.ndarray, Ts:
     except UserError:
         return op
     return np.clip(stages_response(tuple(valves), np.ascontiguousarray(op, dtype=float), float(op[0])), 0.0, 100.0)
-
-
-def effects_by_pv(s: Situation, tests: Sequence[ModelledTest]) -> list[str]:
-    """Return the effects that PV given OP is asked about: the valve's are not where MV was recorded."""
-    return possible_effects(s, s.record.mv is not None or any(t.mv is not None for t in tests))
 
 
 def lab_gains(tests: Sequence[ModelledTest], base: Fit, parameters: Mapping[str, Parameters]) -> dict[str, float]:

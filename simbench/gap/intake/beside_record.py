@@ -104,7 +104,7 @@ def _shifted(test: RecordedTest, usual: np.ndarray, late: int) -> str:
     if not manual.any():
         return ""
     moves, edge = _moves(np.asarray(test.record.op)), _EDGE + late
-    rests = max(edge, 1.5 * _longest(~_moves(usual)[1:]))
+    rests = max([edge, *(1.5 * (rows.stop - rows.start) for rows in _runs(~_moves(usual)[1:]))])
     said = f"the mode column of {test.name} does not fit its OP, which"
     for rows in _runs(manual):
         # where an operator took over OP may jump to his first level
@@ -126,10 +126,6 @@ def _moves(op: np.ndarray) -> np.ndarray:
 
 def _runs(x: np.ndarray) -> list[slice]:
     return [slice(int(a), int(b)) for a, b in runs_of(x)]
-
-
-def _longest(x: np.ndarray) -> int:
-    return max((rows.stop - rows.start for rows in _runs(x)), default=0)
 
 
 def _length(x: np.ndarray) -> int:
