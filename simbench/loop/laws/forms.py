@@ -71,20 +71,11 @@ def _zero(setup: Any, p: Any, rng: np.random.Generator) -> None:
     _linear(setup, [p.lead, 1.0], [max(p.lag, 0.1 * abs(p.lead)), 1.0])
 
 
-def _resonance(setup: Any, p: Any, rng: np.random.Generator) -> None:
-    w = p.period / (2.0 * np.pi)
-    _linear(setup, [1.0], [w * w, 2.0 * p.damping * w, 1.0])
-
-
 def _size(setup: Any, p: Any, rng: np.random.Generator) -> None:
     setup.num = setup.num * p.gain
     if setup.den[-1] != 0.0 and p.pace != 1.0:
         setup.den = setup.den * np.append(np.full(setup.den.size - 1, p.pace), 1.0)
     setup.Td = max(setup.Td + p.delay, 0.0)
-
-
-def _filter(setup: Any, p: Any, rng: np.random.Generator) -> None:
-    setup.sensor_tau = p.tau
 
 
 def _stairs(setup: Any, p: Any, rng: np.random.Generator) -> None:
@@ -174,10 +165,6 @@ LAW_FORMS: dict[str, Form] = {
     "zero": Form("process", "PV leads or lags, or goes the wrong way first", {
         "lead": Number("s", identity=0.0, says="time constant of the zero; below 0: inverse response"),
         "lag": Number("s", low=0.0, identity=0.0, says="time constant of its pole")}, _zero),
-    "resonance": Form("process", "PV rings", {
-        "period": Number("s", low=0.0, identity=0.0, says="natural period"),
-        "damping": Number("-", low=0.01, high=2.0, identity=1.0, says="damping ratio")}, _resonance),
-    "filter": Form("sensor", "PV is read through a lag", {"tau": _SECONDS}, _filter),
     "held": Form("sensor", "the reading stands still in spells", _SPELLS, lambda s, p, rng: _sensor(s, idle=spells(s, p, rng))),
     "clipped": Form("sensor", "the reading stops at ends of its range", {
         "low": Number("PV units", low=-_FAR, high=_FAR, identity=-_FAR, says="lower end"),

@@ -54,7 +54,8 @@ def test_a_hidden_law_is_found_in_its_form(form, numbers, block, near):
 def test_nothing_is_found_in_a_record_without_a_law():
     found = discover(simulate(Loop.from_table({**TABLE, "disturbance": LOAD}), 5).record, TOLD)
     assert found.law is None
-    assert found.as_json() == {"law": None, "why": found.why}
+    assert found.as_json() == {"law": None, "why": found.why, "block": found.block, "probability": found.probability}
+    assert found.probability < 0.6
     assert "no form pays" in found.one_line()
     assert "no explanation stands out of the noise" in found.why
 
