@@ -15,6 +15,7 @@ from simbench.gap.decide.classify import TEMPERATURE
 from simbench.gap.effects import NOT_TRIED
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import Fit, size_penalty
+from simbench.gap.likelihood.residual_tests import of_load
 from simbench.loop.effects import BLOCKS, EFFECTS, block_of
 
 _NOISE = 0.0  # nats over "no effect" of the best explanation, below which all are within the noise
@@ -22,7 +23,7 @@ _TIMES = 9.0  # times its limit, from which a test needs no statistics
 _FREEDOM = np.geomspace(2.0, 10.0, 4)  # degrees of freedom of the innovations' distribution that are tried
 _LAGS = 30  # longest memory of the innovations that is tried (samples)
 _ORDINARY = 70.0  # nats that the tails of an ordinary load's innovations bring, or what its memory has left in them
-_LOUD, _FOLLOWED = 4.0, 0.3  # robust deviations, and the share of one that the next sample keeps where a load made it
+_LOUD = 4.0  # robust deviations
 
 
 class Located(NamedTuple):
@@ -68,7 +69,7 @@ def _innovations(base: Fit) -> list[tuple[str, float]]:
     """Return block and nats of what the innovations show alone: a load of another memory, or sizes that are rarely large."""
     x = np.asarray(base.residual)[kernels.SKIP :]
     x = (x - np.median(x)) / (1.4826 * np.median(np.abs(x - np.median(x))) or 1.0)
-    return [("disturbance", _memory(x) - _ORDINARY), *_tails(x)]
+    return [("disturbance", _memory(x) - _ORDINARY), *_tails(x, base)]
 
 
 def _memory(x: np.ndarray) -> float:
@@ -84,7 +85,7 @@ def _memory(x: np.ndarray) -> float:
     return best
 
 
-def _tails(x: np.ndarray) -> list[tuple[str, float]]:
+def _tails(x: np.ndarray, base: Fit) -> list[tuple[str, float]]:
     """Return block and nats of innovations that are rarely large: those of a load last, a reading's are taken back."""
     wide = float(np.std(x)) or 1.0
     heavy = max(float(student.logpdf(x, v, scale=scale).sum()) for v in _FREEDOM for scale in (1.0, 0.5 + 0.5 * wide))
@@ -92,5 +93,4 @@ def _tails(x: np.ndarray) -> list[tuple[str, float]]:
     loud = np.flatnonzero(np.abs(x[:-1]) > _LOUD)
     if not loud.size or nats <= 0.0:
         return []
-    follows = float(np.sum(x[loud + 1] * x[loud]) / np.sum(x[loud] ** 2))
-    return [("disturbance" if follows > _FOLLOWED else "sensor", nats)]
+    return [("disturbance" if of_load(x, loud, base) else "sensor", nats)]

@@ -15,6 +15,7 @@ from simbench.gap.exact import controller_law, sensor_law
 from simbench.gap.law import FoundLaw, spells_of
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, input_gain
+from simbench.gap.likelihood.residual_tests import of_load
 from simbench.gap.situation import Situation, load_memory
 from simbench.loop.laws import LAW_FORMS
 
@@ -110,9 +111,12 @@ def _by_likelihood(s: Situation, learn: Engine, nulls: list[tuple[Fit, float]], 
             evidence = np.append(_evidence(law.fit, null, gain), _evidence(there, other, nats))
             known = FoundLaw(law.family.form, law.numbers, float(nats), evidence, intervals=_intervals(law, learn))
             found.append((gain + nats, known, law.fit))
-    loud = _loud(s, null, other, first)
-    if loud is not None and loud.nats > _LEAST_NATS:
-        found.append((2.0 * loud.nats, loud, null))
+    # jumps of the load would take its spells for their own
+    loud = _loud(s, nulls[0][0], others[0][0], first)
+    if loud is not None:
+        forms = (*forms, (loud[0].block, loud[0].nats))
+        if loud[0].nats > _LEAST_NATS:
+            found.append((2.0 * loud[0].nats, *loud))
     if not found:
         why = f"no form pays on samples that it was not fitted to (best {most:.1f}, needed {_LEAST_NATS:.0f} nats)"
         return Found(None, null, null, why, forms=forms)
@@ -147,8 +151,8 @@ def _evidence(fit: Fit, null: Fit, gain: float) -> np.ndarray:
     return squares + (gain - float(squares.sum())) / squares.size
 
 
-def _loud(s: Situation, null: Fit, other: Fit, first: int) -> FoundLaw | None:
-    """Return the law of a load, or of noise, that is strong in spells: two sizes of the innovations."""
+def _loud(s: Situation, null: Fit, other: Fit, first: int) -> tuple[FoundLaw, Fit] | None:
+    """Return the law of a load, or of noise, that is strong in spells, by two sizes of the innovations, and the quiet fit."""
     r = np.concatenate([np.asarray(null.residual), np.asarray(other.residual)])
     r = np.clip(r, -8.0, 8.0)
     learn = r[:first]
@@ -168,15 +172,14 @@ def _loud(s: Situation, null: Fit, other: Fit, first: int) -> FoundLaw | None:
     length = float(on.sum()) / runs
     if loud < _LOUD * quiet or length < _SPELL or nats <= 0.0:
         return None
-    x, Ts = r[on], s.record.Ts
-    theta, share = null.theta, float(on.mean())
+    Ts, theta, share = s.record.Ts, null.theta, float(on.mean())
     numbers = {"share": min(share, 0.95), "length": length * Ts}
-    more = float(np.sqrt(max(loud**2 - quiet**2, 0.0)) / quiet)
-    # a load is remembered from sample to sample, noise of the reading is taken back by the next one
-    if float(np.mean(x[1:] * x[:-1])) > -0.1 * float(np.mean(x * x)) and theta["load"] > 0.0:
+    more = float(np.sqrt(max(loud**2 - quiet**2, 0.0)))
+    if of_load(learn, np.flatnonzero(on[:first]), null) and theta["load"] > 0.0:
         load = {"std": min(more * theta["load"] / abs(input_gain(null, s.data)), 100.0), "time": theta["load_time"] * Ts}
-        return FoundLaw("bursts", load | numbers, nats, evidence=evidence, on=on)
-    return FoundLaw("rough", {"std": more * theta["noise_std"]} | numbers, nats, evidence=evidence, on=on)
+        law = FoundLaw("bursts", load | numbers, nats, evidence=evidence, on=on)
+        return law, replace(null, theta={**theta, "load": quiet * theta["load"]})
+    return FoundLaw("rough", {"std": more / quiet * theta["noise_std"]} | numbers, nats, evidence=evidence, on=on), null
 
 
 def _louder(r: np.ndarray, quiet: float, loud: float) -> np.ndarray:
