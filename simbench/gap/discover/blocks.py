@@ -51,8 +51,7 @@ def located(found: Assessment, forms: Iterable[tuple[str, float]] = (), certain:
     Every block is as likely as any other beforehand, and stands by its best explanation, however many were tried.
     """
     gains = found.log_likelihood_gains
-    known = sorted((e for e in gains if gains[e] > _NOISE and e in EFFECTS), key=lambda e: gains[e])
-    nearest = {block_of(e): e for e in known}
+    nearest = {block_of(e): e for e in sorted(EFFECTS, key=gains.__getitem__) if gains[e] > _NOISE}
     certain = certain or max((f for f in found.failures if f[0] >= _TIMES), default=(0.0, "", ""))[1]
     if certain:
         return Located(certain, 1.0, "", nearest)

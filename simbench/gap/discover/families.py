@@ -127,7 +127,7 @@ def families(s: Situation, first: int) -> Iterator[Family]:
 
 def _valve(s: Situation, first: int) -> Iterator[Family]:
     Ts, op = s.record.Ts, s.data.u
-    low, high, steps = float(op.min()), float(op.max()), float(np.std(np.diff(op))) or 1.0
+    steps = float(np.std(np.diff(op))) or 1.0
     q1, q2, q3 = (float(q) for q in np.quantile(op[:first], (0.25, 0.5, 0.75)))
 
     def bent(u: np.ndarray, p: Any) -> np.ndarray:
@@ -148,13 +148,6 @@ def _valve(s: Situation, first: int) -> Iterator[Family]:
         "rate", lambda own: {"slowness": Ts / own["rate"]},
         _moves(lambda u, p: kernels.slewed(u, p["rate"]), _free("rate", 1e-3 * steps, 10 * steps, True)),
         [{"rate": float(r)} for r in steps * np.geomspace(0.02, 3.0, 12)],
-    )  # fmt: skip
-    ends = [float(q) for q in np.quantile(op, (0.02, 0.1, 0.25, 0.75, 0.9, 0.98))]
-    yield Family(
-        "stops", lambda own: {k: v for k, v in own.items() if low < v < high} or own,
-        _moves(lambda u, p: np.clip(u, p["low"], max(p["high"], p["low"] + 1e-3)), _free("low", low - 1.0, high),
-               _free("high", low, high + 1.0)),
-        [{"low": a, "high": b} for a, b in product([low, *ends[:3]], [high, *ends[3:]])][1:],
     )  # fmt: skip
 
 

@@ -187,12 +187,11 @@ def _louder(r: np.ndarray, quiet: float, loud: float) -> np.ndarray:
     return np.log(quiet / loud) + 0.5 * r * r * (quiet**-2.0 - loud**-2.0)
 
 
-def where(law: FoundLaw, price: float = _PRICE) -> np.ndarray:
+def where(law: FoundLaw) -> np.ndarray:
     """Return the samples (n,) in which a law acts: its own spells, or where the samples speak for it and the others against."""
-    assert law.evidence is not None or law.on is not None
     if law.on is not None:
         return law.on
     evidence = np.asarray(law.evidence)
-    on = spells_of(evidence, price)
+    on = spells_of(evidence, _PRICE)
     against = float(evidence[~on].sum())
-    return on if against < -2.0 * price and on.mean() < 0.9 else np.ones(evidence.size, dtype=bool)
+    return on if against < -2.0 * _PRICE and on.mean() < 0.9 else np.ones(evidence.size, dtype=bool)

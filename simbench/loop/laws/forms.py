@@ -47,18 +47,9 @@ def _rate(setup: Any, p: Any, rng: np.random.Generator) -> None:
     setup.add_valve("lag", {"T": p.tau, **({"rate": 1.0 / p.slowness} if p.slowness > 0.0 else {})})
 
 
-def _in_order(p: Any, what: str) -> None:
-    if p.low >= p.high:
-        raise ParameterError(f"{what}: low = {p.low:g} must be below high = {p.high:g}")
-
-
-def _stops(setup: Any, p: Any, rng: np.random.Generator) -> None:
-    _in_order(p, "travel stops")
-    setup.add_valve("limits", {"low": p.low, "high": p.high})
-
-
 def _limits(setup: Any, p: Any, rng: np.random.Generator) -> None:
-    _in_order(p, "limits of OP")
+    if p.low >= p.high:
+        raise ParameterError(f"limits of OP: low = {p.low:g} must be below high = {p.high:g}")
     setup.op_lo, setup.op_hi = max(setup.op_lo, p.low), min(setup.op_hi, p.high)
 
 
@@ -155,9 +146,6 @@ LAW_FORMS: dict[str, Form] = {
         lambda s, p, rng: s.add_valve("choudhury", {"S": p.S, "J": p.J}, first=True)),
     "rate": Form("valve", "MV moves at a limited speed, or behind a lag", {
         "slowness": Number("s/%", low=0.0, identity=0.0, says="time for 1 % of travel"), "tau": _SECONDS}, _rate),
-    "stops": Form("valve", "MV stops short of OP", {
-        "low": Number("% of travel", low=0.0, high=100.0, identity=0.0, says="lower stop"),
-        "high": Number("% of travel", low=0.0, high=100.0, identity=100.0, says="upper stop")}, _stops),
     "size": Form("process", "PV answers MV with another gain, time constant or dead time", {
         "gain": Number("-", low=0.0, positive=True, identity=1.0, says="factor of K"),
         "pace": Number("-", low=0.0, positive=True, identity=1.0, says="factor of T"),
