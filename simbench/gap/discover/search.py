@@ -55,7 +55,7 @@ def chance(nats: float) -> float:
 
 def search(s: Situation, first: int, progress: bool = False) -> Found:
     """Return the law of a record, learnt on samples before `first` and judged by those from there on."""
-    with tqdm(total=18, desc="laws", file=sys.stderr, disable=not progress, leave=False) as bar:
+    with tqdm(total=16, desc="laws", file=sys.stderr, disable=not progress, leave=False) as bar:
         learn = Engine(_part(s.data, 0, first), load_memory(s))
         nulls = nulls_of(learn)
         null = max(nulls, key=_worth)[0]
