@@ -20,24 +20,27 @@ from detectors.records.io import read_record
 from scenarios.spec import load_loop
 from simbench.blind import outcomes
 from simbench.blind.making import PLANTS, write_item
+from simbench.blind.score import true_circumstances
 from simbench.blind.world import OWN, WORLD_EFFECTS, WORLDS
 from simbench.files import folder, remove_stale_temporaries, whole_file, write_table
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.effects import left_out
 from simbench.gap.intake.recorded_test import read_test
 from simbench.loop.effects import NONE, UNKNOWN, block_of
+from simbench.loop.effects._alike import indistinguishable
 
 _STRENGTHS = ("strong", "medium")
 LEAVE_OUT_COLUMNS = (
-    "record", "effect", "strength", "said", "block", "nearest", "before", "left", "resolvable", "back", "after",
-    "asked", "error",
+    "record", "effect", "strength", "said", "right", "block", "nearest", "before", "left", "floor", "resolvable", "back",
+    "after", "asked", "error",
 )  # fmt: skip
 
 
 def leave_out(out: str | Path, world: str = OWN, n: int = 4, seed: int = 0, jobs: int = 1, tests: int = 0) -> pd.DataFrame:
     """Diagnose records of every effect without and with the effect in the library, each with at most so many tests asked for.
 
-    `resolvable` says whether the gap stands out of its floor at all: of the others nobody can say anything.
+    `right` is "unknown" or an effect alike; `left` the gap with what was named, or with the law that describes what has no
+    name; `resolvable` says whether the gap stands out of its floor at all: of the others nobody can say anything.
     """
     out = Path(out)
     drawn_by = WORLDS.load(world)
@@ -91,10 +94,13 @@ def _one(place: Path, name: str, i: int, effect: str, draw_item: Any, run_test: 
     except UserError as e:
         return row | {"error": str(e)}
     known = [r.effect for r in without.ranking if r.effect not in (NONE, UNKNOWN)]
+    law = without.looks_like.gap if without.looks_like is not None and without.looks_like.law is not None else None
+    gap = law or without.gap
+    here = true_circumstances(item.answer, item.baseline, pd.DataFrame(item.columns))
     return row | {
-        "said": without.effect, "block": without.block, "nearest": known[0], "before": without.gap.before,
-        "left": without.gap.after, "resolvable": without.gap.resolvable, "back": whole.effect, "after": whole.gap.after,
-        "asked": " ".join(asked),
+        "said": without.effect, "right": without.effect in {UNKNOWN, *indistinguishable(effect, here)}, "block": without.block,
+        "nearest": known[0], "before": gap.before, "left": gap.after, "floor": gap.floor,
+        "resolvable": without.gap.resolvable, "back": whole.effect, "after": whole.gap.after, "asked": " ".join(asked),
     }  # fmt: skip
 
 
@@ -115,17 +121,20 @@ def _summary(effect: str, part: pd.DataFrame) -> dict[str, Any]:
     }
     if seen.empty:
         return row
-    right = seen.block == seen.effect.map(block_of)
-    before = seen.before.astype(float)
+    shares = {
+        "unknown": seen.said == UNKNOWN, "right": seen.right.astype(str) == "True",
+        "block_right": seen.block == seen.effect.map(block_of),
+    }  # fmt: skip
+    before, left, floor, after = (seen[c].astype(float) for c in ("before", "left", "floor", "after"))
     wrong = seen.nearest[~seen.said.isin([UNKNOWN, NONE])]
-    row |= {
-        "unknown": float((seen.said == UNKNOWN).mean()), "block_right": float(right.mean()),
+    row |= {name: float(hits.mean()) for name, hits in shares.items()} | {
         "nearest": wrong.mode().iloc[0] if not wrong.empty else "",
-        "left": float((seen.left.astype(float) / before).median()), "back": float((seen.after.astype(float) / before).median()),
+        "left": float(((left - floor).clip(lower=0.0) / (before - floor)).median()),
+        "back": float(((after - floor).clip(lower=0.0) / (before - floor)).median()),
         "named": float((seen.back == seen.effect).mean()),
     }  # fmt: skip
     if effect == "all":
-        for name, hits in (("unknown", seen.said == UNKNOWN), ("block_right", right)):
+        for name, hits in shares.items():
             interval = binomtest(int(hits.sum()), len(seen)).proportion_ci(method="wilson")
             row |= {f"{name}_lo": float(interval.low), f"{name}_hi": float(interval.high)}
     return row
@@ -150,7 +159,7 @@ def draw(table: pd.DataFrame, path: Path) -> None:
     figure.colorbar(dots, ax=axes, label='share called "unknown" without it', shrink=0.6)
     axes.axvline(1.0, color="0.5", lw=0.8, ls=":")
     axes.set_yticks(y, [f"{e} ({b})" for e, b in zip(part.effect, part.block, strict=True)], fontsize=8)
-    axes.set_xlabel("gap left, relative to the gap before (median)")
+    axes.set_xlabel("share of the gap above its floor that is left (median)")
     axes.set_xlim(left=0.0)
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, fontsize=8, frameon=False)
     with whole_file(path, "wb") as f:

@@ -107,8 +107,8 @@ def diagnose(
         if named_by(weights, found) != [UNKNOWN]:
             return report(found, weights, runs, more)
         like = described(found.situation, search(found.situation, held_out(found.situation)), lambda: found, seed)
-        if like.block:
-            # a law that pays on unseen samples, or all the evidence together, says where better than a test that fails
+        if like.probability > 0.5:
+            # a law that pays on unseen samples, or the best of all explanations, says where better than a test that fails
             weights = replace(weights, unknown_block=like.block)
         return replace(report(found, weights, runs, more), looks_like=like)
 

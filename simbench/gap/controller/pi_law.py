@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from detectors.signal.holds import stuck
 from detectors.signal.lattice import Written, written, written_unit
 from detectors.signal.lines import on_line
 from simbench.gap.controller.recovered_pv import FAITHFUL, MEAN_OVER, ROUNDED, beside_a_mean, hidden_law, recover_pv
@@ -20,6 +21,7 @@ _CARD = 0.05  # % of OP: what an output card of 11 bits rounds to ...
 _BLURRED = 0.1  # ... which no longer shows as a lattice where OP is written in more than this share of it
 _HALF = 0.5  # ... unless that is half of all that OP does
 _RESTING = 0.05  # share of samples in which a fine OP stands still, from which it is not the mean of a moving PV that hides
+_STANDS = 0.01  # the same in standstills longer than chance brings
 _RETUNED = 0.13  # |ln ratio| of Kc or Ti from which the tuning is another one
 _FEW = 6  # samples kept by an archive from which it can be compared with what OP says of PV
 _NEAR = 0.25  # half steps of a coarse OP beyond its own half step, below which a law explains OP
@@ -306,7 +308,8 @@ def _hidden(law: Law, asked: _Asked, free: _Free, shown: _Shown, fitted: _Fitted
 def _behind_a_mean(law: Law, asked: _Asked, free: _Free, fitted: _Fitted) -> Law | None:
     """Return the law, under the baseline's tuning or another, whose PV the archive took the mean of; None where none is."""
     op, e, inside, P = asked.op, fitted.e, free.inside, asked.Ti is None
-    if asked.op_is.step == 0.0 and np.mean(np.diff(op)[free.rows] == 0.0) > _RESTING:
+    rests = float(np.mean(np.diff(op)[free.rows] == 0.0))
+    if asked.op_is.step == 0.0 and (rests > _RESTING or stuck(op[inside], asked.op_is.unit) > _STANDS):
         return None
     Kc, Ki = asked.Kc, asked.Ki
     tunings = [(Kc + share * Ki, (1.0 - share) * Ki - Kc) for share in (FORMS if Ki else FORMS[:1])]

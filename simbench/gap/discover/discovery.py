@@ -29,13 +29,15 @@ _SIDED = 0.3  # share by which the evidence above a middle must outweigh that be
 class Discovery:
     """What a record shows beside its simulation: a law with its certificate, or why there is none.
 
-    `runs` are OP and PV of simulations: baseline, recalibrated and with the law; `on` (n,) the samples in which the law acts.
+    `runs` are OP and PV of simulations: baseline, recalibrated and with the law; `on` (n,) the samples in which the law acts;
+    `probability` that of the block, if anything is lacking.
     """
 
     situation: Situation
     law: FoundLaw | None
     why: str
     block: str
+    probability: float = 1.0
     regime: str = ""
     nearest: str | None = None
     on: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=bool))
@@ -50,8 +52,7 @@ class Discovery:
     def as_json(self) -> dict[str, Any]:
         """Return the discovery in JSON types, its keys as the contract has them."""
         if self.law is None:
-            block = {"block": self.block} if self.block else {}
-            return {"law": None, "why": self.why, **block}
+            return {"law": None, "why": self.why, "block": self.block, "probability": self.probability}
         g = self.gap
         assert g is not None
         return {
@@ -80,7 +81,7 @@ class Discovery:
         """Return the discovery for a terminal."""
         law, g = self.law, self.gap
         if law is None or g is None:
-            return "\n".join([self.sentence(), *([f"where: {self.block}"] if self.block else [])])
+            return f"{self.sentence()}\nwhere: {self.block} (probability {self.probability:.2f}, if anything is lacking)"
         share = float(self.on.mean())
         spells = "the whole record" if share > 0.99 else f"{len(self.windows)} spells, {100 * share:.0f} % of the record"
         return "\n".join([
@@ -124,16 +125,16 @@ def described(s: Situation, found: Found, known: Callable[[], Assessment], seed:
     seen = located(known(), found.forms, found.block)
     gap, runs = (None, {}) if law is None else _simulated(s, found, law, seed)
     if law is not None:
-        if seen.block not in ("", law.block):
+        if seen.block != law.block:
             why = f"the likeliest law ({law.text}) lies elsewhere than most of the evidence"
         elif gap is None:
             why = "the loop with the law in it cannot be simulated: it runs away"
         elif gap.resolvable and gap.after > gap.before:
             why = f"the likeliest law ({law.text}) does not narrow the gap of the simulated loop"
     if law is None or why:
-        return Discovery(s, None, f"{why}; {seen.words}", seen.block)
+        return Discovery(s, None, f"{why}; {seen.words}", seen.block, seen.share)
     on = np.ones(s.record.n, dtype=bool) if law.evidence is None and law.on is None else where(law)
-    return Discovery(s, law, "", law.block, _regime(s, law), seen.nearest.get(law.block), on, gap, runs)
+    return Discovery(s, law, "", law.block, seen.share, _regime(s, law), seen.nearest.get(law.block), on, gap, runs)
 
 
 def _simulated(

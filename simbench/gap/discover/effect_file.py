@@ -41,19 +41,15 @@ def refuse_effect_file(path: str | Path) -> None:
         raise ParameterError(f"--write-effect {path}: the effect {stem!r} is known already; another name is needed")
 
 
-def effect_text(law: FoundLaw, name: str, found: str, source: str) -> str:
-    """Return a law as the text of an effect's file."""
-    form = LAW_FORMS[law.form]
-    return _TEXT.format(
+def write_effect(law: FoundLaw, path: str | Path, found: str, source: str) -> None:
+    """Write a law as an effect's file."""
+    form, name = LAW_FORMS[law.form], Path(path).stem.replace("_", " ").capitalize()
+    text = _TEXT.format(
         name=name, says=form.says, found=found, source=source.replace('"', "'"), block=form.block,
         form=law.form, numbers=", ".join(f"{k}={float(v)!r}" for k, v in law.numbers.items()),
     )  # fmt: skip
-
-
-def write_effect(law: FoundLaw, path: str | Path, found: str, source: str) -> None:
-    """Write a law as an effect's file."""
     with whole_file(path) as f:
-        f.write(effect_text(law, Path(path).stem.replace("_", " ").capitalize(), found, source))
+        f.write(text)
 
 
 @contextmanager

@@ -8,7 +8,6 @@ from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.signal import lfilter
 
 from simbench.gap.effects import deadzone, load_steps, stiction
 from simbench.gap.likelihood import kernels
@@ -124,21 +123,11 @@ def families(s: Situation, first: int) -> Iterator[Family]:
                _free("lag", 0.2, 10 * pace, True)),
         [{"lead": a * pace, "lag": g * pace} for a in (-1.0, -0.3, 0.0, 0.5, 1.5) for g in (0.1, 0.3, 1.0)],
     )  # fmt: skip
-    yield Family(
-        "resonance", lambda own: {"period": own["period"] * Ts, "damping": own["damping"]},
-        _moves(lambda u, p: _rung(u, p["period"], p["damping"]), _free("period", 2.5, 40 * pace, True),
-               _free("damping", 0.02, 1.5, True)),
-        [{"period": P * pace, "damping": z} for P in np.geomspace(0.3, 8.0, 8) for z in (0.1, 0.4)],
-    )  # fmt: skip
-    yield Family(
-        "filter", lambda own: {"tau": own["tau"] * Ts}, Spec(pole="sensor"),
-        [{"tau": pace * x} for x in np.geomspace(0.05, 3.0, 8)],
-    )  # fmt: skip
 
 
 def _valve(s: Situation, first: int) -> Iterator[Family]:
     Ts, op = s.record.Ts, s.data.u
-    low, high, steps = float(op.min()), float(op.max()), float(np.std(np.diff(op))) or 1.0
+    steps = float(np.std(np.diff(op))) or 1.0
     q1, q2, q3 = (float(q) for q in np.quantile(op[:first], (0.25, 0.5, 0.75)))
 
     def bent(u: np.ndarray, p: Any) -> np.ndarray:
@@ -160,13 +149,6 @@ def _valve(s: Situation, first: int) -> Iterator[Family]:
         _moves(lambda u, p: kernels.slewed(u, p["rate"]), _free("rate", 1e-3 * steps, 10 * steps, True)),
         [{"rate": float(r)} for r in steps * np.geomspace(0.02, 3.0, 12)],
     )  # fmt: skip
-    ends = [float(q) for q in np.quantile(op, (0.02, 0.1, 0.25, 0.75, 0.9, 0.98))]
-    yield Family(
-        "stops", lambda own: {k: v for k, v in own.items() if low < v < high} or own,
-        _moves(lambda u, p: np.clip(u, p["low"], max(p["high"], p["low"] + 1e-3)), _free("low", low - 1.0, high),
-               _free("high", low, high + 1.0)),
-        [{"low": a, "high": b} for a, b in product([low, *ends[:3]], [high, *ends[3:]])][1:],
-    )  # fmt: skip
 
 
 def _resized(size: str, value: float, s: Situation) -> _Numbers:
@@ -179,14 +161,3 @@ def _led(u: np.ndarray, lead: float, lag: float) -> np.ndarray:
     """Return u (n,) behind (lead s + 1)/(lag s + 1), in samples, begun at rest."""
     slow = lagged(u, max(lag, 0.05))
     return slow + (lead / max(lag, 0.05)) * (u - slow)
-
-
-def _rung(u: np.ndarray, period: float, damping: float) -> np.ndarray:
-    """Return u (n,) behind a pair of poles of a natural period (samples) and a damping, begun at rest."""
-    w, z = 2.0 * np.pi / period, min(damping, 0.999)
-    wd, a = w * np.sqrt(1.0 - z * z), np.exp(-z * w)
-    den = [1.0, -2.0 * a * np.cos(wd), a * a]
-    # the sampled pair with the same steady gain; its zero lies where the hold puts it
-    c, sn = np.cos(wd), np.sin(wd) * z * w / wd
-    num = [0.0, 1.0 - a * (c + sn), a * a + a * (sn - c)]
-    return u[0] + lfilter(num, den, u - u[0])

@@ -15,6 +15,7 @@ from simbench.gap.exact import controller_law, sensor_law
 from simbench.gap.law import FoundLaw, spells_of
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, input_gain
+from simbench.gap.likelihood.residual_tests import of_load
 from simbench.gap.situation import Situation, load_memory
 from simbench.loop.laws import LAW_FORMS
 
@@ -54,7 +55,7 @@ def chance(nats: float) -> float:
 
 def search(s: Situation, first: int, progress: bool = False) -> Found:
     """Return the law of a record, learnt on samples before `first` and judged by those from there on."""
-    with tqdm(total=18, desc="laws", file=sys.stderr, disable=not progress, leave=False) as bar:
+    with tqdm(total=16, desc="laws", file=sys.stderr, disable=not progress, leave=False) as bar:
         learn = Engine(_part(s.data, 0, first), load_memory(s))
         nulls = nulls_of(learn)
         null = max(nulls, key=_worth)[0]
@@ -110,9 +111,12 @@ def _by_likelihood(s: Situation, learn: Engine, nulls: list[tuple[Fit, float]], 
             evidence = np.append(_evidence(law.fit, null, gain), _evidence(there, other, nats))
             known = FoundLaw(law.family.form, law.numbers, float(nats), evidence, intervals=_intervals(law, learn))
             found.append((gain + nats, known, law.fit))
-    loud = _loud(s, null, other, first)
-    if loud is not None and loud.nats > _LEAST_NATS:
-        found.append((2.0 * loud.nats, loud, null))
+    # jumps of the load would take its spells for their own
+    loud = _loud(s, nulls[0][0], others[0][0], first)
+    if loud is not None:
+        forms = (*forms, (loud[0].block, loud[0].nats))
+        if loud[0].nats > _LEAST_NATS:
+            found.append((2.0 * loud[0].nats, *loud))
     if not found:
         why = f"no form pays on samples that it was not fitted to (best {most:.1f}, needed {_LEAST_NATS:.0f} nats)"
         return Found(None, null, null, why, forms=forms)
@@ -147,8 +151,8 @@ def _evidence(fit: Fit, null: Fit, gain: float) -> np.ndarray:
     return squares + (gain - float(squares.sum())) / squares.size
 
 
-def _loud(s: Situation, null: Fit, other: Fit, first: int) -> FoundLaw | None:
-    """Return the law of a load, or of noise, that is strong in spells: two sizes of the innovations."""
+def _loud(s: Situation, null: Fit, other: Fit, first: int) -> tuple[FoundLaw, Fit] | None:
+    """Return the law of a load, or of noise, that is strong in spells, by two sizes of the innovations, and the quiet fit."""
     r = np.concatenate([np.asarray(null.residual), np.asarray(other.residual)])
     r = np.clip(r, -8.0, 8.0)
     learn = r[:first]
@@ -168,15 +172,14 @@ def _loud(s: Situation, null: Fit, other: Fit, first: int) -> FoundLaw | None:
     length = float(on.sum()) / runs
     if loud < _LOUD * quiet or length < _SPELL or nats <= 0.0:
         return None
-    x, Ts = r[on], s.record.Ts
-    theta, share = null.theta, float(on.mean())
+    Ts, theta, share = s.record.Ts, null.theta, float(on.mean())
     numbers = {"share": min(share, 0.95), "length": length * Ts}
-    more = float(np.sqrt(max(loud**2 - quiet**2, 0.0)) / quiet)
-    # a load is remembered from sample to sample, noise of the reading is taken back by the next one
-    if float(np.mean(x[1:] * x[:-1])) > -0.1 * float(np.mean(x * x)) and theta["load"] > 0.0:
+    more = float(np.sqrt(max(loud**2 - quiet**2, 0.0)))
+    if of_load(learn, np.flatnonzero(on[:first]), null) and theta["load"] > 0.0:
         load = {"std": min(more * theta["load"] / abs(input_gain(null, s.data)), 100.0), "time": theta["load_time"] * Ts}
-        return FoundLaw("bursts", load | numbers, nats, evidence=evidence, on=on)
-    return FoundLaw("rough", {"std": more * theta["noise_std"]} | numbers, nats, evidence=evidence, on=on)
+        law = FoundLaw("bursts", load | numbers, nats, evidence=evidence, on=on)
+        return law, replace(null, theta={**theta, "load": quiet * theta["load"]})
+    return FoundLaw("rough", {"std": more / quiet * theta["noise_std"]} | numbers, nats, evidence=evidence, on=on), null
 
 
 def _louder(r: np.ndarray, quiet: float, loud: float) -> np.ndarray:
@@ -184,12 +187,11 @@ def _louder(r: np.ndarray, quiet: float, loud: float) -> np.ndarray:
     return np.log(quiet / loud) + 0.5 * r * r * (quiet**-2.0 - loud**-2.0)
 
 
-def where(law: FoundLaw, price: float = _PRICE) -> np.ndarray:
+def where(law: FoundLaw) -> np.ndarray:
     """Return the samples (n,) in which a law acts: its own spells, or where the samples speak for it and the others against."""
-    assert law.evidence is not None or law.on is not None
     if law.on is not None:
         return law.on
     evidence = np.asarray(law.evidence)
-    on = spells_of(evidence, price)
+    on = spells_of(evidence, _PRICE)
     against = float(evidence[~on].sum())
-    return on if against < -2.0 * price and on.mean() < 0.9 else np.ones(evidence.size, dtype=bool)
+    return on if against < -2.0 * _PRICE and on.mean() < 0.9 else np.ones(evidence.size, dtype=bool)

@@ -47,8 +47,6 @@ def valve_law(s: Situation, first: int) -> FoundLaw | None:
         tries.append(("rate", {"slowness": Ts / float(rate)}, kernels.slewed(op, float(rate))))
     for tau in np.geomspace(0.3, n / 20, 25):
         tries.append(("rate", {"tau": float(tau) * Ts}, lagged(op, float(tau))))
-    low, high = float(np.min(mv[learn])), float(np.max(mv[learn]))
-    tries.append(("stops", {"low": low, "high": high}, np.clip(op, low, high)))
     best = min(tries, key=lambda t: misfit(t[2], learn) * (1.0 + 0.02 * len(t[1])))
     form, numbers, v = best
     ratio = misfit(v, judge) / misfit(plain, judge)

@@ -9,7 +9,6 @@ import numpy as np
 from detectors.signal.lattice import hides_nothing
 from detectors.signal.lines import on_line
 from detectors.signal.spikes import cleaned, isolated
-from simbench.gap.controller.pi_law import Law
 from simbench.gap.controller.recovered_pv import mean_of
 from simbench.gap.intake.observed import Observed
 from simbench.gap.sensor.samples import Samples
@@ -17,6 +16,7 @@ from simbench.gap.situation import Archive
 
 _STRAIGHT = 0.17  # share of samples on a line through their neighbours; exceptions of a quarter of the noise leave fewer
 _SPECKS = 0.02  # of the variance of PV's moves, that an archive may differ from what the controller saw
+_STRAYS = 3  # samples in which an exact law fails, from which something else moves OP too
 
 
 class _Archived(NamedTuple):
@@ -31,7 +31,7 @@ class _Archived(NamedTuple):
 def archived(it: Observed) -> _Archived:
     """Return what stands between the PV on record and the plant's."""
     archive, plant_pv, mismatch = _archive(it)
-    return _Archived(archive, plant_pv, _resolution(archive, it.samples), _unexplained(it.law, archive, mismatch))
+    return _Archived(archive, plant_pv, _resolution(archive, it.samples), _unexplained(it, archive, mismatch))
 
 
 def _resolution(archive: Archive, samples: Samples) -> float:
@@ -41,11 +41,21 @@ def _resolution(archive: Archive, samples: Samples) -> float:
     return step if at == "loop" else samples.resolution
 
 
-def _unexplained(law: Law, archive: Archive, mismatch: str) -> str:
+def _unexplained(it: Observed, archive: Archive, mismatch: str) -> str:
     """Return why no PI law turns the recorded error into OP; nothing where what stands between is known."""
-    if not archive.faithful or law.gap > 0.0:
+    if not archive.faithful or it.law.gap > 0.0:
         return mismatch
-    return mismatch or law.foreign or law.reason
+    return mismatch or it.law.foreign or it.law.reason or _astray(it)
+
+
+def _astray(it: Observed) -> str:
+    """Return that OP strays from a law which holds exactly elsewhere, other than by the set point or a sample not archived."""
+    if it.law.limits is not None or it.law.step > 0.0:
+        return ""
+    marked = np.append(False, np.diff(it.sp) != 0.0) | on_line(np.asarray(it.record.pv), it.samples.digits)
+    excused = np.convolve(marked, np.ones(5), "same") > 0.0
+    count = int(np.count_nonzero(~excused[it.law.strays]))
+    return f"OP strays from a law that holds elsewhere, in {count} samples" if count >= _STRAYS else ""
 
 
 def _archive(it: Observed) -> tuple[Archive, np.ndarray, str]:

@@ -15,13 +15,28 @@ _NOTHING = 1e-4  # of PV's standard deviation: innovations below it are a simula
 def tests_of(engine: Engine, fit: Fit) -> dict[str, float]:
     """Return every test of a fit by name, all 0 where the model explains PV to the last digit."""
     found = residual_tests(fit, engine.data) | generic_directions(engine, fit)
-    # the innovations' variance, from the likelihood
-    n = engine.data.n - kernels.SKIP
-    left = np.asarray(fit.residual)[kernels.SKIP :]
-    log_variance = -2.0 * fit.loglik / n - float(left @ left) / n - np.log(2.0 * np.pi)
-    if np.exp(0.5 * log_variance) < _NOTHING * engine.data.size:
+    if innovation_std(fit) < _NOTHING * engine.data.size:
         return dict.fromkeys(found, 0.0)
     return found
+
+
+def innovation_std(fit: Fit) -> float:
+    """Return the innovations' standard deviation (PV units), from the likelihood."""
+    left = np.asarray(fit.residual)[kernels.SKIP :]
+    log_variance = -2.0 * fit.loglik / left.size - float(left @ left) / left.size - np.log(2.0 * np.pi)
+    return float(np.exp(0.5 * log_variance))
+
+
+def of_load(x: np.ndarray, at: np.ndarray, fit: Fit) -> bool:
+    """Return whether large innovations `at` some samples are shocks of the load, by the share that the next one keeps.
+
+    A load of memory `a` in noise is an ARMA(1, 1) whose moving average `b` is `a` times the noise's share of the innovations'
+    variance: after a shock of the load the next innovation keeps the share b, after one of the reading b - a.
+    """
+    at = at[at < x.size - 1]
+    a = float(np.exp(-1.0 / fit.theta["load_time"]))
+    b = a * min(fit.theta["noise_std"] / innovation_std(fit), 1.0) ** 2
+    return float(np.sum(x[at + 1] * x[at]) / np.sum(x[at] ** 2)) > b - 0.5 * a
 
 
 def generic_directions(engine: Engine, fit: Fit) -> dict[str, float]:

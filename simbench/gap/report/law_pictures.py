@@ -91,7 +91,7 @@ def law_curve(found: Discovery, numbers: dict[str, float] | None = None) -> _Cur
         op = low + (high - low) * np.abs((way + 1.0) % 2.0 - 1.0)
         moved = stages_response(tuple(setup.valves), op, op[0])
         return way * (high - low), moved, "way of OP, up, down and up again (%)", "MV (%)"
-    if law.form in ("size", "zero", "resonance", "filter"):
+    if law.form in ("size", "zero"):
         den = np.polymul(setup.den, [setup.sensor_tau, 1.0])
         t = np.linspace(0.0, 6.0 * (s.data.T + s.data.Td + 1.0) * s.record.Ts, 300)
         _, y = step((setup.num, den), T=t)

@@ -47,18 +47,9 @@ def _rate(setup: Any, p: Any, rng: np.random.Generator) -> None:
     setup.add_valve("lag", {"T": p.tau, **({"rate": 1.0 / p.slowness} if p.slowness > 0.0 else {})})
 
 
-def _in_order(p: Any, what: str) -> None:
-    if p.low >= p.high:
-        raise ParameterError(f"{what}: low = {p.low:g} must be below high = {p.high:g}")
-
-
-def _stops(setup: Any, p: Any, rng: np.random.Generator) -> None:
-    _in_order(p, "travel stops")
-    setup.add_valve("limits", {"low": p.low, "high": p.high})
-
-
 def _limits(setup: Any, p: Any, rng: np.random.Generator) -> None:
-    _in_order(p, "limits of OP")
+    if p.low >= p.high:
+        raise ParameterError(f"limits of OP: low = {p.low:g} must be below high = {p.high:g}")
     setup.op_lo, setup.op_hi = max(setup.op_lo, p.low), min(setup.op_hi, p.high)
 
 
@@ -71,20 +62,11 @@ def _zero(setup: Any, p: Any, rng: np.random.Generator) -> None:
     _linear(setup, [p.lead, 1.0], [max(p.lag, 0.1 * abs(p.lead)), 1.0])
 
 
-def _resonance(setup: Any, p: Any, rng: np.random.Generator) -> None:
-    w = p.period / (2.0 * np.pi)
-    _linear(setup, [1.0], [w * w, 2.0 * p.damping * w, 1.0])
-
-
 def _size(setup: Any, p: Any, rng: np.random.Generator) -> None:
     setup.num = setup.num * p.gain
     if setup.den[-1] != 0.0 and p.pace != 1.0:
         setup.den = setup.den * np.append(np.full(setup.den.size - 1, p.pace), 1.0)
     setup.Td = max(setup.Td + p.delay, 0.0)
-
-
-def _filter(setup: Any, p: Any, rng: np.random.Generator) -> None:
-    setup.sensor_tau = p.tau
 
 
 def _stairs(setup: Any, p: Any, rng: np.random.Generator) -> None:
@@ -164,9 +146,6 @@ LAW_FORMS: dict[str, Form] = {
         lambda s, p, rng: s.add_valve("choudhury", {"S": p.S, "J": p.J}, first=True)),
     "rate": Form("valve", "MV moves at a limited speed, or behind a lag", {
         "slowness": Number("s/%", low=0.0, identity=0.0, says="time for 1 % of travel"), "tau": _SECONDS}, _rate),
-    "stops": Form("valve", "MV stops short of OP", {
-        "low": Number("% of travel", low=0.0, high=100.0, identity=0.0, says="lower stop"),
-        "high": Number("% of travel", low=0.0, high=100.0, identity=100.0, says="upper stop")}, _stops),
     "size": Form("process", "PV answers MV with another gain, time constant or dead time", {
         "gain": Number("-", low=0.0, positive=True, identity=1.0, says="factor of K"),
         "pace": Number("-", low=0.0, positive=True, identity=1.0, says="factor of T"),
@@ -174,10 +153,6 @@ LAW_FORMS: dict[str, Form] = {
     "zero": Form("process", "PV leads or lags, or goes the wrong way first", {
         "lead": Number("s", identity=0.0, says="time constant of the zero; below 0: inverse response"),
         "lag": Number("s", low=0.0, identity=0.0, says="time constant of its pole")}, _zero),
-    "resonance": Form("process", "PV rings", {
-        "period": Number("s", low=0.0, identity=0.0, says="natural period"),
-        "damping": Number("-", low=0.01, high=2.0, identity=1.0, says="damping ratio")}, _resonance),
-    "filter": Form("sensor", "PV is read through a lag", {"tau": _SECONDS}, _filter),
     "held": Form("sensor", "the reading stands still in spells", _SPELLS, lambda s, p, rng: _sensor(s, idle=spells(s, p, rng))),
     "clipped": Form("sensor", "the reading stops at ends of its range", {
         "low": Number("PV units", low=-_FAR, high=_FAR, identity=-_FAR, says="lower end"),

@@ -21,8 +21,8 @@ def rows(*told):
 
 def row(effect, said, block, before=2.0, left=1.9, after=0.5, resolvable=True, **more):
     return {
-        "effect": effect, "said": said, "block": block, "nearest": "noise", "before": before, "left": left,
-        "resolvable": resolvable, "back": effect, "after": after, **more,
+        "effect": effect, "said": said, "right": said == "unknown", "block": block, "nearest": "noise", "before": before,
+        "left": left, "floor": 0.0, "resolvable": resolvable, "back": effect, "after": after, **more,
     }  # fmt: skip
 
 
@@ -50,6 +50,7 @@ def test_the_table_counts_resolvable_records_and_says_how_many_failed():
     assert table.n["stiction"] == 2
     assert table.unknown["stiction"] == 0.5
     assert table.block_right["stiction"] == 1.0
+    assert table.right["stiction"] == 0.5
     assert table.left["stiction"] == pytest.approx(0.725)
     assert table.back["stiction"] == 0.25
     assert table.n["drift"] == 1
@@ -67,6 +68,9 @@ def test_leaving_out_goes_on_where_it_stopped_and_refuses_another_worlds_rows(tm
     told = first.set_index("effect")
     assert told.said["detuning"] == "unknown"
     assert told.block["detuning"] == "controller"
+    # the law that describes it closes the gap as the effect does
+    assert bool(told.right["detuning"])
+    assert float(told.left["detuning"]) < float(told.before["detuning"])
     assert told.back["detuning"] == "detuning"
     with pytest.raises(ParameterError, match="choose a new folder"):
         leave_out(tmp_path, "own", n=1, seed=6)

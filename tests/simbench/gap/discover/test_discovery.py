@@ -17,6 +17,7 @@ from simbench.gap.discover.effect_file import lent_effect, refuse_effect_file, w
 from simbench.gap.discover.search import chance
 from simbench.gap.law import FoundLaw, spells_of, windows_of
 from simbench.loop.effects import PLUGINS
+from simbench.loop.laws import forms
 from simbench.loop.simulate import simulate
 
 TABLE = {
@@ -51,10 +52,21 @@ def test_a_hidden_law_is_found_in_its_form(form, numbers, block, near):
     assert chance(found.law.nats) < 0.01
 
 
+def test_a_load_that_is_strong_in_spells_is_found_with_its_spells(monkeypatch):
+    spells, drawn = [], forms.spells
+    monkeypatch.setattr(forms, "spells", lambda *a: spells.append(drawn(*a)) or spells[-1])
+    record = hidden("bursts", {"std": 10.0, "time": 5.0, "share": 0.2, "length": 60.0}, seed=3312)
+    found = discover(record, TOLD)
+    assert (found.law.form, found.block) == ("bursts", "disturbance")
+    on = spells[0][: record.n] > 0.0
+    assert 2 * np.sum(on & found.on) / (on.sum() + found.on.sum()) > 0.8
+
+
 def test_nothing_is_found_in_a_record_without_a_law():
     found = discover(simulate(Loop.from_table({**TABLE, "disturbance": LOAD}), 5).record, TOLD)
     assert found.law is None
-    assert found.as_json() == {"law": None, "why": found.why}
+    assert found.as_json() == {"law": None, "why": found.why, "block": found.block, "probability": found.probability}
+    assert found.probability < 0.6
     assert "no form pays" in found.one_line()
     assert "no explanation stands out of the noise" in found.why
 

@@ -106,7 +106,23 @@ def test_a_few_straight_lines_where_pv_is_not_what_op_saw_are_a_thinned_archive(
     (Archive(band=0.1), 0.0, "moves", "", "moves"),
 ])  # fmt: skip
 def test_why_no_law_holds_is_said_unless_what_stands_between_is_known(archive, gap, mismatch, foreign, said):
-    assert _unexplained(replace(LAW, reason="no law", gap=gap, foreign=foreign), archive, mismatch) == said
+    law = replace(LAW, reason="no law", gap=gap, foreign=foreign)
+    assert _unexplained(SimpleNamespace(law=law), archive, mismatch) == said
+
+
+@pytest.mark.parametrize(("strays", "sp", "pv", "more", "said"), [
+    ([100, 200, 300], {}, {}, {}, "in 3 samples"), ([100, 200], {}, {}, {}, ""),
+    # a set point that the archive stored a sample off, a sample that it drew between two others, a limit
+    ([100, 200, 300], {101: 51.0}, {}, {}, ""), ([100, 200, 300], {}, {201: 0.5 * (PV[200] + PV[202])}, {}, ""),
+    ([100, 200, 300], {}, {}, {"limits": (40.0, 60.0)}, ""), ([100, 200, 300], {}, {}, {"step": 0.5}, ""),
+])  # fmt: skip
+def test_what_strays_from_a_law_that_holds_elsewhere_is_another_controller_s(strays, sp, pv, more, said):
+    moved, drawn = np.where(np.arange(N) >= min(sp, default=N), 51.0, 50.0), PV.copy()
+    for k, value in pv.items():
+        drawn[k] = value
+    law = replace(LAW, strays=np.array(strays), **more)
+    it = SimpleNamespace(law=law, sp=moved, record=SimpleNamespace(pv=drawn), samples=PLAIN)
+    assert (said in _unexplained(it, Archive(), "")) if said else _unexplained(it, Archive(), "") == ""
 
 
 @pytest.mark.parametrize(("rounding", "unit"), [(None, 0.05), ((0.3, "loop"), 0.3), ((0.3, "record"), 0.001)])

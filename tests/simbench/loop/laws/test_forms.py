@@ -21,8 +21,8 @@ LOOP = Loop.from_table({
 })  # fmt: skip
 NUMBERS = {
     "curve": {"q1": 45, "q2": 50, "q3": 55, "k1": 0.5, "k2": -0.3, "k3": 0.2}, "memory": {"S": 4, "J": 1},
-    "rate": {"slowness": 4}, "stops": {"low": 48, "high": 53}, "size": {"gain": 1.5, "pace": 1.3, "delay": 1},
-    "zero": {"lead": -5, "lag": 3}, "resonance": {"period": 10, "damping": 0.2}, "filter": {"tau": 3},
+    "rate": {"slowness": 4}, "size": {"gain": 1.5, "pace": 1.3, "delay": 1},
+    "zero": {"lead": -5, "lag": 3},
     "held": {"share": 0.2, "length": 10}, "clipped": {"low": 49, "high": 51},
     "stairs": {"step": 0.5}, "rough": {"std": 1.0, "share": 0.3, "length": 20},
     "derivative": {"Td": 3, "filter": 1}, "weight": {"weight": 0.4},
@@ -74,10 +74,9 @@ def test_laws_of_one_block_add_up():
     assert du.min() >= -1 / 2 - 1e-9
 
 
-@pytest.mark.parametrize("form", ["stops", "limits"])
-def test_ends_in_the_wrong_order_are_refused(form):
+def test_ends_in_the_wrong_order_are_refused():
     with pytest.raises(ParameterError, match="must be below"):
-        ran(form, {"low": 60.0, "high": 40.0})
+        ran("limits", {"low": 60.0, "high": 40.0})
 
 
 def test_spells_fill_their_share():
