@@ -73,11 +73,15 @@ def rows(grids: dict[str, int], records: Path, labels: Path, seed: int = SEED) -
 
     `records, labels`: folder of real records and the table of their labels; left out where absent.
 
-    Keys: method, variant; per grid: right (share of the loops that apply; no decision is wrong), found, false alarms, no
-    decision, gain of the improved method over this variant with McNemar's p; on real units: found, false alarms, undecided, and
-    what the improved method finds more, less what it raises more falsely.
+    Keys: method, variant, fitted on (those of the grids to other loops of which its constants were fitted); per grid: right
+    (share of the loops that apply; no decision is wrong), found, false alarms, no decision, gain of the improved method over
+    this variant with McNemar's p; on real units: found, false alarms, undecided, and what the improved method finds more, less
+    what it raises more falsely.
     """
-    table_rows: list[dict[str, object]] = [{"method": m, "variant": v} for m, v, _ in variants()]
+    table_rows: list[dict[str, object]] = []
+    for m, v, _ in variants():
+        home = registry.load(m).METHOD.fitted_on if v not in (PUBLISHED, CHAPTER) else ()
+        table_rows.append({"method": m, "variant": v, "fitted on": ", ".join(g for g in grids if g in home)})
     for grid, every in grids.items():
         said, applies, cycling = simulated(grid, every, seed)
         best = 0
