@@ -1,7 +1,7 @@
 """The chapter's diagnosis procedure on one record: question after question, each answer with its evidence and reason.
 
-FLOW is the procedure: which question comes first and where every answer leads. `diagnose` walks it, `flow_chart` hands it
-to a figure, so that picture and program cannot differ.
+FLOW is the procedure: which question comes first and where every answer leads. `diagnose` walks it, Figure 11.27
+draws it, so that picture and program cannot differ.
 """
 
 from __future__ import annotations
@@ -138,14 +138,6 @@ class Diagnosis:
 
     def _repr_html_(self) -> str:
         return page_part(f"{self.verdict.replace('_', ' ')}; next: {self.next_test}", self.to_frame().drop(columns="step"))
-
-
-def flow_chart() -> tuple[list[dict[str, str]], list[dict[str, str]]]:
-    """Return the procedure as a flow chart."""
-    nodes = [{"id": k, "text": text, "kind": "question"} for k, (text, _) in FLOW.items()]
-    nodes += [{"id": k, "text": v.replace("_", " "), "kind": "conclusion"} for k, (v, _) in CONCLUSIONS.items()]
-    edges = [{"source": k, "answer": a, "target": to} for k, (_, answers) in FLOW.items() for a, to in answers.items()]
-    return nodes, edges
 
 
 def diagnose(

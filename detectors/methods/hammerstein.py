@@ -40,6 +40,7 @@ METHOD = Method(
         "S_low": Threshold(0.5, "% of travel", 0.0, 100.0, "chapter, section 11.1", "below: negligible"),
         "output_error": Threshold(1.0, "-", 0.0, 1.0, "own; 0 in Jelali 2008, an ARX part", "1: simulation; 0: one-step"),
     },
+    fitted_on=("chapter", "plant", "families"),
     stated=("S",),
     published={"output_error": 0.0, "score_low": 0.0, "score_high": 0.0},
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +14,7 @@ from detectors.report.report import table
 from results.studies.procedure_weights import fit
 from simbench.bench.score.families import read
 from simbench.bench.score.quantification import estimates
+from simbench.bench.score.scoring import home_of
 from simbench.bench.statistics import wilson
 from simbench.bench.store.reading import RunArrays
 from simbench.usage import exit_code
@@ -55,11 +56,11 @@ def left_out(rows: pd.DataFrame) -> Iterator[dict[str, object]]:
         }
 
 
-def sizes(books: Iterable[RunArrays]) -> Iterator[dict[str, object]]:
+def sizes(books: Sequence[RunArrays]) -> Iterator[dict[str, object]]:
     """Yield how well S and J of each family are told over several draws of the grid.
 
-    Keys: method, parameter, family, n; median error and width in shares of the valve's S; held, of the intervals whose level is
-    stated, and its 95 % interval.
+    Keys: method, home (where its constants were fitted), parameter, family, n; median error and width in shares of the valve's
+    S; held, of the intervals whose level is stated, and its 95 % interval.
     """
     import pandas as pd
 
@@ -69,7 +70,8 @@ def sizes(books: Iterable[RunArrays]) -> Iterator[dict[str, object]]:
         held = rows.held.dropna()
         lo, hi = wilson(held.sum(), max(held.size, 1))
         ends = {"width": float(rows.width.median()), "held": float(held.mean()), "lo": float(lo), "hi": float(hi)}
-        place = {"method": method, "parameter": parameter, "family": family, "n": len(rows)}
+        home = home_of(method, books[0])
+        place = {"method": method, "home": home, "parameter": parameter, "family": family, "n": len(rows)}
         yield {**place, "median error": float(rows.error.median()), **(ends if held.size else dict.fromkeys(ends, "-"))}
 
 
@@ -112,7 +114,7 @@ def main(arguments: list[str] | None = None) -> int:
     print("the procedure on each family, its weights fitted without it")
     print("\n".join(table(list(left_out(read(runs[0]))))))
     print(f"\nS and J of sticky valves, {len(runs)} draws of the grid: errors and widths in shares of the valve's S")
-    print("\n".join(table(list(sizes(RunArrays.read(run) for run in runs)))))
+    print("\n".join(table(list(sizes([RunArrays.read(run) for run in runs])))))
     return 0
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from simbench.bench.score.scoring import home_of
 from simbench.bench.statistics import wilson
 from simbench.bench.store.reading import RunArrays
 from simbench.usage import exit_code
@@ -23,7 +24,8 @@ MOST_UNDECIDED = 0.25
 def sections(run: str | Path) -> pd.DataFrame:
     """Score every section of a run of grid own-ground by its own method.
 
-    Columns: section, method, noise_ratio (or "all"), n, right (of decided) with Wilson's interval, no_decision, bar, met.
+    Columns: section, method, home (where its constants were fitted), noise_ratio (or "all"), n, right (of decided) with
+    Wilson's interval, no_decision, bar, met.
     Sections of methods that the run did not use are left out; `horch` has no bar, its verdict follows w Ti by design.
     """
     import pandas as pd
@@ -48,6 +50,7 @@ def sections(run: str | Path) -> pd.DataFrame:
                 {
                     "section": section,
                     "method": method,
+                    "home": home_of(method, book),
                     "noise_ratio": noise,
                     "n": int(use.sum()),
                     "right": right / decided if decided else np.nan,

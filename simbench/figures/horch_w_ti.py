@@ -38,23 +38,6 @@ def data(run: str | Path) -> pd.DataFrame:
     return both[columns].dropna().sort_values("w_Ti", ignore_index=True).astype({"dtau": float, "drho": float})
 
 
-def switches(data: pd.DataFrame) -> pd.DataFrame:
-    """Return at which w Ti the verdict changes.
-
-    Columns: sticky, verdict ("stiction": given below this w Ti, "no_stiction": above), w_Ti, expected; w_Ti is where a cut
-    separates the verdict from the rest with the fewest exceptions.
-    """
-    rows = []
-    for sticky, part in data.groupby("sticky"):
-        x, cuts = part.w_Ti.to_numpy(), np.sqrt(part.w_Ti.to_numpy()[1:] * part.w_Ti.to_numpy()[:-1])
-        for verdict, (_, expected) in BOUNDS.items():
-            said = (part.verdict == verdict).to_numpy()
-            wrong = [((x < c) != said).sum() if verdict == STICTION else ((x > c) != said).sum() for c in cuts]
-            best = np.flatnonzero(np.array(wrong) == np.min(wrong))
-            rows.append((bool(sticky), verdict, float(cuts[best].mean()), float(expected)))
-    return pd.DataFrame(rows, columns=["sticky", "verdict", "w_Ti", "expected"])
-
-
 @styled
 def draw(data: pd.DataFrame) -> Figure:
     """Draw dtau over w Ti for both valves, with the law of a linear loop and the bounds of the verdict."""

@@ -1,7 +1,7 @@
 """Quantification: how far the S and J of each method lie from the valve's, by family of valves, and what its intervals hold.
 
 Left and middle: median error in shares of the valve's S. Right: share of the intervals for S or J that hold the truth, with its
-95 % interval, for methods that say nine in ten (band .87 to .93).
+95 % interval, for methods that say nine in ten (band .87 to .93). *, + as in the tables: fitted on this grid, on its siblings.
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ from matplotlib.figure import Figure
 
 from detectors.errors import ParameterError
 from simbench.bench.score.quantification import quantification
-from simbench.bench.score.result import LEAST
+from simbench.bench.score.result import HOME_MARKS, LEAST
+from simbench.bench.score.scoring import home_of
 from simbench.bench.statistics import wilson
 from simbench.bench.store.reading import RunArrays
 from simbench.figures._style import GREY, label, panels, styled
@@ -25,15 +26,16 @@ _MARKS = "osD^vPX<>*"
 def data(run: str | Path) -> pd.DataFrame:
     """Score S and J by method and family of valves.
 
-    Columns: method, family, parameter, n, median_error, coverage, width, and lo and hi of the coverage; families of 20 and
-    more.
+    Columns: method, family, parameter, n, median_error, coverage, width, lo and hi of the coverage, home (where the method's
+    constants were fitted); families of 20 and more.
     """
-    found = quantification(RunArrays.read(run))
+    book = RunArrays.read(run)
+    found = quantification(book)
     found = found[found.n >= LEAST].reset_index(drop=True)
     if found.empty:
         raise ParameterError(f"{run}: no method gives S or J of {LEAST} sticky loops of a family of valves")
     lo, hi = wilson(found.coverage * found.n, found.n)
-    return found.assign(lo=lo, hi=hi)
+    return found.assign(lo=lo, hi=hi, home=[home_of(method, book) for method in found.method])
 
 
 @styled
@@ -46,7 +48,8 @@ def draw(data: pd.DataFrame) -> Figure:
         method, parameter = tuple(key)  # type: ignore[arg-type]
         place = [-families.index(f) for f in rows.family]
         mark, colour = marks.get(method, (".", GREY))
-        look = {"marker": mark, "color": colour, "linestyle": "none", "fillstyle": "none", "label": method}
+        look = {"marker": mark, "color": colour, "linestyle": "none", "fillstyle": "none"}
+        look["label"] = method + HOME_MARKS[rows.home.iloc[0]]
         axes[int(parameter == "J")].plot(rows.median_error, place, **look)
         known = rows[rows.coverage.notna()]
         if len(known):

@@ -137,16 +137,3 @@ def plain_output(u, p):
 def coarse_output(u, p):
     """Return OP rounded to the lattice of the output card."""
     return p.step * float(round(u / p.step)) if p.step > 0.0 else u
-
-
-def transfer_function(controller):
-    """Return C(s), from error to OP, of a loop file's controller."""
-    import control
-
-    gain = controller.sign * controller.Kc
-    if controller.type == "P":
-        return control.tf([gain], [1.0])
-    law = control.tf([gain * controller.Ti, gain], [controller.Ti, 0.0])
-    if not controller.Td:
-        return law
-    return law + gain * control.tf([controller.Td, 0.0], [controller.Td / derivative_filter(controller), 1.0])

@@ -38,13 +38,6 @@ class SampledPlant:
         return len(self.A)
 
 
-def transfer_function(plant):
-    """Return the delay-free part of a loop file's plant."""
-    import control
-
-    return control.tf(*polynomials(plant))
-
-
 def polynomials(plant) -> tuple[np.ndarray, np.ndarray]:
     """Return numerator and denominator (highest power first) of a loop file's plant without its dead time."""
     if plant.den is not None and len(plant.den) > 2:

@@ -14,7 +14,7 @@ from simbench.theory.cycle import ExactCycle, exact_cycle
 from simbench.theory.describing import deadzone, intersections, measured, stiction
 from simbench.theory.sampled import SampledLoop, mapped_valve, reduced
 
-_TABLE_11_2_SOURCE = "Forsman (2000); Srinivasan et al. (2005a): the chapter's Table 11.2"
+# Forsman (2000); Srinivasan et al. (2005a): the chapter's Table 11.2
 TABLE_11_2 = MappingProxyType(
     {
         # (process, what dominates) -> (OP, PV)
@@ -28,7 +28,7 @@ TABLE_11_2 = MappingProxyType(
 )
 """Typical shapes (OP, PV) of a loop with a sticky valve."""
 
-_TABLE_11_3_SOURCE = "Choudhury, Shah and Thornhill (2008), Diagnosis of Process Nonlinearities and Valve Stiction: Table 11.3"
+# Choudhury, Shah and Thornhill (2008), Diagnosis of Process Nonlinearities and Valve Stiction: Table 11.3
 DEAD_BAND, STICK_SLIP = "dead-band", "stick-slip"
 TABLE_11_3 = MappingProxyType(
     {

@@ -30,6 +30,7 @@ def test_the_gain_is_counted_over_loops_that_only_one_of_the_two_gets_right():
     said, best = np.array([1, 0, -1, 0]), np.array([1, 1, 1, 0])
     found = _columns("g", said, np.ones(4, dtype=bool), np.array([True, True, True, False]), best)
     assert found["g"] == "0.500 of 4"
+    assert found["g cost"] == "0.375"
     assert found["g gain"].startswith("+0.500")
     assert (found["g found"], found["g false"], found["g open"]) == ("0.333", "0.000", "0.250")
 

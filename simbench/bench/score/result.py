@@ -244,7 +244,8 @@ def _over_blind(rows: pd.DataFrame) -> list[str]:
         ends = f"{r.cost_oscillating_lo:.2f}-{r.cost_oscillating_hi:.2f}"
         over = f"{r.cost_over_blind_lo:+.2f} to {r.cost_over_blind_hi:+.2f}"
         less = "yes" if r.cost_over_blind_hi < 0 else "no" if r.cost_over_blind_lo > 0 else "cannot tell"
-        lines.append((r.method, str(r.oscillating), _short(r.cost_oscillating), ends, f"{r.cost_over_blind:+.3f}", over, less))
+        name, cost = r.method + HOME_MARKS[r.home], _short(r.cost_oscillating)
+        lines.append((name, str(r.oscillating), cost, ends, f"{r.cost_over_blind:+.3f}", over, less))
     return [*textwrap.wrap(said, 126), *columns(lines)]
 
 
@@ -262,14 +263,18 @@ def _legend(scores: Scores) -> list[str]:
     return textwrap.wrap(text, 126)
 
 
+def _marked(scores: Scores) -> dict[str, str]:
+    return {r.method: r.method + HOME_MARKS[r.home] for r in scores.table.itertuples()}
+
+
 def _left_out(scores: Scores) -> list[str]:
-    rows = scores.left_out
+    rows, names = scores.left_out, _marked(scores)
     rows = rows[(rows["mode"] == scores.first) & (rows.role != ROLE_YARDSTICK) & (rows.n > 0)] if len(rows) else rows
     lines = [("method", "of", "n", "stiction", "95 %", "no stiction", "no decision")]
     for r in rows.itertuples():
         ends = f"{r.stiction_lo:.2f}-{r.stiction_hi:.2f}"
         shares = (f"{r.stiction:.3f}", ends, f"{r.no_stiction:.3f}", f"{r.no_decision:.3f}")
-        lines.append((r.method, r.of, str(r.n), *(shares if r.n >= LEAST else ("-",) * 4)))
+        lines.append((names[r.method], r.of, str(r.n), *(shares if r.n >= LEAST else ("-",) * 4)))
     title = "left out of every row above: what detectors say of entrained and unclear loops, and of those they do not apply to"
     return [title, *columns(lines)] if len(lines) > 1 else ["no loop is left out"]
 
@@ -280,18 +285,18 @@ def _dead_band(scores: Scores) -> list[str]:
     rows = rows[(rows.role != "yardstick") & (rows.applicable > 0)]
     if rows.empty:
         return ["no dead-band cell cycles here"]
-    found = ", ".join(f"{r.method} {r.found:.2f}" for r in rows.itertuples() if not math.isnan(r.found))
+    found = ", ".join(f"{r.method}{HOME_MARKS[r.home]} {r.found:.2f}" for r in rows.itertuples() if not math.isnan(r.found))
     return textwrap.wrap(f"dead-band alone ({int(rows.positives.max())} cycling): found by {found}", 126)
 
 
 def _quantified(scores: Scores) -> list[str]:
     """Return S and J beside each other, one row for a method on a family of valves."""
-    t = scores.quantification
+    t, names = scores.quantification, _marked(scores)
     lines = [("method", "family", *(f"{what} {p}" for p in "SJ" for what in ("n", "error", "held", "width")))]
     for key, rows in t[t.n >= LEAST].groupby(["method", "family"], sort=False):
         method, family = tuple(key)  # type: ignore[arg-type]
         found = {r.parameter: (str(r.n), *map(_short, (r.median_error, r.coverage, r.width))) for r in rows.itertuples()}
-        lines.append((method, family, *found.get("S", ("-",) * 4), *found.get("J", ("-",) * 4)))
+        lines.append((names[method], family, *found.get("S", ("-",) * 4), *found.get("J", ("-",) * 4)))
     if len(lines) == 1:
         return [f"no method gives S or J of {LEAST} sticky loops of a family"]
     text = (

@@ -283,11 +283,11 @@ def test_the_cycles_drawn_are_called_stiction_where_the_chapter_says_so():
 
 
 def test_the_flow_chart_is_the_procedure(drawn):
-    from detectors.procedure import CONCLUSIONS, flow_chart
+    from detectors.procedure import CONCLUSIONS, FLOW
 
     d = drawn("fig_11_27")
-    _, edges = flow_chart()
-    assert list(zip(d.source, d.answer, d.target)) == [(e["source"], e["answer"], e["target"]) for e in edges]
+    flow = [(step, answer, target) for step, (_, answers) in FLOW.items() for answer, target in answers.items()]
+    assert list(zip(d.source, d.answer, d.target)) == flow
     assert set(d[d.verdict != ""].target) == set(CONCLUSIONS)
 
 

@@ -14,9 +14,8 @@ from hypothesis import strategies as st
 
 from detectors.errors import ParameterError, UnknownName
 from scenarios.errors import SpecError
-from scenarios.spec import Loop, Plant
+from scenarios.spec import Loop
 from simbench.loop import plant
-from simbench.loop.controller import transfer_function as controller_tf
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.run import run_setup
 from simbench.loop.simulate import simulate
@@ -70,12 +69,6 @@ def test_step_response_equals_python_control(num, den, Td):
     theirs = control.step_response(control.tf(num, den), T=fine).outputs
     expected = np.concatenate([np.zeros(t.size - late.size), theirs[np.round(late / 0.1).astype(int)]])
     np.testing.assert_allclose(ours, expected, rtol=0, atol=1e-10)
-
-
-def test_plant_is_python_controls_transfer_function():
-    tf = plant.transfer_function(Plant(type="integrating", K=0.2))
-    assert tf.den[0][0].tolist() == [1.0, 0.0]
-    assert tf.num[0][0].tolist() == [0.2]
 
 
 def test_a_users_transfer_function_takes_the_plants_place():
@@ -261,11 +254,6 @@ def test_loop_equals_python_control_over_the_first_300_samples():
     perf = pytest.importorskip("perf")
     case, theirs = perf.python_control(300)
     np.testing.assert_allclose(theirs(), np.array(case.run(case.compiled)[:2]), atol=1e-9)
-
-
-def test_controller_as_transfer_function_has_the_sign_of_its_direction():
-    c = loop(plant={"K": -1.0}, controller={"direction": "direct"}).controller
-    assert controller_tf(c).num[0][0].tolist() == [-10.0, -1.0]
 
 
 @pytest.mark.parametrize(
