@@ -17,7 +17,8 @@ MODE, QUALITY_OF = "mode", "quality"
 _ROLES = ("t", *SIGNALS, MODE)
 TIME_NAMES = (
     "t s", "t", "time", "timestamp", "ts", "datetime", "date time", "date", "time stamp", "t stamp", "time string",
-    "date and time", "zeitstempel", "zeit", "zeitpunkt", "datum", "datum uhrzeit", "uhrzeit", "datum zeit", "horodatage",
+    "date and time", "elapsed", "elapsed time", "zeitstempel", "zeit", "zeitpunkt", "datum", "datum uhrzeit", "uhrzeit",
+    "datum zeit", "horodatage",
     "date heure", "heure", "temps", "marca de tiempo", "fecha hora", "fecha y hora", "fecha", "hora", "tiempo", "ora",
     "时间戳", "时间", "日期时间", "日期",
 )  # fmt: skip
@@ -38,8 +39,9 @@ SIGNAL_WORDS = {
     MODE: ("mode", "controller mode", "modus", "betriebsart", "modo", "模式"),
 }  # fmt: skip
 QUALITY = (
-    "quality", "opcquality", "opc quality", "quality detail", "data quality", "status", "qual", "validity", "qstatus", "qlevel",
-    "confidence", "qualitat", "qualitaet", "qualite", "calidad", "qualita", "质量", "状态",
+    "quality", "opcquality", "opc quality", "quality detail", "quality code", "data quality", "status", "qual", "qc",
+    "validity", "qstatus", "qlevel", "confidence", "good", "bad", "qualitat", "qualitaet", "qualite", "calidad", "qualita",
+    "质量", "状态",
 )  # fmt: skip
 TAG_COLUMNS = (
     "tag", "tagname", "tag name", "point", "point name", "pointname", "variable", "name", "varname", "var name", "item id",
@@ -74,6 +76,7 @@ class Name:
     loose: bool  # joined by an underscore to a word without a digit: n_pv may be something else
 
 
+@lru_cache(4096)
 def plain(text: object) -> str:
     """Return a text in small letters without accents.
 
@@ -296,12 +299,17 @@ def is_time(name: str) -> bool:
     """Whether a name is that of a time, with its unit behind an underscore or a tag before it."""
     parts = _parts(name)
     ends = any(parts[-len(w.split()) :] == w.split() for w in TIME_NAMES if w not in ("t", "t s"))
-    return ends or plain(name) in ("t", "t_s") or bool(re.fullmatch(r"(?:t|time)_[a-z]+", plain(name)))
+    return ends or parts in (["t"], ["t", "s"]) or bool(re.fullmatch(r"(?:t|time)_[a-z]+", plain(name)))
 
 
 def is_quality(name: str) -> bool:
     """Whether a name is that of a quality."""
-    return ends_with(name, QUALITY) is not None
+    return quality_of(name) is not None
+
+
+def quality_of(name: str) -> list[str] | None:
+    """Return the words of which the name of a quality says it is one, or None; of several alike the later are numbered."""
+    return ends_with(re.sub(r"\.\d+$", "", name), QUALITY)
 
 
 def column_pairs(texts: Sequence[str] | None) -> dict[str, str] | None:
@@ -328,6 +336,8 @@ def no_column(role: str, roles: Mapping[str, str], names: Sequence[str], where: 
     said = f"{where}: no {role.upper()} column; columns are: {shown(names)}"
     free = [n for n in names if n and n not in roles.values() and parse(n).role is None]
     free = [n for n in free if not is_time(n) and not is_quality(n)]
+    if not any(re.search(r"[^\W\d]", n) for n in names):
+        return RecordError(f"{where}: no header line, the first is {shown(names)}; the names of its columns are needed first")
     if role == "op" and "mv" in roles:
         said, free = f"{said}; MV may be the controller's output: then say so", [roles["mv"]]
     if role == "op" and any(_parts(n)[-1:] == ["cv"] for n in free):

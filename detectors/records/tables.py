@@ -23,7 +23,10 @@ MOST_UNPACKED = 300_000_000  # bytes of an Excel file's parts
 Columns = dict[str, list | np.ndarray]
 _DELIMITERS = ",;\t|"
 _PREAMBLE = 60  # lines in which the header is looked for
-_OFTEN = {"time", "timestamp", "datetime", "date", "quality", "status", "value", "zeit", "zeitstempel", "horodatage", "fecha"}
+_OFTEN = {
+    "time", "timestamp", "datetime", "date", "value", "zeit", "zeitstempel", "horodatage", "fecha", "quality", "qualitycode",
+    "qc", "status", "confidence", "validity",
+}  # fmt: skip
 
 
 @dataclass
@@ -167,7 +170,7 @@ def _csv(path: Path, is_head: Callable[[Sequence[str]], bool]) -> Sheet:
             numbers.append(start + line)
     found = _table(path, rows, numbers, lambda cells: True, above)
     skipped = sum(bool(line.strip()) for line in lines[:start])
-    found.notes = notes + [f"file: {skipped} lines above the header left out"] * (skipped > 0)
+    found.notes = notes + [f"file: {skipped} lines above the header left out"] * (skipped > 0) + found.notes
     found.delimiter = delimiter
     return found
 
@@ -193,6 +196,10 @@ def _table(
     merged = _merged(names, [c.strip() for c in over])
     names = _distinct(merged)
     several_times = "" in names or names != merged
+    again = rows.count(rows[start]) - 1 if rows else 0
+    if again > 0:  # exports written one behind the other
+        lines = [line for i, line in enumerate(lines) if i <= start or rows[i] != rows[start]]
+        rows = [row for i, row in enumerate(rows) if i <= start or row != rows[start]]
     body, kept = rows[start + 1 :], lines[start + 1 :]
     even = all(len(row) == len(names) for row in body)
     if not even:
@@ -215,7 +222,8 @@ def _table(
         raise RecordError(f"file {path}: column {twice!r} appears twice; one is needed")
     columns = dict(zip(names, (list(c) for c in zip(*body, strict=True)) if body else [[] for _ in names], strict=True))
     skipped = sum(any(c.strip() for c in row) for row in rows[:start])
-    return Sheet(columns, kept, "", [f"file: {skipped} lines above the header left out"] * (skipped > 0))
+    said = [f"file: {skipped} lines above the header left out"] * (skipped > 0)
+    return Sheet(columns, kept, "", said + [f"file: {again} repetitions of the header left out"] * (again > 0))
 
 
 def _merged(names: list[str], over: list[str]) -> list[str]:
@@ -233,7 +241,7 @@ def _merged(names: list[str], over: list[str]) -> list[str]:
 
 
 def _distinct(names: list[str]) -> list[str]:
-    """Number the columns of time, of which a table may have one per signal."""
+    """Number the columns of time and of quality, of which a table may have one per signal."""
     seen: Counter[str] = Counter()
     out = []
     for name in names:
