@@ -133,13 +133,15 @@ def _read(texts: list[str], unit: str, name: str, where: str, place: Callable[[i
     for form in forms:
         if (fast := _at_once(texts, form)) is not None:
             whole[form] = fast
-            if form == "iso":
-                break  # no other form begins with the year and a dash
+            if form == "iso":  # no other form begins with the year and a dash
+                break
     for form in () if whole else forms:
         t = list(takewhile(lambda x: x is not None, (_time(text, form) for text in texts)))
         furthest = max(furthest, len(t))
         if len(t) == len(texts):
             whole[form] = np.array(t, dtype=float)
+            if form == "iso":
+                break
     if not whole:
         needed = "seconds, or a timestamp like 2024-05-31 14:05:00, is needed"
         raise RecordError(f"{where}, {place(furthest)}: {name} is {texts[furthest]!r}; {needed}")

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import pandas as pd
+from markupsafe import Markup
 
+from detectors.record import LoopRecord
 from detectors.report.report import score_units
 from detectors.verdict import NO_DECISION, NO_STICTION, PROBABILITY, STICTION, Verdict
 from simbench.files import write_table
 from simbench.html.page import render
 from simbench.html.svg import inline_svg
-from simbench.plant.episodes import marks
+from simbench.plant.episodes import OverTime, marks
 from simbench.plant.page import ROOM, section, write
 from simbench.plant.report.advice import MEASUREMENT, TUNING, UPSTREAM, VALVE, best
 from simbench.plant.report.fleet import Fleet, FleetLoop
@@ -33,8 +36,10 @@ _TRADES = {
 _SIGN = {STICTION: "●", NO_STICTION: "·", NO_DECISION: "?"}
 
 
-def write_fleet(fleet: Fleet, path: str | Path, labels: dict[str, dict[str, str]] | None = None, *, jobs: int = 1) -> Path:
-    """Write a plant's loops as one self-contained page, and a CSV of the same name beside it."""
+def write_fleet(
+    fleet: Fleet, path: str | Path, labels: dict[str, dict[str, str]] | None = None, *, jobs: int = 1, keep: Path | None = None
+) -> Path:
+    """Write a plant's loops as one self-contained page, and a CSV of the same name beside it; pictures drawn are in `keep`."""
     sticky = [m for m in fleet.members if m.found.answer == STICKY]
     tiles = [
         (str(len(fleet.members)), "loops judged"),
@@ -55,7 +60,9 @@ def write_fleet(fleet: Fleet, path: str | Path, labels: dict[str, dict[str, str]
     if labels:
         pairs = [(m.name, v) for m in fleet.members for v in m.verdicts]
         parts.append(section("score", "Score against the labels", table=pd.DataFrame(score_units(pairs, labels))))
-    loops = resumed(_article, list(enumerate(fleet.members, 1)), jobs=jobs, keep=None, what="pictures")
+    asked = [(m.name, m.found.record, m.over_time) for m in fleet.members]
+    drawn = resumed(_drawn, asked, jobs=jobs, keep=keep, what="pictures")
+    loops = [_article(rank, m, seen) for rank, (m, seen) in enumerate(zip(fleet.members, drawn, strict=True), 1)]
     parts.append({"id": "loops", "title": "Loop by loop", "body": render(ROOM, "loops.html", loops=loops)})
     if fleet.refused:
         parts.append(section("refused", "Left out", points=[f"{n}: {why}" for n, why in fleet.refused.items()]))
@@ -174,10 +181,14 @@ def _matrix(frame: pd.DataFrame, fleet: Fleet) -> pd.DataFrame:
     return pd.concat([frame[["rank", "loop"]], frame[list(fleet.methods)].map(lambda word: signs[word])], axis=1)
 
 
-def _article(rank: int, m: FleetLoop) -> dict[str, Any]:
-    record = m.found.record
-    trend = inline_svg(draw_trend(record, marks(m.over_time)), f"trend-{rank}", f"PV, SP and OP of {m.name} over time")
-    plane = inline_svg(draw_pv_op(record), f"plane-{rank}", f"PV of {m.name} against OP")
+def _drawn(name: str, record: LoopRecord, when: OverTime) -> tuple[str, str]:
+    """Return a loop's trend and its PV against OP; their ids, unique on the page, are the same next week."""
+    own = f"{crc32(name.encode()):08x}"
+    trend = inline_svg(draw_trend(record, marks(when)), f"trend-{own}", f"PV, SP and OP of {name} over time")
+    return trend, inline_svg(draw_pv_op(record), f"plane-{own}", f"PV of {name} against OP")
+
+
+def _article(rank: int, m: FleetLoop, drawn: tuple[str, str]) -> dict[str, Any]:
     caption = "PV (red), SP (grey), OP (blue)"
     if m.over_time.several:
         caption += f"; {m.over_time.sentence()} (orange: windows that say stiction, grey: undecided)"
@@ -189,7 +200,7 @@ def _article(rank: int, m: FleetLoop) -> dict[str, Any]:
         "job": m.advice.job,
         "do": m.advice.do,
         "why": _why(m),
-        "pictures": [{"svg": trend, "caption": caption}, {"svg": plane, "caption": "PV against OP"}],
+        "pictures": [{"svg": Markup(svg), "caption": c} for svg, c in zip(drawn, (caption, "PV against OP"), strict=True)],
         "verdicts": "; ".join(said),
         "power": m.found.power_line(),
     }
