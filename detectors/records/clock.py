@@ -54,16 +54,7 @@ def seconds(
     notes: list[str] | None = None,
     again: bool = False,
 ) -> np.ndarray:
-    """Return a time column in seconds, from numbers or time stamps; falling where the newest stands first.
-
-    Examples
-    --------
-    >>> t = seconds(["2024-05-31 14:05:00", "2024-05-31 14:05:10"], "time", "FIC101.csv")
-    >>> float(t[1] - t[0])
-    10.0
-    >>> seconds(["5/31/2024 11:59:58 PM", "6/1/2024 12:00:00 AM"], "time", "FIC101.csv")[1] % 86400
-    np.float64(0.0)
-    """
+    """Return a time column in seconds, from numbers or time stamps; falling where the newest stands first."""
     said = notes if notes is not None else []
     if isinstance(values, np.ndarray) and values.dtype.kind == "M":
         t = values.astype("datetime64[ns]").astype(np.int64) * 1e-9

@@ -55,13 +55,7 @@ _COMMA = re.compile(r"[+-]?(\d+|\d{1,3}(\.\d{3})+)?(,\d*)?(e[+-]?\d+)?", re.IGNO
 
 
 def is_head(cells: Sequence[str], chosen: Mapping[str, str]) -> bool:
-    """Whether some cells are the header of a record: PV and OP by name or choice, or time, tag and value.
-
-    Examples
-    --------
-    >>> is_head(["Time", "MEAS", "OUT"], {}), is_head(["Export of 3 May", ""], {})
-    (True, False)
-    """
+    """Whether some cells are the header of a record: PV and OP by name or choice, or time, tag and value."""
     names = [c.strip() for c in cells]
     named = {parse(n).role for n in names} | {r for r, name in chosen.items() if name in names}
     timed = len(names) > 2 and any(map(is_time, names))
@@ -149,14 +143,7 @@ def open_span(record: LoopRecord) -> list[str]:
 
 
 def read_numbers(sheet: Sheet, names: Sequence[str], where: str) -> dict[str, np.ndarray]:
-    """Return columns as numbers; states such as "Bad" count as missing, and that is said.
-
-    Examples
-    --------
-    >>> sheet = Sheet({"pv": ["1,5", "Bad", "2,25"]}, delimiter=";")
-    >>> read_numbers(sheet, ["pv"], "FIC101.csv")["pv"], sheet.notes
-    (array([1.5 ,  nan, 2.25]), ["status: 1 cells of pv say 'Bad' and count as missing"])
-    """
+    """Return columns as numbers; states such as "Bad" count as missing, and that is said."""
     quick = _plain_numbers(sheet, names)
     if quick is not None:
         return quick

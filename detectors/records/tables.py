@@ -55,9 +55,9 @@ def read_table(path: Path) -> Columns:
     return read_sheet(path).columns
 
 
-def read_sheet(path: Path, is_head: Callable[[Sequence[str]], bool] = lambda cells: False) -> Sheet:
-    """Read a table, wherever in its file it begins."""
-    return next(iter(read_sheets(path, is_head).values()))
+def read_sheet(path: Path) -> Sheet:
+    """Read a table whose first line names its columns, with the lines on which its rows stand."""
+    return next(iter(read_sheets(path, lambda cells: False).values()))
 
 
 def read_sheets(path: Path, is_head: Callable[[Sequence[str]], bool]) -> dict[str, Sheet]:

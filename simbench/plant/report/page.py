@@ -33,6 +33,7 @@ _TRADES = {
     VALVE: "Maintenance, at the valve", TUNING: "Control engineer, tuning", UPSTREAM: "Operations, upstream",
     MEASUREMENT: "Instruments, measurement or recording",
 }  # fmt: skip
+_ALONE = "No two loops oscillate with one period and locked phases at one time."
 _SIGN = {STICTION: "●", NO_STICTION: "·", NO_DECISION: "?"}
 
 
@@ -54,7 +55,7 @@ def write_fleet(
     parts = [
         section("jobs", "Who must do what", _jobs(fleet), tiles=tiles),
         section("ranking", "Where to go first", table=shown, long=["next"], beside=of_all),
-        section("events", "Oscillations that loops share", _events(fleet)),
+        section("events", "Oscillations that loops share", fleet.shared() or [_ALONE]),
         section("matrix", "Detectors and loops", [_legend()], table=_matrix(frame, fleet), matrix=True),
     ]
     if labels:
@@ -130,12 +131,12 @@ def _priced(m: FleetLoop) -> dict[str, Any]:
     """Return what a loop costs, what speaks for and against its cause, and what would help most."""
     cost, first = m.cost, best(m.actions)
     return {
-        "PV share": None if cost is None else cost.pv_share,
-        "OP share": None if cost is None else cost.op_share,
-        "travel a day (%)": None if cost is None else cost.travel,
-        "reversals a day": None if cost is None else cost.reversals,
-        "in automatic": None if cost is None else cost.automatic,
-        "at a limit": None if cost is None else cost.saturated,
+        "PV share": cost.pv_share,
+        "OP share": cost.op_share,
+        "travel a day (%)": cost.travel,
+        "reversals a day": cost.reversals,
+        "in automatic": cost.automatic,
+        "at a limit": cost.saturated,
         "speaks for": "; ".join(m.cause.speaks_for),
         "speaks against": "; ".join(m.cause.against),
         "best action": "" if first is None else first.what,
@@ -152,23 +153,9 @@ def _word(v: Verdict) -> str:
 def _why(m: FleetLoop) -> list[str]:
     """Return the causes weighed, what the loop costs, what would help, and what reading its record assumed."""
     lines = [] if m.causes is None else m.causes.as_lines()
-    lines += [f"Cost: {m.cost.sentence()}."] if m.cost is not None else []
+    lines.append(f"Cost: {m.cost.sentence()}.")
     lines += [f"What if: {'. '.join(a.sentence() for a in m.actions)}."] if m.actions else []
     return lines + [f"Assumed: {note}." for note in m.found.record.notes]
-
-
-def _events(fleet: Fleet) -> list[str]:
-    pairs = [f"Cascade: the output of {a} is the set point of {b}; {b} is repaired first." for a, b in fleet.cascades]
-    if not fleet.events:
-        return ["No two loops oscillate with one period and locked phases at one time.", *pairs]
-    by_name = {m.name: m for m in fleet.members}
-    lines = []
-    for i, event in enumerate(fleet.events, 1):
-        root = by_name[event[0]]
-        sure = root.probability >= 0.5
-        why = f"probability of stiction {root.probability:.2f}" if sure else "its PV is the least like a sine"
-        lines.append(f"Oscillation {i}: {', '.join(event)}. Likely root: {event[0]} ({why}); the others may follow it.")
-    return lines + pairs
 
 
 def _legend() -> str:

@@ -105,9 +105,7 @@ def retuned(loop: Loop) -> dict[str, float]:
     return {"Kc": T / (abs(plant.K) * (wanted + dead)), "Ti": min(T, 4.0 * (wanted + dead))}
 
 
-def _factors(
-    base: Loop, jump: float, spread: float, hidden: bool, rng: np.random.Generator
-) -> tuple[dict[str, float], float]:
+def _factors(base: Loop, jump: float, spread: float, hidden: bool, rng: np.random.Generator) -> tuple[dict[str, float], float]:
     """Draw how far plant, load and friction may be from what was identified, and J over S; no loop that swings by itself."""
     for _ in range(_TRIES if spread else 0):
         tried = {name: float(np.exp(spread * std * rng.standard_normal())) for name, std in _UNSURE.items()}
