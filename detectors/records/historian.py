@@ -112,7 +112,7 @@ def take_units(sheet: Sheet, chosen: Mapping[str, str]) -> dict[str, str]:
     return units
 
 
-def op_span(unit_of_op: str, known: object, where: str, notes: list[str]) -> tuple[float, float] | None:
+def op_span(unit_of_op: str, known: object, op: np.ndarray, where: str, notes: list[str]) -> tuple[float, float] | None:
     """Return the span that OP's unit fixes; % is 0..100 by itself, 4..20 mA is a standard, others need to be told."""
     if known is not None:
         return None
@@ -122,7 +122,8 @@ def op_span(unit_of_op: str, known: object, where: str, notes: list[str]) -> tup
         return lo, hi
     if unit_of_op in _OTHER_SPANS:
         said = f"{where}: OP is in {unit_of_op!r}; which values mean 0 and 100 % is needed (op_span)"
-        raise RecordError(said, f"--op-span {_LIKELY_SPANS.get(unit_of_op, '0 100')}")
+        counts = next((span for top, span in _COUNTS if unit_of_op == "counts" and np.nanmax(op) <= top), "0 100")
+        raise RecordError(said, f"--op-span {_LIKELY_SPANS.get(unit_of_op, counts)}")
     return None
 
 
@@ -148,7 +149,7 @@ def read_numbers(sheet: Sheet, names: Sequence[str], where: str) -> dict[str, np
     if quick is not None:
         return quick
     texts = {n: [_bare(v) for v in sheet.columns[n]] for n in names if not _is_numeric(sheet.columns[n])}
-    out: dict[str, np.ndarray] = {n: np.asarray(sheet.columns[n], dtype=np.float64) for n in names if n not in texts}
+    out: dict[str, np.ndarray] = {n: np.array(sheet.columns[n], dtype=np.float64) for n in names if n not in texts}
     for name, column in texts.items():
         _refuse_thousands(column, name, where)
     comma = _decimal_comma([t for column in texts.values() for t in column if t], sheet, where)

@@ -317,8 +317,6 @@ def _record(
             raise no_column(role, roles, [n for n in table.parts or sheet.columns if not n.startswith(BLANK)], where)
     other = [(r, n) for r, n in roles.items() if r not in (MODE, *chosen) and (parse(n).rank or parse(n).role != r)]
     sheet.notes += [f"columns: {role.upper()} is {name!r}" for role, name in other]
-    span = op_span(table.units.get(roles["op"]) or unit(roles["op"]), about.get("op_span"), where, sheet.notes)
-    about |= {} if span is None else {"op_span": span}
     modes, given = None, Ts
     if table.parts is None:
         t, signals, modes = _wide(table, roles, chosen, Ts, where)
@@ -331,6 +329,9 @@ def _record(
         sheet.notes += [note for part in parts.values() for note in part.notes]
     if t.size < 3:
         raise RecordError(f"{where}: {t.size} samples; at least 3 are needed")
+    named = table.units.get(roles["op"]) or unit(roles["op"])
+    span = op_span(named, about.get("op_span"), signals["op"], where, sheet.notes)
+    about |= {} if span is None else {"op_span": span}
     held = None if modes is None else _mode_held(modes, roles[MODE], sheet.notes)
     if held is not None and automatic:
         t, signals, share = _automatic(t, signals, held, sheet.notes)

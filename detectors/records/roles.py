@@ -76,7 +76,7 @@ class Name:
     loose: bool  # joined by an underscore to a word without a digit: n_pv may be something else
 
 
-@lru_cache(4096)
+@lru_cache(4096, typed=True)
 def plain(text: object) -> str:
     """Return a text in small letters without accents."""
     bare = unicodedata.normalize("NFKD", str(text).strip())

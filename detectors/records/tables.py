@@ -108,6 +108,7 @@ def _workbook(path: Path) -> dict[str, list[list[str]]]:
 
 
 def _from_frame(frame) -> Columns:
+    frame = frame.reset_index() if frame.index.dtype.kind == "M" or frame.index.name else frame
     return {str(c): frame[c].to_numpy() if frame[c].dtype.kind in "fiuM" else _texts(frame[c]) for c in frame.columns}
 
 

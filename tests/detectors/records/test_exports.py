@@ -362,6 +362,7 @@ ASKED = {
     "clock set back": (wide("Time,PV,OP", [*stamps()[:200], *stamps()[100:200]], PV, OP), {}, ["--ts", "5"]),
     "quality unknown": (wide("Time,PV,OP,Quality", stamps(), PV, OP, [7] * N), {}, ["--columns", "quality=none"]),
     "volts": (wide("Time,PV,OP [V]", stamps(), PV, np.round(1 + 0.04 * OP, 3)), {}, ["--op-span", "1", "5"]),
+    "counts": (wide("Time,PV,OP [counts]", stamps(), PV, np.round(10.23 * OP)), {}, ["--op-span", "0", "1023"]),
     "other numbers": (wide("Time,FT7.PV,FV8.OP", stamps(), PV, OP), {}, ["--columns", "op=FV8.OP,pv=FT7.PV"]),
 }  # fmt: skip
 
@@ -370,7 +371,7 @@ def options_of(words):
     values = dict.fromkeys(["--columns"], column_pairs(words[1:])) if words[0] == "--columns" else {}
     values |= {"--tag": words[-1]} if words[0] == "--tag" else {"--ts": float(words[-1])} if words[0] == "--ts" else {}
     names = {"--columns": "columns", "--tag": "tag", "--ts": "Ts"}
-    return {"op_span": (1, 5)} if words[0] == "--op-span" else {names[k]: v for k, v in values.items()}
+    return {"op_span": tuple(map(float, words[1:]))} if words[0] == "--op-span" else {names[k]: v for k, v in values.items()}
 
 
 @pytest.mark.parametrize("name", ASKED)
@@ -404,6 +405,17 @@ def test_who_writes_am_and_pm_writes_the_month_first_and_what_else_is_open_is_sa
 def test_a_table_without_a_header_is_refused_without_a_guess(tmp_path):
     with pytest.raises(RecordError, match="no header line"):
         read_record(written(tmp_path, "\n".join(wide("", stamps(), PV, OP).splitlines()[1:]), "csv"))
+
+
+@pytest.mark.parametrize("name", ["Time", None])
+def test_a_data_frame_stored_with_its_index_is_read_with_its_flags(tmp_path, name):
+    bad = np.isin(K, (40, 41))
+    for flag in (~bad, np.where(bad, 0, 192)):
+        frame = pd.DataFrame({"PV": BAD, "OP": OP, "Quality": flag}, index=pd.DatetimeIndex(T, name=name))
+        frame.to_parquet(tmp_path / "loop.parquet")
+        record = read_record(tmp_path / "loop.parquet")
+        assert np.array_equal(record.pv[~bad], PV[~bad])
+        assert np.abs(record.pv - PV).max() < 5 * BAND_PV
 
 
 def test_samples_that_are_alike_under_a_coarse_stamp_are_no_repetition(tmp_path):
