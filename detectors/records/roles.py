@@ -237,7 +237,11 @@ def _picked(found: Mapping[str, list[str]], fixed: Mapping[str, str], where: str
         if len(best) > 1 and role == MODE and len(actual) == 1:
             best = actual
         if len(best) > 1:
-            raise RecordError(f"{where}: {' or '.join(best)} may be {role.upper()}; one is needed", _columns({role: best[0]}))
+            number = _digits(parse(best[0]).loop)  # of FT101.PV and FV101.OUT beside LT102.PV and LV102.OUT both are needed
+            alike = {r: [n for n in found.get(r, []) if _digits(parse(n).loop) == number] for r in ("pv", "op") if number}
+            pair = {r: names[0] for r, names in alike.items() if names and r not in fixed}
+            said = f"{where}: {' or '.join(best)} may be {role.upper()}; one is needed"
+            raise RecordError(said, _columns({**pair, role: best[0]}))
         roles[role] = best[0]
     return {role: roles[role] for role in (*SIGNALS, MODE) if role in roles}
 

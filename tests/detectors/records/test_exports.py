@@ -362,6 +362,8 @@ ASKED = {
     "clock set back": (wide("Time,PV,OP", [*stamps()[:200], *stamps()[100:200]], PV, OP), {}, ["--ts", "5"]),
     "quality unknown": (wide("Time,PV,OP,Quality", stamps(), PV, OP, [7] * N), {}, ["--columns", "quality=none"]),
     "volts": (wide("Time,PV,OP [V]", stamps(), PV, np.round(1 + 0.04 * OP, 3)), {}, ["--op-span", "1", "5"]),
+    "two loops by number": (wide("Time,FT-101.PV,FV-101.OUT,LT-102.PV,LV-102.OUT", *TWO), {},
+                            ["--columns", "pv=FT-101.PV,op=FV-101.OUT"]),
     "counts": (wide("Time,PV,OP [counts]", stamps(), PV, np.round(10.23 * OP)), {}, ["--op-span", "0", "1023"]),
     "other numbers": (wide("Time,FT7.PV,FV8.OP", stamps(), PV, OP), {}, ["--columns", "op=FV8.OP,pv=FT7.PV"]),
 }  # fmt: skip
