@@ -18,19 +18,7 @@ Series = tuple[np.ndarray, np.ndarray]
 
 
 def stored_on_change(t: np.ndarray, x: np.ndarray) -> bool:
-    """Whether the stored values of a signal look as if only changes beyond a dead-band were kept.
-
-    Notes
-    -----
-    A signal that is merely sampled, or that lost samples at random, makes about 10 % of its changes smaller than a fifth of
-    the median one; one that is sampled more slowly has equal intervals. Not for fewer than 30 changes.
-
-    Examples
-    --------
-    >>> x = np.random.default_rng(0).normal(size=400)
-    >>> stored_on_change(np.arange(400.0), x)
-    False
-    """
+    """Whether the stored values of a signal look as if only changes beyond a dead-band were kept."""
     change = np.abs(np.diff(x))[:-1]  # the last value may stand there only because the export ended
     if change.size < _STORED_CHANGES_NEEDED or np.any(change == 0.0):
         return False

@@ -17,7 +17,8 @@ _DATES = (
     "%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%Y/%m/%d", "%d-%b-%Y", "%d-%m-%Y", "%d-%b-%y", "%d/%m/%y", "%m/%d/%y", "%d.%m.%y",
     "%Y-%m-%d", "%d %b %Y", "%d. %b %Y", "%d/%b/%Y", "%Y.%m.%d", "%b %d, %Y", "%Y年%m月%d日", "%m-%d-%Y", "%a %b %d %Y",
 )  # fmt: skip
-_CLOCKS = ("%H:%M:%S", "%I:%M:%S %p", "%H:%M:%S.%f", "%I:%M:%S.%f %p", "%H:%M", "%I:%M %p")
+_CLOCKS = ("%H:%M:%S", "%I:%M:%S %p", "%H:%M:%S.%f", "%I:%M:%S.%f %p", "%H:%M", "%I:%M %p", "%H:%M:%S:%f")
+_COMPACT = "%Y%m%d%H%M%S"
 _ZONE = re.compile(r"\s*(?:UTC|GMT|Z|CET|CEST|MEZ|MESZ)$|\s+[+-]\d\d:?\d\d$")
 # months of other languages, by their first letters without accents
 _MONTHS = {
@@ -30,9 +31,15 @@ _UNITS = {
     "min": 60.0, "mins": 60.0, "minute": 60.0, "minutes": 60.0, "h": 3600.0, "hr": 3600.0, "hour": 3600.0, "hours": 3600.0,
     "d": 86400.0, "day": 86400.0, "days": 86400.0,
 }  # fmt: skip
-_EPOCHS = ((1e17, 1e-9, "nanoseconds"), (1e14, 1e-6, "microseconds"), (1e11, 1e-3, "milliseconds"))
+# counts from which a time is one of these, how many make a second, and how many seconds before 1970 they begin
+_EPOCHS = (
+    (7e17, 1e9, 0.0, "nanoseconds since 1970"), (6e17, 1e7, 62_135_596_800.0, "ticks of .NET"),
+    (1e17, 1e7, 11_644_473_600.0, "ticks of Windows since 1601"), (1e14, 1e6, 0.0, "microseconds since 1970"),
+    (1e11, 1e3, 0.0, "milliseconds since 1970"),
+)  # fmt: skip
 _SHEET_DAYS = (25_000.0, 80_000.0)  # days since 1900 in which a spreadsheet counts the years 1968 to 2119
 _MATLAB_DAYS = (718_000.0, 774_000.0)  # days since year 0 in which MATLAB counts the years 1965 to 2119
+_DAY_1970 = {"of a spreadsheet": 25_569.0, "of MATLAB": 719_529.0}
 _LONG = 5000  # rows from which a column of time stamps is read as a whole
 _DAY_STEP, _SECOND_STEP = 0.002, 0.2  # steps below the first are days (173 s), above the second seconds; between: refused
 
@@ -47,16 +54,7 @@ def seconds(
     notes: list[str] | None = None,
     again: bool = False,
 ) -> np.ndarray:
-    """Return a time column in seconds, from numbers or time stamps; falling where the newest stands first.
-
-    Examples
-    --------
-    >>> t = seconds(["2024-05-31 14:05:00", "2024-05-31 14:05:10"], "time", "FIC101.csv")
-    >>> float(t[1] - t[0])
-    10.0
-    >>> seconds(["5/31/2024 11:59:58 PM", "6/1/2024 12:00:00 AM"], "time", "FIC101.csv")[1] % 86400
-    np.float64(0.0)
-    """
+    """Return a time column in seconds, from numbers or time stamps; falling where the newest stands first."""
     said = notes if notes is not None else []
     if isinstance(values, np.ndarray) and values.dtype.kind == "M":
         t = values.astype("datetime64[ns]").astype(np.int64) * 1e-9
@@ -93,10 +91,10 @@ def _counted(t: np.ndarray, unit: str, name: str, where: str, notes: list[str]) 
     finite = t[np.isfinite(t)]
     if finite.size < 2 or re.split(r"[^a-z]+", name.lower())[-1] in ("s", "sec", "seconds"):
         return t
-    for least, size, word in _EPOCHS:
+    for least, a_second, before, word in _EPOCHS:
         if finite.min() > least:
-            notes.append(f"time: {name} counts {word} since 1970")
-            return t / round(1.0 / size)
+            notes.append(f"time: {name} counts {word}")
+            return t / a_second - before
     step = float(np.median(np.diff(finite)))
     for (first, last), whose in ((_SHEET_DAYS, "of a spreadsheet"), (_MATLAB_DAYS, "of MATLAB")):
         if first < finite.min() and finite.max() < last and 0 < step < _SECOND_STEP:
@@ -104,12 +102,12 @@ def _counted(t: np.ndarray, unit: str, name: str, where: str, notes: list[str]) 
                 both = f"{step:.3g} s, or {step * 86400:.3g} s if it counts the days {whose}"
                 raise RecordError(f"{where}: {name} rises by {both}; name the column t_s, or write time stamps")
             notes.append(f"time: {name} counts the days {whose}")
-            return np.round((t - finite[0]) * 86400.0, 3)
+            return np.round((t - _DAY_1970[whose]) * 86400.0, 3)
     return t
 
 
 def _forms() -> list[str]:
-    return ["iso", *(f"{date} {clock}" for clock in _CLOCKS for date in _DATES), *_CLOCKS]
+    return ["iso", *(f"{date} {clock}" for clock in _CLOCKS for date in _DATES), *_CLOCKS, _COMPACT]
 
 
 def _read(texts: list[str], unit: str, name: str, where: str, place: Callable[[int], str], notes: list[str]) -> np.ndarray:
@@ -117,21 +115,24 @@ def _read(texts: list[str], unit: str, name: str, where: str, place: Callable[[i
     texts = [_ZONE.sub("", text) for text in texts] if _ZONE.search(texts[0] if texts else "") else texts
     if texts and re.search(r"[^\W\d_]{3,}", texts[0]):
         texts = [re.sub(r"[^\W\d_]{3,}\.?", _month, text) for text in texts]
-    plain = list(takewhile(lambda x: x is not None, (_time(text, "number") for text in texts)))
+    counted = "number" if not re.fullmatch(r"(19|20)\d{12}", texts[0] if texts else "") else _COMPACT
+    plain = list(takewhile(lambda x: x is not None, (_time(text, counted) for text in texts)))
     if len(plain) == len(texts):
         return _counted(np.array(plain, dtype=float), unit, name, where, notes)
     furthest, whole = len(plain), {}
-    for form in [f for f in _forms() if _time(texts[0], f) is not None]:
-        fast = _at_once(texts, form)
-        if fast is not None:
+    forms = [f for f in _forms() if _time(texts[0], f) is not None]
+    for form in forms:
+        if (fast := _at_once(texts, form)) is not None:
             whole[form] = fast
-            if form == "iso":
-                break  # no other form begins with the year and a dash
-            continue
+            if form == "iso":  # no other form begins with the year and a dash
+                break
+    for form in () if whole else forms:
         t = list(takewhile(lambda x: x is not None, (_time(text, form) for text in texts)))
         furthest = max(furthest, len(t))
         if len(t) == len(texts):
             whole[form] = np.array(t, dtype=float)
+            if form == "iso":
+                break
     if not whole:
         needed = "seconds, or a timestamp like 2024-05-31 14:05:00, is needed"
         raise RecordError(f"{where}, {place(furthest)}: {name} is {texts[furthest]!r}; {needed}")
@@ -150,6 +151,11 @@ def _likeliest(whole: dict[str, np.ndarray], name: str, where: str, notes: list[
             said = f"{where}: {name} can be read as {form} and as {others[0]}; write dates as 2024-05-31"
             raise RecordError(said, f"--ts {float(np.median(np.diff(rising[form]))):g}")
         notes.append(f"time: {name} read as {form}, as any other order of day and month leaves holes of days")
+        return rising[form]
+    # who writes AM and PM writes the month first
+    form = next((f for f in rising if f.startswith("%m") and "%p" in f), form)
+    if any(t[0] != rising[form][0] for t in rising.values()):
+        notes.append(f"time: {name} read as {form}; day and month may stand the other way round")
     return rising[form]
 
 

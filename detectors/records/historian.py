@@ -12,17 +12,18 @@ from detectors.errors import RecordError
 from detectors.record import LoopRecord
 from detectors.records.roles import (
     PARAMETER_COLUMNS,
-    QUALITY,
     QUALITY_OF,
     TAG_COLUMNS,
     TIME_NAMES,
     VALUES,
     ends_with,
+    is_time,
     parse,
     plain,
+    quality_of,
     unit,
 )
-from detectors.records.tables import Sheet
+from detectors.records.tables import BLANK, Sheet
 
 _LONG = 5000  # cells from which a column of numbers is read as a whole
 _NEEDED = "a number, or nothing for unknown, is needed"
@@ -31,7 +32,9 @@ _NO_VALUE = {
     "bad", "no data", "nodata", "no good data", "bad input", "bad quality", "bad data", "i/o timeout", "io timeout",
     "comm fail", "calc failed", "pt created", "scan off", "shutdown", "configure", "intf shut", "arc off-line", "no result",
     "out of serv", "no sample", "not connect", "over range", "under range", "digital state", "nan", "null", "none", "n/a",
-    "#n/a", "na", "-", "--", "---", "?", "1.#qnan", "-1.#ind", "1.#inf",
+    "#n/a", "na", "-", "--", "---", "?", "1.#qnan", "-1.#ind", "1.#inf", "calc overflow", "scan timeout", "equip fail",
+    "unit down", "invalid float", "inp outrange", "bad total", "set to bad", "data lost", "not available", "error", "failed",
+    "#value!", "#ref!", "#div/0!", "no value", "off-scan", "undefined", "invalid",
 }  # fmt: skip
 _GOOD = {"good", "g", "ok", "valid", "true", "gut", "bon", "bonne", "buena", "bueno", "buono", "好", "良好", "正常"}
 _BAD = {"bad", "b", "invalid", "false", "schlecht", "mauvais", "mauvaise", "mala", "malo", "cattivo", "坏", "差", "错误"}
@@ -52,16 +55,11 @@ _COMMA = re.compile(r"[+-]?(\d+|\d{1,3}(\.\d{3})+)?(,\d*)?(e[+-]?\d+)?", re.IGNO
 
 
 def is_head(cells: Sequence[str], chosen: Mapping[str, str]) -> bool:
-    """Whether some cells are the header of a record: PV and OP by name or choice, or time, tag and value.
-
-    Examples
-    --------
-    >>> is_head(["Time", "MEAS", "OUT"], {}), is_head(["Export of 3 May", ""], {})
-    (True, False)
-    """
+    """Whether some cells are the header of a record: PV and OP by name or choice, or time, tag and value."""
     names = [c.strip() for c in cells]
     named = {parse(n).role for n in names} | {r for r, name in chosen.items() if name in names}
-    return {"pv", "op"} <= named or long_columns(names) is not None
+    timed = len(names) > 2 and any(map(is_time, names))
+    return {"pv", "op"} <= named or (timed and bool({"pv", "op"} & named)) or long_columns(names) is not None
 
 
 def take_rows(sheet: Sheet, chosen: Mapping[str, str]) -> None:
@@ -102,15 +100,19 @@ def take_units(sheet: Sheet, chosen: Mapping[str, str]) -> dict[str, str]:
             del column[0]  # pyright: ignore[reportIndexIssue]
         sheet.notes.append(f"file: {sheet.place(0)} taken as units or descriptions: {', '.join(filter(None, first.values()))}")
         del sheet.lines[:1]
+    words = _GOOD | _BAD | _UNSURE
+    nameless = {n: {plain(cell) for cell in c} - {""} for n, c in sheet.columns.items() if n.startswith(BLANK)}
+    said = {n: f"Status.{i}" for i, (n, cells) in enumerate(nameless.items(), 1) if cells and cells <= words}
+    sheet.columns = {said.get(n, n): c for n, c in sheet.columns.items()}
     for name, column in sheet.columns.items():  # 12,3 m3/h
         written = _WITH_UNIT.fullmatch(str(column[0]).strip()) if len(column) else None
         if name != time and written and _numeric(written[1]):
             sheet.columns[name] = [str(c).strip().removesuffix(written[2]).rstrip() for c in column]
-            units[name] = units[name] or written[2].lower()
+            units[name] = units.get(name) or written[2].lower()
     return units
 
 
-def op_span(unit_of_op: str, known: object, where: str, notes: list[str]) -> tuple[float, float] | None:
+def op_span(unit_of_op: str, known: object, op: np.ndarray, where: str, notes: list[str]) -> tuple[float, float] | None:
     """Return the span that OP's unit fixes; % is 0..100 by itself, 4..20 mA is a standard, others need to be told."""
     if known is not None:
         return None
@@ -120,7 +122,8 @@ def op_span(unit_of_op: str, known: object, where: str, notes: list[str]) -> tup
         return lo, hi
     if unit_of_op in _OTHER_SPANS:
         said = f"{where}: OP is in {unit_of_op!r}; which values mean 0 and 100 % is needed (op_span)"
-        raise RecordError(said, f"--op-span {_LIKELY_SPANS.get(unit_of_op, '0 100')}")
+        counts = next((span for top, span in _COUNTS if unit_of_op == "counts" and np.nanmax(op) <= top), "0 100")
+        raise RecordError(said, f"--op-span {_LIKELY_SPANS.get(unit_of_op, counts)}")
     return None
 
 
@@ -141,19 +144,12 @@ def open_span(record: LoopRecord) -> list[str]:
 
 
 def read_numbers(sheet: Sheet, names: Sequence[str], where: str) -> dict[str, np.ndarray]:
-    """Return columns as numbers; states such as "Bad" count as missing, and that is said.
-
-    Examples
-    --------
-    >>> sheet = Sheet({"pv": ["1,5", "Bad", "2,25"]}, delimiter=";")
-    >>> read_numbers(sheet, ["pv"], "FIC101.csv")["pv"], sheet.notes
-    (array([1.5 ,  nan, 2.25]), ["status: 1 cells of pv say 'Bad' and count as missing"])
-    """
+    """Return columns as numbers; states such as "Bad" count as missing, and that is said."""
     quick = _plain_numbers(sheet, names)
     if quick is not None:
         return quick
     texts = {n: [_bare(v) for v in sheet.columns[n]] for n in names if not _is_numeric(sheet.columns[n])}
-    out: dict[str, np.ndarray] = {n: np.asarray(sheet.columns[n], dtype=np.float64) for n in names if n not in texts}
+    out: dict[str, np.ndarray] = {n: np.array(sheet.columns[n], dtype=np.float64) for n in names if n not in texts}
     for name, column in texts.items():
         _refuse_thousands(column, name, where)
     comma = _decimal_comma([t for column in texts.values() for t in column if t], sheet, where)
@@ -195,13 +191,14 @@ def apply_quality(
     """Blank the samples that a quality column calls bad; of several about one signal, by the one of known meaning."""
     if chosen.get(QUALITY_OF, "").lower() == "none":
         return
-    about = {n: a for n in sheet.columns if n not in roles.values() and (a := ends_with(n, QUALITY)) is not None}
+    about = {n: a for n in sheet.columns if n not in roles.values() and (a := quality_of(n)) is not None}
     if QUALITY_OF in chosen:
         about = {n: [] for n in sheet.columns if n == chosen[QUALITY_OF]}
     for name, words in about.items():
         if any(_sure(other) and not _sure(name) and about[other] in ([], words) for other in about):
             continue
-        mine = [r for r in signals if not words or _about(words, roles[r], r)]
+        beside = _beside(name, list(sheet.columns), about, roles)
+        mine = [r for r in signals if (roles[r] == beside if beside else not words or _about(words, roles[r], r))]
         if not mine:
             continue
         bad, unsure, understood = _judged(sheet.columns[name], name, where, _wonderware(sheet.columns))
@@ -213,6 +210,15 @@ def apply_quality(
             sheet.notes.append(f"quality: {int(bad.sum())} samples that {name!r} calls bad count as missing")
         if unsure:
             sheet.notes.append(f"quality: {unsure} samples that {name!r} calls uncertain are kept")
+
+
+def _beside(name: str, names: list[str], about: Mapping[str, list[str]], roles: Mapping[str, str]) -> str | None:
+    """Return the column that one of several qualities of one name stands behind, or before; None of the only one."""
+    alike = [n for n in about if re.sub(r"\.\d+$", "", n) == re.sub(r"\.\d+$", "", name)]
+    if len(alike) < 2:
+        return None
+    side = -1 if names[names.index(alike[0]) - 1] in roles.values() else 1
+    return names[(names.index(name) + side) % len(names)]
 
 
 def _sure(name: str) -> bool:
@@ -262,8 +268,8 @@ def _numeric(text: str) -> bool:
 
 
 def _state(text: str) -> bool:
-    low = text.lower()
-    return low in _NO_VALUE or low.startswith("[-11059]")
+    low = text.lower().strip("*<> ")
+    return low in _NO_VALUE or low.startswith(("[-11059]", "bad "))
 
 
 def _decimal_comma(texts: Sequence[str], sheet: Sheet, where: str) -> bool:
@@ -293,9 +299,9 @@ def _refuse_thousands(column: Sequence[str], name: str, where: str) -> None:
     # most columns are told by their first number
     if any(not _GROUPS.fullmatch(t) and _numeric(t) for t in marked):
         return
-    signed = [t for t in marked if _numeric(t)]
-    plain = [abs(float(t)) for t in column if re.fullmatch(r"[+-]?[1-9]\d\d", t)]
-    if signed and plain:
+    plain = [abs(float(t)) for t in column if len(t) < 5 and re.fullmatch(r"[+-]?[1-9]\d\d", t)]
+    signed = [t for t in marked if _numeric(t)] if plain else []
+    if signed:
         read = [abs(float(t.replace(",", "."))) for t in signed if len(re.findall("[.,]", t)) == 1]
         # 514.503 beside 515 is a decimal point: as 514503 it would be another signal
         if read and min(read) > 0.1 * min(plain):
@@ -340,12 +346,15 @@ def _judged(cells: Sequence[object], name: str, where: str, inverted: bool) -> t
     kinds = {k for k in words.values() if isinstance(k, int)}
     if kinds and kinds == set(words.values()) - {""}:
         codes = np.array([192 if words[t] == "" else words[t] for t in texts], dtype=int)
-        last = plain(name).replace("_", " ").split()[-1]
-        if last in ("validity", "confidence") or (max(kinds) <= 1 and 1 in kinds and not inverted and last == "qlevel"):
+        last = re.sub(r"\.\d+$", "", plain(name)).replace("_", " ").split()[-1]
+        flag = max(kinds) <= 1 and 1 in kinds and not inverted and last in ("qlevel", "good")
+        if last in ("validity", "confidence") or flag:
             return codes == 0, 0, True
+        if last == "bad" and max(kinds) <= 1:
+            return codes == 1, 0, True
         if inverted and not _sure(name) and last != "detail" and "detail" not in last:
             return (codes == 1) | (codes == 24), int(np.isin(codes, (16, 133)).sum()), True
-        if max(kinds) < 192:
+        if max(kinds) < 192 and max(kinds) != 128:  # which PCS 7 writes for good
             said = f"{where}: quality {name!r} holds {min(kinds)}; 0 to 255 with 192 as good is known, or words"
             raise RecordError(said, "--columns quality=none")
         codes &= 255  # OPC UA and historians keep more above the lowest byte
@@ -354,7 +363,8 @@ def _judged(cells: Sequence[object], name: str, where: str, inverted: bool) -> t
     if odd and len(odd) < len(set(texts) - {""}):
         said = f"{where}: quality {name!r} says {odd[0]!r}; known: good, bad, uncertain"
         raise RecordError(said, "--columns quality=none")
-    bad = np.array([words[t] in _BAD for t in texts], dtype=bool)
+    flagged = _GOOD if plain(name).endswith("bad") else _BAD  # a flag named Bad is true where the sample is bad
+    bad = np.array([words[t] in flagged for t in texts], dtype=bool)
     return bad & (not odd), 0 if odd else sum(words[t] in _UNSURE for t in texts), not odd
 
 

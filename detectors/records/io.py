@@ -301,6 +301,7 @@ def _opened(path: Path, chosen: Mapping[str, str], tag: str | None) -> dict[str,
     for name, sheet in sheets.items():
         take_rows(sheet, chosen)
         units = take_units(sheet, chosen)
+        _join_dates(sheet)
         out[name if several else ""] = _Opened(sheet, units, unfold(sheet), str(path))
     return out
 
@@ -316,8 +317,6 @@ def _record(
             raise no_column(role, roles, [n for n in table.parts or sheet.columns if not n.startswith(BLANK)], where)
     other = [(r, n) for r, n in roles.items() if r not in (MODE, *chosen) and (parse(n).rank or parse(n).role != r)]
     sheet.notes += [f"columns: {role.upper()} is {name!r}" for role, name in other]
-    span = op_span(table.units.get(roles["op"]) or unit(roles["op"]), about.get("op_span"), where, sheet.notes)
-    about |= {} if span is None else {"op_span": span}
     modes, given = None, Ts
     if table.parts is None:
         t, signals, modes = _wide(table, roles, chosen, Ts, where)
@@ -330,6 +329,9 @@ def _record(
         sheet.notes += [note for part in parts.values() for note in part.notes]
     if t.size < 3:
         raise RecordError(f"{where}: {t.size} samples; at least 3 are needed")
+    named = table.units.get(roles["op"]) or unit(roles["op"])
+    span = op_span(named, about.get("op_span"), signals["op"], where, sheet.notes)
+    about |= {} if span is None else {"op_span": span}
     held = None if modes is None else _mode_held(modes, roles[MODE], sheet.notes)
     if held is not None and automatic:
         t, signals, share = _automatic(t, signals, held, sheet.notes)
@@ -416,26 +418,25 @@ def _wide(table: _Opened, roles: dict[str, str], chosen: Mapping[str, str], Ts: 
     if name is None:
         names = ", ".join(TIME_NAMES[:6])
         raise RecordError(f"{where}: no time column ({names}) and no sampling period Ts given; either is needed", "--ts 1")
-    t = seconds(_with_date(sheet, name), name, where, unit=units.get(name, ""), place=sheet.place, notes=sheet.notes)
+    t = seconds(sheet.columns[name], name, where, unit=units.get(name, ""), place=sheet.place, notes=sheet.notes)
     if t[0] > t[-1]:
         t, signals = t[::-1], {role: x[::-1] for role, x in signals.items()}
         modes = None if modes is None else modes[::-1]
     return t, signals, modes
 
 
-def _with_date(sheet: Sheet, name: str):
-    """Join a column of dates and one of clock times."""
+def _join_dates(sheet: Sheet) -> None:
+    """Join a column of dates and one of clock times, in both."""
     low = {plain(n): n for n in sheet.columns}
-    cells = sheet.columns[name]
     date, clock = (next((low[w] for w in among if w in low), None) for among in (DATES, CLOCKS))
-    if date is None or clock is None or not isinstance(cells, list):
-        return cells
-    if name != date and any(mark in str(c) for c in cells[:1] for mark in "-/."):
-        return cells  # it holds the date already
-    dates, clocks = sheet.columns[date], sheet.columns[clock]
+    dates, clocks = sheet.columns.get(date or ""), sheet.columns.get(clock or "")
+    if not date or not clock or not isinstance(dates, list) or not isinstance(clocks, list):
+        return
+    if any(re.search(r"\d[-/.]\w+[-/.]\d", str(c)) for c in clocks[:1]):
+        return  # it holds the date already
     if (parts := next((sheet.columns[low[w]] for w in _MILLISECONDS if w in low), None)) is not None:
         clocks = [f"{c}.{int(ms):03d}" if str(ms).isdigit() else c for c, ms in zip(clocks, parts, strict=True)]
-    return [f"{str(d).split(' ')[0]} {c}" for d, c in zip(dates, clocks, strict=True)]
+    sheet.columns[date] = sheet.columns[clock] = [f"{str(d).split(' ')[0]} {c}" for d, c in zip(dates, clocks, strict=True)]
 
 
 def _long(parts: Mapping[str, Sheet], chosen: Mapping[str, str], Ts: float | None, where: str):

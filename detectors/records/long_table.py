@@ -10,7 +10,7 @@ import numpy as np
 from detectors.records.clock import seconds
 from detectors.records.historian import apply_quality, long_columns, read_numbers
 from detectors.records.mode import mode
-from detectors.records.roles import QUALITY, ends_with, is_quality, is_time, parse
+from detectors.records.roles import ends_with, is_quality, is_time, parse
 from detectors.records.tables import BLANK, Sheet
 
 _STAMP = re.compile(r"\d{1,4}[-/.]\w{1,9}[-/.]\d{2,4}|\d:\d\d")
@@ -71,7 +71,7 @@ def _long(sheet: Sheet, time: str, tags: list[str], value: str) -> dict[str, She
     rows: dict[str, list[int]] = {}
     for i, name in enumerate(own):
         rows.setdefault(name, []).append(i)
-    others = [n for n in sheet.columns if ends_with(n, QUALITY) is not None and n not in (time, value, *tags)]
+    others = [n for n in sheet.columns if is_quality(n) and n not in (time, value, *tags)]
     also = {n: n for n in others}
     return {name: sheet.part({_TIME: time, name or "value": value, **also}, mine) for name, mine in rows.items()}
 

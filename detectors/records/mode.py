@@ -21,13 +21,7 @@ _COUNTED = {0: MAN, 1: AUTO, 2: CAS, 3: CAS}
 
 
 def mode(cells: Sequence[object] | np.ndarray) -> np.ndarray:
-    """Return AUTO, MAN or CAS of every cell, "" where it is empty or not understood.
-
-    Examples
-    --------
-    >>> mode(["Auto", "MAN", "Kaskade", ""]).tolist(), mode([1, 1, 0]).tolist(), mode([8, 16]).tolist()
-    (['AUTO', 'MAN', 'CAS', ''], ['AUTO', 'AUTO', 'MAN'], ['AUTO', 'MAN'])
-    """
+    """Return AUTO, MAN or CAS of every cell, "" where it is empty or not understood."""
     texts = ["" if c is None or c != c else str(c).strip().lower() for c in cells]
     kinds = {text: _number(text) for text in set(texts)}
     numbers = {k for k in kinds.values() if k is not None}

@@ -17,7 +17,8 @@ MODE, QUALITY_OF = "mode", "quality"
 _ROLES = ("t", *SIGNALS, MODE)
 TIME_NAMES = (
     "t s", "t", "time", "timestamp", "ts", "datetime", "date time", "date", "time stamp", "t stamp", "time string",
-    "date and time", "zeitstempel", "zeit", "zeitpunkt", "datum", "datum uhrzeit", "uhrzeit", "datum zeit", "horodatage",
+    "date and time", "elapsed", "elapsed time", "zeitstempel", "zeit", "zeitpunkt", "datum", "datum uhrzeit", "uhrzeit",
+    "datum zeit", "horodatage",
     "date heure", "heure", "temps", "marca de tiempo", "fecha hora", "fecha y hora", "fecha", "hora", "tiempo", "ora",
     "时间戳", "时间", "日期时间", "日期",
 )  # fmt: skip
@@ -38,8 +39,9 @@ SIGNAL_WORDS = {
     MODE: ("mode", "controller mode", "modus", "betriebsart", "modo", "模式"),
 }  # fmt: skip
 QUALITY = (
-    "quality", "opcquality", "opc quality", "quality detail", "data quality", "status", "qual", "validity", "qstatus", "qlevel",
-    "confidence", "qualitat", "qualitaet", "qualite", "calidad", "qualita", "质量", "状态",
+    "quality", "opcquality", "opc quality", "quality detail", "quality code", "data quality", "status", "qual", "qc",
+    "validity", "qstatus", "qlevel", "confidence", "good", "bad", "qualitat", "qualitaet", "qualite", "calidad", "qualita",
+    "质量", "状态",
 )  # fmt: skip
 TAG_COLUMNS = (
     "tag", "tagname", "tag name", "point", "point name", "pointname", "variable", "name", "varname", "var name", "item id",
@@ -74,14 +76,9 @@ class Name:
     loose: bool  # joined by an underscore to a word without a digit: n_pv may be something else
 
 
+@lru_cache(4096, typed=True)
 def plain(text: object) -> str:
-    """Return a text in small letters without accents.
-
-    Examples
-    --------
-    >>> plain("Stellgröße"), plain("Qualité")
-    ('stellgrosse', 'qualite')
-    """
+    """Return a text in small letters without accents."""
     bare = unicodedata.normalize("NFKD", str(text).strip())
     return "".join(c for c in bare if not unicodedata.combining(c)).casefold()
 
@@ -240,7 +237,11 @@ def _picked(found: Mapping[str, list[str]], fixed: Mapping[str, str], where: str
         if len(best) > 1 and role == MODE and len(actual) == 1:
             best = actual
         if len(best) > 1:
-            raise RecordError(f"{where}: {' or '.join(best)} may be {role.upper()}; one is needed", _columns({role: best[0]}))
+            number = _digits(parse(best[0]).loop)  # of FT101.PV and FV101.OUT beside LT102.PV and LV102.OUT both are needed
+            alike = {r: [n for n in found.get(r, []) if _digits(parse(n).loop) == number] for r in ("pv", "op") if number}
+            pair = {r: names[0] for r, names in alike.items() if names and r not in fixed}
+            said = f"{where}: {' or '.join(best)} may be {role.upper()}; one is needed"
+            raise RecordError(said, _columns({**pair, role: best[0]}))
         roles[role] = best[0]
     return {role: roles[role] for role in (*SIGNALS, MODE) if role in roles}
 
@@ -296,22 +297,21 @@ def is_time(name: str) -> bool:
     """Whether a name is that of a time, with its unit behind an underscore or a tag before it."""
     parts = _parts(name)
     ends = any(parts[-len(w.split()) :] == w.split() for w in TIME_NAMES if w not in ("t", "t s"))
-    return ends or plain(name) in ("t", "t_s") or bool(re.fullmatch(r"(?:t|time)_[a-z]+", plain(name)))
+    return ends or parts in (["t"], ["t", "s"]) or bool(re.fullmatch(r"(?:t|time)_[a-z]+", plain(name)))
 
 
 def is_quality(name: str) -> bool:
     """Whether a name is that of a quality."""
-    return ends_with(name, QUALITY) is not None
+    return quality_of(name) is not None
+
+
+def quality_of(name: str) -> list[str] | None:
+    """Return the words of which the name of a quality says it is one, or None; of several alike the later are numbered."""
+    return ends_with(re.sub(r"\.\d+$", "", name), QUALITY)
 
 
 def column_pairs(texts: Sequence[str] | None) -> dict[str, str] | None:
-    """Return what a command line says of columns.
-
-    Examples
-    --------
-    >>> column_pairs(["op=OUT,pv=MEAS", "t=clock"])
-    {'op': 'OUT', 'pv': 'MEAS', 't': 'clock'}
-    """
+    """Return what a command line says of columns."""
     pairs = {}
     for text in (part.strip() for word in texts or [] for part in re.split(r",(?=\s*\w+\s*=)", word)):
         role, equals, name = text.partition("=")
@@ -328,6 +328,8 @@ def no_column(role: str, roles: Mapping[str, str], names: Sequence[str], where: 
     said = f"{where}: no {role.upper()} column; columns are: {shown(names)}"
     free = [n for n in names if n and n not in roles.values() and parse(n).role is None]
     free = [n for n in free if not is_time(n) and not is_quality(n)]
+    if not any(re.search(r"[^\W\d]", n) for n in names):
+        return RecordError(f"{where}: no header line, the first is {shown(names)}; the names of its columns are needed first")
     if role == "op" and "mv" in roles:
         said, free = f"{said}; MV may be the controller's output: then say so", [roles["mv"]]
     if role == "op" and any(_parts(n)[-1:] == ["cv"] for n in free):

@@ -23,7 +23,10 @@ MOST_UNPACKED = 300_000_000  # bytes of an Excel file's parts
 Columns = dict[str, list | np.ndarray]
 _DELIMITERS = ",;\t|"
 _PREAMBLE = 60  # lines in which the header is looked for
-_OFTEN = {"time", "timestamp", "datetime", "date", "quality", "status", "value", "zeit", "zeitstempel", "horodatage", "fecha"}
+_OFTEN = {
+    "time", "timestamp", "datetime", "date", "value", "zeit", "zeitstempel", "horodatage", "fecha", "quality", "qualitycode",
+    "qc", "status", "confidence", "validity",
+}  # fmt: skip
 
 
 @dataclass
@@ -52,9 +55,9 @@ def read_table(path: Path) -> Columns:
     return read_sheet(path).columns
 
 
-def read_sheet(path: Path, is_head: Callable[[Sequence[str]], bool] = lambda cells: False) -> Sheet:
-    """Read a table, wherever in its file it begins."""
-    return next(iter(read_sheets(path, is_head).values()))
+def read_sheet(path: Path) -> Sheet:
+    """Read a table whose first line names its columns, with the lines on which its rows stand."""
+    return next(iter(read_sheets(path, lambda cells: False).values()))
 
 
 def read_sheets(path: Path, is_head: Callable[[Sequence[str]], bool]) -> dict[str, Sheet]:
@@ -105,6 +108,7 @@ def _workbook(path: Path) -> dict[str, list[list[str]]]:
 
 
 def _from_frame(frame) -> Columns:
+    frame = frame.reset_index() if frame.index.dtype.kind == "M" or frame.index.name else frame
     return {str(c): frame[c].to_numpy() if frame[c].dtype.kind in "fiuM" else _texts(frame[c]) for c in frame.columns}
 
 
@@ -167,7 +171,7 @@ def _csv(path: Path, is_head: Callable[[Sequence[str]], bool]) -> Sheet:
             numbers.append(start + line)
     found = _table(path, rows, numbers, lambda cells: True, above)
     skipped = sum(bool(line.strip()) for line in lines[:start])
-    found.notes = notes + [f"file: {skipped} lines above the header left out"] * (skipped > 0)
+    found.notes = notes + [f"file: {skipped} lines above the header left out"] * (skipped > 0) + found.notes
     found.delimiter = delimiter
     return found
 
@@ -193,6 +197,10 @@ def _table(
     merged = _merged(names, [c.strip() for c in over])
     names = _distinct(merged)
     several_times = "" in names or names != merged
+    again = rows.count(rows[start]) - 1 if rows else 0
+    if again > 0:  # exports written one behind the other
+        lines = [line for i, line in enumerate(lines) if i <= start or rows[i] != rows[start]]
+        rows = [row for i, row in enumerate(rows) if i <= start or row != rows[start]]
     body, kept = rows[start + 1 :], lines[start + 1 :]
     even = all(len(row) == len(names) for row in body)
     if not even:
@@ -215,7 +223,8 @@ def _table(
         raise RecordError(f"file {path}: column {twice!r} appears twice; one is needed")
     columns = dict(zip(names, (list(c) for c in zip(*body, strict=True)) if body else [[] for _ in names], strict=True))
     skipped = sum(any(c.strip() for c in row) for row in rows[:start])
-    return Sheet(columns, kept, "", [f"file: {skipped} lines above the header left out"] * (skipped > 0))
+    said = [f"file: {skipped} lines above the header left out"] * (skipped > 0)
+    return Sheet(columns, kept, "", said + [f"file: {again} repetitions of the header left out"] * (again > 0))
 
 
 def _merged(names: list[str], over: list[str]) -> list[str]:
@@ -233,7 +242,7 @@ def _merged(names: list[str], over: list[str]) -> list[str]:
 
 
 def _distinct(names: list[str]) -> list[str]:
-    """Number the columns of time, of which a table may have one per signal."""
+    """Number the columns of time and of quality, of which a table may have one per signal."""
     seen: Counter[str] = Counter()
     out = []
     for name in names:

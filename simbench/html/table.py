@@ -18,14 +18,7 @@ def sortable(
     beside: dict[str, Sequence[str]] | None = None,
     matrix: bool = False,
 ) -> dict[str, Any]:
-    """Return what the `sortable` macro of parts.html draws.
-
-    Examples
-    --------
-    >>> table = sortable(pd.DataFrame({"a": [0.12345]}))
-    >>> table["rows"][0][0]["text"], table["columns"][0]["kind"]
-    ('0.123', 'n')
-    """
+    """Return what the `sortable` macro of parts.html draws."""
     formats = formats or {}
     numbers = {c for c in frame.columns if pd.api.types.is_numeric_dtype(frame[c]) and frame[c].dtype != bool}
     names = [c for c in frame.columns if c not in numbers and c not in long][:1]  # it stays in view when the rest is scrolled

@@ -62,7 +62,7 @@ def report_folder(
     refuse_orders(orders)
     judged = Path(page).with_name(f"{Path(page).name}{JUDGED}")
     fleet = survey(folder, labels, jobs=jobs, keep=judged, previous=previous, **about)
-    beside = write_fleet(fleet, page, None if labels is None else read_labels(labels), jobs=jobs)
+    beside = write_fleet(fleet, page, None if labels is None else read_labels(labels), jobs=jobs, keep=judged)
     if orders is not None:
         write_orders(fleet, orders)
     return fleet, beside

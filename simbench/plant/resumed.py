@@ -39,7 +39,7 @@ def resumed(
         # processes that live on from another call may stand in another folder
         place = folder(Path(keep).absolute())
         files = [place / f"{ask.__name__}-{joblib.hash((_code(), a))}.json" for a in about]
-        for other in set(place.glob("*.json")) - set(files):
+        for other in set(place.glob(f"{ask.__name__}-*.json")) - set(files):
             other.unlink(missing_ok=True)
         calls = [delayed(_kept)(ask, file, a) for file, a in zip(files, about, strict=True)]
     with Parallel(n_jobs=min(jobs, max(len(about), 1)) if jobs > 0 else jobs, return_as="generator") as parallel:

@@ -12,8 +12,7 @@ from detectors.report.report import Report
 from detectors.verdict import Verdict
 from simbench.plant.command import causes_of
 from simbench.plant.page import section, write
-from simbench.plant.report.advice import NEXT
-from simbench.plant.report.causes import NOT_TOLD
+from simbench.plant.report.advice import BY_CAUSE
 from simbench.plant.trust.pictures import draw_pv_op, draw_trend
 
 _SHOWN = 12  # records drawn on one page
@@ -44,7 +43,7 @@ def _next(record: LoopRecord, verdicts: list[Verdict]) -> list[str]:
     S = next((v.S for v in verdicts if v.method == "procedure" and v.S is not None), None)
     size = "not stated" if S is None else f"{summary.level(S)} {record.S_unit}"
     chance = "cannot be said" if p is None else f"{p:.2f}"
-    step = NEXT.get(causes.named.name, NEXT[NOT_TOLD])
+    _, step = BY_CAUSE[causes.named.name]
     return [f"Probability of stiction: {chance}. Size S: {size}. Next: {step}.", *(line.strip() for line in causes.as_lines())]
 
 

@@ -12,18 +12,18 @@ from simbench.plant.trust.result import OPEN, UNSEEN, Trust
 
 VALVE, TUNING, UPSTREAM, MEASUREMENT, NOBODY = "valve", "tuning", "upstream", "measurement", "none"
 
-
 _GAIN = "change the controller gain by 30 to 50 % and watch the period"
-NEXT = {  # of one record, by its cause
-    why.STICKING: f"maintenance: {_GAIN}, or a travel test by hand, then repair the valve",
-    why.TIGHT: "control engineer: retune the controller",
-    why.FROM_OUTSIDE: "operations: look upstream for what oscillates with this period",
-    why.NEIGHBOUR: "operations: see to the loop that drives it first",
-    why.SENSOR: "instruments: check the transmitter",
-    why.AT_LIMIT: "free OP from its limit (valve size, operating point), then record again",
-    why.NO_CAUSE: "nothing to do",
-    why.NOT_TOLD: f"control engineer: {_GAIN}; it tells friction from everything else",
+BY_CAUSE = {  # whose job it is, and what to do
+    why.STICKING: (VALVE, f"confirm on the valve: {_GAIN}, or a travel test by hand; then repair it"),
+    why.TIGHT: (TUNING, "retune the controller"),
+    why.FROM_OUTSIDE: (UPSTREAM, "look upstream for what oscillates with this period"),
+    why.NEIGHBOUR: (UPSTREAM, "see to the loop that drives this oscillation first, then record again"),
+    why.SENSOR: (MEASUREMENT, "check the transmitter"),
+    why.AT_LIMIT: (VALVE, "free OP from its limit (valve size, operating point), then record again"),
+    why.NO_CAUSE: (NOBODY, "nothing to do"),
+    why.NOT_TOLD: (VALVE, f"{_GAIN}: it tells friction from everything else"),
 }
+_HELPS = {why.STICKING: REPAIR, why.TIGHT: RETUNE}
 
 
 @dataclass(frozen=True)
@@ -36,27 +36,22 @@ class Advice:
 
 def advise(found: Trust, prepared: Prepared, named: why.Cause, root: str | None, actions: Sequence[Action]) -> Advice:
     """Return what to do next with one loop, by the cause that its evidence names."""
-    period = f"{prepared.oscillation.period_s:.3g} s"
-    by_name = {a.name: a for a in actions}
-    if named.name == why.AT_LIMIT:
-        return Advice(VALVE, f"free OP from its limit (valve size, operating point): {named.speaks_for[0]}; then record again")
-    if named.name == why.SENSOR:
-        return Advice(MEASUREMENT, f"check the transmitter: {named.speaks_for[0]}")
+    job, do = BY_CAUSE[named.name]
+    if named.name in (why.AT_LIMIT, why.SENSOR):
+        return Advice(job, f"{do}: {named.speaks_for[0]}")
     if found.probability is None:
         return Advice(MEASUREMENT, f"get a record that can be judged: {found.notes[0]}")
-    if named.name == why.NEIGHBOUR:
-        return Advice(UPSTREAM, f"see to {root} first, which likely drives this oscillation, then record again")
-    if named.name == why.STICKING:
-        test = "confirm on the valve: change the controller gain and watch the period, or a travel test by hand"
-        return Advice(VALVE, test + (f"; then {by_name[REPAIR].sentence()}" if REPAIR in by_name else ""))
-    if named.name == why.FROM_OUTSIDE:
-        return Advice(UPSTREAM, f"look upstream for what oscillates with a period of {period}")
-    if named.name == why.TIGHT:
-        helps = RETUNE in by_name and by_name[RETUNE].variance < 1.0  # else calmer, at the price of slower loads
-        return Advice(TUNING, by_name[RETUNE].sentence() if helps else f"retune, calmer: {named.speaks_for[0]}")
-    if named.name == why.NO_CAUSE:
-        return Advice(NOBODY, "nothing to do")
-    return _to_tell(found, prepared)
+    if named.name == why.NOT_TOLD:
+        return _to_tell(found, prepared)
+    action = next((a for a in actions if a.name == _HELPS.get(named.name) and a.variance < 1.0), None)
+    if action is not None:
+        return Advice(job, f"{do}: {action.sentence()}")
+    about = {
+        why.TIGHT: named.speaks_for[:1],
+        why.NEIGHBOUR: (root,),
+        why.FROM_OUTSIDE: (f"{prepared.oscillation.period_s:.3g} s",),
+    }
+    return Advice(job, ": ".join([do, *map(str, about.get(named.name, ()))]))
 
 
 def _to_tell(found: Trust, prepared: Prepared) -> Advice:
@@ -65,7 +60,7 @@ def _to_tell(found: Trust, prepared: Prepared) -> Advice:
     if unsure and found.helps and found.helps[0].what:
         return Advice(MEASUREMENT, f"record otherwise: {found.helps[0].what}")
     if prepared.oscillation.sustained:
-        return Advice(VALVE, "change the controller gain and watch the period: it tells friction from everything else")
+        return Advice(*BY_CAUSE[why.NOT_TOLD])
     if found.answer == UNSEEN:
         return Advice(NOBODY, "nothing seen, and nothing could have been: record longer before the valve is called sound")
     return Advice(NOBODY, "nothing to do now: watch whether it swings")

@@ -55,9 +55,9 @@ class FleetLoop:
     event: int | None
     root: str | None
     advice: Advice
+    cost: Cost
     pooled: float | None = None
     causes: Causes | None = None
-    cost: Cost | None = None
     actions: tuple[Action, ...] = ()
     priority: float = 0.0
     status: str = ""
@@ -90,6 +90,16 @@ class Fleet:
         asked = [m for m in self.members if m.advice.job == VALVE and m.name not in followers]
         return list(dict.fromkeys(inner.get(m.name, m.name) if m.cause.name == NOT_TOLD else m.name for m in asked))
 
+    def shared(self) -> list[str]:
+        """Return a sentence per oscillation that loops share, with its likely root and why, and one per cascade."""
+        p = {m.name: m.probability for m in self.members}
+        lines = []
+        for i, event in enumerate(self.events, 1):
+            root = event[0]
+            why = f"probability of stiction {p[root]:.2f}" if p[root] >= 0.5 else "its PV is the least like a sine"
+            lines.append(f"Oscillation {i}: {', '.join(event)} share one period; likely root {root} ({why}).")
+        return lines + [f"Cascade: the output of {a} is the set point of {b}; see to {b} first." for a, b in self.cascades]
+
     def as_text(self) -> str:
         """Return the ranking for people, one line a loop."""
         head = f"{'rank':<5}{'loop':<34} {'p':>5}  {'S':>6}  {'cause':<24} {'job':<12} what to do next"
@@ -98,9 +108,7 @@ class Fleet:
             p = "" if m.found.probability is None else f"{m.probability:.2f}"
             S = "" if m.size is None else f"{m.size[0]:.2g}"
             lines.append(f"{rank:<5}{m.name:<34} {p:>5}  {S:>6}  {m.cause.name:<24} {m.advice.job:<12} {m.advice.do}")
-        for i, event in enumerate(self.events, 1):
-            lines.append(f"oscillation {i}: {', '.join(event)} share one period; likely root {event[0]}")
-        lines += [f"cascade: the output of {a} is the set point of {b}; judge {b} first" for a, b in self.cascades]
+        lines += self.shared()
         if self.to_test():
             lines.append(f"fewest valves to test: {', '.join(self.to_test())}")
         return "\n".join([*lines, *(f"left out {n}: {why}" for n, why in self.refused.items())])
@@ -173,7 +181,7 @@ def _one(name: str, record: LoopRecord, methods: list[str], label: str, seed: in
         hidden, _ = resolution(record, Prepared(record.without_mv()).flags)
         size = None if hidden > 0.5 * size[0] else size  # an archive that leaves out as much says no size
     when = found.over_time or OverTime(_NOTHING, (), 0, 0)
-    return FleetLoop(name, found, said, when, size, label, None, None, Advice("", ""), cost=cost, actions=actions)
+    return FleetLoop(name, found, said, when, size, label, None, None, Advice("", ""), cost, actions=actions)
 
 
 def _with_pooled(members: list[FleetLoop], loops: Mapping[str, str]) -> list[FleetLoop]:
@@ -229,7 +237,7 @@ def _joined(
 
 def _costs(m: FleetLoop) -> float:
     """Return the share of PV's variance that a loop's cause takes; without a measurement that can be trusted, all of it."""
-    if m.cause.name == NO_CAUSE or m.cost is None:
+    if m.cause.name == NO_CAUSE:
         return 0.0
     if m.cause.name == SENSOR:
         return 1.0

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import pandas as pd
+from markupsafe import Markup
 
+from detectors.record import LoopRecord
 from detectors.report.report import score_units
 from detectors.verdict import NO_DECISION, NO_STICTION, PROBABILITY, STICTION, Verdict
 from simbench.files import write_table
 from simbench.html.page import render
 from simbench.html.svg import inline_svg
-from simbench.plant.episodes import marks
+from simbench.plant.episodes import OverTime, marks
 from simbench.plant.page import ROOM, section, write
 from simbench.plant.report.advice import MEASUREMENT, TUNING, UPSTREAM, VALVE, best
 from simbench.plant.report.fleet import Fleet, FleetLoop
@@ -30,11 +33,14 @@ _TRADES = {
     VALVE: "Maintenance, at the valve", TUNING: "Control engineer, tuning", UPSTREAM: "Operations, upstream",
     MEASUREMENT: "Instruments, measurement or recording",
 }  # fmt: skip
+_ALONE = "No two loops oscillate with one period and locked phases at one time."
 _SIGN = {STICTION: "●", NO_STICTION: "·", NO_DECISION: "?"}
 
 
-def write_fleet(fleet: Fleet, path: str | Path, labels: dict[str, dict[str, str]] | None = None, *, jobs: int = 1) -> Path:
-    """Write a plant's loops as one self-contained page, and a CSV of the same name beside it."""
+def write_fleet(
+    fleet: Fleet, path: str | Path, labels: dict[str, dict[str, str]] | None = None, *, jobs: int = 1, keep: Path | None = None
+) -> Path:
+    """Write a plant's loops as one self-contained page, and a CSV of the same name beside it; pictures drawn are in `keep`."""
     sticky = [m for m in fleet.members if m.found.answer == STICKY]
     tiles = [
         (str(len(fleet.members)), "loops judged"),
@@ -49,13 +55,15 @@ def write_fleet(fleet: Fleet, path: str | Path, labels: dict[str, dict[str, str]
     parts = [
         section("jobs", "Who must do what", _jobs(fleet), tiles=tiles),
         section("ranking", "Where to go first", table=shown, long=["next"], beside=of_all),
-        section("events", "Oscillations that loops share", _events(fleet)),
+        section("events", "Oscillations that loops share", fleet.shared() or [_ALONE]),
         section("matrix", "Detectors and loops", [_legend()], table=_matrix(frame, fleet), matrix=True),
     ]
     if labels:
         pairs = [(m.name, v) for m in fleet.members for v in m.verdicts]
         parts.append(section("score", "Score against the labels", table=pd.DataFrame(score_units(pairs, labels))))
-    loops = resumed(_article, list(enumerate(fleet.members, 1)), jobs=jobs, keep=None, what="pictures")
+    asked = [(m.name, m.found.record, m.over_time) for m in fleet.members]
+    drawn = resumed(_drawn, asked, jobs=jobs, keep=keep, what="pictures")
+    loops = [_article(rank, m, seen) for rank, (m, seen) in enumerate(zip(fleet.members, drawn, strict=True), 1)]
     parts.append({"id": "loops", "title": "Loop by loop", "body": render(ROOM, "loops.html", loops=loops)})
     if fleet.refused:
         parts.append(section("refused", "Left out", points=[f"{n}: {why}" for n, why in fleet.refused.items()]))
@@ -123,12 +131,12 @@ def _priced(m: FleetLoop) -> dict[str, Any]:
     """Return what a loop costs, what speaks for and against its cause, and what would help most."""
     cost, first = m.cost, best(m.actions)
     return {
-        "PV share": None if cost is None else cost.pv_share,
-        "OP share": None if cost is None else cost.op_share,
-        "travel a day (%)": None if cost is None else cost.travel,
-        "reversals a day": None if cost is None else cost.reversals,
-        "in automatic": None if cost is None else cost.automatic,
-        "at a limit": None if cost is None else cost.saturated,
+        "PV share": cost.pv_share,
+        "OP share": cost.op_share,
+        "travel a day (%)": cost.travel,
+        "reversals a day": cost.reversals,
+        "in automatic": cost.automatic,
+        "at a limit": cost.saturated,
         "speaks for": "; ".join(m.cause.speaks_for),
         "speaks against": "; ".join(m.cause.against),
         "best action": "" if first is None else first.what,
@@ -145,23 +153,9 @@ def _word(v: Verdict) -> str:
 def _why(m: FleetLoop) -> list[str]:
     """Return the causes weighed, what the loop costs, what would help, and what reading its record assumed."""
     lines = [] if m.causes is None else m.causes.as_lines()
-    lines += [f"Cost: {m.cost.sentence()}."] if m.cost is not None else []
+    lines.append(f"Cost: {m.cost.sentence()}.")
     lines += [f"What if: {'. '.join(a.sentence() for a in m.actions)}."] if m.actions else []
     return lines + [f"Assumed: {note}." for note in m.found.record.notes]
-
-
-def _events(fleet: Fleet) -> list[str]:
-    pairs = [f"Cascade: the output of {a} is the set point of {b}; {b} is repaired first." for a, b in fleet.cascades]
-    if not fleet.events:
-        return ["No two loops oscillate with one period and locked phases at one time.", *pairs]
-    by_name = {m.name: m for m in fleet.members}
-    lines = []
-    for i, event in enumerate(fleet.events, 1):
-        root = by_name[event[0]]
-        sure = root.probability >= 0.5
-        why = f"probability of stiction {root.probability:.2f}" if sure else "its PV is the least like a sine"
-        lines.append(f"Oscillation {i}: {', '.join(event)}. Likely root: {event[0]} ({why}); the others may follow it.")
-    return lines + pairs
 
 
 def _legend() -> str:
@@ -174,10 +168,14 @@ def _matrix(frame: pd.DataFrame, fleet: Fleet) -> pd.DataFrame:
     return pd.concat([frame[["rank", "loop"]], frame[list(fleet.methods)].map(lambda word: signs[word])], axis=1)
 
 
-def _article(rank: int, m: FleetLoop) -> dict[str, Any]:
-    record = m.found.record
-    trend = inline_svg(draw_trend(record, marks(m.over_time)), f"trend-{rank}", f"PV, SP and OP of {m.name} over time")
-    plane = inline_svg(draw_pv_op(record), f"plane-{rank}", f"PV of {m.name} against OP")
+def _drawn(name: str, record: LoopRecord, when: OverTime) -> tuple[str, str]:
+    """Return a loop's trend and its PV against OP; their ids, unique on the page, are the same next week."""
+    own = f"{crc32(name.encode()):08x}"
+    trend = inline_svg(draw_trend(record, marks(when)), f"trend-{own}", f"PV, SP and OP of {name} over time")
+    return trend, inline_svg(draw_pv_op(record), f"plane-{own}", f"PV of {name} against OP")
+
+
+def _article(rank: int, m: FleetLoop, drawn: tuple[str, str]) -> dict[str, Any]:
     caption = "PV (red), SP (grey), OP (blue)"
     if m.over_time.several:
         caption += f"; {m.over_time.sentence()} (orange: windows that say stiction, grey: undecided)"
@@ -189,7 +187,7 @@ def _article(rank: int, m: FleetLoop) -> dict[str, Any]:
         "job": m.advice.job,
         "do": m.advice.do,
         "why": _why(m),
-        "pictures": [{"svg": trend, "caption": caption}, {"svg": plane, "caption": "PV against OP"}],
+        "pictures": [{"svg": Markup(svg), "caption": c} for svg, c in zip(drawn, (caption, "PV against OP"), strict=True)],
         "verdicts": "; ".join(said),
         "power": m.found.power_line(),
     }

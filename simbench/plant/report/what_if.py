@@ -18,12 +18,16 @@ from simbench.plant.trust.candidate_loops import CandidateLoops, with_friction
 LEAVE, REPAIR, RETUNE, P_ONLY, COMPENSATE, RESIZE = "leave", "repair", "retune", "P-only", "dead-band compensation", "resize"
 _RUNS = 20  # of every action, each of another seed and loop: a further one lies between the least and the largest in .9
 _WARM_UP = 0.3  # of a run, before it counts
-_UNSURE = {"K": 0.12, "T": 0.25, "Td": 0.25, "S": 0.2}  # standard deviations of the logarithms drawn
-_JUMP = 0.5  # standard deviation of J over S
+# standard deviations of the logarithms drawn, of two development draws of 70 sticky loops
+_UNSURE = {"K": 0.12, "T": 0.25, "Td": 0.25, "S": 0.05, "load": 0.2}
+_JUMP = 0.06  # standard deviation of J over S
+# where OP spans less than so many S the valve has two positions: J stands anywhere in the band, K and load at what the swing
+# makes of it, and the load holds what friction of another jump does not explain
+_TWO_POSITIONS, _BEYOND, _TOO_LARGE = 2.0, 0.15, 0.45
 _LEFT = 0.2  # of the band that is no jump, that compensation leaves
-_KICK = 5.0  # % of OP: a sticky loop started at rest may stay there
+_KICK = 1.0  # % of OP beyond S: a sticky loop started at rest may stay there
 _STABLE, _TRIES = 1.15, 5  # gain margin that a draw keeps, and draws before the loop is taken as it was identified
-_ALIKE = 3.0  # factor of its variance within which a draw moves as the loop identified
+_ALIKE = 3.0  # factor of their median variance within which the draws move as one loop
 _SAME = 1e-9
 
 
@@ -53,22 +57,23 @@ def what_if(behind: CandidateLoops, seed: int = 0) -> tuple[Action, ...]:
         return ()
     base = behind.sticky if claimed and behind.sticky is not None else behind.healthy[0]
     S, J = behind.fitted if claimed and behind.fitted is not None else (0.0, 0.0)
-    return compare(base, S, J, spread=0.3 if behind.trusted else 1.0, seed=seed)
+    lo, hi = np.quantile(behind.record.op, (0.01, 0.99))
+    hidden = not behind.trusted and bool(hi - lo < _TWO_POSITIONS * S)
+    return compare(base, S, J, spread=0.3 if behind.trusted else 1.0, hidden=hidden, seed=seed)
 
 
 def compare(
-    base: Loop, S: float, J: float, *, spread: float = 1.0, seed: int = 0, settings: Mapping[str, float] | None = None
-) -> tuple[Action, ...]:
+    base: Loop, S: float, J: float, *, spread: float = 1.0, hidden: bool = False, seed: int = 0,
+    settings: Mapping[str, float] | None = None,
+) -> tuple[Action, ...]:  # fmt: skip
     """Return the actions on one loop with a friction of S and J, best first.
 
-    `spread` scales what is not known of the loop; `settings` are those to retune to, the loop's own without them.
+    `spread` scales what is not known of the loop, `hidden` is J beside the plant's gain; `settings` are those to retune to.
     """
     rng = np.random.default_rng(seed)
     drawn = []
     for i in range(_RUNS):
-        factors = _factors(base, spread * (i > 0), rng)
-        # of a record the jump is known far worse than the band
-        jump = float(np.clip((J / S if S > 0 else 0.0) + _JUMP * spread * rng.standard_normal() * (i > 0), 0.0, 1.0))
+        factors, jump = _factors(base, J / S if S > 0 else 0.0, spread * (i > 0), hidden, rng)
         drawn.append((_varied(base, factors), S * factors["S"], jump * S * factors["S"], int(rng.integers(2**31))))
     settings = settings or retuned(base)
     found: dict[str, list[float]] = {}
@@ -76,9 +81,9 @@ def compare(
         kicked = 0.0 if name == REPAIR else 1.0
         found[name] = [_variance(_changed(name, loop, s, j, settings), kicked * s, i) for loop, s, j, i in drawn]
     today = np.array(found[LEAVE])
-    # a draw that does not move as the loop does is another loop's
-    sound = np.isfinite(today) & (today > today[0] / _ALIKE) & (today < today[0] * _ALIKE)
-    if not np.isfinite(today[0]) or sound.sum() < 0.4 * _RUNS:
+    # a draw that does not move as the others do is another loop's
+    sound = np.abs(np.log(today / np.nanmedian(today))) < np.log(_ALIKE)
+    if sound.sum() < 0.4 * _RUNS:
         return ()
     out = []
     for name, values in found.items():
@@ -100,15 +105,20 @@ def retuned(loop: Loop) -> dict[str, float]:
     return {"Kc": T / (abs(plant.K) * (wanted + dead)), "Ti": min(T, 4.0 * (wanted + dead))}
 
 
-def _factors(base: Loop, spread: float, rng: np.random.Generator) -> dict[str, float]:
-    """Draw how far plant and friction may be from what was identified; a loop that would swing by itself is another one."""
-    factors = dict.fromkeys(_UNSURE, 1.0)
-    for _ in range(_TRIES):
+def _factors(base: Loop, jump: float, spread: float, hidden: bool, rng: np.random.Generator) -> tuple[dict[str, float], float]:
+    """Draw how far plant, load and friction may be from what was identified, and J over S; no loop that swings by itself."""
+    for _ in range(_TRIES if spread else 0):
         tried = {name: float(np.exp(spread * std * rng.standard_normal())) for name, std in _UNSURE.items()}
+        other = float(np.clip(jump + _JUMP * spread * rng.standard_normal(), 0.0, 1.0))
+        if hidden:
+            other = float(rng.random())
+            gain = (jump + _BEYOND) / (other + _BEYOND)
+            tried["K"] *= gain
+            tried["load"] *= float(np.exp(-_TOO_LARGE * (1.0 + rng.standard_normal()))) / gain
         known = margins(_varied(base, tried))
         if known is None or known.gain > _STABLE:
-            return tried
-    return factors
+            return tried, other
+    return dict.fromkeys(_UNSURE, 1.0), min(jump, 1.0)
 
 
 def _offered(base: Loop, S: float, J: float) -> list[str]:
@@ -140,9 +150,10 @@ def _changed(name: str, loop: Loop, S: float, J: float, settings: Mapping[str, f
 
 
 def _varied(loop: Loop, factors: dict[str, float]) -> Loop:
-    """Return a loop whose plant is as different as the identified one may be."""
+    """Return a loop whose plant and load are as different as the identified one may be."""
     table = loop.to_table()
     table["plant"] |= {k: table["plant"][k] * factors[k] for k in ("K", "T", "Td") if table["plant"].get(k)}
+    table["disturbance"] = [part | {"amplitude": part["amplitude"] * factors["load"]} for part in table["disturbance"]]
     return Loop.from_table(table, "what if")
 
 
@@ -150,7 +161,7 @@ def _variance(loop: Loop | None, S: float, seed: int) -> float:
     if loop is None:
         return float("nan")
     try:
-        record = simulate(loop, seed, kick=_KICK if S > 0 else 0.0).record
+        record = simulate(loop, seed, kick=S + _KICK if S > 0 else 0.0).record
     except UserError:
         return float("nan")
     late = slice(int(_WARM_UP * record.n), None)

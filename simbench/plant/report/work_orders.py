@@ -30,7 +30,7 @@ def orders(fleet: Fleet) -> pd.DataFrame:
                 "what to do": m.advice.do,
                 "speaks for": "; ".join(m.cause.speaks_for),
                 "speaks against": "; ".join(m.cause.against),
-                "cost": "" if m.cost is None else m.cost.sentence(),
+                "cost": m.cost.sentence(),
                 "best action": "" if first is None else first.sentence(),
                 "assumed": "; ".join(m.found.record.notes),
             }

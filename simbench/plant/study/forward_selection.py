@@ -76,14 +76,8 @@ def join(
     methods: list[str],
     rng: np.random.Generator,
 ) -> tuple[list[Contribution], dict[str, float]]:
-    """Join effects to the grid one after the other, the one that closes most of the distance first.
-
-    Notes
-    -----
-    A diagnosis misses an effect in some of the loops that have it, and cannot always tell whether the controller saw it: an
-    effect is tried in the share found, in all loops and half way, in every place where it may act, and taken as it brings the
-    grid nearest. Nothing joins once grid and plant are as near as two draws of one grid.
-    """
+    """Join effects to the grid one after the other, the one that closes most of the distance first."""
+    # a diagnosis misses an effect in some loops that have it, and may not tell where it acts: shares and places are tried
     left = {
         e: [v for w in _places(e, s) for v in _shares(e, w, loops, rng)] for e, s in found.items() if len(s) >= _FEWEST_LOOPS
     }

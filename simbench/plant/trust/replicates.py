@@ -204,13 +204,6 @@ def _timed(table: dict[str, Any], record: LoopRecord, change: Change) -> int:
 def _as_recorded(run: LoopRecord, record: LoopRecord, mv: bool) -> LoopRecord:
     """Return a simulated record with no more in it than the plant's has."""
     return LoopRecord(
-        op=run.op,
-        pv=run.pv,
-        Ts=run.Ts,
-        sp=None if record.sp is None else run.sp,
-        mv=run.mv if mv or record.mv is not None else None,
-        process=record.process,
-        kind=record.kind,
-        op_span=(0.0, 100.0),
-        tag=record.tag,
-    )
+        run.op, run.pv, run.Ts, sp=None if record.sp is None else run.sp, mv=run.mv if mv or record.mv is not None else None,
+        process=record.process, kind=record.kind, op_span=(0.0, 100.0), tag=record.tag,
+    )  # fmt: skip

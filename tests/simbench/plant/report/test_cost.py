@@ -54,3 +54,16 @@ def test_retuning_gives_the_settings_of_simc():
     settings = retuned(LOOP)
     assert settings["Kc"] == pytest.approx(30.0 / (3 * 7.0))
     assert settings["Ti"] == 30.0
+
+
+def test_a_valve_wider_than_any_kick_still_swings_today():
+    assert {a.name: a for a in compare(LOOP, 9.0, 7.0)}[REPAIR].variance < 0.1
+
+
+def test_where_the_valve_has_two_positions_the_interval_holds_another_jump_with_another_gain():
+    table = LOOP.to_table()
+    true = {a.name: a.variance for a in compare(LOOP, 6.0, 3.0, spread=0.0)}
+    table["plant"]["K"] *= 3.0 / 6.0
+    told = compare(Loop.from_table(table), 6.0, 6.0, hidden=True)
+    assert all(a.lo <= true[a.name] <= a.hi for a in told if a.name in (REPAIR, LEAVE))
+    assert {a.name: a for a in told}[RETUNE].hi > 1.0  # settings for half the gain may be too tight

@@ -133,7 +133,8 @@ def test_a_second_week_judges_only_what_changed(records, tmp_path, monkeypatch):
     assert tables[0].replace("new, watch", "again").replace('"', "") == tables[1].replace('"', "")
     second, judged = week("week2", "--previous", str(first))
     assert judged == ["FIC101"]
-    assert len(list((second / "page.html.judged").iterdir())) == 2
+    kept = sorted(file.name.split("-")[0] for file in (second / "page.html.judged").iterdir())
+    assert kept == ["_drawn", "_drawn", "_one", "_one"]  # pictures are drawn anew of a new record only
     assert week("week2", "--previous", str(second), "--process", "integrating")[1] == ["FIC101", "LIC7"]
 
 
