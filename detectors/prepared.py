@@ -214,7 +214,7 @@ def _at_density(record: LoopRecord, front_end: str, part: tuple[int, int] | None
         late = part[0] % step
         record, part = record.window(late and step - late, record.n), (part[0] + (late and step - late), part[1])
     thin = dense if step == 1 else Prepared(thinned(record, step), front_end, part=part, step=step)
-    if coarse > 1:
+    if coarse > step:  # else it is asked itself: a finer record may oscillate by chance, and this one is judged
         thin.__dict__["oscillation"] = found
     # what oscillates in neither way is left as it came: its valve may be seen all the same
     return thin if thin.oscillation.sustained or found.sustained else dense
