@@ -24,7 +24,7 @@ MOST_LOADS = 10  # Hagglund 1995: more of them within the supervision time are a
 _SHORTEST_MEAN = 20  # samples; a shorter moving mean would leave nothing but noise
 # own, from simulated loops: swings of OP that count whichever least size they need, over a factor of it, and are alike
 _LEAST_SWINGS = np.geomspace(0.08, 0.95, 30)  # shares of OP's range tried as the least swing between two reversals
-_GAP, _ALIKE_SWINGS, _SWINGS, _FEWER, _STILL_ON = 1.6, 0.3, 9, 1.15, 2.0
+_GAP, _ALIKE_SWINGS, _SWINGS, _FEWER, _STILL_ON = 1.6, 0.3, 8, 1.15, 2.0
 _UNDERWAY = 0.3  # own; share of a swing's time in the middle half of its size: a triangle 1/2, a sine 1/3, a step 0
 
 
