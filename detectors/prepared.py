@@ -147,10 +147,9 @@ class Prepared:
         if not cleaned:
             x = self.signal(name)
             return self.share(f"raw half cycles {name}", lambda: split(x - x.mean(), period))
-        if self.oscillation.swings:
-            return self.share(f"half cycles {name}", lambda: split(self.clean(name), period, longest=np.inf))
-        inner = slice(round(period / 2), -round(period / 2))
-        return self.share(f"half cycles {name}", lambda: split(self.clean(name)[inner], period))
+        edge, longest = (0, np.inf) if self.oscillation.swings else (round(period / 2), 1.0)
+        inner = slice(edge, self.record.n - edge)
+        return self.share(f"half cycles {name}", lambda: split(self.clean(name)[inner], period, longest=longest))
 
     def with_mv(self, record: LoopRecord) -> Prepared:
         """Return the same for the same record, all of it, with MV; what was found without MV is kept."""
@@ -211,10 +210,10 @@ def _at_density(record: LoopRecord, front_end: str, part: tuple[int, int] | None
             own = Prepared(thinned(record, step), front_end).oscillation.period_s
             last = last if np.isnan(own) else own
     if step > 1 and part is not None:  # a start that every density has
-        late = part[0] % step
-        record, part = record.window(late and step - late, record.n), (part[0] + (late and step - late), part[1])
+        late = -part[0] % step
+        record, part = record.window(late, record.n), (part[0] + late, part[1])
     thin = dense if step == 1 else Prepared(thinned(record, step), front_end, part=part, step=step)
-    if coarse > 1:
+    if coarse > step:  # else it is asked itself: a finer record may oscillate by chance, and this one is judged
         thin.__dict__["oscillation"] = found
     # what oscillates in neither way is left as it came: its valve may be seen all the same
     return thin if thin.oscillation.sustained or found.sustained else dense

@@ -24,7 +24,8 @@ MOST_LOADS = 10  # Hagglund 1995: more of them within the supervision time are a
 _SHORTEST_MEAN = 20  # samples; a shorter moving mean would leave nothing but noise
 # own, from simulated loops: swings of OP that count whichever least size they need, over a factor of it, and are alike
 _LEAST_SWINGS = np.geomspace(0.08, 0.95, 30)  # shares of OP's range tried as the least swing between two reversals
-_GAP, _ALIKE_SWINGS, _SWINGS, _FEWER, _STILL_ON = 1.6, 0.22, 14, 1.15, 2.0
+_GAP, _ALIKE_SWINGS, _SWINGS, _FEWER, _STILL_ON = 1.6, 0.3, 8, 1.15, 2.0
+_UNDERWAY = 0.3  # own; share of a swing's time in the middle half of its size: a triangle 1/2, a sine 1/3, a step 0
 
 
 @dataclass(frozen=True)
@@ -71,7 +72,7 @@ def find_oscillation(op: np.ndarray, pv: np.ndarray, Ts: float) -> Oscillation:
     if at is None:
         return best
     period = 2.0 * float(at[-1] - at[0]) / (at.size - 1)
-    return Oscillation(True, best.regularity, period * Ts, "op", best.decay_ratio, best.lasting, swings=at.size - 1)
+    return replace(best, sustained=True, period_s=period * Ts, signal="op", swings=at.size - 1)
 
 
 def wandering(op: np.ndarray) -> np.ndarray | None:
@@ -79,9 +80,9 @@ def wandering(op: np.ndarray) -> np.ndarray | None:
 
     Notes
     -----
-    Own. What sets a sticky valve free is a swing of OP by S, however long that takes: its swings are alike, and so are their
-    number and places whether a swing must have a third or a half of their size to count. Noise and loads have swings of every
-    size: the more is asked for, the fewer are left. Not for loads that step by one size.
+    Own. A swing of OP by S sets a sticky valve free, however long it takes: swings are alike, as many count whether a third or
+    a half of their size is asked for, and OP is under way all the time. Noise and loads have swings of every size: the more is
+    asked for, the fewer are left; after a load that steps OP comes to rest. Not for loads that ramp by one size.
 
     Examples
     --------
@@ -106,7 +107,9 @@ def wandering(op: np.ndarray) -> np.ndarray | None:
     at = at[1 : turn(x, _LEAST_SWINGS[end], at)]
     size, time = np.abs(np.diff(x[at])), np.diff(at)
     alike, lasts = size.std() <= _ALIKE_SWINGS * size.mean(), op.size - at[-1] <= _STILL_ON * time.max()
-    return at.copy() if alike and lasts else None
+    middle = np.abs(x[at[0] : at[-1]] - np.repeat(0.5 * (x[at[1:]] + x[at[:-1]]), time)) < 0.25 * np.repeat(size, time)
+    underway = np.median(np.add.reduceat(middle, at[:-1] - at[0], dtype=float) / time) >= _UNDERWAY
+    return at.copy() if alike and lasts and underway else None
 
 
 def _reversals(x, least, at):
@@ -144,8 +147,7 @@ def oscillation_of(x: np.ndarray, Ts: float = 1.0) -> Oscillation:
     False
     """
     x = detrend(x)
-    n = x.size
-    best = NOTHING
+    n, best = x.size, NOTHING
     if n < 8 or not x.any():
         return best
     size = fast_size(n + n // 2)
@@ -210,8 +212,8 @@ def regular_segment(x: np.ndarray, period: float, length: int) -> tuple[int, int
     return start, start + length
 
 
-def iae_loads(e: np.ndarray, Ts: float, amplitude: float, period_s: float, gamma: float | None = None) -> float:
-    """Return how many load disturbances Hagglund's detector holds in memory at its fullest; above 10 = oscillation.
+def iae_loads(e: np.ndarray, Ts: float, amplitude: float, period_s: float, gamma: float) -> float:
+    """Return how many load disturbances Hagglund's detector holds in memory, of which gamma is left a sample, at its fullest.
 
     Notes
     -----
@@ -221,16 +223,14 @@ def iae_loads(e: np.ndarray, Ts: float, amplitude: float, period_s: float, gamma
     Examples
     --------
     >>> t = np.arange(2000) / 10
-    >>> [round(iae_loads(a * np.sin(2 * np.pi * t / 10), 0.1, 0.5, 10.0)) for a in (0.1, 1.0)]
+    >>> [round(iae_loads(a * np.sin(2 * np.pi * t / 10), 0.1, 0.5, 10.0, 0.998)) for a in (0.1, 1.0)]
     [0, 10]
     """
     e = e - e.mean()
     edges = np.concatenate([[0], np.flatnonzero((e[1:] > 0) != (e[:-1] > 0)) + 1])
     iae = np.add.reduceat(np.abs(e), edges) * Ts
     loads = np.append(edges[1:], e.size)[iae > amplitude * period_s / np.pi]
-    gamma = 1.0 - Ts / (5.0 * period_s) if gamma is None else gamma
-    held = top = 0.0
-    before = 0
+    held, top, before = 0.0, 0.0, 0
     for k in loads:
         held = held * gamma ** (k - before) + 1.0
         top, before = max(top, held), k

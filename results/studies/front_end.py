@@ -52,11 +52,13 @@ def main(arguments: list[str] | None = None) -> int:
     """Print the table: `python -m results.studies.front_end`."""
     parser = argparse.ArgumentParser(prog="python -m results.studies.front_end", description=__doc__)
     parser.add_argument("--grid", default="families")
-    parser.add_argument("--every", type=int, default=1, help="every so many-th group")
+    parser.add_argument("--every", type=int, default=1, help="one group in so many")
     parser.add_argument("--seed", type=int, default=SEED)
-    parser.add_argument("--repeats", type=int, default=1, help="draws of each cell")
+    parser.add_argument("--repeats", type=int, default=1, help="draws of each cell; 4 give 100 cycling loops of each family")
     chosen = parser.parse_args(arguments)
-    print(f"every {chosen.every}th group of {chosen.grid}, {chosen.repeats} draws, seed {chosen.seed}; shares of n")
+    groups = "every group" if chosen.every == 1 else f"one group in {chosen.every}"
+    draws = "one draw" if chosen.repeats == 1 else f"{chosen.repeats} draws"
+    print(f"{groups} of {chosen.grid}, {draws} of each cell, seed {chosen.seed}; shares of n")
     print("\n".join(table(rows(chosen.grid, chosen.every, chosen.seed, chosen.repeats))))
     return 0
 

@@ -157,10 +157,10 @@ def test_segment_equals_the_slow_search():
 def test_hagglund_fills_its_memory_on_an_oscillation_only():
     e = np.sin(2 * np.pi * T / 50)
     forgotten = 0.996**25  # per half period of 25 samples
-    assert o.iae_loads(e, 1.0, 0.5, 50.0) == pytest.approx(1.0 / (1.0 - forgotten), rel=0.01)
+    assert o.iae_loads(e, 1.0, 0.5, 50.0, 0.996) == pytest.approx(1.0 / (1.0 - forgotten), rel=0.01)
     assert o.iae_loads(e, 1.0, 0.5, 50.0, gamma=1.0) > 70
-    assert o.iae_loads(0.4 * e, 1.0, 0.5, 50.0) == 0.0
-    assert o.iae_loads(np.random.default_rng(0).standard_normal(2000), 1.0, 0.5, 50.0) < 2.0
+    assert o.iae_loads(0.4 * e, 1.0, 0.5, 50.0, 0.996) == 0.0
+    assert o.iae_loads(np.random.default_rng(0).standard_normal(2000), 1.0, 0.5, 50.0, 0.996) < 2.0
 
 
 def wandering_cycle(seed=0, swings=60):
@@ -187,6 +187,15 @@ def test_its_reversals_are_those_of_the_signal_in_any_unit(turned):
     assert at is not None
     assert other is not None
     assert at.tolist() == other.tolist()
+
+
+def test_ten_swings_of_one_size_are_a_cycle_under_way_and_none_of_steps_between_which_op_rests():
+    """Two of one height and one set of times: OP ramps to each end of the one, and jumps to that of the other and waits."""
+    ramps, lengths = wandering_cycle(4, 12)
+    steps = np.append(np.repeat(np.where(np.arange(12) % 2 == 0, 52.0, 48.0), lengths), 52.0)[: ramps.size]
+    noise = 0.1 * np.random.default_rng(1).standard_normal(ramps.size)
+    assert o.wandering(ramps + noise) is not None
+    assert o.wandering(steps + noise) is None
 
 
 @pytest.mark.parametrize("swings", ["random walk", "coloured noise", "growing", "over long ago", "few"])

@@ -7,6 +7,7 @@ from detectors.judge import judge
 from detectors.prepared import prepare, thinned
 from detectors.procedure import diagnose
 from detectors.record import LoopRecord
+from detectors.signal.oscillation import Oscillation
 
 N = 1200
 K = np.arange(N)
@@ -103,6 +104,20 @@ def test_a_dense_record_is_judged_as_every_second_or_fourth_sample_of_it():
     sighted = found[0].with_mv(LoopRecord(op=op, pv=pv, mv=op, Ts=0.5))
     assert sighted.record.mv is not None
     assert sighted.record.mv.tolist() == op[::4].tolist()
+
+
+@pytest.mark.parametrize(("seen", "sustained"), [({8.0}, False), ({16.0}, True), ({8.0, 16.0}, True), ({32.0}, True)])
+def test_whether_a_dense_record_oscillates_is_asked_at_the_density_that_is_judged(monkeypatch, seen, sustained):
+    """An oscillation of 2935 s, seen at some samplings only, is judged at one sample of 16 s, however dense the record came."""
+
+    def found(op, pv, Ts):
+        return Oscillation(Ts in seen, 1.2, 2935.0, lasting=1.0)
+
+    monkeypatch.setattr("detectors.prepared.find_oscillation", found)
+    swing = np.sin(2 * np.pi * np.arange(40_000) / 2500)
+    dense = LoopRecord(op=swing, pv=-swing, Ts=1.0)
+    for k in (1, 2, 4, 8):
+        assert prepare(thinned(dense, k)).oscillation.sustained == sustained, k
 
 
 def test_what_does_not_oscillate_keeps_its_samples():
