@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
+
+from detectors.compiled import compiled
 
 
 def detrend(x: np.ndarray) -> np.ndarray:
@@ -14,13 +18,21 @@ def detrend(x: np.ndarray) -> np.ndarray:
     array([0., 0., 0.])
     """
     x = x - x.mean()
-    k = np.arange(x.size) - 0.5 * (x.size - 1)
-    flat = x - k * ((k @ x) / (k @ k))
+    k, square = _line(x.size)
+    flat = x - k * ((k @ x) / square)
     std = flat.std()
     # rounding leaves 1e-16 of the values behind: no signal
     return flat / std if std > 1e-10 * np.abs(x).max() else np.zeros(x.size)
 
 
+@lru_cache(maxsize=32)
+def _line(n: int) -> tuple[np.ndarray, float]:
+    """Return a straight line about 0 and the sum of its squares."""
+    k = np.arange(n) - 0.5 * (n - 1)
+    return k, k @ k
+
+
+@lru_cache(maxsize=256)
 def fast_size(n: int) -> int:
     """Return a length >= n for which the FFT is fast: 2, 3 or 5 times a power of two.
 
@@ -45,7 +57,7 @@ def acf(x: np.ndarray) -> np.ndarray:
     return c / c[0]
 
 
-def zero_crossings(x: np.ndarray, band: float = 0.0) -> np.ndarray:
+def zero_crossings(x: np.ndarray, band: float = 0.0, most: int | None = None) -> np.ndarray:
     """Return where a signal crosses zero for good, that is, leaves the band on the other side before it comes back.
 
     Examples
@@ -53,20 +65,30 @@ def zero_crossings(x: np.ndarray, band: float = 0.0) -> np.ndarray:
     >>> zero_crossings(np.array([1.0, 0.2, -0.2, 0.1, -1.0, -1.0, 1.0]), 0.5)
     array([2.66666667, 5.5       ])
     """
-    outside = np.flatnonzero(np.abs(x) > band)
-    side = x[outside] > 0
-    turn = np.flatnonzero(side[1:] != side[:-1])
-    before, after = outside[turn], outside[turn + 1]
-    above = x > 0
-    if not x.all():
+    at = np.empty(x.size if most is None else most)
+    return at[: compiled(_crossings)(x, band, at)]
+
+
+def _crossings(x, band, at):
+    """Fill `at` with the places where a signal crosses zero for good, as many as there is room for; return their number."""
+    count, changes, beyond, up = 0, 0, 0, x.size > 0 and x[0] > 0.0
+    change = np.empty(x.size, dtype=np.int64)  # samples before a change of sign, since the signal was last beyond the band
+    for k in range(x.size):
         # a zero lies on the side of what was before, whichever way is up
-        seen = np.maximum.accumulate(np.where(x != 0, np.arange(x.size), 0))
-        above = above[seen]
-    change = np.flatnonzero(above[1:] != above[:-1])
-    first = np.searchsorted(change, before)
-    last = np.searchsorted(change, after) - 1
-    k = change[(first + last) // 2]
-    return k + x[k] / (x[k] - x[k + 1])
+        if x[k] != 0.0 and (x[k] > 0.0) != up:
+            up = not up
+            change[changes] = k - 1
+            changes += 1
+        if abs(x[k]) > band:
+            side = 1 if x[k] > 0.0 else -1
+            if side == -beyond:
+                j = change[(changes - 1) // 2]
+                at[count] = j + x[j] / (x[j] - x[j + 1])
+                count += 1
+                if count == at.size:
+                    return count
+            beyond, changes = side, 0
+    return count
 
 
 def decay_ratio(rho: np.ndarray, at: np.ndarray) -> float:

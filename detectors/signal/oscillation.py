@@ -7,7 +7,9 @@ Zhang 2003), the decay ratio of the ACF (Miao & Seborg 1999) and the integrated 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -35,6 +37,7 @@ class Oscillation:
     regularity: float  # r = (1/3) mean(Tp) / std(Tp)
     period_s: float  # NaN when none was found
     signal: str = ""  # "op" or "pv", the more regular one
+    # both NaN where r already says no
     decay_ratio: float = float("nan")  # R of Miao & Seborg, about d when the ACF shrinks by d per half period
     lasting: float = float("nan")  # amplitude in the last third of the record over that in the first
     loads: float = float("nan")  # in the memory of Hagglund's detector; NaN when another one judged
@@ -71,7 +74,8 @@ def find_oscillation(op: np.ndarray, pv: np.ndarray, Ts: float) -> Oscillation:
     if at is None:
         return best
     period = 2.0 * float(at[-1] - at[0]) / (at.size - 1)
-    return Oscillation(True, best.regularity, period * Ts, "op", best.decay_ratio, best.lasting, swings=at.size - 1)
+    lasts = lasting(detrend(op if best.signal == "op" else pv), best.period_s / Ts) if best.regularity > 0.0 else best.lasting
+    return Oscillation(True, best.regularity, period * Ts, "op", best.decay_ratio, lasts, swings=at.size - 1)
 
 
 def wandering(op: np.ndarray) -> np.ndarray | None:
@@ -150,12 +154,11 @@ def oscillation_of(x: np.ndarray, Ts: float = 1.0) -> Oscillation:
         return best
     size = fast_size(n + n // 2)
     power = np.abs(np.fft.rfft(x, size)) ** 2
-    f = np.arange(power.size) / size
     for share in _HIGH_PASS:
         window = share * n
         if window < _SHORTEST_MEAN:
             break
-        left = power if share == np.inf else power * (1.0 - np.sinc(f * window)) ** 2
+        left = power if share == np.inf else power * _high_pass(size, window)
         rho = np.fft.irfft(left, size)[: n // 2]
         found = _judge_acf(x, rho / rho[0], Ts)
         if found.sustained:
@@ -164,23 +167,30 @@ def oscillation_of(x: np.ndarray, Ts: float = 1.0) -> Oscillation:
     return best
 
 
+@lru_cache(maxsize=32)
+def _high_pass(size: int, window: float) -> np.ndarray:
+    """Return what taking off a moving mean over `window` samples leaves of a power spectrum."""
+    return (1.0 - np.sinc(np.arange(size // 2 + 1) / size * window)) ** 2
+
+
 def _judge_acf(x: np.ndarray, rho: np.ndarray, Ts: float) -> Oscillation:
     first = int(np.argmax(rho < 0.0))
-    band = 1.96 * np.sqrt((1.0 + 2.0 * float(rho[1:first] @ rho[1:first])) / x.size)
-    at = zero_crossings(rho, band)[:_CROSSINGS]
-    lobes = np.diff(at)
-    if lobes.size < 3:
+    band = 1.96 * math.sqrt((1.0 + 2.0 * float(rho[1:first] @ rho[1:first])) / x.size)
+    at = zero_crossings(rho, band, _CROSSINGS)
+    lobes = (at[1:] - at[:-1]).tolist()
+    # the list ends where the ACF has died out
+    longest = 2.0 * sorted(lobes[:3])[1] if len(lobes) > 2 else 0.0
+    kept = next((i for i, lobe in enumerate(lobes) if lobe > longest), len(lobes))
+    if kept < 3:
         return NOTHING
-    died = np.flatnonzero(lobes > 2.0 * np.median(lobes[:3]))
-    at = at[: died[0] + 1] if died.size else at
-    if at.size < 4:
-        return NOTHING
-    Tp = 2.0 * np.diff(at)
-    period = float(Tp.mean())
-    r = period / max(3.0 * float(Tp.std(ddof=1)), 1e-6 * period)
-    R = decay_ratio(rho, at)
-    lasts = lasting(x, period)
-    return Oscillation(r > _REGULAR and R > _DECAY and lasts > LASTING, r, period * Ts, "", R, lasts)
+    Tp = 2.0 * np.array(lobes[:kept])
+    period = float(np.add.reduce(Tp)) / kept
+    off = Tp - period
+    r = period / max(3.0 * math.sqrt(float(np.add.reduce(off * off)) / (kept - 1)), 1e-6 * period)
+    if r <= _REGULAR:
+        return Oscillation(False, r, period * Ts)
+    R, lasts = decay_ratio(rho, at), lasting(x, period)
+    return Oscillation(R > _DECAY and lasts > LASTING, r, period * Ts, "", R, lasts)
 
 
 def regular_segment(x: np.ndarray, period: float, length: int) -> tuple[int, int]:
