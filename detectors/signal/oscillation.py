@@ -26,6 +26,7 @@ MOST_LOADS = 10  # Hagglund 1995: more of them within the supervision time are a
 _SHORTEST_MEAN = 20  # samples; a shorter moving mean would leave nothing but noise
 # own, from simulated loops: swings of OP that count whichever least size they need, over a factor of it, and are alike
 _LEAST_SWINGS = np.geomspace(0.08, 0.95, 30)  # shares of OP's range tried as the least swing between two reversals
+_BEFORE = np.tri(_LEAST_SWINGS.size, k=-1, dtype=bool)
 _GAP, _ALIKE_SWINGS, _SWINGS, _FEWER, _STILL_ON = 1.6, 0.22, 14, 1.15, 2.0
 
 
@@ -68,8 +69,9 @@ def find_oscillation(op: np.ndarray, pv: np.ndarray, Ts: float) -> Oscillation:
     >>> found.sustained, round(found.period_s, 1)
     (True, 50.3)
     """
-    found = [replace(oscillation_of(x, Ts), signal=name) for name, x in (("op", op), ("pv", pv))]
-    best = max(found, key=lambda o: (o.sustained, o.regularity))
+    of_op, of_pv = oscillation_of(op, Ts), oscillation_of(pv, Ts)
+    in_pv = (of_pv.sustained, of_pv.regularity) > (of_op.sustained, of_op.regularity)
+    best = replace(of_pv, signal="pv") if in_pv else replace(of_op, signal="op")
     at = None if best.sustained else wandering(op)
     if at is None:
         return best
@@ -100,9 +102,14 @@ def wandering(op: np.ndarray) -> np.ndarray | None:
     x = snapped((op - 0.5 * (low + high)) / (high - low))
     at = np.empty(x.size, dtype=np.int64)
     turn = compiled(_reversals)
-    count = np.array([turn(x, least, at) for least in _LEAST_SWINGS]) - 1
-    held = count * _FEWER >= count[:, None]  # [i, j]: as many are left at j as at i
-    widest = [int(np.argmin(np.append(row[i:], False))) - 1 for i, row in enumerate(held & (count >= _SWINGS))]
+    count = np.zeros(_LEAST_SWINGS.size)
+    for i, least in enumerate(_LEAST_SWINGS):
+        count[i] = turn(x, least, at) - 1
+        if count[i] < _SWINGS:  # the more is asked for, the fewer are left
+            break
+    # [i, j]: as many are left at j as at i; before i it does not matter, and behind the last none is
+    held = ((count * _FEWER >= count[:, None]) & (count >= _SWINGS)) | _BEFORE
+    widest = np.where(held.all(axis=1), count.size, held.argmin(axis=1)) - np.arange(1, count.size + 1)
     i = int(np.argmax(widest))
     end = i + widest[i]
     if widest[i] < 0 or _LEAST_SWINGS[end] < _GAP * _LEAST_SWINGS[i]:
