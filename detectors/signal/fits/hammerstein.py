@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -36,8 +37,6 @@ class _Hammerstein:
     ----------
     S, J : float
         Of the best model, in the unit of OP.
-    S_range, J_range : (float, float)
-        Values whose best error is within the tolerance of the smallest one; of S, with either map of the valve.
     error, error_linear : float
         Mean squared error over the variance of PV, with the best valve and with S = J = 0; drift left out of both.
     sign : float
@@ -48,13 +47,27 @@ class _Hammerstein:
 
     S: float
     J: float
-    S_range: tuple[float, float]
-    J_range: tuple[float, float]
     error: float
     error_linear: float
     sign: float
     T_s: float
     Td_s: float
+    ends: tuple[tuple[_Search, _Ends], ...]  # where the search ended for each map, the better one first
+
+    @cached_property
+    def _ranges(self) -> list:
+        return [_ranges(search, ends) for search, ends in self.ends]
+
+    @property
+    def S_range(self) -> tuple[float, float]:
+        """Values of S whose best error is within the tolerance of the smallest one, under either map: which holds is not known."""
+        S = [x for (_, ends), (found, _) in zip(self.ends, self._ranges, strict=True) for x in (float(ends.S[0]), *found)]
+        return min(S), max(S)
+
+    @property
+    def J_range(self) -> tuple[float, float]:
+        """Values of J whose best error is within the tolerance of the smallest one."""
+        return self._ranges[0][1]
 
 
 class _Search:
@@ -160,15 +173,16 @@ def fit_hammerstein(
     poles = np.array([1.0]) if integrating else np.append(full.poles(_TIMES), 1.0)
     # a valve without friction follows OP under either map
     linear = float(full.scan(0.0, 0.0, MOVING_UP, poles, 0, full.delays.size)[0].min())
-    fits = [_fit(short.under(stops), full.under(stops), poles, linear, Ts) for stops in _VALVES]
-    best = min(fits, key=lambda fit: fit.error)
-    # which map a valve follows is not known: S is what either says
-    ends = [(min(fit.S, fit.S_range[0]), max(fit.S, fit.S_range[1])) for fit in fits]
-    return replace(best, S_range=(min(lo for lo, _ in ends), max(hi for _, hi in ends)))
+    searches = [short.under(stops) for stops in _VALVES]
+    fits = [_fit(search, full.under(stops), poles) for search, stops in zip(searches, _VALVES, strict=True)]
+    ends = sorted(zip(searches, fits, strict=True), key=lambda end: end[1].error[0])
+    error, S, J, _, pole, d = (float(x[0]) for x in ends[0][1])
+    T = np.inf if pole == 1.0 else -full.q * Ts / np.log(pole)
+    return _Hammerstein(S, J, error, linear, full.sign, float(T), d * full.q * Ts, tuple(ends))
 
 
-def _fit(short: _Search, full: _Search, poles: np.ndarray, linear: float, Ts: float) -> _Hammerstein:
-    """The best fit of one of the two maps."""
+def _fit(short: _Search, full: _Search, poles: np.ndarray) -> _Ends:
+    """The best end of one of the two maps."""
     everywhere, integrating = full.delays.size, poles.size == 1
     S, J = _grid(_S_SHARES * full.swing, _J_SHARES)
     stride = max(1, everywhere // 8)
@@ -187,12 +201,7 @@ def _fit(short: _Search, full: _Search, poles: np.ndarray, linear: float, Ts: fl
         more = _Ends.at(tried[found], S[found], J[found], np.repeat(best.pole, len(found)), np.repeat(best.d, len(found)))
         ends = _settle(short, ends.and_(more).best(_TOP), integrating, (0.006,))
     ends = _plants(full, _restarted(full, ends), integrating).best(2)
-    ends = _settle(full, ends, integrating, (0.004, 0.001)).best(1)
-    S_range, J_range = _ranges(short, ends)
-    error, S_hat, J_hat, _, pole, d = (float(x[0]) for x in ends)
-    T = np.inf if pole == 1.0 else -full.q * Ts / np.log(pole)
-    dead = d * full.q * Ts
-    return _Hammerstein(S_hat, J_hat, S_range, J_range, error, linear, full.sign, float(T), float(dead))
+    return _settle(full, ends, integrating, (0.004, 0.001)).best(1)
 
 
 class _Ends(NamedTuple):
