@@ -21,10 +21,21 @@ def detrend(x: np.ndarray) -> np.ndarray:
     x = x - np.add.reduce(x) / x.size
     k, square = _line(x.size)
     flat = x - k * ((k @ x) / square)
-    off = flat - np.add.reduce(flat) / x.size
-    std = math.sqrt(np.add.reduce(off * off) / x.size)  # ndarray.std takes as long as all the rest
+    std = centred(flat)[1]
     # rounding leaves 1e-16 of the values behind: no signal
     return flat / std if std > 1e-10 * np.abs(x).max() else np.zeros(x.size)
+
+
+def centred(x: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return a signal less its mean, and its standard deviation, as numpy's methods do in thrice the time.
+
+    Examples
+    --------
+    >>> centred(np.array([1.0, 3.0]))
+    (array([-1.,  1.]), 1.0)
+    """
+    off = x - np.add.reduce(x) / x.size
+    return off, math.sqrt(np.add.reduce(off * off) / x.size)
 
 
 @lru_cache(maxsize=32)

@@ -72,11 +72,11 @@ def lattice(x: np.ndarray, unit: float = 0.0) -> float:
     """
     rising = np.sort(x)
     fine = unit + 1e-8 * (float(max(-rising[0], rising[-1])) or 1.0)
-    gaps = np.diff(rising)
-    gaps = gaps[gaps > 1.5 * fine]
+    rises = np.diff(rising)
+    gaps = rises[rises > 1.5 * fine]
     if gaps.size == 0 or gaps.min() < _COARSER * fine:
         return 0.0
-    levels = np.unique(rising)
+    levels = rising[np.append(True, rises > 0.0)]
     step = float(gaps.min())
     near = gaps[gaps < 3.5 * step]
     step = float(near.sum() / np.round(near / step).sum())
@@ -86,10 +86,13 @@ def lattice(x: np.ndarray, unit: float = 0.0) -> float:
     place = levels - levels[0]
     for _ in range(3):
         # spacing and beginning sharpen each other
-        step, start = np.linalg.lstsq(np.column_stack([np.round(place / step), np.ones(place.size)]), place, rcond=None)[0]
-        place = place - start
+        number = np.round(place / step)
+        off = number - number.mean()
+        square = off @ off
+        step = float(off @ place / square) if square > 0.0 else 0.0
         if step <= 0.0:
             return 0.0
+        place = place - (place.mean() - step * number.mean())
     off = float(np.abs(place - step * np.round(place / step)).max())
     if off > _OFF * step + 0.6 * fine:
         return 0.0

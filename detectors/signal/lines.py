@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from detectors.signal.conditioning import median
+
 _NOISY = 0.3  # of the noise, that rounding may hide before nothing lies on a line but what was drawn on it
 _LARGE = 100.0  # roundings; of smaller moves, which lie on a line by chance, no share is taken
 
@@ -47,7 +49,7 @@ def _bends(x: np.ndarray, unit: float, noise: float) -> tuple[np.ndarray, float]
     # what has come to rest is straight by itself, but noise never rests
     least = 0.0 if noisy else max(2.0 * unit, 5.0 * exact)
     moving = (np.abs(first[1:]) > least) | (np.abs(first[:-1]) > least)
-    typical = 1.4826 * float(np.median(np.abs(first)))
+    typical = 1.4826 * median(np.abs(first))
     seen = moving & (noisy or tolerance <= 0.2 * typical)
     return np.where(seen, np.abs(second), np.inf), tolerance
 
@@ -63,7 +65,7 @@ def straight(x: np.ndarray, unit: float = 0.0) -> tuple[float, int]:
     (0.9, 96)
     """
     size = np.abs(np.diff(x))
-    usual = float(np.median(size[size > 0])) if size.any() else 0.0
+    usual = median(size[size > 0]) if size.any() else 0.0
     large = size > max(0.1 * usual, _LARGE * unit)
     moving = large[1:] & large[:-1]
     on = moving & on_line(x, unit)[1:-1]

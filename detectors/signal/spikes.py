@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from detectors.signal.conditioning import median
+
 _SPIKE = 6.0  # robust standard deviations from which an isolated point is a spike
 _FURTHER = 4.5  # the same where three spikes are sure: 2 in 100 000 by chance
 _ALONE = 2.0  # times the spread of its neighbours about their line; a corner has 1.5, a step 1.25
@@ -32,7 +34,7 @@ def isolated(x: np.ndarray, unit: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     clean = np.asarray(x, dtype=float).copy()
     usual = np.abs(clean - _around(clean).mean(axis=0))
     floor = max(0.5 * unit, 1e-12)
-    overall = max(1.4826 * float(np.median(usual)), floor)
+    overall = max(1.4826 * median(usual), floor)
     if usual.max() <= _SPIKE * overall:
         return none
     from scipy.ndimage import maximum_filter1d, median_filter  # most records get by without

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from detectors.compiled import compiled
+from detectors.signal.conditioning import median
 from detectors.signal.fits.hammerstein_kernels import MOVING_UP, VALVES_SIDE_BY_SIDE, descend, errors
 from detectors.signal.oscillation import detrend
 
@@ -336,7 +337,7 @@ def swing(op: np.ndarray, period: float) -> float:
     """
     size = min(max(round(period), 2), op.size)
     cycles = op[: op.size // size * size].reshape(-1, size)
-    return float(np.median(np.ptp(cycles, axis=1)))
+    return median(cycles.max(axis=1) - cycles.min(axis=1))
 
 
 def moving_mean(x: np.ndarray, half: int) -> np.ndarray:
