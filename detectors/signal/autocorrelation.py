@@ -105,7 +105,7 @@ def _crossings(x, band, at):
 
 
 def decay_ratio(rho: np.ndarray, at: np.ndarray) -> float:
-    """Return R = a/b of Miao & Seborg from an ACF and its zero crossings.
+    """Return R = a/b of Miao & Seborg from an ACF and its zero crossings, heights over or under the line between neighbours.
 
     Examples
     --------
@@ -113,12 +113,12 @@ def decay_ratio(rho: np.ndarray, at: np.ndarray) -> float:
     >>> round(decay_ratio(rho, zero_crossings(rho)), 2)
     1.0
     """
-    edges = np.ceil(at[:4]).astype(int)
-    low1 = edges[0] + int(np.argmin(rho[edges[0] : edges[1] + 1]))
-    top = edges[1] + int(np.argmax(rho[edges[1] : edges[2] + 1]))
-    low2 = edges[2] + int(np.argmin(rho[edges[2] : edges[3] + 1]))
-    a = rho[top] - np.interp(top, [low1, low2], [rho[low1], rho[low2]])
-    b = np.interp(low1, [0, top], [1.0, rho[top]]) - rho[low1]
+    first, second, third, fourth = int(np.ceil(at[0])), int(np.ceil(at[1])), int(np.ceil(at[2])), int(np.ceil(at[3]))
+    low1 = first + int(np.argmin(rho[first : second + 1]))
+    top = second + int(np.argmax(rho[second : third + 1]))
+    low2 = third + int(np.argmin(rho[third : fourth + 1]))
+    a = rho[top] - (rho[low1] + (rho[low2] - rho[low1]) * (top - low1) / (low2 - low1))
+    b = 1.0 + (rho[top] - 1.0) * low1 / top - rho[low1]
     return float(a / b)
 
 
@@ -131,10 +131,17 @@ def lasting(x: np.ndarray, period: float) -> float:
     >>> round(lasting(np.exp(-k / 300) * np.sin(k / 5), 10 * np.pi), 1)
     0.1
     """
-    whole, half = round(period), round(period / 2)
+    whole, half = int(np.rint(period)), int(np.rint(period / 2))
     power = x[whole:] * (x[:-whole] - x[whole - half : -half])
     third = power.size // 3
     if third == 0:
         return 0.0
     first, last = max(power[:third].mean(), 0.0), max(power[-third:].mean(), 0.0)
-    return float(np.sqrt(last / first)) if first > 0 else float(last > 0)
+    if first > 0.0:
+        return float(np.sqrt(last / first))
+    return 1.0 if last > 0.0 else 0.0
+
+
+def decay_and_lasting(rho, at, x, period):
+    """Return both in one compiled call."""
+    return decay_ratio(rho, at), lasting(x, period)

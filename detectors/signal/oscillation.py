@@ -14,14 +14,14 @@ from functools import lru_cache
 import numpy as np
 
 from detectors.compiled import compiled
-from detectors.signal.autocorrelation import decay_ratio, detrend, fast_size, lasting, zero_crossings
+from detectors.signal.autocorrelation import decay_and_lasting, detrend, fast_size, zero_crossings
 from detectors.signal.conditioning import snapped
 
 _CROSSINGS = 11  # Thornhill 2003: the first 11 zero crossings of the ACF, 10 intervals
 _REGULAR = 1.0  # r > 1: the spread of the intervals is below a third of their mean
 _DECAY = 0.5  # R > 0.5: the ACF loses less than half of its swing per half period (Miao & Seborg 1999)
 LASTING = 1.0 / 3.0  # amplitude of the last third over that of the first: below it, a transient has died out
-_HIGH_PASS = (np.inf, 1 / 6, 1 / 18, 1 / 54)  # moving means removed before a further look, as shares of the record
+_HIGH_PASS = (1 / 6, 1 / 18, 1 / 54)  # moving means removed before a further look, as shares of the record
 MOST_LOADS = 10  # Hagglund 1995: more of them within the supervision time are an oscillation
 _SHORTEST_MEAN = 20  # samples; a shorter moving mean would leave nothing but noise
 # own, from simulated loops: swings of OP that count whichever least size they need, over a factor of it, and are alike
@@ -38,7 +38,6 @@ class Oscillation:
     regularity: float  # r = (1/3) mean(Tp) / std(Tp)
     period_s: float  # NaN when none was found
     signal: str = ""  # "op" or "pv", the more regular one
-    # both NaN where r already says no
     decay_ratio: float = float("nan")  # R of Miao & Seborg, about d when the ACF shrinks by d per half period
     lasting: float = float("nan")  # amplitude in the last third of the record over that in the first
     loads: float = float("nan")  # in the memory of Hagglund's detector; NaN when another one judged
@@ -76,8 +75,7 @@ def find_oscillation(op: np.ndarray, pv: np.ndarray, Ts: float) -> Oscillation:
     if at is None:
         return best
     period = 2.0 * float(at[-1] - at[0]) / (at.size - 1)
-    lasts = lasting(detrend(op if best.signal == "op" else pv), best.period_s / Ts) if best.regularity > 0.0 else best.lasting
-    return Oscillation(True, best.regularity, period * Ts, "op", best.decay_ratio, lasts, swings=at.size - 1)
+    return Oscillation(True, best.regularity, period * Ts, "op", best.decay_ratio, best.lasting, swings=at.size - 1)
 
 
 def wandering(op: np.ndarray) -> np.ndarray | None:
@@ -161,23 +159,21 @@ def oscillation_of(x: np.ndarray, Ts: float = 1.0) -> Oscillation:
         return best
     size = fast_size(n + n // 2)
     power = np.abs(np.fft.rfft(x, size)) ** 2
-    for share in _HIGH_PASS:
-        window = share * n
-        if window < _SHORTEST_MEAN:
-            break
-        left = power if share == np.inf else power * _high_pass(size, window)
-        rho = np.fft.irfft(left, size)[: n // 2]
-        found = _judge_acf(x, rho / rho[0], Ts)
-        if found.sustained:
-            return found
-        best = max(best, found, key=lambda o: o.regularity)
+    for left in (1.0, _high_passes(size, n)):  # two transforms: with several rows, one costs hardly more
+        for rho in np.atleast_2d(np.fft.irfft(power * left, size)[..., : n // 2]):
+            found = _judge_acf(x, rho / rho[0], Ts)
+            if found.sustained:
+                return found
+            best = max(best, found, key=lambda o: o.regularity)
     return best
 
 
 @lru_cache(maxsize=32)
-def _high_pass(size: int, window: float) -> np.ndarray:
-    """Return what taking off a moving mean over `window` samples leaves of a power spectrum."""
-    return (1.0 - np.sinc(np.arange(size // 2 + 1) / size * window)) ** 2
+def _high_passes(size: int, n: int) -> np.ndarray:
+    """Return what taking off moving means over shares of n samples leaves of a power spectrum, a row for each."""
+    f = np.arange(size // 2 + 1) / size
+    rows = [(1.0 - np.sinc(f * share * n)) ** 2 for share in _HIGH_PASS if share * n >= _SHORTEST_MEAN]
+    return np.array(rows).reshape(-1, f.size)
 
 
 def _judge_acf(x: np.ndarray, rho: np.ndarray, Ts: float) -> Oscillation:
@@ -194,10 +190,8 @@ def _judge_acf(x: np.ndarray, rho: np.ndarray, Ts: float) -> Oscillation:
     period = float(np.add.reduce(Tp)) / kept
     off = Tp - period
     r = period / max(3.0 * math.sqrt(float(np.add.reduce(off * off)) / (kept - 1)), 1e-6 * period)
-    if r <= _REGULAR:
-        return Oscillation(False, r, period * Ts)
-    R, lasts = decay_ratio(rho, at), lasting(x, period)
-    return Oscillation(R > _DECAY and lasts > LASTING, r, period * Ts, "", R, lasts)
+    R, lasts = compiled(decay_and_lasting)(rho, at, x, period)
+    return Oscillation(r > _REGULAR and R > _DECAY and lasts > LASTING, r, period * Ts, "", R, lasts)
 
 
 def regular_segment(x: np.ndarray, period: float, length: int) -> tuple[int, int]:
