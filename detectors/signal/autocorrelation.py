@@ -18,12 +18,21 @@ def detrend(x: np.ndarray) -> np.ndarray:
     >>> detrend(np.array([1.0, 2.0, 3.0]))
     array([0., 0., 0.])
     """
-    x = x - np.add.reduce(x) / x.size
-    k, square = _line(x.size)
-    flat = x - k * ((k @ x) / square)
-    std = centred(flat)[1]
+    return detrended(x[None])[0]
+
+
+def detrended(rows: np.ndarray) -> np.ndarray:
+    """Return `detrend` of every row, shape (m, n)."""
+    n = rows.shape[1]
+    rows = rows - np.add.reduce(rows, axis=1, keepdims=True) / n
+    k, square = _line(n)
+    flat = rows - k * (rows @ k / square)[:, None]
+    off = flat - np.add.reduce(flat, axis=1, keepdims=True) / n
+    std = np.sqrt(np.add.reduce(off * off, axis=1) / n)
     # rounding leaves 1e-16 of the values behind: no signal
-    return flat / std if std > 1e-10 * np.abs(x).max() else np.zeros(x.size)
+    alive = std > 1e-10 * np.abs(rows).max(axis=1)
+    std[~alive] = np.inf
+    return flat / std[:, None]
 
 
 def centred(x: np.ndarray) -> tuple[np.ndarray, float]:

@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 
 from detectors.compiled import compiled
-from detectors.signal.autocorrelation import decay_and_lasting, detrend, fast_size, zero_crossings
+from detectors.signal.autocorrelation import decay_and_lasting, detrend, detrended, fast_size, zero_crossings
 from detectors.signal.conditioning import snapped
 
 _CROSSINGS = 11  # Thornhill 2003: the first 11 zero crossings of the ACF, 10 intervals
@@ -68,7 +68,7 @@ def find_oscillation(op: np.ndarray, pv: np.ndarray, Ts: float) -> Oscillation:
     >>> found.sustained, round(found.period_s, 1)
     (True, 50.3)
     """
-    of_op, of_pv = oscillation_of(op, Ts), oscillation_of(pv, Ts)
+    of_op, of_pv = oscillations_of(np.array([op, pv]), Ts)
     in_pv = (of_pv.sustained, of_pv.regularity) > (of_op.sustained, of_op.regularity)
     best = replace(of_pv, signal="pv") if in_pv else replace(of_op, signal="op")
     at = None if best.sustained else wandering(op)
@@ -152,19 +152,25 @@ def oscillation_of(x: np.ndarray, Ts: float = 1.0) -> Oscillation:
     >>> oscillation_of(np.random.default_rng(1).standard_normal(2000)).sustained
     False
     """
-    x = detrend(x)
-    n = x.size
-    best = NOTHING
-    if n < 8 or not x.any():
+    return oscillations_of(x[None], Ts)[0]
+
+
+def oscillations_of(rows: np.ndarray, Ts: float = 1.0) -> list[Oscillation]:
+    """Return `oscillation_of` of every row, shape (m, n): what is done to one at a time costs as much for several."""
+    rows = detrended(rows)
+    n, best = rows.shape[1], [NOTHING] * len(rows)
+    live = np.flatnonzero(rows.any(axis=1)) if n >= 8 else []
+    if len(live) == 0:
         return best
     size = fast_size(n + n // 2)
-    power = np.abs(np.fft.rfft(x, size)) ** 2
-    for left in (1.0, _high_passes(size, n)):  # two transforms: with several rows, one costs hardly more
-        for rho in np.atleast_2d(np.fft.irfft(power * left, size)[..., : n // 2]):
-            found = _judge_acf(x, rho / rho[0], Ts)
-            if found.sustained:
-                return found
-            best = max(best, found, key=lambda o: o.regularity)
+    power = np.abs(np.fft.rfft(rows[live], size)) ** 2
+    for i, rho in zip(live, np.fft.irfft(power, size)[:, : n // 2], strict=True):
+        best[i] = _judge_acf(rows[i], rho / rho[0], Ts)
+    for i, spectrum in zip(live, power, strict=True):
+        for rho in () if best[i].sustained else np.fft.irfft(spectrum * _high_passes(size, n), size)[:, : n // 2]:
+            best[i] = max(best[i], _judge_acf(rows[i], rho / rho[0], Ts), key=lambda o: (o.sustained, o.regularity))
+            if best[i].sustained:
+                break
     return best
 
 
