@@ -23,7 +23,7 @@ S_FINE = np.concatenate([np.geomspace(0.04, 0.45, 8), np.linspace(0.48, 1.0, 27)
 _J_FINE = np.array([0.03, 0.15, 0.25, 0.35, 0.45, 0.6, 0.75, 0.9, 1.0, 1.1, 1.25, 1.4])
 _J_PROFILE = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.25)  # of S
 _LEAST_ERROR_SHARE = 2e-4  # share of the variance of PV below which errors say nothing: sampling, rounding
-_PASSES, _TOP = 2, 4  # of the dense grid, each with the best plant so far; candidates kept
+_PASSES, _TOP, _AGAIN = 2, 4, 128  # of the dense grid, each with the best plant so far; candidates kept; valves tried again
 _MAPS = np.array([[0.0], [1.0]])  # whether a moving valve stops within every sample: Choudhury's map, He's; searched abreast
 _ROWS = np.arange(2)[:, None]
 _REST_POSITIONS = (0.0, -0.5, 0.5)  # rest positions tried, as shares of the break-away band
@@ -193,25 +193,30 @@ def _fit(short: _Search, full: _Search, poles: np.ndarray) -> _Ends:
     everywhere, integrating = full.delays.size, poles.size == 1
     S, J = _grid(_S_SHARES * full.swing, _J_SHARES)
     stride = max(1, everywhere // 8)
-    tried, at = short.scan(_MAPS[:, None], S, J, MOVING_UP, poles[:, None], 0, -(-everywhere // stride), stride)
-    which, column = tried.argmin(axis=1), np.arange(S.size)
+    grid = _MAPS[:, None], S[:, None], J[:, None], MOVING_UP, poles[:, None]
+    tried, at = short.scan(*grid, 0, -(-everywhere // stride), stride)
+    which, column = tried.argmin(axis=1), np.arange(S.shape[1])
     tried, at = tried[_ROWS, which, column], at[_ROWS, which, column]
     found = _distinct(tried, S, J, 4)
-    ends = _Ends.at(tried[_ROWS, found], S[found], J[found], poles[which[_ROWS, found]], at[_ROWS, found])
-    ends = _plants(short, ends, integrating)
+    S, J, tried, which, at = (x[_ROWS, found] for x in (S, J, tried, which, at))
+    ends = _plants(short, _Ends.at(tried, S, J, poles[which], at), integrating)
     # noise on OP cuts valleys of 1 % of S: a dense grid with a good plant finds them, a descent does not
     S, J = _grid(S_FINE * full.swing, _J_FINE)
     for _ in range(_PASSES):
         best = ends.best(1)
         low, count = short.window(best.d, 1)
-        windows = zip(_MAPS, best.pole, low, count, strict=True)
-        tried = np.array([short.scan(stops, S, J, MOVING_UP, *plant)[0] for stops, *plant in windows])
+        # one map at a time: valves that share a window of delays stand side by side
+        rows = zip(_MAPS, S, J, best.pole, low, count, strict=True)
+        tried = np.array([short.scan(stops, s, j, MOVING_UP, *plant)[0] for stops, s, j, *plant in rows])
         found = _distinct(tried, S, J, 4)
         pole, d = np.repeat(best.pole, 4, axis=1), np.repeat(best.d, 4, axis=1)
-        more = _Ends.at(tried[_ROWS, found], S[found], J[found], pole, d)
-        ends = _settle(short, ends.and_(more).best(_TOP), integrating, (0.006,))
+        more = _Ends.at(tried[_ROWS, found], S[_ROWS, found], J[_ROWS, found], pole, d)
+        ends = _settle(short, ends.and_(more).best(_TOP), integrating, 0.006)
+        again = np.argsort(tried, axis=1, kind="stable")[:, :_AGAIN]
+        S, J = S[_ROWS, again], J[_ROWS, again]
     ends = _plants(full, _restarted(full, ends), integrating).best(2)
-    return _settle(full, ends, integrating, (0.004, 0.001)).best(1)
+    ends = _settle(full, ends, integrating, 0.004).best(1)
+    return _settle(full, ends, integrating, 0.001)
 
 
 class _Ends(NamedTuple):
@@ -244,8 +249,8 @@ class _Ends(NamedTuple):
 
 
 def _grid(S: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """S and J of every combination."""
-    return np.repeat(S, shares.size), (S[:, None] * shares).ravel()
+    """S and J of every combination, a row for each map."""
+    return np.tile(np.repeat(S, shares.size), (2, 1)), np.tile((S[:, None] * shares).ravel(), (2, 1))
 
 
 def _distinct(errors: np.ndarray, S: np.ndarray, J: np.ndarray, count: int) -> np.ndarray:
@@ -253,8 +258,9 @@ def _distinct(errors: np.ndarray, S: np.ndarray, J: np.ndarray, count: int) -> n
     left, size, share = errors.copy(), np.log(S), J / S
     kept = np.empty((len(errors), count), dtype=np.int64)
     for i in range(count):
-        k = kept[:, i] = left.argmin(axis=1)
-        left[(np.abs(size - size[k, None]) <= 0.1) & (np.abs(share - share[k, None]) <= 0.4)] = np.inf
+        k = left.argmin(axis=1, keepdims=True)
+        kept[:, i] = k[:, 0]
+        left[(np.abs(size - size[_ROWS, k]) <= 0.1) & (np.abs(share - share[_ROWS, k]) <= 0.4)] = np.inf
     return kept
 
 
@@ -282,15 +288,12 @@ def _restarted(
     return ends._replace(error=error[_ROWS, column, k], start=tried[column, k])
 
 
-def _settle(search: _Search, ends: _Ends, integrating: bool, steps: tuple[float, ...]) -> _Ends:
+def _settle(search: _Search, ends: _Ends, integrating: bool, least: float) -> _Ends:
     """Improve plants, valves and start states in turn."""
-    for least in steps:
-        ends = _plants(search, ends, integrating)
-        ends = search.descend(ends, 4.0 * least, least, 2)
-        rest = _restarted(search, ends, _REST_POSITIONS, 2)
-        moving = ends.start == MOVING_UP
-        ends = ends.better(rest._replace(error=np.where(moving, rest.error, np.inf)))
-    return ends
+    ends = search.descend(_plants(search, ends, integrating), 4.0 * least, least, 2)
+    rest = _restarted(search, ends, _REST_POSITIONS, 2)
+    moving = ends.start == MOVING_UP
+    return ends.better(rest._replace(error=np.where(moving, rest.error, np.inf)))
 
 
 def _ranges(search: _Search, best: _Ends) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
