@@ -133,15 +133,12 @@ class _Search:
         points[:, 0], points[:, 1] = ends.S.ravel(), ends.J.ravel()
         finite = (pole > 0.0) & (pole < 1.0)
         points[finite, 2] = np.log(-np.log(pole[finite]))
-        wide, error = np.empty(shape), np.empty(m)
-        wide[:] = width
-        wide = wide.ravel()
+        wide, error = np.full(shape, width).ravel(), np.empty(m)
         steps[:, 0] = wide * self.swing
-        steps[:, 1] = np.where(np.broadcast_to(fixed_J, shape).ravel(), 0.0, steps[:, 0])
+        steps[:, 1] = np.where(np.full(shape, fixed_J).ravel(), 0.0, steps[:, 0])
         steps[:, 2] = np.where(finite, 2.0 * wide, 0.0)
         low, count = self.window(ends.d.ravel(), reach)
-        share = np.broadcast_to(np.divide(least, width), shape).flatten()
-        maps, start = np.broadcast_to(_MAPS, shape).flatten(), ends.start.flatten()
+        maps, start, share = (np.full(shape, x).ravel() for x in (_MAPS, ends.start, np.divide(least, width)))
         compiled(descend)(*self.common, maps, points, start, self.delays[low], count, steps, share, error)
         S, J, pole = points[:, 0], points[:, 1], np.exp(-np.exp(points[:, 2]))
         return ends._replace(**{k: x.reshape(shape) for k, x in (("error", error), ("S", S), ("J", J), ("pole", pole))})
