@@ -11,13 +11,7 @@ from detectors.compiled import compiled
 
 
 def detrend(x: np.ndarray) -> np.ndarray:
-    """Return the signal without its least-squares straight line, in units of its own std; zeros for a constant.
-
-    Examples
-    --------
-    >>> detrend(np.array([1.0, 2.0, 3.0]))
-    array([0., 0., 0.])
-    """
+    """Return the signal without its least-squares straight line, in units of its own std; zeros for a constant."""
     return detrended(x[None])[0]
 
 
@@ -36,13 +30,7 @@ def detrended(rows: np.ndarray) -> np.ndarray:
 
 
 def centred(x: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return a signal less its mean, and its standard deviation, as numpy's methods do in thrice the time.
-
-    Examples
-    --------
-    >>> centred(np.array([1.0, 3.0]))
-    (array([-1.,  1.]), 1.0)
-    """
+    """Return a signal less its mean, and its standard deviation, as numpy's methods do in thrice the time."""
     off = x - np.add.reduce(x) / x.size
     return off, math.sqrt(np.add.reduce(off * off) / x.size)
 
@@ -56,37 +44,19 @@ def _line(n: int) -> tuple[np.ndarray, float]:
 
 @lru_cache(maxsize=256)
 def fast_size(n: int) -> int:
-    """Return a length >= n for which the FFT is fast: 2, 3 or 5 times a power of two.
-
-    Examples
-    --------
-    >>> fast_size(6000), fast_size(1025)
-    (6144, 1280)
-    """
+    """Return a length >= n for which the FFT is fast: 2, 3 or 5 times a power of two."""
     return min(m << max((-(-n // m) - 1).bit_length(), 0) for m in (2, 3, 5))
 
 
 def acf(x: np.ndarray) -> np.ndarray:
-    """Return the biased autocorrelation of a mean-free signal for lags below half its length, by FFT.
-
-    Examples
-    --------
-    >>> acf(np.array([1.0, -1.0, 1.0, -1.0]))
-    array([ 1.  , -0.75])
-    """
+    """Return the biased autocorrelation of a mean-free signal for lags below half its length, by FFT."""
     size = fast_size(x.size + x.size // 2)
     c = np.fft.irfft(np.abs(np.fft.rfft(x, size)) ** 2, size)[: x.size // 2]
     return c / c[0]
 
 
 def zero_crossings(x: np.ndarray, band: float = 0.0, most: int | None = None) -> np.ndarray:
-    """Return where a signal crosses zero for good, that is, leaves the band on the other side before it comes back.
-
-    Examples
-    --------
-    >>> zero_crossings(np.array([1.0, 0.2, -0.2, 0.1, -1.0, -1.0, 1.0]), 0.5)
-    array([2.66666667, 5.5       ])
-    """
+    """Return where a signal crosses zero for good, that is, leaves the band on the other side before it comes back."""
     at = np.empty(x.size if most is None else most)
     return at[: compiled(_crossings)(x, band, at)]
 
@@ -114,14 +84,7 @@ def _crossings(x, band, at):
 
 
 def decay_ratio(rho: np.ndarray, at: np.ndarray) -> float:
-    """Return R = a/b of Miao & Seborg from an ACF and its zero crossings, heights over or under the line between neighbours.
-
-    Examples
-    --------
-    >>> rho = np.cos(np.arange(200) / 8)
-    >>> round(decay_ratio(rho, zero_crossings(rho)), 2)
-    1.0
-    """
+    """Return R = a/b of Miao & Seborg from an ACF and its zero crossings, heights over or under the line between neighbours."""
     first, second, third, fourth = int(np.ceil(at[0])), int(np.ceil(at[1])), int(np.ceil(at[2])), int(np.ceil(at[3]))
     low1 = first + int(np.argmin(rho[first : second + 1]))
     top = second + int(np.argmax(rho[second : third + 1]))
@@ -132,14 +95,7 @@ def decay_ratio(rho: np.ndarray, at: np.ndarray) -> float:
 
 
 def lasting(x: np.ndarray, period: float) -> float:
-    """Return the amplitude of an oscillation in the last third of a signal over that in the first third.
-
-    Examples
-    --------
-    >>> k = np.arange(900)
-    >>> round(lasting(np.exp(-k / 300) * np.sin(k / 5), 10 * np.pi), 1)
-    0.1
-    """
+    """Return the amplitude of an oscillation in the last third of a signal over that in the first third."""
     whole, half = int(np.rint(period)), int(np.rint(period / 2))
     power = x[whole:] * (x[:-whole] - x[whole - half : -half])
     third = power.size // 3

@@ -60,13 +60,6 @@ def fit_ellipse(x: np.ndarray, y: np.ndarray) -> Ellipse | None:
     -----
     Source: Fitzgibbon, Pilu & Fisher (1999), IEEE PAMI 21, 476-480: minimise |D a|^2 subject to 4AC - B^2 = 1, in the
     partitioned form of Halir & Flusser (1998). Not for short arcs with noise: the fit leans to small, flat ellipses.
-
-    Examples
-    --------
-    >>> t = np.linspace(0, 6, 50)
-    >>> found = fit_ellipse(50 + 3 * np.cos(t), 10 + np.sin(t))
-    >>> round(found.apparent_stiction, 6), found.fitness(50 + 3 * np.cos(t), 10 + np.sin(t))
-    (6.0, 1.0)
     """
     mx, my = float(x.mean()), float(y.mean())
     (u, sx), (v, sy) = centred(x), centred(y)
