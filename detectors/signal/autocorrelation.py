@@ -39,7 +39,7 @@ def centred(x: np.ndarray) -> tuple[np.ndarray, float]:
 def _line(n: int) -> tuple[np.ndarray, float]:
     """Return a straight line about 0 and the sum of its squares."""
     k = np.arange(n) - 0.5 * (n - 1)
-    return k, k @ k
+    return k, float(k @ k)
 
 
 @lru_cache(maxsize=256)

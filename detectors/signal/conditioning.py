@@ -104,7 +104,7 @@ def smooth(x: np.ndarray, shortest: float, waves: Callable[[], np.ndarray] | Non
         return x
     from scipy.fft import idct
 
-    return idct((mirrored_spectrum(x) if waves is None else waves()) * _kept(x.size, shortest))
+    return np.asarray(idct((mirrored_spectrum(x) if waves is None else waves()) * _kept(x.size, shortest)))
 
 
 @lru_cache(maxsize=16)
@@ -118,7 +118,7 @@ def mirrored_spectrum(x: np.ndarray) -> np.ndarray:
     """Return the spectrum of a signal and its mirror image behind it, whose ends meet: its cosine transform, shape (n,)."""
     from scipy.fft import dct
 
-    return dct(x)
+    return np.asarray(dct(x))
 
 
 def _integral(total: np.ndarray, x: np.ndarray, start: float, count: int) -> np.ndarray:
