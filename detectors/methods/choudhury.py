@@ -25,7 +25,7 @@ from detectors.prepared import Prepared
 from detectors.signal.bicoherence import NGI_LOW, NLI_LOW, boundaries, error_bicoherence
 from detectors.signal.conditioning import band_pass, drift
 from detectors.signal.ellipse import fit_ellipse
-from detectors.signal.oscillation import oscillation_of
+from detectors.signal.oscillation import oscillations_of
 from detectors.signal.surrogates import nonlinearity_index
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
@@ -52,8 +52,9 @@ def _most_regular(op: np.ndarray) -> tuple[int, int]:
     """Return the stretch of step 3: the period of the most regular 1000 samples, then the most regular four periods."""
     length = min(1000, op.size)
     for again in (True, False):
-        starts = range(0, op.size - length + 1, length)
-        start, found = max(((a, oscillation_of(op[a : a + length])) for a in starts), key=lambda f: f[1].regularity)
+        stretches = op[: op.size // length * length].reshape(-1, length)
+        best, found = max(enumerate(oscillations_of(stretches)), key=lambda f: f[1].regularity)
+        start = best * length
         if not (again and length > 4.0 * found.period_s):
             break
         length = round(4.0 * found.period_s)

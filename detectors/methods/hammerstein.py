@@ -118,9 +118,9 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float, S_low: fl
     fit = f"a sticky valve takes {gain:.0%} off the error of a straight one, S + J = {share:.2g} of OP's swing"
     if record.op_percent is not None and found.S < S_low:
         return Verdict("hammerstein", NO_STICTION, score, indices, reason=f"S = {found.S:.2g} % is negligible; {fit}")
-    S = found.S_range[0] / _BEYOND, found.S_range[1] * _BEYOND
-    J = interval(found.J, found.J_range, 0.3 * found.S)
     if score >= score_high:
+        lowest, highest = found.S_range
+        S, J = (lowest / _BEYOND, highest * _BEYOND), interval(found.J, found.J_range, 0.3 * found.S)
         return Verdict("hammerstein", STICTION, score, indices, S=S, J=J, reason=fit)
     verdict = NO_STICTION if score <= score_low else NO_DECISION
     return Verdict("hammerstein", verdict, score, indices, reason=fit)

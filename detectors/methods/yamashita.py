@@ -19,6 +19,7 @@ import numpy as np
 
 from detectors.method import Method, Threshold
 from detectors.prepared import Prepared
+from detectors.signal.autocorrelation import centred
 from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 METHOD = Method(
@@ -33,8 +34,11 @@ METHOD = Method(
 
 # a pair of symbols (OP, valve) as 3 OP + valve with D = 0, S = 1, I = 2
 IS, DS, SS = 7, 1, 4
-_CATCH_UP = {IS: (8, 5), DS: (0, 3)}  # II, SI and DD, SD: the valve catches up
-_UNRELATED = {IS: (0, 2, 3, 6, 1), DS: (2, 5, 6, 8, 7)}  # W of Eq 11.5: DD DI SD ID DS and DI SI ID II IS
+# which runs count for Eqs 11.3 to 11.5, by their pair and the pair after them; the last column stands for none
+_COUNTS = np.zeros((3, 9, 10), dtype=bool)
+_COUNTS[0, [IS, DS]] = True
+_COUNTS[1, IS, [8, 5]] = _COUNTS[1, DS, [0, 3]] = True  # II, SI and DD, SD: the valve catches up
+_COUNTS[2, IS, [0, 2, 3, 6, 1]] = _COUNTS[2, DS, [2, 5, 6, 8, 7]] = True  # W: DD DI SD ID DS and DI SI ID II IS
 
 
 def movement_indices(op: np.ndarray, mv: np.ndarray, step: int = 1) -> tuple[float, float, float]:
@@ -51,12 +55,7 @@ def pattern_indices(pair: np.ndarray) -> tuple[float, float, float]:
     start = np.flatnonzero(np.concatenate([[True], pair[1:] != pair[:-1]]))
     length = np.diff(np.append(start, pair.size))
     run, follower = pair[start], np.append(pair[start][1:], -1)
-    stuck = followed = unrelated = 0
-    for kind in (IS, DS):
-        here = run == kind
-        stuck += length[here].sum()
-        followed += length[here & np.isin(follower, _CATCH_UP[kind])].sum()
-        unrelated += length[here & np.isin(follower, _UNRELATED[kind])].sum()
+    stuck, followed, unrelated = (length[counts[run, follower]].sum() for counts in _COUNTS)
     return float(stuck / pair.size), float(followed / pair.size), float((stuck - unrelated) / pair.size)
 
 
@@ -99,6 +98,6 @@ def detect(prepared: Prepared, *, rho3_min: float, step: float) -> Verdict:
 
 def _symbols(x: np.ndarray, step: int) -> np.ndarray:
     """0, 1, 2 for decreasing, steady, increasing."""
-    d = x[step:] - x[:-step]
-    z = (d - d.mean()) / d.std() if d.std() > 0 else np.zeros(d.size)
+    off, std = centred(x[step:] - x[:-step])
+    z = off / std if std > 0 else np.zeros(off.size)
     return 1 + (z > 1).astype(int) - (z < -1)

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from detectors.signal.autocorrelation import centred
+
 TOLERANCE = 0.1  # a point counts as on the ellipse at 0.9 to 1.1 of its size
 _FLAT = 1e6  # condition of points a thousand times as long as wide: a line; the fit of a thinner ellipse is rounding
 
@@ -58,22 +60,16 @@ def fit_ellipse(x: np.ndarray, y: np.ndarray) -> Ellipse | None:
     -----
     Source: Fitzgibbon, Pilu & Fisher (1999), IEEE PAMI 21, 476-480: minimise |D a|^2 subject to 4AC - B^2 = 1, in the
     partitioned form of Halir & Flusser (1998). Not for short arcs with noise: the fit leans to small, flat ellipses.
-
-    Examples
-    --------
-    >>> t = np.linspace(0, 6, 50)
-    >>> found = fit_ellipse(50 + 3 * np.cos(t), 10 + np.sin(t))
-    >>> round(found.apparent_stiction, 6), found.fitness(50 + 3 * np.cos(t), 10 + np.sin(t))
-    (6.0, 1.0)
     """
-    mx, my, sx, sy = x.mean(), y.mean(), x.std(), y.std()
+    mx, my = float(x.mean()), float(y.mean())
+    (u, sx), (v, sy) = centred(x), centred(y)
     if not (sx > 1e-9 * max(abs(mx), 1e-300) and sy > 1e-9 * max(abs(my), 1e-300)):
         return None
-    u, v = (x - mx) / sx, (y - my) / sy
-    D1 = np.column_stack([u * u, u * v, v * v])
-    D2 = np.column_stack([u, v, np.ones(u.size)])
-    S1, S2, S3 = D1.T @ D1, D1.T @ D2, D2.T @ D2
-    if np.linalg.cond(S3) > _FLAT:
+    u, v = u / sx, v / sy
+    D1, D2 = np.array([u * u, u * v, v * v]), np.array([u, v, np.ones(u.size)])
+    S1, S2, S3 = D1 @ D1.T, D1 @ D2.T, D2 @ D2.T
+    spread = np.linalg.eigvalsh(S3)
+    if spread[-1] > _FLAT * spread[0]:
         return None
     T = -np.linalg.solve(S3, S2.T)
     M = (S1 + S2 @ T)[[2, 1, 0]] * np.array([[0.5], [-1.0], [0.5]])
@@ -82,11 +78,12 @@ def fit_ellipse(x: np.ndarray, y: np.ndarray) -> Ellipse | None:
     found = np.flatnonzero(4.0 * vectors[0] * vectors[2] - vectors[1] ** 2 > 0.0)
     if found.size == 0:
         return None
-    A, B, C = vectors[:, found[0]]
-    D, E, F = T @ vectors[:, found[0]]
-    centre = np.linalg.solve([[2 * A, B], [B, 2 * C]], [-D, -E])
+    A, B, C = vectors[:, found[0]].tolist()
+    D, E, F = (T @ vectors[:, found[0]]).tolist()
+    bend = 4.0 * A * C - B * B
+    centre = (B * E - 2.0 * C * D) / bend, (B * D - 2.0 * A * E) / bend
     level = -(F + 0.5 * (D * centre[0] + E * centre[1]))
     if level == 0.0 or A / level <= 0.0:
         return None
     A, B, C = A / level / sx**2, B / level / (sx * sy), C / level / sy**2
-    return Ellipse(float(A), float(B), float(C), float(mx + sx * centre[0]), float(my + sy * centre[1]))
+    return Ellipse(A, B, C, mx + sx * centre[0], my + sy * centre[1])

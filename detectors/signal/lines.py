@@ -4,20 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from detectors.signal.conditioning import median
+
 _NOISY = 0.3  # of the noise, that rounding may hide before nothing lies on a line but what was drawn on it
 _LARGE = 100.0  # roundings; of smaller moves, which lie on a line by chance, no share is taken
 
 
 def on_line(x: np.ndarray, unit: float = 0.0, noise: float = 0.0) -> np.ndarray:
-    """Return which samples, moving at all, lie on a line through their neighbours.
-
-    Examples
-    --------
-    >>> kept = np.random.default_rng(0).standard_normal(101)
-    >>> on = on_line(np.interp(np.arange(1001), np.arange(0, 1001, 10), kept))
-    >>> int(on.sum())
-    900
-    """
+    """Return which samples, moving at all, lie on a line through their neighbours."""
     out = np.zeros(x.size, dtype=bool)
     bend, tolerance = _bends(x, unit, noise)
     out[1:-1] = bend <= tolerance
@@ -25,14 +19,7 @@ def on_line(x: np.ndarray, unit: float = 0.0, noise: float = 0.0) -> np.ndarray:
 
 
 def share_on_lines(x: np.ndarray, unit: float = 0.0, noise: float = 0.0) -> float:
-    """Return the share of samples that lie on a line through their neighbours beyond those that do so by chance.
-
-    Examples
-    --------
-    >>> x = np.round(np.cumsum(np.random.default_rng(0).standard_normal(4000)), 2)
-    >>> round(float(on_line(x, 0.05).mean()), 2), round(share_on_lines(x, 0.05), 2)
-    (0.06, 0.0)
-    """
+    """Return the share of samples that lie on a line through their neighbours beyond those that do so by chance."""
     bend, tolerance = _bends(x, unit, noise)
     beyond = np.count_nonzero((bend > tolerance) & (bend <= 2.0 * tolerance))
     return max(np.count_nonzero(bend <= tolerance) - beyond, 0) / max(x.size, 1)
@@ -47,23 +34,15 @@ def _bends(x: np.ndarray, unit: float, noise: float) -> tuple[np.ndarray, float]
     # what has come to rest is straight by itself, but noise never rests
     least = 0.0 if noisy else max(2.0 * unit, 5.0 * exact)
     moving = (np.abs(first[1:]) > least) | (np.abs(first[:-1]) > least)
-    typical = 1.4826 * float(np.median(np.abs(first)))
+    typical = 1.4826 * median(np.abs(first))
     seen = moving & (noisy or tolerance <= 0.2 * typical)
     return np.where(seen, np.abs(second), np.inf), tolerance
 
 
 def straight(x: np.ndarray, unit: float = 0.0) -> tuple[float, int]:
-    """Return how much of a signal's movement runs on straight lines between kept samples, and on how many.
-
-    Examples
-    --------
-    >>> kept = np.random.default_rng(0).standard_normal(101)
-    >>> share, lines = straight(np.interp(np.arange(1001), np.arange(0, 1001, 10), kept))
-    >>> round(share, 2), lines
-    (0.9, 96)
-    """
+    """Return how much of a signal's movement runs on straight lines between kept samples, and on how many."""
     size = np.abs(np.diff(x))
-    usual = float(np.median(size[size > 0])) if size.any() else 0.0
+    usual = median(size[size > 0]) if size.any() else 0.0
     large = size > max(0.1 * usual, _LARGE * unit)
     moving = large[1:] & large[:-1]
     on = moving & on_line(x, unit)[1:-1]

@@ -7,23 +7,26 @@ Zhang 2003), the decay ratio of the ACF (Miao & Seborg 1999) and the integrated 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
 from detectors.compiled import compiled
-from detectors.signal.autocorrelation import decay_ratio, detrend, fast_size, lasting, zero_crossings
+from detectors.signal.autocorrelation import decay_and_lasting, detrend, detrended, fast_size, zero_crossings
 from detectors.signal.conditioning import snapped
 
 _CROSSINGS = 11  # Thornhill 2003: the first 11 zero crossings of the ACF, 10 intervals
 _REGULAR = 1.0  # r > 1: the spread of the intervals is below a third of their mean
 _DECAY = 0.5  # R > 0.5: the ACF loses less than half of its swing per half period (Miao & Seborg 1999)
 LASTING = 1.0 / 3.0  # amplitude of the last third over that of the first: below it, a transient has died out
-_HIGH_PASS = (np.inf, 1 / 6, 1 / 18, 1 / 54)  # moving means removed before a further look, as shares of the record
+_HIGH_PASS = (1 / 6, 1 / 18, 1 / 54)  # moving means removed before a further look, as shares of the record
 MOST_LOADS = 10  # Hagglund 1995: more of them within the supervision time are an oscillation
 _SHORTEST_MEAN = 20  # samples; a shorter moving mean would leave nothing but noise
 # own, from simulated loops: swings of OP that count whichever least size they need, over a factor of it, and are alike
 _LEAST_SWINGS = np.geomspace(0.08, 0.95, 30)  # shares of OP's range tried as the least swing between two reversals
+_BEFORE = np.tri(_LEAST_SWINGS.size, k=-1, dtype=bool)
 _GAP, _ALIKE_SWINGS, _SWINGS, _FEWER, _STILL_ON = 1.6, 0.3, 8, 1.15, 2.0
 _UNDERWAY = 0.3  # own; share of a swing's time in the middle half of its size: a triangle 1/2, a sine 1/3, a step 0
 
@@ -66,8 +69,9 @@ def find_oscillation(op: np.ndarray, pv: np.ndarray, Ts: float) -> Oscillation:
     >>> found.sustained, round(found.period_s, 1)
     (True, 50.3)
     """
-    found = [replace(oscillation_of(x, Ts), signal=name) for name, x in (("op", op), ("pv", pv))]
-    best = max(found, key=lambda o: (o.sustained, o.regularity))
+    of_op, of_pv = oscillations_of(np.array([op, pv]), Ts)
+    in_pv = (of_pv.sustained, of_pv.regularity) > (of_op.sustained, of_op.regularity)
+    best = replace(of_pv, signal="pv") if in_pv else replace(of_op, signal="op")
     at = None if best.sustained else wandering(op)
     if at is None:
         return best
@@ -97,9 +101,14 @@ def wandering(op: np.ndarray) -> np.ndarray | None:
     x = snapped((op - 0.5 * (low + high)) / (high - low))
     at = np.empty(x.size, dtype=np.int64)
     turn = compiled(_reversals)
-    count = np.array([turn(x, least, at) for least in _LEAST_SWINGS]) - 1
-    held = count * _FEWER >= count[:, None]  # [i, j]: as many are left at j as at i
-    widest = [int(np.argmin(np.append(row[i:], False))) - 1 for i, row in enumerate(held & (count >= _SWINGS))]
+    count = np.zeros(_LEAST_SWINGS.size)
+    for i, least in enumerate(_LEAST_SWINGS):
+        count[i] = turn(x, least, at) - 1
+        if count[i] < _SWINGS:  # the more is asked for, the fewer are left
+            break
+    # [i, j]: as many are left at j as at i; before i it does not matter, and behind the last none is
+    held = ((count * _FEWER >= count[:, None]) & (count >= _SWINGS)) | _BEFORE
+    widest = np.where(held.all(axis=1), count.size, held.argmin(axis=1)) - np.arange(1, count.size + 1)
     i = int(np.argmax(widest))
     end = i + widest[i]
     if widest[i] < 0 or _LEAST_SWINGS[end] < _GAP * _LEAST_SWINGS[i]:
@@ -146,42 +155,51 @@ def oscillation_of(x: np.ndarray, Ts: float = 1.0) -> Oscillation:
     >>> oscillation_of(np.random.default_rng(1).standard_normal(2000)).sustained
     False
     """
-    x = detrend(x)
-    n, best = x.size, NOTHING
-    if n < 8 or not x.any():
+    return oscillations_of(x[None], Ts)[0]
+
+
+def oscillations_of(rows: np.ndarray, Ts: float = 1.0) -> list[Oscillation]:
+    """Return `oscillation_of` of every row, shape (m, n): what is done to one at a time costs as much for several."""
+    rows = detrended(rows)
+    n, best = rows.shape[1], [NOTHING] * len(rows)
+    live = np.flatnonzero(rows.any(axis=1)) if n >= 8 else []
+    if len(live) == 0:
         return best
     size = fast_size(n + n // 2)
-    power = np.abs(np.fft.rfft(x, size)) ** 2
-    f = np.arange(power.size) / size
-    for share in _HIGH_PASS:
-        window = share * n
-        if window < _SHORTEST_MEAN:
-            break
-        left = power if share == np.inf else power * (1.0 - np.sinc(f * window)) ** 2
-        rho = np.fft.irfft(left, size)[: n // 2]
-        found = _judge_acf(x, rho / rho[0], Ts)
-        if found.sustained:
-            return found
-        best = max(best, found, key=lambda o: o.regularity)
+    power = np.abs(np.fft.rfft(rows[live], size)) ** 2
+    for i, rho in zip(live, np.fft.irfft(power, size)[:, : n // 2], strict=True):
+        best[i] = _judge_acf(rows[i], rho / rho[0], Ts)
+    for i, spectrum in zip(live, power, strict=True):
+        for rho in () if best[i].sustained else np.fft.irfft(spectrum * _high_passes(size, n), size)[:, : n // 2]:
+            best[i] = max(best[i], _judge_acf(rows[i], rho / rho[0], Ts), key=lambda o: (o.sustained, o.regularity))
+            if best[i].sustained:
+                break
     return best
+
+
+@lru_cache(maxsize=32)
+def _high_passes(size: int, n: int) -> np.ndarray:
+    """Return what taking off moving means over shares of n samples leaves of a power spectrum, a row for each."""
+    f = np.arange(size // 2 + 1) / size
+    rows = [(1.0 - np.sinc(f * share * n)) ** 2 for share in _HIGH_PASS if share * n >= _SHORTEST_MEAN]
+    return np.array(rows).reshape(-1, f.size)
 
 
 def _judge_acf(x: np.ndarray, rho: np.ndarray, Ts: float) -> Oscillation:
     first = int(np.argmax(rho < 0.0))
-    band = 1.96 * np.sqrt((1.0 + 2.0 * float(rho[1:first] @ rho[1:first])) / x.size)
-    at = zero_crossings(rho, band)[:_CROSSINGS]
-    lobes = np.diff(at)
-    if lobes.size < 3:
+    band = 1.96 * math.sqrt((1.0 + 2.0 * float(rho[1:first] @ rho[1:first])) / x.size)
+    at = zero_crossings(rho, band, _CROSSINGS)
+    lobes = (at[1:] - at[:-1]).tolist()
+    # the list ends where the ACF has died out
+    longest = 2.0 * sorted(lobes[:3])[1] if len(lobes) > 2 else 0.0
+    kept = next((i for i, lobe in enumerate(lobes) if lobe > longest), len(lobes))
+    if kept < 3:
         return NOTHING
-    died = np.flatnonzero(lobes > 2.0 * np.median(lobes[:3]))
-    at = at[: died[0] + 1] if died.size else at
-    if at.size < 4:
-        return NOTHING
-    Tp = 2.0 * np.diff(at)
-    period = float(Tp.mean())
-    r = period / max(3.0 * float(Tp.std(ddof=1)), 1e-6 * period)
-    R = decay_ratio(rho, at)
-    lasts = lasting(x, period)
+    Tp = 2.0 * np.array(lobes[:kept])
+    period = float(np.add.reduce(Tp)) / kept
+    off = Tp - period
+    r = period / max(3.0 * math.sqrt(float(np.add.reduce(off * off)) / (kept - 1)), 1e-6 * period)
+    R, lasts = compiled(decay_and_lasting)(rho, at, x, period)
     return Oscillation(r > _REGULAR and R > _DECAY and lasts > LASTING, r, period * Ts, "", R, lasts)
 
 

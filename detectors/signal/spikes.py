@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from detectors.signal.conditioning import median
+
 _SPIKE = 6.0  # robust standard deviations from which an isolated point is a spike
 _FURTHER = 4.5  # the same where three spikes are sure: 2 in 100 000 by chance
 _ALONE = 2.0  # times the spread of its neighbours about their line; a corner has 1.5, a step 1.25
@@ -17,13 +19,6 @@ def isolated(x: np.ndarray, unit: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     A spike stands off the line through its four neighbours by far more than they stand off it themselves (a corner, a step
     and a bend do not), and by far more than samples do at this time (those of a burst of noise do not). The largest are taken
     out first, so that one does not hide the next; where three are sure, smaller ones are believed as well.
-
-    Examples
-    --------
-    >>> x = np.sin(np.arange(300) / 9)
-    >>> x[[50, 120]] += 3
-    >>> isolated(x)[0]
-    array([ 50, 120])
     """
     none = np.empty(0, dtype=int), np.empty(0)
     if x.size < 20:
@@ -32,7 +27,7 @@ def isolated(x: np.ndarray, unit: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     clean = np.asarray(x, dtype=float).copy()
     usual = np.abs(clean - _around(clean).mean(axis=0))
     floor = max(0.5 * unit, 1e-12)
-    overall = max(1.4826 * float(np.median(usual)), floor)
+    overall = max(1.4826 * median(usual), floor)
     if usual.max() <= _SPIKE * overall:
         return none
     from scipy.ndimage import maximum_filter1d, median_filter  # most records get by without
@@ -59,13 +54,7 @@ def isolated(x: np.ndarray, unit: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
 
 
 def cleaned(x: np.ndarray, spikes: np.ndarray) -> np.ndarray:
-    """Return the signal with the spikes replaced by the line between their neighbours.
-
-    Examples
-    --------
-    >>> cleaned(np.array([0.0, 9.0, 2.0]), np.array([1]))
-    array([0., 1., 2.])
-    """
+    """Return the signal with the spikes replaced by the line between their neighbours."""
     if spikes.size == 0:
         return x
     keep = np.ones(x.size, dtype=bool)
@@ -93,14 +82,7 @@ def _touching(x: np.ndarray, least: np.ndarray) -> dict[int, float]:
 
 
 def off_line(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return how far each sample is off the line through its four neighbours, and how far these spread about it.
-
-    Examples
-    --------
-    >>> off, spread = off_line(np.array([0.0, 1.0, 2.0, 8.0, 4.0, 5.0, 6.0]))
-    >>> float(off[3]), float(spread[3])
-    (5.0, 0.0)
-    """
+    """Return how far each sample is off the line through its four neighbours, and how far these spread about it."""
     around = _around(x)
     at = np.array([-2.0, -1.0, 1.0, 2.0])[:, None]
     middle, slope = around.mean(axis=0), (at * around).sum(axis=0) / 10.0

@@ -65,12 +65,12 @@ def valve_follow(op: np.ndarray, position: np.ndarray, limits=(0.0, 100.0)) -> F
     n = op.size // q
     op = np.array(op[: n * q], dtype=float)
     y = position[: n * q].reshape(n, q).mean(axis=1)
-    common = (op, y - y.mean(), q, n, _DELAYS + 2, n, 1.0, *(float(x) for x in limits), False)
+    common = (op, y - y.mean(), q, n, _DELAYS + 2, n, 1.0, *(float(x) for x in limits))
     S = np.append(0.0, np.repeat(_S_SHARES * np.ptp(op), _J_SHARES.size))
     J = np.append(0.0, S[1:] * np.tile(_J_SHARES, _S_SHARES.size))
     # every valve with every start and lag
     starts, shape = np.array([MOVING_UP, MOVING_DOWN, 0.0]), (3, _TIMES.size, S.size)
-    valves = (S, J, starts[:, None, None], np.exp(-1.0 / _TIMES)[:, None])
+    valves = (0.0, S, J, starts[:, None, None], np.exp(-1.0 / _TIMES)[:, None])
     valves = (np.broadcast_to(x, shape).ravel() for x in valves)
     out = np.empty((3 * _TIMES.size * S.size, 2))
     low, count = np.full(len(out), 0 if q > 1 else 1), np.full(len(out), _DELAYS)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -62,25 +63,8 @@ def propagated(t, Ts, p, rng):
     The other loop is a FOPTD plant under PI with Ti = T and Td/T = 0.2; its time constant is chosen so that the exact cycle of
     equations.md 2.3 has the wanted period. The shape of its waves, not their cause, reaches our loop.
     """
-    # P = 2S/(k j) + 2 Td + k Td^2 with j = J/(2 - k Td) and k Td = 0.2, solved for k
-    j = p.J / 1.8
-    k = (2 * p.S / j + 0.44) / p.period
     warm_up = int(np.ceil(12 * p.period / Ts))
-    other = Loop.from_table(
-        {
-            "plant": {"type": "foptd", "K": 1.0, "T": 1.0 / k, "Td": 0.2 / k},
-            "controller": {"type": "PI", "Kc": 1.0, "Ti": 1.0 / k},
-            "valve": {"model": "choudhury", "S": p.S, "J": p.J},
-            "sampling": {"Ts": Ts, "n": t.size + warm_up},
-            "noise": {"std": p.noise * p.J},
-        }
-    )
-    # it starts on its cycle, which from rest it might never reach: the valve has just stopped at +j, OP at its maximum
-    top, pv = 50.0 + p.S / 2 + 0.1 * j, 50.0 - j * float(np.tanh(k * p.period / 4))
-    begin = Start(op=top, error=50.0 - pv, pv=pv, valve=(50.0 + j, 1.0, 1.0, top), mv=(50.0 + j,))
-    setup = plain_setup(other, int(rng.integers(2**31)))
-    setup.draw_noise()
-    wave = run_setup(setup, start=begin).record.pv - 50.0
+    wave = _other_loop(p.S, p.J, p.noise, p.period, Ts, t.size + warm_up, int(rng.integers(2**31)))
     if p.lag > 0:
         wave = np.asarray(lfilter([1 - np.exp(-Ts / p.lag)], [1, -np.exp(-Ts / p.lag)], wave))
     # scaled on the warm-up alone: a longer run must begin with the same bits
@@ -91,6 +75,29 @@ def propagated(t, Ts, p, rng):
             f"disturbance 'propagated': the other loop (S = {p.S}, J = {p.J}) does not cycle; choose J nearer to S"
         )
     return p.amplitude * (wave[warm_up:] - warm.mean()) / half_swing
+
+
+@lru_cache(maxsize=4)  # a loop and its twin see the same
+def _other_loop(S: float, J: float, noise: float, period: float, Ts: float, n: int, seed: int) -> np.ndarray:
+    """Return the PV of a sticky loop about its rest, shape (n,)."""
+    # P = 2S/(k j) + 2 Td + k Td^2 with j = J/(2 - k Td) and k Td = 0.2, solved for k
+    j = J / 1.8
+    k = (2 * S / j + 0.44) / period
+    other = Loop.from_table(
+        {
+            "plant": {"type": "foptd", "K": 1.0, "T": 1.0 / k, "Td": 0.2 / k},
+            "controller": {"type": "PI", "Kc": 1.0, "Ti": 1.0 / k},
+            "valve": {"model": "choudhury", "S": S, "J": J},
+            "sampling": {"Ts": Ts, "n": n},
+            "noise": {"std": noise * J},
+        }
+    )
+    # it starts on its cycle, which from rest it might never reach: the valve has just stopped at +j, OP at its maximum
+    top, pv = 50.0 + S / 2 + 0.1 * j, 50.0 - j * float(np.tanh(k * period / 4))
+    begin = Start(op=top, error=50.0 - pv, pv=pv, valve=(50.0 + j, 1.0, 1.0, top), mv=(50.0 + j,))
+    setup = plain_setup(other, seed)
+    setup.draw_noise()
+    return run_setup(setup, start=begin).record.pv - 50.0
 
 
 _PERIOD = {

@@ -10,7 +10,7 @@ from scenarios.spec import Loop
 from simbench.loop.disturbance import disturbance_signal
 from simbench.loop.effects import PLUGINS
 from simbench.loop.parameters import resolve
-from simbench.loop.setup import Setup, plain_setup
+from simbench.loop.setup import Setup, bands_of, plain_setup, stages_of
 
 # Independent random streams of one run: changing one part's numbers leaves the others' alone; the noise has stream 0.
 _DISTURBANCE, _EFFECT = 100, 200
@@ -36,9 +36,15 @@ def quiet_setup(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
 
 def friction(loop: Loop) -> list[tuple[float, float]]:
     """Return (S, J) in % of travel of every stage of the valve that has friction, effects included."""
+    bands = undisturbed(loop).bands if loop.effect else bands_of(stages_of(loop.valve, loop.sampling.Ts))
+    return [(S, J) for S, J in bands if S > 0.0]
+
+
+def undisturbed(loop: Loop) -> Setup:
+    """Return the setup of a loop with its effects, without disturbances and noise."""
     setup = plain_setup(loop, 0)
     _apply_effects(setup)
-    return [(S, J) for S, J in setup.bands if S > 0.0]
+    return setup
 
 
 def _apply_effects(setup: Setup) -> None:

@@ -109,7 +109,7 @@ class Setup:
     @property
     def bands(self) -> list[tuple[float, float]]:
         """Mapped (S, J) in % of travel of every stage of the valve; (0, 0) of one that maps on none."""
-        return [module.mapped_SJ(p) if hasattr(module, "mapped_SJ") else (0.0, 0.0) for module, p in self.valves]
+        return bands_of(self.valves)
 
     @property
     def sticky(self) -> bool:
@@ -135,6 +135,11 @@ class Setup:
         """Freeze a signal at its last value over the tail."""
         signal[self.n :] = signal[self.n - 1]
         return signal
+
+
+def bands_of(valves: list[tuple[ModuleType, Any]]) -> list[tuple[float, float]]:
+    """Return mapped (S, J) in % of travel of every stage of a valve; (0, 0) of one that maps on none."""
+    return [module.mapped_SJ(p) if hasattr(module, "mapped_SJ") else (0.0, 0.0) for module, p in valves]
 
 
 def plain_setup(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
@@ -163,7 +168,7 @@ def plain_setup(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
         load_out=np.zeros(total),
         noise_std=loop.noise.std,
         pv_add=np.zeros(total),
-        valves=_valves(loop.valve, loop.sampling.Ts),
+        valves=stages_of(loop.valve, loop.sampling.Ts),
         plant_plugin=own,
         control_plugin=_control_plugin(loop),
     )
@@ -361,7 +366,8 @@ def _linear(module: ModuleType, p: Any) -> tuple[np.ndarray, np.ndarray]:
     return checked_polynomials(*map(list, module.linear(p)))
 
 
-def _valves(part: Part, Ts: float) -> list[tuple[ModuleType, Any]]:
+def stages_of(part: Part, Ts: float) -> list[tuple[ModuleType, Any]]:
+    """Return the stages that OP passes in a valve, each a plug-in with its resolved parameters."""
     # `before` and `behind` are stages OP passes on its way: [{ model = "lag", T = 2.0 }, ...]
     own = {k: v for k, v in part.parameters.items() if k not in ("before", "behind")}
     chain = [*_stages(part, "before"), (part.name, own), *_stages(part, "behind")]

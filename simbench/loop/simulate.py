@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from scenarios.spec import Loop
 from simbench.loop.resolve import resolve_loop
-from simbench.loop.run import Run, Start, run_setup
+from simbench.loop.run import Run, Start, run_setup, signals_of
 
 
 def simulate(
@@ -66,3 +68,8 @@ def simulate(
     """
     setup = resolve_loop(loop, seed, tail, plant, quiet)
     return run_setup(setup, kick=kick, start=start)
+
+
+def valve_tail(loop: Loop, seed: int, tail: int, quiet: int | None) -> np.ndarray:
+    """Return the valve's positions (%) behind the record, `simulate(...).mv[n:]`, without making a record of the rest."""
+    return signals_of(resolve_loop(loop, seed, tail, None, quiet))[2][loop.sampling.n :]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -63,17 +63,18 @@ def half_cycles(loop: SampledLoop) -> list[HalfCycle]:
     while loop.fs > 0 and m not in tried and m < loop.patience:
         tried.add(m)
         turns = []
-        for half in _with_moving_samples(loop, T, waits, m):
+        for half, Y in _with_moving_samples(loop, T, waits, m):
             length, turn, top = _one_half(loop, half)
             turns.append(turn)
             if abs(turn - m) <= 1 and abs(length - half.samples) <= 2:
                 known = any(abs(h.samples - half.samples) <= 3 for h in found)
-                found += [] if known else [HalfCycle(half.n, m, half.x, half.op, half.mv, top, half.multiplier)]
+                found += [] if known else [replace(half, amplitude=top, multiplier=_multiplier(Y, T, half))]
         m = next((t for t in turns if t not in tried), m)
     return sorted(found, key=lambda h: h.samples)
 
 
-def _with_moving_samples(loop: SampledLoop, T: np.ndarray, waits: np.ndarray, m: int) -> Iterator[HalfCycle]:
+def _with_moving_samples(loop: SampledLoop, T: np.ndarray, waits: np.ndarray, m: int) -> Iterator[tuple[HalfCycle, np.ndarray]]:
+    """Yield candidates, their amplitude and multiplier left open, each with its map Y."""
     c = loop.order + 2
     head = np.zeros((c, c + 1))  # of z one sample before break-away and of 1: state after the move and the dead time
     _move(loop.A, loop.B_old, loop.B_new, loop.C, loop.integral, loop.beta, loop.fd, loop.delay, m, head)
@@ -88,8 +89,7 @@ def _with_moving_samples(loop: SampledLoop, T: np.ndarray, waits: np.ndarray, m:
         part = at[0] / (at[0] - at[1])
         state = z[0] + part * (z[1] - z[0])
         n = float(loop.delay + 2 + low + part)
-        multiplier = _multiplier(Y[0] + part * (Y[1] - Y[0]), T, state)
-        yield HalfCycle(n, m, state[:-2], float(state[-2]), float(state[-1]), np.nan, multiplier)
+        yield HalfCycle(n, m, state[:-2], float(state[-2]), float(state[-1]), np.nan, np.nan), Y[0] + part * (Y[1] - Y[0])
 
 
 def _solved(head, T, powers, fs: float, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -188,7 +188,8 @@ def _product(a, b, out):
                 out[i, j] += a[i, k] * b[k, j]
 
 
-def _multiplier(Y: np.ndarray, T: np.ndarray, z: np.ndarray) -> float:
+def _multiplier(Y: np.ndarray, T: np.ndarray, half: HalfCycle) -> float:
+    z = np.append(half.x, [half.op, half.mv])
     # a deviation of z moves the next break-away in time: dn/dz from the threshold there, then the total derivative
     growth = T @ Y - Y
     threshold = 0.5 * (Y[-2] + (T @ Y)[-2]) - Y[-1]

@@ -66,7 +66,8 @@ def errors(given, S, J, start, poles, delays, stride=1):
     out = np.empty((n, 2))
     low, count = np.full(n, delays[0]), np.full(n, len(delays))
     valves = (np.array(x, dtype=float) for x in (S, J, start, poles))
-    compiled(kernels.errors)(*given, *valves, low, count, stride, out)
+    *record, stops = given
+    compiled(kernels.errors)(*record, np.full(n, float(stops)), *valves, low, count, stride, out)
     return out
 
 
@@ -91,6 +92,7 @@ def test_plain_kernel_equals_the_compiled_one_bit_for_bit():
     poles[3] = 1.0
     low, count = np.repeat(rng.integers(1, 4, 5), 8)[:n], np.repeat(rng.integers(1, 4, 5), 8)[:n]
     plain, fast = np.empty((n, 2)), np.empty((n, 2))
+    given = (*given[:-1], rng.choice([0.0, 1.0], n))  # either map
     with np.errstate(all="ignore"):
         kernels.errors(*given, S, J, start, poles, low, count, 1, plain)
     compiled(kernels.errors)(*given, S, J, start, poles, low, count, 1, fast)
@@ -132,7 +134,8 @@ def test_many_points_go_down_together_as_each_does_alone():
     steps = np.array([[0.2, 0.2, 0.1]] * 3 + [[0.2, 0.2, 0.0], [0.3, 0.0, 0.2]])
     starts, low, count = np.array([2.0, 0.5, -2.0, 2.0, 2.0]), np.array([1, 2, 1, 3, 1]), np.array([4, 2, 3, 1, 4])
     least, error, went = np.full(5, 0.2), np.empty(5), points.copy()
-    compiled(kernels.descend)(*given, went, starts, low, count, steps, least, error)
+    record, stops = given[:-1], np.zeros(len(went))
+    compiled(kernels.descend)(*record, stops, went, starts, low, count, steps, least, error)
     for k in range(5):
         delays = low[k] + np.arange(count[k])
         lowest, end = one_after_another(given, points[k], starts[k], delays, steps[k], least[k])

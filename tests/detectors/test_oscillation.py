@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from detectors.compiled import compiled
 from detectors.signal import autocorrelation as a
 from detectors.signal import oscillation as o
 
@@ -44,6 +45,47 @@ def test_crossings_equal_those_counted_sample_by_sample(band):
         rng = np.random.default_rng(seed)
         x = np.sin(np.arange(200) / 7) + 0.5 * rng.standard_normal(200)
         assert np.allclose(a.zero_crossings(x, band), naive_crossings(x, band))
+
+
+@pytest.mark.parametrize("most", [1, 5])
+def test_no_more_crossings_are_looked_for_than_asked(most):
+    x = np.sin(np.arange(200) / 7)
+    assert np.array_equal(a.zero_crossings(x, 0.3, most), a.zero_crossings(x, 0.3)[:most])
+
+
+def test_decay_and_lasting_compiled_are_the_plain_ones():
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        x = a.detrend(np.sin(T[:600] / (4 + seed)) * np.exp(-T[:600] / 300) + 0.1 * rng.standard_normal(600))
+        rho = a.acf(x)
+        at, period = a.zero_crossings(rho, 0.05, 11), 2 * np.pi * (4 + seed)
+        plain, fast = a.decay_and_lasting(rho, at, x, period), compiled(a.decay_and_lasting)(rho, at, x, period)
+        assert fast == pytest.approx(plain, rel=1e-12)
+
+
+def test_the_line_taken_off_is_that_of_least_squares_and_a_constant_leaves_nothing():
+    x = RNG.standard_normal(301).cumsum()
+    k = np.arange(301)
+    flat = x - np.polyval(np.polyfit(k, x, 1), k)
+    assert np.allclose(a.detrended(np.array([x, 3.0 + 0.1 * k])), [flat / flat.std(), np.zeros(301)])
+    off, std = a.centred(x)
+    assert np.allclose(off, x - x.mean())
+    assert std == pytest.approx(x.std(), rel=1e-14)
+
+
+def test_several_rows_answer_as_each_does_alone():
+    rows = RNG.standard_normal((4, 600)).cumsum(axis=1)
+    rows[1] += 40.0 * np.sin(T[:600] / 9)
+    rows[2] = 7.0
+    alone, together = [o.oscillation_of(x, 2.0) for x in rows], o.oscillations_of(rows, 2.0)
+    assert [f.sustained for f in together] == [f.sustained for f in alone]
+    assert np.allclose([f.regularity for f in together], [f.regularity for f in alone], rtol=1e-12)
+    assert (together[1].sustained, together[2]) == (True, o.NOTHING)
+
+
+@pytest.mark.parametrize("n", [1, 17, 1025, 6000])
+def test_a_fast_length_is_the_shortest_of_two_three_or_five_times_a_power_of_two(n):
+    assert a.fast_size(n) == min(m * 2**k for m in (2, 3, 5) for k in range(14) if m * 2**k >= n)
 
 
 @pytest.mark.parametrize("period", [10.0, 42.3, 150.0])

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from detectors.compiled import compiled
+from detectors.signal.conditioning import median
 from detectors.signal.fits.hammerstein_kernels import MOVING_UP, VALVES_SIDE_BY_SIDE, descend, errors
 from detectors.signal.oscillation import detrend
 
@@ -22,8 +23,9 @@ S_FINE = np.concatenate([np.geomspace(0.04, 0.45, 8), np.linspace(0.48, 1.0, 27)
 _J_FINE = np.array([0.03, 0.15, 0.25, 0.35, 0.45, 0.6, 0.75, 0.9, 1.0, 1.1, 1.25, 1.4])
 _J_PROFILE = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.25)  # of S
 _LEAST_ERROR_SHARE = 2e-4  # share of the variance of PV below which errors say nothing: sampling, rounding
-_PASSES, _TOP = 2, 4  # of the dense grid, each with the best plant so far; candidates kept
-_VALVES = (False, True)  # whether a moving valve stops within every sample: Choudhury's map, He's
+_PASSES, _TOP, _AGAIN = 2, 4, 128  # of the dense grid, each with the best plant so far; candidates kept; valves tried again
+_MAPS = np.array([[0.0], [1.0]])  # whether a moving valve stops within every sample: Choudhury's map, He's; searched abreast
+_ROWS = np.arange(2)[:, None]
 _REST_POSITIONS = (0.0, -0.5, 0.5)  # rest positions tried, as shares of the break-away band
 _AROUND = np.array([1.0, 0.5, 0.63, 0.79, 1.0, 1.26, 1.59, 2.0])  # times the inverse of a time constant
 
@@ -36,8 +38,6 @@ class _Hammerstein:
     ----------
     S, J : float
         Of the best model, in the unit of OP.
-    S_range, J_range : (float, float)
-        Values whose best error is within the tolerance of the smallest one; of S, with either map of the valve.
     error, error_linear : float
         Mean squared error over the variance of PV, with the best valve and with S = J = 0; drift left out of both.
     sign : float
@@ -48,13 +48,32 @@ class _Hammerstein:
 
     S: float
     J: float
-    S_range: tuple[float, float]
-    J_range: tuple[float, float]
     error: float
     error_linear: float
     sign: float
     T_s: float
     Td_s: float
+    search: _Search
+    ends: _Ends  # where it ended under each map
+
+    @cached_property
+    def _ranges(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return _ranges(self.search, self.ends)
+
+    @property
+    def S_range(self) -> tuple[float, float]:
+        """Values of S that fit about as well under either map: which of them a valve follows is not known."""
+        S, _, inside = self._ranges
+        both = np.append(S[inside], self.ends.S)
+        return float(both.min()), float(both.max())
+
+    @property
+    def J_range(self) -> tuple[float, float]:
+        """Values of J that fit about as well under the better map."""
+        _, J, inside = self._ranges
+        best = self.ends.error.argmin()
+        J = J[best][inside[best]]
+        return float(J.min()), float(J.max())
 
 
 class _Search:
@@ -81,29 +100,24 @@ class _Search:
         self.sign = 1.0 if np.diff(op[start:stop]) @ np.diff(pv[start:stop]) < 0 else -1.0
         self.swing = swing(self.op, period) or float(np.ptp(self.op)) or 1.0
         self.cycles = (n - first - half) / self.period
-        self.common = (self.op, y - moving_mean(y, half), q, half, first, n - half, self.sign, *map(float, limits), False)
-
-    def under(self, stops: bool) -> _Search:
-        """Return the same search for one of the two maps."""
-        other = copy(self)
-        other.common = (*self.common[:-1], stops)
-        return other
+        self.common = (self.op, y - moving_mean(y, half), q, half, first, n - half, self.sign, *map(float, limits))
 
     def poles(self, times: np.ndarray) -> np.ndarray:
         """Poles of time constants given in periods."""
         return np.exp(-1.0 / np.maximum(times * self.period, 1e-3))
 
-    def scan(self, S, J, start, pole, low, count, stride: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    def scan(self, stops, S, J, start, pole, low, count, stride: int = 1) -> tuple[np.ndarray, np.ndarray]:
         """Return error and delay index of every valve with its pole, best of delays low, low + stride ...; arrays broadcast."""
-        shape = np.broadcast(S, J, start, pole).shape
-        valves, windows = np.empty((4, *shape)), np.empty((2, *shape), dtype=np.int64)
-        for room, parts in ((valves, (S, J, start, pole)), (windows, (low, count))):
-            for i, values in enumerate(parts):
-                room[i] = values
+        parts = (stops, S, J, start, pole)
+        shape = np.broadcast(*parts).shape
+        valves, windows = np.empty((5, *shape)), np.empty((2, *shape), dtype=np.int64)
+        for i, values in enumerate(parts):
+            valves[i] = values
+        windows[0], windows[1] = low, count
         size = valves[0].size
         out = np.empty((size, 2))
-        first, counts = self.delays[0] + windows[0].ravel(), windows[1].ravel()
-        compiled(errors)(*self.common, *valves.reshape(4, size), first, counts, stride, out)
+        first, counts = self.delays[0] + windows[0].reshape(size), windows[1].reshape(size)
+        compiled(errors)(*self.common, *valves.reshape(5, size), first, counts, stride, out)
         return out[:, 0].reshape(shape), windows[0] + out[:, 1].reshape(shape).astype(np.int64) * stride
 
     def window(self, d: np.ndarray, reach: int) -> tuple[np.ndarray, np.ndarray]:
@@ -113,18 +127,21 @@ class _Search:
 
     def descend(self, ends: _Ends, width, least, reach: int, fixed_J=False) -> _Ends:
         """Return the bottoms of the valleys, steps from `width` down to `least` shares of the swing; starts and delays stay."""
-        m = ends.d.size
+        m, shape = ends.d.size, ends.d.shape
+        pole = ends.pole.ravel()
         points, steps = np.full((m, 3), -np.inf), np.empty((m, 3))
-        points[:, 0], points[:, 1] = ends.S, ends.J
-        finite = (ends.pole > 0.0) & (ends.pole < 1.0)
-        points[finite, 2] = np.log(-np.log(ends.pole[finite]))
-        steps[:, 0] = width * self.swing
-        steps[:, 1] = np.where(fixed_J, 0.0, steps[:, 0])
-        steps[:, 2] = np.where(finite, 2.0 * width, 0.0)
-        low, count = self.window(ends.d, reach)
-        share, error = np.broadcast_to(np.divide(least, width), m).copy(), np.empty(m)
-        compiled(descend)(*self.common, points, ends.start.copy(), self.delays[low], count, steps, share, error)
-        return ends._replace(error=error, S=points[:, 0], J=points[:, 1], pole=np.exp(-np.exp(points[:, 2])))
+        points[:, 0], points[:, 1] = ends.S.ravel(), ends.J.ravel()
+        finite = (pole > 0.0) & (pole < 1.0)
+        points[finite, 2] = np.log(-np.log(pole[finite]))
+        wide, error = np.full(shape, width).ravel(), np.empty(m)
+        steps[:, 0] = wide * self.swing
+        steps[:, 1] = np.where(np.full(shape, fixed_J).ravel(), 0.0, steps[:, 0])
+        steps[:, 2] = np.where(finite, 2.0 * wide, 0.0)
+        low, count = self.window(ends.d.ravel(), reach)
+        maps, start, share = (np.full(shape, x).ravel() for x in (_MAPS, ends.start, np.divide(least, width)))
+        compiled(descend)(*self.common, maps, points, start, self.delays[low], count, steps, share, error)
+        S, J, pole = points[:, 0], points[:, 1], np.exp(-np.exp(points[:, 2]))
+        return ends._replace(**{k: x.reshape(shape) for k, x in (("error", error), ("S", S), ("J", J), ("pole", pole))})
 
 
 def fit_hammerstein(
@@ -159,44 +176,47 @@ def fit_hammerstein(
     short, full = (_Search(op, pv, period, limits, reach) for reach in (SHORT, _FULL))
     poles = np.array([1.0]) if integrating else np.append(full.poles(_TIMES), 1.0)
     # a valve without friction follows OP under either map
-    linear = float(full.scan(0.0, 0.0, MOVING_UP, poles, 0, full.delays.size)[0].min())
-    fits = [_fit(short.under(stops), full.under(stops), poles, linear, Ts) for stops in _VALVES]
-    best = min(fits, key=lambda fit: fit.error)
-    # which map a valve follows is not known: S is what either says
-    ends = [(min(fit.S, fit.S_range[0]), max(fit.S, fit.S_range[1])) for fit in fits]
-    return replace(best, S_range=(min(lo for lo, _ in ends), max(hi for _, hi in ends)))
+    linear = float(full.scan(0.0, 0.0, 0.0, MOVING_UP, poles, 0, full.delays.size)[0].min())
+    ends = _fit(short, full, poles)
+    best = int(ends.error.argmin())
+    error, S, J, _, pole, d = (float(x[best, 0]) for x in ends)
+    T = np.inf if pole == 1.0 else -full.q * Ts / np.log(pole)
+    return _Hammerstein(S, J, error, linear, full.sign, float(T), d * full.q * Ts, short, ends)
 
 
-def _fit(short: _Search, full: _Search, poles: np.ndarray, linear: float, Ts: float) -> _Hammerstein:
-    """The best fit of one of the two maps."""
+def _fit(short: _Search, full: _Search, poles: np.ndarray) -> _Ends:
+    """The best end under either map."""
     everywhere, integrating = full.delays.size, poles.size == 1
     S, J = _grid(_S_SHARES * full.swing, _J_SHARES)
     stride = max(1, everywhere // 8)
-    tried, at = short.scan(S, J, MOVING_UP, poles[:, None], 0, -(-everywhere // stride), stride)
-    which = tried.argmin(axis=0)
-    tried, at = tried.min(axis=0), at[which, np.arange(S.size)]
+    grid = _MAPS[:, None], S[:, None], J[:, None], MOVING_UP, poles[:, None]
+    tried, at = short.scan(*grid, 0, -(-everywhere // stride), stride)
+    which, column = tried.argmin(axis=1), np.arange(S.shape[1])
+    tried, at = tried[_ROWS, which, column], at[_ROWS, which, column]
     found = _distinct(tried, S, J, 4)
-    ends = _plants(short, _Ends.at(tried[found], S[found], J[found], poles[which[found]], at[found]), integrating)
+    S, J, tried, which, at = (x[_ROWS, found] for x in (S, J, tried, which, at))
+    ends = _plants(short, _Ends.at(tried, S, J, poles[which], at), integrating)
     # noise on OP cuts valleys of 1 % of S: a dense grid with a good plant finds them, a descent does not
     S, J = _grid(S_FINE * full.swing, _J_FINE)
     for _ in range(_PASSES):
         best = ends.best(1)
         low, count = short.window(best.d, 1)
-        tried, _ = short.scan(S, J, MOVING_UP, best.pole, low, count)
+        # one map at a time: valves that share a window of delays stand side by side
+        rows = zip(_MAPS, S, J, best.pole, low, count, strict=True)
+        tried = np.array([short.scan(stops, s, j, MOVING_UP, *plant)[0] for stops, s, j, *plant in rows])
         found = _distinct(tried, S, J, 4)
-        more = _Ends.at(tried[found], S[found], J[found], np.repeat(best.pole, len(found)), np.repeat(best.d, len(found)))
-        ends = _settle(short, ends.and_(more).best(_TOP), integrating, (0.006,))
+        pole, d = np.repeat(best.pole, 4, axis=1), np.repeat(best.d, 4, axis=1)
+        more = _Ends.at(tried[_ROWS, found], S[_ROWS, found], J[_ROWS, found], pole, d)
+        ends = _settle(short, ends.and_(more).best(_TOP), integrating, 0.006)
+        again = np.argsort(tried, axis=1, kind="stable")[:, :_AGAIN]
+        S, J = S[_ROWS, again], J[_ROWS, again]
     ends = _plants(full, _restarted(full, ends), integrating).best(2)
-    ends = _settle(full, ends, integrating, (0.004, 0.001)).best(1)
-    S_range, J_range = _ranges(short, ends)
-    error, S_hat, J_hat, _, pole, d = (float(x[0]) for x in ends)
-    T = np.inf if pole == 1.0 else -full.q * Ts / np.log(pole)
-    dead = d * full.q * Ts
-    return _Hammerstein(S_hat, J_hat, S_range, J_range, error, linear, full.sign, float(T), float(dead))
+    ends = _settle(full, ends, integrating, 0.004).best(1)
+    return _settle(full, ends, integrating, 0.001)
 
 
 class _Ends(NamedTuple):
-    """Candidates, arrays of one length: error, valve (S, J), its start, the plant's pole and the index of its delay."""
+    """Candidates, arrays of a row for each map: error, valve (S, J), its start, the plant's pole and the index of its delay."""
 
     error: np.ndarray
     S: np.ndarray
@@ -212,12 +232,12 @@ class _Ends(NamedTuple):
 
     def and_(self, other: _Ends) -> _Ends:
         """These candidates and others."""
-        return _Ends(*(np.concatenate(pair) for pair in zip(self, other, strict=True)))
+        return _Ends(*(np.concatenate(pair, axis=1) for pair in zip(self, other, strict=True)))
 
     def best(self, count: int) -> _Ends:
-        """The best of them."""
-        kept = np.argsort(self.error, kind="stable")[:count]
-        return _Ends(*(x[kept] for x in self))
+        """The best of them under each map."""
+        kept = np.argsort(self.error, axis=1, kind="stable")[:, :count]
+        return _Ends(*(x[_ROWS, kept] for x in self))
 
     def better(self, other: _Ends) -> _Ends:
         """The better of every pair of candidates."""
@@ -225,70 +245,66 @@ class _Ends(NamedTuple):
 
 
 def _grid(S: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """S and J of every combination."""
-    return np.repeat(S, shares.size), (S[:, None] * shares).ravel()
+    """S and J of every combination, a row for each map."""
+    return np.tile(np.repeat(S, shares.size), (2, 1)), np.tile((S[:, None] * shares).ravel(), (2, 1))
 
 
-def _distinct(errors: np.ndarray, S: np.ndarray, J: np.ndarray, count: int) -> list[int]:
-    """Indices of the best candidates that are not next to a better one."""
-    kept: list[int] = []
-    size, share = np.log(S), J / S
-    order = np.argsort(errors, kind="stable")
-    while order.size and len(kept) < count:
-        k = order[0]
-        kept.append(int(k))
-        order = order[(np.abs(size[order] - size[k]) > 0.1) | (np.abs(share[order] - share[k]) > 0.4)]
+def _distinct(errors: np.ndarray, S: np.ndarray, J: np.ndarray, count: int) -> np.ndarray:
+    """Indices of the best candidates of each row that are not next to a better one."""
+    left, size, share = errors.copy(), np.log(S), J / S
+    kept = np.empty((len(errors), count), dtype=np.int64)
+    for i in range(count):
+        k = left.argmin(axis=1, keepdims=True)
+        kept[:, i] = k[:, 0]
+        left[(np.abs(size - size[_ROWS, k]) <= 0.1) & (np.abs(share - share[_ROWS, k]) <= 0.4)] = np.inf
     return kept
 
 
 def _plants(search: _Search, ends: _Ends, integrating: bool) -> _Ends:
     """Improve the plants behind the valves: time constants around the present ones, any delay."""
-    fine = ends.pole[:, None]
+    fine = ends.pole[..., None]
     if not integrating:
         fine = np.exp(np.log(np.clip(fine, 1e-9, 0.9999)) * _AROUND)
-        fine[:, 0] = ends.pole
-    error, d = search.scan(ends.S[:, None], ends.J[:, None], ends.start[:, None], fine, 0, search.delays.size)
-    row, k = np.arange(ends.d.size), error.argmin(axis=1)
-    return ends._replace(error=error[row, k], pole=fine[row, k], d=d[row, k])
+        fine[..., 0] = ends.pole
+    error, d = search.scan(_MAPS[:, None], *(x[..., None] for x in (ends.S, ends.J, ends.start)), fine, 0, search.delays.size)
+    column, k = np.arange(ends.d.shape[1]), error.argmin(axis=2)
+    return ends._replace(error=error[_ROWS, column, k], pole=fine[_ROWS, column, k], d=d[_ROWS, column, k])
 
 
 def _restarted(
     search: _Search, ends: _Ends, starts: tuple[float, ...] = (MOVING_UP, *_REST_POSITIONS), reach: int = 1
 ) -> _Ends:
     """The candidates with those start states that suit this stretch best."""
-    tried = np.resize(starts, (ends.d.size, VALVES_SIDE_BY_SIDE))  # a whole group shares its window of delays
+    column = np.arange(ends.d.shape[1])
+    tried = np.resize(starts, (column.size, VALVES_SIDE_BY_SIDE))  # a whole group shares its window of delays
     low, count = search.window(ends.d, reach)
-    error, _ = search.scan(ends.S[:, None], ends.J[:, None], tried, ends.pole[:, None], low[:, None], count[:, None])
-    row, k = np.arange(ends.d.size), error.argmin(axis=1)
-    return ends._replace(error=error[row, k], start=tried[row, k])
+    S, J, pole, low, count = (x[..., None] for x in (ends.S, ends.J, ends.pole, low, count))
+    error, _ = search.scan(_MAPS[:, None], S, J, tried, pole, low, count)
+    k = error.argmin(axis=2)
+    return ends._replace(error=error[_ROWS, column, k], start=tried[column, k])
 
 
-def _settle(search: _Search, ends: _Ends, integrating: bool, steps: tuple[float, ...]) -> _Ends:
+def _settle(search: _Search, ends: _Ends, integrating: bool, least: float) -> _Ends:
     """Improve plants, valves and start states in turn."""
-    for least in steps:
-        ends = _plants(search, ends, integrating)
-        ends = search.descend(ends, 4.0 * least, least, 2)
-        rest = _restarted(search, ends, _REST_POSITIONS, 2)
-        moving = ends.start == MOVING_UP
-        ends = ends.better(rest._replace(error=np.where(moving, rest.error, np.inf)))
-    return ends
+    ends = search.descend(_plants(search, ends, integrating), 4.0 * least, least, 2)
+    rest = _restarted(search, ends, _REST_POSITIONS, 2)
+    moving = ends.start == MOVING_UP
+    return ends.better(rest._replace(error=np.where(moving, rest.error, np.inf)))
 
 
-def _ranges(search: _Search, best: _Ends):
-    """S and J that fit about as well: for each J of a list, S and the plant are free to make up for it."""
+def _ranges(search: _Search, best: _Ends) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """S, J and whether they fit about as well, a row for each map: for each J of a list, S and the plant make up for it."""
     start = _restarted(search, best)
     # first the valley itself, then one for every J
-    ends = _Ends(*(np.repeat(x, 1 + len(_J_PROFILE)) for x in start))
-    ends.J[1:] = np.array(_J_PROFILE) * ends.S[1:]
-    fixed = np.arange(ends.d.size) > 0
+    ends = _Ends(*(np.repeat(x, 1 + len(_J_PROFILE), axis=1) for x in start))
+    ends.J[:, 1:] = np.array(_J_PROFILE) * ends.S[:, 1:]
+    fixed = np.arange(ends.d.shape[1]) > 0
     tried = search.descend(ends, np.where(fixed, 0.05, 0.02), np.where(fixed, 0.012, 0.005), 3, fixed)
     # every half cycle counts as one independent piece of evidence
-    least = tried.error.min() * (1.0 + 3.84 / max(2.0 * search.cycles, 4.0)) + _LEAST_ERROR_SHARE
+    least = tried.error.min(axis=1, keepdims=True) * (1.0 + 3.84 / max(2.0 * search.cycles, 4.0)) + _LEAST_ERROR_SHARE
     inside = tried.error <= least
-    S, J = tried.S[inside], tried.J[inside]
-    if inside[0]:
-        S, J = np.append(S, best.S), np.append(J, best.J)
-    return (float(S.min()), float(S.max())), (float(J.min()), float(J.max()))
+    S, J, inside = (np.concatenate(x, axis=1) for x in ((tried.S, best.S), (tried.J, best.J), (inside, inside[:, :1])))
+    return S, J, inside
 
 
 def strongest_segment(x: np.ndarray, period: float, length: int) -> tuple[int, int]:
@@ -320,7 +336,7 @@ def swing(op: np.ndarray, period: float) -> float:
     """
     size = min(max(round(period), 2), op.size)
     cycles = op[: op.size // size * size].reshape(-1, size)
-    return float(np.median(np.ptp(cycles, axis=1)))
+    return median(cycles.max(axis=1) - cycles.min(axis=1))
 
 
 def moving_mean(x: np.ndarray, half: int) -> np.ndarray:

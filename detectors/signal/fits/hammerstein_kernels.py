@@ -1,9 +1,9 @@
 """Kernels of the Hammerstein identification: the error of PV for many valves, each with its plant, and the way down a valley.
 
 Plain Python, their own slow twins; `detectors.compiled.compiled` gives them at full speed. `LANES` valves stand side by side.
-Every kernel takes the record as (op, y, q, half, first, last, sign, lo, hi, stops): OP, PV averaged over `q` samples and
-freed of its mean over `half` averages on either side, the averages that count, the sign of the plant's gain, the ends of
-travel, and whether a moving valve stops within every sample (He's map) or only where OP does not go on (Choudhury's).
+Every kernel takes the record as (op, y, q, half, first, last, sign, lo, hi): OP, PV averaged over `q` samples and freed of its
+mean over `half` averages on either side, the averages that count, the sign of the plant's gain, the ends of travel. The valves'
+`stops` is 1 where a moving one stops within every sample (He's map), 0 where only with OP (Choudhury's).
 """
 
 from __future__ import annotations
@@ -54,11 +54,11 @@ def moves(op, q, lo, hi, stops, S, J, start, block, v, total):
     The map of `detectors.signal.stiction_map`, or He's (fs = (S + J)/2, fd = (S - J)/2); `m` is the direction of a moving
     valve, 0 for one at rest.
     """
-    position, m, fs, fd, mean, run = lanes(), lanes(), lanes(), lanes(), lanes(), lanes()
+    position, m, fs, fd, mean, run, halts = lanes(), lanes(), lanes(), lanes(), lanes(), lanes(), lanes()
     before = base = min(max(op[0], lo), hi)
     for c in range(LANES):
         i = min(block + c, S.size - 1)
-        fs[c], fd[c] = 0.5 * (S[i] + J[i]), 0.5 * (S[i] - J[i])
+        fs[c], fd[c], halts[c] = 0.5 * (S[i] + J[i]), 0.5 * (S[i] - J[i]), stops[i]
         m[c] = 1.0 if start[i] == MOVING_UP else -1.0 if start[i] == MOVING_DOWN else 0.0
         position[c] = base - start[i] * fs[c]
         run[c] = 0.0
@@ -73,7 +73,7 @@ def moves(op, q, lo, hi, stops, S, J, start, block, v, total):
             before = u
             for c in range(LANES):
                 breaks = 1.0 if u - position[c] > fs[c] else -1.0 if position[c] - u > fs[c] else 0.0
-                m[c] = m[c] if m[c] != 0.0 and (first or (m[c] == side and not stops)) else breaks
+                m[c] = m[c] if m[c] != 0.0 and (first or (m[c] == side and halts[c] == 0.0)) else breaks
                 above, below = min(max(u - fd[c], lo), hi), min(max(u + fd[c], lo), hi)
                 position[c] = above if m[c] > 0.0 else below if m[c] < 0.0 else position[c]
                 mean[c] += position[c]
@@ -212,7 +212,8 @@ def descend(op, y, q, half, first, last, sign, lo, hi, stops, points, start, del
         search[p, _BASE : _BASE + 3] = search[p, _BEST : _BEST + 3] = search[p, _TRIAL : _TRIAL + 3] = points[p]
     room = max(m * VALVES_SIDE_BY_SIDE, LANES)
     S, J, pole, out = np.empty(room), np.empty(room), np.empty(room), np.empty((room, 2))
-    starts, delays, counts = np.empty(room), np.empty(room, dtype=np.int64), np.empty(room, dtype=np.int64)
+    maps, starts = np.empty(room), np.empty(room)
+    delays, counts = np.empty(room, dtype=np.int64), np.empty(room, dtype=np.int64)
     active = np.arange(m)
     while active.size > 0:
         # the fewer points, the further ahead
@@ -222,11 +223,11 @@ def descend(op, y, q, half, first, last, sign, lo, hi, stops, points, start, del
             ahead[:] = search[p]
             for t in range(g * each, (g + 1) * each):
                 S[t], J[t], pole[t] = ahead[_TRIAL], ahead[_TRIAL + 1], np.exp(-np.exp(ahead[_TRIAL + 2]))
-                starts[t], delays[t], counts[t] = start[p], delay[p], count[p]
+                maps[t], starts[t], delays[t], counts[t] = stops[p], start[p], delay[p], count[p]
                 _advance(ahead, steps[p], least[p], np.inf)
         n = active.size * each
-        valves = S[:n], J[:n], starts[:n], pole[:n], delays[:n], counts[:n]
-        errors(op, y, q, half, first, last, sign, lo, hi, stops, *valves, 1, out[:n])
+        valves = maps[:n], S[:n], J[:n], starts[:n], pole[:n], delays[:n], counts[:n]
+        errors(op, y, q, half, first, last, sign, lo, hi, *valves, 1, out[:n])
         going = 0
         for g in range(active.size):
             p = active[g]

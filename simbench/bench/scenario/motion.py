@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from detectors.signal.conditioning import median
+
 
 @dataclass(frozen=True)
 class Motion:
@@ -28,7 +30,7 @@ class Motion:
     @property
     def swing(self) -> float:
         """Median swing (%); 0 without two reversals."""
-        return float(np.median(self.swings)) if self.at.size > 1 else 0.0
+        return median(self.swings) if self.at.size > 1 else 0.0
 
     @property
     def period(self) -> float:
@@ -42,7 +44,7 @@ class Motion:
         first, last = self.swings[middle < self.n / 3], self.swings[middle >= 2 * self.n / 3]
         if last.size == 0:
             return 0.0
-        return float(np.median(last) / np.median(first)) if first.size else float("inf")
+        return median(last) / median(first) if first.size else float("inf")
 
 
 def motion(mv: np.ndarray, least: float) -> Motion:

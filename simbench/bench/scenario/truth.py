@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from scenarios.spec import Loop, Part
 from simbench.bench.scenario.motion import Motion, largest_sine, motion
-from simbench.loop.resolve import friction, quiet_setup
+from simbench.loop.resolve import friction, undisturbed
 from simbench.loop.run import Run
-from simbench.loop.simulate import simulate
+from simbench.loop.simulate import simulate, valve_tail
 
 _TAIL_PERIODS = 20
 MIN_REVERSALS = 6
@@ -39,7 +40,7 @@ def simulate_with_truth(loop: Loop, seed: int = 0, *, period: float | None = Non
 
     A valve without friction is its own twin: never "yes".
     """
-    run = simulate(loop, seed)
+    run = recorded(loop, seed)
     if not run.sticky:
         return run, Cycled(NO)
     Ts, bar = loop.sampling.Ts, least_swing(loop)
@@ -66,6 +67,29 @@ def simulate_with_truth(loop: Loop, seed: int = 0, *, period: float | None = Non
     return run, Cycled(said, moved.period * Ts, moved.swing)
 
 
+def recorded(loop: Loop, seed: int) -> Run:
+    """Return `simulate(loop, seed)`, kept for a while: the run that settles a cell's sampling is the one that is judged."""
+    return _recorded(_Itself(loop), seed)
+
+
+@dataclass(frozen=True, eq=False)
+class _Itself:
+    """A loop that equals no other one, however alike: comparing them costs a tenth of a run."""
+
+    loop: Loop
+
+    def __hash__(self) -> int:
+        return id(self.loop)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Itself) and other.loop is self.loop
+
+
+@lru_cache(maxsize=16)
+def _recorded(it: _Itself, seed: int) -> Run:
+    return simulate(it.loop, seed)
+
+
 def least_swing(loop: Loop) -> float:
     """Return the smallest swing of MV (%) that counts as a cycle: J/2, or S/20 of a valve without slip jump."""
     bands = friction(loop)
@@ -89,7 +113,7 @@ def _samples(period: float) -> int:
 def _quiet_from(loop: Loop, period: float) -> list[int]:
     # the noise of the loop file and of its effects; without any the four moments are one
     n = loop.sampling.n
-    if quiet_setup(loop, 0).noise_std == 0:
+    if undisturbed(loop).noise_std == 0:
         return [n]
     return sorted({max(n - round(share * period), 0) for share in _MOMENTS}, reverse=True)
 
@@ -97,7 +121,7 @@ def _quiet_from(loop: Loop, period: float) -> list[int]:
 def _tail(loop: Loop, seed: int, period: float, bar: float, quiet: int | None) -> tuple[np.ndarray, Motion]:
     samples = _samples(period)
     while True:
-        tail = simulate(loop, seed, tail=samples, quiet=quiet).mv[loop.sampling.n :]
+        tail = valve_tail(loop, seed, samples, quiet)
         moved = motion(tail, bar / 4)
         wanted = _samples(moved.period if moved.reversals > 2 else 2.0 * samples / _TAIL_PERIODS)
         # a cycle that is slower than expected needs a longer tail; a valve that stands still does not
@@ -109,7 +133,7 @@ def _tail(loop: Loop, seed: int, period: float, bar: float, quiet: int | None) -
 def _alone(loop: Loop, seed: int, tail: np.ndarray, moved: Motion, bar: float, quiet: int) -> str:
     """Say whether the valve goes on moving in one noise-free tail, and by itself."""
     if _swings(moved, bar) and moved.lasting >= _FADING:
-        twin = simulate(healthy_twin(loop), seed, tail=tail.size, quiet=quiet).mv[loop.sampling.n :]
+        twin = valve_tail(healthy_twin(loop), seed, tail.size, quiet)
         own = _TWIN * largest_sine(tail, moved.period) > largest_sine(twin, moved.period)
         return YES if own and moved.lasting >= _LASTING else _UNCLEAR
     # still moving at the end, but too slowly for the longest tail
@@ -122,7 +146,7 @@ def _moves(run: Run, late: Motion, loop: Loop, seed: int, period: float, bar: fl
     """Whether the valve moves steadily all the same: undisturbed in the record, or as long as the noise goes on."""
     if not _driven(run) and _swings(late, bar) and late.lasting >= _LASTING:
         return True
-    if quiet_setup(loop, 0).noise_std == 0:
+    if undisturbed(loop).noise_std == 0:
         return False
     _, moved = _tail(loop, seed, period, bar, None)
     return _swings(moved, bar) and moved.lasting >= _FADING
