@@ -21,7 +21,7 @@ from joblib import Parallel, delayed
 from scipy import stats
 from tqdm import tqdm
 
-from detectors.errors import ParameterError
+from detectors.errors import ParameterError, UserError
 from results.studies.asking_tests import contradicted, planned
 from scenarios.spec import read_toml
 from simbench.blind import outcomes
@@ -107,8 +107,12 @@ def answer_otherwise(check: Path, strategy: str, seed: int, jobs: int = 1) -> No
 
 def _answer_one(check: Path, place: Path, record: Path, ids: Sequence[str]) -> None:
     tests = [str(outcomes.open_one(check, record.stem, id_, i + 1)) for i, id_ in enumerate(ids)]
+    try:
+        found = one_file(record, record.with_suffix(".toml"), tests)
+    except UserError as error:  # a test that is refused leaves the record without an answer, as it does those that chose it
+        found = {"error": str(error)}
     with whole_file(place / f"{record.stem}.json") as f:
-        f.write(json.dumps(one_file(record, record.with_suffix(".toml"), tests)))
+        f.write(json.dumps(found))
 
 
 def _answers_by(check: Path, strategy: str) -> Path:
@@ -137,7 +141,7 @@ def learned(folder: Path, worlds: Sequence[str]) -> list[tuple[float, float]]:
         for truth, tests in [(t, i) for t in truths(folder / f"{world}-score") for i in range(TESTS)]:
             before, after = (_read(answers_after(folder / world, tests + i) / f"{truth['id']}.json") for i in (0, 1))
             expected = (before.get("next_test") or {}).get("p_right_after")
-            if expected is not None:
+            if expected is not None and "ranking" in after:
                 ranks = [{r["effect"]: r["probability"] for r in found["ranking"]} for found in (before, after)]
                 name = UNKNOWN if truth["foreign"] else truth["effect"]
                 pairs.append((expected - max(ranks[0].values()), ranks[1].get(name, 0.0) - ranks[0].get(name, 0.0)))
@@ -150,7 +154,7 @@ def shrinkages(folder: Path, worlds: Sequence[str]) -> list[tuple[float, float, 
     for world in worlds:
         for truth in truths(folder / f"{world}-score"):
             found = _read(answers_after(folder / world, TESTS) / f"{truth['id']}.json")
-            claimed = found["shrinkage"]
+            claimed = found.get("shrinkage")
             if claimed is None or truth["foreign"] or truth["effect"] == NONE or truth["effect2"] or len(found["effects"]) > 1:
                 continue
             true = fresh_shrinkage(truth, found, *_baseline_and_record(folder / world, truth), world)
