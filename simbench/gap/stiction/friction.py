@@ -187,7 +187,8 @@ def _measured(found: Assessment) -> Friction:
         gain = max(gains[FRICTION], gains[_BAND])
         return Friction(found, FrictionEvidence(gain, max(rivals), float(gain > 0.0)))
     gains = gains | {e: float(c.log_likelihood_gain) for e, c in found.beside_load.items()}
-    one = (found.beside_load or found.candidates)[FRICTION]
+    # friction may have been taken out of the library
+    one = (found.beside_load or found.candidates).get(FRICTION)
     span = float(np.quantile(s.op, 0.99) - np.quantile(s.op, 0.01)) or 1.0
-    share = one.fit.theta["S"] / span if one.used else 0.0
+    share = one.fit.theta["S"] / span if one is not None and one.used else 0.0
     return Friction(found, FrictionEvidence(gains[FRICTION], gains[OUTSIDE], share))

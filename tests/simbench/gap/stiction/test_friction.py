@@ -12,6 +12,7 @@ from detectors.record import LoopRecord
 from simbench.gap import diagnose
 from simbench.gap.decide.assess import assess
 from simbench.gap.decide.identified import plausible
+from simbench.gap.effects import left_out
 from simbench.gap.intake.check import check
 from simbench.gap.intake.identify import exact_controller, identify
 from simbench.gap.stiction import friction as module
@@ -35,6 +36,14 @@ def test_its_gain_and_size_are_those_of_the_diagnosis(seed, effects, known):
         best = next(f for f in whole if f.log_likelihood_gains[FRICTION] > ENOUGH)
     assert alone.log_likelihood_gains[FRICTION] == pytest.approx(best.log_likelihood_gains[FRICTION], abs=1e-6)
     assert alone.parameters.get(FRICTION) == pytest.approx(best.parameters.get(FRICTION))
+
+
+def test_friction_that_was_taken_out_of_the_library_is_no_fault():
+    case = random_case(2, ("load_steps",))
+    with left_out(FRICTION):
+        found = diagnose(case.record, case.baseline)
+    assert found.probability_of_stiction < 0.5
+    assert FRICTION not in found.behind.found.candidates
 
 
 @pytest.mark.parametrize("share", [0.0, 0.6])
