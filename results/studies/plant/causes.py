@@ -60,8 +60,8 @@ def tuned(rng: np.random.Generator, tightness: float) -> dict[str, Any]:
     }
 
 
-def drawn(cause: str, rng: np.random.Generator) -> tuple[LoopRecord, Loop]:
-    """Return the record and the loop of one cause."""
+def drawn(cause: str, rng: np.random.Generator, beside: str = "") -> tuple[LoopRecord, Loop]:
+    """Return the record and the loop of one cause, or of two: `beside` is "tuning" or "outside"."""
     table = tuned(rng, float(rng.uniform(2.5, 4.0)))
     T, kick = table["plant"]["T"], 0.0
     if cause in ("stiction", "dead-band"):
@@ -73,9 +73,9 @@ def drawn(cause: str, rng: np.random.Generator) -> tuple[LoopRecord, Loop]:
         table["controller"]["Ti"] = 4 * T
         table["valve"] = {"model": "deadband", "S": table["valve"]["S"]}
         table["disturbance"] = [{"type": "coloured", "amplitude": 0.1, "period": T}]
-    if cause == "tuning":
+    if "tuning" in (cause, beside):
         table["controller"]["Kc"] *= table_margin(table) / float(rng.uniform(1.08, 1.3))
-    if cause == "outside":
+    if "outside" in (cause, beside):
         period = float(rng.uniform(4, 15) * T)
         sine = {"type": "sine", "amplitude": float(rng.uniform(0.8, 3.0)), "period": period, "at": "output"}
         table["disturbance"].append(sine)
@@ -135,10 +135,10 @@ def plant(n: int, seed: int) -> dict[str, tuple[str, LoopRecord, Loop | None]]:
     return out
 
 
-def sticky(n: int, seed: int) -> dict[str, tuple[str, LoopRecord, Loop]]:
-    """Return more loops whose valve sticks by name."""
+def sticky(n: int, seed: int, beside: str = "") -> dict[str, tuple[str, LoopRecord, Loop]]:
+    """Return more loops whose valve sticks by name, and beside which something else is wrong."""
     rng = np.random.default_rng([seed, 1])
-    return {f"more {i}": ("stiction", *drawn("stiction", rng)) for i in range(n)}
+    return {f"more {i}": ("stiction", *drawn("stiction", rng, beside)) for i in range(n)}
 
 
 BLIND = {"stiction": "stiction", "oscillation": "outside", "saturation": "saturation", "none": "healthy"}
@@ -201,9 +201,9 @@ def told(loops: dict[str, Any], causes: dict[str, Causes], events: list[list[str
     return lines
 
 
-def helped(loops: dict[str, Any], behind: dict[str, CandidateLoops | None]) -> list[str]:
+def helped(loops: dict[str, Any], behind: dict[str, CandidateLoops | None], beside: str) -> list[str]:
     """Return how often the action ranked first is the true loop's best, and how far its claims lie from the true ones."""
-    n = best = inside = claims = near = 0
+    n = best = always = inside = claims = near = 0
     sticky = [(loop, behind[name]) for name, (truth, _, loop) in loops.items() if truth == "stiction" and loop is not None]
     for loop, found in tqdm(sticky, file=sys.stderr, desc="what if"):
         if found is None or found.probability <= 0.7:
@@ -219,7 +219,9 @@ def helped(loops: dict[str, Any], behind: dict[str, CandidateLoops | None]) -> l
         if not true:
             continue
         n += 1
-        best += true.get(actions[0].name, true[LEAVE]).variance <= min(a.variance for a in true.values()) + 0.1
+        least = min(a.variance for a in true.values())
+        best += true.get(actions[0].name, true[LEAVE]).variance <= least + 0.1
+        always += true[REPAIR].variance <= least + 0.1
         claimed = {a.name: a for a in actions}
         near += abs(claimed[REPAIR].variance - true[REPAIR].variance) <= 0.1
         for a in actions:
@@ -227,8 +229,8 @@ def helped(loops: dict[str, Any], behind: dict[str, CandidateLoops | None]) -> l
                 claims, inside = claims + 1, inside + (a.lo <= true[a.name].variance <= a.hi)
     share = max(n, 1)
     return [
-        f"what if, of {len(sticky)} sticky loops {n} told: first action best within 10 % of PV variance {best} "
-        f"({best / share:.2f}); variance without friction within .1 {near} ({near / share:.2f}); "
+        f"what if, {beside or 'nothing'} beside, of {len(sticky)} sticky loops {n} told: first action best within 10 % of PV "
+        f"variance {best} ({best / share:.2f}; to repair always {always}); variance without friction within .1 {near} ({near / share:.2f}); "
         f"{inside} of {claims} intervals hold ({inside / max(claims, 1):.2f})"
     ]
 
@@ -314,8 +316,10 @@ def main() -> int:
     loops = plant(given.n, given.seed)
     causes, events, behind = judged(loops)
     print("\n".join(["own grids:", *told(loops, causes, events)]), flush=True)
-    more = sticky(given.more, given.seed)
-    print("\n".join(helped({**loops, **more}, {**behind, **identified(more)})), flush=True)
+    for beside in ("", "tuning", "outside"):
+        more = sticky(given.more // 3, given.seed, beside)
+        every, known = ({}, {}) if beside else (loops, behind)
+        print("\n".join(helped({**every, **more}, {**known, **identified(more)}, beside)), flush=True)
     print("\n".join(sizes(given.archived, given.seed)))
     return 0
 
