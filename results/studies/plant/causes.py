@@ -230,8 +230,8 @@ def helped(loops: dict[str, Any], behind: dict[str, CandidateLoops | None], besi
     share = max(n, 1)
     return [
         f"what if, {beside or 'nothing'} beside, of {len(sticky)} sticky loops {n} told: first action best within 10 % of PV "
-        f"variance {best} ({best / share:.2f}; to repair always {always}); variance without friction within .1 {near} ({near / share:.2f}); "
-        f"{inside} of {claims} intervals hold ({inside / max(claims, 1):.2f})"
+        f"variance {best} ({best / share:.2f}; to repair always {always}); variance without friction within .1 {near} "
+        f"({near / share:.2f}); {inside} of {claims} intervals hold ({inside / max(claims, 1):.2f})"
     ]
 
 

@@ -264,6 +264,7 @@ def _legend(scores: Scores) -> list[str]:
 
 
 def _marked(scores: Scores) -> dict[str, str]:
+    """Return the names of the methods that are scored, with their marks; of loops left out alone there are others."""
     return {r.method: r.method + HOME_MARKS[r.home] for r in scores.table.itertuples()}
 
 
@@ -274,7 +275,7 @@ def _left_out(scores: Scores) -> list[str]:
     for r in rows.itertuples():
         ends = f"{r.stiction_lo:.2f}-{r.stiction_hi:.2f}"
         shares = (f"{r.stiction:.3f}", ends, f"{r.no_stiction:.3f}", f"{r.no_decision:.3f}")
-        lines.append((names[r.method], r.of, str(r.n), *(shares if r.n >= LEAST else ("-",) * 4)))
+        lines.append((names.get(r.method, r.method), r.of, str(r.n), *(shares if r.n >= LEAST else ("-",) * 4)))
     title = "left out of every row above: what detectors say of entrained and unclear loops, and of those they do not apply to"
     return [title, *columns(lines)] if len(lines) > 1 else ["no loop is left out"]
 
@@ -296,7 +297,7 @@ def _quantified(scores: Scores) -> list[str]:
     for key, rows in t[t.n >= LEAST].groupby(["method", "family"], sort=False):
         method, family = tuple(key)  # type: ignore[arg-type]
         found = {r.parameter: (str(r.n), *map(_short, (r.median_error, r.coverage, r.width))) for r in rows.itertuples()}
-        lines.append((names[method], family, *found.get("S", ("-",) * 4), *found.get("J", ("-",) * 4)))
+        lines.append((names.get(method, method), family, *found.get("S", ("-",) * 4), *found.get("J", ("-",) * 4)))
     if len(lines) == 1:
         return [f"no method gives S or J of {LEAST} sticky loops of a family"]
     text = (
