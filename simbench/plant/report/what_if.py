@@ -165,7 +165,7 @@ def _varied(loop: Loop, factors: dict[str, float]) -> Loop:
 
 
 def _recorded_load(loop: Loop, record: LoopRecord) -> np.ndarray | None:
-    """Return PV without what OP did through valve and plant, lines of any period and noise included; None but for a first-order plant under P or PI."""
+    """Return PV without what OP did through valve and plant; None but for a first-order plant under P or PI."""
     if loop.plant.type != "foptd" or loop.controller.type not in ("P", "PI") or loop.outer or record.n != loop.sampling.n:
         return None
     mv = stages_response(tuple(undisturbed(loop).valves), record.op, float(record.op[0]))
