@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.signal import detrend
 
 from detectors.errors import UserError
-from scenarios.spec import Loop
+from detectors.record import LoopRecord
+from scenarios.spec import Loop, Part
 from simbench.gap.stiction.probability import CLAIMED_FROM, DENIED_BELOW
-from simbench.loop.simulate import simulate
+from simbench.loop.resolve import resolve_loop, undisturbed
+from simbench.loop.response import stages_response
+from simbench.loop.run import run_setup, signals_of
+from simbench.loop.setup import plain_setup
 from simbench.plant.report.margins import margins
 from simbench.plant.trust.candidate_loops import CandidateLoops, with_friction
 
@@ -59,16 +64,18 @@ def what_if(behind: CandidateLoops, seed: int = 0) -> tuple[Action, ...]:
     S, J = behind.fitted if claimed and behind.fitted is not None else (0.0, 0.0)
     lo, hi = np.quantile(behind.record.op, (0.01, 0.99))
     hidden = not behind.trusted and bool(hi - lo < _TWO_POSITIONS * S)
-    return compare(base, S, J, spread=0.3 if behind.trusted else 1.0, hidden=hidden, seed=seed)
+    load = _recorded_load(with_friction(base, S, min(J, S)), behind.record) if S > 0 else None
+    return compare(base, S, J, spread=0.3 if behind.trusted else 1.0, hidden=hidden, seed=seed, load=load)
 
 
 def compare(
     base: Loop, S: float, J: float, *, spread: float = 1.0, hidden: bool = False, seed: int = 0,
-    settings: Mapping[str, float] | None = None,
+    settings: Mapping[str, float] | None = None, load: np.ndarray | None = None,
 ) -> tuple[Action, ...]:  # fmt: skip
     """Return the actions on one loop with a friction of S and J, best first.
 
-    `spread` scales what is not known of the loop, `hidden` is J beside the plant's gain; `settings` are those to retune to.
+    `spread` scales what is not known of the loop, `hidden` is J beside the plant's gain; `settings` are those to retune to,
+    `load` (PV units, at the output) stands for the loop's own loads and noise, from another sample on in every run.
     """
     rng = np.random.default_rng(seed)
     drawn = []
@@ -79,7 +86,7 @@ def compare(
     found: dict[str, list[float]] = {}
     for name in _offered(base, S, J):
         kicked = 0.0 if name == REPAIR else 1.0
-        found[name] = [_variance(_changed(name, loop, s, j, settings), kicked * s, i) for loop, s, j, i in drawn]
+        found[name] = [_variance(_changed(name, loop, s, j, settings), kicked * s, i, load) for loop, s, j, i in drawn]
     today = np.array(found[LEAVE])
     # a draw that does not move as the others do is another loop's
     sound = np.abs(np.log(today / np.nanmedian(today))) < np.log(_ALIKE)
@@ -157,11 +164,28 @@ def _varied(loop: Loop, factors: dict[str, float]) -> Loop:
     return Loop.from_table(table, "what if")
 
 
-def _variance(loop: Loop | None, S: float, seed: int) -> float:
+def _recorded_load(loop: Loop, record: LoopRecord) -> np.ndarray | None:
+    """Return PV without what OP did through valve and plant; None but for a first-order plant under P or PI."""
+    if loop.plant.type != "foptd" or loop.controller.type not in ("P", "PI") or loop.outer or record.n != loop.sampling.n:
+        return None
+    mv = stages_response(tuple(undisturbed(loop).valves), record.op, float(record.op[0]))
+    plant = plain_setup(loop.model_copy(update={"valve": Part(name="ideal"), "effect": ()}), 0)
+    driven = signals_of(replace(plant, Kc=0.0, Ti=None, load_in=mv - mv.mean()))[1]
+    # where the valve stood before the record nobody knows
+    late = (record.pv - driven)[int(_WARM_UP * record.n) :]
+    return np.resize(detrend(late), record.n)
+
+
+def _variance(loop: Loop | None, S: float, seed: int, load: np.ndarray | None) -> float:
     if loop is None:
         return float("nan")
     try:
-        record = simulate(loop, seed, kick=S + _KICK if S > 0 else 0.0).record
+        if load is None:
+            setup = resolve_loop(loop, seed)
+        else:
+            none = np.zeros(load.size)
+            setup = replace(undisturbed(loop), load_in=none, load_out=np.roll(load, seed), pv_add=none)
+        record = run_setup(setup, kick=S + _KICK if S > 0 else 0.0).record
     except UserError:
         return float("nan")
     late = slice(int(_WARM_UP * record.n), None)
