@@ -49,10 +49,12 @@ def _unexplained(it: Observed, archive: Archive, mismatch: str) -> str:
 
 
 def _astray(it: Observed) -> str:
-    """Return that OP strays from a law which holds exactly elsewhere, other than by the set point or a sample not archived."""
+    """Return that OP strays from a law which holds exactly elsewhere, but for the set point, ends and samples not archived."""
     if it.law.limits is not None or it.law.step > 0.0:
         return ""
-    marked = np.append(False, np.diff(it.sp) != 0.0) | on_line(np.asarray(it.record.pv), it.samples.digits)
+    marked = np.append(True, np.diff(it.sp) != 0.0) | on_line(np.asarray(it.record.pv), it.samples.digits)
+    # an end of OP's range is everybody's
+    marked |= np.isin(it.op, (it.op.min(), it.op.max()))
     excused = np.convolve(marked, np.ones(5), "same") > 0.0
     count = int(np.count_nonzero(~excused[it.law.strays]))
     return f"OP strays from a law that holds elsewhere, in {count} samples" if count >= _STRAYS else ""

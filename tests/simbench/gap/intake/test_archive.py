@@ -114,6 +114,7 @@ def test_why_no_law_holds_is_said_unless_what_stands_between_is_known(archive, g
     ([100, 200, 300], {}, {}, {}, "in 3 samples"), ([100, 200], {}, {}, {}, ""),
     # a set point that the archive stored a sample off, a sample that it drew between two others, a limit
     ([100, 200, 300], {101: 51.0}, {}, {}, ""), ([100, 200, 300], {}, {201: 0.5 * (PV[200] + PV[202])}, {}, ""),
+    ([1, 100, 200], {}, {}, {}, ""), ([int(OP.argmax()), 100, 200], {}, {}, {}, ""),
     ([100, 200, 300], {}, {}, {"limits": (40.0, 60.0)}, ""), ([100, 200, 300], {}, {}, {"step": 0.5}, ""),
 ])  # fmt: skip
 def test_what_strays_from_a_law_that_holds_elsewhere_is_another_controller_s(strays, sp, pv, more, said):
@@ -121,7 +122,7 @@ def test_what_strays_from_a_law_that_holds_elsewhere_is_another_controller_s(str
     for k, value in pv.items():
         drawn[k] = value
     law = replace(LAW, strays=np.array(strays), **more)
-    it = SimpleNamespace(law=law, sp=moved, record=SimpleNamespace(pv=drawn), samples=PLAIN)
+    it = SimpleNamespace(law=law, op=OP, sp=moved, record=SimpleNamespace(pv=drawn), samples=PLAIN)
     assert (said in _unexplained(it, Archive(), "")) if said else _unexplained(it, Archive(), "") == ""
 
 
