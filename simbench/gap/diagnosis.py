@@ -107,7 +107,7 @@ def diagnose(
         if named_by(weights, found) != [UNKNOWN]:
             return report(found, weights, runs, more)
         like = described(found.situation, search(found.situation, held_out(found.situation)), lambda: found, seed)
-        if like.probability > 0.5:
+        if like.block:
             # a law that pays on unseen samples, or the best of all explanations, says where better than a test that fails
             weights = replace(weights, unknown_block=like.block)
         return replace(report(found, weights, runs, more), looks_like=like)

@@ -14,35 +14,34 @@ from simbench.gap.decide.assess import Assessment
 from simbench.gap.decide.classify import TEMPERATURE
 from simbench.gap.effects import NOT_TRIED
 from simbench.gap.likelihood import kernels
-from simbench.gap.likelihood.model import Fit, size_penalty
+from simbench.gap.likelihood.model import Fit
 from simbench.gap.likelihood.residual_tests import of_load
 from simbench.loop.effects import BLOCKS, EFFECTS, block_of
 
 _NOISE = 0.0  # nats over "no effect" of the best explanation, below which all are within the noise
+_HALF = 0.5  # share of the evidence that a block must carry
 _TIMES = 9.0  # times its limit, from which a test needs no statistics
 _FREEDOM = np.geomspace(2.0, 10.0, 4)  # degrees of freedom of the innovations' distribution that are tried
-_LAGS = 30  # longest memory of the innovations that is tried (samples)
-_ORDINARY = 70.0  # nats that the tails of an ordinary load's innovations bring, or what its memory has left in them
+_ORDINARY = 70.0  # nats that the tails of an ordinary load's innovations bring
 _LOUD = 4.0  # robust deviations
 
 
 class Located(NamedTuple):
-    """The likeliest block with its share of the evidence; `faint` says so where all is within the noise.
+    """The likeliest block with its share of the evidence; `doubt` says why it cannot be told all the same.
 
     `nearest` is the known effect that explains most in each block, where one explains anything.
     """
 
     block: str
     share: float
-    faint: str
+    doubt: str
     nearest: Mapping[str, str]
 
     @property
     def words(self) -> str:
-        """The block with its share in a few words, and whether it stands out of the noise."""
+        """The block with its share in a few words, or why none can be told."""
         like = f", where {self.nearest[self.block].replace('_', ' ')} explains most" if self.block in self.nearest else ""
-        said = f"{self.share:.2f} of the evidence lies in the {self.block} block{like}"
-        return f"{self.faint}, {said}" if self.faint else said
+        return self.doubt or f"{self.share:.2f} of the evidence lies in the {self.block} block{like}"
 
 
 def located(found: Assessment, forms: Iterable[tuple[str, float]] = (), certain: str = "") -> Located:
@@ -56,36 +55,22 @@ def located(found: Assessment, forms: Iterable[tuple[str, float]] = (), certain:
     if certain:
         return Located(certain, 1.0, "", nearest)
     said = [(block_of(e), nats) for e, nats in gains.items()]
-    said += [*forms, *_innovations(found.base)]
+    said += [*forms, *_tails(found.base)]
     best = {b: max((nats for one, nats in said if one == b), default=NOT_TRIED) for b in BLOCKS}
     shares = dict(zip(BLOCKS, softmax([TEMPERATURE * best[b] for b in BLOCKS])))
     block = max(BLOCKS, key=lambda b: best[b])
-    faint = f"no explanation stands out of the noise (best {best[block]:.1f} nats)" if best[block] < _NOISE else ""
-    return Located(block, float(shares[block]), faint, nearest)
+    doubt = ""
+    if best[block] < _NOISE:
+        doubt = f"no explanation stands out of the noise (best {best[block]:.1f} nats)"
+    elif shares[block] < _HALF:
+        doubt = f"cannot tell the block: none carries half of the evidence ({block} {shares[block]:.2f})"
+    return Located(block, float(shares[block]), doubt, nearest)
 
 
-def _innovations(base: Fit) -> list[tuple[str, float]]:
-    """Return block and nats of what the innovations show alone: a load of another memory, or sizes that are rarely large."""
+def _tails(base: Fit) -> list[tuple[str, float]]:
+    """Return block and nats of innovations that are rarely large: those of a load last, a reading's are taken back."""
     x = np.asarray(base.residual)[kernels.SKIP :]
     x = (x - np.median(x)) / (1.4826 * np.median(np.abs(x - np.median(x))) or 1.0)
-    return [("disturbance", _memory(x) - _ORDINARY), *_tails(x, base)]
-
-
-def _memory(x: np.ndarray) -> float:
-    """Return the nats by which the innovations are better predicted from each other (Durbin-Levinson), numbers paid for."""
-    x = np.clip(x, -6.0, 6.0) - np.mean(x)
-    n = x.size
-    r = np.array([float(x[k:] @ x[: n - k]) for k in range(min(_LAGS, n // 4) + 1)]) / n
-    a, left, best = np.empty(0), r[0], 0.0
-    for k in range(1, r.size):
-        partial = (r[k] - a @ r[1:k][::-1]) / left
-        a, left = np.append(a - partial * a[::-1], partial), left * (1.0 - partial**2)
-        best = max(best, -0.5 * n * float(np.log(left / r[0])) - size_penalty(n, k))
-    return best
-
-
-def _tails(x: np.ndarray, base: Fit) -> list[tuple[str, float]]:
-    """Return block and nats of innovations that are rarely large: those of a load last, a reading's are taken back."""
     wide = float(np.std(x)) or 1.0
     heavy = max(float(student.logpdf(x, v, scale=scale).sum()) for v in _FREEDOM for scale in (1.0, 0.5 + 0.5 * wide))
     nats = heavy - float(norm.logpdf(x, scale=wide).sum()) - _ORDINARY

@@ -52,7 +52,7 @@ class Discovery:
     def as_json(self) -> dict[str, Any]:
         """Return the discovery in JSON types, its keys as the contract has them."""
         if self.law is None:
-            return {"law": None, "why": self.why, "block": self.block, "probability": self.probability}
+            return {"law": None, "why": self.why}
         g = self.gap
         assert g is not None
         return {
@@ -132,7 +132,7 @@ def described(s: Situation, found: Found, known: Callable[[], Assessment], seed:
         elif gap.resolvable and gap.after > gap.before:
             why = f"the likeliest law ({law.text}) does not narrow the gap of the simulated loop"
     if law is None or why:
-        return Discovery(s, None, f"{why}; {seen.words}", seen.block, seen.share)
+        return Discovery(s, None, f"{why}; {seen.words}", "" if seen.doubt else seen.block, seen.share)
     on = np.ones(s.record.n, dtype=bool) if law.evidence is None and law.on is None else where(law)
     return Discovery(s, law, "", law.block, seen.share, _regime(s, law), seen.nearest.get(law.block), on, gap, runs)
 

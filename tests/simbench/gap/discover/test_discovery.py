@@ -65,7 +65,7 @@ def test_a_load_that_is_strong_in_spells_is_found_with_its_spells(monkeypatch):
 def test_nothing_is_found_in_a_record_without_a_law():
     found = discover(simulate(Loop.from_table({**TABLE, "disturbance": LOAD}), 5).record, TOLD)
     assert found.law is None
-    assert found.as_json() == {"law": None, "why": found.why, "block": found.block, "probability": found.probability}
+    assert found.as_json() == {"law": None, "why": found.why}
     assert found.probability < 0.6
     assert "no form pays" in found.one_line()
     assert "no explanation stands out of the noise" in found.why
