@@ -33,7 +33,7 @@ from simbench.loop.effects import PLUGINS, block_of
 from simbench.loop.laws import forms
 from simbench.loop.simulate import simulate
 
-SEED, WORLD_NAMES = 3401, ("own", "mill", "refinery")
+SEED, WORLD_NAMES = 3501, ("own", "mill", "refinery")
 _LOOP = {
     "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0}, "controller": {"type": "PI", "Kc": 1.0, "Ti": 20.0},
     "sampling": {"Ts": 1.0, "n": 1600}, "noise": {"std": 0.1},
@@ -151,12 +151,12 @@ def share(hits: list[bool]) -> str:
 
 def _strange(rows: list[dict[str, Any]]) -> str:
     right = [row["block"] == row["true"] for row in rows]
-    plain = [hit for hit, row in zip(right, rows) if row["probability"] > _PLAIN]
+    told = [hit for hit, row in zip(right, rows) if row["block"]]
+    plain = [hit for hit, row in zip(right, rows) if row["block"] and row["probability"] > _PLAIN]
     laws = [row for row in rows if row["form"] is not None]
     left = [row["left"] for row in laws if row["left"] is not None]
     return (
-        f"block right {share(right)}, mean probability {np.mean([row['probability'] for row in rows]):.2f}, "
-        f"right where it is above {_PLAIN} {share(plain)}; law found {len(laws)}, "
+        f"block right {share(right)}, wrong {len(told) - sum(told)}, cannot tell {len(rows) - len(told)}, right where it is above {_PLAIN} {share(plain)}; law found {len(laws)}, "
         f"with the right block {share([row['block'] == row['true'] for row in laws])}, "
         f"gap left {np.median(left) if left else np.nan:.2f} (median of {len(left)})"
     )
