@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 from zlib import crc32
@@ -34,6 +35,8 @@ _TRADES = {
     MEASUREMENT: "Instruments, measurement or recording",
 }  # fmt: skip
 _ALONE = "No two loops oscillate with one period and locked phases at one time."
+# what no picture of ours has
+_ACTIVE = re.compile(r"<\s*(script|foreignobject|iframe|a)\b|\bon\w+\s*=|javascript:", re.IGNORECASE)
 _SIGN = {STICTION: "●", NO_STICTION: "·", NO_DECISION: "?"}
 
 
@@ -63,6 +66,8 @@ def write_fleet(
         parts.append(section("score", "Score against the labels", table=pd.DataFrame(score_units(pairs, labels))))
     asked = [(m.name, m.found.record, m.over_time) for m in fleet.members]
     drawn = resumed(_drawn, asked, jobs=jobs, keep=keep, what="pictures")
+    # kept pictures may be of another's folder
+    drawn = [_drawn(*about) if any(map(_ACTIVE.search, seen)) else seen for about, seen in zip(asked, drawn, strict=True)]
     loops = [_article(rank, m, seen) for rank, (m, seen) in enumerate(zip(fleet.members, drawn, strict=True), 1)]
     parts.append({"id": "loops", "title": "Loop by loop", "body": render(ROOM, "loops.html", loops=loops)})
     if fleet.refused:

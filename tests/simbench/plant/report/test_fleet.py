@@ -1,6 +1,7 @@
 """A folder of loops: a source and its victim are one event, the source is ranked first, and the page asks for nothing."""
 
 import csv
+import json
 from pathlib import Path
 
 import chromium
@@ -11,6 +12,7 @@ from scipy.signal import lfilter
 
 from detectors.prepared import Prepared
 from detectors.record import LoopRecord
+from simbench.bench.store.checksums import sealed
 from simbench.cli import main
 from simbench.files import write_record
 from simbench.plant.report import fleet
@@ -136,6 +138,20 @@ def test_a_second_week_judges_only_what_changed(records, tmp_path, monkeypatch):
     kept = sorted(file.name.split("-")[0] for file in (second / "page.html.judged").iterdir())
     assert kept == ["_drawn", "_drawn", "_one", "_one"]  # pictures are drawn anew of a new record only
     assert week("week2", "--previous", str(second), "--process", "integrating")[1] == ["FIC101", "LIC7"]
+
+
+def test_a_kept_picture_that_would_run_in_the_page_is_drawn_again(records, tmp_path):
+    (tmp_path / "plant").mkdir()
+    write_record(records["quiet"], tmp_path / "plant" / "LIC7.csv")
+    words = ["report", str(tmp_path / "plant"), "-j", "1", "-o", str(tmp_path / "page.html")]
+    assert main(words) == 0
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    (kept,) = (tmp_path / "page.html.judged").glob("_drawn-*.json")
+    content = json.loads(kept.read_text(encoding="utf-8"))
+    content["answer"]["with"][0] = "<svg><script>alert(1)</script></svg>"
+    kept.write_text(json.dumps(sealed(content)), encoding="utf-8")
+    assert main(words) == 0
+    assert (tmp_path / "page.html").read_text(encoding="utf-8") == page
 
 
 def test_answers_are_kept_where_the_call_stands_though_its_processes_began_elsewhere(tmp_path, monkeypatch):
