@@ -157,7 +157,7 @@ def _strange(rows: list[dict[str, Any]]) -> str:
     left = [row["left"] for row in laws if row["left"] is not None]
     return (
         f"block right {share(right)}, wrong {len(told) - sum(told)}, cannot tell {len(rows) - len(told)}, "
-        f"right where its share is above {_PLAIN} {share(plain)}; law found {len(laws)}, "
+        f"right where it is above {_PLAIN} {share(plain)}; law found {len(laws)}, "
         f"with the right block {share([row['block'] == row['true'] for row in laws])}, "
         f"gap left {np.median(left) if left else np.nan:.2f} (median of {len(left)})"
     )
