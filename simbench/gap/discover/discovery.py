@@ -52,7 +52,8 @@ class Discovery:
     def as_json(self) -> dict[str, Any]:
         """Return the discovery in JSON types, its keys as the contract has them."""
         if self.law is None:
-            return {"law": None, "why": self.why}
+            block = {"block": self.block} if self.block else {}
+            return {"law": None, "why": self.why, **block}
         g = self.gap
         assert g is not None
         return {
@@ -81,7 +82,8 @@ class Discovery:
         """Return the discovery for a terminal."""
         law, g = self.law, self.gap
         if law is None or g is None:
-            return f"{self.sentence()}\nwhere: {self.block} (probability {self.probability:.2f}, if anything is lacking)"
+            place = [f"where: {self.block} (probability {self.probability:.2f}, if anything is lacking)"] if self.block else []
+            return "\n".join([self.sentence(), *place])
         share = float(self.on.mean())
         spells = "the whole record" if share > 0.99 else f"{len(self.windows)} spells, {100 * share:.0f} % of the record"
         return "\n".join([

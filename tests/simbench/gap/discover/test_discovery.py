@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -67,6 +68,10 @@ def test_nothing_is_found_in_a_record_without_a_law():
     assert found.law is None
     assert found.as_json() == {"law": None, "why": found.why}
     assert found.probability < 0.6
+    assert "where:" not in found.as_text()
+    told = replace(found, block="valve", probability=0.75)
+    assert told.as_json() == {"law": None, "why": found.why, "block": "valve"}
+    assert told.as_text().endswith("where: valve (probability 0.75, if anything is lacking)")
     assert "no form pays" in found.one_line()
     assert "no explanation stands out of the noise" in found.why
 
