@@ -17,8 +17,6 @@ _KEYS = {
 def read_loop_table(path: str | Path) -> list[dict[str, Any]]:
     """Return the loops of a table, one dict each, checked.
 
-    Examples
-    --------
     >>> import tempfile, pathlib
     >>> file = pathlib.Path(tempfile.mkdtemp()) / "plant.toml"
     >>> _ = file.write_text('[[loop]]\\ntag = "FIC101"\\nkind = "flow"\\nop_span = [4, 20]\\n')

@@ -87,8 +87,6 @@ def plain(text: object) -> str:
 def parse(name: str) -> Name:
     """Take the name of a column apart.
 
-    Examples
-    --------
     >>> parse("[default]Unit1/FIC101/PV").loop, parse("op_pct").unit, parse("PV_FIC101").role
     (('default', 'unit1', 'fic101'), '%', 'pv')
     """
@@ -153,8 +151,6 @@ def find_loops(
 ) -> dict[str, dict[str, str]]:
     """Return the loops that columns hold, by tag, each with the column of every signal.
 
-    Examples
-    --------
     >>> find_loops(["Time", "FIC101.MEAS", "FIC101.OUT (%)", "LIC7/PV", "LIC7/OP"], {}, "a.csv")
     {'FIC101': {'op': 'FIC101.OUT (%)', 'pv': 'FIC101.MEAS'}, 'LIC7': {'op': 'LIC7/OP', 'pv': 'LIC7/PV'}}
     """

@@ -47,11 +47,7 @@ _HOLDS: dict[str, Callable[[str, Circumstances], bool]] = {
 
 
 def indistinguishable(effect: str, here: Circumstances) -> frozenset[str]:
-    """Return the effects that give the same SP, OP and PV (and MV where recorded) as one here, itself included.
-
-    >>> sorted(indistinguishable("extra_lag", Circumstances(mv=True)))
-    ['extra_lag', 'sensor_lag']
-    """
+    """Return the effects that give the same SP, OP and PV (and MV where recorded) as one here, itself included."""
     own = _groups(EFFECTS[effect], here) if effect in EFFECTS else set()
     return frozenset({effect} | {e for e, other in EFFECTS.items() if own & _groups(other, here)})
 
