@@ -18,11 +18,9 @@ _BAND_TOLERANCE = 0.3  # % of travel: within both together, a measured number is
 
 
 def measured_band(stages: list[tuple[ModuleType, Any]], reach: float, middle: float = 50.13) -> tuple[float, float]:
-    """Return the (S, J) that a chain of valve stages shows under an OP that creeps to and fro.
-
-    A valve that slides meets S at every reversal, one that stops at every sample needs S to S + J, by its phase. A hysteresis
-    of many plays shows their mean width.
-    """
+    """Return the (S, J) that a chain of valve stages shows under an OP that creeps to and fro."""
+    # A valve that slides meets S at every reversal, one that stops at every sample needs S to S + J, by its phase. A hysteresis
+    # of many plays shows their mean width.
     ends = [0.0, *(reach * t for t in _TURNS)]
     branches = [np.arange(a, b, np.sign(b - a) * _STEP) for a, b in pairwise(ends)]
     op = middle + np.concatenate(branches)

@@ -20,11 +20,9 @@ _AT_REST = 1e-6  # % of travel by which MV may settle where it starts
 
 
 def check_valve(name: str) -> Contract:
-    """Check a valve model or stage against its contract.
-
-    The band is measured under an OP that creeps to and fro, with two sets of parameters, and held against `mapped_SJ`: what a
-    benchmark calls sticky is what the valve maps on, so a wrong label there falsifies every score.
-    """
+    """Check a valve model or stage against its contract."""
+    # The band is measured under an OP that creeps to and fro, with two sets of parameters, and held against `mapped_SJ`: what a
+    # benchmark calls sticky is what the valve maps on, so a wrong label there falsifies every score.
     module = VALVES.load(name)
     broken = list(_description(module))
     if broken:

@@ -143,10 +143,8 @@ def bands_of(valves: list[tuple[ModuleType, Any]]) -> list[tuple[float, float]]:
 
 
 def plain_setup(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
-    """Turn a loop into a setup without disturbances, effects and noise; set point and disturbances stand still over the tail.
-
-    `tf` takes the place of the loop's plant (its dead time stays).
-    """
+    """Turn a loop into a setup without disturbances, effects and noise; set point and disturbances rest over the tail."""
+    # `tf` takes the place of the loop's plant (its dead time stays).
     total = loop.sampling.n + tail
     own = _plant_plugin(loop) if tf is None else None
     num, den = plant.polynomials_of(tf) if tf is not None else plant.polynomials(loop.plant) if own is None else _linear(*own)
@@ -203,11 +201,9 @@ def _outer(inner: Setup, outer: Outer) -> Setup:
 
 @dataclass(frozen=True)
 class Parts:
-    """The pieces of one run, as `simbench.loop.kernel` takes them.
-
-    `steps` and `stages` are functions, `numbers` their parameters as named tuples: plant, controller, gap, sensor, and a tuple
-    for the valve's stages.
-    """
+    """The pieces of one run, as `simbench.loop.kernel` takes them."""
+    # `steps` and `stages` are functions, `numbers` their parameters as named tuples: plant, controller, gap, sensor, and a
+    # tuple for the valve's stages.
 
     sampled: plant.SampledPlant
     steps: dict[str, FunctionType]

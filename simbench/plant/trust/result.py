@@ -20,10 +20,8 @@ STICKY, SOUND, UNSEEN, OPEN = "stiction", "no stiction", "cannot be seen in this
 
 @dataclass(frozen=True)
 class MethodTrust:
-    """What one method is worth on this loop: its verdict on the record, and its record on the twins.
-
-    `rule` is how it is to be read here; false alarms, power and likelihood ratio are those of the published rule.
-    """
+    """What one method is worth on this loop: its verdict on the record, and its record on the twins."""
+    # `rule` is how it is to be read here; false alarms, power and likelihood ratio are those of the published rule.
 
     verdict: Verdict
     rule: Rule
