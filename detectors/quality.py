@@ -121,12 +121,7 @@ def steps(x: np.ndarray, other: np.ndarray) -> float:
 
 
 def resolution(record: LoopRecord, flags: Mapping[str, Flag]) -> tuple[float, float]:
-    """Return what an archive hides of OP (its unit), and of PV as a share of its range: deviation of exceptions, or steps.
-
-    >>> op = np.repeat([50.0, 52.0, 50.0, 52.0], 50)
-    >>> resolution(LoopRecord(op, op, 1.0, notes=("archive: OP holds its last stored value in 90% of 200 samples",)), {})
-    (2.0, 0.0)
-    """
+    """Return what an archive hides of OP (its unit), and of PV as a share of its range: deviation of exceptions, or steps."""
     hidden = {"op": 0.0, "pv": 0.0}
     for name in hidden:
         x = getattr(record, name)

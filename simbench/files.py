@@ -96,13 +96,7 @@ def _local(path: str | Path) -> Path:
 
 
 def answered(path: str | Path, ask: Callable[[], Any]) -> Any:
-    """Return the answer kept in a file as JSON; where there is none yet, ask and keep it: a killed command goes on there.
-
-    >>> import tempfile
-    >>> file = Path(tempfile.mkdtemp()) / "answer.json"
-    >>> answered(file, lambda: [1, 2]), answered(file, lambda: [3])
-    ([1, 2], [1, 2])
-    """
+    """Return the answer kept in a file as JSON; where there is none yet, ask and keep it: a killed command goes on there."""
     file = Path(path)
     if not file.exists():
         answer = ask()

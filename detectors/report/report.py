@@ -230,11 +230,7 @@ def table(rows: list[dict[str, Any]]) -> list[str]:
 
 
 def columns(lines: Sequence[Sequence[str]]) -> list[str]:
-    """Return cells as lines of equal columns: for files, which have no width to which rich could fit a table.
-
-    >>> columns([("a", "b"), ("long", "c")])
-    ['a     b', 'long  c']
-    """
+    """Return cells as lines of equal columns: for files, which have no width to which rich could fit a table."""
     widths = [max(map(len, cells)) for cells in zip(*lines, strict=True)]
     return ["  ".join(cell.ljust(w) for cell, w in zip(line, widths, strict=True)).rstrip() for line in lines]
 

@@ -19,11 +19,7 @@ def holds(x: np.ndarray) -> np.ndarray:
 
 
 def runs_of(x: np.ndarray) -> np.ndarray:
-    """Return begin and end, shape (k, 2), of every run of true samples, in order.
-
-    >>> runs_of(np.array([False, True, True, False, True])).tolist()
-    [[1, 3], [4, 5]]
-    """
+    """Return begin and end, shape (k, 2), of every run of true samples, in order."""
     return np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(x, dtype=int), [0]]))).reshape(-1, 2)
 
 

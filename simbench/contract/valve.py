@@ -39,11 +39,7 @@ def check_valve(name: str) -> Contract:
 
 
 def _example_tables(module: ModuleType) -> tuple[list[dict[str, Any]], str]:
-    """Return two sets of parameters that a valve takes, and what it said to those it refused.
-
-    >>> _example_tables(VALVES.load("deadband"))[0]
-    [{'S': 4.0}, {'S': 7.0}]
-    """
+    """Return two sets of parameters that a valve takes, and what it said to those it refused."""
     found, refused = [], ""
     for percent, band in ((4.0, {"S": 4.0, "J": 2.0}), (7.0, {"S": 7.0, "J": 1.0})):
         table = {key: inside(rule, percent) for key, rule in module.PARAMETERS.items() if rule.default is None}
