@@ -57,19 +57,7 @@ class Report:
         return found[method]
 
     def as_text(self, *, why: bool = False, colour: bool = False) -> str:
-        """Return summary, table and scores for a terminal.
-
-        Parameters
-        ----------
-        why : bool
-            Each method's reason as well.
-        colour : bool
-            With the colours of a terminal.
-
-        Returns
-        -------
-        str
-        """
+        """Return summary, table and scores for a terminal, with each method's reason (`why`), in colours."""
         text = summary.as_text(self.groups(), why=why, colour=colour)
         if not self.scores:
             return text
@@ -79,13 +67,7 @@ class Report:
         return "\n".join([text, "", *table(self.scores), said])
 
     def to_frame(self) -> pd.DataFrame:
-        """Return one row per verdict.
-
-        Returns
-        -------
-        DataFrame
-            record (for a folder), method, verdict, score, S_lo, S_hi, J_lo, J_hi, S_unit, applicable, reason, and the indices.
-        """
+        """Return one row per verdict: record (for a folder), method, verdict, score, sizes, applicable, reason and indices."""
         return summary.to_frame(self.verdicts)
 
     def _repr_html_(self) -> str:

@@ -19,10 +19,7 @@ LOOP = {
 
 
 def data() -> pd.DataFrame:
-    """Lower Kc from 1 to 0.6 in a sticky loop.
-
-    As `simbench.figures._gain.gain_table`.
-    """
+    """Lower Kc from 1 to 0.6 in a sticky loop."""
     return gain_table(Loop.from_table(LOOP), 0.6)
 
 

@@ -22,10 +22,7 @@ LOOP = {
 
 
 def data() -> pd.DataFrame:
-    """Lower Kc from 1 to 0.6 in a healthy loop under an external sine.
-
-    As `simbench.figures._gain.gain_table`.
-    """
+    """Lower Kc from 1 to 0.6 in a healthy loop under an external sine."""
     return gain_table(Loop.from_table(LOOP), 0.6)
 
 
