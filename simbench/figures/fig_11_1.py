@@ -14,10 +14,8 @@ SOURCE = "own drawing after Jelali (2013), Fig. 11.1"
 
 
 def data() -> pd.DataFrame:
-    """Lay out the block diagram.
-
-    Columns: shape, part, x, y, text.
-    """
+    """Lay out the block diagram."""
+    # Columns: shape, part, x, y, text.
     return sketch(
         arrow([(-1.6, 0), (-0.45, 0)], "SP"),
         box(-0.2, 0, "-"),

@@ -16,10 +16,8 @@ SOURCE = "own drawing after Jelali (2013), Fig. 11.19 and Procedure 11.3; detect
 
 
 def data() -> pd.DataFrame:
-    """Lay out the procedure from the method's own bounds.
-
-    Columns: shape, part, x, y, text.
-    """
+    """Lay out the procedure from the method's own bounds."""
+    # Columns: shape, part, x, y, text.
     bounds = METHOD.defaults()
     return sketch(
         box(0, 0, "control error e = SP - PV"),

@@ -16,10 +16,8 @@ SOURCE = "Jelali (2013), Fig. 11.27 and Sect. 11.9; detectors/procedure.py"
 
 
 def data() -> pd.DataFrame:
-    """Read the procedure's flow.
-
-    Columns: source, question, answer, target, verdict, next; one row per answer.
-    """
+    """Read the procedure's flow."""
+    # Columns: source, question, answer, target, verdict, next; one row per answer.
     return flow_table()
 
 

@@ -14,10 +14,8 @@ SOURCE = "own drawing after Jelali (2013), Fig. 11.3"
 
 
 def data() -> pd.DataFrame:
-    """Lay out actuator, stem, packing, plug and seat.
-
-    Columns: shape, part, x, y, text.
-    """
+    """Lay out actuator, stem, packing, plug and seat."""
+    # Columns: shape, part, x, y, text.
     spring = [(-0.25 if k % 2 else 0.25, 3.45 + 0.12 * k) for k in range(8)]
     return sketch(
         line([(-1.4, 3.3), (-1.4, 4.4), (1.4, 4.4), (1.4, 3.3)]),
