@@ -47,9 +47,9 @@ class PluginError(UserError):
 
 class Host:
     """A process that imports plug-ins of others and answers questions, with limits on time and, where there is one, memory."""
+
     # `load`, a module's function, imports the plug-in there and returns in plain values what it says of itself; it may write to
     # `folders` beside one of its own, and a `detector` may import nothing that knows a benchmark's truth.
-
     def __init__(self, load: Callable | None, *arguments: Any, seconds: float = SECONDS, folders=(), detector=False) -> None:
         self.seconds, self.strikes = seconds, 0
         self.refused: dict[str, None] = {}  # what it tried to do and may not

@@ -79,7 +79,7 @@ def to_frame(verdicts: Iterable[tuple[str | None, Verdict]]) -> pd.DataFrame:
     rows = []
     for name, v in verdicts:
         named = {} if name is None else {"record": name}
-        (S_lo, S_hi), (J_lo, J_hi) = _interval(v.S), _interval(v.J)
+        (S_lo, S_hi), (J_lo, J_hi) = level_ends(v.S), level_ends(v.J)
         levels = {"S_lo": S_lo, "S_hi": S_hi, "J_lo": J_lo, "J_hi": J_hi, "S_unit": v.S_unit}
         told = {"method": v.method, "verdict": v.verdict, "score": v.score}
         rows.append({**named, **told, **levels, "applicable": v.applicable, "reason": v.reason, **v.indices})
@@ -162,7 +162,8 @@ def _clauses(reason: str) -> list[str]:
     return reason.split("; ")
 
 
-def _interval(value: Level) -> tuple[float, float]:
+def level_ends(value: Level) -> tuple[float, float]:
+    """Return both ends of a stick band or slip jump, twice the same of a number, NaN where the record does not fix it."""
     if value is None:
         return np.nan, np.nan
     return (value, value) if isinstance(value, (int, float)) else value

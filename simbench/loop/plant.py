@@ -22,8 +22,8 @@ General = namedtuple("General", "A B_old B_new C pv0")
 @dataclass(frozen=True)
 class SampledPlant:
     """x(k+1) = A x(k) + B_old w(k-delay-1) + B_new w(k-delay), PV(k) = C x(k), with w held over each sample."""
-    # Two taps make a fractional dead time exact: the older input acts during the first part of the sample.
 
+    # Two taps make a fractional dead time exact: the older input acts during the first part of the sample.
     A: np.ndarray
     B_old: np.ndarray
     B_new: np.ndarray

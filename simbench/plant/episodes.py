@@ -31,8 +31,8 @@ class _Episode:
 @dataclass(frozen=True)
 class OverTime:
     """Verdicts of a method over overlapping windows, a single one where the record is too short to be cut."""
-    # `cycles` are the periods in which the record swings, `sticky` those of them that lie only in windows that say stiction.
 
+    # `cycles` are the periods in which the record swings, `sticky` those of them that lie only in windows that say stiction.
     method: str
     episodes: tuple[_Episode, ...]
     cycles: int

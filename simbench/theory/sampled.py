@@ -22,9 +22,9 @@ from simbench.loop.setup import Setup
 @dataclass(frozen=True, eq=False)
 class SampledLoop:
     """A loop without noise and disturbance, in deviations from rest; OP, MV and w in % of travel."""
+
     # Per sample: x(k+1) = A x(k) + B_old v(k-delay-1) + B_new v(k-delay), w = C x = s Kc (PV - pv0), and OP(k) = OP(k-1) -
     # (w(k) - w(k-1)) - beta w(k) (PI) or -w(k) (P), within lo..hi.
-
     # A, B_old, B_new, C: the sampled plant, scaled by the controller's signed gain
     A: np.ndarray
     B_old: np.ndarray

@@ -19,6 +19,7 @@ from detectors.plugins.host import SECONDS
 from detectors.plugins.registry import methods as registry
 from detectors.prepared import Prepared, prepare
 from detectors.record import LoopRecord
+from detectors.report.summary import level_ends
 from detectors.sources import as_plugin
 from detectors.verdict import NO_DECISION, Verdict
 from scenarios.grid import Grid
@@ -37,9 +38,9 @@ _HELD = 80  # records simulated before they are judged in drawn order
 @dataclass(frozen=True)
 class Chunk:
     """What a worker hands back: two parquet files, how much there is and failed, seconds, and the records asked for."""
+
     # `count` and `failures` are of scenarios, and of verdicts or simulations that ended in an error; `simulating` has the
     # truth's seconds, too; `kept` are records by scenario id.
-
     number: int
     scenarios: bytes
     verdicts: bytes
@@ -238,7 +239,7 @@ def _scenario_row(it: _Simulated, prepared: Prepared | None) -> dict[str, Any]:
 
 
 def _verdict_row(ident: str, front: Verdict, raw: Verdict, error: str | None, seconds: float) -> dict[str, Any]:
-    (S_lo, S_hi), (J_lo, J_hi) = _ends(front.S), _ends(front.J)
+    (S_lo, S_hi), (J_lo, J_hi) = level_ends(front.S), level_ends(front.J)
     return {
         "scenario_id": ident,
         "method": front.method,
@@ -267,12 +268,6 @@ def record_hash(record: LoopRecord) -> str:
         if signal is not None:
             digest.update(np.ascontiguousarray(signal).tobytes())
     return digest.hexdigest()[:16]
-
-
-def _ends(level: float | tuple[float, float] | None) -> tuple[float, float]:
-    if level is None:
-        return math.nan, math.nan
-    return (float(level[0]), float(level[1])) if isinstance(level, tuple) else (float(level), float(level))
 
 
 def _columns(names: Iterable[str], rows: Sequence[Mapping[str, Any]]) -> dict[str, list]:

@@ -43,9 +43,9 @@ class Twin:
 @dataclass(frozen=True)
 class Change:
     """What might have been recorded otherwise."""
+
     # Times the length, times as many samples in the same time, set-point steps of a height (PV units; 0: none) every sixth of
     # the record, the valve's position, and what changes the loop, as an archive does.
-
     longer: float = 1.0
     faster: int = 1
     step: float = 0.0
