@@ -58,8 +58,7 @@ def rows(count):
 def compiled(function: FunctionType):
     """Return a plain function compiled together with all plain functions it calls, from the disk cache when it is there."""
     # The bits are the plain function's, but for numpy's pairwise sums; division by zero gives inf or NaN. Not for closures.
-    # numba's disk cache only watches the function's own file: here the name of its module carries the hash of all that take
-    # part.
+    # numba's disk cache only watches the function's own file: its module's name carries the hash of all that take part.
     text = f'@njit(cache=True, error_model="numpy")\n{inspect.getsource(function)}'
     return getattr(cached_module(function.__name__.strip("_"), names_used(function), text, "numpy"), function.__name__)
 

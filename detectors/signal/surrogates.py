@@ -21,8 +21,7 @@ _LEAST_VARIANCE = 0.01  # of the variance: the surrogates of a clean cycle are t
 def end_matched(x: np.ndarray, period: float) -> np.ndarray:
     """Cut a cyclic signal so that its end runs into its beginning in value and slope."""
     # Source: Stam, Pijn & Pritchard (1998), Physica D 112, 361. Anything but whole cycles leaks into the surrogates' spectra,
-    # and a linear cycle looks nonlinear. Matched over a cycle: in noise single samples pick any cut. Not for fewer than three
-    # periods.
+    # and a linear cycle looks nonlinear. Matched over a cycle, as noise may pick any cut. Not for fewer than three periods.
     p = min(round(period), x.size // 4)
     start = x[:p]
     # where, in the last cycle and a half, does the piece that follows look most like the beginning?

@@ -59,8 +59,7 @@ class _Grade:
 def grade(loop: Loop, test: TravelTest | None = None, seed: int = 0) -> list[_Grade]:
     """Measure a loop in manual, as an engineer would, and grade it by Table 11.1."""
     # Source: Jelali (2013), Table 11.1, after Ruel (2000). Noise band: four standard deviations of PV while OP rests.
-    # Hysteresis: largest separation over full strokes, less the dead-band. Stiction: small steps until PV moves, up to one too
-    # large.
+    # Hysteresis: largest separation over full strokes, less the dead-band. Stiction: small steps until PV moves.
     test = travel_test(loop, seed=seed) if test is None else test
     rest = round(test.wait / test.Ts)
     last = int(np.flatnonzero(test.phase == 0)[-1])

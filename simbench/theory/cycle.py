@@ -102,8 +102,7 @@ def settled(loop: SampledLoop, state: tuple, multiplier: float | None) -> ExactC
 
 def after_load_step(loop: SampledLoop, load: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the state of a loop at rest in mid-band when the load at the plant's input changes by -`load` (%)."""
-    # Seen from the new balance, valve and OP are off by `load` (P on a self-regulating plant: by g/(1 + g) of it), and PV is
-    # where it was.
+    # Seen from the new balance valve and OP are off by `load` (P, self-regulating: by g/(1 + g) of it), PV is where it was.
     g = loop.static_gain
     v = load if loop.integral or np.isinf(g) else load * g / (1 + g)
     w = 0.0 if loop.integral else -v

@@ -137,8 +137,7 @@ def fit_hammerstein(
 ) -> _Hammerstein:
     """Find the valve's S and J and the plant behind it from OP and PV."""
     # Sources: Srinivasan et al. (2005), Ind. Eng. Chem. Res. 44, 6719; Jelali (2008), J. Process Control 18, 632. The linear
-    # part is an output-error model, which noise on PV does not blur as it does an ARX model. Not for PV moved by loads: `error`
-    # is large.
+    # part is an output-error model, which noise on PV does not blur as it does an ARX model. Not for PV moved by loads.
     short, full = (_Search(op, pv, period, limits, reach) for reach in (SHORT, _FULL))
     poles = np.array([1.0]) if integrating else np.append(full.poles(_TIMES), 1.0)
     # a valve without friction follows OP under either map

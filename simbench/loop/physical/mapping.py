@@ -16,8 +16,7 @@ def complete_band(
     overshoot: bool = False,
 ) -> dict[str, float]:
     """Fill the pair that was not given from the pair that was."""
-    # S = percent (Fs + Fc), J = percent (Fs - Fc): force balance of the valve at rest and in slow motion, Choudhury, Thornhill
-    # and Shah (2005).
+    # S = percent (Fs + Fc), J = percent (Fs - Fc): force balance at rest and in slow motion, Choudhury et al. (2005).
     high, low = forces
     S, J, Fs, Fc = values["S"], values["J"], values[high], values[low]
     band = [not math.isnan(S), not math.isnan(J)]

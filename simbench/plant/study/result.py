@@ -27,8 +27,7 @@ class Contribution:
 class Study:
     """Records against a grid; the fields are those of the JSON, and the classifier's AUC with its p-value."""
 
-    # `simulated` and `real` are accuracies of every method, no decision counting as wrong; `moved` once all effects have
-    # joined.
+    # `simulated` and `real` are accuracies of every method, no decision counting as wrong; `moved` with all effects.
     records: int
     loops: int
     distance: dict[str, float]
